@@ -1,0 +1,77 @@
+// A scene: the physical problem with its grid, ends and start, as plain checked values.
+//
+// Every form of the model is one semi-discrete system (per node; B and delta are never both non-zero)
+//     psi_t = A [eta - B psi - F(psi, state)]
+//     eta_t = K0 (v - psi) + K1 D2 psi - s delta [eta - F(psi, state)]
+//     state_t = g(psi, state)                       only with a state law
+// continuum: A = gamma, B = 0, K0 = 1/gamma, K1 = c^2/gamma;  chain: A = f0/m, B = zeta/f0, K0 = k0/f0,
+// K1 = k1/f0, delta = 0. psi: sliding velocity, eta: force over the friction amplitude.
+#pragma once
+
+#include <petscsys.h>
+
+#include <string>
+
+#include "stickslip/options.hpp"
+
+namespace stickslip {
+
+enum class Form { continuum, chain };
+enum class Law { cubic, carlson_langer, coulomb, rate_and_state };
+enum class StateLaw { none, healing, contact_age, ageing, slip };
+enum class End { periodic, velocity, free };
+enum class SpreadKind { uniform, lognormal };
+
+// Friction law F(psi, state) and its parameters (names as in the options).
+struct FrictionParameters {
+  Law law = Law::cubic;
+  bool regularised = false;  // sgn(psi) -> tanh(psi/eps); false: the exact sliding branch
+  double eps = 1e-3;         // velocity of the regularisation
+  double fs = 1, fd = 0.5;   // coulomb: static threshold and dynamic friction
+  double weakening = 1e-2;   // coulomb, regularised: slip velocity over which friction falls from fs to fd
+  double a = 0.01, b = 0.015, D = 1, mu0 = 0.6, psi0 = 1;  // rate-and-state (psi0: reference velocity)
+  bool back_slip = true;
+  StateLaw state = StateLaw::none;
+  double t_h = 1, tau_inf = 2, state_D = 1;  // healing time, static strength at rest, slip distance
+  double state_b = 0.1, theta0 = 1;          // contact-age
+};
+
+struct Scene {
+  Form form = Form::continuum;
+  double gamma = 3, delta = 0.2, c = 1, v = 0.2;
+  bool derived_sign = true;               // s = +1 (derived) or -1 (printed)
+  double m = 1, k0 = 0.2, k1 = 0.2, f0 = 1, zeta = 0;
+
+  FrictionParameters friction;
+  double spread = 0;                      // F_i = a_i F, mean of a_i is 1
+  SpreadKind spread_kind = SpreadKind::uniform;
+  double spread_length = 1;               // continuum: distance between independent draws
+  PetscInt friction_seed = 1;
+
+  PetscInt n = 512;
+  double length = 60;                     // chain: n for a ring, n - 1 otherwise
+  int order = 4;                          // chain: 2
+  End left = End::periodic, right = End::periodic;
+  double left_value = 0, right_value = 0; // psi_e of a held end
+
+  // coefficients of the one system
+  double A() const { return form == Form::continuum ? gamma : f0 / m; }
+  double B() const { return form == Form::continuum ? 0 : zeta / f0; }
+  double K0() const { return form == Form::continuum ? 1 / gamma : k0 / f0; }
+  double K1() const { return form == Form::continuum ? c * c / gamma : k1 / f0; }
+  double s_delta() const { return form == Form::continuum ? (derived_sign ? delta : -delta) : 0; }
+  bool ring() const { return left == End::periodic; }
+  double h() const { return ring() ? length / double(n) : (n > 1 ? length / double(n - 1) : 1); }
+  double x(PetscInt i) const { return double(i) * h(); }
+
+  // Builds and checks a scene; `sliding_branch`: the command looks at sliding only, so that a law is taken on its
+  // exact sliding branch unless the user set friction_stick to `regularised`. Throws UsageError.
+  static Scene from(const Options& options, bool sliding_branch);
+};
+
+std::string to_string(Form form);
+std::string to_string(Law law);
+std::string to_string(StateLaw law);
+std::string to_string(End end);
+
+}  // namespace stickslip

@@ -1,0 +1,51 @@
+#include "stickslip/error.hpp"
+
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+
+namespace stickslip {
+
+namespace {
+std::exception_ptr pending;
+std::string petsc_line;
+std::vector<std::string> kept_warnings;
+}  // namespace
+
+void warn(const std::string& text) {
+  if (std::find(kept_warnings.begin(), kept_warnings.end(), text) != kept_warnings.end()) return;
+  kept_warnings.push_back(text);
+  int rank = 0;
+  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  if (rank == 0) std::fprintf(stderr, "stickslip: warning: %s\n", text.c_str());
+}
+
+const std::vector<std::string>& warnings() { return kept_warnings; }
+
+namespace detail {
+
+void keep_pending(std::exception_ptr e) {
+  if (!pending) pending = std::move(e);
+}
+
+void throw_petsc(PetscErrorCode code) {
+  if (pending) std::rethrow_exception(std::exchange(pending, nullptr));
+  const std::string line = std::exchange(petsc_line, "");
+  throw RankFailure("PETSc error " + std::to_string(code) + (line.empty() ? "" : ": " + line));
+}
+
+PetscErrorCode keep_line(MPI_Comm, int, const char* function, const char*, PetscErrorCode code, PetscErrorType type,
+                         const char* message, void*) {
+  if (type == PETSC_ERROR_INITIAL) {
+    petsc_line = std::string(message ? message : "") + " (in " + (function ? function : "?") + ")";
+    for (char& c : petsc_line)
+      if (c == '\n') c = ' ';
+  }
+  return code;
+}
+
+}  // namespace detail
+
+void install_error_handler() { (void)PetscPushErrorHandler(detail::keep_line, nullptr); }
+
+}  // namespace stickslip

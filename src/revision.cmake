@@ -1,0 +1,18 @@
+# Writes OUTPUT with the version and the git revision of SOURCE; touches it only when they change.
+find_package(Git QUIET)
+set(revision "unknown")
+if(GIT_FOUND)
+  execute_process(COMMAND ${GIT_EXECUTABLE} -C ${SOURCE} describe --always --dirty --abbrev=12
+                  OUTPUT_VARIABLE out OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET RESULT_VARIABLE code)
+  if(code EQUAL 0)
+    set(revision "${out}")
+  endif()
+endif()
+set(text "#pragma once\n#define STICKSLIP_VERSION \"${VERSION}\"\n#define STICKSLIP_GIT \"${revision}\"\n")
+set(old "")
+if(EXISTS ${OUTPUT})
+  file(READ ${OUTPUT} old)
+endif()
+if(NOT old STREQUAL text)
+  file(WRITE ${OUTPUT} "${text}")
+endif()
