@@ -1,0 +1,256 @@
+// Friction laws F(psi, state) and their kinetic equations state_t = g(psi, state), pointwise.
+//
+// A friction is a small class without virtual functions, so that the loops over nodes inline it:
+//     static constexpr bool has_state
+//     double force(psi, s)             F, in units of the common friction amplitude
+//     Partials partials(psi, s)        F and its derivatives
+//     double rate(psi, s)              g                                    (only with a state)
+//     RatePartials rate_partials(psi, s)
+//     double steady_state(psi)         the s with g(psi, s) = 0; infinite where there is none
+// dispatch_friction() turns the parameters of a scene into the class; it is the one place where laws are listed.
+//
+// The state s that is stored and advanced is tau itself for `healing`, and ln(theta) for the laws in theta, so
+// that theta stays positive over any number of decades; to_output() gives what files and pictures show.
+//
+// Laws of one velocity (F = phi without a state, else times a factor of the state):
+//     cubic            phi = psi^3/3 - psi                                    (the paper's equation 4)
+//     carlson-langer   phi = sgn(psi)/(1 + |psi|)                             (equation 2)
+//     coulomb          phi = fd sgn(psi), regularised with a peak of fs
+//     rate-and-state   F = a asinh[ psi/(2 psi0) exp((mu0 + b ln(psi0 theta/D))/a) ]
+// State laws:
+//     healing      F = tau phi,  tau_t = (tau_inf - tau)/t_h - (|psi|/D)(tau - 1)
+//     contact-age  F = (1 + b ln(1 + theta/theta0)) phi,  theta_t = 1 - |psi| theta/D
+//     ageing       rate-and-state,  theta_t = 1 - |psi| theta/D
+//     slip         rate-and-state,  theta_t = -(|psi| theta/D) ln(|psi| theta/D)
+// Regularised: sgn(psi) -> tanh(psi/eps), |psi| -> psi tanh(psi/eps). On the exact sliding branch sgn(0) = 0.
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "stickslip/scene.hpp"
+
+namespace stickslip {
+
+struct Partials {
+  double F, F_psi, F_state;
+};
+struct RatePartials {
+  double g, g_psi, g_state;
+};
+// A value and its derivative with respect to psi.
+struct WithSlope {
+  double value, slope;
+};
+
+// sgn(psi) and |psi| with their slopes, exact or regularised over the velocity eps.
+struct SignExact {
+  double sign(double psi) const { return psi > 0 ? 1. : psi < 0 ? -1. : 0.; }
+  WithSlope sign_slope(double psi) const { return {sign(psi), 0}; }
+  WithSlope magnitude(double psi) const { return {std::abs(psi), sign(psi)}; }
+};
+struct SignRegularised {
+  double eps;
+  double sign(double psi) const { return std::tanh(psi / eps); }
+  WithSlope sign_slope(double psi) const {
+    const double t = std::tanh(psi / eps);
+    return {t, (1 - t * t) / eps};
+  }
+  WithSlope magnitude(double psi) const {
+    const WithSlope s = sign_slope(psi);
+    return {psi * s.value, s.value + psi * s.slope};
+  }
+};
+
+// ---- laws of one velocity: phi(psi) -------------------------------------------------------------------------------
+
+struct Cubic {
+  double phi(double psi) const { return psi * (psi * psi * (1. / 3) - 1); }
+  WithSlope phi_slope(double psi) const { return {phi(psi), psi * psi - 1}; }
+};
+
+template <class Sign>
+struct CarlsonLanger {
+  Sign sign;
+  double phi(double psi) const { return phi_slope(psi).value; }
+  WithSlope phi_slope(double psi) const {
+    const WithSlope s = sign.sign_slope(psi), a = sign.magnitude(psi);
+    const double w = 1 / (1 + a.value);
+    return {s.value * w, (s.slope - s.value * a.slope * w) * w};
+  }
+};
+
+// Regularised, the friction falls from fs to fd like exp(-|psi|/weakening); on the sliding branch it is fd sgn(psi).
+template <class Sign>
+struct Coulomb {
+  Sign sign;
+  double fs, fd, weakening;  // weakening: slip velocity; 0 on the sliding branch
+  double phi(double psi) const { return phi_slope(psi).value; }
+  WithSlope phi_slope(double psi) const {
+    const WithSlope s = sign.sign_slope(psi);
+    if (weakening <= 0) return {fd * s.value, fd * s.slope};
+    const WithSlope a = sign.magnitude(psi);
+    const double e = (fs - fd) * std::exp(-a.value / weakening), f = fd + e;
+    return {f * s.value, f * s.slope - e * a.slope / weakening * s.value};
+  }
+};
+
+// ---- the factor of the state --------------------------------------------------------------------------------------
+
+struct NoState {
+  static constexpr bool has_state = false;
+};
+
+// Static friction grows to tau_inf at rest and returns to 1 after the slip D. s = tau.
+struct Healing {
+  static constexpr bool has_state = true;
+  double t_h, tau_inf, D;
+  WithSlope factor(double s) const { return {s, 1}; }
+  RatePartials rate_partials(double psi, double s) const {
+    const double a = std::abs(psi), sign = psi > 0 ? 1. : psi < 0 ? -1. : 0.;
+    return {(tau_inf - s) / t_h - a / D * (s - 1), -sign / D * (s - 1), -1 / t_h - a / D};
+  }
+  double steady_state(double psi) const {
+    const double a = std::abs(psi) / D;
+    return (tau_inf / t_h + a) / (1 / t_h + a);
+  }
+};
+
+// theta_t = 1 - |psi| theta/D in s = ln(theta): s_t = exp(-s) - |psi|/D.
+struct AgeingKinetics {
+  static constexpr bool has_state = true;
+  double D;
+  RatePartials rate_partials(double psi, double s) const {
+    const double e = std::exp(-s), sign = psi > 0 ? 1. : psi < 0 ? -1. : 0.;
+    return {e - std::abs(psi) / D, -sign / D, -e};
+  }
+  double steady_state(double psi) const { return std::log(D / std::abs(psi)); }
+};
+
+// theta_t = -(|psi| theta/D) ln(|psi| theta/D) in s = ln(theta): s_t = -(|psi|/D) [ln(|psi|/D) + s]; 0 at rest.
+struct SlipKinetics {
+  static constexpr bool has_state = true;
+  double D;
+  RatePartials rate_partials(double psi, double s) const {
+    const double a = std::abs(psi) / D;
+    if (a == 0) return {0, 0, 0};
+    const double sign = psi > 0 ? 1. : -1., l = std::log(a) + s;
+    return {-a * l, -sign / D * (l + 1), -a};
+  }
+  double steady_state(double psi) const { return std::log(D / std::abs(psi)); }
+};
+
+struct ContactAge : AgeingKinetics {
+  double b, theta0;
+  WithSlope factor(double s) const {
+    const double r = std::exp(s) / theta0;
+    return {1 + b * std::log1p(r), b * r / (1 + r)};
+  }
+};
+
+// ---- friction = law and state -------------------------------------------------------------------------------------
+
+template <class LawOfVelocity, class State>
+struct Friction {
+  static constexpr bool has_state = State::has_state;
+  LawOfVelocity law;
+  State state;
+
+  double force(double psi, double s) const {
+    if constexpr (has_state) {
+      return state.factor(s).value * law.phi(psi);
+    } else {
+      return law.phi(psi);
+    }
+  }
+  Partials partials(double psi, double s) const {
+    const WithSlope p = law.phi_slope(psi);
+    if constexpr (has_state) {
+      const WithSlope m = state.factor(s);
+      return {m.value * p.value, m.value * p.slope, m.slope * p.value};
+    } else {
+      return {p.value, p.slope, 0};
+    }
+  }
+  RatePartials rate_partials(double psi, double s) const {
+    if constexpr (has_state) {
+      return state.rate_partials(psi, s);
+    } else {
+      return {0, 0, 0};
+    }
+  }
+  double rate(double psi, double s) const { return rate_partials(psi, s).g; }
+  double steady_state(double psi) const {
+    if constexpr (has_state) {
+      return state.steady_state(psi);
+    } else {
+      return 0;
+    }
+  }
+};
+
+// Regularised Dieterich-Ruina friction. The argument of asinh is kept as a logarithm, since exp(mu0/a) overflows for
+// a below mu0/700.
+template <class Kinetics>
+struct RateAndState {
+  static constexpr bool has_state = true;
+  double a, b, D, mu0, psi0;
+  Kinetics state;
+
+  double force(double psi, double s) const { return partials(psi, s).F; }
+  Partials partials(double psi, double s) const {
+    // q = |psi|/(2 psi0) exp(l), l = (mu0 + b ln(psi0 theta/D))/a;  F = a asinh(q) sgn(psi)
+    const double l = (mu0 + b * (std::log(psi0 / D) + s)) / a;
+    const double magnitude = std::abs(psi), sign = psi < 0 ? -1. : 1.;
+    const double lq = magnitude > 0 ? std::log(magnitude / (2 * psi0)) + l : -std::numeric_limits<double>::infinity();
+    if (lq > 300) {  // asinh(q) = ln(2 q) to the last digit, q/sqrt(1 + q^2) = 1
+      return {sign * a * (lq + std::log(2.)), a / magnitude, sign * b};
+    }
+    const double slope = std::exp(l > 700 ? 700 : l) / (2 * psi0), q = magnitude * slope, root = std::sqrt(1 + q * q);
+    return {sign * a * std::asinh(q), a * slope / root, sign * b * q / root};
+  }
+  RatePartials rate_partials(double psi, double s) const { return state.rate_partials(psi, s); }
+  double rate(double psi, double s) const { return state.rate_partials(psi, s).g; }
+  double steady_state(double psi) const { return state.steady_state(psi); }
+};
+
+// What the stored state means outside: tau itself, or theta = exp(s).
+inline bool state_is_logarithmic(StateLaw law) { return law != StateLaw::none && law != StateLaw::healing; }
+inline double state_to_output(StateLaw law, double s) { return state_is_logarithmic(law) ? std::exp(s) : s; }
+inline double state_from_output(StateLaw law, double s) { return state_is_logarithmic(law) ? std::log(s) : s; }
+
+namespace detail {
+template <class LawOfVelocity, class Body>
+decltype(auto) with_state(const FrictionParameters& p, const LawOfVelocity& law, Body&& body) {
+  switch (p.state) {
+    case StateLaw::healing:
+      return body(Friction<LawOfVelocity, Healing>{law, {p.t_h, p.tau_inf, p.state_D}});
+    case StateLaw::contact_age:
+      return body(Friction<LawOfVelocity, ContactAge>{law, {{p.state_D}, p.state_b, p.theta0}});
+    default:
+      return body(Friction<LawOfVelocity, NoState>{law, {}});
+  }
+}
+}  // namespace detail
+
+// Calls body(friction) with the class that the parameters name. Add a law here, and nowhere else.
+template <class Body>
+decltype(auto) dispatch_friction(const FrictionParameters& p, Body&& body) {
+  switch (p.law) {
+    case Law::carlson_langer:
+      if (p.regularised) return detail::with_state(p, CarlsonLanger<SignRegularised>{{p.eps}}, body);
+      return detail::with_state(p, CarlsonLanger<SignExact>{{}}, body);
+    case Law::coulomb:
+      if (p.regularised) return detail::with_state(p, Coulomb<SignRegularised>{{p.eps}, p.fs, p.fd, p.weakening}, body);
+      return detail::with_state(p, Coulomb<SignExact>{{}, p.fs, p.fd, 0}, body);
+    case Law::rate_and_state:
+      if (p.state == StateLaw::slip)
+        return body(RateAndState<SlipKinetics>{p.a, p.b, p.D, p.mu0, p.psi0, {p.state_D}});
+      return body(RateAndState<AgeingKinetics>{p.a, p.b, p.D, p.mu0, p.psi0, {p.state_D}});
+    default:
+      return detail::with_state(p, Cubic{}, body);
+  }
+}
+
+}  // namespace stickslip
