@@ -1,0 +1,88 @@
+// The semi-discrete system on a distributed grid: right-hand side, Jacobian, start, steady sliding.
+//
+// The unknowns stand node by node: psi, eta and, with a state law, the stored state (see friction.hpp) of node 0,
+// then of node 1, ... in one Vec of a one-dimensional DMDA. A held node stands in the Vec too, but psi there is
+// constant (right-hand side 0); its eta is output: constant B psi_e + F(psi_e, state) in the continuum, the elastic
+// force (a quadrature that nothing depends on) in the chain.
+//
+// Time stepping, steady states, eigenvalues and waves share this object; it is the only thing they share.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "stickslip/friction.hpp"
+#include "stickslip/handle.hpp"
+#include "stickslip/scene.hpp"
+#include "stickslip/stencil.hpp"
+
+namespace stickslip {
+
+// Which terms of the right-hand side (pointwise + stencil = wave + reaction = full).
+enum class Part {
+  full,       // everything
+  pointwise,  // everything but K1 D2 psi: the implicit part when friction is implicit
+  stencil,    // K1 D2 psi alone, in eta
+  wave,       // linear, constant: psi: A (eta - B psi); eta: K0 (v - psi) + K1 D2 psi - s delta eta
+  reaction    // psi: -A F; eta: s delta F; state: g
+};
+
+class Model {
+ public:
+  // Sets up the grid over `comm`. Collective. Throws UsageError where there are more ranks than nodes.
+  Model(MPI_Comm comm, const Scene& scene);
+  ~Model();
+  Model(Model&&) noexcept;
+
+  const Scene& scene() const;
+  MPI_Comm comm() const;
+  DM dm() const;               // dof() unknowns a node, stencil width 0: the model fetches its own halo
+  int dof() const;             // 2, or 3 with a state law
+  PetscInt first() const;      // first node of this rank
+  PetscInt local() const;      // nodes of this rank
+  bool held(PetscInt node) const;
+  PetscInt unknowns() const;   // solved for, over all ranks: held nodes' psi and eta are not
+
+  VecHandle create_vector() const;
+
+  // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space.
+  void rhs(Part part, Vec u, Vec f) const;
+  long rhs_evaluations() const;  // of every part, since the start
+
+  // A matrix with the pattern of the Jacobian of `part` (BAIJ, block size dof()).
+  MatHandle create_jacobian(Part part) const;
+  // J = alpha I + beta d(rhs part)/du at u. Collective.
+  void jacobian(Part part, Vec u, double alpha, double beta, Mat J) const;
+
+  // The start that init_* describe; file and wave starts are made by their commands. Collective.
+  void start(const Options& options, Vec u) const;
+  // Sets psi, eta of held nodes to their values, with the state as it stands. Collective.
+  void set_held(Vec u) const;
+
+  // The amplitude a_i of friction at this rank's nodes (all 1 without spread).
+  const std::vector<double>& amplitude() const;
+
+  // Pointwise response of node `local_node` of this rank: F and partials are multiplied by a_i.
+  Partials friction(PetscInt local_node, double psi, double state) const;
+  RatePartials state_rate(double psi, double state) const;
+  double steady_state(double psi) const;  // the stored state at which g = 0
+
+  // Largest explicit frequencies, for step sizes: sqrt(A (K0 + K1 kappa^2_max)) of the wave, and
+  // max |A (B + F_psi)| + |s delta| over the nodes at u. Collective.
+  double wave_frequency() const;
+  double friction_rate(Vec u) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// Counter-based random numbers keyed by (seed, index): uniform on (0, 1), and standard normal.
+double counter_uniform(PetscInt seed, PetscInt index);
+double counter_normal(PetscInt seed, PetscInt index);
+
+// Friction amplitude a_i of every node first..first+count-1: one draw a block in the chain; in the continuum draws at
+// spacing spread_length, interpolated smoothly, the same medium on every grid. The ensemble mean of a is 1.
+std::vector<double> friction_amplitude(const Scene& scene, PetscInt first, PetscInt count);
+
+}  // namespace stickslip
