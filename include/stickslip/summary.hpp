@@ -1,0 +1,78 @@
+// The summary of a command as one JSON object: what `-summary FILE` writes (`-`: standard output).
+//
+// All keys are there from the start, null until set, so that the object has the same keys whatever happens. A
+// command sets them as it learns them and runs its body inside with_summary(), which also writes the summary of a
+// computation that failed. Every rank holds the same values; rank 0 writes.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "stickslip/json.hpp"
+#include "stickslip/provenance.hpp"
+
+namespace stickslip {
+
+class Summary {
+ public:
+  // `keys`: the command's own, in the order in which they are to appear after the common ones. `path`: the text of
+  // option `summary`, "" for none. Throws UsageError, on every rank, where `path` cannot be written. Collective.
+  Summary(const Provenance& provenance, const std::vector<std::string>& keys, std::string path);
+
+  // Sets one of the keys given to the constructor (any other is a mistake in the program: std::logic_error).
+  void set(const std::string& key, Json value);
+  const Json& get(const std::string& key) const;
+
+  void done();                              // status `done`
+  void failed(const std::string& reason);   // status `failed`
+  void stopped(const std::string& reason);  // status `stopped`: by a signal, which `reason` names
+
+  // The whole object, warnings and seconds up to now included.
+  std::string text() const;
+
+  // Writes it where it belongs, whole or not at all (a file is replaced by a rename); nothing where no summary was
+  // asked for. Throws Failure. Collective.
+  void write() const;
+
+  // Writes from this rank alone, swallowing every error: for a failure that the other ranks may not know of.
+  void write_alone() const noexcept;
+
+ private:
+  void write_from_here() const;
+
+  Json object_;
+  std::string path_;
+  double begin_;
+};
+
+// Throws UsageError, on every rank, where option `summary` with this text could not be written at the end: an empty
+// name, a folder, a missing or unwritable folder, or an existing file that does not hold a JSON object (a summary
+// of old is replaced, a scene that was typed in its place is not). Collective.
+void check_summary_path(const std::string& path);
+
+// Runs the body of a command, which returns the exit code: 0 (status `done`, unless the body set another) or that
+// of a signal it stopped for. Then writes the summary. An exception other than UsageError is put into it as status
+// `failed` and goes on to main(). Collective.
+template <class Body>
+int with_summary(Summary& summary, Body&& body);
+
+// Implementation.
+namespace detail {
+void summarise_exception(Summary& summary) noexcept;  // called in a catch block
+}
+
+template <class Body>
+int with_summary(Summary& summary, Body&& body) {
+  int code = 0;
+  try {
+    code = body();
+  } catch (...) {
+    detail::summarise_exception(summary);
+    throw;
+  }
+  if (summary.get("status").is_null()) summary.done();
+  summary.write();
+  return code;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,261 @@
+#include "hdf5_tools.hpp"
+
+#include <stdexcept>
+
+#include "paths.hpp"
+#include "stickslip/error.hpp"
+#include "stickslip/json.hpp"
+
+namespace stickslip::h5 {
+
+namespace {
+
+// The innermost entry of the error stack says what the system said: "... error message = 'No space left on device'".
+herr_t innermost(unsigned, const H5E_error2_t* entry, void* out) {
+  auto& text = *static_cast<std::string*>(out);
+  if (text.empty() && entry->desc) text = entry->desc;
+  return 0;
+}
+
+std::string reason() {
+  std::string text;
+  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, innermost, &text);
+  H5Eclear2(H5E_DEFAULT);
+  const std::string mark = "error message = '";
+  const std::size_t begin = text.find(mark);
+  if (begin != std::string::npos) {
+    const std::size_t from = begin + mark.size(), end = text.find('\'', from);
+    if (end != std::string::npos) return text.substr(from, end - from);
+  }
+  return text.empty() ? "HDF5 gives no reason" : "HDF5: " + text;
+}
+
+std::string file_name(hid_t object) {
+  char buffer[4096];
+  return H5Fget_name(object, buffer, sizeof buffer) > 0 ? buffer : "?";
+}
+
+Id text_type() {
+  Id type(H5Tcopy(H5T_C_S1));
+  H5Tset_size(type, H5T_VARIABLE);
+  H5Tset_cset(type, H5T_CSET_UTF8);
+  return type;
+}
+
+void write_scalar(hid_t object, const std::string& name, hid_t type, const void* value) {
+  const Id space(H5Screate(H5S_SCALAR));
+  const Id attribute(H5Acreate2(object, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT));
+  if (!attribute || H5Awrite(attribute, type, value) < 0) fail("write attribute " + name + " of", object);
+}
+
+Id open_attribute(hid_t object, const std::string& name, H5T_class_t wanted) {
+  Id attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT));
+  if (!attribute) fail("read attribute " + name + " of", object);
+  const Id type(H5Aget_type(attribute)), space(H5Aget_space(attribute));
+  const H5T_class_t found = H5Tget_class(type);
+  if (found != wanted || H5Sget_simple_extent_npoints(space) != 1)
+    throw Failure("attribute " + name + " of '" + file_name(object) + "' is not of the expected type");
+  return attribute;
+}
+
+}  // namespace
+
+void Id::reset() {
+  if (id_ >= 0) H5Idec_ref(id_);
+  id_ = -1;
+}
+
+void fail(const std::string& doing, const std::string& path) {
+  throw Failure("cannot " + doing + " '" + path + "': " + reason());
+}
+
+void fail(const std::string& doing, hid_t object) {
+  const std::string why = reason();  // before the next call of the library clears it
+  throw Failure("cannot " + doing + " '" + file_name(object) + "': " + why);
+}
+
+void quiet() {
+  static const bool once = [] {
+    H5open();
+    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+    return true;
+  }();
+  (void)once;
+}
+
+Id create_file(const std::string& path, double bytes, hsize_t user_block) {
+  quiet();
+  const hsize_t metadata = 131072;
+  const double needed = bytes + 2.0 * double(metadata);
+  paths::reserve(path, needed);
+  const Id access(H5Pcreate(H5P_FILE_ACCESS)), creation(H5Pcreate(H5P_FILE_CREATE));
+  H5Pset_file_locking(access, false, true);
+  if (user_block > 0) H5Pset_userblock(creation, user_block);
+  H5Pset_meta_block_size(access, metadata);  // one block for all of it, at the beginning
+  H5Pset_sieve_buf_size(access, 0);          // raw data goes straight to the file
+  H5AC_cache_config_t cache;
+  cache.version = H5AC__CURR_CACHE_CONFIG_VERSION;
+  H5Pget_mdc_config(access, &cache);
+  cache.evictions_enabled = false;  // metadata reaches the disk in a flush only
+  cache.incr_mode = H5C_incr__off;  // the library asks for these with it
+  cache.flash_incr_mode = H5C_flash_incr__off;
+  cache.decr_mode = H5C_decr__off;
+  H5Pset_mdc_config(access, &cache);
+  Id file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, creation, access));
+  if (!file) fail("create", path);
+  paths::reserve(path, needed);  // creation has given back what was taken
+  return file;
+}
+
+Id open_file(const std::string& path) {
+  quiet();
+  const Id access(H5Pcreate(H5P_FILE_ACCESS));
+  H5Pset_file_locking(access, false, true);
+  Id file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access));
+  if (!file) fail("open", path);
+  return file;
+}
+
+void write_attribute(hid_t object, const std::string& name, const std::string& text) {
+  const Id type = text_type();
+  const char* pointer = text.c_str();
+  write_scalar(object, name, type, &pointer);
+}
+
+void write_attribute(hid_t object, const std::string& name, double value) {
+  write_scalar(object, name, H5T_NATIVE_DOUBLE, &value);
+}
+
+void write_attribute(hid_t object, const std::string& name, std::int64_t value) {
+  write_scalar(object, name, H5T_NATIVE_INT64, &value);
+}
+
+bool has_attribute(hid_t object, const std::string& name) { return H5Aexists(object, name.c_str()) > 0; }
+
+bool exists(hid_t file, const std::string& path) {
+  for (std::size_t slash = path.find('/', 1);; slash = path.find('/', slash + 1)) {
+    const std::string part = path.substr(0, slash);
+    if (H5Lexists(file, part.c_str(), H5P_DEFAULT) <= 0) return false;
+    if (slash == std::string::npos) return true;
+  }
+}
+
+std::string read_text_attribute(hid_t object, const std::string& name) {
+  const Id attribute = open_attribute(object, name, H5T_STRING);
+  const Id stored(H5Aget_type(attribute));
+  if (H5Tis_variable_str(stored) <= 0)
+    throw Failure("attribute " + name + " of '" + file_name(object) + "' is not of the expected type");
+  char* text = nullptr;
+  if (H5Aread(attribute, stored, &text) < 0) fail("read attribute " + name + " of", object);
+  std::string out = text ? text : "";
+  H5free_memory(text);
+  return out;
+}
+
+double read_real_attribute(hid_t object, const std::string& name) {
+  const Id attribute = open_attribute(object, name, H5T_FLOAT);
+  double value = 0;
+  if (H5Aread(attribute, H5T_NATIVE_DOUBLE, &value) < 0) fail("read attribute " + name + " of", object);
+  return value;
+}
+
+std::int64_t read_integer_attribute(hid_t object, const std::string& name) {
+  const Id attribute = open_attribute(object, name, H5T_INTEGER);
+  std::int64_t value = 0;
+  if (H5Aread(attribute, H5T_NATIVE_INT64, &value) < 0) fail("read attribute " + name + " of", object);
+  return value;
+}
+
+std::vector<hsize_t> extents(hid_t dataset) {
+  const Id space(H5Dget_space(dataset));
+  const int rank = H5Sget_simple_extent_ndims(space);
+  std::vector<hsize_t> sizes(rank > 0 ? static_cast<std::size_t>(rank) : 0);
+  if (rank > 0) H5Sget_simple_extent_dims(space, sizes.data(), nullptr);
+  return sizes;
+}
+
+std::vector<double> read_reals(hid_t file, const std::string& name) {
+  const Id dataset(exists(file, name) ? H5Dopen2(file, name.c_str(), H5P_DEFAULT) : -1);
+  if (!dataset) throw Failure("'" + file_name(file) + "' has no dataset '" + name + "'");
+  const Id type(H5Dget_type(dataset));
+  const H5T_class_t kind = H5Tget_class(type);
+  if (kind != H5T_FLOAT && kind != H5T_INTEGER)
+    throw Failure("dataset '" + name + "' of '" + file_name(file) + "' does not hold numbers");
+  const Id space(H5Dget_space(dataset));
+  std::vector<double> values(static_cast<std::size_t>(H5Sget_simple_extent_npoints(space)));
+  if (!values.empty() && H5Dread(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
+    fail("read '" + name + "' of", file);
+  return values;
+}
+
+namespace {
+
+// The selection of `count` rows from `first` in the file, and the plain memory that corresponds to it.
+std::pair<Id, Id> row_selection(hid_t dataset, hsize_t first, hsize_t count, hsize_t width) {
+  Id in_file(H5Dget_space(dataset));
+  const hsize_t start[2] = {first, 0}, size[2] = {count, width}, total = count * width;
+  if (H5Sselect_hyperslab(in_file, H5S_SELECT_SET, start, nullptr, size, nullptr) < 0)
+    fail("address rows of", dataset);
+  return {std::move(in_file), Id(H5Screate_simple(1, &total, nullptr))};
+}
+
+}  // namespace
+
+std::vector<double> read_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width) {
+  std::vector<double> values(count * width);
+  if (values.empty()) return values;
+  const auto [in_file, in_memory] = row_selection(dataset, first, count, width);
+  if (H5Dread(dataset, H5T_NATIVE_DOUBLE, in_memory, in_file, H5P_DEFAULT, values.data()) < 0)
+    fail("read", dataset);
+  return values;
+}
+
+void write_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width, const double* data) {
+  if (count * width == 0) return;
+  const auto [in_file, in_memory] = row_selection(dataset, first, count, width);
+  if (H5Dwrite(dataset, H5T_NATIVE_DOUBLE, in_memory, in_file, H5P_DEFAULT, data) < 0)
+    fail("write", dataset);
+}
+
+std::vector<std::string> members(hid_t file, const std::string& group) {
+  const Id handle(H5Gopen2(file, group.c_str(), H5P_DEFAULT));
+  if (!handle) fail("open group " + group + " of", file);
+  std::vector<std::string> names;
+  const auto visit = [](hid_t, const char* name, const H5L_info_t*, void* out) -> herr_t {
+    static_cast<std::vector<std::string>*>(out)->emplace_back(name);
+    return 0;
+  };
+  hsize_t at = 0;
+  if (H5Literate(handle, H5_INDEX_NAME, H5_ITER_INC, &at, visit, &names) < 0) fail("list", file);
+  return names;
+}
+
+void write_header(hid_t file, const Provenance& provenance, const std::string& kind) {
+  write_attribute(file, "program", std::string("stickslip"));
+  write_attribute(file, "kind", kind);
+  write_attribute(file, "version", std::string(version()));
+  write_attribute(file, "git", std::string(git_revision()));
+  write_attribute(file, "command_line", provenance.command_line);
+  write_attribute(file, "options", Json(provenance.options).text(0));
+  write_attribute(file, "date", provenance.date);
+  write_attribute(file, "ranks", static_cast<std::int64_t>(provenance.ranks));
+  for (const char* name : {"model_form", "model_delta_sign"})
+    if (!provenance.option(name).empty()) write_attribute(file, name, provenance.option(name));
+}
+
+FileHeader read_header(hid_t file) {
+  if (!has_attribute(file, "program") || read_text_attribute(file, "program") != "stickslip")
+    throw Failure("not a file of this program");
+  FileHeader header;
+  header.kind = read_text_attribute(file, "kind");
+  header.version = read_text_attribute(file, "version");
+  header.git = read_text_attribute(file, "git");
+  try {
+    header.options = parse_text_map(read_text_attribute(file, "options"));
+  } catch (const std::runtime_error&) {
+    throw Failure("its attribute `options` is damaged");
+  }
+  return header;
+}
+
+}  // namespace stickslip::h5

@@ -1,0 +1,75 @@
+// The HDF5 C API with owners and exceptions. Rank 0 only, no parallel HDF5.
+#pragma once
+
+#include <hdf5.h>
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "stickslip/file.hpp"
+#include "stickslip/provenance.hpp"
+
+namespace stickslip::h5 {
+
+// Owner of any HDF5 identifier.
+class Id {
+ public:
+  Id() = default;
+  explicit Id(hid_t id) : id_(id) {}
+  Id(Id&& other) noexcept : id_(std::exchange(other.id_, -1)) {}
+  Id& operator=(Id&& other) noexcept {
+    std::swap(id_, other.id_);
+    return *this;
+  }
+  Id(const Id&) = delete;
+  Id& operator=(const Id&) = delete;
+  ~Id() { reset(); }
+  operator hid_t() const { return id_; }  // NOLINT: an owner stands for its identifier
+  explicit operator bool() const { return id_ >= 0; }
+  void reset();  // closes, ignoring errors
+  hid_t release() { return std::exchange(id_, -1); }
+
+ private:
+  hid_t id_ = -1;
+};
+
+// Throws Failure "cannot DO 'PATH': WHY", WHY from the error stack of the library (which prints nothing itself); the
+// second form names the file that the object is in.
+[[noreturn]] void fail(const std::string& doing, const std::string& path);
+[[noreturn]] void fail(const std::string& doing, hid_t object);
+
+// Turns off the library's own printing of errors; to be called before anything else of HDF5.
+void quiet();
+
+// A new file of the oldest format, which has no flags that a killed writer leaves set, and that readers may open
+// while it is written (no lock, no metadata evicted between flushes). An old file of that name is removed, never
+// written into. Disk space for the metadata and for `bytes` of data that are to be written at once is taken first, so
+// that a full disk shows here and as Failure: the library crashes at exit when it could not write its metadata.
+Id create_file(const std::string& path, double bytes, hsize_t user_block = 0);
+Id open_file(const std::string& path);  // for reading; throws Failure
+
+void write_attribute(hid_t object, const std::string& name, const std::string& text);
+void write_attribute(hid_t object, const std::string& name, double value);
+void write_attribute(hid_t object, const std::string& name, std::int64_t value);
+bool has_attribute(hid_t object, const std::string& name);
+bool exists(hid_t file, const std::string& path);  // a link, each group on the way included
+// These throw Failure where the attribute is missing or of another type.
+std::string read_text_attribute(hid_t object, const std::string& name);
+double read_real_attribute(hid_t object, const std::string& name);
+std::int64_t read_integer_attribute(hid_t object, const std::string& name);
+
+std::vector<hsize_t> extents(hid_t dataset);
+std::vector<double> read_reals(hid_t file, const std::string& name);                         // the whole dataset
+std::vector<double> read_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width);   // of (t) or (t, x)
+void write_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width, const double* data);
+
+// Names of the links in a group, sorted.
+std::vector<std::string> members(hid_t file, const std::string& group);
+
+// The root attributes that every file of this program carries.
+void write_header(hid_t file, const Provenance& provenance, const std::string& kind);
+FileHeader read_header(hid_t file);  // throws Failure where the file is not ours
+
+}  // namespace stickslip::h5

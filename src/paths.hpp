@@ -1,0 +1,28 @@
+// File names and what may be written under them. Rank 0 only.
+#pragma once
+
+#include <string>
+
+namespace stickslip::paths {
+
+std::string folder(const std::string& path);              // "." where there is none
+std::string file(const std::string& path);                // the last part
+std::string hidden_sibling(const std::string& path, const std::string& suffix = ".tmp");  // DIR/.NAME.tmp
+
+// The file behind symbolic links, so that a rename replaces the file and not the link; `path` itself where nothing
+// is there yet.
+std::string resolved(const std::string& path);
+
+enum class Present { nothing, regular, special };  // special: a pipe or a device
+
+// What stands at `path`, for `option` to write there: throws UsageError where that is a folder, the folder is missing
+// or not writable, or the name is empty, too long or otherwise unusable (found by making and removing a file).
+Present check_writable(const std::string& option, const std::string& path);
+
+// Takes disk space for the first `bytes` of a file, made where it is not there. Throws Failure.
+void reserve(const std::string& path, double bytes);
+
+void sync(const std::string& path);                             // fsync of a file; throws Failure
+void publish(const std::string& temporary, const std::string& path);  // atomic rename; throws Failure
+
+}  // namespace stickslip::paths

@@ -1,0 +1,52 @@
+#include "stickslip/provenance.hpp"
+
+#include <ctime>
+
+#include "revision.hpp"
+#include "stickslip/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// As a POSIX shell would need it typed.
+std::string quoted(const std::string& word) {
+  const char* safe = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=.,:/@%";
+  if (!word.empty() && word.find_first_not_of(safe) == std::string::npos) return word;
+  std::string out = "'";
+  for (const char c : word) {
+    if (c == '\'') out += "'\\''";
+    else out += c;
+  }
+  return out + "'";
+}
+
+}  // namespace
+
+const char* version() { return STICKSLIP_VERSION; }
+const char* git_revision() { return STICKSLIP_GIT; }
+
+Provenance Provenance::of(const std::string& command, const std::map<std::string, std::string>& options) {
+  Provenance p;
+  p.command = command;
+  p.options = options;
+  int argc = 0;
+  char** argv = nullptr;
+  SS_TRY(PetscGetArgs(&argc, &argv));
+  for (int k = 0; k < argc; ++k) p.command_line += (k ? " " : "") + quoted(argv[k]);
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  char buffer[32];
+  std::strftime(buffer, sizeof buffer, "%Y-%m-%dT%H:%M:%SZ", &utc);
+  p.date = buffer;
+  MPI_Comm_size(PETSC_COMM_WORLD, &p.ranks);
+  return p;
+}
+
+std::string Provenance::option(const std::string& name) const {
+  const auto found = options.find(name);
+  return found == options.end() ? "" : found->second;
+}
+
+}  // namespace stickslip

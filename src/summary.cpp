@@ -1,0 +1,161 @@
+#include "stickslip/summary.hpp"
+
+#include <fcntl.h>
+#include <petscsys.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <stdexcept>
+#include <utility>
+
+#include "paths.hpp"
+#include "stickslip/error.hpp"
+#include "stickslip/root.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// Writes the whole text to a descriptor.
+void write_all(int fd, const std::string& text, const std::string& name) {
+  for (std::size_t at = 0; at < text.size();) {
+    const ssize_t count = ::write(fd, text.data() + at, text.size() - at);
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) throw Failure("cannot write the summary to '" + name + "': " + std::strerror(errno));
+    at += static_cast<std::size_t>(count);
+  }
+}
+
+struct Descriptor {
+  int fd;
+  ~Descriptor() {
+    if (fd >= 0) close(fd);
+  }
+};
+
+}  // namespace
+
+Summary::Summary(const Provenance& provenance, const std::vector<std::string>& keys, std::string path)
+    : path_(std::move(path)), begin_(MPI_Wtime()) {
+  if (!path_.empty()) check_summary_path(path_);
+  const std::string form = provenance.option("model_form"), sign = provenance.option("model_delta_sign");
+  object_.set("command", provenance.command);
+  for (const char* key : {"status", "reason", "warnings"}) object_.set(key, nullptr);
+  object_.set("version", version());
+  object_.set("git", git_revision());
+  object_.set("options", provenance.options);
+  object_.set("model_form", form.empty() ? Json() : Json(form));
+  // the chain has no delta, so no sign of it either
+  object_.set("delta_sign", sign.empty() || form == "chain" ? Json() : Json(sign));
+  object_.set("ranks", provenance.ranks);
+  object_.set("wall_s", nullptr);
+  for (const std::string& key : keys) object_.set(key, nullptr);
+}
+
+void Summary::set(const std::string& key, Json value) {
+  if (!object_.find(key)) throw std::logic_error("summary: no key '" + key + "' for this command");
+  object_.set(key, std::move(value));
+}
+
+const Json& Summary::get(const std::string& key) const {
+  const Json* value = object_.find(key);
+  if (!value) throw std::logic_error("summary: no key '" + key + "' for this command");
+  return *value;
+}
+
+void Summary::done() { set("status", "done"); }
+
+void Summary::failed(const std::string& reason) {
+  set("status", "failed");
+  set("reason", reason);
+}
+
+void Summary::stopped(const std::string& reason) {
+  set("status", "stopped");
+  set("reason", reason);
+}
+
+std::string Summary::text() const {
+  Json now = object_;
+  now.set("warnings", warnings().empty() ? Json::array() : Json(warnings()));
+  now.set("wall_s", MPI_Wtime() - begin_);
+  return now.text() + "\n";
+}
+
+void Summary::write() const {
+  if (path_.empty()) return;
+  on_root(PETSC_COMM_WORLD, [&] { write_from_here(); });
+}
+
+void Summary::write_alone() const noexcept {
+  try {
+    int rank = 0;
+    MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+    // standard output carries one summary at most, that of rank 0
+    if (!path_.empty() && (rank == 0 || path_ != "-")) write_from_here();
+  } catch (...) {
+    // the failure that brought us here is the one to report
+  }
+}
+
+void Summary::write_from_here() const {
+  const std::string json = text();
+  if (path_ == "-") return write_all(STDOUT_FILENO, json, "standard output");
+  struct stat at {};
+  if (stat(path_.c_str(), &at) == 0 && !S_ISREG(at.st_mode)) {
+    const Descriptor out{open(path_.c_str(), O_WRONLY | O_CLOEXEC)};
+    if (out.fd < 0) throw Failure("cannot write the summary to '" + path_ + "': " + std::strerror(errno));
+    return write_all(out.fd, json, path_);
+  }
+  const std::string target = paths::resolved(path_);
+  const std::string temporary = paths::hidden_sibling(target, "." + std::to_string(getpid()) + ".tmp");
+  {
+    const Descriptor out{open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)};
+    if (out.fd < 0) throw Failure("cannot write the summary to '" + path_ + "': " + std::strerror(errno));
+    try {
+      write_all(out.fd, json, path_);
+      paths::sync(temporary);
+    } catch (...) {
+      unlink(temporary.c_str());
+      throw;
+    }
+  }
+  paths::publish(temporary, target);
+}
+
+void check_summary_path(const std::string& path) {
+  on_root(PETSC_COMM_WORLD, [&] {
+    if (path == "-") return;
+    if (paths::check_writable("summary", path) != paths::Present::regular) return;
+    std::ifstream old(path);
+    char first = 0;
+    if (old >> first && first != '{')
+      throw UsageError("summary '" + path + "': exists and is not a JSON summary; it will not be overwritten");
+  });
+}
+
+void detail::summarise_exception(Summary& summary) noexcept {
+  bool together = false;
+  try {
+    try {
+      throw;
+    } catch (const Error& e) {
+      if (e.exit_code() == 2) return;  // wrong use: nothing was computed, nothing is summarised
+      summary.failed(e.what());
+      together = e.collective();
+    } catch (const std::exception& e) {
+      summary.failed(e.what());
+    } catch (...) {
+      summary.failed("unknown error");
+    }
+    if (together) summary.write();
+    else summary.write_alone();
+  } catch (...) {
+    // main() reports the first error, not that of its summary
+  }
+}
+
+}  // namespace stickslip
