@@ -2,6 +2,7 @@
 #pragma once
 
 #include <slepceps.h>
+#include <petscdm.h>
 #include <petscts.h>
 
 #include <utility>

@@ -54,8 +54,6 @@ class Model {
   // J = alpha I + beta d(rhs part)/du at u. Collective.
   void jacobian(Part part, Vec u, double alpha, double beta, Mat J) const;
 
-  // The start that init_* describe; file and wave starts are made by their commands. Collective.
-  void start(const Options& options, Vec u) const;
   // Sets psi, eta of held nodes to their values, with the state as it stands. Collective.
   void set_held(Vec u) const;
 

@@ -1,0 +1,13 @@
+// Initial data.
+#pragma once
+
+#include "stickslip/model.hpp"
+
+namespace stickslip {
+
+// Fills u with the start that the init_* options describe: uniform, sine, layer, pulses, wave or file. Held nodes
+// take their values. Collective. Throws UsageError where the start does not suit the scene, Failure where it cannot be
+// had (pulses while sliding is stable).
+void set_start(const Model& model, const Options& options, Vec u);
+
+}  // namespace stickslip

@@ -1,0 +1,413 @@
+#include "stickslip/model.hpp"
+
+#include <petscdmda.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "kernel.hpp"
+#include "stickslip/error.hpp"
+
+namespace stickslip {
+
+using kernel::Coefficients;
+using kernel::Range;
+
+namespace {
+
+using Loop = std::function<void(const Coefficients&, const Range&)>;
+
+template <int half_width>
+Loop full_loop(const FrictionParameters& p, bool spread) {
+  return dispatch_friction(p, [spread](const auto& friction) -> Loop {
+    if (spread)
+      return [friction](const Coefficients& c, const Range& r) {
+        kernel::friction_and_wave<half_width, true>(c, friction, r);
+      };
+    return [friction](const Coefficients& c, const Range& r) {
+      kernel::friction_and_wave<half_width, false>(c, friction, r);
+    };
+  });
+}
+
+Loop reaction_loop(const FrictionParameters& p, bool spread) {
+  return dispatch_friction(p, [spread](const auto& friction) -> Loop {
+    if (spread)
+      return [friction](const Coefficients& c, const Range& r) { kernel::reaction<true>(c, friction, r); };
+    return [friction](const Coefficients& c, const Range& r) { kernel::reaction<false>(c, friction, r); };
+  });
+}
+
+template <int half_width, bool stencil_only>
+Loop wave_loop(int dof) {
+  if (dof == 3) return kernel::wave<half_width, 3, stencil_only>;
+  return kernel::wave<half_width, 2, stencil_only>;
+}
+
+// Calls pick with the half width as a constant.
+template <class Pick>
+Loop for_half_width(int half_width, const Pick& pick) {
+  switch (half_width) {
+    case 1:
+      return pick(std::integral_constant<int, 1>());
+    case 2:
+      return pick(std::integral_constant<int, 2>());
+    case 3:
+      return pick(std::integral_constant<int, 3>());
+    default:
+      return pick(std::integral_constant<int, 4>());
+  }
+}
+
+// One value of the halo as a combination of fetched values: indices into the list of fetched nodes.
+struct HaloValue {
+  std::vector<std::pair<std::size_t, double>> terms;
+};
+
+}  // namespace
+
+struct Model::Impl {
+  MPI_Comm comm;
+  Scene scene;
+  int dof, half_width;
+  DmHandle dm;
+  PetscInt first = 0, local = 0;
+  std::vector<double> amplitude;
+  Coefficients coefficients{}, no_stencil{};
+  Loop full, pointwise, stencil, wave, reaction;
+  mutable long evaluations = 0;
+
+  // The halo: psi of the nodes in `fetched` (global numbers, each once) feeds 2 half_width values. On one rank they
+  // are read from the Vec itself; else a scatter brings them.
+  std::vector<PetscInt> fetched;
+  std::vector<HaloValue> halo;  // half_width values left (from -half_width to -1), then as many right
+  bool halo_is_local = true;
+  ScatterHandle scatter;
+  VecHandle fetched_psi;
+  mutable std::vector<double> buffer_u, buffer_f, fetched_values;
+
+  Impl(MPI_Comm communicator, const Scene& s)
+      : comm(communicator), scene(s), dof(s.friction.state == StateLaw::none ? 2 : 3), half_width(s.order / 2) {
+    int ranks = 1;
+    MPI_Comm_size(comm, &ranks);
+    if (ranks > scene.n)
+      throw UsageError("grid_n " + std::to_string(scene.n) + " is less than the number of ranks " +
+                       std::to_string(ranks) + "; use at most one rank a node");
+    SS_TRY(DMDACreate1d(comm, scene.ring() ? DM_BOUNDARY_PERIODIC : DM_BOUNDARY_NONE, scene.n, dof, 0, nullptr,
+                        dm.out()));
+    SS_TRY(DMSetUp(dm));
+    SS_TRY(DMDASetFieldName(dm, 0, "psi"));
+    SS_TRY(DMDASetFieldName(dm, 1, "eta"));
+    if (dof == 3) SS_TRY(DMDASetFieldName(dm, 2, "state"));
+    SS_TRY(DMDAGetCorners(dm, &first, nullptr, nullptr, &local, nullptr, nullptr));
+    amplitude = friction_amplitude(scene, first, local);
+
+    const double scale = scene.form == Form::chain ? scene.K1() : scene.K1() / (scene.h() * scene.h());
+    const std::array<double, 5> w = second_difference(scene.order);
+    coefficients = {scene.A(), scene.B(), scene.K0(), scene.v, scene.s_delta(), {}};
+    no_stencil = coefficients;
+    for (std::size_t j = 0; j < 5; ++j) coefficients.w[j] = scale * w[j];
+
+    const bool spread = scene.spread != 0;
+    const FrictionParameters& p = scene.friction;
+    full = for_half_width(half_width, [&](auto hw) { return full_loop<hw>(p, spread); });
+    pointwise = full_loop<0>(p, spread);
+    stencil = for_half_width(half_width, [&](auto hw) { return wave_loop<hw, true>(dof); });
+    wave = for_half_width(half_width, [&](auto hw) { return wave_loop<hw, false>(dof); });
+    reaction = reaction_loop(p, spread);
+    set_up_halo(ranks);
+  }
+
+  void set_up_halo(int ranks) {
+    const auto index_of = [&](PetscInt node) {
+      const auto found = std::find(fetched.begin(), fetched.end(), node);
+      if (found != fetched.end()) return static_cast<std::size_t>(found - fetched.begin());
+      fetched.push_back(node);
+      return fetched.size() - 1;
+    };
+    const auto add = [&](PetscInt node) {
+      HaloValue value;
+      if (node >= 0 && node < scene.n) {
+        value.terms.emplace_back(index_of(node), 1.);
+      } else {
+        for (const auto& [inside, weight] : halo_node(scene, node)) value.terms.emplace_back(index_of(inside), weight);
+      }
+      halo.push_back(value);
+    };
+    for (int j = -half_width; j < 0; ++j) add(first + j);
+    for (int j = 0; j < half_width; ++j) add(first + local + j);
+    fetched_values.resize(fetched.size());
+    buffer_u.resize(static_cast<std::size_t>(dof * 4 * half_width));
+    buffer_f.resize(buffer_u.size());
+    halo_is_local = ranks == 1;
+    if (halo_is_local) return;
+
+    std::vector<PetscInt> entries;
+    for (const PetscInt node : fetched) entries.push_back(node * dof);
+    const auto count = static_cast<PetscInt>(entries.size());
+    VecHandle pattern;
+    SS_TRY(DMCreateGlobalVector(dm, pattern.out()));
+    SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count, fetched_psi.out()));
+    IsHandle from;
+    SS_TRY(ISCreateGeneral(comm, count, entries.data(), PETSC_COPY_VALUES, from.out()));
+    SS_TRY(VecScatterCreate(pattern, from, fetched_psi, nullptr, scatter.out()));
+  }
+
+  // Runs `loop` over nodes [begin, end) of this rank through a buffer that has the halo at hand.
+  void through_buffer(const Loop& loop, const Coefficients& c, const double* u, double* f, PetscInt begin,
+                      PetscInt end) const {
+    const std::size_t width = static_cast<std::size_t>(dof);
+    const std::size_t needed = static_cast<std::size_t>(end - begin + 2 * half_width) * width;
+    if (buffer_u.size() < needed) {
+      buffer_u.resize(needed);
+      buffer_f.resize(needed);
+    }
+    for (PetscInt i = begin - half_width; i < end + half_width; ++i) {
+      double* to = &buffer_u[static_cast<std::size_t>(i - begin + half_width) * width];
+      if (i >= 0 && i < local) {
+        std::copy(u + i * dof, u + (i + 1) * dof, to);
+      } else {
+        const HaloValue& value = halo[static_cast<std::size_t>(i < 0 ? i + half_width : half_width + i - local)];
+        double psi = 0;
+        for (const auto& [index, weight] : value.terms) psi += weight * fetched_values[index];
+        to[0] = psi;
+      }
+    }
+    loop(c, {&buffer_u[static_cast<std::size_t>(half_width) * width], &amplitude[static_cast<std::size_t>(begin)],
+             buffer_f.data(), end - begin});
+    std::copy(buffer_f.data(), buffer_f.data() + (end - begin) * dof, f + begin * dof);
+  }
+
+  const Loop& loop_of(Part part) const {
+    switch (part) {
+      case Part::full:
+        return full;
+      case Part::pointwise:
+        return pointwise;
+      case Part::stencil:
+        return stencil;
+      case Part::wave:
+        return wave;
+      default:
+        return reaction;
+    }
+  }
+
+  static bool has_stencil(Part part) { return part == Part::full || part == Part::stencil || part == Part::wave; }
+
+  bool held(PetscInt node) const {
+    return (node == 0 && scene.left == End::velocity) || (node == scene.n - 1 && scene.right == End::velocity);
+  }
+
+  // Held nodes of this rank, as local numbers.
+  template <class Body>
+  void for_held(const Body& body) const {
+    if (local == 0) return;
+    if (first == 0 && held(0)) body(PetscInt(0));
+    if (first + local == scene.n && scene.n > 1 && held(scene.n - 1)) body(local - 1);
+  }
+
+  void rhs(Part part, Vec u, Vec f) const {
+    ++evaluations;
+    const Loop& loop = loop_of(part);
+    const double* a;
+    double* b;
+    SS_TRY(VecGetArrayRead(u, &a));
+    SS_TRY(VecGetArrayWrite(f, &b));
+    if (!has_stencil(part)) {
+      loop(no_stencil, {a, amplitude.data(), b, local});
+    } else {
+      if (halo_is_local) {
+        for (std::size_t i = 0; i < fetched.size(); ++i) fetched_values[i] = a[fetched[i] * dof];
+      } else {
+        SS_TRY(VecScatterBegin(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
+      }
+      const PetscInt hw = half_width, inner = std::max<PetscInt>(0, local - 2 * hw);
+      if (inner > 0) loop(coefficients, {a + hw * dof, amplitude.data() + hw, b + hw * dof, inner});
+      if (!halo_is_local) {
+        SS_TRY(VecScatterEnd(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
+        const double* values;
+        SS_TRY(VecGetArrayRead(fetched_psi, &values));
+        std::copy(values, values + fetched_values.size(), fetched_values.begin());
+        SS_TRY(VecRestoreArrayRead(fetched_psi, &values));
+      }
+      if (inner > 0) {
+        through_buffer(loop, coefficients, a, b, 0, hw);
+        through_buffer(loop, coefficients, a, b, local - hw, local);
+      } else {
+        through_buffer(loop, coefficients, a, b, 0, local);
+      }
+    }
+    for_held([&](PetscInt i) {
+      b[i * dof] = 0;
+      if (scene.form == Form::continuum) b[i * dof + 1] = 0;
+    });
+    SS_TRY(VecRestoreArrayWrite(f, &b));
+    SS_TRY(VecRestoreArrayRead(u, &a));
+  }
+
+  // Node i's own block of d(rhs part)/du, row by row.
+  void diagonal_block(Part part, PetscInt i, const double* u, double* block) const {
+    const Coefficients& c = coefficients;
+    std::fill(block, block + dof * dof, 0.);
+    const auto at = [&](int row, int column) -> double& { return block[row * dof + column]; };
+    if (part == Part::full || part == Part::pointwise || part == Part::reaction) {
+      const double state = dof == 3 ? u[2] : 0;
+      const Partials p = friction_at(i, u[0], state);
+      at(0, 0) -= c.A * p.F_psi;
+      at(1, 0) += c.s_delta * p.F_psi;
+      if (dof == 3) {
+        const RatePartials g = dispatch_rate(u[0], state);
+        at(0, 2) -= c.A * p.F_state;
+        at(1, 2) += c.s_delta * p.F_state;
+        at(2, 0) = g.g_psi;
+        at(2, 2) = g.g_state;
+      }
+    }
+    if (part == Part::full || part == Part::pointwise || part == Part::wave) {
+      at(0, 0) -= c.A * c.B;
+      at(0, 1) += c.A;
+      at(1, 0) -= c.K0;
+      at(1, 1) -= c.s_delta;
+    }
+    if (held(first + i)) {
+      std::fill(block, block + dof, 0.);
+      if (scene.form == Form::continuum) std::fill(block + dof, block + 2 * dof, 0.);
+    }
+  }
+
+  Partials friction_at(PetscInt i, double psi, double state) const {
+    const double a = amplitude[static_cast<std::size_t>(i)];
+    Partials p = dispatch_friction(scene.friction, [&](const auto& f) { return f.partials(psi, state); });
+    return {a * p.F, a * p.F_psi, a * p.F_state};
+  }
+  RatePartials dispatch_rate(double psi, double state) const {
+    return dispatch_friction(scene.friction, [&](const auto& f) { return f.rate_partials(psi, state); });
+  }
+};
+
+Model::Model(MPI_Comm comm, const Scene& scene) : impl_(std::make_unique<Impl>(comm, scene)) {}
+Model::~Model() = default;
+Model::Model(Model&&) noexcept = default;
+
+const Scene& Model::scene() const { return impl_->scene; }
+MPI_Comm Model::comm() const { return impl_->comm; }
+DM Model::dm() const { return impl_->dm; }
+int Model::dof() const { return impl_->dof; }
+PetscInt Model::first() const { return impl_->first; }
+PetscInt Model::local() const { return impl_->local; }
+bool Model::held(PetscInt node) const { return impl_->held(node); }
+long Model::rhs_evaluations() const { return impl_->evaluations; }
+const std::vector<double>& Model::amplitude() const { return impl_->amplitude; }
+
+PetscInt Model::unknowns() const {
+  const PetscInt ends = (impl_->held(0) ? 1 : 0) + (scene().n > 1 && impl_->held(scene().n - 1) ? 1 : 0);
+  return scene().n * dof() - 2 * ends;
+}
+
+VecHandle Model::create_vector() const {
+  VecHandle u;
+  SS_TRY(DMCreateGlobalVector(impl_->dm, u.out()));
+  return u;
+}
+
+void Model::rhs(Part part, Vec u, Vec f) const { impl_->rhs(part, u, f); }
+
+MatHandle Model::create_jacobian(Part part) const {
+  const PetscInt dof = impl_->dof, first = impl_->first, local = impl_->local;
+  MatHandle J;
+  SS_TRY(MatCreate(impl_->comm, J.out()));
+  SS_TRY(MatSetSizes(J, local * dof, local * dof, scene().n * dof, scene().n * dof));
+  SS_TRY(MatSetBlockSize(J, dof));
+  SS_TRY(MatSetType(J, MATBAIJ));
+  SS_TRY(MatSetFromOptions(J));
+  std::vector<PetscInt> inside(static_cast<std::size_t>(local), 1), outside(static_cast<std::size_t>(local), 0);
+  if (Impl::has_stencil(part)) {
+    for (PetscInt i = 0; i < local; ++i) {
+      PetscInt own = 0, other = 0;
+      bool has_diagonal = false;
+      for (const auto& [node, weight] : second_difference_row(scene(), first + i)) {
+        const bool mine = node >= first && node < first + local;
+        (mine ? own : other)++;
+        has_diagonal = has_diagonal || node == first + i;
+      }
+      inside[static_cast<std::size_t>(i)] = own + (has_diagonal ? 0 : 1);
+      outside[static_cast<std::size_t>(i)] = other;
+    }
+  }
+  SS_TRY(MatXAIJSetPreallocation(J, dof, inside.data(), outside.data(), nullptr, nullptr));
+  SS_TRY(MatSetOption(J, MAT_NEW_NONZERO_ALLOCATION_ERR, PETSC_TRUE));
+  return J;
+}
+
+void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
+  const Impl& m = *impl_;
+  const PetscInt dof = m.dof;
+  const double* a;
+  SS_TRY(VecGetArrayRead(u, &a));
+  SS_TRY(MatZeroEntries(J));
+  std::array<double, 9> block{}, coupling{};  // dof * dof of them in use
+  for (PetscInt i = 0; i < m.local; ++i) {
+    const PetscInt row = m.first + i;
+    m.diagonal_block(part, i, a + i * dof, block.data());
+    for (double& entry : block) entry *= beta;
+    for (PetscInt d = 0; d < dof; ++d) block[static_cast<std::size_t>(d * (dof + 1))] += alpha;
+    SS_TRY(MatSetValuesBlocked(J, 1, &row, 1, &row, block.data(), ADD_VALUES));
+    const bool row_has_stencil = Impl::has_stencil(part) && !(m.held(row) && m.scene.form == Form::continuum);
+    if (!row_has_stencil) continue;
+    for (const auto& [node, weight] : second_difference_row(m.scene, row)) {
+      coupling[static_cast<std::size_t>(dof)] = beta * m.scene.K1() * weight;
+      SS_TRY(MatSetValuesBlocked(J, 1, &row, 1, &node, coupling.data(), ADD_VALUES));
+    }
+  }
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+  SS_TRY(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+}
+
+Partials Model::friction(PetscInt local_node, double psi, double state) const {
+  return impl_->friction_at(local_node, psi, state);
+}
+RatePartials Model::state_rate(double psi, double state) const { return impl_->dispatch_rate(psi, state); }
+double Model::steady_state(double psi) const {
+  return dispatch_friction(scene().friction, [&](const auto& f) { return f.steady_state(psi); });
+}
+
+void Model::set_held(Vec u) const {
+  const Impl& m = *impl_;
+  double* a;
+  SS_TRY(VecGetArray(u, &a));
+  m.for_held([&](PetscInt i) {
+    double* at = a + i * m.dof;
+    at[0] = m.first + i == 0 ? m.scene.left_value : m.scene.right_value;
+    if (m.scene.form == Form::continuum)
+      at[1] = m.scene.B() * at[0] + m.friction_at(i, at[0], m.dof == 3 ? at[2] : 0).F;
+  });
+  SS_TRY(VecRestoreArray(u, &a));
+}
+
+double Model::wave_frequency() const {
+  const Scene& s = scene();
+  const double kappa2 = s.n > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
+  return std::sqrt(s.A() * (s.K0() + s.K1() * kappa2));
+}
+
+double Model::friction_rate(Vec u) const {
+  const Impl& m = *impl_;
+  const double* a;
+  SS_TRY(VecGetArrayRead(u, &a));
+  double largest = 0;
+  for (PetscInt i = 0; i < m.local; ++i) {
+    const double state = m.dof == 3 ? a[i * m.dof + 2] : 0;
+    const Partials p = m.friction_at(i, a[i * m.dof], state);
+    double rate = std::abs(m.scene.A() * (m.scene.B() + p.F_psi)) + std::abs(m.scene.s_delta());
+    if (m.dof == 3) rate = std::max(rate, std::abs(m.dispatch_rate(a[i * m.dof], state).g_state));
+    largest = std::max(largest, rate);
+  }
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, m.comm));
+  return largest;
+}
+
+}  // namespace stickslip

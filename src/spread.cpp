@@ -1,0 +1,67 @@
+// Spread of the friction amplitude: the same medium for any number of ranks and, in the continuum, for any grid.
+#include <cmath>
+#include <cstdint>
+
+#include "stickslip/model.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// A bijective mixing of 64 bits (xor-shift-multiply rounds, constants of splitmix64): neighbouring counters give
+// unrelated numbers.
+std::uint64_t mix(std::uint64_t z) {
+  z += 0x9e3779b97f4a7c15ULL;
+  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
+  z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
+  return z ^ (z >> 31);
+}
+
+double uniform_from(std::uint64_t key) { return (static_cast<double>(mix(key) >> 11) + 0.5) * 0x1p-53; }
+
+std::uint64_t key_of(PetscInt seed, PetscInt index) {
+  return mix(static_cast<std::uint64_t>(seed)) ^ (static_cast<std::uint64_t>(index) * 2);
+}
+
+// One draw of the amplitude.
+double draw(const Scene& scene, PetscInt index) {
+  if (scene.spread_kind == SpreadKind::uniform)
+    return 1 + scene.spread * (2 * counter_uniform(scene.friction_seed, index) - 1);
+  const double z = counter_normal(scene.friction_seed, index);
+  return std::exp(scene.spread * z - scene.spread * scene.spread / 2);
+}
+
+}  // namespace
+
+double counter_uniform(PetscInt seed, PetscInt index) { return uniform_from(key_of(seed, index)); }
+
+double counter_normal(PetscInt seed, PetscInt index) {
+  const std::uint64_t key = key_of(seed, index);
+  const double r = std::sqrt(-2 * std::log(uniform_from(key)));
+  return r * std::cos(2 * M_PI * uniform_from(key ^ 1));
+}
+
+std::vector<double> friction_amplitude(const Scene& scene, PetscInt first, PetscInt count) {
+  std::vector<double> a(static_cast<std::size_t>(count), 1.);
+  if (scene.spread == 0) return a;
+  if (scene.form == Form::chain) {
+    for (PetscInt i = 0; i < count; ++i) a[static_cast<std::size_t>(i)] = draw(scene, first + i);
+    return a;
+  }
+  // Cells of one draw each; on a ring a whole number of them, so that the medium closes. Between the draws at the
+  // cell corners the quintic 10 s^3 - 15 s^4 + 6 s^5, with two continuous derivatives; it keeps the mean at 1 and
+  // the amplitude within the range of the draws.
+  const double cells_wanted = scene.length / scene.spread_length;
+  const PetscInt cells = std::max<PetscInt>(1, static_cast<PetscInt>(std::llround(cells_wanted)));
+  const double cell = scene.ring() ? scene.length / double(cells) : scene.spread_length;
+  for (PetscInt i = 0; i < count; ++i) {
+    const double q = scene.x(first + i) / cell;
+    const PetscInt corner = static_cast<PetscInt>(std::floor(q));
+    const double s = q - double(corner), w = s * s * s * (10 + s * (6 * s - 15));
+    const auto at = [&](PetscInt j) { return draw(scene, scene.ring() ? j % cells : j); };
+    a[static_cast<std::size_t>(i)] = (1 - w) * at(corner) + w * at(corner + 1);
+  }
+  return a;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,71 @@
+#include "stickslip/stencil.hpp"
+
+#include <cmath>
+#include <map>
+
+namespace stickslip {
+
+std::array<double, 5> second_difference(int order) {
+  switch (order) {
+    case 2:
+      return {-2., 1., 0, 0, 0};
+    case 4:
+      return {-5. / 2, 4. / 3, -1. / 12, 0, 0};
+    case 6:
+      return {-49. / 18, 3. / 2, -3. / 20, 1. / 90, 0};
+    default:
+      return {-205. / 72, 8. / 5, -1. / 5, 8. / 315, -1. / 560};
+  }
+}
+
+double symbol(int order, double h, double k) {
+  const double s = std::pow(std::sin(k * h / 2), 2);
+  static constexpr double coefficient[] = {1, 1. / 3, 8. / 45, 4. / 35};
+  double sum = 0, power = s;
+  for (int j = 0; j < order / 2; ++j, power *= s) sum += coefficient[j] * power;
+  return 4 / (h * h) * sum;
+}
+
+double largest_symbol(int order, double h) { return symbol(order, h, M_PI / h); }
+
+namespace {
+// Weight of node k in the value at `at` of the polynomial through the nodes 0..count-1.
+double lagrange(int count, int k, double at) {
+  double product = 1;
+  for (int l = 0; l < count; ++l)
+    if (l != k) product *= (at - l) / double(k - l);
+  return product;
+}
+}  // namespace
+
+Combination halo_node(const Scene& scene, PetscInt j) {
+  const PetscInt n = scene.n;
+  if (scene.ring()) return {{((j % n) + n) % n, 1.}};
+  const bool at_left = j < 0;
+  const PetscInt distance = at_left ? -j : j - (n - 1);  // from the end node, >= 1
+  const auto inside = [&](PetscInt d) { return at_left ? d : n - 1 - d; };
+  if (scene.form == Form::chain) return {{inside(distance - 1), 1.}};
+  if ((at_left ? scene.left : scene.right) == End::free) return {{inside(distance), 1.}};
+  Combination row;
+  for (int k = 0; k < scene.order; ++k)
+    row.emplace_back(inside(k), lagrange(scene.order, k, -static_cast<double>(distance)));
+  return row;
+}
+
+Combination second_difference_row(const Scene& scene, PetscInt i) {
+  const std::array<double, 5> w = second_difference(scene.order);
+  const double scale = scene.form == Form::chain ? 1 : 1 / (scene.h() * scene.h());
+  std::map<PetscInt, double> row;
+  for (int j = -scene.order / 2; j <= scene.order / 2; ++j) {
+    const double weight = scale * w[static_cast<std::size_t>(std::abs(j))];
+    const PetscInt node = i + j;
+    if (node >= 0 && node < scene.n) {
+      row[node] += weight;
+    } else {
+      for (const auto& [inside, share] : halo_node(scene, node)) row[inside] += weight * share;
+    }
+  }
+  return {row.begin(), row.end()};
+}
+
+}  // namespace stickslip

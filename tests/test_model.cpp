@@ -1,0 +1,229 @@
+// The semi-discrete system: stencils and ends, halo over ranks, Jacobians, spread.
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "stickslip/error.hpp"
+#include "stickslip/model.hpp"
+
+using namespace stickslip;
+
+namespace {
+
+// Every kind of scene that the loops treat differently.
+std::vector<Scene> scenes() {
+  std::vector<Scene> all;
+  for (int order : {2, 4, 6, 8})
+    for (int ends = 0; ends < 4; ++ends) {
+      if (order == 8 && ends >= 2) continue;
+      Scene s;
+      s.order = order;
+      s.n = 23;
+      s.length = 7;
+      s.left = ends == 0 ? End::periodic : ends == 1 ? End::free : End::velocity;
+      s.right = ends == 0 ? End::periodic : ends == 3 ? End::velocity : End::free;
+      s.left_value = -1.5;
+      s.right_value = 0.7;
+      s.derived_sign = order != 4;
+      s.spread = order == 2 ? 0.3 : 0;
+      all.push_back(s);
+    }
+  for (int ends = 0; ends < 4; ++ends)
+    for (StateLaw state : {StateLaw::none, StateLaw::healing, StateLaw::contact_age}) {
+      Scene s;
+      s.form = Form::chain;
+      s.order = 2;
+      s.n = 19;
+      s.left = ends == 0 ? End::periodic : ends == 1 ? End::free : End::velocity;
+      s.right = ends == 0 ? End::periodic : ends == 3 ? End::velocity : End::free;
+      s.length = ends == 0 ? 19 : 18;
+      s.left_value = 0.4;
+      s.zeta = 0.3;
+      s.spread = 0.2;
+      s.spread_kind = SpreadKind::lognormal;
+      s.friction.law = Law::carlson_langer;
+      s.friction.regularised = true;
+      s.friction.eps = 0.2;
+      s.friction.state = state;
+      all.push_back(s);
+    }
+  for (StateLaw state : {StateLaw::ageing, StateLaw::slip}) {
+    Scene s;
+    s.n = 17;
+    s.friction.law = Law::rate_and_state;
+    s.friction.state = state;
+    s.friction.a = 0.5;  // so that F bends over velocities of order 1
+    all.push_back(s);
+  }
+  return all;
+}
+
+// A smooth field of both signs that no symmetry simplifies.
+void fill(const Model& model, Vec u) {
+  double* a;
+  SS_TRY(VecGetArray(u, &a));
+  for (PetscInt i = 0; i < model.local(); ++i)
+    for (int d = 0; d < model.dof(); ++d)
+      a[i * model.dof() + d] = 0.6 * std::sin(1.3 * double(model.first() + i) + d) + 0.31 + 0.1 * d;
+  SS_TRY(VecRestoreArray(u, &a));
+  model.set_held(u);
+}
+
+const Part parts[] = {Part::full, Part::pointwise, Part::stencil, Part::wave, Part::reaction};
+
+double norm(Vec v) {
+  double value;
+  SS_TRY(VecNorm(v, NORM_INFINITY, &value));
+  return value;
+}
+
+// |a - b| over all ranks
+double difference(Vec a, Vec b) {
+  VecHandle d;
+  SS_TRY(VecDuplicate(a, d.out()));
+  SS_TRY(VecWAXPY(d, -1, a, b));
+  return norm(d);
+}
+
+}  // namespace
+
+TEST_CASE("the right-hand side is the equations, node by node") {
+  // Independent of the loops: rows of D2 as combinations of nodes, the equations of the model written out.
+  for (const Scene& s : scenes()) {
+    Model model(PETSC_COMM_WORLD, s);
+    VecHandle u = model.create_vector(), f = model.create_vector();
+    fill(model, u);
+    model.rhs(Part::full, u, f);
+    VecHandle everything;
+    VecScatter to_all;
+    SS_TRY(VecScatterCreateToAll(u, &to_all, everything.out()));
+    SS_TRY(VecScatterBegin(to_all, u, everything, INSERT_VALUES, SCATTER_FORWARD));
+    SS_TRY(VecScatterEnd(to_all, u, everything, INSERT_VALUES, SCATTER_FORWARD));
+    SS_TRY(VecScatterDestroy(&to_all));
+    const double *all, *mine;
+    SS_TRY(VecGetArrayRead(everything, &all));
+    SS_TRY(VecGetArrayRead(f, &mine));
+    const int dof = model.dof();
+    for (PetscInt i = 0; i < model.local(); ++i) {
+      const PetscInt node = model.first() + i;
+      const double *at = all + node * dof, psi = at[0], eta = at[1], state = dof == 3 ? at[2] : 0;
+      const double F = model.friction(i, psi, state).F;
+      double d2 = 0, size = 0;
+      for (const auto& [j, weight] : second_difference_row(s, node)) {
+        d2 += weight * all[j * dof];
+        size += std::abs(weight * all[j * dof]);
+      }
+      double psi_t = s.A() * (eta - s.B() * psi - F);
+      double eta_t = s.K0() * (s.v - psi) + s.K1() * d2 - s.s_delta() * (eta - F);
+      if (model.held(node)) {
+        psi_t = 0;
+        if (s.form == Form::continuum) eta_t = 0;
+      }
+      CHECK(mine[i * dof] == Approx(psi_t).margin(1e-14 * (1 + s.A())));
+      CHECK(mine[i * dof + 1] == Approx(eta_t).margin(1e-14 * (1 + s.K1() * size)));
+      if (dof == 3) CHECK(mine[i * dof + 2] == Approx(model.state_rate(psi, state).g).margin(1e-14));
+    }
+    SS_TRY(VecRestoreArrayRead(f, &mine));
+    SS_TRY(VecRestoreArrayRead(everything, &all));
+  }
+}
+
+TEST_CASE("the parts add up to the whole") {
+  for (const Scene& s : scenes()) {
+    Model model(PETSC_COMM_WORLD, s);
+    VecHandle u = model.create_vector(), full = model.create_vector(), a = model.create_vector(),
+              b = model.create_vector();
+    fill(model, u);
+    model.rhs(Part::full, u, full);
+    const double tolerance = 1e-13 * (1 + norm(full));
+    for (auto [first, second] : {std::pair(Part::pointwise, Part::stencil), std::pair(Part::wave, Part::reaction)}) {
+      model.rhs(first, u, a);
+      model.rhs(second, u, b);
+      SS_TRY(VecAXPY(a, 1, b));
+      CHECK(difference(a, full) < tolerance);
+    }
+  }
+}
+
+TEST_CASE("Jacobians agree with differences of the right-hand side") {
+  // Central differences of step e: error e^2 |f'''|/6 + round-off |f| 1e-16/e; with e = 1e-5 and |f'''| up to about
+  // 1e3 (regularised law over 0.2) below 1e-7 of the largest entry.
+  const double e = 1e-5;
+  for (const Scene& s : scenes()) {
+    Model model(PETSC_COMM_WORLD, s);
+    VecHandle u = model.create_vector(), w = model.create_vector(), plus = model.create_vector(),
+              minus = model.create_vector(), moved = model.create_vector(), product = model.create_vector();
+    fill(model, u);
+    double* direction;
+    SS_TRY(VecGetArray(w, &direction));
+    for (PetscInt i = 0; i < model.local() * model.dof(); ++i)
+      direction[i] = std::cos(2.7 * double(model.first() * model.dof() + i));
+    SS_TRY(VecRestoreArray(w, &direction));
+    for (Part part : parts) {
+      MatHandle J = model.create_jacobian(part);
+      model.jacobian(part, u, 0.7, -1.3, J);
+      SS_TRY(MatMult(J, w, product));
+      SS_TRY(VecWAXPY(moved, e, w, u));
+      model.rhs(part, moved, plus);
+      SS_TRY(VecWAXPY(moved, -e, w, u));
+      model.rhs(part, moved, minus);
+      SS_TRY(VecAXPY(plus, -1, minus));
+      SS_TRY(VecScale(plus, -1.3 / (2 * e)));
+      SS_TRY(VecAXPY(plus, 0.7, w));
+      CHECK(difference(plus, product) < 1e-7 * (1 + norm(product)));
+    }
+  }
+}
+
+TEST_CASE("second differences are exact on polynomials and reach their order", "[serial]") {
+  for (int order : {2, 4, 6, 8}) {
+    // exact on even polynomials up to degree p + 1 in the interior
+    const auto w = second_difference(order);
+    for (int degree = 0; degree <= order + 1; degree += 2) {
+      double sum = degree == 0 ? w[0] : 0;
+      for (int j = 1; j <= order / 2; ++j) sum += 2 * w[static_cast<std::size_t>(j)] * std::pow(j, degree);
+      CHECK(sum == Approx(degree == 2 ? 2. : 0.).margin(1e-12));
+    }
+    CHECK(symbol(order, 0.1, 1.) == Approx(1).epsilon(2 * std::pow(0.1, order)));
+  }
+}
+
+TEST_CASE("the spread is the same medium on every grid and has mean 1", "[serial]") {
+  for (const SpreadKind kind : {SpreadKind::uniform, SpreadKind::lognormal}) {
+    Scene s;
+    s.spread = 0.4;
+    s.spread_kind = kind;
+    s.length = 50;
+    s.n = 400;
+    const auto coarse = friction_amplitude(s, 0, s.n);
+    s.n = 800;
+    const auto fine = friction_amplitude(s, 0, s.n);
+    for (std::size_t i = 0; i < coarse.size(); ++i) CHECK(coarse[i] == Approx(fine[2 * i]).margin(1e-13));
+    s.form = Form::chain;
+    s.n = 100000;
+    const auto blocks = friction_amplitude(s, 0, s.n);
+    double mean = 0, square = 0;
+    for (const double a : blocks) {
+      mean += a / 1e5;
+      square += a * a / 1e5;
+    }
+    // five standard errors; variance 0.4^2/3 (uniform), exp(0.4^2) - 1 (lognormal)
+    const double variance = kind == SpreadKind::uniform ? 0.16 / 3 : std::exp(0.16) - 1;
+    CHECK(std::abs(mean - 1) < 5 * std::sqrt(variance / 1e5));
+    CHECK(square - mean * mean == Approx(variance).epsilon(0.05));
+  }
+}
+
+TEST_CASE("more ranks than nodes is refused") {
+  int ranks;
+  MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
+  Scene s;
+  s.form = Form::chain;
+  s.order = 2;
+  s.n = 1;
+  s.length = 1;
+  if (ranks > 1) {
+    CHECK_THROWS_AS(Model(PETSC_COMM_WORLD, s), UsageError);
+  } else {
+    CHECK_NOTHROW(Model(PETSC_COMM_WORLD, s));
+  }
+}
