@@ -66,7 +66,7 @@ struct Scene {
 
   // Builds and checks a scene; `sliding_branch`: the command looks at sliding only, so that a law is taken on its
   // exact sliding branch unless the user set friction_stick to `regularised`. Throws UsageError.
-  static Scene from(const Options& options, bool sliding_branch);
+  static Scene from(const Options& options, bool sliding_branch = false);
 };
 
 std::string to_string(Form form);

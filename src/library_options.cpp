@@ -1,0 +1,360 @@
+#include "stickslip/library_options.hpp"
+
+#include <slepceps.h>
+#include <petscts.h>
+
+#include <algorithm>
+#include <limits>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "stickslip/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double inf = std::numeric_limits<double>::infinity();
+constexpr double int_max = std::numeric_limits<PetscInt>::max();
+
+std::vector<std::string> split(const std::string& text) {
+  std::istringstream stream(text);
+  std::vector<std::string> words;
+  for (std::string word; stream >> word;) words.push_back(word);
+  return words;
+}
+
+// What the well-known options take, by kind. (Names and words as `-help` of PETSc 3.18 and SLEPc 3.18 lists them.)
+std::map<std::string, OptionSpec> make_known() {
+  std::map<std::string, OptionSpec> known;
+  const auto add = [&known](const char* names, OptionType type, double low, double high, bool open_low) {
+    for (const std::string& name : split(names))
+      known[name] = {name, type, "", "", "", low, high, open_low, {}, "", "", ""};
+  };
+  const auto words = [&known](const char* name, const char* list) {
+    known[name] = {name, OptionType::choice, "", "", "", 0, 0, false, split(list), "", "", ""};
+  };
+  add("ts_dt ts_adapt_dt_min ts_adapt_dt_max eps_tol pep_tol bv_definite_tol pc_factor_fill ksp_divtol "
+      "snes_divergence_tolerance ts_adapt_safety ts_adapt_reject_safety ts_adapt_scale_solve_failed",
+      OptionType::real, 0, inf, true);
+  add("ts_rtol ts_atol snes_rtol snes_atol snes_stol snes_trtol ksp_rtol ksp_atol snes_linesearch_rtol "
+      "snes_linesearch_atol snes_linesearch_ltol pc_factor_zeropivot pc_factor_shift_amount pc_factor_column_pivot",
+      OptionType::real, 0, inf, false);
+  add("ts_theta_theta eps_krylovschur_restart", OptionType::real, 0, 1, true);
+  add("ts_init_time ts_adapt_max_ignore eps_target pep_target st_shift eps_balance_cutoff rg_scale bv_orthog_eta "
+      "ksp_gmres_haptol ksp_gmres_breakdown_tolerance snes_ksp_ew_alpha snes_ksp_ew_alpha2 snes_ksp_ew_gamma "
+      "snes_ksp_ew_rtol0 snes_ksp_ew_rtolmax snes_ksp_ew_threshold snes_linesearch_alpha snes_linesearch_damping "
+      "snes_linesearch_maxstep snes_linesearch_minlambda snes_tr_delta0 snes_tr_eta snes_tr_mu snes_tr_sigma",
+      OptionType::real, -inf, inf, false);
+  add("eps_nev eps_ncv eps_mpd eps_max_it pep_nev pep_ncv pep_mpd pep_max_it eps_krylovschur_nev eps_krylovschur_ncv "
+      "eps_krylovschur_mpd eps_krylovschur_partitions ksp_gmres_restart ts_ssp_nstages ts_rk_dtratio",
+      OptionType::integer, 1, int_max, false);
+  add("snes_max_it snes_max_funcs ksp_max_it snes_linesearch_max_it snes_linesearch_order pc_factor_levels "
+      "ts_adapt_time_step_increase_delay eps_balance_its ds_method ds_block_size snes_grid_sequence",
+      OptionType::integer, 0, int_max, false);
+  add("ts_max_reject ts_max_snes_failures ts_monitor_frequency snes_max_fail snes_max_linear_solve_fail "
+      "ksp_check_norm_iteration ksp_matsolve_batch_size",
+      OptionType::integer, -1, int_max, false);
+  add("snes_lag_jacobian snes_lag_preconditioner", OptionType::integer, -2, int_max, false);
+  add("snes_ksp_ew_version", OptionType::integer, 1, 4, false);
+  add("ts_bdf_order", OptionType::integer, 1, 6, false);
+  add("ts_adapt_always_accept ts_arkimex_fully_implicit ts_arkimex_initial_guess_extrapolate ts_error_if_step_fails "
+      "ts_fd_color ts_rk_multirate ts_rosw_recompute_jacobian ts_save_trajectory ts_theta_endpoint "
+      "ts_theta_initial_guess_extrapolate ts_adapt_monitor ts_monitor_cancel "
+      "snes_error_if_not_converged snes_fd snes_fd_color snes_force_iteration snes_ksp_ew snes_lag_jacobian_persists "
+      "snes_lag_preconditioner_persists snes_linesearch_keeplambda snes_linesearch_norms snes_mf snes_mf_operator "
+      "ksp_constant_null_space ksp_converged_maxits ksp_diagonal_scale ksp_diagonal_scale_fix "
+      "ksp_error_if_not_converged ksp_initial_guess_nonzero ksp_knoll ksp_lag_norm ksp_reuse_preconditioner "
+      "pc_factor_diagonal_fill pc_factor_in_place pc_factor_pivot_in_blocks pc_factor_reuse_fill "
+      "pc_factor_reuse_ordering pc_use_amat st_transform eps_krylovschur_detect_zeros eps_krylovschur_locking "
+      "eps_purify eps_true_residual eps_two_sided eps_all eps_largest_real eps_largest_imaginary "
+      "eps_largest_magnitude eps_smallest_real eps_smallest_imaginary eps_smallest_magnitude eps_target_real "
+      "eps_target_imaginary eps_target_magnitude eps_hermitian eps_non_hermitian eps_gen_hermitian "
+      "eps_gen_non_hermitian eps_harmonic eps_refined eps_ritz eps_conv_abs eps_conv_rel eps_conv_norm "
+      "ksp_gmres_classicalgramschmidt ksp_gmres_modifiedgramschmidt ksp_gmres_preallocate "
+      "malloc_debug options_left no_signal_handler",
+      OptionType::boolean, 0, 0, false);
+  words("ts_rk_type", "1fe 2a 2b 3 3bs 4 5f 5dp 5bs 6vr 7vr 8vr");
+  words("ts_arkimex_type", "1bee a2 l2 ars122 2c 2d 2e prssp2 3 bpr3 ars443 4 5");
+  words("ts_rosw_type", "2m 2p ra3pw ra34pw2 rodas3 sandu3 assp3p3s1c lassp3p4s2c llssp3p4s2c ark3 theta1 theta2 grk4t "
+                        "shamp4 veldd4 4l");
+  words("ts_ssp_type", "rks2 rks3 rk104");
+  words("ts_glee_type", "BE1 23 24 25i 35 exrk2a rk32g1 rk285ex");
+  words("ts_exact_final_time", "unspecified stepover interpolate matchstep");
+  words("ksp_norm_type", "none preconditioned unpreconditioned natural");
+  words("ksp_pc_side", "left right symmetric");
+  words("pc_factor_shift_type", "none nonzero positive_definite inblocks");
+  words("st_matmode", "copy inplace shell");
+  words("st_matstructure", "different subset same unknown");
+  words("snes_norm_schedule", "none always initialonly finalonly initialfinalonly");
+  words("eps_balance", "none oneside twoside user");
+  return known;
+}
+
+const std::map<std::string, OptionSpec>& known_specs() {
+  static const std::map<std::string, OptionSpec> specs = make_known();
+  return specs;
+}
+
+// Names whose value is free text, or which take none; for suggestions, and so that they count as known.
+const std::set<std::string>& other_names() {
+  static const std::set<std::string> names = [] {
+    std::set<std::string> result;
+    for (const std::string& name : split(
+             "ts_type ts_adapt_type ts_adapt_clip ts_adapt_wnormtype ts_view ts_view_solution ts_monitor "
+             "ts_monitor_solution ts_time_span ts_monitor_solution_vtk ts_monitor_error ts_monitor_extreme ts_monitor_lg_solution "
+             "snes_type snes_linesearch_type snes_view snes_monitor snes_monitor_short snes_converged_reason "
+             "snes_linesearch_monitor snes_test_jacobian snes_test_jacobian_view snes_compare_explicit "
+             "ksp_type ksp_view ksp_monitor ksp_monitor_true_residual ksp_converged_reason ksp_guess_type "
+             "pc_type pc_view pc_factor_mat_ordering_type pc_factor_mat_solver_type pc_factor_nonzeros_along_diagonal "
+             "mat_type mat_view mat_fd_type vec_type vec_view dm_view dm_mat_type dm_vec_type "
+             "eps_type eps_view eps_view_values eps_view_vectors eps_monitor eps_monitor_all eps_monitor_conv "
+             "eps_converged_reason eps_error_absolute eps_error_backward eps_error_relative eps_interval "
+             "st_type st_view bv_type bv_orthog_type bv_orthog_refine bv_orthog_block ds_parallel "
+             "pep_type pep_view pep_monitor pep_converged_reason "
+             "rg_type rg_interval_endpoints"))
+      result.insert(name);
+    return result;
+  }();
+  return names;
+}
+
+// What PETSc itself reads when it starts or ends.
+const std::set<std::string>& global_names() {
+  static const std::set<std::string> names = [] {
+    std::set<std::string> result;
+    for (const std::string& name :
+         split("log_view log_view_memory log_all log log_exclude log_trace log_sync log_mpe log_perfstubs "
+               "options_left options_view options_monitor options_monitor_cancel "
+               "malloc malloc_debug malloc_dump malloc_view malloc_view_threshold malloc_test malloc_coalesce "
+               "malloc_hbw malloc_info malloc_log "
+               "malloc_requested_size memory_view info citations version help display nox nox_warning x_virtual "
+               "fp_trap no_signal_handler on_error_abort on_error_mpiabort on_error_attach_debugger on_error_emacs "
+               "on_error_malloc_dump error_output_stdout error_output_none debug_terminal debugger_pause "
+               "debugger_ranks start_in_debugger stop_for_debugger get_total_flops objects_dump tmp shared_tmp not_shared_tmp "
+               "mpi_return_on_error petsc_sleep skip_petscrc use_gpu_aware_mpi checkfunctionlist "
+               "check_pointer_intensity checkstack device_enable device_select device_view default_device_type draw_pause draw_save "
+               "viewer_binary_skip_info blas_view"))
+      result.insert(name);
+    return result;
+  }();
+  return names;
+}
+
+const std::vector<std::string>& prefixes() {
+  static const std::vector<std::string> list = split(
+      "ts_ snes_ ksp_ pc_ mat_ vec_ da_ dm_ dmda_ is_ sf_ vecscatter_ eps_ st_ bv_ ds_ rg_ fn_ pep_ nep_ svd_ "
+      "mfn_ lme_ log_ options_ malloc_ memory_ on_error_ debugger_ device_ root_device_context_ draw_ viewer_ petsc_ "
+      "slepc_ info_ sub_ redundant_ mg_ fieldsplit_ npc_ esteig_ inner_ matmatmult_ matptap_ mattransposematmult_ all_ksp_");
+  return list;
+}
+
+bool starts_with(const std::string& text, const std::string& prefix) { return text.rfind(prefix, 0) == 0; }
+
+// Inner objects have the names of the plain ones behind a prefix: st_ksp_rtol, sub_pc_type, mg_levels_ksp_type.
+std::string without_nesting(std::string name) {
+  for (bool again = true; again;) {
+    again = false;
+    for (const char* outer : {"st_ksp_", "st_pc_", "sub_", "redundant_", "mg_levels_", "mg_coarse_", "npc_"}) {
+      if (!starts_with(name, outer)) continue;
+      name = name.substr(starts_with(name, "st_") ? 3 : std::string(outer).size());
+      again = true;
+      break;
+    }
+  }
+  return name;
+}
+
+bool is_known(const std::string& name) {
+  const std::string plain = without_nesting(name);
+  return known_specs().count(plain) || other_names().count(plain) || global_names().count(plain);
+}
+
+// Read only when an object deep inside is first used, so that set-up is too early to ask whether it was read.
+bool read_late(const std::string& name) {
+  for (const char* prefix : {"mat_", "vec_", "sub_", "redundant_", "mg_", "fieldsplit_", "npc_", "esteig_", "inner_",
+                             "is_", "sf_", "vecscatter_", "viewer_", "draw_", "matmatmult_", "matptap_",
+                             "mattransposematmult_", "snes_test_", "snes_compare_", "fn_", "rg_", "all_ksp_"})
+    if (starts_with(name, prefix)) return true;
+  return false;
+}
+
+// The object whose option this is: what stands before the first underscore.
+std::string object_of(const std::string& name) {
+  const std::string object = name.substr(0, name.find('_'));
+  return object == "da" || object == "dmda" ? "dm" : object;
+}
+
+std::set<std::string> made_by(const std::string& command) {
+  const char* objects = "";
+  if (command == "run" || command == "chart") objects = "ts snes ksp pc dm";
+  if (command == "spectrum") objects = "eps st ksp pc bv ds pep dm snes";
+  if (command == "boundary") objects = "eps st ksp pc bv ds pep snes dm ts";
+  if (command == "wave") objects = "snes ksp pc eps st bv ds dm";
+  const std::vector<std::string> list = split(objects);
+  return {list.begin(), list.end()};
+}
+
+bool is_used(const std::string& name) {
+  PetscBool used = PETSC_FALSE;
+  SS_TRY(PetscOptionsUsed(nullptr, name.c_str(), &used));
+  return used;
+}
+
+bool set_up = false;  // this command's objects have taken their options
+
+}  // namespace
+
+bool is_library_option(const std::string& name) {
+  if (global_names().count(name)) return true;
+  return std::any_of(prefixes().begin(), prefixes().end(), [&name](const std::string& prefix) {
+    return name.size() > prefix.size() && starts_with(name, prefix);
+  });
+}
+
+const std::vector<std::string>& known_library_options() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> result;
+    for (const auto& [name, spec] : known_specs()) result.push_back(name);
+    result.insert(result.end(), other_names().begin(), other_names().end());
+    result.insert(result.end(), global_names().begin(), global_names().end());
+    return result;
+  }();
+  return names;
+}
+
+std::optional<std::string> check_library_value(const std::string& name, const std::optional<std::string>& text,
+                                               const std::string& where) {
+  const std::string place = where.empty() ? "" : " (" + where + ")";
+  if (!is_known(name)) {
+    // -ts_max_tim carries a prefix of PETSc and is meant for the program
+    std::vector<std::string> ours;
+    for (const OptionSpec& spec : option_table())
+      if (object_of(lower_case(spec.name)) == object_of(name)) ours.push_back(spec.name);
+    const std::string near = nearest_name(name, ours);
+    if (!near.empty() && near == nearest_name(name, [&ours] {
+          std::vector<std::string> all = known_library_options();
+          all.insert(all.begin(), ours.begin(), ours.end());
+          return all;
+        }()))
+      throw UsageError("unknown option -" + quoted(name) + place + "; did you mean -" + near + "?");
+  }
+  if (name == "options_file" || name == "options_file_yaml" || name == "options_string_yaml" ||
+      starts_with(name, "prefix_"))
+    throw UsageError("-" + name + place + ": not here; only a scene file, PETSC_OPTIONS and the command line are read");
+  const auto it = known_specs().find(without_nesting(name));
+  if (it == known_specs().end()) return text;
+
+  OptionSpec spec = it->second;
+  spec.name = name;
+  if (!text) {
+    if (spec.type != OptionType::boolean)
+      throw UsageError("-" + name + place + ": needs a value, " + requirement(spec));
+    return text;
+  }
+  if (spec.type == OptionType::integer || spec.type == OptionType::real) {
+    for (const char* word : {"default", "decide", "petsc_default", "petsc_decide"})
+      if (lower_case(*text) == word) return text;
+  }
+  if (spec.type == OptionType::choice) {  // PETSc is case-blind here
+    for (const std::string& word : spec.words)
+      if (lower_case(word) == lower_case(*text)) return word;
+  }
+  check_value(spec, *text, where);
+  if (spec.type == OptionType::integer) return std::to_string(Options::integer_of(*text));  // 1e3 is none to PETSc
+  return text;
+}
+
+bool only_looks(const std::string& name) {
+  return name.find("_view") != std::string::npos || name.find("_monitor") != std::string::npos ||
+         name.find("_converged_reason") != std::string::npos || starts_with(name, "eps_error_") ||
+         starts_with(name, "pep_error_") || starts_with(name, "log_") || name == "info" || name == "citations" ||
+         name == "options_left";
+}
+
+void insert_library_options(const Options& options) {
+  for (const auto& [name, text] : options.library())
+    SS_TRY(PetscOptionsSetValue(nullptr, ("-" + name).c_str(), text.empty() ? nullptr : text.c_str()));
+}
+
+void check_library_types(const Options& options) {
+  SS_TRY(TSInitializePackage());
+  SS_TRY(SNESInitializePackage());
+  SS_TRY(KSPInitializePackage());
+  SS_TRY(PCInitializePackage());
+  SS_TRY(EPSInitializePackage());
+  SS_TRY(STInitializePackage());
+  SS_TRY(BVInitializePackage());
+  const std::vector<std::pair<const char*, PetscFunctionList>> lists = {
+      {"ts_type", TSList}, {"snes_type", SNESList}, {"snes_linesearch_type", SNESLineSearchList}, {"ksp_type", KSPList},
+      {"pc_type", PCList}, {"eps_type", EPSList},   {"st_type", STList},                          {"bv_type", BVList}};
+  for (const auto& [name, text] : options.library()) {
+    const std::string plain = without_nesting(name);
+    for (const auto& [key, list] : lists) {
+      if (plain != key) continue;
+      const char** registered = nullptr;
+      int count = 0;
+      SS_TRY(PetscFunctionListGet(list, &registered, &count));
+      std::vector<std::string> words;  // `count` counts a null at the end
+      for (int i = 0; i < count && registered[i]; ++i) words.push_back(registered[i]);
+      SS_TRY(PetscFree(registered));
+      if (std::find(words.begin(), words.end(), text) != words.end()) continue;
+      const std::string near = nearest_name(text, words);
+      std::string message = "-" + name + " " + quoted(text) + ": no such method; ";
+      if (!near.empty()) {
+        message += "did you mean " + near + "?";
+      } else {
+        message += "it is one of";
+        for (const std::string& word : words) message += " " + word;
+      }
+      throw UsageError(message);
+    }
+  }
+}
+
+void check_unused_after_setup(const Options& options, const std::string& not_made) {
+  set_up = true;
+  std::set<std::string> made = made_by(options.command());
+  for (const std::string& object : split(not_made)) made.erase(object);
+  for (const auto& [name, text] : options.library()) {
+    if (is_used(name) || global_names().count(name) || only_looks(name) || read_late(name)) continue;
+    const bool program_wide = starts_with(name, "log_") || starts_with(name, "options_") ||
+                              starts_with(name, "malloc_") || starts_with(name, "memory_") ||
+                              starts_with(name, "on_error_") || starts_with(name, "debugger_");
+    if (!program_wide && !made.count(object_of(name))) continue;
+    if (is_known(name))
+      throw UsageError("-" + name + (text.empty() ? "" : " " + quoted(text)) + ": nothing reads it in this " +
+                       options.command() + "; the methods and types chosen have no such option");
+    std::vector<std::string> names = known_library_options();
+    for (const OptionSpec& spec : option_table()) names.push_back(spec.name);
+    const std::string near = nearest_name(name, names);
+    throw UsageError("unknown option -" + quoted(name) + ": neither this program nor PETSc or SLEPc reads it" +
+                     (near.empty() ? "" : "; did you mean -" + near + "?"));
+  }
+}
+
+void warn_unused_at_end(const Options& options) {
+  for (const auto& [name, text] : options.library())
+    if (!global_names().count(name) && !is_used(name))
+      warn("-" + name + (text.empty() ? "" : " " + quoted(text)) + " was not used");
+}
+
+std::string option_behind(const std::string& message, const Options& options) {
+  if (set_up) return "";
+  std::string best, best_text;
+  for (const auto& [name, text] : options.library()) {
+    if (text.empty() || text.size() <= best_text.size()) continue;
+    const auto at = message.find(text);
+    if (at == std::string::npos) continue;
+    const auto part_of_word = [&message](std::size_t i) {
+      return i < message.size() && (std::isalnum((unsigned char)message[i]) || message[i] == '_');
+    };
+    if ((at > 0 && part_of_word(at - 1)) || part_of_word(at + text.size())) continue;
+    best = name;
+    best_text = text;
+  }
+  return best;
+}
+
+}  // namespace stickslip
