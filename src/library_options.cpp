@@ -103,7 +103,8 @@ const std::set<std::string>& other_names() {
     std::set<std::string> result;
     for (const std::string& name : split(
              "ts_type ts_adapt_type ts_adapt_clip ts_adapt_wnormtype ts_view ts_view_solution ts_monitor "
-             "ts_monitor_solution ts_time_span ts_monitor_solution_vtk ts_monitor_error ts_monitor_extreme ts_monitor_lg_solution "
+             "ts_monitor_solution ts_time_span ts_monitor_solution_vtk ts_monitor_error ts_monitor_extreme "
+             "ts_monitor_lg_solution "
              "snes_type snes_linesearch_type snes_view snes_monitor snes_monitor_short snes_converged_reason "
              "snes_linesearch_monitor snes_test_jacobian snes_test_jacobian_view snes_compare_explicit "
              "ksp_type ksp_view ksp_monitor ksp_monitor_true_residual ksp_converged_reason ksp_guess_type "
@@ -132,9 +133,11 @@ const std::set<std::string>& global_names() {
                "malloc_requested_size memory_view info citations version help display nox nox_warning x_virtual "
                "fp_trap no_signal_handler on_error_abort on_error_mpiabort on_error_attach_debugger on_error_emacs "
                "on_error_malloc_dump error_output_stdout error_output_none debug_terminal debugger_pause "
-               "debugger_ranks start_in_debugger stop_for_debugger get_total_flops objects_dump tmp shared_tmp not_shared_tmp "
+               "debugger_ranks start_in_debugger stop_for_debugger get_total_flops objects_dump tmp shared_tmp "
+               "not_shared_tmp "
                "mpi_return_on_error petsc_sleep skip_petscrc use_gpu_aware_mpi checkfunctionlist "
-               "check_pointer_intensity checkstack device_enable device_select device_view default_device_type draw_pause draw_save "
+               "check_pointer_intensity checkstack device_enable device_select device_view default_device_type "
+               "draw_pause draw_save "
                "viewer_binary_skip_info blas_view"))
       result.insert(name);
     return result;
@@ -146,7 +149,8 @@ const std::vector<std::string>& prefixes() {
   static const std::vector<std::string> list = split(
       "ts_ snes_ ksp_ pc_ mat_ vec_ da_ dm_ dmda_ is_ sf_ vecscatter_ eps_ st_ bv_ ds_ rg_ fn_ pep_ nep_ svd_ "
       "mfn_ lme_ log_ options_ malloc_ memory_ on_error_ debugger_ device_ root_device_context_ draw_ viewer_ petsc_ "
-      "slepc_ info_ sub_ redundant_ mg_ fieldsplit_ npc_ esteig_ inner_ matmatmult_ matptap_ mattransposematmult_ all_ksp_");
+      "slepc_ info_ sub_ redundant_ mg_ fieldsplit_ npc_ esteig_ inner_ matmatmult_ matptap_ mattransposematmult_ "
+      "all_ksp_");
   return list;
 }
 

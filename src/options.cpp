@@ -187,7 +187,7 @@ std::vector<OptionSpec> make_table() {
   probes.low = 0;
   probes.default_help = "none";
   t.boolean("out_displacement", "false", "write the displacement chi as well");
-  t.add("out_checkpoint_every", OptionType::steps_or_time, "", "steps, or wall clock (30s, 10m, 2h), between checkpoints")
+  t.add("out_checkpoint_every", OptionType::steps_or_time, "", "steps or wall clock (30s, 10m, 2h) between checkpoints")
       .default_help = "none";
   t.integer("out_checkpoint_keep", "2", 1, int_max, "checkpoints kept");
   t.text("restart", "", "checkpoint to go on from").default_help = "none";
