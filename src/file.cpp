@@ -13,6 +13,7 @@
 
 #include "hdf5_tools.hpp"
 #include "paths.hpp"
+#include "share.hpp"
 #include "stickslip/error.hpp"
 #include "stickslip/json.hpp"
 #include "stickslip/root.hpp"
@@ -718,35 +719,12 @@ void reading(const std::string& what, const std::string& path, Body&& body) {
   });
 }
 
-template <class T>
-void share(std::vector<T>& values, MPI_Datatype type) {
-  std::int64_t size = static_cast<std::int64_t>(values.size());
-  MPI_Bcast(&size, 1, MPI_INT64_T, 0, PETSC_COMM_WORLD);
-  values.resize(static_cast<std::size_t>(size));
-  const std::int64_t most = 1 << 28;  // an int counts the items of one call
-  for (std::int64_t at = 0; at < size; at += most)
-    MPI_Bcast(values.data() + at, static_cast<int>(std::min(most, size - at)), type, 0, PETSC_COMM_WORLD);
-}
-
-void share(std::string& text) {
-  std::vector<char> bytes(text.begin(), text.end());
-  share(bytes, MPI_CHAR);
-  text.assign(bytes.begin(), bytes.end());
-}
-
-void share(std::map<std::string, std::string>& values) {
-  std::string json = Json(values).text(0);
-  share(json);
-  values = parse_text_map(json);
-}
-
 }  // namespace
 
 FileHeader read_header(const std::string& what, const std::string& path) {
   FileHeader header;
   reading(what, path, [&](hid_t, const FileHeader& found) { header = found; });
-  for (std::string* text : {&header.kind, &header.version, &header.git}) share(*text);
-  share(header.options);
+  share(header);
   return header;
 }
 
@@ -758,15 +736,14 @@ DataArray read_array(const std::string& what, const std::string& path, const std
     for (const hsize_t size : h5::extents(dataset)) array.shape.push_back(size);
   });
   std::vector<std::int64_t> shape(array.shape.begin(), array.shape.end());
-  share(shape, MPI_INT64_T);
+  share(shape);
   array.shape.assign(shape.begin(), shape.end());
-  share(array.values, MPI_DOUBLE);
+  share(array.values);
   return array;
 }
 
 Frame read_frame(const std::string& what, const std::string& path, std::int64_t index) {
   Frame frame;
-  std::vector<std::string> names;
   reading(what, path, [&](hid_t file, const FileHeader& header) {
     if (header.kind != "run") throw Failure("holds the result of `" + header.kind + "`, not of `run`");
     const std::vector<double> t = h5::read_reals(file, "t");
@@ -783,24 +760,17 @@ Frame read_frame(const std::string& what, const std::string& path, std::int64_t 
       if (H5Iget_type(object) != H5I_DATASET) continue;
       const auto sizes = h5::extents(object);
       if (sizes.size() != 2 || sizes[1] != frame.x.size() || sizes[0] <= static_cast<hsize_t>(frame.index)) continue;
-      names.push_back(name);
       frame.fields[name] = h5::read_rows(object, static_cast<hsize_t>(frame.index), 1, sizes[1]);
     }
     for (const char* name : {"psi", "eta"})
       if (!frame.fields.count(name)) throw Failure(std::string("has no dataset '") + name + "' of (t, x)");
   });
-  MPI_Bcast(&frame.t, 1, MPI_DOUBLE, 0, PETSC_COMM_WORLD);
-  MPI_Bcast(&frame.index, 1, MPI_INT64_T, 0, PETSC_COMM_WORLD);
-  MPI_Bcast(&frame.count, 1, MPI_INT64_T, 0, PETSC_COMM_WORLD);
-  share(frame.x, MPI_DOUBLE);
+  share(frame.t);
+  share(frame.index);
+  share(frame.count);
+  share(frame.x);
+  share(frame.fields);
   share(frame.options);
-  std::int64_t fields = static_cast<std::int64_t>(names.size());
-  MPI_Bcast(&fields, 1, MPI_INT64_T, 0, PETSC_COMM_WORLD);
-  names.resize(static_cast<std::size_t>(fields));
-  for (std::string& name : names) {
-    share(name);
-    share(frame.fields[name], MPI_DOUBLE);
-  }
   return frame;
 }
 

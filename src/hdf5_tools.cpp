@@ -217,6 +217,17 @@ void write_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width, cons
     fail("write", dataset);
 }
 
+std::vector<std::string> attribute_names(hid_t object) {
+  std::vector<std::string> names;
+  const auto visit = [](hid_t, const char* name, const H5A_info_t*, void* out) -> herr_t {
+    static_cast<std::vector<std::string>*>(out)->emplace_back(name);
+    return 0;
+  };
+  hsize_t at = 0;
+  if (H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_INC, &at, visit, &names) < 0) fail("list the attributes of", object);
+  return names;
+}
+
 std::vector<std::string> members(hid_t file, const std::string& group) {
   const Id handle(H5Gopen2(file, group.c_str(), H5P_DEFAULT));
   if (!handle) fail("open group " + group + " of", file);

@@ -65,6 +65,8 @@ std::vector<double> read_reals(hid_t file, const std::string& name);            
 std::vector<double> read_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width);   // of (t) or (t, x)
 void write_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width, const double* data);
 
+std::vector<std::string> attribute_names(hid_t object);
+
 // Names of the links in a group, sorted.
 std::vector<std::string> members(hid_t file, const std::string& group);
 
