@@ -116,7 +116,9 @@ void create_table(hid_t file, Table& table) {
     const hsize_t chunk[2] = {rows, std::clamp<hsize_t>(largest_chunk / (8 * rows), 1, width)};
     const Id space(H5Screate_simple(rank, dims, most)), creation = dataset_creation(),
         access(H5Pcreate(H5P_DATASET_ACCESS));
+    const double nan = std::numeric_limits<double>::quiet_NaN();
     H5Pset_chunk(creation, rank, chunk);
+    H5Pset_fill_value(creation, H5T_NATIVE_DOUBLE, &nan);  // never written; a reader pads shorter datasets with it
     H5Pset_alloc_time(creation, H5D_ALLOC_TIME_EARLY);
     H5Pset_fill_time(creation, H5D_FILL_TIME_NEVER);  // keeps the file sparse
     H5Pset_chunk_cache(access, 0, 0, 0);              // rows go straight to the file
