@@ -1,0 +1,48 @@
+# Sourced by ./demo and ./check: installs what is missing and sets the environment. `root` is the source tree.
+# What the packages hold is explained in README.md; keep both lists alike.
+packages=(g++ cmake ninja-build pkg-config git
+          libslepc-real-dev libpetsc-real-dev libopenmpi-dev openmpi-bin libhdf5-openmpi-dev catch2
+          python3-h5py python3-matplotlib python3-xarray python3-h5netcdf)
+
+say() { printf '\n== %s\n' "$*"; }
+die() { printf 'error: %s\n' "$*" >&2; exit 1; }
+
+install_missing() {
+  command -v dpkg-query >/dev/null || {
+    say "this is no Debian system; the equivalents of these packages are needed: ${packages[*]}"
+    return 0
+  }
+  local missing=() package
+  for package in "${packages[@]}"; do
+    case "$(dpkg-query -W -f '${db:Status-Status} ' "$package" 2>/dev/null)" in
+      *installed\ *) ;;
+      *) missing+=("$package") ;;
+    esac
+  done
+  ((${#missing[@]})) || return 0
+
+  local as_root=()
+  if (($(id -u) != 0)); then
+    command -v sudo >/dev/null || die "neither root nor sudo at hand; as root: apt-get install ${missing[*]}"
+    as_root=(sudo)
+    [ -t 0 ] || sudo -n true 2>/dev/null ||
+      die "sudo wants a password and there is no terminal to ask for it; as root: apt-get install ${missing[*]}"
+  fi
+  say "installing ${missing[*]}"
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q update ||
+    echo "apt-get update failed; trying with the package lists as they are" >&2
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q -y install --no-install-recommends "${missing[@]}" ||
+    die "apt-get could not install ${missing[*]}"
+}
+
+# Open MPI: allow root and more ranks than cores, start a single process without a daemon.
+export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_base_oversubscribe=1
+export OMPI_MCA_mpi_yield_when_idle=1 OMPI_MCA_hwloc_base_binding_policy=none OMPI_MCA_pml=ob1
+export OMPI_MCA_ess_singleton_isolated=1 OMPI_MCA_btl_vader_single_copy_mechanism=none OMP_NUM_THREADS=1
+export LC_ALL=C.UTF-8 MPLBACKEND=Agg
+
+# Configures and builds the preset $1.
+build() {
+  say "building (preset $1)"
+  cmake --preset "$1" && cmake --build --preset "$1" || die "the build failed"
+}
