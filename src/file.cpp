@@ -192,7 +192,9 @@ struct RunFile::Writer {
   std::string path;       // final name
   std::string temporary;  // until the first frame
   Provenance provenance;
-  std::map<std::string, std::string> attributes;
+  std::map<std::string, std::string> texts;
+  std::map<std::string, double> numbers;
+  std::vector<double> friction_psi, friction_F;
   std::vector<Table> tables;  // 0: frames; then probes and series where wanted
   std::size_t probes = 0, series = 0;  // which, 0 for none
   Id file;
@@ -215,7 +217,10 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& la
     : path(paths::resolved(name)),
       temporary(paths::hidden_sibling(path)),
       provenance(std::move(from)),
-      attributes(std::move(layout.attributes)) {
+      texts(std::move(layout.texts)),
+      numbers(std::move(layout.numbers)),
+      friction_psi(std::move(layout.friction_psi)),
+      friction_F(std::move(layout.friction_F)) {
   const Field time{"t", "time", "time"};
   Table frames;
   frames.x_field = {"x", "length", "position"};
@@ -249,10 +254,19 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& la
 // `bytes`: of rows that will follow at once.
 void RunFile::Writer::create(const std::string& name, double bytes) {
   for (const Table& table : tables) bytes += 8.0 * double(table.x.size());
+  bytes += 16.0 * double(friction_psi.size());
   unlink(name.c_str());  // never write into a file that somebody else may still have open
   file = h5::create_file(name, bytes);
   h5::write_header(file, provenance, "run");
-  for (const auto& [key, text] : attributes) h5::write_attribute(file, key, text);
+  for (const auto& [key, text] : texts) h5::write_attribute(file, key, text);
+  for (const auto& [key, number] : numbers) h5::write_attribute(file, key, number);
+  if (!friction_psi.empty()) {
+    const Field at{"friction/psi", "length/time", "sliding velocity"};
+    const Id scale = write_fixed(file, at, {friction_psi.size()}, friction_psi);
+    make_scale(scale, "psi");
+    const Field friction{"friction/F", "1", "steady friction over its amplitude"};
+    attach_scale(write_fixed(file, friction, {friction_F.size()}, friction_F), scale, 0);
+  }
   for (Table& table : tables) create_table(file, table);
   if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0) h5::fail("write", name);
 }

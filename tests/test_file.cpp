@@ -434,6 +434,44 @@ TEST_CASE("run file: continued after an earlier one, its later rows replaced", "
   CHECK(read_frame("x", path).count == 5);
 }
 
+TEST_CASE("run layout: coefficients, friction and stability of uniform sliding follow from the scene", "[output]") {
+  const auto stable = [](const Scene& scene) { return RunLayout::of(scene).numbers.at("steady_stable") == 1; };
+  Scene scene;  // continuum, cubic: |v_c| = sqrt(1 - s delta/gamma)
+  for (const bool derived : {true, false}) {
+    scene.derived_sign = derived;
+    const double critical = std::sqrt(1 - (derived ? 0.2 : -0.2) / 3);
+    scene.v = critical - 1e-6;
+    CHECK(!stable(scene));
+    scene.v = -critical - 1e-6;
+    CHECK(stable(scene));
+  }
+  const RunLayout layout = RunLayout::of(scene);
+  CHECK(layout.x.size() == 512);
+  CHECK(layout.numbers.at("K1") == 1. / 3);
+  CHECK(layout.numbers.at("s_delta") == -0.2);
+  CHECK(layout.numbers.at("steady_eta") == Approx(scene.v * scene.v * scene.v / 3 - scene.v));
+  const auto at = std::find(layout.friction_psi.begin(), layout.friction_psi.end(), 1.5);
+  REQUIRE(at != layout.friction_psi.end());
+  CHECK(layout.friction_F[std::size_t(at - layout.friction_psi.begin())] == Approx(1.5 * 1.5 * 1.5 / 3 - 1.5));
+
+  // Rate and state with inertia: stable iff K > (b - a) T/D [1 + v^2/(A a D T)] at every wavelength, T = tanh(F/a)
+  Scene chain;
+  chain.form = Form::chain;
+  chain.order = 2;
+  chain.friction.law = Law::rate_and_state;
+  chain.friction.state = StateLaw::ageing;
+  chain.v = 0.1;
+  const double a = chain.friction.a, b = chain.friction.b, F = 0.6 + (a - b) * std::log(0.1), T = std::tanh(F / a);
+  const double critical = (b - a) * T * (1 + 0.01 / (chain.A() * a * T));
+  chain.k0 = critical * (1 + 1e-6);
+  CHECK(stable(chain));
+  chain.k0 = critical * (1 - 1e-6);
+  CHECK(!stable(chain));
+  CHECK(RunLayout::of(chain).fields.back().name == "theta");
+  chain.v = 0;
+  CHECK(RunLayout::of(chain).numbers.count("steady_stable") == 0);
+}
+
 TEST_CASE("result file: dimensions, groups, texts", "[output]") {
   const Folder folder;
   const std::string path = folder / "spectrum.h5";

@@ -12,7 +12,7 @@
 // outgrows its chunks is copied into a new file, which then takes the old one's place.
 #pragma once
 
-#include <petscdm.h>
+#include <petscvec.h>
 
 #include <cstdint>
 #include <map>
@@ -23,6 +23,7 @@
 
 #include "stickslip/handle.hpp"
 #include "stickslip/provenance.hpp"
+#include "stickslip/scene.hpp"
 
 namespace stickslip {
 
@@ -64,7 +65,15 @@ struct RunLayout {
   std::vector<double> probe_x;  // probes/x; the datasets are probes/psi and probes/eta of (t, x)
   std::vector<Field> series;    // series/NAME of t
   std::int64_t frames = 0;      // how many are expected (any number may come)
-  std::map<std::string, std::string> attributes;  // further root attributes
+  std::map<std::string, std::string> texts;  // further root attributes
+  std::map<std::string, double> numbers;
+  std::vector<double> friction_psi, friction_F;  // steady friction, a table friction/F of friction/psi, if not empty
+
+  // All that follows from a scene: x, the fields psi, eta and tau or theta; as numbers the coefficients A, B, K0, K1,
+  // s_delta and v of the one system and, where uniform sliding exists, its steady_eta and steady_stable (1 or 0, to
+  // perturbations of every wavelength of the grid); the table of friction (amplitude 1). To be completed by probes,
+  // series, frames.
+  static RunLayout of(const Scene& scene);
 };
 
 // The standard fields, to be put into RunLayout::fields: psi, eta, tau, theta, chi.
