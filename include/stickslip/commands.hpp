@@ -1,0 +1,11 @@
+// The commands: each reads its options, does its work and returns the exit code (0, or that of a signal it stopped
+// for). Errors leave as exceptions (error.hpp). All are collective.
+#pragma once
+
+#include "stickslip/options.hpp"
+
+namespace stickslip {
+
+int run_command(const Options& options);  // advances the scene in time
+
+}  // namespace stickslip

@@ -1,0 +1,79 @@
+// Advancing the semi-discrete system in time by PETSc TS.
+//
+// Without any option the method is chosen from two frequencies of the scene at its start: that of the shortest wave,
+// sqrt(A (K0 + K1 kappa^2_max)), and the rate of friction, max |A (B + F_psi)|. Where an accurate step is stable, the
+// explicit Runge-Kutta pair 5dp is used; otherwise an implicit-explicit ARKIMEX method takes the stiff part
+// implicitly. Every -ts_, -snes_, -ksp_, -pc_ option stands above the choice.
+//
+// imex_implicit says what an IMEX method takes implicitly:
+//     friction  all pointwise terms (Newton, 2x2 blocks solved exactly); K1 D2 psi explicit
+//     wave      the linear constant terms (factored once while the step stands); F and g explicit
+//     both      everything
+//     none      nothing
+// Explicit methods (rk, ssp, euler) take the whole right-hand side; methods that are fully implicit (theta, cn,
+// beuler, bdf, rosw, ...) take everything implicitly.
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <string>
+
+#include "stickslip/model.hpp"
+
+namespace stickslip {
+
+enum class Implicit { none, friction, wave, both };
+std::string to_string(Implicit implicit);
+
+// What a run did.
+struct TimeReport {
+  double t = 0;                 // reached
+  PetscInt steps = 0, rejections = 0;
+  long rhs_evaluations = 0;     // of the whole right-hand side or of parts of it
+  std::string method;           // e.g. "rk:5dp"
+  Implicit implicit = Implicit::none;
+  std::string reason;           // why it stopped: "end time", "ts_max_steps", or what an observer asked for
+};
+
+class Integrator {
+ public:
+  // One accepted step. Everything is collective.
+  struct Step {
+    PetscInt index;   // number of this step, 0 for the start
+    double t_before, t;
+    Vec u;            // at t; not to be changed
+    double next_dt;   // proposed
+    // u at a time in [t_before, t], to the order that interpolation_order() states
+    std::function<void(double at, Vec into)> interpolate;
+  };
+  enum class Verdict { go_on, restart, stop };
+  // Called at the start (index 0) and after every accepted step, which is finite. `restart`: forget what the method
+  // remembers of earlier steps, so that a run restarted from here goes on alike.
+  using Observer = std::function<Verdict(const Step&)>;
+
+  // Sets the method up for the scene and its start u. `prefix` is put before the names of PETSc's options. Throws
+  // UsageError for methods that do not work here. Collective.
+  Integrator(const Model& model, const Options& options, Vec u, const std::string& prefix = "");
+  ~Integrator();
+
+  // Times at which the observer will interpolate: told ahead, so that only steps that hold one pay for it. Sorted.
+  void set_output_times(std::vector<double> times);
+
+  // Continues from a checkpoint: step number and size are taken as they were saved, whatever the options say.
+  void continue_from(PetscInt step, double dt);
+
+  // Advances u from t to t_end (hit exactly) or through max_steps steps in all. Throws Failure where a step is not
+  // finite or the method gives up; u is then the last state reached.
+  TimeReport advance(Vec u, double t, double t_end, const Observer& observer,
+                     PetscInt max_steps = std::numeric_limits<PetscInt>::max() - 1);
+
+  const TimeReport& report() const;  // as far as it has come; valid after a Failure too
+  int interpolation_order() const;
+  TS ts() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace stickslip

@@ -1,0 +1,175 @@
+#include "stickslip/measure.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace stickslip {
+
+namespace {
+
+// Upward passages of psi through `level` along x; a dip counts only where it goes at least `depth` below.
+int count_passages(const std::vector<double>& psi, double level, double depth, bool ring) {
+  const std::size_t n = psi.size();
+  int count = 0;
+  bool below = false;
+  const std::size_t turns = ring ? 2 * n : n;  // on a ring a first turn finds the state to start with
+  for (std::size_t i = 0; i < turns; ++i) {
+    const double value = psi[i % n];
+    if (value < level - depth) {
+      below = true;
+    } else if (value > level + depth && below) {
+      below = false;
+      if (!ring || i >= n) ++count;
+    }
+  }
+  return count;
+}
+
+}  // namespace
+
+Measurement::Measurement(const Scene& scene, double t_end) : scene_(scene), t_end_(t_end) {
+  const int last = 4 * quarter;
+  for (int i = 0; i < quarter; ++i) times_.push_back(t_end * (0.5 + 0.25 * i / quarter));
+  for (int i = 0; i < last; ++i) times_.push_back(t_end * (0.75 + 0.25 * i / last));
+  times_.push_back(t_end);
+}
+
+void Measurement::sample(double t, const std::vector<double>& psi) {
+  const std::size_t n = psi.size(), part = t < 0.75 * t_end_ ? 0 : 1;
+  if (low_[part].empty()) low_[part] = high_[part] = psi;
+  for (std::size_t i = 0; i < n; ++i) {
+    low_[part][i] = std::min(low_[part][i], psi[i]);
+    high_[part][i] = std::max(high_[part][i], psi[i]);
+  }
+  if (part == 1) {
+    const auto [low, high] = std::minmax_element(psi.begin(), psi.end());
+    const double range = *high - *low;
+    double step = scene_.ring() ? std::abs(psi[0] - psi[n - 1]) : 0;
+    for (std::size_t i = 1; i < n; ++i) step = std::max(step, std::abs(psi[i] - psi[i - 1]));
+    if (range > 1e-3 * (1 + std::abs(scene_.v))) steepest_ = std::max(steepest_, step / range);
+
+    if (passed_.empty()) {
+      passed_.assign(n, std::numeric_limits<double>::quiet_NaN());
+      mode_ = count_passages(psi, scene_.v, 0.05 * range, scene_.ring());
+    } else {
+      const double before = sample_t_.back();
+      for (std::size_t i = 0; i < n; ++i) {
+        const double a = last_[i] - scene_.v, b = psi[i] - scene_.v;
+        if (a < 0 && b >= 0) passed_[i] = before + (t - before) * a / (a - b);
+      }
+    }
+    if (scene_.ring() && mode_ > 0) {
+      double re = 0, im = 0;
+      for (std::size_t i = 0; i < n; ++i) {
+        const double angle = 2 * M_PI * std::fmod(mode_ * double(i) / double(n), 1.);
+        re += psi[i] * std::cos(angle);
+        im -= psi[i] * std::sin(angle);
+      }
+      double phase = std::atan2(im, re);
+      if (!phase_.empty()) phase = phase_.back() + std::remainder(phase - phase_.back(), 2 * M_PI);
+      phase_t_.push_back(t);
+      phase_.push_back(phase);
+    }
+    sample_t_.push_back(t);
+    last_ = psi;
+  }
+}
+
+std::optional<double> Measurement::ring_speed() const {
+  const std::size_t count = phase_.size();
+  if (count < 8) return std::nullopt;
+  double mean_t = 0, mean = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    mean_t += phase_t_[i] / double(count);
+    mean += phase_[i] / double(count);
+  }
+  double tt = 0, tp = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    tt += (phase_t_[i] - mean_t) * (phase_t_[i] - mean_t);
+    tp += (phase_t_[i] - mean_t) * (phase_[i] - mean);
+  }
+  const double slope = tp / tt;
+  double square = 0;
+  for (std::size_t i = 0; i < count; ++i)
+    square += std::pow(phase_[i] - mean - slope * (phase_t_[i] - mean_t), 2) / double(count);
+  if (!(std::sqrt(square) < 0.3) || slope == 0) return std::nullopt;
+  return -slope * scene_.length / (2 * M_PI * mode_);
+}
+
+std::optional<double> Measurement::passage_speed() const {
+  std::vector<double> slowness;
+  const std::size_t n = passed_.size();
+  for (std::size_t i = n / 4; i + 1 < n - n / 4; ++i) {
+    const double s = (passed_[i + 1] - passed_[i]) / scene_.h();
+    if (std::isfinite(s)) slowness.push_back(s);
+  }
+  if (slowness.size() < std::max<std::size_t>(4, n / 4)) return std::nullopt;
+  const auto middle = slowness.begin() + static_cast<std::ptrdiff_t>(slowness.size() / 2);
+  std::nth_element(slowness.begin(), middle, slowness.end());
+  const double median = *middle;
+  const auto agree = std::count_if(slowness.begin(), slowness.end(), [&](double s) { return s * median > 0; });
+  if (double(agree) < 0.8 * double(slowness.size())) return std::nullopt;
+  return 1 / median;
+}
+
+Measurement::Result Measurement::result() const {
+  Result r;
+  r.window_begin = 0.75 * t_end_;
+  r.window_end = t_end_;
+  if (low_[1].empty()) return r;
+  double amplitude[2] = {0, 0};
+  for (int part = 0; part < 2; ++part)
+    for (std::size_t i = 0; i < low_[part].size(); ++i)
+      amplitude[part] = std::max(amplitude[part], (high_[part][i] - low_[part][i]) / 2);
+  r.amplitude = amplitude[1];
+  r.steepest = steepest_;
+  const double scale = scene_.v != 0 ? std::abs(scene_.v) : 1;
+  if (amplitude[1] < 1e-3 * scale) {
+    r.regime = "sliding";
+  } else if (!low_[0].empty()) {
+    const double ratio = amplitude[1] / amplitude[0];
+    if (ratio < 0.5 && amplitude[1] < 0.2 * scale) r.regime = "sliding";
+    if (ratio > 0.75 && ratio < 1.25 && amplitude[1] > 0.2 * scale) r.regime = "stick-slip";
+  }
+  const auto [low, high] = std::minmax_element(last_.begin(), last_.end());
+  const double range = *high - *low;
+  const bool waves = range > 1e-3 * scale;
+  r.pulses = waves ? count_passages(last_, scene_.v, 0.05 * range, scene_.ring()) : 0;
+  if (waves && *r.pulses > 0) {
+    if (!scene_.ring()) r.wave_speed = passage_speed();
+    else if (double(*r.pulses) == mode_) r.wave_speed = ring_speed();
+  }
+  return r;
+}
+
+std::map<std::string, std::vector<double>> Measurement::save() const {
+  return {{"measure_low_0", low_[0]},   {"measure_high_0", high_[0]}, {"measure_low_1", low_[1]},
+          {"measure_high_1", high_[1]}, {"measure_last", last_},      {"measure_passed", passed_},
+          {"measure_t", sample_t_},     {"measure_phase_t", phase_t_}, {"measure_phase", phase_},
+          {"measure_scalars", {mode_, steepest_}}};
+}
+
+void Measurement::restore(const std::map<std::string, std::vector<double>>& saved) {
+  const auto take = [&](const char* name, std::vector<double>& into) {
+    const auto found = saved.find(name);
+    if (found != saved.end()) into = found->second;
+  };
+  take("measure_low_0", low_[0]);
+  take("measure_high_0", high_[0]);
+  take("measure_low_1", low_[1]);
+  take("measure_high_1", high_[1]);
+  take("measure_last", last_);
+  take("measure_passed", passed_);
+  take("measure_t", sample_t_);
+  take("measure_phase_t", phase_t_);
+  take("measure_phase", phase_);
+  std::vector<double> scalars;
+  take("measure_scalars", scalars);
+  if (scalars.size() == 2) {
+    mode_ = scalars[0];
+    steepest_ = scalars[1];
+  }
+}
+
+}  // namespace stickslip

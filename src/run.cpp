@@ -1,0 +1,418 @@
+// The command `run`: advances a scene in time and writes frames, probes, series, checkpoints and the summary.
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+
+#include "stickslip/checkpoint.hpp"
+#include "stickslip/commands.hpp"
+#include "stickslip/error.hpp"
+#include "stickslip/file.hpp"
+#include "stickslip/library_options.hpp"
+#include "stickslip/measure.hpp"
+#include "stickslip/probe.hpp"
+#include "stickslip/start.hpp"
+#include "stickslip/summary.hpp"
+#include "stickslip/time.hpp"
+
+namespace stickslip {
+
+namespace {
+
+volatile std::sig_atomic_t caught_signal = 0;
+volatile std::sig_atomic_t checkpoint_wanted = 0;
+
+extern "C" void on_signal(int number) {
+  if (number == SIGUSR1) checkpoint_wanted = 1;
+  else caught_signal = number;
+}
+
+// While it lives, SIGINT and SIGTERM ask for a checkpoint and an end, SIGUSR1 for a checkpoint.
+class SignalWatch {
+ public:
+  SignalWatch() {
+    caught_signal = checkpoint_wanted = 0;
+    struct sigaction action {};
+    action.sa_handler = on_signal;
+    sigemptyset(&action.sa_mask);
+    action.sa_flags = SA_RESTART;
+    for (std::size_t i = 0; i < numbers.size(); ++i) sigaction(numbers[i], &action, &before_[i]);
+  }
+  ~SignalWatch() {
+    for (std::size_t i = 0; i < numbers.size(); ++i) sigaction(numbers[i], &before_[i], nullptr);
+  }
+  SignalWatch(const SignalWatch&) = delete;
+  SignalWatch& operator=(const SignalWatch&) = delete;
+
+ private:
+  static constexpr std::array<int, 3> numbers{SIGINT, SIGTERM, SIGUSR1};
+  std::array<struct sigaction, 3> before_{};
+};
+
+// One line on stderr, rewritten about twice a second.
+class Progress {
+ public:
+  Progress(const Options& options, double t, double t_end)
+      : begin_(MPI_Wtime()), last_(begin_), t_begin_(t), t_end_(t_end) {
+    int rank;
+    MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+    const std::string wish = options.text("progress");
+    on_ = rank == 0 && (wish == "on" || (wish == "auto" && isatty(STDERR_FILENO)));
+    tty_ = isatty(STDERR_FILENO) != 0;
+  }
+  ~Progress() {
+    if (on_ && shown_ && tty_) std::fputs("\r\033[K", stderr);
+  }
+  void show(double t, PetscInt step, double dt) {
+    if (!on_) return;
+    const double now = MPI_Wtime();
+    if (now - last_ < (tty_ ? 0.5 : 5)) return;
+    last_ = now;
+    shown_ = true;
+    const double part = (t - t_begin_) / (t_end_ - t_begin_), left = part > 0 ? (now - begin_) * (1 - part) / part : 0;
+    std::fprintf(stderr, "%st = %.6g of %.6g (%.0f %%), step %lld, dt %.2g, %.0f s left%s", tty_ ? "\r\033[K" : "", t,
+                 t_end_, 100 * part, static_cast<long long>(step), dt, left, tty_ ? "" : "\n");
+    std::fflush(stderr);
+  }
+
+ private:
+  double begin_, last_, t_begin_, t_end_;
+  bool on_ = false, tty_ = false, shown_ = false;
+};
+
+// When frames are written, those up to and including `after` left out.
+std::vector<double> frame_times(const Options& options, double t_end, double after) {
+  std::vector<double> times;
+  if (options.is_set("out_times")) {
+    times = options.reals("out_times");
+  } else if (options.is_set("out_every")) {
+    const double every = options.real("out_every");
+    for (PetscInt i = 0; double(i) * every <= t_end * (1 + 1e-12); ++i) times.push_back(std::min(double(i) * every, t_end));
+  } else {
+    const PetscInt frames = options.integer("out_frames");
+    for (PetscInt i = 0; i < frames; ++i)
+      times.push_back(i == frames - 1 ? t_end : t_end * double(i) / double(frames - 1));
+  }
+  std::sort(times.begin(), times.end());
+  times.erase(std::unique(times.begin(), times.end()), times.end());
+  times.erase(std::remove_if(times.begin(), times.end(), [&](double t) { return t <= after || t > t_end; }),
+              times.end());
+  return times;
+}
+
+// Minimum, maximum and means over all nodes.
+struct FieldStatistics {
+  double psi_min, psi_max, psi_mean, eta_mean;
+};
+
+FieldStatistics statistics(const Model& model, Vec u) {
+  const double* a;
+  SS_TRY(VecGetArrayRead(u, &a));
+  const int dof = model.dof();
+  double extremes[2] = {-1e300, -1e300}, sums[2] = {0, 0};  // of -psi and psi; of psi and eta
+  for (PetscInt i = 0; i < model.local(); ++i) {
+    const double psi = a[i * dof];
+    extremes[0] = std::max(extremes[0], -psi);
+    extremes[1] = std::max(extremes[1], psi);
+    sums[0] += psi;
+    sums[1] += a[i * dof + 1];
+  }
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, extremes, 2, MPI_DOUBLE, MPI_MAX, model.comm()));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, model.comm()));
+  const auto n = double(model.scene().n);
+  return {-extremes[0], extremes[1], sums[0] / n, sums[1] / n};
+}
+
+const std::vector<Field> series_fields = {{"psi_mean", "length/time", "mean of psi over the nodes"},
+                                          {"psi_min", "length/time", "least psi"},
+                                          {"psi_max", "length/time", "largest psi"},
+                                          {"eta_mean", "1", "mean of eta over the nodes"},
+                                          {"dt", "time", "step taken"},
+                                          {"step", "1", "steps so far"},
+                                          {"rejections", "1", "rejected steps so far"}};
+
+// A run under way. The order of members is the order of set-up: everything that can be refused is refused before the
+// first file is touched.
+class Run {
+ public:
+  Run(const Options& options, const Provenance& provenance)
+      : options_(options), provenance_(provenance), scene_(checked_scene(options)), model_(PETSC_COMM_WORLD, scene_),
+        t_end_(options.real("ts_max_time")), u_(model_.create_vector()), work_(model_.create_vector()),
+        gather_(u_, model_.dof()), probes_(model_, options.reals("out_probes")), measurement_(scene_, t_end_),
+        checkpoint_every_(options.steps_or_seconds("out_checkpoint_every")) {
+    MPI_Comm_rank(PETSC_COMM_WORLD, &rank_);
+    if (options.is_set("restart")) {
+      restore(options.text("restart"));
+    } else {
+      set_start(model_, options_, u_);
+    }
+    make_integrator();
+    plan_output();
+  }
+
+  const Scene& scene() const { return scene_; }
+
+  // Returns the exit code; the summary holds what is known, also when it throws.
+  int advance(Summary& summary) {
+    SignalWatch watch;
+    Progress progress(options_, t_, t_end_);
+    progress_ = &progress;
+    const PetscInt limit = options_.is_set("ts_max_steps") ? options_.integer("ts_max_steps")
+                                                           : std::numeric_limits<PetscInt>::max() - 1;
+    last_checkpoint_wall_ = MPI_Wtime();
+    try {
+      integrator_->advance(u_, t_, t_end_, [this](const Integrator::Step& step) { return after(step); }, limit);
+    } catch (...) {
+      if (file_) file_->close();
+      report(summary, false);
+      throw;
+    }
+    if (file_) file_->close();
+    report(summary, true);
+    if (stopped_by_ != 0) {
+      summary.stopped(std::string(stopped_by_ == SIGINT ? "SIGINT" : "SIGTERM") +
+                      (last_checkpoint_.empty() ? "" : "; checkpoint " + last_checkpoint_));
+      return 128 + stopped_by_;
+    }
+    if (integrator_->report().reason == "ts_max_steps")
+      summary.set("stopped_at", "ts_max_steps " + options_.text("ts_max_steps"));
+    return 0;
+  }
+
+ private:
+  static Scene checked_scene(const Options& options) {
+    Scene scene = Scene::from(options, false);
+    const Law law = scene.friction.law;
+    if ((law == Law::carlson_langer || law == Law::coulomb) && !scene.friction.regularised)
+      throw UsageError("friction_stick exact: run cannot hold a block at exact rest with friction_law " +
+                       to_string(law) + "; use friction_stick regularised (friction_eps sets its velocity)");
+    if (options.is_set("accuracy"))
+      throw UsageError("accuracy " + options.text("accuracy") +
+                       ": choosing the method for an accuracy is not part of this version; set ts_rtol and ts_atol");
+    return scene;
+  }
+
+  void make_integrator() {
+    integrator_ = std::make_unique<Integrator>(model_, options_, u_);
+    if (resumed_) integrator_->continue_from(first_step_, first_dt_);
+    const bool is_explicit = integrator_->report().implicit == Implicit::none;
+    check_unused_after_setup(options_, is_explicit ? "snes ksp pc" : "");
+  }
+
+  void plan_output() {
+    const double after = resumed_ ? t_ : -1;
+    if (options_.is_set("out_file")) frames_ = frame_times(options_, t_end_, after);
+    std::vector<double> samples;
+    for (const double t : measurement_.times())
+      if (t > after) samples.push_back(t);
+    std::vector<double> all = frames_;
+    all.insert(all.end(), samples.begin(), samples.end());
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    integrator_->set_output_times(all);
+    samples_ = std::move(samples);
+    if (!options_.is_set("out_file")) {
+      if (checkpoint_every_.steps > 0 || checkpoint_every_.seconds > 0)
+        warn("out_checkpoint_every without out_file: no checkpoints are written");
+      return;
+    }
+    RunLayout layout = RunLayout::of(scene_);
+    layout.probe_x = options_.reals("out_probes");
+    layout.series = series_fields;
+    layout.frames = static_cast<std::int64_t>(frames_.size());
+    std::optional<RunFile::Resume> resume;
+    if (resumed_) resume = RunFile::Resume{options_.text("out_file"), t_};
+    file_ = std::make_unique<RunFile>(PETSC_COMM_WORLD, options_.text("out_file"), provenance_, layout, resume);
+  }
+
+  void restore(const std::string& path) {
+    const Checkpoint checkpoint = read_checkpoint(path);
+    t_ = checkpoint.t;
+    first_step_ = static_cast<PetscInt>(checkpoint.step);
+    first_dt_ = checkpoint.dt;
+    if (t_ > t_end_)
+      throw UsageError("ts_max_time " + options_.text("ts_max_time") + " lies before the time " + number_text(t_) +
+                       " of checkpoint '" + path + "'");
+    gather_.spread(checkpoint.state, u_);
+    rejections_before_ = static_cast<PetscInt>(checkpoint.numbers.at("rejections"));
+    evaluations_before_ = static_cast<long>(checkpoint.numbers.at("rhs_evaluations"));
+    if (rank_ == 0 && checkpoint.numbers.at("t_end") == t_end_) measurement_.restore(checkpoint.arrays);
+    resumed_ = true;
+  }
+
+  Integrator::Verdict after(const Integrator::Step& step) {
+    if (file_) write_rows(step);
+    while (next_sample_ < samples_.size() && samples_[next_sample_] <= step.t) {
+      step.interpolate(samples_[next_sample_], work_);
+      const auto& fields = gather_.components(work_);
+      if (rank_ == 0) measurement_.sample(samples_[next_sample_], fields[0]);
+      ++next_sample_;
+    }
+    while (next_frame_ < frames_.size() && frames_[next_frame_] <= step.t) {
+      step.interpolate(frames_[next_frame_], work_);
+      write_frame(frames_[next_frame_]);
+      ++next_frame_;
+    }
+    progress_->show(step.t, step.index, step.next_dt);
+
+    int flags[3] = {caught_signal, checkpoint_wanted, 0};
+    if (checkpoint_every_.seconds > 0 && MPI_Wtime() - last_checkpoint_wall_ >= checkpoint_every_.seconds) flags[2] = 1;
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, flags, 3, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
+    stopped_by_ = flags[0];
+    const bool by_steps = checkpoint_every_.steps > 0 && step.index > 0 && step.index != first_step_ &&
+                          step.index % checkpoint_every_.steps == 0;
+    if ((by_steps || flags[0] || flags[1] || flags[2]) && file_ && step.t < t_end_) {
+      checkpoint(step);
+      return flags[0] ? Integrator::Verdict::stop : Integrator::Verdict::restart;
+    }
+    if (step.t == t_end_ && file_ && (checkpoint_every_.steps > 0 || checkpoint_every_.seconds > 0)) checkpoint(step);
+    return flags[0] ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
+  }
+
+  void write_rows(const Integrator::Step& step) {
+    if (!options_.reals("out_probes").empty()) {
+      const Probes::Values& values = probes_.read(step.u);
+      file_->probes(step.t, values.psi, values.eta);
+    }
+    const FieldStatistics s = statistics(model_, step.u);
+    PetscInt rejections;
+    SS_TRY(TSGetStepRejections(integrator_->ts(), &rejections));
+    file_->series(step.t, {s.psi_mean, s.psi_min, s.psi_max, s.eta_mean, step.t - step.t_before, double(step.index),
+                           double(rejections_before_ + rejections)});
+  }
+
+  void write_frame(double t) {
+    model_.set_held(work_);
+    const auto& fields = gather_.components(work_);
+    std::vector<const double*> rows;
+    if (rank_ == 0) {
+      if (fields.size() == 3) {
+        state_out_.resize(fields[2].size());
+        std::transform(fields[2].begin(), fields[2].end(), state_out_.begin(),
+                       [&](double s) { return state_to_output(scene_.friction.state, s); });
+      }
+      for (const auto& field : fields) rows.push_back(field.data());
+      if (rows.size() == 3) rows[2] = state_out_.data();
+    }
+    file_->frame(t, rows);
+  }
+
+  void checkpoint(const Integrator::Step& step) {
+    checkpoint_wanted = 0;
+    last_checkpoint_wall_ = MPI_Wtime();
+    file_->flush();
+    Checkpoint c;
+    c.t = step.t;
+    c.dt = step.next_dt;
+    c.step = step.index;
+    PetscInt rejections;
+    SS_TRY(TSGetStepRejections(integrator_->ts(), &rejections));
+    c.numbers = {{"rejections", double(rejections_before_ + rejections)},
+                 {"rhs_evaluations", double(evaluations_before_ + model_.rhs_evaluations())},
+                 {"t_end", t_end_}};
+    for (const auto& [name, text] : options_.given()) c.texts["given." + name] = text;
+    c.arrays = measurement_.save();
+    last_checkpoint_ = write_checkpoint(options_.text("out_file"), options_.integer("out_checkpoint_keep"), provenance_,
+                                        c, gather_, step.u);
+  }
+
+  void report(Summary& summary, bool complete) {
+    const TimeReport& r = integrator_->report();
+    summary.set("t_end", r.t);
+    summary.set("steps", r.steps);
+    summary.set("rejections", rejections_before_ + r.rejections);
+    summary.set("rhs_evaluations", evaluations_before_ + r.rhs_evaluations);
+    summary.set("method", r.method);
+    summary.set("implicit", to_string(r.implicit));
+    summary.set("unknowns", model_.unknowns());
+    if (!complete) return;
+    model_.set_held(u_);
+    const FieldStatistics s = statistics(model_, u_);
+    summary.set("psi_min", s.psi_min);
+    summary.set("psi_max", s.psi_max);
+    summary.set("psi_mean", s.psi_mean);
+    summary.set("eta_mean", s.eta_mean);
+    const std::vector<double> x = options_.reals("out_probes");
+    const Probes::Values& values = probes_.read(u_);
+    Json probes = Json::array();
+    for (std::size_t i = 0; i < x.size(); ++i)
+      probes.push(Json::object({{"x", x[i]}, {"psi", values.psi[i]}, {"eta", values.eta[i]}}));
+    summary.set("probes", probes);
+    double steepest = 0;
+    if (rank_ == 0) {
+      const Measurement::Result m = measurement_.result();
+      summary.set("regime", m.regime);
+      summary.set("amplitude", m.amplitude);
+      summary.set("wave_speed", m.wave_speed);
+      summary.set("pulses", m.pulses);
+      summary.set("measured_over", std::vector<double>{m.window_begin, m.window_end});
+      steepest = m.steepest;
+    }
+    SS_TRY(MPI_Bcast(&steepest, 1, MPI_DOUBLE, 0, PETSC_COMM_WORLD));
+    // A front of four or more nodes changes by at most a third of its height from node to node.
+    if (scene_.form == Form::continuum && steepest > 0.34)
+      warn("a front is not resolved: psi changes by " + std::to_string(int(std::lround(100 * steepest))) +
+           " % of its range between two neighbouring nodes; wave speeds and heights depend on the grid (raise grid_n)");
+  }
+
+  const Options& options_;
+  const Provenance& provenance_;
+  Scene scene_;
+  Model model_;
+  double t_end_;
+  VecHandle u_, work_;
+  Gather gather_;
+  Probes probes_;
+  Measurement measurement_;
+  StepsOrSeconds checkpoint_every_;
+  int rank_ = 0;
+
+  bool resumed_ = false;
+  double t_ = 0, first_dt_ = 0;
+  PetscInt first_step_ = 0, rejections_before_ = 0;
+  long evaluations_before_ = 0;
+  std::unique_ptr<Integrator> integrator_;
+  std::unique_ptr<RunFile> file_;
+  std::vector<double> frames_, samples_, state_out_;
+  std::size_t next_frame_ = 0, next_sample_ = 0;
+  Progress* progress_ = nullptr;
+  double last_checkpoint_wall_ = 0;
+  int stopped_by_ = 0;
+  std::string last_checkpoint_;
+};
+
+// The options to run with: those of the checkpoint where there is a restart.
+Options effective_options(const Options& options) {
+  if (!options.is_set("restart")) return options;
+  const Checkpoint checkpoint = read_checkpoint(options.text("restart"));
+  std::map<std::string, std::string> given;
+  for (const auto& [name, text] : checkpoint.texts)
+    if (name.rfind("given.", 0) == 0) given[name.substr(6)] = text;
+  Options resumed = options.resumed_from(given);
+  insert_library_options(resumed);
+  return resumed;
+}
+
+}  // namespace
+
+int run_command(const Options& asked) {
+  const Options options = effective_options(asked);
+  const Provenance provenance = Provenance::of("run", options.all());
+  check_outputs(options.text("out_file"), options.text("summary"));
+  Summary summary(provenance,
+                  {"t_end", "steps", "rejections", "rhs_evaluations", "method", "implicit", "unknowns", "reduced",
+                   "psi_min", "psi_max", "psi_mean", "eta_mean", "probes", "regime", "amplitude", "wave_speed", "pulses",
+                   "measured_over", "stopped_at", "error_estimate"},
+                  options.text("summary"));
+  return with_summary(summary, [&] {
+    Run run(options, provenance);
+    return run.advance(summary);
+  });
+}
+
+}  // namespace stickslip
