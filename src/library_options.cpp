@@ -244,9 +244,8 @@ std::optional<std::string> check_library_value(const std::string& name, const st
         }()))
       throw UsageError("unknown option -" + quoted(name) + place + "; did you mean -" + near + "?");
   }
-  if (name == "options_file" || name == "options_file_yaml" || name == "options_string_yaml" ||
-      starts_with(name, "prefix_"))
-    throw UsageError("-" + name + place + ": not here; only a scene file, PETSC_OPTIONS and the command line are read");
+  if (name == "options_file" || name == "options_file_yaml" || name == "options_string_yaml")
+    throw UsageError("-" + name + place + ": cannot stand here");
   const auto it = known_specs().find(without_nesting(name));
   if (it == known_specs().end()) return text;
 

@@ -1,1 +1,242 @@
-int main() { return 0; }
+// The program: reads what the user typed, starts PETSc and SLEPc, calls the command, prints the one error there may be.
+#include <slepceps.h>
+#include <petscdmda.h>
+#include <petscts.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <new>
+#include <sstream>
+
+#include "stickslip/command_line.hpp"
+#include "stickslip/error.hpp"
+#include "stickslip/handle.hpp"
+#include "stickslip/library_options.hpp"
+#include "stickslip/options.hpp"
+#include "stickslip/provenance.hpp"
+#include "stickslip/size.hpp"
+
+namespace stickslip {
+namespace {
+
+struct Command {
+  const char* name;
+  const char* does;
+  int (*body)(const Options&);
+  bool has_grid;
+};
+
+// Commands that exist.
+const std::vector<Command>& commands() {
+  static const std::vector<Command> table = {
+  };
+  return table;
+}
+
+std::vector<std::string> command_names() {
+  std::vector<std::string> names;
+  for (const Command& command : commands()) names.push_back(command.name);
+  return names;
+}
+
+int rank_of(MPI_Comm comm) {
+  int rank = 0;
+  MPI_Comm_rank(comm, &rank);
+  return rank;
+}
+
+// Breaks a text at spaces so that lines behind `indent` columns stay within 100.
+std::string wrapped(const std::string& text, std::size_t indent) {
+  std::istringstream stream(text);
+  std::string result;
+  std::size_t column = indent;
+  for (std::string word; stream >> word;) {
+    if (column > indent && column + word.size() + 1 > 100) {
+      result += "\n" + std::string(indent, ' ');
+      column = indent;
+    } else if (column > indent) {
+      result += " ";
+      ++column;
+    }
+    result += word;
+    column += word.size();
+  }
+  return result;
+}
+
+std::string padded(const std::string& text, std::size_t width) {
+  return text + std::string(text.size() < width ? width - text.size() : 1, ' ');
+}
+
+std::string general_help() {
+  std::string text =
+      "stickslip " + std::string(version()) +
+      ": stick-slip friction of chains and continua, by the method of lines on PETSc and SLEPc\n\n"
+      "usage: stickslip COMMAND [SCENE.yaml] [options]          mpirun -n 4 stickslip COMMAND ...\n\n"
+      "commands:\n";
+  for (const Command& command : commands())
+    text += "  " + padded(command.name, 12) + command.does + "\n";
+  return text +
+         "\nA scene is a YAML file of options: `model: {gamma: 3}` is -model_gamma 3. PETSC_OPTIONS and the command\n"
+         "line stand above it, with every option of PETSc and SLEPc (-ts_type, -ts_rtol, -log_view, ...).\n"
+         "stickslip COMMAND -help lists the command's own options, -help all those of PETSc and SLEPc as well;\n"
+         "stickslip --version tells the versions.\n";
+}
+
+std::string command_help(const Command& command) {
+  std::string text = "stickslip " + std::string(command.name) + ": " + command.does +
+                     "\n\nusage: stickslip " + command.name +
+                     " [SCENE.yaml] [options]\n\nOptions with [default], what they take and their unit; "
+                     "-help all adds those of PETSc and SLEPc.\n";
+  std::vector<std::string> groups;
+  for (const OptionSpec& spec : option_table())
+    if (reads_option(command.name, spec) && std::find(groups.begin(), groups.end(), spec.group) == groups.end())
+      groups.push_back(spec.group);
+  for (const std::string& group : groups) {
+    text += "\n" + group + "\n";
+    for (const OptionSpec& spec : option_table()) {
+      if (spec.group != group || !reads_option(command.name, spec)) continue;
+      const std::string value = spec.default_text.empty() ? spec.default_help : spec.default_text;
+      text += "  -" + spec.name + " [" + value + "]\n      " + wrapped(spec.help + ": ", 6);
+      text += wrapped(spec.type == OptionType::text ? "text" : requirement(spec), 6) +
+              (spec.unit.empty() ? "" : " (" + spec.unit + ")") + "\n";
+    }
+  }
+  return text;
+}
+
+std::string version_text() {
+  char petsc[256] = "", slepc[256] = "", mpi[MPI_MAX_LIBRARY_VERSION_STRING] = "";
+  SS_TRY(PetscGetVersion(petsc, sizeof petsc));
+  SS_TRY(SlepcGetVersion(slepc, sizeof slepc));
+  int length = 0;
+  MPI_Get_library_version(mpi, &length);
+  std::string text = "stickslip " + std::string(version()) + "\ngit " + git_revision() + "\n";
+  for (std::string library : {petsc, slepc, mpi}) {
+    library = library.substr(0, std::min(library.find('\n'), library.find(", package")));
+    library.erase(library.find_last_not_of(' ') + 1);
+    text += library + "\n";
+  }
+  return text;
+}
+
+// PETSc prints the options of an object while that takes them, so make one of each kind.
+void print_library_help() {
+  DmHandle dm;
+  SS_TRY(DMDACreate1d(PETSC_COMM_WORLD, DM_BOUNDARY_PERIODIC, 64, 2, 1, nullptr, dm.out()));
+  SS_TRY(DMSetUp(dm));
+  TsHandle ts;
+  SS_TRY(TSCreate(PETSC_COMM_WORLD, ts.out()));
+  SS_TRY(TSSetDM(ts, dm));
+  SS_TRY(TSSetType(ts, TSARKIMEX));
+  SS_TRY(TSSetFromOptions(ts));
+  EpsHandle eps;
+  SS_TRY(EPSCreate(PETSC_COMM_WORLD, eps.out()));
+  SS_TRY(EPSSetFromOptions(eps));
+}
+
+// PETSc and SLEPc, started with the user's options for them and with nothing else: no .petscrc, and the environment
+// has been read already.
+class Libraries {
+ public:
+  Libraries(char* program, const Options& options, bool help) {
+    unsetenv("PETSC_OPTIONS");
+    unsetenv("PETSC_OPTIONS_YAML");
+    install_error_handler();
+    insert_library_options(options);
+    for (const char* name : {"-skip_petscrc", "-no_signal_handler"})
+      SS_TRY(PetscOptionsSetValue(nullptr, name, "true"));
+    if (help) SS_TRY(PetscOptionsSetValue(nullptr, "-help", nullptr));
+    int argc = 1;
+    char* words[] = {program, nullptr};
+    char** argv = words;
+    SS_TRY(SlepcInitialize(&argc, &argv, nullptr, nullptr));
+    install_error_handler();
+  }
+  Libraries(const Libraries&) = delete;
+  Libraries& operator=(const Libraries&) = delete;
+  ~Libraries() { (void)SlepcFinalize(); }
+};
+
+int program(int argc, char** argv) {
+  note_command_line(argc, argv);
+  const CommandLine line = read_command_line(argc, argv, command_names(), MPI_COMM_WORLD);
+  const bool speaks = rank_of(MPI_COMM_WORLD) == 0;
+  const Command* command = nullptr;
+  for (const Command& one : commands())
+    if (line.command == one.name) command = &one;
+
+  if (line.help && speaks) std::fputs((command ? command_help(*command) : general_help()).c_str(), stdout);
+  if (line.help && !line.help_all) return 0;
+  const Options options = Options::from(line.command, line.given);
+  std::fflush(stdout);
+  const Libraries libraries(argv[0], options, line.help_all);
+  if (line.version) {
+    if (speaks) std::fputs(version_text().c_str(), stdout);
+    return 0;
+  }
+  try {
+    check_library_types(options);
+    if (line.help_all) {
+      print_library_help();
+      return 0;
+    }
+    if (command->has_grid && !options.is_set("restart")) check_size(options);
+    const int code = command->body(options);
+    if (code == 0) warn_unused_at_end(options);
+    return code;
+  } catch (const RankFailure& e) {
+    // a value that PETSc refused while an object took its options: every rank has met it
+    const std::string name = option_behind(e.what(), options);
+    if (name.empty()) throw;
+    throw UsageError("-" + name + " " + quoted(options.text(name)) + ": " + e.what());
+  }
+}
+
+// One line, whatever the text holds.
+void print_error(const std::string& text) {
+  std::string line = "stickslip: error: " + text;
+  for (char& c : line)
+    if ((unsigned char)c < 0x20 || c == 0x7f) c = ' ';
+  line += '\n';
+  std::fputs(line.c_str(), stderr);
+  std::fflush(stderr);
+}
+
+// One rank failed and the others do not know: it speaks and ends them all.
+int end_all(const std::string& text) {
+  int size = 1;
+  MPI_Comm_size(MPI_COMM_WORLD, &size);
+  if (size > 1) usleep(useconds_t(100000) * useconds_t(rank_of(MPI_COMM_WORLD)));  // where all fail, the first speaks
+  print_error(text);
+  if (size > 1) MPI_Abort(MPI_COMM_WORLD, 1);
+  return 1;
+}
+
+}  // namespace
+}  // namespace stickslip
+
+int main(int argc, char** argv) {
+  using namespace stickslip;
+  int provided = 0;
+  if (MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided) != MPI_SUCCESS) return 1;
+  int code = 1;
+  try {
+    code = program(argc, argv);
+  } catch (const Error& e) {
+    code = e.exit_code();
+    if (!e.collective()) {
+      code = end_all(e.what());
+    } else if (rank_of(MPI_COMM_WORLD) == 0) {
+      print_error(e.what());
+    }
+  } catch (const std::bad_alloc&) {
+    code = end_all("out of memory");
+  } catch (const std::exception& e) {
+    code = end_all(std::string("internal error: ") + e.what());
+  }
+  MPI_Finalize();
+  return code;
+}

@@ -21,7 +21,14 @@ std::string quoted(const std::string& word) {
   return out + "'";
 }
 
+std::string noted_command_line;
+
 }  // namespace
+
+void note_command_line(int argc, char** argv) {
+  noted_command_line.clear();
+  for (int k = 0; k < argc; ++k) noted_command_line += (k ? " " : "") + quoted(argv[k]);
+}
 
 const char* version() { return STICKSLIP_VERSION; }
 const char* git_revision() { return STICKSLIP_GIT; }
@@ -30,10 +37,7 @@ Provenance Provenance::of(const std::string& command, const std::map<std::string
   Provenance p;
   p.command = command;
   p.options = options;
-  int argc = 0;
-  char** argv = nullptr;
-  SS_TRY(PetscGetArgs(&argc, &argv));
-  for (int k = 0; k < argc; ++k) p.command_line += (k ? " " : "") + quoted(argv[k]);
+  p.command_line = noted_command_line;
   const std::time_t now = std::time(nullptr);
   std::tm utc{};
   gmtime_r(&now, &utc);

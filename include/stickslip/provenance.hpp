@@ -9,6 +9,9 @@ namespace stickslip {
 const char* version();       // of the program, e.g. "0.1.0"
 const char* git_revision();  // of the source tree it was built from; "-dirty" appended where it had changes
 
+// Keeps the words of the command line for all provenance to come. PETSc knows only the program's name.
+void note_command_line(int argc, char** argv);
+
 struct Provenance {
   std::string command;                         // run, spectrum, ...
   std::map<std::string, std::string> options;  // name without dash to text, defaults included (Options::all)
@@ -16,7 +19,7 @@ struct Provenance {
   std::string date;                            // start of this program, ISO 8601, UTC
   int ranks = 1;
 
-  // Not collective, but reads the command line and MPI's size from PETSc, which must be initialized.
+  // Not collective, but asks MPI for the number of ranks.
   static Provenance of(const std::string& command, const std::map<std::string, std::string>& options);
 
   std::string option(const std::string& name) const;  // its text, or ""

@@ -1,0 +1,41 @@
+#include "stickslip/size.hpp"
+
+#include <petscsys.h>
+#include <unistd.h>
+
+#include "stickslip/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// Of all machines that take part, in bytes; 0 where it is not known.
+double memory_of_all_machines(MPI_Comm comm) {
+  MPI_Comm machine;
+  MPI_Comm_split_type(comm, MPI_COMM_TYPE_SHARED, 0, MPI_INFO_NULL, &machine);
+  int rank = 0;
+  MPI_Comm_rank(machine, &rank);
+  MPI_Comm_free(&machine);
+  double mine = rank == 0 ? double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE)) : 0, all = 0;
+  if (mine < 0) mine = 0;
+  MPI_Allreduce(&mine, &all, 1, MPI_DOUBLE, MPI_SUM, comm);
+  return all;
+}
+
+}  // namespace
+
+void check_size(const Options& options) {
+  const PetscInt n = options.integer("grid_n");
+  int ranks = 1;
+  MPI_Comm_size(MPI_COMM_WORLD, &ranks);
+  if (n < ranks)
+    throw UsageError("-grid_n " + std::to_string(n) + ": more ranks (" + std::to_string(ranks) +
+                     ") than nodes; start at most " + std::to_string(n));
+  // at least: psi and eta of the solution, of three stages and of the step before
+  const double needed = double(n) * 2 * 8 * 5, there = memory_of_all_machines(MPI_COMM_WORLD);
+  if (there > 0 && needed > there)
+    throw UsageError("-grid_n " + std::to_string(n) + ": needs at least " + std::to_string(long(needed / 1e9)) +
+                     " GB of memory; there are " + std::to_string(long(there / 1e9)));
+}
+
+}  // namespace stickslip

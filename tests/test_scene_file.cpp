@@ -1,0 +1,118 @@
+// Scene files: what is understood, and what is refused with file and line.
+#include <catch2/catch.hpp>
+
+#include "stickslip/error.hpp"
+#include "stickslip/scene_file.hpp"
+
+using namespace stickslip;
+using Catch::Matchers::Contains;
+using Catch::Matchers::StartsWith;
+
+namespace {
+
+// "name=value;..." with ~ for a name that stands alone
+std::string flat(const std::vector<Given>& list) {
+  std::string text;
+  for (const Given& one : list) text += (text.empty() ? "" : ";") + one.name + "=" + one.text.value_or("~");
+  return text;
+}
+std::string yaml(const std::string& text) { return flat(parse_yaml(text, "s.yaml")); }
+std::string plain(const std::string& text) { return flat(parse_plain(text, "s.opts")); }
+
+#define REFUSED(text, where, part)                                        \
+  do {                                                                    \
+    INFO(text);                                                           \
+    CHECK_THROWS_WITH(yaml(text), StartsWith(where ": ") && Contains(part)); \
+    CHECK_THROWS_AS(yaml(text), UsageError);                              \
+  } while (0)
+
+}  // namespace
+
+TEST_CASE("scene files: what YAML scenes may hold") {
+  CHECK(yaml("model_gamma: 3\n") == "model_gamma=3");
+  CHECK(yaml("model_gamma: 3") == "model_gamma=3");
+  CHECK(yaml("# c\n---\nmodel:\n  gamma: 3 # three\n  c: -1.5e-3\n\nbc: {left: free, right: free}\n...\n# end\n") ==
+        "model_gamma=3;model_c=-1.5e-3;bc_left=free;bc_right=free");
+  CHECK(yaml("a:\n    b:\n      c: 1\n      d: 2\n    e: 3\nf: 4\n") == "a_b_c=1;a_b_d=2;a_e=3;f=4");
+  CHECK(yaml("out: {times: [1, 2.5,\n  3],  # comment\n file: 'a b.h5'}\n") == "out_times=1,2.5,3;out_file=a b.h5");
+  CHECK(yaml("out_times:\n  - 1\n  - 2 # two\n\n  - '3'\nx: 1\n") == "out_times=1,2,3;x=1");
+  CHECK(yaml("out_times:\n- 1\n- -2\nx: 1\n") == "out_times=1,-2;x=1");
+  CHECK(yaml("a: \"x # y: z\\\"\"\nb: 'it''s'\n") == "a=x # y: z\";b=it's");
+  CHECK(yaml("a: b#c\n") == "a=b#c");
+  CHECK(yaml("file: C:/x\n") == "file=C:/x");
+  CHECK(yaml("ts_view:\nb: ~\nc: null\n") == "ts_view=~;b=~;c=~");
+  CHECK(yaml("{model: {gamma: 3, c: 1,}, \"x\":1, y: {}}\n") == "model_gamma=3;model_c=1;x=1");
+  CHECK(yaml("\xEF\xBB\xBF" "a: 1\r\nb:\r\n  c: 2\r\n") == "a=1;b_c=2");
+  CHECK(yaml("a: 1\t\nb:\t2 # \xC3\xA9\n") == "a=1;b=2");
+  CHECK(parse_yaml("\n\na:\n  b: 2\n", "s.yaml")[0].where == "s.yaml:4");
+}
+
+TEST_CASE("scene files: what is refused") {
+  REFUSED("", "s.yaml:1", "empty");
+  REFUSED("# nothing\n\n", "s.yaml:3", "empty");
+  REFUSED("---\n", "s.yaml:2", "empty");
+  REFUSED(std::string("a: 1\nb\0c: 1\n", 12), "s.yaml:2", "not a text file");
+  REFUSED(std::string("\0\0\0", 3), "s.yaml:1", "not a text file");
+  REFUSED("a: \xff\n", "s.yaml:1", "not a text file");
+  REFUSED("\x89HDF\r\n\x1a\n", "s.yaml:1", "not a text file");
+  REFUSED("a: 1\n---\nb: 2\n", "s.yaml:2", "several documents");
+  REFUSED("a: 1\n...\nb: 2\n", "s.yaml:3", "several documents");
+  REFUSED("a:\n  b: 1\n---\n", "s.yaml:3", "several documents");
+  REFUSED("%YAML 1.2\n---\na: 1\n", "s.yaml:1", "directives");
+  REFUSED("a: 1\nb: 2\nA: 3\n", "s.yaml:3", "first in line 1");
+  REFUSED("model: {gamma: 3}\nmodel_gamma: 3\n", "s.yaml:2", "option model_gamma stands here again, first in line 1");
+  REFUSED("model:\n  gamma: 3\nMODEL:\n  c: 3\n", "s.yaml:3", "key MODEL stands here again");
+  REFUSED("model: {gamma: 3, Gamma: 4}\n", "s.yaml:1", "again");
+  REFUSED("model:\n\tgamma: 3\n", "s.yaml:2", "tab");
+  REFUSED("model: {gamma: 3\nx: 1\n", "s.yaml:2", "comma or }");
+  REFUSED("model: {gamma: 3,\n# c\n", "s.yaml:1", "not closed");
+  REFUSED("a: [1, 2\n", "s.yaml:1", "not closed");
+  REFUSED("a: 'x\n", "s.yaml:1", "quote is not closed");
+  REFUSED("a: \"x\\n\"\n", "s.yaml:1", "escapes");
+  REFUSED("a: &x 3\n", "s.yaml:1", "anchors");
+  REFUSED("a: 3\nb: *a\n", "s.yaml:2", "anchors");
+  REFUSED("a: !!int 3\n", "s.yaml:1", "tags");
+  REFUSED("a: |\n  3\n", "s.yaml:1", "block text");
+  REFUSED("<<: {a: 1}\n", "s.yaml:1", "no option name");
+  REFUSED("? a\n: 1\n", "s.yaml:1", "no option name");
+  REFUSED("a 3\n", "s.yaml:1", "no option name");
+  REFUSED("gamma\n", "s.yaml:1", "no colon");
+  REFUSED("a:3\n", "s.yaml:1", "space is missing");
+  REFUSED("a: b: 3\n", "s.yaml:1", "second colon");
+  REFUSED("-model_gamma: 3\n", "s.yaml:1", "without its dash");
+  REFUSED("- a: 3\n", "s.yaml:1", "list");
+  REFUSED("a: 1\n  b: 2\n", "s.yaml:2", "indentation");
+  REFUSED("a:\n   b: 2\n  c: 1\n", "s.yaml:3", "indentation");
+  REFUSED("  a: 1\n", "s.yaml:1", "beginning of its line");
+  REFUSED("a: [1, [2]]\n", "s.yaml:1", "plain values");
+  REFUSED("a:\n  - {b: 1}\n", "s.yaml:2", "plain values");
+  REFUSED("a: ['1,2']\n", "s.yaml:1", "without comma");
+  REFUSED("a: 1}\n", "s.yaml:1", "unexpected }");
+  REFUSED("a: 'x' y\n", "s.yaml:1", "not understood after");
+  REFUSED(": 3\n", "s.yaml:1", "key is missing");
+  REFUSED("1a: 3\n", "s.yaml:1", "no option name");
+  std::string deep;
+  for (int i = 0; i < 5000; ++i) deep += "{a: ";
+  REFUSED(deep, "s.yaml:1", "too deeply");
+  deep.clear();
+  for (int i = 0; i < 300; ++i) deep += std::string(std::size_t(i), ' ') + "a:\n";
+  REFUSED(deep, "s.yaml:21", "too deeply");
+}
+
+TEST_CASE("scene files: the plain form") {
+  CHECK(plain("# c\n-model_gamma 3\n  -ts_view # c\n-bc_left_value -1.5\n-out_file 'a b.h5'\n") ==
+        "model_gamma=3;ts_view=~;bc_left_value=-1.5;out_file=a b.h5");
+  for (const char* bad : {"", "# c\n", "model_gamma 3\n", "-a 1 2\n", "-a 1\n-A 2\n", "-1 2\n", "-a 'x\n", "a: 1\n"}) {
+    INFO(bad);
+    CHECK_THROWS_WITH(plain(bad), StartsWith("s.opts:"));
+  }
+}
+
+TEST_CASE("scene files: files that cannot be read", "[serial]") {
+  CHECK_THROWS_WITH(read_scene("/nonexistent/s.yaml"), Contains("No such file"));
+  CHECK_THROWS_WITH(read_scene("/tmp"), Contains("is a directory"));
+  CHECK_THROWS_WITH(read_scene("/dev/null"), Contains("not a regular file"));
+  CHECK(has_scene_suffix("a/b.YAML"));
+  CHECK_FALSE(has_scene_suffix(".yaml"));
+  CHECK_FALSE(has_scene_suffix("a.txt"));
+}
