@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "stickslip/command_line.hpp"
+#include "stickslip/commands.hpp"
 #include "stickslip/error.hpp"
 #include "stickslip/handle.hpp"
 #include "stickslip/library_options.hpp"
@@ -28,9 +29,10 @@ struct Command {
   bool has_grid;
 };
 
-// Commands that exist.
+// A new command gets its line here and its declaration in commands.hpp.
 const std::vector<Command>& commands() {
   static const std::vector<Command> table = {
+      {"run", "advances the scene in time", run_command, true},
   };
   return table;
 }
@@ -88,7 +90,7 @@ std::string general_help() {
 std::string command_help(const Command& command) {
   std::string text = "stickslip " + std::string(command.name) + ": " + command.does +
                      "\n\nusage: stickslip " + command.name +
-                     " [SCENE.yaml] [options]\n\nOptions with [default], what they take and their unit; "
+                     " [SCENE.yaml] [options]\n\nEach option with its [default], what it takes and its (unit); "
                      "-help all adds those of PETSc and SLEPc.\n";
   std::vector<std::string> groups;
   for (const OptionSpec& spec : option_table())
@@ -99,9 +101,9 @@ std::string command_help(const Command& command) {
     for (const OptionSpec& spec : option_table()) {
       if (spec.group != group || !reads_option(command.name, spec)) continue;
       const std::string value = spec.default_text.empty() ? spec.default_help : spec.default_text;
-      text += "  -" + spec.name + " [" + value + "]\n      " + wrapped(spec.help + ": ", 6);
-      text += wrapped(spec.type == OptionType::text ? "text" : requirement(spec), 6) +
-              (spec.unit.empty() ? "" : " (" + spec.unit + ")") + "\n";
+      const std::string takes = spec.type == OptionType::text ? "text" : requirement(spec);
+      text += "  -" + spec.name + " [" + value + "]: " + takes + (spec.unit.empty() ? "" : " (" + spec.unit + ")") +
+              "\n      " + wrapped(spec.help, 6) + "\n";
     }
   }
   return text;
