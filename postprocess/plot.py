@@ -1,0 +1,373 @@
+#!/usr/bin/python3
+"""Draws a result file of stickslip as PNG.
+
+    plot.py FILE [-o OUT.png] [--what WHAT] [--frame N]
+
+The kind of the file decides what is drawn; for the file of a run, WHAT is one of
+    xt       psi over x and t (default); --field names another field
+    profile  psi, eta (and the state) against x at one frame
+    phase    eta against psi at one frame, with the nullclines and the fixed point of uniform sliding
+    probes   psi and eta of the probes against time
+    series   means, extremes, steps, ... against time
+"""
+import argparse
+import json
+import os
+import sys
+import textwrap
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+import h5py  # noqa: E402
+import matplotlib  # noqa: E402
+import numpy as np  # noqa: E402
+
+matplotlib.use("Agg")
+from matplotlib.figure import Figure  # noqa: E402
+
+matplotlib.rcParams.update({
+    "font.size": 10, "axes.titlesize": 10, "axes.grid": False, "axes.spines.top": False, "axes.spines.right": False,
+    "lines.linewidth": 1.4, "legend.frameon": False, "savefig.dpi": 160, "axes.formatter.useoffset": False})
+
+COLOURS = ["#0b5394", "#cc4125", "#38761d", "#8e44ad", "#b7791f", "#138d90", "#7f6000", "#444444"]
+SYMBOL = {"psi": "ψ", "eta": "η", "tau": "τ", "theta": "θ", "chi": "χ"}
+GREEK = {"model_gamma": "γ", "model_delta": "δ", "model_zeta": "ζ", "model_f0": "f₀", "model_k0": "k₀",
+         "model_k1": "k₁", "model_c": "c", "model_m": "m", "model_v": "v"}
+
+
+class Unusable(Exception):
+    """The file cannot be drawn; the text is one line for the user."""
+
+
+def text(value):
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def label(name, dataset=None):
+    """Axis label of a dataset: its symbol and what it is."""
+    symbol = SYMBOL.get(name, name.replace("_", " "))
+    words = text(dataset.attrs.get("long_name", "")) if dataset is not None else ""
+    return f"{symbol}   ({words})" if words and words != symbol else symbol
+
+
+def scene_title(file):
+    """Says which scene this is, from the options in the file."""
+    options = json.loads(text(file.attrs["options"]))
+    form = options.get("model_form", "")
+    names = {"continuum": ["gamma", "delta", "c", "v"], "chain": ["m", "k0", "k1", "f0", "zeta", "v"]}.get(form, [])
+    parts = [form] if form else []
+    law, state = options.get("friction_law", ""), options.get("state_law", "")
+    parts += [law] if law else []
+    parts += [f"state law {state}"] if state not in ("", "none") else []
+    for name in names:
+        value = options.get("model_" + name, "")
+        if value == "":
+            continue
+        parts.append(f"{GREEK['model_' + name]} = {value}")
+        if name == "delta" and float(value) != 0:
+            parts[-1] += f" ({options.get('model_delta_sign', 'derived')})"
+    if options.get("friction_spread", "0") not in ("", "0"):
+        parts.append(f"spread {options['friction_spread']}")
+    return ", ".join(part.replace(" ", "\u00a0") for part in parts)
+
+
+def set_title(axes, words):
+    """A title that fits the width of the figure, in two lines where it must."""
+    axes.set_title(textwrap.fill(words, int(11.5 * axes.figure.get_figwidth())))
+
+
+def complete_frames(file):
+    """Number of leading frames that are there in t and in every field (a reader may come while one is written)."""
+    t = file["t"][...]
+    count = int(np.argmax(np.isnan(t))) if np.isnan(t).any() else len(t)
+    for name in ("psi", "eta"):
+        count = min(count, file[name].shape[0])
+    if count == 0:
+        raise Unusable("holds no frame yet")
+    return count
+
+
+def fields_of(file):
+    """Names of the datasets of (t, x), psi and eta first."""
+    n = len(file["x"])
+    names = [k for k, v in file.items() if isinstance(v, h5py.Dataset) and v.ndim == 2 and v.shape[1] == n]
+    order = ["psi", "eta", "tau", "theta", "chi"]
+    return sorted(names, key=lambda k: (order.index(k) if k in order else len(order), k))
+
+
+def chosen_frame(count, frame):
+    if frame is None:
+        return count - 1
+    if not -count <= frame < count:
+        raise Unusable(f"has frames 0 to {count - 1}, not {frame}")
+    return frame % count
+
+
+def legend_below(axes, columns):
+    count = len(axes.get_legend_handles_labels()[1])
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0), borderaxespad=4.5, fontsize=9,
+                ncols=max(1, min(columns, count)))
+
+
+# ---- run ------------------------------------------------------------------------------------------------------------
+
+def draw_xt(file, args):
+    count, name = complete_frames(file), args.field or "psi"
+    if name not in fields_of(file):
+        raise Unusable(f"has no field '{name}' (it has {', '.join(fields_of(file))})")
+    t, x, data = file["t"][:count], file["x"][...], file[name]
+    # no more points than the picture can show; each row is read whole, which is how it lies in the file
+    columns = np.unique(np.linspace(0, len(x) - 1, min(len(x), 2400)).astype(int))
+    rows = np.unique(np.linspace(0, count - 1, min(count, 1600)).astype(int))
+    field = np.stack([data[r][columns] for r in rows])
+    good = field[np.isfinite(field)]
+    if good.size == 0:
+        raise Unusable(f"has no finite value of {name}")
+    low, high = np.percentile(good, [0.2, 99.8])
+    if high - low < 1e-12 * max(1.0, abs(low)):
+        low, high = low - 0.5e-3, high + 0.5e-3
+    if low < 0 < high and min(-low, high) > 0.2 * max(-low, high):
+        high = max(-low, high)
+        low, colours = -high, "RdBu_r"
+    else:
+        colours = "viridis"
+    outside = (good < low).any(), (good > high).any()
+    figure = Figure(figsize=(7.2, 5.4), layout="constrained")
+    axes = figure.subplots()
+    if len(rows) == 1:
+        field, rows = np.repeat(field, 2, axis=0), np.array([0, 0])
+        edges = np.array([t[0], t[0] + 1e-3])
+    else:
+        edges = t[rows]
+    chain = text(file.attrs.get("model_form", "")) == "chain"  # blocks are shown as blocks
+    picture = axes.pcolormesh(x[columns] if len(columns) > 1 else [0, 1], edges,
+                              field if len(columns) > 1 else np.repeat(field, 2, axis=1),
+                              cmap=colours, vmin=low, vmax=high, shading="nearest" if field.size > 4e5 or chain else "gouraud", rasterized=True)
+    extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get(outside, "neither")
+    figure.colorbar(picture, ax=axes, label=label(name, data), extend=extend)
+    axes.set(xlabel="x", ylabel="t")
+    set_title(axes, scene_title(file))
+    return figure
+
+
+def draw_profile(file, args):
+    frame = chosen_frame(complete_frames(file), args.frame)
+    names = fields_of(file)
+    figure = Figure(figsize=(7.2, 1.2 + 1.9 * len(names)), layout="constrained")
+    x = file["x"][...]
+    for k, (name, axes) in enumerate(zip(names, np.atleast_1d(figure.subplots(len(names), sharex=True)))):
+        axes.plot(x, file[name][frame], color=COLOURS[k % len(COLOURS)], marker="." if len(x) <= 100 else None, ms=4)
+        if name == "psi" and "v" in file.attrs:
+            axes.axhline(file.attrs["v"], color="0.55", lw=0.9, ls="--")
+            axes.annotate("v", (1.0, file.attrs["v"]), xycoords=("axes fraction", "data"), xytext=(3, -3),
+                          textcoords="offset points", color="0.4")
+        if name == "theta" and np.all(file[name][frame] > 0):
+            axes.set_yscale("log")
+        else:
+            # no picture of rounding errors
+            low, high = axes.get_ylim()
+            least = 1e-6 * max(1e-30, float(np.abs(file[name][frame]).max()))
+            if high - low < least:
+                axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
+        axes.set_ylabel(SYMBOL.get(name, name))
+        axes.margins(x=0)
+        if k == 0:
+            set_title(axes, f"t = {file['t'][frame]:.6g}: {scene_title(file)}")
+    axes.set_xlabel("x")
+    return figure
+
+
+def phase_background(axes, file, low, high):
+    """Nullclines of uniform sliding in the (psi, eta) plane and its fixed point, filled where it is stable."""
+    if "friction" not in file or "A" not in file.attrs:
+        return
+    B, K0, s_delta, v = (float(file.attrs[k]) for k in ("B", "K0", "s_delta", "v"))
+    psi, F = file["friction/psi"][...], file["friction/F"][...]
+    inside = (psi >= low) & (psi <= high)
+    psi, F = psi[inside], F[inside]
+    if len(psi) > 1:
+        balance = "η = F(ψ)" if B == 0 else "η = Bψ + F(ψ)"
+        axes.plot(psi, B * psi + F, color="0.45", lw=1.1, label=f"ψ at rest: {balance}", zorder=1)
+        if s_delta != 0:
+            ends = axes.get_ylim()
+            axes.plot(psi, F + K0 * (v - psi) / s_delta, color="0.45", lw=1.1, ls="--", zorder=1,
+                      label="η at rest: K₀(v − ψ) = sδ(η − F(ψ))")
+            axes.set_ylim(ends)
+        else:
+            axes.axvline(v, color="0.45", lw=1.1, ls="--", zorder=1, label="η at rest: ψ = v")
+    if "steady_eta" in file.attrs:
+        stable = bool(file.attrs["steady_stable"])
+        axes.plot([v], [file.attrs["steady_eta"]], "o", ms=7, mec="k", mfc="k" if stable else "w", ls="none", zorder=5,
+                  label=f"uniform sliding, {'stable' if stable else 'unstable'}")
+
+
+def draw_phase(file, args):
+    frame = chosen_frame(complete_frames(file), args.frame)
+    psi, eta = file["psi"][frame], file["eta"][frame]
+    figure = Figure(figsize=(6.0, 5.6), layout="constrained")
+    axes = figure.subplots()
+    v = float(file.attrs.get("v", psi.mean()))
+    steady = float(file.attrs.get("steady_eta", eta.mean()))
+
+    def span(values, point):
+        """Both ends of an axis that holds the values and the point, with room, and never just one spot."""
+        low, high = min(values.min(), point), max(values.max(), point)
+        room = max(0.13 * (high - low), 0.5 * max(abs(point), 1e-9) if high - low < 0.1 * abs(point) else 0)
+        return low - room, high + room if high + room > low - room else low + 1
+
+    axes.set_xlim(span(psi, v))
+    axes.set_ylim(span(eta, steady))
+    closed = json.loads(text(file.attrs["options"])).get("bc_left", "") in ("", "periodic")
+    if closed:
+        psi, eta = np.append(psi, psi[0]), np.append(eta, eta[0])
+    chain = text(file.attrs.get("model_form", "")) == "chain"  # neighbours need not be alike
+    axes.plot(psi, eta, "-", color=COLOURS[0], lw=0.7 if chain else 1.1, alpha=0.35 if chain else 1, zorder=3,
+              marker="." if len(psi) <= 2000 else None, ms=3.5, label=f"the {'blocks' if chain else 'nodes'}, in order of x")
+    if chain:
+        axes.plot(psi, eta, ".", color=COLOURS[0], ms=4, zorder=4)
+    phase_background(axes, file, *axes.get_xlim())
+    axes.set(xlabel="ψ", ylabel="η")
+    set_title(axes, f"t = {file['t'][frame]:.6g}: {scene_title(file)}")
+    legend_below(axes, 2)
+    return figure
+
+
+def draw_probes(file, args):
+    if "probes" not in file:
+        raise Unusable("has no probes (option out_probes)")
+    group = file["probes"]
+    count = min(len(group["t"]), group["psi"].shape[0], group["eta"].shape[0])
+    if count == 0:
+        raise Unusable("holds no row of its probes yet")
+    t, x = group["t"][:count], group["x"][...]
+    figure = Figure(figsize=(7.2, 5.0), layout="constrained")
+    for name, axes in zip(("psi", "eta"), figure.subplots(2, sharex=True)):
+        for k, position in enumerate(x[:12]):
+            axes.plot(t, group[name][:count, k], color=COLOURS[k % len(COLOURS)], label=f"x = {position:g}",
+                      ls="-" if k < len(COLOURS) else "--")
+        axes.set_ylabel(SYMBOL[name])
+        axes.margins(x=0)
+        if name == "psi":
+            set_title(axes, scene_title(file) + (f"; the first 12 of {len(x)} probes" if len(x) > 12 else ""))
+    axes.set_xlabel("t")
+    legend_below(axes, 6)
+    return figure
+
+
+def draw_series(file, args):
+    if "series" not in file:
+        raise Unusable("has no series")
+    group = file["series"]
+    names = [k for k, v in group.items() if isinstance(v, h5py.Dataset) and v.ndim == 1 and k != "t"]
+    together = [k for k in ("psi_min", "psi_mean", "psi_max") if k in names]
+    panels = ([together] if together else []) + [[k] for k in names if k not in together]
+    count = min([len(group["t"])] + [len(group[k]) for k in names])
+    if not panels or count == 0:
+        raise Unusable("holds no row of its series yet")
+    t = group["t"][:count]
+    figure = Figure(figsize=(7.2, 0.8 + 1.5 * len(panels)), layout="constrained")
+    for panel, axes in zip(panels, np.atleast_1d(figure.subplots(len(panels), sharex=True))):
+        for k, name in enumerate(panel):
+            axes.plot(t, group[name][:count], color=COLOURS[k % len(COLOURS)], lw=1.2,
+                      label={"psi_min": "least", "psi_mean": "mean", "psi_max": "largest"}.get(name))
+        axes.set_ylabel("ψ" if panel is together else panel[0].replace("_", " "), fontsize=9)
+        axes.margins(x=0)
+        if len(panel) > 1:
+            axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1, 0.5))
+        if panel is panels[0]:
+            set_title(axes, scene_title(file))
+    axes.set_xlabel("t")
+    return figure
+
+
+RUN_PICTURES = {"xt": draw_xt, "profile": draw_profile, "phase": draw_phase, "probes": draw_probes,
+                "series": draw_series}
+
+
+def draw_run(file, args):
+    return RUN_PICTURES[args.what or "xt"](file, args)
+
+
+# ---- laws -----------------------------------------------------------------------------------------------------------
+
+def draw_laws(file, args):
+    psi = file["psi"][...]
+    names = [k for k, v in file.items() if isinstance(v, h5py.Dataset) and v.shape == psi.shape and k != "psi"]
+    if not names:
+        raise Unusable("holds no law")
+    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+    axes = figure.subplots()
+    axes.axhline(0, color="0.8", lw=0.8, zorder=0)
+    axes.axvline(0, color="0.8", lw=0.8, zorder=0)
+    for k, name in enumerate(names):
+        axes.plot(psi, file[name][...], color=COLOURS[k % len(COLOURS)], label=name.replace("_", "-"))
+    values = np.concatenate([file[k][...] for k in names])
+    values = values[np.isfinite(values)]
+    if values.size:
+        # a law that runs off at the ends must not flatten the others
+        low, high = np.percentile(values, [1, 99])
+        room = 0.1 * max(high - low, 1e-6)
+        axes.set_ylim(low - room, high + room)
+    axes.set(xlabel="ψ   (sliding velocity)", ylabel="F   (friction over its amplitude)")
+    axes.margins(x=0)
+    axes.set_title("Friction laws")
+    axes.legend(fontsize=9)
+    return figure
+
+
+KINDS = {"run": draw_run, "laws": draw_laws}
+
+
+def draw(path, args):
+    """The figure for one file."""
+    if not os.path.exists(path):
+        raise Unusable("does not exist")
+    if not os.path.isfile(path):
+        raise Unusable("is not a file")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise Unusable(f"is not a readable HDF5 file ({str(error).splitlines()[0]})") from error
+    with file:
+        if text(file.attrs.get("program", "")) != "stickslip":
+            raise Unusable("was not written by stickslip")
+        kind = text(file.attrs.get("kind", ""))
+        if kind not in KINDS:
+            raise Unusable(f"holds a {kind}, of which there is no picture")
+        if args.what and kind != "run":
+            raise Unusable(f"holds the result of {kind}: --what is for the file of a run")
+        try:
+            return KINDS[kind](file, args)
+        except (KeyError, OSError, RuntimeError) as error:
+            raise Unusable(f"is damaged or incomplete: {str(error).splitlines()[0]}") from error
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("file", metavar="FILE", help="HDF5 file that stickslip wrote")
+    parser.add_argument("-o", "--output", metavar="OUT.png", help="default: FILE with .png (and -WHAT before it)")
+    parser.add_argument("--what", choices=sorted(RUN_PICTURES), help="picture of a run")
+    for name in ("profile", "phase", "probes", "series"):
+        parser.add_argument("--" + name, dest="what", action="store_const", const=name, help=f"short for --what {name}")
+    parser.add_argument("--field", metavar="NAME", help="xt: field to draw (psi)")
+    parser.add_argument("--frame", type=int, metavar="N", help="profile, phase: frame, from 0 (the last)")
+    args = parser.parse_args()
+    output = args.output
+    if not output:
+        output = os.path.splitext(args.file)[0] + (f"-{args.what}" if args.what not in (None, "xt") else "") + ".png"
+    try:
+        figure = draw(args.file, args)
+    except Unusable as error:
+        print(f"plot.py: error: '{args.file}' {error}", file=sys.stderr)
+        return 2
+    try:
+        figure.savefig(output)
+    except (OSError, ValueError) as error:
+        print(f"plot.py: error: cannot write '{output}': {error}", file=sys.stderr)
+        return 2
+    print(output)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
