@@ -199,6 +199,7 @@ struct RunFile::Writer {
   std::size_t probes = 0, series = 0;  // which, 0 for none
   Id file;
   bool published = false;
+  bool broken = false;  // a write has failed: no more are tried
   double next_flush = 0;
 
   Writer(const std::string& name, Provenance from, RunLayout&& layout);
@@ -206,6 +207,7 @@ struct RunFile::Writer {
   void create(const std::string& name, double bytes);
   void copy_rows(const Resume& from);
   void flush();
+  void write_and_show();
   void publish();
   void check_present() const;
   void rewrite(bool exact);
@@ -304,7 +306,7 @@ void RunFile::Writer::copy_rows(const Resume& from) {
       const bool fits = table.columns[c].wide ? sizes.size() == 2 && sizes[1] == source.x.size() : sizes.size() == 1;
       if (!fits || sizes[0] < source.kept) throw Failure("'" + from.path + "': " + name + " does not fit its t and x");
     }
-    if (table.capacity <= source.kept) table.capacity = std::max(first_capacity, 2 * source.kept);
+    if (source.kept > 0) table.capacity += source.kept;
   }
 
   create(temporary, 0);
@@ -411,7 +413,18 @@ void RunFile::Writer::check_present() const {
 }
 
 void RunFile::Writer::flush() {
+  if (broken) return;
   const double begin = now();
+  try {
+    write_and_show();
+  } catch (...) {
+    broken = true;
+    throw;
+  }
+  next_flush = now() + 20 * (now() - begin);  // at most a twentieth of the time is spent here
+}
+
+void RunFile::Writer::write_and_show() {
   if (published) check_present();
   bool room = true;
   for (const Table& table : tables) room = room && table.written + table.pending <= table.capacity;
@@ -422,13 +435,12 @@ void RunFile::Writer::flush() {
   } else if (tables[0].written > 0) {
     publish();
   }
-  next_flush = now() + 20 * (now() - begin);  // at most a twentieth of the time is spent here
 }
 
 void RunFile::Writer::close() {
   if (!file) return;
   flush();
-  if (published) {
+  if (published && !broken) {
     double used = 0, unused = 0;
     for (const Table& table : tables)
       for (const Column& column : table.columns) {
@@ -443,7 +455,7 @@ void RunFile::Writer::close() {
   }
   for (Table& table : tables)
     for (Column& column : table.columns) column.dataset.reset();
-  if (file && H5Fclose(file.release()) < 0) h5::fail("write", path);
+  if (file && H5Fclose(file.release()) < 0 && !broken) h5::fail("write", path);
 }
 
 void RunFile::Writer::drop_handles() {

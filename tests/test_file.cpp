@@ -322,8 +322,16 @@ TEST_CASE("run file: removed or replaced under way is told", "[output]") {
   if (my_rank() == 0) unlink(path.c_str());
   CHECK_THROWS_AS(file.flush(), Failure);
   put(path, "another file");
-  CHECK_THROWS_AS(file.flush(), Failure);
-  CHECK_THROWS_AS(file.close(), Failure);
+  file.close();  // has been told once
+  MPI_Barrier(PETSC_COMM_WORLD);
+  CHECK(content(path) == "another file");
+
+  const std::string path2 = folder / "r2.h5";
+  RunFile file2(PETSC_COMM_WORLD, path2, some_provenance(), some_layout(4, 20));
+  write_frame(file2, 0, 4);
+  put(folder / "other", "another file");
+  if (my_rank() == 0) rename((folder / "other").c_str(), path2.c_str());
+  CHECK_THROWS_WITH(file2.close(), Catch::Contains("another file has taken its place"));
 }
 
 TEST_CASE("run file: readable after every single write, torn ones included", "[output][serial]") {

@@ -64,7 +64,7 @@ struct RunLayout {
   std::vector<Field> fields;    // of (t, x): psi, eta, the state where there is one, chi where asked for
   std::vector<double> probe_x;  // probes/x; the datasets are probes/psi and probes/eta of (t, x)
   std::vector<Field> series;    // series/NAME of t
-  std::int64_t frames = 0;      // how many are expected (any number may come)
+  std::int64_t frames = 0;      // how many are expected to come (any number may)
   std::map<std::string, std::string> texts;  // further root attributes
   std::map<std::string, double> numbers;
   std::vector<double> friction_psi, friction_F;  // steady friction, a table friction/F of friction/psi, if not empty
@@ -109,6 +109,7 @@ class RunFile {
 
   // Everything written so far becomes visible to readers (and so survives kill -9).
   void flush();
+  // After an error that has been thrown, flush() and close() write no more and throw nothing.
   void close();
 
   std::int64_t frames() const { return frames_; }   // in the file, those of `resume` included
