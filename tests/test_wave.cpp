@@ -1,0 +1,217 @@
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <ctime>
+
+#include "stickslip/cyclic.hpp"
+#include "stickslip/error.hpp"
+#include "stickslip/wave.hpp"
+
+using namespace stickslip;
+
+namespace {
+
+Scene undamped(double v) {
+  Scene scene;
+  scene.delta = 0;
+  scene.v = v;
+  return scene;
+}
+
+// The period at the train's r2 by the integrator, which knows nothing of the collocation.
+double integrated_period(const Train& train) { return find_orbit(*train.oscillator, train.r2, 1e-13, 0).period; }
+
+}  // namespace
+
+TEST_CASE("a closed chain of matrices is solved, growing and shrinking", "[wave][serial]") {
+  const int d = 2;
+  const size_t N = 60;
+  std::vector<std::complex<double>> phi, rhs, y(N * d);
+  for (size_t i = 0; i < N; ++i) {
+    const double grow = i % 20 < 10 ? 8 : .1;
+    for (double e : {grow, .3 * std::sin(double(i)), .2, .5 / grow}) phi.push_back({e, .1 * std::cos(double(i))});
+    for (int a = 0; a < d; ++a) y[i * d + size_t(a)] = {std::sin(double(i + size_t(a))), double(i % 3)};
+  }
+  const std::complex<double> twist = std::polar(1., .7);
+  for (size_t i = 0; i < N; ++i)
+    for (size_t a = 0; a < d; ++a) {
+      std::complex<double> next = i + 1 < N ? y[(i + 1) * d + a] : twist * y[a];
+      for (size_t b = 0; b < d; ++b) next -= phi[(i * d + a) * d + b] * y[i * d + b];
+      rhs.push_back(next);
+    }
+  const CyclicChain<std::complex<double>> chain(d, N, phi);
+  std::vector<std::complex<double>> y0 = chain.reduce(1, rhs), m = chain.closure(twist);
+  REQUIRE(solve_dense(d, m.data(), 1, y0.data()));
+  const std::complex<double> one = 1;
+  const auto solution = chain.expand(1, rhs, &one, y0.data(), twist);
+  for (size_t i = 0; i < solution.size(); ++i) CHECK(std::abs(solution[i] - y[i]) < 1e-12);
+}
+
+TEST_CASE("speeds on a ring of length 100", "[wave]") {
+  const double known[][2] = {{2, 5.22294}, {4, 2.68955}, {8, 1.49591}, {11, 1.21281}};
+  for (auto& k : known) {
+    const Train train = solve_train(undamped(.5), {PetscInt(k[0]), 100., {}});
+    CHECK(train.speed == Approx(k[1]).margin(6e-6));
+    CHECK(train.period == Approx(integrated_period(train)).epsilon(1e-12));
+    CHECK(train.speed * train.period * k[0] == Approx(100).epsilon(1e-13));
+    CHECK(train.error_estimate < 1e-10 * train.speed);
+    CHECK(train.residual < 1e-11);
+  }
+}
+
+TEST_CASE("lengths agree with the integrated orbit from fast trains to V = c", "[wave]") {
+  Scene scene;
+  for (bool derived : {true, false}) {
+    scene.derived_sign = derived;
+    for (double excess : {1e3, 4., .5, .05, 1e-2, 1e-4, 1e-6}) {
+      const Train train = solve_train(scene, {1, {}, -(1 + excess)});
+      CHECK(train.length == Approx((1 + excess) * integrated_period(train)).epsilon(1e-11));
+      CHECK(train.speed == -(1 + excess));
+    }
+  }
+}
+
+TEST_CASE("length to speed and back", "[wave]") {
+  Scene scene;
+  scene.c = 2;
+  scene.v = -.6;
+  const Train from_speed = solve_train(scene, {3, {}, 2.2});
+  const Train from_length = solve_train(scene, {3, from_speed.length, {}});
+  CHECK(from_length.speed == Approx(2.2).epsilon(1e-11));
+  CHECK(from_length.psi_max == Approx(from_speed.psi_max).epsilon(1e-9));
+}
+
+TEST_CASE("limits of a train", "[wave]") {
+  SECTION("V to c: the length of a pulse falls to its bound like mu^(-4/3)") {
+    const Scene scene = undamped(.5);
+    const double l = shortest_pulse(scene);
+    CHECK(l == Approx(3 * (3 - .75 * std::log(3.75 / .75))).epsilon(1e-14));
+    double last = 0;
+    for (double excess : {1e-5, 1e-7}) {
+      const double gap = solve_train(scene, {1, {}, 1 + excess}).length / l - 1;
+      CHECK(gap > 0);
+      if (last > 0) CHECK(std::log(last / gap) / std::log(100.) == Approx(2. / 3).margin(.03));
+      last = gap;
+    }
+  }
+  SECTION("V much larger than c: the uniform oscillation") {
+    const Scene scene = undamped(.5);
+    CHECK(solve_train(scene, {1, {}, 1e6}).period == Approx(uniform_orbit(scene).period).epsilon(1e-10));
+  }
+  SECTION("no coupling: any speed, one period") {
+    Scene scene = undamped(.5);
+    const double T = uniform_orbit(scene).period;
+    scene.c = 0;
+    CHECK(solve_train(scene, {4, 20., {}}).speed == Approx(20 / (4 * T)).epsilon(1e-11));
+  }
+  SECTION("near the threshold the frequency is that of the linear wave") {
+    const Train train = solve_train(undamped(1 - 1e-7), {1, 5., {}});
+    // omega = k V with r2 omega^2 = 1
+    CHECK(train.speed == Approx(std::hypot(1, 5 / (2 * M_PI))).epsilon(1e-6));
+  }
+}
+
+TEST_CASE("damping scales out of a train", "[wave]") {
+  for (bool derived : {true, false}) {
+    Scene damped;
+    damped.derived_sign = derived;
+    const double a2 = 1 - damped.s_delta() / damped.gamma;
+    Scene plain = damped;
+    plain.delta = 0;
+    plain.gamma *= a2;
+    plain.v /= std::sqrt(a2);
+    const Train one = solve_train(damped, {4, 50., {}}), other = solve_train(plain, {4, 50., {}});
+    CHECK(one.speed == Approx(other.speed).epsilon(1e-12));
+    CHECK(one.psi_min == Approx(std::sqrt(a2) * other.psi_min).epsilon(1e-9));
+  }
+}
+
+TEST_CASE("the error estimate of a train holds, and is not idle", "[wave][serial]") {
+  int meaningful = 0;
+  for (double gamma : {1., 3., 20.})
+    for (double speed : {1.0001, 1.02, 1.5, 5.}) {
+      Scene scene;
+      scene.gamma = gamma;
+      scene.v = .5;
+      const double truth = speed * integrated_period(solve_train(scene, {1, {}, speed}));
+      for (double tolerance : {1e-4, 1e-5, 1e-6, 1e-8, 1e-10}) {
+        const Train train = solve_train(scene, {1, {}, speed}, tolerance);
+        const double error = std::abs(train.length - truth);
+        CHECK(train.error_estimate <= tolerance * train.length);
+        CHECK(error <= train.error_estimate);
+        if (error > 1e-13 * truth) {
+          ++meaningful;
+          CHECK(train.error_estimate < 1e4 * error);
+        }
+      }
+    }
+  CHECK(meaningful >= 20);
+}
+
+TEST_CASE("the profile obeys the differential equation between the points", "[wave][serial]") {
+  const Train train = solve_train(Scene(), {1, {}, 1.1});
+  const Oscillator& o = *train.oscillator;
+  const double h = 1e-5;
+  for (double phase = .0123; phase < 1; phase += .0371) {
+    double y[3], dy[3], before[3], after[3];
+    train.at(phase, y);
+    train.at(phase - h, before);
+    train.at(phase + h, after);
+    o.rhs(train.r2, y, dy, nullptr);
+    for (int a = 0; a < 2; ++a)
+      CHECK((after[a] - before[a]) / (2 * h * train.period) == Approx(dy[a]).margin(1e-5 * (1 + std::abs(dy[0]))));
+    // psi_t = A (eta - B psi - F)
+    CHECK(o.A() * (train.eta_at(phase) - o.partials(y[0], 0).F) == Approx(dy[0]).margin(1e-9 * (1 + std::abs(dy[0]))));
+  }
+}
+
+TEST_CASE("other laws carry trains too", "[wave]") {
+  Scene scene;
+  SECTION("regularised carlson-langer") {
+    scene.friction.law = Law::carlson_langer;
+    scene.friction.regularised = true;
+    scene.friction.eps = .01;
+  }
+  SECTION("a state that heals") {
+    scene.friction.state = StateLaw::healing;
+    scene.friction.tau_inf = 1.5;
+  }
+  const Train train = solve_train(scene, {2, 60., {}});
+  CHECK(train.period == Approx(integrated_period(train)).epsilon(1e-11));
+  CHECK(train.error_estimate < 1e-9);
+}
+
+TEST_CASE("trains that cannot be are refused with the reason", "[wave]") {
+  const Scene scene = undamped(.5);
+  CHECK_THROWS_WITH(solve_train(scene, {1, {}, .9}), Catch::Contains("|V| > model_c"));
+  CHECK_THROWS_AS(solve_train(scene, {1, {}, -1.}), UsageError);
+  CHECK_THROWS_AS(solve_train(scene, {0, 100., {}}), UsageError);
+  CHECK_THROWS_AS(solve_train(scene, {1, 100., 2.}), UsageError);
+  CHECK_THROWS_AS(solve_train(scene, {1, {}, {}}), UsageError);
+  CHECK_THROWS_AS(solve_train(undamped(1), {1, 100., {}}), Failure);
+  // ceil(100/5.3788) - 1 = 18 fit
+  CHECK_THROWS_WITH(solve_train(scene, {19, 100., {}}), Catch::Contains("at most 18 fit"));
+  CHECK(solve_train(scene, {18, 100., {}}).speed > 1);
+  Scene chain;
+  chain.form = Form::chain;
+  CHECK_THROWS_WITH(solve_train(chain, {1, 100., {}}), Catch::Contains("continuum only"));
+  Scene spread;
+  spread.spread = .1;
+  CHECK_THROWS_AS(solve_train(spread, {1, 100., {}}), UsageError);
+}
+
+TEST_CASE("the cost of a train is linear in its mesh", "[wave][serial]") {
+  // seconds a point between two meshes eight times apart, each the best of three
+  auto best = [](double tolerance, size_t& points) {
+    double seconds = 1e9;
+    for (int i = 0; i < 3; ++i) {
+      const clock_t begin = clock();
+      points = solve_train(Scene(), {1, {}, 1.05}, tolerance).intervals();
+      seconds = std::min(seconds, double(clock() - begin) / CLOCKS_PER_SEC);
+    }
+    return seconds;
+  };
+  size_t few, many;
+  const double fast = best(1e-8, few), slow = best(1e-12, many);
+  CHECK(fast < 1);
+  CHECK(slow < 2. * fast * double(many) / double(few) + .02);
+}
