@@ -454,7 +454,7 @@ void find_cycle(const Oscillator& o, double r2, double tolerance, double* y) {
   o.steady(fixed);
   const bool unstable = o.sliding_unstable(r2);
   const std::string none = "nothing oscillates: uniform sliding at v = " + std::to_string(o.v()) + " is stable";
-  ReturnMap coarse(o, r2, std::max(tolerance, 1e-6)), fine(o, r2, tolerance);
+  ReturnMap coarse(o, r2, std::max(tolerance, 1e-8)), fine(o, r2, tolerance);
   std::copy(fixed, fixed + d, y);
   // how far out to begin: the size of the friction force, or of its range over the slips that v drives
   const double size = std::max(std::abs(o.partials(fixed[0], d == 3 ? fixed[2] : 0).F), .1) + 1. / 3;
@@ -495,7 +495,8 @@ void find_cycle(const Oscillator& o, double r2, double tolerance, double* y) {
     y[1] = fixed[1] + a;
     return;
   }
-  // two coordinates on the section: Newton with differences
+  // two coordinates on the section: Newton with differences, as far as round-off (and kinks of the law) let it
+  double last_change = 1e300;
   for (int k = 0; k < 30; ++k) {
     double image[max_dim], a[4], b[2];
     if (distance(y) < 1e-7 * size) throw Failure(none);
@@ -514,7 +515,8 @@ void find_cycle(const Oscillator& o, double r2, double tolerance, double* y) {
     const double change = std::max(std::abs(b[0]) / size, std::abs(b[1])) / distance(y) * size;
     y[1] += b[0];
     y[2] += b[1];
-    if (change < tolerance) return;
+    if (change < tolerance || (change < 1e-8 && change > .3 * last_change)) return;
+    last_change = change;
   }
   throw Failure("the oscillation does not settle on a cycle: psi passes v = " + std::to_string(o.v()) +
                 " at a distance that keeps changing");
@@ -524,6 +526,13 @@ void find_cycle(const Oscillator& o, double r2, double tolerance, double* y) {
 
 Orbit find_orbit(const Oscillator& o, double r2, double tolerance, int samples) {
   Orbit orbit;
+  {
+    // just beyond the threshold the orbit is small and gains little a turn, which rough steps would drown
+    double y[max_dim], dy[max_dim], J[max_dim * max_dim];
+    o.steady(y);
+    o.rhs(r2, y, dy, J);
+    if (std::abs(J[0]) < .1 * std::sqrt(o.K0() * o.A() / r2)) tolerance = std::min(tolerance, 1e-11);
+  }
   double start[max_dim] = {};
   find_cycle(o, r2, tolerance, start);
   std::vector<Step> steps;

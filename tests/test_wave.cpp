@@ -106,7 +106,7 @@ TEST_CASE("limits of a train", "[wave]") {
   SECTION("near the threshold the frequency is that of the linear wave") {
     const Train train = solve_train(undamped(1 - 1e-7), {1, 5., {}});
     // omega = k V with r2 omega^2 = 1
-    CHECK(train.speed == Approx(std::hypot(1, 5 / (2 * M_PI))).epsilon(1e-6));
+    CHECK(train.speed == Approx(std::hypot(1, 5 / (2 * M_PI))).epsilon(5e-6));
   }
 }
 
@@ -166,18 +166,20 @@ TEST_CASE("the profile obeys the differential equation between the points", "[wa
 
 TEST_CASE("other laws carry trains too", "[wave]") {
   Scene scene;
+  double accuracy = 1e-11;
   SECTION("regularised carlson-langer") {
     scene.friction.law = Law::carlson_langer;
     scene.friction.regularised = true;
     scene.friction.eps = .01;
   }
-  SECTION("a state that heals") {
+  SECTION("a state that heals, whose |psi| has a kink") {
+    accuracy = 1e-9;
     scene.friction.state = StateLaw::healing;
     scene.friction.tau_inf = 1.5;
   }
   const Train train = solve_train(scene, {2, 60., {}});
-  CHECK(train.period == Approx(integrated_period(train)).epsilon(1e-11));
-  CHECK(train.error_estimate < 1e-9);
+  CHECK(train.period == Approx(integrated_period(train)).epsilon(accuracy));
+  CHECK(train.error_estimate < 1e-8);
 }
 
 TEST_CASE("trains that cannot be are refused with the reason", "[wave]") {
