@@ -33,6 +33,7 @@ struct Command {
 const std::vector<Command>& commands() {
   static const std::vector<Command> table = {
       {"run", "advances the scene in time", run_command, true},
+      {"wave", "solves for a train of pulses: speed or length, stability, branches", wave_command, false},
   };
   return table;
 }

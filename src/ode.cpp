@@ -596,8 +596,8 @@ Orbit uniform_orbit(const Scene& scene) {
   const Oscillator oscillator(scene);
   const double vc2 = 1 - scene.s_delta() / scene.A() - scene.B();
   if (scene.friction.law == Law::cubic && scene.friction.state == StateLaw::none && scene.v * scene.v >= vc2)
-    throw Failure("nothing oscillates: uniform sliding at v = " + std::to_string(scene.v) + " is stable (|v| >= v_c = " +
-                  std::to_string(vc2 > 0 ? std::sqrt(vc2) : 0.) + ")");
+    throw Failure("nothing oscillates: uniform sliding at v = " + std::to_string(scene.v) +
+                  " is stable (|v| >= v_c = " + std::to_string(vc2 > 0 ? std::sqrt(vc2) : 0.) + ")");
   return find_orbit(oscillator, 1);
 }
 

@@ -4,6 +4,7 @@
 
 #include "stickslip/error.hpp"
 #include "stickslip/ode.hpp"
+#include "stickslip/wave.hpp"
 
 namespace stickslip {
 
@@ -17,9 +18,13 @@ void set_start(const Model& model, const Options& options, Vec u) {
   const double noise = options.real("init_noise");
   const PetscInt seed = options.integer("init_seed");
   Orbit orbit;
+  Train train;
   double turns = 0;
-  if (type == "pulses") {
-    orbit = uniform_orbit(s);
+  if (type == "wave" && !s.ring())
+    throw UsageError("init_type wave needs a ring: bc_left periodic, not " + to_string(s.left));
+  if (type == "wave") train = solve_train(s, {options.integer("init_pulses"), s.length, {}});
+  if (type == "pulses") orbit = uniform_orbit(s);
+  if (type == "pulses" || type == "wave") {
     // f(t - x/V): to the right the phase falls with x
     turns = double(options.integer("init_pulses")) * (options.text("init_direction") == "left" ? 1 : -1);
   }
@@ -39,6 +44,8 @@ void set_start(const Model& model, const Options& options, Vec u) {
       psi += (s.left_value - psi_i) * std::exp(-r * r);
     } else if (type == "pulses") {
       psi = orbit.psi_at(turns * x / s.length);
+    } else if (type == "wave") {
+      psi = train.psi_at(turns * x / s.length);
     }
     if (noise != 0) psi += noise * (2 * counter_uniform(seed, model.first() + i) - 1);
     at[0] = psi;
@@ -51,6 +58,9 @@ void set_start(const Model& model, const Options& options, Vec u) {
     }
     if (type == "pulses") {
       at[1] = orbit.eta_at(turns * x / s.length);
+    } else if (type == "wave") {
+      at[1] = train.eta_at(turns * x / s.length);
+      if (dof == 3) at[2] = train.state_at(turns * x / s.length);
     } else {
       at[1] = eta_steady ? s.B() * psi + model.friction(i, psi, state).F : options.real("init_eta");
     }

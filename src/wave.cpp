@@ -454,7 +454,7 @@ std::vector<double> equidistribute(const std::vector<double>& mesh, std::vector<
   // a tenth of the points spread evenly in phase, a tenth over the old mesh, so that no part is left bare
   std::vector<double> sum(n + 1, 0.);
   for (size_t i = 0; i < n; ++i)
-    sum[i + 1] = sum[i] + .8 * rough[i] * (mesh[i + 1] - mesh[i]) / total + .1 * (mesh[i + 1] - mesh[i]) + .1 / double(n);
+    sum[i + 1] = sum[i] + (.8 * rough[i] / total + .1) * (mesh[i + 1] - mesh[i]) + .1 / double(n);
   std::vector<double> result{0};
   size_t i = 0;
   for (size_t k = 1; k < intervals; ++k) {
@@ -476,7 +476,7 @@ std::vector<double> halved(const std::vector<double>& mesh) {
   return result;
 }
 
-// Unknowns of a problem filled from a profile.
+// Unknowns of a problem, filled from a profile.
 template <class Profile>
 std::vector<double> fill(const Problem& problem, Profile&& profile, double q) {
   const std::vector<double>& mesh = problem.mesh();
@@ -582,7 +582,7 @@ bool solve_to(const Setting& setting, std::vector<double> mesh, Profile&& start,
         profile = std::max(profile, std::abs(at[0] - y[i * finer.block() + j * size_t(d)]));
       }
     const Setting::At coarse = setting.at(x.back()), fine = setting.at(y.back());
-    const double relative = setting.request.speed ? std::abs(coarse.T / fine.T - 1) : std::abs(coarse.speed / fine.speed - 1);
+    const double relative = std::abs(setting.request.speed ? coarse.T / fine.T - 1 : coarse.speed / fine.speed - 1);
     const double estimate = relative / 8;
     const bool good = estimate <= tolerance && profile / 32 <= std::max({1e-9, tolerance, last_step});
     if (good || round == 11 || fine_mesh.size() > 40000) {
@@ -619,6 +619,15 @@ bool plain_cubic(const Scene& scene) {
 }
 
 }  // namespace
+
+TrainRequest train_request(const Options& options) {
+  TrainRequest request{options.integer("wave_pulses"), options.real_if_set("wave_length"),
+                       options.real_if_set("wave_speed"), true};
+  if (bool(request.length) == bool(request.speed))
+    throw UsageError(request.length ? "wave_length and wave_speed are both set: exactly one of the two is needed"
+                                    : "wave_length or wave_speed is needed: exactly one of the two");
+  return request;
+}
 
 const Tableau& train_tableau() {
   static const Tableau t = Tableau::gauss(stages);
@@ -699,8 +708,8 @@ Train solve_train(const Scene& scene, const TrainRequest& request, double tolera
     throw UsageError("wave_length " + number(*request.length) + ": a positive length is needed");
   const double c = scene.c;
   if (request.speed && !(std::abs(*request.speed) > c))
-    throw UsageError("wave_speed " + number(*request.speed) + ": periodic waves need a speed beyond c, |V| > model_c = " +
-                     number(c));
+    throw UsageError("wave_speed " + number(*request.speed) +
+                     ": periodic waves need a speed beyond c, |V| > model_c = " + number(c));
   if (plain_cubic(scene)) {
     const double a2 = 1 - scene.s_delta() / scene.gamma, vc = a2 > 0 ? std::sqrt(a2) : 0;
     if (std::abs(scene.v) >= vc)

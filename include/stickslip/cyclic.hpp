@@ -108,7 +108,8 @@ class CyclicChain {
       const T* r = &r_[(k - 1) * dd];
       for (int a = d - 1; a >= 0; --a) {
         T sum = 0;
-        for (int c = 0; c < columns; ++c) sum += w[c] * reduced[(k * size_t(d) + size_t(a)) * size_t(columns) + size_t(c)];
+        for (int c = 0; c < columns; ++c)
+          sum += w[c] * reduced[(k * size_t(d) + size_t(a)) * size_t(columns) + size_t(c)];
         for (int b = 0; b < d; ++b) {
           const T next = k + 1 < n_ ? y[(k + 1) * size_t(d) + size_t(b)] : twist * y0[b];
           sum -= e_[(k - 1) * dd + size_t(a * d + b)] * y0[b] + f_[(k - 1) * dd + size_t(a * d + b)] * next;

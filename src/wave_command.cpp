@@ -1,0 +1,106 @@
+// The command `wave`: a train of pulses, its stability, a branch of trains; to the summary, a file, and the terminal.
+#include <cmath>
+#include <cstdio>
+
+#include "stickslip/commands.hpp"
+#include "stickslip/error.hpp"
+#include "stickslip/file.hpp"
+#include "stickslip/library_options.hpp"
+#include "stickslip/summary.hpp"
+#include "stickslip/wave.hpp"
+
+namespace stickslip {
+
+namespace {
+
+bool on_root() {
+  int rank = 0;
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  return rank == 0;
+}
+
+// The train as it stands on its ring at t = 0, at the mesh and Gauss points of every pulse, x rising; and what the
+// picture needs of the scene.
+void add_train(ResultFile& file, const Scene& scene, const Train& train) {
+  std::vector<double> phases;
+  for (size_t i = 0; i < train.intervals(); ++i)
+    for (double at : train_dense().points())
+      phases.push_back(train.mesh[i] + (train.mesh[i + 1] - train.mesh[i]) * at);
+  std::vector<double> x, psi, eta, state;
+  const double pulse = train.length / double(train.pulses);
+  auto put = [&](double at, double phase) {
+    x.push_back(at);
+    psi.push_back(train.psi_at(phase));
+    eta.push_back(train.eta_at(phase));
+    state.push_back(state_to_output(scene.friction.state, train.state_at(phase)));
+  };
+  for (PetscInt k = 0; k < train.pulses; ++k) {
+    if (train.speed < 0) {
+      for (double phase : phases) put((double(k) + phase) * pulse, phase);
+    } else {  // psi = f(t - x/V): phase falls with x
+      put(double(k) * pulse, 0);
+      for (size_t i = phases.size(); i-- > 1;) put((double(k) + 1 - phases[i]) * pulse, phases[i]);
+    }
+  }
+  put(train.length, 0);
+  file.scale({"x", "length", "position on the ring"}, x);
+  file.add(standard_field("psi"), {"x"}, psi);
+  file.add(standard_field("eta"), {"x"}, eta);
+  const StateLaw law = scene.friction.state;
+  if (law != StateLaw::none) file.add(standard_field(law == StateLaw::healing ? "tau" : "theta"), {"x"}, state);
+  const RunLayout layout = RunLayout::of(scene);
+  for (const auto& [name, value] : layout.numbers) file.attribute(name, value);
+  file.scale({"friction/psi", "length/time", "sliding velocity"}, layout.friction_psi);
+  file.add({"friction/F", "1", "friction force over its amplitude"}, {"friction/psi"}, layout.friction_F);
+  file.attribute("speed", train.speed);
+  file.attribute("length", train.length);
+  file.attribute("pulses", double(train.pulses));
+  file.attribute("period", train.period);
+}
+
+void describe(const Scene& scene, const Train& train) {
+  if (!on_root()) return;
+  std::printf("train of %lld %s on a ring: speed V = %.12g, length L = %.12g, period T = %.12g\n",
+              static_cast<long long>(train.pulses), train.pulses == 1 ? "pulse" : "pulses", train.speed, train.length,
+              train.period);
+  std::printf("  solved for the %s, error below %.1e; psi from %.10g to %.10g; %zu mesh intervals\n",
+              train.length_given ? "speed" : "length", train.error_estimate, train.psi_min, train.psi_max,
+              train.intervals());
+  if (scene.s_delta() != 0) std::printf("  sign of delta: %s\n", scene.derived_sign ? "derived" : "printed");
+}
+
+}  // namespace
+
+int wave_command(const Options& options) {
+  const Provenance provenance = Provenance::of("wave", options.all());
+  check_outputs(options.text("out_file"), options.text("summary"));
+  Summary summary(provenance,
+                  {"speed", "length", "pulses", "period", "psi_max", "psi_min", "residual", "error_estimate", "stable",
+                   "eigenvalues", "branch", "shortest_pulse", "mesh_intervals"},
+                  options.text("summary"));
+  const TrainRequest request = train_request(options);
+  const Scene scene = Scene::from(options, true);
+  check_train_scene(scene);
+  return with_summary(summary, [&] {
+    summary.set("pulses", request.pulses);
+    summary.set("shortest_pulse", shortest_pulse(scene));
+    const Train train = solve_train(scene, request);
+    check_unused_after_setup(options, options.boolean("wave_spectrum") ? "" : "eps st bv ds");
+    summary.set("speed", train.speed);
+    summary.set("length", train.length);
+    summary.set("period", train.period);
+    summary.set("psi_max", train.psi_max);
+    summary.set("psi_min", train.psi_min);
+    summary.set("residual", train.residual);
+    summary.set("error_estimate", train.error_estimate);
+    summary.set("mesh_intervals", train.intervals());
+    ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
+    add_train(file, scene, train);
+    describe(scene, train);
+    file.write();
+    warn_unused_at_end(options);
+    return 0;
+  });
+}
+
+}  // namespace stickslip
