@@ -786,9 +786,11 @@ Train solve_train(const Scene& scene, const TrainRequest& request, double tolera
   }
   const double l = shortest_pulse(scene);
   const double most = std::ceil(*request.length / l) - 1;
+  const std::string fits =
+      most < 1 ? "none fits" : "at most " + number(most) + (most == 1 ? " fits" : " fit");
   throw Failure("no train of " + std::to_string(request.pulses) + (request.pulses == 1 ? " pulse" : " pulses") +
-                " on a ring of length " + number(*request.length) + ": as V falls to c a pulse still takes " + number(l) +
-                " of it, so that at most " + number(most) + (most == 1 ? " fits" : " fit"));
+                " on a ring of length " + number(*request.length) + ": as V falls to c a pulse still takes " +
+                number(l) + ", so that " + fits);
 }
 
 }  // namespace stickslip

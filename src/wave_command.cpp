@@ -96,7 +96,7 @@ int wave_command(const Options& options) {
     summary.set("mesh_intervals", train.intervals());
     ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
     add_train(file, scene, train);
-    describe(scene, train);
+    if (options.text("summary") != "-") describe(scene, train);
     file.write();
     warn_unused_at_end(options);
     return 0;

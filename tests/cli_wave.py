@@ -1,0 +1,104 @@
+"""The command wave: summary, file, refusals; and a run that starts from a train."""
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+import h5py
+import numpy as np
+
+PROGRAM = os.environ["STICKSLIP"]
+SOURCE = os.environ["STICKSLIP_SOURCE"]
+failures = 0
+
+
+def check(good, what):
+    global failures
+    if not good:
+        failures += 1
+        print("FAILED:", what)
+
+
+def run(*words, ranks=1):
+    command = (["mpirun", "-n", str(ranks)] if ranks > 1 else []) + [PROGRAM, *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+
+
+def summary(*words, ranks=1):
+    with tempfile.NamedTemporaryFile(suffix=".json") as file:
+        os.unlink(file.name)
+        result = run(*words, "-summary", file.name, ranks=ranks)
+        with open(file.name) as text:
+            data = json.load(text)
+        open(file.name, "a").close()
+    return result, data
+
+
+def refused(code, words, *parts):
+    result = run("wave", *words.split())
+    lines = result.stderr.strip().splitlines()
+    check(result.returncode == code, f"{words}: exit code {result.returncode}, not {code}")
+    check(len(lines) == 1 and lines[0].startswith("stickslip: error: "), f"{words}: one line, not {result.stderr!r}")
+    for part in parts:
+        check(part in result.stderr, f"{words}: '{part}' in {result.stderr!r}")
+
+
+ring = "-model_gamma 3 -model_delta 0 -model_v 0.5 -wave_length 100".split()
+for pulses, speed in ((2, 5.22294), (4, 2.68955), (8, 1.49591), (11, 1.21281)):
+    result, data = summary("wave", *ring, "-wave_pulses", str(pulses))
+    check(result.returncode == 0 and data["status"] == "done", f"{pulses} pulses: {result.stderr}")
+    check(abs(data["speed"] - speed) < 6e-6, f"{pulses} pulses at {data['speed']}")
+    check(data["error_estimate"] < 1e-8 * speed, "error estimate")
+    check(data["stable"] is None and data["eigenvalues"] is None and data["branch"] is None, "null where not asked")
+    check(abs(data["speed"] * data["period"] * pulses / data["length"] - 1) < 1e-12, "L = n V T")
+
+_, two = summary("wave", *ring, "-wave_pulses", "2", ranks=2)
+_, one = summary("wave", *ring, "-wave_pulses", "2")
+check(two["speed"] == one["speed"] and two["ranks"] == 2, "the same on two ranks")
+
+refused(2, "", "wave_length", "wave_speed")
+refused(2, "-wave_length 60 -wave_speed 2", "wave_length", "wave_speed")
+refused(2, "-wave_speed 1", "|V| > model_c")
+refused(2, "-wave_speed -0.3", "|V| > model_c")
+refused(2, "-wave_length 60 -wave_pulses 0", "wave_pulses")
+refused(2, "-wave_length -3", "wave_length")
+refused(2, "-wave_length 60 -model_form chain", "chain")
+refused(2, "-wave_length 60 -friction_law carlson-langer", "friction_stick")
+refused(1, "-wave_length 3", "none fits")
+refused(1, "-wave_length 60 -wave_pulses 30", "at most")
+refused(1, "-wave_length 60 -model_v 0.97", "stable", "v_c = 0.96609")
+result, data = summary("wave", "-wave_length", "3")
+check(data["status"] == "failed" and data["speed"] is None and data["shortest_pulse"] > 3, "summary of a failure")
+
+with tempfile.TemporaryDirectory() as folder:
+    path = os.path.join(folder, "train.h5")
+    result, data = summary("wave", "-wave_speed", "-1.5", "-wave_pulses", "3", "-out_file", path)
+    check(result.returncode == 0, result.stderr)
+    with h5py.File(path) as file:
+        x, psi, eta = file["x"][...], file["psi"][...], file["eta"][...]
+        check(np.all(np.diff(x) > 0) and abs(x[-1] - data["length"]) < 1e-9, "x rises to the ring's length")
+        check(abs(psi.max() - data["psi_max"]) < 1e-3, "psi in the file")
+        check(np.isclose(psi[0], 0.2) and np.isclose(psi[-1], 0.2), "the ring closes")
+        check(file.attrs["kind"] in (b"wave", "wave"), "kind")
+        # gamma eta_t = v - psi + c^2 psi_xx - ... integrates to zero over the ring: the mean of psi is v
+        mean = np.sum((psi[1:] + psi[:-1]) / 2 * np.diff(x)) / x[-1]
+        check(abs(mean - 0.2) < 1e-3, f"mean of psi {mean}")
+
+# A run that starts from the train keeps it: its speed is the solved one, to the order of the stencil.
+start = "-init_type wave -init_pulses 2 -grid_length 40 -model_v 0.5 -ts_max_time 30 -ts_rtol 1e-8 -ts_atol 1e-8".split()
+_, solved = summary("wave", "-wave_length", "40", "-wave_pulses", "2", "-model_v", "0.5")
+errors = []
+for n in (256, 512):
+    result, data = summary("run", *start, "-grid_n", str(n), "-grid_order", "4")
+    check(result.returncode == 0, result.stderr)
+    check(data["pulses"] == 2, f"pulses {data['pulses']}")
+    errors.append(abs(data["wave_speed"] / solved["speed"] - 1))
+print("relative errors of the speed in runs:", errors)
+check(errors[1] < 1e-3 and errors[0] / errors[1] > 8, f"order 4: {errors}")
+_, left = summary("run", *start, "-grid_n", "256", "-init_direction", "left")
+check(abs(left["wave_speed"] / solved["speed"] + 1) < 1e-2, f"to the left: {left['wave_speed']}")
+result = run("run", *start, "-bc_left", "free")
+check(result.returncode == 2 and "ring" in result.stderr, result.stderr)
+
+sys.exit(1 if failures else 0)
