@@ -84,6 +84,13 @@ class Progress {
   bool on_ = false, tty_ = false, shown_ = false;
 };
 
+// Whether rank 0 sees this file. Collective.
+bool exists(const std::string& path) {
+  int there = access(path.c_str(), F_OK) == 0 ? 1 : 0;
+  SS_TRY(MPI_Bcast(&there, 1, MPI_INT, 0, PETSC_COMM_WORLD));
+  return there != 0;
+}
+
 // When frames are written, those up to and including `after` left out.
 std::vector<double> frame_times(const Options& options, double t_end, double after) {
   std::vector<double> times;
@@ -226,7 +233,7 @@ class Run {
     layout.series = series_fields;
     layout.frames = static_cast<std::int64_t>(frames_.size());
     std::optional<RunFile::Resume> resume;
-    if (resumed_) resume = RunFile::Resume{options_.text("out_file"), t_};
+    if (resumed_ && exists(options_.text("out_file"))) resume = RunFile::Resume{options_.text("out_file"), t_};
     file_ = std::make_unique<RunFile>(PETSC_COMM_WORLD, options_.text("out_file"), provenance_, layout, resume);
   }
 

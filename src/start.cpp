@@ -8,6 +8,29 @@
 
 namespace stickslip {
 
+namespace {
+
+// Data fit a held end of the continuum where psi is psi_e there and psi_t is 0. Otherwise the exact solution has a
+// jump, or a jump in its slope, that runs inwards at the speed c and that finite differences cannot follow at their
+// order. `jump` and `slope`: largest misfits over the held ends, of this rank.
+void warn_of_misfit(const Model& model, double jump, double slope) {
+  double misfit[2] = {jump, slope};
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, misfit, 2, MPI_DOUBLE, MPI_MAX, model.comm()));
+  const double scale = 1 + std::abs(model.scene().left_value) + std::abs(model.scene().right_value);
+  const std::string order = std::to_string(model.scene().order);
+  if (misfit[0] > 1e-8 * scale) {
+    warn("the start does not fit the held end: psi jumps by " + number_text(misfit[0]) +
+         " there, and the jump runs inwards without smoothing; expect convergence like h^(p/(p+1)), p = " + order +
+         ", behind it and none at it (init_type layer fits)");
+  } else if (misfit[1] > 1e-8 * model.scene().A() * scale) {
+    warn("the start does not fit the held end: psi_t = " + number_text(misfit[1]) +
+         " there instead of 0, a corner that runs inwards; expect convergence like h^(2p/(p+1)), p = " + order +
+         " (init_eta steady fits)");
+  }
+}
+
+}  // namespace
+
 void set_start(const Model& model, const Options& options, Vec u) {
   const Scene& s = model.scene();
   const int dof = model.dof();
@@ -31,6 +54,8 @@ void set_start(const Model& model, const Options& options, Vec u) {
   if (type == "layer" && s.left != End::velocity)
     throw UsageError("init_type layer fits a held left end: it needs bc_left velocity, not " + to_string(s.left));
 
+  double jump = 0, slope = 0;
+  bool no_state = false;
   double* a;
   SS_TRY(VecGetArray(u, &a));
   for (PetscInt i = 0; i < model.local(); ++i) {
@@ -47,25 +72,31 @@ void set_start(const Model& model, const Options& options, Vec u) {
     } else if (type == "wave") {
       psi = train.psi_at(turns * x / s.length);
     }
-    if (noise != 0) psi += noise * (2 * counter_uniform(seed, model.first() + i) - 1);
+    const bool held_end = s.form == Form::continuum && model.held(model.first() + i);
+    if (held_end) jump = std::max(jump, std::abs(psi - (model.first() + i == 0 ? s.left_value : s.right_value)));
+    if (noise != 0 && !held_end) psi += noise * (2 * counter_uniform(seed, model.first() + i) - 1);
     at[0] = psi;
     double state = 0;
+    const double phase = turns * x / s.length;
     if (dof == 3) {
-      state = options.is_set("init_state") ? state_from_output(s.friction.state, options.real("init_state"))
-                                           : model.steady_state(psi != 0 ? psi : s.v);
-      if (!std::isfinite(state)) throw UsageError("init_state: no steady state at psi = 0 and v = 0; set init_state");
+      if (type == "pulses") state = orbit.state_at(phase);
+      else if (type == "wave") state = train.state_at(phase);
+      else if (options.text("init_state") == "steady") state = model.steady_state(psi != 0 ? psi : s.v);
+      else state = state_from_output(s.friction.state, options.real("init_state"));
+      if (!std::isfinite(state)) no_state = true;
       at[2] = state;
     }
-    if (type == "pulses") {
-      at[1] = orbit.eta_at(turns * x / s.length);
-    } else if (type == "wave") {
-      at[1] = train.eta_at(turns * x / s.length);
-      if (dof == 3) at[2] = train.state_at(turns * x / s.length);
-    } else {
-      at[1] = eta_steady ? s.B() * psi + model.friction(i, psi, state).F : options.real("init_eta");
-    }
+    const double resistance = s.B() * psi + model.friction(i, psi, state).F;
+    if (type == "pulses") at[1] = orbit.eta_at(phase);
+    else if (type == "wave") at[1] = train.eta_at(phase);
+    else at[1] = eta_steady ? resistance : options.real("init_eta");
+    if (held_end) slope = std::max(slope, std::abs(s.A() * (at[1] - resistance)));
   }
   SS_TRY(VecRestoreArray(u, &a));
+  int missing = no_state ? 1 : 0;
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &missing, 1, MPI_INT, MPI_MAX, model.comm()));
+  if (missing) throw UsageError("init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
+  if (s.left == End::velocity || s.right == End::velocity) warn_of_misfit(model, jump, slope);
   model.set_held(u);
 }
 

@@ -168,12 +168,16 @@ struct Integrator::Impl {
       SS_TRY(TSInterpolate(ts, at, into));
     } else {
       if (!kept_before) throw std::logic_error("interpolation at a time that was not announced");
+      const double h = t - t_before, s = (at - t_before) / h;
       if (!kept_after) {
         model.rhs(Part::full, before, slope_before);
         model.rhs(Part::full, u, slope_after);
         kept_after = true;
+        // A run that is about to explode: psi is finite still, its cube is not.
+        int finite = locally_finite(slope_after) ? 1 : 0;
+        SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &finite, 1, MPI_INT, MPI_MIN, model.comm()));
+        if (!finite) throw Failure("the right-hand side is not finite at t = " + std::to_string(t) + ": " + advice(h));
       }
-      const double h = t - t_before, s = (at - t_before) / h;
       const double weights[] = {(1 + 2 * s) * (1 - s) * (1 - s), s * s * (3 - 2 * s), h * s * (1 - s) * (1 - s),
                                 h * s * s * (s - 1)};
       Vec terms[] = {before, u, slope_before, slope_after};
