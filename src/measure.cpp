@@ -98,19 +98,45 @@ std::optional<double> Measurement::ring_speed() const {
 }
 
 std::optional<double> Measurement::passage_speed() const {
+  // The times of passage climb along one pulse and drop by about a period where the next one takes over. A passage is
+  // known to a fraction of the sampling interval, so the slope is taken over whole climbs, never node by node.
+  const std::size_t n = passed_.size(), from = n / 4, to = n - n / 4;
+  if (sample_t_.size() < 2 || to < from + 4) return std::nullopt;
+  const double interval = (sample_t_.back() - sample_t_.front()) / double(sample_t_.size() - 1), h = scene_.h();
   std::vector<double> slowness;
-  const std::size_t n = passed_.size();
-  for (std::size_t i = n / 4; i + 1 < n - n / 4; ++i) {
-    const double s = (passed_[i + 1] - passed_[i]) / scene_.h();
+  for (std::size_t i = from; i + 1 < to; ++i) {
+    const double s = (passed_[i + 1] - passed_[i]) / h;
     if (std::isfinite(s)) slowness.push_back(s);
   }
-  if (slowness.size() < std::max<std::size_t>(4, n / 4)) return std::nullopt;
+  if (slowness.size() < (to - from) / 2) return std::nullopt;
   const auto middle = slowness.begin() + static_cast<std::ptrdiff_t>(slowness.size() / 2);
   std::nth_element(slowness.begin(), middle, slowness.end());
-  const double median = *middle;
-  const auto agree = std::count_if(slowness.begin(), slowness.end(), [&](double s) { return s * median > 0; });
-  if (double(agree) < 0.8 * double(slowness.size())) return std::nullopt;
-  return 1 / median;
+  const double largest_climb = 4 * (interval + h * std::abs(*middle));
+
+  // Least squares with one slope for all climbs and a constant for each; `up`, `down`: nodes by the sign of their climb.
+  double xx = 0, xt = 0, up = 0, down = 0;
+  for (std::size_t begin = from; begin < to;) {
+    std::size_t end = begin + 1;
+    while (end < to && std::abs(passed_[end] - passed_[end - 1]) < largest_climb) ++end;
+    const auto count = double(end - begin);
+    double x = 0, t = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      x += scene_.x(static_cast<PetscInt>(i)) / count;
+      t += passed_[i] / count;
+    }
+    double own_xx = 0, own_xt = 0;
+    for (std::size_t i = begin; i < end && count > 4; ++i) {
+      const double dx = scene_.x(static_cast<PetscInt>(i)) - x;
+      own_xx += dx * dx;
+      own_xt += dx * (passed_[i] - t);
+    }
+    (own_xt > 0 ? up : down) += count > 4 ? count : 0;
+    xx += own_xx;
+    xt += own_xt;
+    begin = end;
+  }
+  if (std::max(up, down) < 0.8 * double(to - from) || xt == 0) return std::nullopt;
+  return xx / xt;
 }
 
 Measurement::Result Measurement::result() const {

@@ -9,9 +9,9 @@
 //               that length would halve it again; `undecided` otherwise
 //   pulses      upward passages of psi through v along x at the end, on a ring or between the ends
 //   wave speed  on a ring with m pulses the slope of the phase of the m-th Fourier coefficient, -2 pi m V/L, by least
-//               squares; elsewhere the median over the middle half of the nodes of h over the difference of the times
-//               at which neighbours last passed v upwards. Positive to the right; none where the phase is not linear
-//               in time to 0.3 rad, or where fewer than 80 % of the nodes agree on the direction.
+//               squares; elsewhere the least-squares slope of the times at which the nodes of the middle half last
+//               passed v upwards, along each pulse. Positive to the right; none where the phase is not linear in time
+//               to 0.3 rad, or where pulses of one direction hold fewer than 80 % of the nodes.
 #pragma once
 
 #include <map>
