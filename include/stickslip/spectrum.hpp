@@ -1,0 +1,69 @@
+// The rightmost eigenvalues of steady sliding, with a check that none was missed.
+//
+// Three ways to the eigenvalues, one the other's oracle:
+//   dense   every eigenvalue of the matrix, by SLEPc's LAPACK solver (a few hundred nodes)
+//   krylov  SLEPc's Krylov-Schur on Re (J - sigma)^-1 at shifts sigma beside the imaginary axis, each pair then
+//           polished by Newton steps on S(lambda) p = 0; the work is linear in n
+//   exact   the discrete dispersion relation, where all nodes are alike: it only checks the other two
+// A count of eigenvalues by the argument principle, on the determinant of the banded S(lambda), says how many stand to
+// the right of the rightmost one found; where it finds some, it also says where to look, and the search goes on.
+#pragma once
+
+#include <mpi.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "stickslip/sliding.hpp"
+
+namespace stickslip {
+
+struct Mode {
+  Complex value;             // lambda, Im >= 0; its conjugate is an eigenvalue too
+  std::vector<Complex> psi;  // at the nodes solved for, largest entry 1
+  double residual = 0;       // |J x - lambda x|/|x| of the whole eigenvector
+  double wavenumber = 0;     // with the symbol equal to the mode's mean of -D2
+  bool resolved = true;
+};
+
+enum class SpectrumMethod { automatic, dense, krylov };
+
+struct SpectrumSettings {
+  PetscInt count = 12;  // eigenvalues wanted, conjugates counted apart
+  SpectrumMethod method = SpectrumMethod::automatic;
+  bool refine = true;   // continuum: compare with a finer grid, and look only where the grid can resolve
+  double effort = 3e8;  // node evaluations that the count may cost
+};
+
+struct Spectrum {
+  std::vector<Mode> modes;  // rightmost first, equal real parts by frequency
+  double growth = 0, frequency = 0;  // of the rightmost resolved mode; NaN where none is resolved
+  double error = 0;         // of growth, estimated
+  bool stable = false;      // growth < -error, the neutral mode of a chain without k0 excepted
+  std::string method;       // "dense" or "krylov"
+  std::optional<double> dispersion_error;  // largest distance of a mode from the exact discrete relation, relative
+  bool complete = false;    // a missed rightmost mode is excluded
+  std::string completeness_check;
+};
+
+// Collective: shifts are shared among the ranks of comm; every rank returns the same.
+Spectrum compute_spectrum(MPI_Comm comm, const Sliding& sliding, const SpectrumSettings& settings);
+
+// Newton steps on S(lambda) p = 0 from a guess; returns false where they do not converge. The residual and the
+// wavenumber of the mode are set.
+bool polish(const Sliding& sliding, Mode& mode, int steps = 8);
+
+// Up to `count` modes near sigma = (shift right of the axis) + i omega, polished.
+std::vector<Mode> krylov_modes(const Sliding& sliding, Complex sigma, PetscInt count);
+
+// Every mode, by LAPACK; the eigenvectors of the `count` rightmost only.
+std::vector<Mode> dense_modes(const Sliding& sliding, PetscInt count);
+
+// The number of eigenvalues with real part above `a` and |Im| < height, by the winding of the characteristic
+// polynomial's phase round that box; empty where an eigenvalue stands on its edge, or the work would exceed `effort`
+// node evaluations. `where`: frequencies near which the count says that such eigenvalues stand.
+std::optional<long> count_right(const Sliding& sliding, double a, double height, double effort,
+                                std::vector<double>* where = nullptr);
+
+}  // namespace stickslip

@@ -1,0 +1,717 @@
+#include "stickslip/spectrum.hpp"
+
+#include <slepceps.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "stickslip/error.hpp"
+#include "stickslip/handle.hpp"
+#include "stickslip/stencil.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+
+Complex inner(const std::vector<Complex>& a, const std::vector<Complex>& b) {
+  Complex sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += std::conj(a[i]) * b[i];
+  return sum;
+}
+
+void normalise(std::vector<Complex>& p) {
+  Complex largest = 0;
+  for (const Complex& x : p)
+    if (std::norm(x) > std::norm(largest) * (1 + 1e-9)) largest = x;
+  if (largest == Complex(0)) return;
+  for (Complex& x : p) x /= largest;
+}
+
+// Round-off in an eigenvalue: that of the stiffest entry, felt through dS/dlambda.
+double rounding(const Sliding& s, Complex lambda) {
+  const double scale = std::max(std::abs(lambda), std::sqrt(s.A * s.K0) + 1e-3);
+  return 20 * epsilon * (scale + s.A * s.largest_stiffness() / scale);
+}
+
+}  // namespace
+
+bool polish(const Sliding& s, Mode& mode, int steps) {
+  BandLU lu;
+  bool converged = false;
+  normalise(mode.psi);
+  double last = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < steps && !converged; ++k) {
+    s.factor(mode.value, lu);
+    std::vector<Complex> y = s.apply_slope(mode.value, mode.psi);
+    s.solve(lu, y);
+    const Complex step = inner(mode.psi, mode.psi) / inner(mode.psi, y);
+    if (!std::isfinite(std::abs(step))) break;
+    mode.value -= step;
+    mode.psi = std::move(y);
+    normalise(mode.psi);
+    const double size = std::abs(step);
+    converged = size <= rounding(s, mode.value) || (size > 0.3 * last && size < 1e-9 * (1 + std::abs(mode.value)));
+    last = size;
+  }
+  if (mode.value.imag() < 0) {
+    mode.value = std::conj(mode.value);
+    for (Complex& x : mode.psi) x = std::conj(x);
+  }
+  if (mode.value.imag() <= rounding(s, mode.value)) {
+    // A real eigenvalue has a real eigenvector; a pair that is almost double keeps its imaginary part otherwise.
+    Mode real = mode;
+    real.value = mode.value.real();
+    double re = 0, im = 0;
+    for (const Complex& x : mode.psi) {
+      re += x.real() * x.real();
+      im += x.imag() * x.imag();
+    }
+    for (Complex& x : real.psi) x = re >= im ? x.real() : x.imag();
+    normalise(real.psi);
+    if (s.mode_residual(real.value, real.psi) <= 10 * s.mode_residual(mode.value, mode.psi) + rounding(s, mode.value))
+      mode = std::move(real);
+  }
+  mode.residual = s.mode_residual(mode.value, mode.psi);
+  mode.wavenumber = s.wavenumber(mode.psi);
+  return converged;
+}
+
+// ---- dense --------------------------------------------------------------------------------------------------------
+
+std::vector<Mode> dense_modes(const Sliding& s, PetscInt count) {
+  const PetscInt n = PetscInt(s.size() * s.dof());
+  MatHandle J;
+  SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, n, n, nullptr, J.out()));
+  for (const Sliding::Entry& e : s.entries())
+    SS_TRY(MatSetValue(J, PetscInt(e.row), PetscInt(e.column), e.value, ADD_VALUES));
+  SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+  SS_TRY(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+  EpsHandle eps;
+  SS_TRY(EPSCreate(PETSC_COMM_SELF, eps.out()));
+  SS_TRY(EPSSetOperators(eps, J, nullptr));
+  SS_TRY(EPSSetProblemType(eps, EPS_NHEP));
+  SS_TRY(EPSSetType(eps, EPSLAPACK));
+  SS_TRY(EPSSetWhichEigenpairs(eps, EPS_LARGEST_REAL));
+  SS_TRY(EPSSolve(eps));
+  PetscInt found = 0;
+  SS_TRY(EPSGetConverged(eps, &found));
+  VecHandle re, im;
+  SS_TRY(MatCreateVecs(J, re.out(), im.out()));
+  std::vector<Mode> modes;
+  PetscInt eigenvalues = 0;
+  for (PetscInt j = 0; j < found; ++j) {
+    PetscScalar a, b;
+    SS_TRY(EPSGetEigenvalue(eps, j, &a, &b));
+    if (b < 0) continue;
+    Mode mode;
+    mode.value = {a, b};
+    if (eigenvalues < count) {
+      SS_TRY(EPSGetEigenvector(eps, j, re, im));
+      const PetscScalar *x, *y;
+      SS_TRY(VecGetArrayRead(re, &x));
+      SS_TRY(VecGetArrayRead(im, &y));
+      mode.psi.resize(s.size());
+      for (std::size_t i = 0; i < s.size(); ++i) mode.psi[i] = {x[i * s.dof()], b == 0 ? 0. : y[i * s.dof()]};
+      SS_TRY(VecRestoreArrayRead(re, &x));
+      SS_TRY(VecRestoreArrayRead(im, &y));
+      eigenvalues += b > 0 ? 2 : 1;
+    }
+    modes.push_back(std::move(mode));
+  }
+  return modes;
+}
+
+// ---- krylov -------------------------------------------------------------------------------------------------------
+
+namespace {
+
+struct ShiftedInverse {
+  const Sliding* sliding;
+  Complex sigma;
+  BandLU lu;
+  std::vector<Complex> y;
+};
+
+// y = Re (J - sigma)^-1 x: real, with the eigenvectors of J, largest for eigenvalues near sigma and its conjugate.
+PetscErrorCode apply_shifted_inverse(Mat M, Vec x, Vec y) {
+  return guarded([&] {
+    ShiftedInverse* op = nullptr;
+    SS_TRY(MatShellGetContext(M, &op));
+    const PetscScalar* in;
+    PetscScalar* out;
+    SS_TRY(VecGetArrayRead(x, &in));
+    SS_TRY(VecGetArrayWrite(y, &out));
+    op->sliding->solve_shifted(op->sigma, op->lu, in, op->y.data());
+    for (std::size_t i = 0; i < op->y.size(); ++i) out[i] = op->y[i].real();
+    SS_TRY(VecRestoreArrayWrite(y, &out));
+    SS_TRY(VecRestoreArrayRead(x, &in));
+  });
+}
+
+}  // namespace
+
+std::vector<Mode> krylov_modes(const Sliding& s, Complex sigma, PetscInt count) {
+  const PetscInt n = PetscInt(s.size() * s.dof());
+  ShiftedInverse op{&s, sigma, {}, std::vector<Complex>(std::size_t(n))};
+  s.factor(sigma, op.lu);
+  MatHandle M;
+  SS_TRY(MatCreateShell(PETSC_COMM_SELF, n, n, n, n, &op, M.out()));
+  SS_TRY(MatShellSetOperation(M, MATOP_MULT, reinterpret_cast<void (*)()>(apply_shifted_inverse)));
+  EpsHandle eps;
+  SS_TRY(EPSCreate(PETSC_COMM_SELF, eps.out()));
+  SS_TRY(EPSSetOperators(eps, M, nullptr));
+  SS_TRY(EPSSetProblemType(eps, EPS_NHEP));
+  SS_TRY(EPSSetWhichEigenpairs(eps, EPS_LARGEST_MAGNITUDE));
+  const PetscInt nev = std::min<PetscInt>(count, n), ncv = std::min<PetscInt>(n, 2 * nev + 12);
+  SS_TRY(EPSSetDimensions(eps, nev, ncv, PETSC_DEFAULT));
+  SS_TRY(EPSSetTolerances(eps, 1e-9, 60));
+  VecHandle start, im;
+  SS_TRY(MatCreateVecs(M, start.out(), im.out()));
+  {
+    // a fixed start that favours no wave, so that every rank and every run finds the same
+    PetscScalar* x;
+    SS_TRY(VecGetArrayWrite(start, &x));
+    std::uint64_t seed = 0x9e3779b97f4a7c15u;
+    for (PetscInt i = 0; i < n; ++i) {
+      seed = seed * 6364136223846793005u + 1442695040888963407u;
+      x[i] = double(seed >> 11) * 0x1p-53 - 0.5;
+    }
+    SS_TRY(VecRestoreArrayWrite(start, &x));
+  }
+  Vec first = start;
+  SS_TRY(EPSSetInitialSpace(eps, 1, &first));
+  SS_TRY(EPSSetFromOptions(eps));
+  SS_TRY(EPSSolve(eps));
+  PetscInt found = 0;
+  SS_TRY(EPSGetConverged(eps, &found));
+  std::vector<Mode> modes;
+  for (PetscInt j = 0; j < found; ++j) {
+    PetscScalar a, b;
+    SS_TRY(EPSGetEigenpair(eps, j, &a, &b, start, im));
+    if (b > 0) continue;  // mu is conjugate to lambda, roughly; either member of a pair gives both
+    const PetscScalar *x, *y;
+    SS_TRY(VecGetArrayRead(start, &x));
+    SS_TRY(VecGetArrayRead(im, &y));
+    std::vector<Complex> vector(std::size_t(n), Complex(0)), image(std::size_t(n), Complex(0));
+    for (std::size_t i = 0; i < vector.size(); ++i) vector[i] = {x[i], b == 0 ? 0. : y[i]};
+    SS_TRY(VecRestoreArrayRead(start, &x));
+    SS_TRY(VecRestoreArrayRead(im, &y));
+    s.multiply(vector.data(), image.data());
+    Mode mode;
+    mode.value = inner(vector, image) / inner(vector, vector);
+    mode.psi.resize(s.size());
+    for (std::size_t i = 0; i < s.size(); ++i) mode.psi[i] = vector[i * s.dof()];
+    if (polish(s, mode)) modes.push_back(std::move(mode));
+  }
+  return modes;
+}
+
+// ---- the count ----------------------------------------------------------------------------------------------------
+
+namespace {
+
+// Follows the phase of the characteristic polynomial along straight segments. A piece is taken as followed when on both
+// of its halves ln f changes by less than 1 in modulus and in phase: one zero beside a piece turns the phase, several
+// dip the modulus at the middle, so none passes unseen.
+class Phase {
+ public:
+  Phase(const Sliding& s, double evaluations) : sliding_(s), left_(evaluations) {}
+
+  struct Point {
+    Complex z;
+    LogDet f;
+  };
+  Point at(Complex z) {
+    left_ -= 1;
+    return {z, sliding_.factor(z, lu_)};
+  }
+  bool failed() const { return failed_; }
+
+  // The turn of the phase from a to b; visit(middle, turn) for every piece.
+  template <class Visit>
+  double turn(const Point& a, const Point& b, Visit&& visit, int depth = 0) {
+    if (failed_ || left_ < 0 || depth > 60) {
+      failed_ = true;
+      return 0;
+    }
+    const Point m = at((a.z + b.z) / 2.);
+    const auto [first, ok1] = change(a.f, m.f);
+    const auto [second, ok2] = change(m.f, b.f);
+    if (ok1 && ok2) {
+      visit(m.z, first + second);
+      return first + second;
+    }
+    return turn(a, m, visit, depth + 1) + turn(m, b, visit, depth + 1);
+  }
+
+ private:
+  static std::pair<double, bool> change(const LogDet& a, const LogDet& b) {
+    const double phase = std::arg(b.unit * std::conj(a.unit)), modulus = std::abs(b.log_abs - a.log_abs);
+    return {phase, std::isfinite(modulus) && modulus < 1 && std::abs(phase) < 1};
+  }
+  const Sliding& sliding_;
+  double left_;
+  bool failed_ = false;
+  BandLU lu_;
+};
+
+// Frequencies of the medium with mean coefficients, one a mode: knots with about one eigenvalue between two of them.
+std::vector<double> mean_frequencies(const Sliding& s) {
+  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r();
+  const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
+  std::vector<double> w;
+  for (std::size_t j = 0; j <= s.size(); ++j) {
+    const double K = s.K0 + s.K1 * symbol(s.scene.order, h, M_PI / h * double(j) / double(s.size()));
+    for (const Complex& z : s.dispersion(K, b, q, r))
+      if (z.imag() > 0) w.push_back(z.imag());
+  }
+  std::sort(w.begin(), w.end());
+  return w;
+}
+
+}  // namespace
+
+std::optional<long> count_right(const Sliding& s, double a, double height, double effort, std::vector<double>* where) {
+  // Right of `right` there is nothing, and the phase turns slowly there: half as far away again as the box is high.
+  const double right = std::max(s.real_bound(), a) + 0.5 * height;
+  std::vector<double> knots = mean_frequencies(s);
+  if (double(s.size()) * 6 * double(s.size()) > effort) return std::nullopt;
+  Phase phase(s, effort / double(s.size()));
+  const auto nothing = [](Complex, double) {};
+  double total = 0;
+
+  // up the right side and back along the top
+  const int pieces = int(s.size()) + 8;
+  Phase::Point last = phase.at(right);
+  for (const Complex to : {Complex(right, height), Complex(a, height)}) {
+    const Complex from = last.z;
+    for (int k = 1; k <= pieces && !phase.failed(); ++k) {
+      const Phase::Point next = phase.at(from + (to - from) * (double(k) / pieces));
+      total += phase.turn(last, next, nothing);
+      last = next;
+    }
+  }
+  // down the left side: here every eigenvalue passed turns the phase by pi, up or down
+  knots.insert(knots.begin(), 0.);
+  std::vector<std::pair<double, double>> line;  // (frequency, turn while going down)
+  for (std::size_t k = knots.size(); k-- > 0 && !phase.failed();) {
+    if (knots[k] >= last.z.imag() || (k > 0 && knots[k] > last.z.imag() - height / (50. * double(s.size())))) continue;
+    const Phase::Point next = phase.at({a, knots[k]});
+    total += phase.turn(last, next, [&](Complex z, double turn) { line.emplace_back(z.imag(), turn); });
+    last = next;
+  }
+  if (phase.failed()) return std::nullopt;
+  const double count = total / M_PI;
+  if (std::abs(count - std::round(count)) > 0.01) return std::nullopt;
+  if (where) {
+    // runs over which the phase turns against the many eigenvalues on the left
+    where->clear();
+    std::vector<std::pair<double, double>> runs;  // (turn, frequency)
+    double run = 0, weighted = 0;
+    line.emplace_back(0, -1);
+    for (const auto& [w, turn] : line) {
+      if (turn > 0) {
+        run += turn;
+        weighted += turn * w;
+      } else if (run > 0) {
+        if (run > 0.3) runs.emplace_back(run, weighted / run);
+        run = weighted = 0;
+      }
+    }
+    std::sort(runs.rbegin(), runs.rend());
+    for (const auto& [turn, w] : runs) where->push_back(w);
+  }
+  return std::lround(count);
+}
+
+// ---- the rightmost modes ------------------------------------------------------------------------------------------
+
+namespace {
+
+// Equal real parts, to round-off, are put in the order of frequency.
+void sort_modes(std::vector<Mode>& modes, double tolerance) {
+  std::sort(modes.begin(), modes.end(), [](const Mode& a, const Mode& b) { return a.value.real() > b.value.real(); });
+  for (std::size_t i = 0; i < modes.size();) {
+    std::size_t j = i + 1;
+    while (j < modes.size() && modes[j - 1].value.real() - modes[j].value.real() <= tolerance) ++j;
+    std::sort(modes.begin() + std::ptrdiff_t(i), modes.begin() + std::ptrdiff_t(j),
+              [](const Mode& a, const Mode& b) { return a.value.imag() < b.value.imag(); });
+    i = j;
+  }
+}
+
+bool same(const Mode& a, const Mode& b) {
+  if (std::abs(a.value - b.value) > 1e-7 * (1 + std::abs(a.value))) return false;
+  if (a.psi.empty() || b.psi.empty()) return true;
+  const double overlap = std::norm(inner(a.psi, b.psi)) / (inner(a.psi, a.psi).real() * inner(b.psi, b.psi).real());
+  return overlap > 0.5;
+}
+
+void merge(std::vector<Mode>& modes, std::vector<Mode> more) {
+  for (Mode& m : more) {
+    const auto twin = std::find_if(modes.begin(), modes.end(), [&](const Mode& o) { return same(o, m); });
+    if (twin == modes.end()) modes.push_back(std::move(m));
+  }
+}
+
+// A uniform ring has every travelling mode twice; a Krylov space built from one vector sees one of the two. The other
+// is its mirror image.
+void add_mirror_images(const Sliding& s, std::vector<Mode>& modes) {
+  if (!s.uniform || !s.scene.ring()) return;
+  std::vector<Mode> images;
+  for (const Mode& m : modes) {
+    Mode image = m;
+    const std::size_t n = s.size();
+    for (std::size_t i = 0; i < n; ++i) image.psi[i] = m.psi[(n - i) % n];
+    const Complex part = inner(m.psi, image.psi) / inner(m.psi, m.psi);
+    if (std::norm(part) > 0.999 * inner(image.psi, image.psi).real() / inner(m.psi, m.psi).real()) continue;
+    for (std::size_t i = 0; i < n; ++i) image.psi[i] -= part * m.psi[i];
+    normalise(image.psi);
+    image.residual = s.mode_residual(image.value, image.psi);
+    image.wavenumber = s.wavenumber(image.psi);
+    images.push_back(std::move(image));
+  }
+  merge(modes, std::move(images));
+}
+
+bool is_neutral(const Sliding& s, const Mode& m) {
+  return s.neutral() && std::abs(m.value) < 1e-6 * (std::abs(s.A * s.mean_beta()) + std::sqrt(s.A * s.K1)) &&
+         m.wavenumber * (s.scene.form == Form::chain ? double(s.scene.n) : s.scene.length) < 1;
+}
+
+}  // namespace
+
+namespace {
+
+// The frequency up to which the grid carries waves with less than 1 % of error; beyond it no mode of the continuum is
+// to be had from this grid.
+double resolved_frequency(const Sliding& s) {
+  const double k_max = M_PI / s.scene.h();
+  if (s.dispersion_error(k_max) < 0.01) return s.imaginary_bound();
+  double low = 0, high = k_max;
+  for (int i = 0; i < 60; ++i) (s.dispersion_error((low + high) / 2) < 0.01 ? low : high) = (low + high) / 2;
+  const double K = s.K0 + s.K1 * symbol(s.scene.order, s.scene.h(), low);
+  return std::sqrt(s.A * K);
+}
+
+// A mode's psi on the grid of half the spacing: cubic between the nodes.
+std::vector<Complex> interpolate(const Sliding& coarse, const Sliding& fine, const std::vector<Complex>& p) {
+  const PetscInt n = coarse.scene.n;
+  std::vector<Complex> all(std::size_t(n), Complex(0));
+  for (std::size_t i = 0; i < p.size(); ++i) all[std::size_t(coarse.node[i])] = p[i];
+  const auto at = [&](PetscInt i) {
+    if (coarse.scene.ring()) return all[std::size_t((i + n) % n)];
+    if (i < 0) return coarse.scene.left == End::free ? all[std::size_t(-i)] : 2. * all[0] - all[std::size_t(-i)];
+    if (i >= n) {
+      const std::size_t mirror = std::size_t(2 * (n - 1) - i), end = std::size_t(n - 1);
+      return coarse.scene.right == End::free ? all[mirror] : 2. * all[end] - all[mirror];
+    }
+    return all[std::size_t(i)];
+  };
+  std::vector<Complex> q(fine.size());
+  for (std::size_t i = 0; i < q.size(); ++i) {
+    const PetscInt g = fine.node[i], c = g / 2;
+    q[i] = g % 2 == 0 ? at(c) : (9. * (at(c) + at(c + 1)) - at(c - 1) - at(c + 2)) / 16.;
+  }
+  return q;
+}
+
+// Marks the modes that keep their value and shape on the grid of half the spacing; returns the change of the real part
+// of the rightmost one that does.
+double compare_grids(const Sliding& s, std::vector<Mode>& modes) {
+  Scene scene = s.scene;
+  scene.n = scene.ring() ? 2 * scene.n : 2 * scene.n - 1;
+  const Sliding fine(scene);
+  double change = 0;
+  bool first = true;
+  for (Mode& m : modes) {
+    const double scale = std::max(std::abs(m.value), std::sqrt(s.A * s.K0));
+    Mode other = m;
+    other.psi = interpolate(s, fine, m.psi);
+    const std::vector<Complex> guess = other.psi;
+    const bool converged = polish(fine, other, 12);
+    const double drift = std::min(std::abs(other.value - m.value), std::abs(std::conj(other.value) - m.value));
+    const double overlap = std::max(std::norm(inner(guess, other.psi)), [&] {
+                             std::vector<Complex> conjugate = other.psi;
+                             for (Complex& x : conjugate) x = std::conj(x);
+                             return std::norm(inner(guess, conjugate));
+                           }()) / (inner(guess, guess).real() * inner(other.psi, other.psi).real());
+    m.resolved = converged && drift <= 0.01 * scale && overlap > 0.3;
+    if (m.resolved && first) {
+      change = std::abs(other.value.real() - m.value.real());
+      first = false;
+    }
+  }
+  return change;
+}
+
+// Every rank's modes, on every rank.
+void share(MPI_Comm comm, std::vector<Mode>& modes) {
+  int size = 1, rank = 0;
+  MPI_Comm_size(comm, &size);
+  MPI_Comm_rank(comm, &rank);
+  if (size == 1) return;
+  std::vector<Mode> all;
+  for (int owner = 0; owner < size; ++owner) {
+    long shape[2] = {long(modes.size()), modes.empty() ? 0 : long(modes[0].psi.size())};
+    MPI_Bcast(shape, 2, MPI_LONG, owner, comm);
+    for (long k = 0; k < shape[0]; ++k) {
+      Mode m;
+      if (rank == owner) m = modes[std::size_t(k)];
+      m.psi.resize(std::size_t(shape[1]));
+      double numbers[4] = {m.value.real(), m.value.imag(), m.residual, m.wavenumber};
+      MPI_Bcast(numbers, 4, MPI_DOUBLE, owner, comm);
+      MPI_Bcast(m.psi.data(), int(2 * shape[1]), MPI_DOUBLE, owner, comm);
+      m.value = {numbers[0], numbers[1]};
+      m.residual = numbers[2];
+      m.wavenumber = numbers[3];
+      all.push_back(std::move(m));
+    }
+  }
+  modes = std::move(all);
+}
+
+// Shifts where the medium with mean coefficients grows fastest, at the ends of its band, and between. One shift is
+// enough where all nodes are alike.
+std::vector<Complex> first_shifts(const Sliding& s, double height, PetscInt count) {
+  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r();
+  const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
+  const int samples = 400;
+  std::vector<Complex> branch;  // rightmost root for every wavenumber
+  std::vector<double> waves;
+  const std::vector<Sliding::Wave> exact = s.exact_waves();
+  for (int j = 0; j <= samples; ++j) {
+    double k = M_PI / h * std::pow(double(j) / samples, 2);
+    if (!exact.empty()) k = exact[std::size_t(double(exact.size() - 1) * std::pow(double(j) / samples, 2))].k;
+    Complex best(-std::numeric_limits<double>::infinity(), 0);
+    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, k), b, q, r))
+      if (z.imag() >= 0 && z.real() > best.real()) best = z;
+    if (best.imag() > height) break;
+    branch.push_back(best);
+    waves.push_back(k);
+  }
+  const double spacing = std::abs(s.scene.form == Form::chain ? std::sqrt(s.A * s.K1) * M_PI / double(s.scene.n)
+                                                             : s.scene.c * M_PI / s.scene.length);
+  const double aside = 0.5 * spacing * std::max(1., double(count) / 4);
+  std::size_t best = 0;
+  for (std::size_t j = 1; j < branch.size(); ++j)
+    if (branch[j].real() > branch[best].real() + 1e-12 * std::abs(branch[j])) best = j;
+  std::vector<Complex> shifts{branch[best] + aside};
+  if (s.uniform && !exact.empty()) return shifts;
+  for (std::size_t j : {std::size_t(0), branch.size() - 1, branch.size() / 4, branch.size() / 2, 3 * branch.size() / 4})
+    if (j != best) shifts.push_back(branch[j] + aside);
+  shifts.push_back(aside);  // real modes
+  return shifts;
+}
+
+// Largest distance of a mode from the nearest eigenvalue of the exact discrete relation, relative to the size of the
+// eigenvalue; and the largest real part of that relation up to `height` (the neutral mode apart).
+struct ExactCheck {
+  double error, growth;
+};
+std::optional<ExactCheck> check_dispersion(const Sliding& s, const std::vector<Mode>& modes, double height) {
+  const std::vector<Sliding::Wave> waves = s.exact_waves();
+  if (waves.empty()) return std::nullopt;
+  const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
+  std::vector<Complex> roots;
+  double growth = -std::numeric_limits<double>::infinity();
+  for (const Sliding::Wave& w : waves) {
+    bool neutral = s.neutral() && w.k == 0;  // one root 0 of this wave is the symmetry
+    for (const Complex& z :
+         s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), s.mean_beta(), s.mean_q(), s.mean_r())) {
+      if (z.imag() < 0) continue;
+      roots.push_back(z);
+      if (neutral && std::abs(z) == 0) {
+        neutral = false;
+        continue;
+      }
+      if (z.imag() <= height) growth = std::max(growth, z.real());
+    }
+  }
+  std::sort(roots.begin(), roots.end(), [](const Complex& a, const Complex& b) { return a.imag() < b.imag(); });
+  double error = 0;
+  for (const Mode& m : modes) {
+    const double scale = std::max(std::abs(m.value), std::sqrt(s.A * std::max(s.K0, 1e-300)));
+    double nearest = std::numeric_limits<double>::infinity();
+    auto up = std::lower_bound(roots.begin(), roots.end(), m.value.imag(),
+                               [](const Complex& a, double y) { return a.imag() < y; });
+    for (auto it = up; it != roots.end() && it->imag() - m.value.imag() <= nearest; ++it)
+      nearest = std::min(nearest, std::abs(*it - m.value));
+    for (auto it = up; it != roots.begin() && m.value.imag() - (it - 1)->imag() <= nearest; --it)
+      nearest = std::min(nearest, std::abs(*(it - 1) - m.value));
+    error = std::max(error, nearest / scale);
+  }
+  return ExactCheck{error, growth};
+}
+
+std::string number(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", x);
+  return text;
+}
+
+}  // namespace
+
+Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSettings& settings) {
+  int ranks = 1, rank = 0;
+  MPI_Comm_size(comm, &ranks);
+  MPI_Comm_rank(comm, &rank);
+  if (s.size() == 0) throw Failure("the scene has no node left to solve for: both ends are held");
+  Spectrum result;
+  const bool refine = settings.refine && s.scene.form == Form::continuum;
+  const double bound = 1.01 * s.imaginary_bound();
+  const double height = refine ? std::min(bound, resolved_frequency(s)) : bound;
+  const PetscInt unknowns = PetscInt(s.size() * s.dof());
+  const bool dense = settings.method == SpectrumMethod::dense ||
+                     (settings.method == SpectrumMethod::automatic && unknowns <= 200) || unknowns < 16;
+  if (dense && unknowns > 6000)
+    throw UsageError("-spectrum_method dense: " + std::to_string(unknowns) +
+                     " unknowns are too many for a dense matrix; take krylov (or at most 6000 unknowns)");
+  result.method = dense ? "dense" : "krylov";
+
+  std::vector<Mode> modes;
+  const auto in_reach = [&](const Mode& m) { return m.value.imag() <= height; };
+  const auto counts = [&](const Mode& m) { return in_reach(m) && !is_neutral(s, m); };
+  // the rightmost mode within reach that is no symmetry
+  const auto rightmost = [&] {
+    const Mode* best = nullptr;
+    for (const Mode& m : modes)
+      if (counts(m) && (!best || m.value.real() > best->value.real())) best = &m;
+    return best;
+  };
+  const auto tolerance = [&](const Mode& m) {
+    return std::max(10 * rounding(s, m.value), 1e-11 * (1 + std::abs(m.value)));
+  };
+
+  if (dense) {
+    modes = dense_modes(s, unknowns);
+    sort_modes(modes, 1e-10 * bound * epsilon);
+    // Only what is shown, and the rightmost mode within reach, is polished.
+    PetscInt kept = 0;
+    std::vector<Mode> some;
+    for (Mode& m : modes) {
+      const bool needed = kept < settings.count + 2 || (counts(m) && std::none_of(some.begin(), some.end(), counts));
+      if (!needed) continue;
+      const Complex before = m.value;
+      Mode polished = m;
+      m.residual = s.mode_residual(m.value, m.psi);
+      m.wavenumber = s.wavenumber(m.psi);
+      if (polish(s, polished) && std::abs(polished.value - before) <= 1e-6 * (1 + std::abs(before))) m = polished;
+      kept += m.value.imag() > 0 ? 2 : 1;
+      some.push_back(m);
+    }
+    modes = std::move(some);
+    result.complete = true;
+    result.completeness_check = "every eigenvalue of the matrix was computed (LAPACK)";
+  } else {
+    if (s.neutral()) {
+      Mode m;
+      m.value = 0;
+      m.psi.assign(s.size(), Complex(1));
+      m.residual = s.mode_residual(0, m.psi);
+      modes.push_back(std::move(m));
+    }
+    const PetscInt wanted = settings.count / 2 + 2;
+    const auto search = [&](const std::vector<Complex>& shifts, PetscInt count) {
+      std::vector<Mode> found;
+      for (std::size_t k = 0; k < shifts.size(); ++k)
+        if (int(k) % ranks == rank) merge(found, krylov_modes(s, shifts[k], count));
+      share(comm, found);
+      merge(modes, std::move(found));
+    };
+    search(first_shifts(s, height, settings.count), std::min<PetscInt>(unknowns, 2 * wanted));
+    if (!rightmost()) throw Failure("the eigenvalue solver found nothing");
+    add_mirror_images(s, modes);
+
+    const std::optional<ExactCheck> exact = check_dispersion(s, {}, height);
+    int scan = 4;
+    for (int round = 0;; ++round) {
+      const Mode& best = *rightmost();
+      const double growth = best.value.real(), line = growth + tolerance(best);
+      if (exact) {
+        result.complete = exact->growth <= line;
+        result.completeness_check = result.complete
+            ? "the exact dispersion relation of all modes has none further right"
+            : "the exact dispersion relation has a mode further right, at " + number(exact->growth);
+        if (result.complete || round >= 12) break;
+      } else if (s.symmetric && !s.has_state() && s.real_bound() <= line) {
+        result.complete = true;
+        result.completeness_check = "no mode can exceed -1/2 of the least damping, which the rightmost one attains";
+        break;
+      }
+      std::vector<double> where;
+      if (!exact) {
+        long expected = 0;
+        for (const Mode& m : modes)
+          if (m.value.real() > line && in_reach(m)) expected += m.value.imag() > 0 ? 2 : 1;
+        const std::optional<long> count = count_right(s, line, height, settings.effort, &where);
+        if (!count) {
+          result.completeness_check = "not checked: counting the eigenvalues right of the line would take too long at " +
+                                      std::to_string(s.size()) + " nodes";
+          break;
+        }
+        result.complete = *count == expected;
+        result.completeness_check = "argument principle: " + std::to_string(*count) +
+                                    " eigenvalues with real part above " + number(line) + " and |Im| below " +
+                                    number(height) + ", " + std::to_string(expected) + " expected";
+        if (result.complete || round >= 12) break;
+      }
+      // look where the count points, and scan ever more densely
+      std::vector<Complex> shifts;
+      const std::vector<double> knots = mean_frequencies(s);
+      const double aside = std::max(1e-3 * (1 + std::abs(growth)), 0.5 * height / double(s.size()));
+      for (std::size_t k = 0; k < std::min<std::size_t>(where.size(), 8); ++k)
+        shifts.emplace_back(line + aside, where[k]);
+      if (where.empty() || round > 1) {
+        for (int k = 0; k < scan; ++k) {
+          const double w = knots.empty() ? height * k / scan
+                                         : knots[std::size_t(double(knots.size() - 1) * (k + 0.5) / scan)];
+          if (w <= height) shifts.emplace_back(line + aside, w);
+        }
+        shifts.emplace_back(line + aside, 0);
+        scan *= 2;
+      }
+      search(shifts, std::min<PetscInt>(unknowns, 8));
+      add_mirror_images(s, modes);
+    }
+  }
+
+  const Mode* best = rightmost();
+  if (!best) throw Failure("no eigenvalue was found that the grid can resolve; take more nodes (grid_n)");
+  sort_modes(modes, tolerance(*best));
+  // what is shown: the rightmost of all, and the rightmost within reach whatever its place
+  std::vector<Mode> shown;
+  PetscInt eigenvalues = 0, within = 0;
+  for (Mode& m : modes) {
+    const PetscInt members = m.value.imag() > 0 ? 2 : 1;
+    if (eigenvalues < settings.count || (counts(m) && within < 1)) {
+      eigenvalues += members;
+      within += counts(m) ? members : 0;
+      shown.push_back(std::move(m));
+    }
+  }
+  modes = std::move(shown);
+  double change = 0;
+  if (refine) {
+    change = compare_grids(s, modes);
+    for (Mode& m : modes) m.resolved = m.resolved && in_reach(m);
+  }
+  if (const auto exact = check_dispersion(s, modes, height)) result.dispersion_error = exact->error;
+  result.growth = result.frequency = std::numeric_limits<double>::quiet_NaN();
+  for (const Mode& m : modes)
+    if (m.resolved && !is_neutral(s, m)) {
+      result.growth = m.value.real();
+      result.frequency = m.value.imag();
+      result.error = change + tolerance(m);
+      break;
+    }
+  result.stable = result.growth < -result.error;
+  result.modes = std::move(modes);
+  return result;
+}
+
+}  // namespace stickslip
