@@ -1,0 +1,162 @@
+// The eigenvalues of steady sliding against LAPACK on the Jacobian of the time-stepping model, against the exact
+// dispersion relation, and the thresholds known in closed form.
+#include <catch2/catch.hpp>
+
+#include <petscblaslapack.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "stickslip/error.hpp"
+#include "stickslip/model.hpp"
+#include "stickslip/spectrum.hpp"
+
+using namespace stickslip;
+
+namespace {
+
+// The steady state as a vector of the model.
+VecHandle steady_vector(const Model& model, const Sliding& s) {
+  VecHandle u = model.create_vector();
+  PetscScalar* x;
+  SS_TRY(VecGetArray(u, &x));
+  const std::size_t d = std::size_t(model.dof());
+  for (PetscInt i = 0; i < model.local(); ++i) {
+    const std::size_t at = std::size_t(i) * d, g = std::size_t(model.first() + i);
+    x[at] = s.psi[g];
+    x[at + 1] = s.eta[g];
+    if (d == 3) x[at + 2] = s.state[g];
+  }
+  SS_TRY(VecRestoreArray(u, &x));
+  return u;
+}
+
+// Every eigenvalue of the model's Jacobian without the held nodes, by LAPACK.
+std::vector<Complex> lapack(const Sliding& s) {
+  const Model model(PETSC_COMM_SELF, s.scene);
+  VecHandle u = steady_vector(model, s);
+  MatHandle J = model.create_jacobian(Part::full);
+  model.jacobian(Part::full, u, 0, 1, J);
+  std::vector<PetscInt> rows;
+  for (PetscInt g : s.node)
+    for (int c = 0; c < model.dof(); ++c) rows.push_back(g * model.dof() + c);
+  const PetscInt n = PetscInt(rows.size());
+  std::vector<PetscScalar> a(std::size_t(n * n));
+  SS_TRY(MatSetOption(J, MAT_ROW_ORIENTED, PETSC_FALSE));
+  SS_TRY(MatGetValues(J, n, rows.data(), n, rows.data(), a.data()));
+  PetscBLASInt size = PetscBLASInt(n), one = 1, info = 0, work_size = 8 * size;
+  std::vector<double> re(rows.size()), im(rows.size()), work(std::size_t(8 * n));
+  LAPACKgeev_("N", "N", &size, a.data(), &size, re.data(), im.data(), nullptr, &one, nullptr, &one, work.data(),
+              &work_size, &info);
+  REQUIRE(info == 0);
+  std::vector<Complex> values;
+  for (std::size_t i = 0; i < rows.size(); ++i) values.emplace_back(re[i], im[i]);
+  std::sort(values.begin(), values.end(), [](Complex x, Complex y) { return x.real() > y.real(); });
+  return values;
+}
+
+// A scene drawn at random: forms, laws, states, spreads, ends, orders, signs.
+Scene random_scene(unsigned seed, PetscInt largest) {
+  std::mt19937 random(seed);
+  const auto draw = [&](double low, double high) {
+    return low + (high - low) * std::uniform_real_distribution<double>(0, 1)(random);
+  };
+  const auto pick = [&](int choices) { return int(random() % unsigned(choices)); };
+  Scene s;
+  s.form = pick(2) ? Form::continuum : Form::chain;
+  s.n = PetscInt(draw(20, double(largest)));
+  s.v = draw(0.1, 1.6);
+  const int ends = pick(5);
+  if (ends == 1 || ends == 3) s.left = End::free;
+  if (ends == 2 || ends == 4) s.left = End::velocity;
+  if (ends == 1 || ends == 2) s.right = End::free;
+  if (ends == 3 || ends == 4) s.right = End::velocity;
+  s.left_value = pick(2) ? s.v : draw(-1.5, 1.5);
+  s.right_value = pick(2) ? s.v : draw(0.2, 1.5);
+  if (s.form == Form::continuum) {
+    s.gamma = draw(0.5, 5);
+    s.delta = pick(3) ? draw(0, 0.8) : 0;
+    s.derived_sign = pick(2) != 0;
+    s.c = draw(0.5, 2);
+    s.length = draw(5, 60);
+    const bool held = s.left == End::velocity || s.right == End::velocity;
+    s.order = 2 + 2 * pick(held ? 3 : 4);
+  } else {
+    s.order = 2;
+    s.m = draw(0.5, 2);
+    s.k0 = draw(0.05, 1);
+    s.k1 = draw(0.05, 2);
+    s.f0 = draw(0.5, 2);
+    s.zeta = pick(2) ? draw(0, 1.5) : 0;
+    s.length = double(s.ring() ? s.n : s.n - 1);
+  }
+  const int law = pick(8);
+  FrictionParameters& f = s.friction;
+  f.law = law < 4 ? Law::cubic : law < 6 ? Law::carlson_langer : law < 7 ? Law::coulomb : Law::rate_and_state;
+  if (f.law == Law::rate_and_state) {
+    f.state = pick(2) ? StateLaw::ageing : StateLaw::slip;
+    f.a = draw(0.01, 0.2);
+    f.b = draw(0.01, 0.3);
+    f.D = f.state_D = draw(0.3, 2);
+  } else if (f.law != Law::cubic && pick(2)) {
+    f.state = pick(2) ? StateLaw::healing : StateLaw::contact_age;
+    f.t_h = draw(0.5, 3);
+    f.state_D = draw(0.5, 3);
+  }
+  if (pick(3)) {
+    s.spread = draw(0.01, 0.5);
+    s.spread_kind = pick(2) ? SpreadKind::uniform : SpreadKind::lognormal;
+    s.spread_length = draw(0.3, 3);
+    s.friction_seed = PetscInt(random() % 1000u);
+  }
+  return s;
+}
+
+std::string describe(const Scene& s) {
+  return to_string(s.form) + " n=" + std::to_string(s.n) + " order=" + std::to_string(s.order) + " " +
+         to_string(s.friction.law) + "/" + to_string(s.friction.state) + " " + to_string(s.left) + "-" +
+         to_string(s.right) + " spread=" + std::to_string(s.spread) + " delta=" + std::to_string(s.s_delta());
+}
+
+}  // namespace
+
+TEST_CASE("steady sliding solves the model's equations", "[spectrum]") {
+  for (unsigned seed = 1; seed <= 12; ++seed) {
+    const Sliding s(random_scene(seed, 60));
+    INFO(describe(s.scene));
+    const Model model(PETSC_COMM_WORLD, s.scene);
+    VecHandle u = steady_vector(model, s), f = model.create_vector();
+    model.rhs(Part::full, u, f);
+    const PetscScalar* x;
+    SS_TRY(VecGetArrayRead(f, &x));
+    double worst = 0;
+    for (PetscInt i = 0; i < model.local(); ++i)
+      if (!model.held(model.first() + i))
+        for (int c = 0; c < model.dof(); ++c) worst = std::max(worst, std::abs(x[i * model.dof() + c]));
+    SS_TRY(VecRestoreArrayRead(f, &x));
+    const double stiff = s.largest_stiffness() + s.A;
+    CHECK(worst <= 1e-14 * stiff * 10);
+    CHECK(s.residual <= 1e-14 * stiff * 10);
+  }
+}
+
+TEST_CASE("the growth rate is that of the dense matrix", "[spectrum][serial]") {
+  for (unsigned seed = 1; seed <= 60; ++seed) {
+    const Sliding s(random_scene(seed, seed % 20 == 0 ? 300 : 90));
+    INFO("seed " << seed << ": " << describe(s.scene));
+    const std::vector<Complex> all = lapack(s);
+    double growth = all[0].real();
+    SpectrumSettings settings;
+    settings.refine = false;
+    settings.method = SpectrumMethod::krylov;
+    const Spectrum found = compute_spectrum(PETSC_COMM_SELF, s, settings);
+    // LAPACK's error: round-off of the norm, times the condition, to the half for the pairs that are nearly double
+    const double scale = s.imaginary_bound();
+    INFO(found.completeness_check << "; frequency " << found.frequency);
+    CHECK(found.growth == Approx(growth).margin(1e-9 * scale));
+    CHECK(found.complete);
+    for (const Mode& m : found.modes) CHECK(m.residual <= 1e-9 * scale);
+    if (found.dispersion_error) CHECK(*found.dispersion_error <= 1e-10);
+  }
+}
