@@ -214,9 +214,10 @@ std::vector<Mode> krylov_modes(const Sliding& s, Complex sigma, PetscInt count) 
 
 namespace {
 
-// Follows the phase of the characteristic polynomial along straight segments. A piece is taken as followed when on both
-// of its halves ln f changes by less than 1 in modulus and in phase: one zero beside a piece turns the phase, several
-// dip the modulus at the middle, so none passes unseen.
+// Follows the phase of the characteristic polynomial f along straight segments. A piece from a to b is taken as
+// followed when f'/f at both ends says that ln f changes by less than 1.5 over the piece, and the change is what the two
+// slopes predict to 0.5. A zero beside the piece, a pair of them, or a crowd further off shows in the slopes, so that no
+// whole turn passes unseen.
 class Phase {
  public:
   Phase(const Sliding& s, double evaluations) : sliding_(s), left_(evaluations) {}
@@ -224,10 +225,14 @@ class Phase {
   struct Point {
     Complex z;
     LogDet f;
+    Complex slope;  // f'/f
   };
-  Point at(Complex z) {
-    left_ -= 1;
-    return {z, sliding_.factor(z, lu_)};
+  // `reach`: the length of the pieces that will end here.
+  Point at(Complex z, double reach) {
+    left_ -= 2;
+    const double step = 1e-3 * reach;
+    const LogDet f = sliding_.factor(z, lu_), near = sliding_.factor(z + Complex(0, step), lu_);
+    return {z, f, change(f, near) / Complex(0, step)};
   }
   bool failed() const { return failed_; }
 
@@ -238,20 +243,18 @@ class Phase {
       failed_ = true;
       return 0;
     }
-    const Point m = at((a.z + b.z) / 2.);
-    const auto [first, ok1] = change(a.f, m.f);
-    const auto [second, ok2] = change(m.f, b.f);
-    if (ok1 && ok2) {
-      visit(m.z, first + second);
-      return first + second;
+    const Complex d = b.z - a.z, predicted = (a.slope + b.slope) / 2. * d, measured = change(a.f, b.f);
+    if (std::abs(a.slope * d) < 1.5 && std::abs(b.slope * d) < 1.5 && std::abs(measured - predicted) < 0.5) {
+      visit((a.z + b.z) / 2., measured.imag());
+      return measured.imag();
     }
+    const Point m = at((a.z + b.z) / 2., std::abs(d) / 2);
     return turn(a, m, visit, depth + 1) + turn(m, b, visit, depth + 1);
   }
 
  private:
-  static std::pair<double, bool> change(const LogDet& a, const LogDet& b) {
-    const double phase = std::arg(b.unit * std::conj(a.unit)), modulus = std::abs(b.log_abs - a.log_abs);
-    return {phase, std::isfinite(modulus) && modulus < 1 && std::abs(phase) < 1};
+  static Complex change(const LogDet& a, const LogDet& b) {  // of ln f, its phase within a half turn
+    return {b.log_abs - a.log_abs, std::arg(b.unit * std::conj(a.unit))};
   }
   const Sliding& sliding_;
   double left_;
@@ -278,32 +281,25 @@ std::vector<double> mean_frequencies(const Sliding& s) {
 std::optional<long> count_right(const Sliding& s, double a, double height, double effort, std::vector<double>* where) {
   // Right of `right` there is nothing, and the phase turns slowly there: half as far away again as the box is high.
   const double right = std::max(s.real_bound(), a) + 0.5 * height;
-  std::vector<double> knots = mean_frequencies(s);
-  if (double(s.size()) * 6 * double(s.size()) > effort) return std::nullopt;
+  if (double(s.size()) * 12 * double(s.size()) > effort) return std::nullopt;
   Phase phase(s, effort / double(s.size()));
-  const auto nothing = [](Complex, double) {};
   double total = 0;
-
-  // up the right side and back along the top
-  const int pieces = int(s.size()) + 8;
-  Phase::Point last = phase.at(right);
-  for (const Complex to : {Complex(right, height), Complex(a, height)}) {
+  Phase::Point last = phase.at(right, height / double(s.size()));
+  const auto follow = [&](Complex to, int pieces, const auto& visit) {
     const Complex from = last.z;
+    const double reach = std::abs(to - from) / pieces;
     for (int k = 1; k <= pieces && !phase.failed(); ++k) {
-      const Phase::Point next = phase.at(from + (to - from) * (double(k) / pieces));
-      total += phase.turn(last, next, nothing);
+      const Phase::Point next = phase.at(from + (to - from) * (double(k) / pieces), reach);
+      total += phase.turn(last, next, visit);
       last = next;
     }
-  }
-  // down the left side: here every eigenvalue passed turns the phase by pi, up or down
-  knots.insert(knots.begin(), 0.);
-  std::vector<std::pair<double, double>> line;  // (frequency, turn while going down)
-  for (std::size_t k = knots.size(); k-- > 0 && !phase.failed();) {
-    if (knots[k] >= last.z.imag() || (k > 0 && knots[k] > last.z.imag() - height / (50. * double(s.size())))) continue;
-    const Phase::Point next = phase.at({a, knots[k]});
-    total += phase.turn(last, next, [&](Complex z, double turn) { line.emplace_back(z.imag(), turn); });
-    last = next;
-  }
+  };
+  const int pieces = int(s.size()) / 4 + 8;
+  const auto nothing = [](Complex, double) {};
+  follow({right, height}, pieces, nothing);
+  follow({a, height}, pieces, nothing);
+  std::vector<std::pair<double, double>> line;  // (frequency, turn) down the line, where the eigenvalues are near
+  follow(a, 4 * pieces, [&](Complex z, double turn) { line.emplace_back(z.imag(), turn); });
   if (phase.failed()) return std::nullopt;
   const double count = total / M_PI;
   if (std::abs(count - std::round(count)) > 0.01) return std::nullopt;
@@ -505,6 +501,15 @@ std::vector<Complex> first_shifts(const Sliding& s, double height, PetscInt coun
   for (std::size_t j : {std::size_t(0), branch.size() - 1, branch.size() / 4, branch.size() / 2, 3 * branch.size() / 4})
     if (j != best) shifts.push_back(branch[j] + aside);
   shifts.push_back(aside);  // real modes
+  // What the least and the most damped nodes would do alone: modes may be trapped there.
+  const auto [low, high] = std::minmax_element(s.beta.begin(), s.beta.end());
+  for (const auto node : {low, high}) {
+    const std::size_t i = std::size_t(node - s.beta.begin());
+    for (const double K : {s.K0, s.largest_stiffness()})
+      for (const Complex& z : s.dispersion(K, s.beta[i], s.has_state() ? s.F_state[i] * s.g_psi[i] : 0,
+                                           s.has_state() ? s.r[i] : 0))
+        if (z.imag() >= 0 && z.imag() <= height && z.real() >= branch[best].real()) shifts.push_back(z + 0.1 * aside);
+  }
   return shifts;
 }
 
@@ -672,8 +677,9 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
                                          : knots[std::size_t(double(knots.size() - 1) * (k + 0.5) / scan)];
           if (w <= height) shifts.emplace_back(line + aside, w);
         }
-        shifts.emplace_back(line + aside, 0);
-        scan *= 2;
+        for (int k = 0; k < scan; ++k)  // real modes may stand far to the right
+          shifts.emplace_back(line + aside + (s.real_bound() - line) * k / scan, 0);
+        scan = std::min<int>(2 * scan, 4 + int(s.size() / 4));
       }
       search(shifts, std::min<PetscInt>(unknowns, 8));
       add_mirror_images(s, modes);

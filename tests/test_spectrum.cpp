@@ -2,6 +2,7 @@
 // dispersion relation, and the thresholds known in closed form.
 #include <catch2/catch.hpp>
 
+#include <petscsys.h>
 #include <petscblaslapack.h>
 
 #include <algorithm>

@@ -9,7 +9,7 @@
 // the right of the rightmost one found; where it finds some, it also says where to look, and the search goes on.
 #pragma once
 
-#include <mpi.h>
+#include <petscsys.h>
 
 #include <optional>
 #include <string>
