@@ -447,42 +447,39 @@ double Sliding::real_bound() const {
 }
 
 std::vector<Complex> polynomial_roots(const std::vector<double>& c) {
-  const std::size_t degree = c.size() - 1;
-  if (degree == 2) {  // without cancellation
+  if (c.size() == 3) {  // without cancellation
     const double b = c[1] / c[0], d = c[2] / c[0], disc = b * b / 4 - d;
     if (disc < 0) return {Complex(-b / 2, std::sqrt(-disc)), Complex(-b / 2, -std::sqrt(-disc))};
     const double large = -b / 2 - std::copysign(std::sqrt(disc), b);
     return {large, large == 0 ? 0 : d / large};
   }
-  // Aberth's iteration from a circle about the mean of the roots
-  std::vector<Complex> z(degree);
-  double radius = 0;
-  for (std::size_t k = 1; k <= degree; ++k)
-    radius = std::max(radius, std::pow(std::abs(c[k] / c[0]), 1. / double(k)));
-  if (radius == 0) return z;
-  const Complex centre = -c[1] / (double(degree) * c[0]);
-  for (std::size_t j = 0; j < degree; ++j)
-    z[j] = centre + std::polar(radius, 2 * M_PI * (double(j) + 0.3) / double(degree));
-  for (int iteration = 0; iteration < 200; ++iteration) {
-    double moved = 0;
-    for (std::size_t j = 0; j < degree; ++j) {
-      Complex f = c[0], slope = 0;
-      for (std::size_t k = 1; k <= degree; ++k) {
-        slope = slope * z[j] + f;
-        f = f * z[j] + c[k];
-      }
-      if (f == Complex(0)) continue;
-      Complex others = 0;
-      for (std::size_t l = 0; l < degree; ++l)
-        if (l != j && z[l] != z[j]) others += 1. / (z[j] - z[l]);
-      const Complex step = f / (slope - f * others);
-      if (!std::isfinite(std::abs(step))) continue;
-      z[j] -= step;
-      moved = std::max(moved, std::abs(step));
-    }
-    if (moved <= 1e-16 * radius) break;
+  // A cubic: Newton's iteration from beyond its outermost turning point, on the side where the real root is (Kahan
+  // 1986); then the quadratic that is left, deflated from the side that loses no digits.
+  double root = -c[1] / (3 * c[0]);
+  const auto value = [&](double x) { return ((c[0] * x + c[1]) * x + c[2]) * x + c[3]; };
+  const auto slope = [&](double x) { return (3 * c[0] * x + 2 * c[1]) * x + c[2]; };
+  const double at = value(root) / c[0], side = at >= 0 ? 1 : -1;
+  double distance = std::cbrt(std::abs(at));
+  if (-slope(root) / c[0] > 0) distance = 1.324718 * std::max(distance, std::sqrt(-slope(root) / c[0]));
+  if (c[3] == 0) {
+    root = 0;
+  } else if (distance > 0) {
+    double x = root - side * distance, last;
+    do {
+      last = x;
+      if (slope(last) == 0) break;
+      x = last - value(last) / slope(last) / (1 + 1e-15);
+    } while (side * x > side * last);
+    root = last;
   }
-  return z;
+  double linear = c[1] + c[0] * root, constant = c[2] + linear * root;
+  if (root != 0 && std::abs(c[0]) * root * root > std::abs(c[3] / root)) {
+    constant = -c[3] / root;
+    linear = (constant - c[2]) / root;
+  }
+  std::vector<Complex> roots = polynomial_roots({c[0], linear, constant});
+  roots.push_back(root);
+  return roots;
 }
 
 }  // namespace stickslip

@@ -215,8 +215,8 @@ std::vector<Mode> krylov_modes(const Sliding& s, Complex sigma, PetscInt count) 
 namespace {
 
 // Follows the phase of the characteristic polynomial f along straight segments. A piece from a to b is taken as
-// followed when f'/f at both ends says that ln f changes by less than 1.5 over the piece, and the change is what the two
-// slopes predict to 0.5. A zero beside the piece, a pair of them, or a crowd further off shows in the slopes, so that no
+// followed when f'/f at both ends says that ln f changes by less than 0.7 over the piece, and the change is what the two
+// slopes predict to 0.2. A zero beside the piece, a pair of them, or a crowd further off shows in the slopes, so that no
 // whole turn passes unseen.
 class Phase {
  public:
@@ -225,26 +225,28 @@ class Phase {
   struct Point {
     Complex z;
     LogDet f;
-    Complex slope;  // f'/f
+    Complex slope;  // f'/f, by a difference over 1e-3 of
+    double reach;   // the length of the pieces that end here
   };
-  // `reach`: the length of the pieces that will end here.
   Point at(Complex z, double reach) {
     left_ -= 2;
     const double step = 1e-3 * reach;
     const LogDet f = sliding_.factor(z, lu_), near = sliding_.factor(z + Complex(0, step), lu_);
-    return {z, f, change(f, near) / Complex(0, step)};
+    return {z, f, change(f, near) / Complex(0, step), reach};
   }
   bool failed() const { return failed_; }
 
   // The turn of the phase from a to b; visit(middle, turn) for every piece.
   template <class Visit>
-  double turn(const Point& a, const Point& b, Visit&& visit, int depth = 0) {
+  double turn(Point a, Point b, Visit&& visit, int depth = 0) {
     if (failed_ || left_ < 0 || depth > 60) {
       failed_ = true;
       return 0;
     }
+    for (Point* p : {&a, &b})
+      if (std::abs(b.z - a.z) < 0.02 * p->reach) *p = at(p->z, std::abs(b.z - a.z));
     const Complex d = b.z - a.z, predicted = (a.slope + b.slope) / 2. * d, measured = change(a.f, b.f);
-    if (std::abs(a.slope * d) < 1.5 && std::abs(b.slope * d) < 1.5 && std::abs(measured - predicted) < 0.5) {
+    if (std::abs(a.slope * d) < 0.7 && std::abs(b.slope * d) < 0.7 && std::abs(measured - predicted) < 0.2) {
       visit((a.z + b.z) / 2., measured.imag());
       return measured.imag();
     }
@@ -589,7 +591,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
     return best;
   };
   const auto tolerance = [&](const Mode& m) {
-    return std::max(10 * rounding(s, m.value), 1e-11 * (1 + std::abs(m.value)));
+    return std::max(10 * rounding(s, m.value), 1e-11 * (1 + bound));
   };
 
   if (dense) {
@@ -668,9 +670,12 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
       // look where the count points, and scan ever more densely
       std::vector<Complex> shifts;
       const std::vector<double> knots = mean_frequencies(s);
-      const double aside = std::max(1e-3 * (1 + std::abs(growth)), 0.5 * height / double(s.size()));
-      for (std::size_t k = 0; k < std::min<std::size_t>(where.size(), 8); ++k)
-        shifts.emplace_back(line + aside, where[k]);
+      const double near = std::max(1e-3 * (1 + std::abs(growth)), 0.5 * height / double(s.size()));
+      const double aside = near + std::max(0., s.real_bound() - line) * 0.25 * (round % 4);
+      for (std::size_t k = 0; k < std::min<std::size_t>(where.size(), 8); ++k) {
+        shifts.emplace_back(line + near, where[k]);
+        if (round > 0) shifts.emplace_back(line + aside, where[k]);
+      }
       if (where.empty() || round > 1) {
         for (int k = 0; k < scan; ++k) {
           const double w = knots.empty() ? height * k / scan

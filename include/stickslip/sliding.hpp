@@ -115,7 +115,7 @@ class Sliding {
   void steady_velocity();
 };
 
-// Roots of a polynomial with real coefficients, highest power first.
+// Roots of a quadratic or cubic with real coefficients, highest power first.
 std::vector<Complex> polynomial_roots(const std::vector<double>& coefficients);
 
 }  // namespace stickslip
