@@ -59,6 +59,7 @@ Sliding::Sliding(const Scene& s) : scene(s), A(s.A()), B(s.B()), K0(s.K0()), K1(
   const PetscInt half = s.order / 2;
   row_start_.reserve(m + 1);
   row_start_.push_back(0);
+  row_sum_.assign(m, 0);
   minus_d2_.reserve(m * std::size_t(s.order + 1));
   for (std::size_t i = 0; i < m; ++i) {
     const PetscInt g = node[i];
@@ -66,8 +67,10 @@ Sliding::Sliding(const Scene& s) : scene(s), A(s.A()), B(s.B()), K0(s.K0()), K1(
       for (PetscInt j = -half; j <= half; ++j)
         minus_d2_.push_back({index[std::size_t(g + j)], -scale * w[std::size_t(std::abs(j))]});
     } else {
-      for (const auto& [column, value] : second_difference_row(s, g))
+      for (const auto& [column, value] : second_difference_row(s, g)) {
         if (index[std::size_t(column)] >= 0) minus_d2_.push_back({index[std::size_t(column)], -value});
+        else row_sum_[i] += value;
+      }
     }
     row_start_.push_back(int(minus_d2_.size()));
     for (int k = row_start_[i]; k < row_start_[i + 1]; ++k)
@@ -179,13 +182,11 @@ Complex Sliding::pointwise_slope(std::size_t i, Complex lambda) const {
 std::vector<Complex> Sliding::minus_d2(const std::vector<Complex>& p) const {
   std::vector<Complex> y(size());
   for (std::size_t i = 0; i < size(); ++i) {
-    double re = 0, im = 0;
+    y[i] = row_sum_[i] * p[i];
     for (int k = row_start_[i]; k < row_start_[i + 1]; ++k) {
       const Term& t = minus_d2_[std::size_t(k)];
-      re += t.value * p[std::size_t(t.column)].real();
-      im += t.value * p[std::size_t(t.column)].imag();
+      y[i] += t.value * (p[std::size_t(t.column)] - p[i]);
     }
-    y[i] = {re, im};
   }
   return y;
 }
@@ -253,10 +254,10 @@ std::vector<Complex> Sliding::expand(Complex lambda, const std::vector<Complex>&
 void Sliding::multiply(const Complex* x, Complex* y) const {
   const std::size_t d = dof();
   for (std::size_t i = 0; i < size(); ++i) {
-    Complex stencil = 0;
+    Complex stencil = row_sum_[i] * x[i * d];
     for (int k = row_start_[i]; k < row_start_[i + 1]; ++k) {
       const Term& t = minus_d2_[std::size_t(k)];
-      stencil += t.value * x[std::size_t(t.column) * d];
+      stencil += t.value * (x[std::size_t(t.column) * d] - x[i * d]);
     }
     Complex f = F_psi[i] * x[i * d];
     if (has_state()) {

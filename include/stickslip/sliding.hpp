@@ -110,6 +110,7 @@ class Sliding {
   };
   std::vector<int> row_start_;  // -D2 at the nodes solved for, row by row
   std::vector<Term> minus_d2_;
+  std::vector<double> row_sum_;  // of those rows: differences psi_j - psi_i keep the digits that 1/h^2 would eat
   std::vector<int> position_;  // place of a node in the folded order
   int band_ = 0;
   void steady_velocity();

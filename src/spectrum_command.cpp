@@ -1,0 +1,138 @@
+// The command `spectrum`: steady sliding and the rightmost eigenvalues of the operator linearised about it.
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/commands.hpp"
+#include "stickslip/error.hpp"
+#include "stickslip/file.hpp"
+#include "stickslip/friction.hpp"
+#include "stickslip/library_options.hpp"
+#include "stickslip/spectrum.hpp"
+#include "stickslip/summary.hpp"
+
+namespace stickslip {
+
+namespace {
+
+SpectrumMethod method_of(const std::string& text) {
+  if (text == "dense") return SpectrumMethod::dense;
+  if (text == "krylov") return SpectrumMethod::krylov;
+  return SpectrumMethod::automatic;
+}
+
+Json eigenvalue_list(const std::vector<Mode>& modes) {
+  Json list = Json::array();
+  for (const Mode& m : modes)
+    for (const double sign : {1., -1.}) {
+      if (sign < 0 && m.value.imag() == 0) continue;
+      list.push(Json::object({{"re", m.value.real()},
+                              {"im", sign * m.value.imag()},
+                              {"residual", m.residual},
+                              {"wavenumber", m.wavenumber},
+                              {"resolved", m.resolved}}));
+    }
+  return list;
+}
+
+// Steady sliding and the eigenvectors (the members with Im >= 0; 0 at held nodes), scaled so that the largest psi is 1.
+void write_file(const Sliding& s, const Spectrum& spectrum, const std::string& path, const Provenance& provenance) {
+  ResultFile file(PETSC_COMM_WORLD, path, provenance);
+  if (path.empty()) return;
+  const std::size_t n = std::size_t(s.scene.n), modes = spectrum.modes.size(), d = s.dof();
+  std::vector<double> x(n), number(modes);
+  for (std::size_t i = 0; i < n; ++i) x[i] = s.scene.x(PetscInt(i));
+  for (std::size_t k = 0; k < modes; ++k) number[k] = double(k);
+  file.attribute("form", to_string(s.scene.form));
+  file.attribute("method", spectrum.method);
+  file.attribute("completeness_check", spectrum.completeness_check);
+  file.attribute("growth_rate", spectrum.growth);
+  file.attribute("frequency", spectrum.frequency);
+  file.scale({"x", "length", "position of the nodes"}, x);
+  file.scale({"mode", "1", "number of the eigenvalue, rightmost first"}, number);
+  const auto of_modes = [&](const Field& field, const auto& value) {
+    std::vector<double> values;
+    for (const Mode& m : spectrum.modes) values.push_back(value(m));
+    file.add(field, {"mode"}, values);
+  };
+  of_modes({"re", "1/time", "growth rate"}, [](const Mode& m) { return m.value.real(); });
+  of_modes({"im", "1/time", "frequency"}, [](const Mode& m) { return m.value.imag(); });
+  of_modes({"residual", "1/time", "|J x - lambda x|/|x|"}, [](const Mode& m) { return m.residual; });
+  of_modes({"wavenumber", "1/length", "wavenumber"}, [](const Mode& m) { return m.wavenumber; });
+  of_modes({"resolved", "1", "1 where the grid resolves the mode"}, [](const Mode& m) { return double(m.resolved); });
+
+  file.add({"steady_psi", "length/time", "psi of steady sliding"}, {"x"}, s.psi);
+  file.add({"steady_eta", "1", "eta of steady sliding"}, {"x"}, s.eta);
+  const bool logarithmic = state_is_logarithmic(s.scene.friction.state);
+  std::vector<std::string> names{"psi", "eta"};
+  if (s.has_state()) {
+    names.push_back(logarithmic ? "theta" : "tau");
+    std::vector<double> steady = s.state;
+    for (double& y : steady) y = state_to_output(s.scene.friction.state, y);
+    file.add({"steady_" + names[2], standard_field(names[2]).units, names[2] + " of steady sliding"}, {"x"}, steady);
+  }
+  std::vector<std::vector<double>> parts(2 * names.size(), std::vector<double>(modes * n, 0.));
+  for (std::size_t k = 0; k < modes; ++k) {
+    const std::vector<Complex> v = s.expand(spectrum.modes[k].value, spectrum.modes[k].psi);
+    for (std::size_t i = 0; i < s.size(); ++i)
+      for (std::size_t c = 0; c < d; ++c) {
+        const std::size_t at = k * n + std::size_t(s.node[i]);
+        // the stored state is ln(theta): d theta = theta d ln(theta)
+        const double scale = c == 2 && logarithmic ? std::exp(s.state[std::size_t(s.node[i])]) : 1;
+        parts[2 * c][at] = scale * v[i * d + c].real();
+        parts[2 * c + 1][at] = scale * v[i * d + c].imag();
+      }
+  }
+  for (std::size_t c = 0; c < names.size(); ++c) {
+    const std::string units = standard_field(names[c]).units;
+    file.add({names[c] + "_re", units, names[c] + " of the eigenvectors, real part"}, {"mode", "x"}, parts[2 * c]);
+    file.add({names[c] + "_im", units, names[c] + " of the eigenvectors, imaginary part"}, {"mode", "x"},
+             parts[2 * c + 1]);
+  }
+  file.write();
+}
+
+}  // namespace
+
+int spectrum_command(const Options& options) {
+  const Provenance provenance = Provenance::of("spectrum", options.all());
+  check_outputs(options.text("out_file"), options.text("summary"));
+  Summary summary(provenance,
+                  {"steady", "growth_rate", "growth_rate_error", "frequency", "stable", "eigenvalues",
+                   "dispersion_error", "complete", "completeness_check", "method", "unknowns"},
+                  options.text("summary"));
+  const Scene scene = Scene::from(options, true);
+  return with_summary(summary, [&] {
+    const Sliding sliding(scene);
+    const auto [low, high] = std::minmax_element(sliding.psi.begin(), sliding.psi.end());
+    summary.set("steady", Json::object({{"psi_min", *low}, {"psi_max", *high}, {"residual", sliding.residual}}));
+    summary.set("unknowns", sliding.size() * sliding.dof());
+    SpectrumSettings settings;
+    settings.count = options.integer("spectrum_count");
+    settings.method = method_of(options.text("spectrum_method"));
+    settings.refine = options.text("spectrum_refine") == "auto";
+    const Spectrum spectrum = compute_spectrum(PETSC_COMM_WORLD, sliding, settings);
+    check_unused_after_setup(options);
+    summary.set("growth_rate", spectrum.growth);
+    summary.set("growth_rate_error", spectrum.error);
+    summary.set("frequency", spectrum.frequency);
+    summary.set("stable", spectrum.stable);
+    summary.set("eigenvalues", eigenvalue_list(spectrum.modes));
+    summary.set("dispersion_error", spectrum.dispersion_error);
+    summary.set("complete", spectrum.complete);
+    summary.set("completeness_check", spectrum.completeness_check);
+    summary.set("method", spectrum.method);
+    write_file(sliding, spectrum, options.text("out_file"), provenance);
+    if (std::none_of(spectrum.modes.begin(), spectrum.modes.end(), [](const Mode& m) { return m.resolved; }))
+      warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");
+    if (!spectrum.complete) warn("the rightmost mode may have been missed: " + spectrum.completeness_check);
+    if (options.text("summary") != "-") {
+      const std::string text = std::string(spectrum.stable ? "stable" : "unstable") + ": growth rate " +
+                               number_text(spectrum.growth) + ", frequency " + number_text(spectrum.frequency) +
+                               (spectrum.complete ? "" : " (not proved to be the rightmost)") + "\n";
+      SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s", text.c_str()));
+    }
+    return 0;
+  });
+}
+
+}  // namespace stickslip
