@@ -96,6 +96,10 @@ std::vector<double> frame_times(const Options& options, double t_end, double aft
   std::vector<double> times;
   if (options.is_set("out_times")) {
     times = options.reals("out_times");
+    for (const double t : times)
+      if (t < 0 || t > t_end)
+        throw UsageError("out_times " + options.text("out_times") + ": " + number_text(t) + " lies outside 0 to ts_max_time " +
+                         number_text(t_end));
   } else if (options.is_set("out_every")) {
     const double every = options.real("out_every");
     for (PetscInt i = 0; double(i) * every <= t_end * (1 + 1e-12); ++i) times.push_back(std::min(double(i) * every, t_end));

@@ -120,6 +120,8 @@ def warnings():
     check("fit" not in error, "a layer fits: " + error)
     _, error = run("-friction_law carlson-langer", code=2)
     check("friction_stick" in error, "exact stick is refused")
+    _, error = run("-out_times 1,70 -out_file late.h5", code=2)
+    check("out_times" in error and "70" in error, "a frame after the end is refused: " + error)
 
 
 with tempfile.TemporaryDirectory() as folder:
