@@ -74,7 +74,9 @@ struct Column {
   Field field;
   bool wide;
   Id dataset;
-  std::vector<double> pending;  // rows not yet written
+  std::vector<double> pending;     // rows not yet written
+  hsize_t chunk_width = 1;         // values a row in one chunk
+  std::vector<haddr_t> chunks;     // where in the file the chunks begin that lie side by side
 };
 
 struct Table {
@@ -121,9 +123,20 @@ void create_table(hid_t file, Table& table) {
     H5Pset_fill_value(creation, H5T_NATIVE_DOUBLE, &nan);  // never written; a reader pads shorter datasets with it
     H5Pset_alloc_time(creation, H5D_ALLOC_TIME_EARLY);
     H5Pset_fill_time(creation, H5D_FILL_TIME_NEVER);  // keeps the file sparse
-    H5Pset_chunk_cache(access, 0, 0, 0);              // rows go straight to the file
+    H5Pset_chunk_cache(access, 0, 0, 0);              // what is read is what the file holds
     column.dataset = create_dataset(file, table.path(column.field.name), H5T_NATIVE_DOUBLE, space, creation, access);
     describe(column.dataset, column.field);
+    column.chunk_width = chunk[1];
+    column.chunks.clear();
+    for (hsize_t at = 0; table.capacity > 0 && at < width; at += column.chunk_width) {
+      const hsize_t offset[2] = {0, at};
+      hsize_t size = 0;
+      haddr_t address = HADDR_UNDEF;
+      unsigned filters = 0;
+      if (H5Dget_chunk_info_by_coord(column.dataset, offset, &filters, &address, &size) < 0 || address == HADDR_UNDEF)
+        h5::fail("find the place of " + column.field.name + " in", file);
+      column.chunks.push_back(address);
+    }
     if (&column == &table.columns[0]) {
       make_scale(column.dataset, column.field.name);
     } else {
@@ -133,40 +146,57 @@ void create_table(hid_t file, Table& table) {
   }
 }
 
+// Puts rows where they belong in the file, extents or not: a write through the library would need the extents first,
+// and could not take them back on a full disk. The format of the values is that of this machine.
+void put_rows(int descriptor, const Table& table, const Column& column, hsize_t first, hsize_t count,
+              const double* data) {
+  const auto put = [&](haddr_t at, const double* values, hsize_t number) {
+    const char* bytes = reinterpret_cast<const char*>(values);
+    for (std::size_t left = number * sizeof(double); left > 0;) {
+      const ssize_t done = pwrite(descriptor, bytes, left, static_cast<off_t>(at));
+      if (done < 0 && errno == EINTR) continue;
+      if (done < 0) throw Failure(std::strerror(errno));
+      bytes += done;
+      at += static_cast<haddr_t>(done);
+      left -= static_cast<std::size_t>(done);
+    }
+  };
+  const hsize_t width = table.width(column);
+  const haddr_t row_bytes = column.chunk_width * sizeof(double);
+  if (column.chunks.size() == 1) return put(column.chunks[0] + first * row_bytes, data, count * width);
+  for (hsize_t row = 0; row < count; ++row)
+    for (std::size_t c = 0; c < column.chunks.size(); ++c) {
+      const hsize_t begin = c * column.chunk_width, number = std::min(column.chunk_width, width - begin);
+      put(column.chunks[c] + (first + row) * row_bytes, data + row * width + begin, number);
+    }
+}
+
+// Lengthens (or, before anybody reads, shortens) the extents in memory; readers see them after show(). Time last:
+// whatever it counts is complete in the other columns, wherever a reader or a kill comes between.
 void set_extent(Table& table, hsize_t rows) {
-  // time last: whatever it counts is complete in the other columns, wherever a reader or a kill comes between
   for (std::size_t k = table.columns.size(); k-- > 0;) {
     Column& column = table.columns[k];
     const hsize_t dims[2] = {rows, table.width(column)};
-    if (H5Dset_extent(column.dataset, dims) < 0) h5::fail("extend", column.field.name);
+    if (H5Dset_extent(column.dataset, dims) < 0) h5::fail("extend", column.dataset);
   }
   table.extent = rows;
 }
 
-// Writes the pending rows and lengthens the extents in memory; readers see them after show().
-void write_pending(Table& table) {
+// Writes the pending rows, then the extents in memory.
+void write_pending(int descriptor, Table& table) {
   if (table.pending == 0) return;
-  const hsize_t rows = table.written + table.pending;
-  try {
-    if (rows > table.extent) set_extent(table, rows);
-    for (Column& column : table.columns)
-      h5::write_rows(column.dataset, table.written, table.pending, table.width(column), column.pending.data());
-  } catch (...) {
-    try {
-      set_extent(table, std::max<hsize_t>(table.written, 1));
-    } catch (const Failure&) {
-    }
-    throw;
-  }
-  table.written = rows;
+  for (const Column& column : table.columns)
+    put_rows(descriptor, table, column, table.written, table.pending, column.pending.data());
+  table.written += table.pending;
   table.pending = 0;
   for (Column& column : table.columns) column.pending.clear();
+  if (table.written > table.extent) set_extent(table, table.written);
 }
 
 // Lets readers see the extents: one small write in place for each dataset.
 void show(Table& table) {
   for (std::size_t k = table.columns.size(); k-- > 0;)
-    if (H5Dflush(table.columns[k].dataset) < 0) h5::fail("write", table.columns[k].field.name);
+    if (H5Dflush(table.columns[k].dataset) < 0) h5::fail("write", table.columns[k].dataset);
 }
 
 // How many rows to copy in one go: about 8 MB a column.
@@ -213,6 +243,7 @@ struct RunFile::Writer {
   void rewrite(bool exact);
   void close();
   void drop_handles();
+  int descriptor() const;  // of the open file
 };
 
 RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& layout)
@@ -228,8 +259,8 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& la
   frames.x_field = {"x", "length", "position"};
   frames.x = std::move(layout.x);
   frames.capacity = static_cast<hsize_t>(std::max<std::int64_t>(layout.frames, 1));
-  frames.columns.push_back({time, false, {}, {}});
-  for (const Field& field : layout.fields) frames.columns.push_back({field, true, {}, {}});
+  frames.columns.push_back({time, false, {}, {}, 1, {}});
+  for (const Field& field : layout.fields) frames.columns.push_back({field, true, {}, {}, 1, {}});
   tables.push_back(std::move(frames));
   if (!layout.probe_x.empty()) {
     probes = tables.size();
@@ -238,8 +269,8 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& la
     table.x_field = {"x", "length", "position of the probe"};
     table.x = std::move(layout.probe_x);
     table.capacity = first_capacity;
-    table.columns.push_back({time, false, {}, {}});
-    for (const char* field : {"psi", "eta"}) table.columns.push_back({standard_field(field), true, {}, {}});
+    table.columns.push_back({time, false, {}, {}, 1, {}});
+    for (const char* field : {"psi", "eta"}) table.columns.push_back({standard_field(field), true, {}, {}, 1, {}});
     tables.push_back(std::move(table));
   }
   if (!layout.series.empty()) {
@@ -247,8 +278,8 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& la
     Table table;
     table.group = "series";
     table.capacity = first_capacity;
-    table.columns.push_back({time, false, {}, {}});
-    for (const Field& field : layout.series) table.columns.push_back({field, false, {}, {}});
+    table.columns.push_back({time, false, {}, {}, 1, {}});
+    for (const Field& field : layout.series) table.columns.push_back({field, false, {}, {}, 1, {}});
     tables.push_back(std::move(table));
   }
 }
@@ -331,7 +362,7 @@ void RunFile::Writer::copy_rows(const Resume& from) {
               column.pending.push_back(k < width ? rows[r * width + k] : std::numeric_limits<double>::quiet_NaN());
         }
       }
-      write_pending(table);
+      write_pending(descriptor(), table);
     }
   }
 }
@@ -371,15 +402,15 @@ void RunFile::Writer::rewrite(bool exact) {
       const hsize_t block = rows_at_once(table);
       for (hsize_t first = 0; first < rows[which]; first += block) {
         const hsize_t count = std::min(block, rows[which] - first);
-        if (first + count > table.extent) set_extent(table, first + count);
         for (std::size_t c = 0; c < table.columns.size(); ++c) {
           const hsize_t width = table.width(table.columns[c]);
           const std::vector<double> values = h5::read_rows(sources[which][c], first, count, width);
-          h5::write_rows(table.columns[c].dataset, first, count, width, values.data());
+          put_rows(descriptor(), table, table.columns[c], first, count, values.data());
         }
-        table.written = first + count;
       }
-      write_pending(table);
+      table.written = rows[which];
+      if (table.written > table.extent) set_extent(table, table.written);
+      write_pending(descriptor(), table);
     }
     if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0) h5::fail("write", name);
     paths::publish(name, published ? path : temporary);
@@ -401,12 +432,16 @@ void RunFile::Writer::publish() {
   published = true;
 }
 
+int RunFile::Writer::descriptor() const {
+  int* number = nullptr;
+  if (H5Fget_vfd_handle(file, H5P_DEFAULT, reinterpret_cast<void**>(&number)) < 0) h5::fail("write", file);
+  return *number;
+}
+
 // Writing goes on without an error into a file that was removed: whoever waits for the result should hear of it.
 void RunFile::Writer::check_present() const {
   struct stat named {}, open_one {};
-  int* descriptor = nullptr;
-  if (H5Fget_vfd_handle(file, H5P_DEFAULT, reinterpret_cast<void**>(&descriptor)) < 0) return;
-  if (fstat(*descriptor, &open_one) != 0 || stat(path.c_str(), &named) != 0)
+  if (fstat(descriptor(), &open_one) != 0 || stat(path.c_str(), &named) != 0)
     throw Failure("cannot write '" + path + "': it was removed while the run went on");
   if (named.st_ino != open_one.st_ino || named.st_dev != open_one.st_dev)
     throw Failure("cannot write '" + path + "': another file has taken its place while the run went on");
@@ -429,7 +464,7 @@ void RunFile::Writer::write_and_show() {
   bool room = true;
   for (const Table& table : tables) room = room && table.written + table.pending <= table.capacity;
   if (!room) rewrite(false);
-  for (Table& table : tables) write_pending(table);
+  for (Table& table : tables) write_pending(descriptor(), table);
   if (published) {
     for (Table& table : tables) show(table);
   } else if (tables[0].written > 0) {
@@ -476,7 +511,7 @@ RunFile::Writer::~Writer() {
 
 namespace {
 
-// Errors name the file that the user knows, not a temporary one.
+// Errors name the file that the user knows: no temporary one, and not none.
 template <class Body>
 void naming(const std::string& path, Body&& body) {
   try {
@@ -488,6 +523,7 @@ void naming(const std::string& path, Body&& body) {
       const std::size_t at = text.find(hidden);
       if (at != std::string::npos) text.replace(at, hidden.size(), path);
     }
+    if (text.find("'" + path + "'") == std::string::npos) text = "cannot write '" + path + "': " + text;
     throw Failure(text);
   }
 }

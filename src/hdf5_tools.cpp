@@ -210,13 +210,6 @@ std::vector<double> read_rows(hid_t dataset, hsize_t first, hsize_t count, hsize
   return values;
 }
 
-void write_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width, const double* data) {
-  if (count * width == 0) return;
-  const auto [in_file, in_memory] = row_selection(dataset, first, count, width);
-  if (H5Dwrite(dataset, H5T_NATIVE_DOUBLE, in_memory, in_file, H5P_DEFAULT, data) < 0)
-    fail("write", dataset);
-}
-
 std::vector<std::string> attribute_names(hid_t object) {
   std::vector<std::string> names;
   const auto visit = [](hid_t, const char* name, const H5A_info_t*, void* out) -> herr_t {

@@ -63,7 +63,6 @@ std::int64_t read_integer_attribute(hid_t object, const std::string& name);
 std::vector<hsize_t> extents(hid_t dataset);
 std::vector<double> read_reals(hid_t file, const std::string& name);                         // the whole dataset
 std::vector<double> read_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width);   // of (t) or (t, x)
-void write_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width, const double* data);
 
 std::vector<std::string> attribute_names(hid_t object);
 

@@ -7,11 +7,13 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <sstream>
@@ -33,11 +35,18 @@ struct Write {
 };
 bool recording = false;
 std::vector<Write> record;
+int writes_left = -1;         // until the disk is full; negative: it never is
+const off_t taken = 262144;  // what a file has taken of the disk when it was made, writes there still succeed
 
 }  // namespace
 
 // Takes the place of the C library's function, for HDF5 too.
 extern "C" ssize_t pwrite(int fd, const void* data, size_t size, off_t offset) {
+  if (writes_left >= 0 && offset >= taken && writes_left-- == 0) {
+    writes_left = 0;
+    errno = ENOSPC;
+    return -1;
+  }
   if (recording) {
     struct stat at {};
     fstat(fd, &at);
@@ -399,6 +408,38 @@ TEST_CASE("run file: readable after every single write, torn ones included", "[o
   CHECK(image == content(path));
   file.close();
   CHECK(frame_is_right(path, frames - 1, n));
+}
+
+TEST_CASE("run file: a disk that fills is told, and what was written before is whole", "[output][serial]") {
+  const Folder folder;
+  const std::size_t n = 700;
+  for (int room = 0; room < 30; ++room) {
+    const std::string path = folder / ("r" + std::to_string(room) + ".h5");
+    RunFile file(PETSC_COMM_WORLD, path, some_provenance(), some_layout(n, 1000));
+    writes_left = room;
+    std::string told;
+    int k = 0;
+    for (; k < 20 && told.empty(); ++k) {
+      try {
+        write_frame(file, k, n);
+        file.flush();
+      } catch (const Failure& e) {
+        told = e.what();
+      }
+    }
+    CHECK(told == "cannot write '" + path + "': No space left on device");
+    CHECK_NOTHROW(file.close());
+    writes_left = -1;
+    if (k == 1) {
+      CHECK(!present(path));  // not even one frame
+      continue;
+    }
+    // the frame under way may be there when it was a row of probes or series that found no room
+    const std::int64_t count = read_frame("x", path).count;
+    CHECK((count == k - 1 || count == k));
+    for (int j = 0; j < count; ++j) CHECK(frame_is_right(path, j, n));
+    CHECK(!present(folder / ".r.h5.tmp"));
+  }
 }
 
 TEST_CASE("run file: continued after an earlier one, its later rows replaced", "[output]") {

@@ -1,0 +1,268 @@
+"""Files, summaries and pictures as a user meets them: what xarray sees, kill -9, full disks, files that are not ours."""
+import glob
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+import h5py
+import numpy as np
+import xarray
+
+PROGRAM = os.environ["STICKSLIP"]
+PLOT = os.path.join(os.environ["STICKSLIP_SOURCE"], "postprocess", "plot.py")
+FAILURES = []
+
+
+def check(condition, what):
+    if not condition:
+        FAILURES.append(what)
+        print("FAILED:", what)
+
+
+def command(*options, ranks=1):
+    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+    return launcher + [PROGRAM, "run", "-progress", "off", *[str(option) for option in options]]
+
+
+def run(*options, ranks=1, **settings):
+    return subprocess.run(command(*options, ranks=ranks), capture_output=True, text=True, timeout=120, **settings)
+
+
+def refused(result, code, *words):
+    """The run ended with this code and one line of error that holds the words."""
+    lines = [line for line in result.stderr.splitlines() if line.startswith("stickslip: error: ")]
+    return result.returncode == code and len(lines) == 1 and all(word in lines[0] for word in words)
+
+
+def contents(path):
+    """All datasets. The times are opened and read first: whatever they count is complete in the others, also while the
+    file is being written."""
+    with h5py.File(path, "r") as file:
+        found = {name: file[name][...] for name in ("t", "probes/t", "series/t") if name in file}
+
+        def visit(name, item):
+            if isinstance(item, h5py.Dataset):
+                found.setdefault(name, item[...])
+
+        file.visititems(visit)
+        return found
+
+
+def whole(path, reference):
+    """The frames in a file, which must be the first ones of the reference; their number."""
+    now = contents(path)
+    count = len(now["t"])
+    for name in ("t", "psi", "eta"):
+        check(len(now[name]) >= count and np.array_equal(now[name][:count], reference[name][:count]),
+              f"{path}: {name} is a beginning of the uninterrupted run's")
+    for group in ("probes", "series"):
+        rows = len(now[group + "/t"])
+        for name in (name for name in now if name.startswith(group + "/") and not name.endswith("/x")):
+            check(len(now[name]) >= rows and np.array_equal(now[name][:rows], reference[name][:rows]),
+                  f"{path}: {name} is a beginning of the uninterrupted run's")
+    return count
+
+
+SINE = ["-init_type", "sine", "-out_probes", "0,10.3125,45"]
+
+
+def what_is_in_a_file():
+    out = run(*SINE, "-grid_n", 64, "-ts_max_time", 5, "-out_frames", 11, "-out_file", "a.h5", "-summary", "a.json")
+    check(out.returncode == 0, "run: " + out.stderr)
+    with open("a.json", encoding="utf-8") as file:
+        summary = json.load(file)
+    common = "command status reason warnings version git options model_form delta_sign ranks wall_s".split()
+    check(list(summary)[:len(common)] == common, "common keys first")
+    check(summary["status"] == "done" and summary["reason"] is None and summary["command"] == "run", "status done")
+    check(summary["delta_sign"] == "derived" and summary["model_form"] == "continuum" and summary["ranks"] == 1, "form")
+    check(summary["options"]["grid_n"] == "64" and summary["options"]["model_gamma"] == "3", "options with defaults")
+    check(summary["t_end"] == 5.0, "t_end")
+
+    with xarray.open_dataset("a.h5", engine="h5netcdf") as data:
+        check(data.psi.dims == ("t", "x") and data.eta.dims == ("t", "x"), "dimensions of psi and eta")
+        check(np.array_equal(data.t, np.linspace(0, 5, 11)), "t is a coordinate")
+        check(np.allclose(data.x, np.arange(64) * 60 / 64, rtol=0, atol=1e-13), "x is a coordinate")
+        for name in ("t", "x", "psi", "eta"):
+            check(data[name].attrs.get("units") and data[name].attrs.get("long_name"), f"units of {name}")
+        for name in ("version", "git", "command_line", "options", "date", "kind"):
+            check(name in data.attrs, f"attribute {name}")
+        check(data.attrs["kind"] == "run" and "-grid_n 64" in data.attrs["command_line"], "kind, command line")
+        check(json.loads(data.attrs["options"]) == summary["options"], "options in file and summary")
+        last = data.psi.sel(t=5).values
+        check(abs(last.mean() - summary["psi_mean"]) < 1e-12 and last.max() == summary["psi_max"], "last frame, summary")
+    with xarray.open_dataset("a.h5", engine="h5netcdf", group="probes") as data:
+        check(data.psi.dims == ("t", "x") and list(data.x.values) == [0, 10.3125, 45], "probes")
+        for k, probe in enumerate(summary["probes"]):
+            check(data.psi.values[-1, k] == probe["psi"] and data.eta.values[-1, k] == probe["eta"], "probes, summary")
+        check(data.t.values[0] == 0 and data.t.values[-1] == 5, "probes from start to end")
+    with xarray.open_dataset("a.h5", engine="h5netcdf", group="series") as data:
+        check(data.psi_mean.dims == ("t",) and len(data.t) == summary["steps"] + 1, "a row of series for each step")
+
+    out = run("-grid_n", 16, "-ts_max_time", 1, "-summary", "-", ranks=2)
+    check(out.returncode == 0 and json.loads(out.stdout)["ranks"] == 2, "summary on standard output, once")
+
+
+def outputs_refused():
+    with open("notes.txt", "w", encoding="utf-8") as file:
+        file.write("keep me")
+    with h5py.File("foreign.h5", "w") as file:
+        file["t"] = [1.0]
+    os.makedirs("folder", exist_ok=True)
+    for name in ("notes.txt", "foreign.h5"):
+        before = open(name, "rb").read()
+        check(refused(run("-out_file", name), 2, "out_file", name, "not written by this program"), f"out_file {name}")
+        check(open(name, "rb").read() == before, f"{name} is untouched")
+    check(refused(run("-out_file", "none/a.h5", ranks=2), 2, "out_file", "none"), "out_file in no folder, two ranks")
+    check(refused(run("-out_file", "folder"), 2, "out_file", "folder"), "out_file is a folder")
+    check(refused(run("-summary", "folder"), 2, "summary", "folder"), "summary is a folder")
+    check(refused(run("-summary", "none/s.json"), 2, "summary", "none"), "summary in no folder")
+    check(refused(run("-summary", "notes.txt"), 2, "summary", "notes.txt"), "summary over another file")
+    check(refused(run("-out_file", "a", "-summary", "a"), 2, "summary", "out_file"), "both in one")
+    check(refused(run("-restart", "notes.txt"), 2, "restart", "notes.txt"), "restart from a text")
+    # a file of ours is replaced, and not before the checks are over
+    before = contents("a.h5")
+    check(run("-out_file", "a.h5", "-grid_n", "-4").returncode == 2, "wrong use")
+    check(np.array_equal(contents("a.h5")["psi"], before["psi"]), "wrong use leaves the old file")
+    check(run("-out_file", "a.h5", "-grid_n", 16, "-ts_max_time", 1).returncode == 0, "a file of ours is replaced")
+    check(contents("a.h5")["psi"].shape == (200, 16), "by the new one")
+    check(not glob.glob(".*.tmp") and not glob.glob(".*.new"), "no temporary file is left")
+
+
+def failures_and_stops():
+    out = run("-init_type", "sine", "-grid_n", 64, "-ts_type", "rk", "-ts_adapt_type", "none", "-ts_dt", 0.9,
+              "-out_file", "f.h5", "-summary", "f.json")
+    check(refused(out, 1), "an explicit step too long: " + out.stderr)
+    summary = json.load(open("f.json", encoding="utf-8"))
+    check(summary["status"] == "failed" and summary["reason"] in out.stderr, "its summary")
+    kept = contents("f.h5")
+    check(len(kept["t"]) >= 1 and np.isfinite(kept["psi"]).all(), "what was computed until then")
+
+    process = subprocess.Popen(command(*SINE, *LONG, "-out_file", "stop.h5", "-summary", "stop.json"))
+    wait_for("stop.h5", process)
+    process.send_signal(signal.SIGTERM)
+    check(process.wait(timeout=60) == 143, "exit code 143 after SIGTERM")
+    summary = json.load(open("stop.json", encoding="utf-8"))
+    check(summary["status"] == "stopped" and "SIGTERM" in summary["reason"], "summary after SIGTERM")
+    check(len(glob.glob("stop.chk-*.h5")) >= 1, "checkpoint after SIGTERM")
+
+    os.makedirs("gone", exist_ok=True)
+    process = subprocess.Popen(command(*SINE, *LONG, "-out_file", "gone/a.h5"), stderr=subprocess.PIPE, text=True)
+    wait_for("gone/a.h5", process)
+    shutil.rmtree("gone")
+    _, stderr = process.communicate(timeout=60)
+    lines = [line for line in stderr.splitlines() if "error" in line]
+    check(process.returncode == 1 and len(lines) == 1 and "gone/a.h5" in lines[0], "the folder vanishes: " + stderr)
+
+
+LONG = ["-grid_n", 300, "-ts_max_time", 600, "-out_frames", 6001, "-out_checkpoint_every", 200]
+
+
+def wait_for(path, process):
+    while not os.path.exists(path) and process.poll() is None:
+        time.sleep(0.005)
+
+
+def kill(process, ranks):
+    """Kills the ranks of a run (mpirun keeps them as its children) and waits until all are gone."""
+    victims = [process.pid]
+    if ranks > 1:
+        with open(f"/proc/{process.pid}/task/{process.pid}/children", encoding="ascii") as file:
+            victims = [int(pid) for pid in file.read().split()]
+    for pid in victims:
+        os.kill(pid, signal.SIGKILL)
+    process.wait()
+
+
+def killed():
+    """Kills at random moments; the file holds the beginning of what an uninterrupted run writes, and can be continued."""
+    scene = [*SINE, "-grid_n", 400, "-ts_max_time", 15, "-out_frames", 2001, "-out_checkpoint_every", 40]
+    rng = random.Random(7)
+    for ranks in (1, 2):
+        begin = time.monotonic()
+        out = run(*scene, "-out_file", f"reference{ranks}.h5", ranks=ranks)
+        duration = time.monotonic() - begin
+        check(out.returncode == 0, "reference: " + out.stderr)
+        reference = contents(f"reference{ranks}.h5")
+        seen, continued = [], 0
+        for attempt in range(6):
+            path = f"killed{ranks}-{attempt}.h5"
+            process = subprocess.Popen(command(*scene, "-out_file", path, ranks=ranks), stderr=subprocess.DEVNULL)
+            wait_for(path, process)
+            watched = 0
+            end = time.monotonic() + rng.uniform(0, 0.6) * duration
+            while time.monotonic() < end:  # a reader comes along while it is written
+                watched = max(watched, whole(path, reference))
+                time.sleep(0.01)
+            kill(process, ranks)
+            seen.append(whole(path, reference))
+            check(seen[-1] >= watched, "no frame is lost that a reader has seen")
+            with xarray.open_dataset(path, engine="h5netcdf") as data:
+                check(data.psi.shape[1] == 400, "xarray opens it")
+            checkpoints = sorted(glob.glob(f"killed{ranks}-{attempt}.chk-*.h5"))
+            check(len(checkpoints) <= 3, "old checkpoints are removed")
+            if checkpoints and continued < 2:
+                continued += 1
+                out = run("-restart", checkpoints[-1], ranks=ranks)
+                check(out.returncode == 0, "restart: " + out.stderr)
+                check(whole(path, reference) == len(reference["t"]), "a restart completes the file")
+                now = contents(path)
+                for name in now:
+                    check(now[name].shape == reference[name].shape, f"after a restart {name} is as long as without")
+        print(f"ranks {ranks}: frames at the kills: {seen} of {len(reference['t'])}; {continued} continued")
+        check(continued > 0, "some kill left a checkpoint")
+
+
+def full_disk():
+    """A small disk, where the machine lets us make one (the unit tests have the same with a write that fails)."""
+    script = ('mkdir small && mount -t tmpfs -o size=1m tmpfs small && cd small && "$@"; code=$?; '
+              'cp *.h5 s.json .. 2>/dev/null; cd ..; exit $code')
+    if subprocess.run(["unshare", "-rm", "sh", "-c", script, "sh", "true"], capture_output=True).returncode != 0:
+        print("full disk: no mount here, left to the unit tests")
+        return
+    os.rmdir("small")
+    out = subprocess.run(["unshare", "-rm", "sh", "-c", script, "sh", *command(
+        *SINE, "-grid_n", 300, "-out_file", "full.h5", "-summary", "s.json", "-out_checkpoint_every", 20)],
+        capture_output=True, text=True, timeout=60)
+    os.rmdir("small")
+    check(refused(out, 1, "full.", "No space left"), "full disk: " + out.stderr)
+    kept = contents("full.h5")
+    check(len(kept["t"]) > 1 and len(kept["t"]) == len(kept["psi"]) and np.isfinite(kept["psi"]).all(), "frames kept")
+
+
+def plot(*arguments):
+    return subprocess.run(["/usr/bin/python3", "-B", PLOT, *arguments], capture_output=True, text=True, timeout=60)
+
+
+def pictures():
+    for what in ("xt", "profile", "phase", "probes", "series"):
+        out = plot("reference1.h5", "--what", what, "-o", f"{what}.png")
+        check(out.returncode == 0 and open(f"{what}.png", "rb").read(8) == b"\x89PNG\r\n\x1a\n", what + out.stderr)
+    for arguments in (["notes.txt"], ["foreign.h5"], ["none.h5"], ["folder"], ["a.h5", "--probes"],
+                      ["reference1.h5", "--profile", "--frame", "5000"], ["a.h5", "-o", "none/a.png"],
+                      ["a.h5", "--field", "tau"], [sorted(glob.glob("stop.chk-*.h5"))[-1]]):
+        out = plot(*arguments)
+        lines = out.stderr.strip().splitlines()
+        check(out.returncode == 2 and len(lines) == 1 and lines[0].startswith("plot.py: error: "),
+              f"plot.py {arguments}: {out.stderr}")
+
+
+def main():
+    with tempfile.TemporaryDirectory(prefix="stickslip-output-") as folder:
+        os.chdir(folder)
+        for part in (what_is_in_a_file, outputs_refused, failures_and_stops, killed, full_disk, pictures):
+            begin = time.monotonic()
+            part()
+            print(f"{part.__name__}: {time.monotonic() - begin:.1f} s")
+        os.chdir("/")
+    print(f"{len(FAILURES)} failed")
+    return 1 if FAILURES else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
