@@ -193,7 +193,7 @@ std::vector<OptionSpec> make_table() {
   t.text("restart", "", "checkpoint to go on from").default_help = "none";
 
   t.in("Spectrum", "spectrum");
-  t.integer("spectrum_count", "12", 1, int_max, "eigenvalues wanted");
+  t.integer("spectrum_count", "12", 1, int_max, "eigenvalues wanted").commands = "spectrum wave";
   t.choice("spectrum_method", {"auto", "dense", "krylov"}, "eigensolver");
   t.choice("spectrum_refine", {"auto", "off"}, "auto compares grids; off takes every mode of the matrix as resolved");
 
@@ -216,7 +216,7 @@ std::vector<OptionSpec> make_table() {
   t.boolean("wave_spectrum", "false", "eigenvalues of the wave");
   t.text("wave_continue", "", "real option to vary along a branch").default_help = "none";
   t.real("wave_to", "", "end of the branch").default_help = "none";
-  t.integer("wave_steps", "20", 1, int_max, "points along the branch");
+  t.integer("wave_steps", "100", 1, int_max, "steps along the branch, at most");
 
   t.in("Chart", "chart");
   t.choice("chart_kind", {"accuracy", "limits"}, "error against seconds, or where each method fails");

@@ -8,6 +8,7 @@
 #include "stickslip/library_options.hpp"
 #include "stickslip/summary.hpp"
 #include "stickslip/wave.hpp"
+#include "stickslip/wave_stability.hpp"
 
 namespace stickslip {
 
@@ -69,6 +70,51 @@ void describe(const Scene& scene, const Train& train) {
   if (scene.s_delta() != 0) std::printf("  sign of delta: %s\n", scene.derived_sign ? "derived" : "printed");
 }
 
+void add_spectrum(Summary& summary, ResultFile& file, const TrainSpectrum& spectrum) {
+  Json list = Json::array();
+  std::vector<double> re, im, wavenumber, resolved;
+  for (const TrainMode& mode : spectrum.modes) {
+    list.push(Json::object({{"re", mode.lambda.real()},
+                            {"im", mode.lambda.imag()},
+                            {"residual", mode.residual},
+                            {"wavenumber", mode.wavenumber},
+                            {"resolved", mode.resolved},
+                            {"bloch", mode.bloch},
+                            {"translation", mode.translation}}));
+    re.push_back(mode.lambda.real());
+    im.push_back(mode.lambda.imag());
+    wavenumber.push_back(mode.wavenumber);
+    resolved.push_back(mode.resolved);
+  }
+  summary.set("eigenvalues", list);
+  summary.set("stable", spectrum.stable);
+  summary.set("growth_rate", spectrum.growth_rate);
+  summary.set("translation_error", spectrum.translation_error);
+  summary.set("complete", spectrum.complete);
+  summary.set("completeness_check", spectrum.completeness_check);
+  summary.set("endless", Json::object({{"stable", spectrum.endless_stable},
+                                       {"growth_rate", spectrum.endless_growth},
+                                       {"wavenumber", spectrum.endless_wavenumber},
+                                       {"frequency", spectrum.endless_frequency}}));
+  if (re.empty()) return;
+  file.add({"spectrum/re", "1/time", "growth rate of the mode"}, {"spectrum/mode"}, re);
+  file.add({"spectrum/im", "1/time", "its frequency in the frame of the train"}, {"spectrum/mode"}, im);
+  file.add({"spectrum/wavenumber", "1/length", "wavenumber of its Bloch factor"}, {"spectrum/mode"}, wavenumber);
+  file.add({"spectrum/resolved", "1", "1 where a finer mesh agrees"}, {"spectrum/mode"}, resolved);
+}
+
+void describe(const TrainSpectrum& spectrum) {
+  if (!on_root()) return;
+  std::printf("  on its ring: %s, largest growth rate %.6g (translation mode: %.1e)\n",
+              spectrum.stable ? "stable" : "not stable", spectrum.growth_rate, spectrum.translation_error);
+  if (spectrum.endless_stable) {
+    std::printf("  endless train: stable to every wavelength\n");
+  } else {
+    std::printf("  endless train: not stable, growth rate %.6g at wavenumber %.6g, frequency %.6g\n",
+                spectrum.endless_growth, spectrum.endless_wavenumber, spectrum.endless_frequency);
+  }
+}
+
 }  // namespace
 
 int wave_command(const Options& options) {
@@ -76,7 +122,8 @@ int wave_command(const Options& options) {
   check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance,
                   {"speed", "length", "pulses", "period", "psi_max", "psi_min", "residual", "error_estimate", "stable",
-                   "eigenvalues", "branch", "shortest_pulse", "mesh_intervals"},
+                   "eigenvalues", "growth_rate", "translation_error", "complete", "completeness_check", "endless",
+                   "branch", "shortest_pulse", "mesh_intervals"},
                   options.text("summary"));
   const TrainRequest request = train_request(options);
   const Scene scene = Scene::from(options, true);
@@ -97,6 +144,11 @@ int wave_command(const Options& options) {
     ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
     add_train(file, scene, train);
     if (options.text("summary") != "-") describe(scene, train);
+    if (options.boolean("wave_spectrum")) {
+      const TrainSpectrum spectrum = train_spectrum(train, int(options.integer("spectrum_count")), true);
+      add_spectrum(summary, file, spectrum);
+      if (options.text("summary") != "-") describe(spectrum);
+    }
     file.write();
     warn_unused_at_end(options);
     return 0;
