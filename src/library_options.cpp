@@ -9,7 +9,9 @@
 #include <set>
 #include <sstream>
 
+#include "paths.hpp"
 #include "stickslip/error.hpp"
+#include "stickslip/root.hpp"
 
 namespace stickslip {
 
@@ -60,9 +62,9 @@ std::map<std::string, OptionSpec> make_known() {
   add("snes_ksp_ew_version", OptionType::integer, 1, 4, false);
   add("ts_bdf_order", OptionType::integer, 1, 6, false);
   add("ts_adapt_always_accept ts_arkimex_fully_implicit ts_arkimex_initial_guess_extrapolate ts_error_if_step_fails "
-      "ts_fd_color ts_rk_multirate ts_rosw_recompute_jacobian ts_save_trajectory ts_theta_endpoint "
+      "ts_rk_multirate ts_rosw_recompute_jacobian ts_save_trajectory ts_theta_endpoint "
       "ts_theta_initial_guess_extrapolate ts_adapt_monitor ts_monitor_cancel "
-      "snes_error_if_not_converged snes_fd snes_fd_color snes_force_iteration snes_ksp_ew snes_lag_jacobian_persists "
+      "snes_error_if_not_converged snes_fd snes_force_iteration snes_ksp_ew snes_lag_jacobian_persists "
       "snes_lag_preconditioner_persists snes_linesearch_keeplambda snes_linesearch_norms snes_mf snes_mf_operator "
       "ksp_constant_null_space ksp_converged_maxits ksp_diagonal_scale ksp_diagonal_scale_fix "
       "ksp_error_if_not_converged ksp_initial_guess_nonzero ksp_knoll ksp_lag_norm ksp_reuse_preconditioner "
@@ -81,7 +83,7 @@ std::map<std::string, OptionSpec> make_known() {
                         "shamp4 veldd4 4l");
   words("ts_ssp_type", "rks2 rks3 rk104");
   words("ts_glee_type", "BE1 23 24 25i 35 exrk2a rk32g1 rk285ex");
-  words("ts_exact_final_time", "unspecified stepover interpolate matchstep");
+  words("ts_adapt_type", "none basic dsp cfl glee history");
   words("ksp_norm_type", "none preconditioned unpreconditioned natural");
   words("ksp_pc_side", "left right symmetric");
   words("pc_factor_shift_type", "none nonzero positive_definite inblocks");
@@ -102,7 +104,7 @@ const std::set<std::string>& other_names() {
   static const std::set<std::string> names = [] {
     std::set<std::string> result;
     for (const std::string& name : split(
-             "ts_type ts_adapt_type ts_adapt_clip ts_adapt_wnormtype ts_view ts_view_solution ts_monitor "
+             "ts_type ts_adapt_clip ts_adapt_wnormtype ts_view ts_view_solution ts_monitor "
              "ts_monitor_solution ts_time_span ts_monitor_solution_vtk ts_monitor_error ts_monitor_extreme "
              "ts_monitor_lg_solution "
              "snes_type snes_linesearch_type snes_view snes_monitor snes_monitor_short snes_converged_reason "
@@ -206,6 +208,12 @@ bool is_used(const std::string& name) {
   return used;
 }
 
+// Takes TYPE:FILE:FORMAT.
+bool is_view(const std::string& name) {
+  return name == "log_view" ||
+         (name.size() > 5 && name.compare(name.size() - 5, 5, "_view") == 0 && !global_names().count(name));
+}
+
 bool set_up = false;  // this command's objects have taken their options
 
 }  // namespace
@@ -246,6 +254,24 @@ std::optional<std::string> check_library_value(const std::string& name, const st
   }
   if (name == "options_file" || name == "options_file_yaml" || name == "options_string_yaml")
     throw UsageError("-" + name + place + ": cannot stand here");
+  // What the program does itself, in a way these would upset.
+  static const std::map<std::string, const char*> taken = {
+      {"ts_init_time", "time begins at 0"},
+      {"ts_exact_final_time", "the end time ts_max_time is always hit exactly"},
+      {"ts_time_span", "it would change the steps; out_times and out_probes give values at chosen times"},
+      {"ts_fd_color", "Jacobians are written by hand; coloured differences are unsafe on a ring"},
+      {"snes_fd_color", "Jacobians are written by hand; coloured differences are unsafe on a ring"}};
+  const auto own = taken.find(name);
+  if (own != taken.end()) throw UsageError("-" + name + place + ": not here: " + own->second);
+  if (text && is_view(name)) {
+    static const std::vector<std::string> viewers = split("ascii binary draw socket string vtk hdf5 glvis matlab saws");
+    const std::string type = text->substr(0, text->find(':'));
+    if (!type.empty() && std::find(viewers.begin(), viewers.end(), type) == viewers.end()) {
+      const std::string near = nearest_name(type, viewers);
+      throw UsageError("-" + name + " " + quoted(*text) + place + ": no such viewer" +
+                       (near.empty() ? ", e.g. ascii:file" : "; did you mean " + near + "?"));
+    }
+  }
   const auto it = known_specs().find(without_nesting(name));
   if (it == known_specs().end()) return text;
 
@@ -282,6 +308,14 @@ void insert_library_options(const Options& options) {
 }
 
 void check_library_types(const Options& options) {
+  on_root(PETSC_COMM_WORLD, [&options] {
+    for (const auto& [name, text] : options.library()) {
+      const auto from = text.find(':');
+      if (from == std::string::npos || !(is_view(name) || name.find("_monitor") != std::string::npos)) continue;
+      const std::string file = text.substr(from + 1, text.find(':', from + 1) - from - 1);
+      if (!file.empty()) paths::check_writable("-" + name, file);
+    }
+  });
   SS_TRY(TSInitializePackage());
   SS_TRY(SNESInitializePackage());
   SS_TRY(KSPInitializePackage());
@@ -345,17 +379,29 @@ void warn_unused_at_end(const Options& options) {
 
 std::string option_behind(const std::string& message, const Options& options) {
   if (set_up) return "";
-  std::string best, best_text;
+  const auto part_of_word = [&message](std::size_t i) {
+    return i < message.size() && (std::isalnum((unsigned char)message[i]) || message[i] == '_');
+  };
+  const auto mentions = [&](const std::string& word) {
+    const auto at = message.find(word);
+    return !word.empty() && at != std::string::npos && !(at > 0 && part_of_word(at - 1)) &&
+           !part_of_word(at + word.size());
+  };
+  for (const auto& [name, text] : options.library())
+    if (mentions("-" + name)) return name;
+  std::string best, longest;
   for (const auto& [name, text] : options.library()) {
-    if (text.empty() || text.size() <= best_text.size()) continue;
-    const auto at = message.find(text);
-    if (at == std::string::npos) continue;
-    const auto part_of_word = [&message](std::size_t i) {
-      return i < message.size() && (std::isalnum((unsigned char)message[i]) || message[i] == '_');
-    };
-    if ((at > 0 && part_of_word(at - 1)) || part_of_word(at + text.size())) continue;
-    best = name;
-    best_text = text;
+    // the value, or one part of a list or of TYPE:FILE
+    std::vector<std::string> parts = {text};
+    for (std::size_t from = 0, to = 0; to != std::string::npos; from = to + 1) {
+      to = text.find_first_of(",:", from);
+      parts.push_back(text.substr(from, to == std::string::npos ? to : to - from));
+    }
+    for (const std::string& part : parts)
+      if (part.size() > longest.size() && mentions(part)) {
+        best = name;
+        longest = part;
+      }
   }
   return best;
 }

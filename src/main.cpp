@@ -161,7 +161,17 @@ class Libraries {
   }
   Libraries(const Libraries&) = delete;
   Libraries& operator=(const Libraries&) = delete;
-  ~Libraries() { (void)SlepcFinalize(); }
+  // Ends them; what they write last (-log_view) may fail.
+  void end() {
+    ended_ = true;
+    SS_TRY(SlepcFinalize());
+  }
+  ~Libraries() {
+    if (!ended_) (void)SlepcFinalize();
+  }
+
+ private:
+  bool ended_ = false;
 };
 
 int program(int argc, char** argv) {
@@ -176,20 +186,22 @@ int program(int argc, char** argv) {
   if (line.help && !line.help_all) return 0;
   const Options options = Options::from(line.command, line.given);
   std::fflush(stdout);
-  const Libraries libraries(argv[0], options, line.help_all);
-  if (line.version) {
-    if (speaks) std::fputs(version_text().c_str(), stdout);
-    return 0;
-  }
   try {
-    check_library_types(options);
-    if (line.help_all) {
-      print_library_help();
-      return 0;
+    Libraries libraries(argv[0], options, line.help_all);
+    int code = 0;
+    if (line.version) {
+      if (speaks) std::fputs(version_text().c_str(), stdout);
+    } else {
+      check_library_types(options);
+      if (line.help_all) {
+        print_library_help();
+      } else {
+        if (command->has_grid && !options.is_set("restart")) check_size(options);
+        code = command->body(options);
+        if (code == 0) warn_unused_at_end(options);
+      }
     }
-    if (command->has_grid && !options.is_set("restart")) check_size(options);
-    const int code = command->body(options);
-    if (code == 0) warn_unused_at_end(options);
+    libraries.end();
     return code;
   } catch (const RankFailure& e) {
     // a value that PETSc refused while an object took its options: every rank has met it

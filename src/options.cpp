@@ -431,7 +431,7 @@ void check_value(const OptionSpec& spec, const std::string& text, const std::str
 std::string nearest_name(const std::string& name, const std::vector<std::string>& names) {
   const std::string wanted = lower_case(name.substr(0, 200));
   std::string best;
-  int least = std::max(1, std::min(4, int(wanted.size()) / 3)) + 1;
+  int least = std::min(int(wanted.size()), std::max(1, std::min(4, int(wanted.size()) / 3)) + 1);
   for (const std::string& candidate : names) {
     const int d = edit_distance(wanted, lower_case(candidate));
     if (d < least) {
@@ -439,11 +439,13 @@ std::string nearest_name(const std::string& name, const std::vector<std::string>
       best = candidate;
     }
   }
-  if (!best.empty() || wanted.size() < 1) return best;
+  if (!best.empty() || wanted.empty()) return best;
   for (const std::string& candidate : names) {  // the prefix left out: gamma for model_gamma
     const std::string low = lower_case(candidate), tail = "_" + wanted;
     if (low.size() > tail.size() && low.compare(low.size() - tail.size(), tail.size(), tail) == 0) return candidate;
   }
+  for (const std::string& candidate : names)  // cut short: print for printed
+    if (wanted.size() > 2 && lower_case(candidate).rfind(wanted, 0) == 0) return candidate;
   return "";
 }
 

@@ -25,7 +25,8 @@ bool only_looks(const std::string& name);                 // views, monitors, co
 // Puts the library options into PETSc's database. May be called before PetscInitialize.
 void insert_library_options(const Options& options);
 
-// Types by name (-ts_type, -ksp_type, ...) against what the libraries have registered. After SlepcInitialize.
+// Types by name (-ts_type, -ksp_type, ...) against what the libraries have registered, and whether the files of views
+// and monitors can be written. After SlepcInitialize. Collective.
 void check_library_types(const Options& options);
 
 // To be called by a command once its objects have taken their options (XxxSetFromOptions) and before any work:

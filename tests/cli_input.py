@@ -1,0 +1,358 @@
+"""Wrong use, from the command line: each case must end with its exit code before any work, with one line on standard
+error that names what is wrong, with nothing on standard output, and with every file in its folder as it was."""
+import concurrent.futures
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+PROGRAM = os.environ["STICKSLIP"]
+SHORT = ["-grid_n", "32", "-ts_max_time", "0.1"]  # what makes a run short where it does run
+
+# Scenes: name and bytes.
+SCENES = {
+    "good.yaml": b"model: {gamma: 2}\ngrid_n: 32\nts_max_time: 0.1\n",
+    "good.opts": b"# plain form\n-model_gamma 2\n-grid_n 32\n-ts_max_time 0.1\n",
+    "empty.yaml": b"",
+    "comments.yaml": b"# nothing\n\n",
+    "empty.opts": b"\n",
+    "nul.yaml": b"\0\0\0\0",
+    "binary.yaml": b"\x89HDF\r\n\x1a\n\0\0\0\0\0\x08\x08",
+    "late_nul.yaml": b"model_gamma: 3\n\0grid_n: 5\n",
+    "latin.yaml": b"model_gamma: 3 # \xe9t\xe9\n",
+    "two.yaml": b"model_gamma: 3\n---\nmodel_gamma: 4\n",
+    "twice.yaml": b"model_gamma: 3\ngrid_n: 64\nmodel_gamma: 4\n",
+    "twice_nested.yaml": b"model: {gamma: 3}\nmodel_gamma: 4\n",
+    "twice_case.yaml": b"model_gamma: 3\nMODEL_GAMMA: 4\n",
+    "twice_map.yaml": b"model: {gamma: 3}\nmodel: {c: 4}\n",
+    "twice.opts": b"-model_gamma 3\n-model_gamma 4\n",
+    "tab.yaml": b"model:\n\tgamma: 3\n",
+    "open.yaml": b"model: {gamma: 3\n",
+    "anchor.yaml": b"model_gamma: &g 3\n",
+    "tag.yaml": b"model_gamma: !!float 3\n",
+    "text.yaml": b"this is not a scene\n",
+    "json.yaml": b"[1, 2, 3]\n",
+    "stray.opts": b"-model_gamma 3 4\n",
+    "unknown.yaml": b"model:\n  gamma: 3\n  gama: 3\n",
+    "typed.yaml": b"model:\n  gamma: three\n",
+    "null.yaml": b"model:\n  gamma:\n",
+    "hollow.yaml": b"grid_n: 64\nmodel:\n  # gamma: 3\n",
+    "nest.yaml": b"options_file: good.yaml\n",
+    "mixture.yaml": b"bc: {left: periodic, right: free}\n",
+    "library.yaml": b"ts: {rtol: tight}\n",
+    "dash.yaml": b"-model_gamma: 3\n",
+    "spelt.yaml": b"friction: {law: cubik}\n",
+}
+
+# (arguments, exit code, what the line must contain)
+USAGE = [
+    ([], 2, "no command"),
+    (["rum"], 2, "unknown command rum; did you mean run?"),
+    (["xyzzy"], 2, "unknown command xyzzy"),
+    (["good.yaml", "run"], 2, "unknown command good.yaml"),
+    (["-model_gamma", "3", "run"], 2, "where the command should stand"),
+    (["--version", "now"], 2, "now"),
+    (["run", "good.yaml", "word"], 2, "stray word word"),
+    (["run", "3"], 2, "stray word 3"),
+    (["run", "-model_gamma", "3", "4"], 2, "stray word 4"),
+    (["run", "good.yaml", "good.opts"], 2, "two scenes"),
+    (["run", "good.txt"], 2, "stray word good.txt"),
+]
+OPTIONS = [
+    (["-model_gama", "3"], "unknown option -model_gama; did you mean -model_gamma?"),
+    (["-gamma", "3"], "did you mean -model_gamma?"),
+    (["-xyzzy"], "unknown option -xyzzy"),
+    (["-model_gamma=3"], "write the value as a word of its own: -model_gamma 3"),
+    (["-ts_max_tim", "3"], "did you mean -ts_max_time?"),
+    (["-ts_max_step", "3"], "did you mean -ts_max_steps?"),
+    (["-ts_rtoll", "1e-3"], "did you mean -ts_rtol?"),
+    (["-snes_no_such", "3", "-ts_type", "arkimex"], "unknown option -snes_no_such"),
+    (["-ts_rk_type", "4", "-ts_type", "arkimex"], "-ts_rk_type 4: nothing reads it"),
+    (["-model_gamma"], "-model_gamma: needs a value"),
+    (["-model_gamma", "-model_c", "2"], "-model_gamma: needs a value"),
+    (["-model_gamma", "three"], "-model_gamma three: must be a finite number > 0"),
+    (["-model_gamma", "nan"], "-model_gamma nan"),
+    (["-model_gamma", "inf"], "-model_gamma inf"),
+    (["-model_v", "-inf"], "-model_v -inf"),
+    (["-model_v", "-Infinity"], "-model_v -Infinity"),
+    (["-model_v", "1e999"], "-model_v 1e999"),
+    (["-model_gamma", "0"], "-model_gamma 0"),
+    (["-model_gamma", "-3"], "-model_gamma -3"),
+    (["-model_gamma", "3x"], "-model_gamma 3x"),
+    (["-model_gamma", "0x10"], "-model_gamma 0x10"),
+    (["-model_gamma", "3,4"], "-model_gamma 3,4"),
+    (["-model_gamma", ""], "-model_gamma ''"),
+    (["-model_gamma", "3\nstickslip: all is well"], "-model_gamma 3?stickslip"),
+    (["-model_c", "-1"], "-model_c -1"),
+    (["-model_c", "1e200"], "overflow"),
+    (["-model_delta", "nan"], "-model_delta nan"),
+    (["-model_delta_sign", "print"], "did you mean printed?"),
+    (["-model_form", "chains"], "did you mean chain?"),
+    (["-grid_n", "0"], "-grid_n 0: must be an integer from 1 to"),
+    (["-grid_n", "-5"], "-grid_n -5"),
+    (["-grid_n", "1"], "order 4 needs at least 5 nodes"),
+    (["-grid_n", "2"], "order 4 needs at least 5 nodes"),
+    (["-grid_n", "5", "-grid_order", "8"], "order 8 needs at least 9 nodes"),
+    (["-grid_n", "10000000000"], "-grid_n 10000000000"),
+    (["-grid_n", "1e10"], "-grid_n 1e10"),
+    (["-grid_n", "4294967328"], "-grid_n 4294967328"),  # 32 if it wrapped
+    (["-grid_n", "700000000"], "GB of memory"),
+    (["-grid_n", "32.5"], "-grid_n 32.5"),
+    (["-grid_n", "1,2"], "-grid_n 1,2"),
+    (["-grid_order", "3"], "-grid_order 3: must be one of"),
+    (["-grid_length", "-60"], "-grid_length -60"),
+    (["-grid_length", "0"], "-grid_length 0"),
+    (["-bc_left", "periodic", "-bc_right", "free"], "periodic holds at both ends or at neither"),
+    (["-bc_left", "velocity", "-bc_right", "periodic"], "periodic holds at both ends or at neither"),
+    (["-bc_left", "fixed"], "-bc_left fixed"),
+    (["-bc_left_value", "-1.5"], "-bc_left_value -1.5: it needs -bc_left velocity"),
+    (["-bc_left", "velocity", "-grid_order", "8"], "growing modes"),
+    (["-model_form", "chain", "-model_delta", "0.2"], "-model_delta 0.2: a parameter of the continuum"),
+    (["-model_form", "chain", "-model_gamma", "3"], "-model_gamma 3: a parameter of the continuum"),
+    (["-model_zeta", "paper"], "-model_zeta paper: a parameter of the chain"),
+    (["-model_form", "chain", "-grid_order", "4"], "-grid_order 4"),
+    (["-model_form", "chain", "-grid_n", "1", "-bc_left", "velocity"], "at least 2 blocks"),
+    (["-friction_law", "coulomb", "-friction_a", "0.1"], "-friction_a 0.1: a parameter of another law"),
+    (["-friction_fs", "1"], "-friction_fs 1: a parameter of another law"),
+    (["-friction_spread", "-0.1"], "-friction_spread -0.1"),
+    (["-friction_spread", "2"], "at most 1"),
+    (["-friction_back_slip", "maybe"], "true or false"),
+    (["-friction_seed", "10000000000"], "-friction_seed 10000000000"),
+    (["-state_law", "healing"], "phi(0) = 0"),
+    (["-state_law", "ageing"], "belongs to rate-and-state"),
+    (["-init_type", "sin"], "did you mean sine?"),
+    (["-init_psi", "stedy"], "did you mean steady?"),
+    (["-init_mode", "1.5"], "-init_mode 1.5"),
+    (["-init_width", "0", "-init_type", "layer"], "-init_width 0"),
+    (["-ts_max_time", "soon"], "-ts_max_time soon"),
+    (["-ts_max_time", "-1"], "-ts_max_time -1"),
+    (["-ts_max_steps", "10000000000"], "-ts_max_steps 10000000000"),
+    (["-ts_rtol", "tight"], "-ts_rtol tight"),
+    (["-ts_rtol", "nan"], "-ts_rtol nan"),
+    (["-ts_dt", "0"], "-ts_dt 0"),
+    (["-ts_type", "arkimix"], "-ts_type arkimix: no such method; did you mean arkimex?"),
+    (["-ts_type", "unknownmethod"], "-ts_type unknownmethod"),
+    (["-ts_rk_type", "5dq"], "did you mean 5dp?"),
+    (["-ts_adapt_type", "basik"], "did you mean basic?"),
+    (["-ts_adapt_clip", "1"], "-ts_adapt_clip 1"),
+    (["-ts_type", "arkimex", "-ksp_gmres_restart", "1e10"], "-ksp_gmres_restart 1e10"),
+    (["-ts_type", "arkimex", "-pc_type", "luu"], "did you mean lu?"),
+    (["-ts_time_span", "0,1"], "-ts_time_span"),
+    (["-ts_view", "asci:x"], "did you mean ascii?"),
+    (["-ts_view", ":/nonexistent/x"], "/nonexistent"),
+    (["-log_view", ":/nonexistent/x"], "/nonexistent"),
+    (["-log_trace", "/nonexistent/x"], "/nonexistent"),
+    (["-fp_trap", "perhaps"], "-fp_trap perhaps"),
+    (["-accuracy", "0"], "-accuracy 0"),
+    (["-out_every", "0"], "-out_every 0"),
+    (["-out_every", "1", "-out_frames", "5"], "give only one of them"),
+    (["-out_frames", "1"], "-out_frames 1"),
+    (["-out_times", "1,,2"], "-out_times 1,,2"),
+    (["-out_times", "1,nan"], "-out_times 1,nan"),
+    (["-out_probes", "x"], "-out_probes x"),
+    (["-out_probes", "61"], "61"),
+    (["-out_checkpoint_every", "0"], "-out_checkpoint_every 0"),
+    (["-out_checkpoint_every", "10x", "-out_file", "new.h5"], "-out_checkpoint_every 10x"),
+    (["-out_file", "/nonexistent/a.h5"], "/nonexistent"),
+    (["-out_file", "."], "out_file"),
+    (["-out_file", "notes.txt"], "notes.txt"),
+    (["-out_file", "good.yaml"], "good.yaml"),
+    (["-out_file", "foreign.h5"], "foreign.h5"),
+    (["-out_file", ""], "-out_file ''"),
+    (["-summary", "/nonexistent/a.json"], "/nonexistent"),
+    (["-summary", "notes.txt"], "notes.txt"),
+    (["-restart", "missing.h5"], "missing.h5"),
+    (["-restart", "notes.txt"], "notes.txt"),
+]
+SCENE_CASES = [
+    ("missing.yaml", "scene missing.yaml: No such file"),
+    ("folder.yaml", "scene folder.yaml: is a directory"),
+    ("empty.yaml", "empty.yaml:1: no options"),
+    ("comments.yaml", "comments.yaml:3: no options"),
+    ("empty.opts", "empty.opts:1: no options"),
+    ("nul.yaml", "nul.yaml:1: not a text file"),
+    ("binary.yaml", "binary.yaml:1: not a text file"),
+    ("late_nul.yaml", "late_nul.yaml:2: not a text file"),
+    ("latin.yaml", "latin.yaml:1: not a text file"),
+    ("two.yaml", "two.yaml:2: several documents"),
+    ("twice.yaml", "twice.yaml:3: key model_gamma stands here again, first in line 1"),
+    ("twice_nested.yaml", "twice_nested.yaml:2: option model_gamma stands here again, first in line 1"),
+    ("twice_case.yaml", "twice_case.yaml:2: key MODEL_GAMMA"),
+    ("twice_map.yaml", "twice_map.yaml:2: key model"),
+    ("twice.opts", "twice.opts:2: option model_gamma"),
+    ("tab.yaml", "tab.yaml:2: a tab"),
+    ("open.yaml", "open.yaml:1: a brace or bracket is not closed"),
+    ("anchor.yaml", "anchor.yaml:1: anchors"),
+    ("tag.yaml", "tag.yaml:1: tags"),
+    ("text.yaml", "text.yaml:1:"),
+    ("json.yaml", "json.yaml:1:"),
+    ("stray.opts", "stray.opts:1:"),
+    ("unknown.yaml", "unknown option -model_gama (unknown.yaml:3); did you mean -model_gamma?"),
+    ("typed.yaml", "-model_gamma three (typed.yaml:2): must be a finite number > 0"),
+    ("null.yaml", "null.yaml:2: model_gamma needs a value"),
+    ("hollow.yaml", "hollow.yaml:2: nothing stands under model"),
+    ("nest.yaml", "nest.yaml:1: options_file has no place in a scene"),
+    ("mixture.yaml", "periodic holds at both ends or at neither"),
+    ("library.yaml", "-ts_rtol tight (library.yaml:1)"),
+    ("dash.yaml", "dash.yaml:1: write the name without its dash"),
+    ("spelt.yaml", "-friction_law cubik (spelt.yaml:1): must be one of cubic"),
+]
+# Cases for the environment: PETSC_OPTIONS and what the line must contain.
+ENVIRONMENT = [
+    ("-model_gama 3", "unknown option -model_gama (PETSC_OPTIONS)"),
+    ("-model_gamma 3 stray", "PETSC_OPTIONS: stray word stray"),
+    ("-ts_rtol soon", "-ts_rtol soon (PETSC_OPTIONS)"),
+    ("-out_file 'a", "PETSC_OPTIONS: a quote is not closed"),
+]
+# On two ranks: arguments and what the line must contain.
+PARALLEL = [
+    (["run", "binary.yaml"], "binary.yaml:1: not a text file"),
+    (["run", "missing.yaml"], "scene missing.yaml: No such file"),
+    (["run", "-model_gama", "3"], "did you mean -model_gamma?"),
+    (["run", "-grid_n", "1", "-model_form", "chain"], "more ranks (2) than nodes"),
+    (["run", "-out_file", "notes.txt"] + SHORT, "notes.txt"),
+    (["run", "-summary", "/nonexistent/a.json"] + SHORT, "/nonexistent"),
+    (["run", "-ts_rtoll", "1"] + SHORT, "did you mean -ts_rtol?"),
+    (["run", "-ts_adapt_clip", "1"] + SHORT, "-ts_adapt_clip 1"),
+    ([], "no command"),
+]
+
+
+def make_folder(path):
+    for name, text in SCENES.items():
+        with open(os.path.join(path, name), "wb") as file:
+            file.write(text)
+    os.mkdir(os.path.join(path, "folder.yaml"))
+    with open(os.path.join(path, "notes.txt"), "w") as file:
+        file.write("mine, not the program's\n")
+    import h5py
+    with h5py.File(os.path.join(path, "foreign.h5"), "w") as file:
+        file["x"] = [1.0, 2.0]
+
+
+def contents(path):
+    found = {}
+    for folder, _, files in os.walk(path):
+        for name in files:
+            with open(os.path.join(folder, name), "rb") as file:
+                found[os.path.join(folder, name)] = file.read()
+    return found
+
+
+def run(arguments, folder, environment=None, ranks=1):
+    command = [PROGRAM] + arguments
+    if ranks > 1:
+        command = ["mpirun", "-n", str(ranks)] + command
+    with tempfile.TemporaryDirectory() as own:  # two Open MPI programs at a time must not share a session folder
+        done = subprocess.run(command, cwd=folder, env={**os.environ, "TMPDIR": own, **(environment or {})},
+                              stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=120)
+    return done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(errors="replace")
+
+
+def check(case):
+    """The complaint about one case, or None. Each has a folder of its own, so that harm is seen where it is done."""
+    arguments, code, expected, environment, ranks = case
+    with tempfile.TemporaryDirectory() as folder:
+        make_folder(folder)
+        before = contents(folder)
+        try:
+            got, out, err = run(arguments, folder, environment, ranks)
+        except subprocess.TimeoutExpired:
+            return f"{arguments}: hangs"
+        lines = err.splitlines()
+        if ranks > 1:  # mpirun adds lines of its own
+            lines = [line for line in lines if line.startswith("stickslip:") or "PETSC ERROR" in line]
+        trouble = []
+        if got != code:
+            trouble.append(f"exit code {got}, not {code}")
+        if len(lines) != 1:
+            trouble.append(f"{len(lines)} lines on standard error")
+        elif not lines[0].startswith("stickslip: error: ") or expected not in lines[0]:
+            trouble.append(f"the line does not say '{expected}'")
+        elif len(lines[0]) > 500:
+            trouble.append("the line is too long")
+        if out:
+            trouble.append(f"standard output: {out[:200]}")
+        if contents(folder) != before:
+            trouble.append("files changed: " + str(sorted(set(contents(folder)) ^ set(before))))
+        if trouble:
+            return f"{' '.join(arguments)} {environment or ''} x{ranks}: {'; '.join(trouble)}\n    {err.strip()[:600]}"
+    return None
+
+
+def wrong_use():
+    cases = [(arguments, code, expected, None, 1) for arguments, code, expected in USAGE]
+    cases += [(["run"] + SHORT + arguments, 2, expected, None, 1) for arguments, expected in OPTIONS]
+    cases += [(["run", scene], 2, expected, None, 1) for scene, expected in SCENE_CASES]
+    cases += [(["run"] + SHORT, 2, expected, {"PETSC_OPTIONS": text}, 1) for text, expected in ENVIRONMENT]
+    cases += [(arguments, 2, expected, None, 2) for arguments, expected in PARALLEL]
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        return [trouble for trouble in pool.map(check, cases) if trouble], len(cases)
+
+
+def right_use(folder):
+    """What must work: help, version, the order of precedence, the scene anywhere, negative values."""
+    trouble = []
+
+    def expect(arguments, told, environment=None, code=0, silent=True):
+        got, out, err = run(arguments, folder, environment)
+        if got != code or told not in out or (silent and err):
+            trouble.append(f"{arguments}: exit {got}, out {out[:200]!r}, err {err[:300]!r}, expected {told!r}")
+        return out
+
+    expect(["--help"], "commands:\n  run")
+    expect(["-help"], "usage: stickslip COMMAND")
+    expect(["run", "-help"], "-model_gamma [3]: a finite number > 0")
+    expect(["run", "--help", "-no_such_option"], "-grid_order [4")
+    expect(["run", "-help", "all", "-ts_type", "bdf"], "-ts_bdf_order")
+    for text in (expect(["--version"], "stickslip "), expect(["run", "-version"], "stickslip ")):
+        for library in ("git ", "Petsc Release Version 3", "SLEPc Release Version 3", "Open MPI"):
+            if library not in text:
+                trouble.append(f"--version does not tell {library}")
+
+    def gamma(arguments, expected, environment=None):
+        expect(["run", "-summary", "-"] + SHORT + arguments, f'"model_gamma": "{expected}"', environment)
+
+    with open(os.path.join(folder, "HOME.petscrc"), "w") as file:
+        file.write("-model_gamma 9\n-ts_rtol oops\n")
+    shutil.copy(os.path.join(folder, "HOME.petscrc"), os.path.join(folder, ".petscrc"))
+    gamma([], "3")  # .petscrc is not read
+    gamma(["good.yaml"], "2")
+    gamma(["-model_c", "1", "good.opts", "-model_v", "-0.2"], "2")
+    gamma(["good.yaml", "-model_gamma", "5"], "5")
+    gamma(["-model_gamma", "5", "good.yaml"], "5")
+    gamma(["--model_gamma", "5"], "5")
+    gamma(["-MODEL_gamma", "5"], "5")
+    gamma(["-model_gamma", "4", "-model_gamma", "5"], "5")
+    gamma(["good.yaml"], "4", {"PETSC_OPTIONS": "-model_gamma 4"})
+    gamma(["good.yaml", "-model_gamma", "5"], "5", {"PETSC_OPTIONS": "-model_gamma 4"})
+    gamma([], "7", {"PETSC_OPTIONS_YAML": "model: {gamma: 7}"})
+    gamma(["-options_file", "good.yaml"], "2")
+    gamma(["-options_file", "good.yaml", "-model_gamma", "5"], "5")
+    gamma(["-out_displacement", "good.yaml"], "2")  # a flag does not swallow the scene
+    expect(["run", "-summary", "-", "-bc_left", "velocity", "-bc_left_value", "-1.5"] + SHORT,
+           '"bc_left_value": "-1.5"', silent=False)
+    expect(["run", "-eps_nev", "3"] + SHORT, "", silent=False)
+    _, _, err = run(["run", "-eps_nev", "3"] + SHORT, folder)
+    if err != "stickslip: warning: -eps_nev 3 was not used\n":
+        trouble.append(f"-eps_nev 3 for run: {err!r}")
+    expect(["run", "-ts_view"] + SHORT, "TS Object")
+    expect(["run", "-log_view"] + SHORT, "Performance Summary")
+    return trouble
+
+
+def main():
+    trouble, count = wrong_use()
+    with tempfile.TemporaryDirectory() as folder:
+        make_folder(folder)
+        trouble += right_use(folder)
+    for text in trouble:
+        print("FAILED", text)
+    print(f"{count} wrong uses, {len(trouble)} failures")
+    return 1 if trouble else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
