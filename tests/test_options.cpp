@@ -107,7 +107,7 @@ TEST_CASE("well-known library options are checked by name") {
   REFUSED(set({{"st_ksp_rtol", "x"}}), "-st_ksp_rtol x");
   REFUSED(set({{"eps_nev", "0"}}), "-eps_nev 0");
   REFUSED(set({{"ts_rk_type", "5dq"}}), "did you mean 5dp?");
-  REFUSED(set({{"ts_fd_color", "maybe"}}), "true or false");
+  REFUSED(set({{"ts_rk_multirate", "maybe"}}), "true or false");
   CHECK(set({{"snes_max_it", "1e2"}}).text("snes_max_it") == "100");
   CHECK(set({{"ts_max_snes_failures", "-1"}}).library().at("ts_max_snes_failures") == "-1");
   REFUSED(check_library_types(set({{"ts_type", "rkk"}})), "-ts_type rkk: no such method; did you mean rk?");

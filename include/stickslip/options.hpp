@@ -55,7 +55,8 @@ std::string requirement(const OptionSpec& spec);
 // Throws UsageError with the option, its value, `where` (file:line, "" for the command line) and what would be right.
 void check_value(const OptionSpec& spec, const std::string& text, const std::string& where);
 
-// The name in `names` nearest to `name` (by edit distance, or with its beginning or end left out), or "" where none is near.
+// The name in `names` nearest to `name` (by edit distance, or with its beginning or end left out), or "" where none
+// is near.
 std::string nearest_name(const std::string& name, const std::vector<std::string>& names);
 
 // Shortest text that reads back as the same number.
