@@ -2,6 +2,7 @@
 import json
 import os
 import subprocess
+import sys
 import tempfile
 
 import numpy as np
@@ -77,6 +78,12 @@ with tempfile.TemporaryDirectory() as folder:
         for k, name in enumerate(names):
             np.testing.assert_equal([float(data["low"][k]), float(data["high"][k])],
                                     s["stick"].get(name, [np.nan, np.nan]))
+
+    # drawn, also where a stick range has no lower end
+    call("-out_file", path, "-friction_law", "coulomb", "-friction_back_slip", "false")
+    plot = os.path.join(os.environ["STICKSLIP_SOURCE"], "postprocess", "plot.py")
+    drawn = subprocess.run([sys.executable, "-B", plot, path, "-o", path + ".png"], capture_output=True, text=True)
+    assert drawn.returncode == 0 and not drawn.stderr and os.path.getsize(path + ".png") > 5000, drawn
 
 refused("laws_from 4", "-laws_from", "4")
 refused("laws_points 1", "-laws_points", "1")
