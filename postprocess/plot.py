@@ -292,26 +292,38 @@ def draw_run(file, args):
 
 def draw_laws(file, args):
     psi = file["psi"][...]
-    names = [k for k, v in file.items() if isinstance(v, h5py.Dataset) and v.shape == psi.shape and k != "psi"]
-    if not names:
-        raise Unusable("holds no law")
+    stick = {text(name): (low, high) for name, low, high in
+             zip(file["stick/name"][...], file["stick/low"][...], file["stick/high"][...])}
+    laws = {name: file[name][...] for name in stick}
     figure = Figure(figsize=(6.4, 4.6), layout="constrained")
     axes = figure.subplots()
     axes.axhline(0, color="0.8", lw=0.8, zorder=0)
     axes.axvline(0, color="0.8", lw=0.8, zorder=0)
-    for k, name in enumerate(names):
-        axes.plot(psi, file[name][...], color=COLOURS[k % len(COLOURS)], label=name.replace("_", "-"))
-    values = np.concatenate([file[k][...] for k in names])
-    values = values[np.isfinite(values)]
-    if values.size:
-        # a law that runs off at the ends must not flatten the others
-        low, high = np.percentile(values, [1, 99])
-        room = 0.1 * max(high - low, 1e-6)
-        axes.set_ylim(low - room, high + room)
+
+    # a law that runs off at the ends must not flatten the others, nor cut a threshold off
+    values = np.abs(np.concatenate(list(laws.values())))
+    top = max([2 * np.percentile(values[np.isfinite(values)], 80)] +
+              [1.35 * high for _, high in stick.values() if np.isfinite(high)])
+    axes.set_ylim(-top, top)
+    width = 5.0
+    for k, (name, force) in enumerate(laws.items()):
+        low, high = stick[name]
+        style = {"color": COLOURS[k % len(COLOURS)], "ls": "--" if name == "cubic" else "-"}
+        words = name + (", steady state" if "steady" in text(file[name].attrs.get("long_name", "")) else "")
+        if np.isnan(high):
+            axes.plot(psi, force, label=words, **style)
+            continue
+        # sliding on either side of the stick range, which is the vertical at psi = 0, up to the threshold
+        axes.plot(psi[psi < 0], force[psi < 0], label=f"{words}, threshold {high:g}", **style)
+        axes.plot(psi[psi > 0], force[psi > 0], **style)
+        axes.plot([0, 0], [max(low, -2 * top), min(high, 2 * top)], lw=width, solid_capstyle="butt", **style)
+        ends = [end for end in (low, high) if np.isfinite(end)]
+        axes.plot(np.zeros(len(ends)), ends, "o", ms=width + 3, color=style["color"])
+        width *= 0.5  # what is drawn later lies on top
     axes.set(xlabel="ψ   (sliding velocity)", ylabel="F   (friction over its amplitude)")
     axes.margins(x=0)
     axes.set_title("Friction laws")
-    axes.legend(fontsize=9)
+    axes.legend(fontsize=9, loc="upper left")
     return figure
 
 

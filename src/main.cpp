@@ -35,6 +35,7 @@ const std::vector<Command>& commands() {
       {"run", "advances the scene in time", run_command, true},
       {"wave", "solves for a train of pulses: speed or length, stability, branches", wave_command, false},
       {"spectrum", "steady sliding, then the eigenvalues of the operator linearised about it", spectrum_command, true},
+      {"laws", "tabulates friction laws", laws_command, false},
   };
   return table;
 }

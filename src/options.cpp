@@ -235,6 +235,11 @@ std::vector<OptionSpec> make_table() {
   grids.high = n_max;
   grids.default_help = "grid_n";
   t.text("chart_reference", "auto", "reference: auto, or an HDF5 file of this program");
+
+  t.in("Laws", "laws");
+  t.real("laws_from", "-3", "smallest velocity of the table", "velocity");
+  t.real("laws_to", "3", "largest velocity of the table", "velocity");
+  t.integer("laws_points", "601", 2, int_max, "velocities, equally spaced, both ends included");
   return std::move(t.rows);
 }
 

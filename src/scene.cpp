@@ -84,14 +84,11 @@ void read_model(const Options& o, Scene& s) {
 void read_friction(const Options& o, Scene& s) {
   FrictionParameters& f = s.friction;
   f.law = value_of(law_names, o.text("friction_law"));
-  const std::string other_law = "a parameter of another law, but friction_law is " + to_string(f.law);
-  const bool threshold = f.law == Law::carlson_langer || f.law == Law::coulomb;
-  f.regularised = threshold && o.text("friction_stick") == "regularised";
+  f.regularised = has_threshold(f.law) && o.text("friction_stick") == "regularised";
 
-  if (!threshold) refuse(o, {"friction_eps", "friction_back_slip"}, other_law + ", which has no threshold");
-  if (f.law != Law::coulomb) refuse(o, {"friction_fs", "friction_fd", "friction_slip_velocity"}, other_law);
-  if (f.law != Law::rate_and_state)
-    refuse(o, {"friction_a", "friction_b", "friction_D", "friction_mu0", "friction_psi0"}, other_law);
+  const std::string other_law = "a parameter of another law, but friction_law is " + to_string(f.law);
+  if (!has_threshold(f.law)) refuse(o, {"friction_eps", "friction_back_slip"}, other_law + ", which has no threshold");
+  for (const char* name : friction_options_of_other_laws(f.law)) refuse(o, {name}, other_law);
   if (!f.regularised)
     refuse(o, {"friction_eps", "friction_slip_velocity"},
            "it belongs to -friction_stick regularised, not to exact stick");
@@ -204,6 +201,26 @@ Scene Scene::from(const Options& options, bool) {
   read_ends(options, scene);
   read_grid(options, scene);
   return scene;
+}
+
+const std::vector<Law>& all_laws() {
+  static const std::vector<Law> laws = [] {
+    std::vector<Law> list;
+    for (const auto& entry : law_names) list.push_back(entry.first);
+    return list;
+  }();
+  return laws;
+}
+
+bool has_threshold(Law law) { return law == Law::carlson_langer || law == Law::coulomb; }
+
+std::vector<const char*> friction_options_of_other_laws(Law law) {
+  std::vector<const char*> names;
+  const auto add = [&names](std::initializer_list<const char*> more) { names.insert(names.end(), more); };
+  if (!has_threshold(law)) add({"friction_eps", "friction_back_slip"});
+  if (law != Law::coulomb) add({"friction_fs", "friction_fd", "friction_slip_velocity"});
+  if (law != Law::rate_and_state) add({"friction_a", "friction_b", "friction_D", "friction_mu0", "friction_psi0"});
+  return names;
 }
 
 std::string to_string(Form form) { return name_of(form_names, form); }

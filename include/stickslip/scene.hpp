@@ -11,6 +11,7 @@
 #include <petscsys.h>
 
 #include <string>
+#include <vector>
 
 #include "stickslip/options.hpp"
 
@@ -68,6 +69,11 @@ struct Scene {
   // exact sliding branch unless the user set friction_stick to `regularised`. Throws UsageError.
   static Scene from(const Options& options, bool sliding_branch = false);
 };
+
+const std::vector<Law>& all_laws();
+bool has_threshold(Law law);  // F may take any value up to a threshold at psi = 0
+// The options of family friction_ that mean nothing to this law.
+std::vector<const char*> friction_options_of_other_laws(Law law);
 
 std::string to_string(Form form);
 std::string to_string(Law law);
