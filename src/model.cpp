@@ -232,34 +232,41 @@ struct Model::Impl {
     SS_TRY(VecRestoreArrayRead(u, &a));
   }
 
-  // Node i's own block of d(rhs part)/du, row by row.
-  void diagonal_block(Part part, PetscInt i, const double* u, double* block) const {
+  // Node i's own block of beta d(rhs part)/du + alpha I, its rows `width` apart. Sums stand in variables and are stored
+  // once: adding to what was just stored costs more than all the arithmetic.
+  void diagonal_block(Part part, PetscInt i, const double* u, double alpha, double beta, double* block,
+                      std::size_t width) const {
     const Coefficients& c = coefficients;
-    std::fill(block, block + dof * dof, 0.);
-    const auto at = [&](int row, int column) -> double& { return block[row * dof + column]; };
-    if (part == Part::full || part == Part::pointwise || part == Part::reaction) {
-      const double state = dof == 3 ? u[2] : 0;
-      const Partials p = friction_at(i, u[0], state);
-      at(0, 0) -= c.A * p.F_psi;
-      at(1, 0) += c.s_delta * p.F_psi;
-      if (dof == 3) {
-        const RatePartials g = dispatch_rate(u[0], state);
-        at(0, 2) -= c.A * p.F_state;
-        at(1, 2) += c.s_delta * p.F_state;
-        at(2, 0) = g.g_psi;
-        at(2, 2) = g.g_state;
-      }
-    }
+    const bool fixed = held(first + i), has_eta = !(fixed && scene.form == Form::continuum);
+    double psi_psi = 0, psi_eta = 0, psi_state = 0, eta_psi = 0, eta_eta = 0, eta_state = 0;
     if (part == Part::full || part == Part::pointwise || part == Part::wave) {
-      at(0, 0) -= c.A * c.B;
-      at(0, 1) += c.A;
-      at(1, 0) -= c.K0;
-      at(1, 1) -= c.s_delta;
+      psi_psi = -c.A * c.B;
+      psi_eta = c.A;
+      eta_psi = -c.K0;
+      eta_eta = -c.s_delta;
     }
-    if (held(first + i)) {
-      std::fill(block, block + dof, 0.);
-      if (scene.form == Form::continuum) std::fill(block + dof, block + 2 * dof, 0.);
+    const bool has_friction = part == Part::full || part == Part::pointwise || part == Part::reaction;
+    if (has_friction) {
+      const Partials p = friction_at(i, u[0], dof == 3 ? u[2] : 0);
+      psi_psi -= c.A * p.F_psi;
+      psi_state = -c.A * p.F_state;
+      eta_psi += c.s_delta * p.F_psi;
+      eta_state = c.s_delta * p.F_state;
     }
+    const double psi_row = fixed ? 0 : beta, eta_row = has_eta ? beta : 0;
+    double* const eta = block + width;
+    block[0] = psi_row * psi_psi + alpha;
+    block[1] = psi_row * psi_eta;
+    eta[0] = eta_row * eta_psi;
+    eta[1] = eta_row * eta_eta + alpha;
+    if (dof == 2) return;
+    const RatePartials g = has_friction ? dispatch_rate(u[0], u[2]) : RatePartials{0, 0, 0};
+    double* const state = eta + width;
+    block[2] = psi_row * psi_state;
+    eta[2] = eta_row * eta_state;
+    state[0] = beta * g.g_psi;
+    state[1] = 0;
+    state[2] = beta * g.g_state + alpha;
   }
 
   Partials friction_at(PetscInt i, double psi, double state) const {
@@ -333,7 +340,6 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(MatZeroEntries(J));
   const PetscInt hw = m.half_width, n = m.scene.n;
-  std::array<double, 9> block{};   // dof * dof of them in use
   std::vector<PetscInt> columns;   // of the row at hand
   std::vector<double> values;      // dof rows of columns.size() * dof entries
   std::size_t width = 0;           // length of these rows
@@ -365,13 +371,7 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
       lay_out(row, kind == Row::alone ? Combination{{row, 0.}} : second_difference_row(m.scene, row));
     }
     laid_out = kind;
-    m.diagonal_block(part, i, a + i * dof, block.data());
-    const double* entry = block.data();
-    for (PetscInt r = 0; r < dof; ++r) {
-      double* const to = own + static_cast<std::size_t>(r) * width;
-      for (PetscInt s = 0; s < dof; ++s) to[s] = beta * *entry++;
-      to[r] += alpha;
-    }
+    m.diagonal_block(part, i, a + i * dof, alpha, beta, own, width);
     own[width] += own_weight;
     SS_TRY(MatSetValuesBlocked(J, 1, &row, static_cast<PetscInt>(columns.size()), columns.data(), values.data(),
                                INSERT_VALUES));

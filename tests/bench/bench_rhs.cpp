@@ -103,6 +103,11 @@ void run() {
 
 int main(int argc, char** argv) {
   if (SlepcInitialize(&argc, &argv, nullptr, nullptr)) return 1;
-  run();
+  try {
+    run();
+  } catch (const std::exception& e) {
+    (void)PetscPrintf(PETSC_COMM_WORLD, "bench_rhs: %s\n", e.what());
+    MPI_Abort(PETSC_COMM_WORLD, 1);
+  }
   return SlepcFinalize() ? 1 : 0;
 }
