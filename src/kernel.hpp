@@ -1,10 +1,16 @@
-// The loops over nodes. Each works on any contiguous range of nodes: `u` points at its first node, and half_width
-// nodes before and behind the range are readable (their psi alone is used). Written once, inlined over the friction,
-// the stencil and whether the amplitude varies.
+// The loops over nodes. Each works on any contiguous range of nodes whose halo is given beside it; written once, inlined
+// over the friction and the stencil.
+//
+// The unknowns lie interleaved in memory, which vector instructions dislike. So a loop takes a tile of nodes at a time,
+// spreads psi, eta and the state into small arrays that stay in the first-level cache, and computes on those: the
+// compiler makes vector code of every step that has no branch and calls no function, whatever the law and the order.
+// Only + - * / occur, in the order written, and no fused multiply-add (-ffp-contract=off), so that a node's result does
+// not depend on the vector length, on its place in a range, or on how many ranks share the grid.
 #pragma once
 
-#include "stickslip/friction.hpp"
-#include "stickslip/model.hpp"
+#include <petscsys.h>
+
+#include <algorithm>
 
 namespace stickslip::kernel {
 
@@ -16,67 +22,146 @@ struct Coefficients {
 
 struct Range {
   const double* u;          // unknowns of the first node
-  const double* amplitude;  // a_i of the first node
-  double* f;                // right-hand side of the first node
+  const double* amplitude;  // a_i of the first node; nullptr: all are 1
+  double* f;                // right-hand side of the first node; does not overlap u
+  PetscInt count;
+  const double* before;     // psi of the half_width nodes before the range, in order (not read where half_width = 0)
+  const double* behind;     // psi of the half_width nodes behind it
+};
+
+// A tile: nodes 0..count-1, and psi[-half_width .. count+half_width-1].
+struct Tile {
+  const double *psi, *eta, *state;
+  const double* amplitude;
+  double* f;
   PetscInt count;
 };
 
-template <int half_width, int dof>
-inline double stencil_sum(const Coefficients& k, const double* u) {
-  double sum = k.w[0] * u[0];
-  for (int j = 1; j <= half_width; ++j) sum += k.w[j] * (u[-j * dof] + u[j * dof]);
+constexpr PetscInt tile_size = 128;
+
+// Calls body(tile) for one tile of the range after the other.
+template <int half_width, int dof, class Body>
+void over_tiles(const Range& r, const Body& body) {
+  constexpr PetscInt margin = 8;  // keeps psi[0] aligned
+  static_assert(half_width <= margin);
+  alignas(64) double psi_and_halo[tile_size + 2 * margin], eta[tile_size], state[dof == 3 ? tile_size : 1];
+  double* const psi = psi_and_halo + margin;
+  for (PetscInt begin = 0; begin < r.count; begin += tile_size) {
+    const PetscInt count = std::min(tile_size, r.count - begin), end = begin + count;
+    const double* u = r.u + begin * dof;
+    // Memory is slow to answer and the unpacking asks in bursts, so it is asked two tiles ahead.
+    if (r.count - begin >= 3 * tile_size)
+      for (PetscInt i = 0; i < tile_size * dof; i += 8) __builtin_prefetch(u + 2 * tile_size * dof + i);
+    for (PetscInt i = 0; i < count; ++i) {
+      psi[i] = u[i * dof];
+      eta[i] = u[i * dof + 1];
+      if constexpr (dof == 3) state[i] = u[i * dof + 2];
+    }
+    for (PetscInt j = 0; j < half_width; ++j) {
+      const PetscInt left = begin - half_width + j, right = end + j;
+      psi[j - half_width] = left < 0 ? r.before[left + half_width] : r.u[left * dof];
+      psi[count + j] = right < r.count ? r.u[right * dof] : r.behind[right - r.count];
+    }
+    body(Tile{psi, eta, state, r.amplitude ? r.amplitude + begin : nullptr, r.f + begin * dof, count});
+  }
+}
+
+template <int half_width>
+double stencil_sum(const Coefficients& k, const double* psi) {
+  double sum = k.w[0] * psi[0];
+  for (int j = 1; j <= half_width; ++j) sum += k.w[j] * (psi[-j] + psi[j]);
   return sum;
 }
 
-// Part::full (half_width >= 1) and Part::pointwise (half_width = 0, w[0] = 0).
-template <int half_width, bool spread, class F>
-void friction_and_wave(const Coefficients& k, const F& friction, const Range& r) {
-  constexpr int dof = F::has_state ? 3 : 2;
-  const double* __restrict u = r.u;
-  double* __restrict f = r.f;
-  const Coefficients c = k;
-  const double load = c.K0 * c.v;
-  for (PetscInt i = 0; i < r.count; ++i, u += dof, f += dof) {
-    const double psi = u[0], eta = u[1];
-    double state = 0;
-    if constexpr (F::has_state) state = u[2];
-    double force = friction.force(psi, state);
-    if constexpr (spread) force *= r.amplitude[i];
-    const double excess = eta - force;
-    f[0] = c.A * (excess - c.B * psi);
-    f[1] = load - c.K0 * psi + stencil_sum<half_width, dof>(c, u) - c.s_delta * excess;
-    if constexpr (F::has_state) f[2] = friction.rate(psi, state);
-  }
+// force[i] = a_i F
+template <class F>
+void friction_force(const F& friction, const Tile& t, double* force) {
+  for (PetscInt i = 0; i < t.count; ++i) force[i] = friction.force(t.psi[i], F::has_state ? t.state[i] : 0);
+  if (t.amplitude)
+    for (PetscInt i = 0; i < t.count; ++i) force[i] *= t.amplitude[i];
 }
+
+// Part::full (half_width >= 1) and Part::pointwise (half_width = 0, w[0] = 0).
+template <int half_width, class F>
+struct Whole {
+  static constexpr int dof = F::has_state ? 3 : 2;
+  F friction;
+
+  void operator()(const Coefficients& coefficients, const Range& r) const {
+    const Coefficients c = coefficients;
+    const double load = c.K0 * c.v;
+    over_tiles<half_width, dof>(r, [&](const Tile& t) {
+      alignas(64) double force[tile_size];
+      friction_force(friction, t, force);
+      for (PetscInt i = 0; i < t.count; ++i) {
+        const double psi = t.psi[i], excess = t.eta[i] - force[i];
+        t.f[i * dof] = c.A * (excess - c.B * psi);
+        t.f[i * dof + 1] = load - c.K0 * psi + stencil_sum<half_width>(c, t.psi + i) - c.s_delta * excess;
+        if constexpr (dof == 3) t.f[i * dof + 2] = friction.rate(psi, t.state[i]);
+      }
+    });
+  }
+};
 
 // Part::wave and, with `stencil_only`, Part::stencil.
-template <int half_width, int dof, bool stencil_only>
-void wave(const Coefficients& c, const Range& r) {
-  const double* __restrict u = r.u;
-  double* __restrict f = r.f;
-  for (PetscInt i = 0; i < r.count; ++i, u += dof, f += dof) {
-    const double coupling = stencil_sum<half_width, dof>(c, u);
-    f[0] = stencil_only ? 0 : c.A * (u[1] - c.B * u[0]);
-    f[1] = stencil_only ? coupling : c.K0 * (c.v - u[0]) + coupling - c.s_delta * u[1];
-    if constexpr (dof == 3) f[2] = 0;
+template <int half_width, int unknowns, bool stencil_only>
+struct Wave {
+  static constexpr int dof = unknowns;
+
+  void operator()(const Coefficients& coefficients, const Range& r) const {
+    const Coefficients c = coefficients;
+    over_tiles<half_width, dof>(r, [&](const Tile& t) {
+      for (PetscInt i = 0; i < t.count; ++i) {
+        const double psi = t.psi[i], eta = t.eta[i], coupling = stencil_sum<half_width>(c, t.psi + i);
+        t.f[i * dof] = stencil_only ? 0 : c.A * (eta - c.B * psi);
+        t.f[i * dof + 1] = stencil_only ? coupling : c.K0 * (c.v - psi) + coupling - c.s_delta * eta;
+        if constexpr (dof == 3) t.f[i * dof + 2] = 0;
+      }
+    });
   }
-}
+};
 
 // Part::reaction.
-template <bool spread, class F>
-void reaction(const Coefficients& c, const F& friction, const Range& r) {
-  constexpr int dof = F::has_state ? 3 : 2;
-  const double* __restrict u = r.u;
-  double* __restrict f = r.f;
-  for (PetscInt i = 0; i < r.count; ++i, u += dof, f += dof) {
-    double state = 0;
-    if constexpr (F::has_state) state = u[2];
-    double force = friction.force(u[0], state);
-    if constexpr (spread) force *= r.amplitude[i];
-    f[0] = -c.A * force;
-    f[1] = c.s_delta * force;
-    if constexpr (F::has_state) f[2] = friction.rate(u[0], state);
+template <class F>
+struct Reaction {
+  static constexpr int dof = F::has_state ? 3 : 2;
+  F friction;
+
+  void operator()(const Coefficients& coefficients, const Range& r) const {
+    const Coefficients c = coefficients;
+    over_tiles<0, dof>(r, [&](const Tile& t) {
+      alignas(64) double force[tile_size];
+      friction_force(friction, t, force);
+      for (PetscInt i = 0; i < t.count; ++i) {
+        t.f[i * dof] = -c.A * force[i];
+        t.f[i * dof + 1] = c.s_delta * force[i];
+        if constexpr (dof == 3) t.f[i * dof + 2] = friction.rate(t.psi[i], t.state[i]);
+      }
+    });
   }
-}
+};
+
+// ---- compiled twice on x86-64: for any such processor and for those with AVX2, chosen when the program runs --------
+// The attributes belong to one function into which everything is inlined, so that no other code of the program gets
+// instructions that an older processor lacks.
+
+template <class Loop>
+struct Baseline {
+  Loop loop;
+  __attribute__((flatten)) void operator()(const Coefficients& c, const Range& r) const { loop(c, r); }
+};
+
+#if defined(__x86_64__)
+template <class Loop>
+struct Avx2 {
+  Loop loop;
+  __attribute__((target("avx2"), flatten)) void operator()(const Coefficients& c, const Range& r) const { loop(c, r); }
+};
+inline bool has_avx2() { return __builtin_cpu_supports("avx2"); }
+#else
+template <class Loop>
+using Avx2 = Baseline<Loop>;
+inline bool has_avx2() { return false; }
+#endif
 
 }  // namespace stickslip::kernel

@@ -18,31 +18,31 @@ namespace {
 
 using Loop = std::function<void(const Coefficients&, const Range&)>;
 
+// The kernel in the version that suits this processor. With a state, exp and log take the time, and one will do.
+template <class Kernel>
+Loop compiled(const Kernel& kernel) {
+  if constexpr (Kernel::dof == 2) {
+    if (kernel::has_avx2()) return kernel::Avx2<Kernel>{kernel};
+  }
+  return kernel::Baseline<Kernel>{kernel};
+}
+
 template <int half_width>
-Loop full_loop(const FrictionParameters& p, bool spread) {
-  return dispatch_friction(p, [spread](const auto& friction) -> Loop {
-    if (spread)
-      return [friction](const Coefficients& c, const Range& r) {
-        kernel::friction_and_wave<half_width, true>(c, friction, r);
-      };
-    return [friction](const Coefficients& c, const Range& r) {
-      kernel::friction_and_wave<half_width, false>(c, friction, r);
-    };
+Loop whole_loop(const FrictionParameters& p) {
+  return dispatch_friction(p, [](const auto& friction) {
+    return compiled(kernel::Whole<half_width, std::decay_t<decltype(friction)>>{friction});
   });
 }
 
-Loop reaction_loop(const FrictionParameters& p, bool spread) {
-  return dispatch_friction(p, [spread](const auto& friction) -> Loop {
-    if (spread)
-      return [friction](const Coefficients& c, const Range& r) { kernel::reaction<true>(c, friction, r); };
-    return [friction](const Coefficients& c, const Range& r) { kernel::reaction<false>(c, friction, r); };
-  });
+Loop reaction_loop(const FrictionParameters& p) {
+  return dispatch_friction(
+      p, [](const auto& friction) { return compiled(kernel::Reaction<std::decay_t<decltype(friction)>>{friction}); });
 }
 
 template <int half_width, bool stencil_only>
 Loop wave_loop(int dof) {
-  if (dof == 3) return kernel::wave<half_width, 3, stencil_only>;
-  return kernel::wave<half_width, 2, stencil_only>;
+  if (dof == 3) return compiled(kernel::Wave<half_width, 3, stencil_only>{});
+  return compiled(kernel::Wave<half_width, 2, stencil_only>{});
 }
 
 // Calls pick with the half width as a constant.
@@ -60,10 +60,8 @@ Loop for_half_width(int half_width, const Pick& pick) {
   }
 }
 
-// One value of the halo as a combination of fetched values: indices into the list of fetched nodes.
-struct HaloValue {
-  std::vector<std::pair<std::size_t, double>> terms;
-};
+// One value of the halo as a combination of fetched values: indices into the list of fetched nodes, and weights.
+using HaloValue = std::vector<std::pair<std::size_t, double>>;
 
 }  // namespace
 
@@ -85,7 +83,7 @@ struct Model::Impl {
   bool halo_is_local = true;
   ScatterHandle scatter;
   VecHandle fetched_psi;
-  mutable std::vector<double> buffer_u, buffer_f, fetched_values;
+  mutable std::vector<double> fetched_values;
 
   Impl(MPI_Comm communicator, const Scene& s)
       : comm(communicator), scene(s), dof(s.friction.state == StateLaw::none ? 2 : 3), half_width(s.order / 2) {
@@ -109,13 +107,12 @@ struct Model::Impl {
     no_stencil = coefficients;
     for (std::size_t j = 0; j < 5; ++j) coefficients.w[j] = scale * w[j];
 
-    const bool spread = scene.spread != 0;
     const FrictionParameters& p = scene.friction;
-    full = for_half_width(half_width, [&](auto hw) { return full_loop<hw>(p, spread); });
-    pointwise = full_loop<0>(p, spread);
+    full = for_half_width(half_width, [&](auto hw) { return whole_loop<hw>(p); });
+    pointwise = whole_loop<0>(p);
     stencil = for_half_width(half_width, [&](auto hw) { return wave_loop<hw, true>(dof); });
     wave = for_half_width(half_width, [&](auto hw) { return wave_loop<hw, false>(dof); });
-    reaction = reaction_loop(p, spread);
+    reaction = reaction_loop(p);
     set_up_halo(ranks);
   }
 
@@ -129,17 +126,15 @@ struct Model::Impl {
     const auto add = [&](PetscInt node) {
       HaloValue value;
       if (node >= 0 && node < scene.n) {
-        value.terms.emplace_back(index_of(node), 1.);
+        value.emplace_back(index_of(node), 1.);
       } else {
-        for (const auto& [inside, weight] : halo_node(scene, node)) value.terms.emplace_back(index_of(inside), weight);
+        for (const auto& [inside, weight] : halo_node(scene, node)) value.emplace_back(index_of(inside), weight);
       }
       halo.push_back(value);
     };
     for (int j = -half_width; j < 0; ++j) add(first + j);
     for (int j = 0; j < half_width; ++j) add(first + local + j);
     fetched_values.resize(fetched.size());
-    buffer_u.resize(static_cast<std::size_t>(dof * 4 * half_width));
-    buffer_f.resize(buffer_u.size());
     halo_is_local = ranks == 1;
     if (halo_is_local) return;
 
@@ -154,29 +149,25 @@ struct Model::Impl {
     SS_TRY(VecScatterCreate(pattern, from, fetched_psi, nullptr, scatter.out()));
   }
 
-  // Runs `loop` over nodes [begin, end) of this rank through a buffer that has the halo at hand.
-  void through_buffer(const Loop& loop, const Coefficients& c, const double* u, double* f, PetscInt begin,
-                      PetscInt end) const {
-    const std::size_t width = static_cast<std::size_t>(dof);
-    const std::size_t needed = static_cast<std::size_t>(end - begin + 2 * half_width) * width;
-    if (buffer_u.size() < needed) {
-      buffer_u.resize(needed);
-      buffer_f.resize(needed);
+  // psi of node i of this rank, or of its halo once that is fetched.
+  double psi_at(const double* u, PetscInt i) const {
+    if (i >= 0 && i < local) return u[i * dof];
+    double psi = 0;
+    for (const auto& [index, weight] : halo[static_cast<std::size_t>(i < 0 ? i + half_width : half_width + i - local)])
+      psi += weight * fetched_values[index];
+    return psi;
+  }
+
+  // Runs `loop` over nodes [begin, end) of this rank; `u` and `f` hold all of them.
+  void over_range(const Loop& loop, const Coefficients& c, const double* u, double* f, PetscInt begin,
+                  PetscInt end) const {
+    std::array<double, 4> before{}, behind{};
+    for (int j = 0; j < half_width; ++j) {
+      before[static_cast<std::size_t>(j)] = psi_at(u, begin - half_width + j);
+      behind[static_cast<std::size_t>(j)] = psi_at(u, end + j);
     }
-    for (PetscInt i = begin - half_width; i < end + half_width; ++i) {
-      double* to = &buffer_u[static_cast<std::size_t>(i - begin + half_width) * width];
-      if (i >= 0 && i < local) {
-        std::copy(u + i * dof, u + (i + 1) * dof, to);
-      } else {
-        const HaloValue& value = halo[static_cast<std::size_t>(i < 0 ? i + half_width : half_width + i - local)];
-        double psi = 0;
-        for (const auto& [index, weight] : value.terms) psi += weight * fetched_values[index];
-        to[0] = psi;
-      }
-    }
-    loop(c, {&buffer_u[static_cast<std::size_t>(half_width) * width], &amplitude[static_cast<std::size_t>(begin)],
-             buffer_f.data(), end - begin});
-    std::copy(buffer_f.data(), buffer_f.data() + (end - begin) * dof, f + begin * dof);
+    loop(c, {u + begin * dof, scene.spread != 0 ? &amplitude[static_cast<std::size_t>(begin)] : nullptr, f + begin * dof,
+             end - begin, before.data(), behind.data()});
   }
 
   const Loop& loop_of(Part part) const {
@@ -215,29 +206,23 @@ struct Model::Impl {
     double* b;
     SS_TRY(VecGetArrayRead(u, &a));
     SS_TRY(VecGetArrayWrite(f, &b));
-    if (!has_stencil(part)) {
-      loop(no_stencil, {a, amplitude.data(), b, local});
-    } else {
-      if (halo_is_local) {
+    const Coefficients& c = has_stencil(part) ? coefficients : no_stencil;
+    const PetscInt hw = half_width;
+    if (!has_stencil(part) || halo_is_local) {
+      if (halo_is_local)
         for (std::size_t i = 0; i < fetched.size(); ++i) fetched_values[i] = a[fetched[i] * dof];
-      } else {
-        SS_TRY(VecScatterBegin(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
-      }
-      const PetscInt hw = half_width, inner = std::max<PetscInt>(0, local - 2 * hw);
-      if (inner > 0) loop(coefficients, {a + hw * dof, amplitude.data() + hw, b + hw * dof, inner});
-      if (!halo_is_local) {
-        SS_TRY(VecScatterEnd(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
-        const double* values;
-        SS_TRY(VecGetArrayRead(fetched_psi, &values));
-        std::copy(values, values + fetched_values.size(), fetched_values.begin());
-        SS_TRY(VecRestoreArrayRead(fetched_psi, &values));
-      }
-      if (inner > 0) {
-        through_buffer(loop, coefficients, a, b, 0, hw);
-        through_buffer(loop, coefficients, a, b, local - hw, local);
-      } else {
-        through_buffer(loop, coefficients, a, b, 0, local);
-      }
+      over_range(loop, c, a, b, 0, local);
+    } else {
+      const bool wide = local > 2 * hw;  // some nodes do not need the halo: they are done while it is under way
+      SS_TRY(VecScatterBegin(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
+      if (wide) over_range(loop, c, a, b, hw, local - hw);
+      SS_TRY(VecScatterEnd(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
+      const double* values;
+      SS_TRY(VecGetArrayRead(fetched_psi, &values));
+      std::copy(values, values + fetched_values.size(), fetched_values.begin());
+      SS_TRY(VecRestoreArrayRead(fetched_psi, &values));
+      over_range(loop, c, a, b, 0, wide ? hw : local);
+      if (wide) over_range(loop, c, a, b, local - hw, local);
     }
     for_held([&](PetscInt i) {
       b[i * dof] = 0;
@@ -247,34 +232,41 @@ struct Model::Impl {
     SS_TRY(VecRestoreArrayRead(u, &a));
   }
 
-  // Node i's own block of d(rhs part)/du, row by row.
-  void diagonal_block(Part part, PetscInt i, const double* u, double* block) const {
+  // Node i's own block of beta d(rhs part)/du + alpha I, its rows `width` apart. Sums stand in variables and are stored
+  // once: adding to what was just stored costs more than all the arithmetic.
+  void diagonal_block(Part part, PetscInt i, const double* u, double alpha, double beta, double* block,
+                      std::size_t width) const {
     const Coefficients& c = coefficients;
-    std::fill(block, block + dof * dof, 0.);
-    const auto at = [&](int row, int column) -> double& { return block[row * dof + column]; };
-    if (part == Part::full || part == Part::pointwise || part == Part::reaction) {
-      const double state = dof == 3 ? u[2] : 0;
-      const Partials p = friction_at(i, u[0], state);
-      at(0, 0) -= c.A * p.F_psi;
-      at(1, 0) += c.s_delta * p.F_psi;
-      if (dof == 3) {
-        const RatePartials g = dispatch_rate(u[0], state);
-        at(0, 2) -= c.A * p.F_state;
-        at(1, 2) += c.s_delta * p.F_state;
-        at(2, 0) = g.g_psi;
-        at(2, 2) = g.g_state;
-      }
-    }
+    const bool fixed = held(first + i), has_eta = !(fixed && scene.form == Form::continuum);
+    double psi_psi = 0, psi_eta = 0, psi_state = 0, eta_psi = 0, eta_eta = 0, eta_state = 0;
     if (part == Part::full || part == Part::pointwise || part == Part::wave) {
-      at(0, 0) -= c.A * c.B;
-      at(0, 1) += c.A;
-      at(1, 0) -= c.K0;
-      at(1, 1) -= c.s_delta;
+      psi_psi = -c.A * c.B;
+      psi_eta = c.A;
+      eta_psi = -c.K0;
+      eta_eta = -c.s_delta;
     }
-    if (held(first + i)) {
-      std::fill(block, block + dof, 0.);
-      if (scene.form == Form::continuum) std::fill(block + dof, block + 2 * dof, 0.);
+    const bool has_friction = part == Part::full || part == Part::pointwise || part == Part::reaction;
+    if (has_friction) {
+      const Partials p = friction_at(i, u[0], dof == 3 ? u[2] : 0);
+      psi_psi -= c.A * p.F_psi;
+      psi_state = -c.A * p.F_state;
+      eta_psi += c.s_delta * p.F_psi;
+      eta_state = c.s_delta * p.F_state;
     }
+    const double psi_row = fixed ? 0 : beta, eta_row = has_eta ? beta : 0;
+    double* const eta = block + width;
+    block[0] = psi_row * psi_psi + alpha;
+    block[1] = psi_row * psi_eta;
+    eta[0] = eta_row * eta_psi;
+    eta[1] = eta_row * eta_eta + alpha;
+    if (dof == 2) return;
+    const RatePartials g = has_friction ? dispatch_rate(u[0], u[2]) : RatePartials{0, 0, 0};
+    double* const state = eta + width;
+    block[2] = psi_row * psi_state;
+    eta[2] = eta_row * eta_state;
+    state[0] = beta * g.g_psi;
+    state[1] = 0;
+    state[2] = beta * g.g_state + alpha;
   }
 
   Partials friction_at(PetscInt i, double psi, double state) const {
@@ -347,19 +339,42 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
   const double* a;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(MatZeroEntries(J));
-  std::array<double, 9> block{}, coupling{};  // dof * dof of them in use
+  const PetscInt hw = m.half_width, n = m.scene.n;
+  std::vector<PetscInt> columns;   // of the row at hand
+  std::vector<double> values;      // dof rows of columns.size() * dof entries
+  std::size_t width = 0;           // length of these rows
+  double* own = nullptr;           // the diagonal block in `values`
+  double own_weight = 0;           // of D2
+  enum class Row { none, alone, inner, end } laid_out = Row::none;
+  const auto lay_out = [&](PetscInt row, const Combination& d2) {
+    columns.clear();
+    for (const auto& term : d2) columns.push_back(term.first);
+    width = columns.size() * static_cast<std::size_t>(dof);
+    values.assign(width * static_cast<std::size_t>(dof), 0.);
+    for (std::size_t j = 0; j < columns.size(); ++j) {
+      double* const at = &values[j * static_cast<std::size_t>(dof)];
+      at[width] = beta * m.scene.K1() * d2[j].second;  // eta_t by psi
+      if (columns[j] == row) {
+        own = at;
+        own_weight = at[width];
+      }
+    }
+  };
   for (PetscInt i = 0; i < m.local; ++i) {
     const PetscInt row = m.first + i;
-    m.diagonal_block(part, i, a + i * dof, block.data());
-    for (double& entry : block) entry *= beta;
-    for (PetscInt d = 0; d < dof; ++d) block[static_cast<std::size_t>(d * (dof + 1))] += alpha;
-    SS_TRY(MatSetValuesBlocked(J, 1, &row, 1, &row, block.data(), ADD_VALUES));
-    const bool row_has_stencil = Impl::has_stencil(part) && !(m.held(row) && m.scene.form == Form::continuum);
-    if (!row_has_stencil) continue;
-    for (const auto& [node, weight] : second_difference_row(m.scene, row)) {
-      coupling[static_cast<std::size_t>(dof)] = beta * m.scene.K1() * weight;
-      SS_TRY(MatSetValuesBlocked(J, 1, &row, 1, &node, coupling.data(), ADD_VALUES));
+    const Row kind = !Impl::has_stencil(part) || (m.held(row) && m.scene.form == Form::continuum) ? Row::alone
+                     : row >= hw && row < n - hw                                                  ? Row::inner
+                                                                                                  : Row::end;
+    if (kind == laid_out && kind != Row::end) {  // the same but for its place and the diagonal block
+      for (PetscInt& column : columns) ++column;
+    } else {
+      lay_out(row, kind == Row::alone ? Combination{{row, 0.}} : second_difference_row(m.scene, row));
     }
+    laid_out = kind;
+    m.diagonal_block(part, i, a + i * dof, alpha, beta, own, width);
+    own[width] += own_weight;
+    SS_TRY(MatSetValuesBlocked(J, 1, &row, static_cast<PetscInt>(columns.size()), columns.data(), values.data(),
+                               INSERT_VALUES));
   }
   SS_TRY(VecRestoreArrayRead(u, &a));
   SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));

@@ -55,7 +55,15 @@ Combination halo_node(const Scene& scene, PetscInt j) {
 Combination second_difference_row(const Scene& scene, PetscInt i) {
   const std::array<double, 5> w = second_difference(scene.order);
   const double scale = scene.form == Form::chain ? 1 : 1 / (scene.h() * scene.h());
-  std::map<PetscInt, double> row;
+  const PetscInt half_width = scene.order / 2;
+  if (i >= half_width && i < scene.n - half_width) {
+    Combination inner;
+    inner.reserve(static_cast<std::size_t>(scene.order + 1));
+    for (PetscInt j = -half_width; j <= half_width; ++j)
+      inner.emplace_back(i + j, scale * w[static_cast<std::size_t>(std::abs(j))]);
+    return inner;
+  }
+  std::map<PetscInt, double> row;  // near an end several terms may meet in one node
   for (int j = -scene.order / 2; j <= scene.order / 2; ++j) {
     const double weight = scale * w[static_cast<std::size_t>(std::abs(j))];
     const PetscInt node = i + j;

@@ -1,0 +1,167 @@
+// The loops over nodes: whole ranges, parts of them, both compilations and any number of ranks give the same bits.
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <vector>
+
+#include "../src/kernel.hpp"
+#include "stickslip/error.hpp"
+#include "stickslip/model.hpp"
+
+using namespace stickslip;
+using namespace stickslip::kernel;
+
+namespace {
+
+constexpr PetscInt margin = 4, count = 5 * tile_size + 77;  // several tiles and a part of one
+
+const Coefficients coefficients{3, 0.07, 1. / 3, 0.2, 0.21, {-2.5, 1.4, -0.08, 0.011, -0.0017}};
+
+struct Field {
+  std::vector<double> u, amplitude;
+};
+
+// count nodes and `margin` more on both sides
+Field field(int dof) {
+  Field f;
+  for (PetscInt i = 0; i < (count + 2 * margin) * dof; ++i)
+    f.u.push_back(0.7 * std::sin(1.3 * double(i)) + 0.2 + 0.1 * double(i % dof));
+  for (PetscInt i = 0; i < count; ++i) f.amplitude.push_back(1 + 0.3 * std::cos(0.9 * double(i)));
+  return f;
+}
+
+// The loop over [begin, end), whatever lies outside.
+template <int half_width, class Loop>
+void call(const Loop& loop, int dof, const Field& x, bool spread, PetscInt begin, PetscInt end, std::vector<double>& f) {
+  const auto psi = [&](PetscInt i) { return x.u[static_cast<std::size_t>((i + margin) * dof)]; };
+  std::vector<double> before, behind;
+  for (PetscInt j = 0; j < half_width; ++j) {
+    before.push_back(psi(begin - half_width + j));
+    behind.push_back(psi(end + j));
+  }
+  // a copy of the range alone, so that the sanitizers see every access outside it
+  const std::vector<double> u(x.u.begin() + (begin + margin) * dof, x.u.begin() + (end + margin) * dof);
+  const std::vector<double> amplitude(x.amplitude.begin() + begin, x.amplitude.begin() + end);
+  loop(coefficients,
+       {u.data(), spread ? amplitude.data() : nullptr, &f[static_cast<std::size_t>(begin * dof)], end - begin,
+        before.data(), behind.data()});
+}
+
+const std::vector<PetscInt> cuts = {0, 1, 2, 5, 132, 133, 261, 390, 391, 600, count};
+
+// `expected(u, coupling, a)`: the right-hand side of a node by the equations.
+template <int half_width, class Kernel, class Expected>
+void check(const Kernel& kernel, bool spread, const Expected& expected) {
+  constexpr int dof = Kernel::dof;
+  const Field x = field(dof);
+  const auto size = static_cast<std::size_t>(count * dof);
+  std::vector<double> whole(size), pieces(size), avx2(size);
+  call<half_width>(Baseline<Kernel>{kernel}, dof, x, spread, 0, count, whole);
+  for (std::size_t k = 0; k + 1 < cuts.size(); ++k)
+    call<half_width>(Baseline<Kernel>{kernel}, dof, x, spread, cuts[k], cuts[k + 1], pieces);
+  CHECK(pieces == whole);
+  if (has_avx2()) {
+    call<half_width>(Avx2<Kernel>{kernel}, dof, x, spread, 0, count, avx2);
+    CHECK(avx2 == whole);
+    for (std::size_t k = 0; k + 1 < cuts.size(); ++k)
+      call<half_width>(Avx2<Kernel>{kernel}, dof, x, spread, cuts[k], cuts[k + 1], pieces);
+    CHECK(pieces == whole);
+  }
+  double worst = 0;
+  for (PetscInt i = 0; i < count; ++i) {
+    const double* u = &x.u[static_cast<std::size_t>((i + margin) * dof)];
+    double coupling = 0;
+    for (int j = -half_width; j <= half_width; ++j) coupling += coefficients.w[std::abs(j)] * u[j * dof];
+    const std::array<double, 3> f = expected(u, coupling, spread ? x.amplitude[static_cast<std::size_t>(i)] : 1.);
+    for (int d = 0; d < dof; ++d)
+      worst = std::max(worst, std::abs(whole[static_cast<std::size_t>(i * dof + d)] - f[static_cast<std::size_t>(d)]));
+  }
+  CHECK(worst < 1e-14);  // some ten terms of at most 4, each rounded by 1e-16 of itself
+}
+
+template <int half_width, class F>
+void check_friction(const F& friction, bool spread) {
+  const Coefficients& c = coefficients;
+  const auto state = [](const double* u) { return F::has_state ? u[2] : 0; };
+  check<half_width>(Whole<half_width, F>{friction}, spread, [&](const double* u, double coupling, double a) {
+    const double force = a * friction.force(u[0], state(u));
+    return std::array<double, 3>{c.A * (u[1] - c.B * u[0] - force),
+                                 c.K0 * (c.v - u[0]) + coupling - c.s_delta * (u[1] - force),
+                                 friction.rate_partials(u[0], state(u)).g};
+  });
+  check<0>(Reaction<F>{friction}, spread, [&](const double* u, double, double a) {
+    const double force = a * friction.force(u[0], state(u));
+    return std::array<double, 3>{-c.A * force, c.s_delta * force, friction.rate_partials(u[0], state(u)).g};
+  });
+}
+
+template <int half_width, int dof>
+void check_wave() {
+  const Coefficients& c = coefficients;
+  check<half_width>(Wave<half_width, dof, false>{}, false, [&](const double* u, double coupling, double) {
+    return std::array<double, 3>{c.A * (u[1] - c.B * u[0]), c.K0 * (c.v - u[0]) + coupling - c.s_delta * u[1], 0};
+  });
+  check<half_width>(Wave<half_width, dof, true>{}, false,
+                    [&](const double*, double coupling, double) { return std::array<double, 3>{0, coupling, 0}; });
+}
+
+}  // namespace
+
+TEST_CASE("the loops give the same bits for parts of a range and for every instruction set", "[serial]") {
+  const Friction<Cubic, NoState> cubic{};
+  const Friction<CarlsonLanger<SignExact>, NoState> carlson_langer{};
+  const Friction<CarlsonLanger<SignRegularised>, Healing> healing{{{0.2}}, {1, 2, 1}};
+  const RateAndState<AgeingKinetics> ageing{0.5, 0.7, 1, 0.6, 1, {1}};
+  for (const bool spread : {false, true}) {
+    check_friction<0>(cubic, spread);
+    check_friction<1>(cubic, spread);
+    check_friction<2>(cubic, spread);
+    check_friction<3>(cubic, spread);
+    check_friction<4>(cubic, spread);
+    check_friction<2>(carlson_langer, spread);
+    check_friction<1>(healing, spread);
+    check_friction<3>(ageing, spread);
+  }
+  check_wave<1, 2>();
+  check_wave<4, 2>();
+  check_wave<2, 3>();
+}
+
+TEST_CASE("the right-hand side has the same bits on any number of ranks") {
+  for (const int order : {2, 4, 6, 8})
+    for (const PetscInt n : {19, 1000}) {  // 19: on four ranks some need the halo at every node
+      Scene s;
+      s.n = n;
+      s.order = order;
+      s.length = 40;
+      s.spread = order == 4 ? 0.2 : 0;
+      if (order == 6) {
+        s.left = End::velocity;
+        s.right = End::free;
+        s.left_value = -1.5;
+      }
+      const Model model(PETSC_COMM_WORLD, s), alone(PETSC_COMM_SELF, s);
+      VecHandle u = model.create_vector(), f = model.create_vector(), u_alone = alone.create_vector(),
+                f_alone = alone.create_vector();
+      const auto fill = [](const Model& m, Vec to) {
+        double* a;
+        SS_TRY(VecGetArray(to, &a));
+        for (PetscInt i = 0; i < 2 * m.local(); ++i) a[i] = std::sin(0.37 * double(2 * m.first() + i));
+        SS_TRY(VecRestoreArray(to, &a));
+      };
+      fill(model, u);
+      fill(alone, u_alone);
+      for (const Part part : {Part::full, Part::pointwise, Part::stencil, Part::wave, Part::reaction}) {
+        model.rhs(part, u, f);
+        alone.rhs(part, u_alone, f_alone);
+        const double *mine, *all;
+        SS_TRY(VecGetArrayRead(f, &mine));
+        SS_TRY(VecGetArrayRead(f_alone, &all));
+        PetscInt different = 0;
+        for (PetscInt i = 0; i < 2 * model.local(); ++i)
+          if (mine[i] != all[2 * model.first() + i]) ++different;
+        CHECK(different == 0);
+        SS_TRY(VecRestoreArrayRead(f_alone, &all));
+        SS_TRY(VecRestoreArrayRead(f, &mine));
+      }
+    }
+}
