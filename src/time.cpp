@@ -125,6 +125,14 @@ struct Integrator::Impl {
     });
   }
 
+  // Newton's step, before the line search takes it.
+  static PetscErrorCode TameStep(SNESLineSearch, Vec u, Vec minus_step, PetscBool* changed, void* context) {
+    return guarded([&] {
+      auto& self = *static_cast<Impl*>(context);
+      *changed = self.model.tame_newton_step(u, self.last_shift, minus_step) ? PETSC_TRUE : PETSC_FALSE;
+    });
+  }
+
   static PetscErrorCode PreStep(TS ts) {
     return guarded([&] {
       void* context;
@@ -346,6 +354,9 @@ struct Integrator::Impl {
     } else {
       // A step's own error is far above these; the stages' Newton starts from a good guess.
       SS_TRY(SNESSetTolerances(snes, 1e-14, 1e-9, 1e-12, 30, 10000));
+      SNESLineSearch search;
+      SS_TRY(SNESGetLineSearch(snes, &search));
+      SS_TRY(SNESLineSearchSetPreCheck(search, TameStep, this));
     }
     if (implicit == Implicit::friction || implicit == Implicit::none) {
       SS_TRY(PCSetType(pc, PCPBJACOBI));
