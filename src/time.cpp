@@ -258,6 +258,8 @@ struct Integrator::Impl {
     const double own = std::sqrt(model.scene().A() * model.scene().K0());
     const double accurate = 40 * (own > 0 ? own : 1);
     stiff_friction = friction > 3 * std::max(wave, accurate);
+    // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no bound.
+    if (model.scene().friction.law == Law::rate_and_state) stiff_friction = true;
     stiff_wave = wave > 10 * std::max(friction, accurate);
     fastest = std::max(wave, friction);
   }
@@ -270,6 +272,7 @@ struct Integrator::Impl {
     double rate = model.friction_rate(u);
     const Scene& s = model.scene();
     if (s.friction.law == Law::cubic) rate = std::max(rate, s.A() * std::abs(s.B() + 3));
+    if (model.dof() == 3 && s.v != 0) rate = std::max(rate, -model.state_rate(s.v, model.steady_state(s.v)).g_state);
     if (s.friction.regularised) rate = std::max(rate, s.A() * (s.B() + 1 / s.friction.eps));
     return rate;
   }

@@ -243,6 +243,7 @@ struct RateAndState {
 
 // What the stored state means outside: tau itself, or theta = exp(s).
 inline bool state_is_logarithmic(StateLaw law) { return law != StateLaw::none && law != StateLaw::healing; }
+inline const char* state_name(StateLaw law) { return law == StateLaw::healing ? "tau" : "theta"; }
 inline double state_to_output(StateLaw law, double s) { return state_is_logarithmic(law) ? std::exp(s) : s; }
 inline double state_from_output(StateLaw law, double s) { return state_is_logarithmic(law) ? std::log(s) : s; }
 
@@ -272,8 +273,8 @@ decltype(auto) dispatch_friction(const FrictionParameters& p, Body&& body) {
       return detail::with_state(p, Coulomb<SignExact>{{}, p.fs, p.fd, 0}, body);
     case Law::rate_and_state:
       if (p.state == StateLaw::slip)
-        return body(RateAndState<SlipKinetics>{p.a, p.b, p.D, p.mu0, p.psi0, {p.state_D}});
-      return body(RateAndState<AgeingKinetics>{p.a, p.b, p.D, p.mu0, p.psi0, {p.state_D}});
+        return body(RateAndState<SlipKinetics>{p.a, p.b, p.D, p.mu0, p.psi0, {p.D}});
+      return body(RateAndState<AgeingKinetics>{p.a, p.b, p.D, p.mu0, p.psi0, {p.D}});
     default:
       return detail::with_state(p, Cubic{}, body);
   }
