@@ -389,6 +389,33 @@ double Model::steady_state(double psi) const {
   return dispatch_friction(scene().friction, [&](const auto& f) { return f.steady_state(psi); });
 }
 
+bool Model::tame_newton_step(Vec u, double shift, Vec minus_step) const {
+  const Impl& m = *impl_;
+  return dispatch_friction(scene().friction, [&](const auto& friction) {
+    using F = std::decay_t<decltype(friction)>;
+    if constexpr (!F::steep) {
+      return false;
+    } else {
+      // the slope of psi's own row without friction, eta = ... - K0 psi/shift put into it, over A a_i
+      const double mass = shift / scene().A() + scene().B() + scene().K0() / shift;
+      const double* a;
+      double* step;
+      SS_TRY(VecGetArrayRead(u, &a));
+      SS_TRY(VecGetArray(minus_step, &step));
+      for (PetscInt i = 0; i < m.local; ++i) {
+        if (m.held(m.first + i)) continue;
+        const double *at = a + i * m.dof, psi = at[0], state = at[2];
+        double* d = step + i * m.dof;
+        d[0] = psi - friction.newton_psi(psi, state, psi - d[0], state - d[2],
+                                         mass / m.amplitude[static_cast<std::size_t>(i)]);
+      }
+      SS_TRY(VecRestoreArray(minus_step, &step));
+      SS_TRY(VecRestoreArrayRead(u, &a));
+      return true;
+    }
+  });
+}
+
 void Model::set_held(Vec u) const {
   const Impl& m = *impl_;
   double* a;

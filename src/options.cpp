@@ -103,9 +103,9 @@ std::vector<OptionSpec> make_table() {
   t.positive("friction_fs", "1", "coulomb: static threshold");
   t.not_negative("friction_fd", "0.5", "coulomb: dynamic friction, at most friction_fs");
   t.positive("friction_slip_velocity", "1e-2", "coulomb, regularised: velocity over which fs falls to fd", "velocity");
-  t.positive("friction_a", "0.01", "rate-and-state: direct effect a");
-  t.not_negative("friction_b", "0.015", "rate-and-state: evolution effect b");
-  t.positive("friction_D", "", "rate-and-state: slip distance D", "length").default_help = "1, or state_D";
+  t.positive("friction_a", "0.05", "rate-and-state: direct effect a");
+  t.not_negative("friction_b", "0.1", "rate-and-state: evolution effect b");
+  t.positive("friction_D", "", "rate-and-state: slip distance D", "length").default_help = "0.1, or state_D";
   t.not_negative("friction_mu0", "0.6", "rate-and-state: friction at the reference velocity");
   t.positive("friction_psi0", "1", "rate-and-state: reference velocity", "velocity");
   t.not_negative("friction_spread", "0", "spread of the friction amplitude from node to node (mean 1)");
@@ -603,7 +603,7 @@ std::string Options::text(const std::string& name) const {
     return is_set(other) && text(other) != "periodic" ? "free" : "periodic";
   }
   if (key == "state_law") return rate_and_state ? "ageing" : "none";
-  if (key == "friction_D") return rate_and_state && is_set("state_D") ? text("state_D") : "1";
+  if (key == "friction_D") return rate_and_state && is_set("state_D") ? text("state_D") : "0.1";
   if (key == "state_D") return rate_and_state ? text("friction_D") : "1";
   if (key == "init_eta") return text("init_type") == "layer" ? "steady" : "0.1";
   return "";

@@ -50,7 +50,7 @@ RunLayout RunLayout::of(const Scene& scene) {
   for (PetscInt i = 0; i < scene.n; ++i) layout.x.push_back(scene.x(i));
   layout.fields = {standard_field("psi"), standard_field("eta")};
   const StateLaw state = scene.friction.state;
-  if (state != StateLaw::none) layout.fields.push_back(standard_field(state == StateLaw::healing ? "tau" : "theta"));
+  if (state != StateLaw::none) layout.fields.push_back(standard_field(state_name(state)));
   layout.numbers = {{"A", scene.A()},   {"B", scene.B()},           {"K0", scene.K0()},
                     {"K1", scene.K1()}, {"s_delta", scene.s_delta()}, {"v", scene.v}};
   dispatch_friction(scene.friction, [&](const auto& friction) {

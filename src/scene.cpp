@@ -124,14 +124,15 @@ void read_friction(const Options& o, Scene& s) {
 void read_state(const Options& o, Scene& s) {
   FrictionParameters& f = s.friction;
   f.state = value_of(state_names, o.text("state_law"));
-  const bool kinetics_of_rate_and_state = f.state == StateLaw::ageing || f.state == StateLaw::slip;
-  if (f.law == Law::rate_and_state && !kinetics_of_rate_and_state)
-    throw UsageError(shown(o, "state_law") + ": rate-and-state friction needs ageing or slip");
-  if (f.law != Law::rate_and_state && kinetics_of_rate_and_state)
-    throw UsageError(shown(o, "state_law") + ": it belongs to rate-and-state, but friction_law is " + to_string(f.law));
-  if (f.state == StateLaw::healing && f.law == Law::cubic)
+  if (!belong_together(f.law, f.state)) {
+    if (f.law == Law::rate_and_state)
+      throw UsageError(shown(o, "state_law") + ": rate-and-state friction needs ageing or slip");
+    if (f.state == StateLaw::ageing || f.state == StateLaw::slip)
+      throw UsageError(shown(o, "state_law") + ": it belongs to rate-and-state, but friction_law is " +
+                       to_string(f.law));
     throw UsageError("-state_law healing: it lets static friction grow, and the cubic law has none (phi(0) = 0); use "
                      "carlson-langer or coulomb");
+  }
 
   const std::string other_law = "a parameter of another state law, but state_law is " + to_string(f.state);
   if (f.state != StateLaw::healing) refuse(o, {"state_t_h", "state_tau_inf"}, other_law);
@@ -221,6 +222,15 @@ std::vector<const char*> friction_options_of_other_laws(Law law) {
   if (law != Law::coulomb) add({"friction_fs", "friction_fd", "friction_slip_velocity"});
   if (law != Law::rate_and_state) add({"friction_a", "friction_b", "friction_D", "friction_mu0", "friction_psi0"});
   return names;
+std::vector<StateLaw> all_state_laws() {
+  std::vector<StateLaw> all;
+  for (const auto& [law, name] : state_names) all.push_back(law);
+  return all;
+}
+bool belong_together(Law law, StateLaw state) {
+  const bool kinetics_of_rate_and_state = state == StateLaw::ageing || state == StateLaw::slip;
+  if ((law == Law::rate_and_state) != kinetics_of_rate_and_state) return false;
+  return !(law == Law::cubic && state == StateLaw::healing);
 }
 
 std::string to_string(Form form) { return name_of(form_names, form); }

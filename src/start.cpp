@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "stickslip/error.hpp"
+#include "stickslip/file.hpp"
 #include "stickslip/ode.hpp"
 #include "stickslip/wave.hpp"
 
@@ -29,6 +30,39 @@ void warn_of_misfit(const Model& model, double jump, double slope) {
   }
 }
 
+// The state that is steady at psi; at rest, where a contact's age grows for ever, the one of steady sliding.
+double steady_start(const Model& model, double psi) {
+  const double state = model.steady_state(psi);
+  return std::isfinite(state) ? state : model.steady_state(model.scene().v);
+}
+
+// A frame of a run's file, for the nodes of this scene.
+Frame frame_for(const Scene& s, const Options& options) {
+  if (!options.is_set("init_file")) throw UsageError("init_type file needs init_file, an HDF5 file of `run`");
+  const std::string path = options.text("init_file");
+  Frame frame = read_frame("init_file", path, options.is_set("init_frame") ? options.integer("init_frame") : -1);
+  const std::string says = "init_file " + quoted(path) + ": ";
+  const auto form = frame.options.find("model_form");
+  if (form != frame.options.end() && form->second != to_string(s.form))
+    throw UsageError(says + "its model_form is " + form->second + ", that of this scene " + to_string(s.form));
+  const auto n = static_cast<std::size_t>(s.n);
+  if (frame.x.size() != n)
+    throw UsageError(says + "it has " + std::to_string(frame.x.size()) + " nodes, this scene grid_n " +
+                     std::to_string(s.n));
+  for (std::size_t i = 0; i < n; ++i)
+    if (std::abs(frame.x[i] - s.x(static_cast<PetscInt>(i))) > 1e-9 * (1 + s.length))
+      throw UsageError(says + "its nodes stand elsewhere (node " + std::to_string(i) + " at x = " +
+                       number_text(frame.x[i]) + ", here " + number_text(s.x(static_cast<PetscInt>(i))) +
+                       "); grid_length and ends must be the same");
+  if (s.friction.state != StateLaw::none && !options.is_set("init_state")) {
+    const auto state = frame.fields.find(state_name(s.friction.state));
+    if (state == frame.fields.end())
+      throw UsageError(says + "it holds no " + state_name(s.friction.state) + " for state_law " +
+                       to_string(s.friction.state) + "; give init_state");
+  }
+  return frame;
+}
+
 }  // namespace
 
 void set_start(const Model& model, const Options& options, Vec u) {
@@ -42,6 +76,8 @@ void set_start(const Model& model, const Options& options, Vec u) {
   const PetscInt seed = options.integer("init_seed");
   Orbit orbit;
   Train train;
+  Frame frame;
+  if (type == "file") frame = frame_for(s, options);
   double turns = 0;
   if (type == "wave" && !s.ring())
     throw UsageError("init_type wave needs a ring: bc_left periodic, not " + to_string(s.left));
@@ -71,6 +107,8 @@ void set_start(const Model& model, const Options& options, Vec u) {
       psi = orbit.psi_at(turns * x / s.length);
     } else if (type == "wave") {
       psi = train.psi_at(turns * x / s.length);
+    } else if (type == "file") {
+      psi = frame.fields["psi"][static_cast<std::size_t>(model.first() + i)];
     }
     const bool held_end = s.form == Form::continuum && model.held(model.first() + i);
     if (held_end) jump = std::max(jump, std::abs(psi - (model.first() + i == 0 ? s.left_value : s.right_value)));
@@ -81,7 +119,10 @@ void set_start(const Model& model, const Options& options, Vec u) {
     if (dof == 3) {
       if (type == "pulses") state = orbit.state_at(phase);
       else if (type == "wave") state = train.state_at(phase);
-      else if (options.text("init_state") == "steady") state = model.steady_state(psi != 0 ? psi : s.v);
+      else if (type == "file" && !options.is_set("init_state"))
+        state = state_from_output(s.friction.state, frame.fields[state_name(s.friction.state)]
+                                                        [static_cast<std::size_t>(model.first() + i)]);
+      else if (options.text("init_state") == "steady") state = steady_start(model, psi);
       else state = state_from_output(s.friction.state, options.real("init_state"));
       if (!std::isfinite(state)) no_state = true;
       at[2] = state;
@@ -89,6 +130,8 @@ void set_start(const Model& model, const Options& options, Vec u) {
     const double resistance = s.B() * psi + model.friction(i, psi, state).F;
     if (type == "pulses") at[1] = orbit.eta_at(phase);
     else if (type == "wave") at[1] = train.eta_at(phase);
+    else if (type == "file" && !options.is_set("init_eta"))
+      at[1] = frame.fields["eta"][static_cast<std::size_t>(model.first() + i)];
     else at[1] = eta_steady ? resistance : options.real("init_eta");
     if (held_end) slope = std::max(slope, std::abs(s.A() * (at[1] - resistance)));
   }

@@ -144,6 +144,14 @@ struct Integrator::Impl {
     });
   }
 
+  // Newton's step, before the line search takes it.
+  static PetscErrorCode TameStep(SNESLineSearch, Vec u, Vec minus_step, PetscBool* changed, void* context) {
+    return guarded([&] {
+      auto& self = *static_cast<Impl*>(context);
+      *changed = self.model.tame_newton_step(u, self.last_shift, minus_step) ? PETSC_TRUE : PETSC_FALSE;
+    });
+  }
+
   static PetscErrorCode PreStep(TS ts) {
     return guarded([&] {
       void* context;
@@ -356,6 +364,8 @@ struct Integrator::Impl {
     const double own = std::sqrt(model.scene().A() * model.scene().K0());
     const double accurate = 40 * (own > 0 ? own : 1);
     stiff_friction = friction > 3 * std::max(wave, accurate);
+    // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no bound.
+    if (model.scene().friction.law == Law::rate_and_state) stiff_friction = true;
     stiff_wave = wave > 10 * std::max(friction, accurate);
     fastest = std::max(wave, friction);
   }
@@ -368,6 +378,7 @@ struct Integrator::Impl {
     double rate = model.friction_rate(u);
     const Scene& s = model.scene();
     if (s.friction.law == Law::cubic) rate = std::max(rate, s.A() * std::abs(s.B() + 3));
+    if (model.dof() == 3 && s.v != 0) rate = std::max(rate, -model.state_rate(s.v, model.steady_state(s.v)).g_state);
     if (s.friction.regularised) rate = std::max(rate, s.A() * (s.B() + 1 / s.friction.eps));
     return rate;
   }
@@ -459,6 +470,9 @@ struct Integrator::Impl {
         if (set) tolerance = std::min(tolerance, double(value));
       }
       SS_TRY(SNESSetTolerances(snes, 1e-50, std::clamp(1e-3 * tolerance, 1e-13, 1e-9), 1e-13, 30, 10000));
+      SNESLineSearch search;
+      SS_TRY(SNESGetLineSearch(snes, &search));
+      SS_TRY(SNESLineSearchSetPreCheck(search, TameStep, this));
     }
     if (implicit == Implicit::friction || implicit == Implicit::none) {
       SS_TRY(PCSetType(pc, PCPBJACOBI));

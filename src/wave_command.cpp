@@ -48,7 +48,7 @@ void add_train(ResultFile& file, const Scene& scene, const Train& train) {
   file.add(standard_field("psi"), {"x"}, psi);
   file.add(standard_field("eta"), {"x"}, eta);
   const StateLaw law = scene.friction.state;
-  if (law != StateLaw::none) file.add(standard_field(law == StateLaw::healing ? "tau" : "theta"), {"x"}, state);
+  if (law != StateLaw::none) file.add(standard_field(state_name(law)), {"x"}, state);
   const RunLayout layout = RunLayout::of(scene);
   for (const auto& [name, value] : layout.numbers) file.attribute(name, value);
   file.scale({"friction/psi", "length/time", "sliding velocity"}, layout.friction_psi);

@@ -7,6 +7,8 @@
 //     double rate(psi, s)              g                                    (only with a state)
 //     RatePartials rate_partials(psi, s)
 //     double steady_state(psi)         the s with g(psi, s) = 0; infinite where there is none
+// and, where F is too steep at rest for Newton's method, static constexpr bool steep = true with
+//     double newton_psi(psi, s, psi_new, s_new, mass)   (see RateAndState)
 // dispatch_friction() turns the parameters of a scene into the class; it is the one place where laws are listed.
 //
 // The state s that is stored and advanced is tau itself for `healing`, and ln(theta) for the laws in theta, so
@@ -25,6 +27,7 @@
 // Regularised: sgn(psi) -> tanh(psi/eps), |psi| -> psi tanh(psi/eps). On the exact sliding branch sgn(0) = 0.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -154,6 +157,7 @@ struct ContactAge : AgeingKinetics {
 template <class LawOfVelocity, class State>
 struct Friction {
   static constexpr bool has_state = State::has_state;
+  static constexpr bool steep = false;
   LawOfVelocity law;
   State state;
 
@@ -190,33 +194,56 @@ struct Friction {
   }
 };
 
-// Regularised Dieterich-Ruina friction. The argument of asinh is kept as a logarithm, since exp(mu0/a) overflows for
-// a below mu0/700.
+// Regularised Dieterich-Ruina friction. The argument q of asinh is kept as a logarithm, since exp(mu0/a) overflows
+// for a below mu0/700.
 template <class Kinetics>
 struct RateAndState {
   static constexpr bool has_state = true;
+  static constexpr bool steep = true;
   double a, b, D, mu0, psi0;
   Kinetics state;
 
+  // l = (mu0 + b ln(psi0 theta/D))/a, so that q = psi/(2 psi0) exp(l)
+  double exponent(double s) const { return (mu0 + b * (std::log(psi0 / D) + s)) / a; }
+
   double force(double psi, double s) const { return partials(psi, s).F; }
   Partials partials(double psi, double s) const {
-    // q = |psi|/(2 psi0) exp(l), l = (mu0 + b ln(psi0 theta/D))/a;  F = a asinh(q) sgn(psi)
-    const double l = (mu0 + b * (std::log(psi0 / D) + s)) / a;
-    const double magnitude = std::abs(psi), sign = psi < 0 ? -1. : 1.;
+    const double l = exponent(s), magnitude = std::abs(psi), sign = psi < 0 ? -1. : 1.;
     const double lq = magnitude > 0 ? std::log(magnitude / (2 * psi0)) + l : -std::numeric_limits<double>::infinity();
-    if (lq > 300) {  // asinh(q) = ln(2 q) to the last digit, q/sqrt(1 + q^2) = 1
+    if (lq > 20) {  // beyond: asinh(q) = ln(2 q), q/sqrt(1 + q^2) = 1 to the last digit
       return {sign * a * (lq + std::log(2.)), a / magnitude, sign * b};
     }
-    const double slope = std::exp(l > 700 ? 700 : l) / (2 * psi0), q = magnitude * slope, root = std::sqrt(1 + q * q);
+    // At rest alone is the slope in danger of overflow.
+    const double slope = std::exp(std::min(l, 600.)) / (2 * psi0), q = std::exp(lq), root = std::sqrt(1 + q * q);
     return {sign * a * std::asinh(q), a * slope / root, sign * b * q / root};
   }
   RatePartials rate_partials(double psi, double s) const { return state.rate_partials(psi, s); }
   double rate(double psi, double s) const { return state.rate_partials(psi, s).g; }
   double steady_state(double psi) const { return state.steady_state(psi); }
+
+  // Where Newton's method on  mass psi + F(psi, s) = given,  at (psi, s), with its step to (psi_new, s_new), should go
+  // instead. Over decades of velocity F is a logarithm, on which Newton's steps in psi shoot through zero, while
+  // steps in F are exact; where the mass outweighs friction it is the other way round. For psi > 0 the left side is
+  // concave in psi and convex in F, so that the two steps enclose the solution; of the enclosed values the one
+  // nearest to psi = a/mass, where both terms weigh alike, makes the most of either.
+  double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
+    const Partials p = partials(psi, s);
+    const double y = (p.F + p.F_psi * (psi_new - psi) + p.F_state * (s_new - s)) / a;  // F/a after the step
+    // psi = 2 psi0 exp(-l) sinh(y), as a logarithm
+    const double l = exponent(s_new), m = std::abs(y);
+    const double log_sinh = m > 20 ? m - std::log(2.) : std::log(std::sinh(m));
+    const double magnitude = 2 * psi0 * std::exp(std::min(log_sinh - l, 600.));
+    const double by_force = y < 0 ? -magnitude : magnitude;
+    if (by_force * psi <= 0) return std::abs(by_force) < std::abs(psi_new) ? by_force : psi_new;
+    const double sign = psi < 0 ? -1. : 1., low = std::min(sign * psi_new, magnitude);
+    const double high = std::max(sign * psi_new, magnitude);
+    return sign * std::min(std::max(a / mass, low), high);
+  }
 };
 
 // What the stored state means outside: tau itself, or theta = exp(s).
 inline bool state_is_logarithmic(StateLaw law) { return law != StateLaw::none && law != StateLaw::healing; }
+inline const char* state_name(StateLaw law) { return law == StateLaw::healing ? "tau" : "theta"; }
 inline double state_to_output(StateLaw law, double s) { return state_is_logarithmic(law) ? std::exp(s) : s; }
 inline double state_from_output(StateLaw law, double s) { return state_is_logarithmic(law) ? std::log(s) : s; }
 
@@ -246,8 +273,8 @@ decltype(auto) dispatch_friction(const FrictionParameters& p, Body&& body) {
       return detail::with_state(p, Coulomb<SignExact>{{}, p.fs, p.fd, 0}, body);
     case Law::rate_and_state:
       if (p.state == StateLaw::slip)
-        return body(RateAndState<SlipKinetics>{p.a, p.b, p.D, p.mu0, p.psi0, {p.state_D}});
-      return body(RateAndState<AgeingKinetics>{p.a, p.b, p.D, p.mu0, p.psi0, {p.state_D}});
+        return body(RateAndState<SlipKinetics>{p.a, p.b, p.D, p.mu0, p.psi0, {p.D}});
+      return body(RateAndState<AgeingKinetics>{p.a, p.b, p.D, p.mu0, p.psi0, {p.D}});
     default:
       return detail::with_state(p, Cubic{}, body);
   }

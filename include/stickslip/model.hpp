@@ -54,6 +54,11 @@ class Model {
   // J = alpha I + beta d(rhs part)/du at u. Collective.
   void jacobian(Part part, Vec u, double alpha, double beta, Mat J) const;
 
+  // For Newton's method on  shift u - rhs(u) = given  (the stages of implicit methods): replaces its step -`minus_step`
+  // at u by one that converges where friction is steep. False where the law needs nothing of the kind; then
+  // minus_step is as it was. Local to each rank.
+  bool tame_newton_step(Vec u, double shift, Vec minus_step) const;
+
   // Sets psi, eta of held nodes to their values, with the state as it stands. Collective.
   void set_held(Vec u) const;
 

@@ -30,10 +30,10 @@ struct FrictionParameters {
   double eps = 1e-3;         // velocity of the regularisation
   double fs = 1, fd = 0.5;   // coulomb: static threshold and dynamic friction
   double weakening = 1e-2;   // coulomb, regularised: slip velocity over which friction falls from fs to fd
-  double a = 0.01, b = 0.015, D = 1, mu0 = 0.6, psi0 = 1;  // rate-and-state (psi0: reference velocity)
+  double a = 0.05, b = 0.1, D = 0.1, mu0 = 0.6, psi0 = 1;  // rate-and-state (psi0: reference velocity)
   bool back_slip = true;
   StateLaw state = StateLaw::none;
-  double t_h = 1, tau_inf = 2, state_D = 1;  // healing time, static strength at rest, slip distance
+  double t_h = 1, tau_inf = 2, state_D = 1;  // healing time, static strength at rest, slip distance (rate-and-state: D)
   double state_b = 0.1, theta0 = 1;          // contact-age
 };
 
@@ -74,6 +74,10 @@ const std::vector<Law>& all_laws();
 bool has_threshold(Law law);  // F may take any value up to a threshold at psi = 0
 // The options of family friction_ that mean nothing to this law.
 std::vector<const char*> friction_options_of_other_laws(Law law);
+std::vector<StateLaw> all_state_laws();
+// Whether a scene may have the two together: none, healing and contact-age are factors of a law of one velocity
+// (healing of one with a threshold); ageing and slip are rate-and-state's.
+bool belong_together(Law law, StateLaw state);
 
 std::string to_string(Form form);
 std::string to_string(Law law);
