@@ -243,6 +243,15 @@ def pictures():
     for what in ("xt", "profile", "phase", "probes", "series"):
         out = plot("reference1.h5", "--what", what, "-o", f"{what}.png")
         check(out.returncode == 0 and open(f"{what}.png", "rb").read(8) == b"\x89PNG\r\n\x1a\n", what + out.stderr)
+    for kind, options in {"spectrum": ["-grid_n", 64, "-bc_left", "velocity"],
+                          "wave": ["-wave_pulses", 2, "-wave_length", 60]}.items():
+        out = subprocess.run([PROGRAM, kind, *map(str, options), "-out_file", f"{kind}.h5"], capture_output=True,
+                             text=True, timeout=60)
+        check(out.returncode == 0, kind + out.stderr)
+        with xarray.open_dataset(f"{kind}.h5", engine="h5netcdf") as data:
+            check(data.attrs["kind"] == kind and "x" in data.coords, f"xarray opens the file of {kind}")
+        out = plot(f"{kind}.h5")
+        check(out.returncode == 0 and os.path.getsize(f"{kind}.png") > 10000, kind + out.stderr)
     for arguments in (["notes.txt"], ["foreign.h5"], ["none.h5"], ["folder"], ["a.h5", "--probes"],
                       ["reference1.h5", "--profile", "--frame", "5000"], ["a.h5", "-o", "none/a.png"],
                       ["a.h5", "--field", "tau"], [sorted(glob.glob("stop.chk-*.h5"))[-1]]):
