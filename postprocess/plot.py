@@ -427,7 +427,7 @@ def draw(path, args):
             raise Unusable(f"is damaged or incomplete: {str(error).splitlines()[0]}") from error
 
 
-def main():
+def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", metavar="FILE", help="HDF5 file that stickslip wrote")
     parser.add_argument("-o", "--output", metavar="OUT.png", help="default: FILE with .png (and -WHAT before it)")
@@ -436,7 +436,7 @@ def main():
         parser.add_argument("--" + name, dest="what", action="store_const", const=name, help=f"short for --what {name}")
     parser.add_argument("--field", metavar="NAME", help="xt: field to draw (psi)")
     parser.add_argument("--frame", type=int, metavar="N", help="profile, phase: frame, from 0 (the last)")
-    args = parser.parse_args()
+    args = parser.parse_args(arguments)
     output = args.output
     if not output:
         output = os.path.splitext(args.file)[0] + (f"-{args.what}" if args.what not in (None, "xt") else "") + ".png"
