@@ -177,8 +177,9 @@ def draw_profile(file, args):
     return figure
 
 
-def phase_background(axes, file, low, high):
-    """Nullclines of uniform sliding in the (psi, eta) plane and its fixed point, filled where it is stable."""
+def draw_nullclines(axes, file, low, high, uniform=True):
+    """Nullclines in the (psi, eta) plane and the fixed point, filled where sliding there is stable; that of eta for a
+    uniform state, else the line psi = v."""
     if "friction" not in file or "A" not in file.attrs:
         return
     B, K0, s_delta, v = (float(file.attrs[k]) for k in ("B", "K0", "s_delta", "v"))
@@ -188,13 +189,13 @@ def phase_background(axes, file, low, high):
     if len(psi) > 1:
         balance = "η = F(ψ)" if B == 0 else "η = Bψ + F(ψ)"
         axes.plot(psi, B * psi + F, color="0.45", lw=1.1, label=f"ψ at rest: {balance}", zorder=1)
-        if s_delta != 0:
+        if s_delta != 0 and uniform:
             ends = axes.get_ylim()
             axes.plot(psi, F + K0 * (v - psi) / s_delta, color="0.45", lw=1.1, ls="--", zorder=1,
                       label="η at rest: K₀(v − ψ) = sδ(η − F(ψ))")
             axes.set_ylim(ends)
         else:
-            axes.axvline(v, color="0.45", lw=1.1, ls="--", zorder=1, label="η at rest: ψ = v")
+            axes.axvline(v, color="0.45", lw=1.1, ls="--", zorder=1, label="η at rest: ψ = v" if uniform else "ψ = v")
     if "steady_eta" in file.attrs:
         stable = bool(file.attrs["steady_stable"])
         axes.plot([v], [file.attrs["steady_eta"]], "o", ms=7, mec="k", mfc="k" if stable else "w", ls="none", zorder=5,
@@ -225,7 +226,7 @@ def draw_phase(file, args):
               marker="." if len(psi) <= 2000 else None, ms=3.5, label=f"the {'blocks' if chain else 'nodes'}, in order of x")
     if chain:
         axes.plot(psi, eta, ".", color=COLOURS[0], ms=4, zorder=4)
-    phase_background(axes, file, *axes.get_xlim())
+    draw_nullclines(axes, file, *axes.get_xlim())
     axes.set(xlabel="ψ", ylabel="η")
     set_title(axes, f"t = {file['t'][frame]:.6g}: {scene_title(file)}")
     legend_below(axes, 2)
@@ -288,6 +289,78 @@ def draw_run(file, args):
     return RUN_PICTURES[args.what or "xt"](file, args)
 
 
+# ---- spectrum -------------------------------------------------------------------------------------------------------
+
+def draw_spectrum(file, args):
+    """The eigenvalues in the complex plane; steady sliding and the rightmost resolved eigenvector over x."""
+    re, im, resolved = file["re"][...], file["im"][...], file["resolved"][...] > 0
+    if len(re) == 0:
+        raise Unusable("holds no eigenvalue")
+    figure = Figure(figsize=(10.0, 4.8), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    # J is real: with an eigenvalue its conjugate is one, whether it is listed or not
+    for sign in (1, -1):
+        for chosen, face, name in ((resolved, COLOURS[0], "resolved by the grid"), (~resolved, "w", "not resolved")):
+            if chosen.any():
+                left.plot(re[chosen], sign * im[chosen], "o", ms=5, mec=COLOURS[0] if face != "w" else "0.5", mfc=face,
+                          label=name if sign == 1 else None)
+    least = 0.05 * max(1e-12, np.abs(im).max(), np.abs(re).max())
+    middle = (min(re.min(), 0) + max(re.max(), 0)) / 2
+    half = max(0.6 * (max(re.max(), 0) - min(re.min(), 0)), least)
+    left.set_xlim(middle - half, middle + half)
+    left.axvspan(0, middle + half, color=COLOURS[1], alpha=0.08, lw=0, label="growing")
+    left.axvline(0, color="0.4", lw=0.8)
+    left.set(xlabel="Re λ   (growth rate)", ylabel="Im λ   (frequency)")
+    legend_below(left, 3)
+    x = file["x"][...]
+    first = max(range(len(re)), key=lambda k: (bool(resolved[k]), re[k]))
+    vector = file["psi_re"][first] + 1j * file["psi_im"][first]
+    size = np.abs(vector).max()
+    if size > 0:
+        vector = vector * np.exp(-1j * np.angle(vector[np.argmax(np.abs(vector))])) / size
+    right.plot(x, file["steady_psi"][...], color="0.55", lw=1.1, label="steady ψ")
+    right.plot(x, vector.real, color=COLOURS[0], lw=1.1, label="Re")
+    right.plot(x, vector.imag, color=COLOURS[1], lw=1.1, label="Im")
+    right.plot(x, np.abs(vector), color="k", lw=1.2, ls=":", label="modulus")
+    right.set(xlabel="x", ylabel="ψ")
+    right.margins(x=0)
+    imaginary = f" ± {abs(im[first]):.6g} i" if im[first] != 0 else ""
+    right.set_title(f"Eigenvector of λ = {re[first]:.6g}{imaginary}", fontsize=10)
+    legend_below(right, 4)
+    figure.suptitle(textwrap.fill(scene_title(file), 110), fontsize=10)
+    return figure
+
+
+# ---- wave -----------------------------------------------------------------------------------------------------------
+
+def draw_wave(file, args):
+    """Profile and phase portrait of a train."""
+    x, psi, eta = (file[k][...] for k in ("x", "psi", "eta"))
+    figure = Figure(figsize=(10.5, 5.0), layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=[1.25, 1])
+    for k, (name, values) in enumerate((("psi", psi), ("eta", eta))):
+        axes = figure.add_subplot(grid[k, 0])
+        axes.plot(x, values, color=COLOURS[k])
+        axes.set_ylabel(SYMBOL[name])
+        axes.margins(x=0)
+        if k == 0:
+            axes.tick_params(labelbottom=False)
+    axes.set_xlabel("x")
+    phase = figure.add_subplot(grid[:, 1])
+    phase.plot(psi, eta, color=COLOURS[0], lw=1.2, zorder=3, label="the train")
+    phase.margins(0.08)
+    low, high = phase.get_xlim()
+    phase.set_ylim(phase.get_ylim())
+    draw_nullclines(phase, file, low, high, uniform=False)
+    phase.set(xlabel="ψ", ylabel="η", xlim=(low, high))
+    legend_below(phase, 2)
+    pulses = int(file.attrs["pulses"])
+    figure.suptitle(f"{pulses} pulse{'s' if pulses > 1 else ''}, V = {file.attrs['speed']:.8g}, "
+                    f"L = {file.attrs['length']:.8g}, period {file.attrs['period']:.8g}\n"
+                    + textwrap.fill(scene_title(file), 110), fontsize=10)
+    return figure
+
+
 # ---- laws -----------------------------------------------------------------------------------------------------------
 
 def draw_laws(file, args):
@@ -327,7 +400,7 @@ def draw_laws(file, args):
     return figure
 
 
-KINDS = {"run": draw_run, "laws": draw_laws}
+KINDS = {"run": draw_run, "laws": draw_laws, "spectrum": draw_spectrum, "wave": draw_wave}
 
 
 def draw(path, args):
@@ -354,7 +427,7 @@ def draw(path, args):
             raise Unusable(f"is damaged or incomplete: {str(error).splitlines()[0]}") from error
 
 
-def main():
+def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("file", metavar="FILE", help="HDF5 file that stickslip wrote")
     parser.add_argument("-o", "--output", metavar="OUT.png", help="default: FILE with .png (and -WHAT before it)")
@@ -363,7 +436,7 @@ def main():
         parser.add_argument("--" + name, dest="what", action="store_const", const=name, help=f"short for --what {name}")
     parser.add_argument("--field", metavar="NAME", help="xt: field to draw (psi)")
     parser.add_argument("--frame", type=int, metavar="N", help="profile, phase: frame, from 0 (the last)")
-    args = parser.parse_args()
+    args = parser.parse_args(arguments)
     output = args.output
     if not output:
         output = os.path.splitext(args.file)[0] + (f"-{args.what}" if args.what not in (None, "xt") else "") + ".png"

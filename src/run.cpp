@@ -226,6 +226,7 @@ class Run {
     std::sort(all.begin(), all.end());
     all.erase(std::unique(all.begin(), all.end()), all.end());
     integrator_->set_output_times(all);
+    if (!frames_.empty() && !integrator_->interpolation_caveat().empty()) warn(integrator_->interpolation_caveat());
     samples_ = std::move(samples);
     if (!options_.is_set("out_file")) {
       if (checkpoint_every_.steps > 0 || checkpoint_every_.seconds > 0)

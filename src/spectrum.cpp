@@ -39,29 +39,39 @@ double rounding(const Sliding& s, Complex lambda) {
 
 }  // namespace
 
+// It is known where D2 is symmetric: p times the weight, or its conjugate where all nodes are alike (a travelling wave).
+std::vector<Complex> left_vector(const Sliding& s, const Mode& mode) {
+  std::vector<Complex> w = mode.psi;
+  if (s.symmetric) {
+    for (std::size_t i = 0; i < w.size(); ++i) w[i] = s.weight[i] * (s.uniform ? std::conj(w[i]) : w[i]);
+    return w;
+  }
+  BandLU lu;
+  s.factor(mode.value, lu);
+  for (int k = 0; k < 2; ++k) {
+    s.solve_transposed(lu, w);
+    normalise(w);
+  }
+  return w;
+}
+
 namespace {
 
 // lambda with w S(lambda) p = 0, w the left eigenvector: an error of p enters squared, and D2 is taken by differences,
-// so that round-off of size 1/h^2 stays out. The left eigenvector is known where D2 is symmetric: p times the weight,
-// or its conjugate where all nodes are alike. Elsewhere lambda stays what it was.
+// so that round-off of size 1/h^2 stays out.
 Complex stationary_value(const Sliding& s, const Mode& mode) {
   if (!s.symmetric) return mode.value;
   const std::vector<Complex>& p = mode.psi;
+  const std::vector<Complex> w = left_vector(s, mode);
   Complex lambda = mode.value;
   for (int k = 0; k < 2; ++k) {
     const std::vector<Complex> r = s.apply(lambda, p), slope = s.apply_slope(lambda, p);
-    Complex above = 0, below = 0, above_conj = 0, below_conj = 0;
+    Complex above = 0, below = 0;
     double size = 0;
     for (std::size_t i = 0; i < p.size(); ++i) {
-      above += s.weight[i] * p[i] * r[i];
-      below += s.weight[i] * p[i] * slope[i];
-      above_conj += s.weight[i] * std::conj(p[i]) * r[i];
-      below_conj += s.weight[i] * std::conj(p[i]) * slope[i];
-      size += s.weight[i] * std::abs(p[i] * p[i] * (2. * lambda / s.A));
-    }
-    if (s.uniform) {
-      above = above_conj;
-      below = below_conj;
+      above += w[i] * r[i];
+      below += w[i] * slope[i];
+      size += std::abs(w[i] * p[i] * (2. * lambda / s.A));
     }
     if (std::abs(below) < 0.1 * size) return mode.value;  // nearly double: not to be trusted
     lambda -= above / below;
@@ -409,18 +419,15 @@ void add_mirror_images(const Sliding& s, std::vector<Mode>& modes) {
   merge(modes, std::move(images));
 }
 
+}  // namespace
+
 bool is_neutral(const Sliding& s, const Mode& m) {
   return s.neutral() && std::abs(m.value) < 1e-6 * (std::abs(s.A * s.mean_beta()) + std::sqrt(s.A * s.K1)) &&
          m.wavenumber * (s.scene.form == Form::chain ? double(s.scene.n) : s.scene.length) < 1;
 }
 
-}  // namespace
-
-namespace {
-
-// The frequency up to which the grid carries waves with less than 1 % of error; beyond it no mode of the continuum is
-// to be had from this grid.
 double resolved_frequency(const Sliding& s) {
+  if (s.scene.form == Form::chain) return s.imaginary_bound();
   const double k_max = M_PI / s.scene.h();
   if (s.dispersion_error(k_max) < 0.01) return s.imaginary_bound();
   double low = 0, high = k_max;
@@ -428,6 +435,8 @@ double resolved_frequency(const Sliding& s) {
   const double K = s.K0 + s.K1 * symbol(s.scene.order, s.scene.h(), low);
   return std::sqrt(s.A * K);
 }
+
+namespace {
 
 // A mode's psi on the grid of half the spacing: cubic between the nodes.
 std::vector<Complex> interpolate(const Sliding& coarse, const Sliding& fine, const std::vector<Complex>& p) {
@@ -740,7 +749,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
   }
   modes = std::move(shown);
   double change = 0;
-  if (refine) {
+  if (refine && settings.compare) {
     change = compare_grids(s, modes);
     for (Mode& m : modes) m.resolved = m.resolved && in_reach(m);
   }

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "step_forecast.hpp"
 #include "stickslip/error.hpp"
+#include "stickslip/methods.hpp"
+#include "stickslip/ode.hpp"
 
 namespace stickslip {
 
@@ -41,13 +44,6 @@ Split split_of(Implicit implicit) {
   }
 }
 
-bool one_of(const std::string& text, std::initializer_list<const char*> list) {
-  return std::any_of(list.begin(), list.end(), [&](const char* item) { return text == item; });
-}
-
-bool is_explicit(const std::string& type) { return one_of(type, {TSRK, TSSSP, TSEULER}); }
-bool is_imex(const std::string& type) { return one_of(type, {TSARKIMEX}); }
-
 // Local part of "is every entry finite": x - x is 0 for finite x and NaN otherwise, and NaN stays.
 bool locally_finite(Vec u) {
   const double* a;
@@ -60,6 +56,19 @@ bool locally_finite(Vec u) {
   return sum == 0;
 }
 
+// Weights of slopes at the points i/(count - 1) in the integral of their interpolating polynomial over [0, s].
+std::vector<double> integration_weights(int count, double s) {
+  const auto n = static_cast<std::size_t>(count);
+  std::vector<double> powers(n * n), weights(n);
+  double power = s;
+  for (std::size_t k = 0; k < n; ++k, power *= s) {
+    weights[k] = power / double(k + 1);
+    for (std::size_t i = 0; i < n; ++i) powers[k * n + i] = std::pow(double(i) / double(n - 1), double(k));
+  }
+  solve_dense(count, powers.data(), 1, weights.data());
+  return weights;
+}
+
 }  // namespace
 
 struct Integrator::Impl {
@@ -68,18 +77,28 @@ struct Integrator::Impl {
   TsHandle ts;
   MatHandle J;
   std::string type, subtype;
+  const Method* method = nullptr;
+  bool adaptive = false;
+  bool started = false;        // a step has been accepted
+  PetscInt stage = 0;          // the stage that was computed last
+  PetscInt last_stage = -1;    // of rk
+  bool first_same_as_last = false, checked_last = false;
   Implicit implicit = Implicit::none;
   Split split{};
   double last_shift = std::numeric_limits<double>::quiet_NaN();
   TimeReport report;
   long evaluations_before = 0;
 
-  // dense output
+  // dense output: by TS, or by a polynomial of degree own_degree through u and its slopes
   std::vector<double> output_times;
   std::size_t next_output = 0;
-  bool own_interpolation = false;  // cubic Hermite, where TS interpolates at order 2 only
-  VecHandle before, slope_before, slope_after;
-  bool kept_before = false, kept_after = false;
+  int own_degree = 0;
+  VecHandle before;
+  std::vector<VecHandle> slopes, better_slopes;  // at equal distances over the step
+  int degree_now = 0;                            // of the polynomial that `slopes` stand for; 0: none yet
+  bool kept_before = false;
+  bool undo_exactly = false;   // see PreStage
+  PetscInt rejections_seen = 0;
   double t_before = 0;
   const Observer* observer = nullptr;
   double t_end = 0;
@@ -141,15 +160,65 @@ struct Integrator::Impl {
       double dt;
       SS_TRY(TSGetTime(ts, &self.t_before));
       SS_TRY(TSGetTimeStep(ts, &dt));
-      self.kept_before = self.kept_after = false;
+      self.kept_before = false;
+      self.degree_now = 0;
       // A rejected step is only ever repeated with a smaller dt, so that this tells whether an output may fall in.
-      if (self.own_interpolation && self.output_due(self.t_before + dt * (1 + 1e-12))) {
+      if (self.undo_exactly ||
+          (self.own_degree > 0 && self.output_due(self.t_before + dt * (1 + 1e-12)))) {
         Vec u;
         SS_TRY(TSGetSolution(ts, &u));
         SS_TRY(VecCopy(u, self.before));
         self.kept_before = true;
+        SS_TRY(TSGetStepRejections(ts, &self.rejections_seen));
       }
     });
+  }
+
+  // PETSc undoes a rejected step of rk and arkimex by subtracting what it added, which after a step far too large
+  // leaves nothing of u but round-off. So u is put back from a copy before the step is tried again.
+  static PetscErrorCode PreStage(TS ts, PetscReal) {
+    return guarded([&] {
+      void* context;
+      SS_TRY(TSGetApplicationContext(ts, &context));
+      auto& self = *static_cast<Impl*>(context);
+      PetscInt rejections;
+      SS_TRY(TSGetStepRejections(ts, &rejections));
+      if (rejections == self.rejections_seen) return;
+      self.rejections_seen = rejections;
+      Vec u;
+      SS_TRY(TSGetSolution(ts, &u));
+      SS_TRY(VecCopy(self.before, u));
+    });
+  }
+
+  static PetscErrorCode PostStage(TS ts, PetscReal, PetscInt index, Vec*) {
+    return guarded([&] {
+      void* context;
+      SS_TRY(TSGetApplicationContext(ts, &context));
+      static_cast<Impl*>(context)->stage = index;
+    });
+  }
+
+  // Adaptive methods only: a stage that is not finite rejects the step, which PETSc would accept, since no
+  // comparison with NaN is true. What goes wrong in an early stage of rk reaches the last one, so that later
+  // steps look at that alone.
+  static PetscErrorCode DomainError(TS ts, PetscReal, Vec u, PetscBool* accept) {
+    return guarded([&] {
+      void* context;
+      SS_TRY(TSGetApplicationContext(ts, &context));
+      auto& self = *static_cast<Impl*>(context);
+      *accept = PETSC_TRUE;
+      const bool last = self.stage == self.last_stage;
+      if (self.last_stage >= 0 && self.started && !last) return;
+      *accept = self.finite(u) ? PETSC_TRUE : PETSC_FALSE;
+      self.checked_last = last;
+    });
+  }
+
+  bool finite(Vec u) const {
+    int all = locally_finite(u) ? 1 : 0;
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &all, 1, MPI_INT, MPI_MIN, model.comm()));
+    return all != 0;
   }
 
   static PetscErrorCode PostStep(TS ts) {
@@ -172,26 +241,61 @@ struct Integrator::Impl {
     SS_TRY(TSGetSolution(ts, &u));
     if (at == t) {
       SS_TRY(VecCopy(u, into));
-    } else if (!own_interpolation) {
+    } else if (own_degree == 0) {
       SS_TRY(TSInterpolate(ts, at, into));
     } else {
       if (!kept_before) throw std::logic_error("interpolation at a time that was not announced");
-      const double h = t - t_before, s = (at - t_before) / h;
-      if (!kept_after) {
-        model.rhs(Part::full, before, slope_before);
-        model.rhs(Part::full, u, slope_after);
-        kept_after = true;
-        // A run that is about to explode: psi is finite still, its cube is not.
-        int finite = locally_finite(slope_after) ? 1 : 0;
-        SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &finite, 1, MPI_INT, MPI_MIN, model.comm()));
-        if (!finite) throw Failure("the right-hand side is not finite at t = " + std::to_string(t) + ": " + advice(h));
-      }
-      const double weights[] = {(1 + 2 * s) * (1 - s) * (1 - s), s * s * (3 - 2 * s), h * s * (1 - s) * (1 - s),
-                                h * s * s * (s - 1)};
-      Vec terms[] = {before, u, slope_before, slope_after};
-      SS_TRY(VecZeroEntries(into));
-      SS_TRY(VecMAXPY(into, 4, weights, terms));
+      refine(u, t - t_before);
+      polynomial(degree_now, u, t - t_before, (at - t_before) / (t - t_before), into);
     }
+  }
+
+  // The cubic through u and its slopes at both ends of the step errs by dt^4. Slopes of that cubic inside the step err
+  // by as much, times dt in their integral: the quartic through them errs by dt^5, and so on, one order for each round
+  // of new slopes. Only for explicit methods, whose steps are short enough for it.
+  void refine(Vec u, double dt) {
+    if (degree_now == own_degree) return;
+    const auto slope_at = [](std::vector<VecHandle>& list, int i) -> VecHandle& {
+      return list[static_cast<std::size_t>(i)];
+    };
+    while (static_cast<int>(slopes.size()) < std::max(2, own_degree)) {
+      slopes.push_back(model.create_vector());
+      better_slopes.push_back(model.create_vector());
+    }
+    model.rhs(Part::full, before, slope_at(slopes, 0));
+    model.rhs(Part::full, u, slope_at(slopes, 1));
+    degree_now = 3;
+    for (int degree = 4; degree <= own_degree; ++degree) {
+      const int count = degree;  // slopes of a polynomial of this degree
+      const int last = degree_now == 3 ? 1 : degree_now - 1;
+      for (int i = 1; i + 1 < count; ++i) {
+        polynomial(degree_now, u, dt, double(i) / double(count - 1), work);
+        model.rhs(Part::full, work, slope_at(better_slopes, i));
+      }
+      std::swap(slope_at(better_slopes, 0), slope_at(slopes, 0));
+      std::swap(slope_at(better_slopes, count - 1), slope_at(slopes, last));
+      std::swap(slopes, better_slopes);
+      degree_now = degree;
+    }
+  }
+  VecHandle work;
+
+  void polynomial(int degree, Vec u, double dt, double s, Vec into) {
+    std::vector<double> weights;
+    std::vector<Vec> terms;
+    if (degree == 3) {
+      weights = {(1 + 2 * s) * (1 - s) * (1 - s), s * s * (3 - 2 * s), dt * s * (1 - s) * (1 - s),
+                 dt * s * s * (s - 1)};
+      terms = {before, u, slopes[0], slopes[1]};
+    } else {
+      weights = integration_weights(degree, s);
+      for (double& w : weights) w *= dt;
+      for (int i = 0; i < degree; ++i) terms.push_back(slopes[static_cast<std::size_t>(i)]);
+      weights.push_back(1);
+      terms.push_back(before);
+    }
+    SS_TRY(VecZeroEntries(into));
+    SS_TRY(VecMAXPY(into, static_cast<PetscInt>(terms.size()), weights.data(), terms.data()));
   }
 
   void update_report() {
@@ -216,17 +320,19 @@ struct Integrator::Impl {
 
   void after_step() {
     const Step step = step_now();
-    int finite = locally_finite(step.u) ? 1 : 0;
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &finite, 1, MPI_INT, MPI_MIN, model.comm()));
     const double reached = report.t;
+    const bool known = adaptive && first_same_as_last && checked_last;  // the last stage is the solution
+    checked_last = false;
     update_report();
-    if (!finite) {
+    if (!known && !finite(step.u)) {
       report.t = reached;
-      double tried;
-      SS_TRY(TSGetPrevTime(ts, &tried));
       throw Failure("the solution is not finite after step " + std::to_string(step.index) + " (t = " +
-                    std::to_string(step.t) + "): " + advice(step.t - tried));
+                    number_text(step.t) + "): " + advice(step.t - t_before));
     }
+    if (step.t == t_before)
+      throw Failure("the step has shrunk to nothing at t = " + number_text(step.t) + " (step " +
+                    std::to_string(step.index) + "); loosen ts_rtol and ts_atol, or smooth what is not smooth");
+    started = true;
     tell(step);
   }
 
@@ -242,10 +348,10 @@ struct Integrator::Impl {
 
   std::string advice(double dt) const {
     if (implicit == Implicit::both) return "reduce ts_dt or the tolerances";
-    std::string text = "an explicit step of " + std::to_string(dt) + " is too large";
+    std::string text = "an explicit step of " + number_text(dt) + " is too large";
     const double frequency = model.wave_frequency();
     if (implicit != Implicit::wave && dt * frequency > 1)
-      text += "; the shortest wave turns at " + std::to_string(frequency) + " per unit time";
+      text += "; the shortest wave turns at " + number_text(frequency) + " per unit time";
     return text + "; reduce ts_dt, or choose an implicit method (ts_type arkimex)";
   }
 
@@ -297,17 +403,19 @@ struct Integrator::Impl {
     char name[128];
     PetscBool set;
     SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), "-ts_type", name, sizeof(name), &set));
+    if (set) check_type_offered(name);
     if (set) SS_TRY(TSSetType(ts, name));
     TSType now;
     SS_TRY(TSGetType(ts, &now));
     type = now;
 
-    if (is_explicit(type)) {
+    const MethodKind kind = kind_of(type);
+    if (kind == MethodKind::explicit_) {
       if (wants_imex)
         throw UsageError("imex_implicit " + wish + ": ts_type " + type +
                          " is explicit; use ts_type arkimex, or imex_implicit none");
       implicit = Implicit::none;
-    } else if (is_imex(type)) {
+    } else if (kind == MethodKind::imex) {
       if (wish == "none") implicit = Implicit::none;
       else if (wants_imex)
         implicit = wish == "friction" ? Implicit::friction : wish == "wave" ? Implicit::wave : Implicit::both;
@@ -329,19 +437,17 @@ struct Integrator::Impl {
     SS_TRY(TSSetSolution(ts, u));
     SS_TRY(TSSetUp(ts));
     read_subtype();
-    own_interpolation = !((type == TSRK && subtype == TSRK5DP) || type == TSARKIMEX || type == TSBDF);
-    if (own_interpolation) {
-      before = model.create_vector();
-      slope_before = model.create_vector();
-      slope_after = model.create_vector();
-    }
-    report.method = subtype.empty() ? type : type + ":" + subtype;
+    method = &offered_method(type, subtype);
+    read_adaptivity();
+    set_dense_output();
+    if (undo_exactly || own_degree > 0) before = model.create_vector();
+    report.method = method->name();
     report.implicit = implicit;
   }
 
   void set_functions() {
     if (split.has_explicit) SS_TRY(TSSetRHSFunction(ts, nullptr, RHSFunction, this));
-    if (is_explicit(type)) return;
+    if (kind_of(type) == MethodKind::explicit_) return;
     SS_TRY(TSSetIFunction(ts, nullptr, IFunction, this));
     J = model.create_jacobian(split.has_implicit ? split.implicit_part : Part::pointwise);
     SS_TRY(TSSetIJacobian(ts, J, J, IJacobian, this));
@@ -355,8 +461,15 @@ struct Integrator::Impl {
     if (implicit == Implicit::wave || implicit == Implicit::none) {
       SS_TRY(SNESSetType(snes, SNESKSPONLY));
     } else {
-      // A step's own error is far above these; the stages' Newton starts from a good guess.
-      SS_TRY(SNESSetTolerances(snes, 1e-14, 1e-9, 1e-12, 30, 10000));
+      // Well below the error allowed a step, whose size the first residual has; Newton's last round squares it.
+      double tolerance = 1e-6;
+      for (const char* option : {"-ts_rtol", "-ts_atol"}) {
+        PetscReal value;
+        PetscBool set;
+        SS_TRY(PetscOptionsGetReal(nullptr, prefix.c_str(), option, &value, &set));
+        if (set) tolerance = std::min(tolerance, double(value));
+      }
+      SS_TRY(SNESSetTolerances(snes, 1e-50, std::clamp(1e-3 * tolerance, 1e-13, 1e-9), 1e-13, 30, 10000));
       SNESLineSearch search;
       SS_TRY(SNESGetLineSearch(snes, &search));
       SS_TRY(SNESLineSearchSetPreCheck(search, TameStep, this));
@@ -386,7 +499,12 @@ struct Integrator::Impl {
     SS_TRY(TSSetTolerances(ts, 1e-6, nullptr, 1e-6, nullptr));
     // The start of an adaptive run, and the step of a fixed one: well inside the stability region.
     SS_TRY(TSSetTimeStep(ts, 0.5 / std::max(fastest, 1e-3)));
-    SS_TRY(TSSetMaxSNESFailures(ts, -1));
+  }
+
+  static MethodKind kind_of(const std::string& type) {
+    for (const Method& m : methods())
+      if (type == m.type) return m.kind;
+    return MethodKind::implicit;
   }
 
   void read_subtype() {
@@ -396,6 +514,95 @@ struct Integrator::Impl {
     if (type == TSROSW) SS_TRY(TSRosWGetType(ts, &name));
     if (type == TSSSP) SS_TRY(TSSSPGetType(ts, &name));
     subtype = name ? name : "";
+    if (type == TSBDF) {
+      PetscInt order;
+      SS_TRY(TSBDFGetOrder(ts, &order));
+      subtype = std::to_string(order);
+    }
+    if (type == TSRK) {
+      const PetscReal *A, *b, *c, *embedded, *interpolating;
+      PetscInt stages, p;
+      PetscBool fsal;
+      SS_TRY(TSRKGetTableau(ts, &stages, &A, &b, &c, &embedded, &p, &interpolating, &fsal));
+      last_stage = stages - 1;
+      first_same_as_last = fsal;
+    }
+  }
+
+  bool user_set(const char* option) const {
+    PetscBool set;
+    SS_TRY(PetscOptionsHasName(nullptr, prefix.c_str(), (std::string("-") + option).c_str(), &set));
+    return set;
+  }
+
+  // What the user may rely on and would not get.
+  void read_adaptivity() {
+    TSAdapt adapt;
+    TSAdaptType kind;
+    SS_TRY(TSGetAdapt(ts, &adapt));
+    SS_TRY(TSAdaptGetType(adapt, &kind));
+    const std::string chosen = kind ? kind : TSADAPTNONE;
+    if (chosen != TSADAPTNONE && chosen != TSADAPTBASIC && chosen != TSADAPTDSP)
+      throw UsageError("ts_adapt_type " + chosen + ": it needs what this program does not have; use basic, dsp or none");
+    const std::string name = method->name();
+    if (method->adaptivity == Adaptivity::never) {
+      if (user_set("ts_adapt_type") && chosen != TSADAPTNONE)
+        throw UsageError("ts_adapt_type " + chosen + ": " + name + " has no error estimate; use none, or an adaptive method");
+      SS_TRY(TSAdaptSetType(adapt, TSADAPTNONE));
+    }
+    adaptive = method->adaptivity != Adaptivity::never && chosen != TSADAPTNONE;
+    if (adaptive) {
+      SS_TRY(TSSetFunctionDomainError(ts, DomainError));
+      SS_TRY(TSSetPostStage(ts, PostStage));
+      undo_exactly = type == TSRK || type == TSARKIMEX;
+      if (undo_exactly) SS_TRY(TSSetPreStage(ts, PreStage));
+      SS_TRY(TSSetMaxSNESFailures(ts, -1));       // a failure of Newton's method rejects the step
+      SS_TRY(TSSetMaxStepRejections(ts, 60));     // a start 1e20 times too large is found out
+    } else {
+      double dt;
+      SS_TRY(TSGetTimeStep(ts, &dt));
+      const std::string how = method->adaptivity == Adaptivity::on_request
+                                  ? " has a fixed step unless ts_adapt_type is basic"
+                              : method->adaptivity == Adaptivity::never ? " has no error estimate and a fixed step"
+                                                                        : " has a fixed step with ts_adapt_type none";
+      for (const char* tolerance : {"ts_rtol", "ts_atol"})
+        if (user_set(tolerance))
+          warn(std::string(tolerance) + " has no effect: " + name + how + "; every step is " + number_text(dt));
+      if (!user_set("ts_dt"))
+        warn(name + how + ": every step is " + number_text(dt) +
+             ", chosen for stability and not for accuracy; set ts_dt, or use an adaptive method such as " +
+             (method->kind == MethodKind::explicit_ ? "rk:5dp" : method->kind == MethodKind::imex ? "arkimex:4"
+                                                                                             : "rosw:ra34pw2"));
+      if (type == TSBDF && subtype > "2")
+        warn("ts_bdf_order " + subtype + ": with fixed steps the order is 2 (its first steps are); use ts_adapt_type basic");
+    }
+    SS_TRY(TSSetErrorIfStepFails(ts, PETSC_FALSE));  // advance() says what failed
+  }
+
+  void set_dense_output() {
+    const bool by_ts = method->name() == "rk:5dp" || method->name() == "arkimex:4" || method->name() == "arkimex:5" ||
+                       type == TSBDF;
+    if (by_ts) return;
+    own_degree = method->kind == MethodKind::explicit_ ? std::max(3, method->order - 1) : 3;
+    work = model.create_vector();
+  }
+
+  // Tells before it happens that a fixed step will explode.
+  void foresee(Vec u, double t) {
+    if (adaptive) return;
+    double dt;
+    SS_TRY(TSGetTimeStep(ts, &dt));
+    StepForecast forecast(model, u, implicit, type, prefix);
+    if (!forecast.explodes(dt, t_end - t)) return;
+    warn("ts_dt " + number_text(dt) + " is beyond the stability limit of " + method->name() + ", which is about " +
+         rounded(forecast.limit(dt, t_end - t)) + " here (the shortest wave turns at " +
+         rounded(model.wave_frequency()) + " per unit time, friction acts at up to " + rounded(friction_rate_ahead(u)) +
+         "): the solution will grow without bound");
+  }
+  static std::string rounded(double value) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.3g", value);
+    return text;
   }
 };
 
@@ -436,6 +643,8 @@ TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& ob
   m.update_report();
   if (!m.continued) m.tell(m.step_now());
   m.continued = false;
+  m.started = false;
+  m.foresee(u, t);
   if (m.stop_asked || t >= t_end) {
     m.report.reason = "end time";
     return m.report;
@@ -459,10 +668,16 @@ TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& ob
 
 const TimeReport& Integrator::report() const { return impl_->report; }
 int Integrator::interpolation_order() const {
-  if (impl_->type == TSRK && impl_->subtype == TSRK5DP) return 5;
-  if (impl_->type == TSARKIMEX) return impl_->subtype == TSARKIMEX3 ? 3 : 4;
-  return 3;
+  if (impl_->own_degree > 0) return impl_->own_degree;
+  return impl_->type == TSBDF ? impl_->method->order : 4;
 }
+std::string Integrator::interpolation_caveat() const {
+  const int order = interpolation_order();
+  if (impl_->method->order <= order + 1 && impl_->method->name() != "arkimex:5") return "";
+  return impl_->method->name() + " has order " + std::to_string(impl_->method->order) +
+         ", but values between its steps (frames, measurements) have order 4; steps and the end are not affected";
+}
+bool Integrator::adaptive() const { return impl_->adaptive; }
 TS Integrator::ts() const { return impl_->ts; }
 
 }  // namespace stickslip

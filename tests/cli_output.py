@@ -1,5 +1,7 @@
 """Files, summaries and pictures as a user meets them: what xarray sees, kill -9, full disks, files that are not ours."""
+import contextlib
 import glob
+import io
 import json
 import os
 import random
@@ -15,7 +17,8 @@ import numpy as np
 import xarray
 
 PROGRAM = os.environ["STICKSLIP"]
-PLOT = os.path.join(os.environ["STICKSLIP_SOURCE"], "postprocess", "plot.py")
+sys.path.insert(0, os.path.join(os.environ["STICKSLIP_SOURCE"], "postprocess"))
+import plot as PLOT  # noqa: E402
 FAILURES = []
 
 
@@ -236,20 +239,41 @@ def full_disk():
 
 
 def plot(*arguments):
-    return subprocess.run(["/usr/bin/python3", "-B", PLOT, *arguments], capture_output=True, text=True, timeout=60)
+    """plot.py in this process, which has matplotlib loaded already: its exit code and what it says on stderr."""
+    said = io.StringIO()
+    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
+        code = PLOT.main(arguments)
+    return code, said.getvalue()
+
+
+def is_picture(path):
+    with open(path, "rb") as file:
+        return file.read(8) == b"\x89PNG\r\n\x1a\n" and os.path.getsize(path) > 10000
 
 
 def pictures():
-    for what in ("xt", "profile", "phase", "probes", "series"):
-        out = plot("reference1.h5", "--what", what, "-o", f"{what}.png")
-        check(out.returncode == 0 and open(f"{what}.png", "rb").read(8) == b"\x89PNG\r\n\x1a\n", what + out.stderr)
-    for arguments in (["notes.txt"], ["foreign.h5"], ["none.h5"], ["folder"], ["a.h5", "--probes"],
+    out = subprocess.run(["/usr/bin/python3", "-B", PLOT.__file__, "reference1.h5"], capture_output=True, text=True,
+                         timeout=120)
+    check(out.returncode == 0 and out.stdout == "reference1.png\n" and is_picture("reference1.png"), out.stderr)
+    for what in ("profile", "phase", "probes", "series"):
+        code, said = plot("reference1.h5", "--what", what, "-o", f"{what}.png")
+        check(code == 0 and is_picture(f"{what}.png"), what + said)
+    for kind, options in {"spectrum": ["-grid_n", 64, "-bc_left", "velocity"],
+                          "wave": ["-wave_pulses", 2, "-wave_length", 60], "laws": []}.items():
+        out = subprocess.run([PROGRAM, kind, *map(str, options), "-out_file", f"{kind}.h5"], capture_output=True,
+                             text=True, timeout=60)
+        check(out.returncode == 0, kind + out.stderr)
+        with xarray.open_dataset(f"{kind}.h5", engine="h5netcdf") as data:
+            check(data.attrs["kind"] == kind and len(data.coords) > 0, f"xarray opens the file of {kind}")
+        code, said = plot(f"{kind}.h5")
+        check(code == 0 and is_picture(f"{kind}.png"), kind + said)
+    with open("cut.h5", "wb") as file:
+        file.write(open("reference1.h5", "rb").read(100000))
+    for arguments in (["notes.txt"], ["foreign.h5"], ["none.h5"], ["folder"], ["cut.h5"], ["a.h5", "--probes"],
                       ["reference1.h5", "--profile", "--frame", "5000"], ["a.h5", "-o", "none/a.png"],
-                      ["a.h5", "--field", "tau"], [sorted(glob.glob("stop.chk-*.h5"))[-1]]):
-        out = plot(*arguments)
-        lines = out.stderr.strip().splitlines()
-        check(out.returncode == 2 and len(lines) == 1 and lines[0].startswith("plot.py: error: "),
-              f"plot.py {arguments}: {out.stderr}")
+                      ["a.h5", "--field", "tau"], [sorted(glob.glob("stop.chk-*.h5"))[-1]], ["laws.h5", "--phase"]):
+        code, said = plot(*arguments)
+        check(code == 2 and said.count("\n") == 1 and said.startswith("plot.py: error: "), f"plot.py {arguments}: {said}")
 
 
 def main():

@@ -10,5 +10,6 @@ int run_command(const Options& options);  // advances the scene in time
 int wave_command(const Options& options);  // solves for a travelling train, its stability, a branch of trains
 int spectrum_command(const Options& options);  // steady sliding and its rightmost eigenvalues
 int laws_command(const Options& options);  // tabulates friction laws
+int boundary_command(const Options& options);  // where steady sliding loses stability
 
 }  // namespace stickslip

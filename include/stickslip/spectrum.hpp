@@ -33,6 +33,7 @@ struct SpectrumSettings {
   PetscInt count = 12;  // eigenvalues wanted, conjugates counted apart
   SpectrumMethod method = SpectrumMethod::automatic;
   bool refine = true;   // continuum: compare with a finer grid, and look only where the grid can resolve
+  bool compare = true;  // false: look only where the grid can resolve, and leave out the finer grid
   double effort = 3e8;  // node evaluations that the count may cost
 };
 
@@ -53,6 +54,16 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& sliding, const SpectrumS
 // Newton steps on S(lambda) p = 0 from a guess; returns false where they do not converge. The residual and the
 // wavenumber of the mode are set.
 bool polish(const Sliding& sliding, Mode& mode, int steps = 8);
+
+// The left eigenvector, w^T S(lambda) = 0, of a polished mode; not conjugated.
+std::vector<Complex> left_vector(const Sliding& sliding, const Mode& mode);
+
+// The frequency up to which the grid carries waves with less than 1 % of error; beyond it no mode of the continuum is
+// to be had from this grid. No limit in the chain.
+double resolved_frequency(const Sliding& sliding);
+
+// The mode that is a symmetry, not an instability (Sliding::neutral).
+bool is_neutral(const Sliding& sliding, const Mode& mode);
 
 // Up to `count` modes near sigma = (shift right of the axis) + i omega, polished.
 std::vector<Mode> krylov_modes(const Sliding& sliding, Complex sigma, PetscInt count);

@@ -43,7 +43,7 @@ class Integrator {
     double t_before, t;
     Vec u;            // at t; not to be changed
     double next_dt;   // proposed
-    // u at a time in [t_before, t], to the order that interpolation_order() states
+    // u at a time in [t_before, t] that was announced by set_output_times
     std::function<void(double at, Vec into)> interpolate;
   };
   enum class Verdict { go_on, restart, stop };
@@ -68,7 +68,11 @@ class Integrator {
                      PetscInt max_steps = std::numeric_limits<PetscInt>::max() - 1);
 
   const TimeReport& report() const;  // as far as it has come; valid after a Failure too
+  // Degree of the polynomial between steps. Its error has at least the order of the method, arkimex 5 excepted, where
+  // it has order 4: interpolation_caveat() then says so ("" otherwise).
   int interpolation_order() const;
+  std::string interpolation_caveat() const;
+  bool adaptive() const;  // does an error estimate choose the steps?
   TS ts() const;
 
  private:

@@ -1,0 +1,96 @@
+// Where steady sliding loses stability: the zeros of its growth rate in one option, and the curve of zeros in two.
+//
+// The growth rate G is the largest real part among the modes that the grid resolves. Where all nodes are alike it is
+// the largest over the exact discrete dispersion relation, all modes looked at. Elsewhere the rightmost modes are
+// followed by Newton steps from one set of parameters to the next, and sought anew by Krylov-Schur when the parameters
+// have moved far, so that a change of the leading mode is seen.
+#pragma once
+
+#include <petscsys.h>
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "stickslip/options.hpp"
+#include "stickslip/spectrum.hpp"
+
+namespace stickslip {
+
+// One option and the range in which it varies. Coordinate 0 is `from`, 1 is `to`, evenly in the value or its logarithm.
+struct Axis {
+  std::string name;
+  double from = 0, to = 1;
+  bool logarithmic = false;
+  double value(double coordinate) const;
+};
+
+// A point of the boundary.
+struct Crossing {
+  double x = 0, y = 0;           // coordinates on the axes
+  double value = 0, value2 = 0;  // of the options
+  double growth = 0;             // what is left of it
+  double frequency = 0, wavenumber = 0;
+  bool degenerate = false;       // many modes cross at once; the one named has the smallest wavenumber
+  double residual = 0;           // |J x - lambda x|/|x| of the mode
+  std::string kind;              // hopf or zero
+  int piece = 0;                 // of the curve
+  bool switched = false;         // another mode leads than at the point before
+};
+
+// The growth rate as a function of one or two options.
+class GrowthRate {
+ public:
+  // Throws UsageError where an axis names no real option of this scene or leaves its range.
+  GrowthRate(MPI_Comm comm, const Options& options, std::vector<Axis> axes);
+
+  const std::vector<Axis>& axes() const { return axes_; }
+  Options options_at(double x, double y = 0) const;
+
+  struct Leading {
+    Mode mode;       // the rightmost; psi empty where it comes from the exact relation
+    bool degenerate;
+  };
+  // The leading mode; nothing where there is no steady sliding. Collective.
+  std::optional<Leading> leading(double x, double y = 0);
+  double operator()(double x, double y = 0);  // its real part, NaN where there is none
+
+  // dG/dx along the first axis from the eigenvectors: -w (dS/dx) p / (w S' p).
+  double slope(double x, const Leading& at);
+
+  // The point with its mode polished on the matrix itself.
+  Crossing crossing(double x, double y = 0);
+
+  bool enters() const;  // whether the linear operator changes along the first axis at all
+  long evaluations() const { return evaluations_; }
+
+ private:
+  Mode with_vector(const Sliding& sliding, const Mode& mode) const;
+  MPI_Comm comm_;
+  Options options_;
+  std::vector<Axis> axes_;
+  std::vector<Mode> pool_;
+  double pool_x_ = 0, pool_y_ = 0;
+  long evaluations_ = 0;
+};
+
+// The growth rate sampled evenly: `side` values on each axis, the first axis fastest; NaN without steady sliding.
+struct Samples {
+  int side = 0;
+  std::vector<double> growth;
+};
+
+// Every zero on the first axis, ascending in the coordinate. Collective.
+std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples);
+
+// The curve in the box of both axes: about `points` points, even along it in the coordinates, ends on the borders of the
+// box included; several pieces, closed ones too. `notes`: why a piece ended inside the box. Collective.
+std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Samples& samples,
+                                     std::vector<std::string>& notes);
+
+// The plate velocity at which uniform sliding loses stability, in closed form, for the laws of velocity alone without
+// spread: sqrt(1 - s delta/gamma), sqrt(1 - zeta/f0), sqrt(f0/zeta) - 1. Nothing for other scenes, or where there is none.
+std::optional<double> closed_form_velocity(const Scene& scene);
+
+}  // namespace stickslip

@@ -1,0 +1,182 @@
+// The command `boundary`: where steady sliding loses stability, in one option or two.
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/boundary.hpp"
+#include "stickslip/commands.hpp"
+#include "stickslip/error.hpp"
+#include "stickslip/file.hpp"
+#include "stickslip/library_options.hpp"
+#include "stickslip/summary.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// An axis from the options boundary_parameter, _from, _to, _log (suffix "" or "2").
+Axis axis_from(const Options& options, const std::string& suffix) {
+  const std::string parameter = "boundary_parameter" + suffix;
+  Axis axis;
+  axis.name = lower_case(options.text(parameter));
+  const OptionSpec* spec = find_option(axis.name);
+  if (!spec) {
+    std::vector<std::string> names;
+    for (const OptionSpec& s : option_table())
+      if (s.type == OptionType::real || s.type == OptionType::real_or_word) names.push_back(s.name);
+    const std::string near = nearest_name(axis.name, names);
+    throw UsageError("-" + parameter + " " + quoted(axis.name) + ": no such option" +
+                     (near.empty() ? "; give a real one, such as model_v" : "; did you mean " + near + "?"));
+  }
+  axis.name = spec->name;
+  if (spec->type != OptionType::real && spec->type != OptionType::real_or_word)
+    throw UsageError("-" + parameter + " " + axis.name + ": takes " + requirement(*spec) +
+                     "; the boundary is sought in a real option, such as model_v");
+  for (const char* end : {"boundary_from", "boundary_to"})
+    if (!options.is_set(end + suffix))
+      throw UsageError("-" + std::string(end) + suffix + " is needed: the range of " + axis.name);
+  axis.from = options.real("boundary_from" + suffix);
+  axis.to = options.real("boundary_to" + suffix);
+  axis.logarithmic = options.boolean("boundary_log" + suffix);
+  if (axis.from == axis.to) throw UsageError("-boundary_to" + suffix + " " + options.text("boundary_to" + suffix) +
+                                             ": the range of " + axis.name + " is empty");
+  if (axis.logarithmic && !(axis.from > 0 && axis.to > 0))
+    throw UsageError("-boundary_log" + suffix + " true: needs positive ends of the range of " + axis.name);
+  return axis;
+}
+
+std::vector<Axis> axes_from(const Options& options) {
+  if (!options.is_set("boundary_parameter"))
+    throw UsageError("-boundary_parameter is needed: a real option to vary, such as model_v");
+  std::vector<Axis> axes{axis_from(options, "")};
+  if (options.is_set("boundary_parameter2")) {
+    axes.push_back(axis_from(options, "2"));
+    if (axes[0].name == axes[1].name)
+      throw UsageError("-boundary_parameter2 " + axes[1].name + ": is boundary_parameter already");
+  } else {
+    for (const char* name : {"boundary_from2", "boundary_to2"})
+      if (options.is_set(name)) throw UsageError("-" + std::string(name) + ": without boundary_parameter2");
+  }
+  return axes;
+}
+
+std::string at_ends(GrowthRate& growth) {
+  const Axis& axis = growth.axes()[0];
+  return "growth rate " + number_text(growth(0)) + " at " + axis.name + " " + number_text(axis.from) + ", " +
+         number_text(growth(1)) + " at " + number_text(axis.to);
+}
+
+Json point_list(const std::vector<Crossing>& points, bool two) {
+  Json list = Json::array();
+  for (const Crossing& c : points)
+    list.push(Json::object({{"value", c.value},
+                            {"value2", two ? Json(c.value2) : Json()},
+                            {"frequency", c.frequency},
+                            {"wavenumber", c.wavenumber},
+                            {"degenerate", c.degenerate},
+                            {"residual", c.residual},
+                            {"kind", c.kind},
+                            {"growth_rate", c.growth},
+                            {"piece", c.piece},
+                            {"switched", c.switched}}));
+  return list;
+}
+
+// The plate velocity of each point in closed form, NaN where there is none or no axis is model_v.
+std::vector<double> closed_forms(GrowthRate& growth, const std::vector<Crossing>& points) {
+  std::vector<double> v;
+  for (const Crossing& c : points) {
+    const Scene scene = Scene::from(growth.options_at(c.x, c.y), true);
+    v.push_back(closed_form_velocity(scene).value_or(std::nan("")) * (scene.v < 0 ? -1 : 1));
+  }
+  return v;
+}
+
+void write_file(const Options& options, GrowthRate& growth, const std::vector<Crossing>& points,
+                const Samples& samples, const Provenance& provenance) {
+  ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
+  if (options.text("out_file").empty()) return;
+  const bool two = growth.axes().size() > 1;
+  std::vector<double> number(points.size());
+  for (std::size_t k = 0; k < number.size(); ++k) number[k] = double(k);
+  file.attribute("parameter", growth.axes()[0].name);
+  file.attribute("log", growth.axes()[0].logarithmic ? 1. : 0.);
+  if (two) {
+    file.attribute("parameter2", growth.axes()[1].name);
+    file.attribute("log2", growth.axes()[1].logarithmic ? 1. : 0.);
+  }
+  file.scale({"point", "1", "number of the point"}, number);
+  const auto add = [&](const Field& field, const auto& value) {
+    std::vector<double> values;
+    for (const Crossing& c : points) values.push_back(value(c));
+    file.add(field, {"point"}, values);
+  };
+  const auto unit = [](const Axis& axis) { return find_option(axis.name)->unit; };
+  add({"value", unit(growth.axes()[0]), growth.axes()[0].name}, [](const Crossing& c) { return c.value; });
+  if (two) add({"value2", unit(growth.axes()[1]), growth.axes()[1].name}, [](const Crossing& c) { return c.value2; });
+  add({"frequency", "1/time", "frequency of the critical mode"}, [](const Crossing& c) { return c.frequency; });
+  add({"wavenumber", "1/length", "wavenumber of the critical mode"}, [](const Crossing& c) { return c.wavenumber; });
+  add({"degenerate", "1", "1 where many modes cross at once"}, [](const Crossing& c) { return double(c.degenerate); });
+  add({"residual", "1/time", "|J x - lambda x|/|x|"}, [](const Crossing& c) { return c.residual; });
+  add({"piece", "1", "piece of the curve"}, [](const Crossing& c) { return double(c.piece); });
+  add({"switched", "1", "1 where another mode leads than before"}, [](const Crossing& c) { return double(c.switched); });
+  std::vector<std::string> kinds;
+  for (const Crossing& c : points) kinds.push_back(c.kind);
+  file.add_text({"kind", "1", "hopf or zero"}, {"point"}, kinds);
+  file.add({"closed_form_v", "length/time", "model_v of the boundary in closed form"}, {"point"},
+           closed_forms(growth, points));
+
+  const auto sample_axis = [&](const Axis& axis) {
+    std::vector<double> values;
+    for (int i = 0; i < samples.side; ++i) values.push_back(axis.value(double(i) / (samples.side - 1)));
+    return values;
+  };
+  file.scale({"sample", unit(growth.axes()[0]), growth.axes()[0].name}, sample_axis(growth.axes()[0]));
+  if (two) file.scale({"sample2", unit(growth.axes()[1]), growth.axes()[1].name}, sample_axis(growth.axes()[1]));
+  file.add({"growth", "1/time", "growth rate"},
+           two ? std::vector<std::string>{"sample2", "sample"} : std::vector<std::string>{"sample"}, samples.growth);
+  file.write();
+}
+
+}  // namespace
+
+int boundary_command(const Options& options) {
+  const Provenance provenance = Provenance::of("boundary", options.all());
+  check_outputs(options.text("out_file"), options.text("summary"));
+  Summary summary(provenance, {"points", "verified", "notes", "evaluations"}, options.text("summary"));
+  const std::vector<Axis> axes = axes_from(options);
+  GrowthRate growth(PETSC_COMM_WORLD, options, axes);
+  return with_summary(summary, [&] {
+    const bool two = axes.size() > 1;
+    Samples samples;
+    std::vector<std::string> notes;
+    if (!two && !growth.enters())
+      throw Failure("-boundary_parameter " + axes[0].name + ": does not enter this scene: " + at_ends(growth));
+    const std::vector<Crossing> points =
+        two ? boundary_curve(growth, options.integer("boundary_points"), samples, notes)
+            : boundary_points(growth, samples);
+    check_unused_after_setup(options);
+    summary.set("points", point_list(points, two));
+    summary.set("notes", notes);
+    summary.set("evaluations", growth.evaluations());
+    for (const std::string& note : notes) warn(note);
+    if (points.empty() && !two)
+      throw Failure("no boundary between " + axes[0].name + " " + number_text(axes[0].from) + " and " +
+                    number_text(axes[0].to) + ": " + at_ends(growth));
+    if (points.empty()) {
+      const auto [low, high] = std::minmax_element(samples.growth.begin(), samples.growth.end());
+      throw Failure("no boundary in the box: the growth rate stays between " + number_text(*low) + " and " +
+                    number_text(*high));
+    }
+    write_file(options, growth, points, samples, provenance);
+    if (options.text("summary") != "-")
+      for (const Crossing& c : points) {
+        std::string line = axes[0].name + " " + number_text(c.value);
+        if (two) line += "  " + axes[1].name + " " + number_text(c.value2);
+        line += "  " + c.kind + ", frequency " + number_text(c.frequency) + ", wavenumber " + number_text(c.wavenumber);
+        SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s\n", line.c_str()));
+      }
+    return 0;
+  });
+}
+
+}  // namespace stickslip

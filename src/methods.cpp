@@ -1,0 +1,116 @@
+#include "stickslip/methods.hpp"
+
+#include <algorithm>
+#include <map>
+
+#include "stickslip/error.hpp"
+
+namespace stickslip {
+
+namespace {
+constexpr auto explicit_ = MethodKind::explicit_;
+constexpr auto imex = MethodKind::imex;
+constexpr auto implicit = MethodKind::implicit;
+constexpr auto never = Adaptivity::never;
+constexpr auto on_request = Adaptivity::on_request;
+constexpr auto yes = Adaptivity::yes;
+}  // namespace
+
+std::string Method::name() const { return *subtype ? std::string(type) + ":" + subtype : type; }
+
+const std::vector<Method>& methods() {
+  static const std::vector<Method> table = {
+      {"rk", "5dp", explicit_, 5, yes, "the default where nothing is stiff"},
+      {"rk", "3bs", explicit_, 3, yes, "low accuracy, short steps"},
+      {"rk", "5f", explicit_, 5, yes, "as 5dp; restarts bitwise without a restarted first stage"},
+      {"rk", "5bs", explicit_, 5, yes, "accuracy of 1e-8 and better"},
+      {"rk", "6vr", explicit_, 6, yes, "accuracy of 1e-9 and better"},
+      {"rk", "7vr", explicit_, 7, yes, "accuracy of 1e-10 and better"},
+      {"rk", "8vr", explicit_, 8, yes, "reference solutions"},
+      {"rk", "2a", explicit_, 2, yes, "comparison"},
+      {"rk", "2b", explicit_, 2, never, "comparison"},
+      {"rk", "3", explicit_, 3, never, "comparison"},
+      {"rk", "4", explicit_, 4, never, "the classical method, for comparison"},
+      {"rk", "1fe", explicit_, 1, never, "comparison"},
+      {"euler", "", explicit_, 1, never, "comparison; unstable for waves without damping"},
+      {"ssp", "rks2", explicit_, 2, never, "comparison"},
+      {"ssp", "rks3", explicit_, 3, never, "comparison"},
+      {"ssp", "rk104", explicit_, 4, never, "long fixed steps"},
+      {"arkimex", "3", imex, 3, yes, "stiff friction or stiff waves, low accuracy"},
+      {"arkimex", "4", imex, 4, yes, "stiff friction or stiff waves"},
+      {"arkimex", "5", imex, 5, yes, "stiff friction or stiff waves, high accuracy"},
+      {"arkimex", "2c", imex, 2, yes, "comparison"},
+      {"arkimex", "2d", imex, 2, yes, "comparison"},
+      {"arkimex", "2e", imex, 2, yes, "comparison"},
+      {"arkimex", "a2", imex, 2, yes, "comparison"},
+      {"arkimex", "l2", imex, 2, yes, "comparison"},
+      {"arkimex", "ars122", imex, 2, yes, "comparison"},
+      {"arkimex", "1bee", imex, 1, yes, "comparison"},
+      {"arkimex", "ars443", imex, 3, never, "comparison"},
+      {"arkimex", "prssp2", imex, 2, never, "comparison"},
+      {"rosw", "ra34pw2", implicit, 3, yes, "everything stiff, without Newton's method"},
+      {"rosw", "rodas3", implicit, 3, yes, "everything stiff"},
+      {"rosw", "sandu3", implicit, 3, yes, "everything stiff"},
+      {"rosw", "ra3pw", implicit, 3, yes, "everything stiff"},
+      {"rosw", "assp3p3s1c", implicit, 3, yes, "comparison"},
+      {"rosw", "grk4t", implicit, 4, yes, "mildly stiff, accurate (not L-stable)"},
+      {"rosw", "shamp4", implicit, 4, yes, "mildly stiff, accurate (not L-stable)"},
+      {"rosw", "veldd4", implicit, 4, yes, "mildly stiff, accurate (not L-stable)"},
+      {"rosw", "4l", implicit, 4, yes, "everything stiff, accurate"},
+      {"rosw", "2m", implicit, 2, yes, "comparison"},
+      {"rosw", "2p", implicit, 2, yes, "comparison"},
+      {"rosw", "theta1", implicit, 1, never, "comparison"},
+      {"rosw", "theta2", implicit, 2, never, "comparison"},
+      {"bdf", "1", implicit, 1, yes, "comparison"},
+      {"bdf", "2", implicit, 2, yes, "everything stiff, one Newton solve a step"},
+      {"bdf", "3", implicit, 2, yes, "as bdf:2, adaptive only: fixed steps have order 2; unstable for undamped waves"},
+      {"bdf", "4", implicit, 2, yes, "as bdf:3"},
+      {"bdf", "5", implicit, 2, yes, "as bdf:3"},
+      {"bdf", "6", implicit, 2, yes, "as bdf:3"},
+      {"theta", "", implicit, 2, on_request, "midpoint rule (theta 1/2); steps far beyond the shortest wave"},
+      {"cn", "", implicit, 2, on_request, "Crank and Nicolson"},
+      {"beuler", "", implicit, 1, on_request, "backward Euler: hides instabilities when ts_dt > 2 Re(lambda)/|lambda|^2"},
+      {"alpha", "", implicit, 2, on_request, "generalised alpha: damps the shortest waves by ts_alpha_radius"},
+  };
+  return table;
+}
+
+std::string subtype_option(const std::string& type) {
+  static const std::map<std::string, std::string> names = {{"rk", "ts_rk_type"},     {"ssp", "ts_ssp_type"},
+                                                           {"rosw", "ts_rosw_type"}, {"arkimex", "ts_arkimex_type"},
+                                                           {"bdf", "ts_bdf_order"}};
+  const auto found = names.find(type);
+  return found == names.end() ? "" : found->second;
+}
+
+void check_type_offered(const std::string& type) {
+  static const std::map<std::string, std::string> why_not = {
+      {"glee", "it ignores the implicit part and with it most of the equations"},
+      {"eimex", "it gives wrong answers in this version of PETSc"},
+      {"irk", "it fails on this problem in this version of PETSc"},
+      {"mimex", "it gives wrong answers in this version of PETSc"},
+      {"glle", "it fails on this problem in this version of PETSc"},
+      {"pseudo", "it follows no time, only a steady state (see the command spectrum)"},
+      {"alpha2", "it is for second-order systems"},
+      {"mprk", "it is for problems partitioned by speed"},
+      {"basicsymplectic", "it is for Hamiltonian systems, and friction is none"},
+      {"discgrad", "it is for gradient systems, and friction is none"}};
+  const auto& all = methods();
+  if (std::any_of(all.begin(), all.end(), [&](const Method& m) { return type == m.type; })) return;
+  const auto found = why_not.find(type);
+  throw UsageError("ts_type " + type + ": " + (found == why_not.end() ? "it is not among the methods offered" : found->second) +
+                   "; use one of rk, arkimex, rosw, bdf, theta, cn, beuler, alpha, ssp, euler");
+}
+
+const Method& offered_method(const std::string& type, const std::string& subtype) {
+  check_type_offered(type);
+  for (const Method& m : methods())
+    if (type == m.type && subtype == m.subtype) return m;
+  const std::string what = subtype_option(type) + " " + subtype + ": ";
+  if (type == "arkimex" && subtype == "bpr3")
+    throw UsageError(what + "its order falls to 1 when the right-hand side is split; use arkimex 3");
+  if (type == "rosw") throw UsageError(what + "its first stage has no implicit part, which ends in NaN here; use ra34pw2");
+  throw UsageError(what + "not among the methods offered");
+}
+
+}  // namespace stickslip

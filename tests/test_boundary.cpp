@@ -1,0 +1,158 @@
+// The boundary of sliding against the thresholds known in closed form, and the shape of traced curves.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+
+#include "stickslip/boundary.hpp"
+#include "stickslip/error.hpp"
+
+using namespace stickslip;
+
+namespace {
+
+Options options_of(const std::vector<std::pair<std::string, std::string>>& texts) {
+  std::vector<Given> given;
+  for (const auto& [name, text] : texts) given.push_back({name, text, ""});
+  return Options::from("boundary", given);
+}
+
+std::vector<Crossing> roots(const Options& options, const Axis& axis) {
+  GrowthRate growth(PETSC_COMM_SELF, options, {axis});
+  Samples samples;
+  return boundary_points(growth, samples);
+}
+
+double only_root(const Options& options, const Axis& axis) {
+  const std::vector<Crossing> found = roots(options, axis);
+  REQUIRE(found.size() == 1);
+  CHECK(found[0].residual < 1e-10);
+  return found[0].value;
+}
+
+}  // namespace
+
+TEST_CASE("thresholds of the laws of velocity", "[boundary]") {
+  const Axis v{"model_v", 0.01, 3, false};
+  CHECK(only_root(options_of({{"grid_n", "64"}}), v) == Approx(std::sqrt(1 - 0.2 / 3)).epsilon(1e-10));
+  CHECK(only_root(options_of({{"grid_n", "64"}, {"model_delta_sign", "printed"}}), v) ==
+        Approx(std::sqrt(1 + 0.2 / 3)).epsilon(1e-10));
+  CHECK(only_root(options_of({{"grid_n", "64"}, {"bc_left", "free"}, {"grid_order", "6"}}), v) ==
+        Approx(std::sqrt(1 - 0.2 / 3)).epsilon(1e-10));
+  CHECK(only_root(options_of({{"model_form", "chain"}, {"grid_n", "30"}, {"model_zeta", "0.3"}}), v) ==
+        Approx(std::sqrt(0.7)).epsilon(1e-10));
+  CHECK(only_root(options_of({{"model_form", "chain"},
+                              {"grid_n", "30"},
+                              {"model_zeta", "0.3"},
+                              {"model_f0", "1.7"},
+                              {"friction_law", "carlson-langer"}}),
+                  v) == Approx(std::sqrt(1.7 / 0.3) - 1).epsilon(1e-10));
+}
+
+TEST_CASE("both signs of v are found, and what crosses is named", "[boundary]") {
+  const auto found = roots(options_of({{"grid_n", "64"}}), {"model_v", -2, 2, false});
+  REQUIRE(found.size() == 2);
+  CHECK(found[0].value == Approx(-std::sqrt(1 - 0.2 / 3)).epsilon(1e-10));
+  CHECK(found[1].value == Approx(std::sqrt(1 - 0.2 / 3)).epsilon(1e-10));
+  CHECK(found[0].kind == "hopf");
+  CHECK(found[0].degenerate);
+  CHECK(found[0].frequency == Approx(1));  // sqrt(A K0)
+  CHECK(found[0].wavenumber == 0);
+}
+
+TEST_CASE("rate-and-state thresholds, with inertia", "[boundary]") {
+  // Rice and Ruina: stable iff K > (b - a) T/D [1 + v^2/(A a D T)], frequency (v/D) sqrt((b - a)/a)
+  const double a = 0.02, b = 0.05, D = 0.7, v = 0.4, A = 1.25;
+  const auto o = options_of({{"model_form", "chain"},
+                             {"grid_n", "16"},
+                             {"friction_law", "rate-and-state"},
+                             {"state_law", "ageing"},
+                             {"friction_a", "0.02"},
+                             {"friction_b", "0.05"},
+                             {"friction_D", "0.7"},
+                             {"model_v", "0.4"},
+                             {"model_f0", "1.25"}});
+  const Scene scene = Scene::from(o, true);
+  const Sliding sliding(scene);
+  const double T = std::tanh(sliding.eta[0] / a);
+  const double K = (b - a) * T / D * (1 + v * v / (A * a * D * T));
+  const auto found = roots(o, {"model_k0", 1e-3, 1, true});
+  REQUIRE(found.size() == 1);
+  CHECK(found[0].value / 1.25 == Approx(K).epsilon(1e-8));
+  CHECK(found[0].frequency == Approx(v / D * std::sqrt((b - a) / a)).epsilon(1e-6));
+  CHECK_FALSE(found[0].degenerate);
+
+  // the slip law in Erickson's variables: epsilon = g^2 xi/(g^2 + xi) at g = 0.8, xi = 0.5
+  const double value = only_root(options_of({{"model_form", "chain"},
+                                             {"grid_n", "8"},
+                                             {"friction_law", "rate-and-state"},
+                                             {"state_law", "slip"},
+                                             {"friction_a", "0.01"},
+                                             {"friction_D", "1"},
+                                             {"model_v", "1"},
+                                             {"model_k0", "0.64"},
+                                             {"model_f0", "128"}}),
+                                 {"friction_b", 0.0105, 0.02, false});
+  CHECK(value / 0.01 - 1 == Approx(0.64 * 0.5 / (0.64 + 0.5)).epsilon(1e-8));
+}
+
+TEST_CASE("spread friction: the root of the dense matrix", "[boundary]") {
+  for (const char* form : {"chain", "continuum"}) {
+    const auto o = options_of({{"model_form", form},
+                               {"grid_n", "60"},
+                               {"grid_order", "2"},
+                               {"bc_left", "free"},
+                               {"friction_spread", "0.4"}});
+    const Options damped = std::string(form) == "chain" ? o.with("model_zeta", 0.4) : o;
+    const auto found = roots(damped, {"model_v", 0.3, 2, false});
+    REQUIRE(found.size() == 1);
+    const Sliding sliding(Scene::from(damped.with("model_v", found[0].value), true));
+    double growth = -1e300;
+    for (const Mode& m : dense_modes(sliding, 1))
+      if (m.value.imag() <= resolved_frequency(sliding)) growth = std::max(growth, m.value.real());
+    CHECK(std::abs(growth) < 1e-10);
+  }
+}
+
+TEST_CASE("curves: figure 6, a fold, two pieces", "[boundary]") {
+  const auto trace = [](const Options& options, const Axis& x, const Axis& y, PetscInt points) {
+    GrowthRate growth(PETSC_COMM_SELF, options, {x, y});
+    Samples samples;
+    std::vector<std::string> notes;
+    const auto curve = boundary_curve(growth, points, samples, notes);
+    CHECK(notes.empty());
+    for (const Crossing& c : curve) {
+      const auto v = closed_form_velocity(Scene::from(growth.options_at(c.x, c.y), true));
+      REQUIRE(v);
+      const double computed = x.name == "model_v" ? c.value : c.value2;
+      CHECK(std::abs(std::abs(computed) - *v) <= 1e-8 * std::max(1., *v));
+    }
+    return curve;
+  };
+  const auto chain = [](const char* law) {
+    return options_of({{"model_form", "chain"}, {"grid_n", "32"}, {"model_zeta", "paper"}, {"friction_law", law}});
+  };
+  const Axis k1{"model_k1", 1e-3, 10.5, true}, v{"model_v", 1e-2, 30, true};
+  CHECK(trace(chain("cubic"), k1, v, 21).size() >= 20);
+  const auto curve = trace(chain("carlson-langer"), k1, v, 21);
+  CHECK(curve.size() == 21);
+  // the ends stand on the border, the points evenly
+  CHECK((curve.front().x == 0 || curve.front().x == 1 || curve.front().y == 0 || curve.front().y == 1));
+  CHECK((curve.back().x == 0 || curve.back().x == 1 || curve.back().y == 0 || curve.back().y == 1));
+  double least = 1, most = 0;
+  for (std::size_t k = 1; k < curve.size(); ++k) {
+    const double d = std::hypot(curve[k].x - curve[k - 1].x, curve[k].y - curve[k - 1].y);
+    least = std::min(least, d);
+    most = std::max(most, d);
+  }
+  CHECK(most < 1.2 * least);
+
+  const auto simple = options_of({{"model_form", "chain"}, {"grid_n", "16"}});
+  const Axis both{"model_v", -1.5, 1.5, false};
+  const auto fold = trace(simple, both, {"model_zeta", 0.2, 1.5, false}, 20);  // zeta = 1 - v^2 turns at v = 0
+  CHECK(fold.back().piece == 0);
+  double top = 0;
+  for (const Crossing& c : fold) top = std::max(top, c.value2);
+  CHECK(top == Approx(1).margin(0.02));
+  const auto two = trace(simple, both, {"model_zeta", 0., 0.5, false}, 20);
+  CHECK(two.back().piece == 1);
+}
