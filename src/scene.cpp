@@ -222,11 +222,14 @@ std::vector<const char*> friction_options_of_other_laws(Law law) {
   if (law != Law::coulomb) add({"friction_fs", "friction_fd", "friction_slip_velocity"});
   if (law != Law::rate_and_state) add({"friction_a", "friction_b", "friction_D", "friction_mu0", "friction_psi0"});
   return names;
+}
+
 std::vector<StateLaw> all_state_laws() {
   std::vector<StateLaw> all;
   for (const auto& [law, name] : state_names) all.push_back(law);
   return all;
 }
+
 bool belong_together(Law law, StateLaw state) {
   const bool kinetics_of_rate_and_state = state == StateLaw::ageing || state == StateLaw::slip;
   if ((law == Law::rate_and_state) != kinetics_of_rate_and_state) return false;
