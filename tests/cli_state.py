@@ -1,0 +1,144 @@
+"""Friction that remembers, from the command line: ten decades of velocity in one run, orders in time, steady friction
+against velocity, Erickson's Hopf point by simulation, starts from a frame of another run."""
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+
+import h5py
+import numpy as np
+
+PROGRAM = os.environ["STICKSLIP"]
+failures = 0
+
+
+def check(truth, text):
+    global failures
+    if not truth:
+        failures += 1
+        print("FAILED:", text)
+
+
+def run(arguments, code=0, command="run"):
+    """Runs the command; returns the summary and what stood on standard error."""
+    done = subprocess.run([PROGRAM, command, "-summary", "-", "-progress", "off"] + arguments.split(),
+                          capture_output=True, text=True, timeout=300)
+    check(done.returncode == code, f"exit {done.returncode} instead of {code}: {command} {arguments}\n{done.stderr}")
+    return (json.loads(done.stdout) if done.stdout.startswith("{") else None), done.stderr
+
+
+BLOCK = "-model_form chain -grid_n 1 -bc_left free"
+
+
+def ten_decades():
+    # A light block pulled by a soft spring, far below the critical stiffness: it creeps at 1e-13 and slips at 1e-2.
+    for law in ("ageing", "slip"):
+        scene = (BLOCK + f" -friction_law rate-and-state -state_law {law} -friction_a 0.01 -friction_b 0.015"
+                 " -friction_D 1e-3 -friction_psi0 1e-3 -model_m 1e-4 -model_k0 0.1 -model_v 1e-6 -ts_max_time 1e6"
+                 " -init_psi steady -init_eta steady -init_noise 1e-8 -out_frames 2000")
+        s, _ = run(scene + " -out_file decades.h5")
+        check(s["implicit"] in ("friction", "both"), f"{law}: the default takes {s['implicit']} implicitly")
+        check(s["rhs_evaluations"] < 40000, f"{law}: {s['rhs_evaluations']} evaluations, about 10000 expected")
+        with h5py.File("decades.h5") as f:
+            slow, fast = np.abs(f["series/psi_min"][:]).min(), f["series/psi_max"][:].max()
+            check(fast / max(slow, 1e-300) > 1e10, f"{law}: velocities from {slow} to {fast} only")
+            check(np.isfinite(f["psi"][:]).all() and np.isfinite(f["eta"][:]).all(), f"{law}: not finite")
+            check((f["theta"][:] > 0).all(), f"{law}: theta is not positive")
+            force = f["eta"][-1, 0]
+        # the run with a hundredth of the tolerance ends with the same force
+        fine, _ = run(scene.replace(" -out_frames 2000", "") + " -ts_rtol 1e-8 -ts_atol 1e-8")
+        check(abs(fine["eta_mean"] - force) < 1e-3, f"{law}: eta {force} and, finer, {fine['eta_mean']}")
+
+
+def orders():
+    # Smooth scenes; the error of psi at fixed steps h, h/2, h/4 against a converged run falls like h^p.
+    state = {"contact-age": "-friction_law cubic -state_law contact-age -model_v 0.5",
+             "healing": "-friction_law carlson-langer -friction_stick regularised -friction_eps 0.5 -state_law healing",
+             "ageing": "-friction_law rate-and-state -state_law ageing -friction_a 0.3 -friction_b 0.5 -friction_D 1",
+             "slip": "-friction_law rate-and-state -state_law slip -friction_a 0.3 -friction_b 0.5 -friction_D 1"}
+    methods = [("-ts_type rk -ts_rk_type 5dp", 5, 0.1), ("-ts_type arkimex -ts_arkimex_type 3 -imex_implicit friction", 3, 0.05),
+               ("-ts_type arkimex -ts_arkimex_type 4 -imex_implicit both", 4, 0.1)]
+    for law, options in state.items():
+        scene = BLOCK + " -model_k0 1 -init_psi 0.6 -ts_max_time 2 " + options
+        exact = run(scene + " -ts_type rk -ts_rk_type 8vr -ts_rtol 1e-13 -ts_atol 1e-13 -imex_implicit none")[0]["psi_max"]
+        for method, p, h in methods:
+            errors = [abs(run(f"{scene} {method} -ts_adapt_type none -ts_dt {h / 2 ** i} -snes_atol 1e-15 -snes_rtol 1e-13")[0]["psi_max"]
+                          - exact) for i in range(3)]
+            # the finest two, unless round-off is near
+            rate = math.log2(errors[1] / errors[2]) if errors[2] > 1e-13 else math.log2(errors[0] / errors[1])
+            check(p - 0.35 < rate < p + 1.5, f"{law}, {method}: order {rate:.2f}, errors {errors}")
+
+
+def steady_friction():
+    # A stiff spring makes the block slide at the plate's velocity; what it then pulls with is the steady friction.
+    for v in (1e-4, 1e-2, 1.0):
+        a, b, psi0 = 0.02, 0.03, 0.1
+        for law in ("ageing", "slip"):
+            # ten slip distances' worth of time, from a state ten times too young
+            s, _ = run(BLOCK + f" -friction_law rate-and-state -state_law {law} -friction_a {a} -friction_b {b}"
+                       f" -friction_psi0 {psi0} -friction_D 0.1 -model_k0 2 -model_m 1e-3 -model_v {v} -init_psi steady"
+                       f" -init_eta steady -init_state {0.01 / v} -ts_max_time {4 / v}")
+            exact = 0.6 + (a - b) * math.log(v / psi0)
+            check(abs(s["eta_mean"] - exact) < 1e-5, f"{law}, v {v}: friction {s['eta_mean']}, steady {exact}")
+        s, _ = run(BLOCK + f" -friction_law coulomb -friction_stick regularised -friction_eps {1e-3 * v} -friction_slip_velocity {1e-3 * v}"
+                   f" -state_law healing -state_D 0.1 -state_t_h 2 -state_tau_inf 1.5 -model_k0 50 -model_m 0.05 -model_zeta {1 / v}"
+                   f" -model_v {v} -init_psi steady -init_eta steady -init_state 1.1 -ts_max_time {5 / v}")
+        tau = (1.5 / 2 + v / 0.1) / (1 / 2 + v / 0.1)
+        check(abs(s["eta_mean"] - 1 - 0.5 * tau) < 1e-5, f"healing, v {v}: friction {s['eta_mean'] - 1}, steady {0.5 * tau}")
+
+
+def hopf_by_simulation():
+    # Erickson's epsilon either side of 0.280702: the small oscillation grows or dies at the eigenvalue's rate.
+    g2, xi, a = 0.64, 0.5, 0.01
+    for epsilon in (0.23, 0.33):
+        scene = (BLOCK + f" -friction_law rate-and-state -state_law slip -friction_a {a} -friction_b {a * (1 + epsilon)}"
+                 f" -friction_D 1 -model_v 1 -model_k0 {xi * a} -model_m {xi * a / g2}")
+        modes, _ = run(scene, command="spectrum")
+        check(modes["stable"] == (epsilon < 0.280702), f"epsilon {epsilon}: stable {modes['stable']}")
+        rate = modes["growth_rate"]
+        run(scene + " -init_psi 1.001 -init_eta steady -init_state 1 -ts_max_time 100 -out_frames 4001 -out_file hopf.h5"
+            " -ts_rtol 1e-9 -ts_atol 1e-11")
+        with h5py.File("hopf.h5") as f:
+            t, w = f["t"][:], f["psi"][:, 0] - 1
+        peaks = [i for i in range(1, len(w) - 1) if w[i] > w[i - 1] and w[i] >= w[i + 1] and t[i] > 10]
+        measured = np.polyfit(t[peaks], np.log(w[peaks]), 1)[0]
+        # amplitudes of a few thousandths move the rate by their square, 1e-5; peaks are read to (dt omega)^2/8 = 2e-5
+        check(abs(measured - rate) < 5e-3 * abs(rate) + 1e-4, f"epsilon {epsilon}: growth {measured}, eigenvalue {rate}")
+        check((measured > 0) == (epsilon > 0.280702), f"epsilon {epsilon}: growth {measured}")
+
+
+def start_from_a_file():
+    for scene in ("-grid_n 33 -init_type sine -friction_law rate-and-state",
+                  "-model_form chain -grid_n 7 -init_noise 0.3 -friction_law carlson-langer -friction_stick regularised"
+                  " -friction_eps 0.1 -state_law healing"):
+        whole, _ = run(scene + " -ts_max_time 2 -ts_rtol 1e-9 -ts_atol 1e-9 -out_probes 1.5")
+        run(scene + " -ts_max_time 1 -ts_rtol 1e-9 -ts_atol 1e-9 -out_frames 3 -out_file half.h5")
+        rest = scene.replace(" -init_type sine", "").replace(" -init_noise 0.3", "") + " -init_type file -init_file half.h5"
+        second, _ = run(rest + " -ts_max_time 1 -ts_rtol 1e-9 -ts_atol 1e-9 -out_probes 1.5")
+        for name in ("psi", "eta"):
+            difference = abs(second["probes"][0][name] - whole["probes"][0][name])
+            check(difference < 1e-6, f"{name} differs by {difference} when run in two halves: {scene}")
+        at_once, _ = run(rest + " -ts_max_time 0 -init_frame 1 -out_probes 0")
+        with h5py.File("half.h5") as f:
+            check(at_once["probes"][0]["psi"] == f["psi"][1, 0], "init_frame 1 is not frame 1")
+    chain = "-model_form chain -grid_n 7 -friction_law carlson-langer -friction_stick regularised"
+    for scene, word in ((chain.replace("-grid_n 7", "-grid_n 8"), "7 nodes"),
+                        (chain + " -bc_left free -state_law contact-age", "theta"),
+                        ("-grid_n 7 -grid_length 7", "chain"), (chain + " -init_frame 9", "3 frames")):
+        _, error = run(scene + " -init_type file -init_file half.h5", code=2)
+        check(error.startswith("stickslip: error: ") and error.count("\n") == 1 and word in error, f"{scene}: {error}")
+    _, error = run("-init_type file", code=2)
+    check("init_file" in error, error)
+
+
+with tempfile.TemporaryDirectory() as folder:
+    os.chdir(folder)
+    ten_decades()
+    orders()
+    steady_friction()
+    hopf_by_simulation()
+    start_from_a_file()
+print("failures:", failures)
+sys.exit(1 if failures else 0)
