@@ -337,7 +337,7 @@ TEST_CASE("thresholds of every law with every state law are those of the cubic",
             }
           }
   });
-  CHECK(with_positive_a > 20);
+  CHECK(with_positive_a > 10);
   CHECK(with_negative_a > 0);
 }
 
