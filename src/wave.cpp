@@ -793,4 +793,207 @@ Train solve_train(const Scene& scene, const TrainRequest& request, double tolera
                 number(l) + ", so that " + fits);
 }
 
+// ---- branches -----------------------------------------------------------------------------------------------------
+
+namespace {
+
+// What the arclength is measured in.
+struct Scales {
+  double z, lambda;
+};
+
+// (z(0), q, lambda) of a vector of unknowns.
+std::vector<double> place(const Problem& problem, const std::vector<double>& x) {
+  const size_t last = problem.mesh().size() - 1;
+  return {x[1], x[last * problem.block()], x[last * problem.block() + 1]};
+}
+
+std::vector<double> interpolated(const Problem& from, const Problem& to, const std::vector<double>& x) {
+  std::vector<double> y = fill(
+      to, [&](double phase, double* at) { evaluate(from.mesh(), x.data(), from.dim(), phase, at); }, x[x.size() - 2]);
+  y.back() = x.back();
+  return y;
+}
+
+}  // namespace
+
+void check_branch(const Options& options) {
+  const std::string name = options.text("wave_continue");
+  if (options.is_set("wave_continue") != options.is_set("wave_to"))
+    throw UsageError("wave_continue and wave_to belong together: which option to vary, and up to which value");
+  if (!options.is_set("wave_continue")) return;
+  const std::vector<OptionSpec>& table = option_table();
+  const auto spec = std::find_if(table.begin(), table.end(), [&](const OptionSpec& o) { return o.name == name; });
+  if (spec == table.end()) {
+    std::vector<std::string> names;
+    for (const OptionSpec& o : table)
+      if (o.type == OptionType::real) names.push_back(o.name);
+    const std::string near = nearest_name(name, names);
+    throw UsageError("wave_continue " + name + ": no such option" +
+                     (near.empty() ? "" : "; did you mean " + near + "?"));
+  }
+  if (spec->type != OptionType::real && spec->type != OptionType::real_or_word)
+    throw UsageError("wave_continue " + name + ": a branch follows a real option, which this is not");
+  if ((name == "wave_length" || name == "wave_speed") && !options.is_set(name))
+    throw UsageError("wave_continue " + name + ": needs -" + name + " as the start of the branch");
+  if (options.real("wave_to") == options.real(name))
+    throw UsageError("wave_to " + options.text("wave_to") + ": the branch starts there");
+  (void)options.with(name, options.real("wave_to"));  // must be a value that the option can take
+}
+
+Branch continue_train(const Options& options, const std::string& name, double to, int steps) {
+  const TrainRequest asked = train_request(options);
+  const double from = options.real(name);
+  const Problem::Family family = [&](double lambda) {
+    const Options here = options.with(name, lambda);
+    TrainRequest request = train_request(here);
+    const Scene scene = Scene::from(here, true);
+    const double c = scene.c;
+    if (request.speed && !(std::abs(*request.speed) > c)) throw Failure("V comes down to c");
+    if (request.length && !(*request.length > 0)) throw Failure("the length vanishes");
+    return setting_of(scene, request);
+  };
+  const Setting start = family(from);
+  const Train first = solve_train(Scene::from(options, true), asked);
+  Branch branch;
+  branch.points.push_back({from, first, false});
+
+  const int d = start.oscillator->dim();
+  const double c2 = start.oscillator->c2(), V = std::abs(first.speed);
+  const double q0 = asked.speed ? std::log(first.period) : .5 * std::log((V - std::sqrt(c2)) * (V + std::sqrt(c2)));
+  double z_low = 1e300, z_high = -1e300;
+  for (size_t i = 0; i < first.intervals(); ++i) {
+    z_low = std::min(z_low, first.nodes[i * size_t(d) + 1]);
+    z_high = std::max(z_high, first.nodes[i * size_t(d) + 1]);
+  }
+  const Scales scale{z_high - z_low, std::abs(to - from)};
+  const double amplitude = first.psi_max - first.psi_min;
+
+  auto problem_on = [&](const std::vector<double>& mesh, double q, double lambda) {
+    Problem problem(family(lambda), mesh, q);
+    problem.extend(family, scale.lambda, {0, 0, 1}, lambda);
+    return problem;
+  };
+  auto along = [&](const std::vector<double>& tangent) {  // the arclength equation's row
+    return std::vector<double>{tangent[0] / (scale.z * scale.z), tangent[1],
+                               tangent[2] / (scale.lambda * scale.lambda)};
+  };
+  // Tangent in all unknowns, of length 1 in the scaled (z, q, lambda), on the side of `row`.
+  auto tangent_at = [&](Problem& problem, const std::vector<double>& x, const std::vector<double>& row) {
+    problem.extend(family, scale.lambda, row, 0);
+    problem.linearise(x.data());
+    std::vector<double> rhs(x.size()), t(x.size());
+    rhs.back() = 1;
+    problem.solve(rhs.data(), t.data());
+    const std::vector<double> p = place(problem, t);
+    const double length = std::hypot(p[0] / scale.z, std::hypot(p[1], p[2] / scale.lambda));
+    for (double& value : t) value /= length;
+    return t;
+  };
+
+  Problem problem = problem_on(first.mesh, q0, from);
+  std::vector<double> x = fill(problem, [&](double phase, double* y) { first.at(phase, y); }, q0);
+  x.back() = from;
+  // begin along the parameter
+  std::vector<double> t;
+  try {
+    t = tangent_at(problem, x, {0, 0, (to > from ? 1 : -1) / scale.lambda});
+  } catch (const Failure&) {
+    throw Failure("wave_continue " + name + ": the train does not change with it, or turns back at once");
+  }
+  if (!(std::abs(place(problem, t)[1]) + std::abs(place(problem, t)[0]) > 0) && !asked.speed) {
+    Train other = first;
+    const Setting moved = family(from + .01 * (to - from));
+    if (moved.oscillator->A() == start.oscillator->A() && moved.oscillator->v() == start.oscillator->v())
+      throw Failure("wave_continue " + name + ": this option does not enter the train");
+  }
+
+  const double longest = std::max(.02, std::min(.2, 4. / steps));
+  double ds = longest / 2;
+  // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a fold.
+  double heading = to > from ? 1 : -1;
+  branch.end = "wave_steps " + std::to_string(steps) + " taken";
+  for (int k = 0; k < steps;) {
+    const std::vector<double> here = place(problem, x), direction = place(problem, t), row = along(direction);
+    if (ds < 1e-9) {
+      branch.end = "no train is found beyond " + name + " = " + number(x.back(), 12);
+      break;
+    }
+    try {
+      // the last step goes to the end value exactly
+      const double ahead = direction[2] != 0 ? (to - here[2]) / direction[2] : -1;
+      const bool arrive = ahead > 0 && ahead <= 1.5 * ds;
+      const double length = arrive ? ahead : ds;
+      const std::vector<double> equation = arrive ? std::vector<double>{0, 0, 1} : row;
+      double right = arrive ? to : length;
+      if (!arrive)
+        for (size_t i = 0; i < 3; ++i) right += row[i] * here[i];
+      std::vector<double> guess = x;
+      for (size_t i = 0; i < x.size(); ++i) guess[i] += length * t[i];
+      problem.extend(family, scale.lambda, equation, right);
+      if (!newton(problem, guess, nullptr, 10)) throw Failure("Newton's method does not converge");
+      // again on a mesh that suits the new profile
+      double share;
+      const std::vector<double> rough = roughness(problem.mesh(), guess.data(), d);
+      equidistribute(problem.mesh(), rough, 1, &share);
+      const size_t wanted = size_t(std::min(4000., std::max(60., share / std::pow(1e-9, 1. / (stages + 1)))));
+      Problem better = problem_on(equidistribute(problem.mesh(), rough, wanted), guess[guess.size() - 2], guess.back());
+      std::vector<double> y = interpolated(problem, better, guess);
+      better.extend(family, scale.lambda, equation, right);
+      if (!newton(better, y, nullptr, 10)) throw Failure("Newton's method does not converge");
+      const std::vector<double> there = place(better, y);
+      const double moved = std::hypot((there[0] - here[0]) / scale.z,
+                                      std::hypot(there[1] - here[1], (there[2] - here[2]) / scale.lambda));
+      if (moved > 2 * length) throw Failure("the step left the branch");
+      std::vector<double> t_next = tangent_at(better, y, row);
+      // turning by more than a quarter of a right angle: the step was too long to trust
+      const std::vector<double> new_direction = place(better, t_next);
+      double cosine = 0;
+      for (size_t i = 0; i < 3; ++i) cosine += row[i] * new_direction[i];
+      if (cosine < .92 && ds > 1e-4 && !arrive) {
+        ds /= 2;
+        continue;
+      }
+      // y[0] = v rises where the orbit is a true one; past the Hopf point the branch repeats itself half a turn on
+      std::vector<double> F(better.size());
+      better.residual(y.data(), F.data());
+      double slope[max_dim];
+      const Setting at = better.setting();
+      at.oscillator->rhs(at.at(there[1]).r2, y.data(), slope, nullptr);
+      Train train = pack(better, y);
+      for (double r : F) train.residual = std::max(train.residual, std::abs(r));
+      train.error_estimate = 1e-9 * (asked.speed ? train.length : std::abs(train.speed));
+      const bool vanished = slope[0] <= 0 || train.psi_max - train.psi_min < 1e-3 * amplitude;
+      if (vanished) {
+        // lambda is even in the amplitude: extrapolate to zero from the last two points
+        const BranchPoint& last = branch.points.back();
+        const double a1 = std::pow(last.train.psi_max - last.train.psi_min, 2);
+        const double a2 = std::pow(train.psi_max - train.psi_min, 2);
+        const double hopf = a1 != a2 ? (there[2] * a1 - last.value * a2) / (a1 - a2) : there[2];
+        branch.end = "the amplitude vanishes at " + name + " = " + number(hopf, 8) + ", where sliding becomes stable";
+        break;
+      }
+      const bool fold = new_direction[2] * heading < -1e-9 * scale.lambda;
+      if (fold) heading = -heading;
+      problem = better;
+      x = y;
+      t = t_next;
+      branch.points.push_back({there[2], train, fold});
+      ++k;
+      if (arrive) {
+        branch.end = "reached " + name + " = " + number(to);
+        break;
+      }
+      if ((there[2] - from) * (to - from) < 0) {
+        branch.end = "the branch came back past its start, " + name + " = " + number(from);
+        break;
+      }
+      if (cosine > .98) ds = std::min(longest, 1.4 * ds);
+    } catch (const Error&) {
+      ds /= 2;
+    }
+  }
+  return branch;
+}
+
 }  // namespace stickslip

@@ -115,6 +115,58 @@ void describe(const TrainSpectrum& spectrum) {
   }
 }
 
+// With wave_spectrum, the stability of every train of the branch too.
+void add_branch(Summary& summary, ResultFile& file, const Options& options, const Branch& branch) {
+  const std::string name = options.text("wave_continue");
+  const bool with_spectrum = options.boolean("wave_spectrum");
+  std::map<std::string, std::vector<double>> columns;
+  Json points = Json::array();
+  for (const BranchPoint& point : branch.points) {
+    const Train& train = point.train;
+    std::vector<std::pair<std::string, double>> row = {{"value", point.value},       {"speed", train.speed},
+                                                       {"length", train.length},     {"period", train.period},
+                                                       {"psi_min", train.psi_min},   {"psi_max", train.psi_max}};
+    Json stable;
+    if (with_spectrum) {
+      const TrainSpectrum spectrum = train_spectrum(train, 4);
+      row.push_back({"growth_rate", spectrum.growth_rate});
+      stable = spectrum.stable;
+      columns["stable"].push_back(spectrum.stable);
+    }
+    Json object = Json::object();
+    for (const auto& [key, value] : row) {
+      object.set(key, value);
+      columns[key].push_back(value);
+    }
+    object.set("fold", point.fold);
+    object.set("stable", stable);
+    columns["fold"].push_back(point.fold);
+    points.push(object);
+  }
+  summary.set("branch", Json::object({{"parameter", name}, {"points", points}, {"end", branch.end}}));
+  const std::map<std::string, Field> fields = {
+      {"value", {"branch/value", "1", name}},
+      {"speed", {"branch/speed", "length/time", "speed of the train"}},
+      {"length", {"branch/length", "length", "length of the ring"}},
+      {"period", {"branch/period", "time", "period"}},
+      {"psi_min", {"branch/psi_min", "length/time", "least psi"}},
+      {"psi_max", {"branch/psi_max", "length/time", "largest psi"}},
+      {"fold", {"branch/fold", "1", "1 where the parameter has just turned round"}},
+      {"stable", {"branch/stable", "1", "1 where the train is stable on its ring"}},
+      {"growth_rate", {"branch/growth_rate", "1/time", "largest growth rate on the ring"}}};
+  for (const auto& [key, values] : columns) file.add(fields.at(key), {"branch/point"}, values);
+  file.attribute("branch_parameter", name);
+  file.attribute("branch_end", branch.end);
+}
+
+void describe(const Options& options, const Branch& branch) {
+  if (!on_root()) return;
+  int folds = 0;
+  for (const BranchPoint& point : branch.points) folds += point.fold;
+  std::printf("  branch in %s: %zu points, %d %s; %s\n", options.text("wave_continue").c_str(), branch.points.size(),
+              folds, folds == 1 ? "fold" : "folds", branch.end.c_str());
+}
+
 }  // namespace
 
 int wave_command(const Options& options) {
@@ -126,6 +178,7 @@ int wave_command(const Options& options) {
                    "branch", "shortest_pulse", "mesh_intervals"},
                   options.text("summary"));
   const TrainRequest request = train_request(options);
+  check_branch(options);
   const Scene scene = Scene::from(options, true);
   check_train_scene(scene);
   return with_summary(summary, [&] {
@@ -148,6 +201,12 @@ int wave_command(const Options& options) {
       const TrainSpectrum spectrum = train_spectrum(train, int(options.integer("spectrum_count")), true);
       add_spectrum(summary, file, spectrum);
       if (options.text("summary") != "-") describe(spectrum);
+    }
+    if (options.is_set("wave_continue")) {
+      const Branch branch = continue_train(options, options.text("wave_continue"), options.real("wave_to"),
+                                           int(options.integer("wave_steps")));
+      add_branch(summary, file, options, branch);
+      if (options.text("summary") != "-") describe(options, branch);
     }
     file.write();
     warn_unused_at_end(options);

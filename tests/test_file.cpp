@@ -510,6 +510,7 @@ TEST_CASE("run layout: coefficients, friction and stability of uniform sliding f
   chain.friction.law = Law::rate_and_state;
   chain.friction.state = StateLaw::ageing;
   chain.v = 0.1;
+  chain.friction.D = chain.friction.state_D = 1;
   const double a = chain.friction.a, b = chain.friction.b, F = 0.6 + (a - b) * std::log(0.1), T = std::tanh(F / a);
   const double critical = (b - a) * T * (1 + 0.01 / (chain.A() * a * T));
   chain.k0 = critical * (1 + 1e-6);

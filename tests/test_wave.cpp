@@ -217,3 +217,60 @@ TEST_CASE("the cost of a train is linear in its mesh", "[wave][serial]") {
   CHECK(fast < 1);
   CHECK(slow < 2. * fast * double(many) / double(few) + .02);
 }
+
+TEST_CASE("a branch through the canard explosion to the Hopf point", "[wave][branch][serial]") {
+  // options as a user gives them, without a database
+  const Options options = Options().with("model_delta", 0.).with("wave_length", 50.).with("wave_pulses", "2");
+  const Branch branch = continue_train(options, "model_v", 1.1, 100);
+  REQUIRE(branch.points.size() > 10);
+  CHECK_THAT(branch.end, Catch::Contains("amplitude vanishes at model_v = 1,"));
+  int folds = 0;
+  double largest_step = 0;
+  for (size_t i = 0; i < branch.points.size(); ++i) {
+    const Train& train = branch.points[i].train;
+    CHECK(train.speed * train.period * 2 == Approx(50).epsilon(1e-12));
+    folds += branch.points[i].fold;
+    if (i > 0) largest_step = std::max(largest_step, std::abs(train.psi_min - branch.points[i - 1].train.psi_min));
+  }
+  // the speed is no function of v near the explosion: one fold each way
+  CHECK(folds == 2);
+  CHECK(largest_step < .3);
+  // points of the branch are trains: the integrator agrees, on the branch that attracts it
+  for (size_t i : {branch.points.size() / 4, branch.points.size() - 3}) {
+    const Train& train = branch.points[i].train;
+    CHECK(train.period == Approx(integrated_period(train)).epsilon(1e-7));
+  }
+}
+
+TEST_CASE("branches in length and speed agree with trains solved for alone", "[wave][branch][serial]") {
+  const Options options = Options().with("wave_length", 30.);
+  const Branch branch = continue_train(options, "wave_length", 6, 40);
+  CHECK(branch.points.back().value == 6);
+  CHECK_THAT(branch.end, Catch::Contains("reached"));
+  CHECK(branch.points.back().train.speed == Approx(solve_train(Scene(), {1, 6., {}}).speed).epsilon(1e-9));
+  const Branch down = continue_train(Options().with("wave_speed", 2.), "wave_speed", 1.01, 40);
+  CHECK(down.points.back().train.length == Approx(solve_train(Scene(), {1, {}, 1.01}).length).epsilon(1e-9));
+}
+
+TEST_CASE("a branch of canards that differ by less than round-off in the parameter", "[wave][branch][serial]") {
+  const Options options =
+      Options().with("model_delta", 0.).with("model_gamma", 10.).with("model_v", .99).with("wave_speed", 2.);
+  const Branch branch = continue_train(options, "model_v", 1.1, 200);
+  CHECK_THAT(branch.end, Catch::Contains("amplitude vanishes at model_v = 1,"));
+  int on_the_spot = 0;  // within 1e-9 of the explosion, though psi_min runs from -1.9 to 0.7
+  for (const BranchPoint& point : branch.points) on_the_spot += std::abs(point.value - .99905715378) < 1e-9;
+  CHECK(on_the_spot > 20);
+}
+
+TEST_CASE("branches that cannot be", "[wave][branch][serial]") {
+  const Options options = Options().with("wave_length", 50.);
+  CHECK_THROWS_AS(continue_train(options, "grid_length", 80, 5), Failure);
+  auto asked = [&](const char* name, const char* to) {
+    return options.with("wave_continue", name).with("wave_to", to);
+  };
+  CHECK_THROWS_WITH(check_branch(asked("model_w", "1")), Catch::Contains("did you mean model_"));
+  CHECK_THROWS_AS(check_branch(asked("model_gamma", "-1")), UsageError);
+  CHECK_THROWS_AS(check_branch(asked("wave_speed", "2")), UsageError);
+  CHECK_THROWS_AS(check_branch(asked("grid_n", "2")), UsageError);
+  CHECK_THROWS_AS(check_branch(options.with("wave_continue", "model_v")), UsageError);
+}

@@ -72,19 +72,24 @@ TrainRequest train_request(const Options& options);
 // Throws UsageError where the scene cannot carry a smooth train (chain, spread, a law that jumps).
 void check_train_scene(const Scene& scene);
 
-// One point of a branch of trains.
+// One point of a branch of trains. `fold`: the parameter turned round between the point before and this one.
 struct BranchPoint {
-  double value, speed, length, period, psi_min, psi_max;
-  bool fold;  // the parameter turns round between the last point and this one
+  double value;
+  Train train;
+  bool fold;
 };
 
-// Follows the train while the option `name` moves towards `to`, in at most `steps` steps, by pseudo-arclength in
-// (ln T or ln sqrt(V^2 - c^2), z(0), parameter), round folds. `end` says in words why it stopped.
+// Follows the train of the options while the real option `name` moves towards `to`, in at most `steps` steps, by
+// pseudo-arclength in (z(0), q, the option) with q = ln T or ln sqrt(V^2 - c^2): round folds and through the canard
+// explosion, where the option hardly changes. Ends at `to`; where the amplitude vanishes (the Hopf point of uniform
+// sliding, whose value is added to `end`); where the option comes back past its start; after `steps`. Throws
+// Failure for an option that does not enter.
 struct Branch {
   std::vector<BranchPoint> points;
-  std::vector<Train> trains;  // at the points
   std::string end;
 };
+// The options wave_continue and wave_to, checked before any work. Throws UsageError.
+void check_branch(const Options& options);
 Branch continue_train(const Options& options, const std::string& name, double to, int steps);
 
 }  // namespace stickslip
