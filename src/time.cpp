@@ -595,7 +595,7 @@ struct Integrator::Impl {
     if (adaptive) return;
     double dt;
     SS_TRY(TSGetTimeStep(ts, &dt));
-    StepForecast forecast(model, u, implicit, type, prefix);
+    StepForecast forecast(model, u, implicit, ts);
     if (!forecast.explodes(dt, t_end - t)) return;
     warn("ts_dt " + number_text(dt) + " is beyond the stability limit of " + method->name() + ", which is about " +
          rounded(forecast.limit(dt, t_end - t)) + " here (the shortest wave turns at " +
