@@ -333,11 +333,50 @@ def draw_spectrum(file, args):
 
 # ---- wave -----------------------------------------------------------------------------------------------------------
 
+def draw_branch(axes, group, attrs):
+    """The extremes of psi and the speed or length along a branch of trains, folds marked."""
+    value = group["value"][...]
+    name = text(attrs["branch_parameter"])
+    for key, colour in (("psi_max", COLOURS[0]), ("psi_min", COLOURS[5])):
+        axes.plot(value, group[key][...], color=colour, marker=".", ms=3, lw=1,
+                  label=SYMBOL["psi"] + key[3:].replace("_", " "))
+    folds = np.flatnonzero(group["fold"][...])
+    axes.plot(value[folds], group["psi_min"][...][folds], "s", mfc="none", mec="k", ls="none", label="fold")
+    axes.set(xlabel=GREEK.get(name, name.replace("_", " ")), ylabel=SYMBOL["psi"])
+    other = "speed" if np.ptp(group["speed"][...]) > 0 and name != "wave_speed" else "length"
+    twin = axes.twinx()
+    twin.spines["right"].set_visible(True)
+    twin.plot(value, group[other][...], color=COLOURS[1], lw=1, ls="--", label=other)
+    twin.set_ylabel(other)
+    lines = axes.get_lines() + twin.get_lines()
+    axes.legend(lines, [line.get_label() for line in lines], fontsize=8, loc="center left")
+    axes.set_title(text(attrs["branch_end"]), fontsize=8)
+
+
+def draw_train_modes(axes, group):
+    """The rightmost eigenvalues of a train on its ring: filled where two meshes agree."""
+    re, im, good = group["re"][...], group["im"][...], group["resolved"][...] > 0
+    axes.axvline(0, color="0.6", lw=0.9)
+    axes.plot(re[good], im[good], "o", ms=5, color=COLOURS[0], label="resolved")
+    if not good.all():
+        axes.plot(re[~good], im[~good], "o", ms=5, mfc="none", color=COLOURS[1], label="not resolved")
+    axes.set(xlabel="Re λ", ylabel="Im λ (frame of the train)")
+    axes.margins(0.1)
+    axes.legend(fontsize=8)
+
+
 def draw_wave(file, args):
-    """Profile and phase portrait of a train."""
+    """Profile and phase portrait of a train; its eigenvalues and its branch where the file holds them."""
     x, psi, eta = (file[k][...] for k in ("x", "psi", "eta"))
-    figure = Figure(figsize=(10.5, 5.0), layout="constrained")
-    grid = figure.add_gridspec(2, 2, width_ratios=[1.25, 1])
+    more = [name for name in ("branch", "spectrum") if name in file]
+    figure = Figure(figsize=(10.5, 9.0 if more else 5.0), layout="constrained")
+    grid = figure.add_gridspec(3 if more else 2, 2, width_ratios=[1.25, 1], height_ratios=[1, 1, 1.6] if more else None)
+    for k, name in enumerate(more):
+        below = figure.add_subplot(grid[2, k] if len(more) > 1 else grid[2, :])
+        if name == "branch":
+            draw_branch(below, file["branch"], file.attrs)
+        else:
+            draw_train_modes(below, file["spectrum"])
     for k, (name, values) in enumerate((("psi", psi), ("eta", eta))):
         axes = figure.add_subplot(grid[k, 0])
         axes.plot(x, values, color=COLOURS[k])
@@ -346,7 +385,7 @@ def draw_wave(file, args):
         if k == 0:
             axes.tick_params(labelbottom=False)
     axes.set_xlabel("x")
-    phase = figure.add_subplot(grid[:, 1])
+    phase = figure.add_subplot(grid[:2, 1])
     phase.plot(psi, eta, color=COLOURS[0], lw=1.2, zorder=3, label="the train")
     phase.margins(0.08)
     low, high = phase.get_xlim()

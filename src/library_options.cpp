@@ -11,6 +11,7 @@
 
 #include "paths.hpp"
 #include "stickslip/error.hpp"
+#include "stickslip/handle.hpp"
 #include "stickslip/root.hpp"
 
 namespace stickslip {
@@ -192,14 +193,26 @@ std::string object_of(const std::string& name) {
   return object == "da" || object == "dmda" ? "dm" : object;
 }
 
+// The objects that a command makes whatever it is asked.
 std::set<std::string> made_by(const std::string& command) {
-  const char* objects = "";
-  if (command == "run" || command == "chart") objects = "ts snes ksp pc dm";
-  if (command == "spectrum") objects = "eps st ksp pc bv ds pep dm snes";
-  if (command == "boundary") objects = "eps st ksp pc bv ds pep snes dm ts";
-  if (command == "wave") objects = "snes ksp pc eps st bv ds dm";
-  const std::vector<std::string> list = split(objects);
-  return {list.begin(), list.end()};
+  if (command == "run") return {"ts", "snes", "ksp", "pc"};
+  if (command == "wave") return {"snes"};
+  return {};
+}
+
+// Of the whole program rather than of an object.
+bool is_program_wide(const std::string& name) {
+  for (const char* prefix : {"log_", "options_", "malloc_", "memory_", "on_error_", "debugger_", "info_"})
+    if (starts_with(name, prefix)) return true;
+  return false;
+}
+
+[[noreturn]] void refuse_unknown(const std::string& name) {
+  std::vector<std::string> names = known_library_options();
+  for (const OptionSpec& spec : option_table()) names.push_back(spec.name);
+  const std::string near = nearest_name(name, names);
+  throw UsageError("unknown option -" + quoted(name) + ": neither this program nor PETSc or SLEPc reads it" +
+                   (near.empty() ? "" : "; did you mean -" + near + "?"));
 }
 
 bool is_used(const std::string& name) {
@@ -350,24 +363,46 @@ void check_library_types(const Options& options) {
   }
 }
 
+void check_library_names(const Options& options) {
+  std::vector<std::string> doubtful;
+  for (const auto& [name, text] : options.library())
+    if (!is_known(name) && !read_late(name) && (is_program_wide(name) || !only_looks(name))) doubtful.push_back(name);
+  if (doubtful.empty()) return;
+
+  // Objects without a problem, of the types that the user wants or the usual ones: what do they read?
+  for (const char* type : {TSRK, TSARKIMEX}) {
+    TsHandle ts;
+    SS_TRY(TSCreate(PETSC_COMM_WORLD, ts.out()));
+    SS_TRY(TSSetType(ts, type));
+    SS_TRY(TSSetFromOptions(ts));
+  }
+  SnesHandle snes;
+  SS_TRY(SNESCreate(PETSC_COMM_WORLD, snes.out()));
+  SS_TRY(SNESSetFromOptions(snes));
+  KspHandle ksp;
+  SS_TRY(KSPCreate(PETSC_COMM_WORLD, ksp.out()));
+  SS_TRY(KSPSetFromOptions(ksp));
+  EpsHandle eps;
+  SS_TRY(EPSCreate(PETSC_COMM_WORLD, eps.out()));
+  SS_TRY(EPSSetFromOptions(eps));
+
+  for (const std::string& name : doubtful) {
+    static const std::set<std::string> objects = {"ts", "snes", "ksp", "pc", "eps", "st", "bv", "ds"};
+    if (!is_used(name) && (objects.count(object_of(name)) || is_program_wide(name))) refuse_unknown(name);
+  }
+  for (const auto& [name, text] : options.library()) SS_TRY(PetscOptionsClearValue(nullptr, ("-" + name).c_str()));
+  insert_library_options(options);  // unread again
+}
+
 void check_unused_after_setup(const Options& options, const std::string& not_made) {
   set_up = true;
   std::set<std::string> made = made_by(options.command());
   for (const std::string& object : split(not_made)) made.erase(object);
   for (const auto& [name, text] : options.library()) {
     if (is_used(name) || global_names().count(name) || only_looks(name) || read_late(name)) continue;
-    const bool program_wide = starts_with(name, "log_") || starts_with(name, "options_") ||
-                              starts_with(name, "malloc_") || starts_with(name, "memory_") ||
-                              starts_with(name, "on_error_") || starts_with(name, "debugger_");
-    if (!program_wide && !made.count(object_of(name))) continue;
-    if (is_known(name))
-      throw UsageError("-" + name + (text.empty() ? "" : " " + quoted(text)) + ": nothing reads it in this " +
-                       options.command() + "; the methods and types chosen have no such option");
-    std::vector<std::string> names = known_library_options();
-    for (const OptionSpec& spec : option_table()) names.push_back(spec.name);
-    const std::string near = nearest_name(name, names);
-    throw UsageError("unknown option -" + quoted(name) + ": neither this program nor PETSc or SLEPc reads it" +
-                     (near.empty() ? "" : "; did you mean -" + near + "?"));
+    if (!made.count(object_of(name))) continue;
+    throw UsageError("-" + name + (text.empty() ? "" : " " + quoted(text)) + ": nothing reads it in this " +
+                     options.command() + "; the methods and types chosen have no such option");
   }
 }
 

@@ -195,6 +195,7 @@ int program(int argc, char** argv) {
       if (speaks) std::fputs(version_text().c_str(), stdout);
     } else {
       check_library_types(options);
+      check_library_names(options);
       if (line.help_all) {
         print_library_help();
       } else {

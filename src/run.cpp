@@ -10,6 +10,7 @@
 
 #include "stickslip/checkpoint.hpp"
 #include "stickslip/commands.hpp"
+#include "stickslip/displacement.hpp"
 #include "stickslip/error.hpp"
 #include "stickslip/file.hpp"
 #include "stickslip/library_options.hpp"
@@ -147,6 +148,14 @@ const std::vector<Field> series_fields = {{"psi_mean", "length/time", "mean of p
                                           {"step", "1", "steps so far"},
                                           {"rejections", "1", "rejected steps so far"}};
 
+// With out_displacement; see displacement.hpp.
+const std::vector<Field> energy_fields = {
+    {"energy_kinetic", "amplitude*length", "kinetic energy in units of the friction amplitude"},
+    {"energy_elastic", "amplitude*length", "elastic energy"},
+    {"power_input", "amplitude*length/time", "power of the driving plate"},
+    {"power_friction", "amplitude*length/time", "power lost in friction"},
+    {"power_viscous", "amplitude*length/time", "power lost in damping"}};
+
 // A run under way. The order of members is the order of set-up: everything that can be refused is refused before the
 // first file is touched.
 class Run {
@@ -236,6 +245,14 @@ class Run {
     RunLayout layout = RunLayout::of(scene_);
     layout.probe_x = options_.reals("out_probes");
     layout.series = series_fields;
+    if (options_.boolean("out_displacement")) {
+      displacement_ = std::make_unique<Displacement>(model_);
+      chi_ = displacement_->create_vector();
+      gather_chi_ = std::make_unique<Gather>(chi_, 1);
+      layout.fields.push_back(standard_field("chi"));
+      if (displacement_->has_energy())
+        layout.series.insert(layout.series.end(), energy_fields.begin(), energy_fields.end());
+    }
     layout.frames = static_cast<std::int64_t>(frames_.size());
     std::optional<RunFile::Resume> resume;
     if (resumed_ && exists(options_.text("out_file"))) resume = RunFile::Resume{options_.text("out_file"), t_};
@@ -294,8 +311,13 @@ class Run {
     const FieldStatistics s = statistics(model_, step.u);
     PetscInt rejections;
     SS_TRY(TSGetStepRejections(integrator_->ts(), &rejections));
-    file_->series(step.t, {s.psi_mean, s.psi_min, s.psi_max, s.eta_mean, step.t - step.t_before, double(step.index),
-                           double(rejections_before_ + rejections)});
+    std::vector<double> row = {s.psi_mean, s.psi_min, s.psi_max, s.eta_mean, step.t - step.t_before,
+                               double(step.index), double(rejections_before_ + rejections)};
+    if (displacement_ && displacement_->has_energy()) {
+      const Energy e = displacement_->energy(step.u);
+      row.insert(row.end(), {e.kinetic, e.elastic, e.input, e.friction, e.viscous});
+    }
+    file_->series(step.t, row);
   }
 
   void write_frame(double t) {
@@ -310,6 +332,11 @@ class Run {
       }
       for (const auto& field : fields) rows.push_back(field.data());
       if (rows.size() == 3) rows[2] = state_out_.data();
+    }
+    if (displacement_) {
+      displacement_->solve(work_, t, chi_);
+      const auto& chi = gather_chi_->components(chi_);
+      if (rank_ == 0) rows.push_back(chi[0].data());
     }
     file_->frame(t, rows);
   }
@@ -390,6 +417,9 @@ class Run {
   long evaluations_before_ = 0;
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<RunFile> file_;
+  std::unique_ptr<Displacement> displacement_;  // with out_displacement
+  VecHandle chi_;
+  std::unique_ptr<Gather> gather_chi_;
   std::vector<double> frames_, samples_, state_out_;
   std::size_t next_frame_ = 0, next_sample_ = 0;
   Progress* progress_ = nullptr;

@@ -73,9 +73,43 @@ std::vector<Extremes> friction_extremes(const Model& model, Vec u) {
 
 }  // namespace
 
-StepForecast::StepForecast(const Model& model, Vec u, Implicit implicit, const std::string& type,
-                           const std::string& prefix)
-    : dof_(model.dof()) {
+namespace {
+
+// The method of `from`, without its monitors, viewers and error control.
+void copy_method(TS from, const std::string& type, TS to) {
+  SS_TRY(TSSetType(to, type.c_str()));
+  const char* name = nullptr;
+  if (type == TSRK) {
+    SS_TRY(TSRKGetType(from, &name));
+    SS_TRY(TSRKSetType(to, name));
+  } else if (type == TSARKIMEX) {
+    SS_TRY(TSARKIMEXGetType(from, &name));
+    SS_TRY(TSARKIMEXSetType(to, name));
+  } else if (type == TSROSW) {
+    SS_TRY(TSRosWGetType(from, &name));
+    SS_TRY(TSRosWSetType(to, name));
+  } else if (type == TSSSP) {
+    PetscInt stages;
+    SS_TRY(TSSSPGetType(from, &name));
+    SS_TRY(TSSSPGetNumStages(from, &stages));
+    SS_TRY(TSSSPSetType(to, name));
+    SS_TRY(TSSSPSetNumStages(to, stages));
+  } else if (type == TSTHETA) {
+    PetscReal theta;
+    PetscBool endpoint;
+    SS_TRY(TSThetaGetTheta(from, &theta));
+    SS_TRY(TSThetaGetEndpoint(from, &endpoint));
+    SS_TRY(TSThetaSetTheta(to, theta));
+    SS_TRY(TSThetaSetEndpoint(to, endpoint));
+  }
+}
+
+}  // namespace
+
+StepForecast::StepForecast(const Model& model, Vec u, Implicit implicit, TS like) : dof_(model.dof()) {
+  TSType now;
+  SS_TRY(TSGetType(like, &now));
+  const std::string type = now;
   if (type == TSBDF || type == TSALPHA) {
     propagates_ = false;
     return;
@@ -124,8 +158,7 @@ StepForecast::StepForecast(const Model& model, Vec u, Implicit implicit, const s
   const auto size = static_cast<PetscInt>(waves_.size()) * dof_ * dof_;
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, size, u_.out()));
   SS_TRY(TSCreate(PETSC_COMM_SELF, ts_.out()));
-  SS_TRY(TSSetOptionsPrefix(ts_, prefix.c_str()));
-  SS_TRY(TSSetType(ts_, type.c_str()));
+  copy_method(like, type, ts_);
   SS_TRY(TSSetProblemType(ts_, TS_NONLINEAR));
   if (implicit != Implicit::both) SS_TRY(TSSetRHSFunction(ts_, nullptr, RHSFunction, this));
   if (type != TSRK && type != TSSSP && type != TSEULER) {
@@ -133,8 +166,6 @@ StepForecast::StepForecast(const Model& model, Vec u, Implicit implicit, const s
     SS_TRY(MatCreateSeqBAIJ(PETSC_COMM_SELF, dof_, size, size, 1, nullptr, J_.out()));
     SS_TRY(TSSetIJacobian(ts_, J_, J_, IJacobian, this));
   }
-  SS_TRY(TSSetFromOptions(ts_));
-  SS_TRY(TSMonitorCancel(ts_));
   TSAdapt adapt;
   SS_TRY(TSGetAdapt(ts_, &adapt));
   SS_TRY(TSAdaptSetType(adapt, TSADAPTNONE));
@@ -145,10 +176,8 @@ StepForecast::StepForecast(const Model& model, Vec u, Implicit implicit, const s
     KSP ksp;
     PC pc;
     SS_TRY(TSGetSNES(ts_, &snes));
-    SS_TRY(SNESMonitorCancel(snes));
     SS_TRY(SNESSetType(snes, SNESKSPONLY));
     SS_TRY(SNESGetKSP(snes, &ksp));
-    SS_TRY(KSPMonitorCancel(ksp));
     SS_TRY(KSPSetType(ksp, KSPPREONLY));
     SS_TRY(KSPGetPC(ksp, &pc));
     SS_TRY(PCSetType(pc, PCPBJACOBI));

@@ -17,9 +17,8 @@ namespace stickslip {
 
 class StepForecast {
  public:
-  // For the method of this type, with the options under `prefix`. Multistep methods have no propagator: nothing is
-  // foreseen for them. Collective.
-  StepForecast(const Model& model, Vec u, Implicit implicit, const std::string& type, const std::string& prefix);
+  // For the method of `like`. Multistep methods have no propagator: nothing is foreseen for them. Collective.
+  StepForecast(const Model& model, Vec u, Implicit implicit, TS like);
 
   bool explodes(double dt, double duration);
   // The largest step found, up to dt, that does not explode.

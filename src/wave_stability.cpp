@@ -588,8 +588,7 @@ TrainSpectrum train_spectrum(const Train& train, int count, bool library_options
     }
   }
   std::sort(modes.begin(), modes.end(), [](const TrainMode& a, const TrainMode& b) {
-    if (std::abs(a.lambda.real() - b.lambda.real()) > 1e-10) return a.lambda.real() > b.lambda.real();
-    return a.lambda.imag() > b.lambda.imag();
+    return a.lambda.real() != b.lambda.real() ? a.lambda.real() > b.lambda.real() : a.lambda.imag() > b.lambda.imag();
   });
   int right = 0;
   out.growth_rate = -1e300;

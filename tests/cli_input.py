@@ -68,6 +68,8 @@ OPTIONS = [
     (["-ts_max_tim", "3"], "did you mean -ts_max_time?"),
     (["-ts_max_step", "3"], "did you mean -ts_max_steps?"),
     (["-ts_rtoll", "1e-3"], "did you mean -ts_rtol?"),
+    (["-log_veiw"], "did you mean -log_view?"),
+    (["-ts_veiw"], "did you mean -ts_view?"),
     (["-snes_no_such", "3", "-ts_type", "arkimex"], "unknown option -snes_no_such"),
     (["-ts_rk_type", "4", "-ts_type", "arkimex"], "-ts_rk_type 4: nothing reads it"),
     (["-model_gamma"], "-model_gamma: needs a value"),
@@ -206,6 +208,26 @@ ENVIRONMENT = [
     ("-ts_rtol soon", "-ts_rtol soon (PETSC_OPTIONS)"),
     ("-out_file 'a", "PETSC_OPTIONS: a quote is not closed"),
 ]
+# Other commands.
+COMMANDS = [
+    (["spectrum", "-grid_n", "32", "-eps_nevv", "3"], "did you mean -eps_nev?"),
+    (["spectrum", "-grid_n", "32", "-eps_tol", "x"], "-eps_tol x"),
+    (["spectrum", "-grid_n", "32", "-spectrum_count", "0"], "-spectrum_count 0"),
+    (["spectrum", "-grid_n", "32", "-spectrum_method", "kryloff"], "did you mean krylov?"),
+    (["spectrum", "-grid_n", "32", "-out_file", "notes.txt"], "notes.txt"),
+    (["spectrum", "-grid_n", "32", "-summary", "notes.txt"], "notes.txt"),
+    (["spectrum", "-grid_n", "5", "-grid_order", "8"], "order 8 needs at least 9 nodes"),
+    (["laws", "-friction_law", "cubix"], "did you mean cubic?"),
+    (["laws", "-out_file", "notes.txt"], "notes.txt"),
+    (["laws", "-log_veiw"], "did you mean -log_view?"),
+    (["wave"], "exactly one of the two"),
+    (["wave", "-wave_length", "100", "-wave_speed", "3"], "give only one of them"),
+    (["wave", "-wave_length", "-1"], "-wave_length -1"),
+    (["wave", "-wave_speed", "0.5"], "|V| > model_c"),
+    (["wave", "-wave_length", "100", "-model_form", "chain"], "continuum only"),
+    (["wave", "-wave_length", "100", "-snes_foo", "3"], "unknown option -snes_foo"),
+    (["wave", "-wave_length", "100", "-out_file", "notes.txt"], "notes.txt"),
+]
 # On two ranks: arguments and what the line must contain.
 PARALLEL = [
     (["run", "binary.yaml"], "binary.yaml:1: not a text file"),
@@ -287,6 +309,7 @@ def wrong_use():
     cases += [(["run"] + SHORT + arguments, 2, expected, None, 1) for arguments, expected in OPTIONS]
     cases += [(["run", scene], 2, expected, None, 1) for scene, expected in SCENE_CASES]
     cases += [(["run"] + SHORT, 2, expected, {"PETSC_OPTIONS": text}, 1) for text, expected in ENVIRONMENT]
+    cases += [(arguments, 2, expected, None, 1) for arguments, expected in COMMANDS]
     cases += [(arguments, 2, expected, None, 2) for arguments, expected in PARALLEL]
     with concurrent.futures.ThreadPoolExecutor(2) as pool:
         return [trouble for trouble in pool.map(check, cases) if trouble], len(cases)

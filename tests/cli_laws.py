@@ -33,14 +33,15 @@ def refused(part, *words):
 
 
 # every law by default, each with its own parameters
-s = summary("-friction_fs", "1.5", "-friction_fd", "0.7", "-friction_mu0", "0.4")
+s = summary("-friction_fs", "1.5", "-friction_fd", "0.7", "-friction_mu0", "0.4", "-friction_a", "0.01", "-friction_b",
+            "0.015")
 psi = np.array(s["psi"])
 assert len(psi) == 601 and psi[0] == -3 and psi[-1] == 3 and psi[300] == 0
 close(psi, np.linspace(-3, 3, 601))
 close(s["cubic"], psi**3 / 3 - psi)
 close(s["carlson-langer"], np.sign(psi) / (1 + np.abs(psi)))
 close(s["coulomb"], 0.7 * np.sign(psi))
-a, b, mu0 = 0.01, 0.015, 0.4  # steady: theta = D/|psi|, psi0 = 1
+a, b, mu0 = 0.01, 0.015, 0.4  # steady: theta = D/|psi|, with psi0 = 1 by default
 v = np.abs(np.delete(psi, 300))
 steady = np.sign(np.delete(psi, 300)) * a * np.arcsinh(v / 2 * np.exp((mu0 - b * np.log(v)) / a))
 close(np.delete(s["rate-and-state"], 300), steady)

@@ -39,6 +39,9 @@ with tempfile.TemporaryDirectory() as folder:
     # growth rate -C/2, C = gamma (v^2 - 1) + delta
     spectrum = summary("build/stickslip spectrum")
     assert abs(spectrum["growth_rate"] + (3 * (0.95**2 - 1) + 0.2) / 2) < 1e-9 and spectrum["stable"] is False
+    # C = 0 at v = sqrt(1 - delta/gamma)
+    points = summary("build/stickslip boundary")["points"]
+    assert len(points) == 1 and abs(points[0]["value"] - (1 - 0.2 / 3)**0.5) < 1e-9, points
     assert abs(summary("build/stickslip wave")["speed"] - 2.68955) < 1e-5
     for picture in ("pacemaker.png", "pacemaker-phase.png", "laws.png"):
         assert os.path.getsize(os.path.join(folder, "results", picture)) > 5000, picture

@@ -86,7 +86,8 @@ with tempfile.TemporaryDirectory() as folder:
         check(abs(mean - 0.2) < 1e-3, f"mean of psi {mean}")
 
 # A run that starts from the train keeps it: its speed is the solved one, to the order of the stencil.
-start = "-init_type wave -init_pulses 2 -grid_length 40 -model_v 0.5 -ts_max_time 30 -ts_rtol 1e-8 -ts_atol 1e-8".split()
+start = ("-init_type wave -init_pulses 2 -grid_length 40 -model_v 0.5 -ts_max_time 30 "
+         "-ts_rtol 1e-8 -ts_atol 1e-8").split()
 _, solved = summary("wave", "-wave_length", "40", "-wave_pulses", "2", "-model_v", "0.5")
 errors = []
 for n in (256, 512):
@@ -100,5 +101,36 @@ _, left = summary("run", *start, "-grid_n", "256", "-init_direction", "left")
 check(abs(left["wave_speed"] / solved["speed"] + 1) < 1e-2, f"to the left: {left['wave_speed']}")
 result = run("run", *start, "-bc_left", "free")
 check(result.returncode == 2 and "ring" in result.stderr, result.stderr)
+
+# Stability and branches in the summary.
+_, stable = summary("wave", "-wave_length", "25", "-model_v", "0.93", "-wave_spectrum")
+check(stable["stable"] is True and stable["complete"], "a stable train")
+check(any(e["translation"] and abs(e["re"]) < 1e-9 for e in stable["eigenvalues"]), "translation mode")
+check(all(e["resolved"] for e in stable["eigenvalues"]), "resolved")
+_, unstable = summary("wave", "-wave_length", "10", "-model_v", "0.5", "-wave_spectrum", "-spectrum_count", "4")
+check(unstable["stable"] is False and unstable["growth_rate"] > 0.02, "an unstable train")
+check(len(unstable["eigenvalues"]) == 4, "spectrum_count")
+real = [e["re"] for e in unstable["eigenvalues"]]
+check(real == sorted(real, reverse=True), "sorted by real part")
+# the stable one holds its profile for a hundred periods
+_, held = summary("run", *("-init_type wave -grid_length 25 -model_v 0.93 -grid_n 256 -grid_order 8 "
+                           "-ts_max_time 1270 -ts_rtol 1e-7 -ts_atol 1e-7").split())
+check(abs(held["wave_speed"] / stable["speed"] - 1) < 1e-7, f"speed after 100 periods: {held['wave_speed']}")
+check(abs(held["psi_max"] - stable["psi_max"]) < 2e-3, f"psi_max after 100 periods: {held['psi_max']}")
+
+with tempfile.TemporaryDirectory() as folder:
+    path = os.path.join(folder, "branch.h5")
+    _, data = summary("wave", "-wave_length", "30", "-wave_continue", "model_gamma", "-wave_to", "6",
+                      "-wave_steps", "30", "-out_file", path)
+    points = data["branch"]["points"]
+    end = data["branch"]["end"]
+    check(points[-1]["value"] == 6 and "reached" in end, f"end of the branch: {end}")
+    _, alone = summary("wave", "-wave_length", "30", "-model_gamma", "6")
+    check(abs(points[-1]["speed"] / alone["speed"] - 1) < 1e-8, "the branch's end is a train")
+    with h5py.File(path) as file:
+        check(len(file["branch/value"]) == len(points), "branch in the file")
+refused(2, "-wave_length 60 -wave_continue model_gama -wave_to 6", "did you mean model_gamma")
+refused(2, "-wave_length 60 -wave_continue model_gamma", "wave_to")
+refused(1, "-wave_length 60 -wave_continue grid_length -wave_to 70", "does not enter")
 
 sys.exit(1 if failures else 0)

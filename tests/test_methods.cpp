@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <memory>
 #include <sstream>
 
 #include "stickslip/error.hpp"
@@ -108,9 +109,16 @@ Solution solve(const Scene& scene, const Settings& settings, double until = dura
 
 // By the pair of order 8 with short fixed steps: error of the order of 1e-13.
 const Solution& reference() {
-  static const Solution found =
-      solve(smooth_ring(), {{"ts_type", "rk"}, {"ts_rk_type", "8vr"}, {"ts_adapt_type", "none"}, {"ts_dt", "0.004"}});
-  return found;
+  static std::unique_ptr<Solution> found;
+  if (!found) {
+    found = std::make_unique<Solution>(
+        solve(smooth_ring(), {{"ts_type", "rk"}, {"ts_rk_type", "8vr"}, {"ts_adapt_type", "none"}, {"ts_dt", "0.004"}}));
+    SS_TRY(PetscRegisterFinalize([]() -> PetscErrorCode {  // its vectors must go before MPI does
+      found.reset();
+      return 0;
+    }));
+  }
+  return *found;
 }
 
 struct Errors {
@@ -423,10 +431,14 @@ TEST_CASE("a constant wave part is factored once while the step stands", "[seria
 }
 
 TEST_CASE("implicit friction is solved exactly by blocks, and tight tolerances are reached") {
+  int ranks;
+  MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
+  const double tolerance = ranks == 1 ? 1e-12 : 1e-7;
   for (const char* implicit : {"friction", "wave", "both"}) {
     INFO(implicit);
     const Solution tight = solve(smooth_ring(), {{"ts_type", "arkimex"}, {"ts_arkimex_type", "5"}, {"imex_implicit", implicit},
-                                                 {"ts_rtol", "1e-12"}, {"ts_atol", "1e-12"}});
-    CHECK(errors(tight).end < 1e-9);  // in proportion to 2e-6 at 1e-8: Newton leaves nothing behind
+                                                 {"ts_rtol", step(tolerance)}, {"ts_atol", step(tolerance)}});
+    // the error stays in proportion to the tolerance (some hundred times): Newton's method leaves nothing behind
+    CHECK(errors(tight).end < 1000 * tolerance);
   }
 }

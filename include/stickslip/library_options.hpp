@@ -29,10 +29,15 @@ void insert_library_options(const Options& options);
 // and monitors can be written. After SlepcInitialize. Collective.
 void check_library_types(const Options& options);
 
+// UsageError, with the nearest name, for an option that carries the prefix of a library's object and that such an
+// object does not read. After SlepcInitialize. Collective.
+void check_library_names(const Options& options);
+
 // To be called by a command once its objects have taken their options (XxxSetFromOptions) and before any work:
-// UsageError for a library option that nobody has read, with the nearest name. Left for the end are views, monitors
-// and the like, which are read later, and options of objects this command does not make: `command` says which it
-// can make, `not_made` lists those it did not make this time, e.g. "snes ksp pc" for an explicit method.
+// UsageError for a library option that nobody has read although the object is there: it belongs to another method.
+// Left for the end are views, monitors and the like, which are read later, and options of objects that the command
+// does not always make; `not_made` lists further ones it did not make this time, e.g. "snes ksp pc" for an explicit
+// method.
 void check_unused_after_setup(const Options& options, const std::string& not_made = "");
 
 // To be called when the work is done: warns of each library option that nobody has read until now.

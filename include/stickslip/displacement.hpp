@@ -1,0 +1,45 @@
+// The displacement chi and the energy of a motion, from psi and eta.
+//
+// chi is not an unknown of the model; with w = chi - v t it follows from the elastic force by one banded solve,
+//     (K0 - K1 D2) w = -(eta + (s delta/A) psi),      w = (psi_e - v) t at a held end
+// (continuum: gamma eta = c^2 chi_xx - (chi - v t) - s delta psi; chain: f0 eta = k0 (V0 t - chi) + k1 D2 chi).
+//
+// Energy and powers are in units of the friction amplitude (gamma or f0); sums are over the blocks of a chain, and
+// h times the sum over nodes in the continuum, where a free end has the weight 1/2. With z = eta + (s delta/A) psi
+//     kinetic  sum psi^2/(2 A)               elastic   sum w (K0 - K1 D2) w/2 = -sum w z/2
+//     input    v sum z                       by the driving plate
+//     friction sum psi F                     lost in friction
+//     viscous  sum (B + s delta/A) psi^2     lost in damping; negative with the printed sign, which drives
+//     d(kinetic + elastic)/dt = input - friction - viscous
+// exactly, for the semi-discrete system, on a ring and between free ends, where D2 is symmetric in these sums. A held
+// end works on the system too, and with order 4 and 6 its D2 is not symmetric: no energy is given there.
+#pragma once
+
+#include "stickslip/model.hpp"
+
+namespace stickslip {
+
+struct Energy {
+  double kinetic, elastic, input, friction, viscous;
+};
+
+class Displacement {
+ public:
+  // Factors the matrix. Throws UsageError for a chain with k0 = 0 and no held end, whose position is not determined
+  // by its forces. Collective.
+  explicit Displacement(const Model& model);
+
+  VecHandle create_vector() const;            // one value a node, distributed as the model's nodes
+  void solve(Vec u, double t, Vec chi) const;  // collective
+
+  bool has_energy() const;                    // no held end
+  Energy energy(Vec u) const;                 // collective; only where has_energy()
+
+ private:
+  const Model& model_;
+  MatHandle matrix_;
+  KspHandle ksp_;
+  VecHandle w_, load_;
+};
+
+}  // namespace stickslip

@@ -1,0 +1,68 @@
+"""Methods from the command line: refusals, warnings and failures with their exit codes; displacement and energy."""
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+import h5py
+import numpy as np
+
+PROGRAM = os.environ["STICKSLIP"]
+failures = 0
+
+
+def check(condition, what):
+    global failures
+    if not condition:
+        failures += 1
+        print("FAILED:", what)
+
+
+def run(arguments):
+    return subprocess.run([PROGRAM, "run", "-progress", "off"] + arguments.split(), capture_output=True, text=True,
+                          check=False)
+
+
+def refusals_and_warnings():
+    small = " -grid_n 64 -grid_length 6 -init_type sine -ts_max_time 1"
+    for arguments, code, text in [
+            ("-ts_type eimex", 2, "error: ts_type eimex"),
+            ("-ts_type glee", 2, "error: ts_type glee: it ignores the implicit part"),
+            ("-ts_type arkimex -ts_arkimex_type bpr3", 2, "its order falls to 1"),
+            ("-ts_type rk -ts_rk_type 4 -ts_adapt_type basic", 2, "rk:4 has no error estimate"),
+            ("-ts_type rk -ts_rk_type 4 -ts_dt 0.01 -ts_rtol 1e-9", 0, "warning: ts_rtol has no effect"),
+            ("-ts_type ssp", 0, "chosen for stability and not for accuracy"),
+            ("-ts_dt 1e6", 0, ""),
+            ("-ts_type rk -ts_rk_type 4 -ts_dt 1", 1, "is beyond the stability limit of rk:4"),
+            ("-ts_type rk -ts_rk_type 4 -ts_dt 1", 1, "error: the solution is not finite after step")]:
+        done = run(arguments + small + (" -ts_max_time 40" if code == 1 else ""))
+        check(done.returncode == code, f"{arguments}: exit {done.returncode}, not {code}: {done.stderr}")
+        check(text in done.stderr, f"{arguments}: no '{text}' in: {done.stderr}")
+
+
+def displacement(folder):
+    path, summary = os.path.join(folder, "a.h5"), os.path.join(folder, "a.json")
+    done = run(f"-init_type sine -grid_n 64 -grid_length 12 -ts_max_time 2 -ts_rtol 1e-8 -out_file {path} -summary {summary} "
+               "-out_displacement -out_frames 201")
+    check(done.returncode == 0, done.stderr)
+    with open(summary, encoding="utf-8") as file:
+        check(json.load(file)["method"] == "rk:5dp", "the default method")
+    with h5py.File(path) as file:
+        t, psi, chi, series = file["t"][:], file["psi"][:], file["chi"][:], file["series"]
+        # chi_t = psi: central differences of the frames, error dt^2 |psi_tt|/6
+        rate = (chi[2:] - chi[:-2]) / (t[2:] - t[:-2])[:, None]
+        bend = np.abs(psi[2:] - 2 * psi[1:-1] + psi[:-2]).max()
+        check(np.abs(rate - psi[1:-1]).max() < bend, "chi moves with psi")
+        energy = series["energy_kinetic"][:] + series["energy_elastic"][:]
+        power = series["power_input"][:] - series["power_friction"][:] - series["power_viscous"][:]
+        gained = np.sum(0.5 * (power[1:] + power[:-1]) * series["dt"][1:])
+        check(abs(energy[-1] - energy[0] - gained) < 1e-2 * abs(gained), "the energy balance")
+    done = run(f"-model_form chain -model_k0 0 -out_file {path} -out_displacement")
+    check(done.returncode == 2 and "out_displacement" in done.stderr, "a chain that is nowhere: " + done.stderr)
+
+
+with tempfile.TemporaryDirectory() as where:
+    refusals_and_warnings()
+    displacement(where)
+sys.exit(1 if failures else 0)
