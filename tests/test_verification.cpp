@@ -507,3 +507,33 @@ TEST_CASE("the energy balance of a run closes at the method's order", "[energy][
   CHECK(std::log2(coarse / fine) > 3.6);
   CHECK(fine < 1e-5);
 }
+
+TEST_CASE("a corner along x = c t costs order: h^(2p/(p+1))", "[space][serial]") {
+  // psi(0) = -1.5 held, psi_t = 0 there, but c^2 psi_xx not psi_e - v: what init_type layer gives.
+  const double t = 2;
+  const Start layer = [](double x) {
+    const double psi = 0.1 - 1.6 * std::exp(-x * x / 4);
+    return Point{psi, psi * psi * psi / 3 - psi};
+  };
+  const auto scene = [](int order, PetscInt cells) {
+    Scene s = with_ends(Ends::held, order, cells + 1, 8);
+    s.left_value = -1.5;
+    return s;
+  };
+  const std::vector<std::pair<std::string, std::string>> tight = {{"ts_rtol", "1e-8"}, {"ts_atol", "1e-8"}};
+  const Run reference = advance(scene(4, 1024), layer, t, tight);
+  for (const int order : {2, 4}) {
+    const auto error = [&](PetscInt cells) {
+      const Run run = advance(scene(order, cells), layer, t, tight);
+      double largest = 0;
+      for (std::size_t i = 0; i < run.psi.size(); ++i) {
+        const double x = 8. * double(i) / double(cells);
+        if (x > 1 && x < 3) largest = std::max(largest, std::abs(run.psi[i] - reference.psi[i * 1024 / static_cast<std::size_t>(cells)]));
+      }
+      return largest;
+    };
+    const double measured = std::log2(error(64) / error(256)) / 2;
+    INFO("order " << order << ": " << measured);
+    CHECK(measured == Approx(2. * order / (order + 1)).margin(0.2));
+  }
+}
