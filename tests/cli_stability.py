@@ -41,7 +41,7 @@ with tempfile.TemporaryDirectory() as folder:
                           "-summary", "r.json", "-out_file", "r.h5")
     check(code == 0, f"run from an eigenvector ends with {code}: {err}")
     with h5py.File("r.h5") as file:
-        energy = np.hypot(file["psi"][...] - 1, file["eta"][...] + 2 / 3).max(axis=1)
+        energy = np.hypot(file["psi"][...] - 1, 3 * (file["eta"][...] + 2 / 3)).max(axis=1)
         check(0.8 < energy[-1] / energy[0] / np.exp(-0.1 * 20) < 1.25, "the eigenvector decays like exp(-0.1 t)")
 
     code, out, err = call("boundary", os.path.join(source, "runs", "figure6-carlson-langer.yaml"), "-grid_n", "16",
