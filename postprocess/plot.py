@@ -461,8 +461,8 @@ def draw_boundary(file, args):
     else:
         name2, value2, piece = text(file.attrs["parameter2"]), file["value2"][...], file["piece"][...]
         sample2 = file["sample2"][...]
-        unstable = np.where(np.isfinite(growth), growth > 0, False).astype(float)
-        axes.contourf(sample, sample2, unstable, levels=[-0.5, 0.5, 1.5], colors=["#eef4fb", "#fbeeea"])
+        far = 1 + 2 * np.nanmax(np.abs(growth))
+        axes.contourf(sample, sample2, growth, levels=[-far, 0, far], colors=["#eef4fb", "#fbeeea"])
         for number in np.unique(piece):
             chosen = piece == number
             axes.plot(value[chosen], value2[chosen], ".-", color=COLOURS[0], ms=4,
@@ -487,7 +487,7 @@ def draw_boundary(file, args):
                 j, i = deepest(inside)
                 axes.text(sample[i], sample2[j], words, ha="center", va="center", fontsize=10, color="0.25")
         axes.set(xlabel=GREEK.get(name, name), ylabel=GREEK.get(name2, name2))
-        axes.legend(fontsize=8, loc="best", frameon=True, framealpha=0.8)
+        axes.legend(fontsize=8, loc="lower left", frameon=True, framealpha=0.8)
     if "verified/value" in file:
         group = file["verified"]
         for regime, mark in (("sliding", "o"), ("stick-slip", "^"), ("both live", "s"), ("undecided", "x")):
