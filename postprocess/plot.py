@@ -439,7 +439,81 @@ def draw_laws(file, args):
     return figure
 
 
-KINDS = {"run": draw_run, "laws": draw_laws, "spectrum": draw_spectrum, "wave": draw_wave}
+# ---- boundary --------------------------------------------------------------------------------------------------------
+
+def draw_boundary(file, args):
+    """The stability diagram with both regions named, the closed form over it, and what time integration found."""
+    name = text(file.attrs["parameter"])
+    value, kinds = file["value"][...], [text(kind) for kind in file["kind"][...]]
+    closed = file["closed_form_v"][...]
+    sample, growth = file["sample"][...], file["growth"][...]
+    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
+    axes = figure.subplots()
+    if "parameter2" not in file.attrs:
+        axes.axhline(0, color="0.6", lw=0.8)
+        axes.plot(sample, growth, color=COLOURS[0])
+        for v, kind, frequency in zip(value, kinds, file["frequency"][...]):
+            axes.plot([v], [0], "o", color=COLOURS[1], label=f"{kind} at {v:.8g}, frequency {frequency:.4g}")
+        if file.attrs["log"]:
+            axes.set_xscale("log")
+        axes.set(xlabel=GREEK.get(name, name), ylabel="growth rate of steady sliding")
+        axes.legend(fontsize=8)
+    else:
+        name2, value2, piece = text(file.attrs["parameter2"]), file["value2"][...], file["piece"][...]
+        sample2 = file["sample2"][...]
+        far = 1 + 2 * np.nanmax(np.abs(growth))
+        axes.contourf(sample, sample2, growth, levels=[-far, 0, far], colors=["#eef4fb", "#fbeeea"])
+        for number in np.unique(piece):
+            chosen = piece == number
+            axes.plot(value[chosen], value2[chosen], ".-", color=COLOURS[0], ms=4,
+                      label="computed" if number == 0 else None)
+        if name2 == "model_v" and np.isfinite(closed).any():
+            axes.plot(value, closed, "--", color=COLOURS[1], lw=1, label="closed form")
+        elif name == "model_v" and np.isfinite(closed).any():
+            axes.plot(closed, value2, "--", color=COLOURS[1], lw=1, label="closed form")
+        switched = file["switched"][...] > 0.5
+        if switched.any():
+            axes.plot(value[switched], value2[switched], "D", color=COLOURS[4], ms=6, label="another mode leads")
+        if file.attrs["log"]:
+            axes.set_xscale("log")
+        if file.attrs["log2"]:
+            axes.set_yscale("log")
+        axes.set_xlim(sorted((sample[0], sample[-1])))
+        axes.set_ylim(sorted((sample2[0], sample2[-1])))
+        # each region is named where it is deepest inside
+        for sign, words in ((1, "stick-slip\n(sliding unstable)"), (-1, "stable sliding")):
+            inside = np.where(np.isfinite(growth), sign * growth > 0, False)
+            if inside.any():
+                j, i = deepest(inside)
+                axes.text(sample[i], sample2[j], words, ha="center", va="center", fontsize=10, color="0.25")
+        axes.set(xlabel=GREEK.get(name, name), ylabel=GREEK.get(name2, name2))
+        axes.legend(fontsize=8, loc="lower left", frameon=True, framealpha=0.8)
+    if "verified/value" in file:
+        group = file["verified"]
+        for regime, mark in (("sliding", "o"), ("stick-slip", "^"), ("both live", "s"), ("undecided", "x")):
+            chosen = np.array([text(r) == regime for r in group["regime"][...]])
+            if chosen.any():
+                y = group["value2"][...][chosen] if "parameter2" in file.attrs else np.zeros(chosen.sum())
+                axes.plot(group["value"][...][chosen], y, mark, color=COLOURS[2], mfc="none", ls="none",
+                          label=f"integrated: {regime}")
+        axes.legend(fontsize=8, frameon=True, framealpha=0.8)
+    set_title(axes, scene_title(file))
+    return figure
+
+
+def deepest(inside):
+    """Row and column of the True entry farthest from every False one and from the rim."""
+    layer, last = np.pad(inside, 1), None
+    while layer.any():
+        last = layer
+        layer = layer[1:-1, 1:-1] & layer[:-2, 1:-1] & layer[2:, 1:-1] & layer[1:-1, :-2] & layer[1:-1, 2:]
+        layer = np.pad(layer, 1)
+    rows, columns = np.nonzero(last[1:-1, 1:-1])
+    middle = len(rows) // 2
+    return rows[middle], columns[middle]
+
+
+KINDS = {"run": draw_run, "laws": draw_laws, "spectrum": draw_spectrum, "wave": draw_wave, "boundary": draw_boundary}
 
 
 def draw(path, args):

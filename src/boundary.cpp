@@ -23,8 +23,13 @@ GrowthRate::GrowthRate(MPI_Comm comm, const Options& options, std::vector<Axis> 
 }
 
 Options GrowthRate::options_at(double x, double y) const {
-  Options o = options_.with(axes_[0].name, axes_[0].value(x));
-  return axes_.size() > 1 ? o.with(axes_[1].name, axes_[1].value(y)) : o;
+  Options o = options_;
+  for (std::size_t k = 0; k < axes_.size(); ++k) {
+    const double value = axes_[k].value(k == 0 ? x : y);
+    o = o.with(axes_[k].name, value);
+    for (const std::string& name : axes_[k].same) o = o.with(name, value);
+  }
+  return o;
 }
 
 bool GrowthRate::enters() const {

@@ -48,6 +48,12 @@ std::vector<Axis> axes_from(const Options& options) {
   if (!options.is_set("boundary_parameter"))
     throw UsageError("-boundary_parameter is needed: a real option to vary, such as model_v");
   std::vector<Axis> axes{axis_from(options, "")};
+  for (const std::string& name : options.words("boundary_same")) {
+    const OptionSpec* spec = find_option(name);
+    if (!spec || (spec->type != OptionType::real && spec->type != OptionType::real_or_word))
+      throw UsageError("-boundary_same " + quoted(name) + ": no such real option; give e.g. model_k0");
+    axes[0].same.push_back(spec->name);
+  }
   if (options.is_set("boundary_parameter2")) {
     axes.push_back(axis_from(options, "2"));
     if (axes[0].name == axes[1].name)
@@ -91,8 +97,41 @@ std::vector<double> closed_forms(GrowthRate& growth, const std::vector<Crossing>
   return v;
 }
 
+Json verified_list(const std::vector<Verified>& verified, bool two) {
+  Json list = Json::array();
+  for (const Verified& v : verified)
+    list.push(Json::object({{"value", v.value},
+                            {"value2", two ? Json(v.value2) : Json()},
+                            {"growth_rate", v.growth},
+                            {"expected", v.expected},
+                            {"from_sliding", v.from_sliding},
+                            {"from_stick_slip", v.from_stick_slip},
+                            {"regime", v.regime}}));
+  return list;
+}
+
+// A method that damps, with steps so long that it makes a growing mode decay: backward Euler does when
+// dt > 2 Re(lambda)/|lambda|^2. The checks use a method of their own; the user's runs would not.
+void warn_of_damping(const Options& options, const std::vector<Verified>& verified, const std::vector<Crossing>& points) {
+  const auto given = [&](const char* name) { return options.is_set(name) ? options.text(name) : std::string(); };
+  const std::string type = given("ts_type"), dt_text = given("ts_dt");
+  const bool damps = type == "beuler" || type == "bdf" || (type == "theta" && given("ts_theta_theta") != "0.5");
+  if (!damps || dt_text.empty() || points.empty()) return;
+  const double dt = std::strtod(dt_text.c_str(), nullptr);
+  for (const Verified& v : verified) {
+    const double frequency = points.front().frequency;
+    const double limit = 2 * v.growth / (v.growth * v.growth + frequency * frequency);
+    if (v.growth > 0 && dt > limit) {
+      warn("-ts_type " + type + " with -ts_dt " + dt_text + " would hide the instability at " + number_text(v.value) +
+           ": it damps a mode that grows when the step is above " + number_text(limit) +
+           "; the checks here use a method of their own");
+      return;
+    }
+  }
+}
+
 void write_file(const Options& options, GrowthRate& growth, const std::vector<Crossing>& points,
-                const Samples& samples, const Provenance& provenance) {
+                const std::vector<Verified>& verified, const Samples& samples, const Provenance& provenance) {
   ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
   if (options.text("out_file").empty()) return;
   const bool two = growth.axes().size() > 1;
@@ -125,6 +164,23 @@ void write_file(const Options& options, GrowthRate& growth, const std::vector<Cr
   file.add({"closed_form_v", "length/time", "model_v of the boundary in closed form"}, {"point"},
            closed_forms(growth, points));
 
+  if (!verified.empty()) {
+    std::vector<double> count(verified.size());
+    std::vector<std::string> regimes;
+    for (std::size_t k = 0; k < count.size(); ++k) count[k] = double(k);
+    file.scale({"check", "1", "number of the check"}, count);
+    const auto of_checks = [&](const Field& field, double Verified::*member) {
+      std::vector<double> values;
+      for (const Verified& v : verified) values.push_back(v.*member);
+      file.add(field, {"check"}, values);
+    };
+    of_checks({"verified/value", unit(growth.axes()[0]), growth.axes()[0].name}, &Verified::value);
+    if (two) of_checks({"verified/value2", unit(growth.axes()[1]), growth.axes()[1].name}, &Verified::value2);
+    of_checks({"verified/growth", "1/time", "growth rate"}, &Verified::growth);
+    for (const Verified& v : verified) regimes.push_back(v.regime);
+    file.add_text({"verified/regime", "1", "regime reached in time"}, {"check"}, regimes);
+  }
+
   const auto sample_axis = [&](const Axis& axis) {
     std::vector<double> values;
     for (int i = 0; i < samples.side; ++i) values.push_back(axis.value(double(i) / (samples.side - 1)));
@@ -154,7 +210,7 @@ int boundary_command(const Options& options) {
     const std::vector<Crossing> points =
         two ? boundary_curve(growth, options.integer("boundary_points"), samples, notes)
             : boundary_points(growth, samples);
-    check_unused_after_setup(options);
+    check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
     summary.set("points", point_list(points, two));
     summary.set("notes", notes);
     summary.set("evaluations", growth.evaluations());
@@ -167,7 +223,17 @@ int boundary_command(const Options& options) {
       throw Failure("no boundary in the box: the growth rate stays between " + number_text(*low) + " and " +
                     number_text(*high));
     }
-    write_file(options, growth, points, samples, provenance);
+    std::vector<Verified> verified;
+    if (const PetscInt checks = options.integer("boundary_verify"); checks > 0) {
+      verified = verify_boundary(growth, points, checks);
+      summary.set("verified", verified_list(verified, two));
+      warn_of_damping(options, verified, points);
+      for (const Verified& v : verified)
+        if (v.from_sliding != v.expected)
+          warn("time integration from slightly perturbed sliding at " + axes[0].name + " " + number_text(v.value) +
+               " ends in " + v.from_sliding + " where the growth rate " + number_text(v.growth) + " says " + v.expected);
+    }
+    write_file(options, growth, points, verified, samples, provenance);
     if (options.text("summary") != "-")
       for (const Crossing& c : points) {
         std::string line = axes[0].name + " " + number_text(c.value);

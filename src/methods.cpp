@@ -69,7 +69,8 @@ const std::vector<Method>& methods() {
       {"bdf", "6", implicit, 2, yes, "as bdf:3"},
       {"theta", "", implicit, 2, on_request, "midpoint rule (theta 1/2); steps far beyond the shortest wave"},
       {"cn", "", implicit, 2, on_request, "Crank and Nicolson"},
-      {"beuler", "", implicit, 1, on_request, "backward Euler: hides instabilities when ts_dt > 2 Re(lambda)/|lambda|^2"},
+      {"beuler", "", implicit, 1, on_request,
+       "backward Euler: hides instabilities when ts_dt > 2 Re(lambda)/|lambda|^2"},
       {"alpha", "", implicit, 2, on_request, "generalised alpha: damps the shortest waves by ts_alpha_radius"},
   };
   return table;
@@ -98,7 +99,8 @@ void check_type_offered(const std::string& type) {
   const auto& all = methods();
   if (std::any_of(all.begin(), all.end(), [&](const Method& m) { return type == m.type; })) return;
   const auto found = why_not.find(type);
-  throw UsageError("ts_type " + type + ": " + (found == why_not.end() ? "it is not among the methods offered" : found->second) +
+  throw UsageError("ts_type " + type + ": " +
+                   (found == why_not.end() ? "it is not among the methods offered" : found->second) +
                    "; use one of rk, arkimex, rosw, bdf, theta, cn, beuler, alpha, ssp, euler");
 }
 
@@ -109,7 +111,8 @@ const Method& offered_method(const std::string& type, const std::string& subtype
   const std::string what = subtype_option(type) + " " + subtype + ": ";
   if (type == "arkimex" && subtype == "bpr3")
     throw UsageError(what + "its order falls to 1 when the right-hand side is split; use arkimex 3");
-  if (type == "rosw") throw UsageError(what + "its first stage has no implicit part, which ends in NaN here; use ra34pw2");
+  if (type == "rosw")
+    throw UsageError(what + "its first stage has no implicit part, which ends in NaN here; use ra34pw2");
   throw UsageError(what + "not among the methods offered");
 }
 

@@ -152,7 +152,7 @@ std::vector<OptionSpec> make_table() {
       "0.1; steady for a layer";
   t.real_or("init_state", "steady", "steady", "state at the start: tau for healing, else theta").low = 0;
   t.real("init_amplitude", "0.5", "sine: amplitude (file: of an eigenvector)", "velocity");
-  t.integer("init_mode", "1", 0, int_max, "sine: whole waves in L (file: number of the eigenvector, from 0)");
+  t.integer("init_mode", "1", 0, int_max, "sine: whole waves in L (file: number of the eigenvector, from 0; there 0 is the default)");
   t.positive("init_width", "2", "layer: width", "length");
   t.integer("init_pulses", "1", 1, int_max, "pulses, wave: number of pulses on the ring");
   t.choice("init_direction", {"right", "left"}, "pulses, wave: direction of travel");
@@ -196,6 +196,7 @@ std::vector<OptionSpec> make_table() {
   t.integer("spectrum_count", "12", 1, int_max, "eigenvalues wanted").commands = "spectrum wave";
   t.choice("spectrum_method", {"auto", "dense", "krylov"}, "eigensolver");
   t.choice("spectrum_refine", {"auto", "off"}, "auto compares grids; off takes every mode of the matrix as resolved");
+  t.boolean("spectrum_transient", "false", "also the largest transient growth and the numerical abscissa, energy norm");
 
   t.in("Boundary", "boundary");
   t.text("boundary_parameter", "", "real option to vary, e.g. model_v").default_help = "required";
@@ -206,6 +207,8 @@ std::vector<OptionSpec> make_table() {
   t.real("boundary_from2", "", "start of its range").default_help = "none";
   t.real("boundary_to2", "", "end of its range").default_help = "none";
   t.boolean("boundary_log2", "false", "logarithmic in the second parameter");
+  t.add("boundary_same", OptionType::text_list, "", "options that take the value of boundary_parameter, e.g. model_k0")
+      .default_help = "none";
   t.integer("boundary_points", "41", 2, int_max, "points on the curve, about");
   t.integer("boundary_verify", "0", 0, int_max, "points checked by time integration on both sides");
 

@@ -99,11 +99,12 @@ std::vector<double> frame_times(const Options& options, double t_end, double aft
     times = options.reals("out_times");
     for (const double t : times)
       if (t < 0 || t > t_end)
-        throw UsageError("out_times " + options.text("out_times") + ": " + number_text(t) + " lies outside 0 to ts_max_time " +
-                         number_text(t_end));
+        throw UsageError("out_times " + options.text("out_times") + ": " + number_text(t) +
+                         " lies outside 0 to ts_max_time " + number_text(t_end));
   } else if (options.is_set("out_every")) {
     const double every = options.real("out_every");
-    for (PetscInt i = 0; double(i) * every <= t_end * (1 + 1e-12); ++i) times.push_back(std::min(double(i) * every, t_end));
+    for (PetscInt i = 0; double(i) * every <= t_end * (1 + 1e-12); ++i)
+      times.push_back(std::min(double(i) * every, t_end));
   } else {
     const PetscInt frames = options.integer("out_frames");
     for (PetscInt i = 0; i < frames; ++i)
@@ -446,10 +447,10 @@ int run_command(const Options& asked) {
   const Options options = effective_options(asked);
   const Provenance provenance = Provenance::of("run", options.all());
   check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance,
-                  {"t_end", "steps", "rejections", "rhs_evaluations", "method", "implicit", "unknowns", "reduced",
-                   "psi_min", "psi_max", "psi_mean", "eta_mean", "probes", "regime", "amplitude", "wave_speed", "pulses",
-                   "measured_over", "stopped_at", "error_estimate"},
+  Summary summary(provenance, {"t_end",      "steps",    "rejections",    "rhs_evaluations", "method",
+                               "implicit",   "unknowns", "reduced",       "psi_min",         "psi_max",
+                               "psi_mean",   "eta_mean", "probes",        "regime",          "amplitude",
+                               "wave_speed", "pulses",   "measured_over", "stopped_at",      "error_estimate"},
                   options.text("summary"));
   return with_summary(summary, [&] {
     Run run(options, provenance);

@@ -98,7 +98,7 @@ int spectrum_command(const Options& options) {
   check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance,
                   {"steady", "growth_rate", "growth_rate_error", "frequency", "stable", "eigenvalues",
-                   "dispersion_error", "complete", "completeness_check", "method", "unknowns"},
+                   "dispersion_error", "complete", "completeness_check", "method", "unknowns", "transient"},
                   options.text("summary"));
   const Scene scene = Scene::from(options, true);
   return with_summary(summary, [&] {
@@ -111,7 +111,7 @@ int spectrum_command(const Options& options) {
     settings.method = method_of(options.text("spectrum_method"));
     settings.refine = options.text("spectrum_refine") == "auto";
     const Spectrum spectrum = compute_spectrum(PETSC_COMM_WORLD, sliding, settings);
-    check_unused_after_setup(options);
+    check_unused_after_setup(options, "snes pep dm");
     summary.set("growth_rate", spectrum.growth);
     summary.set("growth_rate_error", spectrum.error);
     summary.set("frequency", spectrum.frequency);
@@ -121,6 +121,17 @@ int spectrum_command(const Options& options) {
     summary.set("complete", spectrum.complete);
     summary.set("completeness_check", spectrum.completeness_check);
     summary.set("method", spectrum.method);
+    if (options.boolean("spectrum_transient")) {
+      const std::optional<Transient> t = transient_growth(sliding, spectrum.growth);
+      if (t) {
+        summary.set("transient", Json::object({{"norm", "energy"},
+                                               {"numerical_abscissa", t->abscissa},
+                                               {"growth", spectrum.stable ? Json(t->growth) : Json()},
+                                               {"time", spectrum.stable ? Json(t->time) : Json()}}));
+      } else {
+        warn("-spectrum_transient: not for this scene (more than 400 unknowns that are not all alike, or D2 not symmetric)");
+      }
+    }
     write_file(sliding, spectrum, options.text("out_file"), provenance);
     if (std::none_of(spectrum.modes.begin(), spectrum.modes.end(), [](const Mode& m) { return m.resolved; }))
       warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");

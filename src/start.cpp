@@ -63,9 +63,53 @@ Frame frame_for(const Scene& s, const Options& options) {
   return frame;
 }
 
+// An eigenvector of the file of `spectrum` (its real part, times init_amplitude) added to steady sliding.
+void start_from_eigenvector(const Model& model, const Options& options, Vec u) {
+  const Scene& s = model.scene();
+  const std::string path = options.text("init_file"), what = "init_file";
+  const PetscInt mode = options.is_set("init_mode") ? options.integer("init_mode") : 0;
+  std::vector<std::string> names{"psi", "eta"};
+  if (model.dof() == 3) names.push_back(state_is_logarithmic(s.friction.state) ? "theta" : "tau");
+  std::vector<std::vector<double>> values;
+  for (const std::string& name : names) {
+    std::vector<double> steady = read_array(what, path, "steady_" + name).values;
+    const DataArray vectors = read_array(what, path, name + "_re");
+    if (vectors.shape.size() != 2 || vectors.shape[1] != steady.size() || std::size_t(mode) >= vectors.shape[0])
+      throw UsageError("init_mode " + std::to_string(mode) + ": '" + path + "' holds " +
+                       std::to_string(vectors.shape.empty() ? 0 : vectors.shape[0]) + " eigenvectors, from 0");
+    if (steady.size() != std::size_t(s.n))
+      throw UsageError("init_file '" + path + "': it has " + std::to_string(steady.size()) +
+                       " nodes, this scene grid_n " + std::to_string(s.n));
+    for (std::size_t i = 0; i < steady.size(); ++i)
+      steady[i] += options.real("init_amplitude") * vectors.values[std::size_t(mode) * steady.size() + i];
+    values.push_back(std::move(steady));
+  }
+  const double noise = options.real("init_noise");
+  double* a;
+  SS_TRY(VecGetArray(u, &a));
+  int bad = 0;
+  for (PetscInt i = 0; i < model.local(); ++i) {
+    const std::size_t g = std::size_t(model.first() + i);
+    double* at = a + i * model.dof();
+    at[0] = values[0][g];
+    if (noise != 0) at[0] += noise * (2 * counter_uniform(options.integer("init_seed"), model.first() + i) - 1);
+    at[1] = values[1][g];
+    if (model.dof() == 3) at[2] = state_from_output(s.friction.state, values[2][g]);
+    for (int c = 0; c < model.dof(); ++c)
+      if (!std::isfinite(at[c])) bad = 1;
+  }
+  SS_TRY(VecRestoreArray(u, &a));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &bad, 1, MPI_INT, MPI_MAX, model.comm()));
+  if (bad) throw UsageError("init_amplitude: with it the start is not finite, or a contact age is not positive");
+  model.set_held(u);
+}
+
 }  // namespace
 
 void set_start(const Model& model, const Options& options, Vec u) {
+  if (options.text("init_type") == "file" && options.is_set("init_file") &&
+      read_header("init_file", options.text("init_file")).kind == "spectrum")
+    return start_from_eigenvector(model, options, u);
   const Scene& s = model.scene();
   const int dof = model.dof();
   const std::string type = options.text("init_type");

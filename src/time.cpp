@@ -475,7 +475,7 @@ struct Integrator::Impl {
         SS_TRY(PetscOptionsGetReal(nullptr, prefix.c_str(), option, &value, &set));
         if (set) tolerance = std::min(tolerance, double(value));
       }
-      SS_TRY(SNESSetTolerances(snes, 1e-50, std::clamp(1e-3 * tolerance, 1e-13, 1e-9), 1e-13, 30, 10000));
+      SS_TRY(SNESSetTolerances(snes, 1e-14, std::clamp(1e-3 * tolerance, 1e-13, 1e-9), 1e-13, 30, 10000));
       SNESLineSearch search;
       SS_TRY(SNESGetLineSearch(snes, &search));
       SS_TRY(SNESLineSearchSetPreCheck(search, TameStep, this));

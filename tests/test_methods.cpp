@@ -111,8 +111,8 @@ Solution solve(const Scene& scene, const Settings& settings, double until = dura
 const Solution& reference() {
   static std::unique_ptr<Solution> found;
   if (!found) {
-    found = std::make_unique<Solution>(
-        solve(smooth_ring(), {{"ts_type", "rk"}, {"ts_rk_type", "8vr"}, {"ts_adapt_type", "none"}, {"ts_dt", "0.004"}}));
+    found = std::make_unique<Solution>(solve(
+        smooth_ring(), {{"ts_type", "rk"}, {"ts_rk_type", "8vr"}, {"ts_adapt_type", "none"}, {"ts_dt", "0.004"}}));
     SS_TRY(PetscRegisterFinalize([]() -> PetscErrorCode {  // its vectors must go before MPI does
       found.reset();
       return 0;
@@ -127,7 +127,8 @@ struct Errors {
 Errors errors(const Solution& s) {
   Errors e;
   e.end = distance(s.end, reference().end);
-  for (std::size_t i = 0; i < s.dense.size(); ++i) e.dense = std::max(e.dense, distance(s.dense[i], reference().dense[i]));
+  for (std::size_t i = 0; i < s.dense.size(); ++i)
+    e.dense = std::max(e.dense, distance(s.dense[i], reference().dense[i]));
   return e;
 }
 
@@ -240,18 +241,25 @@ TEST_CASE("the table of methods is what is measured", "[serial]") {
       CHECK(o.dense > std::min(m.order, m.name() == "arkimex:5" ? 4 : 9) - 0.45);
       at_end += (at_end.empty() ? "" : ", ") + shown(o.end);
       between += (between.empty() ? "" : ", ") + shown(o.dense);
-      split += (split.empty() ? "" : ", ") + (implicit == "auto" ? m.kind == MethodKind::explicit_ ? std::string("none") : "both" : implicit);
+      split += (split.empty() ? "" : ", ") +
+               (implicit == "auto" ? m.kind == MethodKind::explicit_ ? std::string("none") : "both" : implicit);
     }
     const Settings s = settings_of(m);
     INFO(m.name());
     CHECK(follows_tolerance(s) == (m.adaptivity == Adaptivity::yes));
     if (m.adaptivity == Adaptivity::on_request) CHECK(follows_tolerance(with(s, {{"ts_adapt_type", "basic"}})));
-    if (m.adaptivity == Adaptivity::never) CHECK_THROWS_AS(follows_tolerance(with(s, {{"ts_adapt_type", "basic"}})), UsageError);
+    if (m.adaptivity == Adaptivity::never)
+      CHECK_THROWS_AS(follows_tolerance(with(s, {{"ts_adapt_type", "basic"}})), UsageError);
     const bool plain = restarts(s, false), told = restarts(s, true);
     table << "| " << m.name() << " | " << m.order << " | " << split << " | " << at_end << " | " << between << " | "
-          << (m.adaptivity == Adaptivity::yes ? "yes" : m.adaptivity == Adaptivity::never ? "no" : "with ts_adapt_type basic")
-          << " | " << (plain ? "bitwise" : told ? "bitwise, restarted at checkpoints" : "to its accuracy") << " | " << m.use
-          << " |\n";
+          << (m.adaptivity == Adaptivity::yes     ? "yes"
+              : m.adaptivity == Adaptivity::never ? "no"
+                                                  : "with ts_adapt_type basic")
+          << " | "
+          << (plain  ? "bitwise"
+              : told ? "bitwise, restarted at checkpoints"
+                     : "to its accuracy")
+          << " | " << m.use << " |\n";
   }
   table << end_mark;
 
@@ -325,7 +333,8 @@ TEST_CASE("a fixed step is told of where somebody relies on error control", "[se
   CHECK_FALSE(quiet("ts_atol has no effect: cn has a fixed step unless ts_adapt_type is basic"));
   solve(smooth_ring(), {{"ts_type", "ssp"}}, 0.125);
   CHECK_FALSE(quiet("ssp:rks2 has no error estimate and a fixed step: every step is"));
-  solve(smooth_ring(), {{"ts_type", "bdf"}, {"ts_bdf_order", "4"}, {"ts_adapt_type", "none"}, {"ts_dt", "0.0625"}}, 0.125);
+  solve(smooth_ring(), {{"ts_type", "bdf"}, {"ts_bdf_order", "4"}, {"ts_adapt_type", "none"}, {"ts_dt", "0.0625"}},
+        0.125);
   CHECK_FALSE(quiet("ts_bdf_order 4: with fixed steps the order is 2"));
 }
 
@@ -422,7 +431,8 @@ TEST_CASE("a constant wave part is factored once while the step stands", "[seria
     PetscEventPerfInfo before, after;
     SS_TRY(PetscLogEventGetId("MatLUFactorNum", &event));
     SS_TRY(PetscLogEventGetPerfInfo(PETSC_DETERMINE, event, &before));
-    solve(smooth_ring(), {{"ts_type", "arkimex"}, {"imex_implicit", implicit}, {"ts_adapt_type", "none"}, {"ts_dt", "0.125"}});
+    solve(smooth_ring(),
+          {{"ts_type", "arkimex"}, {"imex_implicit", implicit}, {"ts_adapt_type", "none"}, {"ts_dt", "0.125"}});
     SS_TRY(PetscLogEventGetPerfInfo(PETSC_DETERMINE, event, &after));
     return after.count - before.count;
   };
@@ -436,8 +446,11 @@ TEST_CASE("implicit friction is solved exactly by blocks, and tight tolerances a
   const double tolerance = ranks == 1 ? 1e-12 : 1e-7;
   for (const char* implicit : {"friction", "wave", "both"}) {
     INFO(implicit);
-    const Solution tight = solve(smooth_ring(), {{"ts_type", "arkimex"}, {"ts_arkimex_type", "5"}, {"imex_implicit", implicit},
-                                                 {"ts_rtol", step(tolerance)}, {"ts_atol", step(tolerance)}});
+    const Solution tight = solve(smooth_ring(), {{"ts_type", "arkimex"},
+                                                 {"ts_arkimex_type", "5"},
+                                                 {"imex_implicit", implicit},
+                                                 {"ts_rtol", step(tolerance)},
+                                                 {"ts_atol", step(tolerance)}});
     // the error stays in proportion to the tolerance (some hundred times): Newton's method leaves nothing behind
     CHECK(errors(tight).end < 1000 * tolerance);
   }

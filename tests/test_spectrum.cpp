@@ -161,3 +161,29 @@ TEST_CASE("the growth rate is that of the dense matrix", "[spectrum][serial]") {
     if (found.dispersion_error) CHECK(*found.dispersion_error <= 1e-10);
   }
 }
+
+TEST_CASE("transient growth: wave by wave and dense agree, and bound the spectrum", "[spectrum][serial]") {
+  Scene s;
+  s.n = 24;
+  s.length = 12;
+  s.v = 1.05;
+  const Sliding uniform(s);
+  // the abscissa of the 2x2 blocks: the diagonal alone where delta = 0
+  s.delta = 0;
+  const auto plain = transient_growth(Sliding(s), -1);
+  REQUIRE(plain);
+  CHECK(plain->abscissa == Approx(0).margin(1e-12));  // diag(-gamma phi', 0)
+  CHECK(plain->growth == Approx(1).margin(1e-9));
+  s.delta = 0.2;
+  SpectrumSettings settings;
+  settings.refine = false;
+  const double growth = compute_spectrum(PETSC_COMM_SELF, uniform, settings).growth;
+  const auto waves = transient_growth(uniform, growth);
+  s.spread = 1e-9;  // the same to 1e-9, but not alike: the dense way
+  const auto dense = transient_growth(Sliding(s), growth);
+  REQUIRE(waves);
+  REQUIRE(dense);
+  CHECK(waves->abscissa >= growth);
+  CHECK(dense->abscissa == Approx(waves->abscissa).epsilon(1e-6).margin(1e-7));
+  CHECK(dense->growth == Approx(waves->growth).epsilon(1e-6));
+}

@@ -26,9 +26,9 @@ struct Run {
 };
 
 // psi and eta of every node at time t.
-Run advance(const Scene& scene, const Start& start, double t, const std::vector<std::pair<std::string, std::string>>& set = {
-                                                                  {"ts_type", "rk"}, {"ts_rk_type", "8vr"},
-                                                                  {"ts_rtol", "1e-12"}, {"ts_atol", "1e-12"}}) {
+Run advance(const Scene& scene, const Start& start, double t,
+            const std::vector<std::pair<std::string, std::string>>& set = {
+                {"ts_type", "rk"}, {"ts_rk_type", "8vr"}, {"ts_rtol", "1e-12"}, {"ts_atol", "1e-12"}}) {
   std::vector<Given> given;
   for (const auto& [name, text] : set) given.push_back({name, text, ""});
   const Options options = Options::from("run", given);
@@ -142,7 +142,8 @@ double even_xx(double x) { return -M_PI * M_PI * (0.25 * std::cos(M_PI * x / 2) 
 double turning(double x) { return std::sin(M_PI * x) + 0.5 * std::cos(2 * M_PI * x); }
 double turning_xx(double x) { return -M_PI * M_PI * (std::sin(M_PI * x) + 2 * std::cos(2 * M_PI * x)); }
 
-const std::vector<std::pair<const char*, Ends>> all_ends = {{"ring", Ends::ring}, {"free", Ends::free}, {"held", Ends::held}};
+const std::vector<std::pair<const char*, Ends>> all_ends = {
+    {"ring", Ends::ring}, {"free", Ends::free}, {"held", Ends::held}};
 
 }  // namespace
 
@@ -190,8 +191,10 @@ TEST_CASE("a run reaches the order of its stencil with every end", "[space]") {
         for (std::size_t i = 0; i < run.psi.size(); ++i) {
           if (e == Ends::held && i == 0) continue;
           // free: x from -l, which is 3 l on the ring
-          const std::size_t node = (i + (e == Ends::free ? 3 * static_cast<std::size_t>(cells) : 0)) * (256 / static_cast<std::size_t>(cells)) % 1024;
-          largest = std::max({largest, std::abs(run.psi[i] - reference.psi[node]), std::abs(run.eta[i] - reference.eta[node])});
+          const std::size_t node = (i + (e == Ends::free ? 3 * static_cast<std::size_t>(cells) : 0)) *
+                                   (256 / static_cast<std::size_t>(cells)) % 1024;
+          largest = std::max(
+              {largest, std::abs(run.psi[i] - reference.psi[node]), std::abs(run.eta[i] - reference.eta[node])});
         }
         return largest;
       };
@@ -238,7 +241,12 @@ TEST_CASE("small waves follow the dispersion relation, with either sign of delta
         s.v = 1;  // between the two thresholds: derived decays at 0.1, printed grows at 0.1
         s.derived_sign = derived;
         const double k = 2 * M_PI * mode / s.length, slope = s.v * s.v - 1;
-        const Run run = advance(s, [&](double x) { return Point{s.v + e * std::cos(k * x), std::pow(s.v, 3) / 3 - s.v}; }, t);
+        const Run run = advance(
+            s,
+            [&](double x) {
+              return Point{s.v + e * std::cos(k * x), std::pow(s.v, 3) / 3 - s.v};
+            },
+            t);
         const double C = s.A() * slope + s.s_delta(), K = s.A() * (s.K0() + s.K1() * symbol(order, s.h(), k));
         CHECK(C == Approx(derived ? 0.2 : -0.2).margin(1e-12));
         // psi_t(0) = -A phi' = 0 here
@@ -262,7 +270,12 @@ TEST_CASE("modes of a chain with free ends", "[space]") {
   s.zeta = 0.3;
   for (const int mode : {0, 1, 7, 10}) {
     const double q = M_PI * mode / double(s.n), C = s.A() * s.B();
-    const Run run = advance(s, [&](double x) { return Point{s.v + e * std::cos(q * (x + 0.5)), s.B() * s.v - 2. / 3}; }, t);
+    const Run run = advance(
+        s,
+        [&](double x) {
+          return Point{s.v + e * std::cos(q * (x + 0.5)), s.B() * s.v - 2. / 3};
+        },
+        t);
     const double w = std::sqrt((s.k0 + 4 * s.k1 * std::pow(std::sin(q / 2), 2)) / s.m - C * C / 4);
     // psi_t(0) = -C psi(0)
     const double expected = std::exp(-C * t / 2) * (std::cos(w * t) - C / 2 / w * std::sin(w * t));
@@ -273,7 +286,8 @@ TEST_CASE("modes of a chain with free ends", "[space]") {
 
 TEST_CASE("damping is viscosity, and scales out, to round-off", "[identity]") {
   // At fixed steps the identities hold step by step; round-off grows with the motion, here over a time of 10.
-  const std::vector<std::pair<std::string, std::string>> fixed = {{"ts_type", "rk"}, {"ts_rk_type", "4"}, {"ts_dt", "0.05"}};
+  const std::vector<std::pair<std::string, std::string>> fixed = {
+      {"ts_type", "rk"}, {"ts_rk_type", "4"}, {"ts_dt", "0.05"}};
   const double t = 10;
   for (const bool derived : {true, false}) {
     Scene s = with_ends(Ends::ring, 2, 20, 20);  // spacing 1, so that a chain can be the same system
@@ -355,7 +369,8 @@ TEST_CASE("wave speeds on a ring converge at the stencil's order", "[wave][seria
     // how far the first Fourier coefficient has turned
     const auto phase = [&](const Run& run) {
       std::complex<double> sum = 0;
-      for (std::size_t i = 0; i < run.psi.size(); ++i) sum += run.psi[i] * std::polar(1., -2 * M_PI * double(i) / double(n));
+      for (std::size_t i = 0; i < run.psi.size(); ++i)
+        sum += run.psi[i] * std::polar(1., -2 * M_PI * double(i) / double(n));
       return std::arg(sum);
     };
     const auto start = [&](double x) {
@@ -506,4 +521,35 @@ TEST_CASE("the energy balance of a run closes at the method's order", "[energy][
   INFO(coarse << " " << fine);
   CHECK(std::log2(coarse / fine) > 3.6);
   CHECK(fine < 1e-5);
+}
+
+TEST_CASE("a corner along x = c t costs order: h^(2p/(p+1))", "[space][serial]") {
+  // psi(0) = -1.5 held, psi_t = 0 there, but c^2 psi_xx not psi_e - v: what init_type layer gives.
+  const double t = 2;
+  const Start layer = [](double x) {
+    const double psi = 0.1 - 1.6 * std::exp(-x * x / 4);
+    return Point{psi, psi * psi * psi / 3 - psi};
+  };
+  const auto scene = [](int order, PetscInt cells) {
+    Scene s = with_ends(Ends::held, order, cells + 1, 8);
+    s.left_value = -1.5;
+    return s;
+  };
+  const std::vector<std::pair<std::string, std::string>> tight = {{"ts_rtol", "1e-8"}, {"ts_atol", "1e-8"}};
+  const Run reference = advance(scene(4, 1024), layer, t, tight);
+  for (const int order : {2, 4}) {
+    const auto error = [&](PetscInt cells) {
+      const Run run = advance(scene(order, cells), layer, t, tight);
+      double largest = 0;
+      for (std::size_t i = 0; i < run.psi.size(); ++i) {
+        const double x = 8. * double(i) / double(cells);
+        if (x > 1 && x < 3)
+          largest = std::max(largest, std::abs(run.psi[i] - reference.psi[i * 1024 / static_cast<std::size_t>(cells)]));
+      }
+      return largest;
+    };
+    const double measured = std::log2(error(64) / error(256)) / 2;
+    INFO("order " << order << ": " << measured);
+    CHECK(measured == Approx(2. * order / (order + 1)).margin(0.2));
+  }
 }

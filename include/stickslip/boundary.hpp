@@ -23,6 +23,7 @@ struct Axis {
   std::string name;
   double from = 0, to = 1;
   bool logarithmic = false;
+  std::vector<std::string> same = {};  // options that take the same value (k0 = k1)
   double value(double coordinate) const;
 };
 
@@ -88,6 +89,22 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples);
 // box included; several pieces, closed ones too. `notes`: why a piece ended inside the box. Collective.
 std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Samples& samples,
                                      std::vector<std::string>& notes);
+
+// What time integration of the full system finds beside the curve.
+struct Verified {
+  double value = 0, value2 = 0;  // of the options
+  double growth = 0;             // growth rate there
+  std::string expected;          // what the linear answer says: sliding or stick-slip
+  std::string from_sliding;      // regime reached from slightly perturbed sliding: sliding, stick-slip, undecided
+  std::string from_stick_slip;   // the same from large oscillations
+  std::string regime;            // both the same, or `both live` (hysteresis), or undecided
+};
+
+// `count` points of the curve, each checked on its unstable and its stable side. Collective over PETSC_COMM_WORLD.
+std::vector<Verified> verify_boundary(GrowthRate& growth, const std::vector<Crossing>& points, PetscInt count);
+
+// The regime that a scene reaches in the time given, from psi = steady + amplitude (1 + cos(k x))/2. Collective.
+std::string regime_from(const Options& options, const Sliding& sliding, double amplitude, double k, double duration);
 
 // The plate velocity at which uniform sliding loses stability, in closed form, for the laws of velocity alone without
 // spread: sqrt(1 - s delta/gamma), sqrt(1 - zeta/f0), sqrt(f0/zeta) - 1. Nothing for other scenes, or where there is none.

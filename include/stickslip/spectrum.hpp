@@ -71,6 +71,17 @@ std::vector<Mode> krylov_modes(const Sliding& sliding, Complex sigma, PetscInt c
 // Every mode, by LAPACK; the eigenvectors of the `count` rightmost only.
 std::vector<Mode> dense_modes(const Sliding& sliding, PetscInt count);
 
+// What the eigenvalues leave out, in the energy norm |(p, e, t)|^2 = sum of weight (|e|^2 + conj(p) K p/A + |t|^2),
+// K = K0 - K1 D2, which the waves alone conserve.
+struct Transient {
+  double abscissa = 0;  // the fastest growth rate of any perturbation at first (numerical abscissa)
+  double growth = 1;    // largest |exp(J t)| over t; 1 where nothing grows. Meaningful for stable sliding only
+  double time = 0;      // when it is reached
+};
+// By wavenumber where the exact relation applies, dense up to 400 unknowns elsewhere; nothing beyond, nor where D2 has no
+// such norm (held ends of order 4 and 6, K0 = 0 without the exact relation).
+std::optional<Transient> transient_growth(const Sliding& sliding, double growth_rate);
+
 // The number of eigenvalues with real part above `a` and |Im| < height, by the winding of the characteristic
 // polynomial's phase round that box; empty where an eigenvalue stands on its edge, or the work would exceed `effort`
 // node evaluations. `where`: frequencies near which the count says that such eigenvalues stand.

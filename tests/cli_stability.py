@@ -1,0 +1,82 @@
+#!/usr/bin/python3
+"""The commands spectrum and boundary from outside: keys, files, pictures, exit codes."""
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+import h5py
+import numpy as np
+
+program, source = os.environ["STICKSLIP"], os.environ["STICKSLIP_SOURCE"]
+failures = []
+
+
+def check(condition, words):
+    if not condition:
+        failures.append(words)
+        print("FAILED:", words)
+
+
+def call(*args):
+    done = subprocess.run([program, *args], capture_output=True, text=True, timeout=300)
+    return done.returncode, done.stdout, done.stderr
+
+
+with tempfile.TemporaryDirectory() as folder:
+    os.chdir(folder)
+    code, out, err = call("spectrum", "-model_v", "1", "-grid_n", "128", "-summary", "s.json", "-out_file", "s.h5")
+    check(code == 0, f"spectrum ends with {code}: {err}")
+    summary = json.load(open("s.json"))
+    check(abs(summary["growth_rate"] + 0.1) < 1e-9 and summary["stable"] is True, "growth rate -delta/2 at v = 1")
+    check(summary["complete"] is True and summary["dispersion_error"] < 1e-10, "complete, and on the dispersion relation")
+    check(len(summary["eigenvalues"]) >= 12, "twelve eigenvalues")
+    with h5py.File("s.h5") as file:
+        check(file["psi_re"].shape[1] == 128 and np.all(np.isfinite(file["eta_im"][...])), "eigenvectors in the file")
+
+    # an eigenvector as a start: it decays at its growth rate
+    code, out, err = call("run", "-model_v", "1", "-grid_n", "128", "-init_type", "file", "-init_file", "s.h5",
+                          "-init_amplitude", "1e-4", "-ts_max_time", "20", "-ts_rtol", "1e-9", "-ts_atol", "1e-12",
+                          "-summary", "r.json", "-out_file", "r.h5")
+    check(code == 0, f"run from an eigenvector ends with {code}: {err}")
+    with h5py.File("r.h5") as file:
+        energy = np.hypot(file["psi"][...] - 1, 3 * (file["eta"][...] + 2 / 3)).max(axis=1)
+        check(0.8 < energy[-1] / energy[0] / np.exp(-0.1 * 20) < 1.25, "the eigenvector decays like exp(-0.1 t)")
+
+    code, out, err = call("boundary", os.path.join(source, "runs", "figure6-carlson-langer.yaml"), "-grid_n", "16",
+                          "-boundary_points", "20", "-out_file", "b.h5", "-summary", "b.json")
+    check(code == 0, f"boundary ends with {code}: {err}")
+    with h5py.File("b.h5") as file:
+        error = np.abs(file["value2"][...] / file["closed_form_v"][...] - 1)
+        check(len(error) > 15 and error.max() < 1e-8, "figure 6 agrees with its closed form to 1e-8")
+        small = file["value"][...] < 3e-3
+        slope = np.polyfit(np.log(file["value"][...][small]), np.log(file["value2"][...][small]), 1)[0]
+        check(-0.3 < slope < -0.2, "slope about -1/4 at small k1")
+    for name in ("s", "b"):
+        done = subprocess.run(["/usr/bin/python3", os.path.join(source, "postprocess", "plot.py"), name + ".h5"],
+                              capture_output=True, text=True)
+        check(done.returncode == 0 and os.path.getsize(name + ".png") > 5000, f"picture of {name}.h5: {done.stderr}")
+
+    one = ("-grid_n", "32", "-boundary_from", "0.5", "-boundary_to", "2")
+    for args, expected, words in (
+            (("-boundary_parameter", "modl_v"), 2, "model_v"), (("-boundary_parameter", "grid_n"), 2, "grid_n"),
+            (("-boundary_parameter", "ts_max_time"), 1, "does not enter"),
+            (("-boundary_parameter", "model_v", "-boundary_from", "1.5"), 1, "no boundary"),
+            (("-boundary_parameter", "model_v", "-boundary_to", "0.5"), 2, "boundary_to"), ((), 2, "boundary_parameter")):
+        code, out, err = call("boundary", *one, *args)
+        check(code == expected and words in err and err.count("\n") == 1, f"{args}: exit {code}, {err}")
+    code, out, err = call("spectrum", "-model_v", "0", "-friction_law", "carlson-langer", "-grid_n", "32")
+    check(code == 1 and "no steady sliding" in err, f"no steady sliding at v = 0 with a threshold: {code}, {err}")
+
+    # Time integration on both sides; a damping method with long steps is not used, and the user is told.
+    code, out, err = call("boundary", "-grid_n", "32", "-grid_length", "20", "-boundary_parameter", "model_v",
+                          "-boundary_from", "0.5", "-boundary_to", "2", "-boundary_verify", "1", "-ts_type", "beuler",
+                          "-ts_dt", "5", "-summary", "v.json")
+    check(code == 0, f"verify ends with {code}: {err}")
+    verified = json.load(open("v.json"))["verified"]
+    check(len(verified) == 2 and [v["from_sliding"] for v in verified] == ["stick-slip", "sliding"],
+          f"verified on both sides: {verified}")
+    check("would hide the instability" in err, f"backward Euler is warned of: {err}")
+
+sys.exit(1 if failures else 0)
