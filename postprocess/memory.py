@@ -44,13 +44,13 @@ def series(path):
 
 def hold(axes, healing):
     a, b, D, v, k = 0.02, 0.03, 0.01, 1e-2, 2.0
-    times = np.logspace(-1, 6, 15)
+    times = np.logspace(-1, 4, 11)
     for law, colour in (("ageing", "#0b5394"), ("slip", "#cc4125")):
         call("run", "hold.yaml", "-state_law", law, "-out_file", "slide.h5", "-ts_max_time", 10)
         peaks = []
         for time in times:
             call("run", "hold.yaml", "-state_law", law, "-init_type", "file", "-init_file", "slide.h5", "-model_v", 0,
-                 "-init_state", D / v, "-ts_max_time", time, "-out_file", "held.h5", "-out_frames", 2)
+                 "-ts_max_time", time, "-out_file", "held.h5", "-out_frames", 2)
             call("run", "hold.yaml", "-state_law", law, "-init_type", "file", "-init_file", "held.h5", "-ts_max_time", 30,
                  "-out_file", "pulled.h5")
             peaks.append(series("pulled.h5")["eta_mean"].max() - 0.6)
@@ -64,7 +64,7 @@ def hold(axes, healing):
     axes.set_title("rate-and-state", fontsize=9)
     axes.legend(fontsize=8)
 
-    times, peaks, t_h, tau_inf = np.logspace(-1, 4, 15), [], 100.0, 2.0
+    times, peaks, t_h, tau_inf = np.logspace(-1, 4, 11), [], 100.0, 2.0
     for time in times:
         call("run", "hold-healing.yaml", "-model_v", 0, "-ts_max_time", time, "-out_file", "held.h5", "-out_frames", 2)
         call("run", "hold-healing.yaml", "-init_type", "file", "-init_file", "held.h5", "-ts_max_time", 3,
