@@ -140,9 +140,11 @@ def draw_xt(file, args):
     else:
         edges = t[rows]
     chain = text(file.attrs.get("model_form", "")) == "chain"  # blocks are shown as blocks
-    picture = axes.pcolormesh(x[columns] if len(columns) > 1 else [0, 1], edges,
-                              field if len(columns) > 1 else np.repeat(field, 2, axis=1),
-                              cmap=colours, vmin=low, vmax=high, shading="nearest" if field.size > 4e5 or chain else "gouraud", rasterized=True)
+    places = x[columns]
+    if len(places) == 1:
+        places, field = np.array([places[0], places[0] + 1]), np.repeat(field, 2, axis=1)
+    picture = axes.pcolormesh(places, edges, field, cmap=colours, vmin=low, vmax=high, rasterized=True,
+                              shading="nearest" if chain or field.size > 4e5 else "gouraud")
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get(outside, "neither")
     figure.colorbar(picture, ax=axes, label=label(name, data), extend=extend)
     axes.set(xlabel="x", ylabel="t")
@@ -223,7 +225,8 @@ def draw_phase(file, args):
         psi, eta = np.append(psi, psi[0]), np.append(eta, eta[0])
     chain = text(file.attrs.get("model_form", "")) == "chain"  # neighbours need not be alike
     axes.plot(psi, eta, "-", color=COLOURS[0], lw=0.7 if chain else 1.1, alpha=0.35 if chain else 1, zorder=3,
-              marker="." if len(psi) <= 2000 else None, ms=3.5, label=f"the {'blocks' if chain else 'nodes'}, in order of x")
+              marker="." if len(psi) <= 2000 else None, ms=3.5,
+              label=f"the {'blocks' if chain else 'nodes'}, in order of x")
     if chain:
         axes.plot(psi, eta, ".", color=COLOURS[0], ms=4, zorder=4)
     draw_nullclines(axes, file, *axes.get_xlim())

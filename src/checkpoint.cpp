@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <cstring>
 #include <tuple>
+#include <utility>
 
 #include "hdf5_tools.hpp"
 #include "paths.hpp"
@@ -127,10 +128,11 @@ void prune(const std::string& out_file, const std::string& just_written, std::in
       continue;
     const std::string digits = name.substr(prefix.size(), name.size() - prefix.size() - suffix.size());
     if (digits.find_first_not_of("0123456789") != std::string::npos) continue;
-    const std::string path = folder + "/" + name;
+    std::string path = folder;
+    path += "/" + name;
     struct stat at {};
     if (name == paths::file(just_written) || stat(path.c_str(), &at) != 0 || !S_ISREG(at.st_mode)) continue;
-    found.emplace_back(at.st_mtim.tv_sec, at.st_mtim.tv_nsec, path);
+    found.emplace_back(at.st_mtim.tv_sec, at.st_mtim.tv_nsec, std::move(path));
   }
   closedir(directory);
   std::sort(found.rbegin(), found.rend());
@@ -148,7 +150,7 @@ std::string checkpoint_name(const std::string& out_file, std::int64_t step) {
 
 std::string write_checkpoint(const std::string& out_file, std::int64_t keep, const Provenance& provenance,
                              const Checkpoint& checkpoint, Gather& gather, Vec state) {
-  const std::string path = checkpoint_name(out_file, checkpoint.step);
+  std::string path = checkpoint_name(out_file, checkpoint.step);
   const std::vector<double> values = gather.interleaved(state);
   on_root(PETSC_COMM_WORLD, [&] {
     const std::string temporary = paths::hidden_sibling(path);

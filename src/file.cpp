@@ -563,6 +563,7 @@ void RunFile::probes(double t, const std::vector<double>& psi, const std::vector
 void RunFile::series(double t, const std::vector<double>& row) {
   if (!writer_ || writer_->series == 0) return;
   std::vector<const double*> values;
+  values.reserve(row.size());
   for (const double& value : row) values.push_back(&value);
   append(writer_->tables[writer_->series], t, values);
 }
@@ -739,12 +740,17 @@ void check_output_path(const std::string& path) {
     const paths::Present present = paths::check_writable("out_file", path);
     if (present == paths::Present::nothing) return;
     if (present == paths::Present::special) throw UsageError("out_file '" + path + "': is not a regular file");
-    try {
+    const auto look = [&] {
       const Id file = h5::open_file(path);
       (void)h5::read_header(file);
+    };
+    const UsageError foreign("out_file '" + path +
+                             "': exists and was not written by this program; give another name or remove it");
+    if (!h5::survives(look)) throw foreign;
+    try {
+      look();
     } catch (const Failure&) {
-      throw UsageError("out_file '" + path +
-                       "': exists and was not written by this program; give another name or remove it");
+      throw foreign;
     }
   });
 }
@@ -774,9 +780,13 @@ void reading(const std::string& what, const std::string& path, Body&& body) {
     if (!S_ISREG(at.st_mode)) throw UsageError(label + "is not a file");
     h5::quiet();
     if (H5Fis_hdf5(path.c_str()) <= 0) throw UsageError(label + "is not an HDF5 file");
-    try {
+    const auto read = [&] {
       const Id file = h5::open_file(path);
       body(static_cast<hid_t>(file), h5::read_header(file));
+    };
+    if (!h5::survives(read)) throw UsageError(label + "is damaged");
+    try {
+      read();
     } catch (const Failure& e) {
       throw UsageError(label + e.what());
     }

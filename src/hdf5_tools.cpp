@@ -1,5 +1,11 @@
 #include "hdf5_tools.hpp"
 
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
 #include <stdexcept>
 
 #include "paths.hpp"
@@ -182,7 +188,11 @@ std::vector<double> read_reals(hid_t file, const std::string& name) {
   if (kind != H5T_FLOAT && kind != H5T_INTEGER)
     throw Failure("dataset '" + name + "' of '" + file_name(file) + "' does not hold numbers");
   const Id space(H5Dget_space(dataset));
-  std::vector<double> values(static_cast<std::size_t>(H5Sget_simple_extent_npoints(space)));
+  const hssize_t points = H5Sget_simple_extent_npoints(space);
+  hsize_t size = 0;
+  if (points < 0 || H5Fget_filesize(file, &size) < 0 || static_cast<hsize_t>(points) > size)
+    throw Failure("is damaged (dataset '" + name + "' is larger than the file)");
+  std::vector<double> values(static_cast<std::size_t>(points));
   if (!values.empty() && H5Dread(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
     fail("read '" + name + "' of", file);
   return values;
@@ -232,6 +242,27 @@ std::vector<std::string> members(hid_t file, const std::string& group) {
   hsize_t at = 0;
   if (H5Literate(handle, H5_INDEX_NAME, H5_ITER_INC, &at, visit, &names) < 0) fail("list", file);
   return names;
+}
+
+bool survives(const std::function<void()>& act) {
+  const pid_t child = fork();
+  if (child < 0) return true;  // no trial is possible
+  if (child == 0) {
+    for (const int number : {SIGSEGV, SIGBUS, SIGFPE, SIGABRT, SIGILL, SIGALRM, SIGTERM, SIGINT}) signal(number, SIG_DFL);
+    const rlimit no_core{0, 0};
+    setrlimit(RLIMIT_CORE, &no_core);
+    alarm(60);
+    try {
+      act();
+    } catch (...) {
+      // an orderly error, which the parent will meet and report
+    }
+    _exit(0);
+  }
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0)
+    if (errno != EINTR) return true;
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }
 
 void write_header(hid_t file, const Provenance& provenance, const std::string& kind) {

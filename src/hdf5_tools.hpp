@@ -4,6 +4,7 @@
 #include <hdf5.h>
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -68,6 +69,10 @@ std::vector<std::string> attribute_names(hid_t object);
 
 // Names of the links in a group, sorted.
 std::vector<std::string> members(hid_t file, const std::string& group);
+
+// Whether act() comes to an end in a child process, by an exception or not: damaged files can crash the library or make
+// it run for ever. For files from outside, before they are read in earnest.
+bool survives(const std::function<void()>& act);
 
 // The root attributes that every file of this program carries.
 void write_header(hid_t file, const Provenance& provenance, const std::string& kind);

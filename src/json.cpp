@@ -105,7 +105,7 @@ void Json::append_to(std::string& out, int indent, int level) const {
   const auto line = [&](int depth) {
     if (indent == 0) return;
     out += '\n';
-    out.append(static_cast<std::size_t>(indent * depth), ' ');
+    out.append(static_cast<std::size_t>(indent) * static_cast<std::size_t>(depth), ' ');
   };
   if (const auto* truth = std::get_if<bool>(&value_)) {
     out += *truth ? "true" : "false";

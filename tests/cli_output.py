@@ -1,4 +1,4 @@
-"""Files, summaries and pictures as a user meets them: what xarray sees, kill -9, full disks, files that are not ours."""
+"""Files, summaries and pictures as a user meets them: what xarray sees, kill -9, full disks, files of others."""
 import contextlib
 import glob
 import io
@@ -98,7 +98,7 @@ def what_is_in_a_file():
         check(data.attrs["kind"] == "run" and "-grid_n 64" in data.attrs["command_line"], "kind, command line")
         check(json.loads(data.attrs["options"]) == summary["options"], "options in file and summary")
         last = data.psi.sel(t=5).values
-        check(abs(last.mean() - summary["psi_mean"]) < 1e-12 and last.max() == summary["psi_max"], "last frame, summary")
+        check(abs(last.mean() - summary["psi_mean"]) < 1e-12 and last.max() == summary["psi_max"], "last frame")
     with xarray.open_dataset("a.h5", engine="h5netcdf", group="probes") as data:
         check(data.psi.dims == ("t", "x") and list(data.x.values) == [0, 10.3125, 45], "probes")
         for k, probe in enumerate(summary["probes"]):
@@ -183,7 +183,7 @@ def kill(process, ranks):
 
 
 def killed():
-    """Kills at random moments; the file holds the beginning of what an uninterrupted run writes, and can be continued."""
+    """Kills at random moments; the file is the beginning of what an uninterrupted run writes, and can be continued."""
     scene = [*SINE, "-grid_n", 400, "-ts_max_time", 15, "-out_frames", 2001, "-out_checkpoint_every", 40]
     rng = random.Random(7)
     for ranks in (1, 2):
@@ -273,7 +273,7 @@ def pictures():
                       ["reference1.h5", "--profile", "--frame", "5000"], ["a.h5", "-o", "none/a.png"],
                       ["a.h5", "--field", "tau"], [sorted(glob.glob("stop.chk-*.h5"))[-1]], ["laws.h5", "--phase"]):
         code, said = plot(*arguments)
-        check(code == 2 and said.count("\n") == 1 and said.startswith("plot.py: error: "), f"plot.py {arguments}: {said}")
+        check(code == 2 and said.count("\n") == 1 and said.startswith("plot.py: error: "), f"{arguments}: {said}")
 
 
 def main():

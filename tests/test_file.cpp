@@ -384,7 +384,8 @@ TEST_CASE("run file: readable after every single write, torn ones included", "[o
                   (name[0] == 'p' ? psi_value(static_cast<int>(k), i) : eta_value(static_cast<int>(k), i)));
     }
     for (const char* name : {"probes/psi", "series/psi_mean"})
-      REQUIRE(read_array("copy", copy, name).shape[0] >= read_array("copy", copy, std::string(name, 6) + "/t").shape[0]);
+      REQUIRE(read_array("copy", copy, name).shape[0] >=
+              read_array("copy", copy, std::string(name, 6) + "/t").shape[0]);
     REQUIRE(frame_is_right(copy, static_cast<int>(t.values.size()) - 1, n));
   };
   for (std::size_t w = 0; w < log.size(); ++w) {
