@@ -250,6 +250,10 @@ struct Integrator::Impl {
       refine(u, t - t_before);
       polynomial(degree_now, u, t - t_before, (at - t_before) / (t - t_before), into);
     }
+    // About to explode: u is finite still, its cube is not.
+    if (at != t && !finite(into))
+      throw Failure("the solution is not finite at t = " + number_text(at) + " (step " +
+                    std::to_string(report.steps) + "): " + advice(t - t_before));
   }
 
   // The cubic through u and its slopes at both ends of the step errs by dt^4. Slopes of that cubic inside the step err
