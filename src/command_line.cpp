@@ -26,7 +26,7 @@ std::string name_in(const std::string& word) { return word.substr(word.compare(0
 // frames is never a scene; and no option of a library takes a scene.
 bool takes(const std::string& name, const std::string& word) {
   if (!has_scene_suffix(word)) return true;
-  if (lower_case(name) == "options_file" || lower_case(name) == "options_file_yaml") return true;
+  if (lower_case(name) == "options_file") return true;
   const OptionSpec* spec = find_option(name);
   return spec && spec->type != OptionType::boolean;
 }
@@ -86,9 +86,7 @@ std::string joined(const std::vector<std::string>& words) {
   return text;
 }
 
-bool is_options_file(const Given& given) {
-  return lower_case(given.name) == "options_file" || lower_case(given.name) == "options_file_yaml";
-}
+bool is_options_file(const Given& given) { return lower_case(given.name) == "options_file"; }
 bool is_help(const Given& given) { return lower_case(given.name) == "help" || lower_case(given.name) == "h"; }
 
 // A scene's own complaints that the table cannot make: a key without a value.

@@ -266,7 +266,7 @@ std::optional<std::string> check_library_value(const std::string& name, const st
       throw UsageError("unknown option -" + quoted(name) + place + "; did you mean -" + near + "?");
   }
   if (name == "options_file" || name == "options_file_yaml" || name == "options_string_yaml")
-    throw UsageError("-" + name + place + ": cannot stand here");
+    throw UsageError("-" + name + place + ": not here; -options_file FILE reads either form, from the command line");
   // What the program does itself, in a way these would upset.
   static const std::map<std::string, const char*> taken = {
       {"ts_init_time", "time begins at 0"},

@@ -176,6 +176,11 @@ class Libraries {
   bool ended_ = false;
 };
 
+void print(const std::string& text) {
+  if (std::fputs(text.c_str(), stdout) < 0 || std::fflush(stdout) != 0)
+    throw RankFailure("standard output cannot be written");
+}
+
 int program(int argc, char** argv) {
   note_command_line(argc, argv);
   const CommandLine line = read_command_line(argc, argv, command_names(), MPI_COMM_WORLD);
@@ -184,15 +189,14 @@ int program(int argc, char** argv) {
   for (const Command& one : commands())
     if (line.command == one.name) command = &one;
 
-  if (line.help && speaks) std::fputs((command ? command_help(*command) : general_help()).c_str(), stdout);
+  if (line.help && speaks) print(command ? command_help(*command) : general_help());
   if (line.help && !line.help_all) return 0;
   const Options options = Options::from(line.command, line.given);
-  std::fflush(stdout);
   try {
     Libraries libraries(argv[0], options, line.help_all);
     int code = 0;
     if (line.version) {
-      if (speaks) std::fputs(version_text().c_str(), stdout);
+      if (speaks) print(version_text());
     } else {
       check_library_types(options);
       check_library_names(options);

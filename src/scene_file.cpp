@@ -21,6 +21,12 @@ bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z')
 bool is_name_part(char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; }
 bool is_space(char c) { return c == ' ' || c == '\t'; }
 
+// Whether a file name ends so, in capitals or small letters, and has more before it.
+bool ends_with(const std::string& path, const std::string& suffix) {
+  return path.size() > suffix.size() &&
+         lower_case(path).compare(path.size() - suffix.size(), suffix.size(), suffix) == 0;
+}
+
 // Number of bytes of the UTF-8 character at `at`, 0 where there is none.
 int utf8_length(const std::string& text, std::size_t at) {
   const auto byte = [&text](std::size_t i) { return i < text.size() ? (unsigned char)text[i] : 0u; };
@@ -363,10 +369,7 @@ class YamlReader {
 }  // namespace
 
 bool has_scene_suffix(const std::string& path) {
-  const std::string low = lower_case(path);
-  for (const std::string suffix : {".yaml", ".yml", ".opts"})
-    if (low.size() > suffix.size() && low.compare(low.size() - suffix.size(), suffix.size(), suffix) == 0) return true;
-  return false;
+  return ends_with(path, ".yaml") || ends_with(path, ".yml") || ends_with(path, ".opts");
 }
 
 std::vector<Given> parse_yaml(const std::string& text, const std::string& name) {
@@ -422,8 +425,7 @@ std::vector<Given> read_scene(const std::string& path) {
   if (!file) throw UsageError("scene " + name + ": " + std::strerror(errno));
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   if (file.bad()) throw UsageError("scene " + name + ": cannot be read");
-  const bool plain = lower_case(path).rfind(".opts") == path.size() - 5;
-  return plain ? parse_plain(text, name) : parse_yaml(text, name);
+  return ends_with(path, ".yaml") || ends_with(path, ".yml") ? parse_yaml(text, name) : parse_plain(text, name);
 }
 
 }  // namespace stickslip

@@ -142,6 +142,8 @@ OPTIONS = [
     (["-ts_type", "arkimex", "-ksp_gmres_restart", "1e10"], "-ksp_gmres_restart 1e10"),
     (["-ts_type", "arkimex", "-pc_type", "luu"], "did you mean lu?"),
     (["-ts_time_span", "0,1"], "-ts_time_span"),
+    (["-options_file_yaml", "good.yaml"], "-options_file FILE reads either form"),
+    (["-options_file", "missing.yaml"], "scene missing.yaml: No such file"),
     (["-ts_view", "asci:x"], "did you mean ascii?"),
     (["-ts_view", ":/nonexistent/x"], "/nonexistent"),
     (["-log_view", ":/nonexistent/x"], "/nonexistent"),
@@ -165,6 +167,9 @@ OPTIONS = [
     (["-out_file", ""], "-out_file ''"),
     (["-summary", "/nonexistent/a.json"], "/nonexistent"),
     (["-summary", "notes.txt"], "notes.txt"),
+    (["-init_type", "file", "-init_file", "missing.h5"], "missing.h5"),
+    (["-init_type", "file", "-init_file", "notes.txt"], "notes.txt"),
+    (["-init_type", "file"], "init_file"),
     (["-restart", "missing.h5"], "missing.h5"),
     (["-restart", "notes.txt"], "notes.txt"),
 ]
@@ -217,6 +222,14 @@ COMMANDS = [
     (["spectrum", "-grid_n", "32", "-out_file", "notes.txt"], "notes.txt"),
     (["spectrum", "-grid_n", "32", "-summary", "notes.txt"], "notes.txt"),
     (["spectrum", "-grid_n", "5", "-grid_order", "8"], "order 8 needs at least 9 nodes"),
+    (["boundary", "-grid_n", "32"], "boundary_parameter"),
+    (["boundary", "-grid_n", "32", "-boundary_parameter", "model_w", "-boundary_from", "0", "-boundary_to", "1"],
+     "model_w"),
+    (["boundary", "-grid_n", "32", "-boundary_parameter", "model_form", "-boundary_from", "0", "-boundary_to", "1"],
+     "model_form"),
+    (["boundary", "-grid_n", "32", "-boundary_parameter", "model_v", "-boundary_from", "0"], "boundary_to"),
+    (["boundary", "-grid_n", "32", "-boundary_parameter", "model_k1", "-boundary_from", "0", "-boundary_to", "1"],
+     "model_k1"),
     (["laws", "-friction_law", "cubix"], "did you mean cubic?"),
     (["laws", "-out_file", "notes.txt"], "notes.txt"),
     (["laws", "-log_veiw"], "did you mean -log_view?"),
@@ -354,6 +367,8 @@ def right_use(folder):
     gamma([], "7", {"PETSC_OPTIONS_YAML": "model: {gamma: 7}"})
     gamma(["-options_file", "good.yaml"], "2")
     gamma(["-options_file", "good.yaml", "-model_gamma", "5"], "5")
+    shutil.copy(os.path.join(folder, "good.opts"), os.path.join(folder, "plainrc"))
+    gamma(["-options_file", "plainrc"], "2")
     gamma(["-out_displacement", "good.yaml"], "2")  # a flag does not swallow the scene
     expect(["run", "-summary", "-", "-bc_left", "velocity", "-bc_left_value", "-1.5"] + SHORT,
            '"bc_left_value": "-1.5"', silent=False)

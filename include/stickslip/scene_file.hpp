@@ -19,7 +19,7 @@ bool has_scene_suffix(const std::string& path);  // .yaml, .yml, .opts
 std::vector<Given> parse_yaml(const std::string& text, const std::string& name);
 std::vector<Given> parse_plain(const std::string& text, const std::string& name);
 
-// Reads a file of either form. Not collective: for rank 0.
+// Reads a file: YAML where its name says so, else the plain form. Not collective: for rank 0.
 std::vector<Given> read_scene(const std::string& path);
 
 }  // namespace stickslip
