@@ -350,7 +350,7 @@ def complaints(case, seen, words):
             if not case.damaged:
                 shown = {name.lower(): text for name, text in summary["options"].items()}
                 for name, value in case.pairs:
-                    got = shown.get(name.lower())
+                    got = shown.get(name.lower().lstrip("-"))
                     if got != value and not (got and got.replace(" ", "") == value.replace(" ", "")):
                         found.append(f"option {name} {value!r} is shown as {got!r}")
         except (KeyError, ValueError) as trouble:

@@ -1,6 +1,8 @@
 // Scene files: what is understood, and what is refused with file and line.
 #include <catch2/catch.hpp>
 
+#include <petscsys.h>
+
 #include "stickslip/error.hpp"
 #include "stickslip/scene_file.hpp"
 
@@ -115,4 +117,55 @@ TEST_CASE("scene files: files that cannot be read", "[serial]") {
   CHECK(has_scene_suffix("a/b.YAML"));
   CHECK_FALSE(has_scene_suffix(".yaml"));
   CHECK_FALSE(has_scene_suffix("a.txt"));
+}
+
+TEST_CASE("scene files: what is understood is what PETSc's own reader of YAML understands") {
+  // PETSc's parser is the reference for the meaning; ours refuses more, and says where.
+  const auto same_as_petsc = [](const std::string& text) {
+    INFO(text);
+    PetscOptions database = nullptr;
+    REQUIRE(PetscOptionsCreate(&database) == 0);
+    CHECK(PetscOptionsInsertStringYAML(database, text.c_str()) == 0);
+    for (const Given& one : parse_yaml(text, "s.yaml")) {
+      char value[200] = "";
+      PetscBool found = PETSC_FALSE;
+      INFO(one.name);
+      CHECK(PetscOptionsGetString(database, nullptr, ("-" + one.name).c_str(), value, sizeof value, &found) == 0);
+      CHECK(found == PetscBool(one.text && !one.text->empty()));
+      if (one.text) CHECK(*one.text == value);
+    }
+    REQUIRE(PetscOptionsDestroy(&database) == 0);
+  };
+  same_as_petsc("model:\n  gamma: 3 # three\n  c: -1.5e-3\n\nbc: {left: free, right: 'a b'}\n");
+  same_as_petsc("---\na:\n    b:\n      c: 1\n      d: \"x # y\"\n    e: 3\nf: a#b\n...\n");
+  same_as_petsc("out_times:\n  - 1\n  - 2 # two\n\n  - '3'\nx: 'it''s'\n");
+  same_as_petsc("out: {times: [1, 2.5,\n  3],  # comment\n probes: [-1],}\n");
+  same_as_petsc("{model: {gamma: 3, c: \"\\\"q\\\\\"}, x: C:/y}\n");
+
+  // random nesting, styles and values
+  unsigned state = 1;
+  const auto draw = [&state](unsigned below) {
+    state = state * 1664525u + 1013904223u;
+    return (state >> 8) % below;
+  };
+  const std::vector<std::string> values = {"1",     "-2.5e-3", "free",   "'q ''x'", "\"a: b\"", "[1, 2, 3]", "[ -1 ]",
+                                           "a b c", "true",    "[a,'b']", "x:y",    "-",        "5dp",       "~x"};
+  for (int scene = 0; scene < 300; ++scene) {
+    std::string text;
+    int names = 0;
+    const auto name = [&names] { return "k" + std::to_string(names++); };
+    const auto value = [&] {
+      std::string chosen = values[draw(unsigned(values.size()))];
+      return chosen == "-" ? std::string("'-'") : chosen;
+    };
+    for (unsigned entries = 1 + draw(5); entries > 0; --entries) {
+      switch (draw(4)) {
+        case 0: text += name() + ": " + value() + (draw(2) ? " # c" : "") + "\n"; break;
+        case 1: text += name() + ": {" + name() + ": " + value() + ", " + name() + ": {" + name() + ": 1}}\n"; break;
+        case 2: text += name() + ":\n  " + name() + ": " + value() + "\n\n  " + name() + ":\n     " + name() + ": 7\n"; break;
+        default: text += name() + ":\n- 1\n- " + std::string(draw(2) ? "'x y'" : "-3") + "\n"; break;
+      }
+    }
+    same_as_petsc(text);
+  }
 }
