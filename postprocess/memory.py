@@ -66,7 +66,8 @@ def hold(axes, healing):
 
     times, peaks, t_h, tau_inf = np.logspace(-1, 4, 11), [], 100.0, 2.0
     for time in times:
-        call("run", "hold-healing.yaml", "-model_v", 0, "-ts_max_time", time, "-out_file", "held.h5", "-out_frames", 2)
+        call("run", "hold-healing.yaml", "-init_state", 1, "-model_v", 0, "-ts_max_time", time,
+             "-out_file", "held.h5", "-out_frames", 2)
         call("run", "hold-healing.yaml", "-init_type", "file", "-init_file", "held.h5", "-ts_max_time", 3,
              "-out_file", "pulled.h5")
         peaks.append(series("pulled.h5")["eta_mean"].max())
