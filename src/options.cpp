@@ -222,7 +222,7 @@ std::vector<OptionSpec> make_table() {
   t.integer("wave_steps", "100", 1, int_max, "steps along the branch, at most");
 
   t.in("Chart", "chart");
-  t.choice("chart_kind", {"accuracy", "limits"}, "error against seconds, or where each method fails");
+  t.choice("chart_kind", {"error", "limits"}, "error against seconds, or where each method fails");
   t.add("chart_methods", OptionType::text_list, "", "methods type[:subtype[:implicit]], e.g. rk:5dp,arkimex:4:friction")
       .default_help = "a choice of good ones";
   OptionSpec& tolerances = t.add("chart_tolerances", OptionType::real_list, "", "tolerances of the methods");
