@@ -45,15 +45,20 @@ Split split_of(Implicit implicit) {
 }
 
 constexpr double default_tolerance = 1e-6;  // relative and absolute, of a step
+constexpr PetscInt most_rejections = 60;    // of one step
 
-// Local part of "is every entry finite": x - x is 0 for finite x and NaN otherwise, and NaN stays.
-bool locally_finite(Vec u) {
+// Local part of "is every entry finite, and so is friction there": x - x is 0 for finite x and NaN otherwise, and NaN
+// stays. Of the velocity, which comes first at each node, the cube must be finite, or the next slope is not.
+bool locally_finite(Vec u, int dof) {
   const double* a;
   PetscInt count;
   SS_TRY(VecGetLocalSize(u, &count));
   SS_TRY(VecGetArrayRead(u, &a));
   double sum = 0;
-  for (PetscInt i = 0; i < count; ++i) sum += a[i] - a[i];
+  for (PetscInt i = 0; i < count; i += dof) {
+    sum += 0 * (a[i] * a[i] * a[i]);
+    for (int k = 1; k < dof; ++k) sum += a[i + k] - a[i + k];
+  }
   SS_TRY(VecRestoreArrayRead(u, &a));
   return sum == 0;
 }
@@ -76,6 +81,7 @@ std::vector<double> integration_weights(int count, double s) {
 struct Integrator::Impl {
   const Model& model;
   std::string prefix;
+  DmHandle dm;
   TsHandle ts;
   MatHandle J;
   std::string type, subtype;
@@ -218,7 +224,7 @@ struct Integrator::Impl {
   }
 
   bool finite(Vec u) const {
-    int all = locally_finite(u) ? 1 : 0;
+    int all = locally_finite(u, model.dof()) ? 1 : 0;
     SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &all, 1, MPI_INT, MPI_MIN, model.comm()));
     return all != 0;
   }
@@ -325,6 +331,9 @@ struct Integrator::Impl {
   }
 
   void after_step() {
+    TSConvergedReason reason;
+    SS_TRY(TSGetConvergedReason(ts, &reason));
+    if (reason < 0) return;  // no step was taken; advance() says why
     const Step step = step_now();
     const double reached = report.t;
     const bool known = adaptive && first_same_as_last && checked_last;  // the last stage is the solution
@@ -338,8 +347,25 @@ struct Integrator::Impl {
     if (step.t == t_before)
       throw Failure("the step has shrunk to nothing at t = " + number_text(step.t) + " (step " +
                     std::to_string(step.index) + "); loosen ts_rtol and ts_atol, or smooth what is not smooth");
+    check_floor(step);
     started = true;
     tell(step);
+  }
+
+  // At ts_adapt_dt_min PETSc accepts a step whatever its error. That the next one should be no longer tells that this
+  // one's error was at the tolerance or beyond.
+  void check_floor(const Step& step) {
+    if (!adaptive) return;
+    TSAdapt adapt;
+    double floor;
+    SS_TRY(TSGetAdapt(ts, &adapt));
+    SS_TRY(TSAdaptGetStepLimits(adapt, &floor, nullptr));
+    const double reach = floor * (1 + 1e-7);
+    // close to the end steps are cut to hit it
+    if (step.t - step.t_before > reach || step.next_dt > reach || step.t + 2 * reach >= t_end) return;
+    throw Failure("the step fell to its floor ts_adapt_dt_min " + number_text(floor) + " at t = " +
+                  number_text(step.t) + " (step " + std::to_string(step.index) +
+                  ") with an error above the tolerance; lower ts_adapt_dt_min, or loosen ts_rtol and ts_atol");
   }
 
   void tell(const Step& step) {
@@ -392,7 +418,9 @@ struct Integrator::Impl {
   void set_up(const Options& options, Vec u) {
     SS_TRY(TSCreate(model.comm(), ts.out()));
     SS_TRY(TSSetOptionsPrefix(ts, prefix.c_str()));
-    SS_TRY(TSSetDM(ts, model.dm()));
+    // PETSc keeps the callbacks of a TS on its DM, where those of an earlier Integrator would stay and be called.
+    SS_TRY(DMClone(model.dm(), dm.out()));
+    SS_TRY(TSSetDM(ts, dm));
     SS_TRY(TSSetApplicationContext(ts, this));
     SS_TRY(TSSetProblemType(ts, TS_NONLINEAR));
     choose_default(u);
@@ -566,8 +594,11 @@ struct Integrator::Impl {
       SS_TRY(TSSetPostStage(ts, PostStage));
       undo_exactly = type == TSRK || type == TSARKIMEX;
       if (undo_exactly) SS_TRY(TSSetPreStage(ts, PreStage));
-      SS_TRY(TSSetMaxSNESFailures(ts, -1));       // a failure of Newton's method rejects the step
-      SS_TRY(TSSetMaxStepRejections(ts, 60));     // a start 1e20 times too large is found out
+      // A failure of Newton's method rejects the step; a start 1e20 times too large is found out.
+      if (!user_set("ts_max_snes_failures")) SS_TRY(TSSetMaxSNESFailures(ts, -1));
+      if (!user_set("ts_max_reject")) SS_TRY(TSSetMaxStepRejections(ts, most_rejections));
+      if (user_set("ts_adapt_always_accept"))
+        warn("ts_adapt_always_accept: steps are taken whatever their error; ts_rtol and ts_atol do not hold");
     } else {
       double dt;
       SS_TRY(TSGetTimeStep(ts, &dt));
@@ -665,12 +696,20 @@ TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& ob
   TSConvergedReason reason;
   SS_TRY(TSGetConvergedReason(m.ts, &reason));
   if (reason < 0) {
-    double dt;
-    SS_TRY(TSGetTimeStep(m.ts, &dt));
-    const std::string at = " at t = " + std::to_string(m.report.t) + " (step " + std::to_string(m.report.steps) + ")";
+    const std::string at = " at t = " + number_text(m.report.t) + " (step " + std::to_string(m.report.steps) + ")";
     if (reason == TS_DIVERGED_NONLINEAR_SOLVE)
       throw Failure("Newton's method failed in the implicit part" + at + "; reduce ts_dt");
-    throw Failure("the time step was rejected too often" + at + "; reduce ts_dt or loosen ts_rtol and ts_atol");
+    SNESConvergedReason newton = SNES_CONVERGED_ITERATING;
+    if (m.split.has_implicit) {
+      SNES snes;
+      SS_TRY(TSGetSNES(m.ts, &snes));
+      SS_TRY(SNESGetConvergedReason(snes, &newton));
+    }
+    PetscInt most = most_rejections;
+    SS_TRY(PetscOptionsGetInt(nullptr, m.prefix.c_str(), "-ts_max_reject", &most, nullptr));
+    throw Failure("the time step was rejected more than " + std::to_string(most) + " times (ts_max_reject)" + at +
+                  (newton < 0 ? ": Newton's method fails in the implicit part" : "") +
+                  "; reduce ts_dt or loosen ts_rtol and ts_atol");
   }
   m.report.reason = reason == TS_CONVERGED_ITS ? "ts_max_steps" : m.stop_asked ? "stopped" : "end time";
   return m.report;

@@ -396,6 +396,21 @@ TEST_CASE("the foreseen limit is where the run explodes", "[serial]") {
   CHECK_FALSE(quiet("ts_dt 1.5 is beyond the stability limit of rk:4"));
 }
 
+TEST_CASE("a second integrator on a model hears nothing of the first") {
+  Model model(PETSC_COMM_WORLD, smooth_ring());
+  VecHandle u = model.create_vector();
+  const auto advance = [&](const Settings& s) {
+    smooth_start(model, u);
+    const InDatabase given(s);
+    Integrator integrator(model, given.options, u);
+    integrator.advance(u, 0, duration, nullptr);
+  };
+  advance({{"ts_type", "rk"}});
+  const Settings implicit = {{"ts_type", "cn"}, {"ts_dt", "0.1"}};
+  advance(implicit);
+  CHECK(distance(u, solve(smooth_ring(), implicit).end) == 0);
+}
+
 TEST_CASE("a run that explodes fails and keeps the time it reached", "[serial]") {
   Model model(PETSC_COMM_WORLD, smooth_ring());
   VecHandle u = model.create_vector();
