@@ -582,7 +582,7 @@ struct Integrator::Impl {
     method = &offered_method(type, subtype);
     read_adaptivity();
     set_dense_output();
-    if (undo_exactly || own_degree > 0) before = model.create_vector();
+    if (undo_exactly || fused || own_degree > 0) before = model.create_vector();
     report.method = method->name();
     report.implicit = implicit;
   }
