@@ -30,13 +30,13 @@ Combination interpolation_at(const Scene& scene, double x) {
   return row;
 }
 
-Probes::Probes(const Model& model, const std::vector<double>& x) : dof_(model.dof()) {
+Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x) : dof_(model.dof()) {
   std::vector<PetscInt> nodes;
   for (const double at : x) {
     std::vector<std::pair<std::size_t, double>> row;
-    for (const auto& [node, weight] : interpolation_at(model.scene(), at)) {
+    for (const auto& [node, weight] : interpolation_at(whole, at)) {
       row.emplace_back(nodes.size(), weight);
-      nodes.push_back(node);
+      nodes.push_back(node % model.scene().n);
     }
     rows_.push_back(std::move(row));
   }

@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "share.hpp"
 #include "stickslip/checkpoint.hpp"
 #include "stickslip/commands.hpp"
 #include "stickslip/displacement.hpp"
@@ -16,7 +17,7 @@
 #include "stickslip/library_options.hpp"
 #include "stickslip/measure.hpp"
 #include "stickslip/probe.hpp"
-#include "stickslip/start.hpp"
+#include "stickslip/reduce.hpp"
 #include "stickslip/summary.hpp"
 #include "stickslip/time.hpp"
 
@@ -67,6 +68,9 @@ class Progress {
   }
   ~Progress() {
     if (on_ && shown_ && tty_) std::fputs("\r\033[K", stderr);
+  }
+  void tell(const std::string& text) const {
+    if (on_) std::fprintf(stderr, "stickslip: %s\n", text.c_str());
   }
   void show(double t, PetscInt step, double dt) {
     if (!on_) return;
@@ -162,16 +166,16 @@ const std::vector<Field> energy_fields = {
 class Run {
  public:
   Run(const Options& options, const Provenance& provenance)
-      : options_(options), provenance_(provenance), scene_(checked_scene(options)), model_(PETSC_COMM_WORLD, scene_),
-        t_end_(options.real("ts_max_time")), u_(model_.create_vector()), work_(model_.create_vector()),
-        gather_(u_, model_.dof()), probes_(model_, options.reals("out_probes")), measurement_(scene_, t_end_),
+      : options_(options), provenance_(provenance), scene_(checked_scene(options)), checkpoint_(asked_for(options)),
+        problem_(problem_of(scene_, options, nodes_of(checkpoint_))), model_(problem_.model), u_(problem_.u),
+        t_end_(options.real("ts_max_time")), work_(model_.create_vector()), gather_(u_, model_.dof()),
+        probes_(model_, scene_, options.reals("out_probes")), measurement_(model_.scene(), t_end_),
         checkpoint_every_(options.steps_or_seconds("out_checkpoint_every")) {
     MPI_Comm_rank(PETSC_COMM_WORLD, &rank_);
-    if (options.is_set("restart")) {
-      restore(options.text("restart"));
-    } else {
-      set_start(model_, options_, u_);
-    }
+    // Every rank solves alike, and one of them prints for -ts_monitor.
+    if (model_.comm() == PETSC_COMM_SELF && rank_ != 0) PETSC_STDOUT = std::fopen("/dev/null", "w");
+    if (checkpoint_) restore(*checkpoint_);
+    checkpoint_.reset();
     make_integrator();
     plan_output();
   }
@@ -183,6 +187,7 @@ class Run {
     SignalWatch watch;
     Progress progress(options_, t_, t_end_);
     progress_ = &progress;
+    if (!problem_.what.empty()) progress.tell("scene_reduce: " + problem_.what);
     const PetscInt limit = options_.is_set("ts_max_steps") ? options_.integer("ts_max_steps")
                                                            : std::numeric_limits<PetscInt>::max() - 1;
     last_checkpoint_wall_ = MPI_Wtime();
@@ -260,14 +265,25 @@ class Run {
     file_ = std::make_unique<RunFile>(PETSC_COMM_WORLD, options_.text("out_file"), provenance_, layout, resume);
   }
 
-  void restore(const std::string& path) {
-    const Checkpoint checkpoint = read_checkpoint(path);
+  static std::optional<Checkpoint> asked_for(const Options& options) {
+    if (!options.is_set("restart")) return std::nullopt;
+    return read_checkpoint(options.text("restart"));
+  }
+  // The grid that a checkpoint goes on with, whatever its start would now be reduced to.
+  std::optional<PetscInt> nodes_of(const std::optional<Checkpoint>& checkpoint) const {
+    if (!checkpoint) return std::nullopt;
+    const auto nodes = checkpoint->numbers.find("nodes");
+    return nodes == checkpoint->numbers.end() ? scene_.n : static_cast<PetscInt>(nodes->second);
+  }
+
+  void restore(Checkpoint& checkpoint) {
     t_ = checkpoint.t;
     first_step_ = static_cast<PetscInt>(checkpoint.step);
     first_dt_ = checkpoint.dt;
     if (t_ > t_end_)
       throw UsageError("ts_max_time " + options_.text("ts_max_time") + " lies before the time " + number_text(t_) +
-                       " of checkpoint '" + path + "'");
+                       " of checkpoint '" + options_.text("restart") + "'");
+    if (model_.comm() == PETSC_COMM_SELF) share(checkpoint.state);
     gather_.spread(checkpoint.state, u_);
     rejections_before_ = static_cast<PetscInt>(checkpoint.numbers.at("rejections"));
     evaluations_before_ = static_cast<long>(checkpoint.numbers.at("rhs_evaluations"));
@@ -316,28 +332,31 @@ class Run {
                                double(step.index), double(rejections_before_ + rejections)};
     if (displacement_ && displacement_->has_energy()) {
       const Energy e = displacement_->energy(step.u);
-      row.insert(row.end(), {e.kinetic, e.elastic, e.input, e.friction, e.viscous});
+      const Scene& cell = model_.scene();
+      const double cells = scene_.form == Form::chain ? double(scene_.n / cell.n) : scene_.length / cell.length;
+      for (const double part : {e.kinetic, e.elastic, e.input, e.friction, e.viscous}) row.push_back(cells * part);
     }
     file_->series(step.t, row);
   }
 
   void write_frame(double t) {
     model_.set_held(work_);
-    const auto& fields = gather_.components(work_);
-    std::vector<const double*> rows;
-    if (rank_ == 0) {
-      if (fields.size() == 3) {
-        state_out_.resize(fields[2].size());
-        std::transform(fields[2].begin(), fields[2].end(), state_out_.begin(),
-                       [&](double s) { return state_to_output(scene_.friction.state, s); });
-      }
-      for (const auto& field : fields) rows.push_back(field.data());
-      if (rows.size() == 3) rows[2] = state_out_.data();
-    }
+    std::vector<std::vector<double>> fields = gather_.components(work_);
+    if (fields.size() == 3)
+      std::transform(fields[2].begin(), fields[2].end(), fields[2].begin(),
+                     [&](double s) { return state_to_output(scene_.friction.state, s); });
     if (displacement_) {
       displacement_->solve(work_, t, chi_);
-      const auto& chi = gather_chi_->components(chi_);
-      if (rank_ == 0) rows.push_back(chi[0].data());
+      fields.push_back(gather_chi_->components(chi_)[0]);
+    }
+    std::vector<const double*> rows;
+    if (rank_ == 0) {
+      for (std::vector<double>& field : fields) {
+        const std::size_t cell = field.size();  // one of several equal ones
+        field.resize(static_cast<std::size_t>(scene_.n));
+        for (std::size_t i = cell; i < field.size(); ++i) field[i] = field[i - cell];
+        rows.push_back(field.data());
+      }
     }
     file_->frame(t, rows);
   }
@@ -354,6 +373,7 @@ class Run {
     SS_TRY(TSGetStepRejections(integrator_->ts(), &rejections));
     c.numbers = {{"rejections", double(rejections_before_ + rejections)},
                  {"rhs_evaluations", double(evaluations_before_ + model_.rhs_evaluations())},
+                 {"nodes", double(model_.scene().n)},
                  {"t_end", t_end_}};
     for (const auto& [name, text] : options_.given()) c.texts["given." + name] = text;
     c.arrays = measurement_.save();
@@ -370,6 +390,7 @@ class Run {
     summary.set("method", r.method);
     summary.set("implicit", to_string(r.implicit));
     summary.set("unknowns", model_.unknowns());
+    if (!problem_.what.empty()) summary.set("reduced", problem_.what);
     if (!complete) return;
     model_.set_held(u_);
     const FieldStatistics s = statistics(model_, u_);
@@ -384,15 +405,21 @@ class Run {
       probes.push(Json::object({{"x", x[i]}, {"psi", values.psi[i]}, {"eta", values.eta[i]}}));
     summary.set("probes", probes);
     double steepest = 0;
+    std::string broken;
     if (rank_ == 0) {
-      const Measurement::Result m = measurement_.result();
+      Measurement::Result m = measurement_.result();
+      if (m.pulses && !problem_.what.empty()) *m.pulses *= static_cast<int>(model_.scene().copies);
       summary.set("regime", m.regime);
       summary.set("amplitude", m.amplitude);
       summary.set("wave_speed", m.wave_speed);
       summary.set("pulses", m.pulses);
       summary.set("measured_over", std::vector<double>{m.window_begin, m.window_end});
       steepest = m.steepest;
+      if (!problem_.what.empty())
+        broken = broken_symmetry(scene_, model_.scene(), m, s.psi_mean, r.t);
     }
+    share(broken);
+    if (!broken.empty()) warn(broken);
     SS_TRY(MPI_Bcast(&steepest, 1, MPI_DOUBLE, 0, PETSC_COMM_WORLD));
     // A front of four or more nodes changes by at most a third of its height from node to node.
     if (scene_.form == Form::continuum && steepest > 0.34)
@@ -402,10 +429,13 @@ class Run {
 
   const Options& options_;
   const Provenance& provenance_;
-  Scene scene_;
-  Model model_;
+  Scene scene_;                           // the whole
+  std::optional<Checkpoint> checkpoint_;  // with restart, until its values are in place
+  Problem problem_;                       // what is solved for it
+  Model& model_;
+  VecHandle& u_;
   double t_end_;
-  VecHandle u_, work_;
+  VecHandle work_;
   Gather gather_;
   Probes probes_;
   Measurement measurement_;
@@ -421,7 +451,7 @@ class Run {
   std::unique_ptr<Displacement> displacement_;  // with out_displacement
   VecHandle chi_;
   std::unique_ptr<Gather> gather_chi_;
-  std::vector<double> frames_, samples_, state_out_;
+  std::vector<double> frames_, samples_;
   std::size_t next_frame_ = 0, next_sample_ = 0;
   Progress* progress_ = nullptr;
   double last_checkpoint_wall_ = 0;

@@ -500,6 +500,17 @@ std::vector<Complex> bloch_factors(const Train& train, Complex lambda) {
   return factors(characteristic(l, lambda));
 }
 
+std::vector<int> growing_modes(const Train& train) {
+  TrainSpectrum out;
+  Levels levels(train, 1);
+  std::vector<int> counts(std::size_t(train.pulses / 2 + 1), 1);
+  if (short_waves_grow(levels, out)) return counts;
+  Line line = along_line(levels, train, line_at);
+  for (std::size_t m = 0; m < counts.size(); ++m)
+    counts[m] = count_right(levels, line, 2 * M_PI * double(m) / double(train.pulses));
+  return counts;
+}
+
 TrainSpectrum endless_stability(const Train& train) {
   TrainSpectrum out;
   Levels levels(train, 1);

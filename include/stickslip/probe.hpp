@@ -13,7 +13,8 @@ Combination interpolation_at(const Scene& scene, double x);
 
 class Probes {
  public:
-  Probes(const Model& model, const std::vector<double>& x);  // collective
+  // At points x of the scene `whole`, of which the model may be one of several equal cells. Collective.
+  Probes(const Model& model, const Scene& whole, const std::vector<double>& x);
 
   struct Values {
     std::vector<double> psi, eta;  // in the order of x

@@ -54,6 +54,7 @@ struct Scene {
   int order = 4;                          // chain: 2
   End left = End::periodic, right = End::periodic;
   double left_value = 0, right_value = 0; // psi_e of a held end
+  PetscInt copies = 1;                    // equal cells that this one stands for (reduce.hpp)
 
   // coefficients of the one system
   double A() const { return form == Form::continuum ? gamma : f0 / m; }

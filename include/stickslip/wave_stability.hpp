@@ -54,6 +54,10 @@ TrainSpectrum train_spectrum(const Train& train, int count, bool library_options
 // The endless train alone, which is quicker: fills the members named so.
 TrainSpectrum endless_stability(const Train& train);
 
+// How many eigenvalues lie right of Re lambda = 1e-5 for each theta = 2 pi m/n, m = 0..n/2 (those of n - m are their
+// conjugates), by the argument of the determinant alone; all 1 where waves of any short length grow.
+std::vector<int> growing_modes(const Train& train);
+
 // Eigenvalues of Y(lambda): the Bloch factors that lambda belongs to.
 std::vector<std::complex<double>> bloch_factors(const Train& train, std::complex<double> lambda);
 

@@ -1,0 +1,286 @@
+#include "stickslip/reduce.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+#include "share.hpp"
+#include "step_forecast.hpp"
+#include "stickslip/error.hpp"
+#include "stickslip/file.hpp"
+#include "stickslip/ode.hpp"
+#include "stickslip/start.hpp"
+#include "stickslip/stencil.hpp"
+#include "stickslip/wave_stability.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// How many equal cells the options promise: n where every node starts alike, 1 where nothing repeats, 0 where only the
+// fields can tell.
+PetscInt promised_cells(const Scene& scene, const Options& options) {
+  if (scene.spread != 0 || options.real("init_noise") != 0) return 1;
+  if (scene.left == End::velocity || scene.right == End::velocity) return 1;
+  const std::string type = options.text("init_type");
+  PetscInt cells = 1;
+  if (type == "file") return 0;
+  if (type == "uniform" || (type == "sine" && options.real("init_amplitude") == 0)) return scene.n;
+  if (type == "sine") cells = options.integer("init_mode");
+  if (type == "pulses" || type == "wave") cells = options.integer("init_pulses");
+  cells = std::gcd(cells, scene.n);
+  return scene.ring() || cells == scene.n ? cells : 1;
+}
+
+// Whether values repeat after `period` entries.
+bool repeats(const std::vector<double>& values, std::size_t period, double tolerance) {
+  for (std::size_t i = period; i < values.size(); ++i)
+    if (!(std::abs(values[i] - values[i - period]) <= tolerance)) return false;
+  return true;
+}
+
+// How many equal cells the values (of n nodes, dof each) hold: `promised`, if they agree with that up to rounding;
+// where nothing is promised, as many as are equal to the last bit.
+PetscInt cells_in(const std::vector<double>& values, PetscInt n, int dof, PetscInt promised, bool ring) {
+  if (promised > 0) {
+    double size = 1;
+    for (const double value : values) size = std::max(size, std::abs(value));
+    return repeats(values, static_cast<std::size_t>(n / promised * dof), 1e-9 * size) ? promised : 1;
+  }
+  for (PetscInt cell = 1; 2 * cell <= n; ++cell)
+    if (n % cell == 0 && (cell == 1 || ring) && repeats(values, static_cast<std::size_t>(cell * dof), 0))
+      return n / cell;
+  return 1;
+}
+
+// One of `cells` equal cells of a scene, closed to a ring.
+Scene cell_of(const Scene& scene, PetscInt cells) {
+  Scene cell = scene;
+  cell.n = scene.n / cells;
+  cell.length = scene.h() * double(cell.n);
+  cell.left = cell.right = End::periodic;
+  cell.copies = cells;
+  return cell;
+}
+
+Model model_of_cell(const Scene& cell) {
+  int ranks;
+  MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
+  return Model(cell.n < ranks ? PETSC_COMM_SELF : PETSC_COMM_WORLD, cell);
+}
+
+std::string description(const Scene& whole, const Model& model) {
+  const PetscInt n = model.scene().n;
+  return (n == 1 ? "a uniform scene: one node" : std::to_string(whole.n / n) + " equal cells: " + std::to_string(n) +
+                                                     " nodes") +
+         " for " + std::to_string(whole.n) + ", " + std::to_string(model.unknowns()) + " unknowns for " +
+         std::to_string(whole.n * model.dof());
+}
+
+}  // namespace
+
+Problem problem_of(const Scene& whole, const Options& options, std::optional<PetscInt> nodes) {
+  Model model(PETSC_COMM_WORLD, whole);
+  if (nodes) {
+    if (*nodes == whole.n) {
+      VecHandle u = model.create_vector();
+      return {std::move(model), std::move(u), ""};
+    }
+    Model small = model_of_cell(cell_of(whole, whole.n / *nodes));
+    VecHandle u = small.create_vector();
+    std::string what = description(whole, small);
+    return {std::move(small), std::move(u), std::move(what)};
+  }
+  VecHandle u = model.create_vector();
+  set_start(model, options, u);
+  PetscInt cells = options.text("scene_reduce") == "off" || whole.n == 1 ? 1 : promised_cells(whole, options);
+  if (cells == 1) return {std::move(model), std::move(u), ""};
+
+  std::vector<double> values = Gather(u, model.dof()).interleaved(u);  // on rank 0
+  int rank;
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  if (rank == 0) cells = cells_in(values, whole.n, model.dof(), cells, whole.ring());
+  share(cells);
+  if (cells == 1) return {std::move(model), std::move(u), ""};
+
+  Model small = model_of_cell(cell_of(whole, cells));
+  values.resize(static_cast<std::size_t>(small.scene().n * small.dof()));
+  share(values);
+  VecHandle start = small.create_vector();
+  double* a;
+  SS_TRY(VecGetArray(start, &a));
+  const auto from = values.begin() + small.first() * small.dof();
+  std::copy(from, from + small.local() * small.dof(), a);
+  SS_TRY(VecRestoreArray(start, &a));
+  std::string what = description(whole, small);
+  return {std::move(small), std::move(start), std::move(what)};
+}
+
+// ---- stability of the whole scene's motion ------------------------------------------------------------------------
+
+namespace {
+
+constexpr int stages = 5, max_dim = 3;
+
+// The j-th wave (j = 1, 2, ...) that fits the scene: its wavenumber, and K1 times the symbol of -D2.
+struct Wave {
+  double k, stiffness;
+};
+Wave wave_of(const Scene& scene, PetscInt j) {
+  const double n = double(scene.n), h = scene.form == Form::chain ? 1 : scene.h();
+  const double k = scene.ring() ? 2 * M_PI * double(j) / (n * h)
+                                : M_PI * double(j) / ((scene.form == Form::chain ? n : n - 1) * h);
+  return {k, scene.K1() * symbol(scene.order, h, k)};
+}
+PetscInt waves_of(const Scene& scene) { return scene.ring() ? scene.n / 2 : scene.n - 1; }
+
+// The wave among 1..last where `rate` is largest: of 400 spread evenly, or all, and then among the neighbours of that.
+template <class Rate>
+PetscInt fastest(PetscInt last, const Rate& rate) {
+  PetscInt step = (last + 399) / 400, best = 0;
+  double largest = 0;
+  const auto look = [&](PetscInt j) {
+    const double here = rate(j);
+    if (best != 0 && !(here > largest)) return false;
+    largest = here;
+    best = j;
+    return true;
+  };
+  for (PetscInt j = 1; j <= last; j += step) look(j);
+  while (step > 1) {
+    step = (step + 1) / 2;
+    while (best + step <= last && look(best + step)) continue;
+    while (best > step && look(best - step)) continue;
+  }
+  return best;
+}
+
+// The linear system (K0 + stiffness for K0) carried round the orbit once: its largest multiplier. Radau IIA of order 9
+// on the orbit's own steps, divided where the wave is fast.
+double largest_multiplier(const Oscillator& o, const Orbit& orbit, double stiffness) {
+  static const Tableau radau = Tableau::radau(stages);
+  const int d = o.dim(), n = stages * d;
+  const double omega = std::sqrt(o.A() * (o.K0() + stiffness));
+  double Y[max_dim * max_dim] = {};
+  for (int i = 0; i < d; ++i) Y[i * d + i] = 1;
+  double log_size = 0;
+  for (std::size_t i = 0; i + 1 < orbit.steps().size(); ++i) {
+    const double begin = orbit.steps()[i], phase = orbit.steps()[i + 1] - begin;
+    const int pieces = std::max(1, int(std::ceil(phase * orbit.period * omega / 1.5)));
+    for (int piece = 0; piece < pieces; ++piece) {
+      const double h = phase * orbit.period / pieces;
+      double a[stages * max_dim * stages * max_dim], b[stages * max_dim * max_dim], J[stages][max_dim * max_dim];
+      for (int s = 0; s < stages; ++s) {
+        double y[max_dim + 1], dy[max_dim];
+        orbit.at(begin + phase * (piece + radau.c[std::size_t(s)]) / pieces, y);
+        o.rhs(1, y, dy, J[s]);
+        J[s][d] -= stiffness;
+      }
+      for (int s = 0; s < stages; ++s)
+        for (int k = 0; k < d; ++k) {
+          for (int r = 0; r < stages; ++r)
+            for (int l = 0; l < d; ++l)
+              a[(s * d + k) * n + r * d + l] =
+                  (s == r && k == l ? 1. : 0.) - h * radau.a[std::size_t(s * stages + r)] * J[r][k * d + l];
+          for (int c = 0; c < d; ++c) b[(s * d + k) * d + c] = Y[k * d + c];
+        }
+      if (!solve_dense(n, a, d, b)) throw Failure("the linearised oscillation cannot be integrated");
+      double size = 0;
+      for (int k = 0; k < d * d; ++k) {
+        Y[k] = b[(stages - 1) * d * d + k];
+        size = std::max(size, std::abs(Y[k]));
+      }
+      for (int k = 0; k < d * d; ++k) Y[k] /= size;  // growth and decay may be huge on the way
+      log_size += std::log(size);
+    }
+  }
+  const std::vector<double> matrix(Y, Y + d * d);
+  return spectral_bounds(d, matrix).modulus * std::exp(log_size);
+}
+
+std::string rounded(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+// When a perturbation has become as large as the motion.
+std::string outlook(double growth_rate, double duration) {
+  return "a perturbation of 1e-6 takes over after about " + rounded(-std::log(1e-6) / growth_rate) +
+         ", one of the size of round-off after about " + rounded(-std::log(1e-16) / growth_rate) + " (this run: " +
+         rounded(duration) + ")";
+}
+
+}  // namespace
+
+UniformInstability instability_of_sliding(const Scene& scene) {
+  const Oscillator o(scene);
+  double y[max_dim], dy[max_dim], J[max_dim * max_dim];
+  o.steady(y);
+  o.rhs(1, y, dy, J);
+  const auto rate = [&](PetscInt j) {
+    std::vector<double> matrix(J, J + o.dim() * o.dim());
+    matrix[std::size_t(o.dim())] -= wave_of(scene, j).stiffness;
+    return spectral_bounds(o.dim(), matrix).real_part;
+  };
+  const PetscInt best = fastest(waves_of(scene), rate);
+  if (best == 0 || rate(best) <= 0) return {};
+  return {rate(best), wave_of(scene, best).k, 0, 1};
+}
+
+UniformInstability instability_of_oscillation(const Scene& scene) {
+  const Oscillator o(scene);
+  const Orbit orbit = uniform_orbit(scene);
+  const auto multiplier = [&](PetscInt j) { return largest_multiplier(o, orbit, wave_of(scene, j).stiffness); };
+  PetscInt low = 1, last = std::max<PetscInt>(1, waves_of(scene));  // the last with c k T < 100
+  while (low < last) {
+    const PetscInt middle = low + (last - low + 1) / 2;
+    if (std::sqrt(scene.A() * wave_of(scene, middle).stiffness) * orbit.period < 100) low = middle;
+    else last = middle - 1;
+  }
+  const PetscInt best = waves_of(scene) < 1 ? 0 : fastest(last, multiplier);
+  const double growth = best == 0 ? 0 : multiplier(best);
+  if (growth < 1 + 1e-9) return {0, 0, orbit.period, 1};
+  return {std::log(growth) / orbit.period, wave_of(scene, best).k, orbit.period, growth};
+}
+
+std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measurement::Result& seen, double psi,
+                            double duration) {
+  const std::string unknown = "scene_reduce: whether the whole scene would keep this symmetry is not known: ";
+  const std::string see = "; init_noise 1e-6 would show it";
+  if (cell.friction.law != Law::cubic && cell.friction.law != Law::rate_and_state && !cell.friction.regularised)
+    return unknown + "friction_law " + to_string(cell.friction.law) + " jumps at rest" + see;
+  try {
+    if (cell.n == 1) {
+      const double small = 1e-6 * (1 + std::abs(scene.v));
+      const bool still = seen.amplitude && *seen.amplitude < small && std::abs(psi - scene.v) < small;
+      const bool slides = still || (seen.regime != "stick-slip" && !Oscillator(scene).sliding_unstable(1));
+      const UniformInstability found = slides ? instability_of_sliding(scene) : instability_of_oscillation(scene);
+      if (found.growth_rate * duration < 0.1) return "";  // nothing to be seen of it in this run
+      return std::string("scene_reduce: the uniform ") + (slides ? "sliding" : "oscillation") +
+             " that one node stands for is unstable to waves: length " + rounded(2 * M_PI / found.wavenumber) +
+             " grows fastest of those that fit, at " + rounded(found.growth_rate) + " per unit time; " +
+             outlook(found.growth_rate, duration);
+    }
+    const PetscInt cells = scene.n / cell.n;
+    if (scene.form == Form::chain) return unknown + "trains of a chain are not solved for" + see;
+    const bool runs = seen.wave_speed && seen.pulses && *seen.pulses > 0;
+    if (!runs) return unknown + "the motion is not a steady train" + see;
+    const Train train = solve_train(scene, {*seen.pulses, scene.length, {}});
+    if (std::abs(train.speed - std::abs(*seen.wave_speed)) > 0.02 * train.speed)
+      return unknown + "the motion is not a steady train" + see;
+    const std::vector<int> growing = growing_modes(train);
+    int count = 0;
+    for (std::size_t m = 0; m < growing.size(); ++m)
+      if (PetscInt(m) % cells != 0) count += growing[m] * (2 * PetscInt(m) == train.pulses ? 1 : 2);
+    if (count == 0) return "";
+    return "scene_reduce: the train on " + std::to_string(cells) + " equal cells is unstable to " +
+           std::to_string(count) + " modes that make them unequal; the whole scene leaves it in time (`stickslip wave`"
+           " with wave_spectrum tells how fast)";
+  } catch (const Error& e) {
+    return unknown + e.what() + see;
+  }
+}
+
+}  // namespace stickslip
