@@ -11,6 +11,9 @@
 #include <petscsys.h>
 
 #include <algorithm>
+#include <type_traits>
+
+#include "stickslip/stencil.hpp"
 
 namespace stickslip::kernel {
 
@@ -19,6 +22,14 @@ struct Coefficients {
   double A, B, K0, v, s_delta;
   double w[5];
 };
+
+inline Coefficients coefficients_of(const Scene& scene) {
+  const double scale = scene.form == Form::chain ? scene.K1() : scene.K1() / (scene.h() * scene.h());
+  const std::array<double, 5> w = second_difference(scene.order);
+  Coefficients c{scene.A(), scene.B(), scene.K0(), scene.v, scene.s_delta(), {}};
+  for (std::size_t j = 0; j < 5; ++j) c.w[j] = scale * w[j];
+  return c;
+}
 
 struct Range {
   const double* u;          // unknowns of the first node
@@ -81,6 +92,21 @@ void friction_force(const F& friction, const Tile& t, double* force) {
     for (PetscInt i = 0; i < t.count; ++i) force[i] *= t.amplitude[i];
 }
 
+// All terms at the nodes of a tile; the three rates of a node go to f_psi, f_eta and f_state, `stride` apart for the
+// next node.
+template <int half_width, int stride, class F>
+void all_terms(const F& friction, const Coefficients& c, const Tile& t, double* f_psi, double* f_eta, double* f_state) {
+  alignas(64) double force[tile_size];
+  const double load = c.K0 * c.v;
+  friction_force(friction, t, force);
+  for (PetscInt i = 0; i < t.count; ++i) {
+    const double psi = t.psi[i], excess = t.eta[i] - force[i];
+    f_psi[i * stride] = c.A * (excess - c.B * psi);
+    f_eta[i * stride] = load - c.K0 * psi + stencil_sum<half_width>(c, t.psi + i) - c.s_delta * excess;
+    if constexpr (F::has_state) f_state[i * stride] = friction.rate(psi, t.state[i]);
+  }
+}
+
 // Part::full (half_width >= 1) and Part::pointwise (half_width = 0, w[0] = 0).
 template <int half_width, class F>
 struct Whole {
@@ -89,17 +115,110 @@ struct Whole {
 
   void operator()(const Coefficients& coefficients, const Range& r) const {
     const Coefficients c = coefficients;
-    const double load = c.K0 * c.v;
-    over_tiles<half_width, dof>(r, [&](const Tile& t) {
-      alignas(64) double force[tile_size];
-      friction_force(friction, t, force);
-      for (PetscInt i = 0; i < t.count; ++i) {
-        const double psi = t.psi[i], excess = t.eta[i] - force[i];
-        t.f[i * dof] = c.A * (excess - c.B * psi);
-        t.f[i * dof + 1] = load - c.K0 * psi + stencil_sum<half_width>(c, t.psi + i) - c.s_delta * excess;
-        if constexpr (dof == 3) t.f[i * dof + 2] = friction.rate(psi, t.state[i]);
+    over_tiles<half_width, dof>(
+        r, [&](const Tile& t) { all_terms<half_width, dof>(friction, c, t, t.f, t.f + 1, t.f + 2); });
+  }
+};
+
+// The same on separate arrays. psi has its halo on both sides; state, f_state: nullptr without a state.
+struct Columns {
+  const double *psi, *eta, *state;
+  const double* amplitude;  // nullptr: all are 1
+  double *f_psi, *f_eta, *f_state;
+  PetscInt count;
+};
+
+template <int half_width, class F>
+struct WholeOfColumns {
+  static constexpr int dof = F::has_state ? 3 : 2;
+  F friction;
+
+  void operator()(const Coefficients& coefficients, const Columns& k) const {
+    const Coefficients c = coefficients;
+    for (PetscInt i = 0; i < k.count; i += tile_size) {
+      const Tile tile{k.psi + i,
+                      k.eta + i,
+                      F::has_state ? k.state + i : nullptr,
+                      k.amplitude ? k.amplitude + i : nullptr,
+                      nullptr,
+                      std::min(tile_size, k.count - i)};
+      all_terms<half_width, 1>(friction, c, tile, k.f_psi + i, k.f_eta + i, F::has_state ? k.f_state + i : nullptr);
+    }
+  }
+};
+
+// y = base + sum_j weights[j] terms[j], four terms in one pass.
+struct Terms {
+  const double* base;
+  const double* const* terms;
+  const double* weights;
+  int term_count;
+  double* y;
+  PetscInt count;
+};
+
+struct AddTerms {
+  template <int terms>
+  static void pass(const double* base, const double* const* k, const double* weights, double* y, PetscInt count) {
+    const double* column[terms];
+    double w[terms];
+    for (int j = 0; j < terms; ++j) {
+      column[j] = k[j];
+      w[j] = weights[j];
+    }
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < count; ++i) {
+      double sum = base[i];
+      for (int j = 0; j < terms; ++j) sum += w[j] * column[j][i];
+      y[i] = sum;
+    }
+  }
+  void operator()(const Terms& c) const {
+    const double* base = c.base;
+    if (c.term_count == 0) std::copy(base, base + c.count, c.y);
+    for (int j = 0; j < c.term_count; j += 4, base = c.y) {
+      const double* const* k = c.terms + j;
+      switch (std::min(4, c.term_count - j)) {
+        case 1:
+          pass<1>(base, k, c.weights + j, c.y, c.count);
+          break;
+        case 2:
+          pass<2>(base, k, c.weights + j, c.y, c.count);
+          break;
+        case 3:
+          pass<3>(base, k, c.weights + j, c.y, c.count);
+          break;
+        default:
+          pass<4>(base, k, c.weights + j, c.y, c.count);
       }
-    });
+    }
+  }
+};
+
+// sum_i [error_i/(absolute + relative max(|u_i|, |u_i - error_i|))]^2, not finite where an entry is not.
+struct Weighted {
+  const double *u, *error;
+  double absolute, relative;
+  PetscInt count;
+};
+
+struct SumOfSquares {
+  double operator()(const Weighted& w) const {
+    constexpr int lanes = 8;  // a fixed order of summation that suits every vector length
+    double sums[lanes] = {};
+    const auto term = [&](PetscInt i) {
+      const double u = w.u[i], e = w.error[i], other = u - e;
+      const double a = u < 0 ? -u : u, b = other < 0 ? -other : other;
+      const double q = e / (w.absolute + w.relative * (a > b ? a : b));
+      return q * q;
+    };
+    PetscInt i = 0;
+    for (; i + lanes <= w.count; i += lanes)
+      for (int j = 0; j < lanes; ++j) sums[j] += term(i + j);
+    for (int j = 0; i < w.count; ++i, ++j) sums[j] += term(i);
+    double sum = 0;
+    for (const double s : sums) sum += s;
+    return sum;
   }
 };
 
@@ -148,14 +267,20 @@ struct Reaction {
 template <class Loop>
 struct Baseline {
   Loop loop;
-  __attribute__((flatten)) void operator()(const Coefficients& c, const Range& r) const { loop(c, r); }
+  template <class... Arguments>
+  __attribute__((flatten)) auto operator()(const Arguments&... arguments) const {
+    return loop(arguments...);
+  }
 };
 
 #if defined(__x86_64__)
 template <class Loop>
 struct Avx2 {
   Loop loop;
-  __attribute__((target("avx2"), flatten)) void operator()(const Coefficients& c, const Range& r) const { loop(c, r); }
+  template <class... Arguments>
+  __attribute__((target("avx2"), flatten)) auto operator()(const Arguments&... arguments) const {
+    return loop(arguments...);
+  }
 };
 inline bool has_avx2() { return __builtin_cpu_supports("avx2"); }
 #else
@@ -163,5 +288,34 @@ template <class Loop>
 using Avx2 = Baseline<Loop>;
 inline bool has_avx2() { return false; }
 #endif
+
+// The loop in the version that suits this processor.
+template <class Function, class Loop>
+Function compiled(const Loop& loop) {
+  if (has_avx2()) return Avx2<Loop>{loop};
+  return Baseline<Loop>{loop};
+}
+
+// Calls pick with the half width as a constant.
+template <class Pick>
+auto for_half_width(int half_width, const Pick& pick) {
+  switch (half_width) {
+    case 1:
+      return pick(std::integral_constant<int, 1>());
+    case 2:
+      return pick(std::integral_constant<int, 2>());
+    case 3:
+      return pick(std::integral_constant<int, 3>());
+    default:
+      return pick(std::integral_constant<int, 4>());
+  }
+}
+
+// Loops with a state come in one version: exp and log take the time.
+template <class Function, class Kernel>
+Function compiled_by_dof(const Kernel& kernel) {
+  if constexpr (Kernel::dof == 2) return compiled<Function>(kernel);
+  else return Baseline<Kernel>{kernel};
+}
 
 }  // namespace stickslip::kernel

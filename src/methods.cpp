@@ -22,7 +22,7 @@ const std::vector<Method>& methods() {
   static const std::vector<Method> table = {
       {"rk", "5dp", explicit_, 5, yes, "the default where nothing is stiff"},
       {"rk", "3bs", explicit_, 3, yes, "low accuracy, short steps"},
-      {"rk", "5f", explicit_, 5, yes, "as 5dp; restarts bitwise without a restarted first stage"},
+      {"rk", "5f", explicit_, 5, yes, "as 5dp"},
       {"rk", "5bs", explicit_, 5, yes, "accuracy of 1e-8 and better"},
       {"rk", "6vr", explicit_, 6, yes, "accuracy of 1e-9 and better"},
       {"rk", "7vr", explicit_, 7, yes, "accuracy of 1e-10 and better"},

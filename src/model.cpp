@@ -12,52 +12,31 @@
 namespace stickslip {
 
 using kernel::Coefficients;
+using kernel::compiled_by_dof;
+using kernel::for_half_width;
 using kernel::Range;
 
 namespace {
 
 using Loop = std::function<void(const Coefficients&, const Range&)>;
 
-// The kernel in the version that suits this processor. With a state, exp and log take the time, and one will do.
-template <class Kernel>
-Loop compiled(const Kernel& kernel) {
-  if constexpr (Kernel::dof == 2) {
-    if (kernel::has_avx2()) return kernel::Avx2<Kernel>{kernel};
-  }
-  return kernel::Baseline<Kernel>{kernel};
-}
-
 template <int half_width>
 Loop whole_loop(const FrictionParameters& p) {
   return dispatch_friction(p, [](const auto& friction) {
-    return compiled(kernel::Whole<half_width, std::decay_t<decltype(friction)>>{friction});
+    return compiled_by_dof<Loop>(kernel::Whole<half_width, std::decay_t<decltype(friction)>>{friction});
   });
 }
 
 Loop reaction_loop(const FrictionParameters& p) {
-  return dispatch_friction(
-      p, [](const auto& friction) { return compiled(kernel::Reaction<std::decay_t<decltype(friction)>>{friction}); });
+  return dispatch_friction(p, [](const auto& friction) {
+    return compiled_by_dof<Loop>(kernel::Reaction<std::decay_t<decltype(friction)>>{friction});
+  });
 }
 
 template <int half_width, bool stencil_only>
 Loop wave_loop(int dof) {
-  if (dof == 3) return compiled(kernel::Wave<half_width, 3, stencil_only>{});
-  return compiled(kernel::Wave<half_width, 2, stencil_only>{});
-}
-
-// Calls pick with the half width as a constant.
-template <class Pick>
-Loop for_half_width(int half_width, const Pick& pick) {
-  switch (half_width) {
-    case 1:
-      return pick(std::integral_constant<int, 1>());
-    case 2:
-      return pick(std::integral_constant<int, 2>());
-    case 3:
-      return pick(std::integral_constant<int, 3>());
-    default:
-      return pick(std::integral_constant<int, 4>());
-  }
+  if (dof == 3) return compiled_by_dof<Loop>(kernel::Wave<half_width, 3, stencil_only>{});
+  return compiled_by_dof<Loop>(kernel::Wave<half_width, 2, stencil_only>{});
 }
 
 // One value of the halo as a combination of fetched values: indices into the list of fetched nodes, and weights.
@@ -101,11 +80,8 @@ struct Model::Impl {
     SS_TRY(DMDAGetCorners(dm, &first, nullptr, nullptr, &local, nullptr, nullptr));
     amplitude = friction_amplitude(scene, first, local);
 
-    const double scale = scene.form == Form::chain ? scene.K1() : scene.K1() / (scene.h() * scene.h());
-    const std::array<double, 5> w = second_difference(scene.order);
-    coefficients = {scene.A(), scene.B(), scene.K0(), scene.v, scene.s_delta(), {}};
-    no_stencil = coefficients;
-    for (std::size_t j = 0; j < 5; ++j) coefficients.w[j] = scale * w[j];
+    coefficients = no_stencil = kernel::coefficients_of(scene);
+    std::fill(std::begin(no_stencil.w), std::end(no_stencil.w), 0.);
 
     const FrictionParameters& p = scene.friction;
     full = for_half_width(half_width, [&](auto hw) { return whole_loop<hw>(p); });
@@ -291,6 +267,7 @@ PetscInt Model::first() const { return impl_->first; }
 PetscInt Model::local() const { return impl_->local; }
 bool Model::held(PetscInt node) const { return impl_->held(node); }
 long Model::rhs_evaluations() const { return impl_->evaluations; }
+void Model::count_evaluations(long count) const { impl_->evaluations += count; }
 const std::vector<double>& Model::amplitude() const { return impl_->amplitude; }
 
 PetscInt Model::unknowns() const {

@@ -3,6 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#if __has_include(<petsc/private/tsimpl.h>)
+#include <petsc/private/tsimpl.h>  // for writers of TS types: what a step of one's own needs
+#define STICKSLIP_FUSED_STEP
+#endif
+
+#include "fused_step.hpp"
 #include "step_forecast.hpp"
 #include "stickslip/error.hpp"
 #include "stickslip/methods.hpp"
@@ -105,6 +111,9 @@ struct Integrator::Impl {
   std::vector<VecHandle> slopes, better_slopes;  // at equal distances over the step
   int degree_now = 0;                            // of the polynomial that `slopes` stand for; 0: none yet
   bool kept_before = false;
+  std::unique_ptr<FusedStep> fused;  // takes the place of PETSc's step of rk
+  FusedStep::Outcome fused_outcome{};
+  std::vector<VecHandle> fused_slopes;
   bool undo_exactly = false;   // see PreStage
   PetscInt rejections_seen = 0;
   double t_before = 0;
@@ -171,7 +180,7 @@ struct Integrator::Impl {
       self.kept_before = false;
       self.degree_now = 0;
       // A rejected step is only ever repeated with a smaller dt, so that this tells whether an output may fall in.
-      if (self.undo_exactly ||
+      if (self.undo_exactly || self.fused ||
           (self.own_degree > 0 && self.output_due(self.t_before + dt * (1 + 1e-12)))) {
         Vec u;
         SS_TRY(TSGetSolution(ts, &u));
@@ -249,6 +258,8 @@ struct Integrator::Impl {
     SS_TRY(TSGetSolution(ts, &u));
     if (at == t) {
       SS_TRY(VecCopy(u, into));
+    } else if (own_degree == 0 && fused) {
+      interpolate_fused((at - t_before) / (t - t_before), t - t_before, into);
     } else if (own_degree == 0) {
       SS_TRY(TSInterpolate(ts, at, into));
     } else {
@@ -336,7 +347,8 @@ struct Integrator::Impl {
     if (reason < 0) return;  // no step was taken; advance() says why
     const Step step = step_now();
     const double reached = report.t;
-    const bool known = adaptive && first_same_as_last && checked_last;  // the last stage is the solution
+    // the last stage is the solution
+    const bool known = fused ? fused_outcome.finite : adaptive && first_same_as_last && checked_last;
     checked_last = false;
     update_report();
     if (!known && !finite(step.u)) {
@@ -385,6 +397,97 @@ struct Integrator::Impl {
     if (implicit != Implicit::wave && dt * frequency > 1)
       text += "; the shortest wave turns at " + number_text(frequency) + " per unit time";
     return text + "; reduce ts_dt, or choose an implicit method (ts_type arkimex)";
+  }
+
+  // ---- rk with all its stages tile by tile (fused_step.hpp); everything else of PETSc's rk stays in use ----
+#ifdef STICKSLIP_FUSED_STEP
+  void fuse() {
+    const PetscReal *A, *b, *c, *embedded, *interpolating;
+    PetscInt stages, degree;
+    PetscBool fsal, multirate;
+    SS_TRY(TSRKGetMultirate(ts, &multirate));
+    SS_TRY(TSRKGetTableau(ts, &stages, &A, &b, &c, &embedded, &degree, &interpolating, &fsal));
+    RungeKutta tableau{stages, {A, A + stages * stages}, {b, b + stages}, {}};
+    if (embedded) tableau.embedded.assign(embedded, embedded + stages);
+    if (multirate || ts.get()->adapt->ignore_max >= 0 || !FusedStep::suits(model, tableau)) return;
+    fused = std::make_unique<FusedStep>(model, tableau);
+    ts.get()->ops->setup = nullptr;  // would make a vector and a slope for every stage
+    ts.get()->ops->step = FusedTSStep;
+    ts.get()->ops->evaluatewlte = FusedWLTE;
+    ts.get()->ops->evaluatestep = nullptr;
+    ts.get()->ops->interpolate = nullptr;
+    ts.get()->ops->rollback = nullptr;
+  }
+
+  static PetscErrorCode FusedWLTE(TS ts, NormType, PetscInt* order, PetscReal* wlte) {
+    return guarded([&] {
+      void* context;
+      SS_TRY(TSGetApplicationContext(ts, &context));
+      const auto& self = *static_cast<Impl*>(context);
+      *order = self.method->order;
+      *wlte = self.fused_outcome.error;
+    });
+  }
+
+  static PetscErrorCode FusedTSStep(TS ts) {
+    return guarded([&] {
+      void* context;
+      SS_TRY(TSGetApplicationContext(ts, &context));
+      static_cast<Impl*>(context)->fused_step();
+    });
+  }
+
+  void fused_step() {
+    TSAdapt adapt;
+    double ccfl = 1;
+    SS_TRY(TSGetAdapt(ts, &adapt));
+    static const std::vector<VecHandle> none;
+    for (PetscInt rejected = 0; !ts.get()->reason;) {
+      const double dt = ts.get()->time_step;
+      const bool keep = own_degree == 0 && output_due(t_before + dt * (1 + 1e-12));
+      while (keep && static_cast<int>(fused_slopes.size()) <= last_stage) fused_slopes.push_back(model.create_vector());
+      fused_outcome = fused->take(before, dt, ts.get()->atol, ts.get()->rtol, adapt->wnormtype, adaptive, ts.get()->vec_sol,
+                                  keep ? fused_slopes : none);
+      PetscBool accept = rejected > 0 ? PETSC_FALSE : PETSC_TRUE;  // read too: a second rejection shortens more
+      if (adaptive && !fused_outcome.finite) {
+        double scale;
+        SS_TRY(TSAdaptGetScaleSolveFailed(adapt, &scale));
+        ts.get()->time_step = scale * dt;
+      } else {
+        double next_dt;
+        SS_TRY(TSAdaptCandidatesClear(adapt));
+        SS_TRY(TSAdaptCandidateAdd(adapt, subtype.c_str(), method->order, 1, ccfl, double(last_stage + 1), PETSC_TRUE));
+        SS_TRY(TSAdaptChoose(adapt, ts, dt, nullptr, &next_dt, &accept));
+        if (accept) ts.get()->ptime += dt;
+        ts.get()->time_step = next_dt;
+        if (accept) return;
+      }
+      ++ts.get()->reject;
+      if (!ts.get()->reason && ++rejected > ts.get()->max_reject && ts.get()->max_reject >= 0) ts.get()->reason = TS_DIVERGED_STEP_REJECTED;
+    }
+    SS_TRY(VecCopy(before, ts.get()->vec_sol));
+  }
+#else
+  void fuse() {}
+#endif
+
+  // u at the part s of the step, by the method's own polynomial.
+  void interpolate_fused(double s, double dt, Vec into) {
+    const PetscReal *A, *b, *c, *embedded, *interpolating;
+    PetscInt stages, degree;
+    PetscBool fsal;
+    SS_TRY(TSRKGetTableau(ts, &stages, &A, &b, &c, &embedded, &degree, &interpolating, &fsal));
+    std::vector<double> weights(static_cast<std::size_t>(stages));
+    std::vector<Vec> terms(fused_slopes.begin(), fused_slopes.end());
+    for (PetscInt i = 0; i < stages; ++i) {
+      double power = dt;
+      for (PetscInt j = 0; j < degree; ++j) {
+        power *= s;
+        weights[static_cast<std::size_t>(i)] += power * interpolating[i * degree + j];
+      }
+    }
+    SS_TRY(VecCopy(before, into));
+    SS_TRY(VecMAXPY(into, stages, weights.data(), terms.data()));
   }
 
   // ---- set-up ----
@@ -473,12 +576,13 @@ struct Integrator::Impl {
     SS_TRY(TSSetPreStep(ts, PreStep));
     SS_TRY(TSSetPostStep(ts, PostStep));
     SS_TRY(TSSetSolution(ts, u));
+    if (type == TSRK && options.boolean("rk_fused")) fuse();
     SS_TRY(TSSetUp(ts));
     read_subtype();
     method = &offered_method(type, subtype);
     read_adaptivity();
     set_dense_output();
-    if (undo_exactly || own_degree > 0) before = model.create_vector();
+    if (undo_exactly || fused || own_degree > 0) before = model.create_vector();
     report.method = method->name();
     report.implicit = implicit;
   }

@@ -42,7 +42,7 @@ void call(const Loop& loop, int dof, const Field& x, bool spread, PetscInt begin
   const std::vector<double> u(x.u.begin() + (begin + margin) * dof, x.u.begin() + (end + margin) * dof);
   const std::vector<double> amplitude(x.amplitude.begin() + begin, x.amplitude.begin() + end);
   loop(coefficients,
-       {u.data(), spread ? amplitude.data() : nullptr, &f[static_cast<std::size_t>(begin * dof)], end - begin,
+       Range{u.data(), spread ? amplitude.data() : nullptr, &f[static_cast<std::size_t>(begin * dof)], end - begin,
         before.data(), behind.data()});
 }
 

@@ -48,6 +48,7 @@ class Model {
   // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space.
   void rhs(Part part, Vec u, Vec f) const;
   long rhs_evaluations() const;  // of every part, since the start
+  void count_evaluations(long count) const;  // made by others (fused_step)
 
   // A matrix with the pattern of the Jacobian of `part` (BAIJ, block size dof()).
   MatHandle create_jacobian(Part part) const;

@@ -10,7 +10,8 @@
 //     wave      the linear constant terms (factored once while the step stands); F and g explicit
 //     both      everything
 //     none      nothing
-// Explicit methods (rk, ssp, euler) take the whole right-hand side; methods that are fully implicit (theta, cn,
+// Explicit methods (rk, ssp, euler) take the whole right-hand side; rk takes all stages of a step tile by tile in the
+// cache (rk_fused; docs/performance.md), with PETSc's tableau, error control and options; methods that are fully implicit (theta, cn,
 // beuler, bdf, rosw, ...) take everything implicitly.
 #pragma once
 

@@ -1,0 +1,315 @@
+#include "fused_step.hpp"
+
+#include <petscdmda.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <limits>
+
+#include "kernel.hpp"
+#include "stickslip/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr PetscInt tile_nodes = 256;    // a tile with its slopes: some 50 kB
+constexpr PetscInt closed_nodes = 512;  // a whole grid of so many nodes or fewer is one tile
+constexpr PetscInt pad = 8;             // room for the nodes beyond an end
+
+using Evaluate = std::function<void(const kernel::Coefficients&, const kernel::Columns&)>;
+using Add = std::function<void(const kernel::Terms&)>;
+using Square = std::function<double(const kernel::Weighted&)>;
+
+Evaluate evaluation(const Scene& scene) {
+  return dispatch_friction(scene.friction, [&](const auto& friction) -> Evaluate {
+    using F = std::decay_t<decltype(friction)>;
+    return kernel::for_half_width(scene.order / 2, [&](auto half_width) -> Evaluate {
+      return kernel::compiled_by_dof<Evaluate>(kernel::WholeOfColumns<half_width, F>{friction});
+    });
+  });
+}
+
+// The terms of a sum that are not zero.
+struct Row {
+  std::vector<int> stage;
+  std::vector<double> weight;
+};
+
+Row row_of(const double* weights, int count) {
+  Row row;
+  for (int j = 0; j < count; ++j) {
+    if (weights[j] == 0) continue;
+    row.stage.push_back(j);
+    row.weight.push_back(weights[j]);
+  }
+  return row;
+}
+
+int ranks_of(const Model& model) {
+  int ranks;
+  MPI_Comm_size(model.comm(), &ranks);
+  return ranks;
+}
+
+}  // namespace
+
+struct FusedStep::Impl {
+  const Model& model;
+  int stages, dof, half_width;
+  std::vector<Row> rows;  // of A
+  Row solution, error;
+  bool last_is_solution;  // the last stage is taken at the new u
+  PetscInt first, local, n;
+  bool closed;            // one tile holds the whole grid
+  PetscInt low, high;     // the ends of the grid seen from this rank; none on a ring that is not closed
+  PetscInt left_halo = 0, right_halo = 0;
+  std::vector<double> amplitude;  // of the nodes -left_halo .. local + right_halo - 1; empty: all are 1
+  std::vector<std::vector<std::pair<PetscInt, double>>> left_end, right_end;  // psi beyond an end, by local nodes
+  kernel::Coefficients coefficients;
+  Evaluate evaluate;
+  Add add;
+  Square square;
+  ScatterHandle scatter;
+  VecHandle fetched;
+
+  // Columns of one tile: u, y (a stage or the new u), k_i; one each for psi, eta and the state.
+  PetscInt stride = 0;
+  mutable std::vector<double> work;
+  std::vector<double> zeros;
+
+  Impl(const Model& m, const RungeKutta& method)
+      : model(m), stages(method.stages), dof(m.dof()), half_width(m.scene().order / 2), first(m.first()),
+        local(m.local()), n(m.scene().n), coefficients(kernel::coefficients_of(m.scene())),
+        evaluate(evaluation(m.scene())), add(kernel::compiled<Add>(kernel::AddTerms{})),
+        square(kernel::compiled<Square>(kernel::SumOfSquares{})) {
+    const Scene& scene = m.scene();
+    for (int i = 0; i < stages; ++i) rows.push_back(row_of(&method.A[static_cast<std::size_t>(i * stages)], i));
+    solution = row_of(method.b.data(), stages);
+    last_is_solution = rows.back().stage == solution.stage && rows.back().weight == solution.weight;
+    if (!method.embedded.empty()) {
+      std::vector<double> difference = method.b;
+      for (int i = 0; i < stages; ++i) difference[static_cast<std::size_t>(i)] -= method.embedded[static_cast<std::size_t>(i)];
+      error = row_of(difference.data(), stages);
+    }
+
+    closed = ranks_of(m) == 1 && n <= closed_nodes;
+    const bool open_ring = scene.ring() && !closed;
+    constexpr PetscInt none = std::numeric_limits<PetscInt>::max() / 2;
+    low = open_ring ? -none : -first;
+    high = open_ring ? none : n - first;
+    const PetscInt reach = closed ? 0 : stages * half_width;
+    left_halo = std::min(reach, -low);
+    right_halo = std::min(reach, high - local);
+    for (int j = 1; j <= half_width && !open_ring; ++j) {
+      left_end.push_back(beyond(-j));
+      right_end.push_back(beyond(n - 1 + j));
+    }
+    if (scene.spread != 0) {
+      const PetscInt count = left_halo + local + right_halo;
+      amplitude.reserve(static_cast<std::size_t>(count));
+      for (PetscInt i = 0; i < count; ++i)
+        amplitude.push_back(friction_amplitude(scene, wrapped(first - left_halo + i), 1).front());
+    }
+    stride = ((closed ? n : std::min(tile_nodes, local)) + 2 * reach + 2 * pad + 7) / 8 * 8;
+    work.assign(static_cast<std::size_t>(stride * dof * (stages + 2)), 0.);
+    zeros.assign(static_cast<std::size_t>(stride), 0.);
+    if (left_halo + right_halo > 0) set_up_scatter();
+  }
+
+  PetscInt wrapped(PetscInt node) const { return ((node % n) + n) % n; }
+
+  std::vector<std::pair<PetscInt, double>> beyond(PetscInt node) const {
+    std::vector<std::pair<PetscInt, double>> value;
+    for (const auto& [inside, weight] : halo_node(model.scene(), node)) value.emplace_back(inside - first, weight);
+    return value;
+  }
+
+  void set_up_scatter() {
+    std::vector<PetscInt> nodes;
+    for (PetscInt i = 0; i < left_halo; ++i) nodes.push_back(wrapped(first - left_halo + i));
+    for (PetscInt i = 0; i < right_halo; ++i) nodes.push_back(wrapped(first + local + i));
+    const auto count = static_cast<PetscInt>(nodes.size());
+    VecHandle pattern;
+    SS_TRY(DMCreateGlobalVector(model.dm(), pattern.out()));
+    SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count * dof, fetched.out()));
+    IsHandle from;
+    SS_TRY(ISCreateBlock(model.comm(), dof, count, nodes.data(), PETSC_COPY_VALUES, from.out()));
+    SS_TRY(VecScatterCreate(pattern, from, fetched, nullptr, scatter.out()));
+  }
+
+  // Node i of column `index` (0: u, 1: y, 2 + j: k_j) for unknown d is column(...)[i - begin].
+  double* column(int index, int d) const { return &work[static_cast<std::size_t>((index * dof + d) * stride + pad)]; }
+
+  // ---- one tile ----
+  struct Tile {
+    PetscInt begin, end;          // the nodes whose new values are wanted
+    PetscInt from, to;            // the nodes that are loaded
+  };
+
+  void load(const Tile& t, const double* u, const double* halo) const {
+    for (int d = 0; d < dof; ++d) {
+      double* const c = column(0, d) - t.from;
+      for (PetscInt i = t.from; i < std::min(t.to, PetscInt(0)); ++i) c[i] = halo[(i + left_halo) * dof + d];
+      for (PetscInt i = std::max(t.from, PetscInt(0)); i < std::min(t.to, local); ++i) c[i] = u[i * dof + d];
+      for (PetscInt i = std::max(t.from, local); i < t.to; ++i) c[i] = halo[(left_halo + i - local) * dof + d];
+    }
+  }
+
+  void store(const Tile& t, int index, double* u) const {
+    for (int d = 0; d < dof; ++d) {
+      const double* const c = column(index, d) - t.from;
+      for (PetscInt i = t.begin; i < t.end; ++i) u[i * dof + d] = c[i];
+    }
+  }
+
+  void sum(const Tile& t, int d, const double* base, const Row& row, double dt, PetscInt begin, PetscInt end,
+           double* into) const {
+    const double* terms[32];
+    double weights[32];
+    const auto count = row.stage.size();
+    for (std::size_t j = 0; j < count; ++j) {
+      terms[j] = column(2 + row.stage[j], d) + (begin - t.from);
+      weights[j] = dt * row.weight[j];
+    }
+    add({base + (begin - t.from), terms, weights, static_cast<int>(count), into + (begin - t.from), end - begin});
+  }
+
+  // k_i on [begin, end) of the values in column `index`, psi of which holds half_width more nodes at either side.
+  void slope(const Tile& t, int index, int i, PetscInt begin, PetscInt end) const {
+    double* const psi = column(index, 0) - t.from;
+    for (PetscInt j = 1; j <= half_width && begin - half_width < low; ++j) {
+      psi[low - j] = 0;
+      for (const auto& [node, weight] : left_end[static_cast<std::size_t>(j - 1)]) psi[low - j] += weight * psi[node];
+    }
+    for (PetscInt j = 1; j <= half_width && end + half_width > high; ++j) {
+      double value = 0;
+      for (const auto& [node, weight] : right_end[static_cast<std::size_t>(j - 1)]) value += weight * psi[node];
+      psi[high - 1 + j] = value;
+    }
+    const PetscInt at = begin - t.from;
+    double* const k_psi = column(2 + i, 0) - t.from;
+    double* const k_eta = column(2 + i, 1) - t.from;
+    evaluate(coefficients,
+             {psi + begin, column(index, 1) + at, dof == 3 ? column(index, 2) + at : nullptr,
+              amplitude.empty() ? nullptr : &amplitude[static_cast<std::size_t>(begin + left_halo)], k_psi + begin,
+              k_eta + begin, dof == 3 ? column(2 + i, 2) + at : nullptr, end - begin});
+    for (const PetscInt node : {PetscInt(0), n - 1}) {
+      const PetscInt own = node - first;
+      if (!model.held(node) || own < begin || own >= end) continue;
+      k_psi[own] = 0;
+      if (model.scene().form == Form::continuum) k_eta[own] = 0;
+    }
+  }
+
+  PetscInt share(PetscInt part, PetscInt parts) const {
+    return static_cast<PetscInt>(static_cast<std::int64_t>(part) * local / parts);
+  }
+
+  struct Sums {
+    double squares = 0, largest = 0, not_finite = 0;
+  };
+
+  // Through all stages; the new values end in column 1 (0 for a method of one stage that is its own solution).
+  void through(const Tile& t, double dt, int taken) const {
+    for (int i = 0; i < stages; ++i) {
+      const bool is_taken = i < taken;
+      if (!is_taken && !last_is_solution) break;
+      const PetscInt margin = is_taken ? (taken - 1 - i) * half_width : 0;
+      const PetscInt begin = std::max(t.begin - margin, low), end = std::min(t.end + margin, high);
+      if (i > 0) {
+        const PetscInt beyond_it = is_taken ? half_width : 0;
+        const Row& row = rows[static_cast<std::size_t>(i)];
+        sum(t, 0, column(0, 0), row, dt, std::max(begin - beyond_it, low), std::min(end + beyond_it, high), column(1, 0));
+        for (int d = 1; d < dof; ++d) sum(t, d, column(0, d), row, dt, begin, end, column(1, d));
+      }
+      if (is_taken) slope(t, i > 0 ? 1 : 0, i, begin, end);
+    }
+    if (!last_is_solution)
+      for (int d = 0; d < dof; ++d) sum(t, d, column(0, d), solution, dt, t.begin, t.end, column(1, d));
+  }
+
+  void measure(const Tile& t, double dt, double atol, double rtol, NormType norm, bool estimate, Sums& sums) const {
+    const PetscInt at = t.begin - t.from, count = t.end - t.begin;
+    for (int d = 0; d < dof; ++d) {
+      const double* const u = column(1, d) + at;
+      if (estimate) {
+        double* const e = column(0, d);  // u itself is not needed any more
+        sum(t, d, zeros.data(), error, dt, t.begin, t.end, e);
+        if (norm == NORM_INFINITY) {
+          for (PetscInt i = 0; i < count; ++i)
+            sums.largest = std::max(sums.largest, std::abs(e[at + i]) / (atol + rtol * std::max(std::abs(u[i]), std::abs(u[i] - e[at + i]))));
+        } else {
+          sums.squares += square({u, e + at, atol, rtol, count});
+        }
+      }
+      if (!estimate || norm == NORM_INFINITY)
+        for (PetscInt i = 0; i < count; ++i) sums.not_finite += u[i] - u[i];
+    }
+  }
+
+  Outcome take(Vec u, double dt, double atol, double rtol, NormType norm, bool estimate, Vec u_new,
+               const std::vector<VecHandle>& slopes) const {
+    const bool last_wanted = !last_is_solution || estimate || !slopes.empty();
+    const int taken = last_wanted ? stages : stages - 1;
+    const double *a, *halo = nullptr;
+    double* b;
+    std::vector<double*> k(slopes.size());
+    if (scatter) {
+      SS_TRY(VecScatterBegin(scatter, u, fetched, INSERT_VALUES, SCATTER_FORWARD));
+      SS_TRY(VecScatterEnd(scatter, u, fetched, INSERT_VALUES, SCATTER_FORWARD));
+      SS_TRY(VecGetArrayRead(fetched, &halo));
+    }
+    SS_TRY(VecGetArrayRead(u, &a));
+    SS_TRY(VecGetArrayWrite(u_new, &b));
+    for (std::size_t i = 0; i < k.size(); ++i) SS_TRY(VecGetArrayWrite(slopes[i], &k[i]));
+    Sums sums;
+    const PetscInt reach = closed ? 0 : taken * half_width, tiles = closed ? 1 : (local + tile_nodes - 1) / tile_nodes;
+    for (PetscInt j = 0; j < tiles; ++j) {
+      const PetscInt begin = share(j, tiles), end = share(j + 1, tiles);
+      const Tile tile{begin, end, std::max(begin - reach, low), std::min(end + reach, high)};
+      load(tile, a, halo);
+      through(tile, dt, taken);
+      store(tile, 1, b);
+      for (std::size_t i = 0; i < k.size(); ++i) store(tile, 2 + static_cast<int>(i), k[i]);
+      measure(tile, dt, atol, rtol, norm, estimate, sums);
+    }
+    for (std::size_t i = 0; i < k.size(); ++i) SS_TRY(VecRestoreArrayWrite(slopes[i], &k[i]));
+    SS_TRY(VecRestoreArrayWrite(u_new, &b));
+    SS_TRY(VecRestoreArrayRead(u, &a));
+    if (scatter) SS_TRY(VecRestoreArrayRead(fetched, &halo));
+    model.count_evaluations(taken);
+    return outcome(sums, norm, estimate);
+  }
+
+  Outcome outcome(const Sums& sums, NormType norm, bool estimate) const {
+    double total[2] = {sums.squares, sums.not_finite}, largest = sums.largest;
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, total, 2, MPI_DOUBLE, MPI_SUM, model.comm()));
+    if (norm == NORM_INFINITY) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model.comm()));
+    Outcome result{std::isfinite(total[0]) && std::isfinite(total[1]), -1};
+    if (estimate) result.error = norm == NORM_INFINITY ? largest : std::sqrt(total[0] / double(n * dof));
+    return result;
+  }
+};
+
+bool FusedStep::suits(const Model& model, const RungeKutta& method) {
+  // Fewer nodes than the halo would cost more than they save; the closures of an end must lie within one tile.
+  const PetscInt least = 2 * method.stages * (model.scene().order / 2);
+  int enough = model.local() >= std::max(least, PetscInt(16)) ? 1 : 0;
+  if (ranks_of(model) == 1 && model.scene().n <= closed_nodes) enough = 1;
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &enough, 1, MPI_INT, MPI_MIN, model.comm()));
+  return enough != 0 && method.stages <= 32;
+}
+
+FusedStep::FusedStep(const Model& model, const RungeKutta& method) : impl_(std::make_unique<Impl>(model, method)) {}
+FusedStep::~FusedStep() = default;
+FusedStep::FusedStep(FusedStep&&) noexcept = default;
+
+FusedStep::Outcome FusedStep::take(Vec u, double dt, double atol, double rtol, NormType norm, bool estimate, Vec u_new,
+                                   const std::vector<VecHandle>& slopes) const {
+  return impl_->take(u, dt, atol, rtol, norm, estimate, u_new, slopes);
+}
+
+}  // namespace stickslip

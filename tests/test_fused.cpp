@@ -1,0 +1,191 @@
+// The step of rk that takes all stages tile by tile, against the same step put together stage by stage.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "../src/fused_step.hpp"
+#include "stickslip/error.hpp"
+
+using namespace stickslip;
+
+namespace {
+
+// Bogacki and Shampine's pair of orders 3 and 2 (its last stage is the solution), and the classical method of order 4
+// with an invented estimate (its last stage is not).
+const std::vector<RungeKutta> tableaus = {
+    {4, {0, 0, 0, 0, .5, 0, 0, 0, 0, .75, 0, 0, 2. / 9, 1. / 3, 4. / 9, 0}, {2. / 9, 1. / 3, 4. / 9, 0},
+     {7. / 24, 1. / 4, 1. / 3, 1. / 8}},
+    {4, {0, 0, 0, 0, .5, 0, 0, 0, 0, .5, 0, 0, 0, 0, 1, 0}, {1. / 6, 1. / 3, 1. / 3, 1. / 6}, {.25, .25, .25, .25}}};
+
+std::vector<Scene> scenes() {
+  std::vector<Scene> all;
+  for (const PetscInt n : {PetscInt(90), PetscInt(1400)}) {  // one tile; several, the last ones shared by the ranks
+    for (const int order : {2, 4, 6, 8}) {
+      Scene ring;
+      ring.n = n;
+      ring.order = order;
+      all.push_back(ring);
+      Scene ends = ring;
+      ends.left = order == 8 ? End::free : End::velocity;
+      ends.right = End::free;
+      ends.left_value = -1.5;
+      ends.spread = 0.3;
+      all.push_back(ends);
+    }
+    Scene state;
+    state.n = n;
+    state.left = End::free;
+    state.right = End::velocity;
+    state.right_value = 0.4;
+    state.friction.state = StateLaw::healing;
+    all.push_back(state);
+    Scene chain;
+    chain.form = Form::chain;
+    chain.n = n;
+    chain.order = 2;
+    chain.delta = 0;
+    chain.length = double(n - 1);
+    chain.left = chain.right = End::free;
+    chain.spread = 0.2;
+    all.push_back(chain);
+    chain.left = End::velocity;
+    chain.left_value = 0.7;
+    all.push_back(chain);
+  }
+  Scene tiny;
+  tiny.n = 1;
+  all.push_back(tiny);
+  tiny.n = 3;
+  tiny.order = 8;
+  all.push_back(tiny);
+  return all;
+}
+
+void start(const Model& model, Vec u) {
+  double* a;
+  SS_TRY(VecGetArray(u, &a));
+  for (PetscInt i = 0; i < model.local(); ++i) {
+    const double x = double(model.first() + i);
+    a[i * model.dof()] = 0.4 + 0.8 * std::sin(0.05 * x) + 0.1 * std::sin(1.7 * x);
+    a[i * model.dof() + 1] = 0.3 * std::cos(0.04 * x);
+    if (model.dof() == 3) a[i * model.dof() + 2] = 1.3 + 0.2 * std::sin(0.9 * x);
+  }
+  SS_TRY(VecRestoreArray(u, &a));
+  model.set_held(u);
+}
+
+double largest_difference(Vec a, Vec b) {
+  VecHandle d;
+  SS_TRY(VecDuplicate(a, d.out()));
+  SS_TRY(VecWAXPY(d, -1, a, b));
+  double norm;
+  SS_TRY(VecNorm(d, NORM_INFINITY, &norm));
+  return norm;
+}
+
+// u + dt sum_j weights[j] slopes[j]
+void combine(Vec u, double dt, const double* weights, const std::vector<VecHandle>& slopes, Vec into) {
+  SS_TRY(VecCopy(u, into));
+  for (std::size_t j = 0; j < slopes.size(); ++j) SS_TRY(VecAXPY(into, dt * weights[j], slopes[j]));
+}
+
+double weighted_norm(const Model& model, Vec u, Vec other, double atol, double rtol, NormType norm) {
+  const double *a, *b;
+  SS_TRY(VecGetArrayRead(u, &a));
+  SS_TRY(VecGetArrayRead(other, &b));
+  double sum = 0, largest = 0;
+  for (PetscInt i = 0; i < model.local() * model.dof(); ++i) {
+    const double q = std::abs(a[i] - b[i]) / (atol + rtol * std::max(std::abs(a[i]), std::abs(b[i])));
+    sum += q * q;
+    largest = std::max(largest, q);
+  }
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  SS_TRY(VecRestoreArrayRead(other, &b));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPI_DOUBLE, MPI_SUM, model.comm()));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model.comm()));
+  return norm == NORM_INFINITY ? largest : std::sqrt(sum / double(model.scene().n * model.dof()));
+}
+
+}  // namespace
+
+TEST_CASE("a step taken tile by tile is the step taken stage by stage", "[fused]") {
+  int checked = 0;
+  for (const Scene& scene : scenes()) {
+    int ranks;
+    MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
+    if (scene.n < ranks) continue;
+    const Model model(PETSC_COMM_WORLD, scene);
+    for (const RungeKutta& method : tableaus) {
+      if (!FusedStep::suits(model, method)) continue;
+      ++checked;
+      const auto stages = static_cast<std::size_t>(method.stages);
+      const double dt = 0.5 / std::max(model.wave_frequency(), 5.);
+      VecHandle u = model.create_vector(), expected = model.create_vector(), other = model.create_vector(),
+                found = model.create_vector();
+      start(model, u);
+      std::vector<VecHandle> slopes, kept;
+      for (std::size_t i = 0; i < stages; ++i) {
+        slopes.push_back(model.create_vector());
+        kept.push_back(model.create_vector());
+        combine(u, dt, &method.A[i * stages], slopes, expected);
+        model.rhs(Part::full, expected, slopes[i]);
+      }
+      combine(u, dt, method.b.data(), slopes, expected);
+      combine(u, dt, method.embedded.data(), slopes, other);
+
+      const FusedStep step(model, method);
+      const FusedStep::Outcome outcome = step.take(u, dt, 1e-4, 1e-3, NORM_2, true, found, kept);
+      INFO("n " << scene.n << " order " << scene.order << " dof " << model.dof() << " form " << int(scene.form)
+                << " left " << int(scene.left) << " dt " << dt);
+      // Values of size 2; rates of size A phi + K1 kappa^2 psi < wave^2/A: each rounded some ten times.
+      const double w = model.wave_frequency(), eps = 2.2e-16, rate = 10 + 4 * w * w / scene.A();
+      CHECK(largest_difference(expected, found) <= 20 * eps * (2 + dt * rate));
+      for (std::size_t i = 0; i < stages; ++i) CHECK(largest_difference(slopes[i], kept[i]) <= 20 * eps * rate * (1 + dt * rate));
+      CHECK(outcome.finite);
+      // the error is a difference of values of size 2, weighted by 1e4
+      CHECK(std::abs(outcome.error - weighted_norm(model, expected, other, 1e-4, 1e-3, NORM_2)) <=
+            40 * eps * (2 + dt * rate) / 1e-4);
+      const FusedStep::Outcome largest = step.take(u, dt, 1e-4, 1e-3, NORM_INFINITY, true, found, {});
+      CHECK(std::abs(largest.error - weighted_norm(model, expected, other, 1e-4, 1e-3, NORM_INFINITY)) <=
+            40 * eps * (2 + dt * rate) / 1e-4);
+      // without the estimate the last stage may be left out, and nothing else changes
+      VecHandle again = model.create_vector();
+      step.take(u, dt, 1e-4, 1e-3, NORM_2, false, again, {});
+      CHECK(largest_difference(found, again) == 0);
+    }
+  }
+  CHECK(checked >= 22);  // the scenes of 1400 nodes suit any number of ranks
+}
+
+TEST_CASE("a step taken tile by tile does not depend on the ranks, to the last bit", "[fused]") {
+  for (const Scene& scene : scenes()) {
+    if (scene.n < 1000) continue;
+    const Model model(PETSC_COMM_WORLD, scene), alone(PETSC_COMM_SELF, scene);
+    VecHandle u = model.create_vector(), found = model.create_vector();
+    VecHandle all = alone.create_vector(), expected = alone.create_vector();
+    start(model, u);
+    start(alone, all);
+    FusedStep(model, tableaus[0]).take(u, 0.02, 1e-4, 1e-3, NORM_2, true, found, {});
+    FusedStep(alone, tableaus[0]).take(all, 0.02, 1e-4, 1e-3, NORM_2, true, expected, {});
+    const double *mine, *whole;
+    SS_TRY(VecGetArrayRead(found, &mine));
+    SS_TRY(VecGetArrayRead(expected, &whole));
+    CHECK(std::equal(mine, mine + model.local() * model.dof(), whole + model.first() * model.dof()));
+    SS_TRY(VecRestoreArrayRead(found, &mine));
+    SS_TRY(VecRestoreArrayRead(expected, &whole));
+  }
+}
+
+TEST_CASE("a step taken tile by tile tells what is not finite", "[fused]") {
+  Scene scene;
+  scene.n = 1400;
+  const Model model(PETSC_COMM_WORLD, scene);
+  VecHandle u = model.create_vector(), found = model.create_vector();
+  start(model, u);
+  const FusedStep step(model, tableaus[0]);
+  for (const bool estimate : {true, false})
+    for (const NormType norm : {NORM_2, NORM_INFINITY}) {
+      CHECK(step.take(u, 0.01, 1e-6, 1e-6, norm, estimate, found, {}).finite);
+      CHECK_FALSE(step.take(u, 1e60, 1e-6, 1e-6, norm, estimate, found, {}).finite);
+    }
+}
