@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <limits>
 #include <tuple>
 #include <utility>
 
@@ -114,6 +116,33 @@ void write_file(const std::string& temporary, const Provenance& provenance, cons
   paths::sync(temporary);
 }
 
+// On one rank; throws Failure.
+void read_file(const std::string& path, Checkpoint& checkpoint) {
+  const Id file = h5::open_file(path);
+  checkpoint.header = h5::read_header(file);
+  if (checkpoint.header.kind != "checkpoint") throw Failure("is no checkpoint");
+  if (checkpoint.header.version != version())
+    throw Failure("was written by version " + checkpoint.header.version + " of this program, and this is version " +
+                  version() + "; go on with the version that wrote it");
+  checkpoint.ranks = static_cast<int>(h5::read_integer_attribute(file, "ranks"));
+  checkpoint.t = h5::read_real_attribute(file, "t");
+  checkpoint.dt = h5::read_real_attribute(file, "dt");
+  checkpoint.step = h5::read_integer_attribute(file, "step");
+  checkpoint.texts = parse_text_map(h5::read_text_attribute(file, "texts"));
+  const Id numbers(H5Gopen2(file, "numbers", H5P_DEFAULT));
+  if (!numbers) h5::fail("read the numbers of", path);
+  for (const std::string& name : h5::attribute_names(numbers))
+    checkpoint.numbers[name] = h5::read_real_attribute(numbers, name);
+  for (const std::string& name : h5::members(file, "arrays"))
+    checkpoint.arrays[name] = h5::read_reals(file, "arrays/" + name);
+  checkpoint.state = h5::read_reals(file, "state");
+  const auto finite = [](double x) { return std::isfinite(x); };
+  const bool sane = finite(checkpoint.t) && checkpoint.t >= 0 && finite(checkpoint.dt) && checkpoint.dt > 0 &&
+                    checkpoint.step >= 0 && checkpoint.step < std::numeric_limits<int>::max() &&
+                    std::all_of(checkpoint.state.begin(), checkpoint.state.end(), finite);
+  if (!sane) throw Failure("holds a state that no run can have");
+}
+
 // Removes the oldest checkpoints of this out_file, `just_written` excepted, until `keep` are left. What cannot be
 // removed is left behind without complaint: it harms nobody.
 void prune(const std::string& out_file, const std::string& just_written, std::int64_t keep) {
@@ -182,21 +211,10 @@ Checkpoint read_checkpoint(const std::string& path) {
       if (block.compare(0, std::strlen(magic), magic) != 0)
         throw Failure("is not a checkpoint of this program (they are called NAME.chk-NUMBER.h5)");
       if (block != block_text(checksum(path))) throw Failure("is damaged (its checksum does not fit)");
-      const Id file = h5::open_file(path);
-      checkpoint.header = h5::read_header(file);
-      checkpoint.ranks = static_cast<int>(h5::read_integer_attribute(file, "ranks"));
-      checkpoint.t = h5::read_real_attribute(file, "t");
-      checkpoint.dt = h5::read_real_attribute(file, "dt");
-      checkpoint.step = h5::read_integer_attribute(file, "step");
-      checkpoint.texts = parse_text_map(h5::read_text_attribute(file, "texts"));
-      const Id numbers(H5Gopen2(file, "numbers", H5P_DEFAULT));
-      if (!numbers) h5::fail("read the numbers of", path);
-      for (const std::string& name : h5::attribute_names(numbers))
-        checkpoint.numbers[name] = h5::read_real_attribute(numbers, name);
-      for (const std::string& name : h5::members(file, "arrays"))
-        checkpoint.arrays[name] = h5::read_reals(file, "arrays/" + name);
-      checkpoint.state = h5::read_reals(file, "state");
-    } catch (const Failure& e) {
+      const auto read = [&] { read_file(path, checkpoint); };
+      if (!h5::survives(read)) throw Failure("is damaged");
+      read();
+    } catch (const std::exception& e) {
       throw UsageError(label + e.what());
     }
   });

@@ -273,7 +273,9 @@ std::optional<std::string> check_library_value(const std::string& name, const st
       {"ts_exact_final_time", "the end time ts_max_time is always hit exactly"},
       {"ts_time_span", "it would change the steps; out_times and out_probes give values at chosen times"},
       {"ts_fd_color", "Jacobians are written by hand; coloured differences are unsafe on a ring"},
-      {"snes_fd_color", "Jacobians are written by hand; coloured differences are unsafe on a ring"}};
+      {"snes_fd_color", "Jacobians are written by hand; coloured differences are unsafe on a ring"},
+      {"snes_mf_operator", "Jacobians are written by hand; snes_mf takes differences throughout"},
+      {"ts_rk_multirate", "the scene is not partitioned by speed"}};
   const auto own = taken.find(name);
   if (own != taken.end()) throw UsageError("-" + name + place + ": not here: " + own->second);
   if (text && is_view(name)) {

@@ -154,12 +154,22 @@ class Libraries {
     unsetenv("PETSC_OPTIONS_YAML");
     install_error_handler();
     insert_library_options(options);
-    for (const char* name : {"-skip_petscrc", "-no_signal_handler"})
-      SS_TRY(PetscOptionsSetValue(nullptr, name, "true"));
+    SS_TRY(PetscOptionsSetValue(nullptr, "-no_signal_handler", "true"));
     if (help) SS_TRY(PetscOptionsSetValue(nullptr, "-help", nullptr));
-    int argc = 1;
-    char* words[] = {program, nullptr};
-    char** argv = words;
+    // What PETSc asks for before all else it must find on the command line: where such an option is set already, PETSc
+    // sets it again from the very text that this frees.
+    words_ = {program, "-skip_petscrc", "true"};
+    for (const char* first : {"options_monitor", "options_monitor_cancel", "petsc_ci"}) {
+      const std::string name = "-" + std::string(first);
+      if (!options.is_set(first)) continue;
+      SS_TRY(PetscOptionsClearValue(nullptr, name.c_str()));
+      words_.push_back(name);
+      if (!options.text(first).empty()) words_.push_back(options.text(first));
+    }
+    for (std::string& word : words_) pointers_.push_back(word.data());
+    pointers_.push_back(nullptr);
+    int argc = int(words_.size());
+    char** argv = pointers_.data();
     SS_TRY(SlepcInitialize(&argc, &argv, nullptr, nullptr));
     install_error_handler();
   }
@@ -176,6 +186,8 @@ class Libraries {
 
  private:
   bool ended_ = false;
+  std::vector<std::string> words_;  // PETSc keeps the pointers
+  std::vector<char*> pointers_;
 };
 
 void print(const std::string& text) {

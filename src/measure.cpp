@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 namespace stickslip {
 
@@ -190,6 +191,13 @@ void Measurement::restore(const std::map<std::string, std::vector<double>>& save
   take("measure_t", sample_t_);
   take("measure_phase_t", phase_t_);
   take("measure_phase", phase_);
+  const auto n = static_cast<std::size_t>(scene_.n);
+  const auto fits = [n](const std::vector<double>& one, const std::vector<double>& other) {
+    return one.size() == other.size() && (one.empty() || one.size() == n);
+  };
+  if (!fits(low_[0], high_[0]) || !fits(low_[1], high_[1]) || !fits(last_, passed_) ||
+      phase_t_.size() != phase_.size() || sample_t_.empty() != last_.empty())
+    throw std::runtime_error("its measurements do not fit the scene");
   std::vector<double> scalars;
   take("measure_scalars", scalars);
   if (scalars.size() == 2) {

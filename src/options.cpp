@@ -164,6 +164,9 @@ std::vector<OptionSpec> make_table() {
   t.in("Time stepping", "run chart boundary");
   t.not_negative("ts_max_time", "60", "end time, hit exactly", "time");
   t.integer("ts_max_steps", "", 0, int_max, "most steps").default_help = "unlimited";
+  t.add("ts_max_wall", OptionType::wall_time, "", "wall clock after which the run ends, with a checkpoint to go on from")
+      .default_help = "unlimited";
+  t.rows.back().commands = "run";
   t.choice("imex_implicit", {"auto", "none", "friction", "wave", "both"},
            "terms that an IMEX method takes implicitly");
   t.in("Time stepping", "run");
@@ -350,6 +353,10 @@ bool is_acceptable(const OptionSpec& spec, const std::string& text) {
     case OptionType::text_list: return every([](const std::string& part) { return !part.empty(); });
     case OptionType::real_or_word: return is_word(spec, text) || real(text);
     case OptionType::steps_or_time: return bool(parse_steps_or_time(text));
+    case OptionType::wall_time: {
+      const std::optional<StepsOrSeconds> value = parse_steps_or_time(text);
+      return value && value->seconds > 0;
+    }
   }
   return false;
 }
@@ -424,6 +431,7 @@ std::string requirement(const OptionSpec& spec) {
     case OptionType::real_or_word:
       return "a finite number" + range_text(spec) + (spec.words.empty() ? "" : ", or " + joined(spec.words));
     case OptionType::steps_or_time: return "a number of steps (500) or a time (30s, 10m, 2h)";
+    case OptionType::wall_time: return "a time (30s, 10m, 2h)";
   }
   return "";
 }
@@ -546,7 +554,8 @@ Options Options::with(const std::string& name, double value) const { return with
 
 Options Options::resumed_from(const std::map<std::string, std::string>& stored) const {
   const auto may_differ = [](const std::string& name) {
-    static const std::set<std::string> names = {"ts_max_time", "ts_max_steps", "summary", "progress", "restart"};
+    static const std::set<std::string> names = {"ts_max_time", "ts_max_steps", "ts_max_wall",
+                                                "summary",     "progress",     "restart"};
     return names.count(name) || name.rfind("out_", 0) == 0 || only_looks(name);
   };
   Options merged;
@@ -572,7 +581,7 @@ Options Options::resumed_from(const std::map<std::string, std::string>& stored) 
     if (it == stored.end() || it->second != text)
       throw UsageError("-" + name + " " + quoted(text) + ": a restart takes its settings from the checkpoint (" +
                        (it == stored.end() ? "where it is not set" : quoted(it->second)) +
-                       "); only ts_max_time, ts_max_steps, out_*, summary and progress may differ");
+                       "); only ts_max_time, ts_max_steps, ts_max_wall, out_*, summary and progress may differ");
   }
   return merged;
 }

@@ -7,6 +7,7 @@
 #include <csignal>
 #include <cstdio>
 #include <memory>
+#include <set>
 
 #include "share.hpp"
 #include "stickslip/checkpoint.hpp"
@@ -18,6 +19,8 @@
 #include "stickslip/measure.hpp"
 #include "stickslip/probe.hpp"
 #include "stickslip/reduce.hpp"
+#include "stickslip/root.hpp"
+#include "stickslip/start.hpp"
 #include "stickslip/summary.hpp"
 #include "stickslip/time.hpp"
 
@@ -170,7 +173,8 @@ class Run {
         problem_(problem_of(scene_, options, nodes_of(checkpoint_))), model_(problem_.model), u_(problem_.u),
         t_end_(options.real("ts_max_time")), work_(model_.create_vector()), gather_(u_, model_.dof()),
         probes_(model_, scene_, options.reals("out_probes")), measurement_(model_.scene(), t_end_),
-        checkpoint_every_(options.steps_or_seconds("out_checkpoint_every")) {
+        checkpoint_every_(options.steps_or_seconds("out_checkpoint_every")),
+        most_seconds_(options.steps_or_seconds("ts_max_wall").seconds) {
     MPI_Comm_rank(PETSC_COMM_WORLD, &rank_);
     // Every rank solves alike, and one of them prints for -ts_monitor.
     if (model_.comm() == PETSC_COMM_SELF && rank_ != 0) PETSC_STDOUT = std::fopen("/dev/null", "w");
@@ -188,11 +192,12 @@ class Run {
     Progress progress(options_, t_, t_end_);
     progress_ = &progress;
     if (!problem_.what.empty()) progress.tell("scene_reduce: " + problem_.what);
-    const PetscInt limit = options_.is_set("ts_max_steps") ? options_.integer("ts_max_steps")
-                                                           : std::numeric_limits<PetscInt>::max() - 1;
+    if (options_.is_set("ts_max_steps")) most_steps_ = options_.integer("ts_max_steps");
     last_checkpoint_wall_ = MPI_Wtime();
     try {
-      integrator_->advance(u_, t_, t_end_, [this](const Integrator::Step& step) { return after(step); }, limit);
+      integrator_->advance(u_, t_, t_end_, [this](const Integrator::Step& step) { return after(step); }, most_steps_);
+    } catch (const RankFailure&) {
+      throw;  // the others may not know of it, and closing the file takes all; it can be read as it is
     } catch (...) {
       if (file_) file_->close();
       report(summary, false);
@@ -205,8 +210,14 @@ class Run {
                       (last_checkpoint_.empty() ? "" : "; checkpoint " + last_checkpoint_));
       return 128 + stopped_by_;
     }
-    if (integrator_->report().reason == "ts_max_steps")
-      summary.set("stopped_at", "ts_max_steps " + options_.text("ts_max_steps"));
+    const std::string limit = wall_is_over_                                        ? "ts_max_wall"
+                              : integrator_->report().reason == "ts_max_steps" ? "ts_max_steps"
+                                                                                   : "";
+    if (!limit.empty()) {
+      summary.set("stopped_at", limit + " " + options_.text(limit));
+      summary.set("reason", limit + " " + options_.text(limit) +
+                                (last_checkpoint_.empty() ? "" : "; checkpoint " + last_checkpoint_));
+    }
     return 0;
   }
 
@@ -228,6 +239,22 @@ class Run {
     if (resumed_) integrator_->continue_from(first_step_, first_dt_);
     const bool is_explicit = integrator_->report().implicit == Implicit::none;
     check_unused_after_setup(options_, is_explicit ? "snes ksp pc" : "");
+    if (resumed_ || options_.is_set("out_checkpoint_every")) warn_of_memory();
+  }
+
+  // What PETSc's solvers keep from one step to the next is not in a checkpoint; what the methods keep they forget there.
+  void warn_of_memory() const {
+    for (const auto& [name, text] : options_.library()) {
+      static const std::set<std::string> always = {
+          "snes_lag_jacobian_persists", "snes_lag_preconditioner_persists", "ksp_initial_guess_nonzero", "ksp_guess_type",
+          "ksp_reuse_preconditioner"};
+      const bool lags = (name == "snes_lag_jacobian" || name == "snes_lag_preconditioner") && text[0] == '-';
+      const bool solver = name == "snes_type" && text != "newtonls" && text != "newtontr" && text != "ksponly";
+      if (always.count(name) || lags || solver)
+        warn("-" + name + (text.empty() ? "" : " " + text) +
+             " keeps what the solver learnt in earlier steps, which is in no checkpoint: a continued run agrees with an "
+             "uninterrupted one to the solver's tolerances, not to the last bit");
+    }
   }
 
   void plan_output() {
@@ -273,10 +300,23 @@ class Run {
   std::optional<PetscInt> nodes_of(const std::optional<Checkpoint>& checkpoint) const {
     if (!checkpoint) return std::nullopt;
     const auto nodes = checkpoint->numbers.find("nodes");
-    return nodes == checkpoint->numbers.end() ? scene_.n : static_cast<PetscInt>(nodes->second);
+    if (nodes == checkpoint->numbers.end()) return scene_.n;
+    if (!(nodes->second >= 1 && nodes->second <= scene_.n) || std::fmod(scene_.n, nodes->second) != 0)
+      throw UsageError("restart '" + options_.text("restart") + "': is not a whole checkpoint: its nodes do not fit");
+    return static_cast<PetscInt>(nodes->second);
   }
 
   void restore(Checkpoint& checkpoint) {
+    on_root(PETSC_COMM_WORLD, [&] {
+      try {
+        if (checkpoint.state.size() != std::size_t(model_.dof()) * std::size_t(model_.scene().n))
+          throw std::runtime_error("its state does not fit the scene");
+        for (const char* name : {"rejections", "rhs_evaluations", "t_end"}) (void)checkpoint.numbers.at(name);
+        if (checkpoint.numbers.at("t_end") == t_end_) measurement_.restore(checkpoint.arrays);
+      } catch (const std::exception& e) {
+        throw UsageError("restart '" + options_.text("restart") + "': is not a whole checkpoint: " + e.what());
+      }
+    });
     t_ = checkpoint.t;
     first_step_ = static_cast<PetscInt>(checkpoint.step);
     first_dt_ = checkpoint.dt;
@@ -287,7 +327,6 @@ class Run {
     gather_.spread(checkpoint.state, u_);
     rejections_before_ = static_cast<PetscInt>(checkpoint.numbers.at("rejections"));
     evaluations_before_ = static_cast<long>(checkpoint.numbers.at("rhs_evaluations"));
-    if (rank_ == 0 && checkpoint.numbers.at("t_end") == t_end_) measurement_.restore(checkpoint.arrays);
     resumed_ = true;
   }
 
@@ -306,18 +345,22 @@ class Run {
     }
     progress_->show(step.t, step.index, step.next_dt);
 
-    int flags[3] = {caught_signal, checkpoint_wanted, 0};
-    if (checkpoint_every_.seconds > 0 && MPI_Wtime() - last_checkpoint_wall_ >= checkpoint_every_.seconds) flags[2] = 1;
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, flags, 3, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
+    const double now = MPI_Wtime(), every = checkpoint_every_.seconds;
+    int flags[4] = {caught_signal, checkpoint_wanted, every > 0 && now - last_checkpoint_wall_ >= every,
+                    most_seconds_ > 0 && now - begin_ >= most_seconds_};
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, flags, 4, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
     stopped_by_ = flags[0];
+    wall_is_over_ = flags[3] && step.t < t_end_ && !stopped_by_;
+    const bool stop = stopped_by_ != 0 || wall_is_over_;
     const bool by_steps = checkpoint_every_.steps > 0 && step.index > 0 && step.index != first_step_ &&
                           step.index % checkpoint_every_.steps == 0;
-    if ((by_steps || flags[0] || flags[1] || flags[2]) && file_ && step.t < t_end_) {
+    if (file_ && (step.t < t_end_ && (by_steps || stop || flags[1] || flags[2]))) {
       checkpoint(step);
-      return flags[0] ? Integrator::Verdict::stop : Integrator::Verdict::restart;
+      return stop ? Integrator::Verdict::stop : Integrator::Verdict::restart;
     }
-    if (step.t == t_end_ && file_ && (checkpoint_every_.steps > 0 || checkpoint_every_.seconds > 0)) checkpoint(step);
-    return flags[0] ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
+    const bool last = step.t == t_end_ || step.index >= most_steps_;
+    if (file_ && last && (checkpoint_every_.steps > 0 || every > 0)) checkpoint(step);
+    return stop ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
   }
 
   void write_rows(const Integrator::Step& step) {
@@ -440,6 +483,8 @@ class Run {
   Probes probes_;
   Measurement measurement_;
   StepsOrSeconds checkpoint_every_;
+  double begin_ = MPI_Wtime(), most_seconds_;  // 0: no limit
+  PetscInt most_steps_ = std::numeric_limits<PetscInt>::max() - 1;
   int rank_ = 0;
 
   bool resumed_ = false;
@@ -456,6 +501,7 @@ class Run {
   Progress* progress_ = nullptr;
   double last_checkpoint_wall_ = 0;
   int stopped_by_ = 0;
+  bool wall_is_over_ = false;
   std::string last_checkpoint_;
 };
 
@@ -463,6 +509,9 @@ class Run {
 Options effective_options(const Options& options) {
   if (!options.is_set("restart")) return options;
   const Checkpoint checkpoint = read_checkpoint(options.text("restart"));
+  if (checkpoint.header.git != git_revision())
+    warn("restart '" + options.text("restart") + "': was written by revision " + checkpoint.header.git +
+         " of this program, and this is " + git_revision() + "; the last digits may differ");
   std::map<std::string, std::string> given;
   for (const auto& [name, text] : checkpoint.texts)
     if (name.rfind("given.", 0) == 0) given[name.substr(6)] = text;

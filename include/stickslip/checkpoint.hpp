@@ -41,7 +41,8 @@ std::string checkpoint_name(const std::string& out_file, std::int64_t step);
 std::string write_checkpoint(const std::string& out_file, std::int64_t keep, const Provenance& provenance,
                              const Checkpoint& checkpoint, Gather& gather, Vec state);
 
-// Every rank gets the same but for `state`. Throws UsageError `restart 'PATH': ...`. Collective.
+// Every rank gets the same but for `state`. Throws UsageError `restart 'PATH': ...` for what is damaged, senseless or
+// of another version. Collective.
 Checkpoint read_checkpoint(const std::string& path);
 
 }  // namespace stickslip

@@ -44,6 +44,7 @@ class Measurement {
 
   // Everything sampled so far, for a checkpoint.
   std::map<std::string, std::vector<double>> save() const;
+  // Throws std::runtime_error where they are of another scene.
   void restore(const std::map<std::string, std::vector<double>>& saved);
 
  private:

@@ -28,7 +28,8 @@ enum class OptionType {
   integer_list,
   text_list,
   real_or_word,  // a number or one of words
-  steps_or_time  // 500 (steps), or 30s, 10m, 2h (wall clock)
+  steps_or_time,  // 500 (steps), or 30s, 10m, 2h (wall clock)
+  wall_time       // 30s, 10m, 2h (wall clock)
 };
 
 struct OptionSpec {
@@ -94,8 +95,8 @@ class Options {
   Options with(const std::string& name, double value) const;
 
   // The settings for going on from a file that was written with `stored` (what given() was then): the stored ones,
-  // where this command line may set ts_max_time, ts_max_steps, out_*, summary, progress, restart and what only
-  // looks (views, monitors, log_*); another value of anything else is an error.
+  // where this command line may set ts_max_time, ts_max_steps, ts_max_wall, out_*, summary, progress, restart and what
+  // only looks (views, monitors, log_*); another value of anything else is an error.
   Options resumed_from(const std::map<std::string, std::string>& stored) const;
 
   bool is_set(const std::string& name) const;       // by the user, not by default; library options too
@@ -112,7 +113,7 @@ class Options {
   std::vector<std::string> words(const std::string& name) const;      // empty where unset
   std::optional<double> real_if_set(const std::string& name) const;
   std::optional<PetscInt> integer_if_set(const std::string& name) const;
-  StepsOrSeconds steps_or_seconds(const std::string& name) const;     // both zero where unset
+  StepsOrSeconds steps_or_seconds(const std::string& name) const;     // both zero where unset; of a wall_time too
 
   // A text that check_value has accepted as an integer.
   static PetscInt integer_of(const std::string& text);
