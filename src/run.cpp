@@ -23,6 +23,7 @@
 #include "stickslip/start.hpp"
 #include "stickslip/summary.hpp"
 #include "stickslip/time.hpp"
+#include "stickslip/trust.hpp"
 
 namespace stickslip {
 
@@ -194,6 +195,7 @@ class Run {
     if (!problem_.what.empty()) progress.tell("scene_reduce: " + problem_.what);
     if (options_.is_set("ts_max_steps")) most_steps_ = options_.integer("ts_max_steps");
     last_checkpoint_wall_ = MPI_Wtime();
+    trust_ = std::make_unique<Trust>(model_, options_, *integrator_, t_, t_end_);
     try {
       integrator_->advance(u_, t_, t_end_, [this](const Integrator::Step& step) { return after(step); }, most_steps_);
     } catch (const RankFailure&) {
@@ -331,6 +333,7 @@ class Run {
   }
 
   Integrator::Verdict after(const Integrator::Step& step) {
+    trust_->after(step);
     if (file_) write_rows(step);
     while (next_sample_ < samples_.size() && samples_[next_sample_] <= step.t) {
       step.interpolate(samples_[next_sample_], work_);
@@ -448,7 +451,7 @@ class Run {
       probes.push(Json::object({{"x", x[i]}, {"psi", values.psi[i]}, {"eta", values.eta[i]}}));
     summary.set("probes", probes);
     double steepest = 0;
-    std::string broken;
+    std::string broken, regime;
     if (rank_ == 0) {
       Measurement::Result m = measurement_.result();
       if (m.pulses && !problem_.what.empty()) *m.pulses *= static_cast<int>(model_.scene().copies);
@@ -458,11 +461,14 @@ class Run {
       summary.set("pulses", m.pulses);
       summary.set("measured_over", std::vector<double>{m.window_begin, m.window_end});
       steepest = m.steepest;
+      regime = m.regime;
       if (!problem_.what.empty())
         broken = broken_symmetry(scene_, model_.scene(), m, s.psi_mean, r.t);
     }
     share(broken);
     if (!broken.empty()) warn(broken);
+    share(regime);
+    trust_->warn_of(trust_->verdict(u_), regime);
     SS_TRY(MPI_Bcast(&steepest, 1, MPI_DOUBLE, 0, PETSC_COMM_WORLD));
     // A front of four or more nodes changes by at most a third of its height from node to node.
     if (scene_.form == Form::continuum && steepest > 0.34)
@@ -492,6 +498,7 @@ class Run {
   PetscInt first_step_ = 0, rejections_before_ = 0;
   long evaluations_before_ = 0;
   std::unique_ptr<Integrator> integrator_;
+  std::unique_ptr<Trust> trust_;
   std::unique_ptr<RunFile> file_;
   std::unique_ptr<Displacement> displacement_;  // with out_displacement
   VecHandle chi_;

@@ -2,78 +2,81 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
+#include <limits>
 
 #include "stickslip/error.hpp"
+#include "stickslip/stencil.hpp"
 
 namespace stickslip {
 
-SpectralBounds spectral_bounds(int dim, const std::vector<double>& m) {
-  // lambda^3 - t lambda^2 + c lambda - d (with one root 0 for dim 2), its roots by Durand and Kerner's iteration
-  double t, c, d = 0;
-  if (dim == 2) {
-    t = m[0] + m[3];
-    c = m[0] * m[3] - m[1] * m[2];
-  } else {
-    t = m[0] + m[4] + m[8];
-    c = m[0] * m[4] - m[1] * m[3] + m[0] * m[8] - m[2] * m[6] + m[4] * m[8] - m[5] * m[7];
-    d = m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) + m[2] * (m[3] * m[7] - m[4] * m[6]);
+std::vector<Complex> eigenvalues(int dim, const std::vector<double>& m) {
+  if (dim == 2) return polynomial_roots({1, -(m[0] + m[3]), m[0] * m[3] - m[1] * m[2]});
+  const double trace = m[0] + m[4] + m[8];
+  const double minors = m[0] * m[4] - m[1] * m[3] + m[0] * m[8] - m[2] * m[6] + m[4] * m[8] - m[5] * m[7];
+  const double det = m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) +
+                     m[2] * (m[3] * m[7] - m[4] * m[6]);
+  return polynomial_roots({1, -trace, minors, -det});
+}
+
+SpectralBounds spectral_bounds(int dim, const std::vector<double>& matrix) {
+  SpectralBounds bounds{-HUGE_VAL, 0};
+  for (const Complex& l : eigenvalues(dim, matrix)) {
+    bounds.real_part = std::max(bounds.real_part, l.real());
+    bounds.modulus = std::max(bounds.modulus, std::abs(l));
   }
-  if (dim == 2) {
-    const std::complex<double> root = std::sqrt(std::complex<double>(t * t / 4 - c));
-    return {t / 2 + root.real(), std::max(std::abs(t / 2 + root), std::abs(t / 2 - root))};
-  }
-  const double size = std::max({std::abs(t), std::sqrt(std::abs(c)), std::cbrt(std::abs(d)), 1e-300});
-  std::complex<double> z[3] = {{size, 0}, {0.4 * size, 0.9 * size}, {-0.65 * size, 0.72 * size}};
+  return bounds;
+}
+
+// By Durand and Kerner's iteration.
+std::vector<Complex> characteristic_roots(std::vector<Complex> c) {
+  const std::size_t n = c.size() - 1;
+  double size = 0;
+  for (std::size_t i = 1; i <= n; ++i)
+    size = std::max(size, std::pow(std::abs(c[i] / c[0]), 1 / double(i)));
+  std::vector<Complex> root(n);
+  for (std::size_t i = 0; i < n; ++i) root[i] = std::max(size, 1e-300) * std::pow(Complex(0.4, 0.9), double(i));
   for (int round = 0; round < 200; ++round)
-    for (int i = 0; i < 3; ++i) {
-      const std::complex<double> value = ((z[i] - t) * z[i] + c) * z[i] - d;
-      const std::complex<double> others = (z[i] - z[(i + 1) % 3]) * (z[i] - z[(i + 2) % 3]);
-      if (std::abs(others) > 0) z[i] -= value / others;
+    for (std::size_t i = 0; i < n; ++i) {
+      Complex value = c[0], others = c[0];
+      for (std::size_t k = 1; k <= n; ++k) value = value * root[i] + c[k];
+      for (std::size_t k = 0; k < n; ++k)
+        if (k != i) others *= root[i] - root[k];
+      if (std::abs(others) > 0) root[i] -= value / others;
     }
-  return {std::max({z[0].real(), z[1].real(), z[2].real()}),
-          std::max({std::abs(z[0]), std::abs(z[1]), std::abs(z[2])})};
+  return root;
 }
 
 namespace {
 
 // F and the state's kinetics where the slope dF/dpsi is least and largest over all nodes and ranks.
-struct Extremes {
-  double F_psi, F_state, g_psi, g_state;
+struct Slopes {
+  Partials F;
+  RatePartials g;
 };
 
-std::vector<Extremes> friction_extremes(const Model& model, Vec u) {
+std::vector<Slopes> friction_extremes(const Model& model, Vec u) {
   const double* a;
   const int dof = model.dof();
-  Extremes found[2] = {{HUGE_VAL, 0, 0, 0}, {-HUGE_VAL, 0, 0, 0}};
+  Slopes found[2] = {{{0, HUGE_VAL, 0}, {}}, {{0, -HUGE_VAL, 0}, {}}};
   SS_TRY(VecGetArrayRead(u, &a));
   for (PetscInt i = 0; i < model.local(); ++i) {
     const double psi = a[i * dof], state = dof == 3 ? a[i * dof + 2] : 0;
-    const Partials p = model.friction(i, psi, state);
-    const RatePartials g = model.state_rate(psi, state);
-    const Extremes here{p.F_psi, p.F_state, g.g_psi, g.g_state};
-    if (here.F_psi < found[0].F_psi) found[0] = here;
-    if (here.F_psi > found[1].F_psi) found[1] = here;
+    const Slopes here{model.friction(i, psi, state), model.state_rate(psi, state)};
+    if (here.F.F_psi < found[0].F.F_psi) found[0] = here;
+    if (here.F.F_psi > found[1].F.F_psi) found[1] = here;
   }
   SS_TRY(VecRestoreArrayRead(u, &a));
-  std::vector<Extremes> all;
   for (int side = 0; side < 2; ++side) {
     struct {
       double value;
       int rank;
-    } best{side == 0 ? found[0].F_psi : -found[1].F_psi, 0};
+    } best{side == 0 ? found[0].F.F_psi : -found[1].F.F_psi, 0};
     MPI_Comm_rank(model.comm(), &best.rank);
-    MPI_Allreduce(MPI_IN_PLACE, &best, 1, MPI_DOUBLE_INT, MPI_MINLOC, model.comm());
-    Extremes e = found[side];
-    MPI_Bcast(&e, 4, MPI_DOUBLE, best.rank, model.comm());
-    all.push_back(e);
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &best, 1, MPI_DOUBLE_INT, MPI_MINLOC, model.comm()));
+    SS_TRY(MPI_Bcast(&found[side], sizeof(Slopes) / sizeof(double), MPI_DOUBLE, best.rank, model.comm()));
   }
-  return all;
+  return {found[0], found[1]};
 }
-
-}  // namespace
-
-namespace {
 
 // The method of `from`, without its monitors, viewers and error control.
 void copy_method(TS from, const std::string& type, TS to) {
@@ -106,54 +109,80 @@ void copy_method(TS from, const std::string& type, TS to) {
 
 }  // namespace
 
-StepForecast::StepForecast(const Model& model, Vec u, Implicit implicit, TS like) : dof_(model.dof()) {
+void StepForecast::add_waves(const Model& model, Implicit implicit, const Partials& F, const RatePartials& g,
+                             double part, bool sliding, bool resolved) {
+  const Scene& s = model.scene();
+  const double largest = s.n > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
+  const auto d = static_cast<std::size_t>(dof_);
+  std::vector<double> pointwise(d * d), stencil(d * d), reaction(d * d), wave(d * d);
+  reaction[0] = -s.A() * F.F_psi;
+  reaction[d] = s.s_delta() * F.F_psi;
+  if (dof_ == 3) {
+    reaction[2] = -s.A() * F.F_state;
+    reaction[5] = s.s_delta() * F.F_state;
+    reaction[6] = g.g_psi;
+    reaction[8] = g.g_state;
+  }
+  stencil[d] = -s.K1() * largest * part;
+  wave[0] = -s.A() * s.B();
+  wave[1] = s.A();
+  wave[d] = -s.K0() + stencil[d];
+  wave[d + 1] = -s.s_delta();
+  std::vector<double> full(d * d);
+  for (std::size_t i = 0; i < d * d; ++i) {
+    full[i] = wave[i] + reaction[i];
+    pointwise[i] = full[i] - stencil[i];
+  }
+  const std::vector<double> zero(d * d);
+  Wave w;
+  w.sliding = sliding;
+  w.resolved = resolved;
+  w.lambda = eigenvalues(dof_, full);
+  w.growth = spectral_bounds(dof_, full).real_part;
+  if (implicit == Implicit::none) w.explicit_part = full, w.implicit_part = zero;
+  if (implicit == Implicit::both) w.explicit_part = zero, w.implicit_part = full;
+  if (implicit == Implicit::friction) w.explicit_part = stencil, w.implicit_part = pointwise;
+  if (implicit == Implicit::wave) w.explicit_part = reaction, w.implicit_part = wave;
+  waves_.push_back(std::move(w));
+}
+
+StepForecast::StepForecast(const Model& model, Vec u, Implicit implicit, TS like)
+    : dof_(model.dof()), all_implicit_(implicit == Implicit::both) {
   TSType now;
   SS_TRY(TSGetType(like, &now));
   const std::string type = now;
-  if (type == TSBDF || type == TSALPHA) {
-    propagates_ = false;
-    return;
+  if (type == TSBDF) {
+    PetscInt order;
+    SS_TRY(TSBDFGetOrder(like, &order));
+    bdf_order_ = static_cast<int>(order);
   }
+  is_alpha_ = type == TSALPHA;
+  if (is_alpha_) SS_TRY(TSAlphaGetParams(like, &alpha_m_, &alpha_f_, &alpha_gamma_));
   const Scene& s = model.scene();
-  std::vector<Extremes> friction = friction_extremes(model, u);
+  std::vector<Slopes> friction = friction_extremes(model, u);
+  least_slope_ = friction[0].F.F_psi;
   // Where sliding is unstable the cubic's motion reaches psi = 2, where its limit cycle turns, and a regularised
   // threshold is passed at its steepest.
-  const bool oscillates = s.A() * (s.B() + friction[0].F_psi) + s.s_delta() < 0;
-  if (oscillates && s.friction.law == Law::cubic) friction[1].F_psi = std::max(friction[1].F_psi, 3.);
-  if (oscillates && s.friction.regularised) friction[1].F_psi = std::max(friction[1].F_psi, 1 / s.friction.eps);
+  const bool oscillates = s.A() * (s.B() + friction[0].F.F_psi) + s.s_delta() < 0;
+  if (oscillates && s.friction.law == Law::cubic) friction[1].F.F_psi = std::max(friction[1].F.F_psi, 3.);
+  if (oscillates && s.friction.regularised) friction[1].F.F_psi = std::max(friction[1].F.F_psi, 1 / s.friction.eps);
+  for (const Slopes& f : friction)
+    for (const double part : {0., 0.25, 0.5, 0.75, 1.}) add_waves(model, implicit, f.F, f.g, part, false, false);
 
-  const double largest = s.n > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
-  for (const Extremes& f : friction)
-    for (const double part : {0., 0.25, 0.5, 0.75, 1.}) {
-      const auto d = static_cast<std::size_t>(dof_);
-      std::vector<double> pointwise(d * d), stencil(d * d), reaction(d * d), wave(d * d);
-      reaction[0] = -s.A() * f.F_psi;
-      reaction[d] = s.s_delta() * f.F_psi;
-      if (dof_ == 3) {
-        reaction[2] = -s.A() * f.F_state;
-        reaction[5] = s.s_delta() * f.F_state;
-        reaction[6] = f.g_psi;
-        reaction[8] = f.g_state;
-      }
-      stencil[d] = -s.K1() * largest * part;
-      wave[0] = -s.A() * s.B();
-      wave[1] = s.A();
-      wave[d] = -s.K0() + stencil[d];
-      wave[d + 1] = -s.s_delta();
-      std::vector<double> full(d * d);
-      for (std::size_t i = 0; i < d * d; ++i) {
-        full[i] = wave[i] + reaction[i];
-        pointwise[i] = full[i] - stencil[i];
-      }
-      const std::vector<double> zero(d * d);
-      Wave w;
-      w.growth = std::max(0., spectral_bounds(dof_, full).real_part);
-      if (implicit == Implicit::none) w.explicit_part = full, w.implicit_part = zero;
-      if (implicit == Implicit::both) w.explicit_part = zero, w.implicit_part = full;
-      if (implicit == Implicit::friction) w.explicit_part = stencil, w.implicit_part = pointwise;
-      if (implicit == Implicit::wave) w.explicit_part = reaction, w.implicit_part = wave;
-      waves_.push_back(std::move(w));
-    }
+  const double state = dof_ == 3 ? model.steady_state(s.v) : 0;
+  if (std::isfinite(state)) {
+    Partials F = model.friction(0, s.v, state);
+    const double amplitude = model.amplitude()[0];  // their mean is 1
+    F.F_psi /= amplitude;
+    F.F_state /= amplitude;
+    const RatePartials g = model.state_rate(s.v, state);
+    // Up to a tenth of the largest kappa^2, wavelengths of 8 nodes and more, a wave is the continuum's own.
+    for (const double part : {0., 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1})
+      add_waves(model, implicit, F, g, part, true, true);
+    for (const double part : {0.25, 0.5, 0.75, 1.})
+      add_waves(model, implicit, F, g, part, true, s.form == Form::chain);
+  }
+  if (bdf_order_ > 0 || is_alpha_) return;
 
   const auto size = static_cast<PetscInt>(waves_.size()) * dof_ * dof_;
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, size, u_.out()));
@@ -232,7 +261,8 @@ PetscErrorCode StepForecast::IFunction(TS, PetscReal, Vec u, Vec udot, Vec f, vo
 
 PetscErrorCode StepForecast::IJacobian(TS, PetscReal, Vec, Vec, PetscReal shift, Mat, Mat P, void* context) {
   return guarded([&] {
-    const auto& self = *static_cast<StepForecast*>(context);
+    auto& self = *static_cast<StepForecast*>(context);
+    self.last_shift_ = shift;
     const PetscInt d = self.dof_;
     PetscInt block = 0;
     std::vector<double> values(static_cast<std::size_t>(d * d));
@@ -247,7 +277,40 @@ PetscErrorCode StepForecast::IJacobian(TS, PetscReal, Vec, Vec, PetscReal shift,
   });
 }
 
-double StepForecast::excess_rate(double dt) {
+double StepForecast::multistep_modulus(Complex z) const {
+  std::vector<Complex> c;
+  if (is_alpha_) {
+    // The slope w = dt u_t is carried along: (a_m mu + 1 - a_m) w = z (a_f mu + 1 - a_f) u,
+    // (mu - 1) u = (g mu + 1 - g) w.
+    const double m = alpha_m_, f = alpha_f_, g = alpha_gamma_;
+    c = {m - z * f * g, 1 - 2 * m - z * (f * (1 - g) + g * (1 - f)), m - 1 - z * (1 - f) * (1 - g)};
+  } else {
+    // sum over j of (1 - 1/mu)^j/j = z
+    c.assign(static_cast<std::size_t>(bdf_order_ + 1), 0);
+    c[0] = -z;
+    std::vector<double> power = {1};
+    for (int j = 1; j <= bdf_order_; ++j) {
+      power.push_back(0);
+      for (std::size_t i = power.size() - 1; i > 0; --i) power[i] -= power[i - 1];
+      for (std::size_t i = 0; i < power.size(); ++i) c[i] += power[i] / j;
+    }
+  }
+  if (std::abs(c[0]) == 0) return HUGE_VAL;
+  double largest = 0;
+  for (const Complex& mu : characteristic_roots(c)) largest = std::max(largest, std::abs(mu));
+  return largest;
+}
+
+std::vector<double> StepForecast::rates(double dt) {
+  std::vector<double> rates;
+  if (bdf_order_ > 0 || is_alpha_) {
+    for (const Wave& w : waves_) {
+      double modulus = 0;
+      for (const Complex& l : w.lambda) modulus = std::max(modulus, multistep_modulus(dt * l));
+      rates.push_back(std::log(modulus) / dt);
+    }
+    return rates;
+  }
   double* a;
   SS_TRY(VecGetArrayWrite(u_, &a));
   const auto d = static_cast<std::size_t>(dof_);
@@ -260,21 +323,63 @@ double StepForecast::excess_rate(double dt) {
   SS_TRY(TSRestartStep(ts_));
   SS_TRY(TSSetConvergedReason(ts_, TS_CONVERGED_ITERATING));
   SS_TRY(TSStep(ts_));
-  double rate = -HUGE_VAL;
   const double* b;
   SS_TRY(VecGetArrayRead(u_, &b));
   for (std::size_t wave = 0; wave < waves_.size(); ++wave) {
     const std::vector<double> P(b + wave * d * d, b + (wave + 1) * d * d);
-    const bool finite = std::all_of(P.begin(), P.end(), [](double p) { return std::isfinite(p); });
-    const double growth = finite ? std::log(spectral_bounds(dof_, P).modulus) / dt : HUGE_VAL;
-    rate = std::max(rate, growth - waves_[wave].growth);
+    double largest = 0;
+    for (const double p : P) largest = std::isfinite(p) ? std::max(largest, std::abs(p)) : HUGE_VAL;
+    rates.push_back(std::log(largest < 1e60 ? spectral_bounds(dof_, P).modulus : largest) / dt);
   }
   SS_TRY(VecRestoreArrayRead(u_, &b));
-  return rate;
+  return rates;
+}
+
+double StepForecast::excess_rate(double dt) {
+  const std::vector<double> rate = rates(dt);
+  double excess = -HUGE_VAL;
+  for (std::size_t i = 0; i < waves_.size(); ++i) {
+    const double growth = std::max(0., waves_[i].growth);
+    if (!waves_[i].sliding && !(all_implicit_ && rate[i] < 2 * growth)) excess = std::max(excess, rate[i] - growth);
+  }
+  return excess;
 }
 
 bool StepForecast::explodes(double dt, double duration) {
-  return propagates_ && dt < duration && excess_rate(dt) * duration > std::log(1e6);
+  return dt < duration && excess_rate(dt) * duration > std::log(1e6);
+}
+
+double StepForecast::sliding_growth(bool resolved) const {
+  double largest = std::numeric_limits<double>::quiet_NaN();
+  for (const Wave& w : waves_)
+    if (w.sliding && (w.resolved || !resolved)) largest = std::fmax(largest, w.growth);
+  return largest;
+}
+
+double StepForecast::sliding_growth_of(const std::map<double, double>& time_at_step, bool resolved) {
+  std::vector<double> sum(waves_.size());
+  double time = 0;
+  for (const auto& [dt, duration] : time_at_step) {
+    const std::vector<double> rate = rates(dt);
+    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += duration * rate[i];
+    time += duration;
+  }
+  double largest = std::numeric_limits<double>::quiet_NaN();
+  for (std::size_t i = 0; i < sum.size(); ++i)
+    if (waves_[i].sliding && (waves_[i].resolved || !resolved)) largest = std::fmax(largest, sum[i] / time);
+  return largest;
+}
+
+double StepForecast::shift(double dt) {
+  last_shift_ = 0;
+  if (bdf_order_ > 0) {
+    for (int j = 1; j <= bdf_order_; ++j) last_shift_ += 1 / (j * dt);
+  } else if (is_alpha_) {
+    last_shift_ = alpha_m_ / (alpha_f_ * alpha_gamma_ * dt);
+  } else {
+    (void)rates(dt);
+  }
+  return last_shift_;
 }
 
 double StepForecast::limit(double dt, double duration) {

@@ -1,49 +1,81 @@
-// Whether a fixed step is beyond the stability limit of its method, foreseen from the linearised operator.
+// What a fixed step of a method does to the waves of the linearised operator: whether it explodes, and whether it
+// makes growing perturbations of steady sliding decay or decaying ones grow.
 //
 // Uniform motion at velocity psi splits into waves exp(ikx); each is a system of dof equations with
-// K = K0 + K1 kappa^2(k). The method itself advances a set of them - kappa^2 from 0 to the grid's largest, friction at
-// its least and largest slope - by one step from every unit vector, so that the propagator P over one step is known
-// for any method, split as it will be. A wave explodes when the excess of its growth over the exact one,
-// ln rho(P) - max(0, dt Re lambda), multiplies errors by more than a million in the time asked for.
+// K = K0 + K1 kappa^2(k). A one-step method itself advances a set of them - kappa^2 from 0 to the grid's largest,
+// friction at its least and largest slope - by one step from every unit vector, so that the propagator P over one step
+// is known for any method, split as it will be; its rate is ln rho(P)/dt. The multistep methods bdf and alpha take
+// everything implicitly and are known by the roots of their characteristic polynomial at dt lambda.
+//
+// A wave explodes when the excess of its growth over the exact one, ln rho(P) - max(0, dt Re lambda), multiplies errors
+// by more than a million in the time asked for. A growing wave that an implicit method lets grow by less than twice as
+// fast as it should is not counted: that is an error, not an explosion.
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
 #include "stickslip/handle.hpp"
+#include "stickslip/sliding.hpp"
 #include "stickslip/time.hpp"
 
 namespace stickslip {
 
 class StepForecast {
  public:
-  // For the method of `like`. Multistep methods have no propagator: nothing is foreseen for them. Collective.
+  // For the method of `like`. Collective.
   StepForecast(const Model& model, Vec u, Implicit implicit, TS like);
 
   bool explodes(double dt, double duration);
   // The largest step found, up to dt, that does not explode.
   double limit(double dt, double duration);
 
+  // Largest growth rate of a perturbation of steady sliding psi = v: the true one, and the method's for steps as long
+  // as the keys, each taken for the time that is its value. `resolved`: of wavelengths that the grid resolves alone
+  // (all in the chain), which are the continuum's own. NaN where there is no steady sliding (a contact age at v = 0).
+  double sliding_growth(bool resolved) const;
+  double sliding_growth_of(const std::map<double, double>& time_at_step, bool resolved);
+
+  double least_slope() const { return least_slope_; }  // dF/dpsi over the nodes at u
+
+  // 1/(a dt), a the diagonal entry of the stages: the shift of the implicit equations (shift I - dG/du) at step dt,
+  // 0 for explicit methods.
+  double shift(double dt);
+
  private:
   struct Wave {
     std::vector<double> explicit_part, implicit_part;  // dof x dof, row-major
-    double growth;                                     // largest real part of the whole, not below 0
+    std::vector<Complex> lambda;                       // of the whole
+    bool sliding, resolved;                            // about steady sliding; its wavelength is
+    double growth;                                     // largest real part
   };
-  double excess_rate(double dt);  // largest over the waves, per unit time
+  void add_waves(const Model& model, Implicit implicit, const Partials& F, const RatePartials& g, double part,
+                 bool sliding, bool resolved);
+  std::vector<double> rates(double dt);     // growth of every wave, per unit time, as the method has it
+  double multistep_modulus(Complex z) const;  // largest root of the characteristic polynomial
+  double excess_rate(double dt);            // largest over the waves about the motion, per unit time
 
   static PetscErrorCode RHSFunction(TS, PetscReal, Vec, Vec, void*);
   static PetscErrorCode IFunction(TS, PetscReal, Vec, Vec, Vec, void*);
   static PetscErrorCode IJacobian(TS, PetscReal, Vec, Vec, PetscReal, Mat, Mat, void*);
 
   int dof_;
-  bool propagates_ = true;
+  bool all_implicit_ = false;
+  int bdf_order_ = 0;                      // 0: not bdf
+  bool is_alpha_ = false;
+  double alpha_m_ = 0, alpha_f_ = 0, alpha_gamma_ = 0;
+  double last_shift_ = 0, least_slope_ = 0;
   std::vector<Wave> waves_;
   TsHandle ts_;
   VecHandle u_;
   MatHandle J_;
 };
 
-// Largest real part and largest modulus of the eigenvalues of a 2 x 2 or 3 x 3 matrix (row-major).
+// Roots of a polynomial, coefficients highest power first.
+std::vector<Complex> characteristic_roots(std::vector<Complex> coefficients);
+// Eigenvalues of a 2 x 2 or 3 x 3 matrix (row-major), and the largest real part and modulus among them.
+std::vector<Complex> eigenvalues(int dim, const std::vector<double>& matrix);
 struct SpectralBounds {
   double real_part, modulus;
 };

@@ -53,17 +53,17 @@ Split split_of(Implicit implicit) {
 constexpr double default_tolerance = 1e-6;  // relative and absolute, of a step
 constexpr PetscInt most_rejections = 60;    // of one step
 
-// Local part of "is every entry finite, and so is friction there": x - x is 0 for finite x and NaN otherwise, and NaN
-// stays. Of the velocity, which comes first at each node, the cube must be finite, or the next slope is not.
-bool locally_finite(Vec u, int dof) {
+// Local part of "is every entry finite", and so far from overflow (1e42) that its cube in the friction and the square
+// of that in PETSc's estimate of the error are, too: x - x is 0 for finite x and NaN otherwise, and NaN stays.
+bool locally_finite(Vec u) {
   const double* a;
   PetscInt count;
   SS_TRY(VecGetLocalSize(u, &count));
   SS_TRY(VecGetArrayRead(u, &a));
   double sum = 0;
-  for (PetscInt i = 0; i < count; i += dof) {
-    sum += 0 * (a[i] * a[i] * a[i]);
-    for (int k = 1; k < dof; ++k) sum += a[i + k] - a[i + k];
+  for (PetscInt i = 0; i < count; ++i) {
+    const double x = 1e60 * a[i], cube = x * x * x;
+    sum += cube - cube;
   }
   SS_TRY(VecRestoreArrayRead(u, &a));
   return sum == 0;
@@ -233,7 +233,7 @@ struct Integrator::Impl {
   }
 
   bool finite(Vec u) const {
-    int all = locally_finite(u, model.dof()) ? 1 : 0;
+    int all = locally_finite(u) ? 1 : 0;
     SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &all, 1, MPI_INT, MPI_MIN, model.comm()));
     return all != 0;
   }
@@ -738,12 +738,41 @@ struct Integrator::Impl {
     double dt;
     SS_TRY(TSGetTimeStep(ts, &dt));
     StepForecast forecast(model, u, implicit, ts);
+    foresee_several_solutions(dt, t_end - t, forecast);
     if (!forecast.explodes(dt, t_end - t)) return;
     warn("ts_dt " + number_text(dt) + " is beyond the stability limit of " + method->name() + ", which is about " +
          rounded(forecast.limit(dt, t_end - t)) + " here (the shortest wave turns at " +
          rounded(model.wave_frequency()) + " per unit time, friction acts at up to " + rounded(friction_rate_ahead(u)) +
          "): the solution will grow without bound");
   }
+
+  // At shift r = 1/(a dt) the implicit equations of uniform motion have the determinant r^2 + C r + A K0, C = A (B + F')
+  // + s delta. Where it is negative at the least slope F', it changes sign along psi, and the equations have several
+  // solutions.
+  void foresee_several_solutions(double dt, double duration, StepForecast& forecast) {
+    if (dt >= duration || type == TSROSW || (implicit != Implicit::friction && implicit != Implicit::both)) return;
+    const Scene& s = model.scene();
+    const auto damping = [&](double slope) { return s.A() * (s.B() + slope) + s.s_delta(); };
+    if (damping(forecast.least_slope()) >= 0 && !(forecast.sliding_growth(false) > 0)) return;  // the motion stays clear
+    const double C = damping(least_slope()), product = s.A() * s.K0();
+    if (C >= 0 || C * C <= 4 * product) return;
+    const double r = forecast.shift(dt), root = std::sqrt(C * C / 4 - product), high = -C / 2 + root;
+    if (r <= 0 || r >= high || r <= -C / 2 - root) return;
+    warn("ts_dt " + number_text(dt) + " is so long that the implicit equations of " + method->name() +
+         " have several solutions (friction falls with velocity; one alone up to about " + rounded(dt * r / high) +
+         "): Newton's method may find one that the motion does not lead to");
+  }
+  // Least slope of friction over the velocities, at steady state.
+  double least_slope() const {
+    double least = 0;
+    for (double psi = 1e-6; psi < 100; psi *= 1.2)
+      for (const double sign : {-1., 1.}) {
+        const double state = model.dof() == 3 ? model.steady_state(sign * psi) : 0;
+        least = std::min(least, model.friction(0, sign * psi, state).F_psi / model.amplitude()[0]);
+      }
+    return least;
+  }
+
   static std::string rounded(double value) {
     char text[32];
     std::snprintf(text, sizeof text, "%.3g", value);

@@ -361,10 +361,11 @@ TEST_CASE("a step beyond the stability limit is told before it explodes") {
     integrator.advance(u, 0, 400, [&](const Integrator::Step& now) {
       return now.index > 0 ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
     });
-    if (warnings().size() == before) return 0.;
-    const std::string text = warnings().back(), mark = "which is about ";
-    const std::size_t at = text.find(mark);
-    return at == std::string::npos ? -1. : std::stod(text.substr(at + mark.size()));
+    const std::string mark = "which is about ";
+    for (std::size_t i = before; i < warnings().size(); ++i)
+      if (const std::size_t at = warnings()[i].find(mark); at != std::string::npos)
+        return std::stod(warnings()[i].substr(at + mark.size()));
+    return 0.;
   };
   for (const auto& [subtype, y] : {std::pair("4", std::sqrt(8.)), std::pair("3", std::sqrt(3.))}) {
     const Settings m = {{"ts_type", "rk"}, {"ts_rk_type", subtype}};

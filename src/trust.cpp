@@ -1,0 +1,256 @@
+#include "stickslip/trust.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "step_forecast.hpp"
+#include "stickslip/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double loose = 1e-3;      // tolerances from here on are looked after
+constexpr int audits = 16;          // at equal times
+constexpr double record = 1.5;      // a change of psi this much larger than any before is looked at
+constexpr PetscInt looks = 1000;    // most steps at which the change of psi is measured, about
+constexpr PetscInt most_steps = 3000;  // of an accurate repetition
+
+std::string percent(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, x < 0.1 ? "%.1f %%" : "%.0f %%", 100 * x);
+  return x > 10 ? "more than 1000 %" : text;
+}
+
+std::string rounded(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", x);
+  return text;
+}
+
+// Sums over the nodes of a field (psi, eta): |mine - exact|^2, |exact - before|^2, their product.
+struct Sums {
+  std::array<double, 2> error{}, change{}, product{};
+};
+
+Sums sums_of(const Model& model, Vec before, Vec exact, Vec mine) {
+  const double *a, *b, *c;
+  SS_TRY(VecGetArrayRead(before, &a));
+  SS_TRY(VecGetArrayRead(exact, &b));
+  SS_TRY(VecGetArrayRead(mine, &c));
+  double sums[6] = {};
+  const int dof = model.dof();
+  for (PetscInt i = 0; i < model.local(); ++i) {
+    if (model.held(model.first() + i)) continue;
+    for (int f = 0; f < 2; ++f) {
+      const PetscInt at = i * dof + f;
+      const double error = c[at] - b[at], change = b[at] - a[at];
+      sums[3 * f] += error * error;
+      sums[3 * f + 1] += change * change;
+      sums[3 * f + 2] += error * change;
+    }
+  }
+  SS_TRY(VecRestoreArrayRead(before, &a));
+  SS_TRY(VecRestoreArrayRead(exact, &b));
+  SS_TRY(VecRestoreArrayRead(mine, &c));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, sums, 6, MPI_DOUBLE, MPI_SUM, model.comm()));
+  return {{sums[0], sums[3]}, {sums[1], sums[4]}, {sums[2], sums[5]}};
+}
+
+// Largest |b - a| and |b| of psi.
+std::array<double, 2> psi_change(const Model& model, Vec a, Vec b) {
+  const double *x, *y;
+  SS_TRY(VecGetArrayRead(a, &x));
+  SS_TRY(VecGetArrayRead(b, &y));
+  std::array<double, 2> largest{};
+  const int dof = model.dof();
+  for (PetscInt i = 0; i < model.local(); ++i) {
+    largest[0] = std::max(largest[0], std::abs(y[i * dof] - x[i * dof]));
+    largest[1] = std::max(largest[1], std::abs(y[i * dof]));
+  }
+  SS_TRY(VecRestoreArrayRead(a, &x));
+  SS_TRY(VecRestoreArrayRead(b, &y));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, largest.data(), 2, MPI_DOUBLE, MPI_MAX, model.comm()));
+  return largest;
+}
+
+// Is psi within a tenth of v (of 1 where v = 0) at half the nodes?
+bool near_sliding(const Model& model, Vec u) {
+  const double* a;
+  SS_TRY(VecGetArrayRead(u, &a));
+  const double v = model.scene().v, scale = v != 0 ? std::abs(v) : 1;
+  PetscInt near = 0;
+  for (PetscInt i = 0; i < model.local(); ++i)
+    if (std::abs(a[i * model.dof()] - v) < 0.1 * scale) ++near;
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &near, 1, MPIU_INT, MPI_SUM, model.comm()));
+  return 2 * near >= model.scene().n;
+}
+
+}  // namespace
+
+struct Trust::Impl {
+  const Model& model;
+  const Options& options;
+  const Integrator& integrator;
+  double t_begin, t_end;
+
+  bool watching = false;  // are steps repeated?
+  double tolerance = 0;   // of an adaptive run
+  std::unique_ptr<Model> own_model;
+  std::unique_ptr<Integrator> accurate;
+  VecHandle before, exact;
+  bool has_before = false;
+  PetscInt stride = 1;
+  int next_audit = 0;
+  double largest_change = 0, largest_psi = 0;
+  Sums sums;
+  int repeated = 0, beyond = 0;
+  double longest = 0;                 // step repeated
+  std::map<double, double> taken;     // time spent at step, in the second half
+
+  Impl(const Model& m, const Options& o, const Integrator& i, double from, double to)
+      : model(m), options(o), integrator(i), t_begin(from), t_end(to) {
+    double dt, rtol, atol;
+    SS_TRY(TSGetTimeStep(integrator.ts(), &dt));
+    SS_TRY(TSGetTolerances(integrator.ts(), &atol, nullptr, &rtol, nullptr));
+    tolerance = std::max(rtol, atol);
+    watching = !integrator.adaptive() || tolerance >= loose;
+    if (!watching) return;
+    before = model.create_vector();
+    exact = model.create_vector();
+    const double steps = (t_end - t_begin) / dt;
+    if (!integrator.adaptive() && steps > double(looks))
+      stride = static_cast<PetscInt>(std::min(steps / double(looks), 1e9));
+  }
+
+  void note_step(double from, double to) {
+    const double middle = t_begin + 0.5 * (t_end - t_begin);
+    if (to <= middle) return;
+    const double dt = to - from;
+    // Steps within a tenth of each other are taken for the same.
+    const double key = integrator.adaptive() ? std::exp2(std::round(8 * std::log2(dt)) / 8) : dt;
+    if (!integrator.adaptive() && !taken.empty()) taken.begin()->second += dt;  // the last one may be shorter
+    else taken[key] += dt;
+  }
+
+  void after(const Integrator::Step& step) {
+    const bool is_step = step.t > step.t_before;
+    if (is_step) note_step(step.t_before, step.t);
+    if (!watching) return;
+    const double audit_time = t_begin + (t_end - t_begin) * (next_audit + 0.5) / audits;
+    if (is_step && has_before) {
+      const std::array<double, 2> now = psi_change(model, before, step.u);
+      largest_psi = std::max(largest_psi, now[1]);
+      const bool new_record = now[0] > record * largest_change;
+      if (new_record) largest_change = now[0];
+      if (new_record || step.t >= audit_time) repeat(step, now[0]);
+    }
+    while (next_audit < audits && step.t >= t_begin + (t_end - t_begin) * (next_audit + 0.5) / audits) ++next_audit;
+    has_before = (step.index + 1) % stride == 0;
+    if (has_before) SS_TRY(VecCopy(step.u, before));
+  }
+
+  void repeat(const Integrator::Step& step, double change) {
+    const double dt = step.t - step.t_before;
+    if (!accurate) {
+      own_model = std::make_unique<Model>(model.comm(), model.scene());
+      accurate = std::make_unique<Integrator>(*own_model, options.with("imex_implicit", "auto"), before, "trust_");
+      SS_TRY(TSSetTimeStep(accurate->ts(), dt / 8));
+    }
+    SS_TRY(VecCopy(before, exact));
+    SS_TRY(TSSetTolerances(accurate->ts(), std::max(1e-3 * change, 1e-12), nullptr, 1e-6, nullptr));
+    SS_TRY(TSSetStepNumber(accurate->ts(), 0));
+    try {
+      const TimeReport& done = accurate->advance(exact, step.t_before, step.t, nullptr, most_steps);
+      if (done.reason != "end time") {
+        ++beyond;
+        return;
+      }
+    } catch (const Failure&) {
+      ++beyond;
+      accurate.reset();
+      return;
+    }
+    SS_TRY(TSSetTimeStep(accurate->ts(), dt / 8));  // the last step was cut short to end there
+    const Sums now = sums_of(model, before, exact, step.u);
+    for (std::size_t f = 0; f < 2; ++f) {
+      sums.error[f] += now.error[f];
+      sums.change[f] += now.change[f];
+      sums.product[f] += now.product[f];
+    }
+    longest = std::max(longest, dt);
+    ++repeated;
+  }
+};
+
+Trust::Trust(const Model& model, const Options& options, const Integrator& integrator, double t_begin, double t_end)
+    : impl_(std::make_unique<Impl>(model, options, integrator, t_begin, t_end)) {}
+Trust::~Trust() = default;
+
+void Trust::after(const Integrator::Step& step) { impl_->after(step); }
+
+Trust::Verdict Trust::verdict(Vec u) const {
+  const Impl& m = *impl_;
+  Verdict v;
+  v.repeated = m.repeated;
+  v.beyond = m.beyond;
+  // A motion of round-off size is none.
+  const double rest = 1e-7 * m.largest_psi * std::sqrt(double(std::max(1, m.repeated)) * double(m.model.scene().n));
+  if (m.repeated > 0 && m.sums.change[0] > rest * rest) {
+    double miss = 0;
+    for (std::size_t f = 0; f < 2; ++f)
+      if (m.sums.change[f] > 0) miss = std::max(miss, std::sqrt(m.sums.error[f] / m.sums.change[f]));
+    v.miss = miss;
+    v.shift = m.sums.product[0] / m.sums.change[0];
+  }
+  v.near_sliding = near_sliding(m.model, u);
+  StepForecast forecast(m.model, u, m.integrator.report().implicit, m.integrator.ts());
+  v.growth = v.growth_taken = forecast.sliding_growth(true);
+  v.growth_of_all = v.growth_taken_of_all = forecast.sliding_growth(false);
+  if (m.taken.empty()) return v;
+  v.growth_taken = forecast.sliding_growth_of(m.taken, true);
+  v.growth_taken_of_all = forecast.sliding_growth_of(m.taken, false);
+  return v;
+}
+
+bool Trust::warn_of(const Verdict& v, const std::string& regime) const {
+  const Impl& m = *impl_;
+  const std::string method = m.integrator.report().method;
+  bool told = false;
+  if (v.miss && !(*v.miss <= largest_miss)) {
+    told = true;
+    warn("the steps of " + method + " do not follow the motion: " + std::to_string(v.repeated) +
+         " of them, made again accurately, miss " + percent(*v.miss) + " of its change" +
+         (std::abs(*v.shift) > 0.01
+              ? ", and it runs " + percent(std::abs(*v.shift)) + (*v.shift > 0 ? " too far" : " too short") + " in them"
+              : "") +
+         "; wave speeds, periods and the regime may be wrong (" +
+         (m.integrator.adaptive() ? "tighten ts_rtol and ts_atol" : "reduce ts_dt, or use an adaptive method") + ")");
+  }
+  if (v.beyond > 0) {
+    told = true;
+    warn(std::to_string(v.beyond) + " of the " + std::to_string(v.beyond + v.repeated) + " steps of " + method +
+         " that were looked at could not be made again accurately (at most " + std::to_string(most_steps) +
+         " steps were tried for each): nothing vouches for them");
+  }
+  const double duration = m.t_end - m.t_begin, longest = m.taken.empty() ? 0 : m.taken.rbegin()->first;
+  const std::string step = "steps of up to " + rounded(longest) + " with " + method;
+  if (v.near_sliding && regime == "sliding" && v.growth * duration > 5 && v.growth_taken < 0.5 * v.growth) {
+    told = true;
+    warn("steady sliding is unstable here, its perturbations grow like exp(" + rounded(v.growth) + " t), but " + step +
+         " let them " + (v.growth_taken > 0 ? "grow like exp(" : "decay like exp(") + rounded(v.growth_taken) +
+         " t): the regime `" + regime + "` is the method's, not the scene's (reduce ts_dt" +
+         (m.integrator.adaptive() ? ", ts_rtol or ts_atol)" : ")"));
+  }
+  if (!m.integrator.adaptive() && v.growth_of_all <= 0 && regime != "sliding" && v.growth_taken_of_all * duration > 1) {
+    told = true;
+    warn("steady sliding is stable here, but " + step + " make its perturbations grow like exp(" +
+         rounded(v.growth_taken_of_all) + " t): the regime `" + regime +
+         "` may be the method's, not the scene's (reduce ts_dt)");
+  }
+  return told;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,123 @@
+"""Methods fail, and the program says so: for each way to fail a run that goes wrong, with a warning or exit code 1; and
+sound runs of the same scenes, which stay silent."""
+import json
+import os
+import subprocess
+
+PROGRAM = os.environ["STICKSLIP"]
+failures = 0
+
+
+def check(condition, what):
+    global failures
+    if not condition:
+        failures += 1
+        print("FAILED:", what)
+
+
+class Run:
+    def __init__(self, arguments):
+        done = subprocess.run([PROGRAM, "run", "-progress", "off", "-summary", "-"] + arguments.split(),
+                              capture_output=True, text=True, check=False)
+        self.arguments, self.code, self.said = arguments, done.returncode, done.stderr
+        self.summary = json.loads(done.stdout)
+        self.regime, self.speed = self.summary["regime"], self.summary["wave_speed"]
+        self.amplitude = self.summary["amplitude"]
+
+    def expect(self, code, *texts):
+        check(self.code == code, f"{self.arguments}: exit {self.code}, not {code}: {self.said}")
+        for text in texts:
+            check(text in self.said, f"{self.arguments}: no '{text}' in: {self.said}")
+        if not texts:
+            check(self.said == "", f"{self.arguments}: not silent: {self.said}")
+        return self
+
+
+# Four pulses on a ring of 100, V = 2.68955 (docs/waves.md).
+TRAIN, SPEED, AMPLITUDE = ("-model_delta 0 -model_v 0.5 -init_type wave -init_pulses 4 -grid_length 100 -grid_n 192 "
+                           "-scene_reduce off -ts_max_time 20 "), 2.68955, 2.012
+# Sliding with a little noise, unstable below v = 0.966.
+SLIDING = "-grid_n 64 -grid_length 20 -init_psi steady -init_eta steady -init_noise 1e-3 "
+NOT_FOLLOWED = "do not follow the motion"
+
+
+def sound_runs():
+    for method in ["rk -ts_rk_type 4 -ts_dt 0.1", "rk -ts_rk_type 3bs", "arkimex -imex_implicit both", "rosw", "bdf",
+                   "cn -ts_dt 0.05", "beuler -ts_dt 0.01", "ssp -ts_dt 0.05"]:
+        run = Run(TRAIN + "-ts_type " + method).expect(0)
+        check(abs(run.speed / SPEED - 1) < 3e-3, f"{method}: speed {run.speed}")
+    # far from sliding, where friction is stiff, long implicit steps are right although sliding is unstable
+    Run("-model_gamma 300 -model_delta 0 -grid_n 16 -grid_length 1 -init_psi 2 -init_eta 0.65 -ts_max_time 80 "
+        "-scene_reduce off -ts_type arkimex -imex_implicit both").expect(0)
+    Run(SLIDING + "-model_v 1.1 -ts_max_time 100").expect(0)
+    Run(SLIDING + "-model_v 1.1 -ts_max_time 100 -ts_type arkimex -imex_implicit both").expect(0)
+
+
+def blow_up():
+    Run(TRAIN + "-ts_type rk -ts_rk_type 4 -ts_dt 0.6").expect(
+        1, "beyond the stability limit of rk:4", "the solution is not finite")
+    # linearly implicit: no Newton's method that could fail, but the step is as wrong as its one linear solve
+    Run(TRAIN + "-ts_type rosw -ts_adapt_type none -ts_dt 2").expect(1, "the solution is not finite")
+    # beyond the limit and yet bounded: friction holds the short waves
+    run = Run(TRAIN + "-ts_type arkimex -ts_adapt_type none -ts_dt 1 -imex_implicit friction").expect(
+        0, "beyond the stability limit of arkimex:4", NOT_FOLLOWED)
+    check(run.amplitude > 1.5 * AMPLITUDE, f"short waves: amplitude {run.amplitude}")
+
+
+def newton_divergence():
+    Run(TRAIN + "-ts_type beuler -ts_dt 1").expect(1, "Newton's method failed in the implicit part")
+
+
+def false_stability():
+    # fixed steps
+    run = Run(TRAIN + "-ts_max_time 40 -ts_type beuler -ts_dt 5").expect(
+        0, "let them decay like exp(", "the regime `sliding` is the method's", NOT_FOLLOWED)
+    check(run.regime == "sliding", f"backward Euler: {run.regime}")
+    # Adaptive ones: an instability below the tolerance is not seen by the error estimate.
+    calm = SLIDING.replace("1e-3", "1e-7") + "-model_v 0.95 -ts_max_time 1000 "
+    for method in ["rosw", "bdf", "cn -ts_adapt_type basic", "arkimex -imex_implicit both"]:
+        run = Run(calm + "-ts_type " + method).expect(0, "steady sliding is unstable here", "the method's, not")
+        check(run.regime == "sliding" and run.summary["steps"] < 50, f"{method}: {run.regime}")
+    # An explicit step is bounded by stability, and the instability grows as it should.
+    run = Run(calm + "-ts_max_time 300 -ts_type rk -ts_rk_type 3bs -grid_n 16")
+    growing = Run(calm + "-ts_max_time 400 -ts_type rk -ts_rk_type 3bs -grid_n 16")
+    check(growing.amplitude > 50 * run.amplitude and "method's" not in growing.said, "explicit steps let it grow")
+
+
+def false_instability():
+    stable = SLIDING + "-model_v 1.1 -ts_max_time 100 "
+    run = Run(stable + "-ts_type bdf -ts_bdf_order 4 -ts_adapt_type none -ts_dt 0.3").expect(
+        0, "beyond the stability limit of bdf:4", "steady sliding is stable here")
+    check(run.regime == "stick-slip", f"bdf 4: {run.regime}")
+
+
+def spurious_roots():
+    # Beyond dt = 0.382 the equations of a step of backward Euler have three solutions at gamma = 3 (test_limits.cpp).
+    Run(TRAIN + "-ts_type beuler -ts_dt 0.38").expect(0, NOT_FOLLOWED)
+    check("several solutions" not in Run(TRAIN + "-ts_type beuler -ts_dt 0.38").said, "one solution below the bound")
+    run = Run(TRAIN + "-ts_type beuler -ts_dt 0.5").expect(0, "have several solutions", "up to about 0.382")
+    check(run.speed is None or abs(run.speed / SPEED - 1) > 0.2, f"spurious roots: speed {run.speed}")
+
+
+def wrong_speed():
+    for method, wrong in [("cn -ts_dt 0.5", 0.02), ("beuler -ts_dt 0.1", 0.03),
+                          ("bdf -ts_adapt_type none -ts_dt 0.5", 0.05), ("bdf -ts_rtol 0.1 -ts_atol 0.1", 0.05)]:
+        run = Run(TRAIN + "-ts_max_time 30 -ts_type " + method).expect(0, NOT_FOLLOWED)
+        check(abs(run.speed / SPEED - 1) > wrong, f"{method}: speed {run.speed}")
+    # in space: eleven pulses at V = 1.21281, near c, whose fronts the grid does not carry
+    near = ("-scene_reduce off -model_delta 0 -model_v 0.5 -init_type wave -init_pulses 11 -grid_length 100 "
+            "-grid_order 2 -ts_max_time 20 ")
+    run = Run(near + "-grid_n 256").expect(0, "a front is not resolved")
+    check(abs(run.speed / 1.21281 - 1) > 0.02, f"dispersion: speed {run.speed}")
+    run = Run(near + "-grid_n 1024 -grid_order 4").expect(0)
+    check(abs(run.speed / 1.21281 - 1) < 1e-3, f"resolved: speed {run.speed}")
+
+
+sound_runs()
+blow_up()
+newton_divergence()
+false_stability()
+false_instability()
+spurious_roots()
+wrong_speed()
+raise SystemExit(1 if failures else 0)
