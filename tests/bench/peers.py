@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import diags, bmat, identity
 
 TARGETS = [1e-4, 1e-6, 1e-9]
-LONGEST = 40  # seconds of one run, after which a method goes no further
+LONGEST = 8  # seconds of one run, after which a method goes no further
 SCENES = [  # as in bench_peers.cpp: name, gamma, c, ring, t_end, methods
     ("smooth ring", 3.0, 1.0, True, 10.0, ["RK45", "DOP853", "LSODA"]),
     ("stiff friction", 300.0, 1.0, False, 60.0, ["RK45", "DOP853", "LSODA", "BDF", "Radau"]),
