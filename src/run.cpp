@@ -325,6 +325,9 @@ class Run {
     if (t_ > t_end_)
       throw UsageError("ts_max_time " + options_.text("ts_max_time") + " lies before the time " + number_text(t_) +
                        " of checkpoint '" + options_.text("restart") + "'");
+    if (t_ == t_end_)
+      warn("restart '" + options_.text("restart") + "': this run is at its end already, ts_max_time " +
+           options_.text("ts_max_time") + "; nothing is left to do");
     if (model_.comm() == PETSC_COMM_SELF) share(checkpoint.state);
     gather_.spread(checkpoint.state, u_);
     rejections_before_ = static_cast<PetscInt>(checkpoint.numbers.at("rejections"));

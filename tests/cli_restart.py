@@ -1,0 +1,230 @@
+"""Checkpoints and restarts, from the command line: every method goes on bitwise alike or says before it starts that it
+will not; checkpoints by the clock and by signals; what is refused, and with which words."""
+import glob
+import os
+import signal
+import subprocess
+import time
+
+import h5py
+import numpy as np
+
+from cli import check, data, finish, line, methods, refused, run, same, scratch
+
+TINY = ("-grid_n 20 -grid_length 12 -init_type sine -ts_max_time 0.9 -out_frames 7 -out_probes 3,7.1 -ts_dt 0.02"
+        " -ts_max_steps 40")
+WHOLE = " -ts_max_steps 100000"  # to the end time, which does not depend on the rounding of the steps
+RESULTS = ("t_end steps rejections rhs_evaluations psi_min psi_max psi_mean eta_mean probes regime amplitude "
+           "wave_speed pulses").split()
+
+
+def clear(stem):
+    for name in glob.glob(stem + ".*"):
+        os.remove(name)
+
+
+def goes_on(arguments, name, ranks=2, every=3):
+    """A run with checkpoints, and the same from one of them: appended to its file it is the same file. On other ranks
+    the answer is the same to 1e-12."""
+    clear("whole")
+    if ranks > 1:
+        arguments += WHOLE
+    whole, _ = run(f"{TINY} {arguments} -out_file whole.h5 -out_checkpoint_every {every} -out_checkpoint_keep 1000")
+    reference = data("whole.h5")
+    checkpoints = sorted(glob.glob("whole.chk-*.h5"))
+    check(len(checkpoints) >= 2, f"{name}: {len(checkpoints)} checkpoints")
+    middle = checkpoints[(len(checkpoints) - 1) // 2]
+    again, _ = run(f"-restart {middle} -out_file whole.h5")
+    same(reference, data("whole.h5"), f"{name} after a restart")
+    differing = [key for key in RESULTS if whole[key] != again[key]]
+    check(not differing, f"{name}: {differing} in the summary after a restart")
+    if ranks > 1:
+        # the same checkpoints again, since the method restarts there; a file of its own
+        other, _ = run(f"-restart {middle} -out_file other.h5", ranks)
+        differences = [abs(whole[key] - other[key]) for key in ("t_end", "psi_min", "psi_max", "psi_mean", "eta_mean")]
+        differences += [abs(a[key] - b[key]) for a, b in zip(whole["probes"], other["probes"]) for key in ("psi", "eta")]
+        check(max(differences) < 1e-12, f"{name}: differs by {max(differences)} after a restart on {ranks} ranks")
+        clear("other")
+
+
+def every_method():
+    several = {"rk:5dp none", "rk:3bs none", "euler none", "ssp:rks2 none", "arkimex:3 friction", "arkimex:4 wave",
+               "arkimex:4 both", "rosw:ra34pw2 both", "bdf:2 both", "bdf:6 both", "theta both", "cn both", "alpha both"}
+    names = set()
+    for arguments, name in methods():
+        names.add(name)
+        goes_on(arguments, name, ranks=2 if name in several else 1)
+    check(len(names) >= 75 and several < names, f"{len(names)} methods and splits in docs/methods.md")
+
+
+def every_controller():
+    for arguments in ("-ts_adapt_type dsp", "-ts_type rk -ts_rk_type 3bs -ts_adapt_type dsp",
+                      "-ts_type bdf -ts_adapt_type dsp", "-ts_type theta -ts_adapt_type basic",
+                      "-ts_type alpha -ts_adapt_type basic", "-ts_type bdf -ts_bdf_order 4 -ts_adapt_type none",
+                      "-ts_adapt_time_step_increase_delay 3",
+                      "-ts_type arkimex -imex_implicit both -ts_arkimex_initial_guess_extrapolate"):
+        goes_on(arguments, arguments, ranks=1, every=3)
+
+
+def memory_is_told():
+    """What PETSc's solvers keep between steps is in no checkpoint: told before the run, where there are checkpoints."""
+    for arguments in ("-snes_lag_jacobian -2", "-snes_lag_preconditioner 4 -snes_lag_preconditioner_persists true",
+                      "-snes_type qn -snes_max_it 300"):
+        scene = f"{TINY} -ts_type arkimex -imex_implicit both {arguments}"
+        _, said = run(scene + " -out_file lag.h5 -out_checkpoint_every 4 -ts_max_steps 8")
+        check("not to the last bit" in said and arguments.split()[0] in said, f"{arguments}: {said}")
+        _, said = run(scene + " -ts_max_steps 8")
+        check("not to the last bit" not in said, f"{arguments} without checkpoints: {said}")
+    clear("lag")
+
+
+# rk:3bs goes on bitwise whether or not the uninterrupted run has a checkpoint there
+LONG = "-grid_n 400 -init_type sine -ts_max_time 30 -ts_type rk -ts_rk_type 3bs -ts_rtol 1e-9 -ts_atol 1e-9"
+LONG += " -out_frames 301 -out_probes 4.2"
+
+
+def by_the_clock():
+    run(f"{LONG} -out_file plain.h5")
+    reference = data("plain.h5")
+    run(f"{LONG} -out_file clock.h5 -out_checkpoint_every 0.05s -out_checkpoint_keep 1000")
+    same(reference, data("clock.h5"), "checkpoints by the clock do not show in the answer")
+    checkpoints = sorted(glob.glob("clock.chk-*.h5"))
+    check(len(checkpoints) >= 3, f"{len(checkpoints)} checkpoints by the clock")
+    run(f"-restart {checkpoints[0]} -out_file clock.h5")
+    same(reference, data("clock.h5"), "a restart from a checkpoint by the clock")
+    return reference
+
+
+def by_signal(reference):
+    """SIGUSR1 goes on; SIGTERM and SIGINT stop; a restart completes the same file. mpirun returns codes of its own."""
+    for ranks in (1, 2):
+        expected = reference
+        if ranks > 1:
+            run(f"{LONG} -out_file plain{ranks}.h5", ranks)
+            expected = data(f"plain{ranks}.h5")
+        for number in (signal.SIGUSR1, signal.SIGTERM, signal.SIGINT):
+            clear("signal")
+            process = subprocess.Popen(line(f"{LONG} -out_file signal.h5 -summary signal.json", ranks),
+                                       stderr=subprocess.PIPE, text=True)
+            while not os.path.exists("signal.h5") and process.poll() is None:
+                time.sleep(0.002)
+            process.send_signal(number)
+            begin = time.monotonic()
+            _, said = process.communicate(timeout=60)
+            name = f"{number.name} on {ranks} ranks"
+            checkpoints = glob.glob("signal.chk-*.h5")
+            check(len(checkpoints) == 1, f"{name}: {len(checkpoints)} checkpoints; {said}")
+            with open("signal.json", encoding="utf-8") as file:
+                text = file.read()
+            if number == signal.SIGUSR1:
+                check(process.returncode == 0 and '"status": "done"' in text, f"{name} goes on: {said}")
+            else:
+                check(time.monotonic() - begin < 5, f"{name} stops soon")
+                heard = number.name if ranks == 1 else "SIGTERM"  # mpirun passes SIGINT on as SIGTERM
+                check('"status": "stopped"' in text and f'"{heard}; checkpoint signal.chk-' in text, text[:500])
+                check(process.returncode == (128 + number if ranks == 1 else process.returncode) != 0, f"{name}: code")
+            if checkpoints:
+                run(f"-restart {checkpoints[0]} -out_file signal.h5", ranks)
+            same(expected, data("signal.h5"), name)
+
+
+def checksum(path):
+    """The user block's line of text for what follows it (FNV-1a, 64 bits)."""
+    with open(path, "rb") as file:
+        content = file.read()[512:]
+    value = 1469598103934665603
+    for byte in content:
+        value = (value ^ byte) * 1099511628211 & 0xFFFFFFFFFFFFFFFF
+    return f"stickslip checkpoint\nfnv1a64 {value:016x}\nbytes {len(content)}\n".encode()
+
+
+def altered(source, path, change):
+    """A copy of a checkpoint with something changed in it, and a checksum that fits again."""
+    with open(source, "rb") as file, open(path, "wb") as copy:
+        copy.write(file.read())
+    with h5py.File(path, "r+") as file:
+        change(file)
+    block = checksum(path)
+    with open(path, "r+b") as file:
+        file.write(block.ljust(512, b"\0"))
+
+
+def refusals():
+    scene = f"{TINY} -ts_rk_type 3bs"
+    run(f"{scene} -out_file r.h5 -out_checkpoint_every 8")
+    checkpoint = sorted(glob.glob("r.chk-*.h5"))[0]
+    before = data("r.h5")
+
+    # another scene, another step: the difference is named
+    refused(f"-restart {checkpoint} -ts_dt 0.3", 2, "-ts_dt 0.3", "0.02", "checkpoint")
+    refused(f"-restart {checkpoint} -model_gamma 4", 2, "-model_gamma 4", "checkpoint")
+    refused(f"-restart {checkpoint} -ts_rk_type 5dp", 2, "-ts_rk_type 5dp", "3bs")
+    refused(f"-restart {checkpoint} -init_type uniform", 2, "-init_type uniform", "sine", ranks=2)
+    with open("other.yaml", "w", encoding="utf-8") as file:
+        file.write("model: {gamma: 3, c: 2}\n")
+    refused(f"other.yaml -restart {checkpoint}", 2, "-model_c 2", "checkpoint")
+    refused(f"-restart {checkpoint} -ts_max_time 1e-3", 2, "ts_max_time 1e-3", "before the time")
+    run("-grid_n 24 -ts_max_time 1 -out_file grid.h5")
+    refused(f"-restart {checkpoint} -out_file grid.h5", 2, "grid.h5", "another grid")
+
+    # another version, or no checkpoint at all
+    altered(checkpoint, "old.h5", lambda file: file.attrs.__setitem__("version", "0.0.9"))
+    refused("-restart old.h5", 2, "old.h5", "version 0.0.9", "go on with the version that wrote it")
+    altered(checkpoint, "git.h5", lambda file: file.attrs.__setitem__("git", "0123abc"))
+    _, said = run("-restart git.h5 -out_file git-run.h5")
+    check("revision 0123abc" in said, f"another revision is told: {said}")
+    refused("-restart r.h5", 2, "r.h5", "is not a checkpoint")
+    refused("-restart none.h5", 2, "none.h5", "No such file")
+    refused("-restart .", 2, "restart '.'", "not a file")
+
+    # senseless in spite of a checksum that fits
+    def attribute(name, value, group="/"):
+        return lambda file: file[group].attrs.__setitem__(name, value)
+    for change, part in [(attribute("t", float("nan")), "no run can have"), (attribute("dt", -1.), "no run can have"),
+                         (attribute("step", -3), "no run can have"), (attribute("kind", "run"), "is no checkpoint"),
+                         (attribute("texts", "{"), "bad.h5"), (lambda file: file.pop("state"), "bad.h5"),
+                         (lambda file: file["numbers"].attrs.pop("t_end"), "not a whole checkpoint"),
+                         (attribute("nodes", 0., "numbers"), "nodes"),
+                         (attribute("nodes", 10., "numbers"), "state does not fit")]:
+        altered(checkpoint, "bad.h5", change)
+        refused("-restart bad.h5", 2, part)
+
+    # damage to single bytes is found by the checksum, a cut too
+    with open(checkpoint, "rb") as file:
+        content = file.read()
+    rng = np.random.default_rng(3)
+    for at in [*rng.integers(0, len(content), 12), 511, 512, 513]:
+        broken = bytearray(content)
+        broken[at] ^= 1 + int(rng.integers(255))
+        with open("bad.h5", "wb") as file:
+            file.write(broken)
+        if at < 512 and not bytes(content[at:at + 1]).strip(b"\0"):
+            continue  # beyond the block's text
+        refused("-restart bad.h5", 2, "bad.h5")
+    for length in (0, 100, 512, len(content) // 2, len(content) - 1):
+        with open("bad.h5", "wb") as file:
+            file.write(content[:length])
+        refused("-restart bad.h5", 2, "bad.h5")
+    same(before, data("r.h5"), "refusals leave the results alone")
+
+
+def extended():
+    """A finished run goes on; frames, probes and series have no row twice and none missing."""
+    scene = f"{TINY} {WHOLE} -ts_rk_type 3bs -out_every 0.1".replace("-out_frames 7", "")
+    run(f"{scene} -out_file e.h5 -out_checkpoint_every 8")
+    last = sorted(glob.glob("e.chk-*.h5"))[-1]
+    summary, _ = run(f"-restart {last} -out_file e.h5 -ts_max_time 1.2")
+    now = data("e.h5")
+    check(np.allclose(now["t"], np.arange(13) * 0.1, atol=1e-12), f"frames: {now['t']}")
+    for name in ("probes/t", "series/t"):
+        check((np.diff(now[name]) > 0).all() and len(now[name]) == summary["steps"] + 1, f"rows of {name}")
+    check(np.array_equal(now["series/step"], np.arange(summary["steps"] + 1)), "every step has its row")
+
+
+with scratch():
+    for part in (every_method, every_controller, memory_is_told, refusals, extended):
+        begin = time.monotonic()
+        part()
+        print(f"{part.__name__}: {time.monotonic() - begin:.1f} s", flush=True)
+    by_signal(by_the_clock())
+finish()
