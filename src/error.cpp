@@ -10,9 +10,17 @@ namespace {
 std::exception_ptr pending;
 std::string petsc_line;
 std::vector<std::string> kept_warnings;
+std::vector<std::string>* diverted = nullptr;  // of the innermost WarningsKept
 }  // namespace
 
+WarningsKept::WarningsKept(std::vector<std::string>& into) : before_(std::exchange(diverted, &into)) {}
+WarningsKept::~WarningsKept() { diverted = before_; }
+
 void warn(const std::string& text) {
+  if (diverted) {
+    if (std::find(diverted->begin(), diverted->end(), text) == diverted->end()) diverted->push_back(text);
+    return;
+  }
   if (std::find(kept_warnings.begin(), kept_warnings.end(), text) != kept_warnings.end()) return;
   kept_warnings.push_back(text);
   int rank = 0;

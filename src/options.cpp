@@ -232,16 +232,24 @@ std::vector<OptionSpec> make_table() {
   OptionSpec& tolerances = t.add("chart_tolerances", OptionType::real_list, "", "tolerances of the methods");
   tolerances.low = 0;
   tolerances.open_low = true;
-  tolerances.default_help = "1e-2 to 1e-8";
+  tolerances.default_help = "1e-3,1e-5,1e-7,1e-9";
+  OptionSpec& steps = t.add("chart_steps", OptionType::real_list, "", "steps of methods without an error estimate");
+  steps.unit = "time";
+  steps.low = 0;
+  steps.open_low = true;
+  steps.default_help = "tolerance^(1/order)/sqrt(A K0)";
   OptionSpec& orders = t.add("chart_orders", OptionType::integer_list, "", "grid orders");
   orders.low = 2;
   orders.high = 8;
-  orders.default_help = "grid_order";
+  orders.default_help = "grid_order; where that is unset 2,4,8 (2,4,6 with held ends)";
   OptionSpec& grids = t.add("chart_grids", OptionType::integer_list, "", "grid sizes");
   grids.low = 1;
   grids.high = n_max;
-  grids.default_help = "grid_n";
-  t.text("chart_reference", "auto", "reference: auto, or an HDF5 file of this program");
+  grids.default_help = "grid_n/2,grid_n";
+  t.text("chart_reference", "auto", "reference: auto, or an HDF5 file of this program's `run`");
+  t.integer("chart_repeats", "3", 1, int_max, "runs of each row, of which the median time counts");
+  t.positive("chart_row_seconds", "10", "processor time after which a row is given up", "seconds");
+  t.positive("chart_reference_seconds", "20", "processor time that a reference solution on one grid may take", "seconds");
 
   t.in("Laws", "laws");
   t.real("laws_from", "-3", "smallest velocity of the table", "velocity");

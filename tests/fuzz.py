@@ -45,6 +45,14 @@ SMALL = {
     "boundary_verify": lambda r: "0",
     "wave_steps": lambda r: r.choice(["1", "3"]),
     "accuracy": lambda r: r.choice(["1e-2", "1e-3"]),
+    "chart_methods": lambda r: r.choice(["rk:3bs", "rk", "arkimex:3:both", "rk:4,cn", "rosw:ra34pw2", "rk:5dp:wave"]),
+    "chart_tolerances": lambda r: r.choice(["1e-2", "1e-3,1e-1", "1"]),
+    "chart_steps": lambda r: r.choice(["0.01", "0.1,0.05", "1e3"]),
+    "chart_orders": lambda r: r.choice(["2", "2,4", "8", "3"]),
+    "chart_grids": lambda r: r.choice(["16", "9,17,12", "4", "32"]),
+    "chart_repeats": lambda r: r.choice(["1", "2"]),
+    "chart_row_seconds": lambda r: r.choice(["0.01", "0.1"]),
+    "chart_reference_seconds": lambda r: "0.1",
 }
 TEXTS = {"out_file": ["new.h5", "notes.txt", "no/such/folder/a.h5", ".", "sub/new.h5", "ring space.h5", "é.h5"],
          "summary": ["new.json", "notes.txt", "no/such/folder/a.json", "."],
@@ -222,6 +230,8 @@ class Case:
             pairs[r.choice(["wave_length", "wave_speed"])] = r.choice(["100", "40", "3"])
         if self.command == "boundary" and r.random() < 0.9:
             pairs.update({"boundary_parameter": "model_v", "boundary_from": "0.5", "boundary_to": "1.5"})
+        pairs.update({"chart_methods": "rk:3bs,arkimex:4", "chart_tolerances": "1e-2", "chart_repeats": "1",
+                      "chart_row_seconds": "0.1", "chart_reference_seconds": "0.2"})
         pairs = {name: value for name, value in pairs.items() if any(o.name == name for o in options)}
         # mostly of one law and one form, so that many cases are consistent
         laws = {"model_form": ["continuum", "continuum", "chain"],

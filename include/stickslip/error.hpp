@@ -55,6 +55,18 @@ class RankFailure : public Error {
 void warn(const std::string& text);
 const std::vector<std::string>& warnings();
 
+// While it lives, warnings go to `into` alone: neither printed nor kept for the summary.
+class WarningsKept {
+ public:
+  explicit WarningsKept(std::vector<std::string>& into);
+  ~WarningsKept();
+  WarningsKept(const WarningsKept&) = delete;
+  WarningsKept& operator=(const WarningsKept&) = delete;
+
+ private:
+  std::vector<std::string>* before_;
+};
+
 namespace detail {
 void keep_pending(std::exception_ptr e);      // kept by guarded()
 [[noreturn]] void throw_petsc(PetscErrorCode code);  // the pending exception, else what PETSc's handler was told

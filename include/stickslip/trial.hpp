@@ -1,0 +1,92 @@
+// One run of a scene by one method on one grid, kept in memory: its solution at the end, its price, or why it failed.
+// The bricks of `chart` and of `accuracy`.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "stickslip/options.hpp"
+#include "stickslip/scene.hpp"
+
+namespace stickslip {
+
+// A method as the user names it: type[:subtype[:implicit]], e.g. rk:5dp, arkimex:4:friction, cn.
+struct MethodChoice {
+  std::string type, subtype, implicit = "auto";
+
+  std::string name() const;
+  int order() const;
+  bool has_estimate() const;  // chooses its steps by an estimate of their error; otherwise every step is the same
+  bool splits() const;        // IMEX: `implicit` says what it takes implicitly
+  bool is_explicit() const;
+
+  // Throws UsageError, which begins with `WHAT TEXT: `, for what is not offered here or does not split so.
+  static MethodChoice parse(const std::string& what, const std::string& text);
+};
+
+struct Setting {
+  MethodChoice method;
+  double tolerance = 1e-6;  // ts_rtol = ts_atol
+  double step = 0;          // ts_dt of a method without an error estimate
+  int order = 4;            // in space
+  PetscInt n = 0;
+};
+
+// psi and eta at every node, on every rank.
+struct Fields {
+  std::vector<double> psi, eta;
+};
+
+struct Trial {
+  Fields end;               // empty where it failed
+  double seconds = 0;       // processor time from setting the method up to the end, the largest over the ranks
+  PetscInt steps = 0, rejections = 0;
+  long rhs_evaluations = 0;
+  std::string method, implicit;
+  std::string failed;       // "" or why
+  std::vector<std::string> warnings;
+};
+
+// Processor time of this process so far; collectively the largest over the ranks.
+double processor_seconds();
+double largest_processor_seconds();
+
+// The options of the scene on another grid: grid_n, grid_order and imex_implicit are set.
+Options options_for(const Options& options, const Setting& setting);
+
+// Runs from the scene's start to ts_max_time. PETSC's options are read with `prefix`; those of the method are set for
+// the time of the run. A computation that fails, or that would take more than `limit` seconds, is reported in `failed`;
+// warnings are kept and not printed. Throws UsageError where scene or start cannot be had on this grid. Collective.
+Trial run_trial(const Options& options, const Setting& setting, const std::string& prefix, double limit);
+
+// Sets up what each of the settings needs and throws UsageError where that cannot be had: to be called before any work.
+// Warnings about the start are printed, once. Collective.
+void check_settings(const Options& options, const std::vector<Setting>& settings);
+
+// Whether the solution is that of a differential equation in x, which a finer grid comes nearer to: not for the chain,
+// not for a start that lives on one grid (init_noise, a file).
+bool has_grid_limit(const Options& options, const Scene& scene);
+
+// The orders in space that the scene can be solved with.
+std::vector<int> possible_orders(const Scene& scene);
+
+// The fields of one grid at the nodes of another, by the interpolating polynomial of degree scene.order; nodes in
+// common are taken as they are.
+Fields resample(const Fields& fields, const Scene& from, const Scene& to);
+// Largest |difference| of psi and eta.
+double distance(const Fields& a, const Fields& b);
+
+// The solution of a semi-discrete system with an error in time far below any other: by two methods of high order, whose
+// distance is taken as its error. Explicit ones where they can finish within `limit` seconds, else implicit ones.
+struct Converged {
+  Scene scene;
+  Fields fields;
+  double time_error = 0;
+  double seconds = 0;
+  std::string method, failed;
+};
+Converged converge_in_time(const Options& options, int order, PetscInt n, double limit);
+
+}  // namespace stickslip
