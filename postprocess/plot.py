@@ -504,6 +504,51 @@ def draw_boundary(file, args):
     return figure
 
 
+# ---- chart ----------------------------------------------------------------------------------------------------------
+
+def draw_chart(file, args):
+    """Error against processor time, the front of best choices marked."""
+    if "cost" not in file:
+        raise Unusable("is a chart of another kind, of which there is no picture")
+    error, seconds = file["error"][...], file["cost"][...]
+    order, n, best = (file[name][...].astype(int) for name in ("order", "n", "best"))
+    method, implicit = ([text(value) for value in file[name][...]] for name in ("method", "implicit"))
+    names = [m + ("" if i in ("none", "auto") or not m.startswith("arkimex") else f", {i} implicit")
+             for m, i in zip(method, implicit)]
+    figure = Figure(figsize=(8.6, 5.4), layout="constrained")
+    axes = figure.subplots()
+    marks = dict(zip(sorted(set(order)), "osD^"))
+    grids = sorted(set(n))
+    colours = {name: COLOURS[k % len(COLOURS)] for k, name in enumerate(dict.fromkeys(names))}
+    drawn = np.isfinite(error) & np.isfinite(seconds) & (error > 0)
+    for k in np.flatnonzero(drawn):
+        axes.plot(seconds[k], error[k], marks[order[k]], ms=4 + 5 * (grids.index(n[k]) + 1) / len(grids), ls="none",
+                  color=colours[names[k]], mfc=colours[names[k]] if best[k] else "none", alpha=1 if best[k] else 0.6)
+    front = np.flatnonzero(best & drawn)
+    front = front[np.argsort(seconds[front])]
+    axes.plot(seconds[front], error[front], color="0.25", lw=1, zorder=0, drawstyle="steps-post")
+    axes.set(xscale="log", yscale="log", xlabel="processor time in seconds, median of the repetitions",
+             ylabel="largest error of ψ and η at the end")
+    for name, colour in colours.items():
+        if any(drawn[k] and names[k] == name for k in range(len(names))):
+            axes.plot([], [], "o", color=colour, label=name)
+    for value, mark in marks.items():
+        axes.plot([], [], mark, color="0.4", mfc="none", label=f"order {value} in x")
+    if len(grids) > 1:
+        axes.plot([], [], "o", color="0.4", mfc="none", ms=6, label=f"size: n = {', '.join(map(str, grids))}")
+    axes.plot([], [], color="0.25", lw=1, label="best choices (filled)")
+    reference = float(file.attrs["reference_error"])
+    if np.isfinite(reference) and drawn.any() and reference * 100 > error[drawn].min() / 30:
+        axes.axhline(100 * reference, color="0.6", lw=0.8, ls=":", label="100 times the reference's error")
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    dropped = int((~drawn).sum())
+    if dropped:
+        axes.text(0.01, 0.01, f"{dropped} of {len(error)} rows have no error to draw", transform=axes.transAxes,
+                  fontsize=8, color="0.4")
+    set_title(axes, scene_title(file))
+    return figure
+
+
 def deepest(inside):
     """Row and column of the True entry farthest from every False one and from the rim."""
     layer, last = np.pad(inside, 1), None
@@ -516,7 +561,8 @@ def deepest(inside):
     return rows[middle], columns[middle]
 
 
-KINDS = {"run": draw_run, "laws": draw_laws, "spectrum": draw_spectrum, "wave": draw_wave, "boundary": draw_boundary}
+KINDS = {"run": draw_run, "laws": draw_laws, "spectrum": draw_spectrum, "wave": draw_wave, "boundary": draw_boundary,
+         "chart": draw_chart}
 
 
 def draw(path, args):

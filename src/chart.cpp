@@ -342,13 +342,15 @@ class Chart {
         last = difference(converged(order, rungs[k - 1]), fine);
       }
       if (k < 1) continue;
+      if (k > 1 && last > before && last < 1e-6) {  // round-off, which grows with 1/h^2: the grid before was the better
+        reference_error_ = last + reference_->time_error;
+        reference_text_ = described(before, last, order) + "; finer grids are worse by round-off";
+        break;
+      }
       const double in_space = k > 1 ? error_of_finest(before, last, order) : 2 * last;
       reference_ = fine;
       reference_error_ = in_space + fine.time_error;
-      reference_text_ = "n = " + std::to_string(fine.scene.n) + ", order " + std::to_string(order) + ", " +
-                        fine.method + "; differences of the last grids " +
-                        (k > 1 ? number_text(before) + ", " : "") + number_text(last) + ", error in time " +
-                        number_text(fine.time_error);
+      reference_text_ = described(before, last, order);
       if (last <= fine.time_error || (k > 1 && in_space <= fine.time_error)) break;
       double smallest = std::numeric_limits<double>::infinity();
       for (const Setting& s : settings_) {
@@ -358,6 +360,13 @@ class Chart {
       if (k > 1 && reference_error_ * 2 * margin <= smallest) break;
       if (4 * fine.seconds > 3 * reference_limit_) break;  // the next grid would take that long
     }
+  }
+
+  std::string described(double before, double last, int order) const {
+    return "n = " + std::to_string(reference_->scene.n) + ", order " + std::to_string(order) + ", " +
+           reference_->method + "; differences of the last grids " +
+           (std::isnan(before) ? "" : number_text(before) + ", ") + number_text(last) + ", error in time " +
+           number_text(reference_->time_error);
   }
 
   // Of two grids: at the nodes of the coarser one and at those of every row.
@@ -670,7 +679,11 @@ int chart_errors(const Options& options) {
       (void)report();
       throw;
     }
-    write_file(out_file, provenance, chart.rows(), report(), chart);
+    const std::vector<std::size_t> front = report();
+    if (front.empty())
+      warn("no row has an error that could be told: see `failed` of the rows (more chart_reference_seconds, a shorter "
+           "ts_max_time or finer grids help)");
+    write_file(out_file, provenance, chart.rows(), front, chart);
     log.remove();
     return 0;
   });

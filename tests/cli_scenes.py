@@ -7,7 +7,8 @@ import subprocess
 scenes = sorted(glob.glob(os.path.join(os.environ["STICKSLIP_SOURCE"], "runs", "*.yaml")))
 assert len(scenes) >= 11, scenes
 # A scene with options of another command than run is for that one; a little of it is enough here.
-few = {"run": ["-ts_max_steps", "5"], "boundary": ["-boundary_points", "2"], "spectrum": ["-spectrum_count", "2"]}
+few = {"run": ["-ts_max_steps", "5"], "boundary": ["-boundary_points", "2"], "spectrum": ["-spectrum_count", "2"],
+       "chart": "-chart_methods rk:3bs -chart_tolerances 1e-2 -chart_repeats 1 -ts_max_time 0.1".split()}
 for scene in scenes:
     with open(scene, encoding="utf-8") as file:
         text = file.read()
