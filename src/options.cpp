@@ -172,6 +172,7 @@ std::vector<OptionSpec> make_table() {
   t.in("Time stepping", "run");
   t.positive("accuracy", "", "largest error wanted in psi and eta at the end; chooses what is not set otherwise")
       .default_help = "none";
+  t.in("Time stepping", "run chart");
   t.boolean("rk_fused", "true", "take all stages of a Runge-Kutta step tile by tile in the cache; false: PETSc's own step");
   t.choice("scene_reduce", {"auto", "off"}, "solve the smaller problem where the scene allows it");
 

@@ -11,6 +11,7 @@
 #include "stickslip/file.hpp"
 #include "stickslip/methods.hpp"
 #include "stickslip/probe.hpp"
+#include "stickslip/reduce.hpp"
 #include "stickslip/start.hpp"
 #include "stickslip/time.hpp"
 
@@ -176,9 +177,10 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   LibrarySetting library(prefix);
   set_method(library, setting);
 
-  const Model model(PETSC_COMM_WORLD, Scene::from(options, false));
-  VecHandle u = model.create_vector();
-  set_start(model, options, u);
+  const Scene whole = Scene::from(options, false);
+  const Problem problem = problem_of(whole, options, std::nullopt);
+  const Model& model = problem.model;
+  const Vec u = problem.u;
   const double t_end = options.real("ts_max_time");
   const PetscInt max_steps = prefix.empty() && options.is_set("ts_max_steps")
                                  ? options.integer("ts_max_steps")
@@ -186,7 +188,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   const double begin = processor_seconds();
   const auto spent = [&] {
     double seconds = processor_seconds() - begin;
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &seconds, 1, MPI_DOUBLE, MPI_MAX, model.comm()));
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &seconds, 1, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD));
     return seconds;
   };
   try {
@@ -220,11 +222,9 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   } catch (const UsageError&) {
     throw;
   } catch (const Error& e) {
-    if (!e.collective() && model.comm() != PETSC_COMM_SELF) {
-      int ranks;
-      MPI_Comm_size(model.comm(), &ranks);
-      if (ranks > 1) throw;
-    }
+    int ranks;
+    MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
+    if (!e.collective() && ranks > 1) throw;
     trial.failed = e.what();
   }
   trial.seconds = spent();
@@ -233,10 +233,11 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   model.set_held(u);
   Gather gather(u, model.dof());
   const auto& components = gather.components(u);
-  if (components.size() >= 2) {
-    trial.end.psi = components[0];
-    trial.end.eta = components[1];
-  }
+  if (!components.empty() && !components[0].empty())
+    for (PetscInt i = 0; i < whole.n; ++i) {
+      trial.end.psi.push_back(components[0][std::size_t(i % model.scene().n)]);
+      trial.end.eta.push_back(components[1][std::size_t(i % model.scene().n)]);
+    }
   share(trial.end.psi);
   share(trial.end.eta);
   return trial;
