@@ -29,7 +29,7 @@ void BandLU::reset(std::size_t n, int lower, int upper) {
   pivot_.assign(n, 0);
 }
 
-LogDet BandLU::factor() {
+LogDet BandLU::factor(bool exchange_rows) {
   LogDet det;
   double mantissa_re = 1, mantissa_im = 0;
   const std::size_t w = std::size_t(width_);
@@ -42,7 +42,7 @@ LogDet BandLU::factor() {
     Complex* row_k = &a_[k * w + std::size_t(lower_)];  // row_k[j - k]
     int p = 0;
     double best = size(row_k[0]);
-    for (int r = 1; r <= below; ++r) {
+    for (int r = 1; exchange_rows && r <= below; ++r) {
       const double s = size(a_[(k + std::size_t(r)) * w + std::size_t(lower_ - r)]);
       if (s > best) {
         best = s;
@@ -61,6 +61,7 @@ LogDet BandLU::factor() {
       det.log_abs = -std::numeric_limits<double>::infinity();
     }
     const Complex d = product(Complex(mantissa_re, mantissa_im), sign * row_k[0]);
+    if (!exchange_rows) det.phase += std::arg(row_k[0]);
     const double s = size(d);
     det.log_abs += std::log(s);
     mantissa_re = d.real() / s;

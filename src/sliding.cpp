@@ -223,6 +223,69 @@ LogDet Sliding::factor(Complex lambda, BandLU& lu) const {
   return det;
 }
 
+Sliding::Sliding(const Sliding& whole, std::size_t first, std::size_t count)
+    : scene(whole.scene), A(whole.A), B(whole.B), K0(whole.K0), K1(whole.K1), s_delta(whole.s_delta) {
+  const auto cut = [&](auto& to, const auto& from) {
+    if (!from.empty()) to.assign(from.begin() + long(first), from.begin() + long(first + count));
+  };
+  cut(node, whole.node);
+  cut(F_psi, whole.F_psi);
+  cut(F_state, whole.F_state);
+  cut(g_psi, whole.g_psi);
+  cut(r, whole.r);
+  cut(beta, whole.beta);
+  cut(weight, whole.weight);
+  cut(row_sum_, whole.row_sum_);
+  symmetric = whole.symmetric;
+  uniform = false;
+  row_start_ = {0};
+  for (std::size_t i = 0; i < count; ++i) {
+    position_.push_back(int(i));
+    for (const auto& [column, value] : whole.coupling_row(first + i)) {
+      if (column < first || column >= first + count) {
+        row_sum_[i] -= value;
+        continue;
+      }
+      minus_d2_.push_back({int(column - first), value});
+      band_ = std::max(band_, std::abs(int(column - first) - int(i)));
+    }
+    row_start_.push_back(int(minus_d2_.size()));
+  }
+}
+
+Sliding Sliding::stretch(std::size_t first, std::size_t count) const { return Sliding(*this, first, count); }
+
+double Sliding::phase_right(Complex lambda) const {
+  BandLU lu;
+  lu.reset(size(), band_, band_);
+  const Complex over = 1. / lambda;
+  for (std::size_t i = 0; i < size(); ++i) {
+    const std::size_t row = std::size_t(position_[i]);
+    lu.add(row, row, over * (pointwise(i, lambda) + K0));
+    for (int k = row_start_[i]; k < row_start_[i + 1]; ++k) {
+      const Term& t = minus_d2_[std::size_t(k)];
+      lu.add(row, std::size_t(position_[std::size_t(t.column)]), over * K1 * t.value);
+    }
+  }
+  return lu.factor(false).phase + double(size()) * std::arg(lambda);
+}
+
+// The real part of S/lambda is at least Re lambda/A + beta - |q|/(Re lambda + r) where D2 is symmetric.
+double Sliding::right_of_all() const {
+  if (!symmetric) return 1.01 * imaginary_bound();
+  double x = 1e-3 * std::sqrt(A * (K0 + K1)) + 1e-300;
+  for (std::size_t i = 0; i < size(); ++i)
+    while (x / A + beta[i] - (has_state() ? std::abs(F_state[i] * g_psi[i]) / (x + r[i]) : 0) <= 0) x *= 1.1;
+  return x;
+}
+
+std::vector<std::pair<std::size_t, double>> Sliding::coupling_row(std::size_t i) const {
+  std::vector<std::pair<std::size_t, double>> row;
+  for (int k = row_start_[i]; k < row_start_[i + 1]; ++k)
+    row.emplace_back(std::size_t(minus_d2_[std::size_t(k)].column), minus_d2_[std::size_t(k)].value);
+  return row;
+}
+
 void Sliding::solve(const BandLU& lu, std::vector<Complex>& b) const {
   std::vector<Complex> folded(size());
   for (std::size_t i = 0; i < size(); ++i) folded[std::size_t(position_[i])] = b[i];

@@ -9,6 +9,7 @@
 
 #include "stickslip/error.hpp"
 #include "stickslip/handle.hpp"
+#include "stickslip/phase_tree.hpp"
 #include "stickslip/stencil.hpp"
 
 namespace stickslip {
@@ -16,6 +17,7 @@ namespace stickslip {
 namespace {
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
+constexpr std::size_t many_nodes = 5000;  // beyond, the search is frugal: what it misses the count points at
 
 Complex inner(const std::vector<Complex>& a, const std::vector<Complex>& b) {
   Complex sum = 0;
@@ -211,7 +213,7 @@ std::vector<Mode> krylov_modes(const Sliding& s, Complex sigma, PetscInt count) 
   SS_TRY(EPSSetWhichEigenpairs(eps, EPS_LARGEST_MAGNITUDE));
   const PetscInt nev = std::min<PetscInt>(count, n), ncv = std::min<PetscInt>(n, 2 * nev + 12);
   SS_TRY(EPSSetDimensions(eps, nev, ncv, PETSC_DEFAULT));
-  SS_TRY(EPSSetTolerances(eps, 1e-9, 60));
+  SS_TRY(EPSSetTolerances(eps, 1e-9, s.size() > many_nodes ? 12 : 60));
   VecHandle start, im;
   SS_TRY(MatCreateVecs(M, start.out(), im.out()));
   {
@@ -248,7 +250,7 @@ std::vector<Mode> krylov_modes(const Sliding& s, Complex sigma, PetscInt count) 
     mode.value = inner(vector, image) / inner(vector, vector);
     mode.psi.resize(s.size());
     for (std::size_t i = 0; i < s.size(); ++i) mode.psi[i] = vector[i * s.dof()];
-    if (polish(s, mode)) modes.push_back(std::move(mode));
+    modes.push_back(std::move(mode));
   }
   return modes;
 }
@@ -323,11 +325,11 @@ std::vector<double> mean_frequencies(const Sliding& s) {
 
 }  // namespace
 
-std::optional<long> count_right(const Sliding& s, double a, double height, double effort, std::vector<double>* where) {
-  // Right of `right` there is nothing, and the phase turns slowly there: half as far away again as the box is high.
-  const double right = std::max(s.real_bound(), a) + 0.5 * height;
-  if (double(s.size()) * 12 * double(s.size()) > effort) return std::nullopt;
-  Phase phase(s, effort / double(s.size()));
+namespace {
+
+// The count by following the phase with one determinant a point: short lines, and those the tree cannot take.
+std::optional<long> count_directly(const Sliding& s, double a, double right, double height, std::vector<Complex>& where) {
+  Phase phase(s, 3e8 / double(s.size()));
   double total = 0;
   Phase::Point last = phase.at(right, height / double(s.size()));
   const auto follow = [&](Complex to, int pieces, const auto& visit) {
@@ -348,25 +350,54 @@ std::optional<long> count_right(const Sliding& s, double a, double height, doubl
   if (phase.failed()) return std::nullopt;
   const double count = total / M_PI;
   if (std::abs(count - std::round(count)) > 0.01) return std::nullopt;
-  if (where) {
-    // runs over which the phase turns against the many eigenvalues on the left
-    where->clear();
-    std::vector<std::pair<double, double>> runs;  // (turn, frequency)
-    double run = 0, weighted = 0;
-    line.emplace_back(0, -1);
-    for (const auto& [w, turn] : line) {
-      if (turn > 0) {
-        run += turn;
-        weighted += turn * w;
-      } else if (run > 0) {
-        if (run > 0.3) runs.emplace_back(run, weighted / run);
-        run = weighted = 0;
-      }
+  // runs over which the phase turns against the many eigenvalues on the left
+  std::vector<std::pair<double, double>> runs;  // (turn, frequency)
+  double run = 0, weighted = 0;
+  line.emplace_back(0, -1);
+  for (const auto& [w, turn] : line) {
+    if (turn > 0) {
+      run += turn;
+      weighted += turn * w;
+    } else if (run > 0) {
+      if (run > 0.3) runs.emplace_back(run, weighted / run);
+      run = weighted = 0;
     }
-    std::sort(runs.rbegin(), runs.rend());
-    for (const auto& [turn, w] : runs) where->push_back(w);
   }
+  std::sort(runs.rbegin(), runs.rend());
+  for (const auto& [turn, w] : runs) where.emplace_back(a, w);
   return std::lround(count);
+}
+
+// The count by the tree of stretches (phase_tree.hpp). det S has a pole at every -r_i.
+std::optional<long> count_by_tree(MPI_Comm comm, const Sliding& s, double a, double height,
+                                  std::vector<Complex>& where) {
+  const double right = s.right_of_all();
+  if (a >= right) return 0;
+  const std::optional<PhaseTurn> top = follow_phase(comm, s, {right, height}, {a, height});
+  if (!top) return std::nullopt;
+  const std::optional<PhaseTurn> line = follow_phase(comm, s, {a, height}, a);
+  if (!line) return std::nullopt;
+  const double count = (s.phase_right({right, height}) + top->turn + line->turn) / M_PI;
+  if (!(std::abs(count - std::round(count)) < 0.01)) return std::nullopt;
+  for (const Complex& z : line->zeros)
+    if (z.real() > a) where.push_back(z.imag() >= 0 ? z : std::conj(z));
+  return std::lround(count) + std::count_if(s.r.begin(), s.r.end(), [&](double r) { return -r > a; });
+}
+
+}  // namespace
+
+std::optional<long> count_right(MPI_Comm comm, const Sliding& s, double a, double height, double effort,
+                                std::vector<Complex>* where) {
+  static constexpr double node_cost[] = {10, 50, 150, 300};  // of the tree, in determinants of a node
+  const double n = double(s.size());
+  std::vector<Complex> places;
+  std::optional<long> count;
+  if (n * std::log2(n) * node_cost[s.scene.order / 2 - 1] <= effort) count = count_by_tree(comm, s, a, height, places);
+  // Right of this there is nothing, and the phase turns slowly there: half as far away again as the box is high.
+  if (!count && 120 * n * n <= effort)
+    count = count_directly(s, a, std::max(s.real_bound(), a) + 0.5 * height, height, places);
+  if (where) *where = std::move(places);
+  return count;
 }
 
 // ---- the rightmost modes ------------------------------------------------------------------------------------------
@@ -438,7 +469,7 @@ double resolved_frequency(const Sliding& s) {
 
 namespace {
 
-// A mode's psi on the grid of half the spacing: cubic between the nodes.
+// A mode's psi on a finer grid: cubic between the nodes.
 std::vector<Complex> interpolate(const Sliding& coarse, const Sliding& fine, const std::vector<Complex>& p) {
   const PetscInt n = coarse.scene.n;
   std::vector<Complex> all(std::size_t(n), Complex(0));
@@ -454,10 +485,28 @@ std::vector<Complex> interpolate(const Sliding& coarse, const Sliding& fine, con
   };
   std::vector<Complex> q(fine.size());
   for (std::size_t i = 0; i < q.size(); ++i) {
-    const PetscInt g = fine.node[i], c = g / 2;
-    q[i] = g % 2 == 0 ? at(c) : (9. * (at(c) + at(c + 1)) - at(c - 1) - at(c + 2)) / 16.;
+    const double t = double(fine.node[i]) * (fine.scene.h() / coarse.scene.h());
+    const PetscInt c = PetscInt(std::floor(t + 1e-9));
+    const double y = t - double(c);
+    q[i] = -y * (y - 1) * (y - 2) / 6 * at(c - 1) + (y + 1) * (y - 1) * (y - 2) / 2 * at(c) -
+           (y + 1) * y * (y - 2) / 2 * at(c + 1) + (y + 1) * y * (y - 1) / 6 * at(c + 2);
   }
   return q;
+}
+
+// Guesses from a grid of four times the spacing. The same on every rank: rank 0 has them.
+std::vector<Mode> coarse_modes(MPI_Comm comm, const Sliding& s, SpectrumSettings settings) {
+  Scene scene = s.scene;
+  scene.n = scene.ring() ? scene.n / 4 : (scene.n - 1) / 4 + 1;
+  settings.compare = false;
+  settings.method = SpectrumMethod::krylov;
+  int rank = 0;
+  MPI_Comm_rank(comm, &rank);
+  const Sliding coarse(scene);
+  std::vector<Mode> modes = compute_spectrum(comm, coarse, settings).modes;
+  if (rank > 0) modes.clear();
+  for (Mode& m : modes) m.psi = interpolate(coarse, s, m.psi);
+  return modes;
 }
 
 // Marks the modes that keep their value and shape on the grid of half the spacing; returns the change of the real part
@@ -534,8 +583,7 @@ std::vector<Complex> first_shifts(const Sliding& s, double height, PetscInt coun
     branch.push_back(best);
     waves.push_back(k);
   }
-  const double spacing = std::abs(s.scene.form == Form::chain ? std::sqrt(s.A * s.K1) * M_PI / double(s.scene.n)
-                                                             : s.scene.c * M_PI / s.scene.length);
+  const double spacing = std::sqrt(s.A * s.K1) * M_PI / (double(s.size()) * h);
   const double aside = 0.5 * spacing * std::max(1., double(count) / 4);
   std::size_t best = 0;
   for (std::size_t j = 1; j < branch.size(); ++j)
@@ -555,6 +603,107 @@ std::vector<Complex> first_shifts(const Sliding& s, double height, PetscInt coun
         if (z.imag() >= 0 && z.imag() <= height && z.real() >= branch[best].real()) shifts.push_back(z + 0.1 * aside);
   }
   return shifts;
+}
+
+// A stretch of the line with a mode of its own.
+struct Trapped {
+  Complex value;
+  std::size_t first;
+  std::vector<Complex> psi;
+};
+
+// What stretches of the line would do alone, where the mean over 1, 4, 16, ... nodes of the local growth is largest:
+// modes trapped there are nearly modes of the whole. Guesses, the rightmost `count` of them.
+std::vector<Mode> trapped_modes(const Sliding& s, double height, std::size_t count, int rank, int ranks) {
+  const std::size_t n = s.size();
+  std::vector<double> sum{0};  // of the local growth: the rightmost root at one node, for three stiffnesses
+  for (std::size_t i = 0; i < n; ++i) {
+    double local = -std::numeric_limits<double>::infinity();
+    if (!s.has_state()) {
+      local = -s.A * s.beta[i] / 2;
+    } else {
+      for (const double K : {s.K0, s.K0 + 0.1 * (s.largest_stiffness() - s.K0), s.largest_stiffness()})
+        for (const Complex& z : s.dispersion(K, s.beta[i], s.F_state[i] * s.g_psi[i], s.r[i]))
+          local = std::max(local, z.real());
+    }
+    sum.push_back(sum.back() + local);
+  }
+  std::vector<Trapped> found;
+  int task = 0;
+  for (std::size_t l = 1; 32 * l < n || l == 1; l *= 4) {
+    const std::size_t width = std::min(n, std::max<std::size_t>(96, 16 * l));
+    std::vector<char> taken(n, 0);
+    for (int k = 0; k < (width <= 512 ? 12 : width <= 8192 ? 3 : 1); ++k) {
+      std::size_t best = n;
+      double most = -std::numeric_limits<double>::infinity();
+      for (std::size_t i = 0; i + l <= n; ++i)
+        if (!taken[i] && sum[i + l] - sum[i] > most) most = sum[i + l] - sum[best = i];
+      if (best == n) break;
+      const std::size_t centre = best + l / 2, half = width / 2;
+      const std::size_t first = std::min(centre > half ? centre - half : 0, n - width);
+      for (std::size_t i = centre > half ? centre - half : 0; i < std::min(n, centre + half); ++i) taken[i] = 1;
+      if (task++ % ranks != rank) continue;
+      const Sliding part = s.stretch(first, width);
+      std::vector<Mode> modes;
+      if (width * s.dof() <= 300) {
+        modes = dense_modes(part, 12);
+      } else {
+        std::vector<Complex> shifts = first_shifts(part, height, 8);
+        for (std::size_t j = 0; j < std::min<std::size_t>(shifts.size(), 4); ++j)
+          for (Mode& m : krylov_modes(part, shifts[j], 6)) modes.push_back(std::move(m));
+      }
+      for (Mode& m : modes)
+        if (!m.psi.empty() && m.value.imag() <= height) found.push_back({m.value, first, std::move(m.psi)});
+      std::sort(found.begin(), found.end(),
+                [](const Trapped& a, const Trapped& b) { return a.value.real() > b.value.real(); });
+      if (found.size() > count) found.resize(count);
+    }
+    if (width == n) break;
+  }
+  std::vector<Mode> guesses;
+  for (const Trapped& t : found) {
+    Mode m;
+    m.value = t.value;
+    m.psi.assign(n, Complex(0));
+    std::copy(t.psi.begin(), t.psi.end(), m.psi.begin() + long(t.first));
+    guesses.push_back(std::move(m));
+  }
+  return guesses;
+}
+
+// Guesses from the exact relation: sine waves, the rightmost first, equal ones by frequency.
+std::vector<Mode> sine_modes(const Sliding& s, double height, std::size_t count) {
+  const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
+  struct Root {
+    Complex value;
+    double k;
+  };
+  std::vector<Root> roots;
+  for (const Sliding::Wave& w : s.exact_waves())
+    for (const Complex& z :
+         s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), s.mean_beta(), s.mean_q(), s.mean_r()))
+      if (z.imag() >= 0 && z.imag() <= height) roots.push_back({z, w.k});
+  double right = -std::numeric_limits<double>::infinity();
+  for (const Root& r : roots) right = std::max(right, r.value.real());
+  const double level = 1e-9 * (std::abs(right) + s.imaginary_bound());
+  std::sort(roots.begin(), roots.end(), [&](const Root& a, const Root& b) {
+    const bool a_in = a.value.real() > right - level, b_in = b.value.real() > right - level;
+    if (a_in != b_in) return a_in;
+    return a_in ? a.value.imag() < b.value.imag() : a.value.real() > b.value.real();
+  });
+  std::vector<Mode> guesses;
+  const double beyond = s.scene.form == Form::chain ? 0.5 : 0;
+  for (std::size_t j = 0; j < std::min(count, roots.size()); ++j) {
+    Mode m;
+    m.value = roots[j].value;
+    m.psi.resize(s.size());
+    for (std::size_t i = 0; i < s.size(); ++i) {
+      const double phase = roots[j].k * h * (double(s.node[i]) + (s.scene.left == End::free ? beyond : 0));
+      m.psi[i] = s.scene.ring() ? std::polar(1., phase) : s.scene.left == End::velocity ? std::sin(phase) : std::cos(phase);
+    }
+    guesses.push_back(std::move(m));
+  }
+  return guesses;
 }
 
 // Largest distance of a mode from the nearest eigenvalue of the exact discrete relation, relative to the size of the
@@ -665,16 +814,45 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
       modes.push_back(std::move(m));
     }
     const PetscInt wanted = settings.count / 2 + 2;
+    const bool many = s.size() > many_nodes;
+    // The rightmost guesses within reach, and some beyond it, are shared among the ranks and polished.
+    const auto select = [&](std::vector<Mode>& guesses) {
+      std::size_t inside = 0, outside = 0;
+      sort_modes(guesses, 1e-9 * (1 + bound));
+      guesses.erase(std::remove_if(guesses.begin(), guesses.end(), [&](const Mode& m) {
+        return ++(counts(m) ? inside : outside) > std::size_t(wanted) + 4;
+      }), guesses.end());
+    };
+    const auto take = [&](std::vector<Mode> guesses) {  // each rank has its own guesses
+      select(guesses);
+      share(comm, guesses);
+      std::vector<Mode> apart, polished;
+      merge(apart, std::move(guesses));
+      select(apart);
+      for (std::size_t k = 0; k < apart.size(); ++k)
+        if (int(k) % ranks == rank && polish(s, apart[k])) merge(polished, {std::move(apart[k])});
+      share(comm, polished);
+      merge(modes, std::move(polished));
+      add_mirror_images(s, modes);
+    };
     const auto search = [&](const std::vector<Complex>& shifts, PetscInt count) {
       std::vector<Mode> found;
       for (std::size_t k = 0; k < shifts.size(); ++k)
-        if (int(k) % ranks == rank) merge(found, krylov_modes(s, shifts[k], count));
-      share(comm, found);
-      merge(modes, std::move(found));
+        if (int(k) % ranks == rank) {
+          merge(found, krylov_modes(s, shifts[k], count));
+          select(found);
+        }
+      take(std::move(found));
     };
-    search(first_shifts(s, height, settings.count), std::min<PetscInt>(unknowns, 2 * wanted));
+    const bool waves = !s.exact_waves().empty();
+    if (waves && many) {
+      take(rank == 0 ? sine_modes(s, height, std::size_t(wanted) + 2) : std::vector<Mode>());
+    } else {
+      search(first_shifts(s, height, settings.count), std::min<PetscInt>(unknowns, many ? wanted : 2 * wanted));
+      if (!s.uniform) take(trapped_modes(s, height, std::size_t(wanted), rank, ranks));
+      if (refine && s.scene.n >= 2000) take(coarse_modes(comm, s, settings));
+    }
     if (!rightmost()) throw Failure("the eigenvalue solver found nothing");
-    add_mirror_images(s, modes);
 
     const std::optional<ExactCheck> exact = check_dispersion(s, {}, height);
     int scan = 4;
@@ -692,12 +870,12 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
         result.completeness_check = "no mode can exceed -1/2 of the least damping, which the rightmost one attains";
         break;
       }
-      std::vector<double> where;
+      std::vector<Complex> where;
       if (!exact) {
         long expected = 0;
         for (const Mode& m : modes)
           if (m.value.real() > line && in_reach(m)) expected += m.value.imag() > 0 ? 2 : 1;
-        const std::optional<long> count = count_right(s, line, height, settings.effort, &where);
+        const std::optional<long> count = count_right(comm, s, line, height, settings.effort, &where);
         if (!count) {
           result.completeness_check = "not checked: counting the eigenvalues right of the line would take too long at " +
                                       std::to_string(s.size()) + " nodes";
@@ -707,18 +885,21 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
         result.completeness_check = "argument principle: " + std::to_string(*count) +
                                     " eigenvalues with real part above " + number(line) + " and |Im| below " +
                                     number(height) + ", " + std::to_string(expected) + " expected";
-        if (result.complete || round >= 12) break;
+        if (result.complete || round >= (many ? 5 : 12)) break;
       }
       // look where the count points, and scan ever more densely
       std::vector<Complex> shifts;
       const std::vector<double> knots = mean_frequencies(s);
-      const double near = std::max(1e-3 * (1 + std::abs(growth)), 0.5 * height / double(s.size()));
+      const double spacing = height / double(s.size());
+      const double near = many ? 0.05 * spacing : std::max(1e-3 * (1 + std::abs(growth)), 0.5 * spacing);
       const double aside = near + std::max(0., s.real_bound() - line) * 0.25 * (round % 4);
       for (std::size_t k = 0; k < std::min<std::size_t>(where.size(), 8); ++k) {
-        shifts.emplace_back(line + near, where[k]);
-        if (round > 0) shifts.emplace_back(line + aside, where[k]);
+        shifts.push_back(where[k] + near);
+        if (round > 0 && !many) shifts.push_back(where[k] + aside);
       }
-      if (where.empty() || round > 1) {
+      if (many)
+        for (const double further : {1., 20., 400.}) shifts.push_back(best.value + further * spacing);
+      if (!many && (where.empty() || round > 1)) {
         for (int k = 0; k < scan; ++k) {
           const double w = knots.empty() ? height * k / scan
                                          : knots[std::size_t(double(knots.size() - 1) * (k + 0.5) / scan)];
@@ -729,7 +910,6 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
         scan = std::min<int>(2 * scan, 4 + int(s.size() / 4));
       }
       search(shifts, std::min<PetscInt>(unknowns, 8));
-      add_mirror_images(s, modes);
     }
   }
 

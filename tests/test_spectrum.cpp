@@ -11,6 +11,7 @@
 
 #include "stickslip/error.hpp"
 #include "stickslip/model.hpp"
+#include "stickslip/phase_tree.hpp"
 #include "stickslip/spectrum.hpp"
 
 using namespace stickslip;
@@ -160,6 +161,34 @@ TEST_CASE("the growth rate is that of the dense matrix", "[spectrum][serial]") {
     for (const Mode& m : found.modes) CHECK(m.residual <= 1e-9 * scale);
     if (found.dispersion_error) CHECK(*found.dispersion_error <= 1e-10);
   }
+}
+
+TEST_CASE("the count along the line is LAPACK's, also where the line is shared among ranks", "[spectrum]") {
+  int tree = 0, all_scenes = 0;
+  for (unsigned seed = 101; seed <= 124; ++seed) {
+    Scene scene = random_scene(seed, 90);
+    scene.n = scene.n + 60;
+    if (scene.form == Form::chain) scene.length = double(scene.ring() ? scene.n : scene.n - 1);
+    const Sliding s(scene);
+    INFO("seed " << seed << ": " << describe(s.scene));
+    const std::vector<Complex> all = lapack(s);
+    const double height = 1.01 * s.imaginary_bound();
+    for (const double part : {0.01, 0.2, 0.7}) {
+      // the widest gap of the real parts near that place
+      std::size_t at = std::max<std::size_t>(1, std::size_t(part * double(all.size() - 1)));
+      for (std::size_t k = at; k < std::min(all.size() - 1, at + 8); ++k)
+        if (all[k - 1].real() - all[k].real() > all[at - 1].real() - all[at].real()) at = k;
+      const double a = (all[at - 1].real() + all[at].real()) / 2;
+      if (all[at - 1].real() - all[at].real() < 1e-6 * height) continue;  // LAPACK itself is no better
+      const auto count = count_right(PETSC_COMM_WORLD, s, a, height, 3e9);
+      REQUIRE(count);
+      CHECK(*count == long(at));
+      ++all_scenes;
+      if (follow_phase(PETSC_COMM_WORLD, s, {a, height}, a)) ++tree;
+    }
+  }
+  CHECK(all_scenes > 40);
+  CHECK(tree > 0.9 * all_scenes);  // the others are counted by one determinant a point
 }
 
 TEST_CASE("transient growth: wave by wave and dense agree, and bound the spectrum", "[spectrum][serial]") {

@@ -13,6 +13,7 @@ using Complex = std::complex<double>;
 struct LogDet {
   double log_abs = 0;  // ln |det|
   Complex unit = 1;    // det/|det|
+  double phase = 0;    // sum of the phases of the pivots, each within a half turn
 };
 
 // The LU factors, with row exchanges, of a square matrix whose entries stand `lower` rows below and `upper` rows above
@@ -26,7 +27,7 @@ class BandLU {
   }
   // Factors in place and returns the determinant. A pivot that is exactly zero is replaced by one at round-off level,
   // so that an inverse iteration at an eigenvalue works; the determinant then has log_abs = -infinity.
-  LogDet factor();
+  LogDet factor(bool exchange_rows = true);
   void solve(Complex* b) const;             // b := M^-1 b
   void solve_transposed(Complex* b) const;  // b := M^-T b (no conjugation)
 

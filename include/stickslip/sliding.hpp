@@ -19,6 +19,7 @@
 // Every rank holds the whole line: a spectrum is shared out by shifts and points, not by nodes. Not collective.
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "stickslip/band.hpp"
@@ -46,6 +47,10 @@ class Sliding {
   bool symmetric = true;       // D2 is symmetric in that inner product
   bool uniform = true;         // the same coefficients at every node
 
+  // The operator on `count` nodes from the first'th of those solved for, everything outside held: what a mode trapped
+  // there feels. Its scene is that of the whole; it has no steady state of its own.
+  Sliding stretch(std::size_t first, std::size_t count) const;
+
   std::size_t size() const { return node.size(); }
   bool has_state() const { return !r.empty(); }
   std::size_t dof() const { return has_state() ? 3 : 2; }
@@ -62,6 +67,10 @@ class Sliding {
 
   // Factors S(lambda); the determinant returned is that of the characteristic polynomial, up to A^n.
   LogDet factor(Complex lambda, BandLU& lu) const;
+  // The phase of det S(lambda), turned continuously from 0 at real lambda far to the right. For lambda with
+  // Re lambda >= right_of_all(): there S/lambda has a positive real part, or is diagonally dominant, and so have its pivots.
+  double phase_right(Complex lambda) const;
+  double right_of_all() const;
   void solve(const BandLU& lu, std::vector<Complex>& b) const;
   void solve_transposed(const BandLU& lu, std::vector<Complex>& b) const;
 
@@ -77,6 +86,8 @@ class Sliding {
     double value;
   };
   std::vector<Entry> entries() const;
+  // Row i of -D2 at the nodes solved for: (column, value).
+  std::vector<std::pair<std::size_t, double>> coupling_row(std::size_t i) const;
 
   // K0 + K1 kappa^2 of a mode's shape, as a weighted mean, and the wavenumber with that symbol, in [0, pi/h].
   double stiffness(const std::vector<Complex>& p) const;
@@ -113,6 +124,7 @@ class Sliding {
   std::vector<double> row_sum_;  // of those rows: differences psi_j - psi_i keep the digits that 1/h^2 would eat
   std::vector<int> position_;  // place of a node in the folded order
   int band_ = 0;
+  Sliding(const Sliding& whole, std::size_t first, std::size_t count);
   void steady_velocity();
 };
 

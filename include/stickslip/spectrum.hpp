@@ -34,7 +34,7 @@ struct SpectrumSettings {
   SpectrumMethod method = SpectrumMethod::automatic;
   bool refine = true;   // continuum: compare with a finer grid, and look only where the grid can resolve
   bool compare = true;  // false: look only where the grid can resolve, and leave out the finer grid
-  double effort = 3e8;  // node evaluations that the count may cost
+  double effort = 3e9;  // node evaluations that the count may cost
 };
 
 struct Spectrum {
@@ -65,7 +65,7 @@ double resolved_frequency(const Sliding& sliding);
 // The mode that is a symmetry, not an instability (Sliding::neutral).
 bool is_neutral(const Sliding& sliding, const Mode& mode);
 
-// Up to `count` modes near sigma = (shift right of the axis) + i omega, polished.
+// Up to `count` modes near sigma = (shift right of the axis) + i omega, not polished.
 std::vector<Mode> krylov_modes(const Sliding& sliding, Complex sigma, PetscInt count);
 
 // Every mode, by LAPACK; the eigenvectors of the `count` rightmost only.
@@ -82,10 +82,10 @@ struct Transient {
 // such norm (held ends of order 4 and 6, K0 = 0 without the exact relation).
 std::optional<Transient> transient_growth(const Sliding& sliding, double growth_rate);
 
-// The number of eigenvalues with real part above `a` and |Im| < height, by the winding of the characteristic
-// polynomial's phase round that box; empty where an eigenvalue stands on its edge, or the work would exceed `effort`
-// node evaluations. `where`: frequencies near which the count says that such eigenvalues stand.
-std::optional<long> count_right(const Sliding& sliding, double a, double height, double effort,
-                                std::vector<double>* where = nullptr);
+// The number of eigenvalues with real part above `a` and |Im| < height, by the turn of the characteristic polynomial's
+// phase round that box; empty where an eigenvalue stands on its edge, or the work would exceed `effort` node
+// evaluations. `where`: places near which the count says that such eigenvalues stand, some of them. Collective.
+std::optional<long> count_right(MPI_Comm comm, const Sliding& sliding, double a, double height, double effort,
+                                std::vector<Complex>* where = nullptr);
 
 }  // namespace stickslip
