@@ -679,9 +679,9 @@ std::vector<Mode> sine_modes(const Sliding& s, double height, std::size_t count)
     double k;
   };
   std::vector<Root> roots;
+  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r();
   for (const Sliding::Wave& w : s.exact_waves())
-    for (const Complex& z :
-         s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), s.mean_beta(), s.mean_q(), s.mean_r()))
+    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), b, q, r))
       if (z.imag() >= 0 && z.imag() <= height) roots.push_back({z, w.k});
   double right = -std::numeric_limits<double>::infinity();
   for (const Root& r : roots) right = std::max(right, r.value.real());
@@ -716,11 +716,11 @@ std::optional<ExactCheck> check_dispersion(const Sliding& s, const std::vector<M
   if (waves.empty()) return std::nullopt;
   const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
   std::vector<Complex> roots;
+  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r();
   double growth = -std::numeric_limits<double>::infinity();
   for (const Sliding::Wave& w : waves) {
     bool neutral = s.neutral() && w.k == 0;  // one root 0 of this wave is the symmetry
-    for (const Complex& z :
-         s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), s.mean_beta(), s.mean_q(), s.mean_r())) {
+    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), b, q, r)) {
       if (z.imag() < 0) continue;
       roots.push_back(z);
       if (neutral && std::abs(z) == 0) {
@@ -848,7 +848,9 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
     if (waves && many) {
       take(rank == 0 ? sine_modes(s, height, std::size_t(wanted) + 2) : std::vector<Mode>());
     } else {
-      search(first_shifts(s, height, settings.count), std::min<PetscInt>(unknowns, many ? wanted : 2 * wanted));
+      std::vector<Complex> shifts = first_shifts(s, height, settings.count);
+      if (many && shifts.size() > 3) shifts.resize(3);
+      search(shifts, std::min<PetscInt>(unknowns, many ? wanted : 2 * wanted));
       if (!s.uniform) take(trapped_modes(s, height, std::size_t(wanted), rank, ranks));
       if (refine && s.scene.n >= 2000) take(coarse_modes(comm, s, settings));
     }
