@@ -38,6 +38,7 @@ struct Range {
   PetscInt count;
   const double* before;     // psi of the half_width nodes before the range, in order (not read where half_width = 0)
   const double* behind;     // psi of the half_width nodes behind it
+  const double* direction = nullptr;  // of motion, with friction that sticks (template argument `sticking`): 1, -1, 0 at rest
 };
 
 // A tile: nodes 0..count-1, and psi[-half_width .. count+half_width-1].
@@ -46,6 +47,7 @@ struct Tile {
   const double* amplitude;
   double* f;
   PetscInt count;
+  const double* direction;
 };
 
 constexpr PetscInt tile_size = 128;
@@ -73,7 +75,8 @@ void over_tiles(const Range& r, const Body& body) {
       psi[j - half_width] = left < 0 ? r.before[left + half_width] : r.u[left * dof];
       psi[count + j] = right < r.count ? r.u[right * dof] : r.behind[right - r.count];
     }
-    body(Tile{psi, eta, state, r.amplitude ? r.amplitude + begin : nullptr, r.f + begin * dof, count});
+    body(Tile{psi, eta, state, r.amplitude ? r.amplitude + begin : nullptr, r.f + begin * dof, count,
+              r.direction ? r.direction + begin : nullptr});
   }
 }
 
@@ -84,31 +87,45 @@ double stencil_sum(const Coefficients& k, const double* psi) {
   return sum;
 }
 
-// force[i] = a_i F
-template <class F>
+// force[i] = a_i F. `sticking`: of the direction given, which is 0 at rest.
+template <bool sticking, class F>
 void friction_force(const F& friction, const Tile& t, double* force) {
-  for (PetscInt i = 0; i < t.count; ++i) force[i] = friction.force(t.psi[i], F::has_state ? t.state[i] : 0);
+  for (PetscInt i = 0; i < t.count; ++i) {
+    const double s = F::has_state ? t.state[i] : 0;
+    if constexpr (sticking) force[i] = sliding_force(friction, t.psi[i], s, t.direction[i]);
+    else force[i] = friction.force(t.psi[i], s);
+  }
   if (t.amplitude)
     for (PetscInt i = 0; i < t.count; ++i) force[i] *= t.amplitude[i];
 }
 
 // All terms at the nodes of a tile; the three rates of a node go to f_psi, f_eta and f_state, `stride` apart for the
-// next node.
-template <int half_width, int stride, class F>
+// next node. `sticking`: a node at rest stays there, and its friction is eta; the square of the direction is 1 or 0, so
+// that there is no branch.
+template <int half_width, int stride, bool sticking, class F>
 void all_terms(const F& friction, const Coefficients& c, const Tile& t, double* f_psi, double* f_eta, double* f_state) {
   alignas(64) double force[tile_size];
   const double load = c.K0 * c.v;
-  friction_force(friction, t, force);
+  friction_force<sticking>(friction, t, force);
   for (PetscInt i = 0; i < t.count; ++i) {
-    const double psi = t.psi[i], excess = t.eta[i] - force[i];
-    f_psi[i * stride] = c.A * (excess - c.B * psi);
+    const double psi = t.psi[i];
+    double excess = t.eta[i] - force[i], resistance = c.B * psi;
+    if constexpr (sticking) {
+      const double moves = t.direction[i] * t.direction[i];
+      excess *= moves;
+      resistance *= moves;
+    }
+    f_psi[i * stride] = c.A * (excess - resistance);
     f_eta[i * stride] = load - c.K0 * psi + stencil_sum<half_width>(c, t.psi + i) - c.s_delta * excess;
-    if constexpr (F::has_state) f_state[i * stride] = friction.rate(psi, t.state[i]);
+    if constexpr (F::has_state) {
+      if constexpr (sticking) f_state[i * stride] = sliding_rate(friction, psi, t.state[i], t.direction[i]).g;
+      else f_state[i * stride] = friction.rate(psi, t.state[i]);
+    }
   }
 }
 
 // Part::full (half_width >= 1) and Part::pointwise (half_width = 0, w[0] = 0).
-template <int half_width, class F>
+template <int half_width, class F, bool sticking = false>
 struct Whole {
   static constexpr int dof = F::has_state ? 3 : 2;
   F friction;
@@ -116,7 +133,7 @@ struct Whole {
   void operator()(const Coefficients& coefficients, const Range& r) const {
     const Coefficients c = coefficients;
     over_tiles<half_width, dof>(
-        r, [&](const Tile& t) { all_terms<half_width, dof>(friction, c, t, t.f, t.f + 1, t.f + 2); });
+        r, [&](const Tile& t) { all_terms<half_width, dof, sticking>(friction, c, t, t.f, t.f + 1, t.f + 2); });
   }
 };
 
@@ -126,9 +143,10 @@ struct Columns {
   const double* amplitude;  // nullptr: all are 1
   double *f_psi, *f_eta, *f_state;
   PetscInt count;
+  const double* direction = nullptr;  // with `sticking`
 };
 
-template <int half_width, class F>
+template <int half_width, class F, bool sticking = false>
 struct WholeOfColumns {
   static constexpr int dof = F::has_state ? 3 : 2;
   F friction;
@@ -141,8 +159,9 @@ struct WholeOfColumns {
                       F::has_state ? k.state + i : nullptr,
                       k.amplitude ? k.amplitude + i : nullptr,
                       nullptr,
-                      std::min(tile_size, k.count - i)};
-      all_terms<half_width, 1>(friction, c, tile, k.f_psi + i, k.f_eta + i, F::has_state ? k.f_state + i : nullptr);
+                      std::min(tile_size, k.count - i),
+                      sticking ? k.direction + i : nullptr};
+      all_terms<half_width, 1, sticking>(friction, c, tile, k.f_psi + i, k.f_eta + i, F::has_state ? k.f_state + i : nullptr);
     }
   }
 };
@@ -250,7 +269,7 @@ struct Reaction {
     const Coefficients c = coefficients;
     over_tiles<0, dof>(r, [&](const Tile& t) {
       alignas(64) double force[tile_size];
-      friction_force(friction, t, force);
+      friction_force<false>(friction, t, force);
       for (PetscInt i = 0; i < t.count; ++i) {
         t.f[i * dof] = -c.A * force[i];
         t.f[i * dof + 1] = c.s_delta * force[i];

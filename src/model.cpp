@@ -27,6 +27,16 @@ Loop whole_loop(const FrictionParameters& p) {
   });
 }
 
+// Whole with friction that sticks; empty for a law that cannot.
+template <int half_width>
+Loop sticking_loop(const FrictionParameters& p) {
+  return dispatch_friction(p, [](const auto& friction) -> Loop {
+    using F = std::decay_t<decltype(friction)>;
+    if constexpr (F::sticks) return compiled_by_dof<Loop>(kernel::Whole<half_width, F, true>{friction});
+    else return {};
+  });
+}
+
 Loop reaction_loop(const FrictionParameters& p) {
   return dispatch_friction(p, [](const auto& friction) {
     return compiled_by_dof<Loop>(kernel::Reaction<std::decay_t<decltype(friction)>>{friction});
@@ -52,7 +62,8 @@ struct Model::Impl {
   PetscInt first = 0, local = 0;
   std::vector<double> amplitude;
   Coefficients coefficients{}, no_stencil{};
-  Loop full, pointwise, stencil, wave, reaction;
+  Loop full, pointwise, stencil, wave, reaction, sticking, sticking_pointwise;
+  const double* direction = nullptr;
   mutable long evaluations = 0;
 
   // The halo: psi of the nodes in `fetched` (global numbers, each once) feeds 2 half_width values. On one rank they
@@ -89,6 +100,8 @@ struct Model::Impl {
     stencil = for_half_width(half_width, [&](auto hw) { return wave_loop<hw, true>(dof); });
     wave = for_half_width(half_width, [&](auto hw) { return wave_loop<hw, false>(dof); });
     reaction = reaction_loop(p);
+    sticking = for_half_width(half_width, [&](auto hw) { return sticking_loop<hw>(p); });
+    sticking_pointwise = sticking_loop<0>(p);
     set_up_halo(ranks);
   }
 
@@ -143,15 +156,15 @@ struct Model::Impl {
       behind[static_cast<std::size_t>(j)] = psi_at(u, end + j);
     }
     loop(c, {u + begin * dof, scene.spread != 0 ? &amplitude[static_cast<std::size_t>(begin)] : nullptr, f + begin * dof,
-             end - begin, before.data(), behind.data()});
+             end - begin, before.data(), behind.data(), direction ? direction + begin : nullptr});
   }
 
   const Loop& loop_of(Part part) const {
     switch (part) {
       case Part::full:
-        return full;
+        return direction ? sticking : full;
       case Part::pointwise:
-        return pointwise;
+        return direction ? sticking_pointwise : pointwise;
       case Part::stencil:
         return stencil;
       case Part::wave:
@@ -222,8 +235,11 @@ struct Model::Impl {
       eta_eta = -c.s_delta;
     }
     const bool has_friction = part == Part::full || part == Part::pointwise || part == Part::reaction;
-    if (has_friction) {
-      const Partials p = friction_at(i, u[0], dof == 3 ? u[2] : 0);
+    const double s = dof == 3 ? u[2] : 0, going = direction ? direction[i] : 0;
+    if (direction && going == 0) {
+      psi_psi = psi_eta = eta_eta = 0;
+    } else if (has_friction) {
+      const Partials p = direction ? sliding_at(i, u[0], s, going) : friction_at(i, u[0], s);
       psi_psi -= c.A * p.F_psi;
       psi_state = -c.A * p.F_state;
       eta_psi += c.s_delta * p.F_psi;
@@ -236,7 +252,9 @@ struct Model::Impl {
     eta[0] = eta_row * eta_psi;
     eta[1] = eta_row * eta_eta + alpha;
     if (dof == 2) return;
-    const RatePartials g = has_friction ? dispatch_rate(u[0], u[2]) : RatePartials{0, 0, 0};
+    const RatePartials g = !has_friction ? RatePartials{0, 0, 0}
+                           : direction   ? sliding_rate_at(u[0], u[2], going)
+                                         : dispatch_rate(u[0], u[2]);
     double* const state = eta + width;
     block[2] = psi_row * psi_state;
     eta[2] = eta_row * eta_state;
@@ -249,6 +267,23 @@ struct Model::Impl {
     const double a = amplitude[static_cast<std::size_t>(i)];
     Partials p = dispatch_friction(scene.friction, [&](const auto& f) { return f.partials(psi, state); });
     return {a * p.F, a * p.F_psi, a * p.F_state};
+  }
+  Partials sliding_at(PetscInt i, double psi, double state, double going) const {
+    const double a = amplitude[static_cast<std::size_t>(i)];
+    return dispatch_friction(scene.friction, [&](const auto& f) -> Partials {
+      if constexpr (std::decay_t<decltype(f)>::sticks) {
+        const Partials p = sliding_partials(f, psi, state, going);
+        return {a * p.F, a * p.F_psi, a * p.F_state};
+      } else {
+        throw std::logic_error("this law does not stick");
+      }
+    });
+  }
+  RatePartials sliding_rate_at(double psi, double state, double going) const {
+    return dispatch_friction(scene.friction, [&](const auto& f) -> RatePartials {
+      if constexpr (std::decay_t<decltype(f)>::sticks) return sliding_rate(f, psi, state, going);
+      else throw std::logic_error("this law does not stick");
+    });
   }
   RatePartials dispatch_rate(double psi, double state) const {
     return dispatch_friction(scene.friction, [&](const auto& f) { return f.rate_partials(psi, state); });
@@ -281,6 +316,10 @@ VecHandle Model::create_vector() const {
   return u;
 }
 
+void Model::set_direction(const double* direction) const {
+  if (direction && !impl_->sticking) throw std::logic_error("this law does not stick");
+  impl_->direction = direction;
+}
 void Model::rhs(Part part, Vec u, Vec f) const { impl_->rhs(part, u, f); }
 
 MatHandle Model::create_jacobian(Part part) const {

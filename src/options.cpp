@@ -100,6 +100,8 @@ std::vector<OptionSpec> make_table() {
            "laws with a threshold: exact stick, or sgn(psi) smoothed to tanh(psi/eps)");
   t.positive("friction_eps", "1e-3", "regularised stick: velocity of the smoothing", "velocity");
   t.boolean("friction_back_slip", "true", "exact stick: false lets no force drive a stuck node backwards");
+  t.not_negative("friction_sigma", "0", "carlson-langer: friction drops from 1 to 1 - sigma as motion begins");
+  t.not_negative("friction_alpha", "0.5", "carlson-langer: (1 - sigma)/(1 + 2 alpha |psi|/(1 - sigma))");
   t.positive("friction_fs", "1", "coulomb: static threshold");
   t.not_negative("friction_fd", "0.5", "coulomb: dynamic friction, at most friction_fs");
   t.positive("friction_slip_velocity", "1e-2", "coulomb, regularised: velocity over which fs falls to fd", "velocity");

@@ -226,10 +226,6 @@ class Run {
  private:
   static Scene checked_scene(const Options& options) {
     Scene scene = Scene::from(options, false);
-    const Law law = scene.friction.law;
-    if ((law == Law::carlson_langer || law == Law::coulomb) && !scene.friction.regularised)
-      throw UsageError("friction_stick exact: run cannot hold a block at exact rest with friction_law " +
-                       to_string(law) + "; use friction_stick regularised (friction_eps sets its velocity)");
     if (options.is_set("accuracy"))
       throw UsageError("accuracy " + options.text("accuracy") +
                        ": choosing the method for an accuracy is not part of this version; set ts_rtol and ts_atol");

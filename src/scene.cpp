@@ -104,6 +104,10 @@ void read_friction(const Options& o, Scene& s) {
     throw UsageError("-friction_fd " + number_text(f.fd) + ": dynamic friction must not exceed the static threshold " +
                      "friction_fs " + number_text(f.fs));
   f.weakening = o.real("friction_slip_velocity");
+  f.sigma = o.real("friction_sigma");
+  if (f.sigma >= 1)
+    throw UsageError("-friction_sigma " + number_text(f.sigma) + ": below 1, or nothing is left of friction");
+  f.alpha = o.real("friction_alpha");
   f.a = o.real("friction_a");
   f.b = o.real("friction_b");
   f.D = o.real("friction_D");
@@ -217,9 +221,12 @@ bool has_threshold(Law law) { return law == Law::carlson_langer || law == Law::c
 
 std::vector<const char*> friction_options_of_other_laws(Law law) {
   std::vector<const char*> names;
-  const auto add = [&names](std::initializer_list<const char*> more) { names.insert(names.end(), more); };
+  const auto add = [&names](std::initializer_list<const char*> more) {
+    for (const char* name : more) names.push_back(name);
+  };
   if (!has_threshold(law)) add({"friction_eps", "friction_back_slip"});
   if (law != Law::coulomb) add({"friction_fs", "friction_fd", "friction_slip_velocity"});
+  if (law != Law::carlson_langer) add({"friction_sigma", "friction_alpha"});
   if (law != Law::rate_and_state) add({"friction_a", "friction_b", "friction_D", "friction_mu0", "friction_psi0"});
   return names;
 }

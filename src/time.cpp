@@ -13,6 +13,7 @@
 #include "stickslip/error.hpp"
 #include "stickslip/methods.hpp"
 #include "stickslip/ode.hpp"
+#include "stickslip/stick.hpp"
 
 namespace stickslip {
 
@@ -124,6 +125,12 @@ struct Integrator::Impl {
   PetscInt first_step = 0;
   double saved_dt = 0;
 
+  // friction that sticks
+  std::unique_ptr<Stick> stick;
+  VecHandle landed;            // u where the step is cut
+  PetscInt max_steps = 0, coarse = 0;
+  double own_dt = 0;           // of a method of fixed steps
+
   Impl(const Model& m, const std::string& p) : model(m), prefix(p) {}
 
   // ---- callbacks ----
@@ -176,11 +183,12 @@ struct Integrator::Impl {
       auto& self = *static_cast<Impl*>(context);
       double dt;
       SS_TRY(TSGetTime(ts, &self.t_before));
+      if (self.stick) self.stick->engage();
       SS_TRY(TSGetTimeStep(ts, &dt));
       self.kept_before = false;
       self.degree_now = 0;
       // A rejected step is only ever repeated with a smaller dt, so that this tells whether an output may fall in.
-      if (self.undo_exactly || self.fused ||
+      if (self.undo_exactly || self.fused || self.stick ||
           (self.own_degree > 0 && self.output_due(self.t_before + dt * (1 + 1e-12)))) {
         Vec u;
         SS_TRY(TSGetSolution(ts, &u));
@@ -264,6 +272,7 @@ struct Integrator::Impl {
       SS_TRY(TSInterpolate(ts, at, into));
     } else {
       if (!kept_before) throw std::logic_error("interpolation at a time that was not announced");
+      if (stick) stick->engage();
       refine(u, t - t_before);
       polynomial(degree_now, u, t - t_before, (at - t_before) / (t - t_before), into);
     }
@@ -327,6 +336,7 @@ struct Integrator::Impl {
     report.t = t;
     SS_TRY(TSGetStepNumber(ts, &report.steps));
     SS_TRY(TSGetStepRejections(ts, &report.rejections));
+    report.rejections += coarse;
     report.rhs_evaluations = model.rhs_evaluations() - evaluations_before;
   }
 
@@ -361,7 +371,8 @@ struct Integrator::Impl {
                     std::to_string(step.index) + "); loosen ts_rtol and ts_atol, or smooth what is not smooth");
     check_floor(step);
     started = true;
-    tell(step);
+    if (stick) stick_after(step);
+    else tell(step);
   }
 
   // At ts_adapt_dt_min PETSc accepts a step whatever its error. That the next one should be no longer tells that this
@@ -380,14 +391,96 @@ struct Integrator::Impl {
                   ") with an error above the tolerance; lower ts_adapt_dt_min, or loosen ts_rtol and ts_atol");
   }
 
-  void tell(const Step& step) {
-    if (!*observer) return;
+  // Cuts the step at the first change between rest and sliding, and passes over times when everything rests.
+  void stick_after(Step step) {
+    const double dt = step.t - t_before, took = dt;
+    Vec u = step.u;
+    const auto at = [&](double part, Vec into) { interpolate(t_before + part * dt, into); };
+    const Stick::Change change = stick->first_change(before, u, dt, at, landed);
+    if (change.kind == Stick::Change::Kind::too_coarse) {
+      SS_TRY(VecCopy(before, u));
+      ++coarse;
+      if (!(t_before + dt / 8 > t_before))
+        throw Failure("a node that lets go does not begin to slide at t = " + number_text(t_before) + " (step " +
+                      std::to_string(step.index) + ")");
+      SS_TRY(TSSetStepNumber(ts, step.index - 1));
+      go_on_from(t_before, dt / 8);
+      update_report();
+      return;
+    }
+    if (change.kind == Stick::Change::Kind::none) {
+      if (own_dt > 0 && step.next_dt < own_dt) go_on_from(step.t, own_dt);
+      if (tell(step) == Verdict::restart) stick->decide(u);  // as a run that goes on from here will
+      return;
+    }
+    step.t = change.part == 1 ? step.t : t_before + change.part * dt;
+    step.u = landed;
+    step.next_dt = own_dt > 0 ? own_dt : std::max(step.next_dt, took);
+    step.interpolate = [this, t = step.t](double when, Vec into) {
+      if (when == t) SS_TRY(VecCopy(landed, into));
+      else interpolate(when, into);
+    };
+    report.t = step.t;
+    if (step.t > t_before) tell(step);
+    else SS_TRY(TSSetStepNumber(ts, step.index - 1));
+    SS_TRY(VecCopy(landed, u));
+    stick->decide(u);
+    go_on_from(step.t, step.next_dt);
+    pass_rest(u);
+  }
+
+  // The next step starts anew, at t and of length dt, unless the run is over.
+  void go_on_from(double t, double dt) {
+    SS_TRY(TSSetTime(ts, t));
+    SS_TRY(TSSetTimeStep(ts, std::min(dt, t_end - t)));
+    SS_TRY(TSRestartStep(ts));
+    PetscInt index;
+    SS_TRY(TSGetStepNumber(ts, &index));
+    SS_TRY(TSSetConvergedReason(ts, stop_asked           ? TS_CONVERGED_USER
+                                    : t >= t_end         ? TS_CONVERGED_TIME
+                                    : index >= max_steps ? TS_CONVERGED_ITS
+                                                         : TS_CONVERGED_ITERATING));
+  }
+
+  // While everything rests one step leads to the next release, or to the end.
+  void pass_rest(Vec u) {
+    double t, dt;
+    PetscInt index;
+    SS_TRY(TSGetTime(ts, &t));
+    SS_TRY(TSGetTimeStep(ts, &dt));
+    SS_TRY(TSGetStepNumber(ts, &index));
+    for (int without_time = 0; stick->all_rest() && t < t_end && !stop_asked && index < max_steps;) {
+      const double wait = stick->release_after(u), until = t + wait < t_end ? t + wait : t_end;
+      stick->rest(u, until == t_end ? t_end - t : wait, landed);
+      if (until > t) {
+        t_before = t;
+        SS_TRY(TSSetStepNumber(ts, ++index));
+        SS_TRY(TSSetTime(ts, until));
+        update_report();
+        tell({index, t, until, landed, dt, [this, u, t, until](double when, Vec into) {
+                if (when == until) SS_TRY(VecCopy(landed, into));
+                else stick->rest(u, when - t, into);
+              }});
+        without_time = 0;
+      } else if (++without_time > 100) {
+        throw Failure("nodes let go and rest again without end at t = " + number_text(t));
+      }
+      SS_TRY(VecCopy(landed, u));
+      t = until;
+      stick->decide(u);
+      go_on_from(t, dt);
+    }
+  }
+
+  Verdict tell(const Step& step) {
+    if (!*observer) return Verdict::go_on;
     const Verdict verdict = (*observer)(step);
     if (verdict == Verdict::restart) SS_TRY(TSRestartStep(ts));
     if (verdict == Verdict::stop && step.t < t_end) {
       stop_asked = true;
       SS_TRY(TSSetConvergedReason(ts, TS_CONVERGED_USER));
     }
+    return verdict;
   }
 
   std::string advice(double dt) const {
@@ -513,12 +606,18 @@ struct Integrator::Impl {
     double rate = model.friction_rate(u);
     const Scene& s = model.scene();
     if (s.friction.law == Law::cubic) rate = std::max(rate, s.A() * std::abs(s.B() + 3));
+    if (stick && s.friction.law == Law::carlson_langer)
+      rate = std::max(rate, s.A() * (s.B() + 2 * s.friction.alpha));  // at the start of a slip
     if (model.dof() == 3 && s.v != 0) rate = std::max(rate, -model.state_rate(s.v, model.steady_state(s.v)).g_state);
     if (s.friction.regularised) rate = std::max(rate, s.A() * (s.B() + 1 / s.friction.eps));
     return rate;
   }
 
   void set_up(const Options& options, Vec u) {
+    if (Stick::applies_to(model.scene())) {
+      stick = std::make_unique<Stick>(model);
+      landed = model.create_vector();
+    }
     SS_TRY(TSCreate(model.comm(), ts.out()));
     SS_TRY(TSSetOptionsPrefix(ts, prefix.c_str()));
     // PETSc keeps the callbacks of a TS on its DM, where those of an earlier Integrator would stay and be called.
@@ -531,7 +630,7 @@ struct Integrator::Impl {
     const std::string wish = options.text("imex_implicit");
     Implicit automatic = Implicit::none;
     if (stiff_friction) automatic = stiff_wave ? Implicit::both : Implicit::friction;
-    else if (stiff_wave) automatic = Implicit::wave;
+    else if (stiff_wave) automatic = stick ? Implicit::both : Implicit::wave;
     const bool wants_imex = wish != "auto" && wish != "none";
 
     // The type decides what is implicit, so it is read before the functions are set.
@@ -561,13 +660,16 @@ struct Integrator::Impl {
       else if (wants_imex)
         implicit = wish == "friction" ? Implicit::friction : wish == "wave" ? Implicit::wave : Implicit::both;
       else if (automatic != Implicit::none) implicit = automatic;
-      else implicit = friction_rate_ahead(u) >= model.wave_frequency() ? Implicit::friction : Implicit::wave;
+      else implicit = stick || friction_rate_ahead(u) >= model.wave_frequency() ? Implicit::friction : Implicit::wave;
     } else {
       if (wish != "auto" && wish != "both")
         throw UsageError("imex_implicit " + wish + ": ts_type " + type +
                          " does not split; use ts_type arkimex, or imex_implicit both");
       implicit = Implicit::both;
     }
+    if (stick && implicit == Implicit::wave)
+      throw UsageError("imex_implicit wave: with friction_stick exact a node at rest is held by friction against eta, "
+                       "which this split takes apart; use friction or both, or ts_type rk");
     split = split_of(implicit);
     set_functions();
     set_defaults();
@@ -576,13 +678,16 @@ struct Integrator::Impl {
     SS_TRY(TSSetPreStep(ts, PreStep));
     SS_TRY(TSSetPostStep(ts, PostStep));
     SS_TRY(TSSetSolution(ts, u));
-    if (type == TSRK && options.boolean("rk_fused")) fuse();
+    if (type == TSRK && options.boolean("rk_fused") && !stick) fuse();
     SS_TRY(TSSetUp(ts));
     read_subtype();
     method = &offered_method(type, subtype);
     read_adaptivity();
     set_dense_output();
-    if (undo_exactly || fused || own_degree > 0) before = model.create_vector();
+    if (stick && (type == TSBDF || type == TSALPHA))
+      throw UsageError("ts_type " + type + ": it remembers earlier steps and would have to forget them wherever a node "
+                       "starts or stops (friction_stick exact); use rk, arkimex or another one-step method");
+    if (undo_exactly || fused || own_degree > 0 || stick) before = model.create_vector();
     report.method = method->name();
     report.implicit = implicit;
   }
@@ -803,6 +908,7 @@ TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& ob
   m.t_end = t_end;
   m.t_before = t;
   m.stop_asked = false;
+  m.max_steps = max_steps;
   m.evaluations_before = m.model.rhs_evaluations();
   SS_TRY(TSSetTime(m.ts, t));
   SS_TRY(TSSetMaxTime(m.ts, t_end));
@@ -823,10 +929,17 @@ TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& ob
     m.report.reason = "end time";
     return m.report;
   }
-  SS_TRY(TSSolve(m.ts, u));
+  TSConvergedReason reason = TS_CONVERGED_ITERATING;
+  if (m.stick) {
+    if (!m.adaptive) SS_TRY(TSGetTimeStep(m.ts, &m.own_dt));
+    SS_TRY(TSSetConvergedReason(m.ts, TS_CONVERGED_ITERATING));
+    m.stick->decide(u);
+    m.pass_rest(u);
+    SS_TRY(TSGetConvergedReason(m.ts, &reason));
+  }
+  if (reason == TS_CONVERGED_ITERATING) SS_TRY(TSSolve(m.ts, u));
   m.update_report();
 
-  TSConvergedReason reason;
   SS_TRY(TSGetConvergedReason(m.ts, &reason));
   if (reason < 0) {
     const std::string at = " at t = " + number_text(m.report.t) + " (step " + std::to_string(m.report.steps) + ")";

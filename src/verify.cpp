@@ -82,10 +82,7 @@ std::vector<Verified> verify_boundary(GrowthRate& growth, const std::vector<Cros
         if (x < 0 || x > 1 || y < 0 || y > 1 || reach > 0.3) break;
         const auto at = growth.leading(x, y);
         if (!at || std::abs(at->mode.value.real()) < 0.01 * (at->mode.value.imag() + 0.1)) continue;
-        Options options = growth.options_at(x, y);
-        const FrictionParameters& f = Scene::from(options, true).friction;
-        if ((f.law == Law::carlson_langer || f.law == Law::coulomb) && !f.regularised)
-          options = options.with("friction_stick", "regularised");
+        const Options options = growth.options_at(x, y);
         const Sliding s(Scene::from(options, true));
         const double rate = std::abs(at->mode.value.real()), duration = std::min(3000., 9 / rate + 60);
         const double k = at->mode.wavenumber > 0 ? at->mode.wavenumber

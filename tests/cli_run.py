@@ -51,6 +51,8 @@ def same_on_any_ranks():
         "-init_type sine -grid_n 40 -ts_type arkimex -imex_implicit both -ts_max_time 1 -friction_spread 0.3",
         "-model_form chain -grid_n 31 -bc_left free -init_noise 0.5 -model_zeta paper -friction_spread 0.2"
         " -friction_law carlson-langer -friction_stick regularised -friction_eps 0.05 -ts_max_time 3",
+        "-model_form chain -grid_n 31 -bc_left free -init_noise 0.5 -model_zeta paper -friction_spread 0.2"
+        " -friction_law carlson-langer -state_law healing -ts_max_time 3",
         "-model_form chain -grid_n 5 -init_noise 0.5 -bc_left velocity -bc_right velocity -ts_max_time 3",
     ]
     for scene in scenes:
@@ -83,6 +85,16 @@ def restart():
             check(np.array_equal(values, final[name], equal_nan=True), f"{name} after restart: {method}")
         other, _ = run(f"-restart {checkpoint} -out_file elsewhere.h5", ranks=2)
         check(abs(other["psi_mean"] - whole["psi_mean"]) < 1e-12, f"restart on 2 ranks: {method}")
+    stick = ("-model_form chain -model_v 0.05 -friction_law carlson-langer -friction_spread 0.1 -init_noise 0.2 -grid_n 40"
+             " -out_probes 5 -ts_max_time 40 -state_law healing")
+    run(f"{stick} -out_file stick.h5 -out_checkpoint_every 10 -out_checkpoint_keep 1000")
+    checkpoints = sorted(f for f in os.listdir(".") if f.startswith("stick.chk"))
+    reference = data("stick.h5")
+    for checkpoint in checkpoints[::len(checkpoints) // 4]:
+        run(f"-restart {checkpoint} -out_file stick.h5")
+        for name, values in data("stick.h5").items():
+            check(np.array_equal(reference[name], values, equal_nan=True), f"{name} after {checkpoint}")
+    checkpoint = sorted(f for f in os.listdir(".") if f.startswith("whole.chk"))[0]
     longer, _ = run(f"-restart {checkpoint} -out_file whole.h5 -ts_max_time 7")
     times = data("whole.h5")["t"]
     check(longer["t_end"] == 7 and times[-1] == 7 and (np.diff(times) > 0).all(), "a run extended by a restart")
@@ -118,8 +130,9 @@ def warnings():
     check("does not fit the held end" in error and "corner" in error, "a corner is told: " + error)
     _, error = run("-bc_left velocity -bc_left_value -1.5 -init_type layer -ts_max_time 1 -grid_n 512")
     check("fit" not in error, "a layer fits: " + error)
-    _, error = run("-friction_law carlson-langer", code=2)
-    check("friction_stick" in error, "exact stick is refused")
+    for method in ("-ts_type bdf", "-ts_type alpha", "-ts_type arkimex -imex_implicit wave"):
+        _, error = run("-friction_law carlson-langer " + method, code=2)
+        check("friction_stick exact" in error, f"{method} cannot hold a block at rest: " + error)
     _, error = run("-out_times 1,70 -out_file late.h5", code=2)
     check("out_times" in error and "70" in error, "a frame after the end is refused: " + error)
 

@@ -192,11 +192,13 @@ def coherent(pairs, r):
         drop |= {"model_m", "model_k0", "model_k1", "model_f0", "model_zeta"}
     if law in ("cubic", "rate-and-state"):
         drop |= {"friction_eps", "friction_back_slip"}
-    elif r.random() < 0.8:
+    elif r.random() < 0.5:
         pairs["friction_stick"] = "regularised"
         drop |= {"friction_back_slip"}
     if pairs.get("friction_stick", "exact") == "exact":
         drop |= {"friction_eps", "friction_slip_velocity"}
+    if law != "carlson-langer":
+        drop |= {"friction_sigma", "friction_alpha"}
     if law != "coulomb":
         drop |= {"friction_fs", "friction_fd", "friction_slip_velocity"}
     if law != "rate-and-state":

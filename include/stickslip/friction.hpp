@@ -16,7 +16,7 @@
 //
 // Laws of one velocity (F = phi without a state, else times a factor of the state):
 //     cubic            phi = psi^3/3 - psi                                    (the paper's equation 4)
-//     carlson-langer   phi = sgn(psi)/(1 + |psi|)                             (equation 2)
+//     carlson-langer   phi = (1 - sigma) sgn(psi)/(1 + 2 alpha |psi|/(1 - sigma))   (equation 2: sigma 0, alpha 1/2)
 //     coulomb          phi = fd sgn(psi), regularised with a peak of fs
 //     rate-and-state   F = a asinh[ psi/(2 psi0) exp((mu0 + b ln(psi0 theta/D))/a) ]
 // State laws:
@@ -25,11 +25,16 @@
 //     ageing       rate-and-state,  theta_t = 1 - |psi| theta/D
 //     slip         rate-and-state,  theta_t = -(|psi| theta/D) ln(|psi| theta/D)
 // Regularised: sgn(psi) -> tanh(psi/eps), |psi| -> psi tanh(psi/eps). On the exact sliding branch sgn(0) = 0.
+//
+// Exact stick (see stick.hpp) calls these with the direction of motion given (+1 or -1, or 0 at rest), so that a law
+// is smooth through psi = 0; a law of one velocity that can stick says `sticks = true` and gives threshold(), and
+// frozen(law, direction) is the law with that direction.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 #include "stickslip/scene.hpp"
@@ -65,30 +70,46 @@ struct SignRegularised {
     return {psi * s.value, s.value + psi * s.slope};
   }
 };
+// The direction of motion is known and stays, whatever psi is.
+struct SignFrozen {
+  double direction;
+  WithSlope sign_slope(double) const { return {direction, 0}; }
+  WithSlope magnitude(double psi) const { return {direction * psi, direction}; }
+};
 
 // ---- laws of one velocity: phi(psi) -------------------------------------------------------------------------------
 
 struct Cubic {
+  static constexpr bool sticks = false;
   double phi(double psi) const { return psi * (psi * psi * (1. / 3) - 1); }
   WithSlope phi_slope(double psi) const { return {phi(psi), psi * psi - 1}; }
 };
 
+// kinetic = 1 - sigma, what is left of the threshold 1 when motion begins; weakening = 2 alpha/(1 - sigma).
 template <class Sign>
 struct CarlsonLanger {
+  static constexpr bool sticks = std::is_same_v<Sign, SignExact>;
   Sign sign;
+  double kinetic = 1, weakening = 1;
+  double threshold() const { return 1; }
   double phi(double psi) const { return phi_slope(psi).value; }
   WithSlope phi_slope(double psi) const {
     const WithSlope s = sign.sign_slope(psi), a = sign.magnitude(psi);
-    const double w = 1 / (1 + a.value);
-    return {s.value * w, (s.slope - s.value * a.slope * w) * w};
+    const double w = 1 / (1 + weakening * a.value), k = kinetic * w;
+    return {s.value * k, (s.slope - s.value * weakening * a.slope * w) * k};
   }
 };
+inline CarlsonLanger<SignFrozen> frozen(const CarlsonLanger<SignExact>& law, double direction) {
+  return {{direction}, law.kinetic, law.weakening};
+}
 
 // Regularised, the friction falls from fs to fd like exp(-|psi|/weakening); on the sliding branch it is fd sgn(psi).
 template <class Sign>
 struct Coulomb {
+  static constexpr bool sticks = std::is_same_v<Sign, SignExact>;
   Sign sign;
   double fs, fd, weakening;  // weakening: slip velocity; 0 on the sliding branch
+  double threshold() const { return fs; }
   double phi(double psi) const { return phi_slope(psi).value; }
   WithSlope phi_slope(double psi) const {
     const WithSlope s = sign.sign_slope(psi);
@@ -99,21 +120,29 @@ struct Coulomb {
   }
 };
 
+inline Coulomb<SignFrozen> frozen(const Coulomb<SignExact>& law, double direction) {
+  return {{direction}, law.fs, law.fd, 0};
+}
+
 // ---- the factor of the state --------------------------------------------------------------------------------------
 
 struct NoState {
   static constexpr bool has_state = false;
 };
 
+// at_rest(s, t): what becomes of s after the time t at psi = 0.
+
 // Static friction grows to tau_inf at rest and returns to 1 after the slip D. s = tau.
 struct Healing {
   static constexpr bool has_state = true;
   double t_h, tau_inf, D;
   WithSlope factor(double s) const { return {s, 1}; }
-  RatePartials rate_partials(double psi, double s) const {
-    const double a = std::abs(psi), sign = psi > 0 ? 1. : psi < 0 ? -1. : 0.;
-    return {(tau_inf - s) / t_h - a / D * (s - 1), -sign / D * (s - 1), -1 / t_h - a / D};
+  RatePartials rate_partials(double psi, double s) const { return rate_partials(psi, s, SignExact().sign(psi)); }
+  RatePartials rate_partials(double psi, double s, double direction) const {
+    const double a = direction * psi;
+    return {(tau_inf - s) / t_h - a / D * (s - 1), -direction / D * (s - 1), -1 / t_h - a / D};
   }
+  double at_rest(double s, double t) const { return tau_inf + (s - tau_inf) * std::exp(-t / t_h); }
   double steady_state(double psi) const {
     const double a = std::abs(psi) / D;
     return (tau_inf / t_h + a) / (1 / t_h + a);
@@ -124,10 +153,12 @@ struct Healing {
 struct AgeingKinetics {
   static constexpr bool has_state = true;
   double D;
-  RatePartials rate_partials(double psi, double s) const {
-    const double e = std::exp(-s), sign = psi > 0 ? 1. : psi < 0 ? -1. : 0.;
-    return {e - std::abs(psi) / D, -sign / D, -e};
+  RatePartials rate_partials(double psi, double s) const { return rate_partials(psi, s, SignExact().sign(psi)); }
+  RatePartials rate_partials(double psi, double s, double direction) const {
+    const double e = std::exp(-s);
+    return {e - direction * psi / D, -direction / D, -e};
   }
+  double at_rest(double s, double t) const { return std::log(std::exp(s) + t); }
   double steady_state(double psi) const { return std::log(D / std::abs(psi)); }
 };
 
@@ -158,6 +189,7 @@ template <class LawOfVelocity, class State>
 struct Friction {
   static constexpr bool has_state = State::has_state;
   static constexpr bool steep = false;
+  static constexpr bool sticks = LawOfVelocity::sticks;
   LawOfVelocity law;
   State state;
 
@@ -194,12 +226,41 @@ struct Friction {
   }
 };
 
+// Friction that sticks, its direction of motion given.
+template <class F>
+double sliding_force(const F& f, double psi, double s, double direction) {
+  const double phi = frozen(f.law, direction).phi(psi);
+  if constexpr (F::has_state) return f.state.factor(s).value * phi;
+  else return phi;
+}
+template <class F>
+Partials sliding_partials(const F& f, double psi, double s, double direction) {
+  const auto law = frozen(f.law, direction);
+  return Friction<std::decay_t<decltype(law)>, decltype(f.state)>{law, f.state}.partials(psi, s);
+}
+template <class F>
+RatePartials sliding_rate(const F& f, double psi, double s, double direction) {
+  if constexpr (F::has_state) return f.state.rate_partials(psi, s, direction);
+  else return {0, 0, 0};
+}
+// The force that holds a node at rest at most, and its slope in the state.
+template <class F>
+WithSlope static_threshold(const F& f, double s) {
+  if constexpr (F::has_state) {
+    const WithSlope m = f.state.factor(s);
+    return {m.value * f.law.threshold(), m.slope * f.law.threshold()};
+  } else {
+    return {f.law.threshold(), 0};
+  }
+}
+
 // Regularised Dieterich-Ruina friction. The argument q of asinh is kept as a logarithm, since exp(mu0/a) overflows
 // for a below mu0/700.
 template <class Kinetics>
 struct RateAndState {
   static constexpr bool has_state = true;
   static constexpr bool steep = true;
+  static constexpr bool sticks = false;
   double a, b, D, mu0, psi0;
   Kinetics state;
 
@@ -266,8 +327,10 @@ template <class Body>
 decltype(auto) dispatch_friction(const FrictionParameters& p, Body&& body) {
   switch (p.law) {
     case Law::carlson_langer:
-      if (p.regularised) return detail::with_state(p, CarlsonLanger<SignRegularised>{{p.eps}}, body);
-      return detail::with_state(p, CarlsonLanger<SignExact>{{}}, body);
+      if (p.regularised)
+        return detail::with_state(
+            p, CarlsonLanger<SignRegularised>{{p.eps}, 1 - p.sigma, 2 * p.alpha / (1 - p.sigma)}, body);
+      return detail::with_state(p, CarlsonLanger<SignExact>{{}, 1 - p.sigma, 2 * p.alpha / (1 - p.sigma)}, body);
     case Law::coulomb:
       if (p.regularised) return detail::with_state(p, Coulomb<SignRegularised>{{p.eps}, p.fs, p.fd, p.weakening}, body);
       return detail::with_state(p, Coulomb<SignExact>{{}, p.fs, p.fd, 0}, body);

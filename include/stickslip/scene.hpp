@@ -29,6 +29,7 @@ struct FrictionParameters {
   bool regularised = false;  // sgn(psi) -> tanh(psi/eps); false: the exact sliding branch
   double eps = 1e-3;         // velocity of the regularisation
   double fs = 1, fd = 0.5;   // coulomb: static threshold and dynamic friction
+  double sigma = 0, alpha = 0.5;  // carlson-langer: drop of friction as motion begins; weakening with velocity
   double weakening = 1e-2;   // coulomb, regularised: slip velocity over which friction falls from fs to fd
   double a = 0.05, b = 0.1, D = 0.1, mu0 = 0.6, psi0 = 1;  // rate-and-state (psi0: reference velocity)
   bool back_slip = true;

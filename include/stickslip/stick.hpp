@@ -1,0 +1,90 @@
+// Friction that sticks: which nodes rest and which slide, and when that changes.
+//
+// A node at rest (psi = 0) stays there while its force eta lies in [-f, f], f = a_i fs(state) its static threshold
+// (with friction_back_slip false: in (-infinity, f]); its friction is then eta, so that psi_t and the damping term
+// vanish. Beyond, it lets go along sgn(eta). A node that slides stops when psi passes through zero.
+//
+// Between such changes the direction of every node stands (1, -1, or 0 at rest; Model::set_direction) and the
+// right-hand side is smooth, through psi = 0 too, so that a method keeps its order. After each step the changes in it
+// are found: by sign at its end, and by the cubic through values and slopes at both ends where a node goes beyond and
+// comes back (a stay shorter than the error of the step can be missed). The first change is located on the method's
+// own polynomial between steps to about 1e-13 of the step; the step is cut there, every node whose change lies within
+// round-off of it changes too (its psi becomes exactly 0, or its eta exactly the threshold), and the method starts
+// anew.
+//
+// The directions follow from the unknowns alone: the sign of psi, and at psi = 0 the force; at the threshold itself a
+// node lets go if the force grows faster than the threshold. So a checkpoint need not hold them.
+//
+// While every node rests, nothing moves: eta is linear in time and the state known in closed form, and one step leads
+// to the next release, however far it is.
+//
+// Collective unless said otherwise; the same on any number of ranks.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "stickslip/model.hpp"
+
+namespace stickslip {
+
+class Stick {
+ public:
+  // Whether this scene's friction sticks: a law with a threshold, not regularised.
+  static bool applies_to(const Scene& scene);
+
+  // The model computes with the directions of this object from decide() on, until another one decides or engages, or
+  // this one is destroyed.
+  explicit Stick(const Model& model);
+  ~Stick();
+  Stick(const Stick&) = delete;
+  Stick& operator=(const Stick&) = delete;
+
+  void engage() const { model_.set_direction(direction_.data()); }
+  // Sets the directions from u. Costs one or two evaluations of the right-hand side.
+  void decide(Vec u);
+  bool all_rest() const { return all_rest_; }
+  const std::vector<double>& direction() const { return direction_; }  // of this rank's nodes; not collective
+  long changes() const { return changes_; }  // of a node from rest to sliding or back, so far; over all ranks
+
+  // The first change within a step of length dt from `before`, where decide() or the last call left off, to `after`.
+  struct Change {
+    enum class Kind { none, at, too_coarse } kind;
+    double part;  // of the step that is left when it is cut there, in (0, 1]
+  };
+  // at(part, into) interpolates in the step. With Kind::at, `landed` is the state there, ready for decide(). too_coarse:
+  // a node that was let go runs backwards at once, which no exact solution does: repeat with a shorter step.
+  Change first_change(Vec before, Vec after, double dt, const std::function<void(double part, Vec into)>& at,
+                      Vec landed);
+
+  // While every node rests: time until the first lets go (infinite: never), and u after the time `wait`.
+  double release_after(Vec u);
+  void rest(Vec u, double wait, Vec into);
+
+ private:
+  struct Candidate {
+    PetscInt node;   // of this rank
+    double side;     // a node at rest: of the threshold in question; a sliding one: its direction
+    bool rests, fresh;  // fresh: let go at the start of the step
+    double weight;   // turns its distance from the change into a part of the step
+  };
+  double threshold(PetscInt i, const double* u) const;
+  double threshold_rate(PetscInt i, const double* u) const;
+  double beyond(const Candidate& c, const double* u, double part) const;
+  template <class Body>
+  void for_each_side(const Body& body) const;
+  void find_candidates(Vec before, Vec after, double dt, double& estimate, double& reached);
+  double furthest(Vec u, double part) const;
+  void snap(Vec before, Vec landed) const;
+
+  const Model& model_;
+  int dof_;
+  bool both_sides_;
+  std::vector<double> direction_, was_;
+  bool all_rest_ = false;
+  long changes_ = 0;
+  VecHandle slope_, next_slope_;  // right-hand side at the start and the end of the step
+  std::vector<Candidate> candidates_;
+};
+
+}  // namespace stickslip

@@ -1,0 +1,380 @@
+#include "stickslip/stick.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "stickslip/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double close = 1e-12;  // relative: changes this near to each other happen at once
+
+// The cubic through g0, g1 with slopes m0, m1 (times the step) at 0 and 1.
+struct CubicBetween {
+  double g0, m0, c2, c3;
+  CubicBetween(double g_0, double g_1, double m_0, double m_1)
+      : g0(g_0), m0(m_0), c2(3 * (g_1 - g_0) - 2 * m_0 - m_1), c3(2 * (g_0 - g_1) + m_0 + m_1) {}
+  double operator()(double s) const { return g0 + s * (m0 + s * (c2 + s * c3)); }
+  double slope(double s) const { return m0 + s * (2 * c2 + s * 3 * c3); }
+
+  // Where it is largest, if it rises at 0 and falls at 1.
+  double peak() const {
+    double low = 0, high = 1;
+    for (int i = 0; i < 50; ++i) {
+      const double s = (low + high) / 2;
+      (slope(s) > 0 ? low : high) = s;
+    }
+    return (low + high) / 2;
+  }
+  // Where it becomes positive before `until`, where it is; it is taken to be negative right after 0.
+  double root(double until) const {
+    double low = 0, high = until;
+    for (int i = 0; i < 50; ++i) {
+      const double s = (low + high) / 2;
+      ((*this)(s) < 0 ? low : high) = s;
+    }
+    return (low + high) / 2;
+  }
+};
+
+double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
+
+// Of the friction that sticks; never called for other laws.
+template <class Body>
+auto with_sticking(const FrictionParameters& p, const Body& body) {
+  return dispatch_friction(p, [&](const auto& f) -> WithSlope {
+    if constexpr (std::decay_t<decltype(f)>::sticks) return body(f);
+    else throw std::logic_error("this law does not stick");
+  });
+}
+
+double state_at_rest(const FrictionParameters& p, double state, double wait) {
+  return with_sticking(p, [&](const auto& f) -> WithSlope {
+    if constexpr (std::decay_t<decltype(f)>::has_state) return {f.state.at_rest(state, wait), 0};
+    else return {0, 0};
+  }).value;
+}
+
+}  // namespace
+
+bool Stick::applies_to(const Scene& scene) { return has_threshold(scene.friction.law) && !scene.friction.regularised; }
+
+Stick::Stick(const Model& model)
+    : model_(model), dof_(model.dof()), both_sides_(model.scene().friction.back_slip),
+      direction_(static_cast<std::size_t>(model.local()), 0.), slope_(model.create_vector()),
+      next_slope_(model.create_vector()) {}
+Stick::~Stick() { model_.set_direction(nullptr); }
+
+// u: the unknowns of node i.
+double Stick::threshold(PetscInt i, const double* u) const {
+  const WithSlope f = with_sticking(model_.scene().friction,
+                                    [&](const auto& law) { return static_threshold(law, dof_ == 3 ? u[2] : 0); });
+  return model_.amplitude()[static_cast<std::size_t>(i)] * f.value;
+}
+double Stick::threshold_rate(PetscInt i, const double* u) const {
+  if (dof_ == 2) return 0;
+  const WithSlope f = with_sticking(model_.scene().friction, [&](const auto& law) -> WithSlope {
+    return {static_threshold(law, u[2]).slope * sliding_rate(law, 0, u[2], 0).g, 0};
+  });
+  return model_.amplitude()[static_cast<std::size_t>(i)] * f.value;
+}
+
+template <class Body>
+void Stick::for_each_side(const Body& body) const {
+  body(1.);
+  if (both_sides_) body(-1.);
+}
+
+void Stick::decide(Vec u) {
+  engage();
+  was_ = direction_;
+  const double* a;
+  SS_TRY(VecGetArrayRead(u, &a));
+  for (PetscInt i = 0; i < model_.local(); ++i) direction_[static_cast<std::size_t>(i)] = sign_of(a[i * dof_]);
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  model_.rhs(Part::full, u, slope_);
+
+  const double* f;
+  SS_TRY(VecGetArrayRead(u, &a));
+  SS_TRY(VecGetArrayRead(slope_, &f));
+  long counts[3] = {0, 0, 0};  // moving, let go now, changed
+  for (PetscInt i = 0; i < model_.local(); ++i) {
+    double& going = direction_[static_cast<std::size_t>(i)];
+    if (model_.held(model_.first() + i)) {
+      if (going != 0 && dof_ == 3) ++counts[0];  // its state moves
+      continue;
+    }
+    if (going == 0) {
+      const double *at = a + i * dof_, limit = threshold(i, at);
+      for_each_side([&](double side) {
+        const double excess = side * at[1] - limit;
+        if (excess > close * limit || (excess >= 0 && side * f[i * dof_ + 1] > threshold_rate(i, at))) going = side;
+      });
+      if (going != 0) ++counts[1];
+    }
+    if (going != 0) ++counts[0];
+    if (going != was_[static_cast<std::size_t>(i)]) ++counts[2];
+  }
+  SS_TRY(VecRestoreArrayRead(slope_, &f));
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, counts, 3, MPI_LONG, MPI_SUM, model_.comm()));
+  all_rest_ = counts[0] == 0;
+  changes_ += counts[2];
+  if (counts[1] > 0) model_.rhs(Part::full, u, slope_);
+}
+
+// How far node c is beyond its change, as a part of the step: negative before it. What has been let go at the start of
+// the step begins like its square, or faster: divided by that, it does not begin at zero.
+double Stick::beyond(const Candidate& c, const double* u, double part) const {
+  const double* at = u + c.node * dof_;
+  if (c.rests) return c.weight * (c.side * at[1] - threshold(c.node, at));
+  return -c.weight * c.side * at[0] / (c.fresh ? part * part : 1);
+}
+
+// Fills candidates_ with the changes between `before` and `after`. `estimate`: about when the first comes; `reached`:
+// a part of the step by which one has come.
+void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, double& reached) {
+  candidates_.clear();
+  estimate = reached = infinity;
+  const double *a, *b, *fa, *fb;
+  SS_TRY(VecGetArrayRead(before, &a));
+  SS_TRY(VecGetArrayRead(after, &b));
+  SS_TRY(VecGetArrayRead(slope_, &fa));
+  SS_TRY(VecGetArrayRead(next_slope_, &fb));
+  // g: negative before the change; `at_end`: the change has come by the end of the step
+  const auto examine = [&](const Candidate& c, double g0, double g1, double m0, double m1, bool at_end) {
+    if (!at_end && !(m0 > 0 && m1 < 0)) return;
+    const CubicBetween g(g0, g1, dt * m0, dt * m1);
+    const double until = at_end ? 1 : g.peak();
+    if (!at_end && g(until) <= 0) return;
+    const double root = g.root(until), slope = std::max(std::abs(g.slope(root)), 1e-3 * std::abs(g(until) - g0));
+    candidates_.push_back(c);
+    candidates_.back().weight = 1 / std::max(slope, 1e-300);
+    estimate = std::min(estimate, root);
+    reached = std::min(reached, until);
+  };
+  for (PetscInt i = 0; i < model_.local(); ++i) {
+    const double going = direction_[static_cast<std::size_t>(i)];
+    const double *at0 = a + i * dof_, *at1 = b + i * dof_, *f0 = fa + i * dof_, *f1 = fb + i * dof_;
+    if (going != 0) {
+      const double g0 = -going * at0[0], g1 = -going * at1[0];
+      const bool fresh = at0[0] == 0, at_end = fresh ? g1 > 0 : g1 >= 0;
+      if (!at_end && !(going * f0[0] < 0 && going * f1[0] > 0)) continue;
+      if (!model_.held(model_.first() + i))
+        examine({i, going, false, fresh, 0}, g0, g1, -going * f0[0], -going * f1[0], at_end);
+      continue;
+    }
+    if (model_.held(model_.first() + i)) continue;
+    const double limit0 = threshold(i, at0), limit1 = threshold(i, at1);
+    const double rate0 = threshold_rate(i, at0), rate1 = threshold_rate(i, at1);
+    for_each_side([&](double side) {
+      const double g0 = side * at0[1] - limit0, g1 = side * at1[1] - limit1;
+      const double m0 = side * f0[1] - rate0, m1 = side * f1[1] - rate1;
+      examine({i, side, true, false, 0}, g0, g1, m0, m1, g1 > close * limit1 || (g1 >= 0 && m1 > 0));
+    });
+  }
+  SS_TRY(VecRestoreArrayRead(next_slope_, &fb));
+  SS_TRY(VecRestoreArrayRead(slope_, &fa));
+  SS_TRY(VecRestoreArrayRead(after, &b));
+  SS_TRY(VecRestoreArrayRead(before, &a));
+  double both[2] = {estimate, reached};
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, both, 2, MPI_DOUBLE, MPI_MIN, model_.comm()));
+  estimate = both[0];
+  reached = both[1];
+}
+
+// The largest beyond() at u, over all candidates of all ranks.
+double Stick::furthest(Vec u, double part) const {
+  const double* a;
+  SS_TRY(VecGetArrayRead(u, &a));
+  double most = -infinity;
+  for (const Candidate& c : candidates_) most = std::max(most, beyond(c, a, part));
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &most, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  return most;
+}
+
+Stick::Change Stick::first_change(Vec before, Vec after, double dt,
+                                  const std::function<void(double part, Vec into)>& at, Vec landed) {
+  engage();
+  model_.rhs(Part::full, after, next_slope_);
+  double estimate, reached;
+  find_candidates(before, after, dt, estimate, reached);
+  if (reached == infinity) {
+    std::swap(slope_, next_slope_);
+    return {Change::Kind::none, 1};
+  }
+  const auto furthest_at = [&](double part) {
+    if (part == 1) SS_TRY(VecCopy(after, landed));
+    else at(part, landed);
+    return furthest(landed, part);
+  };
+  // Where the method's own polynomial does not go beyond, although the cubic does, there is no change but at the end.
+  double high = reached, at_high = furthest_at(high), low = 0;
+  if (at_high < 0 && high < 1) {
+    high = 1;
+    at_high = furthest_at(1);
+  }
+  if (at_high < 0) {
+    std::swap(slope_, next_slope_);
+    return {Change::Kind::none, 1};
+  }
+  // Regula falsi after Illinois, with a bisection now and then. While nothing is known below, downwards in growing
+  // steps, the first of which takes furthest() for what it nearly is, the distance in parts of the step.
+  double part = std::min(estimate, 0.999 * high), value, evaluated;
+  double weighed_low = 0, weighed_high = at_high;
+  bool found_low = false;
+  int stays = 0;  // > 0: how often `high` stayed, < 0: `low`
+  for (int round = 0;; ++round) {
+    evaluated = part;
+    value = furthest_at(part);
+    if (value >= 0) {
+      high = part;
+      weighed_high = value;
+      if (stays < 0) weighed_low /= 2;
+      stays = std::min(stays, 0) - 1;
+    } else {
+      low = part;
+      found_low = true;
+      weighed_low = value;
+      if (stays > 0) weighed_high /= 2;
+      stays = std::max(stays, 0) + 1;
+    }
+    if (std::abs(value) <= 1e-14 || high - low <= 1e-15 * high || round == 100) break;
+    if (!found_low && high < 1e-9) break;
+    if (!found_low) part = std::max(high / 2, high - std::ldexp(value, round + 1));
+    else if (round % 8 == 7) part = (low + high) / 2;
+    else part = low + (high - low) * weighed_low / (weighed_low - weighed_high);
+    part = std::clamp(part, low, high);
+  }
+  int fresh = 0;
+  if (!found_low)
+    for (const Candidate& c : candidates_) fresh |= c.fresh ? 1 : 0;
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &fresh, 1, MPI_INT, MPI_MAX, model_.comm()));
+  if (fresh) return {Change::Kind::too_coarse, 0};
+  if (std::abs(value) > 1e-14 && evaluated != high) {
+    evaluated = high;
+    furthest_at(high);
+  }
+  snap(before, landed);
+  return {Change::Kind::at, evaluated};
+}
+
+// Nodes whose change has come, to round-off, get its psi or eta exactly.
+void Stick::snap(Vec before, Vec landed) const {
+  const double* a;
+  double* b;
+  SS_TRY(VecGetArrayRead(before, &a));
+  SS_TRY(VecGetArray(landed, &b));
+  for (const Candidate& c : candidates_) {
+    double* at = b + c.node * dof_;
+    if (beyond(c, b, 1) < -close) continue;
+    if (c.rests) at[1] = c.side * threshold(c.node, at);
+    else at[0] = 0;
+  }
+  for (PetscInt i = 0; i < model_.local(); ++i) {
+    if (model_.held(model_.first() + i)) continue;
+    const double going = direction_[static_cast<std::size_t>(i)], *at0 = a + i * dof_;
+    double* at = b + i * dof_;
+    if (going != 0) {
+      if (going * at0[0] > 0 && going * at[0] <= close * going * at0[0]) at[0] = 0;
+      continue;
+    }
+    at[0] = 0;
+    const double limit = threshold(i, at);
+    for_each_side([&](double side) {
+      if (std::abs(side * at[1] - limit) <= close * limit && side * at[1] - limit > side * at0[1] - threshold(i, at0))
+        at[1] = side * limit;
+    });
+  }
+  SS_TRY(VecRestoreArray(landed, &b));
+  SS_TRY(VecRestoreArrayRead(before, &a));
+}
+
+// With every node at rest the threshold minus the force is convex or concave in time, a sum of something linear and an
+// exponential or a logarithm: it is followed to its extremum, if it has one, and there is one root on either side.
+double Stick::release_after(Vec u) {
+  const FrictionParameters& p = model_.scene().friction;
+  const double *a, *f;
+  SS_TRY(VecGetArrayRead(u, &a));
+  SS_TRY(VecGetArrayRead(slope_, &f));
+  double first = infinity;
+  for (PetscInt i = 0; i < model_.local(); ++i) {
+    if (model_.held(model_.first() + i)) continue;
+    for_each_side([&](double side) {
+      const double *at = a + i * dof_, force = side * at[1], rate = side * f[i * dof_ + 1];
+      if (dof_ == 2) {
+        if (rate > 0) first = std::min(first, std::max(0., (threshold(i, at) - force) / rate));
+        return;
+      }
+      std::array<double, 3> then{0, 0, at[2]};
+      const auto excess = [&](double wait) {
+        then[2] = state_at_rest(p, at[2], wait);
+        return force + rate * wait - threshold(i, then.data());
+      };
+      const auto growth = [&](double wait) {
+        then[2] = state_at_rest(p, at[2], wait);
+        return rate - threshold_rate(i, then.data());
+      };
+      const auto bisect = [](double low, double high, const auto& negative) {
+        for (int k = 0; k < 2000 && high - low > 1e-16 * high; ++k) {
+          const double middle = low + (high - low) / 2;
+          if (middle <= low || middle >= high) break;
+          (negative(middle) ? low : high) = middle;
+        }
+        return high;
+      };
+      const double scale = p.state == StateLaw::healing ? p.t_h : p.theta0 + std::exp(at[2]);
+      double low = 0, high = scale;
+      if (growth(0) <= 0) {  // falls behind the threshold at first
+        if (rate <= 0) return;
+        while (growth(high) <= 0 && std::isfinite(high)) high *= 2;
+        if (!std::isfinite(high)) return;
+        low = bisect(0, high, [&](double wait) { return growth(wait) <= 0; });
+        high = 2 * low;
+      } else if (rate <= 0) {  // gains on a threshold that falls, for a while
+        while (growth(high) > 0 && std::isfinite(high)) high *= 2;
+        if (std::isfinite(high)) high = bisect(0, high, [&](double wait) { return growth(wait) > 0; });
+        if (!(excess(std::isfinite(high) ? high : 1e6 * scale) > 0)) return;
+        if (!std::isfinite(high)) high = 1e6 * scale;
+      }
+      while (excess(high) < 0 && high < first) high *= 2;
+      if (excess(high) < 0) return;  // later than another
+      first = std::min(first, bisect(low, high, [&](double wait) { return excess(wait) < 0; }));
+    });
+  }
+  SS_TRY(VecRestoreArrayRead(slope_, &f));
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_DOUBLE, MPI_MIN, model_.comm()));
+  return first;
+}
+
+void Stick::rest(Vec u, double wait, Vec into) {
+  const FrictionParameters& p = model_.scene().friction;
+  SS_TRY(VecWAXPY(into, wait, slope_, u));
+  const double *a, *f;
+  double* b;
+  SS_TRY(VecGetArrayRead(u, &a));
+  SS_TRY(VecGetArrayRead(slope_, &f));
+  SS_TRY(VecGetArray(into, &b));
+  for (PetscInt i = 0; i < model_.local(); ++i) {
+    double* at = b + i * dof_;
+    if (dof_ == 3) at[2] = state_at_rest(p, a[i * dof_ + 2], wait);
+    if (model_.held(model_.first() + i)) continue;
+    const double limit = threshold(i, at);
+    for_each_side([&](double side) {
+      if (std::abs(side * at[1] - limit) <= close * limit && side * f[i * dof_ + 1] > threshold_rate(i, at))
+        at[1] = side * limit;
+    });
+  }
+  SS_TRY(VecRestoreArray(into, &b));
+  SS_TRY(VecRestoreArrayRead(slope_, &f));
+  SS_TRY(VecRestoreArrayRead(u, &a));
+}
+
+}  // namespace stickslip
