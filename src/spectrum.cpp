@@ -679,9 +679,9 @@ std::vector<Mode> sine_modes(const Sliding& s, double height, std::size_t count)
     double k;
   };
   std::vector<Root> roots;
-  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r();
+  const double beta = s.mean_beta(), q = s.mean_q(), rate = s.mean_r();
   for (const Sliding::Wave& w : s.exact_waves())
-    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), b, q, r))
+    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), beta, q, rate))
       if (z.imag() >= 0 && z.imag() <= height) roots.push_back({z, w.k});
   double right = -std::numeric_limits<double>::infinity();
   for (const Root& r : roots) right = std::max(right, r.value.real());
@@ -716,11 +716,11 @@ std::optional<ExactCheck> check_dispersion(const Sliding& s, const std::vector<M
   if (waves.empty()) return std::nullopt;
   const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
   std::vector<Complex> roots;
-  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r();
+  const double beta = s.mean_beta(), q = s.mean_q(), rate = s.mean_r();
   double growth = -std::numeric_limits<double>::infinity();
   for (const Sliding::Wave& w : waves) {
     bool neutral = s.neutral() && w.k == 0;  // one root 0 of this wave is the symmetry
-    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), b, q, r)) {
+    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), beta, q, rate)) {
       if (z.imag() < 0) continue;
       roots.push_back(z);
       if (neutral && std::abs(z) == 0) {
