@@ -527,3 +527,45 @@ TEST_CASE("the Jacobian of friction that sticks") {
   SS_TRY(VecScale(f, 1 / (2 * h)));
   CHECK(furthest(Run::all_values(f), Run::all_values(product)) < 1e-7);
 }
+
+TEST_CASE("stick regions of the continuum spread and shrink", "[serial]") {
+  // Mean difference of psi over the nodes of the coarser grid, from three grids: its order.
+  const bool spreading = GENERATE(true, false);
+  const auto on_grid = [&](PetscInt n) {
+    Scene s;
+    s.friction.law = Law::coulomb;
+    s.friction.fs = spreading ? 0.5 : 1;
+    s.friction.fd = spreading ? 0.5 : 0.9;
+    s.n = n;
+    s.length = 20;
+    s.v = spreading ? 0.2 : 0.5;
+    s.spread = spreading ? 0 : 0.3;  // a medium that lets go here first and there later
+    s.spread_length = 4;
+    const Start start = [&](PetscInt i, double* at) {
+      at[0] = spreading ? 0.2 + 0.5 * std::sin(2 * M_PI * double(i) / double(n)) : 0;
+      at[1] = spreading ? 0.1 : 0.6;
+    };
+    return Run(s, start, spreading ? 0.5 : 2.4, tolerance("1e-9")).values();
+  };
+  std::vector<double> error;
+  std::vector<double> coarse = on_grid(100);
+  double resting = 0;
+  for (const PetscInt n : {200, 400, 800}) {
+    const std::vector<double> fine = on_grid(n);
+    double sum = 0;
+    resting = 0;
+    for (std::size_t i = 0; i < coarse.size(); i += 2) {
+      sum += std::abs(coarse[i] - fine[2 * i]) * 2 / double(coarse.size());
+      resting += coarse[i] == 0 ? 2 / double(coarse.size()) : 0;
+    }
+    error.push_back(sum);
+    coarse = fine;
+  }
+  const double order = std::log2(error[0] / error[2]) / 2;
+  INFO((spreading ? "spreading: " : "shrinking: ") << "order " << order << ", rest " << resting << ", errors " << error[0]
+                                                   << " " << error[1] << " " << error[2]);
+  CHECK((resting > 0.2 && resting < 0.9));
+  // psi has a kink at the edge of a region that spreads more slowly than c: second order in the mean. At one that shrinks,
+  // the force has stood at the threshold for a moment only: first order
+  CHECK(order > (spreading ? 1.6 : 0.8));
+}
