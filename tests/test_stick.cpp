@@ -545,7 +545,7 @@ TEST_CASE("stick regions of the continuum spread and shrink", "[serial]") {
       at[0] = spreading ? 0.2 + 0.5 * std::sin(2 * M_PI * double(i) / double(n)) : 0;
       at[1] = spreading ? 0.1 : 0.6;
     };
-    return Run(s, start, spreading ? 0.5 : 2.4, tolerance("1e-9")).values();
+    return Run(s, start, spreading ? 0.3 : 2.4, tolerance("1e-9")).values();
   };
   std::vector<double> error;
   std::vector<double> coarse = on_grid(100);
@@ -565,7 +565,7 @@ TEST_CASE("stick regions of the continuum spread and shrink", "[serial]") {
   INFO((spreading ? "spreading: " : "shrinking: ") << "order " << order << ", rest " << resting << ", errors " << error[0]
                                                    << " " << error[1] << " " << error[2]);
   CHECK((resting > 0.2 && resting < 0.9));
-  // psi has a kink at the edge of a region that spreads more slowly than c: second order in the mean. At one that shrinks,
-  // the force has stood at the threshold for a moment only: first order
-  CHECK(order > (spreading ? 1.6 : 0.8));
+  // A region that spreads faster than c does not disturb what still moves: the grid's order 4 (less when psi has a kink at
+  // the edge). At one that shrinks, the force has stood at the threshold for a moment only: order 1.
+  CHECK(order > (spreading ? 3 : 0.8));
 }
