@@ -9,6 +9,7 @@ namespace stickslip {
 namespace {
 std::exception_ptr pending;
 std::string petsc_line;
+const char* const out_of_memory = "out of memory";
 std::vector<std::string> kept_warnings;
 std::vector<std::string>* diverted = nullptr;  // of the innermost WarningsKept
 }  // namespace
@@ -39,13 +40,15 @@ void keep_pending(std::exception_ptr e) {
 void throw_petsc(PetscErrorCode code) {
   if (pending) std::rethrow_exception(std::exchange(pending, nullptr));
   const std::string line = std::exchange(petsc_line, "");
+  if (line == out_of_memory) throw RankFailure(line);
   throw RankFailure("PETSc error " + std::to_string(code) + (line.empty() ? "" : ": " + line));
 }
 
 PetscErrorCode keep_line(MPI_Comm, int, const char* function, const char*, PetscErrorCode code, PetscErrorType type,
                          const char* message, void*) {
   if (type == PETSC_ERROR_INITIAL) {
-    petsc_line = std::string(message ? message : "") + " (in " + (function ? function : "?") + ")";
+    const std::string where = function ? function : "?";
+    petsc_line = where == "PetscMallocAlign" ? out_of_memory : (message ? message : "") + (" (in " + where + ")");
     for (char& c : petsc_line)
       if (c == '\n') c = ' ';
   }

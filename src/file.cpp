@@ -289,7 +289,10 @@ void RunFile::Writer::create(const std::string& name, double bytes) {
   for (const Table& table : tables) bytes += 8.0 * double(table.x.size());
   bytes += 16.0 * double(friction_psi.size());
   unlink(name.c_str());  // never write into a file that somebody else may still have open
-  file = h5::create_file(name, bytes);
+  double room = 0;
+  for (const Table& table : tables)
+    for (const Column& column : table.columns) room += 8.0 * double(table.capacity) * double(table.width(column));
+  file = h5::create_file(name, bytes, 0, room);
   h5::write_header(file, provenance, "run");
   for (const auto& [key, text] : texts) h5::write_attribute(file, key, text);
   for (const auto& [key, number] : numbers) h5::write_attribute(file, key, number);

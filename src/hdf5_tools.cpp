@@ -89,11 +89,13 @@ void quiet() {
   (void)once;
 }
 
-Id create_file(const std::string& path, double bytes, hsize_t user_block) {
+Id create_file(const std::string& path, double bytes, hsize_t user_block, double sparse) {
   quiet();
   const hsize_t metadata = 131072;
   const double needed = bytes + 2.0 * double(metadata);
   paths::reserve(path, needed);
+  // HDF5 that cannot close a file, since it may not be so long, crashes when the program ends.
+  paths::check_length(path, needed + sparse);
   const Id access(H5Pcreate(H5P_FILE_ACCESS)), creation(H5Pcreate(H5P_FILE_CREATE));
   H5Pset_file_locking(access, false, true);
   if (user_block > 0) H5Pset_userblock(creation, user_block);

@@ -48,7 +48,8 @@ void quiet();
 // while it is written (no lock, no metadata evicted between flushes). An old file of that name is removed, never
 // written into. Disk space for the metadata and for `bytes` of data that are to be written at once is taken first, so
 // that a full disk shows here and as Failure: the library crashes at exit when it could not write its metadata.
-Id create_file(const std::string& path, double bytes, hsize_t user_block = 0);
+// `sparse`: the bytes for which the file will have room beyond those.
+Id create_file(const std::string& path, double bytes, hsize_t user_block = 0, double sparse = 0);
 Id open_file(const std::string& path);  // for reading; throws Failure
 
 void write_attribute(hid_t object, const std::string& name, const std::string& text);

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <new>
@@ -257,6 +258,7 @@ int end_all(const std::string& text) {
 
 int main(int argc, char** argv) {
   using namespace stickslip;
+  std::signal(SIGXFSZ, SIG_IGN);  // a limit of file size is met as an error of the write, like a full disk
   int provided = 0;
   if (MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided) != MPI_SUCCESS) return 1;
   int code = 1;

@@ -71,6 +71,13 @@ void reserve(const std::string& path, double bytes) {
   if (why != 0) throw Failure("cannot write '" + path + "': " + std::strerror(why));
 }
 
+void check_length(const std::string& path, double bytes) {
+  const bool fits = truncate(path.c_str(), static_cast<off_t>(bytes)) == 0;
+  const int why = errno;
+  if (!fits || truncate(path.c_str(), 0) != 0)
+    throw Failure("cannot write '" + path + "': " + std::strerror(fits ? errno : why));
+}
+
 void sync(const std::string& path) {
   const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) throw Failure("cannot open '" + path + "': " + std::strerror(errno));

@@ -22,6 +22,9 @@ Present check_writable(const std::string& option, const std::string& path);
 // Takes disk space for the first `bytes` of a file, made where it is not there. Throws Failure.
 void reserve(const std::string& path, double bytes);
 
+// Throws Failure where a file may not become so long (a limit of the user or of the file system). Empties it.
+void check_length(const std::string& path, double bytes);
+
 void sync(const std::string& path);                             // fsync of a file; throws Failure
 void publish(const std::string& temporary, const std::string& path);  // atomic rename; throws Failure
 

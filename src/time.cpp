@@ -386,6 +386,7 @@ struct Integrator::Impl {
     const double reach = floor * (1 + 1e-7);
     // close to the end steps are cut to hit it
     if (step.t - step.t_before > reach || step.next_dt > reach || step.t + 2 * reach >= t_end) return;
+    report.t = t_before;
     throw Failure("the step fell to its floor ts_adapt_dt_min " + number_text(floor) + " at t = " +
                   number_text(step.t) + " (step " + std::to_string(step.index) +
                   ") with an error above the tolerance; lower ts_adapt_dt_min, or loosen ts_rtol and ts_atol");
