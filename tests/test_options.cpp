@@ -107,7 +107,8 @@ TEST_CASE("well-known library options are checked by name") {
   REFUSED(set({{"st_ksp_rtol", "x"}}), "-st_ksp_rtol x");
   REFUSED(set({{"eps_nev", "0"}}), "-eps_nev 0");
   REFUSED(set({{"ts_rk_type", "5dq"}}), "did you mean 5dp?");
-  REFUSED(set({{"ts_rk_multirate", "maybe"}}), "true or false");
+  REFUSED(set({{"ts_rosw_recompute_jacobian", "maybe"}}), "true or false");
+  REFUSED(set({{"ts_rk_multirate", "true"}}), "-ts_rk_multirate: not here");
   CHECK(set({{"snes_max_it", "1e2"}}).text("snes_max_it") == "100");
   CHECK(set({{"ts_max_snes_failures", "-1"}}).library().at("ts_max_snes_failures") == "-1");
   REFUSED(check_library_types(set({{"ts_type", "rkk"}})), "-ts_type rkk: no such method; did you mean rk?");
