@@ -250,6 +250,8 @@ std::vector<OptionSpec> make_table() {
   grids.high = n_max;
   grids.default_help = "grid_n/2,grid_n";
   t.text("chart_reference", "auto", "reference: auto, or an HDF5 file of this program's `run`");
+  t.text("chart_parameter", "", "limits: an option that takes each of chart_values").default_help = "none";
+  t.add("chart_values", OptionType::real_list, "", "limits: values of chart_parameter").default_help = "none";
   t.integer("chart_repeats", "3", 1, int_max, "runs of each row, of which the median time counts");
   t.positive("chart_row_seconds", "10", "processor time after which a row is given up", "seconds");
   t.positive("chart_reference_seconds", "20", "processor time that a reference solution on one grid may take", "seconds");

@@ -370,6 +370,11 @@ double StepForecast::sliding_growth_of(const std::map<double, double>& time_at_s
   return largest;
 }
 
+double StepForecast::shortest_wave_excess(double dt) {
+  if (!waves_.back().sliding) return std::numeric_limits<double>::quiet_NaN();
+  return rates(dt).back() - waves_.back().growth;  // it was added last
+}
+
 double StepForecast::shift(double dt) {
   last_shift_ = 0;
   if (bdf_order_ > 0) {

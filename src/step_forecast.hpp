@@ -37,6 +37,10 @@ class StepForecast {
   double sliding_growth(bool resolved) const;
   double sliding_growth_of(const std::map<double, double>& time_at_step, bool resolved);
 
+  // The method's growth rate of the shortest wave about sliding, less the true one. NaN as above.
+  double shortest_wave_excess(double dt);
+  double shortest_growth() const { return waves_.back().growth; }
+
   double least_slope() const { return least_slope_; }  // dF/dpsi over the nodes at u
 
   // 1/(a dt), a the diagonal entry of the stages: the shift of the implicit equations (shift I - dG/du) at step dt,
