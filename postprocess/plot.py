@@ -506,8 +506,77 @@ def draw_boundary(file, args):
 
 # ---- chart ----------------------------------------------------------------------------------------------------------
 
+def draw_limits(file):
+    """For each method the steps that are right, those that end all the same, and the limits of theory."""
+    method, implicit, how = ([text(value) for value in file[name][...]] for name in ("method", "implicit", "how"))
+    groups = list(dict.fromkeys(zip(file["value"][...], file["order"][...].astype(int), file["n"][...].astype(int))))
+    names = [m + (f" ({i})" if m.startswith("arkimex") else "") for m, i in zip(method, implicit)]
+    rows = list(dict.fromkeys(names))
+    value = {name: file[name][...] for name in ("theory", "limit", "followed", "damps", "damps_theory", "shortest",
+                                                "shortest_theory", "longest")}
+    finite = np.concatenate([v[np.isfinite(v)] for v in value.values()])
+    low, high = finite.min() / 2, finite.max() * 1.6
+    columns = min(len(groups), 4)
+    lines = -(-len(groups) // columns)
+    figure = Figure(figsize=(3.2 + 3.4 * columns if columns > 1 else 8.6, lines * (0.6 + 0.25 * len(rows)) + 1.2),
+                    layout="constrained")
+    height = 0.6 + 0.25 * len(rows)
+    grid = figure.add_gridspec(lines + 1, columns, height_ratios=[height] * lines + [0.8])
+    panels = np.array([[figure.add_subplot(grid[i, j]) for j in range(columns)] for i in range(lines)])
+    parameter = text(file.attrs["parameter"])
+    for panel, group in zip(panels.flat, groups):
+        for k, key in enumerate(zip(file["value"][...], file["order"][...].astype(int), file["n"][...].astype(int))):
+            if key != group:
+                continue
+            y = len(rows) - 1 - rows.index(names[k])
+            followed = value["followed"][k] if np.isfinite(value["followed"][k]) else low
+            ends = value["limit"][k] if np.isfinite(value["limit"][k]) else value["longest"][k]
+            panel.barh(y, np.log(followed / low), left=0, height=0.62, color="#0b5394")
+            panel.barh(y, np.log(max(ends, followed) / followed), left=np.log(followed / low), height=0.62,
+                       color="#cfe2f3")
+            if how[k]:
+                panel.plot(np.log(ends / low), y, "x" if how[k] == "blow-up" else "+", color="#cc4125", ms=7, mew=1.6)
+            for name, mark, fill in (("theory", "|", True), ("damps", "D", True), ("damps_theory", "D", False),
+                                     ("shortest", "^", True), ("shortest_theory", "^", False)):
+                if np.isfinite(value[name][k]):
+                    big = 12 if mark == "|" else 7 if not fill else 4
+                    panel.plot(np.log(value[name][k] / low), y, mark, ms=big, mew=1.3, zorder=3,
+                               color={"|": "0.1", "D": "#b7791f", "^": "#38761d"}[mark],
+                               mfc={"D": "#b7791f", "^": "#38761d"}.get(mark, "none") if fill else "none")
+        title = [] if not parameter else [f"{GREEK.get(parameter, parameter)} = {group[0]:g}"]
+        if len({g[1:] for g in groups}) > 1:
+            title.append(f"order {group[1]}, n = {group[2]}")
+        panel.set_title(", ".join(title))
+        panel.set_yticks(range(len(rows)), rows[::-1] if panel in panels[:, 0] else [""] * len(rows), fontsize=8)
+        ticks = [10.0 ** e for e in range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)]
+        ticks = [t for t in ticks if low <= t <= high]
+        panel.set_xticks([np.log(t / low) for t in ticks], [f"{t:g}" for t in ticks])
+        panel.set_xlim(0, np.log(high / low))
+        panel.tick_params(axis="y", length=0)
+    for panel in panels.flat[len(groups):]:
+        panel.set_axis_off()
+    for panel in panels[-1]:
+        panel.set_xlabel("fixed step")
+    keys = [("s", "#0b5394", "#0b5394", "regime, amplitude and speed right"),
+            ("s", "#cfe2f3", "#cfe2f3", "ends, but wrong"),
+            ("x", "#cc4125", "none", "blow-up"), ("+", "#cc4125", "none", "Newton fails, or ψ out of bounds"),
+            ("|", "0.1", "none", "theory: waves on steepest friction explode"),
+            ("^", "#38761d", "#38761d", "shortest wave grows falsely (hollow: theory)"),
+            ("D", "#b7791f", "#b7791f", "unstable sliding comes out stable (hollow: theory)")]
+    handles = [panels.flat[0].plot([], [], mark, color=colour, mfc=fill, label=label, ls="none", mew=1.5)[0]
+               for mark, colour, fill, label in keys]
+    keys_below = figure.add_subplot(grid[-1, :])
+    keys_below.set_axis_off()
+    keys_below.legend(handles=handles, loc="center", ncol=2 if columns < 3 else 3, fontsize=8)
+    varied = GREEK.get(parameter, parameter) + " ="
+    figure.suptitle(", ".join(part for part in scene_title(file).split(", ") if not part.startswith(varied)), fontsize=10)
+    return figure
+
+
 def draw_chart(file, args):
     """Error against processor time, the front of best choices marked."""
+    if text(file.attrs.get("chart_kind", "")) == "limits":
+        return draw_limits(file)
     if "cost" not in file:
         raise Unusable("is a chart of another kind, of which there is no picture")
     error, seconds = file["error"][...], file["cost"][...]

@@ -534,12 +534,13 @@ int chart_limits(const Options& options) {
              " (" + r.wrong + ") without a word");
     write_file(options, provenance, rows, spec ? spec->name : "");
     if (options.text("summary") != "-") {
-      const char* format = "%-16s %-9s %5s %6s %9s %9s %9s %9s %-22s %9s %-36s %9s %9s\n";
-      SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, "method", "implicit", "order", "n", "shortest:", "theory", "limit:",
+      const char* format = spec ? "%-6s %-16s %-9s %5s %6s %9s %9s %9s %9s %-22s %9s %-36s %9s %9s\n"
+                                : "%s%-16s %-9s %5s %6s %9s %9s %9s %9s %-22s %9s %-36s %9s %9s\n";
+      SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, spec ? "value" : "", "method", "implicit", "order", "n", "shortest:", "theory", "limit:",
                          "theory", "beyond", "followed", "beyond", "damps:", "theory"));
       const auto shown = [](const std::optional<double>& x) { return x ? rounded(*x) : std::string("-"); };
       for (const LimitRow& r : rows)
-        SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, r.method.c_str(), r.implicit.c_str(),
+        SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, spec ? rounded(r.value).c_str() : "", r.method.c_str(), r.implicit.c_str(),
                            std::to_string(r.order).c_str(), std::to_string(r.n).c_str(), shown(r.shortest).c_str(),
                            shown(r.shortest_theory).c_str(), shown(r.limit).c_str(), shown(r.theory).c_str(),
                            r.how.c_str(), shown(r.followed).c_str(), r.wrong.c_str(), shown(r.damps).c_str(),

@@ -845,6 +845,7 @@ struct Integrator::Impl {
     SS_TRY(TSGetTimeStep(ts, &dt));
     StepForecast forecast(model, u, implicit, ts);
     foresee_several_solutions(dt, t_end - t, forecast);
+    foresee_order_reduction(dt, t_end - t, u);
     if (!forecast.explodes(dt, t_end - t)) return;
     warn("ts_dt " + number_text(dt) + " is beyond the stability limit of " + method->name() + ", which is about " +
          rounded(forecast.limit(dt, t_end - t)) + " here (the shortest wave turns at " +
@@ -868,6 +869,19 @@ struct Integrator::Impl {
          " have several solutions (friction falls with velocity; one alone up to about " + rounded(dt * r / high) +
          "): Newton's method may find one that the motion does not lead to");
   }
+  // Where a step is long against the time in which friction acts, the stages of Runge-Kutta and Rosenbrock methods err by
+  // more than the step should (docs/limits.md has the orders measured); bdf and arkimex l2 keep theirs.
+  void foresee_order_reduction(double dt, double duration, Vec u) const {
+    const bool solves_friction = implicit == Implicit::friction || implicit == Implicit::both;
+    if (dt >= duration || !solves_friction || method->order < 2 || type == TSBDF || subtype == "l2") return;
+    const double rate = model.friction_rate(u);
+    if (dt * rate > stiff)
+      warn("friction acts at up to " + rounded(rate) + " per unit time, " + rounded(dt * rate) + " times in a ts_dt of " +
+           number_text(dt) + ": in so stiff a scene the order of " + method->name() + " falls from " +
+           std::to_string(method->order) + " to 2, 1 or less; use error control, bdf:2 or arkimex:l2");
+  }
+  static constexpr double stiff = 30;  // dt times the rate of friction, from where on orders fall
+
   // Least slope of friction over the velocities, at steady state.
   double least_slope() const {
     double least = 0;
