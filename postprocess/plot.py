@@ -569,7 +569,8 @@ def draw_limits(file):
     keys_below.set_axis_off()
     keys_below.legend(handles=handles, loc="center", ncol=2 if columns < 3 else 3, fontsize=8)
     varied = GREEK.get(parameter, parameter) + " ="
-    figure.suptitle(", ".join(part for part in scene_title(file).split(", ") if not part.startswith(varied)), fontsize=10)
+    parts = [part for part in scene_title(file).split(", ") if not part.startswith(varied)]
+    figure.suptitle(", ".join(parts), fontsize=10)
     return figure
 
 

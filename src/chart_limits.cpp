@@ -72,11 +72,12 @@ double largest_psi(const Model& model, Vec u) {
   return largest;
 }
 
-// Root mean square of psi - v; or of its part that alternates from node to node, with that of eta in the norm that waves
-// of that length conserve.
+// Root mean square of psi - v; or of its part that alternates from node to node, with that of eta in the norm that
+// waves of that length conserve.
 double off_sliding(const Model& model, Vec u, bool alternating) {
   const Scene& s = model.scene();
-  const double state = model.dof() == 3 ? model.steady_state(s.v) : 0, eta = s.B() * s.v + model.friction(0, s.v, state).F;
+  const double state = model.dof() == 3 ? model.steady_state(s.v) : 0;
+  const double eta = s.B() * s.v + model.friction(0, s.v, state).F;
   const double* a;
   SS_TRY(VecGetArrayRead(u, &a));
   double sums[2] = {0, 0};
@@ -268,11 +269,14 @@ struct Limits::Impl {
     set_start(model, calm, u);
     const MethodOptions set(method, dt);
     double middle = 0, end = 0;
+    const int window = std::max(1, steps / 4);
     try {
       Integrator integrator(model, calm, u, prefix);
       integrator.advance(u, 0, steps * dt, [&](const Integrator::Step& step) {
-        end = off_sliding(model, step.u, alternating);
-        if (step.index == steps / 2) middle = end;
+        // the largest over a while, since waves go up and down
+        const double now = off_sliding(model, step.u, alternating);
+        if (step.index > steps / 2 - window && step.index <= steps / 2) middle = std::max(middle, now);
+        if (step.index > steps - window) end = std::max(end, now);
         return Integrator::Verdict::go_on;
       });
     } catch (const Failure&) {
@@ -281,8 +285,7 @@ struct Limits::Impl {
     return std::log(end / middle) / ((steps - steps / 2) * dt);
   }
 
-  // The smallest x between low and high, a factor of 1.5 apart, from which on `beyond` holds, to 2 %; empty where that is
-  // not so.
+  // The x between low and high from which on `beyond` holds, to 2 %; empty where it holds at low or not at high.
   template <class Beyond>
   std::optional<double> edge(double low, double high, const Beyond& beyond) const {
     if (beyond(low) || !beyond(high)) return std::nullopt;
@@ -304,9 +307,10 @@ struct Limits::Impl {
     if (!row.shortest_theory) return;
     row.shortest = edge(*row.shortest_theory / 1.25, *row.shortest_theory * 1.25, [&](double step) {
       ++row.runs;
-      // so few steps that the noise stays small where it grows as it should
-      const double steps = growth > 0 ? 18 / (growth * step) : 400;
-      return rate_of_noise(method, step, int(std::clamp(steps, 8., 400.)), 1e-10, true) - forecast.shortest_growth() > allowed;
+      // so few steps that the noise stays small where it grows as it should, and other waves do not feed this one
+      const double steps = growth > 0 ? 10 / (growth * step) : 400;
+      const double rate = rate_of_noise(method, step, int(std::clamp(steps, 8., 400.)), 1e-10, true);
+      return rate - forecast.shortest_growth() > allowed;
     });
   }
 
@@ -322,7 +326,7 @@ struct Limits::Impl {
     row.damps_theory = edge(dt, 1.25 * dt, hides);
     row.damps = edge(*row.damps_theory / 1.25, *row.damps_theory * 1.25, [&](double step) {
       ++row.runs;
-      return rate_of_noise(method, step, 60, 1e-8, false) < 0;
+      return rate_of_noise(method, step, 160, 1e-8, false) < 0;
     });
   }
 };
@@ -470,7 +474,7 @@ void write_file(const Options& options, const Provenance& provenance, const std:
   step("theory", "stability limit of the linearised operator", &LimitRow::theory);
   step("limit", "longest step of a run that ends within bounds", &LimitRow::limit);
   step("followed", "longest step with the true regime, amplitude and speed", &LimitRow::followed);
-  step("shortest_theory", "step from which the shortest wave about sliding should grow falsely", &LimitRow::shortest_theory);
+  step("shortest_theory", "step from which the shortest wave should grow falsely", &LimitRow::shortest_theory);
   step("shortest", "step from which it does", &LimitRow::shortest);
   step("damps_theory", "step from which sliding's perturbations should decay", &LimitRow::damps_theory);
   step("damps", "step from which they do", &LimitRow::damps);
@@ -493,7 +497,8 @@ int chart_limits(const Options& options) {
                                        : "-chart_parameter " + parameter + ": needs chart_values, e.g. 3,30,300");
   const OptionSpec* spec = parameter.empty() ? nullptr : find_option(parameter);
   if (!parameter.empty() && (!spec || (spec->type != OptionType::real && spec->type != OptionType::integer)))
-    throw UsageError("-chart_parameter " + quoted(parameter) + ": no such option that takes a number; give e.g. model_gamma");
+    throw UsageError("-chart_parameter " + quoted(parameter) + ": no such option that takes a number; give one, such as " +
+                     "model_gamma");
   if (values.empty()) values = {0};
   std::vector<PetscInt> orders = options.integers("chart_orders"), grids = options.integers("chart_grids");
   if (orders.empty()) orders = {options.integer("grid_order")};
@@ -536,12 +541,12 @@ int chart_limits(const Options& options) {
     if (options.text("summary") != "-") {
       const char* format = spec ? "%-6s %-16s %-9s %5s %6s %9s %9s %9s %9s %-22s %9s %-36s %9s %9s\n"
                                 : "%s%-16s %-9s %5s %6s %9s %9s %9s %9s %-22s %9s %-36s %9s %9s\n";
-      SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, spec ? "value" : "", "method", "implicit", "order", "n", "shortest:", "theory", "limit:",
-                         "theory", "beyond", "followed", "beyond", "damps:", "theory"));
+      SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, spec ? "value" : "", "method", "implicit", "order", "n", "shortest:",
+                         "theory", "limit:", "theory", "beyond", "followed", "beyond", "damps:", "theory"));
       const auto shown = [](const std::optional<double>& x) { return x ? rounded(*x) : std::string("-"); };
       for (const LimitRow& r : rows)
-        SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, spec ? rounded(r.value).c_str() : "", r.method.c_str(), r.implicit.c_str(),
-                           std::to_string(r.order).c_str(), std::to_string(r.n).c_str(), shown(r.shortest).c_str(),
+        SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, spec ? rounded(r.value).c_str() : "", r.method.c_str(),
+                           r.implicit.c_str(), std::to_string(r.order).c_str(), std::to_string(r.n).c_str(), shown(r.shortest).c_str(),
                            shown(r.shortest_theory).c_str(), shown(r.limit).c_str(), shown(r.theory).c_str(),
                            r.how.c_str(), shown(r.followed).c_str(), r.wrong.c_str(), shown(r.damps).c_str(),
                            shown(r.damps_theory).c_str()));

@@ -853,14 +853,15 @@ struct Integrator::Impl {
          "): the solution will grow without bound");
   }
 
-  // At shift r = 1/(a dt) the implicit equations of uniform motion have the determinant r^2 + C r + A K0, C = A (B + F')
-  // + s delta. Where it is negative at the least slope F', it changes sign along psi, and the equations have several
-  // solutions.
+  // At shift r = 1/(a dt) the implicit equations of uniform motion have the determinant r^2 + C r + A K0,
+  // C = A (B + F') + s delta. Where it is negative at the least slope F', it changes sign along psi, and the equations
+  // have several solutions.
   void foresee_several_solutions(double dt, double duration, StepForecast& forecast) {
     if (dt >= duration || type == TSROSW || (implicit != Implicit::friction && implicit != Implicit::both)) return;
     const Scene& s = model.scene();
     const auto damping = [&](double slope) { return s.A() * (s.B() + slope) + s.s_delta(); };
-    if (damping(forecast.least_slope()) >= 0 && !(forecast.sliding_growth(false) > 0)) return;  // the motion stays clear
+    // the motion stays clear of weakening friction
+    if (damping(forecast.least_slope()) >= 0 && !(forecast.sliding_growth(false) > 0)) return;
     const double C = damping(least_slope()), product = s.A() * s.K0();
     if (C >= 0 || C * C <= 4 * product) return;
     const double r = forecast.shift(dt), root = std::sqrt(C * C / 4 - product), high = -C / 2 + root;
@@ -869,16 +870,17 @@ struct Integrator::Impl {
          " have several solutions (friction falls with velocity; one alone up to about " + rounded(dt * r / high) +
          "): Newton's method may find one that the motion does not lead to");
   }
-  // Where a step is long against the time in which friction acts, the stages of Runge-Kutta and Rosenbrock methods err by
-  // more than the step should (docs/limits.md has the orders measured); bdf and arkimex l2 keep theirs.
+
+  // Where a step is long against the time in which friction acts, the stages of Runge-Kutta and Rosenbrock methods err
+  // by more than the step should (docs/limits.md has the orders measured); bdf and arkimex l2 keep theirs.
   void foresee_order_reduction(double dt, double duration, Vec u) const {
     const bool solves_friction = implicit == Implicit::friction || implicit == Implicit::both;
     if (dt >= duration || !solves_friction || method->order < 2 || type == TSBDF || subtype == "l2") return;
     const double rate = model.friction_rate(u);
     if (dt * rate > stiff)
-      warn("friction acts at up to " + rounded(rate) + " per unit time, " + rounded(dt * rate) + " times in a ts_dt of " +
-           number_text(dt) + ": in so stiff a scene the order of " + method->name() + " falls from " +
-           std::to_string(method->order) + " to 2, 1 or less; use error control, bdf:2 or arkimex:l2");
+      warn("friction acts at up to " + rounded(rate) + " per unit time, " + rounded(dt * rate) +
+           " times in a ts_dt of " + number_text(dt) + ": in so stiff a scene the order of " + method->name() +
+           " falls from " + std::to_string(method->order) + " to 2, 1 or less; use error control, bdf:2 or arkimex:l2");
   }
   static constexpr double stiff = 30;  // dt times the rate of friction, from where on orders fall
 
