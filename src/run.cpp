@@ -276,6 +276,7 @@ class Run {
     RunLayout layout = RunLayout::of(scene_);
     layout.probe_x = options_.reals("out_probes");
     layout.series = series_fields;
+    if (!problem_.what.empty()) layout.texts["reduced"] = problem_.what;
     if (options_.boolean("out_displacement")) {
       displacement_ = std::make_unique<Displacement>(model_);
       chi_ = displacement_->create_vector();
