@@ -59,7 +59,8 @@ std::vector<Case> cases() {
 class System {
  public:
   explicit System(const Scene& s)
-      : scene(s), model(PETSC_COMM_SELF, s), size(model.dof() * s.n), u_(model.create_vector()), f_(model.create_vector()) {
+      : scene(s), model(PETSC_COMM_SELF, s), size(model.dof() * s.n), u_(model.create_vector()),
+        f_(model.create_vector()) {
     for (PetscInt i = 0; i < s.n; ++i) {
       const double angle = 2 * M_PI * s.x(i) / s.length;
       start.push_back(0.1 + 0.5 * (s.ring() ? std::sin(angle) : std::cos(angle)));
@@ -234,7 +235,8 @@ void make_fast(N_Vector y) {
 }
 
 extern "C" {
-void dgbtrf_(const int* m, const int* n, const int* kl, const int* ku, double* ab, const int* ldab, int* pivots, int* info);
+void dgbtrf_(const int* m, const int* n, const int* kl, const int* ku, double* ab, const int* ldab, int* pivots,
+             int* info);
 void dgbtrs_(const char* trans, const int* n, const int* kl, const int* ku, const int* columns, const double* ab,
              const int* ldab, const int* pivots, double* b, const int* ldb, int* info);
 }
@@ -256,14 +258,16 @@ void make_fast(SUNMatrix J, SUNLinearSolver solver) {
     return SUNMAT_SUCCESS;
   };
   solver->ops->setup = [](SUNLinearSolver, SUNMatrix A) {
-    const int n = int(SM_COLUMNS_B(A)), lower = int(SM_LBAND_B(A)), upper = int(SM_UBAND_B(A)), rows = int(SM_LDIM_B(A));
+    const int n = int(SM_COLUMNS_B(A)), lower = int(SM_LBAND_B(A)), upper = int(SM_UBAND_B(A));
+    const int rows = int(SM_LDIM_B(A));
     int info;
     pivots.resize(std::size_t(n));
     dgbtrf_(&n, &n, &lower, &upper, SM_DATA_B(A), &rows, pivots.data(), &info);
     return info;
   };
   solver->ops->solve = [](SUNLinearSolver, SUNMatrix A, N_Vector x, N_Vector b, double) {
-    const int n = int(SM_COLUMNS_B(A)), lower = int(SM_LBAND_B(A)), upper = int(SM_UBAND_B(A)), rows = int(SM_LDIM_B(A));
+    const int n = int(SM_COLUMNS_B(A)), lower = int(SM_LBAND_B(A)), upper = int(SM_UBAND_B(A));
+    const int rows = int(SM_LDIM_B(A));
     int one = 1, info;
     if (x != b) N_VScale(1, b, x);
     dgbtrs_("N", &n, &lower, &upper, &one, SM_DATA_B(A), &rows, pivots.data(), N_VGetArrayPointer(x), &n, &info);
@@ -398,13 +402,15 @@ std::vector<Method> methods() {
     all.push_back({"SUNDIALS", "ERK " + name, false, [table = table](System& s, double t, double tol) {
                      return arkode_explicit(s, t, tol, table);
                    }});
-  all.push_back({"SUNDIALS", "Adams", false, [](System& s, double t, double tol) { return cvode(s, t, tol, CV_ADAMS); }});
-  all.push_back({"SUNDIALS", "BDF", true, [](System& s, double t, double tol) { return cvode(s, t, tol, CV_BDF); }});
+  for (const int family : {CV_ADAMS, CV_BDF})
+    all.push_back({"SUNDIALS", family == CV_BDF ? "BDF" : "Adams", family == CV_BDF,
+                   [=](System& s, double t, double tol) { return cvode(s, t, tol, family); }});
   for (const int order : {3, 4, 5})
     for (const Implicit implicit : {Implicit::friction, Implicit::wave, Implicit::both})
       all.push_back({"SUNDIALS", (implicit == Implicit::both ? "DIRK " : "ARK ") + std::to_string(order) +
                                      (implicit == Implicit::both ? "" : ":" + to_string(implicit)),
-                     true, [=](System& s, double t, double tol) { return arkode_implicit(s, t, tol, order, implicit); }});
+                     true,
+                     [=](System& s, double t, double tol) { return arkode_implicit(s, t, tol, order, implicit); }});
   return all;
 }
 
@@ -473,7 +479,8 @@ void run() {
                     error, out.steps, 1e3 * median);
         std::fflush(stdout);
         if (rows.is_open())
-          rows << number << '\t' << m.library << '\t' << m.name << '\t' << target << '\t' << error << '\t' << median << std::endl;
+          rows << number << '\t' << m.library << '\t' << m.name << '\t' << target << '\t' << error << '\t' << median
+               << std::endl;
       }
     }
     ++number;

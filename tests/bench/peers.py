@@ -3,10 +3,11 @@
 
     ninja -C build bench_peers && python3 tests/bench/peers.py build/tests/bench_peers [-peers_repeat 5]
 
-bench_peers does the first two and leaves starts and solutions for the third: solve_ivp with a right-hand side in numpy,
-as one writes it first, by each of SciPy's methods that suits the scene (banded Jacobians told by their sparsity where
-the method takes that). Every method goes down in tolerance by factors of sqrt(10) until it has each accuracy; the
-processor time of that run counts (the median of three where it is short).
+bench_peers does the first two and leaves starts and solutions for the third: solve_ivp with a right-hand side in
+numpy, as one writes it first, by each of SciPy's methods that suits the scene (banded Jacobians told by their
+sparsity where the method takes that; LSODA, which would take a dense one, is left out). Every method goes down in
+tolerance by factors of sqrt(10) until it has each accuracy; the processor time of that run counts (the median of
+three where it is short).
 """
 import collections
 import os
@@ -21,11 +22,11 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import diags, bmat, identity
 
 TARGETS = [1e-4, 1e-6, 1e-9]
-LONGEST = 8  # seconds of one run, after which a method goes no further
+LONGEST = 15  # seconds of one run, after which a method goes no further
 SCENES = [  # as in bench_peers.cpp: name, gamma, c, ring, t_end, methods
-    ("smooth ring", 3.0, 1.0, True, 10.0, ["RK45", "DOP853", "LSODA"]),
-    ("stiff friction", 300.0, 1.0, False, 60.0, ["RK45", "DOP853", "LSODA", "BDF", "Radau"]),
-    ("stiff coupling", 3.0, 100.0, False, 10.0, ["DOP853", "LSODA", "BDF", "Radau"]),
+    ("smooth ring", 3.0, 1.0, True, 10.0, ["RK45", "DOP853"]),
+    ("stiff friction", 300.0, 1.0, False, 60.0, ["RK45", "DOP853", "BDF", "Radau"]),
+    ("stiff coupling", 3.0, 100.0, False, 10.0, ["RK45", "DOP853", "BDF", "Radau"]),
 ]
 DELTA, V, LENGTH = 0.2, 0.2, 60.0
 
@@ -85,6 +86,7 @@ def scipy_rows(number, folder):
 
 
 def main():
+    np.seterr(all="ignore")  # a step that overflows is rejected
     with tempfile.TemporaryDirectory() as folder:
         subprocess.run(sys.argv[1:] + ["-peers_out", folder], check=True)
         rows = []
