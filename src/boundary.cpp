@@ -70,7 +70,8 @@ std::optional<GrowthRate::Leading> GrowthRate::leading(double x, double y) {
   }
   const Sliding& s = *sliding;
   const double height = resolved_frequency(s) * (1 + 1e-12);
-  const double level = 1e-9 * (std::sqrt(s.A * (s.K0 + 1e-300)) + std::abs(s.A * s.mean_beta()));  // equal, to round-off
+  // equal, to round-off
+  const double level = 1e-9 * (std::sqrt(s.A * (s.K0 + 1e-300)) + std::abs(s.A * s.mean_beta()));
 
   // all modes of the exact relation
   const std::vector<Sliding::Wave> waves = s.exact_waves();
@@ -117,10 +118,24 @@ std::optional<GrowthRate::Leading> GrowthRate::leading(double x, double y) {
     SpectrumSettings settings;
     settings.count = 6;
     settings.compare = false;
-    settings.effort = 2e5;
+    // all means the first time, then what the shifts find besides the modes followed so far
+    settings.quick = searched_;
+    settings.effort = 2e6;
+    searched_ = true;
+    std::vector<Mode> followed;
+    for (Mode& m : pool_)
+      if (m.psi.size() == s.size() && polish(s, m) && counts(m)) followed.push_back(std::move(m));
+    for (Mode& m : compute_spectrum(comm_, s, settings).modes) {
+      const auto twin = std::find_if(followed.begin(), followed.end(), [&](const Mode& o) {
+        return std::abs(o.value - m.value) < 1e-7 * (1 + std::abs(m.value));
+      });
+      if (counts(m) && twin == followed.end()) followed.push_back(std::move(m));
+    }
+    std::sort(followed.begin(), followed.end(),
+              [](const Mode& a, const Mode& b) { return a.value.real() > b.value.real(); });
     pool_.clear();
-    for (Mode& m : compute_spectrum(comm_, s, settings).modes)
-      if (counts(m) && pool_.size() < 4) pool_.push_back(std::move(m));
+    for (Mode& m : followed)
+      if (pool_.size() < 4) pool_.push_back(std::move(m));
     pool_x_ = x;
     pool_y_ = y;
     if (pool_.empty()) return std::nullopt;
@@ -174,6 +189,31 @@ Crossing GrowthRate::crossing(double x, double y) {
   const double scale = std::sqrt(s.A * (s.K0 + s.K1 * std::pow(m.wavenumber, 2))) + std::abs(m.value);
   c.kind = m.value.imag() <= 1e-6 * scale ? "zero" : "hopf";
   return c;
+}
+
+bool GrowthRate::vanishes(const Crossing& c) const {
+  const Sliding s(Scene::from(options_at(c.x, c.y), true));
+  return std::abs(c.growth) <= 1e-6 * (std::sqrt(s.A * (s.K0 + 1e-300)) + std::abs(c.frequency));
+}
+
+void GrowthRate::count_growing(std::vector<Crossing>& points, double effort) {
+  if (points.empty()) return;
+  const Sliding sample(Scene::from(options_at(points[0].x, points[0].y), true));
+  const double n = double(sample.size()), each = 50 * n * (std::log2(n) + 1) + 1e5;
+  const auto stride = std::size_t(std::max(1., std::ceil(double(points.size()) * each / effort)));
+  for (std::size_t k = 0; k < points.size(); k += stride) {
+    Crossing& c = points[k];
+    const Sliding s(Scene::from(options_at(c.x, c.y), true));
+    if (!s.exact_waves().empty()) {  // the growth rate is the largest of all there
+      c.complete = true;
+      continue;
+    }
+    // as far right of the axis as the zero may be wrong
+    const double margin = 1e-7 * (std::sqrt(s.A * (s.K0 + s.K1)) + c.frequency) + std::max(0., 2 * c.growth);
+    const double height = std::min(1.01 * s.imaginary_bound(), resolved_frequency(s));
+    const auto count = count_right(comm_, s, margin, height, 20 * each);
+    if (count) c.complete = *count == 0;
+  }
 }
 
 std::optional<double> closed_form_velocity(const Scene& s) {
@@ -244,7 +284,7 @@ double newton_root(GrowthRate& growth, double a, double fa, double b, double fb)
 
 }  // namespace
 
-std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples) {
+std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples, std::vector<std::string>& notes) {
   const int pieces = 32;
   std::vector<double> x, f;
   for (int k = 0; k <= pieces; ++k) {
@@ -283,16 +323,25 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples) {
     const double least = std::min(f1, f2), where = f1 < f2 ? inner1 : inner2;
     if (least <= 1e-12) {
       x.insert(x.begin() + std::ptrdiff_t(k) + (where > x[k] ? 1 : 0), where);
-      f.insert(f.begin() + std::ptrdiff_t(k) + (where > x[k + 1] ? 1 : 0), least <= 0 && least > -1e-12 ? 0 : sign * least);
+      f.insert(f.begin() + std::ptrdiff_t(k) + (where > x[k + 1] ? 1 : 0),
+               least <= 0 && least > -1e-12 ? 0 : sign * least);
       ++k;
     }
   }
   std::vector<Crossing> roots;
   for (std::size_t k = 0; k < x.size(); ++k) {
     if (f[k] == 0) roots.push_back(growth.crossing(x[k]));
-    if (k + 1 < x.size() && f[k] * f[k + 1] < 0)
-      roots.push_back(growth.crossing(newton_root(growth, x[k], f[k], x[k + 1], f[k + 1])));
+    if (k + 1 < x.size() && f[k] * f[k + 1] < 0) {
+      const Crossing c = growth.crossing(newton_root(growth, x[k], f[k], x[k + 1], f[k + 1]));
+      if (growth.vanishes(c)) {
+        roots.push_back(c);
+      } else {
+        notes.push_back("the growth rate jumps through zero at " + growth.axes()[0].name + " = " +
+                        number_text(c.value) + ", where a mode enters or leaves what the grid resolves: no boundary");
+      }
+    }
   }
+  growth.count_growing(roots);
   return roots;
 }
 
@@ -500,6 +549,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
   double total = 0;
   for (const Piece& p : pieces) total += length_of(p);
   std::vector<Crossing> result;
+  int jumps = 0;
   for (std::size_t number = 0; number < pieces.size(); ++number) {
     const Piece& p = pieces[number];
     const double length = length_of(p);
@@ -534,6 +584,10 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
       if (std::isfinite(s)) q = clamped({q.x + s * normal.x, q.y + s * normal.y});
       Crossing c = growth.crossing(q.x, q.y);
       c.piece = int(number);
+      if (!growth.vanishes(c)) {
+        ++jumps;
+        continue;
+      }
       if (!result.empty() && result.back().piece == c.piece) {
         const Crossing& last = result.back();
         const double scale = std::max(std::abs(c.frequency), std::abs(last.frequency));
@@ -542,6 +596,10 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
       result.push_back(c);
     }
   }
+  if (jumps > 0)
+    notes.push_back(std::to_string(jumps) + " points of the curve are left out: the growth rate jumps through zero "
+                    "there, where a mode enters or leaves what the grid resolves");
+  growth.count_growing(result);
   return result;
 }
 

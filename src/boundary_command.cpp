@@ -83,7 +83,8 @@ Json point_list(const std::vector<Crossing>& points, bool two) {
                             {"kind", c.kind},
                             {"growth_rate", c.growth},
                             {"piece", c.piece},
-                            {"switched", c.switched}}));
+                            {"switched", c.switched},
+                            {"complete", c.complete ? Json(*c.complete) : Json()}}));
   return list;
 }
 
@@ -112,7 +113,8 @@ Json verified_list(const std::vector<Verified>& verified, bool two) {
 
 // A method that damps, with steps so long that it makes a growing mode decay: backward Euler does when
 // dt > 2 Re(lambda)/|lambda|^2. The checks use a method of their own; the user's runs would not.
-void warn_of_damping(const Options& options, const std::vector<Verified>& verified, const std::vector<Crossing>& points) {
+void warn_of_damping(const Options& options, const std::vector<Verified>& verified,
+                     const std::vector<Crossing>& points) {
   const auto given = [&](const char* name) { return options.is_set(name) ? options.text(name) : std::string(); };
   const std::string type = given("ts_type"), dt_text = given("ts_dt");
   const bool damps = type == "beuler" || type == "bdf" || (type == "theta" && given("ts_theta_theta") != "0.5");
@@ -157,7 +159,8 @@ void write_file(const Options& options, GrowthRate& growth, const std::vector<Cr
   add({"degenerate", "1", "1 where many modes cross at once"}, [](const Crossing& c) { return double(c.degenerate); });
   add({"residual", "1/time", "|J x - lambda x|/|x|"}, [](const Crossing& c) { return c.residual; });
   add({"piece", "1", "piece of the curve"}, [](const Crossing& c) { return double(c.piece); });
-  add({"switched", "1", "1 where another mode leads than before"}, [](const Crossing& c) { return double(c.switched); });
+  add({"switched", "1", "1 where another mode leads than before"},
+      [](const Crossing& c) { return double(c.switched); });
   std::vector<std::string> kinds;
   for (const Crossing& c : points) kinds.push_back(c.kind);
   file.add_text({"kind", "1", "hopf or zero"}, {"point"}, kinds);
@@ -200,21 +203,35 @@ int boundary_command(const Options& options) {
   check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance, {"points", "verified", "notes", "evaluations"}, options.text("summary"));
   const std::vector<Axis> axes = axes_from(options);
-  GrowthRate growth(PETSC_COMM_WORLD, options, axes);
+  std::optional<GrowthRate> varied;
+  std::string foreign;
+  try {
+    varied.emplace(PETSC_COMM_WORLD, options, axes);
+  } catch (const ForeignOption& error) {  // unless the scene itself is at fault
+    foreign = error.what();
+    varied.emplace(PETSC_COMM_WORLD, options, std::vector<Axis>());
+  }
+  GrowthRate& growth = *varied;
   return with_summary(summary, [&] {
     const bool two = axes.size() > 1;
+    if (!foreign.empty())
+      throw Failure("-boundary_parameter " + axes[0].name + ": does not enter this scene (" + foreign +
+                    "): growth rate " + number_text(growth(0)) + " at both ends");
     Samples samples;
     std::vector<std::string> notes;
     if (!two && !growth.enters())
       throw Failure("-boundary_parameter " + axes[0].name + ": does not enter this scene: " + at_ends(growth));
     const std::vector<Crossing> points =
         two ? boundary_curve(growth, options.integer("boundary_points"), samples, notes)
-            : boundary_points(growth, samples);
+            : boundary_points(growth, samples, notes);
     check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
     summary.set("points", point_list(points, two));
     summary.set("notes", notes);
     summary.set("evaluations", growth.evaluations());
     for (const std::string& note : notes) warn(note);
+    if (std::any_of(points.begin(), points.end(), [](const Crossing& c) { return c.complete && !*c.complete; }))
+      warn("modes that were not followed grow already on the boundary found (points with `complete` false): "
+           "it lies further on the stable side there");
     if (points.empty() && !two)
       throw Failure("no boundary between " + axes[0].name + " " + number_text(axes[0].from) + " and " +
                     number_text(axes[0].to) + ": " + at_ends(growth));
@@ -231,7 +248,8 @@ int boundary_command(const Options& options) {
       for (const Verified& v : verified)
         if (v.from_sliding != v.expected)
           warn("time integration from slightly perturbed sliding at " + axes[0].name + " " + number_text(v.value) +
-               " ends in " + v.from_sliding + " where the growth rate " + number_text(v.growth) + " says " + v.expected);
+               " ends in " + v.from_sliding + " where the growth rate " + number_text(v.growth) + " says " +
+               v.expected);
     }
     write_file(options, growth, points, verified, samples, provenance);
     if (options.text("summary") != "-")

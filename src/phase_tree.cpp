@@ -51,7 +51,9 @@ inline void invert(Values& x) {
 struct Chebyshev {
   double x[P], half[2][P][P], tail[2][P], weight[P];
   Chebyshev() {
-    const auto coefficient = [&](int k, int i) { return (k == 0 ? 1. : 2.) / P * std::cos(k * (2 * i + 1) * M_PI / (2 * P)); };
+    const auto coefficient = [&](int k, int i) {
+      return (k == 0 ? 1. : 2.) / P * std::cos(k * (2 * i + 1) * M_PI / (2 * P));
+    };
     for (int i = 0; i < P; ++i) {
       x[i] = std::cos((2 * i + 1) * M_PI / (2 * P));
       weight[i] = (i % 2 ? -1 : 1) * std::sin((2 * i + 1) * M_PI / (2 * P));
@@ -257,7 +259,8 @@ class Tree {
 
   // The map of `left` followed by `right`.
   static void join(const Map& left, const Map& right, Map& out) {
-    const double left_scale = std::exp2(std::min(left.scale, 900.)), right_scale = std::exp2(std::min(right.scale, 900.));
+    const double left_scale = std::exp2(std::min(left.scale, 900.));
+    const double right_scale = std::exp2(std::min(right.scale, 900.));
     out.log = left.log;
     add(out.log, right.log, 1);
     out.scale = left.scale + right.scale;
@@ -390,7 +393,8 @@ class Tree {
     Dense companion(d * d, 0.);
     for (int i = 0; i + 1 < d; ++i) companion[std::size_t(i * d + i + 1)] = 1;
     for (int j = 0; j < d; ++j)
-      companion[std::size_t((d - 1) * d + j)] = ((j == b ? mean : 0.) - weights_[std::size_t(std::abs(j - b))]) / weights_[b];
+      companion[std::size_t((d - 1) * d + j)] =
+          ((j == b ? mean : 0.) - weights_[std::size_t(std::abs(j - b))]) / weights_[b];
     for (int i = 0; i < d; ++i) {
       v[std::size_t(i)] = level.R[std::size_t(i * d + d - 1)] / weights_[b];
       w[std::size_t(i)] = q(b, i);
@@ -670,7 +674,8 @@ class Tree {
       }
       const Complex z = (piece.from + piece.to) / 2. + (piece.to - piece.from) / 2. * y;
       const double near = 1e-6 * std::abs(piece.to - piece.from);
-      if (std::abs(y) < 1.8 && (result.zeros.empty() || std::abs(result.zeros.back() - z) > near)) result.zeros.push_back(z);
+      if (std::abs(y) < 1.8 && (result.zeros.empty() || std::abs(result.zeros.back() - z) > near))
+        result.zeros.push_back(z);
     }
   };
 

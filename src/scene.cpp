@@ -49,7 +49,7 @@ std::string shown(const Options& options, const std::string& name) {
 // The user gave one of `names`, although `reason` says that it has no meaning in this scene.
 void refuse(const Options& options, std::initializer_list<const char*> names, const std::string& reason) {
   for (const char* name : names)
-    if (options.is_set(name)) throw UsageError(shown(options, name) + ": " + reason);
+    if (options.is_set(name)) throw ForeignOption(shown(options, name) + ": " + reason);
 }
 
 void read_model(const Options& o, Scene& s) {

@@ -426,7 +426,8 @@ double Sliding::dispersion_error(double k) const {
 }
 
 std::vector<Complex> Sliding::dispersion(double K, double mean_beta_, double mean_q_, double mean_r_) const {
-  if (has_state()) return polynomial_roots({1 / A, mean_beta_ + mean_r_ / A, K + mean_r_ * mean_beta_ + mean_q_, mean_r_ * K});
+  if (has_state())
+    return polynomial_roots({1 / A, mean_beta_ + mean_r_ / A, K + mean_r_ * mean_beta_ + mean_q_, mean_r_ * K});
   return polynomial_roots({1 / A, mean_beta_, K});
 }
 

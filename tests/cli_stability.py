@@ -62,10 +62,30 @@ with tempfile.TemporaryDirectory() as folder:
     for args, expected, words in (
             (("-boundary_parameter", "modl_v"), 2, "model_v"), (("-boundary_parameter", "grid_n"), 2, "grid_n"),
             (("-boundary_parameter", "ts_max_time"), 1, "does not enter"),
+            (("-boundary_parameter", "friction_b"), 1, "does not enter"),
+            (("-boundary_parameter", "model_k1"), 1, "growth rate"),
             (("-boundary_parameter", "model_v", "-boundary_from", "1.5"), 1, "no boundary"),
             (("-boundary_parameter", "model_v", "-boundary_to", "0.5"), 2, "boundary_to"), ((), 2, "boundary_parameter")):
         code, out, err = call("boundary", *one, *args)
         check(code == expected and words in err and err.count("\n") == 1, f"{args}: exit {code}, {err}")
+    # A mode that leaves what the grid resolves makes the growth rate jump: no root; the true ones are counted at.
+    code, out, err = call("boundary", "-boundary_parameter", "grid_length", "-boundary_from", "1", "-boundary_to", "100",
+                          "-grid_n", "100", "-bc_left", "velocity", "-bc_left_value", "0.5", "-bc_right", "free",
+                          "-model_v", "1.05", "-summary", "j.json")
+    points = json.load(open("j.json"))["points"]
+    check(code == 0 and "jumps through zero" in err and len(points) == 2, f"a jump is no root: {code}, {err}")
+    check(all(abs(p["growth_rate"]) < 1e-9 for p in points), "the growth rate vanishes at every root")
+
+    # A mode trapped at the held end, in a medium of many nodes: found, and nothing further right.
+    for form in ("chain", "continuum"):
+        code, out, err = call("spectrum", "-model_form", form, "-model_v", "0.9", "-grid_n", "9000", "-bc_left", "velocity",
+                              "-bc_left_value", "0.5", "-bc_right", "free", "-friction_spread", "0.2",
+                              *(("-model_zeta", "0.3") if form == "chain" else ("-grid_order", "2")), "-summary", "l.json")
+        large = json.load(open("l.json"))
+        expected = 0.00056084 if form == "chain" else 0.29984
+        check(code == 0 and large["complete"] is True and abs(large["growth_rate"] - expected) < 1e-4,
+              f"trapped mode of the {form}: {large['growth_rate']}, {large['completeness_check']}")
+
     code, out, err = call("spectrum", "-model_v", "0", "-friction_law", "carlson-langer", "-grid_n", "32")
     check(code == 1 and "no steady sliding" in err, f"no steady sliding at v = 0 with a threshold: {code}, {err}")
 

@@ -19,7 +19,8 @@ Options options_of(const std::vector<std::pair<std::string, std::string>>& texts
 std::vector<Crossing> roots(const Options& options, const Axis& axis) {
   GrowthRate growth(PETSC_COMM_SELF, options, {axis});
   Samples samples;
-  return boundary_points(growth, samples);
+  std::vector<std::string> notes;
+  return boundary_points(growth, samples, notes);
 }
 
 double only_root(const Options& options, const Axis& axis) {

@@ -38,6 +38,7 @@ struct Crossing {
   std::string kind;              // hopf or zero
   int piece = 0;                 // of the curve
   bool switched = false;         // another mode leads than at the point before
+  std::optional<bool> complete;  // no mode grows there, by the count; empty where it was not counted
 };
 
 // The growth rate as a function of one or two options.
@@ -62,6 +63,10 @@ class GrowthRate {
 
   // The point with its mode polished on the matrix itself.
   Crossing crossing(double x, double y = 0);
+  // The growth rate is zero there: no jump through zero, where a mode enters or leaves what the grid resolves.
+  bool vanishes(const Crossing& c) const;
+  // Counts the growing modes at some of the points, as many as `effort` node evaluations allow (Crossing::complete).
+  void count_growing(std::vector<Crossing>& points, double effort = 4e7);
 
   bool enters() const;  // whether the linear operator changes along the first axis at all
   long evaluations() const { return evaluations_; }
@@ -73,6 +78,7 @@ class GrowthRate {
   std::vector<Axis> axes_;
   std::vector<Mode> pool_;
   double pool_x_ = 0, pool_y_ = 0;
+  bool searched_ = false;
   long evaluations_ = 0;
 };
 
@@ -82,8 +88,8 @@ struct Samples {
   std::vector<double> growth;
 };
 
-// Every zero on the first axis, ascending in the coordinate. Collective.
-std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples);
+// Every zero on the first axis, ascending in the coordinate. `notes`: what is not as it should be. Collective.
+std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples, std::vector<std::string>& notes);
 
 // The curve in the box of both axes: about `points` points, even along it in the coordinates, ends on the borders of the
 // box included; several pieces, closed ones too. `notes`: why a piece ended inside the box. Collective.

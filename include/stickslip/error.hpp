@@ -37,6 +37,12 @@ class UsageError : public Error {
   explicit UsageError(const std::string& what) : Error(2, true, what) {}
 };
 
+// An option that belongs to another form, law or kind of stick than the scene's.
+class ForeignOption : public UsageError {
+ public:
+  using UsageError::UsageError;
+};
+
 // The computation failed (diverged, not finite, no root, disk trouble in mid run): exit code 1. Collective.
 class Failure : public Error {
  public:

@@ -34,6 +34,7 @@ struct SpectrumSettings {
   SpectrumMethod method = SpectrumMethod::automatic;
   bool refine = true;   // continuum: compare with a finer grid, and look only where the grid can resolve
   bool compare = true;  // false: look only where the grid can resolve, and leave out the finer grid
+  bool quick = false;   // only what the shifts find: nothing is counted
   double effort = 3e9;  // node evaluations that the count may cost
 };
 
