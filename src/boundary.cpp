@@ -196,24 +196,20 @@ bool GrowthRate::vanishes(const Crossing& c) const {
   return std::abs(c.growth) <= 1e-6 * (std::sqrt(s.A * (s.K0 + 1e-300)) + std::abs(c.frequency));
 }
 
-void GrowthRate::count_growing(std::vector<Crossing>& points, double effort) {
-  if (points.empty()) return;
-  const Sliding sample(Scene::from(options_at(points[0].x, points[0].y), true));
-  const double n = double(sample.size()), each = 50 * n * (std::log2(n) + 1) + 1e5;
-  const auto stride = std::size_t(std::max(1., std::ceil(double(points.size()) * each / effort)));
-  for (std::size_t k = 0; k < points.size(); k += stride) {
-    Crossing& c = points[k];
-    const Sliding s(Scene::from(options_at(c.x, c.y), true));
-    if (!s.exact_waves().empty()) {  // the growth rate is the largest of all there
-      c.complete = true;
-      continue;
-    }
-    // as far right of the axis as the zero may be wrong
-    const double margin = 1e-7 * (std::sqrt(s.A * (s.K0 + s.K1)) + c.frequency) + std::max(0., 2 * c.growth);
-    const double height = std::min(1.01 * s.imaginary_bound(), resolved_frequency(s));
-    const auto count = count_right(comm_, s, margin, height, 20 * each);
-    if (count) c.complete = *count == 0;
+void GrowthRate::count_growing(Crossing& c, std::size_t number, std::size_t points) {
+  const Sliding s(Scene::from(options_at(c.x, c.y), true));
+  const double n = double(s.size()), each = 50 * n * (std::log2(n) + 1) + 1e5, all = 4e7;
+  if (number % std::size_t(std::max(1., std::ceil(double(points) * each / all))) != 0) return;
+  if (!s.exact_waves().empty()) {  // the growth rate is the largest of all there
+    c.complete = true;
+    return;
   }
+  // as far right of the axis as the zero may be wrong
+  const double margin = 1e-7 * (std::sqrt(s.A * (s.K0 + s.K1)) + c.frequency) + std::max(0., 2 * c.growth);
+  const double height = std::min(1.01 * s.imaginary_bound(), resolved_frequency(s));
+  const auto count = count_right(comm_, s, margin, height, 20 * each);
+  c.complete.reset();
+  if (count) c.complete = *count == 0;
 }
 
 std::optional<double> closed_form_velocity(const Scene& s) {
@@ -341,7 +337,7 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples, std:
       }
     }
   }
-  growth.count_growing(roots);
+  for (std::size_t k = 0; k < roots.size(); ++k) growth.count_growing(roots[k], k, roots.size());
   return roots;
 }
 
@@ -569,20 +565,28 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
       if (on_x) normal = {0, 1};
       if (on_y) normal = {1, 0};
       const auto along = [&](double s) { return tracer.at({q.x + s * normal.x, q.y + s * normal.y}); };
-      double s = 0, f0 = along(0);
-      for (double reach = 1e-4; reach < 0.1 && f0 != 0; reach *= 4) {
-        const double up = along(reach), down = along(-reach);
-        if (up * f0 < 0) {
-          s = bracketed_root(along, 0, f0, reach, up, 1e-13);
-        } else if (down * f0 < 0) {
-          s = bracketed_root(along, 0, f0, -reach, down, 1e-13);
-        } else {
-          continue;
+      const Point guess = q;
+      Crossing c;
+      for (int attempt = 0; attempt < 3; ++attempt) {  // again where the count finds a mode that was not followed
+        q = guess;
+        double s = 0, f0 = along(0);
+        for (double reach = 1e-4; reach < 0.1 && f0 != 0; reach *= 4) {
+          const double up = along(reach), down = along(-reach);
+          if (up * f0 < 0) {
+            s = bracketed_root(along, 0, f0, reach, up, 1e-13);
+          } else if (down * f0 < 0) {
+            s = bracketed_root(along, 0, f0, -reach, down, 1e-13);
+          } else {
+            continue;
+          }
+          break;
         }
-        break;
+        if (std::isfinite(s)) q = clamped({q.x + s * normal.x, q.y + s * normal.y});
+        c = growth.crossing(q.x, q.y);
+        growth.count_growing(c, result.size(), std::size_t(points));
+        if (!c.complete || *c.complete) break;
+        growth.forget();
       }
-      if (std::isfinite(s)) q = clamped({q.x + s * normal.x, q.y + s * normal.y});
-      Crossing c = growth.crossing(q.x, q.y);
       c.piece = int(number);
       if (!growth.vanishes(c)) {
         ++jumps;
@@ -599,7 +603,6 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
   if (jumps > 0)
     notes.push_back(std::to_string(jumps) + " points of the curve are left out: the growth rate jumps through zero "
                     "there, where a mode enters or leaves what the grid resolves");
-  growth.count_growing(result);
   return result;
 }
 

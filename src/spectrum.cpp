@@ -614,8 +614,9 @@ struct Trapped {
 };
 
 // What stretches of the line would do alone, where the mean over 1, 4, 16, ... nodes of the local growth is largest:
-// modes trapped there are nearly modes of the whole. Guesses, the rightmost `count` of them.
-std::vector<Mode> trapped_modes(const Sliding& s, double height, std::size_t count, int rank, int ranks) {
+// modes trapped there are nearly modes of the whole. Guesses, the rightmost `count` of them; `quick`: one
+// stretch a length.
+std::vector<Mode> trapped_modes(const Sliding& s, double height, std::size_t count, bool quick, int rank, int ranks) {
   const std::size_t n = s.size();
   std::vector<double> sum{0};  // of the local growth: the rightmost root at one node, for three stiffnesses
   for (std::size_t i = 0; i < n; ++i) {
@@ -632,9 +633,9 @@ std::vector<Mode> trapped_modes(const Sliding& s, double height, std::size_t cou
   std::vector<Trapped> found;
   int task = 0;
   for (std::size_t l = 1; 32 * l < n || l == 1; l *= 4) {
-    const std::size_t width = std::min(n, std::max<std::size_t>(96, 16 * l));
+    const std::size_t width = std::min(n, std::max<std::size_t>(quick ? 64 : 96, 16 * l));
     std::vector<char> taken(n, 0);
-    for (int k = 0; k < (width <= 512 ? 12 : width <= 8192 ? 3 : 1); ++k) {
+    for (int k = 0; k < (quick || width > 8192 ? 1 : width <= 512 ? 12 : 3); ++k) {
       std::size_t best = n;
       double most = -std::numeric_limits<double>::infinity();
       for (std::size_t i = 0; i + l <= n; ++i)
@@ -854,7 +855,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
       std::vector<Complex> shifts = first_shifts(s, height, settings.count);
       if (many && shifts.size() > 3) shifts.resize(3);
       search(shifts, std::min<PetscInt>(unknowns, many ? wanted : 2 * wanted));
-      if (!s.uniform && !settings.quick) take(trapped_modes(s, height, std::size_t(wanted), rank, ranks));
+      if (!s.uniform) take(trapped_modes(s, height, std::size_t(wanted), settings.quick, rank, ranks));
       if (refine && s.scene.n >= 2000 && !settings.quick) take(coarse_modes(comm, s, settings));
     }
     if (!rightmost()) throw Failure("the eigenvalue solver found nothing");

@@ -76,6 +76,15 @@ with tempfile.TemporaryDirectory() as folder:
     check(code == 0 and "jumps through zero" in err and len(points) == 2, f"a jump is no root: {code}, {err}")
     check(all(abs(p["growth_rate"]) < 1e-9 for p in points), "the growth rate vanishes at every root")
 
+    # A curve along which the leading mode changes many times: no growing mode is missed at any point.
+    code, out, err = call("boundary", "-boundary_parameter", "model_delta", "-boundary_from", "0", "-boundary_to", "1",
+                          "-boundary_parameter2", "model_v", "-boundary_from2", "0.7", "-boundary_to2", "1.1", "-grid_n",
+                          "128", "-boundary_points", "12", "-bc_left", "velocity", "-bc_left_value", "0.5", "-bc_right",
+                          "free", "-summary", "c.json")
+    points = json.load(open("c.json"))["points"]
+    check(code == 0 and len(points) >= 12 and all(p["complete"] is True for p in points),
+          f"curve with a held end: {code}, {err}, {[p['complete'] for p in points]}")
+
     # A mode trapped at the held end, in a medium of many nodes: found, and nothing further right.
     for form in ("chain", "continuum"):
         code, out, err = call("spectrum", "-model_form", form, "-model_v", "0.9", "-grid_n", "9000", "-bc_left", "velocity",

@@ -65,8 +65,14 @@ class GrowthRate {
   Crossing crossing(double x, double y = 0);
   // The growth rate is zero there: no jump through zero, where a mode enters or leaves what the grid resolves.
   bool vanishes(const Crossing& c) const;
-  // Counts the growing modes at some of the points, as many as `effort` node evaluations allow (Crossing::complete).
-  void count_growing(std::vector<Crossing>& points, double effort = 4e7);
+  // Counts the growing modes at a point (Crossing::complete), where one of `points` such counts is affordable at
+  // place `number` among them.
+  void count_growing(Crossing& c, std::size_t number, std::size_t points);
+  // The next search for the leading modes is made with all means, as the first one is.
+  void forget() {
+    pool_.clear();
+    searched_ = false;
+  }
 
   bool enters() const;  // whether the linear operator changes along the first axis at all
   long evaluations() const { return evaluations_; }
