@@ -308,8 +308,8 @@ struct Limits::Impl {
     row.shortest = edge(*row.shortest_theory / 1.25, *row.shortest_theory * 1.25, [&](double step) {
       ++row.runs;
       // so few steps that the noise stays small where it grows as it should, and other waves do not feed this one
-      const double steps = growth > 0 ? 10 / (growth * step) : 400;
-      const double rate = rate_of_noise(method, step, int(std::clamp(steps, 8., 400.)), 1e-10, true);
+      const double steps = growth > 0 ? 18 / (growth * step) : 400;
+      const double rate = rate_of_noise(method, step, int(std::clamp(steps, 8., 400.)), 1e-12, true);
       return rate - forecast.shortest_growth() > allowed;
     });
   }
@@ -346,8 +346,16 @@ LimitRow Limits::row(const MethodChoice& method) {
   const MethodOptions set(method, first);
   VecHandle u = m.model.create_vector();
   SS_TRY(VecCopy(m.start, u));
-  const Integrator integrator(m.model, m.options.with("imex_implicit", method.implicit), u, prefix);
-  row.method = integrator.report().method;
+  row.method = method.name();
+  row.implicit = method.implicit;
+  std::unique_ptr<Integrator> made;
+  try {
+    made = std::make_unique<Integrator>(m.model, m.options.with("imex_implicit", method.implicit), u, prefix);
+  } catch (const UsageError& e) {
+    row.how = row.wrong = std::string("refused: ") + e.what();
+    return row;
+  }
+  const Integrator& integrator = *made;
   row.implicit = to_string(integrator.report().implicit);
   StepForecast forecast(m.model, u, integrator.report().implicit, integrator.ts());
   const double longest = m.t_end / 8;
@@ -497,8 +505,8 @@ int chart_limits(const Options& options) {
                                        : "-chart_parameter " + parameter + ": needs chart_values, e.g. 3,30,300");
   const OptionSpec* spec = parameter.empty() ? nullptr : find_option(parameter);
   if (!parameter.empty() && (!spec || (spec->type != OptionType::real && spec->type != OptionType::integer)))
-    throw UsageError("-chart_parameter " + quoted(parameter) + ": no such option that takes a number; give one, such as " +
-                     "model_gamma");
+    throw UsageError("-chart_parameter " + quoted(parameter) +
+                     ": no such option that takes a number; give one, such as model_gamma");
   if (values.empty()) values = {0};
   std::vector<PetscInt> orders = options.integers("chart_orders"), grids = options.integers("chart_grids");
   if (orders.empty()) orders = {options.integer("grid_order")};
@@ -546,8 +554,9 @@ int chart_limits(const Options& options) {
       const auto shown = [](const std::optional<double>& x) { return x ? rounded(*x) : std::string("-"); };
       for (const LimitRow& r : rows)
         SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, spec ? rounded(r.value).c_str() : "", r.method.c_str(),
-                           r.implicit.c_str(), std::to_string(r.order).c_str(), std::to_string(r.n).c_str(), shown(r.shortest).c_str(),
-                           shown(r.shortest_theory).c_str(), shown(r.limit).c_str(), shown(r.theory).c_str(),
+                           r.implicit.c_str(), std::to_string(r.order).c_str(), std::to_string(r.n).c_str(),
+                           shown(r.shortest).c_str(), shown(r.shortest_theory).c_str(), shown(r.limit).c_str(),
+                           shown(r.theory).c_str(),
                            r.how.c_str(), shown(r.followed).c_str(), r.wrong.c_str(), shown(r.damps).c_str(),
                            shown(r.damps_theory).c_str()));
     }

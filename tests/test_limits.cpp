@@ -1,6 +1,6 @@
-// Where methods fail: the limits of `chart_kind limits` against stability functions known from tableaus and characteristic
-// polynomials, and each failure beside what the program says of it. tests/cli_limits.py has the same from the command
-// line.
+// Where methods fail: the limits of `chart_kind limits` against stability functions known from tableaus and
+// characteristic polynomials, and each failure beside what the program says of it. tests/cli_limits.py has the same
+// from the command line.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -213,7 +213,7 @@ TEST_CASE("what a step misses falls with the order of the method", "[limits]") {
   }
 }
 
-TEST_CASE("a long step of backward Euler lands on a root that the motion does not lead to, and it is told", "[limits]") {
+TEST_CASE("a long step of backward Euler finds a root that the motion does not lead to, and it is told", "[limits]") {
   // One step of a uniform motion: eta = eta0 + dt K0 (v - psi), psi - psi0 = dt A (eta - psi^3/3 + psi).
   const Scene s = sliding_scene(0.2);
   const double psi0 = 0.5, eta0 = -0.245;

@@ -48,7 +48,7 @@ class Trust {
   bool warn_of(const Verdict& verdict, const std::string& regime) const;
 
   // A step that misses more than this of its change is not believed.
-  static constexpr double largest_miss = 0.05;
+  static constexpr double largest_miss = 0.03;
 
  private:
   struct Impl;
