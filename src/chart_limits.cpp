@@ -308,8 +308,8 @@ struct Limits::Impl {
     row.shortest = edge(*row.shortest_theory / 1.25, *row.shortest_theory * 1.25, [&](double step) {
       ++row.runs;
       // so few steps that the noise stays small where it grows as it should, and other waves do not feed this one
-      const double steps = growth > 0 ? 18 / (growth * step) : 400;
-      const double rate = rate_of_noise(method, step, int(std::clamp(steps, 8., 400.)), 1e-12, true);
+      const double steps = growth > 0 ? 14 / (growth * step) : 400;
+      const double rate = rate_of_noise(method, step, int(std::clamp(steps, 8., 400.)), 1e-11, true);
       return rate - forecast.shortest_growth() > allowed;
     });
   }

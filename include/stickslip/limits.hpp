@@ -5,7 +5,7 @@
 //   followed  the longest step up to which every run had the true regime, its amplitude to 10 % and its wave speed to
 //             2 %;
 //   shortest  the step from which on the shortest wave about steady sliding, one up and down from node to node, grows
-//             falsely, by 2 % of its frequency more than it should: runs from sliding with noise of 1e-12;
+//             falsely, by 2 % of its frequency more than it should: runs from sliding with noise of 1e-11;
 //   damps     the step from which on no perturbation of steady sliding grows although it should: runs that start from
 //             sliding with noise of 1e-8 and take 160 steps.
 // Beside them stand, from the spectrum of the linearised operator and the method's own propagator (step_forecast.hpp),
