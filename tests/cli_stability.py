@@ -44,6 +44,19 @@ with tempfile.TemporaryDirectory() as folder:
         energy = np.hypot(file["psi"][...] - 1, 3 * (file["eta"][...] + 2 / 3)).max(axis=1)
         check(0.8 < energy[-1] / energy[0] / np.exp(-0.1 * 20) < 1.25, "the eigenvector decays like exp(-0.1 t)")
 
+    # with spread friction: the run follows exp(lambda t), rate and frequency
+    scene = ("-model_form", "chain", "-grid_n", "60", "-model_v", "0.7", "-friction_spread", "0.3", "-model_zeta", "0.2",
+             "-bc_left", "free")
+    call("spectrum", *scene, "-out_file", "e.h5")
+    code, out, err = call("run", *scene, "-init_type", "file", "-init_file", "e.h5", "-init_amplitude", "1e-6",
+                          "-ts_max_time", "10", "-ts_rtol", "1e-10", "-ts_atol", "1e-15", "-out_file", "er.h5")
+    check(code == 0, f"run from an eigenvector of spread friction ends with {code}: {err}")
+    with h5py.File("e.h5") as e, h5py.File("er.h5") as file:
+        shape, value = e["psi_re"][0] + 1j * e["psi_im"][0], complex(e["re"][0], e["im"][0])
+        expected = 1e-6 * np.real(np.exp(value * file["t"][...])[:, None] * shape[None, :])
+        error = np.abs(file["psi"][...] - e["steady_psi"][...] - expected).max() / np.abs(expected).max()
+        check(error < 2e-3, f"the run leaves exp(lambda t) by {error}")
+
     code, out, err = call("boundary", os.path.join(source, "runs", "figure6-carlson-langer.yaml"), "-grid_n", "16",
                           "-boundary_points", "20", "-out_file", "b.h5", "-summary", "b.json")
     check(code == 0, f"boundary ends with {code}: {err}")
