@@ -226,7 +226,7 @@ struct RunFile::Writer {
   std::map<std::string, double> numbers;
   std::vector<double> friction_psi, friction_F;
   std::vector<Table> tables;  // 0: frames; then probes and series where wanted
-  std::size_t probes = 0, series = 0;  // which, 0 for none
+  std::size_t probes = 0, series = 0, events = 0;  // which, 0 for none
   Id file;
   bool published = false;
   bool broken = false;  // a write has failed: no more are tried
@@ -273,15 +273,18 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& la
     for (const char* field : {"psi", "eta"}) table.columns.push_back({standard_field(field), true, {}, {}, 1, {}});
     tables.push_back(std::move(table));
   }
-  if (!layout.series.empty()) {
-    series = tables.size();
+  const auto add_rows = [&](const char* group, const Field& at, const std::vector<Field>& fields) {
+    if (fields.empty()) return std::size_t(0);
     Table table;
-    table.group = "series";
+    table.group = group;
     table.capacity = first_capacity;
-    table.columns.push_back({time, false, {}, {}, 1, {}});
-    for (const Field& field : layout.series) table.columns.push_back({field, false, {}, {}, 1, {}});
+    table.columns.push_back({at, false, {}, {}, 1, {}});
+    for (const Field& field : fields) table.columns.push_back({field, false, {}, {}, 1, {}});
     tables.push_back(std::move(table));
-  }
+    return tables.size() - 1;
+  };
+  series = add_rows("series", time, layout.series);
+  events = add_rows("events", {"t", "time", "time at which the event ends"}, layout.events);
 }
 
 // `bytes`: of rows that will follow at once.
@@ -325,7 +328,10 @@ void RunFile::Writer::copy_rows(const Resume& from) {
     source.datasets.resize(table.columns.size());
     if (!h5::exists(old, table.path("t"))) continue;
     const std::vector<double> times = h5::read_reals(old, table.path("t"));
-    const auto later = std::find_if(times.begin(), times.end(), [&](double t) { return !(t <= from.until); });
+    // an event is known to have ended one step later
+    const bool strictly = which == events && which > 0;
+    const auto later = std::find_if(times.begin(), times.end(),
+                                    [&](double t) { return strictly ? !(t < from.until) : !(t <= from.until); });
     source.kept = static_cast<hsize_t>(later - times.begin());
     if (!table.x.empty()) source.x = h5::read_reals(old, table.path("x"));
     if (which == 0 && source.x != table.x) throw Failure("'" + from.path + "' has another grid");
@@ -563,12 +569,20 @@ void RunFile::probes(double t, const std::vector<double>& psi, const std::vector
   append(table, t, {psi.data(), eta.data()});
 }
 
-void RunFile::series(double t, const std::vector<double>& row) {
-  if (!writer_ || writer_->series == 0) return;
+namespace {
+void append_row(Table& table, double t, const std::vector<double>& row) {
   std::vector<const double*> values;
   values.reserve(row.size());
   for (const double& value : row) values.push_back(&value);
-  append(writer_->tables[writer_->series], t, values);
+  append(table, t, values);
+}
+}  // namespace
+
+void RunFile::series(double t, const std::vector<double>& row) {
+  if (writer_ && writer_->series != 0) append_row(writer_->tables[writer_->series], t, row);
+}
+void RunFile::event(double end, const std::vector<double>& row) {
+  if (writer_ && writer_->events != 0) append_row(writer_->tables[writer_->events], end, row);
 }
 
 void RunFile::frame(double t, const std::vector<const double*>& fields) {

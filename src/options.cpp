@@ -194,6 +194,10 @@ std::vector<OptionSpec> make_table() {
   probes.low = 0;
   probes.default_help = "none";
   t.boolean("out_displacement", "false", "write the displacement chi as well");
+  t.boolean("out_series", "true", "write the group series, a row for every step");
+  t.boolean("out_events", "false", "catalogue of slip events: group events, a row for every event that has ended");
+  t.not_negative("out_events_velocity", "", "events: velocity above which a node moves", "velocity").default_help =
+      "0 with friction that sticks, else 2 |model_v|";
   t.add("out_checkpoint_every", OptionType::steps_or_time, "", "steps or wall clock (30s, 10m, 2h) between checkpoints")
       .default_help = "none";
   t.integer("out_checkpoint_keep", "2", 1, int_max, "checkpoints kept");

@@ -14,6 +14,7 @@
 #include "stickslip/commands.hpp"
 #include "stickslip/displacement.hpp"
 #include "stickslip/error.hpp"
+#include "stickslip/events.hpp"
 #include "stickslip/file.hpp"
 #include "stickslip/library_options.hpp"
 #include "stickslip/measure.hpp"
@@ -21,6 +22,7 @@
 #include "stickslip/reduce.hpp"
 #include "stickslip/root.hpp"
 #include "stickslip/start.hpp"
+#include "stickslip/stick.hpp"
 #include "stickslip/summary.hpp"
 #include "stickslip/time.hpp"
 #include "stickslip/trust.hpp"
@@ -171,9 +173,10 @@ class Run {
  public:
   Run(const Options& options, const Provenance& provenance)
       : options_(options), provenance_(provenance), scene_(checked_scene(options)), checkpoint_(asked_for(options)),
-        problem_(problem_of(scene_, options, nodes_of(checkpoint_))), model_(problem_.model), u_(problem_.u),
+        problem_(problem_of(scene_, events_need_all(options), nodes_of(checkpoint_))), model_(problem_.model), u_(problem_.u),
         t_end_(options.real("ts_max_time")), work_(model_.create_vector()), gather_(u_, model_.dof()),
         probes_(model_, scene_, options.reals("out_probes")), measurement_(model_.scene(), t_end_),
+        events_(events_of(options, scene_)),
         checkpoint_every_(options.steps_or_seconds("out_checkpoint_every")),
         most_seconds_(options.steps_or_seconds("ts_max_wall").seconds) {
     MPI_Comm_rank(PETSC_COMM_WORLD, &rank_);
@@ -232,6 +235,20 @@ class Run {
     return scene;
   }
 
+  // A catalogue is that of all nodes.
+  static Options events_need_all(const Options& options) {
+    return options.boolean("out_events") ? options.with("scene_reduce", "off") : options;
+  }
+
+  static std::unique_ptr<Events> events_of(const Options& options, const Scene& scene) {
+    if (!options.boolean("out_events")) return nullptr;
+    double velocity = Stick::applies_to(scene) ? 0 : 2 * std::abs(scene.v);
+    if (options.is_set("out_events_velocity")) velocity = options.real("out_events_velocity");
+    else if (velocity == 0 && !Stick::applies_to(scene))
+      throw UsageError("out_events: with model_v 0 it needs out_events_velocity, above which a node moves");
+    return std::make_unique<Events>(scene, velocity);
+  }
+
   void make_integrator() {
     integrator_ = std::make_unique<Integrator>(model_, options_, u_);
     if (resumed_) integrator_->continue_from(first_step_, first_dt_);
@@ -275,14 +292,15 @@ class Run {
     }
     RunLayout layout = RunLayout::of(scene_);
     layout.probe_x = options_.reals("out_probes");
-    layout.series = series_fields;
+    if (options_.boolean("out_series")) layout.series = series_fields;
+    if (events_) layout.events = Events::columns();
     if (!problem_.what.empty()) layout.texts["reduced"] = problem_.what;
     if (options_.boolean("out_displacement")) {
       displacement_ = std::make_unique<Displacement>(model_);
       chi_ = displacement_->create_vector();
       gather_chi_ = std::make_unique<Gather>(chi_, 1);
       layout.fields.push_back(standard_field("chi"));
-      if (displacement_->has_energy())
+      if (displacement_->has_energy() && !layout.series.empty())
         layout.series.insert(layout.series.end(), energy_fields.begin(), energy_fields.end());
     }
     layout.frames = static_cast<std::int64_t>(frames_.size());
@@ -312,6 +330,7 @@ class Run {
           throw std::runtime_error("its state does not fit the scene");
         for (const char* name : {"rejections", "rhs_evaluations", "t_end"}) (void)checkpoint.numbers.at(name);
         if (checkpoint.numbers.at("t_end") == t_end_) measurement_.restore(checkpoint.arrays);
+        if (events_ && checkpoint.arrays.count("events.last")) events_->restore(checkpoint.arrays);
       } catch (const std::exception& e) {
         throw UsageError("restart '" + options_.text("restart") + "': is not a whole checkpoint: " + e.what());
       }
@@ -334,6 +353,7 @@ class Run {
 
   Integrator::Verdict after(const Integrator::Step& step) {
     trust_->after(step);
+    if (events_) note_events(step);
     if (file_) write_rows(step);
     while (next_sample_ < samples_.size() && samples_[next_sample_] <= step.t) {
       step.interpolate(samples_[next_sample_], work_);
@@ -366,11 +386,20 @@ class Run {
     return stop ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
   }
 
+  void note_events(const Integrator::Step& step) {
+    const auto& fields = gather_.components(step.u);
+    if (rank_ != 0) return;
+    events_->step(step.t, fields);
+    for (const SlipEvent& event : events_->ended())
+      if (file_) file_->event(event.end, events_->row(event));
+  }
+
   void write_rows(const Integrator::Step& step) {
     if (!options_.reals("out_probes").empty()) {
       const Probes::Values& values = probes_.read(step.u);
       file_->probes(step.t, values.psi, values.eta);
     }
+    if (!options_.boolean("out_series")) return;
     const FieldStatistics s = statistics(model_, step.u);
     PetscInt rejections;
     SS_TRY(TSGetStepRejections(integrator_->ts(), &rejections));
@@ -423,6 +452,8 @@ class Run {
                  {"t_end", t_end_}};
     for (const auto& [name, text] : options_.given()) c.texts["given." + name] = text;
     c.arrays = measurement_.save();
+    if (events_ && rank_ == 0)
+      for (auto& [name, values] : events_->save()) c.arrays[name] = std::move(values);
     last_checkpoint_ = write_checkpoint(options_.text("out_file"), options_.integer("out_checkpoint_keep"), provenance_,
                                         c, gather_, step.u);
   }
@@ -437,6 +468,10 @@ class Run {
     summary.set("implicit", to_string(r.implicit));
     summary.set("unknowns", model_.unknowns());
     if (!problem_.what.empty()) summary.set("reduced", problem_.what);
+    if (events_ && rank_ == 0) {
+      summary.set("events", events_->count());
+      summary.set("events_per_s", double(events_->count()) / (MPI_Wtime() - begin_));
+    }
     if (!complete) return;
     model_.set_held(u_);
     const FieldStatistics s = statistics(model_, u_);
@@ -488,6 +523,7 @@ class Run {
   Gather gather_;
   Probes probes_;
   Measurement measurement_;
+  std::unique_ptr<Events> events_;  // with out_events
   StepsOrSeconds checkpoint_every_;
   double begin_ = MPI_Wtime(), most_seconds_;  // 0: no limit
   PetscInt most_steps_ = std::numeric_limits<PetscInt>::max() - 1;
@@ -536,7 +572,8 @@ int run_command(const Options& asked) {
   Summary summary(provenance, {"t_end",      "steps",    "rejections",    "rhs_evaluations", "method",
                                "implicit",   "unknowns", "reduced",       "psi_min",         "psi_max",
                                "psi_mean",   "eta_mean", "probes",        "regime",          "amplitude",
-                               "wave_speed", "pulses",   "measured_over", "stopped_at",      "error_estimate"},
+                               "wave_speed", "pulses",   "measured_over", "stopped_at",      "error_estimate",
+                               "events",     "events_per_s"},
                   options.text("summary"));
   return with_summary(summary, [&] {
     Run run(options, provenance);

@@ -12,7 +12,8 @@ namespace stickslip {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double close = 1e-12;  // relative: changes this near to each other happen at once
+constexpr double landing = 3e-13;  // of a step: how well a change is located
+constexpr double close = 1e-12;    // relative: changes this near to each other happen at once
 
 // The cubic through g0, g1 with slopes m0, m1 (times the step) at 0 and 1.
 struct CubicBetween {
@@ -67,11 +68,16 @@ bool Stick::applies_to(const Scene& scene) { return has_threshold(scene.friction
 Stick::Stick(const Model& model)
     : model_(model), dof_(model.dof()), both_sides_(model.scene().friction.back_slip),
       direction_(static_cast<std::size_t>(model.local()), 0.), slope_(model.create_vector()),
-      next_slope_(model.create_vector()) {}
+      next_slope_(model.create_vector()) {
+  if (dof_ == 3) return;
+  for (PetscInt i = 0; i < model.local(); ++i) fixed_threshold_.push_back(threshold(i, nullptr));
+}
 Stick::~Stick() { model_.set_direction(nullptr); }
 
 // u: the unknowns of node i.
 double Stick::threshold(PetscInt i, const double* u) const {
+  if (static_cast<PetscInt>(fixed_threshold_.size()) > i)
+    return fixed_threshold_[static_cast<std::size_t>(i)];
   const WithSlope f = with_sticking(model_.scene().friction,
                                     [&](const auto& law) { return static_threshold(law, dof_ == 3 ? u[2] : 0); });
   return model_.amplitude()[static_cast<std::size_t>(i)] * f.value;
@@ -245,7 +251,7 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
       if (stays > 0) weighed_high /= 2;
       stays = std::max(stays, 0) + 1;
     }
-    if (std::abs(value) <= 1e-14 || high - low <= 1e-15 * high || round == 100) break;
+    if (std::abs(value) <= landing || high - low <= 1e-15 * high || round == 100) break;
     if (!found_low && high < 1e-9) break;
     if (!found_low) part = std::max(high / 2, high - std::ldexp(value, round + 1));
     else if (round % 8 == 7) part = (low + high) / 2;
@@ -257,7 +263,7 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
     for (const Candidate& c : candidates_) fresh |= c.fresh ? 1 : 0;
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &fresh, 1, MPI_INT, MPI_MAX, model_.comm()));
   if (fresh) return {Change::Kind::too_coarse, 0};
-  if (std::abs(value) > 1e-14 && evaluated != high) {
+  if (std::abs(value) > landing && evaluated != high) {
     evaluated = high;
     furthest_at(high);
   }

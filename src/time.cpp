@@ -394,7 +394,7 @@ struct Integrator::Impl {
 
   // Cuts the step at the first change between rest and sliding, and passes over times when everything rests.
   void stick_after(Step step) {
-    const double dt = step.t - t_before, took = dt;
+    const double dt = step.t - t_before;
     Vec u = step.u;
     const auto at = [&](double part, Vec into) { interpolate(t_before + part * dt, into); };
     const Stick::Change change = stick->first_change(before, u, dt, at, landed);
@@ -416,7 +416,7 @@ struct Integrator::Impl {
     }
     step.t = change.part == 1 ? step.t : t_before + change.part * dt;
     step.u = landed;
-    step.next_dt = own_dt > 0 ? own_dt : std::max(step.next_dt, took);
+    step.next_dt = own_dt > 0 ? own_dt : std::min(step.next_dt, dt);
     step.interpolate = [this, t = step.t](double when, Vec into) {
       if (when == t) SS_TRY(VecCopy(landed, into));
       else interpolate(when, into);

@@ -81,6 +81,7 @@ class Stick {
   int dof_;
   bool both_sides_;
   std::vector<double> direction_, was_;
+  std::vector<double> fixed_threshold_;  // without a state
   bool all_rest_ = false;
   long changes_ = 0;
   VecHandle slope_, next_slope_;  // right-hand side at the start and the end of the step

@@ -1,0 +1,87 @@
+// The catalogue of slip events of a run.
+//
+// A node moves while psi is not 0 (friction that sticks) or while |psi| exceeds a velocity (any other friction). An event
+// begins when a node moves that neither lies in nor stands beside the region of an event under way; whatever begins to
+// move in or beside that region belongs to it, and events whose regions meet become one, which keeps the earlier
+// beginning. It ends when nothing in its region moves. The region, all nodes that have moved, is connected.
+//
+// Starts and ends of friction that sticks are exact, since the steps are cut there; otherwise they are ends of steps.
+// Integrals are taken over each step by Simpson's rule on the cubic of psi (error dt^4 relative to the event).
+//
+// Of a region of nodes i, of weight w = 1 in the chain and h in the continuum, with the slip d_i = integral of psi_i and
+// the force eta before (eta0) and behind (eta1), in units of the friction amplitude:
+//     extent         number of blocks; length in the continuum: nodes times h
+//     slip           largest d_i                            moment     sum w d_i
+//     magnitude      ln(moment); NaN where it is not positive
+//     stress_drop    mean of eta0 - eta1
+//     strain_energy  sum w d_i (eta0 + eta1)/2, what the springs give away
+//     friction_work  sum w integral of psi F
+//     radiated       sum w integral of (B + s delta/A) psi^2, what damping takes: with no damping nothing is radiated
+//     kinetic        largest kinetic energy sum w psi^2/(2 A) on the way
+// Where the plate hardly moves meanwhile, strain_energy = friction_work + radiated.
+//
+// Works on whole fields, on the rank that has them; not collective.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "stickslip/file.hpp"
+#include "stickslip/scene.hpp"
+
+namespace stickslip {
+
+struct SlipEvent {
+  double begin = 0, end = 0;
+  PetscInt first = 0, left = 0, count = 0;  // first node to move, left end of the region (round the ring), its nodes
+  double slip = 0, moment = 0, stress_drop = 0, strain_energy = 0, friction_work = 0, radiated = 0, kinetic = 0;
+};
+
+class Events {
+ public:
+  // `velocity`: above it a node moves; 0 for friction that sticks.
+  Events(const Scene& scene, double velocity);
+
+  // The fields psi, eta (and the stored state) of all nodes at t; the first call is the start.
+  void step(double t, const std::vector<std::vector<double>>& fields);
+  // What has ended since the last call, in order of the ends.
+  std::vector<SlipEvent> ended();
+  long count() const { return count_; }  // ended so far
+
+  // The columns of the table, without its time, the end; and the row of an event.
+  static std::vector<Field> columns();
+  std::vector<double> row(const SlipEvent& event) const;
+
+  // Everything under way, for a checkpoint.
+  std::map<std::string, std::vector<double>> save() const;
+  void restore(const std::map<std::string, std::vector<double>>& saved);
+
+ private:
+  struct Live {
+    SlipEvent event;
+    double kinetic_now = 0;
+    std::vector<PetscInt> nodes;
+    bool moves = false;
+  };
+  bool moves(std::size_t i, const std::vector<std::vector<double>>& fields) const;
+  int owner_beside(std::size_t i, int step) const;
+  void join(int kept, int taken);
+  void accumulate(std::size_t i, double dt, const std::vector<std::vector<double>>& now);
+  void finish(int id);
+
+  Scene scene_;
+  double velocity_, weight_, damping_;
+  std::vector<double> amplitude_;
+  bool started_ = false;
+  double t_ = 0;
+  std::vector<std::vector<double>> last_;
+  std::vector<int> owner_;            // event under way in whose region a node is; -1: none
+  std::vector<double> eta0_, slip_;   // of a node in a region
+  std::map<int, Live> live_;
+  int next_id_ = 0;
+  std::vector<SlipEvent> ended_;
+  long count_ = 0;
+};
+
+}  // namespace stickslip

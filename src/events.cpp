@@ -1,0 +1,204 @@
+#include "stickslip/events.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "stickslip/friction.hpp"
+#include "stickslip/model.hpp"
+
+namespace stickslip {
+
+Events::Events(const Scene& scene, double velocity)
+    : scene_(scene), velocity_(velocity), weight_(scene.form == Form::chain ? 1 : scene.h()),
+      damping_(scene.B() + scene.s_delta() / scene.A()), amplitude_(friction_amplitude(scene, 0, scene.n)),
+      owner_(static_cast<std::size_t>(scene.n), -1), eta0_(owner_.size()), slip_(owner_.size()) {}
+
+bool Events::moves(std::size_t i, const std::vector<std::vector<double>>& fields) const {
+  return std::abs(fields[0][i]) > velocity_;
+}
+
+// The owner of the neighbour on one side (step 1 or -1), -1 where there is none.
+int Events::owner_beside(std::size_t i, int step) const {
+  const auto n = static_cast<PetscInt>(owner_.size());
+  PetscInt j = static_cast<PetscInt>(i) + step;
+  if (scene_.ring()) j = (j + n) % n;
+  return j < 0 || j >= n ? -1 : owner_[static_cast<std::size_t>(j)];
+}
+
+void Events::join(int kept, int taken) {
+  if (taken < 0 || kept == taken) return;
+  Live &a = live_.at(kept), &b = live_.at(taken);
+  for (const PetscInt node : b.nodes) owner_[static_cast<std::size_t>(node)] = kept;
+  a.nodes.insert(a.nodes.end(), b.nodes.begin(), b.nodes.end());
+  if (b.event.begin < a.event.begin) {
+    a.event.begin = b.event.begin;
+    a.event.first = b.event.first;
+  }
+  a.event.friction_work += b.event.friction_work;
+  a.event.radiated += b.event.radiated;
+  a.event.kinetic = std::max(a.event.kinetic, b.event.kinetic);
+  live_.erase(taken);
+}
+
+void Events::accumulate(std::size_t i, double dt, const std::vector<std::vector<double>>& now) {
+  Live& live = live_.at(owner_[i]);
+  live.moves = true;
+  const double p0 = last_[0][i], p1 = now[0][i];
+  const bool has_state = last_.size() > 2;
+  const double s0 = has_state ? last_[2][i] : 0, s1 = has_state ? now[2][i] : 0;
+  // at psi = 0 friction is that of the motion which begins or ends there
+  const double direction = p0 + p1 < 0 ? -1 : 1;
+  const double a = amplitude_[i];
+  const double A = scene_.A(), B = scene_.B();
+  dispatch_friction(scene_.friction, [&](const auto& f) {
+    const auto force = [&](double psi, double s) {
+      return a * f.force(psi == 0 ? direction * std::numeric_limits<double>::min() : psi, s);
+    };
+    const double F0 = force(p0, s0), F1 = force(p1, s1);
+    const double m0 = A * (last_[1][i] - B * p0 - F0), m1 = A * (now[1][i] - B * p1 - F1);
+    const double p = (p0 + p1) / 2 + dt / 8 * (m0 - m1);
+    const double F = force(p, (s0 + s1) / 2);
+    slip_[i] += dt / 6 * (p0 + 4 * p + p1);
+    live.event.friction_work += weight_ * dt / 6 * (p0 * F0 + 4 * p * F + p1 * F1);
+    live.event.radiated += weight_ * damping_ * dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
+  });
+  live.kinetic_now += weight_ * p1 * p1 / (2 * A);
+}
+
+void Events::finish(int id) {
+  const auto node = live_.find(id);
+  Live& live = node->second;
+  SlipEvent& e = live.event;
+  e.end = t_;
+  e.count = static_cast<PetscInt>(live.nodes.size());
+  double drop = 0;
+  e.slip = -std::numeric_limits<double>::infinity();
+  for (const PetscInt k : live.nodes) {
+    const auto i = static_cast<std::size_t>(k);
+    e.slip = std::max(e.slip, slip_[i]);
+    e.moment += weight_ * slip_[i];
+    drop += eta0_[i] - last_[1][i];
+    e.strain_energy += weight_ * slip_[i] * (eta0_[i] + last_[1][i]) / 2;
+  }
+  e.stress_drop = drop / double(e.count);
+  e.left = e.first;
+  for (PetscInt k = 1; k < e.count && owner_beside(static_cast<std::size_t>(e.left), -1) == id; ++k)
+    e.left = (e.left - 1 + scene_.n) % scene_.n;
+  for (const PetscInt k : live.nodes) owner_[static_cast<std::size_t>(k)] = -1;
+  ended_.push_back(e);
+  ++count_;
+  live_.erase(node);
+}
+
+void Events::step(double t, const std::vector<std::vector<double>>& fields) {
+  if (started_) {
+    const double dt = t - t_;
+    for (auto& [id, live] : live_) {
+      live.moves = false;
+      live.kinetic_now = 0;
+    }
+    for (std::size_t i = 0; i < owner_.size(); ++i) {
+      if (!moves(i, last_) && !moves(i, fields)) continue;
+      if (owner_[i] < 0) {
+        const int left = owner_beside(i, -1), right = owner_beside(i, 1);
+        int id = std::max(left, right);
+        if (id < 0) {
+          id = next_id_++;
+          live_[id].event.begin = t_;
+          live_[id].event.first = static_cast<PetscInt>(i);
+        }
+        owner_[i] = id;
+        live_.at(id).nodes.push_back(static_cast<PetscInt>(i));
+        eta0_[i] = last_[1][i];
+        slip_[i] = 0;
+        join(id, left);
+        join(id, right);
+      }
+      accumulate(i, dt, fields);
+    }
+    std::vector<int> over;
+    for (auto& [id, live] : live_) {
+      live.event.kinetic = std::max(live.event.kinetic, live.kinetic_now);
+      if (!live.moves) over.push_back(id);
+    }
+    for (const int id : over) finish(id);  // at the beginning of this step
+  }
+  last_.assign(fields.begin(), fields.end());
+  t_ = t;
+  started_ = true;
+}
+
+std::vector<SlipEvent> Events::ended() {
+  std::vector<SlipEvent> result;
+  result.swap(ended_);
+  return result;
+}
+
+std::vector<Field> Events::columns() {
+  return {{"begin", "time", "time at which the first node moves"},
+          {"first", "length", "position of the first node that moves"},
+          {"left", "length", "left end of the region that slips"},
+          {"extent", "length", "blocks that slip (chain) or their length (continuum)"},
+          {"slip", "length", "largest slip"},
+          {"moment", "length^2", "sum of the slip over blocks or over length"},
+          {"magnitude", "1", "natural logarithm of the moment"},
+          {"stress_drop", "1", "mean of eta before less eta behind"},
+          {"strain_energy", "amplitude*length", "energy given away by the springs"},
+          {"friction_work", "amplitude*length", "energy lost in friction"},
+          {"radiated", "amplitude*length", "energy lost in damping"},
+          {"kinetic", "amplitude*length", "largest kinetic energy"}};
+}
+
+std::vector<double> Events::row(const SlipEvent& e) const {
+  const double magnitude = e.moment > 0 ? std::log(e.moment) : std::numeric_limits<double>::quiet_NaN();
+  return {e.begin,  scene_.x(e.first), scene_.x(e.left), weight_ * double(e.count), e.slip,     e.moment,
+          magnitude, e.stress_drop,     e.strain_energy,  e.friction_work,           e.radiated, e.kinetic};
+}
+
+std::map<std::string, std::vector<double>> Events::save() const {
+  std::map<std::string, std::vector<double>> saved;
+  saved["events.last"] = {double(t_), double(next_id_), double(count_), double(last_.size())};
+  for (std::size_t k = 0; k < last_.size(); ++k) saved["events.field" + std::to_string(k)] = last_[k];
+  saved["events.owner"].assign(owner_.begin(), owner_.end());
+  saved["events.eta0"] = eta0_;
+  saved["events.slip"] = slip_;
+  std::vector<double>& live = saved["events.live"];
+  std::vector<double>& nodes = saved["events.nodes"];  // in the order in which they joined
+  for (const auto& [id, l] : live_) {
+    for (const double x : {double(id), l.event.begin, double(l.event.first), l.event.friction_work, l.event.radiated,
+                           l.event.kinetic, double(l.nodes.size())})
+      live.push_back(x);
+    nodes.insert(nodes.end(), l.nodes.begin(), l.nodes.end());
+  }
+  return saved;
+}
+
+void Events::restore(const std::map<std::string, std::vector<double>>& saved) {
+  const std::vector<double>& last = saved.at("events.last");
+  t_ = last.at(0);
+  next_id_ = static_cast<int>(last.at(1));
+  count_ = static_cast<long>(last.at(2));
+  last_.resize(static_cast<std::size_t>(last.at(3)));
+  for (std::size_t k = 0; k < last_.size(); ++k) last_[k] = saved.at("events.field" + std::to_string(k));
+  const std::vector<double>& owner = saved.at("events.owner");
+  for (std::size_t i = 0; i < owner_.size(); ++i) owner_[i] = static_cast<int>(owner.at(i));
+  eta0_ = saved.at("events.eta0");
+  slip_ = saved.at("events.slip");
+  const auto live = saved.find("events.live"), nodes = saved.find("events.nodes");
+  std::size_t next = 0;
+  if (live != saved.end())
+    for (std::size_t k = 0; k + 7 <= live->second.size(); k += 7) {
+      const double* x = &live->second[k];
+      Live& l = live_[static_cast<int>(x[0])];
+      l.event.begin = x[1];
+      l.event.first = static_cast<PetscInt>(x[2]);
+      l.event.friction_work = x[3];
+      l.event.radiated = x[4];
+      l.event.kinetic = x[5];
+      for (double j = 0; j < x[6]; ++j) l.nodes.push_back(static_cast<PetscInt>(nodes->second.at(next++)));
+    }
+  started_ = true;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,107 @@
+// The catalogue of slip events against motion that is known.
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "stickslip/events.hpp"
+
+using namespace stickslip;
+
+namespace {
+
+Scene chain(PetscInt n, bool ring) {
+  Scene s;
+  s.form = Form::chain;
+  s.delta = 0;
+  s.n = n;
+  s.order = 2;
+  s.left = s.right = ring ? End::periodic : End::free;
+  s.length = double(ring ? n : n - 1);
+  s.friction.law = Law::coulomb;
+  return s;
+}
+
+// psi at the nodes marked by capital letters is 1, elsewhere 0.
+std::vector<std::vector<double>> picture(const std::string& row) {
+  std::vector<std::vector<double>> fields(2, std::vector<double>(row.size(), 0.));
+  for (std::size_t i = 0; i < row.size(); ++i) fields[0][i] = row[i] == '#' ? 1 : 0;
+  return fields;
+}
+
+std::vector<SlipEvent> events_of(const Scene& scene, const std::vector<std::string>& rows) {
+  Events events(scene, 0);
+  std::vector<SlipEvent> all;
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    events.step(double(k), picture(rows[k]));
+    for (const SlipEvent& e : events.ended()) all.push_back(e);
+  }
+  return all;
+}
+
+}  // namespace
+
+TEST_CASE("events are regions that slip together", "[serial]") {
+  // one grows, another is met; a third stays apart and ends first
+  std::vector<SlipEvent> e = events_of(chain(12, false), {"............", "..#......#..", ".###.....#..", "..###.......",
+                                                          "....###.....", "......#.....", "............", "............",
+                                                          "............"});
+  REQUIRE(e.size() == 2);
+  CHECK(e[0].first == 9);
+  CHECK(e[0].count == 1);
+  CHECK(e[0].begin == 0);
+  CHECK(e[0].end == 3);  // psi comes to 0 in the step that ends there
+  CHECK(e[1].first == 2);
+  CHECK(e[1].left == 1);
+  CHECK(e[1].count == 6);
+  CHECK(e[1].end == 6);
+
+  // two meet and become one, which has the earlier beginning
+  e = events_of(chain(8, false), {"........", "#.......", "#.....#.", "##...##.", "###.##..", "..##....", "........",
+                                  "........"});
+  REQUIRE(e.size() == 1);
+  CHECK(e[0].first == 0);
+  CHECK(e[0].count == 7);
+
+  // round the ring, not so between ends
+  const std::vector<std::string> round = {"........", ".......#", "#.....##", "........", "........"};
+  e = events_of(chain(8, true), round);
+  REQUIRE(e.size() == 1);
+  CHECK(e[0].left == 6);
+  CHECK(e[0].count == 3);
+  CHECK(events_of(chain(8, false), round).size() == 2);
+
+  // what moves again in the region while something there still moves belongs to it, what does so later does not
+  e = events_of(chain(8, false), {"........", "#.......", "##......", ".##.....", "#.#.....", "..#.....", "........",
+                                  "........", "#.......", "........", "........"});
+  REQUIRE(e.size() == 2);
+  CHECK(e[0].count == 3);
+  CHECK(e[1].begin == 7);
+}
+
+TEST_CASE("the numbers of an event", "[serial]") {
+  // One block of mass 2 under Coulomb's friction, eta falling linearly: psi_t = A (eta - fd), parabola in time.
+  Scene s = chain(3, false);
+  s.m = 2;
+  s.friction.fd = 0.4;
+  Events events(s, 0);
+  const double A = s.A(), rate = 0.1, eta0 = 1;
+  const auto psi = [&](double t) { return A * ((eta0 - 0.4) * t - rate * t * t / 2); };
+  const double stops = 2 * (eta0 - 0.4) / rate;
+  for (int k = -1; k <= 8; ++k) {
+    const double t = k < 0 ? 0 : stops * k / 7;
+    const double x = k < 1 || k > 6 ? 0 : psi(t);
+    if (k >= 0) events.step(k == 8 ? stops + 1 : t, {{0, x, 0}, {0, eta0 - rate * std::min(t, stops), 0}});
+  }
+  const std::vector<SlipEvent> all = events.ended();
+  REQUIRE(all.size() == 1);
+  const SlipEvent& e = all[0];
+  const double slip = A * (0.6 * stops * stops / 2 - rate * stops * stops * stops / 6);  // Simpson's rule is exact
+  CHECK(e.begin == 0);
+  CHECK(e.end == Approx(stops));
+  CHECK(e.slip == Approx(slip));
+  CHECK(e.moment == Approx(slip));
+  CHECK(e.stress_drop == Approx(rate * stops));
+  CHECK(e.friction_work == Approx(0.4 * slip));
+  CHECK(e.strain_energy == Approx(slip * (eta0 - rate * stops / 2)));
+  CHECK(e.radiated == 0);
+  CHECK(events.row(e).size() == Events::columns().size());
+}
