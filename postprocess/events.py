@@ -1,0 +1,150 @@
+#!/usr/bin/python3
+"""Draws the catalogue of slip events of one run or several (out_events) and fits its magnitude-frequency curve.
+
+usage: events.py FILE.h5 [FILE.h5 ...] [-o PICTURE.png] [--from T] [--fit A B] [--label OPTION]
+
+Left above: how many events there are of each magnitude, over the number of nodes, the time and the width of the bins, with
+Poisson errors; beside it the map of the first file's events in space and time; below, slip against time at a few places and
+the cumulative moment. Magnitudes are natural logarithms of the moment. --from leaves out what began earlier (a start is not
+typical). The fit is of density ~ exp(-b magnitude) between A and B (default: from just above the most frequent magnitude
+over 2.5 units), by maximum likelihood for a truncated exponential; its standard error is from the curvature.
+--label names an option whose value stands in the legend, e.g. friction_alpha.
+"""
+import argparse
+import json
+import os
+import sys
+
+import h5py
+import matplotlib
+import numpy as np
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+
+
+def read(path, begin):
+    with h5py.File(path) as file:
+        if "events" not in file:
+            sys.exit(f"events.py: {path} holds no events: run with -out_events")
+        events = {name: data[:] for name, data in file["events"].items()}
+        found = {"x": file["x"][:], "t": file["t"][:], "options": json.loads(file.attrs["options"]), "path": path}
+    found["end"] = max(found["t"][-1], events["t"][-1] if len(events["t"]) else 0)
+    keep = events["begin"] >= begin
+    found["events"] = {name: values[keep] for name, values in events.items()}
+    return found
+
+
+def fit(magnitude, low, high):
+    """b and its standard error of a density exp(-b m) on [low, high]: the mean of m - low decides."""
+    m = magnitude[(magnitude >= low) & (magnitude < high)] - low
+    width = high - low
+    if len(m) < 20:
+        return np.nan, np.nan, len(m)
+
+    def mean(b):
+        return width / 2 if abs(b * width) < 1e-6 else 1 / b - width / np.expm1(b * width)
+
+    least, most = -60 / width, 60 / width
+    for _ in range(100):
+        middle = (least + most) / 2
+        if mean(middle) > m.mean():
+            least = middle
+        else:
+            most = middle
+    b = (least + most) / 2
+    step = 1e-3 / width
+    variance = -(mean(b + step) - mean(b - step)) / (2 * step)
+    return b, 1 / np.sqrt(len(m) * variance), len(m)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("files", nargs="+")
+    parser.add_argument("-o", "--output")
+    parser.add_argument("--from", dest="begin", type=float, default=0)
+    parser.add_argument("--fit", nargs=2, type=float)
+    parser.add_argument("--label")
+    arguments = parser.parse_args()
+    runs = [read(path, arguments.begin) for path in arguments.files]
+
+    figure, ((curve, place), (slip, moment)) = plt.subplots(2, 2, figsize=(12, 9), constrained_layout=True)
+    for run in runs:
+        m = run["events"]["magnitude"]
+        m = m[np.isfinite(m)]
+        name = os.path.basename(run["path"])
+        if arguments.label:
+            name = f"{arguments.label} {run['options'][arguments.label]}"
+        if len(m) == 0:
+            print(f"{name}: no events")
+            continue
+        width = 0.25
+        edges = np.arange(np.floor(m.min() / width) * width, m.max() + 2 * width, width)
+        counts = np.histogram(m, edges)[0]
+        middle, some = (edges[:-1] + edges[1:]) / 2, counts > 0
+        scale = len(run["x"]) * (run["end"] - arguments.begin) * width
+        line = curve.errorbar(middle[some], counts[some] / scale, np.sqrt(counts[some]) / scale, fmt="o-", ms=3, lw=0.7,
+                              label=name)
+        low = arguments.fit[0] if arguments.fit else edges[np.argmax(counts) + 1]
+        high = arguments.fit[1] if arguments.fit else low + 2.5
+        b, error, number = fit(m, low, high)
+        # what the fitted line would have above the range, against what is there
+        beyond = np.sum(m >= high)
+        expected = number * np.exp(-b * (high - low)) / -np.expm1(-b * (high - low)) if b > 0 else np.nan
+        print(f"{name}: {len(m)} events, b = {b:.3f} +- {error:.3f} on [{low:g}, {high:g}] ({number} events); beyond it"
+              f" {beyond} events, {expected:.0f} on the line; largest extent {run['events']['extent'].max():g}")
+        if np.isfinite(b):
+            grid = np.linspace(low, high, 2)
+            top = number * b / -np.expm1(-b * (high - low)) * width / scale
+            curve.plot(grid, top * np.exp(-b * (grid - low)), color=line[0].get_color(), lw=2, alpha=0.5)
+    curve.set_yscale("log")
+    curve.set_xlabel("magnitude ln M")
+    curve.set_ylabel("events per node, time and unit of magnitude")
+    curve.legend(fontsize=8)
+
+    run, events = runs[0], runs[0]["events"]
+    x, options = run["x"], run["options"]
+    ring = options["bc_left"] == "periodic"
+    spacing = x[1] - x[0] if len(x) > 1 else 1
+    length = spacing * len(x)
+    strongest = np.nanmax(events["magnitude"], initial=1)
+    weakest = np.nanmin(events["magnitude"], initial=0)
+    colours = matplotlib.colormaps["viridis_r"]
+    for i in np.argsort(events["magnitude"]):
+        begin, end = events["left"][i] - spacing / 2, events["left"][i] + events["extent"][i] - spacing / 2
+        colour = colours((events["magnitude"][i] - weakest) / max(strongest - weakest, 1e-9))
+        parts = [(begin, end)] if not ring or end <= length else [(begin, length), (0, end - length)]
+        for a, b in parts:
+            place.plot([a, b], [events["begin"][i]] * 2, color=colour, lw=1 if b - a > 2 * spacing else 2,
+                       solid_capstyle="butt")
+    place.set_xlabel("x")
+    place.set_ylabel("t")
+    place.set_title(f"regions that slipped, {os.path.basename(run['path'])}", fontsize=9)
+
+    # the mean slip of each event, laid on its region
+    order = np.argsort(events["t"])
+    for part in (0.2, 0.4, 0.6, 0.8):
+        at = x[int(part * (len(x) - 1))]
+        offset = (at - events["left"][order]) % length if ring else at - events["left"][order]
+        hit = (offset >= -1e-9) & (offset < events["extent"][order] - 1e-9)
+        t = events["t"][order][hit]
+        d = np.cumsum((events["moment"] / events["extent"])[order][hit])
+        slip.step(np.r_[arguments.begin, t], np.r_[0, d], where="post", lw=1, label=f"x = {at:g}")
+    slip.plot([arguments.begin, run["end"]], [0, float(options["model_v"]) * (run["end"] - arguments.begin)], "k:", lw=1,
+              label="plate")
+    slip.set_xlabel("t")
+    slip.set_ylabel("slip (mean over each event)")
+    slip.legend(fontsize=8)
+
+    moment.step(events["t"][order], np.cumsum(events["moment"][order]) / length, where="post", lw=1)
+    moment.plot([arguments.begin, run["end"]], [0, float(options["model_v"]) * (run["end"] - arguments.begin)], "k:", lw=1)
+    moment.set_xlabel("t")
+    moment.set_ylabel("moment so far over length (dotted: plate)")
+
+    output = arguments.output or os.path.splitext(arguments.files[0])[0] + "-events.png"
+    figure.savefig(output, dpi=110)
+    print(output)
+
+
+if __name__ == "__main__":
+    main()
