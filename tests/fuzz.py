@@ -1,4 +1,5 @@
-"""Random use of the program, good and bad, from a seed: options, values, scenes with damaged bytes, ranks.
+"""Random use of the program, good and bad, from a seed: options, values, scenes with damaged bytes, checkpoints and
+results with damaged bytes, ranks.
 
     STICKSLIP=build/stickslip python3 tests/fuzz.py --seed 1 --cases 1000     all cases of a seed
     STICKSLIP=build/stickslip python3 tests/fuzz.py --seed 1 --only 17        one of them, with what it printed
@@ -14,6 +15,7 @@ The options and what they take come from the program's own -help.
 """
 import argparse
 import concurrent.futures
+import functools
 import json
 import os
 import random
@@ -219,12 +221,75 @@ def coherent(pairs, r):
     return {name: value for name, value in pairs.items() if name not in drop}
 
 
+def checksum(content):
+    """What stands at the head of a checkpoint for what follows its first 512 bytes (FNV-1a, 64 bits)."""
+    value = 1469598103934665603
+    for byte in content[512:]:
+        value = (value ^ byte) * 1099511628211 & 0xFFFFFFFFFFFFFFFF
+    return f"stickslip checkpoint\nfnv1a64 {value:016x}\nbytes {len(content) - 512}\n".encode().ljust(512, b"\0")
+
+
+@functools.lru_cache(None)
+def sound_files():
+    """A checkpoint and the result that it belongs to, of a short run."""
+    with tempfile.TemporaryDirectory() as folder:
+        subprocess.run([PROGRAM, "run", "-grid_n", "16", "-init_type", "sine", "-ts_max_time", "0.5", "-out_frames", "3",
+                        "-out_file", "in.h5", "-out_checkpoint_every", "4", "-out_probes", "1"], cwd=folder, check=True,
+                       stderr=subprocess.DEVNULL)
+        files = {}
+        for name in sorted(os.listdir(folder)):
+            with open(os.path.join(folder, name), "rb") as file:
+                files[name if name == "in.h5" else "in.chk.h5"] = file.read()
+        return files
+
+
+class RestartCase:
+    """A restart, or a start, from a file that is damaged or sound; a third of the damaged checkpoints has a checksum
+    that fits."""
+    scene, in_scene, pairs, stray, damaged, wants_summary = None, [], [], None, True, True
+
+    def __init__(self, r):
+        self.command, self.ranks = "run", r.choice([1] * 49 + [2])
+        self.files = dict(sound_files())
+        self.restart = r.random() < 0.8
+        name = "in.chk.h5" if self.restart else "in.h5"
+        content = bytearray(self.files[name])
+        kind = r.random()
+        if kind < 0.2:
+            content = content[:r.randrange(len(content) + 1)]
+        elif kind < 0.9:
+            used = [k for k in range(0, len(content), 64) if any(content[k:k + 64])]  # most of a small file is empty
+            for _ in range(r.choice([1, 1, 2, 5, 20])):
+                at = r.choice(used) + r.randrange(64)
+                if at < len(content):
+                    content[at] = r.choice([0, 255, r.randrange(256), content[at] ^ 1 << r.randrange(8)])
+            if self.restart and r.random() < 0.7:
+                content[:512] = checksum(content)
+        self.files[name] = bytes(content)
+        self.options = ["-restart", name] if self.restart else ["-init_type", "file", "-init_file", name, "-grid_n", "16",
+                                                                "-ts_max_time", "0.1"]
+        for words in r.sample([["-ts_max_time", "0.7"], ["-ts_max_steps", "30"], ["-ts_dt", "0.1"], ["-model_gamma", "2"],
+                               ["-out_every", "0.1"], ["-out_probes", "2"], ["-ts_max_time", "0.01"]], r.choice([0, 0, 1, 2])):
+            self.options += words
+        self.options += ["-out_file", r.choice(["new.h5", "new.h5", "in.h5"])]
+
+    def words(self, flat=False):
+        return ["run", *self.options, "-summary", "summary.json"]
+
+
+def case_of(seed, number, table):
+    r = random.Random(f"{seed}/{number}")
+    return RestartCase(r) if number % 12 == 5 else Case(seed, number, table)
+
+
 class Case:
+    files = {}
+
     def __init__(self, seed, number, table):
         r = random.Random(f"{seed}/{number}")
         self.command = r.choice(list(table) + ["run", "run"])
         options = table[self.command]
-        self.ranks = r.choice([1] * 19 + [2])
+        self.ranks = r.choice([1] * 49 + [2])
         pairs = {"ts_max_steps": "50"}
         if r.random() < 0.9:
             pairs.update({"grid_n": "32", "ts_max_time": "0.1"})
@@ -288,16 +353,16 @@ class Case:
         return words + ([self.stray] if self.stray else [])
 
 
-def execute(words, scene, ranks):
+def execute(words, scene, ranks, inputs):
     """Runs the program in a folder of its own; returns all that can be seen."""
     with tempfile.TemporaryDirectory() as top:
         folder = os.path.join(top, "work")
         os.makedirs(os.path.join(folder, "sub"))
         with open(os.path.join(folder, "notes.txt"), "w") as file:
             file.write(NOTES)
-        if scene is not None:
-            with open(os.path.join(folder, "scene.yaml"), "wb") as file:
-                file.write(scene)
+        for name, content in {**inputs, **({} if scene is None else {"scene.yaml": scene})}.items():
+            with open(os.path.join(folder, name), "wb") as file:
+                file.write(content)
         command = (["mpirun", "-n", str(ranks)] if ranks > 1 else []) + [PROGRAM] + words
         session = os.path.join(top, "t")  # two Open MPI programs at a time must not share a session folder
         os.mkdir(session)
@@ -348,8 +413,11 @@ def complaints(case, seen, words):
         found.append("notes.txt was changed")
     if case.scene is not None and seen["files"].get("scene.yaml") != case.scene:
         found.append("the scene was changed")
-    found += seen["hdf5"]
-    made = set(seen["files"]) - {"notes.txt", "scene.yaml", "log.txt"}
+    found += [trouble for trouble in seen["hdf5"] if code != 2 and trouble.split(":")[0] not in case.files]
+    changed = {name for name in case.files if seen["files"].get(name) != case.files[name]}
+    if "in.chk.h5" in changed or (code == 2 and changed):
+        found.append(f"changed: {sorted(changed)}")
+    made = set(seen["files"]) - {"notes.txt", "scene.yaml", "log.txt", *case.files}
     if code == 2 and made:
         found.append(f"exit code 2 and yet files: {sorted(made)}")
     if any(os.path.basename(name).startswith(".") for name in made):
@@ -381,13 +449,13 @@ def same(one, other):
 
 
 def check(seed, number, table, loud=False):
-    case = Case(seed, number, table)
+    case = case_of(seed, number, table)
     words = case.words()
-    seen = execute(words, case.scene, case.ranks)
+    seen = execute(words, case.scene, case.ranks, case.files)
     found = complaints(case, seen, words)
     if case.scene is not None and not case.damaged and not case.stray and not found:
         flat = case.words(flat=True)
-        other = execute(flat, None, case.ranks)
+        other = execute(flat, None, case.ranks, {})
         # of several mistakes, another one may be met first
         if not same(seen, other) and seen["code"] != other.get("code"):
             found.append(f"without the scene: exit code {other.get('code')}, {other.get('err', '')[:200]}")

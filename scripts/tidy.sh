@@ -1,0 +1,12 @@
+#!/usr/bin/env bash
+# clang-tidy over src, include and tests, or over the files named: `./check tidy`. The list of checks, with what is left
+# out and why, is .clang-tidy. Needs a configured build folder (BUILD, default build) and clang-tidy.
+set -u
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+command -v clang-tidy >/dev/null || { echo "clang-tidy is not installed (apt-get install clang-tidy)" >&2; exit 2; }
+(($#)) || set -- src/*.cpp tests/*.cpp
+findings=$(printf '%s\n' "$@" | xargs -P "${JOBS:-$(nproc)}" -n 1 clang-tidy -p "${BUILD:-build}" --quiet 2>/dev/null)
+[ -z "$findings" ] || printf '%s\n' "$findings"
+count=$(printf '%s' "$findings" | grep -cE '^/.*: (warning|error): ' || true)
+echo "clang-tidy: $# files, $count findings"
+[ "$count" = 0 ]
