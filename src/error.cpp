@@ -59,13 +59,13 @@ PetscErrorCode keep_line(MPI_Comm, int, const char* function, const char*, Petsc
 
 }  // namespace stickslip
 
-// LAPACK and BLAS call this where an argument is wrong, one that is not finite among them. Theirs prints a line and ends
-// the program with exit code 0.
+// LAPACK and BLAS call this where an argument is wrong, one that is not finite among them. Theirs prints a line and
+// ends the program with exit code 0.
 extern "C" [[noreturn]] void xerbla_(const char* routine, const int* argument, std::size_t length) {
   std::string name(routine, std::min<std::size_t>(length, 16));
   name.erase(name.find_last_not_of(" \0") + 1);
   throw stickslip::RankFailure("LAPACK's " + name + " refuses its argument " + std::to_string(*argument) +
-                               ": a number that is not finite, most likely; are parameters or grid beyond all measure?");
+                               ": most likely a number that is not finite; are parameters or grid beyond measure?");
 }
 
 namespace stickslip {

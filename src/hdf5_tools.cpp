@@ -250,7 +250,8 @@ bool survives(const std::function<void()>& act) {
   const pid_t child = fork();
   if (child < 0) return true;  // no trial is possible
   if (child == 0) {
-    for (const int number : {SIGSEGV, SIGBUS, SIGFPE, SIGABRT, SIGILL, SIGALRM, SIGTERM, SIGINT}) signal(number, SIG_DFL);
+    for (const int number : {SIGSEGV, SIGBUS, SIGFPE, SIGABRT, SIGILL, SIGALRM, SIGTERM, SIGINT})
+      signal(number, SIG_DFL);
     const rlimit no_core{0, 0};
     setrlimit(RLIMIT_CORE, &no_core);
     alarm(60);

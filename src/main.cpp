@@ -37,7 +37,8 @@ const std::vector<Command>& commands() {
       {"wave", "solves for a train of pulses: speed or length, stability, branches", wave_command, false},
       {"spectrum", "steady sliding, then the eigenvalues of the operator linearised about it", spectrum_command, true},
       {"laws", "tabulates friction laws", laws_command, false},
-      {"boundary", "the boundary between sliding and stick-slip in one parameter, or traced in two", boundary_command, true},
+      {"boundary", "the boundary between sliding and stick-slip in one parameter, or traced in two", boundary_command,
+       true},
       {"chart", "the same scene by many methods: error against seconds, or where each method fails", chart_command,
        true},
   };

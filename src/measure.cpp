@@ -114,7 +114,8 @@ std::optional<double> Measurement::passage_speed() const {
   std::nth_element(slowness.begin(), middle, slowness.end());
   const double largest_climb = 4 * (interval + h * std::abs(*middle));
 
-  // Least squares with one slope for all climbs and a constant for each; `up`, `down`: nodes by the sign of their climb.
+  // Least squares with one slope for all climbs and a constant for each; `up`, `down`: nodes by the sign of their
+  // climb.
   double xx = 0, xt = 0, up = 0, down = 0;
   for (std::size_t begin = from; begin < to;) {
     std::size_t end = begin + 1;

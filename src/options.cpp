@@ -154,7 +154,8 @@ std::vector<OptionSpec> make_table() {
       "0.1; steady for a layer";
   t.real_or("init_state", "steady", "steady", "state at the start: tau for healing, else theta").low = 0;
   t.real("init_amplitude", "0.5", "sine: amplitude (file: of an eigenvector)", "velocity");
-  t.integer("init_mode", "1", 0, int_max, "sine: whole waves in L (file: number of the eigenvector, from 0; there 0 is the default)");
+  t.integer("init_mode", "1", 0, int_max,
+            "sine: whole waves in L (file: number of the eigenvector, from 0; there 0 is the default)");
   t.positive("init_width", "2", "layer: width", "length");
   t.integer("init_pulses", "1", 1, int_max, "pulses, wave: number of pulses on the ring");
   t.choice("init_direction", {"right", "left"}, "pulses, wave: direction of travel");
@@ -166,8 +167,8 @@ std::vector<OptionSpec> make_table() {
   t.in("Time stepping", "run chart boundary");
   t.not_negative("ts_max_time", "60", "end time, hit exactly", "time");
   t.integer("ts_max_steps", "", 0, int_max, "most steps").default_help = "unlimited";
-  t.add("ts_max_wall", OptionType::wall_time, "", "wall clock after which the run ends, with a checkpoint to go on from")
-      .default_help = "unlimited";
+  t.add("ts_max_wall", OptionType::wall_time, "",
+        "wall clock after which the run ends, with a checkpoint to go on from").default_help = "unlimited";
   t.rows.back().commands = "run";
   t.choice("imex_implicit", {"auto", "none", "friction", "wave", "both"},
            "terms that an IMEX method takes implicitly");

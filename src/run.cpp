@@ -257,18 +257,19 @@ class Run {
     if (resumed_ || options_.is_set("out_checkpoint_every")) warn_of_memory();
   }
 
-  // What PETSc's solvers keep from one step to the next is not in a checkpoint; what the methods keep they forget there.
+  // What PETSc's solvers keep from one step to the next is not in a checkpoint; what the methods keep they forget
+  // there.
   void warn_of_memory() const {
     for (const auto& [name, text] : options_.library()) {
       static const std::set<std::string> always = {
-          "snes_lag_jacobian_persists", "snes_lag_preconditioner_persists", "ksp_initial_guess_nonzero", "ksp_guess_type",
-          "ksp_reuse_preconditioner"};
+          "snes_lag_jacobian_persists", "snes_lag_preconditioner_persists", "ksp_initial_guess_nonzero",
+          "ksp_guess_type", "ksp_reuse_preconditioner"};
       const bool lags = (name == "snes_lag_jacobian" || name == "snes_lag_preconditioner") && text[0] == '-';
       const bool solver = name == "snes_type" && text != "newtonls" && text != "newtontr" && text != "ksponly";
       if (always.count(name) || lags || solver)
         warn("-" + name + (text.empty() ? "" : " " + text) +
-             " keeps what the solver learnt in earlier steps, which is in no checkpoint: a continued run agrees with an "
-             "uninterrupted one to the solver's tolerances, not to the last bit");
+             " keeps what the solver learnt in earlier steps, which is in no checkpoint: a continued run agrees with "
+             "an uninterrupted one to the solver's tolerances, not to the last bit");
     }
   }
 

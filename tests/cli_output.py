@@ -226,7 +226,7 @@ def full_disk():
     script = ('mkdir small && mount -t tmpfs -o size=1m tmpfs small && cd small && "$@"; code=$?; '
               'cp *.h5 s.json .. 2>/dev/null; cd ..; exit $code')
     if subprocess.run(["unshare", "-rm", "sh", "-c", script, "sh", "true"], capture_output=True).returncode != 0:
-        print("full disk: no mount here, left to the unit tests")
+        print("full disk: no mount here, left to cli_stops.py, which limits the size of files")
         return
     os.rmdir("small")
     out = subprocess.run(["unshare", "-rm", "sh", "-c", script, "sh", *command(

@@ -42,7 +42,8 @@ def goes_on(arguments, name, ranks=2, every=3):
         # the same checkpoints again, since the method restarts there; a file of its own
         other, _ = run(f"-restart {middle} -out_file other.h5", ranks)
         differences = [abs(whole[key] - other[key]) for key in ("t_end", "psi_min", "psi_max", "psi_mean", "eta_mean")]
-        differences += [abs(a[key] - b[key]) for a, b in zip(whole["probes"], other["probes"]) for key in ("psi", "eta")]
+        for a, b in zip(whole["probes"], other["probes"]):
+            differences += [abs(a[key] - b[key]) for key in ("psi", "eta")]
         check(max(differences) < 1e-12, f"{name}: differs by {max(differences)} after a restart on {ranks} ranks")
         clear("other")
 

@@ -96,8 +96,8 @@ def disks():
     for ranks in (1, 2):
         for name in glob.glob("full*"):
             os.remove(name)
-        process = subprocess.Popen(line(f"{scene} -out_file full.h5 -out_checkpoint_every 300 -summary full.json", ranks),
-                                   stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen(line(f"{scene} -out_file full.h5 -out_checkpoint_every 300 -summary full.json",
+                                        ranks), stderr=subprocess.PIPE, text=True)
         for pid in ranks_of(process, ranks, "full.h5"):
             resource.prlimit(pid, resource.RLIMIT_FSIZE, (700000, 700000))
         _, stderr = process.communicate(timeout=120)
@@ -105,7 +105,8 @@ def disks():
         check(process.returncode == 1 and len(said) == 1 and "full.h5" in said[0] and "too large" in said[0],
               f"a file that cannot grow, {ranks} ranks: exit {process.returncode}, {stderr[-500:]}")
         now = data("full.h5")
-        check(len(now["t"]) == 3 and len(now["series/t"]) > 1000 and np.isfinite(now["psi"]).all(), "what was there stays")
+        check(len(now["t"]) == 3 and len(now["series/t"]) > 1000 and np.isfinite(now["psi"]).all(),
+              "what was there stays")
         with open("full.json", encoding="utf-8") as file:
             check('"status": "failed"' in file.read(), "the summary of a full disk")
         check(not glob.glob(".full*"), f"no temporary file is left: {os.listdir()}")
@@ -115,8 +116,8 @@ def disks():
     # the folder vanishes in mid run
     for ranks in (1, 2):
         os.makedirs("gone")
-        process = subprocess.Popen(line(f"{SINE} -ts_max_time 1e6 -out_every 10 -out_file gone/a.h5 -out_checkpoint_every "
-                                        "100", ranks), stderr=subprocess.PIPE, text=True)
+        process = subprocess.Popen(line(f"{SINE} -ts_max_time 1e6 -out_every 10 -out_file gone/a.h5 "
+                                        "-out_checkpoint_every 100", ranks), stderr=subprocess.PIPE, text=True)
         ranks_of(process, ranks, "gone/a.h5")
         os.rename("gone", "moved")
         _, stderr = process.communicate(timeout=60)

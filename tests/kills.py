@@ -26,8 +26,8 @@ import numpy as np
 from cli import FAILURES, PROGRAM, check, data, line, run, same, scratch
 
 # rk:3bs goes on bitwise from any checkpoint, whether or not the uninterrupted run has one there
-SCENE = ("-grid_n 300 -init_type sine -ts_max_time 12 -ts_type rk -ts_rk_type 3bs -out_frames 601 -out_probes 0,10.3,45 "
-         "-out_checkpoint_every 60")
+SCENE = ("-grid_n 300 -init_type sine -ts_max_time 12 -ts_type rk -ts_rk_type 3bs -out_frames 601 "
+         "-out_probes 0,10.3,45 -out_checkpoint_every 60")
 
 
 def beginning(path, reference, text):
@@ -184,7 +184,8 @@ def main(arguments=None):
             for old in glob.glob(f"{case}.*") + glob.glob(f".{case}.*"):
                 os.remove(old)
     print(f"seed {given.seed}: {given.cases} kills ({inside} inside a write), {bare} before the first frame, "
-          f"{continued} continued from a checkpoint ({twice} restarts killed, too); frames at the kills {sorted(shown)}; {len(FAILURES)} failures")
+          f"{continued} continued from a checkpoint ({twice} restarts killed, too); frames at the kills "
+          f"{sorted(shown)}; {len(FAILURES)} failures")
     return 1 if FAILURES else 0
 
 

@@ -12,8 +12,8 @@ import sys
 from cli import PROGRAM, SOURCE, check, finish, scratch
 
 COMMANDS = [
-    (1, "run -grid_n 24 -grid_length 12 -ts_max_time 1 -init_type sine -out_file a.h5 -out_checkpoint_every 4 -out_probes 3"
-        " -out_displacement -summary a.json"),
+    (1, "run -grid_n 24 -grid_length 12 -ts_max_time 1 -init_type sine -out_file a.h5 -out_checkpoint_every 4"
+        " -out_probes 3 -out_displacement -summary a.json"),
     (1, "run -restart a.chk-000004.h5 -out_file a.h5 -summary a.json"),
     (1, "run -grid_n 24 -grid_length 12 -ts_max_time 0.5 -init_type sine -ts_type arkimex -imex_implicit both"),
     (1, "run -grid_n 24 -grid_length 12 -ts_max_time 0.5 -init_type sine -ts_type arkimex -imex_implicit friction"
@@ -26,7 +26,8 @@ COMMANDS = [
     (1, "boundary -grid_n 16 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 -summary b.json"),
     (1, "wave -wave_pulses 2 -wave_length 60 -out_file w.h5"),
     (1, "laws -out_file l.h5 -laws_points 11"),
-    (2, "run -grid_n 24 -grid_length 12 -ts_max_time 1 -init_type sine -out_file c.h5 -out_checkpoint_every 4 -out_probes 3"),
+    (2, "run -grid_n 24 -grid_length 12 -ts_max_time 1 -init_type sine -out_file c.h5 -out_checkpoint_every 4"
+        " -out_probes 3"),
     (2, "run -grid_n 24 -grid_length 12 -ts_max_time 0.3 -init_type sine -ts_type arkimex -imex_implicit wave"),
     (2, "spectrum -grid_n 24"),
 ]

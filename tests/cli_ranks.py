@@ -1,0 +1,58 @@
+"""Every command gives the same answer on 1, 2, 3 and 4 ranks, over scenes of runs/: eigenvalues, roots, speeds and
+tables to 1e-9 (an eigensolver's tolerance), runs to 1e-10 after a short time. (cli_run.py: frames to 1e-12.)"""
+import math
+import os
+
+from cli import SOURCE, check, finish, run, scratch
+
+RANKS = (2, 3, 4)
+
+
+def numbers(value, name=""):
+    """Every number in a summary, by its place."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from numbers(inner, f"{name}/{key}")
+    elif isinstance(value, list):
+        for index, inner in enumerate(value):
+            yield from numbers(inner, f"{name}/{index}")
+    else:
+        yield name, value
+
+
+def scene(name):
+    return os.path.join(SOURCE, "runs", name + ".yaml")
+
+
+def compare(command, arguments, keys, tolerance):
+    one, _ = run(arguments, 1, command=command)
+    reference = dict(numbers({key: one[key] for key in keys}))
+    check(any(isinstance(value, float) for value in reference.values()), f"{command} {arguments}: no number in {keys}")
+    for ranks in RANKS:
+        other, _ = run(arguments, ranks, command=command)
+        found = dict(numbers({key: other[key] for key in keys}))
+        check(set(found) == set(reference), f"{command} {arguments}: other keys on {ranks} ranks")
+        for name, value in reference.items():
+            if isinstance(value, float):
+                near = math.isclose(value, found.get(name, math.nan), rel_tol=tolerance, abs_tol=tolerance)
+            else:
+                near = value == found.get(name)
+            check(near, f"{command} {arguments}: {name} is {value} on 1 rank and {found.get(name)} on {ranks}")
+        check(one["warnings"] == other["warnings"], f"{command} {arguments}: warnings on {ranks} ranks")
+
+
+with scratch():
+    fields = ["t_end", "psi_min", "psi_max", "psi_mean", "eta_mean", "probes", "regime", "steps"]
+    for name in ("pacemaker", "chain-damped", "ring", "spread-continuum"):
+        compare("run", f"{scene(name)} -ts_max_time 1 -out_probes 2.5", fields, 1e-10)
+    compare("spectrum", "-grid_n 60 -model_v 0.95", ["growth_rate", "stable", "complete", "frequency"], 1e-9)
+    compare("spectrum", "-grid_n 64 -bc_left velocity -bc_left_value -1.5 -friction_spread 0.3 -spectrum_refine off",
+            ["growth_rate", "frequency", "stable", "complete"], 1e-9)
+    compare("spectrum", "-model_form chain -grid_n 23 -bc_left free -model_zeta paper", ["growth_rate", "stable"], 1e-9)
+    compare("boundary", "-grid_n 32 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5", ["points"], 1e-9)
+    compare("boundary", "-grid_n 32 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 "
+            "-boundary_parameter2 model_delta -boundary_from2 0.1 -boundary_to2 0.5 -boundary_points 4", ["points"], 1e-8)
+    compare("wave", "-model_delta 0 -model_v 0.5 -wave_pulses 4 -wave_length 100",
+            ["speed", "length", "period", "psi_max", "psi_min"], 1e-9)
+    compare("laws", "-laws_points 7", ["psi", "cubic", "carlson-langer"], 0)
+finish()
