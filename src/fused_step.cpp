@@ -3,6 +3,7 @@
 #include <petscdmda.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -21,6 +22,7 @@ constexpr PetscInt pad = 8;             // room for the nodes beyond an end
 
 using Evaluate = std::function<void(const kernel::Coefficients&, const kernel::Columns&)>;
 using Add = std::function<void(const kernel::Terms&)>;
+using Copy = std::function<void(const kernel::Interleaved&)>;
 using Square = std::function<double(const kernel::Weighted&)>;
 
 Evaluate evaluation(const Scene& scene) {
@@ -72,6 +74,7 @@ struct FusedStep::Impl {
   Evaluate evaluate;
   Add add;
   Square square;
+  Copy to_columns, from_columns;
   ScatterHandle scatter;
   VecHandle fetched;
 
@@ -84,7 +87,11 @@ struct FusedStep::Impl {
       : model(m), stages(method.stages), dof(m.dof()), half_width(m.scene().order / 2), first(m.first()),
         local(m.local()), n(m.scene().n), coefficients(kernel::coefficients_of(m.scene())),
         evaluate(evaluation(m.scene())), add(kernel::compiled<Add>(kernel::AddTerms{})),
-        square(kernel::compiled<Square>(kernel::SumOfSquares{})) {
+        square(kernel::compiled<Square>(kernel::SumOfSquares{})),
+        to_columns(dof == 3 ? kernel::compiled<Copy>(kernel::ToColumns<3>{})
+                            : kernel::compiled<Copy>(kernel::ToColumns<2>{})),
+        from_columns(dof == 3 ? kernel::compiled<Copy>(kernel::FromColumns<3>{})
+                              : kernel::compiled<Copy>(kernel::FromColumns<2>{})) {
     const Scene& scene = m.scene();
     for (int i = 0; i < stages; ++i) rows.push_back(row_of(&method.A[static_cast<std::size_t>(i * stages)], i));
     solution = row_of(method.b.data(), stages);
@@ -149,20 +156,26 @@ struct FusedStep::Impl {
     PetscInt from, to;            // the nodes that are loaded
   };
 
+  // The columns of index `index` at node i.
+  std::array<double*, 3> columns(const Tile& t, int index, PetscInt i) const {
+    std::array<double*, 3> all{};
+    for (int d = 0; d < dof; ++d) all[static_cast<std::size_t>(d)] = column(index, d) + (i - t.from);
+    return all;
+  }
+
+  // u and halo are only read
   void load(const Tile& t, const double* u, const double* halo) const {
-    for (int d = 0; d < dof; ++d) {
-      double* const c = column(0, d) - t.from;
-      for (PetscInt i = t.from; i < std::min(t.to, PetscInt(0)); ++i) c[i] = halo[(i + left_halo) * dof + d];
-      for (PetscInt i = std::max(t.from, PetscInt(0)); i < std::min(t.to, local); ++i) c[i] = u[i * dof + d];
-      for (PetscInt i = std::max(t.from, local); i < t.to; ++i) c[i] = halo[(left_halo + i - local) * dof + d];
-    }
+    const auto part = [&](PetscInt begin, PetscInt end, const double* from, PetscInt node) {
+      if (begin < end) to_columns({const_cast<double*>(from + node * dof), columns(t, 0, begin).data(), end - begin});
+    };
+    const PetscInt inside = std::max(t.from, PetscInt(0)), behind = std::max(t.from, local);
+    part(t.from, std::min(t.to, PetscInt(0)), halo, t.from + left_halo);
+    part(inside, std::min(t.to, local), u, inside);
+    part(behind, t.to, halo, left_halo + behind - local);
   }
 
   void store(const Tile& t, int index, double* u) const {
-    for (int d = 0; d < dof; ++d) {
-      const double* const c = column(index, d) - t.from;
-      for (PetscInt i = t.begin; i < t.end; ++i) u[i * dof + d] = c[i];
-    }
+    from_columns({u + t.begin * dof, columns(t, index, t.begin).data(), t.end - t.begin});
   }
 
   void sum(const Tile& t, int d, const double* base, const Row& row, double dt, PetscInt begin, PetscInt end,

@@ -166,7 +166,7 @@ struct WholeOfColumns {
   }
 };
 
-// y = base + sum_j weights[j] terms[j], four terms in one pass.
+// y = base + sum_j weights[j] terms[j], up to eight terms in one pass.
 struct Terms {
   const double* base;
   const double* const* terms;
@@ -192,24 +192,58 @@ struct AddTerms {
       y[i] = sum;
     }
   }
+  template <int terms>
+  static void pass_of(int wanted, const double* base, const double* const* k, const double* weights, double* y,
+                      PetscInt count) {
+    if constexpr (terms > 1) {
+      if (wanted < terms) return pass_of<terms - 1>(wanted, base, k, weights, y, count);
+    }
+    pass<terms>(base, k, weights, y, count);
+  }
   void operator()(const Terms& c) const {
+    constexpr int most = 8;
     const double* base = c.base;
     if (c.term_count == 0) std::copy(base, base + c.count, c.y);
-    for (int j = 0; j < c.term_count; j += 4, base = c.y) {
-      const double* const* k = c.terms + j;
-      switch (std::min(4, c.term_count - j)) {
-        case 1:
-          pass<1>(base, k, c.weights + j, c.y, c.count);
-          break;
-        case 2:
-          pass<2>(base, k, c.weights + j, c.y, c.count);
-          break;
-        case 3:
-          pass<3>(base, k, c.weights + j, c.y, c.count);
-          break;
-        default:
-          pass<4>(base, k, c.weights + j, c.y, c.count);
-      }
+    for (int j = 0; j < c.term_count; j += most, base = c.y)
+      pass_of<most>(std::min(most, c.term_count - j), base, c.terms + j, c.weights + j, c.y, c.count);
+  }
+};
+
+// Between unknowns that lie node by node and columns.
+struct Interleaved {
+  double* u;               // of the first node
+  double* const* columns;  // dof of them
+  PetscInt count;
+};
+
+template <int dof>
+struct ToColumns {
+  void operator()(const Interleaved& x) const {
+    const double* const u = x.u;
+    double* const psi = x.columns[0];
+    double* const eta = x.columns[1];
+    double* const state = dof == 3 ? x.columns[2] : nullptr;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < x.count; ++i) {
+      psi[i] = u[i * dof];
+      eta[i] = u[i * dof + 1];
+      if constexpr (dof == 3) state[i] = u[i * dof + 2];
+    }
+  }
+};
+
+template <int dof>
+struct FromColumns {
+  void operator()(const Interleaved& x) const {
+    double* const u = x.u;
+    const double* const psi = x.columns[0];
+    const double* const eta = x.columns[1];
+    const double* const state = dof == 3 ? x.columns[2] : nullptr;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < x.count; ++i) {
+      u[i * dof] = psi[i];
+      u[i * dof + 1] = eta[i];
+      if constexpr (dof == 3) u[i * dof + 2] = state[i];
     }
   }
 };
@@ -279,7 +313,7 @@ struct Reaction {
   }
 };
 
-// ---- compiled twice on x86-64: for any such processor and for those with AVX2, chosen when the program runs --------
+// ---- compiled three times on x86-64, for any such processor, AVX2 and AVX-512, chosen when the program runs ---------
 // The attributes belong to one function into which everything is inlined, so that no other code of the program gets
 // instructions that an older processor lacks.
 
@@ -301,16 +335,32 @@ struct Avx2 {
     return loop(arguments...);
   }
 };
+template <class Loop>
+struct Avx512 {
+  Loop loop;
+  template <class... Arguments>
+  __attribute__((target("avx512f,avx512dq,avx512vl,prefer-vector-width=512"), flatten)) auto operator()(
+      const Arguments&... arguments) const {
+    return loop(arguments...);
+  }
+};
 inline bool has_avx2() { return __builtin_cpu_supports("avx2"); }
+inline bool has_avx512() {
+  return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+}
 #else
 template <class Loop>
 using Avx2 = Baseline<Loop>;
+template <class Loop>
+using Avx512 = Baseline<Loop>;
 inline bool has_avx2() { return false; }
+inline bool has_avx512() { return false; }
 #endif
 
 // The loop in the version that suits this processor.
 template <class Function, class Loop>
 Function compiled(const Loop& loop) {
+  if (has_avx512()) return Avx512<Loop>{loop};
   if (has_avx2()) return Avx2<Loop>{loop};
   return Baseline<Loop>{loop};
 }

@@ -66,6 +66,11 @@ void check(const Kernel& kernel, bool spread, const Expected& expected) {
       call<half_width>(Avx2<Kernel>{kernel}, dof, x, spread, cuts[k], cuts[k + 1], pieces);
     CHECK(pieces == whole);
   }
+  if (has_avx512()) {
+    std::vector<double> avx512(size);
+    call<half_width>(Avx512<Kernel>{kernel}, dof, x, spread, 0, count, avx512);
+    CHECK(avx512 == whole);
+  }
   double worst = 0;
   for (PetscInt i = 0; i < count; ++i) {
     const double* u = &x.u[static_cast<std::size_t>((i + margin) * dof)];
