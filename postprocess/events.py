@@ -6,8 +6,8 @@ usage: events.py FILE.h5 [FILE.h5 ...] [-o PICTURE.png] [--from T] [--fit A B] [
 Left above: how many events there are of each magnitude, over the number of nodes, the time and the width of the bins, with
 Poisson errors; beside it the map of the first file's events in space and time; below, slip against time at a few places and
 the cumulative moment. Magnitudes are natural logarithms of the moment. --from leaves out what began earlier (a start is not
-typical). The fit is of density ~ exp(-b magnitude) between A and B (default: from just above the most frequent magnitude
-over 2.5 units), by maximum likelihood for a truncated exponential; its standard error is from the curvature.
+typical). The fit is of density ~ exp(-b magnitude) between A and B (default: from 2 above the most frequent magnitude,
+that of a block alone, over 3 units), by maximum likelihood for a truncated exponential; its standard error is from the curvature.
 --label names an option whose value stands in the legend, e.g. friction_alpha.
 """
 import argparse
@@ -85,8 +85,8 @@ def main():
         scale = len(run["x"]) * (run["end"] - arguments.begin) * width
         line = curve.errorbar(middle[some], counts[some] / scale, np.sqrt(counts[some]) / scale, fmt="o-", ms=3, lw=0.7,
                               label=name)
-        low = arguments.fit[0] if arguments.fit else edges[np.argmax(counts) + 1]
-        high = arguments.fit[1] if arguments.fit else low + 2.5
+        low = arguments.fit[0] if arguments.fit else edges[np.argmax(counts) + 1] + 2
+        high = arguments.fit[1] if arguments.fit else low + 3
         b, error, number = fit(m, low, high)
         # what the fitted line would have above the range, against what is there
         beyond = np.sum(m >= high)

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <new>
+#include <set>
 #include <sstream>
 
 #include "stickslip/command_line.hpp"
@@ -197,6 +198,41 @@ void print(const std::string& text) {
     throw RankFailure("standard output cannot be written");
 }
 
+// The ranks that work on this run: all, or with run_seeds those of one seed.
+MPI_Comm team = MPI_COMM_WORLD;
+
+// NAME.h5 for one seed: NAME-seed7.h5.
+std::string name_of_seed(const std::string& path, const std::string& seed) {
+  const std::size_t dot = path.rfind('.'), slash = path.rfind('/');
+  const bool has_end = dot != std::string::npos && (slash == std::string::npos || dot > slash + 1) && dot > 0;
+  return path.substr(0, has_end ? dot : path.size()) + "-seed" + seed + (has_end ? path.substr(dot) : "");
+}
+
+// Splits the ranks over run_seeds, before PETSc starts, and gives each team the options of its seed.
+Options of_own_seed(const Options& options) {
+  const std::vector<PetscInt> seeds = options.integers("run_seeds");
+  const std::string shown = "run_seeds " + options.text("run_seeds") + ": ";
+  int ranks;
+  MPI_Comm_size(MPI_COMM_WORLD, &ranks);
+  if (std::set<PetscInt>(seeds.begin(), seeds.end()).size() != seeds.size())
+    throw UsageError(shown + "each seed once, or runs would write the same file");
+  if (int(seeds.size()) > ranks)
+    throw UsageError(shown + std::to_string(seeds.size()) + " runs side by side need as many ranks, and there " +
+                     (ranks == 1 ? "is 1" : "are " + std::to_string(ranks)) + " (mpirun -n)");
+  if (options.is_set("restart"))
+    throw UsageError(shown + "not with restart; continue each seed's run by itself");
+  if (options.text("summary") == "-") throw UsageError(shown + "the summaries need a file, not standard output");
+  const int own = int(long(rank_of(MPI_COMM_WORLD)) * long(seeds.size()) / ranks);
+  if (MPI_Comm_split(MPI_COMM_WORLD, own, rank_of(MPI_COMM_WORLD), &team) != MPI_SUCCESS)
+    throw Failure("the ranks cannot be split over run_seeds");
+  PETSC_COMM_WORLD = team;
+  const std::string seed = std::to_string(seeds[std::size_t(own)]);
+  Options mine = options.with("run_seeds", "").with("friction_seed", seed).with("init_seed", seed);
+  for (const char* file : {"out_file", "summary"})
+    if (options.is_set(file)) mine = mine.with(file, name_of_seed(options.text(file), seed));
+  return mine;
+}
+
 int program(int argc, char** argv) {
   note_command_line(argc, argv);
   const CommandLine line = read_command_line(argc, argv, command_names(), MPI_COMM_WORLD);
@@ -207,7 +243,8 @@ int program(int argc, char** argv) {
 
   if (line.help && speaks) print(command ? command_help(*command) : general_help());
   if (line.help && !line.help_all) return 0;
-  const Options options = Options::from(line.command, line.given);
+  Options options = Options::from(line.command, line.given);
+  if (line.command == "run" && options.is_set("run_seeds")) options = of_own_seed(options);
   try {
     Libraries libraries(argv[0], options, line.help_all);
     int code = 0;
@@ -269,13 +306,17 @@ int main(int argc, char** argv) {
     code = e.exit_code();
     if (!e.collective()) {
       code = end_all(e.what());
-    } else if (rank_of(MPI_COMM_WORLD) == 0) {
+    } else if (rank_of(team) == 0) {
       print_error(e.what());
     }
   } catch (const std::bad_alloc&) {
     code = end_all("out of memory");
   } catch (const std::exception& e) {
     code = end_all(std::string("internal error: ") + e.what());
+  }
+  if (team != MPI_COMM_WORLD) {  // the launcher ends all ranks when one ends with an error: none before all are done
+    MPI_Allreduce(MPI_IN_PLACE, &code, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);
+    MPI_Comm_free(&team);
   }
   MPI_Finalize();
   return code;

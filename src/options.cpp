@@ -195,6 +195,12 @@ std::vector<OptionSpec> make_table() {
   probes.low = 0;
   probes.default_help = "none";
   t.boolean("out_displacement", "false", "write the displacement chi as well");
+  OptionSpec& seeds = t.add("run_seeds", OptionType::integer_list, "",
+                            "as many runs side by side, each with its friction_seed and init_seed, on its share of the "
+                            "ranks; FILE.h5 becomes FILE-seed7.h5, the summary likewise");
+  seeds.low = 0;
+  seeds.high = int_max;
+  seeds.default_help = "none";
   t.boolean("out_series", "true", "write the group series, a row for every step");
   t.boolean("out_events", "false", "catalogue of slip events: group events, a row for every event that has ended");
   t.not_negative("out_events_velocity", "", "events: velocity above which a node moves", "velocity").default_help =

@@ -108,6 +108,21 @@ def restart_and_kill():
             check(same(whole, catalogue("killed.h5")), "whole after a kill and a restart")
 
 
+def seeds():
+    # side by side, each as it is alone; the ranks are shared out
+    scene = CHAIN.replace("-friction_spread 0.1", "-friction_spread 0.2 -out_checkpoint_every 1000")
+    run(scene + " -friction_seed 5 -init_seed 5 -out_file alone.h5")
+    done = subprocess.run(["mpirun", "-n", "2", PROGRAM, "run", *scene.split(), "-run_seeds", "4,5", "-out_file", "many.h5",
+                           "-summary", "many.json"], capture_output=True, text=True, timeout=300)
+    check(done.returncode == 0, done.stderr)
+    check(same(catalogue("alone.h5"), catalogue("many-seed5.h5")), "a seed among others")
+    check(not same(catalogue("alone.h5"), catalogue("many-seed4.h5")), "another seed")
+    check(json.load(open("many-seed4.json"))["options"]["friction_seed"] == "4", "its own summary")
+    for wrong in ("-run_seeds 1,2", "-run_seeds 1 -summary -", "-run_seeds 1,1"):
+        done = subprocess.run([PROGRAM, "run", *scene.split(), *wrong.split()], capture_output=True, text=True)
+        check(done.returncode == 2 and "run_seeds" in done.stderr, wrong + done.stderr)
+
+
 def pictures():
     done = subprocess.run(["/usr/bin/python3", "-B", os.path.join(SOURCE, "postprocess", "events.py"), "whole.h5", "one.h5",
                            "-o", "events.png", "--from", "20", "--label", "friction_alpha"], capture_output=True, text=True)
@@ -122,7 +137,7 @@ def pictures():
 
 with tempfile.TemporaryDirectory() as folder:
     os.chdir(folder)
-    for part in (a_block, ranks, restart_and_kill, pictures):
+    for part in (a_block, ranks, restart_and_kill, seeds, pictures):
         part()
 print("failures:", failures)
 sys.exit(failures != 0)
