@@ -1,12 +1,12 @@
 #!/usr/bin/python3
 """Draws the catalogue of slip events of one run or several (out_events) and fits its magnitude-frequency curve.
 
-usage: events.py FILE.h5 [FILE.h5 ...] [-o PICTURE.png] [--from T] [--fit A B] [--label OPTION]
+usage: events.py FILE.h5 [FILE.h5 ...] [-o PICTURE.png] [--from S] [--fit A B] [--label OPTION]
 
-Left above: how many events there are of each magnitude, over the number of nodes, the time and the width of the bins, with
-Poisson errors; beside it the map of the first file's events in space and time; below, slip against time at a few places and
-the cumulative moment. Magnitudes are natural logarithms of the moment. --from leaves out what began earlier (a start is not
-typical). The fit is of density ~ exp(-b magnitude) between A and B (default: from 2 above the most frequent magnitude,
+Left above: how many events there are of each magnitude, over the number of nodes, the plate's way and the width of the
+bins, with Poisson errors; beside it the map of the first file's events in space and time; below, slip against time at a few places and
+the cumulative moment. Magnitudes are natural logarithms of the moment. --from leaves out what began before the plate had
+gone so far (a start is not typical). The fit is of density ~ exp(-b magnitude) between A and B (default: from 2 above the most frequent magnitude,
 that of a block alone, over 3 units), by maximum likelihood for a truncated exponential; its standard error is from the curvature.
 --label names an option whose value stands in the legend, e.g. friction_alpha.
 """
@@ -23,12 +23,16 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
 
-def read(path, begin):
+def read(path, way):
     with h5py.File(path) as file:
         if "events" not in file:
             sys.exit(f"events.py: {path} holds no events: run with -out_events")
         events = {name: data[:] for name, data in file["events"].items()}
         found = {"x": file["x"][:], "t": file["t"][:], "options": json.loads(file.attrs["options"]), "path": path}
+    found["v"] = abs(float(found["options"]["model_v"]))
+    if found["v"] == 0:
+        sys.exit(f"events.py: {path}: the plate rests (model_v 0)")
+    begin = found["begin"] = way / found["v"]
     found["end"] = max(found["t"][-1], events["t"][-1] if len(events["t"]) else 0)
     keep = events["begin"] >= begin
     found["events"] = {name: values[keep] for name, values in events.items()}
@@ -82,7 +86,7 @@ def main():
         edges = np.arange(np.floor(m.min() / width) * width, m.max() + 2 * width, width)
         counts = np.histogram(m, edges)[0]
         middle, some = (edges[:-1] + edges[1:]) / 2, counts > 0
-        scale = len(run["x"]) * (run["end"] - arguments.begin) * width
+        scale = len(run["x"]) * (run["end"] - run["begin"]) * run["v"] * width
         line = curve.errorbar(middle[some], counts[some] / scale, np.sqrt(counts[some]) / scale, fmt="o-", ms=3, lw=0.7,
                               label=name)
         low = arguments.fit[0] if arguments.fit else edges[np.argmax(counts) + 1] + 2
@@ -99,7 +103,7 @@ def main():
             curve.plot(grid, top * np.exp(-b * (grid - low)), color=line[0].get_color(), lw=2, alpha=0.5)
     curve.set_yscale("log")
     curve.set_xlabel("magnitude ln M")
-    curve.set_ylabel("events per node, time and unit of magnitude")
+    curve.set_ylabel("events per node, way of the plate and unit of magnitude")
     curve.legend(fontsize=8)
 
     run, events = runs[0], runs[0]["events"]
@@ -129,15 +133,15 @@ def main():
         hit = (offset >= -1e-9) & (offset < events["extent"][order] - 1e-9)
         t = events["t"][order][hit]
         d = np.cumsum((events["moment"] / events["extent"])[order][hit])
-        slip.step(np.r_[arguments.begin, t], np.r_[0, d], where="post", lw=1, label=f"x = {at:g}")
-    slip.plot([arguments.begin, run["end"]], [0, float(options["model_v"]) * (run["end"] - arguments.begin)], "k:", lw=1,
-              label="plate")
+        slip.step(np.r_[run["begin"], t], np.r_[0, d], where="post", lw=1, label=f"x = {at:g}")
+    plate = [run["begin"], run["end"]], [0, run["v"] * (run["end"] - run["begin"])]
+    slip.plot(*plate, "k:", lw=1, label="plate")
     slip.set_xlabel("t")
     slip.set_ylabel("slip (mean over each event)")
     slip.legend(fontsize=8)
 
     moment.step(events["t"][order], np.cumsum(events["moment"][order]) / length, where="post", lw=1)
-    moment.plot([arguments.begin, run["end"]], [0, float(options["model_v"]) * (run["end"] - arguments.begin)], "k:", lw=1)
+    moment.plot(*plate, "k:", lw=1)
     moment.set_xlabel("t")
     moment.set_ylabel("moment so far over length (dotted: plate)")
 

@@ -125,7 +125,7 @@ def seeds():
 
 def pictures():
     done = subprocess.run(["/usr/bin/python3", "-B", os.path.join(SOURCE, "postprocess", "events.py"), "whole.h5", "one.h5",
-                           "-o", "events.png", "--from", "20", "--label", "friction_alpha"], capture_output=True, text=True)
+                           "-o", "events.png", "--from", "0.2", "--label", "friction_alpha"], capture_output=True, text=True)
     check(done.returncode == 0 and "b = " in done.stdout and os.path.getsize("events.png") > 20000, done.stderr)
     # the fit: 20000 magnitudes of a truncated exponential with b = 0.8
     sys.path.insert(0, os.path.join(SOURCE, "postprocess"))

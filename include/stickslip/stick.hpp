@@ -8,7 +8,7 @@
 // right-hand side is smooth, through psi = 0 too, so that a method keeps its order. After each step the changes in it
 // are found: by sign at its end, and by the cubic through values and slopes at both ends where a node goes beyond and
 // comes back (a stay shorter than the error of the step can be missed). The first change is located on the method's
-// own polynomial between steps to about 1e-13 of the step; the step is cut there, every node whose change lies within
+// own polynomial between steps to 3e-13 of the step; the step is cut there, every node whose change lies within
 // round-off of it changes too (its psi becomes exactly 0, or its eta exactly the threshold), and the method starts
 // anew.
 //
