@@ -10,6 +10,7 @@
 #include <set>
 
 #include "share.hpp"
+#include "stickslip/accuracy.hpp"
 #include "stickslip/checkpoint.hpp"
 #include "stickslip/commands.hpp"
 #include "stickslip/displacement.hpp"
@@ -172,7 +173,7 @@ const std::vector<Field> energy_fields = {
 class Run {
  public:
   Run(const Options& options, const Provenance& provenance)
-      : options_(options), provenance_(provenance), scene_(checked_scene(options)), checkpoint_(asked_for(options)),
+      : options_(options), provenance_(provenance), scene_(Scene::from(options, false)), checkpoint_(asked_for(options)),
         problem_(problem_of(scene_, events_need_all(options), nodes_of(checkpoint_))), model_(problem_.model), u_(problem_.u),
         t_end_(options.real("ts_max_time")), work_(model_.create_vector()), gather_(u_, model_.dof()),
         probes_(model_, scene_, options.reals("out_probes")), measurement_(model_.scene(), t_end_),
@@ -189,6 +190,8 @@ class Run {
   }
 
   const Scene& scene() const { return scene_; }
+  double step_seconds() const { return step_seconds_; }  // processor time of this rank in steps alone
+  Fields end() const { return fields_of(model_, u_, scene_.n); }  // as far as it has come
 
   // Returns the exit code; the summary holds what is known, also when it throws.
   int advance(Summary& summary) {
@@ -200,7 +203,15 @@ class Run {
     last_checkpoint_wall_ = MPI_Wtime();
     trust_ = std::make_unique<Trust>(model_, options_, *integrator_, t_, t_end_);
     try {
-      integrator_->advance(u_, t_, t_end_, [this](const Integrator::Step& step) { return after(step); }, most_steps_);
+      const double begin = processor_seconds();
+      double watching = 0;
+      integrator_->advance(u_, t_, t_end_, [&](const Integrator::Step& step) {
+        const double now = processor_seconds();
+        const Integrator::Verdict verdict = after(step);
+        watching += processor_seconds() - now;
+        return verdict;
+      }, most_steps_);
+      step_seconds_ = processor_seconds() - begin - watching;
     } catch (const RankFailure&) {
       throw;  // the others may not know of it, and closing the file takes all; it can be read as it is
     } catch (...) {
@@ -227,14 +238,6 @@ class Run {
   }
 
  private:
-  static Scene checked_scene(const Options& options) {
-    Scene scene = Scene::from(options, false);
-    if (options.is_set("accuracy"))
-      throw UsageError("accuracy " + options.text("accuracy") +
-                       ": choosing the method for an accuracy is not part of this version; set ts_rtol and ts_atol");
-    return scene;
-  }
-
   // A catalogue is that of all nodes.
   static Options events_need_all(const Options& options) {
     return options.boolean("out_events") ? options.with("scene_reduce", "off") : options;
@@ -545,6 +548,7 @@ class Run {
   Progress* progress_ = nullptr;
   double last_checkpoint_wall_ = 0;
   int stopped_by_ = 0;
+  double step_seconds_ = 0;
   bool wall_is_over_ = false;
   std::string last_checkpoint_;
 };
@@ -564,6 +568,41 @@ Options effective_options(const Options& options) {
   return resumed;
 }
 
+// A run for -accuracy: chosen, run, its error estimated; again with stricter settings where that was too large.
+int run_to_accuracy(const Options& options, Summary& summary) {
+  const double wanted = options.real("accuracy");
+  AccuracyPlan plan(options, wanted);
+  double spent_before = plan.seconds();
+  for (int attempt = 0;; ++attempt) {
+    const Options chosen = plan.options();
+    insert_library_options(chosen);
+    Progress(chosen, 0, 1).tell("accuracy: " + plan.what() + "; choosing took " + number_text(std::round(1e4 * spent_before) / 1e4) + " s");
+    const double begin = largest_processor_seconds();
+    Run run(chosen, Provenance::of("run", chosen.all()));
+    const int code = run.advance(summary);
+    const double seconds = largest_processor_seconds() - begin;
+    summary.set("accuracy", Json::object({{"wanted", wanted},
+                                          {"chosen", plan.what()},
+                                          {"method", plan.setting().method.name()},
+                                          {"tolerance", plan.setting().tolerance},
+                                          {"order", plan.setting().order},
+                                          {"n", plan.setting().n},
+                                          {"attempts", attempt + 1},
+                                          {"choosing_seconds", spent_before},
+                                          {"step_seconds", run.step_seconds()},
+                                          {"run_seconds", seconds}}));
+    if (code != 0 || !summary.get("stopped_at").is_null()) return code;
+    const double estimate = plan.estimate(run.end());
+    summary.set("error_estimate", estimate);
+    if (estimate <= wanted) return 0;
+    if (attempt == 4)
+      throw Failure("accuracy " + options.text("accuracy") + " was not reached: the error is about " +
+                    number_text(estimate) + " with " + plan.what());
+    plan.refine(run.end(), estimate);
+    spent_before += seconds;
+  }
+}
+
 }  // namespace
 
 int run_command(const Options& asked) {
@@ -574,9 +613,10 @@ int run_command(const Options& asked) {
                                "implicit",   "unknowns", "reduced",       "psi_min",         "psi_max",
                                "psi_mean",   "eta_mean", "probes",        "regime",          "amplitude",
                                "wave_speed", "pulses",   "measured_over", "stopped_at",      "error_estimate",
-                               "events",     "events_per_s"},
+                               "events",     "events_per_s", "accuracy"},
                   options.text("summary"));
   return with_summary(summary, [&] {
+    if (options.is_set("accuracy") && !options.is_set("restart")) return run_to_accuracy(options, summary);
     Run run(options, provenance);
     return run.advance(summary);
   });

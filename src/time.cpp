@@ -592,10 +592,11 @@ struct Integrator::Impl {
     // 1/sqrt(A K0), the period of a free block; it is stable up to about 3 over the fastest frequency.
     const double own = std::sqrt(model.scene().A() * model.scene().K0());
     const double accurate = 40 * (own > 0 ? own : 1);
-    // A step with implicit friction costs some 10 explicit ones or more, one with an implicit wave 10 to 20.
+    // At equal error a step with implicit friction costs some 30 explicit ones, one with an implicit wave some 60
+    // (docs/chart.md; rk takes its stages tile by tile).
     // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no bound.
-    stiff_friction = model.scene().friction.law == Law::rate_and_state || friction > 10 * std::max(wave, accurate);
-    stiff_wave = wave > 20 * std::max(friction, accurate);
+    stiff_friction = model.scene().friction.law == Law::rate_and_state || friction > 30 * std::max(wave, accurate);
+    stiff_wave = wave > 60 * std::max(friction, accurate);
     fastest = std::max(wave, friction);
   }
   bool stiff_friction = false, stiff_wave = false;
@@ -635,7 +636,13 @@ struct Integrator::Impl {
     const bool wants_imex = wish != "auto" && wish != "none";
 
     // The type decides what is implicit, so it is read before the functions are set.
-    SS_TRY(TSSetType(ts, automatic != Implicit::none || wants_imex ? TSARKIMEX : TSRK));
+    // A smoothed threshold is so steep that Newton's method takes many rounds a stage: the Rosenbrock method, which takes
+    // one, costs a third at the same error (docs/chart.md).
+    const bool threshold = stiff_friction && has_threshold(model.scene().friction.law) && model.scene().friction.regularised;
+    SS_TRY(TSSetType(ts, wants_imex                        ? TSARKIMEX
+                         : automatic == Implicit::none ? TSRK
+                         : threshold                   ? TSROSW
+                                                       : TSARKIMEX));
     if (automatic == Implicit::none && !wants_imex) SS_TRY(TSRKSetType(ts, TSRK5DP));
     char name[128];
     PetscBool set;

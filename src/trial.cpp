@@ -203,7 +203,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
     };
     try {
       integrator.advance(u, 0, t_end, [&](const Integrator::Step& step) {
-        if (step.index % 32 != 0 || step.index == 0) return Integrator::Verdict::go_on;
+        if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
         const double now = spent();
         // no need to wait for the end of what cannot get there
         const bool hopeless = now > 0.25 * limit && now * t_end > 4 * limit * step.t;
@@ -231,16 +231,22 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   if (!trial.failed.empty()) return trial;
 
   model.set_held(u);
+  trial.end = fields_of(model, u, whole.n);
+  return trial;
+}
+
+Fields fields_of(const Model& model, Vec u, PetscInt n) {
+  Fields fields;
   Gather gather(u, model.dof());
   const auto& components = gather.components(u);
   if (!components.empty() && !components[0].empty())
-    for (PetscInt i = 0; i < whole.n; ++i) {
-      trial.end.psi.push_back(components[0][std::size_t(i % model.scene().n)]);
-      trial.end.eta.push_back(components[1][std::size_t(i % model.scene().n)]);
+    for (PetscInt i = 0; i < n; ++i) {
+      fields.psi.push_back(components[0][std::size_t(i % model.scene().n)]);
+      fields.eta.push_back(components[1][std::size_t(i % model.scene().n)]);
     }
-  share(trial.end.psi);
-  share(trial.end.eta);
-  return trial;
+  share(fields.psi);
+  share(fields.eta);
+  return fields;
 }
 
 bool has_grid_limit(const Options& options, const Scene& scene) {

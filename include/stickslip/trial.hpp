@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "stickslip/model.hpp"
 #include "stickslip/options.hpp"
 #include "stickslip/scene.hpp"
 
@@ -64,6 +65,9 @@ Trial run_trial(const Options& options, const Setting& setting, const std::strin
 // Sets up what each of the settings needs and throws UsageError where that cannot be had: to be called before any work.
 // Warnings about the start are printed, once. Collective.
 void check_settings(const Options& options, const std::vector<Setting>& settings);
+
+// u at the nodes of the whole scene of n nodes, of which the model may be one of several equal cells. Collective.
+Fields fields_of(const Model& model, Vec u, PetscInt n);
 
 // Whether the solution is that of a differential equation in x, which a finer grid comes nearer to: not for the chain,
 // not for a start that lives on one grid (init_noise, a file).

@@ -1,0 +1,140 @@
+"""-accuracy on seeded random smooth scenes: is the error within the request, and the estimate honest?
+
+    accuracy.py [--seed S] [--cases N] [--only K] [--scene FILE.yaml [--chart CHART.json]]
+
+Each case runs the program with -accuracy and then once more on a grid four times as fine (of the chain: on the same
+one) at order 8 and tolerance 1e-13, nodes in common; the difference is the error. Prints a line a case and what does
+not hold; with --chart (the summary of `chart` of that scene) also the price against its best row at that accuracy."""
+import argparse
+import json
+import os
+import random
+import re
+import subprocess
+import sys
+import tempfile
+
+import h5py
+import numpy as np
+
+PROGRAM = os.environ["STICKSLIP"]
+
+
+def call(*words):
+    done = subprocess.run([PROGRAM, *map(str, words)], capture_output=True, text=True)
+    return done.returncode, done.stderr
+
+
+def last(path):
+    with h5py.File(path) as file:
+        return np.array([file["psi"][-1], file["eta"][-1]]), json.loads(file.attrs["options"])
+
+
+def measure(words, accuracy):
+    """What -accuracy gave, and the true error; None for the error where it failed with exit code 1."""
+    with tempfile.TemporaryDirectory() as folder:
+        out, fine, summary = (os.path.join(folder, name) for name in ("a.h5", "fine.h5", "a.json"))
+        code, said = call("run", *words, "-accuracy", accuracy, "-out_file", out, "-out_frames", 2, "-summary", summary)
+        if code not in (0, 1):
+            raise SystemExit(f"exit code {code}: {said}")
+        with open(summary, encoding="utf-8") as file:
+            made = json.load(file)
+        if code == 1:
+            return made, None
+        got, options = last(out)
+        n, chain, ring = int(options["grid_n"]), options["model_form"] == "chain", options["bc_left"] == "periodic"
+        held = "velocity" in (options["bc_left"], options["bc_right"])
+        more = n if chain else 4 * n if ring else 4 * (n - 1) + 1
+        grid = [] if chain else ["-grid_n", more, "-grid_order", 6 if held else 8]
+        stiff = made["accuracy"]["method"].startswith(("rosw", "arkimex")) and chain
+        code, said = call("run", *words, *grid, "-ts_type", "rk", "-ts_rk_type", "8vr", "-ts_rtol", 1e-13, "-ts_atol",
+                          1e-13, "-out_file", fine, "-out_times", options["ts_max_time"])
+        if code:
+            raise SystemExit(f"the reference failed ({stiff}): {said}")
+        exact, _ = last(fine)
+        return made, np.abs(got - exact[:, ::1 if chain else 4]).max()
+
+
+def scene(seed, number):
+    r = random.Random(f"{seed}/{number}")
+    words = ["-model_gamma", round(10 ** r.uniform(-0.3, 1), 3), "-model_delta", r.choice([0, 0.1, 0.2]), "-model_v",
+             round(r.uniform(-1.2, 1.2), 3), "-model_c", round(10 ** r.uniform(-0.3, 0.5), 3)]
+    if r.random() < 0.25:
+        words = ["-model_form", "chain", "-grid_n", r.choice([5, 20, 50]), "-model_k1", round(10 ** r.uniform(-1, 1), 3),
+                 "-model_zeta", r.choice([0, 0.1]), "-model_v", round(r.uniform(-1.2, 1.2), 3)]
+        length = 30
+    else:
+        length = round(r.uniform(10, 40), 2)
+        words += ["-grid_length", length]
+    words += ["-init_type", "sine", "-init_amplitude", round(r.uniform(0.1, 0.6), 3), "-init_mode", r.choice([1, 1, 2]),
+              "-init_psi", round(r.uniform(-0.5, 0.5), 3), "-ts_max_time", round(r.uniform(0.3, 2.5), 3)]
+    if r.random() < 0.3:
+        words += ["-bc_left", "free"]
+        words[words.index("-init_type") + 1] = "uniform"
+        if "-grid_length" in words:
+            words += ["-friction_spread", 0.1, "-friction_spread_length", round(length / 4, 3)]
+        for name in ("-init_amplitude", "-init_mode"):
+            at = words.index(name)
+            del words[at:at + 2]
+    return words, 10 ** r.uniform(-8, -2)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--cases", type=int, default=50)
+    parser.add_argument("--only", type=int)
+    parser.add_argument("--scene")
+    parser.add_argument("--accuracies", default="1e-2,1e-4,1e-6")
+    parser.add_argument("--chart")
+    parser.add_argument("--strict", action="store_true", help="better than 30 times the request counts as a failure")
+    given = parser.parse_args()
+    chart = None
+    if given.chart:
+        with open(given.chart, encoding="utf-8") as file:
+            chart = [row for row in json.load(file)["rows"] if row["error"] is not None]
+    if given.scene:  # the scene without its grid, which is to be chosen
+        with open(given.scene, encoding="utf-8") as file:
+            text = re.sub(r"(grid: \{.*?), n: \d+", r"\1", file.read())
+        copy = tempfile.NamedTemporaryFile("w", suffix=".yaml")
+        copy.write(text)
+        copy.flush()
+        cases = [([copy.name], float(a)) for a in given.accuracies.split(",")]
+    else:
+        numbers = range(given.cases) if given.only is None else [given.only]
+        cases = [scene(given.seed, number) for number in numbers]
+    failures, refused, generous = 0, 0, 0
+    for number, (words, accuracy) in enumerate(cases):
+        made, error = measure(words, accuracy)
+        if error is None:
+            refused += 1
+            print(f"{number:3d} {accuracy:.1e} not reached: {made['reason']}   {' '.join(map(str, words))}", flush=True)
+            continue
+        estimate, how = made["error_estimate"], made["accuracy"]
+        wrong = []
+        if error > accuracy:
+            wrong.append("ERROR ABOVE THE REQUEST")
+        if not error / 3 <= estimate <= accuracy:
+            wrong.append("ESTIMATE")
+        if error < accuracy / 30:
+            generous += 1
+            if given.strict:
+                wrong.append("TOO GOOD")
+        price = ""
+        if chart:
+            best = min((row["seconds"] for row in chart if row["error"] <= accuracy), default=float("nan"))
+            price = (f" run {how['step_seconds'] / best:.2f} all {(how['step_seconds'] + how['choosing_seconds']) / best:.2f}"
+                     f" times the best row")
+        print(f"{number:3d} {accuracy:.1e} error {error:.1e} = {error / accuracy:.3f} of it, estimate/error "
+              f"{estimate / max(error, 1e-300):.2f}, choosing/run {how['choosing_seconds'] / how['run_seconds']:.2f}{price}; "
+              f"{how['method']} {how['tolerance']:.0e} n {how['n']} x{how['attempts']} {' '.join(wrong)}", flush=True)
+        if wrong:
+            failures += 1
+            print("    ", " ".join(map(str, words)), flush=True)
+    print(f"seed {given.seed}: {len(cases)} cases, {failures} failures, {refused} not reached, {generous} more than 30 "
+          "times better than asked")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

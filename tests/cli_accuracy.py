@@ -1,0 +1,68 @@
+"""-accuracy: a few random scenes by accuracy.py, what the user set stays, what cannot be had ends with exit code 1."""
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+program = os.environ["STICKSLIP"]
+here = os.path.dirname(os.path.abspath(__file__))
+work = tempfile.TemporaryDirectory()
+os.chdir(work.name)
+
+done = subprocess.run([sys.executable, "-B", os.path.join(here, "accuracy.py"), "--cases", "10", "--seed", "2"],
+                      capture_output=True, text=True)
+assert done.returncode == 0, done.stdout + done.stderr
+print(done.stdout.splitlines()[-1])
+
+
+def run(*words, ranks=1, code=0):
+    command = (["mpirun", "-n", str(ranks)] if ranks > 1 else []) + [program, "run", *map(str, words), "-summary", "s.json"]
+    if os.path.exists("s.json"):
+        os.remove("s.json")
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == code, f"{command}: {done.returncode}\n{done.stderr}"
+    if code == 2:
+        return done.stderr
+    with open("s.json", encoding="utf-8") as file:
+        return {**json.load(file), "said": done.stderr}
+
+
+SCENE = ["-grid_length", 20, "-init_type", "sine", "-ts_max_time", 1]
+made = run(*SCENE, "-accuracy", 1e-5, "-progress", "on", "-out_probes", "3.3,10")
+how = made["accuracy"]
+assert made["error_estimate"] <= 1e-5 and "accuracy: " + how["method"] in made["said"], made["said"]
+assert how["choosing_seconds"] > 0 and how["run_seconds"] >= how["step_seconds"] > 0
+# on several ranks the same answer to that accuracy, at the probes too
+two = run(*SCENE, "-accuracy", 1e-5, "-out_probes", "3.3,10", ranks=2)
+for a, b in zip(made["probes"], two["probes"]):
+    assert abs(a["psi"] - b["psi"]) < 2e-5 and abs(a["eta"] - b["eta"]) < 2e-5, (a, b)
+# and a tenth of it is a better one
+strict = run(*SCENE, "-accuracy", 1e-8, "-out_probes", "3.3,10")
+for a, b in zip(made["probes"], strict["probes"]):
+    assert abs(a["psi"] - b["psi"]) < 1e-5 and abs(a["eta"] - b["eta"]) < 1e-5, (a, b)
+
+# what the user set stays
+kept = run(*SCENE, "-accuracy", 1e-4, "-ts_type", "rosw", "-ts_rosw_type", "ra34pw2", "-grid_order", 4)
+assert kept["method"] == "rosw:ra34pw2" and kept["accuracy"]["order"] == 4 and kept["error_estimate"] <= 1e-4
+kept = run(*SCENE, "-accuracy", 1e-3, "-grid_n", 300)
+assert kept["unknowns"] == 600 and kept["error_estimate"] <= 1e-3
+said = run(*SCENE, "-accuracy", 1e-8, "-grid_n", 40, code=1)
+assert "grid_n 40 as set" in said["reason"] and said["status"] == "failed", said["reason"]
+said = run(*SCENE, "-accuracy", 1e-8, "-ts_rtol", 1e-3, "-ts_atol", 1e-3, code=1)
+assert "out of reach" in said["reason"], said["reason"]
+
+# a jump cannot be followed: grids converge like h^(p/(p+1)) behind it
+jump = run("-bc_left", "velocity", "-bc_left_value", -1.5, "-bc_right", "free", "-grid_length", 24, "-ts_max_time", 5,
+           "-accuracy", 1e-6, code=1)
+assert "out of reach" in jump["reason"] and "jumps" in jump["reason"], jump["reason"]
+
+# one block: an ordinary differential equation
+block = run("-model_form", "chain", "-grid_n", 1, "-bc_left", "free", "-ts_max_time", 10, "-accuracy", 1e-7)
+assert block["error_estimate"] <= 1e-7 and block["unknowns"] == 2
+
+for words, names in ((["-ts_type", "rk", "-ts_rk_type", "4"], "ts_type"), (["-ts_rk_type", "3bs"], "ts_rk_type"),
+                     (["-ts_adapt_type", "none"], "ts_adapt_type"), (["-friction_law", "coulomb"], "friction_stick"),
+                     (["-ts_type", "irk"], "irk")):
+    said = run(*SCENE, "-accuracy", 1e-4, *words, code=2)
+    assert names in said and said.count("error:") == 1, said
