@@ -50,9 +50,10 @@ def label(name, dataset=None):
     return f"{symbol}   ({words})" if words and words != symbol else symbol
 
 
-def scene_title(file):
-    """Says which scene this is, from the options in the file."""
+def scene_title(file, varied=()):
+    """Says which scene this is, from the options in the file, those in `varied` left out."""
     options = json.loads(text(file.attrs["options"]))
+    options = {name: value for name, value in options.items() if name not in varied}
     form = options.get("model_form", "")
     names = {"continuum": ["gamma", "delta", "c", "v"], "chain": ["m", "k0", "k1", "f0", "zeta", "v"]}.get(form, [])
     parts = [form] if form else []
@@ -500,7 +501,8 @@ def draw_boundary(file, args):
                 axes.plot(group["value"][...][chosen], y, mark, color=COLOURS[2], mfc="none", ls="none",
                           label=f"integrated: {regime}")
         axes.legend(fontsize=8, frameon=True, framealpha=0.8)
-    set_title(axes, scene_title(file))
+    same = [other.strip() for other in json.loads(text(file.attrs["options"])).get("boundary_same", "").split(",")]
+    set_title(axes, scene_title(file, [name, text(file.attrs.get("parameter2", "")), *same]))
     return figure
 
 

@@ -102,52 +102,187 @@ std::optional<GrowthRate::Leading> GrowthRate::leading(double x, double y) {
   }
 
   const auto counts = [&](const Mode& m) { return m.value.imag() <= height && !is_neutral(s, m); };
-  const bool far = std::hypot(x - pool_x_, y - pool_y_) > 0.04;
-  bool lost = pool_.empty() || far;
-  if (!lost) {
-    for (Mode& m : pool_) lost = lost || m.psi.size() != s.size();
-    std::vector<Mode> moved;
-    for (std::size_t k = 0; k < pool_.size() && !lost; ++k) {
-      Mode m = pool_[k];
-      if (polish(s, m) && counts(m)) moved.push_back(std::move(m));
-      else lost = true;
+  bool near = !due_ && !pool_.empty() && std::hypot(x - pool_x_, y - pool_y_) <= reach_;
+  if (!near && !due_ && !pool_.empty()) {
+    const auto from_here = [&](const Place& p) { return std::hypot(x - p.x, y - p.y); };
+    const auto best = std::min_element(places_.begin(), places_.end(), [&](const Place& a, const Place& b) {
+      return from_here(a) < from_here(b);
+    });
+    near = best != places_.end() && from_here(*best) <= reach_;
+    if (near) {
+      take_up(s, best->found, height);
+      pool_x_ = best->x;
+      pool_y_ = best->y;
     }
-    if (!lost) pool_ = std::move(moved);
   }
-  if (lost) {
-    SpectrumSettings settings;
-    settings.count = 6;
-    settings.compare = false;
-    // all means the first time, then what the shifts find besides the modes followed so far
-    settings.quick = searched_;
-    settings.effort = 2e6;
-    searched_ = true;
-    std::vector<Mode> followed;
-    for (Mode& m : pool_)
-      if (m.psi.size() == s.size() && polish(s, m) && counts(m)) followed.push_back(std::move(m));
-    for (Mode& m : compute_spectrum(comm_, s, settings).modes) {
-      const auto twin = std::find_if(followed.begin(), followed.end(), [&](const Mode& o) {
-        return std::abs(o.value - m.value) < 1e-7 * (1 + std::abs(m.value));
+  if (near)
+    if (const auto best = leading_followed(s, height, level)) return best;
+  due_ = false;
+  SpectrumSettings settings;
+  settings.count = 6;
+  settings.compare = false;
+  // all means the first time, then what the shifts find besides the modes followed so far
+  settings.quick = searched_;
+  settings.effort = 2e6;
+  searched_ = true;
+  std::vector<Mode> found;
+  for (Followed& f : pool_)
+    if (f.mode.psi.size() == s.size() && polish(s, f.mode) && counts(f.mode)) found.push_back(std::move(f.mode));
+  for (Mode& m : compute_spectrum(comm_, s, settings).modes) {
+    const auto twin = std::find_if(found.begin(), found.end(), [&](const Mode& o) {
+      return std::abs(o.value - m.value) < 1e-7 * (1 + std::abs(m.value));
+    });
+    if (counts(m) && twin == found.end()) found.push_back(std::move(m));
+  }
+  std::sort(found.begin(), found.end(), [](const Mode& a, const Mode& b) { return a.value.real() > b.value.real(); });
+  pool_.clear();
+  for (Mode& m : found) {
+    if (pool_.size() == 4) break;
+    std::vector<Complex> left = left_vector(s, m);
+    pool_.push_back({std::move(m), std::move(left)});
+  }
+  pool_x_ = x;
+  pool_y_ = y;
+  if (pool_.empty()) return std::nullopt;
+  if ((places_.size() + 1) * s.size() < 500000) places_.push_back({x, y, pool_});
+  leader_ = 0;
+  Leading best{pool_[0].mode, false};
+  for (const Followed& f : pool_)
+    if (best.mode.value.real() - f.mode.value.real() <= level && std::abs(f.mode.value - best.mode.value) > 1e3 * level)
+      best.degenerate = true;
+  return best;
+}
+
+// lambda with w S(lambda) p = 0 for the vectors that a mode had elsewhere: its error is second order in what they have
+// changed. Nothing where the equation is ill-conditioned (nearly double eigenvalues).
+std::optional<Complex> GrowthRate::estimate(const Sliding& s, const Followed& f) {
+  const std::vector<Complex>&p = f.mode.psi, &w = f.left;
+  Complex lambda = f.mode.value;
+  const double scale = std::abs(lambda) + std::sqrt(s.A * s.K0) + 1e-300;
+  for (int k = 0; k < 8; ++k) {
+    const std::vector<Complex> r = s.apply(lambda, p), slope = s.apply_slope(lambda, p);
+    Complex above = 0, below = 0;
+    double size = 0;
+    for (std::size_t i = 0; i < p.size(); ++i) {
+      above += w[i] * r[i];
+      below += w[i] * slope[i];
+      size += std::abs(w[i] * slope[i]);
+    }
+    if (!(std::abs(below) > 1e-3 * size)) return std::nullopt;
+    const Complex step = above / below;
+    lambda -= step;
+    if (!(std::abs(step) < 0.3 * scale)) return std::nullopt;
+    if (std::abs(step) <= 1e-13 * scale) return lambda;
+  }
+  return std::nullopt;
+}
+
+// Rayleigh's quotient iteration on both eigenvectors, one factorisation a step: errors are cubed by each.
+bool GrowthRate::follow(const Sliding& s, Followed& f) {
+  BandLU lu;
+  const auto unit = [](std::vector<Complex>& v) {
+    double largest = 0;
+    Complex at = 1;
+    for (const Complex& z : v)
+      if (std::norm(z) > largest) largest = std::norm(at = z);
+    for (Complex& z : v) z /= at;
+  };
+  for (int k = 0; k < 5; ++k) {
+    const auto start = estimate(s, f);
+    if (!start) return false;
+    const double scale = std::abs(*start) + std::sqrt(s.A * s.K0);
+    f.mode.value = *start;
+    s.factor(*start, lu);
+    f.mode.psi = s.apply_slope(*start, f.mode.psi);
+    s.solve(lu, f.mode.psi);
+    unit(f.mode.psi);
+    if (s.symmetric) {
+      f.left = left_vector(s, f.mode);
+    } else {
+      f.left = s.apply_slope(*start, f.left);  // S' is diagonal
+      s.solve_transposed(lu, f.left);
+      unit(f.left);
+    }
+    const auto value = estimate(s, f);
+    if (!value) return false;
+    const double change = std::abs(*value - *start);
+    f.mode.value = *value;
+    if (change > 1e-6 * scale) continue;
+    if (f.mode.value.imag() < 0) {
+      f.mode.value = std::conj(f.mode.value);
+      for (auto* v : {&f.mode.psi, &f.left})
+        for (Complex& z : *v) z = std::conj(z);
+    }
+    f.mode.wavenumber = s.wavenumber(f.mode.psi);
+    return true;
+  }
+  return false;
+}
+
+// Follows the modes of another place to this one, beside those of the pool; the rightmost stay.
+void GrowthRate::take_up(const Sliding& s, const std::vector<Followed>& more, double height) {
+  std::vector<Followed> all;
+  for (const std::vector<Followed>* list : {const_cast<const std::vector<Followed>*>(&pool_), &more})
+    for (Followed f : *list) {
+      if (f.mode.psi.size() != s.size() || !follow(s, f) || f.mode.value.imag() > height || is_neutral(s, f.mode))
+        continue;
+      const bool twin = std::any_of(all.begin(), all.end(), [&](const Followed& o) {
+        return std::abs(o.mode.value - f.mode.value) < 1e-7 * (1 + std::abs(f.mode.value));
       });
-      if (counts(m) && twin == followed.end()) followed.push_back(std::move(m));
+      if (!twin) all.push_back(std::move(f));
     }
-    std::sort(followed.begin(), followed.end(),
-              [](const Mode& a, const Mode& b) { return a.value.real() > b.value.real(); });
-    pool_.clear();
-    for (Mode& m : followed)
-      if (pool_.size() < 4) pool_.push_back(std::move(m));
-    pool_x_ = x;
-    pool_y_ = y;
-    if (pool_.empty()) return std::nullopt;
+  std::sort(all.begin(), all.end(),
+            [](const Followed& a, const Followed& b) { return a.mode.value.real() > b.mode.value.real(); });
+  if (all.size() > 4) all.resize(4);
+  pool_ = std::move(all);
+  leader_ = 0;
+}
+
+// The leading one of the modes followed; nothing where the last one was lost, or too few are left. All are estimated,
+// and those that might lead are taken along.
+std::optional<GrowthRate::Leading> GrowthRate::leading_followed(const Sliding& s, double height, double level) {
+  struct Guess {
+    std::size_t index;
+    double value, shift;
+  };
+  std::vector<Guess> guesses;
+  std::vector<char> lost(pool_.size(), 0);
+  for (std::size_t k = 0; k < pool_.size(); ++k) {
+    if (pool_[k].mode.psi.size() != s.size()) return std::nullopt;
+    const auto value = estimate(s, pool_[k]);
+    if (value) guesses.push_back({k, value->real(), std::abs(*value - pool_[k].mode.value)});
+    else lost[k] = 1;
   }
-  std::size_t best = 0;
-  for (std::size_t k = 1; k < pool_.size(); ++k)
-    if (pool_[k].value.real() > pool_[best].value.real()) best = k;
+  std::sort(guesses.begin(), guesses.end(), [](const Guess& a, const Guess& b) { return a.value > b.value; });
+  const Followed* best = nullptr;
   bool degenerate = false;
-  for (const Mode& m : pool_)
-    if (pool_[best].value.real() - m.value.real() <= level && std::abs(m.value - pool_[best].value) > 1e3 * level)
-      degenerate = true;
-  return Leading{pool_[best], degenerate};
+  for (const Guess& g : guesses) {
+    Followed& f = pool_[g.index];
+    const double scale = std::abs(f.mode.value) + std::sqrt(s.A * s.K0);
+    // the estimate is better than this by far, unless the mode has moved a long way
+    if (best && g.shift < 0.05 * scale && g.value + 0.5 * g.shift + level < best->mode.value.real()) continue;
+    if (!follow(s, f) || f.mode.value.imag() > height || is_neutral(s, f.mode)) {
+      lost[g.index] = 1;
+      continue;
+    }
+    if (best) {
+      const double apart = std::abs(f.mode.value - best->mode.value);
+      const double ahead = f.mode.value.real() - best->mode.value.real();
+      if (std::abs(ahead) <= level && apart > 1e3 * level) degenerate = true;
+      else if (ahead > level) degenerate = false;
+      if (ahead <= 0) continue;
+    }
+    best = &f;
+  }
+  if (!best || lost[leader_]) return std::nullopt;
+  const Leading result{best->mode, degenerate};
+  leader_ = std::size_t(best - pool_.data());
+  for (std::size_t k = pool_.size(); k-- > 0;)
+    if (lost[k]) {
+      if (leader_ > k) --leader_;
+      pool_.erase(pool_.begin() + std::ptrdiff_t(k));
+    }
+  return result;
 }
 
 double GrowthRate::operator()(double x, double y) {
@@ -363,6 +498,28 @@ struct Piece {
   bool closed = false;
 };
 
+// The zero of f near 0: secant steps, the first one with `slope` (then set to the last one's; NaN or null: unknown), or
+// a bracket grown about 0 where they do not settle. NaN where there is none within 0.1.
+double zero_near(const std::function<double(double)>& f, double* slope) {
+  double s0 = 0, f0 = f(0);
+  if (f0 == 0) return 0;
+  const double at_zero = f0;
+  double s1 = slope && std::isfinite(*slope) ? -f0 / *slope : 1e-5;
+  for (int k = 0; k < 8 && std::abs(s1) < 0.02; ++k) {
+    const double f1 = f(s1), m = (f1 - f0) / (s1 - s0), step = f1 == 0 ? 0 : -f1 / m;
+    if (!std::isfinite(step)) break;
+    if (slope && f1 != f0) *slope = m;
+    if (std::abs(step) <= 1e-10) return s1 + step;
+    s0 = s1;
+    f0 = f1;
+    s1 += step;
+  }
+  for (double reach = 1e-4; reach < 0.1; reach *= 4)
+    for (const double s : {reach, -reach})
+      if (const double there = f(s); there * at_zero <= 0) return bracketed_root(f, 0, at_zero, s, there, 1e-13);
+  return std::nan("");
+}
+
 // Follows the zero line of G. The growth rate is taken at the nearest point of the box, so that a curve that leaves
 // the box ends on its border. The corrector moves on a circle about the last point, by which folds and corners (where
 // the leading mode changes) need no care of their own.
@@ -434,7 +591,7 @@ class Tracer {
       gb = g(b);
       if (!std::isfinite(gb)) return false;
       if (ga * gb <= 0) {
-        angle = bracketed_root(g, a, ga, b, gb, 1e-7);
+        angle = bracketed_root(g, a, ga, b, gb, 1e-4);
         return std::isfinite(angle);
       }
       increment = std::min(0.35, 2 * increment);
@@ -461,11 +618,21 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
   // signs on a lattice: every edge with a change of sign is a place to start from
   const int cells = sample.exact_waves().empty() ? 12 : 24;
   const double width = 1. / cells;
-  Tracer tracer(growth, std::min(0.5 * width, 1. / std::max<double>(40., double(points))));
+  Tracer tracer(growth, std::min(0.5 * width, 1. / std::clamp<double>(double(points), 40., 60.)));
   std::vector<double> g(std::size_t((cells + 1) * (cells + 1)));
   const auto value = [&](int i, int j) -> double& { return g[std::size_t(j * (cells + 1) + i)]; };
-  for (int j = 0; j <= cells; ++j)
-    for (int i = 0; i <= cells; ++i) value(i, j) = growth(i * width, j * width);
+  // In blocks of 4 x 4 places the modes found at the first are followed through the others.
+  growth.search_every(2);
+  for (int block_j = 0; block_j <= cells; block_j += 4)
+    for (int block_i = 0; block_i <= cells; block_i += 4) {
+      growth.search_next();
+      for (int j = block_j; j <= std::min(cells, block_j + 3); ++j)
+        for (int k = 0; k <= std::min(cells - block_i, 3); ++k) {
+          const int i = (j - block_j) % 2 == 0 ? block_i + k : std::min(cells, block_i + 3) - k;
+          value(i, j) = growth(i * width, j * width);
+        }
+    }
+  growth.search_every(0.15);
   samples = {cells + 1, g};
   struct Edge {
     Point a, b;
@@ -551,7 +718,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
     const double length = length_of(p);
     const int count = std::max(p.closed ? 4 : 2, int(std::lround(double(points) * length / total)));
     std::size_t k = 0;
-    double before = 0;
+    double before = 0, slope = std::nan("");
     for (int i = 0; i < count; ++i) {
       const double target = length * i / (p.closed ? count : count - 1);
       while (k + 2 < p.points.size() && before + distance(p.points[k], p.points[k + 1]) < target)
@@ -566,24 +733,14 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
       if (on_y) normal = {1, 0};
       const auto along = [&](double s) { return tracer.at({q.x + s * normal.x, q.y + s * normal.y}); };
       const Point guess = q;
+      const bool border = on_x || on_y;
       Crossing c;
       for (int attempt = 0; attempt < 3; ++attempt) {  // again where the count finds a mode that was not followed
         q = guess;
-        double s = 0, f0 = along(0);
-        for (double reach = 1e-4; reach < 0.1 && f0 != 0; reach *= 4) {
-          const double up = along(reach), down = along(-reach);
-          if (up * f0 < 0) {
-            s = bracketed_root(along, 0, f0, reach, up, 1e-13);
-          } else if (down * f0 < 0) {
-            s = bracketed_root(along, 0, f0, -reach, down, 1e-13);
-          } else {
-            continue;
-          }
-          break;
-        }
+        const double s = zero_near(along, border ? nullptr : &slope);
         if (std::isfinite(s)) q = clamped({q.x + s * normal.x, q.y + s * normal.y});
         c = growth.crossing(q.x, q.y);
-        growth.count_growing(c, result.size(), std::size_t(points));
+        growth.count_growing(c, std::size_t(i), std::size_t(points));
         if (!c.complete || *c.complete) break;
         growth.forget();
       }

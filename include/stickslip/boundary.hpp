@@ -2,8 +2,8 @@
 //
 // The growth rate G is the largest real part among the modes that the grid resolves. Where all nodes are alike it is
 // the largest over the exact discrete dispersion relation, all modes looked at. Elsewhere the rightmost modes are
-// followed by Newton steps from one set of parameters to the next, and sought anew by Krylov-Schur when the parameters
-// have moved far, so that a change of the leading mode is seen.
+// followed by two-sided Rayleigh steps from one set of parameters to the next, and sought anew by Krylov-Schur when the
+// parameters have moved far, so that a change of the leading mode is seen.
 #pragma once
 
 #include <petscsys.h>
@@ -71,20 +71,40 @@ class GrowthRate {
   // The next search for the leading modes is made with all means, as the first one is.
   void forget() {
     pool_.clear();
+    places_.clear();
     searched_ = false;
   }
+  // Where the parameters have moved by more than this (of the box) from the place of the last search, the modes found
+  // at another place as near are taken up, or they are sought anew.
+  void search_every(double reach) { reach_ = reach; }
+  // They are at the next place, wherever it is.
+  void search_next() { due_ = true; }
 
   bool enters() const;  // whether the linear operator changes along the first axis at all
   long evaluations() const { return evaluations_; }
 
  private:
+  struct Followed {
+    Mode mode;                  // as it was where it was polished last
+    std::vector<Complex> left;  // its left eigenvector
+  };
   Mode with_vector(const Sliding& sliding, const Mode& mode) const;
+  static std::optional<Complex> estimate(const Sliding& sliding, const Followed& followed);
+  static bool follow(const Sliding& sliding, Followed& followed);
+  void take_up(const Sliding& sliding, const std::vector<Followed>& more, double height);
+  std::optional<Leading> leading_followed(const Sliding& sliding, double height, double level);
   MPI_Comm comm_;
   Options options_;
   std::vector<Axis> axes_;
-  std::vector<Mode> pool_;
-  double pool_x_ = 0, pool_y_ = 0;
-  bool searched_ = false;
+  std::vector<Followed> pool_;
+  std::size_t leader_ = 0;  // of the pool
+  struct Place {
+    double x, y;
+    std::vector<Followed> found;
+  };
+  std::vector<Place> places_;  // of searches, while they take little memory
+  double pool_x_ = 0, pool_y_ = 0, reach_ = 0.04;
+  bool searched_ = false, due_ = false;
   long evaluations_ = 0;
 };
 
