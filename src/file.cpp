@@ -867,24 +867,17 @@ Frame read_frame(const std::string& what, const std::string& path, std::int64_t 
 
 // ---- gathering ----
 
-Gather::Gather(Vec like, PetscInt dof) : dof_(dof), components_(static_cast<std::size_t>(dof)) {
+Gather::Gather(Vec like, PetscInt dof) : components_(static_cast<std::size_t>(dof)) {
   SS_TRY(VecScatterCreateToZero(like, scatter_.out(), on_root_.out()));
 }
 
 const std::vector<std::vector<double>>& Gather::components(Vec v) {
-  SS_TRY(VecScatterBegin(scatter_, v, on_root_, INSERT_VALUES, SCATTER_FORWARD));
-  SS_TRY(VecScatterEnd(scatter_, v, on_root_, INSERT_VALUES, SCATTER_FORWARD));
-  PetscInt size = 0;
-  const PetscScalar* values = nullptr;
-  SS_TRY(VecGetLocalSize(on_root_, &size));
-  SS_TRY(VecGetArrayRead(on_root_, &values));
-  for (PetscInt d = 0; d < dof_; ++d) {
-    auto& component = components_[static_cast<std::size_t>(d)];
-    component.resize(static_cast<std::size_t>(size / dof_));
-    for (PetscInt i = 0; i < size / dof_; ++i)
-      component[static_cast<std::size_t>(i)] = PetscRealPart(values[i * dof_ + d]);
+  const std::vector<double> values = interleaved(v);
+  const std::size_t dof = components_.size();
+  for (std::size_t d = 0; d < dof; ++d) {
+    components_[d].resize(values.size() / dof);
+    for (std::size_t i = 0; i < components_[d].size(); ++i) components_[d][i] = values[i * dof + d];
   }
-  SS_TRY(VecRestoreArrayRead(on_root_, &values));
   return components_;
 }
 

@@ -28,6 +28,11 @@ std::vector<std::string> split(const std::string& text) {
   return words;
 }
 
+std::set<std::string> set_of(const std::string& text) {
+  const std::vector<std::string> words = split(text);
+  return {words.begin(), words.end()};
+}
+
 // What the well-known options take, by kind. (Names and words as `-help` of PETSc 3.18 and SLEPc 3.18 lists them.)
 std::map<std::string, OptionSpec> make_known() {
   std::map<std::string, OptionSpec> known;
@@ -102,49 +107,39 @@ const std::map<std::string, OptionSpec>& known_specs() {
 
 // Names whose value is free text, or which take none; for suggestions, and so that they count as known.
 const std::set<std::string>& other_names() {
-  static const std::set<std::string> names = [] {
-    std::set<std::string> result;
-    for (const std::string& name : split(
-             "ts_type ts_adapt_clip ts_adapt_wnormtype ts_view ts_view_solution ts_monitor "
-             "ts_monitor_solution ts_time_span ts_monitor_solution_vtk ts_monitor_error ts_monitor_extreme "
-             "ts_monitor_lg_solution "
-             "snes_type snes_linesearch_type snes_view snes_monitor snes_monitor_short snes_converged_reason "
-             "snes_linesearch_monitor snes_test_jacobian snes_test_jacobian_view snes_compare_explicit "
-             "ksp_type ksp_view ksp_monitor ksp_monitor_true_residual ksp_converged_reason ksp_guess_type "
-             "pc_type pc_view pc_factor_mat_ordering_type pc_factor_mat_solver_type pc_factor_nonzeros_along_diagonal "
-             "mat_type mat_view mat_fd_type vec_type vec_view dm_view dm_mat_type dm_vec_type "
-             "eps_type eps_view eps_view_values eps_view_vectors eps_monitor eps_monitor_all eps_monitor_conv "
-             "eps_converged_reason eps_error_absolute eps_error_backward eps_error_relative eps_interval "
-             "st_type st_view bv_type bv_orthog_type bv_orthog_refine bv_orthog_block ds_parallel "
-             "pep_type pep_view pep_monitor pep_converged_reason "
-             "rg_type rg_interval_endpoints"))
-      result.insert(name);
-    return result;
-  }();
+  static const std::set<std::string> names = set_of(
+      "ts_type ts_adapt_clip ts_adapt_wnormtype ts_view ts_view_solution ts_monitor "
+      "ts_monitor_solution ts_time_span ts_monitor_solution_vtk ts_monitor_error ts_monitor_extreme "
+      "ts_monitor_lg_solution "
+      "snes_type snes_linesearch_type snes_view snes_monitor snes_monitor_short snes_converged_reason "
+      "snes_linesearch_monitor snes_test_jacobian snes_test_jacobian_view snes_compare_explicit "
+      "ksp_type ksp_view ksp_monitor ksp_monitor_true_residual ksp_converged_reason ksp_guess_type "
+      "pc_type pc_view pc_factor_mat_ordering_type pc_factor_mat_solver_type pc_factor_nonzeros_along_diagonal "
+      "mat_type mat_view mat_fd_type vec_type vec_view dm_view dm_mat_type dm_vec_type "
+      "eps_type eps_view eps_view_values eps_view_vectors eps_monitor eps_monitor_all eps_monitor_conv "
+      "eps_converged_reason eps_error_absolute eps_error_backward eps_error_relative eps_interval "
+      "st_type st_view bv_type bv_orthog_type bv_orthog_refine bv_orthog_block ds_parallel "
+      "pep_type pep_view pep_monitor pep_converged_reason "
+      "rg_type rg_interval_endpoints");
   return names;
 }
 
 // What PETSc itself reads when it starts or ends.
 const std::set<std::string>& global_names() {
-  static const std::set<std::string> names = [] {
-    std::set<std::string> result;
-    for (const std::string& name :
-         split("log_view log_view_memory log_all log log_exclude log_trace log_sync log_mpe log_perfstubs "
-               "options_left options_view options_monitor options_monitor_cancel "
-               "malloc malloc_debug malloc_dump malloc_view malloc_view_threshold malloc_test malloc_coalesce "
-               "malloc_hbw malloc_info malloc_log "
-               "malloc_requested_size memory_view info citations version help display nox nox_warning x_virtual "
-               "fp_trap no_signal_handler on_error_abort on_error_mpiabort on_error_attach_debugger on_error_emacs "
-               "on_error_malloc_dump error_output_stdout error_output_none debug_terminal debugger_pause "
-               "debugger_ranks start_in_debugger stop_for_debugger get_total_flops objects_dump tmp shared_tmp "
-               "not_shared_tmp "
-               "mpi_return_on_error petsc_sleep skip_petscrc use_gpu_aware_mpi checkfunctionlist "
-               "check_pointer_intensity checkstack device_enable device_select device_view default_device_type "
-               "draw_pause draw_save "
-               "viewer_binary_skip_info blas_view"))
-      result.insert(name);
-    return result;
-  }();
+  static const std::set<std::string> names = set_of(
+      "log_view log_view_memory log_all log log_exclude log_trace log_sync log_mpe log_perfstubs "
+      "options_left options_view options_monitor options_monitor_cancel "
+      "malloc malloc_debug malloc_dump malloc_view malloc_view_threshold malloc_test malloc_coalesce "
+      "malloc_hbw malloc_info malloc_log "
+      "malloc_requested_size memory_view info citations version help display nox nox_warning x_virtual "
+      "fp_trap no_signal_handler on_error_abort on_error_mpiabort on_error_attach_debugger on_error_emacs "
+      "on_error_malloc_dump error_output_stdout error_output_none debug_terminal debugger_pause "
+      "debugger_ranks start_in_debugger stop_for_debugger get_total_flops objects_dump tmp shared_tmp "
+      "not_shared_tmp "
+      "mpi_return_on_error petsc_sleep skip_petscrc use_gpu_aware_mpi checkfunctionlist "
+      "check_pointer_intensity checkstack device_enable device_select device_view default_device_type "
+      "draw_pause draw_save "
+      "viewer_binary_skip_info blas_view");
   return names;
 }
 

@@ -273,6 +273,20 @@ class YamlReader {
     return text;
   }
 
+  // What stands behind `name:`; `in_flow`: between braces, where a comma or a brace ends it.
+  void value(const std::string& name, bool in_flow, int depth, std::size_t at) {
+    if (peek() == '{') {
+      flow_map(name + "_", depth + 1);
+    } else if (peek() == '[') {
+      give(name, flow_list(), at);
+    } else if (peek() == '"' || peek() == '\'') {
+      give(name, quoted_scalar(), at);
+    } else {
+      const std::string text = plain_scalar(in_flow);
+      give(name, is_null(text) ? std::nullopt : std::optional<std::string>(text), at);
+    }
+  }
+
   void flow_map(const std::string& prefix, int depth) {
     if (depth > deepest) fail("maps are nested too deeply");
     ++column_;
@@ -284,16 +298,7 @@ class YamlReader {
       const std::string own = key(true), name = prefix + own;
       keys.add(own, at + 1);
       skip_flow_space();
-      if (peek() == '{') {
-        flow_map(name + "_", depth + 1);
-      } else if (peek() == '[') {
-        give(name, flow_list(), at);
-      } else if (peek() == '"' || peek() == '\'') {
-        give(name, quoted_scalar(), at);
-      } else {
-        const std::string text = plain_scalar(true);
-        give(name, is_null(text) ? std::nullopt : std::optional<std::string>(text), at);
-      }
+      value(name, true, depth, at);
       skip_flow_space();
       if (peek() == ',') {
         ++column_;
@@ -334,16 +339,7 @@ class YamlReader {
       const std::string own = key(false), name = prefix + own;
       keys.add(own, at + 1);
       if (!comment_or_end()) {
-        if (peek() == '{') {
-          flow_map(name + "_", depth + 1);
-        } else if (peek() == '[') {
-          give(name, flow_list(), at);
-        } else if (peek() == '"' || peek() == '\'') {
-          give(name, quoted_scalar(), at);
-        } else {
-          const std::string text = plain_scalar(false);
-          give(name, is_null(text) ? std::nullopt : std::optional<std::string>(text), at);
-        }
+        value(name, false, depth, at);
         end_of_line();
         continue;
       }

@@ -1,43 +1,11 @@
 """The command run as a user meets it: the same answer on any number of ranks, restart, failure with results kept,
 measurements, warnings."""
-import json
 import os
-import subprocess
-import sys
 import tempfile
 
-import h5py
 import numpy as np
 
-PROGRAM = os.environ["STICKSLIP"]
-failures = 0
-
-
-def check(truth, text):
-    global failures
-    if not truth:
-        failures += 1
-        print("FAILED:", text)
-
-
-def run(arguments, ranks=1, code=0):
-    """Runs the command; returns the summary and what stood on standard error."""
-    summary = "summary.json"
-    if os.path.exists(summary):
-        os.remove(summary)
-    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    done = subprocess.run(launcher + [PROGRAM, "run", "-summary", summary, "-progress", "off"] + arguments.split(),
-                          capture_output=True, text=True, timeout=300)
-    check(done.returncode == code, f"exit {done.returncode} instead of {code}: run {arguments}\n{done.stderr}")
-    return (json.load(open(summary)) if os.path.exists(summary) else None), done.stderr
-
-
-def data(path):
-    """Every dataset of a file."""
-    found = {}
-    with h5py.File(path) as file:
-        file.visititems(lambda name, o: found.update({name: o[()]}) if isinstance(o, h5py.Dataset) else None)
-    return found
+from cli import check, data, finish, run
 
 
 def same_on_any_ranks():
@@ -141,5 +109,4 @@ with tempfile.TemporaryDirectory() as folder:
     os.chdir(folder)
     for part in (same_on_any_ranks, restart, explosion, measurements, warnings):
         part()
-print("failures:", failures)
-sys.exit(failures != 0)
+finish()

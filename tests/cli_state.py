@@ -1,33 +1,13 @@
 """Friction that remembers, from the command line: ten decades of velocity in one run, orders in time, steady friction
 against velocity, Erickson's Hopf point by simulation, starts from a frame of another run."""
-import json
 import math
 import os
-import subprocess
-import sys
 import tempfile
 
 import h5py
 import numpy as np
 
-PROGRAM = os.environ["STICKSLIP"]
-failures = 0
-
-
-def check(truth, text):
-    global failures
-    if not truth:
-        failures += 1
-        print("FAILED:", text)
-
-
-def run(arguments, code=0, command="run"):
-    """Runs the command; returns the summary and what stood on standard error."""
-    done = subprocess.run([PROGRAM, command, "-summary", "-", "-progress", "off"] + arguments.split(),
-                          capture_output=True, text=True, timeout=60)
-    check(done.returncode == code, f"exit {done.returncode} instead of {code}: {command} {arguments}\n{done.stderr}")
-    return (json.loads(done.stdout) if done.stdout.startswith("{") else None), done.stderr
-
+from cli import check, finish, run
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free"
 
@@ -140,5 +120,4 @@ with tempfile.TemporaryDirectory() as folder:
     steady_friction()
     hopf_by_simulation()
     start_from_a_file()
-print("failures:", failures)
-sys.exit(1 if failures else 0)
+finish()

@@ -380,12 +380,12 @@ def execute(words, scene, ranks, inputs):
                 with open(full, "rb") as file:
                     data = file.read()
                 seen["files"][os.path.relpath(full, folder)] = data
-                if data[:4] == b"\x89HDF":
+                if data[:4] == b"\x89HDF" and inputs.get(name) != data:
                     try:
                         import h5py
                         with h5py.File(full, "r") as file:
                             file.visititems(lambda _, item: item[()] if isinstance(item, h5py.Dataset) else None)
-                    except OSError as trouble:
+                    except (OSError, RuntimeError, KeyError, ValueError) as trouble:
                         seen["hdf5"].append(f"{name}: {trouble}")
         return seen
 

@@ -46,7 +46,6 @@ class Gather {
   void spread(const std::vector<double>& values, Vec v);
 
  private:
-  PetscInt dof_;
   ScatterHandle scatter_;
   VecHandle on_root_;
   std::vector<std::vector<double>> components_;
