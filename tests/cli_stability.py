@@ -121,4 +121,16 @@ with tempfile.TemporaryDirectory() as folder:
           f"verified on both sides: {verified}")
     check("would hide the instability" in err, f"backward Euler is warned of: {err}")
 
+    # A law with a threshold, blocks that stick: v_c = sqrt(f0/zeta) - 1, zeta = sqrt(0.1 m k1); above it both live
+    code, out, err = call("boundary", "-model_form", "chain", "-model_zeta", "paper", "-friction_law", "carlson-langer",
+                          "-grid_n", "16", "-boundary_parameter", "model_v", "-boundary_from", "0.5", "-boundary_to", "3",
+                          "-boundary_verify", "1", "-summary", "v.json")
+    check(code == 0, f"verify with stick ends with {code}: {err}")
+    found = json.load(open("v.json"))
+    critical = (0.1 * 0.2) ** -0.25 - 1
+    check(abs(found["points"][0]["value"] - critical) < 1e-9, f"v_c {found['points'][0]['value']}, not {critical}")
+    check([v["from_sliding"] for v in found["verified"]] == ["stick-slip", "sliding"] and
+          [v["from_stick_slip"] for v in found["verified"]] == ["stick-slip", "stick-slip"],
+          f"verified with stick: {found['verified']}")
+
 sys.exit(1 if failures else 0)

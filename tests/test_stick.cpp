@@ -569,3 +569,26 @@ TEST_CASE("stick regions of the continuum spread and shrink", "[serial]") {
   // the edge). At one that shrinks, the force has stood at the threshold for a moment only: order 1.
   CHECK(order > (spreading ? 3 : 0.8));
 }
+
+TEST_CASE("order through starts and stops with friction that falls with velocity", "[serial]") {
+  Scene scene = lone_blocks(3);
+  scene.k1 = 0.3;
+  scene.friction.law = Law::carlson_langer;
+  scene.friction.sigma = 0.1;
+  const Start start = [](PetscInt i, double* at) {
+    at[0] = 0;
+    at[1] = 0.9 - 0.17 * double(i);
+  };
+  const auto at_end = [&](const char* type, double dt) {
+    return Run(scene, start, 9, {{"ts_type", "rk"}, {"ts_rk_type", type}, {"ts_adapt_type", "none"},
+                                 {"ts_dt", number_text(dt)}}).values();
+  };
+  const std::vector<double> reference = at_end("8vr", 0.005);
+  const std::pair<const char*, double> methods_and_orders[] = {{"3", 3}, {"4", 4}, {"5dp", 5}};
+  for (const auto& [type, order] : methods_and_orders) {
+    const double coarse = furthest(at_end(type, 0.16), reference), fine = furthest(at_end(type, 0.04), reference);
+    INFO("rk:" << type << ": errors " << coarse << " " << fine);
+    CHECK(fine < 1e-4);
+    CHECK(std::log(coarse / fine) / std::log(4.) > order - 0.7);
+  }
+}

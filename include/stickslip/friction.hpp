@@ -85,6 +85,15 @@ struct Cubic {
   WithSlope phi_slope(double psi) const { return {phi(psi), psi * psi - 1}; }
 };
 
+// 1/(1 + y) with its slope; against the direction of motion (y < 0) its Taylor polynomial, which joins it smoothly enough
+// for methods of order 5 and has no pole for a stage to run into.
+inline WithSlope falling(double y) {
+  const double w = 1 / (1 + y);
+  const double value = y < 0 ? 1 - y * (1 - y * (1 - y * (1 - y))) : w;
+  const double slope = y < 0 ? -1 + y * (2 - y * (3 - y * 4)) : -w * w;
+  return {value, slope};
+}
+
 // kinetic = 1 - sigma, what is left of the threshold 1 when motion begins; weakening = 2 alpha/(1 - sigma).
 template <class Sign>
 struct CarlsonLanger {
@@ -95,6 +104,10 @@ struct CarlsonLanger {
   double phi(double psi) const { return phi_slope(psi).value; }
   WithSlope phi_slope(double psi) const {
     const WithSlope s = sign.sign_slope(psi), a = sign.magnitude(psi);
+    if constexpr (std::is_same_v<Sign, SignFrozen>) {
+      const WithSlope f = falling(weakening * a.value);
+      return {s.value * kinetic * f.value, s.value * kinetic * weakening * a.slope * f.slope};
+    }
     const double w = 1 / (1 + weakening * a.value), k = kinetic * w;
     return {s.value * k, (s.slope - s.value * weakening * a.slope * w) * k};
   }
