@@ -270,7 +270,8 @@ std::optional<std::string> check_library_value(const std::string& name, const st
       {"ts_fd_color", "Jacobians are written by hand; coloured differences are unsafe on a ring"},
       {"snes_fd_color", "Jacobians are written by hand; coloured differences are unsafe on a ring"},
       {"snes_mf_operator", "Jacobians are written by hand; snes_mf takes differences throughout"},
-      {"ts_rk_multirate", "the scene is not partitioned by speed"}};
+      {"ts_rk_multirate", "the scene is not partitioned by speed"},
+      {"fp_trap", "a trap ends the program without a word of it; what is not finite is found after every step"}};
   const auto own = taken.find(name);
   if (own != taken.end()) throw UsageError("-" + name + place + ": not here: " + own->second);
   if (text && is_view(name)) {
