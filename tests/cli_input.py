@@ -148,7 +148,7 @@ OPTIONS = [
     (["-ts_view", ":/nonexistent/x"], "/nonexistent"),
     (["-log_view", ":/nonexistent/x"], "/nonexistent"),
     (["-log_trace", "/nonexistent/x"], "/nonexistent"),
-    (["-fp_trap", "perhaps"], "-fp_trap perhaps"),
+    (["-fp_trap", "perhaps"], "-fp_trap: not here"),
     (["-accuracy", "0"], "-accuracy 0"),
     (["-out_every", "0"], "-out_every 0"),
     (["-out_every", "1", "-out_frames", "5"], "give only one of them"),
