@@ -39,6 +39,7 @@ install_missing() {
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_base_oversubscribe=1
 export OMPI_MCA_mpi_yield_when_idle=1 OMPI_MCA_hwloc_base_binding_policy=none OMPI_MCA_pml=ob1
 export OMPI_MCA_ess_singleton_isolated=1 OMPI_MCA_btl_vader_single_copy_mechanism=none OMP_NUM_THREADS=1
+export HWLOC_HIDE_ERRORS=2  # it complains on stderr where /sys is not mounted
 export LC_ALL=C.UTF-8 MPLBACKEND=Agg
 [ -n "${HOME-}" ] || export HOME=${TMPDIR:-/tmp}  # matplotlib wants one, for its cache
 
