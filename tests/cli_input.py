@@ -228,8 +228,6 @@ COMMANDS = [
     (["boundary", "-grid_n", "32", "-boundary_parameter", "model_form", "-boundary_from", "0", "-boundary_to", "1"],
      "model_form"),
     (["boundary", "-grid_n", "32", "-boundary_parameter", "model_v", "-boundary_from", "0"], "boundary_to"),
-    (["boundary", "-grid_n", "32", "-boundary_parameter", "model_k1", "-boundary_from", "0", "-boundary_to", "1"],
-     "model_k1"),
     (["laws", "-friction_law", "cubix"], "did you mean cubic?"),
     (["laws", "-out_file", "notes.txt"], "notes.txt"),
     (["laws", "-log_veiw"], "did you mean -log_view?"),
