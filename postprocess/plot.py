@@ -491,7 +491,7 @@ def draw_boundary(file, args):
                 j, i = deepest(inside)
                 axes.text(sample[i], sample2[j], words, ha="center", va="center", fontsize=10, color="0.25")
         axes.set(xlabel=GREEK.get(name, name), ylabel=GREEK.get(name2, name2))
-        axes.legend(fontsize=8, loc="lower left", frameon=True, framealpha=0.8)
+        axes.legend(fontsize=8, frameon=True, framealpha=0.8)
     if "verified/value" in file:
         group = file["verified"]
         for regime, mark in (("sliding", "o"), ("stick-slip", "^"), ("both live", "s"), ("undecided", "x")):

@@ -123,7 +123,7 @@ std::optional<GrowthRate::Leading> GrowthRate::leading(double x, double y) {
   settings.compare = false;
   // all means the first time, then what the shifts find besides the modes followed so far
   settings.quick = searched_;
-  settings.effort = 2e6;
+  settings.effort = 2e6 + 400 * double(s.size()) * std::log2(double(s.size()));
   searched_ = true;
   std::vector<Mode> found;
   for (Followed& f : pool_)
@@ -638,6 +638,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
     Point a, b;
     double ga, gb;
     bool border;
+    bool small = false;  // of a closed curve that no edge of the lattice crosses
   };
   std::vector<Edge> edges;
   for (int j = 0; j <= cells; ++j)
@@ -650,6 +651,43 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
         edges.push_back({{i * width, j * width}, {(i + di) * width, (j + dj) * width}, ga, gb, border});
       }
   std::stable_partition(edges.begin(), edges.end(), [](const Edge& e) { return e.border; });
+  // Closed curves between the places of the lattice: |G| is made smaller from where it is least among its neighbours.
+  std::vector<std::pair<double, Point>> least;
+  for (int j = 0; j <= cells; ++j)
+    for (int i = 0; i <= cells; ++i) {
+      bool minimum = value(i, j) != 0 && std::isfinite(value(i, j)), flat = true;
+      for (int dj = -1; dj <= 1 && minimum; ++dj)
+        for (int di = -1; di <= 1 && minimum; ++di) {
+          if (i + di < 0 || i + di > cells || j + dj < 0 || j + dj > cells || (di == 0 && dj == 0)) continue;
+          const double ratio = value(i + di, j + dj) / value(i, j);
+          minimum = ratio >= 1;  // neither smaller, nor of the other sign, nor without steady sliding
+          flat = flat && ratio < 1 + 1e-9;
+        }
+      if (minimum && !flat) least.push_back({value(i, j), {i * width, j * width}});
+    }
+  std::sort(least.begin(), least.end(),
+            [](const auto& a, const auto& b) { return std::abs(a.first) < std::abs(b.first); });
+  if (least.size() > 8) least.resize(8);
+  for (const auto& [start_value, start] : least) {
+    Point p = start;
+    double now = start_value, reach = width / 2;
+    for (int tries = 0; tries < 100 && reach > 1e-4 * width && now * start_value > 0;) {
+      Point better = p;
+      double best = now;
+      for (const auto& [dx, dy] : {std::pair<double, double>{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
+        const Point q = clamped({p.x + reach * dx, p.y + reach * dy});
+        const double there = growth(q.x, q.y);
+        ++tries;
+        if (!(there / start_value < best / start_value)) continue;
+        best = there;
+        better = q;
+      }
+      if (best == now) reach /= 2;
+      p = better;
+      now = best;
+    }
+    if (now * start_value < 0) edges.push_back({p, start, now, start_value, false, true});
+  }
 
   std::vector<Piece> pieces;
   for (const Edge& e : edges) {
@@ -659,10 +697,25 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
     const Point start{e.a.x + t * (e.b.x - e.a.x), e.a.y + t * (e.b.y - e.a.y)};
     const bool known = std::any_of(pieces.begin(), pieces.end(), [&](const Piece& p) {
       for (std::size_t k = 0; k + 1 < p.points.size(); ++k)
-        if (distance_to_segment(start, p.points[k], p.points[k + 1]) < 0.1 * width) return true;
+        if (distance_to_segment(start, p.points[k], p.points[k + 1]) < (e.small ? 1e-3 : 0.1) * width) return true;
       return false;
     });
     if (known) continue;
+    if (e.small) {
+      const double angle = std::atan2(e.b.y - e.a.y, e.b.x - e.a.x) + (e.gb > e.ga ? -M_PI / 2 : M_PI / 2);
+      Piece piece;
+      for (double step = width / 4; step > 1e-4 * width && !piece.closed; step /= 4) {
+        Tracer fine(growth, step);
+        const auto heading = fine.heading(start, 1, angle);
+        if (heading) piece.closed = fine.follow(start, *heading, 1, piece.points) == Tracer::End::closed;
+      }
+      if (piece.closed) pieces.push_back(std::move(piece));
+      else
+        notes.push_back("a piece of the curve near " + growth.axes()[0].name + " = " +
+                        number_text(growth.axes()[0].value(start.x)) + ", " + growth.axes()[1].name + " = " +
+                        number_text(growth.axes()[1].value(start.y)) + " is too small or too near the border to follow");
+      continue;
+    }
     // the unstable side is known along the edge; the curve crosses it
     const double edge_angle = std::atan2(e.b.y - e.a.y, e.b.x - e.a.x);
     Piece piece;
@@ -716,34 +769,55 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
   for (std::size_t number = 0; number < pieces.size(); ++number) {
     const Piece& p = pieces[number];
     const double length = length_of(p);
-    const int count = std::max(p.closed ? 4 : 2, int(std::lround(double(points) * length / total)));
+    const int count = std::max(p.closed ? 8 : 2, int(std::lround(double(points) * length / total)));
+    struct Seed {
+      Point at, normal;
+      bool border;
+    };
+    std::vector<Seed> seeds;
     std::size_t k = 0;
-    double before = 0, slope = std::nan("");
+    double before = 0;
     for (int i = 0; i < count; ++i) {
       const double target = length * i / (p.closed ? count : count - 1);
       while (k + 2 < p.points.size() && before + distance(p.points[k], p.points[k + 1]) < target)
         before += distance(p.points[k], p.points[k + 1]), ++k;
       const Point a = p.points[k], b = p.points[k + 1];
       const double l = std::max(distance(a, b), 1e-300), t = std::clamp((target - before) / l, 0., 1.);
-      Point q{a.x + t * (b.x - a.x), a.y + t * (b.y - a.y)};
+      const Point q{a.x + t * (b.x - a.x), a.y + t * (b.y - a.y)};
       // along the normal, or along the border
       Point normal{-(b.y - a.y) / l, (b.x - a.x) / l};
       const bool on_x = q.x <= 0 || q.x >= 1, on_y = q.y <= 0 || q.y >= 1;
       if (on_x) normal = {0, 1};
       if (on_y) normal = {1, 0};
-      const auto along = [&](double s) { return tracer.at({q.x + s * normal.x, q.y + s * normal.y}); };
-      const Point guess = q;
-      const bool border = on_x || on_y;
-      Crossing c;
-      for (int attempt = 0; attempt < 3; ++attempt) {  // again where the count finds a mode that was not followed
-        q = guess;
-        const double s = zero_near(along, border ? nullptr : &slope);
-        if (std::isfinite(s)) q = clamped({q.x + s * normal.x, q.y + s * normal.y});
-        c = growth.crossing(q.x, q.y);
-        growth.count_growing(c, std::size_t(i), std::size_t(points));
-        if (!c.complete || *c.complete) break;
+      seeds.push_back({q, normal, on_x || on_y});
+    }
+    double slope = std::nan("");
+    const auto place = [&](std::size_t i) {
+      const Seed& seed = seeds[i];
+      const auto off = [&](double s) { return Point{seed.at.x + s * seed.normal.x, seed.at.y + s * seed.normal.y}; };
+      const double s = zero_near([&](double d) { return tracer.at(off(d)); }, seed.border ? nullptr : &slope);
+      const Point q = clamped(std::isfinite(s) ? off(s) : seed.at);
+      return growth.crossing(q.x, q.y);
+    };
+    std::vector<Crossing> placed;
+    for (std::size_t i = 0; i < seeds.size(); ++i) {
+      bool missed = false;
+      placed.push_back(place(i));
+      for (int attempt = 0;; ++attempt) {  // again where the count finds a mode that was not followed
+        growth.count_growing(placed[i], i, std::size_t(points));
+        if (!placed[i].complete || *placed[i].complete || attempt == 2) break;
         growth.forget();
+        placed[i] = place(i);
+        missed = true;
       }
+      // the mode may have led at the points before, too, back to one that was counted
+      for (std::size_t j = i; missed && j-- > 0 && !placed[j].complete;) {
+        const Crossing old = placed[j];
+        placed[j] = place(j);
+        if (distance({old.x, old.y}, {placed[j].x, placed[j].y}) < 1e-9) break;
+      }
+    }
+    for (Crossing& c : placed) {
       c.piece = int(number);
       if (!growth.vanishes(c)) {
         ++jumps;

@@ -71,7 +71,6 @@ class GrowthRate {
   // The next search for the leading modes is made with all means, as the first one is.
   void forget() {
     pool_.clear();
-    places_.clear();
     searched_ = false;
   }
   // Where the parameters have moved by more than this (of the box) from the place of the last search, the modes found
