@@ -102,20 +102,19 @@ std::optional<GrowthRate::Leading> GrowthRate::leading(double x, double y) {
   }
 
   const auto counts = [&](const Mode& m) { return m.value.imag() <= height && !is_neutral(s, m); };
-  bool near = !due_ && !pool_.empty() && std::hypot(x - pool_x_, y - pool_y_) <= reach_;
-  if (!near && !due_ && !pool_.empty()) {
-    const auto from_here = [&](const Place& p) { return std::hypot(x - p.x, y - p.y); };
-    const auto best = std::min_element(places_.begin(), places_.end(), [&](const Place& a, const Place& b) {
-      return from_here(a) < from_here(b);
-    });
-    near = best != places_.end() && from_here(*best) <= reach_;
-    if (near) {
-      take_up(s, best->found, height);
-      pool_x_ = best->x;
-      pool_y_ = best->y;
+  Place here = place_of(s, x, y);
+  // few unknowns: every eigenvalue is had for less than following some
+  bool known = !due_ && !pool_.empty() && s.size() * s.dof() > 64;
+  if (known && !near(here, *pool_at_)) {
+    const auto other = std::find_if(places_.begin(), places_.end(), [&](const Place& p) { return near(here, p); });
+    known = other != places_.end();
+    if (known) {
+      take_up(s, other->found, height);
+      pool_at_ = *other;
+      pool_at_->found.clear();
     }
   }
-  if (near)
+  if (known)
     if (const auto best = leading_followed(s, height, level)) return best;
   due_ = false;
   SpectrumSettings settings;
@@ -141,16 +140,37 @@ std::optional<GrowthRate::Leading> GrowthRate::leading(double x, double y) {
     std::vector<Complex> left = left_vector(s, m);
     pool_.push_back({std::move(m), std::move(left)});
   }
-  pool_x_ = x;
-  pool_y_ = y;
+  pool_at_ = here;
   if (pool_.empty()) return std::nullopt;
-  if ((places_.size() + 1) * s.size() < 500000) places_.push_back({x, y, pool_});
+  if ((places_.size() + 1) * s.size() < 500000 && s.size() * s.dof() > 64) {
+    here.found = pool_;
+    places_.push_back(std::move(here));
+  }
   leader_ = 0;
   Leading best{pool_[0].mode, false};
   for (const Followed& f : pool_)
     if (best.mode.value.real() - f.mode.value.real() <= level && std::abs(f.mode.value - best.mode.value) > 1e3 * level)
       best.degenerate = true;
   return best;
+}
+
+GrowthRate::Place GrowthRate::place_of(const Sliding& s, double x, double y) {
+  Place p{x, y, s.A * s.K0, s.A * s.largest_stiffness(), s.beta, s.r, {}};
+  for (std::size_t i = 0; i < p.drag.size(); ++i) {
+    if (s.has_state()) p.drag[i] += s.F_state[i] * s.g_psi[i] / s.r[i];
+    p.drag[i] *= s.A;
+  }
+  return p;
+}
+
+bool GrowthRate::near(const Place& a, const Place& b) const {
+  if (std::hypot(a.x - b.x, a.y - b.y) > reach_ || a.drag.size() != b.drag.size()) return false;
+  const auto ratio = [](double p, double q) { return p == q ? 1 : std::max(p, q) / std::min(p, q); };
+  if (!(ratio(a.K0, b.K0) < 2) || !(ratio(a.stiffest, b.stiffest) < 2)) return false;
+  const double allowed = 0.5 * std::sqrt(std::max(a.K0, 1e-3 * a.stiffest));
+  for (std::size_t i = 0; i < a.drag.size(); ++i)
+    if (!(std::abs(a.drag[i] - b.drag[i]) <= allowed) || (!a.r.empty() && !(ratio(a.r[i], b.r[i]) < 2))) return false;
+  return true;
 }
 
 // lambda with w S(lambda) p = 0 for the vectors that a mode had elsewhere: its error is second order in what they have
@@ -535,15 +555,21 @@ class Tracer {
   // From `start` with the heading given and the unstable side on the left (side 1) or right (-1), until the border,
   // the start again, or a place where no way on is found.
   enum class End { border, closed, stuck };
-  End follow(Point start, double heading, double side, std::vector<Point>& points) {
+  End follow(Point start, double heading, double side, std::vector<Point>& points, int most = 20000) {
     points = {start};
+    const double first = heading;  // of two sides of a thin region that pass near each other only one runs this way
     double radius = step_;
-    for (int count = 0; count < 20000;) {
+    for (int count = 0; count < most;) {
       const Point p = points.back();
       double angle = heading;
       if (!turn(p, radius, side, angle)) {
         radius /= 4;
         if (radius < 1e-5) return End::stuck;
+        continue;
+      }
+      const double bend = std::abs(std::remainder(angle - heading, 2 * M_PI));
+      if (bend > 0.5 && radius > step_ / 32) {  // a corner, which a long step would cut
+        radius /= 2;
         continue;
       }
       const Point next{p.x + radius * std::cos(angle), p.y + radius * std::sin(angle)};
@@ -553,12 +579,11 @@ class Tracer {
         return End::border;
       }
       points.push_back(next);
-      if (count > 3 && distance_to_segment(start, p, next) < 0.5 * radius) {
+      if (count > 3 && std::cos(angle - first) > 0 && distance_to_segment(start, p, next) < 0.5 * radius) {
         points.back() = start;
         return End::closed;
       }
       // fewer steps where the curve runs straight, more where it turns
-      const double bend = std::abs(std::remainder(angle - heading, 2 * M_PI));
       radius = std::clamp(bend > 0.4 ? radius / 2 : bend < 0.1 ? radius * 2 : radius, step_ / 64, step_);
       heading = angle + (bend < 0.4 ? std::remainder(angle - heading, 2 * M_PI) : 0);
     }
@@ -697,7 +722,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
     const Point start{e.a.x + t * (e.b.x - e.a.x), e.a.y + t * (e.b.y - e.a.y)};
     const bool known = std::any_of(pieces.begin(), pieces.end(), [&](const Piece& p) {
       for (std::size_t k = 0; k + 1 < p.points.size(); ++k)
-        if (distance_to_segment(start, p.points[k], p.points[k + 1]) < (e.small ? 1e-3 : 0.1) * width) return true;
+        if (distance_to_segment(start, p.points[k], p.points[k + 1]) < (e.small ? 0.02 : 0.1) * width) return true;
       return false;
     });
     if (known) continue;
@@ -707,7 +732,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
       for (double step = width / 4; step > 1e-4 * width && !piece.closed; step /= 4) {
         Tracer fine(growth, step);
         const auto heading = fine.heading(start, 1, angle);
-        if (heading) piece.closed = fine.follow(start, *heading, 1, piece.points) == Tracer::End::closed;
+        if (heading) piece.closed = fine.follow(start, *heading, 1, piece.points, 400) == Tracer::End::closed;
       }
       if (piece.closed) pieces.push_back(std::move(piece));
       else

@@ -157,3 +157,68 @@ TEST_CASE("curves: figure 6, a fold, two pieces", "[boundary]") {
   const auto two = trace(simple, both, {"model_zeta", 0., 0.5, false}, 20);
   CHECK(two.back().piece == 1);
 }
+
+namespace {
+
+// Largest real part of the dense matrix among the frequencies that the grid carries.
+double dense_growth(const Options& options) {
+  const Sliding sliding(Scene::from(options, true));
+  double growth = -1e300;
+  for (const Mode& m : dense_modes(sliding, 1))
+    if (m.value.imag() <= resolved_frequency(sliding)) growth = std::max(growth, m.value.real());
+  return growth;
+}
+
+}  // namespace
+
+TEST_CASE("curves of spread and held scenes lie where the dense matrix has no growth", "[boundary]") {
+  const auto spread = options_of({{"grid_n", "80"}, {"grid_length", "20"}, {"friction_spread", "0.3"}});
+  const auto held = options_of({{"model_form", "chain"}, {"grid_n", "50"}, {"bc_left", "velocity"},
+                                {"bc_left_value", "0.5"}, {"bc_right", "free"}, {"friction_spread", "0.2"}});
+  for (const bool continuum : {true, false}) {
+    GrowthRate growth(PETSC_COMM_SELF, continuum ? spread : held,
+                      {{continuum ? "model_delta" : "model_zeta", 0.05, 0.8, false}, {"model_v", 0.3, 1.5, false}});
+    Samples samples;
+    std::vector<std::string> notes;
+    const auto curve = boundary_curve(growth, 15, samples, notes);
+    CHECK(notes.empty());
+    CHECK(curve.size() >= 14);
+    for (const Crossing& c : curve) {
+      CHECK(c.complete.value_or(false));
+      CHECK(std::abs(dense_growth(growth.options_at(c.x, c.y))) < 1e-9);
+    }
+    // and the lattice has the signs of the dense matrix
+    for (int k = 0; k < samples.side * samples.side; k += 7) {
+      const double x = double(k % samples.side) / (samples.side - 1), y = double(k / samples.side) / (samples.side - 1);
+      CHECK((samples.growth[std::size_t(k)] > 0) == (dense_growth(growth.options_at(x, y)) > 0));
+    }
+  }
+}
+
+TEST_CASE("a closed curve smaller than a cell of the lattice, with corners where two pairs cross at once", "[boundary]") {
+  // psi = 0 everywhere is unstable for zeta < 1, psi large anywhere is not; the equations are odd in (psi_e, v).
+  for (const char* zeta : {"0.98", "0.999"}) {
+    GrowthRate growth(PETSC_COMM_SELF,
+                      options_of({{"model_form", "chain"}, {"grid_n", "4"}, {"model_zeta", zeta},
+                                  {"bc_left", "velocity"}, {"bc_right", "free"}}),
+                      {{"bc_left_value", -5, 4.3, false}, {"model_v", -4.1, 5, false}});
+    Samples samples;
+    std::vector<std::string> notes;
+    const auto curve = boundary_curve(growth, 40, samples, notes);
+    CHECK(notes.empty());
+    REQUIRE(curve.size() >= 30);
+    CHECK(curve.back().piece == 0);
+    double turn = 0;
+    int switches = 0;
+    for (std::size_t k = 0; k < curve.size(); ++k) {
+      const Crossing &c = curve[k], &next = curve[(k + 1) % curve.size()];
+      turn += std::remainder(std::atan2(next.value2, next.value) - std::atan2(c.value2, c.value), 2 * M_PI);
+      switches += c.switched;
+      const Options mirror = growth.options_at(c.x, c.y).with("bc_left_value", -c.value).with("model_v", -c.value2);
+      CHECK(std::abs(dense_growth(growth.options_at(c.x, c.y))) < 1e-10);
+      CHECK(std::abs(dense_growth(mirror)) < 1e-10);
+    }
+    CHECK(std::abs(turn) == Approx(2 * M_PI));
+    CHECK(switches >= 4);
+  }
+}

@@ -73,7 +73,8 @@ class GrowthRate {
     pool_.clear();
     searched_ = false;
   }
-  // Where the parameters have moved by more than this (of the box) from the place of the last search, the modes found
+  // Where the parameters have moved by more than this (of the box) from the place of the last search, or the
+  // coefficients by half the oscillation's frequency, the modes found
   // at another place as near are taken up, or they are sought anew.
   void search_every(double reach) { reach_ = reach; }
   // They are at the next place, wherever it is.
@@ -99,10 +100,15 @@ class GrowthRate {
   std::size_t leader_ = 0;  // of the pool
   struct Place {
     double x, y;
+    double K0, stiffest;           // A K0 and A (K0 + K1 times the largest kappa^2)
+    std::vector<double> drag, r;  // A beta + A q, and r
     std::vector<Followed> found;
   };
+  static Place place_of(const Sliding& sliding, double x, double y);
+  bool near(const Place& a, const Place& b) const;
   std::vector<Place> places_;  // of searches, while they take little memory
-  double pool_x_ = 0, pool_y_ = 0, reach_ = 0.04;
+  std::optional<Place> pool_at_;
+  double reach_ = 0.04;
   bool searched_ = false, due_ = false;
   long evaluations_ = 0;
 };
