@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "ranges.hpp"
 #include "share.hpp"
 #include "step_forecast.hpp"
 #include "stickslip/error.hpp"
@@ -103,6 +104,7 @@ Outcome observe(const Options& options, const Model& model, Vec start, double t_
     int rank;
     MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
     Measurement measurement(model.scene(), t_end);
+    Ranges ranges(model, t_end);
     Gather gather(u, model.dof());
     std::size_t next = 0;
     try {
@@ -111,6 +113,7 @@ Outcome observe(const Options& options, const Model& model, Vec start, double t_
       Trust trust(model, options, integrator, 0, t_end);
       integrator.advance(u, 0, t_end, [&](const Integrator::Step& step) {
         trust.after(step);
+        ranges.after(step.t, step.u);
         outcome.steps = step.index;
         for (; next < measurement.times().size() && measurement.times()[next] <= step.t; ++next) {
           step.interpolate(measurement.times()[next], work);
@@ -120,6 +123,7 @@ Outcome observe(const Options& options, const Model& model, Vec start, double t_
         outcome.largest = std::max(outcome.largest, largest_psi(model, step.u));
         return Integrator::Verdict::go_on;
       });
+      ranges.into(measurement, gather, work);
       if (rank == 0) {
         const Measurement::Result r = measurement.result();
         outcome.regime = r.regime;

@@ -77,6 +77,17 @@ void Measurement::sample(double t, const std::vector<double>& psi) {
   }
 }
 
+void Measurement::widen(int part, const std::vector<double>& low, const std::vector<double>& high) {
+  if (low_[part].empty()) {
+    low_[part] = low;
+    high_[part] = high;
+  }
+  for (std::size_t i = 0; i < low.size(); ++i) {
+    low_[part][i] = std::min(low_[part][i], low[i]);
+    high_[part][i] = std::max(high_[part][i], high[i]);
+  }
+}
+
 std::optional<double> Measurement::ring_speed() const {
   const std::size_t count = phase_.size();
   if (count < 8) return std::nullopt;
@@ -116,7 +127,7 @@ std::optional<double> Measurement::passage_speed() const {
 
   // Least squares with one slope for all climbs and a constant for each; `up`, `down`: nodes by the sign of their
   // climb.
-  double xx = 0, xt = 0, up = 0, down = 0;
+  double xx = 0, xt = 0, tt = 0, up = 0, down = 0;
   for (std::size_t begin = from; begin < to;) {
     std::size_t end = begin + 1;
     while (end < to && std::abs(passed_[end] - passed_[end - 1]) < largest_climb) ++end;
@@ -126,18 +137,22 @@ std::optional<double> Measurement::passage_speed() const {
       x += scene_.x(static_cast<PetscInt>(i)) / count;
       t += passed_[i] / count;
     }
-    double own_xx = 0, own_xt = 0;
+    double own_xx = 0, own_xt = 0, own_tt = 0;
     for (std::size_t i = begin; i < end && count > 4; ++i) {
       const double dx = scene_.x(static_cast<PetscInt>(i)) - x;
       own_xx += dx * dx;
       own_xt += dx * (passed_[i] - t);
+      own_tt += (passed_[i] - t) * (passed_[i] - t);
     }
     (own_xt > 0 ? up : down) += count > 4 ? count : 0;
     xx += own_xx;
     xt += own_xt;
+    tt += own_tt;
     begin = end;
   }
   if (std::max(up, down) < 0.8 * double(to - from) || xt == 0) return std::nullopt;
+  // Root mean squares: what is left beside the line, and the line itself.
+  if (tt - xt * xt / xx > 0.01 * xt * xt / xx) return std::nullopt;
   return xx / xt;
 }
 

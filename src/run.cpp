@@ -9,6 +9,7 @@
 #include <memory>
 #include <set>
 
+#include "ranges.hpp"
 #include "share.hpp"
 #include "stickslip/accuracy.hpp"
 #include "stickslip/checkpoint.hpp"
@@ -177,7 +178,7 @@ class Run {
         problem_(problem_of(scene_, events_need_all(options), nodes_of(checkpoint_))), model_(problem_.model), u_(problem_.u),
         t_end_(options.real("ts_max_time")), work_(model_.create_vector()), gather_(u_, model_.dof()),
         probes_(model_, scene_, options.reals("out_probes")), measurement_(model_.scene(), t_end_),
-        events_(events_of(options, scene_)),
+        ranges_(model_, t_end_), events_(events_of(options, scene_)),
         checkpoint_every_(options.steps_or_seconds("out_checkpoint_every")),
         most_seconds_(options.steps_or_seconds("ts_max_wall").seconds) {
     MPI_Comm_rank(PETSC_COMM_WORLD, &rank_);
@@ -357,6 +358,7 @@ class Run {
 
   Integrator::Verdict after(const Integrator::Step& step) {
     trust_->after(step);
+    ranges_.after(step.t, step.u);
     if (events_) note_events(step);
     if (file_) write_rows(step);
     while (next_sample_ < samples_.size() && samples_[next_sample_] <= step.t) {
@@ -455,6 +457,7 @@ class Run {
                  {"nodes", double(model_.scene().n)},
                  {"t_end", t_end_}};
     for (const auto& [name, text] : options_.given()) c.texts["given." + name] = text;
+    ranges_.into(measurement_, gather_, work_);
     c.arrays = measurement_.save();
     if (events_ && rank_ == 0)
       for (auto& [name, values] : events_->save()) c.arrays[name] = std::move(values);
@@ -491,6 +494,7 @@ class Run {
     summary.set("probes", probes);
     double steepest = 0;
     std::string broken, regime;
+    ranges_.into(measurement_, gather_, work_);
     if (rank_ == 0) {
       Measurement::Result m = measurement_.result();
       if (m.pulses && !problem_.what.empty()) *m.pulses *= static_cast<int>(model_.scene().copies);
@@ -527,6 +531,7 @@ class Run {
   Gather gather_;
   Probes probes_;
   Measurement measurement_;
+  Ranges ranges_;
   std::unique_ptr<Events> events_;  // with out_events
   StepsOrSeconds checkpoint_every_;
   double begin_ = MPI_Wtime(), most_seconds_;  // 0: no limit

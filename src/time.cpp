@@ -540,8 +540,8 @@ struct Integrator::Impl {
       const double dt = ts.get()->time_step;
       const bool keep = own_degree == 0 && output_due(t_before + dt * (1 + 1e-12));
       while (keep && static_cast<int>(fused_slopes.size()) <= last_stage) fused_slopes.push_back(model.create_vector());
-      fused_outcome = fused->take(before, dt, ts.get()->atol, ts.get()->rtol, adapt->wnormtype, adaptive, ts.get()->vec_sol,
-                                  keep ? fused_slopes : none);
+      fused_outcome = fused->take(before, dt, ts.get()->atol, ts.get()->rtol, adapt->wnormtype, adaptive,
+                                  ts.get()->vec_sol, keep ? fused_slopes : none);
       PetscBool accept = rejected > 0 ? PETSC_FALSE : PETSC_TRUE;  // read too: a second rejection shortens more
       if (adaptive && !fused_outcome.finite) {
         double scale;
@@ -557,7 +557,8 @@ struct Integrator::Impl {
         if (accept) return;
       }
       ++ts.get()->reject;
-      if (!ts.get()->reason && ++rejected > ts.get()->max_reject && ts.get()->max_reject >= 0) ts.get()->reason = TS_DIVERGED_STEP_REJECTED;
+      if (!ts.get()->reason && ++rejected > ts.get()->max_reject && ts.get()->max_reject >= 0)
+        ts.get()->reason = TS_DIVERGED_STEP_REJECTED;
     }
     SS_TRY(VecCopy(before, ts.get()->vec_sol));
   }
@@ -636,9 +637,10 @@ struct Integrator::Impl {
     const bool wants_imex = wish != "auto" && wish != "none";
 
     // The type decides what is implicit, so it is read before the functions are set.
-    // A smoothed threshold is so steep that Newton's method takes many rounds a stage: the Rosenbrock method, which takes
-    // one, costs a third at the same error (docs/chart.md).
-    const bool threshold = stiff_friction && has_threshold(model.scene().friction.law) && model.scene().friction.regularised;
+    // A smoothed threshold is so steep that Newton's method takes many rounds a stage: the Rosenbrock method, which
+    // takes one, costs a third at the same error (docs/chart.md).
+    const FrictionParameters& law = model.scene().friction;
+    const bool threshold = stiff_friction && has_threshold(law.law) && law.regularised;
     SS_TRY(TSSetType(ts, wants_imex                        ? TSARKIMEX
                          : automatic == Implicit::none ? TSRK
                          : threshold                   ? TSROSW
@@ -798,11 +800,13 @@ struct Integrator::Impl {
     SS_TRY(TSAdaptGetType(adapt, &kind));
     const std::string chosen = kind ? kind : TSADAPTNONE;
     if (chosen != TSADAPTNONE && chosen != TSADAPTBASIC && chosen != TSADAPTDSP)
-      throw UsageError("ts_adapt_type " + chosen + ": it needs what this program does not have; use basic, dsp or none");
+      throw UsageError("ts_adapt_type " + chosen + ": it needs what this program does not have; use basic, " +
+                       "dsp or none");
     const std::string name = method->name();
     if (method->adaptivity == Adaptivity::never) {
       if (user_set("ts_adapt_type") && chosen != TSADAPTNONE)
-        throw UsageError("ts_adapt_type " + chosen + ": " + name + " has no error estimate; use none, or an adaptive method");
+        throw UsageError("ts_adapt_type " + chosen + ": " + name +
+                         " has no error estimate; use none, or an adaptive method");
       SS_TRY(TSAdaptSetType(adapt, TSADAPTNONE));
     }
     adaptive = method->adaptivity != Adaptivity::never && chosen != TSADAPTNONE;
@@ -832,7 +836,8 @@ struct Integrator::Impl {
              (method->kind == MethodKind::explicit_ ? "rk:5dp" : method->kind == MethodKind::imex ? "arkimex:4"
                                                                                              : "rosw:ra34pw2"));
       if (type == TSBDF && subtype > "2")
-        warn("ts_bdf_order " + subtype + ": with fixed steps the order is 2 (its first steps are); use ts_adapt_type basic");
+        warn("ts_bdf_order " + subtype + ": with fixed steps the order is 2 (its first steps are); use " +
+             "ts_adapt_type basic");
     }
     SS_TRY(TSSetErrorIfStepFails(ts, PETSC_FALSE));  // advance() says what failed
   }

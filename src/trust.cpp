@@ -109,6 +109,9 @@ struct Trust::Impl {
   int repeated = 0, beyond = 0;
   double longest = 0;                 // step repeated
   std::map<double, double> taken;     // time spent at step, in the second half
+  std::map<double, double> taken_near;  // the same of the whole run, where it was near sliding when last looked at
+  bool is_near = false;
+  int next_look = 0;
 
   Impl(const Model& m, const Options& o, const Integrator& i, double from, double to)
       : model(m), options(o), integrator(i), t_begin(from), t_end(to) {
@@ -126,18 +129,27 @@ struct Trust::Impl {
   }
 
   void note_step(double from, double to) {
-    const double middle = t_begin + 0.5 * (t_end - t_begin);
-    if (to <= middle) return;
-    const double dt = to - from;
+    if (to > t_begin + 0.5 * (t_end - t_begin)) add_to(taken, to - from);
+    if (is_near) add_to(taken_near, to - from);
+  }
+  void add_to(std::map<double, double>& times, double dt) const {
+    if (!integrator.adaptive() && !times.empty()) {
+      times.begin()->second += dt;  // the last one may be shorter
+      return;
+    }
     // Steps within a tenth of each other are taken for the same.
-    const double key = integrator.adaptive() ? std::exp2(std::round(8 * std::log2(dt)) / 8) : dt;
-    if (!integrator.adaptive() && !taken.empty()) taken.begin()->second += dt;  // the last one may be shorter
-    else taken[key] += dt;
+    times[integrator.adaptive() ? std::exp2(std::round(8 * std::log2(dt)) / 8) : dt] += dt;
+  }
+  void look(const Integrator::Step& step) {
+    if (step.t < t_begin + (t_end - t_begin) * next_look / audits) return;
+    is_near = near_sliding(model, step.u);
+    while (next_look <= audits && step.t >= t_begin + (t_end - t_begin) * next_look / audits) ++next_look;
   }
 
   void after(const Integrator::Step& step) {
     const bool is_step = step.t > step.t_before;
     if (is_step) note_step(step.t_before, step.t);
+    look(step);
     if (!watching) return;
     const double audit_time = t_begin + (t_end - t_begin) * (next_audit + 0.5) / audits;
     if (is_step && has_before) {
@@ -209,6 +221,13 @@ Trust::Verdict Trust::verdict(Vec u) const {
   StepForecast forecast(m.model, u, m.integrator.report().implicit, m.integrator.ts());
   v.growth = v.growth_taken = forecast.sliding_growth(true);
   v.growth_of_all = v.growth_taken_of_all = forecast.sliding_growth(false);
+  v.near_growth = v.growth;
+  v.near_growth_of_all = v.growth_of_all;
+  for (const auto& [dt, time] : m.taken_near) v.near_time += time;
+  if (v.near_time > 0) {
+    v.near_growth = forecast.sliding_growth_of(m.taken_near, true);
+    v.near_growth_of_all = forecast.sliding_growth_of(m.taken_near, false);
+  }
   if (m.taken.empty()) return v;
   v.growth_taken = forecast.sliding_growth_of(m.taken, true);
   v.growth_taken_of_all = forecast.sliding_growth_of(m.taken, false);
@@ -243,6 +262,23 @@ bool Trust::warn_of(const Verdict& v, const std::string& regime) const {
          " let them " + (v.growth_taken > 0 ? "grow like exp(" : "decay like exp(") + rounded(v.growth_taken) +
          " t): the regime `" + regime + "` is the method's, not the scene's (reduce ts_dt" +
          (m.integrator.adaptive() ? ", ts_rtol or ts_atol)" : ")"));
+    return true;
+  }
+  // Once stick-slip is reached, in truth and here, its amplitude no longer depends on how: only a motion that is near
+  // sliding up to where regime and amplitude are measured, or should be, comes out wrong.
+  const double resolved = (v.near_growth - v.growth) * v.near_time;
+  const double all = (v.near_growth_of_all - v.growth_of_all) * v.near_time;
+  const bool is_short = std::abs(resolved) <= largest_growth_error && all > largest_short_growth_error;
+  const double taken = is_short ? v.near_growth_of_all : v.near_growth, excess = is_short ? all : resolved;
+  const double near_truly = v.near_time * std::max(1., taken / v.growth);
+  if (v.growth > 0 && near_truly > 0.45 * duration && std::abs(excess) > largest_growth_error) {
+    told = true;
+    warn("perturbations of steady sliding grow like exp(" + rounded(v.growth) + " t), with the steps of " + method +
+         (is_short ? " those of a few nodes" : "") + " like exp(" + rounded(taken) + " t): after " +
+         rounded(v.near_time) + " near sliding their amplitude, and with it the time at which stick-slip sets in, is " +
+         "wrong by a factor of " +
+         (std::abs(excess) < 20 ? "about " + rounded(std::exp(std::abs(excess))) : "more than 1e8") +
+         (m.integrator.adaptive() ? " (tighten ts_rtol and ts_atol)" : " (reduce ts_dt, or use an adaptive method)"));
   }
   if (!m.integrator.adaptive() && v.growth_of_all <= 0 && regime != "sliding" && v.growth_taken_of_all * duration > 1) {
     told = true;

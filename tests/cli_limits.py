@@ -84,6 +84,39 @@ def false_stability():
     check(growing.amplitude > 50 * run.amplitude and "method's" not in growing.said, "explicit steps let it grow")
 
 
+def slow_growth():
+    # Sliding that is left at 0.046 per unit time: what is seen after 100 hangs on the growth rate.
+    slow = SLIDING + "-model_v 0.95 -ts_max_time 100 "
+    front = "a front is not resolved"  # the noise is as short as the grid
+    grows = "perturbations of steady sliding grow like exp(0.0463 t)"
+    true = Run(slow).expect(0, front)
+    check(true.regime == "undecided" and grows not in true.said, f"{true.regime}: {true.said}")
+    for method, amplitude in [("euler -ts_dt 0.0017", 2), ("arkimex -imex_implicit friction -ts_adapt_type none "
+                                                            "-ts_dt 0.19", 2)]:
+        run = Run(slow + "-ts_type " + method).expect(0, grows)
+        check(run.amplitude > amplitude > 10 * true.amplitude, f"{method}: amplitude {run.amplitude}")
+    # from where it starts is no longer seen once stick-slip has lasted
+    run = Run(slow + "-ts_max_time 300 -ts_type rk -ts_rk_type 4 -ts_dt 0.1")
+    check(grows not in run.said, "stick-slip has lasted")
+
+
+def short_slips():
+    # Slips that last a thousandth of the window: amplitude and regime come from the steps, not from samples between
+    # which they pass. Windows that end elsewhere see the same.
+    plate = os.path.join(os.environ["STICKSLIP_SOURCE"], "runs", "plate.yaml")
+    runs = [Run(f"{plate} -out_frames 2 -ts_max_time {end}").expect(0) for end in (1000, 1002, 1005)]
+    check(all(run.regime == "stick-slip" for run in runs), f"plate: {[run.regime for run in runs]}")
+    check(max(run.amplitude for run in runs) < 1.002 * min(run.amplitude for run in runs),
+          f"plate: amplitudes {[run.amplitude for run in runs]}")
+
+
+def no_one_speed():
+    # The nodes oscillate nearly as one when the first pulse enters: passage times, all alike, make no speed.
+    scene = os.path.join(os.environ["STICKSLIP_SOURCE"], "runs", "pacemaker.yaml")
+    run = Run(f"{scene} -out_frames 2 -grid_n 201 -ts_max_time 20").expect(0, "a front is not resolved")
+    check(run.speed is None, f"pacemaker: speed {run.speed}")
+
+
 def false_instability():
     stable = SLIDING + "-model_v 1.1 -ts_max_time 100 "
     run = Run(stable + "-ts_type bdf -ts_bdf_order 4 -ts_adapt_type none -ts_dt 0.3").expect(
@@ -117,6 +150,9 @@ sound_runs()
 blow_up()
 newton_divergence()
 false_stability()
+slow_growth()
+short_slips()
+no_one_speed()
 false_instability()
 spurious_roots()
 wrong_speed()

@@ -3,7 +3,8 @@
 // The window is the last quarter of the run, sampled at equal times; the third quarter serves to tell whether the
 // motion is still changing. All of it works on whole fields, on the rank that has them.
 //
-//   amplitude   half the largest range, over the nodes, that psi runs through in time
+//   amplitude   half the largest range, over the nodes, that psi runs through in time, in the samples and, where they
+//               are told by widen(), in the steps between them
 //   regime      `stick-slip`: the amplitude is at least a fifth of |v| (of 1 where v = 0) and within a quarter of that
 //               of the third quarter; `sliding`: below a thousandth of it, or falling so fast that the next window of
 //               that length would halve it again; `undecided` otherwise
@@ -11,7 +12,8 @@
 //   wave speed  on a ring with m pulses the slope of the phase of the m-th Fourier coefficient, -2 pi m V/L, by least
 //               squares; elsewhere the least-squares slope of the times at which the nodes of the middle half last
 //               passed v upwards, along each pulse. Positive to the right; none where the phase is not linear in time
-//               to 0.3 rad, or where pulses of one direction hold fewer than 80 % of the nodes.
+//               to 0.3 rad, where pulses of one direction hold fewer than 80 % of the nodes, or where the times of
+//               passage are off the straight line by more than a tenth of what they climb: no one speed then.
 #pragma once
 
 #include <map>
@@ -32,6 +34,8 @@ class Measurement {
   const std::vector<double>& times() const { return times_; }
 
   void sample(double t, const std::vector<double>& psi);
+  // psi of every node ran from low to high in the third (part 0) or last (1) quarter.
+  void widen(int part, const std::vector<double>& low, const std::vector<double>& high);
 
   struct Result {
     std::string regime = "undecided";

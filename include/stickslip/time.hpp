@@ -11,8 +11,8 @@
 //     both      everything
 //     none      nothing
 // Explicit methods (rk, ssp, euler) take the whole right-hand side; rk takes all stages of a step tile by tile in the
-// cache (rk_fused; docs/performance.md), with PETSc's tableau, error control and options; methods that are fully implicit (theta, cn,
-// beuler, bdf, rosw, ...) take everything implicitly.
+// cache (rk_fused; docs/performance.md), with PETSc's tableau, error control and options; methods that are fully
+// implicit (theta, cn, beuler, bdf, rosw, ...) take everything implicitly.
 #pragma once
 
 #include <functional>

@@ -10,7 +10,9 @@
 //
 // What no error estimate sees is a perturbation of steady sliding that stays below the tolerance: a damping method then
 // takes steps so long that the perturbation decays where it should grow. So the regime that a run ends in is held
-// against the linearised operator (step_forecast.hpp) at the steps that the run has taken.
+// against the linearised operator (step_forecast.hpp) at the steps that the run has taken. While psi stands near
+// sliding a perturbation that should grow like exp(g t) and grows like exp(g' t) comes out wrong by a factor of
+// exp((g' - g) t), and reaches stick-slip too early or too late.
 //
 // Everything is collective. The run is not touched: what is computed here has a model and an integrator of its own.
 #pragma once
@@ -38,6 +40,8 @@ class Trust {
     int repeated = 0;                   // steps that were
     int beyond = 0;                     // steps given up on: too far for an accurate repetition
     bool near_sliding = false;  // does psi stand within a tenth of v at half the nodes?
+    double near_time = 0;    // so long the motion was near sliding, as seen at the 16 times
+    double near_growth = 0, near_growth_of_all = 0;  // growth rates at the steps taken then, as below
     // Growth rates of sliding's perturbations, the true ones and those of the steps taken in the second half: of the
     // wavelengths that the grid resolves, and of all. NaN where there is no steady sliding.
     double growth = 0, growth_taken = 0, growth_of_all = 0, growth_taken_of_all = 0;
@@ -47,6 +51,9 @@ class Trust {
   // Warns where `regime` (as Measurement has it), speeds or periods cannot be believed. True where it did.
   bool warn_of(const Verdict& verdict, const std::string& regime) const;
 
+  // A perturbation of sliding whose amplitude comes out wrong by this much, in its logarithm, is told; for waves that
+  // the grid does not resolve, which need not be there, when it is too large by the second.
+  static constexpr double largest_growth_error = 0.1, largest_short_growth_error = 0.5;
   // A step that misses more than this of its change is not believed.
   static constexpr double largest_miss = 0.03;
 
