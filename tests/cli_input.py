@@ -279,7 +279,7 @@ def run(arguments, folder, environment=None, ranks=1):
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks)] + command
     with tempfile.TemporaryDirectory() as own:  # two Open MPI programs at a time must not share a session folder
-        done = subprocess.run(command, cwd=folder, env={**os.environ, "TMPDIR": own, **(environment or {})},
+        done = subprocess.run(command, cwd=folder, env={**os.environ, "OMPI_MCA_orte_tmpdir_base": own, **(environment or {})},
                               stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=120)
     return done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(errors="replace")
 

@@ -368,7 +368,7 @@ def execute(words, scene, ranks, inputs):
         session = os.path.join(top, "t")  # two Open MPI programs at a time must not share a session folder
         os.mkdir(session)
         try:
-            done = subprocess.run(command, cwd=folder, env={**os.environ, "TMPDIR": session}, stdin=subprocess.DEVNULL,
+            done = subprocess.run(command, cwd=folder, env={**os.environ, "OMPI_MCA_orte_tmpdir_base": session}, stdin=subprocess.DEVNULL,
                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=300)
         except subprocess.TimeoutExpired:
             return {"hangs": True}
