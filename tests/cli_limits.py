@@ -3,6 +3,7 @@ sound runs of the same scenes, which stay silent."""
 import json
 import os
 import subprocess
+import tempfile
 
 PROGRAM = os.environ["STICKSLIP"]
 failures = 0
@@ -117,6 +118,27 @@ def no_one_speed():
     check(run.speed is None, f"pacemaker: speed {run.speed}")
 
 
+def chart_on_ranks():
+    # The rows of a chart of limits do not depend on the ranks: steps found by bisection, each to 5 % or better.
+    scene = os.path.join(os.environ["STICKSLIP_SOURCE"], "runs", "limits-train.yaml")
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for ranks in (1, 2):
+            done = subprocess.run(
+                ["mpirun", "-n", str(ranks), PROGRAM, "chart", scene, "-progress", "off", "-summary", "-", "-grid_n",
+                 "96", "-ts_max_time", "8", "-chart_methods", "rk:3bs,beuler", "-out_file", os.path.join(folder, "l.h5")],
+                capture_output=True, text=True, check=False)
+            check(done.returncode == 0, f"chart on {ranks} ranks: {done.stderr}")
+            rows.append(json.loads(done.stdout)["rows"])
+    check(len(rows[0]) == len(rows[1]) == 2, f"rows: {rows}")
+    for one, two in zip(*rows):
+        for key in ("method", "how", "wrong", "warned"):
+            check(one[key] == two[key], f"{one['method']}: {key} {one[key]} and {two[key]}")
+        for key in ("limit", "followed", "theory", "shortest", "damps"):
+            same = one[key] == two[key] or (one[key] and two[key] and abs(one[key] / two[key] - 1) < 0.05)
+            check(same, f"{one['method']}: {key} {one[key]} on 1 rank, {two[key]} on 2")
+
+
 def false_instability():
     stable = SLIDING + "-model_v 1.1 -ts_max_time 100 "
     run = Run(stable + "-ts_type bdf -ts_bdf_order 4 -ts_adapt_type none -ts_dt 0.3").expect(
@@ -153,6 +175,7 @@ false_stability()
 slow_growth()
 short_slips()
 no_one_speed()
+chart_on_ranks()
 false_instability()
 spurious_roots()
 wrong_speed()
