@@ -126,7 +126,8 @@ def chart_on_ranks():
         for ranks in (1, 2):
             done = subprocess.run(
                 ["mpirun", "-n", str(ranks), PROGRAM, "chart", scene, "-progress", "off", "-summary", "-", "-grid_n",
-                 "96", "-ts_max_time", "8", "-chart_methods", "rk:3bs,beuler", "-out_file", os.path.join(folder, "l.h5")],
+                 "96", "-ts_max_time", "8", "-chart_methods", "rk:3bs,beuler",
+                 "-out_file", os.path.join(folder, "l.h5")],
                 capture_output=True, text=True, check=False)
             check(done.returncode == 0, f"chart on {ranks} ranks: {done.stderr}")
             rows.append(json.loads(done.stdout)["rows"])
