@@ -121,6 +121,36 @@ with tempfile.TemporaryDirectory() as folder:
           f"verified on both sides: {verified}")
     check("would hide the instability" in err, f"backward Euler is warned of: {err}")
 
+    # More scenes: what the unstable and the stable side come to, from perturbed sliding and from large stick-slip. A law
+    # with a threshold keeps its stick-slip where sliding is stable again (hysteresis).
+    chain = ("-model_form", "chain", "-boundary_parameter", "model_v", "-boundary_from", "0.05", "-boundary_to", "2",
+             "-model_zeta", "0.3")
+    held = ("-bc_left", "velocity", "-bc_left_value", "1.1", "-bc_right", "free")
+    for words, stable_side, args in (
+            ("printed sign", "sliding", ("-model_delta_sign", "printed", "-grid_n", "32", "-grid_length", "20",
+                                         "-boundary_parameter", "model_v", "-boundary_from", "0.5", "-boundary_to", "2")),
+            ("chain", "sliding", (*chain, "-grid_n", "16")), ("held end", "sliding", (*chain, "-grid_n", "16", *held)),
+            ("hysteresis", "both live", (*chain, "-grid_n", "4", "-friction_law", "carlson-langer")),
+            ("healing", "both live", (*chain, "-grid_n", "4", "-friction_law", "coulomb", "-state_law", "healing")),
+            ("rate-and-state", "sliding", ("-model_form", "chain", "-grid_n", "8", "-friction_law", "rate-and-state",
+                                           "-model_v", "0.1", "-boundary_parameter", "model_k0", "-boundary_from", "0.01",
+                                           "-boundary_to", "10", "-boundary_log", "true"))):
+        code, out, err = call("boundary", *args, "-boundary_verify", "1", "-summary", "v.json")
+        sides = json.load(open("v.json"))["verified"] if code == 0 else []
+        check([(v["from_sliding"], v["regime"]) for v in sides] == [("stick-slip", "stick-slip"), ("sliding", stable_side)],
+              f"time integration beside the boundary, {words}: {code}, {err}, {sides}")
+
+    # Every diagram of runs/ against its closed form. At v = 0 the curve v^2 = a^2 is vertical: there round-off of size e in
+    # the other option, or in a^2, is sqrt(e) in v, so v^2 is what can be compared.
+    for name in ("figure6-cubic", "figure6-carlson-langer", "figure6-equal-springs", "stability-gamma-v-derived",
+                 "stability-gamma-v-printed", "stability-delta-v-derived", "stability-delta-v-printed"):
+        code, out, err = call("boundary", os.path.join(source, "runs", name + ".yaml"), "-grid_n", "16", "-out_file", "d.h5")
+        check(code == 0 and not err, f"{name} ends with {code}: {err}")
+        with h5py.File("d.h5") as file:
+            v, closed = file["value2"][...], np.abs(file["closed_form_v"][...])
+            error = np.minimum(np.abs(np.abs(v) - closed) / np.maximum(1, closed), 1e4 * np.abs(v**2 - closed**2))
+            check(len(v) > 50 and np.all(error < 1e-8), f"{name} leaves its closed form by {np.max(error)}")
+
     # A law with a threshold, blocks that stick: v_c = sqrt(f0/zeta) - 1, zeta = sqrt(0.1 m k1); above it both live
     code, out, err = call("boundary", "-model_form", "chain", "-model_zeta", "paper", "-friction_law", "carlson-langer",
                           "-grid_n", "16", "-boundary_parameter", "model_v", "-boundary_from", "0.5", "-boundary_to", "3",
