@@ -790,7 +790,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
   double total = 0;
   for (const Piece& p : pieces) total += length_of(p);
   std::vector<Crossing> result;
-  int jumps = 0;
+  int jumps = 0, symmetric = 0;
   for (std::size_t number = 0; number < pieces.size(); ++number) {
     const Piece& p = pieces[number];
     const double length = length_of(p);
@@ -845,7 +845,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
     for (Crossing& c : placed) {
       c.piece = int(number);
       if (!growth.vanishes(c)) {
-        ++jumps;
+        ++(Sliding(Scene::from(growth.options_at(c.x, c.y), true)).neutral() ? symmetric : jumps);
         continue;
       }
       if (!result.empty() && result.back().piece == c.piece) {
@@ -856,6 +856,9 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
       result.push_back(c);
     }
   }
+  if (symmetric > 0)
+    notes.push_back("the curve ends where model_k0 = 0: the mode that crosses becomes the symmetry of sliding at any "
+                    "velocity (lambda = 0)");
   if (jumps > 0)
     notes.push_back(std::to_string(jumps) + " points of the curve are left out: the growth rate jumps through zero "
                     "there, where a mode enters or leaves what the grid resolves");

@@ -129,8 +129,8 @@ int spectrum_command(const Options& options) {
                                                {"growth", spectrum.stable ? Json(t->growth) : Json()},
                                                {"time", spectrum.stable ? Json(t->time) : Json()}}));
       } else {
-        warn("-spectrum_transient: not for this scene (more than 400 unknowns that are not all alike, k0 = 0, or D2 not "
-             "symmetric)");
+        warn("-spectrum_transient: not for this scene (more than 400 unknowns that are not all alike, k0 = 0, or D2 "
+             "not symmetric)");
       }
     }
     write_file(sliding, spectrum, options.text("out_file"), provenance);

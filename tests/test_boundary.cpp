@@ -195,7 +195,7 @@ TEST_CASE("curves of spread and held scenes lie where the dense matrix has no gr
   }
 }
 
-TEST_CASE("a closed curve smaller than a cell of the lattice, with corners where two pairs cross at once", "[boundary]") {
+TEST_CASE("a closed curve smaller than a cell, with corners where two pairs cross at once", "[boundary]") {
   // psi = 0 everywhere is unstable for zeta < 1, psi large anywhere is not; the equations are odd in (psi_e, v).
   for (const char* zeta : {"0.98", "0.999"}) {
     GrowthRate growth(PETSC_COMM_SELF,
@@ -220,5 +220,26 @@ TEST_CASE("a closed curve smaller than a cell of the lattice, with corners where
     }
     CHECK(std::abs(turn) == Approx(2 * M_PI));
     CHECK(switches >= 4);
+  }
+}
+
+TEST_CASE("where a curve meets k0 = 0 the pair becomes a symmetry: it ends there, and says why", "[boundary]") {
+  // rate-and-state, b > a: the Hopf frequency falls to 0 with k0 where b = a
+  GrowthRate growth(PETSC_COMM_SELF,
+                    options_of({{"model_form", "chain"}, {"grid_n", "6"}, {"friction_law", "rate-and-state"},
+                                {"model_v", "1"}}),
+                    {{"friction_b", 0.01, 0.2, false}, {"model_k0", 0, 2, false}});
+  Samples samples;
+  std::vector<std::string> notes;
+  const auto curve = boundary_curve(growth, 12, samples, notes);
+  REQUIRE(curve.size() == 11);
+  REQUIRE(notes.size() == 1);
+  CHECK(notes[0].find("model_k0 = 0") != std::string::npos);
+  for (const Crossing& c : curve) {
+    // stable iff K > (b - a) T/D [1 + v^2/(A a D T)], A = f0/m = 1, K = k0/f0
+    const double a = 0.05, D = 0.1;
+    const Sliding sliding(Scene::from(growth.options_at(c.x, c.y), true));
+    const double T = std::tanh(sliding.eta[0] / a);
+    CHECK((c.value - a) * T / D * (1 + 1 / (a * D * T)) == Approx(c.value2).epsilon(1e-8));
   }
 }
