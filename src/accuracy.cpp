@@ -53,11 +53,17 @@ double expected_order(double earlier, double last, int p) {
 }
 
 AccuracyPlan::AccuracyPlan(const Options& options, double wanted)
-    : asked_(options), chosen_(options), wanted_(wanted), aim_(wanted), most_tolerance_(std::min(3 * wanted, 1e-3)), scene_(Scene::from(options, false)),
+    : asked_(options),
+      chosen_(options),
+      wanted_(wanted),
+      aim_(wanted),
+      most_tolerance_(std::min(3 * wanted, 1e-3)),
+      scene_(Scene::from(options, false)),
       probes_(options.reals("out_probes")) {
   const double begin = largest_processor_seconds();
   if (has_threshold(scene_.friction.law) && !scene_.friction.regularised)
-    throw UsageError("accuracy " + options.text("accuracy") + " with friction_stick exact: there is one method for exact "
+    throw UsageError("accuracy " + options.text("accuracy") +
+                     " with friction_stick exact: there is one method for exact "
                      "stick; set ts_rtol and ts_atol, or friction_stick regularised");
   const bool continuum = has_grid_limit(options, scene_) && !is_uniform(options, scene_);
   grid_open_ = continuum && !options.is_set("grid_n");
@@ -77,7 +83,8 @@ AccuracyPlan::AccuracyPlan(const Options& options, double wanted)
     if (!sub.empty() && options.is_set(sub)) text += ":" + options.text(sub);
     setting_.method = MethodChoice::parse("ts_type", text);
     if (!setting_.method.has_estimate())
-      throw UsageError("-ts_type " + text + ": it has no error estimate, which -accuracy needs; use rk, arkimex or rosw");
+      throw UsageError("-ts_type " + text +
+                       ": it has no error estimate, which -accuracy needs; use rk, arkimex or rosw");
     if (options.is_set("imex_implicit")) setting_.method.implicit = options.text("imex_implicit");
   } else {
     setting_.method = MethodChoice::parse("accuracy", wanted_ < 1e-6 ? "rk:8vr" : "rk:5dp");
@@ -114,7 +121,9 @@ bool AccuracyPlan::starts_stiff(PetscInt n) const {
 
 // On a grid of n nodes: three tolerances, of which the strictest is meant to be what is needed there.
 void AccuracyPlan::choose_method_and_tolerance(PetscInt n) {
-  const auto scene_at = [&] { return Scene::from(options_for(asked_, {setting_.method, 0, 0, setting_.order, n}), false); };
+  const auto scene_at = [&] {
+    return Scene::from(options_for(asked_, {setting_.method, 0, 0, setting_.order, n}), false);
+  };
   const Scene scene = scene_at();
   const double target = share_of_time * (has_space_ ? 1 : 2) * aim_;
 
@@ -138,7 +147,8 @@ void AccuracyPlan::choose_method_and_tolerance(PetscInt n) {
       if (!now.failed.empty()) return std::nullopt;
       const double d = difference({scene, before}, {scene, now.end});
       // d is about the error at the looser tolerance
-      const double slope = std::isnan(last_difference) ? 1 : std::log(last_difference / std::max(d, 1e-300)) / std::log(factor);
+      const double slope =
+          std::isnan(last_difference) ? 1 : std::log(last_difference / std::max(d, 1e-300)) / std::log(factor);
       const double used = std::clamp(slope, 0.4, 0.9);
       seconds = now.seconds;
       const double error = d / (std::pow(factor, used) - 1);
@@ -161,7 +171,8 @@ void AccuracyPlan::choose_method_and_tolerance(PetscInt n) {
   if (!best && !method_open_)
     throw Failure("accuracy " + rounded(wanted_) + ": " + setting_.method.name() + " failed on the way to it");
   if (method_open_) {
-    // Others may be cheaper where an explicit method's steps are those of stability, which no looser tolerance lengthens.
+    // Others may be cheaper where an explicit method's steps are those of stability, which no looser tolerance
+    // lengthens.
     std::vector<const char*> others;
     if (!best || stiff) {
       others = {"rk:3bs", "arkimex:4:both"};
@@ -204,8 +215,9 @@ void AccuracyPlan::choose_method_and_tolerance(PetscInt n) {
 double AccuracyPlan::difference(const Rung& a, const Rung& b) const {
   const bool a_coarser = a.scene.n <= b.scene.n;
   const Rung &coarse = a_coarser ? a : b, &fine = a_coarser ? b : a;
-  return std::max(distance(coarse.fields, resample(fine.fields, fine.scene, coarse.scene)),
-                  distance(at_points(coarse.fields, coarse.scene, probes_), at_points(fine.fields, fine.scene, probes_)));
+  return std::max(
+      distance(coarse.fields, resample(fine.fields, fine.scene, coarse.scene)),
+      distance(at_points(coarse.fields, coarse.scene, probes_), at_points(fine.fields, fine.scene, probes_)));
 }
 
 void AccuracyPlan::climb() {
@@ -246,7 +258,8 @@ void AccuracyPlan::climb() {
     const PetscInt steps = last_steps_;
     const Rung loose = rung_at(rung.scene.n, setting_.tolerance);
     // the same steps at both tolerances: the difference tells nothing
-    if (last_steps_ >= steps) return stretch * difference(loose, rung_at(rung.scene.n, std::max(tight() / 1000, 1e-14)));
+    if (last_steps_ >= steps)
+      return stretch * difference(loose, rung_at(rung.scene.n, std::max(tight() / 1000, 1e-14)));
     return stretch * difference(rung, loose);
   };
   double before = NAN, last = NAN, rate_before = NAN, rate = NAN;
@@ -268,7 +281,8 @@ void AccuracyPlan::climb() {
       continue;
     }
     // suspicious: the steps in time may be what the differences show
-    if (tolerance_open_ && rate < 0.5 * p && last > 0.1 * wanted_ && tight() > 2e-14 && error_in_time(rung, 1) > 0.5 * last && restarts < 6) {
+    if (tolerance_open_ && rate < 0.5 * p && last > 0.1 * wanted_ && tight() > 2e-14 &&
+        error_in_time(rung, 1) > 0.5 * last && restarts < 6) {
       ++restarts;
       setting_.tolerance = std::max(setting_.tolerance / 10, 1e-14);
       before = last = rate_before = rate = NAN;
@@ -278,8 +292,8 @@ void AccuracyPlan::climb() {
       continue;
     }
     order_seen_ = expected_order(rate_before, std::isnan(rate) ? p / 2. : rate, p);
-    space_error_ = std::isnan(last) ? NAN
-                                    : last / (std::pow(2, std::clamp(std::isnan(rate) ? p / 2. : rate, 0.5, double(p))) - 1);
+    space_error_ =
+        std::isnan(last) ? NAN : last / (std::pow(2, std::clamp(std::isnan(rate) ? p / 2. : rate, 0.5, double(p))) - 1);
     const double factor = std::pow(space_error_ / (share_of_space * aim_), 1 / order_seen_);
     if (grid_open_) {
       const bool hopeless =
@@ -304,7 +318,8 @@ void AccuracyPlan::climb() {
       if (round == 8 || setting_.tolerance < 2e-14)
         throw Failure("accuracy " + rounded(wanted_) + " is out of reach: at tolerance " + rounded(setting_.tolerance) +
                       " the error in time is still about " + rounded(in_time) + " (the motion amplifies what is lost)");
-      setting_.tolerance = std::max(setting_.tolerance * std::clamp(share_of_time * wanted_ / in_time, 0.03, 0.3), 1e-14);
+      setting_.tolerance =
+          std::max(setting_.tolerance * std::clamp(share_of_time * wanted_ / in_time, 0.03, 0.3), 1e-14);
       rung = rung_at(n, tight());
       in_time = error_in_time(rung, std::max(1., stretch));
     }
@@ -355,7 +370,10 @@ double AccuracyPlan::estimate(const Fields& end) const {
   const double foreseen = space_error_ / std::pow(ratio, order_seen_);
   // d holds the error in time as well
   const double seen = d / (std::pow(ratio, order_seen_) - 1);
-  const double in_space = ratio < 0.99 ? d + space_error_ : ratio <= 1.01 ? space_error_ : d > 3 * in_time ? seen : std::min(seen, foreseen);
+  const double in_space = ratio < 0.99      ? d + space_error_
+                          : ratio <= 1.01   ? space_error_
+                          : d > 3 * in_time ? seen
+                                            : std::min(seen, foreseen);
   return 1.5 * in_space + 2 * in_time;
 }
 

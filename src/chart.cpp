@@ -251,7 +251,8 @@ class Chart {
     for (const Setting& s : settings_) (void)converged(s.order, s.n);
     if (reference_) return;
     reference_error_ = 0;
-    for (const Setting& s : settings_) reference_error_ = std::max(reference_error_, converged(s.order, s.n).time_error);
+    for (const Setting& s : settings_)
+      reference_error_ = std::max(reference_error_, converged(s.order, s.n).time_error);
   }
 
   void run_rows() {
@@ -355,7 +356,8 @@ class Chart {
       double smallest = std::numeric_limits<double>::infinity();
       for (const Setting& s : settings_) {
         const Converged& c = converged(s.order, s.n);
-        if (c.failed.empty()) smallest = std::min(smallest, distance(c.fields, resample(fine.fields, fine.scene, c.scene)));
+        if (c.failed.empty())
+          smallest = std::min(smallest, distance(c.fields, resample(fine.fields, fine.scene, c.scene)));
       }
       if (k > 1 && reference_error_ * 2 * margin <= smallest) break;
       if (4 * fine.seconds > 3 * reference_limit_) break;  // the next grid would take that long
@@ -580,7 +582,8 @@ std::vector<Setting> chart_settings(const Options& options) {
   std::vector<MethodChoice> list;
   std::vector<std::string> names = options.words("chart_methods");
   if (names.empty())
-    names = {"rk:3bs", "rk:5dp", "rk:8vr", "arkimex:3:friction", "arkimex:4:friction", "arkimex:4:wave", "rosw:ra34pw2"};
+    names = {"rk:3bs",         "rk:5dp",      "rk:8vr", "arkimex:3:friction", "arkimex:4:friction",
+             "arkimex:4:wave", "rosw:ra34pw2"};
   for (const std::string& name : names) list.push_back(MethodChoice::parse("chart_methods", name));
 
   std::vector<double> tolerances = options.reals("chart_tolerances"), steps = options.reals("chart_steps");
@@ -608,7 +611,8 @@ std::vector<Setting> chart_settings(const Options& options) {
                      "; give one");
   if (one_grid && orders.size() > 1) {
     if (options.is_set("chart_orders"))
-      throw UsageError("chart_orders " + options.text("chart_orders") + ": the start (init_noise, init_type file) lives "
+      throw UsageError("chart_orders " + options.text("chart_orders") +
+                       ": the start (init_noise, init_type file) lives "
                        "on one grid; give one order");
     orders = {scene.order};
   }

@@ -1,12 +1,13 @@
 // `-accuracy E`: method, tolerance, order and grid for an error of E, and what the error then is.
 //
 // The error is the largest |difference| of psi and eta from the solution of the differential equation (of the chain's
-// equations) at ts_max_time, over nodes and probes. Three things are measured on runs that are cheaper than the one they
-// prepare:
+// equations) at ts_max_time, over nodes and probes. Three things are measured on runs that are cheaper than the one
+// they prepare:
 //   - what a tolerance gives: two or three runs on a coarse grid (the chain: of the scene itself) by an explicit pair,
 //     and by a Rosenbrock method where the explicit one's steps do not depend on the tolerance, which is what
 //     stability looks like; the cheaper stays;
-//   - what a grid gives: grids doubled from a coarse one at the highest order, until the next would be finer than needed;
+//   - what a grid gives: grids doubled from a coarse one at the highest order, until the next would be finer than
+//     needed;
 //     their differences d_k and rates d_(k-1)/d_k give the error of the last one and of any finer one;
 //   - afterwards the run itself: its difference from the last of those grids, and from the last of those tolerances.
 // An estimate is no bound: it is made to lie a little above the error.
@@ -22,8 +23,8 @@ namespace stickslip {
 
 class AccuracyPlan {
  public:
-  // Runs what it needs. Throws UsageError where what the user set leaves no choice (a method without an error estimate),
-  // Failure where the accuracy is out of reach, with the best that is in reach and the reason. Collective.
+  // Runs what it needs. Throws UsageError where what the user set leaves no choice (a method without an error
+  // estimate), Failure where the accuracy is out of reach, with the best that is in reach and the reason. Collective.
   AccuracyPlan(const Options& options, double wanted);
 
   // The user's options, with those set that he left open.

@@ -122,8 +122,8 @@ struct Samples {
 // Every zero on the first axis, ascending in the coordinate. `notes`: what is not as it should be. Collective.
 std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples, std::vector<std::string>& notes);
 
-// The curve in the box of both axes: about `points` points, even along it in the coordinates, ends on the borders of the
-// box included; several pieces, closed ones too. `notes`: why a piece ended inside the box. Collective.
+// The curve in the box of both axes: about `points` points, even along it in the coordinates, ends on the borders of
+// the box included; several pieces, closed ones too. `notes`: why a piece ended inside the box. Collective.
 std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Samples& samples,
                                      std::vector<std::string>& notes);
 
@@ -144,7 +144,8 @@ std::vector<Verified> verify_boundary(GrowthRate& growth, const std::vector<Cros
 std::string regime_from(const Options& options, const Sliding& sliding, double amplitude, double k, double duration);
 
 // The plate velocity at which uniform sliding loses stability, in closed form, for the laws of velocity alone without
-// spread: sqrt(1 - s delta/gamma), sqrt(1 - zeta/f0), sqrt(f0/zeta) - 1. Nothing for other scenes, or where there is none.
+// spread: sqrt(1 - s delta/gamma), sqrt(1 - zeta/f0), sqrt(f0/zeta) - 1. Nothing for other scenes, or where there is
+// none.
 std::optional<double> closed_form_velocity(const Scene& scene);
 
 }  // namespace stickslip

@@ -1,15 +1,15 @@
 // The catalogue of slip events of a run.
 //
-// A node moves while psi is not 0 (friction that sticks) or while |psi| exceeds a velocity (any other friction). An event
-// begins when a node moves that neither lies in nor stands beside the region of an event under way; whatever begins to
-// move in or beside that region belongs to it, and events whose regions meet become one, which keeps the earlier
-// beginning. It ends when nothing in its region moves. The region, all nodes that have moved, is connected.
+// A node moves while psi is not 0 (friction that sticks) or while |psi| exceeds a velocity (any other friction). An
+// event begins when a node moves that neither lies in nor stands beside the region of an event under way; whatever
+// begins to move in or beside that region belongs to it, and events whose regions meet become one, which keeps the
+// earlier beginning. It ends when nothing in its region moves. The region, all nodes that have moved, is connected.
 //
 // Starts and ends of friction that sticks are exact, since the steps are cut there; otherwise they are ends of steps.
 // Integrals are taken over each step by Simpson's rule on the cubic of psi (error dt^4 relative to the event).
 //
-// Of a region of nodes i, of weight w = 1 in the chain and h in the continuum, with the slip d_i = integral of psi_i and
-// the force eta before (eta0) and behind (eta1), in units of the friction amplitude:
+// Of a region of nodes i, of weight w = 1 in the chain and h in the continuum, with the slip d_i = integral of psi_i
+// and the force eta before (eta0) and behind (eta1), in units of the friction amplitude:
 //     extent         number of blocks; length in the continuum: nodes times h
 //     slip           largest d_i                            moment     sum w d_i
 //     magnitude      ln(moment); NaN where it is not positive

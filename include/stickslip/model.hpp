@@ -45,10 +45,10 @@ class Model {
 
   VecHandle create_vector() const;
 
-  // Friction that sticks (stick.hpp): while `direction` is given, one value a node of this rank that stays the caller's,
-  // nodes with 0 rest (psi_t = 0, friction is eta) and the others slide with the friction of that direction, +1 or -1,
-  // whatever the sign of psi. Heeded by rhs() and jacobian() for Part::full, pointwise and stencil, not by wave and
-  // reaction, in each of which eta and F stand alone. nullptr: the sign of psi decides, and nothing sticks.
+  // Friction that sticks (stick.hpp): while `direction` is given, one value a node of this rank that stays the
+  // caller's, nodes with 0 rest (psi_t = 0, friction is eta) and the others slide with the friction of that direction,
+  // +1 or -1, whatever the sign of psi. Heeded by rhs() and jacobian() for Part::full, pointwise and stencil, not by
+  // wave and reaction, in each of which eta and F stand alone. nullptr: the sign of psi decides, and nothing sticks.
   void set_direction(const double* direction) const;
 
   // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space.

@@ -68,7 +68,8 @@ class Sliding {
   // Factors S(lambda); the determinant returned is that of the characteristic polynomial, up to A^n.
   LogDet factor(Complex lambda, BandLU& lu) const;
   // The phase of det S(lambda), turned continuously from 0 at real lambda far to the right. For lambda with
-  // Re lambda >= right_of_all(): there S/lambda has a positive real part, or is diagonally dominant, and so have its pivots.
+  // Re lambda >= right_of_all(): there S/lambda has a positive real part, or is diagonally dominant, and so have its
+  // pivots.
   double phase_right(Complex lambda) const;
   double right_of_all() const;
   void solve(const BandLU& lu, std::vector<Complex>& b) const;

@@ -79,8 +79,8 @@ struct Transient {
   double growth = 1;    // largest |exp(J t)| over t; 1 where nothing grows. Meaningful for stable sliding only
   double time = 0;      // when it is reached
 };
-// By wavenumber where the exact relation applies, dense up to 400 unknowns elsewhere; nothing beyond, nor where D2 has no
-// such norm (held ends of order 4 and 6, K0 = 0 without the exact relation).
+// By wavenumber where the exact relation applies, dense up to 400 unknowns elsewhere; nothing beyond, nor where D2 has
+// no such norm (held ends of order 4 and 6, K0 = 0 without the exact relation).
 std::optional<Transient> transient_growth(const Sliding& sliding, double growth_rate);
 
 // The number of eigenvalues with real part above `a` and |Im| < height, by the turn of the characteristic polynomial's

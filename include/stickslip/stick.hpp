@@ -52,8 +52,9 @@ class Stick {
     enum class Kind { none, at, too_coarse } kind;
     double part;  // of the step that is left when it is cut there, in (0, 1]
   };
-  // at(part, into) interpolates in the step. With Kind::at, `landed` is the state there, ready for decide(). too_coarse:
-  // a node that was let go runs backwards at once, which no exact solution does: repeat with a shorter step.
+  // at(part, into) interpolates in the step. With Kind::at, `landed` is the state there, ready for decide().
+  // too_coarse: a node that was let go runs backwards at once, which no exact solution does: repeat with a shorter
+  // step.
   Change first_change(Vec before, Vec after, double dt, const std::function<void(double part, Vec into)>& at,
                       Vec landed);
 
