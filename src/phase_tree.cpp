@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 
+#include "kernel.hpp"
 #include "stickslip/error.hpp"
 #include "stickslip/stencil.hpp"
 
@@ -49,7 +51,7 @@ inline void invert(Values& x) {
 // Chebyshev points (first kind) on [-1, 1], interpolation to those of either half, the last two coefficients, weights of
 // the barycentric formula.
 struct Chebyshev {
-  double x[P], half[2][P][P], tail[2][P], weight[P];
+  double x[P], half[2][P][P], tail[2][P], weight[P];  // half[side][i]: what the value at i gives to every point
   Chebyshev() {
     const auto coefficient = [&](int k, int i) {
       return (k == 0 ? 1. : 2.) / P * std::cos(k * (2 * i + 1) * M_PI / (2 * P));
@@ -63,8 +65,8 @@ struct Chebyshev {
       for (int j = 0; j < P; ++j)
         for (int i = 0; i < P; ++i) {
           const double at = (x[j] + (side ? 1 : -1)) / 2;
-          half[side][j][i] = 0;
-          for (int k = 0; k < P; ++k) half[side][j][i] += coefficient(k, i) * std::cos(k * std::acos(at));
+          half[side][i][j] = 0;
+          for (int k = 0; k < P; ++k) half[side][i][j] += coefficient(k, i) * std::cos(k * std::acos(at));
         }
   }
 };
@@ -91,13 +93,26 @@ double largest(const Values& v) {
 Values to_half(const Values& v, int side) {
   const auto& w = chebyshev().half[side];
   Values out;
-  for (int j = 0; j < P; ++j) {
-    double re = 0, im = 0;
-    for (int i = 0; i < P; ++i) re += w[j][i] * v.re[i], im += w[j][i] * v.im[i];
-    out.re[j] = re;
-    out.im[j] = im;
-  }
+  set(out, 0);
+  for (int i = 0; i < P; ++i)
+    for (int j = 0; j < P; ++j) {
+      out.re[j] += w[i][j] * v.re[i];
+      out.im[j] += w[i][j] * v.im[i];
+    }
   return out;
+}
+
+// ln (1 + w). The library's is slow near 1, where nearly all arguments are: it saves digits of the modulus that the sum
+// of logarithms does not keep.
+inline Complex log_one_plus(Complex w) {
+  if (std::abs(w.real()) + std::abs(w.imag()) > 1e-3)
+    return {std::log(std::norm(1. + w)) / 2, std::atan2(w.imag(), 1 + w.real())};
+  Complex sum = 0;
+  for (int k = 6; k >= 1; --k) {
+    sum = (k % 2 ? 1. : -1.) / k + Complex(w.real() * sum.real() - w.imag() * sum.imag(),
+                                           w.real() * sum.imag() + w.imag() * sum.real());
+  }
+  return {w.real() * sum.real() - w.imag() * sum.imag(), w.real() * sum.imag() + w.imag() * sum.real()};
 }
 
 struct Unsettled {};  // thrown where the phase cannot be followed
@@ -251,7 +266,7 @@ class Tree {
     for (int t = 0; t < P; ++t) {
       const Complex x(det.re[t], det.im[t]);
       if (!(std::norm(x - 1.) < 0.8)) throw Unsettled();  // the parts do not stay apart
-      const Complex y = std::log(x);
+      const Complex y = log_one_plus(x - 1.);
       log.re[t] += y.real();
       log.im[t] += y.imag();
     }
@@ -411,7 +426,6 @@ class Tree {
       reference = determinant(block, nu);
     }
     const std::size_t stretch = 8;
-    level.map.clear();
     level.map.resize((last_ - first_ + stretch - 1) / stretch);
     Map node, joined;
     for (std::size_t c = 0; c < level.map.size(); ++c) {
@@ -421,7 +435,7 @@ class Tree {
         if (i == first_ + c * stretch) {
           cell = node;
         } else {
-          join(cell, node, joined);
+          join_two_(&cell, &node, -1, &joined);
           std::swap(cell, joined);
         }
       }
@@ -482,6 +496,12 @@ class Tree {
     normalise(out);
   }
 
+  // What counts as settled where the line is in so many maps: a product over m nodes carries round-off of some m epsilon,
+  // below which no shorter piece brings it.
+  double settled_over(std::size_t maps) const {
+    return settled + 8 * std::numeric_limits<double>::epsilon() * double(last_ - first_) / double(maps);
+  }
+
   // Joins neighbours on ever shorter pieces until one map is left. Where the joined maps would still be settled on the
   // whole piece, it is not halved.
   void descend(const Piece& piece, const Level& level, int depth) {
@@ -510,28 +530,33 @@ class Tree {
     }
   }
 
-  bool join_all(const Level& level, int side, Level& out) {
-    out.map.clear();
-    out.map.resize((level.map.size() + 1) / 2);
-    Map left, right;
-    for (std::size_t k = 0; k < out.map.size(); ++k) {
-      const bool pair = 2 * k + 1 < level.map.size();
-      const Map *l = &level.map[2 * k], *r = pair ? &level.map[2 * k + 1] : nullptr;
+  // Two neighbours on one half of their piece, or on all of it (side < 0); the last one may stand alone.
+  struct JoinTwo {
+    void operator()(const Map* l, const Map* r, int side, Map* out) const {
+      Map left, right;
       if (side >= 0) {
         halve(*l, side, left);
         l = &left;
-        if (pair) {
+        if (r) {
           halve(*r, side, right);
           r = &right;
         }
       }
-      if (pair) {
-        join(*l, *r, out.map[k]);
-      } else {
-        out.map[k] = *l;
-        normalise(out.map[k]);
-      }
-      if (out.map[k].tail > settled) return false;
+      if (r) return join(*l, *r, *out);
+      *out = *l;
+      normalise(*out);
+    }
+  };
+  using Joining = std::function<void(const Map*, const Map*, int, Map*)>;
+  const Joining join_two_ = kernel::compiled<Joining>(JoinTwo());
+
+  bool join_all(const Level& level, int side, Level& out) {
+    out.map.resize((level.map.size() + 1) / 2);
+    const double allowed = settled_over(out.map.size());
+    for (std::size_t k = 0; k < out.map.size(); ++k) {
+      const bool pair = 2 * k + 1 < level.map.size();
+      join_two_(&level.map[2 * k], pair ? &level.map[2 * k + 1] : nullptr, side, &out.map[k]);
+      if (out.map[k].tail > allowed) return false;
     }
     return true;
   }
@@ -549,7 +574,7 @@ class Tree {
     }
     const double size = largest(f);
     if (!(size > 0) || !std::isfinite(size)) throw Unsettled();
-    if (last_coefficients(f) > 100 * settled * size) {
+    if (last_coefficients(f) > 100 * settled_over(1) * size) {
       if (std::abs(piece.to - piece.from) < 1e-13 * (1 + std::abs(piece.from))) throw Unsettled();
       for (int side : {0, 1}) {
         Level half;
