@@ -155,7 +155,9 @@ TEST_CASE("implicit methods hide an instability where their stability functions 
   }
 }
 
-TEST_CASE("limits found by bisection of runs are those of theory", "[limits]") {
+// On one rank: the false wave grows out of round-off, which is another where ranks of few nodes take PETSc's own rk; with
+// rk:3bs, which grows slowly beyond its limit, that moves what the bisection finds by a tenth.
+TEST_CASE("limits found by bisection of runs are those of theory", "[limits][serial]") {
   const Options options = Options::from(
       "chart", {{"model_delta", "0", ""}, {"model_v", "0.9", ""}, {"grid_n", "32", ""}, {"grid_length", "10", ""},
                 {"init_type", "sine", ""}, {"ts_max_time", "30", ""}});
