@@ -738,7 +738,8 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
       else
         notes.push_back("a piece of the curve near " + growth.axes()[0].name + " = " +
                         number_text(growth.axes()[0].value(start.x)) + ", " + growth.axes()[1].name + " = " +
-                        number_text(growth.axes()[1].value(start.y)) + " is too small or too near the border to follow");
+                        number_text(growth.axes()[1].value(start.y)) +
+                         " is too small or too near the border to follow");
       continue;
     }
     // the unstable side is known along the edge; the curve crosses it

@@ -98,7 +98,7 @@ struct FusedStep::Impl {
     last_is_solution = rows.back().stage == solution.stage && rows.back().weight == solution.weight;
     if (!method.embedded.empty()) {
       std::vector<double> difference = method.b;
-      for (int i = 0; i < stages; ++i) difference[static_cast<std::size_t>(i)] -= method.embedded[static_cast<std::size_t>(i)];
+      for (std::size_t i = 0; i < difference.size(); ++i) difference[i] -= method.embedded[i];
       error = row_of(difference.data(), stages);
     }
 
@@ -235,7 +235,8 @@ struct FusedStep::Impl {
       if (i > 0) {
         const PetscInt beyond_it = is_taken ? half_width : 0;
         const Row& row = rows[static_cast<std::size_t>(i)];
-        sum(t, 0, column(0, 0), row, dt, std::max(begin - beyond_it, low), std::min(end + beyond_it, high), column(1, 0));
+        const PetscInt psi_begin = std::max(begin - beyond_it, low), psi_end = std::min(end + beyond_it, high);
+        sum(t, 0, column(0, 0), row, dt, psi_begin, psi_end, column(1, 0));
         for (int d = 1; d < dof; ++d) sum(t, d, column(0, d), row, dt, begin, end, column(1, d));
       }
       if (is_taken) slope(t, i > 0 ? 1 : 0, i, begin, end);
@@ -252,8 +253,10 @@ struct FusedStep::Impl {
         double* const e = column(0, d);  // u itself is not needed any more
         sum(t, d, zeros.data(), error, dt, t.begin, t.end, e);
         if (norm == NORM_INFINITY) {
-          for (PetscInt i = 0; i < count; ++i)
-            sums.largest = std::max(sums.largest, std::abs(e[at + i]) / (atol + rtol * std::max(std::abs(u[i]), std::abs(u[i] - e[at + i]))));
+          for (PetscInt i = 0; i < count; ++i) {
+            const double size = std::max(std::abs(u[i]), std::abs(u[i] - e[at + i]));
+            sums.largest = std::max(sums.largest, std::abs(e[at + i]) / (atol + rtol * size));
+          }
         } else {
           sums.squares += square({u, e + at, atol, rtol, count});
         }

@@ -38,7 +38,7 @@ struct Range {
   PetscInt count;
   const double* before;     // psi of the half_width nodes before the range, in order (not read where half_width = 0)
   const double* behind;     // psi of the half_width nodes behind it
-  const double* direction = nullptr;  // of motion, with friction that sticks (template argument `sticking`): 1, -1, 0 at rest
+  const double* direction = nullptr;  // of motion, with friction that sticks (`sticking`): 1, -1, 0 at rest
 };
 
 // A tile: nodes 0..count-1, and psi[-half_width .. count+half_width-1].
@@ -161,7 +161,8 @@ struct WholeOfColumns {
                       nullptr,
                       std::min(tile_size, k.count - i),
                       sticking ? k.direction + i : nullptr};
-      all_terms<half_width, 1, sticking>(friction, c, tile, k.f_psi + i, k.f_eta + i, F::has_state ? k.f_state + i : nullptr);
+      double* const f_state = F::has_state ? k.f_state + i : nullptr;
+      all_terms<half_width, 1, sticking>(friction, c, tile, k.f_psi + i, k.f_eta + i, f_state);
     }
   }
 };

@@ -155,7 +155,8 @@ struct Model::Impl {
       before[static_cast<std::size_t>(j)] = psi_at(u, begin - half_width + j);
       behind[static_cast<std::size_t>(j)] = psi_at(u, end + j);
     }
-    loop(c, {u + begin * dof, scene.spread != 0 ? &amplitude[static_cast<std::size_t>(begin)] : nullptr, f + begin * dof,
+    const double* const factors = scene.spread != 0 ? &amplitude[static_cast<std::size_t>(begin)] : nullptr;
+    loop(c, {u + begin * dof, factors, f + begin * dof,
              end - begin, before.data(), behind.data(), direction ? direction + begin : nullptr});
   }
 

@@ -176,7 +176,8 @@ std::vector<OptionSpec> make_table() {
   t.positive("accuracy", "", "largest error wanted in psi and eta at the end; chooses what is not set otherwise")
       .default_help = "none";
   t.in("Time stepping", "run chart");
-  t.boolean("rk_fused", "true", "take all stages of a Runge-Kutta step tile by tile in the cache; false: PETSc's own step");
+  t.boolean("rk_fused", "true",
+            "take all stages of a Runge-Kutta step tile by tile in the cache; false: PETSc's own step");
   t.choice("scene_reduce", {"auto", "off"}, "solve the smaller problem where the scene allows it");
 
   t.in("Output", "");
@@ -265,7 +266,8 @@ std::vector<OptionSpec> make_table() {
   t.add("chart_values", OptionType::real_list, "", "limits: values of chart_parameter").default_help = "none";
   t.integer("chart_repeats", "3", 1, int_max, "runs of each row, of which the median time counts");
   t.positive("chart_row_seconds", "10", "processor time after which a row is given up", "seconds");
-  t.positive("chart_reference_seconds", "20", "processor time that a reference solution on one grid may take", "seconds");
+  t.positive("chart_reference_seconds", "20",
+             "processor time that a reference solution on one grid may take", "seconds");
 
   t.in("Laws", "laws");
   t.real("laws_from", "-3", "smallest velocity of the table", "velocity");

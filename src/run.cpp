@@ -174,8 +174,9 @@ const std::vector<Field> energy_fields = {
 class Run {
  public:
   Run(const Options& options, const Provenance& provenance)
-      : options_(options), provenance_(provenance), scene_(Scene::from(options, false)), checkpoint_(asked_for(options)),
-        problem_(problem_of(scene_, events_need_all(options), nodes_of(checkpoint_))), model_(problem_.model), u_(problem_.u),
+      : options_(options), provenance_(provenance), scene_(Scene::from(options, false)),
+        checkpoint_(asked_for(options)), problem_(problem_of(scene_, events_need_all(options), nodes_of(checkpoint_))),
+        model_(problem_.model), u_(problem_.u),
         t_end_(options.real("ts_max_time")), work_(model_.create_vector()), gather_(u_, model_.dof()),
         probes_(model_, scene_, options.reals("out_probes")), measurement_(model_.scene(), t_end_),
         ranges_(model_, t_end_), events_(events_of(options, scene_)),
@@ -581,7 +582,8 @@ int run_to_accuracy(const Options& options, Summary& summary) {
   for (int attempt = 0;; ++attempt) {
     const Options chosen = plan.options();
     insert_library_options(chosen);
-    Progress(chosen, 0, 1).tell("accuracy: " + plan.what() + "; choosing took " + number_text(std::round(1e4 * spent_before) / 1e4) + " s");
+    Progress(chosen, 0, 1).tell("accuracy: " + plan.what() + "; choosing took " +
+                                 number_text(std::round(1e4 * spent_before) / 1e4) + " s");
     const double begin = largest_processor_seconds();
     Run run(chosen, Provenance::of("run", chosen.all()));
     const int code = run.advance(summary);

@@ -182,7 +182,8 @@ void set_start(const Model& model, const Options& options, Vec u) {
   SS_TRY(VecRestoreArray(u, &a));
   int missing = no_state ? 1 : 0;
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &missing, 1, MPI_INT, MPI_MAX, model.comm()));
-  if (missing) throw UsageError("init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
+  if (missing)
+    throw UsageError("init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
   if (s.left == End::velocity || s.right == End::velocity) warn_of_misfit(model, jump, slope);
   model.set_held(u);
 }
