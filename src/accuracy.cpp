@@ -87,7 +87,7 @@ AccuracyPlan::AccuracyPlan(const Options& options, double wanted)
                        ": it has no error estimate, which -accuracy needs; use rk, arkimex or rosw");
     if (options.is_set("imex_implicit")) setting_.method.implicit = options.text("imex_implicit");
   } else {
-    setting_.method = MethodChoice::parse("accuracy", wanted_ < 1e-6 ? "rk:8vr" : "rk:5dp");
+    setting_.method = MethodChoice::parse("accuracy", wanted_ <= 1e-5 ? "rk:8vr" : "rk:5dp");
   }
   if (!tolerance_open_)
     setting_.tolerance = std::min(options.is_set("ts_rtol") ? options.real("ts_rtol") : 1.,

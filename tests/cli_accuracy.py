@@ -57,6 +57,15 @@ jump = run("-bc_left", "velocity", "-bc_left_value", -1.5, "-bc_right", "free", 
            "-accuracy", 1e-6, code=1)
 assert "out of reach" in jump["reason"] and "jumps" in jump["reason"], jump["reason"]
 
+# A start 1e-13 off unstable sliding at 0.2: rounding of 0.2 itself, 3e-17, is a part of 3e-4 of that distance, and both
+# grow alike until stick-slip is reached, so that no answer is good to 1e-6. 1e-2 off, the part is 3e-15.
+BLOCK = ["-model_form", "chain", "-grid_n", 1, "-bc_left", "free", "-model_v", 0.2, "-init_eta", "steady",
+         "-ts_max_time", 60]
+lost = run(*BLOCK, "-init_psi", 0.2 + 1e-13, "-accuracy", 1e-6, code=1)
+assert "out of reach" in lost["reason"] and "amplifies" in lost["reason"] and lost["status"] == "failed", lost["reason"]
+found = run(*BLOCK, "-init_psi", 0.21, "-accuracy", 1e-6)
+assert found["error_estimate"] <= 1e-6
+
 # one block: an ordinary differential equation
 block = run("-model_form", "chain", "-grid_n", 1, "-bc_left", "free", "-ts_max_time", 10, "-accuracy", 1e-7)
 assert block["error_estimate"] <= 1e-7 and block["unknowns"] == 2
