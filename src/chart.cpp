@@ -667,7 +667,7 @@ int chart_errors(const Options& options) {
     summary.set("rows_taken_over", chart.rows_taken_over());
     const auto report = [&] {
       Json rows = Json::array(), best = Json::array();
-      const std::vector<std::size_t> front = chart_front(chart.rows());
+      std::vector<std::size_t> front = chart_front(chart.rows());
       for (const ChartRow& row : chart.rows()) rows.push(json_of(row));
       for (const std::size_t i : front) best.push(json_of(chart.rows()[i]));
       summary.set("rows", rows);

@@ -761,13 +761,15 @@ void check_output_path(const std::string& path) {
       const Id file = h5::open_file(path);
       (void)h5::read_header(file);
     };
-    const UsageError foreign("out_file '" + path +
-                             "': exists and was not written by this program; give another name or remove it");
-    if (!h5::survives(look)) throw foreign;
+    const auto refuse = [&] {
+      throw UsageError("out_file '" + path +
+                       "': exists and was not written by this program; give another name or remove it");
+    };
+    if (!h5::survives(look)) refuse();
     try {
       look();
     } catch (const Failure&) {
-      throw foreign;
+      refuse();
     }
   });
 }

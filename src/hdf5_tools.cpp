@@ -1,11 +1,11 @@
 #include "hdf5_tools.hpp"
 
-#include <signal.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <csignal>
 #include <stdexcept>
 
 #include "paths.hpp"
@@ -67,7 +67,7 @@ Id open_attribute(hid_t object, const std::string& name, H5T_class_t wanted) {
 }  // namespace
 
 void Id::reset() {
-  if (id_ >= 0) H5Idec_ref(id_);
+  if (id_ >= 0) H5Idec_ref(id_);  // NOLINT: clang-analyzer 14 loses what std::pair holds
   id_ = -1;
 }
 

@@ -233,15 +233,18 @@ Options of_own_seed(const Options& options) {
   return mine;
 }
 
+// read_command_line() lets no other name pass.
+const Command& command_named(const std::string& name) {
+  for (const Command& one : commands())
+    if (name == one.name) return one;
+  throw std::logic_error("no command '" + name + "'");
+}
+
 int program(int argc, char** argv) {
   note_command_line(argc, argv);
   const CommandLine line = read_command_line(argc, argv, command_names(), MPI_COMM_WORLD);
   const bool speaks = rank_of(MPI_COMM_WORLD) == 0;
-  const Command* command = nullptr;
-  for (const Command& one : commands())
-    if (line.command == one.name) command = &one;
-
-  if (line.help && speaks) print(command ? command_help(*command) : general_help());
+  if (line.help && speaks) print(line.command.empty() ? general_help() : command_help(command_named(line.command)));
   if (line.help && !line.help_all) return 0;
   Options options = Options::from(line.command, line.given);
   if (line.command == "run" && options.is_set("run_seeds")) options = of_own_seed(options);
@@ -256,8 +259,9 @@ int program(int argc, char** argv) {
       if (line.help_all) {
         print_library_help();
       } else {
-        if (command->has_grid && !options.is_set("restart")) check_size(options);
-        code = command->body(options);
+        const Command& command = command_named(line.command);
+        if (command.has_grid && !options.is_set("restart")) check_size(options);
+        code = command.body(options);
         if (code == 0) warn_unused_at_end(options);
       }
     }

@@ -16,7 +16,7 @@ int count_passages(const std::vector<double>& psi, double level, double depth, b
   bool below = false;
   const std::size_t turns = ring ? 2 * n : n;  // on a ring a first turn finds the state to start with
   for (std::size_t i = 0; i < turns; ++i) {
-    const double value = psi[i % n];
+    const double value = psi[i < n ? i : i - n];
     if (value < level - depth) {
       below = true;
     } else if (value > level + depth && below) {

@@ -360,7 +360,7 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
   std::vector<PetscInt> columns;   // of the row at hand
   std::vector<double> values;      // dof rows of columns.size() * dof entries
   std::size_t width = 0;           // length of these rows
-  double* own = nullptr;           // the diagonal block in `values`
+  std::size_t own = 0;             // where the diagonal block begins in `values`
   double own_weight = 0;           // of D2
   enum class Row { none, alone, inner, end } laid_out = Row::none;
   const auto lay_out = [&](PetscInt row, const Combination& d2) {
@@ -372,7 +372,7 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
       double* const at = &values[j * static_cast<std::size_t>(dof)];
       at[width] = beta * m.scene.K1() * d2[j].second;  // eta_t by psi
       if (columns[j] == row) {
-        own = at;
+        own = j * static_cast<std::size_t>(dof);
         own_weight = at[width];
       }
     }
@@ -388,8 +388,8 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
       lay_out(row, kind == Row::alone ? Combination{{row, 0.}} : second_difference_row(m.scene, row));
     }
     laid_out = kind;
-    m.diagonal_block(part, i, a + i * dof, alpha, beta, own, width);
-    own[width] += own_weight;
+    m.diagonal_block(part, i, a + i * dof, alpha, beta, &values[own], width);
+    values[own + width] += own_weight;
     SS_TRY(MatSetValuesBlocked(J, 1, &row, static_cast<PetscInt>(columns.size()), columns.data(), values.data(),
                                INSERT_VALUES));
   }

@@ -17,7 +17,8 @@ namespace {
 constexpr double inf = std::numeric_limits<double>::infinity();
 constexpr double int_max = std::numeric_limits<PetscInt>::max();
 // Three unknowns a node must still be counted by a PetscInt.
-constexpr double n_max = double(std::numeric_limits<PetscInt>::max() / 3);
+constexpr PetscInt node_max = std::numeric_limits<PetscInt>::max() / 3;
+constexpr double n_max = node_max;
 
 // Builds the table; `in` gives the heading and the readers of the options that follow.
 class TableBuilder {
@@ -550,7 +551,7 @@ Options Options::from(const std::string& command, const std::vector<Given>& give
   options.command_ = command;
   for (const Given& one : given) options.set(one);
 
-  const auto only_one = [&options](std::vector<const char*> names) {
+  const auto only_one = [&options](const std::vector<const char*>& names) {
     std::string set;
     int count = 0;
     for (const char* name : names) {

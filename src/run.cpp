@@ -415,7 +415,8 @@ class Run {
     if (displacement_ && displacement_->has_energy()) {
       const Energy e = displacement_->energy(step.u);
       const Scene& cell = model_.scene();
-      const double cells = scene_.form == Form::chain ? double(scene_.n / cell.n) : scene_.length / cell.length;
+      const PetscInt blocks = scene_.n / cell.n;  // whole cells
+      const double cells = scene_.form == Form::chain ? blocks : scene_.length / cell.length;
       for (const double part : {e.kinetic, e.elastic, e.input, e.friction, e.viscous}) row.push_back(cells * part);
     }
     file_->series(step.t, row);

@@ -249,7 +249,7 @@ class YamlReader {
   std::string list_item(bool flow) {
     const bool is_quoted = peek() == '"' || peek() == '\'';
     if (peek() == '{' || peek() == '[') fail("a list holds plain values only");
-    const std::string text = is_quoted ? quoted_scalar() : plain_scalar(flow);
+    std::string text = is_quoted ? quoted_scalar() : plain_scalar(flow);
     if (text.empty() || text.find(',') != std::string::npos)
       fail("an item of a list must be a value without comma: " + quoted(text));
     return text;

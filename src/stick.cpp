@@ -70,16 +70,17 @@ Stick::Stick(const Model& model)
       direction_(static_cast<std::size_t>(model.local()), 0.), slope_(model.create_vector()),
       next_slope_(model.create_vector()) {
   if (dof_ == 3) return;
-  for (PetscInt i = 0; i < model.local(); ++i) fixed_threshold_.push_back(threshold(i, nullptr));
+  for (PetscInt i = 0; i < model.local(); ++i) fixed_threshold_.push_back(threshold_at(i, 0));
 }
 Stick::~Stick() { model_.set_direction(nullptr); }
 
 // u: the unknowns of node i.
 double Stick::threshold(PetscInt i, const double* u) const {
-  if (static_cast<PetscInt>(fixed_threshold_.size()) > i)
-    return fixed_threshold_[static_cast<std::size_t>(i)];
-  const WithSlope f = with_sticking(model_.scene().friction,
-                                    [&](const auto& law) { return static_threshold(law, dof_ == 3 ? u[2] : 0); });
+  return dof_ == 2 ? fixed_threshold_[static_cast<std::size_t>(i)] : threshold_at(i, u[2]);
+}
+double Stick::threshold_at(PetscInt i, double state) const {
+  const WithSlope f =
+      with_sticking(model_.scene().friction, [&](const auto& law) { return static_threshold(law, state); });
   return model_.amplitude()[static_cast<std::size_t>(i)] * f.value;
 }
 double Stick::threshold_rate(PetscInt i, const double* u) const {

@@ -366,7 +366,7 @@ bool newton(Problem& problem, std::vector<double>& x, double* last_step = nullpt
   SS_TRY(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, n, x.data(), u.out()));
   SS_TRY(VecDuplicate(u, f.out()));
   SS_TRY(MatCreateShell(PETSC_COMM_SELF, n, n, n, n, &problem, J.out()));
-  SS_TRY(MatShellSetOperation(J, MATOP_MULT, reinterpret_cast<void (*)(void)>(shell_multiply)));
+  SS_TRY(MatShellSetOperation(J, MATOP_MULT, reinterpret_cast<void (*)()>(shell_multiply)));
   SS_TRY(SNESCreate(PETSC_COMM_SELF, snes.out()));
   SS_TRY(SNESSetFunction(snes, f, form_function, &problem));
   SS_TRY(SNESSetJacobian(snes, J, J, form_jacobian, &problem));
@@ -902,7 +902,6 @@ Branch continue_train(const Options& options, const std::string& name, double to
     throw Failure("wave_continue " + name + ": the train does not change with it, or turns back at once");
   }
   if (!(std::abs(place(problem, t)[1]) + std::abs(place(problem, t)[0]) > 0) && !asked.speed) {
-    Train other = first;
     const Setting moved = family(from + .01 * (to - from));
     if (moved.oscillator->A() == start.oscillator->A() && moved.oscillator->v() == start.oscillator->v())
       throw Failure("wave_continue " + name + ": this option does not enter the train");

@@ -119,7 +119,7 @@ TEST_CASE("curves: figure 6, a fold, two pieces", "[boundary]") {
     GrowthRate growth(PETSC_COMM_SELF, options, {x, y});
     Samples samples;
     std::vector<std::string> notes;
-    const auto curve = boundary_curve(growth, points, samples, notes);
+    auto curve = boundary_curve(growth, points, samples, notes);
     CHECK(notes.empty());
     for (const Crossing& c : curve) {
       const auto v = closed_form_velocity(Scene::from(growth.options_at(c.x, c.y), true));

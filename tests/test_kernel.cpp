@@ -83,27 +83,27 @@ void check(const Kernel& kernel, bool spread, const Expected& expected) {
   CHECK(worst < 1e-14);  // some ten terms of at most 4, each rounded by 1e-16 of itself
 }
 
+constexpr const Coefficients& k = coefficients;
+
 template <int half_width, class F>
 void check_friction(const F& friction, bool spread) {
-  const Coefficients& c = coefficients;
   const auto state = [](const double* u) { return F::has_state ? u[2] : 0; };
   check<half_width>(Whole<half_width, F>{friction}, spread, [&](const double* u, double coupling, double a) {
     const double force = a * friction.force(u[0], state(u));
-    return std::array<double, 3>{c.A * (u[1] - c.B * u[0] - force),
-                                 c.K0 * (c.v - u[0]) + coupling - c.s_delta * (u[1] - force),
+    return std::array<double, 3>{k.A * (u[1] - k.B * u[0] - force),
+                                 k.K0 * (k.v - u[0]) + coupling - k.s_delta * (u[1] - force),
                                  friction.rate_partials(u[0], state(u)).g};
   });
   check<0>(Reaction<F>{friction}, spread, [&](const double* u, double, double a) {
     const double force = a * friction.force(u[0], state(u));
-    return std::array<double, 3>{-c.A * force, c.s_delta * force, friction.rate_partials(u[0], state(u)).g};
+    return std::array<double, 3>{-k.A * force, k.s_delta * force, friction.rate_partials(u[0], state(u)).g};
   });
 }
 
 template <int half_width, int dof>
 void check_wave() {
-  const Coefficients& c = coefficients;
   check<half_width>(Wave<half_width, dof, false>{}, false, [&](const double* u, double coupling, double) {
-    return std::array<double, 3>{c.A * (u[1] - c.B * u[0]), c.K0 * (c.v - u[0]) + coupling - c.s_delta * u[1], 0};
+    return std::array<double, 3>{k.A * (u[1] - k.B * u[0]), k.K0 * (k.v - u[0]) + coupling - k.s_delta * u[1], 0};
   });
   check<half_width>(Wave<half_width, dof, true>{}, false,
                     [&](const double*, double coupling, double) { return std::array<double, 3>{0, coupling, 0}; });

@@ -13,7 +13,7 @@ using Catch::Matchers::Contains;
 
 namespace {
 
-Options given(std::vector<Given> list, const std::string& command = "run") { return Options::from(command, list); }
+Options given(const std::vector<Given>& list, const std::string& command = "run") { return Options::from(command, list); }
 
 // Pairs name, text, as from the command line.
 Options set(std::initializer_list<std::pair<const char*, const char*>> pairs) {

@@ -155,7 +155,7 @@ TEST_CASE("scene files: what is understood is what PETSc's own reader of YAML un
     int names = 0;
     const auto name = [&names] { return "k" + std::to_string(names++); };
     const auto value = [&] {
-      std::string chosen = values[draw(unsigned(values.size()))];
+      const std::string& chosen = values[draw(unsigned(values.size()))];
       return chosen == "-" ? std::string("'-'") : chosen;
     };
     for (unsigned entries = 1 + draw(5); entries > 0; --entries) {

@@ -70,6 +70,7 @@ class Stick {
     double weight;   // turns its distance from the change into a part of the step
   };
   double threshold(PetscInt i, const double* u) const;
+  double threshold_at(PetscInt i, double state) const;
   double threshold_rate(PetscInt i, const double* u) const;
   double beyond(const Candidate& c, const double* u, double part) const;
   template <class Body>
