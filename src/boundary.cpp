@@ -115,7 +115,7 @@ std::optional<GrowthRate::Leading> GrowthRate::leading(double x, double y) {
     }
   }
   if (known)
-    if (const auto best = leading_followed(s, height, level)) return best;
+    if (auto best = leading_followed(s, height, level)) return best;
   due_ = false;
   SpectrumSettings settings;
   settings.count = 6;
