@@ -648,8 +648,6 @@ int chart_errors(const Options& options) {
     throw UsageError("friction_stick exact: a chart needs friction_stick regularised with friction_law " +
                      to_string(scene.friction.law));
   if (options.real("ts_max_time") == 0) throw UsageError("ts_max_time 0: a chart needs a run of some length");
-  check_settings(options, chart_settings(options));
-  check_unused_after_setup(options, "snes ksp pc");
   const std::string out_file = options.text("out_file");
   check_outputs(out_file, options.text("summary"));
 
@@ -657,6 +655,8 @@ int chart_errors(const Options& options) {
   Summary summary(provenance, {"rows", "best", "reference_error", "reference", "clock", "rows_taken_over"},
                   options.text("summary"));
   return with_summary(summary, [&] {
+    check_settings(options, chart_settings(options));
+    check_unused_after_setup(options, "snes ksp pc");
     Texts identity = options.given();
     for (const char* name : {"out_file", "summary", "progress"}) identity.erase(name);
     identity["git"] = git_revision();

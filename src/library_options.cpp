@@ -327,6 +327,8 @@ void check_library_types(const Options& options) {
       if (!file.empty()) paths::check_writable("-" + name, file);
     }
   });
+  SS_TRY(VecInitializePackage());
+  SS_TRY(MatInitializePackage());
   SS_TRY(TSInitializePackage());
   SS_TRY(SNESInitializePackage());
   SS_TRY(KSPInitializePackage());
@@ -336,7 +338,8 @@ void check_library_types(const Options& options) {
   SS_TRY(BVInitializePackage());
   const std::vector<std::pair<const char*, PetscFunctionList>> lists = {
       {"ts_type", TSList}, {"snes_type", SNESList}, {"snes_linesearch_type", SNESLineSearchList}, {"ksp_type", KSPList},
-      {"pc_type", PCList}, {"eps_type", EPSList},   {"st_type", STList},                          {"bv_type", BVList}};
+      {"pc_type", PCList}, {"eps_type", EPSList},   {"st_type", STList},                          {"bv_type", BVList},
+      {"mat_type", MatList}, {"dm_mat_type", MatList}, {"vec_type", VecList}, {"dm_vec_type", VecList}};
   for (const auto& [name, text] : options.library()) {
     const std::string plain = without_nesting(name);
     for (const auto& [key, list] : lists) {
