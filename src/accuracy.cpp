@@ -262,7 +262,7 @@ void AccuracyPlan::climb() {
       return stretch * difference(loose, rung_at(rung.scene.n, std::max(tight() / 1000, 1e-14)));
     return stretch * difference(rung, loose);
   };
-  double before = NAN, last = NAN, rate_before = NAN, rate = NAN;
+  double last = NAN, rate_before = NAN, rate = NAN;
   int restarts = 0;
   for (std::size_t k = 0;; ++k) {
     if (k == grids.size()) grids.push_back(finer(grids.back()));
@@ -270,7 +270,7 @@ void AccuracyPlan::climb() {
     if (restarts == 0 && (k == 0 || (k == 2 && grid_open_))) choose_method_and_tolerance(n);
     Rung rung = rung_at(n, tight());
     if (k > 0) {
-      before = last;
+      const double before = last;
       last = difference(coarse_, rung);
       rate_before = rate;
       rate = std::log2(before / last);
@@ -285,7 +285,7 @@ void AccuracyPlan::climb() {
         error_in_time(rung, 1) > 0.5 * last && restarts < 6) {
       ++restarts;
       setting_.tolerance = std::max(setting_.tolerance / 10, 1e-14);
-      before = last = rate_before = rate = NAN;
+      last = rate_before = rate = NAN;
       const std::size_t back = std::min<std::size_t>(k, 2);
       grids.erase(grids.begin(), grids.begin() + std::ptrdiff_t(k - back));
       k = std::size_t(-1);

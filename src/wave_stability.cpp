@@ -334,7 +334,7 @@ std::vector<Found> nearest(const Linearisation& l, double theta, Complex sigma, 
   MatHandle A;
   EpsHandle eps;
   SS_TRY(MatCreateShell(PETSC_COMM_SELF, n, n, n, n, const_cast<ShiftInvert*>(&op), A.out()));
-  SS_TRY(MatShellSetOperation(A, MATOP_MULT, reinterpret_cast<void (*)(void)>(apply_shell)));
+  SS_TRY(MatShellSetOperation(A, MATOP_MULT, reinterpret_cast<void (*)()>(apply_shell)));
   SS_TRY(EPSCreate(PETSC_COMM_SELF, eps.out()));
   SS_TRY(EPSSetOperators(eps, A, nullptr));
   SS_TRY(EPSSetProblemType(eps, EPS_NHEP));

@@ -189,7 +189,8 @@ TEST_CASE("curves of spread and held scenes lie where the dense matrix has no gr
     }
     // and the lattice has the signs of the dense matrix
     for (int k = 0; k < samples.side * samples.side; k += 7) {
-      const double x = double(k % samples.side) / (samples.side - 1), y = double(k / samples.side) / (samples.side - 1);
+      const int column = k % samples.side, row = k / samples.side;
+      const double x = double(column) / (samples.side - 1), y = double(row) / (samples.side - 1);
       CHECK((samples.growth[std::size_t(k)] > 0) == (dense_growth(growth.options_at(x, y)) > 0));
     }
   }
