@@ -286,7 +286,8 @@ struct Limits::Impl {
     } catch (const Failure&) {
       return HUGE_VAL;
     }
-    return std::log(end / middle) / ((steps - steps / 2) * dt);
+    const auto second_half = steps - steps / 2;
+    return std::log(end / middle) / (double(second_half) * dt);
   }
 
   // The x between low and high from which on `beyond` holds, to 2 %; empty where it holds at low or not at high.

@@ -257,7 +257,6 @@ bool Trust::warn_of(const Verdict& v, const std::string& regime) const {
   const double duration = m.t_end - m.t_begin, longest = m.taken.empty() ? 0 : m.taken.rbegin()->first;
   const std::string step = "steps of up to " + rounded(longest) + " with " + method;
   if (v.near_sliding && regime == "sliding" && v.growth * duration > 5 && v.growth_taken < 0.5 * v.growth) {
-    told = true;
     warn("steady sliding is unstable here, its perturbations grow like exp(" + rounded(v.growth) + " t), but " + step +
          " let them " + (v.growth_taken > 0 ? "grow like exp(" : "decay like exp(") + rounded(v.growth_taken) +
          " t): the regime `" + regime + "` is the method's, not the scene's (reduce ts_dt" +

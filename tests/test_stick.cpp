@@ -338,7 +338,7 @@ TEST_CASE("the threshold grows with the time held") {
     double stopped = -1, tau = 0, let_go = 0;
     const double until = 8 / v + 200;
     int holds = 0;
-    Run(scene,
+    const Run holding(scene,
                   [](PetscInt, double* at) {
                     at[0] = 0;
                     at[1] = 0.9;
@@ -384,7 +384,7 @@ TEST_CASE("the front of a Coulomb chain runs at c/sqrt(1 - q^2)") {
     at[1] = i == 0 ? 1.001 : stress;
   };
   std::map<PetscInt, double> passed;
-  Run(scene, start, 700 * std::sqrt(1 - q * q), tolerance("1e-7"),
+  const Run front(scene, start, 700 * std::sqrt(1 - q * q), tolerance("1e-7"),
       [&](const Integrator::Step& step) {
         const double* a;
         SS_TRY(VecGetArrayRead(step.u, &a));
