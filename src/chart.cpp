@@ -11,6 +11,7 @@
 #include <memory>
 #include <sstream>
 
+#include "progress.hpp"
 #include "share.hpp"
 #include "stickslip/error.hpp"
 #include "stickslip/file.hpp"
@@ -170,47 +171,6 @@ ChartRow row_of(const Setting& setting, const Texts& texts) {
   return row;
 }
 
-// How far the chart is, on stderr.
-class Progress {
- public:
-  explicit Progress(const Options& options) : begin_(MPI_Wtime()) {
-    int rank;
-    MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
-    const std::string wish = options.text("progress");
-    tty_ = isatty(STDERR_FILENO) != 0;
-    on_ = rank == 0 && (wish == "on" || (wish == "auto" && tty_));
-  }
-  ~Progress() {
-    if (shown_ && tty_) std::fputs("\r\033[K", stderr);
-  }
-  Progress(const Progress&) = delete;
-  Progress& operator=(const Progress&) = delete;
-  void begin_rows(std::size_t known) {
-    begin_ = MPI_Wtime();
-    known_ = known;
-  }
-  void say(const std::string& text, bool at_once = false) {
-    const double now = MPI_Wtime();
-    if (!on_ || (!at_once && now - last_ < (tty_ ? 0.5 : 5))) return;
-    last_ = now;
-    shown_ = true;
-    std::fprintf(stderr, "%schart: %s%s", tty_ ? "\r\033[K" : "", text.c_str(), tty_ ? "" : "\n");
-    std::fflush(stderr);
-  }
-  void row(std::size_t done, std::size_t all, const Setting& s) {
-    const double per_row = done > known_ ? (MPI_Wtime() - begin_) / double(done - known_) : 0;
-    char left[64] = "";
-    if (per_row > 0) std::snprintf(left, sizeof left, ", %.0f s left", per_row * double(all - done));
-    say("row " + std::to_string(done + 1) + " of " + std::to_string(all) + left + " (" + s.method.name() + ", n = " +
-        std::to_string(s.n) + ", order " + std::to_string(s.order) + ")");
-  }
-
- private:
-  double begin_, last_ = 0;
-  std::size_t known_ = 0;
-  bool on_ = false, tty_ = false, shown_ = false;
-};
-
 PetscInt doubled(const Scene& scene, PetscInt n) { return scene.ring() ? 2 * n : 2 * (n - 1) + 1; }
 // 0 where the nodes of the coarser grid would not be among those of this one, or too few for the order
 PetscInt halved(const Scene& scene, PetscInt n, int order) {
@@ -223,7 +183,7 @@ class Chart {
  public:
   Chart(const Options& options, Log& log)
       : options_(options), scene_(Scene::from(options, false)), settings_(chart_settings(options)), log_(log),
-        progress_(options), row_limit_(options.real("chart_row_seconds")),
+        progress_(options, "chart: "), row_limit_(options.real("chart_row_seconds")),
         reference_limit_(options.real("chart_reference_seconds")) {
     for (const Texts& line : log.lines()) {
       if (line.count("row")) known_rows_[line.at("row")] = line;
@@ -258,9 +218,9 @@ class Chart {
   void run_rows() {
     std::size_t known = 0;
     for (const Setting& s : settings_) known += known_rows_.count(key_of(s));
-    progress_.begin_rows(known);
+    progress_.restart_clock();
     for (const Setting& s : settings_) {
-      progress_.row(rows_.size(), settings_.size(), s);
+      if (progress_.due()) show_row(s, known);
       const auto it = known_rows_.find(key_of(s));
       if (it != known_rows_.end()) {
         rows_.push_back(row_of(s, it->second));
@@ -279,11 +239,19 @@ class Chart {
   std::size_t rows_taken_over() const { return known_rows_.size(); }
 
  private:
+  // `known` rows took no time.
+  void show_row(const Setting& s, std::size_t known) {
+    const std::size_t done = rows_.size(), all = settings_.size();
+    const double part = done > known ? double(done - known) / double(all - known) : 0;
+    progress_.show("row " + std::to_string(done + 1) + " of " + std::to_string(all) + progress_.left(part) + " (" +
+                   s.method.name() + ", n = " + std::to_string(s.n) + ", order " + std::to_string(s.order) + ")");
+  }
+
   const Converged& converged(int order, PetscInt n) {
     const auto key = std::make_pair(order, n);
     const auto it = converged_.find(key);
     if (it != converged_.end()) return it->second;
-    progress_.say("reference, n = " + std::to_string(n) + ", order " + std::to_string(order));
+    if (progress_.due()) progress_.show("reference, n = " + std::to_string(n) + ", order " + std::to_string(order));
     const Converged& c = converged_[key] = converge_in_time(options_, order, n, reference_limit_);
     log_.add({{"converged", "yes"},
               {"order", std::to_string(order)},

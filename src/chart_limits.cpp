@@ -1,11 +1,10 @@
 #include "stickslip/limits.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
+#include "progress.hpp"
 #include "ranges.hpp"
 #include "share.hpp"
 #include "step_forecast.hpp"
@@ -401,40 +400,6 @@ std::vector<MethodChoice> wanted_methods(const Options& options) {
   return choices;
 }
 
-// One line on stderr.
-class Progress {
- public:
-  Progress(const Options& options, std::size_t rows) : rows_(rows), begin_(MPI_Wtime()) {
-    int rank;
-    MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
-    const std::string wish = options.text("progress");
-    tty_ = isatty(STDERR_FILENO) != 0;
-    on_ = rank == 0 && (wish == "on" || (wish == "auto" && tty_));
-  }
-  ~Progress() {
-    if (on_ && tty_) std::fputs("\r\033[K", stderr);
-  }
-  Progress(const Progress&) = delete;
-  Progress& operator=(const Progress&) = delete;
-  void row(const std::string& what) {
-    if (on_) {
-      char left[64] = "";
-      if (done_ > 0)
-        std::snprintf(left, sizeof left, ", %.0f s left",
-                      (MPI_Wtime() - begin_) / double(done_) * double(rows_ - done_));
-      std::fprintf(stderr, "%slimits: row %zu of %zu%s (%s)%s", tty_ ? "\r\033[K" : "", done_ + 1, rows_, left,
-                   what.c_str(), tty_ ? "" : "\n");
-      std::fflush(stderr);
-    }
-    ++done_;
-  }
-
- private:
-  std::size_t rows_, done_ = 0;
-  double begin_;
-  bool on_ = false, tty_ = false;
-};
-
 Json json_of(const LimitRow& r, bool varied) {
   return Json::object({{"method", r.method},
                        {"implicit", r.implicit},
@@ -531,13 +496,17 @@ int chart_limits(const Options& options) {
   check_unused_after_setup(options, "ts snes ksp pc");
   return with_summary(summary, [&] {
     std::vector<LimitRow> rows;
-    Progress progress(options, scenes.size() * choices.size());
+    Progress progress(options, "limits: ");
+    const std::size_t all = scenes.size() * choices.size();
     int silent = 0;
     Json list = Json::array();
     for (std::size_t k = 0; k < scenes.size(); ++k) {
       Limits limits(scenes[k]);
       for (const MethodChoice& choice : choices) {
-        progress.row(choice.name() + (choice.splits() ? ":" + choice.implicit : ""));
+        if (progress.due())
+          progress.show("row " + std::to_string(rows.size() + 1) + " of " + std::to_string(all) +
+                        progress.left(double(rows.size()) / double(all)) + " (" + choice.name() +
+                        (choice.splits() ? ":" + choice.implicit : "") + ")");
         rows.push_back(limits.row(choice));
         rows.back().value = scene_values[k];
         silent += rows.back().warned ? 0 : 1;

@@ -115,10 +115,13 @@ struct FusedStep::Impl {
       right_end.push_back(beyond(n - 1 + j));
     }
     if (scene.spread != 0) {
-      const PetscInt count = left_halo + local + right_halo;
-      amplitude.reserve(static_cast<std::size_t>(count));
-      for (PetscInt i = 0; i < count; ++i)
-        amplitude.push_back(friction_amplitude(scene, wrapped(first - left_halo + i), 1).front());
+      // the nodes of a ring go on at its beginning
+      for (PetscInt i = -left_halo; i < local + right_halo;) {
+        const PetscInt node = wrapped(first + i), count = std::min(local + right_halo - i, n - node);
+        const auto part = friction_amplitude(scene, node, count);
+        amplitude.insert(amplitude.end(), part.begin(), part.end());
+        i += count;
+      }
     }
     stride = ((closed ? n : std::min(tile_nodes, local)) + 2 * reach + 2 * pad + 7) / 8 * 8;
     work.assign(static_cast<std::size_t>(stride * dof * (stages + 2)), 0.);
@@ -225,7 +228,7 @@ struct FusedStep::Impl {
     double squares = 0, largest = 0, not_finite = 0;
   };
 
-  // Through all stages; the new values end in column 1 (0 for a method of one stage that is its own solution).
+  // Through all stages, of which the first `taken` need their slope; the new values end in column 1.
   void through(const Tile& t, double dt, int taken) const {
     for (int i = 0; i < stages; ++i) {
       const bool is_taken = i < taken;

@@ -9,6 +9,7 @@
 #include <memory>
 #include <set>
 
+#include "progress.hpp"
 #include "ranges.hpp"
 #include "share.hpp"
 #include "stickslip/accuracy.hpp"
@@ -61,40 +62,6 @@ class SignalWatch {
  private:
   static constexpr std::array<int, 3> numbers{SIGINT, SIGTERM, SIGUSR1};
   std::array<struct sigaction, 3> before_{};
-};
-
-// One line on stderr, rewritten about twice a second.
-class Progress {
- public:
-  Progress(const Options& options, double t, double t_end)
-      : begin_(MPI_Wtime()), last_(begin_), t_begin_(t), t_end_(t_end) {
-    int rank;
-    MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
-    const std::string wish = options.text("progress");
-    on_ = rank == 0 && (wish == "on" || (wish == "auto" && isatty(STDERR_FILENO)));
-    tty_ = isatty(STDERR_FILENO) != 0;
-  }
-  ~Progress() {
-    if (on_ && shown_ && tty_) std::fputs("\r\033[K", stderr);
-  }
-  void tell(const std::string& text) const {
-    if (on_) std::fprintf(stderr, "stickslip: %s\n", text.c_str());
-  }
-  void show(double t, PetscInt step, double dt) {
-    if (!on_) return;
-    const double now = MPI_Wtime();
-    if (now - last_ < (tty_ ? 0.5 : 5)) return;
-    last_ = now;
-    shown_ = true;
-    const double part = (t - t_begin_) / (t_end_ - t_begin_), left = part > 0 ? (now - begin_) * (1 - part) / part : 0;
-    std::fprintf(stderr, "%st = %.6g of %.6g (%.0f %%), step %lld, dt %.2g, %.0f s left%s", tty_ ? "\r\033[K" : "", t,
-                 t_end_, 100 * part, static_cast<long long>(step), dt, left, tty_ ? "" : "\n");
-    std::fflush(stderr);
-  }
-
- private:
-  double begin_, last_, t_begin_, t_end_;
-  bool on_ = false, tty_ = false, shown_ = false;
 };
 
 // Whether rank 0 sees this file. Collective.
@@ -198,8 +165,9 @@ class Run {
   // Returns the exit code; the summary holds what is known, also when it throws.
   int advance(Summary& summary) {
     SignalWatch watch;
-    Progress progress(options_, t_, t_end_);
+    Progress progress(options_, "");
     progress_ = &progress;
+    first_t_ = t_;
     if (!problem_.what.empty()) progress.tell("scene_reduce: " + problem_.what);
     if (options_.is_set("ts_max_steps")) most_steps_ = options_.integer("ts_max_steps");
     last_checkpoint_wall_ = MPI_Wtime();
@@ -373,7 +341,13 @@ class Run {
       write_frame(frames_[next_frame_]);
       ++next_frame_;
     }
-    progress_->show(step.t, step.index, step.next_dt);
+    if (progress_->due()) {
+      const double part = (step.t - first_t_) / (t_end_ - first_t_);
+      char text[160];
+      std::snprintf(text, sizeof text, "t = %.6g of %.6g (%.0f %%), step %lld, dt %.2g", step.t, t_end_, 100 * part,
+                    static_cast<long long>(step.index), step.next_dt);
+      progress_->show(text + progress_->left(part));
+    }
 
     const double now = MPI_Wtime(), every = checkpoint_every_.seconds;
     int flags[4] = {caught_signal, checkpoint_wanted, every > 0 && now - last_checkpoint_wall_ >= every,
@@ -553,6 +527,7 @@ class Run {
   std::vector<double> frames_, samples_;
   std::size_t next_frame_ = 0, next_sample_ = 0;
   Progress* progress_ = nullptr;
+  double first_t_ = 0;  // of this command: a restart begins later than 0
   double last_checkpoint_wall_ = 0;
   int stopped_by_ = 0;
   double step_seconds_ = 0;
@@ -583,7 +558,7 @@ int run_to_accuracy(const Options& options, Summary& summary) {
   for (int attempt = 0;; ++attempt) {
     const Options chosen = plan.options();
     insert_library_options(chosen);
-    Progress(chosen, 0, 1).tell("accuracy: " + plan.what() + "; choosing took " +
+    Progress(chosen, "").tell("accuracy: " + plan.what() + "; choosing took " +
                                  number_text(std::round(1e4 * spent_before) / 1e4) + " s");
     const double begin = largest_processor_seconds();
     Run run(chosen, Provenance::of("run", chosen.all()));

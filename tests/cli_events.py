@@ -4,21 +4,12 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 
 import h5py
 import numpy as np
 
-PROGRAM, SOURCE = os.environ["STICKSLIP"], os.environ["STICKSLIP_SOURCE"]
-failures = 0
-
-
-def check(truth, text):
-    global failures
-    if not truth:
-        failures += 1
-        print("FAILED:", text)
+from cli import PROGRAM, SOURCE, check, finish, scratch
 
 
 def run(arguments, ranks=1, code=0):
@@ -135,9 +126,7 @@ def pictures():
     check(abs(b - 0.8) < 3 * error and error < 0.02, f"fit {b} +- {error} of {number}")
 
 
-with tempfile.TemporaryDirectory() as folder:
-    os.chdir(folder)
+with scratch():
     for part in (a_block, ranks, restart_and_kill, seeds, pictures):
         part()
-print("failures:", failures)
-sys.exit(failures != 0)
+finish()

@@ -5,15 +5,7 @@ import os
 import subprocess
 import tempfile
 
-PROGRAM = os.environ["STICKSLIP"]
-failures = 0
-
-
-def check(condition, what):
-    global failures
-    if not condition:
-        failures += 1
-        print("FAILED:", what)
+from cli import PROGRAM, SOURCE, check, finish
 
 
 class Run:
@@ -104,7 +96,7 @@ def slow_growth():
 def short_slips():
     # Slips that last a thousandth of the window: amplitude and regime come from the steps, not from samples between
     # which they pass. Windows that end elsewhere see the same.
-    plate = os.path.join(os.environ["STICKSLIP_SOURCE"], "runs", "plate.yaml")
+    plate = os.path.join(SOURCE, "runs", "plate.yaml")
     runs = [Run(f"{plate} -out_frames 2 -ts_max_time {end}").expect(0) for end in (1000, 1002, 1005)]
     check(all(run.regime == "stick-slip" for run in runs), f"plate: {[run.regime for run in runs]}")
     check(max(run.amplitude for run in runs) < 1.002 * min(run.amplitude for run in runs),
@@ -113,14 +105,14 @@ def short_slips():
 
 def no_one_speed():
     # The nodes oscillate nearly as one when the first pulse enters: passage times, all alike, make no speed.
-    scene = os.path.join(os.environ["STICKSLIP_SOURCE"], "runs", "pacemaker.yaml")
+    scene = os.path.join(SOURCE, "runs", "pacemaker.yaml")
     run = Run(f"{scene} -out_frames 2 -grid_n 201 -ts_max_time 20").expect(0, "a front is not resolved")
     check(run.speed is None, f"pacemaker: speed {run.speed}")
 
 
 def chart_on_ranks():
     # The rows of a chart of limits do not depend on the ranks: steps found by bisection, each to 5 % or better.
-    scene = os.path.join(os.environ["STICKSLIP_SOURCE"], "runs", "limits-train.yaml")
+    scene = os.path.join(SOURCE, "runs", "limits-train.yaml")
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for ranks in (1, 2):
@@ -180,4 +172,4 @@ chart_on_ranks()
 false_instability()
 spurious_roots()
 wrong_speed()
-raise SystemExit(1 if failures else 0)
+finish()

@@ -2,21 +2,12 @@
 import json
 import os
 import subprocess
-import sys
 import tempfile
 
 import h5py
 import numpy as np
 
-PROGRAM = os.environ["STICKSLIP"]
-failures = 0
-
-
-def check(condition, what):
-    global failures
-    if not condition:
-        failures += 1
-        print("FAILED:", what)
+from cli import PROGRAM, check, finish
 
 
 def run(arguments):
@@ -65,4 +56,4 @@ def displacement(folder):
 with tempfile.TemporaryDirectory() as where:
     refusals_and_warnings()
     displacement(where)
-sys.exit(1 if failures else 0)
+finish()

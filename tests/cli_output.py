@@ -16,16 +16,10 @@ import h5py
 import numpy as np
 import xarray
 
-PROGRAM = os.environ["STICKSLIP"]
-sys.path.insert(0, os.path.join(os.environ["STICKSLIP_SOURCE"], "postprocess"))
+from cli import PROGRAM, SOURCE, check, finish
+
+sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
 import plot as PLOT  # noqa: E402
-FAILURES = []
-
-
-def check(condition, what):
-    if not condition:
-        FAILURES.append(what)
-        print("FAILED:", what)
 
 
 def command(*options, ranks=1):
@@ -284,9 +278,8 @@ def main():
             part()
             print(f"{part.__name__}: {time.monotonic() - begin:.1f} s")
         os.chdir("/")
-    print(f"{len(FAILURES)} failed")
-    return 1 if FAILURES else 0
+    finish()
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -3,21 +3,11 @@ breaks the symmetry by one bit is not reduced; a restart keeps the reduction; un
 import json
 import os
 import subprocess
-import sys
-import tempfile
 
 import h5py
 import numpy as np
 
-PROGRAM = os.environ["STICKSLIP"]
-failures = 0
-
-
-def check(truth, text):
-    global failures
-    if not truth:
-        failures += 1
-        print("FAILED:", text)
+from cli import PROGRAM, check, data, finish, scratch
 
 
 def run(arguments, ranks=1, code=0):
@@ -26,13 +16,6 @@ def run(arguments, ranks=1, code=0):
                           capture_output=True, text=True, timeout=300)
     check(done.returncode == code, f"exit {done.returncode} instead of {code}: run {arguments}\n{done.stderr}")
     return json.load(open("summary.json")), done.stderr
-
-
-def data(path):
-    found = {}
-    with h5py.File(path) as file:
-        file.visititems(lambda name, o: found.update({name: o[()]}) if isinstance(o, h5py.Dataset) else None)
-    return found
 
 
 FIXED = " -ts_adapt_type none -ts_dt 0.01"
@@ -148,9 +131,7 @@ def told():
     check(done.stdout.count("TS dt") == 4, "monitors print once: " + done.stdout)
 
 
-with tempfile.TemporaryDirectory() as folder:
-    os.chdir(folder)
+with scratch():
     for part in (same_answer, not_reduced, restart, told):
         part()
-print("failures:", failures)
-sys.exit(failures != 0)
+finish()

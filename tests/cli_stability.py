@@ -3,29 +3,19 @@
 import json
 import os
 import subprocess
-import sys
-import tempfile
 
 import h5py
 import numpy as np
 
-program, source = os.environ["STICKSLIP"], os.environ["STICKSLIP_SOURCE"]
-failures = []
-
-
-def check(condition, words):
-    if not condition:
-        failures.append(words)
-        print("FAILED:", words)
+from cli import PROGRAM, SOURCE, check, finish, scratch
 
 
 def call(*args):
-    done = subprocess.run([program, *args], capture_output=True, text=True, timeout=300)
+    done = subprocess.run([PROGRAM, *args], capture_output=True, text=True, timeout=300)
     return done.returncode, done.stdout, done.stderr
 
 
-with tempfile.TemporaryDirectory() as folder:
-    os.chdir(folder)
+with scratch():
     code, out, err = call("spectrum", "-model_v", "1", "-grid_n", "128", "-summary", "s.json", "-out_file", "s.h5")
     check(code == 0, f"spectrum ends with {code}: {err}")
     summary = json.load(open("s.json"))
@@ -57,7 +47,7 @@ with tempfile.TemporaryDirectory() as folder:
         error = np.abs(file["psi"][...] - e["steady_psi"][...] - expected).max() / np.abs(expected).max()
         check(error < 2e-3, f"the run leaves exp(lambda t) by {error}")
 
-    code, out, err = call("boundary", os.path.join(source, "runs", "figure6-carlson-langer.yaml"), "-grid_n", "16",
+    code, out, err = call("boundary", os.path.join(SOURCE, "runs", "figure6-carlson-langer.yaml"), "-grid_n", "16",
                           "-boundary_points", "20", "-out_file", "b.h5", "-summary", "b.json")
     check(code == 0, f"boundary ends with {code}: {err}")
     with h5py.File("b.h5") as file:
@@ -67,7 +57,7 @@ with tempfile.TemporaryDirectory() as folder:
         slope = np.polyfit(np.log(file["value"][...][small]), np.log(file["value2"][...][small]), 1)[0]
         check(-0.3 < slope < -0.2, "slope about -1/4 at small k1")
     for name in ("s", "b"):
-        done = subprocess.run(["/usr/bin/python3", os.path.join(source, "postprocess", "plot.py"), name + ".h5"],
+        done = subprocess.run(["/usr/bin/python3", os.path.join(SOURCE, "postprocess", "plot.py"), name + ".h5"],
                               capture_output=True, text=True)
         check(done.returncode == 0 and os.path.getsize(name + ".png") > 5000, f"picture of {name}.h5: {done.stderr}")
 
@@ -144,7 +134,7 @@ with tempfile.TemporaryDirectory() as folder:
     # the other option, or in a^2, is sqrt(e) in v, so v^2 is what can be compared.
     for name in ("figure6-cubic", "figure6-carlson-langer", "figure6-equal-springs", "stability-gamma-v-derived",
                  "stability-gamma-v-printed", "stability-delta-v-derived", "stability-delta-v-printed"):
-        code, out, err = call("boundary", os.path.join(source, "runs", name + ".yaml"), "-grid_n", "16", "-out_file", "d.h5")
+        code, out, err = call("boundary", os.path.join(SOURCE, "runs", name + ".yaml"), "-grid_n", "16", "-out_file", "d.h5")
         check(code == 0 and not err, f"{name} ends with {code}: {err}")
         with h5py.File("d.h5") as file:
             v, closed = file["value2"][...], np.abs(file["closed_form_v"][...])
@@ -163,4 +153,4 @@ with tempfile.TemporaryDirectory() as folder:
           [v["from_stick_slip"] for v in found["verified"]] == ["stick-slip", "stick-slip"],
           f"verified with stick: {found['verified']}")
 
-sys.exit(1 if failures else 0)
+finish()

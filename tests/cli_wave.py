@@ -2,22 +2,12 @@
 import json
 import os
 import subprocess
-import sys
 import tempfile
 
 import h5py
 import numpy as np
 
-PROGRAM = os.environ["STICKSLIP"]
-SOURCE = os.environ["STICKSLIP_SOURCE"]
-failures = 0
-
-
-def check(good, what):
-    global failures
-    if not good:
-        failures += 1
-        print("FAILED:", what)
+from cli import PROGRAM, check, finish
 
 
 def run(*words, ranks=1):
@@ -133,4 +123,4 @@ refused(2, "-wave_length 60 -wave_continue model_gama -wave_to 6", "did you mean
 refused(2, "-wave_length 60 -wave_continue model_gamma", "wave_to")
 refused(1, "-wave_length 60 -wave_continue grid_length -wave_to 70", "does not enter")
 
-sys.exit(1 if failures else 0)
+finish()

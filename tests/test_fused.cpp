@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "../src/fused_step.hpp"
+#include "shared.hpp"
 #include "stickslip/error.hpp"
 
 using namespace stickslip;
@@ -74,15 +75,6 @@ void start(const Model& model, Vec u) {
   model.set_held(u);
 }
 
-double largest_difference(Vec a, Vec b) {
-  VecHandle d;
-  SS_TRY(VecDuplicate(a, d.out()));
-  SS_TRY(VecWAXPY(d, -1, a, b));
-  double norm;
-  SS_TRY(VecNorm(d, NORM_INFINITY, &norm));
-  return norm;
-}
-
 // u + dt sum_j weights[j] slopes[j]
 void combine(Vec u, double dt, const double* weights, const std::vector<VecHandle>& slopes, Vec into) {
   SS_TRY(VecCopy(u, into));
@@ -139,8 +131,8 @@ TEST_CASE("a step taken tile by tile is the step taken stage by stage", "[fused]
                 << " left " << int(scene.left) << " dt " << dt);
       // Values of size 2; rates of size A phi + K1 kappa^2 psi < wave^2/A: each rounded some ten times.
       const double w = model.wave_frequency(), eps = 2.2e-16, rate = 10 + 4 * w * w / scene.A();
-      CHECK(largest_difference(expected, found) <= 20 * eps * (2 + dt * rate));
-      for (std::size_t i = 0; i < stages; ++i) CHECK(largest_difference(slopes[i], kept[i]) <= 20 * eps * rate * (1 + dt * rate));
+      CHECK(distance(expected, found) <= 20 * eps * (2 + dt * rate));
+      for (std::size_t i = 0; i < stages; ++i) CHECK(distance(slopes[i], kept[i]) <= 20 * eps * rate * (1 + dt * rate));
       CHECK(outcome.finite);
       // the error is a difference of values of size 2, weighted by 1e4
       CHECK(std::abs(outcome.error - weighted_norm(model, expected, other, 1e-4, 1e-3, NORM_2)) <=
@@ -151,7 +143,7 @@ TEST_CASE("a step taken tile by tile is the step taken stage by stage", "[fused]
       // without the estimate the last stage may be left out, and nothing else changes
       VecHandle again = model.create_vector();
       step.take(u, dt, 1e-4, 1e-3, NORM_2, false, again, {});
-      CHECK(largest_difference(found, again) == 0);
+      CHECK(distance(found, again) == 0);
     }
   }
   CHECK(checked >= 22);  // the scenes of 1400 nodes suit any number of ranks

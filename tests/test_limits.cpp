@@ -6,36 +6,14 @@
 #include <cmath>
 
 #include "../src/step_forecast.hpp"
+#include "shared.hpp"
 #include "stickslip/error.hpp"
-#include "stickslip/library_options.hpp"
 #include "stickslip/limits.hpp"
 #include "stickslip/trust.hpp"
 
 using namespace stickslip;
 
 namespace {
-
-using Settings = std::vector<std::pair<std::string, std::string>>;
-
-// Options of a scene, with those of PETSc in its database while this lives.
-class InDatabase {
- public:
-  explicit InDatabase(const Settings& settings) : settings_(settings) {
-    std::vector<Given> given;
-    for (const auto& [name, text] : settings) given.push_back({name, text, ""});
-    options = Options::from("run", given);
-    insert_library_options(options);
-  }
-  ~InDatabase() {
-    for (const auto& [name, text] : settings_) (void)PetscOptionsClearValue(nullptr, ("-" + name).c_str());
-  }
-  InDatabase(const InDatabase&) = delete;
-  InDatabase& operator=(const InDatabase&) = delete;
-  Options options;
-
- private:
-  Settings settings_;
-};
 
 // Undamped sliding at v (stable waves of real part -gamma (v^2 - 1)/2 by friction).
 Scene sliding_scene(double v) {

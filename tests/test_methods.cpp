@@ -14,45 +14,14 @@
 #include <memory>
 #include <sstream>
 
+#include "shared.hpp"
 #include "stickslip/error.hpp"
-#include "stickslip/library_options.hpp"
 #include "stickslip/methods.hpp"
 #include "stickslip/time.hpp"
 
 using namespace stickslip;
 
 namespace {
-
-using Settings = std::vector<std::pair<std::string, std::string>>;
-
-// Options in PETSc's database while this lives.
-class InDatabase {
- public:
-  explicit InDatabase(const Settings& settings) : settings_(settings) {
-    std::vector<Given> given;
-    for (const auto& [name, text] : settings) given.push_back({name, text, ""});
-    options = Options::from("run", given);
-    insert_library_options(options);
-  }
-  ~InDatabase() {
-    for (const auto& [name, text] : settings_) (void)PetscOptionsClearValue(nullptr, ("-" + name).c_str());
-  }
-  InDatabase(const InDatabase&) = delete;
-  InDatabase& operator=(const InDatabase&) = delete;
-  Options options;
-
- private:
-  Settings settings_;
-};
-
-double distance(Vec a, Vec b) {
-  VecHandle d;
-  SS_TRY(VecDuplicate(a, d.out()));
-  SS_TRY(VecWAXPY(d, -1, a, b));
-  double norm;
-  SS_TRY(VecNorm(d, NORM_INFINITY, &norm));
-  return norm;
-}
 
 // A smooth ring that friction and wave shape alike.
 Scene smooth_ring() {

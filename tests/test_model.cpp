@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "shared.hpp"
 #include "stickslip/error.hpp"
 #include "stickslip/model.hpp"
 
@@ -79,14 +80,6 @@ double norm(Vec v) {
   return value;
 }
 
-// |a - b| over all ranks
-double difference(Vec a, Vec b) {
-  VecHandle d;
-  SS_TRY(VecDuplicate(a, d.out()));
-  SS_TRY(VecWAXPY(d, -1, a, b));
-  return norm(d);
-}
-
 }  // namespace
 
 TEST_CASE("the right-hand side is the equations, node by node") {
@@ -142,7 +135,7 @@ TEST_CASE("the parts add up to the whole") {
       model.rhs(first, u, a);
       model.rhs(second, u, b);
       SS_TRY(VecAXPY(a, 1, b));
-      CHECK(difference(a, full) < tolerance);
+      CHECK(distance(a, full) < tolerance);
     }
   }
 }
@@ -173,7 +166,7 @@ TEST_CASE("Jacobians agree with differences of the right-hand side") {
       SS_TRY(VecScale(plus, -1.3 / (2 * e)));
       SS_TRY(VecAXPY(plus, 0.7, w));
       INFO("law " << int(s.friction.law) << " state " << int(s.friction.state) << " order " << s.order << " form " << int(s.form) << " part " << int(part));
-      CHECK(difference(plus, product) < 1e-7 * (1 + norm(product)));
+      CHECK(distance(plus, product) < 1e-7 * (1 + norm(product)));
     }
   }
 }

@@ -7,9 +7,9 @@
 #include <map>
 #include <set>
 
+#include "shared.hpp"
 #include "stickslip/displacement.hpp"
 #include "stickslip/error.hpp"
-#include "stickslip/library_options.hpp"
 #include "stickslip/methods.hpp"
 #include "stickslip/stick.hpp"
 #include "stickslip/time.hpp"
@@ -17,28 +17,6 @@
 using namespace stickslip;
 
 namespace {
-
-using Settings = std::vector<std::pair<std::string, std::string>>;
-
-// Options in PETSc's database while this lives.
-class InDatabase {
- public:
-  explicit InDatabase(const Settings& settings) : settings_(settings) {
-    std::vector<Given> given;
-    for (const auto& [name, text] : settings) given.push_back({name, text, ""});
-    options = Options::from("run", given);
-    insert_library_options(options);
-  }
-  ~InDatabase() {
-    for (const auto& [name, text] : settings_) (void)PetscOptionsClearValue(nullptr, ("-" + name).c_str());
-  }
-  InDatabase(const InDatabase&) = delete;
-  InDatabase& operator=(const InDatabase&) = delete;
-  Options options;
-
- private:
-  Settings settings_;
-};
 
 Settings tolerance(const std::string& tol) { return {{"ts_rtol", tol}, {"ts_atol", tol}}; }
 

@@ -1,0 +1,47 @@
+// What several tests need: options in PETSc's database for a while, the distance of two vectors.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "stickslip/error.hpp"
+#include "stickslip/handle.hpp"
+#include "stickslip/library_options.hpp"
+#include "stickslip/options.hpp"
+
+namespace stickslip {
+
+using Settings = std::vector<std::pair<std::string, std::string>>;
+
+// The options of a `run`, with those of PETSc in its database while this lives.
+class InDatabase {
+ public:
+  explicit InDatabase(const Settings& settings) : settings_(settings) {
+    std::vector<Given> given;
+    for (const auto& [name, text] : settings) given.push_back({name, text, ""});
+    options = Options::from("run", given);
+    insert_library_options(options);
+  }
+  ~InDatabase() {
+    for (const auto& [name, text] : settings_) (void)PetscOptionsClearValue(nullptr, ("-" + name).c_str());
+  }
+  InDatabase(const InDatabase&) = delete;
+  InDatabase& operator=(const InDatabase&) = delete;
+  Options options;
+
+ private:
+  Settings settings_;
+};
+
+// max |a - b|
+inline double distance(Vec a, Vec b) {
+  VecHandle d;
+  SS_TRY(VecDuplicate(a, d.out()));
+  SS_TRY(VecWAXPY(d, -1, a, b));
+  double norm;
+  SS_TRY(VecNorm(d, NORM_INFINITY, &norm));
+  return norm;
+}
+
+}  // namespace stickslip
