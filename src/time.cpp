@@ -693,6 +693,7 @@ struct Integrator::Impl {
     read_subtype();
     method = &offered_method(type, subtype);
     read_adaptivity();
+    if (adaptive) refuse_below_round_off(u);
     set_dense_output();
     if (stick && (type == TSBDF || type == TSALPHA))
       throw UsageError("ts_type " + type + ": it remembers earlier steps and would have to forget them wherever a node "
@@ -840,6 +841,19 @@ struct Integrator::Impl {
              "ts_adapt_type basic");
     }
     SS_TRY(TSSetErrorIfStepFails(ts, PETSC_FALSE));  // advance() says what failed
+  }
+
+  // Steps would shrink until time stands still.
+  void refuse_below_round_off(Vec u) {
+    constexpr double least = 1e-17;
+    PetscReal atol, rtol, size;
+    SS_TRY(TSGetTolerances(ts, &atol, nullptr, &rtol, nullptr));
+    SS_TRY(VecNorm(u, NORM_INFINITY, &size));
+    size = std::max(size, std::abs(model.scene().v));
+    if (rtol < least && atol < least * size)
+      throw UsageError("ts_rtol " + number_text(rtol) + " with ts_atol " + number_text(atol) +
+                       ": below round-off, which is 1e-16 of values as large as " + number_text(size) +
+                       "; a tolerance of 1e-14 is the least that makes sense");
   }
 
   void set_dense_output() {

@@ -133,6 +133,7 @@ OPTIONS = [
     (["-ts_max_steps", "10000000000"], "-ts_max_steps 10000000000"),
     (["-ts_rtol", "tight"], "-ts_rtol tight"),
     (["-ts_rtol", "nan"], "-ts_rtol nan"),
+    (["-ts_rtol", "1e-30", "-ts_atol", "1e-30"], "ts_rtol 1e-30 with ts_atol 1e-30: below round-off"),
     (["-ts_dt", "0"], "-ts_dt 0"),
     (["-ts_type", "arkimix"], "-ts_type arkimix: no such method; did you mean arkimex?"),
     (["-ts_type", "unknownmethod"], "-ts_type unknownmethod"),
