@@ -17,7 +17,7 @@ namespace stickslip {
 namespace {
 
 constexpr PetscInt tile_nodes = 256;    // a tile with its slopes: some 50 kB
-constexpr PetscInt closed_nodes = 512;  // a whole grid of so many nodes or fewer is one tile
+constexpr PetscInt closed_nodes = 512;  // a whole grid of so many nodes or fewer is one tile on every rank
 constexpr PetscInt pad = 8;             // room for the nodes beyond an end
 
 using Evaluate = std::function<void(const kernel::Coefficients&, const kernel::Columns&)>;
@@ -25,12 +25,18 @@ using Add = std::function<void(const kernel::Terms&)>;
 using Copy = std::function<void(const kernel::Interleaved&)>;
 using Square = std::function<double(const kernel::Weighted&)>;
 
-Evaluate evaluation(const Scene& scene) {
+template <bool sticking, class F>
+Evaluate evaluation_of(const Scene& scene, const F& friction) {
+  return kernel::for_half_width(scene.order / 2, [&](auto half_width) -> Evaluate {
+    return kernel::compiled_by_dof<Evaluate>(kernel::WholeOfColumns<half_width, F, sticking>{friction});
+  });
+}
+
+Evaluate evaluation(const Scene& scene, bool sticking) {
   return dispatch_friction(scene.friction, [&](const auto& friction) -> Evaluate {
-    using F = std::decay_t<decltype(friction)>;
-    return kernel::for_half_width(scene.order / 2, [&](auto half_width) -> Evaluate {
-      return kernel::compiled_by_dof<Evaluate>(kernel::WholeOfColumns<half_width, F>{friction});
-    });
+    if constexpr (std::decay_t<decltype(friction)>::sticks)
+      if (sticking) return evaluation_of<true>(scene, friction);
+    return evaluation_of<false>(scene, friction);
   });
 }
 
@@ -50,10 +56,13 @@ Row row_of(const double* weights, int count) {
   return row;
 }
 
-int ranks_of(const Model& model) {
-  int ranks;
-  MPI_Comm_size(model.comm(), &ranks);
-  return ranks;
+// Whether every rank takes the whole grid as one tile. Fewer nodes a rank than the overlap would cost more than they
+// save, and the closures of an end must lie within one tile. Collective.
+bool is_closed(const Model& model, int stages) {
+  const PetscInt least = 2 * stages * (model.scene().order / 2);
+  int few = model.local() < std::max(least, PetscInt(16)) ? 1 : 0;
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &few, 1, MPI_INT, MPI_MAX, model.comm()));
+  return model.scene().n <= closed_nodes || few != 0;
 }
 
 }  // namespace
@@ -65,10 +74,11 @@ struct FusedStep::Impl {
   Row solution, error;
   bool last_is_solution;  // the last stage is taken at the new u
   PetscInt first, local, n;
-  bool closed;            // one tile holds the whole grid
+  bool closed;            // one tile holds the whole grid, also of several ranks
   PetscInt low, high;     // the ends of the grid seen from this rank; none on a ring that is not closed
   PetscInt left_halo = 0, right_halo = 0;
   std::vector<double> amplitude;  // of the nodes -left_halo .. local + right_halo - 1; empty: all are 1
+  std::vector<double> direction;  // of the same nodes; empty: friction does not stick
   std::vector<std::vector<std::pair<PetscInt, double>>> left_end, right_end;  // psi beyond an end, by local nodes
   kernel::Coefficients coefficients;
   Evaluate evaluate;
@@ -76,17 +86,17 @@ struct FusedStep::Impl {
   Square square;
   Copy to_columns, from_columns;
   ScatterHandle scatter;
-  VecHandle fetched;
+  VecHandle fetched, going;  // going: the direction in place of psi, to be fetched
 
   // Columns of one tile: u, y (a stage or the new u), k_i; one each for psi, eta and the state.
   PetscInt stride = 0;
   mutable std::vector<double> work;
   std::vector<double> zeros;
 
-  Impl(const Model& m, const RungeKutta& method)
+  Impl(const Model& m, const RungeKutta& method, bool sticking)
       : model(m), stages(method.stages), dof(m.dof()), half_width(m.scene().order / 2), first(m.first()),
         local(m.local()), n(m.scene().n), coefficients(kernel::coefficients_of(m.scene())),
-        evaluate(evaluation(m.scene())), add(kernel::compiled<Add>(kernel::AddTerms{})),
+        evaluate(evaluation(m.scene(), sticking)), add(kernel::compiled<Add>(kernel::AddTerms{})),
         square(kernel::compiled<Square>(kernel::SumOfSquares{})),
         to_columns(dof == 3 ? kernel::compiled<Copy>(kernel::ToColumns<3>{})
                             : kernel::compiled<Copy>(kernel::ToColumns<2>{})),
@@ -102,12 +112,12 @@ struct FusedStep::Impl {
       error = row_of(difference.data(), stages);
     }
 
-    closed = ranks_of(m) == 1 && n <= closed_nodes;
+    closed = is_closed(m, stages);
     const bool open_ring = scene.ring() && !closed;
     constexpr PetscInt none = std::numeric_limits<PetscInt>::max() / 2;
     low = open_ring ? -none : -first;
     high = open_ring ? none : n - first;
-    const PetscInt reach = closed ? 0 : stages * half_width;
+    const PetscInt reach = closed ? n : stages * half_width;
     left_halo = std::min(reach, -low);
     right_halo = std::min(reach, high - local);
     for (int j = 1; j <= half_width && !open_ring; ++j) {
@@ -123,10 +133,33 @@ struct FusedStep::Impl {
         i += count;
       }
     }
-    stride = ((closed ? n : std::min(tile_nodes, local)) + 2 * reach + 2 * pad + 7) / 8 * 8;
+    stride = ((closed ? n : std::min(tile_nodes, local) + 2 * reach) + 2 * pad + 7) / 8 * 8;
     work.assign(static_cast<std::size_t>(stride * dof * (stages + 2)), 0.);
     zeros.assign(static_cast<std::size_t>(stride), 0.);
     if (left_halo + right_halo > 0) set_up_scatter();
+    if (sticking) direction.assign(static_cast<std::size_t>(left_halo + local + right_halo), 0.);
+  }
+
+  void set_direction(const std::vector<double>& own) {
+    std::copy(own.begin(), own.end(), direction.begin() + left_halo);
+    if (!scatter) return;
+    if (!going) going = model.create_vector();
+    double* a;
+    SS_TRY(VecGetArray(going, &a));
+    for (PetscInt i = 0; i < local; ++i) a[i * dof] = own[static_cast<std::size_t>(i)];
+    SS_TRY(VecRestoreArray(going, &a));
+    fetch(going);
+    const double* halo;
+    SS_TRY(VecGetArrayRead(fetched, &halo));
+    for (PetscInt i = 0; i < left_halo; ++i) direction[static_cast<std::size_t>(i)] = halo[i * dof];
+    for (PetscInt i = 0; i < right_halo; ++i)
+      direction[static_cast<std::size_t>(left_halo + local + i)] = halo[(left_halo + i) * dof];
+    SS_TRY(VecRestoreArrayRead(fetched, &halo));
+  }
+
+  void fetch(Vec from) const {
+    SS_TRY(VecScatterBegin(scatter, from, fetched, INSERT_VALUES, SCATTER_FORWARD));
+    SS_TRY(VecScatterEnd(scatter, from, fetched, INSERT_VALUES, SCATTER_FORWARD));
   }
 
   PetscInt wrapped(PetscInt node) const { return ((node % n) + n) % n; }
@@ -155,7 +188,8 @@ struct FusedStep::Impl {
 
   // ---- one tile ----
   struct Tile {
-    PetscInt begin, end;          // the nodes whose new values are wanted
+    PetscInt begin, end;          // the nodes whose new values are wanted,
+    PetscInt own_begin, own_end;  // those of them that are this rank's,
     PetscInt from, to;            // the nodes that are loaded
   };
 
@@ -178,13 +212,13 @@ struct FusedStep::Impl {
   }
 
   void store(const Tile& t, int index, double* u) const {
-    from_columns({u + t.begin * dof, columns(t, index, t.begin).data(), t.end - t.begin});
+    from_columns({u + t.own_begin * dof, columns(t, index, t.own_begin).data(), t.own_end - t.own_begin});
   }
 
   void sum(const Tile& t, int d, const double* base, const Row& row, double dt, PetscInt begin, PetscInt end,
            double* into) const {
-    const double* terms[32];
-    double weights[32];
+    const double* terms[most_stages];
+    double weights[most_stages];
     const auto count = row.stage.size();
     for (std::size_t j = 0; j < count; ++j) {
       terms[j] = column(2 + row.stage[j], d) + (begin - t.from);
@@ -208,10 +242,12 @@ struct FusedStep::Impl {
     const PetscInt at = begin - t.from;
     double* const k_psi = column(2 + i, 0) - t.from;
     double* const k_eta = column(2 + i, 1) - t.from;
+    const auto from = [&](const std::vector<double>& list) {
+      return list.empty() ? nullptr : &list[static_cast<std::size_t>(begin + left_halo)];
+    };
     evaluate(coefficients,
-             {psi + begin, column(index, 1) + at, dof == 3 ? column(index, 2) + at : nullptr,
-              amplitude.empty() ? nullptr : &amplitude[static_cast<std::size_t>(begin + left_halo)], k_psi + begin,
-              k_eta + begin, dof == 3 ? column(2 + i, 2) + at : nullptr, end - begin});
+             {psi + begin, column(index, 1) + at, dof == 3 ? column(index, 2) + at : nullptr, from(amplitude),
+              k_psi + begin, k_eta + begin, dof == 3 ? column(2 + i, 2) + at : nullptr, end - begin, from(direction)});
     for (const PetscInt node : {PetscInt(0), n - 1}) {
       const PetscInt own = node - first;
       if (!model.held(node) || own < begin || own >= end) continue;
@@ -249,12 +285,12 @@ struct FusedStep::Impl {
   }
 
   void measure(const Tile& t, double dt, double atol, double rtol, NormType norm, bool estimate, Sums& sums) const {
-    const PetscInt at = t.begin - t.from, count = t.end - t.begin;
+    const PetscInt at = t.own_begin - t.from, count = t.own_end - t.own_begin;
     for (int d = 0; d < dof; ++d) {
       const double* const u = column(1, d) + at;
       if (estimate) {
         double* const e = column(0, d);  // u itself is not needed any more
-        sum(t, d, zeros.data(), error, dt, t.begin, t.end, e);
+        sum(t, d, zeros.data(), error, dt, t.own_begin, t.own_end, e);
         if (norm == NORM_INFINITY) {
           for (PetscInt i = 0; i < count; ++i) {
             const double size = std::max(std::abs(u[i]), std::abs(u[i] - e[at + i]));
@@ -270,31 +306,34 @@ struct FusedStep::Impl {
   }
 
   Outcome take(Vec u, double dt, double atol, double rtol, NormType norm, bool estimate, Vec u_new,
-               const std::vector<VecHandle>& slopes) const {
-    const bool last_wanted = !last_is_solution || estimate || !slopes.empty();
+               const std::vector<VecHandle>& slopes, Vec last_slope) const {
+    const bool last_wanted = !last_is_solution || estimate || !slopes.empty() || last_slope;
     const int taken = last_wanted ? stages : stages - 1;
     const double *a, *halo = nullptr;
-    double* b;
+    double *b, *last = nullptr;
     std::vector<double*> k(slopes.size());
     if (scatter) {
-      SS_TRY(VecScatterBegin(scatter, u, fetched, INSERT_VALUES, SCATTER_FORWARD));
-      SS_TRY(VecScatterEnd(scatter, u, fetched, INSERT_VALUES, SCATTER_FORWARD));
+      fetch(u);
       SS_TRY(VecGetArrayRead(fetched, &halo));
     }
     SS_TRY(VecGetArrayRead(u, &a));
     SS_TRY(VecGetArrayWrite(u_new, &b));
     for (std::size_t i = 0; i < k.size(); ++i) SS_TRY(VecGetArrayWrite(slopes[i], &k[i]));
+    if (last_slope) SS_TRY(VecGetArrayWrite(last_slope, &last));
     Sums sums;
-    const PetscInt reach = closed ? 0 : taken * half_width, tiles = closed ? 1 : (local + tile_nodes - 1) / tile_nodes;
+    const PetscInt reach = taken * half_width, tiles = closed ? 1 : (local + tile_nodes - 1) / tile_nodes;
     for (PetscInt j = 0; j < tiles; ++j) {
       const PetscInt begin = share(j, tiles), end = share(j + 1, tiles);
-      const Tile tile{begin, end, std::max(begin - reach, low), std::min(end + reach, high)};
+      const Tile tile = closed ? Tile{low, high, 0, local, low, high}
+                               : Tile{begin, end, begin, end, std::max(begin - reach, low), std::min(end + reach, high)};
       load(tile, a, halo);
       through(tile, dt, taken);
       store(tile, 1, b);
       for (std::size_t i = 0; i < k.size(); ++i) store(tile, 2 + static_cast<int>(i), k[i]);
+      if (last) store(tile, 1 + stages, last);
       measure(tile, dt, atol, rtol, norm, estimate, sums);
     }
+    if (last_slope) SS_TRY(VecRestoreArrayWrite(last_slope, &last));
     for (std::size_t i = 0; i < k.size(); ++i) SS_TRY(VecRestoreArrayWrite(slopes[i], &k[i]));
     SS_TRY(VecRestoreArrayWrite(u_new, &b));
     SS_TRY(VecRestoreArrayRead(u, &a));
@@ -313,22 +352,16 @@ struct FusedStep::Impl {
   }
 };
 
-bool FusedStep::suits(const Model& model, const RungeKutta& method) {
-  // Fewer nodes than the halo would cost more than they save; the closures of an end must lie within one tile.
-  const PetscInt least = 2 * method.stages * (model.scene().order / 2);
-  int enough = model.local() >= std::max(least, PetscInt(16)) ? 1 : 0;
-  if (ranks_of(model) == 1 && model.scene().n <= closed_nodes) enough = 1;
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &enough, 1, MPI_INT, MPI_MIN, model.comm()));
-  return enough != 0 && method.stages <= 32;
-}
-
-FusedStep::FusedStep(const Model& model, const RungeKutta& method) : impl_(std::make_unique<Impl>(model, method)) {}
+FusedStep::FusedStep(const Model& model, const RungeKutta& method, bool sticking)
+    : impl_(std::make_unique<Impl>(model, method, sticking)) {}
 FusedStep::~FusedStep() = default;
 FusedStep::FusedStep(FusedStep&&) noexcept = default;
 
 FusedStep::Outcome FusedStep::take(Vec u, double dt, double atol, double rtol, NormType norm, bool estimate, Vec u_new,
-                                   const std::vector<VecHandle>& slopes) const {
-  return impl_->take(u, dt, atol, rtol, norm, estimate, u_new, slopes);
+                                   const std::vector<VecHandle>& slopes, Vec last_slope) const {
+  return impl_->take(u, dt, atol, rtol, norm, estimate, u_new, slopes, last_slope);
 }
+void FusedStep::set_direction(const std::vector<double>& direction) { impl_->set_direction(direction); }
+bool FusedStep::last_is_solution() const { return impl_->last_is_solution; }
 
 }  // namespace stickslip

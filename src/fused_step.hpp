@@ -6,7 +6,8 @@
 // stage that follows: these nodes are computed twice, which is cheaper than to go through memory. What moves is u in
 // and the new u out, once a step, and between ranks one message a step.
 //
-// The values of a node do not depend on the tile in which it lies, nor on the ranks, to the last bit.
+// The values of a node do not depend on the tile in which it lies, nor on the ranks, to the last bit. A small grid, and
+// one with so few nodes a rank that the overlap would be most of the work, is one tile that every rank takes as a whole.
 #pragma once
 
 #include <memory>
@@ -26,21 +27,26 @@ struct RungeKutta {
 
 class FusedStep {
  public:
-  // Whether the stencils of all stages reach no further than the ranks beside this one. Collective.
-  static bool suits(const Model& model, const RungeKutta& method);
+  static constexpr int most_stages = 32;
 
-  FusedStep(const Model& model, const RungeKutta& method);
+  // `sticking`: with friction that sticks (stick.hpp), of which set_direction tells who rests.
+  FusedStep(const Model& model, const RungeKutta& method, bool sticking = false);
   ~FusedStep();
   FusedStep(FusedStep&&) noexcept;
+
+  // 1, -1 or 0 for every node of this rank, from now on. Collective.
+  void set_direction(const std::vector<double>& direction);
+  // The last stage is taken at the new u: its slope is the right-hand side there.
+  bool last_is_solution() const;
 
   struct Outcome {
     bool finite;
     double error;  // root mean square (or largest, NORM_INFINITY) of error/(atol + rtol |u|); -1 without an estimate
   };
   // `u_new` = u after a step dt; u and u_new differ. `slopes`: empty, or a Vec for every stage, to keep k_i for output
-  // between steps. Collective; no allocation.
+  // between steps. `last_slope`: nullptr, or takes the last k_i. Collective; no allocation.
   Outcome take(Vec u, double dt, double atol, double rtol, NormType norm, bool estimate, Vec u_new,
-               const std::vector<VecHandle>& slopes) const;
+               const std::vector<VecHandle>& slopes, Vec last_slope = nullptr) const;
 
  private:
   struct Impl;

@@ -66,9 +66,11 @@ double state_at_rest(const FrictionParameters& p, double state, double wait) {
 bool Stick::applies_to(const Scene& scene) { return has_threshold(scene.friction.law) && !scene.friction.regularised; }
 
 Stick::Stick(const Model& model)
-    : model_(model), dof_(model.dof()), both_sides_(model.scene().friction.back_slip),
+    : model_(model), dof_(model.dof()), free_end_(model.local()), both_sides_(model.scene().friction.back_slip),
       direction_(static_cast<std::size_t>(model.local()), 0.), slope_(model.create_vector()),
       next_slope_(model.create_vector()) {
+  while (free_begin_ < free_end_ && model.held(model.first() + free_begin_)) ++free_begin_;
+  while (free_end_ > free_begin_ && model.held(model.first() + free_end_ - 1)) --free_end_;
   if (dof_ == 3) return;
   for (PetscInt i = 0; i < model.local(); ++i) fixed_threshold_.push_back(threshold_at(i, 0));
 }
@@ -110,12 +112,11 @@ void Stick::decide(Vec u) {
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
   long counts[3] = {0, 0, 0};  // moving, let go now, changed
-  for (PetscInt i = 0; i < model_.local(); ++i) {
+  const auto free = [&](PetscInt i) { return i >= free_begin_ && i < free_end_; };
+  for (PetscInt i = 0; i < model_.local(); ++i)
+    if (!free(i) && dof_ == 3 && direction_[static_cast<std::size_t>(i)] != 0) ++counts[0];  // its state moves
+  for (PetscInt i = free_begin_; i < free_end_; ++i) {
     double& going = direction_[static_cast<std::size_t>(i)];
-    if (model_.held(model_.first() + i)) {
-      if (going != 0 && dof_ == 3) ++counts[0];  // its state moves
-      continue;
-    }
     if (going == 0) {
       const double *at = a + i * dof_, limit = threshold(i, at);
       for_each_side([&](double side) {
@@ -165,18 +166,16 @@ void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, 
     estimate = std::min(estimate, root);
     reached = std::min(reached, until);
   };
-  for (PetscInt i = 0; i < model_.local(); ++i) {
+  for (PetscInt i = free_begin_; i < free_end_; ++i) {
     const double going = direction_[static_cast<std::size_t>(i)];
     const double *at0 = a + i * dof_, *at1 = b + i * dof_, *f0 = fa + i * dof_, *f1 = fb + i * dof_;
     if (going != 0) {
       const double g0 = -going * at0[0], g1 = -going * at1[0];
       const bool fresh = at0[0] == 0, at_end = fresh ? g1 > 0 : g1 >= 0;
       if (!at_end && !(going * f0[0] < 0 && going * f1[0] > 0)) continue;
-      if (!model_.held(model_.first() + i))
-        examine({i, going, false, fresh, 0}, g0, g1, -going * f0[0], -going * f1[0], at_end);
+      examine({i, going, false, fresh, 0}, g0, g1, -going * f0[0], -going * f1[0], at_end);
       continue;
     }
-    if (model_.held(model_.first() + i)) continue;
     const double limit0 = threshold(i, at0), limit1 = threshold(i, at1);
     const double rate0 = threshold_rate(i, at0), rate1 = threshold_rate(i, at1);
     for_each_side([&](double side) {
@@ -207,9 +206,10 @@ double Stick::furthest(Vec u, double part) const {
 }
 
 Stick::Change Stick::first_change(Vec before, Vec after, double dt,
-                                  const std::function<void(double part, Vec into)>& at, Vec landed) {
+                                  const std::function<void(double part, Vec into)>& at, Vec landed,
+                                  bool slope_known) {
   engage();
-  model_.rhs(Part::full, after, next_slope_);
+  if (!slope_known) model_.rhs(Part::full, after, next_slope_);
   double estimate, reached;
   find_candidates(before, after, dt, estimate, reached);
   if (reached == infinity) {
@@ -217,7 +217,7 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
     return {Change::Kind::none, 1};
   }
   const auto furthest_at = [&](double part) {
-    if (part == 1) SS_TRY(VecCopy(after, landed));
+    if (part > 1 - close) SS_TRY(VecCopy(after, landed));  // which the polynomial misses by its error
     else at(part, landed);
     return furthest(landed, part);
   };
@@ -284,8 +284,7 @@ void Stick::snap(Vec before, Vec landed) const {
     if (c.rests) at[1] = c.side * threshold(c.node, at);
     else at[0] = 0;
   }
-  for (PetscInt i = 0; i < model_.local(); ++i) {
-    if (model_.held(model_.first() + i)) continue;
+  for (PetscInt i = free_begin_; i < free_end_; ++i) {
     const double going = direction_[static_cast<std::size_t>(i)], *at0 = a + i * dof_;
     double* at = b + i * dof_;
     if (going != 0) {
@@ -311,8 +310,7 @@ double Stick::release_after(Vec u) {
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
   double first = infinity;
-  for (PetscInt i = 0; i < model_.local(); ++i) {
-    if (model_.held(model_.first() + i)) continue;
+  for (PetscInt i = free_begin_; i < free_end_; ++i) {
     for_each_side([&](double side) {
       const double *at = a + i * dof_, force = side * at[1], rate = side * f[i * dof_ + 1];
       if (dof_ == 2) {
@@ -369,10 +367,10 @@ void Stick::rest(Vec u, double wait, Vec into) {
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
   SS_TRY(VecGetArray(into, &b));
-  for (PetscInt i = 0; i < model_.local(); ++i) {
+  if (dof_ == 3)
+    for (PetscInt i = 0; i < model_.local(); ++i) b[i * 3 + 2] = state_at_rest(p, a[i * 3 + 2], wait);
+  for (PetscInt i = free_begin_; i < free_end_; ++i) {
     double* at = b + i * dof_;
-    if (dof_ == 3) at[2] = state_at_rest(p, a[i * dof_ + 2], wait);
-    if (model_.held(model_.first() + i)) continue;
     const double limit = threshold(i, at);
     for_each_side([&](double side) {
       if (std::abs(side * at[1] - limit) <= close * limit && side * f[i * dof_ + 1] > threshold_rate(i, at))

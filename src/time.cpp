@@ -115,6 +115,8 @@ struct Integrator::Impl {
   std::unique_ptr<FusedStep> fused;  // takes the place of PETSc's step of rk
   FusedStep::Outcome fused_outcome{};
   std::vector<VecHandle> fused_slopes;
+  bool fused_slopes_kept = false;    // those of the last step
+  double fused_dt = 0;
   bool undo_exactly = false;   // see PreStage
   PetscInt rejections_seen = 0;
   double t_before = 0;
@@ -267,7 +269,7 @@ struct Integrator::Impl {
     if (at == t) {
       SS_TRY(VecCopy(u, into));
     } else if (own_degree == 0 && fused) {
-      interpolate_fused((at - t_before) / (t - t_before), t - t_before, into);
+      interpolate_fused((at - t_before) / (t - t_before), into);
     } else if (own_degree == 0) {
       SS_TRY(TSInterpolate(ts, at, into));
     } else {
@@ -392,12 +394,18 @@ struct Integrator::Impl {
                   ") with an error above the tolerance; lower ts_adapt_dt_min, or loosen ts_rtol and ts_atol");
   }
 
+  void decide(Vec u) {
+    stick->decide(u);
+    if (fused) fused->set_direction(stick->direction());
+  }
+
   // Cuts the step at the first change between rest and sliding, and passes over times when everything rests.
   void stick_after(Step step) {
     const double dt = step.t - t_before;
     Vec u = step.u;
     const auto at = [&](double part, Vec into) { interpolate(t_before + part * dt, into); };
-    const Stick::Change change = stick->first_change(before, u, dt, at, landed);
+    const Stick::Change change =
+        stick->first_change(before, u, dt, at, landed, fused && fused->last_is_solution());
     if (change.kind == Stick::Change::Kind::too_coarse) {
       SS_TRY(VecCopy(before, u));
       ++coarse;
@@ -411,7 +419,7 @@ struct Integrator::Impl {
     }
     if (change.kind == Stick::Change::Kind::none) {
       if (own_dt > 0 && step.next_dt < own_dt) go_on_from(step.t, own_dt);
-      if (tell(step) == Verdict::restart) stick->decide(u);  // as a run that goes on from here will
+      if (tell(step) == Verdict::restart) decide(u);  // as a run that goes on from here will
       return;
     }
     step.t = change.part == 1 ? step.t : t_before + change.part * dt;
@@ -425,7 +433,7 @@ struct Integrator::Impl {
     if (step.t > t_before) tell(step);
     else SS_TRY(TSSetStepNumber(ts, step.index - 1));
     SS_TRY(VecCopy(landed, u));
-    stick->decide(u);
+    decide(u);
     go_on_from(step.t, step.next_dt);
     pass_rest(u);
   }
@@ -468,7 +476,7 @@ struct Integrator::Impl {
       }
       SS_TRY(VecCopy(landed, u));
       t = until;
-      stick->decide(u);
+      decide(u);
       go_on_from(t, dt);
     }
   }
@@ -503,8 +511,8 @@ struct Integrator::Impl {
     SS_TRY(TSRKGetTableau(ts, &stages, &A, &b, &c, &embedded, &degree, &interpolating, &fsal));
     RungeKutta tableau{stages, {A, A + stages * stages}, {b, b + stages}, {}};
     if (embedded) tableau.embedded.assign(embedded, embedded + stages);
-    if (multirate || ts.get()->adapt->ignore_max >= 0 || !FusedStep::suits(model, tableau)) return;
-    fused = std::make_unique<FusedStep>(model, tableau);
+    if (multirate || ts.get()->adapt->ignore_max >= 0 || stages > FusedStep::most_stages) return;
+    fused = std::make_unique<FusedStep>(model, tableau, stick != nullptr);
     ts.get()->ops->setup = nullptr;  // would make a vector and a slope for every stage
     ts.get()->ops->step = FusedTSStep;
     ts.get()->ops->evaluatewlte = FusedWLTE;
@@ -538,10 +546,12 @@ struct Integrator::Impl {
     static const std::vector<VecHandle> none;
     for (PetscInt rejected = 0; !ts.get()->reason;) {
       const double dt = ts.get()->time_step;
-      const bool keep = own_degree == 0 && output_due(t_before + dt * (1 + 1e-12));
-      while (keep && static_cast<int>(fused_slopes.size()) <= last_stage) fused_slopes.push_back(model.create_vector());
+      fused_dt = dt;
+      fused_slopes_kept = own_degree == 0 && output_due(t_before + dt * (1 + 1e-12));
+      if (fused_slopes_kept) make_fused_slopes();
       fused_outcome = fused->take(before, dt, ts.get()->atol, ts.get()->rtol, adapt->wnormtype, adaptive,
-                                  ts.get()->vec_sol, keep ? fused_slopes : none);
+                                  ts.get()->vec_sol, fused_slopes_kept ? fused_slopes : none,
+                                  stick && fused->last_is_solution() ? stick->slope_at_end() : nullptr);
       PetscBool accept = rejected > 0 ? PETSC_FALSE : PETSC_TRUE;  // read too: a second rejection shortens more
       if (adaptive && !fused_outcome.finite) {
         double scale;
@@ -566,8 +576,18 @@ struct Integrator::Impl {
   void fuse() {}
 #endif
 
-  // u at the part s of the step, by the method's own polynomial.
-  void interpolate_fused(double s, double dt, Vec into) {
+  void make_fused_slopes() {
+    while (static_cast<int>(fused_slopes.size()) <= last_stage) fused_slopes.push_back(model.create_vector());
+  }
+
+  // u at the part s of the step, by the method's own polynomial. Where a node stops or starts in a step, which nobody
+  // announces, the step is taken once more for its slopes.
+  void interpolate_fused(double s, Vec into) {
+    if (!fused_slopes_kept) {
+      make_fused_slopes();
+      fused->take(before, fused_dt, 1, 0, NORM_2, false, into, fused_slopes);
+      fused_slopes_kept = true;
+    }
     const PetscReal *A, *b, *c, *embedded, *interpolating;
     PetscInt stages, degree;
     PetscBool fsal;
@@ -575,7 +595,7 @@ struct Integrator::Impl {
     std::vector<double> weights(static_cast<std::size_t>(stages));
     std::vector<Vec> terms(fused_slopes.begin(), fused_slopes.end());
     for (PetscInt i = 0; i < stages; ++i) {
-      double power = dt;
+      double power = fused_dt;
       for (PetscInt j = 0; j < degree; ++j) {
         power *= s;
         weights[static_cast<std::size_t>(i)] += power * interpolating[i * degree + j];
@@ -688,7 +708,7 @@ struct Integrator::Impl {
     SS_TRY(TSSetPreStep(ts, PreStep));
     SS_TRY(TSSetPostStep(ts, PostStep));
     SS_TRY(TSSetSolution(ts, u));
-    if (type == TSRK && options.boolean("rk_fused") && !stick) fuse();
+    if (type == TSRK && options.boolean("rk_fused")) fuse();
     SS_TRY(TSSetUp(ts));
     read_subtype();
     method = &offered_method(type, subtype);
@@ -976,7 +996,7 @@ TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& ob
   if (m.stick) {
     if (!m.adaptive) SS_TRY(TSGetTimeStep(m.ts, &m.own_dt));
     SS_TRY(TSSetConvergedReason(m.ts, TS_CONVERGED_ITERATING));
-    m.stick->decide(u);
+    m.decide(u);
     m.pass_rest(u);
     SS_TRY(TSGetConvergedReason(m.ts, &reason));
   }

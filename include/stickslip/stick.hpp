@@ -53,10 +53,12 @@ class Stick {
     double part;  // of the step that is left when it is cut there, in (0, 1]
   };
   // at(part, into) interpolates in the step. With Kind::at, `landed` is the state there, ready for decide().
+  // `slope_known`: the method has left the right-hand side at `after` in slope_at_end().
   // too_coarse: a node that was let go runs backwards at once, which no exact solution does: repeat with a shorter
   // step.
   Change first_change(Vec before, Vec after, double dt, const std::function<void(double part, Vec into)>& at,
-                      Vec landed);
+                      Vec landed, bool slope_known = false);
+  Vec slope_at_end() const { return next_slope_; }
 
   // While every node rests: time until the first lets go (infinite: never), and u after the time `wait`.
   double release_after(Vec u);
@@ -81,6 +83,7 @@ class Stick {
 
   const Model& model_;
   int dof_;
+  PetscInt free_begin_ = 0, free_end_;  // the nodes of this rank that are not held
   bool both_sides_;
   std::vector<double> direction_, was_;
   std::vector<double> fixed_threshold_;  // without a state
