@@ -14,24 +14,27 @@ namespace stickslip {
 
 namespace {
 
-constexpr int P = 16;          // values of every function on a piece, at Chebyshev points
-constexpr double settled = 1e-11;  // largest last coefficient of a function that counts as known on its piece
+constexpr int P = 16;               // values of every function on a piece, at Chebyshev points
+constexpr double settled = 1e-11;   // largest last coefficient of a function that counts as known on its piece
+constexpr std::size_t stretch = 8;  // nodes in the shortest stretches
 
 // Values of a function at the Chebyshev points of a piece; real and imaginary parts apart, so that loops vectorise.
-struct Values {
+struct alignas(64) Values {
   double re[P], im[P];
+  Complex operator[](int j) const { return {re[j], im[j]}; }
+  void put(int j, Complex c) { re[j] = c.real(), im[j] = c.imag(); }
 };
 inline void set(Values& x, Complex c) {
   for (int j = 0; j < P; ++j) x.re[j] = c.real(), x.im[j] = c.imag();
 }
-inline void add_product(Values& out, const Values& a, const Values& b) {
+inline void add_product(Values& out, const Values& a, const Values& b, double factor = 1) {
   for (int j = 0; j < P; ++j) {
-    out.re[j] += a.re[j] * b.re[j] - a.im[j] * b.im[j];
-    out.im[j] += a.re[j] * b.im[j] + a.im[j] * b.re[j];
+    out.re[j] += factor * (a.re[j] * b.re[j] - a.im[j] * b.im[j]);
+    out.im[j] += factor * (a.re[j] * b.im[j] + a.im[j] * b.re[j]);
   }
 }
-inline void add(Values& out, const Values& a, double factor) {
-  for (int j = 0; j < P; ++j) out.re[j] += factor * a.re[j], out.im[j] += factor * a.im[j];
+inline void scale(Values& x, double factor) {
+  for (int j = 0; j < P; ++j) x.re[j] *= factor, x.im[j] *= factor;
 }
 inline void multiply(Values& x, const Values& a) {
   for (int j = 0; j < P; ++j) {
@@ -48,10 +51,10 @@ inline void invert(Values& x) {
   }
 }
 
-// Chebyshev points (first kind) on [-1, 1], interpolation to those of either half, the last two coefficients, weights of
-// the barycentric formula.
+// Chebyshev points (first kind) on [-1, 1], which lie symmetrically; interpolation of the even and the odd part to the
+// points of the half [0, 1]; the last two coefficients; weights of the barycentric formula.
 struct Chebyshev {
-  double x[P], half[2][P][P], tail[2][P], weight[P];  // half[side][i]: what the value at i gives to every point
+  double x[P], even[P / 2][P], odd[P / 2][P], tail[2][P], weight[P];
   Chebyshev() {
     const auto coefficient = [&](int k, int i) {
       return (k == 0 ? 1. : 2.) / P * std::cos(k * (2 * i + 1) * M_PI / (2 * P));
@@ -61,13 +64,12 @@ struct Chebyshev {
       weight[i] = (i % 2 ? -1 : 1) * std::sin((2 * i + 1) * M_PI / (2 * P));
       for (int k = 0; k < 2; ++k) tail[k][i] = coefficient(P - 1 - k, i);
     }
-    for (int side = 0; side < 2; ++side)
-      for (int j = 0; j < P; ++j)
-        for (int i = 0; i < P; ++i) {
-          const double at = (x[j] + (side ? 1 : -1)) / 2;
-          half[side][i][j] = 0;
-          for (int k = 0; k < P; ++k) half[side][i][j] += coefficient(k, i) * std::cos(k * std::acos(at));
-        }
+    for (int j = 0; j < P; ++j)
+      for (int i = 0; i < P / 2; ++i) {
+        even[i][j] = odd[i][j] = 0;
+        for (int k = 0; k < P; ++k)
+          (k % 2 ? odd : even)[i][j] += coefficient(k, i) * std::cos(k * std::acos((x[j] + 1) / 2));
+      }
   }
 };
 const Chebyshev& chebyshev() {
@@ -75,7 +77,7 @@ const Chebyshev& chebyshev() {
   return table;
 }
 
-double last_coefficients(const Values& v) {
+inline double last_coefficients(const Values& v) {
   const Chebyshev& c = chebyshev();
   double worst = 0;
   for (const auto& tail : c.tail) {
@@ -85,105 +87,33 @@ double last_coefficients(const Values& v) {
   }
   return worst;
 }
-double largest(const Values& v) {
+inline double largest(const Values& v) {
   double most = 0;
   for (int j = 0; j < P; ++j) most = std::max(most, std::abs(v.re[j]) + std::abs(v.im[j]));
   return most;
 }
-Values to_half(const Values& v, int side) {
-  const auto& w = chebyshev().half[side];
-  Values out;
-  set(out, 0);
-  for (int i = 0; i < P; ++i)
+// The function on either half of the piece: the first ([-1, 0]) and the second.
+inline void halve(const double* v, double* first, double* second) {
+  const Chebyshev& c = chebyshev();
+  double even[P] = {}, odd[P] = {};
+  for (int i = 0; i < P / 2; ++i) {
+    const double e = v[i] + v[P - 1 - i], o = v[i] - v[P - 1 - i];
     for (int j = 0; j < P; ++j) {
-      out.re[j] += w[i][j] * v.re[i];
-      out.im[j] += w[i][j] * v.im[i];
+      even[j] += c.even[i][j] * e;
+      odd[j] += c.odd[i][j] * o;
     }
-  return out;
-}
-
-// ln (1 + w). The library's is slow near 1, where nearly all arguments are: it saves digits of the modulus that the sum
-// of logarithms does not keep.
-inline Complex log_one_plus(Complex w) {
-  if (std::abs(w.real()) + std::abs(w.imag()) > 1e-3)
-    return {std::log(std::norm(1. + w)) / 2, std::atan2(w.imag(), 1 + w.real())};
-  Complex sum = 0;
-  for (int k = 6; k >= 1; --k) {
-    sum = (k % 2 ? 1. : -1.) / k + Complex(w.real() * sum.real() - w.imag() * sum.imag(),
-                                           w.real() * sum.imag() + w.imag() * sum.real());
   }
-  return {w.real() * sum.real() - w.imag() * sum.imag(), w.real() * sum.imag() + w.imag() * sum.real()};
+  for (int j = 0; j < P; ++j) {
+    second[j] = even[j] + odd[j];
+    first[P - 1 - j] = even[j] - odd[j];
+  }
+}
+inline void halve(const Values& v, Values& first, Values& second) {
+  halve(v.re, first.re, second.re);
+  halve(v.im, first.im, second.im);
 }
 
 struct Unsettled {};  // thrown where the phase cannot be followed
-
-// Small dense complex matrices, row-major.
-using Dense = std::vector<Complex>;
-
-// Determinant, of a matrix that is destroyed.
-Complex determinant(Dense& a, int n) {
-  Complex det = 1;
-  for (int k = 0; k < n; ++k) {
-    int p = k;
-    for (int i = k + 1; i < n; ++i)
-      if (std::norm(a[std::size_t(i * n + k)]) > std::norm(a[std::size_t(p * n + k)])) p = i;
-    if (a[std::size_t(p * n + k)] == Complex(0)) return 0;
-    if (p != k) {
-      det = -det;
-      for (int j = k; j < n; ++j) std::swap(a[std::size_t(k * n + j)], a[std::size_t(p * n + j)]);
-    }
-    det *= a[std::size_t(k * n + k)];
-    for (int i = k + 1; i < n; ++i) {
-      const Complex l = a[std::size_t(i * n + k)] / a[std::size_t(k * n + k)];
-      if (l != Complex(0))
-        for (int j = k + 1; j < n; ++j) a[std::size_t(i * n + j)] -= l * a[std::size_t(k * n + j)];
-    }
-  }
-  return det;
-}
-
-Dense inverse_of(Dense a, int n) {
-  Dense b(a.size(), 0.);
-  for (int i = 0; i < n; ++i) b[std::size_t(i * n + i)] = 1;
-  for (int k = 0; k < n; ++k) {
-    int p = k;
-    for (int i = k + 1; i < n; ++i)
-      if (std::norm(a[std::size_t(i * n + k)]) > std::norm(a[std::size_t(p * n + k)])) p = i;
-    for (int j = 0; j < n; ++j) {
-      std::swap(a[std::size_t(k * n + j)], a[std::size_t(p * n + j)]);
-      std::swap(b[std::size_t(k * n + j)], b[std::size_t(p * n + j)]);
-    }
-    const Complex d = 1. / a[std::size_t(k * n + k)];
-    for (int j = 0; j < n; ++j) a[std::size_t(k * n + j)] *= d, b[std::size_t(k * n + j)] *= d;
-    for (int i = 0; i < n; ++i) {
-      const Complex l = a[std::size_t(i * n + k)];
-      if (i == k || l == Complex(0)) continue;
-      for (int j = 0; j < n; ++j) {
-        a[std::size_t(i * n + j)] -= l * a[std::size_t(k * n + j)];
-        b[std::size_t(i * n + j)] -= l * b[std::size_t(k * n + j)];
-      }
-    }
-  }
-  return b;
-}
-
-// Roots S of 4 (S + S^2/3 + ...) = -d, smallest first: the wave pair's, then those of the stencil's own.
-std::vector<Complex> stencil_roots(int order, Complex d) {
-  static constexpr double coefficient[] = {1, 1. / 3, 8. / 45, 4. / 35};
-  const int b = order / 2;
-  std::vector<Complex> s(static_cast<std::size_t>(b));
-  for (int k = 0; k < b; ++k) s[std::size_t(k)] = 2. * std::polar(1., 0.4 + 2 * M_PI * k / b);
-  for (int step = 0; step < 200; ++step)  // Durand and Kerner
-    for (int k = 0; k < b; ++k) {
-      Complex f = d / 4., power = 1, others = coefficient[b - 1];
-      for (int j = 0; j < b; ++j) f += coefficient[j] * (power *= s[std::size_t(k)]);
-      for (int j = 0; j < b; ++j)
-        if (j != k) others *= s[std::size_t(k)] - s[std::size_t(j)];
-      if (others != Complex(0)) s[std::size_t(k)] -= f / others;
-    }
-  std::sort(s.begin(), s.end(), [](Complex x, Complex y) { return std::norm(x) < std::norm(y); });
-  return s;
-}
 
 // A piece of the segment.
 struct Piece {
@@ -195,445 +125,556 @@ struct Piece {
   }
 };
 
-// The tree for stencils of half-width b. A state at an interface is p at the b nodes on either side; in the basis Q its
-// first ng = b + 1 components are the wave pair and what decays to the right, the nu = b - 1 others grow to the right.
+// What a stretch does to the state (q, J) at its left end: exp(shift + slope x) e, x in [-1, 1] on the piece.
+struct Map {
+  Values e[2][2];
+  Complex shift = 0, slope = 0;
+  double tail = 0;  // how well it is settled
+};
+
+// Entries of size 1. Where one of the two waves outweighs the other by all digits, its oscillation in lambda is taken
+// out, so that the rest needs no shorter pieces when stretches are joined.
+inline void normalise(Map& m) {
+  double size = 0;
+  const Values* most = &m.e[0][0];
+  for (const auto& row : m.e)
+    for (const Values& v : row)
+      if (const double l = largest(v); l > size) size = l, most = &v;
+  if (!(size > 0) || !std::isfinite(size)) throw Unsettled();
+  const double factor = 1 / size;
+  for (auto& row : m.e)
+    for (Values& v : row) scale(v, factor);
+  m.shift += std::log(size);
+  const auto tail = [&m] {
+    double worst = 0;
+    for (const auto& row : m.e)
+      for (const Values& v : row) worst = std::max(worst, last_coefficients(v));
+    return worst;
+  };
+  if (m.shift.real() > 28) {
+    const Chebyshev& c = chebyshev();
+    const Complex a = (*most)[P / 2 - 1], b = (*most)[P / 2], rate = std::log(a / b) / (c.x[P / 2 - 1] - c.x[P / 2]);
+    if (std::abs(rate) > 0.3 && std::isfinite(std::abs(rate))) {
+      Values turn;
+      for (int j = 0; j < P; ++j) turn.put(j, std::exp(-rate * c.x[j]));
+      for (auto& row : m.e)
+        for (Values& v : row) multiply(v, turn);
+      m.slope += rate;
+    }
+  }
+  m.tail = tail();
+}
+
+inline void join(const Map& left, const Map& right, Map& out) {
+  for (int i = 0; i < 2; ++i)
+    for (int j = 0; j < 2; ++j) {
+      set(out.e[i][j], 0);
+      for (int k = 0; k < 2; ++k) add_product(out.e[i][j], right.e[i][k], left.e[k][j]);
+    }
+  out.shift = left.shift + right.shift;
+  out.slope = left.slope + right.slope;
+  normalise(out);
+}
+inline void halve(const Map& m, Map& first, Map& second) {
+  for (int i = 0; i < 2; ++i)
+    for (int j = 0; j < 2; ++j) halve(m.e[i][j], first.e[i][j], second.e[i][j]);
+  first.slope = second.slope = m.slope / 2.;
+  first.shift = m.shift - m.slope / 2.;
+  second.shift = m.shift + m.slope / 2.;
+}
+
+// Neighbours on either half of their piece, or on all of it (second null); the last one may stand alone (r null).
+struct JoinTwo {
+  void operator()(const Map* l, const Map* r, Map* first, Map* second) const {
+    if (!second) {
+      if (r) return join(*l, *r, *first);
+      *first = *l;
+      return;
+    }
+    if (!r) {
+      halve(*l, *first, *second);
+      normalise(*first);
+      return normalise(*second);
+    }
+    Map left[2], right[2];
+    halve(*l, left[0], left[1]);
+    halve(*r, right[0], right[1]);
+    join(left[0], right[0], *first);
+    join(left[1], right[1], *second);
+  }
+};
+
+// The stencil of half-width b on the nodes of a line, in units of K1/h^2: S = -D2 + eps_i. Its wide part is taken off
+// by the congruence S = U M U^T, M tridiagonal and U unit upper triangular with b - 1 diagonals above, row by row from
+// the right: what came before fades by a constant factor at every row, as the stencil's own solutions do. With
+// t = U^T 1 and z = U^-1 eps the rows of diag(t) M diag(t) sum to t_k z_k, small and free of cancellation.
+template <int b>
+struct Row {
+  Values u[b];        // u[m] = U_{i,i+m}, u[0] unused
+  Values e, inverse;  // M_{i,i+1} and 1/e
+  Values d, z;        // M_{i,i}
+  Values t;           // known b - 1 rows later
+  Values g[b];        // (M U^T)_{i+m,i}
+};
+
+template <int b>
+class Sweep {
+ public:
+  explicit Sweep(const std::array<double, 5>& w) : w_(w) {}
+  Row<b>& operator[](long i) { return row_[i & 7]; }
+
+  // Rows right of `next` as if nothing coupled them: forgotten after some rows.
+  void start(long next, const Values& eps) {
+    for (long i = next + b; i > next; --i) {
+      Row<b>& r = (*this)[i];
+      for (int m = 0; m < b; ++m) set(r.u[m], 0);
+      set(r.e, -w_[1]);
+      set(r.inverse, -1 / w_[1]);
+      set(r.t, 1);
+      r.z = r.d = eps;
+      for (int j = 0; j < P; ++j) r.d.re[j] -= w_[0];
+      finish(i);
+    }
+  }
+  void step(long i, const Values& eps) {
+    Row<b>& r = (*this)[i];
+    for (int m = b - 1; m >= 1; --m) {
+      set(r.u[m], -w_[std::size_t(m) + 1]);
+      for (int k = m + 1; k < b; ++k) add_product(r.u[m], r.u[k], (*this)[i + m + 1].g[k - m - 1], -1);
+      multiply(r.u[m], (*this)[i + m].inverse);
+    }
+    set(r.e, -w_[1]);
+    r.z = r.d = eps;
+    for (int j = 0; j < P; ++j) r.d.re[j] -= w_[0];
+    for (int m = 1; m < b; ++m) {
+      add_product(r.e, r.u[m], (*this)[i + 1].g[m - 1], -1);
+      add_product(r.z, r.u[m], (*this)[i + m].z, -1);
+    }
+    for (int m = 1; m < b; ++m) {
+      Values part;  // what u_m is multiplied with in S_ii
+      set(part, 0);
+      add_product(part, r.u[m], (*this)[i + m].d, -1);
+      if (m > 1) add_product(part, r.u[m - 1], (*this)[i + m - 1].e, -2);
+      for (int j = 0; m == 1 && j < P; ++j) part.re[j] -= 2 * r.e.re[j], part.im[j] -= 2 * r.e.im[j];
+      add_product(r.d, part, r.u[m]);
+    }
+    if (b == 1) set(r.t, 1);
+    if (b > 1) {
+      r.inverse = r.e;
+      invert(r.inverse);
+      Values& t = (*this)[i + b - 1].t;
+      set(t, 1);
+      for (int m = 1; m < b; ++m)
+        for (int j = 0; j < P; ++j) {
+          t.re[j] += (*this)[i + b - 1 - m].u[m].re[j];
+          t.im[j] += (*this)[i + b - 1 - m].u[m].im[j];
+        }
+    }
+    finish(i);
+  }
+
+ private:
+  void finish(long i) {
+    Row<b>& r = (*this)[i];
+    for (int m = 0; m + 1 < b; ++m) {
+      set(r.g[m], 0);
+      if (m == 0) r.g[m] = r.d;
+      if (m == 1) r.g[m] = r.e;
+      if (m > 1) add_product(r.g[m], r.u[m - 1], (*this)[i + m - 1].e);
+      if (m > 0) add_product(r.g[m], r.u[m], (*this)[i + m].d);
+      add_product(r.g[m], r.u[m + 1], (*this)[i + m].e);
+    }
+  }
+
+  std::array<double, 5> w_;
+  std::array<Row<b>, 8> row_;
+};
+
+// The line on one piece: the maps of its stretches, ln of the product of the M_{i,i+1}, and its ends: what comes from
+// the left one as a state (0, 1), and the determinants with which either component is met at the right one (2, 3).
+struct Level {
+  std::vector<Map> map;
+  Values log;
+  Values end[4];
+  double theta = 1;    // the unit of J
+  bool ended = false;  // the ends are known; they are not before the stretches are as long as what an end takes in
+};
+
 template <int b>
 class Tree {
  public:
-  Tree(const Sliding& s, PhaseTurn& result) : s_(s), result_(result) {
-    const std::size_t m = s.size();
+  Tree(const Sliding& s, PhaseTurn& result, std::size_t zeros) : s_(s), result_(result), zeros_(zeros) {
+    const long m = long(s.size());
     const PetscInt order = s.scene.order, n = s.scene.n;
     if (s.scene.ring()) {
-      first_ = 0;
-      last_ = m;
+      first_ = first_node_ = 0;
+      last_ = last_node_ = m;
     } else {
-      // rows near the ends are taken as they are; they must not reach beyond the first interface
-      for (first_ = b; s.node[first_] < order; ++first_) {
+      // rows near the ends are taken as they are; they must not reach beyond b nodes further in
+      for (first_ = b; s.node[std::size_t(first_)] < order; ++first_) {
       }
-      for (last_ = m - b; s.node[last_ - 1] >= n - order; --last_) {
+      for (last_ = m - b; s.node[std::size_t(last_ - 1)] >= n - order; --last_) {
       }
       for (const bool left : {true, false}) {
-        const std::size_t rows = left ? first_ : m - last_;
-        for (std::size_t i = 0; i < rows; ++i)
-          for (const auto& [column, value] : s.coupling_row(left ? i : m - 1 - i))
-            if ((left ? column : m - 1 - column) >= rows + b) throw Unsettled();
+        const long rows = left ? first_ : m - last_;
+        for (long i = 0; i < rows; ++i)
+          for (const auto& [column, value] : s.coupling_row(std::size_t(left ? i : m - 1 - i)))
+            if ((left ? long(column) : m - 1 - long(column)) >= rows + b) throw Unsettled();
       }
+      first_node_ = first_ + b - 1;
+      last_node_ = last_ - fading - std::max(fading, b) + 1;
+      if (last_node_ < first_node_ + 2 * long(stretch)) throw Unsettled();
     }
     const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
-    scale_ = h * h / s.K1;
+    unit_ = h * h / s.K1;
     weights_ = second_difference(s.scene.order);
   }
 
   void follow(const Piece& piece, int depth = 0) {
     if (depth > 40) throw Unsettled();
     Level level;
-    if (build(piece, level)) return descend(piece, level, depth);
+    if (build_(this, &piece, &level)) return descend(piece, std::move(level), depth);
     for (int side : {0, 1}) follow(piece.half(side), depth + 1);
   }
 
  private:
-  static constexpr int ng = b + 1, nu = b - 1, d = 2 * b;
-  struct Map {
-    Values e[d][d];  // [g_right; u_left] = e [g_left; u_right], the block [g, g] times 2^scale
-    Values log;      // of the determinant of what was eliminated, the part that is not in e
-    double scale = 0;
-    double size = 0, tail = 0;
+  // Rows after which a start of the sweep is forgotten to all digits (the stencils' own solutions fade by 0.07 a node
+  // at order 4, 0.1 at 6, 0.13 at 8, where the waves do not fade).
+  static constexpr int fading = b == 1 ? 0 : b == 2 ? 16 : b == 3 ? 18 : 22;
+
+  // eps_i at the points of a piece.
+  struct Symbol {
+    const Sliding* s;
+    double unit;
+    Values z, plain;  // lambda; lambda^2/A + K0
+    Symbol(const Sliding& sliding, double unit_of_symbol, const Piece& piece) : s(&sliding), unit(unit_of_symbol) {
+      for (int t = 0; t < P; ++t) {
+        const Complex lambda = piece.at(chebyshev().x[t]);
+        z.put(t, lambda);
+        plain.put(t, unit * (s->K0 + lambda * lambda / s->A));
+      }
+    }
+    // J is taken in units of this, so that q and J are alike in size.
+    double theta() const {
+      Values eps;
+      at(s->size() / 2, eps);
+      return std::clamp(std::sqrt(std::abs(eps[P / 2])), 1e-7, 1.);
+    }
+    void at(std::size_t i, Values& eps) const {
+      const double beta = unit * s->beta[i];
+      for (int t = 0; t < P; ++t) {
+        eps.re[t] = plain.re[t] + beta * z.re[t];
+        eps.im[t] = plain.im[t] + beta * z.im[t];
+      }
+      if (!s->has_state()) return;
+      const double q = unit * s->F_state[i] * s->g_psi[i], r = s->r[i];
+      for (int t = 0; t < P; ++t) {  // q z/(z + r)
+        const double re = z.re[t] + r, im = z.im[t], d = q / (re * re + im * im);
+        eps.re[t] += d * (z.re[t] * re + z.im[t] * im);
+        eps.im[t] += d * (z.im[t] * re - z.re[t] * im);
+      }
+    }
   };
-  struct Level {
-    std::vector<Map> map;
-    Dense R;  // inverse of the basis
+
+  struct Build {
+    bool operator()(Tree* tree, const Piece* piece, Level* level) const { return tree->build(*piece, *level); }
   };
+  const std::function<bool(Tree*, const Piece*, Level*)> build_ =
+      kernel::compiled<std::function<bool(Tree*, const Piece*, Level*)>>(Build());
 
-  // Inverse of I - A or A (nu x nu), without exchanges: it stands near the identity or is diagonal. The logarithm of
-  // the determinant, relative to `reference`, is added to log.
-  static void invert_small(Values (&a)[nu ? nu : 1][nu ? nu : 1], Values& log, Complex reference) {
-    Values det;
-    set(det, 1. / reference);
-    for (int k = 0; k < nu; ++k) {
-      multiply(det, a[k][k]);
-      Values pivot = a[k][k];
-      invert(pivot);
-      set(a[k][k], 1);
-      for (int j = 0; j < nu; ++j) multiply(a[k][j], pivot);
-      for (int i = 0; i < nu; ++i) {
-        if (i == k) continue;
-        Values l = a[i][k];
-        set(a[i][k], 0);
-        for (int t = 0; t < P; ++t) l.re[t] = -l.re[t], l.im[t] = -l.im[t];
-        for (int j = 0; j < nu; ++j) add_product(a[i][j], l, a[k][j]);
-      }
-    }
-    for (int t = 0; t < P; ++t) {
-      const Complex x(det.re[t], det.im[t]);
-      if (!(std::norm(x - 1.) < 0.8)) throw Unsettled();  // the parts do not stay apart
-      const Complex y = log_one_plus(x - 1.);
-      log.re[t] += y.real();
-      log.im[t] += y.imag();
-    }
-  }
-
-  // The map of `left` followed by `right`.
-  static void join(const Map& left, const Map& right, Map& out) {
-    const double left_scale = std::exp2(std::min(left.scale, 900.));
-    const double right_scale = std::exp2(std::min(right.scale, 900.));
-    out.log = left.log;
-    add(out.log, right.log, 1);
-    out.scale = left.scale + right.scale;
-    Values W[nu ? nu : 1][ng], Z[nu ? nu : 1][nu ? nu : 1], N[ng][ng];
-    for (int i = 0; i < ng; ++i)
-      for (int j = 0; j < ng; ++j) N[i][j] = left.e[i][j];
-    if constexpr (nu > 0) {
-      Values X[nu][nu];
-      for (int i = 0; i < nu; ++i)
-        for (int j = 0; j < nu; ++j) {
-          set(X[i][j], 0);
-          for (int k = 0; k < ng; ++k) add_product(X[i][j], right.e[ng + i][k], left.e[k][ng + j]);
-          for (int t = 0; t < P; ++t) X[i][j].re[t] = (i == j) - X[i][j].re[t], X[i][j].im[t] = -X[i][j].im[t];
-        }
-      invert_small(X, out.log, 1);
-      for (int i = 0; i < nu; ++i) {
-        Values Y[ng];  // X E_right
-        for (int j = 0; j < ng; ++j) {
-          set(Y[j], 0);
-          for (int k = 0; k < nu; ++k) add_product(Y[j], X[i][k], right.e[ng + k][j]);
-        }
-        for (int j = 0; j < ng; ++j) {
-          set(W[i][j], 0);
-          for (int k = 0; k < ng; ++k) add_product(W[i][j], Y[k], left.e[k][j]);
-        }
-        for (int j = 0; j < nu; ++j) {
-          set(Z[i][j], 0);
-          for (int k = 0; k < nu; ++k) add_product(Z[i][j], X[i][k], right.e[ng + k][ng + j]);
-        }
-      }
-      for (int i = 0; i < ng; ++i)
-        for (int j = 0; j < ng; ++j)
-          for (int k = 0; k < nu; ++k) add_product(N[i][j], left.e[i][ng + k], W[k][j]);
-    }
-    for (int i = 0; i < ng; ++i)
-      for (int j = 0; j < ng; ++j) {
-        set(out.e[i][j], 0);
-        for (int k = 0; k < ng; ++k) add_product(out.e[i][j], right.e[i][k], N[k][j]);
-      }
-    if constexpr (nu > 0) {
-      for (int j = 0; j < nu; ++j) {
-        Values HZ[ng];
-        for (int i = 0; i < ng; ++i) {
-          set(HZ[i], 0);
-          for (int k = 0; k < nu; ++k) add_product(HZ[i], left.e[i][ng + k], Z[k][j]);
-        }
-        for (int i = 0; i < ng; ++i) {
-          Values sum;
-          set(sum, 0);
-          for (int k = 0; k < ng; ++k) add_product(sum, right.e[i][k], HZ[k]);
-          out.e[i][ng + j] = right.e[i][ng + j];
-          add(out.e[i][ng + j], sum, right_scale);
-        }
-      }
-      for (int i = 0; i < nu; ++i) {
-        for (int j = 0; j < ng; ++j) {
-          Values sum;
-          set(sum, 0);
-          for (int k = 0; k < nu; ++k) add_product(sum, left.e[ng + i][ng + k], W[k][j]);
-          out.e[ng + i][j] = left.e[ng + i][j];
-          add(out.e[ng + i][j], sum, left_scale);
-        }
-        for (int j = 0; j < nu; ++j) {
-          set(out.e[ng + i][ng + j], 0);
-          for (int k = 0; k < nu; ++k) add_product(out.e[ng + i][ng + j], left.e[ng + i][ng + k], Z[k][j]);
-        }
-      }
-    }
-    normalise(out);
-  }
-
-  // The block [g, g] scaled to size 1; how well the map is settled.
-  static void normalise(Map& m) {
-    double most = 0;
-    for (int i = 0; i < ng; ++i)
-      for (int j = 0; j < ng; ++j) most = std::max(most, largest(m.e[i][j]));
-    if (!(most > 0) || !std::isfinite(most)) throw Unsettled();
-    const int exponent = std::ilogb(most);
-    const double factor = std::exp2(-exponent);
-    m.scale += exponent;
-    m.tail = 0;
-    for (int i = 0; i < ng; ++i)
-      for (int j = 0; j < ng; ++j) {
-        for (int t = 0; t < P; ++t) m.e[i][j].re[t] *= factor, m.e[i][j].im[t] *= factor;
-        m.tail = std::max(m.tail, last_coefficients(m.e[i][j]));
-      }
-    if (nu > 0) m.tail = std::max(m.tail, last_coefficients(m.log));
-  }
-
-  static void halve(const Map& m, int side, Map& out) {
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) out.e[i][j] = to_half(m.e[i][j], side);
-    out.log = to_half(m.log, side);
-    out.scale = m.scale;
-    out.tail = m.tail;
-  }
-
-  // Maps of stretches of a few nodes on a piece; false where they do not settle on it.
+  // The stretches of the line; false where they are not settled on this piece.
   bool build(const Piece& piece, Level& level) {
-    const Complex middle = piece.at(0);
-    Complex mean = 0;
-    const std::size_t probes = 16, m = s_.size();
-    for (std::size_t k = 0; k < probes; ++k) mean += symbol_at(k * (m - 1) / (probes - 1), middle) / double(probes);
-    const std::vector<Complex> roots = stencil_roots(2 * b, mean);
-    Dense Q(d * d, 0.);
-    const auto q = [&](int i, int j) -> Complex& { return Q[std::size_t(i * d + j)]; };
-    {
-      const Complex t = 2. - 4. * roots[0];  // the wave pair: cosine and sine about the interface
-      Complex c0 = 1, c1 = t / 2., s0 = 0, s1 = 1;
-      for (int j = 0; j < b; ++j) {
-        q(b + j, 0) = c0;
-        q(b + j, 1) = s0;
-        if (j > 0) q(b - j, 0) = c0, q(b - j, 1) = -s0;
-        const Complex c2 = t * c1 - c0, s2 = t * s1 - s0;
-        c0 = c1, c1 = c2, s0 = s1, s1 = s2;
+    const long m = long(s_.size());
+    const bool ring = s_.scene.ring();
+    const Symbol symbol(s_, unit_, piece);
+    const double theta = level.theta = symbol.theta();
+    Values eps;
+    const auto at = [&](long i) { return std::size_t(ring ? (i % m + m) % m : std::clamp(i, 0L, m - 1)); };
+
+    level.map.resize(std::size_t(last_node_ - first_node_ + long(stretch) - 1) / stretch);
+    set(level.log, 0);
+    Sweep<b> sweep(weights_);
+    const long begin = last_ + b + 2 * fading;
+    symbol.at(at(begin), eps);
+    sweep.start(begin, eps);
+    Values seam;
+    set(seam, 0);
+    // how what the solution takes from the right of the line's interior, and the start of the sweep, fades there
+    std::array<Values, std::size_t(b)> faded;
+    for (Values& f : faded) set(f, 1);
+    Map* map = nullptr;
+    Values product;
+    set(product, 1);
+    for (long i = begin; i > first_node_ - b; --i) {
+      symbol.at(at(i), eps);
+      sweep.step(i, eps);
+      if (b > 1 && i < begin - fading && i >= begin - 2 * fading) {
+        Values next;
+        set(next, 0);
+        for (int l = 1; l < b; ++l) add_product(next, sweep[i].u[l], faded[std::size_t(l - 1)], -1);
+        for (int l = b - 1; l >= 1; --l) faded[std::size_t(l)] = faded[std::size_t(l - 1)];
+        faded[0] = next;
+        if (i == begin - 2 * fading && !(largest(next) < 1e-11)) throw Unsettled();
       }
-      q(0, 0) = c0;
-      q(0, 1) = -s0;
-    }
-    for (int k = 1; k < b; ++k) {
-      const Complex t = 2. - 4. * roots[std::size_t(k)], w = std::sqrt(t * t / 4. - 1.);
-      Complex mu = t / 2. + w;
-      if (std::abs(mu) > 1) mu = t / 2. - w;
-      Complex power = 1;
-      for (int j = 0; j < d; ++j, power *= mu) q(j, 1 + k) = q(d - 1 - j, b + k) = power;
-    }
-    level.R = inverse_of(Q, d);
-    // T = R (shift) Q + (d_i - mean) v w, the recurrence in this basis
-    Dense T(d * d, 0.), v(d), w(d);
-    Dense companion(d * d, 0.);
-    for (int i = 0; i + 1 < d; ++i) companion[std::size_t(i * d + i + 1)] = 1;
-    for (int j = 0; j < d; ++j)
-      companion[std::size_t((d - 1) * d + j)] =
-          ((j == b ? mean : 0.) - weights_[std::size_t(std::abs(j - b))]) / weights_[b];
-    for (int i = 0; i < d; ++i) {
-      v[std::size_t(i)] = level.R[std::size_t(i * d + d - 1)] / weights_[b];
-      w[std::size_t(i)] = q(b, i);
-      for (int j = 0; j < d; ++j)
-        for (int k = 0; k < d; ++k)
-          for (int l = 0; l < d; ++l)
-            T[std::size_t(i * d + j)] += level.R[std::size_t(i * d + k)] * companion[std::size_t(k * d + l)] * q(l, j);
-    }
-    Complex reference = 1;  // determinant of the growing block
-    if (nu > 0) {
-      Dense block;
-      for (int i = 0; i < nu; ++i)
-        for (int j = 0; j < nu; ++j) block.push_back(T[std::size_t((ng + i) * d + ng + j)]);
-      reference = determinant(block, nu);
-    }
-    const std::size_t stretch = 8;
-    level.map.resize((last_ - first_ + stretch - 1) / stretch);
-    Map node, joined;
-    for (std::size_t c = 0; c < level.map.size(); ++c) {
-      Map& cell = level.map[c];
-      for (std::size_t i = first_ + c * stretch; i < std::min(last_, first_ + (c + 1) * stretch); ++i) {
-        node_map(piece, i, mean, T, v, w, reference, node);
-        if (i == first_ + c * stretch) {
-          cell = node;
-        } else {
-          join_two_(&cell, &node, -1, &joined);
-          std::swap(cell, joined);
+      if (ring && b > 1 && i == m - 1) seam = sweep[i].e;
+      if (ring && b > 1 && i == -1 && !alike(seam, sweep[i].e)) throw Unsettled();
+      const long k = i + b - 1;  // the row that is known altogether now
+      const Row<b>& row = sweep[k];
+      if (k >= last_node_ || k < first_node_) continue;
+      const std::size_t cell = std::size_t(k - first_node_) / stretch;
+      if (!map || map != &level.map[cell]) {
+        map = &level.map[cell];
+        set(map->e[0][0], 1), set(map->e[1][1], 1), set(map->e[0][1], 0), set(map->e[1][0], 0);
+        set(product, 1);
+      }
+      // q' = q + J'/(t_k e_k t_{k+1}), J' = J - t_k z_k q
+      Values conductance, sigma = row.z;
+      if (b > 1) {
+        multiply(sigma, row.t);
+        conductance = row.t;
+        multiply(conductance, sweep[k + 1].t);
+        invert(conductance);
+        multiply(conductance, row.inverse);
+        if (k + 1 < last_node_ || ring) multiply(product, row.e);
+      } else {
+        set(conductance, -1 / weights_[1]);
+      }
+      scale(conductance, theta);
+      scale(sigma, 1 / theta);
+      for (auto& e : map->e) {
+        const Values first = e[0];
+        e[0] = e[1];
+        add_product(e[0], first, conductance);
+        e[1] = e[0];
+        e[0] = first;
+        add_product(e[0], e[1], sigma, -1);
+      }
+      if (std::size_t(k - first_node_) % stretch > 0) continue;
+      normalise(*map);
+      if (!(map->tail <= settled)) return false;
+      for (int l = 1; l < b; ++l)
+        if (!(largest(row.u[l]) < 2)) throw Unsettled();
+      if (b > 1) {
+        const Complex middle = 1. / product[P / 2];
+        for (int t = 0; t < P; ++t) {
+          const Complex l = std::log(product[t] * middle);
+          level.log.re[t] += l.real();
+          level.log.im[t] += l.imag();
         }
       }
-      if (cell.tail > settled) return false;
     }
+    level.ended = ring;
     return true;
   }
 
-  Complex symbol_at(std::size_t i, Complex z) const { return (s_.K0 + s_.pointwise(i, z)) * scale_; }
-
-  void node_map(const Piece& piece, std::size_t i, Complex mean, const Dense& T, const Dense& v, const Dense& w,
-                Complex reference, Map& out) const {
-    Values delta;
-    for (int t = 0; t < P; ++t) {
-      const Complex x = symbol_at(i, piece.at(chebyshev().x[t])) - mean;
-      delta.re[t] = x.real();
-      delta.im[t] = x.imag();
-    }
-    Values full[d][d];
-    for (int r = 0; r < d; ++r)
-      for (int c = 0; c < d; ++c) {
-        Values factor;
-        set(factor, v[std::size_t(r)] * w[std::size_t(c)]);
-        set(full[r][c], T[std::size_t(r * d + c)]);
-        add_product(full[r][c], factor, delta);
-      }
-    out.scale = 0;
-    set(out.log, 0);
-    if constexpr (nu > 0) {
-      Values F[nu][nu];
-      for (int r = 0; r < nu; ++r)
-        for (int c = 0; c < nu; ++c) F[r][c] = full[ng + r][ng + c];
-      invert_small(F, out.log, reference);
-      for (int r = 0; r < nu; ++r) {
-        for (int c = 0; c < nu; ++c) out.e[ng + r][ng + c] = F[r][c];
-        for (int c = 0; c < ng; ++c) {
-          Values sum;
-          set(sum, 0);
-          for (int k = 0; k < nu; ++k) add_product(sum, F[r][k], full[ng + k][c]);
-          set(out.e[ng + r][c], 0);
-          add(out.e[ng + r][c], sum, -1);
-        }
-      }
-      for (int r = 0; r < ng; ++r) {
-        for (int c = 0; c < nu; ++c) {
-          set(out.e[r][ng + c], 0);
-          for (int k = 0; k < nu; ++k) add_product(out.e[r][ng + c], full[r][ng + k], F[k][c]);
-        }
-        for (int c = 0; c < ng; ++c) {
-          out.e[r][c] = full[r][c];
-          for (int k = 0; k < nu; ++k) add_product(out.e[r][c], full[r][ng + k], out.e[ng + k][c]);
-        }
-      }
-    } else {
-      for (int r = 0; r < d; ++r)
-        for (int c = 0; c < d; ++c) out.e[r][c] = full[r][c];
-    }
-    normalise(out);
+  static bool alike(const Values& a, const Values& c) {
+    double apart = 0;
+    for (int t = 0; t < P; ++t) apart = std::max(apart, std::abs(a[t] - c[t]));
+    return apart < 1e-12;
   }
 
-  // What counts as settled where the line is in so many maps: a product over m nodes carries round-off of some m epsilon,
-  // below which no shorter piece brings it.
+  // S_i as it stands in the equations; `place` gives the columns.
+  template <class Add>
+  void plain_row(std::size_t i, Complex eps, const Add& add) const {
+    for (const auto& [column, value] : s_.coupling_row(i)) add(long(column), s_.K1 * value * unit_);
+    add(long(i), eps);
+  }
+
+  // Both ends, by determinants of the few equations there. On the left the state at the first interface is the one
+  // solution that does not grow inwards like the stencil's own; on the right what the state at the last interface is
+  // met with. False where they are not settled on this piece.
+  bool ends(const Piece& piece, Level& level) const {
+    const long m = long(s_.size());
+    const double theta = level.theta;
+    const Symbol symbol(s_, unit_, piece);
+    // the rows of the sweep from one place leftwards to another, the last one first
+    const auto rows_of = [&](long from, long to) {
+      std::vector<Row<b>> rows(std::size_t(from - to) + 1);
+      Sweep<b> sweep(weights_);
+      Values eps;
+      const auto at = [&](long i) { return std::size_t(std::clamp(i, 0L, m - 1)); };
+      symbol.at(at(from + 2 * fading), eps);
+      sweep.start(from + 2 * fading, eps);
+      for (long i = from + 2 * fading; i > to - b; --i) {
+        symbol.at(at(i), eps);
+        sweep.step(i, eps);
+        for (const long k : {i, i + b - 1})  // the second one's t is known
+          if (k >= to && k <= from) rows[std::size_t(k - to)] = sweep[k];
+      }
+      return rows;
+    };
+    const std::vector<Row<b>> right = rows_of(last_ + b, last_node_ - 1), left = rows_of(first_ + 2 * b, first_ - b);
+    std::vector<Values> eps(std::size_t(first_ + m - last_ + fading) + 1);
+    const long middle = last_ - fading;  // rows from here on are taken as they stand
+    for (long i = 0; i < first_; ++i) symbol.at(std::size_t(i), eps[std::size_t(i)]);
+    for (long i = middle; i < m; ++i) symbol.at(std::size_t(i), eps[std::size_t(first_ + i - middle)]);
+    BandLU lu;
+    double reference[2] = {0, 0};
+    for (int step = 0; step < P; ++step) {
+      const int t = (step + P / 2) % P;  // the reference first
+      // ---- left: p_0 .. p_{first_+b-1}; q_j = sum U_{j-l,j} p_{j-l}
+      const long base = first_ - b, size = first_ + b;
+      const auto row = [&](const std::vector<Row<b>>& rows, long start, long i) -> const Row<b>& {
+        return rows[std::size_t(i - start)];
+      };
+      const auto upper = [&](const std::vector<Row<b>>& rows, long start, long i, long l) -> Complex {
+        if (l <= 0 || l >= b) return l == 0 ? 1 : 0;
+        return row(rows, start, i).u[l][t];
+      };
+      // row k of M U^T, columns k - b .. k + 1, none before `bound`
+      const auto reduced = [&](const std::vector<Row<b>>& rows, long start, long k, long bound, const auto& add) {
+        for (long j = std::max(k - b, bound); j <= k + 1; ++j) {
+          Complex sum = 0;
+          for (long l = std::max(j, k - 1); l <= std::min(k + 1, j + b - 1); ++l) {
+            if (l < bound) continue;
+            sum += (l == k ? row(rows, start, k).d[t] : row(rows, start, std::min(l, k)).e[t]) *
+                   upper(rows, start, j, l - j);
+          }
+          add(j, sum);
+        }
+      };
+      const auto q_row = [&](const std::vector<Row<b>>& rows, long start, long j, long bound, Complex factor,
+                             const auto& add) {
+        for (long l = 0; l < b && j - l >= bound; ++l) add(j - l, factor * upper(rows, start, j - l, l));
+      };
+      const auto state_row = [&](const std::vector<Row<b>>& rows, long start, long j, long bound, int component,
+                                 const auto& add) {
+        const Complex t0 = row(rows, start, j).t[t], t1 = row(rows, start, j + 1).t[t];
+        if (component == 0) return q_row(rows, start, j + 1, bound, 1. / t1, add);
+        const Complex e = row(rows, start, j).e[t] / theta;
+        q_row(rows, start, j + 1, bound, e * t0, add);
+        q_row(rows, start, j, bound, -e * t1, add);
+      };
+      LogDet det[4];
+      for (int component : {0, 1}) {
+        lu.reset(std::size_t(size), int(size) - 1, int(size) - 1);
+        const auto into = [&](long r) {
+          return [&lu, r](long column, Complex value) { lu.add(std::size_t(r), std::size_t(column), value); };
+        };
+        for (long i = 0; i < first_; ++i) plain_row(std::size_t(i), eps[std::size_t(i)][t], into(i));
+        for (long k = first_; k < first_ + b - 1; ++k) reduced(left, base, k, 0, into(k));
+        state_row(left, base, first_ + b - 2, 0, component, into(size - 1));
+        det[component] = lu.factor();
+      }
+      // ---- right: p_a .. p_{m-1}, what is further left forgotten
+      const long a = last_node_ - 1, length = m - a;
+      for (int component : {0, 1}) {
+        lu.reset(std::size_t(length), int(m - last_ + b), int(std::max<long>(b, m - last_)));
+        const auto into = [&](long r) {
+          return [&lu, r, a](long column, Complex value) {
+            if (column >= a) lu.add(std::size_t(r), std::size_t(column - a), value);
+          };
+        };
+        state_row(right, a, a, a, component, into(0));
+        for (long k = a + 1; k < middle; ++k) reduced(right, a, k, a, into(k - a));
+        for (long i = middle; i < m; ++i)
+          plain_row(std::size_t(i), eps[std::size_t(first_ + i - middle)][t], into(i - a));
+        det[2 + component] = lu.factor();
+      }
+      for (int k = 0; k < 4; ++k) {
+        double& ref = reference[k / 2];
+        if (step == 0 && k % 2 == 0) ref = std::max(det[k].log_abs, det[k + 1].log_abs);
+        level.end[k].put(t, std::exp(det[k].log_abs - ref) * det[k].unit);
+      }
+    }
+    level.ended = true;
+    for (int side : {0, 2}) {
+      const double size = std::max(largest(level.end[side]), largest(level.end[side + 1]));
+      for (int k : {side, side + 1}) level.ended = level.ended && last_coefficients(level.end[k]) <= settled * size;
+    }
+    return level.ended;
+  }
+
+  // What counts as settled where the line is in so many maps: a product over m nodes carries round-off of some m
+  // epsilon, below which no shorter piece brings it.
   double settled_over(std::size_t maps) const {
     return settled + 8 * std::numeric_limits<double>::epsilon() * double(last_ - first_) / double(maps);
   }
 
-  // Joins neighbours on ever shorter pieces until one map is left. Where the joined maps would still be settled on the
-  // whole piece, it is not halved.
-  void descend(const Piece& piece, const Level& level, int depth) {
+  // Joins neighbours on ever shorter pieces until one map is left. Where the joined maps are settled on the whole
+  // piece, it is not halved.
+  void descend(const Piece& piece, Level level, int depth) {
     if (depth > 60) throw Unsettled();
     if (level.map.size() == 1) return finish(piece, level, depth);
+    const bool settled_ends =
+        level.ended || level.map.size() * stretch * 16 > std::size_t(last_ - first_) || ends(piece, level);
     double tail = 0;
     for (const Map& m : level.map) tail = std::max(tail, m.tail);
-    Level joined;
-    joined.R = level.R;
-    if (tail < 1e-5 * settled && join_all(level, -1, joined)) return descend(piece, joined, depth);
-    for (int side : {0, 1}) {
-      if (join_all(level, side, joined)) {
-        descend(piece.half(side), joined, depth + 1);
-      } else {
-        Level same;
-        same.R = level.R;
-        same.map.resize(level.map.size());
-        for (std::size_t k = 0; k < level.map.size(); ++k) {
-          Map half;
-          halve(level.map[k], side, half);
-          normalise(half);
-          same.map[k] = half;
-        }
-        descend(piece.half(side), same, depth + 1);
+    if (tail < 1e-14 && settled_ends) {
+      std::vector<Map> joined;
+      if (join_all(level, &joined, nullptr)) {
+        level.map = std::move(joined);
+        return descend(piece, std::move(level), depth);
       }
     }
+    Level half[2];
+    if (!settled_ends || !join_all(level, &half[0].map, &half[1].map)) {
+      for (Level& side : half) side.map.resize(level.map.size());
+      for (std::size_t k = 0; k < level.map.size(); ++k)
+        join_two_(&level.map[k], nullptr, &half[0].map[k], &half[1].map[k]);
+    }
+    halve_rest(level, half);
+    level.map = {};
+    for (int side : {0, 1}) descend(piece.half(side), std::move(half[side]), depth + 1);
+  }
+  static void halve_rest(const Level& level, Level (&half)[2]) {
+    halve(level.log, half[0].log, half[1].log);
+    for (Level& side : half) {
+      side.theta = level.theta;
+      side.ended = level.ended;
+    }
+    for (int k = 0; level.ended && k < 4; ++k) halve(level.end[k], half[0].end[k], half[1].end[k]);
   }
 
-  // Two neighbours on one half of their piece, or on all of it (side < 0); the last one may stand alone.
-  struct JoinTwo {
-    void operator()(const Map* l, const Map* r, int side, Map* out) const {
-      Map left, right;
-      if (side >= 0) {
-        halve(*l, side, left);
-        l = &left;
-        if (r) {
-          halve(*r, side, right);
-          r = &right;
-        }
-      }
-      if (r) return join(*l, *r, *out);
-      *out = *l;
-      normalise(*out);
-    }
-  };
-  using Joining = std::function<void(const Map*, const Map*, int, Map*)>;
+  using Joining = std::function<void(const Map*, const Map*, Map*, Map*)>;
   const Joining join_two_ = kernel::compiled<Joining>(JoinTwo());
 
-  bool join_all(const Level& level, int side, Level& out) {
-    out.map.resize((level.map.size() + 1) / 2);
-    const double allowed = settled_over(out.map.size());
-    for (std::size_t k = 0; k < out.map.size(); ++k) {
+  bool join_all(const Level& level, std::vector<Map>* first, std::vector<Map>* second) {
+    const std::size_t size = (level.map.size() + 1) / 2;
+    first->resize(size);
+    if (second) second->resize(size);
+    const double allowed = settled_over(size);
+    for (std::size_t k = 0; k < size; ++k) {
       const bool pair = 2 * k + 1 < level.map.size();
-      join_two_(&level.map[2 * k], pair ? &level.map[2 * k + 1] : nullptr, side, &out.map[k]);
-      if (out.map[k].tail > allowed) return false;
+      Map &to = (*first)[k], *to_second = second ? &(*second)[k] : nullptr;
+      join_two_(&level.map[2 * k], pair ? &level.map[2 * k + 1] : nullptr, &to, to_second);
+      if (!(to.tail <= allowed) || (to_second && !(to_second->tail <= allowed))) return false;
     }
     return true;
   }
 
   // The last map closed by the ends: a polynomial with the zeros of det S.
-  void finish(const Piece& piece, const Level& level, int depth) {
+  void finish(const Piece& piece, Level& level, int depth) {
     const Map& m = level.map[0];
+    const bool settled_ends = level.ended || ends(piece, level);
     Values f;
-    const Complex shift(m.log.re[P / 2], m.log.im[P / 2]);
+    const Complex shift = level.log[P / 2];
     for (int t = 0; t < P; ++t) {
-      const Complex x = close(m, level.R, piece.at(chebyshev().x[t]), t) *
-                        std::exp(Complex(m.log.re[t], m.log.im[t]) - shift);
-      f.re[t] = x.real();
-      f.im[t] = x.imag();
+      Complex x;
+      if (s_.scene.ring()) {
+        // D2 is symmetric on a ring, so the waves multiply by mu and 1/mu round it: det (T - 1) = 2 - trace T
+        x = 2. * std::exp(-m.shift - m.slope * chebyshev().x[t]) - m.e[0][0][t] - m.e[1][1][t];
+      } else {
+        const Complex q = m.e[0][0][t] * level.end[0][t] + m.e[0][1][t] * level.end[1][t];
+        const Complex J = m.e[1][0][t] * level.end[0][t] + m.e[1][1][t] * level.end[1][t];
+        x = J * level.end[2][t] - q * level.end[3][t];
+      }
+      f.put(t, x * std::exp(level.log[t] - shift));
     }
     const double size = largest(f);
     if (!(size > 0) || !std::isfinite(size)) throw Unsettled();
-    if (last_coefficients(f) > 100 * settled_over(1) * size) {
-      if (std::abs(piece.to - piece.from) < 1e-13 * (1 + std::abs(piece.from))) throw Unsettled();
-      for (int side : {0, 1}) {
-        Level half;
-        half.R = level.R;
-        half.map.resize(1);
-        halve(m, side, half.map[0]);
-        normalise(half.map[0]);
-        finish(piece.half(side), half, depth + 1);
-      }
+    if (!settled_ends || !(last_coefficients(f) <= 100 * settled_over(1) * size)) {
+      if (depth > 60 || std::abs(piece.to - piece.from) < 1e-13 * (1 + std::abs(piece.from))) throw Unsettled();
+      Level half[2];
+      for (Level& side : half) side.map.resize(1);
+      join_two_(&m, nullptr, &half[0].map[0], &half[1].map[0]);
+      halve_rest(level, half);
+      for (int side : {0, 1}) finish(piece.half(side), half[side], depth + 1);
       return;
     }
     ++result_.pieces;
-    Polynomial{piece, f}.turn(result_);
-  }
-
-  Complex close(const Map& m, const Dense& R, Complex z, int t) const {
-    const auto e = [&](int i, int j) { return Complex(m.e[i][j].re[t], m.e[i][j].im[t]); };
-    if (s_.scene.ring()) {
-      // D2 is symmetric on a ring, so the wave pair multiplies by mu and 1/mu round it. The growing parts close by
-      // themselves (F = 0): det (T - 1) = +-det N (2 - trace N^-1 G), N = 1 - H E.
-      Dense N(ng * ng, 0.);
-      for (int i = 0; i < ng; ++i)
-        for (int j = 0; j < ng; ++j) {
-          N[std::size_t(i * ng + j)] = i == j;
-          for (int k = ng; k < d; ++k) N[std::size_t(i * ng + j)] -= e(i, k) * e(k, j);
-        }
-      for (int i = ng; i < d; ++i)
-        for (int j = ng; j < d; ++j)
-          if (std::abs(e(i, j)) > 1e-13) throw Unsettled();
-      const Dense inverse = inverse_of(N, ng);
-      Complex trace = 0;
-      for (int i = 0; i < ng; ++i)
-        for (int j = 0; j < ng; ++j) trace += inverse[std::size_t(i * ng + j)] * e(j, i);
-      return determinant(N, ng) * (2 * std::exp2(-m.scale) - trace);
-    }
-    // unknowns: p up to the first interface and beyond, p from before the last interface, in units of 2^scale
-    const int left = int(first_), right = int(s_.size() - last_), columns = left + right + 2 * b;
-    Dense a(std::size_t(columns * columns), 0.);
-    const auto entry = [&](int i, int j) -> Complex& { return a[std::size_t(i * columns + j)]; };
-    const auto fill = [&](int row, std::size_t i) {
-      const auto place = [&](std::size_t c) {
-        return c < first_ + b && i < first_ ? int(c) : columns - int(s_.size() - c);
-      };
-      for (const auto& [column, value] : s_.coupling_row(i)) entry(row, place(column)) += s_.K1 * value * scale_;
-      entry(row, place(i)) += symbol_at(i, z);
-    };
-    for (int i = 0; i < left; ++i) fill(i, std::size_t(i));
-    for (int i = 0; i < right; ++i) fill(left + i, last_ + std::size_t(i));
-    const int in = left - b, out = columns - right - b;  // first columns of the states at either interface
-    const double up = std::exp2(std::min(m.scale, 900.));
-    for (int i = 0; i < d; ++i)
-      for (int j = 0; j < d; ++j) {
-        // R y = (g; u): rows g: g_right - G g_left - H u_right; rows u: u_left - E g_left - 2^scale F u_right
-        const int row = left + right + i;
-        (i < ng ? entry(row, out + j) : entry(row, in + j)) += R[std::size_t(i * d + j)];
-        for (int k = 0; k < ng; ++k) entry(row, in + j) -= e(i, k) * R[std::size_t(k * d + j)];
-        for (int k = ng; k < d; ++k) entry(row, out + j) -= (i < ng ? 1 : up) * e(i, k) * R[std::size_t(k * d + j)];
-      }
-    return determinant(a, columns);
+    result_.turn += 2 * m.slope.imag();
+    Polynomial{piece, f}.turn(result_, zeros_);
   }
 
   // A polynomial by its values, and the turn of its phase from end to end.
@@ -644,97 +685,107 @@ class Tree {
       double x;
       Complex f, slope;  // f'/f with respect to x
     };
-    Complex value(Complex x, Complex* derivative = nullptr) const {
+    Complex value(Complex x, Complex* slope) const {  // and f'/f
       const Chebyshev& c = chebyshev();
       Complex above = 0, below = 0, above2 = 0, below2 = 0;
       for (int i = 0; i < P; ++i) {
-        Complex apart = x - c.x[i];
-        if (std::norm(apart) < 1e-28) apart = 1e-14;
-        const Complex w = c.weight[i] / apart, g(f.re[i], f.im[i]);
-        above += w * g;
-        below += w;
-        above2 -= w / apart * g;
-        below2 -= w / apart;
+        double re = x.real() - c.x[i], im = -x.imag();  // 1/(x - x_i), times |x - x_i|^2
+        if (re * re + im * im < 1e-28) re = 1e-14, im = 0;
+        const double d = 1 / (re * re + im * im);
+        re *= d, im *= d;
+        const double w = c.weight[i], wr = w * re, wi = w * im;
+        const double gr = wr * f.re[i] - wi * f.im[i], gi = wr * f.im[i] + wi * f.re[i];
+        above += Complex(gr, gi);
+        below += Complex(wr, wi);
+        above2 -= Complex(gr * re - gi * im, gr * im + gi * re);
+        below2 -= Complex(wr * re - wi * im, wr * im + wi * re);
       }
-      const Complex result = above / below;
-      if (derivative) *derivative = (above2 - result * below2) / below;
-      return result;
+      *slope = above2 / above - below2 / below;
+      return above / below;
     }
     Point at(double x) const {
       Point p{x, 0, 0};
-      Complex derivative;
-      p.f = value(x, &derivative);
-      p.slope = derivative / p.f;
+      p.f = value(x, &p.slope);
       return p;
     }
     // As for the count on short lines: followed where both slopes predict the change and it is small.
-    double turn(const Point& a, const Point& b_, PhaseTurn& result, int depth) const {
+    double turn(const Point& a, const Point& b_, int depth) const {
       if (depth > 60) throw Unsettled();
       const double step = b_.x - a.x;
       const Complex predicted = (a.slope + b_.slope) / 2. * step, measured = std::log(b_.f / a.f);
-      if (std::abs(a.slope * step) < 0.7 && std::abs(b_.slope * step) < 0.7 && std::abs(measured - predicted) < 0.2) {
-        if (measured.imag() > 0 && a.slope.imag() > 0 && result.zeros.size() < 4096) zero_near(a.x, result);
+      if (std::abs(a.slope * step) < 0.7 && std::abs(b_.slope * step) < 0.7 && std::abs(measured - predicted) < 0.2)
         return measured.imag();
-      }
       const Point m = at((a.x + b_.x) / 2);
-      return turn(a, m, result, depth + 1) + turn(m, b_, result, depth + 1);
+      return turn(a, m, depth + 1) + turn(m, b_, depth + 1);
     }
-    void turn(PhaseTurn& result) const {
+    void turn(PhaseTurn& result, std::size_t zeros) const {
       Point last = at(-1);
       for (int k = 1; k <= 4; ++k) {
         const Point next = at(-1 + k / 2.);
-        result.turn += turn(last, next, result, 0);
+        result.turn += turn(last, next, 0);
         last = next;
+        if (zeros > 0) zero_near(-1.25 + k / 2., result, zeros);
       }
     }
-    // Newton's iteration to a zero beside the piece; where there is none the place itself is told.
-    void zero_near(double x, PhaseTurn& result) const {
+    // Newton's iteration to a zero beside the piece. Of all zeros the rightmost are kept.
+    void zero_near(double x, PhaseTurn& result, std::size_t zeros) const {
       Complex y = x;
-      for (int k = 0; k < 12; ++k) {
-        Complex derivative;
-        const Complex v = value(y, &derivative), change = v / derivative;
-        y -= change;
+      bool found = false;
+      for (int k = 0; k < 10 && !found; ++k) {
+        Complex slope;
+        value(y, &slope);
+        y -= 1. / slope;
         if (!(std::abs(y) < 3)) return;
-        if (std::abs(change) < 1e-10) break;
+        found = std::norm(slope) > 1e16;
       }
+      if (!found || std::abs(y.real()) > 1.05 || std::abs(y.imag()) > 2) return;
       const Complex z = (piece.from + piece.to) / 2. + (piece.to - piece.from) / 2. * y;
       const double near = 1e-6 * std::abs(piece.to - piece.from);
-      if (std::abs(y) < 1.8 && (result.zeros.empty() || std::abs(result.zeros.back() - z) > near))
-        result.zeros.push_back(z);
+      std::vector<Complex>& all = result.zeros;
+      for (std::size_t k = all.size(); k-- > 0 && k + 8 > all.size();)
+        if (std::abs(all[k] - z) < near) return;
+      all.push_back(z);
+      if (all.size() >= 8 * zeros) {
+        std::nth_element(all.begin(), all.begin() + long(zeros), all.end(), right_of);
+        all.resize(zeros);
+      }
     }
   };
+  static bool right_of(Complex a, Complex c) { return a.real() > c.real(); }
 
   const Sliding& s_;
   PhaseTurn& result_;
-  std::size_t first_ = 0, last_ = 0;  // rows first_ .. last_ - 1 are those of the interior
-  double scale_ = 1;
+  std::size_t zeros_;
+  long first_ = 0, last_ = 0;            // rows first_ .. last_ - 1 are those of the interior
+  long first_node_ = 0, last_node_ = 0;  // those that the maps are made of
+  double unit_ = 1;
   std::array<double, 5> weights_{};
 };
 
 template <int b>
-void follow_part(const Sliding& s, const Piece& piece, PhaseTurn& result) {
-  Tree<b> tree(s, result);
+void follow_part(const Sliding& s, const Piece& piece, PhaseTurn& result, std::size_t zeros) {
+  Tree<b> tree(s, result, zeros);
   tree.follow(piece);
 }
 
 }  // namespace
 
-std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const Sliding& s, Complex from, Complex to) {
+std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const Sliding& s, Complex from, Complex to, std::size_t zeros) {
   if (s.size() < shortest_line || !(s.K1 > 0)) return std::nullopt;
   int ranks = 1, rank = 0;
   MPI_Comm_size(comm, &ranks);
   MPI_Comm_rank(comm, &rank);
   PhaseTurn result;
   int failed = 0;
-  const int parts = ranks == 1 ? 1 : 8 * ranks;
+  const int parts = ranks == 1 ? 1 : 4 * ranks;
   try {
     for (int k = rank; k < parts; k += ranks) {
       const Piece piece{from + (to - from) * (double(k) / parts), from + (to - from) * (double(k + 1) / parts)};
       switch (s.scene.order) {
-        case 2: follow_part<1>(s, piece, result); break;
-        case 4: follow_part<2>(s, piece, result); break;
-        case 6: follow_part<3>(s, piece, result); break;
-        default: follow_part<4>(s, piece, result); break;
+        case 2: follow_part<1>(s, piece, result, zeros); break;
+        case 4: follow_part<2>(s, piece, result, zeros); break;
+        case 6: follow_part<3>(s, piece, result, zeros); break;
+        default: follow_part<4>(s, piece, result, zeros); break;
       }
     }
   } catch (const Unsettled&) {
@@ -743,18 +794,22 @@ std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const Sliding& s, Complex f
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &failed, 1, MPI_INT, MPI_MAX, comm));
   if (failed) return std::nullopt;
   // the rightmost zeros of all ranks
-  std::sort(result.zeros.begin(), result.zeros.end(), [](Complex a, Complex b) { return a.real() > b.real(); });
+  const auto keep = [zeros](std::vector<Complex>& all) {
+    std::sort(all.begin(), all.end(), [](Complex a, Complex b) { return a.real() > b.real(); });
+    if (all.size() > zeros) all.resize(zeros);
+  };
+  keep(result.zeros);
   if (ranks > 1) {
     SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &result.turn, 1, MPI_DOUBLE, MPI_SUM, comm));
     SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &result.pieces, 1, MPI_LONG, MPI_SUM, comm));
-    int mine = int(2 * std::min<std::size_t>(result.zeros.size(), 32));
+    int mine = int(2 * result.zeros.size());
     std::vector<int> counts(static_cast<std::size_t>(ranks)), starts(static_cast<std::size_t>(ranks), 0);
     SS_TRY(MPI_Allgather(&mine, 1, MPI_INT, counts.data(), 1, MPI_INT, comm));
     for (std::size_t k = 1; k < starts.size(); ++k) starts[k] = starts[k - 1] + counts[k - 1];
     std::vector<Complex> all(std::size_t(starts.back() + counts.back()) / 2);
     SS_TRY(MPI_Allgatherv(result.zeros.data(), mine, MPI_DOUBLE, all.data(), counts.data(), starts.data(), MPI_DOUBLE,
                           comm));
-    std::sort(all.begin(), all.end(), [](Complex a, Complex b) { return a.real() > b.real(); });
+    keep(all);
     result.zeros = std::move(all);
   }
   return result;

@@ -204,15 +204,7 @@ std::vector<Complex> Sliding::apply_slope(Complex lambda, const std::vector<Comp
 }
 
 LogDet Sliding::factor(Complex lambda, BandLU& lu) const {
-  lu.reset(size(), band_, band_);
-  for (std::size_t i = 0; i < size(); ++i) {
-    const std::size_t row = std::size_t(position_[i]);
-    lu.add(row, row, pointwise(i, lambda) + K0);
-    for (int k = row_start_[i]; k < row_start_[i + 1]; ++k) {
-      const Term& t = minus_d2_[std::size_t(k)];
-      lu.add(row, std::size_t(position_[std::size_t(t.column)]), K1 * t.value);
-    }
-  }
+  fill(lambda, 1, lu);
   LogDet det = lu.factor();
   for (double x : r) {
     const Complex f = lambda + x;
@@ -255,19 +247,55 @@ Sliding::Sliding(const Sliding& whole, std::size_t first, std::size_t count)
 
 Sliding Sliding::stretch(std::size_t first, std::size_t count) const { return Sliding(*this, first, count); }
 
-double Sliding::phase_right(Complex lambda) const {
-  BandLU lu;
+void Sliding::fill(Complex lambda, Complex factor, BandLU& lu) const {
   lu.reset(size(), band_, band_);
-  const Complex over = 1. / lambda;
   for (std::size_t i = 0; i < size(); ++i) {
     const std::size_t row = std::size_t(position_[i]);
-    lu.add(row, row, over * (pointwise(i, lambda) + K0));
+    lu.add(row, row, factor * (pointwise(i, lambda) + K0));
     for (int k = row_start_[i]; k < row_start_[i + 1]; ++k) {
       const Term& t = minus_d2_[std::size_t(k)];
-      lu.add(row, std::size_t(position_[std::size_t(t.column)]), over * K1 * t.value);
+      lu.add(row, std::size_t(position_[std::size_t(t.column)]), factor * (K1 * t.value));
     }
   }
+}
+
+double Sliding::phase_right(Complex lambda) const {
+  BandLU lu;
+  fill(lambda, 1. / lambda, lu);
   return lu.factor(false).phase + double(size()) * std::arg(lambda);
+}
+
+std::optional<double> Sliding::follow_pivots(Complex from, Complex to) const {
+  BandLU lu;
+  const auto pivots = [&](Complex lambda) {
+    fill(lambda, 1, lu);
+    lu.factor(false);
+    std::vector<Complex> d(size());
+    for (std::size_t i = 0; i < d.size(); ++i) d[i] = lu.pivot(i);
+    return d;
+  };
+  double turn = 0, at = 0, step = 0.1;
+  std::vector<Complex> last = pivots(from);
+  for (int k = 0; at < 1; ++k) {
+    if (k == 400) return std::nullopt;
+    const double next_at = std::min(1., at + step);
+    std::vector<Complex> next = pivots(from + (to - from) * next_at);
+    double change = 0;
+    bool follows = true;
+    for (std::size_t i = 0; i < next.size() && follows; ++i) {
+      follows = std::norm(next[i] - last[i]) < 0.25 * std::norm(last[i]);
+      change += std::arg(next[i] * std::conj(last[i]));
+    }
+    if (!follows) {
+      step /= 2;
+      continue;
+    }
+    turn += change;
+    at = next_at;
+    step *= 1.5;
+    last = std::move(next);
+  }
+  return turn;
 }
 
 // The real part of S/lambda is at least Re lambda/A + beta - |q|/(Re lambda + r) where D2 is symmetric.

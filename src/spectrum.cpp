@@ -372,13 +372,17 @@ std::optional<long> count_directly(const Sliding& s, double a, double right, dou
 // The count by the tree of stretches (phase_tree.hpp). det S has a pole at every -r_i.
 std::optional<long> count_by_tree(MPI_Comm comm, const Sliding& s, double a, double height,
                                   std::vector<Complex>& where) {
-  const double right = s.right_of_all();
+  const double right = s.right_of_all(), spacing = s.scene.form == Form::chain ? 1 : s.scene.h();
   if (a >= right) return 0;
-  const std::optional<PhaseTurn> top = follow_phase(comm, s, {right, height}, {a, height});
+  // Far to the right waves decay between the nodes like the stencil's own solutions: the tree begins further left.
+  const double begin = std::max(a, std::min(right, 0.3 * std::sqrt(s.A * s.K1) / spacing));
+  const std::optional<double> far = begin < right ? s.follow_pivots({right, height}, {begin, height}) : 0;
+  if (!far) return std::nullopt;
+  const std::optional<PhaseTurn> top = follow_phase(comm, s, {begin, height}, {a, height});
   if (!top) return std::nullopt;
-  const std::optional<PhaseTurn> line = follow_phase(comm, s, {a, height}, a);
+  const std::optional<PhaseTurn> line = follow_phase(comm, s, {a, height}, a, 32);
   if (!line) return std::nullopt;
-  const double count = (s.phase_right({right, height}) + top->turn + line->turn) / M_PI;
+  const double count = (s.phase_right({right, height}) + *far + top->turn + line->turn) / M_PI;
   if (!(std::abs(count - std::round(count)) < 0.01)) return std::nullopt;
   for (const Complex& z : line->zeros)
     if (z.real() > a) where.push_back(z.imag() >= 0 ? z : std::conj(z));
@@ -389,11 +393,11 @@ std::optional<long> count_by_tree(MPI_Comm comm, const Sliding& s, double a, dou
 
 std::optional<long> count_right(MPI_Comm comm, const Sliding& s, double a, double height, double effort,
                                 std::vector<Complex>* where) {
-  static constexpr double node_cost[] = {10, 50, 150, 300};  // of the tree, in determinants of a node
+  const double node_cost = 12;  // of the tree at every halving, in determinants of a node
   const double n = double(s.size());
   std::vector<Complex> places;
   std::optional<long> count;
-  if (n * std::log2(n) * node_cost[s.scene.order / 2 - 1] <= effort) count = count_by_tree(comm, s, a, height, places);
+  if (n * std::log2(n) * node_cost <= effort) count = count_by_tree(comm, s, a, height, places);
   // Right of this there is nothing, and the phase turns slowly there: half as far away again as the box is high.
   if (!count && 120 * n * n <= effort)
     count = count_directly(s, a, std::max(s.real_bound(), a) + 0.5 * height, height, places);

@@ -28,6 +28,7 @@ class BandLU {
   // Factors in place and returns the determinant. A pivot that is exactly zero is replaced by one at round-off level,
   // so that an inverse iteration at an eigenvalue works; the determinant then has log_abs = -infinity.
   LogDet factor(bool exchange_rows = true);
+  Complex pivot(std::size_t k) const { return a_[k * std::size_t(width_) + std::size_t(lower_)]; }
   void solve(Complex* b) const;             // b := M^-1 b
   void solve_transposed(Complex* b) const;  // b := M^-T b (no conjugation)
 

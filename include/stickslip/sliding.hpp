@@ -19,6 +19,7 @@
 // Every rank holds the whole line: a spectrum is shared out by shifts and points, not by nodes. Not collective.
 #pragma once
 
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -72,6 +73,9 @@ class Sliding {
   // pivots.
   double phase_right(Complex lambda) const;
   double right_of_all() const;
+  // The turn of the phase of det S from one place to another, both well to the right of all eigenvalues, by its pivots,
+  // each followed in steps over which it changes by less than half. Empty where that takes too many steps.
+  std::optional<double> follow_pivots(Complex from, Complex to) const;
   void solve(const BandLU& lu, std::vector<Complex>& b) const;
   void solve_transposed(const BandLU& lu, std::vector<Complex>& b) const;
 
@@ -126,6 +130,7 @@ class Sliding {
   std::vector<int> position_;  // place of a node in the folded order
   int band_ = 0;
   Sliding(const Sliding& whole, std::size_t first, std::size_t count);
+  void fill(Complex lambda, Complex factor, BandLU& lu) const;  // lu := factor S(lambda)
   void steady_velocity();
 };
 
