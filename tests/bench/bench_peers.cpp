@@ -29,6 +29,7 @@
 
 #include "bench.hpp"
 #include "stickslip/error.hpp"
+#include "stickslip/methods.hpp"
 #include "stickslip/stencil.hpp"
 #include "stickslip/time.hpp"
 
@@ -123,8 +124,7 @@ Outcome ours(System& system, double t_end, double tolerance, const std::string& 
              const std::string& implicit) {
   const std::string p = "-peer_", text = number_text(tolerance);
   std::map<std::string, std::string> set{{"ts_type", type}, {"ts_rtol", text}, {"ts_atol", text}};
-  if (type == "rk") set["ts_rk_type"] = subtype;
-  if (type == "arkimex") set["ts_arkimex_type"] = subtype;
+  if (!subtype.empty()) set[subtype_option(type)] = subtype;
   for (const auto& [name, value] : set) SS_TRY(PetscOptionsSetValue(nullptr, (p + name).c_str(), value.c_str()));
   Options options;
   if (!implicit.empty()) options = options.with("imex_implicit", implicit);
@@ -387,8 +387,12 @@ std::vector<Method> methods() {
     all.push_back({"stickslip", "rk:" + rk, false, [rk](System& s, double t, double tol) {
                      return ours(s, t, tol, "rk", rk, "");
                    }});
+  for (const std::string rosw : {"ra34pw2", "4l", "rodas3"})
+    all.push_back({"stickslip", "rosw:" + rosw, true, [rosw](System& s, double t, double tol) {
+                     return ours(s, t, tol, "rosw", rosw, "");
+                   }});
   for (const std::string order : {"3", "4", "5"})
-    for (const std::string implicit : {"friction", "wave"})
+    for (const std::string implicit : {"friction", "wave", "both"})
       all.push_back({"stickslip", "arkimex:" + order + ":" + implicit, true, [=](System& s, double t, double tol) {
                        return ours(s, t, tol, "arkimex", order, implicit);
                      }});
