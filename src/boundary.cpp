@@ -10,363 +10,6 @@
 
 namespace stickslip {
 
-double Axis::value(double c) const {
-  if (c == 0) return from;
-  if (c == 1) return to;
-  return logarithmic ? from * std::pow(to / from, c) : from + (to - from) * c;
-}
-
-GrowthRate::GrowthRate(MPI_Comm comm, const Options& options, std::vector<Axis> axes)
-    : comm_(comm), options_(options), axes_(std::move(axes)) {
-  for (const double x : {0., 1.})
-    for (const double y : {0., 1.}) (void)Scene::from(options_at(x, y), true);
-}
-
-Options GrowthRate::options_at(double x, double y) const {
-  Options o = options_;
-  for (std::size_t k = 0; k < axes_.size(); ++k) {
-    const double value = axes_[k].value(k == 0 ? x : y);
-    o = o.with(axes_[k].name, value);
-    for (const std::string& name : axes_[k].same) o = o.with(name, value);
-  }
-  return o;
-}
-
-bool GrowthRate::enters() const {
-  const auto same = [](const Sliding& a, const Sliding& b) {
-    return a.A == b.A && a.K0 == b.K0 && a.K1 == b.K1 && a.s_delta == b.s_delta && a.beta == b.beta && a.r == b.r &&
-           a.F_state == b.F_state && a.g_psi == b.g_psi && a.scene.h() == b.scene.h();
-  };
-  try {
-    const Sliding a(Scene::from(options_at(0.2), true)), b(Scene::from(options_at(0.6), true));
-    return !same(a, b);
-  } catch (const Failure&) {
-    return true;
-  }
-}
-
-// The psi of a mode of the exact relation: a standing wave that fits the ends.
-Mode GrowthRate::with_vector(const Sliding& s, const Mode& mode) const {
-  Mode m = mode;
-  if (!m.psi.empty()) return m;
-  m.psi.resize(s.size());
-  const double h = s.scene.form == Form::chain ? 1 : s.scene.h(), half = s.scene.form == Form::chain ? 0.5 : 0;
-  for (std::size_t i = 0; i < s.size(); ++i) {
-    const double x = double(s.node[i]) * h;
-    m.psi[i] = s.scene.left == End::velocity ? std::sin(m.wavenumber * x)
-               : s.scene.ring()             ? std::cos(m.wavenumber * x)
-                                            : std::cos(m.wavenumber * (x + half * h));
-  }
-  return m;
-}
-
-std::optional<GrowthRate::Leading> GrowthRate::leading(double x, double y) {
-  ++evaluations_;
-  std::optional<Sliding> sliding;
-  try {
-    sliding.emplace(Scene::from(options_at(x, y), true));
-  } catch (const Failure&) {
-    return std::nullopt;
-  }
-  const Sliding& s = *sliding;
-  const double height = resolved_frequency(s) * (1 + 1e-12);
-  // equal, to round-off
-  const double level = 1e-9 * (std::sqrt(s.A * (s.K0 + 1e-300)) + std::abs(s.A * s.mean_beta()));
-
-  // all modes of the exact relation
-  const std::vector<Sliding::Wave> waves = s.exact_waves();
-  if (!waves.empty()) {
-    const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
-    const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r();
-    Leading best{{}, false};
-    best.mode.value = -std::numeric_limits<double>::infinity();
-    for (const Sliding::Wave& w : waves) {
-      bool neutral = s.neutral() && w.k == 0;
-      for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), b, q, r)) {
-        if (z.imag() < 0 || z.imag() > height) continue;
-        if (neutral && std::abs(z) <= level) {
-          neutral = false;
-          continue;
-        }
-        const double ahead = z.real() - best.mode.value.real();
-        if (ahead > level) {
-          best.mode.value = z;
-          best.mode.wavenumber = w.k;
-          best.degenerate = false;
-        } else if (ahead > -level && w.k != best.mode.wavenumber) {
-          best.degenerate = true;
-        }
-      }
-    }
-    return best;
-  }
-
-  const auto counts = [&](const Mode& m) { return m.value.imag() <= height && !is_neutral(s, m); };
-  Place here = place_of(s, x, y);
-  // few unknowns: every eigenvalue is had for less than following some
-  bool known = !due_ && !pool_.empty() && s.size() * s.dof() > 64;
-  if (known && !near(here, *pool_at_)) {
-    const auto other = std::find_if(places_.begin(), places_.end(), [&](const Place& p) { return near(here, p); });
-    known = other != places_.end();
-    if (known) {
-      take_up(s, other->found, height);
-      pool_at_ = *other;
-      pool_at_->found.clear();
-    }
-  }
-  if (known)
-    if (auto best = leading_followed(s, height, level)) return best;
-  due_ = false;
-  SpectrumSettings settings;
-  settings.count = 6;
-  settings.compare = false;
-  // all means the first time, then what the shifts find besides the modes followed so far
-  settings.quick = searched_;
-  settings.effort = 2e6 + 400 * double(s.size()) * std::log2(double(s.size()));
-  searched_ = true;
-  std::vector<Mode> found;
-  for (Followed& f : pool_)
-    if (f.mode.psi.size() == s.size() && polish(s, f.mode) && counts(f.mode)) found.push_back(std::move(f.mode));
-  for (Mode& m : compute_spectrum(comm_, s, settings).modes) {
-    const auto twin = std::find_if(found.begin(), found.end(), [&](const Mode& o) {
-      return std::abs(o.value - m.value) < 1e-7 * (1 + std::abs(m.value));
-    });
-    if (counts(m) && twin == found.end()) found.push_back(std::move(m));
-  }
-  std::sort(found.begin(), found.end(), [](const Mode& a, const Mode& b) { return a.value.real() > b.value.real(); });
-  pool_.clear();
-  for (Mode& m : found) {
-    if (pool_.size() == 4) break;
-    std::vector<Complex> left = left_vector(s, m);
-    pool_.push_back({std::move(m), std::move(left)});
-  }
-  pool_at_ = here;
-  if (pool_.empty()) return std::nullopt;
-  if ((places_.size() + 1) * s.size() < 500000 && s.size() * s.dof() > 64) {
-    here.found = pool_;
-    places_.push_back(std::move(here));
-  }
-  leader_ = 0;
-  Leading best{pool_[0].mode, false};
-  for (const Followed& f : pool_)
-    if (best.mode.value.real() - f.mode.value.real() <= level && std::abs(f.mode.value - best.mode.value) > 1e3 * level)
-      best.degenerate = true;
-  return best;
-}
-
-GrowthRate::Place GrowthRate::place_of(const Sliding& s, double x, double y) {
-  Place p{x, y, s.A * s.K0, s.A * s.largest_stiffness(), s.beta, s.r, {}};
-  for (std::size_t i = 0; i < p.drag.size(); ++i) {
-    if (s.has_state()) p.drag[i] += s.F_state[i] * s.g_psi[i] / s.r[i];
-    p.drag[i] *= s.A;
-  }
-  return p;
-}
-
-bool GrowthRate::near(const Place& a, const Place& b) const {
-  if (std::hypot(a.x - b.x, a.y - b.y) > reach_ || a.drag.size() != b.drag.size()) return false;
-  const auto ratio = [](double p, double q) { return p == q ? 1 : std::max(p, q) / std::min(p, q); };
-  if (!(ratio(a.K0, b.K0) < 2) || !(ratio(a.stiffest, b.stiffest) < 2)) return false;
-  const double allowed = 0.5 * std::sqrt(std::max(a.K0, 1e-3 * a.stiffest));
-  for (std::size_t i = 0; i < a.drag.size(); ++i)
-    if (!(std::abs(a.drag[i] - b.drag[i]) <= allowed) || (!a.r.empty() && !(ratio(a.r[i], b.r[i]) < 2))) return false;
-  return true;
-}
-
-// lambda with w S(lambda) p = 0 for the vectors that a mode had elsewhere: its error is second order in what they have
-// changed. Nothing where the equation is ill-conditioned (nearly double eigenvalues).
-std::optional<Complex> GrowthRate::estimate(const Sliding& s, const Followed& f) {
-  const std::vector<Complex>&p = f.mode.psi, &w = f.left;
-  Complex lambda = f.mode.value;
-  const double scale = std::abs(lambda) + std::sqrt(s.A * s.K0) + 1e-300;
-  for (int k = 0; k < 8; ++k) {
-    const std::vector<Complex> r = s.apply(lambda, p), slope = s.apply_slope(lambda, p);
-    Complex above = 0, below = 0;
-    double size = 0;
-    for (std::size_t i = 0; i < p.size(); ++i) {
-      above += w[i] * r[i];
-      below += w[i] * slope[i];
-      size += std::abs(w[i] * slope[i]);
-    }
-    if (!(std::abs(below) > 1e-3 * size)) return std::nullopt;
-    const Complex step = above / below;
-    lambda -= step;
-    if (!(std::abs(step) < 0.3 * scale)) return std::nullopt;
-    if (std::abs(step) <= 1e-13 * scale) return lambda;
-  }
-  return std::nullopt;
-}
-
-// Rayleigh's quotient iteration on both eigenvectors, one factorisation a step: errors are cubed by each.
-bool GrowthRate::follow(const Sliding& s, Followed& f) {
-  BandLU lu;
-  const auto unit = [](std::vector<Complex>& v) {
-    double largest = 0;
-    Complex at = 1;
-    for (const Complex& z : v)
-      if (std::norm(z) > largest) largest = std::norm(at = z);
-    for (Complex& z : v) z /= at;
-  };
-  for (int k = 0; k < 5; ++k) {
-    const auto start = estimate(s, f);
-    if (!start) return false;
-    const double scale = std::abs(*start) + std::sqrt(s.A * s.K0);
-    f.mode.value = *start;
-    s.factor(*start, lu);
-    f.mode.psi = s.apply_slope(*start, f.mode.psi);
-    s.solve(lu, f.mode.psi);
-    unit(f.mode.psi);
-    if (s.symmetric) {
-      f.left = left_vector(s, f.mode);
-    } else {
-      f.left = s.apply_slope(*start, f.left);  // S' is diagonal
-      s.solve_transposed(lu, f.left);
-      unit(f.left);
-    }
-    const auto value = estimate(s, f);
-    if (!value) return false;
-    const double change = std::abs(*value - *start);
-    f.mode.value = *value;
-    if (change > 1e-6 * scale) continue;
-    if (f.mode.value.imag() < 0) {
-      f.mode.value = std::conj(f.mode.value);
-      for (auto* v : {&f.mode.psi, &f.left})
-        for (Complex& z : *v) z = std::conj(z);
-    }
-    f.mode.wavenumber = s.wavenumber(f.mode.psi);
-    return true;
-  }
-  return false;
-}
-
-// Follows the modes of another place to this one, beside those of the pool; the rightmost stay.
-void GrowthRate::take_up(const Sliding& s, const std::vector<Followed>& more, double height) {
-  std::vector<Followed> all;
-  for (const std::vector<Followed>* list : {const_cast<const std::vector<Followed>*>(&pool_), &more})
-    for (Followed f : *list) {
-      if (f.mode.psi.size() != s.size() || !follow(s, f) || f.mode.value.imag() > height || is_neutral(s, f.mode))
-        continue;
-      const bool twin = std::any_of(all.begin(), all.end(), [&](const Followed& o) {
-        return std::abs(o.mode.value - f.mode.value) < 1e-7 * (1 + std::abs(f.mode.value));
-      });
-      if (!twin) all.push_back(std::move(f));
-    }
-  std::sort(all.begin(), all.end(),
-            [](const Followed& a, const Followed& b) { return a.mode.value.real() > b.mode.value.real(); });
-  if (all.size() > 4) all.resize(4);
-  pool_ = std::move(all);
-  leader_ = 0;
-}
-
-// The leading one of the modes followed; nothing where the last one was lost, or too few are left. All are estimated,
-// and those that might lead are taken along.
-std::optional<GrowthRate::Leading> GrowthRate::leading_followed(const Sliding& s, double height, double level) {
-  struct Guess {
-    std::size_t index;
-    double value, shift;
-  };
-  std::vector<Guess> guesses;
-  std::vector<char> lost(pool_.size(), 0);
-  for (std::size_t k = 0; k < pool_.size(); ++k) {
-    if (pool_[k].mode.psi.size() != s.size()) return std::nullopt;
-    const auto value = estimate(s, pool_[k]);
-    if (value) guesses.push_back({k, value->real(), std::abs(*value - pool_[k].mode.value)});
-    else lost[k] = 1;
-  }
-  std::sort(guesses.begin(), guesses.end(), [](const Guess& a, const Guess& b) { return a.value > b.value; });
-  const Followed* best = nullptr;
-  bool degenerate = false;
-  for (const Guess& g : guesses) {
-    Followed& f = pool_[g.index];
-    const double scale = std::abs(f.mode.value) + std::sqrt(s.A * s.K0);
-    // the estimate is better than this by far, unless the mode has moved a long way
-    if (best && g.shift < 0.05 * scale && g.value + 0.5 * g.shift + level < best->mode.value.real()) continue;
-    if (!follow(s, f) || f.mode.value.imag() > height || is_neutral(s, f.mode)) {
-      lost[g.index] = 1;
-      continue;
-    }
-    if (best) {
-      const double apart = std::abs(f.mode.value - best->mode.value);
-      const double ahead = f.mode.value.real() - best->mode.value.real();
-      if (std::abs(ahead) <= level && apart > 1e3 * level) degenerate = true;
-      else if (ahead > level) degenerate = false;
-      if (ahead <= 0) continue;
-    }
-    best = &f;
-  }
-  if (!best || lost[leader_]) return std::nullopt;
-  const Leading result{best->mode, degenerate};
-  leader_ = std::size_t(best - pool_.data());
-  for (std::size_t k = pool_.size(); k-- > 0;)
-    if (lost[k]) {
-      if (leader_ > k) --leader_;
-      pool_.erase(pool_.begin() + std::ptrdiff_t(k));
-    }
-  return result;
-}
-
-double GrowthRate::operator()(double x, double y) {
-  const auto at = leading(x, y);
-  return at ? at->mode.value.real() : std::numeric_limits<double>::quiet_NaN();
-}
-
-double GrowthRate::slope(double x, const Leading& at) {
-  const double step = 1e-6, low = std::max(0., x - step), high = std::min(1., x + step);
-  const Sliding middle(Scene::from(options_at(x), true));
-  const Sliding below(Scene::from(options_at(low), true)), above(Scene::from(options_at(high), true));
-  const Mode m = with_vector(middle, at.mode);
-  const std::vector<Complex> w = left_vector(middle, m), s = middle.apply_slope(m.value, m.psi);
-  const std::vector<Complex> a = above.apply(m.value, m.psi), b = below.apply(m.value, m.psi);
-  Complex change = 0, scale = 0;
-  for (std::size_t i = 0; i < w.size(); ++i) {
-    change += w[i] * (a[i] - b[i]);
-    scale += w[i] * s[i];
-  }
-  return -(change / scale).real() / (high - low);
-}
-
-Crossing GrowthRate::crossing(double x, double y) {
-  const auto at = leading(x, y);
-  if (!at) throw Failure("no steady sliding on the boundary");
-  const Sliding s(Scene::from(options_at(x, y), true));
-  Mode m = with_vector(s, at->mode);
-  polish(s, m);
-  Crossing c;
-  c.x = x;
-  c.y = y;
-  c.value = axes_[0].value(x);
-  c.value2 = axes_.size() > 1 ? axes_[1].value(y) : 0;
-  c.growth = m.value.real();
-  c.frequency = m.value.imag();
-  c.wavenumber = m.wavenumber;
-  c.residual = m.residual;
-  c.degenerate = at->degenerate;
-  const double scale = std::sqrt(s.A * (s.K0 + s.K1 * std::pow(m.wavenumber, 2))) + std::abs(m.value);
-  c.kind = m.value.imag() <= 1e-6 * scale ? "zero" : "hopf";
-  return c;
-}
-
-bool GrowthRate::vanishes(const Crossing& c) const {
-  const Sliding s(Scene::from(options_at(c.x, c.y), true));
-  return std::abs(c.growth) <= 1e-6 * (std::sqrt(s.A * (s.K0 + 1e-300)) + std::abs(c.frequency));
-}
-
-void GrowthRate::count_growing(Crossing& c, std::size_t number, std::size_t points) {
-  const Sliding s(Scene::from(options_at(c.x, c.y), true));
-  const double n = double(s.size()), each = 50 * n * (std::log2(n) + 1) + 1e5, all = 4e7;
-  if (number % std::size_t(std::max(1., std::ceil(double(points) * each / all))) != 0) return;
-  if (!s.exact_waves().empty()) {  // the growth rate is the largest of all there
-    c.complete = true;
-    return;
-  }
-  // as far right of the axis as the zero may be wrong
-  const double margin = 1e-7 * (std::sqrt(s.A * (s.K0 + s.K1)) + c.frequency) + std::max(0., 2 * c.growth);
-  const double height = std::min(1.01 * s.imaginary_bound(), resolved_frequency(s));
-  const auto count = count_right(comm_, s, margin, height, 20 * each);
-  c.complete.reset();
-  if (count) c.complete = *count == 0;
-}
-
 std::optional<double> closed_form_velocity(const Scene& s) {
   const bool flat = s.left != End::velocity && s.right != End::velocity;
   if (s.spread != 0 || s.friction.state != StateLaw::none || s.friction.regularised || !flat) return std::nullopt;
@@ -435,6 +78,15 @@ double newton_root(GrowthRate& growth, double a, double fa, double b, double fb)
 
 }  // namespace
 
+namespace {
+
+// Of `points` points, every so many are counted at, for a few seconds altogether.
+std::size_t counts_every(const GrowthRate& growth, std::size_t points) {
+  return std::size_t(std::max(1., std::ceil(double(points) * growth.count_cost(0.5, 0.5) / 3)));
+}
+
+}  // namespace
+
 std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples, std::vector<std::string>& notes) {
   const int pieces = 32;
   std::vector<double> x, f;
@@ -492,7 +144,8 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples, std:
       }
     }
   }
-  for (std::size_t k = 0; k < roots.size(); ++k) growth.count_growing(roots[k], k, roots.size());
+  const std::size_t every = counts_every(growth, roots.size());
+  for (std::size_t k = 0; k < roots.size(); k += every) growth.count_growing(roots[k]);
   return roots;
 }
 
@@ -529,7 +182,7 @@ double zero_near(const std::function<double(double)>& f, double* slope) {
     const double f1 = f(s1), m = (f1 - f0) / (s1 - s0), step = f1 == 0 ? 0 : -f1 / m;
     if (!std::isfinite(step)) break;
     if (slope && f1 != f0) *slope = m;
-    if (std::abs(step) <= 1e-10) return s1 + step;
+    if (std::abs(step) <= 1e-7) return s1 + step;  // what is left is smaller by the change of the slope since s0
     s0 = s1;
     f0 = f1;
     s1 += step;
@@ -559,10 +212,19 @@ class Tracer {
     points = {start};
     const double first = heading;  // of two sides of a thin region that pass near each other only one runs this way
     double radius = step_;
+    bool corrected = false;
     for (int count = 0; count < most;) {
       const Point p = points.back();
       double angle = heading;
       if (!turn(p, radius, side, angle)) {
+        if (!corrected && points.size() > 1) {  // a mode found since then leads there: the curve passes by
+          corrected = true;
+          const Point normal{-std::sin(heading), std::cos(heading)};
+          const double off = zero_near([&](double d) { return at({p.x + d * normal.x, p.y + d * normal.y}); }, nullptr);
+          const Point q{p.x + off * normal.x, p.y + off * normal.y};
+          if (std::isfinite(off) && std::abs(off) < 2 * step_ && inside(q)) points.back() = q;
+          continue;
+        }
         radius /= 4;
         if (radius < 1e-5) return End::stuck;
         continue;
@@ -574,6 +236,7 @@ class Tracer {
       }
       const Point next{p.x + radius * std::cos(angle), p.y + radius * std::sin(angle)};
       ++count;
+      corrected = false;
       if (!inside(next)) {
         points.push_back(clamped(next));
         return End::border;
@@ -628,10 +291,8 @@ class Tracer {
   double step_;
 };
 
-}  // namespace
-
-std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Samples& samples,
-                                     std::vector<std::string>& notes) {
+// The pieces of the curve, as the tracer steps.
+std::vector<Piece> trace(GrowthRate& growth, PetscInt points, Samples& samples, std::vector<std::string>& notes) {
   const Sliding sample = [&] {
     for (const double x : {0.5, 0.3, 0.7, 0.1, 0.9})
       try {
@@ -646,18 +307,22 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
   Tracer tracer(growth, std::min(0.5 * width, 1. / std::clamp<double>(double(points), 40., 60.)));
   std::vector<double> g(std::size_t((cells + 1) * (cells + 1)));
   const auto value = [&](int i, int j) -> double& { return g[std::size_t(j * (cells + 1) + i)]; };
-  // In blocks of 4 x 4 places the modes found at the first are followed through the others.
-  growth.search_every(2);
-  for (int block_j = 0; block_j <= cells; block_j += 4)
-    for (int block_i = 0; block_i <= cells; block_i += 4) {
-      growth.search_next();
-      for (int j = block_j; j <= std::min(cells, block_j + 3); ++j)
-        for (int k = 0; k <= std::min(cells - block_i, 3); ++k) {
-          const int i = (j - block_j) % 2 == 0 ? block_i + k : std::min(cells, block_i + 3) - k;
+  // In blocks of places the modes found at the first are followed through the others; it is counted there.
+  const double cost = growth.count_cost(0.5, 0.5);
+  const int block = std::clamp(int(std::ceil((cells + 1) * std::sqrt(cost / 2.5))), 1, 4);
+  growth.count_every(2);
+  growth.only_sign(true);
+  for (int block_j = 0; block_j <= cells; block_j += block)
+    for (int block_i = 0; block_i <= cells; block_i += block) {
+      growth.count_next();
+      for (int j = block_j; j <= std::min(cells, block_j + block - 1); ++j)
+        for (int k = 0; k <= std::min(cells - block_i, block - 1); ++k) {
+          const int i = (j - block_j) % 2 == 0 ? block_i + k : std::min(cells, block_i + block - 1) - k;
           value(i, j) = growth(i * width, j * width);
         }
     }
-  growth.search_every(0.15);
+  growth.only_sign(false);
+  growth.count_every(std::clamp(1.5 * cost, 0.01, 0.15));
   samples = {cells + 1, g};
   struct Edge {
     Point a, b;
@@ -715,17 +380,39 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
   }
 
   std::vector<Piece> pieces;
-  for (const Edge& e : edges) {
-    const auto along = [&](double t) { return growth(e.a.x + t * (e.b.x - e.a.x), e.a.y + t * (e.b.y - e.a.y)); };
-    const double t = bracketed_root(along, 0, e.ga, 1, e.gb, 1e-9);
-    if (!std::isfinite(t)) continue;
-    const Point start{e.a.x + t * (e.b.x - e.a.x), e.a.y + t * (e.b.y - e.a.y)};
-    const bool known = std::any_of(pieces.begin(), pieces.end(), [&](const Piece& p) {
+  const auto known = [&](Point start, double reach) {
+    return std::any_of(pieces.begin(), pieces.end(), [&](const Piece& p) {
       for (std::size_t k = 0; k + 1 < p.points.size(); ++k)
-        if (distance_to_segment(start, p.points[k], p.points[k + 1]) < (e.small ? 0.02 : 0.1) * width) return true;
+        if (distance_to_segment(start, p.points[k], p.points[k + 1]) < reach) return true;
       return false;
     });
-    if (known) continue;
+  };
+  for (Edge e : edges) {
+    // a straight line's guess of the zero
+    const double share = e.ga / (e.ga - e.gb);
+    const Point about{e.a.x + share * (e.b.x - e.a.x), e.a.y + share * (e.b.y - e.a.y)};
+    if (known(about, (e.small ? 0.01 : 0.05) * width)) continue;
+    if (block > 1 && !e.small) {  // not every place was counted at
+      growth.only_sign(true);
+      growth.count_next();
+      e.ga = growth(e.a.x, e.a.y);
+      growth.count_next();
+      e.gb = growth(e.b.x, e.b.y);
+      growth.only_sign(false);
+      if (!(e.ga * e.gb <= 0)) continue;
+    }
+    const auto along = [&](double t) { return growth(e.a.x + t * (e.b.x - e.a.x), e.a.y + t * (e.b.y - e.a.y)); };
+    double t = bracketed_root(along, 0, e.ga, 1, e.gb, 1e-9);
+    for (int again = 0; again < 3 && cost > 0; ++again) {  // with the modes that a count at the zero finds
+      growth.count_next();
+      const double before = t;
+      if (!std::isfinite(t) || std::abs(along(t)) < 1e-9) break;
+      t = bracketed_root(along, 0, e.ga, 1, e.gb, 1e-9);
+      if (std::abs(t - before) < 1e-8) break;
+    }
+    if (!std::isfinite(t)) continue;
+    const Point start{e.a.x + t * (e.b.x - e.a.x), e.a.y + t * (e.b.y - e.a.y)};
+    if (known(start, (e.small ? 0.02 : 0.1) * width)) continue;
     if (e.small) {
       const double angle = std::atan2(e.b.y - e.a.y, e.b.x - e.a.x) + (e.gb > e.ga ? -M_PI / 2 : M_PI / 2);
       Piece piece;
@@ -782,6 +469,42 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
     if (piece.points.size() > 1) pieces.push_back(std::move(piece));
   }
 
+  return pieces;
+}
+
+}  // namespace
+
+namespace {
+
+// The place between two neighbouring points of the curve where the mode of the second takes over from that of the
+// first, by halving; the point there has the mode of one of them.
+Crossing meeting(GrowthRate& growth, Crossing a, Crossing b) {
+  Tracer tracer(growth, 1. / 60);
+  for (int k = 0; k < 24; ++k) {
+    const Point middle{(a.x + b.x) / 2, (a.y + b.y) / 2};
+    const double length = std::max(distance({a.x, a.y}, {b.x, b.y}), 1e-300);
+    const Point normal{-(b.y - a.y) / length, (b.x - a.x) / length};
+    const auto off = [&](double s) { return Point{middle.x + s * normal.x, middle.y + s * normal.y}; };
+    const double s = zero_near([&](double d) { return tracer.at(off(d)); }, nullptr);
+    if (!std::isfinite(s) || std::abs(s) > length) break;
+    const Point q = clamped(off(s));
+    const Crossing c = growth.crossing(q.x, q.y);
+    const bool like_a = a.kind == b.kind ? std::abs(c.frequency - a.frequency) < std::abs(c.frequency - b.frequency)
+                                         : c.kind == a.kind;
+    (like_a ? a : b) = c;
+  }
+  return b;
+}
+
+}  // namespace
+
+std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Samples& samples,
+                                     std::vector<std::string>& notes, std::vector<Crossing>* meetings) {
+  std::optional<GrowthRate> reduced = growth.reduced();
+  const std::vector<Piece> pieces = trace(reduced ? *reduced : growth, points, samples, notes);
+  Tracer tracer(growth, 1. / 60);
+  growth.count_every(0);
+
   // even points along each piece, put back onto the curve along its normal
   const auto length_of = [](const Piece& p) {
     double sum = 0;
@@ -791,6 +514,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
   double total = 0;
   for (const Piece& p : pieces) total += length_of(p);
   std::vector<Crossing> result;
+  const std::size_t every = counts_every(growth, std::size_t(points));
   int jumps = 0, symmetric = 0;
   for (std::size_t number = 0; number < pieces.size(); ++number) {
     const Piece& p = pieces[number];
@@ -818,21 +542,36 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
       seeds.push_back({q, normal, on_x || on_y});
     }
     double slope = std::nan("");
+    std::optional<Point> hinted;
     const auto place = [&](std::size_t i) {
       const Seed& seed = seeds[i];
+      if (reduced && (!hinted || distance(*hinted, seed.at) > 0.04)) {
+        hinted = seed.at;
+        growth.take_hints(*reduced, seed.at.x, seed.at.y);
+      }
       const auto off = [&](double s) { return Point{seed.at.x + s * seed.normal.x, seed.at.y + s * seed.normal.y}; };
-      const double s = zero_near([&](double d) { return tracer.at(off(d)); }, seed.border ? nullptr : &slope);
+      double m = seed.border ? std::nan("") : slope;
+      const double s = zero_near([&](double d) { return tracer.at(off(d)); }, &m);
+      if (!seed.border) slope = m;
       const Point q = clamped(std::isfinite(s) ? off(s) : seed.at);
-      return growth.crossing(q.x, q.y);
+      Crossing c = growth.crossing(q.x, q.y);
+      if (std::isfinite(s) && std::abs(c.growth) > 1e-13 && std::abs(c.growth / m) < 1e-8) {  // a last Newton step
+        const Point better = clamped(off(s - c.growth / m));
+        const Crossing next = growth.crossing(better.x, better.y);
+        if (std::abs(next.growth) < std::abs(c.growth)) c = next;
+      }
+      return c;
     };
     std::vector<Crossing> placed;
     for (std::size_t i = 0; i < seeds.size(); ++i) {
       bool missed = false;
       placed.push_back(place(i));
-      for (int attempt = 0;; ++attempt) {  // again where the count finds a mode that was not followed
-        growth.count_growing(placed[i], i, std::size_t(points));
-        if (!placed[i].complete || *placed[i].complete || attempt == 2) break;
-        growth.forget();
+      const bool lost = growth.doubtful();
+      // again where the count finds a mode that was not followed
+      for (int attempt = 0; i % every == 0 || lost; ++attempt) {
+        growth.count_growing(placed[i]);
+        if (!placed[i].complete || *placed[i].complete || attempt == 3) break;
+        growth.seek(placed[i].x, placed[i].y);
         placed[i] = place(i);
         missed = true;
       }
@@ -853,6 +592,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
         const Crossing& last = result.back();
         const double scale = std::max(std::abs(c.frequency), std::abs(last.frequency));
         c.switched = c.kind != last.kind || std::abs(c.frequency - last.frequency) > 0.3 * scale;
+        if (c.switched && meetings && meetings->size() < 16) meetings->push_back(meeting(growth, last, c));
       }
       result.push_back(c);
     }

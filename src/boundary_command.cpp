@@ -201,7 +201,7 @@ void write_file(const Options& options, GrowthRate& growth, const std::vector<Cr
 int boundary_command(const Options& options) {
   const Provenance provenance = Provenance::of("boundary", options.all());
   check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, {"points", "verified", "notes", "evaluations"}, options.text("summary"));
+  Summary summary(provenance, {"points", "meetings", "verified", "notes", "evaluations"}, options.text("summary"));
   const std::vector<Axis> axes = axes_from(options);
   std::optional<GrowthRate> varied;
   std::string foreign;
@@ -219,13 +219,15 @@ int boundary_command(const Options& options) {
                     "): growth rate " + number_text(growth(0)) + " at both ends");
     Samples samples;
     std::vector<std::string> notes;
+    std::vector<Crossing> meetings;
     if (!two && !growth.enters())
       throw Failure("-boundary_parameter " + axes[0].name + ": does not enter this scene: " + at_ends(growth));
     const std::vector<Crossing> points =
-        two ? boundary_curve(growth, options.integer("boundary_points"), samples, notes)
+        two ? boundary_curve(growth, options.integer("boundary_points"), samples, notes, &meetings)
             : boundary_points(growth, samples, notes);
     check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
     summary.set("points", point_list(points, two));
+    if (two) summary.set("meetings", point_list(meetings, two));
     summary.set("notes", notes);
     summary.set("evaluations", growth.evaluations());
     for (const std::string& note : notes) warn(note);

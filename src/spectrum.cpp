@@ -472,9 +472,7 @@ double resolved_frequency(const Sliding& s) {
   return std::sqrt(s.A * K);
 }
 
-namespace {
-
-// A mode's psi on a finer grid: cubic between the nodes.
+// Cubic between the nodes.
 std::vector<Complex> interpolate(const Sliding& coarse, const Sliding& fine, const std::vector<Complex>& p) {
   const PetscInt n = coarse.scene.n;
   std::vector<Complex> all(std::size_t(n), Complex(0));
@@ -498,6 +496,8 @@ std::vector<Complex> interpolate(const Sliding& coarse, const Sliding& fine, con
   }
   return q;
 }
+
+namespace {
 
 // Guesses from a grid of four times the spacing. The same on every rank: rank 0 has them.
 std::vector<Mode> coarse_modes(MPI_Comm comm, const Sliding& s, SpectrumSettings settings) {

@@ -216,3 +216,28 @@ TEST_CASE("transient growth: wave by wave and dense agree, and bound the spectru
   CHECK(dense->abscissa == Approx(waves->abscissa).epsilon(1e-6).margin(1e-7));
   CHECK(dense->growth == Approx(waves->growth).epsilon(1e-6));
 }
+
+TEST_CASE("friction does not enter det S(0): no real eigenvalue of sliding can cross zero", "[spectrum]") {
+  // lambda multiplies every term of S but K0 - K1 D2, so the product of all eigenvalues is, up to its sign,
+  // A^n prod r_i det(K0 - K1 D2): not 0 with K0 > 0 or a held end.
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    const Scene scene = random_scene(7000 + seed, 40);
+    INFO(describe(scene));
+    std::optional<Sliding> s;
+    try {
+      s.emplace(scene);
+    } catch (const Failure&) {
+      continue;  // a threshold at rest
+    }
+    double product = 0;
+    for (const Complex& z : lapack(*s)) product += std::log(std::abs(z));
+    Scene plain = scene;  // another friction altogether
+    plain.friction = FrictionParameters();
+    plain.spread = 0;
+    BandLU lu;
+    double expected = double(s->size()) * std::log(s->A) + Sliding(plain).factor(0, lu).log_abs;
+    for (const double r : s->r) expected += std::log(r);
+    CHECK(std::isfinite(expected));
+    CHECK(product == Approx(expected).margin(1e-6));
+  }
+}

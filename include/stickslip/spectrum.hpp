@@ -59,6 +59,9 @@ bool polish(const Sliding& sliding, Mode& mode, int steps = 8);
 // The left eigenvector, w^T S(lambda) = 0, of a polished mode; not conjugated.
 std::vector<Complex> left_vector(const Sliding& sliding, const Mode& mode);
 
+// A mode's psi of the same line on a coarser grid, at the nodes of the finer one.
+std::vector<Complex> interpolate(const Sliding& coarse, const Sliding& fine, const std::vector<Complex>& psi);
+
 // The frequency up to which the grid carries waves with less than 1 % of error; beyond it no mode of the continuum is
 // to be had from this grid. No limit in the chain.
 double resolved_frequency(const Sliding& sliding);
