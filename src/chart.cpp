@@ -1,16 +1,14 @@
 #include "stickslip/chart.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <limits>
 #include <map>
 #include <memory>
 #include <sstream>
 
+#include "chart_log.hpp"
 #include "progress.hpp"
 #include "share.hpp"
 #include "stickslip/error.hpp"
@@ -24,110 +22,6 @@ namespace stickslip {
 namespace {
 
 constexpr double margin = 100;  // a row's error over that of the reference, at least
-using Texts = std::map<std::string, std::string>;
-
-// What is already known of a chart, in a file beside its out_file: one JSON object of texts a line, the first of them
-// the options. A line is written when its row is done; a torn last line is as good as none.
-class Log {
- public:
-  Log(std::string path, const Texts& identity) : path_(std::move(path)) {
-    MPI_Comm_rank(PETSC_COMM_WORLD, &rank_);
-    if (path_.empty()) return;
-    std::string differs;
-    if (rank_ == 0) read(identity, differs);
-    share(differs);
-    if (!differs.empty())
-      warn("'" + path_ + "' holds the rows of another chart (" + differs + "); this one begins anew");
-    std::int64_t count = std::int64_t(lines_.size());
-    share(count);
-    lines_.resize(std::size_t(count));
-    for (Texts& line : lines_) share(line);
-    if (rank_ != 0) return;
-    // written anew, so that nothing follows a torn line
-    file_ = std::fopen(path_.c_str(), "w");
-    write(identity);
-    for (const Texts& line : lines_) write(line);
-  }
-  ~Log() {
-    if (file_) std::fclose(file_);
-  }
-  Log(const Log&) = delete;
-  Log& operator=(const Log&) = delete;
-
-  const std::vector<Texts>& lines() const { return lines_; }
-
-  void add(const Texts& line) {
-    if (!path_.empty() && rank_ == 0) write(line);
-    int failed = failed_;
-    share(failed);
-    if (failed) throw Failure("cannot write '" + path_ + "', the rows of the chart so far");
-  }
-  void remove() {
-    if (file_) std::fclose(std::exchange(file_, nullptr));
-    if (!path_.empty() && rank_ == 0) unlink(path_.c_str());
-  }
-
- private:
-  void read(const Texts& identity, std::string& differs) {
-    std::ifstream in(path_);
-    std::string text;
-    if (!std::getline(in, text)) return;
-    try {
-      differs = chart_difference(parse_text_map(text), identity);
-    } catch (const std::exception&) {
-      differs = "its first line is not readable";
-    }
-    if (!differs.empty()) return;
-    while (std::getline(in, text)) {
-      try {
-        lines_.push_back(parse_text_map(text));
-      } catch (const std::exception&) {
-        return;
-      }
-    }
-  }
-  void write(const Texts& line) {
-    const std::string text = Json(line).text(0) + "\n";
-    if (!file_ || std::fputs(text.c_str(), file_) < 0 || std::fflush(file_) != 0) failed_ = 1;
-  }
-
-  std::string path_;
-  std::vector<Texts> lines_;
-  std::FILE* file_ = nullptr;
-  int rank_ = 0, failed_ = 0;
-};
-
-std::string log_path(const std::string& out_file) {
-  if (out_file.empty()) return "";
-  const auto dot = out_file.rfind('.');
-  const bool has_ending = dot != std::string::npos && dot > 0 && out_file.find('/', dot) == std::string::npos;
-  return out_file.substr(0, has_ending ? dot : std::string::npos) + ".rows.jsonl";
-}
-
-std::string numbers_text(const std::vector<double>& values) {
-  std::string text;
-  for (const double v : values) text += (text.empty() ? "" : " ") + number_text(v);
-  return text;
-}
-
-double number_of(const std::string& text) {
-  return text.empty() ? NAN : std::strtod(text.c_str(), nullptr);
-}
-
-std::vector<double> numbers_of(const std::string& text) {
-  std::vector<double> values;
-  const char* at = text.c_str();
-  for (char* end = nullptr;; at = end) {
-    const double value = std::strtod(at, &end);
-    if (end == at) return values;
-    values.push_back(value);
-  }
-}
-
-std::string optional_text(const std::optional<double>& value) { return value ? number_text(*value) : ""; }
-std::optional<double> optional_of(const std::string& text) {
-  return text.empty() ? std::nullopt : std::optional<double>(number_of(text));
-}
 
 std::string key_of(const Setting& s) {
   return s.method.name() + "|" + s.method.implicit + "|" + number_text(s.tolerance) + "|" + number_text(s.step) + "|" +
@@ -181,7 +75,7 @@ PetscInt halved(const Scene& scene, PetscInt n, int order) {
 
 class Chart {
  public:
-  Chart(const Options& options, Log& log)
+  Chart(const Options& options, ChartLog& log)
       : options_(options), scene_(Scene::from(options, false)), settings_(chart_settings(options)), log_(log),
         progress_(options, "chart: "), row_limit_(options.real("chart_row_seconds")),
         reference_limit_(options.real("chart_reference_seconds")) {
@@ -422,7 +316,7 @@ class Chart {
   const Options& options_;
   Scene scene_;
   std::vector<Setting> settings_;
-  Log& log_;
+  ChartLog& log_;
   Progress progress_;
   double row_limit_, reference_limit_;
   std::map<std::string, Texts> known_rows_;
@@ -532,18 +426,6 @@ double error_of_finest(double before, double last, int order) {
   return 2 * last / std::min(rate, std::pow(2., order));
 }
 
-std::string chart_difference(const Texts& stored, const Texts& now) {
-  const auto shown = [](const Texts& texts, const std::string& name) {
-    const auto it = texts.find(name);
-    return it == texts.end() ? std::string("unset") : quoted(it->second);
-  };
-  for (const Texts* one : {&stored, &now})
-    for (const auto& [name, text] : *one)
-      if (shown(stored, name) != shown(now, name))
-        return name + " is " + shown(stored, name) + " there, " + shown(now, name) + " here";
-  return "";
-}
-
 std::vector<Setting> chart_settings(const Options& options) {
   const Scene scene = Scene::from(options, false);
   const bool chain = scene.form == Form::chain;
@@ -625,11 +507,7 @@ int chart_errors(const Options& options) {
   return with_summary(summary, [&] {
     check_settings(options, chart_settings(options));
     check_unused_after_setup(options, "snes ksp pc");
-    Texts identity = options.given();
-    for (const char* name : {"out_file", "summary", "progress"}) identity.erase(name);
-    identity["git"] = git_revision();
-    identity["ranks"] = std::to_string(provenance.ranks);
-    Log log(log_path(out_file), identity);
+    ChartLog log(options, provenance);
     summary.set("clock", "processor time, the largest over the ranks");
     Chart chart(options, log);
     summary.set("rows_taken_over", chart.rows_taken_over());

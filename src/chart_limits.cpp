@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "chart_log.hpp"
 #include "progress.hpp"
 #include "ranges.hpp"
 #include "share.hpp"
@@ -400,6 +401,54 @@ std::vector<MethodChoice> wanted_methods(const Options& options) {
   return choices;
 }
 
+std::string key_of(std::size_t scene, const MethodChoice& choice) {
+  return std::to_string(scene) + "|" + choice.name() + "|" + choice.implicit;
+}
+
+Texts texts_of(const std::string& key, const LimitRow& r) {
+  return {{"row", key},
+          {"method", r.method},
+          {"implicit", r.implicit},
+          {"order", std::to_string(r.order)},
+          {"n", std::to_string(r.n)},
+          {"value", number_text(r.value)},
+          {"theory", optional_text(r.theory)},
+          {"limit", optional_text(r.limit)},
+          {"followed", optional_text(r.followed)},
+          {"shortest_theory", optional_text(r.shortest_theory)},
+          {"shortest", optional_text(r.shortest)},
+          {"damps_theory", optional_text(r.damps_theory)},
+          {"damps", optional_text(r.damps)},
+          {"how", r.how},
+          {"wrong", r.wrong},
+          {"silent", numbers_text(r.silent)},
+          {"runs", std::to_string(r.runs)},
+          {"longest", number_text(r.longest)}};
+}
+
+LimitRow row_of(const Texts& texts) {
+  LimitRow r;
+  r.method = texts.at("method");
+  r.implicit = texts.at("implicit");
+  r.order = int(number_of(texts.at("order")));
+  r.n = PetscInt(number_of(texts.at("n")));
+  r.value = number_of(texts.at("value"));
+  r.theory = optional_of(texts.at("theory"));
+  r.limit = optional_of(texts.at("limit"));
+  r.followed = optional_of(texts.at("followed"));
+  r.shortest_theory = optional_of(texts.at("shortest_theory"));
+  r.shortest = optional_of(texts.at("shortest"));
+  r.damps_theory = optional_of(texts.at("damps_theory"));
+  r.damps = optional_of(texts.at("damps"));
+  r.how = texts.at("how");
+  r.wrong = texts.at("wrong");
+  r.silent = numbers_of(texts.at("silent"));
+  r.warned = r.silent.empty();
+  r.runs = int(number_of(texts.at("runs")));
+  r.longest = number_of(texts.at("longest"));
+  return r;
+}
+
 Json json_of(const LimitRow& r, bool varied) {
   return Json::object({{"method", r.method},
                        {"implicit", r.implicit},
@@ -466,7 +515,7 @@ void write_file(const Options& options, const Provenance& provenance, const std:
 int chart_limits(const Options& options) {
   const Provenance provenance = Provenance::of("chart", options.all());
   check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, {"rows", "best", "reference_error", "silent"}, options.text("summary"));
+  Summary summary(provenance, {"rows", "best", "reference_error", "silent", "rows_taken_over"}, options.text("summary"));
   const std::vector<MethodChoice> choices = wanted_methods(options);
   const std::string parameter = options.text("chart_parameter");
   std::vector<double> values = options.reals("chart_values");
@@ -500,15 +549,28 @@ int chart_limits(const Options& options) {
     const std::size_t all = scenes.size() * choices.size();
     int silent = 0;
     Json list = Json::array();
+    ChartLog log(options, provenance);
+    std::map<std::string, Texts> known;
+    for (const Texts& line : log.lines()) known[line.at("row")] = line;
+    summary.set("rows_taken_over", known.size());
+    std::size_t done_now = 0;
     for (std::size_t k = 0; k < scenes.size(); ++k) {
-      Limits limits(scenes[k]);
+      std::optional<Limits> limits;
       for (const MethodChoice& choice : choices) {
         if (progress.due())
           progress.show("row " + std::to_string(rows.size() + 1) + " of " + std::to_string(all) +
-                        progress.left(double(rows.size()) / double(all)) + " (" + choice.name() +
+                        progress.left(double(done_now) / double(all - known.size())) + " (" + choice.name() +
                         (choice.splits() ? ":" + choice.implicit : "") + ")");
-        rows.push_back(limits.row(choice));
-        rows.back().value = scene_values[k];
+        const std::string key = key_of(k, choice);
+        if (const auto it = known.find(key); it != known.end()) {
+          rows.push_back(row_of(it->second));
+        } else {
+          if (!limits) limits.emplace(scenes[k]);
+          rows.push_back(limits->row(choice));
+          rows.back().value = scene_values[k];
+          log.add(texts_of(key, rows.back()));
+          ++done_now;
+        }
         silent += rows.back().warned ? 0 : 1;
         list.push(json_of(rows.back(), spec != nullptr));
         summary.set("rows", list);
@@ -520,6 +582,7 @@ int chart_limits(const Options& options) {
         warn(r.method + " (" + r.implicit + " implicit) went wrong at ts_dt " + number_text(r.silent.front()) +
              " (" + r.wrong + ") without a word");
     write_file(options, provenance, rows, spec ? spec->name : "");
+    log.remove();
     if (options.text("summary") != "-") {
       const char* format = spec ? "%-6s %-16s %-9s %5s %6s %9s %9s %9s %9s %-22s %9s %-36s %9s %9s\n"
                                 : "%s%-16s %-9s %5s %6s %9s %9s %9s %9s %-22s %9s %-36s %9s %9s\n";

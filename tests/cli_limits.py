@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import tempfile
+import time
 
 from cli import PROGRAM, SOURCE, check, finish
 
@@ -132,6 +133,39 @@ def chart_on_ranks():
             check(same, f"{one['method']}: {key} {one[key]} on 1 rank, {two[key]} on 2")
 
 
+def chart_goes_on():
+    # Killed and started again it takes its rows over, and they are those of a chart that was not killed.
+    scene = [os.path.join(SOURCE, "runs", "limits-train.yaml"), "-progress", "off", "-grid_n", "96", "-ts_max_time", "4",
+             "-chart_methods", "rk:3bs,rk:5dp,rk:4,beuler"]
+
+    def chart(*words):
+        done = subprocess.run([PROGRAM, "chart", *scene, *words, "-summary", "-"], capture_output=True, text=True,
+                              check=False)
+        check(done.returncode == 0, f"limits chart: {done.stderr}")
+        return json.loads(done.stdout)
+
+    with tempfile.TemporaryDirectory() as folder:
+        whole, log = os.path.join(folder, "l.h5"), os.path.join(folder, "l.rows.jsonl")
+
+        def rows_kept():
+            if not os.path.exists(log):
+                return 0
+            with open(log, encoding="utf-8") as file:
+                return sum('"row"' in line and line.endswith("\n") for line in file)
+
+        with subprocess.Popen([PROGRAM, "chart", *scene, "-out_file", whole], stderr=subprocess.DEVNULL) as running:
+            until = time.monotonic() + 60
+            while rows_kept() < 2 and running.poll() is None and time.monotonic() < until:
+                time.sleep(0.002)
+            check(running.poll() is None, "the chart was over before it could be killed")
+            running.kill()
+        kept = rows_kept()
+        resumed, plain = chart("-out_file", whole), chart()
+        check(resumed["rows_taken_over"] == kept >= 2 and plain["rows_taken_over"] == 0, f"rows taken over: {kept}")
+        check(resumed["rows"] == plain["rows"] and len(plain["rows"]) == 4, f"rows: {resumed['rows']}, {plain['rows']}")
+        check(os.path.exists(whole) and not os.path.exists(log), "the file is complete")
+
+
 def false_instability():
     stable = SLIDING + "-model_v 1.1 -ts_max_time 100 "
     run = Run(stable + "-ts_type bdf -ts_bdf_order 4 -ts_adapt_type none -ts_dt 0.3").expect(
@@ -169,6 +203,7 @@ slow_growth()
 short_slips()
 no_one_speed()
 chart_on_ranks()
+chart_goes_on()
 false_instability()
 spurious_roots()
 wrong_speed()

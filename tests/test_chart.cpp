@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "../src/chart_log.hpp"
 #include "stickslip/chart.hpp"
 #include "stickslip/error.hpp"
 

@@ -44,10 +44,6 @@ std::vector<Setting> chart_settings(const Options& options);
 // `before` and `last`, at order p: half as good as the measured rate promises, and never better than the order does.
 double error_of_finest(double before, double last, int order);
 
-// Whether a restart of the chart may take rows over: the first differing option, or "".
-std::string chart_difference(const std::map<std::string, std::string>& stored,
-                             const std::map<std::string, std::string>& now);
-
 // Body of `stickslip chart`. Returns the exit code. Collective.
 int chart_errors(const Options& options);
 
