@@ -1,22 +1,29 @@
 #include "stickslip/accuracy.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 
+#include "pilot.hpp"
 #include "stickslip/error.hpp"
+#include "stickslip/friction.hpp"
 #include "stickslip/methods.hpp"
 #include "stickslip/probe.hpp"
-#include "stickslip/start.hpp"
-#include "stickslip/time.hpp"
+#include "stickslip/reduce.hpp"
+#include "stickslip/stick.hpp"
 
 namespace stickslip {
 
 namespace {
 
-constexpr double share_of_time = 0.15;   // of the accuracy: meant for the error in time,
-constexpr double share_of_space = 0.4;   // and for that in space; the rest is for what was foreseen wrongly
-constexpr double most_seconds = 300;     // of processor time for one run
+// Parts of the accuracy: the error foreseen in space, that in time beside it or where nothing else errs, and what the
+// error in time of a rung may be of that in space.
+constexpr double share_of_space = 0.35, share_of_time = 0.1, share_in_all = 0.45, share_of_rung = 0.1;
+constexpr double telling = 50;         // a rung foresees errors down to this part of its own
+constexpr double loosened = 30;        // the tolerance that tells what a tolerance costs, over that of the rung
+constexpr double least_tolerance = 1e-14;
+constexpr double most_seconds = 300;   // of processor time for one run
 constexpr PetscInt most_nodes = 1 << 20;
 
 Fields at_points(const Fields& fields, const Scene& scene, const std::vector<double>& x) {
@@ -39,305 +46,563 @@ std::string rounded(double value) {
   return text;
 }
 
+// Largest |difference| at the nodes of the finer grid: what the nodes of the coarser one miss of a front. By the
+// polynomial through up to 12 nodes of the coarse grid, with mirror images at free ends; not near held ones, and not in
+// a spread medium, which is not as smooth as that.
+double distance_between_nodes(const Scene& coarse, const Fields& of_coarse, const Scene& fine, const Fields& of_fine) {
+  const PetscInt n = coarse.n;
+  const int count = int(std::min<PetscInt>(12, n / 2 * 2));
+  if (n == fine.n || coarse.spread > 0) return 0;
+  std::array<double, 12> weights = {1};  // barycentric: binomial coefficients with alternating signs
+  for (int k = 1; k < count; ++k) weights[std::size_t(k)] = -weights[std::size_t(k - 1)] * (count - k) / k;
+  double largest = 0;
+  for (PetscInt i = 0; i < fine.n; ++i) {
+    const double at = fine.x(i) / coarse.h();
+    const PetscInt first = PetscInt(std::floor(at)) - count / 2 + 1;
+    if (std::abs(at - std::round(at)) < 1e-9) continue;  // a node of both
+    if ((first < 0 && coarse.left == End::velocity) || (first + count > n && coarse.right == End::velocity)) continue;
+    double psi = 0, eta = 0, sum = 0;
+    for (int k = 0; k < count; ++k) {
+      PetscInt node = first + k;
+      if (coarse.ring()) node = (node + n) % n;
+      else node = node < 0 ? -node : node >= n ? 2 * (n - 1) - node : node;
+      const double weight = weights[std::size_t(k)] / (at - double(first + k));
+      psi += weight * of_coarse.psi[std::size_t(node)];
+      eta += weight * of_coarse.eta[std::size_t(node)];
+      sum += weight;
+    }
+    largest = std::max({largest, std::abs(psi / sum - of_fine.psi[std::size_t(i)]),
+                        std::abs(eta / sum - of_fine.eta[std::size_t(i)])});
+  }
+  return largest;
+}
+
+// eta += sign (B psi + F(psi)). In a spread medium eta is no smoother than the medium; without its friction it is.
+void add_friction(Fields& fields, const Scene& scene, double sign) {
+  const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
+  dispatch_friction(scene.friction, [&](const auto& law) {
+    for (std::size_t i = 0; i < fields.psi.size(); ++i)
+      fields.eta[i] +=
+          sign * (scene.B() * fields.psi[i] + amplitude[i] * law.partials(fields.psi[i], 0).F);
+  });
+}
+
+// `fine` at the nodes of `coarse`.
+Fields brought_to(const Scene& coarse, const Scene& fine, const Fields& of_fine) {
+  if (coarse.spread == 0 || coarse.friction.state != StateLaw::none) return resample(of_fine, fine, coarse);
+  Fields smooth = of_fine;
+  add_friction(smooth, fine, -1);
+  smooth = resample(smooth, fine, coarse);
+  add_friction(smooth, coarse, 1);
+  return smooth;
+}
+
 bool is_uniform(const Options& options, const Scene& scene) {
   return scene.spread == 0 && options.text("init_type") == "uniform" && scene.left != End::velocity &&
          scene.right != End::velocity && options.real("init_noise") == 0;
 }
+
+// Counts the processor time of a scope, the largest over the ranks.
+class Clock {
+ public:
+  explicit Clock(double& sum) : sum_(sum), begin_(largest_processor_seconds()) {}
+  ~Clock() {
+    try {
+      sum_ += largest_processor_seconds() - begin_;
+    } catch (...) {  // NOLINT: a clock that fails must not hide why the scope ends
+    }
+  }
+  Clock(const Clock&) = delete;
+  Clock& operator=(const Clock&) = delete;
+
+ private:
+  double& sum_;
+  double begin_;
+};
 
 }  // namespace
 
 double expected_order(double earlier, double last, int p) {
   last = std::clamp(last, 0.5, double(p));
   const bool rising = !std::isnan(earlier) && last > earlier + 0.3;
-  return rising || last > 0.8 * p ? (last + p) / 2 : last;
+  return rising || last > 0.8 * p ? last + std::min((p - last) / 2, 0.8 * last) : last;
 }
 
 AccuracyPlan::AccuracyPlan(const Options& options, double wanted)
-    : asked_(options),
-      chosen_(options),
-      wanted_(wanted),
-      aim_(wanted),
-      most_tolerance_(std::min(3 * wanted, 1e-3)),
-      scene_(Scene::from(options, false)),
+    : asked_(options), chosen_(options), wanted_(wanted), aim_(wanted), scene_(Scene::from(options, false)),
       probes_(options.reals("out_probes")) {
-  const double begin = largest_processor_seconds();
-  if (has_threshold(scene_.friction.law) && !scene_.friction.regularised)
-    throw UsageError("accuracy " + options.text("accuracy") +
-                     " with friction_stick exact: there is one method for exact "
-                     "stick; set ts_rtol and ts_atol, or friction_stick regularised");
-  const bool continuum = has_grid_limit(options, scene_) && !is_uniform(options, scene_);
-  grid_open_ = continuum && !options.is_set("grid_n");
-  order_open_ = continuum && !options.is_set("grid_order");
-  has_space_ = continuum;
-  method_open_ = !options.is_set("ts_type");
-  tolerance_open_ = !options.is_set("ts_rtol") && !options.is_set("ts_atol");
+  read_what_is_set();
+  // Finds what cannot be had before any work, and the start, as every run does.
+  check_settings(asked_, {setting_});
+  pilot_ = std::make_unique<Pilot>(asked_, scene_);
+  {
+    const Clock clock(seconds_);
+    choose();
+  }
+  finish();
+}
+AccuracyPlan::~AccuracyPlan() = default;
+
+void AccuracyPlan::read_what_is_set() {
+  const auto is_set = [&](const std::string& name) { return asked_.is_set(name); };
+  const bool sticks = Stick::applies_to(scene_);
+  if (sticks && scene_.form != Form::chain)
+    throw UsageError("accuracy " + asked_.text("accuracy") + " with friction_stick exact in the continuum: eta does "
+                     "not converge at the ends of what sticks; set grid and tolerances, or friction_stick regularised");
+  has_space_ = has_grid_limit(asked_, scene_) && !is_uniform(asked_, scene_);
+  grid_open_ = has_space_ && !is_set("grid_n");
+  order_open_ = has_space_ && !is_set("grid_order");
+  method_open_ = !is_set("ts_type");
+  tolerance_open_ = !is_set("ts_rtol") && !is_set("ts_atol");
   for (const Method& m : methods())
-    if (const std::string name = subtype_option(m.type); method_open_ && !name.empty() && options.is_set(name))
-      throw UsageError("-" + name + " " + options.text(name) + " with -accuracy: set ts_type as well");
-  if (options.is_set("ts_adapt_type"))
-    throw UsageError("-ts_adapt_type " + options.text("ts_adapt_type") + ": with -accuracy steps follow the error "
+    if (const std::string name = subtype_option(m.type); method_open_ && !name.empty() && is_set(name))
+      throw UsageError("-" + name + " " + asked_.text(name) + " with -accuracy: set ts_type as well");
+  if (is_set("ts_adapt_type"))
+    throw UsageError("-ts_adapt_type " + asked_.text("ts_adapt_type") + ": with -accuracy steps follow the error "
                      "estimate of the method; leave it out");
-  if (!method_open_) {
-    const std::string type = options.text("ts_type"), sub = subtype_option(type);
-    std::string text = type;
-    if (!sub.empty() && options.is_set(sub)) text += ":" + options.text(sub);
+  if (method_open_) {
+    setting_.method = MethodChoice::parse("accuracy", "rk:7vr");
+  } else {
+    const std::string type = asked_.text("ts_type"), sub = subtype_option(type);
+    const std::string text = type + (!sub.empty() && is_set(sub) ? ":" + asked_.text(sub) : "");
     setting_.method = MethodChoice::parse("ts_type", text);
     if (!setting_.method.has_estimate())
       throw UsageError("-ts_type " + text +
                        ": it has no error estimate, which -accuracy needs; use rk, arkimex or rosw");
-    if (options.is_set("imex_implicit")) setting_.method.implicit = options.text("imex_implicit");
-  } else {
-    setting_.method = MethodChoice::parse("accuracy", wanted_ <= 1e-5 ? "rk:8vr" : "rk:5dp");
+    if (is_set("imex_implicit")) setting_.method.implicit = asked_.text("imex_implicit");
   }
   if (!tolerance_open_)
-    setting_.tolerance = std::min(options.is_set("ts_rtol") ? options.real("ts_rtol") : 1.,
-                                  options.is_set("ts_atol") ? options.real("ts_atol") : 1.);
+    setting_.tolerance =
+        std::min(is_set("ts_rtol") ? asked_.real("ts_rtol") : 1., is_set("ts_atol") ? asked_.real("ts_atol") : 1.);
   setting_.order = order_open_ ? possible_orders(scene_).back() : scene_.order;
-  setting_.n = scene_.n;
-
-  if (has_space_) {
-    climb();
-  } else {
-    choose_method_and_tolerance(scene_.n);
-  }
-  seconds_ = largest_processor_seconds() - begin;
-  finish(why_);
+  setting_.n = grid_open_ ? nodes(64) : scene_.n;
 }
 
-Trial AccuracyPlan::trial(const MethodChoice& method, double tolerance, int order, PetscInt n, double limit) {
-  return run_trial(asked_, {method, tolerance, 0, order, n}, "", limit);
+void AccuracyPlan::choose() {
+  if (method_open_ && !Stick::applies_to(scene_)) {
+    const Rates rates = pilot_->rates(setting_.order, setting_.n);
+    const double own = std::max(std::sqrt(scene_.A() * scene_.K0()), 1e-3);  // frequency of a free block
+    const bool faster = rates.friction > 10 * std::max(rates.wave, 40 * own);
+    friction_sets_steps_ = rates.friction > 3 * rates.wave;
+    if (rates.stiff_friction || rates.stiff_wave || (faster && wanted_ > 3e-4)) {
+      setting_.method = MethodChoice::parse("accuracy", "rosw:ra34pw2");
+      why_ = "explicit steps would be bound by stability";
+    }
+  }
+  has_space_ ? climb() : descend();
 }
 
-// Whether the program itself would take something implicitly at the start.
-bool AccuracyPlan::starts_stiff(PetscInt n) const {
-  std::vector<std::string> unheard;
-  const WarningsKept kept(unheard);
-  const Options options = options_for(asked_, {MethodChoice::parse("accuracy", "arkimex:4"), 0, 0, setting_.order, n});
-  const Model model(PETSC_COMM_WORLD, Scene::from(options, false));
-  VecHandle u = model.create_vector();
-  set_start(model, options, u);
-  return Integrator(model, options, u, "reference_").report().implicit != Implicit::none;
+// Whether an explicit run on n nodes takes less than `implicit_seconds`. Its steps are bound by stability: about six
+// over the fastest frequency long (the friction's is seldom met, but at a threshold always), of ten stages of 1.2 ns a
+// node (a smoothed threshold: 7), and 1 us each.
+bool AccuracyPlan::prefers_explicit(double implicit_seconds, PetscInt n) const {
+  if (!method_open_ || setting_.method.is_explicit()) return false;
+  const Rates rates = pilot_->rates(setting_.order, n);
+  const bool threshold = has_threshold(scene_.friction.law);
+  const double steps = (threshold ? 0.22 : 0.16) * pilot_->t_end() * std::max(rates.wave, rates.friction);
+  return steps * (1e-6 + (threshold ? 7e-8 : 1.2e-8) * double(n)) < implicit_seconds;
 }
 
-// On a grid of n nodes: three tolerances, of which the strictest is meant to be what is needed there.
-void AccuracyPlan::choose_method_and_tolerance(PetscInt n) {
-  const auto scene_at = [&] {
-    return Scene::from(options_for(asked_, {setting_.method, 0, 0, setting_.order, n}), false);
-  };
-  const Scene scene = scene_at();
-  const double target = share_of_time * (has_space_ ? 1 : 2) * aim_;
+AccuracyPlan::Rung AccuracyPlan::rung(PetscInt n, double tolerance, std::string& failed) {
+  const Setting s{setting_.method, tolerance, 0, setting_.order, n};
+  ++trials_;
+  Trial trial = Pilot::suits(scene_, s.method) ? pilot_->run(s, most_seconds) : run_trial(asked_, s, "", most_seconds);
+  double most[2] = {trial.seconds, trial.failed.empty() ? 0. : 1.};  // a rank may find that it takes too long
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, most, 2, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD));
+  if (most[1] > 0 && trial.failed.empty()) trial.failed = "it took too long";
+  failed = trial.failed;
+  Scene scene = scene_;
+  scene.n = n;
+  scene.order = setting_.order;
+  return {scene, tolerance, std::move(trial.end), trial.steps, most[0]};
+}
 
-  struct Known {
-    MethodChoice method;
-    double tolerance, error, slope, seconds;
-    long evaluations;
-    Fields end;
-  };
-  // Looser and looser tolerances until three answers show a rate.
-  const auto study = [&](const MethodChoice& method, double first, double limit) -> std::optional<Known> {
-    constexpr double factor = 20;
-    const Trial loose = trial(method, std::min(first * factor, 0.1), setting_.order, n, limit);
-    if (!loose.failed.empty()) return std::nullopt;
-    double tolerance = std::min(first * factor, 0.1) / factor;
-    Fields before = loose.end;
-    double last_difference = NAN, seconds = loose.seconds;
-    PetscInt steps = loose.steps;
-    for (int round = 0; round < 12; ++round) {
-      const Trial now = trial(method, tolerance, setting_.order, n, limit);
-      if (!now.failed.empty()) return std::nullopt;
-      const double d = difference({scene, before}, {scene, now.end});
-      // d is about the error at the looser tolerance
-      const double slope =
-          std::isnan(last_difference) ? 1 : std::log(last_difference / std::max(d, 1e-300)) / std::log(factor);
-      const double used = std::clamp(slope, 0.4, 0.9);
-      seconds = now.seconds;
-      const double error = d / (std::pow(factor, used) - 1);
-      // the same steps at both tolerances (a short run, in which they only grow): the difference tells nothing
-      const bool telling = now.steps > steps || !tolerance_open_ || tolerance < 2e-14;
-      steps = now.steps;
-      if ((telling && error <= target) || !tolerance_open_ || tolerance < 2e-14)
-        return Known{method, tolerance, std::max(error, 1e-15), used, seconds, now.rhs_evaluations, now.end};
-      last_difference = d;
-      before = now.end;
-      tolerance /= factor;
-    }
-    return std::nullopt;
-  };
+AccuracyPlan::Rung AccuracyPlan::rung(PetscInt n, double tolerance) {
+  std::string failed;
+  Rung made = rung(n, tolerance, failed);
+  if (!failed.empty())
+    give_up(setting_.method.name() + (has_space_ ? " on " + std::to_string(n) + " nodes" : "") + " at tolerance " +
+            rounded(tolerance) + ": " + failed);
+  return made;
+}
 
-  const double first = tolerance_open_ ? std::clamp(0.3 * target, 1e-13, 1e-2) : setting_.tolerance;
-  const bool stiff = method_open_ && starts_stiff(n);
-  if (stiff) setting_.method = MethodChoice::parse("accuracy", "rosw:ra34pw2");
-  std::optional<Known> best = study(setting_.method, first, most_seconds);
-  if (!best && !method_open_)
-    throw Failure("accuracy " + rounded(wanted_) + ": " + setting_.method.name() + " failed on the way to it");
-  if (method_open_) {
-    // Others may be cheaper where an explicit method's steps are those of stability, which no looser tolerance
-    // lengthens.
-    std::vector<const char*> others;
-    if (!best || stiff) {
-      others = {"rk:3bs", "arkimex:4:both"};
-    } else if (best->seconds > 3e-3) {
-      const Trial looser = trial(best->method, std::min(best->tolerance * 1000, 1e-1), setting_.order, n, most_seconds);
-      if (!looser.failed.empty() || double(looser.rhs_evaluations) > 0.6 * double(best->evaluations))
-        others = {"rk:3bs", "rosw:ra34pw2", "arkimex:4:both"};
-    }
-    for (const char* name : others) {
-      const auto other = study(MethodChoice::parse("accuracy", name), first, best ? 1.5 * best->seconds : most_seconds);
-      if (!other) continue;
-      const auto at_target = [&](const Known& k) {  // what it costs at the same error, by its order
-        return k.seconds * std::pow(k.error / target, 1. / k.method.order());
-      };
-      if (best && at_target(*other) > 0.7 * at_target(*best)) continue;
-      best = other;
-    }
-    if (best && best->method.name() != "rk:5dp" && best->method.name() != "rk:8vr")
-      why_ = best->method.is_explicit() ? "steps are bound by stability, the cheapest stages win"
-                                        : "explicit steps would be bound by stability";
-    if (!best) throw Failure("accuracy " + rounded(wanted_) + ": no method got to ts_max_time on a grid of " +
-                             std::to_string(n) + " nodes");
-  }
-  setting_.method = best->method;
-  tolerance_ref_ = best->tolerance;
-  error_ref_ = best->error;
-  slope_ = best->slope;
-  if (error_ref_ > wanted_)
-    throw Failure("accuracy " + rounded(wanted_) + " is out of reach: at tolerance " + rounded(tolerance_ref_) +
-                  " the error in time is still about " + rounded(error_ref_) +
-                  (tolerance_open_ ? " (the motion amplifies what is lost)" : " (ts_rtol, ts_atol as set)"));
-  if (tolerance_open_) {
-    // where the error is far below what is wanted, a looser tolerance
-    const double looser = std::pow(target / error_ref_, 1 / slope_);
-    setting_.tolerance = std::min(tolerance_ref_ * std::min(std::max(looser, 1.), 1000.), most_tolerance_);
-  }
-  if (!has_space_) coarse_ = {scene, best->end};
+void AccuracyPlan::give_up(const std::string& why) const {
+  throw Failure("accuracy " + rounded(wanted_) + " is out of reach: " + why);
 }
 
 double AccuracyPlan::difference(const Rung& a, const Rung& b) const {
   const bool a_coarser = a.scene.n <= b.scene.n;
   const Rung &coarse = a_coarser ? a : b, &fine = a_coarser ? b : a;
+  const double d = std::max(distance(coarse.fields, brought_to(coarse.scene, fine.scene, fine.fields)),
+                            distance_between_nodes(coarse.scene, coarse.fields, fine.scene, fine.fields));
+  if (probes_.empty()) return d;
   return std::max(
-      distance(coarse.fields, resample(fine.fields, fine.scene, coarse.scene)),
-      distance(at_points(coarse.fields, coarse.scene, probes_), at_points(fine.fields, fine.scene, probes_)));
+      d, distance(at_points(coarse.fields, coarse.scene, probes_), at_points(fine.fields, fine.scene, probes_)));
+}
+
+// ---- a ladder of grids ----
+
+double AccuracyPlan::cells(const Scene& scene) { return double(scene.ring() ? scene.n : scene.n - 1); }
+
+// So many cells or a few more: on a ring of equal parts the same in each.
+PetscInt AccuracyPlan::nodes(double wanted_cells) const {
+  Scene whole = scene_;
+  whole.n = 720720;  // divided by every number to 16
+  const bool reduces = asked_.text("scene_reduce") != "off";
+  const PetscInt parts = reduces ? std::max<PetscInt>(1, promised_cells(whole, asked_)) : 1;
+  const PetscInt least = setting_.order + (scene_.ring() ? 2 : 1);
+  PetscInt count = std::max(least, PetscInt(std::ceil(wanted_cells - 1e-9)));
+  if (parts < 100) count = (count + parts - 1) / parts * parts;
+  return count + (scene_.ring() ? 0 : 1);
+}
+
+// Few enough that hardly a request is met by them: they cost next to nothing.
+PetscInt AccuracyPlan::first_cells() const {
+  const std::string type = asked_.text("init_type");
+  double count = 12;
+  if (type == "sine") count = 12 * std::max(1., asked_.real("init_mode"));
+  if (type == "pulses" || type == "wave") count = 24 * asked_.real("init_pulses");
+  if (type == "layer") count = 3 * scene_.length / asked_.real("init_width");
+  // where friction sets the steps, a step on few nodes costs as much as one on some fifty
+  if (friction_sets_steps_ && setting_.method.is_explicit()) count = std::max(count, 48.);
+  if (scene_.spread > 0) count = std::max(count, 0.8 * scene_.length / scene_.spread_length);
+  return PetscInt(std::min(count, 1e5));
+}
+
+// No finite differences of higher order converge faster than a medium whose third derivative jumps lets them.
+int AccuracyPlan::order_at_best() const { return scene_.spread > 0 ? std::min(4, setting_.order) : setting_.order; }
+
+double AccuracyPlan::rate(std::size_t k) const {
+  return std::log(distances_[k - 1] / distances_[k]) /
+         std::log(cells(rungs_[k].scene) / cells(rungs_[k - 1].scene));
+}
+
+double AccuracyPlan::order_beyond() const {
+  const std::size_t known = distances_.size();
+  if (known < 2) return scene_.spread > 0 ? 0.75 * order_at_best() : order_at_best() / 2.;
+  return expected_order(known > 2 ? rate(known - 2) : NAN, rate(known - 1), order_at_best());
+}
+
+// And beyond that.
+double AccuracyPlan::next_order() const {
+  if (distances_.size() < 2) return order_beyond();
+  return expected_order(rate(distances_.size() - 1), order_beyond(), order_at_best());
+}
+
+double AccuracyPlan::error_foreseen(double at) const {
+  const double before = cells(rungs_[rungs_.size() - 2].scene), last = cells(rungs_.back().scene);
+  const double near = std::min(at, last), far = std::max(at, last);
+  return distances_.back() * std::pow(before / near, order_beyond()) * std::pow(last / far, next_order());
 }
 
 void AccuracyPlan::climb() {
-  const int p = setting_.order;
-  const auto finer = [&](PetscInt n) { return scene_.ring() ? 2 * n : 2 * (n - 1) + 1; };
-  std::vector<PetscInt> grids;
-  if (grid_open_) {
-    PetscInt n = scene_.ring() ? 12 : 13;
-    // no coarser than the medium and the start: a spread needs two nodes a draw, a sine eight a wave
-    const double shortest = std::min(scene_.spread > 0 ? 4 * scene_.spread_length : scene_.length,
-                                     asked_.text("init_type") == "sine"
-                                         ? scene_.length / double(std::max<PetscInt>(1, asked_.integer("init_mode")))
-                                         : scene_.length);
-    while (scene_.length / double(n) > shortest / 8 && n < most_nodes) n = finer(n);
-    grids = {n};
-  } else {
-    const PetscInt cells = scene_.ring() ? scene_.n : scene_.n - 1, rest = scene_.ring() ? 0 : 1;
-    for (const PetscInt part : {4, 2})
-      if (cells / part + rest >= p + 1) grids.push_back(cells / part + rest);
-    if (grids.empty()) grids.push_back(scene_.n);
-  }
-  // Grids are compared at a tolerance far below the one that the run will have; where their differences do not fall and
-  // are those of the steps in time, it was not far enough.
-  constexpr double below = 20;
-  const auto rung_at = [&](PetscInt n, double tolerance) {
-    const Setting s{setting_.method, tolerance, 0, p, n};
-    const Trial now = trial(s.method, s.tolerance, p, n, most_seconds);
-    if (!now.failed.empty())
-      throw Failure("accuracy " + rounded(wanted_) + ": on " + std::to_string(n) + " nodes: " + now.failed);
-    last_seconds_ = now.seconds;
-    last_steps_ = now.steps;
-    return Rung{Scene::from(options_for(asked_, s), false), now.end};
+  // A strict tolerance costs little: it is chosen for the least error in space that the rung may have.
+  const auto tolerance_for = [&](double at) {
+    if (!tolerance_open_) return setting_.tolerance;
+    const std::size_t count = rungs_.size();
+    const double in_space =
+        count >= 2 ? distances_.back() * std::pow(cells(rungs_[count - 2].scene) / at, order_at_best())
+                   : (per_tolerance_cells_ > 0 ? 0 : 1);
+    const double grown = per_tolerance_cells_ > 0 ? std::max(1., at / per_tolerance_cells_) : 1;
+    return std::clamp(share_of_rung * std::max(in_space, share_of_space * aim_) / (per_tolerance_ * grown),
+                      least_tolerance, 1e-4);
   };
-  const auto tight = [&] { return tolerance_open_ ? std::max(setting_.tolerance / below, 1e-14) : setting_.tolerance; };
-  // What the run's tolerance costs in error on this grid; noise of the shortest waves grows with their frequency.
-  const auto error_in_time = [&](const Rung& rung, double stretch) {
-    if (!tolerance_open_) return error_ref_ * stretch;
-    const PetscInt steps = last_steps_;
-    const Rung loose = rung_at(rung.scene.n, setting_.tolerance);
-    // the same steps at both tolerances: the difference tells nothing
-    if (last_steps_ >= steps)
-      return stretch * difference(loose, rung_at(rung.scene.n, std::max(tight() / 1000, 1e-14)));
-    return stretch * difference(rung, loose);
+  const auto add = [&](Rung&& made) {
+    if (!rungs_.empty()) distances_.push_back(std::max(difference(rungs_.back(), made), 1e-300));
+    rungs_.push_back(std::move(made));
   };
-  double last = NAN, rate_before = NAN, rate = NAN;
-  int restarts = 0;
-  for (std::size_t k = 0;; ++k) {
-    if (k == grids.size()) grids.push_back(finer(grids.back()));
-    const PetscInt n = grids[k];
-    if (restarts == 0 && (k == 0 || (k == 2 && grid_open_))) choose_method_and_tolerance(n);
-    Rung rung = rung_at(n, tight());
-    if (k > 0) {
-      const double before = last;
-      last = difference(coarse_, rung);
-      rate_before = rate;
-      rate = std::log2(before / last);
+  const double set_cells = cells(scene_);
+  double next = grid_open_ ? double(first_cells()) : set_cells / 2.25;
+  if (!grid_open_ && next < setting_.order + 2) next = 1.5 * set_cells;
+  int failures = 0, restarts = 0;
+  for (;;) {
+    if (rungs_.size() == 1) {
+      const bool cheap = double(rungs_[0].steps) * double(rungs_[0].scene.n) < 5000;
+      next = cells(rungs_[0].scene) * (!grid_open_ ? (next > set_cells ? 1 / 1.5 : 1.5) : cheap ? 2 : 1.5);
     }
-    const bool is_last = !grid_open_ && k + 1 == grids.size();
-    if (!is_last && (k < 2 || !grid_open_)) {
-      coarse_ = std::move(rung);
-      continue;
-    }
-    // suspicious: the steps in time may be what the differences show
-    if (tolerance_open_ && rate < 0.5 * p && last > 0.1 * wanted_ && tight() > 2e-14 &&
-        error_in_time(rung, 1) > 0.5 * last && restarts < 6) {
-      ++restarts;
-      setting_.tolerance = std::max(setting_.tolerance / 10, 1e-14);
-      last = rate_before = rate = NAN;
-      const std::size_t back = std::min<std::size_t>(k, 2);
-      grids.erase(grids.begin(), grids.begin() + std::ptrdiff_t(k - back));
-      k = std::size_t(-1);
-      continue;
-    }
-    order_seen_ = expected_order(rate_before, std::isnan(rate) ? p / 2. : rate, p);
-    space_error_ =
-        std::isnan(last) ? NAN : last / (std::pow(2, std::clamp(std::isnan(rate) ? p / 2. : rate, 0.5, double(p))) - 1);
-    const double factor = std::pow(space_error_ / (share_of_space * aim_), 1 / order_seen_);
-    if (grid_open_) {
-      const bool hopeless =
-          n > 2000 && (double(n) * factor > double(most_nodes) || last_seconds_ * factor * factor > most_seconds);
-      if (hopeless || finer(n) > most_nodes)
-        throw Failure("accuracy " + rounded(wanted_) + " is out of reach: on " + std::to_string(n) +
-                      " nodes the error is about " + rounded(space_error_) + " and falls like h^" + rounded(rate) +
-                      (rate < 0.4 * p ? ", which is what jumps and corners leave of order " + std::to_string(p)
-                                      : ", as fronts do that are not resolved") +
-                      "; best reached " + rounded(space_error_));
-      // too coarse still to tell, or to be the last grid before the run
-      if (factor > 2.2 || (rate < 1 && space_error_ > wanted_)) {
-        coarse_ = std::move(rung);
-        continue;
+    if (rungs_.size() >= 2) {
+      const double p = order_at_best(), r = order_beyond(), last = cells(rungs_.back().scene);
+      const double error = error_foreseen(last), beyond = next_order();
+      const double factor = std::pow(error / (share_of_space * aim_), 1 / beyond);
+      const bool sure = r > 0.8 * p;
+      // an order that has hardly begun to rise foresees nothing
+      const bool resolved = distances_.back() < (distances_.size() < 2 ? 20 : 3) * share_of_space * aim_ ||
+                            (distances_.size() > 1 && rate(distances_.size() - 1) > 0.3 * p);
+      if (!grid_open_ || (resolved && factor < std::clamp(std::pow(telling, 1 / beyond), 1.3, sure ? 8. : 2.2))) {
+        // Near the last rung the distance from it would tell nothing.
+        const double least = std::max(std::pow(0.5, -1 / beyond), least_stretch_);
+        const double stretch = !grid_open_ ? set_cells / last : factor > 0.93 ? std::max(factor, least) : factor;
+        setting_.n = grid_open_ ? nodes(stretch * last) : scene_.n;
+        Scene run = scene_;
+        run.n = setting_.n;
+        in_space_ = error_foreseen(cells(run));
+        choose_tolerance_on(cells(run), in_space_);
+        if (!prefers_explicit(rungs_.back().seconds * stretch *
+                                  std::pow(rungs_.back().tolerance / setting_.tolerance, 1. / 3), setting_.n))
+          return;
+      } else {
+        const PetscInt n = rungs_.back().scene.n;
+        const bool hopeless = n > 2000 && (last * factor > double(most_nodes) ||
+                                           rungs_.back().seconds * factor * factor > most_seconds);
+        // errors that do not fall may be those of the steps in time
+        if (hopeless && tolerance_open_ && restarts++ < 4 && rungs_.back().tolerance > 2 * least_tolerance) {
+          const Rung& seen = rungs_[rungs_.size() - 2];
+          const Rung loose = rung(seen.scene.n, loosened * seen.tolerance);
+          const double d = difference(seen, loose);
+          if (d > 0.3 * loosened * distances_.back()) {
+            per_tolerance_ = 3 * d / loose.tolerance;
+            per_tolerance_cells_ = cells(seen.scene);
+            next = cells(rungs_[rungs_.size() > 2 ? rungs_.size() - 3 : 0].scene);
+            rungs_.clear();
+            distances_.clear();
+            add(rung(nodes(next), tolerance_for(next)));
+            continue;
+          }
+        }
+        if (hopeless || 2 * n > most_nodes)
+          give_up("on " + std::to_string(n) + " nodes the error is about " + rounded(error) + " and falls like h^" +
+                  rounded(r) + (r < 0.4 * p ? ", which is what jumps and corners leave of order " +
+                                                  std::to_string(setting_.order)
+                                            : ", as fronts do that are not resolved") +
+                  "; best reached " + rounded(error));
+        next = last * (resolved ? std::clamp(factor / 1.45, 1.3, sure ? 4. : 2.) : distances_.size() < 2 ? 1.5 : 2.);
+        if (!prefers_explicit(rungs_.back().seconds * factor, n)) {
+          add(rung(nodes(next), tolerance_for(next)));
+          continue;
+        }
       }
+      // the implicit method has turned out to be the slower one
+      setting_.method = MethodChoice::parse("accuracy", "rk:7vr");
+      why_.clear();
+      rungs_.clear();
+      distances_.clear();
+      next = grid_open_ ? double(first_cells()) : set_cells / 2.25;
     }
-    // a little finer or coarser than the last grid: only then does the run's difference from it tell its error
-    double stretch = grid_open_ ? std::max(factor, 0.55) : 2;
-    if (stretch > 0.85 && stretch < 1.2) stretch = 1.2;
-    double in_time = error_in_time(rung, std::max(1., stretch));
-    for (int round = 0; tolerance_open_ && in_time > 0.3 * wanted_; ++round) {
-      if (round == 8 || setting_.tolerance < 2e-14)
-        throw Failure("accuracy " + rounded(wanted_) + " is out of reach: at tolerance " + rounded(setting_.tolerance) +
-                      " the error in time is still about " + rounded(in_time) + " (the motion amplifies what is lost)");
-      setting_.tolerance =
-          std::max(setting_.tolerance * std::clamp(share_of_time * wanted_ / in_time, 0.03, 0.3), 1e-14);
-      rung = rung_at(n, tight());
-      in_time = error_in_time(rung, std::max(1., stretch));
+    std::string failed;
+    Rung made = rung(nodes(next), tolerance_for(next), failed);
+    // what the run would cost on some 2/accuracy^(1/p) times as many nodes at a hundredth of the accuracy
+    const double grown = 2 * std::pow(std::min(aim_, 1.), -1. / setting_.order);
+    const bool slow = rungs_.empty() && prefers_explicit(made.seconds * grown *
+                                                             std::pow(made.tolerance / (0.01 * aim_), 1. / 3),
+                                                         nodes(next * grown));
+    if (failed.empty() && !slow) {
+      add(std::move(made));
+    } else if (method_open_ && !setting_.method.is_explicit()) {
+      setting_.method = MethodChoice::parse("accuracy", "rk:7vr");
+      why_.clear();
+    } else if (grid_open_ && ++failures < 6) {
+      next *= 2;
+    } else {
+      give_up(setting_.method.name() + " on " + std::to_string(nodes(next)) + " nodes: " + failed);
     }
-    tolerance_ref_ = setting_.tolerance;
-    error_ref_ = std::max(in_time, 1e-15);
-    coarse_ = std::move(rung);
-    if (!grid_open_) {
-      setting_.n = scene_.n;
-      return;
-    }
-    PetscInt cells = PetscInt(std::ceil(double(scene_.ring() ? n : n - 1) * stretch));
-    cells += cells % 2;
-    setting_.n = std::max<PetscInt>(cells + (scene_.ring() ? 0 : 1), p + 2);
-    return;
   }
 }
 
-void AccuracyPlan::finish(const std::string& why) {
+// What a tolerance costs, seen on the grid before the last, and with it that of the run.
+void AccuracyPlan::choose_tolerance_on(double run_cells, double in_space) {
+  const Rung& seen = rungs_[rungs_.size() - 2];
+  double most = std::min(loosened * seen.tolerance, setting_.method.is_explicit() ? 3e-4 : 1e-2);
+  // steps that hardly depend on grid and tolerance: a strict tolerance costs nothing, and nothing need be known of it
+  const bool bound = double(rungs_.back().steps) < 1.1 * double(seen.steps) &&
+                     rungs_.back().tolerance < 0.1 * seen.tolerance;
+  if (bound) most = rungs_.back().tolerance;
+  if (!bound && (per_tolerance_cells_ == 0 || per_tolerance_cells_ < 0.6 * cells(seen.scene))) {
+    const bool loosen = tolerance_open_ && seen.tolerance * loosened < 0.1;
+    Rung other = rung(seen.scene.n, loosen ? loosened * seen.tolerance : std::max(seen.tolerance / loosened, 1e-14));
+    if (loosen && double(other.steps) > 0.9 * double(seen.steps)) most = seen.tolerance;  // nothing to be saved
+    // the same steps, which only grew: the difference tells nothing
+    if (loosen && other.steps == seen.steps) other = rung(seen.scene.n, std::max(seen.tolerance / 100, 1e-14));
+    per_tolerance_ = std::max(difference(seen, other) / std::max(seen.tolerance, other.tolerance), 0.1);
+    per_tolerance_cells_ = cells(seen.scene);
+  }
+  const double grown = per_tolerance_ * std::max(1., run_cells / per_tolerance_cells_);
+  if (tolerance_open_) {
+    const double in_time =
+        std::clamp(share_in_all * aim_ - in_space, share_of_time * aim_, (share_in_all - 0.05) * aim_);
+    setting_.tolerance = std::clamp(in_time / (1.5 * grown), least_tolerance, most);
+  }
+  in_time_ = grown * setting_.tolerance;
+  if (in_time_ > wanted_)
+    give_up("at tolerance " + rounded(setting_.tolerance) + " the error in time is still about " + rounded(in_time_) +
+            (tolerance_open_ ? " (the motion amplifies what is lost)" : " (ts_rtol, ts_atol as set)"));
+}
+
+// ---- a ladder of tolerances ----
+
+double AccuracyPlan::slope() const {
+  const double usual = setting_.method.is_explicit() ? 1 : 0.75, most = setting_.method.is_explicit() ? 1.25 : 0.75;
+  const std::size_t known = distances_.size();
+  if (known < 2) return usual;
+  return std::clamp(std::log(distances_[known - 2] / distances_[known - 1]) /
+                        std::log(rungs_[known - 2].tolerance / rungs_[known - 1].tolerance), 0.5, most);
+}
+
+double AccuracyPlan::time_foreseen(double tolerance) const {
+  return distances_.back() * std::pow(tolerance / rungs_[rungs_.size() - 2].tolerance, slope());
+}
+
+void AccuracyPlan::descend() {
+  const auto most = [&] { return setting_.method.is_explicit() ? 1e-2 : 1e-4; };
+  const auto first = [&] { return std::clamp(10 * aim_, 1e-12, most()); };
+  double next = tolerance_open_ ? first() : setting_.tolerance / loosened;
+  for (;;) {
+    std::string failed;
+    Rung made = rung(scene_.n, next, failed);
+    if (!failed.empty()) {
+      if (!method_open_ || setting_.method.is_explicit())
+        give_up(setting_.method.name() + " at tolerance " + rounded(next) + ": " + failed);
+      setting_.method = MethodChoice::parse("accuracy", "rk:7vr");
+      why_.clear();
+      rungs_.clear();
+      distances_.clear();
+      next = first();
+      continue;
+    }
+    if (!tolerance_open_) {
+      rungs_ = {std::move(made)};
+      in_time_ = NAN;
+      return;
+    }
+    if (!rungs_.empty() && made.steps == rungs_.back().steps) {  // they only grew: the difference tells nothing
+      if (next <= 2 * least_tolerance) {
+        rungs_.push_back(made);
+        distances_.push_back(1e-15);
+        setting_.tolerance = next;
+        in_time_ = 1e-15;
+        return;
+      }
+      next = std::max(next / 100, least_tolerance);
+      continue;
+    }
+    if (!rungs_.empty()) distances_.push_back(std::max(difference(rungs_.back(), made), 1e-300));
+    rungs_.push_back(std::move(made));
+    const Rung& last = rungs_.back();
+    if (rungs_.size() == 1) {
+      next = std::max(last.tolerance / loosened, least_tolerance);
+      continue;
+    }
+    const double before = rungs_[rungs_.size() - 2].tolerance, d = distances_.back();
+    const double wish = before * std::pow(share_in_all * aim_ / d, 1 / slope());
+    if (last.tolerance <= 2 * least_tolerance && d > aim_)
+      give_up("at tolerance " + rounded(last.tolerance) + " the error in time is still about " + rounded(d) +
+              " (the motion amplifies what is lost)");
+    const bool early = setting_.method.is_explicit() && d > 1e-3;  // before errors fall as they will
+    const bool within_reach = wish >= last.tolerance / (early ? 100 : loosened) ||
+                              last.tolerance <= 2 * least_tolerance;
+    if (prefers_explicit(last.seconds * std::pow(last.tolerance / wish, 1. / 3), scene_.n)) {
+      setting_.method = MethodChoice::parse("accuracy", "rk:7vr");
+      why_.clear();
+      rungs_.clear();
+      distances_.clear();
+      next = first();
+      continue;
+    }
+    if (within_reach) {
+      // close to the last rung the distance from it would tell nothing
+      const double off = setting_.method.is_explicit() ? 3 : 2;
+      const bool near = wish > last.tolerance / off && wish < last.tolerance * off;
+      const double told = !near                                                   ? wish
+                          : time_foreseen(last.tolerance * off) < 0.85 * wanted_ ? last.tolerance * off
+                                                                                  : last.tolerance / off;
+      setting_.tolerance = std::clamp(told, least_tolerance, 3 * most());
+      in_time_ = time_foreseen(setting_.tolerance);
+      return;
+    }
+    next = std::max({10 * wish, last.tolerance / 1000, least_tolerance});
+    if (next > last.tolerance / 3) next = last.tolerance / loosened;
+  }
+}
+
+// ---- the run ----
+
+double AccuracyPlan::estimate_in_space(const Rung& now, double d) const {
+  const double p = order_at_best(), x = cells(now.scene) / cells(rungs_.back().scene);
+  double r = next_order();
+  // while orders are still far from p, more goes otherwise than foreseen
+  const auto careful = [&](double error) { return (1.3 + 1.5 * (1 - r / p)) * error; };
+  if (x < 1.03)
+    return careful(x < 0.97 ? d + error_foreseen(cells(rungs_.back().scene)) : error_foreseen(cells(now.scene)));
+  const std::size_t known = distances_.size();
+  double error = d;
+  for (int round = 0; round < 3; ++round) {
+    const double of_last = d / (1 - std::pow(x, -r));
+    const double seen = std::log(distances_.back() / of_last) /
+                        std::log(cells(rungs_.back().scene) / cells(rungs_[rungs_.size() - 2].scene));
+    r = expected_order(known > 1 ? rate(known - 1) : NAN, seen, order_at_best());
+    error = of_last * std::pow(x, -r);
+  }
+  return careful(error);
+}
+
+double AccuracyPlan::estimate_in_time(const Rung& now, double d) const {
+  if (!tolerance_open_) return 1.2 * d;
+  const Rung& last = rungs_.back();
+  const double x = last.tolerance / now.tolerance;
+  if (x < 0.7) return d / (1 - std::pow(x, slope()));
+  if (x < 1) return std::max(d, time_foreseen(now.tolerance));
+  const double usual = slope();
+  if (x < 3) return std::max(time_foreseen(now.tolerance), x > 1.5 ? d / (std::pow(x, usual) - 1) : 0);
+  const double of_last = d / (1 - std::pow(x, -usual));
+  const double seen = std::clamp(std::log(distances_.back() / of_last) /
+                                     std::log(rungs_[rungs_.size() - 2].tolerance / last.tolerance), 0.5, 1.);
+  return of_last * std::pow(x, -std::min(seen, std::max(usual, 0.75)));
+}
+
+double AccuracyPlan::estimate(const Fields& end) {
+  const Clock clock(seconds_);
+  Scene scene = scene_;
+  scene.n = setting_.n;
+  scene.order = setting_.order;
+  last_run_ = {scene, setting_.tolerance, end, 0, 0};
+  const double d = std::max(difference(rungs_.back(), last_run_), 1e-300);
+  last_estimate_ = has_space_ ? estimate_in_space(last_run_, d) + 1.5 * in_time_
+                              : (last_run_.tolerance > rungs_.back().tolerance ? 1.1 : 1.4) *
+                                    estimate_in_time(last_run_, d);
+  return last_estimate_;
+}
+
+void AccuracyPlan::refine() {
+  const bool space = has_space_ && last_estimate_ - 1.5 * in_time_ > 0.5 * wanted_;
+  if (space && !grid_open_)
+    give_up("on grid_n " + std::to_string(setting_.n) + " as set the error is about " + rounded(last_estimate_));
+  if (!tolerance_open_ && !space)
+    give_up("at the tolerance " + rounded(setting_.tolerance) + " as set the error is about " +
+            rounded(last_estimate_));
+  {
+    const Clock clock(seconds_);
+    aim_ *= 0.7;
+    const double before = setting_.tolerance;
+    if (has_space_) {
+      if (grid_open_ && cells(last_run_.scene) > 1.03 * cells(rungs_.back().scene)) {
+        if (rungs_.size() > 2 && cells(last_run_.scene) < 1.3 * cells(rungs_.back().scene)) {  // too close to tell
+          rungs_.pop_back();
+          distances_.pop_back();
+        }
+        distances_.push_back(std::max(difference(rungs_.back(), last_run_), 1e-300));
+        rungs_.push_back(last_run_);
+      } else {
+        aim_ *= 0.5;
+      }
+      least_stretch_ = std::pow(last_estimate_ / (share_in_all * wanted_), 1 / next_order());
+      climb();
+    } else {
+      if (before < rungs_.back().tolerance / 2) {
+        distances_.push_back(std::max(difference(rungs_.back(), last_run_), 1e-300));
+        rungs_.push_back(last_run_);
+      }
+      const double wish = rungs_[rungs_.size() - 2].tolerance *
+                          std::pow(share_in_all * aim_ / distances_.back(), 1 / slope());
+      if (before <= 2 * least_tolerance)
+        give_up("at tolerance " + rounded(before) + " the error in time is still about " + rounded(last_estimate_) +
+                " (the motion amplifies what is lost)");
+      setting_.tolerance = std::clamp(std::min(wish, before / 4), least_tolerance, before);
+      in_time_ = time_foreseen(setting_.tolerance);
+    }
+  }
+  finish();
+}
+
+void AccuracyPlan::finish() {
   chosen_ = options_for(asked_, setting_);
   if (!has_space_) chosen_ = asked_.with("imex_implicit", chosen_.text("imex_implicit"));
   const auto set = [&](const std::string& name, const std::string& value) {
@@ -345,57 +610,17 @@ void AccuracyPlan::finish(const std::string& why) {
   };
   set("ts_type", setting_.method.type);
   if (const std::string sub = subtype_option(setting_.method.type); !sub.empty()) set(sub, setting_.method.subtype);
+  if (const double step = pilot_->longest_step(setting_); step > 0) set("ts_adapt_dt_max", number_text(step));
   set("ts_rtol", number_text(setting_.tolerance));
   set("ts_atol", number_text(setting_.tolerance));
-  what_ = setting_.method.name() +
-          (setting_.method.splits() ? " (implicit: " + setting_.method.implicit + ")" : "") + ", tolerance " +
-          rounded(setting_.tolerance);
+  what_ = setting_.method.name() + (setting_.method.splits() ? " (implicit: " + setting_.method.implicit + ")" : "") +
+          ", tolerance " + rounded(setting_.tolerance);
   if (has_space_) what_ += ", order " + std::to_string(setting_.order) + ", n = " + std::to_string(setting_.n);
-  what_ += "; error in time about " + rounded(error_ref_ * std::pow(setting_.tolerance / tolerance_ref_, slope_));
-  if (has_space_ && !std::isnan(space_error_))
-    what_ += ", in space " + rounded(space_error_) + " on " + std::to_string(coarse_.scene.n) +
-             " nodes, falling like h^" + rounded(order_seen_);
-  if (!why.empty()) what_ += "; " + why;
-}
-
-double AccuracyPlan::estimate(const Fields& end) const {
-  const Rung now{Scene::from(chosen_, false), end};
-  const double d = difference(coarse_, now);
-  const double in_time = error_ref_ * std::pow(setting_.tolerance / tolerance_ref_, slope_);
-  if (!has_space_) {
-    // the run against a stricter or equal one, whose own error is error_ref_
-    return 1.3 * std::max(d, in_time) + error_ref_;
-  }
-  const double ratio = coarse_.scene.h() / now.scene.h();
-  const double foreseen = space_error_ / std::pow(ratio, order_seen_);
-  // d holds the error in time as well
-  const double seen = d / (std::pow(ratio, order_seen_) - 1);
-  const double in_space = ratio < 0.99      ? d + space_error_
-                          : ratio <= 1.01   ? space_error_
-                          : d > 3 * in_time ? seen
-                                            : std::min(seen, foreseen);
-  return 1.5 * in_space + 2 * in_time;
-}
-
-void AccuracyPlan::refine(const Fields& end, double estimated) {
-  const Rung now{Scene::from(chosen_, false), end};
-  const double in_time = error_ref_ * std::pow(setting_.tolerance / tolerance_ref_, slope_);
-  const bool space = has_space_ && estimated - 2 * in_time > 0.5 * wanted_;
-  if (space && !grid_open_)
-    throw Failure("accuracy " + rounded(wanted_) + " is out of reach on grid_n " + std::to_string(setting_.n) +
-                  " as set: the error is about " + rounded(estimated));
-  if (!tolerance_open_ && !space)
-    throw Failure("accuracy " + rounded(wanted_) + " is out of reach at the tolerance " + rounded(setting_.tolerance) +
-                  " as set: the error is about " + rounded(estimated));
-  most_tolerance_ = std::max(1e-14, setting_.tolerance / 10);
-  if (has_space_) {
-    aim_ *= 0.3;
-    climb();
-  } else {
-    setting_.tolerance = most_tolerance_;
-    if (setting_.tolerance < tolerance_ref_) coarse_ = now;  // the difference is then that run's error
-  }
-  finish(why_);
+  if (!std::isnan(in_time_)) what_ += "; error foreseen in time " + rounded(in_time_);
+  if (has_space_)
+    what_ += ", in space " + rounded(in_space_) + " (falling like h^" + rounded(order_beyond()) + ")";
+  what_ += ", after " + std::to_string(trials_) + " short runs";
+  if (!why_.empty()) what_ += "; " + why_;
 }
 
 }  // namespace stickslip

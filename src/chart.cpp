@@ -432,8 +432,8 @@ std::vector<Setting> chart_settings(const Options& options) {
   std::vector<MethodChoice> list;
   std::vector<std::string> names = options.words("chart_methods");
   if (names.empty())
-    names = {"rk:3bs",         "rk:5dp",      "rk:8vr", "arkimex:3:friction", "arkimex:4:friction",
-             "arkimex:4:wave", "rosw:ra34pw2"};
+    names = {"rk:3bs", "rk:5dp", "rk:7vr", "rk:8vr", "arkimex:3:friction", "arkimex:4:friction", "arkimex:4:wave",
+             "rosw:ra34pw2"};
   for (const std::string& name : names) list.push_back(MethodChoice::parse("chart_methods", name));
 
   std::vector<double> tolerances = options.reals("chart_tolerances"), steps = options.reals("chart_steps");

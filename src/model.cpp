@@ -58,7 +58,7 @@ struct Model::Impl {
   MPI_Comm comm;
   Scene scene;
   int dof, half_width;
-  DmHandle dm;
+  mutable DmHandle dm;  // on one rank made when somebody asks
   PetscInt first = 0, local = 0;
   std::vector<double> amplitude;
   Coefficients coefficients{}, no_stencil{};
@@ -82,13 +82,11 @@ struct Model::Impl {
     if (ranks > scene.n)
       throw UsageError("grid_n " + std::to_string(scene.n) + " is less than the number of ranks " +
                        std::to_string(ranks) + "; use at most one rank a node");
-    SS_TRY(DMDACreate1d(comm, scene.ring() ? DM_BOUNDARY_PERIODIC : DM_BOUNDARY_NONE, scene.n, dof, 0, nullptr,
-                        dm.out()));
-    SS_TRY(DMSetUp(dm));
-    SS_TRY(DMDASetFieldName(dm, 0, "psi"));
-    SS_TRY(DMDASetFieldName(dm, 1, "eta"));
-    if (dof == 3) SS_TRY(DMDASetFieldName(dm, 2, "state"));
-    SS_TRY(DMDAGetCorners(dm, &first, nullptr, nullptr, &local, nullptr, nullptr));
+    local = scene.n;
+    if (ranks > 1) {
+      make_dm();
+      SS_TRY(DMDAGetCorners(dm, &first, nullptr, nullptr, &local, nullptr, nullptr));
+    }
     amplitude = friction_amplitude(scene, first, local);
 
     coefficients = no_stencil = kernel::coefficients_of(scene);
@@ -103,6 +101,15 @@ struct Model::Impl {
     sticking = for_half_width(half_width, [&](auto hw) { return sticking_loop<hw>(p); });
     sticking_pointwise = sticking_loop<0>(p);
     set_up_halo(ranks);
+  }
+
+  void make_dm() const {
+    SS_TRY(DMDACreate1d(comm, scene.ring() ? DM_BOUNDARY_PERIODIC : DM_BOUNDARY_NONE, scene.n, dof, 0, nullptr,
+                        dm.out()));
+    SS_TRY(DMSetUp(dm));
+    SS_TRY(DMDASetFieldName(dm, 0, "psi"));
+    SS_TRY(DMDASetFieldName(dm, 1, "eta"));
+    if (dof == 3) SS_TRY(DMDASetFieldName(dm, 2, "state"));
   }
 
   void set_up_halo(int ranks) {
@@ -297,7 +304,10 @@ Model::Model(Model&&) noexcept = default;
 
 const Scene& Model::scene() const { return impl_->scene; }
 MPI_Comm Model::comm() const { return impl_->comm; }
-DM Model::dm() const { return impl_->dm; }
+DM Model::dm() const {
+  if (!impl_->dm) impl_->make_dm();
+  return impl_->dm;
+}
 int Model::dof() const { return impl_->dof; }
 PetscInt Model::first() const { return impl_->first; }
 PetscInt Model::local() const { return impl_->local; }
@@ -313,7 +323,7 @@ PetscInt Model::unknowns() const {
 
 VecHandle Model::create_vector() const {
   VecHandle u;
-  SS_TRY(DMCreateGlobalVector(impl_->dm, u.out()));
+  SS_TRY(DMCreateGlobalVector(dm(), u.out()));
   return u;
 }
 
@@ -446,11 +456,12 @@ void Model::set_held(Vec u) const {
   SS_TRY(VecRestoreArray(u, &a));
 }
 
-double Model::wave_frequency() const {
-  const Scene& s = scene();
+double wave_frequency(const Scene& s) {
   const double kappa2 = s.n * s.copies > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
   return std::sqrt(s.A() * (s.K0() + s.K1() * kappa2));
 }
+
+double Model::wave_frequency() const { return stickslip::wave_frequency(scene()); }
 
 double Model::friction_rate(Vec u) const {
   const Impl& m = *impl_;

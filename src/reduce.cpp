@@ -16,10 +16,6 @@
 
 namespace stickslip {
 
-namespace {
-
-// How many equal cells the options promise: n where every node starts alike, 1 where nothing repeats, 0 where only the
-// fields can tell.
 PetscInt promised_cells(const Scene& scene, const Options& options) {
   if (scene.spread != 0 || options.real("init_noise") != 0) return 1;
   if (scene.left == End::velocity || scene.right == End::velocity) return 1;
@@ -32,6 +28,8 @@ PetscInt promised_cells(const Scene& scene, const Options& options) {
   cells = std::gcd(cells, scene.n);
   return scene.ring() || cells == scene.n ? cells : 1;
 }
+
+namespace {
 
 // Whether values repeat after `period` entries.
 bool repeats(const std::vector<double>& values, std::size_t period, double tolerance) {
@@ -54,7 +52,8 @@ PetscInt cells_in(const std::vector<double>& values, PetscInt n, int dof, PetscI
   return 1;
 }
 
-// One of `cells` equal cells of a scene, closed to a ring.
+}  // namespace
+
 Scene cell_of(const Scene& scene, PetscInt cells) {
   Scene cell = scene;
   cell.n = scene.n / cells;
@@ -63,6 +62,8 @@ Scene cell_of(const Scene& scene, PetscInt cells) {
   cell.copies = cells;
   return cell;
 }
+
+namespace {
 
 Model model_of_cell(const Scene& cell) {
   int ranks;

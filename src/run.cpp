@@ -154,12 +154,15 @@ class Run {
     if (model_.comm() == PETSC_COMM_SELF && rank_ != 0) PETSC_STDOUT = std::fopen("/dev/null", "w");
     if (checkpoint_) restore(*checkpoint_);
     checkpoint_.reset();
+    const double begin = processor_seconds();
     make_integrator();
+    step_seconds_ = processor_seconds() - begin;
     plan_output();
   }
 
   const Scene& scene() const { return scene_; }
-  double step_seconds() const { return step_seconds_; }  // processor time of this rank in steps alone
+  // Processor time of this rank for setting the method up and for its steps, as in a row of `chart`.
+  double step_seconds() const { return step_seconds_; }
   Fields end() const { return fields_of(model_, u_, scene_.n); }  // as far as it has come
 
   // Returns the exit code; the summary holds what is known, also when it throws.
@@ -181,7 +184,7 @@ class Run {
         watching += processor_seconds() - now;
         return verdict;
       }, most_steps_);
-      step_seconds_ = processor_seconds() - begin - watching;
+      step_seconds_ += processor_seconds() - begin - watching;
     } catch (const RankFailure&) {
       throw;  // the others may not know of it, and closing the file takes all; it can be read as it is
     } catch (...) {
@@ -554,35 +557,37 @@ Options effective_options(const Options& options) {
 int run_to_accuracy(const Options& options, Summary& summary) {
   const double wanted = options.real("accuracy");
   AccuracyPlan plan(options, wanted);
-  double spent_before = plan.seconds();
-  for (int attempt = 0;; ++attempt) {
+  double runs_before = 0;  // of attempts that were not good enough
+  for (int attempt = 1;; ++attempt) {
     const Options chosen = plan.options();
     insert_library_options(chosen);
     Progress(chosen, "").tell("accuracy: " + plan.what() + "; choosing took " +
-                                 number_text(std::round(1e4 * spent_before) / 1e4) + " s");
+                                number_text(std::round(1e5 * (plan.seconds() + runs_before)) / 1e5) + " s");
     const double begin = largest_processor_seconds();
     Run run(chosen, Provenance::of("run", chosen.all()));
     const int code = run.advance(summary);
     const double seconds = largest_processor_seconds() - begin;
+    const bool ended = code == 0 && summary.get("stopped_at").is_null();
+    const double estimate = ended ? plan.estimate(run.end()) : NAN;
     summary.set("accuracy", Json::object({{"wanted", wanted},
                                           {"chosen", plan.what()},
                                           {"method", plan.setting().method.name()},
                                           {"tolerance", plan.setting().tolerance},
                                           {"order", plan.setting().order},
                                           {"n", plan.setting().n},
-                                          {"attempts", attempt + 1},
-                                          {"choosing_seconds", spent_before},
+                                          {"trials", plan.trials()},
+                                          {"attempts", attempt},
+                                          {"choosing_seconds", plan.seconds() + runs_before},
                                           {"step_seconds", run.step_seconds()},
                                           {"run_seconds", seconds}}));
-    if (code != 0 || !summary.get("stopped_at").is_null()) return code;
-    const double estimate = plan.estimate(run.end());
+    if (!ended) return code;
     summary.set("error_estimate", estimate);
     if (estimate <= wanted) return 0;
-    if (attempt == 4)
+    if (attempt == 5)
       throw Failure("accuracy " + options.text("accuracy") + " was not reached: the error is about " +
                     number_text(estimate) + " with " + plan.what());
-    plan.refine(run.end(), estimate);
-    spent_before += seconds;
+    plan.refine();
+    runs_before += run.step_seconds();
   }
 }
 

@@ -1,6 +1,7 @@
 #include "stickslip/start.hpp"
 
 #include <cmath>
+#include <optional>
 
 #include "stickslip/error.hpp"
 #include "stickslip/file.hpp"
@@ -106,86 +107,108 @@ void start_from_eigenvector(const Model& model, const Options& options, Vec u) {
 
 }  // namespace
 
-void set_start(const Model& model, const Options& options, Vec u) {
-  if (options.text("init_type") == "file" && options.is_set("init_file") &&
-      read_header("init_file", options.text("init_file")).kind == "spectrum")
-    return start_from_eigenvector(model, options, u);
-  const Scene& s = model.scene();
-  const int dof = model.dof();
-  const std::string type = options.text("init_type");
-  const bool psi_steady = options.text("init_psi") == "steady";
-  const double psi_i = psi_steady ? s.v : options.real("init_psi");
-  const bool eta_steady = options.text("init_eta") == "steady" || (type == "layer" && !options.is_set("init_eta"));
-  const double noise = options.real("init_noise");
-  const PetscInt seed = options.integer("init_seed");
+struct Start::Impl {
+  Options options;
+  std::string type;
+  bool from_eigenvector, eta_steady, eta_given, state_given, state_steady = false;
+  double psi_i, eta = 0, state = 0, noise, amplitude, width = 1, turns = 0;
+  PetscInt seed, mode;
   Orbit orbit;
   Train train;
-  Frame frame;
-  if (type == "file") frame = frame_for(s, options);
-  double turns = 0;
-  if (type == "wave" && !s.ring())
-    throw UsageError("init_type wave needs a ring: bc_left periodic, not " + to_string(s.left));
-  if (type == "wave") train = solve_train(s, {options.integer("init_pulses"), s.length, {}});
-  if (type == "pulses") orbit = uniform_orbit(s);
-  if (type == "pulses" || type == "wave") {
-    // f(t - x/V): to the right the phase falls with x
-    turns = double(options.integer("init_pulses")) * (options.text("init_direction") == "left" ? 1 : -1);
-  }
-  if (type == "layer" && s.left != End::velocity)
-    throw UsageError("init_type layer fits a held left end: it needs bc_left velocity, not " + to_string(s.left));
+  std::optional<Frame> frame;
 
-  double jump = 0, slope = 0;
-  bool no_state = false;
-  double* a;
-  SS_TRY(VecGetArray(u, &a));
-  for (PetscInt i = 0; i < model.local(); ++i) {
-    const double x = s.x(model.first() + i);
-    double* at = a + i * dof;
-    double psi = psi_i;
-    if (type == "sine") {
-      psi += options.real("init_amplitude") * std::sin(2 * M_PI * double(options.integer("init_mode")) * x / s.length);
-    } else if (type == "layer") {
-      const double r = x / options.real("init_width");
-      psi += (s.left_value - psi_i) * std::exp(-r * r);
-    } else if (type == "pulses") {
-      psi = orbit.psi_at(turns * x / s.length);
-    } else if (type == "wave") {
-      psi = train.psi_at(turns * x / s.length);
-    } else if (type == "file") {
-      psi = frame.fields["psi"][static_cast<std::size_t>(model.first() + i)];
+  Impl(const Scene& s, const Options& o)
+      : options(o), type(o.text("init_type")), eta_given(o.is_set("init_eta")), state_given(o.is_set("init_state")),
+        psi_i(o.text("init_psi") == "steady" ? s.v : o.real("init_psi")), noise(o.real("init_noise")),
+        amplitude(o.real("init_amplitude")), seed(o.integer("init_seed")), mode(o.integer("init_mode")) {
+    from_eigenvector = type == "file" && o.is_set("init_file") &&
+                       read_header("init_file", o.text("init_file")).kind == "spectrum";
+    if (from_eigenvector) return;
+    eta_steady = o.text("init_eta") == "steady" || (type == "layer" && !eta_given);
+    if (!eta_steady) eta = o.real("init_eta");
+    if (s.friction.state != StateLaw::none) {
+      state_steady = o.text("init_state") == "steady";
+      if (!state_steady) state = state_from_output(s.friction.state, o.real("init_state"));
     }
-    const bool held_end = s.form == Form::continuum && model.held(model.first() + i);
-    if (held_end) jump = std::max(jump, std::abs(psi - (model.first() + i == 0 ? s.left_value : s.right_value)));
-    if (noise != 0 && !held_end) psi += noise * (2 * counter_uniform(seed, model.first() + i) - 1);
-    at[0] = psi;
-    double state = 0;
-    const double phase = turns * x / s.length;
-    if (dof == 3) {
-      if (type == "pulses") state = orbit.state_at(phase);
-      else if (type == "wave") state = train.state_at(phase);
-      else if (type == "file" && !options.is_set("init_state"))
-        state = state_from_output(s.friction.state, frame.fields[state_name(s.friction.state)]
-                                                        [static_cast<std::size_t>(model.first() + i)]);
-      else if (options.text("init_state") == "steady") state = steady_start(model, psi);
-      else state = state_from_output(s.friction.state, options.real("init_state"));
-      if (!std::isfinite(state)) no_state = true;
-      at[2] = state;
-    }
-    const double resistance = s.B() * psi + model.friction(i, psi, state).F;
-    if (type == "pulses") at[1] = orbit.eta_at(phase);
-    else if (type == "wave") at[1] = train.eta_at(phase);
-    else if (type == "file" && !options.is_set("init_eta"))
-      at[1] = frame.fields["eta"][static_cast<std::size_t>(model.first() + i)];
-    else at[1] = eta_steady ? resistance : options.real("init_eta");
-    if (held_end) slope = std::max(slope, std::abs(s.A() * (at[1] - resistance)));
+    if (type == "layer") width = o.real("init_width");
+    if (type == "file") frame = frame_for(s, o);
+    if (type == "wave" && !s.ring())
+      throw UsageError("init_type wave needs a ring: bc_left periodic, not " + to_string(s.left));
+    if (type == "wave") train = solve_train(s, {o.integer("init_pulses"), s.length, {}});
+    if (type == "pulses") orbit = uniform_orbit(s);
+    // f(t - x/V): to the right the phase falls with x
+    if (type == "pulses" || type == "wave")
+      turns = double(o.integer("init_pulses")) * (o.text("init_direction") == "left" ? 1 : -1);
+    if (type == "layer" && s.left != End::velocity)
+      throw UsageError("init_type layer fits a held left end: it needs bc_left velocity, not " + to_string(s.left));
   }
-  SS_TRY(VecRestoreArray(u, &a));
-  int missing = no_state ? 1 : 0;
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &missing, 1, MPI_INT, MPI_MAX, model.comm()));
-  if (missing)
-    throw UsageError("init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
-  if (s.left == End::velocity || s.right == End::velocity) warn_of_misfit(model, jump, slope);
-  model.set_held(u);
+
+  double psi_at(const Scene& s, double length, PetscInt node) const {
+    const double x = s.x(node);
+    if (type == "sine") return psi_i + amplitude * std::sin(2 * M_PI * double(mode) * x / length);
+    if (type == "layer") return psi_i + (s.left_value - psi_i) * std::exp(-(x / width) * (x / width));
+    if (type == "pulses") return orbit.psi_at(turns * x / length);
+    if (type == "wave") return train.psi_at(turns * x / length);
+    return type == "file" ? frame->fields.at("psi")[static_cast<std::size_t>(node)] : psi_i;
+  }
+
+  double state_at(const Model& model, double phase, PetscInt node, double psi) const {
+    const StateLaw law = model.scene().friction.state;
+    if (type == "pulses") return orbit.state_at(phase);
+    if (type == "wave") return train.state_at(phase);
+    if (type == "file" && !state_given)
+      return state_from_output(law, frame->fields.at(state_name(law))[static_cast<std::size_t>(node)]);
+    return state_steady ? steady_start(model, psi) : state;
+  }
+
+  double eta_at(double phase, PetscInt node, double resistance) const {
+    if (type == "pulses") return orbit.eta_at(phase);
+    if (type == "wave") return train.eta_at(phase);
+    if (type == "file" && !eta_given) return frame->fields.at("eta")[static_cast<std::size_t>(node)];
+    return eta_steady ? resistance : eta;
+  }
+
+  void fill(const Model& model, Vec u) const {
+    const Scene& s = model.scene();
+    const double length = s.length * double(s.copies);
+    const int dof = model.dof();
+    double jump = 0, slope = 0;
+    bool no_state = false;
+    double* a;
+    SS_TRY(VecGetArray(u, &a));
+    for (PetscInt i = 0; i < model.local(); ++i) {
+      const PetscInt node = model.first() + i;
+      double* at = a + i * dof;
+      double psi = psi_at(s, length, node);
+      const bool held_end = s.form == Form::continuum && model.held(node);
+      if (held_end) jump = std::max(jump, std::abs(psi - (node == 0 ? s.left_value : s.right_value)));
+      if (noise != 0 && !held_end) psi += noise * (2 * counter_uniform(seed, node) - 1);
+      at[0] = psi;
+      const double phase = turns * s.x(node) / length, here = dof == 3 ? state_at(model, phase, node, psi) : 0;
+      if (!std::isfinite(here)) no_state = true;
+      if (dof == 3) at[2] = here;
+      const double resistance = s.B() * psi + model.friction(i, psi, here).F;
+      at[1] = eta_at(phase, node, resistance);
+      if (held_end) slope = std::max(slope, std::abs(s.A() * (at[1] - resistance)));
+    }
+    SS_TRY(VecRestoreArray(u, &a));
+    int missing = no_state ? 1 : 0;
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &missing, 1, MPI_INT, MPI_MAX, model.comm()));
+    if (missing)
+      throw UsageError("init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
+    if (s.left == End::velocity || s.right == End::velocity) warn_of_misfit(model, jump, slope);
+    model.set_held(u);
+  }
+};
+
+Start::Start(const Scene& scene, const Options& options) : impl_(std::make_unique<Impl>(scene, options)) {}
+Start::~Start() = default;
+
+void Start::fill(const Model& model, Vec u) const {
+  if (impl_->from_eigenvector) start_from_eigenvector(model, impl_->options, u);
+  else impl_->fill(model, u);
 }
+
+void set_start(const Model& model, const Options& options, Vec u) { Start(model.scene(), options).fill(model, u); }
 
 }  // namespace stickslip

@@ -70,6 +70,19 @@ bool locally_finite(Vec u) {
   return sum == 0;
 }
 
+// The rate of friction over the velocities that a run will meet, not at the start alone: at least up to the
+// velocity at which the cubic's limit cycle turns, 2.
+double friction_rate_ahead(const Model& model, Vec u) {
+  double rate = model.friction_rate(u);
+  const Scene& s = model.scene();
+  if (s.friction.law == Law::cubic) rate = std::max(rate, s.A() * std::abs(s.B() + 3));
+  if (Stick::applies_to(s) && s.friction.law == Law::carlson_langer)
+    rate = std::max(rate, s.A() * (s.B() + 2 * s.friction.alpha));  // at the start of a slip
+  if (model.dof() == 3 && s.v != 0) rate = std::max(rate, -model.state_rate(s.v, model.steady_state(s.v)).g_state);
+  if (s.friction.regularised) rate = std::max(rate, s.A() * (s.B() + 1 / s.friction.eps));
+  return rate;
+}
+
 // Weights of slopes at the points i/(count - 1) in the integral of their interpolating polynomial over [0, s].
 std::vector<double> integration_weights(int count, double s) {
   const auto n = static_cast<std::size_t>(count);
@@ -84,6 +97,19 @@ std::vector<double> integration_weights(int count, double s) {
 }
 
 }  // namespace
+
+Rates rates_of(const Model& model, Vec u) {
+  const double wave = model.wave_frequency(), friction = friction_rate_ahead(model, u);
+  // An accurate step of the explicit pair resolves times of order 0.1 in the scene's own unit of time,
+  // 1/sqrt(A K0), the period of a free block; it is stable up to about 3 over the fastest frequency.
+  const double own = std::sqrt(model.scene().A() * model.scene().K0());
+  const double accurate = 40 * (own > 0 ? own : 1);
+  // At equal error a step with implicit friction costs some 30 explicit ones, one with an implicit wave some 60
+  // (docs/chart.md; rk takes its stages tile by tile).
+  // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no bound.
+  const bool creeps = model.scene().friction.law == Law::rate_and_state;
+  return {wave, friction, creeps || friction > 30 * std::max(wave, accurate), wave > 60 * std::max(friction, accurate)};
+}
 
 struct Integrator::Impl {
   const Model& model;
@@ -606,35 +632,7 @@ struct Integrator::Impl {
   }
 
   // ---- set-up ----
-  void choose_default(Vec u) {
-    const double wave = model.wave_frequency();
-    const double friction = friction_rate_ahead(u);
-    // An accurate step of the explicit pair resolves times of order 0.1 in the scene's own unit of time,
-    // 1/sqrt(A K0), the period of a free block; it is stable up to about 3 over the fastest frequency.
-    const double own = std::sqrt(model.scene().A() * model.scene().K0());
-    const double accurate = 40 * (own > 0 ? own : 1);
-    // At equal error a step with implicit friction costs some 30 explicit ones, one with an implicit wave some 60
-    // (docs/chart.md; rk takes its stages tile by tile).
-    // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no bound.
-    stiff_friction = model.scene().friction.law == Law::rate_and_state || friction > 30 * std::max(wave, accurate);
-    stiff_wave = wave > 60 * std::max(friction, accurate);
-    fastest = std::max(wave, friction);
-  }
-  bool stiff_friction = false, stiff_wave = false;
-  double fastest = 1;
-
-  // The rate of friction over the velocities that a run will meet, not at the start alone: at least up to the
-  // velocity at which the cubic's limit cycle turns, 2.
-  double friction_rate_ahead(Vec u) const {
-    double rate = model.friction_rate(u);
-    const Scene& s = model.scene();
-    if (s.friction.law == Law::cubic) rate = std::max(rate, s.A() * std::abs(s.B() + 3));
-    if (stick && s.friction.law == Law::carlson_langer)
-      rate = std::max(rate, s.A() * (s.B() + 2 * s.friction.alpha));  // at the start of a slip
-    if (model.dof() == 3 && s.v != 0) rate = std::max(rate, -model.state_rate(s.v, model.steady_state(s.v)).g_state);
-    if (s.friction.regularised) rate = std::max(rate, s.A() * (s.B() + 1 / s.friction.eps));
-    return rate;
-  }
+  Rates rates{};
 
   void set_up(const Options& options, Vec u) {
     if (Stick::applies_to(model.scene())) {
@@ -648,19 +646,19 @@ struct Integrator::Impl {
     SS_TRY(TSSetDM(ts, dm));
     SS_TRY(TSSetApplicationContext(ts, this));
     SS_TRY(TSSetProblemType(ts, TS_NONLINEAR));
-    choose_default(u);
+    rates = rates_of(model, u);
 
     const std::string wish = options.text("imex_implicit");
     Implicit automatic = Implicit::none;
-    if (stiff_friction) automatic = stiff_wave ? Implicit::both : Implicit::friction;
-    else if (stiff_wave) automatic = stick ? Implicit::both : Implicit::wave;
+    if (rates.stiff_friction) automatic = rates.stiff_wave ? Implicit::both : Implicit::friction;
+    else if (rates.stiff_wave) automatic = stick ? Implicit::both : Implicit::wave;
     const bool wants_imex = wish != "auto" && wish != "none";
 
     // The type decides what is implicit, so it is read before the functions are set.
     // A smoothed threshold is so steep that Newton's method takes many rounds a stage: the Rosenbrock method, which
     // takes one, costs a third at the same error (docs/chart.md).
     const FrictionParameters& law = model.scene().friction;
-    const bool threshold = stiff_friction && has_threshold(law.law) && law.regularised;
+    const bool threshold = rates.stiff_friction && has_threshold(law.law) && law.regularised;
     SS_TRY(TSSetType(ts, wants_imex                        ? TSARKIMEX
                          : automatic == Implicit::none ? TSRK
                          : threshold                   ? TSROSW
@@ -690,7 +688,7 @@ struct Integrator::Impl {
       else if (wants_imex)
         implicit = wish == "friction" ? Implicit::friction : wish == "wave" ? Implicit::wave : Implicit::both;
       else if (automatic != Implicit::none) implicit = automatic;
-      else implicit = stick || friction_rate_ahead(u) >= model.wave_frequency() ? Implicit::friction : Implicit::wave;
+      else implicit = stick || rates.friction >= rates.wave ? Implicit::friction : Implicit::wave;
     } else {
       if (wish != "auto" && wish != "both")
         throw UsageError("imex_implicit " + wish + ": ts_type " + type +
@@ -776,7 +774,7 @@ struct Integrator::Impl {
   void set_defaults() {
     SS_TRY(TSSetTolerances(ts, default_tolerance, nullptr, default_tolerance, nullptr));
     // The start of an adaptive run, and the step of a fixed one: well inside the stability region.
-    SS_TRY(TSSetTimeStep(ts, 0.5 / std::max(fastest, 1e-3)));
+    SS_TRY(TSSetTimeStep(ts, rates.first_step()));
   }
 
   static MethodKind kind_of(const std::string& type) {
@@ -895,8 +893,8 @@ struct Integrator::Impl {
     if (!forecast.explodes(dt, t_end - t)) return;
     warn("ts_dt " + number_text(dt) + " is beyond the stability limit of " + method->name() + ", which is about " +
          rounded(forecast.limit(dt, t_end - t)) + " here (the shortest wave turns at " +
-         rounded(model.wave_frequency()) + " per unit time, friction acts at up to " + rounded(friction_rate_ahead(u)) +
-         "): the solution will grow without bound");
+         rounded(model.wave_frequency()) + " per unit time, friction acts at up to " +
+         rounded(friction_rate_ahead(model, u)) + "): the solution will grow without bound");
   }
 
   // At shift r = 1/(a dt) the implicit equations of uniform motion have the determinant r^2 + C r + A K0,

@@ -261,16 +261,28 @@ std::vector<int> possible_orders(const Scene& scene) {
 
 Fields resample(const Fields& fields, const Scene& from, const Scene& to) {
   if (from.n == to.n) return fields;
+  const PetscInt n = from.n, count = std::min<PetscInt>(from.order + 1, n);
+  std::vector<double> binomial(std::size_t(count), 1);  // with alternating signs: barycentric weights
+  for (std::size_t k = 1; k < binomial.size(); ++k)
+    binomial[k] = -binomial[k - 1] * double(std::size_t(count) - k) / double(k);
   Fields result;
-  const double end = from.ring() ? from.length : from.x(from.n - 1);
   for (PetscInt i = 0; i < to.n; ++i) {
-    double psi = 0, eta = 0;
-    for (const auto& [node, weight] : interpolation_at(from, std::min(to.x(i), end))) {
-      psi += weight * fields.psi[std::size_t(node)];
-      eta += weight * fields.eta[std::size_t(node)];
+    const double at = std::min(to.x(i) / from.h(), double(from.ring() ? n : n - 1));
+    const PetscInt nearest = PetscInt(std::llround(at));
+    PetscInt first = nearest - count / 2;
+    if (!from.ring()) first = std::clamp<PetscInt>(first, 0, n - count);
+    double psi = 0, eta = 0, sum = 0;
+    const bool on_node = std::abs(at - double(nearest)) < 1e-12 * (1 + at);
+    for (PetscInt k = 0; k < count; ++k) {
+      if (on_node && first + k != nearest) continue;
+      const double weight = on_node ? 1 : binomial[std::size_t(k)] / (at - double(first + k));
+      const auto node = std::size_t(((first + k) % n + n) % n);
+      psi += weight * fields.psi[node];
+      eta += weight * fields.eta[node];
+      sum += weight;
     }
-    result.psi.push_back(psi);
-    result.eta.push_back(eta);
+    result.psi.push_back(psi / sum);
+    result.eta.push_back(eta / sum);
   }
   return result;
 }

@@ -1,18 +1,23 @@
 // `-accuracy E`: method, tolerance, order and grid for an error of E, and what the error then is.
 //
 // The error is the largest |difference| of psi and eta from the solution of the differential equation (of the chain's
-// equations) at ts_max_time, over nodes and probes. Three things are measured on runs that are cheaper than the one
-// they prepare:
-//   - what a tolerance gives: two or three runs on a coarse grid (the chain: of the scene itself) by an explicit pair,
-//     and by a Rosenbrock method where the explicit one's steps do not depend on the tolerance, which is what
-//     stability looks like; the cheaper stays;
-//   - what a grid gives: grids doubled from a coarse one at the highest order, until the next would be finer than
-//     needed;
-//     their differences d_k and rates d_(k-1)/d_k give the error of the last one and of any finer one;
-//   - afterwards the run itself: its difference from the last of those grids, and from the last of those tolerances.
-// An estimate is no bound: it is made to lie a little above the error.
+// equations) at ts_max_time, over nodes and probes. It is found on a ladder of runs of which each is meant to be some
+// thirty times as accurate as the one before, in time and in space together, so that all of them cost about as much as
+// the last: the distance of two neighbours is the error of the coarser, and falls at a rate that is measured.
+//   - with a grid to refine: grids a factor of 1.3 to 2 apart, at tolerances that make the error in time a tenth of
+//     that in space; one more run at a looser tolerance, on a grid before the last, tells what a tolerance costs;
+//   - without one (the chain, uniform motion): tolerances alone.
+// The run itself is the ladder's last step. Its distance from the last rung, with the rate between the rungs, gives
+// `error_estimate`, which is no bound: it is made to lie a little above the error. Where it lies above the request, the
+// run becomes a rung and the next one is finer.
+//
+// Explicit methods take rk:7vr, whose stages are the cheapest at every accuracy (docs/chart.md), and their rungs are
+// run without PETSc's TS on every rank alike (src/pilot.hpp). Where friction or waves are so fast that the automatic
+// choice of a method would take them implicitly, rosw:ra34pw2 is tried first, and stays while an explicit run, bound
+// by its stability, would take longer.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -21,56 +26,89 @@
 
 namespace stickslip {
 
+class Pilot;
+
 class AccuracyPlan {
  public:
   // Runs what it needs. Throws UsageError where what the user set leaves no choice (a method without an error
   // estimate), Failure where the accuracy is out of reach, with the best that is in reach and the reason. Collective.
   AccuracyPlan(const Options& options, double wanted);
+  ~AccuracyPlan();
 
   // The user's options, with those set that he left open.
   const Options& options() const { return chosen_; }
   const std::string& what() const { return what_; }  // what was chosen and why, one line
   const Setting& setting() const { return setting_; }
-  double seconds() const { return seconds_; }        // processor time of choosing
+  // Processor time of choosing and estimating so far, the largest over the ranks. Not in it: the checks of the options
+  // and the start of the scene, which every run pays for.
+  double seconds() const { return seconds_; }
+  int trials() const { return trials_; }
 
   // The error of a run by options(), from what it ended with.
-  double estimate(const Fields& end) const;
-  // Makes setting() stricter, for a run whose estimate was too large.
-  void refine(const Fields& end, double estimate);
+  double estimate(const Fields& end);
+  // Makes setting() stricter, for the run of the last estimate(), which was too large.
+  void refine();
 
  private:
   struct Rung {
     Scene scene;
+    double tolerance;
     Fields fields;
+    PetscInt steps;
+    double seconds;
   };
-  Trial trial(const MethodChoice& method, double tolerance, int order, PetscInt n, double limit);
-  bool starts_stiff(PetscInt n) const;
-  void choose_method_and_tolerance(PetscInt n);
+  // The steps of the constructor
+  void read_what_is_set();
+  void choose();
+  bool prefers_explicit(double implicit_seconds, PetscInt n) const;
+
+  // space
   void climb();
-  void finish(const std::string& why);
+  PetscInt first_cells() const;
+  int order_at_best() const;
+  double rate(std::size_t k) const;      // of the errors of rungs k - 1 and k
+  double order_beyond() const;           // expected between the last two rungs,
+  double next_order() const;             // and beyond the last
+  double error_foreseen(double cells) const;
+  void choose_tolerance_on(double cells, double in_space);
+  PetscInt nodes(double cells) const;
+  static double cells(const Scene& scene);
+  // time alone
+  void descend();
+  double slope() const;
+  double time_foreseen(double tolerance) const;
+
+  Rung rung(PetscInt n, double tolerance, std::string& failed);
+  Rung rung(PetscInt n, double tolerance);
   double difference(const Rung& a, const Rung& b) const;
-  double error_in_space(double last, double distance_ratio) const;
+  double estimate_in_time(const Rung& now, double d) const;
+  double estimate_in_space(const Rung& now, double d) const;
+  [[noreturn]] void give_up(const std::string& why) const;
+  void finish();
 
   Options asked_, chosen_;
-  double wanted_, aim_;    // aim_: for which grid and tolerance are chosen; below wanted_ after a refinement
-  double most_tolerance_;  // of the run
+  double wanted_, aim_;  // aim_: below wanted_ after a refinement
   Scene scene_;
   std::vector<double> probes_;
-  bool grid_open_, order_open_, method_open_, tolerance_open_, has_space_;
+  bool grid_open_, order_open_, method_open_, tolerance_open_, has_space_, friction_sets_steps_ = false;
+  std::unique_ptr<Pilot> pilot_;
   Setting setting_;
-  double seconds_ = 0, last_seconds_ = 0;
-  PetscInt last_steps_ = 0;
+  double seconds_ = 0;
+  int trials_ = 0;
   std::string what_, why_;
 
-  // time: error at tolerance_ref is error_ref, and goes like tolerance^slope
-  double tolerance_ref_ = 0, error_ref_ = 0, slope_ = 1;
-  // space: the finest grid so far, its error, the order of convergence expected beyond it
-  Rung coarse_;
-  double space_error_ = 0, order_seen_ = 0;
+  std::vector<Rung> rungs_;       // coarse to fine
+  std::vector<double> distances_; // of rungs k and k + 1: the error of rung k
+  Rung last_run_;                 // what estimate() saw
+  double last_estimate_ = 0, least_stretch_ = 1;  // of the next run's grid against the last rung's
+  // with a grid: a tolerance costs `per_tolerance_` times itself on a grid of per_tolerance_cells_, and more on finer
+  // ones, as noise of the shortest waves does
+  double per_tolerance_ = 5, per_tolerance_cells_ = 0;
+  double in_time_ = 0, in_space_ = 0;  // foreseen of the run
 };
 
-// The order of convergence to be expected beyond three grids from their two rates (log2 of d_(k-1)/d_k; the earlier one
-// NaN where there is none) in a scheme of order p: halfway to p while the rates still rise, else the last one.
+// The order of convergence to be expected beyond three grids from their two rates in a scheme of order p: halfway to p
+// while the rates still rise, else the last one (`earlier` NaN where there is none).
 double expected_order(double earlier, double last, int p);
 
 }  // namespace stickslip

@@ -87,6 +87,9 @@ class Model {
   std::unique_ptr<Impl> impl_;
 };
 
+// Frequency of the shortest wave on the scene's grid, sqrt(A (K0 + K1 kappa^2_max)).
+double wave_frequency(const Scene& scene);
+
 // Counter-based random numbers keyed by (seed, index): uniform on (0, 1), and standard normal.
 double counter_uniform(PetscInt seed, PetscInt index);
 double counter_normal(PetscInt seed, PetscInt index);

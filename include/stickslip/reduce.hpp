@@ -26,6 +26,12 @@
 
 namespace stickslip {
 
+// How many equal cells the options promise: n where every node starts alike, 1 where nothing repeats, 0 where only the
+// fields can tell.
+PetscInt promised_cells(const Scene& scene, const Options& options);
+// One of `cells` equal cells of a scene, closed to a ring.
+Scene cell_of(const Scene& scene, PetscInt cells);
+
 // The problem that is solved for a scene.
 struct Problem {
   Model model;       // over all ranks, or, where they are more than its nodes, on every rank alike

@@ -15,6 +15,7 @@
 // implicit (theta, cn, beuler, bdf, rosw, ...) take everything implicitly.
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <limits>
 #include <string>
@@ -22,6 +23,16 @@
 #include "stickslip/model.hpp"
 
 namespace stickslip {
+
+// The frequencies of a scene over the velocities that it will meet from its start u on, and whether one is far above
+// everything that an accurate step resolves anyway. Collective.
+struct Rates {
+  double wave, friction;
+  bool stiff_friction, stiff_wave;
+  // The start of an adaptive run, and the step of a fixed one: well inside the stability region.
+  double first_step() const { return 0.5 / std::max({wave, friction, 1e-3}); }
+};
+Rates rates_of(const Model& model, Vec u);
 
 enum class Implicit { none, friction, wave, both };
 std::string to_string(Implicit implicit);

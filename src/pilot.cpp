@@ -1,0 +1,134 @@
+#include "pilot.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "fused_step.hpp"
+#include "stickslip/error.hpp"
+#include "stickslip/reduce.hpp"
+#include "stickslip/stick.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// Of a pair of PETSc's.
+const RungeKutta& tableau_of(const std::string& pair) {
+  static std::map<std::string, RungeKutta> known;
+  const auto found = known.find(pair);
+  if (found != known.end()) return found->second;
+  TsHandle ts;
+  SS_TRY(TSCreate(PETSC_COMM_SELF, ts.out()));
+  SS_TRY(TSSetType(ts, TSRK));
+  SS_TRY(TSRKSetType(ts, pair.c_str()));
+  const PetscReal *A, *b, *c, *embedded, *interpolating;
+  PetscInt stages, degree;
+  PetscBool fsal;
+  SS_TRY(TSRKGetTableau(ts, &stages, &A, &b, &c, &embedded, &degree, &interpolating, &fsal));
+  return known[pair] = {int(stages), {A, A + stages * stages}, {b, b + stages}, {embedded, embedded + stages}};
+}
+
+VecHandle vector_for(const Model& model) {
+  VecHandle u;
+  SS_TRY(VecCreateSeq(PETSC_COMM_SELF, model.local() * model.dof(), u.out()));
+  return u;
+}
+
+// As TSADAPTBASIC with its defaults chooses steps.
+constexpr double safety = 0.9, reject_safety = 0.5, shortest = 0.1, longest = 10, when_not_finite = 0.25;
+constexpr int most_rejections = 60;
+
+}  // namespace
+
+Pilot::Pilot(const Options& options, const Scene& scene)
+    : options_(options), scene_(scene), start_(scene, options), t_end_(options.real("ts_max_time")),
+      reduces_(options.text("scene_reduce") != "off") {}
+
+bool Pilot::suits(const Scene& scene, const MethodChoice& method) {
+  return method.type == "rk" && method.has_estimate() && !Stick::applies_to(scene);
+}
+
+Model Pilot::model(int order, PetscInt n) const {
+  Scene scene = scene_;
+  scene.order = order;
+  scene.n = n;
+  const PetscInt cells = reduces_ ? promised_cells(scene, options_) : 1;
+  return Model(PETSC_COMM_SELF, cells > 1 ? cell_of(scene, cells) : scene);
+}
+
+Rates Pilot::rates(int order, PetscInt n) const {
+  const Model model = this->model(order, n);
+  const VecHandle u = vector_for(model);
+  start_.fill(model, u);
+  return rates_of(model, u);
+}
+
+double Pilot::longest_step(const Setting& setting) const {
+  if (options_.is_set("ts_adapt_dt_max")) return options_.real("ts_adapt_dt_max");
+  if (setting.method.name() != "rk:7vr") return 0;
+  Scene scene = scene_;
+  scene.order = setting.order;
+  scene.n = setting.n;
+  const bool waves = !reduces_ || promised_cells(scene, options_) < scene.n;
+  return waves ? 4.4 / wave_frequency(scene) : 0;
+}
+
+Trial Pilot::run(const Setting& setting, double limit) const {
+  Trial trial;
+  trial.method = setting.method.name();
+  trial.implicit = "none";
+  const double begin = processor_seconds();
+  const WarningsKept kept(trial.warnings);
+  const Model model = this->model(setting.order, setting.n);
+  VecHandle u = vector_for(model), next = vector_for(model);
+  start_.fill(model, u);
+  const FusedStep step(model, tableau_of(setting.method.subtype));
+  const double exponent = -1. / setting.method.order();
+  static const std::vector<VecHandle> no_slopes;
+  double most = longest_step(setting);
+  if (most == 0) most = t_end_;
+  double t = 0, dt = std::min({rates_of(model, u).first_step(), most, t_end_});
+  for (int rejected = 0; t < t_end_ && trial.failed.empty();) {
+    const FusedStep::Outcome outcome =
+        step.take(u, dt, setting.tolerance, setting.tolerance, NORM_2, true, next, no_slopes);
+    if (!outcome.finite || outcome.error > 1) {
+      const double safe = rejected > 0 ? safety * reject_safety : safety;
+      dt *= outcome.finite ? std::clamp(safe * std::pow(outcome.error, exponent), shortest, longest) : when_not_finite;
+      ++trial.rejections;
+      if (++rejected > most_rejections || t + dt == t) trial.failed = "the steps shrink to nothing";
+      continue;
+    }
+    std::swap(u, next);
+    ++trial.steps;
+    rejected = 0;
+    t = t_end_ - t <= dt ? t_end_ : t + dt;
+    const double left = t_end_ - t;
+    dt *= outcome.error > 0 ? std::clamp(safety * std::pow(outcome.error, exponent), shortest, longest) : longest;
+    dt = std::min(dt, most);
+    if (1.01 * dt > left) dt = left;
+    else if (2 * dt > left) dt = left / 2;
+    if (trial.steps % 64 == 0) {
+      const double spent = processor_seconds() - begin;
+      if (spent > limit || (spent > 0.25 * limit && spent * t_end_ > 4 * limit * t)) trial.failed = "too long";
+    }
+  }
+  trial.rhs_evaluations = model.rhs_evaluations();
+  if (trial.failed.empty()) {
+    model.set_held(u);
+    const double* a;
+    const auto dof = std::size_t(model.dof()), nodes = std::size_t(model.local()), all = std::size_t(setting.n);
+    trial.end.psi.resize(all);
+    trial.end.eta.resize(all);
+    SS_TRY(VecGetArrayRead(u, &a));
+    for (std::size_t i = 0; i < all; ++i) {
+      trial.end.psi[i] = a[i % nodes * dof];
+      trial.end.eta[i] = a[i % nodes * dof + 1];
+    }
+    SS_TRY(VecRestoreArrayRead(u, &a));
+  }
+  trial.seconds = processor_seconds() - begin;
+  return trial;
+}
+
+}  // namespace stickslip
