@@ -90,13 +90,13 @@ TEST_CASE("the settings of a chart come in the order of its lists", "[chart][ser
   CHECK(chart_settings(options.with("chart_steps", "0.1,0.2,0.3")).size() == 8 + 12);
 
   // defaults: the scene's own order where it is set, its grid and half of it where that nests
-  CHECK(chart_settings(Options().with("grid_n", "64").with("grid_order", "4")).size() == 7u * 4 * 2);
-  CHECK(chart_settings(Options().with("grid_n", "65")).size() == 7u * 4 * 3);
+  CHECK(chart_settings(Options().with("grid_n", "64").with("grid_order", "4")).size() == 8u * 4 * 2);
+  CHECK(chart_settings(Options().with("grid_n", "65")).size() == 8u * 4 * 3);
   const auto ends = chart_settings(Options().with("grid_n", "65").with("bc_left", "velocity"));
   CHECK(ends.front().n == 33);
   CHECK(std::none_of(ends.begin(), ends.end(), [](const Setting& s) { return s.order == 8; }));
   const auto chain = chart_settings(Options().with("model_form", "chain").with("grid_n", "64"));
-  CHECK(chain.size() == 7u * 4);
+  CHECK(chain.size() == 8u * 4);
 
   for (const auto& [name, text] : std::vector<std::pair<std::string, std::string>>{
            {"chart_orders", "3"}, {"chart_methods", "rk:9"}, {"chart_grids", "4"}})
