@@ -80,6 +80,21 @@ double newton_root(GrowthRate& growth, double a, double fa, double b, double fb)
 
 namespace {
 
+// The zero in a bracket. `counted`: on the place found the growing modes are counted; those that were missed are
+// sought, and the zero lies further on the stable side.
+Crossing zero_between(GrowthRate& growth, double a, double fa, double b, double fb, bool counted) {
+  for (int attempt = 0;; ++attempt) {
+    Crossing c = growth.crossing(newton_root(growth, a, fa, b, fb));
+    if (counted) growth.count_growing(c);
+    if (!c.complete || *c.complete || attempt == 5) return c;
+    growth.seek(c.x, c.y);
+    const double f = growth(c.x);
+    if (!(f > 0)) return c;
+    (fa > 0 ? a : b) = c.x;
+    (fa > 0 ? fa : fb) = f;
+  }
+}
+
 // Of `points` points, every so many are counted at, for a few seconds altogether.
 std::size_t counts_every(const GrowthRate& growth, std::size_t points) {
   return std::size_t(std::max(1., std::ceil(double(points) * growth.count_cost(0.5, 0.5) / 3)));
@@ -131,11 +146,14 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples, std:
       ++k;
     }
   }
+  std::size_t changes = 0, number = 0;
+  for (std::size_t k = 0; k + 1 < x.size(); ++k) changes += f[k] * f[k + 1] < 0 ? 1 : 0;
+  const std::size_t every = counts_every(growth, changes);
   std::vector<Crossing> roots;
   for (std::size_t k = 0; k < x.size(); ++k) {
     if (f[k] == 0) roots.push_back(growth.crossing(x[k]));
     if (k + 1 < x.size() && f[k] * f[k + 1] < 0) {
-      const Crossing c = growth.crossing(newton_root(growth, x[k], f[k], x[k + 1], f[k + 1]));
+      const Crossing c = zero_between(growth, x[k], f[k], x[k + 1], f[k + 1], number++ % every == 0);
       if (growth.vanishes(c)) {
         roots.push_back(c);
       } else {
@@ -144,8 +162,6 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, Samples& samples, std:
       }
     }
   }
-  const std::size_t every = counts_every(growth, roots.size());
-  for (std::size_t k = 0; k < roots.size(); k += every) growth.count_growing(roots[k]);
   return roots;
 }
 

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "progress.hpp"
 #include "stickslip/boundary.hpp"
 #include "stickslip/commands.hpp"
 #include "stickslip/error.hpp"
@@ -217,6 +218,10 @@ int boundary_command(const Options& options) {
     if (!foreign.empty())
       throw Failure("-boundary_parameter " + axes[0].name + ": does not enter this scene (" + foreign +
                     "): growth rate " + number_text(growth(0)) + " at both ends");
+    Progress progress(options, "boundary: ");
+    growth.watch([&] {
+      if (progress.due()) progress.show(std::to_string(growth.evaluations()) + " growth rates");
+    });
     Samples samples;
     std::vector<std::string> notes;
     std::vector<Crossing> meetings;
@@ -244,7 +249,13 @@ int boundary_command(const Options& options) {
     }
     std::vector<Verified> verified;
     if (const PetscInt checks = options.integer("boundary_verify"); checks > 0) {
-      verified = verify_boundary(growth, points, checks);
+      growth.watch(nullptr);
+      progress.restart_clock();
+      verified = verify_boundary(growth, points, checks, [&](std::size_t number, std::size_t all) {
+        if (progress.due())
+          progress.show("check " + std::to_string(number + 1) + " of " + std::to_string(all) + " in time" +
+                        progress.left(double(number) / double(all)));
+      });
       summary.set("verified", verified_list(verified, two));
       warn_of_damping(options, verified, points);
       for (const Verified& v : verified)

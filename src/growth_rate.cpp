@@ -68,6 +68,7 @@ Mode GrowthRate::with_vector(const Sliding& s, const Mode& mode) const {
 
 std::optional<GrowthRate::Leading> GrowthRate::leading(double x, double y) {
   ++evaluations_;
+  if (each_) each_();
   std::optional<Sliding> sliding;
   try {
     sliding.emplace(Scene::from(options_at(x, y), true));

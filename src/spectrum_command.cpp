@@ -110,7 +110,15 @@ int spectrum_command(const Options& options) {
     settings.count = options.integer("spectrum_count");
     settings.method = method_of(options.text("spectrum_method"));
     settings.refine = options.text("spectrum_refine") == "auto";
-    const Spectrum spectrum = compute_spectrum(PETSC_COMM_WORLD, sliding, settings);
+    Spectrum spectrum = compute_spectrum(PETSC_COMM_WORLD, sliding, settings);
+    const auto any_resolved = [&] {
+      return std::any_of(spectrum.modes.begin(), spectrum.modes.end(), [](const Mode& m) { return m.resolved; });
+    };
+    // Many modes at the edge of what the grid carries may stand right of those that it resolves.
+    for (int round = 0; round < 3 && !any_resolved(); ++round) {
+      settings.count *= 4;
+      spectrum = compute_spectrum(PETSC_COMM_WORLD, sliding, settings);
+    }
     check_unused_after_setup(options, "snes pep dm");
     summary.set("growth_rate", spectrum.growth);
     summary.set("growth_rate_error", spectrum.error);
@@ -134,12 +142,15 @@ int spectrum_command(const Options& options) {
       }
     }
     write_file(sliding, spectrum, options.text("out_file"), provenance);
-    if (std::none_of(spectrum.modes.begin(), spectrum.modes.end(), [](const Mode& m) { return m.resolved; }))
+    if (!any_resolved())
       warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");
     if (!spectrum.complete) warn("the rightmost mode may have been missed: " + spectrum.completeness_check);
     if (options.text("summary") != "-") {
-      const std::string text = std::string(spectrum.stable ? "stable" : "unstable") + ": growth rate " +
-                               number_text(spectrum.growth) + ", frequency " + number_text(spectrum.frequency) +
+      const std::string text = std::string(spectrum.stable                    ? "stable"
+                                           : spectrum.growth > spectrum.error ? "unstable"
+                                                                              : "undecided") +
+                               ": growth rate " + number_text(spectrum.growth) + " +- " + number_text(spectrum.error) +
+                               ", frequency " + number_text(spectrum.frequency) +
                                (spectrum.complete ? "" : " (not proved to be the rightmost)") + "\n";
       SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s", text.c_str()));
     }

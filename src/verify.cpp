@@ -58,7 +58,8 @@ std::string regime_from(const Options& options, const Sliding& s, double amplitu
   return "undecided";
 }
 
-std::vector<Verified> verify_boundary(GrowthRate& growth, const std::vector<Crossing>& points, PetscInt count) {
+std::vector<Verified> verify_boundary(GrowthRate& growth, const std::vector<Crossing>& points, PetscInt count,
+                                      const std::function<void(std::size_t, std::size_t)>& before_each) {
   std::vector<Verified> result;
   const std::size_t wanted = std::min(points.size(), std::size_t(count));
   const bool two = growth.axes().size() > 1;
@@ -76,6 +77,7 @@ std::vector<Verified> verify_boundary(GrowthRate& growth, const std::vector<Cros
     nx /= length;
     ny /= length;
     for (const double side : {1., -1.}) {  // unstable, stable
+      if (before_each) before_each(2 * j + (side > 0 ? 0 : 1), 2 * wanted);
       // as far off as gives a growth rate that shows in a run of reasonable length
       for (double reach = 0.02;; reach *= 1.6) {
         const double x = c.x + side * reach * nx, y = c.y + side * reach * ny;

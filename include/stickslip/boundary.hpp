@@ -37,8 +37,10 @@ struct Verified {
   std::string regime;            // both the same, or `both live` (hysteresis), or undecided
 };
 
-// `count` points of the curve, each checked on its unstable and its stable side. Collective over PETSC_COMM_WORLD.
-std::vector<Verified> verify_boundary(GrowthRate& growth, const std::vector<Crossing>& points, PetscInt count);
+// `count` points of the curve, each checked on its unstable and its stable side; `before_each` gets the number of the
+// check and of all. Collective over PETSC_COMM_WORLD.
+std::vector<Verified> verify_boundary(GrowthRate& growth, const std::vector<Crossing>& points, PetscInt count,
+                                      const std::function<void(std::size_t, std::size_t)>& before_each = {});
 
 // The regime that a scene reaches in the time given, from psi = steady + amplitude (1 + cos(k x))/2. Collective.
 std::string regime_from(const Options& options, const Sliding& sliding, double amplitude, double k, double duration);

@@ -8,6 +8,7 @@
 
 #include <petscsys.h>
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -95,6 +96,7 @@ class GrowthRate {
 
   bool enters() const;  // whether the linear operator changes along the first axis at all
   long evaluations() const { return evaluations_; }
+  void watch(std::function<void()> each) { each_ = std::move(each); }  // is called before every evaluation
 
  private:
   struct Followed {
@@ -128,6 +130,7 @@ class GrowthRate {
   double reach_ = 0.04;
   bool due_ = false, hinted_ = false, only_sign_ = false, doubtful_ = false;
   long evaluations_ = 0;
+  std::function<void()> each_;
 };
 
 }  // namespace stickslip
