@@ -312,9 +312,17 @@ def draw_spectrum(file, args):
     middle = (min(re.min(), 0) + max(re.max(), 0)) / 2
     half = max(0.6 * (max(re.max(), 0) - min(re.min(), 0)), least)
     left.set_xlim(middle - half, middle + half)
-    left.axvspan(0, middle + half, color=COLOURS[1], alpha=0.08, lw=0, label="growing")
+    edge = file["pseudo_re"][-1] if "pseudo_re" in file else middle + half
+    left.axvspan(0, edge, color=COLOURS[1], alpha=0.08, lw=0, label="growing")
     left.axvline(0, color="0.4", lw=0.8)
     left.set(xlabel="Re λ   (growth rate)", ylabel="Im λ   (frequency)")
+    if "log10_resolvent" in file:
+        z, w, level = file["pseudo_re"][...], file["pseudo_im"][...], file["log10_resolvent"][...]
+        lines = left.contour(z, w, level, levels=np.arange(np.floor(level.min() * 4) / 4, level.max() + 0.25, 0.25),
+                             cmap="viridis", linewidths=0.8)
+        figure.colorbar(lines, ax=left, label="log10 of the resolvent norm (energy)")
+        left.set(xlim=(z[0], z[-1]), ylim=(w[0], w[-1]))
+        left.locator_params(axis="x", nbins=5)
     legend_below(left, 3)
     x = file["x"][...]
     first = max(range(len(re)), key=lambda k: (bool(resolved[k]), re[k]))

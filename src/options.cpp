@@ -217,6 +217,8 @@ std::vector<OptionSpec> make_table() {
   t.choice("spectrum_method", {"auto", "dense", "krylov"}, "eigensolver");
   t.choice("spectrum_refine", {"auto", "off"}, "auto compares grids; off takes every mode of the matrix as resolved");
   t.boolean("spectrum_transient", "false", "also the largest transient growth and the numerical abscissa, energy norm");
+  t.integer("spectrum_pseudo", "0", 0, 1000,
+            "points a side of a picture of the resolvent norm beside the rightmost eigenvalues, energy norm; 0: none");
 
   t.in("Boundary", "boundary");
   t.text("boundary_parameter", "", "real option to vary, e.g. model_v").default_help = "required";

@@ -20,6 +20,15 @@ SpectrumMethod method_of(const std::string& text) {
   return SpectrumMethod::automatic;
 }
 
+constexpr const char* no_norm = "not for this scene, which has no energy norm (D2 is not symmetric: held ends of order "
+                                "4 or 6; or k0 = 0 without a held end)";
+
+// What the number says about the largest |exp(J t)|.
+std::string growth_is(const Transient& t) {
+  if (t.exact) return "the maximum over sampled times";
+  return "a lower bound: waves up to frequency " + number_text(t.frequency) + ", over sampled times";
+}
+
 Json eigenvalue_list(const std::vector<Mode>& modes) {
   Json list = Json::array();
   for (const Mode& m : modes)
@@ -34,8 +43,35 @@ Json eigenvalue_list(const std::vector<Mode>& modes) {
   return list;
 }
 
+// The resolvent norm in a box round the listed eigenvalues with Im >= 0, the imaginary axis included.
+struct Pseudospectrum {
+  std::vector<double> re, im, norm;  // re fastest
+};
+
+Pseudospectrum pseudospectrum_beside(const Sliding& s, const Spectrum& spectrum, PetscInt side) {
+  Pseudospectrum box;
+  double left = 0, right = 0, bottom = 1e300, top = 0;
+  for (const Mode& m : spectrum.modes) {
+    left = std::min(left, m.value.real());
+    right = std::max(right, m.value.real());
+    bottom = std::min(bottom, m.value.imag());
+    top = std::max(top, m.value.imag());
+  }
+  const double wide = std::max({0.5 * (right - left), 0.25 * (top - bottom), 1e-3 * top});
+  const double high = std::max(0.3 * (top - bottom), wide);
+  bottom = std::max(0., bottom - high);
+  for (PetscInt k = 0; k < side; ++k) {
+    const double part = (double(k) + 0.5) / double(side);  // off the axes, where eigenvalues may stand
+    box.re.push_back(left - wide + part * (right - left + 2 * wide));
+    box.im.push_back(bottom + part * (top + high - bottom));
+  }
+  box.norm = pseudospectrum(PETSC_COMM_WORLD, s, box.re, box.im);
+  return box;
+}
+
 // Steady sliding and the eigenvectors (the members with Im >= 0; 0 at held nodes), scaled so that the largest psi is 1.
-void write_file(const Sliding& s, const Spectrum& spectrum, const std::string& path, const Provenance& provenance) {
+void write_file(const Sliding& s, const Spectrum& spectrum, const Pseudospectrum& box, const std::string& path,
+                const Provenance& provenance) {
   ResultFile file(PETSC_COMM_WORLD, path, provenance);
   if (path.empty()) return;
   const std::size_t n = std::size_t(s.scene.n), modes = spectrum.modes.size(), d = s.dof();
@@ -88,6 +124,14 @@ void write_file(const Sliding& s, const Spectrum& spectrum, const std::string& p
     file.add({names[c] + "_im", units, names[c] + " of the eigenvectors, imaginary part"}, {"mode", "x"},
              parts[2 * c + 1]);
   }
+  if (!box.norm.empty()) {
+    file.scale({"pseudo_re", "1/time", "real part of z"}, box.re);
+    file.scale({"pseudo_im", "1/time", "imaginary part of z"}, box.im);
+    std::vector<double> logarithm(box.norm.size());
+    std::transform(box.norm.begin(), box.norm.end(), logarithm.begin(), [](double r) { return std::log10(r); });
+    file.add({"log10_resolvent", "1", "log10 of |(z - J)^-1| times a unit of time, energy norm"},
+             {"pseudo_im", "pseudo_re"}, logarithm);
+  }
   file.write();
 }
 
@@ -98,7 +142,7 @@ int spectrum_command(const Options& options) {
   check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance,
                   {"steady", "growth_rate", "growth_rate_error", "frequency", "stable", "eigenvalues",
-                   "dispersion_error", "complete", "completeness_check", "method", "unknowns", "transient"},
+                   "dispersion_error", "complete", "completeness_check", "method", "unknowns", "transient", "kreiss"},
                   options.text("summary"));
   const Scene scene = Scene::from(options, true);
   return with_summary(summary, [&] {
@@ -133,15 +177,25 @@ int spectrum_command(const Options& options) {
       const std::optional<Transient> t = transient_growth(sliding, spectrum.growth);
       if (t) {
         summary.set("transient", Json::object({{"norm", "energy"},
+                                               {"method", t->method},
                                                {"numerical_abscissa", t->abscissa},
                                                {"growth", spectrum.stable ? Json(t->growth) : Json()},
-                                               {"time", spectrum.stable ? Json(t->time) : Json()}}));
+                                               {"time", spectrum.stable ? Json(t->time) : Json()},
+                                               {"growth_is", spectrum.stable ? growth_is(*t) : Json()}}));
       } else {
-        warn("-spectrum_transient: not for this scene (more than 400 unknowns that are not all alike, k0 = 0, or D2 "
-             "not symmetric)");
+        warn(std::string("-spectrum_transient: ") + no_norm);
       }
     }
-    write_file(sliding, spectrum, options.text("out_file"), provenance);
+    Pseudospectrum box;
+    if (const PetscInt side = options.integer("spectrum_pseudo"); side > 0) {
+      box = pseudospectrum_beside(sliding, spectrum, side);
+      if (box.norm.empty()) warn(std::string("-spectrum_pseudo: ") + no_norm);
+      double kreiss = 0;
+      for (std::size_t k = 0; k < box.norm.size(); ++k)
+        kreiss = std::max(kreiss, box.re[k % box.re.size()] * box.norm[k]);
+      if (!box.norm.empty() && spectrum.stable) summary.set("kreiss", kreiss);
+    }
+    write_file(sliding, spectrum, box, options.text("out_file"), provenance);
     if (!any_resolved())
       warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");
     if (!spectrum.complete) warn("the rightmost mode may have been missed: " + spectrum.completeness_check);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 
 #include "stickslip/error.hpp"
@@ -14,6 +15,8 @@
 namespace stickslip {
 
 namespace {
+
+constexpr double most_dense = 400;  // unknowns
 
 using Matrix = std::vector<double>;  // square, by columns
 
@@ -80,9 +83,338 @@ void grow(const Matrix& M, PetscBLASInt m, double horizon, Transient& result) {
   }
 }
 
+// ---- many nodes ---------------------------------------------------------------------------------------------------
+
+// Cholesky's factorisation of a symmetric banded matrix; false where it is not positive definite. Row i holds the
+// entries (i, i - band ... i).
+bool positive_definite(std::vector<double>& a, std::size_t n, std::size_t band) {
+  const std::size_t width = band + 1;
+  const auto at = [&](std::size_t i, std::size_t j) -> double& { return a[i * width + (j + band - i)]; };
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::size_t first = i > band ? i - band : 0;
+    for (std::size_t j = first; j <= i; ++j) {
+      double sum = at(i, j);
+      for (std::size_t k = std::max(first, j > band ? j - band : 0); k < j; ++k) sum -= at(i, k) * at(j, k);
+      if (j < i) {
+        at(i, j) = sum / at(j, j);
+      } else {
+        if (!(sum > 0)) return false;
+        at(i, i) = std::sqrt(sum);
+      }
+    }
+  }
+  return true;
+}
+
+// The energy's matrix M = diag(W K/A, W, W), unknowns of a node together; it is applied and inverted by its blocks.
+struct Energy {
+  explicit Energy(const Sliding& sliding) : s(sliding) { s.factor(0, stiffness); }
+  const Sliding& s;
+  BandLU stiffness;  // of K = S(0)
+
+  std::vector<Complex> apply(const std::vector<Complex>& x) const {
+    const std::size_t n = s.size(), d = s.dof();
+    std::vector<Complex> p(n), y(x.size());
+    for (std::size_t i = 0; i < n; ++i) p[i] = x[i * d];
+    p = s.apply(0, p);
+    for (std::size_t i = 0; i < n; ++i) {
+      y[i * d] = s.weight[i] * p[i] / s.A;
+      for (std::size_t c = 1; c < d; ++c) y[i * d + c] = s.weight[i] * x[i * d + c];
+    }
+    return y;
+  }
+  std::vector<Complex> solve(const std::vector<Complex>& x) const {
+    const std::size_t n = s.size(), d = s.dof();
+    std::vector<Complex> p(n), y(x.size());
+    for (std::size_t i = 0; i < n; ++i) p[i] = s.A * x[i * d] / s.weight[i];
+    s.solve(stiffness, p);
+    for (std::size_t i = 0; i < n; ++i) {
+      y[i * d] = p[i];
+      for (std::size_t c = 1; c < d; ++c) y[i * d + c] = x[i * d + c] / s.weight[i];
+    }
+    return y;
+  }
+};
+
+// (J - z)^-1 b with S(z) factored, and (J^T - z)^-1 b (no conjugation): both lead to one solve with S or S^T.
+std::vector<Complex> resolvent(const Sliding& s, Complex z, const BandLU& lu, const std::vector<Complex>& b) {
+  const std::size_t n = s.size(), d = s.dof();
+  std::vector<Complex> p(n), y(b.size());
+  for (std::size_t i = 0; i < n; ++i) {
+    p[i] = -(b[i * d + 1] + (s.s_delta + z) * b[i * d] / s.A);
+    if (d == 3) p[i] += z * s.F_state[i] * b[i * d + 2] / (z + s.r[i]);
+  }
+  s.solve(lu, p);
+  for (std::size_t i = 0; i < n; ++i) {
+    y[i * d] = p[i];
+    y[i * d + 1] = b[i * d] / s.A + (z / s.A + s.B + s.F_psi[i]) * p[i];
+    if (d == 3) {
+      y[i * d + 2] = (s.g_psi[i] * p[i] - b[i * d + 2]) / (z + s.r[i]);
+      y[i * d + 1] += s.F_state[i] * y[i * d + 2];
+    }
+  }
+  return y;
+}
+
+std::vector<Complex> transposed_resolvent(const Sliding& s, Complex z, const BandLU& lu,
+                                          const std::vector<Complex>& b) {
+  const std::size_t n = s.size(), d = s.dof();
+  std::vector<Complex> e(n), y(b.size());
+  for (std::size_t i = 0; i < n; ++i) {
+    e[i] = -b[i * d] - (s.B + s.F_psi[i] + z / s.A) * b[i * d + 1];
+    if (d == 3) e[i] -= s.g_psi[i] * (s.F_state[i] * b[i * d + 1] + b[i * d + 2]) / (z + s.r[i]);
+  }
+  s.solve_transposed(lu, e);
+  for (std::size_t i = 0; i < n; ++i) {
+    y[i * d] = (b[i * d + 1] + (s.s_delta + z) * e[i]) / s.A;
+    y[i * d + 1] = e[i];
+    if (d == 3) y[i * d + 2] = -(s.F_state[i] * (b[i * d + 1] + z * e[i]) + b[i * d + 2]) / (z + s.r[i]);
+  }
+  return y;
+}
+
+// The largest eigenvalue of H x = mu M x, H = (M J + J^T M)/2, by halving: mu M - H is positive definite for every mu
+// beyond it. In H the waves cancel.
+double band_abscissa(const Sliding& s) {
+  const std::size_t n = s.size(), d = s.dof();
+  std::vector<std::size_t> position(n);  // a ring is folded, so that its ends lie beside each other
+  for (std::size_t i = 0; i < n; ++i)
+    position[i] = !s.scene.ring() ? i : i < (n + 1) / 2 ? 2 * i : 2 * (n - 1 - i) + 1;
+  struct Term {
+    std::size_t row, column;
+    double H, M;
+  };
+  std::vector<Term> terms;
+  std::size_t band = 0;
+  const auto add = [&](std::size_t i, std::size_t c, std::size_t j, std::size_t e, double H, double M) {
+    const std::size_t row = position[i] * d + c, column = position[j] * d + e;
+    if (column > row) return;
+    band = std::max(band, row - column);
+    terms.push_back({row, column, H, M});
+  };
+  for (std::size_t i = 0; i < n; ++i) {
+    const double w = s.weight[i], D = s.B + s.F_psi[i];
+    auto row = s.coupling_row(i);
+    for (auto& [j, value] : row) value *= s.K1;
+    row.emplace_back(i, s.K0);
+    for (const auto& [j, value] : row) {
+      add(i, 0, j, 0, -0.5 * w * value * (D + s.B + s.F_psi[j]), w * value / s.A);
+      if (d == 3) {
+        add(i, 0, j, 2, -0.5 * w * value * s.F_state[j], 0);
+        add(j, 2, i, 0, -0.5 * w * value * s.F_state[j], 0);
+      }
+    }
+    for (const auto& [c, e] : {std::pair<std::size_t, std::size_t>{0, 1}, {1, 0}})
+      add(i, c, i, e, 0.5 * s.s_delta * w * s.F_psi[i], 0);
+    add(i, 1, i, 1, -s.s_delta * w, w);
+    if (d == 3) {
+      add(i, 2, i, 0, 0.5 * w * s.g_psi[i], 0);
+      add(i, 2, i, 1, 0.5 * s.s_delta * w * s.F_state[i], 0);
+      add(i, 2, i, 2, -s.r[i] * w, w);
+    }
+  }
+  std::vector<double> a;
+  const auto beyond = [&](double mu) {
+    a.assign(n * d * (band + 1), 0.);
+    for (const Term& t : terms) a[t.row * (band + 1) + (t.column + band - t.row)] += mu * t.M - t.H;
+    return positive_definite(a, n * d, band);
+  };
+  const double unit = std::sqrt(s.A * s.K0) + 1e-3 * std::sqrt(s.A * s.largest_stiffness());
+  double low = -unit, high = unit;
+  while (!beyond(high)) low = high, high *= 4;
+  for (double step = unit; low == -step && beyond(low); low = -(step *= 4)) high = low;
+  for (int k = 0; k < 60 && high - low > 1e-10 * (unit + std::abs(low)); ++k) {
+    const double middle = (low + high) / 2;
+    (beyond(middle) ? high : low) = middle;
+  }
+  return (low + high) / 2;
+}
+
+// The largest singular value, in the energy norm, of an operator given with its transpose, by Lanczos' iteration on
+// their product; `start` is the first vector and becomes the right singular vector.
+template <class Forward, class Transposed>
+double energy_norm(const Energy& M, const Forward& forward, const Transposed& transposed, std::vector<Complex>& start,
+                   double tolerance, int most) {
+  const auto inner = [](const std::vector<Complex>& x, const std::vector<Complex>& y) {
+    Complex sum = 0;
+    for (std::size_t i = 0; i < x.size(); ++i) sum += std::conj(x[i]) * y[i];
+    return sum;
+  };
+  std::vector<std::vector<Complex>> basis, images;  // M-orthonormal, and M times them
+  std::vector<double> diagonal, beside;
+  std::vector<Complex> x = start, Mx = M.apply(x);
+  double size = std::sqrt(inner(x, Mx).real()), value = 0;
+  for (int k = 0; k < most; ++k) {
+    for (auto* v : {&x, &Mx})
+      for (Complex& z : *v) z /= size;
+    basis.push_back(x);
+    images.push_back(Mx);
+    x = M.solve(transposed(M.apply(forward(x))));
+    diagonal.push_back(inner(images.back(), x).real());
+    for (int twice = 0; twice < 2; ++twice)
+      for (std::size_t j = 0; j < basis.size(); ++j) {
+        const Complex part = inner(images[j], x);
+        for (std::size_t i = 0; i < x.size(); ++i) x[i] -= part * basis[j][i];
+      }
+    Mx = M.apply(x);
+    size = std::sqrt(std::max(0., inner(x, Mx).real()));
+    // Ritz value of the tridiagonal matrix and its vector, by inverse iteration on few unknowns
+    const auto m = PetscBLASInt(basis.size());
+    std::vector<double> T(std::size_t(m * m), 0.), values(std::size_t(m), 0.), work(std::size_t(8 * m));
+    for (PetscBLASInt i = 0; i < m; ++i) {
+      T[std::size_t(i * m + i)] = diagonal[std::size_t(i)];
+      if (i > 0) T[std::size_t(i * m + i - 1)] = T[std::size_t((i - 1) * m + i)] = beside[std::size_t(i - 1)];
+    }
+    PetscBLASInt room = 8 * m, info = 0;
+    LAPACKsyev_("V", "U", &m, T.data(), &m, values.data(), work.data(), &room, &info);
+    if (info != 0) throw Failure("LAPACK found no eigenvalues in Lanczos' iteration");
+    value = values.back();
+    const double* ritz = &T[std::size_t((m - 1) * m)];
+    const double error = size * std::abs(ritz[m - 1]);
+    if (k + 1 == most || error <= tolerance * value || size <= 1e-14 * value) {
+      std::fill(start.begin(), start.end(), Complex(0));
+      for (std::size_t j = 0; j < basis.size(); ++j)
+        for (std::size_t i = 0; i < start.size(); ++i) start[i] += ritz[j] * basis[j][i];
+      break;
+    }
+    beside.push_back(size);
+  }
+  return std::sqrt(std::max(0., value));
+}
+
+// A vector that favours no wave and no place, the same in every run.
+std::vector<Complex> any_vector(std::size_t n, bool real) {
+  std::vector<Complex> x(n);
+  std::uint64_t seed = 0x9e3779b97f4a7c15u;
+  const auto draw = [&] {
+    seed = seed * 6364136223846793005u + 1442695040888963407u;
+    return double(seed >> 11) * 0x1p-53 - 0.5;
+  };
+  for (Complex& z : x) {
+    const double re = draw();
+    z = {re, real ? 0 : draw()};
+  }
+  return x;
+}
+
+// exp(J t) by steps of a Pade approximant r, one complex solve a step: r(z) = r(infinity) + 2 Re [a/(z - z0)] for real
+// vectors. (2, 2), of order 4, conserves the energy of waves without friction at any step; (1, 2), of order 3, damps
+// those that the step does not resolve.
+class Propagator {
+ public:
+  Propagator(const Sliding& s, double dt, bool damps) : s_(s), dt_(dt), beyond_(damps ? 0 : 1) {
+    const Complex z0 = damps ? Complex(2, std::sqrt(2.)) : Complex(3, std::sqrt(3.));
+    // (6 + 2 z)/(z^2 - 4 z + 6), or 1 + 12 z/(z^2 - 6 z + 12)
+    residue_ = (damps ? 6. + 2. * z0 : 12. * z0) / (z0 - std::conj(z0));
+    sigma_ = z0 / dt;
+    s.factor(sigma_, lu_);
+  }
+  std::vector<Complex> operator()(std::vector<Complex> x, long steps, bool transpose) const {
+    for (long k = 0; k < steps; ++k) {
+      const std::vector<Complex> y =
+          transpose ? transposed_resolvent(s_, sigma_, lu_, x) : resolvent(s_, sigma_, lu_, x);
+      for (std::size_t i = 0; i < x.size(); ++i) x[i] = beyond_ * x[i].real() + 2 * (residue_ * y[i]).real() / dt_;
+    }
+    return x;
+  }
+
+ private:
+  const Sliding& s_;
+  double dt_, beyond_;
+  Complex sigma_, residue_;
+  BandLU lu_;
+};
+
+// The largest |exp(J t)|: from one time to the next, each by Lanczos' iteration from the vector of the last. As
+// |exp(J (t + u))| <= |exp(J t)| |exp(J u)|, nothing larger can come after a time when it is below 1.
+void iterate_growth(const Sliding& s, double growth_rate, Transient& result) {
+  const double n = double(s.size() * s.dof()), budget = 1e9;  // unknowns times steps
+  const double quick = std::max(result.abscissa, std::sqrt(s.A * s.K0)), all = s.imaginary_bound();
+  const double horizon = 40 / std::min(-growth_rate, quick);
+  // In the continuum waves much shorter than what varies are left out: beyond some frequency they are the grid's.
+  double fastest = all;
+  if (s.scene.form == Form::continuum && n > most_dense) {
+    const double length = s.scene.spread == 0 ? s.scene.c : std::min(s.scene.c, s.scene.spread_length);
+    fastest = std::min({all, 10 * (std::sqrt(s.A * s.K0) + s.scene.c / length), resolved_frequency(s)});
+  }
+  const bool whole = fastest == all;
+  const double dt = 0.5 / fastest;
+  result.frequency = fastest;
+  const Energy M(s);
+  const Propagator propagator(s, dt, !whole);
+  double spent = 0, last = 1, before = 1;
+  std::vector<Complex> mixed = any_vector(s.size() * s.dof(), true), x = mixed;
+  {
+    double size = 0;
+    const std::vector<Complex> image = M.apply(mixed);
+    for (std::size_t i = 0; i < mixed.size(); ++i) size += (std::conj(mixed[i]) * image[i]).real();
+    for (Complex& z : mixed) z /= std::sqrt(size);
+  }
+  result.exact = false;
+  long steps = std::max(1L, std::lround(0.2 / (quick * dt)));
+  struct Sample {
+    double t, g;
+  };
+  std::vector<Sample> samples{{0, 1}};
+  const auto norm_at = [&](long count, double tolerance) {
+    const auto forward = [&](const std::vector<Complex>& v) {
+      spent += n * double(count);
+      return propagator(v, count, false);
+    };
+    const auto transposed = [&](const std::vector<Complex>& v) {
+      spent += n * double(count);
+      return propagator(v, count, true);
+    };
+    for (std::size_t i = 0; i < x.size(); ++i) x[i] += 0.1 * mixed[i];  // another direction may take the lead
+    const double g = energy_norm(M, forward, transposed, x, tolerance, 30);
+    samples.push_back({double(count) * dt, g});
+    return g;
+  };
+  while (spent < budget && double(steps) * dt < horizon) {
+    before = last;
+    last = norm_at(steps, 1e-3);
+    if (last < 1 && before < 1) {
+      result.exact = whole;
+      break;
+    }
+    steps = std::max(steps + 1, std::lround(1.15 * double(steps)));
+  }
+  const auto by_time = [](const Sample& a, const Sample& b) { return a.t < b.t; };
+  const auto by_growth = [](const Sample& a, const Sample& b) { return a.g < b.g; };
+  for (int refine = 0; refine < 12 && spent < 2 * budget; ++refine) {  // the widest gap beside what is nearly the top
+    std::sort(samples.begin(), samples.end(), by_time);
+    const double near = 0.97 * std::max_element(samples.begin(), samples.end(), by_growth)->g;
+    std::size_t widest = 0;
+    double width = 1.1 * dt;
+    for (std::size_t k = 0; k + 1 < samples.size(); ++k)
+      if (std::max(samples[k].g, samples[k + 1].g) >= near && samples[k + 1].t - samples[k].t > width) {
+        width = samples[k + 1].t - samples[k].t;
+        widest = k;
+      }
+    if (width <= 1.1 * dt) break;
+    norm_at(std::lround((samples[widest].t + width / 2) / dt), 1e-4);
+  }
+  const auto top = std::max_element(samples.begin(), samples.end(), by_growth);
+  result.growth = top->g;
+  result.time = top->t;
+}
+
+// |(z - J)^-1| in the energy norm.
+double resolvent_norm_with(const Sliding& s, const Energy& M, Complex z) {
+  BandLU lu, conjugate;
+  s.factor(z, lu);
+  s.factor(std::conj(z), conjugate);
+  const auto forward = [&](const std::vector<Complex>& v) { return resolvent(s, z, lu, v); };
+  const auto transposed = [&](const std::vector<Complex>& v) {
+    return transposed_resolvent(s, std::conj(z), conjugate, v);
+  };
+  std::vector<Complex> x = any_vector(s.size() * s.dof(), false);
+  return energy_norm(M, forward, transposed, x, 1e-4, 40);
+}
+
 }  // namespace
 
-std::optional<Transient> transient_growth(const Sliding& s, double growth_rate) {
+std::optional<Transient> transient_growth(const Sliding& s, double growth_rate, bool iterate) {
   Transient result;
   result.abscissa = -std::numeric_limits<double>::infinity();
   // growth is bounded only where sliding is stable; the largest comes within a few damping or oscillation times
@@ -90,7 +422,8 @@ std::optional<Transient> transient_growth(const Sliding& s, double growth_rate) 
   const double horizon = growth_rate < 0 ? 6 / slow : 0;
   const std::size_t d = s.dof();
   const std::vector<Sliding::Wave> waves = s.exact_waves();
-  if (!waves.empty()) {
+  if (!waves.empty() && !iterate) {
+    result.method = "wavenumbers";
     // a block for every wavenumber, in P = sqrt(K/A) p, e, t
     const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
     for (const Sliding::Wave& w : waves) {
@@ -113,7 +446,15 @@ std::optional<Transient> transient_growth(const Sliding& s, double growth_rate) 
     }
     return result;
   }
-  if (!s.symmetric || !(s.K0 > 0) || s.size() * d > 400) return std::nullopt;
+  if (!s.symmetric || s.neutral()) return std::nullopt;
+  if (iterate || double(s.size() * d) > most_dense) {
+    result.method = "iteration";
+    result.abscissa = band_abscissa(s);
+    const double rounding = 1e-8 * std::sqrt(s.A * s.largest_stiffness());
+    if (growth_rate < 0 && result.abscissa > rounding) iterate_growth(s, growth_rate, result);
+    return result;
+  }
+  result.method = "dense";
   // dense: W (K0 - K1 D2) = L L^T, P = L^T p/sqrt(A), e and t times the root of the weight
   const std::size_t n = s.size(), m = n * d;
   PetscBLASInt size = PetscBLASInt(n), info = 0;
@@ -153,6 +494,26 @@ std::optional<Transient> transient_growth(const Sliding& s, double growth_rate) 
   }
   grow(M, PetscBLASInt(m), horizon, result);
   return result;
+}
+
+double resolvent_norm(const Sliding& s, Complex z) {
+  if (!s.symmetric || s.neutral()) return std::nan("");
+  const Energy M(s);
+  return resolvent_norm_with(s, M, z);
+}
+
+std::vector<double> pseudospectrum(MPI_Comm comm, const Sliding& s, const std::vector<double>& re,
+                                   const std::vector<double>& im) {
+  if (!s.symmetric || s.neutral()) return {};
+  int ranks = 1, rank = 0;
+  MPI_Comm_size(comm, &ranks);
+  MPI_Comm_rank(comm, &rank);
+  const Energy M(s);
+  std::vector<double> norms(re.size() * im.size(), 0.);
+  for (std::size_t k = 0; k < norms.size(); ++k)
+    if (int(k) % ranks == rank) norms[k] = resolvent_norm_with(s, M, {re[k % re.size()], im[k / re.size()]});
+  MPI_Allreduce(MPI_IN_PLACE, norms.data(), int(norms.size()), MPI_DOUBLE, MPI_SUM, comm);
+  return norms;
 }
 
 }  // namespace stickslip

@@ -25,6 +25,23 @@ with scratch():
     with h5py.File("s.h5") as file:
         check(file["psi_re"].shape[1] == 128 and np.all(np.isfinite(file["eta_im"][...])), "eigenvectors in the file")
 
+    # non-normality: what grows for a while though sliding is stable, and the resolvent norm drawn
+    scene = ("-model_form", "chain", "-grid_n", "400", "-model_v", "1.2", "-bc_left", "velocity", "-bc_left_value", "0.8",
+             "-model_k1", "4")
+    code, out, err = call("spectrum", *scene, "-spectrum_transient", "true", "-spectrum_pseudo", "8", "-summary", "n.json",
+                          "-out_file", "n.h5")
+    check(code == 0 and not err, f"transient growth ends with {code}: {err}")
+    summary = json.load(open("n.json"))
+    transient = summary["transient"]
+    check(transient["method"] == "iteration" and transient["growth_is"] == "the maximum over sampled times" and
+          transient["growth"] > 1.4 and transient["numerical_abscissa"] > 0.2, f"transient growth: {transient}")
+    check(0 < summary["kreiss"] <= transient["growth"], f"Kreiss's lower bound {summary['kreiss']}")
+    with h5py.File("n.h5") as file:
+        distance = np.abs(file["pseudo_re"][...][None, :, None] + 1j * file["pseudo_im"][...][:, None, None] -
+                          (file["re"][...] + 1j * file["im"][...])[None, None, :]).min(axis=2)
+        norm = 10 ** file["log10_resolvent"][...]
+        check(norm.shape == (8, 8) and np.all(norm * distance > 0.999), "the resolvent norm is at least 1/distance")
+
     # an eigenvector as a start: it decays at its growth rate
     code, out, err = call("run", "-model_v", "1", "-grid_n", "128", "-init_type", "file", "-init_file", "s.h5",
                           "-init_amplitude", "1e-4", "-ts_max_time", "20", "-ts_rtol", "1e-9", "-ts_atol", "1e-12",
@@ -56,7 +73,7 @@ with scratch():
         small = file["value"][...] < 3e-3
         slope = np.polyfit(np.log(file["value"][...][small]), np.log(file["value2"][...][small]), 1)[0]
         check(-0.3 < slope < -0.2, "slope about -1/4 at small k1")
-    for name in ("s", "b"):
+    for name in ("s", "b", "n"):
         done = subprocess.run(["/usr/bin/python3", os.path.join(SOURCE, "postprocess", "plot.py"), name + ".h5"],
                               capture_output=True, text=True)
         check(done.returncode == 0 and os.path.getsize(name + ".png") > 5000, f"picture of {name}.h5: {done.stderr}")

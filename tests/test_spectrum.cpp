@@ -241,3 +241,73 @@ TEST_CASE("friction does not enter det S(0): no real eigenvalue of sliding can c
     CHECK(product == Approx(expected).margin(1e-6));
   }
 }
+
+TEST_CASE("transient growth of many nodes: the iteration agrees with the dense matrix", "[spectrum][serial]") {
+  int growing = 0, all = 0;
+  for (unsigned seed = 1; seed <= 400 && all < 40; ++seed) {
+    Scene scene = random_scene(9000 + seed, 36);
+    if (scene.left == End::velocity || scene.right == End::velocity) scene.order = 2;
+    std::optional<Sliding> s;
+    try {
+      s.emplace(scene);
+    } catch (const Failure&) {
+      continue;
+    }
+    const double growth = lapack(*s)[0].real();
+    if (growth > -0.02 || !s->exact_waves().empty()) continue;
+    const auto dense = transient_growth(*s, growth), iterated = transient_growth(*s, growth, true);
+    INFO(describe(scene) << " growth rate " << growth << " at " << (dense ? dense->time : 0) << " and "
+                         << (iterated ? iterated->time : 0));
+    CHECK(dense.has_value() == iterated.has_value());
+    if (!dense || !iterated) continue;
+    ++all;
+    growing += dense->growth > 1.01;
+    CHECK(iterated->abscissa == Approx(dense->abscissa).margin(1e-7 * s->imaginary_bound()));
+    CHECK(iterated->exact);
+    // both are sampled in time, each from below: the iteration at 0.5 over the largest frequency, so that it may be by
+    // 1 - cos(0.25) beside a top; dense at 1/200 of its horizon
+    CHECK(iterated->growth >= dense->growth * std::cos(0.25));
+    CHECK(iterated->growth <= dense->growth * 1.1);
+  }
+  CHECK(all >= 20);
+  CHECK(growing >= 5);
+}
+
+TEST_CASE("the resolvent norm: 1/distance where the operator is normal, and below the growth it bounds",
+          "[spectrum][serial]") {
+  Scene s;  // at v = 1 the cubic law neither damps nor drives, so that the energy is conserved
+  s.n = 50;
+  s.length = 20;
+  s.v = 1;
+  s.delta = 0;
+  s.order = 6;
+  s.spread = 0.3;
+  const Sliding plain(s);
+  const std::vector<Complex> values = lapack(plain);
+  for (const Complex z : {Complex(0.1, 1.2), Complex(-0.3, 0.4), Complex(0.01, 2.5), Complex(1, 0)}) {
+    double distance = 1e300;
+    for (const Complex& value : values) distance = std::min(distance, std::abs(z - value));
+    CHECK(resolvent_norm(plain, z) == Approx(1 / distance).epsilon(2e-4));
+  }
+  // Re z |(z - J)^-1| <= max |exp(J t)| right of the axis (Kreiss), both ranks of a communicator or one
+  s.v = 1.2;
+  s.order = 2;
+  s.spread = 0;
+  s.left = End::velocity;
+  s.right = End::free;
+  s.left_value = 0.8;
+  const Sliding held(s);
+  const double growth = lapack(held)[0].real();
+  REQUIRE(growth < 0);
+  const double most = transient_growth(held, growth)->growth;
+  const std::vector<double> re{0.02, 0.1, 0.3}, im{0, 1, 1.3, 2};
+  const std::vector<double> norms = pseudospectrum(PETSC_COMM_SELF, held, re, im);
+  REQUIRE(norms.size() == 12);
+  double kreiss = 0;
+  for (std::size_t k = 0; k < norms.size(); ++k) {
+    kreiss = std::max(kreiss, re[k % 3] * norms[k]);
+    CHECK(norms[k] == Approx(resolvent_norm(held, {re[k % 3], im[k / 3]})).epsilon(2e-4));
+  }
+  CHECK(kreiss <= most * 1.001);
+  CHECK(kreiss > 0.2);
+}

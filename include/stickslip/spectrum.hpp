@@ -81,10 +81,21 @@ struct Transient {
   double abscissa = 0;  // the fastest growth rate of any perturbation at first (numerical abscissa)
   double growth = 1;    // largest |exp(J t)| over t; 1 where nothing grows. Meaningful for stable sliding only
   double time = 0;      // when it is reached
+  std::string method;   // "wavenumbers", "dense" or "iteration"
+  bool exact = true;    // to sampling in time; false: growth is a lower bound
+  double frequency = 0;  // iteration: of the fastest waves that it carries
 };
-// By wavenumber where the exact relation applies, dense up to 400 unknowns elsewhere; nothing beyond, nor where D2 has
-// no such norm (held ends of order 4 and 6, K0 = 0 without the exact relation).
-std::optional<Transient> transient_growth(const Sliding& sliding, double growth_rate);
+// By wavenumber where the exact relation applies, dense up to 400 unknowns elsewhere, beyond (or with `iterate`) by
+// banded matrices: the abscissa by halving (Cholesky's factorisation says on which side it lies), the growth by Lanczos'
+// iteration on exp(J t) and its adjoint, stepped by a rational approximation. Nothing where D2 has no such norm (held
+// ends of order 4 and 6, sliding as a whole without the exact relation).
+std::optional<Transient> transient_growth(const Sliding& sliding, double growth_rate, bool iterate = false);
+
+// The resolvent norm |(z - J)^-1| in the energy norm, by Lanczos' iteration on banded solves, to 1e-4; NaN where there
+// is no such norm. At every (re, im), re fastest; empty where there is none. Collective over comm, which shares the work.
+double resolvent_norm(const Sliding& sliding, Complex z);
+std::vector<double> pseudospectrum(MPI_Comm comm, const Sliding& sliding, const std::vector<double>& re,
+                                   const std::vector<double>& im);
 
 // The number of eigenvalues with real part above `a` and |Im| < height, by the turn of the characteristic polynomial's
 // phase round that box; empty where an eigenvalue stands on its edge, or the work would exceed `effort` node
