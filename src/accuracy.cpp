@@ -19,7 +19,7 @@ namespace {
 
 // Parts of the accuracy: the error foreseen in space, that in time beside it or where nothing else errs, and what the
 // error in time of a rung may be of that in space.
-constexpr double share_of_space = 0.35, share_of_time = 0.1, share_in_all = 0.45, share_of_rung = 0.1;
+constexpr double share_of_space = 0.35, share_of_time = 0.1, share_in_all = 0.55, share_of_rung = 0.1;
 constexpr double telling = 50;         // a rung foresees errors down to this part of its own
 constexpr double loosened = 30;        // the tolerance that tells what a tolerance costs, over that of the rung
 constexpr double least_tolerance = 1e-14;
@@ -124,8 +124,9 @@ class Clock {
 
 double expected_order(double earlier, double last, int p) {
   last = std::clamp(last, 0.5, double(p));
-  const bool rising = !std::isnan(earlier) && last > earlier + 0.3;
-  return rising || last > 0.8 * p ? last + std::min((p - last) / 2, 0.8 * last) : last;
+  if (last > 0.8 * p) return (last + p) / 2;
+  const double rise = std::isnan(earlier) ? 0 : last - std::max(earlier, 0.);
+  return rise > 0.3 ? last + std::min({(p - last) / 2, 0.8 * last, 1.5 * rise}) : last;
 }
 
 AccuracyPlan::AccuracyPlan(const Options& options, double wanted)
@@ -295,101 +296,137 @@ double AccuracyPlan::error_foreseen(double at) const {
   return distances_.back() * std::pow(before / near, order_beyond()) * std::pow(last / far, next_order());
 }
 
+// Of a rung on a grid of so many cells. A strict one costs little: it is chosen for the least error in space that the
+// rung may have.
+double AccuracyPlan::tolerance_of_rung(double at) const {
+  if (!tolerance_open_) return setting_.tolerance;
+  const std::size_t count = rungs_.size();
+  double in_space = 1;
+  if (count >= 2) in_space = distances_.back() * std::pow(cells(rungs_[count - 2].scene) / at, order_at_best());
+  else if (per_tolerance_cells_ > 0 || (count == 1 && friction_sets_steps_)) in_space = 0;
+  const double grown = per_tolerance_cells_ > 0 ? std::max(1., at / per_tolerance_cells_) : 1;
+  return std::clamp(share_of_rung * std::max(in_space, share_of_space * aim_) / (per_tolerance_ * grown),
+                    least_tolerance, 1e-4);
+}
+
+void AccuracyPlan::add(Rung made) {
+  if (!rungs_.empty()) distances_.push_back(std::max(difference(rungs_.back(), made), 1e-300));
+  rungs_.push_back(std::move(made));
+}
+
+void AccuracyPlan::begin_anew() {
+  rungs_.clear();
+  distances_.clear();
+}
+
+void AccuracyPlan::take_explicit() {
+  setting_.method = MethodChoice::parse("accuracy", "rk:7vr");
+  why_.clear();
+  begin_anew();
+}
+
+AccuracyPlan::Outlook AccuracyPlan::outlook() const {
+  const double p = order_at_best(), last = cells(rungs_.back().scene), beyond = next_order();
+  // where friction sets the steps, a finer grid costs little, and another run much
+  const double share = friction_sets_steps_ && setting_.method.is_explicit() ? 0.12 : share_of_space;
+  Outlook ahead;
+  ahead.error = error_foreseen(last);
+  ahead.order = order_beyond();
+  ahead.factor = std::pow(ahead.error / (share * aim_), 1 / beyond);
+  ahead.sure = ahead.order > 0.8 * p;
+  // an order that has hardly begun to rise foresees nothing
+  ahead.resolved = distances_.back() < (distances_.size() < 2 ? 20 : 3) * share_of_space * aim_ ||
+                   (distances_.size() > 1 && rate(distances_.size() - 1) > 0.25 * p);
+  ahead.within_reach =
+      ahead.resolved && ahead.factor < std::clamp(std::pow(telling, 1 / beyond), 1.3, ahead.sure ? 8. : 2.2);
+  return ahead;
+}
+
+// Grid and tolerance of the run, as the last rung foresees them.
+void AccuracyPlan::place_run(const Outlook& ahead) {
+  const double last = cells(rungs_.back().scene);
+  // Near the last rung the distance from it would tell nothing.
+  const double least = std::max(std::pow(0.4, -1 / next_order()), least_stretch_);
+  if (grid_open_) setting_.n = nodes(last * (ahead.factor > 0.93 ? std::max(ahead.factor, least) : ahead.factor));
+  Scene run = scene_;
+  run.n = setting_.n;
+  in_space_ = error_foreseen(cells(run));
+  choose_tolerance_on(cells(run), in_space_);
+}
+
+// Whether it is the steps in time whose errors do not fall from grid to grid: then it is begun anew with stricter ones.
+bool AccuracyPlan::time_is_to_blame() {
+  if (!tolerance_open_ || restarts_ == 4 || rungs_.back().tolerance <= 2 * least_tolerance) return false;
+  ++restarts_;
+  const Rung& seen = rungs_[rungs_.size() - 2];
+  const Rung loose = rung(seen.scene.n, loosened * seen.tolerance);
+  const double d = difference(seen, loose);
+  if (d <= 0.3 * loosened * distances_.back()) return false;
+  per_tolerance_ = 3 * d / loose.tolerance;
+  per_tolerance_cells_ = cells(seen.scene);
+  begin_anew();
+  return true;
+}
+
+void AccuracyPlan::give_up_on(const Outlook& ahead) const {
+  const double last = distances_.size() > 1 ? rate(distances_.size() - 1) : NAN, p = order_at_best();
+  give_up("on " + std::to_string(rungs_.back().scene.n) + " nodes the error is about " + rounded(ahead.error) +
+          (last < 0.3 ? " and does not fall from grid to grid" : " and falls like h^" + rounded(last)) +
+          ", as it does at " +
+          (last < 0.3 * p ? "jumps, corners and fronts thinner than that grid" : "fronts that are not resolved") +
+          "; best reached " + rounded(ahead.error));
+}
+
 void AccuracyPlan::climb() {
-  // A strict tolerance costs little: it is chosen for the least error in space that the rung may have.
-  const auto tolerance_for = [&](double at) {
-    if (!tolerance_open_) return setting_.tolerance;
-    const std::size_t count = rungs_.size();
-    const double in_space =
-        count >= 2 ? distances_.back() * std::pow(cells(rungs_[count - 2].scene) / at, order_at_best())
-                   : (per_tolerance_cells_ > 0 ? 0 : 1);
-    const double grown = per_tolerance_cells_ > 0 ? std::max(1., at / per_tolerance_cells_) : 1;
-    return std::clamp(share_of_rung * std::max(in_space, share_of_space * aim_) / (per_tolerance_ * grown),
-                      least_tolerance, 1e-4);
-  };
-  const auto add = [&](Rung&& made) {
-    if (!rungs_.empty()) distances_.push_back(std::max(difference(rungs_.back(), made), 1e-300));
-    rungs_.push_back(std::move(made));
-  };
   const double set_cells = cells(scene_);
-  double next = grid_open_ ? double(first_cells()) : set_cells / 2.25;
-  if (!grid_open_ && next < setting_.order + 2) next = 1.5 * set_cells;
-  int failures = 0, restarts = 0;
-  for (;;) {
-    if (rungs_.size() == 1) {
-      const bool cheap = double(rungs_[0].steps) * double(rungs_[0].scene.n) < 5000;
-      next = cells(rungs_[0].scene) * (!grid_open_ ? (next > set_cells ? 1 / 1.5 : 1.5) : cheap ? 2 : 1.5);
-    }
+  const auto first = [&] {
+    if (grid_open_) return double(first_cells());
+    return set_cells / 2.25 < setting_.order + 2 ? 1.5 * set_cells : set_cells / 2.25;
+  };
+  const auto second = [&](const Rung& before) {
+    const bool cheap = double(before.steps) * double(before.scene.n) < 5000 || friction_sets_steps_;
+    const double ratio = grid_open_ ? (cheap ? 2 : 1.5) : before.scene.n > scene_.n ? 1 / 1.5 : 1.5;
+    return ratio * cells(before.scene);
+  };
+  double next = first();
+  for (int failures = 0;;) {
+    if (rungs_.size() == 1) next = second(rungs_[0]);
     if (rungs_.size() >= 2) {
-      const double p = order_at_best(), r = order_beyond(), last = cells(rungs_.back().scene);
-      const double error = error_foreseen(last), beyond = next_order();
-      const double factor = std::pow(error / (share_of_space * aim_), 1 / beyond);
-      const bool sure = r > 0.8 * p;
-      // an order that has hardly begun to rise foresees nothing
-      const bool resolved = distances_.back() < (distances_.size() < 2 ? 20 : 3) * share_of_space * aim_ ||
-                            (distances_.size() > 1 && rate(distances_.size() - 1) > 0.3 * p);
-      if (!grid_open_ || (resolved && factor < std::clamp(std::pow(telling, 1 / beyond), 1.3, sure ? 8. : 2.2))) {
-        // Near the last rung the distance from it would tell nothing.
-        const double least = std::max(std::pow(0.5, -1 / beyond), least_stretch_);
-        const double stretch = !grid_open_ ? set_cells / last : factor > 0.93 ? std::max(factor, least) : factor;
-        setting_.n = grid_open_ ? nodes(stretch * last) : scene_.n;
-        Scene run = scene_;
-        run.n = setting_.n;
-        in_space_ = error_foreseen(cells(run));
-        choose_tolerance_on(cells(run), in_space_);
-        if (!prefers_explicit(rungs_.back().seconds * stretch *
-                                  std::pow(rungs_.back().tolerance / setting_.tolerance, 1. / 3), setting_.n))
-          return;
-      } else {
-        const PetscInt n = rungs_.back().scene.n;
-        const bool hopeless = n > 2000 && (last * factor > double(most_nodes) ||
-                                           rungs_.back().seconds * factor * factor > most_seconds);
-        // errors that do not fall may be those of the steps in time
-        if (hopeless && tolerance_open_ && restarts++ < 4 && rungs_.back().tolerance > 2 * least_tolerance) {
-          const Rung& seen = rungs_[rungs_.size() - 2];
-          const Rung loose = rung(seen.scene.n, loosened * seen.tolerance);
-          const double d = difference(seen, loose);
-          if (d > 0.3 * loosened * distances_.back()) {
-            per_tolerance_ = 3 * d / loose.tolerance;
-            per_tolerance_cells_ = cells(seen.scene);
-            next = cells(rungs_[rungs_.size() > 2 ? rungs_.size() - 3 : 0].scene);
-            rungs_.clear();
-            distances_.clear();
-            add(rung(nodes(next), tolerance_for(next)));
-            continue;
-          }
-        }
-        if (hopeless || 2 * n > most_nodes)
-          give_up("on " + std::to_string(n) + " nodes the error is about " + rounded(error) + " and falls like h^" +
-                  rounded(r) + (r < 0.4 * p ? ", which is what jumps and corners leave of order " +
-                                                  std::to_string(setting_.order)
-                                            : ", as fronts do that are not resolved") +
-                  "; best reached " + rounded(error));
-        next = last * (resolved ? std::clamp(factor / 1.45, 1.3, sure ? 4. : 2.) : distances_.size() < 2 ? 1.5 : 2.);
-        if (!prefers_explicit(rungs_.back().seconds * factor, n)) {
-          add(rung(nodes(next), tolerance_for(next)));
-          continue;
-        }
+      const Outlook ahead = outlook();
+      const Rung& last = rungs_.back();
+      const PetscInt n = last.scene.n;
+      const bool place = !grid_open_ || ahead.within_reach;
+      double seconds = last.seconds * ahead.factor;  // of the run, if it is implicit
+      if (place) {
+        place_run(ahead);
+        seconds = last.seconds * double(setting_.n) / double(n) *
+                  std::pow(last.tolerance / setting_.tolerance, 1. / 3);
       }
-      // the implicit method has turned out to be the slower one
-      setting_.method = MethodChoice::parse("accuracy", "rk:7vr");
-      why_.clear();
-      rungs_.clear();
-      distances_.clear();
-      next = grid_open_ ? double(first_cells()) : set_cells / 2.25;
+      if (prefers_explicit(seconds, place ? setting_.n : n)) {
+        take_explicit();
+        next = first();
+      } else if (place) {
+        return;
+      } else {
+        const bool hopeless = n > 2000 && (cells(last.scene) * ahead.factor > double(most_nodes) ||
+                                           last.seconds * ahead.factor * ahead.factor > most_seconds);
+        next = cells(last.scene) * (ahead.resolved ? std::clamp(ahead.factor / 1.45, 1.3, ahead.sure ? 4. : 2.) : 2);
+        const double coarser = cells(rungs_[rungs_.size() > 2 ? rungs_.size() - 3 : 0].scene);
+        if (hopeless && time_is_to_blame()) next = coarser;
+        else if (hopeless || 2 * n > most_nodes) give_up_on(ahead);
+      }
     }
     std::string failed;
-    Rung made = rung(nodes(next), tolerance_for(next), failed);
+    Rung made = rung(nodes(next), tolerance_of_rung(next), failed);
     // what the run would cost on some 2/accuracy^(1/p) times as many nodes at a hundredth of the accuracy
     const double grown = 2 * std::pow(std::min(aim_, 1.), -1. / setting_.order);
-    const bool slow = rungs_.empty() && prefers_explicit(made.seconds * grown *
-                                                             std::pow(made.tolerance / (0.01 * aim_), 1. / 3),
-                                                         nodes(next * grown));
+    const double seconds = made.seconds * grown * std::pow(made.tolerance / (0.01 * aim_), 1. / 3);
+    const bool slow = rungs_.empty() && prefers_explicit(seconds, nodes(next * grown));
     if (failed.empty() && !slow) {
       add(std::move(made));
     } else if (method_open_ && !setting_.method.is_explicit()) {
-      setting_.method = MethodChoice::parse("accuracy", "rk:7vr");
-      why_.clear();
+      take_explicit();
+      next = first();
     } else if (grid_open_ && ++failures < 6) {
       next *= 2;
     } else {
@@ -405,7 +442,10 @@ void AccuracyPlan::choose_tolerance_on(double run_cells, double in_space) {
   // steps that hardly depend on grid and tolerance: a strict tolerance costs nothing, and nothing need be known of it
   const bool bound = double(rungs_.back().steps) < 1.1 * double(seen.steps) &&
                      rungs_.back().tolerance < 0.1 * seen.tolerance;
-  if (bound) most = rungs_.back().tolerance;
+  if (bound) {
+    most = rungs_.back().tolerance;
+    per_tolerance_cells_ = cells(seen.scene);
+  }
   if (!bound && (per_tolerance_cells_ == 0 || per_tolerance_cells_ < 0.6 * cells(seen.scene))) {
     const bool loosen = tolerance_open_ && seen.tolerance * loosened < 0.1;
     Rung other = rung(seen.scene.n, loosen ? loosened * seen.tolerance : std::max(seen.tolerance / loosened, 1e-14));
@@ -451,10 +491,7 @@ void AccuracyPlan::descend() {
     if (!failed.empty()) {
       if (!method_open_ || setting_.method.is_explicit())
         give_up(setting_.method.name() + " at tolerance " + rounded(next) + ": " + failed);
-      setting_.method = MethodChoice::parse("accuracy", "rk:7vr");
-      why_.clear();
-      rungs_.clear();
-      distances_.clear();
+      take_explicit();
       next = first();
       continue;
     }
@@ -490,10 +527,7 @@ void AccuracyPlan::descend() {
     const bool within_reach = wish >= last.tolerance / (early ? 100 : loosened) ||
                               last.tolerance <= 2 * least_tolerance;
     if (prefers_explicit(last.seconds * std::pow(last.tolerance / wish, 1. / 3), scene_.n)) {
-      setting_.method = MethodChoice::parse("accuracy", "rk:7vr");
-      why_.clear();
-      rungs_.clear();
-      distances_.clear();
+      take_explicit();
       next = first();
       continue;
     }
@@ -502,8 +536,9 @@ void AccuracyPlan::descend() {
       const double off = setting_.method.is_explicit() ? 3 : 2;
       const bool near = wish > last.tolerance / off && wish < last.tolerance * off;
       const double told = !near                                                   ? wish
-                          : time_foreseen(last.tolerance * off) < 0.85 * wanted_ ? last.tolerance * off
-                                                                                  : last.tolerance / off;
+                          : !setting_.method.is_explicit() && time_foreseen(last.tolerance * off) < 0.85 * wanted_
+                              ? last.tolerance * off
+                              : last.tolerance / off;
       setting_.tolerance = std::clamp(told, least_tolerance, 3 * most());
       in_time_ = time_foreseen(setting_.tolerance);
       return;
@@ -520,12 +555,17 @@ double AccuracyPlan::estimate_in_space(const Rung& now, double d) const {
   double r = next_order();
   // while orders are still far from p, more goes otherwise than foreseen
   const auto careful = [&](double error) { return (1.3 + 1.5 * (1 - r / p)) * error; };
-  if (x < 1.03)
-    return careful(x < 0.97 ? d + error_foreseen(cells(rungs_.back().scene)) : error_foreseen(cells(now.scene)));
   const std::size_t known = distances_.size();
+  if (x < 0.97) {
+    const double slow = known > 1 ? std::clamp(rate(known - 1), 0.5, p) : r;
+    return careful(std::max(d + error_foreseen(cells(rungs_.back().scene)), d / (1 - std::pow(x, slow)) / 1.3));
+  }
+  if (x < 1.03) return careful(error_foreseen(cells(now.scene)));
   double error = d;
   for (int round = 0; round < 3; ++round) {
-    const double of_last = d / (1 - std::pow(x, -r));
+    // two grids that are close may err alike
+    const double of_last =
+        std::max(d / (1 - std::pow(x, -r)), x < 1.5 ? 0.6 * error_foreseen(cells(rungs_.back().scene)) : 0.);
     const double seen = std::log(distances_.back() / of_last) /
                         std::log(cells(rungs_.back().scene) / cells(rungs_[rungs_.size() - 2].scene));
     r = expected_order(known > 1 ? rate(known - 1) : NAN, seen, order_at_best());
@@ -541,6 +581,7 @@ double AccuracyPlan::estimate_in_time(const Rung& now, double d) const {
   if (x < 0.7) return d / (1 - std::pow(x, slope()));
   if (x < 1) return std::max(d, time_foreseen(now.tolerance));
   const double usual = slope();
+  if (d < 0.01 * time_foreseen(now.tolerance)) return time_foreseen(last.tolerance);  // the rung's own steps
   if (x < 3) return std::max(time_foreseen(now.tolerance), x > 1.5 ? d / (std::pow(x, usual) - 1) : 0);
   const double of_last = d / (1 - std::pow(x, -usual));
   const double seen = std::clamp(std::log(distances_.back() / of_last) /
@@ -586,16 +627,23 @@ void AccuracyPlan::refine() {
       least_stretch_ = std::pow(last_estimate_ / (share_in_all * wanted_), 1 / next_order());
       climb();
     } else {
-      if (before < rungs_.back().tolerance / 2) {
-        distances_.push_back(std::max(difference(rungs_.back(), last_run_), 1e-300));
+      const Rung& last = rungs_.back();
+      if (before < last.tolerance / 2) {
+        distances_.push_back(std::max(difference(last, last_run_), 1e-300));
         rungs_.push_back(last_run_);
+      } else if (before > 1.5 * last.tolerance && before < rungs_[rungs_.size() - 2].tolerance) {
+        distances_.back() = std::max(difference(last, last_run_), 1e-300);
+        rungs_[rungs_.size() - 2] = last_run_;
+        if (distances_.size() > 1)
+          distances_[distances_.size() - 2] = difference(rungs_[rungs_.size() - 3], last_run_);
       }
       const double wish = rungs_[rungs_.size() - 2].tolerance *
                           std::pow(share_in_all * aim_ / distances_.back(), 1 / slope());
       if (before <= 2 * least_tolerance)
         give_up("at tolerance " + rounded(before) + " the error in time is still about " + rounded(last_estimate_) +
                 " (the motion amplifies what is lost)");
-      setting_.tolerance = std::clamp(std::min(wish, before / 4), least_tolerance, before);
+      setting_.tolerance =
+          std::clamp(std::min({wish, before / 3, rungs_.back().tolerance / 3}), least_tolerance, before);
       in_time_ = time_foreseen(setting_.tolerance);
     }
   }

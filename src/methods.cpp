@@ -25,7 +25,7 @@ const std::vector<Method>& methods() {
       {"rk", "5f", explicit_, 5, yes, "as 5dp"},
       {"rk", "5bs", explicit_, 5, yes, "accuracy of 1e-8 and better"},
       {"rk", "6vr", explicit_, 6, yes, "accuracy of 1e-9 and better"},
-      {"rk", "7vr", explicit_, 7, yes, "accuracy of 1e-10 and better"},
+      {"rk", "7vr", explicit_, 7, yes, "any accuracy, also where stability sets the steps"},
       {"rk", "8vr", explicit_, 8, yes, "reference solutions"},
       {"rk", "2a", explicit_, 2, yes, "comparison"},
       {"rk", "2b", explicit_, 2, never, "comparison"},

@@ -58,6 +58,8 @@ Model Pilot::model(int order, PetscInt n) const {
 }
 
 Rates Pilot::rates(int order, PetscInt n) const {
+  std::vector<std::string> unheard;
+  const WarningsKept kept(unheard);
   const Model model = this->model(order, n);
   const VecHandle u = vector_for(model);
   start_.fill(model, u);

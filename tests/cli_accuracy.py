@@ -35,8 +35,9 @@ assert made["error_estimate"] <= 1e-5 and "accuracy: " + how["method"] in made["
 assert how["choosing_seconds"] > 0 and how["run_seconds"] >= how["step_seconds"] > 0
 # on several ranks the same answer to that accuracy, at the probes too
 two = run(*SCENE, "-accuracy", 1e-5, "-out_probes", "3.3,10", ranks=2)
+assert all(how[name] == two["accuracy"][name] for name in ("method", "tolerance", "order", "n")), two["accuracy"]
 for a, b in zip(made["probes"], two["probes"]):
-    assert abs(a["psi"] - b["psi"]) < 2e-5 and abs(a["eta"] - b["eta"]) < 2e-5, (a, b)
+    assert abs(a["psi"] - b["psi"]) < 1e-8 and abs(a["eta"] - b["eta"]) < 1e-8, (a, b)
 # and a tenth of it is a better one
 strict = run(*SCENE, "-accuracy", 1e-8, "-out_probes", "3.3,10")
 for a, b in zip(made["probes"], strict["probes"]):
@@ -69,6 +70,15 @@ assert found["error_estimate"] <= 1e-6
 # one block: an ordinary differential equation
 block = run("-model_form", "chain", "-grid_n", 1, "-bc_left", "free", "-ts_max_time", 10, "-accuracy", 1e-7)
 assert block["error_estimate"] <= 1e-7 and block["unknowns"] == 2
+
+# a chain that sticks exactly has a ladder of tolerances
+STUCK = ["-model_form", "chain", "-grid_n", 5, "-bc_left", "free", "-friction_law", "carlson-langer",
+         "-friction_spread", 0.1, "-model_v", 0.05, "-init_psi", 0.05, "-init_eta", 0.3, "-model_zeta", 0.2, "-ts_max_time", 30,
+         "-out_probes", "0,1,2,3,4"]
+stuck = run(*STUCK, "-accuracy", 1e-6)
+exact = run(*STUCK, "-ts_type", "rk", "-ts_rk_type", "5dp", "-ts_rtol", 1e-12, "-ts_atol", 1e-12)
+error = max(abs(a[name] - b[name]) for a, b in zip(stuck["probes"], exact["probes"]) for name in ("psi", "eta"))
+assert error <= 1e-6 and error / 3 <= stuck["error_estimate"] <= 1e-6, (error, stuck["error_estimate"])
 
 for words, names in ((["-ts_type", "rk", "-ts_rk_type", "4"], "ts_type"), (["-ts_rk_type", "3bs"], "ts_rk_type"),
                      (["-ts_adapt_type", "none"], "ts_adapt_type"), (["-friction_law", "coulomb"], "friction_stick"),

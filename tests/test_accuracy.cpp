@@ -49,7 +49,8 @@ TEST_CASE("a pilot takes the steps of PETSc's rk", "[accuracy][serial]") {
 TEST_CASE("orders beyond the last grid", "[accuracy][serial]") {
   CHECK(expected_order(NAN, 3, 8) == 3);              // nothing known of a rise
   CHECK(expected_order(1, 3, 8) == Approx(5.4));      // rising: by 0.8 of itself, as fronts are resolved,
-  CHECK(expected_order(4, 6, 8) == 7);                // or halfway to the scheme's
+  CHECK(expected_order(4, 6, 8) == 7);                // or halfway to the scheme's,
+  CHECK(expected_order(3.2, 3.8, 8) == Approx(4.7));  // and by no more than it has
   CHECK(expected_order(7.9, 8, 8) == 8);
   CHECK(expected_order(1, 20, 8) == 8);               // no scheme converges faster in the end
   CHECK(expected_order(0.9, 0.9, 8) == Approx(0.9));  // a jump

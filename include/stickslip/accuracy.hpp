@@ -70,7 +70,17 @@ class AccuracyPlan {
   double order_beyond() const;           // expected between the last two rungs,
   double next_order() const;             // and beyond the last
   double error_foreseen(double cells) const;
+  double tolerance_of_rung(double at) const;
+  struct Outlook {
+    double error, order;     // of the last rung, and at which rate errors come to it
+    double factor;           // by which its grid is too coarse
+    bool sure, resolved, within_reach;
+  };
+  Outlook outlook() const;
+  void place_run(const Outlook& ahead);
   void choose_tolerance_on(double cells, double in_space);
+  bool time_is_to_blame();
+  [[noreturn]] void give_up_on(const Outlook& ahead) const;
   PetscInt nodes(double cells) const;
   static double cells(const Scene& scene);
   // time alone
@@ -78,6 +88,9 @@ class AccuracyPlan {
   double slope() const;
   double time_foreseen(double tolerance) const;
 
+  void add(Rung made);
+  void begin_anew();
+  void take_explicit();
   Rung rung(PetscInt n, double tolerance, std::string& failed);
   Rung rung(PetscInt n, double tolerance);
   double difference(const Rung& a, const Rung& b) const;
@@ -94,7 +107,7 @@ class AccuracyPlan {
   std::unique_ptr<Pilot> pilot_;
   Setting setting_;
   double seconds_ = 0;
-  int trials_ = 0;
+  int trials_ = 0, restarts_ = 0;
   std::string what_, why_;
 
   std::vector<Rung> rungs_;       // coarse to fine
@@ -107,8 +120,8 @@ class AccuracyPlan {
   double in_time_ = 0, in_space_ = 0;  // foreseen of the run
 };
 
-// The order of convergence to be expected beyond three grids from their two rates in a scheme of order p: halfway to p
-// while the rates still rise, else the last one (`earlier` NaN where there is none).
+// The order of convergence to be expected beyond three grids from their two rates in a scheme of order p: the last one,
+// or more while the rates still rise (`earlier` NaN where there is none).
 double expected_order(double earlier, double last, int p);
 
 }  // namespace stickslip
