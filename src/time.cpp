@@ -144,6 +144,8 @@ struct Integrator::Impl {
   bool fused_slopes_kept = false;    // those of the last step
   double fused_dt = 0;
   bool undo_exactly = false;   // see PreStage
+  bool keeps_jacobian = false; // one Jacobian for the stages of a step, see ConvergedOrRefresh
+  double last_residual = 0;
   PetscInt rejections_seen = 0;
   double t_before = 0;
   const Observer* observer = nullptr;
@@ -204,6 +206,30 @@ struct Integrator::Impl {
     });
   }
 
+  // The stages of a diagonally implicit step share one Jacobian, that of its first round of Newton's method: a round
+  // with an old one costs a tenth of a round with a new one. It is made anew where the residual falls so slowly that
+  // this pays.
+  static PetscErrorCode ConvergedOrRefresh(SNES snes, PetscInt round, PetscReal x, PetscReal step, PetscReal residual,
+                                           SNESConvergedReason* reason, void* context) {
+    return guarded([&] {
+      auto& self = *static_cast<Impl*>(context);
+      SS_TRY(SNESConvergedDefault(snes, round, x, step, residual, reason, nullptr));
+      const double before = std::exchange(self.last_residual, residual);
+      if (*reason || round == 0) return;
+      PetscReal target;
+      SS_TRY(SNESGetTolerances(snes, &target, nullptr, nullptr, nullptr, nullptr));
+      const double rounds = self.implicit == Implicit::both ? 8 : 4;  // with an old one that cost what a new one does
+      if (!(residual * std::pow(residual / before, rounds) < target)) SS_TRY(SNESSetLagJacobian(snes, -2));
+    });
+  }
+
+  // At the next round of Newton's method, which keeps it from then on.
+  void refresh_jacobian() {
+    SNES snes;
+    SS_TRY(TSGetSNES(ts, &snes));
+    SS_TRY(SNESSetLagJacobian(snes, -2));
+  }
+
   static PetscErrorCode PreStep(TS ts) {
     return guarded([&] {
       void* context;
@@ -215,6 +241,8 @@ struct Integrator::Impl {
       SS_TRY(TSGetTimeStep(ts, &dt));
       self.kept_before = false;
       self.degree_now = 0;
+      SS_TRY(TSGetStepRejections(ts, &self.rejections_seen));
+      if (self.keeps_jacobian) self.refresh_jacobian();
       // A rejected step is only ever repeated with a smaller dt, so that this tells whether an output may fall in.
       if (self.undo_exactly || self.fused || self.stick ||
           (self.own_degree > 0 && self.output_due(self.t_before + dt * (1 + 1e-12)))) {
@@ -222,7 +250,6 @@ struct Integrator::Impl {
         SS_TRY(TSGetSolution(ts, &u));
         SS_TRY(VecCopy(u, self.before));
         self.kept_before = true;
-        SS_TRY(TSGetStepRejections(ts, &self.rejections_seen));
       }
     });
   }
@@ -238,6 +265,8 @@ struct Integrator::Impl {
       SS_TRY(TSGetStepRejections(ts, &rejections));
       if (rejections == self.rejections_seen) return;
       self.rejections_seen = rejections;
+      if (self.keeps_jacobian) self.refresh_jacobian();  // for the shorter step
+      if (!self.undo_exactly) return;
       Vec u;
       SS_TRY(TSGetSolution(ts, &u));
       SS_TRY(VecCopy(self.before, u));
@@ -749,6 +778,11 @@ struct Integrator::Impl {
       SNESLineSearch search;
       SS_TRY(SNESGetLineSearch(snes, &search));
       SS_TRY(SNESLineSearchSetPreCheck(search, TameStep, this));
+      keeps_jacobian = type == TSARKIMEX && !user_set("snes_lag_jacobian");
+      if (keeps_jacobian) {
+        SS_TRY(SNESSetConvergenceTest(snes, ConvergedOrRefresh, this, nullptr));
+        SS_TRY(TSSetPreStage(ts, PreStage));
+      }
     }
     if (implicit == Implicit::friction || implicit == Implicit::none) {
       SS_TRY(PCSetType(pc, PCPBJACOBI));
