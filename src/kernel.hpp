@@ -11,6 +11,7 @@
 #include <petscsys.h>
 
 #include <algorithm>
+#include <cmath>
 #include <type_traits>
 
 #include "stickslip/stencil.hpp"
@@ -27,7 +28,16 @@ inline Coefficients coefficients_of(const Scene& scene) {
   const double scale = scene.form == Form::chain ? scene.K1() : scene.K1() / (scene.h() * scene.h());
   const std::array<double, 5> w = second_difference(scene.order);
   Coefficients c{scene.A(), scene.B(), scene.K0(), scene.v, scene.s_delta(), {}};
-  for (std::size_t j = 0; j < 5; ++j) c.w[j] = scale * w[j];
+  // Weights that add up to exactly 0: what they err by acts on psi itself, and 1/h^2 makes it large, the same way in
+  // every step. They are rounded to multiples of one power of 2, so small that no digit of theirs is lost and so large
+  // that their sum has no rounding.
+  const double unit = scale > 0 ? std::ldexp(1., std::ilogb(scale) - 50) : 1;
+  double sum = 0;
+  for (std::size_t j = 1; j < 5; ++j) {
+    c.w[j] = scene.order > 2 ? unit * std::nearbyint(scale * w[j] / unit) : scale * w[j];
+    sum += c.w[j];
+  }
+  c.w[0] = -2 * sum;
   return c;
 }
 

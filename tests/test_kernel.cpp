@@ -170,3 +170,17 @@ TEST_CASE("the right-hand side has the same bits on any number of ranks") {
       }
     }
 }
+
+TEST_CASE("the weights of a second difference add up to exactly 0", "[kernel][serial]") {
+  for (const int order : {2, 4, 6, 8})
+    for (PetscInt n = 9; n < 100000; n = n * 5 / 4 + 1) {
+      Scene scene;
+      scene.n = n;
+      scene.order = order;
+      const stickslip::kernel::Coefficients c = stickslip::kernel::coefficients_of(scene);
+      const double scale = scene.K1() / (scene.h() * scene.h());
+      const auto w = second_difference(order);
+      CHECK(c.w[0] + 2 * (c.w[1] + c.w[2] + c.w[3] + c.w[4]) == 0);
+      for (std::size_t j = 0; j < 5; ++j) CHECK(std::abs(c.w[j] - scale * w[j]) <= 2e-15 * scale);
+    }
+}
