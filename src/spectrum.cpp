@@ -125,6 +125,40 @@ bool polish(const Sliding& s, Mode& mode, int steps) {
   return converged;
 }
 
+namespace {
+
+// A fixed vector that favours no wave, so that every rank and every run finds the same.
+class Noise {
+ public:
+  double next() {
+    seed_ = seed_ * 6364136223846793005u + 1442695040888963407u;
+    return double(seed_ >> 11) * 0x1p-53 - 0.5;
+  }
+
+ private:
+  std::uint64_t seed_ = 0x9e3779b97f4a7c15u;
+};
+
+// The eigenvector nearest to z, by inverse iteration; not polished.
+Mode mode_near(const Sliding& s, Complex z) {
+  Mode mode;
+  mode.value = z;
+  mode.psi.resize(s.size());
+  Noise noise;
+  for (Complex& x : mode.psi) x = noise.next();
+  BandLU lu;
+  s.factor(z, lu);
+  for (int k = 0; k < 3; ++k) {
+    std::vector<Complex> y = s.apply_slope(z, mode.psi);
+    s.solve(lu, y);
+    mode.psi = std::move(y);
+    normalise(mode.psi);
+  }
+  return mode;
+}
+
+}  // namespace
+
 // ---- dense --------------------------------------------------------------------------------------------------------
 
 std::vector<Mode> dense_modes(const Sliding& s, PetscInt count) {
@@ -217,14 +251,10 @@ std::vector<Mode> krylov_modes(const Sliding& s, Complex sigma, PetscInt count) 
   VecHandle start, im;
   SS_TRY(MatCreateVecs(M, start.out(), im.out()));
   {
-    // a fixed start that favours no wave, so that every rank and every run finds the same
     PetscScalar* x;
     SS_TRY(VecGetArrayWrite(start, &x));
-    std::uint64_t seed = 0x9e3779b97f4a7c15u;
-    for (PetscInt i = 0; i < n; ++i) {
-      seed = seed * 6364136223846793005u + 1442695040888963407u;
-      x[i] = double(seed >> 11) * 0x1p-53 - 0.5;
-    }
+    Noise noise;
+    for (PetscInt i = 0; i < n; ++i) x[i] = noise.next();
     SS_TRY(VecRestoreArrayWrite(start, &x));
   }
   Vec first = start;
@@ -384,8 +414,7 @@ std::optional<long> count_by_tree(MPI_Comm comm, const Sliding& s, double a, dou
   if (!line) return std::nullopt;
   const double count = (s.phase_right({right, height}) + *far + top->turn + line->turn) / M_PI;
   if (!(std::abs(count - std::round(count)) < 0.01)) return std::nullopt;
-  for (const Complex& z : line->zeros)
-    if (z.real() > a) where.push_back(z.imag() >= 0 ? z : std::conj(z));
+  for (const Complex& z : line->zeros) where.push_back(z.imag() >= 0 ? z : std::conj(z));
   return std::lround(count) + std::count_if(s.r.begin(), s.r.end(), [&](double r) { return -r > a; });
 }
 
@@ -505,6 +534,7 @@ std::vector<Mode> coarse_modes(MPI_Comm comm, const Sliding& s, SpectrumSettings
   scene.n = scene.ring() ? scene.n / 4 : (scene.n - 1) / 4 + 1;
   settings.compare = false;
   settings.method = SpectrumMethod::krylov;
+  settings.quick = s.size() > many_nodes;
   int rank = 0;
   MPI_Comm_rank(comm, &rank);
   const Sliding coarse(scene);
@@ -617,27 +647,29 @@ struct Trapped {
   std::vector<Complex> psi;
 };
 
+// What a node would do alone: the rightmost root for three stiffnesses; or of its oscillations only.
+double local_growth(const Sliding& s, std::size_t i, bool oscillations) {
+  if (oscillations) return -s.A * s.beta[i] / 2;
+  double local = -std::numeric_limits<double>::infinity();
+  for (const double K : {s.K0, s.K0 + 0.1 * (s.largest_stiffness() - s.K0), s.largest_stiffness()})
+    for (const Complex& z : s.dispersion(K, s.beta[i], s.has_state() ? s.F_state[i] * s.g_psi[i] : 0,
+                                         s.has_state() ? s.r[i] : 0))
+      local = std::max(local, z.real());
+  return local;
+}
+
 // What stretches of the line would do alone, where the mean over 1, 4, 16, ... nodes of the local growth is largest:
 // modes trapped there are nearly modes of the whole. Guesses, the rightmost `count` of them; `quick`: one
 // stretch a length.
 std::vector<Mode> trapped_modes(const Sliding& s, double height, std::size_t count, bool quick, int rank, int ranks) {
   const std::size_t n = s.size();
-  std::vector<double> sum{0};  // of the local growth: the rightmost root at one node, for three stiffnesses
-  for (std::size_t i = 0; i < n; ++i) {
-    double local = -std::numeric_limits<double>::infinity();
-    if (!s.has_state()) {
-      local = -s.A * s.beta[i] / 2;
-    } else {
-      for (const double K : {s.K0, s.K0 + 0.1 * (s.largest_stiffness() - s.K0), s.largest_stiffness()})
-        for (const Complex& z : s.dispersion(K, s.beta[i], s.F_state[i] * s.g_psi[i], s.r[i]))
-          local = std::max(local, z.real());
-    }
-    sum.push_back(sum.back() + local);
-  }
+  std::vector<double> sum{0};
+  for (std::size_t i = 0; i < n; ++i) sum.push_back(sum.back() + local_growth(s, i, !s.has_state()));
   std::vector<Trapped> found;
   int task = 0;
   for (std::size_t l = 1; 32 * l < n || l == 1; l *= 4) {
     const std::size_t width = std::min(n, std::max<std::size_t>(quick ? 64 : 96, 16 * l));
+    if (n > many_nodes && width > (quick ? 1 : 4) * many_nodes) break;
     std::vector<char> taken(n, 0);
     for (int k = 0; k < (quick || width > 8192 ? 1 : width <= 512 ? 12 : 3); ++k) {
       std::size_t best = n;
@@ -778,6 +810,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
     throw UsageError("-spectrum_method dense: " + std::to_string(unknowns) +
                      " unknowns are too many for a dense matrix; take krylov (or at most 6000 unknowns)");
   result.method = dense ? "dense" : "krylov";
+  double margin = 0;  // between the rightmost mode found and the line right of which all are counted
 
   std::vector<Mode> modes;
   const auto in_reach = [&](const Mode& m) { return m.value.imag() <= height; };
@@ -828,7 +861,8 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
       std::size_t inside = 0, outside = 0;
       sort_modes(guesses, 1e-9 * (1 + bound));
       guesses.erase(std::remove_if(guesses.begin(), guesses.end(), [&](const Mode& m) {
-        return ++(counts(m) ? inside : outside) > std::size_t(wanted) + 4;
+        const std::size_t most = many ? (counts(m) ? wanted + 1 : 1) : wanted + 4;
+        return ++(counts(m) ? inside : outside) > most;
       }), guesses.end());
     };
     const auto take = [&](std::vector<Mode> guesses) {  // each rank has its own guesses
@@ -852,13 +886,44 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
         }
       take(std::move(found));
     };
+    // Modes near places where the count has seen them.
+    const auto take_near = [&](const std::vector<Complex>& places) {
+      std::vector<Mode> found;
+      for (std::size_t k = 0; k < places.size(); ++k)
+        if (int(k) % ranks == rank) found.push_back(mode_near(s, places[k]));
+      take(std::move(found));
+    };
+    // Zeros that are no mode known, and would be among the wanted ones.
+    const auto unknown = [&](std::vector<Complex> zeros) {
+      std::vector<double> growth;
+      for (const Mode& m : modes)
+        if (counts(m)) growth.push_back(m.value.real());
+      std::sort(growth.rbegin(), growth.rend());
+      const double least = PetscInt(growth.size()) < wanted ? -std::numeric_limits<double>::infinity()
+                                                            : growth[std::size_t(wanted) - 1] + 1e-9 * (1 + bound);
+      zeros.erase(std::remove_if(zeros.begin(), zeros.end(), [&](Complex z) {
+        return z.real() < least || std::any_of(modes.begin(), modes.end(), [&](const Mode& m) {
+                 return std::abs(m.value - z) < 1e-7 * (1 + std::abs(z));
+               });
+      }), zeros.end());
+      if (zeros.size() > std::size_t(wanted)) zeros.resize(std::size_t(wanted));
+      return zeros;
+    };
     const bool waves = !s.exact_waves().empty();
     if (waves && many) {
       take(rank == 0 ? sine_modes(s, height, std::size_t(wanted) + 2) : std::vector<Mode>());
-    } else {
+    } else if (many) {
       std::vector<Complex> shifts = first_shifts(s, height, settings.count);
-      if (many && shifts.size() > 3) shifts.resize(3);
-      search(shifts, std::min<PetscInt>(unknowns, many ? wanted : 2 * wanted));
+      // the grid-scale end of the band is sought where it matters: modes trapped there crowd
+      if (!refine && !settings.quick)
+        search({*std::max_element(shifts.begin(), shifts.end(), [](Complex a, Complex b) { return a.imag() < b.imag(); })},
+               wanted);
+      if (shifts.size() > 2) shifts.resize(2);
+      take_near(shifts);
+      if (!s.uniform && !settings.quick) take(trapped_modes(s, height, std::size_t(wanted), refine, rank, ranks));
+      if (s.scene.form == Form::continuum) take(coarse_modes(comm, s, settings));
+    } else {
+      search(first_shifts(s, height, settings.count), std::min<PetscInt>(unknowns, 2 * wanted));
       if (!s.uniform) take(trapped_modes(s, height, std::size_t(wanted), settings.quick, rank, ranks));
       if (refine && s.scene.n >= 2000 && !settings.quick) take(coarse_modes(comm, s, settings));
     }
@@ -886,34 +951,51 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
       }
       std::vector<Complex> where;
       if (!exact) {
-        long expected = 0;
-        for (const Mode& m : modes)
-          if (m.value.real() > line && in_reach(m)) expected += m.value.imag() > 0 ? 2 : 1;
-        const std::optional<long> count = count_right(comm, s, line, height, settings.effort, &where);
+        std::optional<long> count = count_right(comm, s, line, height, settings.effort, &where);
+        double counted = line;
+        if (!count && many) {
+          // Beside strongly trapped modes round-off hides the phase: from further right it is seen, at the price of a
+          // wider margin.
+          double high = line;
+          for (std::size_t i = 0; i < s.size(); ++i) high = std::max(high, local_growth(s, i, false));
+          for (double aside = 1e-7 * (1 + std::abs(growth)); !count && line + aside < high; aside *= 10)
+            count = count_right(comm, s, counted = line + aside, height, settings.effort, &where);
+        }
         if (!count) {
           result.completeness_check = "not checked: counting the eigenvalues right of the line failed or would take "
                                       "too long at " + std::to_string(s.size()) + " nodes";
           break;
         }
+        long expected = 0;
+        for (const Mode& m : modes)
+          if (m.value.real() > counted && in_reach(m)) expected += m.value.imag() > 0 ? 2 : 1;
         result.complete = *count == expected;
+        margin = counted - line;
         result.completeness_check = "argument principle: " + std::to_string(*count) +
-                                    " eigenvalues with real part above " + number(line) + " and |Im| below " +
+                                    " eigenvalues with real part above " + number(counted) + " and |Im| below " +
                                     number(height) + ", " + std::to_string(expected) + " expected";
-        if (result.complete || round >= (many ? 5 : 12)) break;
+        if (many) {
+          where = unknown(std::move(where));
+          const std::size_t before = modes.size();
+          take_near(where);
+          if (modes.size() > before && round < 5 && (!result.complete || rightmost()->value.real() > line)) continue;
+          break;
+        }
+        if (result.complete || round >= 12) break;
+        where.erase(std::remove_if(where.begin(), where.end(), [line](Complex z) { return z.real() < line; }),
+                    where.end());
       }
       // look where the count points, and scan ever more densely
       std::vector<Complex> shifts;
       const std::vector<double> knots = mean_frequencies(s);
       const double spacing = height / double(s.size());
-      const double near = many ? 0.05 * spacing : std::max(1e-3 * (1 + std::abs(growth)), 0.5 * spacing);
+      const double near = std::max(1e-3 * (1 + std::abs(growth)), 0.5 * spacing);
       const double aside = near + std::max(0., s.real_bound() - line) * 0.25 * (round % 4);
       for (std::size_t k = 0; k < std::min<std::size_t>(where.size(), 8); ++k) {
         shifts.push_back(where[k] + near);
-        if (round > 0 && !many) shifts.push_back(where[k] + aside);
+        if (round > 0) shifts.push_back(where[k] + aside);
       }
-      if (many)
-        for (const double further : {1., 20., 400.}) shifts.push_back(best.value + further * spacing);
-      if (!many && (where.empty() || round > 1)) {
+      if (where.empty() || round > 1) {
         for (int k = 0; k < scan; ++k) {
           const double w = knots.empty() ? height * k / scan
                                          : knots[std::size_t(double(knots.size() - 1) * (k + 0.5) / scan)];
@@ -953,7 +1035,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
     if (m.resolved && !is_neutral(s, m)) {
       result.growth = m.value.real();
       result.frequency = m.value.imag();
-      result.error = change + tolerance(m);
+      result.error = change + tolerance(m) + margin;
       break;
     }
   result.stable = result.growth < -result.error;
