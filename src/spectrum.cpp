@@ -534,7 +534,7 @@ std::vector<Mode> coarse_modes(MPI_Comm comm, const Sliding& s, SpectrumSettings
   scene.n = scene.ring() ? scene.n / 4 : (scene.n - 1) / 4 + 1;
   settings.compare = false;
   settings.method = SpectrumMethod::krylov;
-  settings.quick = s.size() > many_nodes;
+  settings.quick = s.size() > settings.long_from;
   int rank = 0;
   MPI_Comm_rank(comm, &rank);
   const Sliding coarse(scene);
@@ -855,7 +855,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
       modes.push_back(std::move(m));
     }
     const PetscInt wanted = settings.count / 2 + 2;
-    const bool many = s.size() > many_nodes;
+    const bool many = s.size() > settings.long_from;
     // The rightmost guesses within reach, and some beyond it, are shared among the ranks and polished.
     const auto select = [&](std::vector<Mode>& guesses) {
       std::size_t inside = 0, outside = 0;
@@ -916,12 +916,13 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
       std::vector<Complex> shifts = first_shifts(s, height, settings.count);
       // the grid-scale end of the band is sought where it matters: modes trapped there crowd
       if (!refine && !settings.quick)
-        search({*std::max_element(shifts.begin(), shifts.end(), [](Complex a, Complex b) { return a.imag() < b.imag(); })},
+        search({*std::max_element(shifts.begin(), shifts.end(),
+                                  [](Complex a, Complex b) { return a.imag() < b.imag(); })},
                wanted);
       if (shifts.size() > 2) shifts.resize(2);
       take_near(shifts);
       if (!s.uniform && !settings.quick) take(trapped_modes(s, height, std::size_t(wanted), refine, rank, ranks));
-      if (s.scene.form == Form::continuum) take(coarse_modes(comm, s, settings));
+      if (s.scene.form == Form::continuum && s.scene.n > 200) take(coarse_modes(comm, s, settings));
     } else {
       search(first_shifts(s, height, settings.count), std::min<PetscInt>(unknowns, 2 * wanted));
       if (!s.uniform) take(trapped_modes(s, height, std::size_t(wanted), settings.quick, rank, ranks));

@@ -163,6 +163,31 @@ TEST_CASE("the growth rate is that of the dense matrix", "[spectrum][serial]") {
   }
 }
 
+TEST_CASE("the search for long lines finds the growth rate of the dense matrix, or says that it may not",
+          "[spectrum][serial]") {
+  int complete = 0, scenes = 0;
+  for (unsigned seed = 201; seed <= 240; ++seed) {
+    Scene scene = random_scene(seed, 90);
+    scene.n = scene.n + 120;
+    if (scene.form == Form::chain) scene.length = double(scene.ring() ? scene.n : scene.n - 1);
+    const Sliding s(scene);
+    INFO("seed " << seed << ": " << describe(s.scene));
+    SpectrumSettings settings;
+    settings.refine = false;
+    settings.method = SpectrumMethod::krylov;
+    settings.long_from = 100;
+    const Spectrum found = compute_spectrum(PETSC_COMM_SELF, s, settings);
+    INFO(found.completeness_check);
+    const double growth = lapack(s)[0].real(), scale = s.imaginary_bound();
+    CHECK(found.growth <= growth + 1e-8 * scale);
+    ++scenes;
+    if (!found.complete) continue;
+    ++complete;
+    CHECK(std::abs(found.growth - growth) <= found.error + 1e-9 * scale);
+  }
+  CHECK(complete > 0.9 * scenes);
+}
+
 TEST_CASE("the count along the line is LAPACK's, also where the line is shared among ranks", "[spectrum]") {
   int tree = 0, all_scenes = 0;
   for (unsigned seed = 101; seed <= 124; ++seed) {

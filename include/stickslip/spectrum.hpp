@@ -4,6 +4,7 @@
 //   dense   every eigenvalue of the matrix, by SLEPc's LAPACK solver (a few hundred nodes)
 //   krylov  SLEPc's Krylov-Schur on Re (J - sigma)^-1 at shifts sigma beside the imaginary axis, each pair then
 //           polished by Newton steps on S(lambda) p = 0; the work is linear in n
+//           Beyond 5000 nodes most come from a coarser grid, or from the zeros that the count sees beside its line
 //   exact   the discrete dispersion relation, where all nodes are alike: it only checks the other two
 // A count of eigenvalues by the argument principle, on the determinant of the banded S(lambda), says how many stand to
 // the right of the rightmost one found; where it finds some, it also says where to look, and the search goes on.
@@ -36,6 +37,7 @@ struct SpectrumSettings {
   bool compare = true;  // false: look only where the grid can resolve, and leave out the finer grid
   bool quick = false;   // only what the shifts find: nothing is counted
   double effort = 3e9;  // node evaluations that the count may cost
+  std::size_t long_from = 5000;  // nodes beyond which modes are sought where the count sees zeros, not by many shifts
 };
 
 struct Spectrum {
