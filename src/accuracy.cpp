@@ -624,7 +624,12 @@ void AccuracyPlan::refine() {
       } else {
         aim_ *= 0.5;
       }
-      least_stretch_ = std::pow(last_estimate_ / (share_in_all * wanted_), 1 / next_order());
+      if (grid_open_ && setting_.n > 5000 && next_order() < 0.3 * order_at_best()) {
+        Outlook seen = outlook();
+        seen.error = last_estimate_;
+        give_up_on(seen);
+      }
+      least_stretch_ = std::min(std::pow(last_estimate_ / (share_in_all * wanted_), 1 / next_order()), 2.);
       climb();
     } else {
       const Rung& last = rungs_.back();

@@ -58,6 +58,11 @@ jump = run("-bc_left", "velocity", "-bc_left_value", -1.5, "-bc_right", "free", 
            "-accuracy", 1e-6, code=1)
 assert "out of reach" in jump["reason"] and "jumps" in jump["reason"], jump["reason"]
 
+# corners: no order to speak of; ends soon
+corner = run("-bc_left", "velocity", "-bc_left_value", -0.5, "-bc_right", "free", "-init_type", "layer", "-grid_length", 20,
+             "-ts_max_time", 2, "-model_gamma", 1, "-accuracy", 1e-5, code=1)
+assert "out of reach" in corner["reason"] and "corners" in corner["reason"], corner["reason"]
+
 # A start 1e-13 off unstable sliding at 0.2: rounding of 0.2 itself, 3e-17, is a part of 3e-4 of that distance, and both
 # grow alike until stick-slip is reached, so that no answer is good to 1e-6. 1e-2 off, the part is 3e-15.
 BLOCK = ["-model_form", "chain", "-grid_n", 1, "-bc_left", "free", "-model_v", 0.2, "-init_eta", "steady",
