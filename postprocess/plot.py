@@ -497,7 +497,11 @@ def draw_boundary(file, args):
             inside = np.where(np.isfinite(growth), sign * growth > 0, False)
             if inside.any():
                 j, i = deepest(inside)
-                axes.text(sample[i], sample2[j], words, ha="center", va="center", fontsize=10, color="0.25")
+                x, y = axes.transAxes.inverted().transform(axes.transData.transform((sample[i], sample2[j])))
+                x, y = np.clip(x, 0.15, 0.85), np.clip(y, 0.05, 0.95)
+                axes.text(x, y, words, ha="center", va="center", fontsize=10, color="0.25", transform=axes.transAxes)
+                axes.plot(x + np.linspace(-0.14, 0.14, 9), np.full(9, y), ls="none",
+                          transform=axes.transAxes)  # unseen: keeps the legend off the words
         axes.set(xlabel=GREEK.get(name, name), ylabel=GREEK.get(name2, name2))
         axes.legend(fontsize=8, frameon=True, framealpha=0.8)
     if "verified/value" in file:

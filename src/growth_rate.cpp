@@ -227,8 +227,12 @@ bool GrowthRate::complete(const Sliding& s, double height) {
   for (int round = 0; round < 6; ++round) {
     std::vector<Complex> where;
     const auto right_of = [&](double a) {
-      where.clear();
-      auto count = count_right(comm_, s, a, count_height(s), effort, &where);
+      std::optional<long> count;
+      for (const double aside : {0., 1e-7, 1e-6, 1e-5}) {
+        if (count) break;  // else an eigenvalue stands too near the line
+        where.clear();
+        count = count_right(comm_, s, a + aside * unit, count_height(s), effort, &where);
+      }
       if (count && s.neutral() && a < 0) --*count;
       return count;
     };
@@ -254,14 +258,6 @@ bool GrowthRate::complete(const Sliding& s, double height) {
     // few, or all of them listed: else the rightmost may not be among them
     const auto listed = [&] { return *count > 0 && (*count <= 4 || 2 * long(where.size()) >= *count - 2); };
     bool found = listed() && add();
-    if (!found && *count > 20 && round == 0) {  // far from it: what the shifts find is cheaper than many counts
-      keep_rightmost(s, std::move(all));
-      search(s, height);
-      if (pool_.empty()) return false;
-      all = pool_;
-      line = std::max(line, all[0].mode.value.real() + count_margin(s, all[0].mode.value));
-      continue;
-    }
     double low = line, high = std::numeric_limits<double>::infinity();
     for (int k = 0; !found && k < 16; ++k) {
       const double a = std::isfinite(high) ? (low + high) / 2 : low + std::ldexp(1e-4 * unit, 2 * k);
@@ -497,7 +493,8 @@ void GrowthRate::count_growing(Crossing& c) {
     return;
   }
   const double margin = count_margin(s, {0, c.frequency}) + std::max(0., 2 * c.growth);
-  const auto count = count_right(comm_, s, margin, count_height(s), count_effort(s));
+  auto count = count_right(comm_, s, margin, count_height(s), count_effort(s));
+  if (!count) count = count_right(comm_, s, 10 * margin, count_height(s), count_effort(s));
   c.complete.reset();
   if (count) c.complete = *count == 0;
 }
@@ -505,8 +502,8 @@ void GrowthRate::count_growing(Crossing& c) {
 double GrowthRate::count_cost(double x, double y) const {
   const Sliding s(Scene::from(options_at(x, y), true));
   if (!s.exact_waves().empty()) return 0;
-  static constexpr double microseconds[] = {0.8, 7, 18, 28};  // by order, of the tree
-  const double n = double(s.size()), each = s.scene.form == Form::chain ? 4 : microseconds[s.scene.order / 2 - 1];
+  static constexpr double microseconds[] = {0.4, 1.4, 1.8, 1.2};  // by order, of the tree
+  const double n = double(s.size()), each = s.scene.form == Form::chain ? 0.6 : microseconds[s.scene.order / 2 - 1];
   return 1e-6 * each * n * std::log2(n) + 1e-3;
 }
 

@@ -158,6 +158,19 @@ with scratch():
             error = np.minimum(np.abs(np.abs(v) - closed) / np.maximum(1, closed), 1e4 * np.abs(v**2 - closed**2))
             check(len(v) > 50 and np.all(error < 1e-8), f"{name} leaves its closed form by {np.max(error)}")
 
+    # The plain models (1)-(3), without viscosity or damping: unstable for every |v| < 1 whatever the springs with the cubic
+    # law, at every velocity with the other.
+    code, out, err = call("boundary", os.path.join(SOURCE, "runs", "figure6-carlson-langer.yaml"), "-grid_n", "16",
+                          "-model_zeta", "0", "-summary", "p.json")
+    low = float(err.split("stays between ")[-1].split()[0]) if "stays between" in err else -1
+    check(code == 1 and low > 0, f"plain chain, Carlson-Langer: {code}, {err}")
+    for args in ((os.path.join(SOURCE, "runs", "figure6-cubic.yaml"), "-grid_n", "16", "-model_zeta", "0"),
+                 (os.path.join(SOURCE, "runs", "stability-gamma-v-derived.yaml"), "-grid_n", "16", "-model_delta", "0")):
+        code, out, err = call("boundary", *args, "-summary", "p.json", "-out_file", "p.h5")
+        points = json.load(open("p.json"))["points"]
+        check(code == 0 and len(points) > 20 and all(abs(p["value2"] - 1) < 1e-10 for p in points),
+              f"plain model, cubic law: {code}, {err}")
+
     # A law with a threshold, blocks that stick: v_c = sqrt(f0/zeta) - 1, zeta = sqrt(0.1 m k1); above it both live
     code, out, err = call("boundary", "-model_form", "chain", "-model_zeta", "paper", "-friction_law", "carlson-langer",
                           "-grid_n", "16", "-boundary_parameter", "model_v", "-boundary_from", "0.5", "-boundary_to", "3",
