@@ -97,7 +97,7 @@ Crossing zero_between(GrowthRate& growth, double a, double fa, double b, double 
 
 // Of `points` points, every so many are counted at, for a few seconds altogether.
 std::size_t counts_every(const GrowthRate& growth, std::size_t points) {
-  return std::size_t(std::max(1., std::ceil(double(points) * growth.count_cost(0.5, 0.5) / 3)));
+  return std::size_t(std::max(1., std::ceil(double(points) * growth.count_cost(0.5, 0.5) / 2)));
 }
 
 }  // namespace

@@ -250,7 +250,10 @@ bool GrowthRate::complete(const Sliding& s, double height) {
       return found;
     };
     std::optional<long> count = right_of(line);
-    if (!count) return false;
+    if (!count) {  // a search would know no more
+      doubtful_ = true;
+      return true;
+    }
     if (*count == 0) {
       keep_rightmost(s, std::move(all));
       return true;
@@ -259,12 +262,23 @@ bool GrowthRate::complete(const Sliding& s, double height) {
     const auto listed = [&] { return *count > 0 && (*count <= 4 || 2 * long(where.size()) >= *count - 2); };
     bool found = listed() && add();
     double low = line, high = std::numeric_limits<double>::infinity();
-    for (int k = 0; !found && k < 16; ++k) {
+    for (int k = 0; !found && k < 24 && high - low > 1e-4 * unit; ++k) {
       const double a = std::isfinite(high) ? (low + high) / 2 : low + std::ldexp(1e-4 * unit, 2 * k);
       count = right_of(a);
-      if (!count) return false;
+      if (!count) break;
       (*count > 0 ? low : high) = a;
       found = listed() && add();
+    }
+    if (!found) {  // its frequency by halving, too
+      double below = 0, above = count_height(s);
+      for (int k = 0; k < 18; ++k) {
+        const double middle = (below + above) / 2;
+        const auto lower = count_right(comm_, s, low, middle, effort);
+        if (!lower) break;
+        (*lower > (s.neutral() && low < 0 ? 1 : 0) ? above : below) = middle;
+      }
+      where = {Complex(std::isfinite(high) ? (low + high) / 2 : low, (below + above) / 2)};
+      found = add();
     }
     if (!found) return false;
     for (const Followed& f : all)
@@ -502,8 +516,8 @@ void GrowthRate::count_growing(Crossing& c) {
 double GrowthRate::count_cost(double x, double y) const {
   const Sliding s(Scene::from(options_at(x, y), true));
   if (!s.exact_waves().empty()) return 0;
-  static constexpr double microseconds[] = {0.4, 1.4, 1.8, 1.2};  // by order, of the tree
-  const double n = double(s.size()), each = s.scene.form == Form::chain ? 0.6 : microseconds[s.scene.order / 2 - 1];
+  static constexpr double microseconds[] = {0.6, 2.2, 2.8, 3};  // by order, of the tree
+  const double n = double(s.size()), each = s.scene.form == Form::chain ? 2 : microseconds[s.scene.order / 2 - 1];
   return 1e-6 * each * n * std::log2(n) + 1e-3;
 }
 
