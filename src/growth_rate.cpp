@@ -203,8 +203,8 @@ void GrowthRate::keep_rightmost(const Sliding& s, std::vector<Followed> all) {
 namespace {
 
 // As far right of a mode as it and the count may be wrong.
-double count_margin(const Sliding& s, const Complex& value) {
-  return 1e-7 * (std::sqrt(s.A * (s.K0 + s.K1)) + value.imag());
+double count_margin(const Sliding& s, const Complex& value, double part = 1e-7) {
+  return part * (std::sqrt(s.A * (s.K0 + s.K1)) + value.imag());
 }
 
 double count_height(const Sliding& s) { return std::min(1.01 * s.imaginary_bound(), resolved_frequency(s)); }
@@ -217,12 +217,12 @@ double count_height(const Sliding& s) { return std::min(1.01 * s.imaginary_bound
 bool GrowthRate::complete(const Sliding& s, double height) {
   const double effort = count_effort(s), unit = unit_frequency(s);
   std::vector<Followed> all = pool_;
-  double line = all[leader_].mode.value.real() + count_margin(s, all[leader_].mode.value);
+  double line = all[leader_].mode.value.real() + count_margin(s, all[leader_].mode.value, slack_);
   const double bound = s.symmetric && !s.has_state() ? s.real_bound() : std::numeric_limits<double>::infinity();
   if (bound <= line || (only_sign_ && bound <= 0)) return true;
   if (only_sign_) {
-    if (line > 2 * count_margin(s, all[leader_].mode.value)) return true;
-    line = std::max(line, count_margin(s, 0));
+    if (line > 2 * count_margin(s, all[leader_].mode.value, slack_)) return true;
+    line = std::max(line, count_margin(s, 0, slack_));
   }
   for (int round = 0; round < 6; ++round) {
     std::vector<Complex> where;
@@ -252,6 +252,7 @@ bool GrowthRate::complete(const Sliding& s, double height) {
     std::optional<long> count = right_of(line);
     if (!count) {  // a search would know no more
       doubtful_ = true;
+      keep_rightmost(s, std::move(all));
       return true;
     }
     if (*count == 0) {
@@ -262,16 +263,18 @@ bool GrowthRate::complete(const Sliding& s, double height) {
     const auto listed = [&] { return *count > 0 && (*count <= 4 || 2 * long(where.size()) >= *count - 2); };
     bool found = listed() && add();
     double low = line, high = std::numeric_limits<double>::infinity();
-    for (int k = 0; !found && k < 24 && high - low > 1e-4 * unit; ++k) {
+    bool close = !where.empty();  // to some of them
+    for (int k = 0; !found && k < 24 && high - low > (close ? 1e-9 : 1e-4) * unit; ++k) {
       const double a = std::isfinite(high) ? (low + high) / 2 : low + std::ldexp(1e-4 * unit, 2 * k);
       count = right_of(a);
       if (!count) break;
       (*count > 0 ? low : high) = a;
+      if (*count > 0) close = !where.empty();
       found = listed() && add();
     }
     if (!found) {  // its frequency by halving, too
       double below = 0, above = count_height(s);
-      for (int k = 0; k < 18; ++k) {
+      for (int k = 0; k < 14; ++k) {
         const double middle = (below + above) / 2;
         const auto lower = count_right(comm_, s, low, middle, effort);
         if (!lower) break;
@@ -282,7 +285,7 @@ bool GrowthRate::complete(const Sliding& s, double height) {
     }
     if (!found) return false;
     for (const Followed& f : all)
-      line = std::max(line, f.mode.value.real() + count_margin(s, f.mode.value));
+      line = std::max(line, f.mode.value.real() + count_margin(s, f.mode.value, slack_));
   }
   return false;
 }
@@ -577,6 +580,7 @@ std::optional<GrowthRate> GrowthRate::reduced() const {
         const double scale = std::abs(rough) + unit_frequency(*a);
         if (std::abs(fine.real() - rough.real()) > 0.01 * scale) return std::nullopt;
       }
+    coarse.slack_ = 1e-4;
     if (needed) return coarse;
   } catch (const UsageError&) {
   }

@@ -128,6 +128,7 @@ class GrowthRate {
   std::vector<Place> places_;  // of counts, while they take little memory
   std::optional<Place> pool_at_;
   double reach_ = 0.04;
+  double slack_ = 1e-7;  // how far behind another mode, in parts of the frequency, one may be taken for the leading one
   bool due_ = false, hinted_ = false, only_sign_ = false, doubtful_ = false;
   long evaluations_ = 0;
   std::function<void()> each_;
