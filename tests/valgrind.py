@@ -26,6 +26,9 @@ COMMANDS = [
     (1, "boundary -grid_n 16 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 -summary b.json"),
     (1, "wave -wave_pulses 2 -wave_length 60 -out_file w.h5"),
     (1, "laws -out_file l.h5 -laws_points 11"),
+    (1, "run -grid_length 12 -init_type sine -ts_max_time 0.3 -accuracy 1e-2"),
+    (2, "run -model_form chain -grid_n 9 -bc_left free -friction_law carlson-langer -init_psi 0 -init_noise 0.3"
+        " -ts_max_time 3 -out_events -out_file e.h5"),
     (2, "run -grid_n 24 -grid_length 12 -ts_max_time 1 -init_type sine -out_file c.h5 -out_checkpoint_every 4"
         " -out_probes 3"),
     (2, "run -grid_n 24 -grid_length 12 -ts_max_time 0.3 -init_type sine -ts_type arkimex -imex_implicit wave"),
