@@ -811,7 +811,8 @@ std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const Sliding& s, Complex f
     failed = 1;
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &failed, 1, MPI_INT, MPI_MAX, comm));
-  if (failed) return std::nullopt;
+  // round-off may differ where the segment is cut: every rank tries it in one piece, as one rank alone would
+  if (failed) return ranks > 1 ? follow_phase(PETSC_COMM_SELF, s, from, to, zeros) : std::nullopt;
   // the rightmost zeros of all ranks
   const auto keep = [zeros](std::vector<Complex>& all) {
     std::sort(all.begin(), all.end(), [](Complex a, Complex b) { return a.real() > b.real(); });

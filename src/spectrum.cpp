@@ -957,7 +957,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
         if (!count && many) {
           // Beside strongly trapped modes round-off hides the phase: from further right it is seen, at the price of a
           // wider margin.
-          double high = line;
+          double high = line + 2e-5 * (1 + std::abs(growth));
           for (std::size_t i = 0; i < s.size(); ++i) high = std::max(high, local_growth(s, i, false));
           for (double aside = 1e-7 * (1 + std::abs(growth)); !count && line + aside < high; aside *= 10)
             count = count_right(comm, s, counted = line + aside, height, settings.effort, &where);
