@@ -591,6 +591,10 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Sample
         placed[i] = place(i);
         missed = true;
       }
+      if (i > 0) {  // a mode taken up since the last point
+        const double now = placed[i].frequency, last = placed[i - 1].frequency;
+        missed = missed || std::abs(now - last) > 0.3 * std::max(now, last);
+      }
       // the mode may have led at the points before, too, back to one that was counted
       for (std::size_t j = i; missed && j-- > 0 && !placed[j].complete;) {
         const Crossing old = placed[j];
