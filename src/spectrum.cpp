@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "stickslip/error.hpp"
 #include "stickslip/handle.hpp"
@@ -930,6 +931,20 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
     }
     if (!rightmost()) throw Failure("the eigenvalue solver found nothing");
 
+    // Where all modes of a long grid count and the search has not closed: those that the grid resolves, whose own search
+    // is not led astray by crowds at the grid scale. Once.
+    bool resolved_sought = refine || !many || settings.quick || s.scene.form == Form::chain;
+    const auto take_resolved = [&] {
+      if (std::exchange(resolved_sought, true)) return false;
+      SpectrumSettings resolved = settings;
+      resolved.refine = true;
+      resolved.compare = false;
+      std::vector<Mode> found = compute_spectrum(comm, s, resolved).modes;
+      if (rank > 0) found.clear();
+      take(std::move(found));
+      return true;
+    };
+
     const std::optional<ExactCheck> exact = check_dispersion(s, {}, height);
     int scan = 4;
     for (int round = 0;; ++round) {
@@ -963,6 +978,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
             count = count_right(comm, s, counted = line + aside, height, settings.effort, &where);
         }
         if (!count) {
+          if (take_resolved()) continue;
           result.completeness_check = "not checked: counting the eigenvalues right of the line failed or would take "
                                       "too long at " + std::to_string(s.size()) + " nodes";
           break;
@@ -980,6 +996,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
           const std::size_t before = modes.size();
           take_near(where);
           if (modes.size() > before && round < 5 && (!result.complete || rightmost()->value.real() > line)) continue;
+          if (!result.complete && take_resolved()) continue;
           break;
         }
         if (result.complete || round >= 12) break;
