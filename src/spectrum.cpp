@@ -661,8 +661,10 @@ double local_growth(const Sliding& s, std::size_t i, bool oscillations) {
 
 // What stretches of the line would do alone, where the mean over 1, 4, 16, ... nodes of the local growth is largest:
 // modes trapped there are nearly modes of the whole. Guesses, the rightmost `count` of them; `quick`: one
-// stretch a length.
-std::vector<Mode> trapped_modes(const Sliding& s, double height, std::size_t count, bool quick, int rank, int ranks) {
+// stretch a length. `inside`: only those that are small at the ends of their stretch: others look more growing than
+// they are, and stand before them.
+std::vector<Mode> trapped_modes(const Sliding& s, double height, std::size_t count, bool quick, bool inside, int rank,
+                                int ranks) {
   const std::size_t n = s.size();
   std::vector<double> sum{0};
   for (std::size_t i = 0; i < n; ++i) sum.push_back(sum.back() + local_growth(s, i, !s.has_state()));
@@ -691,8 +693,19 @@ std::vector<Mode> trapped_modes(const Sliding& s, double height, std::size_t cou
         for (std::size_t j = 0; j < std::min<std::size_t>(shifts.size(), 4); ++j)
           for (Mode& m : krylov_modes(part, shifts[j], 6)) modes.push_back(std::move(m));
       }
+      const auto is_inside = [&](const std::vector<Complex>& psi) {
+        double ends = 0, all = 0;
+        for (std::size_t i = 0; i < psi.size(); ++i) {
+          all += std::norm(psi[i]);
+          const bool left = i < psi.size() / 8 && first > 0,
+                     right = i >= psi.size() - psi.size() / 8 && first + width < n;
+          if (left || right) ends += std::norm(psi[i]);
+        }
+        return ends < 0.01 * all;
+      };
       for (Mode& m : modes)
-        if (!m.psi.empty() && m.value.imag() <= height) found.push_back({m.value, first, std::move(m.psi)});
+        if (!m.psi.empty() && m.value.imag() <= height && (!inside || is_inside(m.psi)))
+          found.push_back({m.value, first, std::move(m.psi)});
       std::sort(found.begin(), found.end(),
                 [](const Trapped& a, const Trapped& b) { return a.value.real() > b.value.real(); });
       if (found.size() > count) found.resize(count);
@@ -922,11 +935,14 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
                wanted);
       if (shifts.size() > 2) shifts.resize(2);
       take_near(shifts);
-      if (!s.uniform && !settings.quick) take(trapped_modes(s, height, std::size_t(wanted), refine, rank, ranks));
+      if (!s.uniform && !settings.quick) {
+        take(trapped_modes(s, height, std::size_t(wanted), refine, false, rank, ranks));
+        if (!refine) take(trapped_modes(s, height, std::size_t(wanted), true, true, rank, ranks));
+      }
       if (s.scene.form == Form::continuum && s.scene.n > 200) take(coarse_modes(comm, s, settings));
     } else {
       search(first_shifts(s, height, settings.count), std::min<PetscInt>(unknowns, 2 * wanted));
-      if (!s.uniform) take(trapped_modes(s, height, std::size_t(wanted), settings.quick, rank, ranks));
+      if (!s.uniform) take(trapped_modes(s, height, std::size_t(wanted), settings.quick, false, rank, ranks));
       if (refine && s.scene.n >= 2000 && !settings.quick) take(coarse_modes(comm, s, settings));
     }
     if (!rightmost()) throw Failure("the eigenvalue solver found nothing");
@@ -983,19 +999,31 @@ Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSetting
                                       "too long at " + std::to_string(s.size()) + " nodes";
           break;
         }
-        long expected = 0;
-        for (const Mode& m : modes)
-          if (m.value.real() > counted && in_reach(m)) expected += m.value.imag() > 0 ? 2 : 1;
-        result.complete = *count == expected;
-        margin = counted - line;
-        result.completeness_check = "argument principle: " + std::to_string(*count) +
-                                    " eigenvalues with real part above " + number(counted) + " and |Im| below " +
-                                    number(height) + ", " + std::to_string(expected) + " expected";
+        const auto judge = [&] {
+          long expected = 0;
+          for (const Mode& m : modes)
+            if (m.value.real() > counted && in_reach(m)) expected += m.value.imag() > 0 ? 2 : 1;
+          result.complete = *count == expected;
+          margin = counted - line;
+          result.completeness_check = "argument principle: " + std::to_string(*count) +
+                                      " eigenvalues with real part above " + number(counted) + " and |Im| below " +
+                                      number(height) + ", " + std::to_string(expected) + " expected";
+        };
+        judge();
         if (many) {
           where = unknown(std::move(where));
           const std::size_t before = modes.size();
           take_near(where);
           if (modes.size() > before && round < 5 && (!result.complete || rightmost()->value.real() > line)) continue;
+          // Trapped modes are ill-conditioned: to the count the rightmost itself may stand right of the line.
+          for (double aside = 1e-6; !result.complete && aside < 1e-3; aside *= 10) {
+            const double further = line + aside * (1 + std::abs(growth));
+            if (const auto again = count_right(comm, s, further, height, settings.effort)) {
+              count = again;
+              counted = further;
+              judge();
+            }
+          }
           if (!result.complete && take_resolved()) continue;
           break;
         }

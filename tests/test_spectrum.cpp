@@ -336,3 +336,22 @@ TEST_CASE("the resolvent norm: 1/distance where the operator is normal, and belo
   CHECK(kreiss <= most * 1.001);
   CHECK(kreiss > 0.2);
 }
+
+TEST_CASE("modes trapped at the grid scale behind a held end are found on a long grid", "[spectrum][serial]") {
+  // Stretches shorter than such a mode make others look more growing than it is.
+  Scene scene;
+  scene.n = 25000;
+  scene.left = End::velocity;
+  scene.right = End::free;
+  scene.left_value = -1.5;
+  scene.v = 0.9;
+  SpectrumSettings settings;
+  settings.refine = false;
+  const Sliding sliding(scene);
+  const Spectrum found = compute_spectrum(PETSC_COMM_WORLD, sliding, settings);
+  CHECK(found.complete);
+  // Near the least damping (1.4), below it, at the end of the band.
+  CHECK(found.growth < 1.4);
+  CHECK(found.growth > 1.37);
+  CHECK(found.frequency == Approx(Model(PETSC_COMM_SELF, scene).wave_frequency()).epsilon(1e-3));
+}
