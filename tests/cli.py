@@ -2,6 +2,7 @@
 import contextlib
 import json
 import os
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -38,8 +39,13 @@ def scratch():
             os.chdir(before)
 
 
+def scene_file(name):
+    """The path of a scene of runs/ as a word of a command line, whatever stands in it."""
+    return shlex.quote(os.path.join(SOURCE, "runs", name + ".yaml"))
+
+
 def words(arguments):
-    return arguments.split() if isinstance(arguments, str) else [str(word) for word in arguments]
+    return shlex.split(arguments) if isinstance(arguments, str) else [str(word) for word in arguments]
 
 
 def line(arguments, ranks=1, command="run"):

@@ -9,12 +9,12 @@ import time
 import h5py
 import numpy as np
 
-from cli import PROGRAM, SOURCE, check, finish, scratch
+from cli import PROGRAM, SOURCE, check, finish, scene_file, scratch, words
 
 
 def run(arguments, ranks=1, code=0):
     launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    done = subprocess.run(launcher + [PROGRAM, "run", "-summary", "s.json", "-progress", "off"] + arguments.split(),
+    done = subprocess.run(launcher + [PROGRAM, "run", "-summary", "s.json", "-progress", "off"] + words(arguments),
                           capture_output=True, text=True, timeout=300)
     check(done.returncode == code, f"exit {done.returncode} instead of {code}: {arguments}\n{done.stderr}")
     return json.load(open("s.json")), done.stderr
@@ -30,7 +30,7 @@ def same(a, b, tolerance=0):
                for k in a)
 
 
-CHAIN = (os.path.join(SOURCE, "runs", "catalogue.yaml") + " -grid_n 60 -model_v 0.01 -ts_max_time 150 -friction_spread 0.1"
+CHAIN = (scene_file("catalogue") + " -grid_n 60 -model_v 0.01 -ts_max_time 150 -friction_spread 0.1"
          " -out_frames 31")
 
 
@@ -83,7 +83,7 @@ def restart_and_kill():
         for old in os.listdir("."):
             if old.startswith("killed"):
                 os.remove(old)
-        process = subprocess.Popen([PROGRAM, "run", *CHAIN.split(), "-out_file", "killed.h5", "-out_checkpoint_every", "300",
+        process = subprocess.Popen([PROGRAM, "run", *words(CHAIN), "-out_file", "killed.h5", "-out_checkpoint_every", "300",
                                     "-out_checkpoint_keep", "1000", "-progress", "off"], stderr=subprocess.DEVNULL)
         time.sleep(delay)
         process.send_signal(signal.SIGKILL)
@@ -103,14 +103,14 @@ def seeds():
     # side by side, each as it is alone; the ranks are shared out
     scene = CHAIN.replace("-friction_spread 0.1", "-friction_spread 0.2 -out_checkpoint_every 1000")
     run(scene + " -friction_seed 5 -init_seed 5 -out_file alone.h5")
-    done = subprocess.run(["mpirun", "-n", "2", PROGRAM, "run", *scene.split(), "-run_seeds", "4,5", "-out_file", "many.h5",
+    done = subprocess.run(["mpirun", "-n", "2", PROGRAM, "run", *words(scene), "-run_seeds", "4,5", "-out_file", "many.h5",
                            "-summary", "many.json"], capture_output=True, text=True, timeout=300)
     check(done.returncode == 0, done.stderr)
     check(same(catalogue("alone.h5"), catalogue("many-seed5.h5")), "a seed among others")
     check(not same(catalogue("alone.h5"), catalogue("many-seed4.h5")), "another seed")
     check(json.load(open("many-seed4.json"))["options"]["friction_seed"] == "4", "its own summary")
     for wrong in ("-run_seeds 1,2", "-run_seeds 1 -summary -", "-run_seeds 1,1"):
-        done = subprocess.run([PROGRAM, "run", *scene.split(), *wrong.split()], capture_output=True, text=True)
+        done = subprocess.run([PROGRAM, "run", *words(scene), *words(wrong)], capture_output=True, text=True)
         check(done.returncode == 2 and "run_seeds" in done.stderr, wrong + done.stderr)
 
 

@@ -6,12 +6,12 @@ import subprocess
 import tempfile
 import time
 
-from cli import PROGRAM, SOURCE, check, finish
+from cli import PROGRAM, SOURCE, check, finish, scene_file, words
 
 
 class Run:
     def __init__(self, arguments):
-        done = subprocess.run([PROGRAM, "run", "-progress", "off", "-summary", "-"] + arguments.split(),
+        done = subprocess.run([PROGRAM, "run", "-progress", "off", "-summary", "-"] + words(arguments),
                               capture_output=True, text=True, check=False)
         self.arguments, self.code, self.said = arguments, done.returncode, done.stderr
         self.summary = json.loads(done.stdout)
@@ -97,7 +97,7 @@ def slow_growth():
 def short_slips():
     # Slips that last a thousandth of the window: amplitude and regime come from the steps, not from samples between
     # which they pass. Windows that end elsewhere see the same.
-    plate = os.path.join(SOURCE, "runs", "plate.yaml")
+    plate = scene_file("plate")
     runs = [Run(f"{plate} -out_frames 2 -ts_max_time {end}").expect(0) for end in (1000, 1002, 1005)]
     check(all(run.regime == "stick-slip" for run in runs), f"plate: {[run.regime for run in runs]}")
     check(max(run.amplitude for run in runs) < 1.002 * min(run.amplitude for run in runs),
@@ -106,7 +106,7 @@ def short_slips():
 
 def no_one_speed():
     # The nodes oscillate nearly as one when the first pulse enters: passage times, all alike, make no speed.
-    scene = os.path.join(SOURCE, "runs", "pacemaker.yaml")
+    scene = scene_file("pacemaker")
     run = Run(f"{scene} -out_frames 2 -grid_n 201 -ts_max_time 20").expect(0, "a front is not resolved")
     check(run.speed is None, f"pacemaker: speed {run.speed}")
 

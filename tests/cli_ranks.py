@@ -1,9 +1,8 @@
 """Every command gives the same answer on 1, 2, 3 and 4 ranks, over scenes of runs/: eigenvalues, roots, speeds and
 tables to 1e-9 (an eigensolver's tolerance), runs to 1e-10 after a short time. (cli_run.py: frames to 1e-12.)"""
 import math
-import os
 
-from cli import SOURCE, check, finish, run, scratch
+from cli import check, finish, run, scene_file, scratch
 
 RANKS = (2, 3, 4)
 
@@ -18,10 +17,6 @@ def numbers(value, name=""):
             yield from numbers(inner, f"{name}/{index}")
     else:
         yield name, value
-
-
-def scene(name):
-    return os.path.join(SOURCE, "runs", name + ".yaml")
 
 
 def compare(command, arguments, keys, tolerance):
@@ -44,7 +39,7 @@ def compare(command, arguments, keys, tolerance):
 with scratch():
     fields = ["t_end", "psi_min", "psi_max", "psi_mean", "eta_mean", "probes", "regime", "steps"]
     for name in ("pacemaker", "chain-damped", "ring", "spread-continuum"):
-        compare("run", f"{scene(name)} -ts_max_time 1 -out_probes 2.5", fields, 1e-10)
+        compare("run", f"{scene_file(name)} -ts_max_time 1 -out_probes 2.5", fields, 1e-10)
     compare("spectrum", "-grid_n 60 -model_v 0.95", ["growth_rate", "stable", "complete", "frequency"], 1e-9)
     compare("spectrum", "-grid_n 64 -bc_left velocity -bc_left_value -1.5 -friction_spread 0.3 -spectrum_refine off",
             ["growth_rate", "frequency", "stable", "complete"], 1e-9)
