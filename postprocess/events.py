@@ -22,6 +22,8 @@ import numpy as np
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
+FEWEST = 20  # events for a fit
+
 
 def read(path, way):
     with h5py.File(path) as file:
@@ -43,7 +45,7 @@ def fit(magnitude, low, high):
     """b and its standard error of a density exp(-b m) on [low, high]: the mean of m - low decides."""
     m = magnitude[(magnitude >= low) & (magnitude < high)] - low
     width = high - low
-    if len(m) < 20:
+    if len(m) < FEWEST:
         return np.nan, np.nan, len(m)
 
     def mean(b):
@@ -95,8 +97,11 @@ def main():
         # what the fitted line would have above the range, against what is there
         beyond = np.sum(m >= high)
         expected = number * np.exp(-b * (high - low)) / -np.expm1(-b * (high - low)) if b > 0 else np.nan
-        print(f"{name}: {len(m)} events, b = {b:.3f} +- {error:.3f} on [{low:g}, {high:g}] ({number} events); beyond it"
-              f" {beyond} events, {expected:.0f} on the line; largest extent {run['events']['extent'].max():g}")
+        fitted = f"b = {b:.3f} +- {error:.3f} on [{low:g}, {high:g}] ({number} events); beyond it {beyond} events, " \
+                 f"{expected:.0f} on the line"
+        if not np.isfinite(b):
+            fitted = f"no b: {number} events in [{low:g}, {high:g}], and a fit takes {FEWEST} (--fit A B sets the range)"
+        print(f"{name}: {len(m)} events, {fitted}; largest extent {run['events']['extent'].max():g}")
         if np.isfinite(b):
             grid = np.linspace(low, high, 2)
             top = number * b / -np.expm1(-b * (high - low)) * width / scale

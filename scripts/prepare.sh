@@ -1,13 +1,16 @@
 # Sourced by ./demo and ./check: installs what is missing and sets the environment. `root` is the source tree.
 # What the packages hold is explained in README.md; keep both lists alike.
 packages=(g++ cmake ninja-build pkg-config git
-          libslepc-real-dev libpetsc-real-dev libopenmpi-dev openmpi-bin libhdf5-openmpi-dev catch2
+          libslepc-real-dev libpetsc-real-dev libopenmpi-dev openmpi-bin libhdf5-openmpi-dev libyaml-dev nlohmann-json3-dev
           python3-h5py python3-matplotlib python3-xarray python3-h5netcdf)
+test_packages=(catch2 python3-pytest python3-pytest-xdist python3-scipy)
 
 say() { printf '\n== %s\n' "$*"; }
 die() { printf 'error: %s\n' "$*" >&2; exit 1; }
 
+# Of `packages` and of those named.
 install_missing() {
+  local packages=("${packages[@]}" "$@")
   command -v dpkg-query >/dev/null || {
     say "this is no Debian system; the equivalents of these packages are needed: ${packages[*]}"
     return 0
@@ -35,6 +38,8 @@ install_missing() {
     die "apt-get could not install ${missing[*]}"
 }
 
+cores=$(nproc)  # before OMP_NUM_THREADS is set, which nproc obeys
+
 # Open MPI: allow root and more ranks than cores, start a single process without a daemon.
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_base_oversubscribe=1
 export OMPI_MCA_mpi_yield_when_idle=1 OMPI_MCA_hwloc_base_binding_policy=none OMPI_MCA_pml=ob1
@@ -43,8 +48,10 @@ export HWLOC_HIDE_ERRORS=2  # it complains on stderr where /sys is not mounted
 export LC_ALL=C.UTF-8 MPLBACKEND=Agg
 [ -n "${HOME-}" ] || export HOME=${TMPDIR:-/tmp}  # matplotlib wants one, for its cache
 
-# Configures and builds the preset $1.
+# Configures and builds the preset $1: the program alone, or with what tests it (`tests` as $2).
 build() {
   say "building (preset $1)"
-  cmake --preset "$1" && cmake --build --preset "$1" || die "the build failed"
+  local tests=OFF targets=(--target stickslip)
+  [ "${2-}" = tests ] && tests=ON targets=()
+  cmake --preset "$1" -DSTICKSLIP_TESTS="$tests" && cmake --build --preset "$1" "${targets[@]}" || die "the build failed"
 }

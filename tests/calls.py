@@ -1,42 +1,19 @@
-"""What the tests of the command line share: calling the program, checking, reading its files."""
-import contextlib
+"""Calling the program as a user does, and reading what it leaves: shared by all tests written in Python.
+
+STICKSLIP: the program; STICKSLIP_SOURCE: the source tree. A failed expectation is an AssertionError of the test.
+"""
 import json
 import os
+import re
 import shlex
 import subprocess
-import sys
-import tempfile
+import time
 
 import h5py
 import numpy as np
 
-PROGRAM = os.path.abspath(os.environ["STICKSLIP"])
-SOURCE = os.environ["STICKSLIP_SOURCE"]
-FAILURES = []
-
-
-def check(truth, text):
-    if not truth:
-        FAILURES.append(text)
-        print("FAILED:", text, flush=True)
-
-
-def finish():
-    """The end of a test script: its exit code."""
-    print("failures:", len(FAILURES))
-    sys.exit(1 if FAILURES else 0)
-
-
-@contextlib.contextmanager
-def scratch():
-    """A folder of one's own to work in, gone afterwards."""
-    before = os.getcwd()
-    with tempfile.TemporaryDirectory(prefix="stickslip-") as folder:
-        os.chdir(folder)
-        try:
-            yield folder
-        finally:
-            os.chdir(before)
+SOURCE = os.environ.get("STICKSLIP_SOURCE", os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+PROGRAM = os.path.abspath(os.environ.get("STICKSLIP", os.path.join(SOURCE, "build", "stickslip")))
 
 
 def scene_file(name):
@@ -48,24 +25,44 @@ def words(arguments):
     return shlex.split(arguments) if isinstance(arguments, str) else [str(word) for word in arguments]
 
 
-def line(arguments, ranks=1, command="run"):
-    """The words of a command line."""
+def line(arguments, ranks=1, command="run", pids=None):
+    """The words of a command line. `pids`: a file to which each rank of several adds its process number."""
     launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+    if ranks > 1 and pids:
+        launcher += ["sh", "-c", 'echo $$ >> "$0"; exec "$@"', os.path.abspath(pids)]
     return launcher + [PROGRAM, command, "-progress", "off", *words(arguments)]
 
 
+def ranks_of(process, ranks, pids):
+    """The process numbers of a program's ranks, which line() was asked to write to `pids`; of those that there are when
+    all have begun or the program has ended."""
+    if ranks == 1:
+        return [process.pid]
+    found = []
+    while len(found) < ranks and (not found or process.poll() is None):
+        if os.path.exists(pids):
+            with open(pids, encoding="ascii") as file:
+                found = [int(number) for number in file.read().split()]
+        elif process.poll() is not None:
+            break
+        time.sleep(0.002)
+    return found
+
+
 def call(arguments, ranks=1, command="run", **settings):
-    return subprocess.run(line(arguments, ranks, command), capture_output=True, text=True, timeout=300, **settings)
+    """Runs a command, whatever comes of it."""
+    return subprocess.run(line(arguments, ranks, command), capture_output=True, text=True, timeout=600, **settings)
 
 
 def run(arguments, ranks=1, code=0, command="run"):
-    """Runs a command; returns its summary (None where there is none) and what stood on standard error."""
+    """Runs a command, which must end with this code (None: with 0 or 1); returns its summary (None where there is none) and what stood on
+    standard error."""
     summary = "summary.json"
     if os.path.exists(summary):
         os.remove(summary)
     done = call([*words(arguments), "-summary", summary], ranks, command)
-    check(done.returncode == code,
-          f"exit {done.returncode} instead of {code}: {command} {arguments}\n{done.stderr[-2000:]}")
+    assert done.returncode in ((0, 1) if code is None else (code,)), \
+        f"exit {done.returncode} instead of {code}: {command} {arguments}\n{done.stderr[-2000:]}"
     if not os.path.exists(summary):
         return None, done.stderr
     with open(summary, encoding="utf-8") as file:
@@ -81,8 +78,8 @@ def refused(arguments, code, *parts, ranks=1, command="run"):
     """The command ends with this code and one line of error that holds the parts."""
     done = call(arguments, ranks, command)
     said = errors(done.stderr)
-    check(done.returncode == code and len(said) == 1 and all(part in said[0] for part in parts),
-          f"exit {done.returncode} instead of {code} or not one line with {parts}: {arguments}\n{done.stderr[-1000:]}")
+    assert done.returncode == code and len(said) == 1 and all(part in said[0] for part in parts), \
+        f"exit {done.returncode} instead of {code} or not one line with {parts}: {arguments}\n{done.stderr[-1000:]}"
 
 
 def data(path):
@@ -95,14 +92,13 @@ def data(path):
 
 def same(one, other, text):
     """Two results of data() are equal to the last bit."""
-    check(set(one) == set(other), f"{text}: datasets {sorted(set(one) ^ set(other))}")
+    assert set(one) == set(other), f"{text}: datasets {sorted(set(one) ^ set(other))}"
     differing = [name for name in one if not np.array_equal(one[name], other.get(name), equal_nan=True)]
-    check(not differing, f"{text}: {differing} differ")
+    assert not differing, f"{text}: {differing} differ"
 
 
 def methods():
     """(options, name) of every method of docs/methods.md with every way to split."""
-    import re
     kinds = {"rk": "ts_rk_type", "ssp": "ts_ssp_type", "rosw": "ts_rosw_type", "arkimex": "ts_arkimex_type",
              "bdf": "ts_bdf_order"}
     with open(os.path.join(SOURCE, "docs", "methods.md"), encoding="utf-8") as page:
@@ -112,3 +108,8 @@ def methods():
         for split in splits.split(", "):
             yield (f"-ts_type {kind}" + (f" -{kinds[kind]} {subtype}" if subtype else "") +
                    (f" -imex_implicit {split}" if kind == "arkimex" else "")), f"{name} {split}"
+
+
+def check(truth, text):
+    """An expectation with its words."""
+    assert truth, text

@@ -19,11 +19,12 @@ import random
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 
 import numpy as np
 
-from cli import FAILURES, PROGRAM, check, data, line, run, same, scratch
+from calls import PROGRAM, check, data, line, ranks_of, run, same
 
 # rk:3bs goes on bitwise from any checkpoint, whether or not the uninterrupted run has one there
 SCENE = ("-grid_n 300 -init_type sine -ts_max_time 12 -ts_type rk -ts_rk_type 3bs -out_frames 601 "
@@ -45,16 +46,9 @@ def beginning(path, reference, text):
     return frames
 
 
-def kill_ranks(process, ranks):
-    """Kills the program on all ranks: mpirun's children."""
-    victims = [process.pid]
-    try:
-        if ranks > 1:
-            with open(f"/proc/{process.pid}/task/{process.pid}/children", encoding="ascii") as file:
-                victims = [int(pid) for pid in file.read().split()]
-    except OSError:
-        pass  # gone already
-    for pid in victims:
+def kill_ranks(process, ranks, pids):
+    """Kills the program on all ranks."""
+    for pid in ranks_of(process, ranks, pids):
         try:
             os.kill(pid, signal.SIGKILL)
         except ProcessLookupError:
@@ -64,14 +58,14 @@ def kill_ranks(process, ranks):
 
 def at_random(case, rng, ranks, duration):
     """A kill at a random moment; returns what a reader saw before it."""
-    process = subprocess.Popen(line(f"{SCENE} -out_file {case}.h5", ranks), stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(line(f"{SCENE} -out_file {case}.h5", ranks, pids=f"{case}.pids"), stderr=subprocess.DEVNULL)
     begin, end = time.monotonic(), rng.uniform(0, 1) * duration
     seen = 0
     while time.monotonic() - begin < end and process.poll() is None:
         time.sleep(0.002)
     if os.path.exists(f"{case}.h5"):
         seen = len(data(f"{case}.h5")["t"])
-    kill_ranks(process, ranks)
+    kill_ranks(process, ranks, f"{case}.pids")
     return seen
 
 
@@ -139,54 +133,72 @@ def inside_a_write(arguments, rng, ranks, calls):
     subprocess.run(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=300)
 
 
+def one_case(case, seed, ranks, rng, reference, duration, calls, tally):
+    """One kill and what follows it; what does not hold is an AssertionError."""
+    text = f"case {case} of seed {seed} on {ranks} ranks"
+    seen = 0
+    if case % 2 == 1:
+        tally["inside"] += 1
+        inside_a_write(f"{SCENE} -out_file {case}.h5", rng, ranks, calls)
+    else:
+        seen = at_random(case, rng, ranks, duration)
+    path = f"{case}.h5"
+    checkpoints = sorted(glob.glob(f"{case}.chk-*.h5"))
+    if not os.path.exists(path):
+        tally["bare"] += 1
+        check(not checkpoints, f"{text}: checkpoints without a file")
+        return
+    tally["shown"].append(beginning(path, reference, text))
+    check(tally["shown"][-1] >= seen, f"{text}: {tally['shown'][-1]} frames, a reader saw {seen}")
+    if checkpoints and rng.random() < 0.3:  # the restart is killed as well
+        tally["twice"] += 1
+        inside_a_write(f"-restart {checkpoints[-1]}", rng, ranks, calls)
+        beginning(path, reference, text + ", its restart")
+        checkpoints = sorted(glob.glob(f"{case}.chk-*.h5"))
+    if checkpoints:
+        tally["continued"] += 1
+        run(f"-restart {checkpoints[-1]}", ranks)
+        same(reference, data(path), text)
+
+
+def all_cases(cases, seed):
+    """The number of failures. In the folder it stands in."""
+    rng = random.Random(seed)
+    tally = {"inside": 0, "bare": 0, "continued": 0, "twice": 0, "shown": []}
+    references, durations, calls, failures = {}, {}, {}, 0
+    for ranks in (1, 2):
+        begin = time.monotonic()
+        run(f"{SCENE} -out_file reference{ranks}.h5", ranks)
+        durations[ranks] = time.monotonic() - begin
+        calls[ranks] = calls_of_a_run(ranks)
+        references[ranks] = data(f"reference{ranks}.h5")
+    for case in range(cases):
+        ranks = 1 if case % 4 < 3 else 2
+        try:
+            one_case(case, seed, ranks, rng, references[ranks], durations[ranks], calls[ranks], tally)
+        except AssertionError as trouble:
+            failures += 1
+            print("FAILED", trouble, flush=True)
+        for old in glob.glob(f"{case}.*") + glob.glob(f".{case}.*"):
+            os.remove(old)
+    print(f"seed {seed}: {cases} kills ({tally['inside']} inside a write), {tally['bare']} before the first frame, "
+          f"{tally['continued']} continued from a checkpoint ({tally['twice']} restarts killed, too); frames at the "
+          f"kills {sorted(tally['shown'])}; {failures} failures")
+    return failures
+
+
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cases", type=int, default=100)
     given = parser.parse_args(arguments)
-    rng = random.Random(given.seed)
-    shown, continued, inside, bare, twice = [], 0, 0, 0, 0
-    with scratch():
-        references, durations, calls = {}, {}, {}
-        for ranks in (1, 2):
-            begin = time.monotonic()
-            run(f"{SCENE} -out_file reference{ranks}.h5", ranks)
-            durations[ranks] = time.monotonic() - begin
-            calls[ranks] = calls_of_a_run(ranks)
-            references[ranks] = data(f"reference{ranks}.h5")
-        for case in range(given.cases):
-            ranks = 1 if case % 4 < 3 else 2
-            reference = references[ranks]
-            text = f"case {case} of seed {given.seed} on {ranks} ranks"
-            seen = 0
-            if case % 2 == 1:
-                inside += 1
-                inside_a_write(f"{SCENE} -out_file {case}.h5", rng, ranks, calls[ranks])
-            else:
-                seen = at_random(case, rng, ranks, durations[ranks])
-            path = f"{case}.h5"
-            checkpoints = sorted(glob.glob(f"{case}.chk-*.h5"))
-            if not os.path.exists(path):
-                bare += 1
-                check(not checkpoints, f"{text}: checkpoints without a file")
-            else:
-                shown.append(beginning(path, reference, text))
-                check(shown[-1] >= seen, f"{text}: {shown[-1]} frames, a reader saw {seen}")
-                if checkpoints and rng.random() < 0.3:  # the restart is killed as well
-                    twice += 1
-                    inside_a_write(f"-restart {checkpoints[-1]}", rng, ranks, calls[ranks])
-                    beginning(path, reference, text + ", its restart")
-                    checkpoints = sorted(glob.glob(f"{case}.chk-*.h5"))
-                if checkpoints:
-                    continued += 1
-                    run(f"-restart {checkpoints[-1]}", ranks)
-                    same(reference, data(path), text)
-            for old in glob.glob(f"{case}.*") + glob.glob(f".{case}.*"):
-                os.remove(old)
-    print(f"seed {given.seed}: {given.cases} kills ({inside} inside a write), {bare} before the first frame, "
-          f"{continued} continued from a checkpoint ({twice} restarts killed, too); frames at the kills "
-          f"{sorted(shown)}; {len(FAILURES)} failures")
-    return 1 if FAILURES else 0
+    before = os.getcwd()
+    with tempfile.TemporaryDirectory(prefix="stickslip-") as folder:
+        os.chdir(folder)
+        try:
+            return 1 if all_cases(given.cases, given.seed) else 0
+        finally:
+            os.chdir(before)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "stickslip/error.hpp"
+#include "stickslip/base/error.hpp"
 
 #include <cstdio>
 #include <vector>

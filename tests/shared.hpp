@@ -5,10 +5,11 @@
 #include <utility>
 #include <vector>
 
-#include "stickslip/error.hpp"
-#include "stickslip/handle.hpp"
-#include "stickslip/library_options.hpp"
-#include "stickslip/options.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/handle.hpp"
+#include "stickslip/model/friction.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/options/options.hpp"
 
 namespace stickslip {
 
@@ -33,6 +34,12 @@ class InDatabase {
  private:
   Settings settings_;
 };
+
+// Calls body with the law that the parameters name.
+template <class Body>
+auto with_friction(const FrictionParameters& p, const Body& body) {
+  return body(*Friction::of(p));
+}
 
 // max |a - b|
 inline double distance(Vec a, Vec b) {

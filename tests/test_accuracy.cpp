@@ -3,9 +3,9 @@
 
 #include <cmath>
 
-#include "../src/pilot.hpp"
-#include "stickslip/accuracy.hpp"
-#include "stickslip/error.hpp"
+#include "study/pilot.hpp"
+#include "study/ladder.hpp"
+#include "stickslip/base/error.hpp"
 
 using namespace stickslip;
 
@@ -27,7 +27,7 @@ TEST_CASE("a pilot takes the steps of PETSc's rk", "[accuracy][serial]") {
     for (const char* pair : {"rk:5dp", "rk:3bs", "rk:7vr"}) {
       const Options options = Options::from("run", given);
       const Scene scene = Scene::from(options);
-      const Setting setting{MethodChoice::parse("test", pair), 1e-5, 0, scene.order, scene.n};
+      const Setting setting{MethodSpec::parse("test", pair), 1e-5, 0, scene.order, scene.n};
       const Pilot pilot(options, scene);
       const Trial ours = pilot.run(setting, 100);
       const double longest = pilot.longest_step(setting);

@@ -3,8 +3,9 @@
 
 #include <cmath>
 
-#include "stickslip/boundary.hpp"
-#include "stickslip/error.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/stability/boundary.hpp"
+#include "stickslip/study/vary.hpp"
 
 using namespace stickslip;
 
@@ -16,11 +17,14 @@ Options options_of(const std::vector<std::pair<std::string, std::string>>& texts
   return Options::from("boundary", given);
 }
 
+GrowthRate growth_of(const Options& options, const std::vector<Axis>& axes) {
+  return GrowthRate(PETSC_COMM_SELF, scene_of(options, axes), axes, options.text("spectrum_refine") != "off");
+}
+
 std::vector<Crossing> roots(const Options& options, const Axis& axis) {
-  GrowthRate growth(PETSC_COMM_SELF, options, {axis});
-  Samples samples;
-  std::vector<std::string> notes;
-  return boundary_points(growth, samples, notes);
+  GrowthRate growth = growth_of(options, {axis});
+  BoundaryFindings findings;
+  return boundary_points(growth, findings);
 }
 
 double only_root(const Options& options, const Axis& axis) {
@@ -130,13 +134,12 @@ TEST_CASE("a mode that takes the lead between samples is found by the count", "[
 
 TEST_CASE("curves: figure 6, a fold, two pieces", "[boundary]") {
   const auto trace = [](const Options& options, const Axis& x, const Axis& y, PetscInt points) {
-    GrowthRate growth(PETSC_COMM_SELF, options, {x, y});
-    Samples samples;
-    std::vector<std::string> notes;
-    auto curve = boundary_curve(growth, points, samples, notes);
-    CHECK(notes.empty());
+    GrowthRate growth = growth_of(options, {x, y});
+    BoundaryFindings findings;
+    auto curve = boundary_curve(growth, points, findings);
+    CHECK(findings.notes.empty());
     for (const Crossing& c : curve) {
-      const auto v = closed_form_velocity(Scene::from(growth.options_at(c.x, c.y), true));
+      const auto v = closed_form_velocity(growth.scene(c.x, c.y));
       REQUIRE(v);
       const double computed = x.name == "model_v" ? c.value : c.value2;
       CHECK(std::abs(std::abs(computed) - *v) <= 1e-8 * std::max(1., *v));
@@ -175,8 +178,8 @@ TEST_CASE("curves: figure 6, a fold, two pieces", "[boundary]") {
 namespace {
 
 // Largest real part of the dense matrix among the frequencies that the grid carries.
-double dense_growth(const Options& options) {
-  const Sliding sliding(Scene::from(options, true));
+double dense_growth(const Scene& scene) {
+  const Sliding sliding(scene);
   double growth = -1e300;
   for (const Mode& m : dense_modes(sliding, 1))
     if (m.value.imag() <= resolved_frequency(sliding)) growth = std::max(growth, m.value.real());
@@ -190,22 +193,21 @@ TEST_CASE("curves of spread and held scenes lie where the dense matrix has no gr
   const auto held = options_of({{"model_form", "chain"}, {"grid_n", "50"}, {"bc_left", "velocity"},
                                 {"bc_left_value", "0.5"}, {"bc_right", "free"}, {"friction_spread", "0.2"}});
   for (const bool continuum : {true, false}) {
-    GrowthRate growth(PETSC_COMM_SELF, continuum ? spread : held,
+    GrowthRate growth = growth_of(continuum ? spread : held,
                       {{continuum ? "model_delta" : "model_zeta", 0.05, 0.8, false}, {"model_v", 0.3, 1.5, false}});
-    Samples samples;
-    std::vector<std::string> notes;
-    const auto curve = boundary_curve(growth, 15, samples, notes);
-    CHECK(notes.empty());
+    BoundaryFindings findings;
+    const auto curve = boundary_curve(growth, 15, findings);
+    CHECK(findings.notes.empty());
     CHECK(curve.size() >= 14);
     for (const Crossing& c : curve) {
       CHECK(c.complete.value_or(false));
-      CHECK(std::abs(dense_growth(growth.options_at(c.x, c.y))) < 1e-9);
+      CHECK(std::abs(dense_growth(growth.scene(c.x, c.y))) < 1e-9);
     }
     // and the lattice has the signs of the dense matrix
-    for (int k = 0; k < samples.side * samples.side; k += 7) {
-      const int column = k % samples.side, row = k / samples.side;
-      const double x = double(column) / (samples.side - 1), y = double(row) / (samples.side - 1);
-      CHECK((samples.growth[std::size_t(k)] > 0) == (dense_growth(growth.options_at(x, y)) > 0));
+    for (int k = 0; k < findings.samples.side * findings.samples.side; k += 7) {
+      const int column = k % findings.samples.side, row = k / findings.samples.side;
+      const double x = double(column) / (findings.samples.side - 1), y = double(row) / (findings.samples.side - 1);
+      CHECK((findings.samples.growth[std::size_t(k)] > 0) == (dense_growth(growth.scene(x, y)) > 0));
     }
   }
 }
@@ -213,14 +215,12 @@ TEST_CASE("curves of spread and held scenes lie where the dense matrix has no gr
 TEST_CASE("a closed curve smaller than a cell, with corners where two pairs cross at once", "[boundary]") {
   // psi = 0 everywhere is unstable for zeta < 1, psi large anywhere is not; the equations are odd in (psi_e, v).
   for (const char* zeta : {"0.98", "0.999"}) {
-    GrowthRate growth(PETSC_COMM_SELF,
-                      options_of({{"model_form", "chain"}, {"grid_n", "4"}, {"model_zeta", zeta},
+    GrowthRate growth = growth_of(options_of({{"model_form", "chain"}, {"grid_n", "4"}, {"model_zeta", zeta},
                                   {"bc_left", "velocity"}, {"bc_right", "free"}}),
                       {{"bc_left_value", -5, 4.3, false}, {"model_v", -4.1, 5, false}});
-    Samples samples;
-    std::vector<std::string> notes;
-    const auto curve = boundary_curve(growth, 40, samples, notes);
-    CHECK(notes.empty());
+    BoundaryFindings findings;
+    const auto curve = boundary_curve(growth, 40, findings);
+    CHECK(findings.notes.empty());
     REQUIRE(curve.size() >= 30);
     CHECK(curve.back().piece == 0);
     double turn = 0;
@@ -229,8 +229,10 @@ TEST_CASE("a closed curve smaller than a cell, with corners where two pairs cros
       const Crossing &c = curve[k], &next = curve[(k + 1) % curve.size()];
       turn += std::remainder(std::atan2(next.value2, next.value) - std::atan2(c.value2, c.value), 2 * M_PI);
       switches += c.switched;
-      const Options mirror = growth.options_at(c.x, c.y).with("bc_left_value", -c.value).with("model_v", -c.value2);
-      CHECK(std::abs(dense_growth(growth.options_at(c.x, c.y))) < 1e-10);
+      Scene mirror = growth.scene(c.x, c.y);
+      mirror.left_value *= -1;
+      mirror.v *= -1;
+      CHECK(std::abs(dense_growth(growth.scene(c.x, c.y))) < 1e-10);
       CHECK(std::abs(dense_growth(mirror)) < 1e-10);
     }
     CHECK(std::abs(turn) == Approx(2 * M_PI));
@@ -240,20 +242,18 @@ TEST_CASE("a closed curve smaller than a cell, with corners where two pairs cros
 
 TEST_CASE("where a curve meets k0 = 0 the pair becomes a real mode beside the symmetry of sliding", "[boundary]") {
   // rate-and-state, b > a: the Hopf frequency falls to 0 with k0 where b = a, on the border of the box
-  GrowthRate growth(PETSC_COMM_SELF,
-                    options_of({{"model_form", "chain"}, {"grid_n", "6"}, {"friction_law", "rate-and-state"},
+  GrowthRate growth = growth_of(options_of({{"model_form", "chain"}, {"grid_n", "6"}, {"friction_law", "rate-and-state"},
                                 {"model_v", "1"}}),
                     {{"friction_b", 0.01, 0.2, false}, {"model_k0", 0, 2, false}});
-  Samples samples;
-  std::vector<std::string> notes;
-  const auto curve = boundary_curve(growth, 12, samples, notes);
+  BoundaryFindings findings;
+  const auto curve = boundary_curve(growth, 12, findings);
   REQUIRE(curve.size() == 12);
-  CHECK(notes.empty());
+  CHECK(findings.notes.empty());
   for (const Crossing& c : curve) {
     CHECK(c.kind == (c.value2 == 0 ? "zero" : "hopf"));
     // stable iff K > (b - a) T/D [1 + v^2/(A a D T)], A = f0/m = 1, K = k0/f0
     const double a = 0.05, D = 0.1;
-    const Sliding sliding(Scene::from(growth.options_at(c.x, c.y), true));
+    const Sliding sliding(growth.scene(c.x, c.y));
     const double T = std::tanh(sliding.eta[0] / a);
     CHECK((c.value - a) * T / D * (1 + 1 / (a * D * T)) == Approx(c.value2).epsilon(1e-8).margin(1e-7));
   }
@@ -263,15 +263,12 @@ TEST_CASE("a zero curve and a Hopf curve that meet inside the box: both are foun
   // A chain that slides as a whole (k0 = 0), Carlson-Langer with healing. With a = B + F_psi, b = B + dF_ss/dv and
   // r = 1/t_h + v/D the real mode crosses at b = 0, the shortest wave (K = 4 K1) at a K + r b (a + r/A) = 0; a = b = 0
   // where the state does not depend on the velocity: tau_inf = 1, zeta/f0 = -phi'(v).
-  GrowthRate growth(PETSC_COMM_SELF,
-                    options_of({{"model_form", "chain"}, {"grid_n", "16"}, {"model_k0", "0"}, {"model_v", "0.5"},
+  GrowthRate growth = growth_of(options_of({{"model_form", "chain"}, {"grid_n", "16"}, {"model_k0", "0"}, {"model_v", "0.5"},
                                 {"friction_law", "carlson-langer"}, {"state_law", "healing"}}),
                     {{"state_tau_inf", 0.5, 2, false}, {"model_zeta", 0.1, 0.8, false}});
-  Samples samples;
-  std::vector<std::string> notes;
-  std::vector<Crossing> meetings;
-  const auto curve = boundary_curve(growth, 30, samples, notes, &meetings);
-  CHECK(notes.empty());
+  BoundaryFindings findings;
+  const auto curve = boundary_curve(growth, 30, findings);
+  CHECK(findings.notes.empty());
   REQUIRE(curve.size() == 30);
   CHECK(curve.back().piece == 0);
   const double v = 0.5, r = 1 + v, phi = 1 / (1 + v), slope = -phi * phi, K = 4 * 0.2;
@@ -284,23 +281,21 @@ TEST_CASE("a zero curve and a Hopf curve that meet inside the box: both are foun
     CHECK(c.residual < 1e-10);
   }
   CHECK(zeros > 10);
-  REQUIRE(meetings.size() == 1);
-  CHECK(meetings[0].value == Approx(1).margin(1e-6));
-  CHECK(meetings[0].value2 == Approx(-slope).margin(1e-6));
+  REQUIRE(findings.meetings.size() == 1);
+  CHECK(findings.meetings[0].value == Approx(1).margin(1e-6));
+  CHECK(findings.meetings[0].value2 == Approx(-slope).margin(1e-6));
 }
 
 TEST_CASE("a curve traced on a coarse grid and placed on the fine one, a trapped mode taking the lead",
           "[boundary][serial]") {
   // At gamma = 2.4 a mode trapped at the held end takes over from the whole line's.
-  GrowthRate growth(PETSC_COMM_SELF,
-                    options_of({{"grid_n", "600"}, {"grid_length", "30"}, {"friction_spread", "0.2"},
+  GrowthRate growth = growth_of(options_of({{"grid_n", "600"}, {"grid_length", "30"}, {"friction_spread", "0.2"},
                                 {"bc_left", "velocity"}, {"bc_left_value", "0.5"}}),
                     {{"model_v", 0.7, 1.3, false}, {"model_gamma", 1.5, 4, false}});
   CHECK(growth.reduced().has_value());
-  Samples samples;
-  std::vector<std::string> notes;
-  const auto curve = boundary_curve(growth, 24, samples, notes);
-  CHECK(notes.empty());
+  BoundaryFindings findings;
+  const auto curve = boundary_curve(growth, 24, findings);
+  CHECK(findings.notes.empty());
   REQUIRE(curve.size() == 24);
   CHECK(curve.back().piece == 0);
   SpectrumSettings settings;
@@ -309,7 +304,7 @@ TEST_CASE("a curve traced on a coarse grid and placed on the fine one, a trapped
     CHECK(curve[k].complete.value_or(true));
     if (k % 6 != 0) continue;
     const Spectrum spectrum = compute_spectrum(
-        PETSC_COMM_SELF, Sliding(Scene::from(growth.options_at(curve[k].x, curve[k].y), true)), settings);
+        PETSC_COMM_SELF, Sliding(growth.scene(curve[k].x, curve[k].y)), settings);
     CHECK(spectrum.complete);
     CHECK(std::abs(spectrum.growth) < 1e-9);
     CHECK(spectrum.frequency == Approx(curve[k].frequency).epsilon(1e-6));

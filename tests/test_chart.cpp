@@ -4,9 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "../src/chart_log.hpp"
-#include "stickslip/chart.hpp"
-#include "stickslip/error.hpp"
+#include "stickslip/study/chart.hpp"
+#include "stickslip/base/error.hpp"
 
 using namespace stickslip;
 
@@ -57,18 +56,18 @@ TEST_CASE("the error of the finest grid is bounded by what the rate promises", "
 }
 
 TEST_CASE("methods by name", "[chart][serial]") {
-  const MethodChoice a = MethodChoice::parse("chart_methods", "arkimex:4:friction");
+  const MethodSpec a = MethodSpec::parse("chart_methods", "arkimex:4:friction");
   CHECK(a.name() == "arkimex:4");
   CHECK(a.implicit == "friction");
   CHECK(a.splits());
-  CHECK(MethodChoice::parse("m", "rk").name() == "rk:5dp");
-  CHECK(MethodChoice::parse("m", "cn").name() == "cn");
-  CHECK_FALSE(MethodChoice::parse("m", "cn").has_estimate());
-  CHECK_FALSE(MethodChoice::parse("m", "rk:4").has_estimate());
+  CHECK(MethodSpec::parse("m", "rk").name() == "rk:5dp");
+  CHECK(MethodSpec::parse("m", "cn").name() == "cn");
+  CHECK_FALSE(MethodSpec::parse("m", "cn").has_estimate());
+  CHECK_FALSE(MethodSpec::parse("m", "rk:4").has_estimate());
   for (const char* bad : {"", "rk:", "rk:5dp:wave", "cn:2", "rosw:ra34pw2:friction", "arkimex:4:all", "arkimex:bpr3",
                           "irk", "nonsense", "rk:5dp:none:more", "bdf:9"}) {
     INFO(bad);
-    CHECK_THROWS_AS(MethodChoice::parse("chart_methods", bad), UsageError);
+    CHECK_THROWS_AS(MethodSpec::parse("chart_methods", bad), UsageError);
   }
 }
 
@@ -102,11 +101,4 @@ TEST_CASE("the settings of a chart come in the order of its lists", "[chart][ser
            {"chart_orders", "3"}, {"chart_methods", "rk:9"}, {"chart_grids", "4"}})
     CHECK_THROWS_AS(chart_settings(options.with(name, text)), UsageError);
   CHECK_THROWS_AS(chart_settings(options.with("init_noise", "0.1")), UsageError);
-}
-
-TEST_CASE("a chart goes on from rows of the same chart only", "[chart][serial]") {
-  CHECK(chart_difference({{"grid_n", "64"}}, {{"grid_n", "64"}}).empty());
-  CHECK(chart_difference({{"grid_n", "64"}}, {{"grid_n", "32"}}) == "grid_n is 64 there, 32 here");
-  CHECK(chart_difference({{"grid_n", "64"}}, {}) == "grid_n is 64 there, unset here");
-  CHECK(chart_difference({}, {{"model_v", "1"}}) == "model_v is unset there, 1 here");
 }

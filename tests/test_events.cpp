@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "stickslip/events.hpp"
+#include "stickslip/output/events.hpp"
 
 using namespace stickslip;
 
@@ -16,7 +16,7 @@ Scene chain(PetscInt n, bool ring) {
   s.order = 2;
   s.left = s.right = ring ? End::periodic : End::free;
   s.length = double(ring ? n : n - 1);
-  s.friction.law = Law::coulomb;
+  s.friction.law = Law("coulomb");
   return s;
 }
 
@@ -81,7 +81,7 @@ TEST_CASE("the numbers of an event", "[serial]") {
   // One block of mass 2 under Coulomb's friction, eta falling linearly: psi_t = A (eta - fd), parabola in time.
   Scene s = chain(3, false);
   s.m = 2;
-  s.friction.fd = 0.4;
+  s.friction.values["friction_fd"] = 0.4;
   Events events(s, 0);
   const double A = s.A(), rate = 0.1, eta0 = 1;
   const auto psi = [&](double t) { return A * ((eta0 - 0.4) * t - rate * t * t / 2); };
@@ -104,4 +104,65 @@ TEST_CASE("the numbers of an event", "[serial]") {
   CHECK(e.strain_energy == Approx(slip * (eta0 - rate * stops / 2)));
   CHECK(e.radiated == 0);
   CHECK(events.row(e).size() == Events::columns().size());
+}
+
+TEST_CASE("force before an event, which others have changed since it began", "[serial]") {
+  // Blocks so heavy that psi is straight between the rows. The one at 1 moves all the time; those at 6 and 7 slip and come
+  // to rest; then one moves at 5, and the two regions grow together, over the place of the slip that has ended.
+  Scene s = chain(9, false);
+  s.m = 1e14;
+  s.k0 = 0.5;
+  s.k1 = 1.5;
+  s.v = 0.01;
+  const std::vector<std::string> rows = {".........", ".#.......", ".#....##.", ".#.......", ".#.......", ".#...#...",
+                                         ".##.###..", ".#####...", "..##.....", ".........", "........."};
+  const std::size_t n = 9;
+  const auto elastic = [&](const std::vector<double>& d, std::size_t i) {
+    double force = s.k0 * d[i];
+    if (i > 0) force += s.k1 * (d[i] - d[i - 1]);
+    if (i + 1 < n) force += s.k1 * (d[i] - d[i + 1]);
+    return force;
+  };
+  std::vector<double> all(n), first(n), start(n);
+  for (std::size_t i = 0; i < n; ++i) start[i] = 0.3 + 0.1 * double(i % 4);
+  std::vector<std::vector<double>> last, fields;
+  Events events(s, 0), resumed(s, 0);
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    fields = picture(rows[k]);
+    for (std::size_t i = 0; i < n && k > 0; ++i) {
+      const double d = (fields[0][i] + last[0][i]) / 2;
+      all[i] += d;
+      if (k <= 3 && i >= 6) first[i] += d;
+    }
+    for (std::size_t i = 0; i < n; ++i) fields[1][i] = start[i] + s.k0 * s.v * double(k) - elastic(all, i);
+    events.step(double(k), fields);
+    if (k == 5) resumed.restore(events.save());
+    if (k > 5) resumed.step(double(k), fields);
+    last = fields;
+  }
+  const std::vector<SlipEvent> ended = events.ended(), from_saved = resumed.ended();
+  REQUIRE(ended.size() == 2);
+  const auto check = [&](const SlipEvent& e, const std::vector<double>& d, const std::vector<double>& slipped) {
+    double drop = 0, strain = 0, moment = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (d[i] == 0) continue;
+      const double fall = elastic(d, i) - s.k0 * s.v * (e.end - e.begin);  // of its own slip, less the plate's pull
+      const double behind = start[i] + s.k0 * s.v * e.end - elastic(slipped, i);
+      drop += fall / double(e.count);
+      strain += d[i] * (behind + fall / 2);
+      moment += d[i];
+    }
+    CHECK(e.moment == Approx(moment));
+    CHECK(e.stress_drop == Approx(drop));
+    CHECK(e.strain_energy == Approx(strain));
+  };
+  CHECK(ended[0].count == 2);
+  check(ended[0], first, first);
+  std::vector<double> second = all;
+  for (std::size_t i = 0; i < n; ++i) second[i] -= first[i];
+  CHECK(ended[1].count == 6);
+  CHECK(ended[1].begin == 0);
+  check(ended[1], second, all);
+  REQUIRE(from_saved.size() == 1);
+  CHECK(events.row(ended[1]) == resumed.row(from_saved[0]));
 }

@@ -18,11 +18,16 @@
 #include <limits>
 #include <sstream>
 
-#include "stickslip/checkpoint.hpp"
-#include "stickslip/file.hpp"
-#include "stickslip/json.hpp"
-#include "stickslip/root.hpp"
-#include "stickslip/summary.hpp"
+#include "stickslip/study/run_layout.hpp"
+#include "stickslip/output/checkpoint.hpp"
+#include "stickslip/output/field.hpp"
+#include "stickslip/output/gather.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/output/result_file.hpp"
+#include "stickslip/output/run_file.hpp"
+#include "stickslip/base/json_values.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/output/summary.hpp"
 
 using namespace stickslip;
 
@@ -152,27 +157,27 @@ std::string usage_error(const std::function<void()>& act) {
 
 TEST_CASE("JSON: reals come back, order stays, text is escaped", "[output]") {
   for (const double value : {0.1, 1.0 / 3, -0.0, 5e-324, 1.7976931348623157e308, 60.0, 1e23, 123456789012345680.0}) {
-    const std::string text = Json(value).text();
+    const std::string text = json_text(Json(value));
     const double back = std::strtod(text.c_str(), nullptr);
     CHECK(back == value);
     CHECK(std::signbit(back) == std::signbit(value));
     CHECK(text.find_first_of(".e") != std::string::npos);
   }
-  CHECK(Json(std::nan("")).text() == "null");
-  CHECK(Json(-HUGE_VAL).text() == "null");
-  CHECK(Json(std::optional<double>()).text() == "null");
-  CHECK(Json(true).text() == "true");
-  CHECK(Json(PetscInt(7)).text() == "7");
-  CHECK(Json("a\"\\\n\x01\xC3\xA9\xFF").text() == "\"a\\\"\\\\\\n\\u0001\xC3\xA9\xEF\xBF\xBD\"");
+  CHECK(json_text(Json(std::nan(""))) == "null");
+  CHECK(json_text(Json(-HUGE_VAL)) == "null");
+  CHECK(json_text(Json(std::optional<double>())) == "null");
+  CHECK(json_text(Json(true)) == "true");
+  CHECK(json_text(Json(PetscInt(7))) == "7");
+  CHECK(json_text(Json("a\"\\\n\x01\xC3\xA9\xFF")) == "\"a\\\"\\\\\\n\\u0001\xC3\xA9\xEF\xBF\xBD\"");
   const Json object = Json::object({{"z", 1}, {"a", Json::object({{"list", std::vector<double>{1, 2.5}}})}});
-  CHECK(object.text(0) == R"({"z":1,"a":{"list":[1.0,2.5]}})");
-  CHECK(Json::array().text() == "[]");
-  CHECK(Json::object().text() == "{}");
+  CHECK(json_text(object, 0) == R"({"z":1,"a":{"list":[1.0,2.5]}})");
+  CHECK(json_text(Json::array()) == "[]");
+  CHECK(json_text(Json::object()) == "{}");
 
   const std::map<std::string, std::string> texts{{"", ""}, {"q\"", "\\ \x02 \t\n/"}, {"\xC3\xA9", "\xE2\x82\xAC"}};
-  CHECK(parse_text_map(Json(texts).text()) == texts);
-  CHECK(parse_text_map(Json(texts).text(0)) == texts);
-  for (const char* bad : {"", "{", "{}x", "[]", "{\"a\":1}", "{\"a\":\"b\",}", "{\"a\":\"\\u00e9\"}", "{\"a\":\"\\"})
+  CHECK(parse_text_map(json_text(Json(texts))) == texts);
+  CHECK(parse_text_map(json_text(Json(texts), 0)) == texts);
+  for (const char* bad : {"", "{", "{}x", "[]", "{\"a\":1}", "{\"a\":\"b\",}", "{\"a\":\"\\"})
     CHECK_THROWS_AS(parse_text_map(bad), std::runtime_error);
 }
 
@@ -486,7 +491,7 @@ TEST_CASE("run file: continued after an earlier one, its later rows replaced", "
 }
 
 TEST_CASE("run layout: coefficients, friction and stability of uniform sliding follow from the scene", "[output]") {
-  const auto stable = [](const Scene& scene) { return RunLayout::of(scene).numbers.at("steady_stable") == 1; };
+  const auto stable = [](const Scene& scene) { return run_layout(scene).numbers.at("steady_stable") == 1; };
   Scene scene;  // continuum, cubic: |v_c| = sqrt(1 - s delta/gamma)
   for (const bool derived : {true, false}) {
     scene.derived_sign = derived;
@@ -496,7 +501,7 @@ TEST_CASE("run layout: coefficients, friction and stability of uniform sliding f
     scene.v = -critical - 1e-6;
     CHECK(stable(scene));
   }
-  const RunLayout layout = RunLayout::of(scene);
+  const RunLayout layout = run_layout(scene);
   CHECK(layout.x.size() == 512);
   CHECK(layout.numbers.at("K1") == 1. / 3);
   CHECK(layout.numbers.at("s_delta") == -0.2);
@@ -509,19 +514,20 @@ TEST_CASE("run layout: coefficients, friction and stability of uniform sliding f
   Scene chain;
   chain.form = Form::chain;
   chain.order = 2;
-  chain.friction.law = Law::rate_and_state;
-  chain.friction.state = StateLaw::ageing;
+  chain.friction.law = Law("rate-and-state");
+  chain.friction.state = StateLaw("ageing");
   chain.v = 0.1;
-  chain.friction.D = chain.friction.state_D = 1;
-  const double a = chain.friction.a, b = chain.friction.b, F = 0.6 + (a - b) * std::log(0.1), T = std::tanh(F / a);
+  chain.friction.values["friction_D"] = chain.friction.values["state_D"] = 1;
+  const double a = chain.friction.value("friction_a"), b = chain.friction.value("friction_b");
+  const double F = 0.6 + (a - b) * std::log(0.1), T = std::tanh(F / a);
   const double critical = (b - a) * T * (1 + 0.01 / (chain.A() * a * T));
   chain.k0 = critical * (1 + 1e-6);
   CHECK(stable(chain));
   chain.k0 = critical * (1 - 1e-6);
   CHECK(!stable(chain));
-  CHECK(RunLayout::of(chain).fields.back().name == "theta");
+  CHECK(run_layout(chain).fields.back().name == "theta");
   chain.v = 0;
-  CHECK(RunLayout::of(chain).numbers.count("steady_stable") == 0);
+  CHECK(run_layout(chain).numbers.count("steady_stable") == 0);
 }
 
 TEST_CASE("result file: dimensions, groups, texts", "[output]") {

@@ -3,10 +3,10 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "../src/fused_step.hpp"
+#include "time/fused_step.hpp"
 #include "shared.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/stick.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/time/stick.hpp"
 
 using namespace stickslip;
 
@@ -39,7 +39,7 @@ std::vector<Scene> scenes() {
     state.left = End::free;
     state.right = End::velocity;
     state.right_value = 0.4;
-    state.friction.state = StateLaw::healing;
+    state.friction.state = StateLaw("contact-age");
     all.push_back(state);
     Scene chain;
     chain.form = Form::chain;
@@ -53,10 +53,10 @@ std::vector<Scene> scenes() {
     chain.left = End::velocity;
     chain.left_value = 0.7;
     all.push_back(chain);
-    for (const StateLaw law : {StateLaw::none, StateLaw::healing}) {  // with friction that sticks
+    for (const StateLaw law : {StateLaw("none"), StateLaw("healing")}) {  // with friction that sticks
       Scene sticks;
       sticks.n = n;
-      sticks.friction.law = law == StateLaw::none ? Law::coulomb : Law::carlson_langer;
+      sticks.friction.law = law == StateLaw("none") ? Law("coulomb") : Law("carlson-langer");
       sticks.friction.state = law;
       sticks.spread = 0.2;
       all.push_back(sticks);
@@ -152,7 +152,7 @@ TEST_CASE("a step taken tile by tile is the step taken stage by stage", "[fused]
       combine(u, dt, method.b.data(), slopes, expected);
       combine(u, dt, method.embedded.data(), slopes, other);
 
-      const FusedStep::Outcome outcome = step.take(u, dt, 1e-4, 1e-3, NORM_2, true, found, kept, at_end);
+      const TiledStep::Outcome outcome = step.take(u, dt, {1e-4, 1e-3, NORM_2}, true, found, kept, at_end);
       INFO("n " << scene.n << " order " << scene.order << " dof " << model.dof() << " form " << int(scene.form)
                 << " left " << int(scene.left) << " dt " << dt);
       // Values of size 2; rates of size A phi + K1 kappa^2 psi < wave^2/A: each rounded some ten times.
@@ -169,12 +169,12 @@ TEST_CASE("a step taken tile by tile is the step taken stage by stage", "[fused]
       // the error is a difference of values of size 2, weighted by 1e4
       CHECK(std::abs(outcome.error - weighted_norm(model, expected, other, 1e-4, 1e-3, NORM_2)) <=
             40 * eps * (2 + dt * rate) / 1e-4);
-      const FusedStep::Outcome largest = step.take(u, dt, 1e-4, 1e-3, NORM_INFINITY, true, found, {});
+      const TiledStep::Outcome largest = step.take(u, dt, {1e-4, 1e-3, NORM_INFINITY}, true, found, {});
       CHECK(std::abs(largest.error - weighted_norm(model, expected, other, 1e-4, 1e-3, NORM_INFINITY)) <=
             40 * eps * (2 + dt * rate) / 1e-4);
       // without the estimate the last stage may be left out, and nothing else changes
       VecHandle again = model.create_vector();
-      step.take(u, dt, 1e-4, 1e-3, NORM_2, false, again, {});
+      step.take(u, dt, {1e-4, 1e-3, NORM_2}, false, again, {});
       CHECK(distance(found, again) == 0);
       if (!direction.empty()) model.set_direction(nullptr);
     }
@@ -194,8 +194,8 @@ TEST_CASE("a step taken tile by tile does not depend on the ranks, to the last b
     start(alone, all);
     FusedStep step(model, tableaus[0], Stick::applies_to(scene)), step_alone(alone, tableaus[0], Stick::applies_to(scene));
     const auto direction = give_direction(model, step), direction_alone = give_direction(alone, step_alone);
-    step.take(u, 0.02, 1e-4, 1e-3, NORM_2, true, found, {});
-    step_alone.take(all, 0.02, 1e-4, 1e-3, NORM_2, true, expected, {});
+    step.take(u, 0.02, {1e-4, 1e-3, NORM_2}, true, found, {});
+    step_alone.take(all, 0.02, {1e-4, 1e-3, NORM_2}, true, expected, {});
     const double *mine, *whole;
     SS_TRY(VecGetArrayRead(found, &mine));
     SS_TRY(VecGetArrayRead(expected, &whole));
@@ -214,7 +214,7 @@ TEST_CASE("a step taken tile by tile tells what is not finite", "[fused]") {
   const FusedStep step(model, tableaus[0]);
   for (const bool estimate : {true, false})
     for (const NormType norm : {NORM_2, NORM_INFINITY}) {
-      CHECK(step.take(u, 0.01, 1e-6, 1e-6, norm, estimate, found, {}).finite);
-      CHECK_FALSE(step.take(u, 1e60, 1e-6, 1e-6, norm, estimate, found, {}).finite);
+      CHECK(step.take(u, 0.01, {1e-6, 1e-6, norm}, estimate, found, {}).finite);
+      CHECK_FALSE(step.take(u, 1e60, {1e-6, 1e-6, norm}, estimate, found, {}).finite);
     }
 }

@@ -3,9 +3,10 @@
 #include <cmath>
 #include <vector>
 
-#include "../src/kernel.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/model.hpp"
+#include "model/dispatch.hpp"
+#include "model/kernel.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
 
 using namespace stickslip;
 using namespace stickslip::kernel;
@@ -112,10 +113,10 @@ void check_wave() {
 }  // namespace
 
 TEST_CASE("the loops give the same bits for parts of a range and for every instruction set", "[serial]") {
-  const Friction<Cubic, NoState> cubic{};
-  const Friction<CarlsonLanger<SignExact>, NoState> carlson_langer{};
-  const Friction<CarlsonLanger<SignRegularised>, Healing> healing{{{0.2}}, {1, 2, 1}};
-  const RateAndState<AgeingKinetics> ageing{0.5, 0.7, 1, 0.6, 1, {1}};
+  const Product<Cubic, SignExact, NoState> cubic{};
+  const Product<CarlsonLanger, SignExact, NoState> carlson_langer{};
+  const Product<CarlsonLanger, SignRegularised, Healing> healing{{}, {1, 2, 1}, {0.2}};
+  const OwnState<RateAndState, Ageing> ageing{{0.5, 0.7, 1, 0.6, 1}, {1}};
   for (const bool spread : {false, true}) {
     check_friction<0>(cubic, spread);
     check_friction<1>(cubic, spread);

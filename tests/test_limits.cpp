@@ -1,15 +1,15 @@
 // Where methods fail: the limits of `chart_kind limits` against stability functions known from tableaus and
-// characteristic polynomials, and each failure beside what the program says of it. tests/cli_limits.py has the same
+// characteristic polynomials, and each failure beside what the program says of it. tests/command_line/test_limits.py has the same
 // from the command line.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "../src/step_forecast.hpp"
+#include "study/step_forecast.hpp"
 #include "shared.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/limits.hpp"
-#include "stickslip/trust.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/study/limits.hpp"
+#include "stickslip/study/step_audit.hpp"
 
 using namespace stickslip;
 
@@ -50,8 +50,8 @@ void with_forecast(const Scene& scene, const Settings& method, const Use& use) {
   const InDatabase given(method);
   const Model model(PETSC_COMM_WORLD, scene);
   VecHandle u = uniform(model, scene.v, cubic(scene.v));
-  const Integrator integrator(model, given.options, u);
-  StepForecast forecast(model, u, integrator.report().implicit, integrator.ts());
+  const Integrator integrator(model, MethodSpec::from(given.options), u);
+  StepForecast forecast(model, u, integrator);
   use(forecast, model, integrator);
 }
 
@@ -140,7 +140,7 @@ TEST_CASE("limits found by bisection of runs are those of theory", "[limits][ser
       "chart", {{"model_delta", "0", ""}, {"model_v", "0.9", ""}, {"grid_n", "32", ""}, {"grid_length", "10", ""},
                 {"init_type", "sine", ""}, {"ts_max_time", "30", ""}});
   Limits limits(options);
-  const auto row = [&](const char* name) { return limits.row(MethodChoice::parse("chart_methods", name)); };
+  const auto row = [&](const char* name) { return limits.row(MethodSpec::parse("chart_methods", name)); };
   for (const char* name : {"rk:3bs", "rk:4", "arkimex:4:friction", "bdf:4"}) {
     const LimitRow r = row(name);
     INFO(name);
@@ -173,14 +173,14 @@ TEST_CASE("what a step misses falls with the order of the method", "[limits]") {
     Scene s = sliding_scene(0.5);
     const Model model(PETSC_COMM_WORLD, s);
     VecHandle u = uniform(model, 0.3, 0.1);
-    const Integrator integrator(model, given.options, u);
+    const Integrator integrator(model, MethodSpec::from(given.options), u);
     Integrator& advance = const_cast<Integrator&>(integrator);
-    Trust trust(model, given.options, integrator, 0, 2);
+    StepAudit audit(model, given.options, integrator, 0, 2);
     advance.advance(u, 0, 2, [&](const Integrator::Step& step) {
-      trust.after(step);
+      audit.after(step);
       return Integrator::Verdict::go_on;
     });
-    const Trust::Verdict v = trust.verdict(u);
+    const StepAudit::Verdict v = audit.verdict(u);
     CHECK(v.repeated >= 16);
     CHECK(v.beyond == 0);
     return v.miss.value_or(NAN);
@@ -224,7 +224,8 @@ TEST_CASE("a long step of backward Euler finds a root that the motion does not l
     const InDatabase given(method);
     const Model model(PETSC_COMM_WORLD, s);
     VecHandle u = uniform(model, psi0, eta0);
-    Integrator integrator(model, given.options, u);
+    Integrator integrator(model, MethodSpec::from(given.options), u);
+    warn_of_fixed_steps(model, integrator, u, 3 * dt);
     integrator.advance(u, 0, 3 * dt, [](const Integrator::Step& step) {
       return step.t < 0.9 - 1e-9 ? Integrator::Verdict::go_on : Integrator::Verdict::stop;
     });
@@ -256,7 +257,8 @@ TEST_CASE("orders fall where friction is stiff, and it is told", "[limits][seria
     const InDatabase given(method);
     const Model model(PETSC_COMM_WORLD, s);
     VecHandle u = uniform(model, 2, 0.65);
-    Integrator integrator(model, given.options, u);
+    Integrator integrator(model, MethodSpec::from(given.options), u);
+    warn_of_fixed_steps(model, integrator, u, 80);
     integrator.advance(u, 0, 80, nullptr);
     return first_psi(u);
   };

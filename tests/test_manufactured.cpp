@@ -3,8 +3,8 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "stickslip/error.hpp"
-#include "stickslip/model.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
 
 using namespace stickslip;
 

@@ -1,14 +1,46 @@
-// What a run measures: the wave speed off a ring, from fronts that cross many nodes between two samples.
+// What a run measures while it goes on: wave speeds, the word for its motion, whatever its steps and ranks.
 #include <catch2/catch.hpp>
 
 #include <cmath>
+#include <functional>
 #include <vector>
 
-#include "stickslip/measure.hpp"
+#include "output/judge.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/regime.hpp"
 
 using namespace stickslip;
 
-TEST_CASE("the speed of a pulse train between ends is that of its fronts", "[measure][serial]") {
+namespace {
+
+// psi(x, t) shown to a Regime in equal steps up to t_end, as a run would.
+Measured measured(const Scene& scene, double t_end, long steps, const std::function<double(double, double)>& psi,
+                  double growth = NAN) {
+  const Model model(PETSC_COMM_WORLD, scene);
+  VecHandle u = model.create_vector();
+  Regime regime(model, t_end);
+  regime.know(growth, growth);
+  const std::function<void(double, Vec)> nowhere = [](double, Vec) {};
+  for (long k = 0; k <= steps; ++k) {
+    const double t = t_end * double(k) / double(steps), before = k == 0 ? 0 : t_end * double(k - 1) / double(steps);
+    double* a;
+    SS_TRY(VecGetArray(u, &a));
+    for (PetscInt i = 0; i < model.local(); ++i) {
+      const double x = scene.x(model.first() + i), here = psi(x, t), dt = 1e-6;
+      a[i * model.dof()] = here;
+      // the force that goes with this motion, so that slopes are true
+      a[i * model.dof() + 1] =
+          (psi(x, t + dt) - psi(x, t - dt)) / (2 * dt) / scene.A() + scene.B() * here + model.friction(i, here, 0).F;
+    }
+    SS_TRY(VecRestoreArray(u, &a));
+    regime.step({PetscInt(k), before, t, u, 0, nowhere});
+  }
+  return regime.result(u);
+}
+
+}  // namespace
+
+TEST_CASE("the speed of a pulse train between ends is that of its fronts", "[measure]") {
   Scene scene;
   scene.left = scene.right = End::free;
   scene.n = 1201;
@@ -17,33 +49,65 @@ TEST_CASE("the speed of a pulse train between ends is that of its fronts", "[mea
   const double t_end = 100, period = 5.92;
   const double speed = GENERATE(1.09, -1.09, 4.88);
   const double thickness = GENERATE(0.05, 1.5);  // 1.5: smooth, every node is seen during its passage
-
-  Measurement measurement(scene, t_end);
-  for (const double t : measurement.times()) {
-    std::vector<double> psi(static_cast<std::size_t>(scene.n));
-    for (PetscInt i = 0; i < scene.n; ++i)
-      psi[std::size_t(i)] = 2 * std::tanh(std::sin(2 * M_PI / period * (t - scene.x(i) / speed)) / thickness);
-    measurement.sample(t, psi);
-  }
-  const Measurement::Result result = measurement.result();
+  const long steps = 1024;
+  const Measured result = measured(scene, t_end, steps, [&](double x, double t) {
+    return 2 * std::tanh(std::sin(2 * M_PI / period * (t - x / speed)) / thickness);
+  });
   REQUIRE(result.wave_speed.has_value());
-  // Passages are known to a sample's spacing s, off by at most s/2 in a stretch of passage that lasts the shorter of a
+  // Passages are known to a step s, off by at most s/2 in a stretch of passage that lasts the shorter of a
   // period and the way through half the length; a line fitted to it errs by no more than 3 (s/2)/duration.
-  const double spacing = t_end / 4 / (4 * Measurement::quarter);
   const double duration = std::min(period, scene.length / 2 / std::abs(speed)) / 2;
-  CHECK(*result.wave_speed == Approx(speed).epsilon(1.5 * spacing / duration));
-  CHECK(result.regime == "stick-slip");
+  CHECK(*result.wave_speed == Approx(speed).epsilon(1.5 * t_end / double(steps) / duration));
+  CHECK(result.motion == Motion::stick_slip);
 }
 
-TEST_CASE("an oscillation in step has no wave speed", "[measure][serial]") {
+TEST_CASE("an oscillation in step has no wave speed", "[measure]") {
   Scene scene;
   scene.left = scene.right = End::free;
   scene.n = 201;
-  Measurement measurement(scene, 100);
-  for (const double t : measurement.times()) {
-    std::vector<double> psi(static_cast<std::size_t>(scene.n), 2 * std::sin(t));
-    psi[0] = -1.5;
-    measurement.sample(t, psi);
+  const Measured result =
+      measured(scene, 100, 500, [](double x, double t) { return x == 0 ? -1.5 : 2 * std::sin(t); });
+  CHECK_FALSE(result.wave_speed.has_value());
+}
+
+TEST_CASE("the speed of a train on a ring, from few long steps to many short ones", "[measure]") {
+  Scene scene;
+  scene.n = 240;
+  scene.length = 60;
+  scene.v = 0;
+  const int pulses = 3;
+  const double speed = 2.5, turns = 2 * M_PI * pulses / scene.length;
+  const auto train = [&](double x, double t) { return 2 * std::tanh(3 * std::sin(turns * (speed * t - x))); };
+  for (const auto& [t_end, steps] : {std::pair<double, long>{8, 17}, {60, 400}, {9000, 60000}}) {
+    const Measured m = measured(scene, t_end, steps, train);
+    CAPTURE(t_end, steps);
+    CHECK(m.pulses == pulses);
+    REQUIRE(m.wave_speed.has_value());
+    CHECK(*m.wave_speed == Approx(speed).epsilon(1e-6));
+    // half the range of 2 tanh(3 sin): its top is 2 tanh 3
+    CHECK(*m.amplitude == Approx(2 * std::tanh(3.)).epsilon(steps == 17 ? 0.05 : 0.02));
   }
-  CHECK_FALSE(measurement.result().wave_speed.has_value());
+}
+
+TEST_CASE("an amplitude that falls is told from one that stands, at any size of step", "[measure][serial]") {
+  Scene scene;
+  scene.n = 1;
+  scene.length = 1;
+  scene.v = 0.6;
+  const long steps = GENERATE(60, 300, 20000);
+  const double t_end = 90, rate = GENERATE(-0.02, -0.004, -5e-4, 0., 0.004);
+  const double growth = GENERATE(-0.004, 0.004, double(NAN));
+  const Measured m = measured(
+      scene, t_end, steps, [&](double, double t) { return 0.6 + 0.5 * std::exp(rate * t) * std::sin(t); }, growth);
+  CAPTURE(steps, rate, growth, to_string(m.motion));
+  REQUIRE(m.rate.has_value());
+  // steps of 1.5 on an oscillation of frequency 1 leave (1.5)^4/384 in the cubic between them
+  const double tolerance = steps == 60 ? 3e-3 : steps == 300 ? 3e-5 : 1e-8;
+  // the largest of a stretch lies somewhere in it: half a period in a span of six
+  CHECK(*m.rate == Approx(rate).epsilon(0.1).margin(tolerance));
+  if (tolerance > std::abs(rate) / 3 && rate != 0) return;  // what such steps cannot tell
+  if (rate < -1e-3) CHECK(m.motion == Motion::decaying);
+  if (rate > 0) CHECK(m.motion == Motion::growing);
+  if (rate == 0 && steps > 60) CHECK(m.motion == Motion::stick_slip);
+  if (m.motion == Motion::decaying) CHECK(*m.time_to_decide > t_end);
 }

@@ -15,9 +15,10 @@
 #include <sstream>
 
 #include "shared.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/methods.hpp"
-#include "stickslip/time.hpp"
+#include "stickslip/base/error.hpp"
+#include "study/step_forecast.hpp"
+#include "stickslip/time/methods.hpp"
+#include "stickslip/time/time.hpp"
 
 using namespace stickslip;
 
@@ -61,7 +62,7 @@ Solution solve(const Scene& scene, const Settings& settings, double until = dura
   Solution s;
   s.end = model.create_vector();
   smooth_start(model, s.end);
-  Integrator integrator(model, given.options, s.end);
+  Integrator integrator(model, MethodSpec::from(given.options), s.end);
   std::vector<double> times;
   for (int i = 0; i < samples; ++i) {
     times.push_back(sample_time(i));
@@ -69,6 +70,7 @@ Solution solve(const Scene& scene, const Settings& settings, double until = dura
   }
   integrator.set_output_times(times);
   std::size_t next = 0;
+  warn_of_fixed_steps(model, integrator, s.end, until);
   s.report = integrator.advance(s.end, 0, until, [&](const Integrator::Step& step) {
     for (; next < times.size() && times[next] <= step.t; ++next) step.interpolate(times[next], s.dense[next]);
     return Integrator::Verdict::go_on;
@@ -153,7 +155,7 @@ bool restarts(const Settings& s, bool told) {
   smooth_start(model, u);
   double t = 0, dt = 0;
   const PetscInt at = 5;
-  Integrator whole(model, given.options, u);
+  Integrator whole(model, MethodSpec::from(given.options), u);
   whole.advance(u, 0, 8, [&](const Integrator::Step& now) {
     if (now.index != at) return Integrator::Verdict::go_on;
     SS_TRY(VecCopy(now.u, kept));
@@ -162,7 +164,7 @@ bool restarts(const Settings& s, bool told) {
     return told ? Integrator::Verdict::restart : Integrator::Verdict::go_on;
   });
   REQUIRE((t > 0 && t < 7));
-  Integrator rest(model, given.options, kept);
+  Integrator rest(model, MethodSpec::from(given.options), kept);
   rest.continue_from(at, dt);
   rest.advance(kept, t, 8, nullptr);
   return distance(u, kept) == 0;
@@ -270,7 +272,7 @@ TEST_CASE("interpolation of lower order than the method is told", "[serial]") {
   smooth_start(model, u);
   for (const Method& m : methods()) {
     const InDatabase given(with(settings_of(m), {{"ts_dt", "0.05"}}));
-    const Integrator integrator(model, given.options, u);
+    const Integrator integrator(model, MethodSpec::from(given.options), u);
     INFO(m.name());
     CHECK(integrator.interpolation_caveat().empty() == (m.name() != "arkimex:5"));
     CHECK(integrator.interpolation_order() + 1 >= m.order);
@@ -325,11 +327,8 @@ TEST_CASE("a step beyond the stability limit is told before it explodes") {
     for (PetscInt i = 0; i < model.local(); ++i) a[2 * i + 1] = -2. / 3;
     SS_TRY(VecRestoreArray(u, &a));
     const std::size_t before = warnings().size();
-    Integrator integrator(model, given.options, u);
-    // told at the start, so that one step is enough
-    integrator.advance(u, 0, 400, [&](const Integrator::Step& now) {
-      return now.index > 0 ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
-    });
+    const Integrator integrator(model, MethodSpec::from(given.options), u);
+    warn_of_fixed_steps(model, integrator, u, 400);
     const std::string mark = "which is about ";
     for (std::size_t i = before; i < warnings().size(); ++i)
       if (const std::size_t at = warnings()[i].find(mark); at != std::string::npos)
@@ -372,7 +371,7 @@ TEST_CASE("a second integrator on a model hears nothing of the first") {
   const auto advance = [&](const Settings& s) {
     smooth_start(model, u);
     const InDatabase given(s);
-    Integrator integrator(model, given.options, u);
+    Integrator integrator(model, MethodSpec::from(given.options), u);
     integrator.advance(u, 0, duration, nullptr);
   };
   advance({{"ts_type", "rk"}});
@@ -386,7 +385,7 @@ TEST_CASE("a run that explodes fails and keeps the time it reached", "[serial]")
   VecHandle u = model.create_vector();
   smooth_start(model, u);
   const InDatabase given({{"ts_type", "rk"}, {"ts_rk_type", "4"}, {"ts_dt", "2"}});
-  Integrator integrator(model, given.options, u);
+  Integrator integrator(model, MethodSpec::from(given.options), u);
   std::string what;
   try {
     integrator.advance(u, 0, 200, nullptr);
@@ -481,4 +480,33 @@ TEST_CASE("rk tile by tile takes the steps of PETSc's own rk", "[fused]") {
     for (int i = 0; i < samples; ++i)
       CHECK(distance(a.dense[static_cast<std::size_t>(i)], b.dense[static_cast<std::size_t>(i)]) < 1e-12);
   }
+}
+
+TEST_CASE("the fused steps are a TS type that can be named and seen", "[fused]") {
+  const auto type_of = [](const Settings& s) {
+    const InDatabase given(s);
+    Model model(PETSC_COMM_WORLD, smooth_ring());
+    VecHandle u = model.create_vector();
+    smooth_start(model, u);
+    const Integrator integrator(model, MethodSpec::from(given.options), u);
+    TSType type;
+    SS_TRY(TSGetType(integrator.ts(), &type));
+    return std::string(type) + " " + integrator.report().method;
+  };
+  CHECK(type_of({{"ts_type", "rk"}}) == "fusedrk rk:5dp");
+  CHECK(type_of({{"ts_type", "rk"}, {"rk_fused", "false"}}) == "rk rk:5dp");
+  CHECK(type_of({{"ts_type", "fusedrk"}, {"ts_rk_type", "3bs"}, {"rk_fused", "false"}}) == "fusedrk rk:3bs");
+  CHECK(type_of({{"ts_type", "rk"}, {"ts_adapt_max_ignore", "0"}}) == "rk rk:5dp");
+  CHECK_THROWS_AS(type_of({{"ts_type", "fusedrk"}, {"ts_adapt_max_ignore", "0"}}), UsageError);
+  const Settings imex = {{"ts_type", "arkimex"}, {"imex_implicit", "friction"}};
+  CHECK(type_of(imex) == "fusedarkimex arkimex:4");
+  CHECK(type_of({{"ts_type", "fusedarkimex"}, {"ts_arkimex_type", "3"}}) == "fusedarkimex arkimex:3");
+  CHECK(type_of(with(imex, {{"rk_fused", "false"}})) == "arkimex arkimex:4");
+  // the library's own solvers where the user tunes them, and what the tiles do not take
+  CHECK(type_of(with(imex, {{"snes_rtol", "1e-9"}})) == "arkimex arkimex:4");
+  CHECK(type_of(with(imex, {{"imex_implicit", "both"}})) == "arkimex arkimex:4");
+  CHECK_THROWS_AS(type_of({{"ts_type", "fusedarkimex"}, {"imex_implicit", "wave"}}), UsageError);
+  CHECK_THROWS_AS(type_of({{"ts_type", "fusedarkimex"}, {"pc_type", "lu"}}), UsageError);
+  const Settings rk = {{"ts_type", "rk"}, {"ts_rk_type", "3bs"}}, fused = with(rk, {{"ts_type", "fusedrk"}});
+  CHECK(distance(solve(smooth_ring(), rk).end, solve(smooth_ring(), fused).end) == 0);
 }

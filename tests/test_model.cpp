@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "shared.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/model.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
 
 using namespace stickslip;
 
@@ -29,7 +29,7 @@ std::vector<Scene> scenes() {
       all.push_back(s);
     }
   for (int ends = 0; ends < 4; ++ends)
-    for (StateLaw state : {StateLaw::none, StateLaw::healing, StateLaw::contact_age}) {
+    for (StateLaw state : {StateLaw("none"), StateLaw("healing"), StateLaw("contact-age")}) {
       Scene s;
       s.form = Form::chain;
       s.order = 2;
@@ -42,18 +42,18 @@ std::vector<Scene> scenes() {
       s.zeta = 0.3;
       s.spread = 0.2;
       s.spread_kind = SpreadKind::lognormal;
-      s.friction.law = Law::carlson_langer;
+      s.friction.law = Law("carlson-langer");
       s.friction.regularised = true;
       s.friction.eps = 0.2;
       s.friction.state = state;
       all.push_back(s);
     }
-  for (StateLaw state : {StateLaw::ageing, StateLaw::slip}) {
+  for (StateLaw state : {StateLaw("ageing"), StateLaw("slip")}) {
     Scene s;
     s.n = 17;
-    s.friction.law = Law::rate_and_state;
+    s.friction.law = Law("rate-and-state");
     s.friction.state = state;
-    s.friction.a = 0.5;  // so that F bends over velocities of order 1
+    s.friction.values["friction_a"] = 0.5;  // so that F bends over velocities of order 1
     all.push_back(s);
   }
   return all;
@@ -62,7 +62,7 @@ std::vector<Scene> scenes() {
 // A smooth field that no symmetry simplifies; psi of both signs, but for the slip law, whose third derivative grows
 // like 1/psi^2 towards rest.
 void fill(const Model& model, Vec u) {
-  const double middle = model.scene().friction.state == StateLaw::slip ? 0.95 : 0.31;
+  const double middle = model.scene().friction.state == StateLaw("slip") ? 0.95 : 0.31;
   double* a;
   SS_TRY(VecGetArray(u, &a));
   for (PetscInt i = 0; i < model.local(); ++i)
@@ -165,7 +165,7 @@ TEST_CASE("Jacobians agree with differences of the right-hand side") {
       SS_TRY(VecAXPY(plus, -1, minus));
       SS_TRY(VecScale(plus, -1.3 / (2 * e)));
       SS_TRY(VecAXPY(plus, 0.7, w));
-      INFO("law " << int(s.friction.law) << " state " << int(s.friction.state) << " order " << s.order << " form " << int(s.form) << " part " << int(part));
+      INFO("law " << to_string(s.friction.law) << " state " << to_string(s.friction.state) << " order " << s.order << " form " << int(s.form) << " part " << int(part));
       CHECK(distance(plus, product) < 1e-7 * (1 + norm(product)));
     }
   }

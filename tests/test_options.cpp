@@ -3,10 +3,10 @@
 
 #include <set>
 
-#include "stickslip/error.hpp"
-#include "stickslip/library_options.hpp"
-#include "stickslip/options.hpp"
-#include "stickslip/scene.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/options/options.hpp"
+#include "stickslip/model/scene.hpp"
 
 using namespace stickslip;
 using Catch::Matchers::Contains;
@@ -222,7 +222,7 @@ TEST_CASE("scenes: laws") {
   CHECK_NOTHROW(scene({{"state_law", "contact-age"}}));
   REFUSED(scene({{"state_law", "ageing"}}), "belongs to rate-and-state");
   REFUSED(scene({{"friction_law", "rate-and-state"}, {"state_law", "none"}}), "needs ageing or slip");
-  CHECK(scene({{"friction_law", "rate-and-state"}}).friction.state == StateLaw::ageing);
+  CHECK(scene({{"friction_law", "rate-and-state"}}).friction.state == StateLaw("ageing"));
   REFUSED(scene({{"friction_law", "rate-and-state"}, {"state_D", "2"}, {"friction_D", "1"}}), "one slip distance");
   REFUSED(scene({{"state_t_h", "2"}}), "another state law");
   REFUSED(scene({{"friction_spread", "1.5"}}), "at most 1");

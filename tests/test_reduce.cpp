@@ -2,12 +2,12 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "stickslip/error.hpp"
-#include "stickslip/ode.hpp"
-#include "stickslip/reduce.hpp"
-#include "stickslip/stencil.hpp"
-#include "stickslip/time.hpp"
-#include "stickslip/wave_stability.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/study/reduce.hpp"
+#include "stickslip/model/stencil.hpp"
+#include "stickslip/time/time.hpp"
+#include "stickslip/waves/wave_stability.hpp"
 
 using namespace stickslip;
 
@@ -122,7 +122,7 @@ TEST_CASE("a wave leaves the uniform oscillation at the computed rate", "[reduce
     SS_TRY(VecRestoreArray(u, &a));
     SS_TRY(PetscOptionsSetValue(nullptr, "-ts_rtol", "1e-9"));
     SS_TRY(PetscOptionsSetValue(nullptr, "-ts_atol", "1e-9"));
-    Integrator integrator(model, all, u);
+    Integrator integrator(model, MethodSpec::from(all), u);
     SS_TRY(PetscOptionsClearValue(nullptr, "-ts_rtol"));
     SS_TRY(PetscOptionsClearValue(nullptr, "-ts_atol"));
     const auto go_on = [](const Integrator::Step&) { return Integrator::Verdict::go_on; };

@@ -9,10 +9,10 @@
 #include <cmath>
 #include <random>
 
-#include "stickslip/error.hpp"
-#include "stickslip/model.hpp"
-#include "stickslip/phase_tree.hpp"
-#include "stickslip/spectrum.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/stability/argument_principle.hpp"
+#include "stickslip/stability/spectrum.hpp"
 
 using namespace stickslip;
 
@@ -95,16 +95,16 @@ Scene random_scene(unsigned seed, PetscInt largest) {
   }
   const int law = pick(8);
   FrictionParameters& f = s.friction;
-  f.law = law < 4 ? Law::cubic : law < 6 ? Law::carlson_langer : law < 7 ? Law::coulomb : Law::rate_and_state;
-  if (f.law == Law::rate_and_state) {
-    f.state = pick(2) ? StateLaw::ageing : StateLaw::slip;
-    f.a = draw(0.01, 0.2);
-    f.b = draw(0.01, 0.3);
-    f.D = f.state_D = draw(0.3, 2);
-  } else if (f.law != Law::cubic && pick(2)) {
-    f.state = pick(2) ? StateLaw::healing : StateLaw::contact_age;
-    f.t_h = draw(0.5, 3);
-    f.state_D = draw(0.5, 3);
+  f.law = law < 4 ? Law("cubic") : law < 6 ? Law("carlson-langer") : law < 7 ? Law("coulomb") : Law("rate-and-state");
+  if (f.law == Law("rate-and-state")) {
+    f.state = pick(2) ? StateLaw("ageing") : StateLaw("slip");
+    f.values["friction_a"] = draw(0.01, 0.2);
+    f.values["friction_b"] = draw(0.01, 0.3);
+    f.values["friction_D"] = f.values["state_D"] = draw(0.3, 2);
+  } else if (f.law != Law("cubic") && pick(2)) {
+    f.state = pick(2) ? StateLaw("healing") : StateLaw("contact-age");
+    f.values["state_t_h"] = draw(0.5, 3);
+    f.values["state_D"] = draw(0.5, 3);
   }
   if (pick(3)) {
     s.spread = draw(0.01, 0.5);

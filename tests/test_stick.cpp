@@ -8,11 +8,11 @@
 #include <set>
 
 #include "shared.hpp"
-#include "stickslip/displacement.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/methods.hpp"
-#include "stickslip/stick.hpp"
-#include "stickslip/time.hpp"
+#include "stickslip/output/displacement.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/time/methods.hpp"
+#include "stickslip/time/stick.hpp"
+#include "stickslip/time/time.hpp"
 
 using namespace stickslip;
 
@@ -39,7 +39,7 @@ struct Run {
       : model(comm, scene), u(model.create_vector()) {
     const InDatabase given(settings);
     fill(model, start, u);
-    Integrator integrator(model, given.options, u);
+    Integrator integrator(model, MethodSpec::from(given.options), u);
     report = integrator.advance(u, from, until, observer);
   }
   // Every value of u in order of the nodes, on all ranks.
@@ -75,7 +75,7 @@ Scene lone_blocks(PetscInt n) {
   s.k1 = 0;
   s.v = 0.1;
   s.delta = 0;
-  s.friction.law = Law::coulomb;
+  s.friction.law = Law("coulomb");
   s.n = n;
   s.order = 2;
   s.left = s.right = End::free;
@@ -191,7 +191,7 @@ Scene lively_chain(Law law, StateLaw state) {
   s.length = 24;
   s.spread = 0.2;
   s.friction.law = law;
-  s.friction.sigma = law == Law::carlson_langer ? 0.02 : 0;
+  s.friction.values["friction_sigma"] = law == Law("carlson-langer") ? 0.02 : 0;
   s.friction.state = state;
   return s;
 }
@@ -208,13 +208,13 @@ void lively_start_with_state(PetscInt i, double* at) {
 }  // namespace
 
 TEST_CASE("the energy balance of a chain that sticks") {
-  const StateLaw state = GENERATE(StateLaw::none, StateLaw::healing);
-  Scene scene = lively_chain(Law::coulomb, state);
+  const StateLaw state = GENERATE(StateLaw("none"), StateLaw("healing"));
+  Scene scene = lively_chain(Law("coulomb"), state);
   Model model(PETSC_COMM_WORLD, scene);
   VecHandle u = model.create_vector(), w = model.create_vector();
-  fill(model, state == StateLaw::none ? lively_start : lively_start_with_state, u);
+  fill(model, state == StateLaw("none") ? lively_start : lively_start_with_state, u);
   const InDatabase given(tolerance("1e-9"));
-  Integrator integrator(model, given.options, u);
+  Integrator integrator(model, MethodSpec::from(given.options), u);
   Displacement displacement(model);
   // Simpson's rule over every step: within a step everything is smooth.
   double begin = 0, end = 0, work = 0, lost = 0;
@@ -240,16 +240,16 @@ TEST_CASE("the energy balance of a chain that sticks") {
 }
 
 TEST_CASE("nothing rests beyond its threshold, and nothing slides against its direction") {
-  const Law law = GENERATE(Law::coulomb, Law::carlson_langer);
-  const StateLaw state = GENERATE(StateLaw::none, StateLaw::healing, StateLaw::contact_age);
+  const Law law = GENERATE(Law("coulomb"), Law("carlson-langer"));
+  const StateLaw state = GENERATE(StateLaw("none"), StateLaw("healing"), StateLaw("contact-age"));
   const bool back_slip = GENERATE(true, false);
   Scene scene = lively_chain(law, state);
   scene.friction.back_slip = back_slip;
   Model model(PETSC_COMM_WORLD, scene);
   VecHandle u = model.create_vector();
-  fill(model, state == StateLaw::none ? lively_start : lively_start_with_state, u);
+  fill(model, state == StateLaw("none") ? lively_start : lively_start_with_state, u);
   const InDatabase given(tolerance("1e-6"));
-  Integrator integrator(model, given.options, u);
+  Integrator integrator(model, MethodSpec::from(given.options), u);
   double beyond = 0, backwards = 0;
   std::vector<double> last;
   long rests = 0, rows = 0;
@@ -259,8 +259,8 @@ TEST_CASE("nothing rests beyond its threshold, and nothing slides against its di
     const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
     for (std::size_t i = 0; i < amplitude.size(); ++i, ++rows) {
       const double psi = all[dof * i], eta = all[dof * i + 1], s = dof == 3 ? all[dof * i + 2] : 0;
-      const double limit = amplitude[i] * dispatch_friction(scene.friction, [&](const auto& f) {
-        if constexpr (std::decay_t<decltype(f)>::sticks) return static_threshold(f, s).value;
+      const double limit = amplitude[i] * with_friction(scene.friction, [&](const Friction& f) {
+        if (f.sticks) return f.threshold(s).value;
         else return 0.;
       });
       if (step.t > 10) backwards = std::min(backwards, psi);
@@ -310,9 +310,9 @@ TEST_CASE("the threshold grows with the time held") {
   for (const double v : {1e-1, 1e-2, 1e-3, 1e-4}) {
     Scene scene = lone_blocks(1);
     scene.v = v;
-    scene.friction.state = StateLaw::healing;
-    scene.friction.t_h = 10;
-    scene.friction.state_D = 0.2;
+    scene.friction.state = StateLaw("healing");
+    scene.friction.values["state_t_h"] = 10;
+    scene.friction.values["state_D"] = 0.2;
     double stopped = -1, tau = 0, let_go = 0;
     const double until = 8 / v + 200;
     int holds = 0;
@@ -356,7 +356,7 @@ TEST_CASE("the front of a Coulomb chain runs at c/sqrt(1 - q^2)") {
   Scene scene = lone_blocks(800);
   scene.k0 = scene.v = 0;
   scene.k1 = 1;
-  const double fd = scene.friction.fd, stress = fd + q * (scene.friction.fs - fd);
+  const double fd = scene.friction.value("friction_fd"), stress = fd + q * (scene.friction.value("friction_fs") - fd);
   const Start start = [&](PetscInt i, double* at) {
     at[0] = 0;
     at[1] = i == 0 ? 1.001 : stress;
@@ -382,9 +382,9 @@ TEST_CASE("the front of a Coulomb chain runs at c/sqrt(1 - q^2)") {
 }
 
 TEST_CASE("friction that sticks is the same on any number of ranks") {
-  const StateLaw state = GENERATE(StateLaw::none, StateLaw::healing);
-  const Scene scene = lively_chain(Law::carlson_langer, state);
-  const Start start = state == StateLaw::none ? lively_start : lively_start_with_state;
+  const StateLaw state = GENERATE(StateLaw("none"), StateLaw("healing"));
+  const Scene scene = lively_chain(Law("carlson-langer"), state);
+  const Start start = state == StateLaw("none") ? lively_start : lively_start_with_state;
   const Settings settings = {{"ts_type", "rk"}, {"ts_rk_type", "4"}, {"ts_dt", "0.05"}};
   const Run alone(scene, start, 40, settings, nullptr, PETSC_COMM_SELF), all(scene, start, 40, settings);
   CHECK(alone.report.steps == all.report.steps);
@@ -396,17 +396,17 @@ TEST_CASE("friction that sticks is the same on any number of ranks") {
 }
 
 TEST_CASE("a run goes on bitwise alike from the middle of a stick") {
-  const StateLaw state = GENERATE(StateLaw::none, StateLaw::healing);
-  const Scene scene = lively_chain(Law::coulomb, state);
+  const StateLaw state = GENERATE(StateLaw("none"), StateLaw("healing"));
+  const Scene scene = lively_chain(Law("coulomb"), state);
   const InDatabase given(tolerance("1e-6"));
   Model model(PETSC_COMM_WORLD, scene);
   for (const PetscInt at : {3, 40, 41, 42, 43, 44, 120}) {
     VecHandle u = model.create_vector(), kept = model.create_vector();
-    fill(model, state == StateLaw::none ? lively_start : lively_start_with_state, u);
+    fill(model, state == StateLaw("none") ? lively_start : lively_start_with_state, u);
     double t = 0, dt = 0;
     PetscInt steps;
     {
-      Integrator whole(model, given.options, u);
+      Integrator whole(model, MethodSpec::from(given.options), u);
       steps = whole.advance(u, 0, 40, [&](const Integrator::Step& now) {
         if (now.index != at) return Integrator::Verdict::go_on;
         SS_TRY(VecCopy(now.u, kept));
@@ -415,7 +415,7 @@ TEST_CASE("a run goes on bitwise alike from the middle of a stick") {
         return Integrator::Verdict::restart;
       }).steps;
     }
-    Integrator rest(model, given.options, kept);
+    Integrator rest(model, MethodSpec::from(given.options), kept);
     rest.continue_from(at, dt);
     CHECK(rest.advance(kept, t, 40, nullptr).steps == steps);
     CHECK(furthest(Run::all_values(u), Run::all_values(kept)) == 0);
@@ -446,7 +446,7 @@ TEST_CASE("loading costs a step, however slow the plate") {
 }
 
 TEST_CASE("regularised friction tends to friction that sticks") {
-  const Law law = GENERATE(Law::carlson_langer, Law::coulomb);
+  const Law law = GENERATE(Law("carlson-langer"), Law("coulomb"));
   Scene scene = lone_blocks(4);
   scene.friction.law = law;
   const Start start = [](PetscInt i, double* at) {
@@ -458,11 +458,11 @@ TEST_CASE("regularised friction tends to friction that sticks") {
   scene.friction.regularised = true;
   for (const double eps : {4e-4, 1e-4, 2.5e-5, 6.25e-6}) {
     scene.friction.eps = eps;
-    scene.friction.weakening = std::sqrt(eps);
+    scene.friction.values["friction_slip_velocity"] = std::sqrt(eps);
     error.push_back(furthest(Run(scene, start, 20, tolerance("1e-9")).values(), exact.values()));
     // carlson-langer: the peak lies at psi of order eps ln(1/eps), up to which a block creeps. coulomb: the fall from
     // fs to fd has a width of its own, here sqrt(eps)
-    scaled.push_back(error.back() / (law == Law::coulomb ? std::sqrt(eps) : eps * std::log(1 / eps)));
+    scaled.push_back(error.back() / (law == Law("coulomb") ? std::sqrt(eps) : eps * std::log(1 / eps)));
   }
   INFO(to_string(law) << ": errors over the expected rate " << scaled[0] << " " << scaled[1] << " " << scaled[2] << " "
                       << scaled[3]);
@@ -473,10 +473,10 @@ TEST_CASE("regularised friction tends to friction that sticks") {
 }
 
 TEST_CASE("the Jacobian of friction that sticks") {
-  const StateLaw state = GENERATE(StateLaw::none, StateLaw::healing, StateLaw::contact_age);
+  const StateLaw state = GENERATE(StateLaw("none"), StateLaw("healing"), StateLaw("contact-age"));
   const Part part = GENERATE(Part::full, Part::pointwise);
   const bool chain = GENERATE(true, false);
-  Scene scene = lively_chain(Law::carlson_langer, state);
+  Scene scene = lively_chain(Law("carlson-langer"), state);
   if (!chain) {
     scene.form = Form::continuum;
     scene.delta = 0.2;
@@ -485,7 +485,7 @@ TEST_CASE("the Jacobian of friction that sticks") {
   Model model(PETSC_COMM_WORLD, scene);
   VecHandle u = model.create_vector(), du = model.create_vector(), f = model.create_vector(),
             g = model.create_vector(), product = model.create_vector();
-  fill(model, state == StateLaw::none ? lively_start : lively_start_with_state, u);
+  fill(model, state == StateLaw("none") ? lively_start : lively_start_with_state, u);
   fill(model, [&](PetscInt i, double* at) {
     for (int k = 0; k < model.dof(); ++k) at[k] = counter_normal(9, 3 * i + k);
   }, du);
@@ -511,9 +511,9 @@ TEST_CASE("stick regions of the continuum spread and shrink", "[serial]") {
   const bool spreading = GENERATE(true, false);
   const auto on_grid = [&](PetscInt n) {
     Scene s;
-    s.friction.law = Law::coulomb;
-    s.friction.fs = spreading ? 0.5 : 1;
-    s.friction.fd = spreading ? 0.5 : 0.9;
+    s.friction.law = Law("coulomb");
+    s.friction.values["friction_fs"] = spreading ? 0.5 : 1;
+    s.friction.values["friction_fd"] = spreading ? 0.5 : 0.9;
     s.n = n;
     s.length = 20;
     s.v = spreading ? 0.2 : 0.5;
@@ -551,8 +551,8 @@ TEST_CASE("stick regions of the continuum spread and shrink", "[serial]") {
 TEST_CASE("order through starts and stops with friction that falls with velocity", "[serial]") {
   Scene scene = lone_blocks(3);
   scene.k1 = 0.3;
-  scene.friction.law = Law::carlson_langer;
-  scene.friction.sigma = 0.1;
+  scene.friction.law = Law("carlson-langer");
+  scene.friction.values["friction_sigma"] = 0.1;
   const Start start = [](PetscInt i, double* at) {
     at[0] = 0;
     at[1] = 0.9 - 0.17 * double(i);

@@ -7,12 +7,11 @@
 #include <complex>
 #include <functional>
 
-#include "stickslip/displacement.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/library_options.hpp"
-#include "stickslip/measure.hpp"
-#include "stickslip/ode.hpp"
-#include "stickslip/time.hpp"
+#include "stickslip/output/displacement.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/time/time.hpp"
 
 using namespace stickslip;
 
@@ -44,7 +43,7 @@ Run advance(const Scene& scene, const Start& start, double t,
   }
   SS_TRY(VecRestoreArray(u, &a));
   model.set_held(u);
-  Integrator integrator(model, options, u);
+  Integrator integrator(model, MethodSpec::from(options), u);
   integrator.advance(u, 0, t, nullptr);
   for (const auto& [name, text] : set) SS_TRY(PetscOptionsClearValue(nullptr, ("-" + name).c_str()));
 
@@ -504,7 +503,7 @@ TEST_CASE("the energy balance of a run closes at the method's order", "[energy][
     }
     SS_TRY(VecRestoreArray(u, &a));
     double first = 0, last = 0, integral = 0;
-    Integrator integrator(model, options, u);
+    Integrator integrator(model, MethodSpec::from(options), u);
     integrator.advance(u, 0, 2, [&](const Integrator::Step& step) {
       const Energy e = displacement.energy(step.u);
       if (step.index == 0) first = e.kinetic + e.elastic;

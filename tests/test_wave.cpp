@@ -2,9 +2,10 @@
 #include <cmath>
 #include <ctime>
 
-#include "stickslip/cyclic.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/wave.hpp"
+#include "stickslip/numerics/cyclic.hpp"
+#include "stickslip/base/error.hpp"
+#include "commands/wave_options.hpp"
+#include "stickslip/waves/branch.hpp"
 
 using namespace stickslip;
 
@@ -15,6 +16,10 @@ Scene undamped(double v) {
   scene.delta = 0;
   scene.v = v;
   return scene;
+}
+
+Branch continue_train(const Options& options, const char* name, double to, int steps) {
+  return stickslip::continue_train(train_family(options, name), options.real(name), to, steps);
 }
 
 // The period at the train's r2 by the integrator, which knows nothing of the collocation.
@@ -168,18 +173,41 @@ TEST_CASE("other laws carry trains too", "[wave]") {
   Scene scene;
   double accuracy = 1e-11;
   SECTION("regularised carlson-langer") {
-    scene.friction.law = Law::carlson_langer;
+    scene.friction.law = Law("carlson-langer");
     scene.friction.regularised = true;
     scene.friction.eps = .01;
   }
-  SECTION("a state that heals, whose |psi| has a kink") {
+  SECTION("a state law, whose |psi| has a kink") {
     accuracy = 1e-9;
-    scene.friction.state = StateLaw::healing;
-    scene.friction.tau_inf = 1.5;
+    scene.friction.state = StateLaw("contact-age");
+    scene.friction.values["state_b"] = 0.3;
   }
   const Train train = solve_train(scene, {2, 60., {}});
   CHECK(train.period == Approx(integrated_period(train)).epsilon(accuracy));
   CHECK(train.error_estimate < 1e-8);
+}
+
+TEST_CASE("trains with a state law that another integration knows", "[wave][state]") {
+  struct Known {
+    double gamma, delta, v;
+    StateLaw law;
+    double b, D, speed, period;
+  };
+  for (const Known& k : {Known{2.57, .05, 1.02, "slip", .2, .5, 1.71, 5.85493331},
+                         Known{2.19, 0, .87, "ageing", .25, .3, 3.23, 8.452164571},
+                         Known{2.18, 0, .72, "slip", .25, .3, 3.55, 7.401315636}}) {
+    Scene scene;
+    scene.gamma = k.gamma;
+    scene.delta = k.delta;
+    scene.v = k.v;
+    scene.friction.law = "rate-and-state";
+    scene.friction.state = k.law;
+    scene.friction.values["friction_a"] = .1;
+    scene.friction.values["friction_b"] = k.b;
+    scene.friction.values["friction_D"] = k.D;
+    const Train train = solve_train(scene, {1, {}, k.speed});
+    CHECK(train.period == Approx(k.period).epsilon(2e-9));
+  }
 }
 
 TEST_CASE("trains that cannot be are refused with the reason", "[wave]") {

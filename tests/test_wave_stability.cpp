@@ -1,9 +1,9 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "stickslip/error.hpp"
-#include "stickslip/model.hpp"
-#include "stickslip/wave_stability.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/waves/wave_stability.hpp"
 
 using namespace stickslip;
 using Complex = std::complex<double>;

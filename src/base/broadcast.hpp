@@ -11,19 +11,17 @@
 #include <utility>
 #include <vector>
 
-#include "stickslip/file.hpp"
-
 namespace stickslip {
 
 template <class T>
-std::enable_if_t<std::is_trivially_copyable_v<T>> share(T& value) {
+std::enable_if_t<std::is_trivially_copyable_v<T>> broadcast(T& value) {
   MPI_Bcast(&value, static_cast<int>(sizeof value), MPI_BYTE, 0, PETSC_COMM_WORLD);
 }
 
 template <class T>
-std::enable_if_t<std::is_trivially_copyable_v<T>> share(std::vector<T>& values) {
+std::enable_if_t<std::is_trivially_copyable_v<T>> broadcast(std::vector<T>& values) {
   std::int64_t size = static_cast<std::int64_t>(values.size());
-  share(size);
+  broadcast(size);
   values.resize(static_cast<std::size_t>(size));
   const std::int64_t most = 1 << 26;  // an int counts the bytes of one call
   for (std::int64_t at = 0; at < size; at += most)
@@ -31,29 +29,24 @@ std::enable_if_t<std::is_trivially_copyable_v<T>> share(std::vector<T>& values) 
               PETSC_COMM_WORLD);
 }
 
-inline void share(std::string& text) {
+inline void broadcast(std::string& text) {
   std::vector<char> bytes(text.begin(), text.end());
-  share(bytes);
+  broadcast(bytes);
   text.assign(bytes.begin(), bytes.end());
 }
 
 template <class T>
-void share(std::map<std::string, T>& values) {
+void broadcast(std::map<std::string, T>& values) {
   std::int64_t size = static_cast<std::int64_t>(values.size());
-  share(size);
+  broadcast(size);
   auto source = values.begin();  // rank 0 has one for each, the others none
   for (std::int64_t k = 0; k < size; ++k) {
     std::pair<std::string, T> item;
     if (source != values.end()) item = *source++;
-    share(item.first);
-    share(item.second);
+    broadcast(item.first);
+    broadcast(item.second);
     values.insert(std::move(item));
   }
-}
-
-inline void share(FileHeader& header) {
-  for (std::string* text : {&header.kind, &header.version, &header.git}) share(*text);
-  share(header.options);
 }
 
 }  // namespace stickslip

@@ -1,4 +1,4 @@
-#include "stickslip/error.hpp"
+#include "stickslip/base/error.hpp"
 
 #include <algorithm>
 #include <cstdio>

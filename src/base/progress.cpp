@@ -1,4 +1,4 @@
-#include "progress.hpp"
+#include "base/progress.hpp"
 
 #include <unistd.h>
 
@@ -12,11 +12,10 @@ namespace {
 constexpr const char* erase = "\r\033[K";
 }  // namespace
 
-Progress::Progress(const Options& options, std::string what)
+Progress::Progress(const std::string& wish, std::string what)
     : what_(std::move(what)), begin_(MPI_Wtime()), last_(begin_), terminal_(isatty(STDERR_FILENO) != 0) {
   int rank;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
-  const std::string wish = options.text("progress");
   on_ = rank == 0 && (wish == "on" || (wish == "auto" && terminal_));
 }
 

@@ -6,14 +6,12 @@
 
 #include <string>
 
-#include "stickslip/options.hpp"
-
 namespace stickslip {
 
 class Progress {
  public:
-  // `what` stands before every line ("chart: ").
-  Progress(const Options& options, std::string what);
+  // `wish`: the option `progress`, on, off or auto; `what` stands before every line ("chart: ").
+  Progress(const std::string& wish, std::string what);
   ~Progress();  // the line goes, so that what follows stands alone
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;

@@ -1,9 +1,9 @@
-#include "stickslip/provenance.hpp"
+#include "stickslip/base/provenance.hpp"
 
 #include <ctime>
 
 #include "revision.hpp"
-#include "stickslip/error.hpp"
+#include "stickslip/base/error.hpp"
 
 namespace stickslip {
 

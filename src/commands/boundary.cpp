@@ -2,13 +2,18 @@
 #include <algorithm>
 #include <cmath>
 
-#include "progress.hpp"
-#include "stickslip/boundary.hpp"
-#include "stickslip/commands.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/file.hpp"
-#include "stickslip/library_options.hpp"
-#include "stickslip/summary.hpp"
+#include "base/progress.hpp"
+#include "stickslip/stability/boundary.hpp"
+#include "stickslip/study/vary.hpp"
+#include "stickslip/study/verify.hpp"
+#include "stickslip/commands/commands.hpp"
+#include "stickslip/base/json_values.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/field.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/output/result_file.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/output/summary.hpp"
 
 namespace stickslip {
 
@@ -25,7 +30,7 @@ Axis axis_from(const Options& options, const std::string& suffix) {
     for (const OptionSpec& s : option_table())
       if (s.type == OptionType::real || s.type == OptionType::real_or_word) names.push_back(s.name);
     const std::string near = nearest_name(axis.name, names);
-    throw UsageError("-" + parameter + " " + quoted(axis.name) + ": no such option" +
+    throw UsageError("-" + parameter + " " + stickslip::quoted(axis.name) + ": no such option" +
                      (near.empty() ? "; give a real one, such as model_v" : "; did you mean " + near + "?"));
   }
   axis.name = spec->name;
@@ -52,7 +57,7 @@ std::vector<Axis> axes_from(const Options& options) {
   for (const std::string& name : options.words("boundary_same")) {
     const OptionSpec* spec = find_option(name);
     if (!spec || (spec->type != OptionType::real && spec->type != OptionType::real_or_word))
-      throw UsageError("-boundary_same " + quoted(name) + ": no such real option; give e.g. model_k0");
+      throw UsageError("-boundary_same " + stickslip::quoted(name) + ": no such real option; give e.g. model_k0");
     axes[0].same.push_back(spec->name);
   }
   if (options.is_set("boundary_parameter2")) {
@@ -75,17 +80,19 @@ std::string at_ends(GrowthRate& growth) {
 Json point_list(const std::vector<Crossing>& points, bool two) {
   Json list = Json::array();
   for (const Crossing& c : points)
-    list.push(Json::object({{"value", c.value},
-                            {"value2", two ? Json(c.value2) : Json()},
-                            {"frequency", c.frequency},
-                            {"wavenumber", c.wavenumber},
-                            {"degenerate", c.degenerate},
-                            {"residual", c.residual},
-                            {"kind", c.kind},
-                            {"growth_rate", c.growth},
-                            {"piece", c.piece},
-                            {"switched", c.switched},
-                            {"complete", c.complete ? Json(*c.complete) : Json()}}));
+    list.push_back(Json::object({{"value", c.value},
+                                 {"value2", two ? Json(c.value2) : Json()},
+                                 {"frequency", c.frequency},
+                                 {"wavenumber", c.wavenumber},
+                                 {"degenerate", c.degenerate},
+                                 {"residual", c.residual},
+                                 {"error", c.error},
+                                 {"error2", two ? Json(c.error2) : Json()},
+                                 {"kind", c.kind},
+                                 {"growth_rate", c.growth},
+                                 {"piece", c.piece},
+                                 {"switched", c.switched},
+                                 {"complete", c.complete ? Json(*c.complete) : Json()}}));
   return list;
 }
 
@@ -93,7 +100,7 @@ Json point_list(const std::vector<Crossing>& points, bool two) {
 std::vector<double> closed_forms(GrowthRate& growth, const std::vector<Crossing>& points) {
   std::vector<double> v;
   for (const Crossing& c : points) {
-    const Scene scene = Scene::from(growth.options_at(c.x, c.y), true);
+    const Scene scene = growth.scene(c.x, c.y);
     v.push_back(closed_form_velocity(scene).value_or(std::nan("")) * (scene.v < 0 ? -1 : 1));
   }
   return v;
@@ -102,13 +109,13 @@ std::vector<double> closed_forms(GrowthRate& growth, const std::vector<Crossing>
 Json verified_list(const std::vector<Verified>& verified, bool two) {
   Json list = Json::array();
   for (const Verified& v : verified)
-    list.push(Json::object({{"value", v.value},
-                            {"value2", two ? Json(v.value2) : Json()},
-                            {"growth_rate", v.growth},
-                            {"expected", v.expected},
-                            {"from_sliding", v.from_sliding},
-                            {"from_stick_slip", v.from_stick_slip},
-                            {"regime", v.regime}}));
+    list.push_back(Json::object({{"value", v.value},
+                                 {"value2", two ? Json(v.value2) : Json()},
+                                 {"growth_rate", v.growth},
+                                 {"expected", v.expected},
+                                 {"from_sliding", v.from_sliding},
+                                 {"from_stick_slip", v.from_stick_slip},
+                                 {"regime", v.regime}}));
   return list;
 }
 
@@ -121,8 +128,8 @@ void warn_of_damping(const Options& options, const std::vector<Verified>& verifi
   const bool damps = type == "beuler" || type == "bdf" || (type == "theta" && given("ts_theta_theta") != "0.5");
   if (!damps || dt_text.empty() || points.empty()) return;
   const double dt = std::strtod(dt_text.c_str(), nullptr);
+  const double frequency = points.front().frequency;
   for (const Verified& v : verified) {
-    const double frequency = points.front().frequency;
     const double limit = 2 * v.growth / (v.growth * v.growth + frequency * frequency);
     if (v.growth > 0 && dt > limit) {
       warn("-ts_type " + type + " with -ts_dt " + dt_text + " would hide the instability at " + number_text(v.value) +
@@ -159,6 +166,9 @@ void write_file(const Options& options, GrowthRate& growth, const std::vector<Cr
   add({"wavenumber", "1/length", "wavenumber of the critical mode"}, [](const Crossing& c) { return c.wavenumber; });
   add({"degenerate", "1", "1 where many modes cross at once"}, [](const Crossing& c) { return double(c.degenerate); });
   add({"residual", "1/time", "|J x - lambda x|/|x|"}, [](const Crossing& c) { return c.residual; });
+  const std::string grid = "change of it on a grid of half the spacing";
+  add({"error", unit(growth.axes()[0]), "value: " + grid}, [](const Crossing& c) { return c.error; });
+  if (two) add({"error2", unit(growth.axes()[1]), "value2: " + grid}, [](const Crossing& c) { return c.error2; });
   add({"piece", "1", "piece of the curve"}, [](const Crossing& c) { return double(c.piece); });
   add({"switched", "1", "1 where another mode leads than before"},
       [](const Crossing& c) { return double(c.switched); });
@@ -197,6 +207,79 @@ void write_file(const Options& options, GrowthRate& growth, const std::vector<Cr
   file.write();
 }
 
+// Checks of some points by time integration, and what they say that the linear answer does not.
+std::vector<Verified> verify(GrowthRate& growth, const Options& options, const std::vector<Crossing>& points,
+                             Progress& progress) {
+  const PetscInt checks = options.integer("boundary_verify");
+  if (checks == 0) return {};
+  growth.watch(nullptr);
+  progress.restart_clock();
+  const auto verified = verify_boundary(growth, options, points, checks, [&](std::size_t number, std::size_t all) {
+    if (progress.due())
+      progress.show("check " + std::to_string(number + 1) + " of " + std::to_string(all) + " in time" +
+                    progress.left(double(number) / double(all)));
+  });
+  warn_of_damping(options, verified, points);
+  for (const Verified& v : verified)
+    if (v.from_sliding != v.expected)
+      warn("time integration from slightly perturbed sliding at " + growth.axes()[0].name + " " + number_text(v.value) +
+           " ends in " + v.from_sliding + " where the growth rate " + number_text(v.growth) + " says " + v.expected);
+  return verified;
+}
+
+void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& points) {
+  for (const Crossing& c : points) {
+    std::string line = axes[0].name + " " + number_text(c.value);
+    if (axes.size() > 1) line += "  " + axes[1].name + " " + number_text(c.value2);
+    line += "  " + c.kind + ", ";
+    if (std::isfinite(c.wavenumber))
+      line += "frequency " + number_text(c.frequency) + ", wavenumber " + number_text(c.wavenumber);
+    else
+      line += "the limit of short waves";
+    SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s\n", line.c_str()));
+  }
+}
+
+[[noreturn]] void fail_without_points(GrowthRate& growth, const Samples& samples) {
+  const Axis& axis = growth.axes()[0];
+  if (growth.axes().size() == 1) {
+    const bool changes = growth(0) * growth(1) < 0;
+    throw Failure("no boundary " + std::string(changes ? "that the grid resolves (grid_n) " : "") + "between " +
+                  axis.name + " " + number_text(axis.from) + " and " + number_text(axis.to) + ": " + at_ends(growth));
+  }
+  const auto [low, high] = std::minmax_element(samples.growth.begin(), samples.growth.end());
+  throw Failure("no boundary in the box: the growth rate stays between " + number_text(*low) + " and " +
+                number_text(*high));
+}
+
+int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, const Provenance& provenance) {
+  const bool two = growth.axes().size() > 1;
+  Progress progress(options.text("progress"), "boundary: ");
+  growth.watch([&] {
+    if (progress.due()) progress.show(std::to_string(growth.evaluations()) + " growth rates");
+  });
+  if (!two && !growth.enters())
+    throw Failure("-boundary_parameter " + growth.axes()[0].name + ": does not enter this scene: " + at_ends(growth));
+  BoundaryFindings findings;
+  const std::vector<Crossing> points = two ? boundary_curve(growth, options.integer("boundary_points"), findings)
+                                           : boundary_points(growth, findings);
+  check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
+  summary.set("points", point_list(points, two));
+  if (two) summary.set("meetings", point_list(findings.meetings, two));
+  summary.set("notes", findings.notes);
+  summary.set("evaluations", growth.evaluations());
+  for (const std::string& note : findings.notes) warn(note);
+  if (std::any_of(points.begin(), points.end(), [](const Crossing& c) { return c.complete && !*c.complete; }))
+    warn("modes that were not followed grow already on the boundary found (points with `complete` false): "
+         "it lies further on the stable side there");
+  if (points.empty()) fail_without_points(growth, findings.samples);
+  const std::vector<Verified> verified = verify(growth, options, points, progress);
+  if (options.integer("boundary_verify") > 0) summary.set("verified", verified_list(verified, two));
+  write_file(options, growth, points, verified, findings.samples, provenance);
+  if (options.text("summary") != "-") print_points(growth.axes(), points);
+  return 0;
+}
+
 }  // namespace
 
 int boundary_command(const Options& options) {
@@ -204,75 +287,22 @@ int boundary_command(const Options& options) {
   check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance, {"points", "meetings", "verified", "notes", "evaluations"}, options.text("summary"));
   const std::vector<Axis> axes = axes_from(options);
-  std::optional<GrowthRate> varied;
+  const auto varied = [&](const std::vector<Axis>& along) {
+    return GrowthRate(PETSC_COMM_WORLD, scene_of(options, along), along, options.text("spectrum_refine") != "off");
+  };
+  std::optional<GrowthRate> growth;
   std::string foreign;
   try {
-    varied.emplace(PETSC_COMM_WORLD, options, axes);
+    growth.emplace(varied(axes));
   } catch (const ForeignOption& error) {  // unless the scene itself is at fault
     foreign = error.what();
-    varied.emplace(PETSC_COMM_WORLD, options, std::vector<Axis>());
+    growth.emplace(varied({}));
   }
-  GrowthRate& growth = *varied;
   return with_summary(summary, [&] {
-    const bool two = axes.size() > 1;
     if (!foreign.empty())
       throw Failure("-boundary_parameter " + axes[0].name + ": does not enter this scene (" + foreign +
-                    "): growth rate " + number_text(growth(0)) + " at both ends");
-    Progress progress(options, "boundary: ");
-    growth.watch([&] {
-      if (progress.due()) progress.show(std::to_string(growth.evaluations()) + " growth rates");
-    });
-    Samples samples;
-    std::vector<std::string> notes;
-    std::vector<Crossing> meetings;
-    if (!two && !growth.enters())
-      throw Failure("-boundary_parameter " + axes[0].name + ": does not enter this scene: " + at_ends(growth));
-    const std::vector<Crossing> points =
-        two ? boundary_curve(growth, options.integer("boundary_points"), samples, notes, &meetings)
-            : boundary_points(growth, samples, notes);
-    check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
-    summary.set("points", point_list(points, two));
-    if (two) summary.set("meetings", point_list(meetings, two));
-    summary.set("notes", notes);
-    summary.set("evaluations", growth.evaluations());
-    for (const std::string& note : notes) warn(note);
-    if (std::any_of(points.begin(), points.end(), [](const Crossing& c) { return c.complete && !*c.complete; }))
-      warn("modes that were not followed grow already on the boundary found (points with `complete` false): "
-           "it lies further on the stable side there");
-    if (points.empty() && !two)
-      throw Failure("no boundary between " + axes[0].name + " " + number_text(axes[0].from) + " and " +
-                    number_text(axes[0].to) + ": " + at_ends(growth));
-    if (points.empty()) {
-      const auto [low, high] = std::minmax_element(samples.growth.begin(), samples.growth.end());
-      throw Failure("no boundary in the box: the growth rate stays between " + number_text(*low) + " and " +
-                    number_text(*high));
-    }
-    std::vector<Verified> verified;
-    if (const PetscInt checks = options.integer("boundary_verify"); checks > 0) {
-      growth.watch(nullptr);
-      progress.restart_clock();
-      verified = verify_boundary(growth, points, checks, [&](std::size_t number, std::size_t all) {
-        if (progress.due())
-          progress.show("check " + std::to_string(number + 1) + " of " + std::to_string(all) + " in time" +
-                        progress.left(double(number) / double(all)));
-      });
-      summary.set("verified", verified_list(verified, two));
-      warn_of_damping(options, verified, points);
-      for (const Verified& v : verified)
-        if (v.from_sliding != v.expected)
-          warn("time integration from slightly perturbed sliding at " + axes[0].name + " " + number_text(v.value) +
-               " ends in " + v.from_sliding + " where the growth rate " + number_text(v.growth) + " says " +
-               v.expected);
-    }
-    write_file(options, growth, points, verified, samples, provenance);
-    if (options.text("summary") != "-")
-      for (const Crossing& c : points) {
-        std::string line = axes[0].name + " " + number_text(c.value);
-        if (two) line += "  " + axes[1].name + " " + number_text(c.value2);
-        line += "  " + c.kind + ", frequency " + number_text(c.frequency) + ", wavenumber " + number_text(c.wavenumber);
-        SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s\n", line.c_str()));
-      }
-    return 0;
+                    "): growth rate " + number_text((*growth)(0)) + " at both ends");
+    return find_boundary(options, *growth, summary, provenance);
   });
 }
 

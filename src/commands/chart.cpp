@@ -1,7 +1,7 @@
 // The command `chart`: error against seconds, or where each method fails.
-#include "stickslip/chart.hpp"
-#include "stickslip/commands.hpp"
-#include "stickslip/limits.hpp"
+#include "stickslip/study/chart.hpp"
+#include "stickslip/commands/commands.hpp"
+#include "stickslip/study/limits.hpp"
 
 namespace stickslip {
 

@@ -8,13 +8,15 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/commands.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/file.hpp"
-#include "stickslip/friction.hpp"
-#include "stickslip/library_options.hpp"
-#include "stickslip/scene.hpp"
-#include "stickslip/summary.hpp"
+#include "stickslip/commands/commands.hpp"
+#include "stickslip/base/json_values.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/output/result_file.hpp"
+#include "stickslip/model/friction.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/model/scene.hpp"
+#include "stickslip/output/summary.hpp"
 
 namespace stickslip {
 
@@ -33,7 +35,7 @@ FrictionParameters parameters_of(const Options& options) { return Scene::from(op
 // `options` with the law set, and without the parameters that belong to others.
 Options options_for(Law law, Options options) {
   options = options.with("friction_law", to_string(law));
-  for (const char* name : friction_options_of_other_laws(law)) options = options.with(name, "");
+  for (const std::string& name : friction_options_of_other_laws(law)) options = options.with(name, "");
   return options;
 }
 
@@ -47,13 +49,10 @@ std::vector<FrictionParameters> wanted_laws(const Options& options) {
 Table tabulate(const FrictionParameters& p, const std::vector<double>& psi) {
   Table table{p.law, {}, NAN, NAN};
   table.F.reserve(psi.size());
-  dispatch_friction(p, [&](const auto& friction) {
-    for (const double velocity : psi) table.F.push_back(friction.force(velocity, friction.steady_state(velocity)));
-  });
-  if (has_threshold(p.law) && !p.regularised) {
-    // a contact at rest for long: tau -> tau_inf, theta -> infinity
-    const double strength = p.state == StateLaw::healing ? p.tau_inf : p.state == StateLaw::contact_age ? inf : 1;
-    table.stick_high = strength * (p.law == Law::coulomb ? p.fs : 1);
+  const auto friction = Friction::of(p);
+  for (const double velocity : psi) table.F.push_back(friction->force(velocity, friction->steady_state(velocity)));
+  if (friction->sticks) {
+    table.stick_high = friction->threshold_at_long_rest();
     table.stick_low = p.back_slip ? -table.stick_high : -inf;
   }
   return table;
@@ -91,8 +90,8 @@ int laws_command(const Options& options) {
       const Table table = tabulate(p, psi);
       const std::string name = to_string(p.law);
       summary.set(name, table.F);
-      if (!std::isnan(table.stick_high)) stick.set(name, Json::array().push(table.stick_low).push(table.stick_high));
-      file.add({name, "1", "friction law " + name + (p.state == StateLaw::none ? "" : ", steady state of the contact")},
+      if (!std::isnan(table.stick_high)) stick[name] = {table.stick_low, table.stick_high};
+      file.add({name, "1", "friction law " + name + (p.has_state() ? ", steady state of the contact" : "")},
                {"psi"}, table.F);
       names.push_back(name);
       low.push_back(table.stick_low);

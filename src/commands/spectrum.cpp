@@ -2,13 +2,16 @@
 #include <algorithm>
 #include <cmath>
 
-#include "stickslip/commands.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/file.hpp"
-#include "stickslip/friction.hpp"
-#include "stickslip/library_options.hpp"
-#include "stickslip/spectrum.hpp"
-#include "stickslip/summary.hpp"
+#include "stickslip/commands/commands.hpp"
+#include "stickslip/base/json_values.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/field.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/output/result_file.hpp"
+#include "stickslip/model/friction.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/stability/spectrum.hpp"
+#include "stickslip/output/summary.hpp"
 
 namespace stickslip {
 
@@ -25,8 +28,26 @@ constexpr const char* no_norm = "not for this scene, which has no energy norm (D
 
 // What the number says about the largest |exp(J t)|.
 std::string growth_is(const Transient& t) {
-  if (t.exact) return "the maximum over sampled times";
-  return "a lower bound: waves up to frequency " + number_text(t.frequency) + ", over sampled times";
+  if (t.exact) return "the maximum over time";
+  if (t.method != "iteration") return "a lower bound: the maximum over the times looked at";
+  return "a lower bound: waves up to frequency " + rounded_text(t.frequency, 6);
+}
+
+// A number with the digits that its error leaves.
+std::string known_digits(double value, double error) {
+  if (!std::isfinite(value) || !(error > 0)) return number_text(value);
+  const double digits = std::floor(std::log10(std::max(std::abs(value), error) / error)) + 1;
+  return rounded_text(std::abs(value) < error ? 0 : value, int(std::clamp(digits, 1., 15.)));
+}
+
+std::string verdict(const Spectrum& spectrum) {
+  const bool unstable = spectrum.growth > spectrum.error || spectrum.growth_continuum.value_or(-1) > 0;
+  std::string text = spectrum.stable ? "stable" : unstable ? "unstable" : "undecided";
+  text += ": growth rate " + known_digits(spectrum.growth, spectrum.error) + " +- " + rounded_text(spectrum.error, 2) +
+          ", frequency " + rounded_text(spectrum.frequency, 6);
+  if (spectrum.degenerate) text += " (of the longest of several waves that grow alike)";
+  if (!spectrum.complete) text += " (not proved to be the rightmost)";
+  return text;
 }
 
 Json eigenvalue_list(const std::vector<Mode>& modes) {
@@ -34,11 +55,11 @@ Json eigenvalue_list(const std::vector<Mode>& modes) {
   for (const Mode& m : modes)
     for (const double sign : {1., -1.}) {
       if (sign < 0 && m.value.imag() == 0) continue;
-      list.push(Json::object({{"re", m.value.real()},
-                              {"im", sign * m.value.imag()},
-                              {"residual", m.residual},
-                              {"wavenumber", m.wavenumber},
-                              {"resolved", m.resolved}}));
+      list.push_back(Json::object({{"re", m.value.real()},
+                                   {"im", sign * m.value.imag()},
+                                   {"residual", m.residual},
+                                   {"wavenumber", m.wavenumber},
+                                   {"resolved", m.resolved}}));
     }
   return list;
 }
@@ -101,7 +122,7 @@ void write_file(const Sliding& s, const Spectrum& spectrum, const Pseudospectrum
   const bool logarithmic = state_is_logarithmic(s.scene.friction.state);
   std::vector<std::string> names{"psi", "eta"};
   if (s.has_state()) {
-    names.push_back(logarithmic ? "theta" : "tau");
+    names.push_back(state_name(s.scene.friction.state));
     std::vector<double> steady = s.state;
     for (double& y : steady) y = state_to_output(s.scene.friction.state, y);
     file.add({"steady_" + names[2], standard_field(names[2]).units, names[2] + " of steady sliding"}, {"x"}, steady);
@@ -141,8 +162,9 @@ int spectrum_command(const Options& options) {
   const Provenance provenance = Provenance::of("spectrum", options.all());
   check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance,
-                  {"steady", "growth_rate", "growth_rate_error", "frequency", "stable", "eigenvalues",
-                   "dispersion_error", "complete", "completeness_check", "method", "unknowns", "transient", "kreiss"},
+                  {"steady", "growth_rate", "growth_rate_error", "frequency", "degenerate", "stable", "growth_continuum",
+                   "wavenumber_continuum", "eigenvalues", "dispersion_error", "complete", "list_complete", "missing",
+                   "completeness_check", "method", "unknowns", "transient", "kreiss"},
                   options.text("summary"));
   const Scene scene = Scene::from(options, true);
   return with_summary(summary, [&] {
@@ -167,10 +189,15 @@ int spectrum_command(const Options& options) {
     summary.set("growth_rate", spectrum.growth);
     summary.set("growth_rate_error", spectrum.error);
     summary.set("frequency", spectrum.frequency);
+    summary.set("degenerate", spectrum.degenerate);
+    summary.set("growth_continuum", spectrum.growth_continuum);
+    summary.set("wavenumber_continuum", spectrum.wavenumber_continuum);
     summary.set("stable", spectrum.stable);
     summary.set("eigenvalues", eigenvalue_list(spectrum.modes));
     summary.set("dispersion_error", spectrum.dispersion_error);
     summary.set("complete", spectrum.complete);
+    summary.set("list_complete", spectrum.list_complete);
+    summary.set("missing", spectrum.missing ? Json(*spectrum.missing) : Json());
     summary.set("completeness_check", spectrum.completeness_check);
     summary.set("method", spectrum.method);
     if (options.boolean("spectrum_transient")) {
@@ -181,7 +208,7 @@ int spectrum_command(const Options& options) {
                                                {"numerical_abscissa", t->abscissa},
                                                {"growth", spectrum.stable ? Json(t->growth) : Json()},
                                                {"time", spectrum.stable ? Json(t->time) : Json()},
-                                               {"growth_is", spectrum.stable ? growth_is(*t) : Json()}}));
+                                               {"growth_is", spectrum.stable ? Json(growth_is(*t)) : Json()}}));
       } else {
         warn(std::string("-spectrum_transient: ") + no_norm);
       }
@@ -198,16 +225,10 @@ int spectrum_command(const Options& options) {
     write_file(sliding, spectrum, box, options.text("out_file"), provenance);
     if (!any_resolved())
       warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");
+    for (const std::string& remark : spectrum.remarks) warn(remark);
     if (!spectrum.complete) warn("the rightmost mode may have been missed: " + spectrum.completeness_check);
-    if (options.text("summary") != "-") {
-      const std::string text = std::string(spectrum.stable                    ? "stable"
-                                           : spectrum.growth > spectrum.error ? "unstable"
-                                                                              : "undecided") +
-                               ": growth rate " + number_text(spectrum.growth) + " +- " + number_text(spectrum.error) +
-                               ", frequency " + number_text(spectrum.frequency) +
-                               (spectrum.complete ? "" : " (not proved to be the rightmost)") + "\n";
-      SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s", text.c_str()));
-    }
+    else if (!spectrum.list_complete) warn("the list of eigenvalues may have holes: " + spectrum.completeness_check);
+    if (options.text("summary") != "-") SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s\n", verdict(spectrum).c_str()));
     return 0;
   });
 }

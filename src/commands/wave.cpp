@@ -2,13 +2,18 @@
 #include <cmath>
 #include <cstdio>
 
-#include "stickslip/commands.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/file.hpp"
-#include "stickslip/library_options.hpp"
-#include "stickslip/summary.hpp"
-#include "stickslip/wave.hpp"
-#include "stickslip/wave_stability.hpp"
+#include "stickslip/commands/commands.hpp"
+#include "stickslip/base/json_values.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/field.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/output/result_file.hpp"
+#include "stickslip/study/run_layout.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/output/summary.hpp"
+#include "commands/wave_options.hpp"
+#include "stickslip/waves/branch.hpp"
+#include "stickslip/waves/wave_stability.hpp"
 
 namespace stickslip {
 
@@ -48,8 +53,8 @@ void add_train(ResultFile& file, const Scene& scene, const Train& train) {
   file.add(standard_field("psi"), {"x"}, psi);
   file.add(standard_field("eta"), {"x"}, eta);
   const StateLaw law = scene.friction.state;
-  if (law != StateLaw::none) file.add(standard_field(state_name(law)), {"x"}, state);
-  const RunLayout layout = RunLayout::of(scene);
+  if (!law.none()) file.add(standard_field(state_name(law)), {"x"}, state);
+  const RunLayout layout = run_layout(scene);
   for (const auto& [name, value] : layout.numbers) file.attribute(name, value);
   file.scale({"friction/psi", "length/time", "sliding velocity"}, layout.friction_psi);
   file.add({"friction/F", "1", "friction force over its amplitude"}, {"friction/psi"}, layout.friction_F);
@@ -74,25 +79,26 @@ void add_spectrum(Summary& summary, ResultFile& file, const TrainSpectrum& spect
   Json list = Json::array();
   std::vector<double> re, im, wavenumber, resolved;
   for (const TrainMode& mode : spectrum.modes) {
-    list.push(Json::object({{"re", mode.lambda.real()},
-                            {"im", mode.lambda.imag()},
-                            {"residual", mode.residual},
-                            {"wavenumber", mode.wavenumber},
-                            {"resolved", mode.resolved},
-                            {"bloch", mode.bloch},
-                            {"translation", mode.translation}}));
+    list.push_back(Json::object({{"re", mode.lambda.real()},
+                                 {"im", mode.lambda.imag()},
+                                 {"residual", mode.residual},
+                                 {"wavenumber", mode.wavenumber},
+                                 {"resolved", mode.resolved},
+                                 {"bloch", mode.bloch},
+                                 {"translation", mode.translation}}));
     re.push_back(mode.lambda.real());
     im.push_back(mode.lambda.imag());
     wavenumber.push_back(mode.wavenumber);
     resolved.push_back(mode.resolved);
   }
   summary.set("eigenvalues", list);
-  summary.set("stable", spectrum.stable);
+  const bool known = !std::isnan(spectrum.growth_rate);
+  summary.set("stable", known ? Json(spectrum.stable) : Json());
   summary.set("growth_rate", spectrum.growth_rate);
   summary.set("translation_error", spectrum.translation_error);
   summary.set("complete", spectrum.complete);
   summary.set("completeness_check", spectrum.completeness_check);
-  summary.set("endless", Json::object({{"stable", spectrum.endless_stable},
+  summary.set("endless", Json::object({{"stable", known ? Json(spectrum.endless_stable) : Json()},
                                        {"growth_rate", spectrum.endless_growth},
                                        {"wavenumber", spectrum.endless_wavenumber},
                                        {"frequency", spectrum.endless_frequency}}));
@@ -105,6 +111,10 @@ void add_spectrum(Summary& summary, ResultFile& file, const TrainSpectrum& spect
 
 void describe(const TrainSpectrum& spectrum) {
   if (!on_root()) return;
+  if (std::isnan(spectrum.growth_rate)) {
+    std::printf("  stability: %s\n", spectrum.completeness_check.c_str());
+    return;
+  }
   std::printf("  on its ring: %s, largest growth rate %.6g (translation mode: %.1e)\n",
               spectrum.stable ? "stable" : "not stable", spectrum.growth_rate, spectrum.translation_error);
   if (spectrum.endless_stable) {
@@ -130,18 +140,18 @@ void add_branch(Summary& summary, ResultFile& file, const Options& options, cons
     if (with_spectrum) {
       const TrainSpectrum spectrum = train_spectrum(train, 4);
       row.push_back({"growth_rate", spectrum.growth_rate});
-      stable = spectrum.stable;
+      if (!std::isnan(spectrum.growth_rate)) stable = spectrum.stable;
       columns["stable"].push_back(spectrum.stable);
     }
     Json object = Json::object();
     for (const auto& [key, value] : row) {
-      object.set(key, value);
+      object[key] = value;
       columns[key].push_back(value);
     }
-    object.set("fold", point.fold);
-    object.set("stable", stable);
+    object["fold"] = point.fold;
+    object["stable"] = stable;
     columns["fold"].push_back(point.fold);
-    points.push(object);
+    points.push_back(object);
   }
   summary.set("branch", Json::object({{"parameter", name}, {"points", points}, {"end", branch.end}}));
   const std::map<std::string, Field> fields = {
@@ -185,7 +195,7 @@ int wave_command(const Options& options) {
     summary.set("pulses", request.pulses);
     summary.set("shortest_pulse", shortest_pulse(scene));
     const Train train = solve_train(scene, request);
-    check_unused_after_setup(options, options.boolean("wave_spectrum") ? "" : "eps st bv ds");
+    check_unused_after_setup(options, "eps st bv ds");
     summary.set("speed", train.speed);
     summary.set("length", train.length);
     summary.set("period", train.period);
@@ -198,12 +208,13 @@ int wave_command(const Options& options) {
     add_train(file, scene, train);
     if (options.text("summary") != "-") describe(scene, train);
     if (options.boolean("wave_spectrum")) {
-      const TrainSpectrum spectrum = train_spectrum(train, int(options.integer("spectrum_count")), true);
+      const TrainSpectrum spectrum = train_spectrum(train, int(options.integer("spectrum_count")));
       add_spectrum(summary, file, spectrum);
       if (options.text("summary") != "-") describe(spectrum);
     }
     if (options.is_set("wave_continue")) {
-      const Branch branch = continue_train(options, options.text("wave_continue"), options.real("wave_to"),
+      const Branch branch = continue_train(train_family(options, options.text("wave_continue")),
+                                           options.real(options.text("wave_continue")), options.real("wave_to"),
                                            int(options.integer("wave_steps")));
       add_branch(summary, file, options, branch);
       if (options.text("summary") != "-") describe(options, branch);

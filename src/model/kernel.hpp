@@ -14,7 +14,7 @@
 #include <cmath>
 #include <type_traits>
 
-#include "stickslip/stencil.hpp"
+#include "stickslip/model/stencil.hpp"
 
 namespace stickslip::kernel {
 
@@ -102,7 +102,7 @@ template <bool sticking, class F>
 void friction_force(const F& friction, const Tile& t, double* force) {
   for (PetscInt i = 0; i < t.count; ++i) {
     const double s = F::has_state ? t.state[i] : 0;
-    if constexpr (sticking) force[i] = sliding_force(friction, t.psi[i], s, t.direction[i]);
+    if constexpr (sticking) force[i] = friction.sliding_force(t.psi[i], s, t.direction[i]);
     else force[i] = friction.force(t.psi[i], s);
   }
   if (t.amplitude)
@@ -128,7 +128,7 @@ void all_terms(const F& friction, const Coefficients& c, const Tile& t, double* 
     f_psi[i * stride] = c.A * (excess - resistance);
     f_eta[i * stride] = load - c.K0 * psi + stencil_sum<half_width>(c, t.psi + i) - c.s_delta * excess;
     if constexpr (F::has_state) {
-      if constexpr (sticking) f_state[i * stride] = sliding_rate(friction, psi, t.state[i], t.direction[i]).g;
+      if constexpr (sticking) f_state[i * stride] = friction.sliding_rate(psi, t.state[i], t.direction[i]).g;
       else f_state[i * stride] = friction.rate(psi, t.state[i]);
     }
   }

@@ -1,53 +1,20 @@
-#include "stickslip/model.hpp"
+#include "stickslip/model/model.hpp"
 
 #include <petscdmda.h>
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 
-#include "kernel.hpp"
-#include "stickslip/error.hpp"
+#include "model/loops.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/linear_point.hpp"
 
 namespace stickslip {
 
 using kernel::Coefficients;
-using kernel::compiled_by_dof;
-using kernel::for_half_width;
 using kernel::Range;
 
 namespace {
-
-using Loop = std::function<void(const Coefficients&, const Range&)>;
-
-template <int half_width>
-Loop whole_loop(const FrictionParameters& p) {
-  return dispatch_friction(p, [](const auto& friction) {
-    return compiled_by_dof<Loop>(kernel::Whole<half_width, std::decay_t<decltype(friction)>>{friction});
-  });
-}
-
-// Whole with friction that sticks; empty for a law that cannot.
-template <int half_width>
-Loop sticking_loop(const FrictionParameters& p) {
-  return dispatch_friction(p, [](const auto& friction) -> Loop {
-    using F = std::decay_t<decltype(friction)>;
-    if constexpr (F::sticks) return compiled_by_dof<Loop>(kernel::Whole<half_width, F, true>{friction});
-    else return {};
-  });
-}
-
-Loop reaction_loop(const FrictionParameters& p) {
-  return dispatch_friction(p, [](const auto& friction) {
-    return compiled_by_dof<Loop>(kernel::Reaction<std::decay_t<decltype(friction)>>{friction});
-  });
-}
-
-template <int half_width, bool stencil_only>
-Loop wave_loop(int dof) {
-  if (dof == 3) return compiled_by_dof<Loop>(kernel::Wave<half_width, 3, stencil_only>{});
-  return compiled_by_dof<Loop>(kernel::Wave<half_width, 2, stencil_only>{});
-}
 
 // One value of the halo as a combination of fetched values: indices into the list of fetched nodes, and weights.
 using HaloValue = std::vector<std::pair<std::size_t, double>>;
@@ -60,9 +27,11 @@ struct Model::Impl {
   int dof, half_width;
   mutable DmHandle dm;  // on one rank made when somebody asks
   PetscInt first = 0, local = 0;
+  std::shared_ptr<const Friction> law;
   std::vector<double> amplitude;
   Coefficients coefficients{}, no_stencil{};
-  Loop full, pointwise, stencil, wave, reaction, sticking, sticking_pointwise;
+  LinearPoint no_friction;
+  RangeLoop full, pointwise, stencil, wave, reaction, sticking, sticking_pointwise;
   const double* direction = nullptr;
   mutable long evaluations = 0;
 
@@ -76,7 +45,8 @@ struct Model::Impl {
   mutable std::vector<double> fetched_values;
 
   Impl(MPI_Comm communicator, const Scene& s)
-      : comm(communicator), scene(s), dof(s.friction.state == StateLaw::none ? 2 : 3), half_width(s.order / 2) {
+      : comm(communicator), scene(s), dof(s.friction.has_state() ? 3 : 2), half_width(s.order / 2),
+        law(Friction::of(s.friction)), no_friction(s) {
     int ranks = 1;
     MPI_Comm_size(comm, &ranks);
     if (ranks > scene.n)
@@ -93,13 +63,15 @@ struct Model::Impl {
     std::fill(std::begin(no_stencil.w), std::end(no_stencil.w), 0.);
 
     const FrictionParameters& p = scene.friction;
-    full = for_half_width(half_width, [&](auto hw) { return whole_loop<hw>(p); });
-    pointwise = whole_loop<0>(p);
-    stencil = for_half_width(half_width, [&](auto hw) { return wave_loop<hw, true>(dof); });
-    wave = for_half_width(half_width, [&](auto hw) { return wave_loop<hw, false>(dof); });
+    full = whole_loop(p, half_width, false);
+    pointwise = whole_loop(p, 0, false);
+    stencil = wave_loop(dof, half_width, true);
+    wave = wave_loop(dof, half_width, false);
     reaction = reaction_loop(p);
-    sticking = for_half_width(half_width, [&](auto hw) { return sticking_loop<hw>(p); });
-    sticking_pointwise = sticking_loop<0>(p);
+    if (law->sticks) {
+      sticking = whole_loop(p, half_width, true);
+      sticking_pointwise = whole_loop(p, 0, true);
+    }
     set_up_halo(ranks);
   }
 
@@ -155,7 +127,7 @@ struct Model::Impl {
   }
 
   // Runs `loop` over nodes [begin, end) of this rank; `u` and `f` hold all of them.
-  void over_range(const Loop& loop, const Coefficients& c, const double* u, double* f, PetscInt begin,
+  void over_range(const RangeLoop& loop, const Coefficients& c, const double* u, double* f, PetscInt begin,
                   PetscInt end) const {
     std::array<double, 4> before{}, behind{};
     for (int j = 0; j < half_width; ++j) {
@@ -167,7 +139,7 @@ struct Model::Impl {
              end - begin, before.data(), behind.data(), direction ? direction + begin : nullptr});
   }
 
-  const Loop& loop_of(Part part) const {
+  const RangeLoop& loop_of(Part part) const {
     switch (part) {
       case Part::full:
         return direction ? sticking : full;
@@ -181,8 +153,6 @@ struct Model::Impl {
         return reaction;
     }
   }
-
-  static bool has_stencil(Part part) { return part == Part::full || part == Part::stencil || part == Part::wave; }
 
   bool held(PetscInt node) const {
     return (node == 0 && scene.left == End::velocity) || (node == scene.n - 1 && scene.right == End::velocity);
@@ -198,7 +168,7 @@ struct Model::Impl {
 
   void rhs(Part part, Vec u, Vec f) const {
     ++evaluations;
-    const Loop& loop = loop_of(part);
+    const RangeLoop& loop = loop_of(part);
     const double* a;
     double* b;
     SS_TRY(VecGetArrayRead(u, &a));
@@ -233,68 +203,35 @@ struct Model::Impl {
   // once: adding to what was just stored costs more than all the arithmetic.
   void diagonal_block(Part part, PetscInt i, const double* u, double alpha, double beta, double* block,
                       std::size_t width) const {
-    const Coefficients& c = coefficients;
     const bool fixed = held(first + i), has_eta = !(fixed && scene.form == Form::continuum);
-    double psi_psi = 0, psi_eta = 0, psi_state = 0, eta_psi = 0, eta_eta = 0, eta_state = 0;
-    if (part == Part::full || part == Part::pointwise || part == Part::wave) {
-      psi_psi = -c.A * c.B;
-      psi_eta = c.A;
-      eta_psi = -c.K0;
-      eta_eta = -c.s_delta;
+    const double psi = u[0], s = dof == 3 ? u[2] : 0, going = direction ? direction[i] : 0;
+    LinearPoint point(no_friction);
+    if (has_friction(part) && !direction) {
+      point.set(friction_at(i, psi, s), law->rate_partials(psi, s));
+    } else if (has_friction(part)) {
+      const Partials p = going == 0 ? Partials{0, 0, 0} : law->sliding_partials(psi, s, going);
+      point.set(times(amplitude[static_cast<std::size_t>(i)], p), law->sliding_rate(psi, s, going));
     }
-    const bool has_friction = part == Part::full || part == Part::pointwise || part == Part::reaction;
-    const double s = dof == 3 ? u[2] : 0, going = direction ? direction[i] : 0;
-    if (direction && going == 0) {
-      psi_psi = psi_eta = eta_eta = 0;
-    } else if (has_friction) {
-      const Partials p = direction ? sliding_at(i, u[0], s, going) : friction_at(i, u[0], s);
-      psi_psi -= c.A * p.F_psi;
-      psi_state = -c.A * p.F_state;
-      eta_psi += c.s_delta * p.F_psi;
-      eta_state = c.s_delta * p.F_state;
-    }
+    const bool rests = direction && going == 0;
+    const NodeBlock b = rests ? point.block_at_rest(part) : point.block(part);
     const double psi_row = fixed ? 0 : beta, eta_row = has_eta ? beta : 0;
     double* const eta = block + width;
-    block[0] = psi_row * psi_psi + alpha;
-    block[1] = psi_row * psi_eta;
-    eta[0] = eta_row * eta_psi;
-    eta[1] = eta_row * eta_eta + alpha;
+    block[0] = psi_row * b.psi_psi + alpha;
+    block[1] = psi_row * b.psi_eta;
+    eta[0] = eta_row * b.eta_psi;
+    eta[1] = eta_row * b.eta_eta + alpha;
     if (dof == 2) return;
-    const RatePartials g = !has_friction ? RatePartials{0, 0, 0}
-                           : direction   ? sliding_rate_at(u[0], u[2], going)
-                                         : dispatch_rate(u[0], u[2]);
     double* const state = eta + width;
-    block[2] = psi_row * psi_state;
-    eta[2] = eta_row * eta_state;
-    state[0] = beta * g.g_psi;
+    block[2] = psi_row * b.psi_state;
+    eta[2] = eta_row * b.eta_state;
+    state[0] = beta * b.state_psi;
     state[1] = 0;
-    state[2] = beta * g.g_state + alpha;
+    state[2] = beta * b.state_state + alpha;
   }
 
+  static Partials times(double a, const Partials& p) { return {a * p.F, a * p.F_psi, a * p.F_state}; }
   Partials friction_at(PetscInt i, double psi, double state) const {
-    const double a = amplitude[static_cast<std::size_t>(i)];
-    Partials p = dispatch_friction(scene.friction, [&](const auto& f) { return f.partials(psi, state); });
-    return {a * p.F, a * p.F_psi, a * p.F_state};
-  }
-  Partials sliding_at(PetscInt i, double psi, double state, double going) const {
-    const double a = amplitude[static_cast<std::size_t>(i)];
-    return dispatch_friction(scene.friction, [&](const auto& f) -> Partials {
-      if constexpr (std::decay_t<decltype(f)>::sticks) {
-        const Partials p = sliding_partials(f, psi, state, going);
-        return {a * p.F, a * p.F_psi, a * p.F_state};
-      } else {
-        throw std::logic_error("this law does not stick");
-      }
-    });
-  }
-  RatePartials sliding_rate_at(double psi, double state, double going) const {
-    return dispatch_friction(scene.friction, [&](const auto& f) -> RatePartials {
-      if constexpr (std::decay_t<decltype(f)>::sticks) return sliding_rate(f, psi, state, going);
-      else throw std::logic_error("this law does not stick");
-    });
-  }
-  RatePartials dispatch_rate(double psi, double state) const {
-    return dispatch_friction(scene.friction, [&](const auto& f) { return f.rate_partials(psi, state); });
+    return times(amplitude[static_cast<std::size_t>(i)], law->partials(psi, state));
   }
 };
 
@@ -342,7 +279,7 @@ MatHandle Model::create_jacobian(Part part) const {
   SS_TRY(MatSetType(J, MATBAIJ));
   SS_TRY(MatSetFromOptions(J));
   std::vector<PetscInt> inside(static_cast<std::size_t>(local), 1), outside(static_cast<std::size_t>(local), 0);
-  if (Impl::has_stencil(part)) {
+  if (has_stencil(part)) {
     for (PetscInt i = 0; i < local; ++i) {
       PetscInt own = 0, other = 0;
       bool has_diagonal = false;
@@ -389,7 +326,7 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
   };
   for (PetscInt i = 0; i < m.local; ++i) {
     const PetscInt row = m.first + i;
-    const Row kind = !Impl::has_stencil(part) || (m.held(row) && m.scene.form == Form::continuum) ? Row::alone
+    const Row kind = !has_stencil(part) || (m.held(row) && m.scene.form == Form::continuum) ? Row::alone
                      : row >= hw && row < n - hw                                                  ? Row::inner
                                                                                                   : Row::end;
     if (kind == laid_out && kind != Row::end) {  // the same but for its place and the diagonal block
@@ -411,36 +348,34 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
 Partials Model::friction(PetscInt local_node, double psi, double state) const {
   return impl_->friction_at(local_node, psi, state);
 }
-RatePartials Model::state_rate(double psi, double state) const { return impl_->dispatch_rate(psi, state); }
-double Model::steady_state(double psi) const {
-  return dispatch_friction(scene().friction, [&](const auto& f) { return f.steady_state(psi); });
+LinearPoint Model::linear_point(PetscInt local_node, double psi, double state) const {
+  LinearPoint point(impl_->no_friction);
+  point.set(friction(local_node, psi, state), state_rate(psi, state));
+  return point;
 }
+const Friction& Model::friction_law() const { return *impl_->law; }
+RatePartials Model::state_rate(double psi, double state) const { return impl_->law->rate_partials(psi, state); }
+double Model::steady_state(double psi) const { return impl_->law->steady_state(psi); }
 
 bool Model::tame_newton_step(Vec u, double shift, Vec minus_step) const {
   const Impl& m = *impl_;
-  return dispatch_friction(scene().friction, [&](const auto& friction) {
-    using F = std::decay_t<decltype(friction)>;
-    if constexpr (!F::steep) {
-      return false;
-    } else {
-      // the slope of psi's own row without friction, eta = ... - K0 psi/shift put into it, over A a_i
-      const double mass = shift / scene().A() + scene().B() + scene().K0() / shift;
-      const double* a;
-      double* step;
-      SS_TRY(VecGetArrayRead(u, &a));
-      SS_TRY(VecGetArray(minus_step, &step));
-      for (PetscInt i = 0; i < m.local; ++i) {
-        if (m.held(m.first + i)) continue;
-        const double *at = a + i * m.dof, psi = at[0], state = at[2];
-        double* d = step + i * m.dof;
-        d[0] = psi - friction.newton_psi(psi, state, psi - d[0], state - d[2],
-                                         mass / m.amplitude[static_cast<std::size_t>(i)]);
-      }
-      SS_TRY(VecRestoreArray(minus_step, &step));
-      SS_TRY(VecRestoreArrayRead(u, &a));
-      return true;
-    }
-  });
+  if (!m.law->steep) return false;
+  // the slope of psi's own row without friction, eta = ... - K0 psi/shift put into it, over A a_i
+  const double mass = shift / scene().A() + scene().B() + scene().K0() / shift;
+  const double* a;
+  double* step;
+  SS_TRY(VecGetArrayRead(u, &a));
+  SS_TRY(VecGetArray(minus_step, &step));
+  for (PetscInt i = 0; i < m.local; ++i) {
+    if (m.held(m.first + i)) continue;
+    const double *at = a + i * m.dof, psi = at[0], state = at[2];
+    double* d = step + i * m.dof;
+    d[0] = psi - m.law->newton_psi(psi, state, psi - d[0], state - d[2],
+                                   mass / m.amplitude[static_cast<std::size_t>(i)]);
+  }
+  SS_TRY(VecRestoreArray(minus_step, &step));
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  return true;
 }
 
 void Model::set_held(Vec u) const {
@@ -469,10 +404,10 @@ double Model::friction_rate(Vec u) const {
   SS_TRY(VecGetArrayRead(u, &a));
   double largest = 0;
   for (PetscInt i = 0; i < m.local; ++i) {
-    const double state = m.dof == 3 ? a[i * m.dof + 2] : 0;
-    const Partials p = m.friction_at(i, a[i * m.dof], state);
-    double rate = std::abs(m.scene.A() * (m.scene.B() + p.F_psi)) + std::abs(m.scene.s_delta());
-    if (m.dof == 3) rate = std::max(rate, std::abs(m.dispatch_rate(a[i * m.dof], state).g_state));
+    const double psi = a[i * m.dof], state = m.dof == 3 ? a[i * m.dof + 2] : 0;
+    const LinearPoint p = linear_point(i, psi, state);
+    const double rate = std::abs(p.A * (p.B + p.F_psi)) + std::abs(p.s_delta);
+    largest = std::max(largest, std::abs(p.g_state));  // 0 without a state
     largest = std::max(largest, rate);
   }
   SS_TRY(VecRestoreArrayRead(u, &a));

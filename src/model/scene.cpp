@@ -1,12 +1,12 @@
-#include "stickslip/scene.hpp"
+#include "stickslip/model/scene.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
-#include <initializer_list>
 #include <string>
 #include <utility>
 
-#include "stickslip/error.hpp"
+#include "stickslip/base/error.hpp"
 
 namespace stickslip {
 
@@ -16,15 +16,6 @@ template <class Enum, std::size_t N>
 using Names = std::array<std::pair<Enum, const char*>, N>;
 
 constexpr Names<Form, 2> form_names{{{Form::continuum, "continuum"}, {Form::chain, "chain"}}};
-constexpr Names<Law, 4> law_names{{{Law::cubic, "cubic"},
-                                   {Law::carlson_langer, "carlson-langer"},
-                                   {Law::coulomb, "coulomb"},
-                                   {Law::rate_and_state, "rate-and-state"}}};
-constexpr Names<StateLaw, 5> state_names{{{StateLaw::none, "none"},
-                                          {StateLaw::healing, "healing"},
-                                          {StateLaw::contact_age, "contact-age"},
-                                          {StateLaw::ageing, "ageing"},
-                                          {StateLaw::slip, "slip"}}};
 constexpr Names<End, 3> end_names{{{End::periodic, "periodic"}, {End::velocity, "velocity"}, {End::free, "free"}}};
 
 template <class Enum, std::size_t N>
@@ -47,8 +38,8 @@ std::string shown(const Options& options, const std::string& name) {
 }
 
 // The user gave one of `names`, although `reason` says that it has no meaning in this scene.
-void refuse(const Options& options, std::initializer_list<const char*> names, const std::string& reason) {
-  for (const char* name : names)
+void refuse(const Options& options, const std::vector<std::string>& names, const std::string& reason) {
+  for (const std::string& name : names)
     if (options.is_set(name)) throw ForeignOption(shown(options, name) + ": " + reason);
 }
 
@@ -81,39 +72,52 @@ void read_model(const Options& o, Scene& s) {
                        " overflow: choose gentler units");
 }
 
-void read_friction(const Options& o, Scene& s) {
-  FrictionParameters& f = s.friction;
-  f.law = value_of(law_names, o.text("friction_law"));
-  f.regularised = has_threshold(f.law) && o.text("friction_stick") == "regularised";
+// The option names of a law's parameters.
+std::vector<std::string> names_of(const std::string& family, const std::vector<Parameter>& parameters) {
+  std::vector<std::string> names;
+  for (const Parameter& p : parameters) names.push_back(family + p.name);
+  return names;
+}
 
-  const std::string other_law = "a parameter of another law, but friction_law is " + to_string(f.law);
-  if (!has_threshold(f.law)) refuse(o, {"friction_eps", "friction_back_slip"}, other_law + ", which has no threshold");
-  for (const char* name : friction_options_of_other_laws(f.law)) refuse(o, {name}, other_law);
-  if (!f.regularised)
-    refuse(o, {"friction_eps", "friction_slip_velocity"},
-           "it belongs to -friction_stick regularised, not to exact stick");
+// What the names of `others` have beyond `own`, each once.
+std::vector<std::string> beyond(const std::vector<std::string>& own, const std::vector<std::string>& others) {
+  std::vector<std::string> names;
+  for (const std::string& name : others)
+    if (std::find(own.begin(), own.end(), name) == own.end() &&
+        std::find(names.begin(), names.end(), name) == names.end())
+      names.push_back(name);
+  return names;
+}
+
+template <class List>
+std::string joined(const List& laws) {
+  std::string text;
+  for (const auto& law : laws) text += (text.empty() ? "" : " or ") + law->name;
+  return text;
+}
+
+void read_law(const Options& o, FrictionParameters& f) {
+  f.law = Law(o.text("friction_law"));
+  f.regularised = f.law->jumps_at_rest && o.text("friction_stick") == "regularised";
+
+  const std::string other_law = "a parameter of another law, but friction_law is " + f.law->name;
+  if (!f.law->jumps_at_rest)
+    refuse(o, {"friction_eps", "friction_back_slip"}, other_law + ", which has no threshold");
+  refuse(o, friction_options_of_other_laws(f.law), other_law);
+  std::vector<std::string> of_regularised = {"friction_eps"};
+  for (const Parameter& p : f.law->parameters)
+    if (p.regularised) of_regularised.push_back("friction_" + std::string(p.name));
+  if (!f.regularised) refuse(o, of_regularised, "it belongs to -friction_stick regularised, not to exact stick");
 
   f.eps = o.real("friction_eps");
   f.back_slip = o.boolean("friction_back_slip");
   if (f.regularised && !f.back_slip)
     throw UsageError("-friction_back_slip false: smoothed friction cannot hold an unlimited force; it needs "
                      "-friction_stick exact");
-  f.fs = o.real("friction_fs");
-  f.fd = o.real("friction_fd");
-  if (f.fd > f.fs)
-    throw UsageError("-friction_fd " + number_text(f.fd) + ": dynamic friction must not exceed the static threshold " +
-                     "friction_fs " + number_text(f.fs));
-  f.weakening = o.real("friction_slip_velocity");
-  f.sigma = o.real("friction_sigma");
-  if (f.sigma >= 1)
-    throw UsageError("-friction_sigma " + number_text(f.sigma) + ": below 1, or nothing is left of friction");
-  f.alpha = o.real("friction_alpha");
-  f.a = o.real("friction_a");
-  f.b = o.real("friction_b");
-  f.D = o.real("friction_D");
-  f.mu0 = o.real("friction_mu0");
-  f.psi0 = o.real("friction_psi0");
+  for (const std::string& name : names_of("friction_", f.law->parameters)) f.values[name] = o.real(name);
+}
 
+void read_spread(const Options& o, Scene& s) {
   s.spread = o.real("friction_spread");
   s.spread_kind = o.text("friction_spread_kind") == "uniform" ? SpreadKind::uniform : SpreadKind::lognormal;
   if (s.spread_kind == SpreadKind::uniform && s.spread > 1)
@@ -125,31 +129,37 @@ void read_friction(const Options& o, Scene& s) {
   s.friction_seed = o.integer("friction_seed");
 }
 
+// The state law cannot accompany the law: says which could.
+[[noreturn]] void refuse_state(const Options& o, Law law, StateLaw state) {
+  std::vector<Law> others;
+  for (const Law other : all_laws())
+    if (belong_together(other, state)) others.push_back(other);
+  const std::string state_law = shown(o, "state_law");
+  if (!belong_together(law, "none"))
+    throw UsageError(state_law + ": " + law->name + " friction needs " + joined(law->states));
+  if (others.size() == 1)
+    throw UsageError(state_law + ": it belongs to " + joined(others) + ", but friction_law is " + law->name);
+  throw UsageError(state_law + ": it lets static friction grow, and the " + law->name +
+                   " law has none (phi(0) = 0); use " + joined(others));
+}
+
 void read_state(const Options& o, Scene& s) {
   FrictionParameters& f = s.friction;
-  f.state = value_of(state_names, o.text("state_law"));
-  if (!belong_together(f.law, f.state)) {
-    if (f.law == Law::rate_and_state)
-      throw UsageError(shown(o, "state_law") + ": rate-and-state friction needs ageing or slip");
-    if (f.state == StateLaw::ageing || f.state == StateLaw::slip)
-      throw UsageError(shown(o, "state_law") + ": it belongs to rate-and-state, but friction_law is " +
-                       to_string(f.law));
-    throw UsageError("-state_law healing: it lets static friction grow, and the cubic law has none (phi(0) = 0); use "
-                     "carlson-langer or coulomb");
-  }
+  f.state = StateLaw(o.text("state_law"));
+  if (!belong_together(f.law, f.state)) refuse_state(o, f.law, f.state);
 
-  const std::string other_law = "a parameter of another state law, but state_law is " + to_string(f.state);
-  if (f.state != StateLaw::healing) refuse(o, {"state_t_h", "state_tau_inf"}, other_law);
-  if (f.state != StateLaw::contact_age) refuse(o, {"state_b", "state_theta0"}, other_law);
-  if (f.state == StateLaw::none) refuse(o, {"state_D"}, other_law);
-  if (f.law == Law::rate_and_state && o.is_set("state_D") && o.real("state_D") != o.real("friction_D"))
-    throw UsageError(shown(o, "state_D") + ": rate-and-state has one slip distance, and friction_D is " +
-                     o.text("friction_D"));
-  f.t_h = o.real("state_t_h");
-  f.tau_inf = o.real("state_tau_inf");
-  f.state_D = o.real("state_D");
-  f.state_b = o.real("state_b");
-  f.theta0 = o.real("state_theta0");
+  const std::vector<std::string> own = names_of("state_", f.state->parameters);
+  for (const StateLaw other : all_state_laws())
+    refuse(o, beyond(own, names_of("state_", other->parameters)),
+           "a parameter of another state law, but state_law is " + f.state->name);
+  for (const std::string& name : own) f.values[name] = o.real(name);
+  for (const Parameter& p : f.law->parameters) {
+    const std::string name = "friction_" + std::string(p.name);
+    if (*p.same_as && o.is_set(p.same_as) && o.real(p.same_as) != o.real(name))
+      throw UsageError(shown(o, p.same_as) + ": " + f.law->name + " has one slip distance, and " + name + " is " +
+                       o.text(name));
+  }
+  (void)Friction::of(f);  // throws where the values contradict each other
 }
 
 void read_ends(const Options& o, Scene& s) {
@@ -201,51 +211,23 @@ void read_grid(const Options& o, Scene& s) {
 Scene Scene::from(const Options& options, bool) {
   Scene scene;
   read_model(options, scene);
-  read_friction(options, scene);
+  read_law(options, scene.friction);
+  read_spread(options, scene);
   read_state(options, scene);
   read_ends(options, scene);
   read_grid(options, scene);
   return scene;
 }
 
-const std::vector<Law>& all_laws() {
-  static const std::vector<Law> laws = [] {
-    std::vector<Law> list;
-    for (const auto& entry : law_names) list.push_back(entry.first);
-    return list;
-  }();
-  return laws;
-}
-
-bool has_threshold(Law law) { return law == Law::carlson_langer || law == Law::coulomb; }
-
-std::vector<const char*> friction_options_of_other_laws(Law law) {
-  std::vector<const char*> names;
-  const auto add = [&names](std::initializer_list<const char*> more) {
-    for (const char* name : more) names.push_back(name);
-  };
-  if (!has_threshold(law)) add({"friction_eps", "friction_back_slip"});
-  if (law != Law::coulomb) add({"friction_fs", "friction_fd", "friction_slip_velocity"});
-  if (law != Law::carlson_langer) add({"friction_sigma", "friction_alpha"});
-  if (law != Law::rate_and_state) add({"friction_a", "friction_b", "friction_D", "friction_mu0", "friction_psi0"});
-  return names;
-}
-
-std::vector<StateLaw> all_state_laws() {
-  std::vector<StateLaw> all;
-  for (const auto& [law, name] : state_names) all.push_back(law);
-  return all;
-}
-
-bool belong_together(Law law, StateLaw state) {
-  const bool kinetics_of_rate_and_state = state == StateLaw::ageing || state == StateLaw::slip;
-  if ((law == Law::rate_and_state) != kinetics_of_rate_and_state) return false;
-  return !(law == Law::cubic && state == StateLaw::healing);
+std::vector<std::string> friction_options_of_other_laws(Law law) {
+  std::vector<std::string> all;
+  if (!law->jumps_at_rest) all = {"friction_eps", "friction_back_slip"};
+  for (const Law other : all_laws())
+    for (const std::string& name : names_of("friction_", other->parameters)) all.push_back(name);
+  return beyond(names_of("friction_", law->parameters), all);
 }
 
 std::string to_string(Form form) { return name_of(form_names, form); }
-std::string to_string(Law law) { return name_of(law_names, law); }
-std::string to_string(StateLaw law) { return name_of(state_names, law); }
 std::string to_string(End end) { return name_of(end_names, end); }
 
 }  // namespace stickslip

@@ -1,8 +1,10 @@
 // Spread of the friction amplitude: the same medium for any number of ranks and, in the continuum, for any grid.
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 
-#include "stickslip/model.hpp"
+#include "model/noise.hpp"
+#include "stickslip/model/model.hpp"
 
 namespace stickslip {
 
@@ -41,27 +43,40 @@ double counter_normal(PetscInt seed, PetscInt index) {
   return r * std::cos(2 * M_PI * uniform_from(key ^ 1));
 }
 
+namespace {
+
+// Draws at points `length` apart; on a ring a whole number of them, so that it closes. Between them the quintic
+// 10 s^3 - 15 s^4 + 6 s^5, with two continuous derivatives; it keeps the mean and the range of the draws.
+template <class Draw>
+double between_draws(const Scene& scene, double length, double x, const Draw& draw_at) {
+  const PetscInt cells = std::max<PetscInt>(1, static_cast<PetscInt>(std::llround(scene.length / length)));
+  const double q = x / (scene.ring() ? scene.length / double(cells) : length);
+  const PetscInt corner = static_cast<PetscInt>(std::floor(q));
+  const double s = q - double(corner), w = s * s * s * (10 + s * (6 * s - 15));
+  const auto at = [&](PetscInt j) { return draw_at(scene.ring() ? j % cells : j); };
+  return (1 - w) * at(corner) + w * at(corner + 1);
+}
+
+}  // namespace
+
 std::vector<double> friction_amplitude(const Scene& scene, PetscInt first, PetscInt count) {
   std::vector<double> a(static_cast<std::size_t>(count), 1.);
   if (scene.spread == 0) return a;
-  if (scene.form == Form::chain) {
-    for (PetscInt i = 0; i < count; ++i) a[static_cast<std::size_t>(i)] = draw(scene, first + i);
-    return a;
-  }
-  // Cells of one draw each; on a ring a whole number of them, so that the medium closes. Between the draws at the
-  // cell corners the quintic 10 s^3 - 15 s^4 + 6 s^5, with two continuous derivatives; it keeps the mean at 1 and
-  // the amplitude within the range of the draws.
-  const double cells_wanted = scene.length / scene.spread_length;
-  const PetscInt cells = std::max<PetscInt>(1, static_cast<PetscInt>(std::llround(cells_wanted)));
-  const double cell = scene.ring() ? scene.length / double(cells) : scene.spread_length;
-  for (PetscInt i = 0; i < count; ++i) {
-    const double q = scene.x(first + i) / cell;
-    const PetscInt corner = static_cast<PetscInt>(std::floor(q));
-    const double s = q - double(corner), w = s * s * s * (10 + s * (6 * s - 15));
-    const auto at = [&](PetscInt j) { return draw(scene, scene.ring() ? j % cells : j); };
-    a[static_cast<std::size_t>(i)] = (1 - w) * at(corner) + w * at(corner + 1);
-  }
+  for (PetscInt i = 0; i < count; ++i)
+    a[static_cast<std::size_t>(i)] = scene.form == Form::chain ? draw(scene, first + i)
+                                                               : friction_amplitude_at(scene, scene.x(first + i));
   return a;
+}
+
+double friction_amplitude_at(const Scene& scene, double x) {
+  if (scene.spread == 0) return 1;
+  return between_draws(scene, scene.spread_length, x, [&](PetscInt j) { return draw(scene, j); });
+}
+
+double noise_at(const Scene& scene, double length, PetscInt seed, PetscInt node) {
+  const auto draw_at = [&](PetscInt j) { return 2 * counter_uniform(seed, j) - 1; };
+  if (scene.form == Form::chain || length == 0) return draw_at(node);
+  return between_draws(scene, length, scene.x(node), draw_at);
 }
 
 }  // namespace stickslip

@@ -1,4 +1,4 @@
-#include "stickslip/stencil.hpp"
+#include "stickslip/model/stencil.hpp"
 
 #include <cmath>
 #include <map>

@@ -1,4 +1,4 @@
-#include "stickslip/band.hpp"
+#include "stickslip/numerics/band.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,12 +1,12 @@
-#include "stickslip/command_line.hpp"
+#include "stickslip/options/command_line.hpp"
 
 #include <algorithm>
 #include <cstdlib>
 
-#include "stickslip/error.hpp"
-#include "stickslip/library_options.hpp"
-#include "stickslip/root.hpp"
-#include "stickslip/scene_file.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/options/scene_file.hpp"
 
 namespace stickslip {
 

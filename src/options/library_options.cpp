@@ -1,4 +1,4 @@
-#include "stickslip/library_options.hpp"
+#include "stickslip/options/library_options.hpp"
 
 #include <slepceps.h>
 #include <petscts.h>
@@ -9,10 +9,10 @@
 #include <set>
 #include <sstream>
 
-#include "paths.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/handle.hpp"
-#include "stickslip/root.hpp"
+#include "base/paths.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/handle.hpp"
+#include "stickslip/base/root.hpp"
 
 namespace stickslip {
 
@@ -21,7 +21,7 @@ namespace {
 constexpr double inf = std::numeric_limits<double>::infinity();
 constexpr double int_max = std::numeric_limits<PetscInt>::max();
 
-std::vector<std::string> split(const std::string& text) {
+std::vector<std::string> words_of(const std::string& text) {
   std::istringstream stream(text);
   std::vector<std::string> words;
   for (std::string word; stream >> word;) words.push_back(word);
@@ -29,7 +29,7 @@ std::vector<std::string> split(const std::string& text) {
 }
 
 std::set<std::string> set_of(const std::string& text) {
-  const std::vector<std::string> words = split(text);
+  const std::vector<std::string> words = words_of(text);
   return {words.begin(), words.end()};
 }
 
@@ -37,11 +37,11 @@ std::set<std::string> set_of(const std::string& text) {
 std::map<std::string, OptionSpec> make_known() {
   std::map<std::string, OptionSpec> known;
   const auto add = [&known](const char* names, OptionType type, double low, double high, bool open_low) {
-    for (const std::string& name : split(names))
+    for (const std::string& name : words_of(names))
       known[name] = {name, type, "", "", "", low, high, open_low, {}, "", "", ""};
   };
   const auto words = [&known](const char* name, const char* list) {
-    known[name] = {name, OptionType::choice, "", "", "", 0, 0, false, split(list), "", "", ""};
+    known[name] = {name, OptionType::choice, "", "", "", 0, 0, false, words_of(list), "", "", ""};
   };
   add("ts_dt ts_adapt_dt_min ts_adapt_dt_max eps_tol pep_tol bv_definite_tol pc_factor_fill ksp_divtol "
       "snes_divergence_tolerance ts_adapt_safety ts_adapt_reject_safety ts_adapt_scale_solve_failed",
@@ -144,7 +144,7 @@ const std::set<std::string>& global_names() {
 }
 
 const std::vector<std::string>& prefixes() {
-  static const std::vector<std::string> list = split(
+  static const std::vector<std::string> list = words_of(
       "ts_ snes_ ksp_ pc_ mat_ vec_ da_ dm_ dmda_ is_ sf_ vecscatter_ eps_ st_ bv_ ds_ rg_ fn_ pep_ nep_ svd_ "
       "mfn_ lme_ log_ options_ malloc_ memory_ on_error_ debugger_ device_ root_device_context_ draw_ viewer_ petsc_ "
       "slepc_ info_ sub_ redundant_ mg_ fieldsplit_ npc_ esteig_ inner_ matmatmult_ matptap_ mattransposematmult_ "
@@ -275,7 +275,7 @@ std::optional<std::string> check_library_value(const std::string& name, const st
   const auto own = taken.find(name);
   if (own != taken.end()) throw UsageError("-" + name + place + ": not here: " + own->second);
   if (text && is_view(name)) {
-    static const std::vector<std::string> viewers = split("ascii binary draw socket string vtk hdf5 glvis matlab saws");
+    static const std::vector<std::string> viewers = words_of("ascii binary draw socket string vtk hdf5 glvis matlab saws");
     const std::string type = text->substr(0, text->find(':'));
     if (!type.empty() && std::find(viewers.begin(), viewers.end(), type) == viewers.end()) {
       const std::string near = nearest_name(type, viewers);
@@ -398,7 +398,7 @@ void check_library_names(const Options& options) {
 void check_unused_after_setup(const Options& options, const std::string& not_made) {
   set_up = true;
   std::set<std::string> made = made_by(options.command());
-  for (const std::string& object : split(not_made)) made.erase(object);
+  for (const std::string& object : words_of(not_made)) made.erase(object);
   for (const auto& [name, text] : options.library()) {
     if (is_used(name) || global_names().count(name) || only_looks(name) || read_late(name)) continue;
     if (!made.count(object_of(name))) continue;

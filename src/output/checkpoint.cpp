@@ -1,4 +1,4 @@
-#include "stickslip/checkpoint.hpp"
+#include "stickslip/output/checkpoint.hpp"
 
 #include <dirent.h>
 #include <fcntl.h>
@@ -15,12 +15,13 @@
 #include <tuple>
 #include <utility>
 
-#include "hdf5_tools.hpp"
-#include "paths.hpp"
-#include "share.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/json.hpp"
-#include "stickslip/root.hpp"
+#include "output/datasets.hpp"
+#include "output/hdf5_tools.hpp"
+#include "base/paths.hpp"
+#include "base/broadcast.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/json.hpp"
+#include "stickslip/base/root.hpp"
 
 namespace stickslip {
 
@@ -78,16 +79,6 @@ std::string read_block(const std::string& path) {
   return got > 0 ? std::string(buffer.data()) : "";
 }
 
-void write_values(hid_t file, const std::string& name, const std::vector<double>& values) {
-  const hsize_t size = values.size();
-  const Id space(H5Screate_simple(1, &size, nullptr)), links(H5Pcreate(H5P_LINK_CREATE));
-  H5Pset_create_intermediate_group(links, 1);
-  const Id dataset(H5Dcreate2(file, name.c_str(), H5T_NATIVE_DOUBLE, space, links, H5P_DEFAULT, H5P_DEFAULT));
-  if (!dataset) h5::fail("make dataset " + name + " in", file);
-  if (size > 0 && H5Dwrite(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
-    h5::fail("write", file);
-}
-
 void write_file(const std::string& temporary, const Provenance& provenance, const Checkpoint& checkpoint,
                 const std::vector<double>& state) {
   double bytes = 8.0 * double(state.size());
@@ -97,14 +88,15 @@ void write_file(const std::string& temporary, const Provenance& provenance, cons
   h5::write_attribute(file, "t", checkpoint.t);
   h5::write_attribute(file, "dt", checkpoint.dt);
   h5::write_attribute(file, "step", checkpoint.step);
-  h5::write_attribute(file, "texts", Json(checkpoint.texts).text(0));
+  h5::write_attribute(file, "texts", text_of_map(checkpoint.texts));
   {
     const Id group(H5Gcreate2(file, "numbers", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
     for (const auto& [name, value] : checkpoint.numbers) h5::write_attribute(group, name, value);
     const Id arrays(H5Gcreate2(file, "arrays", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
   }
-  for (const auto& [name, values] : checkpoint.arrays) write_values(file, "arrays/" + name, values);
-  write_values(file, "state", state);
+  for (const auto& [name, values] : checkpoint.arrays)
+    h5::write_fixed(file, {"arrays/" + name, "", ""}, {values.size()}, values);
+  h5::write_fixed(file, {"state", "", ""}, {state.size()}, state);
   if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0 || H5Fclose(file.release()) < 0) h5::fail("write", temporary);
 
   const std::string block = block_text(checksum(temporary));
@@ -218,14 +210,14 @@ Checkpoint read_checkpoint(const std::string& path) {
       throw UsageError(label + e.what());
     }
   });
-  share(checkpoint.header);
+  h5::broadcast(checkpoint.header);
   MPI_Bcast(&checkpoint.ranks, 1, MPI_INT, 0, PETSC_COMM_WORLD);
   MPI_Bcast(&checkpoint.t, 1, MPI_DOUBLE, 0, PETSC_COMM_WORLD);
   MPI_Bcast(&checkpoint.dt, 1, MPI_DOUBLE, 0, PETSC_COMM_WORLD);
   MPI_Bcast(&checkpoint.step, 1, MPI_INT64_T, 0, PETSC_COMM_WORLD);
-  share(checkpoint.texts);
-  share(checkpoint.numbers);
-  share(checkpoint.arrays);
+  broadcast(checkpoint.texts);
+  broadcast(checkpoint.numbers);
+  broadcast(checkpoint.arrays);
   return checkpoint;
 }
 

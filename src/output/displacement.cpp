@@ -1,6 +1,6 @@
-#include "stickslip/displacement.hpp"
+#include "stickslip/output/displacement.hpp"
 
-#include "stickslip/error.hpp"
+#include "stickslip/base/error.hpp"
 
 namespace stickslip {
 

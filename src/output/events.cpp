@@ -1,18 +1,20 @@
-#include "stickslip/events.hpp"
+#include "stickslip/output/events.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "stickslip/friction.hpp"
-#include "stickslip/model.hpp"
+#include "stickslip/model/friction.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
 Events::Events(const Scene& scene, double velocity)
     : scene_(scene), velocity_(velocity), weight_(scene.form == Form::chain ? 1 : scene.h()),
       damping_(scene.B() + scene.s_delta() / scene.A()), amplitude_(friction_amplitude(scene, 0, scene.n)),
-      owner_(static_cast<std::size_t>(scene.n), -1), eta0_(owner_.size()), slip_(owner_.size()) {}
+      friction_(Friction::of(scene.friction)),
+      owner_(static_cast<std::size_t>(scene.n), -1), slip_(owner_.size()), slipped_(owner_.size()) {}
 
 bool Events::moves(std::size_t i, const std::vector<std::vector<double>>& fields) const {
   return std::abs(fields[0][i]) > velocity_;
@@ -26,6 +28,26 @@ int Events::owner_beside(std::size_t i, int step) const {
   return j < 0 || j >= n ? -1 : owner_[static_cast<std::size_t>(j)];
 }
 
+// A node that begins to move: it joins the event beside it, or begins one. `now`: all nodes at the beginning of this
+// step, once somebody has asked for it.
+void Events::claim(std::size_t i, std::shared_ptr<const Before>& now) {
+  const int left = owner_beside(i, -1), right = owner_beside(i, 1);
+  int id = std::max(left, right);
+  if (id < 0) {
+    id = next_id_++;
+    if (!now) now = std::make_shared<const Before>(Before{last_[1], slipped_});
+    Live& live = live_[id];
+    live.event.begin = t_;
+    live.event.first = static_cast<PetscInt>(i);
+    live.before = now;
+  }
+  owner_[i] = id;
+  live_.at(id).nodes.push_back(static_cast<PetscInt>(i));
+  slip_[i] = 0;
+  join(id, left);
+  join(id, right);
+}
+
 void Events::join(int kept, int taken) {
   if (taken < 0 || kept == taken) return;
   Live &a = live_.at(kept), &b = live_.at(taken);
@@ -34,6 +56,7 @@ void Events::join(int kept, int taken) {
   if (b.event.begin < a.event.begin) {
     a.event.begin = b.event.begin;
     a.event.first = b.event.first;
+    a.before = b.before;
   }
   a.event.friction_work += b.event.friction_work;
   a.event.radiated += b.event.radiated;
@@ -51,19 +74,34 @@ void Events::accumulate(std::size_t i, double dt, const std::vector<std::vector<
   const double direction = p0 + p1 < 0 ? -1 : 1;
   const double a = amplitude_[i];
   const double A = scene_.A(), B = scene_.B();
-  dispatch_friction(scene_.friction, [&](const auto& f) {
-    const auto force = [&](double psi, double s) {
-      return a * f.force(psi == 0 ? direction * std::numeric_limits<double>::min() : psi, s);
-    };
-    const double F0 = force(p0, s0), F1 = force(p1, s1);
-    const double m0 = A * (last_[1][i] - B * p0 - F0), m1 = A * (now[1][i] - B * p1 - F1);
-    const double p = (p0 + p1) / 2 + dt / 8 * (m0 - m1);
-    const double F = force(p, (s0 + s1) / 2);
-    slip_[i] += dt / 6 * (p0 + 4 * p + p1);
-    live.event.friction_work += weight_ * dt / 6 * (p0 * F0 + 4 * p * F + p1 * F1);
-    live.event.radiated += weight_ * damping_ * dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
-  });
+  const auto force = [&](double psi, double s) {
+    return a * friction_->force(psi == 0 ? direction * std::numeric_limits<double>::min() : psi, s);
+  };
+  const double F0 = force(p0, s0), F1 = force(p1, s1);
+  const double m0 = A * (last_[1][i] - B * p0 - F0), m1 = A * (now[1][i] - B * p1 - F1);
+  const double p = (p0 + p1) / 2 + dt / 8 * (m0 - m1);
+  const double F = force(p, (s0 + s1) / 2);
+  const double slip = dt / 6 * (p0 + 4 * p + p1);
+  slip_[i] += slip;
+  slipped_[i] += slip;
+  live.event.friction_work += weight_ * dt / 6 * (p0 * F0 + 4 * p * F + p1 * F1);
+  live.event.radiated += weight_ * damping_ * dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
   live.kinetic_now += weight_ * p1 * p1 / (2 * A);
+}
+
+// eta of a node as the event found it, with what the slip of others has done to it since (0 up to round-off for most).
+double Events::eta_before(PetscInt node, int id, const Before& before) const {
+  const auto others = [&](PetscInt j) {
+    const auto at = static_cast<std::size_t>(j);
+    return slipped_[at] - before.slipped[at] - (owner_[at] == id ? slip_[at] : 0);
+  };
+  const bool held = (node == 0 && scene_.left == End::velocity) ||
+                    (node == scene_.n - 1 && scene_.right == End::velocity);
+  double eta = before.eta[static_cast<std::size_t>(node)];
+  if (held && scene_.form == Form::continuum) return eta;  // it follows from psi there
+  eta -= scene_.K0() * others(node);
+  for (const auto& [j, weight] : second_difference_row(scene_, node)) eta += scene_.K1() * weight * others(j);
+  return eta;
 }
 
 void Events::finish(int id) {
@@ -78,8 +116,9 @@ void Events::finish(int id) {
     const auto i = static_cast<std::size_t>(k);
     e.slip = std::max(e.slip, slip_[i]);
     e.moment += weight_ * slip_[i];
-    drop += eta0_[i] - last_[1][i];
-    e.strain_energy += weight_ * slip_[i] * (eta0_[i] + last_[1][i]) / 2;
+    const double eta0 = eta_before(k, id, *live.before), eta1 = last_[1][i];
+    drop += eta0 - eta1;
+    e.strain_energy += weight_ * slip_[i] * (eta0 + eta1) / 2;
   }
   e.stress_drop = drop / double(e.count);
   e.left = e.first;
@@ -98,25 +137,14 @@ void Events::step(double t, const std::vector<std::vector<double>>& fields) {
       live.moves = false;
       live.kinetic_now = 0;
     }
+    std::vector<std::size_t> moving;
+    std::shared_ptr<const Before> before;
     for (std::size_t i = 0; i < owner_.size(); ++i) {
       if (!moves(i, last_) && !moves(i, fields)) continue;
-      if (owner_[i] < 0) {
-        const int left = owner_beside(i, -1), right = owner_beside(i, 1);
-        int id = std::max(left, right);
-        if (id < 0) {
-          id = next_id_++;
-          live_[id].event.begin = t_;
-          live_[id].event.first = static_cast<PetscInt>(i);
-        }
-        owner_[i] = id;
-        live_.at(id).nodes.push_back(static_cast<PetscInt>(i));
-        eta0_[i] = last_[1][i];
-        slip_[i] = 0;
-        join(id, left);
-        join(id, right);
-      }
-      accumulate(i, dt, fields);
+      moving.push_back(i);
+      if (owner_[i] < 0) claim(i, before);
     }
+    for (const std::size_t i : moving) accumulate(i, dt, fields);
     std::vector<int> over;
     for (auto& [id, live] : live_) {
       live.event.kinetic = std::max(live.event.kinetic, live.kinetic_now);
@@ -161,13 +189,20 @@ std::map<std::string, std::vector<double>> Events::save() const {
   saved["events.last"] = {double(t_), double(next_id_), double(count_), double(last_.size())};
   for (std::size_t k = 0; k < last_.size(); ++k) saved["events.field" + std::to_string(k)] = last_[k];
   saved["events.owner"].assign(owner_.begin(), owner_.end());
-  saved["events.eta0"] = eta0_;
   saved["events.slip"] = slip_;
+  saved["events.slipped"] = slipped_;
   std::vector<double>& live = saved["events.live"];
   std::vector<double>& nodes = saved["events.nodes"];  // in the order in which they joined
+  std::vector<double> &eta = saved["events.before_eta"], &slipped = saved["events.before_slipped"];
+  std::map<const Before*, double> beginnings;  // those written so far, by their place
   for (const auto& [id, l] : live_) {
+    const auto [at, is_new] = beginnings.emplace(l.before.get(), double(beginnings.size()));
+    if (is_new) {
+      eta.insert(eta.end(), l.before->eta.begin(), l.before->eta.end());
+      slipped.insert(slipped.end(), l.before->slipped.begin(), l.before->slipped.end());
+    }
     for (const double x : {double(id), l.event.begin, double(l.event.first), l.event.friction_work, l.event.radiated,
-                           l.event.kinetic, double(l.nodes.size())})
+                           l.event.kinetic, at->second, double(l.nodes.size())})
       live.push_back(x);
     nodes.insert(nodes.end(), l.nodes.begin(), l.nodes.end());
   }
@@ -182,22 +217,30 @@ void Events::restore(const std::map<std::string, std::vector<double>>& saved) {
   last_.resize(static_cast<std::size_t>(last.at(3)));
   for (std::size_t k = 0; k < last_.size(); ++k) last_[k] = saved.at("events.field" + std::to_string(k));
   const std::vector<double>& owner = saved.at("events.owner");
-  for (std::size_t i = 0; i < owner_.size(); ++i) owner_[i] = static_cast<int>(owner.at(i));
-  eta0_ = saved.at("events.eta0");
+  const std::size_t n = owner_.size();
+  for (std::size_t i = 0; i < n; ++i) owner_[i] = static_cast<int>(owner.at(i));
   slip_ = saved.at("events.slip");
-  const auto live = saved.find("events.live"), nodes = saved.find("events.nodes");
+  slipped_ = saved.at("events.slipped");
+  const std::vector<double> &live = saved.at("events.live"), &nodes = saved.at("events.nodes"),
+                            &eta = saved.at("events.before_eta"), &slipped = saved.at("events.before_slipped");
+  std::vector<std::shared_ptr<const Before>> beginnings;
+  for (std::size_t at = 0; at + n <= eta.size(); at += n) {
+    const auto from = static_cast<std::ptrdiff_t>(at), to = static_cast<std::ptrdiff_t>(at + n);
+    beginnings.push_back(std::make_shared<const Before>(
+        Before{{eta.begin() + from, eta.begin() + to}, {slipped.begin() + from, slipped.begin() + to}}));
+  }
   std::size_t next = 0;
-  if (live != saved.end())
-    for (std::size_t k = 0; k + 7 <= live->second.size(); k += 7) {
-      const double* x = &live->second[k];
-      Live& l = live_[static_cast<int>(x[0])];
-      l.event.begin = x[1];
-      l.event.first = static_cast<PetscInt>(x[2]);
-      l.event.friction_work = x[3];
-      l.event.radiated = x[4];
-      l.event.kinetic = x[5];
-      for (double j = 0; j < x[6]; ++j) l.nodes.push_back(static_cast<PetscInt>(nodes->second.at(next++)));
-    }
+  for (std::size_t k = 0; k + 8 <= live.size(); k += 8) {
+    const double* x = &live[k];
+    Live& l = live_[static_cast<int>(x[0])];
+    l.event.begin = x[1];
+    l.event.first = static_cast<PetscInt>(x[2]);
+    l.event.friction_work = x[3];
+    l.event.radiated = x[4];
+    l.event.kinetic = x[5];
+    l.before = beginnings.at(static_cast<std::size_t>(x[6]));
+    for (double j = 0; j < x[7]; ++j) l.nodes.push_back(static_cast<PetscInt>(nodes.at(next++)));
+  }
   started_ = true;
 }
 

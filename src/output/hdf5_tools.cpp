@@ -1,4 +1,4 @@
-#include "hdf5_tools.hpp"
+#include "output/hdf5_tools.hpp"
 
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -8,9 +8,10 @@
 #include <csignal>
 #include <stdexcept>
 
-#include "paths.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/json.hpp"
+#include "base/broadcast.hpp"
+#include "base/paths.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/json.hpp"
 
 namespace stickslip::h5 {
 
@@ -274,7 +275,7 @@ void write_header(hid_t file, const Provenance& provenance, const std::string& k
   write_attribute(file, "version", std::string(version()));
   write_attribute(file, "git", std::string(git_revision()));
   write_attribute(file, "command_line", provenance.command_line);
-  write_attribute(file, "options", Json(provenance.options).text(0));
+  write_attribute(file, "options", text_of_map(provenance.options));
   write_attribute(file, "date", provenance.date);
   write_attribute(file, "ranks", static_cast<std::int64_t>(provenance.ranks));
   for (const char* name : {"model_form", "model_delta_sign"})
@@ -294,6 +295,11 @@ FileHeader read_header(hid_t file) {
     throw Failure("its attribute `options` is damaged");
   }
   return header;
+}
+
+void broadcast(FileHeader& header) {
+  for (std::string* text : {&header.kind, &header.version, &header.git}) stickslip::broadcast(*text);
+  stickslip::broadcast(header.options);
 }
 
 }  // namespace stickslip::h5

@@ -9,8 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "stickslip/file.hpp"
-#include "stickslip/provenance.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/base/provenance.hpp"
 
 namespace stickslip::h5 {
 
@@ -78,5 +78,6 @@ bool survives(const std::function<void()>& act);
 // The root attributes that every file of this program carries.
 void write_header(hid_t file, const Provenance& provenance, const std::string& kind);
 FileHeader read_header(hid_t file);  // throws Failure where the file is not ours
+void broadcast(FileHeader& header);  // collective on PETSC_COMM_WORLD
 
 }  // namespace stickslip::h5

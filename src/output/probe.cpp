@@ -1,18 +1,18 @@
-#include "stickslip/probe.hpp"
+#include "stickslip/output/probe.hpp"
 
 #include <algorithm>
 #include <cmath>
 
-#include "stickslip/error.hpp"
+#include "stickslip/base/error.hpp"
 
 namespace stickslip {
 
 Combination interpolation_at(const Scene& scene, double x) {
-  const double end = scene.ring() ? scene.length : scene.x(scene.n - 1);
-  if (!(x >= 0 && x <= end))
+  const double round_off = 1e-12 * scene.length;
+  if (!(x >= -round_off && x <= scene.length + round_off))
     throw UsageError("out_probes: x = " + number_text(x) + " lies outside the scene, which reaches from 0 to " +
-                     number_text(end));
-  const double at = x / scene.h();
+                     number_text(scene.length));
+  const double at = std::clamp(x / scene.h(), 0., double(scene.ring() ? scene.n : scene.n - 1));
   const PetscInt nearest = static_cast<PetscInt>(std::llround(at));
   const PetscInt n = scene.n;
   const auto inside = [&](PetscInt i) { return scene.ring() ? ((i % n) + n) % n : i; };
@@ -21,28 +21,36 @@ Combination interpolation_at(const Scene& scene, double x) {
   PetscInt first = nearest - count / 2;
   if (!scene.ring()) first = std::clamp<PetscInt>(first, 0, n - count);
   Combination row;
+  row.reserve(std::size_t(count));
+  double binomial = 1, sum = 0;  // barycentric: binomial coefficients with alternating signs
   for (PetscInt k = 0; k < count; ++k) {
-    double weight = 1;
-    for (PetscInt l = 0; l < count; ++l)
-      if (l != k) weight *= (at - double(first + l)) / double(k - l);
-    row.emplace_back(inside(first + k), weight);
+    row.emplace_back(inside(first + k), binomial / (at - double(first + k)));
+    sum += row.back().second;
+    binomial *= -double(count - 1 - k) / double(k + 1);
   }
+  for (auto& [node, weight] : row) weight /= sum;
   return row;
 }
 
-Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x) : dof_(model.dof()) {
+Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x)
+    : friction_(Friction::of(whole.friction)), dof_(model.dof()) {
   std::vector<PetscInt> nodes;
   for (const double at : x) {
-    std::vector<std::pair<std::size_t, double>> row;
-    for (const auto& [node, weight] : interpolation_at(whole, at)) {
-      row.emplace_back(nodes.size(), weight);
+    const Combination combination = interpolation_at(whole, at);
+    // a chain has nothing between its blocks
+    const bool spread = whole.spread > 0 && whole.form == Form::continuum && combination.size() > 1;
+    std::vector<Part> row;
+    for (const auto& [node, weight] : combination) {
+      const double excess =
+          spread ? friction_amplitude_at(whole, at) - friction_amplitude_at(whole, whole.x(node)) : 0;
+      row.push_back({nodes.size(), weight, excess});
       nodes.push_back(node % model.scene().n);
     }
     rows_.push_back(std::move(row));
   }
   std::vector<PetscInt> entries;
   for (const PetscInt node : nodes)
-    for (PetscInt d = 0; d < 2; ++d) entries.push_back(node * dof_ + d);
+    for (PetscInt d = 0; d < dof_; ++d) entries.push_back(node * dof_ + d);
   const auto count = static_cast<PetscInt>(entries.size());
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count, fetched_.out()));
   IsHandle from;
@@ -61,9 +69,11 @@ const Probes::Values& Probes::read(Vec u) {
   SS_TRY(VecGetArrayRead(fetched_, &a));
   for (std::size_t row = 0; row < rows_.size(); ++row) {
     double psi = 0, eta = 0;
-    for (const auto& [index, weight] : rows_[row]) {
-      psi += weight * a[2 * index];
-      eta += weight * a[2 * index + 1];
+    for (const auto& [index, weight, excess] : rows_[row]) {
+      const double* node = a + index * std::size_t(dof_);
+      psi += weight * node[0];
+      eta += weight * node[1];
+      if (excess != 0) eta += weight * excess * friction_->force(node[0], dof_ > 2 ? node[2] : 0);
     }
     values_.psi[row] = psi;
     values_.eta[row] = eta;

@@ -1,4 +1,4 @@
-#include "stickslip/summary.hpp"
+#include "stickslip/output/summary.hpp"
 
 #include <fcntl.h>
 #include <petscsys.h>
@@ -11,9 +11,10 @@
 #include <stdexcept>
 #include <utility>
 
-#include "paths.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/root.hpp"
+#include "base/paths.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/json_values.hpp"
+#include "stickslip/base/root.hpp"
 
 namespace stickslip {
 
@@ -39,32 +40,56 @@ struct Descriptor {
 }  // namespace
 
 Summary::Summary(const Provenance& provenance, const std::vector<std::string>& keys, std::string path)
-    : path_(std::move(path)), begin_(MPI_Wtime()) {
+    : object_(std::make_unique<Json>()), path_(std::move(path)), begin_(MPI_Wtime()) {
   if (!path_.empty()) check_summary_path(path_);
   const std::string form = provenance.option("model_form"), sign = provenance.option("model_delta_sign");
-  object_.set("command", provenance.command);
-  for (const char* key : {"status", "reason", "warnings"}) object_.set(key, nullptr);
-  object_.set("version", version());
-  object_.set("git", git_revision());
-  object_.set("options", provenance.options);
-  object_.set("model_form", form.empty() ? Json() : Json(form));
+  Json& object = *object_;
+  object["command"] = provenance.command;
+  for (const char* key : {"status", "reason", "warnings"}) object[key] = nullptr;
+  object["version"] = version();
+  object["git"] = git_revision();
+  object["options"] = provenance.options;
+  object["model_form"] = form.empty() ? Json() : Json(form);
   // the chain has no delta, so no sign of it either
-  object_.set("delta_sign", sign.empty() || form == "chain" ? Json() : Json(sign));
-  object_.set("ranks", provenance.ranks);
-  object_.set("wall_s", nullptr);
-  for (const std::string& key : keys) object_.set(key, nullptr);
+  object["delta_sign"] = sign.empty() || form == "chain" ? Json() : Json(sign);
+  object["ranks"] = provenance.ranks;
+  object["wall_s"] = nullptr;
+  for (const std::string& key : keys) object[key] = nullptr;
 }
 
-void Summary::set(const std::string& key, Json value) {
-  if (!object_.find(key)) throw std::logic_error("summary: no key '" + key + "' for this command");
-  object_.set(key, std::move(value));
+Summary::~Summary() = default;
+
+void Summary::set(const std::string& key, const Json& value) {
+  if (!object_->contains(key)) throw std::logic_error("summary: no key '" + key + "' for this command");
+  (*object_)[key] = value;
 }
+
+void Summary::set(const std::string& key, const char* text) { set(key, Json(text)); }
+
+template <class T>
+void Summary::set(const std::string& key, const T& value) {
+  set(key, Json(value));
+}
+template void Summary::set(const std::string& key, const bool& value);
+template void Summary::set(const std::string& key, const int& value);
+template void Summary::set(const std::string& key, const long& value);
+template void Summary::set(const std::string& key, const std::size_t& value);
+template void Summary::set(const std::string& key, const double& value);
+template void Summary::set(const std::string& key, const std::string& value);
+template void Summary::set(const std::string& key, const std::vector<double>& value);
+template void Summary::set(const std::string& key, const std::vector<std::string>& value);
+template void Summary::set(const std::string& key, const std::optional<bool>& value);
+template void Summary::set(const std::string& key, const std::optional<int>& value);
+template void Summary::set(const std::string& key, const std::optional<double>& value);
+template void Summary::set(const std::string& key, const std::optional<std::string>& value);
 
 const Json& Summary::get(const std::string& key) const {
-  const Json* value = object_.find(key);
-  if (!value) throw std::logic_error("summary: no key '" + key + "' for this command");
-  return *value;
+  const auto found = object_->find(key);
+  if (found == object_->end()) throw std::logic_error("summary: no key '" + key + "' for this command");
+  return *found;
 }
+
+bool Summary::is_null(const std::string& key) const { return get(key).is_null(); }
 
 void Summary::done() { set("status", "done"); }
 
@@ -79,10 +104,10 @@ void Summary::stopped(const std::string& reason) {
 }
 
 std::string Summary::text() const {
-  Json now = object_;
-  now.set("warnings", warnings().empty() ? Json::array() : Json(warnings()));
-  now.set("wall_s", MPI_Wtime() - begin_);
-  return now.text() + "\n";
+  Json now = *object_;
+  now["warnings"] = warnings();
+  now["wall_s"] = MPI_Wtime() - begin_;
+  return json_text(now) + "\n";
 }
 
 void Summary::write() const {

@@ -1,4 +1,4 @@
-#include "stickslip/phase_tree.hpp"
+#include "stickslip/stability/argument_principle.hpp"
 
 #include <algorithm>
 #include <array>
@@ -6,9 +6,9 @@
 #include <functional>
 #include <limits>
 
-#include "kernel.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/stencil.hpp"
+#include "model/kernel.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
@@ -208,26 +208,25 @@ struct JoinTwo {
 // by the congruence S = U M U^T, M tridiagonal and U unit upper triangular with b - 1 diagonals above, row by row from
 // the right: what came before fades by a constant factor at every row, as the stencil's own solutions do. With
 // t = U^T 1 and z = U^-1 eps the rows of diag(t) M diag(t) sum to t_k z_k, small and free of cancellation.
-template <int b>
+constexpr int widest = 4;  // half-width, of the stencil of order 8
 struct Row {
-  Values u[b];        // u[m] = U_{i,i+m}, u[0] unused
+  Values u[widest];   // u[m] = U_{i,i+m}, u[0] unused
   Values e, inverse;  // M_{i,i+1} and 1/e
   Values d, z;        // M_{i,i}
   Values t;           // known b - 1 rows later
-  Values g[b];        // (M U^T)_{i+m,i}
+  Values g[widest];   // (M U^T)_{i+m,i}
 };
 
-template <int b>
 class Sweep {
  public:
-  explicit Sweep(const std::array<double, 5>& w) : w_(w) {}
-  Row<b>& operator[](long i) { return row_[i & 7]; }
+  Sweep(int half_width, const std::array<double, 5>& w) : b_(half_width), w_(w) {}
+  Row& operator[](long i) { return row_[i & 7]; }
 
   // Rows right of `next` as if nothing coupled them: forgotten after some rows.
   void start(long next, const Values& eps) {
-    for (long i = next + b; i > next; --i) {
-      Row<b>& r = (*this)[i];
-      for (int m = 0; m < b; ++m) set(r.u[m], 0);
+    for (long i = next + b_; i > next; --i) {
+      Row& r = (*this)[i];
+      for (int m = 0; m < b_; ++m) set(r.u[m], 0);
       set(r.e, -w_[1]);
       set(r.inverse, -1 / w_[1]);
       set(r.t, 1);
@@ -237,20 +236,20 @@ class Sweep {
     }
   }
   void step(long i, const Values& eps) {
-    Row<b>& r = (*this)[i];
-    for (int m = b - 1; m >= 1; --m) {
+    Row& r = (*this)[i];
+    for (int m = b_ - 1; m >= 1; --m) {
       set(r.u[m], -w_[std::size_t(m) + 1]);
-      for (int k = m + 1; k < b; ++k) add_product(r.u[m], r.u[k], (*this)[i + m + 1].g[k - m - 1], -1);
+      for (int k = m + 1; k < b_; ++k) add_product(r.u[m], r.u[k], (*this)[i + m + 1].g[k - m - 1], -1);
       multiply(r.u[m], (*this)[i + m].inverse);
     }
     set(r.e, -w_[1]);
     r.z = r.d = eps;
     for (int j = 0; j < P; ++j) r.d.re[j] -= w_[0];
-    for (int m = 1; m < b; ++m) {
+    for (int m = 1; m < b_; ++m) {
       add_product(r.e, r.u[m], (*this)[i + 1].g[m - 1], -1);
       add_product(r.z, r.u[m], (*this)[i + m].z, -1);
     }
-    for (int m = 1; m < b; ++m) {
+    for (int m = 1; m < b_; ++m) {
       Values part;  // what u_m is multiplied with in S_ii
       set(part, 0);
       add_product(part, r.u[m], (*this)[i + m].d, -1);
@@ -258,16 +257,16 @@ class Sweep {
       for (int j = 0; m == 1 && j < P; ++j) part.re[j] -= 2 * r.e.re[j], part.im[j] -= 2 * r.e.im[j];
       add_product(r.d, part, r.u[m]);
     }
-    if (b == 1) set(r.t, 1);
-    if (b > 1) {
+    if (b_ == 1) set(r.t, 1);
+    if (b_ > 1) {
       r.inverse = r.e;
       invert(r.inverse);
-      Values& t = (*this)[i + b - 1].t;
+      Values& t = (*this)[i + b_ - 1].t;
       set(t, 1);
-      for (int m = 1; m < b; ++m)
+      for (int m = 1; m < b_; ++m)
         for (int j = 0; j < P; ++j) {
-          t.re[j] += (*this)[i + b - 1 - m].u[m].re[j];
-          t.im[j] += (*this)[i + b - 1 - m].u[m].im[j];
+          t.re[j] += (*this)[i + b_ - 1 - m].u[m].re[j];
+          t.im[j] += (*this)[i + b_ - 1 - m].u[m].im[j];
         }
     }
     finish(i);
@@ -275,8 +274,8 @@ class Sweep {
 
  private:
   void finish(long i) {
-    Row<b>& r = (*this)[i];
-    for (int m = 0; m + 1 < b; ++m) {
+    Row& r = (*this)[i];
+    for (int m = 0; m + 1 < b_; ++m) {
       set(r.g[m], 0);
       if (m == 0) r.g[m] = r.d;
       if (m == 1) r.g[m] = r.e;
@@ -286,8 +285,9 @@ class Sweep {
     }
   }
 
+  const int b_;
   std::array<double, 5> w_;
-  std::array<Row<b>, 8> row_;
+  std::array<Row, 8> row_;
 };
 
 // The line on one piece: the maps of its stretches, ln of the product of the M_{i,i+1}, and its ends: what comes from
@@ -302,10 +302,14 @@ struct Level {
   bool ended = false;  // the ends are known; they are not before the stretches are as long as what an end takes in
 };
 
-template <int b>
+// Rows after which a start of the sweep is forgotten to all digits, by half-width (the stencils' own solutions fade by
+// 0.07 a node at order 4, 0.1 at 6, 0.13 at 8, where the waves do not fade).
+constexpr int rows_to_forget[widest] = {0, 16, 18, 22};
+
 class Tree {
  public:
-  Tree(const Sliding& s, PhaseTurn& result, std::size_t zeros) : s_(s), result_(result), zeros_(zeros) {
+  Tree(const Sliding& s, PhaseTurn& result, std::size_t zeros)
+      : s_(s), result_(result), zeros_(zeros), b_(s.scene.order / 2), fading_(rows_to_forget[b_ - 1]) {
     const long m = long(s.size());
     const PetscInt order = s.scene.order, n = s.scene.n;
     if (s.scene.ring()) {
@@ -313,18 +317,18 @@ class Tree {
       last_ = last_node_ = m;
     } else {
       // rows near the ends are taken as they are; they must not reach beyond b nodes further in
-      for (first_ = b; s.node[std::size_t(first_)] < order; ++first_) {
+      for (first_ = b_; s.node[std::size_t(first_)] < order; ++first_) {
       }
-      for (last_ = m - b; s.node[std::size_t(last_ - 1)] >= n - order; --last_) {
+      for (last_ = m - b_; s.node[std::size_t(last_ - 1)] >= n - order; --last_) {
       }
       for (const bool left : {true, false}) {
         const long rows = left ? first_ : m - last_;
         for (long i = 0; i < rows; ++i)
           for (const auto& [column, value] : s.coupling_row(std::size_t(left ? i : m - 1 - i)))
-            if ((left ? long(column) : m - 1 - long(column)) >= rows + b) throw Unsettled();
+            if ((left ? long(column) : m - 1 - long(column)) >= rows + b_) throw Unsettled();
       }
-      first_node_ = first_ + b - 1;
-      last_node_ = last_ - fading - std::max(fading, b) + 1;
+      first_node_ = first_ + b_ - 1;
+      last_node_ = last_ - fading_ - std::max(fading_, b_) + 1;
       if (last_node_ < first_node_ + 2 * long(stretch)) throw Unsettled();
     }
     const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
@@ -340,10 +344,6 @@ class Tree {
   }
 
  private:
-  // Rows after which a start of the sweep is forgotten to all digits (the stencils' own solutions fade by 0.07 a node
-  // at order 4, 0.1 at 6, 0.13 at 8, where the waves do not fade).
-  static constexpr int fading = b == 1 ? 0 : b == 2 ? 16 : b == 3 ? 18 : 22;
-
   // eps_i at the points of a piece.
   struct Symbol {
     const Sliding* s;
@@ -395,33 +395,33 @@ class Tree {
 
     level.map.resize(std::size_t(last_node_ - first_node_ + long(stretch) - 1) / stretch);
     set(level.log, 0);
-    Sweep<b> sweep(weights_);
-    const long begin = last_ + b + 2 * fading;
+    Sweep sweep(b_, weights_);
+    const long begin = last_ + b_ + 2 * fading_;
     symbol.at(at(begin), eps);
     sweep.start(begin, eps);
     Values seam;
     set(seam, 0);
     // how what the solution takes from the right of the line's interior, and the start of the sweep, fades there
-    std::array<Values, std::size_t(b)> faded;
+    std::array<Values, std::size_t(widest)> faded;
     for (Values& f : faded) set(f, 1);
     Map* map = nullptr;
     Values product;
     set(product, 1);
-    for (long i = begin; i > first_node_ - b; --i) {
+    for (long i = begin; i > first_node_ - b_; --i) {
       symbol.at(at(i), eps);
       sweep.step(i, eps);
-      if (b > 1 && i < begin - fading && i >= begin - 2 * fading) {
+      if (b_ > 1 && i < begin - fading_ && i >= begin - 2 * fading_) {
         Values next;
         set(next, 0);
-        for (int l = 1; l < b; ++l) add_product(next, sweep[i].u[l], faded[std::size_t(l - 1)], -1);
-        for (int l = b - 1; l >= 1; --l) faded[std::size_t(l)] = faded[std::size_t(l - 1)];
+        for (int l = 1; l < b_; ++l) add_product(next, sweep[i].u[l], faded[std::size_t(l - 1)], -1);
+        for (int l = b_ - 1; l >= 1; --l) faded[std::size_t(l)] = faded[std::size_t(l - 1)];
         faded[0] = next;
-        if (i == begin - 2 * fading && !(largest(next) < 1e-11)) throw Unsettled();
+        if (i == begin - 2 * fading_ && !(largest(next) < 1e-11)) throw Unsettled();
       }
-      if (ring && b > 1 && i == m - 1) seam = sweep[i].e;
-      if (ring && b > 1 && i == -1 && !alike(seam, sweep[i].e)) throw Unsettled();
-      const long k = i + b - 1;  // the row that is known altogether now
-      const Row<b>& row = sweep[k];
+      if (ring && b_ > 1 && i == m - 1) seam = sweep[i].e;
+      if (ring && b_ > 1 && i == -1 && !alike(seam, sweep[i].e)) throw Unsettled();
+      const long k = i + b_ - 1;  // the row that is known altogether now
+      const Row& row = sweep[k];
       if (k >= last_node_ || k < first_node_) continue;
       const std::size_t cell = std::size_t(k - first_node_) / stretch;
       if (!map || map != &level.map[cell]) {
@@ -431,7 +431,7 @@ class Tree {
       }
       // q' = q + J'/(t_k e_k t_{k+1}), J' = J - t_k z_k q
       Values conductance, sigma = row.z;
-      if (b > 1) {
+      if (b_ > 1) {
         multiply(sigma, row.t);
         conductance = row.t;
         multiply(conductance, sweep[k + 1].t);
@@ -454,9 +454,9 @@ class Tree {
       if (std::size_t(k - first_node_) % stretch > 0) continue;
       normalise(*map);
       if (!(map->tail <= settled)) return false;
-      for (int l = 1; l < b; ++l)
+      for (int l = 1; l < b_; ++l)
         if (!(largest(row.u[l]) < 2)) throw Unsettled();
-      if (b > 1) {
+      if (b_ > 1) {
         const Complex middle = 1. / product[P / 2];
         for (int t = 0; t < P; ++t) {
           const Complex l = std::log(product[t] * middle);
@@ -491,23 +491,23 @@ class Tree {
     const Symbol symbol(s_, unit_, piece);
     // the rows of the sweep from one place leftwards to another, the last one first
     const auto rows_of = [&](long from, long to) {
-      std::vector<Row<b>> rows(std::size_t(from - to) + 1);
-      Sweep<b> sweep(weights_);
+      std::vector<Row> rows(std::size_t(from - to) + 1);
+      Sweep sweep(b_, weights_);
       Values eps;
       const auto at = [&](long i) { return std::size_t(std::clamp(i, 0L, m - 1)); };
-      symbol.at(at(from + 2 * fading), eps);
-      sweep.start(from + 2 * fading, eps);
-      for (long i = from + 2 * fading; i > to - b; --i) {
+      symbol.at(at(from + 2 * fading_), eps);
+      sweep.start(from + 2 * fading_, eps);
+      for (long i = from + 2 * fading_; i > to - b_; --i) {
         symbol.at(at(i), eps);
         sweep.step(i, eps);
-        for (const long k : {i, i + b - 1})  // the second one's t is known
+        for (const long k : {i, i + b_ - 1})  // the second one's t is known
           if (k >= to && k <= from) rows[std::size_t(k - to)] = sweep[k];
       }
       return rows;
     };
-    const std::vector<Row<b>> right = rows_of(last_ + b, last_node_ - 1), left = rows_of(first_ + 2 * b, first_ - b);
-    std::vector<Values> eps(std::size_t(first_ + m - last_ + fading) + 1);
-    const long middle = last_ - fading;  // rows from here on are taken as they stand
+    const std::vector<Row> right = rows_of(last_ + b_, last_node_ - 1), left = rows_of(first_ + 2 * b_, first_ - b_);
+    std::vector<Values> eps(std::size_t(first_ + m - last_ + fading_) + 1);
+    const long middle = last_ - fading_;  // rows from here on are taken as they stand
     for (long i = 0; i < first_; ++i) symbol.at(std::size_t(i), eps[std::size_t(i)]);
     for (long i = middle; i < m; ++i) symbol.at(std::size_t(i), eps[std::size_t(first_ + i - middle)]);
     BandLU lu;
@@ -515,19 +515,19 @@ class Tree {
     for (int step = 0; step < P; ++step) {
       const int t = (step + P / 2) % P;  // the reference first
       // ---- left: p_0 .. p_{first_+b-1}; q_j = sum U_{j-l,j} p_{j-l}
-      const long base = first_ - b, size = first_ + b;
-      const auto row = [&](const std::vector<Row<b>>& rows, long start, long i) -> const Row<b>& {
+      const long base = first_ - b_, size = first_ + b_;
+      const auto row = [&](const std::vector<Row>& rows, long start, long i) -> const Row& {
         return rows[std::size_t(i - start)];
       };
-      const auto upper = [&](const std::vector<Row<b>>& rows, long start, long i, long l) -> Complex {
-        if (l <= 0 || l >= b) return l == 0 ? 1 : 0;
+      const auto upper = [&](const std::vector<Row>& rows, long start, long i, long l) -> Complex {
+        if (l <= 0 || l >= b_) return l == 0 ? 1 : 0;
         return row(rows, start, i).u[l][t];
       };
       // row k of M U^T, columns k - b .. k + 1, none before `bound`
-      const auto reduced = [&](const std::vector<Row<b>>& rows, long start, long k, long bound, const auto& add) {
-        for (long j = std::max(k - b, bound); j <= k + 1; ++j) {
+      const auto reduced = [&](const std::vector<Row>& rows, long start, long k, long bound, const auto& add) {
+        for (long j = std::max(k - b_, bound); j <= k + 1; ++j) {
           Complex sum = 0;
-          for (long l = std::max(j, k - 1); l <= std::min(k + 1, j + b - 1); ++l) {
+          for (long l = std::max(j, k - 1); l <= std::min(k + 1, j + b_ - 1); ++l) {
             if (l < bound) continue;
             sum += (l == k ? row(rows, start, k).d[t] : row(rows, start, std::min(l, k)).e[t]) *
                    upper(rows, start, j, l - j);
@@ -535,11 +535,11 @@ class Tree {
           add(j, sum);
         }
       };
-      const auto q_row = [&](const std::vector<Row<b>>& rows, long start, long j, long bound, Complex factor,
+      const auto q_row = [&](const std::vector<Row>& rows, long start, long j, long bound, Complex factor,
                              const auto& add) {
-        for (long l = 0; l < b && j - l >= bound; ++l) add(j - l, factor * upper(rows, start, j - l, l));
+        for (long l = 0; l < b_ && j - l >= bound; ++l) add(j - l, factor * upper(rows, start, j - l, l));
       };
-      const auto state_row = [&](const std::vector<Row<b>>& rows, long start, long j, long bound, int component,
+      const auto state_row = [&](const std::vector<Row>& rows, long start, long j, long bound, int component,
                                  const auto& add) {
         const Complex t0 = row(rows, start, j).t[t], t1 = row(rows, start, j + 1).t[t];
         if (component == 0) return q_row(rows, start, j + 1, bound, 1. / t1, add);
@@ -554,14 +554,14 @@ class Tree {
           return [&lu, r](long column, Complex value) { lu.add(std::size_t(r), std::size_t(column), value); };
         };
         for (long i = 0; i < first_; ++i) plain_row(std::size_t(i), eps[std::size_t(i)][t], into(i));
-        for (long k = first_; k < first_ + b - 1; ++k) reduced(left, base, k, 0, into(k));
-        state_row(left, base, first_ + b - 2, 0, component, into(size - 1));
+        for (long k = first_; k < first_ + b_ - 1; ++k) reduced(left, base, k, 0, into(k));
+        state_row(left, base, first_ + b_ - 2, 0, component, into(size - 1));
         det[component] = lu.factor();
       }
       // ---- right: p_a .. p_{m-1}, what is further left forgotten
       const long a = last_node_ - 1, length = m - a;
       for (int component : {0, 1}) {
-        lu.reset(std::size_t(length), int(m - last_ + b), int(std::max<long>(b, m - last_)));
+        lu.reset(std::size_t(length), int(m - last_ + b_), int(std::max<long>(b_, m - last_)));
         const auto into = [&](long r) {
           return [&lu, r, a](long column, Complex value) {
             if (column >= a) lu.add(std::size_t(r), std::size_t(column - a), value);
@@ -775,17 +775,12 @@ class Tree {
   const Sliding& s_;
   PhaseTurn& result_;
   std::size_t zeros_;
+  const int b_, fading_;                 // half-width of the stencil; rows_to_forget
   long first_ = 0, last_ = 0;            // rows first_ .. last_ - 1 are those of the interior
   long first_node_ = 0, last_node_ = 0;  // those that the maps are made of
   double unit_ = 1;
   std::array<double, 5> weights_{};
 };
-
-template <int b>
-void follow_part(const Sliding& s, const Piece& piece, PhaseTurn& result, std::size_t zeros) {
-  Tree<b> tree(s, result, zeros);
-  tree.follow(piece);
-}
 
 }  // namespace
 
@@ -800,12 +795,7 @@ std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const Sliding& s, Complex f
   try {
     for (int k = rank; k < parts; k += ranks) {
       const Piece piece{from + (to - from) * (double(k) / parts), from + (to - from) * (double(k + 1) / parts)};
-      switch (s.scene.order) {
-        case 2: follow_part<1>(s, piece, result, zeros); break;
-        case 4: follow_part<2>(s, piece, result, zeros); break;
-        case 6: follow_part<3>(s, piece, result, zeros); break;
-        default: follow_part<4>(s, piece, result, zeros); break;
-      }
+      Tree(s, result, zeros).follow(piece);
     }
   } catch (const Unsettled&) {
     failed = 1;

@@ -1,14 +1,14 @@
-#include "stickslip/sliding.hpp"
+#include "stickslip/stability/sliding.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
 
-#include "stickslip/error.hpp"
-#include "stickslip/friction.hpp"
-#include "stickslip/model.hpp"
-#include "stickslip/stencil.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/friction.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
@@ -16,17 +16,6 @@ namespace {
 
 bool held(const Scene& scene, PetscInt i) {
   return (i == 0 && scene.left == End::velocity) || (i == scene.n - 1 && scene.right == End::velocity);
-}
-
-// On the exact sliding branch these laws have a threshold, so that a node at rest sticks.
-bool has_threshold(const FrictionParameters& f) {
-  return !f.regularised && (f.law == Law::carlson_langer || f.law == Law::coulomb);
-}
-
-std::string number(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", x);
-  return text;
 }
 
 }  // namespace
@@ -82,8 +71,10 @@ Sliding::Sliding(const Scene& s) : scene(s), A(s.A()), B(s.B()), K0(s.K0()), K1(
   const std::vector<double> amplitude = friction_amplitude(s, 0, s.n);
   F_psi.resize(m);
   beta.resize(m);
-  dispatch_friction(s.friction, [&](const auto& friction) {
-    constexpr bool with_state = std::decay_t<decltype(friction)>::has_state;
+  {
+    const auto law = Friction::of(s.friction);
+    const Friction& friction = *law;
+    const bool with_state = friction.has_state;
     eta.resize(n);
     if (with_state) {
       state.resize(n);
@@ -93,16 +84,17 @@ Sliding::Sliding(const Scene& s) : scene(s), A(s.A()), B(s.B()), K0(s.K0()), K1(
       const double x = friction.steady_state(psi[i]);
       const double at = double(i) * s.h();
       if (with_state && !std::isfinite(x))
-        throw Failure("no steady sliding: the contact state grows without end at psi = 0 (x = " + number(at) +
+        throw Failure("no steady sliding: the contact state grows without end at psi = 0 (x = " + rounded_text(at, 6) +
                       "); the plate must move (model_v)");
-      if (psi[i] == 0 && has_threshold(s.friction) && index[i] >= 0)
-        throw Failure("no steady sliding: at psi = 0 (x = " + number(at) + ") the law sticks; take model_v other "
+      if (psi[i] == 0 && friction.sticks && index[i] >= 0)
+        throw Failure("no steady sliding: at psi = 0 (x = " + rounded_text(at, 6) +
+                      ") the law sticks; take model_v other "
                       "than 0, or friction_stick regularised");
       const Partials f = friction.partials(psi[i], x);
       eta[i] = B * psi[i] + amplitude[i] * f.F;
       if (with_state) state[i] = x;
       if (!std::isfinite(eta[i]) || !std::isfinite(f.F_psi))
-        throw Failure("no steady sliding: the friction at psi = " + number(psi[i]) + " is not finite");
+        throw Failure("no steady sliding: the friction at psi = " + rounded_text(psi[i], 6) + " is not finite");
       if (index[i] < 0) continue;
       const std::size_t k = std::size_t(index[i]);
       F_psi[k] = amplitude[i] * f.F_psi;
@@ -115,7 +107,7 @@ Sliding::Sliding(const Scene& s) : scene(s), A(s.A()), B(s.B()), K0(s.K0()), K1(
         residual = std::max(residual, std::abs(g.g));
       }
     }
-  });
+  }
   for (std::size_t k = 1; k < m; ++k)
     if (F_psi[k] != F_psi[0] || (has_state() && (F_state[k] != F_state[0] || r[k] != r[0] || g_psi[k] != g_psi[0])))
       uniform = false;
@@ -245,7 +237,7 @@ Sliding::Sliding(const Sliding& whole, std::size_t first, std::size_t count)
   }
 }
 
-Sliding Sliding::stretch(std::size_t first, std::size_t count) const { return Sliding(*this, first, count); }
+Sliding Sliding::segment(std::size_t first, std::size_t count) const { return Sliding(*this, first, count); }
 
 void Sliding::fill(Complex lambda, Complex factor, BandLU& lu) const {
   lu.reset(size(), band_, band_);

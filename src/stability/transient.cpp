@@ -7,10 +7,12 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <utility>
 
-#include "stickslip/error.hpp"
-#include "stickslip/spectrum.hpp"
-#include "stickslip/stencil.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/numerics/roots.hpp"
+#include "stickslip/stability/spectrum.hpp"
+#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
@@ -63,23 +65,100 @@ Matrix exponential(const Matrix& M, PetscBLASInt m, double t) {
   return sum;
 }
 
-void grow(const Matrix& M, PetscBLASInt m, double horizon, Transient& result) {
+// The numerical abscissa: the largest eigenvalue of the symmetric part. |exp(M (t + u))| <= exp(abscissa u) |exp(M t)|.
+double abscissa_of(const Matrix& M, PetscBLASInt m) {
   Matrix symmetric(M.size());
   for (PetscBLASInt i = 0; i < m; ++i)
     for (PetscBLASInt j = 0; j < m; ++j)
       symmetric[std::size_t(j * m + i)] = (M[std::size_t(j * m + i)] + M[std::size_t(i * m + j)]) / 2;
-  result.abscissa = std::max(result.abscissa, largest_eigenvalue(std::move(symmetric), m));
-  if (horizon <= 0) return;
-  const int steps = 200;
-  const Matrix step = exponential(M, m, horizon / steps);
-  Matrix x = step;
-  for (int k = 1; k <= steps; ++k) {
-    const double g = two_norm(x, m);
-    if (g > result.growth) {
-      result.growth = g;
-      result.time = horizon * k / steps;
+  return largest_eigenvalue(std::move(symmetric), m);
+}
+
+struct Sample {
+  double t, g;
+};
+
+// The top of the parabola of ln g through three places.
+Sample parabola_top(const Sample& a, const Sample& b, const Sample& c) {
+  const double left = (std::log(b.g) - std::log(a.g)) / (b.t - a.t);
+  const double right = (std::log(c.g) - std::log(b.g)) / (c.t - b.t), bend = (right - left) / (c.t - a.t);
+  if (!(bend < 0)) return b;
+  const double t = std::clamp((a.t + b.t) / 2 - left / (2 * bend), a.t, c.t);
+  return {t, b.g * std::exp((t - b.t) * (left + bend * (t - a.t)))};
+}
+
+// The largest |exp(M t)| of a small matrix, beside `result`. From a time with norm g nothing above `best` can come
+// sooner than ln(best/g)/abscissa later: steps are as long as that and a slack, a coarse one first to know what is high,
+// then one of 1e-4, so that no peak is jumped over. Tops seen on the way are refined. As |exp(M (t + u))| <= |exp(M t)|
+// |exp(M u)|, nothing follows a norm of 1.
+void grow_small(const Matrix& M, PetscBLASInt m, Transient& result) {
+  const double abscissa = abscissa_of(M, m);
+  result.abscissa = std::max(result.abscissa, abscissa);
+  if (!(abscissa > 1e-12)) return;
+  const auto at = [&](double t) { return Sample{t, two_norm(exponential(M, m, t), m)}; };
+  for (const double slack : {0.03, 1e-4}) {
+    Sample before{0, 1}, here{0, 1};
+    for (int k = 0; here.g > 1 || k == 0; ++k) {
+      const double ahead = std::log(std::max(result.growth, here.g) / here.g);
+      const Sample next = at(here.t + (ahead + slack) / abscissa);
+      if (here.g >= before.g && here.g > next.g && here.g > 0.9 * result.growth) {
+        const Least top = find_least([&](double t) { return -at(t).g; }, before.t, next.t, 1e-7 * next.t,
+                                     [](double) { return false; });
+        if (-top.value > result.growth) {
+          result.growth = -top.value;
+          result.time = top.x;
+        }
+      }
+      before = std::exchange(here, next);
+      if (k == 20000) {
+        result.exact = false;
+        break;
+      }
     }
-    if (k < steps) x = times(x, step, m);
+  }
+}
+
+// The same for a large matrix: at even times until the norm is 1, then beside the three highest tops at intervals
+// halved ten times. (No parabola through them: where two directions exchange the lead, the top is a corner.)
+void grow_large(const Matrix& M, PetscBLASInt m, double horizon, Transient& result) {
+  result.abscissa = abscissa_of(M, m);
+  if (horizon <= 0 || !(result.abscissa > 1e-12)) return;
+  const double h = std::min(horizon / 100, std::max(0.1 / result.abscissa, horizon / 400));
+  const Matrix step = exponential(M, m, h);
+  std::vector<Sample> samples{{0, 1}};
+  for (Matrix x = step; samples.back().t < horizon; x = times(x, step, m)) {
+    samples.push_back({double(samples.size()) * h, two_norm(x, m)});
+    if (samples.back().g <= 1) break;
+  }
+  std::vector<std::size_t> tops;
+  for (std::size_t k = 1; k + 1 < samples.size(); ++k)
+    if (samples[k].g >= samples[k - 1].g && samples[k].g > samples[k + 1].g) tops.push_back(k);
+  std::sort(tops.begin(), tops.end(), [&](std::size_t a, std::size_t b) { return samples[a].g > samples[b].g; });
+  if (tops.size() > 3) tops.resize(3);
+  for (const std::size_t k : tops) {
+    Sample left = samples[k - 1], middle = samples[k], right = samples[k + 1];
+    Matrix x_left = exponential(M, m, left.t), x_middle = times(x_left, step, m);
+    double width = h;
+    for (int level = 0; level < 10; ++level) {
+      const Matrix half = exponential(M, m, width /= 2);
+      Matrix x_first = times(x_left, half, m), x_second = times(x_middle, half, m);
+      const Sample first{left.t + width, two_norm(x_first, m)}, second{middle.t + width, two_norm(x_second, m)};
+      if (first.g > std::max(middle.g, second.g)) {
+        right = std::exchange(middle, first);
+        x_middle = std::move(x_first);
+      } else if (second.g > middle.g) {
+        left = std::exchange(middle, second);
+        x_left = std::exchange(x_middle, std::move(x_second));
+      } else {
+        left = first;
+        right = second;
+        x_left = std::move(x_first);
+      }
+    }
+    if (middle.g > result.growth) {
+      result.growth = middle.g;
+      result.time = middle.t;
+    }
   }
 }
 
@@ -352,9 +431,6 @@ void iterate_growth(const Sliding& s, double growth_rate, Transient& result) {
   }
   result.exact = false;
   long steps = std::max(1L, std::lround(0.2 / (quick * dt)));
-  struct Sample {
-    double t, g;
-  };
   std::vector<Sample> samples{{0, 1}};
   const auto norm_at = [&](long count, double tolerance) {
     const auto forward = [&](const std::vector<Complex>& v) {
@@ -394,9 +470,22 @@ void iterate_growth(const Sliding& s, double growth_rate, Transient& result) {
     if (width <= 1.1 * dt) break;
     norm_at(std::lround((samples[widest].t + width / 2) / dt), 1e-4);
   }
-  const auto top = std::max_element(samples.begin(), samples.end(), by_growth);
-  result.growth = top->g;
-  result.time = top->t;
+  // beside the top, in intervals halved until the parabola through three of them is the norm to 1e-6
+  for (int halve = 0; halve < 16; ++halve) {
+    std::sort(samples.begin(), samples.end(), by_time);
+    const auto top = std::max_element(samples.begin(), samples.end(), by_growth);
+    result.growth = top->g;
+    result.time = top->t;
+    if (top == samples.begin() || top + 1 == samples.end()) return;
+    const Sample left = *(top - 1), middle = *top, right = *(top + 1), best = parabola_top(left, middle, right);
+    result.growth = best.g;
+    result.time = best.t;
+    const bool first = middle.t - left.t > right.t - middle.t;
+    const long from = std::lround((first ? left.t : middle.t) / dt);
+    const long to = std::lround((first ? middle.t : right.t) / dt);
+    if (to - from < 2 || best.g / std::min(left.g, right.g) < 1 + 1e-4 || spent > 4 * budget) return;
+    norm_at((from + to) / 2, 1e-7);
+  }
 }
 
 // |(z - J)^-1| in the energy norm.
@@ -442,7 +531,8 @@ std::optional<Transient> transient_growth(const Sliding& s, double growth_rate, 
         entry(2, 0) = s.g_psi[0] / root;
         entry(2, 2) = -s.r[0];
       }
-      grow(M, PetscBLASInt(d), horizon, result);
+      if (growth_rate < 0) grow_small(M, PetscBLASInt(d), result);
+      else result.abscissa = std::max(result.abscissa, abscissa_of(M, PetscBLASInt(d)));
     }
     return result;
   }
@@ -492,7 +582,7 @@ std::optional<Transient> transient_growth(const Sliding& s, double growth_rate, 
       for (std::size_t k = 1; k < d; ++k) M[column * m + k * n + i] = std::sqrt(s.weight[i]) * y[i * d + k].real();
     }
   }
-  grow(M, PetscBLASInt(m), horizon, result);
+  grow_large(M, PetscBLASInt(m), horizon, result);
   return result;
 }
 

@@ -1,13 +1,13 @@
-#include "pilot.hpp"
+#include "study/pilot.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 
-#include "fused_step.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/reduce.hpp"
-#include "stickslip/stick.hpp"
+#include "time/fused_methods.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/study/reduce.hpp"
+#include "stickslip/time/stick.hpp"
 
 namespace stickslip {
 
@@ -22,11 +22,7 @@ const RungeKutta& tableau_of(const std::string& pair) {
   SS_TRY(TSCreate(PETSC_COMM_SELF, ts.out()));
   SS_TRY(TSSetType(ts, TSRK));
   SS_TRY(TSRKSetType(ts, pair.c_str()));
-  const PetscReal *A, *b, *c, *embedded, *interpolating;
-  PetscInt stages, degree;
-  PetscBool fsal;
-  SS_TRY(TSRKGetTableau(ts, &stages, &A, &b, &c, &embedded, &degree, &interpolating, &fsal));
-  return known[pair] = {int(stages), {A, A + stages * stages}, {b, b + stages}, {embedded, embedded + stages}};
+  return known[pair] = stickslip::tableau_of(ts.get());
 }
 
 VecHandle vector_for(const Model& model) {
@@ -45,7 +41,7 @@ Pilot::Pilot(const Options& options, const Scene& scene)
     : options_(options), scene_(scene), start_(scene, options), t_end_(options.real("ts_max_time")),
       reduces_(options.text("scene_reduce") != "off") {}
 
-bool Pilot::suits(const Scene& scene, const MethodChoice& method) {
+bool Pilot::suits(const Scene& scene, const MethodSpec& method) {
   return method.type == "rk" && method.has_estimate() && !Stick::applies_to(scene);
 }
 
@@ -92,8 +88,8 @@ Trial Pilot::run(const Setting& setting, double limit) const {
   if (most == 0) most = t_end_;
   double t = 0, dt = std::min({rates_of(model, u).first_step(), most, t_end_});
   for (int rejected = 0; t < t_end_ && trial.failed.empty();) {
-    const FusedStep::Outcome outcome =
-        step.take(u, dt, setting.tolerance, setting.tolerance, NORM_2, true, next, no_slopes);
+    const TiledStep::Outcome outcome =
+        step.take(u, dt, {setting.tolerance, setting.tolerance, NORM_2}, true, next, no_slopes);
     if (!outcome.finite || outcome.error > 1) {
       const double safe = rejected > 0 ? safety * reject_safety : safety;
       dt *= outcome.finite ? std::clamp(safe * std::pow(outcome.error, exponent), shortest, longest) : when_not_finite;
@@ -120,14 +116,17 @@ Trial Pilot::run(const Setting& setting, double limit) const {
     model.set_held(u);
     const double* a;
     const auto dof = std::size_t(model.dof()), nodes = std::size_t(model.local()), all = std::size_t(setting.n);
+    std::vector<double> state;
     trial.end.psi.resize(all);
     trial.end.eta.resize(all);
     SS_TRY(VecGetArrayRead(u, &a));
     for (std::size_t i = 0; i < all; ++i) {
       trial.end.psi[i] = a[i % nodes * dof];
       trial.end.eta[i] = a[i % nodes * dof + 1];
+      if (dof > 2) state.push_back(a[i % nodes * dof + 2]);
     }
     SS_TRY(VecRestoreArrayRead(u, &a));
+    trial.end.F = friction_between(model.scene(), trial.end.psi, state);
   }
   trial.seconds = processor_seconds() - begin;
   return trial;

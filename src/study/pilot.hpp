@@ -3,9 +3,9 @@
 // test compares them); every rank does the same.
 #pragma once
 
-#include "stickslip/start.hpp"
-#include "stickslip/time.hpp"
-#include "stickslip/trial.hpp"
+#include "stickslip/study/start.hpp"
+#include "stickslip/time/time.hpp"
+#include "stickslip/study/trial.hpp"
 
 namespace stickslip {
 
@@ -15,7 +15,7 @@ class Pilot {
   Pilot(const Options& options, const Scene& scene);
 
   // Whether a setting is run here: a pair of type rk with an error estimate, friction that does not stick exactly.
-  static bool suits(const Scene& scene, const MethodChoice& method);
+  static bool suits(const Scene& scene, const MethodSpec& method);
   Trial run(const Setting& setting, double limit) const;
 
   // The longest step, ts_adapt_dt_max: as the user set it; for rk:7vr, which is stable for all decaying modes of
@@ -26,6 +26,7 @@ class Pilot {
   // The rates of the scene at its start on this grid, and the time that an explicit run to the end takes at least.
   Rates rates(int order, PetscInt n) const;
   double t_end() const { return t_end_; }
+  double jump() const { return start_.jump(scene_); }
 
  private:
   Model model(int order, PetscInt n) const;

@@ -1,18 +1,18 @@
-#include "stickslip/reduce.hpp"
+#include "stickslip/study/reduce.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <vector>
 
-#include "share.hpp"
-#include "step_forecast.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/file.hpp"
-#include "stickslip/ode.hpp"
-#include "stickslip/start.hpp"
-#include "stickslip/stencil.hpp"
-#include "stickslip/wave_stability.hpp"
+#include "base/broadcast.hpp"
+#include "study/step_forecast.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/gather.hpp"
+#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/study/start.hpp"
+#include "stickslip/model/stencil.hpp"
+#include "stickslip/waves/wave_stability.hpp"
 
 namespace stickslip {
 
@@ -102,12 +102,12 @@ Problem problem_of(const Scene& whole, const Options& options, std::optional<Pet
   int rank;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
   if (rank == 0) cells = cells_in(values, whole.n, model.dof(), cells, whole.ring());
-  share(cells);
+  broadcast(cells);
   if (cells == 1) return {std::move(model), std::move(u), ""};
 
   Model small = model_of_cell(cell_of(whole, cells));
   values.resize(static_cast<std::size_t>(small.scene().n * small.dof()));
-  share(values);
+  broadcast(values);
   VecHandle start = small.create_vector();
   double* a;
   SS_TRY(VecGetArray(start, &a));
@@ -200,17 +200,11 @@ double largest_multiplier(const Oscillator& o, const Orbit& orbit, double stiffn
   return spectral_bounds(d, matrix).modulus * std::exp(log_size);
 }
 
-std::string rounded(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
-
 // When a perturbation has become as large as the motion.
 std::string outlook(double growth_rate, double duration) {
-  return "a perturbation of 1e-6 takes over after about " + rounded(-std::log(1e-6) / growth_rate) +
-         ", one of the size of round-off after about " + rounded(-std::log(1e-16) / growth_rate) + " (this run: " +
-         rounded(duration) + ")";
+  return "a perturbation of 1e-6 takes over after about " + rounded_text(-std::log(1e-6) / growth_rate) +
+         ", one of the size of round-off after about " + rounded_text(-std::log(1e-16) / growth_rate) +
+         " (this run: " + rounded_text(duration) + ")";
 }
 
 }  // namespace
@@ -246,22 +240,22 @@ UniformInstability instability_of_oscillation(const Scene& scene) {
   return {std::log(growth) / orbit.period, wave_of(scene, best).k, orbit.period, growth};
 }
 
-std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measurement::Result& seen, double psi,
+std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measured& seen, double psi,
                             double duration) {
   const std::string unknown = "scene_reduce: whether the whole scene would keep this symmetry is not known: ";
   const std::string see = "; init_noise 1e-6 would show it";
-  if (cell.friction.law != Law::cubic && cell.friction.law != Law::rate_and_state && !cell.friction.regularised)
+  if (cell.friction.sticks())
     return unknown + "friction_law " + to_string(cell.friction.law) + " jumps at rest" + see;
   try {
     if (cell.n == 1) {
       const double small = 1e-6 * (1 + std::abs(scene.v));
       const bool still = seen.amplitude && *seen.amplitude < small && std::abs(psi - scene.v) < small;
-      const bool slides = still || (seen.regime != "stick-slip" && !Oscillator(scene).sliding_unstable(1));
+      const bool slides = still || (seen.motion != Motion::stick_slip && !Oscillator(scene).sliding_unstable(1));
       const UniformInstability found = slides ? instability_of_sliding(scene) : instability_of_oscillation(scene);
       if (found.growth_rate * duration < 0.1) return "";  // nothing to be seen of it in this run
       return std::string("scene_reduce: the uniform ") + (slides ? "sliding" : "oscillation") +
-             " that one node stands for is unstable to waves: length " + rounded(2 * M_PI / found.wavenumber) +
-             " grows fastest of those that fit, at " + rounded(found.growth_rate) + " per unit time; " +
+             " that one node stands for is unstable to waves: length " + rounded_text(2 * M_PI / found.wavenumber) +
+             " grows fastest of those that fit, at " + rounded_text(found.growth_rate) + " per unit time; " +
              outlook(found.growth_rate, duration);
     }
     const PetscInt cells = scene.n / cell.n;

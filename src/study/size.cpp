@@ -1,9 +1,9 @@
-#include "stickslip/size.hpp"
+#include "stickslip/study/size.hpp"
 
 #include <petscsys.h>
 #include <unistd.h>
 
-#include "stickslip/error.hpp"
+#include "stickslip/base/error.hpp"
 
 namespace stickslip {
 

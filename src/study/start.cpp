@@ -1,12 +1,14 @@
-#include "stickslip/start.hpp"
+#include "stickslip/study/start.hpp"
 
 #include <cmath>
 #include <optional>
 
-#include "stickslip/error.hpp"
-#include "stickslip/file.hpp"
-#include "stickslip/ode.hpp"
-#include "stickslip/wave.hpp"
+#include "model/noise.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/displacement.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/waves/train.hpp"
 
 namespace stickslip {
 
@@ -37,6 +39,30 @@ double steady_start(const Model& model, double psi) {
   return std::isfinite(state) ? state : model.steady_state(model.scene().v);
 }
 
+// The force on a chain's held blocks: K1 times the displacement of the block beside it, since its own is 0 at the start.
+// It enters no equation. Collective.
+void set_held_force(const Model& model, Vec u) {
+  const Scene& s = model.scene();
+  if (s.form != Form::chain || !(model.held(0) || model.held(s.n - 1))) return;
+  const Displacement displacement(model);
+  const VecHandle chi = displacement.create_vector();
+  displacement.solve(u, 0, chi);
+  const auto is_here = [&](PetscInt node) { return node >= model.first() && node < model.first() + model.local(); };
+  const PetscInt ends[2] = {0, s.n - 1}, neighbours[2] = {1, s.n - 2};
+  double beside[2] = {0, 0};
+  const double* x;
+  SS_TRY(VecGetArrayRead(chi, &x));
+  for (int k = 0; k < 2; ++k)
+    if (is_here(neighbours[k])) beside[k] = x[neighbours[k] - model.first()];
+  SS_TRY(VecRestoreArrayRead(chi, &x));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, beside, 2, MPI_DOUBLE, MPI_SUM, model.comm()));
+  double* a;
+  SS_TRY(VecGetArray(u, &a));
+  for (int k = 0; k < 2; ++k)
+    if (model.held(ends[k]) && is_here(ends[k])) a[(ends[k] - model.first()) * model.dof() + 1] = s.K1() * beside[k];
+  SS_TRY(VecRestoreArray(u, &a));
+}
+
 // A frame of a run's file, for the nodes of this scene.
 Frame frame_for(const Scene& s, const Options& options) {
   if (!options.is_set("init_file")) throw UsageError("init_type file needs init_file, an HDF5 file of `run`");
@@ -55,7 +81,7 @@ Frame frame_for(const Scene& s, const Options& options) {
       throw UsageError(says + "its nodes stand elsewhere (node " + std::to_string(i) + " at x = " +
                        number_text(frame.x[i]) + ", here " + number_text(s.x(static_cast<PetscInt>(i))) +
                        "); grid_length and ends must be the same");
-  if (s.friction.state != StateLaw::none && !options.is_set("init_state")) {
+  if (s.friction.has_state() && !options.is_set("init_state")) {
     const auto state = frame.fields.find(state_name(s.friction.state));
     if (state == frame.fields.end())
       throw UsageError(says + "it holds no " + state_name(s.friction.state) + " for state_law " +
@@ -70,7 +96,7 @@ void start_from_eigenvector(const Model& model, const Options& options, Vec u) {
   const std::string path = options.text("init_file"), what = "init_file";
   const PetscInt mode = options.is_set("init_mode") ? options.integer("init_mode") : 0;
   std::vector<std::string> names{"psi", "eta"};
-  if (model.dof() == 3) names.push_back(state_is_logarithmic(s.friction.state) ? "theta" : "tau");
+  if (model.dof() == 3) names.push_back(state_name(s.friction.state));
   std::vector<std::vector<double>> values;
   for (const std::string& name : names) {
     std::vector<double> steady = read_array(what, path, "steady_" + name).values;
@@ -93,7 +119,8 @@ void start_from_eigenvector(const Model& model, const Options& options, Vec u) {
     const std::size_t g = std::size_t(model.first() + i);
     double* at = a + i * model.dof();
     at[0] = values[0][g];
-    if (noise != 0) at[0] += noise * (2 * counter_uniform(options.integer("init_seed"), model.first() + i) - 1);
+    if (noise != 0)
+      at[0] += noise * noise_at(s, options.real("init_noise_length"), options.integer("init_seed"), model.first() + i);
     at[1] = values[1][g];
     if (model.dof() == 3) at[2] = state_from_output(s.friction.state, values[2][g]);
     for (int c = 0; c < model.dof(); ++c)
@@ -111,7 +138,7 @@ struct Start::Impl {
   Options options;
   std::string type;
   bool from_eigenvector, eta_steady, eta_given, state_given, state_steady = false;
-  double psi_i, eta = 0, state = 0, noise, amplitude, width = 1, turns = 0;
+  double psi_i, eta = 0, state = 0, noise, noise_length, amplitude, width = 1, turns = 0;
   PetscInt seed, mode;
   Orbit orbit;
   Train train;
@@ -120,13 +147,14 @@ struct Start::Impl {
   Impl(const Scene& s, const Options& o)
       : options(o), type(o.text("init_type")), eta_given(o.is_set("init_eta")), state_given(o.is_set("init_state")),
         psi_i(o.text("init_psi") == "steady" ? s.v : o.real("init_psi")), noise(o.real("init_noise")),
+        noise_length(o.real("init_noise_length")),
         amplitude(o.real("init_amplitude")), seed(o.integer("init_seed")), mode(o.integer("init_mode")) {
     from_eigenvector = type == "file" && o.is_set("init_file") &&
                        read_header("init_file", o.text("init_file")).kind == "spectrum";
     if (from_eigenvector) return;
     eta_steady = o.text("init_eta") == "steady" || (type == "layer" && !eta_given);
     if (!eta_steady) eta = o.real("init_eta");
-    if (s.friction.state != StateLaw::none) {
+    if (s.friction.has_state()) {
       state_steady = o.text("init_state") == "steady";
       if (!state_steady) state = state_from_output(s.friction.state, o.real("init_state"));
     }
@@ -152,8 +180,12 @@ struct Start::Impl {
     return type == "file" ? frame->fields.at("psi")[static_cast<std::size_t>(node)] : psi_i;
   }
 
+  // Of a held node: steady at the velocity that it is held at, whatever the others start with.
   double state_at(const Model& model, double phase, PetscInt node, double psi) const {
     const StateLaw law = model.scene().friction.state;
+    const bool is_given = state_given && !state_steady, in_file = type == "file" && !state_given;
+    if (model.held(node) && !is_given && !in_file)
+      return steady_start(model, node == 0 ? model.scene().left_value : model.scene().right_value);
     if (type == "pulses") return orbit.state_at(phase);
     if (type == "wave") return train.state_at(phase);
     if (type == "file" && !state_given)
@@ -182,7 +214,7 @@ struct Start::Impl {
       double psi = psi_at(s, length, node);
       const bool held_end = s.form == Form::continuum && model.held(node);
       if (held_end) jump = std::max(jump, std::abs(psi - (node == 0 ? s.left_value : s.right_value)));
-      if (noise != 0 && !held_end) psi += noise * (2 * counter_uniform(seed, node) - 1);
+      if (noise != 0 && !held_end) psi += noise * noise_at(s, noise_length, seed, node);
       at[0] = psi;
       const double phase = turns * s.x(node) / length, here = dof == 3 ? state_at(model, phase, node, psi) : 0;
       if (!std::isfinite(here)) no_state = true;
@@ -207,6 +239,17 @@ Start::~Start() = default;
 void Start::fill(const Model& model, Vec u) const {
   if (impl_->from_eigenvector) start_from_eigenvector(model, impl_->options, u);
   else impl_->fill(model, u);
+  set_held_force(model, u);
+}
+
+double Start::jump(const Scene& scene) const {
+  if (impl_->type == "file" || scene.form == Form::chain) return 0;
+  const double length = scene.length * double(scene.copies);
+  double largest = 0;
+  if (scene.left == End::velocity) largest = std::abs(impl_->psi_at(scene, length, 0) - scene.left_value);
+  if (scene.right == End::velocity)
+    largest = std::max(largest, std::abs(impl_->psi_at(scene, length, scene.n - 1) - scene.right_value));
+  return largest;
 }
 
 void set_start(const Model& model, const Options& options, Vec u) { Start(model.scene(), options).fill(model, u); }

@@ -1,11 +1,11 @@
-#include "stickslip/trust.hpp"
+#include "stickslip/study/step_audit.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "step_forecast.hpp"
-#include "stickslip/error.hpp"
+#include "study/step_forecast.hpp"
+#include "stickslip/base/error.hpp"
 
 namespace stickslip {
 
@@ -21,12 +21,6 @@ std::string percent(double x) {
   char text[32];
   std::snprintf(text, sizeof text, x < 0.1 ? "%.1f %%" : "%.0f %%", 100 * x);
   return x > 10 ? "more than 1000 %" : text;
-}
-
-std::string rounded(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", x);
-  return text;
 }
 
 // Sums over the nodes of a field (psi, eta): |mine - exact|^2, |exact - before|^2, their product.
@@ -90,7 +84,7 @@ bool near_sliding(const Model& model, Vec u) {
 
 }  // namespace
 
-struct Trust::Impl {
+struct StepAudit::Impl {
   const Model& model;
   const Options& options;
   const Integrator& integrator;
@@ -168,7 +162,9 @@ struct Trust::Impl {
     const double dt = step.t - step.t_before;
     if (!accurate) {
       own_model = std::make_unique<Model>(model.comm(), model.scene());
-      accurate = std::make_unique<Integrator>(*own_model, options.with("imex_implicit", "auto"), before, "trust_");
+      MethodSpec automatic;
+      automatic.fused = options.boolean("rk_fused");
+      accurate = std::make_unique<Integrator>(*own_model, automatic, before, "step_audit_");
       SS_TRY(TSSetTimeStep(accurate->ts(), dt / 8));
     }
     SS_TRY(VecCopy(before, exact));
@@ -197,13 +193,13 @@ struct Trust::Impl {
   }
 };
 
-Trust::Trust(const Model& model, const Options& options, const Integrator& integrator, double t_begin, double t_end)
+StepAudit::StepAudit(const Model& model, const Options& options, const Integrator& integrator, double t_begin, double t_end)
     : impl_(std::make_unique<Impl>(model, options, integrator, t_begin, t_end)) {}
-Trust::~Trust() = default;
+StepAudit::~StepAudit() = default;
 
-void Trust::after(const Integrator::Step& step) { impl_->after(step); }
+void StepAudit::after(const Integrator::Step& step) { impl_->after(step); }
 
-Trust::Verdict Trust::verdict(Vec u) const {
+StepAudit::Verdict StepAudit::verdict(Vec u) const {
   const Impl& m = *impl_;
   Verdict v;
   v.repeated = m.repeated;
@@ -218,7 +214,7 @@ Trust::Verdict Trust::verdict(Vec u) const {
     v.shift = m.sums.product[0] / m.sums.change[0];
   }
   v.near_sliding = near_sliding(m.model, u);
-  StepForecast forecast(m.model, u, m.integrator.report().implicit, m.integrator.ts());
+  StepForecast forecast(m.model, u, m.integrator);
   v.growth = v.growth_taken = forecast.sliding_growth(true);
   v.growth_of_all = v.growth_taken_of_all = forecast.sliding_growth(false);
   v.near_growth = v.growth;
@@ -234,7 +230,7 @@ Trust::Verdict Trust::verdict(Vec u) const {
   return v;
 }
 
-bool Trust::warn_of(const Verdict& v, const std::string& regime) const {
+bool StepAudit::warn_of(const Verdict& v, Motion motion) const {
   const Impl& m = *impl_;
   const std::string method = m.integrator.report().method;
   bool told = false;
@@ -255,11 +251,12 @@ bool Trust::warn_of(const Verdict& v, const std::string& regime) const {
          " steps were tried for each): nothing vouches for them");
   }
   const double duration = m.t_end - m.t_begin, longest = m.taken.empty() ? 0 : m.taken.rbegin()->first;
-  const std::string step = "steps of up to " + rounded(longest) + " with " + method;
-  if (v.near_sliding && regime == "sliding" && v.growth * duration > 5 && v.growth_taken < 0.5 * v.growth) {
-    warn("steady sliding is unstable here, its perturbations grow like exp(" + rounded(v.growth) + " t), but " + step +
-         " let them " + (v.growth_taken > 0 ? "grow like exp(" : "decay like exp(") + rounded(v.growth_taken) +
-         " t): the regime `" + regime + "` is the method's, not the scene's (reduce ts_dt" +
+  const std::string step = "steps of up to " + rounded_text(longest) + " with " + method;
+  if (v.near_sliding && motion == Motion::sliding && v.growth * duration > 5 && v.growth_taken < 0.5 * v.growth) {
+    warn("steady sliding is unstable here, its perturbations grow like exp(" + rounded_text(v.growth) + " t), but " +
+         step + " let them " + (v.growth_taken > 0 ? "grow like exp(" : "decay like exp(") +
+         rounded_text(v.growth_taken) + " t): the regime `" + to_string(motion) +
+         "` is the method's, not the scene's (reduce ts_dt" +
          (m.integrator.adaptive() ? ", ts_rtol or ts_atol)" : ")"));
     return true;
   }
@@ -272,17 +269,18 @@ bool Trust::warn_of(const Verdict& v, const std::string& regime) const {
   const double near_truly = v.near_time * std::max(1., taken / v.growth);
   if (v.growth > 0 && near_truly > 0.45 * duration && std::abs(excess) > largest_growth_error) {
     told = true;
-    warn("perturbations of steady sliding grow like exp(" + rounded(v.growth) + " t), with the steps of " + method +
-         (is_short ? " those of a few nodes" : "") + " like exp(" + rounded(taken) + " t): after " +
-         rounded(v.near_time) + " near sliding their amplitude, and with it the time at which stick-slip sets in, is " +
+    warn("perturbations of steady sliding grow like exp(" + rounded_text(v.growth) + " t), with the steps of " +
+         method + (is_short ? " those of a few nodes" : "") + " like exp(" + rounded_text(taken) + " t): after " +
+         rounded_text(v.near_time) +
+         " near sliding their amplitude, and with it the time at which stick-slip sets in, is " +
          "wrong by a factor of " +
-         (std::abs(excess) < 20 ? "about " + rounded(std::exp(std::abs(excess))) : "more than 1e8") +
+         (std::abs(excess) < 20 ? "about " + rounded_text(std::exp(std::abs(excess))) : "more than 1e8") +
          (m.integrator.adaptive() ? " (tighten ts_rtol and ts_atol)" : " (reduce ts_dt, or use an adaptive method)"));
   }
-  if (!m.integrator.adaptive() && v.growth_of_all <= 0 && regime != "sliding" && v.growth_taken_of_all * duration > 1) {
+  if (!m.integrator.adaptive() && v.growth_of_all <= 0 && motion != Motion::sliding && v.growth_taken_of_all * duration > 1) {
     told = true;
     warn("steady sliding is stable here, but " + step + " make its perturbations grow like exp(" +
-         rounded(v.growth_taken_of_all) + " t): the regime `" + regime +
+         rounded_text(v.growth_taken_of_all) + " t): the regime `" + to_string(motion) +
          "` may be the method's, not the scene's (reduce ts_dt)");
   }
   return told;

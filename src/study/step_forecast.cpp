@@ -1,11 +1,12 @@
-#include "step_forecast.hpp"
+#include "study/step_forecast.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "stickslip/error.hpp"
-#include "stickslip/stencil.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/linear_point.hpp"
+#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
@@ -113,59 +114,44 @@ void StepForecast::add_waves(const Model& model, Implicit implicit, const Partia
                              double part, bool sliding, bool resolved) {
   const Scene& s = model.scene();
   const double largest = s.n > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
-  const auto d = static_cast<std::size_t>(dof_);
-  std::vector<double> pointwise(d * d), stencil(d * d), reaction(d * d), wave(d * d);
-  reaction[0] = -s.A() * F.F_psi;
-  reaction[d] = s.s_delta() * F.F_psi;
-  if (dof_ == 3) {
-    reaction[2] = -s.A() * F.F_state;
-    reaction[5] = s.s_delta() * F.F_state;
-    reaction[6] = g.g_psi;
-    reaction[8] = g.g_state;
-  }
-  stencil[d] = -s.K1() * largest * part;
-  wave[0] = -s.A() * s.B();
-  wave[1] = s.A();
-  wave[d] = -s.K0() + stencil[d];
-  wave[d + 1] = -s.s_delta();
-  std::vector<double> full(d * d);
-  for (std::size_t i = 0; i < d * d; ++i) {
-    full[i] = wave[i] + reaction[i];
-    pointwise[i] = full[i] - stencil[i];
-  }
-  const std::vector<double> zero(d * d);
+  const LinearPoint point(s, F, g);
+  const auto rows_of = [&](Part terms) {
+    std::vector<double> rows(static_cast<std::size_t>(dof_ * dof_));
+    point.block(terms, largest * part).write(dof_, rows.data());
+    return rows;
+  };
+  const std::vector<double> full = rows_of(Part::full), zero(full.size());
   Wave w;
   w.sliding = sliding;
   w.resolved = resolved;
   w.lambda = eigenvalues(dof_, full);
   w.growth = spectral_bounds(dof_, full).real_part;
-  if (implicit == Implicit::none) w.explicit_part = full, w.implicit_part = zero;
-  if (implicit == Implicit::both) w.explicit_part = zero, w.implicit_part = full;
-  if (implicit == Implicit::friction) w.explicit_part = stencil, w.implicit_part = pointwise;
-  if (implicit == Implicit::wave) w.explicit_part = reaction, w.implicit_part = wave;
+  w.explicit_part = implicit == Implicit::none       ? full
+                    : implicit == Implicit::friction ? rows_of(Part::stencil)
+                    : implicit == Implicit::wave     ? rows_of(Part::reaction)
+                                                     : zero;
+  w.implicit_part = implicit == Implicit::none       ? zero
+                    : implicit == Implicit::friction ? rows_of(Part::pointwise)
+                    : implicit == Implicit::wave     ? rows_of(Part::wave)
+                                                     : full;
   waves_.push_back(std::move(w));
 }
 
-StepForecast::StepForecast(const Model& model, Vec u, Implicit implicit, TS like)
-    : dof_(model.dof()), all_implicit_(implicit == Implicit::both) {
-  TSType now;
-  SS_TRY(TSGetType(like, &now));
-  const std::string type = now;
-  if (type == TSBDF) {
-    PetscInt order;
-    SS_TRY(TSBDFGetOrder(like, &order));
-    bdf_order_ = static_cast<int>(order);
-  }
+StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
+    : dof_(model.dof()), all_implicit_(like.report().implicit == Implicit::both) {
+  const Implicit implicit = like.report().implicit;
+  const std::string type = like.method().type;
+  if (type == TSBDF) bdf_order_ = std::stoi(like.method().subtype);
   is_alpha_ = type == TSALPHA;
-  if (is_alpha_) SS_TRY(TSAlphaGetParams(like, &alpha_m_, &alpha_f_, &alpha_gamma_));
+  if (is_alpha_) SS_TRY(TSAlphaGetParams(like.ts(), &alpha_m_, &alpha_f_, &alpha_gamma_));
   const Scene& s = model.scene();
   std::vector<Slopes> friction = friction_extremes(model, u);
   least_slope_ = friction[0].F.F_psi;
-  // Where sliding is unstable the cubic's motion reaches psi = 2, where its limit cycle turns, and a regularised
-  // threshold is passed at its steepest.
+  // Where sliding is unstable the motion reaches the steepest friction: the cubic's where its limit cycle turns, that of
+  // a regularised threshold at rest.
   const bool oscillates = s.A() * (s.B() + friction[0].F.F_psi) + s.s_delta() < 0;
-  if (oscillates && s.friction.law == Law::cubic) friction[1].F.F_psi = std::max(friction[1].F.F_psi, 3.);
-  if (oscillates && s.friction.regularised) friction[1].F.F_psi = std::max(friction[1].F.F_psi, 1 / s.friction.eps);
+  const double rising = model.friction_law().slopes_ahead.rising;
+  if (oscillates && rising > 0) friction[1].F.F_psi = std::max(friction[1].F.F_psi, rising);
   for (const Slopes& f : friction)
     for (const double part : {0., 0.25, 0.5, 0.75, 1.}) add_waves(model, implicit, f.F, f.g, part, false, false);
 
@@ -187,7 +173,7 @@ StepForecast::StepForecast(const Model& model, Vec u, Implicit implicit, TS like
   const auto size = static_cast<PetscInt>(waves_.size()) * dof_ * dof_;
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, size, u_.out()));
   SS_TRY(TSCreate(PETSC_COMM_SELF, ts_.out()));
-  copy_method(like, type, ts_);
+  copy_method(like.ts(), type, ts_);
   SS_TRY(TSSetProblemType(ts_, TS_NONLINEAR));
   if (implicit != Implicit::both) SS_TRY(TSSetRHSFunction(ts_, nullptr, RHSFunction, this));
   if (type != TSRK && type != TSSSP && type != TSEULER) {
@@ -398,6 +384,73 @@ double StepForecast::limit(double dt, double duration) {
     (explodes(middle, duration) ? bad : good) = middle;
   }
   return good;
+}
+
+namespace {
+
+// Least slope of friction over the velocities, at steady state.
+double least_slope(const Model& model) {
+  double least = 0;
+  for (double psi = 1e-6; psi < 100; psi *= 1.2)
+    for (const double sign : {-1., 1.}) {
+      const double state = model.dof() == 3 ? model.steady_state(sign * psi) : 0;
+      least = std::min(least, model.friction(0, sign * psi, state).F_psi / model.amplitude()[0]);
+    }
+  return least;
+}
+
+bool solves_friction(const Integrator& integrator) {
+  const Implicit implicit = integrator.report().implicit;
+  return implicit == Implicit::friction || implicit == Implicit::both;
+}
+
+// At shift r = 1/(a dt) the implicit equations of uniform motion have the determinant r^2 + C r + A K0,
+// C = A (B + F') + s delta. Where it is negative at the least slope F', it changes sign along psi, and the equations
+// have several solutions.
+void warn_of_several_solutions(const Model& model, const Integrator& integrator, double dt, StepForecast& forecast) {
+  if (std::string(integrator.method().type) == TSROSW || !solves_friction(integrator)) return;
+  const Scene& s = model.scene();
+  const auto damping = [&](double slope) { return s.A() * (s.B() + slope) + s.s_delta(); };
+  // the motion stays clear of weakening friction
+  if (damping(forecast.least_slope()) >= 0 && !(forecast.sliding_growth(false) > 0)) return;
+  const double C = damping(least_slope(model)), product = s.A() * s.K0();
+  if (C >= 0 || C * C <= 4 * product) return;
+  const double r = forecast.shift(dt), root = std::sqrt(C * C / 4 - product), high = -C / 2 + root;
+  if (r <= 0 || r >= high || r <= -C / 2 - root) return;
+  warn("ts_dt " + number_text(dt) + " is so long that the implicit equations of " + integrator.method().name() +
+       " have several solutions (friction falls with velocity; one alone up to about " + rounded_text(dt * r / high) +
+       "): Newton's method may find one that the motion does not lead to");
+}
+
+// Where a step is long against the time in which friction acts, the stages of Runge-Kutta and Rosenbrock methods err
+// by more than the step should (docs/limits.md has the orders measured); bdf and arkimex l2 keep theirs.
+void warn_of_order_reduction(const Model& model, const Integrator& integrator, double dt, Vec u) {
+  constexpr double stiff = 30;  // dt times the rate of friction, from where on orders fall
+  const Method& method = integrator.method();
+  const bool keeps = std::string(method.type) == TSBDF || method.name() == "arkimex:l2";
+  if (!solves_friction(integrator) || method.order < 2 || keeps) return;
+  const double rate = model.friction_rate(u);
+  if (dt * rate > stiff)
+    warn("friction acts at up to " + rounded_text(rate) + " per unit time, " + rounded_text(dt * rate) +
+         " times in a ts_dt of " + number_text(dt) + ": in so stiff a scene the order of " + method.name() +
+         " falls from " + std::to_string(method.order) + " to 2, 1 or less; use error control, bdf:2 or arkimex:l2");
+}
+
+}  // namespace
+
+void warn_of_fixed_steps(const Model& model, const Integrator& integrator, Vec u, double duration) {
+  if (integrator.adaptive()) return;
+  double dt;
+  SS_TRY(TSGetTimeStep(integrator.ts(), &dt));
+  if (dt >= duration) return;
+  StepForecast forecast(model, u, integrator);
+  warn_of_several_solutions(model, integrator, dt, forecast);
+  warn_of_order_reduction(model, integrator, dt, u);
+  if (!forecast.explodes(dt, duration)) return;
+  warn("ts_dt " + number_text(dt) + " is beyond the stability limit of " + integrator.method().name() +
+       ", which is about " + rounded_text(forecast.limit(dt, duration)) + " here (the shortest wave turns at " +
+       rounded_text(model.wave_frequency()) + " per unit time, friction acts at up to " +
+       rounded_text(rates_of(model, u).friction) + "): the solution will grow without bound");
 }
 
 }  // namespace stickslip

@@ -16,16 +16,16 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/handle.hpp"
-#include "stickslip/sliding.hpp"
-#include "stickslip/time.hpp"
+#include "stickslip/base/handle.hpp"
+#include "stickslip/stability/sliding.hpp"
+#include "stickslip/time/time.hpp"
 
 namespace stickslip {
 
 class StepForecast {
  public:
-  // For the method of `like`. Collective.
-  StepForecast(const Model& model, Vec u, Implicit implicit, TS like);
+  // For the method of `like` about the motion at u. Collective.
+  StepForecast(const Model& model, Vec u, const Integrator& like);
 
   bool explodes(double dt, double duration);
   // The largest step found, up to dt, that does not explode.
@@ -75,6 +75,10 @@ class StepForecast {
   VecHandle u_;
   MatHandle J_;
 };
+
+// Warns, before it happens, of fixed steps of `integrator`, about to advance u through `duration`, that will explode,
+// whose implicit equations have several solutions, or at which the method's order falls. Collective.
+void warn_of_fixed_steps(const Model& model, const Integrator& integrator, Vec u, double duration);
 
 // Roots of a polynomial, coefficients highest power first.
 std::vector<Complex> characteristic_roots(std::vector<Complex> coefficients);

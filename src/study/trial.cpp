@@ -1,4 +1,4 @@
-#include "stickslip/trial.hpp"
+#include "stickslip/study/trial.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,103 +6,22 @@
 #include <limits>
 #include <utility>
 
-#include "share.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/file.hpp"
-#include "stickslip/methods.hpp"
-#include "stickslip/probe.hpp"
-#include "stickslip/reduce.hpp"
-#include "stickslip/start.hpp"
-#include "stickslip/time.hpp"
+#include "base/broadcast.hpp"
+#include "study/step_forecast.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/gather.hpp"
+#include "stickslip/output/probe.hpp"
+#include "stickslip/study/reduce.hpp"
+#include "stickslip/study/start.hpp"
+#include "stickslip/time/time.hpp"
 
 namespace stickslip {
 
 namespace {
 
-std::vector<std::string> split_at_colons(const std::string& text) {
-  std::vector<std::string> parts(1);
-  for (const char c : text)
-    if (c == ':') parts.emplace_back();
-    else parts.back() += c;
-  return parts;
-}
-
-// Options in PETSc's database while it lives; what stood there before stands there again afterwards.
-class LibrarySetting {
- public:
-  explicit LibrarySetting(std::string prefix) : prefix_(std::move(prefix)) {}
-  ~LibrarySetting() {
-    for (auto it = before_.rbegin(); it != before_.rend(); ++it)
-      if (it->second) (void)PetscOptionsSetValue(nullptr, it->first.c_str(), it->second->c_str());
-      else (void)PetscOptionsClearValue(nullptr, it->first.c_str());
-  }
-  LibrarySetting(const LibrarySetting&) = delete;
-  LibrarySetting& operator=(const LibrarySetting&) = delete;
-  void set(const std::string& name, const std::string& value) {
-    char old[256];
-    PetscBool was_set;
-    SS_TRY(PetscOptionsGetString(nullptr, prefix_.c_str(), ("-" + name).c_str(), old, sizeof old, &was_set));
-    const std::string key = "-" + prefix_ + name;
-    before_.emplace_back(key, was_set ? std::optional<std::string>(old) : std::nullopt);
-    SS_TRY(PetscOptionsSetValue(nullptr, key.c_str(), value.c_str()));
-  }
-
- private:
-  std::string prefix_;
-  std::vector<std::pair<std::string, std::optional<std::string>>> before_;
-};
-
 struct TooSlow {};
 
-const Method& entry_of(const MethodChoice& choice) { return offered_method(choice.type, choice.subtype); }
-
 }  // namespace
-
-std::string MethodChoice::name() const { return entry_of(*this).name(); }
-int MethodChoice::order() const { return entry_of(*this).order; }
-bool MethodChoice::has_estimate() const { return entry_of(*this).adaptivity == Adaptivity::yes; }
-bool MethodChoice::splits() const { return entry_of(*this).kind == MethodKind::imex; }
-bool MethodChoice::is_explicit() const { return entry_of(*this).kind == MethodKind::explicit_; }
-
-MethodChoice MethodChoice::parse(const std::string& what, const std::string& text) {
-  const std::vector<std::string> parts = split_at_colons(text);
-  const std::string says = what + " " + quoted(text) + ": ";
-  if (parts.size() > 3)
-    throw UsageError(says + "a method is type[:subtype[:implicit]], e.g. rk:5dp or arkimex:4:friction");
-  MethodChoice choice;
-  choice.type = parts[0];
-  // the first of its type where no subtype is given
-  const Method* first = nullptr;
-  std::string subtypes, types;
-  for (const Method& m : methods()) {
-    if (choice.type == m.type) {
-      if (!first) first = &m;
-      subtypes += std::string(subtypes.empty() ? "" : ", ") + m.subtype;
-    }
-    if ((" " + types + ",").find(" " + std::string(m.type) + ",") == std::string::npos)
-      types += (types.empty() ? "" : ", ") + std::string(m.type);
-  }
-  try {
-    check_type_offered(choice.type);
-    choice.subtype = parts.size() > 1 ? parts[1] : first->subtype;
-    if (*first->subtype == '\0' && parts.size() == 3 && parts[1].empty()) choice.subtype = "";
-    (void)entry_of(choice);
-  } catch (const UsageError& e) {
-    throw UsageError(says + e.what() + (first && *first->subtype ? "; " + choice.type + " has " + subtypes
-                                        : first                 ? "; " + choice.type + " has no subtypes"
-                                                                : "; types are " + types));
-  }
-  if (parts.size() < 3) return choice;
-  choice.implicit = parts[2];
-  const std::string& wish = choice.implicit;
-  const bool known = wish == "auto" || wish == "none" || wish == "friction" || wish == "wave" || wish == "both";
-  if (!known) throw UsageError(says + "what is implicit is one of auto, none, friction, wave, both");
-  if (choice.is_explicit() && wish != "none" && wish != "auto")
-    throw UsageError(says + choice.type + " is explicit; use arkimex, or none");
-  if (!choice.is_explicit() && !choice.splits() && wish != "both" && wish != "auto")
-    throw UsageError(says + choice.type + " takes everything implicitly; use arkimex, or both");
-  return choice;
-}
 
 double processor_seconds() {
   timespec now{};
@@ -119,27 +38,18 @@ double largest_processor_seconds() {
 Options options_for(const Options& options, const Setting& setting) {
   Options result = options.with("grid_n", std::to_string(setting.n));
   if (options.text("model_form") != "chain") result = result.with("grid_order", std::to_string(setting.order));
+  return result;
+}
+
+// How a run of the setting is to be advanced.
+MethodSpec spec_of(const Options& options, const Setting& setting) {
+  MethodSpec spec = setting.method;
   // the user's own imex_implicit is for methods that split and say nothing themselves
-  if (setting.method.splits() && setting.method.implicit == "auto") return result;
-  return result.with("imex_implicit", setting.method.implicit);
+  if (spec.splits() && spec.implicit == "auto") spec.implicit = options.text("imex_implicit");
+  (spec.has_estimate() ? spec.tolerance : spec.step) = spec.has_estimate() ? setting.tolerance : setting.step;
+  spec.fused = options.boolean("rk_fused");
+  return spec;
 }
-
-namespace {
-
-// The options of PETSc that choose a method.
-void set_method(LibrarySetting& library, const Setting& setting) {
-  const MethodChoice& choice = setting.method;
-  library.set("ts_type", choice.type);
-  if (!choice.subtype.empty()) library.set(subtype_option(choice.type), choice.subtype);
-  if (choice.has_estimate()) {
-    library.set("ts_rtol", number_text(setting.tolerance));
-    library.set("ts_atol", number_text(setting.tolerance));
-  } else {
-    library.set("ts_dt", number_text(setting.step));
-  }
-}
-
-}  // namespace
 
 void check_settings(const Options& options, const std::vector<Setting>& settings) {
   std::vector<std::string> methods_seen, grids_seen;
@@ -160,22 +70,17 @@ void check_settings(const Options& options, const std::vector<Setting>& settings
     VecHandle u = model.create_vector();
     set_start(model, here, u);
     if (!kept) kept.emplace(unheard);
-    LibrarySetting library("");
-    set_method(library, s);
-    Integrator integrator(model, here, u);
+    const Integrator integrator(model, spec_of(here, s), u);
   }
 }
 
 Trial run_trial(const Options& asked, const Setting& setting, const std::string& prefix, double limit) {
   const Options options = options_for(asked, setting);
-  const MethodChoice& choice = setting.method;
+  const MethodSpec spec = spec_of(options, setting);
   Trial trial;
-  trial.method = choice.name();
-  trial.implicit = choice.implicit;
+  trial.method = spec.name();
+  trial.implicit = setting.method.implicit;
   WarningsKept kept(trial.warnings);
-
-  LibrarySetting library(prefix);
-  set_method(library, setting);
 
   const Scene whole = Scene::from(options, false);
   const Problem problem = problem_of(whole, options, std::nullopt);
@@ -192,7 +97,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
     return seconds;
   };
   try {
-    Integrator integrator(model, options, u, prefix);
+    Integrator integrator(model, spec, u, prefix);
     const auto take_report = [&] {
       const TimeReport& r = integrator.report();
       trial.steps = r.steps;
@@ -202,6 +107,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
       trial.implicit = to_string(r.implicit);
     };
     try {
+      warn_of_fixed_steps(model, integrator, u, t_end);
       integrator.advance(u, 0, t_end, [&](const Integrator::Step& step) {
         if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
         const double now = spent();
@@ -235,18 +141,26 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   return trial;
 }
 
+std::vector<double> friction_between(const Scene& scene, const std::vector<double>& psi,
+                                     const std::vector<double>& state) {
+  std::vector<double> F;
+  if (scene.spread == 0 || scene.form == Form::chain) return F;
+  const auto friction = Friction::of(scene.friction);
+  for (std::size_t i = 0; i < psi.size(); ++i) F.push_back(friction->force(psi[i], state.empty() ? 0 : state[i]));
+  return F;
+}
+
 Fields fields_of(const Model& model, Vec u, PetscInt n) {
-  Fields fields;
   Gather gather(u, model.dof());
+  std::vector<std::vector<double>> whole(std::size_t(model.dof()));
   const auto& components = gather.components(u);
-  if (!components.empty() && !components[0].empty())
-    for (PetscInt i = 0; i < n; ++i) {
-      fields.psi.push_back(components[0][std::size_t(i % model.scene().n)]);
-      fields.eta.push_back(components[1][std::size_t(i % model.scene().n)]);
-    }
-  share(fields.psi);
-  share(fields.eta);
-  return fields;
+  for (std::size_t c = 0; c < whole.size(); ++c) {
+    if (!components.empty() && !components[c].empty())
+      for (PetscInt i = 0; i < n; ++i) whole[c].push_back(components[c][std::size_t(i % model.scene().n)]);
+    broadcast(whole[c]);
+  }
+  return {whole[0], whole[1],
+          friction_between(model.scene(), whole[0], whole.size() > 2 ? whole[2] : std::vector<double>())};
 }
 
 bool has_grid_limit(const Options& options, const Scene& scene) {
@@ -259,32 +173,31 @@ std::vector<int> possible_orders(const Scene& scene) {
   return {2, 4, 6, 8};
 }
 
-Fields resample(const Fields& fields, const Scene& from, const Scene& to) {
-  if (from.n == to.n) return fields;
-  const PetscInt n = from.n, count = std::min<PetscInt>(from.order + 1, n);
-  std::vector<double> binomial(std::size_t(count), 1);  // with alternating signs: barycentric weights
-  for (std::size_t k = 1; k < binomial.size(); ++k)
-    binomial[k] = -binomial[k - 1] * double(std::size_t(count) - k) / double(k);
+Fields at_points(const Fields& fields, const Scene& scene, const std::vector<double>& x) {
+  const bool spread = !fields.F.empty();
+  const std::vector<double> amplitude = spread ? friction_amplitude(scene, 0, scene.n) : std::vector<double>();
   Fields result;
-  for (PetscInt i = 0; i < to.n; ++i) {
-    const double at = std::min(to.x(i) / from.h(), double(from.ring() ? n : n - 1));
-    const PetscInt nearest = PetscInt(std::llround(at));
-    PetscInt first = nearest - count / 2;
-    if (!from.ring()) first = std::clamp<PetscInt>(first, 0, n - count);
-    double psi = 0, eta = 0, sum = 0;
-    const bool on_node = std::abs(at - double(nearest)) < 1e-12 * (1 + at);
-    for (PetscInt k = 0; k < count; ++k) {
-      if (on_node && first + k != nearest) continue;
-      const double weight = on_node ? 1 : binomial[std::size_t(k)] / (at - double(first + k));
-      const auto node = std::size_t(((first + k) % n + n) % n);
+  for (const double at : x) {
+    const Combination row = interpolation_at(scene, at);
+    const bool between = spread && row.size() > 1;
+    const double here = between ? friction_amplitude_at(scene, at) : 0;
+    double psi = 0, eta = 0;
+    for (const auto& [index, weight] : row) {
+      const auto node = std::size_t(index);
       psi += weight * fields.psi[node];
-      eta += weight * fields.eta[node];
-      sum += weight;
+      eta += weight * (fields.eta[node] + (between ? (here - amplitude[node]) * fields.F[node] : 0));
     }
-    result.psi.push_back(psi / sum);
-    result.eta.push_back(eta / sum);
+    result.psi.push_back(psi);
+    result.eta.push_back(eta);
   }
   return result;
+}
+
+Fields resample(const Fields& fields, const Scene& from, const Scene& to) {
+  if (from.n == to.n) return fields;
+  std::vector<double> x;
+  for (PetscInt i = 0; i < to.n; ++i) x.push_back(to.x(i));
+  return at_points(fields, from, x);
 }
 
 double distance(const Fields& a, const Fields& b) {
@@ -296,7 +209,7 @@ double distance(const Fields& a, const Fields& b) {
 
 Converged converge_in_time(const Options& options, int order, PetscInt n, double limit) {
   struct Attempt {
-    MethodChoice method;
+    MethodSpec method;
     double tolerance;
   };
   static const std::vector<std::pair<Attempt, Attempt>> pairs = {

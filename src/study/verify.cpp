@@ -1,11 +1,12 @@
-// Checks of the boundary by time integration of the full system on both sides of it.
+#include "stickslip/study/verify.hpp"
+
 #include <algorithm>
 #include <cmath>
 
-#include "stickslip/boundary.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/model.hpp"
-#include "stickslip/time.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/study/vary.hpp"
+#include "stickslip/time/time.hpp"
 
 namespace stickslip {
 
@@ -45,7 +46,7 @@ std::string regime_from(const Options& options, const Sliding& s, double amplitu
   const Model model(PETSC_COMM_WORLD, Scene::from(options, false));
   VecHandle u = model.create_vector();
   start_beside(model, s, amplitude, k, u);
-  Integrator integrator(model, options, u, "verify_");
+  Integrator integrator(model, MethodSpec::from(options), u, "verify_");
   double late = 0, early = 0;  // largest deviation in the last fifth, and in the fifth before it
   integrator.advance(u, 0, duration, [&](const Integrator::Step& step) {
     if (step.t > 0.8 * duration) late = std::max(late, deviation(model, s, step.u));
@@ -58,51 +59,77 @@ std::string regime_from(const Options& options, const Sliding& s, double amplitu
   return "undecided";
 }
 
-std::vector<Verified> verify_boundary(GrowthRate& growth, const std::vector<Crossing>& points, PetscInt count,
+namespace {
+
+// The direction across the curve, unit length, towards the growing side; empty where nothing changes.
+std::optional<std::pair<double, double>> across(GrowthRate& growth, const Crossing& c) {
+  const double step = 1e-4;
+  const auto difference = [&](double dx, double dy) {
+    const auto in = [](double t) { return std::clamp(t, 0., 1.); };
+    return growth(in(c.x + dx), in(c.y + dy)) - growth(in(c.x - dx), in(c.y - dy));
+  };
+  const double nx = difference(step, 0), ny = growth.axes().size() > 1 ? difference(0, step) : 0;
+  const double length = std::hypot(nx, ny);
+  if (!(length > 0)) return std::nullopt;
+  return std::pair(nx / length, ny / length);
+}
+
+// Where the growth rate is 1 % of the frequency, so that it shows in a run of reasonable length.
+struct Beside {
+  double x, y;
+  LeadingMode leading;
+};
+
+std::optional<Beside> place_beside(GrowthRate& growth, const Crossing& c, double nx, double ny) {
+  for (double reach = 0.02; reach <= 0.3; reach *= 1.6) {
+    const double x = c.x + reach * nx, y = c.y + reach * ny;
+    if (x < 0 || x > 1 || y < 0 || y > 1) break;
+    auto at = growth.leading(x, y);
+    if (!at) continue;
+    const double frequency = std::isfinite(at->mode.value.imag()) ? at->mode.value.imag() : 1;
+    if (std::abs(at->mode.value.real()) >= 0.01 * (frequency + 0.1)) return Beside{x, y, *at};
+  }
+  return std::nullopt;
+}
+
+Verified check_beside(const GrowthRate& growth, const Options& options, const Beside& place) {
+  const Mode& mode = place.leading.mode;
+  const std::vector<Axis>& axes = growth.axes();
+  const Sliding s(growth.scene(place.x, place.y));
+  const double rate = std::abs(mode.value.real()), duration = std::min(3000., 9 / rate + 60);
+  const double longest = (s.scene.ring() ? 2 : 1) * M_PI / s.scene.length;
+  const double k = mode.wavenumber == 0            ? longest
+                   : std::isfinite(mode.wavenumber) ? mode.wavenumber
+                                                   : longest * std::max(1., std::floor(double(s.scene.n) / 8));
+  Verified v;
+  v.value = axes[0].value(place.x);
+  v.value2 = axes.size() > 1 ? axes[1].value(place.y) : 0;
+  v.growth = mode.value.real();
+  v.expected = v.growth > 0 ? "stick-slip" : "sliding";
+  const Options there = options_with(options, axes, v.value, v.value2);
+  v.from_sliding = regime_from(there, s, 0.01, k, duration);
+  v.from_stick_slip = regime_from(there, s, 2 * std::max(1., std::abs(s.scene.v)), k, duration);
+  v.regime = v.from_sliding == v.from_stick_slip                                     ? v.from_sliding
+             : v.from_sliding == "sliding" && v.from_stick_slip == "stick-slip" ? "both live"
+                                                                                    : "undecided";
+  return v;
+}
+
+}  // namespace
+
+std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options, const std::vector<Crossing>& points,
+                                      PetscInt count,
                                       const std::function<void(std::size_t, std::size_t)>& before_each) {
   std::vector<Verified> result;
   const std::size_t wanted = std::min(points.size(), std::size_t(count));
-  const bool two = growth.axes().size() > 1;
   for (std::size_t j = 0; j < wanted; ++j) {
     const Crossing& c = points[wanted == 1 ? points.size() / 2 : j * (points.size() - 1) / (wanted - 1)];
-    // across the curve: the direction in which the growth rate changes
-    const double step = 1e-4;
-    const auto difference = [&](double dx, double dy) {
-      const auto in = [](double t) { return std::clamp(t, 0., 1.); };
-      return growth(in(c.x + dx), in(c.y + dy)) - growth(in(c.x - dx), in(c.y - dy));
-    };
-    double nx = difference(step, 0), ny = two ? difference(0, step) : 0;
-    const double length = std::hypot(nx, ny);
-    if (!(length > 0)) continue;
-    nx /= length;
-    ny /= length;
+    const auto normal = across(growth, c);
+    if (!normal) continue;
     for (const double side : {1., -1.}) {  // unstable, stable
       if (before_each) before_each(2 * j + (side > 0 ? 0 : 1), 2 * wanted);
-      // as far off as gives a growth rate that shows in a run of reasonable length
-      for (double reach = 0.02;; reach *= 1.6) {
-        const double x = c.x + side * reach * nx, y = c.y + side * reach * ny;
-        if (x < 0 || x > 1 || y < 0 || y > 1 || reach > 0.3) break;
-        const auto at = growth.leading(x, y);
-        if (!at || std::abs(at->mode.value.real()) < 0.01 * (at->mode.value.imag() + 0.1)) continue;
-        const Options options = growth.options_at(x, y);
-        const Sliding s(Scene::from(options, true));
-        const double rate = std::abs(at->mode.value.real()), duration = std::min(3000., 9 / rate + 60);
-        const double k = at->mode.wavenumber > 0 ? at->mode.wavenumber
-                         : s.scene.ring()       ? 2 * M_PI / s.scene.length
-                                                : M_PI / s.scene.length;
-        Verified v;
-        v.value = growth.axes()[0].value(x);
-        v.value2 = two ? growth.axes()[1].value(y) : 0;
-        v.growth = at->mode.value.real();
-        v.expected = side > 0 ? "stick-slip" : "sliding";
-        v.from_sliding = regime_from(options, s, 0.01, k, duration);
-        v.from_stick_slip = regime_from(options, s, 2 * std::max(1., std::abs(s.scene.v)), k, duration);
-        v.regime = v.from_sliding == v.from_stick_slip                                     ? v.from_sliding
-                   : v.from_sliding == "sliding" && v.from_stick_slip == "stick-slip" ? "both live"
-                                                                                          : "undecided";
-        result.push_back(v);
-        break;
-      }
+      if (const auto place = place_beside(growth, c, side * normal->first, side * normal->second))
+        result.push_back(check_beside(growth, options, *place));
     }
   }
   return result;

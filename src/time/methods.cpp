@@ -1,9 +1,10 @@
-#include "stickslip/methods.hpp"
+#include "stickslip/time/methods.hpp"
 
 #include <algorithm>
 #include <map>
 
-#include "stickslip/error.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/text.hpp"
 
 namespace stickslip {
 
@@ -14,6 +15,7 @@ constexpr auto implicit = MethodKind::implicit;
 constexpr auto never = Adaptivity::never;
 constexpr auto on_request = Adaptivity::on_request;
 constexpr auto yes = Adaptivity::yes;
+
 }  // namespace
 
 std::string Method::name() const { return *subtype ? std::string(type) + ":" + subtype : type; }
@@ -104,6 +106,12 @@ void check_type_offered(const std::string& type) {
                    "; use one of rk, arkimex, rosw, bdf, theta, cn, beuler, alpha, ssp, euler");
 }
 
+const Method& offered_type(const std::string& type) {
+  check_type_offered(type);
+  const auto& all = methods();
+  return *std::find_if(all.begin(), all.end(), [&](const Method& m) { return type == m.type; });
+}
+
 const Method& offered_method(const std::string& type, const std::string& subtype) {
   check_type_offered(type);
   for (const Method& m : methods())
@@ -114,6 +122,57 @@ const Method& offered_method(const std::string& type, const std::string& subtype
   if (type == "rosw")
     throw UsageError(what + "its first stage has no implicit part, which ends in NaN here; use ra34pw2");
   throw UsageError(what + "not among the methods offered");
+}
+
+MethodSpec MethodSpec::from(const Options& options) {
+  MethodSpec spec;
+  spec.implicit = options.text("imex_implicit");
+  spec.fused = options.boolean("rk_fused");
+  return spec;
+}
+
+bool MethodSpec::has_estimate() const { return method().adaptivity == Adaptivity::yes; }
+bool MethodSpec::splits() const { return method().kind == MethodKind::imex; }
+bool MethodSpec::is_explicit() const { return method().kind == MethodKind::explicit_; }
+
+MethodSpec MethodSpec::parse(const std::string& what, const std::string& text) {
+  const std::vector<std::string> parts = split(text, ':');
+  const std::string says = what + " " + quoted(text) + ": ";
+  if (parts.size() > 3)
+    throw UsageError(says + "a method is type[:subtype[:implicit]], e.g. rk:5dp or arkimex:4:friction");
+  MethodSpec spec;
+  spec.type = parts[0];
+  // the first of its type where no subtype is given
+  const Method* first = nullptr;
+  std::string subtypes, types;
+  for (const Method& m : methods()) {
+    if (spec.type == m.type) {
+      if (!first) first = &m;
+      subtypes += std::string(subtypes.empty() ? "" : ", ") + m.subtype;
+    }
+    if ((" " + types + ",").find(" " + std::string(m.type) + ",") == std::string::npos)
+      types += (types.empty() ? "" : ", ") + std::string(m.type);
+  }
+  try {
+    check_type_offered(spec.type);
+    spec.subtype = parts.size() > 1 ? parts[1] : first->subtype;
+    if (*first->subtype == '\0' && parts.size() == 3 && parts[1].empty()) spec.subtype = "";
+    (void)spec.method();
+  } catch (const UsageError& e) {
+    throw UsageError(says + e.what() + (first && *first->subtype ? "; " + spec.type + " has " + subtypes
+                                        : first                 ? "; " + spec.type + " has no subtypes"
+                                                                : "; types are " + types));
+  }
+  if (parts.size() < 3) return spec;
+  spec.implicit = parts[2];
+  const std::string& wish = spec.implicit;
+  const bool known = wish == "auto" || wish == "none" || wish == "friction" || wish == "wave" || wish == "both";
+  if (!known) throw UsageError(says + "what is implicit is one of auto, none, friction, wave, both");
+  if (spec.is_explicit() && wish != "none" && wish != "auto")
+    throw UsageError(says + spec.type + " is explicit; use arkimex, or none");
+  if (!spec.is_explicit() && !spec.splits() && wish != "both" && wish != "auto")
+    throw UsageError(says + spec.type + " takes everything implicitly; use arkimex, or both");
+  return spec;
 }
 
 }  // namespace stickslip

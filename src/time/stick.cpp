@@ -1,11 +1,11 @@
-#include "stickslip/stick.hpp"
+#include "stickslip/time/stick.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
-#include "stickslip/error.hpp"
+#include "stickslip/base/error.hpp"
 
 namespace stickslip {
 
@@ -45,25 +45,9 @@ struct CubicBetween {
 
 double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
-// Of the friction that sticks; never called for other laws.
-template <class Body>
-auto with_sticking(const FrictionParameters& p, const Body& body) {
-  return dispatch_friction(p, [&](const auto& f) -> WithSlope {
-    if constexpr (std::decay_t<decltype(f)>::sticks) return body(f);
-    else throw std::logic_error("this law does not stick");
-  });
-}
-
-double state_at_rest(const FrictionParameters& p, double state, double wait) {
-  return with_sticking(p, [&](const auto& f) -> WithSlope {
-    if constexpr (std::decay_t<decltype(f)>::has_state) return {f.state.at_rest(state, wait), 0};
-    else return {0, 0};
-  }).value;
-}
-
 }  // namespace
 
-bool Stick::applies_to(const Scene& scene) { return has_threshold(scene.friction.law) && !scene.friction.regularised; }
+bool Stick::applies_to(const Scene& scene) { return scene.friction.sticks(); }
 
 Stick::Stick(const Model& model)
     : model_(model), dof_(model.dof()), free_end_(model.local()), both_sides_(model.scene().friction.back_slip),
@@ -81,16 +65,13 @@ double Stick::threshold(PetscInt i, const double* u) const {
   return dof_ == 2 ? fixed_threshold_[static_cast<std::size_t>(i)] : threshold_at(i, u[2]);
 }
 double Stick::threshold_at(PetscInt i, double state) const {
-  const WithSlope f =
-      with_sticking(model_.scene().friction, [&](const auto& law) { return static_threshold(law, state); });
-  return model_.amplitude()[static_cast<std::size_t>(i)] * f.value;
+  return model_.amplitude()[static_cast<std::size_t>(i)] * model_.friction_law().threshold(state).value;
 }
 double Stick::threshold_rate(PetscInt i, const double* u) const {
   if (dof_ == 2) return 0;
-  const WithSlope f = with_sticking(model_.scene().friction, [&](const auto& law) -> WithSlope {
-    return {static_threshold(law, u[2]).slope * sliding_rate(law, 0, u[2], 0).g, 0};
-  });
-  return model_.amplitude()[static_cast<std::size_t>(i)] * f.value;
+  const Friction& law = model_.friction_law();
+  const double rate = law.threshold(u[2]).slope * law.sliding_rate(0, u[2], 0).g;
+  return model_.amplitude()[static_cast<std::size_t>(i)] * rate;
 }
 
 template <class Body>
@@ -305,7 +286,7 @@ void Stick::snap(Vec before, Vec landed) const {
 // With every node at rest the threshold minus the force is convex or concave in time, a sum of something linear and an
 // exponential or a logarithm: it is followed to its extremum, if it has one, and there is one root on either side.
 double Stick::release_after(Vec u) {
-  const FrictionParameters& p = model_.scene().friction;
+  const Friction& law = model_.friction_law();
   const double *a, *f;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
@@ -319,11 +300,11 @@ double Stick::release_after(Vec u) {
       }
       std::array<double, 3> then{0, 0, at[2]};
       const auto excess = [&](double wait) {
-        then[2] = state_at_rest(p, at[2], wait);
+        then[2] = law.state_at_rest(at[2], wait);
         return force + rate * wait - threshold(i, then.data());
       };
       const auto growth = [&](double wait) {
-        then[2] = state_at_rest(p, at[2], wait);
+        then[2] = law.state_at_rest(at[2], wait);
         return rate - threshold_rate(i, then.data());
       };
       const auto bisect = [](double low, double high, const auto& negative) {
@@ -334,7 +315,7 @@ double Stick::release_after(Vec u) {
         }
         return high;
       };
-      const double scale = p.state == StateLaw::healing ? p.t_h : p.theta0 + std::exp(at[2]);
+      const double scale = law.time_at_rest(at[2]);
       double low = 0, high = scale;
       if (growth(0) <= 0) {  // falls behind the threshold at first
         if (rate <= 0) return;
@@ -360,7 +341,7 @@ double Stick::release_after(Vec u) {
 }
 
 void Stick::rest(Vec u, double wait, Vec into) {
-  const FrictionParameters& p = model_.scene().friction;
+  const Friction& law = model_.friction_law();
   SS_TRY(VecWAXPY(into, wait, slope_, u));
   const double *a, *f;
   double* b;
@@ -368,7 +349,7 @@ void Stick::rest(Vec u, double wait, Vec into) {
   SS_TRY(VecGetArrayRead(slope_, &f));
   SS_TRY(VecGetArray(into, &b));
   if (dof_ == 3)
-    for (PetscInt i = 0; i < model_.local(); ++i) b[i * 3 + 2] = state_at_rest(p, a[i * 3 + 2], wait);
+    for (PetscInt i = 0; i < model_.local(); ++i) b[i * 3 + 2] = law.state_at_rest(a[i * 3 + 2], wait);
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
     double* at = b + i * dof_;
     const double limit = threshold(i, at);

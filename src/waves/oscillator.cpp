@@ -1,162 +1,13 @@
-#include "stickslip/ode.hpp"
+#include "stickslip/waves/oscillator.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <complex>
 #include <functional>
 
-#include "stickslip/error.hpp"
+#include "stickslip/base/error.hpp"
 
 namespace stickslip {
-
-// ---- small numerical tools ----------------------------------------------------------------------------------------
-
-namespace {
-
-long double legendre(int n, long double x) {
-  long double p0 = 1, p1 = x;
-  if (n == 0) return 1;
-  for (int k = 2; k <= n; ++k) {
-    const long double p2 = ((2 * k - 1) * x * p1 - (k - 1) * p0) / k;
-    p0 = p1;
-    p1 = p2;
-  }
-  return p1;
-}
-
-// Roots in (-1, 1) of a polynomial with simple real roots there, by bisection between sign changes.
-template <class F>
-std::vector<long double> roots(F&& p) {
-  std::vector<long double> found;
-  const int samples = 1999;  // odd: 0 is no sample
-  long double left = -1, p_left = p(left);
-  for (int i = 1; i <= samples; ++i) {
-    // the last sample stays short of 1, where the Radau polynomial vanishes too
-    const long double right = i < samples ? -1 + 2.L * i / samples : 1 - 1e-6L, p_right = p(right);
-    if (p_left * p_right < 0) {
-      long double a = left, b = right, pa = p_left;
-      for (int k = 0; k < 80; ++k) {
-        const long double mid = (a + b) / 2, pm = p(mid);
-        if (pa * pm <= 0) {
-          b = mid;
-        } else {
-          a = mid;
-          pa = pm;
-        }
-      }
-      found.push_back((a + b) / 2);
-    }
-    left = right;
-    p_left = p_right;
-  }
-  return found;
-}
-
-Tableau tableau(const std::vector<long double>& c) {
-  const int s = int(c.size());
-  Tableau t{s, {}, std::vector<double>(size_t(s) * s), std::vector<double>(size_t(s))};
-  for (long double x : c) t.c.push_back(double(x));
-  for (int j = 0; j < s; ++j) {
-    std::vector<long double> l{1};  // coefficients of l_j
-    for (int k = 0; k < s; ++k) {
-      if (k == j) continue;
-      std::vector<long double> product(l.size() + 1, 0);
-      for (size_t i = 0; i < l.size(); ++i) {
-        product[i + 1] += l[i] / (c[size_t(j)] - c[size_t(k)]);
-        product[i] -= l[i] * c[size_t(k)] / (c[size_t(j)] - c[size_t(k)]);
-      }
-      l = product;
-    }
-    auto integral = [&](long double x) {
-      long double sum = 0, power = x;
-      for (size_t i = 0; i < l.size(); ++i, power *= x) sum += l[i] * power / (long double)(i + 1);
-      return double(sum);
-    };
-    for (int i = 0; i < s; ++i) t.a[size_t(i) * s + j] = integral(c[size_t(i)]);
-    t.b[size_t(j)] = integral(1);
-  }
-  return t;
-}
-
-}  // namespace
-
-Tableau Tableau::gauss(int s) {
-  std::vector<long double> c = roots([s](long double x) { return legendre(s, x); });
-  for (long double& x : c) x = (1 + x) / 2;
-  return tableau(c);
-}
-
-Tableau Tableau::radau(int s) {
-  std::vector<long double> c = roots([s](long double x) { return legendre(s, x) - legendre(s - 1, x); });
-  for (long double& x : c) x = (1 + x) / 2;
-  c.push_back(1);
-  return tableau(c);
-}
-
-Lagrange::Lagrange(std::vector<double> points) : points_(std::move(points)) {
-  for (size_t i = 0; i < points_.size(); ++i) {
-    double f = 1;
-    for (size_t j = 0; j < points_.size(); ++j)
-      if (j != i) f /= points_[i] - points_[j];
-    factor_.push_back(f);
-  }
-}
-
-void Lagrange::weights(double at, double* w) const {
-  const size_t n = points_.size();
-  for (size_t i = 0; i < n; ++i) {
-    w[i] = factor_[i];
-    for (size_t j = 0; j < n; ++j)
-      if (j != i) w[i] *= at - points_[j];
-  }
-}
-
-void Lagrange::derivative_weights(double at, double* w) const {
-  const size_t n = points_.size();
-  for (size_t i = 0; i < n; ++i) {
-    w[i] = 0;
-    for (size_t k = 0; k < n; ++k) {
-      if (k == i) continue;
-      double product = factor_[i];
-      for (size_t j = 0; j < n; ++j)
-        if (j != i && j != k) product *= at - points_[j];
-      w[i] += product;
-    }
-  }
-}
-
-template <class T>
-bool solve_dense(int n, T* a, int columns, T* b) {
-  for (int k = 0; k < n; ++k) {
-    int pivot = k;
-    for (int i = k + 1; i < n; ++i)
-      if (std::abs(a[i * n + k]) > std::abs(a[pivot * n + k])) pivot = i;
-    if (!(std::abs(a[pivot * n + k]) > 0)) return false;
-    if (pivot != k) {
-      for (int j = k; j < n; ++j) std::swap(a[k * n + j], a[pivot * n + j]);
-      for (int j = 0; j < columns; ++j) std::swap(b[k * columns + j], b[pivot * columns + j]);
-    }
-    const T inverse = T(1) / a[k * n + k];
-    for (int i = k + 1; i < n; ++i) {
-      const T factor = a[i * n + k] * inverse;
-      if (factor == T(0)) continue;
-      for (int j = k + 1; j < n; ++j) a[i * n + j] -= factor * a[k * n + j];
-      for (int j = 0; j < columns; ++j) b[i * columns + j] -= factor * b[k * columns + j];
-    }
-  }
-  for (int k = n - 1; k >= 0; --k) {
-    const T inverse = T(1) / a[k * n + k];
-    for (int j = 0; j < columns; ++j) {
-      T sum = b[k * columns + j];
-      for (int i = k + 1; i < n; ++i) sum -= a[k * n + i] * b[i * columns + j];
-      b[k * columns + j] = sum * inverse;
-    }
-  }
-  return true;
-}
-
-template bool solve_dense(int, double*, int, double*);
-template bool solve_dense(int, std::complex<double>*, int, std::complex<double>*);
 
 // ---- the oscillator -----------------------------------------------------------------------------------------------
 
@@ -177,15 +28,14 @@ Oscillator::Oscillator(const Scene& scene)
       sd_(scene.s_delta()),
       v_(scene.v) {
   const FrictionParameters& p = scene.friction;
-  if (!p.regularised && (p.law == stickslip::Law::carlson_langer || p.law == stickslip::Law::coulomb))
+  if (p.sticks())
     throw UsageError("friction_law " + to_string(p.law) +
                      " jumps at rest, which an oscillation passes: set friction_stick to regularised");
-  dispatch_friction(p, [&](auto friction) {
-    law_->has_state = decltype(friction)::has_state;
-    law_->partials = [friction](double psi, double s) { return friction.partials(psi, s); };
-    law_->rate = [friction](double psi, double s) { return friction.rate_partials(psi, s); };
-    law_->steady_state = [friction](double psi) { return friction.steady_state(psi); };
-  });
+  const auto friction = Friction::of(p);
+  law_->has_state = friction->has_state;
+  law_->partials = [friction](double psi, double s) { return friction->partials(psi, s); };
+  law_->rate = [friction](double psi, double s) { return friction->rate_partials(psi, s); };
+  law_->steady_state = [friction](double psi) { return friction->steady_state(psi); };
   dim_ = law_->has_state ? 3 : 2;
 }
 Oscillator::~Oscillator() = default;
@@ -276,19 +126,20 @@ class Integrator {
     dense().weights(test_point, value_);
   }
 
-  // One step of size h from y. False where Newton's method fails. `error`: of the dense output against the tolerance.
-  bool try_step(const double* y, double h, const Step* last, Step& step, double& error) {
+  // One step of size h from y. False where Newton's method fails. It starts from the polynomial of the step `near`,
+  // which begins `offset` of its length before y (null: from y). `error`: of the dense output against the tolerance.
+  bool try_step(const double* y, double h, const Step* near, double offset, Step& step, double& error) {
     const int d = d_, n = stages * d;
     step.h = h;
     double* stage = step.values + d;
     std::copy(y, y + d, step.values);
     for (int i = 0; i < stages; ++i) {
-      if (last) {  // the last step's polynomial, continued
+      if (near) {
         double w[stages + 1];
-        dense().weights(1 + radau().c[size_t(i)] * h / last->h, w);
+        dense().weights(offset + radau().c[size_t(i)] * h / near->h, w);
         for (int k = 0; k < d; ++k) {
           stage[i * d + k] = 0;
-          for (int j = 0; j <= stages; ++j) stage[i * d + k] += w[j] * last->values[j * d + k];
+          for (int j = 0; j <= stages; ++j) stage[i * d + k] += w[j] * near->values[j * d + k];
         }
       } else {
         std::copy(y, y + d, stage + i * d);
@@ -344,7 +195,7 @@ class Integrator {
   void step(double& t, double* y, double& h, Step& out) {
     for (int attempt = 0; attempt < 200; ++attempt) {
       double error = 0;
-      if (!try_step(y, h, have_last_ ? &last_ : nullptr, out, error)) {
+      if (!try_step(y, h, have_last_ ? &last_ : nullptr, 1, out, error)) {
         h /= 4;
         have_last_ = have_last_ && attempt < 2;
         continue;
@@ -410,7 +261,7 @@ class ReturnMap {
         double end = (low + high) / 2 * step.h, error;
         Step cut;
         for (int k = 0; k < 6; ++k) {
-          if (!integrator_.try_step(start, end, nullptr, cut, error))
+          if (!integrator_.try_step(start, end, &step, 0, cut, error))
             throw Failure("the oscillation's integrator cannot go on at the section");
           double out[max_dim];
           o_.rhs(r2_, cut.values + stages * d, out, nullptr);
@@ -447,79 +298,142 @@ class ReturnMap {
   Integrator integrator_;
 };
 
-// The point of the section f = v, f' > 0 from which the map returns to itself.
-void find_cycle(const Oscillator& o, double r2, double tolerance, double* y) {
-  const int d = o.dim();
-  double fixed[max_dim];
-  o.steady(fixed);
-  const bool unstable = o.sliding_unstable(r2);
-  const std::string none = "nothing oscillates: uniform sliding at v = " + std::to_string(o.v()) + " is stable";
-  ReturnMap coarse(o, r2, std::max(tolerance, 1e-8)), fine(o, r2, tolerance);
-  std::copy(fixed, fixed + d, y);
-  // how far out to begin: the size of the friction force, or of its range over the slips that v drives
-  const double size = std::max(std::abs(o.partials(fixed[0], d == 3 ? fixed[2] : 0).F), .1) + 1. / 3;
-  y[1] += size;
-  auto distance = [&](const double* p) {
-    return d == 2 ? p[1] - fixed[1] : std::hypot(p[1] - fixed[1], size * (p[2] - fixed[2]));
-  };
-  double amplitude = size, last_amplitude = 0;
-  bool settled = false;
-  for (int k = 0; k < 400 && !settled; ++k) {
-    coarse(y, nullptr, nullptr);
-    last_amplitude = amplitude;
-    amplitude = distance(y);
-    if (amplitude < 1e-7 * size) throw Failure(none);
-    if (!unstable && amplitude < 1e-3 * size && amplitude < last_amplitude) throw Failure(none);
-    settled = std::abs(amplitude - last_amplitude) < 1e-4 * amplitude;
-    if (d == 2 && k >= 3 && !settled) break;  // slow: Newton's method below, kept between bounds
+// Points of the section f = v, f' > 0, told apart from steady sliding: (z, s) about it, s in units of z.
+class Section {
+ public:
+  explicit Section(const Oscillator& o) : d_(o.dim()) {
+    o.steady(fixed_);
+    size_ = std::max(std::abs(o.partials(fixed_[0], d_ == 3 ? fixed_[2] : 0).F), .1) + 1. / 3;
   }
-  if (d == 2) {
-    // q(a) = ln(P(a)/a) is positive inside a stable cycle and negative outside; Newton in ln a with P' exact
-    double low = 0, high = 1e300, a = amplitude;
-    for (int k = 0; k < 100; ++k) {
-      double divergence, start[max_dim], end[max_dim], p[max_dim] = {fixed[0], fixed[1] + a, 0};
-      o.rhs(r2, p, start, nullptr);
-      fine(p, nullptr, &divergence);
-      o.rhs(r2, p, end, nullptr);
-      const double image = p[1] - fixed[1], slope = std::exp(divergence) * start[0] / end[0];
-      const double q = std::log(image / a), dq = slope * a / image - 1;
-      (q > 0 ? low : high) = a;
-      double next = a * (dq < 0 ? std::exp(std::min(1.5, std::max(-1.5, -q / dq))) : q > 0 ? 4. : .25);
-      if (!(next > low && next < high)) next = high < 1e300 && low > 0 ? std::sqrt(low * high) : image;
-      if (next < 1e-7 * size) throw Failure(none);
-      const double change = std::abs(next - a);
-      a = next;
-      if (change <= 4e-16 * (std::abs(fixed[1]) + a) || (k > 2 && change <= .1 * tolerance * a)) break;
-    }
-    y[0] = fixed[0];
-    y[1] = fixed[1] + a;
-    return;
+  // How far out to begin: the size of the friction force, or of its range over the slips that v drives.
+  double size() const { return size_; }
+  const double* sliding() const { return fixed_; }
+  void start(double distance, double* y) const {
+    std::copy(fixed_, fixed_ + d_, y);
+    y[1] += distance;
   }
-  // two coordinates on the section: Newton with differences, as far as round-off (and kinks of the law) let it
-  double last_change = 1e300;
+  double distance(const double* y) const {
+    return d_ == 2 ? y[1] - fixed_[1] : std::hypot(y[1] - fixed_[1], size_ * (y[2] - fixed_[2]));
+  }
+
+ private:
+  int d_;
+  double fixed_[max_dim], size_;
+};
+
+[[noreturn]] void nothing_oscillates(const Oscillator& o, const std::string& why) {
+  throw Failure("nothing oscillates: uniform sliding at v = " + rounded_text(o.v()) + why);
+}
+
+// One coordinate on the section: q(a) = ln(P(a)/a) is positive inside a stable cycle and negative outside; Newton's
+// method in ln a with P' exact, kept between bounds.
+double cycle_of_one(const Oscillator& o, double r2, ReturnMap& map, const Section& section, double a,
+                    double tolerance) {
+  const double* fixed = section.sliding();
+  double low = 0, high = 1e300;
+  for (int k = 0; k < 100; ++k) {
+    double divergence, start[max_dim], end[max_dim], p[max_dim] = {fixed[0], fixed[1] + a, 0};
+    o.rhs(r2, p, start, nullptr);
+    map(p, nullptr, &divergence);
+    o.rhs(r2, p, end, nullptr);
+    const double image = p[1] - fixed[1], slope = std::exp(divergence) * start[0] / end[0];
+    const double q = std::log(image / a), dq = slope * a / image - 1;
+    (q > 0 ? low : high) = a;
+    double next = a * (dq < 0 ? std::exp(std::min(1.5, std::max(-1.5, -q / dq))) : q > 0 ? 4. : .25);
+    if (!(next > low && next < high)) next = high < 1e300 && low > 0 ? std::sqrt(low * high) : image;
+    if (next < 1e-7 * section.size()) nothing_oscillates(o, " is stable, and slips die out to it");
+    const double change = std::abs(next - a);
+    a = next;
+    if (change <= 4e-16 * (std::abs(fixed[1]) + a) || (k > 2 && change <= .1 * tolerance * a)) break;
+  }
+  return a;
+}
+
+// Two coordinates: Newton's method with differences, as far as round-off (and kinks of the law) let it. False where it
+// leaves the neighbourhood of y or does not settle.
+bool cycle_of_two(ReturnMap& map, const Section& section, double tolerance, double* y) {
+  const double size = section.size(), begun = section.distance(y);
+  double last_change = 1e300, p[max_dim];
+  std::copy(y, y + max_dim, p);
   for (int k = 0; k < 30; ++k) {
     double image[max_dim], a[4], b[2];
-    if (distance(y) < 1e-7 * size) throw Failure(none);
-    std::copy(y, y + d, image);
-    fine(image, nullptr, nullptr);
+    const double distance = section.distance(p);
+    if (!(distance > .2 * begun && distance < 5 * begun)) return false;
+    std::copy(p, p + max_dim, image);
+    map(image, nullptr, nullptr);
     for (int j = 0; j < 2; ++j) {
       double moved[max_dim];
-      std::copy(y, y + d, moved);
-      const double eps = 1e-5 * distance(y) / (j == 0 ? 1 : size);
+      std::copy(p, p + max_dim, moved);
+      const double eps = 1e-5 * distance / (j == 0 ? 1 : size);
       moved[1 + j] += eps;
-      fine(moved, nullptr, nullptr);
+      map(moved, nullptr, nullptr);
       for (int i = 0; i < 2; ++i) a[i * 2 + j] = (i == j ? 1. : 0.) - (moved[1 + i] - image[1 + i]) / eps;
     }
-    for (int i = 0; i < 2; ++i) b[i] = image[1 + i] - y[1 + i];
-    if (!solve_dense(2, a, 1, b)) throw Failure("the return map of the oscillation is degenerate");
-    const double change = std::max(std::abs(b[0]) / size, std::abs(b[1])) / distance(y) * size;
-    y[1] += b[0];
-    y[2] += b[1];
-    if (change < tolerance || (change < 1e-8 && change > .3 * last_change)) return;
+    for (int i = 0; i < 2; ++i) b[i] = image[1 + i] - p[1 + i];
+    if (!solve_dense(2, a, 1, b)) return false;
+    const double change = std::max(std::abs(b[0]), size * std::abs(b[1])) / distance;
+    p[1] += b[0];
+    p[2] += b[1];
+    if (change < tolerance || (change < 1e-8 && change > .3 * last_change)) {
+      std::copy(p, p + max_dim, y);
+      return true;
+    }
     last_change = change;
   }
-  throw Failure("the oscillation does not settle on a cycle: psi passes v = " + std::to_string(o.v()) +
-                " at a distance that keeps changing");
+  return false;
+}
+
+// The cycle of a problem with a state, from slips of several sizes, each followed until it settles; what became of
+// every one of them is the reason of a refusal.
+void settle(const Oscillator& o, double r2, const Section& section, double tolerance, double* y) {
+  // differences of 1e-5 want a map that is better than that
+  ReturnMap coarse(o, r2, 1e-8), fine(o, r2, std::min(tolerance, 1e-10));
+  const bool unstable = o.sliding_unstable(r2);
+  std::string seen;
+  int died = 0;
+  for (const double part : {1., .1, .01, 4.}) {
+    section.start(part * section.size(), y);
+    const std::string from = "; a slip that begins " + rounded_text(part) + " friction forces above it ";
+    try {
+      double amplitude = section.distance(y), before = 0;
+      bool dies = false;
+      for (int k = 1; k <= 1000 && !dies; ++k) {
+        coarse(y, nullptr, nullptr);
+        before = amplitude;
+        amplitude = section.distance(y);
+        dies = amplitude < 1e-7 * section.size() ||
+               (!unstable && amplitude < 1e-3 * section.size() && amplitude < before);
+        const bool slow = std::abs(amplitude - before) < (k % 100 == 0 ? 1e-2 : 1e-4) * amplitude;
+        if (!dies && slow && cycle_of_two(fine, section, std::max(tolerance, 1e-13), y)) return;
+      }
+      died += dies;
+      seen += from + (dies ? "dies out" : "settles on no cycle, its size still " + rounded_text(amplitude));
+    } catch (const Failure& e) {
+      seen += from + "ends so: " + e.what();
+    }
+    if (!unstable && died == 2) break;
+  }
+  nothing_oscillates(o, std::string(unstable ? " is unstable to waves of this speed, but no cycle was reached"
+                                             : " is stable to waves of this speed") + seen);
+}
+
+// The point of the section f = v, f' > 0 from which the map returns to itself.
+void find_cycle(const Oscillator& o, double r2, double tolerance, double* y) {
+  const Section section(o);
+  if (o.dim() == 3) return settle(o, r2, section, tolerance, y);
+  ReturnMap coarse(o, r2, std::max(tolerance, 1e-8)), fine(o, r2, tolerance);
+  const bool unstable = o.sliding_unstable(r2);
+  section.start(section.size(), y);
+  double amplitude = section.size();
+  for (int k = 0; k < 4; ++k) {  // then Newton's method
+    coarse(y, nullptr, nullptr);
+    const double before = amplitude;
+    amplitude = section.distance(y);
+    if (amplitude < 1e-7 * section.size() || (!unstable && amplitude < 1e-3 * section.size() && amplitude < before))
+      nothing_oscillates(o, " is stable, and slips die out to it");
+    if (std::abs(amplitude - before) < 1e-4 * amplitude) break;
+  }
+  section.start(cycle_of_one(o, r2, fine, section, amplitude, tolerance), y);
 }
 
 }  // namespace
@@ -595,7 +509,7 @@ double Orbit::state_at(double phase) const {
 Orbit uniform_orbit(const Scene& scene) {
   const Oscillator oscillator(scene);
   const double vc2 = 1 - scene.s_delta() / scene.A() - scene.B();
-  if (scene.friction.law == Law::cubic && scene.friction.state == StateLaw::none && scene.v * scene.v >= vc2)
+  if (Friction::of(scene.friction)->van_der_pol && scene.v * scene.v >= vc2)
     throw Failure("nothing oscillates: uniform sliding at v = " + std::to_string(scene.v) +
                   " is stable (|v| >= v_c = " + std::to_string(vc2 > 0 ? std::sqrt(vc2) : 0.) + ")");
   return find_orbit(oscillator, 1);

@@ -11,10 +11,10 @@
 #include <cstdio>
 #include <vector>
 
-#include "stickslip/accuracy.hpp"
-#include "stickslip/command_line.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/library_options.hpp"
+#include "stickslip/study/accuracy.hpp"
+#include "stickslip/options/command_line.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/options/library_options.hpp"
 
 using namespace stickslip;
 

@@ -28,10 +28,10 @@
 #include <map>
 
 #include "bench.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/methods.hpp"
-#include "stickslip/stencil.hpp"
-#include "stickslip/time.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/time/methods.hpp"
+#include "stickslip/model/stencil.hpp"
+#include "stickslip/time/time.hpp"
 
 using namespace stickslip;
 
@@ -135,7 +135,7 @@ Outcome ours(System& system, double t_end, double tolerance, const std::string& 
   std::copy(system.start.begin(), system.start.end(), a);
   SS_TRY(VecRestoreArray(u, &a));
   try {
-    Integrator integrator(system.model, options, u, "peer_");
+    Integrator integrator(system.model, MethodSpec::from(options), u, "peer_");
     const TimeReport r =
         integrator.advance(u, 0, t_end, [](const Integrator::Step&) { return Integrator::Verdict::go_on; });
     SS_TRY(VecGetArray(u, &a));

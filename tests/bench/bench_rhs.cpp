@@ -13,8 +13,8 @@
 #include <string>
 
 #include "bench.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/model.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
 
 using namespace stickslip;
 
@@ -27,14 +27,14 @@ Scene scene_of(const std::string& law, int order, const std::string& ends, doubl
   s.length = 60;
   s.spread = spread;
   if (law == "carlson_langer" || law == "healing") {
-    s.friction.law = Law::carlson_langer;
+    s.friction.law = Law("carlson-langer");
     s.friction.regularised = true;
     s.friction.eps = 0.1;
   }
-  if (law == "healing") s.friction.state = StateLaw::healing;
+  if (law == "healing") s.friction.state = StateLaw("healing");
   if (law == "ageing") {
-    s.friction.law = Law::rate_and_state;
-    s.friction.state = StateLaw::ageing;
+    s.friction.law = Law("rate-and-state");
+    s.friction.state = StateLaw("ageing");
   }
   if (ends == "held") {
     s.left = End::velocity;

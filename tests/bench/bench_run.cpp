@@ -14,8 +14,8 @@
 #include <string>
 
 #include "bench.hpp"
-#include "stickslip/error.hpp"
-#include "stickslip/time.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/time/time.hpp"
 
 using namespace stickslip;
 
@@ -99,7 +99,7 @@ void run() {
   TimeReport report;
   const auto run_ours = [&] {
     SS_TRY(VecCopy(start, ours));
-    Integrator integrator(model, Options(), ours);
+    Integrator integrator(model, MethodSpec(), ours);
     double end;
     SS_TRY(TSGetMaxTime(integrator.ts(), &end));
     report = integrator.advance(ours, 0, end, [](const Integrator::Step&) { return Integrator::Verdict::go_on; });

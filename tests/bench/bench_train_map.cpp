@@ -5,8 +5,8 @@
 
 #include <cstdio>
 
-#include "stickslip/error.hpp"
-#include "stickslip/wave_stability.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/waves/wave_stability.hpp"
 
 using namespace stickslip;
 

@@ -1,14 +1,16 @@
 """Wrong use, from the command line: each case must end with its exit code before any work, with one line on standard
 error that names what is wrong, with nothing on standard output, and with every file in its folder as it was."""
-import concurrent.futures
 import os
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
 
-PROGRAM = os.environ["STICKSLIP"]
+import h5py
+import pytest
+
+from calls import PROGRAM
+
 SHORT = ["-grid_n", "32", "-ts_max_time", "0.1"]  # what makes a run short where it does run
 
 # Scenes: name and bytes.
@@ -191,7 +193,7 @@ SCENE_CASES = [
     ("twice_map.yaml", "twice_map.yaml:2: key model"),
     ("twice.opts", "twice.opts:2: option model_gamma"),
     ("tab.yaml", "tab.yaml:2: a tab"),
-    ("open.yaml", "open.yaml:1: a brace or bracket is not closed"),
+    ("open.yaml", "open.yaml:1: a brace, bracket or quote is not closed"),
     ("anchor.yaml", "anchor.yaml:1: anchors"),
     ("tag.yaml", "tag.yaml:1: tags"),
     ("text.yaml", "text.yaml:1:"),
@@ -261,7 +263,6 @@ def make_folder(path):
     os.mkdir(os.path.join(path, "folder.yaml"))
     with open(os.path.join(path, "notes.txt"), "w") as file:
         file.write("mine, not the program's\n")
-    import h5py
     with h5py.File(os.path.join(path, "foreign.h5"), "w") as file:
         file["x"] = [1.0, 2.0]
 
@@ -285,50 +286,35 @@ def run(arguments, folder, environment=None, ranks=1):
     return done.returncode, done.stdout.decode(errors="replace"), done.stderr.decode(errors="replace")
 
 
-def check(case):
-    """The complaint about one case, or None. Each has a folder of its own, so that harm is seen where it is done."""
-    arguments, code, expected, environment, ranks = case
-    with tempfile.TemporaryDirectory() as folder:
-        make_folder(folder)
-        before = contents(folder)
-        try:
-            got, out, err = run(arguments, folder, environment, ranks)
-        except subprocess.TimeoutExpired:
-            return f"{arguments}: hangs"
-        lines = err.splitlines()
-        if ranks > 1:  # mpirun adds lines of its own
-            lines = [line for line in lines if line.startswith("stickslip:") or "PETSC ERROR" in line]
-        trouble = []
-        if got != code:
-            trouble.append(f"exit code {got}, not {code}")
-        if len(lines) != 1:
-            trouble.append(f"{len(lines)} lines on standard error")
-        elif not lines[0].startswith("stickslip: error: ") or expected not in lines[0]:
-            trouble.append(f"the line does not say '{expected}'")
-        elif len(lines[0]) > 500:
-            trouble.append("the line is too long")
-        if out:
-            trouble.append(f"standard output: {out[:200]}")
-        if contents(folder) != before:
-            trouble.append("files changed: " + str(sorted(set(contents(folder)) ^ set(before))))
-        if trouble:
-            return f"{' '.join(arguments)} {environment or ''} x{ranks}: {'; '.join(trouble)}\n    {err.strip()[:600]}"
-    return None
+CASES = [(arguments, code, expected, None, 1) for arguments, code, expected in USAGE]
+CASES += [(["run"] + SHORT + arguments, 2, expected, None, 1) for arguments, expected in OPTIONS]
+CASES += [(["run", scene], 2, expected, None, 1) for scene, expected in SCENE_CASES]
+CASES += [(["run"] + SHORT, 2, expected, {"PETSC_OPTIONS": text}, 1) for text, expected in ENVIRONMENT]
+CASES += [(arguments, 2, expected, None, 1) for arguments, expected in COMMANDS]
+CASES += [(arguments, 2, expected, None, 2) for arguments, expected in PARALLEL]
 
 
-def wrong_use():
-    cases = [(arguments, code, expected, None, 1) for arguments, code, expected in USAGE]
-    cases += [(["run"] + SHORT + arguments, 2, expected, None, 1) for arguments, expected in OPTIONS]
-    cases += [(["run", scene], 2, expected, None, 1) for scene, expected in SCENE_CASES]
-    cases += [(["run"] + SHORT, 2, expected, {"PETSC_OPTIONS": text}, 1) for text, expected in ENVIRONMENT]
-    cases += [(arguments, 2, expected, None, 1) for arguments, expected in COMMANDS]
-    cases += [(arguments, 2, expected, None, 2) for arguments, expected in PARALLEL]
-    with concurrent.futures.ThreadPoolExecutor(2) as pool:
-        return [trouble for trouble in pool.map(check, cases) if trouble], len(cases)
+@pytest.mark.parametrize("arguments, code, expected, environment, ranks", CASES,
+                         ids=[re.sub(r"[^ -~]", "?", " ".join(case[0])[:60]) or "nothing" for case in CASES])
+def test_wrong_use(arguments, code, expected, environment, ranks):
+    """Each case has a folder of its own, so that harm is seen where it is done."""
+    make_folder(".")
+    before = contents(".")
+    got, out, err = run(arguments, ".", environment, ranks)
+    lines = err.splitlines()
+    if ranks > 1:  # mpirun adds lines of its own
+        lines = [line for line in lines if line.startswith("stickslip:") or "PETSC ERROR" in line]
+    assert got == code, err
+    assert len(lines) == 1 and lines[0].startswith("stickslip: error: ") and expected in lines[0], err
+    assert len(lines[0]) <= 500
+    assert out == ""
+    assert contents(".") == before
 
 
-def right_use(folder):
+def test_right_use(scratch):
     """What must work: help, version, the order of precedence, the scene anywhere, negative values."""
+    folder = str(scratch)
+    make_folder(folder)
     trouble = []
 
     def expect(arguments, told, environment=None, code=0, silent=True):
@@ -377,19 +363,4 @@ def right_use(folder):
         trouble.append(f"-eps_nev 3 for run: {err!r}")
     expect(["run", "-ts_view"] + SHORT, "TS Object")
     expect(["run", "-log_view"] + SHORT, "Performance Summary")
-    return trouble
-
-
-def main():
-    trouble, count = wrong_use()
-    with tempfile.TemporaryDirectory() as folder:
-        make_folder(folder)
-        trouble += right_use(folder)
-    for text in trouble:
-        print("FAILED", text)
-    print(f"{count} wrong uses, {len(trouble)} failures")
-    return 1 if trouble else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    assert not trouble, "\n".join(trouble)

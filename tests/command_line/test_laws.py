@@ -3,12 +3,11 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 
 import numpy as np
 import xarray
 
-PROGRAM = os.environ["STICKSLIP"]
+from calls import PROGRAM, SOURCE
 
 
 def call(*words):
@@ -32,41 +31,47 @@ def refused(part, *words):
     assert part in lines[0], lines[0]
 
 
-# every law by default, each with its own parameters
-s = summary("-friction_fs", "1.5", "-friction_fd", "0.7", "-friction_mu0", "0.4", "-friction_a", "0.01", "-friction_b",
-            "0.015")
-psi = np.array(s["psi"])
-assert len(psi) == 601 and psi[0] == -3 and psi[-1] == 3 and psi[300] == 0
-close(psi, np.linspace(-3, 3, 601))
-close(s["cubic"], psi**3 / 3 - psi)
-close(s["carlson-langer"], np.sign(psi) / (1 + np.abs(psi)))
-close(s["coulomb"], 0.7 * np.sign(psi))
-a, b, mu0 = 0.01, 0.015, 0.4  # steady: theta = D/|psi|, with psi0 = 1 by default
-v = np.abs(np.delete(psi, 300))
-steady = np.sign(np.delete(psi, 300)) * a * np.arcsinh(v / 2 * np.exp((mu0 - b * np.log(v)) / a))
-close(np.delete(s["rate-and-state"], 300), steady)
-assert s["stick"] == {"carlson-langer": [-1, 1], "coulomb": [-1.5, 1.5]}
+def test_every_law():
+    """Every law by default, each with its own parameters."""
+    s = summary("-friction_fs", "1.5", "-friction_fd", "0.7", "-friction_mu0", "0.4", "-friction_a", "0.01", "-friction_b",
+                "0.015")
+    psi = np.array(s["psi"])
+    assert len(psi) == 601 and psi[0] == -3 and psi[-1] == 3 and psi[300] == 0
+    close(psi, np.linspace(-3, 3, 601))
+    close(s["cubic"], psi**3 / 3 - psi)
+    close(s["carlson-langer"], np.sign(psi) / (1 + np.abs(psi)))
+    close(s["coulomb"], 0.7 * np.sign(psi))
+    a, b, mu0 = 0.01, 0.015, 0.4  # steady: theta = D/|psi|, with psi0 = 1 by default
+    v = np.abs(np.delete(psi, 300))
+    steady = np.sign(np.delete(psi, 300)) * a * np.arcsinh(v / 2 * np.exp((mu0 - b * np.log(v)) / a))
+    close(np.delete(s["rate-and-state"], 300), steady)
+    assert s["stick"] == {"carlson-langer": [-1, 1], "coulomb": [-1.5, 1.5]}
 
-# one law, regularised; a range without 0
-s = summary("-friction_law", "coulomb", "-friction_stick", "regularised", "-friction_eps", "0.1", "-friction_fs", "2",
-            "-friction_slip_velocity", "0.3", "-laws_from", "0.1", "-laws_to", "1.3", "-laws_points", "7")
-psi = np.array(s["psi"])
-close(psi, 0.1 + 0.2 * np.arange(7))
-smooth = np.tanh(psi / 0.1)
-close(s["coulomb"], (0.5 + 1.5 * np.exp(-psi * smooth / 0.3)) * smooth)
-assert s["cubic"] is None and s["stick"] == {}
 
-# a state law: the contact as strong as it settles to at each velocity
-s = summary("-friction_law", "carlson-langer", "-state_law", "healing", "-state_t_h", "0.5", "-state_tau_inf", "3",
-            "-state_D", "2", "-friction_back_slip", "false", "-laws_points", "11")
-psi = np.array(s["psi"])
-tau = (3 / 0.5 + np.abs(psi) / 2) / (1 / 0.5 + np.abs(psi) / 2)
-close(s["carlson-langer"], tau * np.sign(psi) / (1 + np.abs(psi)))
-assert s["stick"] == {"carlson-langer": [None, 3]}  # no force drives it backwards: from -infinity
+def test_one_law_regularised():
+    """One law, regularised; a range without 0."""
+    s = summary("-friction_law", "coulomb", "-friction_stick", "regularised", "-friction_eps", "0.1", "-friction_fs", "2",
+                "-friction_slip_velocity", "0.3", "-laws_from", "0.1", "-laws_to", "1.3", "-laws_points", "7")
+    psi = np.array(s["psi"])
+    close(psi, 0.1 + 0.2 * np.arange(7))
+    smooth = np.tanh(psi / 0.1)
+    close(s["coulomb"], (0.5 + 1.5 * np.exp(-psi * smooth / 0.3)) * smooth)
+    assert s["cubic"] is None and s["stick"] == {}
 
-# the file holds the same
-with tempfile.TemporaryDirectory() as folder:
-    path = os.path.join(folder, "laws.h5")
+
+def test_a_state_law():
+    """A state law: the contact as strong as it settles to at each velocity."""
+    s = summary("-friction_law", "carlson-langer", "-state_law", "healing", "-state_t_h", "0.5", "-state_tau_inf", "3",
+                "-state_D", "2", "-friction_back_slip", "false", "-laws_points", "11")
+    psi = np.array(s["psi"])
+    tau = (3 / 0.5 + np.abs(psi) / 2) / (1 / 0.5 + np.abs(psi) / 2)
+    close(s["carlson-langer"], tau * np.sign(psi) / (1 + np.abs(psi)))
+    assert s["stick"] == {"carlson-langer": [None, 3]}  # no force drives it backwards: from -infinity
+
+
+def test_the_file():
+    """The file holds the same."""
+    path = "laws.h5"
     s = summary("-out_file", path, "-laws_points", "5")
     with xarray.open_dataset(path, engine="h5netcdf") as data:
         close(data["psi"], s["psi"])
@@ -82,12 +87,14 @@ with tempfile.TemporaryDirectory() as folder:
 
     # drawn, also where a stick range has no lower end
     call("-out_file", path, "-friction_law", "coulomb", "-friction_back_slip", "false")
-    plot = os.path.join(os.environ["STICKSLIP_SOURCE"], "postprocess", "plot.py")
+    plot = os.path.join(SOURCE, "postprocess", "plot.py")
     drawn = subprocess.run([sys.executable, "-B", plot, path, "-o", path + ".png"], capture_output=True, text=True)
     assert drawn.returncode == 0 and not drawn.stderr and os.path.getsize(path + ".png") > 5000, drawn
 
-refused("laws_from 4", "-laws_from", "4")
-refused("laws_points 1", "-laws_points", "1")
-refused("friction_fs", "-friction_law", "cubic", "-friction_fs", "2")
-refused("-laws_points?", "-laws_pionts", "5")
-refused("out_file", "-out_file", "/")
+
+def test_wrong_use():
+    refused("laws_from 4", "-laws_from", "4")
+    refused("laws_points 1", "-laws_points", "1")
+    refused("friction_fs", "-friction_law", "cubic", "-friction_fs", "2")
+    refused("-laws_points?", "-laws_pionts", "5")
+    refused("out_file", "-out_file", "/")

@@ -6,7 +6,7 @@ import subprocess
 import tempfile
 import time
 
-from cli import PROGRAM, SOURCE, check, finish, scene_file, words
+from calls import PROGRAM, SOURCE, check, scene_file, words
 
 
 class Run:
@@ -31,11 +31,11 @@ class Run:
 TRAIN, SPEED, AMPLITUDE = ("-model_delta 0 -model_v 0.5 -init_type wave -init_pulses 4 -grid_length 100 -grid_n 192 "
                            "-scene_reduce off -ts_max_time 20 "), 2.68955, 2.012
 # Sliding with a little noise, unstable below v = 0.966.
-SLIDING = "-grid_n 64 -grid_length 20 -init_psi steady -init_eta steady -init_noise 1e-3 "
+SLIDING = "-grid_n 64 -grid_length 20 -init_psi steady -init_eta steady -init_noise 1e-3 -init_noise_length 0 "
 NOT_FOLLOWED = "do not follow the motion"
 
 
-def sound_runs():
+def test_sound_runs():
     for method in ["rk -ts_rk_type 4 -ts_dt 0.1", "rk -ts_rk_type 3bs", "arkimex -imex_implicit both", "rosw", "bdf",
                    "cn -ts_dt 0.05", "beuler -ts_dt 0.01", "ssp -ts_dt 0.05"]:
         run = Run(TRAIN + "-ts_type " + method).expect(0)
@@ -47,7 +47,7 @@ def sound_runs():
     Run(SLIDING + "-model_v 1.1 -ts_max_time 100 -ts_type arkimex -imex_implicit both").expect(0)
 
 
-def blow_up():
+def test_blow_up():
     Run(TRAIN + "-ts_type rk -ts_rk_type 4 -ts_dt 0.6").expect(
         1, "beyond the stability limit of rk:4", "the solution is not finite")
     # linearly implicit: no Newton's method that could fail, but the step is as wrong as its one linear solve
@@ -58,13 +58,13 @@ def blow_up():
     check(run.amplitude > 1.5 * AMPLITUDE, f"short waves: amplitude {run.amplitude}")
 
 
-def newton_divergence():
+def test_newton_divergence():
     Run(TRAIN + "-ts_type beuler -ts_dt 1").expect(1, "Newton's method failed in the implicit part")
 
 
-def false_stability():
+def test_false_stability():
     # fixed steps
-    run = Run(TRAIN + "-ts_max_time 40 -ts_type beuler -ts_dt 5").expect(
+    run = Run(TRAIN + "-ts_max_time 60 -ts_type beuler -ts_dt 5").expect(
         0, "let them decay like exp(", "the regime `sliding` is the method's", NOT_FOLLOWED)
     check(run.regime == "sliding", f"backward Euler: {run.regime}")
     # Adaptive ones: an instability below the tolerance is not seen by the error estimate.
@@ -78,13 +78,13 @@ def false_stability():
     check(growing.amplitude > 50 * run.amplitude and "method's" not in growing.said, "explicit steps let it grow")
 
 
-def slow_growth():
+def test_slow_growth():
     # Sliding that is left at 0.046 per unit time: what is seen after 100 hangs on the growth rate.
     slow = SLIDING + "-model_v 0.95 -ts_max_time 100 "
     front = "a front is not resolved"  # the noise is as short as the grid
     grows = "perturbations of steady sliding grow like exp(0.0463 t)"
     true = Run(slow).expect(0, front)
-    check(true.regime == "undecided" and grows not in true.said, f"{true.regime}: {true.said}")
+    check(true.regime == "growing" and grows not in true.said, f"{true.regime}: {true.said}")
     for method, amplitude in [("euler -ts_dt 0.0017", 2), ("arkimex -imex_implicit friction -ts_adapt_type none "
                                                             "-ts_dt 0.19", 2)]:
         run = Run(slow + "-ts_type " + method).expect(0, grows)
@@ -94,7 +94,7 @@ def slow_growth():
     check(grows not in run.said, "stick-slip has lasted")
 
 
-def short_slips():
+def test_short_slips():
     # Slips that last a thousandth of the window: amplitude and regime come from the steps, not from samples between
     # which they pass. Windows that end elsewhere see the same.
     plate = scene_file("plate")
@@ -104,14 +104,14 @@ def short_slips():
           f"plate: amplitudes {[run.amplitude for run in runs]}")
 
 
-def no_one_speed():
+def test_no_one_speed():
     # The nodes oscillate nearly as one when the first pulse enters: passage times, all alike, make no speed.
     scene = scene_file("pacemaker")
     run = Run(f"{scene} -out_frames 2 -grid_n 201 -ts_max_time 20").expect(0, "a front is not resolved")
     check(run.speed is None, f"pacemaker: speed {run.speed}")
 
 
-def chart_on_ranks():
+def test_chart_on_ranks():
     # The rows of a chart of limits do not depend on the ranks: steps found by bisection, each to 5 % or better.
     scene = os.path.join(SOURCE, "runs", "limits-train.yaml")
     rows = []
@@ -133,47 +133,15 @@ def chart_on_ranks():
             check(same, f"{one['method']}: {key} {one[key]} on 1 rank, {two[key]} on 2")
 
 
-def chart_goes_on():
-    # Killed and started again it takes its rows over, and they are those of a chart that was not killed.
-    scene = [os.path.join(SOURCE, "runs", "limits-train.yaml"), "-progress", "off", "-grid_n", "96", "-ts_max_time", "4",
-             "-chart_methods", "rk:3bs,rk:5dp,rk:4,beuler"]
-
-    def chart(*words):
-        done = subprocess.run([PROGRAM, "chart", *scene, *words, "-summary", "-"], capture_output=True, text=True,
-                              check=False)
-        check(done.returncode == 0, f"limits chart: {done.stderr}")
-        return json.loads(done.stdout)
-
-    with tempfile.TemporaryDirectory() as folder:
-        whole, log = os.path.join(folder, "l.h5"), os.path.join(folder, "l.rows.jsonl")
-
-        def rows_kept():
-            if not os.path.exists(log):
-                return 0
-            with open(log, encoding="utf-8") as file:
-                return sum('"row"' in line and line.endswith("\n") for line in file)
-
-        with subprocess.Popen([PROGRAM, "chart", *scene, "-out_file", whole], stderr=subprocess.DEVNULL) as running:
-            until = time.monotonic() + 60
-            while rows_kept() < 2 and running.poll() is None and time.monotonic() < until:
-                time.sleep(0.002)
-            check(running.poll() is None, "the chart was over before it could be killed")
-            running.kill()
-        kept = rows_kept()
-        resumed, plain = chart("-out_file", whole), chart()
-        check(resumed["rows_taken_over"] == kept >= 2 and plain["rows_taken_over"] == 0, f"rows taken over: {kept}")
-        check(resumed["rows"] == plain["rows"] and len(plain["rows"]) == 4, f"rows: {resumed['rows']}, {plain['rows']}")
-        check(os.path.exists(whole) and not os.path.exists(log), "the file is complete")
-
-
-def false_instability():
+def test_false_instability():
     stable = SLIDING + "-model_v 1.1 -ts_max_time 100 "
     run = Run(stable + "-ts_type bdf -ts_bdf_order 4 -ts_adapt_type none -ts_dt 0.3").expect(
         0, "beyond the stability limit of bdf:4", "steady sliding is stable here")
-    check(run.regime == "stick-slip", f"bdf 4: {run.regime}")
+    # the motion is the method's: neither the sliding that it has left nor what it has come to is the scene's
+    check(run.regime not in ("sliding", "stick-slip", "stuck"), f"bdf 4: {run.regime}")
 
 
-def spurious_roots():
+def test_spurious_roots():
     # Beyond dt = 0.382 the equations of a step of backward Euler have three solutions at gamma = 3 (test_limits.cpp).
     Run(TRAIN + "-ts_type beuler -ts_dt 0.38").expect(0, NOT_FOLLOWED)
     check("several solutions" not in Run(TRAIN + "-ts_type beuler -ts_dt 0.38").said, "one solution below the bound")
@@ -181,7 +149,7 @@ def spurious_roots():
     check(run.speed is None or abs(run.speed / SPEED - 1) > 0.2, f"spurious roots: speed {run.speed}")
 
 
-def wrong_speed():
+def test_wrong_speed():
     for method, wrong in [("cn -ts_dt 0.5", 0.02), ("beuler -ts_dt 0.1", 0.03),
                           ("bdf -ts_adapt_type none -ts_dt 0.5", 0.05), ("bdf -ts_rtol 0.1 -ts_atol 0.1", 0.05)]:
         run = Run(TRAIN + "-ts_max_time 30 -ts_type " + method).expect(0, NOT_FOLLOWED)
@@ -193,18 +161,3 @@ def wrong_speed():
     check(abs(run.speed / 1.21281 - 1) > 0.02, f"dispersion: speed {run.speed}")
     run = Run(near + "-grid_n 1024 -grid_order 4").expect(0)
     check(abs(run.speed / 1.21281 - 1) < 1e-3, f"resolved: speed {run.speed}")
-
-
-sound_runs()
-blow_up()
-newton_divergence()
-false_stability()
-slow_growth()
-short_slips()
-no_one_speed()
-chart_on_ranks()
-chart_goes_on()
-false_instability()
-spurious_roots()
-wrong_speed()
-finish()

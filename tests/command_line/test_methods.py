@@ -1,13 +1,12 @@
 """Methods from the command line: refusals, warnings and failures with their exit codes; displacement and energy."""
 import json
-import os
 import subprocess
-import tempfile
 
 import h5py
 import numpy as np
+import pytest
 
-from cli import PROGRAM, check, finish
+from calls import PROGRAM, check
 
 
 def run(arguments):
@@ -15,25 +14,26 @@ def run(arguments):
                           check=False)
 
 
-def refusals_and_warnings():
-    small = " -grid_n 64 -grid_length 6 -init_type sine -ts_max_time 1"
-    for arguments, code, text in [
-            ("-ts_type eimex", 2, "error: ts_type eimex"),
-            ("-ts_type glee", 2, "error: ts_type glee: it ignores the implicit part"),
-            ("-ts_type arkimex -ts_arkimex_type bpr3", 2, "its order falls to 1"),
-            ("-ts_type rk -ts_rk_type 4 -ts_adapt_type basic", 2, "rk:4 has no error estimate"),
-            ("-ts_type rk -ts_rk_type 4 -ts_dt 0.01 -ts_rtol 1e-9", 0, "warning: ts_rtol has no effect"),
-            ("-ts_type ssp", 0, "chosen for stability and not for accuracy"),
-            ("-ts_dt 1e6", 0, ""),
-            ("-ts_type rk -ts_rk_type 4 -ts_dt 1", 1, "is beyond the stability limit of rk:4"),
-            ("-ts_type rk -ts_rk_type 4 -ts_dt 1", 1, "error: the solution is not finite after step")]:
-        done = run(arguments + small + (" -ts_max_time 40" if code == 1 else ""))
-        check(done.returncode == code, f"{arguments}: exit {done.returncode}, not {code}: {done.stderr}")
-        check(text in done.stderr, f"{arguments}: no '{text}' in: {done.stderr}")
+SMALL = " -grid_n 64 -grid_length 6 -init_type sine -ts_max_time 1"
 
 
-def displacement(folder):
-    path, summary = os.path.join(folder, "a.h5"), os.path.join(folder, "a.json")
+@pytest.mark.parametrize("arguments, code, text", [
+    ("-ts_type eimex", 2, "error: ts_type eimex"),
+    ("-ts_type glee", 2, "error: ts_type glee: it ignores the implicit part"),
+    ("-ts_type arkimex -ts_arkimex_type bpr3", 2, "its order falls to 1"),
+    ("-ts_type rk -ts_rk_type 4 -ts_adapt_type basic", 2, "rk:4 has no error estimate"),
+    ("-ts_type rk -ts_rk_type 4 -ts_dt 0.01 -ts_rtol 1e-9", 0, "warning: ts_rtol has no effect"),
+    ("-ts_type ssp", 0, "chosen for stability and not for accuracy"),
+    ("-ts_dt 1e6", 0, ""),
+    ("-ts_type rk -ts_rk_type 4 -ts_dt 1", 1, "is beyond the stability limit of rk:4"),
+    ("-ts_type rk -ts_rk_type 4 -ts_dt 1", 1, "error: the solution is not finite after step")])
+def test_refusals_and_warnings(arguments, code, text):
+    done = run(arguments + SMALL + (" -ts_max_time 40" if code == 1 else ""))
+    assert done.returncode == code and text in done.stderr, done.stderr
+
+
+def test_displacement_and_energy():
+    path, summary = "a.h5", "a.json"
     done = run(f"-init_type sine -grid_n 64 -grid_length 12 -ts_max_time 2 -ts_rtol 1e-8 -out_file {path} -summary {summary} "
                "-out_displacement -out_frames 201")
     check(done.returncode == 0, done.stderr)
@@ -51,9 +51,3 @@ def displacement(folder):
         check(abs(energy[-1] - energy[0] - gained) < 1e-2 * abs(gained), "the energy balance")
     done = run(f"-model_form chain -model_k0 0 -out_file {path} -out_displacement")
     check(done.returncode == 2 and "out_displacement" in done.stderr, "a chain that is nowhere: " + done.stderr)
-
-
-with tempfile.TemporaryDirectory() as where:
-    refusals_and_warnings()
-    displacement(where)
-finish()

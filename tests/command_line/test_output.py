@@ -14,9 +14,10 @@ import time
 
 import h5py
 import numpy as np
+import pytest
 import xarray
 
-from cli import PROGRAM, SOURCE, check, finish
+from calls import PROGRAM, SOURCE, check, line, ranks_of
 
 sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
 import plot as PLOT  # noqa: E402
@@ -69,7 +70,7 @@ def whole(path, reference):
 SINE = ["-init_type", "sine", "-out_probes", "0,10.3125,45"]
 
 
-def what_is_in_a_file():
+def test_what_is_in_a_file():
     out = run(*SINE, "-grid_n", 64, "-ts_max_time", 5, "-out_frames", 11, "-out_file", "a.h5", "-summary", "a.json")
     check(out.returncode == 0, "run: " + out.stderr)
     with open("a.json", encoding="utf-8") as file:
@@ -105,12 +106,17 @@ def what_is_in_a_file():
     check(out.returncode == 0 and json.loads(out.stdout)["ranks"] == 2, "summary on standard output, once")
 
 
-def outputs_refused():
+def foreign_files():
     with open("notes.txt", "w", encoding="utf-8") as file:
         file.write("keep me")
     with h5py.File("foreign.h5", "w") as file:
         file["t"] = [1.0]
     os.makedirs("folder", exist_ok=True)
+
+
+def test_outputs_refused():
+    foreign_files()
+    run(*SINE, "-grid_n", 64, "-ts_max_time", 5, "-out_frames", 11, "-out_file", "a.h5")
     for name in ("notes.txt", "foreign.h5"):
         before = open(name, "rb").read()
         check(refused(run("-out_file", name), 2, "out_file", name, "not written by this program"), f"out_file {name}")
@@ -131,7 +137,7 @@ def outputs_refused():
     check(not glob.glob(".*.tmp") and not glob.glob(".*.new"), "no temporary file is left")
 
 
-def failures_and_stops():
+def test_failures_and_stops():
     out = run("-init_type", "sine", "-grid_n", 64, "-ts_type", "rk", "-ts_adapt_type", "none", "-ts_dt", 0.9,
               "-out_file", "f.h5", "-summary", "f.json")
     check(refused(out, 1), "an explicit step too long: " + out.stderr)
@@ -166,61 +172,59 @@ def wait_for(path, process):
 
 
 def kill(process, ranks):
-    """Kills the ranks of a run (mpirun keeps them as its children) and waits until all are gone."""
-    victims = [process.pid]
-    if ranks > 1:
-        with open(f"/proc/{process.pid}/task/{process.pid}/children", encoding="ascii") as file:
-            victims = [int(pid) for pid in file.read().split()]
-    for pid in victims:
+    """Kills the ranks of a run and waits until all are gone."""
+    for pid in ranks_of(process, ranks, "pids"):
         os.kill(pid, signal.SIGKILL)
     process.wait()
 
 
-def killed():
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_killed(ranks):
     """Kills at random moments; the file is the beginning of what an uninterrupted run writes, and can be continued."""
     scene = [*SINE, "-grid_n", 400, "-ts_max_time", 15, "-out_frames", 2001, "-out_checkpoint_every", 40]
     rng = random.Random(7)
-    for ranks in (1, 2):
-        begin = time.monotonic()
-        out = run(*scene, "-out_file", f"reference{ranks}.h5", ranks=ranks)
-        duration = time.monotonic() - begin
-        check(out.returncode == 0, "reference: " + out.stderr)
-        reference = contents(f"reference{ranks}.h5")
-        seen, continued = [], 0
-        for attempt in range(6):
-            path = f"killed{ranks}-{attempt}.h5"
-            process = subprocess.Popen(command(*scene, "-out_file", path, ranks=ranks), stderr=subprocess.DEVNULL)
-            wait_for(path, process)
-            watched = 0
-            end = time.monotonic() + rng.uniform(0, 0.6) * duration
-            while time.monotonic() < end:  # a reader comes along while it is written
-                watched = max(watched, whole(path, reference))
-                time.sleep(0.01)
-            kill(process, ranks)
-            seen.append(whole(path, reference))
-            check(seen[-1] >= watched, "no frame is lost that a reader has seen")
-            with xarray.open_dataset(path, engine="h5netcdf") as data:
-                check(data.psi.shape[1] == 400, "xarray opens it")
-            checkpoints = sorted(glob.glob(f"killed{ranks}-{attempt}.chk-*.h5"))
-            check(len(checkpoints) <= 3, "old checkpoints are removed")
-            if checkpoints and continued < 2:
-                continued += 1
-                out = run("-restart", checkpoints[-1], ranks=ranks)
-                check(out.returncode == 0, "restart: " + out.stderr)
-                check(whole(path, reference) == len(reference["t"]), "a restart completes the file")
-                now = contents(path)
-                for name in now:
-                    check(now[name].shape == reference[name].shape, f"after a restart {name} is as long as without")
-        print(f"ranks {ranks}: frames at the kills: {seen} of {len(reference['t'])}; {continued} continued")
-        check(continued > 0, "some kill left a checkpoint")
+    begin = time.monotonic()
+    out = run(*scene, "-out_file", f"reference{ranks}.h5", ranks=ranks)
+    duration = time.monotonic() - begin
+    check(out.returncode == 0, "reference: " + out.stderr)
+    reference = contents(f"reference{ranks}.h5")
+    seen, continued = [], 0
+    for attempt in range(6):
+        path = f"killed{ranks}-{attempt}.h5"
+        if os.path.exists("pids"):
+            os.remove("pids")
+        process = subprocess.Popen(line([*scene, "-out_file", path], ranks, pids="pids"), stderr=subprocess.DEVNULL)
+        wait_for(path, process)
+        watched = 0
+        end = time.monotonic() + rng.uniform(0, 0.6) * duration
+        while time.monotonic() < end:  # a reader comes along while it is written
+            watched = max(watched, whole(path, reference))
+            time.sleep(0.01)
+        kill(process, ranks)
+        seen.append(whole(path, reference))
+        check(seen[-1] >= watched, "no frame is lost that a reader has seen")
+        with xarray.open_dataset(path, engine="h5netcdf") as data:
+            check(data.psi.shape[1] == 400, "xarray opens it")
+        checkpoints = sorted(glob.glob(f"killed{ranks}-{attempt}.chk-*.h5"))
+        check(len(checkpoints) <= 3, "old checkpoints are removed")
+        if checkpoints and continued < 2:
+            continued += 1
+            out = run("-restart", checkpoints[-1], ranks=ranks)
+            check(out.returncode == 0, "restart: " + out.stderr)
+            check(whole(path, reference) == len(reference["t"]), "a restart completes the file")
+            now = contents(path)
+            for name in now:
+                check(now[name].shape == reference[name].shape, f"after a restart {name} is as long as without")
+    print(f"ranks {ranks}: frames at the kills: {seen} of {len(reference['t'])}; {continued} continued")
+    check(continued > 0, "some kill left a checkpoint")
 
 
-def full_disk():
+def test_full_disk():
     """A small disk, where the machine lets us make one (the unit tests have the same with a write that fails)."""
     script = ('mkdir small && mount -t tmpfs -o size=1m tmpfs small && cd small && "$@"; code=$?; '
               'cp *.h5 s.json .. 2>/dev/null; cd ..; exit $code')
     if subprocess.run(["unshare", "-rm", "sh", "-c", script, "sh", "true"], capture_output=True).returncode != 0:
-        print("full disk: no mount here, left to cli_stops.py, which limits the size of files")
+        print("full disk: no mount here, left to test_stops.py, which limits the size of files")
         return
     os.rmdir("small")
     out = subprocess.run(["unshare", "-rm", "sh", "-c", script, "sh", *command(
@@ -245,7 +249,11 @@ def is_picture(path):
         return file.read(8) == b"\x89PNG\r\n\x1a\n" and os.path.getsize(path) > 10000
 
 
-def pictures():
+def test_pictures():
+    foreign_files()
+    run("-grid_n", 16, "-ts_max_time", 1, "-out_file", "a.h5")
+    run(*SINE, "-grid_n", 400, "-ts_max_time", 15, "-out_frames", 2001, "-out_checkpoint_every", 40, "-out_file",
+        "reference1.h5")
     out = subprocess.run(["/usr/bin/python3", "-B", PLOT.__file__, "reference1.h5"], capture_output=True, text=True,
                          timeout=120)
     check(out.returncode == 0 and out.stdout == "reference1.png\n" and is_picture("reference1.png"), out.stderr)
@@ -265,21 +273,6 @@ def pictures():
         file.write(open("reference1.h5", "rb").read(100000))
     for arguments in (["notes.txt"], ["foreign.h5"], ["none.h5"], ["folder"], ["cut.h5"], ["a.h5", "--probes"],
                       ["reference1.h5", "--profile", "--frame", "5000"], ["a.h5", "-o", "none/a.png"],
-                      ["a.h5", "--field", "tau"], [sorted(glob.glob("stop.chk-*.h5"))[-1]], ["laws.h5", "--phase"]):
+                      ["a.h5", "--field", "tau"], [sorted(glob.glob("reference1.chk-*.h5"))[-1]], ["laws.h5", "--phase"]):
         code, said = plot(*arguments)
         check(code == 2 and said.count("\n") == 1 and said.startswith("plot.py: error: "), f"{arguments}: {said}")
-
-
-def main():
-    with tempfile.TemporaryDirectory(prefix="stickslip-output-") as folder:
-        os.chdir(folder)
-        for part in (what_is_in_a_file, outputs_refused, failures_and_stops, killed, full_disk, pictures):
-            begin = time.monotonic()
-            part()
-            print(f"{part.__name__}: {time.monotonic() - begin:.1f} s")
-        os.chdir("/")
-    finish()
-
-
-if __name__ == "__main__":
-    main()

@@ -1,8 +1,10 @@
 """Every command gives the same answer on 1, 2, 3 and 4 ranks, over scenes of runs/: eigenvalues, roots, speeds and
-tables to 1e-9 (an eigensolver's tolerance), runs to 1e-10 after a short time. (cli_run.py: frames to 1e-12.)"""
+tables to 1e-9 (an eigensolver's tolerance), runs to 1e-10 after a short time. (test_run.py: frames to 1e-12.)"""
 import math
 
-from cli import check, finish, run, scene_file, scratch
+import pytest
+
+from calls import check, run, scene_file
 
 RANKS = (2, 3, 4)
 
@@ -36,18 +38,23 @@ def compare(command, arguments, keys, tolerance):
         check(one["warnings"] == other["warnings"], f"{command} {arguments}: warnings on {ranks} ranks")
 
 
-with scratch():
-    fields = ["t_end", "psi_min", "psi_max", "psi_mean", "eta_mean", "probes", "regime", "steps"]
-    for name in ("pacemaker", "chain-damped", "ring", "spread-continuum"):
-        compare("run", f"{scene_file(name)} -ts_max_time 1 -out_probes 2.5", fields, 1e-10)
-    compare("spectrum", "-grid_n 60 -model_v 0.95", ["growth_rate", "stable", "complete", "frequency"], 1e-9)
-    compare("spectrum", "-grid_n 64 -bc_left velocity -bc_left_value -1.5 -friction_spread 0.3 -spectrum_refine off",
-            ["growth_rate", "frequency", "stable", "complete"], 1e-9)
-    compare("spectrum", "-model_form chain -grid_n 23 -bc_left free -model_zeta paper", ["growth_rate", "stable"], 1e-9)
-    compare("boundary", "-grid_n 32 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5", ["points"], 1e-9)
-    compare("boundary", "-grid_n 32 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 "
-            "-boundary_parameter2 model_delta -boundary_from2 0.1 -boundary_to2 0.5 -boundary_points 4", ["points"], 1e-8)
-    compare("wave", "-model_delta 0 -model_v 0.5 -wave_pulses 4 -wave_length 100",
-            ["speed", "length", "period", "psi_max", "psi_min"], 1e-9)
-    compare("laws", "-laws_points 7", ["psi", "cubic", "carlson-langer"], 0)
-finish()
+FIELDS = ["t_end", "psi_min", "psi_max", "psi_mean", "eta_mean", "probes", "regime", "steps"]
+TRAIN = ["speed", "length", "period", "psi_max", "psi_min"]
+LINE = "-grid_n 32 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 "
+CASES = [
+    *(("run", f"{scene_file(name)} -ts_max_time 1 -out_probes 2.5", FIELDS, 1e-10)
+      for name in ("pacemaker", "chain-damped", "ring", "spread-continuum")),
+    ("spectrum", "-grid_n 60 -model_v 0.95", ["growth_rate", "stable", "complete", "frequency"], 1e-9),
+    ("spectrum", "-grid_n 64 -bc_left velocity -bc_left_value -1.5 -friction_spread 0.3 -spectrum_refine off",
+     ["growth_rate", "frequency", "stable", "complete"], 1e-9),
+    ("spectrum", "-model_form chain -grid_n 23 -bc_left free -model_zeta paper", ["growth_rate", "stable"], 1e-9),
+    ("boundary", LINE, ["points"], 1e-9),
+    ("boundary", LINE + "-boundary_parameter2 model_delta -boundary_from2 0.1 -boundary_to2 0.5 -boundary_points 4",
+     ["points"], 1e-8),
+    ("wave", "-model_delta 0 -model_v 0.5 -wave_pulses 4 -wave_length 100", TRAIN, 1e-9),
+    ("laws", "-laws_points 7", ["psi", "cubic", "carlson-langer"], 0)]
+
+
+@pytest.mark.parametrize("command, arguments, keys, tolerance", CASES)
+def test_same_on_any_ranks(command, arguments, keys, tolerance):
+    compare(command, arguments, keys, tolerance)

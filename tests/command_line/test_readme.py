@@ -3,23 +3,27 @@ import json
 import os
 import re
 import subprocess
-import tempfile
 
-source, program = os.environ["STICKSLIP_SOURCE"], os.environ["STICKSLIP"]
-with open(os.path.join(source, "README.md"), encoding="utf-8") as page:
-    tour = re.search(r"```sh\n(.*?)```", page.read(), re.DOTALL).group(1)
-commands = [line for line in tour.splitlines() if line and not line.startswith("#")]
-assert len(commands) >= 8, commands
+from calls import PROGRAM, SOURCE
 
-with tempfile.TemporaryDirectory() as folder:
-    os.makedirs(os.path.join(folder, "build"))
-    os.makedirs(os.path.join(folder, "results"))
-    os.symlink(program, os.path.join(folder, "build", "stickslip"))
+
+def tour():
+    with open(os.path.join(SOURCE, "README.md"), encoding="utf-8") as page:
+        text = re.search(r"```sh\n(.*?)```", page.read(), re.DOTALL).group(1)
+    return [line for line in text.splitlines() if line and not line.startswith("#")]
+
+
+def test_tour():
+    commands = tour()
+    assert len(commands) >= 8, commands
+    os.makedirs("build")
+    os.makedirs("results")
+    os.symlink(PROGRAM, os.path.join("build", "stickslip"))
     for name in ("runs", "postprocess"):
-        os.symlink(os.path.join(source, name), os.path.join(folder, name))
+        os.symlink(os.path.join(SOURCE, name), name)
     said = {}
     for command in commands:
-        done = subprocess.run(command, shell=True, cwd=folder, capture_output=True, text=True)
+        done = subprocess.run(command, shell=True, capture_output=True, text=True)
         assert done.returncode == 0 and "error" not in done.stderr, f"{command}\n{done.stderr}"
         said[command] = done.stdout
 
@@ -29,7 +33,7 @@ with tempfile.TemporaryDirectory() as folder:
         name = re.search(r"-summary (\S+)", command).group(1)
         if name == "-":
             return json.loads(said[command])
-        with open(os.path.join(folder, name), encoding="utf-8") as file:
+        with open(name, encoding="utf-8") as file:
             return json.load(file)
 
     run = summary("build/stickslip run runs/pacemaker.yaml")
@@ -44,4 +48,4 @@ with tempfile.TemporaryDirectory() as folder:
     assert len(points) == 1 and abs(points[0]["value"] - (1 - 0.2 / 3)**0.5) < 1e-9, points
     assert abs(summary("build/stickslip wave")["speed"] - 2.68955) < 1e-5
     for picture in ("pacemaker.png", "pacemaker-phase.png", "laws.png"):
-        assert os.path.getsize(os.path.join(folder, "results", picture)) > 5000, picture
+        assert os.path.getsize(os.path.join("results", picture)) > 5000, picture

@@ -6,8 +6,9 @@ import subprocess
 
 import h5py
 import numpy as np
+import pytest
 
-from cli import PROGRAM, check, data, finish, scratch
+from calls import PROGRAM, check, data
 
 
 def run(arguments, ranks=1, code=0):
@@ -37,37 +38,41 @@ SCENES = [  # options, unknowns solved for; adaptive steps pass their round-off 
 ]
 
 
-def same_answer():
-    for scene, unknowns in SCENES:
-        bound = 1e-12 if FIXED in scene else 1e-9
-        whole, error = run(scene + " -scene_reduce off -out_file whole.h5 -out_probes 0,0.37,7.21,23.4")
-        check(whole["reduced"] is None and "scene_reduce" not in error, "off is off: " + scene)
-        reference = data("whole.h5")
-        for ranks in (1, 3):
-            got, error = run(scene + " -out_file cell.h5 -out_probes 0,0.37,7.21,23.4", ranks)
-            check(got["unknowns"] == unknowns and got["reduced"], f"{got['unknowns']} {got['reduced']}: {scene}")
-            check(got["steps"] == whole["steps"], f"steps {got['steps']} {whole['steps']}: {scene}")
-            for key in ("psi_min", "psi_max", "psi_mean", "eta_mean", "amplitude", "wave_speed"):
-                a, b = got[key], whole[key]
-                check(a == b if a is None or b is None else abs(a - b) < bound, f"{key} {a} {b}: {scene}")
-            for key in ("regime", "pulses", "method", "implicit", "t_end"):
-                check(got[key] == whole[key], f"{key} {got[key]} {whole[key]}: {scene}")
-            for a, b in zip(got["probes"], whole["probes"]):
-                check(abs(a["psi"] - b["psi"]) + abs(a["eta"] - b["eta"]) < 10 * bound, f"probe {a} {b}: {scene}")
-            cell = data("cell.h5")
-            check(cell.keys() == reference.keys(), f"datasets: {scene}")
-            for name, values in reference.items():
-                if name in ("series/dt", "series/t", "probes/t"):
-                    continue
-                # rows of every step carry the round-off of the step control, times the slope of psi
-                own = bound if "/" not in name or FIXED in scene else 1e-6
-                size = 1 + np.abs(values).max()
-                difference = np.abs(cell[name] - values).max()
-                check(cell[name].shape == values.shape and difference < own * size,
-                      f"{name} differs by {difference} on {ranks} ranks: {scene}")
+@pytest.mark.parametrize("scene, unknowns", SCENES)
+def test_same_answer(scene, unknowns):
+    bound = 1e-12 if FIXED in scene else 1e-9
+    whole, error = run(scene + " -scene_reduce off -out_file whole.h5 -out_probes 0,0.37,7.21,23.4")
+    check(whole["reduced"] is None and "scene_reduce" not in error, "off is off: " + scene)
+    reference = data("whole.h5")
+    for ranks in (1, 3):
+        got, error = run(scene + " -out_file cell.h5 -out_probes 0,0.37,7.21,23.4", ranks)
+        check(got["unknowns"] == unknowns and got["reduced"], f"{got['unknowns']} {got['reduced']}: {scene}")
+        check(got["steps"] == whole["steps"], f"steps {got['steps']} {whole['steps']}: {scene}")
+        for key in ("psi_min", "psi_max", "psi_mean", "eta_mean", "amplitude", "wave_speed"):
+            a, b = got[key], whole[key]
+            # of larger grids the amplitude is that of every second node, or of every fourth step; turning points
+            # between steps take round-off in slopes
+            own = bound if key != "amplitude" else 5e-3 if "-grid_n 256" in scene else 10 * bound
+            own = 1e-6 if key == "wave_speed" and "-grid_n 256" in scene else own  # phases at other moments
+            check(a == b if a is None or b is None else abs(a - b) < own, f"{key} {a} {b}: {scene}")
+        for key in ("regime", "pulses", "method", "implicit", "t_end"):
+            check(got[key] == whole[key], f"{key} {got[key]} {whole[key]}: {scene}")
+        for a, b in zip(got["probes"], whole["probes"]):
+            check(abs(a["psi"] - b["psi"]) + abs(a["eta"] - b["eta"]) < 10 * bound, f"probe {a} {b}: {scene}")
+        cell = data("cell.h5")
+        check(cell.keys() == reference.keys(), f"datasets: {scene}")
+        for name, values in reference.items():
+            if name in ("series/dt", "series/t", "probes/t"):
+                continue
+            # rows of every step carry the round-off of the step control, times the slope of psi
+            own = bound if "/" not in name or FIXED in scene else 1e-6
+            size = 1 + np.abs(values).max()
+            difference = np.abs(cell[name] - values).max()
+            check(cell[name].shape == values.shape and difference < own * size,
+                  f"{name} differs by {difference} on {ranks} ranks: {scene}")
 
 
-def not_reduced():
+def test_one_bit_breaks_the_symmetry():
     # one bit of one node
     run("-grid_n 40 -ts_max_time 0.5 -out_file even.h5")
     kept, _ = run("-grid_n 40 -ts_max_time 0.5 -init_type file -init_file even.h5")
@@ -84,7 +89,7 @@ def not_reduced():
     check(cells["unknowns"] == 80, "cells between free ends are not reduced")
 
 
-def restart():
+def test_restart_keeps_the_reduction():
     for scene, unknowns in (("-grid_n 48", 2), ("-grid_n 48 -init_type sine -init_mode 4", 24)):
         whole, _ = run(f"{scene} -ts_max_time 10 -out_probes 3 -out_file r.h5 -out_checkpoint_every 30"
                        " -out_checkpoint_keep 99")
@@ -105,7 +110,7 @@ def restart():
                 os.remove(old)
 
 
-def told():
+def test_unstable_symmetry_is_told():
     unstable = "-model_v 0 -model_delta 0 -grid_n 64"
     got, error = run(unstable + " -progress on")
     check(error.count("unstable to waves") == 1 and "unstable to waves" in got["warnings"][0], "long waves: " + error)
@@ -129,9 +134,3 @@ def told():
     done = subprocess.run(["mpirun", "-n", "2", PROGRAM, "run", "-ts_max_steps", "3", "-ts_monitor"],
                           capture_output=True, text=True, timeout=60)  # every rank solves, one prints
     check(done.stdout.count("TS dt") == 4, "monitors print once: " + done.stdout)
-
-
-with scratch():
-    for part in (same_answer, not_reduced, restart, told):
-        part()
-finish()

@@ -8,8 +8,9 @@ import time
 
 import h5py
 import numpy as np
+import pytest
 
-from cli import check, data, finish, line, methods, refused, run, same, scratch
+from calls import check, data, line, methods, refused, run, same
 
 TINY = ("-grid_n 20 -grid_length 12 -init_type sine -ts_max_time 0.9 -out_frames 7 -out_probes 3,7.1 -ts_dt 0.02"
         " -ts_max_steps 40")
@@ -48,26 +49,32 @@ def goes_on(arguments, name, ranks=2, every=3):
         clear("other")
 
 
-def every_method():
-    several = {"rk:5dp none", "rk:3bs none", "euler none", "ssp:rks2 none", "arkimex:3 friction", "arkimex:4 wave",
-               "arkimex:4 both", "rosw:ra34pw2 both", "bdf:2 both", "bdf:6 both", "theta both", "cn both", "alpha both"}
-    names = set()
-    for arguments, name in methods():
-        names.add(name)
-        goes_on(arguments, name, ranks=2 if name in several else 1)
-    check(len(names) >= 75 and several < names, f"{len(names)} methods and splits in docs/methods.md")
+SEVERAL_RANKS = {"rk:5dp none", "rk:3bs none", "euler none", "ssp:rks2 none", "arkimex:3 friction", "arkimex:4 wave",
+                 "arkimex:4 both", "rosw:ra34pw2 both", "bdf:2 both", "bdf:6 both", "theta both", "cn both", "alpha both"}
+METHODS = list(methods())
 
 
-def every_controller():
-    for arguments in ("-ts_adapt_type dsp", "-ts_type rk -ts_rk_type 3bs -ts_adapt_type dsp",
-                      "-ts_type bdf -ts_adapt_type dsp", "-ts_type theta -ts_adapt_type basic",
-                      "-ts_type alpha -ts_adapt_type basic", "-ts_type bdf -ts_bdf_order 4 -ts_adapt_type none",
-                      "-ts_adapt_time_step_increase_delay 3",
-                      "-ts_type arkimex -imex_implicit both -ts_arkimex_initial_guess_extrapolate"):
-        goes_on(arguments, arguments, ranks=1, every=3)
+def test_methods_are_those_of_the_page():
+    names = {name for _, name in METHODS}
+    assert len(names) >= 75 and SEVERAL_RANKS < names
 
 
-def memory_is_told():
+@pytest.mark.parametrize("arguments, name", METHODS, ids=[name for _, name in METHODS])
+def test_every_method(arguments, name):
+    goes_on(arguments, name, ranks=2 if name in SEVERAL_RANKS else 1)
+
+
+@pytest.mark.parametrize("arguments", [
+    "-ts_adapt_type dsp", "-ts_type rk -ts_rk_type 3bs -ts_adapt_type dsp",
+    "-ts_type bdf -ts_adapt_type dsp", "-ts_type theta -ts_adapt_type basic",
+    "-ts_type alpha -ts_adapt_type basic", "-ts_type bdf -ts_bdf_order 4 -ts_adapt_type none",
+    "-ts_adapt_time_step_increase_delay 3",
+    "-ts_type arkimex -imex_implicit both -ts_arkimex_initial_guess_extrapolate"])
+def test_every_controller(arguments):
+    goes_on(arguments, arguments, ranks=1, every=3)
+
+
+def test_memory_is_told():
     """What PETSc's solvers keep between steps is in no checkpoint: told before the run, where there are checkpoints."""
     for arguments in ("-snes_lag_jacobian -2", "-snes_lag_preconditioner 4 -snes_lag_preconditioner_persists true",
                       "-snes_type qn -snes_max_it 300"):
@@ -86,7 +93,7 @@ LONG += " -out_frames 31 -out_probes 4.2"
 LONGER = LONG.replace("max_time 15", "max_time 40")  # mpirun passes a signal on after a second
 
 
-def by_the_clock():
+def test_by_the_clock():
     begin = time.monotonic()
     run(f"{LONG} -out_file plain.h5")
     every = (time.monotonic() - begin) / 20
@@ -97,40 +104,37 @@ def by_the_clock():
     check(len(checkpoints) >= 3, f"{len(checkpoints)} checkpoints by the clock")
     run(f"-restart {checkpoints[0]} -out_file clock.h5")
     same(reference, data("clock.h5"), "a restart from a checkpoint by the clock")
-    return reference
 
 
-def by_signal(reference):
+@pytest.mark.parametrize("ranks, scene", [(1, LONG), (2, LONGER)])
+def test_by_signal(ranks, scene):
     """SIGUSR1 goes on; SIGTERM and SIGINT stop; a restart completes the same file. mpirun returns codes of its own."""
-    for ranks, scene in ((1, LONG), (2, LONGER)):
-        expected = reference
-        if ranks > 1:
-            run(f"{scene} -out_file plain{ranks}.h5", ranks)
-            expected = data(f"plain{ranks}.h5")
-        for number in (signal.SIGUSR1, signal.SIGTERM, signal.SIGINT):
-            clear("signal")
-            process = subprocess.Popen(line(f"{scene} -out_file signal.h5 -summary signal.json", ranks),
-                                       stderr=subprocess.PIPE, text=True)
-            while not os.path.exists("signal.h5") and process.poll() is None:
-                time.sleep(0.002)
-            process.send_signal(number)
-            begin = time.monotonic()
-            _, said = process.communicate(timeout=600)  # under sanitizers it takes minutes
-            name = f"{number.name} on {ranks} ranks"
-            checkpoints = glob.glob("signal.chk-*.h5")
-            check(len(checkpoints) == 1, f"{name}: {len(checkpoints)} checkpoints; {said}")
-            with open("signal.json", encoding="utf-8") as file:
-                text = file.read()
-            if number == signal.SIGUSR1:
-                check(process.returncode == 0 and '"status": "done"' in text, f"{name} goes on: {said}")
-            else:
-                check(time.monotonic() - begin < 5, f"{name} stops soon")
-                heard = number.name if ranks == 1 else "SIGTERM"  # mpirun passes SIGINT on as SIGTERM
-                check('"status": "stopped"' in text and f'"{heard}; checkpoint signal.chk-' in text, text[:500])
-                check(process.returncode == (128 + number if ranks == 1 else process.returncode) != 0, f"{name}: code")
-            if checkpoints:
-                run(f"-restart {checkpoints[0]} -out_file signal.h5", ranks)
-            same(expected, data("signal.h5"), name)
+    run(f"{scene} -out_file plain.h5", ranks)
+    expected = data("plain.h5")
+    for number in (signal.SIGUSR1, signal.SIGTERM, signal.SIGINT):
+        clear("signal")
+        process = subprocess.Popen(line(f"{scene} -out_file signal.h5 -summary signal.json", ranks),
+                                   stderr=subprocess.PIPE, text=True)
+        while not os.path.exists("signal.h5") and process.poll() is None:
+            time.sleep(0.002)
+        process.send_signal(number)
+        begin = time.monotonic()
+        _, said = process.communicate(timeout=600)  # under sanitizers it takes minutes
+        name = f"{number.name} on {ranks} ranks"
+        checkpoints = glob.glob("signal.chk-*.h5")
+        check(len(checkpoints) == 1, f"{name}: {len(checkpoints)} checkpoints; {said}")
+        with open("signal.json", encoding="utf-8") as file:
+            text = file.read()
+        if number == signal.SIGUSR1:
+            check(process.returncode == 0 and '"status": "done"' in text, f"{name} goes on: {said}")
+        else:
+            check(time.monotonic() - begin < 5, f"{name} stops soon")
+            heard = number.name if ranks == 1 else "SIGTERM"  # mpirun passes SIGINT on as SIGTERM
+            check('"status": "stopped"' in text and f'"{heard}; checkpoint signal.chk-' in text, text[:500])
+            check(process.returncode == (128 + number if ranks == 1 else process.returncode) != 0, f"{name}: code")
+        if checkpoints:
+            run(f"-restart {checkpoints[0]} -out_file signal.h5", ranks)
+        same(expected, data("signal.h5"), name)
 
 
 def checksum(path):
@@ -154,7 +158,7 @@ def altered(source, path, change):
         file.write(block.ljust(512, b"\0"))
 
 
-def refusals():
+def test_refusals():
     scene = f"{TINY} -ts_rk_type 3bs"
     run(f"{scene} -out_file r.h5 -out_checkpoint_every 8")
     checkpoint = sorted(glob.glob("r.chk-*.h5"))[0]
@@ -213,7 +217,7 @@ def refusals():
     same(before, data("r.h5"), "refusals leave the results alone")
 
 
-def extended():
+def test_a_finished_run_is_extended():
     """A finished run goes on; frames, probes and series have no row twice and none missing."""
     scene = f"{TINY} {WHOLE} -ts_rk_type 3bs -out_every 0.1".replace("-out_frames 7", "")
     run(f"{scene} -out_file e.h5 -out_checkpoint_every 8")
@@ -224,14 +228,3 @@ def extended():
     for name in ("probes/t", "series/t"):
         check((np.diff(now[name]) > 0).all() and len(now[name]) == summary["steps"] + 1, f"rows of {name}")
     check(np.array_equal(now["series/step"], np.arange(summary["steps"] + 1)), "every step has its row")
-
-
-with scratch():
-    for part in (every_method, every_controller, memory_is_told, refusals, extended):
-        begin = time.monotonic()
-        part()
-        print(f"{part.__name__}: {time.monotonic() - begin:.1f} s", flush=True)
-    begin = time.monotonic()
-    by_signal(by_the_clock())
-    print(f"by the clock and by signals: {time.monotonic() - begin:.1f} s")
-finish()

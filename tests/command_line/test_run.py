@@ -1,14 +1,13 @@
 """The command run as a user meets it: the same answer on any number of ranks, restart, failure with results kept,
 measurements, warnings."""
 import os
-import tempfile
 
 import numpy as np
 
-from cli import check, data, finish, run
+from calls import check, data, run
 
 
-def same_on_any_ranks():
+def test_same_on_any_ranks():
     # Short scenes of every end, form and method: round-off alone separates the ranks.
     held = "-bc_left velocity -bc_left_value -1.5 -init_type layer"
     scenes = [
@@ -34,7 +33,7 @@ def same_on_any_ranks():
                 check(difference < 1e-12, f"{name} differs by {difference} on {ranks} ranks: {scene}")
 
 
-def restart():
+def test_restart():
     scene = "-bc_left velocity -bc_left_value -1.5 -init_type layer -grid_n 120 -out_probes 5 -ts_max_time 6"
     methods = ["", "-ts_rk_type 3bs", "-ts_rk_type 5f", "-ts_type arkimex", "-ts_type arkimex -imex_implicit wave"]
     for method in methods:
@@ -69,7 +68,7 @@ def restart():
     run(f"-restart {checkpoint} -model_gamma 4 -out_file whole.h5", code=2)
 
 
-def explosion():
+def test_explosion():
     summary, error = run("-init_type sine -grid_n 200 -ts_type rk -ts_rk_type 4 -ts_dt 0.9 -out_file boom.h5", code=1)
     check(error.count("error:") == 1 and "finite" in error, "one line tells of the explosion: " + error)
     check(summary["status"] == "failed" and summary["t_end"] < 60, "summary of an explosion")
@@ -78,7 +77,7 @@ def explosion():
     run("-init_type sine -grid_n 64 -ts_type rk -ts_rk_type 4 -ts_dt 0.9", ranks=2, code=1)
 
 
-def measurements():
+def test_measurements():
     # A train on a ring moves at L/(n T); model.md's values 5.22294 for two pulses. The train of the uniform
     # oscillation's orbit settles; order 4 on 1024 points leaves 1e-4.
     train = "-init_type pulses -init_pulses 2 -model_v 0.5 -model_delta 0 -grid_length 100 -grid_n 1024 -ts_max_time 60"
@@ -91,7 +90,7 @@ def measurements():
     check(still["regime"] == "sliding" and still["wave_speed"] is None, "sliding above v_c")
 
 
-def warnings():
+def test_warnings():
     _, error = run("-bc_left velocity -bc_left_value -1.5 -ts_max_time 1 -grid_n 64")
     check("does not fit the held end" in error and "jump" in error, "a jump is told: " + error)
     _, error = run("-bc_left velocity -bc_left_value 0.1 -ts_max_time 1 -grid_n 64")
@@ -103,10 +102,3 @@ def warnings():
         check("friction_stick exact" in error, f"{method} cannot hold a block at rest: " + error)
     _, error = run("-out_times 1,70 -out_file late.h5", code=2)
     check("out_times" in error and "70" in error, "a frame after the end is refused: " + error)
-
-
-with tempfile.TemporaryDirectory() as folder:
-    os.chdir(folder)
-    for part in (same_on_any_ranks, restart, explosion, measurements, warnings):
-        part()
-finish()

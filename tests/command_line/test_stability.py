@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """The commands spectrum and boundary from outside: keys, files, pictures, exit codes."""
 import json
 import os
@@ -7,7 +6,7 @@ import subprocess
 import h5py
 import numpy as np
 
-from cli import PROGRAM, SOURCE, check, finish, scratch
+from calls import PROGRAM, SOURCE, check
 
 
 def call(*args):
@@ -15,7 +14,14 @@ def call(*args):
     return done.returncode, done.stdout, done.stderr
 
 
-with scratch():
+def drawn(path):
+    """plot.py makes a picture of the file."""
+    done = subprocess.run(["/usr/bin/python3", os.path.join(SOURCE, "postprocess", "plot.py"), path], capture_output=True,
+                          text=True)
+    assert done.returncode == 0 and os.path.getsize(path[:-3] + ".png") > 5000, done.stderr
+
+
+def test_spectrum():
     code, out, err = call("spectrum", "-model_v", "1", "-grid_n", "128", "-summary", "s.json", "-out_file", "s.h5")
     check(code == 0, f"spectrum ends with {code}: {err}")
     summary = json.load(open("s.json"))
@@ -24,7 +30,10 @@ with scratch():
     check(len(summary["eigenvalues"]) >= 12, "twelve eigenvalues")
     with h5py.File("s.h5") as file:
         check(file["psi_re"].shape[1] == 128 and np.all(np.isfinite(file["eta_im"][...])), "eigenvectors in the file")
+    drawn("s.h5")
 
+
+def test_non_normality():
     # non-normality: what grows for a while though sliding is stable, and the resolvent norm drawn
     scene = ("-model_form", "chain", "-grid_n", "400", "-model_v", "1.2", "-bc_left", "velocity", "-bc_left_value", "0.8",
              "-model_k1", "4")
@@ -33,7 +42,7 @@ with scratch():
     check(code == 0 and not err, f"transient growth ends with {code}: {err}")
     summary = json.load(open("n.json"))
     transient = summary["transient"]
-    check(transient["method"] == "iteration" and transient["growth_is"] == "the maximum over sampled times" and
+    check(transient["method"] == "iteration" and transient["growth_is"] == "the maximum over time" and
           transient["growth"] > 1.4 and transient["numerical_abscissa"] > 0.2, f"transient growth: {transient}")
     check(0 < summary["kreiss"] <= transient["growth"], f"Kreiss's lower bound {summary['kreiss']}")
     with h5py.File("n.h5") as file:
@@ -41,7 +50,11 @@ with scratch():
                           (file["re"][...] + 1j * file["im"][...])[None, None, :]).min(axis=2)
         norm = 10 ** file["log10_resolvent"][...]
         check(norm.shape == (8, 8) and np.all(norm * distance > 0.999), "the resolvent norm is at least 1/distance")
+    drawn("n.h5")
 
+
+def test_an_eigenvector_as_a_start():
+    call("spectrum", "-model_v", "1", "-grid_n", "128", "-out_file", "s.h5")
     # an eigenvector as a start: it decays at its growth rate
     code, out, err = call("run", "-model_v", "1", "-grid_n", "128", "-init_type", "file", "-init_file", "s.h5",
                           "-init_amplitude", "1e-4", "-ts_max_time", "20", "-ts_rtol", "1e-9", "-ts_atol", "1e-12",
@@ -51,6 +64,8 @@ with scratch():
         energy = np.hypot(file["psi"][...] - 1, 3 * (file["eta"][...] + 2 / 3)).max(axis=1)
         check(0.8 < energy[-1] / energy[0] / np.exp(-0.1 * 20) < 1.25, "the eigenvector decays like exp(-0.1 t)")
 
+
+def test_a_run_follows_a_mode_of_spread_friction():
     # with spread friction: the run follows exp(lambda t), rate and frequency
     scene = ("-model_form", "chain", "-grid_n", "60", "-model_v", "0.7", "-friction_spread", "0.3", "-model_zeta", "0.2",
              "-bc_left", "free")
@@ -64,6 +79,8 @@ with scratch():
         error = np.abs(file["psi"][...] - e["steady_psi"][...] - expected).max() / np.abs(expected).max()
         check(error < 2e-3, f"the run leaves exp(lambda t) by {error}")
 
+
+def test_figure_6_against_its_closed_form():
     code, out, err = call("boundary", os.path.join(SOURCE, "runs", "figure6-carlson-langer.yaml"), "-grid_n", "16",
                           "-boundary_points", "20", "-out_file", "b.h5", "-summary", "b.json")
     check(code == 0, f"boundary ends with {code}: {err}")
@@ -73,11 +90,10 @@ with scratch():
         small = file["value"][...] < 3e-3
         slope = np.polyfit(np.log(file["value"][...][small]), np.log(file["value2"][...][small]), 1)[0]
         check(-0.3 < slope < -0.2, "slope about -1/4 at small k1")
-    for name in ("s", "b", "n"):
-        done = subprocess.run(["/usr/bin/python3", os.path.join(SOURCE, "postprocess", "plot.py"), name + ".h5"],
-                              capture_output=True, text=True)
-        check(done.returncode == 0 and os.path.getsize(name + ".png") > 5000, f"picture of {name}.h5: {done.stderr}")
+    drawn("b.h5")
 
+
+def test_boundary_refuses():
     one = ("-grid_n", "32", "-boundary_from", "0.5", "-boundary_to", "2")
     for args, expected, words in (
             (("-boundary_parameter", "modl_v"), 2, "model_v"), (("-boundary_parameter", "grid_n"), 2, "grid_n"),
@@ -88,6 +104,9 @@ with scratch():
             (("-boundary_parameter", "model_v", "-boundary_to", "0.5"), 2, "boundary_to"), ((), 2, "boundary_parameter")):
         code, out, err = call("boundary", *one, *args)
         check(code == expected and words in err and err.count("\n") == 1, f"{args}: exit {code}, {err}")
+
+
+def test_a_jump_is_no_root():
     # A mode that leaves what the grid resolves makes the growth rate jump: no root; the true ones are counted at.
     code, out, err = call("boundary", "-boundary_parameter", "grid_length", "-boundary_from", "1", "-boundary_to", "100",
                           "-grid_n", "100", "-bc_left", "velocity", "-bc_left_value", "0.5", "-bc_right", "free",
@@ -96,6 +115,8 @@ with scratch():
     check(code == 0 and "jumps through zero" in err and len(points) == 2, f"a jump is no root: {code}, {err}")
     check(all(abs(p["growth_rate"]) < 1e-9 for p in points), "the growth rate vanishes at every root")
 
+
+def test_a_curve_along_which_the_leading_mode_changes():
     # A curve along which the leading mode changes many times: no growing mode is missed at any point.
     code, out, err = call("boundary", "-boundary_parameter", "model_delta", "-boundary_from", "0", "-boundary_to", "1",
                           "-boundary_parameter2", "model_v", "-boundary_from2", "0.7", "-boundary_to2", "1.1", "-grid_n",
@@ -105,6 +126,8 @@ with scratch():
     check(code == 0 and len(points) >= 12 and all(p["complete"] is True for p in points),
           f"curve with a held end: {code}, {err}, {[p['complete'] for p in points]}")
 
+
+def test_trapped_modes_of_many_nodes():
     # A mode trapped at the held end, in a medium of many nodes: found, and nothing further right.
     for form in ("chain", "continuum"):
         code, out, err = call("spectrum", "-model_form", form, "-model_v", "0.9", "-grid_n", "9000", "-bc_left", "velocity",
@@ -115,9 +138,13 @@ with scratch():
         check(code == 0 and large["complete"] is True and abs(large["growth_rate"] - expected) < 1e-4,
               f"trapped mode of the {form}: {large['growth_rate']}, {large['completeness_check']}")
 
+
+def test_no_steady_sliding():
     code, out, err = call("spectrum", "-model_v", "0", "-friction_law", "carlson-langer", "-grid_n", "32")
     check(code == 1 and "no steady sliding" in err, f"no steady sliding at v = 0 with a threshold: {code}, {err}")
 
+
+def test_verified_on_both_sides():
     # Time integration on both sides; a damping method with long steps is not used, and the user is told.
     code, out, err = call("boundary", "-grid_n", "32", "-grid_length", "20", "-boundary_parameter", "model_v",
                           "-boundary_from", "0.5", "-boundary_to", "2", "-boundary_verify", "1", "-ts_type", "beuler",
@@ -128,6 +155,8 @@ with scratch():
           f"verified on both sides: {verified}")
     check("would hide the instability" in err, f"backward Euler is warned of: {err}")
 
+
+def test_verified_scenes():
     # More scenes: what the unstable and the stable side come to, from perturbed sliding and from large stick-slip. A law
     # with a threshold keeps its stick-slip where sliding is stable again (hysteresis).
     chain = ("-model_form", "chain", "-boundary_parameter", "model_v", "-boundary_from", "0.05", "-boundary_to", "2",
@@ -147,6 +176,8 @@ with scratch():
         check([(v["from_sliding"], v["regime"]) for v in sides] == [("stick-slip", "stick-slip"), ("sliding", stable_side)],
               f"time integration beside the boundary, {words}: {code}, {err}, {sides}")
 
+
+def test_diagrams_against_their_closed_forms():
     # Every diagram of runs/ against its closed form. At v = 0 the curve v^2 = a^2 is vertical: there round-off of size e in
     # the other option, or in a^2, is sqrt(e) in v, so v^2 is what can be compared.
     for name in ("figure6-cubic", "figure6-carlson-langer", "figure6-equal-springs", "stability-gamma-v-derived",
@@ -158,6 +189,8 @@ with scratch():
             error = np.minimum(np.abs(np.abs(v) - closed) / np.maximum(1, closed), 1e4 * np.abs(v**2 - closed**2))
             check(len(v) > 50 and np.all(error < 1e-8), f"{name} leaves its closed form by {np.max(error)}")
 
+
+def test_plain_models():
     # The plain models (1)-(3), without viscosity or damping: unstable for every |v| < 1 whatever the springs with the cubic
     # law, at every velocity with the other.
     code, out, err = call("boundary", os.path.join(SOURCE, "runs", "figure6-carlson-langer.yaml"), "-grid_n", "16",
@@ -171,6 +204,8 @@ with scratch():
         check(code == 0 and len(points) > 20 and all(abs(p["value2"] - 1) < 1e-10 for p in points),
               f"plain model, cubic law: {code}, {err}")
 
+
+def test_verified_with_stick():
     # A law with a threshold, blocks that stick: v_c = sqrt(f0/zeta) - 1, zeta = sqrt(0.1 m k1); above it both live
     code, out, err = call("boundary", "-model_form", "chain", "-model_zeta", "paper", "-friction_law", "carlson-langer",
                           "-grid_n", "16", "-boundary_parameter", "model_v", "-boundary_from", "0.5", "-boundary_to", "3",
@@ -182,5 +217,3 @@ with scratch():
     check([v["from_sliding"] for v in found["verified"]] == ["stick-slip", "sliding"] and
           [v["from_stick_slip"] for v in found["verified"]] == ["stick-slip", "stick-slip"],
           f"verified with stick: {found['verified']}")
-
-finish()

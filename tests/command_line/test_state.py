@@ -1,18 +1,16 @@
 """Friction that remembers, from the command line: ten decades of velocity in one run, orders in time, steady friction
 against velocity, Erickson's Hopf point by simulation, starts from a frame of another run."""
 import math
-import os
-import tempfile
 
 import h5py
 import numpy as np
 
-from cli import check, finish, run
+from calls import check, run
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free"
 
 
-def ten_decades():
+def test_ten_decades():
     # A light block pulled by a soft spring, far below the critical stiffness: it creeps at 1e-13 and slips at 1e-2.
     for law in ("ageing", "slip"):
         scene = (BLOCK + f" -friction_law rate-and-state -state_law {law} -friction_a 0.01 -friction_b 0.015"
@@ -32,7 +30,7 @@ def ten_decades():
         check(abs(fine["eta_mean"] - force) < 1e-3, f"{law}: eta {force} and, finer, {fine['eta_mean']}")
 
 
-def orders():
+def test_orders():
     # Smooth scenes; the error of psi at fixed steps h, h/2, h/4 against a converged run falls like h^p.
     state = {"contact-age": "-friction_law cubic -state_law contact-age -model_v 0.5",
              "healing": "-friction_law carlson-langer -friction_stick regularised -friction_eps 0.5 -state_law healing",
@@ -51,7 +49,7 @@ def orders():
             check(p - 0.35 < rate < p + 1.5, f"{law}, {method}: order {rate:.2f}, errors {errors}")
 
 
-def steady_friction():
+def test_steady_friction():
     # A stiff spring makes the block slide at the plate's velocity; what it then pulls with is the steady friction.
     for v in (1e-4, 1e-2, 1.0):
         a, b, psi0 = 0.02, 0.03, 0.1
@@ -69,7 +67,7 @@ def steady_friction():
         check(abs(s["eta_mean"] - 1 - 0.5 * tau) < 1e-5, f"healing, v {v}: friction {s['eta_mean'] - 1}, steady {0.5 * tau}")
 
 
-def hopf_by_simulation():
+def test_hopf_by_simulation():
     # Erickson's epsilon either side of 0.280702: the small oscillation grows or dies at the eigenvalue's rate.
     g2, xi, a = 0.64, 0.5, 0.01
     for epsilon in (0.23, 0.33):
@@ -89,7 +87,7 @@ def hopf_by_simulation():
         check((measured > 0) == (epsilon > 0.280702), f"epsilon {epsilon}: growth {measured}")
 
 
-def start_from_a_file():
+def test_start_from_a_file():
     for scene in ("-grid_n 33 -init_type sine -friction_law rate-and-state",
                   "-model_form chain -grid_n 7 -init_noise 0.3 -friction_law carlson-langer -friction_stick regularised"
                   " -friction_eps 0.1 -state_law healing"):
@@ -111,13 +109,3 @@ def start_from_a_file():
         check(error.startswith("stickslip: error: ") and error.count("\n") == 1 and word in error, f"{scene}: {error}")
     _, error = run("-init_type file", code=2)
     check("init_file" in error, error)
-
-
-with tempfile.TemporaryDirectory() as folder:
-    os.chdir(folder)
-    ten_decades()
-    orders()
-    steady_friction()
-    hopf_by_simulation()
-    start_from_a_file()
-finish()

@@ -9,8 +9,9 @@ import subprocess
 import time
 
 import numpy as np
+import pytest
 
-from cli import PROGRAM, call, check, data, errors, finish, line, refused, run, same, scratch
+from calls import PROGRAM, call, check, data, errors, line, ranks_of, refused, run, same
 
 SINE = "-init_type sine -grid_n 64"
 
@@ -23,7 +24,7 @@ def kept(path, summary, text):
     check(abs(now["series/t"][-1] - summary["t_end"]) < 1e-12, f"{text}: series up to {now['series/t'][-1]}")
 
 
-def limits():
+def test_limits_of_steps_and_wall_clock():
     scene = f"{SINE} -ts_rk_type 3bs -ts_max_time 20 -out_every 0.5"
     run(f"{scene} -out_file plain.h5")
     # steps: exit code 0, the reason, and a checkpoint where they are wanted
@@ -46,35 +47,39 @@ def limits():
     refused("-ts_max_wall -1s", 2, "-ts_max_wall")
 
 
-def failures():
-    implicit = "-ts_type arkimex -imex_implicit both"
-    for arguments, parts in [
-            ("-ts_adapt_dt_min 0.5", ["ts_adapt_dt_min 0.5", "above the tolerance"]),
-            ("-ts_type bdf -ts_adapt_dt_min 0.05", ["ts_adapt_dt_min 0.05"]),
-            ("-ts_type beuler -ts_dt 5 -snes_max_it 1", ["Newton's method failed"]),
-            (f"{implicit} -snes_max_it 1 -snes_rtol 1e-30 -snes_atol 1e-30 -snes_stol 0",
-             ["rejected more than 60 times", "Newton's method fails"]),
-            (f"{implicit} -ts_adapt_type none -ts_dt 3 -snes_max_it 2", ["Newton's method failed"]),
-            ("-ts_max_reject 0 -ts_dt 5", ["ts_max_reject", "more than 0 times"]),
-            ("-ts_type rk -ts_rk_type 4 -ts_dt 0.9", ["not finite", "ts_dt"])]:
-        s, said = run(f"{SINE} {arguments} -out_file f.h5", code=1)
-        said = errors(said)
-        check(len(said) == 1 and all(part in said[0] for part in parts), f"{arguments}: {said}")
-        check(s["status"] == "failed" and said[0].endswith(s["reason"]) and s["t_end"] < 60, f"{arguments}: summary")
-        kept("f.h5", s, arguments)
-        refused(f"{SINE} {arguments}", 1, *parts, ranks=2)
-    # a floor that is not met does no harm
+IMPLICIT = "-ts_type arkimex -imex_implicit both"
+
+
+@pytest.mark.parametrize("arguments, parts", [
+    ("-ts_adapt_dt_min 0.5", ["ts_adapt_dt_min 0.5", "above the tolerance"]),
+    ("-ts_type bdf -ts_adapt_dt_min 0.05", ["ts_adapt_dt_min 0.05"]),
+    ("-ts_type beuler -ts_dt 5 -snes_max_it 1", ["Newton's method failed"]),
+    (f"{IMPLICIT} -snes_max_it 1 -snes_rtol 1e-30 -snes_atol 1e-30 -snes_stol 0",
+     ["rejected more than 60 times", "Newton's method fails"]),
+    (f"{IMPLICIT} -ts_adapt_type none -ts_dt 3 -snes_max_it 2", ["Newton's method failed"]),
+    ("-ts_max_reject 0 -ts_dt 5", ["ts_max_reject", "more than 0 times"]),
+    ("-ts_type rk -ts_rk_type 4 -ts_dt 0.9", ["not finite", "ts_dt"])])
+def test_failures(arguments, parts):
+    s, said = run(f"{SINE} {arguments} -out_file f.h5", code=1)
+    said = errors(said)
+    check(len(said) == 1 and all(part in said[0] for part in parts), f"{arguments}: {said}")
+    check(s["status"] == "failed" and said[0].endswith(s["reason"]) and s["t_end"] < 60, f"{arguments}: summary")
+    kept("f.h5", s, arguments)
+    refused(f"{SINE} {arguments}", 1, *parts, ranks=2)
+
+
+def test_a_floor_that_is_met_does_no_harm():
     run(f"{SINE} -ts_adapt_dt_min 1e-3 -ts_max_time 5")
 
 
-def ranks_of(process, ranks, path):
-    """The processes of a run's ranks, once its file is there."""
+def started(arguments, ranks, path, **settings):
+    """A run under way, whose file is there, and the process numbers of its ranks."""
+    if os.path.exists("pids"):
+        os.remove("pids")
+    process = subprocess.Popen(line(arguments, ranks, pids="pids"), text=True, **settings)
     while not os.path.exists(path) and process.poll() is None:
         time.sleep(0.002)
-    if ranks == 1:
-        return [process.pid]
-    with open(f"/proc/{process.pid}/task/{process.pid}/children", encoding="ascii") as file:
-        return [int(pid) for pid in file.read().split()]
+    return process, ranks_of(process, ranks, "pids")
 
 
 def limited(size):
@@ -82,62 +87,76 @@ def limited(size):
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
-def disks():
+def test_disks():
     refused(f"{SINE} -out_file none/a.h5", 2, "out_file 'none/a.h5'", "does not exist", ranks=2)
-    refused(f"{SINE} -out_file /proc/a.h5", 2, "out_file '/proc/a.h5'", "cannot be written")  # read-only, for root too
-    refused(f"{SINE} -summary /proc/a.json", 2, "summary '/proc/a.json'")
+    if os.path.ismount("/proc"):  # which is read-only, for root too
+        refused(f"{SINE} -out_file /proc/a.h5", 2, "out_file '/proc/a.h5'", "cannot be written")
+        refused(f"{SINE} -summary /proc/a.json", 2, "summary '/proc/a.json'")
     refused(f"{SINE} -ts_max_time 0.1 -summary /dev/full", 1, "/dev/full", "No space left")
     # no room at the start: nothing is begun
     done = call(f"{SINE} -out_file small.h5", preexec_fn=limited(20000))
     check(done.returncode == 2 and len(errors(done.stderr)) == 1 and "small.h5" in done.stderr, done.stderr)
     check(not glob.glob("*small*") and not glob.glob(".small*"), f"nothing is left: {os.listdir()}")
-    # no room in mid run, when the series outgrow their first room: what was there stays, and so does the checkpoint
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_no_room_in_mid_run(ranks):
+    """The series outgrow their first room: what was there stays, and so does the checkpoint."""
     scene = f"{SINE} -ts_max_time 1e6 -out_times 1,2,3 -ts_rk_type 3bs -ts_max_steps 1000000"
-    for ranks in (1, 2):
-        for name in glob.glob("full*"):
-            os.remove(name)
-        process = subprocess.Popen(line(f"{scene} -out_file full.h5 -out_checkpoint_every 300 -summary full.json",
-                                        ranks), stderr=subprocess.PIPE, text=True)
-        for pid in ranks_of(process, ranks, "full.h5"):
-            resource.prlimit(pid, resource.RLIMIT_FSIZE, (700000, 700000))
-        _, stderr = process.communicate(timeout=120)
-        said = errors(stderr)
-        check(process.returncode == 1 and len(said) == 1 and "full.h5" in said[0] and "too large" in said[0],
-              f"a file that cannot grow, {ranks} ranks: exit {process.returncode}, {stderr[-500:]}")
-        now = data("full.h5")
-        check(len(now["t"]) == 3 and len(now["series/t"]) > 1000 and np.isfinite(now["psi"]).all(),
-              "what was there stays")
-        with open("full.json", encoding="utf-8") as file:
-            check('"status": "failed"' in file.read(), "the summary of a full disk")
-        check(not glob.glob(".full*"), f"no temporary file is left: {os.listdir()}")
-        last = sorted(glob.glob("full.chk-*.h5"))[-1]
-        s, _ = run(f"-restart {last} -ts_max_steps {int(last[9:15]) + 100}", ranks)
-        check(s["steps"] == int(last[9:15]) + 100, "the last checkpoint is whole")
-    # the folder vanishes in mid run
-    for ranks in (1, 2):
-        os.makedirs("gone")
-        process = subprocess.Popen(line(f"{SINE} -ts_max_time 1e6 -out_every 10 -out_file gone/a.h5 "
-                                        "-out_checkpoint_every 100", ranks), stderr=subprocess.PIPE, text=True)
-        ranks_of(process, ranks, "gone/a.h5")
-        os.rename("gone", "moved")
-        _, stderr = process.communicate(timeout=60)
-        said = errors(stderr)
-        check(process.returncode == 1 and len(said) == 1 and "gone/a" in said[0],
-              f"the folder vanishes, {ranks} ranks: {process.returncode} {stderr[-500:]}")
-        check(len(data("moved/a.h5")["t"]) > 0, "what was in it is whole")
-        shutil.rmtree("moved")
+    process, pids = started(f"{scene} -out_file full.h5 -out_checkpoint_every 300 -summary full.json", ranks,
+                            "full.h5", stderr=subprocess.PIPE)
+    for pid in pids:
+        resource.prlimit(pid, resource.RLIMIT_FSIZE, (700000, 700000))
+    _, stderr = process.communicate(timeout=120)
+    said = errors(stderr)
+    check(process.returncode == 1 and len(said) == 1 and "full.h5" in said[0] and "too large" in said[0],
+          f"a file that cannot grow, {ranks} ranks: exit {process.returncode}, {stderr[-500:]}")
+    now = data("full.h5")
+    check(len(now["t"]) == 3 and len(now["series/t"]) > 1000 and np.isfinite(now["psi"]).all(),
+          "what was there stays")
+    with open("full.json", encoding="utf-8") as file:
+        check('"status": "failed"' in file.read(), "the summary of a full disk")
+    check(not glob.glob(".full*"), f"no temporary file is left: {os.listdir()}")
+    last = sorted(glob.glob("full.chk-*.h5"))[-1]
+    s, _ = run(f"-restart {last} -ts_max_steps {int(last[9:15]) + 100}", ranks)
+    check(s["steps"] == int(last[9:15]) + 100, "the last checkpoint is whole")
 
 
-def dead_ranks():
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_the_folder_vanishes(ranks):
+    os.makedirs("gone")
+    process, _ = started(f"{SINE} -ts_max_time 1e6 -out_every 10 -out_file gone/a.h5 -out_checkpoint_every 100",
+                         ranks, "gone/a.h5", stderr=subprocess.PIPE)
+    os.rename("gone", "moved")
+    _, stderr = process.communicate(timeout=60)
+    said = errors(stderr)
+    check(process.returncode == 1 and len(said) == 1 and "gone/a" in said[0],
+          f"the folder vanishes, {ranks} ranks: {process.returncode} {stderr[-500:]}")
+    check(len(data("moved/a.h5")["t"]) > 0, "what was in it is whole")
+    shutil.rmtree("moved")
+
+
+def gone(pid):
+    """Whether a process has ended; one that nobody has asked for yet has no program any more."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    return os.path.ismount("/proc") and not os.path.exists(f"/proc/{pid}/exe")
+
+
+def test_dead_ranks():
     """One rank fails or dies: all end within seconds, and the program speaks once."""
     scene = f"{SINE} -ts_max_time 1e7 -out_every 1000"
     # killed
-    process = subprocess.Popen(line(f"{scene} -out_file dead.h5", 3), stderr=subprocess.DEVNULL)
-    children = ranks_of(process, 3, "dead.h5")
+    process, children = started(f"{scene} -out_file dead.h5", 3, "dead.h5", stderr=subprocess.DEVNULL)
     os.kill(children[1], 9)
     begin = time.monotonic()
     check(process.wait(timeout=60) != 0 and time.monotonic() - begin < 15, "a rank is killed: all end")
-    check(not any(os.path.exists(f"/proc/{pid}/exe") for pid in children), "no rank is left")
+    until = time.monotonic() + 10
+    while not all(gone(pid) for pid in children) and time.monotonic() < until:
+        time.sleep(0.1)
+    check(all(gone(pid) for pid in children), "no rank is left")
     check(len(data("dead.h5")["t"]) > 0, "its file opens")
     if "libasan" in subprocess.run(["ldd", PROGRAM], capture_output=True, text=True, check=True).stdout:
         print("out of memory on one rank: not under the address sanitizer, which brings its own malloc")
@@ -161,11 +180,3 @@ int posix_memalign(void** p, size_t to, size_t size) {
                           text=True, timeout=120)
     check(done.returncode == 1 and time.monotonic() - begin < 30, f"no memory on one rank: {done.returncode}")
     check(errors(done.stderr) == ["stickslip: error: out of memory"], f"no memory on one rank: {done.stderr[-1000:]}")
-
-
-with scratch():
-    for part in (limits, failures, disks, dead_ranks):
-        begin = time.monotonic()
-        part()
-        print(f"{part.__name__}: {time.monotonic() - begin:.1f} s", flush=True)
-finish()

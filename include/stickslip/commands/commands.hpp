@@ -2,7 +2,7 @@
 // for). Errors leave as exceptions (error.hpp). All are collective.
 #pragma once
 
-#include "stickslip/options.hpp"
+#include "stickslip/options/options.hpp"
 
 namespace stickslip {
 

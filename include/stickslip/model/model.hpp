@@ -11,21 +11,13 @@
 #include <memory>
 #include <vector>
 
-#include "stickslip/friction.hpp"
-#include "stickslip/handle.hpp"
-#include "stickslip/scene.hpp"
-#include "stickslip/stencil.hpp"
+#include "stickslip/base/handle.hpp"
+#include "stickslip/model/friction.hpp"
+#include "stickslip/model/linear_point.hpp"
+#include "stickslip/model/scene.hpp"
+#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
-
-// Which terms of the right-hand side (pointwise + stencil = wave + reaction = full).
-enum class Part {
-  full,       // everything
-  pointwise,  // everything but K1 D2 psi: the implicit part when friction is implicit
-  stencil,    // K1 D2 psi alone, in eta
-  wave,       // linear, constant: psi: A (eta - B psi); eta: K0 (v - psi) + K1 D2 psi - s delta eta
-  reaction    // psi: -A F; eta: s delta F; state: g
-};
 
 class Model {
  public:
@@ -72,8 +64,11 @@ class Model {
   // The amplitude a_i of friction at this rank's nodes (all 1 without spread).
   const std::vector<double>& amplitude() const;
 
+  // The scene's friction, of amplitude 1.
+  const Friction& friction_law() const;
   // Pointwise response of node `local_node` of this rank: F and partials are multiplied by a_i.
   Partials friction(PetscInt local_node, double psi, double state) const;
+  LinearPoint linear_point(PetscInt local_node, double psi, double state) const;
   RatePartials state_rate(double psi, double state) const;
   double steady_state(double psi) const;  // the stored state at which g = 0
 
@@ -97,5 +92,7 @@ double counter_normal(PetscInt seed, PetscInt index);
 // Friction amplitude a_i of every node first..first+count-1: one draw a block in the chain; in the continuum draws at
 // spacing spread_length, interpolated smoothly, the same medium on every grid. The ensemble mean of a is 1.
 std::vector<double> friction_amplitude(const Scene& scene, PetscInt first, PetscInt count);
+// a(x) of the continuum anywhere between its ends.
+double friction_amplitude_at(const Scene& scene, double x);
 
 }  // namespace stickslip

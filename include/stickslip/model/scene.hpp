@@ -13,30 +13,14 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/options.hpp"
+#include "stickslip/model/friction.hpp"
+#include "stickslip/options/options.hpp"
 
 namespace stickslip {
 
 enum class Form { continuum, chain };
-enum class Law { cubic, carlson_langer, coulomb, rate_and_state };
-enum class StateLaw { none, healing, contact_age, ageing, slip };
 enum class End { periodic, velocity, free };
 enum class SpreadKind { uniform, lognormal };
-
-// Friction law F(psi, state) and its parameters (names as in the options).
-struct FrictionParameters {
-  Law law = Law::cubic;
-  bool regularised = false;  // sgn(psi) -> tanh(psi/eps); false: the exact sliding branch
-  double eps = 1e-3;         // velocity of the regularisation
-  double fs = 1, fd = 0.5;   // coulomb: static threshold and dynamic friction
-  double sigma = 0, alpha = 0.5;  // carlson-langer: drop of friction as motion begins; weakening with velocity
-  double weakening = 1e-2;   // coulomb, regularised: slip velocity over which friction falls from fs to fd
-  double a = 0.05, b = 0.1, D = 0.1, mu0 = 0.6, psi0 = 1;  // rate-and-state (psi0: reference velocity)
-  bool back_slip = true;
-  StateLaw state = StateLaw::none;
-  double t_h = 1, tau_inf = 2, state_D = 1;  // healing time, static strength at rest, slip distance (rate-and-state: D)
-  double state_b = 0.1, theta0 = 1;          // contact-age
-};
 
 struct Scene {
   Form form = Form::continuum;
@@ -72,18 +56,10 @@ struct Scene {
   static Scene from(const Options& options, bool sliding_branch = false);
 };
 
-const std::vector<Law>& all_laws();
-bool has_threshold(Law law);  // F may take any value up to a threshold at psi = 0
 // The options of family friction_ that mean nothing to this law.
-std::vector<const char*> friction_options_of_other_laws(Law law);
-std::vector<StateLaw> all_state_laws();
-// Whether a scene may have the two together: none, healing and contact-age are factors of a law of one velocity
-// (healing of one with a threshold); ageing and slip are rate-and-state's.
-bool belong_together(Law law, StateLaw state);
+std::vector<std::string> friction_options_of_other_laws(Law law);
 
 std::string to_string(Form form);
-std::string to_string(Law law);
-std::string to_string(StateLaw law);
 std::string to_string(End end);
 
 }  // namespace stickslip

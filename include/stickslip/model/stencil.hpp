@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "stickslip/scene.hpp"
+#include "stickslip/model/scene.hpp"
 
 namespace stickslip {
 

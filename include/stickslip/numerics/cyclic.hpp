@@ -8,7 +8,6 @@
 #include <complex>
 #include <vector>
 
-#include "stickslip/ode.hpp"
 
 namespace stickslip {
 
@@ -21,8 +20,8 @@ template <class T>
 class CyclicChain {
  public:
   // Phi: N matrices of d x d.
-  CyclicChain(int d, size_t N, const std::vector<T>& phi) : d_(d), n_(N) {
-    const size_t dd = size_t(d) * d;
+  CyclicChain(int d, std::size_t N, const std::vector<T>& phi) : d_(d), n_(N) {
+    const std::size_t dd = std::size_t(d) * d;
     q_.resize((N - 1) * 4 * dd);
     r_.resize((N - 1) * dd);
     e_.resize((N - 1) * dd);
@@ -31,35 +30,35 @@ class CyclicChain {
     // the relation first y_0 + last y_k = rhs
     for (int a = 0; a < d; ++a)
       for (int b = 0; b < d; ++b) {
-        first[size_t(a * d + b)] = -phi[size_t(a * d + b)];
-        last[size_t(a * d + b)] = a == b ? 1. : 0.;
+        first[std::size_t(a * d + b)] = -phi[std::size_t(a * d + b)];
+        last[std::size_t(a * d + b)] = a == b ? 1. : 0.;
       }
     const int width = 5 * d;  // columns: y_k | y_0 | y_{k+1} | the transformation itself (2 d)
-    for (size_t k = 1; k < N; ++k) {
+    for (std::size_t k = 1; k < N; ++k) {
       std::fill(work.begin(), work.end(), T(0));
       for (int a = 0; a < d; ++a) {
         for (int b = 0; b < d; ++b) {
-          work[size_t(a * width + b)] = last[size_t(a * d + b)];
-          work[size_t(a * width + d + b)] = first[size_t(a * d + b)];
-          work[size_t((d + a) * width + b)] = -phi[k * dd + size_t(a * d + b)];
+          work[std::size_t(a * width + b)] = last[std::size_t(a * d + b)];
+          work[std::size_t(a * width + d + b)] = first[std::size_t(a * d + b)];
+          work[std::size_t((d + a) * width + b)] = -phi[k * dd + std::size_t(a * d + b)];
         }
-        work[size_t((d + a) * width + 2 * d + a)] = 1.;
-        work[size_t(a * width + 3 * d + a)] = 1.;
-        work[size_t((d + a) * width + 4 * d + a)] = 1.;
+        work[std::size_t((d + a) * width + 2 * d + a)] = 1.;
+        work[std::size_t(a * width + 3 * d + a)] = 1.;
+        work[std::size_t((d + a) * width + 4 * d + a)] = 1.;
       }
       triangularise(work.data(), width);
       for (int a = 0; a < d; ++a)
         for (int b = 0; b < d; ++b) {
-          const size_t at = (k - 1) * dd + size_t(a * d + b);
-          r_[at] = work[size_t(a * width + b)];
-          e_[at] = work[size_t(a * width + d + b)];
-          f_[at] = work[size_t(a * width + 2 * d + b)];
-          first[size_t(a * d + b)] = work[size_t((d + a) * width + d + b)];
-          last[size_t(a * d + b)] = work[size_t((d + a) * width + 2 * d + b)];
+          const std::size_t at = (k - 1) * dd + std::size_t(a * d + b);
+          r_[at] = work[std::size_t(a * width + b)];
+          e_[at] = work[std::size_t(a * width + d + b)];
+          f_[at] = work[std::size_t(a * width + 2 * d + b)];
+          first[std::size_t(a * d + b)] = work[std::size_t((d + a) * width + d + b)];
+          last[std::size_t(a * d + b)] = work[std::size_t((d + a) * width + 2 * d + b)];
         }
       for (int a = 0; a < 2 * d; ++a)
         for (int b = 0; b < 2 * d; ++b)
-          q_[(k - 1) * 4 * dd + size_t(a * 2 * d + b)] = work[size_t(a * width + 3 * d + b)];
+          q_[(k - 1) * 4 * dd + std::size_t(a * 2 * d + b)] = work[std::size_t(a * width + 3 * d + b)];
     }
     first_ = first;
     last_ = last;
@@ -68,7 +67,7 @@ class CyclicChain {
   // The d x d matrix of the relation that is left, first y_0 + last y_N = rhs, closed by y_N = twist y_0.
   std::vector<T> closure(T twist) const {
     std::vector<T> m(first_.size());
-    for (size_t i = 0; i < m.size(); ++i) m[i] = first_[i] + twist * last_[i];
+    for (std::size_t i = 0; i < m.size(); ++i) m[i] = first_[i] + twist * last_[i];
     return m;
   }
   const std::vector<T>& first() const { return first_; }
@@ -78,20 +77,20 @@ class CyclicChain {
   // right-hand side of the closure.
   std::vector<T> reduce(int columns, std::vector<T>& rhs) const {
     const int d = d_;
-    const size_t dc = size_t(d) * columns, dd = size_t(d) * d;
+    const std::size_t dc = std::size_t(d) * columns, dd = std::size_t(d) * d;
     std::vector<T> carried(rhs.begin(), rhs.begin() + long(dc)), both(2 * dc);
-    for (size_t k = 1; k < n_; ++k) {
+    for (std::size_t k = 1; k < n_; ++k) {
       std::copy(carried.begin(), carried.end(), both.begin());
       std::copy(rhs.begin() + long(k * dc), rhs.begin() + long((k + 1) * dc), both.begin() + long(dc));
       const T* q = &q_[(k - 1) * 4 * dd];
       for (int a = 0; a < 2 * d; ++a)
         for (int c = 0; c < columns; ++c) {
           T sum = 0;
-          for (int b = 0; b < 2 * d; ++b) sum += q[a * 2 * d + b] * both[size_t(b * columns + c)];
+          for (int b = 0; b < 2 * d; ++b) sum += q[a * 2 * d + b] * both[std::size_t(b * columns + c)];
           if (a < d) {
-            rhs[k * dc + size_t(a * columns + c)] = sum;
+            rhs[k * dc + std::size_t(a * columns + c)] = sum;
           } else {
-            carried[size_t((a - d) * columns + c)] = sum;
+            carried[std::size_t((a - d) * columns + c)] = sum;
           }
         }
     }
@@ -101,21 +100,21 @@ class CyclicChain {
   // From y_0 and the twist, y_0..y_{N-1} for the combination of the reduced columns with weights w.
   std::vector<T> expand(int columns, const std::vector<T>& reduced, const T* w, const T* y0, T twist) const {
     const int d = d_;
-    const size_t dd = size_t(d) * d;
-    std::vector<T> y(n_ * size_t(d));
-    for (int a = 0; a < d; ++a) y[size_t(a)] = y0[a];
-    for (size_t k = n_; k-- > 1;) {
+    const std::size_t dd = std::size_t(d) * d;
+    std::vector<T> y(n_ * std::size_t(d));
+    for (int a = 0; a < d; ++a) y[std::size_t(a)] = y0[a];
+    for (std::size_t k = n_; k-- > 1;) {
       const T* r = &r_[(k - 1) * dd];
       for (int a = d - 1; a >= 0; --a) {
         T sum = 0;
         for (int c = 0; c < columns; ++c)
-          sum += w[c] * reduced[(k * size_t(d) + size_t(a)) * size_t(columns) + size_t(c)];
+          sum += w[c] * reduced[(k * std::size_t(d) + std::size_t(a)) * std::size_t(columns) + std::size_t(c)];
         for (int b = 0; b < d; ++b) {
-          const T next = k + 1 < n_ ? y[(k + 1) * size_t(d) + size_t(b)] : twist * y0[b];
-          sum -= e_[(k - 1) * dd + size_t(a * d + b)] * y0[b] + f_[(k - 1) * dd + size_t(a * d + b)] * next;
+          const T next = k + 1 < n_ ? y[(k + 1) * std::size_t(d) + std::size_t(b)] : twist * y0[b];
+          sum -= e_[(k - 1) * dd + std::size_t(a * d + b)] * y0[b] + f_[(k - 1) * dd + std::size_t(a * d + b)] * next;
         }
-        for (int b = a + 1; b < d; ++b) sum -= r[a * d + b] * y[k * size_t(d) + size_t(b)];
-        y[k * size_t(d) + size_t(a)] = sum / r[a * d + a];
+        for (int b = a + 1; b < d; ++b) sum -= r[a * d + b] * y[k * std::size_t(d) + std::size_t(b)];
+        y[k * std::size_t(d) + std::size_t(a)] = sum / r[a * d + a];
       }
     }
     return y;
@@ -125,7 +124,7 @@ class CyclicChain {
   // Householder reflections on the first d columns of a 2 d x width matrix.
   void triangularise(T* m, int width) const {
     const int rows = 2 * d_;
-    std::vector<T> u(static_cast<size_t>(rows));
+    std::vector<T> u(static_cast<std::size_t>(rows));
     for (int k = 0; k < d_; ++k) {
       double norm = 0;
       for (int i = k; i < rows; ++i) norm = std::hypot(norm, std::abs(m[i * width + k]));
@@ -134,21 +133,21 @@ class CyclicChain {
       const T sign = pivot > 0 ? m[k * width + k] / pivot : T(1);
       double length2 = 0;
       for (int i = k; i < rows; ++i) {
-        u[size_t(i)] = m[i * width + k];
-        if (i == k) u[size_t(i)] += sign * norm;
-        length2 += std::norm(u[size_t(i)]);
+        u[std::size_t(i)] = m[i * width + k];
+        if (i == k) u[std::size_t(i)] += sign * norm;
+        length2 += std::norm(u[std::size_t(i)]);
       }
       for (int j = k; j < width; ++j) {
         T dot = 0;
-        for (int i = k; i < rows; ++i) dot += detail::conjugate(u[size_t(i)]) * m[i * width + j];
+        for (int i = k; i < rows; ++i) dot += detail::conjugate(u[std::size_t(i)]) * m[i * width + j];
         dot *= 2 / length2;
-        for (int i = k; i < rows; ++i) m[i * width + j] -= dot * u[size_t(i)];
+        for (int i = k; i < rows; ++i) m[i * width + j] -= dot * u[std::size_t(i)];
       }
     }
   }
 
   int d_;
-  size_t n_;
+  std::size_t n_;
   std::vector<T> q_, r_, e_, f_, first_, last_;
 };
 

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/options.hpp"
+#include "stickslip/options/options.hpp"
 
 namespace stickslip {
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/options.hpp"
+#include "stickslip/options/options.hpp"
 
 namespace stickslip {
 

@@ -11,10 +11,13 @@
 
 #include <petscsys.h>
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "stickslip/base/text.hpp"
 
 namespace stickslip {
 
@@ -32,6 +35,8 @@ enum class OptionType {
   wall_time       // 30s, 10m, 2h (wall clock)
 };
 
+class Options;
+
 struct OptionSpec {
   std::string name;          // without the dash, e.g. "model_gamma"
   OptionType type;
@@ -44,7 +49,17 @@ struct OptionSpec {
   std::string help;
   std::string group;         // heading in -help
   std::string commands;      // space-separated commands that read it, "" = all
+  std::function<std::string(const Options&)> default_of = nullptr;  // the default where it depends on other options
 };
+
+// The options that friction laws and state laws declare. Options know no law: the floor above, which lists them, defines
+// this function (src/model/law_options.cpp).
+struct LawOptions {
+  std::vector<std::string> laws, states;         // words of friction_law and state_law; the first is the default
+  std::vector<OptionSpec> of_laws, of_states;    // their parameters, each once; group and commands are left open
+  std::function<std::string(const Options&)> default_state;
+};
+LawOptions law_options();
 
 const std::vector<OptionSpec>& option_table();
 const OptionSpec* find_option(const std::string& name);  // case-blind; null where it is not ours
@@ -55,18 +70,6 @@ std::string requirement(const OptionSpec& spec);
 
 // Throws UsageError with the option, its value, `where` (file:line, "" for the command line) and what would be right.
 void check_value(const OptionSpec& spec, const std::string& text, const std::string& where);
-
-// The name in `names` nearest to `name` (by edit distance, or with its beginning or end left out), or "" where none
-// is near.
-std::string nearest_name(const std::string& name, const std::vector<std::string>& names);
-
-// Shortest text that reads back as the same number.
-std::string number_text(double value);
-
-// Text as it may stand in a one-line message: control characters replaced, cut at 80 characters.
-std::string quoted(const std::string& text);
-
-std::string lower_case(std::string text);
 
 // One option as somebody gave it. No text: the name stood alone.
 struct Given {

@@ -3,13 +3,14 @@
 // The YAML understood is what scenes need: nested maps, as blocks or in braces, whose keys join with `_`; numbers,
 // words and quoted text; lists in brackets or with dashes, which become comma-joined text; comments. Everything else
 // that YAML knows (anchors, aliases, tags, block scalars, several documents) and every doubtful thing (duplicate keys,
-// also two spellings of one option, tabs as indentation, bytes that are not text) is refused with file and line.
+// also two spellings of one option, values over several lines, bytes that are not text) is refused with file and line.
+// Read by libyaml, whose words those are that tell of a mistake in the syntax.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "stickslip/options.hpp"
+#include "stickslip/options/options.hpp"
 
 namespace stickslip {
 

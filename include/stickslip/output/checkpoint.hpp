@@ -12,8 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/file.hpp"
-#include "stickslip/provenance.hpp"
+#include "stickslip/output/gather.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/base/provenance.hpp"
 
 namespace stickslip {
 

@@ -15,7 +15,7 @@
 // end works on the system too, and with order 4 and 6 its D2 is not symmetric: no energy is given there.
 #pragma once
 
-#include "stickslip/model.hpp"
+#include "stickslip/model/model.hpp"
 
 namespace stickslip {
 

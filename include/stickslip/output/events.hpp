@@ -9,7 +9,11 @@
 // Integrals are taken over each step by Simpson's rule on the cubic of psi (error dt^4 relative to the event).
 //
 // Of a region of nodes i, of weight w = 1 in the chain and h in the continuum, with the slip d_i = integral of psi_i
-// and the force eta before (eta0) and behind (eta1), in units of the friction amplitude:
+// and the force eta before (eta0) and behind (eta1), in units of the friction amplitude. Before: when the event begins,
+// also for nodes that it reaches later; events that have become one begin with the earlier. Where other events have
+// slipped in or near the region meanwhile (they ended before this one came there, or go on a few nodes away, within the
+// stencil), eta0 contains what their slip did, K1 D2 d - K0 d, so that what lies between before and behind is this
+// event's own.
 //     extent         number of blocks; length in the continuum: nodes times h
 //     slip           largest d_i                            moment     sum w d_i
 //     magnitude      ln(moment); NaN where it is not positive
@@ -17,18 +21,23 @@
 //     strain_energy  sum w d_i (eta0 + eta1)/2, what the springs give away
 //     friction_work  sum w integral of psi F
 //     radiated       sum w integral of (B + s delta/A) psi^2, what damping takes: with no damping nothing is radiated
-//     kinetic        largest kinetic energy sum w psi^2/(2 A) on the way
-// Where the plate hardly moves meanwhile, strain_energy = friction_work + radiated.
+//     kinetic        largest kinetic energy sum w psi^2/(2 A) on the way; of events that become one, that of the
+//                    larger until then
+// With friction that sticks strain_energy = friction_work + radiated but for what the plate does meanwhile, which is at
+// most K0 |v| (end - begin) moment/2 where no node slips back.
+//
+// Needs memory for two values a node for each event under way (those that begin together share them).
 //
 // Works on whole fields, on the rank that has them; not collective.
 #pragma once
 
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
-#include "stickslip/file.hpp"
-#include "stickslip/scene.hpp"
+#include "stickslip/output/field.hpp"
+#include "stickslip/model/scene.hpp"
 
 namespace stickslip {
 
@@ -58,26 +67,35 @@ class Events {
   void restore(const std::map<std::string, std::vector<double>>& saved);
 
  private:
+  // All nodes when an event begins: eta, and how far each had slipped in events until then.
+  struct Before {
+    std::vector<double> eta, slipped;
+  };
   struct Live {
     SlipEvent event;
     double kinetic_now = 0;
     std::vector<PetscInt> nodes;
     bool moves = false;
+    std::shared_ptr<const Before> before;
   };
   bool moves(std::size_t i, const std::vector<std::vector<double>>& fields) const;
   int owner_beside(std::size_t i, int step) const;
+  void claim(std::size_t i, std::shared_ptr<const Before>& now);
   void join(int kept, int taken);
   void accumulate(std::size_t i, double dt, const std::vector<std::vector<double>>& now);
+  double eta_before(PetscInt node, int id, const Before& before) const;
   void finish(int id);
 
   Scene scene_;
   double velocity_, weight_, damping_;
   std::vector<double> amplitude_;
+  std::shared_ptr<const Friction> friction_;
   bool started_ = false;
   double t_ = 0;
   std::vector<std::vector<double>> last_;
   std::vector<int> owner_;            // event under way in whose region a node is; -1: none
-  std::vector<double> eta0_, slip_;   // of a node in a region
+  std::vector<double> slip_;          // of a node in a region: in this event
+  std::vector<double> slipped_;       // of any node: in all events so far
   std::map<int, Live> live_;
   int next_id_ = 0;
   std::vector<SlipEvent> ended_;

@@ -1,14 +1,20 @@
 // psi and eta at chosen points, interpolated from the nodes to the order of the scheme.
+//
+// In a spread continuum eta is no smoother than the medium: a(x) has two derivatives, and so has the part a F of eta.
+// Interpolated are therefore eta - a F and F, which the medium reaches only through the waves that it gives off:
+//     eta(x) = sum_i w_i [eta_i + (a(x) - a_i) F_i]
 #pragma once
 
+#include <memory>
 #include <vector>
 
-#include "stickslip/model.hpp"
+#include "stickslip/model/model.hpp"
 
 namespace stickslip {
 
 // The p + 1 nodes nearest to x with the weights of their interpolating polynomial (periodic on a ring, shifted
-// inwards at an end): error O(h^(p+1)). A point on a node takes that node alone. Throws UsageError outside the scene.
+// inwards at an end): error O(h^(p+1)). A point on a node takes that node alone, and so does one that round-off puts
+// beyond an end. Throws UsageError outside the scene.
 Combination interpolation_at(const Scene& scene, double x);
 
 class Probes {
@@ -23,8 +29,13 @@ class Probes {
   const Values& read(Vec u);
 
  private:
+  struct Part {
+    std::size_t index;  // into the fetched nodes
+    double weight, excess;
+  };
+  std::shared_ptr<const Friction> friction_;
   int dof_;
-  std::vector<std::vector<std::pair<std::size_t, double>>> rows_;  // index into the fetched nodes, weight
+  std::vector<std::vector<Part>> rows_;
   ScatterHandle scatter_;
   VecHandle fetched_;
   Values values_;

@@ -1,4 +1,4 @@
-// Results in HDF5, one file a command, written by rank 0 alone (gathered arrays).
+// Results in HDF5, one file a command, written by rank 0 alone (gathered arrays); here that of a run.
 //
 // Every file carries the root attributes `program`, `version`, `git`, `command_line`, `options` (one JSON object of
 // texts), `date`, `ranks` and `kind` (the command, or `checkpoint`), dimension scales and `units`, so that
@@ -12,7 +12,7 @@
 // outgrows its chunks is copied into a new file, which then takes the old one's place.
 #pragma once
 
-#include <petscvec.h>
+#include <petscsys.h>
 
 #include <cstdint>
 #include <map>
@@ -21,41 +21,10 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/handle.hpp"
-#include "stickslip/provenance.hpp"
-#include "stickslip/scene.hpp"
+#include "stickslip/base/provenance.hpp"
+#include "stickslip/output/field.hpp"
 
 namespace stickslip {
-
-// Throws UsageError where option out_file with this text cannot be written at the end of the work: an empty name, a
-// folder, a missing or unwritable folder, an existing file that this program did not write. Collective.
-void check_output_path(const std::string& path);
-
-// Both outputs of a command at once, and that they are not one and the same file. "" stands for none. Collective.
-void check_outputs(const std::string& out_file, const std::string& summary);
-
-// Brings an interleaved vector (dof values a node, nodes in order) to rank 0, and back. Keeps its scatter.
-class Gather {
- public:
-  Gather(Vec like, PetscInt dof);                          // collective
-  // The components, each one value a node, on rank 0; empty vectors elsewhere. Valid until the next call. Collective.
-  const std::vector<std::vector<double>>& components(Vec v);
-  // The whole vector as it stands, on rank 0. Collective.
-  std::vector<double> interleaved(Vec v);
-  // The inverse of interleaved(): `values` of rank 0 into v. Collective.
-  void spread(const std::vector<double>& values, Vec v);
-
- private:
-  ScatterHandle scatter_;
-  VecHandle on_root_;
-  std::vector<std::vector<double>> components_;
-};
-
-// One dataset: its name, its units in words ("time", "length/time", "1"; not "seconds", which readers take for
-// dates) and what it is.
-struct Field {
-  std::string name, units, long_name;
-};
 
 // What the file of a run holds. Significant on rank 0; probe_x empty: no group probes, series empty: no group series.
 struct RunLayout {
@@ -68,16 +37,7 @@ struct RunLayout {
   std::map<std::string, std::string> texts;  // further root attributes
   std::map<std::string, double> numbers;
   std::vector<double> friction_psi, friction_F;  // steady friction, a table friction/F of friction/psi, if not empty
-
-  // All that follows from a scene: x, the fields psi, eta and tau or theta; as numbers the coefficients A, B, K0, K1,
-  // s_delta and v of the one system and, where uniform sliding exists, its steady_eta and steady_stable (1 or 0, to
-  // perturbations of every wavelength of the grid); the table of friction (amplitude 1). To be completed by probes,
-  // series, frames.
-  static RunLayout of(const Scene& scene);
 };
-
-// The standard fields, to be put into RunLayout::fields: psi, eta, tau, theta, chi.
-Field standard_field(const std::string& name);
 
 class RunFile {
  public:
@@ -123,55 +83,5 @@ class RunFile {
   std::int64_t frames_ = 0;
   double last_time_;
 };
-
-// A file written in one piece: spectrum, boundary, wave, chart, laws. Collect on every rank or on rank 0, write() is
-// collective. Names may have one group before them ("branch/speed"); a dimension is named by its scale, which is
-// sought in the dataset's group first, then at the root. A dimension without a scale gets one that counts 0, 1, ...
-class ResultFile {
- public:
-  ResultFile(MPI_Comm comm, std::string path, Provenance provenance);  // path "": write() does nothing
-  ~ResultFile();
-  ResultFile(const ResultFile&) = delete;
-  ResultFile& operator=(const ResultFile&) = delete;
-
-  void attribute(const std::string& name, const std::string& text);
-  void attribute(const std::string& name, double value);
-  void scale(const Field& field, std::vector<double> values);
-  // Row-major values of the named dimensions, none of them for a scalar.
-  void add(const Field& field, const std::vector<std::string>& dimensions, std::vector<double> values);
-  void add_text(const Field& field, const std::vector<std::string>& dimensions, std::vector<std::string> values);
-  void write();  // throws Failure
-
- private:
-  struct Contents;
-  MPI_Comm comm_;
-  std::string path_;
-  Provenance provenance_;
-  std::unique_ptr<Contents> contents_;
-};
-
-// What a file of this program holds. All three below are collective, give every rank the same, and throw UsageError,
-// which begins with `WHAT 'PATH': ` (WHAT is the option's name), where the file is missing, not ours or lacks it.
-struct FileHeader {
-  std::string kind, version, git;
-  std::map<std::string, std::string> options;
-};
-FileHeader read_header(const std::string& what, const std::string& path);
-
-struct DataArray {
-  std::vector<std::size_t> shape;
-  std::vector<double> values;  // row-major
-};
-DataArray read_array(const std::string& what, const std::string& path, const std::string& name);
-
-// One frame of a run's file; index -1 is the last one.
-struct Frame {
-  double t = 0;
-  std::int64_t index = 0, count = 0;                  // which frame, of how many
-  std::vector<double> x;
-  std::map<std::string, std::vector<double>> fields;  // psi, eta, ...
-  std::map<std::string, std::string> options;
-};
-Frame read_frame(const std::string& what, const std::string& path, std::int64_t index = -1);
 
 }  // namespace stickslip

@@ -5,11 +5,12 @@
 // computation that failed. Every rank holds the same values; rank 0 writes.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
-#include "stickslip/json.hpp"
-#include "stickslip/provenance.hpp"
+#include "stickslip/base/json.hpp"
+#include "stickslip/base/provenance.hpp"
 
 namespace stickslip {
 
@@ -18,10 +19,19 @@ class Summary {
   // `keys`: the command's own, in the order in which they are to appear after the common ones. `path`: the text of
   // option `summary`, "" for none. Throws UsageError, on every rank, where `path` cannot be written. Collective.
   Summary(const Provenance& provenance, const std::vector<std::string>& keys, std::string path);
+  ~Summary();
+  Summary(const Summary&) = delete;
+  Summary& operator=(const Summary&) = delete;
 
   // Sets one of the keys given to the constructor (any other is a mistake in the program: std::logic_error).
-  void set(const std::string& key, Json value);
+  // Numbers, truth, texts, lists of them and optional ones (null where there is none) as they are: the types that
+  // summary.cpp names. Anything else as a value of base/json_values.hpp.
+  template <class T>
+  void set(const std::string& key, const T& value);
+  void set(const std::string& key, const char* text);
+  void set(const std::string& key, const Json& value);
   const Json& get(const std::string& key) const;
+  bool is_null(const std::string& key) const;
 
   void done();                              // status `done`
   void failed(const std::string& reason);   // status `failed`
@@ -40,7 +50,7 @@ class Summary {
  private:
   void write_from_here() const;
 
-  Json object_;
+  std::unique_ptr<Json> object_;
   std::string path_;
   double begin_;
 };
@@ -70,7 +80,7 @@ int with_summary(Summary& summary, Body&& body) {
     detail::summarise_exception(summary);
     throw;
   }
-  if (summary.get("status").is_null()) summary.done();
+  if (summary.is_null("status")) summary.done();
   summary.write();
   return code;
 }

@@ -18,7 +18,7 @@
 #include <optional>
 #include <vector>
 
-#include "stickslip/sliding.hpp"
+#include "stickslip/stability/sliding.hpp"
 
 namespace stickslip {
 

@@ -23,8 +23,8 @@
 #include <utility>
 #include <vector>
 
-#include "stickslip/band.hpp"
-#include "stickslip/scene.hpp"
+#include "stickslip/numerics/band.hpp"
+#include "stickslip/model/scene.hpp"
 
 namespace stickslip {
 
@@ -50,7 +50,7 @@ class Sliding {
 
   // The operator on `count` nodes from the first'th of those solved for, everything outside held: what a mode trapped
   // there feels. Its scene is that of the whole; it has no steady state of its own.
-  Sliding stretch(std::size_t first, std::size_t count) const;
+  Sliding segment(std::size_t first, std::size_t count) const;
 
   std::size_t size() const { return node.size(); }
   bool has_state() const { return !r.empty(); }

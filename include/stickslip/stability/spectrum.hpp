@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/sliding.hpp"
+#include "stickslip/stability/sliding.hpp"
 
 namespace stickslip {
 
@@ -36,19 +36,31 @@ struct SpectrumSettings {
   bool refine = true;   // continuum: compare with a finer grid, and look only where the grid can resolve
   bool compare = true;  // false: look only where the grid can resolve, and leave out the finer grid
   bool quick = false;   // only what the shifts find: nothing is counted
+  bool whole_list = true;  // false: only the rightmost mode is made certain of
   double effort = 3e9;  // node evaluations that the count may cost
   std::size_t long_from = 5000;  // nodes beyond which modes are sought where the count sees zeros, not by many shifts
 };
 
 struct Spectrum {
-  std::vector<Mode> modes;  // rightmost first, equal real parts by frequency
+  // Rightmost first, equal real parts by frequency. Where grids are compared: those with a frequency that the grid
+  // carries.
+  std::vector<Mode> modes;
   double growth = 0, frequency = 0;  // of the rightmost resolved mode; NaN where none is resolved
   double error = 0;         // of growth, estimated
-  bool stable = false;      // growth < -error, the neutral mode of a chain without k0 excepted
+  // growth < -error, the neutral mode of a chain without k0 excepted; where grids are compared also the waves of the
+  // continuum that the grid does not carry must decay.
+  bool stable = false;
   std::string method;       // "dense" or "krylov"
   std::optional<double> dispersion_error;  // largest distance of a mode from the exact discrete relation, relative
-  bool complete = false;    // a missed rightmost mode is excluded
+  bool complete = false;       // no mode right of the first listed is missing
+  bool list_complete = false;  // none is missing right of the last one listed
+  std::optional<long> missing;  // so many are, conjugates and multiplicity counted; empty where it is not known
   std::string completeness_check;
+  bool degenerate = false;     // several modes share the growth rate; the one of the lowest frequency leads
+  // The continuum where all nodes are alike: the largest growth rate over all its wavenumbers, and the smallest of them
+  // that has it, empty where it is approached as they grow. Both empty for chains and where nodes differ.
+  std::optional<double> growth_continuum, wavenumber_continuum;
+  std::vector<std::string> remarks;  // what a reader of growth and stable must know
 };
 
 // Collective: shifts are shared among the ranks of comm; every rank returns the same.
@@ -81,10 +93,12 @@ std::vector<Mode> dense_modes(const Sliding& sliding, PetscInt count);
 // K = K0 - K1 D2, which the waves alone conserve.
 struct Transient {
   double abscissa = 0;  // the fastest growth rate of any perturbation at first (numerical abscissa)
-  double growth = 1;    // largest |exp(J t)| over t; 1 where nothing grows. Meaningful for stable sliding only
-  double time = 0;      // when it is reached
+  // Largest |exp(J t)| over t >= 0, and when it is reached, both refined (`wavenumbers`: to 1e-9, and nothing beyond
+  // 1e-4 is overlooked; `dense`: the three highest of 100 to 400 samples refined; `iteration`: the highest, to 1e-6).
+  // 1 and 0 where nothing grows. Meaningful for stable sliding only.
+  double growth = 1, time = 0;
   std::string method;   // "wavenumbers", "dense" or "iteration"
-  bool exact = true;    // to sampling in time; false: growth is a lower bound
+  bool exact = true;    // false: growth is a lower bound
   double frequency = 0;  // iteration: of the fastest waves that it carries
 };
 // By wavenumber where the exact relation applies, dense up to 400 unknowns elsewhere, beyond (or with `iterate`) by

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/options.hpp"
-#include "stickslip/trial.hpp"
+#include "stickslip/options/options.hpp"
+#include "stickslip/study/trial.hpp"
 
 namespace stickslip {
 

@@ -20,8 +20,8 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/options.hpp"
-#include "stickslip/trial.hpp"
+#include "stickslip/options/options.hpp"
+#include "stickslip/study/trial.hpp"
 
 namespace stickslip {
 
@@ -44,7 +44,7 @@ class Limits {
   // Runs the scene accurately. Throws Failure where that fails.
   explicit Limits(const Options& options);
   ~Limits();
-  LimitRow row(const MethodChoice& method);
+  LimitRow row(const MethodSpec& method);
 
  private:
   struct Impl;

@@ -20,9 +20,9 @@
 #include <optional>
 #include <string>
 
-#include "stickslip/measure.hpp"
-#include "stickslip/model.hpp"
-#include "stickslip/options.hpp"
+#include "stickslip/output/regime.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/options/options.hpp"
 
 namespace stickslip {
 
@@ -63,7 +63,7 @@ UniformInstability instability_of_oscillation(const Scene& scene);
 // grows by more than a tenth in the time of the run): `scene` is the whole one, `cell` the
 // one solved, `seen` what was measured at the end of the run (pulses: on the whole ring), which lasted `duration` and
 // ended with the mean velocity `psi`.
-std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measurement::Result& seen, double psi,
+std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measured& seen, double psi,
                             double duration);
 
 }  // namespace stickslip

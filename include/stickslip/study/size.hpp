@@ -1,7 +1,7 @@
 // Whether the machine and the number of ranks suit the scene.
 #pragma once
 
-#include "stickslip/options.hpp"
+#include "stickslip/options/options.hpp"
 
 namespace stickslip {
 

@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "stickslip/model.hpp"
+#include "stickslip/model/model.hpp"
 
 namespace stickslip {
 
@@ -20,6 +20,9 @@ class Start {
   // The start on the grid of a model (of one of scene.copies equal cells: of that cell). Held nodes take their values.
   // Collective.
   void fill(const Model& model, Vec u) const;
+  // By how much psi of the start misses the velocity of a held end of the scene, on any grid: the height of the jump
+  // that runs in from there. 0 for a file.
+  double jump(const Scene& scene) const;
 
  private:
   struct Impl;

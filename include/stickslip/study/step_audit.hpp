@@ -22,15 +22,16 @@
 #include <optional>
 #include <string>
 
-#include "stickslip/time.hpp"
+#include "stickslip/output/regime.hpp"
+#include "stickslip/time/time.hpp"
 
 namespace stickslip {
 
-class Trust {
+class StepAudit {
  public:
   // `integrator` is about to advance `model` from t_begin to t_end.
-  Trust(const Model& model, const Options& options, const Integrator& integrator, double t_begin, double t_end);
-  ~Trust();
+  StepAudit(const Model& model, const Options& options, const Integrator& integrator, double t_begin, double t_end);
+  ~StepAudit();
 
   // To be called at the start (index 0 of the steps) and after every accepted step.
   void after(const Integrator::Step& step);
@@ -48,8 +49,8 @@ class Trust {
   };
   // At the end, at u.
   Verdict verdict(Vec u) const;
-  // Warns where `regime` (as Measurement has it), speeds or periods cannot be believed. True where it did.
-  bool warn_of(const Verdict& verdict, const std::string& regime) const;
+  // Warns where the regime that was measured, speeds or periods cannot be believed. True where it did.
+  bool warn_of(const Verdict& verdict, Motion motion) const;
 
   // A perturbation of sliding whose amplitude comes out wrong by this much, in its logarithm, is told; for waves that
   // the grid does not resolve, which need not be there, when it is too large by the second.

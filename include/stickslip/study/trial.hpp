@@ -7,38 +7,30 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/model.hpp"
-#include "stickslip/options.hpp"
-#include "stickslip/scene.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/options/options.hpp"
+#include "stickslip/model/scene.hpp"
+#include "stickslip/time/methods.hpp"
 
 namespace stickslip {
 
-// A method as the user names it: type[:subtype[:implicit]], e.g. rk:5dp, arkimex:4:friction, cn.
-struct MethodChoice {
-  std::string type, subtype, implicit = "auto";
-
-  std::string name() const;
-  int order() const;
-  bool has_estimate() const;  // chooses its steps by an estimate of their error; otherwise every step is the same
-  bool splits() const;        // IMEX: `implicit` says what it takes implicitly
-  bool is_explicit() const;
-
-  // Throws UsageError, which begins with `WHAT TEXT: `, for what is not offered here or does not split so.
-  static MethodChoice parse(const std::string& what, const std::string& text);
-};
-
 struct Setting {
-  MethodChoice method;
+  MethodSpec method;
   double tolerance = 1e-6;  // ts_rtol = ts_atol
   double step = 0;          // ts_dt of a method without an error estimate
   int order = 4;            // in space
   PetscInt n = 0;
 };
 
-// psi and eta at every node, on every rank.
+// psi and eta at every node, on every rank; and F there, of amplitude 1, where it is spread over the continuum: see
+// probe.hpp.
 struct Fields {
-  std::vector<double> psi, eta;
+  std::vector<double> psi, eta, F;
 };
+
+// F of nodes with this psi and stored state ({} without a state law); {} where the scene's Fields carry none.
+std::vector<double> friction_between(const Scene& scene, const std::vector<double>& psi,
+                                     const std::vector<double>& state);
 
 struct Trial {
   Fields end;               // empty where it failed
@@ -54,12 +46,12 @@ struct Trial {
 double processor_seconds();
 double largest_processor_seconds();
 
-// The options of the scene on another grid: grid_n, grid_order and imex_implicit are set.
+// The options of the scene on another grid: grid_n and grid_order are set.
 Options options_for(const Options& options, const Setting& setting);
 
-// Runs from the scene's start to ts_max_time. PETSC's options are read with `prefix`; those of the method are set for
-// the time of the run. A computation that fails, or that would take more than `limit` seconds, is reported in `failed`;
-// warnings are kept and not printed. Throws UsageError where scene or start cannot be had on this grid. Collective.
+// Runs from the scene's start to ts_max_time. PETSc's options are read with `prefix`. A computation that fails, or that
+// would take more than `limit` seconds, is reported in `failed`; warnings are kept and not printed. Throws UsageError
+// where scene or start cannot be had on this grid. Collective.
 Trial run_trial(const Options& options, const Setting& setting, const std::string& prefix, double limit);
 
 // Sets up what each of the settings needs and throws UsageError where that cannot be had: to be called before any work.
@@ -76,8 +68,8 @@ bool has_grid_limit(const Options& options, const Scene& scene);
 // The orders in space that the scene can be solved with.
 std::vector<int> possible_orders(const Scene& scene);
 
-// The fields of one grid at the nodes of another, by the interpolating polynomial of degree scene.order; nodes in
-// common are taken as they are.
+// psi and eta of one grid at any points, or at the nodes of another over the same length, as probes interpolate.
+Fields at_points(const Fields& fields, const Scene& scene, const std::vector<double>& x);
 Fields resample(const Fields& fields, const Scene& from, const Scene& to);
 // Largest |difference| of psi and eta.
 double distance(const Fields& a, const Fields& b);

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "stickslip/options/options.hpp"
+
 namespace stickslip {
 
 enum class MethodKind {
@@ -38,6 +40,31 @@ std::string subtype_option(const std::string& type);
 // The entry of a method. Throws UsageError, with what to use instead, for types and subtypes that give no answer or a
 // wrong one here.
 void check_type_offered(const std::string& type);
+const Method& offered_type(const std::string& type);  // the first entry of the type
 const Method& offered_method(const std::string& type, const std::string& subtype);
+
+// How a system is to be advanced in time: a method as the user names it, type[:subtype[:implicit]], e.g. rk:5dp,
+// arkimex:4:friction, cn; and how long its steps are. What is left open is chosen for the scene.
+struct MethodSpec {
+  std::string type;               // "": chosen for the scene, or as ts_type says
+  std::string subtype;            // "": there is none, or PETSc's default
+  std::string implicit = "auto";  // of an IMEX method, as imex_implicit says it
+  double tolerance = 0;           // relative and absolute, of a step; 0: as ts_rtol and ts_atol say
+  double step = 0;                // of fixed steps; 0: chosen by the method's estimate, or as ts_dt says
+  bool fused = true;              // rk takes its stages tile by tile (rk_fused)
+
+  // What the options say of it: imex_implicit and rk_fused. The rest stands in PETSc's database.
+  static MethodSpec from(const Options& options);
+  // Throws UsageError, which begins with `WHAT TEXT: `, for what is not offered here or does not split so.
+  static MethodSpec parse(const std::string& what, const std::string& text);
+
+  // The entry of `type` and `subtype`, which are given; and what it says.
+  const Method& method() const { return offered_method(type, subtype); }
+  std::string name() const { return method().name(); }
+  int order() const { return method().order; }
+  bool has_estimate() const;  // chooses its steps by an estimate of their error; otherwise every step is the same
+  bool splits() const;        // IMEX: `implicit` says what it takes implicitly
+  bool is_explicit() const;
+};
 
 }  // namespace stickslip

@@ -24,7 +24,7 @@
 #include <functional>
 #include <vector>
 
-#include "stickslip/model.hpp"
+#include "stickslip/model/model.hpp"
 
 namespace stickslip {
 

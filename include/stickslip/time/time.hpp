@@ -6,7 +6,7 @@
 // implicitly. Every -ts_, -snes_, -ksp_, -pc_ option stands above the choice.
 //
 // imex_implicit says what an IMEX method takes implicitly:
-//     friction  all pointwise terms (Newton, 2x2 blocks solved exactly); K1 D2 psi explicit
+//     friction  all pointwise terms (node by node, tile by tile); K1 D2 psi explicit
 //     wave      the linear constant terms (factored once while the step stands); F and g explicit
 //     both      everything
 //     none      nothing
@@ -18,9 +18,11 @@
 #include <algorithm>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <string>
 
-#include "stickslip/model.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/time/methods.hpp"
 
 namespace stickslip {
 
@@ -36,6 +38,10 @@ Rates rates_of(const Model& model, Vec u);
 
 enum class Implicit { none, friction, wave, both };
 std::string to_string(Implicit implicit);
+
+// Makes the time steppers of this program known to PETSc, so that -ts_type names them. After SlepcInitialize; every
+// Integrator does it too.
+void register_time_steppers();
 
 // What a run did.
 struct TimeReport {
@@ -63,9 +69,9 @@ class Integrator {
   // remembers of earlier steps, so that a run restarted from here goes on alike.
   using Observer = std::function<Verdict(const Step&)>;
 
-  // Sets the method up for the scene and its start u. `prefix` is put before the names of PETSc's options. Throws
-  // UsageError for methods that do not work here. Collective.
-  Integrator(const Model& model, const Options& options, Vec u, const std::string& prefix = "");
+  // Sets the method up for the scene and its start u. `prefix` is put before the names of PETSc's options, which tune
+  // what `method` leaves open. Throws UsageError for methods that do not work here. Collective.
+  Integrator(const Model& model, const MethodSpec& method, Vec u, const std::string& prefix = "");
   ~Integrator();
 
   // Times at which the observer will interpolate: told ahead, so that only steps that hold one pay for it. Sorted.
@@ -85,6 +91,7 @@ class Integrator {
   int interpolation_order() const;
   std::string interpolation_caveat() const;
   bool adaptive() const;  // does an error estimate choose the steps?
+  const Method& method() const;
   TS ts() const;
 
  private:

@@ -8,43 +8,19 @@
 // eta = f'/A + B f + F. No derivative of F enters, so that a jump (r2 -> 0) costs no digits.
 //
 // The limit cycle is found by a Radau IIA method of order 9 and a return map on f = v; it shares nothing but this
-// right-hand side with the collocation in wave.hpp, which it starts and checks. Nothing here is collective.
+// right-hand side with the collocation in train.hpp, which it starts and checks. Nothing here is collective.
 #pragma once
 
 #include <memory>
 #include <vector>
 
-#include "stickslip/friction.hpp"
-#include "stickslip/scene.hpp"
+#include "stickslip/model/friction.hpp"
+#include "stickslip/model/scene.hpp"
+#include "stickslip/numerics/collocation.hpp"
+#include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/interpolation.hpp"
 
 namespace stickslip {
-
-// Collocation at c_1 < ... < c_s in [0, 1]: a_ij is the integral of the Lagrange polynomial l_j over
-// [0, c_i], b_j that over [0, 1]; a is row-major.
-struct Tableau {
-  int s;
-  std::vector<double> c, a, b;
-  static Tableau gauss(int s);  // order 2 s, symmetric
-  static Tableau radau(int s);  // Radau IIA: order 2 s - 1, stiffly accurate
-};
-
-// Interpolation through the values at given points of [0, 1].
-class Lagrange {
- public:
-  explicit Lagrange(std::vector<double> points);
-  // weights[i], so that the interpolant at `at` is sum weights[i] value[i]; its derivative likewise.
-  void weights(double at, double* weights) const;
-  void derivative_weights(double at, double* weights) const;
-  const std::vector<double>& points() const { return points_; }
-
- private:
-  std::vector<double> points_, factor_;  // factor_: barycentric
-};
-
-// Solves the n by n system a x = b in place by elimination with row exchanges; a is row-major and destroyed, b holds
-// `columns` right-hand sides (row-major, n by columns) and becomes x. False where a is singular.
-template <class T>
-bool solve_dense(int n, T* a, int columns, T* b);
 
 // The right-hand side above for the amplitude-1 friction of a scene. Throws UsageError where the law has a jump at
 // rest (exact carlson-langer, coulomb), which an oscillation passes and which this smooth problem cannot have.

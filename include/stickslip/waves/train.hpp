@@ -12,12 +12,10 @@
 
 #include <memory>
 #include <optional>
-#include <string>
 #include <vector>
 
-#include "stickslip/ode.hpp"
-#include "stickslip/options.hpp"
-#include "stickslip/scene.hpp"
+#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/model/scene.hpp"
 
 namespace stickslip {
 
@@ -67,29 +65,7 @@ Train correct_train(const Scene& scene, const TrainRequest& request, const Train
 // by the orbit at V = c (1 + 1e-12) otherwise.
 double shortest_pulse(const Scene& scene);
 
-// What `wave_*` of the options ask for. Throws UsageError where neither or both of length and speed are given.
-TrainRequest train_request(const Options& options);
 // Throws UsageError where the scene cannot carry a smooth train (chain, spread, a law that jumps).
 void check_train_scene(const Scene& scene);
-
-// One point of a branch of trains. `fold`: the parameter turned round between the point before and this one.
-struct BranchPoint {
-  double value;
-  Train train;
-  bool fold;
-};
-
-// Follows the train of the options while the real option `name` moves towards `to`, in at most `steps` steps, by
-// pseudo-arclength in (z(0), q, the option) with q = ln T or ln sqrt(V^2 - c^2): round folds and through the canard
-// explosion, where the option hardly changes. Ends at `to`; where the amplitude vanishes (the Hopf point of uniform
-// sliding, whose value is added to `end`); where the option comes back past its start; after `steps`. Throws
-// Failure for an option that does not enter.
-struct Branch {
-  std::vector<BranchPoint> points;
-  std::string end;
-};
-// The options wave_continue and wave_to, checked before any work. Throws UsageError.
-void check_branch(const Options& options);
-Branch continue_train(const Options& options, const std::string& name, double to, int steps);
 
 }  // namespace stickslip

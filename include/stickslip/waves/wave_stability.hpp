@@ -6,29 +6,33 @@
 //     Z'    = -K0 P - lambda (Z + kappa P')
 //     S'    = g_psi P + g_s S - lambda S
 // over one period, closed by P(T) = exp(i theta) P(0) and so on. theta = 2 pi m/n, m = 0..n-1, are all perturbations
-// of a ring with n pulses, for they split by their symmetry; any theta, those of the endless train. With Gauss
-// collocation this is K y = lambda M y, whose eigenvalues near given shifts SLEPc finds (shift-and-invert by one
-// cyclic elimination, complex numbers as pairs of reals). Each is then computed again on a mesh twice as fine, by
-// Newton's method on det[Y(lambda) - exp(i theta)] with Y the matrix that carries (P, Z, S) round a period; where the
-// two disagree the eigenvalue is marked as not resolved.
+// of a ring with n pulses, for they split by their symmetry; any theta, those of the endless train.
 //
-// The same determinant, followed along a vertical line, counts the eigenvalues to the right of it (short waves decay
-// at half the mean of C = A (B + F_psi) + s delta, which is positive on an attracting orbit, so that the count needs
-// a finite piece of the line only): the check that none is missing. No theta has an eigenvalue right of a line on
-// which both eigenvalues of Y lie inside the unit circle: the endless train.
+// The equations are solved for Q = exp(lambda xi) P, which varies no faster than waves of wavenumber Im lambda/V in a
+// medium at rest do: a fast train is seen as the uniform oscillation that it nearly is, with eigenvalues measured from
+// the carrier frequency V k. lambda is an eigenvalue where ln rho(lambda) = lambda T + i theta for a multiplier
+// rho of Q over a period. The argument of the determinant along a vertical line, from -i infinity to i infinity, counts
+// the eigenvalues to the right of it, for every theta at once; they lie on the curves |rho exp(-lambda T)| = 1, one for
+// each stretch of the line that counts, and are found there by Newton's method, phase by phase, on two meshes; where
+// these disagree the eigenvalue is marked as not resolved. Short waves decay at half the mean of
+// C = A (B + F_psi) + s delta, which is positive on an attracting orbit, so that a line right of that has finitely many
+// to its right and needs to be followed to a finite frequency only.
+//
+// Source: the argument principle for an Evans function with Bloch factors, R. A. Gardner, J. Math. Pures Appl. 72
+// (1993) 415-439; the Q form: this program. Everything here is computed alike on every rank.
 #pragma once
 
 #include <complex>
 #include <string>
 #include <vector>
 
-#include "stickslip/wave.hpp"
+#include "stickslip/waves/train.hpp"
 
 namespace stickslip {
 
 struct TrainMode {
   std::complex<double> lambda;
-  double residual = 0;    // of the eigenproblem, relative
+  double residual = 0;    // change on a mesh twice as fine, relative to 1 + c |lambda/V|
   PetscInt bloch = 0;     // m
   double wavenumber = 0;  // -2 pi m/L to the right, 2 pi m/L to the left, m taken between -n/2 and n/2
   bool resolved = false;
@@ -36,26 +40,31 @@ struct TrainMode {
 };
 
 struct TrainSpectrum {
-  std::vector<TrainMode> modes;   // sorted by real part, rightmost first; at most `count`
+  std::vector<TrainMode> modes;   // the rightmost, sorted by real part; at most `count`
   double translation_error = 0;   // |lambda| of the translation mode as computed
-  double growth_rate = 0;         // largest real part, the translation mode excepted
+  // Largest real part, the translation mode excepted; that of the line where no other mode lies right of it.
+  double growth_rate = 0;
   bool stable = false;            // growth_rate below minus its error
-  bool complete = false;          // the count along a line agrees with what was found right of it
+  // None is missing right of the last one listed: all the modes counted right of a line were found, or, where they are
+  // more than asked for, the curves on which they lie were followed from end to end and the rightmost found on them.
+  bool complete = false;
   std::string completeness_check;
   // The endless train: largest growth rate over all wavelengths and where it is reached (0, 0 where nothing grows).
   double endless_growth = 0, endless_wavenumber = 0, endless_frequency = 0;
   bool endless_stable = false;
 };
 
-// Spectrum of the ring's train: the `count` rightmost eigenvalues. `library_options`: EPS listens to -eps_ options.
-// Throws Failure where V is so near to c that the waves running with the train cannot be resolved.
-TrainSpectrum train_spectrum(const Train& train, int count, bool library_options = false);
+// Spectrum of the ring's train: the `count` rightmost eigenvalues, fewer where fewer lie right of half the
+// decay rate of short waves. For V/c - 1 below 1e-5 nothing is computed: `complete` is false, `completeness_check` gives
+// the reason, and the rates are NaN.
+TrainSpectrum train_spectrum(const Train& train, int count);
 
 // The endless train alone, which is quicker: fills the members named so.
 TrainSpectrum endless_stability(const Train& train);
 
 // How many eigenvalues lie right of Re lambda = 1e-5 for each theta = 2 pi m/n, m = 0..n/2 (those of n - m are their
-// conjugates), by the argument of the determinant alone; all 1 where waves of any short length grow.
+// conjugates), by the argument of the determinant alone; all 1 where waves of any short length grow. Throws Failure for
+// V/c - 1 below 1e-5.
 std::vector<int> growing_modes(const Train& train);
 
 // Eigenvalues of Y(lambda): the Bloch factors that lambda belongs to.

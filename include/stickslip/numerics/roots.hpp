@@ -1,0 +1,123 @@
+// Zeros of a real function of one real variable, and the place where a condition begins to fail. Nothing communicates;
+// a function that does is called the same number of times with the same arguments on every rank whose values agree.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace stickslip {
+
+// Two places where the function has values of different sign; either value may be 0.
+struct Bracket {
+  double a, fa, b, fb;
+};
+
+// A zero of f in the bracket: f changes its sign, or is 0, within `tolerance` of the place returned (never less than two
+// units in the last place of it). A jump through zero counts as one. Of several zeros one is found.
+//
+// Inverse quadratic interpolation where three values are monotone enough for it, else halving (Chandrupatla, Advances in
+// Engineering Software 28 (1997) 145): order 1.8 at a simple zero. Three steps that have not halved the bracket are
+// followed by one that does, so that f is called at most 4 log2(|b - a|/tolerance) + 4 times, whatever it is.
+// f is not called at a and b. NaN where fa fb > 0, or where f is not finite at a place it was asked for.
+template <class F>
+double find_root(F&& f, Bracket bracket, double tolerance) {
+  auto [a, fa, b, fb] = bracket;
+  if (fa == 0) return a;
+  if (fb == 0) return b;
+  if ((fa < 0) == (fb < 0) || !std::isfinite(fa) || !std::isfinite(fb)) return std::numeric_limits<double>::quiet_NaN();
+  double part = 0.5;  // of the way from a, the newest place, to b
+  double last_width = std::abs(b - a);
+  for (int k = 1;; ++k) {
+    const double x = a + part * (b - a), fx = f(x);
+    if (!std::isfinite(fx)) return std::numeric_limits<double>::quiet_NaN();
+    double c, fc;  // the place that leaves the bracket
+    if ((fx < 0) == (fa < 0)) {
+      c = a;
+      fc = fa;
+    } else {
+      c = b;
+      fc = fb;
+      b = a;
+      fb = fa;
+    }
+    a = x;
+    fa = fx;
+    const double best = std::abs(fa) < std::abs(fb) ? a : b, width = std::abs(b - a);
+    const double allowed = std::max(tolerance, 2 * std::numeric_limits<double>::epsilon() * std::abs(best));
+    if (fa == 0 || width <= allowed) return best;
+    part = 0.5;
+    const double xi = (a - b) / (c - b), phi = (fa - fb) / (fc - fb);
+    const bool slow = k % 4 == 3 && width > 0.5 * last_width;
+    if (k % 4 == 3) last_width = width;
+    if (!slow && phi * phi < xi && (1 - phi) * (1 - phi) < 1 - xi)
+      part = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb);
+    const double edge = std::min(0.5, 0.5 * allowed / width);  // so that both ends close in
+    part = std::clamp(part, edge, 1 - edge);
+  }
+}
+
+// A zero of f near x, where f has the value fx: secant steps, the first one of length `step` (its sign counts), which end
+// when one is no longer than `tolerance` (what is left is smaller by the change of the slope on the way). Where they do
+// not settle within `reach`, a bracket is grown about x, from reach/1000 by factors of 4, and find_root called on it.
+// `slope`, if given: that of the last secant. NaN where no change of sign is found within `reach`.
+template <class F>
+double root_near(F&& f, double x, double fx, double step, double tolerance, double reach, double* slope = nullptr) {
+  if (fx == 0) return x;
+  double s = x, fs = fx;
+  for (int k = 0; k < 8 && std::isfinite(step) && std::abs(s + step - x) < 0.2 * reach; ++k) {
+    const double there = f(s + step), m = (there - fs) / step;
+    if (there == 0) return s + step;
+    if (!std::isfinite(m) || m == 0) break;
+    if (slope) *slope = m;
+    s += step;
+    fs = there;
+    step = -fs / m;
+    if (std::abs(step) <= tolerance) return s + step;
+  }
+  for (double away = reach / 1000; away <= reach; away *= 4)
+    for (const double other : {x + away, x - away})
+      if (const double there = f(other); there * fx <= 0)
+        return find_root(f, {x, fx, other, there}, 1e-6 * tolerance);
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
+// The place between `yes`, where the condition holds, and `no`, where it does not, at which it ceases to hold, by halving
+// until they are within `tolerance` (or neighbours); the last place where it was seen to hold. Where it ceases more than
+// once, one of those places.
+template <class Condition>
+double last_place(Condition&& holds, double yes, double no, double tolerance = 0) {
+  while (std::abs(no - yes) > tolerance) {
+    const double middle = yes + (no - yes) / 2;
+    if (middle == yes || middle == no) break;
+    (holds(middle) ? yes : no) = middle;
+  }
+  return yes;
+}
+
+// The least value of f between low and high, and where: golden section, until the interval is no longer than
+// `tolerance` or `enough` says of a value that it is low enough. One of the minima, where there are several.
+struct Least {
+  double x, value;
+};
+template <class F, class Enough>
+Least find_least(F&& f, double low, double high, double tolerance, Enough&& enough) {
+  constexpr double golden = 0.3819660112501051;  // (3 - sqrt(5))/2
+  double a = low + golden * (high - low), b = high - golden * (high - low), fa = f(a), fb = f(b);
+  while (high - low > tolerance && !enough(std::min(fa, fb))) {
+    if (fa < fb) {
+      high = b;
+      b = a;
+      fb = fa;
+      fa = f(a = low + golden * (high - low));
+    } else {
+      low = a;
+      a = b;
+      fa = fb;
+      fb = f(b = high - golden * (high - low));
+    }
+  }
+  return fa < fb ? Least{a, fa} : Least{b, fb};
+}
+
+}  // namespace stickslip

@@ -1,0 +1,43 @@
+// What stands in files already: the checks before one is written, and reading those of this program.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace stickslip {
+
+// Throws UsageError where option out_file with this text cannot be written at the end of the work: an empty name, a
+// folder, a missing or unwritable folder, an existing file that this program did not write. Collective.
+void check_output_path(const std::string& path);
+
+// Both outputs of a command at once, and that they are not one and the same file. "" stands for none. Collective.
+void check_outputs(const std::string& out_file, const std::string& summary);
+
+// What a file of this program holds. All three below are collective, give every rank the same, and throw UsageError,
+// which begins with `WHAT 'PATH': ` (WHAT is the option's name), where the file is missing, not ours or lacks it.
+struct FileHeader {
+  std::string kind, version, git;
+  std::map<std::string, std::string> options;
+};
+FileHeader read_header(const std::string& what, const std::string& path);
+
+struct DataArray {
+  std::vector<std::size_t> shape;
+  std::vector<double> values;  // row-major
+};
+DataArray read_array(const std::string& what, const std::string& path, const std::string& name);
+
+// One frame of a run's file; index -1 is the last one.
+struct Frame {
+  double t = 0;
+  std::int64_t index = 0, count = 0;                  // which frame, of how many
+  std::vector<double> x;
+  std::map<std::string, std::vector<double>> fields;  // psi, eta, ...
+  std::map<std::string, std::string> options;
+};
+Frame read_frame(const std::string& what, const std::string& path, std::int64_t index = -1);
+
+}  // namespace stickslip

@@ -1,0 +1,54 @@
+// What may stop a run or make it write a checkpoint: signals, the clock, a number of steps.
+#pragma once
+
+#include <array>
+#include <csignal>
+#include <string>
+
+#include "stickslip/options/options.hpp"
+
+namespace stickslip {
+
+// While it lives, SIGINT and SIGTERM ask for a checkpoint and an end, SIGUSR1 for a checkpoint.
+class SignalWatch {
+ public:
+  SignalWatch();
+  ~SignalWatch();
+  SignalWatch(const SignalWatch&) = delete;
+  SignalWatch& operator=(const SignalWatch&) = delete;
+
+ private:
+  static constexpr std::array<int, 3> numbers{SIGINT, SIGTERM, SIGUSR1};
+  std::array<struct sigaction, 3> before_{};
+};
+
+class RunControl {
+ public:
+  // `first_step`: from which this command goes on. The wall clock starts here.
+  RunControl(const Options& options, PetscInt first_step);
+
+  // What to do after an accepted step, the same on every rank.
+  struct Decision {
+    bool stop = false;        // end the run here
+    bool checkpoint = false;  // write one
+    bool restart = false;     // and let the method forget what it remembers of earlier steps
+  };
+  // One reduction over all ranks. Collective.
+  Decision after(PetscInt step, double t);
+  void checkpoint_written();
+
+  bool wants_checkpoints() const { return every_.steps > 0 || every_.seconds > 0; }
+  PetscInt most_steps() const { return most_steps_; }
+  int signal() const { return stopped_by_; }         // that ended the run, 0: none
+  bool wall_is_over() const { return wall_is_over_; }  // ts_max_wall came before the end
+
+ private:
+  SignalWatch watch_;
+  StepsOrSeconds every_;
+  double most_seconds_, t_end_, begin_, last_checkpoint_;  // 0 seconds: no limit
+  PetscInt first_step_, most_steps_;
+  int stopped_by_ = 0;
+  bool wall_is_over_ = false;
+};
+
+}  // namespace stickslip

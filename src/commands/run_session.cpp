@@ -1,0 +1,309 @@
+#include "commands/run_session.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <set>
+
+#include "base/broadcast.hpp"
+#include "base/progress.hpp"
+#include "output/catalogue.hpp"
+#include "output/frames.hpp"
+#include "output/series.hpp"
+#include "stickslip/study/run_layout.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "study/step_forecast.hpp"
+#include "stickslip/study/nearest_sliding.hpp"
+#include "stickslip/time/stick.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// Whether rank 0 sees this file. Collective.
+bool exists(const std::string& path) {
+  int there = access(path.c_str(), F_OK) == 0 ? 1 : 0;
+  SS_TRY(MPI_Bcast(&there, 1, MPI_INT, 0, PETSC_COMM_WORLD));
+  return there != 0;
+}
+
+std::optional<Checkpoint> asked_for(const Options& options) {
+  if (!options.is_set("restart")) return std::nullopt;
+  return read_checkpoint(options.text("restart"));
+}
+
+UsageError not_whole(const Options& options, const std::string& why) {
+  return UsageError("restart '" + options.text("restart") + "': is not a whole checkpoint: " + why);
+}
+
+// The grid that a checkpoint goes on with, whatever its start would now be reduced to.
+std::optional<PetscInt> nodes_of(const std::optional<Checkpoint>& checkpoint, const Scene& scene,
+                                 const Options& options) {
+  if (!checkpoint) return std::nullopt;
+  const auto nodes = checkpoint->numbers.find("nodes");
+  if (nodes == checkpoint->numbers.end()) return scene.n;
+  if (!(nodes->second >= 1 && nodes->second <= scene.n) || std::fmod(scene.n, nodes->second) != 0)
+    throw not_whole(options, "its nodes do not fit");
+  return static_cast<PetscInt>(nodes->second);
+}
+
+Problem problem_for(const Scene& scene, const Options& options, const std::optional<Checkpoint>& checkpoint) {
+  // A catalogue is that of all nodes.
+  return problem_of(scene, options.boolean("out_events") ? options.with("scene_reduce", "off") : options,
+                    nodes_of(checkpoint, scene, options));
+}
+
+// The velocity above which a node moves, for the catalogue of events.
+double event_velocity(const Options& options, const Scene& scene) {
+  const bool sticks = Stick::applies_to(scene);
+  if (options.is_set("out_events_velocity")) return options.real("out_events_velocity");
+  if (scene.v == 0 && !sticks)
+    throw UsageError("out_events: with model_v 0 it needs out_events_velocity, above which a node moves");
+  return sticks ? 0 : 2 * std::abs(scene.v);
+}
+
+// What PETSc's solvers keep from one step to the next is not in a checkpoint; what the methods keep they forget
+// there.
+void warn_of_memory(const Options& options) {
+  for (const auto& [name, text] : options.library()) {
+    static const std::set<std::string> always = {
+        "snes_lag_jacobian_persists", "snes_lag_preconditioner_persists", "ksp_initial_guess_nonzero",
+        "ksp_guess_type", "ksp_reuse_preconditioner"};
+    const bool lags = (name == "snes_lag_jacobian" || name == "snes_lag_preconditioner") && text[0] == '-';
+    const bool solver = name == "snes_type" && text != "newtonls" && text != "newtontr" && text != "ksponly";
+    if (always.count(name) || lags || solver)
+      warn("-" + name + (text.empty() ? "" : " " + text) +
+           " keeps what the solver learnt in earlier steps, which is in no checkpoint: a continued run agrees with "
+           "an uninterrupted one to the solver's tolerances, not to the last bit");
+  }
+}
+
+}  // namespace
+
+Run::Run(const Options& options, const Provenance& provenance) : Run(options, provenance, asked_for(options)) {}
+
+Run::Run(const Options& options, const Provenance& provenance, std::optional<Checkpoint> checkpoint)
+    : options_(options), provenance_(provenance), scene_(Scene::from(options, false)),
+      problem_(problem_for(scene_, options, checkpoint)), gather_(problem_.u, problem_.model.dof()) {
+  make_observers();
+  int rank;
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  // Every rank solves alike, and one of them prints for -ts_monitor.
+  if (problem_.model.comm() == PETSC_COMM_SELF && rank != 0) PETSC_STDOUT = std::fopen("/dev/null", "w");
+  if (checkpoint) restore(*checkpoint);
+  control_.emplace(options, origin_.step);
+  const double begin = processor_seconds();
+  make_integrator();
+  step_seconds_ = processor_seconds() - begin;
+  open_file();
+}
+
+Fields Run::end() const { return fields_of(problem_.model, problem_.u, scene_.n); }
+
+void Run::make_observers() {
+  const Model& model = problem_.model;
+  if (options_.boolean("out_displacement") && options_.is_set("out_file"))
+    displacement_ = std::make_unique<Displacement>(model);
+  auto regime = std::make_unique<Regime>(model, options_.real("ts_max_time"), steady_velocity(model.scene()));
+  regime_ = regime.get();
+  observers_.push_back(std::move(regime));
+  observers_.push_back(std::make_unique<EndStatistics>(model));
+  if (options_.boolean("out_events"))
+    observers_.push_back(std::make_unique<Catalogue>(scene_, event_velocity(options_, scene_), gather_));
+  observers_.push_back(std::make_unique<ProbeRows>(model, scene_, options_.reals("out_probes")));
+  if (!options_.is_set("out_file")) return;
+  if (options_.boolean("out_series"))
+    observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get()));
+  // after the rows of the same moment
+  observers_.push_back(std::make_unique<Frames>(model, scene_, options_, gather_, displacement_.get()));
+}
+
+void Run::restore(Checkpoint& checkpoint) {
+  const Model& model = problem_.model;
+  on_root(PETSC_COMM_WORLD, [&] {
+    if (checkpoint.state.size() != std::size_t(model.dof()) * std::size_t(model.scene().n))
+      throw not_whole(options_, "its state does not fit the scene");
+  });
+  try {
+    for (const char* name : {"rejections", "rhs_evaluations", "t_end"}) (void)checkpoint.numbers.at(name);
+    for (const auto& observer : observers_) observer->restore(checkpoint);
+  } catch (const std::exception& e) {
+    throw not_whole(options_, e.what());
+  }
+  origin_ = {true,
+             checkpoint.t,
+             checkpoint.dt,
+             static_cast<PetscInt>(checkpoint.step),
+             static_cast<PetscInt>(checkpoint.numbers.at("rejections")),
+             static_cast<long>(checkpoint.numbers.at("rhs_evaluations"))};
+  const double t_end = options_.real("ts_max_time");
+  if (origin_.t > t_end)
+    throw UsageError("ts_max_time " + options_.text("ts_max_time") + " lies before the time " +
+                     number_text(origin_.t) + " of checkpoint '" + options_.text("restart") + "'");
+  if (origin_.t == t_end)
+    warn("restart '" + options_.text("restart") + "': this run is at its end already, ts_max_time " +
+         options_.text("ts_max_time") + "; nothing is left to do");
+  if (model.comm() == PETSC_COMM_SELF) broadcast(checkpoint.state);
+  gather_.spread(checkpoint.state, problem_.u);
+}
+
+void Run::make_integrator() {
+  integrator_ = std::make_unique<Integrator>(problem_.model, MethodSpec::from(options_), problem_.u);
+  if (origin_.resumed) integrator_->continue_from(origin_.step, origin_.dt);
+  const bool is_explicit = integrator_->report().implicit == Implicit::none;
+  check_unused_after_setup(options_, is_explicit ? "snes ksp pc" : "");
+  if (origin_.resumed || options_.is_set("out_checkpoint_every")) warn_of_memory(options_);
+}
+
+void Run::open_file() {
+  ObservationPlan plan;
+  plan.after = origin_.resumed ? origin_.t : -1;
+  const bool with_file = options_.is_set("out_file");
+  if (with_file) plan.layout = run_layout(scene_);
+  if (!problem_.what.empty()) plan.layout.texts["reduced"] = problem_.what;
+  for (const auto& observer : observers_) observer->plan(plan);
+  std::sort(plan.times.begin(), plan.times.end());
+  plan.times.erase(std::unique(plan.times.begin(), plan.times.end()), plan.times.end());
+  integrator_->set_output_times(plan.times);
+  if (plan.layout.frames > 0 && !integrator_->interpolation_caveat().empty())
+    warn(integrator_->interpolation_caveat());
+  if (with_file) {
+    std::optional<RunFile::Resume> resume;
+    if (origin_.resumed && exists(options_.text("out_file")))
+      resume = RunFile::Resume{options_.text("out_file"), origin_.t};
+    file_ = std::make_unique<RunFile>(PETSC_COMM_WORLD, options_.text("out_file"), provenance_, plan.layout, resume);
+  } else if (control_->wants_checkpoints()) {
+    warn("out_checkpoint_every without out_file: no checkpoints are written");
+  }
+  for (const auto& observer : observers_) observer->start(file_.get());
+}
+
+PetscInt Run::rejections() const {
+  PetscInt count;
+  SS_TRY(TSGetStepRejections(integrator_->ts(), &count));
+  return origin_.rejections + count;
+}
+
+int Run::advance(Summary& summary) {
+  Progress progress(options_.text("progress"), "");
+  if (!problem_.what.empty()) progress.tell("scene_reduce: " + problem_.what);
+  const double t_end = options_.real("ts_max_time");
+  step_audit_ = std::make_unique<StepAudit>(problem_.model, options_, *integrator_, origin_.t, t_end);
+  try {
+    warn_of_fixed_steps(problem_.model, *integrator_, problem_.u, t_end - origin_.t);
+    const double begin = processor_seconds();
+    double watching = 0;
+    integrator_->advance(problem_.u, origin_.t, t_end, [&](const Integrator::Step& step) {
+      const double now = processor_seconds();
+      const Integrator::Verdict verdict = after(step);
+      if (progress.due()) {
+        const double part = (step.t - origin_.t) / (t_end - origin_.t);
+        char text[160];
+        std::snprintf(text, sizeof text, "t = %.6g of %.6g (%.0f %%), step %lld, dt %.2g", step.t, t_end, 100 * part,
+                      static_cast<long long>(step.index), step.next_dt);
+        progress.show(text + progress.left(part));
+      }
+      watching += processor_seconds() - now;
+      return verdict;
+    }, control_->most_steps());
+    step_seconds_ += processor_seconds() - begin - watching;
+  } catch (const RankFailure&) {
+    throw;  // the others may not know of it, and closing the file takes all; it can be read as it is
+  } catch (...) {
+    if (file_) file_->close();
+    report(summary, false);
+    throw;
+  }
+  if (file_) file_->close();
+  report(summary, true);
+  return ending(summary);
+}
+
+Integrator::Verdict Run::after(const Integrator::Step& step) {
+  step_audit_->after(step);
+  const ObservedStep seen{step.index, step.t_before, step.t, step.u, rejections(), step.interpolate};
+  for (const auto& observer : observers_) observer->step(seen);
+  const RunControl::Decision decision = control_->after(step.index, step.t);
+  if (file_ && decision.checkpoint) write_checkpoint_at(step);
+  if (decision.stop) return Integrator::Verdict::stop;
+  return file_ && decision.restart ? Integrator::Verdict::restart : Integrator::Verdict::go_on;
+}
+
+void Run::write_checkpoint_at(const Integrator::Step& step) {
+  control_->checkpoint_written();
+  file_->flush();
+  Checkpoint c;
+  c.t = step.t;
+  c.dt = step.next_dt;
+  c.step = step.index;
+  c.numbers = {{"rejections", double(rejections())},
+               {"rhs_evaluations", double(origin_.evaluations + problem_.model.rhs_evaluations())},
+               {"nodes", double(problem_.model.scene().n)},
+               {"t_end", options_.real("ts_max_time")}};
+  for (const auto& [name, text] : options_.given()) c.texts["given." + name] = text;
+  for (const auto& observer : observers_) observer->save(c);
+  last_checkpoint_ = write_checkpoint(options_.text("out_file"), options_.integer("out_checkpoint_keep"), provenance_,
+                                      c, gather_, step.u);
+}
+
+// Why it ended, and the exit code.
+int Run::ending(Summary& summary) const {
+  const std::string checkpoint = last_checkpoint_.empty() ? "" : "; checkpoint " + last_checkpoint_;
+  if (const int signal = control_->signal(); signal != 0) {
+    summary.stopped((signal == SIGINT ? "SIGINT" : "SIGTERM") + checkpoint);
+    return 128 + signal;
+  }
+  const std::string limit = control_->wall_is_over()                            ? "ts_max_wall"
+                            : integrator_->report().reason == "ts_max_steps" ? "ts_max_steps"
+                                                                                : "";
+  if (limit.empty()) return 0;
+  summary.set("stopped_at", limit + " " + options_.text(limit));
+  summary.set("reason", limit + " " + options_.text(limit) + checkpoint);
+  return 0;
+}
+
+void Run::report(Summary& summary, bool complete) {
+  const TimeReport& r = integrator_->report();
+  summary.set("t_end", r.t);
+  summary.set("steps", r.steps);
+  summary.set("rejections", origin_.rejections + r.rejections);
+  summary.set("rhs_evaluations", origin_.evaluations + r.rhs_evaluations);
+  summary.set("method", r.method);
+  summary.set("implicit", to_string(r.implicit));
+  summary.set("unknowns", problem_.model.unknowns());
+  if (!problem_.what.empty()) summary.set("reduced", problem_.what);
+  if (complete) problem_.model.set_held(problem_.u);
+  if (complete) {
+    const StepAudit::Verdict verdict = step_audit_->verdict(problem_.u);
+    regime_->know(verdict.growth, verdict.growth_taken);
+    for (const auto& observer : observers_) observer->summarise(summary, problem_.u);
+    warn_of_answer(verdict, r.t);
+  } else {
+    for (const auto& observer : observers_) observer->summarise(summary, nullptr);
+  }
+}
+
+// What in the answer cannot be believed.
+void Run::warn_of_answer(const StepAudit::Verdict& verdict, double duration) {
+  const Measured m = regime_->result(problem_.u);
+  if (!problem_.what.empty()) {
+    const double psi_mean = statistics(problem_.model, problem_.u).psi_mean;
+    std::string broken;
+    int rank;
+    MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+    if (rank == 0) broken = broken_symmetry(scene_, problem_.model.scene(), m, psi_mean, duration);
+    broadcast(broken);
+    if (!broken.empty()) warn(broken);
+  }
+  step_audit_->warn_of(verdict, m.motion);
+  // A front of four or more nodes changes by at most a third of its height from node to node.
+  if (scene_.form == Form::continuum && m.steepest > 0.34)
+    warn("a front is not resolved: psi changes by " + std::to_string(int(std::lround(100 * m.steepest))) +
+         " % of its range between two neighbouring nodes; wave speeds and heights depend on the grid (raise grid_n)");
+}
+
+}  // namespace stickslip

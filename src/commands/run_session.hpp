@@ -1,0 +1,76 @@
+// A run under way: the scene's start, the method that advances it, and the observers that watch it.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "commands/run_control.hpp"
+#include "stickslip/base/provenance.hpp"
+#include "stickslip/options/options.hpp"
+#include "stickslip/output/checkpoint.hpp"
+#include "stickslip/output/displacement.hpp"
+#include "stickslip/output/gather.hpp"
+#include "stickslip/output/run_file.hpp"
+#include "stickslip/output/observer.hpp"
+#include "stickslip/output/regime.hpp"
+#include "stickslip/output/summary.hpp"
+#include "stickslip/study/reduce.hpp"
+#include "stickslip/study/trial.hpp"
+#include "stickslip/study/step_audit.hpp"
+#include "stickslip/time/time.hpp"
+
+namespace stickslip {
+
+class Run {
+ public:
+  // Sets everything up, in an order in which all that can be refused is refused before the first file is touched.
+  // Goes on from the checkpoint that option `restart` names. options and provenance must outlive it. Collective.
+  Run(const Options& options, const Provenance& provenance);
+
+  // Returns the exit code; the summary holds what is known, also when it throws. Collective.
+  int advance(Summary& summary);
+
+  // Processor time of this rank for setting the method up and for its steps, as in a row of `chart`.
+  double step_seconds() const { return step_seconds_; }
+  Fields end() const;  // as far as it has come; collective
+
+ private:
+  // Where it begins.
+  struct Origin {
+    bool resumed = false;
+    double t = 0, dt = 0;
+    PetscInt step = 0, rejections = 0;
+    long evaluations = 0;
+  };
+
+  Run(const Options& options, const Provenance& provenance, std::optional<Checkpoint> checkpoint);
+  void make_observers();
+  void restore(Checkpoint& checkpoint);
+  void make_integrator();
+  void open_file();
+  Integrator::Verdict after(const Integrator::Step& step);
+  void write_checkpoint_at(const Integrator::Step& step);
+  PetscInt rejections() const;
+  int ending(Summary& summary) const;
+  void report(Summary& summary, bool complete);
+  void warn_of_answer(const StepAudit::Verdict& verdict, double duration);
+
+  const Options& options_;
+  const Provenance& provenance_;
+  Scene scene_;  // the whole
+  Problem problem_;  // what is solved for it
+  Gather gather_;
+  std::unique_ptr<Displacement> displacement_;  // with out_displacement
+  std::vector<std::unique_ptr<Observer>> observers_;
+  Regime* regime_ = nullptr;  // one of them
+  Origin origin_;
+  std::optional<RunControl> control_;
+  std::unique_ptr<Integrator> integrator_;
+  std::unique_ptr<StepAudit> step_audit_;
+  std::unique_ptr<RunFile> file_;
+  double step_seconds_ = 0;
+  std::string last_checkpoint_;
+};
+
+}  // namespace stickslip

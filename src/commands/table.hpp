@@ -1,0 +1,27 @@
+// The commands by name, and what the program says of them and of itself. Not collective.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "stickslip/commands/commands.hpp"
+
+namespace stickslip {
+
+struct Command {
+  const char* name;
+  const char* does;
+  int (*body)(const Options&);
+  bool has_grid;
+};
+
+const std::vector<Command>& commands();
+std::vector<std::string> command_names();
+const Command& command_named(const std::string& name);  // one of command_names()
+
+std::string general_help();
+std::string command_help(const Command& command);
+std::string version_text();   // versions of the libraries too: once they have started
+void print_library_help();    // what PETSc and SLEPc print of their options; collective
+
+}  // namespace stickslip

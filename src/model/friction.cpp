@@ -1,0 +1,168 @@
+#include "stickslip/model/friction.hpp"
+
+#include <cmath>
+#include <cstdlib>
+
+#include "model/dispatch.hpp"
+
+namespace stickslip {
+
+namespace {
+
+template <class T>
+std::vector<Parameter> parameters_of() {
+  std::vector<Parameter> list;
+  for (const auto& declared : T::parameters()) list.push_back(declared.parameter);
+  return list;
+}
+
+const std::vector<StateTraits>& state_table() {
+  static const std::vector<StateTraits> table = [] {
+    std::vector<StateTraits> all;
+    for_each_type(StateLaws(), [&](auto state) {
+      using S = typename std::decay_t<decltype(state)>::type;
+      all.push_back({S::name, S::symbol, S::unit, S::meaning, S::logarithmic, parameters_of<S>()});
+    });
+    return all;
+  }();
+  return table;
+}
+
+const std::vector<LawTraits>& law_table() {
+  static const std::vector<LawTraits> table = [] {
+    std::vector<LawTraits> all;
+    for_each_type(Laws(), [&](auto law) {
+      using L = typename std::decay_t<decltype(law)>::type;
+      LawTraits traits{L::name, says::jumps_at_rest<L>(), parameters_of<L>(), {}};
+      for_each_type(StateLaws(), [&](auto state) {
+        using S = typename std::decay_t<decltype(state)>::type;
+        if (classes_belong_together<L, S>()) traits.states.emplace_back(S::name);
+      });
+      all.push_back(traits);
+    });
+    return all;
+  }();
+  return table;
+}
+
+template <class Traits>
+const Traits* find(const std::vector<Traits>& table, const std::string& name) {
+  for (const Traits& traits : table)
+    if (traits.name == name) return &traits;
+  throw std::logic_error("no law is called " + name);
+}
+
+template <class Handle, class Traits>
+std::vector<Handle> handles(const std::vector<Traits>& table) {
+  std::vector<Handle> all;
+  for (const Traits& traits : table) all.emplace_back(traits.name);
+  return all;
+}
+
+// The class F of law.hpp behind virtual functions.
+template <class F>
+class Resolved final : public Friction {
+ public:
+  Resolved(const F& f, SlopesAhead slopes)
+      : Friction(F::has_state, F::sticks, F::steep, says::van_der_pol<decltype(f.law)> && !F::has_state, slopes),
+        f_(f) {}
+
+  double force(double psi, double s) const override { return f_.force(psi, s); }
+  Partials partials(double psi, double s) const override { return f_.partials(psi, s); }
+  RatePartials rate_partials(double psi, double s) const override { return f_.rate_partials(psi, s); }
+  double steady_state(double psi) const override { return f_.steady_state(psi); }
+  double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const override {
+    if constexpr (F::steep) return f_.newton_psi(psi, s, psi_new, s_new, mass);
+    else return psi_new;
+  }
+  double velocity_of_slope(double F_psi) const override { return says::velocity_of_slope(f_.law, F_psi); }
+
+  Partials sliding_partials(double psi, double s, double direction) const override {
+    if constexpr (F::sticks) return f_.sliding_partials(psi, s, direction);
+    else return refuse<Partials>();
+  }
+  RatePartials sliding_rate(double psi, double s, double direction) const override {
+    if constexpr (F::sticks) return f_.sliding_rate(psi, s, direction);
+    else return refuse<RatePartials>();
+  }
+  WithSlope threshold(double s) const override {
+    if constexpr (!F::sticks) return refuse<WithSlope>();
+    else if constexpr (F::has_state) {
+      const WithSlope m = f_.state.factor(s);
+      return {m.value * f_.law.threshold(), m.slope * f_.law.threshold()};
+    } else {
+      return {f_.law.threshold(), 0};
+    }
+  }
+  double threshold_at_long_rest() const override {
+    if constexpr (!F::sticks) return refuse<double>();
+    else if constexpr (F::has_state) return f_.state.factor_at_long_rest() * f_.law.threshold();
+    else return f_.law.threshold();
+  }
+  double state_at_rest(double s, double t) const override {
+    if constexpr (!F::sticks) return refuse<double>();
+    else if constexpr (F::has_state) return f_.state.at_rest(s, t);
+    else return 0;
+  }
+  double time_at_rest(double s) const override {
+    if constexpr (!F::sticks) return refuse<double>();
+    else if constexpr (F::has_state) return f_.state.time_at_rest(s);
+    else return 0;
+  }
+
+ private:
+  template <class R>
+  [[noreturn]] static R refuse() {
+    throw std::logic_error("this law does not stick");
+  }
+  F f_;
+};
+
+}  // namespace
+
+StateLaw::StateLaw(const std::string& name) : traits_(find(state_table(), name)) {}
+Law::Law(const std::string& name) : traits_(find(law_table(), name)) {}
+
+const std::vector<Law>& all_laws() {
+  static const std::vector<Law> laws = handles<Law>(law_table());
+  return laws;
+}
+const std::vector<StateLaw>& all_state_laws() {
+  static const std::vector<StateLaw> laws = handles<StateLaw>(state_table());
+  return laws;
+}
+bool belong_together(Law law, StateLaw state) {
+  return std::find(law->states.begin(), law->states.end(), state) != law->states.end();
+}
+std::string to_string(Law law) { return law->name; }
+std::string to_string(StateLaw law) { return law->name; }
+
+double FrictionParameters::value(const std::string& option) const {
+  const Parameter* own = nullptr;
+  const std::pair<const char*, const std::vector<Parameter>*> families[] = {{"friction_", &law->parameters},
+                                                                            {"state_", &state->parameters}};
+  for (const auto& [family, parameters] : families)
+    for (const Parameter& p : *parameters) {
+      const std::string name = family + std::string(p.name);
+      if (p.same_as == option) return value(name);  // one quantity under two names: the law's stands above
+      if (name == option) own = &p;
+    }
+  if (!own) return 0;
+  for (const std::string& name : {option, std::string(own->same_as)}) {
+    const auto set = values.find(name);
+    if (set != values.end()) return set->second;
+  }
+  return std::strtod(own->value, nullptr);
+}
+
+std::shared_ptr<const Friction> Friction::of(const FrictionParameters& p) {
+  return dispatch_friction<std::shared_ptr<const Friction>>(p, [&](const auto& f) {
+    const SlopesAhead slopes = p.regularised ? SlopesAhead{0, 1 / p.eps} : says::slopes_ahead(f.law);
+    return std::make_shared<const Resolved<std::decay_t<decltype(f)>>>(f, slopes);
+  });
+}
+
+double state_to_output(StateLaw law, double s) { return law->logarithmic ? std::exp(s) : s; }
+double state_from_output(StateLaw law, double shown) { return law->logarithmic ? std::log(shown) : shown; }
+
+}  // namespace stickslip

@@ -1,0 +1,301 @@
+// The implicit equations of a stage with friction taken implicitly, node by node.
+//
+// With y = (psi, eta, state), h the step times the diagonal entry of the tableau and z what the earlier stages give:
+//     psi = z_psi + h A m (eta - B psi - F),  eta = z_eta + h [K0 (v - psi) - s delta m (eta - F)],  s = z_s + h g
+// where m is 1, or 0 at rest and at a held node. eta put into the first:
+//     r(psi) = a psi + q F(psi, s) - R = 0,   q = h A m/(1 + h s delta m),  a = 1 + m h A B + q h K0,
+//     R = z_psi + q (z_eta + h K0 v)
+// Where friction rises, r does, and has one zero. Where it falls with velocity and the step is long, r has several: the
+// one wanted is that which the step leads to as h grows from 0, along which dr/dpsi > 0. A node is told as unsolved
+// where dr/dpsi is not positive on the way from the start of the step to the zero found (`strict`); otherwise the first
+// zero that lies in the direction of -r is taken.
+//
+// Newton's method goes on at each node until that node's own residual is small, whatever its neighbours do, so that its
+// value does not depend on the tile it lies in. A step of it, r over the slope, errs by no more than the slope has changed
+// since the round before, in parts: where that leaves less than what is allowed, the step is the last one.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "model/kernel.hpp"
+#include "stickslip/model/friction.hpp"
+#include "stickslip/numerics/roots.hpp"
+
+namespace stickslip::kernel {
+
+struct Stage {
+  const double *z_psi, *z_eta, *z_state;  // what is known; z_state: nullptr without a state
+  const double *start, *start_state;      // psi and the state at the start of the step
+  const double* amplitude;                // nullptr: all are 1
+  const double* direction;                // with `sticking`
+  double *psi, *eta, *state;              // the solution; psi, state come with those of the stage before
+  const double* slope;                    // g_psi of the stage before; nullptr at the first
+  double *g_psi, *g_eta, *g_state;        // its slopes
+  double h;
+  double target;  // of the residual, against 1 + |psi|
+  bool strict, held;
+  PetscInt count;
+};
+
+// One node's equations.
+template <class F, bool sticking>
+struct NodeEquation {
+  const F& friction;
+  double amplitude, direction;
+  double h, a, q, R, z_state;
+
+  Partials force(double psi, double s) const {
+    Partials p;
+    if constexpr (sticking) p = friction.sliding_partials(psi, s, direction);
+    else p = friction.partials(psi, s);
+    return {amplitude * p.F, amplitude * p.F_psi, amplitude * p.F_state};
+  }
+  RatePartials rate(double psi, double s) const {
+    if constexpr (sticking) return friction.sliding_rate(psi, s, direction);
+    else return friction.rate_partials(psi, s);
+  }
+  // The state at this psi: its equation rises in s, since g falls.
+  double state_at(double psi, double s) const {
+    for (int round = 0; round < 60; ++round) {
+      const RatePartials g = rate(psi, s);
+      const double change = (s - z_state - h * g.g) / (1 - h * g.g_state);
+      s -= change;
+      if (!(std::abs(change) > 1e-15 * (1 + std::abs(s)))) break;
+    }
+    return s;
+  }
+  struct Value {
+    double r, slope, size;  // size: of the terms of r
+  };
+  // r and dr/dpsi; s follows psi.
+  Value at(double psi, double& s) const {
+    if constexpr (F::has_state) s = state_at(psi, s);
+    const Partials p = force(psi, s);
+    double slope = a + q * p.F_psi;
+    if constexpr (F::has_state) {
+      const RatePartials g = rate(psi, s);
+      slope += q * p.F_state * h * g.g_psi / (1 - h * g.g_state);
+    }
+    return {a * psi + q * p.F - R, slope, std::abs(a * psi) + std::abs(q * p.F) + std::abs(R)};
+  }
+  bool is_small(const Value& v, double psi, double target) const {
+    return std::abs(v.r) <= target * a * (1 + std::abs(psi)) + 1e-15 * v.size;
+  }
+
+  // From the start of the step in growing steps to where r changes its sign, and the zero in between. False where there
+  // is none in reach, or (`strict`) where dr/dpsi is not positive on the way.
+  __attribute__((noinline)) bool search(double start, double start_state, double target, bool strict, double& psi,
+                                        double& s) const {
+    double x = start, sx = start_state;
+    Value here = at(x, sx);
+    if (strict && !(here.slope > 0)) return false;
+    const double away = here.r > 0 ? -1 : 1;
+    double length = std::max(1e-3 * std::abs(here.r) / std::max(std::abs(here.slope), a), 1e-300);
+    for (int k = 0; k < 400 && here.r != 0; ++k, length *= 1.5) {
+      const double y = x + away * length;
+      double sy = sx;
+      const Value there = at(y, sy);
+      if (!std::isfinite(there.r)) return false;
+      if (strict && !(there.slope > 0)) return false;
+      if ((there.r < 0) != (here.r < 0) || there.r == 0) {
+        double state = sx;
+        const double narrow = 1e-16 * std::max(std::abs(x), std::abs(y));
+        x = find_root([&](double p) { return at(p, state).r; }, {x, here.r, y, there.r}, narrow);
+        sx = state;
+        here = at(x, sx);
+        break;
+      }
+      x = y;
+      sx = sy;
+      here = there;
+    }
+    psi = x;
+    s = sx;
+    return std::isfinite(here.r) && (!strict || here.slope > 0) &&
+           std::abs(here.r) <= target * std::max(a, std::abs(here.slope)) * (1 + std::abs(x)) + 1e-14 * here.size;
+  }
+
+  // Is dr/dpsi positive between the start of the step and the zero?
+  __attribute__((noinline)) bool rises_between(double start, double start_state, double psi) const {
+    for (const double part : {0., 0.25, 0.5, 0.75}) {
+      double s = start_state;
+      if (!(at(start + part * (psi - start), s).slope > 0)) return false;
+    }
+    return true;
+  }
+};
+
+// A change so large that between start and zero there may be more than the ends show.
+inline bool is_far(double psi, double start) {
+  const double change = psi - start, a = psi < 0 ? -psi : psi, b = start < 0 ? -start : start;
+  return (change < 0 ? -change : change) > 0.25 * (a < b ? a : b);
+}
+
+template <class F, bool sticking>
+struct SolveStage {
+  static constexpr int dof = F::has_state ? 3 : 2;
+  F friction;
+  static constexpr int most_rounds = 12;
+
+  // Of r's coefficients those of a node that moves.
+  struct Shared {
+    double a, q, load;
+  };
+  static Shared shared(const Coefficients& c, const Stage& t) {
+    const double q = t.h * c.A / (1 + t.h * c.s_delta);
+    return {1 + t.h * c.A * c.B + q * t.h * c.K0, q, t.h * c.K0 * c.v};
+  }
+
+  NodeEquation<F, sticking> equation(const Shared& k, const Stage& t, PetscInt i) const {
+    const bool moves = !t.held && (!sticking || t.direction[i] != 0);
+    const double amplitude = t.amplitude ? t.amplitude[i] : 1, direction = sticking ? t.direction[i] : 0;
+    const double q = moves ? k.q : 0;
+    return {friction, amplitude, direction, t.h, moves ? k.a : 1, q, t.z_psi[i] + q * (t.z_eta[i] + k.load),
+            F::has_state ? t.z_state[i] : 0};
+  }
+
+  // The slower way of node i; returns whether it led to a root.
+  bool search(const Shared& k, const Stage& t, PetscInt i) const {
+    const auto e = equation(k, t, i);
+    double psi = 0, s = 0;
+    if (!e.search(t.start[i], F::has_state ? t.start_state[i] : 0, t.target, t.strict, psi, s)) return false;
+    t.psi[i] = psi;
+    if constexpr (F::has_state) t.state[i] = s;
+    return true;
+  }
+
+  bool is_safe(const Shared& k, const Stage& t, PetscInt i) const {
+    if (!t.strict || !is_far(t.psi[i], t.start[i])) return true;
+    return equation(k, t, i).rises_between(t.start[i], F::has_state ? t.start_state[i] : 0, t.psi[i]);
+  }
+
+  // All nodes of a piece at once: one round of Newton's method after the other, in which those that are done stand.
+  // As wide as a double, so that the compiler can choose between doubles by it.
+  using Flag = std::int64_t;
+
+  // Leaves `open[i]` 1 where a node is not done; returns whether there is such a node.
+  Flag newton(const Shared& k, const Stage& t, PetscInt begin, PetscInt count, Flag* open) const {
+    alignas(64) double a[tile_size], q[tile_size], R[tile_size], before[tile_size];  // before: slope of the last round
+    double* const psi = t.psi + begin;
+    for (PetscInt i = 0; i < count; ++i) {
+      double moves = t.held ? 0 : 1;
+      if constexpr (sticking) moves *= t.direction[begin + i] * t.direction[begin + i];
+      q[i] = moves * k.q;
+      a[i] = 1 + moves * (k.a - 1);
+      R[i] = t.z_psi[begin + i] + q[i] * (t.z_eta[begin + i] + k.load);
+      open[i] = 1;
+      before[i] = 0;
+    }
+    if (t.slope) extrapolate(t, begin, count);
+    if (t.amplitude)
+      for (PetscInt i = 0; i < count; ++i) q[i] *= t.amplitude[begin + i];
+    Flag left = 1;
+    for (int round = 0; round < most_rounds && left != 0; ++round) {
+      left = 0;
+#pragma GCC ivdep
+      for (PetscInt i = 0; i < count; ++i) {
+        Partials p;
+        if constexpr (sticking) p = friction.sliding_partials(psi[i], 0, t.direction[begin + i]);
+        else p = friction.partials(psi[i], 0);
+        const double own = a[i] * psi[i], force = q[i] * p.F, r = own + force - R[i];
+        const double slope = a[i] + q[i] * p.F_psi;
+        const double size = (own < 0 ? -own : own) + (force < 0 ? -force : force) + (R[i] < 0 ? -R[i] : R[i]);
+        const double magnitude = psi[i] < 0 ? -psi[i] : psi[i], miss = r < 0 ? -r : r;
+        const double allowed = t.target * (1 + magnitude), turn = slope - before[i];
+        const bool close = (turn < 0 ? -turn : turn) * miss <= allowed * slope * slope;
+        const bool rises = slope > 0, small = miss <= allowed * a[i] + 1e-15 * size;
+        const double next = psi[i] - r / slope;
+        psi[i] = (open[i] != 0) & rises ? next : psi[i];
+        open[i] = rises & (close | small) ? 0 : open[i];
+        before[i] = slope;
+        left |= open[i];
+      }
+    }
+    return left;
+  }
+
+  // The guess goes on as the stage before did, unless that leads far.
+  void extrapolate(const Stage& t, PetscInt begin, PetscInt count) const {
+    double* const psi = t.psi + begin;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < count; ++i) {
+      const double guess = t.z_psi[begin + i] + t.h * t.slope[begin + i], change = guess - psi[i];
+      const double size = psi[i] < 0 ? -psi[i] : psi[i];
+      psi[i] = (change < 0 ? -change : change) < 0.25 * size ? guess : psi[i];
+    }
+  }
+
+  Flag any_far(const Stage& t, PetscInt begin, PetscInt count) const {
+    Flag far = 0;
+    for (PetscInt i = begin; i < begin + count; ++i) far |= is_far(t.psi[i], t.start[i]) ? 1 : 0;
+    return far;
+  }
+
+  // With a state: both unknowns of one node, tamed where the law is steep.
+  bool newton(const Shared& k, const Stage& t, PetscInt i) const {
+    const auto e = equation(k, t, i);
+    double psi = t.psi[i], s = t.state[i];
+    if (e.q == 0) psi = e.R;
+    for (int round = 0; round < 40; ++round) {
+      const Partials p = e.force(psi, s);
+      const RatePartials g = e.rate(psi, s);
+      const double r = e.a * psi + e.q * p.F - e.R, rs = s - e.z_state - e.h * g.g, own = 1 - e.h * g.g_state;
+      const double slope = (e.a + e.q * p.F_psi) * own + e.q * p.F_state * e.h * g.g_psi;
+      if (!(slope > 0)) return false;
+      const double size = std::abs(e.a * psi) + std::abs(e.q * p.F) + std::abs(e.R);
+      const bool done = std::abs(r) <= t.target * e.a * (1 + std::abs(psi)) + 1e-15 * size &&
+                        std::abs(rs) <= t.target * own * (1 + std::abs(s));
+      const double d_psi = -(r * own - e.q * p.F_state * rs) / slope, d_s = (e.h * g.g_psi * d_psi - rs) / own;
+      double next = psi + d_psi;
+      if constexpr (F::steep)
+        if (e.q > 0) next = friction.newton_psi(psi, s, next, s + d_s, e.a / (e.q * e.amplitude));
+      psi = next;
+      s += d_s;
+      if (!done) continue;
+      t.psi[i] = psi;
+      t.state[i] = s;
+      return std::isfinite(psi) && std::isfinite(s);
+    }
+    return false;
+  }
+
+  void finish(const Coefficients& c, const Stage& t) const {
+    const double per_h = 1 / t.h, per_A = 1 / c.A;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < t.count; ++i) {
+      const double slope = (t.psi[i] - t.z_psi[i]) * per_h;
+      double excess = slope * per_A + c.B * t.psi[i];  // eta - F, as psi's own equation has it
+      if constexpr (sticking) excess *= t.direction[i] * t.direction[i];
+      t.g_psi[i] = slope;
+      const double eta_slope = c.K0 * (c.v - t.psi[i]) - c.s_delta * excess;
+      t.g_eta[i] = eta_slope;
+      t.eta[i] = t.z_eta[i] + t.h * eta_slope;
+      if constexpr (F::has_state) t.g_state[i] = (t.state[i] - t.z_state[i]) * per_h;
+    }
+  }
+
+  // Returns how many nodes are left without the root wanted.
+  long operator()(const Coefficients& c, const Stage& t) const {
+    const Shared k = shared(c, t);
+    long unsolved = 0;
+    if constexpr (F::has_state) {
+      for (PetscInt i = 0; i < t.count; ++i)
+        if (!((newton(k, t, i) && is_safe(k, t, i)) || search(k, t, i))) ++unsolved;
+    } else {
+      alignas(64) Flag open[tile_size];
+      for (PetscInt begin = 0; begin < t.count; begin += tile_size) {
+        const PetscInt count = std::min(tile_size, t.count - begin);
+        const Flag left = newton(k, t, begin, count, open);
+        if (left == 0 && (!t.strict || any_far(t, begin, count) == 0)) continue;
+        for (PetscInt i = 0; i < count; ++i)
+          if ((open[i] != 0 || !is_safe(k, t, begin + i)) && !search(k, t, begin + i)) ++unsolved;
+      }
+    }
+    finish(c, t);
+    return unsolved;
+  }
+};
+
+}  // namespace stickslip::kernel

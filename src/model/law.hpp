@@ -1,0 +1,204 @@
+// What the classes of friction laws and state laws are made of.
+//
+// A law of one velocity is a class with its parameters as members and
+//     static constexpr const char* name              as in the option friction_law
+//     static constexpr bool jumps_at_rest            no default: a law that does not say does not compile
+//     static std::vector<Declared<Class>> parameters()
+//     template <class Sign> WithSlope phi(double psi, Sign sign) const        phi and its slope
+// and, where it jumps at rest, double threshold() const. A law whose friction is no product of phi and a factor of the
+// state says `takes_state = true` and gives Partials partials(double psi, double s) const in place of phi.
+// A state law is a class with name; symbol, unit and meaning of the state as files show it; logarithmic (the stored s
+// is its logarithm); parameters() and
+//     RatePartials rate_partials(double psi, double s, double direction) const    direction: the sign of psi, 0 at rest
+//     double steady_state(double psi) const          the s at which the rate vanishes; infinite where there is none
+// and, where friction is factor(s) phi(psi) with it (else it belongs to laws that take the state themselves),
+//     WithSlope factor(double s) const
+//     double at_rest(double s, double t) const       what becomes of s after the time t at psi = 0
+//     double time_at_rest(double s) const            over which that changes
+//     double factor_at_long_rest() const
+// What else a class may say stands with the functions of `says` below, each with what holds where it does not.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <type_traits>
+#include <vector>
+
+#include "stickslip/model/friction.hpp"
+
+namespace stickslip {
+
+// A parameter with the member that holds it.
+template <class Owner>
+struct Declared {
+  double Owner::*member;
+  Parameter parameter;
+};
+
+// ---- sgn(psi) and |psi| with their slopes, exact or regularised over the velocity eps -----------------------------
+
+struct SignExact {
+  static constexpr bool smooth = false;
+  double sign(double psi) const { return psi > 0 ? 1. : psi < 0 ? -1. : 0.; }
+  WithSlope sign_slope(double psi) const { return {sign(psi), 0}; }
+  WithSlope magnitude(double psi) const { return {std::abs(psi), sign(psi)}; }
+};
+struct SignRegularised {
+  static constexpr bool smooth = true;
+  double eps;
+  WithSlope sign_slope(double psi) const {
+    const double t = std::tanh(psi / eps);
+    return {t, (1 - t * t) / eps};
+  }
+  WithSlope magnitude(double psi) const {
+    const WithSlope s = sign_slope(psi);
+    return {psi * s.value, s.value + psi * s.slope};
+  }
+};
+// The direction of motion is known and stays, whatever psi is.
+struct SignFrozen {
+  static constexpr bool smooth = false;
+  double direction;
+  WithSlope sign_slope(double) const { return {direction, 0}; }
+  WithSlope magnitude(double psi) const { return {direction * psi, direction}; }
+};
+
+// ---- what a class may say of itself -------------------------------------------------------------------------------
+
+namespace says {
+
+template <class, template <class> class, class = void>
+struct Has : std::false_type {};
+template <class T, template <class> class Member>
+struct Has<T, Member, std::void_t<Member<T>>> : std::true_type {};
+
+template <class T> using JumpsAtRest = decltype(T::jumps_at_rest);
+template <class T> using TakesState = decltype(T::takes_state);
+template <class T> using Steep = decltype(&T::newton_psi);
+template <class T> using VanDerPol = decltype(T::van_der_pol);
+template <class T> using SlopesOf = decltype(&T::slopes_ahead);
+template <class T> using VelocityOfSlope = decltype(&T::velocity_of_slope);
+template <class T> using Check = decltype(&T::check);
+template <class T> using Factor = decltype(&T::factor);
+template <class T> using NeedsThreshold = decltype(T::needs_threshold);
+
+// partials() in place of phi(): F is no product of phi and a factor of the state.
+template <class L> constexpr bool takes_state = Has<L, TakesState>::value;
+// newton_psi(), see Friction: friction is steep at rest.
+template <class L> constexpr bool steep = Has<L, Steep>::value;
+// `van_der_pol`: uniform motion without a state is van der Pol's.
+template <class L> constexpr bool van_der_pol = Has<L, VanDerPol>::value;
+// The state law strengthens a threshold, so that a law without one has no use for it.
+template <class S> constexpr bool needs_threshold = Has<S, NeedsThreshold>::value;
+// The state law is a factor of phi.
+template <class S> constexpr bool factor = Has<S, Factor>::value;
+
+template <class L>
+constexpr bool jumps_at_rest() {
+  static_assert(Has<L, JumpsAtRest>::value,
+                "a friction law must say whether it jumps at rest: static constexpr bool jumps_at_rest = ...");
+  return L::jumps_at_rest;
+}
+// slopes_ahead(): nothing steeper than what is met.
+template <class L>
+SlopesAhead slopes_ahead(const L& law) {
+  if constexpr (Has<L, SlopesOf>::value) return law.slopes_ahead();
+  else return {};
+}
+// velocity_of_slope(F_psi): no closed formula.
+template <class L>
+double velocity_of_slope(const L& law, double slope) {
+  if constexpr (Has<L, VelocityOfSlope>::value) return law.velocity_of_slope(slope);
+  else return std::numeric_limits<double>::quiet_NaN();
+}
+// check(), which throws UsageError: any values within their ranges go together.
+template <class T>
+void check(const T& t) {
+  if constexpr (Has<T, Check>::value) t.check();
+}
+
+}  // namespace says
+
+// ---- friction = law and state -------------------------------------------------------------------------------------
+
+// No state law.
+struct NoState {
+  static constexpr const char *name = "none", *symbol = "", *unit = "", *meaning = "";
+  static constexpr bool logarithmic = false;
+  static std::vector<Declared<NoState>> parameters() { return {}; }
+};
+
+// F = factor(s) phi(psi), the factor 1 without a state.
+template <class L, class Sign, class State>
+struct Product {
+  static constexpr bool has_state = !std::is_same_v<State, NoState>;
+  static constexpr bool sticks = L::jumps_at_rest && !Sign::smooth;
+  static constexpr bool steep = false;
+  L law;
+  State state;
+  Sign sign;
+
+  double force(double psi, double s) const { return force(psi, s, sign); }
+  Partials partials(double psi, double s) const { return partials(psi, s, sign); }
+  RatePartials rate_partials(double psi, double s) const {
+    return rate_partials(psi, s, psi > 0 ? 1. : psi < 0 ? -1. : 0.);
+  }
+  double rate(double psi, double s) const { return rate_partials(psi, s).g; }
+  double steady_state(double psi) const {
+    if constexpr (has_state) return state.steady_state(psi);
+    else return 0;
+  }
+
+  // The direction of motion given.
+  double sliding_force(double psi, double s, double direction) const { return force(psi, s, SignFrozen{direction}); }
+  Partials sliding_partials(double psi, double s, double direction) const {
+    return partials(psi, s, SignFrozen{direction});
+  }
+  RatePartials sliding_rate(double psi, double s, double direction) const { return rate_partials(psi, s, direction); }
+
+ private:
+  template <class S>
+  double force(double psi, double s, S with) const {
+    if constexpr (has_state) return state.factor(s).value * law.phi(psi, with).value;
+    else return law.phi(psi, with).value;
+  }
+  template <class S>
+  Partials partials(double psi, double s, S with) const {
+    const WithSlope p = law.phi(psi, with);
+    if constexpr (has_state) {
+      const WithSlope m = state.factor(s);
+      return {m.value * p.value, m.value * p.slope, m.slope * p.value};
+    } else {
+      return {p.value, p.slope, 0};
+    }
+  }
+  RatePartials rate_partials(double psi, double s, double direction) const {
+    if constexpr (has_state) return state.rate_partials(psi, s, direction);
+    else return {0, 0, 0};
+  }
+};
+
+// The law takes the state itself.
+template <class L, class State>
+struct OwnState {
+  static constexpr bool has_state = true;
+  static constexpr bool sticks = false;
+  static constexpr bool steep = says::steep<L>;
+  static_assert(!L::jumps_at_rest, "exact stick is there for laws whose friction is a product");
+  L law;
+  State state;
+
+  double force(double psi, double s) const { return law.partials(psi, s).F; }
+  Partials partials(double psi, double s) const { return law.partials(psi, s); }
+  RatePartials rate_partials(double psi, double s) const {
+    return state.rate_partials(psi, s, psi > 0 ? 1. : psi < 0 ? -1. : 0.);
+  }
+  double rate(double psi, double s) const { return rate_partials(psi, s).g; }
+  double steady_state(double psi) const { return state.steady_state(psi); }
+  double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
+    return law.newton_psi(psi, s, psi_new, s_new, mass);
+  }
+};
+
+}  // namespace stickslip

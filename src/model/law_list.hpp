@@ -1,0 +1,21 @@
+// The laws and state laws of the program. A new one is included and named here, and nowhere else.
+#pragma once
+
+#include "model/laws/carlson_langer.hpp"
+#include "model/laws/coulomb.hpp"
+#include "model/laws/cubic.hpp"
+#include "model/laws/rate_and_state.hpp"
+#include "model/states/ageing.hpp"
+#include "model/states/contact_age.hpp"
+#include "model/states/healing.hpp"
+#include "model/states/slip.hpp"
+
+namespace stickslip {
+
+template <class...>
+struct Types {};
+
+using Laws = Types<Cubic, CarlsonLanger, Coulomb, RateAndState>;
+using StateLaws = Types<NoState, Healing, ContactAge, Ageing, Slip>;
+
+}  // namespace stickslip

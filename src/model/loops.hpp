@@ -1,0 +1,22 @@
+// The loops of kernel.hpp as they are chosen for a scene: compiled for each law, half width of the stencil and set of
+// instructions. Law and state law are the only names that a loop goes by; who calls one knows neither.
+#pragma once
+
+#include <functional>
+
+#include "model/kernel.hpp"
+#include "stickslip/model/friction.hpp"
+
+namespace stickslip {
+
+using RangeLoop = std::function<void(const kernel::Coefficients&, const kernel::Range&)>;
+
+// Part::full; half_width 0: Part::pointwise. `sticking`: with the direction of motion given; empty for a law that
+// cannot.
+RangeLoop whole_loop(const FrictionParameters& friction, int half_width, bool sticking);
+// Part::reaction.
+RangeLoop reaction_loop(const FrictionParameters& friction);
+// Part::wave or Part::stencil, for so many unknowns a node.
+RangeLoop wave_loop(int dof, int half_width, bool stencil_only);
+
+}  // namespace stickslip

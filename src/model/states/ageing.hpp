@@ -1,0 +1,22 @@
+// theta_t = 1 - |psi| theta/D in s = ln(theta): s_t = exp(-s) - |psi|/D.
+#pragma once
+
+#include "model/states/slip_distance.hpp"
+
+namespace stickslip {
+
+struct Ageing {
+  static constexpr const char *name = "ageing", *symbol = "theta", *unit = "time";
+  static constexpr const char* meaning = "contact state: age";
+  static constexpr bool logarithmic = true;
+  double D = 1;
+  static std::vector<Declared<Ageing>> parameters() { return {{&Ageing::D, slip_distance}}; }
+
+  RatePartials rate_partials(double psi, double s, double direction) const {
+    const double e = std::exp(-s);
+    return {e - direction * psi / D, -direction / D, -e};
+  }
+  double steady_state(double psi) const { return std::log(D / std::abs(psi)); }
+};
+
+}  // namespace stickslip

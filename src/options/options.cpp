@@ -1,0 +1,218 @@
+#include "stickslip/options/options.hpp"
+
+#include <algorithm>
+#include <set>
+
+#include "options/values.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/options/library_options.hpp"
+
+namespace stickslip {
+
+namespace {
+
+std::vector<std::string> own_names() {
+  std::vector<std::string> names;
+  for (const OptionSpec& spec : option_table()) names.push_back(spec.name);
+  return names;
+}
+
+}  // namespace
+
+void Options::set(const Given& given) {
+  const OptionSpec* spec = find_option(given.name);
+  if (spec) {
+    std::string text = given.text.value_or("");
+    if (!given.text) {
+      if (spec->type != OptionType::boolean)
+        throw UsageError("-" + spec->name + in_place(given.where) + ": needs a value, " + requirement(*spec));
+      text = "true";
+    }
+    check_value(*spec, text, given.where);
+    values_[spec->name] = text;
+    return;
+  }
+  const std::string name = lower_case(given.name);
+  if (!is_library_option(name)) {
+    std::string message = "unknown option -" + quoted(given.name) + in_place(given.where);
+    const auto equals = given.name.find('=');
+    if (equals != std::string::npos && (find_option(given.name.substr(0, equals)) ||
+                                        is_library_option(lower_case(given.name.substr(0, equals))))) {
+      message += "; write the value as a word of its own: -" + given.name.substr(0, equals) + " " +
+                 quoted(given.name.substr(equals + 1));
+    } else {
+      std::vector<std::string> names = own_names();
+      for (const std::string& known : known_library_options()) names.push_back(known);
+      const std::string near = nearest_name(given.name, names);
+      message += near.empty() ? "; -help lists the options" : "; did you mean -" + near + "?";
+    }
+    throw UsageError(message);
+  }
+  library_[name] = check_library_value(name, given.text, given.where).value_or("");
+}
+
+Options Options::from(const std::string& command, const std::vector<Given>& given) {
+  Options options;
+  options.command_ = command;
+  for (const Given& one : given) options.set(one);
+
+  const auto only_one = [&options](const std::vector<const char*>& names) {
+    std::string set;
+    int count = 0;
+    for (const char* name : names) {
+      if (!options.is_set(name)) continue;
+      set += (count++ ? " and -" : "-") + std::string(name) + " " + quoted(options.text(name));
+    }
+    if (count > 1) throw UsageError(set + ": give only one of them");
+  };
+  if (command == "run") only_one({"out_every", "out_frames", "out_times"});
+  if (command == "wave") only_one({"wave_length", "wave_speed"});
+  return options;
+}
+
+Options Options::with(const std::string& name, const std::string& text) const {
+  Options copy = *this;
+  const OptionSpec* spec = find_option(name);
+  if (text.empty()) {
+    copy.values_.erase(spec ? spec->name : name);
+    copy.library_.erase(lower_case(name));
+  } else {
+    copy.set({name, text, ""});
+  }
+  return copy;
+}
+
+Options Options::with(const std::string& name, double value) const { return with(name, number_text(value)); }
+
+Options Options::resumed_from(const std::map<std::string, std::string>& stored) const {
+  const auto may_differ = [](const std::string& name) {
+    static const std::set<std::string> names = {"ts_max_time", "ts_max_steps", "ts_max_wall",
+                                                "summary",     "progress",     "restart"};
+    return names.count(name) || name.rfind("out_", 0) == 0 || only_looks(name);
+  };
+  Options merged;
+  merged.command_ = command_;
+  for (const auto& [name, text] : stored) {
+    if (name == "restart") continue;
+    // A frame rule of this command line replaces that of the file.
+    const bool frames = name == "out_every" || name == "out_frames" || name == "out_times";
+    if (frames && (is_set("out_every") || is_set("out_frames") || is_set("out_times"))) continue;
+    if (only_looks(name)) continue;
+    merged.set({name, text, "the checkpoint"});
+  }
+  for (const auto& [name, text] : given()) {
+    if (may_differ(name)) {
+      if (find_option(name)) {
+        merged.values_[name] = text;
+      } else {
+        merged.library_[name] = library_.at(name);
+      }
+      continue;
+    }
+    const auto it = stored.find(name);
+    if (it == stored.end() || it->second != text)
+      throw UsageError("-" + name + " " + quoted(text) + ": a restart takes its settings from the checkpoint (" +
+                       (it == stored.end() ? "where it is not set" : quoted(it->second)) +
+                       "); only ts_max_time, ts_max_steps, ts_max_wall, out_*, summary and progress may differ");
+  }
+  return merged;
+}
+
+bool Options::is_set(const std::string& name) const {
+  const OptionSpec* spec = find_option(name);
+  return spec ? values_.count(spec->name) > 0 : library_.count(lower_case(name)) > 0;
+}
+
+std::string Options::text(const std::string& name) const {
+  const OptionSpec* spec = find_option(name);
+  if (!spec) {
+    const auto it = library_.find(lower_case(name));
+    return it == library_.end() ? "" : it->second;
+  }
+  const auto it = values_.find(spec->name);
+  if (it != values_.end()) return it->second;
+  if (!spec->default_text.empty()) return spec->default_text;
+  if (spec->default_of) return spec->default_of(*this);
+
+  const std::string& key = spec->name;
+  const bool chain = text("model_form") == "chain";
+  if (key == "bc_left_value" || key == "bc_right_value") return text("model_v");
+  if (key == "model_delta") return chain ? "0" : "0.2";
+  if (key == "grid_order") return chain ? "2" : "4";
+  if (key == "grid_length") {
+    if (!chain) return "60";
+    const PetscInt n = integer("grid_n");
+    return std::to_string(text("bc_left") == "periodic" ? n : std::max<PetscInt>(n - 1, 1));
+  }
+  if (key == "bc_left" || key == "bc_right") {
+    const std::string other = key == "bc_left" ? "bc_right" : "bc_left";
+    return is_set(other) && text(other) != "periodic" ? "free" : "periodic";
+  }
+  if (key == "init_eta") return text("init_type") == "layer" ? "steady" : "0.1";
+  return "";
+}
+
+double Options::real(const std::string& name) const {
+  const std::optional<double> value = parse_number(text(name));
+  if (!value) throw std::logic_error("option " + name + " is not a number: " + quoted(text(name)));
+  return *value;
+}
+
+PetscInt Options::integer(const std::string& name) const {
+  const std::optional<double> value = parse_integer(text(name));
+  if (!value) throw std::logic_error("option " + name + " is not an integer: " + quoted(text(name)));
+  return PetscInt(*value);
+}
+
+PetscInt Options::integer_of(const std::string& text) { return PetscInt(*parse_integer(text)); }
+
+bool Options::boolean(const std::string& name) const {
+  const std::optional<bool> value = parse_boolean(text(name));
+  if (!value) throw std::logic_error("option " + name + " is not a boolean: " + quoted(text(name)));
+  return *value;
+}
+
+std::vector<double> Options::reals(const std::string& name) const {
+  std::vector<double> values;
+  for (const std::string& word : words(name)) values.push_back(*parse_number(word));
+  return values;
+}
+
+std::vector<PetscInt> Options::integers(const std::string& name) const {
+  std::vector<PetscInt> values;
+  for (const std::string& word : words(name)) values.push_back(PetscInt(*parse_integer(word)));
+  return values;
+}
+
+std::vector<std::string> Options::words(const std::string& name) const {
+  const std::string list = text(name);
+  return list.empty() ? std::vector<std::string>() : split_list(list);
+}
+
+std::optional<double> Options::real_if_set(const std::string& name) const {
+  return is_set(name) ? std::optional<double>(real(name)) : std::nullopt;
+}
+
+std::optional<PetscInt> Options::integer_if_set(const std::string& name) const {
+  return is_set(name) ? std::optional<PetscInt>(integer(name)) : std::nullopt;
+}
+
+StepsOrSeconds Options::steps_or_seconds(const std::string& name) const {
+  return parse_steps_or_time(text(name)).value_or(StepsOrSeconds());
+}
+
+std::map<std::string, std::string> Options::all() const {
+  std::map<std::string, std::string> result;
+  for (const OptionSpec& spec : option_table())
+    if (reads_option(command_, spec) || is_set(spec.name)) result[spec.name] = text(spec.name);
+  for (const auto& [name, text] : given()) result[name] = text;
+  return result;
+}
+
+std::map<std::string, std::string> Options::given() const {
+  std::map<std::string, std::string> result = values_;
+  for (const auto& [name, text] : library_) result[name] = text.empty() ? "true" : text;
+  return result;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,166 @@
+#include "options/values.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+
+#include "stickslip/base/error.hpp"
+
+namespace stickslip {
+
+namespace {
+constexpr double inf = std::numeric_limits<double>::infinity();
+constexpr double int_max = std::numeric_limits<PetscInt>::max();
+}  // namespace
+
+std::optional<double> parse_number(const std::string& text) {
+  const char *first = text.data(), *last = first + text.size();
+  if (first != last && *first == '+' && text.size() > 1 && text[1] != '-' && text[1] != '+') ++first;
+  double value = 0;
+  const auto [end, error] = std::from_chars(first, last, value);
+  if (error == std::errc::invalid_argument || end != last) return std::nullopt;
+  if (error == std::errc::result_out_of_range) {
+    // The library does not say whether it was too large or too small: an exponent sign of minus is too small.
+    return lower_case(text).find("e-") == std::string::npos ? inf : 0;
+  }
+  return value;
+}
+
+std::optional<double> parse_integer(const std::string& text) {
+  const std::optional<double> value = parse_number(text);
+  if (!value || !std::isfinite(*value) || *value != std::floor(*value)) return std::nullopt;
+  return value;
+}
+
+std::optional<bool> parse_boolean(const std::string& text) {
+  const std::string word = lower_case(text);
+  for (const char* yes : {"true", "yes", "on", "1"})
+    if (word == yes) return true;
+  for (const char* no : {"false", "no", "off", "0"})
+    if (word == no) return false;
+  return std::nullopt;
+}
+
+std::vector<std::string> split_list(const std::string& text) {
+  std::vector<std::string> parts;
+  std::string::size_type from = 0;
+  while (true) {
+    const auto comma = text.find(',', from);
+    std::string part = text.substr(from, comma == std::string::npos ? comma : comma - from);
+    const auto begin = part.find_first_not_of(" \t"), end = part.find_last_not_of(" \t");
+    parts.push_back(begin == std::string::npos ? "" : part.substr(begin, end - begin + 1));
+    if (comma == std::string::npos) return parts;
+    from = comma + 1;
+  }
+}
+
+std::optional<StepsOrSeconds> parse_steps_or_time(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  double factor = 0;
+  switch (text.back()) {
+    case 's': factor = 1; break;
+    case 'm': factor = 60; break;
+    case 'h': factor = 3600; break;
+    default: break;
+  }
+  StepsOrSeconds result;
+  if (factor > 0) {
+    const std::optional<double> value = parse_number(text.substr(0, text.size() - 1));
+    if (!value || !std::isfinite(*value) || *value <= 0) return std::nullopt;
+    result.seconds = *value * factor;
+  } else {
+    const std::optional<double> value = parse_integer(text);
+    if (!value || *value < 1 || *value > int_max) return std::nullopt;
+    result.steps = PetscInt(*value);
+  }
+  return result;
+}
+
+namespace {
+
+bool in_range(const OptionSpec& spec, double value) {
+  return (spec.open_low ? value > spec.low : value >= spec.low) && value <= spec.high;
+}
+
+bool is_word(const OptionSpec& spec, const std::string& text) {
+  return std::find(spec.words.begin(), spec.words.end(), text) != spec.words.end();
+}
+
+std::string joined(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+bool is_acceptable(const OptionSpec& spec, const std::string& text) {
+  const auto real = [&spec](const std::string& part) {
+    const std::optional<double> value = parse_number(part);
+    return value && std::isfinite(*value) && in_range(spec, *value);
+  };
+  const auto integer = [&spec](const std::string& part) {
+    const std::optional<double> value = parse_integer(part);
+    return value && in_range(spec, *value);
+  };
+  const auto every = [&text](const auto& accepts) {
+    const std::vector<std::string> parts = split_list(text);
+    return std::all_of(parts.begin(), parts.end(), accepts);
+  };
+  switch (spec.type) {
+    case OptionType::real: return real(text);
+    case OptionType::integer: return integer(text);
+    case OptionType::boolean: return bool(parse_boolean(text));
+    case OptionType::text: return !text.empty();
+    case OptionType::choice: return is_word(spec, text);
+    case OptionType::real_list: return every(real);
+    case OptionType::integer_list: return every(integer);
+    case OptionType::text_list: return every([](const std::string& part) { return !part.empty(); });
+    case OptionType::real_or_word: return is_word(spec, text) || real(text);
+    case OptionType::steps_or_time: return bool(parse_steps_or_time(text));
+    case OptionType::wall_time: {
+      const std::optional<StepsOrSeconds> value = parse_steps_or_time(text);
+      return value && value->seconds > 0;
+    }
+  }
+  return false;
+}
+
+std::string range_text(const OptionSpec& spec) {
+  if (spec.high < inf && spec.low > -inf) return " from " + number_text(spec.low) + " to " + number_text(spec.high);
+  if (spec.low > -inf) return (spec.open_low ? " > " : " >= ") + number_text(spec.low);
+  if (spec.high < inf) return " <= " + number_text(spec.high);
+  return "";
+}
+
+}  // namespace
+
+std::string requirement(const OptionSpec& spec) {
+  switch (spec.type) {
+    case OptionType::real: return "a finite number" + range_text(spec);
+    case OptionType::integer: return "an integer" + range_text(spec);
+    case OptionType::boolean: return "true or false";
+    case OptionType::text: return "not empty";
+    case OptionType::choice: return "one of " + joined(spec.words);
+    case OptionType::real_list: return "finite numbers" + range_text(spec) + ", separated by commas";
+    case OptionType::integer_list: return "integers" + range_text(spec) + ", separated by commas";
+    case OptionType::text_list: return "words separated by commas";
+    case OptionType::real_or_word:
+      return "a finite number" + range_text(spec) + (spec.words.empty() ? "" : ", or " + joined(spec.words));
+    case OptionType::steps_or_time: return "a number of steps (500) or a time (30s, 10m, 2h)";
+    case OptionType::wall_time: return "a time (30s, 10m, 2h)";
+  }
+  return "";
+}
+
+std::string in_place(const std::string& where) { return where.empty() ? "" : " (" + where + ")"; }
+
+void check_value(const OptionSpec& spec, const std::string& text, const std::string& where) {
+  if (is_acceptable(spec, text)) return;
+  std::string message = "-" + spec.name + " " + quoted(text) + in_place(where) + ": must be " + requirement(spec);
+  const std::string near = spec.type == OptionType::choice || spec.type == OptionType::real_or_word
+                               ? nearest_name(text, spec.words) : "";
+  if (!near.empty()) message += "; did you mean " + near + "?";
+  throw UsageError(message);
+}
+
+}  // namespace stickslip

@@ -1,0 +1,28 @@
+// The slip events of a run (events.hpp) as an observer: rows of the group `events`, and their number in the summary.
+#pragma once
+
+#include "stickslip/output/events.hpp"
+#include "stickslip/output/observer.hpp"
+
+namespace stickslip {
+
+class Catalogue : public Observer {
+ public:
+  // Above `velocity` a node moves. The model is the whole scene.
+  Catalogue(const Scene& scene, double velocity, Gather& gather) : events_(scene, velocity), gather_(gather) {}
+
+  void plan(ObservationPlan& plan) override;
+  void restore(const Checkpoint& checkpoint) override;
+  void start(RunFile* file) override;
+  void step(const ObservedStep& step) override;
+  void save(Checkpoint& checkpoint) override;
+  void summarise(Summary& summary, Vec u) override;  // also of a run that failed
+
+ private:
+  Events events_;
+  Gather& gather_;
+  RunFile* file_ = nullptr;
+  double begin_ = 0;  // wall clock
+};
+
+}  // namespace stickslip

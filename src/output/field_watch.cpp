@@ -1,0 +1,332 @@
+#include "output/field_watch.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "stickslip/base/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr PetscInt few_nodes = 128;
+constexpr long first_steps = 32;
+constexpr double most_tracked = 1024;
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+// Upward passages of psi through a level along a piece of the line, and its state where it begins and ends: below the
+// level less the depth (-1), above the level plus the depth (1), or nowhere beyond either (0).
+struct Passages {
+  int first = 0, last = 0, up = 0;
+
+  void add(int state) {
+    if (state == 0) return;
+    if (first == 0) first = state;
+    if (last == -1 && state == 1) ++up;
+    last = state;
+  }
+  void append(const Passages& next) {
+    if (next.first == 0) return;
+    if (first == 0) first = next.first;
+    if (last == -1 && next.first == 1) ++up;
+    up += next.up;
+    last = next.last;
+  }
+};
+
+
+}  // namespace
+
+FieldWatch::FieldWatch(const Model& model, double t_end)
+    : model_(model), t_begin_(0.75 * t_end), t_end_(t_end), next_look_(t_begin_) {
+  const Scene& s = model.scene();
+  if (s.ring()) return;
+  const double from = double(s.n / 4), to = double(s.n - s.n / 4);
+  tracked_first_ = from;
+  tracked_stride_ = std::max(1., std::ceil((to - from) / most_tracked));
+  for (double node = from; node < to; node += tracked_stride_) {
+    ++tracked_count_;
+    const auto own = static_cast<PetscInt>(node) - model.first();
+    if (own >= 0 && own < model.local()) tracked_.push_back({own, nan, nan});
+  }
+}
+
+void FieldWatch::step(const ObservedStep& step) {
+  if (step.t < t_begin_) return;
+  const double* u;
+  SS_TRY(VecGetArrayRead(step.u, &u));
+  const double v = model_.scene().v;
+  if (steps_ == 0) first_step_t_ = step.t;
+  const bool whole = model_.scene().n <= few_nodes || steps_ < first_steps || steps_ % 4 == 0 || step.t >= t_end_;
+  if (whole) widen(u);
+  for (Tracked& node : tracked_) {
+    const double a = node.psi - v, b = u[node.node * model_.dof()] - v;
+    if (a < 0 && b >= 0) node.passed = last_t_ + (step.t - last_t_) * a / (a - b);
+    node.psi = b + v;
+  }
+  if (whole && (step.t >= next_look_ || step.t >= t_end_)) look(step.t, u);
+  ++steps_;
+  last_t_ = step.t;
+  SS_TRY(VecRestoreArrayRead(step.u, &u));
+}
+
+void FieldWatch::widen(const double* u) {
+  const auto n = static_cast<std::size_t>(model_.local()), dof = static_cast<std::size_t>(model_.dof());
+  if (low_.empty()) {
+    low_.resize(n);
+    for (std::size_t i = 0; i < n; ++i) low_[i] = u[i * dof];
+    high_ = low_;
+    return;
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    const double psi = u[i * dof];
+    low_[i] = psi < low_[i] ? psi : low_[i];
+    high_[i] = psi > high_[i] ? psi : high_[i];
+  }
+}
+
+void FieldWatch::look(double t, const double* u) {
+  const Scene& s = model_.scene();
+  const int dof = model_.dof();
+  double extremes[3] = {-HUGE_VAL, -HUGE_VAL, steepest_step(u)};
+  for (PetscInt i = 0; i < model_.local(); ++i) {
+    extremes[0] = std::max(extremes[0], -u[i * dof]);
+    extremes[1] = std::max(extremes[1], u[i * dof]);
+  }
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, extremes, 3, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  const double range = extremes[1] + extremes[0], scale = s.v != 0 ? std::abs(s.v) : 1;
+  if (range > 1e-3 * (1 + std::abs(s.v))) steepest_ = std::max(steepest_, extremes[2] / range);
+  pulses_ = range > 1e-3 * scale ? count_pulses(u, 0.05 * range) : 0;
+  if (mode_ < 0) mode_ = pulses_;
+  if (s.ring() && mode_ > 0) {
+    double phase = phase_of(u);
+    if (!moments_.empty()) {
+      const Moment &first = moments_.front(), &last = moments_.back();
+      const double speed = last.t > first.t ? (last.phase - first.phase) / (last.t - first.t) : 0;
+      const double expected = last.phase + speed * (t - last.t);
+      phase = expected + std::remainder(phase - expected, 2 * M_PI);
+    }
+    moments_.push_back({t, phase});
+  }
+  // the first eight steps, then ever longer
+  next_look_ = steps_ < 8 ? t : t + 0.03 * (t - first_step_t_);
+}
+
+double FieldWatch::steepest_step(const double* u) const {
+  const PetscInt n = model_.local();
+  const int dof = model_.dof();
+  double largest = 0;
+  for (PetscInt i = 1; i < n; ++i) largest = std::max(largest, std::abs(u[i * dof] - u[(i - 1) * dof]));
+  // across to the next rank; between the last and the first only on a ring
+  int rank, ranks;
+  MPI_Comm_rank(model_.comm(), &rank);
+  MPI_Comm_size(model_.comm(), &ranks);
+  double next = 0;
+  SS_TRY(MPI_Sendrecv(u, 1, MPI_DOUBLE, (rank + ranks - 1) % ranks, 0, &next, 1, MPI_DOUBLE, (rank + 1) % ranks, 0,
+                      model_.comm(), MPI_STATUS_IGNORE));
+  if (rank + 1 < ranks || model_.scene().ring()) largest = std::max(largest, std::abs(next - u[(n - 1) * dof]));
+  return largest;
+}
+
+int FieldWatch::count_pulses(const double* u, double depth) const {
+  const double v = model_.scene().v;
+  Passages own;
+  for (PetscInt i = 0; i < model_.local(); ++i) {
+    const double off = u[i * model_.dof()] - v;
+    own.add(off < -depth ? -1 : off > depth ? 1 : 0);
+  }
+  int ranks;
+  MPI_Comm_size(model_.comm(), &ranks);
+  std::vector<Passages> all(static_cast<std::size_t>(ranks));
+  SS_TRY(MPI_Allgather(&own, 3, MPI_INT, all.data(), 3, MPI_INT, model_.comm()));
+  Passages line;
+  for (const Passages& part : all) line.append(part);
+  return line.up + (model_.scene().ring() && line.last == -1 && line.first == 1 ? 1 : 0);
+}
+
+// Of the Fourier coefficient of psi with mode_ turns round the ring.
+double FieldWatch::phase_of(const double* u) const {
+  const double turn = 2 * M_PI * double(mode_) / double(model_.scene().n);
+  const double c = std::cos(turn), s = std::sin(turn);
+  const int dof = model_.dof();
+  constexpr PetscInt block = 256;  // between fresh starts of the recurrence
+  double sums[2] = {0, 0};
+  for (PetscInt begin = 0; begin < model_.local(); begin += block) {
+    const double turns = double(mode_) * double(model_.first() + begin) / double(model_.scene().n);
+    const double angle = 2 * M_PI * std::fmod(turns, 1.);
+    double x = std::cos(angle), y = -std::sin(angle);
+    for (PetscInt i = begin; i < std::min(begin + block, model_.local()); ++i) {
+      sums[0] += u[i * dof] * x;
+      sums[1] += u[i * dof] * y;
+      const double turned = x * c + y * s;
+      y = y * c - x * s;
+      x = turned;
+    }
+  }
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, model_.comm()));
+  return std::atan2(sums[1], sums[0]);
+}
+
+// Each moment stands for the time around it, since they are denser at first.
+std::optional<double> FieldWatch::ring_speed() const {
+  const std::size_t count = moments_.size();
+  if (count < 4) return std::nullopt;
+  std::vector<double> weight(count);
+  double all = 0, mean_t = 0, mean = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    weight[k] = moments_[std::min(k + 1, count - 1)].t - moments_[k == 0 ? 0 : k - 1].t;
+    all += weight[k];
+    mean_t += weight[k] * moments_[k].t;
+    mean += weight[k] * moments_[k].phase;
+  }
+  mean_t /= all;
+  mean /= all;
+  double tt = 0, tp = 0, square = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    tt += weight[k] * (moments_[k].t - mean_t) * (moments_[k].t - mean_t);
+    tp += weight[k] * (moments_[k].t - mean_t) * (moments_[k].phase - mean);
+  }
+  const double slope = tp / tt;
+  for (std::size_t k = 0; k < count; ++k)
+    square += weight[k] / all * std::pow(moments_[k].phase - mean - slope * (moments_[k].t - mean_t), 2);
+  if (!(std::sqrt(square) < 0.3) || slope == 0) return std::nullopt;
+  return -slope * model_.scene().length / (2 * M_PI * mode_);
+}
+
+// The times of passage climb along one pulse and drop by about a period where the next one takes over. A passage is
+// known to a fraction of a step, so the slope is taken over whole climbs, never node by node.
+std::optional<double> FieldWatch::passage_speed() const {
+  std::vector<double> passed(tracked_count_, 0);
+  for (const Tracked& node : tracked_)
+    passed[static_cast<std::size_t>((double(node.node + model_.first()) - tracked_first_) / tracked_stride_)] =
+        node.passed;
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, passed.data(), int(passed.size()), MPI_DOUBLE, MPI_SUM, model_.comm()));
+  const std::size_t n = passed.size();
+  if (steps_ < 2 || n < 4) return std::nullopt;
+  const double interval = (last_t_ - first_step_t_) / double(steps_ - 1), h = model_.scene().h() * tracked_stride_;
+  std::vector<double> slowness;
+  for (std::size_t i = 0; i + 1 < n; ++i) {
+    const double s = (passed[i + 1] - passed[i]) / h;
+    if (std::isfinite(s)) slowness.push_back(s);
+  }
+  if (slowness.size() < n / 2) return std::nullopt;
+  const auto middle = slowness.begin() + static_cast<std::ptrdiff_t>(slowness.size() / 2);
+  std::nth_element(slowness.begin(), middle, slowness.end());
+  const double largest_climb = 4 * (interval + h * std::abs(*middle));
+
+  // Least squares with one slope for all climbs and a constant for each; `up`, `down`: nodes by the sign of their
+  // climb.
+  double xx = 0, xt = 0, tt = 0, up = 0, down = 0;
+  for (std::size_t begin = 0; begin < n;) {
+    std::size_t end = begin + 1;
+    while (end < n && std::abs(passed[end] - passed[end - 1]) < largest_climb) ++end;
+    const auto count = double(end - begin);
+    double x = 0, t = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      x += h * double(i) / count;
+      t += passed[i] / count;
+    }
+    double own_xx = 0, own_xt = 0, own_tt = 0;
+    for (std::size_t i = begin; i < end && count > 4; ++i) {
+      const double dx = h * double(i) - x;
+      own_xx += dx * dx;
+      own_xt += dx * (passed[i] - t);
+      own_tt += (passed[i] - t) * (passed[i] - t);
+    }
+    (own_xt > 0 ? up : down) += count > 4 ? count : 0;
+    xx += own_xx;
+    xt += own_xt;
+    tt += own_tt;
+    begin = end;
+  }
+  if (std::max(up, down) < 0.8 * double(n) || xt == 0) return std::nullopt;
+  // Root mean squares: what is left beside the line, and the line itself.
+  if (tt - xt * xt / xx > 0.01 * xt * xt / xx) return std::nullopt;
+  return xx / xt;
+}
+
+FieldWatch::Result FieldWatch::result() const {
+  Result r;
+  if (steps_ == 0) return r;
+  double amplitude = 0;
+  for (std::size_t i = 0; i < low_.size(); ++i) amplitude = std::max(amplitude, (high_[i] - low_[i]) / 2);
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &amplitude, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  r.amplitude = amplitude;
+  r.steepest = steepest_;
+  r.pulses = pulses_;
+  if (pulses_ == 0) return r;
+  if (!model_.scene().ring()) r.wave_speed = passage_speed();
+  else if (pulses_ == mode_) r.wave_speed = ring_speed();
+  return r;
+}
+
+void FieldWatch::save(Checkpoint& checkpoint) const {
+  std::vector<double>& scalars = checkpoint.arrays["watch.scalars"];
+  scalars = {t_end_, next_look_, double(steps_), last_t_, first_step_t_, double(mode_), double(pulses_), steepest_};
+  for (const Moment& m : moments_) {
+    scalars.push_back(m.t);
+    scalars.push_back(m.phase);
+  }
+  if (steps_ == 0) return;
+  VecHandle work = model_.create_vector();
+  const int dof = model_.dof();
+  Gather gather(work, dof);
+  const auto gathered = [&](const auto& first, const auto& second, const char* a, const char* b) {
+    double* u;
+    SS_TRY(VecGetArray(work, &u));
+    for (PetscInt i = 0; i < model_.local(); ++i) {
+      u[i * dof] = first(i);
+      u[i * dof + 1] = second(i);
+    }
+    SS_TRY(VecRestoreArray(work, &u));
+    const auto& fields = gather.components(work);
+    checkpoint.arrays[a] = fields[0];
+    checkpoint.arrays[b] = fields[1];
+  };
+  gathered([&](PetscInt i) { return low_[std::size_t(i)]; }, [&](PetscInt i) { return high_[std::size_t(i)]; },
+           "watch.low", "watch.high");
+  if (tracked_count_ == 0) return;
+  std::vector<double> psi(std::size_t(model_.local()), nan), passed = psi;
+  for (const Tracked& node : tracked_) {
+    psi[std::size_t(node.node)] = node.psi;
+    passed[std::size_t(node.node)] = node.passed;
+  }
+  gathered([&](PetscInt i) { return psi[std::size_t(i)]; }, [&](PetscInt i) { return passed[std::size_t(i)]; },
+           "watch.psi", "watch.passed");
+}
+
+void FieldWatch::restore(const Checkpoint& checkpoint) {
+  const auto found = checkpoint.arrays.find("watch.scalars");
+  if (found == checkpoint.arrays.end()) return;
+  const std::vector<double>& scalars = found->second;
+  if (scalars.size() < 8) throw std::runtime_error("its measurements are not whole");
+  if (scalars[0] != t_end_) return;  // the last quarter of another run
+  next_look_ = scalars[1];
+  steps_ = static_cast<long>(scalars[2]);
+  last_t_ = scalars[3];
+  first_step_t_ = scalars[4];
+  mode_ = static_cast<int>(scalars[5]);
+  pulses_ = static_cast<int>(scalars[6]);
+  steepest_ = scalars[7];
+  for (std::size_t k = 8; k + 1 < scalars.size(); k += 2) moments_.push_back({scalars[k], scalars[k + 1]});
+  if (steps_ == 0) return;
+  const auto own = [&](const char* name) {
+    const std::vector<double>& all = checkpoint.arrays.at(name);
+    if (all.size() != static_cast<std::size_t>(model_.scene().n))
+      throw std::runtime_error("its measurements do not fit the scene");
+    return std::vector<double>(all.begin() + model_.first(), all.begin() + model_.first() + model_.local());
+  };
+  low_ = own("watch.low");
+  high_ = own("watch.high");
+  if (tracked_count_ == 0) return;
+  const std::vector<double> psi = own("watch.psi"), passed = own("watch.passed");
+  for (Tracked& node : tracked_) {
+    node.psi = psi[std::size_t(node.node)];
+    node.passed = passed[std::size_t(node.node)];
+  }
+}
+
+}  // namespace stickslip

@@ -1,0 +1,73 @@
+// The whole field in the last quarter of a run: ranges of psi at every node, how steep its fronts are, pulses and their
+// speed. Every rank looks at its own nodes.
+//
+// Ranges are taken at every step on up to 128 nodes; on more, at 32 steps and then at every fourth. What needs a sum
+// over the ranks is taken at moments of these whose distance is at least 3 % of the time since the first, so that
+// their number grows with the logarithm of that of the steps, and the phase of a wave can be followed from each
+// moment to the next by the speed that those before it show.
+//
+//   pulses      upward passages of psi through v along x, on a ring or between the ends; a dip counts where it goes a
+//               twentieth of the range of psi below
+//   wave speed  on a ring with m pulses the slope of the phase of the m-th Fourier coefficient, -2 pi m V/L, by least
+//               squares; elsewhere the least-squares slope of the times at which nodes of the middle half (up to 1024
+//               of them) last passed v upwards, along each pulse. Positive to the right; none where the phase is not
+//               linear in time to 0.3 rad, where pulses of one direction hold fewer than 80 % of the nodes, or where
+//               the times of passage are off the straight line by more than a tenth of what they climb.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "stickslip/model/model.hpp"
+#include "stickslip/output/observer.hpp"
+
+namespace stickslip {
+
+class FieldWatch {
+ public:
+  FieldWatch(const Model& model, double t_end);
+
+  void step(const ObservedStep& step);  // collective
+  double end() const { return t_end_; }
+
+  struct Result {
+    std::optional<double> amplitude;  // half the largest range of a node; empty where the run did not come so far
+    std::optional<double> wave_speed;
+    std::optional<int> pulses;        // on the model's own grid
+    double steepest = 0;              // largest step of psi between neighbours over its range
+  };
+  Result result() const;  // collective
+
+  void save(Checkpoint& checkpoint) const;  // collective
+  void restore(const Checkpoint& checkpoint);
+
+ private:
+  struct Moment {
+    double t, phase;
+  };
+  struct Tracked {  // a node whose passages are timed
+    PetscInt node;  // of this rank
+    double psi, passed;
+  };
+  void widen(const double* u);
+  void look(double t, const double* u);
+  double steepest_step(const double* u) const;
+  int count_pulses(const double* u, double depth) const;
+  double phase_of(const double* u) const;
+  std::optional<double> ring_speed() const;
+  std::optional<double> passage_speed() const;
+
+  const Model& model_;
+  double t_begin_, t_end_, next_look_;
+  long steps_ = 0;                    // seen in the quarter
+  std::vector<double> low_, high_;    // of this rank's nodes; empty before the first
+  std::vector<Tracked> tracked_;      // of this rank, off a ring
+  double tracked_first_ = 0, tracked_stride_ = 1;
+  std::size_t tracked_count_ = 0;     // on all ranks
+  double last_t_ = 0, first_step_t_ = 0;
+  std::vector<Moment> moments_;
+  int mode_ = -1, pulses_ = 0;        // pulses at the beginning (-1: not yet seen) and at the last moment
+  double steepest_ = 0;
+};
+
+}  // namespace stickslip

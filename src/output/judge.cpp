@@ -1,0 +1,259 @@
+#include "output/judge.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+namespace stickslip {
+
+namespace {
+
+constexpr double near = 0.01;       // of the scale: sliding
+constexpr double moving = 0.05;     // of the scale: the least distance of stick-slip
+constexpr double least_periods = 3;
+constexpr double settled = 3e-5;    // of the scale: what error control leaves of a motion that has died away
+constexpr double ahead = 20;        // times the run so far: how long stick-slip must last where sliding is stable
+constexpr double unchanged = 0.05;  // relative change of size that counts as none where sliding is unstable
+constexpr double peak_error = 1e-4;  // of a size: extrema between steps
+
+// The size of the motion over stretches of time: the slope of its logarithm, and twice its error and more.
+struct Trend {
+  double rate = 0, error = std::numeric_limits<double>::infinity(), span = 0;
+  double early = 0, late = 0;  // the same in the first and the second half of the stretches
+  bool known = false;
+
+  bool rises() const { return known && rate > error; }
+  bool falls() const { return known && rate < -error; }
+  // By how much the logarithm will still change if every half of the span multiplies the rate as the last one did;
+  // infinite where it does not calm down.
+  double to_come() const {
+    const double q = late / early;
+    return q >= 0 && q < 0.6 ? std::abs(late) * span / 2 * q / (1 - q) : std::numeric_limits<double>::infinity();
+  }
+};
+
+double slope_of(const std::vector<double>& x, const std::vector<double>& y, std::size_t from, std::size_t to,
+                double* error) {
+  const auto n = double(to - from);
+  double mx = 0, my = 0, xx = 0, xy = 0, rest = 0;
+  for (std::size_t i = from; i < to; ++i) {
+    mx += x[i] / n;
+    my += y[i] / n;
+  }
+  for (std::size_t i = from; i < to; ++i) {
+    xx += (x[i] - mx) * (x[i] - mx);
+    xy += (x[i] - mx) * (y[i] - my);
+  }
+  const double slope = xy / xx;
+  for (std::size_t i = from; i < to; ++i) rest += std::pow(y[i] - my - slope * (x[i] - mx), 2);
+  if (error) *error = std::sqrt((rest / (n - 2) + peak_error * peak_error) / xx);
+  return slope;
+}
+
+class Judge {
+ public:
+  Judge(const MotionRecord& record, const Surroundings& around)
+      : r_(record), a_(around), scale_(around.v != 0 ? std::abs(around.v) : 0.1) {
+    // a window that has only begun says little
+    end_ = r_.windows;
+    if (end_ > 8 && r_.begin + double(end_) * r_.window > r_.t * (1 + 1e-9)) --end_;
+    half_ = end_ / 2;
+    quarter_ = end_ - (end_ + 3) / 4;
+    period_ = period();
+    // the last part of the run that holds enough periods, and three whole stretches of one for a trend
+    for (from_ = quarter_; from_ > end_ / 4 && (passages(from_) < (from_ == quarter_ ? 6 : least_periods) ||
+                                                (end_ - from_) / stretch() < 3);)
+      from_ = from_ == quarter_ ? half_ : end_ / 4;
+    const double wanted = period_ > 0 ? 1.05 * period_ : r_.t / 16;
+    last_ = std::size_t(std::clamp(std::ceil(wanted / r_.window), 1., double(end_ - half_)));
+  }
+
+  Judgement judgement() const {
+    Judgement j;
+    const Trend t = trend();
+    if (t.known && size(end_ - last_, end_) > settled * scale_) j.rate = t.rate;
+    j.motion = word(t);
+    if (j.motion == Motion::sliding || j.motion == Motion::stick_slip || j.motion == Motion::stuck) return j;
+    j.time_to_decide = time_to_decide(j.motion, t);
+    return j;
+  }
+
+ private:
+  double low(std::size_t w, std::size_t p) const { return r_.low[w * r_.places + p]; }
+  double high(std::size_t w, std::size_t p) const { return r_.high[w * r_.places + p]; }
+
+  struct Range {
+    double low, high;
+  };
+  Range range(std::size_t from, std::size_t to, std::size_t p) const {
+    Range x{low(from, p), high(from, p)};
+    for (std::size_t w = from + 1; w < to; ++w) x = {std::min(x.low, low(w, p)), std::max(x.high, high(w, p))};
+    return x;
+  }
+  double size(std::size_t from, std::size_t to) const {
+    double sum = 0;
+    for (std::size_t p = 0; p < r_.places; ++p) {
+      const Range x = range(from, to, p);
+      sum += std::pow(std::max(x.high - r_.steady[p], r_.steady[p] - x.low), 2);
+    }
+    return std::sqrt(sum / double(r_.places));
+  }
+  double distance(std::size_t from, std::size_t to) const {
+    double largest = 0;
+    for (std::size_t p = 0; p < r_.places; ++p) {
+      const Range x = range(from, to, p);
+      largest = std::max(largest, std::abs((x.low + x.high) / 2 - r_.steady[p]) + (x.high - x.low) / std::sqrt(8.));
+    }
+    return largest;
+  }
+  // Of the middle place, from a window to the end.
+  double passages(std::size_t from) const {
+    std::vector<double> counts(r_.places, 0.);
+    for (std::size_t w = from; w < end_; ++w)
+      for (std::size_t p = 0; p < r_.places; ++p) counts[p] += r_.passages[w * r_.places + p];
+    const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
+    std::nth_element(counts.begin(), middle, counts.end());
+    return *middle;
+  }
+
+  // From the first to the last passage in the last three quarters, of the middle place among those that have two.
+  double period() const {
+    std::vector<double> periods;
+    for (std::size_t p = 0; p < r_.places; ++p) {
+      double first = 0, last = 0, count = -1;
+      for (std::size_t w = end_ / 4; w < end_; ++w) {
+        const double passages = r_.passages[w * r_.places + p];
+        if (passages == 0) continue;
+        last = r_.passed[w * r_.places + p];
+        if (count < 0) first = last;
+        count = count < 0 ? 0 : count + passages;
+      }
+      if (count >= 1) periods.push_back((last - first) / count);
+    }
+    if (2 * periods.size() < r_.places) return 0;
+    const auto middle = periods.begin() + static_cast<std::ptrdiff_t>(periods.size() / 2);
+    std::nth_element(periods.begin(), middle, periods.end());
+    return *middle;
+  }
+
+  std::size_t stretch() const {  // windows that hold a period
+    return std::max<std::size_t>(1, std::size_t(std::ceil(1.05 * period_ / r_.window)));
+  }
+
+  Trend trend() const {
+    const std::size_t windows = end_ - from_;
+    // two periods where that leaves enough stretches: slips differ from one to the next
+    std::size_t length = stretch();
+    const auto twice = std::size_t(std::ceil(2.1 * period_ / r_.window));
+    if (twice > 0 && windows / twice >= 6) length = twice;
+    if (period_ == 0) length = std::max<std::size_t>(1, windows / 8);
+    const std::size_t count = windows / length;
+    Trend t;
+    if (count < 3) return t;
+    std::vector<double> x, y;
+    for (std::size_t g = 0; g < count; ++g) {
+      const std::size_t begin = end_ - (count - g) * length;
+      const double s = size(begin, begin + length);
+      if (!(s > 0)) return t;
+      x.push_back((double(begin) + double(length) / 2) * r_.window);
+      y.push_back(std::log(s));
+    }
+    t.rate = slope_of(x, y, 0, count, &t.error);
+    t.error *= 3 + 12. / double(count - 2);
+    t.span = double(windows) * r_.window;
+    t.known = true;
+    if (count >= 6) {
+      t.early = slope_of(x, y, 0, count / 2, nullptr);
+      t.late = slope_of(x, y, count - count / 2, count, nullptr);
+    }
+    return t;
+  }
+
+  bool rests() const {
+    double fastest = a_.speed_now;
+    for (std::size_t p = 0; p < r_.places; ++p) {
+      const Range x = range(quarter_, end_, p);
+      fastest = std::max({fastest, x.high, -x.low});
+    }
+    return fastest <= 1e-9 * scale_;
+  }
+
+  Motion word(const Trend& t) const {
+    if (end_ < 8) return Motion::undecided;
+    if (rests() && a_.v != 0) return a_.unloaded ? Motion::stuck : Motion::undecided;
+    const bool unstable = a_.growth && *a_.growth > 0;
+    if (distance(end_ - last_, end_) < near * scale_ && a_.distance_now < 1.5 * near * scale_ && !unstable) {
+      const double now = size(end_ - last_, end_), before = size(half_, half_ + last_);
+      const bool stable = a_.growth && *a_.growth < 0;
+      if ((now <= settled * scale_ && (!t.rises() || a_.stable)) || now < 0.9 * before ||
+          (stable && (now < 1.02 * before || now <= 3 * settled * scale_)))
+        return a_.v == 0 ? Motion::stuck : Motion::sliding;
+    }
+    if (passages(from_) >= least_periods && distance(end_ - last_, end_) >= moving * scale_ && stands(t, unstable))
+      return Motion::stick_slip;
+    if (t.falls() && !(unstable && period_ == 0)) return Motion::decaying;
+    if (t.rises() && (period_ > 0 || unstable)) return Motion::growing;
+    return Motion::undecided;
+  }
+
+  // Whether an oscillation keeps its size.
+  bool stands(const Trend& t, bool unstable) const {
+    if (!t.known) return false;
+    const double change = std::abs(t.rate) * t.span, error = t.error * t.span;
+    if (unstable || sticks_each_time()) {
+      // sliding repels, or every period forgets the one before: what changes still is the approach to the oscillation
+      if (unstable && t.rises() && t.rate > 0.3 * *a_.growth) return false;
+      return (change < unchanged && error < 0.7) || (change <= error && error < 0.7) ||
+             (t.to_come() < unchanged && error < 0.3);
+    }
+    const double linear = a_.growth ? std::min(*a_.growth, 0.) : 0;
+    if (linear < 0 && t.rate - t.error < 0.5 * linear) return false;
+    if ((std::abs(t.rate) + t.error) * ahead * r_.t < std::log(2.)) return true;
+    return t.to_come() < unchanged && t.error * ahead * r_.t < std::log(2.) && t.late > 0.3 * linear;
+  }
+
+  // Does nearly every place come to rest in every period?
+  bool sticks_each_time() const {
+    if (!a_.sticks || a_.v == 0 || period_ == 0) return false;
+    std::size_t resting = 0, all = 0;
+    for (std::size_t begin = half_; begin + last_ <= end_; begin += last_)
+      for (std::size_t p = 0; p < r_.places; ++p, ++all)
+        if ((a_.v > 0 ? range(begin, begin + last_, p).low : -range(begin, begin + last_, p).high) <= 0) ++resting;
+    return double(resting) >= 0.9 * double(all);
+  }
+
+  double time_to_decide(Motion motion, const Trend& t) const {
+    const double cycle = std::max({period_, a_.cycle, 2 * a_.loading});
+    // the period of what was seen first may be that of a part only
+    const double periods = 12 * (period_ > 0 && r_.t > cycle / 2 ? period_ : cycle);
+    if (motion == Motion::decaying) {
+      const double d = distance(end_ - last_, end_) / (near * scale_);
+      return std::max(r_.t * 1.2, r_.t + std::log(std::max(1., d)) / -t.rate);
+    }
+    if (motion == Motion::growing)
+      return 2 * (r_.t + std::log(std::max(1., scale_ / size(end_ - last_, end_))) / t.rate) + periods;
+    if (rests() || passages(from_) < least_periods) return r_.t + a_.loading + periods;
+    if (a_.growth && *a_.growth > 0 && a_.distance_now < near * scale_)
+      return r_.t + std::log(scale_ / std::max(1e-16 * scale_, a_.distance_now)) / *a_.growth + periods;
+    if (a_.growth && *a_.growth > 0) return 2 * r_.t + periods;
+    const double bound = std::log(2.) / (ahead * r_.t);
+    return t.known ? r_.t * std::clamp(2 * std::pow(t.error / bound, 0.7), 2., 100.) : std::max(2 * r_.t, periods);
+  }
+
+  const MotionRecord& r_;
+  const Surroundings& a_;
+  double scale_, period_ = 0;  // 0: none seen
+  std::size_t end_ = 0, half_ = 0, quarter_ = 0;
+  std::size_t from_ = 0;       // of the stretch that trends are taken over
+  std::size_t last_ = 1;       // windows in the last stretch
+};
+
+}  // namespace
+
+Judgement judge(const MotionRecord& record, const Surroundings& around) {
+  if (record.windows == 0) return {};
+  return Judge(record, around).judgement();
+}
+
+}  // namespace stickslip

@@ -1,0 +1,31 @@
+// The word for a motion (regime.hpp has the rules), from the record of its traces. Plain numbers, no communication.
+#pragma once
+
+#include <optional>
+
+#include "output/traces.hpp"
+#include "stickslip/output/regime.hpp"
+
+namespace stickslip {
+
+// What is known of the scene beside the record.
+struct Surroundings {
+  double v = 0;
+  std::optional<double> growth;  // of perturbations of sliding, as the steps have it: its sign is certain
+  bool stable = false;           // sliding of the scene itself, whatever the steps make of it
+  bool unloaded = false;         // nothing will ever move a medium at rest
+  double loading = 0;            // time until the force on the first node that rests or lags reaches its friction
+  double cycle = 1;              // about the longest time between two slips, or the period of an oscillation
+  double distance_now = 0;       // largest |psi - steady| of all nodes at the end
+  double speed_now = 0;          // largest |psi|
+  bool sticks = false;           // friction may hold a node at psi = 0
+};
+
+struct Judgement {
+  Motion motion = Motion::undecided;
+  std::optional<double> rate, time_to_decide;
+};
+
+Judgement judge(const MotionRecord& record, const Surroundings& around);
+
+}  // namespace stickslip

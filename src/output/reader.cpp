@@ -1,0 +1,134 @@
+#include "stickslip/output/reader.hpp"
+
+#include <sys/stat.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "base/broadcast.hpp"
+#include "base/paths.hpp"
+#include "output/hdf5_tools.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/output/summary.hpp"
+
+namespace stickslip {
+
+using h5::Id;
+
+void check_output_path(const std::string& path) {
+  on_root(PETSC_COMM_WORLD, [&] {
+    const paths::Present present = paths::check_writable("out_file", path);
+    if (present == paths::Present::nothing) return;
+    if (present == paths::Present::special) throw UsageError("out_file '" + path + "': is not a regular file");
+    const auto look = [&] {
+      const Id file = h5::open_file(path);
+      (void)h5::read_header(file);
+    };
+    const auto refuse = [&] {
+      throw UsageError("out_file '" + path +
+                       "': exists and was not written by this program; give another name or remove it");
+    };
+    if (!h5::survives(look)) refuse();
+    try {
+      look();
+    } catch (const Failure&) {
+      refuse();
+    }
+  });
+}
+
+void check_outputs(const std::string& out_file, const std::string& summary) {
+  if (!out_file.empty()) check_output_path(out_file);
+  if (!summary.empty()) check_summary_path(summary);
+  if (out_file.empty() || summary.empty()) return;
+  on_root(PETSC_COMM_WORLD, [&] {
+    const auto place = [](const std::string& path) {
+      return paths::resolved(paths::folder(path)) + "/" + paths::file(path);
+    };
+    if (place(paths::resolved(out_file)) == place(paths::resolved(summary)))
+      throw UsageError("summary '" + summary + "': is the same file as out_file");
+  });
+}
+
+namespace {
+
+// Opens a file on rank 0 and hands it to body(); whatever is wrong with it becomes `WHAT 'PATH': ...` on every rank.
+template <class Body>
+void reading(const std::string& what, const std::string& path, Body&& body) {
+  on_root(PETSC_COMM_WORLD, [&] {
+    const std::string label = what + " '" + path + "': ";
+    struct stat at {};
+    if (stat(path.c_str(), &at) != 0) throw UsageError(label + std::strerror(errno));
+    if (!S_ISREG(at.st_mode)) throw UsageError(label + "is not a file");
+    h5::quiet();
+    if (H5Fis_hdf5(path.c_str()) <= 0) throw UsageError(label + "is not an HDF5 file");
+    const auto read = [&] {
+      const Id file = h5::open_file(path);
+      body(static_cast<hid_t>(file), h5::read_header(file));
+    };
+    if (!h5::survives(read)) throw UsageError(label + "is damaged");
+    try {
+      read();
+    } catch (const Failure& e) {
+      throw UsageError(label + e.what());
+    }
+  });
+}
+
+}  // namespace
+
+FileHeader read_header(const std::string& what, const std::string& path) {
+  FileHeader header;
+  reading(what, path, [&](hid_t, const FileHeader& found) { header = found; });
+  h5::broadcast(header);
+  return header;
+}
+
+DataArray read_array(const std::string& what, const std::string& path, const std::string& name) {
+  DataArray array;
+  reading(what, path, [&](hid_t file, const FileHeader&) {
+    array.values = h5::read_reals(file, name);
+    const Id dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT));
+    for (const hsize_t size : h5::extents(dataset)) array.shape.push_back(size);
+  });
+  std::vector<std::int64_t> shape(array.shape.begin(), array.shape.end());
+  broadcast(shape);
+  array.shape.assign(shape.begin(), shape.end());
+  broadcast(array.values);
+  return array;
+}
+
+Frame read_frame(const std::string& what, const std::string& path, std::int64_t index) {
+  Frame frame;
+  reading(what, path, [&](hid_t file, const FileHeader& header) {
+    if (header.kind != "run") throw Failure("holds the result of `" + header.kind + "`, not of `run`");
+    const std::vector<double> t = h5::read_reals(file, "t");
+    frame.x = h5::read_reals(file, "x");
+    frame.count = static_cast<std::int64_t>(t.size());
+    frame.index = index == -1 ? frame.count - 1 : index;
+    if (frame.index < 0 || frame.index >= frame.count)
+      throw Failure("has " + std::to_string(frame.count) + " frames (0 to " + std::to_string(frame.count - 1) +
+                    "), not frame " + std::to_string(index));
+    frame.t = t[static_cast<std::size_t>(frame.index)];
+    frame.options = header.options;
+    for (const std::string& name : h5::members(file, "/")) {
+      const Id object(H5Oopen(file, name.c_str(), H5P_DEFAULT));
+      if (H5Iget_type(object) != H5I_DATASET) continue;
+      const auto sizes = h5::extents(object);
+      if (sizes.size() != 2 || sizes[1] != frame.x.size() || sizes[0] <= static_cast<hsize_t>(frame.index)) continue;
+      frame.fields[name] = h5::read_rows(object, static_cast<hsize_t>(frame.index), 1, sizes[1]);
+    }
+    for (const char* name : {"psi", "eta"})
+      if (!frame.fields.count(name)) throw Failure(std::string("has no dataset '") + name + "' of (t, x)");
+  });
+  broadcast(frame.t);
+  broadcast(frame.index);
+  broadcast(frame.count);
+  broadcast(frame.x);
+  broadcast(frame.fields);
+  broadcast(frame.options);
+  return frame;
+}
+
+}  // namespace stickslip

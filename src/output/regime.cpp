@@ -1,0 +1,217 @@
+#include "stickslip/output/regime.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "output/field_watch.hpp"
+#include "output/judge.hpp"
+#include "output/traces.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/friction.hpp"
+
+namespace stickslip {
+
+std::string to_string(Motion motion) {
+  switch (motion) {
+    case Motion::sliding: return "sliding";
+    case Motion::stick_slip: return "stick-slip";
+    case Motion::stuck: return "stuck";
+    case Motion::decaying: return "decaying";
+    case Motion::growing: return "growing";
+    case Motion::undecided: break;
+  }
+  return "undecided";
+}
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+bool has_held_end(const Scene& s) { return s.left == End::velocity || s.right == End::velocity; }
+
+// Whether nothing will ever move a medium at rest: no spring that pulls, or one that pulls where nothing gives way.
+bool is_unloaded(const Scene& s) {
+  if ((s.left == End::velocity && s.left_value != 0) || (s.right == End::velocity && s.right_value != 0))
+    return s.K1() == 0 && s.K0() * s.v == 0;
+  return s.K0() * s.v == 0 || (s.v < 0 && !s.friction.back_slip);
+}
+
+// The force at which a node that hardly moves gives way, over its amplitude: its static threshold, or steady friction
+// at v where there is none.
+double holding_force(const Model& model, double state) {
+  const Scene& s = model.scene();
+  const Friction& f = model.friction_law();
+  if (f.sticks) return f.threshold(state).value;
+  const double steady = f.steady_state(std::abs(s.v));
+  return std::isfinite(steady) ? f.force(std::abs(s.v), steady) + s.B() * std::abs(s.v) : 0.;
+}
+
+// Half the largest range of a place in the last quarter of a record, extrema between the steps included.
+double amplitude_of(const MotionRecord& r) {
+  double largest = 0;
+  for (std::size_t p = 0; p < r.places; ++p) {
+    double low = infinity, high = -infinity;
+    for (std::size_t w = r.windows - r.windows / 4; w < r.windows; ++w) {
+      low = std::min(low, r.low[w * r.places + p]);
+      high = std::max(high, r.high[w * r.places + p]);
+    }
+    largest = std::max(largest, (high - low) / 2);
+  }
+  return largest;
+}
+
+}  // namespace
+
+struct Regime::Impl {
+  const Model& model;
+  std::function<double(PetscInt)> steady;
+  Traces traces;
+  FieldWatch field;
+  double growth = std::numeric_limits<double>::quiet_NaN(), growth_taken = growth;
+  bool jumps_at_rest;
+
+  Impl(const Model& m, double t_end, const std::function<double(PetscInt)>& psi)
+      : model(m), steady(psi ? psi : [v = m.scene().v](PetscInt) { return v; }), traces(m, steady, t_end),
+        field(m, t_end),
+        jumps_at_rest(m.scene().friction.sticks()) {}
+
+  // Whether the growth of perturbations of sliding is that of one node: equal nodes, and a slope at v.
+  bool is_uniform() const {
+    const Scene& s = model.scene();
+    return s.spread == 0 && !has_held_end(s) && !(s.v == 0 && jumps_at_rest);
+  }
+
+  // Growth as the steps have it where its sign is certain. Without a state an oscillating mode grows at half the mean,
+  // weighted by the mode, of what the nodes would grow by alone. Collective.
+  std::optional<double> certain_growth(double t) const {
+    if (is_uniform()) {
+      if (!std::isfinite(growth_taken)) return std::nullopt;
+      // a method that holds an instability down so far that the run does not see it
+      if (growth_taken > 0 && growth_taken < 0.5 * growth && growth_taken * t < 0.5) return std::nullopt;
+      // error control holds what long steps let grow at the size of its tolerance
+      if (growth_taken > 0 && growth < 0) return std::nullopt;
+      return growth_taken;
+    }
+    const Scene& s = model.scene();
+    if (model.dof() == 3 || (s.v == 0 && jumps_at_rest)) return std::nullopt;
+    double bounds[2] = {-infinity, -infinity};  // of C and -C
+    for (PetscInt i = 0; i < model.local(); ++i) {
+      if (model.held(model.first() + i)) continue;
+      const double C = s.A() * (s.B() + model.friction(i, steady(model.first() + i), 0).F_psi) + s.s_delta();
+      bounds[0] = std::max(bounds[0], C);
+      bounds[1] = std::max(bounds[1], -C);
+    }
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, bounds, 2, MPI_DOUBLE, MPI_MAX, model.comm()));
+    if (bounds[0] < 0) return -bounds[0] / 2;
+    if (bounds[1] < 0) return bounds[1] / 2;
+    return std::nullopt;
+  }
+
+  Surroundings surroundings(Vec u, double t) const {
+    const Scene& s = model.scene();
+    Surroundings a;
+    a.v = s.v;
+    a.growth = certain_growth(t);
+    a.stable = is_uniform() && growth < 0;
+    a.unloaded = is_unloaded(s);
+    a.sticks = jumps_at_rest;
+    const double pull = s.K0() * std::abs(s.v);
+    std::array<double, 4> largest{0, 0, 0, -infinity};  // distance, speed, holding force, minus the time to give way
+    const double* values;
+    SS_TRY(VecGetArrayRead(u, &values));
+    for (PetscInt i = 0; i < model.local(); ++i) {
+      const double *at = values + i * model.dof(), psi = at[0];
+      largest[0] = std::max(largest[0], std::abs(psi - steady(model.first() + i)));
+      largest[1] = std::max(largest[1], std::abs(psi));
+      const double holds = model.amplitude()[std::size_t(i)] * holding_force(model, model.dof() == 3 ? at[2] : 0);
+      largest[2] = std::max(largest[2], std::abs(holds));
+      if (pull > 0) {
+        const double side = s.v > 0 ? 1 : -1, rate = std::max(s.K0() * side * (s.v - psi), 0.1 * pull);
+        largest[3] = std::max(largest[3], -std::max(0., holds - side * at[1]) / rate);
+      }
+    }
+    SS_TRY(VecRestoreArrayRead(u, &values));
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, largest.data(), 4, MPI_DOUBLE, MPI_MAX, model.comm()));
+    a.distance_now = largest[0];
+    a.speed_now = largest[1];
+    a.loading = std::isfinite(largest[3]) ? -largest[3] : 0;
+    a.cycle = s.K0() > 0 ? 2 * M_PI / std::sqrt(s.A() * s.K0()) : 1;
+    if (pull > 0) a.cycle = std::max(a.cycle, 2 * largest[2] / pull);
+    return a;
+  }
+};
+
+Regime::Regime(const Model& model, double t_end, const std::function<double(PetscInt)>& steady)
+    : impl_(std::make_unique<Impl>(model, t_end, steady)) {}
+Regime::~Regime() = default;
+
+void Regime::know(double growth, double growth_taken) {
+  impl_->growth = growth;
+  impl_->growth_taken = growth_taken;
+}
+
+void Regime::restore(const Checkpoint& checkpoint) {
+  if (!impl_->traces.restore(checkpoint)) {
+    warn("restart: the checkpoint holds no record of the motion so far; the regime is judged from t = " +
+         number_text(checkpoint.t) + " on");
+    return;
+  }
+  impl_->field.restore(checkpoint);
+}
+
+void Regime::step(const ObservedStep& step) {
+  impl_->traces.step(step);
+  impl_->field.step(step);
+}
+
+void Regime::save(Checkpoint& checkpoint) {
+  impl_->traces.save(checkpoint);
+  impl_->field.save(checkpoint);
+}
+
+Measured Regime::result(Vec u) const {
+  const MotionRecord record = impl_->traces.record();
+  const Surroundings around = impl_->surroundings(u, record.t);
+  const Judgement j = judge(record, around);
+  const FieldWatch::Result field = impl_->field.result();
+  Measured m;
+  m.motion = j.motion;
+  m.rate = j.rate;
+  m.time_to_decide = j.time_to_decide;
+  m.amplitude = field.amplitude;
+  if (m.amplitude && record.windows >= 4) m.amplitude = std::max(*m.amplitude, amplitude_of(record));
+  m.wave_speed = field.wave_speed;
+  m.pulses = field.pulses;
+  if (m.pulses) *m.pulses *= static_cast<int>(impl_->model.scene().copies);
+  m.steepest = field.steepest;
+  if (impl_->is_uniform() && std::isfinite(impl_->growth)) m.growth = impl_->growth;
+  double highest = 0;
+  for (const double psi : record.high) highest = std::max(highest, std::abs(psi));
+  for (const double psi : record.low) highest = std::max(highest, std::abs(psi));
+  const double v = std::abs(impl_->model.scene().v);
+  m.never_moved = highest <= v && around.speed_now <= 1e-9 * v && !around.unloaded;
+  m.loaded_until = record.t + around.loading;
+  return m;
+}
+
+void Regime::summarise(Summary& summary, Vec u) {
+  if (!u) return;
+  const Measured m = result(u);
+  summary.set("regime", to_string(m.motion));
+  summary.set("regime_rate", m.rate);
+  summary.set("growth_rate", m.growth);
+  summary.set("time_to_decide", m.time_to_decide);
+  summary.set("amplitude", m.amplitude);
+  summary.set("wave_speed", m.wave_speed);
+  summary.set("pulses", m.pulses);
+  const double t_end = impl_->field.end();
+  summary.set("measured_over", std::vector<double>{0.75 * t_end, t_end});
+  if (m.never_moved)
+    warn("nothing has slipped yet: loading takes until about t = " + rounded_text(m.loaded_until) +
+         ", the regime is undecided before some slips (ts_max_time " + rounded_text(*m.time_to_decide) +
+         " should decide)");
+}
+
+}  // namespace stickslip

@@ -1,0 +1,234 @@
+#include "output/traces.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "stickslip/base/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double finest = 1 << 20;  // windows that the whole run has when it begins
+
+// The cubic with values y0, y1 and slopes m0, m1 (times the step) at 0 and 1: its values where its slope is 0 between.
+template <class Take>
+void take_extrema(double y0, double y1, double m0, double m1, const Take& take) {
+  const double a = 3 * (2 * (y0 - y1) + m0 + m1), b = 2 * (3 * (y1 - y0) - 2 * m0 - m1);  // slope a s^2 + b s + m0
+  const double root = b * b - 4 * a * m0;
+  if (!(root >= 0)) return;
+  const double q = -(b + std::copysign(std::sqrt(root), b)) / 2;
+  for (const double s : {a != 0 ? q / a : -1., q != 0 ? m0 / q : -1.})
+    if (s > 0 && s < 1) take(y0 + s * (m0 + s * (b / 2 + s * a / 3)));
+}
+
+}  // namespace
+
+Traces::Traces(const Model& model, const std::function<double(PetscInt)>& steady, double t_end)
+    : model_(model), t_end_(t_end),
+      count_(std::min<std::size_t>(most_places, static_cast<std::size_t>(model.scene().n))) {
+  const PetscInt n = model.scene().n;
+  for (std::size_t k = 0; k < count_; ++k) {
+    const auto node = static_cast<PetscInt>(double(k) * double(n) / double(count_));
+    if (node >= model.first() && node < model.first() + model.local())
+      places_.push_back({node - model.first(), k, steady(node), {}, {}});
+  }
+  for (std::vector<double>* values : {&low_, &high_, &passages_, &passed_})
+    values->resize(most_windows * places_.size());
+}
+
+double Traces::slope(const Place& place, const Sample& at) const {
+  const Scene& s = model_.scene();
+  if (model_.held(model_.first() + place.node) || at.psi == 0) return 0;  // at rest, or passing through it
+  return s.A() * (at.eta - s.B() * at.psi - model_.friction(place.node, at.psi, at.state).F);
+}
+
+// psi turns near `place.now`: in the step that led there or in the one that leaves it.
+void Traces::refine(const Place& p, const Sample& next, double dt_before, double dt, double& low, double& high) const {
+  const double there = slope(p, p.now);
+  // What turns within steps that resolve it goes beyond them by an eighth of what they cover, in a parabola; where
+  // slopes are stiff and steps long, the cubic means nothing.
+  const double reach = std::max(std::abs(p.now.psi - p.before.psi), std::abs(next.psi - p.now.psi)) / 3;
+  const auto take = [&](double psi) {
+    if (!(std::abs(psi - p.now.psi) <= reach)) return;
+    low = std::min(low, psi);
+    high = std::max(high, psi);
+  };
+  if ((there > 0) == (p.now.psi > p.before.psi))
+    take_extrema(p.now.psi, next.psi, dt * there, dt * slope(p, next), take);
+  else
+    take_extrema(p.before.psi, p.now.psi, dt_before * slope(p, p.before), dt_before * there, take);
+}
+
+void Traces::begin_window(std::size_t window, std::size_t place, double low, double high) {
+  const std::size_t at = window * places_.size() + place;
+  low_[at] = low;
+  high_[at] = high;
+  passages_[at] = 0;
+  passed_[at] = -infinity;
+}
+
+void Traces::join_pairs() {
+  const std::size_t count = places_.size();
+  for (std::size_t w = 0; w < most_windows / 2; ++w)
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::size_t to = w * count + k, from = 2 * w * count + k;
+      low_[to] = std::min(low_[from], low_[from + count]);
+      high_[to] = std::max(high_[from], high_[from + count]);
+      passages_[to] = passages_[from] + passages_[from + count];
+      passed_[to] = std::max(passed_[from], passed_[from + count]);
+    }
+  windows_ = (windows_ + 1) / 2;
+  window_ *= 2;
+}
+
+// Windows up to the one that holds t; what a long step leads through holds both its ends.
+void Traces::open_windows(double t, const double* u) {
+  const auto index = [&] { return std::max(1., std::ceil((t - begin_) / window_ * (1 - 1e-12))); };
+  while (index() > double(most_windows)) {
+    // all that are passed are begun before they are joined
+    const std::size_t count = places_.size();
+    for (; windows_ < most_windows; ++windows_)
+      for (std::size_t k = 0; k < count; ++k) begin_window(windows_, k, places_[k].now.psi, places_[k].now.psi);
+    join_pairs();
+  }
+  const auto needed = static_cast<std::size_t>(index());
+  const std::size_t count = places_.size();
+  for (; windows_ < needed; ++windows_)
+    for (std::size_t k = 0; k < count; ++k) {
+      const double before = places_[k].now.psi, now = u[places_[k].node * model_.dof()];
+      if (windows_ + 1 < needed) begin_window(windows_, k, std::min(before, now), std::max(before, now));
+      else begin_window(windows_, k, before, before);
+    }
+}
+
+void Traces::step(const ObservedStep& step) {
+  const double* u;
+  SS_TRY(VecGetArrayRead(step.u, &u));
+  const int dof = model_.dof();
+  const auto sample = [&](const Place& p) {
+    const double* at = u + p.node * dof;
+    return Sample{at[0], at[1], dof == 3 ? at[2] : 0};
+  };
+  const double dt = step.t - step.t_before;
+  if (!started_) {
+    started_ = true;
+    begin_ = step.t_before;
+    window_ = std::max(t_end_ - begin_, std::numeric_limits<double>::min()) / finest;
+    for (std::size_t k = 0; k < places_.size(); ++k) {
+      places_[k].now = places_[k].before = sample(places_[k]);
+      begin_window(0, k, places_[k].now.psi, places_[k].now.psi);
+    }
+  } else {
+    open_windows(step.t, u);
+    const std::size_t first = (windows_ - 1) * places_.size();
+    for (std::size_t k = 0; k < places_.size(); ++k) {
+      Place& p = places_[k];
+      const Sample next = sample(p);
+      double &low = low_[first + k], &high = high_[first + k];
+      low = std::min(low, next.psi);
+      high = std::max(high, next.psi);
+      if (p.now.psi < p.steady && next.psi >= p.steady) {
+        passages_[first + k] += 1;
+        passed_[first + k] = step.t_before + dt * (p.steady - p.now.psi) / (next.psi - p.now.psi);
+      }
+      if ((next.psi - p.now.psi) * (p.now.psi - p.before.psi) < 0) refine(p, next, last_dt_, dt, low, high);
+      p.before = p.now;
+      p.now = next;
+    }
+  }
+  SS_TRY(VecRestoreArrayRead(step.u, &u));
+  t_ = step.t;
+  last_dt_ = dt;
+}
+
+MotionRecord Traces::record() const {
+  MotionRecord r;
+  r.begin = begin_;
+  r.window = window_;
+  r.t = t_;
+  r.windows = started_ ? windows_ : 0;
+  r.places = count_;
+  const std::size_t size = r.windows * count_, own = places_.size();
+  r.low.assign(size, infinity);
+  r.high.assign(size, -infinity);
+  r.passages.assign(size, 0);
+  r.passed.assign(size, -infinity);
+  r.steady.assign(count_, 0);
+  r.psi.assign(count_, 0);
+  for (std::size_t k = 0; k < own; ++k) {
+    const std::size_t place = places_[k].index;
+    r.steady[place] = places_[k].steady;
+    r.psi[place] = places_[k].now.psi;
+    for (std::size_t w = 0; w < r.windows; ++w) {
+      r.low[w * count_ + place] = low_[w * own + k];
+      r.high[w * count_ + place] = high_[w * own + k];
+      r.passages[w * count_ + place] = passages_[w * own + k];
+      r.passed[w * count_ + place] = passed_[w * own + k];
+    }
+  }
+  const auto combine = [&](std::vector<double>& values, MPI_Op how) {
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, values.data(), int(values.size()), MPI_DOUBLE, how, model_.comm()));
+  };
+  combine(r.low, MPI_MIN);
+  combine(r.high, MPI_MAX);
+  combine(r.passages, MPI_SUM);
+  combine(r.passed, MPI_MAX);
+  combine(r.steady, MPI_SUM);
+  combine(r.psi, MPI_SUM);
+  return r;
+}
+
+void Traces::save(Checkpoint& checkpoint) const {
+  const MotionRecord r = record();
+  std::vector<double> samples(6 * count_);
+  for (const Place& p : places_) {
+    const double values[6] = {p.now.psi, p.now.eta, p.now.state, p.before.psi, p.before.eta, p.before.state};
+    std::copy(values, values + 6, &samples[6 * p.index]);
+  }
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, samples.data(), int(samples.size()), MPI_DOUBLE, MPI_SUM, model_.comm()));
+  checkpoint.arrays["traces.low"] = r.low;
+  checkpoint.arrays["traces.high"] = r.high;
+  checkpoint.arrays["traces.passages"] = r.passages;
+  checkpoint.arrays["traces.passed"] = r.passed;
+  checkpoint.arrays["traces.samples"] = samples;
+  checkpoint.arrays["traces.windows"] = {begin_, window_, t_, last_dt_, double(r.windows)};
+}
+
+bool Traces::restore(const Checkpoint& checkpoint) {
+  const auto found = checkpoint.arrays.find("traces.windows");
+  if (found == checkpoint.arrays.end() || found->second.size() != 5 || found->second[4] == 0) return false;
+  const std::vector<double>&low = checkpoint.arrays.at("traces.low"), &high = checkpoint.arrays.at("traces.high"),
+                           &passages = checkpoint.arrays.at("traces.passages"),
+                           &passed = checkpoint.arrays.at("traces.passed"),
+                           &samples = checkpoint.arrays.at("traces.samples"), &scalars = found->second;
+  const auto windows = static_cast<std::size_t>(scalars[4]);
+  const std::size_t size = windows * count_, own = places_.size();
+  if (windows > most_windows || low.size() != size || high.size() != size || passages.size() != size ||
+      passed.size() != size || samples.size() != 6 * count_)
+    throw std::runtime_error("its measurements do not fit the scene");
+  started_ = true;
+  begin_ = scalars[0];
+  window_ = scalars[1];
+  t_ = scalars[2];
+  last_dt_ = scalars[3];
+  windows_ = windows;
+  for (std::size_t k = 0; k < own; ++k) {
+    Place& p = places_[k];
+    const double* at = &samples[6 * p.index];
+    p.now = {at[0], at[1], at[2]};
+    p.before = {at[3], at[4], at[5]};
+    for (std::size_t w = 0; w < windows; ++w) {
+      low_[w * own + k] = low[w * count_ + p.index];
+      high_[w * own + k] = high[w * count_ + p.index];
+      passages_[w * own + k] = passages[w * count_ + p.index];
+      passed_[w * own + k] = passed[w * count_ + p.index];
+    }
+  }
+  return true;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,68 @@
+// The motion at a few places of the grid from the beginning of a run to its end, in windows of time.
+//
+// At up to 128 nodes, spread evenly, every accepted step is looked at: the least and the largest psi in each window
+// of time, how often psi passes its value in steady sliding upwards, and when it last did. Between two steps an
+// extremum is that of the cubic through the values and slopes at both, so that it does not depend on where steps fall
+// (error dt^4). The windows are equally long; when there are 128 of them they are joined in pairs, so that the whole
+// of a run stands in 64 to 128 windows, however many steps it takes. Costs the same at any number of nodes; nothing
+// is communicated before record().
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "stickslip/model/model.hpp"
+#include "stickslip/output/observer.hpp"
+
+namespace stickslip {
+
+// What was seen, window by window and place by place (value [window * places + place]).
+struct MotionRecord {
+  double begin = 0, window = 0, t = 0;      // of the first window; length of each; time reached
+  std::size_t windows = 0, places = 0;
+  std::vector<double> low, high, passages;
+  std::vector<double> passed;               // time of the last passage in the window, where there is one
+  std::vector<double> steady;               // psi in steady sliding at each place
+  std::vector<double> psi;                  // at the last step
+};
+
+class Traces {
+ public:
+  static constexpr std::size_t most_places = 128, most_windows = 128;
+
+  // `steady`: psi of steady sliding at a node. The run ends at t_end.
+  Traces(const Model& model, const std::function<double(PetscInt)>& steady, double t_end);
+
+  void step(const ObservedStep& step);
+  MotionRecord record() const;  // the same on every rank; collective
+
+  void save(Checkpoint& checkpoint) const;  // collective
+  // False where the checkpoint holds nothing of the kind: then the record begins where the run goes on.
+  bool restore(const Checkpoint& checkpoint);
+
+ private:
+  struct Sample {
+    double psi = 0, eta = 0, state = 0;
+  };
+  struct Place {
+    PetscInt node;      // of this rank
+    std::size_t index;  // among all places
+    double steady;
+    Sample now, before;  // at the last step and at the one before it
+  };
+  void open_windows(double t, const double* u);
+  void begin_window(std::size_t window, std::size_t place, double low, double high);
+  void join_pairs();
+  double slope(const Place& place, const Sample& at) const;
+  void refine(const Place& place, const Sample& next, double dt_before, double dt, double& low, double& high) const;
+
+  const Model& model_;
+  double t_end_, begin_ = 0, window_ = 0, t_ = 0, last_dt_ = 0;
+  bool started_ = false;
+  std::size_t count_;            // places on all ranks
+  std::size_t windows_ = 1;      // begun
+  std::vector<Place> places_;    // of this rank
+  std::vector<double> low_, high_, passages_, passed_;  // windows x places of this rank
+};
+
+}  // namespace stickslip

@@ -1,0 +1,339 @@
+#include "stickslip/stability/boundary.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/numerics/level_curve.hpp"
+#include "stickslip/numerics/roots.hpp"
+
+namespace stickslip {
+
+std::optional<double> closed_form_velocity(const Scene& s) {
+  const bool flat = s.left != End::velocity && s.right != End::velocity;
+  if (s.spread != 0 || s.friction.has_state() || s.friction.regularised || !flat) return std::nullopt;
+  // damping A (B + F_psi) + s delta = 0
+  const double v = Friction::of(s.friction)->velocity_of_slope(-(s.B() + s.s_delta() / s.A()));
+  return v >= 0 && std::isfinite(v) ? std::optional<double>(v) : std::nullopt;
+}
+
+namespace {
+
+std::string place_text(const GrowthRate& growth, double x, double y) {
+  const std::vector<Axis>& axes = growth.axes();
+  return axes[0].name + " = " + number_text(axes[0].value(x)) + ", " + axes[1].name + " = " +
+         number_text(axes[1].value(y));
+}
+
+// Tells of points where a mode crosses that the grid hardly carries.
+void note_short_waves(const GrowthRate& growth, const std::vector<Crossing>& points, std::vector<std::string>& notes) {
+  std::size_t count = 0;
+  const Crossing* first = nullptr;
+  for (const Crossing& c : points)
+    if (growth.near_shortest(c)) {
+      ++count;
+      if (!first) first = &c;
+    }
+  if (!first) return;
+  notes.push_back("at " + std::to_string(count) + " of " + std::to_string(points.size()) + " points (first: " +
+                  growth.axes()[0].name + " = " + number_text(first->value) + ", frequency " +
+                  rounded_text(first->frequency) + ") the mode that crosses is near the shortest wavelength that the "
+                  "grid resolves: a finer grid (grid_n) moves the boundary, by `error` or more");
+}
+
+// Of `points` points, every so many are counted at, for a few seconds altogether.
+std::size_t counts_every(const GrowthRate& growth, std::size_t points) {
+  return std::size_t(std::max(1., std::ceil(double(points) * growth.count_cost() / 2)));
+}
+
+// ---- one parameter ------------------------------------------------------------------------------------------------
+
+// The zero in a bracket. `counted`: on the place found the growing modes are counted; those that were missed are
+// sought, and the zero lies further on the stable side.
+Crossing zero_between(GrowthRate& growth, Bracket bracket, bool counted) {
+  for (int attempt = 0;; ++attempt) {
+    const double x = find_root(growth, bracket, 1e-14);
+    if (std::isnan(x)) throw Failure("no steady sliding near a zero of the growth rate");
+    Crossing c = growth.crossing(x);
+    if (counted) growth.count_growing(c);
+    if (!c.complete || *c.complete || attempt == 5) return c;
+    growth.seek(c.x, c.y);
+    const double f = growth(c.x);
+    if (!(f > 0)) return c;
+    (bracket.fa > 0 ? bracket.a : bracket.b) = c.x;
+    (bracket.fa > 0 ? bracket.fa : bracket.fb) = f;
+  }
+}
+
+// What a grid of half the spacing changes of a root: its growth rate over the slope, which is taken on the side where it
+// is less.
+double grid_error(GrowthRate& growth, GrowthRate& fine, const Crossing& c) {
+  const double step = 1e-6, there = fine(c.x);
+  double slope = std::numeric_limits<double>::infinity();
+  for (const double x : {c.x - step, c.x + step})
+    if (x >= 0 && x <= 1) slope = std::min(slope, std::abs(growth(x) - c.growth) / step);
+  return std::abs(growth.axes()[0].slope(c.x) * (there - c.growth) / slope);
+}
+
+struct Sample {
+  double x, f;
+};
+
+// Samples in order, those that show a zero which G only touches, or two close together, among them: the least |G|
+// between samples of one sign.
+std::vector<Sample> with_touching_zeros(GrowthRate& growth, const std::vector<Sample>& samples) {
+  std::vector<Sample> result = samples;
+  for (std::size_t k = 1; k + 1 < samples.size(); ++k) {
+    const double before = samples[k - 1].f, here = samples[k].f, after = samples[k + 1].f;
+    if (!(here * before > 0 && here * after > 0)) continue;
+    if (std::abs(here) > std::abs(before) || std::abs(here) > std::abs(after)) continue;
+    if (std::abs(here) > 2 * std::max(std::abs(before - here), std::abs(after - here))) continue;
+    const double sign = here > 0 ? 1 : -1;
+    const Least least = find_least([&](double x) { return sign * growth(x); }, samples[k - 1].x, samples[k + 1].x, 1e-9,
+                                   [](double value) { return !(value > 0); });
+    if (least.value <= 1e-12)
+      result.push_back({least.x, least.value <= 0 && least.value > -1e-12 ? 0 : sign * least.value});
+  }
+  std::sort(result.begin(), result.end(), [](const Sample& a, const Sample& b) { return a.x < b.x; });
+  return result;
+}
+
+}  // namespace
+
+std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& findings) {
+  const int pieces = 32;
+  std::vector<Sample> samples;
+  findings.samples.side = pieces + 1;
+  for (int k = 0; k <= pieces; ++k) {
+    samples.push_back({double(k) / pieces, growth(double(k) / pieces)});
+    findings.samples.growth.push_back(samples.back().f);
+  }
+  // an end without steady sliding (a threshold law at v = 0): as near to it as can be
+  for (const auto& [end, inside] : {std::pair<std::size_t, double>{0, 1e-9}, {samples.size() - 1, 1 - 1e-9}})
+    if (std::isnan(samples[end].f)) samples[end] = {inside, growth(inside)};
+  samples = with_touching_zeros(growth, samples);
+
+  std::size_t changes = 0, number = 0;
+  for (std::size_t k = 0; k + 1 < samples.size(); ++k) changes += samples[k].f * samples[k + 1].f < 0 ? 1 : 0;
+  const std::size_t every = counts_every(growth, changes);
+  std::vector<Crossing> roots;
+  for (std::size_t k = 0; k < samples.size(); ++k) {
+    const Sample a = samples[k], b = samples[std::min(k + 1, samples.size() - 1)];
+    if (a.f == 0) roots.push_back(growth.crossing(a.x));
+    if (!(a.f * b.f < 0)) continue;
+    const Crossing c = zero_between(growth, {a.x, a.f, b.x, b.f}, number++ % every == 0);
+    if (growth.vanishes(c))
+      roots.push_back(c);
+    else
+      findings.notes.push_back("the growth rate jumps through zero at " + growth.axes()[0].name + " = " +
+                               number_text(c.value) + ", where a mode enters or leaves what the grid resolves: no "
+                               "boundary");
+  }
+  if (std::optional<GrowthRate> fine = roots.empty() ? std::nullopt : growth.finer())
+    for (Crossing& c : roots) c.error = grid_error(growth, *fine, c);
+  note_short_waves(growth, roots, findings.notes);
+  return roots;
+}
+
+// ---- two parameters -----------------------------------------------------------------------------------------------
+
+namespace {
+
+// The growth rate on a lattice over the box. In blocks of places the modes found at the first are followed through the
+// others; it is counted there. `block`: their side.
+Lattice sampled_lattice(GrowthRate& growth, int cells, int block) {
+  Lattice lattice{cells, std::vector<double>(std::size_t((cells + 1) * (cells + 1)))};
+  growth.count_every(2);
+  growth.only_sign(true);
+  for (int block_j = 0; block_j <= cells; block_j += block)
+    for (int block_i = 0; block_i <= cells; block_i += block) {
+      growth.count_next();
+      for (int j = block_j; j <= std::min(cells, block_j + block - 1); ++j)
+        for (int k = 0; k <= std::min(cells - block_i, block - 1); ++k) {
+          const int i = (j - block_j) % 2 == 0 ? block_i + k : std::min(cells, block_i + block - 1) - k;
+          lattice.values[std::size_t(j * (cells + 1) + i)] = growth(double(i) / cells, double(j) / cells);
+        }
+    }
+  growth.only_sign(false);
+  return lattice;
+}
+
+// The pieces of the curve, as the tracer steps.
+std::vector<CurvePiece> trace(GrowthRate& growth, PetscInt points, BoundaryFindings& findings) {
+  const double cost = growth.count_cost();
+  const int cells = cost > 0 ? 12 : 24;
+  const int block = std::clamp(int(std::ceil((cells + 1) * std::sqrt(cost / 2.5))), 1, 4);
+  const Lattice lattice = sampled_lattice(growth, cells, block);
+  findings.samples = {cells + 1, lattice.values};
+  growth.count_every(std::clamp(1.5 * cost, 0.01, 0.15));
+
+  const PlaneFunction f = [&](double x, double y) { return growth(x, y); };
+  LevelCurveSettings settings;
+  settings.step = 1. / std::clamp<double>(double(points), 40., 60.);
+  if (cost > 0)
+    settings.sure = [&](double x, double y) {
+      growth.count_next();
+      return growth(x, y);
+    };
+  LevelCurve curve = level_curve(f, lattice, settings);
+  for (const PlanePoint& p : curve.lost)
+    findings.notes.push_back("a piece of the curve near " + place_text(growth, p.x, p.y) +
+                             " is too small or too near the border to follow");
+  for (const CurvePiece& piece : curve.pieces)
+    for (const PlanePoint& p : piece.stuck)
+      findings.notes.push_back("the curve stops inside the box at " + place_text(growth, p.x, p.y) +
+                               ": no way on there (a point where modes of several kinds meet, or no steady sliding "
+                               "beyond)");
+  curve.pieces.erase(std::remove_if(curve.pieces.begin(), curve.pieces.end(),
+                                    [](const CurvePiece& piece) { return piece.points.size() < 2; }),
+                     curve.pieces.end());
+  return std::move(curve.pieces);
+}
+
+// Puts points of a traced curve on the curve of the scene itself.
+class Placing {
+ public:
+  Placing(GrowthRate& growth, std::optional<GrowthRate> reduced, std::size_t points)
+      : growth_(growth), reduced_(std::move(reduced)), fine_(growth.finer()), every_(counts_every(growth, points)) {
+    growth_.count_every(0);
+    if (fine_) fine_->count_every(0);
+  }
+
+  std::vector<Crossing> piece(const std::vector<CurvePlace>& places) {
+    slope_ = std::numeric_limits<double>::quiet_NaN();
+    std::vector<Crossing> placed;
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      placed.push_back(place(places[i]));
+      bool missed = count(places[i], placed[i], i % every_ == 0);
+      if (i > 0) {  // a mode taken up since the last point
+        const double now = placed[i].frequency, last = placed[i - 1].frequency;
+        missed = missed || std::abs(now - last) > 0.3 * std::max(now, last);
+      }
+      // the mode may have led at the points before, too, back to one that was counted
+      for (std::size_t j = i; missed && j-- > 0 && !placed[j].complete;) {
+        const Crossing old = placed[j];
+        placed[j] = place(places[j]);
+        if (std::hypot(old.x - placed[j].x, old.y - placed[j].y) < 1e-9) break;
+      }
+    }
+    return placed;
+  }
+
+ private:
+  // Counts at a point where it is due or a mode was lost, and places it again where the count finds a mode that was not
+  // followed. Whether it did.
+  bool count(const CurvePlace& at, Crossing& c, bool due) {
+    const bool lost = growth_.doubtful();
+    bool missed = false;
+    for (int attempt = 0; due || lost; ++attempt) {
+      growth_.count_growing(c);
+      if (!c.complete || *c.complete || attempt == 3) break;
+      growth_.seek(c.x, c.y);
+      c = place(at);
+      missed = true;
+    }
+    return missed;
+  }
+
+  Crossing place(const CurvePlace& at) {
+    if (reduced_ && (!hinted_ || distance(*hinted_, at.at) > 0.04)) {
+      hinted_ = at.at;
+      growth_.take_hints(*reduced_, at.at.x, at.at.y);
+    }
+    const PlaneFunction f = [&](double x, double y) { return growth_(x, y); };
+    double slope = at.border ? std::numeric_limits<double>::quiet_NaN() : slope_;
+    const Placed on = put_on_curve(f, at.at, at.across, slope);
+    if (!at.border) slope_ = slope;
+    Crossing c = growth_.crossing(on.at.x, on.at.y);
+    if (on.found && std::abs(c.growth) > 1e-13 && std::abs(c.growth / slope) < 1e-8) {  // a last Newton step
+      const double step = -c.growth / slope;
+      const Crossing next = growth_.crossing(std::clamp(c.x + step * at.across.x, 0., 1.),
+                                             std::clamp(c.y + step * at.across.y, 0., 1.));
+      if (std::abs(next.growth) < std::abs(c.growth)) c = next;
+    }
+    if (fine_) measure_error(c, at.across, slope);
+    return c;
+  }
+
+  void measure_error(Crossing& c, PlanePoint across, double slope) {
+    fine_->take_hints(growth_, c.x, c.y);
+    const double change = (*fine_)(c.x, c.y) - c.growth;
+    if (!std::isfinite(slope)) {  // a zero at the first attempt: from the side that lies in the box
+      const PlanePoint q{c.x + 1e-6 * across.x, c.y + 1e-6 * across.y};
+      const double step = q.x <= 1 && q.y <= 1 && q.x >= 0 && q.y >= 0 ? 1e-6 : -1e-6;
+      slope = (growth_(c.x + step * across.x, c.y + step * across.y) - c.growth) / step;
+    }
+    const double moved = change == 0 ? 0 : std::abs(change / slope);
+    c.error = std::abs(growth_.axes()[0].slope(c.x) * across.x) * moved;
+    c.error2 = std::abs(growth_.axes()[1].slope(c.y) * across.y) * moved;
+  }
+
+  GrowthRate& growth_;
+  std::optional<GrowthRate> reduced_, fine_;
+  std::size_t every_;                   // of the points are counted
+  std::optional<PlanePoint> hinted_;    // where modes of the reduced scene were taken up last
+  double slope_ = 0;                    // of the growth rate across the curve at the last point
+};
+
+bool another_mode(const Crossing& a, const Crossing& b) {
+  return a.kind != b.kind || std::abs(a.frequency - b.frequency) > 0.3 * std::max(a.frequency, b.frequency);
+}
+
+// The place between two neighbouring points of the curve where the mode of the second takes over from that of the
+// first, by halving; the point there has the mode of one of them.
+Crossing meeting(GrowthRate& growth, Crossing a, Crossing b) {
+  const PlaneFunction f = [&](double x, double y) { return growth(x, y); };
+  for (int k = 0; k < 24; ++k) {
+    const PlanePoint middle{(a.x + b.x) / 2, (a.y + b.y) / 2};
+    const double apart = std::max(std::hypot(a.x - b.x, a.y - b.y), 1e-300);
+    const PlanePoint across{-(b.y - a.y) / apart, (b.x - a.x) / apart};
+    double slope = std::numeric_limits<double>::quiet_NaN();
+    const Placed on = put_on_curve(f, middle, across, slope);
+    if (!on.found || distance(on.at, middle) > apart) break;
+    const Crossing c = growth.crossing(on.at.x, on.at.y);
+    const bool like_a = a.kind == b.kind ? std::abs(c.frequency - a.frequency) < std::abs(c.frequency - b.frequency)
+                                         : c.kind == a.kind;
+    (like_a ? a : b) = c;
+  }
+  return b;
+}
+
+}  // namespace
+
+std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, BoundaryFindings& findings) {
+  std::optional<GrowthRate> reduced = growth.reduced();
+  const std::vector<CurvePiece> pieces = trace(reduced ? *reduced : growth, points, findings);
+  double total = 0;
+  for (const CurvePiece& p : pieces) total += length(p);
+  Placing placing(growth, std::move(reduced), std::size_t(points));
+  std::vector<Crossing> result;
+  int jumps = 0, symmetric = 0;
+  for (std::size_t number = 0; number < pieces.size(); ++number) {
+    const CurvePiece& p = pieces[number];
+    const int count = std::max(p.closed ? 8 : 2, int(std::lround(double(points) * length(p) / total)));
+    for (Crossing& c : placing.piece(even_places(p, count))) {
+      c.piece = int(number);
+      if (!growth.vanishes(c)) {
+        ++(Sliding(growth.scene(c.x, c.y)).neutral() ? symmetric : jumps);
+        continue;
+      }
+      if (!result.empty() && result.back().piece == c.piece) {
+        c.switched = another_mode(result.back(), c);
+        if (c.switched && findings.meetings.size() < 16)
+          findings.meetings.push_back(meeting(growth, result.back(), c));
+      }
+      result.push_back(c);
+    }
+  }
+  note_short_waves(growth, result, findings.notes);
+  if (symmetric > 0)
+    findings.notes.push_back("the curve ends where model_k0 = 0: the mode that crosses becomes the symmetry of sliding "
+                             "at any velocity (lambda = 0)");
+  if (jumps > 0)
+    findings.notes.push_back(std::to_string(jumps) + " points of the curve are left out: the growth rate jumps through "
+                             "zero there, where a mode enters or leaves what the grid resolves");
+  return result;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,35 @@
+// What is known of the modes in closed form, where all nodes are alike.
+#pragma once
+
+#include <vector>
+
+#include "stickslip/stability/spectrum.hpp"
+
+namespace stickslip {
+
+// The eigenvalues by the exact discrete dispersion relation (Sliding::exact_waves).
+class ExactModes {
+ public:
+  explicit ExactModes(const Sliding& s);
+  bool apply() const { return !roots_.empty(); }
+  // Eigenvalues with real part above a and |Im| up to `height`, the symmetry of a line that slides as a whole included.
+  long count(double a, double height) const;
+  // Largest distance of a mode from the nearest eigenvalue of the relation, relative to the size of the eigenvalue.
+  double distance(const Sliding& s, const std::vector<Mode>& modes) const;
+
+ private:
+  struct Root {
+    Complex value;  // Im >= 0
+    int members;    // its conjugate and its multiplicity counted
+  };
+  std::vector<Root> roots_;  // by frequency
+};
+
+// Guesses from the exact relation: sine waves, the rightmost first, equal ones by frequency.
+std::vector<Mode> sine_modes(const Sliding& s, double height, std::size_t count);
+
+// What ever shorter waves of a line of the continuum come to grow at: they see the mean damping alone (Cox and Zuazua
+// 1994 for the wave equation). By the trapezoidal rule on the nodes.
+double short_wave_growth(const Sliding& s);
+
+}  // namespace stickslip

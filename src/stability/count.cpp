@@ -1,0 +1,140 @@
+// The number of eigenvalues right of a line, by the argument principle.
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "stickslip/stability/argument_principle.hpp"
+#include "stickslip/stability/spectrum.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// Follows the phase of the characteristic polynomial f along straight segments. A piece from a to b is taken as
+// followed when f'/f at both ends says that ln f changes by less than 0.7 over the piece, and the change is what the two
+// slopes predict to 0.2. A zero beside the piece, a pair of them, or a crowd further off shows in the slopes, so that no
+// whole turn passes unseen.
+class Phase {
+ public:
+  Phase(const Sliding& s, double evaluations) : sliding_(s), left_(evaluations) {}
+
+  struct Point {
+    Complex z;
+    LogDet f;
+    Complex slope;  // f'/f, by a difference over 1e-3 of
+    double reach;   // the length of the pieces that end here
+  };
+  Point at(Complex z, double reach) {
+    left_ -= 2;
+    const double step = 1e-3 * reach;
+    const LogDet f = sliding_.factor(z, lu_), near = sliding_.factor(z + Complex(0, step), lu_);
+    return {z, f, change(f, near) / Complex(0, step), reach};
+  }
+  bool failed() const { return failed_; }
+
+  // The turn of the phase from a to b; visit(middle, turn) for every piece.
+  template <class Visit>
+  double turn(Point a, Point b, Visit&& visit, int depth = 0) {
+    if (failed_ || left_ < 0 || depth > 60) {
+      failed_ = true;
+      return 0;
+    }
+    for (Point* p : {&a, &b})
+      if (std::abs(b.z - a.z) < 0.02 * p->reach) *p = at(p->z, std::abs(b.z - a.z));
+    const Complex d = b.z - a.z, predicted = (a.slope + b.slope) / 2. * d, measured = change(a.f, b.f);
+    if (std::abs(a.slope * d) < 0.7 && std::abs(b.slope * d) < 0.7 && std::abs(measured - predicted) < 0.2) {
+      visit((a.z + b.z) / 2., measured.imag());
+      return measured.imag();
+    }
+    const Point m = at((a.z + b.z) / 2., std::abs(d) / 2);
+    return turn(a, m, visit, depth + 1) + turn(m, b, visit, depth + 1);
+  }
+
+ private:
+  static Complex change(const LogDet& a, const LogDet& b) {  // of ln f, its phase within a half turn
+    return {b.log_abs - a.log_abs, std::arg(b.unit * std::conj(a.unit))};
+  }
+  const Sliding& sliding_;
+  double left_;
+  bool failed_ = false;
+  BandLU lu_;
+};
+
+// The count by following the phase with one determinant a point: short lines, and those the tree cannot take.
+std::optional<long> count_directly(const Sliding& s, double a, double right, double height,
+                                   std::vector<Complex>& where) {
+  Phase phase(s, 3e8 / double(s.size()));
+  double total = 0;
+  Phase::Point last = phase.at(right, height / double(s.size()));
+  const auto follow = [&](Complex to, int pieces, const auto& visit) {
+    const Complex from = last.z;
+    const double reach = std::abs(to - from) / pieces;
+    for (int k = 1; k <= pieces && !phase.failed(); ++k) {
+      const Phase::Point next = phase.at(from + (to - from) * (double(k) / pieces), reach);
+      total += phase.turn(last, next, visit);
+      last = next;
+    }
+  };
+  const int pieces = int(s.size()) / 4 + 8;
+  const auto nothing = [](Complex, double) {};
+  follow({right, height}, pieces, nothing);
+  follow({a, height}, pieces, nothing);
+  std::vector<std::pair<double, double>> line;  // (frequency, turn) down the line, where the eigenvalues are near
+  follow(a, 4 * pieces, [&](Complex z, double turn) { line.emplace_back(z.imag(), turn); });
+  if (phase.failed()) return std::nullopt;
+  const double count = total / M_PI;
+  if (std::abs(count - std::round(count)) > 0.01) return std::nullopt;
+  // runs over which the phase turns against the many eigenvalues on the left
+  std::vector<std::pair<double, double>> runs;  // (turn, frequency)
+  double run = 0, weighted = 0;
+  line.emplace_back(0, -1);
+  for (const auto& [w, turn] : line) {
+    if (turn > 0) {
+      run += turn;
+      weighted += turn * w;
+    } else if (run > 0) {
+      if (run > 0.3) runs.emplace_back(run, weighted / run);
+      run = weighted = 0;
+    }
+  }
+  std::sort(runs.rbegin(), runs.rend());
+  for (const auto& [turn, w] : runs) where.emplace_back(a, w);
+  return std::lround(count);
+}
+
+// The count by the tree of stretches (argument_principle.hpp). det S has a pole at every -r_i.
+std::optional<long> count_by_tree(MPI_Comm comm, const Sliding& s, double a, double height,
+                                  std::vector<Complex>& where) {
+  const double right = s.right_of_all(), spacing = s.scene.form == Form::chain ? 1 : s.scene.h();
+  if (a >= right) return 0;
+  // Far to the right waves decay between the nodes like the stencil's own solutions: the tree begins further left.
+  const double begin = std::max(a, std::min(right, 0.3 * std::sqrt(s.A * s.K1) / spacing));
+  const std::optional<double> far = begin < right ? s.follow_pivots({right, height}, {begin, height}) : 0;
+  if (!far) return std::nullopt;
+  const std::optional<PhaseTurn> top = follow_phase(comm, s, {begin, height}, {a, height});
+  if (!top) return std::nullopt;
+  const std::optional<PhaseTurn> line = follow_phase(comm, s, {a, height}, a, 32);
+  if (!line) return std::nullopt;
+  const double count = (s.phase_right({right, height}) + *far + top->turn + line->turn) / M_PI;
+  if (!(std::abs(count - std::round(count)) < 0.01)) return std::nullopt;
+  for (const Complex& z : line->zeros) where.push_back(z.imag() >= 0 ? z : std::conj(z));
+  return std::lround(count) + std::count_if(s.r.begin(), s.r.end(), [&](double r) { return -r > a; });
+}
+
+}  // namespace
+
+std::optional<long> count_right(MPI_Comm comm, const Sliding& s, double a, double height, double effort,
+                                std::vector<Complex>* where) {
+  const double node_cost = 12;  // of the tree at every halving, in determinants of a node
+  const double n = double(s.size());
+  std::vector<Complex> places;
+  std::optional<long> count;
+  if (n * std::log2(n) * node_cost <= effort) count = count_by_tree(comm, s, a, height, places);
+  // Right of this there is nothing, and the phase turns slowly there: half as far away again as the box is high.
+  if (!count && 120 * n * n <= effort)
+    count = count_directly(s, a, std::max(s.real_bound(), a) + 0.5 * height, height, places);
+  if (where) *where = std::move(places);
+  return count;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,141 @@
+// The eigenvalues by SLEPc: all of them, or those near a shift.
+#include <slepceps.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "stability/guesses.hpp"
+#include "stability/modes.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/handle.hpp"
+
+namespace stickslip {
+
+// ---- dense --------------------------------------------------------------------------------------------------------
+
+std::vector<Mode> dense_modes(const Sliding& s, PetscInt count) {
+  const PetscInt n = PetscInt(s.size() * s.dof());
+  MatHandle J;
+  SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, n, n, nullptr, J.out()));
+  for (const Sliding::Entry& e : s.entries())
+    SS_TRY(MatSetValue(J, PetscInt(e.row), PetscInt(e.column), e.value, ADD_VALUES));
+  SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+  SS_TRY(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+  EpsHandle eps;
+  SS_TRY(EPSCreate(PETSC_COMM_SELF, eps.out()));
+  SS_TRY(EPSSetOperators(eps, J, nullptr));
+  SS_TRY(EPSSetProblemType(eps, EPS_NHEP));
+  SS_TRY(EPSSetType(eps, EPSLAPACK));
+  SS_TRY(EPSSetWhichEigenpairs(eps, EPS_LARGEST_REAL));
+  SS_TRY(EPSSolve(eps));
+  PetscInt found = 0;
+  SS_TRY(EPSGetConverged(eps, &found));
+  VecHandle re, im;
+  SS_TRY(MatCreateVecs(J, re.out(), im.out()));
+  std::vector<Mode> modes;
+  PetscInt eigenvalues = 0;
+  for (PetscInt j = 0; j < found; ++j) {
+    PetscScalar a, b;
+    SS_TRY(EPSGetEigenvalue(eps, j, &a, &b));
+    if (b < 0) continue;
+    Mode mode;
+    mode.value = {a, b};
+    if (eigenvalues < count) {
+      SS_TRY(EPSGetEigenvector(eps, j, re, im));
+      const PetscScalar *x, *y;
+      SS_TRY(VecGetArrayRead(re, &x));
+      SS_TRY(VecGetArrayRead(im, &y));
+      mode.psi.resize(s.size());
+      for (std::size_t i = 0; i < s.size(); ++i) mode.psi[i] = {x[i * s.dof()], b == 0 ? 0. : y[i * s.dof()]};
+      SS_TRY(VecRestoreArrayRead(re, &x));
+      SS_TRY(VecRestoreArrayRead(im, &y));
+      eigenvalues += b > 0 ? 2 : 1;
+    }
+    modes.push_back(std::move(mode));
+  }
+  return modes;
+}
+
+// ---- krylov -------------------------------------------------------------------------------------------------------
+
+namespace {
+
+struct ShiftedInverse {
+  const Sliding* sliding;
+  Complex sigma;
+  BandLU lu;
+  std::vector<Complex> y;
+};
+
+// y = Re (J - sigma)^-1 x: real, with the eigenvectors of J, largest for eigenvalues near sigma and its conjugate.
+PetscErrorCode apply_shifted_inverse(Mat M, Vec x, Vec y) {
+  return guarded([&] {
+    ShiftedInverse* op = nullptr;
+    SS_TRY(MatShellGetContext(M, &op));
+    const PetscScalar* in;
+    PetscScalar* out;
+    SS_TRY(VecGetArrayRead(x, &in));
+    SS_TRY(VecGetArrayWrite(y, &out));
+    op->sliding->solve_shifted(op->sigma, op->lu, in, op->y.data());
+    for (std::size_t i = 0; i < op->y.size(); ++i) out[i] = op->y[i].real();
+    SS_TRY(VecRestoreArrayWrite(y, &out));
+    SS_TRY(VecRestoreArrayRead(x, &in));
+  });
+}
+
+}  // namespace
+
+std::vector<Mode> krylov_modes(const Sliding& s, Complex sigma, PetscInt count) {
+  const PetscInt n = PetscInt(s.size() * s.dof());
+  ShiftedInverse op{&s, sigma, {}, std::vector<Complex>(std::size_t(n))};
+  s.factor(sigma, op.lu);
+  MatHandle M;
+  SS_TRY(MatCreateShell(PETSC_COMM_SELF, n, n, n, n, &op, M.out()));
+  SS_TRY(MatShellSetOperation(M, MATOP_MULT, reinterpret_cast<void (*)()>(apply_shifted_inverse)));
+  EpsHandle eps;
+  SS_TRY(EPSCreate(PETSC_COMM_SELF, eps.out()));
+  SS_TRY(EPSSetOperators(eps, M, nullptr));
+  SS_TRY(EPSSetProblemType(eps, EPS_NHEP));
+  SS_TRY(EPSSetWhichEigenpairs(eps, EPS_LARGEST_MAGNITUDE));
+  const PetscInt nev = std::min<PetscInt>(count, n), ncv = std::min<PetscInt>(n, 2 * nev + 12);
+  SS_TRY(EPSSetDimensions(eps, nev, ncv, PETSC_DEFAULT));
+  SS_TRY(EPSSetTolerances(eps, 1e-9, s.size() > many_nodes ? 12 : 60));
+  VecHandle start, im;
+  SS_TRY(MatCreateVecs(M, start.out(), im.out()));
+  {
+    PetscScalar* x;
+    SS_TRY(VecGetArrayWrite(start, &x));
+    Noise noise;
+    for (PetscInt i = 0; i < n; ++i) x[i] = noise.next();
+    SS_TRY(VecRestoreArrayWrite(start, &x));
+  }
+  Vec first = start;
+  SS_TRY(EPSSetInitialSpace(eps, 1, &first));
+  SS_TRY(EPSSetFromOptions(eps));
+  SS_TRY(EPSSolve(eps));
+  PetscInt found = 0;
+  SS_TRY(EPSGetConverged(eps, &found));
+  std::vector<Mode> modes;
+  for (PetscInt j = 0; j < found; ++j) {
+    PetscScalar a, b;
+    SS_TRY(EPSGetEigenpair(eps, j, &a, &b, start, im));
+    if (b > 0) continue;  // mu is conjugate to lambda, roughly; either member of a pair gives both
+    const PetscScalar *x, *y;
+    SS_TRY(VecGetArrayRead(start, &x));
+    SS_TRY(VecGetArrayRead(im, &y));
+    std::vector<Complex> vector(std::size_t(n), Complex(0)), image(std::size_t(n), Complex(0));
+    for (std::size_t i = 0; i < vector.size(); ++i) vector[i] = {x[i], b == 0 ? 0. : y[i]};
+    SS_TRY(VecRestoreArrayRead(start, &x));
+    SS_TRY(VecRestoreArrayRead(im, &y));
+    s.multiply(vector.data(), image.data());
+    Mode mode;
+    mode.value = inner(vector, image) / inner(vector, vector);
+    mode.psi.resize(s.size());
+    for (std::size_t i = 0; i < s.size(); ++i) mode.psi[i] = vector[i * s.dof()];
+    modes.push_back(std::move(mode));
+  }
+  return modes;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,333 @@
+#include "stability/followed_modes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace stickslip {
+
+double count_margin(const Sliding& s, double frequency, double part) {
+  return part * (std::sqrt(s.A * (s.K0 + s.K1)) + frequency);
+}
+
+double same_growth(const Sliding& s) { return 1e-9 * (unit_frequency(s) + std::abs(s.A * s.mean_beta())); }
+
+// ---- one mode -----------------------------------------------------------------------------------------------------
+
+namespace {
+
+// lambda with w S(lambda) p = 0 for the vectors that a mode had elsewhere. Nothing where the equation is ill-conditioned
+// (nearly double eigenvalues).
+std::optional<Complex> estimate(const Sliding& s, const FollowedMode& f) {
+  const std::vector<Complex>&p = f.mode.psi, &w = f.left;
+  const std::size_t n = p.size();
+  Complex lambda = f.mode.value;
+  const double scale = std::abs(lambda) + unit_frequency(s);
+  // w S p = m lambda^2/A + lambda (sum w (beta + q/(lambda + r)) p) + K
+  const std::vector<Complex> d = s.minus_d2(p);
+  std::vector<Complex> wp(n);
+  Complex m = 0, drag = 0, K = 0;
+  double weight = 0, drags = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    wp[i] = w[i] * p[i];
+    m += wp[i];
+    drag += wp[i] * s.beta[i];
+    K += w[i] * d[i];
+    weight += std::abs(wp[i]);
+    drags += std::abs(wp[i]) * std::abs(s.beta[i]);
+  }
+  K = s.K0 * m + s.K1 * K;
+  for (int k = 0; k < 8; ++k) {
+    Complex above = lambda * (lambda / s.A * m + drag) + K, below = 2. * lambda / s.A * m + drag;
+    double size = 2 * std::abs(lambda) / s.A * weight + drags;
+    for (std::size_t i = 0; i < s.r.size(); ++i) {
+      const Complex over = 1. / (lambda + s.r[i]), q = wp[i] * s.F_state[i] * s.g_psi[i] * over;
+      above += lambda * q;
+      below += q * s.r[i] * over;
+      size += std::abs(q * s.r[i] * over);
+    }
+    if (!(std::abs(below) > 1e-3 * size)) return std::nullopt;
+    const Complex step = above / below;
+    lambda -= step;
+    if (!(std::abs(step) < 0.3 * scale)) return std::nullopt;
+    if (std::abs(step) <= 1e-13 * scale) return lambda;
+  }
+  return std::nullopt;
+}
+
+void scale_to_largest(std::vector<Complex>& v) {
+  double largest = 0;
+  Complex at = 1;
+  for (const Complex& z : v)
+    if (std::norm(z) > largest) largest = std::norm(at = z);
+  for (Complex& z : v) z /= at;
+}
+
+// Rayleigh's quotient iteration on both eigenvectors.
+bool follow_one(const Sliding& s, FollowedMode& f) {
+  BandLU lu;
+  for (int k = 0; k < 5; ++k) {
+    const auto start = estimate(s, f);
+    if (!start) return false;
+    const double scale = std::abs(*start) + unit_frequency(s);
+    f.mode.value = *start;
+    s.factor(*start, lu);
+    f.mode.psi = s.apply_slope(*start, f.mode.psi);
+    s.solve(lu, f.mode.psi);
+    scale_to_largest(f.mode.psi);
+    if (s.symmetric) {
+      f.left = left_vector(s, f.mode);
+    } else {
+      f.left = s.apply_slope(*start, f.left);  // S' is diagonal
+      s.solve_transposed(lu, f.left);
+      scale_to_largest(f.left);
+    }
+    const auto value = estimate(s, f);
+    if (!value) return false;
+    const double change = std::abs(*value - *start);
+    f.mode.value = *value;
+    if (change > 1e-6 * scale) continue;
+    if (f.mode.value.imag() < 0) {
+      f.mode.value = std::conj(f.mode.value);
+      for (auto* v : {&f.mode.psi, &f.left})
+        for (Complex& z : *v) z = std::conj(z);
+    }
+    f.mode.wavenumber = s.wavenumber(f.mode.psi);
+    return true;
+  }
+  return false;
+}
+
+// What a count may cost, in node evaluations.
+double count_effort(const Sliding& s) { return 2e6 + 400 * double(s.size()) * std::log2(double(s.size())); }
+
+}  // namespace
+
+// ---- several ------------------------------------------------------------------------------------------------------
+
+double FollowedModes::count_height(const Sliding& s) const {
+  const double bound = 1.01 * s.imaginary_bound();
+  return refine_ ? std::min(bound, resolved_frequency(s)) : bound;
+}
+
+double FollowedModes::reach(const Sliding& s) const {
+  return (refine_ ? resolved_frequency(s) : 1.01 * s.imaginary_bound()) * (1 + 1e-12);
+}
+
+double FollowedModes::line_behind(const Sliding& s, const Mode& m) const {
+  return m.value.real() + count_margin(s, m.value.imag(), slack_);
+}
+
+// Adds a mode that counts and is not there yet.
+bool FollowedModes::add(const Sliding& s, Mode&& m, std::vector<FollowedMode>& all) const {
+  if (m.psi.size() != s.size() || m.value.imag() > reach(s) || is_neutral(s, m)) return false;
+  for (const FollowedMode& o : all)
+    if (std::abs(o.mode.value - m.value) < 1e-7 * (1 + std::abs(m.value))) return false;
+  all.push_back({std::move(m), {}});
+  return true;
+}
+
+// Those that may lead here or nearby are kept: of several modes with nearly the same growth rate two.
+void FollowedModes::keep_rightmost(const Sliding& s, std::vector<FollowedMode> all) {
+  std::sort(all.begin(), all.end(), [](const FollowedMode& a, const FollowedMode& b) {
+    return a.mode.value.real() > b.mode.value.real();
+  });
+  const double alike = 1e-4 * unit_frequency(s);
+  modes_.clear();
+  leader_ = 0;
+  for (FollowedMode& f : all) {
+    if (modes_.size() == 5) break;
+    const double value = f.mode.value.real();
+    if (std::count_if(modes_.begin(), modes_.end(), [&](const FollowedMode& o) {
+          return o.mode.value.real() - value <= alike;
+        }) >= 2)
+      continue;
+    if (f.left.empty()) f.left = left_vector(s, f.mode);
+    modes_.push_back(std::move(f));
+  }
+}
+
+void FollowedModes::search(const Sliding& s, bool thorough) {
+  SpectrumSettings settings;
+  settings.count = 6;
+  settings.compare = false;
+  settings.refine = refine_;
+  settings.quick = !thorough;
+  settings.whole_list = false;
+  settings.effort = count_effort(s);
+  std::vector<FollowedMode> all;
+  for (FollowedMode& f : modes_)
+    if (f.mode.psi.size() == s.size() && polish(s, f.mode)) add(s, std::move(f.mode), all);
+  for (Mode& m : compute_spectrum(comm_, s, settings).modes) add(s, std::move(m), all);
+  keep_rightmost(s, std::move(all));
+}
+
+void FollowedModes::recover(const Sliding& s) {
+  std::vector<FollowedMode> all;
+  for (FollowedMode& f : modes_)
+    if (f.mode.psi.size() == s.size() && polish(s, f.mode, 12)) add(s, std::move(f.mode), all);
+  keep_rightmost(s, std::move(all));
+  if (modes_.empty()) search(s, false);
+  doubtful_ = true;
+}
+
+void FollowedModes::take_up(const Sliding& s, const std::vector<FollowedMode>& more) {
+  std::vector<FollowedMode> all;
+  for (const std::vector<FollowedMode>* list : {const_cast<const std::vector<FollowedMode>*>(&modes_), &more})
+    for (FollowedMode f : *list) {
+      if (f.mode.psi.size() != s.size() || !follow_one(s, f)) continue;
+      std::vector<Complex> left = std::move(f.left);
+      if (add(s, std::move(f.mode), all)) all.back().left = std::move(left);
+    }
+  keep_rightmost(s, std::move(all));
+}
+
+// All are estimated, and those that might lead are taken along.
+std::optional<LeadingMode> FollowedModes::follow(const Sliding& s) {
+  struct Guess {
+    std::size_t index;
+    double value, shift;
+  };
+  const double level = same_growth(s), height = reach(s);
+  std::vector<Guess> guesses;
+  std::vector<char> lost(modes_.size(), 0);
+  for (std::size_t k = 0; k < modes_.size(); ++k) {
+    if (modes_[k].mode.psi.size() != s.size()) return std::nullopt;
+    const auto value = estimate(s, modes_[k]);
+    if (value) guesses.push_back({k, value->real(), std::abs(*value - modes_[k].mode.value)});
+    else lost[k] = 1;
+  }
+  std::sort(guesses.begin(), guesses.end(), [](const Guess& a, const Guess& b) { return a.value > b.value; });
+  const FollowedMode* best = nullptr;
+  bool degenerate = false;
+  for (const Guess& g : guesses) {
+    FollowedMode& f = modes_[g.index];
+    const double scale = std::abs(f.mode.value) + unit_frequency(s);
+    // the estimate is better than this by far, unless the mode has moved a long way
+    if (best && g.shift < 0.05 * scale && g.value + 0.5 * g.shift + level < best->mode.value.real()) continue;
+    if (!follow_one(s, f) || f.mode.value.imag() > height || is_neutral(s, f.mode)) {
+      lost[g.index] = 1;
+      continue;
+    }
+    if (best) {
+      const double apart = std::abs(f.mode.value - best->mode.value);
+      const double ahead = f.mode.value.real() - best->mode.value.real();
+      if (std::abs(ahead) <= level && apart > 1e3 * level) degenerate = true;
+      else if (ahead > level) degenerate = false;
+      if (ahead <= 0) continue;
+    }
+    best = &f;
+  }
+  if (!best || (lost[leader_] && !(only_sign_ && best->mode.value.real() > level))) return std::nullopt;
+  const LeadingMode result{best->mode, degenerate};
+  leader_ = std::size_t(best - modes_.data());
+  for (std::size_t k = modes_.size(); k-- > 0;)
+    if (lost[k]) {
+      if (leader_ > k) --leader_;
+      modes_.erase(modes_.begin() + std::ptrdiff_t(k));
+    }
+  return result;
+}
+
+LeadingMode FollowedModes::leading(const Sliding& s) const {
+  LeadingMode best{modes_[leader_].mode, false};
+  const double level = same_growth(s);
+  for (const FollowedMode& f : modes_)
+    if (best.mode.value.real() - f.mode.value.real() <= level && std::abs(f.mode.value - best.mode.value) > 1e3 * level)
+      best.degenerate = true;
+  return best;
+}
+
+// ---- those that are missing ---------------------------------------------------------------------------------------
+
+std::optional<long> FollowedModes::count(const Sliding& s, double a, std::vector<Complex>* where) const {
+  std::optional<long> count = count_right(comm_, s, a, count_height(s), count_effort(s), where);
+  if (count && s.neutral() && a < 0) --*count;
+  return count;
+}
+
+// Further right where an eigenvalue stands too near the line.
+std::optional<long> FollowedModes::count_firmly(const Sliding& s, double a, std::vector<Complex>& where) const {
+  for (const double aside : {0., 1e-7, 1e-6, 1e-5}) {
+    where.clear();
+    if (const auto n = count(s, a + aside * unit_frequency(s), &where)) return n;
+  }
+  return std::nullopt;
+}
+
+// Polishes zeros that a count has seen, the rightmost four; whether one is new.
+bool FollowedModes::add_near(const Sliding& s, std::vector<Complex> where, double line,
+                             std::vector<FollowedMode>& all) const {
+  bool found = false;
+  std::sort(where.begin(), where.end(), [](Complex a, Complex b) { return a.real() > b.real(); });
+  for (std::size_t k = 0; k < std::min<std::size_t>(where.size(), 4); ++k) {
+    Mode m;
+    m.value = where[k];
+    m.psi.resize(s.size());
+    for (std::size_t i = 0; i < m.psi.size(); ++i)  // favours no wave
+      m.psi[i] = {std::cos(double(i * i % 997)), std::sin(double(i * i % 991))};
+    if (polish(s, m, 12) && m.value.real() > line && add(s, std::move(m), all)) found = true;
+  }
+  return found;
+}
+
+// The frequency of a mode right of a line, by counting below lower and lower frequencies.
+double FollowedModes::frequency_by_halving(const Sliding& s, double line) const {
+  double below = 0, above = count_height(s);
+  for (int k = 0; k < 14; ++k) {
+    const double middle = (below + above) / 2;
+    const auto lower = count_right(comm_, s, line, middle, count_effort(s));
+    if (!lower) break;
+    (*lower > (s.neutral() && line < 0 ? 1 : 0) ? above : below) = middle;
+  }
+  return (below + above) / 2;
+}
+
+// Adds one at least of the modes that a count has found right of the line: the zeros that it names; where it names none, it
+// is counted further right, by ever larger steps and then halving, until a zero stands near the line.
+bool FollowedModes::add_missing(const Sliding& s, long first_count, std::vector<Complex> where, double line,
+                                std::vector<FollowedMode>& all) const {
+  const double unit = unit_frequency(s);
+  std::optional<long> count = first_count;
+  // few, or all of them listed: else the rightmost may not be among them
+  const auto listed = [&] { return *count > 0 && (*count <= 4 || 2 * long(where.size()) >= *count - 2); };
+  if (listed() && add_near(s, where, line, all)) return true;
+  double low = line, high = std::numeric_limits<double>::infinity();
+  bool close = !where.empty();  // to some of them
+  for (int k = 0; k < 24 && high - low > (close ? 1e-9 : 1e-4) * unit; ++k) {
+    const double a = std::isfinite(high) ? (low + high) / 2 : low + std::ldexp(1e-4 * unit, 2 * k);
+    count = count_firmly(s, a, where);
+    if (!count) break;
+    (*count > 0 ? low : high) = a;
+    if (*count > 0) close = !where.empty();
+    if (listed() && add_near(s, where, line, all)) return true;
+  }
+  const Complex guess(std::isfinite(high) ? (low + high) / 2 : low, frequency_by_halving(s, low));
+  return add_near(s, {guess}, line, all);
+}
+
+bool FollowedModes::complete(const Sliding& s) {
+  std::vector<FollowedMode> all = modes_;
+  const Mode& leader = all[leader_].mode;
+  double line = line_behind(s, leader);
+  const double bound = s.symmetric && !s.has_state() ? s.real_bound() : std::numeric_limits<double>::infinity();
+  if (bound <= line || (only_sign_ && bound <= 0)) return true;
+  if (only_sign_) {
+    if (line > 2 * count_margin(s, leader.value.imag(), slack_)) return true;
+    line = std::max(line, count_margin(s, 0, slack_));
+  }
+  for (int round = 0; round < 6; ++round) {
+    std::vector<Complex> where;
+    const std::optional<long> count = count_firmly(s, line, where);
+    if (!count) doubtful_ = true;  // a search would know no more
+    if (!count || *count == 0) {
+      keep_rightmost(s, std::move(all));
+      return true;
+    }
+    if (!add_missing(s, *count, std::move(where), line, all)) return false;
+    for (const FollowedMode& f : all) line = std::max(line, line_behind(s, f.mode));
+  }
+  return false;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,371 @@
+#include "stickslip/stability/growth_rate.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "stability/followed_modes.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/stencil.hpp"
+
+namespace stickslip {
+
+double Axis::value(double c) const {
+  if (c == 0) return from;
+  if (c == 1) return to;
+  return logarithmic ? from * std::pow(to / from, c) : from + (to - from) * c;
+}
+
+GrowthRate::GrowthRate(MPI_Comm comm, SceneAt scene_at, std::vector<Axis> axes, bool refine)
+    : comm_(comm), scene_at_(std::move(scene_at)), axes_(std::move(axes)), refine_(refine),
+      modes_(std::make_unique<FollowedModes>(comm, refine)) {
+  for (const double x : {0., 1.})
+    for (const double y : {0., 1.}) (void)scene(x, y);
+}
+
+GrowthRate::GrowthRate(GrowthRate&&) noexcept = default;
+GrowthRate::~GrowthRate() = default;
+
+Scene GrowthRate::scene(double x, double y) const {
+  return scene_at_(axes_.empty() ? 0 : axes_[0].value(x), axes_.size() > 1 ? axes_[1].value(y) : 0);
+}
+
+std::optional<Sliding> GrowthRate::sliding(double x, double y) const {
+  try {
+    return Sliding(scene(x, y));
+  } catch (const Failure&) {
+    return std::nullopt;
+  }
+}
+
+bool GrowthRate::enters() const {
+  const auto a = sliding(0.2, 0), b = sliding(0.6, 0);
+  if (!a || !b) return true;
+  return !(a->A == b->A && a->K0 == b->K0 && a->K1 == b->K1 && a->s_delta == b->s_delta && a->beta == b->beta &&
+           a->r == b->r && a->F_state == b->F_state && a->g_psi == b->g_psi && a->scene.h() == b->scene.h());
+}
+
+void GrowthRate::only_sign(bool yes) { modes_->only_sign(yes); }
+bool GrowthRate::doubtful() { return modes_->doubtful(); }
+
+// ---- the leading mode ---------------------------------------------------------------------------------------------
+
+std::optional<ContinuumLead> GrowthRate::closed(const Sliding& s) const {
+  return refine_ ? continuum_lead(s) : std::nullopt;
+}
+
+bool GrowthRate::all_known(const Sliding& s) const { return closed(s) || !s.exact_waves().empty(); }
+
+// The leading one of all waves of the discrete dispersion relation; of equal ones the longest.
+LeadingMode GrowthRate::leading_wave(const Sliding& s) const {
+  const double h = s.scene.form == Form::chain ? 1 : s.scene.h(), level = same_growth(s);
+  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r();
+  LeadingMode best;
+  best.mode.value = -std::numeric_limits<double>::infinity();
+  for (const Sliding::Wave& w : s.exact_waves()) {
+    bool neutral = s.neutral() && w.k == 0;
+    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), b, q, r)) {
+      if (z.imag() < 0) continue;
+      if (neutral && std::abs(z) <= level) {
+        neutral = false;
+        continue;
+      }
+      const double ahead = z.real() - best.mode.value.real();
+      if (ahead > level) {
+        best.mode.value = z;
+        best.mode.wavenumber = w.k;
+        best.degenerate = false;
+      } else if (ahead > -level && w.k != best.mode.wavenumber) {
+        best.degenerate = true;
+      }
+    }
+  }
+  return best;
+}
+
+std::optional<LeadingMode> GrowthRate::leading(double x, double y) {
+  ++evaluations_;
+  if (each_) each_();
+  const std::optional<Sliding> s = sliding(x, y);
+  if (!s) return std::nullopt;
+  if (const auto lead = closed(*s)) {
+    LeadingMode best{{}, lead->degenerate};
+    best.mode.value = {lead->growth, lead->frequency};
+    best.mode.wavenumber = lead->wavenumber;
+    return best;
+  }
+  if (!s->exact_waves().empty()) return leading_wave(*s);
+  if (s->size() * s->dof() > 64) return leading_followed(*s, x, y);
+  modes_->clear();  // every eigenvalue is had for less than following some
+  modes_->search(*s, false);
+  if (modes_->empty()) return std::nullopt;
+  return modes_->leading(*s);
+}
+
+// Takes up the modes of the nearest place that was counted. Whether it is so near that its count holds here.
+bool GrowthRate::take_up_place(const Sliding& s, const Place& here, bool due) {
+  const Place* other = nullptr;
+  const auto away = [&](const Place& p) { return std::hypot(p.x - here.x, p.y - here.y); };
+  for (const Place& p : places_)
+    if (!other || away(p) < away(*other)) other = &p;
+  if (!other) return false;
+  modes_->take_up(s, other->found);
+  if (due || !near(here, *other)) return false;
+  modes_at_ = *other;
+  modes_at_->found.clear();
+  return true;
+}
+
+std::optional<LeadingMode> GrowthRate::leading_followed(const Sliding& s, double x, double y) {
+  Place here = place_of(s, x, y);
+  const bool due = std::exchange(due_, false), moved = due || (reach_ > 0 && !(modes_at_ && near(here, *modes_at_)));
+  bool count = moved || modes_->empty();
+  if (moved && take_up_place(s, here, due)) count = false;
+  const auto followed = modes_->follow(s);
+  if (!followed) {
+    modes_->recover(s);
+    count = true;
+  }
+  if (modes_->empty()) return std::nullopt;
+  if (!count) return followed;
+  if (reach_ > 0 && !modes_->complete(s)) modes_->search(s, true);
+  modes_at_ = here;
+  if ((places_.size() + 1) * s.size() < 250000) {
+    here.found = modes_->all();
+    places_.push_back(std::move(here));
+  }
+  return modes_->leading(s);
+}
+
+void GrowthRate::seek(double x, double y) {
+  const Sliding s(scene(x, y));
+  if (!modes_->empty() && modes_->complete(s)) return;
+  modes_->search(s, true);
+}
+
+GrowthRate::Place GrowthRate::place_of(const Sliding& s, double x, double y) {
+  Place p{x, y, s.A * s.K0, s.A * s.largest_stiffness(), s.beta, s.r, {}};
+  for (std::size_t i = 0; i < p.drag.size(); ++i) {
+    if (s.has_state()) p.drag[i] += s.F_state[i] * s.g_psi[i] / s.r[i];
+    p.drag[i] *= s.A;
+  }
+  return p;
+}
+
+bool GrowthRate::near(const Place& a, const Place& b) const {
+  if (std::hypot(a.x - b.x, a.y - b.y) > reach_ || a.drag.size() != b.drag.size()) return false;
+  const auto ratio = [](double p, double q) { return p == q ? 1 : std::max(p, q) / std::min(p, q); };
+  if (!(ratio(a.K0, b.K0) < 2) || !(ratio(a.stiffest, b.stiffest) < 2)) return false;
+  const double allowed = 0.5 * std::sqrt(std::max(a.K0, 1e-3 * a.stiffest));
+  for (std::size_t i = 0; i < a.drag.size(); ++i)
+    if (!(std::abs(a.drag[i] - b.drag[i]) <= allowed) || (!a.r.empty() && !(ratio(a.r[i], b.r[i]) < 2))) return false;
+  return true;
+}
+
+double GrowthRate::operator()(double x, double y) {
+  const auto at = leading(x, y);
+  return at ? at->mode.value.real() : std::numeric_limits<double>::quiet_NaN();
+}
+
+// ---- a point of the boundary --------------------------------------------------------------------------------------
+
+namespace {
+
+// |J x - lambda x|/|x| of a sine wave of the continuum where all nodes are alike; NaN at infinite wavenumbers.
+double relation_residual(const Sliding& s, const Mode& m) {
+  const double k = m.wavenumber;
+  if (!std::isfinite(k)) return std::numeric_limits<double>::quiet_NaN();
+  const Complex z = m.value, t = s.has_state() ? s.g_psi[0] / (z + s.r[0]) : 0;
+  const Complex state = s.has_state() ? s.F_state[0] * t : 0;
+  const Complex S = z * z / s.A + z * (s.mean_beta() + state) + s.K0 + s.K1 * k * k;
+  return std::abs(S) / std::sqrt(1 + std::norm(z / s.A + s.B + s.F_psi[0] + state) + std::norm(t));
+}
+
+// The psi of a mode of the discrete relation: a standing wave that fits the ends.
+std::vector<Complex> standing_wave(const Sliding& s, double k) {
+  std::vector<Complex> psi(s.size());
+  const double h = s.scene.form == Form::chain ? 1 : s.scene.h(), half = s.scene.form == Form::chain ? 0.5 : 0;
+  for (std::size_t i = 0; i < s.size(); ++i) {
+    const double x = double(s.node[i]) * h;
+    psi[i] = s.scene.left == End::velocity ? std::sin(k * x)
+             : s.scene.ring()             ? std::cos(k * x)
+                                          : std::cos(k * (x + half * h));
+  }
+  return psi;
+}
+
+}  // namespace
+
+Crossing GrowthRate::crossing(double x, double y) {
+  const auto at = leading(x, y);
+  if (!at) throw Failure("no steady sliding on the boundary");
+  const Sliding s(scene(x, y));
+  Mode m = at->mode;
+  const bool wave = m.psi.empty();  // of a relation
+  if (closed(s)) {
+    m.residual = relation_residual(s, m);
+  } else {
+    if (wave) m.psi = standing_wave(s, m.wavenumber);
+    if (wave && s.neutral()) m.residual = s.mode_residual(m.value, m.psi);  // near a double zero
+    else polish(s, m);
+  }
+  Crossing c;
+  c.x = x;
+  c.y = y;
+  c.value = axes_[0].value(x);
+  c.value2 = axes_.size() > 1 ? axes_[1].value(y) : 0;
+  c.growth = m.value.real();
+  c.frequency = m.value.imag();
+  c.wavenumber = m.wavenumber;
+  c.residual = m.residual;
+  c.degenerate = at->degenerate;
+  const double k = std::isfinite(m.wavenumber) ? m.wavenumber : 0;
+  c.kind = c.frequency <= 1e-6 * (std::sqrt(s.A * (s.K0 + s.K1 * k * k)) + std::abs(c.growth)) ? "zero" : "hopf";
+  return c;
+}
+
+bool GrowthRate::vanishes(const Crossing& c) const {
+  const double frequency = std::isfinite(c.frequency) ? c.frequency : 0;
+  return std::abs(c.growth) <= 1e-6 * (unit_frequency(Sliding(scene(c.x, c.y))) + frequency);
+}
+
+bool GrowthRate::near_shortest(const Crossing& c) const {
+  const Sliding s(scene(c.x, c.y));
+  return s.scene.form == Form::continuum && !closed(s) && c.frequency > 0.9 * resolved_frequency(s);
+}
+
+void GrowthRate::count_growing(Crossing& c) {
+  const Sliding s(scene(c.x, c.y));
+  if (all_known(s)) {  // the growth rate is the largest of all there
+    c.complete = true;
+    return;
+  }
+  const double margin = count_margin(s, c.frequency) + std::max(0., 2 * c.growth);
+  auto count = modes_->count(s, margin);
+  if (!count) count = modes_->count(s, 10 * margin);
+  c.complete.reset();
+  if (count) c.complete = *count == 0;
+}
+
+double GrowthRate::count_cost() const {
+  for (const double x : {0.5, 0.3, 0.7, 0.1, 0.9}) {
+    const auto s = sliding(x, x);
+    if (!s) continue;
+    if (all_known(*s)) return 0;
+    static constexpr double microseconds[] = {0.6, 2.2, 2.8, 3};  // by order, of the tree
+    const double n = double(s->size()), each = s->scene.form == Form::chain ? 2 : microseconds[s->scene.order / 2 - 1];
+    return 1e-6 * each * n * std::log2(n) + 1e-3;
+  }
+  throw Failure("no steady sliding anywhere in the box");
+}
+
+// ---- other grids --------------------------------------------------------------------------------------------------
+
+std::optional<GrowthRate> GrowthRate::finer() const {
+  if (scene(0.5, 0.5).form == Form::chain) return std::nullopt;
+  const auto halved = [at = scene_at_](double value, double value2) {
+    Scene scene = at(value, value2);
+    scene.n = scene.ring() ? 2 * scene.n : 2 * scene.n - 1;
+    return scene;
+  };
+  return GrowthRate(comm_, halved, axes_, refine_);
+}
+
+namespace {
+
+constexpr double sampled[] = {0, 0.25, 0.5, 0.75, 1};  // of each axis, where the box is looked at as a whole
+
+// The growth rate and frequency that a medium with the mean coefficients has on this grid.
+Complex mean_growth(const Sliding& s) {
+  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r(), height = resolved_frequency(s);
+  Complex best(-std::numeric_limits<double>::infinity(), 0);
+  for (int j = 0; j <= 2000; ++j) {
+    const double k = M_PI / s.scene.h() * std::pow(j / 2000., 2);
+    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, s.scene.h(), k), b, q, r))
+      if (z.imag() >= 0 && z.imag() <= height && z.real() > best.real()) best = z;
+  }
+  return best;
+}
+
+// Intervals that a scene needs to show what its layers and its draws of friction do.
+double intervals_needed(const Scene& s) {
+  constexpr double nodes = 8, blocks = 1024;
+  if (s.form == Form::chain) return std::max(blocks, 32 * std::sqrt(s.k1 / std::max(s.k0, 1e-300)));
+  if (s.c == 0) return std::numeric_limits<double>::infinity();
+  return nodes * s.length / (s.spread == 0 ? s.c : std::min(s.c, s.spread_length));
+}
+
+}  // namespace
+
+// Whether a coarser grid favours what this one does, as far as a medium with the mean coefficients tells; false, too,
+// where no place of the box needs a grid at all.
+bool GrowthRate::grid_suffices(const GrowthRate& coarse) const {
+  bool needed = false;
+  for (const double x : sampled)
+    for (const double y : sampled) {
+      const auto a = sliding(x, y), b = coarse.sliding(x, y);
+      if (!a || !b || all_known(*a)) continue;
+      needed = true;
+      if (a->scene.form == Form::chain) continue;
+      const Complex fine = mean_growth(*a), rough = mean_growth(*b);
+      if (std::abs(fine.real() - rough.real()) > 0.01 * (std::abs(rough) + unit_frequency(*a))) return false;
+    }
+  return needed;
+}
+
+std::optional<GrowthRate> GrowthRate::reduced() const {
+  if (!refine_) return std::nullopt;  // another grid has other modes of its own
+  double intervals = 0;
+  PetscInt n = 0;
+  for (const double x : sampled)
+    for (const double y : sampled) {
+      const Scene s = scene(x, y);
+      n = s.n;
+      intervals = std::max(intervals, intervals_needed(s));
+    }
+  if (!(intervals + 1 < double(n) / 2)) return std::nullopt;
+  const auto fewer = PetscInt(std::max(64., std::ceil(intervals) + 1));
+  const auto coarser = [at = scene_at_, fewer](double value, double value2) {
+    Scene scene = at(value, value2);
+    if (scene.form == Form::chain) scene.length = double(scene.ring() ? fewer : fewer - 1);
+    scene.n = fewer;
+    scene.order = 2;
+    return scene;
+  };
+  GrowthRate coarse(comm_, coarser, axes_, refine_);
+  if (!grid_suffices(coarse)) return std::nullopt;
+  coarse.modes_->allow_slack(1e-4);
+  return coarse;
+}
+
+namespace {
+
+// A mode of another grid as a guess: between its nodes; of a shorter chain, trapped at either end.
+std::vector<Complex> on_other_grid(const Sliding& from, const Sliding& to, const std::vector<Complex>& p) {
+  if (to.scene.form == Form::continuum) return interpolate(from, to, p);
+  std::vector<Complex> q(to.size(), Complex(0));
+  const auto middle = std::ptrdiff_t(p.size() / 2);
+  std::copy(p.begin(), p.begin() + middle, q.begin());
+  std::copy(p.begin() + middle, p.end(), q.end() - (std::ptrdiff_t(p.size()) - middle));
+  return q;
+}
+
+}  // namespace
+
+void GrowthRate::take_hints(GrowthRate& other, double x, double y) {
+  if (!other.leading(x, y)) return;
+  const auto here = sliding(x, y), there = other.sliding(x, y);
+  if (!here || !there || all_known(*here)) return;  // no mode is followed where all are known
+  std::vector<FollowedMode> hints;
+  for (const FollowedMode& f : other.modes_->all())
+    if (f.mode.psi.size() == there->size()) {
+      FollowedMode hint = f;
+      for (std::vector<Complex>* v : {&hint.mode.psi, &hint.left}) *v = on_other_grid(*there, *here, *v);
+      hints.push_back(std::move(hint));
+    }
+  modes_->take_up(*here, hints);
+  if (!hinted_ && (modes_->empty() || !modes_->complete(*here))) modes_->search(*here, false);  // what the other has not
+  hinted_ = true;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,234 @@
+#include "stability/modes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "stickslip/model/stencil.hpp"
+
+namespace stickslip {
+
+Complex inner(const std::vector<Complex>& a, const std::vector<Complex>& b) {
+  Complex sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += std::conj(a[i]) * b[i];
+  return sum;
+}
+
+void normalise(std::vector<Complex>& p) {
+  Complex largest = 0;
+  for (const Complex& x : p)
+    if (std::norm(x) > std::norm(largest) * (1 + 1e-9)) largest = x;
+  if (largest == Complex(0)) return;
+  for (Complex& x : p) x /= largest;
+}
+
+
+double rounding(const Sliding& s, Complex lambda) {
+  const double scale = std::max(std::abs(lambda), std::sqrt(s.A * s.K0) + 1e-3);
+  return 20 * epsilon * (scale + s.A * s.largest_stiffness() / scale);
+}
+
+// It is known where D2 is symmetric: p times the weight, or its conjugate where all nodes are alike (a travelling wave).
+std::vector<Complex> left_vector(const Sliding& s, const Mode& mode) {
+  std::vector<Complex> w = mode.psi;
+  if (s.symmetric) {
+    for (std::size_t i = 0; i < w.size(); ++i) w[i] = s.weight[i] * (s.uniform ? std::conj(w[i]) : w[i]);
+    return w;
+  }
+  BandLU lu;
+  s.factor(mode.value, lu);
+  for (int k = 0; k < 2; ++k) {
+    s.solve_transposed(lu, w);
+    normalise(w);
+  }
+  return w;
+}
+
+namespace {
+
+// lambda with w S(lambda) p = 0, w the left eigenvector: an error of p enters squared, and D2 is taken by differences,
+// so that round-off of size 1/h^2 stays out.
+Complex stationary_value(const Sliding& s, const Mode& mode) {
+  if (!s.symmetric) return mode.value;
+  const std::vector<Complex>& p = mode.psi;
+  const std::vector<Complex> w = left_vector(s, mode);
+  Complex lambda = mode.value;
+  for (int k = 0; k < 2; ++k) {
+    const std::vector<Complex> r = s.apply(lambda, p), slope = s.apply_slope(lambda, p);
+    Complex above = 0, below = 0;
+    double size = 0;
+    for (std::size_t i = 0; i < p.size(); ++i) {
+      above += w[i] * r[i];
+      below += w[i] * slope[i];
+      size += std::abs(w[i] * p[i] * (2. * lambda / s.A));
+    }
+    if (std::abs(below) < 0.1 * size) return mode.value;  // nearly double: not to be trusted
+    lambda -= above / below;
+  }
+  return std::abs(lambda - mode.value) < 1e-6 * (1 + std::abs(lambda)) ? lambda : mode.value;
+}
+
+}  // namespace
+
+bool polish(const Sliding& s, Mode& mode, int steps) {
+  BandLU lu;
+  bool converged = false;
+  normalise(mode.psi);
+  double last = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < steps && !converged; ++k) {
+    s.factor(mode.value, lu);
+    std::vector<Complex> y = s.apply_slope(mode.value, mode.psi);
+    s.solve(lu, y);
+    const Complex step = inner(mode.psi, mode.psi) / inner(mode.psi, y);
+    if (!std::isfinite(std::abs(step))) break;
+    mode.value -= step;
+    mode.psi = std::move(y);
+    normalise(mode.psi);
+    const double size = std::abs(step);
+    converged = size <= rounding(s, mode.value) || (size > 0.3 * last && size < 1e-9 * (1 + std::abs(mode.value)));
+    last = size;
+  }
+  mode.value = stationary_value(s, mode);
+  if (mode.value.imag() < 0) {
+    mode.value = std::conj(mode.value);
+    for (Complex& x : mode.psi) x = std::conj(x);
+  }
+  if (mode.value.imag() <= rounding(s, mode.value)) {
+    // A real eigenvalue has a real eigenvector; a pair that is almost double keeps its imaginary part otherwise.
+    Mode real = mode;
+    real.value = mode.value.real();
+    double re = 0, im = 0;
+    for (const Complex& x : mode.psi) {
+      re += x.real() * x.real();
+      im += x.imag() * x.imag();
+    }
+    for (Complex& x : real.psi) x = re >= im ? x.real() : x.imag();
+    normalise(real.psi);
+    if (s.mode_residual(real.value, real.psi) <= 10 * s.mode_residual(mode.value, mode.psi) + rounding(s, mode.value))
+      mode = std::move(real);
+  }
+  mode.residual = s.mode_residual(mode.value, mode.psi);
+  mode.wavenumber = s.wavenumber(mode.psi);
+  return converged;
+}
+
+Mode mode_near(const Sliding& s, Complex z) {
+  Mode mode;
+  mode.value = z;
+  mode.psi.resize(s.size());
+  Noise noise;
+  for (Complex& x : mode.psi) x = noise.next();
+  BandLU lu;
+  s.factor(z, lu);
+  for (int k = 0; k < 3; ++k) {
+    std::vector<Complex> y = s.apply_slope(z, mode.psi);
+    s.solve(lu, y);
+    mode.psi = std::move(y);
+    normalise(mode.psi);
+  }
+  return mode;
+}
+
+void sort_modes(std::vector<Mode>& modes, double tolerance) {
+  std::sort(modes.begin(), modes.end(), [](const Mode& a, const Mode& b) { return a.value.real() > b.value.real(); });
+  for (std::size_t i = 0; i < modes.size();) {
+    std::size_t j = i + 1;
+    while (j < modes.size() && modes[j - 1].value.real() - modes[j].value.real() <= tolerance) ++j;
+    std::sort(modes.begin() + std::ptrdiff_t(i), modes.begin() + std::ptrdiff_t(j),
+              [](const Mode& a, const Mode& b) { return a.value.imag() < b.value.imag(); });
+    i = j;
+  }
+}
+
+std::size_t shown_modes(const Sliding& s, const std::vector<Mode>& modes, double height, PetscInt count) {
+  std::size_t shown = 0;
+  PetscInt eigenvalues = 0;
+  bool leading = false;
+  for (const Mode& m : modes) {
+    if (m.value.imag() > height) continue;
+    if (eigenvalues >= count && leading) break;
+    eigenvalues += m.value.imag() > 0 ? 2 : 1;
+    leading = leading || !is_neutral(s, m);
+    ++shown;
+  }
+  return shown;
+}
+
+namespace {
+
+bool same(const Mode& a, const Mode& b) {
+  if (std::abs(a.value - b.value) > 1e-7 * (1 + std::abs(a.value))) return false;
+  if (a.psi.empty() || b.psi.empty()) return true;
+  const double overlap = std::norm(inner(a.psi, b.psi)) / (inner(a.psi, a.psi).real() * inner(b.psi, b.psi).real());
+  return overlap > 0.5;
+}
+
+}  // namespace
+
+void merge(std::vector<Mode>& modes, std::vector<Mode> more) {
+  for (Mode& m : more) {
+    const auto twin = std::find_if(modes.begin(), modes.end(), [&](const Mode& o) { return same(o, m); });
+    if (twin == modes.end()) modes.push_back(std::move(m));
+  }
+}
+
+void add_mirror_images(const Sliding& s, std::vector<Mode>& modes) {
+  if (!s.uniform || !s.scene.ring()) return;
+  std::vector<Mode> images;
+  for (const Mode& m : modes) {
+    Mode image = m;
+    const std::size_t n = s.size();
+    for (std::size_t i = 0; i < n; ++i) image.psi[i] = m.psi[(n - i) % n];
+    const Complex part = inner(m.psi, image.psi) / inner(m.psi, m.psi);
+    if (std::norm(part) > 0.999 * inner(image.psi, image.psi).real() / inner(m.psi, m.psi).real()) continue;
+    for (std::size_t i = 0; i < n; ++i) image.psi[i] -= part * m.psi[i];
+    normalise(image.psi);
+    image.residual = s.mode_residual(image.value, image.psi);
+    image.wavenumber = s.wavenumber(image.psi);
+    images.push_back(std::move(image));
+  }
+  merge(modes, std::move(images));
+}
+
+bool is_neutral(const Sliding& s, const Mode& m) {
+  return s.neutral() && std::abs(m.value) < 1e-6 * (std::abs(s.A * s.mean_beta()) + std::sqrt(s.A * s.K1)) &&
+         m.wavenumber * (s.scene.form == Form::chain ? double(s.scene.n) : s.scene.length) < 1;
+}
+
+double resolved_frequency(const Sliding& s) {
+  if (s.scene.form == Form::chain) return s.imaginary_bound();
+  const double k_max = M_PI / s.scene.h();
+  if (s.dispersion_error(k_max) < 0.01) return s.imaginary_bound();
+  double low = 0, high = k_max;
+  for (int i = 0; i < 60; ++i) (s.dispersion_error((low + high) / 2) < 0.01 ? low : high) = (low + high) / 2;
+  const double K = s.K0 + s.K1 * symbol(s.scene.order, s.scene.h(), low);
+  return std::sqrt(s.A * K);
+}
+
+// Cubic between the nodes.
+std::vector<Complex> interpolate(const Sliding& coarse, const Sliding& fine, const std::vector<Complex>& p) {
+  const PetscInt n = coarse.scene.n;
+  std::vector<Complex> all(std::size_t(n), Complex(0));
+  for (std::size_t i = 0; i < p.size(); ++i) all[std::size_t(coarse.node[i])] = p[i];
+  const auto at = [&](PetscInt i) {
+    if (coarse.scene.ring()) return all[std::size_t((i + n) % n)];
+    if (i < 0) return coarse.scene.left == End::free ? all[std::size_t(-i)] : 2. * all[0] - all[std::size_t(-i)];
+    if (i >= n) {
+      const std::size_t mirror = std::size_t(2 * (n - 1) - i), end = std::size_t(n - 1);
+      return coarse.scene.right == End::free ? all[mirror] : 2. * all[end] - all[mirror];
+    }
+    return all[std::size_t(i)];
+  };
+  std::vector<Complex> q(fine.size());
+  for (std::size_t i = 0; i < q.size(); ++i) {
+    const double t = double(fine.node[i]) * (fine.scene.h() / coarse.scene.h());
+    const PetscInt c = PetscInt(std::floor(t + 1e-9));
+    const double y = t - double(c);
+    q[i] = -y * (y - 1) * (y - 2) / 6 * at(c - 1) + (y + 1) * (y - 1) * (y - 2) / 2 * at(c) -
+           (y + 1) * y * (y - 2) / 2 * at(c + 1) + (y + 1) * y * (y - 1) / 6 * at(c + 2);
+  }
+  return q;
+}
+
+}  // namespace stickslip

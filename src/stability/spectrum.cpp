@@ -1,0 +1,155 @@
+#include "stickslip/stability/spectrum.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "stability/closed_form.hpp"
+#include "stability/modes.hpp"
+#include "stability/search.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/stability/continuum.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// Marks the modes that keep their value and shape on the grid of half the spacing; returns the change of the real part
+// of the rightmost one that does.
+double compare_grids(const Sliding& s, std::vector<Mode>& modes) {
+  Scene scene = s.scene;
+  scene.n = scene.ring() ? 2 * scene.n : 2 * scene.n - 1;
+  const Sliding fine(scene);
+  double change = 0;
+  bool first = true;
+  for (Mode& m : modes) {
+    const double scale = std::max(std::abs(m.value), std::sqrt(s.A * s.K0));
+    Mode other = m;
+    other.psi = interpolate(s, fine, m.psi);
+    const std::vector<Complex> guess = other.psi;
+    const bool converged = polish(fine, other, 12);
+    const double drift = std::min(std::abs(other.value - m.value), std::abs(std::conj(other.value) - m.value));
+    const double overlap = std::max(std::norm(inner(guess, other.psi)), [&] {
+                             std::vector<Complex> conjugate = other.psi;
+                             for (Complex& x : conjugate) x = std::conj(x);
+                             return std::norm(inner(guess, conjugate));
+                           }()) / (inner(guess, guess).real() * inner(other.psi, other.psi).real());
+    m.resolved = converged && drift <= 0.01 * scale && overlap > 0.3;
+    if (m.resolved && first) {
+      change = std::abs(other.value.real() - m.value.real());
+      first = false;
+    }
+  }
+  return change;
+}
+
+// All eigenvalues by LAPACK; of them what is shown, and some more, polished.
+std::vector<Mode> dense_search(const Sliding& s, const SpectrumSettings& settings, double height) {
+  std::vector<Mode> modes = dense_modes(s, PetscInt(s.size() * s.dof()));
+  // LAPACK's round-off hides which of equal real parts is larger
+  sort_modes(modes, 1e-10 * (1 + s.imaginary_bound()));
+  modes.erase(std::remove_if(modes.begin(), modes.end(), [&](const Mode& m) { return m.value.imag() > height; }),
+              modes.end());
+  modes.resize(shown_modes(s, modes, height, settings.count + 2));
+  for (Mode& m : modes) {
+    Mode polished = m;
+    m.residual = s.mode_residual(m.value, m.psi);
+    m.wavenumber = s.wavenumber(m.psi);
+    if (polish(s, polished) && std::abs(polished.value - m.value) <= 1e-6 * (1 + std::abs(m.value))) m = polished;
+  }
+  return modes;
+}
+
+// The leading mode: the first that is resolved and no symmetry. Others with its growth rate are told.
+void lead(const Sliding& s, const Tolerance& tolerance, double error, Spectrum& result) {
+  result.growth = result.frequency = std::numeric_limits<double>::quiet_NaN();
+  const Mode* first = nullptr;
+  for (const Mode& m : result.modes) {
+    if (!m.resolved || is_neutral(s, m)) continue;
+    const double same = 4 * tolerance(m);
+    if (!first) {
+      first = &m;
+      result.growth = m.value.real();
+      result.frequency = m.value.imag();
+      result.error = error + tolerance(m);
+    } else if (first->value.real() - m.value.real() <= same && std::abs(m.value - first->value) > 1e3 * same) {
+      result.degenerate = true;
+    }
+  }
+  result.stable = result.growth < -result.error;
+}
+
+// What the waves that the grid does not carry do.
+void look_beyond_grid(const Sliding& s, double height, bool refine, Spectrum& result) {
+  if (s.scene.form == Form::chain) return;
+  const std::string beyond = refine ? "the grid" : "the matrix";
+  if (const auto continuum = continuum_lead(s)) {
+    result.growth_continuum = continuum->growth;
+    if (std::isfinite(continuum->wavenumber)) result.wavenumber_continuum = continuum->wavenumber;
+    // at the threshold the growth rate is round-off, of either sign
+    const bool decays = continuum->growth < -8 * epsilon * std::sqrt(s.A * s.K0);
+    if (result.stable && !decays)
+      result.remarks.push_back("waves of the continuum that " + beyond + " does not carry grow, at up to " +
+                               rounded_text(continuum->growth, 6) + " (growth_continuum)");
+    result.stable = result.stable && (decays || !refine);
+    return;
+  }
+  if (!refine) return;
+  const double limit = short_wave_growth(s);
+  if (result.stable && limit > 0) {
+    result.stable = false;
+    result.remarks.push_back("waves shorter than the grid carries grow, at " + rounded_text(limit, 3) +
+                             " as they become ever shorter: sliding in the continuum is not stable");
+  } else if (result.frequency > 0.5 * height && limit > result.growth - 0.1 * std::abs(result.growth)) {
+    result.remarks.push_back("the leading mode is among the shortest waves that the grid carries, and shorter ones "
+                             "come to grow at " + rounded_text(limit, 3) + ": take more nodes (grid_n) for the growth rate");
+  }
+}
+
+}  // namespace
+
+Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSettings& settings) {
+  if (s.size() == 0) throw Failure("the scene has no node left to solve for: both ends are held");
+  Spectrum result;
+  const bool refine = settings.refine && s.scene.form == Form::continuum;
+  const double bound = 1.01 * s.imaginary_bound();
+  const double height = refine ? std::min(bound, resolved_frequency(s)) : bound;
+  const PetscInt unknowns = PetscInt(s.size() * s.dof());
+  const bool dense = settings.method == SpectrumMethod::dense ||
+                     (settings.method == SpectrumMethod::automatic && unknowns <= 200) || unknowns < 16;
+  if (dense && unknowns > 6000)
+    throw UsageError("-spectrum_method dense: " + std::to_string(unknowns) +
+                     " unknowns are too many for a dense matrix; take krylov (or at most 6000 unknowns)");
+  const Tolerance tolerance(s);
+  double error = 0;
+  std::vector<Mode> modes;
+  if (dense) {
+    result.method = "dense";
+    modes = dense_search(s, settings, height);
+    result.complete = result.list_complete = true;
+    result.missing = 0;
+    result.completeness_check = "every eigenvalue of the matrix was computed (LAPACK)";
+  } else {
+    result.method = "krylov";
+    Search search(comm, s, settings, height);
+    modes = search.run(result);
+    error = search.margin();
+  }
+  modes.erase(std::remove_if(modes.begin(), modes.end(), [&](const Mode& m) { return m.value.imag() > height; }),
+              modes.end());
+  const auto leads = [&](const Mode& m) { return !is_neutral(s, m); };
+  const auto best = std::find_if(modes.begin(), modes.end(), leads);
+  if (best == modes.end())
+    throw Failure("no eigenvalue was found that the grid can resolve; take more nodes (grid_n)");
+  sort_modes(modes, tolerance(*best));
+  modes.resize(shown_modes(s, modes, height, settings.count));
+  if (refine && settings.compare) error += compare_grids(s, modes);
+  if (const ExactModes exact(s); exact.apply()) result.dispersion_error = exact.distance(s, modes);
+  result.modes = std::move(modes);
+  lead(s, tolerance, error, result);
+  look_beyond_grid(s, height, refine && settings.compare, result);
+  return result;
+}
+
+}  // namespace stickslip

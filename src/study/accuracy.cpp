@@ -1,0 +1,120 @@
+#include "stickslip/study/accuracy.hpp"
+
+#include <cmath>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/time/methods.hpp"
+#include "study/ladder.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// Counts the processor time of a scope, the largest over the ranks.
+class Clock {
+ public:
+  explicit Clock(double& sum) : sum_(sum), begin_(largest_processor_seconds()) {}
+  ~Clock() {
+    try {
+      sum_ += largest_processor_seconds() - begin_;
+    } catch (...) {  // NOLINT: a clock that fails must not hide why the scope ends
+    }
+  }
+  Clock(const Clock&) = delete;
+  Clock& operator=(const Clock&) = delete;
+
+ private:
+  double& sum_;
+  double begin_;
+};
+
+}  // namespace
+
+struct AccuracyPlan::Impl {
+  AccuracyRequest request;
+  Setting setting;
+  LevelRuns runs;
+  std::unique_ptr<Ladder> ladder;
+  Options chosen;
+  std::string what, refusal;
+  double seconds = 0;
+
+  Impl(const Options& options, double wanted)
+      : request(options, wanted), setting(checked(request)), runs(request, setting), chosen(options) {}
+
+  // Finds what cannot be had before any work, and the start, as every run does.
+  static Setting checked(const AccuracyRequest& request) {
+    const Setting setting = request.setting();
+    check_settings(request.options, {setting});
+    return setting;
+  }
+
+  std::string out_of_reach(const OutOfReach& e) const {
+    return "accuracy " + rounded_text(request.wanted, 2) + " is out of reach: " + e.why;
+  }
+
+  void choose() {
+    const Clock clock(seconds);
+    runs.choose_method();
+    ladder = request.has_space ? grid_ladder(request, setting, runs) : tolerance_ladder(request, setting, runs);
+    try {
+      ladder->choose();
+    } catch (const OutOfReach& e) {
+      refusal = out_of_reach(e);
+      if (!ladder->settle()) throw Failure(refusal);
+    }
+  }
+
+  void finish();
+};
+
+AccuracyPlan::AccuracyPlan(const Options& options, double wanted) : impl_(std::make_unique<Impl>(options, wanted)) {
+  impl_->choose();
+  impl_->finish();
+}
+AccuracyPlan::~AccuracyPlan() = default;
+
+const Options& AccuracyPlan::options() const { return impl_->chosen; }
+const std::string& AccuracyPlan::what() const { return impl_->what; }
+const std::string& AccuracyPlan::refusal() const { return impl_->refusal; }
+const Setting& AccuracyPlan::setting() const { return impl_->setting; }
+double AccuracyPlan::seconds() const { return impl_->seconds; }
+int AccuracyPlan::trials() const { return impl_->runs.count(); }
+
+double AccuracyPlan::estimate(const Fields& end) {
+  const Clock clock(impl_->seconds);
+  return impl_->ladder->estimate(end);
+}
+
+void AccuracyPlan::refine() {
+  try {
+    const Clock clock(impl_->seconds);
+    impl_->ladder->refine();
+  } catch (const OutOfReach& e) {
+    throw Failure(impl_->out_of_reach(e));
+  }
+  impl_->finish();
+}
+
+// The options of the run, and the line that says them.
+void AccuracyPlan::Impl::finish() {
+  const Options& asked = request.options;
+  chosen = request.has_space ? options_for(asked, setting) : asked;
+  if (!setting.method.splits() || setting.method.implicit != "auto")
+    chosen = chosen.with("imex_implicit", setting.method.implicit);
+  const auto set = [&](const std::string& name, const std::string& value) {
+    if (!asked.is_set(name)) chosen = chosen.with(name, value);
+  };
+  set("ts_type", setting.method.type);
+  if (const std::string sub = subtype_option(setting.method.type); !sub.empty()) set(sub, setting.method.subtype);
+  if (const double step = runs.pilot().longest_step(setting); step > 0) set("ts_adapt_dt_max", number_text(step));
+  set("ts_rtol", number_text(setting.tolerance));
+  set("ts_atol", number_text(setting.tolerance));
+  what = setting.method.name() + (setting.method.splits() ? " (implicit: " + setting.method.implicit + ")" : "") +
+         ", tolerance " + rounded_text(setting.tolerance, 2);
+  if (request.has_space) what += ", order " + std::to_string(setting.order) + ", n = " + std::to_string(setting.n);
+  what += ladder->foreseen() + ", after " + std::to_string(runs.count()) + " short runs";
+  if (!runs.why().empty()) what += "; " + runs.why();
+}
+
+}  // namespace stickslip

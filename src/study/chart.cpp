@@ -1,0 +1,225 @@
+#include "stickslip/study/chart.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/field.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/output/result_file.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/time/methods.hpp"
+#include "stickslip/output/summary.hpp"
+#include "study/row_table.hpp"
+#include "study/work_precision.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// seconds are `cost` in the file: readers take "seconds" for dates
+std::vector<Column<ChartRow>> chart_columns() {
+  using Row = const ChartRow&;
+  const auto adaptive = [](Row r) { return r.setting.method.has_estimate(); };
+  return {
+      {"method", {"method", "1", "method"}, [](Row r) -> Cell { return r.method; }, true},
+      {"implicit", {"implicit", "1", "terms taken implicitly"}, [](Row r) -> Cell { return r.implicit; }, true},
+      {"tolerance", {"tolerance", "1", "relative and absolute tolerance of a step"},
+       [=](Row r) { return adaptive(r) ? Cell(r.setting.tolerance) : Cell(); }},
+      {"step", {"step", "time", "step, where all are the same"},
+       [=](Row r) { return adaptive(r) ? Cell() : Cell(r.setting.step); }},
+      {"order", {"order", "1", "order in space"}, [](Row r) -> Cell { return std::int64_t(r.setting.order); }},
+      {"n", {"n", "1", "nodes"}, [](Row r) -> Cell { return std::int64_t(r.setting.n); }},
+      {"error", {"error", "1", "largest error of psi and eta"}, [](Row r) { return cell_of(r.error); }},
+      {"error_time", {"error_time", "1", "the part of it from steps in time"},
+       [](Row r) { return cell_of(r.error_time); }},
+      {"error_space", {"error_space", "1", "the part of it from the grid"},
+       [](Row r) { return cell_of(r.error_space); }},
+      {"seconds", {"cost", "seconds of processor time", "processor time, median of the repetitions"},
+       [](Row r) { return r.repeats > 0 ? Cell(r.seconds) : Cell(); }},
+      {"repeats", {"repeats", "1", "repetitions"}, [](Row r) -> Cell { return std::int64_t(r.repeats); }},
+      {"steps", {"steps", "1", "steps"}, [](Row r) -> Cell { return std::int64_t(r.steps); }},
+      {"rejections", {}, [](Row r) -> Cell { return std::int64_t(r.rejections); }},
+      {"rhs_evaluations", {"rhs_evaluations", "1", "right-hand sides, or parts of them"},
+       [](Row r) -> Cell { return std::int64_t(r.rhs_evaluations); }},
+      {"failed", {"failed", "1", "why there is no error"}, [](Row r) -> Cell { return r.failed; }, true},
+  };
+}
+
+Json json_of(const ChartRow& row) {
+  Json object = json_of(chart_columns(), row);
+  object["warnings"] = row.warnings;
+  return object;
+}
+
+void write_file(const std::string& path, const Provenance& provenance, const WorkPrecision& chart,
+                const std::vector<std::size_t>& best) {
+  ResultFile file(PETSC_COMM_WORLD, path, provenance);
+  file.attribute("reference", chart.reference_text());
+  file.attribute("reference_error", chart.reference_error().value_or(NAN));
+  add_columns(file, chart_columns(), chart.rows());
+  std::vector<double> front(chart.rows().size(), 0);
+  for (const std::size_t i : best) front[i] = 1;
+  file.add({"best", "1", "1 where no other row is as good in as little time"}, {"row"}, front);
+  file.write();
+}
+
+// What the chart sets for each row is not the user's to set for all.
+void refuse_what_rows_choose(const Options& options) {
+  std::vector<std::string> names = {"ts_type", "ts_rtol", "ts_atol", "ts_dt", "ts_adapt_type"};
+  for (const Method& m : methods())
+    if (const std::string name = subtype_option(m.type); !name.empty()) names.push_back(name);
+  for (const std::string& name : names)
+    if (options.is_set(name))
+      throw UsageError("-" + name + " " + quoted(options.text(name)) + ": a chart chooses it row by row; see "
+                       "chart_methods, chart_tolerances, chart_steps");
+}
+
+}  // namespace
+
+std::vector<std::size_t> chart_front(const std::vector<ChartRow>& rows) {
+  std::vector<std::size_t> order, front;
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    if (rows[i].failed.empty() && rows[i].error) order.push_back(i);
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return std::make_pair(rows[a].seconds, *rows[a].error) < std::make_pair(rows[b].seconds, *rows[b].error);
+  });
+  double least = std::numeric_limits<double>::infinity();
+  for (const std::size_t i : order) {
+    if (*rows[i].error >= least) continue;
+    least = *rows[i].error;
+    front.push_back(i);
+  }
+  return front;
+}
+
+double error_of_finest(double before, double last, int order) {
+  const double rate = before / last;
+  if (!(rate > 2)) return 2 * last;
+  return 2 * last / std::min(rate, std::pow(2., order));
+}
+
+namespace {
+
+std::vector<MethodSpec> chart_methods(const Options& options) {
+  std::vector<std::string> names = options.words("chart_methods");
+  if (names.empty())
+    names = {"rk:3bs", "rk:5dp", "rk:7vr", "rk:8vr", "arkimex:3:friction", "arkimex:4:friction", "arkimex:4:wave",
+             "rosw:ra34pw2"};
+  std::vector<MethodSpec> list;
+  for (const std::string& name : names) list.push_back(MethodSpec::parse("chart_methods", name));
+  return list;
+}
+
+std::vector<int> chart_orders(const Options& options, const Scene& scene) {
+  const bool chain = scene.form == Form::chain;
+  std::vector<int> orders;
+  const std::vector<int> possible = possible_orders(scene);
+  for (const PetscInt order : options.integers("chart_orders")) {
+    if (std::find(possible.begin(), possible.end(), int(order)) == possible.end())
+      throw UsageError("chart_orders " + options.text("chart_orders") + ": " + std::to_string(order) +
+                       (chain ? ": the chain's second difference is the model itself, of order 2"
+                              : order % 2 != 0 ? " is no order; there are 2, 4, 6 and 8"
+                                               : ": order 8 with a held end is unstable; there are 2, 4 and 6"));
+    orders.push_back(int(order));
+  }
+  if (orders.empty() && (options.is_set("grid_order") || chain)) return {scene.order};
+  if (orders.empty()) return {2, 4, possible.back()};
+  return orders;
+}
+
+// Orders and grids of a scene that lives on one grid: one of each.
+void check_one_grid(const Options& options, const Scene& scene, const std::vector<PetscInt>& grids,
+                    std::vector<int>& orders) {
+  const std::string start = "the start (init_noise, init_type file) lives on one grid";
+  if (grids.size() > 1)
+    throw UsageError("chart_grids " + options.text("chart_grids") + ": " +
+                     (scene.form == Form::chain ? "the chain's blocks are the model itself" : start) + "; give one");
+  if (orders.size() < 2) return;
+  if (options.is_set("chart_orders"))
+    throw UsageError("chart_orders " + options.text("chart_orders") + ": " + start + "; give one order");
+  orders = {scene.order};
+}
+
+}  // namespace
+
+std::vector<Setting> chart_settings(const Options& options) {
+  const Scene scene = Scene::from(options, false);
+  const std::vector<MethodSpec> list = chart_methods(options);
+  std::vector<double> tolerances = options.reals("chart_tolerances"), steps = options.reals("chart_steps");
+  if (tolerances.empty()) tolerances = {1e-3, 1e-5, 1e-7, 1e-9};
+  std::vector<int> orders = chart_orders(options, scene);
+  std::vector<PetscInt> grids = options.integers("chart_grids");
+  const bool one_grid = !has_grid_limit(options, scene);
+  if (one_grid) check_one_grid(options, scene, grids, orders);
+  if (grids.empty()) {
+    if (const PetscInt half = halved(scene, scene.n, orders.back()); half > 0 && !one_grid) grids.push_back(half);
+    grids.push_back(scene.n);
+  }
+
+  const double own = std::sqrt(scene.A() * scene.K0()), rate = own > 0 ? own : 1;
+  std::vector<Setting> settings;
+  for (const MethodSpec& method : list)
+    for (const int order : orders)
+      for (const PetscInt n : grids) {
+        const auto add = [&](double tolerance, double step) {
+          const Setting s{method, tolerance, step, order, n};
+          (void)Scene::from(options_for(options, s), false);
+          settings.push_back(s);
+        };
+        if (!method.has_estimate() && !steps.empty()) {
+          for (const double step : steps) add(0, step);
+          continue;
+        }
+        for (const double tolerance : tolerances)
+          add(tolerance, method.has_estimate() ? 0 : std::pow(tolerance, 1. / method.order()) / rate);
+      }
+  return settings;
+}
+
+int chart_errors(const Options& options) {
+  refuse_what_rows_choose(options);
+  const Scene scene = Scene::from(options, false);
+  if (scene.friction.sticks())
+    throw UsageError("friction_stick exact: a chart needs friction_stick regularised with friction_law " +
+                     to_string(scene.friction.law));
+  if (options.real("ts_max_time") == 0) throw UsageError("ts_max_time 0: a chart needs a run of some length");
+  const std::string out_file = options.text("out_file");
+  check_outputs(out_file, options.text("summary"));
+
+  const Provenance provenance = Provenance::of("chart", options.all());
+  Summary summary(provenance, {"rows", "best", "reference_error", "reference", "clock"}, options.text("summary"));
+  return with_summary(summary, [&] {
+    check_settings(options, chart_settings(options));
+    check_unused_after_setup(options, "snes ksp pc");
+    summary.set("clock", "processor time, the largest over the ranks");
+    WorkPrecision chart(options);
+    const auto report = [&] {
+      Json rows = Json::array(), best = Json::array();
+      std::vector<std::size_t> front = chart_front(chart.rows());
+      for (const ChartRow& row : chart.rows()) rows.push_back(json_of(row));
+      for (const std::size_t i : front) best.push_back(json_of(chart.rows()[i]));
+      summary.set("rows", rows);
+      summary.set("best", best);
+      summary.set("reference_error", chart.reference_error());
+      summary.set("reference", chart.reference_text().empty() ? Json() : Json(chart.reference_text()));
+      return front;
+    };
+    try {
+      chart.find_references();
+      chart.run_rows();
+    } catch (...) {
+      (void)report();
+      throw;
+    }
+    const std::vector<std::size_t> front = report();
+    if (front.empty())
+      warn("no row has an error that could be told: see `failed` of the rows (more chart_reference_seconds, a shorter "
+           "ts_max_time or finer grids help)");
+    write_file(out_file, provenance, chart, front);
+    return 0;
+  });
+}
+
+}  // namespace stickslip

@@ -1,0 +1,456 @@
+// A ladder of grids: where the solution is that of a differential equation in x.
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/probe.hpp"
+#include "study/ladder.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double telling = 50;              // a level foresees errors down to this part of its own
+constexpr PetscInt most_nodes = 1 << 20;
+
+// What the levels foresee.
+struct Outlook {
+  double error, order;     // of the last level, and at which rate errors come to it
+  double factor;           // by which its grid is too coarse
+  bool sure, resolved, within_reach;
+};
+
+class GridLadder final : public Ladder {
+ public:
+  GridLadder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs)
+      : request_(request), setting_(setting), runs_(runs), aim_(request.wanted) {}
+
+  void choose() override;
+  double estimate(const Fields& end) override;
+  void refine() override;
+  bool settle() override;
+  std::string foreseen() const override;
+
+ private:
+  double first_cells() const;
+  double second_cells() const;
+  int order_at_best() const;
+  double rate(std::size_t k) const;      // of the errors of levels k - 1 and k
+  double order_beyond() const;           // expected between the last two levels,
+  double next_order() const;             // and beyond the last
+  double error_foreseen(double cells) const;
+  double tolerance_of_level(double cells) const;
+  Outlook outlook() const;
+  bool never_better(const Outlook& ahead) const;
+  bool place_or_go_on(double& next);
+  bool climb_to(double& next, int& failures);
+  void place_run(const Outlook& ahead);
+  void choose_tolerance_on(double cells, double in_space);
+  double tolerance_seen();
+  bool time_is_to_blame();
+  [[noreturn]] void give_up_on(const Outlook& ahead, const std::string& limit) const;
+  void add(Level made);
+  void begin_anew();
+  double estimate_in_space(const Level& now, double d) const;
+  void take_last_run();
+
+  const AccuracyRequest& request_;
+  Setting& setting_;
+  LevelRuns& runs_;
+  double aim_;                     // below the request after a refinement
+  std::vector<Level> levels_;      // coarse to fine
+  std::vector<double> distances_;  // of levels k and k + 1: the error of level k
+  Level last_run_;                 // what estimate() saw
+  double last_estimate_ = 0, least_stretch_ = 1;  // of the next run's grid against the last level's
+  // a tolerance costs `per_tolerance_` times itself on a grid of per_tolerance_cells_, and more on finer ones, as noise
+  // of the shortest waves does
+  double per_tolerance_ = 5, per_tolerance_cells_ = 0;
+  double in_time_ = 0, in_space_ = 0;  // foreseen of the run
+  int restarts_ = 0;
+};
+
+// ---- between nodes ----
+
+// Largest |difference| between the fields at nodes m - 2..m + 2 and what interpolation finds there from the scene.order
+// + 1 nodes nearest of those at odd multiples of `reach` nodes away.
+double misfit_around(PetscInt m, PetscInt reach, const Fields& fields, const Scene& scene,
+                     const std::vector<double>& amplitude) {
+  double largest = 0;
+  for (PetscInt at = m - 2; at <= m + 2; ++at) {
+    if (!scene.ring() && (at < 0 || at >= scene.n)) continue;
+    std::vector<PetscInt> from;
+    for (PetscInt k = 1; int(from.size()) <= scene.order && k * reach < scene.n; k += 2)
+      for (const PetscInt node : {at - k * reach, at + k * reach})
+        if (scene.ring() || (node >= 0 && node < scene.n)) from.push_back(node);
+    const auto place = [&](PetscInt node) { return std::size_t((node % scene.n + scene.n) % scene.n); };
+    double psi = fields.psi[place(at)], eta = fields.eta[place(at)];
+    for (const PetscInt i : from) {
+      double weight = 1;
+      for (const PetscInt j : from)
+        if (j != i) weight *= double(at - j) / double(i - j);
+      psi -= weight * fields.psi[place(i)];
+      eta -= weight * fields.eta[place(i)];
+      if (!fields.F.empty()) eta -= weight * (amplitude[place(at)] - amplitude[place(i)]) * fields.F[place(i)];
+    }
+    largest = std::max({largest, std::abs(psi), std::abs(eta)});
+  }
+  return largest;
+}
+
+// What interpolation adds at points x that are no nodes: the misfits at the nodes around, from every second and from
+// every fourth node, carried to the grid itself by the rate between them. The medium's own corners, and those that
+// waves carry away from them, let it fall to h^3.
+double interpolation_error(const Fields& fields, const Scene& scene, const std::vector<double>& x) {
+  if (x.empty()) return 0;
+  const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
+  double largest = 0;
+  for (const double at : x) {
+    if (interpolation_at(scene, at).size() == 1) continue;
+    const auto node = PetscInt(std::llround(at / scene.h()));
+    const double near = misfit_around(node, 1, fields, scene, amplitude);
+    const double far = misfit_around(node, 2, fields, scene, amplitude);
+    const double rate = near > 0 ? std::clamp(std::log2(far / near), 3., scene.order + 1.) : scene.order + 1.;
+    largest = std::max(largest, near * std::pow(2, -rate));
+  }
+  return largest;
+}
+
+// ---- where levels stand ----
+
+// Few enough that hardly a request is met by them: they cost next to nothing. A grid that is set has one level below.
+double GridLadder::first_cells() const {
+  const Options& options = request_.options;
+  const Scene& scene = request_.scene;
+  if (!request_.grid_open) {
+    const double set = cells_of(scene);
+    return set / 2.25 < setting_.order + 2 ? 1.5 * set : set / 2.25;
+  }
+  const std::string type = options.text("init_type");
+  double count = 12;
+  if (type == "sine") count = 12 * std::max(1., options.real("init_mode"));
+  if (type == "pulses" || type == "wave") count = 24 * options.real("init_pulses");
+  if (type == "layer") count = 3 * scene.length / options.real("init_width");
+  // where friction sets the steps, a step on few nodes costs as much as one on some fifty
+  if (runs_.friction_sets_steps() && setting_.method.is_explicit()) count = std::max(count, 48.);
+  if (scene.spread > 0) count = std::max(count, 0.8 * scene.length / scene.spread_length);
+  return std::floor(std::min(count, 1e5));
+}
+
+double GridLadder::second_cells() const {
+  const Level& before = levels_[0];
+  const bool cheap = double(before.steps) * double(before.scene.n) < 5000 || runs_.friction_sets_steps();
+  const double ratio = request_.grid_open ? (cheap ? 2 : 1.5) : before.scene.n > request_.scene.n ? 1 / 1.5 : 1.5;
+  return ratio * cells_of(before.scene);
+}
+
+// No finite differences of higher order converge faster than a medium whose third derivative jumps lets them.
+int GridLadder::order_at_best() const {
+  return request_.scene.spread > 0 ? std::min(4, setting_.order) : setting_.order;
+}
+
+double GridLadder::rate(std::size_t k) const {
+  return std::log(distances_[k - 1] / distances_[k]) /
+         std::log(cells_of(levels_[k].scene) / cells_of(levels_[k - 1].scene));
+}
+
+double GridLadder::order_beyond() const {
+  const std::size_t known = distances_.size();
+  if (known < 2) return request_.scene.spread > 0 ? 0.75 * order_at_best() : order_at_best() / 2.;
+  return expected_order(known > 2 ? rate(known - 2) : NAN, rate(known - 1), order_at_best());
+}
+
+double GridLadder::next_order() const {
+  if (distances_.size() < 2) return order_beyond();
+  return expected_order(rate(distances_.size() - 1), order_beyond(), order_at_best());
+}
+
+double GridLadder::error_foreseen(double at) const {
+  const double before = cells_of(levels_[levels_.size() - 2].scene), last = cells_of(levels_.back().scene);
+  const double near = std::min(at, last), far = std::max(at, last);
+  return distances_.back() * std::pow(before / near, order_beyond()) * std::pow(last / far, next_order());
+}
+
+// Of a level on a grid of so many cells. A strict one costs little: it is chosen for the least error in space that the
+// level may have.
+double GridLadder::tolerance_of_level(double at) const {
+  if (!request_.tolerance_open) return setting_.tolerance;
+  const std::size_t count = levels_.size();
+  double in_space = 1;
+  if (count >= 2) in_space = distances_.back() * std::pow(cells_of(levels_[count - 2].scene) / at, order_at_best());
+  else if (per_tolerance_cells_ > 0 || (count == 1 && runs_.friction_sets_steps())) in_space = 0;
+  const double grown = per_tolerance_cells_ > 0 ? std::max(1., at / per_tolerance_cells_) : 1;
+  return std::clamp(share_of_level * std::max(in_space, share_of_space * aim_) / (per_tolerance_ * grown),
+                    least_tolerance, 1e-4);
+}
+
+void GridLadder::add(Level made) {
+  if (!levels_.empty()) distances_.push_back(std::max(runs_.difference(levels_.back(), made), 1e-300));
+  levels_.push_back(std::move(made));
+}
+
+void GridLadder::begin_anew() {
+  levels_.clear();
+  distances_.clear();
+}
+
+Outlook GridLadder::outlook() const {
+  const double p = order_at_best(), last = cells_of(levels_.back().scene), beyond = next_order();
+  // where friction sets the steps, a finer grid costs little, and another run much
+  const double share = runs_.friction_sets_steps() && setting_.method.is_explicit() ? 0.12 : share_of_space;
+  Outlook ahead;
+  ahead.error = error_foreseen(last);
+  ahead.order = order_beyond();
+  ahead.factor = std::pow(ahead.error / (share * aim_), 1 / beyond);
+  const double between = interpolation_error(levels_.back().fields, levels_.back().scene, request_.probes);
+  ahead.factor = std::max(ahead.factor, std::cbrt(between / (share * aim_)));
+  ahead.sure = ahead.order > 0.8 * p;
+  // an order that has hardly begun to rise foresees nothing
+  ahead.resolved = distances_.back() < (distances_.size() < 2 ? 20 : 3) * share_of_space * aim_ ||
+                   (distances_.size() > 1 && rate(distances_.size() - 1) > 0.25 * p);
+  ahead.within_reach =
+      ahead.resolved && ahead.factor < std::clamp(std::pow(telling, 1 / beyond), 1.3, ahead.sure ? 8. : 2.2);
+  return ahead;
+}
+
+// ---- the climb ----
+
+void GridLadder::choose() {
+  double next = first_cells();
+  for (int failures = 0;;) {
+    if (levels_.size() == 1) next = second_cells();
+    if (levels_.size() >= 2 && place_or_go_on(next)) return;
+    if (!climb_to(next, failures)) next = levels_.empty() && failures == 0 ? first_cells() : 2 * next;
+  }
+}
+
+// A level on so many cells; false where it fails and the climb goes on otherwise: with explicit steps from the bottom,
+// or on twice as fine a grid.
+bool GridLadder::climb_to(double& next, int& failures) {
+  std::string failed;
+  Level made = runs_.run(request_.nodes(next), tolerance_of_level(next), failed);
+  // what the run would cost on some 2/accuracy^(1/p) times as many nodes at a hundredth of the accuracy
+  const double grown = 2 * std::pow(std::min(aim_, 1.), -1. / setting_.order);
+  const double seconds = made.seconds * grown * std::pow(made.tolerance / (0.01 * aim_), 1. / 3);
+  const bool slow = levels_.empty() && runs_.prefers_explicit(seconds, request_.nodes(next * grown));
+  if (failed.empty() && !slow) {
+    add(std::move(made));
+    return true;
+  }
+  if (request_.method_open && !setting_.method.is_explicit()) {
+    runs_.take_explicit();
+    begin_anew();
+    failures = 0;
+  } else if (!request_.grid_open || ++failures == 6) {
+    throw OutOfReach{setting_.method.name() + " on " + std::to_string(request_.nodes(next)) + " nodes: " + failed};
+  }
+  return false;
+}
+
+// Places the run where the last level foresees it, or says where the next level is to be.
+bool GridLadder::place_or_go_on(double& next) {
+  const Outlook ahead = outlook();
+  const Level& last = levels_.back();
+  const bool place = !request_.grid_open || ahead.within_reach;
+  double seconds = last.seconds * ahead.factor;  // of the run, if it is implicit
+  if (place) {
+    place_run(ahead);
+    seconds = last.seconds * double(setting_.n) / double(last.scene.n) *
+              std::pow(last.tolerance / setting_.tolerance, 1. / 3);
+  }
+  if (runs_.prefers_explicit(seconds, place ? setting_.n : last.scene.n)) {
+    runs_.take_explicit();
+    begin_anew();
+    next = first_cells();
+    return false;
+  }
+  const auto beyond_budget = [&](double cells) {  // steps as short as cells
+    const double ratio = std::max(1., cells / cells_of(last.scene));
+    return !runs_.affords(last.seconds * ratio * ratio);
+  };
+  const std::string budget = "beyond accuracy_seconds " + request_.options.text("accuracy_seconds");
+  if (place && request_.grid_open && beyond_budget(double(setting_.n)))
+    give_up_on(ahead, "the " + std::to_string(setting_.n) + " nodes that would do are " + budget);
+  if (place) return true;
+  const double coarser = cells_of(levels_[levels_.size() > 2 ? levels_.size() - 3 : 0].scene);
+  next = cells_of(last.scene) * (ahead.resolved ? std::clamp(ahead.factor / 1.45, 1.3, ahead.sure ? 4. : 2.) : 2);
+  const bool far = last.scene.n > 2000 && cells_of(last.scene) * ahead.factor > double(most_nodes);
+  const bool beyond_memory = next > double(most_nodes);
+  if ((far || beyond_memory || beyond_budget(next)) && time_is_to_blame()) {
+    next = coarser;
+    return false;
+  }
+  const double jump = runs_.pilot().jump();
+  if (far && jump > 1e-8) give_up_on(ahead, "the start jumps by " + rounded_text(jump) + " at a held end");
+  if (far && never_better(ahead)) give_up_on(ahead, "four grids say so alike");
+  if (beyond_memory) give_up_on(ahead, "no grid has more than " + std::to_string(most_nodes) + " nodes");
+  if (beyond_budget(next)) give_up_on(ahead, "a finer grid is " + budget);
+  return false;
+}
+
+// Whether the low rate of the last levels is there to stay, as at a corner: an error that is small already and has
+// fallen at one rate three times. Otherwise fronts may be about to be resolved, and the climb goes on.
+bool GridLadder::never_better(const Outlook& ahead) const {
+  if (distances_.size() < 4) return false;
+  double low = INFINITY, high = 0, largest = 0;
+  for (std::size_t k = distances_.size() - 3; k < distances_.size(); ++k) {
+    low = std::min(low, rate(k));
+    high = std::max(high, rate(k));
+  }
+  for (const double psi : levels_.back().fields.psi) largest = std::max(largest, std::abs(psi));
+  return high - low < 0.4 && high < 0.3 * order_at_best() && ahead.error < 0.01 * largest;
+}
+
+// Grid and tolerance of the run, as the last level foresees them.
+void GridLadder::place_run(const Outlook& ahead) {
+  const double last = cells_of(levels_.back().scene);
+  // Near the last level the distance from it would tell nothing.
+  const double least = std::max(std::pow(0.4, -1 / next_order()), least_stretch_);
+  if (request_.grid_open)
+    setting_.n = request_.nodes(last * (ahead.factor > 0.93 ? std::max(ahead.factor, least) : ahead.factor));
+  Scene run = request_.scene;
+  run.n = setting_.n;
+  in_space_ = error_foreseen(cells_of(run));
+  choose_tolerance_on(cells_of(run), in_space_);
+}
+
+// Whether it is the steps in time whose errors do not fall from grid to grid: then it is begun anew with stricter ones.
+bool GridLadder::time_is_to_blame() {
+  if (!request_.tolerance_open || restarts_ == 4 || levels_.back().tolerance <= 2 * least_tolerance) return false;
+  ++restarts_;
+  const Level& seen = levels_[levels_.size() - 2];
+  const Level loose = runs_.run(seen.scene.n, loosened * seen.tolerance);
+  const double d = runs_.difference(seen, loose);
+  if (d <= 0.3 * loosened * distances_.back()) return false;
+  per_tolerance_ = 3 * d / loose.tolerance;
+  per_tolerance_cells_ = cells_of(seen.scene);
+  begin_anew();
+  return true;
+}
+
+void GridLadder::give_up_on(const Outlook& ahead, const std::string& limit) const {
+  const double last = distances_.size() > 1 ? rate(distances_.size() - 1) : NAN, p = order_at_best();
+  throw OutOfReach{"on " + std::to_string(levels_.back().scene.n) + " nodes the error is about " +
+                   rounded_text(ahead.error, 2) +
+                   (last < 0.3 ? " and does not fall from grid to grid" : " and falls like h^" + rounded_text(last, 2)) +
+                   ", as it does at " +
+                   (last < 0.3 * p ? "jumps, corners and fronts thinner than that grid" : "fronts that are not resolved") +
+                   "; " + limit};
+}
+
+bool GridLadder::settle() {
+  if (distances_.empty()) return false;
+  setting_.n = levels_.back().scene.n;
+  setting_.tolerance = levels_.back().tolerance;
+  in_space_ = error_foreseen(cells_of(levels_.back().scene));
+  in_time_ = share_of_level * in_space_;
+  return true;
+}
+
+// What a tolerance costs, seen on the grid before the last (per_tolerance_); returns the loosest that is worth it.
+double GridLadder::tolerance_seen() {
+  const Level& seen = levels_[levels_.size() - 2];
+  const double most = std::min(loosened * seen.tolerance, setting_.method.is_explicit() ? 3e-4 : 1e-2);
+  // steps that hardly depend on grid and tolerance: a strict tolerance costs nothing, and nothing need be known of it
+  const bool bound = double(levels_.back().steps) < 1.1 * double(seen.steps) &&
+                     levels_.back().tolerance < 0.1 * seen.tolerance;
+  if (bound) {
+    per_tolerance_cells_ = cells_of(seen.scene);
+    return levels_.back().tolerance;
+  }
+  if (per_tolerance_cells_ > 0 && per_tolerance_cells_ >= 0.6 * cells_of(seen.scene)) return most;
+  const bool loosen = request_.tolerance_open && seen.tolerance * loosened < 0.1;
+  const PetscInt n = seen.scene.n;
+  Level other = runs_.run(n, loosen ? loosened * seen.tolerance : std::max(seen.tolerance / loosened, 1e-14));
+  const bool nothing_saved = loosen && double(other.steps) > 0.9 * double(seen.steps);
+  // the same steps, which only grew: the difference tells nothing
+  if (loosen && other.steps == seen.steps) other = runs_.run(n, std::max(seen.tolerance / 100, 1e-14));
+  per_tolerance_ = std::max(runs_.difference(seen, other) / std::max(seen.tolerance, other.tolerance), 0.1);
+  per_tolerance_cells_ = cells_of(seen.scene);
+  return nothing_saved ? seen.tolerance : most;
+}
+
+void GridLadder::choose_tolerance_on(double run_cells, double in_space) {
+  const double most = tolerance_seen();
+  const double grown = per_tolerance_ * std::max(1., run_cells / per_tolerance_cells_);
+  if (request_.tolerance_open) {
+    const double in_time =
+        std::clamp(share_in_all * aim_ - in_space, share_of_time * aim_, (share_in_all - 0.05) * aim_);
+    setting_.tolerance = std::clamp(in_time / (1.5 * grown), least_tolerance, most);
+  }
+  in_time_ = grown * setting_.tolerance;
+  if (in_time_ > request_.wanted)
+    throw OutOfReach{"at tolerance " + rounded_text(setting_.tolerance, 2) + " the error in time is still about " +
+                     rounded_text(in_time_, 2) +
+                     (request_.tolerance_open ? " (the motion amplifies what is lost)" : " (ts_rtol, ts_atol as set)")};
+}
+
+// ---- the run ----
+
+double GridLadder::estimate_in_space(const Level& now, double d) const {
+  const double p = order_at_best(), last = cells_of(levels_.back().scene), x = cells_of(now.scene) / last;
+  double r = next_order();
+  // while orders are still far from p, more goes otherwise than foreseen
+  const auto careful = [&](double error) { return (1.3 + 1.5 * (1 - r / p)) * error; };
+  const std::size_t known = distances_.size();
+  if (x < 0.97) {
+    const double slow = known > 1 ? std::clamp(rate(known - 1), 0.5, p) : r;
+    return careful(std::max(d + error_foreseen(last), d / (1 - std::pow(x, slow)) / 1.3));
+  }
+  if (x < 1.03) return careful(error_foreseen(cells_of(now.scene)));
+  double error = d;
+  for (int round = 0; round < 3; ++round) {
+    // two grids that are close may err alike
+    const double of_last = std::max(d / (1 - std::pow(x, -r)), x < 1.5 ? 0.6 * error_foreseen(last) : 0.);
+    const double seen =
+        std::log(distances_.back() / of_last) / std::log(last / cells_of(levels_[levels_.size() - 2].scene));
+    r = expected_order(known > 1 ? rate(known - 1) : NAN, seen, order_at_best());
+    error = of_last * std::pow(x, -r);
+  }
+  return careful(error);
+}
+
+double GridLadder::estimate(const Fields& end) {
+  Scene scene = request_.scene;
+  scene.n = setting_.n;
+  scene.order = setting_.order;
+  last_run_ = {scene, setting_.tolerance, end, 0, 0};
+  const double d = std::max(runs_.difference(levels_.back(), last_run_), 1e-300);
+  last_estimate_ =
+      estimate_in_space(last_run_, d) + 1.5 * in_time_ + interpolation_error(end, scene, request_.probes);
+  return last_estimate_;
+}
+
+// The last run becomes a level.
+void GridLadder::take_last_run() {
+  if (levels_.size() > 2 && cells_of(last_run_.scene) < 1.3 * cells_of(levels_.back().scene)) {  // too close to tell
+    levels_.pop_back();
+    distances_.pop_back();
+  }
+  add(last_run_);
+}
+
+void GridLadder::refine() {
+  const bool space = last_estimate_ - 1.5 * in_time_ > 0.5 * request_.wanted;
+  const std::string about = " as set the error is about " + rounded_text(last_estimate_, 2);
+  if (space && !request_.grid_open) throw OutOfReach{"on grid_n " + std::to_string(setting_.n) + about};
+  if (!request_.tolerance_open && !space)
+    throw OutOfReach{"at the tolerance " + rounded_text(setting_.tolerance, 2) + about};
+  aim_ *= 0.7;
+  if (request_.grid_open && cells_of(last_run_.scene) > 1.03 * cells_of(levels_.back().scene)) take_last_run();
+  else aim_ *= 0.5;
+  least_stretch_ = std::min(std::pow(last_estimate_ / (share_in_all * request_.wanted), 1 / next_order()), 2.);
+  choose();
+}
+
+std::string GridLadder::foreseen() const {
+  return "; error foreseen in time " + rounded_text(in_time_, 2) + ", in space " + rounded_text(in_space_, 2) +
+         " (falling like h^" + rounded_text(order_beyond(), 2) + ")";
+}
+
+}  // namespace
+
+std::unique_ptr<Ladder> grid_ladder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs) {
+  return std::make_unique<GridLadder>(request, setting, runs);
+}
+
+}  // namespace stickslip

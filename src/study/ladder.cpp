@@ -1,0 +1,188 @@
+#include "study/ladder.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/study/reduce.hpp"
+#include "stickslip/time/methods.hpp"
+#include "stickslip/time/stick.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// Largest |difference| at the nodes of the finer grid: what the nodes of the coarser one miss of a front. By the
+// polynomial through up to 12 nodes of the coarse grid, with mirror images at free ends; not near held ones, and not in
+// a spread medium, which is not as smooth as that.
+double distance_between_nodes(const Scene& coarse, const Fields& of_coarse, const Scene& fine, const Fields& of_fine) {
+  const PetscInt n = coarse.n;
+  const int count = int(std::min<PetscInt>(12, n / 2 * 2));
+  if (n == fine.n || coarse.spread > 0) return 0;
+  std::array<double, 12> weights = {1};  // barycentric: binomial coefficients with alternating signs
+  for (int k = 1; k < count; ++k) weights[std::size_t(k)] = -weights[std::size_t(k - 1)] * (count - k) / k;
+  double largest = 0;
+  for (PetscInt i = 0; i < fine.n; ++i) {
+    const double at = fine.x(i) / coarse.h();
+    const PetscInt first = PetscInt(std::floor(at)) - count / 2 + 1;
+    if (std::abs(at - std::round(at)) < 1e-9) continue;  // a node of both
+    if ((first < 0 && coarse.left == End::velocity) || (first + count > n && coarse.right == End::velocity)) continue;
+    double psi = 0, eta = 0, sum = 0;
+    for (int k = 0; k < count; ++k) {
+      PetscInt node = first + k;
+      if (coarse.ring()) node = (node + n) % n;
+      else node = node < 0 ? -node : node >= n ? 2 * (n - 1) - node : node;
+      const double weight = weights[std::size_t(k)] / (at - double(first + k));
+      psi += weight * of_coarse.psi[std::size_t(node)];
+      eta += weight * of_coarse.eta[std::size_t(node)];
+      sum += weight;
+    }
+    largest = std::max({largest, std::abs(psi / sum - of_fine.psi[std::size_t(i)]),
+                        std::abs(eta / sum - of_fine.eta[std::size_t(i)])});
+  }
+  return largest;
+}
+
+bool is_uniform(const Options& options, const Scene& scene) {
+  return scene.spread == 0 && options.text("init_type") == "uniform" && scene.left != End::velocity &&
+         scene.right != End::velocity && options.real("init_noise") == 0;
+}
+
+// The method that the user set. Throws UsageError where it gives no error estimate.
+MethodSpec method_set(const Options& options) {
+  const std::string type = options.text("ts_type"), sub = subtype_option(type);
+  const std::string text = type + (!sub.empty() && options.is_set(sub) ? ":" + options.text(sub) : "");
+  MethodSpec method = MethodSpec::parse("ts_type", text);
+  if (!method.has_estimate())
+    throw UsageError("-ts_type " + text + ": it has no error estimate, which -accuracy needs; use rk, arkimex or rosw");
+  if (options.is_set("imex_implicit")) method.implicit = options.text("imex_implicit");
+  return method;
+}
+
+}  // namespace
+
+double cells_of(const Scene& scene) { return double(scene.ring() ? scene.n : scene.n - 1); }
+
+double expected_order(double earlier, double last, int p) {
+  last = std::clamp(last, 0.5, double(p));
+  if (last > 0.8 * p) return (last + p) / 2;
+  const double rise = std::isnan(earlier) ? 0 : last - std::max(earlier, 0.);
+  return rise > 0.3 ? last + std::min({(p - last) / 2, 0.8 * last, 1.5 * rise}) : last;
+}
+
+// ---- what is asked ----
+
+AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
+    : options(o), scene(Scene::from(o, false)), wanted(accuracy), probes(o.reals("out_probes")),
+      has_space(has_grid_limit(o, scene) && !is_uniform(o, scene)), grid_open(has_space && !o.is_set("grid_n")),
+      order_open(has_space && !o.is_set("grid_order")), method_open(!o.is_set("ts_type")),
+      tolerance_open(!o.is_set("ts_rtol") && !o.is_set("ts_atol")) {
+  if (Stick::applies_to(scene) && scene.form != Form::chain)
+    throw UsageError("accuracy " + options.text("accuracy") + " with friction_stick exact in the continuum: eta does "
+                     "not converge at the ends of what sticks; set grid and tolerances, or friction_stick regularised");
+  for (const Method& m : methods())
+    if (const std::string name = subtype_option(m.type); method_open && !name.empty() && options.is_set(name))
+      throw UsageError("-" + name + " " + options.text(name) + " with -accuracy: set ts_type as well");
+  if (options.is_set("ts_adapt_type"))
+    throw UsageError("-ts_adapt_type " + options.text("ts_adapt_type") + ": with -accuracy steps follow the error "
+                     "estimate of the method; leave it out");
+}
+
+Setting AccuracyRequest::setting() const {
+  Setting s;
+  s.method = method_open ? MethodSpec::parse("accuracy", "rk:7vr") : method_set(options);
+  if (!tolerance_open)
+    s.tolerance = std::min(options.is_set("ts_rtol") ? options.real("ts_rtol") : 1.,
+                           options.is_set("ts_atol") ? options.real("ts_atol") : 1.);
+  s.order = order_open ? possible_orders(scene).back() : scene.order;
+  s.n = grid_open ? nodes(64) : scene.n;
+  return s;
+}
+
+PetscInt AccuracyRequest::nodes(double wanted_cells) const {
+  Scene whole = scene;
+  whole.n = 720720;  // divided by every number to 16
+  const bool reduces = options.text("scene_reduce") != "off";
+  const PetscInt parts = reduces ? std::max<PetscInt>(1, promised_cells(whole, options)) : 1;
+  const int order = order_open ? possible_orders(scene).back() : scene.order;
+  const PetscInt least = order + (scene.ring() ? 2 : 1);
+  PetscInt count = std::max(least, PetscInt(std::ceil(wanted_cells - 1e-9)));
+  if (parts < 100) count = (count + parts - 1) / parts * parts;
+  return count + (scene.ring() ? 0 : 1);
+}
+
+// ---- runs ----
+
+LevelRuns::LevelRuns(const AccuracyRequest& request, Setting& setting)
+    : request_(request), setting_(setting), pilot_(request.options, request.scene) {}
+
+bool LevelRuns::affords(double seconds) const {
+  return spent_ + seconds <= request_.options.real("accuracy_seconds");
+}
+
+Level LevelRuns::run(PetscInt n, double tolerance, std::string& failed) {
+  const Setting s{setting_.method, tolerance, 0, setting_.order, n};
+  const double limit = std::max(1., request_.options.real("accuracy_seconds") - spent_);
+  ++count_;
+  Trial trial = Pilot::suits(request_.scene, s.method) ? pilot_.run(s, limit)
+                                                        : run_trial(request_.options, s, "", limit);
+  double most[2] = {trial.seconds, trial.failed.empty() ? 0. : 1.};  // a rank may find that it takes too long
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, most, 2, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD));
+  if (most[1] > 0 && trial.failed.empty()) trial.failed = "it took too long";
+  failed = trial.failed;
+  spent_ += most[0];
+  Scene scene = request_.scene;
+  scene.n = n;
+  scene.order = setting_.order;
+  return {scene, tolerance, std::move(trial.end), trial.steps, most[0]};
+}
+
+Level LevelRuns::run(PetscInt n, double tolerance) {
+  std::string failed;
+  Level made = run(n, tolerance, failed);
+  if (!failed.empty())
+    throw OutOfReach{setting_.method.name() + (request_.has_space ? " on " + std::to_string(n) + " nodes" : "") +
+                     " at tolerance " + rounded_text(tolerance, 2) + ": " + failed};
+  return made;
+}
+
+double LevelRuns::difference(const Level& a, const Level& b) const {
+  const bool a_coarser = a.scene.n <= b.scene.n;
+  const Level &coarse = a_coarser ? a : b, &fine = a_coarser ? b : a;
+  const double d = std::max(distance(coarse.fields, resample(fine.fields, fine.scene, coarse.scene)),
+                            distance_between_nodes(coarse.scene, coarse.fields, fine.scene, fine.fields));
+  if (request_.probes.empty()) return d;
+  return std::max(d, distance(at_points(coarse.fields, coarse.scene, request_.probes),
+                              at_points(fine.fields, fine.scene, request_.probes)));
+}
+
+void LevelRuns::choose_method() {
+  const Scene& scene = request_.scene;
+  if (!request_.method_open || Stick::applies_to(scene)) return;
+  const Rates rates = pilot_.rates(setting_.order, setting_.n);
+  const double own = std::max(std::sqrt(scene.A() * scene.K0()), 1e-3);  // frequency of a free block
+  const bool faster = rates.friction > 10 * std::max(rates.wave, 40 * own);
+  friction_sets_steps_ = rates.friction > 3 * rates.wave;
+  if (rates.stiff_friction || rates.stiff_wave || (faster && request_.wanted > 3e-4)) {
+    setting_.method = MethodSpec::parse("accuracy", "rosw:ra34pw2");
+    why_ = "explicit steps would be bound by stability";
+  }
+}
+
+// Steps of an explicit run are bound by stability: about six over the fastest frequency long (the friction's is seldom
+// met, but at a threshold always), of ten stages of 1.2 ns a node (a smoothed threshold: 7), and 1 us each.
+bool LevelRuns::prefers_explicit(double implicit_seconds, PetscInt n) const {
+  if (!request_.method_open || setting_.method.is_explicit()) return false;
+  const Rates rates = pilot_.rates(setting_.order, n);
+  const bool threshold = request_.scene.friction.law->jumps_at_rest;
+  const double steps = (threshold ? 0.22 : 0.16) * pilot_.t_end() * std::max(rates.wave, rates.friction);
+  return steps * (1e-6 + (threshold ? 7e-8 : 1.2e-8) * double(n)) < implicit_seconds;
+}
+
+void LevelRuns::take_explicit() {
+  setting_.method = MethodSpec::parse("accuracy", "rk:7vr");
+  why_.clear();
+}
+
+}  // namespace stickslip

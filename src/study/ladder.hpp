@@ -1,0 +1,111 @@
+// The bricks of -accuracy (accuracy.hpp): what is asked and left open, the short runs that prepare a run, and what a
+// ladder of such runs, its levels, must know.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "stickslip/options/options.hpp"
+#include "stickslip/study/trial.hpp"
+#include "study/pilot.hpp"
+
+namespace stickslip {
+
+// The accuracy cannot be had: why. Within -accuracy alone.
+struct OutOfReach {
+  std::string why;
+};
+
+struct AccuracyRequest {
+  // Throws UsageError where what the user set leaves no choice.
+  AccuracyRequest(const Options& options, double wanted);
+
+  Options options;
+  Scene scene;
+  double wanted;
+  std::vector<double> probes;
+  bool has_space, grid_open, order_open, method_open, tolerance_open;
+
+  // The method to begin with and what else is fixed from the start.
+  Setting setting() const;
+  // So many cells, or a few more, as nodes: on a ring of equal parts the same in each.
+  PetscInt nodes(double cells) const;
+};
+
+double cells_of(const Scene& scene);
+
+// One run of a ladder.
+struct Level {
+  Scene scene;
+  double tolerance;
+  Fields fields;
+  PetscInt steps;
+  double seconds;
+};
+
+// The order of convergence to be expected beyond three grids from their two rates in a scheme of order p: the last one,
+// or more while the rates still rise (`earlier` NaN where there is none).
+double expected_order(double earlier, double last, int p);
+
+// Runs of the scene by the method of `setting`, counted and timed.
+class LevelRuns {
+ public:
+  LevelRuns(const AccuracyRequest& request, Setting& setting);
+
+  // A run; `failed` says why it has no fields, "" where it has.
+  Level run(PetscInt n, double tolerance, std::string& failed);
+  // Throws OutOfReach where it fails.
+  Level run(PetscInt n, double tolerance);
+  // Whether a run of so many seconds is within what is left of accuracy_seconds.
+  bool affords(double seconds) const;
+  int count() const { return count_; }
+
+  // Largest |difference| at the nodes of the coarser one, at what lies between them, and at the probes.
+  double difference(const Level& a, const Level& b) const;
+
+  // Takes an implicit method where explicit steps would be bound by stability.
+  void choose_method();
+  // Whether an explicit run on n nodes takes less than `implicit_seconds`.
+  bool prefers_explicit(double implicit_seconds, PetscInt n) const;
+  void take_explicit();
+  const std::string& why() const { return why_; }  // this method, or ""
+  bool friction_sets_steps() const { return friction_sets_steps_; }
+  const Pilot& pilot() const { return pilot_; }
+
+ private:
+  const AccuracyRequest& request_;
+  Setting& setting_;
+  Pilot pilot_;
+  int count_ = 0;
+  double spent_ = 0;
+  bool friction_sets_steps_ = false;
+  std::string why_;
+};
+
+// Where the method, the tolerance and the grid of a run come from. All collective; all throw OutOfReach.
+class Ladder {
+ public:
+  virtual ~Ladder() = default;
+  // Climbs until the run is foreseen; what it chose stands in the setting.
+  virtual void choose() = 0;
+  // The error of a run with the setting, from what it ended with.
+  virtual double estimate(const Fields& end) = 0;
+  // Makes the setting stricter, for the run of the last estimate().
+  virtual void refine() = 0;
+  // Puts the best level into the setting, after OutOfReach; false where there is none that foresees an error.
+  virtual bool settle() = 0;
+  // What is foreseen of the run, for what().
+  virtual std::string foreseen() const = 0;
+};
+
+std::unique_ptr<Ladder> grid_ladder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs);
+std::unique_ptr<Ladder> tolerance_ladder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs);
+
+// Parts of the accuracy: the error foreseen in space, that in time beside it or where nothing else errs, and what the
+// error in time of a level may be of that in space.
+constexpr double share_of_space = 0.35, share_of_time = 0.1, share_in_all = 0.55, share_of_level = 0.1;
+constexpr double loosened = 30;  // the tolerance that tells what a tolerance costs, over that of the level
+constexpr double least_tolerance = 1e-14;
+
+}  // namespace stickslip

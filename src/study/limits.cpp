@@ -1,0 +1,333 @@
+#include "stickslip/study/limits.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "study/step_forecast.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/regime.hpp"
+#include "stickslip/output/result_file.hpp"
+#include "stickslip/time/methods.hpp"
+#include "stickslip/study/nearest_sliding.hpp"
+#include "stickslip/study/start.hpp"
+#include "stickslip/time/time.hpp"
+#include "stickslip/study/step_audit.hpp"
+
+namespace stickslip {
+
+namespace {
+
+const char* const prefix = "limits_";
+
+// What one run came to.
+struct Outcome {
+  std::string failure;  // the error that ended it
+  Motion motion = Motion::undecided;
+  double amplitude = NAN, speed = NAN, largest = 0;
+  PetscInt steps = 0;
+  bool warned = false;  // of the steps; fronts that the grid does not carry are another matter
+};
+
+bool is_of_steps(const std::string& warning) {
+  return warning.find("a front is not resolved") == std::string::npos &&
+         warning.find("with fixed steps the order is 2") == std::string::npos &&
+         warning.find("chosen for stability") == std::string::npos;
+}
+
+double largest_psi(const Model& model, Vec u) {
+  const double* a;
+  SS_TRY(VecGetArrayRead(u, &a));
+  double largest = 0;
+  for (PetscInt i = 0; i < model.local(); ++i) largest = std::max(largest, std::abs(a[i * model.dof()]));
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model.comm()));
+  return largest;
+}
+
+// Root mean square of psi - v; or of its part that alternates from node to node, with that of eta in the norm that
+// waves of that length conserve.
+double off_sliding(const Model& model, Vec u, bool alternating) {
+  const Scene& s = model.scene();
+  const double state = model.dof() == 3 ? model.steady_state(s.v) : 0;
+  const double eta = s.B() * s.v + model.friction(0, s.v, state).F;
+  const double* a;
+  SS_TRY(VecGetArrayRead(u, &a));
+  double sums[2] = {0, 0};
+  for (PetscInt i = 0; i < model.local(); ++i) {
+    const double psi = a[i * model.dof()] - s.v, sign = (model.first() + i) % 2 == 0 ? 1 : -1;
+    sums[0] += alternating ? sign * psi : psi * psi;
+    sums[1] += sign * (a[i * model.dof() + 1] - eta);
+  }
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, model.comm()));
+  const double n = double(s.n);
+  return alternating ? std::hypot(sums[0], sums[1] * s.A() / model.wave_frequency()) / n : std::sqrt(sums[0] / n);
+}
+
+// Runs as the command `run` would, by the method given.
+Outcome observe(const Options& options, const MethodSpec& method, const Model& model, Vec start, double t_end) {
+  Outcome outcome;
+  std::vector<std::string> said;
+  {
+    WarningsKept kept(said);
+    VecHandle u = model.create_vector();
+    SS_TRY(VecCopy(start, u));
+    Regime regime(model, t_end, steady_velocity(model.scene()));
+    try {
+      Integrator integrator(model, method, u, prefix);
+      warn_of_fixed_steps(model, integrator, u, t_end);
+      StepAudit audit(model, options, integrator, 0, t_end);
+      integrator.advance(u, 0, t_end, [&](const Integrator::Step& step) {
+        audit.after(step);
+        regime.step({step.index, step.t_before, step.t, step.u, 0, step.interpolate});
+        outcome.steps = step.index;
+        outcome.largest = std::max(outcome.largest, largest_psi(model, step.u));
+        return Integrator::Verdict::go_on;
+      });
+      const StepAudit::Verdict verdict = audit.verdict(u);
+      regime.know(verdict.growth, verdict.growth_taken);
+      const Measured r = regime.result(u);
+      outcome.motion = r.motion;
+      outcome.amplitude = r.amplitude.value_or(NAN);
+      outcome.speed = r.wave_speed.value_or(NAN);
+      audit.warn_of(verdict, r.motion);
+    } catch (const Failure& e) {
+      outcome.failure = e.what();
+    }
+  }
+  outcome.warned = std::any_of(said.begin(), said.end(), is_of_steps);
+  return outcome;
+}
+
+}  // namespace
+
+struct Limits::Impl {
+  Options options;
+  double t_end;
+  Scene scene;
+  Model model;
+  VecHandle start;
+  Outcome truth;
+
+  explicit Impl(const Options& o)
+      : options(o), t_end(o.real("ts_max_time")), scene(Scene::from(options, false)),
+        model(PETSC_COMM_WORLD, scene), start(model.create_vector()) {
+    set_start(model, options, start);
+    MethodSpec accurate;
+    accurate.fused = options.boolean("rk_fused");
+    accurate.tolerance = 1e-8;
+    truth = observe(options, accurate, model, start, t_end);
+    if (!truth.failure.empty()) throw Failure("the accurate run of the scene failed: " + truth.failure);
+  }
+
+  // The method with steps of dt.
+  MethodSpec fixed(const MethodSpec& method, double dt) const {
+    MethodSpec spec = method;
+    spec.step = dt;
+    spec.fused = options.boolean("rk_fused");
+    return spec;
+  }
+
+  Outcome run(const MethodSpec& method, double dt) const {
+    return observe(options, fixed(method, dt), model, start, t_end);
+  }
+
+  // Why a run is no answer at all ("" where it is one), and why it is a wrong one.
+  std::string breakdown(const Outcome& o) const {
+    if (o.failure.find("not finite") != std::string::npos) return "blow-up";
+    if (o.failure.find("Newton") != std::string::npos) return "Newton's method fails";
+    if (!o.failure.empty()) return o.failure;
+    return o.largest > 2 * truth.largest ? "psi out of bounds" : "";
+  }
+  std::string mistake(const Outcome& o) const {
+    if (std::string b = breakdown(o); !b.empty()) return b;
+    if (o.motion != truth.motion) return "regime " + to_string(o.motion);
+    if (!(std::abs(o.amplitude - truth.amplitude) <= 0.1 * truth.amplitude) && truth.motion != Motion::sliding)
+      return "amplitude " + rounded_text(o.amplitude / truth.amplitude) + " times the true one";
+    if (std::isfinite(truth.speed) && !(std::abs(o.speed - truth.speed) <= 0.02 * std::abs(truth.speed)))
+      return std::isfinite(o.speed) ? "wave speed " + rounded_text(o.speed / truth.speed) + " times the true one"
+                                    : "no wave speed";
+    return "";
+  }
+
+  struct Found {
+    std::optional<double> good, bad;  // the largest step below the first bad one, and that one
+    std::string why;
+  };
+  // Narrows the gap to 5 %.
+  template <class Why>
+  void bisect(Found& f, const Why& why) const {
+    while (f.good && f.bad && *f.bad > 1.05 * *f.good) {
+      const double middle = std::sqrt(*f.good * *f.bad);
+      const std::string now = why(middle);
+      if (now.empty()) {
+        f.good = middle;
+      } else {
+        f.bad = middle;
+        f.why = now;
+      }
+    }
+  }
+
+  void scan(const MethodSpec& method, LimitRow& row, double first) const {
+    const auto check = [&](double dt, bool breaks) {
+      const Outcome o = run(method, dt);
+      ++row.runs;
+      const std::string wrong = mistake(o);
+      if (!wrong.empty() && o.failure.empty() && !o.warned) {
+        row.warned = false;
+        row.silent.push_back(dt);
+      }
+      return breaks ? breakdown(o) : wrong;
+    };
+    Found breaks, errs;
+    const auto note = [](Found& f, double dt, const std::string& why) {
+      if (f.bad) return;
+      if (why.empty()) {
+        f.good = dt;
+      } else {
+        f.bad = dt;
+        f.why = why;
+      }
+    };
+    for (double dt = first; dt <= t_end / 8 && !breaks.bad; dt *= 2) {
+      const Outcome o = run(method, dt);
+      ++row.runs;
+      row.longest = dt;
+      const std::string wrong = mistake(o);
+      if (!wrong.empty() && o.failure.empty() && !o.warned) {
+        row.warned = false;
+        row.silent.push_back(dt);
+      }
+      note(breaks, dt, breakdown(o));
+      note(errs, dt, wrong);
+    }
+    // Methods of low order fail below the first step already.
+    for (double dt = first / 4; !errs.good && dt > first / 100; dt /= 4) {
+      const std::string why = check(dt, false);
+      if (why.empty()) errs.good = dt;
+      else errs.bad = dt, errs.why = why;
+    }
+    for (double dt = first / 4; !breaks.good && dt > first / 100; dt /= 4) {
+      const std::string why = check(dt, true);
+      if (why.empty()) breaks.good = dt;
+      else breaks.bad = dt, breaks.why = why;
+    }
+    bisect(breaks, [&](double dt) { return check(dt, true); });
+    bisect(errs, [&](double dt) { return check(dt, false); });
+    row.limit = breaks.bad ? breaks.good : std::nullopt;
+    row.how = breaks.why;
+    row.followed = errs.good;
+    row.wrong = errs.why;
+  }
+
+  // Growth rate of noise about sliding in the second half of so many steps; infinite where the run breaks down.
+  double rate_of_noise(const MethodSpec& method, double dt, int steps, double noise, bool alternating) const {
+    std::vector<std::string> ignored;
+    const WarningsKept kept(ignored);
+    const Options calm = options.with("init_type", "uniform").with("init_psi", "steady").with("init_eta", "steady")
+                             .with("init_noise", noise).with("init_noise_length", "0");
+    VecHandle u = model.create_vector();
+    set_start(model, calm, u);
+    double middle = 0, end = 0;
+    const int window = std::max(1, steps / 4);
+    try {
+      Integrator integrator(model, fixed(method, dt), u, prefix);
+      integrator.advance(u, 0, steps * dt, [&](const Integrator::Step& step) {
+        // the largest over a while, since waves go up and down
+        const double now = off_sliding(model, step.u, alternating);
+        if (step.index > steps / 2 - window && step.index <= steps / 2) middle = std::max(middle, now);
+        if (step.index > steps - window) end = std::max(end, now);
+        return Integrator::Verdict::go_on;
+      });
+    } catch (const Failure&) {
+      return HUGE_VAL;
+    }
+    const auto second_half = steps - steps / 2;
+    return std::log(end / middle) / (double(second_half) * dt);
+  }
+
+  // The x between low and high from which on `beyond` holds, to 2 %; empty where it holds at low or not at high.
+  template <class Beyond>
+  std::optional<double> edge(double low, double high, const Beyond& beyond) const {
+    if (beyond(low) || !beyond(high)) return std::nullopt;
+    while (high > 1.02 * low) {
+      const double middle = std::sqrt(low * high);
+      (beyond(middle) ? high : low) = middle;
+    }
+    return std::sqrt(low * high);
+  }
+
+  void find_shortest(const MethodSpec& method, LimitRow& row, StepForecast& forecast) const {
+    const double frequency = model.wave_frequency(), allowed = 0.02 * frequency;
+    const double growth = forecast.sliding_growth(false);
+    const auto grows = [&](double dt) { return forecast.shortest_wave_excess(dt) > allowed; };
+    double dt = 0.003 / frequency;
+    while (dt < 100 / frequency && !grows(dt)) dt *= 1.1;
+    if (dt >= 100 / frequency) return;
+    row.shortest_theory = edge(dt / 1.5, dt, grows);
+    if (!row.shortest_theory) return;
+    row.shortest = edge(*row.shortest_theory / 1.25, *row.shortest_theory * 1.25, [&](double step) {
+      ++row.runs;
+      // so few steps that the noise stays small where it grows as it should, and other waves do not feed this one
+      const double steps = growth > 0 ? 14 / (growth * step) : 400;
+      const double rate = rate_of_noise(method, step, int(std::clamp(steps, 8., 400.)), 1e-11, true);
+      return rate - forecast.shortest_growth() > allowed;
+    });
+  }
+
+  void find_damping(const MethodSpec& method, LimitRow& row, StepForecast& forecast) const {
+    const double growth = forecast.sliding_growth(false);
+    if (!(growth > 0)) return;
+    const auto hides = [&](double dt) { return forecast.sliding_growth_of({{dt, 1.}}, false) < 0; };
+    // The step from which on it is so: sought from long steps down.
+    const double longest = 300 / growth, shortest = 1e-3 / growth;
+    double dt = longest;
+    while (dt > shortest && hides(dt)) dt /= 1.25;
+    if (dt == longest || dt <= shortest) return;
+    row.damps_theory = edge(dt, 1.25 * dt, hides);
+    row.damps = edge(*row.damps_theory / 1.25, *row.damps_theory * 1.25, [&](double step) {
+      ++row.runs;
+      return rate_of_noise(method, step, 160, 1e-8, false) < 0;
+    });
+  }
+};
+
+Limits::Limits(const Options& options) : impl_(std::make_unique<Impl>(options)) {}
+Limits::~Limits() = default;
+
+LimitRow Limits::row(const MethodSpec& method) {
+  const Impl& m = *impl_;
+  LimitRow row;
+  row.order = m.scene.order;
+  row.n = m.scene.n;
+  // as long as the accurate run's own steps
+  double first = m.t_end / double(std::max<PetscInt>(m.truth.steps, 16));
+  std::vector<std::string> ignored;
+  const WarningsKept kept(ignored);
+  VecHandle u = m.model.create_vector();
+  SS_TRY(VecCopy(m.start, u));
+  row.method = method.name();
+  row.implicit = method.implicit;
+  std::unique_ptr<Integrator> made;
+  try {
+    made = std::make_unique<Integrator>(m.model, m.fixed(method, first), u, prefix);
+  } catch (const UsageError& e) {
+    row.how = row.wrong = std::string("refused: ") + e.what();
+    return row;
+  }
+  const Integrator& integrator = *made;
+  row.implicit = to_string(integrator.report().implicit);
+  StepForecast forecast(m.model, u, integrator);
+  const double longest = m.t_end / 8;
+  if (forecast.explodes(longest, m.t_end)) {
+    row.theory = forecast.limit(longest, m.t_end);
+    first = std::min(first, *row.theory / 2);
+  }
+  m.find_shortest(method, row, forecast);
+  m.find_damping(method, row, forecast);
+  m.scan(method, row, first);
+  return row;
+}
+
+}  // namespace stickslip

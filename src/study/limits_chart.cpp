@@ -1,0 +1,181 @@
+// The command `chart -chart_kind limits`: rows of limits.hpp over grids, orders and values of a parameter.
+#include <algorithm>
+#include <numeric>
+
+#include "base/progress.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/output/summary.hpp"
+#include "stickslip/study/limits.hpp"
+#include "stickslip/time/methods.hpp"
+#include "study/row_table.hpp"
+
+namespace stickslip {
+
+namespace {
+
+const std::vector<std::string>& default_methods() {
+  static const std::vector<std::string> list = {
+      "rk:5dp",           "rk:3bs",          "rk:4",           "rk:8vr",         "euler",        "ssp:rks3",
+      "arkimex:3:friction", "arkimex:3:wave",  "arkimex:3:both", "arkimex:4:friction", "arkimex:4:wave",
+      "arkimex:4:both",   "arkimex:1bee:both", "rosw:ra34pw2", "rosw:4l",        "bdf:2",        "bdf:4",
+      "theta",            "cn",              "beuler",         "alpha"};
+  return list;
+}
+
+std::vector<MethodSpec> wanted_methods(const Options& options) {
+  std::vector<MethodSpec> choices;
+  std::vector<std::string> names = options.words("chart_methods");
+  if (names.empty()) names = default_methods();
+  if (names == std::vector<std::string>{"all"}) {
+    names.clear();
+    for (const Method& m : methods()) {
+      if (m.kind != MethodKind::imex) names.push_back(m.name());
+      else
+        for (const char* split : {"friction", "wave", "both"}) names.push_back(m.name() + ":" + split);
+    }
+  }
+  for (const std::string& name : names) choices.push_back(MethodSpec::parse("-chart_methods", name));
+  return choices;
+}
+
+// `parameter`: "" where nothing varies.
+std::vector<Column<LimitRow>> limit_columns(const std::string& parameter) {
+  using Row = const LimitRow&;
+  const auto step = [](const char* name, const char* what, std::optional<double> LimitRow::*member) {
+    return Column<LimitRow>{name, {name, "time", what}, [=](Row r) { return cell_of(r.*member); }};
+  };
+  const auto text = [](const char* name, const char* what, std::string LimitRow::*member) {
+    return Column<LimitRow>{name, {name, "1", what}, [=](Row r) -> Cell { return r.*member; }, true};
+  };
+  const bool varied = !parameter.empty();
+  return {
+      text("method", "method", &LimitRow::method),
+      text("implicit", "what is implicit", &LimitRow::implicit),
+      {"order", {"order", "1", "order in space"}, [](Row r) -> Cell { return std::int64_t(r.order); }},
+      {"n", {"n", "1", "nodes"}, [](Row r) -> Cell { return std::int64_t(r.n); }},
+      {"value", {"value", "1", varied ? parameter : "nothing varies"},
+       [=](Row r) { return varied ? Cell(r.value) : Cell(); }},
+      step("theory", "stability limit of the linearised operator", &LimitRow::theory),
+      step("limit", "longest step of a run that ends within bounds", &LimitRow::limit),
+      text("how", "what happens beyond limit", &LimitRow::how),
+      step("followed", "longest step with the true regime, amplitude and speed", &LimitRow::followed),
+      text("wrong", "what is wrong beyond followed", &LimitRow::wrong),
+      step("shortest_theory", "step from which the shortest wave should grow falsely", &LimitRow::shortest_theory),
+      step("shortest", "step from which it does", &LimitRow::shortest),
+      step("damps_theory", "step from which sliding's perturbations should decay", &LimitRow::damps_theory),
+      step("damps", "step from which they do", &LimitRow::damps),
+      {"longest", {"longest", "time", "longest step tried"}, [](Row r) -> Cell { return r.longest; }},
+      {"warned", {"warned", "1", "1 where every failure was told"}, [](Row r) -> Cell { return r.warned; }},
+      {"runs", {}, [](Row r) -> Cell { return std::int64_t(r.runs); }},
+  };
+}
+
+void write_file(const Options& options, const Provenance& provenance, const std::vector<LimitRow>& rows,
+                const std::string& parameter) {
+  ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
+  file.attribute("chart_kind", "limits");
+  file.attribute("parameter", parameter);
+  std::vector<double> number(rows.size());
+  std::iota(number.begin(), number.end(), 0);
+  file.scale({"row", "1", "number of the row"}, number);
+  add_columns(file, limit_columns(parameter), rows);
+  file.write();
+}
+
+// A scene of the chart, and the value in it of what varies.
+struct Varied {
+  Options options;
+  double value;
+};
+
+// Values, orders, grids. Throws UsageError.
+std::vector<Varied> varied_scenes(const Options& options, const OptionSpec* parameter) {
+  std::vector<double> values = options.reals("chart_values");
+  if (values.empty()) values = {0};
+  std::vector<PetscInt> orders = options.integers("chart_orders"), grids = options.integers("chart_grids");
+  if (orders.empty()) orders = {options.integer("grid_order")};
+  if (grids.empty()) grids = {options.integer("grid_n")};
+  std::vector<Varied> scenes;
+  for (const double value : values)
+    for (const PetscInt order : orders)
+      for (const PetscInt n : grids) {
+        Options o = parameter ? options.with(parameter->name, value) : options;
+        o = o.with("grid_n", std::to_string(n));
+        if (o.text("model_form") != "chain") o = o.with("grid_order", std::to_string(order));
+        (void)Scene::from(o, false);
+        scenes.push_back({o, value});
+      }
+  return scenes;
+}
+
+// chart_parameter, nullptr where it is not set. Throws UsageError.
+const OptionSpec* parameter_of(const Options& options) {
+  const std::string parameter = options.text("chart_parameter");
+  if (parameter.empty() != options.reals("chart_values").empty())
+    throw UsageError(parameter.empty() ? "-chart_values " + options.text("chart_values") + ": without chart_parameter"
+                                       : "-chart_parameter " + parameter + ": needs chart_values, e.g. 3,30,300");
+  const OptionSpec* spec = parameter.empty() ? nullptr : find_option(parameter);
+  if (!parameter.empty() && (!spec || (spec->type != OptionType::real && spec->type != OptionType::integer)))
+    throw UsageError("-chart_parameter " + quoted(parameter) +
+                     ": no such option that takes a number; give one, such as model_gamma");
+  return spec;
+}
+
+void print_table(const std::vector<LimitRow>& rows, bool varied) {
+  const char* format = varied ? "%-6s %-16s %-9s %5s %6s %9s %9s %9s %9s %-22s %9s %-36s %9s %9s\n"
+                              : "%s%-16s %-9s %5s %6s %9s %9s %9s %9s %-22s %9s %-36s %9s %9s\n";
+  SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, varied ? "value" : "", "method", "implicit", "order", "n", "shortest:",
+                     "theory", "limit:", "theory", "beyond", "followed", "beyond", "damps:", "theory"));
+  const auto shown = [](const std::optional<double>& x) { return x ? rounded_text(*x) : std::string("-"); };
+  for (const LimitRow& r : rows)
+    SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, varied ? rounded_text(r.value).c_str() : "", r.method.c_str(),
+                       r.implicit.c_str(), std::to_string(r.order).c_str(), std::to_string(r.n).c_str(),
+                       shown(r.shortest).c_str(), shown(r.shortest_theory).c_str(), shown(r.limit).c_str(),
+                       shown(r.theory).c_str(), r.how.c_str(), shown(r.followed).c_str(), r.wrong.c_str(),
+                       shown(r.damps).c_str(), shown(r.damps_theory).c_str()));
+}
+
+}  // namespace
+
+int chart_limits(const Options& options) {
+  const Provenance provenance = Provenance::of("chart", options.all());
+  check_outputs(options.text("out_file"), options.text("summary"));
+  Summary summary(provenance, {"rows", "best", "reference_error", "silent"}, options.text("summary"));
+  const std::vector<MethodSpec> choices = wanted_methods(options);
+  const OptionSpec* spec = parameter_of(options);
+  const std::string parameter = spec ? spec->name : "";
+  const std::vector<Varied> scenes = varied_scenes(options, spec);
+  check_unused_after_setup(options, "ts snes ksp pc");
+  return with_summary(summary, [&] {
+    std::vector<LimitRow> rows;
+    Progress progress(options.text("progress"), "limits: ");
+    const std::size_t all = scenes.size() * choices.size();
+    Json list = Json::array();
+    for (const Varied& scene : scenes) {
+      Limits limits(scene.options);
+      for (const MethodSpec& choice : choices) {
+        if (progress.due())
+          progress.show("row " + std::to_string(rows.size() + 1) + " of " + std::to_string(all) +
+                        progress.left(double(rows.size()) / double(all)) + " (" + choice.name() +
+                        (choice.splits() ? ":" + choice.implicit : "") + ")");
+        rows.push_back(limits.row(choice));
+        rows.back().value = scene.value;
+        list.push_back(json_of(limit_columns(parameter), rows.back()));
+        list.back()["silent"] = rows.back().silent;
+        summary.set("rows", list);
+      }
+    }
+    summary.set("silent", std::count_if(rows.begin(), rows.end(), [](const LimitRow& r) { return !r.warned; }));
+    for (const LimitRow& r : rows)
+      if (!r.warned)
+        warn(r.method + " (" + r.implicit + " implicit) went wrong at ts_dt " + number_text(r.silent.front()) +
+             " (" + r.wrong + ") without a word");
+    write_file(options, provenance, rows, parameter);
+    if (options.text("summary") != "-") print_table(rows, spec != nullptr);
+    return 0;
+  });
+}
+
+}  // namespace stickslip

@@ -1,0 +1,59 @@
+#include "stickslip/study/run_layout.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/model/friction.hpp"
+#include "stickslip/model/linear_point.hpp"
+#include "stickslip/model/stencil.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// Velocities for the table of friction: every hundredth up to 4, and both signs of 1e-12 ... 1e3, twelve a decade, for
+// laws that live on a logarithmic axis.
+std::vector<double> table_velocities() {
+  std::vector<double> psi;
+  for (int k = -400; k <= 400; ++k) psi.push_back(k / 100.0);
+  for (int k = -144; k <= 36; ++k)
+    for (const double sign : {-1.0, 1.0}) psi.push_back(sign * std::pow(10.0, k / 12.0));
+  std::sort(psi.begin(), psi.end());
+  psi.erase(std::unique(psi.begin(), psi.end()), psi.end());
+  return psi;
+}
+
+// Uniform sliding at psi = v. The conditions of Routh and Hurwitz are linear in K0 + K1 kappa^2, so that it is enough to
+// look at both ends of its range.
+bool stable_sliding(const Scene& scene, const Partials& F, const RatePartials& g) {
+  const LinearPoint point(scene, F, g);
+  return point.stable(0) && point.stable(largest_symbol(scene.order, scene.h()));
+}
+
+}  // namespace
+
+RunLayout run_layout(const Scene& scene) {
+  RunLayout layout;
+  for (PetscInt i = 0; i < scene.n; ++i) layout.x.push_back(scene.x(i));
+  layout.fields = {standard_field("psi"), standard_field("eta")};
+  if (scene.friction.has_state()) layout.fields.push_back(standard_field(state_name(scene.friction.state)));
+  layout.numbers = {{"A", scene.A()},   {"B", scene.B()},           {"K0", scene.K0()},
+                    {"K1", scene.K1()}, {"s_delta", scene.s_delta()}, {"v", scene.v}};
+  const auto friction = Friction::of(scene.friction);
+  for (const double psi : table_velocities()) {
+    const double F = friction->force(psi, friction->steady_state(psi));
+    if (!std::isfinite(F)) continue;  // theta at rest has no steady value
+    layout.friction_psi.push_back(psi);
+    layout.friction_F.push_back(F);
+  }
+  const double s = friction->steady_state(scene.v);
+  const bool sliding = scene.v != 0 || !friction->sticks;  // friction that sticks has no slope at rest
+  if (std::isfinite(s) && sliding) {
+    const Partials F = friction->partials(scene.v, s);
+    layout.numbers["steady_eta"] = scene.B() * scene.v + F.F;
+    layout.numbers["steady_stable"] = stable_sliding(scene, F, friction->rate_partials(scene.v, s));
+  }
+  return layout;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,198 @@
+// A ladder of tolerances: where there is no grid to refine (the chain, uniform motion).
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/base/error.hpp"
+#include "study/ladder.hpp"
+
+namespace stickslip {
+
+namespace {
+
+class ToleranceLadder final : public Ladder {
+ public:
+  ToleranceLadder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs)
+      : request_(request), setting_(setting), runs_(runs), aim_(request.wanted) {}
+
+  void choose() override;
+  double estimate(const Fields& end) override;
+  void refine() override;
+  bool settle() override;
+  std::string foreseen() const override {
+    return std::isnan(in_time_) ? "" : "; error foreseen in time " + rounded_text(in_time_, 2);
+  }
+
+ private:
+  double first() const { return std::clamp(10 * aim_, 1e-12, loosest()); }
+  double loosest() const { return setting_.method.is_explicit() ? 1e-2 : 1e-4; }
+  double wished() const;
+  double slope() const;
+  double time_foreseen(double tolerance) const;
+  bool place_or_go_on(double& next);
+  void place(double wish);
+  void add(Level made);
+  double estimate_in_time(const Level& now, double d) const;
+  [[noreturn]] void give_up_at(double tolerance, double error) const;
+
+  const AccuracyRequest& request_;
+  Setting& setting_;
+  LevelRuns& runs_;
+  double aim_;                     // below the request after a refinement
+  std::vector<Level> levels_;      // loose to strict
+  std::vector<double> distances_;  // of levels k and k + 1: the error of level k
+  double in_time_ = NAN;           // foreseen of the run
+  Level last_run_;                 // what estimate() saw
+  double last_estimate_ = 0;
+};
+
+double ToleranceLadder::slope() const {
+  const double usual = setting_.method.is_explicit() ? 1 : 0.75, most = setting_.method.is_explicit() ? 1.25 : 0.75;
+  const std::size_t known = distances_.size();
+  if (known < 2) return usual;
+  return std::clamp(std::log(distances_[known - 2] / distances_[known - 1]) /
+                        std::log(levels_[known - 2].tolerance / levels_[known - 1].tolerance), 0.5, most);
+}
+
+double ToleranceLadder::time_foreseen(double tolerance) const {
+  return distances_.back() * std::pow(tolerance / levels_[levels_.size() - 2].tolerance, slope());
+}
+
+// The tolerance that should do.
+double ToleranceLadder::wished() const {
+  return levels_[levels_.size() - 2].tolerance * std::pow(share_in_all * aim_ / distances_.back(), 1 / slope());
+}
+
+void ToleranceLadder::add(Level made) {
+  if (!levels_.empty()) distances_.push_back(std::max(runs_.difference(levels_.back(), made), 1e-300));
+  levels_.push_back(std::move(made));
+}
+
+void ToleranceLadder::give_up_at(double tolerance, double error) const {
+  throw OutOfReach{"at tolerance " + rounded_text(tolerance, 2) + " the error in time is still about " +
+                   rounded_text(error, 2) + " (the motion amplifies what is lost)"};
+}
+
+void ToleranceLadder::choose() {
+  double next = request_.tolerance_open ? first() : setting_.tolerance / loosened;
+  for (;;) {
+    std::string failed;
+    Level made = runs_.run(request_.scene.n, next, failed);
+    if (!failed.empty()) {
+      if (!request_.method_open || setting_.method.is_explicit())
+        throw OutOfReach{setting_.method.name() + " at tolerance " + rounded_text(next, 2) + ": " + failed};
+      runs_.take_explicit();
+      next = first();
+      continue;
+    }
+    if (!request_.tolerance_open) {
+      levels_ = {std::move(made)};
+      return;
+    }
+    if (!levels_.empty() && made.steps == levels_.back().steps) {  // they only grew: the difference tells nothing
+      if (next <= 2 * least_tolerance) {
+        levels_.push_back(made);
+        distances_.push_back(1e-15);
+        setting_.tolerance = next;
+        in_time_ = 1e-15;
+        return;
+      }
+      next = std::max(next / 100, least_tolerance);
+      continue;
+    }
+    add(std::move(made));
+    if (levels_.size() == 1) next = std::max(levels_.back().tolerance / loosened, least_tolerance);
+    else if (place_or_go_on(next)) return;
+  }
+}
+
+// Places the run where the last level foresees it, or says where the next level is to be.
+bool ToleranceLadder::place_or_go_on(double& next) {
+  const Level& last = levels_.back();
+  const double d = distances_.back(), wish = wished();
+  if (last.tolerance <= 2 * least_tolerance && d > aim_) give_up_at(last.tolerance, d);
+  if (runs_.prefers_explicit(last.seconds * std::pow(last.tolerance / wish, 1. / 3), request_.scene.n)) {
+    runs_.take_explicit();
+    levels_.clear();
+    distances_.clear();
+    next = first();
+    return false;
+  }
+  const bool early = setting_.method.is_explicit() && d > 1e-3;  // before errors fall as they will
+  if (wish >= last.tolerance / (early ? 100 : loosened) || last.tolerance <= 2 * least_tolerance) {
+    place(wish);
+    return true;
+  }
+  next = std::max({10 * wish, last.tolerance / 1000, least_tolerance});
+  if (next > last.tolerance / 3) next = last.tolerance / loosened;
+  return false;
+}
+
+void ToleranceLadder::place(double wish) {
+  // close to the last level the distance from it would tell nothing
+  const double last = levels_.back().tolerance, off = setting_.method.is_explicit() ? 3 : 2;
+  if (wish > last / off && wish < last * off) {
+    const bool looser = !setting_.method.is_explicit() && time_foreseen(last * off) < 0.85 * request_.wanted;
+    wish = looser ? last * off : last / off;
+  }
+  setting_.tolerance = std::clamp(wish, least_tolerance, 3 * loosest());
+  in_time_ = time_foreseen(setting_.tolerance);
+}
+
+bool ToleranceLadder::settle() {
+  if (distances_.empty()) return false;
+  setting_.tolerance = levels_.back().tolerance;
+  in_time_ = time_foreseen(setting_.tolerance);
+  return true;
+}
+
+double ToleranceLadder::estimate_in_time(const Level& now, double d) const {
+  if (!request_.tolerance_open) return 1.2 * d;
+  const Level& last = levels_.back();
+  const double x = last.tolerance / now.tolerance;
+  if (x < 0.7) return d / (1 - std::pow(x, slope()));
+  if (x < 1) return std::max(d, time_foreseen(now.tolerance));
+  const double usual = slope();
+  if (d < 0.01 * time_foreseen(now.tolerance)) return time_foreseen(last.tolerance);  // the level's own steps
+  if (x < 3) return std::max(time_foreseen(now.tolerance), x > 1.5 ? d / (std::pow(x, usual) - 1) : 0);
+  const double of_last = d / (1 - std::pow(x, -usual));
+  const double seen = std::clamp(std::log(distances_.back() / of_last) /
+                                     std::log(levels_[levels_.size() - 2].tolerance / last.tolerance), 0.5, 1.);
+  return of_last * std::pow(x, -std::min(seen, std::max(usual, 0.75)));
+}
+
+double ToleranceLadder::estimate(const Fields& end) {
+  last_run_ = {request_.scene, setting_.tolerance, end, 0, 0};
+  const double d = std::max(runs_.difference(levels_.back(), last_run_), 1e-300);
+  last_estimate_ =
+      (last_run_.tolerance > levels_.back().tolerance ? 1.1 : 1.4) * estimate_in_time(last_run_, d);
+  return last_estimate_;
+}
+
+void ToleranceLadder::refine() {
+  const double before = setting_.tolerance;
+  if (!request_.tolerance_open)
+    throw OutOfReach{"at the tolerance " + rounded_text(before, 2) + " as set the error is about " +
+                     rounded_text(last_estimate_, 2)};
+  aim_ *= 0.7;
+  const Level& last = levels_.back();
+  if (before < last.tolerance / 2) {
+    add(last_run_);
+  } else if (before > 1.5 * last.tolerance && before < levels_[levels_.size() - 2].tolerance) {
+    distances_.back() = std::max(runs_.difference(last, last_run_), 1e-300);
+    levels_[levels_.size() - 2] = last_run_;
+    if (distances_.size() > 1)
+      distances_[distances_.size() - 2] = runs_.difference(levels_[levels_.size() - 3], last_run_);
+  }
+  if (before <= 2 * least_tolerance) give_up_at(before, last_estimate_);
+  setting_.tolerance =
+      std::clamp(std::min({wished(), before / 3, levels_.back().tolerance / 3}), least_tolerance, before);
+  in_time_ = time_foreseen(setting_.tolerance);
+}
+
+}  // namespace
+
+std::unique_ptr<Ladder> tolerance_ladder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs) {
+  return std::make_unique<ToleranceLadder>(request, setting, runs);
+}
+
+}  // namespace stickslip

@@ -1,0 +1,245 @@
+#include "study/work_precision.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/output/reader.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double margin = 100;  // a row's error over that of the reference, at least
+
+PetscInt doubled(const Scene& scene, PetscInt n) { return scene.ring() ? 2 * n : 2 * (n - 1) + 1; }
+
+// A value of which `uncertainty` is less than one part in `margin`.
+std::optional<double> resolved(double value, double uncertainty) {
+  if (std::isnan(uncertainty)) return value;
+  return value >= margin * uncertainty ? std::optional<double>(value) : std::nullopt;
+}
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t middle = values.size() / 2;
+  return values.size() % 2 ? values[middle] : (values[middle - 1] + values[middle]) / 2;
+}
+
+}  // namespace
+
+PetscInt halved(const Scene& scene, PetscInt n, int order) {
+  const PetscInt cells = scene.ring() ? n : n - 1;
+  const PetscInt half = cells / 2 + (scene.ring() ? 0 : 1);
+  return cells % 2 == 0 && half >= order + 1 ? half : 0;
+}
+
+WorkPrecision::WorkPrecision(const Options& options)
+    : options_(options), scene_(Scene::from(options, false)), settings_(chart_settings(options)),
+      progress_(options.text("progress"), "chart: "), reference_error_(NAN) {}
+
+std::optional<double> WorkPrecision::reference_error() const {
+  return std::isnan(reference_error_) ? std::nullopt : std::optional<double>(reference_error_);
+}
+
+// ---- references ----
+
+void WorkPrecision::find_references() {
+  if (options_.text("chart_reference") != "auto") read_reference();
+  else if (has_grid_limit(options_, scene_)) refine_reference();
+  for (const Setting& s : settings_) (void)converged(s.order, s.n);
+  if (reference_) return;
+  reference_error_ = 0;
+  for (const Setting& s : settings_)
+    reference_error_ = std::max(reference_error_, converged(s.order, s.n).time_error);
+}
+
+const Converged& WorkPrecision::converged(int order, PetscInt n) {
+  const auto key = std::make_pair(order, n);
+  const auto it = converged_.find(key);
+  if (it != converged_.end()) return it->second;
+  if (progress_.due()) progress_.show("reference, n = " + std::to_string(n) + ", order " + std::to_string(order));
+  return converged_[key] = converge_in_time(options_, order, n, options_.real("chart_reference_seconds"));
+}
+
+void WorkPrecision::read_reference() {
+  const std::string path = options_.text("chart_reference");
+  const Frame frame = read_frame("chart_reference", path);
+  const std::string says = "chart_reference " + quoted(path) + ": ";
+  const double t_end = options_.real("ts_max_time");
+  if (std::abs(frame.t - t_end) > 1e-12 * (1 + t_end))
+    throw UsageError(says + "its last frame is at t = " + number_text(frame.t) + ", ts_max_time is " +
+                     number_text(t_end));
+  Converged c;
+  c.scene = scene_;
+  c.scene.n = PetscInt(frame.x.size());
+  c.scene.order = std::min(possible_orders(scene_).back(), int(c.scene.n) - 1);
+  for (PetscInt i = 0; i < c.scene.n; ++i)
+    if (std::abs(frame.x[std::size_t(i)] - c.scene.x(i)) > 1e-9 * (1 + c.scene.length))
+      throw UsageError(says + "its nodes are not those of a grid over this scene's length " +
+                       number_text(c.scene.length) + " with its ends");
+  c.fields = {frame.fields.at("psi"), frame.fields.at("eta"), {}};
+  if (!scene_.friction.has_state()) c.fields.F = friction_between(scene_, c.fields.psi, {});
+  reference_ = c;
+  reference_error_ = NAN;
+  reference_text_ = "frame at t = " + number_text(frame.t) + " of '" + path + "', " + std::to_string(c.scene.n) +
+                    " nodes; its error is not known";
+  warn("chart_reference '" + path + "': its own error is not known; errors below it are not those of the rows");
+}
+
+void WorkPrecision::refine_reference() {
+  const int order = possible_orders(scene_).back();
+  PetscInt largest = 0;
+  for (const Setting& s : settings_) largest = std::max(largest, s.n);
+  std::vector<PetscInt> grids;
+  if (const PetscInt half = halved(scene_, largest, order)) grids.push_back(half);
+  grids.push_back(std::max<PetscInt>(largest, order + 1));
+  double before = NAN, last = NAN;
+  for (std::size_t k = 0;; ++k) {
+    if (k == grids.size()) grids.push_back(doubled(scene_, grids.back()));
+    const Converged& fine = converged(order, grids[k]);
+    if (!fine.failed.empty()) {
+      if (!reference_) throw Failure("no reference: n = " + std::to_string(grids[k]) + ": " + fine.failed);
+      break;
+    }
+    if (k > 0) {
+      before = last;
+      last = difference(converged(order, grids[k - 1]), fine);
+    }
+    if (k < 1) continue;
+    if (k > 1 && last > before && last < 1e-6) {  // round-off, which grows with 1/h^2: the grid before was the better
+      reference_error_ = last + reference_->time_error;
+      reference_text_ = described(before, last, order) + "; finer grids are worse by round-off";
+      break;
+    }
+    const double in_space = k > 1 ? error_of_finest(before, last, order) : 2 * last;
+    reference_ = fine;
+    reference_error_ = in_space + fine.time_error;
+    reference_text_ = described(before, last, order);
+    if (last <= fine.time_error) break;
+    if (k > 1 && reference_suffices(in_space, fine)) break;
+    if (4 * fine.seconds > 3 * options_.real("chart_reference_seconds")) break;  // the next grid would take that long
+  }
+}
+
+// Whether no row needs a better one, or a finer grid would not make it one.
+bool WorkPrecision::reference_suffices(double in_space, const Converged& fine) {
+  if (in_space <= fine.time_error) return true;
+  double smallest = std::numeric_limits<double>::infinity();
+  for (const Setting& s : settings_) {
+    const Converged& c = converged(s.order, s.n);
+    if (c.failed.empty())
+      smallest = std::min(smallest, distance(c.fields, resample(fine.fields, fine.scene, c.scene)));
+  }
+  return reference_error_ * 2 * margin <= smallest;
+}
+
+std::string WorkPrecision::described(double before, double last, int order) const {
+  return "n = " + std::to_string(reference_->scene.n) + ", order " + std::to_string(order) + ", " +
+         reference_->method + "; differences of the last grids " +
+         (std::isnan(before) ? "" : number_text(before) + ", ") + number_text(last) + ", error in time " +
+         number_text(reference_->time_error);
+}
+
+// Of two grids: at the nodes of the coarser one and at those of every row.
+double WorkPrecision::difference(const Converged& coarse, const Converged& fine) const {
+  double largest = distance(coarse.fields, resample(fine.fields, fine.scene, coarse.scene));
+  std::vector<PetscInt> seen;
+  for (const Setting& s : settings_) {
+    if (std::find(seen.begin(), seen.end(), s.n) != seen.end()) continue;
+    seen.push_back(s.n);
+    Scene at = scene_;
+    at.n = s.n;
+    largest = std::max(largest, distance(resample(coarse.fields, coarse.scene, at),
+                                         resample(fine.fields, fine.scene, at)));
+  }
+  return largest;
+}
+
+// ---- rows ----
+
+void WorkPrecision::run_rows() {
+  progress_.restart_clock();
+  for (const Setting& s : settings_) {
+    const std::size_t done = rows_.size(), all = settings_.size();
+    if (progress_.due())
+      progress_.show("row " + std::to_string(done + 1) + " of " + std::to_string(all) +
+                     progress_.left(double(done) / double(all)) + " (" + s.method.name() + ", n = " +
+                     std::to_string(s.n) + ", order " + std::to_string(s.order) + ")");
+    rows_.push_back(measure(s));
+  }
+}
+
+ChartRow WorkPrecision::measure(const Setting& s) {
+  ChartRow row;
+  row.setting = s;
+  row.method = s.method.name();
+  row.implicit = s.method.implicit;
+  if (looser_took_too_long(s)) {
+    row.failed = "not run: a looser " + std::string(s.method.has_estimate() ? "tolerance" : "step") +
+                 " took too long already";
+    return row;
+  }
+  const Trial trial = repeated(s, row);
+  if (row.failed.empty()) compare(trial.end, row);
+  return row;
+}
+
+bool WorkPrecision::looser_took_too_long(const Setting& s) const {
+  return std::any_of(rows_.begin(), rows_.end(), [&](const ChartRow& other) {
+    const Setting& o = other.setting;
+    return other.failed.rfind("stopped", 0) == 0 && o.method.name() == s.method.name() &&
+           o.method.implicit == s.method.implicit && o.order == s.order && o.n == s.n &&
+           (s.method.has_estimate() ? s.tolerance <= o.tolerance : s.step <= o.step);
+  });
+}
+
+// Runs chart_repeats times, as far as chart_row_seconds last, and puts what it costs into the row.
+Trial WorkPrecision::repeated(const Setting& s, ChartRow& row) const {
+  const double limit = options_.real("chart_row_seconds");
+  const auto repeats = std::size_t(options_.integer("chart_repeats"));
+  std::vector<double> seconds;
+  Trial trial;
+  double spent = 0;
+  while (seconds.size() < repeats && (seconds.empty() || spent + seconds.back() < limit)) {
+    trial = run_trial(options_, s, "", limit);
+    seconds.push_back(trial.seconds);
+    spent += trial.seconds;
+    if (!trial.failed.empty()) break;
+  }
+  row.seconds = median(seconds);
+  row.repeats = int(seconds.size());
+  row.method = trial.method;
+  row.implicit = trial.implicit;
+  row.steps = trial.steps;
+  row.rejections = trial.rejections;
+  row.rhs_evaluations = trial.rhs_evaluations;
+  row.warnings = trial.warnings;
+  row.failed = trial.failed;
+  return trial;
+}
+
+void WorkPrecision::compare(const Fields& end, ChartRow& row) {
+  const Setting& s = row.setting;
+  const Converged& c = converged(s.order, s.n);
+  const bool in_time = c.failed.empty();
+  if (in_time) row.error_time = resolved(distance(end, c.fields), c.time_error);
+  if (!reference_ && !in_time) {
+    row.failed = "no reference: " + c.failed;
+    return;
+  }
+  if (reference_) {
+    Scene here = scene_;
+    here.n = s.n;
+    const Fields exact = resample(reference_->fields, reference_->scene, here);
+    row.error = resolved(distance(end, exact), reference_error_);
+    if (in_time && has_grid_limit(options_, scene_))
+      row.error_space = resolved(distance(c.fields, exact), reference_error_);
+  } else {
+    row.error = row.error_time;
+  }
+  if (!row.error) row.failed = "its error is below what the reference resolves";
+}
+
+}  // namespace stickslip

@@ -1,0 +1,149 @@
+#include "time/choice.hpp"
+
+#include <cmath>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/time/stick.hpp"
+#include "time/fused_ts.hpp"
+
+namespace stickslip {
+
+std::string to_string(Implicit implicit) {
+  switch (implicit) {
+    case Implicit::friction:
+      return "friction";
+    case Implicit::wave:
+      return "wave";
+    case Implicit::both:
+      return "both";
+    default:
+      return "none";
+  }
+}
+
+namespace {
+
+// The rate of friction over the velocities that a run will meet, not at the start alone.
+double friction_rate_ahead(const Model& model, Vec u) {
+  double rate = model.friction_rate(u);
+  const Scene& s = model.scene();
+  const SlopesAhead ahead = model.friction_law().slopes_ahead;
+  const double steepest = std::max(ahead.falling, ahead.rising);
+  if (steepest > 0) rate = std::max(rate, s.A() * (s.B() + steepest));
+  if (model.dof() == 3 && s.v != 0) rate = std::max(rate, -model.state_rate(s.v, model.steady_state(s.v)).g_state);
+  return rate;
+}
+
+// What is worth taking implicitly.
+Implicit stiff_part(const Rates& rates, bool sticks) {
+  if (rates.stiff_friction) return rates.stiff_wave ? Implicit::both : Implicit::friction;
+  if (rates.stiff_wave) return sticks ? Implicit::both : Implicit::wave;
+  return Implicit::none;
+}
+
+Implicit implicit_of(const std::string& type, const std::string& wish, Implicit stiff, const Rates& rates,
+                     bool sticks) {
+  const bool wants_imex = wish != "auto" && wish != "none";
+  switch (offered_type(type).kind) {
+    case MethodKind::explicit_:
+      if (wants_imex)
+        throw UsageError("imex_implicit " + wish + ": ts_type " + type +
+                         " is explicit; use ts_type arkimex, or imex_implicit none");
+      return Implicit::none;
+    case MethodKind::imex:
+      if (wish == "none") return Implicit::none;
+      if (wants_imex)
+        return wish == "friction" ? Implicit::friction : wish == "wave" ? Implicit::wave : Implicit::both;
+      if (stiff != Implicit::none) return stiff;
+      return sticks || rates.friction >= rates.wave ? Implicit::friction : Implicit::wave;
+    default:
+      if (wish != "auto" && wish != "both")
+        throw UsageError("imex_implicit " + wish + ": ts_type " + type +
+                         " does not split; use ts_type arkimex, or imex_implicit both");
+      return Implicit::both;
+  }
+}
+
+// Whether the user tunes the solvers of the library's own steps, which then take them.
+bool tunes_solvers(const std::string& prefix) {
+  char* all;
+  SS_TRY(PetscOptionsGetAll(nullptr, &all));
+  const std::string text = " " + std::string(all ? all : "");
+  SS_TRY(PetscFree(all));
+  for (const char* begin : {"snes_", "ksp_", "pc_", "ts_arkimex_fully_implicit", "ts_arkimex_initial_guess_extrapolate",
+                            "ts_max_snes_failures"})
+    if (text.find(" -" + prefix + begin) != std::string::npos) return true;
+  return false;
+}
+
+// What is taken tile by tile: rk, and arkimex with friction implicit.
+bool can_be_fused(const std::string& type, Implicit implicit, const std::string& prefix) {
+  return type == TSRK || (type == TSARKIMEX && implicit == Implicit::friction && !tunes_solvers(prefix));
+}
+
+}  // namespace
+
+bool user_set(const std::string& prefix, const std::string& option) {
+  PetscBool set;
+  SS_TRY(PetscOptionsHasName(nullptr, prefix.c_str(), ("-" + option).c_str(), &set));
+  return set;
+}
+
+Rates rates_of(const Model& model, Vec u) {
+  const double wave = model.wave_frequency(), friction = friction_rate_ahead(model, u);
+  // An accurate step of the explicit pair resolves times of order 0.1 in the scene's own unit of time,
+  // 1/sqrt(A K0), the period of a free block; it is stable up to about 3 over the fastest frequency.
+  const double own = std::sqrt(model.scene().A() * model.scene().K0());
+  const double accurate = 40 * (own > 0 ? own : 1);
+  // At equal error a step with implicit friction costs some 30 explicit ones, one with an implicit wave some 60
+  // (docs/chart.md), with PETSc's own implicit steps; docs/methods.md says what tile by tile makes of the first.
+  // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no bound.
+  const bool creeps = model.friction_law().steep;
+  return {wave, friction, creeps || friction > 30 * std::max(wave, accurate), wave > 60 * std::max(friction, accurate)};
+}
+
+Choice choose_method(const Model& model, const Rates& rates, const MethodSpec& spec, const std::string& prefix) {
+  const FrictionParameters& law = model.scene().friction;
+  const bool sticks = Stick::applies_to(model.scene());
+  const Implicit stiff = stiff_part(rates, sticks);
+  const bool wants_imex = spec.implicit != "auto" && spec.implicit != "none";
+  // A smoothed threshold is so steep that Newton's method takes many rounds a stage: the Rosenbrock method, which
+  // takes one, costs a third at the same error (docs/chart.md).
+  const bool threshold = rates.stiff_friction && law.law->jumps_at_rest && law.regularised;
+  Choice choice{wants_imex ? TSARKIMEX : stiff == Implicit::none ? TSRK : threshold ? TSROSW : TSARKIMEX,
+                "", Implicit::none, spec.fused, false};
+  std::string wanted = spec.type;
+  char name[128];
+  PetscBool set;
+  SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), "-ts_type", name, sizeof name, &set));
+  if (set) wanted = name;
+  if (const std::string library = FusedTs::library_type(wanted); !library.empty()) {
+    wanted = library;
+    choice.fused = choice.named_fused = true;
+  }
+  if (!wanted.empty()) {
+    check_type_offered(wanted);
+    choice.type = wanted;
+  }
+  if (choice.type == TSRK && stiff == Implicit::none && !wants_imex) choice.subtype = TSRK5DP;
+  // 4 is cheaper than 3, which PETSc would take; but a block that rate-and-state friction has brought to a creep of
+  // 1e-15 keeps its velocity's digits from step to step with 3 alone (measured: 4 stands still there).
+  const bool creeps = model.friction_law().steep;
+  if (choice.type == TSARKIMEX) choice.subtype = creeps ? TSARKIMEX3 : TSARKIMEX4;
+  if (!spec.subtype.empty()) choice.subtype = spec.subtype;
+  choice.implicit = implicit_of(choice.type, spec.implicit, stiff, rates, sticks);
+  if (choice.named_fused && choice.type == TSARKIMEX && spec.implicit == "auto") choice.implicit = Implicit::friction;
+  if (choice.fused) choice.fused = can_be_fused(choice.type, choice.implicit, prefix);
+  if (choice.named_fused && !choice.fused)
+    throw UsageError("ts_type " + std::string(name) + ": it takes friction implicitly, by a solver of its own; use " +
+                     "ts_type arkimex, or imex_implicit friction without options of snes, ksp and pc");
+  if (sticks && choice.implicit == Implicit::wave)
+    throw UsageError("imex_implicit wave: with friction_stick exact a node at rest is held by friction against eta, "
+                     "which this split takes apart; use friction or both, or ts_type rk");
+  if (sticks && (choice.type == TSBDF || choice.type == TSALPHA))
+    throw UsageError("ts_type " + choice.type + ": it remembers earlier steps and would have to forget them wherever "
+                     "a node starts or stops (friction_stick exact); use rk, arkimex or another one-step method");
+  return choice;
+}
+
+}  // namespace stickslip

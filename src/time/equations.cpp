@@ -1,0 +1,132 @@
+#include "time/equations.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "stickslip/base/error.hpp"
+#include "time/choice.hpp"
+
+namespace stickslip {
+
+Part Equations::explicit_part() const {
+  return implicit_ == Implicit::friction ? Part::stencil : implicit_ == Implicit::wave ? Part::reaction : Part::full;
+}
+Part Equations::implicit_part() const {
+  return implicit_ == Implicit::wave ? Part::wave : implicit_ == Implicit::both ? Part::full : Part::pointwise;
+}
+
+PetscErrorCode Equations::RHSFunction(TS, PetscReal, Vec u, Vec f, void* context) {
+  return guarded([&] {
+    const auto& self = *static_cast<Equations*>(context);
+    self.model_.rhs(self.explicit_part(), u, f);
+  });
+}
+
+// udot - G(u)
+PetscErrorCode Equations::IFunction(TS, PetscReal, Vec u, Vec udot, Vec f, void* context) {
+  return guarded([&] {
+    const auto& self = *static_cast<Equations*>(context);
+    if (self.has_implicit()) {
+      self.model_.rhs(self.implicit_part(), u, f);
+      SS_TRY(VecAYPX(f, -1, udot));
+    } else {
+      SS_TRY(VecCopy(udot, f));
+    }
+  });
+}
+
+// shift I - dG/du
+PetscErrorCode Equations::IJacobian(TS, PetscReal, Vec u, Vec, PetscReal shift, Mat, Mat P, void* context) {
+  return guarded([&] {
+    auto& self = *static_cast<Equations*>(context);
+    // The wave part is linear: while the shift stands, so do the matrix and its factors.
+    const bool constant = self.implicit_ == Implicit::wave || !self.has_implicit();
+    if (constant && shift == self.last_shift_) return;
+    self.model_.jacobian(self.implicit_part(), u, shift, self.has_implicit() ? -1 : 0, P);
+    self.last_shift_ = shift;
+  });
+}
+
+// Newton's step, before the line search takes it.
+PetscErrorCode Equations::TameStep(SNESLineSearch, Vec u, Vec minus_step, PetscBool* changed, void* context) {
+  return guarded([&] {
+    const auto& self = *static_cast<Equations*>(context);
+    *changed = self.model_.tame_newton_step(u, self.last_shift_, minus_step) ? PETSC_TRUE : PETSC_FALSE;
+  });
+}
+
+// The stages of a diagonally implicit step share one Jacobian, that of its first round of Newton's method: a round
+// with an old one costs a tenth of a round with a new one. It is made anew where the residual falls so slowly that
+// this pays.
+PetscErrorCode Equations::ConvergedOrRefresh(SNES snes, PetscInt round, PetscReal x, PetscReal step, PetscReal residual,
+                                             SNESConvergedReason* reason, void* context) {
+  return guarded([&] {
+    auto& self = *static_cast<Equations*>(context);
+    SS_TRY(SNESConvergedDefault(snes, round, x, step, residual, reason, nullptr));
+    const double before = std::exchange(self.last_residual_, residual);
+    if (*reason || round == 0) return;
+    PetscReal target;
+    SS_TRY(SNESGetTolerances(snes, &target, nullptr, nullptr, nullptr, nullptr));
+    const double rounds = self.implicit_ == Implicit::both ? 8 : 4;  // with an old one that cost what a new one does
+    if (!(residual * std::pow(residual / before, rounds) < target)) SS_TRY(SNESSetLagJacobian(snes, -2));
+  });
+}
+
+void Equations::begin_step(TS ts) const {
+  if (!shares_jacobian_) return;
+  SNES snes;
+  SS_TRY(TSGetSNES(ts, &snes));
+  SS_TRY(SNESSetLagJacobian(snes, -2));  // at the next round of Newton's method, which keeps it from then on
+}
+
+void Equations::attach(TS ts, MethodKind kind, double tolerance, const std::string& prefix) {
+  if (implicit_ != Implicit::both) SS_TRY(TSSetRHSFunction(ts, nullptr, RHSFunction, this));
+  if (kind == MethodKind::explicit_) return;
+  SS_TRY(TSSetIFunction(ts, nullptr, IFunction, this));
+  J_ = model_.create_jacobian(implicit_part());
+  SS_TRY(TSSetIJacobian(ts, J_, J_, IJacobian, this));
+  SNES snes;
+  KSP ksp;
+  SS_TRY(TSGetSNES(ts, &snes));
+  if (implicit_ == Implicit::wave || implicit_ == Implicit::none) {
+    SS_TRY(SNESSetType(snes, SNESKSPONLY));
+  } else {
+    shares_jacobian_ = kind == MethodKind::imex && !user_set(prefix, "snes_lag_jacobian");
+    set_newton(snes, shares_jacobian_, tolerance);
+  }
+  SS_TRY(SNESGetKSP(snes, &ksp));
+  set_linear_solver(ksp);
+}
+
+void Equations::set_newton(SNES snes, bool shares_jacobian, double tolerance) {
+  // Well below the error allowed a step, whose size the first residual has; Newton's last round squares it.
+  SS_TRY(SNESSetTolerances(snes, 1e-14, std::clamp(1e-3 * tolerance, 1e-13, 1e-9), 1e-13, 30, 10000));
+  SNESLineSearch search;
+  SS_TRY(SNESGetLineSearch(snes, &search));
+  SS_TRY(SNESLineSearchSetPreCheck(search, TameStep, this));
+  if (shares_jacobian) SS_TRY(SNESSetConvergenceTest(snes, ConvergedOrRefresh, this, nullptr));
+}
+
+void Equations::set_linear_solver(KSP ksp) const {
+  PC pc;
+  SS_TRY(KSPSetType(ksp, KSPPREONLY));
+  SS_TRY(KSPGetPC(ksp, &pc));
+  if (implicit_ == Implicit::friction || implicit_ == Implicit::none) {
+    SS_TRY(PCSetType(pc, PCPBJACOBI));
+    return;
+  }
+  int ranks;
+  MPI_Comm_size(model_.comm(), &ranks);
+  // Banded: LU in natural order costs O(n); on several ranks each factors the whole, which is still the fastest.
+  if (ranks > 1) {
+    SS_TRY(PCSetType(pc, PCREDUNDANT));
+    KSP inner;
+    SS_TRY(PCRedundantGetKSP(pc, &inner));
+    SS_TRY(KSPGetPC(inner, &pc));
+  }
+  SS_TRY(PCSetType(pc, PCLU));
+  SS_TRY(PCFactorSetMatOrderingType(pc, MATORDERINGNATURAL));
+}
+
+}  // namespace stickslip

@@ -1,0 +1,45 @@
+// The system as PETSc's time steppers ask for it, udot - G(u) = F(u), and how its implicit part G is solved.
+#pragma once
+
+#include <limits>
+#include <string>
+
+#include "stickslip/time/time.hpp"
+
+namespace stickslip {
+
+class Equations {
+ public:
+  Equations(const Model& model, Implicit implicit) : model_(model), implicit_(implicit) {}
+  Equations(const Equations&) = delete;
+  Equations& operator=(const Equations&) = delete;
+
+  // Gives `ts`, whose type stands, its callbacks and the defaults of its solvers. `tolerance`: of a step. This object
+  // must outlive `ts`. Collective.
+  void attach(TS ts, MethodKind kind, double tolerance, const std::string& prefix);
+
+  Implicit implicit() const { return implicit_; }
+  bool has_implicit() const { return implicit_ != Implicit::none; }
+  // At the beginning of a step, and of its repetition: what was kept for the stages of the last one goes.
+  void begin_step(TS ts) const;
+
+ private:
+  static PetscErrorCode RHSFunction(TS, PetscReal, Vec, Vec, void*);
+  static PetscErrorCode IFunction(TS, PetscReal, Vec, Vec, Vec, void*);
+  static PetscErrorCode IJacobian(TS, PetscReal, Vec, Vec, PetscReal, Mat, Mat, void*);
+  static PetscErrorCode TameStep(SNESLineSearch, Vec, Vec, PetscBool*, void*);
+  static PetscErrorCode ConvergedOrRefresh(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason*,
+                                           void*);
+  void set_newton(SNES snes, bool shares_jacobian, double tolerance);
+  void set_linear_solver(KSP ksp) const;
+  Part explicit_part() const;
+  Part implicit_part() const;
+
+  const Model& model_;
+  Implicit implicit_;
+  MatHandle J_;
+  bool shares_jacobian_ = false;  // one for all stages of a step, see ConvergedOrRefresh
+  double last_shift_ = std::numeric_limits<double>::quiet_NaN(), last_residual_ = 0;
+};
+
+}  // namespace stickslip

@@ -1,0 +1,100 @@
+#include "time/fused_methods.hpp"
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/time/methods.hpp"
+#include "time/fused_imex.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// What TSRKGetTableau gives.
+struct RkParts {
+  const PetscReal *A, *b, *c, *embedded, *interpolating;
+  PetscInt stages, degree;
+  PetscBool first_same_as_last;
+  explicit RkParts(TS rk) {
+    SS_TRY(TSRKGetTableau(rk, &stages, &A, &b, &c, &embedded, &degree, &interpolating, &first_same_as_last));
+  }
+};
+
+class FusedRk : public FusedMethod {
+ public:
+  FusedRk() {
+    SS_TRY(TSCreate(PETSC_COMM_SELF, library_.out()));
+    SS_TRY(TSSetType(library_, TSRK));
+  }
+  const char* type() const override { return TSRK; }
+  const char* subtype() const override {
+    const char* name;
+    SS_TRY(TSRKGetType(library_, &name));
+    return name;
+  }
+  void set_subtype(const char* name) override { SS_TRY(TSRKSetType(library_, name)); }
+  std::unique_ptr<TiledStep> make(const Model& model, bool sticking) const override {
+    return std::make_unique<FusedStep>(model, tableau_of(library_), sticking);
+  }
+  int order() const override { return offered_method(TSRK, subtype()).order; }
+  int slopes() const override { return int(RkParts(library_).stages); }
+  std::vector<double> weights_at(double s, double dt) const override {
+    const RkParts t(library_);
+    std::vector<double> weights(static_cast<std::size_t>(t.stages));
+    for (PetscInt i = 0; i < t.stages; ++i) {
+      double power = dt;
+      for (PetscInt j = 0; j < t.degree; ++j) {
+        power *= s;
+        weights[static_cast<std::size_t>(i)] += power * t.interpolating[i * t.degree + j];
+      }
+    }
+    return weights;
+  }
+  TS library() const override { return library_; }
+
+ private:
+  TsHandle library_;
+};
+
+class FusedArkimex : public FusedMethod {
+ public:
+  const char* type() const override { return TSARKIMEX; }
+  const char* subtype() const override { return name_.c_str(); }
+  void set_subtype(const char* name) override {
+    name_ = name;
+    method_.reset();
+  }
+  std::unique_ptr<TiledStep> make(const Model& model, bool sticking) const override {
+    return std::make_unique<FusedImex>(model, method().tableau(), sticking);
+  }
+  int order() const override { return method().tableau().order; }
+  int slopes() const override { return 2 * method().tableau().stages; }
+  std::vector<double> weights_at(double s, double dt) const override {
+    std::vector<double> weights = method().weights_at(s);
+    for (double& w : weights) w *= dt;
+    return weights;
+  }
+
+ private:
+  const ImexMethod& method() const {
+    if (!method_) method_ = std::make_unique<ImexMethod>(name_);
+    return *method_;
+  }
+  std::string name_ = TSARKIMEX3;  // as the library's default
+  mutable std::unique_ptr<ImexMethod> method_;
+};
+
+}  // namespace
+
+std::unique_ptr<FusedMethod> FusedMethod::of(const std::string& type) {
+  if (type == TSRK) return std::make_unique<FusedRk>();
+  if (type == TSARKIMEX) return std::make_unique<FusedArkimex>();
+  throw std::logic_error("no fused steps for ts_type " + type);
+}
+
+RungeKutta tableau_of(TS rk) {
+  const RkParts t(rk);
+  RungeKutta tableau{int(t.stages), {t.A, t.A + t.stages * t.stages}, {t.b, t.b + t.stages}, {}};
+  if (t.embedded) tableau.embedded.assign(t.embedded, t.embedded + t.stages);
+  return tableau;
+}
+
+}  // namespace stickslip

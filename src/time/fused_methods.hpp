@@ -1,0 +1,33 @@
+// What the fused types of TS (fused_ts.hpp) take from the library's own types: subtypes, tableaus, values between steps.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "time/fused_step.hpp"
+
+namespace stickslip {
+
+class FusedMethod {
+ public:
+  // For the library's `type`, rk or arkimex.
+  static std::unique_ptr<FusedMethod> of(const std::string& type);
+  virtual ~FusedMethod() = default;
+
+  virtual const char* type() const = 0;     // the library's
+  virtual const char* subtype() const = 0;  // its tableau
+  virtual void set_subtype(const char* name) = 0;
+  virtual std::unique_ptr<TiledStep> make(const Model& model, bool sticking) const = 0;
+  virtual int order() const = 0;            // as the error control takes it
+  virtual int slopes() const = 0;           // how many TiledStep::take keeps
+  // Weights of the slopes in u at the part s of a step dt.
+  virtual std::vector<double> weights_at(double s, double dt) const = 0;
+  // A TS of the library's type with this tableau; nullptr where none is needed.
+  virtual TS library() const { return nullptr; }
+};
+
+// The tableau of a TS of type rk.
+RungeKutta tableau_of(TS rk);
+
+}  // namespace stickslip

@@ -1,0 +1,81 @@
+// The parts of an Integrator: each knows its own business, and the callbacks of the TS bring them together.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "stickslip/time/time.hpp"
+#include "time/choice.hpp"
+#include "time/course.hpp"
+#include "time/dense_output.hpp"
+#include "time/equations.hpp"
+#include "time/fused_ts.hpp"
+#include "time/step_guard.hpp"
+#include "time/stick_steps.hpp"
+
+namespace stickslip {
+
+struct Integrator::Impl {
+  static constexpr PetscInt most_rejections = 60;  // of one step, unless ts_max_reject says otherwise
+
+  const Model& model;
+  std::string prefix;
+  std::unique_ptr<Equations> equations;  // before the TS that calls them, to outlive it
+  DmHandle dm;
+  TsHandle ts;
+  FusedTs* fused = nullptr;  // what takes the steps, where PETSc's own types do not
+  const Method* method = nullptr;
+  bool adaptive = false;
+  StepGuard guard;
+  std::unique_ptr<DenseOutput> dense;  // where the method has no polynomial of its own
+  std::unique_ptr<StickSteps> stick;
+  Course course;
+  VecHandle kept;            // u at the beginning of the step, see begin_step
+  bool has_kept = false;
+  std::vector<double> output_times;
+  std::size_t next_output = 0;
+  struct Checkpoint {
+    PetscInt step;
+    double dt;
+  };
+  std::optional<Checkpoint> checkpoint;  // to go on from
+
+  Impl(const Model& m, const std::string& p) : model(m), prefix(p), guard(m) {}
+
+  // ---- set-up (set_up.cpp) ----
+  void set_up(const MethodSpec& spec, Vec u);
+  void create_ts(Vec u);
+  void set_subtype(const std::string& type, const std::string& name) const;
+  std::string subtype_now(const std::string& type) const;
+  double strictest_tolerance(const MethodSpec& spec) const;
+  void set_step_control(const MethodSpec& spec, const Rates& rates) const;
+  void fuse(const Choice& choice);
+  void read_adaptivity(bool step_given, Vec u);
+  void allow_rejections() const;
+  void warn_of_fixed_step(bool step_given) const;
+  void refuse_below_round_off(Vec u) const;
+  void set_dense_output();
+
+  // ---- steps (time.cpp) ----
+  static Impl& of(TS ts);
+  static PetscErrorCode PreStep(TS ts);
+  static PetscErrorCode PreStage(TS ts, PetscReal);
+  static PetscErrorCode PostStage(TS ts, PetscReal, PetscInt index, Vec*);
+  static PetscErrorCode DomainError(TS ts, PetscReal, Vec u, PetscBool* accept);
+  static PetscErrorCode PostStep(TS ts);
+  void start(Vec u, double t, double t_end, const Observer& observer, PetscInt max_steps);
+  TSConvergedReason solve(Vec u);
+  [[noreturn]] void fail(TSConvergedReason reason) const;
+  void begin_step();
+  void after_step();
+  void check_floor(const Step& step);
+  Step step_now();
+  bool output_due(double until);
+  Vec before() const { return fused ? fused->before() : kept.get(); }
+  void interpolate(double at, Vec into);
+  std::string advice(double dt) const;
+};
+
+}  // namespace stickslip

@@ -1,0 +1,189 @@
+// How an Integrator is put together: the method, its split, its steps, and what is refused.
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/base/error.hpp"
+#include "time/integrator_impl.hpp"
+
+namespace stickslip {
+
+namespace {
+constexpr double default_tolerance = 1e-6;  // relative and absolute, of a step
+}  // namespace
+
+void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
+  register_time_steppers();
+  create_ts(u);
+  const Rates rates = rates_of(model, u);
+  const Choice choice = choose_method(model, rates, spec, prefix);
+  SS_TRY(TSSetType(ts, (choice.named_fused ? FusedTs::fused_type(choice.type) : choice.type).c_str()));
+  set_subtype(choice.type, choice.subtype);
+  equations = std::make_unique<Equations>(model, choice.implicit);
+  equations->attach(ts, offered_type(choice.type).kind, strictest_tolerance(spec), prefix);
+  set_step_control(spec, rates);
+  SS_TRY(TSSetFromOptions(ts));
+  // What the method was given stands above the options of PETSc.
+  if (spec.tolerance > 0) SS_TRY(TSSetTolerances(ts, spec.tolerance, nullptr, spec.tolerance, nullptr));
+  if (spec.step > 0) SS_TRY(TSSetTimeStep(ts, spec.step));
+  SS_TRY(TSSetErrorIfStepFails(ts, PETSC_FALSE));  // advance() says what failed
+  if (choice.fused) fuse(choice);
+  SS_TRY(TSSetUp(ts));
+  method = &offered_method(choice.type, subtype_now(choice.type));
+  if (Stick::applies_to(model.scene())) stick = std::make_unique<StickSteps>(model, ts, fused, course);
+  read_adaptivity(spec.step > 0, u);
+  set_dense_output();
+  if (!fused && (guard.undoes() || dense || stick)) kept = model.create_vector();
+  course.report.method = method->name();
+  course.report.implicit = choice.implicit;
+}
+
+void Integrator::Impl::create_ts(Vec u) {
+  SS_TRY(TSCreate(model.comm(), ts.out()));
+  SS_TRY(TSSetOptionsPrefix(ts, prefix.c_str()));
+  // PETSc keeps the callbacks of a TS on its DM, where those of an earlier Integrator would stay and be called.
+  SS_TRY(DMClone(model.dm(), dm.out()));
+  SS_TRY(TSSetDM(ts, dm));
+  SS_TRY(TSSetApplicationContext(ts, this));
+  SS_TRY(TSSetProblemType(ts, TS_NONLINEAR));
+  SS_TRY(TSSetExactFinalTime(ts, TS_EXACTFINALTIME_MATCHSTEP));
+  SS_TRY(TSSetPreStep(ts, PreStep));
+  SS_TRY(TSSetPostStep(ts, PostStep));
+  SS_TRY(TSSetSolution(ts, u));
+}
+
+void Integrator::Impl::set_subtype(const std::string& type, const std::string& name) const {
+  if (name.empty()) return;
+  if (type == TSRK) SS_TRY(TSRKSetType(ts, name.c_str()));
+  if (type == TSARKIMEX) SS_TRY(TSARKIMEXSetType(ts, name.c_str()));
+  if (type == TSROSW) SS_TRY(TSRosWSetType(ts, name.c_str()));
+  if (type == TSSSP) SS_TRY(TSSSPSetType(ts, name.c_str()));
+  if (type == TSBDF) SS_TRY(TSBDFSetOrder(ts, std::stoi(name)));
+}
+
+std::string Integrator::Impl::subtype_now(const std::string& type) const {
+  const char* name = nullptr;
+  if (type == TSRK) SS_TRY(TSRKGetType(ts, &name));
+  if (type == TSARKIMEX) SS_TRY(TSARKIMEXGetType(ts, &name));
+  if (type == TSROSW) SS_TRY(TSRosWGetType(ts, &name));
+  if (type == TSSSP) SS_TRY(TSSSPGetType(ts, &name));
+  if (type != TSBDF) return name ? name : "";
+  PetscInt order;
+  SS_TRY(TSBDFGetOrder(ts, &order));
+  return std::to_string(order);
+}
+
+double Integrator::Impl::strictest_tolerance(const MethodSpec& spec) const {
+  double tolerance = spec.tolerance > 0 ? std::min(default_tolerance, spec.tolerance) : default_tolerance;
+  for (const char* option : {"-ts_rtol", "-ts_atol"}) {
+    PetscReal value;
+    PetscBool set;
+    SS_TRY(PetscOptionsGetReal(nullptr, prefix.c_str(), option, &value, &set));
+    if (set) tolerance = std::min(tolerance, double(value));
+  }
+  return tolerance;
+}
+
+void Integrator::Impl::set_step_control(const MethodSpec& spec, const Rates& rates) const {
+  if (spec.step > 0) {
+    TSAdapt adapt;
+    SS_TRY(TSGetAdapt(ts, &adapt));
+    SS_TRY(TSAdaptSetType(adapt, TSADAPTNONE));
+  }
+  SS_TRY(TSSetTolerances(ts, default_tolerance, nullptr, default_tolerance, nullptr));
+  SS_TRY(TSSetTimeStep(ts, rates.first_step()));
+}
+
+// Takes the steps tile by tile from now on. The type is changed only here, since -ts_type rk names the library's own.
+void Integrator::Impl::fuse(const Choice& choice) {
+  const std::string fused_type = FusedTs::fused_type(choice.type);
+  if (fused_type.empty()) return;
+  if (user_set(prefix, "ts_adapt_max_ignore")) {
+    if (!choice.named_fused) return;
+    throw UsageError("ts_adapt_max_ignore: ts_type " + fused_type + " does not know it; use ts_type " + choice.type);
+  }
+  if (!choice.named_fused) {
+    const std::string subtype = subtype_now(choice.type);
+    SS_TRY(TSSetType(ts, fused_type.c_str()));
+    set_subtype(choice.type, subtype);
+  }
+  fused = FusedTs::of(ts);
+  fused->bind(model, Stick::applies_to(model.scene()),
+              [this](double until) { return !dense && output_due(until); });
+}
+
+// What the user may rely on and would not get.
+void Integrator::Impl::read_adaptivity(bool step_given, Vec u) {
+  TSAdapt adapt;
+  TSAdaptType kind;
+  SS_TRY(TSGetAdapt(ts, &adapt));
+  SS_TRY(TSAdaptGetType(adapt, &kind));
+  const std::string chosen = kind ? kind : TSADAPTNONE;
+  if (chosen != TSADAPTNONE && chosen != TSADAPTBASIC && chosen != TSADAPTDSP)
+    throw UsageError("ts_adapt_type " + chosen + ": it needs what this program does not have; use basic, " +
+                     "dsp or none");
+  if (method->adaptivity == Adaptivity::never) {
+    if (user_set(prefix, "ts_adapt_type") && chosen != TSADAPTNONE)
+      throw UsageError("ts_adapt_type " + chosen + ": " + method->name() +
+                       " has no error estimate; use none, or an adaptive method");
+    SS_TRY(TSAdaptSetType(adapt, TSADAPTNONE));
+  }
+  adaptive = method->adaptivity != Adaptivity::never && chosen != TSADAPTNONE;
+  guard.set_up(ts, method->type, adaptive);
+  if (!adaptive) return warn_of_fixed_step(step_given);
+  allow_rejections();
+  refuse_below_round_off(u);
+}
+
+void Integrator::Impl::allow_rejections() const {
+  SS_TRY(TSSetFunctionDomainError(ts, DomainError));
+  SS_TRY(TSSetPostStage(ts, PostStage));
+  SS_TRY(TSSetPreStage(ts, PreStage));
+  // A failure of Newton's method rejects the step; a start 1e20 times too large is found out.
+  if (!user_set(prefix, "ts_max_snes_failures")) SS_TRY(TSSetMaxSNESFailures(ts, -1));
+  if (!user_set(prefix, "ts_max_reject")) SS_TRY(TSSetMaxStepRejections(ts, most_rejections));
+  if (user_set(prefix, "ts_adapt_always_accept"))
+    warn("ts_adapt_always_accept: steps are taken whatever their error; ts_rtol and ts_atol do not hold");
+}
+
+void Integrator::Impl::warn_of_fixed_step(bool step_given) const {
+  double dt;
+  SS_TRY(TSGetTimeStep(ts, &dt));
+  const std::string name = method->name();
+  const std::string how = method->adaptivity == Adaptivity::on_request
+                              ? " has a fixed step unless ts_adapt_type is basic"
+                          : method->adaptivity == Adaptivity::never ? " has no error estimate and a fixed step"
+                                                                    : " has a fixed step with ts_adapt_type none";
+  for (const char* tolerance : {"ts_rtol", "ts_atol"})
+    if (user_set(prefix, tolerance))
+      warn(std::string(tolerance) + " has no effect: " + name + how + "; every step is " + number_text(dt));
+  if (!user_set(prefix, "ts_dt") && !step_given)
+    warn(name + how + ": every step is " + number_text(dt) +
+         ", chosen for stability and not for accuracy; set ts_dt, or use an adaptive method such as " +
+         (method->kind == MethodKind::explicit_ ? "rk:5dp" : method->kind == MethodKind::imex ? "arkimex:4"
+                                                                                         : "rosw:ra34pw2"));
+  if (method->type == std::string(TSBDF) && method->subtype > std::string("2"))
+    warn("ts_bdf_order " + std::string(method->subtype) + ": with fixed steps the order is 2 (its first steps are); " +
+         "use ts_adapt_type basic");
+}
+
+// Steps would shrink until time stands still.
+void Integrator::Impl::refuse_below_round_off(Vec u) const {
+  constexpr double least = 1e-17;
+  PetscReal atol, rtol, size;
+  SS_TRY(TSGetTolerances(ts, &atol, nullptr, &rtol, nullptr));
+  SS_TRY(VecNorm(u, NORM_INFINITY, &size));
+  size = std::max(size, std::abs(model.scene().v));
+  if (rtol < least && atol < least * size)
+    throw UsageError("ts_rtol " + number_text(rtol) + " with ts_atol " + number_text(atol) +
+                     ": below round-off, which is 1e-16 of values as large as " + number_text(size) +
+                     "; a tolerance of 1e-14 is the least that makes sense");
+}
+
+void Integrator::Impl::set_dense_output() {
+  const std::string name = method->name();
+  if (name == "rk:5dp" || name == "arkimex:4" || name == "arkimex:5" || method->type == std::string(TSBDF)) return;
+  const int degree = method->kind == MethodKind::explicit_ ? std::max(3, method->order - 1) : 3;
+  dense = std::make_unique<DenseOutput>(model, degree);
+}
+
+}  // namespace stickslip

@@ -1,0 +1,75 @@
+#include "time/step_guard.hpp"
+
+#include <utility>
+
+#include "stickslip/base/error.hpp"
+
+namespace stickslip {
+
+// psi and eta beyond 1e20 and a state beyond 1e42 count as not finite: no units make a motion that large, a step from
+// there has lost it, and the cube in the friction and the square of that in PETSc's estimate of the error are still
+// finite. x - x is 0 for finite x and NaN otherwise, and NaN stays.
+bool all_finite(const Model& model, Vec u) {
+  const double* a;
+  PetscInt count;
+  SS_TRY(VecGetLocalSize(u, &count));
+  SS_TRY(VecGetArrayRead(u, &a));
+  const PetscInt dof = model.dof();
+  double sum = 0;
+  for (PetscInt i = 0; i < count; i += dof)
+    for (PetscInt d = 0; d < dof; ++d) {
+      const double x = (d < 2 ? 1e82 : 1e60) * a[i + d], cube = x * x * x;
+      sum += cube - cube;
+    }
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  int all = sum == 0 ? 1 : 0;
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &all, 1, MPI_INT, MPI_MIN, model.comm()));
+  return all != 0;
+}
+
+void StepGuard::set_up(TS ts, const std::string& type, bool adaptive) {
+  adaptive_ = adaptive;
+  undoes_ = adaptive && (type == TSRK || type == TSARKIMEX);
+  if (type != TSRK) return;
+  const PetscReal *A, *b, *c, *embedded, *interpolating;
+  PetscInt stages, degree;
+  PetscBool fsal;
+  SS_TRY(TSRKGetTableau(ts, &stages, &A, &b, &c, &embedded, &degree, &interpolating, &fsal));
+  last_stage_ = stages - 1;
+  first_same_as_last_ = fsal;
+}
+
+void StepGuard::begin_step(TS ts) { SS_TRY(TSGetStepRejections(ts, &rejections_)); }
+
+// PETSc undoes a rejected step of rk and arkimex by subtracting what it added, which after a step far too large
+// leaves nothing of u but round-off. So u is put back from a copy before the step is tried again.
+bool StepGuard::repeats(TS ts, Vec before) {
+  PetscInt rejections;
+  SS_TRY(TSGetStepRejections(ts, &rejections));
+  if (rejections == rejections_) return false;
+  rejections_ = rejections;
+  if (undoes_) {
+    Vec u;
+    SS_TRY(TSGetSolution(ts, &u));
+    SS_TRY(VecCopy(before, u));
+  }
+  return true;
+}
+
+// Adaptive methods only: a stage that is not finite rejects the step, which PETSc would accept, since no comparison
+// with NaN is true. What goes wrong in an early stage of rk reaches the last one, so that later steps look at that
+// alone.
+bool StepGuard::accepts(Vec u) {
+  const bool last = stage_ == last_stage_;
+  if (last_stage_ >= 0 && started_ && !last) return true;
+  const bool accept = all_finite(model_, u);
+  checked_last_ = last;
+  return accept;
+}
+
+bool StepGuard::knows_solution() {
+  started_ = true;
+  return std::exchange(checked_last_, false) && adaptive_ && first_same_as_last_;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,110 @@
+#include "time/stick_steps.hpp"
+
+namespace stickslip {
+
+using Step = Integrator::Step;
+
+StickSteps::StickSteps(const Model& model, TS ts, FusedTs* fused, Course& course)
+    : model_(model), ts_(ts), fused_(fused), course_(course), stick_(model), landed_(model.create_vector()) {
+  if (fused_ && fused_->last_is_solution()) fused_->leave_slope_in([this] { return stick_.slope_at_end(); });
+}
+
+void StickSteps::start(Vec u, double fixed_dt) {
+  fixed_dt_ = fixed_dt;
+  SS_TRY(TSSetConvergedReason(ts_, TS_CONVERGED_ITERATING));
+  decide(u);
+  pass_rest(u);
+}
+
+void StickSteps::decide(Vec u) {
+  stick_.decide(u);
+  if (fused_) fused_->set_direction(stick_.direction());
+}
+
+void StickSteps::after(Step step, Vec before) {
+  const double t_before = course_.t_before, dt = step.t - t_before;
+  Vec u = step.u;
+  const auto inside = step.interpolate;
+  const auto at = [&](double part, Vec into) { inside(t_before + part * dt, into); };
+  const Stick::Change change =
+      stick_.first_change(before, u, dt, at, landed_, fused_ && fused_->last_is_solution());
+  if (change.kind == Stick::Change::Kind::too_coarse) return take_back(step, before, dt);
+  if (change.kind == Stick::Change::Kind::none) {
+    if (fixed_dt_ > 0 && step.next_dt < fixed_dt_) go_on_from(step.t, fixed_dt_);
+    if (course_.tell(ts_, step) == Integrator::Verdict::restart) decide(u);  // as a run that goes on from here will
+    return;
+  }
+  step.t = change.part == 1 ? step.t : t_before + change.part * dt;
+  step.u = landed_;
+  step.next_dt = fixed_dt_ > 0 ? fixed_dt_ : std::min(step.next_dt, dt);
+  step.interpolate = [&, t = step.t](double when, Vec into) {
+    if (when == t) SS_TRY(VecCopy(landed_, into));
+    else inside(when, into);
+  };
+  course_.report.t = step.t;
+  if (step.t > t_before) course_.tell(ts_, step);
+  else SS_TRY(TSSetStepNumber(ts_, step.index - 1));
+  SS_TRY(VecCopy(landed_, u));
+  decide(u);
+  go_on_from(step.t, step.next_dt);
+  pass_rest(u);
+}
+
+void StickSteps::take_back(const Step& step, Vec before, double dt) {
+  const double t = course_.t_before;
+  SS_TRY(VecCopy(before, step.u));
+  ++course_.coarse;
+  if (!(t + dt / 8 > t))
+    throw Failure("a node that lets go does not begin to slide at t = " + number_text(t) + " (step " +
+                  std::to_string(step.index) + ")");
+  SS_TRY(TSSetStepNumber(ts_, step.index - 1));
+  go_on_from(t, dt / 8);
+  course_.update_report(ts_, model_);
+}
+
+// The next step starts anew, at t and of length dt, unless the run is over.
+void StickSteps::go_on_from(double t, double dt) {
+  SS_TRY(TSSetTime(ts_, t));
+  SS_TRY(TSSetTimeStep(ts_, std::min(dt, course_.t_end - t)));
+  SS_TRY(TSRestartStep(ts_));
+  PetscInt index;
+  SS_TRY(TSGetStepNumber(ts_, &index));
+  SS_TRY(TSSetConvergedReason(ts_, course_.stop_asked             ? TS_CONVERGED_USER
+                                   : t >= course_.t_end           ? TS_CONVERGED_TIME
+                                   : index >= course_.max_steps   ? TS_CONVERGED_ITS
+                                                                  : TS_CONVERGED_ITERATING));
+}
+
+// While everything rests one step leads to the next release, or to the end.
+void StickSteps::pass_rest(Vec u) {
+  const double t_end = course_.t_end;
+  double t, dt;
+  PetscInt index;
+  SS_TRY(TSGetTime(ts_, &t));
+  SS_TRY(TSGetTimeStep(ts_, &dt));
+  SS_TRY(TSGetStepNumber(ts_, &index));
+  const auto goes_on = [&] { return t < t_end && !course_.stop_asked && index < course_.max_steps; };
+  for (int without_time = 0; stick_.all_rest() && goes_on();) {
+    const double wait = stick_.release_after(u), until = t + wait < t_end ? t + wait : t_end;
+    stick_.rest(u, until == t_end ? t_end - t : wait, landed_);
+    if (until > t) {
+      course_.t_before = t;
+      SS_TRY(TSSetStepNumber(ts_, ++index));
+      SS_TRY(TSSetTime(ts_, until));
+      course_.update_report(ts_, model_);
+      course_.tell(ts_, {index, t, until, landed_, dt, [this, u, t, until](double when, Vec into) {
+                           if (when == until) SS_TRY(VecCopy(landed_, into));
+                           else stick_.rest(u, when - t, into);
+                         }});
+      without_time = 0;
+    } else if (++without_time > 100) {
+      throw Failure("nodes let go and rest again without end at t = " + number_text(t));
+    }
+    SS_TRY(VecCopy(landed_, u));
+    t = until;
+    decide(u);
+    go_on_from(t, dt);
+  }
+}
+
+}  // namespace stickslip

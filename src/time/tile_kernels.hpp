@@ -1,0 +1,24 @@
+// The loops that steps tile by tile are made of, in the version that suits this processor. Compiled apart, since they
+// are compiled for every law or order, and vector length.
+#pragma once
+
+#include <functional>
+
+#include "model/column_kernel.hpp"
+#include "model/implicit_kernel.hpp"
+
+namespace stickslip::tile {
+
+// K1 D2 psi.
+using Stencil = std::function<void(const kernel::Coefficients&, const kernel::Stretch&)>;
+Stencil stencil(const Scene& scene);
+
+// What is added to it; `sticking`: of friction that sticks.
+using Pointwise = std::function<void(const kernel::Coefficients&, const kernel::Columns&)>;
+Pointwise pointwise(const Scene& scene, bool sticking);
+
+// The stage of an implicit-explicit method with what is pointwise implicit; the number of nodes left unsolved.
+using SolveStage = std::function<long(const kernel::Coefficients&, const kernel::Stage&)>;
+SolveStage solve_stage(const Scene& scene, bool sticking);
+
+}  // namespace stickslip::tile

@@ -1,0 +1,223 @@
+#include "time/tiles.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "stickslip/base/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr PetscInt tile_nodes = 256;    // a tile with its slopes: some 50 kB
+constexpr PetscInt closed_nodes = 512;  // a whole grid of so many nodes or fewer is one tile on every rank
+constexpr int most_terms = 64;
+
+// Whether every rank takes the whole grid as one tile. Fewer nodes a rank than the overlap would cost more than they
+// save, and the closures of an end must lie within one tile. Collective.
+bool is_closed(const Model& model, int stages) {
+  const PetscInt least = 2 * stages * (model.scene().order / 2);
+  int few = model.local() < std::max(least, PetscInt(16)) ? 1 : 0;
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &few, 1, MPI_INT, MPI_MAX, model.comm()));
+  return model.scene().n <= closed_nodes || few != 0;
+}
+
+}  // namespace
+
+void add_to_row(Row& row, const double* weights, int count, int first) {
+  for (int j = 0; j < count; ++j) {
+    if (weights[j] == 0) continue;
+    row.column.push_back(first + j);
+    row.weight.push_back(weights[j]);
+  }
+}
+
+Tiles::Tiles(const Model& model, int stages, int columns, bool sticking)
+    : model_(model), dof_(model.dof()), half_width_(model.scene().order / 2), first_(model.first()),
+      local_(model.local()), n_(model.scene().n), closed_(is_closed(model, stages)),
+      add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})),
+      square_(kernel::compiled<std::function<double(const kernel::Weighted&)>>(kernel::SumOfSquares{})) {
+  using Copy = std::function<void(const kernel::Interleaved&)>;
+  to_columns_ = dof_ == 3 ? kernel::compiled<Copy>(kernel::ToColumns<3>{}) : kernel::compiled<Copy>(kernel::ToColumns<2>{});
+  from_columns_ =
+      dof_ == 3 ? kernel::compiled<Copy>(kernel::FromColumns<3>{}) : kernel::compiled<Copy>(kernel::FromColumns<2>{});
+  const bool open_ring = model.scene().ring() && !closed_;
+  constexpr PetscInt none = std::numeric_limits<PetscInt>::max() / 2;
+  low_ = open_ring ? -none : -first_;
+  high_ = open_ring ? none : n_ - first_;
+  const PetscInt reach = closed_ ? n_ : stages * half_width_;
+  left_halo_ = std::min(reach, -low_);
+  right_halo_ = std::min(reach, high_ - local_);
+  for (int j = 1; j <= half_width_ && !open_ring; ++j) {
+    left_end_.push_back(beyond(-j));
+    right_end_.push_back(beyond(n_ - 1 + j));
+  }
+  set_amplitude();
+  stride_ = ((closed_ ? n_ : std::min(tile_nodes, local_) + 2 * reach) + 2 * pad_ + 7) / 8 * 8;
+  work_.assign(static_cast<std::size_t>(stride_ * dof_ * (columns + 2)), 0.);
+  zeros_.assign(static_cast<std::size_t>(stride_), 0.);
+  if (left_halo_ + right_halo_ > 0) set_up_scatter();
+  if (sticking) direction_.assign(static_cast<std::size_t>(left_halo_ + local_ + right_halo_), 0.);
+}
+
+void Tiles::set_amplitude() {
+  if (model_.scene().spread == 0) return;
+  // the nodes of a ring go on at its beginning
+  for (PetscInt i = -left_halo_; i < local_ + right_halo_;) {
+    const PetscInt node = wrapped(first_ + i), count = std::min(local_ + right_halo_ - i, n_ - node);
+    const auto part = friction_amplitude(model_.scene(), node, count);
+    amplitude_.insert(amplitude_.end(), part.begin(), part.end());
+    i += count;
+  }
+}
+
+void Tiles::set_direction(const std::vector<double>& own) {
+  std::copy(own.begin(), own.end(), direction_.begin() + left_halo_);
+  if (!scatter_) return;
+  if (!going_) going_ = model_.create_vector();
+  double* a;
+  SS_TRY(VecGetArray(going_, &a));
+  for (PetscInt i = 0; i < local_; ++i) a[i * dof_] = own[static_cast<std::size_t>(i)];
+  SS_TRY(VecRestoreArray(going_, &a));
+  fetch(going_);
+  const double* halo;
+  SS_TRY(VecGetArrayRead(fetched_, &halo));
+  for (PetscInt i = 0; i < left_halo_; ++i) direction_[static_cast<std::size_t>(i)] = halo[i * dof_];
+  for (PetscInt i = 0; i < right_halo_; ++i)
+    direction_[static_cast<std::size_t>(left_halo_ + local_ + i)] = halo[(left_halo_ + i) * dof_];
+  SS_TRY(VecRestoreArrayRead(fetched_, &halo));
+}
+
+void Tiles::fetch(Vec from) const {
+  SS_TRY(VecScatterBegin(scatter_, from, fetched_, INSERT_VALUES, SCATTER_FORWARD));
+  SS_TRY(VecScatterEnd(scatter_, from, fetched_, INSERT_VALUES, SCATTER_FORWARD));
+}
+
+std::vector<std::pair<PetscInt, double>> Tiles::beyond(PetscInt node) const {
+  std::vector<std::pair<PetscInt, double>> value;
+  for (const auto& [inside, weight] : halo_node(model_.scene(), node)) value.emplace_back(inside - first_, weight);
+  return value;
+}
+
+void Tiles::set_up_scatter() {
+  std::vector<PetscInt> nodes;
+  for (PetscInt i = 0; i < left_halo_; ++i) nodes.push_back(wrapped(first_ - left_halo_ + i));
+  for (PetscInt i = 0; i < right_halo_; ++i) nodes.push_back(wrapped(first_ + local_ + i));
+  const auto count = static_cast<PetscInt>(nodes.size());
+  VecHandle pattern;
+  SS_TRY(DMCreateGlobalVector(model_.dm(), pattern.out()));
+  SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count * dof_, fetched_.out()));
+  IsHandle from;
+  SS_TRY(ISCreateBlock(model_.comm(), dof_, count, nodes.data(), PETSC_COPY_VALUES, from.out()));
+  SS_TRY(VecScatterCreate(pattern, from, fetched_, nullptr, scatter_.out()));
+}
+
+// The columns of index `index` at node i.
+std::array<double*, 3> Tiles::columns(const Tile& t, int index, PetscInt i) const {
+  std::array<double*, 3> all{};
+  for (int d = 0; d < dof_; ++d) all[static_cast<std::size_t>(d)] = column(index, d) + (i - t.from);
+  return all;
+}
+
+// u and halo are only read
+void Tiles::load(const Tile& t, const double* u, const double* halo) const {
+  const auto part = [&](PetscInt begin, PetscInt end, const double* from, PetscInt node) {
+    if (begin < end) to_columns_({const_cast<double*>(from + node * dof_), columns(t, 0, begin).data(), end - begin});
+  };
+  const PetscInt inside = std::max(t.from, PetscInt(0)), behind = std::max(t.from, local_);
+  part(t.from, std::min(t.to, PetscInt(0)), halo, t.from + left_halo_);
+  part(inside, std::min(t.to, local_), u, inside);
+  part(behind, t.to, halo, left_halo_ + behind - local_);
+}
+
+void Tiles::store(const Tile& t, int index, double* u) const {
+  from_columns_({u + t.own_begin * dof_, columns(t, index, t.own_begin).data(), t.own_end - t.own_begin});
+}
+
+void Tiles::sum(const Tile& t, int d, const double* base, const Row& row, double dt, PetscInt begin, PetscInt end,
+                double* into) const {
+  const double* terms[most_terms];
+  double weights[most_terms];
+  const auto count = row.column.size();
+  for (std::size_t j = 0; j < count; ++j) {
+    terms[j] = column(row.column[j], d) + (begin - t.from);
+    weights[j] = dt * row.weight[j];
+  }
+  add_({base + (begin - t.from), terms, weights, static_cast<int>(count), into + (begin - t.from), end - begin});
+}
+
+void Tiles::close_ends(double* psi, PetscInt begin, PetscInt end) const {
+  for (PetscInt j = 1; j <= half_width_ && begin - half_width_ < low_; ++j) {
+    psi[low_ - j] = 0;
+    for (const auto& [node, weight] : left_end_[static_cast<std::size_t>(j - 1)]) psi[low_ - j] += weight * psi[node];
+  }
+  for (PetscInt j = 1; j <= half_width_ && end + half_width_ > high_; ++j) {
+    double value = 0;
+    for (const auto& [node, weight] : right_end_[static_cast<std::size_t>(j - 1)]) value += weight * psi[node];
+    psi[high_ - 1 + j] = value;
+  }
+}
+
+PetscInt Tiles::share(PetscInt part, PetscInt parts) const {
+  return static_cast<PetscInt>(static_cast<std::int64_t>(part) * local_ / parts);
+}
+
+void Tiles::pass(Vec u, Vec u_new, PetscInt reach, const std::function<void(const Tile&)>& through,
+                 const std::function<void(const Tile&)>& after) const {
+  const double *a, *halo = nullptr;
+  double* b;
+  if (scatter_) {
+    fetch(u);
+    SS_TRY(VecGetArrayRead(fetched_, &halo));
+  }
+  SS_TRY(VecGetArrayRead(u, &a));
+  SS_TRY(VecGetArrayWrite(u_new, &b));
+  const PetscInt tiles = closed_ ? 1 : (local_ + tile_nodes - 1) / tile_nodes;
+  for (PetscInt j = 0; j < tiles; ++j) {
+    const PetscInt begin = share(j, tiles), end = share(j + 1, tiles);
+    const Tile tile = closed_ ? Tile{low_, high_, 0, local_, low_, high_}
+                              : Tile{begin, end, begin, end, std::max(begin - reach, low_), std::min(end + reach, high_)};
+    load(tile, a, halo);
+    through(tile);
+    store(tile, 1, b);
+    after(tile);
+  }
+  SS_TRY(VecRestoreArrayWrite(u_new, &b));
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  if (scatter_) SS_TRY(VecRestoreArrayRead(fetched_, &halo));
+}
+
+void Tiles::measure(const Tile& t, const Row& error, double dt, const ErrorNorm& norm, bool estimate,
+                    Sums& sums) const {
+  const PetscInt at = t.own_begin - t.from, count = t.own_end - t.own_begin;
+  for (int d = 0; d < dof_; ++d) {
+    const double* const u = column(1, d) + at;
+    if (estimate) {
+      double* const e = column(0, d);  // u itself is not needed any more
+      sum(t, d, zeros(), error, dt, t.own_begin, t.own_end, e);
+      if (norm.type == NORM_INFINITY) {
+        for (PetscInt i = 0; i < count; ++i) {
+          const double size = std::max(std::abs(u[i]), std::abs(u[i] - e[at + i]));
+          sums.largest = std::max(sums.largest, std::abs(e[at + i]) / (norm.atol + norm.rtol * size));
+        }
+      } else {
+        sums.squares += square_({u, e + at, norm.atol, norm.rtol, count});
+      }
+    }
+    if (!estimate || norm.type == NORM_INFINITY)
+      for (PetscInt i = 0; i < count; ++i) sums.not_finite += u[i] - u[i];
+  }
+}
+
+Tiles::Measured Tiles::over_ranks(const Sums& sums, const ErrorNorm& norm, bool estimate) const {
+  double total[3] = {sums.squares, sums.not_finite, sums.unsolved}, largest = sums.largest;
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, total, 3, MPI_DOUBLE, MPI_SUM, model_.comm()));
+  if (norm.type == NORM_INFINITY) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  Measured result{std::isfinite(total[0]) && std::isfinite(total[1]), -1, total[2] == 0};
+  if (estimate) result.error = norm.type == NORM_INFINITY ? largest : std::sqrt(total[0] / double(n_ * dof_));
+  return result;
+}
+
+}  // namespace stickslip

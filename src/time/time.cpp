@@ -1,0 +1,247 @@
+#include "stickslip/time/time.hpp"
+
+#include <utility>
+
+#include "stickslip/base/error.hpp"
+#include "time/integrator_impl.hpp"
+
+namespace stickslip {
+
+// ---- what the TS calls ------------------------------------------------------------------------------------------
+
+Integrator::Impl& Integrator::Impl::of(TS ts) {
+  void* context;
+  SS_TRY(TSGetApplicationContext(ts, &context));
+  return *static_cast<Impl*>(context);
+}
+
+PetscErrorCode Integrator::Impl::PreStep(TS ts) {
+  return guarded([&] { of(ts).begin_step(); });
+}
+PetscErrorCode Integrator::Impl::PreStage(TS ts, PetscReal) {
+  return guarded([&] {
+    Impl& self = of(ts);
+    if (self.guard.repeats(ts, self.kept)) self.equations->begin_step(ts);  // for the shorter step
+  });
+}
+PetscErrorCode Integrator::Impl::PostStage(TS ts, PetscReal, PetscInt index, Vec*) {
+  return guarded([&] { of(ts).guard.after_stage(index); });
+}
+PetscErrorCode Integrator::Impl::DomainError(TS ts, PetscReal, Vec u, PetscBool* accept) {
+  return guarded([&] { *accept = of(ts).guard.accepts(u) ? PETSC_TRUE : PETSC_FALSE; });
+}
+PetscErrorCode Integrator::Impl::PostStep(TS ts) {
+  return guarded([&] { of(ts).after_step(); });
+}
+
+// ---- one step ---------------------------------------------------------------------------------------------------
+
+void Integrator::Impl::begin_step() {
+  double dt;
+  SS_TRY(TSGetTime(ts, &course.t_before));
+  SS_TRY(TSGetTimeStep(ts, &dt));
+  if (stick) stick->engage();
+  if (dense) dense->forget();
+  guard.begin_step(ts);
+  equations->begin_step(ts);
+  // A rejected step is only ever repeated with a smaller dt, so that this tells whether an output may fall in.
+  has_kept = !fused && (guard.undoes() || stick || (dense && output_due(course.t_before + dt * (1 + 1e-12))));
+  if (!has_kept) return;
+  Vec u;
+  SS_TRY(TSGetSolution(ts, &u));
+  SS_TRY(VecCopy(u, kept));
+}
+
+void Integrator::Impl::after_step() {
+  TSConvergedReason reason;
+  SS_TRY(TSGetConvergedReason(ts, &reason));
+  if (reason < 0) return;  // no step was taken; advance() says why
+  const Step step = step_now();
+  const double reached = course.report.t, dt = step.t - course.t_before;
+  const bool known = guard.knows_solution() || (fused && fused->finite());
+  course.update_report(ts, model);
+  if (!known && !all_finite(model, step.u)) {
+    course.report.t = reached;
+    throw Failure("the solution is not finite after step " + std::to_string(step.index) + " (t = " +
+                  number_text(step.t) + "): " + advice(dt));
+  }
+  if (dt == 0)
+    throw Failure("the step has shrunk to nothing at t = " + number_text(step.t) + " (step " +
+                  std::to_string(step.index) + "); loosen ts_rtol and ts_atol, or smooth what is not smooth");
+  check_floor(step);
+  if (stick) stick->after(step, before());
+  else course.tell(ts, step);
+}
+
+// At ts_adapt_dt_min PETSc accepts a step whatever its error. That the next one should be no longer tells that this
+// one's error was at the tolerance or beyond.
+void Integrator::Impl::check_floor(const Step& step) {
+  if (!adaptive) return;
+  TSAdapt adapt;
+  double floor;
+  SS_TRY(TSGetAdapt(ts, &adapt));
+  SS_TRY(TSAdaptGetStepLimits(adapt, &floor, nullptr));
+  const double reach = floor * (1 + 1e-7);
+  // close to the end steps are cut to hit it
+  if (step.t - step.t_before > reach || step.next_dt > reach || step.t + 2 * reach >= course.t_end) return;
+  course.report.t = course.t_before;
+  throw Failure("the step fell to its floor ts_adapt_dt_min " + number_text(floor) + " at t = " +
+                number_text(step.t) + " (step " + std::to_string(step.index) +
+                ") with an error above the tolerance; lower ts_adapt_dt_min, or loosen ts_rtol and ts_atol");
+}
+
+Integrator::Step Integrator::Impl::step_now() {
+  Vec u;
+  double t, dt;
+  PetscInt index;
+  SS_TRY(TSGetSolution(ts, &u));
+  SS_TRY(TSGetTime(ts, &t));
+  SS_TRY(TSGetTimeStep(ts, &dt));
+  SS_TRY(TSGetStepNumber(ts, &index));
+  return {index, course.t_before, t, u, dt, [this](double at, Vec into) { interpolate(at, into); }};
+}
+
+std::string Integrator::Impl::advice(double dt) const {
+  const Implicit implicit = equations->implicit();
+  if (implicit == Implicit::both) return "reduce ts_dt or the tolerances";
+  std::string text = "an explicit step of " + number_text(dt) + " is too large";
+  const double frequency = model.wave_frequency();
+  if (implicit != Implicit::wave && dt * frequency > 1)
+    text += "; the shortest wave turns at " + number_text(frequency) + " per unit time";
+  return text + "; reduce ts_dt, or choose an implicit method (ts_type arkimex)";
+}
+
+// ---- between steps ----------------------------------------------------------------------------------------------
+
+bool Integrator::Impl::output_due(double until) {
+  while (next_output < output_times.size() && output_times[next_output] <= course.t_before) ++next_output;
+  return next_output < output_times.size() && output_times[next_output] <= until;
+}
+
+void Integrator::Impl::interpolate(double at, Vec into) {
+  double t;
+  Vec u;
+  SS_TRY(TSGetTime(ts, &t));
+  SS_TRY(TSGetSolution(ts, &u));
+  if (at == t) {
+    SS_TRY(VecCopy(u, into));
+    return;
+  }
+  const double dt = t - course.t_before, part = (at - course.t_before) / dt;
+  if (dense) {
+    if (!fused && !has_kept) throw std::logic_error("interpolation at a time that was not announced");
+    if (stick) stick->engage();
+    dense->interpolate(before(), u, dt, part, into);
+  } else if (fused) {
+    fused->interpolate(part, into);
+  } else {
+    SS_TRY(TSInterpolate(ts, at, into));
+  }
+  // About to explode: u is finite still, its cube is not.
+  if (!all_finite(model, into))
+    throw Failure("the solution is not finite at t = " + number_text(at) + " (step " +
+                  std::to_string(course.report.steps) + "): " + advice(dt));
+}
+
+// ---- a run ------------------------------------------------------------------------------------------------------
+
+void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& observer, PetscInt max_steps) {
+  course.observer = &observer;
+  course.t_end = t_end;
+  course.t_before = t;
+  course.stop_asked = false;
+  course.max_steps = max_steps;
+  course.evaluations_before = model.rhs_evaluations();
+  SS_TRY(TSSetTime(ts, t));
+  SS_TRY(TSSetMaxTime(ts, t_end));
+  SS_TRY(TSSetMaxSteps(ts, max_steps));
+  if (checkpoint) {
+    SS_TRY(TSSetStepNumber(ts, checkpoint->step));
+    SS_TRY(TSSetTimeStep(ts, checkpoint->dt));
+  }
+  SS_TRY(TSRestartStep(ts));
+  SS_TRY(TSSetSolution(ts, u));
+  course.update_report(ts, model);
+  if (!checkpoint) course.tell(ts, step_now());
+  checkpoint.reset();
+  guard.start();
+}
+
+TSConvergedReason Integrator::Impl::solve(Vec u) {
+  TSConvergedReason reason = TS_CONVERGED_ITERATING;
+  if (stick) {
+    double dt = 0;
+    if (!adaptive) SS_TRY(TSGetTimeStep(ts, &dt));
+    stick->start(u, dt);
+    SS_TRY(TSGetConvergedReason(ts, &reason));
+  }
+  if (reason == TS_CONVERGED_ITERATING) SS_TRY(TSSolve(ts, u));
+  SS_TRY(TSGetConvergedReason(ts, &reason));
+  return reason;
+}
+
+void Integrator::Impl::fail(TSConvergedReason reason) const {
+  const std::string at =
+      " at t = " + number_text(course.report.t) + " (step " + std::to_string(course.report.steps) + ")";
+  if (reason == TS_DIVERGED_NONLINEAR_SOLVE)
+    throw Failure("Newton's method failed in the implicit part" + at + "; reduce ts_dt");
+  bool unsolved = fused && !fused->solved();
+  if (!fused && equations->has_implicit()) {
+    SNES snes;
+    SNESConvergedReason newton;
+    SS_TRY(TSGetSNES(ts, &snes));
+    SS_TRY(SNESGetConvergedReason(snes, &newton));
+    unsolved = newton < 0;
+  }
+  PetscInt most = most_rejections;
+  SS_TRY(PetscOptionsGetInt(nullptr, prefix.c_str(), "-ts_max_reject", &most, nullptr));
+  throw Failure("the time step was rejected more than " + std::to_string(most) + " times (ts_max_reject)" + at +
+                (unsolved ? ": Newton's method fails in the implicit part" : "") +
+                "; reduce ts_dt or loosen ts_rtol and ts_atol");
+}
+
+Integrator::Integrator(const Model& model, const MethodSpec& method, Vec u, const std::string& prefix)
+    : impl_(std::make_unique<Impl>(model, prefix)) {
+  impl_->set_up(method, u);
+}
+Integrator::~Integrator() = default;
+
+void Integrator::set_output_times(std::vector<double> times) {
+  impl_->output_times = std::move(times);
+  impl_->next_output = 0;
+}
+
+void Integrator::continue_from(PetscInt step, double dt) {
+  impl_->checkpoint = {step, dt};
+  SS_TRY(TSSetTimeStep(impl_->ts, dt));
+}
+
+TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& observer, PetscInt max_steps) {
+  Impl& m = *impl_;
+  m.start(u, t, t_end, observer, max_steps);
+  TimeReport& report = m.course.report;
+  report.reason = "end time";
+  if (m.course.stop_asked || t >= t_end) return report;
+  const TSConvergedReason reason = m.solve(u);
+  m.course.update_report(m.ts, m.model);
+  if (reason < 0) m.fail(reason);
+  report.reason = reason == TS_CONVERGED_ITS ? "ts_max_steps" : m.course.stop_asked ? "stopped" : "end time";
+  return report;
+}
+
+const TimeReport& Integrator::report() const { return impl_->course.report; }
+int Integrator::interpolation_order() const {
+  if (impl_->dense) return impl_->dense->degree();
+  return method().type == std::string(TSBDF) ? method().order : 4;
+}
+std::string Integrator::interpolation_caveat() const {
+  const int order = interpolation_order();
+  if (method().order <= order + 1 && method().name() != "arkimex:5") return "";
+  return method().name() + " has order " + std::to_string(method().order) +
+         ", but values between its steps (frames, measurements) have order 4; steps and the end are not affected";
+}
+bool Integrator::adaptive() const { return impl_->adaptive; }
+const Method& Integrator::method() const { return *impl_->method; }
+TS Integrator::ts() const { return impl_->ts; }
+
+}  // namespace stickslip

@@ -1,0 +1,99 @@
+#include "waves/mesh.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/waves/train.hpp"
+
+namespace stickslip {
+
+void evaluate(const std::vector<double>& mesh, const double* x, int d, double phase, double* y) {
+  phase -= std::floor(phase);
+  const size_t n = mesh.size() - 1;
+  const size_t i = std::min(size_t(std::upper_bound(mesh.begin(), mesh.end(), phase) - mesh.begin() - 1), n - 1);
+  double w[train_stages + 1];
+  train_dense().weights((phase - mesh[i]) / (mesh[i + 1] - mesh[i]), w);
+  const double* points = x + i * size_t(d) * (train_stages + 1);
+  for (int a = 0; a < d; ++a) {
+    y[a] = 0;
+    for (int j = 0; j <= train_stages; ++j) y[a] += w[j] * points[j * d + a];
+  }
+}
+
+std::vector<double> roughness(const std::vector<double>& mesh, const double* x, int d) {
+  const size_t n = mesh.size() - 1, b = size_t(d) * (train_stages + 1);
+  std::vector<double> low(size_t(d), 1e300), high(size_t(d), -1e300), top(n * size_t(d));
+  const std::vector<double>& coefficient = train_dense().leading();
+  for (size_t i = 0; i < n; ++i)
+    for (size_t a = 0; a < size_t(d); ++a) {
+      double sum = 0;
+      for (size_t j = 0; j <= train_stages; ++j) {
+        const double value = x[i * b + j * size_t(d) + a];
+        low[a] = std::min(low[a], value);
+        high[a] = std::max(high[a], value);
+        sum += coefficient[j] * value;
+      }
+      top[i * size_t(d) + a] = sum / std::pow(mesh[i + 1] - mesh[i], train_stages);
+    }
+  std::vector<double> jump(n), result(n);
+  for (size_t i = 0; i < n; ++i) {
+    const size_t next = i + 1 < n ? i + 1 : 0;
+    const double h = (mesh[i + 1] - mesh[i] + mesh[next + 1] - mesh[next]) / 2;
+    for (size_t a = 0; a < size_t(d); ++a)
+      jump[i] = std::max(jump[i], std::abs(top[next * size_t(d) + a] - top[i * size_t(d) + a]) / h /
+                                      std::max(high[a] - low[a], 1e-12));
+  }
+  for (size_t i = 0; i < n; ++i) result[i] = std::max(jump[i], jump[i > 0 ? i - 1 : n - 1]);
+  return result;
+}
+
+namespace {
+
+std::vector<double> densities(std::vector<double> rough) {
+  for (double& r : rough) r = std::pow(r, 1. / (train_stages + 1));
+  return rough;
+}
+
+double whole(const std::vector<double>& mesh, const std::vector<double>& density) {
+  double total = 0;
+  for (size_t i = 0; i < density.size(); ++i) total += density[i] * (mesh[i + 1] - mesh[i]);
+  return total;
+}
+
+}  // namespace
+
+double intervals_for(const std::vector<double>& mesh, const std::vector<double>& rough, double error) {
+  return whole(mesh, densities(rough)) / std::pow(error, 1. / (train_stages + 1));
+}
+
+std::vector<double> equidistribute(const std::vector<double>& mesh, const std::vector<double>& rough,
+                                   size_t intervals) {
+  const size_t n = mesh.size() - 1;
+  const std::vector<double> density = densities(rough);
+  const double total = whole(mesh, density);
+  // a tenth of the points spread evenly in phase, a tenth over the old mesh, so that no part is left bare
+  std::vector<double> sum(n + 1, 0.);
+  for (size_t i = 0; i < n; ++i)
+    sum[i + 1] = sum[i] + (.8 * density[i] / total + .1) * (mesh[i + 1] - mesh[i]) + .1 / double(n);
+  std::vector<double> result{0};
+  size_t i = 0;
+  for (size_t k = 1; k < intervals; ++k) {
+    const double target = sum[n] * double(k) / double(intervals);
+    while (sum[i + 1] < target) ++i;
+    result.push_back(mesh[i] + (mesh[i + 1] - mesh[i]) * (target - sum[i]) / (sum[i + 1] - sum[i]));
+  }
+  result.push_back(1);
+  return result;
+}
+
+std::vector<double> halved(const std::vector<double>& mesh) {
+  std::vector<double> result;
+  for (size_t i = 0; i + 1 < mesh.size(); ++i) {
+    result.push_back(mesh[i]);
+    result.push_back((mesh[i] + mesh[i + 1]) / 2);
+  }
+  result.push_back(1);
+  return result;
+}
+
+}  // namespace stickslip

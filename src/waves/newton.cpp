@@ -1,0 +1,137 @@
+// Newton's method by SNES for the equations of a train.
+#include <petscsnes.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/handle.hpp"
+#include "waves/train_equations.hpp"
+
+namespace stickslip {
+
+namespace {
+
+struct Steps {
+  PetscInt numbers = 1;  // q, or q and lambda: the last entries
+  double last = -1;
+};
+
+PetscErrorCode form_function(SNES, Vec x, Vec f, void* context) {
+  return guarded([&] {
+    const PetscScalar* in;
+    PetscScalar* out;
+    SS_TRY(VecGetArrayRead(x, &in));
+    SS_TRY(VecGetArray(f, &out));
+    static_cast<TrainEquations*>(context)->residual(in, out);
+    SS_TRY(VecRestoreArray(f, &out));
+    SS_TRY(VecRestoreArrayRead(x, &in));
+  });
+}
+
+PetscErrorCode form_jacobian(SNES, Vec x, Mat, Mat, void* context) {
+  return guarded([&] {
+    const PetscScalar* in;
+    SS_TRY(VecGetArrayRead(x, &in));
+    static_cast<TrainEquations*>(context)->linearise(in);
+    SS_TRY(VecRestoreArrayRead(x, &in));
+  });
+}
+
+PetscErrorCode shell_multiply(Mat J, Vec x, Vec y) {
+  return guarded([&] {
+    void* context;
+    SS_TRY(MatShellGetContext(J, &context));
+    const PetscScalar* in;
+    PetscScalar* out;
+    SS_TRY(VecGetArrayRead(x, &in));
+    SS_TRY(VecGetArray(y, &out));
+    static_cast<TrainEquations*>(context)->multiply(in, out);
+    SS_TRY(VecRestoreArray(y, &out));
+    SS_TRY(VecRestoreArrayRead(x, &in));
+  });
+}
+
+PetscErrorCode shell_solve(PC pc, Vec x, Vec y) {
+  return guarded([&] {
+    void* context;
+    SS_TRY(PCShellGetContext(pc, &context));
+    const PetscScalar* in;
+    PetscScalar* out;
+    SS_TRY(VecGetArrayRead(x, &in));
+    SS_TRY(VecGetArray(y, &out));
+    static_cast<TrainEquations*>(context)->solve(in, out);
+    SS_TRY(VecRestoreArray(y, &out));
+    SS_TRY(VecRestoreArrayRead(x, &in));
+  });
+}
+
+// Converged by the step, not the residual, which cannot fall below the round-off of stiff intervals. In a front of
+// width w (in phase) psi itself cannot be known better than 1e-16/w, so that there the numbers sought decide.
+PetscErrorCode converged(SNES snes, PetscInt it, PetscReal, PetscReal, PetscReal fnorm, SNESConvergedReason* reason,
+                         void* context) {
+  return guarded([&] {
+    auto* steps = static_cast<Steps*>(context);
+    *reason = SNES_CONVERGED_ITERATING;
+    if (!std::isfinite(fnorm)) {
+      *reason = SNES_DIVERGED_FNORM_NAN;
+      return;
+    }
+    if (it == 0) return;
+    Vec dx;
+    PetscReal step, number_step = 0;
+    PetscInt size;
+    const PetscScalar* values;
+    SS_TRY(SNESGetSolutionUpdate(snes, &dx));
+    SS_TRY(VecNorm(dx, NORM_INFINITY, &step));
+    SS_TRY(VecGetSize(dx, &size));
+    SS_TRY(VecGetArrayRead(dx, &values));
+    for (PetscInt i = size - steps->numbers; i < size; ++i) number_step = std::max(number_step, std::abs(values[i]));
+    SS_TRY(VecRestoreArrayRead(dx, &values));
+    const bool stagnant = steps->last >= 0 && step > .2 * steps->last;
+    if (step < 1e-12 || (stagnant && step < 1e-8) || (stagnant && step < 1e-3 && number_step < 1e-11)) {
+      *reason = SNES_CONVERGED_SNORM_RELATIVE;
+    } else if (step > 1e6) {
+      *reason = SNES_DIVERGED_DTOL;
+    }
+    steps->last = step;
+  });
+}
+
+}  // namespace
+
+bool newton(TrainEquations& problem, std::vector<double>& x, double* last_step, int max_it) {
+  const PetscInt n = PetscInt(problem.size());
+  SnesHandle snes;
+  VecHandle u, f;
+  MatHandle J;
+  Steps steps{problem.parameters()};
+  SS_TRY(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, n, x.data(), u.out()));
+  SS_TRY(VecDuplicate(u, f.out()));
+  SS_TRY(MatCreateShell(PETSC_COMM_SELF, n, n, n, n, &problem, J.out()));
+  SS_TRY(MatShellSetOperation(J, MATOP_MULT, reinterpret_cast<void (*)()>(shell_multiply)));
+  SS_TRY(SNESCreate(PETSC_COMM_SELF, snes.out()));
+  SS_TRY(SNESSetFunction(snes, f, form_function, &problem));
+  SS_TRY(SNESSetJacobian(snes, J, J, form_jacobian, &problem));
+  SS_TRY(SNESSetConvergenceTest(snes, converged, &steps, nullptr));
+  SS_TRY(SNESSetTolerances(snes, PETSC_DEFAULT, PETSC_DEFAULT, PETSC_DEFAULT, max_it, PETSC_DEFAULT));
+  SNESLineSearch search;
+  SS_TRY(SNESGetLineSearch(snes, &search));
+  SS_TRY(SNESLineSearchSetType(search, SNESLINESEARCHBASIC));
+  KSP ksp;
+  PC pc;
+  SS_TRY(SNESGetKSP(snes, &ksp));
+  SS_TRY(KSPSetType(ksp, KSPPREONLY));
+  SS_TRY(KSPGetPC(ksp, &pc));
+  SS_TRY(PCSetType(pc, PCSHELL));
+  SS_TRY(PCShellSetContext(pc, &problem));
+  SS_TRY(PCShellSetApply(pc, shell_solve));
+  if (problem.setting().request.library_options) SS_TRY(SNESSetFromOptions(snes));
+  SS_TRY(SNESSolve(snes, nullptr, u));
+  SNESConvergedReason reason;
+  SS_TRY(SNESGetConvergedReason(snes, &reason));
+  if (last_step) *last_step = steps.last;
+  return reason > 0;
+}
+
+}  // namespace stickslip

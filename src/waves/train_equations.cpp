@@ -1,0 +1,239 @@
+#include "waves/train_equations.hpp"
+
+#include <algorithm>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/numerics/cyclic.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr int stages = train_stages, max_dim = train_max_dim;
+
+}  // namespace
+
+TrainSetting::At TrainSetting::at(double q) const {
+  const double c2 = oscillator->c2();
+  if (request.speed) {
+    const double V = std::abs(*request.speed), c = std::sqrt(c2), T = std::exp(q);
+    return {T, (V - c) * (V + c) / (V * V), T, 0, V};
+  }
+  const double Y2 = std::exp(2 * q), V = std::sqrt(c2 + Y2), r2 = Y2 / (c2 + Y2), rest = c2 / (c2 + Y2);
+  const double T = *request.length / (double(request.pulses) * V);
+  return {T, r2, -T * r2, 2 * r2 * rest, V};
+}
+
+double TrainSetting::number_of(const Train& train) const {
+  const double V = std::abs(train.speed), c = std::sqrt(oscillator->c2());
+  return request.speed ? std::log(train.period) : .5 * std::log((V - c) * (V + c));
+}
+
+TrainEquations::TrainEquations(TrainSetting setting, std::vector<double> mesh, double q_scale)
+    : setting_(std::move(setting)), mesh_(std::move(mesh)), d_(setting_.oscillator->dim()), n_(mesh_.size() - 1) {
+  const TrainSetting::At at = setting_.at(q_scale);
+  for (size_t i = 0; i < n_; ++i)
+    weight_.push_back(1 / (1 + (mesh_[i + 1] - mesh_[i]) * at.T * setting_.oscillator->A() / at.r2));
+  train_dense().weights(1, end_);
+}
+
+void TrainEquations::extend(Family family, double lambda_scale, std::vector<double> row, double right) {
+  family_ = std::move(family);
+  lambda_scale_ = lambda_scale;
+  row_ = std::move(row);
+  right_ = right;
+}
+
+std::vector<double> TrainEquations::fill(const Profile& profile, double q) const {
+  const size_t d = size_t(d_);
+  std::vector<double> x(size());
+  double y[max_dim + 1];
+  for (size_t i = 0; i < n_; ++i)
+    for (size_t j = 0; j <= stages; ++j) {
+      profile(mesh_[i] + (mesh_[i + 1] - mesh_[i]) * train_dense().points()[j], y);
+      std::copy(y, y + d, x.begin() + long(i * block() + j * d));
+    }
+  x[n_ * block()] = q;
+  return x;
+}
+
+void TrainEquations::interval_rows(size_t i, const double* in, const double* G, double scale, double* out) const {
+  const size_t b = block(), d = size_t(d_);
+  const double *y = in + i * b, *Y = y + d, *next = in + (i + 1 < n_ ? i + 1 : 0) * b;
+  const double h = (mesh_[i + 1] - mesh_[i]) * scale;
+  for (size_t j = 0; j < stages; ++j)
+    for (size_t a = 0; a < d; ++a) {
+      double r = 0;
+      for (size_t k = 0; k < stages; ++k) r += train_tableau().a[j * stages + k] * G[k * d + a];
+      out[i * b + j * d + a] = (Y[j * d + a] - y[a] - h * r) * (a == 0 ? weight_[i] : 1);
+    }
+  for (size_t a = 0; a < d; ++a) {
+    double r = next[a] - end_[0] * y[a];
+    for (size_t j = 0; j < stages; ++j) r -= end_[j + 1] * Y[j * d + a];
+    out[i * b + stages * d + a] = r;
+  }
+}
+
+void TrainEquations::residual(const double* x, double* F) {
+  const size_t b = block(), d = size_t(d_);
+  const double q = x[n_ * b];
+  if (family_) setting_ = family_(x[n_ * b + 1]);
+  const Oscillator& o = *setting_.oscillator;
+  const TrainSetting::At at = setting_.at(q);
+  for (size_t i = 0; i < n_; ++i) {
+    const double* Y = x + i * b + d;
+    double G[stages * max_dim];
+    for (size_t j = 0; j < stages; ++j) o.rhs(at.r2, Y + j * d, G + j * d, nullptr);
+    interval_rows(i, x, G, at.T, F);
+  }
+  F[n_ * b] = x[0] - o.v();
+  if (family_) F[n_ * b + 1] = row_[0] * x[1] + row_[1] * q + row_[2] * x[n_ * b + 1] - right_;
+}
+
+void TrainEquations::linearise(const double* x) {
+  const size_t b = block(), d = size_t(d_), p = size_t(parameters());
+  const double q = x[n_ * b];
+  TrainSetting lower, upper;
+  double eps = 0;
+  v_lambda_ = 0;
+  if (family_) {
+    const double lambda = x[n_ * b + 1];
+    setting_ = family_(lambda);
+    eps = 1e-6 * lambda_scale_;
+    lower = family_(lambda - eps);
+    upper = family_(lambda + eps);
+    v_lambda_ = (upper.oscillator->v() - lower.oscillator->v()) / (2 * eps);
+  }
+  const Oscillator& o = *setting_.oscillator;
+  const TrainSetting::At at = setting_.at(q);
+  J_.resize(n_ * stages * d * d);
+  Gp_.resize(n_ * stages * d * p);
+  for (size_t i = 0; i < n_; ++i)
+    for (size_t j = 0; j < stages; ++j) {
+      const double* Y = x + i * b + d + j * d;
+      double g[max_dim], J[max_dim * max_dim];
+      o.rhs(at.r2, Y, g, J);
+      double* to = &J_[(i * stages + j) * d * d];
+      for (size_t a = 0; a < d * d; ++a) to[a] = at.T * J[a];
+      double* slope = &Gp_[(i * stages + j) * d * p];
+      for (size_t a = 0; a < d; ++a)
+        slope[a * p] = at.T_q * g[a] - (a == 0 ? at.T * at.r2_q / at.r2 * g[0] : 0.);
+      if (family_) {
+        double low[max_dim], high[max_dim];
+        const TrainSetting::At l = lower.at(q), u = upper.at(q);
+        lower.oscillator->rhs(l.r2, Y, low, nullptr);
+        upper.oscillator->rhs(u.r2, Y, high, nullptr);
+        for (size_t a = 0; a < d; ++a) slope[a * p + 1] = (u.T * high[a] - l.T * low[a]) / (2 * eps);
+      }
+    }
+}
+
+void TrainEquations::multiply(const double* in, double* out) const {
+  const size_t b = block(), d = size_t(d_), p = size_t(parameters());
+  const double* dp = in + n_ * b;
+  for (size_t i = 0; i < n_; ++i) {
+    const double* Y = in + i * b + d;
+    double G[stages * max_dim];
+    for (size_t j = 0; j < stages; ++j)
+      for (size_t a = 0; a < d; ++a) {
+        double sum = 0;
+        for (size_t k = 0; k < d; ++k) sum += J_[((i * stages + j) * d + a) * d + k] * Y[j * d + k];
+        for (size_t k = 0; k < p; ++k) sum += Gp_[((i * stages + j) * d + a) * p + k] * dp[k];
+        G[j * d + a] = sum;
+      }
+    interval_rows(i, in, G, 1, out);
+  }
+  out[n_ * b] = in[0] - (family_ ? v_lambda_ * dp[1] : 0);
+  if (family_) out[n_ * b + 1] = row_[0] * in[1] + row_[1] * dp[0] + row_[2] * dp[1];
+}
+
+TrainEquations::Condensed TrainEquations::condense(const double* rhs) const {
+  const size_t b = block(), d = size_t(d_), p = size_t(parameters()), md = stages * d;
+  const size_t columns = d + p + 1;
+  Condensed result;
+  std::vector<double>&response = result.response, &phi = result.phi, &chain = result.chain;
+  response.resize(n_ * md * columns);
+  phi.resize(n_ * d * d);
+  chain.resize(n_ * d * (p + 1));
+  std::vector<double> M(md * md);
+  for (size_t i = 0; i < n_; ++i) {
+    const double h = mesh_[i + 1] - mesh_[i];
+    double* R = &response[i * md * columns];
+    for (size_t j = 0; j < stages; ++j)
+      for (size_t a = 0; a < d; ++a) {
+        const size_t row = j * d + a;
+        for (size_t k = 0; k < stages; ++k)
+          for (size_t l = 0; l < d; ++l)
+            M[row * md + k * d + l] = (j == k && a == l ? 1. : 0.) -
+                                      h * train_tableau().a[j * stages + k] * J_[((i * stages + k) * d + a) * d + l];
+        for (size_t l = 0; l < d; ++l) R[row * columns + l] = a == l ? 1. : 0.;
+        for (size_t l = 0; l < p; ++l) {
+          double sum = 0;
+          for (size_t k = 0; k < stages; ++k)
+            sum += train_tableau().a[j * stages + k] * Gp_[((i * stages + k) * d + a) * p + l];
+          R[row * columns + d + l] = h * sum;
+        }
+        R[row * columns + d + p] = rhs[i * b + row] / (a == 0 ? weight_[i] : 1);
+      }
+    if (!solve_dense(int(md), M.data(), int(columns), R))
+      throw Failure("the collocation equations of an interval are singular");
+    for (size_t a = 0; a < d; ++a) {
+      for (size_t l = 0; l < columns; ++l) {
+        double sum = 0;
+        for (size_t j = 0; j < stages; ++j) sum += end_[j + 1] * R[(j * d + a) * columns + l];
+        if (l < d) {
+          phi[(i * d + a) * d + l] = sum + (a == l ? end_[0] : 0.);
+        } else {
+          chain[(i * d + a) * (p + 1) + l - d] = sum + (l == d + p ? rhs[i * b + md + a] : 0.);
+        }
+      }
+    }
+  }
+  return result;
+}
+
+// The Gauss points of each interval first, then the chain of nodes, then what closes it.
+void TrainEquations::solve(const double* rhs, double* dx) const {
+  const size_t b = block(), d = size_t(d_), p = size_t(parameters()), md = stages * d;
+  const size_t columns = d + p + 1;
+  Condensed condensed = condense(rhs);
+  const std::vector<double>& response = condensed.response;
+  std::vector<double>& chain = condensed.chain;
+  const CyclicChain<double> cyclic(d_, n_, condensed.phi);
+  const std::vector<double> right = cyclic.reduce(int(p) + 1, chain);
+  const std::vector<double> closure = cyclic.closure(1.);
+  // closure y_0 - right_p dp = right_r;  f_0 [- v_lambda dlambda] = rhs;  row
+  const size_t size = d + p;
+  std::vector<double> S(size * size), z(size);
+  for (size_t a = 0; a < d; ++a) {
+    for (size_t l = 0; l < d; ++l) S[a * size + l] = closure[a * d + l];
+    for (size_t l = 0; l < p; ++l) S[a * size + d + l] = -right[a * (p + 1) + l];
+    z[a] = right[a * (p + 1) + p];
+  }
+  S[d * size] = 1;
+  z[d] = rhs[n_ * b];
+  if (family_) {
+    S[d * size + d + 1] = -v_lambda_;
+    S[(d + 1) * size + 1] = row_[0];
+    S[(d + 1) * size + d] = row_[1];
+    S[(d + 1) * size + d + 1] = row_[2];
+    z[d + 1] = rhs[n_ * b + 1];
+  }
+  if (!solve_dense(int(size), S.data(), 1, z.data())) throw Failure("the equations of the train are singular");
+  std::vector<double> w(p + 1, 1.);
+  for (size_t l = 0; l < p; ++l) w[l] = z[d + l];
+  const std::vector<double> y = cyclic.expand(int(p) + 1, chain, w.data(), z.data(), 1.);
+  for (size_t i = 0; i < n_; ++i) {
+    for (size_t a = 0; a < d; ++a) dx[i * b + a] = y[i * d + a];
+    const double* R = &response[i * md * columns];
+    for (size_t row = 0; row < md; ++row) {
+      double sum = R[row * columns + d + p];
+      for (size_t l = 0; l < d; ++l) sum += R[row * columns + l] * y[i * d + l];
+      for (size_t l = 0; l < p; ++l) sum += R[row * columns + d + l] * w[l];
+      dx[i * b + d + row] = sum;
+    }
+  }
+  for (size_t l = 0; l < p; ++l) dx[n_ * b + l] = w[l];
+}
+
+}  // namespace stickslip

@@ -1,0 +1,95 @@
+// The collocation equations of a train on a given mesh, their linearisation, and Newton's method for them. Alike on
+// every rank; SNES on PETSC_COMM_SELF.
+#pragma once
+
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "stickslip/waves/train.hpp"
+#include "waves/mesh.hpp"
+
+namespace stickslip {
+
+// The fixed part of the equations: the oscillator, and what is given of the train.
+struct TrainSetting {
+  std::shared_ptr<const Oscillator> oscillator;
+  TrainRequest request;
+
+  static TrainSetting of(const Scene& scene, const TrainRequest& request) {
+    return {std::make_shared<const Oscillator>(scene), request};
+  }
+
+  // Period and r2, with their derivatives, as functions of the unknown number q: ln T where the speed is given,
+  // ln sqrt(V^2 - c^2) where the length is.
+  struct At {
+    double T, r2, T_q, r2_q, speed;
+  };
+  At at(double q) const;
+  // The number q of a train.
+  double number_of(const Train& train) const;
+};
+
+// Discrete equations of a train on a given mesh. Unknowns, interval by interval: y at the left node, y at the
+// Gauss points; then the number q and, on a branch, the parameter lambda. Equations, interval by interval:
+//     Y_j - y_i - h sum_k a_jk T rhs(Y_k) = 0
+//     y_{i+1} - (the polynomial through y_i and Y at the right end) = 0
+// then f(0) - v = 0 and, on a branch, the arclength. The first component's stage equations are weighted with
+// 1/(1 + h T A/r2), which makes their round-off that of psi.
+class TrainEquations {
+ public:
+  using Family = std::function<TrainSetting(double)>;  // the setting as a function of lambda
+
+  TrainEquations(TrainSetting setting, std::vector<double> mesh, double q_scale);
+
+  // Adds lambda as an unknown, with row . (z(0), q, lambda) = right as its equation.
+  void extend(Family family, double lambda_scale, std::vector<double> row, double right);
+
+  int parameters() const { return family_ ? 2 : 1; }
+  size_t block() const { return size_t(d_) * (train_stages + 1); }
+  size_t size() const { return n_ * block() + size_t(parameters()); }
+  const std::vector<double>& mesh() const { return mesh_; }
+  const TrainSetting& setting() const { return setting_; }
+  int dim() const { return d_; }
+
+  // The unknowns of a profile; lambda, if it is one, stays 0.
+  std::vector<double> fill(const Profile& profile, double q) const;
+  void residual(const double* x, double* F);
+  // Keeps the linearisation at x, which the next two use.
+  void linearise(const double* x);
+  // out = Jacobian x in.
+  void multiply(const double* in, double* out) const;
+  // dx = Jacobian^-1 rhs. Throws Failure where it is singular.
+  void solve(const double* rhs, double* dx) const;
+
+ private:
+  // What the elimination of each interval's Gauss points leaves. `response`: their values for y at the left node, for
+  // the parameters and for the right-hand side, in columns; `phi` and `chain`: y at the right node likewise.
+  struct Condensed {
+    std::vector<double> response, phi, chain;
+  };
+  Condensed condense(const double* rhs) const;
+  // The rows of interval i of out, from those of in and the slopes G at its Gauss points.
+  void interval_rows(size_t i, const double* in, const double* G, double scale, double* out) const;
+
+  TrainSetting setting_;
+  std::vector<double> mesh_;
+  int d_;
+  size_t n_;
+  std::vector<double> weight_;
+  double end_[train_stages + 1];
+  Family family_;
+  double lambda_scale_ = 1, right_ = 0, v_lambda_ = 0;
+  std::vector<double> row_;
+  std::vector<double> J_, Gp_;
+};
+
+// Solves the equations from x; false where Newton's method does not converge. The size of the last step tells how far
+// round-off lets the answer be known.
+bool newton(TrainEquations& problem, std::vector<double>& x, double* last_step = nullptr, int max_it = 20);
+
+// The train of a solution; its residual and errors stay 0.
+Train pack(const TrainEquations& problem, const std::vector<double>& x);
+
+}  // namespace stickslip

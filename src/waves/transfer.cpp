@@ -1,0 +1,307 @@
+#include "waves/transfer.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/numerics/collocation.hpp"
+#include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/interpolation.hpp"
+
+namespace stickslip {
+
+namespace {
+
+using Complex = std::complex<double>;
+constexpr int stages = 5, max_dim = train_max_dim;
+constexpr double longest_phase = 1.5;  // of the waves in one interval: the five points give 1e-9 then
+constexpr double dead = 30;            // a wave that has decayed by exp(-dead) need not be resolved
+constexpr double made = 3e-4;          // relative change of C + lambda in its own time from which on they are made
+constexpr double stiff = 8;            // decay in an interval beyond which Radau IIA takes over from Gauss
+constexpr size_t most_intervals = 60000;
+
+// A tableau with the weights that continue its polynomial to the right end.
+struct Rule {
+  Tableau table;
+  double end[stages + 1];
+  explicit Rule(const Tableau& t) : table(t) {
+    std::vector<double> points{0};
+    points.insert(points.end(), t.c.begin(), t.c.end());
+    Lagrange(points).weights(1, end);
+  }
+};
+const Rule& gauss() {
+  static const Rule rule(train_tableau());
+  return rule;
+}
+const Rule& radau() {
+  static const Rule rule(Tableau::radau(stages));
+  return rule;
+}
+
+// det(Y - x) = (-1)^d [x^d + p0 x^(d-1) + ...].
+struct Characteristic {
+  int d;
+  Complex p[max_dim];
+  Complex at(Complex x) const {
+    Complex sum = 1;
+    for (int k = 0; k < d; ++k) sum = sum * x + p[k];
+    return sum;
+  }
+};
+
+Characteristic characteristic(int d, const Complex* Y) {
+  if (d == 2) return {2, {-(Y[0] + Y[3]), Y[0] * Y[3] - Y[1] * Y[2], 0}};
+  const Complex minors = Y[0] * Y[4] - Y[1] * Y[3] + Y[0] * Y[8] - Y[2] * Y[6] + Y[4] * Y[8] - Y[5] * Y[7];
+  const Complex det = Y[0] * (Y[4] * Y[8] - Y[5] * Y[7]) - Y[1] * (Y[3] * Y[8] - Y[5] * Y[6]) +
+                      Y[2] * (Y[3] * Y[7] - Y[4] * Y[6]);
+  return {3, {-(Y[0] + Y[4] + Y[8]), minors, -det}};
+}
+
+// Roots of the characteristic polynomial, largest modulus first.
+std::vector<Complex> roots(const Characteristic& c) {
+  std::vector<Complex> found;
+  if (c.d == 2) {
+    const Complex half = -c.p[0] / 2., root = std::sqrt(half * half - c.p[1]);
+    const Complex big = std::abs(half + root) > std::abs(half - root) ? half + root : half - root;
+    found = {big, std::abs(big) > 0 ? c.p[1] / big : 0.};
+  } else {
+    found = {{.4, .9}, {1, 0}, {-.65, .72}};  // Durand and Kerner
+    for (int it = 0; it < 200; ++it) {
+      double change = 0;
+      for (size_t i = 0; i < 3; ++i) {
+        Complex q = 1;
+        for (size_t k = 0; k < 3; ++k)
+          if (k != i) q *= found[i] - found[k];
+        if (!(std::abs(q) > 0)) continue;
+        const Complex step = c.at(found[i]) / q;
+        found[i] -= step;
+        change = std::max(change, std::abs(step));
+      }
+      if (change < 1e-16) break;
+    }
+  }
+  std::sort(found.begin(), found.end(), [](Complex a, Complex b) { return std::abs(a) > std::abs(b); });
+  return found;
+}
+
+}  // namespace
+
+// The train's Jacobians on a mesh that resolves waves up to a frequency c |Lambda|.
+class TransferMesh {
+ public:
+  TransferMesh(const Train& train, double frequency, int refine)
+      : d_(train.oscillator->dim()), T_(train.period), r2_(train.r2), V_(std::abs(train.speed)),
+        c2_(train.oscillator->c2()), A_(train.oscillator->A()) {
+    const double cV = std::sqrt(c2_) / V_;
+    // waves that run against the train and with it, in xi
+    const double slow = frequency / (1 + cV) * T_, fast = frequency * (1 + cV) / r2_ * T_;
+    std::vector<double> decay(train.intervals()), steepness(train.intervals());
+    const double least_frequency = frequency > 1 ? frequency / 2 : 0;
+    std::vector<double> J(size_t(stages * d_ * d_));
+    for (size_t i = 0; i < decay.size(); ++i) {
+      decay[i] = jacobians(train, train.mesh[i], train.mesh[i + 1] - train.mesh[i], gauss(), J.data(), &steepness[i]);
+      steepness[i] /= std::pow(std::abs(decay[i]), 2) +
+                      std::pow(least_frequency * cV / r2_ * T_ * (train.mesh[i + 1] - train.mesh[i]), 2);
+    }
+    // A fast wave is made where C changes within the time r2/|C + lambda|. Once it has died out, P follows Z and is as
+    // smooth as the train, which the mesh is made for. Twice round, to know what comes in.
+    double since = 0;
+    for (const bool count_only : {true, false})
+      for (size_t i = 0; i < train.intervals(); ++i) {
+        const double h = train.mesh[i + 1] - train.mesh[i];
+        if (steepness[i] > made) since = 0;
+        // the part of the interval in which the fast wave lives, and the rest
+        const double alive = decay[i] > 0 ? std::clamp((dead - since) / decay[i], 0., 1.) : 1;
+        since = std::max(0., since + decay[i]);
+        if (count_only) continue;
+        divide(train, train.mesh[i], alive * h, fast, refine, alive * decay[i]);
+        divide(train, train.mesh[i] + alive * h, (1 - alive) * h, slow, refine, (1 - alive) * decay[i]);
+        if (step_.size() > most_intervals * size_t(refine))
+          throw Failure("the spectrum needs too fine a mesh: V/c - 1 = " + rounded_text(1 / cV - 1) +
+                        ", waves of frequency " + rounded_text(frequency) +
+                        " in a medium at rest");
+      }
+  }
+
+  void monodromy(Complex lambda, Complex* Y, double& log_scale) const {
+    const int d = d_;
+    for (int a = 0; a < d * d; ++a) Y[a] = a % (d + 1) == 0 ? 1. : 0.;
+    log_scale = 0;
+    Complex phi[max_dim * max_dim], next[max_dim * max_dim];
+    for (size_t i = 0; i < step_.size(); ++i) {
+      transfer(i, lambda, phi);
+      double size = 0;
+      for (int a = 0; a < d; ++a)
+        for (int b = 0; b < d; ++b) {
+          Complex sum = 0;
+          for (int k = 0; k < d; ++k) sum += phi[a * d + k] * Y[k * d + b];
+          next[a * d + b] = sum;
+          size = std::max({size, std::abs(sum.real()), std::abs(sum.imag())});
+        }
+      if (!(size > 0) || !std::isfinite(size)) throw Failure("perturbations of the train cannot be followed round it");
+      const double scale = size > 1e-100 && size < 1e100 ? 1 : size;
+      for (int a = 0; a < d * d; ++a) Y[a] = next[a] / scale;
+      log_scale += std::log(scale);
+    }
+  }
+
+ private:
+  // Jacobians at the points of a rule in an interval; returns the least decay exponent of P in it, and its range.
+  double jacobians(const Train& train, double at, double h, const Rule& rule, double* J,
+                   double* range = nullptr) const {
+    double least = 1e300, most = -1e300;
+    for (double c : rule.table.c) {
+      double y[max_dim], dy[max_dim];
+      train.at(at + h * c, y);
+      train.oscillator->rhs(r2_, y, dy, J);
+      least = std::min(least, -J[0] * h * T_);
+      most = std::max(most, -J[0] * h * T_);
+      J += d_ * d_;
+    }
+    if (range) *range = most - least;
+    return least;
+  }
+
+  // Equal pieces short enough for a wave that turns by `frequency` a unit of phase.
+  void divide(const Train& train, double at, double h, double frequency, int refine, double decay) {
+    if (!(h > 0)) return;
+    const int pieces = refine * int(std::clamp(std::ceil(h * frequency / longest_phase), 1., double(most_intervals)));
+    for (int k = 0; k < pieces; ++k) add(train, at + h * k / pieces, h / pieces, decay / pieces);
+  }
+
+  void add(const Train& train, double at, double h, double decay) {
+    const Rule& rule = decay > stiff ? radau() : gauss();
+    step_.push_back(h * T_);
+    rule_.push_back(&rule);
+    J_.resize(J_.size() + size_t(stages * d_ * d_));
+    jacobians(train, at, h, rule, &J_[J_.size() - size_t(stages * d_ * d_)]);
+  }
+
+  // The matrix of Q' = M Q from a Jacobian.
+  void matrix(const double* J, Complex lambda, Complex* M) const {
+    const Complex wave = lambda / V_, slip = lambda * (c2_ / (V_ * V_)) / r2_;
+    const Complex mix = lambda * (c2_ / (A_ * V_ * V_));
+    for (int a = 0; a < d_ * d_; ++a) M[a] = J[a];
+    M[0] -= slip;
+    M[d_] += wave * wave * (c2_ / (A_ * r2_)) - mix * J[0];
+    M[d_ + 1] = -slip;
+    if (d_ == 3) M[d_ + 2] = -mix * J[2];
+  }
+
+  // y at the end of interval i from y at its beginning.
+  void transfer(size_t i, Complex lambda, Complex* phi) const {
+    const int d = d_, n = stages * d;
+    const Rule& rule = *rule_[i];
+    Complex M[stages * max_dim * max_dim], a[stages * max_dim * stages * max_dim], R[stages * max_dim * max_dim];
+    for (int j = 0; j < stages; ++j) matrix(&J_[(i * stages + size_t(j)) * size_t(d * d)], lambda, M + j * d * d);
+    for (int j = 0; j < stages; ++j)
+      for (int k = 0; k < stages; ++k) {
+        const double h = step_[i] * rule.table.a[size_t(j * stages + k)];
+        for (int p = 0; p < d; ++p)
+          for (int q = 0; q < d; ++q)
+            a[(j * d + p) * n + k * d + q] = (j == k && p == q ? 1. : 0.) - h * M[(k * d + p) * d + q];
+      }
+    for (int j = 0; j < n; ++j)
+      for (int b = 0; b < d; ++b) R[j * d + b] = j % d == b ? 1. : 0.;
+    if (!solve_dense(n, a, d, R)) throw Failure("the linearised equations of an interval are singular");
+    for (int p = 0; p < d; ++p)
+      for (int q = 0; q < d; ++q) {
+        Complex sum = p == q ? rule.end[0] : 0.;
+        for (int j = 0; j < stages; ++j) sum += rule.end[j + 1] * R[(j * d + p) * d + q];
+        phi[p * d + q] = sum;
+      }
+  }
+
+  int d_;
+  double T_, r2_, V_, c2_, A_;
+  std::vector<double> step_;
+  std::vector<const Rule*> rule_;
+  std::vector<double> J_;
+};
+
+Transfer::Transfer(const Train& train, int refine) : train_(train), refine_(refine) {}
+Transfer::~Transfer() = default;
+
+const TransferMesh& Transfer::mesh_for(double frequency) {
+  const int level = std::max(0, int(std::ceil(std::log2(std::max(frequency, 1e-3)))));
+  auto& slot = meshes_[level];
+  if (!slot) slot = std::make_unique<TransferMesh>(train_, std::ldexp(1., level), refine_);
+  return *slot;
+}
+
+Multipliers Transfer::at(Complex lambda) {
+  const int d = train_.oscillator->dim();
+  Complex Y[max_dim * max_dim];
+  double log_scale, size = 0;
+  mesh_for(std::sqrt(train_.oscillator->c2()) * std::abs(lambda / train_.speed)).monodromy(lambda, Y, log_scale);
+  for (int k = 0; k < d * d; ++k) size = std::max(size, std::abs(Y[k]));
+  for (int k = 0; k < d * d; ++k) Y[k] /= size;
+  log_scale += std::log(size);
+  Multipliers m;
+  m.count = d;
+  int k = 0;
+  for (const Complex& root : roots(characteristic(d, Y)))
+    m.log_rho[k++] = std::log(std::abs(root) > 1e-300 ? root : Complex(1e-300)) + log_scale;
+  return m;
+}
+
+namespace {
+
+// Visits C at the Gauss points of a train with their weights in phase, in order.
+template <class Visit>
+void each_damping(const Train& train, Visit&& visit) {
+  for (size_t i = 0; i < train.intervals(); ++i)
+    for (size_t j = 0; j < stages; ++j) {
+      double dy[max_dim], J[max_dim * max_dim];
+      train.oscillator->rhs(train.r2, &train.stages[(i * stages + j) * size_t(train.oscillator->dim())], dy, J);
+      visit(-train.r2 * J[0], (train.mesh[i + 1] - train.mesh[i]) * train_tableau().b[j]);
+    }
+}
+
+}  // namespace
+
+TrainDamping Transfer::damping() const {
+  TrainDamping result{0, std::sqrt(train_.oscillator->A() * train_.oscillator->K0()), 0};
+  double last = 0;
+  bool first = true;
+  each_damping(train_, [&](double C, double weight) {
+    result.mean += weight * C;
+    result.usual = std::max(result.usual, -C);
+    if (!first) result.slope += std::abs(C - last) / train_.period;
+    last = C;
+    first = false;
+  });
+  return result;
+}
+
+double Transfer::damping_within(double most) const {
+  double mean = 0;
+  each_damping(train_, [&](double C, double weight) { mean += weight * std::min(C, most); });
+  return mean;
+}
+
+// With exp(-int C/2) taken out of u'' + C u' + W^2 u = 0 there remains v'' + (W^2 - q) v = 0 with q = C^2/4 + C'/2,
+// whose solutions grow at most at the mean of |q|/(2 W): that much may be lost on -mean C/2. What C has beyond some
+// value only takes energy from the wave and may be left out: the value is chosen that says most.
+double Transfer::top_frequency(double growth) const {
+  const double own = std::sqrt(train_.oscillator->A() * train_.oscillator->K0());
+  double top = 1e300;
+  for (double most = damping().usual, end = 1e6 * most; most < end; most *= 1.5) {
+    double mean = 0, square = 0, variation = 0, last = 0;
+    bool first = true;
+    each_damping(train_, [&](double C, double weight) {
+      C = std::min(C, most);
+      mean += weight * C;
+      square += weight * C * C;
+      if (!first) variation += std::abs(C - last);
+      last = C;
+      first = false;
+    });
+    const double room = mean / 2 + growth;
+    if (room > 0) top = std::min(top, (square / 4 + variation / (2 * train_.period)) / (2 * room));
+  }
+  return std::max(4 * own, top);
+}
+
+}  // namespace stickslip

@@ -1,0 +1,70 @@
+"""The word for where a motion goes, on motions that look like another one: slow decay, loading, rest, starts that are
+exactly steady. Random scenes stand in tests/audit/test_regime.py."""
+import pytest
+from calls import run, scene_file
+
+BLOCK = "-model_form chain -grid_n 1 -bc_left free -init_psi 0 -init_eta 0 "
+CARLSON_LANGER = BLOCK + "-friction_law carlson-langer -model_v .01 -model_k0 1 "
+LOADED_CHAIN = ("-model_form chain -friction_law coulomb -model_v 0.001 -model_k0 0.2 -model_k1 1 -grid_n 50 "
+                "-bc_left free -init_psi 0 -init_eta 0 -friction_spread 0.3 -friction_seed 3 ")
+CATALOGUE = scene_file("catalogue") + " -grid_n 20 -model_v 1e-4 -out_events false "
+
+
+def regime(arguments):
+    out, said = run(arguments)
+    decided = out["regime"] in ("sliding", "stick-slip", "stuck")
+    assert (out["time_to_decide"] is None) == decided, f"{arguments}: {out['regime']} {out['time_to_decide']}"
+    assert decided or out["time_to_decide"] > out["t_end"], f"{arguments}: {out['time_to_decide']}"
+    return out, said
+
+
+@pytest.mark.parametrize("end, word", [(60, "decaying"), (150, "decaying"), (300, "decaying"), (1000, "sliding")])
+def test_slow_decay(end, word):
+    # the spectrum: -0.004, below the -0.0055 of an amplitude that still feels the cube
+    out, _ = regime(f"-model_gamma 0.3 -model_v 0.6 -ts_max_time {end}")
+    assert out["regime"] == word and abs(out["growth_rate"] + 0.004) < 1e-9, out
+    assert end < 300 or abs(out["regime_rate"] + 0.004) < 4e-4, out
+
+
+@pytest.mark.parametrize("scene, loaded", [
+    # loading from rest to the threshold: 1/(k0 v)
+    (CARLSON_LANGER + "-ts_max_time 50", 100),
+    (LOADED_CHAIN + "-ts_max_time 1000", None),
+    ("-model_form chain -friction_law carlson-langer -model_v .01 -grid_n 50 -bc_left free -init_psi 0 -init_eta 0 "
+     "-init_noise 1e-3 -ts_max_time 60", 500),
+    (BLOCK + "-friction_law rate-and-state -state_law ageing -init_psi 5e-18 -model_v 1e-3 -ts_max_time 300", None)])
+def test_loaded_too_short(scene, loaded):
+    out, said = regime(scene)
+    assert out["regime"] == "undecided" and "nothing has slipped yet: loading takes until about t = " in said, said
+    until = float(said.split("until about t = ")[1].split(",")[0])
+    assert until > out["t_end"] and (loaded is None or abs(until / loaded - 1) < 0.01), said
+
+
+def test_loaded_block_slips():
+    assert regime(CARLSON_LANGER + "-ts_max_time 150")[0]["regime"] == "undecided"
+    assert regime(CARLSON_LANGER + "-ts_max_time 450")[0]["regime"] == "stick-slip"
+
+
+@pytest.mark.parametrize("end", [0.3, 1, 10])
+def test_on_its_way(end):
+    out, _ = regime(f"-model_gamma 1000 -model_v 0.2 -ts_max_time {end} -init_psi 1.9 -init_eta 0.4")
+    assert out["regime"] == "undecided", out
+
+
+@pytest.mark.parametrize("end", [1200, 4800])
+def test_first_events(end):
+    assert regime(f"{CATALOGUE} -ts_max_time {end}")[0]["regime"] == "undecided"
+
+
+@pytest.mark.parametrize("start", ["-init_psi 0 -init_eta 0", "-init_psi 0.3 -init_eta 0.5 -init_noise 0.2"])
+def test_unloaded_rest(start):
+    out, _ = regime("-model_form chain -friction_law carlson-langer -model_v 0 -grid_n 50 -bc_left free "
+                    f"-ts_max_time 100 {start}")
+    assert out["regime"] == "stuck", out
+
+
+def test_exactly_steady():
+    steady = "-init_psi steady -init_eta steady "
+    assert regime(steady + "-model_v 1.2")[0]["regime"] == "sliding"
+    # psi = v to the last bit, and unstable: it goes where no round-off has yet led it
+    assert regime(steady + "-model_v 0.5")[0]["regime"] == "undecided"

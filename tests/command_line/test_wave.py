@@ -1,0 +1,136 @@
+"""The command wave: summary, file, refusals; and a run that starts from a train."""
+import json
+import os
+import subprocess
+import tempfile
+
+import h5py
+import numpy as np
+
+from calls import PROGRAM, check
+
+
+def run(*words, ranks=1):
+    command = (["mpirun", "-n", str(ranks)] if ranks > 1 else []) + [PROGRAM, *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+
+
+def summary(*words, ranks=1):
+    with tempfile.NamedTemporaryFile(suffix=".json") as file:
+        os.unlink(file.name)
+        result = run(*words, "-summary", file.name, ranks=ranks)
+        with open(file.name) as text:
+            data = json.load(text)
+        open(file.name, "a").close()
+    return result, data
+
+
+def refused(code, words, *parts):
+    result = run("wave", *words.split())
+    lines = result.stderr.strip().splitlines()
+    check(result.returncode == code, f"{words}: exit code {result.returncode}, not {code}")
+    check(len(lines) == 1 and lines[0].startswith("stickslip: error: "), f"{words}: one line, not {result.stderr!r}")
+    for part in parts:
+        check(part in result.stderr, f"{words}: '{part}' in {result.stderr!r}")
+
+
+RING = "-model_gamma 3 -model_delta 0 -model_v 0.5 -wave_length 100".split()
+START = ("-init_type wave -init_pulses 2 -grid_length 40 -model_v 0.5 -ts_max_time 30 "
+         "-ts_rtol 1e-8 -ts_atol 1e-8").split()
+
+
+def test_speeds_on_a_ring():
+    for pulses, speed in ((2, 5.22294), (4, 2.68955), (8, 1.49591), (11, 1.21281)):
+        result, data = summary("wave", *RING, "-wave_pulses", str(pulses))
+        check(result.returncode == 0 and data["status"] == "done", f"{pulses} pulses: {result.stderr}")
+        check(abs(data["speed"] - speed) < 6e-6, f"{pulses} pulses at {data['speed']}")
+        check(data["error_estimate"] < 1e-8 * speed, "error estimate")
+        check(data["stable"] is None and data["eigenvalues"] is None and data["branch"] is None, "null where not asked")
+        check(abs(data["speed"] * data["period"] * pulses / data["length"] - 1) < 1e-12, "L = n V T")
+
+
+def test_same_on_two_ranks():
+    _, two = summary("wave", *RING, "-wave_pulses", "2", ranks=2)
+    _, one = summary("wave", *RING, "-wave_pulses", "2")
+    check(two["speed"] == one["speed"] and two["ranks"] == 2, "the same on two ranks")
+
+
+def test_wrong_use_and_what_does_not_exist():
+    refused(2, "", "wave_length", "wave_speed")
+    refused(2, "-wave_length 60 -wave_speed 2", "wave_length", "wave_speed")
+    refused(2, "-wave_speed 1", "|V| > model_c")
+    refused(2, "-wave_speed -0.3", "|V| > model_c")
+    refused(2, "-wave_length 60 -wave_pulses 0", "wave_pulses")
+    refused(2, "-wave_length -3", "wave_length")
+    refused(2, "-wave_length 60 -model_form chain", "chain")
+    refused(2, "-wave_length 60 -friction_law carlson-langer", "friction_stick")
+    refused(1, "-wave_length 3", "none fits")
+    refused(1, "-wave_length 60 -wave_pulses 30", "at most")
+    refused(1, "-wave_length 60 -model_v 0.97", "stable", "v_c = 0.96609")
+    result, data = summary("wave", "-wave_length", "3")
+    check(data["status"] == "failed" and data["speed"] is None and data["shortest_pulse"] > 3, "summary of a failure")
+
+
+def test_the_file():
+    path = "train.h5"
+    result, data = summary("wave", "-wave_speed", "-1.5", "-wave_pulses", "3", "-out_file", path)
+    check(result.returncode == 0, result.stderr)
+    with h5py.File(path) as file:
+        x, psi, eta = file["x"][...], file["psi"][...], file["eta"][...]
+        check(np.all(np.diff(x) > 0) and abs(x[-1] - data["length"]) < 1e-9, "x rises to the ring's length")
+        check(abs(psi.max() - data["psi_max"]) < 1e-3, "psi in the file")
+        check(np.isclose(psi[0], 0.2) and np.isclose(psi[-1], 0.2), "the ring closes")
+        check(file.attrs["kind"] in (b"wave", "wave"), "kind")
+        # gamma eta_t = v - psi + c^2 psi_xx - ... integrates to zero over the ring: the mean of psi is v
+        mean = np.sum((psi[1:] + psi[:-1]) / 2 * np.diff(x)) / x[-1]
+        check(abs(mean - 0.2) < 1e-3, f"mean of psi {mean}")
+
+
+def test_a_run_keeps_the_train():
+    # A run that starts from the train keeps it: its speed is the solved one, to the order of the stencil.
+    _, solved = summary("wave", "-wave_length", "40", "-wave_pulses", "2", "-model_v", "0.5")
+    errors = []
+    for n in (256, 512):
+        result, data = summary("run", *START, "-grid_n", str(n), "-grid_order", "4")
+        check(result.returncode == 0, result.stderr)
+        check(data["pulses"] == 2, f"pulses {data['pulses']}")
+        errors.append(abs(data["wave_speed"] / solved["speed"] - 1))
+    print("relative errors of the speed in runs:", errors)
+    check(errors[1] < 1e-3 and errors[0] / errors[1] > 8, f"order 4: {errors}")
+    _, left = summary("run", *START, "-grid_n", "256", "-init_direction", "left")
+    check(abs(left["wave_speed"] / solved["speed"] + 1) < 1e-2, f"to the left: {left['wave_speed']}")
+    result = run("run", *START, "-bc_left", "free")
+    check(result.returncode == 2 and "ring" in result.stderr, result.stderr)
+
+
+def test_stability():
+    _, stable = summary("wave", "-wave_length", "25", "-model_v", "0.93", "-wave_spectrum")
+    check(stable["stable"] is True and stable["complete"], "a stable train")
+    check(any(e["translation"] and abs(e["re"]) < 1e-9 for e in stable["eigenvalues"]), "translation mode")
+    check(all(e["resolved"] for e in stable["eigenvalues"]), "resolved")
+    _, unstable = summary("wave", "-wave_length", "10", "-model_v", "0.5", "-wave_spectrum", "-spectrum_count", "4")
+    check(unstable["stable"] is False and unstable["growth_rate"] > 0.02, "an unstable train")
+    check(len(unstable["eigenvalues"]) == 4, "spectrum_count")
+    real = [e["re"] for e in unstable["eigenvalues"]]
+    check(real == sorted(real, reverse=True), "sorted by real part")
+    # the stable one holds its profile for a hundred periods
+    _, held = summary("run", *("-init_type wave -grid_length 25 -model_v 0.93 -grid_n 256 -grid_order 8 "
+                               "-ts_max_time 1270 -ts_rtol 1e-7 -ts_atol 1e-7").split())
+    check(abs(held["wave_speed"] / stable["speed"] - 1) < 1e-7, f"speed after 100 periods: {held['wave_speed']}")
+    check(abs(held["psi_max"] - stable["psi_max"]) < 2e-3, f"psi_max after 100 periods: {held['psi_max']}")
+
+
+def test_branch():
+    path = "branch.h5"
+    _, data = summary("wave", "-wave_length", "30", "-wave_continue", "model_gamma", "-wave_to", "6",
+                      "-wave_steps", "30", "-out_file", path)
+    points = data["branch"]["points"]
+    end = data["branch"]["end"]
+    check(points[-1]["value"] == 6 and "reached" in end, f"end of the branch: {end}")
+    _, alone = summary("wave", "-wave_length", "30", "-model_gamma", "6")
+    check(abs(points[-1]["speed"] / alone["speed"] - 1) < 1e-8, "the branch's end is a train")
+    with h5py.File(path) as file:
+        check(len(file["branch/value"]) == len(points), "branch in the file")
+    refused(2, "-wave_length 60 -wave_continue model_gama -wave_to 6", "did you mean model_gamma")
+    refused(2, "-wave_length 60 -wave_continue model_gamma", "wave_to")
+    refused(1, "-wave_length 60 -wave_continue grid_length -wave_to 70", "does not enter")

@@ -1,0 +1,32 @@
+"""Fixtures of all tests written in Python: a folder of one's own, an environment for Open MPI, seeded scenes."""
+import os
+
+import numpy as np
+import pytest
+
+
+def pytest_addoption(parser):
+    parser.addoption("--scenes", type=int, default=20, help="random scenes of each audit (20; the long version: 200)")
+    parser.addoption("--seed", type=int, default=2026, help="their seed")
+
+
+@pytest.fixture(autouse=True)
+def scratch(tmp_path, monkeypatch):
+    """Every test works in a folder of its own. Open MPI's folder stands there too: programs that end remove it."""
+    (tmp_path / "mpi").mkdir()
+    (tmp_path / "work").mkdir()
+    monkeypatch.setenv("OMPI_MCA_orte_tmpdir_base", str(tmp_path / "mpi"))
+    monkeypatch.chdir(tmp_path / "work")
+    return tmp_path / "work"
+
+
+@pytest.fixture
+def scenes(request):
+    """scenes(draw, salt) yields (index, draw(generator)) for each random scene; one generator a scene, so that a scene
+    can be drawn again by its index alone whatever came before."""
+    count, seed = request.config.getoption("--scenes"), request.config.getoption("--seed")
+
+    def drawn(draw, salt):
+        for index in range(count):
+            yield index, draw(np.random.default_rng([seed, salt, index]))
+    return drawn

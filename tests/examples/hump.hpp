@@ -1,0 +1,23 @@
+#pragma once
+#include "model/law.hpp"
+
+namespace stickslip {
+
+struct Hump {
+  static constexpr const char* name = "hump";
+  static constexpr bool jumps_at_rest = false;
+  double top = 1;
+  static std::vector<Declared<Hump>> parameters() {
+    using R = Parameter::Range;
+    return {{&Hump::top, {"top", "1", R::positive, "velocity", "hump: velocity of largest friction"}}};
+  }
+
+  template <class Sign>
+  WithSlope phi(double psi, Sign) const {
+    const double u = psi / top, w = 1 / (1 + u * u);
+    return {2 * u * w, 2 * (1 - u * u) * w * w / top};
+  }
+  SlopesAhead slopes_ahead() const { return {0.25 / top, 2 / top}; }  // at sqrt(3) times the top, and at rest
+};
+
+}  // namespace stickslip

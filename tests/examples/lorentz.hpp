@@ -1,0 +1,21 @@
+#pragma once
+#include "model/law.hpp"
+
+namespace stickslip {
+
+struct Lorentz {
+  static constexpr const char* name = "lorentz";
+  static constexpr bool jumps_at_rest = true;
+  static std::vector<Declared<Lorentz>> parameters() { return {}; }
+
+  double threshold() const { return 1; }
+  template <class Sign>
+  WithSlope phi(double psi, Sign sign) const {
+    const WithSlope s = sign.sign_slope(psi);
+    const double w = 1 / (1 + psi * psi);
+    return {s.value * w, (s.slope - 2 * psi * s.value * w) * w};
+  }
+  SlopesAhead slopes_ahead() const { return {0.65, 0}; }  // at 1/sqrt(3)
+};
+
+}  // namespace stickslip

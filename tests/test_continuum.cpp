@@ -1,0 +1,79 @@
+// The fastest wave of a uniform continuum against all of its waves, one by one.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <random>
+
+#include "stickslip/stability/continuum.hpp"
+
+using namespace stickslip;
+
+namespace {
+
+double growth_of(const Sliding& s, double k) {
+  double growth = -1e300;
+  for (const Complex& z : s.dispersion(s.K0 + s.K1 * k * k, s.mean_beta(), s.mean_q(), s.mean_r()))
+    growth = std::max(growth, z.real());
+  return growth;
+}
+
+Scene drawn(std::mt19937& random) {
+  const auto between = [&](double a, double b) { return std::uniform_real_distribution<double>(a, b)(random); };
+  const auto one_of = [&](int n) { return std::uniform_int_distribution<int>(0, n - 1)(random); };
+  std::vector<Given> given{{"grid_n", "32", ""}};
+  const auto add = [&](const char* name, const std::string& text) { given.push_back({name, text, ""}); };
+  for (const auto& [name, low, high] : {std::tuple<const char*, double, double>{"model_gamma", 0.3, 4},
+                                        {"model_delta", 0, 0.6}, {"model_c", 0.3, 3}, {"model_v", 0.1, 2},
+                                        {"grid_length", 1, 40}})
+    add(name, number_text(between(low, high)));
+  const char* const ends[][2] = {{"periodic", "periodic"}, {"free", "free"}, {"velocity", "velocity"},
+                                 {"free", "velocity"}};
+  const int end = one_of(4);
+  add("bc_left", ends[end][0]);
+  add("bc_right", ends[end][1]);
+  const int law = one_of(4);
+  if (law > 0) add("friction_law", law == 1 ? "carlson-langer" : law == 2 ? "cubic" : "rate-and-state");
+  if (law == 1) add("state_law", one_of(2) ? "healing" : "contact-age");
+  if (law == 2) add("state_law", "contact-age");
+  if (law == 3) add("state_law", one_of(2) ? "slip" : "ageing");
+  if (law == 1 || law == 2) add("state_D", number_text(between(0.05, 3)));
+  if (law == 3) add("friction_D", number_text(between(0.02, 1)));
+  return Scene::from(Options::from("spectrum", given), true);
+}
+
+}  // namespace
+
+TEST_CASE("no wave grows faster than the one named, and the one named grows so fast", "[continuum]") {
+  std::mt19937 random(7);
+  int limits = 0;
+  for (int k = 0; k < 300; ++k) {
+    const Scene scene = drawn(random);
+    const Sliding s(scene);
+    const auto lead = continuum_lead(s);
+    REQUIRE(lead);
+    const double unit = (scene.ring() ? 2 : 1) * M_PI / scene.length, level = 2e-9 * (unit_frequency(s) + s.A * 10);
+    const int held = int(scene.left == End::velocity) + int(scene.right == End::velocity);
+    for (int j = 0; j < 2000; ++j) REQUIRE(growth_of(s, unit * (held / 2. + j)) <= lead->growth + level);
+    const bool limit = std::isinf(lead->wavenumber);
+    REQUIRE(growth_of(s, limit ? 1e5 * unit : lead->wavenumber) == Approx(lead->growth).margin(limit ? 1e-6 : 1e-9));
+    if (!limit) REQUIRE(lead->wavenumber == Approx(unit * held / 2.));
+    limits += limit;
+  }
+  CHECK(limits > 20);  // and some of each kind were drawn
+  CHECK(limits < 280);
+}
+
+TEST_CASE("chains, spread and other held velocities have no closed answer; all waves alike name the longest",
+          "[continuum]") {
+  const auto of = [](std::vector<Given> given) {
+    return continuum_lead(Sliding(Scene::from(Options::from("spectrum", given), true)));
+  };
+  CHECK_FALSE(of({{"model_form", "chain", ""}, {"grid_n", "8", ""}}));
+  CHECK_FALSE(of({{"friction_spread", "0.1", ""}, {"grid_n", "8", ""}}));
+  CHECK_FALSE(of({{"bc_left", "velocity", ""}, {"bc_left_value", "0.7", ""}, {"grid_n", "16", ""}}));
+  const auto alike = of({{"grid_n", "16", ""}, {"model_v", "0.9", ""}});
+  REQUIRE(alike);
+  CHECK(alike->degenerate);
+  CHECK(alike->wavenumber == 0);
+  CHECK(alike->growth == Approx(-(3 * (0.81 - 1) + 0.2) / 2));
+}

@@ -1,0 +1,307 @@
+// The step of arkimex that takes friction implicitly tile by tile, against the equations it is to solve.
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+
+#include "model/dispatch.hpp"
+#include "model/implicit_kernel.hpp"
+#include "shared.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/time/methods.hpp"
+#include "stickslip/time/stick.hpp"
+#include "stickslip/time/time.hpp"
+#include "time/fused_imex.hpp"
+
+using namespace stickslip;
+
+namespace {
+
+std::vector<Scene> imex_scenes() {
+  std::vector<Scene> all;
+  for (const PetscInt n : {PetscInt(70), PetscInt(1100)}) {  // one tile; several
+    Scene ring;
+    ring.n = n;
+    ring.gamma = 50;
+    ring.delta = 0.3;
+    const auto add = [&](Scene s, Law law, StateLaw state, bool regularised) {
+      s.friction.law = law;
+      s.friction.state = state;
+      s.friction.regularised = regularised;
+      s.friction.eps = 0.1;
+      all.push_back(s);
+      s.left = End::velocity;
+      s.right = End::free;
+      s.left_value = 0.7;
+      s.spread = 0.2;
+      all.push_back(s);
+    };
+    for (const int order : {2, 6}) {
+      ring.order = order;
+      add(ring, "cubic", "none", false);
+    }
+    ring.order = 4;
+    add(ring, "carlson-langer", "healing", true);
+    add(ring, "cubic", "contact-age", false);
+    add(ring, "carlson-langer", "none", true);
+    add(ring, "coulomb", "healing", true);
+    add(ring, "coulomb", "none", false);
+    add(ring, "carlson-langer", "healing", false);
+    add(ring, "rate-and-state", "ageing", false);
+    add(ring, "rate-and-state", "slip", false);
+    Scene chain;
+    chain.form = Form::chain;
+    chain.n = n;
+    chain.order = 2;
+    chain.delta = 0;
+    chain.length = double(n - 1);
+    chain.left = End::velocity;
+    chain.left_value = 0.7;
+    chain.right = End::free;
+    chain.zeta = 0.3;
+    all.push_back(chain);
+  }
+  return all;
+}
+
+void start(const Model& model, Vec u) {
+  double* a;
+  SS_TRY(VecGetArray(u, &a));
+  for (PetscInt i = 0; i < model.local(); ++i) {
+    const double x = double(model.first() + i);
+    a[i * model.dof()] = 0.9 + 0.6 * std::sin(0.05 * x);
+    a[i * model.dof() + 1] = 0.3 * std::cos(0.04 * x);
+    if (model.dof() == 3) a[i * model.dof() + 2] = 1.3 + 0.2 * std::sin(0.9 * x);
+  }
+  SS_TRY(VecRestoreArray(u, &a));
+  model.set_held(u);
+}
+
+// Who rests and who slides, with friction that sticks; psi of those at rest is 0.
+std::vector<double> give_direction(const Model& model, TiledStep& step, Vec u) {
+  std::vector<double> direction;
+  if (!Stick::applies_to(model.scene())) return direction;
+  double* a;
+  SS_TRY(VecGetArray(u, &a));
+  for (PetscInt i = 0; i < model.local(); ++i) {
+    const PetscInt node = model.first() + i;
+    direction.push_back(node % 7 < 3 && !model.held(node) ? 0. : 1.);
+    if (direction.back() == 0) a[i * model.dof()] = 0;
+  }
+  SS_TRY(VecRestoreArray(u, &a));
+  model.set_direction(direction.data());
+  step.set_direction(direction);
+  return direction;
+}
+
+double norm(Vec v) {
+  double value;
+  SS_TRY(VecNorm(v, NORM_INFINITY, &value));
+  return value;
+}
+
+}  // namespace
+
+TEST_CASE("tableaus of arkimex are read off the library's own steps", "[imex]") {
+  for (const Method& m : methods()) {
+    if (m.type != std::string(TSARKIMEX)) continue;
+    const ImexMethod method(m.subtype);
+    const ImexTableau& t = method.tableau();
+    INFO(m.name());
+    const auto s = std::size_t(t.stages);
+    CHECK((m.adaptivity == Adaptivity::never) == t.embedded.empty());
+    for (const std::vector<double>* b : {&t.b, &t.bt}) {
+      double sum = 0, first = 0, cross = 0;
+      for (std::size_t i = 0; i < s; ++i) {
+        double c = 0, ct = 0;
+        for (std::size_t j = 0; j < s; ++j) {
+          c += t.A[i * s + j];
+          ct += t.At[i * s + j];
+          if (j >= i) CHECK(t.A[i * s + j] == 0);
+          if (j > i) CHECK(std::abs(t.At[i * s + j]) < 1e-15);
+        }
+        sum += (*b)[i];
+        first += (*b)[i] * c;
+        cross += (*b)[i] * ct;
+      }
+      CHECK(sum == Approx(1).epsilon(1e-12));
+      if (m.order >= 2) CHECK(first == Approx(0.5).epsilon(1e-12));
+      if (m.order >= 2) CHECK(cross == Approx(0.5).epsilon(1e-12));
+    }
+  }
+  // Kennedy and Carpenter's pair of orders 3 and 2
+  const ImexMethod third("3");
+  CHECK(third.tableau().stages == 4);
+  CHECK(third.tableau().order == 3);
+  CHECK(third.tableau().At[5] == Approx(1767732205903. / 4055673282236.).epsilon(1e-15));
+  CHECK(third.tableau().A[4] == Approx(1767732205903. / 2027836641118.).epsilon(1e-15));
+}
+
+TEST_CASE("stages of arkimex tile by tile solve the model's own equations", "[imex]") {
+  const ErrorNorm tight{1e-10, 1e-10, NORM_2};  // residuals of 1e-13
+  for (const Scene& scene : imex_scenes())
+    for (const char* subtype : {"3", "4", "1bee", "prssp2"}) {
+      const ImexMethod method(subtype);
+      const ImexTableau& t = method.tableau();
+      const Model model(PETSC_COMM_WORLD, scene);
+      FusedImex step(model, t, Stick::applies_to(scene));
+      VecHandle u = model.create_vector(), found = model.create_vector(), y = model.create_vector(),
+                rhs = model.create_vector();
+      start(model, u);
+      const std::vector<double> direction = give_direction(model, step, u);
+      std::vector<VecHandle> slopes;
+      for (int i = 0; i < 2 * t.stages; ++i) slopes.push_back(model.create_vector());
+      // beside nodes at rest the start is so rough that a longer step turns slip back
+      const double dt = Stick::applies_to(scene) ? 0.001 : 0.01;
+      const TiledStep::Outcome outcome = step.take(u, dt, tight, !t.embedded.empty(), found, slopes);
+      INFO(to_string(scene.friction.law) << " " << to_string(scene.friction.state) << " n " << scene.n << " order "
+                                         << scene.order << " left " << int(scene.left) << " arkimex " << subtype);
+      CHECK(outcome.finite);
+      CHECK(outcome.solved);
+      const auto s = std::size_t(t.stages);
+      const auto combine = [&](const double* of_explicit, const double* of_implicit) {
+        SS_TRY(VecCopy(u, y));
+        for (std::size_t j = 0; j < s; ++j) {
+          SS_TRY(VecAXPY(y, dt * of_implicit[j], slopes[2 * j]));
+          SS_TRY(VecAXPY(y, dt * of_explicit[j], slopes[2 * j + 1]));
+        }
+      };
+      for (std::size_t i = 0; i < s; ++i) {
+        combine(&t.A[i * s], &t.At[i * s]);
+        const double h = dt * std::max(t.At[i * s + i], 0.1);
+        model.rhs(Part::stencil, y, rhs);
+        SS_TRY(VecAXPY(rhs, -1, slopes[2 * i + 1]));
+        CHECK(dt * norm(rhs) < 1e-12 * (1 + dt * model.wave_frequency() * model.wave_frequency()));
+        model.rhs(Part::pointwise, y, rhs);
+        SS_TRY(VecAXPY(rhs, -1, slopes[2 * i]));
+        // the residual, and what the slope of friction makes of round-off
+        CHECK(h * norm(rhs) < 1e-11 * (1 + h * model.friction_rate(y)));
+      }
+      combine(t.b.data(), t.bt.data());
+      CHECK(distance(found, y) < 1e-12);
+      if (t.embedded.empty()) continue;
+      combine(t.embedded.data(), t.embedded_t.data());
+      const double *a, *b;
+      double sum = 0;
+      SS_TRY(VecGetArrayRead(found, &a));
+      SS_TRY(VecGetArrayRead(y, &b));
+      for (PetscInt i = 0; i < model.local() * model.dof(); ++i)
+        sum += std::pow((a[i] - b[i]) / (1e-10 + 1e-10 * std::max(std::abs(a[i]), std::abs(b[i]))), 2);
+      SS_TRY(VecRestoreArrayRead(y, &b));
+      SS_TRY(VecRestoreArrayRead(found, &a));
+      SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPI_DOUBLE, MPI_SUM, model.comm()));
+      CHECK(outcome.error == Approx(std::sqrt(sum / double(scene.n * model.dof()))).epsilon(1e-6).margin(0.01));
+      model.set_direction(nullptr);
+    }
+}
+
+TEST_CASE("arkimex tile by tile does not depend on the ranks, to the last bit", "[imex]") {
+  const ImexMethod method("4");
+  for (const Scene& scene : imex_scenes()) {
+    const Model model(PETSC_COMM_WORLD, scene), alone(PETSC_COMM_SELF, scene);
+    VecHandle u = model.create_vector(), found = model.create_vector();
+    VecHandle all = alone.create_vector(), expected = alone.create_vector();
+    start(model, u);
+    start(alone, all);
+    FusedImex step(model, method.tableau(), Stick::applies_to(scene));
+    FusedImex step_alone(alone, method.tableau(), Stick::applies_to(scene));
+    const auto direction = give_direction(model, step, u), direction_alone = give_direction(alone, step_alone, all);
+    step.take(u, 0.02, {1e-4, 1e-3, NORM_2}, true, found, {});
+    step_alone.take(all, 0.02, {1e-4, 1e-3, NORM_2}, true, expected, {});
+    const double *mine, *whole;
+    SS_TRY(VecGetArrayRead(found, &mine));
+    SS_TRY(VecGetArrayRead(expected, &whole));
+    INFO(to_string(scene.friction.law) << " n " << scene.n);
+    CHECK(std::equal(mine, mine + model.local() * model.dof(), whole + model.first() * model.dof()));
+    SS_TRY(VecRestoreArrayRead(found, &mine));
+    SS_TRY(VecRestoreArrayRead(expected, &whole));
+  }
+}
+
+TEST_CASE("a run of arkimex tile by tile is that of the library's own steps", "[imex]") {
+  for (const Scene& scene : imex_scenes()) {
+    if (scene.n > 100) continue;
+    for (const char* subtype : {"3", "5", "l2"}) {
+      const auto run = [&](bool fused) {
+        MethodSpec spec = MethodSpec::parse("test", std::string("arkimex:") + subtype + ":friction");
+        spec.step = Stick::applies_to(scene) ? 0.001 : 0.01;  // a longer one carries nodes far through rest
+        spec.tolerance = 1e-12;
+        spec.fused = fused;
+        const Model model(PETSC_COMM_WORLD, scene);
+        VecHandle u = model.create_vector();
+        start(model, u);
+        std::vector<std::string> ignored;
+        const WarningsKept kept(ignored);
+        Integrator integrator(model, spec, u);
+        TSType type;
+        SS_TRY(TSGetType(integrator.ts(), &type));
+        CHECK(std::string(type) == (fused ? "fusedarkimex" : "arkimex"));
+        CHECK(integrator.report().method == std::string("arkimex:") + subtype);
+        integrator.advance(u, 0, 10 * spec.step, nullptr);
+        return u;
+      };
+      INFO(to_string(scene.friction.law) << " " << to_string(scene.friction.state) << " left " << int(scene.left) << " "
+                                         << subtype);
+      const VecHandle fused = run(true), library = run(false);
+      CHECK(distance(fused, library) < 1e-9 * (1 + norm(library)));
+    }
+  }
+}
+
+// r of the cubic: a psi + q (psi^3/3 - psi) = R, with a = 1.
+TEST_CASE("of several solutions of a stage none is taken that the step does not lead to", "[imex]") {
+  const Cubic cubic;
+  const auto phi = [&](double psi) { return cubic.phi(psi, SignExact()).value; };
+  const Product<Cubic, SignExact, NoState> friction{cubic, {}, {}};
+  kernel::Coefficients c{};
+  c.A = 1;
+  int refused = 0, taken = 0;
+  for (const double h : {0.5, 2., 20., 2000.})
+    for (double psi0 = -2.5; psi0 <= 2.5; psi0 += 0.01)
+      for (const double shift : {-1., -0.1, 0., 0.1, 1.}) {
+        const double z_psi = psi0, z_eta = phi(psi0) + shift;
+        double psi = psi0, eta = 0, g_psi, g_eta;
+        kernel::Stage stage{};
+        stage.z_psi = &z_psi;
+        stage.z_eta = &z_eta;
+        stage.start = &psi0;
+        stage.psi = &psi;
+        stage.eta = &eta;
+        stage.g_psi = &g_psi;
+        stage.g_eta = &g_eta;
+        stage.h = h;
+        stage.target = 1e-12;
+        stage.strict = true;
+        stage.count = 1;
+        const long unsolved = kernel::SolveStage<Product<Cubic, SignExact, NoState>, false>{friction}(c, stage);
+        const double R = z_psi + h * z_eta;
+        const auto residual = [&](double p) { return p + h * phi(p) - R; };
+        const auto slope = [&](double p) { return 1 + h * (p * p - 1); };
+        // the root at h, followed from h = 0 in small steps of Newton's method; lost where the slope is not positive
+        double followed = psi0;
+        bool lost = false;
+        for (int k = 1; k <= 400 && !lost; ++k) {
+          const double part = h * std::pow(k / 400., 3);
+          for (int round = 0; round < 30; ++round) {
+            const double s = 1 + part * (followed * followed - 1);
+            if (s <= 0) {
+              lost = true;
+              break;
+            }
+            const double change = (followed + part * phi(followed) - psi0 - part * z_eta) / s;
+            followed -= change;
+            if (std::abs(change) < 1e-13) break;
+          }
+        }
+        INFO("h " << h << ", from " << psi0 << ", shift " << shift << ": " << psi << ", followed " << followed);
+        if (unsolved != 0) {
+          ++refused;
+          continue;
+        }
+        ++taken;
+        CHECK(std::abs(residual(psi)) < 1e-9 * (1 + h));
+        CHECK(slope(psi) > 0);
+        if (!lost) CHECK(psi == Approx(followed).margin(1e-8));
+      }
+  CHECK(refused > 100);
+  CHECK(taken > 1000);
+}
