@@ -49,6 +49,16 @@ def ranks_of(process, ranks, pids):
     return found
 
 
+def started(arguments, ranks, path, **settings):
+    """A run under way, whose file is there, and the process numbers of its ranks."""
+    if os.path.exists("pids"):
+        os.remove("pids")
+    process = subprocess.Popen(line(arguments, ranks, pids="pids"), text=True, **settings)
+    while not os.path.exists(path) and process.poll() is None:
+        time.sleep(0.002)
+    return process, ranks_of(process, ranks, "pids")
+
+
 def call(arguments, ranks=1, command="run", **settings):
     """Runs a command, whatever comes of it."""
     return subprocess.run(line(arguments, ranks, command), capture_output=True, text=True, timeout=600, **settings)

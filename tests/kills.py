@@ -23,6 +23,7 @@ import tempfile
 import time
 
 import numpy as np
+import xarray
 
 from calls import PROGRAM, check, data, line, ranks_of, run, same
 
@@ -65,6 +66,8 @@ def at_random(case, rng, ranks, duration):
         time.sleep(0.002)
     if os.path.exists(f"{case}.h5"):
         seen = len(data(f"{case}.h5")["t"])
+        with xarray.open_dataset(f"{case}.h5", engine="h5netcdf") as read:  # as its user does, while it is written
+            check(read.psi.shape[1] == 300, "xarray opens it")
     kill_ranks(process, ranks, f"{case}.pids")
     return seen
 
@@ -148,6 +151,7 @@ def one_case(case, seed, ranks, rng, reference, duration, calls, tally):
         tally["bare"] += 1
         check(not checkpoints, f"{text}: checkpoints without a file")
         return
+    check(len(checkpoints) <= 3, f"{text}: {len(checkpoints)} checkpoints, of which two are kept and one may be new")
     tally["shown"].append(beginning(path, reference, text))
     check(tally["shown"][-1] >= seen, f"{text}: {tally['shown'][-1]} frames, a reader saw {seen}")
     if checkpoints and rng.random() < 0.3:  # the restart is killed as well

@@ -118,7 +118,7 @@ TEST_CASE("spread friction: the root of the dense matrix", "[boundary]") {
   }
 }
 
-TEST_CASE("a mode that takes the lead between samples is found by the count", "[boundary]") {
+TEST_CASE("a mode that takes the lead between samples is found by the count", "[boundary][serial]") {
   // Hundreds of modes of this medium change their order within 1e-3 of the boundary.
   const auto o = options_of({{"grid_n", "1000"}, {"bc_left", "velocity"}, {"friction_spread", "0.2"}});
   const auto found = roots(o, {"model_v", 0.5, 1.5, false});
@@ -188,7 +188,7 @@ double dense_growth(const Scene& scene) {
 
 }  // namespace
 
-TEST_CASE("curves of spread and held scenes lie where the dense matrix has no growth", "[boundary]") {
+TEST_CASE("curves of spread and held scenes lie where the dense matrix has no growth", "[boundary][serial]") {
   const auto spread = options_of({{"grid_n", "80"}, {"grid_length", "20"}, {"friction_spread", "0.3"}});
   const auto held = options_of({{"model_form", "chain"}, {"grid_n", "50"}, {"bc_left", "velocity"},
                                 {"bc_left_value", "0.5"}, {"bc_right", "free"}, {"friction_spread", "0.2"}});
@@ -212,7 +212,7 @@ TEST_CASE("curves of spread and held scenes lie where the dense matrix has no gr
   }
 }
 
-TEST_CASE("a closed curve smaller than a cell, with corners where two pairs cross at once", "[boundary]") {
+TEST_CASE("a closed curve smaller than a cell, with corners where two pairs cross at once", "[boundary][serial]") {
   // psi = 0 everywhere is unstable for zeta < 1, psi large anywhere is not; the equations are odd in (psi_e, v).
   for (const char* zeta : {"0.98", "0.999"}) {
     GrowthRate growth = growth_of(options_of({{"model_form", "chain"}, {"grid_n", "4"}, {"model_zeta", zeta},

@@ -430,7 +430,7 @@ TEST_CASE("a constant wave part is factored once while the step stands", "[seria
   CHECK(factorizations("both", "1") >= 16 * 5);  // where Newton's own method takes one a stage or more
 }
 
-TEST_CASE("stages that share a Jacobian are solved as well as by Newton's own method") {
+TEST_CASE("stages that share a Jacobian are solved as well as by Newton's own method", "[serial]") {
   Scene stiff = smooth_ring();
   stiff.gamma = 100;
   const double tolerance = 1e-7;

@@ -122,7 +122,7 @@ Settings fixed(const Method& m, double dt) {
 
 }  // namespace
 
-TEST_CASE("the stick-slip cycle of a block") {
+TEST_CASE("the stick-slip cycle of a block", "[serial]") {
   const Cycle exact;
   const auto eta0 = [](PetscInt i) { return 0.9 - 0.17 * double(i % 7); };
   const Start start = [&](PetscInt i, double* at) {
@@ -207,7 +207,7 @@ void lively_start_with_state(PetscInt i, double* at) {
 
 }  // namespace
 
-TEST_CASE("the energy balance of a chain that sticks") {
+TEST_CASE("the energy balance of a chain that sticks", "[serial]") {
   const StateLaw state = GENERATE(StateLaw("none"), StateLaw("healing"));
   Scene scene = lively_chain(Law("coulomb"), state);
   Model model(PETSC_COMM_WORLD, scene);
@@ -239,7 +239,7 @@ TEST_CASE("the energy balance of a chain that sticks") {
   CHECK(end - begin == Approx(work).margin(2e-6).epsilon(0));
 }
 
-TEST_CASE("nothing rests beyond its threshold, and nothing slides against its direction") {
+TEST_CASE("nothing rests beyond its threshold, and nothing slides against its direction", "[serial]") {
   const Law law = GENERATE(Law("coulomb"), Law("carlson-langer"));
   const StateLaw state = GENERATE(StateLaw("none"), StateLaw("healing"), StateLaw("contact-age"));
   const bool back_slip = GENERATE(true, false);
@@ -422,7 +422,7 @@ TEST_CASE("a run goes on bitwise alike from the middle of a stick") {
   }
 }
 
-TEST_CASE("loading costs a step, however slow the plate") {
+TEST_CASE("loading costs a step, however slow the plate", "[serial]") {
   for (const double v : {1e-2, 1e-5, 1e-8}) {
     Scene scene = lone_blocks(4);
     scene.v = v;
@@ -445,7 +445,7 @@ TEST_CASE("loading costs a step, however slow the plate") {
   }
 }
 
-TEST_CASE("regularised friction tends to friction that sticks") {
+TEST_CASE("regularised friction tends to friction that sticks", "[serial]") {
   const Law law = GENERATE(Law("carlson-langer"), Law("coulomb"));
   Scene scene = lone_blocks(4);
   scene.friction.law = law;

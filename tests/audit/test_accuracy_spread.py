@@ -78,6 +78,7 @@ def test_error_and_estimate_at_probes(scenes):
     audited(scenes(draw, 165))
 
 
+@pytest.mark.ranks
 def test_on_several_ranks(scenes):
     """Every fifth scene on two and three ranks, by explicit steps and by implicit ones, which the ranks solve together."""
     def draw_for_ranks(r):

@@ -37,6 +37,7 @@ def test_random_scenes():
     print(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.ranks
 def test_answer_within_the_request():
     made = run(*SCENE, "-accuracy", 1e-5, "-progress", "on", "-out_probes", "3.3,10")
     how = made["accuracy"]

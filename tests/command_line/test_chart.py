@@ -130,6 +130,7 @@ def test_errors_against_a_fourier_method():
     assert os.path.getsize("c.png") > 10000
 
 
+@pytest.mark.ranks
 def test_same_on_two_ranks():
     # any number of ranks: the same errors to round-off
     one, two = summary(*FEW), summary(*FEW, ranks=2)

@@ -8,6 +8,7 @@ import time
 
 import h5py
 import numpy as np
+import pytest
 
 from calls import PROGRAM, SOURCE, check, scene_file, words
 
@@ -58,6 +59,7 @@ def test_a_block_in_closed_form():
     check(len(e["t"]) > 0 and (e["radiated"] > 0).all(), "a law without a threshold, with damping")
 
 
+@pytest.mark.ranks
 def test_same_events_on_any_number_of_ranks():
     run(CHAIN + " -ts_type rk -ts_rk_type 4 -ts_dt 0.05 -out_file one.h5")
     one = catalogue("one.h5")
@@ -99,6 +101,7 @@ def test_no_event_lost_by_restart_or_kill():
             check(same(whole, catalogue("killed.h5")), "whole after a kill and a restart")
 
 
+@pytest.mark.ranks
 def test_seeds_side_by_side():
     # side by side, each as it is alone; the ranks are shared out
     scene = CHAIN.replace("-friction_spread 0.1", "-friction_spread 0.2 -out_checkpoint_every 1000")

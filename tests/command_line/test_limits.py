@@ -6,6 +6,8 @@ import subprocess
 import tempfile
 import time
 
+import pytest
+
 from calls import PROGRAM, SOURCE, check, scene_file, words
 
 
@@ -111,6 +113,7 @@ def test_no_one_speed():
     check(run.speed is None, f"pacemaker: speed {run.speed}")
 
 
+@pytest.mark.ranks
 def test_chart_on_ranks():
     # The rows of a chart of limits do not depend on the ranks: steps found by bisection, each to 5 % or better.
     scene = os.path.join(SOURCE, "runs", "limits-train.yaml")

@@ -4,20 +4,17 @@ import glob
 import io
 import json
 import os
-import random
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
-import time
 
 import h5py
 import numpy as np
-import pytest
 import xarray
 
-from calls import PROGRAM, SOURCE, check, line, ranks_of
+from calls import PROGRAM, SOURCE, check, started
 
 sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
 import plot as PLOT  # noqa: E402
@@ -50,21 +47,6 @@ def contents(path):
 
         file.visititems(visit)
         return found
-
-
-def whole(path, reference):
-    """The frames in a file, which must be the first ones of the reference; their number."""
-    now = contents(path)
-    count = len(now["t"])
-    for name in ("t", "psi", "eta"):
-        check(len(now[name]) >= count and np.array_equal(now[name][:count], reference[name][:count]),
-              f"{path}: {name} is a beginning of the uninterrupted run's")
-    for group in ("probes", "series"):
-        rows = len(now[group + "/t"])
-        for name in (name for name in now if name.startswith(group + "/") and not name.endswith("/x")):
-            check(len(now[name]) >= rows and np.array_equal(now[name][:rows], reference[name][:rows]),
-                  f"{path}: {name} is a beginning of the uninterrupted run's")
-    return count
 
 
 SINE = ["-init_type", "sine", "-out_probes", "0,10.3125,45"]
@@ -146,8 +128,7 @@ def test_failures_and_stops():
     kept = contents("f.h5")
     check(len(kept["t"]) >= 1 and np.isfinite(kept["psi"]).all(), "what was computed until then")
 
-    process = subprocess.Popen(command(*SINE, *LONG, "-out_file", "stop.h5", "-summary", "stop.json"))
-    wait_for("stop.h5", process)
+    process, _ = started([*SINE, *LONG, "-out_file", "stop.h5", "-summary", "stop.json"], 1, "stop.h5")
     process.send_signal(signal.SIGTERM)
     check(process.wait(timeout=60) == 143, "exit code 143 after SIGTERM")
     summary = json.load(open("stop.json", encoding="utf-8"))
@@ -155,8 +136,7 @@ def test_failures_and_stops():
     check(len(glob.glob("stop.chk-*.h5")) >= 1, "checkpoint after SIGTERM")
 
     os.makedirs("gone", exist_ok=True)
-    process = subprocess.Popen(command(*SINE, *LONG, "-out_file", "gone/a.h5"), stderr=subprocess.PIPE, text=True)
-    wait_for("gone/a.h5", process)
+    process, _ = started([*SINE, *LONG, "-out_file", "gone/a.h5"], 1, "gone/a.h5", stderr=subprocess.PIPE)
     shutil.rmtree("gone")
     _, stderr = process.communicate(timeout=60)
     lines = [line for line in stderr.splitlines() if "error" in line]
@@ -164,59 +144,6 @@ def test_failures_and_stops():
 
 
 LONG = ["-grid_n", 300, "-ts_max_time", 600, "-out_frames", 6001, "-out_checkpoint_every", 200]
-
-
-def wait_for(path, process):
-    while not os.path.exists(path) and process.poll() is None:
-        time.sleep(0.005)
-
-
-def kill(process, ranks):
-    """Kills the ranks of a run and waits until all are gone."""
-    for pid in ranks_of(process, ranks, "pids"):
-        os.kill(pid, signal.SIGKILL)
-    process.wait()
-
-
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_killed(ranks):
-    """Kills at random moments; the file is the beginning of what an uninterrupted run writes, and can be continued."""
-    scene = [*SINE, "-grid_n", 400, "-ts_max_time", 15, "-out_frames", 2001, "-out_checkpoint_every", 40]
-    rng = random.Random(7)
-    begin = time.monotonic()
-    out = run(*scene, "-out_file", f"reference{ranks}.h5", ranks=ranks)
-    duration = time.monotonic() - begin
-    check(out.returncode == 0, "reference: " + out.stderr)
-    reference = contents(f"reference{ranks}.h5")
-    seen, continued = [], 0
-    for attempt in range(6):
-        path = f"killed{ranks}-{attempt}.h5"
-        if os.path.exists("pids"):
-            os.remove("pids")
-        process = subprocess.Popen(line([*scene, "-out_file", path], ranks, pids="pids"), stderr=subprocess.DEVNULL)
-        wait_for(path, process)
-        watched = 0
-        end = time.monotonic() + rng.uniform(0, 0.6) * duration
-        while time.monotonic() < end:  # a reader comes along while it is written
-            watched = max(watched, whole(path, reference))
-            time.sleep(0.01)
-        kill(process, ranks)
-        seen.append(whole(path, reference))
-        check(seen[-1] >= watched, "no frame is lost that a reader has seen")
-        with xarray.open_dataset(path, engine="h5netcdf") as data:
-            check(data.psi.shape[1] == 400, "xarray opens it")
-        checkpoints = sorted(glob.glob(f"killed{ranks}-{attempt}.chk-*.h5"))
-        check(len(checkpoints) <= 3, "old checkpoints are removed")
-        if checkpoints and continued < 2:
-            continued += 1
-            out = run("-restart", checkpoints[-1], ranks=ranks)
-            check(out.returncode == 0, "restart: " + out.stderr)
-            check(whole(path, reference) == len(reference["t"]), "a restart completes the file")
-            now = contents(path)
-            for name in now:
-                check(now[name].shape == reference[name].shape, f"after a restart {name} is as long as without")
-    print(f"ranks {ranks}: frames at the kills: {seen} of {len(reference['t'])}; {continued} continued")
-    check(continued > 0, "some kill left a checkpoint")
 
 
 def test_full_disk():

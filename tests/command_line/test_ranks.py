@@ -55,6 +55,7 @@ CASES = [
     ("laws", "-laws_points 7", ["psi", "cubic", "carlson-langer"], 0)]
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("command, arguments, keys, tolerance", CASES)
 def test_same_on_any_ranks(command, arguments, keys, tolerance):
     compare(command, arguments, keys, tolerance)

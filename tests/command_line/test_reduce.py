@@ -38,6 +38,7 @@ SCENES = [  # options, unknowns solved for; adaptive steps pass their round-off 
 ]
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("scene, unknowns", SCENES)
 def test_same_answer(scene, unknowns):
     bound = 1e-12 if FIXED in scene else 1e-9
@@ -72,6 +73,7 @@ def test_same_answer(scene, unknowns):
                   f"{name} differs by {difference} on {ranks} ranks: {scene}")
 
 
+@pytest.mark.ranks
 def test_one_bit_breaks_the_symmetry():
     # one bit of one node
     run("-grid_n 40 -ts_max_time 0.5 -out_file even.h5")
@@ -89,6 +91,7 @@ def test_one_bit_breaks_the_symmetry():
     check(cells["unknowns"] == 80, "cells between free ends are not reduced")
 
 
+@pytest.mark.ranks
 def test_restart_keeps_the_reduction():
     for scene, unknowns in (("-grid_n 48", 2), ("-grid_n 48 -init_type sine -init_mode 4", 24)):
         whole, _ = run(f"{scene} -ts_max_time 10 -out_probes 3 -out_file r.h5 -out_checkpoint_every 30"
@@ -110,6 +113,7 @@ def test_restart_keeps_the_reduction():
                 os.remove(old)
 
 
+@pytest.mark.ranks
 def test_unstable_symmetry_is_told():
     unstable = "-model_v 0 -model_delta 0 -grid_n 64"
     got, error = run(unstable + " -progress on")

@@ -3,10 +3,12 @@ measurements, warnings."""
 import os
 
 import numpy as np
+import pytest
 
 from calls import check, data, run
 
 
+@pytest.mark.ranks
 def test_same_on_any_ranks():
     # Short scenes of every end, form and method: round-off alone separates the ranks.
     held = "-bc_left velocity -bc_left_value -1.5 -init_type layer"

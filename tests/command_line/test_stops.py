@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from calls import PROGRAM, call, check, data, errors, line, ranks_of, refused, run, same
+from calls import PROGRAM, call, check, data, errors, refused, run, same, started
 
 SINE = "-init_type sine -grid_n 64"
 
@@ -24,6 +24,7 @@ def kept(path, summary, text):
     check(abs(now["series/t"][-1] - summary["t_end"]) < 1e-12, f"{text}: series up to {now['series/t'][-1]}")
 
 
+@pytest.mark.ranks
 def test_limits_of_steps_and_wall_clock():
     scene = f"{SINE} -ts_rk_type 3bs -ts_max_time 20 -out_every 0.5"
     run(f"{scene} -out_file plain.h5")
@@ -72,16 +73,6 @@ def test_a_floor_that_is_met_does_no_harm():
     run(f"{SINE} -ts_adapt_dt_min 1e-3 -ts_max_time 5")
 
 
-def started(arguments, ranks, path, **settings):
-    """A run under way, whose file is there, and the process numbers of its ranks."""
-    if os.path.exists("pids"):
-        os.remove("pids")
-    process = subprocess.Popen(line(arguments, ranks, pids="pids"), text=True, **settings)
-    while not os.path.exists(path) and process.poll() is None:
-        time.sleep(0.002)
-    return process, ranks_of(process, ranks, "pids")
-
-
 def limited(size):
     """For a process to come: no file beyond this size, as a full disk would have it."""
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
@@ -99,6 +90,7 @@ def test_disks():
     check(not glob.glob("*small*") and not glob.glob(".small*"), f"nothing is left: {os.listdir()}")
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_no_room_in_mid_run(ranks):
     """The series outgrow their first room: what was there stays, and so does the checkpoint."""
@@ -122,6 +114,7 @@ def test_no_room_in_mid_run(ranks):
     check(s["steps"] == int(last[9:15]) + 100, "the last checkpoint is whole")
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_the_folder_vanishes(ranks):
     os.makedirs("gone")
@@ -145,6 +138,7 @@ def gone(pid):
     return os.path.ismount("/proc") and not os.path.exists(f"/proc/{pid}/exe")
 
 
+@pytest.mark.ranks
 def test_dead_ranks():
     """One rank fails or dies: all end within seconds, and the program speaks once."""
     scene = f"{SINE} -ts_max_time 1e7 -out_every 1000"

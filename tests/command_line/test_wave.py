@@ -6,6 +6,7 @@ import tempfile
 
 import h5py
 import numpy as np
+import pytest
 
 from calls import PROGRAM, check
 
@@ -49,6 +50,7 @@ def test_speeds_on_a_ring():
         check(abs(data["speed"] * data["period"] * pulses / data["length"] - 1) < 1e-12, "L = n V T")
 
 
+@pytest.mark.ranks
 def test_same_on_two_ranks():
     _, two = summary("wave", *RING, "-wave_pulses", "2", ranks=2)
     _, one = summary("wave", *RING, "-wave_pulses", "2")
