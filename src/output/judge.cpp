@@ -14,6 +14,7 @@ constexpr double moving = 0.05;     // of the scale: the least distance of stick
 constexpr double least_periods = 3;
 constexpr double settled = 3e-5;    // of the scale: what error control leaves of a motion that has died away
 constexpr double ahead = 20;        // times the run so far: how long stick-slip must last where sliding is stable
+constexpr double factor_two = 0.7;   // of a logarithm
 constexpr double unchanged = 0.05;  // relative change of size that counts as none where sliding is unstable
 constexpr double peak_error = 1e-4;  // of a size: extrema between steps
 
@@ -21,15 +22,17 @@ constexpr double peak_error = 1e-4;  // of a size: extrema between steps
 struct Trend {
   double rate = 0, error = std::numeric_limits<double>::infinity(), span = 0;
   double early = 0, late = 0;  // the same in the first and the second half of the stretches
-  bool known = false;
+  bool known = false, halves = false;  // halves: of three stretches and more
 
   bool rises() const { return known && rate > error; }
   bool falls() const { return known && rate < -error; }
+  // The second half no longer shows what the whole does: the motion has arrived.
+  bool has_ended() const { return known && late / rate < 0.1; }
   // By how much the logarithm will still change if every half of the span multiplies the rate as the last one did;
   // infinite where it does not calm down.
   double to_come() const {
     const double q = late / early;
-    return q >= 0 && q < 0.6 ? std::abs(late) * span / 2 * q / (1 - q) : std::numeric_limits<double>::infinity();
+    return halves && q >= 0 && q < 0.6 ? std::abs(late) * span / 2 * q / (1 - q) : std::numeric_limits<double>::infinity();
   }
 };
 
@@ -65,8 +68,10 @@ class Judge {
     for (from_ = quarter_; from_ > end_ / 4 && (passages(from_) < (from_ == quarter_ ? 6 : least_periods) ||
                                                 (end_ - from_) / stretch() < 3);)
       from_ = from_ == quarter_ ? half_ : end_ / 4;
-    const double wanted = period_ > 0 ? 1.05 * period_ : r_.t / 16;
-    last_ = std::size_t(std::clamp(std::ceil(wanted / r_.window), 1., double(end_ - half_)));
+    from_ = std::max(from_, first_passage());
+    // what has not passed for two periods has stopped to oscillate
+    const double wanted = period_ > 0 && passages(end_ - std::min(end_, 2 * stretch())) > 0 ? 1.05 * period_ : r_.t / 16;
+    last_ = std::size_t(std::clamp(std::ceil(wanted / r_.window), 1., std::max(1., double(half_))));
   }
 
   Judgement judgement() const {
@@ -117,6 +122,17 @@ class Judge {
     return *middle;
   }
 
+  // The window by which half of the places have passed for the first time: what is before is loading. 0: they have not.
+  std::size_t first_passage() const {
+    std::vector<std::size_t> first(r_.places, end_);
+    for (std::size_t w = end_; w-- > 0;)
+      for (std::size_t p = 0; p < r_.places; ++p)
+        if (r_.passages[w * r_.places + p] > 0) first[p] = w;
+    const auto middle = first.begin() + static_cast<std::ptrdiff_t>(first.size() / 2);
+    std::nth_element(first.begin(), middle, first.end());
+    return *middle < end_ ? *middle : 0;
+  }
+
   // From the first to the last passage in the last three quarters, of the middle place among those that have two.
   double period() const {
     std::vector<double> periods;
@@ -141,6 +157,7 @@ class Judge {
     return std::max<std::size_t>(1, std::size_t(std::ceil(1.05 * period_ / r_.window)));
   }
 
+  // Over the last part of the run that holds enough periods.
   Trend trend() const {
     const std::size_t windows = end_ - from_;
     // two periods where that leaves enough stretches: slips differ from one to the next
@@ -148,7 +165,12 @@ class Judge {
     const auto twice = std::size_t(std::ceil(2.1 * period_ / r_.window));
     if (twice > 0 && windows / twice >= 6) length = twice;
     if (period_ == 0) length = std::max<std::size_t>(1, windows / 8);
-    const std::size_t count = windows / length;
+    return trend(from_, length);
+  }
+
+  // Over whole stretches of so many windows, from a window on.
+  Trend trend(std::size_t from, std::size_t length) const {
+    const std::size_t count = (end_ - from) / length;
     Trend t;
     if (count < 3) return t;
     std::vector<double> x, y;
@@ -161,12 +183,12 @@ class Judge {
     }
     t.rate = slope_of(x, y, 0, count, &t.error);
     t.error *= 3 + 12. / double(count - 2);
-    t.span = double(windows) * r_.window;
+    t.span = double(end_ - from) * r_.window;
     t.known = true;
-    if (count >= 6) {
-      t.early = slope_of(x, y, 0, count / 2, nullptr);
-      t.late = slope_of(x, y, count - count / 2, count, nullptr);
-    }
+    const std::size_t half = std::max<std::size_t>(2, count / 2);
+    t.early = slope_of(x, y, 0, half, nullptr);
+    t.late = slope_of(x, y, count - half, count, nullptr);
+    t.halves = count >= 6;
     return t;
   }
 
@@ -184,14 +206,18 @@ class Judge {
     if (rests() && a_.v != 0) return a_.unloaded ? Motion::stuck : Motion::undecided;
     const bool unstable = a_.growth && *a_.growth > 0;
     if (distance(end_ - last_, end_) < near * scale_ && a_.distance_now < 1.5 * near * scale_ && !unstable) {
-      const double now = size(end_ - last_, end_), before = size(half_, half_ + last_);
-      const bool stable = a_.growth && *a_.growth < 0;
+      const std::size_t earlier = std::min(half_, end_ - 2 * last_);
+      const double now = size(end_ - last_, end_), before = size(earlier, earlier + last_);
+      // steps so long that they let perturbations grow are held at the size of the tolerance by error control
+      const bool stable = a_.growth ? *a_.growth < 0 : a_.stable && !t.rises();
       if ((now <= settled * scale_ && (!t.rises() || a_.stable)) || now < 0.9 * before ||
           (stable && (now < 1.02 * before || now <= 3 * settled * scale_)))
         return a_.v == 0 ? Motion::stuck : Motion::sliding;
     }
-    if (passages(from_) >= least_periods && distance(end_ - last_, end_) >= moving * scale_ && stands(t, unstable))
+    if (passages(from_) >= least_periods && distance(end_ - last_, end_) >= moving * scale_ &&
+        (stands(t, unstable) || wanders(unstable)))
       return Motion::stick_slip;
+    if (t.has_ended()) return Motion::undecided;
     if (t.falls() && !(unstable && period_ == 0)) return Motion::decaying;
     if (t.rises() && (period_ > 0 || unstable)) return Motion::growing;
     return Motion::undecided;
@@ -201,10 +227,10 @@ class Judge {
   bool stands(const Trend& t, bool unstable) const {
     if (!t.known) return false;
     const double change = std::abs(t.rate) * t.span, error = t.error * t.span;
-    if (unstable || sticks_each_time()) {
+    if (unstable || sticks_each_time(half_, last_)) {
       // sliding repels, or every period forgets the one before: what changes still is the approach to the oscillation
       if (unstable && t.rises() && t.rate > 0.3 * *a_.growth) return false;
-      return (change < unchanged && error < 0.7) || (change <= error && error < 0.7) ||
+      return ((change < unchanged || change <= error) && error < factor_two) ||
              (t.to_come() < unchanged && error < 0.3);
     }
     const double linear = a_.growth ? std::min(*a_.growth, 0.) : 0;
@@ -213,14 +239,33 @@ class Judge {
     return t.to_come() < unchanged && t.error * ahead * r_.t < std::log(2.) && t.late > 0.3 * linear;
   }
 
-  // Does nearly every place come to rest in every period?
-  bool sticks_each_time() const {
+  // Does nearly every place come to rest in every stretch of so many windows?
+  bool sticks_each_time(std::size_t from, std::size_t length) const {
     if (!a_.sticks || a_.v == 0 || period_ == 0) return false;
     std::size_t resting = 0, all = 0;
-    for (std::size_t begin = half_; begin + last_ <= end_; begin += last_)
-      for (std::size_t p = 0; p < r_.places; ++p, ++all)
-        if ((a_.v > 0 ? range(begin, begin + last_, p).low : -range(begin, begin + last_, p).high) <= 0) ++resting;
+    for (std::size_t begin = from; begin + length <= end_; begin += length)
+      for (std::size_t p = 0; p < r_.places; ++p, ++all) {
+        const Range x = range(begin, begin + length, p);
+        if ((a_.v > 0 ? x.low : -x.high) <= 0) ++resting;
+      }
     return double(resting) >= 0.9 * double(all);
+  }
+
+  // Whether a motion whose slips differ from one to the next keeps its size as a whole: over three quarters of the run,
+  // in stretches of at least four slips each, it never comes near sliding and shows no trend beyond its error, which
+  // must tell a factor of two.
+  bool wanders(bool unstable) const {
+    const std::size_t length = wandering_stretch();
+    if (length == 0 || !(unstable || sticks_each_time(end_ / 4, length))) return false;
+    for (std::size_t begin = end_ / 4; begin + length <= end_; begin += length)
+      if (size(begin, begin + length) < moving * scale_) return false;
+    const Trend t = trend(end_ / 4, length);
+    return t.known && std::abs(t.rate) <= t.error && t.error * t.span < factor_two;
+  }
+  // In windows; 0 where there are too few slips. More than 24 stretches would say no more.
+  std::size_t wandering_stretch() const {
+    const double slips = passages(end_ / 4);
+    return slips < 32 ? 0 : (end_ - end_ / 4) / std::size_t(std::clamp(slips / 8, 8., 24.));
   }
 
   double time_to_decide(Motion motion, const Trend& t) const {
@@ -236,7 +281,13 @@ class Judge {
     if (rests() || passages(from_) < least_periods) return r_.t + a_.loading + periods;
     if (a_.growth && *a_.growth > 0 && a_.distance_now < near * scale_)
       return r_.t + std::log(scale_ / std::max(1e-16 * scale_, a_.distance_now)) / *a_.growth + periods;
-    if (a_.growth && *a_.growth > 0) return 2 * r_.t + periods;
+    if ((a_.growth && *a_.growth > 0) || a_.sticks) {
+      // the longer stretches are, the more alike: the error falls about as fast as the run grows
+      const std::size_t length = wandering_stretch();
+      const Trend w = length > 0 ? trend(end_ / 4, length) : Trend{};
+      if (w.known) return r_.t * std::clamp(w.error * w.span / factor_two, 1.5, 10.);
+      return 2 * r_.t + periods;
+    }
     const double bound = std::log(2.) / (ahead * r_.t);
     return t.known ? r_.t * std::clamp(2 * std::pow(t.error / bound, 0.7), 2., 100.) : std::max(2 * r_.t, periods);
   }

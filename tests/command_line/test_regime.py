@@ -41,8 +41,18 @@ def test_loaded_too_short(scene, loaded):
 
 
 def test_loaded_block_slips():
-    assert regime(CARLSON_LANGER + "-ts_max_time 150")[0]["regime"] == "undecided"
+    # an integration from event to event: slips at 100, 115.52, 131.05, 146.57, each of 4.86; then every 15.52
+    assert regime(CARLSON_LANGER + "-ts_max_time 130")[0]["regime"] == "undecided"
+    assert regime(CARLSON_LANGER + "-ts_max_time 150")[0]["regime"] == "stick-slip"
     assert regime(CARLSON_LANGER + "-ts_max_time 450")[0]["regime"] == "stick-slip"
+
+
+def test_irregular_slips():
+    # 20 blocks, loaded in 1e4: large and small events without a trend; the time that would decide is one that does
+    out, _ = regime(f"{CATALOGUE} -ts_max_time 100000")
+    assert out["regime"] == "undecided" and out["time_to_decide"] < 400000, out
+    for end in (out["time_to_decide"], 400000):
+        assert regime(f"{CATALOGUE} -ts_max_time {end}")[0]["regime"] == "stick-slip", end
 
 
 @pytest.mark.parametrize("end", [0.3, 1, 10])
