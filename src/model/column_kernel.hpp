@@ -2,8 +2,6 @@
 // pointwise, which knows the law and no order. So there are as many of them as laws and orders together.
 #pragma once
 
-#include <algorithm>
-
 #include "model/kernel.hpp"
 
 namespace stickslip::kernel {
@@ -24,47 +22,41 @@ struct StencilOfColumns {
   }
 };
 
-// Everything else; f_eta comes with K1 D2 psi, to which it is added where the sum over all terms has it. state, f_state:
-// nullptr without a state; amplitude: nullptr where all are 1; direction: with `sticking`.
+struct Columns {
+  const double *psi, *eta, *state;  // state, f_state: nullptr without a state
+  const double* amplitude;          // nullptr: all are 1
+  double *f_psi, *f_eta, *f_state;
+  PetscInt count;
+  const double* direction = nullptr;  // with `sticking`
+};
+
+// Everything else; f_eta comes with K1 D2 psi.
 template <class F, bool sticking>
 struct PointwiseOfColumns {
   static constexpr int dof = F::has_state ? 3 : 2;
   F friction;
 
   void operator()(const Coefficients& coefficients, const Columns& k) const {
-    const Coefficients c = coefficients;
-    const double load = c.K0 * c.v;
-    alignas(64) double force[tile_size];
-    for (PetscInt begin = 0; begin < k.count; begin += tile_size) {
-      const Tile t{k.psi + begin,
-                   k.eta + begin,
-                   F::has_state ? k.state + begin : nullptr,
-                   k.amplitude ? k.amplitude + begin : nullptr,
-                   nullptr,
-                   std::min(tile_size, k.count - begin),
-                   sticking ? k.direction + begin : nullptr};
-      friction_force<sticking>(friction, t, force);
-      double* const f_psi = k.f_psi + begin;
-      double* const f_eta = k.f_eta + begin;
+    if (k.amplitude) pass<true>(coefficients, k);
+    else pass<false>(coefficients, k);
+  }
+
+ private:
+  // All of a node in one loop: what lay in a buffer between two would cost more than the arithmetic.
+  template <bool spread>
+  void pass(Coefficients c, Columns k) const {
 #pragma GCC ivdep
-      for (PetscInt i = 0; i < t.count; ++i) {
-        const double psi = t.psi[i];
-        double excess = t.eta[i] - force[i], resistance = c.B * psi;
-        if constexpr (sticking) {
-          const double moves = t.direction[i] * t.direction[i];
-          excess *= moves;
-          resistance *= moves;
-        }
-        f_psi[i] = c.A * (excess - resistance);
-        f_eta[i] = load - c.K0 * psi + f_eta[i] - c.s_delta * excess;
-      }
-      if constexpr (F::has_state)
-        for (PetscInt i = 0; i < t.count; ++i) {
-          if constexpr (sticking)
-            k.f_state[begin + i] = friction.sliding_rate(t.psi[i], t.state[i], t.direction[i]).g;
-          else k.f_state[begin + i] = friction.rate(t.psi[i], t.state[i]);
-        }
+    for (PetscInt i = 0; i < k.count; ++i) {
+      const double psi = k.psi[i];
+      double force = force_at<sticking>(friction, psi, F::has_state ? k.state[i] : 0, k.direction, i);
+      if constexpr (spread) force *= k.amplitude[i];
+      const NodeRates rates = node_rates(c, psi, k.eta[i], force, k.f_eta[i], moving<sticking>(k.direction, i));
+      k.f_psi[i] = rates.psi;
+      k.f_eta[i] = rates.eta;
     }
+    if constexpr (F::has_state)
+      for (PetscInt i = 0; i < k.count; ++i)
+        k.f_state[i] = state_rate<sticking>(friction, k.psi[i], k.state[i], k.direction, i);
   }
 };
 

@@ -97,41 +97,41 @@ double stencil_sum(const Coefficients& k, const double* psi) {
   return sum;
 }
 
-// force[i] = a_i F. `sticking`: of the direction given, which is 0 at rest.
+// F. `sticking`: of the direction given, which is 0 at rest.
+template <bool sticking, class F>
+double force_at(const F& friction, double psi, double s, const double* direction, PetscInt i) {
+  if constexpr (sticking) return friction.sliding_force(psi, s, direction[i]);
+  else return friction.force(psi, s);
+}
+// force[i] = a_i F.
 template <bool sticking, class F>
 void friction_force(const F& friction, const Tile& t, double* force) {
-  for (PetscInt i = 0; i < t.count; ++i) {
-    const double s = F::has_state ? t.state[i] : 0;
-    if constexpr (sticking) force[i] = friction.sliding_force(t.psi[i], s, t.direction[i]);
-    else force[i] = friction.force(t.psi[i], s);
-  }
+  for (PetscInt i = 0; i < t.count; ++i)
+    force[i] = force_at<sticking>(friction, t.psi[i], F::has_state ? t.state[i] : 0, t.direction, i);
   if (t.amplitude)
     for (PetscInt i = 0; i < t.count; ++i) force[i] *= t.amplitude[i];
 }
 
-// All terms at the nodes of a tile; the three rates of a node go to f_psi, f_eta and f_state, `stride` apart for the
-// next node. `sticking`: a node at rest stays there, and its friction is eta; the square of the direction is 1 or 0, so
-// that there is no branch.
-template <int half_width, int stride, bool sticking, class F>
-void all_terms(const F& friction, const Coefficients& c, const Tile& t, double* f_psi, double* f_eta, double* f_state) {
-  alignas(64) double force[tile_size];
-  const double load = c.K0 * c.v;
-  friction_force<sticking>(friction, t, force);
-  for (PetscInt i = 0; i < t.count; ++i) {
-    const double psi = t.psi[i];
-    double excess = t.eta[i] - force[i], resistance = c.B * psi;
-    if constexpr (sticking) {
-      const double moves = t.direction[i] * t.direction[i];
-      excess *= moves;
-      resistance *= moves;
-    }
-    f_psi[i * stride] = c.A * (excess - resistance);
-    f_eta[i * stride] = load - c.K0 * psi + stencil_sum<half_width>(c, t.psi + i) - c.s_delta * excess;
-    if constexpr (F::has_state) {
-      if constexpr (sticking) f_state[i * stride] = friction.sliding_rate(psi, t.state[i], t.direction[i]).g;
-      else f_state[i * stride] = friction.rate(psi, t.state[i]);
-    }
-  }
+// The rates of a node, but for its state's: `force` is a_i F, `coupling` K1 D2 psi. moves: 1, or 0 where friction holds
+// the node at rest; its friction then is eta.
+struct NodeRates {
+  double psi, eta;
+};
+inline NodeRates node_rates(const Coefficients& c, double psi, double eta, double force, double coupling, double moves) {
+  const double excess = (eta - force) * moves, load = c.K0 * c.v;
+  return {c.A * (excess - c.B * psi * moves), load - c.K0 * psi + coupling - c.s_delta * excess};
+}
+// The same of the state. `direction` is read with `sticking` alone.
+template <bool sticking, class F>
+double state_rate(const F& friction, double psi, double s, const double* direction, PetscInt i) {
+  if constexpr (sticking) return friction.sliding_rate(psi, s, direction[i]).g;
+  else return friction.rate(psi, s);
+}
+// 1, or with `sticking` the square of the direction, which is 0 at rest: so there is no branch.
+template <bool sticking>
+double moving(const double* direction, PetscInt i) {
+  if constexpr (sticking) return direction[i] * direction[i];
+  else return 1;
 }
 
 // Part::full (half_width >= 1) and Part::pointwise (half_width = 0, w[0] = 0).
@@ -142,38 +142,17 @@ struct Whole {
 
   void operator()(const Coefficients& coefficients, const Range& r) const {
     const Coefficients c = coefficients;
-    over_tiles<half_width, dof>(
-        r, [&](const Tile& t) { all_terms<half_width, dof, sticking>(friction, c, t, t.f, t.f + 1, t.f + 2); });
-  }
-};
-
-// The same on separate arrays. psi has its halo on both sides; state, f_state: nullptr without a state.
-struct Columns {
-  const double *psi, *eta, *state;
-  const double* amplitude;  // nullptr: all are 1
-  double *f_psi, *f_eta, *f_state;
-  PetscInt count;
-  const double* direction = nullptr;  // with `sticking`
-};
-
-template <int half_width, class F, bool sticking = false>
-struct WholeOfColumns {
-  static constexpr int dof = F::has_state ? 3 : 2;
-  F friction;
-
-  void operator()(const Coefficients& coefficients, const Columns& k) const {
-    const Coefficients c = coefficients;
-    for (PetscInt i = 0; i < k.count; i += tile_size) {
-      const Tile tile{k.psi + i,
-                      k.eta + i,
-                      F::has_state ? k.state + i : nullptr,
-                      k.amplitude ? k.amplitude + i : nullptr,
-                      nullptr,
-                      std::min(tile_size, k.count - i),
-                      sticking ? k.direction + i : nullptr};
-      double* const f_state = F::has_state ? k.f_state + i : nullptr;
-      all_terms<half_width, 1, sticking>(friction, c, tile, k.f_psi + i, k.f_eta + i, f_state);
-    }
+    over_tiles<half_width, dof>(r, [&](const Tile& t) {
+      alignas(64) double force[tile_size];
+      friction_force<sticking>(friction, t, force);
+      for (PetscInt i = 0; i < t.count; ++i) {
+        const double psi = t.psi[i], coupling = stencil_sum<half_width>(c, t.psi + i);
+        const NodeRates rates = node_rates(c, psi, t.eta[i], force[i], coupling, moving<sticking>(t.direction, i));
+        t.f[i * dof] = rates.psi;
+        t.f[i * dof + 1] = rates.eta;
+        if constexpr (dof == 3) t.f[i * dof + 2] = state_rate<sticking>(friction, psi, t.state[i], t.direction, i);
+      }
+    });
   }
 };
 

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "stickslip/base/error.hpp"
+#include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
 
@@ -14,6 +15,7 @@ namespace {
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double landing = 3e-13;  // of a step: how well a change is located
 constexpr double close = 1e-12;    // relative: changes this near to each other happen at once
+constexpr double locating = 1e-15; // of a step: on the cubic, which only says where to look
 
 // The cubic through g0, g1 with slopes m0, m1 (times the step) at 0 and 1.
 struct CubicBetween {
@@ -24,22 +26,10 @@ struct CubicBetween {
   double slope(double s) const { return m0 + s * (2 * c2 + s * 3 * c3); }
 
   // Where it is largest, if it rises at 0 and falls at 1.
-  double peak() const {
-    double low = 0, high = 1;
-    for (int i = 0; i < 50; ++i) {
-      const double s = (low + high) / 2;
-      (slope(s) > 0 ? low : high) = s;
-    }
-    return (low + high) / 2;
-  }
+  double peak() const { return last_place([&](double s) { return slope(s) > 0; }, 0, 1, locating); }
   // Where it becomes positive before `until`, where it is; it is taken to be negative right after 0.
   double root(double until) const {
-    double low = 0, high = until;
-    for (int i = 0; i < 50; ++i) {
-      const double s = (low + high) / 2;
-      ((*this)(s) < 0 ? low : high) = s;
-    }
-    return (low + high) / 2;
+    return last_place([&](double s) { return (*this)(s) < 0; }, 0, until, locating * until);
   }
 };
 
@@ -197,57 +187,39 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
     std::swap(slope_, next_slope_);
     return {Change::Kind::none, 1};
   }
+  double evaluated = 0, high = 1;  // the last place looked at; the earliest where a change is known to have come
   const auto furthest_at = [&](double part) {
     if (part > 1 - close) SS_TRY(VecCopy(after, landed));  // which the polynomial misses by its error
     else at(part, landed);
-    return furthest(landed, part);
+    evaluated = part;
+    const double value = furthest(landed, part);
+    if (value >= -landing) high = std::min(high, part);
+    return std::abs(value) <= landing ? 0 : value;
   };
   // Where the method's own polynomial does not go beyond, although the cubic does, there is no change but at the end.
-  double high = reached, at_high = furthest_at(high), low = 0;
-  if (at_high < 0 && high < 1) {
-    high = 1;
-    at_high = furthest_at(1);
-  }
+  double at_high = furthest_at(reached);
+  if (at_high < 0 && reached < 1) at_high = furthest_at(1);
   if (at_high < 0) {
     std::swap(slope_, next_slope_);
     return {Change::Kind::none, 1};
   }
-  // Regula falsi after Illinois, with a bisection now and then. While nothing is known below, downwards in growing
-  // steps, the first of which takes furthest() for what it nearly is, the distance in parts of the step.
-  double part = std::min(estimate, 0.999 * high), value, evaluated;
-  double weighed_low = 0, weighed_high = at_high;
-  bool found_low = false;
-  int stays = 0;  // > 0: how often `high` stayed, < 0: `low`
-  for (int round = 0;; ++round) {
-    evaluated = part;
+  // While nothing is known below, downwards in growing steps, the first of which takes furthest() for what it nearly is,
+  // the distance in parts of the step.
+  double part = std::min(estimate, 0.999 * high), value = furthest_at(part);
+  for (int round = 1; value > 0 && high >= 1e-9; ++round) {
+    at_high = value;
+    part = std::max(high / 2, high - std::ldexp(value, round));
     value = furthest_at(part);
-    if (value >= 0) {
-      high = part;
-      weighed_high = value;
-      if (stays < 0) weighed_low /= 2;
-      stays = std::min(stays, 0) - 1;
-    } else {
-      low = part;
-      found_low = true;
-      weighed_low = value;
-      if (stays > 0) weighed_high /= 2;
-      stays = std::max(stays, 0) + 1;
-    }
-    if (std::abs(value) <= landing || high - low <= 1e-15 * high || round == 100) break;
-    if (!found_low && high < 1e-9) break;
-    if (!found_low) part = std::max(high / 2, high - std::ldexp(value, round + 1));
-    else if (round % 8 == 7) part = (low + high) / 2;
-    else part = low + (high - low) * weighed_low / (weighed_low - weighed_high);
-    part = std::clamp(part, low, high);
   }
   int fresh = 0;
-  if (!found_low)
+  if (value > 0)
     for (const Candidate& c : candidates_) fresh |= c.fresh ? 1 : 0;
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &fresh, 1, MPI_INT, MPI_MAX, model_.comm()));
   if (fresh) return {Change::Kind::too_coarse, 0};
-  if (std::abs(value) > landing && evaluated != high) {
-    evaluated = high;
-    furthest_at(high);
+  if (value < 0) {
+    if (at_high > 0)
+      find_root([&](double s) { return value = furthest_at(s); }, {part, value, high, at_high}, 1e-15 * high);
+    if (value != 0 && evaluated != high) furthest_at(high);  // at a jump
   }
   snap(before, landed);
   return {Change::Kind::at, evaluated};
@@ -307,31 +279,25 @@ double Stick::release_after(Vec u) {
         then[2] = law.state_at_rest(at[2], wait);
         return rate - threshold_rate(i, then.data());
       };
-      const auto bisect = [](double low, double high, const auto& negative) {
-        for (int k = 0; k < 2000 && high - low > 1e-16 * high; ++k) {
-          const double middle = low + (high - low) / 2;
-          if (middle <= low || middle >= high) break;
-          (negative(middle) ? low : high) = middle;
-        }
-        return high;
-      };
       const double scale = law.time_at_rest(at[2]);
       double low = 0, high = scale;
       if (growth(0) <= 0) {  // falls behind the threshold at first
         if (rate <= 0) return;
         while (growth(high) <= 0 && std::isfinite(high)) high *= 2;
         if (!std::isfinite(high)) return;
-        low = bisect(0, high, [&](double wait) { return growth(wait) <= 0; });
+        low = last_place([&](double wait) { return growth(wait) <= 0; }, 0, high);
         high = 2 * low;
       } else if (rate <= 0) {  // gains on a threshold that falls, for a while
         while (growth(high) > 0 && std::isfinite(high)) high *= 2;
-        if (std::isfinite(high)) high = bisect(0, high, [&](double wait) { return growth(wait) > 0; });
+        if (std::isfinite(high)) high = last_place([&](double wait) { return growth(wait) > 0; }, 0, high);
         if (!(excess(std::isfinite(high) ? high : 1e6 * scale) > 0)) return;
         if (!std::isfinite(high)) high = 1e6 * scale;
       }
       while (excess(high) < 0 && high < first) high *= 2;
       if (excess(high) < 0) return;  // later than another
-      first = std::min(first, bisect(low, high, [&](double wait) { return excess(wait) < 0; }));
+      // of the two neighbours the later one, where the force has come to the threshold
+      const double before = last_place([&](double wait) { return excess(wait) < 0; }, low, high);
+      first = std::min(first, std::nextafter(before, infinity));
     });
   }
   SS_TRY(VecRestoreArrayRead(slope_, &f));
