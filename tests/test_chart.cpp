@@ -100,5 +100,7 @@ TEST_CASE("the settings of a chart come in the order of its lists", "[chart][ser
   for (const auto& [name, text] : std::vector<std::pair<std::string, std::string>>{
            {"chart_orders", "3"}, {"chart_methods", "rk:9"}, {"chart_grids", "4"}})
     CHECK_THROWS_AS(chart_settings(options.with(name, text)), UsageError);
-  CHECK_THROWS_AS(chart_settings(options.with("init_noise", "0.1")), UsageError);
+  const Options noise = options.with("init_noise", "0.1");
+  CHECK(chart_settings(noise).size() == settings.size());  // drawn by length: the same on every grid
+  CHECK_THROWS_AS(chart_settings(noise.with("init_noise_length", "0")), UsageError);
 }

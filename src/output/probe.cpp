@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "stickslip/base/error.hpp"
+#include "base/local_values.hpp"
+#include "stickslip/numerics/interpolation.hpp"
 
 namespace stickslip {
 
@@ -13,23 +14,8 @@ Combination interpolation_at(const Scene& scene, double x) {
     throw UsageError("out_probes: x = " + number_text(x) + " lies outside the scene, which reaches from 0 to " +
                      number_text(scene.length));
   const double at = std::clamp(x / scene.h(), 0., double(scene.ring() ? scene.n : scene.n - 1));
-  const PetscInt nearest = static_cast<PetscInt>(std::llround(at));
-  const PetscInt n = scene.n;
-  const auto inside = [&](PetscInt i) { return scene.ring() ? ((i % n) + n) % n : i; };
-  if (std::abs(at - double(nearest)) < 1e-12 * (1 + at)) return {{inside(nearest), 1.}};
-  const PetscInt count = std::min<PetscInt>(scene.order + 1, n);
-  PetscInt first = nearest - count / 2;
-  if (!scene.ring()) first = std::clamp<PetscInt>(first, 0, n - count);
-  Combination row;
-  row.reserve(std::size_t(count));
-  double binomial = 1, sum = 0;  // barycentric: binomial coefficients with alternating signs
-  for (PetscInt k = 0; k < count; ++k) {
-    row.emplace_back(inside(first + k), binomial / (at - double(first + k)));
-    sum += row.back().second;
-    binomial *= -double(count - 1 - k) / double(k + 1);
-  }
-  for (auto& [node, weight] : row) weight /= sum;
-  return row;
+  const GridEnd end = scene.ring() ? GridEnd::periodic : GridEnd::one_sided;
+  return grid_interpolation(scene.n, end, end, scene.order + 1, at);
 }
 
 Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x)
@@ -65,8 +51,7 @@ const Probes::Values& Probes::read(Vec u) {
   if (rows_.empty()) return values_;
   SS_TRY(VecScatterBegin(scatter_, u, fetched_, INSERT_VALUES, SCATTER_FORWARD));
   SS_TRY(VecScatterEnd(scatter_, u, fetched_, INSERT_VALUES, SCATTER_FORWARD));
-  const double* a;
-  SS_TRY(VecGetArrayRead(fetched_, &a));
+  const Reading a(fetched_);
   for (std::size_t row = 0; row < rows_.size(); ++row) {
     double psi = 0, eta = 0;
     for (const auto& [index, weight, excess] : rows_[row]) {
@@ -78,7 +63,6 @@ const Probes::Values& Probes::read(Vec u) {
     values_.psi[row] = psi;
     values_.eta[row] = eta;
   }
-  SS_TRY(VecRestoreArrayRead(fetched_, &a));
   return values_;
 }
 

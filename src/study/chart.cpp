@@ -23,27 +23,25 @@ std::vector<Column<ChartRow>> chart_columns() {
   using Row = const ChartRow&;
   const auto adaptive = [](Row r) { return r.setting.method.has_estimate(); };
   return {
-      {"method", {"method", "1", "method"}, [](Row r) -> Cell { return r.method; }, true},
-      {"implicit", {"implicit", "1", "terms taken implicitly"}, [](Row r) -> Cell { return r.implicit; }, true},
+      {"method", {"method", "1", "method"}, [](Row r) { return r.method; }, true},
+      {"implicit", {"implicit", "1", "terms taken implicitly"}, [](Row r) { return r.implicit; }, true},
       {"tolerance", {"tolerance", "1", "relative and absolute tolerance of a step"},
-       [=](Row r) { return adaptive(r) ? Cell(r.setting.tolerance) : Cell(); }},
+       [=](Row r) { return adaptive(r) ? Json(r.setting.tolerance) : Json(); }},
       {"step", {"step", "time", "step, where all are the same"},
-       [=](Row r) { return adaptive(r) ? Cell() : Cell(r.setting.step); }},
-      {"order", {"order", "1", "order in space"}, [](Row r) -> Cell { return std::int64_t(r.setting.order); }},
-      {"n", {"n", "1", "nodes"}, [](Row r) -> Cell { return std::int64_t(r.setting.n); }},
-      {"error", {"error", "1", "largest error of psi and eta"}, [](Row r) { return cell_of(r.error); }},
-      {"error_time", {"error_time", "1", "the part of it from steps in time"},
-       [](Row r) { return cell_of(r.error_time); }},
-      {"error_space", {"error_space", "1", "the part of it from the grid"},
-       [](Row r) { return cell_of(r.error_space); }},
+       [=](Row r) { return adaptive(r) ? Json() : Json(r.setting.step); }},
+      {"order", {"order", "1", "order in space"}, [](Row r) { return r.setting.order; }},
+      {"n", {"n", "1", "nodes"}, [](Row r) { return r.setting.n; }},
+      {"error", {"error", "1", "largest error of psi and eta"}, [](Row r) { return Json(r.error); }},
+      {"error_time", {"error_time", "1", "the part of it from steps in time"}, [](Row r) { return Json(r.error_time); }},
+      {"error_space", {"error_space", "1", "the part of it from the grid"}, [](Row r) { return Json(r.error_space); }},
       {"seconds", {"cost", "seconds of processor time", "processor time, median of the repetitions"},
-       [](Row r) { return r.repeats > 0 ? Cell(r.seconds) : Cell(); }},
-      {"repeats", {"repeats", "1", "repetitions"}, [](Row r) -> Cell { return std::int64_t(r.repeats); }},
-      {"steps", {"steps", "1", "steps"}, [](Row r) -> Cell { return std::int64_t(r.steps); }},
-      {"rejections", {}, [](Row r) -> Cell { return std::int64_t(r.rejections); }},
+       [](Row r) { return r.repeats > 0 ? Json(r.seconds) : Json(); }},
+      {"repeats", {"repeats", "1", "repetitions"}, [](Row r) { return r.repeats; }},
+      {"steps", {"steps", "1", "steps"}, [](Row r) { return r.steps; }},
+      {"rejections", {}, [](Row r) { return r.rejections; }},
       {"rhs_evaluations", {"rhs_evaluations", "1", "right-hand sides, or parts of them"},
-       [](Row r) -> Cell { return std::int64_t(r.rhs_evaluations); }},
-      {"failed", {"failed", "1", "why there is no error"}, [](Row r) -> Cell { return r.failed; }, true},
+       [](Row r) { return r.rhs_evaluations; }},
+      {"failed", {"failed", "1", "why there is no error"}, [](Row r) { return r.failed; }, true},
   };
 }
 
@@ -78,6 +76,13 @@ void refuse_what_rows_choose(const Options& options) {
 
 }  // namespace
 
+std::vector<MethodSpec> chart_methods(const Options& options, std::vector<std::string> names) {
+  if (options.is_set("chart_methods")) names = options.words("chart_methods");
+  std::vector<MethodSpec> list;
+  for (const std::string& name : names) list.push_back(MethodSpec::parse("chart_methods", name));
+  return list;
+}
+
 std::vector<std::size_t> chart_front(const std::vector<ChartRow>& rows) {
   std::vector<std::size_t> order, front;
   for (std::size_t i = 0; i < rows.size(); ++i)
@@ -102,16 +107,6 @@ double error_of_finest(double before, double last, int order) {
 
 namespace {
 
-std::vector<MethodSpec> chart_methods(const Options& options) {
-  std::vector<std::string> names = options.words("chart_methods");
-  if (names.empty())
-    names = {"rk:3bs", "rk:5dp", "rk:7vr", "rk:8vr", "arkimex:3:friction", "arkimex:4:friction", "arkimex:4:wave",
-             "rosw:ra34pw2"};
-  std::vector<MethodSpec> list;
-  for (const std::string& name : names) list.push_back(MethodSpec::parse("chart_methods", name));
-  return list;
-}
-
 std::vector<int> chart_orders(const Options& options, const Scene& scene) {
   const bool chain = scene.form == Form::chain;
   std::vector<int> orders;
@@ -132,7 +127,7 @@ std::vector<int> chart_orders(const Options& options, const Scene& scene) {
 // Orders and grids of a scene that lives on one grid: one of each.
 void check_one_grid(const Options& options, const Scene& scene, const std::vector<PetscInt>& grids,
                     std::vector<int>& orders) {
-  const std::string start = "the start (init_noise, init_type file) lives on one grid";
+  const std::string start = "the start (init_noise_length 0, init_type file) lives on one grid";
   if (grids.size() > 1)
     throw UsageError("chart_grids " + options.text("chart_grids") + ": " +
                      (scene.form == Form::chain ? "the chain's blocks are the model itself" : start) + "; give one");
@@ -146,7 +141,9 @@ void check_one_grid(const Options& options, const Scene& scene, const std::vecto
 
 std::vector<Setting> chart_settings(const Options& options) {
   const Scene scene = Scene::from(options, false);
-  const std::vector<MethodSpec> list = chart_methods(options);
+  const std::vector<MethodSpec> list =
+      chart_methods(options, {"rk:3bs", "rk:5dp", "rk:7vr", "rk:8vr", "arkimex:3:friction", "arkimex:4:friction",
+                              "arkimex:4:wave", "rosw:ra34pw2"});
   std::vector<double> tolerances = options.reals("chart_tolerances"), steps = options.reals("chart_steps");
   if (tolerances.empty()) tolerances = {1e-3, 1e-5, 1e-7, 1e-9};
   std::vector<int> orders = chart_orders(options, scene);

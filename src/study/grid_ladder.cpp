@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "stickslip/base/error.hpp"
+#include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/output/probe.hpp"
 #include "study/ladder.hpp"
 
@@ -22,8 +23,7 @@ struct Outlook {
 
 class GridLadder final : public Ladder {
  public:
-  GridLadder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs)
-      : request_(request), setting_(setting), runs_(runs), aim_(request.wanted) {}
+  using Ladder::Ladder;
 
   void choose() override;
   double estimate(const Fields& end) override;
@@ -49,19 +49,10 @@ class GridLadder final : public Ladder {
   double tolerance_seen();
   bool time_is_to_blame();
   [[noreturn]] void give_up_on(const Outlook& ahead, const std::string& limit) const;
-  void add(Level made);
-  void begin_anew();
   double estimate_in_space(const Level& now, double d) const;
   void take_last_run();
 
-  const AccuracyRequest& request_;
-  Setting& setting_;
-  LevelRuns& runs_;
-  double aim_;                     // below the request after a refinement
-  std::vector<Level> levels_;      // coarse to fine
-  std::vector<double> distances_;  // of levels k and k + 1: the error of level k
-  Level last_run_;                 // what estimate() saw
-  double last_estimate_ = 0, least_stretch_ = 1;  // of the next run's grid against the last level's
+  double least_stretch_ = 1;  // of the next run's grid against the last level's
   // a tolerance costs `per_tolerance_` times itself on a grid of per_tolerance_cells_, and more on finer ones, as noise
   // of the shortest waves does
   double per_tolerance_ = 5, per_tolerance_cells_ = 0;
@@ -78,21 +69,18 @@ double misfit_around(PetscInt m, PetscInt reach, const Fields& fields, const Sce
   double largest = 0;
   for (PetscInt at = m - 2; at <= m + 2; ++at) {
     if (!scene.ring() && (at < 0 || at >= scene.n)) continue;
-    std::vector<PetscInt> from;
-    for (PetscInt k = 1; int(from.size()) <= scene.order && k * reach < scene.n; k += 2)
+    std::vector<double> offsets;
+    for (PetscInt k = 1; int(offsets.size()) <= scene.order && k * reach < scene.n; k += 2)
       for (const PetscInt node : {at - k * reach, at + k * reach})
-        if (scene.ring() || (node >= 0 && node < scene.n)) from.push_back(node);
-    const auto place = [&](PetscInt node) { return std::size_t((node % scene.n + scene.n) % scene.n); };
-    double psi = fields.psi[place(at)], eta = fields.eta[place(at)];
-    for (const PetscInt i : from) {
-      double weight = 1;
-      for (const PetscInt j : from)
-        if (j != i) weight *= double(at - j) / double(i - j);
-      psi -= weight * fields.psi[place(i)];
-      eta -= weight * fields.eta[place(i)];
-      if (!fields.F.empty()) eta -= weight * (amplitude[place(at)] - amplitude[place(i)]) * fields.F[place(i)];
-    }
-    largest = std::max({largest, std::abs(psi), std::abs(eta)});
+        if (scene.ring() || (node >= 0 && node < scene.n)) offsets.push_back(double(node - at));
+    std::vector<double> weights(offsets.size());
+    Lagrange(offsets).weights(0, weights.data());
+    const auto place = [&](PetscInt node) { return (node % scene.n + scene.n) % scene.n; };
+    Combination row;
+    for (std::size_t i = 0; i < offsets.size(); ++i) row.emplace_back(place(at + PetscInt(offsets[i])), weights[i]);
+    const auto here = std::size_t(place(at));
+    const Point found = combined(fields, row, amplitude, amplitude[here]);
+    largest = std::max({largest, std::abs(found.psi - fields.psi[here]), std::abs(found.eta - fields.eta[here])});
   }
   return largest;
 }
@@ -132,7 +120,7 @@ double GridLadder::first_cells() const {
   if (type == "layer") count = 3 * scene.length / options.real("init_width");
   // where friction sets the steps, a step on few nodes costs as much as one on some fifty
   if (runs_.friction_sets_steps() && setting_.method.is_explicit()) count = std::max(count, 48.);
-  if (scene.spread > 0) count = std::max(count, 0.8 * scene.length / scene.spread_length);
+  if (request_.corner_distance > 0) count = std::max(count, 0.8 * scene.length / request_.corner_distance);
   return std::floor(std::min(count, 1e5));
 }
 
@@ -143,9 +131,9 @@ double GridLadder::second_cells() const {
   return ratio * cells_of(before.scene);
 }
 
-// No finite differences of higher order converge faster than a medium whose third derivative jumps lets them.
+// No finite differences of higher order converge faster than a medium or a start whose third derivative jumps lets them.
 int GridLadder::order_at_best() const {
-  return request_.scene.spread > 0 ? std::min(4, setting_.order) : setting_.order;
+  return request_.corner_distance > 0 ? std::min(4, setting_.order) : setting_.order;
 }
 
 double GridLadder::rate(std::size_t k) const {
@@ -155,7 +143,7 @@ double GridLadder::rate(std::size_t k) const {
 
 double GridLadder::order_beyond() const {
   const std::size_t known = distances_.size();
-  if (known < 2) return request_.scene.spread > 0 ? 0.75 * order_at_best() : order_at_best() / 2.;
+  if (known < 2) return request_.corner_distance > 0 ? 0.75 * order_at_best() : order_at_best() / 2.;
   return expected_order(known > 2 ? rate(known - 2) : NAN, rate(known - 1), order_at_best());
 }
 
@@ -181,16 +169,6 @@ double GridLadder::tolerance_of_level(double at) const {
   const double grown = per_tolerance_cells_ > 0 ? std::max(1., at / per_tolerance_cells_) : 1;
   return std::clamp(share_of_level * std::max(in_space, share_of_space * aim_) / (per_tolerance_ * grown),
                     least_tolerance, 1e-4);
-}
-
-void GridLadder::add(Level made) {
-  if (!levels_.empty()) distances_.push_back(std::max(runs_.difference(levels_.back(), made), 1e-300));
-  levels_.push_back(std::move(made));
-}
-
-void GridLadder::begin_anew() {
-  levels_.clear();
-  distances_.clear();
 }
 
 Outlook GridLadder::outlook() const {
@@ -414,7 +392,7 @@ double GridLadder::estimate(const Fields& end) {
   scene.n = setting_.n;
   scene.order = setting_.order;
   last_run_ = {scene, setting_.tolerance, end, 0, 0};
-  const double d = std::max(runs_.difference(levels_.back(), last_run_), 1e-300);
+  const double d = difference(levels_.back(), last_run_);
   last_estimate_ =
       estimate_in_space(last_run_, d) + 1.5 * in_time_ + interpolation_error(end, scene, request_.probes);
   return last_estimate_;

@@ -1,10 +1,11 @@
 #include "study/ladder.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
+#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/stick.hpp"
@@ -14,32 +15,20 @@ namespace stickslip {
 namespace {
 
 // Largest |difference| at the nodes of the finer grid: what the nodes of the coarser one miss of a front. By the
-// polynomial through up to 12 nodes of the coarse grid, with mirror images at free ends; not near held ones, and not in
-// a spread medium, which is not as smooth as that.
+// polynomial through up to 12 nodes of the coarse grid, with mirror images at free ends; not near held ones.
 double distance_between_nodes(const Scene& coarse, const Fields& of_coarse, const Scene& fine, const Fields& of_fine) {
-  const PetscInt n = coarse.n;
-  const int count = int(std::min<PetscInt>(12, n / 2 * 2));
-  if (n == fine.n || coarse.spread > 0) return 0;
-  std::array<double, 12> weights = {1};  // barycentric: binomial coefficients with alternating signs
-  for (int k = 1; k < count; ++k) weights[std::size_t(k)] = -weights[std::size_t(k - 1)] * (count - k) / k;
+  const int count = int(std::min<PetscInt>(12, coarse.n / 2 * 2));
+  const GridEnd end = coarse.ring() ? GridEnd::periodic : GridEnd::mirrored;
   double largest = 0;
   for (PetscInt i = 0; i < fine.n; ++i) {
-    const double at = fine.x(i) / coarse.h();
-    const PetscInt first = PetscInt(std::floor(at)) - count / 2 + 1;
-    if (std::abs(at - std::round(at)) < 1e-9) continue;  // a node of both
-    if ((first < 0 && coarse.left == End::velocity) || (first + count > n && coarse.right == End::velocity)) continue;
-    double psi = 0, eta = 0, sum = 0;
-    for (int k = 0; k < count; ++k) {
-      PetscInt node = first + k;
-      if (coarse.ring()) node = (node + n) % n;
-      else node = node < 0 ? -node : node >= n ? 2 * (n - 1) - node : node;
-      const double weight = weights[std::size_t(k)] / (at - double(first + k));
-      psi += weight * of_coarse.psi[std::size_t(node)];
-      eta += weight * of_coarse.eta[std::size_t(node)];
-      sum += weight;
-    }
-    largest = std::max({largest, std::abs(psi / sum - of_fine.psi[std::size_t(i)]),
-                        std::abs(eta / sum - of_fine.eta[std::size_t(i)])});
+    const double at = std::min(fine.x(i) / coarse.h(), cells_of(coarse));
+    const bool from_left = coarse.left == End::velocity && at < count / 2 - 1;
+    if (from_left || (coarse.right == End::velocity && at >= double(coarse.n - count / 2))) continue;
+    const Combination row = grid_interpolation(coarse.n, end, end, count, at);
+    if (row.size() == 1) continue;  // a node of both
+    const Point point = combined(of_coarse, row, {}, 0);
+    largest = std::max({largest, std::abs(point.psi - of_fine.psi[std::size_t(i)]),
+                        std::abs(point.eta - of_fine.eta[std::size_t(i)])});
   }
   return largest;
 }
@@ -47,6 +36,13 @@ double distance_between_nodes(const Scene& coarse, const Fields& of_coarse, cons
 bool is_uniform(const Options& options, const Scene& scene) {
   return scene.spread == 0 && options.text("init_type") == "uniform" && scene.left != End::velocity &&
          scene.right != End::velocity && options.real("init_noise") == 0;
+}
+
+double corner_distance_of(const Options& options, const Scene& scene) {
+  double distance = scene.spread > 0 ? scene.spread_length : 0;
+  if (options.real("init_noise") != 0)
+    distance = std::min(distance > 0 ? distance : HUGE_VAL, options.real("init_noise_length"));
+  return distance;
 }
 
 // The method that the user set. Throws UsageError where it gives no error estimate.
@@ -77,7 +73,7 @@ AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
     : options(o), scene(Scene::from(o, false)), wanted(accuracy), probes(o.reals("out_probes")),
       has_space(has_grid_limit(o, scene) && !is_uniform(o, scene)), grid_open(has_space && !o.is_set("grid_n")),
       order_open(has_space && !o.is_set("grid_order")), method_open(!o.is_set("ts_type")),
-      tolerance_open(!o.is_set("ts_rtol") && !o.is_set("ts_atol")) {
+      tolerance_open(!o.is_set("ts_rtol") && !o.is_set("ts_atol")), corner_distance(corner_distance_of(o, scene)) {
   if (Stick::applies_to(scene) && scene.form != Form::chain)
     throw UsageError("accuracy " + options.text("accuracy") + " with friction_stick exact in the continuum: eta does "
                      "not converge at the ends of what sticks; set grid and tolerances, or friction_stick regularised");
@@ -128,7 +124,7 @@ Level LevelRuns::run(PetscInt n, double tolerance, std::string& failed) {
   Trial trial = Pilot::suits(request_.scene, s.method) ? pilot_.run(s, limit)
                                                         : run_trial(request_.options, s, "", limit);
   double most[2] = {trial.seconds, trial.failed.empty() ? 0. : 1.};  // a rank may find that it takes too long
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, most, 2, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD));
+  largest_over(PETSC_COMM_WORLD, most, 2);
   if (most[1] > 0 && trial.failed.empty()) trial.failed = "it took too long";
   failed = trial.failed;
   spent_ += most[0];
@@ -150,8 +146,9 @@ Level LevelRuns::run(PetscInt n, double tolerance) {
 double LevelRuns::difference(const Level& a, const Level& b) const {
   const bool a_coarser = a.scene.n <= b.scene.n;
   const Level &coarse = a_coarser ? a : b, &fine = a_coarser ? b : a;
-  const double d = std::max(distance(coarse.fields, resample(fine.fields, fine.scene, coarse.scene)),
-                            distance_between_nodes(coarse.scene, coarse.fields, fine.scene, fine.fields));
+  double d = distance(coarse.fields, resample(fine.fields, fine.scene, coarse.scene));
+  if (coarse.scene.n != fine.scene.n && request_.corner_distance == 0)  // the solution is smooth
+    d = std::max(d, distance_between_nodes(coarse.scene, coarse.fields, fine.scene, fine.fields));
   if (request_.probes.empty()) return d;
   return std::max(d, distance(at_points(coarse.fields, coarse.scene, request_.probes),
                               at_points(fine.fields, fine.scene, request_.probes)));
@@ -183,6 +180,18 @@ bool LevelRuns::prefers_explicit(double implicit_seconds, PetscInt n) const {
 void LevelRuns::take_explicit() {
   setting_.method = MethodSpec::parse("accuracy", "rk:7vr");
   why_.clear();
+}
+
+// ---- levels ----
+
+void Ladder::add(Level made) {
+  if (!levels_.empty()) distances_.push_back(difference(levels_.back(), made));
+  levels_.push_back(std::move(made));
+}
+
+void Ladder::begin_anew() {
+  levels_.clear();
+  distances_.clear();
 }
 
 }  // namespace stickslip

@@ -2,6 +2,7 @@
 // ladder of such runs, its levels, must know.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -26,6 +27,8 @@ struct AccuracyRequest {
   double wanted;
   std::vector<double> probes;
   bool has_space, grid_open, order_open, method_open, tolerance_open;
+  // Distance of the corners of a spread medium or of a noisy start, whose third derivative jumps there; 0: all smooth.
+  double corner_distance;
 
   // The method to begin with and what else is fixed from the start.
   Setting setting() const;
@@ -86,6 +89,8 @@ class LevelRuns {
 // Where the method, the tolerance and the grid of a run come from. All collective; all throw OutOfReach.
 class Ladder {
  public:
+  Ladder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs)
+      : request_(request), setting_(setting), runs_(runs), aim_(request.wanted) {}
   virtual ~Ladder() = default;
   // Climbs until the run is foreseen; what it chose stands in the setting.
   virtual void choose() = 0;
@@ -97,6 +102,20 @@ class Ladder {
   virtual bool settle() = 0;
   // What is foreseen of the run, for what().
   virtual std::string foreseen() const = 0;
+
+ protected:
+  double difference(const Level& a, const Level& b) const { return std::max(runs_.difference(a, b), 1e-300); }
+  void add(Level made);
+  void begin_anew();
+
+  const AccuracyRequest& request_;
+  Setting& setting_;
+  LevelRuns& runs_;
+  double aim_;                     // below the request after a refinement
+  std::vector<Level> levels_;      // coarse to fine, loose to strict
+  std::vector<double> distances_;  // of levels k and k + 1: the error of level k
+  Level last_run_;                 // what estimate() saw
+  double last_estimate_ = 0;
 };
 
 std::unique_ptr<Ladder> grid_ladder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs);

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/broadcast.hpp"
+#include "base/local_values.hpp"
+#include "stickslip/numerics/roots.hpp"
 #include "study/step_forecast.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/regime.hpp"
@@ -35,13 +38,10 @@ bool is_of_steps(const std::string& warning) {
 }
 
 double largest_psi(const Model& model, Vec u) {
-  const double* a;
-  SS_TRY(VecGetArrayRead(u, &a));
+  const Reading a(u);
   double largest = 0;
   for (PetscInt i = 0; i < model.local(); ++i) largest = std::max(largest, std::abs(a[i * model.dof()]));
-  SS_TRY(VecRestoreArrayRead(u, &a));
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model.comm()));
-  return largest;
+  return largest_over(model.comm(), largest);
 }
 
 // Root mean square of psi - v; or of its part that alternates from node to node, with that of eta in the norm that
@@ -50,16 +50,14 @@ double off_sliding(const Model& model, Vec u, bool alternating) {
   const Scene& s = model.scene();
   const double state = model.dof() == 3 ? model.steady_state(s.v) : 0;
   const double eta = s.B() * s.v + model.friction(0, s.v, state).F;
-  const double* a;
-  SS_TRY(VecGetArrayRead(u, &a));
+  const Reading a(u);
   double sums[2] = {0, 0};
   for (PetscInt i = 0; i < model.local(); ++i) {
     const double psi = a[i * model.dof()] - s.v, sign = (model.first() + i) % 2 == 0 ? 1 : -1;
     sums[0] += alternating ? sign * psi : psi * psi;
     sums[1] += sign * (a[i * model.dof() + 1] - eta);
   }
-  SS_TRY(VecRestoreArrayRead(u, &a));
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, model.comm()));
+  sum_over(model.comm(), sums, 2);
   const double n = double(s.n);
   return alternating ? std::hypot(sums[0], sums[1] * s.A() / model.wave_frequency()) / n : std::sqrt(sums[0] / n);
 }
@@ -132,7 +130,6 @@ struct Limits::Impl {
     return observe(options, fixed(method, dt), model, start, t_end);
   }
 
-  // Why a run is no answer at all ("" where it is one), and why it is a wrong one.
   std::string breakdown(const Outcome& o) const {
     if (o.failure.find("not finite") != std::string::npos) return "blow-up";
     if (o.failure.find("Newton") != std::string::npos) return "Newton's method fails";
@@ -150,75 +147,72 @@ struct Limits::Impl {
     return "";
   }
 
-  struct Found {
-    std::optional<double> good, bad;  // the largest step below the first bad one, and that one
-    std::string why;
+  // A run's verdict: why it is no answer at all, why it is a wrong one, "" where it is not.
+  struct Judged {
+    double dt;
+    std::string breaks, wrong;
   };
-  // Narrows the gap to 5 %.
-  template <class Why>
-  void bisect(Found& f, const Why& why) const {
-    while (f.good && f.bad && *f.bad > 1.05 * *f.good) {
-      const double middle = std::sqrt(*f.good * *f.bad);
-      const std::string now = why(middle);
-      if (now.empty()) {
-        f.good = middle;
-      } else {
-        f.bad = middle;
-        f.why = now;
-      }
+  Judged judge(const MethodSpec& method, double dt, LimitRow& row) const {
+    const Outcome o = run(method, dt);
+    const Judged judged{dt, breakdown(o), mistake(o)};
+    ++row.runs;
+    if (!judged.wrong.empty() && o.failure.empty() && !o.warned) {
+      row.warned = false;
+      row.silent.push_back(dt);
     }
+    return judged;
+  }
+
+  // The step from which on runs are bad, as `why` has it, and how: after `ladder`, runs with longer and longer steps.
+  struct Found {
+    std::optional<double> good;  // the largest below the first bad one
+    bool ends = false;           // is there a bad one?
+    std::string how;
+  };
+  Found first_bad(const std::vector<Judged>& ladder, std::string Judged::*why, const MethodSpec& method,
+                  LimitRow& row) const {
+    const auto bad = std::find_if(ladder.begin(), ladder.end(), [&](const Judged& j) { return !(j.*why).empty(); });
+    Found found;
+    if (bad != ladder.begin()) found.good = std::prev(bad)->dt;
+    if (bad == ladder.end()) return found;
+    found.ends = true;
+    found.how = *bad.*why;
+    double least_bad = bad->dt;
+    const auto is_good = [&](double dt) {
+      const Judged judged = judge(method, dt, row);
+      if (!(judged.*why).empty()) found.how = judged.*why;
+      return (judged.*why).empty();
+    };
+    // methods of low order fail below the first step already
+    const double first = ladder.front().dt;
+    for (double dt = first / 4; !found.good && dt > first / 100; dt /= 4) {
+      if (is_good(dt)) found.good = dt;
+      else least_bad = dt;
+    }
+    if (found.good) found.good = narrowed(is_good, *found.good, least_bad, 1.05);
+    return found;
+  }
+
+  // The last place known, between one that is good and one that is not, to this factor. Steps are compared by ratio.
+  template <class Good>
+  static double narrowed(const Good& is_good, double good, double bad, double factor) {
+    return std::exp(last_place([&](double log_dt) { return is_good(std::exp(log_dt)); }, std::log(good), std::log(bad),
+                               std::log(factor)));
   }
 
   void scan(const MethodSpec& method, LimitRow& row, double first) const {
-    const auto check = [&](double dt, bool breaks) {
-      const Outcome o = run(method, dt);
-      ++row.runs;
-      const std::string wrong = mistake(o);
-      if (!wrong.empty() && o.failure.empty() && !o.warned) {
-        row.warned = false;
-        row.silent.push_back(dt);
-      }
-      return breaks ? breakdown(o) : wrong;
-    };
-    Found breaks, errs;
-    const auto note = [](Found& f, double dt, const std::string& why) {
-      if (f.bad) return;
-      if (why.empty()) {
-        f.good = dt;
-      } else {
-        f.bad = dt;
-        f.why = why;
-      }
-    };
-    for (double dt = first; dt <= t_end / 8 && !breaks.bad; dt *= 2) {
-      const Outcome o = run(method, dt);
-      ++row.runs;
+    std::vector<Judged> ladder;
+    for (double dt = first; dt <= t_end / 8 && (ladder.empty() || ladder.back().breaks.empty()); dt *= 2) {
+      ladder.push_back(judge(method, dt, row));
       row.longest = dt;
-      const std::string wrong = mistake(o);
-      if (!wrong.empty() && o.failure.empty() && !o.warned) {
-        row.warned = false;
-        row.silent.push_back(dt);
-      }
-      note(breaks, dt, breakdown(o));
-      note(errs, dt, wrong);
     }
-    // Methods of low order fail below the first step already.
-    for (double dt = first / 4; !errs.good && dt > first / 100; dt /= 4) {
-      const std::string why = check(dt, false);
-      if (why.empty()) errs.good = dt;
-      else errs.bad = dt, errs.why = why;
-    }
-    for (double dt = first / 4; !breaks.good && dt > first / 100; dt /= 4) {
-      const std::string why = check(dt, true);
-      if (why.empty()) breaks.good = dt;
-      else breaks.bad = dt, breaks.why = why;
-    }
-    bisect(breaks, [&](double dt) { return check(dt, true); });
-    bisect(errs, [&](double dt) { return check(dt, false); });
-    row.limit = breaks.bad ? breaks.good : std::nullopt;
-    row.how = breaks.why;
+    if (ladder.empty()) return;
+    const Found breaks = first_bad(ladder, &Judged::breaks, method, row);
+    const Found errs = first_bad(ladder, &Judged::wrong, method, row);
+    if (breaks.ends) row.limit = breaks.good;
+    row.how = breaks.how;
     row.followed = errs.good;
-    row.wrong = errs.why;
+    row.wrong = errs.how;
   }
 
   // Growth rate of noise about sliding in the second half of so many steps; infinite where the run breaks down.
@@ -247,15 +241,11 @@ struct Limits::Impl {
     return std::log(end / middle) / (double(second_half) * dt);
   }
 
-  // The x between low and high from which on `beyond` holds, to 2 %; empty where it holds at low or not at high.
+  // The step between low and high from which on `beyond` holds, to 2 %; empty where it holds at low or not at high.
   template <class Beyond>
   std::optional<double> edge(double low, double high, const Beyond& beyond) const {
     if (beyond(low) || !beyond(high)) return std::nullopt;
-    while (high > 1.02 * low) {
-      const double middle = std::sqrt(low * high);
-      (beyond(middle) ? high : low) = middle;
-    }
-    return std::sqrt(low * high);
+    return 1.01 * narrowed([&](double dt) { return !beyond(dt); }, low, high, 1.02);
   }
 
   void find_shortest(const MethodSpec& method, LimitRow& row, StepForecast& forecast) const {

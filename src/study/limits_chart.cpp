@@ -1,12 +1,12 @@
 // The command `chart -chart_kind limits`: rows of limits.hpp over grids, orders and values of a parameter.
 #include <algorithm>
-#include <numeric>
 
 #include "base/progress.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/output/summary.hpp"
+#include "stickslip/study/chart.hpp"
 #include "stickslip/study/limits.hpp"
 #include "stickslip/time/methods.hpp"
 #include "study/row_table.hpp"
@@ -15,48 +15,38 @@ namespace stickslip {
 
 namespace {
 
-const std::vector<std::string>& default_methods() {
-  static const std::vector<std::string> list = {
-      "rk:5dp",           "rk:3bs",          "rk:4",           "rk:8vr",         "euler",        "ssp:rks3",
-      "arkimex:3:friction", "arkimex:3:wave",  "arkimex:3:both", "arkimex:4:friction", "arkimex:4:wave",
-      "arkimex:4:both",   "arkimex:1bee:both", "rosw:ra34pw2", "rosw:4l",        "bdf:2",        "bdf:4",
-      "theta",            "cn",              "beuler",         "alpha"};
-  return list;
-}
-
 std::vector<MethodSpec> wanted_methods(const Options& options) {
-  std::vector<MethodSpec> choices;
-  std::vector<std::string> names = options.words("chart_methods");
-  if (names.empty()) names = default_methods();
-  if (names == std::vector<std::string>{"all"}) {
-    names.clear();
-    for (const Method& m : methods()) {
-      if (m.kind != MethodKind::imex) names.push_back(m.name());
-      else
-        for (const char* split : {"friction", "wave", "both"}) names.push_back(m.name() + ":" + split);
-    }
+  if (options.text("chart_methods") != "all")
+    return chart_methods(options, {"rk:5dp", "rk:3bs", "rk:4", "rk:8vr", "euler", "ssp:rks3", "arkimex:3:friction",
+                                   "arkimex:3:wave", "arkimex:3:both", "arkimex:4:friction", "arkimex:4:wave",
+                                   "arkimex:4:both", "arkimex:1bee:both", "rosw:ra34pw2", "rosw:4l", "bdf:2", "bdf:4",
+                                   "theta", "cn", "beuler", "alpha"});
+  std::vector<MethodSpec> all;
+  for (const Method& m : methods()) {
+    const bool splits = m.kind == MethodKind::imex;
+    for (const char* split : splits ? std::vector<const char*>{":friction", ":wave", ":both"} : std::vector{""})
+      all.push_back(MethodSpec::parse("chart_methods", m.name() + split));
   }
-  for (const std::string& name : names) choices.push_back(MethodSpec::parse("-chart_methods", name));
-  return choices;
+  return all;
 }
 
 // `parameter`: "" where nothing varies.
 std::vector<Column<LimitRow>> limit_columns(const std::string& parameter) {
   using Row = const LimitRow&;
   const auto step = [](const char* name, const char* what, std::optional<double> LimitRow::*member) {
-    return Column<LimitRow>{name, {name, "time", what}, [=](Row r) { return cell_of(r.*member); }};
+    return Column<LimitRow>{name, {name, "time", what}, [=](Row r) { return Json(r.*member); }};
   };
   const auto text = [](const char* name, const char* what, std::string LimitRow::*member) {
-    return Column<LimitRow>{name, {name, "1", what}, [=](Row r) -> Cell { return r.*member; }, true};
+    return Column<LimitRow>{name, {name, "1", what}, [=](Row r) { return r.*member; }, true};
   };
   const bool varied = !parameter.empty();
   return {
       text("method", "method", &LimitRow::method),
       text("implicit", "what is implicit", &LimitRow::implicit),
-      {"order", {"order", "1", "order in space"}, [](Row r) -> Cell { return std::int64_t(r.order); }},
-      {"n", {"n", "1", "nodes"}, [](Row r) -> Cell { return std::int64_t(r.n); }},
+      {"order", {"order", "1", "order in space"}, [](Row r) { return r.order; }},
+      {"n", {"n", "1", "nodes"}, [](Row r) { return r.n; }},
       {"value", {"value", "1", varied ? parameter : "nothing varies"},
-       [=](Row r) { return varied ? Cell(r.value) : Cell(); }},
+       [=](Row r) { return varied ? Json(r.value) : Json(); }},
       step("theory", "stability limit of the linearised operator", &LimitRow::theory),
       step("limit", "longest step of a run that ends within bounds", &LimitRow::limit),
       text("how", "what happens beyond limit", &LimitRow::how),
@@ -66,9 +56,9 @@ std::vector<Column<LimitRow>> limit_columns(const std::string& parameter) {
       step("shortest", "step from which it does", &LimitRow::shortest),
       step("damps_theory", "step from which sliding's perturbations should decay", &LimitRow::damps_theory),
       step("damps", "step from which they do", &LimitRow::damps),
-      {"longest", {"longest", "time", "longest step tried"}, [](Row r) -> Cell { return r.longest; }},
-      {"warned", {"warned", "1", "1 where every failure was told"}, [](Row r) -> Cell { return r.warned; }},
-      {"runs", {}, [](Row r) -> Cell { return std::int64_t(r.runs); }},
+      {"longest", {"longest", "time", "longest step tried"}, [](Row r) { return r.longest; }},
+      {"warned", {"warned", "1", "1 where every failure was told"}, [](Row r) { return r.warned; }},
+      {"runs", {}, [](Row r) { return r.runs; }},
   };
 }
 
@@ -77,9 +67,6 @@ void write_file(const Options& options, const Provenance& provenance, const std:
   ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
   file.attribute("chart_kind", "limits");
   file.attribute("parameter", parameter);
-  std::vector<double> number(rows.size());
-  std::iota(number.begin(), number.end(), 0);
-  file.scale({"row", "1", "number of the row"}, number);
   add_columns(file, limit_columns(parameter), rows);
   file.write();
 }
@@ -101,9 +88,8 @@ std::vector<Varied> varied_scenes(const Options& options, const OptionSpec* para
   for (const double value : values)
     for (const PetscInt order : orders)
       for (const PetscInt n : grids) {
-        Options o = parameter ? options.with(parameter->name, value) : options;
-        o = o.with("grid_n", std::to_string(n));
-        if (o.text("model_form") != "chain") o = o.with("grid_order", std::to_string(order));
+        const Options o = options_for(parameter ? options.with(parameter->name, value) : options,
+                                      {MethodSpec(), 0, 0, int(order), n});
         (void)Scene::from(o, false);
         scenes.push_back({o, value});
       }
@@ -121,20 +107,6 @@ const OptionSpec* parameter_of(const Options& options) {
     throw UsageError("-chart_parameter " + quoted(parameter) +
                      ": no such option that takes a number; give one, such as model_gamma");
   return spec;
-}
-
-void print_table(const std::vector<LimitRow>& rows, bool varied) {
-  const char* format = varied ? "%-6s %-16s %-9s %5s %6s %9s %9s %9s %9s %-22s %9s %-36s %9s %9s\n"
-                              : "%s%-16s %-9s %5s %6s %9s %9s %9s %9s %-22s %9s %-36s %9s %9s\n";
-  SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, varied ? "value" : "", "method", "implicit", "order", "n", "shortest:",
-                     "theory", "limit:", "theory", "beyond", "followed", "beyond", "damps:", "theory"));
-  const auto shown = [](const std::optional<double>& x) { return x ? rounded_text(*x) : std::string("-"); };
-  for (const LimitRow& r : rows)
-    SS_TRY(PetscPrintf(PETSC_COMM_WORLD, format, varied ? rounded_text(r.value).c_str() : "", r.method.c_str(),
-                       r.implicit.c_str(), std::to_string(r.order).c_str(), std::to_string(r.n).c_str(),
-                       shown(r.shortest).c_str(), shown(r.shortest_theory).c_str(), shown(r.limit).c_str(),
-                       shown(r.theory).c_str(), r.how.c_str(), shown(r.followed).c_str(), r.wrong.c_str(),
-                       shown(r.damps).c_str(), shown(r.damps_theory).c_str()));
 }
 
 }  // namespace
@@ -173,7 +145,6 @@ int chart_limits(const Options& options) {
         warn(r.method + " (" + r.implicit + " implicit) went wrong at ts_dt " + number_text(r.silent.front()) +
              " (" + r.wrong + ") without a word");
     write_file(options, provenance, rows, parameter);
-    if (options.text("summary") != "-") print_table(rows, spec != nullptr);
     return 0;
   });
 }

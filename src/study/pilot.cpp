@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "base/local_values.hpp"
 #include "time/fused_methods.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/study/reduce.hpp"
@@ -114,18 +115,16 @@ Trial Pilot::run(const Setting& setting, double limit) const {
   trial.rhs_evaluations = model.rhs_evaluations();
   if (trial.failed.empty()) {
     model.set_held(u);
-    const double* a;
+    const Reading a(u);
     const auto dof = std::size_t(model.dof()), nodes = std::size_t(model.local()), all = std::size_t(setting.n);
     std::vector<double> state;
     trial.end.psi.resize(all);
     trial.end.eta.resize(all);
-    SS_TRY(VecGetArrayRead(u, &a));
     for (std::size_t i = 0; i < all; ++i) {
       trial.end.psi[i] = a[i % nodes * dof];
       trial.end.eta[i] = a[i % nodes * dof + 1];
       if (dof > 2) state.push_back(a[i % nodes * dof + 2]);
     }
-    SS_TRY(VecRestoreArrayRead(u, &a));
     trial.end.F = friction_between(model.scene(), trial.end.psi, state);
   }
   trial.seconds = processor_seconds() - begin;

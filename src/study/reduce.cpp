@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/broadcast.hpp"
+#include "base/local_values.hpp"
 #include "study/step_forecast.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/gather.hpp"
@@ -99,9 +100,7 @@ Problem problem_of(const Scene& whole, const Options& options, std::optional<Pet
   if (cells == 1) return {std::move(model), std::move(u), ""};
 
   std::vector<double> values = Gather(u, model.dof()).interleaved(u);  // on rank 0
-  int rank;
-  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
-  if (rank == 0) cells = cells_in(values, whole.n, model.dof(), cells, whole.ring());
+  if (rank_in(PETSC_COMM_WORLD) == 0) cells = cells_in(values, whole.n, model.dof(), cells, whole.ring());
   broadcast(cells);
   if (cells == 1) return {std::move(model), std::move(u), ""};
 
@@ -109,11 +108,8 @@ Problem problem_of(const Scene& whole, const Options& options, std::optional<Pet
   values.resize(static_cast<std::size_t>(small.scene().n * small.dof()));
   broadcast(values);
   VecHandle start = small.create_vector();
-  double* a;
-  SS_TRY(VecGetArray(start, &a));
   const auto from = values.begin() + small.first() * small.dof();
-  std::copy(from, from + small.local() * small.dof(), a);
-  SS_TRY(VecRestoreArray(start, &a));
+  std::copy(from, from + small.local() * small.dof(), static_cast<double*>(Writing(start)));
   std::string what = description(whole, small);
   return {std::move(small), std::move(start), std::move(what)};
 }

@@ -3,6 +3,7 @@
 #include <petscsys.h>
 #include <unistd.h>
 
+#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -13,13 +14,10 @@ namespace {
 double memory_of_all_machines(MPI_Comm comm) {
   MPI_Comm machine;
   MPI_Comm_split_type(comm, MPI_COMM_TYPE_SHARED, 0, MPI_INFO_NULL, &machine);
-  int rank = 0;
-  MPI_Comm_rank(machine, &rank);
+  const bool first = rank_in(machine) == 0;
   MPI_Comm_free(&machine);
-  double mine = rank == 0 ? double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE)) : 0, all = 0;
-  if (mine < 0) mine = 0;
-  MPI_Allreduce(&mine, &all, 1, MPI_DOUBLE, MPI_SUM, comm);
-  return all;
+  const double here = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
+  return sum_over(comm, first && here > 0 ? here : 0);
 }
 
 }  // namespace

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <optional>
 
+#include "base/broadcast.hpp"
+#include "base/local_values.hpp"
 #include "model/noise.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/displacement.hpp"
@@ -19,7 +21,7 @@ namespace {
 // order. `jump` and `slope`: largest misfits over the held ends, of this rank.
 void warn_of_misfit(const Model& model, double jump, double slope) {
   double misfit[2] = {jump, slope};
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, misfit, 2, MPI_DOUBLE, MPI_MAX, model.comm()));
+  largest_over(model.comm(), misfit, 2);
   const double scale = 1 + std::abs(model.scene().left_value) + std::abs(model.scene().right_value);
   const std::string order = std::to_string(model.scene().order);
   if (misfit[0] > 1e-8 * scale) {
@@ -50,17 +52,13 @@ void set_held_force(const Model& model, Vec u) {
   const auto is_here = [&](PetscInt node) { return node >= model.first() && node < model.first() + model.local(); };
   const PetscInt ends[2] = {0, s.n - 1}, neighbours[2] = {1, s.n - 2};
   double beside[2] = {0, 0};
-  const double* x;
-  SS_TRY(VecGetArrayRead(chi, &x));
+  const Reading x(chi);
   for (int k = 0; k < 2; ++k)
     if (is_here(neighbours[k])) beside[k] = x[neighbours[k] - model.first()];
-  SS_TRY(VecRestoreArrayRead(chi, &x));
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, beside, 2, MPI_DOUBLE, MPI_SUM, model.comm()));
-  double* a;
-  SS_TRY(VecGetArray(u, &a));
+  sum_over(model.comm(), beside, 2);
+  const Writing a(u);
   for (int k = 0; k < 2; ++k)
     if (model.held(ends[k]) && is_here(ends[k])) a[(ends[k] - model.first()) * model.dof() + 1] = s.K1() * beside[k];
-  SS_TRY(VecRestoreArray(u, &a));
 }
 
 // A frame of a run's file, for the nodes of this scene.
@@ -90,52 +88,36 @@ Frame frame_for(const Scene& s, const Options& options) {
   return frame;
 }
 
-// An eigenvector of the file of `spectrum` (its real part, times init_amplitude) added to steady sliding.
-void start_from_eigenvector(const Model& model, const Options& options, Vec u) {
-  const Scene& s = model.scene();
+// An eigenvector of the file of `spectrum` (its real part, times init_amplitude) added to steady sliding, as a frame.
+Frame frame_from_eigenvector(const Scene& s, const Options& options) {
   const std::string path = options.text("init_file"), what = "init_file";
-  const PetscInt mode = options.is_set("init_mode") ? options.integer("init_mode") : 0;
+  const std::size_t mode = options.is_set("init_mode") ? std::size_t(options.integer("init_mode")) : 0;
   std::vector<std::string> names{"psi", "eta"};
-  if (model.dof() == 3) names.push_back(state_name(s.friction.state));
-  std::vector<std::vector<double>> values;
+  if (s.friction.has_state()) names.push_back(state_name(s.friction.state));
+  Frame frame;
   for (const std::string& name : names) {
     std::vector<double> steady = read_array(what, path, "steady_" + name).values;
     const DataArray vectors = read_array(what, path, name + "_re");
-    if (vectors.shape.size() != 2 || vectors.shape[1] != steady.size() || std::size_t(mode) >= vectors.shape[0])
+    if (vectors.shape.size() != 2 || vectors.shape[1] != steady.size() || mode >= vectors.shape[0])
       throw UsageError("init_mode " + std::to_string(mode) + ": '" + path + "' holds " +
                        std::to_string(vectors.shape.empty() ? 0 : vectors.shape[0]) + " eigenvectors, from 0");
     if (steady.size() != std::size_t(s.n))
       throw UsageError("init_file '" + path + "': it has " + std::to_string(steady.size()) +
                        " nodes, this scene grid_n " + std::to_string(s.n));
-    for (std::size_t i = 0; i < steady.size(); ++i)
-      steady[i] += options.real("init_amplitude") * vectors.values[std::size_t(mode) * steady.size() + i];
-    values.push_back(std::move(steady));
+    for (std::size_t i = 0; i < steady.size(); ++i) {
+      steady[i] += options.real("init_amplitude") * vectors.values[mode * steady.size() + i];
+      const bool is_state = name != "psi" && name != "eta";
+      if (!std::isfinite(is_state ? state_from_output(s.friction.state, steady[i]) : steady[i]))
+        throw UsageError("init_amplitude: with it the start is not finite, or a contact age is not positive");
+    }
+    frame.fields[name] = std::move(steady);
   }
-  const double noise = options.real("init_noise");
-  double* a;
-  SS_TRY(VecGetArray(u, &a));
-  int bad = 0;
-  for (PetscInt i = 0; i < model.local(); ++i) {
-    const std::size_t g = std::size_t(model.first() + i);
-    double* at = a + i * model.dof();
-    at[0] = values[0][g];
-    if (noise != 0)
-      at[0] += noise * noise_at(s, options.real("init_noise_length"), options.integer("init_seed"), model.first() + i);
-    at[1] = values[1][g];
-    if (model.dof() == 3) at[2] = state_from_output(s.friction.state, values[2][g]);
-    for (int c = 0; c < model.dof(); ++c)
-      if (!std::isfinite(at[c])) bad = 1;
-  }
-  SS_TRY(VecRestoreArray(u, &a));
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &bad, 1, MPI_INT, MPI_MAX, model.comm()));
-  if (bad) throw UsageError("init_amplitude: with it the start is not finite, or a contact age is not positive");
-  model.set_held(u);
+  return frame;
 }
 
 }  // namespace
 
 struct Start::Impl {
-  Options options;
   std::string type;
   bool from_eigenvector, eta_steady, eta_given, state_given, state_steady = false;
   double psi_i, eta = 0, state = 0, noise, noise_length, amplitude, width = 1, turns = 0;
@@ -145,13 +127,17 @@ struct Start::Impl {
   std::optional<Frame> frame;
 
   Impl(const Scene& s, const Options& o)
-      : options(o), type(o.text("init_type")), eta_given(o.is_set("init_eta")), state_given(o.is_set("init_state")),
+      : type(o.text("init_type")), eta_given(o.is_set("init_eta")), state_given(o.is_set("init_state")),
         psi_i(o.text("init_psi") == "steady" ? s.v : o.real("init_psi")), noise(o.real("init_noise")),
         noise_length(o.real("init_noise_length")),
         amplitude(o.real("init_amplitude")), seed(o.integer("init_seed")), mode(o.integer("init_mode")) {
     from_eigenvector = type == "file" && o.is_set("init_file") &&
                        read_header("init_file", o.text("init_file")).kind == "spectrum";
-    if (from_eigenvector) return;
+    if (from_eigenvector) {  // which says everything
+      eta_steady = eta_given = state_given = false;
+      frame = frame_from_eigenvector(s, o);
+      return;
+    }
     eta_steady = o.text("init_eta") == "steady" || (type == "layer" && !eta_given);
     if (!eta_steady) eta = o.real("init_eta");
     if (s.friction.has_state()) {
@@ -200,36 +186,29 @@ struct Start::Impl {
     return eta_steady ? resistance : eta;
   }
 
-  void fill(const Model& model, Vec u) const {
+  // The start on this rank's nodes, and how far it misses held ends there (warn_of_misfit). False: at some of them no
+  // state is steady.
+  bool fill(const Model& model, double* a, double& jump, double& slope) const {
     const Scene& s = model.scene();
     const double length = s.length * double(s.copies);
     const int dof = model.dof();
-    double jump = 0, slope = 0;
-    bool no_state = false;
-    double* a;
-    SS_TRY(VecGetArray(u, &a));
+    bool has_state = true;
     for (PetscInt i = 0; i < model.local(); ++i) {
       const PetscInt node = model.first() + i;
       double* at = a + i * dof;
       double psi = psi_at(s, length, node);
-      const bool held_end = s.form == Form::continuum && model.held(node);
+      const bool held_end = s.form == Form::continuum && model.held(node) && !from_eigenvector;
       if (held_end) jump = std::max(jump, std::abs(psi - (node == 0 ? s.left_value : s.right_value)));
       if (noise != 0 && !held_end) psi += noise * noise_at(s, noise_length, seed, node);
       at[0] = psi;
       const double phase = turns * s.x(node) / length, here = dof == 3 ? state_at(model, phase, node, psi) : 0;
-      if (!std::isfinite(here)) no_state = true;
+      if (!std::isfinite(here)) has_state = false;
       if (dof == 3) at[2] = here;
       const double resistance = s.B() * psi + model.friction(i, psi, here).F;
       at[1] = eta_at(phase, node, resistance);
       if (held_end) slope = std::max(slope, std::abs(s.A() * (at[1] - resistance)));
     }
-    SS_TRY(VecRestoreArray(u, &a));
-    int missing = no_state ? 1 : 0;
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &missing, 1, MPI_INT, MPI_MAX, model.comm()));
-    if (missing)
-      throw UsageError("init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
-    if (s.left == End::velocity || s.right == End::velocity) warn_of_misfit(model, jump, slope);
-    model.set_held(u);
+    return has_state;
   }
 };
 
@@ -237,8 +216,13 @@ Start::Start(const Scene& scene, const Options& options) : impl_(std::make_uniqu
 Start::~Start() = default;
 
 void Start::fill(const Model& model, Vec u) const {
-  if (impl_->from_eigenvector) start_from_eigenvector(model, impl_->options, u);
-  else impl_->fill(model, u);
+  double jump = 0, slope = 0;
+  const bool has_state = impl_->fill(model, Writing(u), jump, slope);
+  if (on_any_rank(model.comm(), !has_state))
+    throw UsageError("init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
+  const Scene& s = model.scene();
+  if (s.left == End::velocity || s.right == End::velocity) warn_of_misfit(model, jump, slope);
+  model.set_held(u);
   set_held_force(model, u);
 }
 

@@ -4,8 +4,9 @@
 #include <array>
 #include <cmath>
 
+#include "base/broadcast.hpp"
+#include "base/local_values.hpp"
 #include "study/step_forecast.hpp"
-#include "stickslip/base/error.hpp"
 
 namespace stickslip {
 
@@ -29,10 +30,7 @@ struct Sums {
 };
 
 Sums sums_of(const Model& model, Vec before, Vec exact, Vec mine) {
-  const double *a, *b, *c;
-  SS_TRY(VecGetArrayRead(before, &a));
-  SS_TRY(VecGetArrayRead(exact, &b));
-  SS_TRY(VecGetArrayRead(mine, &c));
+  const Reading a(before), b(exact), c(mine);
   double sums[6] = {};
   const int dof = model.dof();
   for (PetscInt i = 0; i < model.local(); ++i) {
@@ -45,41 +43,31 @@ Sums sums_of(const Model& model, Vec before, Vec exact, Vec mine) {
       sums[3 * f + 2] += error * change;
     }
   }
-  SS_TRY(VecRestoreArrayRead(before, &a));
-  SS_TRY(VecRestoreArrayRead(exact, &b));
-  SS_TRY(VecRestoreArrayRead(mine, &c));
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, sums, 6, MPI_DOUBLE, MPI_SUM, model.comm()));
+  sum_over(model.comm(), sums, 6);
   return {{sums[0], sums[3]}, {sums[1], sums[4]}, {sums[2], sums[5]}};
 }
 
 // Largest |b - a| and |b| of psi.
 std::array<double, 2> psi_change(const Model& model, Vec a, Vec b) {
-  const double *x, *y;
-  SS_TRY(VecGetArrayRead(a, &x));
-  SS_TRY(VecGetArrayRead(b, &y));
+  const Reading x(a), y(b);
   std::array<double, 2> largest{};
   const int dof = model.dof();
   for (PetscInt i = 0; i < model.local(); ++i) {
     largest[0] = std::max(largest[0], std::abs(y[i * dof] - x[i * dof]));
     largest[1] = std::max(largest[1], std::abs(y[i * dof]));
   }
-  SS_TRY(VecRestoreArrayRead(a, &x));
-  SS_TRY(VecRestoreArrayRead(b, &y));
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, largest.data(), 2, MPI_DOUBLE, MPI_MAX, model.comm()));
+  largest_over(model.comm(), largest.data(), 2);
   return largest;
 }
 
 // Is psi within a tenth of v (of 1 where v = 0) at half the nodes?
 bool near_sliding(const Model& model, Vec u) {
-  const double* a;
-  SS_TRY(VecGetArrayRead(u, &a));
+  const Reading a(u);
   const double v = model.scene().v, scale = v != 0 ? std::abs(v) : 1;
-  PetscInt near = 0;
+  double near = 0;
   for (PetscInt i = 0; i < model.local(); ++i)
     if (std::abs(a[i * model.dof()] - v) < 0.1 * scale) ++near;
-  SS_TRY(VecRestoreArrayRead(u, &a));
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &near, 1, MPIU_INT, MPI_SUM, model.comm()));
-  return 2 * near >= model.scene().n;
+  return 2 * sum_over(model.comm(), near) >= double(model.scene().n);
 }
 
 }  // namespace
@@ -134,10 +122,12 @@ struct StepAudit::Impl {
     // Steps within a tenth of each other are taken for the same.
     times[integrator.adaptive() ? std::exp2(std::round(8 * std::log2(dt)) / 8) : dt] += dt;
   }
+  // The time at which so many audits are due.
+  double due(double count) const { return t_begin + (t_end - t_begin) * count / audits; }
   void look(const Integrator::Step& step) {
-    if (step.t < t_begin + (t_end - t_begin) * next_look / audits) return;
+    if (step.t < due(next_look)) return;
     is_near = near_sliding(model, step.u);
-    while (next_look <= audits && step.t >= t_begin + (t_end - t_begin) * next_look / audits) ++next_look;
+    while (next_look <= audits && step.t >= due(next_look)) ++next_look;
   }
 
   void after(const Integrator::Step& step) {
@@ -145,15 +135,14 @@ struct StepAudit::Impl {
     if (is_step) note_step(step.t_before, step.t);
     look(step);
     if (!watching) return;
-    const double audit_time = t_begin + (t_end - t_begin) * (next_audit + 0.5) / audits;
     if (is_step && has_before) {
       const std::array<double, 2> now = psi_change(model, before, step.u);
       largest_psi = std::max(largest_psi, now[1]);
       const bool new_record = now[0] > record * largest_change;
       if (new_record) largest_change = now[0];
-      if (new_record || step.t >= audit_time) repeat(step, now[0]);
+      if (new_record || step.t >= due(next_audit + 0.5)) repeat(step, now[0]);
     }
-    while (next_audit < audits && step.t >= t_begin + (t_end - t_begin) * (next_audit + 0.5) / audits) ++next_audit;
+    while (next_audit < audits && step.t >= due(next_audit + 0.5)) ++next_audit;
     has_before = (step.index + 1) % stride == 0;
     if (has_before) SS_TRY(VecCopy(step.u, before));
   }
@@ -215,18 +204,17 @@ StepAudit::Verdict StepAudit::verdict(Vec u) const {
   }
   v.near_sliding = near_sliding(m.model, u);
   StepForecast forecast(m.model, u, m.integrator);
-  v.growth = v.growth_taken = forecast.sliding_growth(true);
-  v.growth_of_all = v.growth_taken_of_all = forecast.sliding_growth(false);
-  v.near_growth = v.growth;
-  v.near_growth_of_all = v.growth_of_all;
   for (const auto& [dt, time] : m.taken_near) v.near_time += time;
-  if (v.near_time > 0) {
-    v.near_growth = forecast.sliding_growth_of(m.taken_near, true);
-    v.near_growth_of_all = forecast.sliding_growth_of(m.taken_near, false);
-  }
-  if (m.taken.empty()) return v;
-  v.growth_taken = forecast.sliding_growth_of(m.taken, true);
-  v.growth_taken_of_all = forecast.sliding_growth_of(m.taken, false);
+  // at the steps that are given; the true one where there are none
+  const auto growth = [&](const std::map<double, double>& steps, bool resolved) {
+    return steps.empty() ? forecast.sliding_growth(resolved) : forecast.sliding_growth_of(steps, resolved);
+  };
+  v.growth = growth({}, true);
+  v.growth_of_all = growth({}, false);
+  v.near_growth = growth(m.taken_near, true);
+  v.near_growth_of_all = growth(m.taken_near, false);
+  v.growth_taken = growth(m.taken, true);
+  v.growth_taken_of_all = growth(m.taken, false);
   return v;
 }
 

@@ -4,9 +4,11 @@
 #include <cmath>
 #include <limits>
 
-#include "stickslip/base/error.hpp"
+#include "base/broadcast.hpp"
+#include "base/local_values.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/stencil.hpp"
+#include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
 
@@ -56,49 +58,42 @@ struct Slopes {
 };
 
 std::vector<Slopes> friction_extremes(const Model& model, Vec u) {
-  const double* a;
+  const Reading a(u);
   const int dof = model.dof();
   Slopes found[2] = {{{0, HUGE_VAL, 0}, {}}, {{0, -HUGE_VAL, 0}, {}}};
-  SS_TRY(VecGetArrayRead(u, &a));
   for (PetscInt i = 0; i < model.local(); ++i) {
     const double psi = a[i * dof], state = dof == 3 ? a[i * dof + 2] : 0;
     const Slopes here{model.friction(i, psi, state), model.state_rate(psi, state)};
     if (here.F.F_psi < found[0].F.F_psi) found[0] = here;
     if (here.F.F_psi > found[1].F.F_psi) found[1] = here;
   }
-  SS_TRY(VecRestoreArrayRead(u, &a));
   for (int side = 0; side < 2; ++side) {
     struct {
       double value;
       int rank;
-    } best{side == 0 ? found[0].F.F_psi : -found[1].F.F_psi, 0};
-    MPI_Comm_rank(model.comm(), &best.rank);
+    } best{side == 0 ? found[0].F.F_psi : -found[1].F.F_psi, rank_in(model.comm())};
     SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &best, 1, MPI_DOUBLE_INT, MPI_MINLOC, model.comm()));
     SS_TRY(MPI_Bcast(&found[side], sizeof(Slopes) / sizeof(double), MPI_DOUBLE, best.rank, model.comm()));
   }
   return {found[0], found[1]};
 }
 
-// The method of `from`, without its monitors, viewers and error control.
-void copy_method(TS from, const std::string& type, TS to) {
+// The method of `like`, without its monitors, viewers and error control.
+void copy_method(const Integrator& like, TS to) {
+  const std::string type = like.method().type;
+  const char* subtype = like.method().subtype;
+  const TS from = like.ts();
   SS_TRY(TSSetType(to, type.c_str()));
-  const char* name = nullptr;
-  if (type == TSRK) {
-    SS_TRY(TSRKGetType(from, &name));
-    SS_TRY(TSRKSetType(to, name));
-  } else if (type == TSARKIMEX) {
-    SS_TRY(TSARKIMEXGetType(from, &name));
-    SS_TRY(TSARKIMEXSetType(to, name));
-  } else if (type == TSROSW) {
-    SS_TRY(TSRosWGetType(from, &name));
-    SS_TRY(TSRosWSetType(to, name));
-  } else if (type == TSSSP) {
+  if (type == TSRK) SS_TRY(TSRKSetType(to, subtype));
+  if (type == TSARKIMEX) SS_TRY(TSARKIMEXSetType(to, subtype));
+  if (type == TSROSW) SS_TRY(TSRosWSetType(to, subtype));
+  if (type == TSSSP) {
     PetscInt stages;
-    SS_TRY(TSSSPGetType(from, &name));
     SS_TRY(TSSSPGetNumStages(from, &stages));
-    SS_TRY(TSSSPSetType(to, name));
+    SS_TRY(TSSSPSetType(to, subtype));
     SS_TRY(TSSSPSetNumStages(to, stages));
-  } else if (type == TSTHETA) {
+  }
+  if (type == TSTHETA) {
     PetscReal theta;
     PetscBool endpoint;
     SS_TRY(TSThetaGetTheta(from, &theta));
@@ -168,80 +163,57 @@ StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
     for (const double part : {0.25, 0.5, 0.75, 1.})
       add_waves(model, implicit, F, g, part, true, s.form == Form::chain);
   }
-  if (bdf_order_ > 0 || is_alpha_) return;
+  if (bdf_order_ == 0 && !is_alpha_) make_ts(like, implicit);
+}
 
+void StepForecast::make_ts(const Integrator& like, Implicit implicit) {
   const auto size = static_cast<PetscInt>(waves_.size()) * dof_ * dof_;
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, size, u_.out()));
   SS_TRY(TSCreate(PETSC_COMM_SELF, ts_.out()));
-  copy_method(like.ts(), type, ts_);
+  copy_method(like, ts_);
   SS_TRY(TSSetProblemType(ts_, TS_NONLINEAR));
   if (implicit != Implicit::both) SS_TRY(TSSetRHSFunction(ts_, nullptr, RHSFunction, this));
-  if (type != TSRK && type != TSSSP && type != TSEULER) {
-    SS_TRY(TSSetIFunction(ts_, nullptr, IFunction, this));
-    SS_TRY(MatCreateSeqBAIJ(PETSC_COMM_SELF, dof_, size, size, 1, nullptr, J_.out()));
-    SS_TRY(TSSetIJacobian(ts_, J_, J_, IJacobian, this));
-  }
   TSAdapt adapt;
   SS_TRY(TSGetAdapt(ts_, &adapt));
   SS_TRY(TSAdaptSetType(adapt, TSADAPTNONE));
   SS_TRY(TSSetExactFinalTime(ts_, TS_EXACTFINALTIME_STEPOVER));
   SS_TRY(TSSetMaxTime(ts_, 1e300));
-  if (type != TSRK && type != TSSSP && type != TSEULER) {
-    SNES snes;
-    KSP ksp;
-    PC pc;
-    SS_TRY(TSGetSNES(ts_, &snes));
-    SS_TRY(SNESSetType(snes, SNESKSPONLY));
-    SS_TRY(SNESGetKSP(snes, &ksp));
-    SS_TRY(KSPSetType(ksp, KSPPREONLY));
-    SS_TRY(KSPGetPC(ksp, &pc));
-    SS_TRY(PCSetType(pc, PCPBJACOBI));
-  }
+  if (like.method().kind == MethodKind::explicit_) return;
+  SS_TRY(TSSetIFunction(ts_, nullptr, IFunction, this));
+  SS_TRY(MatCreateSeqBAIJ(PETSC_COMM_SELF, dof_, size, size, 1, nullptr, J_.out()));
+  SS_TRY(TSSetIJacobian(ts_, J_, J_, IJacobian, this));
+  SNES snes;
+  KSP ksp;
+  PC pc;
+  SS_TRY(TSGetSNES(ts_, &snes));
+  SS_TRY(SNESSetType(snes, SNESKSPONLY));
+  SS_TRY(SNESGetKSP(snes, &ksp));
+  SS_TRY(KSPSetType(ksp, KSPPREONLY));
+  SS_TRY(KSPGetPC(ksp, &pc));
+  SS_TRY(PCSetType(pc, PCPBJACOBI));
 }
 
-// The columns of a wave's propagator stand one behind the other: entry (wave, column, row).
+// The columns of a wave's propagator stand one behind the other: entry (wave, column, row) of `a` and `out`.
+void StepForecast::add_product(double factor, std::vector<double> Wave::*part, const double* a, double* out) const {
+  const int d = dof_;
+  for (const Wave& w : waves_)
+    for (int column = 0; column < d; ++column, a += d, out += d)
+      for (int row = 0; row < d; ++row)
+        for (int k = 0; k < d; ++k) out[row] += factor * (w.*part)[static_cast<std::size_t>(row * d + k)] * a[k];
+}
+
 PetscErrorCode StepForecast::RHSFunction(TS, PetscReal, Vec u, Vec f, void* context) {
   return guarded([&] {
-    const auto& self = *static_cast<StepForecast*>(context);
-    const double* a;
-    double* b;
-    SS_TRY(VecGetArrayRead(u, &a));
-    SS_TRY(VecGetArrayWrite(f, &b));
-    const int d = self.dof_;
-    const double* at = a;
-    double* out = b;
-    for (const Wave& w : self.waves_)
-      for (int column = 0; column < d; ++column, at += d, out += d)
-        for (int row = 0; row < d; ++row) {
-          out[row] = 0;
-          for (int k = 0; k < d; ++k) out[row] += w.explicit_part[static_cast<std::size_t>(row * d + k)] * at[k];
-        }
-    SS_TRY(VecRestoreArrayWrite(f, &b));
-    SS_TRY(VecRestoreArrayRead(u, &a));
+    SS_TRY(VecSet(f, 0));
+    static_cast<StepForecast*>(context)->add_product(1, &Wave::explicit_part, Reading(u), Writing(f));
   });
 }
 
 // udot - implicit part
 PetscErrorCode StepForecast::IFunction(TS, PetscReal, Vec u, Vec udot, Vec f, void* context) {
   return guarded([&] {
-    const auto& self = *static_cast<StepForecast*>(context);
-    const double *a, *rate;
-    double* b;
-    SS_TRY(VecGetArrayRead(u, &a));
-    SS_TRY(VecGetArrayRead(udot, &rate));
-    SS_TRY(VecGetArrayWrite(f, &b));
-    const int d = self.dof_;
-    const double *at = a, *dot = rate;
-    double* out = b;
-    for (const Wave& w : self.waves_)
-      for (int column = 0; column < d; ++column, at += d, dot += d, out += d)
-        for (int row = 0; row < d; ++row) {
-          out[row] = dot[row];
-          for (int k = 0; k < d; ++k) out[row] -= w.implicit_part[static_cast<std::size_t>(row * d + k)] * at[k];
-        }
-    SS_TRY(VecRestoreArrayWrite(f, &b));
-    SS_TRY(VecRestoreArrayRead(udot, &rate));
-    SS_TRY(VecRestoreArrayRead(u, &a));
+    SS_TRY(VecCopy(udot, f));
+    static_cast<StepForecast*>(context)->add_product(-1, &Wave::implicit_part, Reading(u), Writing(f));
   });
 }
 
@@ -297,27 +269,24 @@ std::vector<double> StepForecast::rates(double dt) {
     }
     return rates;
   }
-  double* a;
-  SS_TRY(VecGetArrayWrite(u_, &a));
-  const auto d = static_cast<std::size_t>(dof_);
-  for (std::size_t wave = 0; wave < waves_.size(); ++wave)
-    for (std::size_t i = 0; i < d * d; ++i) a[wave * d * d + i] = i % (d + 1) == 0 ? 1 : 0;
-  SS_TRY(VecRestoreArrayWrite(u_, &a));
+  const auto d = static_cast<std::size_t>(dof_), entries = d * d;
+  {
+    const Writing unit(u_);
+    for (std::size_t i = 0; i < waves_.size() * entries; ++i) unit[i] = i % entries % (d + 1) == 0 ? 1 : 0;
+  }
   SS_TRY(TSSetTime(ts_, 0));
   SS_TRY(TSSetTimeStep(ts_, dt));
   SS_TRY(TSSetSolution(ts_, u_));
   SS_TRY(TSRestartStep(ts_));
   SS_TRY(TSSetConvergedReason(ts_, TS_CONVERGED_ITERATING));
   SS_TRY(TSStep(ts_));
-  const double* b;
-  SS_TRY(VecGetArrayRead(u_, &b));
+  const Reading b(u_);
   for (std::size_t wave = 0; wave < waves_.size(); ++wave) {
-    const std::vector<double> P(b + wave * d * d, b + (wave + 1) * d * d);
+    const std::vector<double> P(b + wave * entries, b + (wave + 1) * entries);
     double largest = 0;
     for (const double p : P) largest = std::isfinite(p) ? std::max(largest, std::abs(p)) : HUGE_VAL;
     rates.push_back(std::log(largest < 1e60 ? spectral_bounds(dof_, P).modulus : largest) / dt);
   }
-  SS_TRY(VecRestoreArrayRead(u_, &b));
   return rates;
 }
 
@@ -335,25 +304,28 @@ bool StepForecast::explodes(double dt, double duration) {
   return dt < duration && excess_rate(dt) * duration > std::log(1e6);
 }
 
-double StepForecast::sliding_growth(bool resolved) const {
+double StepForecast::largest_about_sliding(const std::vector<double>& rate, bool resolved) const {
   double largest = std::numeric_limits<double>::quiet_NaN();
-  for (const Wave& w : waves_)
-    if (w.sliding && (w.resolved || !resolved)) largest = std::fmax(largest, w.growth);
+  for (std::size_t i = 0; i < rate.size(); ++i)
+    if (waves_[i].sliding && (waves_[i].resolved || !resolved)) largest = std::fmax(largest, rate[i]);
   return largest;
 }
 
+double StepForecast::sliding_growth(bool resolved) const {
+  std::vector<double> growth;
+  for (const Wave& w : waves_) growth.push_back(w.growth);
+  return largest_about_sliding(growth, resolved);
+}
+
 double StepForecast::sliding_growth_of(const std::map<double, double>& time_at_step, bool resolved) {
-  std::vector<double> sum(waves_.size());
+  std::vector<double> mean(waves_.size());
   double time = 0;
+  for (const auto& [dt, duration] : time_at_step) time += duration;
   for (const auto& [dt, duration] : time_at_step) {
     const std::vector<double> rate = rates(dt);
-    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += duration * rate[i];
-    time += duration;
+    for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += duration / time * rate[i];
   }
-  double largest = std::numeric_limits<double>::quiet_NaN();
-  for (std::size_t i = 0; i < sum.size(); ++i)
-    if (waves_[i].sliding && (waves_[i].resolved || !resolved)) largest = std::fmax(largest, sum[i] / time);
-  return largest;
+  return largest_about_sliding(mean, resolved);
 }
 
 double StepForecast::shortest_wave_excess(double dt) {
@@ -374,16 +346,10 @@ double StepForecast::shift(double dt) {
 }
 
 double StepForecast::limit(double dt, double duration) {
-  double bad = dt, good = dt;
-  for (int i = 0; i < 40 && explodes(good, duration); ++i) {
-    bad = good;
-    good /= 2;
-  }
-  for (int i = 0; i < 8 && bad > good; ++i) {
-    const double middle = (good + bad) / 2;
-    (explodes(middle, duration) ? bad : good) = middle;
-  }
-  return good;
+  double good = dt;
+  for (int i = 0; i < 40 && explodes(good, duration); ++i) good /= 2;
+  if (good == dt) return dt;
+  return last_place([&](double step) { return !explodes(step, duration); }, good, 2 * good, good / 256);
 }
 
 namespace {

@@ -60,6 +60,10 @@ class StepForecast {
   double multistep_modulus(Complex z) const;  // largest root of the characteristic polynomial
   double excess_rate(double dt);            // largest over the waves about the motion, per unit time
 
+  void make_ts(const Integrator& like, Implicit implicit);
+  void add_product(double factor, std::vector<double> Wave::*part, const double* a, double* out) const;
+  double largest_about_sliding(const std::vector<double>& rate, bool resolved) const;  // NaN: no such wave
+
   static PetscErrorCode RHSFunction(TS, PetscReal, Vec, Vec, void*);
   static PetscErrorCode IFunction(TS, PetscReal, Vec, Vec, Vec, void*);
   static PetscErrorCode IJacobian(TS, PetscReal, Vec, Vec, PetscReal, Mat, Mat, void*);

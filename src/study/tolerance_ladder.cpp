@@ -11,8 +11,7 @@ namespace {
 
 class ToleranceLadder final : public Ladder {
  public:
-  ToleranceLadder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs)
-      : request_(request), setting_(setting), runs_(runs), aim_(request.wanted) {}
+  using Ladder::Ladder;
 
   void choose() override;
   double estimate(const Fields& end) override;
@@ -30,19 +29,10 @@ class ToleranceLadder final : public Ladder {
   double time_foreseen(double tolerance) const;
   bool place_or_go_on(double& next);
   void place(double wish);
-  void add(Level made);
   double estimate_in_time(const Level& now, double d) const;
   [[noreturn]] void give_up_at(double tolerance, double error) const;
 
-  const AccuracyRequest& request_;
-  Setting& setting_;
-  LevelRuns& runs_;
-  double aim_;                     // below the request after a refinement
-  std::vector<Level> levels_;      // loose to strict
-  std::vector<double> distances_;  // of levels k and k + 1: the error of level k
-  double in_time_ = NAN;           // foreseen of the run
-  Level last_run_;                 // what estimate() saw
-  double last_estimate_ = 0;
+  double in_time_ = NAN;  // foreseen of the run
 };
 
 double ToleranceLadder::slope() const {
@@ -60,11 +50,6 @@ double ToleranceLadder::time_foreseen(double tolerance) const {
 // The tolerance that should do.
 double ToleranceLadder::wished() const {
   return levels_[levels_.size() - 2].tolerance * std::pow(share_in_all * aim_ / distances_.back(), 1 / slope());
-}
-
-void ToleranceLadder::add(Level made) {
-  if (!levels_.empty()) distances_.push_back(std::max(runs_.difference(levels_.back(), made), 1e-300));
-  levels_.push_back(std::move(made));
 }
 
 void ToleranceLadder::give_up_at(double tolerance, double error) const {
@@ -112,8 +97,7 @@ bool ToleranceLadder::place_or_go_on(double& next) {
   if (last.tolerance <= 2 * least_tolerance && d > aim_) give_up_at(last.tolerance, d);
   if (runs_.prefers_explicit(last.seconds * std::pow(last.tolerance / wish, 1. / 3), request_.scene.n)) {
     runs_.take_explicit();
-    levels_.clear();
-    distances_.clear();
+    begin_anew();
     next = first();
     return false;
   }
@@ -162,7 +146,7 @@ double ToleranceLadder::estimate_in_time(const Level& now, double d) const {
 
 double ToleranceLadder::estimate(const Fields& end) {
   last_run_ = {request_.scene, setting_.tolerance, end, 0, 0};
-  const double d = std::max(runs_.difference(levels_.back(), last_run_), 1e-300);
+  const double d = difference(levels_.back(), last_run_);
   last_estimate_ =
       (last_run_.tolerance > levels_.back().tolerance ? 1.1 : 1.4) * estimate_in_time(last_run_, d);
   return last_estimate_;
@@ -178,7 +162,7 @@ void ToleranceLadder::refine() {
   if (before < last.tolerance / 2) {
     add(last_run_);
   } else if (before > 1.5 * last.tolerance && before < levels_[levels_.size() - 2].tolerance) {
-    distances_.back() = std::max(runs_.difference(last, last_run_), 1e-300);
+    distances_.back() = difference(last, last_run_);
     levels_[levels_.size() - 2] = last_run_;
     if (distances_.size() > 1)
       distances_[distances_.size() - 2] = runs_.difference(levels_[levels_.size() - 3], last_run_);

@@ -30,9 +30,7 @@ double processor_seconds() {
 }
 
 double largest_processor_seconds() {
-  double now = processor_seconds();
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &now, 1, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD));
-  return now;
+  return largest_over(PETSC_COMM_WORLD, processor_seconds());
 }
 
 Options options_for(const Options& options, const Setting& setting) {
@@ -91,11 +89,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
                                  ? options.integer("ts_max_steps")
                                  : std::numeric_limits<PetscInt>::max() - 1;
   const double begin = processor_seconds();
-  const auto spent = [&] {
-    double seconds = processor_seconds() - begin;
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &seconds, 1, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD));
-    return seconds;
-  };
+  const auto spent = [&] { return largest_over(PETSC_COMM_WORLD, processor_seconds() - begin); };
   try {
     Integrator integrator(model, spec, u, prefix);
     const auto take_report = [&] {
@@ -164,13 +158,25 @@ Fields fields_of(const Model& model, Vec u, PetscInt n) {
 }
 
 bool has_grid_limit(const Options& options, const Scene& scene) {
-  return scene.form == Form::continuum && options.real("init_noise") == 0 && options.text("init_type") != "file";
+  const bool noise_of_nodes = options.real("init_noise") != 0 && options.real("init_noise_length") == 0;
+  return scene.form == Form::continuum && !noise_of_nodes && options.text("init_type") != "file";
 }
 
 std::vector<int> possible_orders(const Scene& scene) {
   if (scene.form == Form::chain) return {2};
   if (scene.left == End::velocity || scene.right == End::velocity) return {2, 4, 6};
   return {2, 4, 6, 8};
+}
+
+Point combined(const Fields& fields, const Combination& row, const std::vector<double>& amplitude, double here) {
+  const bool between = !fields.F.empty() && row.size() > 1;
+  Point sum{0, 0};
+  for (const auto& [index, weight] : row) {
+    const auto node = std::size_t(index);
+    sum.psi += weight * fields.psi[node];
+    sum.eta += weight * (fields.eta[node] + (between ? (here - amplitude[node]) * fields.F[node] : 0));
+  }
+  return sum;
 }
 
 Fields at_points(const Fields& fields, const Scene& scene, const std::vector<double>& x) {
@@ -180,15 +186,9 @@ Fields at_points(const Fields& fields, const Scene& scene, const std::vector<dou
   for (const double at : x) {
     const Combination row = interpolation_at(scene, at);
     const bool between = spread && row.size() > 1;
-    const double here = between ? friction_amplitude_at(scene, at) : 0;
-    double psi = 0, eta = 0;
-    for (const auto& [index, weight] : row) {
-      const auto node = std::size_t(index);
-      psi += weight * fields.psi[node];
-      eta += weight * (fields.eta[node] + (between ? (here - amplitude[node]) * fields.F[node] : 0));
-    }
-    result.psi.push_back(psi);
-    result.eta.push_back(eta);
+    const Point point = combined(fields, row, amplitude, between ? friction_amplitude_at(scene, at) : 0);
+    result.psi.push_back(point.psi);
+    result.eta.push_back(point.eta);
   }
   return result;
 }

@@ -172,7 +172,7 @@ def test_chain_and_rows_that_fail():
     (["-chart_tolerances", "1e-3,x"], "chart_tolerances"), (["-chart_steps", "-1"], "chart_steps"),
     (["-chart_orders", "8", "-bc_left", "velocity"], "chart_orders"), (["-ts_type", "rk"], "ts_type"),
     (["-ts_rtol", "1e-3"], "ts_rtol"), (["-model_form", "chain", "-chart_grids", "8,16"], "chart_grids"),
-    (["-init_noise", "0.1", "-chart_grids", "16,32"], "chart_grids"), (["-ts_max_time", "0"], "ts_max_time"),
+    (["-init_noise", "0.1", "-init_noise_length", "0", "-chart_grids", "16,32"], "chart_grids"), (["-ts_max_time", "0"], "ts_max_time"),
     (["-friction_law", "coulomb"], "friction_stick"),
     (["-chart_kind", "error2"], "chart_kind"), (["-chart_repeats", "0"], "chart_repeats")])
 def test_wrong_use(words, names):

@@ -36,6 +36,9 @@ struct ChartRow {
 // By increasing seconds.
 std::vector<std::size_t> chart_front(const std::vector<ChartRow>& rows);
 
+// The methods that option chart_methods lists, or those of these names. Throws UsageError.
+std::vector<MethodSpec> chart_methods(const Options& options, std::vector<std::string> names);
+
 // The settings of a chart, in the order of its rows: methods, orders, grids, tolerances (or steps), as listed by the
 // options or by default. Throws UsageError.
 std::vector<Setting> chart_settings(const Options& options);

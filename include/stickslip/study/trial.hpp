@@ -62,11 +62,18 @@ void check_settings(const Options& options, const std::vector<Setting>& settings
 Fields fields_of(const Model& model, Vec u, PetscInt n);
 
 // Whether the solution is that of a differential equation in x, which a finer grid comes nearer to: not for the chain,
-// not for a start that lives on one grid (init_noise, a file).
+// not for a start that lives on one grid (a file, or init_noise drawn node by node).
 bool has_grid_limit(const Options& options, const Scene& scene);
 
 // The orders in space that the scene can be solved with.
 std::vector<int> possible_orders(const Scene& scene);
+
+// psi and eta interpolated: sums with the weights of `row`, of which eta - a F and F are those of eta (probe.hpp), where F
+// is given and the row has more than one node; `amplitude` is then a at the nodes and `here` where the point is.
+struct Point {
+  double psi, eta;
+};
+Point combined(const Fields& fields, const Combination& row, const std::vector<double>& amplitude, double here);
 
 // psi and eta of one grid at any points, or at the nodes of another over the same length, as probes interpolate.
 Fields at_points(const Fields& fields, const Scene& scene, const std::vector<double>& x);
