@@ -78,7 +78,7 @@ int run_command(const Options& asked) {
   Summary summary(provenance, {"t_end",      "steps",    "rejections",    "rhs_evaluations", "method",
                                "implicit",   "unknowns", "reduced",       "psi_min",         "psi_max",
                                "psi_mean",   "eta_mean", "probes",        "regime",          "regime_rate",
-                               "growth_rate", "time_to_decide", "amplitude",
+                               "growth_rate", "growth_rate_reason", "time_to_decide", "amplitude",
                                "wave_speed", "pulses",   "measured_over", "stopped_at",      "error_estimate",
                                "events",     "events_per_s", "accuracy"},
                   options.text("summary"));

@@ -279,7 +279,8 @@ void Run::report(Summary& summary, bool complete) {
   if (complete) problem_.model.set_held(problem_.u);
   if (complete) {
     const StepAudit::Verdict verdict = step_audit_->verdict(problem_.u);
-    regime_->know(verdict.growth, verdict.growth_taken);
+    const NearestGrowth near = nearest_growth(problem_.model, verdict, origin_.evaluations + r.rhs_evaluations);
+    regime_->know(near.growth, near.taken, near.why_not);
     for (const auto& observer : observers_) observer->summarise(summary, problem_.u);
     warn_of_answer(verdict, r.t);
   } else {

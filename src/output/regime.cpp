@@ -29,8 +29,6 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-bool has_held_end(const Scene& s) { return s.left == End::velocity || s.right == End::velocity; }
-
 // Whether nothing will ever move a medium at rest: no spring that pulls, or one that pulls where nothing gives way.
 bool is_unloaded(const Scene& s) {
   if ((s.left == End::velocity && s.left_value != 0) || (s.right == End::velocity && s.right_value != 0))
@@ -70,6 +68,7 @@ struct Regime::Impl {
   Traces traces;
   FieldWatch field;
   double growth = std::numeric_limits<double>::quiet_NaN(), growth_taken = growth;
+  std::string growth_reason;
   bool jumps_at_rest;
 
   Impl(const Model& m, double t_end, const std::function<double(PetscInt)>& psi)
@@ -77,16 +76,10 @@ struct Regime::Impl {
         field(m, t_end),
         jumps_at_rest(m.scene().friction.sticks()) {}
 
-  // Whether the growth of perturbations of sliding is that of one node: equal nodes, and a slope at v.
-  bool is_uniform() const {
-    const Scene& s = model.scene();
-    return s.spread == 0 && !has_held_end(s) && !(s.v == 0 && jumps_at_rest);
-  }
-
   // Growth as the steps have it where its sign is certain. Without a state an oscillating mode grows at half the mean,
   // weighted by the mode, of what the nodes would grow by alone. Collective.
   std::optional<double> certain_growth(double t) const {
-    if (is_uniform()) {
+    if (std::isfinite(growth)) {
       if (!std::isfinite(growth_taken)) return std::nullopt;
       // a method that holds an instability down so far that the run does not see it
       if (growth_taken > 0 && growth_taken < 0.5 * growth && growth_taken * t < 0.5) return std::nullopt;
@@ -114,7 +107,7 @@ struct Regime::Impl {
     Surroundings a;
     a.v = s.v;
     a.growth = certain_growth(t);
-    a.stable = is_uniform() && growth < 0;
+    a.stable = growth < 0;
     a.unloaded = is_unloaded(s);
     a.sticks = jumps_at_rest;
     const double pull = s.K0() * std::abs(s.v);
@@ -147,7 +140,8 @@ Regime::Regime(const Model& model, double t_end, const std::function<double(Pets
     : impl_(std::make_unique<Impl>(model, t_end, steady)) {}
 Regime::~Regime() = default;
 
-void Regime::know(double growth, double growth_taken) {
+void Regime::know(double growth, double growth_taken, const std::string& why_not) {
+  impl_->growth_reason = why_not;
   impl_->growth = growth;
   impl_->growth_taken = growth_taken;
 }
@@ -186,7 +180,7 @@ Measured Regime::result(Vec u) const {
   m.pulses = field.pulses;
   if (m.pulses) *m.pulses *= static_cast<int>(impl_->model.scene().copies);
   m.steepest = field.steepest;
-  if (impl_->is_uniform() && std::isfinite(impl_->growth)) m.growth = impl_->growth;
+  if (std::isfinite(impl_->growth)) m.growth = impl_->growth;
   double highest = 0;
   for (const double psi : record.high) highest = std::max(highest, std::abs(psi));
   for (const double psi : record.low) highest = std::max(highest, std::abs(psi));
@@ -202,6 +196,7 @@ void Regime::summarise(Summary& summary, Vec u) {
   summary.set("regime", to_string(m.motion));
   summary.set("regime_rate", m.rate);
   summary.set("growth_rate", m.growth);
+  if (!m.growth) summary.set("growth_rate_reason", impl_->growth_reason);
   summary.set("time_to_decide", m.time_to_decide);
   summary.set("amplitude", m.amplitude);
   summary.set("wave_speed", m.wave_speed);

@@ -83,7 +83,8 @@ Outcome observe(const Options& options, const MethodSpec& method, const Model& m
         return Integrator::Verdict::go_on;
       });
       const StepAudit::Verdict verdict = audit.verdict(u);
-      regime.know(verdict.growth, verdict.growth_taken);
+      const NearestGrowth near = nearest_growth(model, verdict, integrator.report().rhs_evaluations);
+      regime.know(near.growth, near.taken);
       const Measured r = regime.result(u);
       outcome.motion = r.motion;
       outcome.amplitude = r.amplitude.value_or(NAN);

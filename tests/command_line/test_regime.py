@@ -78,3 +78,23 @@ def test_exactly_steady():
     assert regime(steady + "-model_v 1.2")[0]["regime"] == "sliding"
     # psi = v to the last bit, and unstable: it goes where no round-off has yet led it
     assert regime(steady + "-model_v 0.5")[0]["regime"] == "undecided"
+
+
+@pytest.mark.parametrize("scene", [
+    "-model_form chain -grid_n 20 -bc_left free -friction_law carlson-langer -friction_spread 0.3 -model_zeta 0.4",
+    "-friction_spread 0.2 -grid_n 40 -bc_left free -model_v 0.9", "-bc_left velocity -bc_left_value -1.5 -grid_n 30",
+    "-model_form chain -grid_n 12 -bc_left velocity -bc_right velocity -bc_left_value 0.5 -friction_law "
+    "rate-and-state -friction_spread 0.2"])
+def test_growth_where_nodes_differ(scene):
+    got, _ = run(scene + " -ts_max_time 1")
+    exact, _ = run(scene + " -spectrum_count 2", command="spectrum")
+    assert got["growth_rate_reason"] is None and abs(got["growth_rate"] - exact["growth_rate"]) < 1e-8, exact
+
+
+@pytest.mark.parametrize("scene, why", [
+    ("-friction_spread 0.2 -grid_n 400", "800 unknowns"),
+    ("-model_form chain -friction_law coulomb -model_v 0 -grid_n 4 -bc_left free", "jumps at psi = 0"),
+    ("-model_v 0 -friction_law rate-and-state -grid_n 8", "no steady sliding")])
+def test_growth_unknown(scene, why):
+    got, _ = run(scene + " -ts_max_time 0.5")
+    assert got["growth_rate"] is None and why in got["growth_rate_reason"], got

@@ -14,10 +14,11 @@
 //               is stable and it does not rise; and it is not sliding from which the steps let perturbations grow
 //   stuck       at rest throughout the last quarter, and nothing loads the medium; or sliding at v = 0
 //   stick-slip  at least three periods in that part, at a distance of at least 5 % of the scale, whose size does not
-//               change: where sliding is unstable or blocks stick in every period, by less than 5 % or its error; where
-//               it is stable or not known to be unstable, by so little that at that rate, its error added, it would
-//               keep more than half of its size over 20 times the time so far, and not at the linear rate of decay
-//   decaying    the size falls, and growing: it rises, by more than its error
+//               change: where sliding is unstable or blocks stick in every period, by less than 5 % or its error, in
+//               that part or over three quarters of the run in 8 to 24 stretches of several slips each; where it is
+//               stable or not known to be unstable, by so little that at that rate, its error added, it would keep more
+//               than half of its size over 20 times the time so far, and not at the linear rate of decay
+//   decaying    the size falls, and growing: it rises, by more than its error, in the second half of that part too
 //   undecided   everything else, such as a loaded medium at rest, or fewer than three periods
 //
 // Memory: 4 numbers for each of 128 windows of time at each place, and 2 for each of the rank's own nodes in the last
@@ -42,7 +43,7 @@ struct Measured {
   Motion motion = Motion::undecided;
   std::optional<double> rate;            // of change of the size, measured
   std::optional<double> time_to_decide;  // a run as long as this, from its beginning, should decide; empty: decided
-  std::optional<double> growth;          // linear, of sliding's perturbations; where all nodes are alike
+  std::optional<double> growth;          // linear, of sliding's perturbations, where it is known
   bool never_moved = false;              // at rest from the beginning, loaded, and about to slip at `loaded_until`
   double loaded_until = 0;
   std::optional<double> amplitude;   // half the largest range of psi at a node in the last quarter
@@ -57,9 +58,9 @@ class Regime : public Observer {
   Regime(const Model& model, double t_end, const std::function<double(PetscInt)>& steady = {});
   ~Regime() override;
 
-  // Largest growth rate of perturbations of steady sliding, the true one and that of the steps taken; NaN: not known.
-  // To be told before result().
-  void know(double growth, double growth_taken);
+  // Largest growth rate of perturbations of steady sliding, the true one and that of the steps taken; NaN: not known,
+  // for the reason given. To be told before result().
+  void know(double growth, double growth_taken, const std::string& why_not = "");
 
   void restore(const Checkpoint& checkpoint) override;
   void step(const ObservedStep& step) override;

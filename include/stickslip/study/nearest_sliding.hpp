@@ -2,13 +2,29 @@
 #pragma once
 
 #include <functional>
+#include <string>
 
-#include "stickslip/model/scene.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/study/step_audit.hpp"
+#include "stickslip/time/time.hpp"
 
 namespace stickslip {
 
 // psi of steady sliding at a node: v without held ends (an empty function says so), else the boundary layers at them,
 // one banded solve over the whole line. v too where there is no steady sliding. Not collective.
 std::function<double(PetscInt)> steady_velocity(const Scene& scene);
+
+// Largest growth rate of perturbations of that steady sliding (1/time), of the wavelengths that the grid resolves, all in
+// the chain: the true one and that of the steps taken. NaN where it is not known, and then `why_not` says why.
+struct NearestGrowth {
+  double growth, taken;
+  std::string why_not;
+};
+
+// Of a run that has taken so many evaluations of the right-hand side. Where all nodes are alike the audit of the steps
+// has it; where friction is spread or ends are held it is computed (stability/growth_rate.hpp) if that is estimated to
+// take less than 10 ms or a twentieth of the steps' time. The method's part is taken from the mean medium then. The
+// estimate is by counts, so that the same run gives the same answer on any machine. Collective over the model's ranks.
+NearestGrowth nearest_growth(const Model& model, const StepAudit::Verdict& audit, long evaluations);
 
 }  // namespace stickslip
