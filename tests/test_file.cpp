@@ -21,6 +21,7 @@
 #include "stickslip/study/run_layout.hpp"
 #include "stickslip/output/checkpoint.hpp"
 #include "stickslip/output/field.hpp"
+#include "stickslip/base/handle.hpp"
 #include "stickslip/output/gather.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/output/result_file.hpp"

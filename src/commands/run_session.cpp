@@ -290,7 +290,7 @@ void Run::report(Summary& summary, bool complete) {
 
 // What in the answer cannot be believed.
 void Run::warn_of_answer(const StepAudit::Verdict& verdict, double duration) {
-  const Measured m = regime_->result(problem_.u);
+  const Measured& m = regime_->result(problem_.u);
   if (!problem_.what.empty()) {
     const double psi_mean = statistics(problem_.model, problem_.u).psi_mean;
     std::string broken;

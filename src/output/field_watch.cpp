@@ -6,14 +6,14 @@
 #include <limits>
 #include <stdexcept>
 
+#include "base/broadcast.hpp"
+#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
 
 namespace {
 
-constexpr PetscInt few_nodes = 128;
-constexpr long first_steps = 32;
 constexpr double most_tracked = 1024;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
@@ -56,21 +56,19 @@ FieldWatch::FieldWatch(const Model& model, double t_end)
 
 void FieldWatch::step(const ObservedStep& step) {
   if (step.t < t_begin_) return;
-  const double* u;
-  SS_TRY(VecGetArrayRead(step.u, &u));
+  const Reading values(step.u);
+  const double* u = &values[0];
   const double v = model_.scene().v;
   if (steps_ == 0) first_step_t_ = step.t;
-  const bool whole = model_.scene().n <= few_nodes || steps_ < first_steps || steps_ % 4 == 0 || step.t >= t_end_;
-  if (whole) widen(u);
+  widen(u);
   for (Tracked& node : tracked_) {
     const double a = node.psi - v, b = u[node.node * model_.dof()] - v;
     if (a < 0 && b >= 0) node.passed = last_t_ + (step.t - last_t_) * a / (a - b);
     node.psi = b + v;
   }
-  if (whole && (step.t >= next_look_ || step.t >= t_end_)) look(step.t, u);
+  if (step.t >= next_look_ || step.t >= t_end_) look(step.t, u);
   ++steps_;
   last_t_ = step.t;
-  SS_TRY(VecRestoreArrayRead(step.u, &u));
 }
 
 void FieldWatch::widen(const double* u) {
@@ -92,11 +90,12 @@ void FieldWatch::look(double t, const double* u) {
   const Scene& s = model_.scene();
   const int dof = model_.dof();
   double extremes[3] = {-HUGE_VAL, -HUGE_VAL, steepest_step(u)};
-  for (PetscInt i = 0; i < model_.local(); ++i) {
+  const PetscInt n = model_.local();
+  for (PetscInt i = 0; i < n; ++i) {
     extremes[0] = std::max(extremes[0], -u[i * dof]);
     extremes[1] = std::max(extremes[1], u[i * dof]);
   }
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, extremes, 3, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  largest_over(model_.comm(), extremes, 3);
   const double range = extremes[1] + extremes[0], scale = s.v != 0 ? std::abs(s.v) : 1;
   if (range > 1e-3 * (1 + std::abs(s.v))) steepest_ = std::max(steepest_, extremes[2] / range);
   pulses_ = range > 1e-3 * scale ? count_pulses(u, 0.05 * range) : 0;
@@ -112,7 +111,7 @@ void FieldWatch::look(double t, const double* u) {
     moments_.push_back({t, phase});
   }
   // the first eight steps, then ever longer
-  next_look_ = steps_ < 8 ? t : t + 0.03 * (t - first_step_t_);
+  next_look_ = steps_ < 8 ? t : t + 0.1 * (t - first_step_t_);
 }
 
 double FieldWatch::steepest_step(const double* u) const {
@@ -133,9 +132,10 @@ double FieldWatch::steepest_step(const double* u) const {
 
 int FieldWatch::count_pulses(const double* u, double depth) const {
   const double v = model_.scene().v;
+  const PetscInt n = model_.local(), dof = model_.dof();
   Passages own;
-  for (PetscInt i = 0; i < model_.local(); ++i) {
-    const double off = u[i * model_.dof()] - v;
+  for (PetscInt i = 0; i < n; ++i) {
+    const double off = u[i * dof] - v;
     own.add(off < -depth ? -1 : off > depth ? 1 : 0);
   }
   int ranks;
@@ -166,7 +166,7 @@ double FieldWatch::phase_of(const double* u) const {
       x = turned;
     }
   }
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, model_.comm()));
+  sum_over(model_.comm(), sums, 2);
   return std::atan2(sums[1], sums[0]);
 }
 
@@ -203,7 +203,7 @@ std::optional<double> FieldWatch::passage_speed() const {
   for (const Tracked& node : tracked_)
     passed[static_cast<std::size_t>((double(node.node + model_.first()) - tracked_first_) / tracked_stride_)] =
         node.passed;
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, passed.data(), int(passed.size()), MPI_DOUBLE, MPI_SUM, model_.comm()));
+  sum_over(model_.comm(), passed.data(), int(passed.size()));
   const std::size_t n = passed.size();
   if (steps_ < 2 || n < 4) return std::nullopt;
   const double interval = (last_t_ - first_step_t_) / double(steps_ - 1), h = model_.scene().h() * tracked_stride_;
@@ -253,8 +253,7 @@ FieldWatch::Result FieldWatch::result() const {
   if (steps_ == 0) return r;
   double amplitude = 0;
   for (std::size_t i = 0; i < low_.size(); ++i) amplitude = std::max(amplitude, (high_[i] - low_[i]) / 2);
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &amplitude, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
-  r.amplitude = amplitude;
+  r.amplitude = largest_over(model_.comm(), amplitude);
   r.steepest = steepest_;
   r.pulses = pulses_;
   if (pulses_ == 0) return r;
@@ -275,13 +274,13 @@ void FieldWatch::save(Checkpoint& checkpoint) const {
   const int dof = model_.dof();
   Gather gather(work, dof);
   const auto gathered = [&](const auto& first, const auto& second, const char* a, const char* b) {
-    double* u;
-    SS_TRY(VecGetArray(work, &u));
-    for (PetscInt i = 0; i < model_.local(); ++i) {
-      u[i * dof] = first(i);
-      u[i * dof + 1] = second(i);
+    {
+      const Writing u(work);
+      for (PetscInt i = 0; i < model_.local(); ++i) {
+        u[i * dof] = first(i);
+        u[i * dof + 1] = second(i);
+      }
     }
-    SS_TRY(VecRestoreArray(work, &u));
     const auto& fields = gather.components(work);
     checkpoint.arrays[a] = fields[0];
     checkpoint.arrays[b] = fields[1];

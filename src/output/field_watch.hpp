@@ -1,10 +1,10 @@
 // The whole field in the last quarter of a run: ranges of psi at every node, how steep its fronts are, pulses and their
 // speed. Every rank looks at its own nodes.
 //
-// Ranges are taken at every step on up to 128 nodes; on more, at 32 steps and then at every fourth. What needs a sum
-// over the ranks is taken at moments of these whose distance is at least 3 % of the time since the first, so that
-// their number grows with the logarithm of that of the steps, and the phase of a wave can be followed from each
-// moment to the next by the speed that those before it show.
+// Ranges are taken at every step. What needs a sum over the ranks is taken at the first eight steps and then at moments
+// whose distance is at least a tenth of the time since the first, so that their number grows with the logarithm of that
+// of the steps, and the phase of a wave can be followed from each moment to the next by the speed that those before it
+// show.
 //
 //   pulses      upward passages of psi through v along x, on a ring or between the ends; a dip counts where it goes a
 //               twentieth of the range of psi below

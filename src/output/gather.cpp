@@ -7,8 +7,15 @@
 
 namespace stickslip {
 
-Gather::Gather(Vec like, PetscInt dof) : components_(static_cast<std::size_t>(dof)) {
-  SS_TRY(VecScatterCreateToZero(like, scatter_.out(), on_root_.out()));
+Gather::Gather(Vec like, PetscInt dof)
+    : comm_(PetscObjectComm(reinterpret_cast<PetscObject>(like))), components_(static_cast<std::size_t>(dof)) {
+  const PetscInt* first;  // of each rank, and the length
+  SS_TRY(VecGetOwnershipRanges(like, &first));
+  int ranks;
+  MPI_Comm_size(comm_, &ranks);
+  first_.assign(first, first + ranks);
+  for (int k = 0; k < ranks; ++k) count_.push_back(static_cast<int>(first[k + 1] - first[k]));
+  size_ = static_cast<std::size_t>(first[ranks]);
 }
 
 const std::vector<std::vector<double>>& Gather::components(Vec v) {
@@ -22,30 +29,28 @@ const std::vector<std::vector<double>>& Gather::components(Vec v) {
 }
 
 std::vector<double> Gather::interleaved(Vec v) {
-  SS_TRY(VecScatterBegin(scatter_, v, on_root_, INSERT_VALUES, SCATTER_FORWARD));
-  SS_TRY(VecScatterEnd(scatter_, v, on_root_, INSERT_VALUES, SCATTER_FORWARD));
-  PetscInt size = 0;
-  const PetscScalar* values = nullptr;
-  SS_TRY(VecGetLocalSize(on_root_, &size));
-  SS_TRY(VecGetArrayRead(on_root_, &values));
-  std::vector<double> out(static_cast<std::size_t>(size));
-  for (PetscInt i = 0; i < size; ++i) out[static_cast<std::size_t>(i)] = PetscRealPart(values[i]);
-  SS_TRY(VecRestoreArrayRead(on_root_, &values));
+  int rank;
+  MPI_Comm_rank(comm_, &rank);
+  std::vector<double> out(rank == 0 ? size_ : 0);
+  const double* own;
+  SS_TRY(VecGetArrayRead(v, &own));
+  SS_TRY(MPI_Gatherv(own, count_[std::size_t(rank)], MPI_DOUBLE, out.data(), count_.data(), first_.data(), MPI_DOUBLE,
+                     0, comm_));
+  SS_TRY(VecRestoreArrayRead(v, &own));
   return out;
 }
 
 void Gather::spread(const std::vector<double>& values, Vec v) {
-  PetscInt size = 0;
-  PetscScalar* array = nullptr;
-  SS_TRY(VecGetLocalSize(on_root_, &size));
-  on_root(PetscObjectComm(reinterpret_cast<PetscObject>(v)), [&] {
-    if (values.size() != static_cast<std::size_t>(size)) throw std::logic_error("a vector of another length");
+  on_root(comm_, [&] {
+    if (values.size() != size_) throw std::logic_error("a vector of another length");
   });
-  SS_TRY(VecGetArray(on_root_, &array));
-  for (PetscInt i = 0; i < size; ++i) array[i] = values[static_cast<std::size_t>(i)];
-  SS_TRY(VecRestoreArray(on_root_, &array));
-  SS_TRY(VecScatterBegin(scatter_, on_root_, v, INSERT_VALUES, SCATTER_REVERSE));
-  SS_TRY(VecScatterEnd(scatter_, on_root_, v, INSERT_VALUES, SCATTER_REVERSE));
+  int rank;
+  MPI_Comm_rank(comm_, &rank);
+  double* own;
+  SS_TRY(VecGetArrayWrite(v, &own));
+  SS_TRY(MPI_Scatterv(values.data(), count_.data(), first_.data(), MPI_DOUBLE, own, count_[std::size_t(rank)],
+                      MPI_DOUBLE, 0, comm_));
+  SS_TRY(VecRestoreArrayWrite(v, &own));
 }
 
 }  // namespace stickslip

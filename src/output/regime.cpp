@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "base/broadcast.hpp"
+#include "base/local_values.hpp"
 #include "output/field_watch.hpp"
 #include "output/judge.hpp"
 #include "output/traces.hpp"
@@ -69,6 +71,7 @@ struct Regime::Impl {
   FieldWatch field;
   double growth = std::numeric_limits<double>::quiet_NaN(), growth_taken = growth;
   std::string growth_reason;
+  std::optional<Measured> measured;  // at the last step
   bool jumps_at_rest;
 
   Impl(const Model& m, double t_end, const std::function<double(PetscInt)>& psi)
@@ -96,7 +99,7 @@ struct Regime::Impl {
       bounds[0] = std::max(bounds[0], C);
       bounds[1] = std::max(bounds[1], -C);
     }
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, bounds, 2, MPI_DOUBLE, MPI_MAX, model.comm()));
+    largest_over(model.comm(), bounds, 2);
     if (bounds[0] < 0) return -bounds[0] / 2;
     if (bounds[1] < 0) return bounds[1] / 2;
     return std::nullopt;
@@ -112,21 +115,20 @@ struct Regime::Impl {
     a.sticks = jumps_at_rest;
     const double pull = s.K0() * std::abs(s.v);
     std::array<double, 4> largest{0, 0, 0, -infinity};  // distance, speed, holding force, minus the time to give way
-    const double* values;
-    SS_TRY(VecGetArrayRead(u, &values));
-    for (PetscInt i = 0; i < model.local(); ++i) {
-      const double *at = values + i * model.dof(), psi = at[0];
+    const Reading values(u);
+    const PetscInt n = model.local(), dof = model.dof();
+    for (PetscInt i = 0; i < n; ++i) {
+      const double *at = &values[i * dof], psi = at[0];
       largest[0] = std::max(largest[0], std::abs(psi - steady(model.first() + i)));
       largest[1] = std::max(largest[1], std::abs(psi));
-      const double holds = model.amplitude()[std::size_t(i)] * holding_force(model, model.dof() == 3 ? at[2] : 0);
+      const double holds = model.amplitude()[std::size_t(i)] * holding_force(model, dof == 3 ? at[2] : 0);
       largest[2] = std::max(largest[2], std::abs(holds));
       if (pull > 0) {
         const double side = s.v > 0 ? 1 : -1, rate = std::max(s.K0() * side * (s.v - psi), 0.1 * pull);
         largest[3] = std::max(largest[3], -std::max(0., holds - side * at[1]) / rate);
       }
     }
-    SS_TRY(VecRestoreArrayRead(u, &values));
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, largest.data(), 4, MPI_DOUBLE, MPI_MAX, model.comm()));
+    largest_over(model.comm(), largest.data(), 4);
     a.distance_now = largest[0];
     a.speed_now = largest[1];
     a.loading = std::isfinite(largest[3]) ? -largest[3] : 0;
@@ -141,6 +143,7 @@ Regime::Regime(const Model& model, double t_end, const std::function<double(Pets
 Regime::~Regime() = default;
 
 void Regime::know(double growth, double growth_taken, const std::string& why_not) {
+  impl_->measured.reset();
   impl_->growth_reason = why_not;
   impl_->growth = growth;
   impl_->growth_taken = growth_taken;
@@ -156,6 +159,7 @@ void Regime::restore(const Checkpoint& checkpoint) {
 }
 
 void Regime::step(const ObservedStep& step) {
+  impl_->measured.reset();
   impl_->traces.step(step);
   impl_->field.step(step);
 }
@@ -165,7 +169,8 @@ void Regime::save(Checkpoint& checkpoint) {
   impl_->field.save(checkpoint);
 }
 
-Measured Regime::result(Vec u) const {
+const Measured& Regime::result(Vec u) {
+  if (impl_->measured) return *impl_->measured;
   const MotionRecord record = impl_->traces.record();
   const Surroundings around = impl_->surroundings(u, record.t);
   const Judgement j = judge(record, around);
@@ -187,12 +192,12 @@ Measured Regime::result(Vec u) const {
   const double v = std::abs(impl_->model.scene().v);
   m.never_moved = highest <= v && around.speed_now <= 1e-9 * v && !around.unloaded;
   m.loaded_until = record.t + around.loading;
-  return m;
+  return impl_->measured.emplace(std::move(m));
 }
 
 void Regime::summarise(Summary& summary, Vec u) {
   if (!u) return;
-  const Measured m = result(u);
+  const Measured& m = result(u);
   summary.set("regime", to_string(m.motion));
   summary.set("regime_rate", m.rate);
   summary.set("growth_rate", m.growth);

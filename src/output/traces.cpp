@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <stdexcept>
 
-#include "stickslip/base/error.hpp"
+#include "base/broadcast.hpp"
+#include "base/local_values.hpp"
 
 namespace stickslip {
 
@@ -28,13 +30,15 @@ void take_extrema(double y0, double y1, double m0, double m1, const Take& take) 
 }  // namespace
 
 Traces::Traces(const Model& model, const std::function<double(PetscInt)>& steady, double t_end)
-    : model_(model), t_end_(t_end),
-      count_(std::min<std::size_t>(most_places, static_cast<std::size_t>(model.scene().n))) {
-  const PetscInt n = model.scene().n;
-  for (std::size_t k = 0; k < count_; ++k) {
-    const auto node = static_cast<PetscInt>(double(k) * double(n) / double(count_));
-    if (node >= model.first() && node < model.first() + model.local())
-      places_.push_back({node - model.first(), k, steady(node), {}, {}});
+    : model_(model), t_end_(t_end) {
+  const Scene& s = model.scene();
+  const auto n = std::size_t(s.n), whole = n * std::size_t(s.copies), wanted = std::min(most_places, whole);
+  std::set<std::size_t> nodes;
+  for (std::size_t k = 0; k < wanted; ++k) nodes.insert(std::size_t(double(k) * double(whole) / double(wanted)) % n);
+  for (const std::size_t node : nodes) {
+    const PetscInt own = PetscInt(node) - model.first();
+    if (own >= 0 && own < model.local()) places_.push_back({own, count_, steady(PetscInt(node)), {}, {}});
+    ++count_;
   }
   for (std::vector<double>* values : {&low_, &high_, &passages_, &passed_})
     values->resize(most_windows * places_.size());
@@ -106,8 +110,8 @@ void Traces::open_windows(double t, const double* u) {
 }
 
 void Traces::step(const ObservedStep& step) {
-  const double* u;
-  SS_TRY(VecGetArrayRead(step.u, &u));
+  const Reading values(step.u);
+  const double* u = &values[0];
   const int dof = model_.dof();
   const auto sample = [&](const Place& p) {
     const double* at = u + p.node * dof;
@@ -140,7 +144,6 @@ void Traces::step(const ObservedStep& step) {
       p.now = next;
     }
   }
-  SS_TRY(VecRestoreArrayRead(step.u, &u));
   t_ = step.t;
   last_dt_ = dt;
 }
@@ -153,16 +156,11 @@ MotionRecord Traces::record() const {
   r.windows = started_ ? windows_ : 0;
   r.places = count_;
   const std::size_t size = r.windows * count_, own = places_.size();
-  r.low.assign(size, infinity);
-  r.high.assign(size, -infinity);
-  r.passages.assign(size, 0);
-  r.passed.assign(size, -infinity);
-  r.steady.assign(count_, 0);
-  r.psi.assign(count_, 0);
+  for (std::vector<double>* values : {&r.low, &r.high, &r.passages, &r.passed}) values->assign(size, -infinity);
+  r.steady.assign(count_, -infinity);
   for (std::size_t k = 0; k < own; ++k) {
     const std::size_t place = places_[k].index;
     r.steady[place] = places_[k].steady;
-    r.psi[place] = places_[k].now.psi;
     for (std::size_t w = 0; w < r.windows; ++w) {
       r.low[w * count_ + place] = low_[w * own + k];
       r.high[w * count_ + place] = high_[w * own + k];
@@ -170,15 +168,9 @@ MotionRecord Traces::record() const {
       r.passed[w * count_ + place] = passed_[w * own + k];
     }
   }
-  const auto combine = [&](std::vector<double>& values, MPI_Op how) {
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, values.data(), int(values.size()), MPI_DOUBLE, how, model_.comm()));
-  };
-  combine(r.low, MPI_MIN);
-  combine(r.high, MPI_MAX);
-  combine(r.passages, MPI_SUM);
-  combine(r.passed, MPI_MAX);
-  combine(r.steady, MPI_SUM);
-  combine(r.psi, MPI_SUM);
+  // every place has one owner: beside it the others have minus infinity
+  for (std::vector<double>* values : {&r.low, &r.high, &r.passages, &r.passed, &r.steady})
+    largest_over(model_.comm(), values->data(), int(values->size()));
   return r;
 }
 
@@ -189,7 +181,7 @@ void Traces::save(Checkpoint& checkpoint) const {
     const double values[6] = {p.now.psi, p.now.eta, p.now.state, p.before.psi, p.before.eta, p.before.state};
     std::copy(values, values + 6, &samples[6 * p.index]);
   }
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, samples.data(), int(samples.size()), MPI_DOUBLE, MPI_SUM, model_.comm()));
+  sum_over(model_.comm(), samples.data(), int(samples.size()));
   checkpoint.arrays["traces.low"] = r.low;
   checkpoint.arrays["traces.high"] = r.high;
   checkpoint.arrays["traces.passages"] = r.passages;

@@ -1,6 +1,7 @@
 // The motion at a few places of the grid from the beginning of a run to its end, in windows of time.
 //
-// At up to 128 nodes, spread evenly, every accepted step is looked at: the least and the largest psi in each window
+// At up to 128 nodes, spread evenly over the whole scene (of which the model may be one of several equal cells: then at
+// the same nodes of that cell), every accepted step is looked at: the least and the largest psi in each window
 // of time, how often psi passes its value in steady sliding upwards, and when it last did. Between two steps an
 // extremum is that of the cubic through the values and slopes at both, so that it does not depend on where steps fall
 // (error dt^4). The windows are equally long; when there are 128 of them they are joined in pairs, so that the whole
@@ -23,7 +24,6 @@ struct MotionRecord {
   std::vector<double> low, high, passages;
   std::vector<double> passed;               // time of the last passage in the window, where there is one
   std::vector<double> steady;               // psi in steady sliding at each place
-  std::vector<double> psi;                  // at the last step
 };
 
 class Traces {
@@ -59,7 +59,7 @@ class Traces {
   const Model& model_;
   double t_end_, begin_ = 0, window_ = 0, t_ = 0, last_dt_ = 0;
   bool started_ = false;
-  std::size_t count_;            // places on all ranks
+  std::size_t count_ = 0;        // places on all ranks
   std::size_t windows_ = 1;      // begun
   std::vector<Place> places_;    // of this rank
   std::vector<double> low_, high_, passages_, passed_;  // windows x places of this rank

@@ -64,10 +64,10 @@ std::array<double, 2> psi_change(const Model& model, Vec a, Vec b) {
 bool near_sliding(const Model& model, Vec u) {
   const Reading a(u);
   const double v = model.scene().v, scale = v != 0 ? std::abs(v) : 1;
-  double near = 0;
-  for (PetscInt i = 0; i < model.local(); ++i)
-    if (std::abs(a[i * model.dof()] - v) < 0.1 * scale) ++near;
-  return 2 * sum_over(model.comm(), near) >= double(model.scene().n);
+  const PetscInt n = model.local(), dof = model.dof();
+  PetscInt near = 0;
+  for (PetscInt i = 0; i < n; ++i) near += std::abs(a[i * dof] - v) < 0.1 * scale ? 1 : 0;
+  return 2 * sum_over(model.comm(), double(near)) >= double(model.scene().n);
 }
 
 }  // namespace

@@ -1,17 +1,15 @@
-// Brings an interleaved vector (dof values a node, nodes in order) to rank 0, and back. Keeps its scatter.
+// Brings an interleaved vector (dof values a node, nodes in order) to rank 0, and back.
 #pragma once
 
 #include <petscvec.h>
 
 #include <vector>
 
-#include "stickslip/base/handle.hpp"
-
 namespace stickslip {
 
 class Gather {
  public:
-  Gather(Vec like, PetscInt dof);                          // collective
+  Gather(Vec like, PetscInt dof);
   // The components, each one value a node, on rank 0; empty vectors elsewhere. Valid until the next call. Collective.
   const std::vector<std::vector<double>>& components(Vec v);
   // The whole vector as it stands, on rank 0. Collective.
@@ -20,8 +18,9 @@ class Gather {
   void spread(const std::vector<double>& values, Vec v);
 
  private:
-  ScatterHandle scatter_;
-  VecHandle on_root_;
+  MPI_Comm comm_;
+  std::vector<int> first_, count_;  // of each rank
+  std::size_t size_;                // of all
   std::vector<std::vector<double>> components_;
 };
 

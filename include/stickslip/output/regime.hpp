@@ -67,8 +67,9 @@ class Regime : public Observer {
   void save(Checkpoint& checkpoint) override;
   void summarise(Summary& summary, Vec u) override;
 
-  // As far as the run has come, u being its last state; the same on every rank. Collective.
-  Measured result(Vec u) const;
+  // As far as the run has come, u being its last state; the same on every rank, and valid until the next step.
+  // Collective.
+  const Measured& result(Vec u);
 
  private:
   struct Impl;
