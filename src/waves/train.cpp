@@ -211,9 +211,7 @@ void check_train_scene(const Scene& scene) {
 }
 
 double shortest_pulse(const Scene& scene) {
-  if (plain_cubic(scene)) return cubic_shortest(scene);
-  if (scene.c == 0) return 0;
-  return scene.c * find_orbit(Oscillator(scene), 2e-12, 1e-8, 0).period;
+  return plain_cubic(scene) ? cubic_shortest(scene) : scene.c == 0 ? 0 : std::nan("");
 }
 
 Train correct_train(const Scene& scene, const TrainRequest& request, const Train& guess, bool adapt) {
@@ -325,12 +323,19 @@ Train solve_train(const Scene& scene, const TrainRequest& request, double tolera
     return train;
   }
   if (fastest_of_length(setting, scene.c, tolerance, train)) return train;
-  const double l = shortest_pulse(scene);
+  const std::string none = "no train of " + std::to_string(request.pulses) + (request.pulses == 1 ? " pulse" : " pulses") +
+                           " on a ring of length " + rounded_text(*request.length, 8);
+  double l = shortest_pulse(scene);
+  if (std::isnan(l)) {
+    try {
+      l = scene.c * find_orbit(Oscillator(scene), 2e-12, 1e-8, 0).period;
+    } catch (const Failure&) {
+      throw Failure(none + " was found, and none is left as V falls to c: wave_speed shows which speeds have one");
+    }
+  }
   const double most = std::ceil(*request.length / l) - 1;
   const std::string fits = most < 1 ? "none fits" : "at most " + rounded_text(most, 8) + (most == 1 ? " fits" : " fit");
-  throw Failure("no train of " + std::to_string(request.pulses) + (request.pulses == 1 ? " pulse" : " pulses") +
-                " on a ring of length " + rounded_text(*request.length, 8) + ": as V falls to c a pulse still takes " +
-                rounded_text(l, 8) + ", so that " + fits);
+  throw Failure(none + ": as V falls to c a pulse still takes " + rounded_text(l, 8) + ", so that " + fits);
 }
 
 }  // namespace stickslip

@@ -73,6 +73,23 @@ def test_wrong_use_and_what_does_not_exist():
     check(data["status"] == "failed" and data["speed"] is None and data["shortest_pulse"] > 3, "summary of a failure")
 
 
+# Trains with a state law and their periods, by an integration of its own in the frame of the train.
+@pytest.mark.parametrize("words, period, accuracy", [
+    ("-model_gamma 2.57 -model_delta 0.05 -model_v 1.02 -friction_law rate-and-state -state_law slip -friction_a 0.1"
+     " -friction_b 0.2 -friction_D 0.5 -wave_speed 1.71", 5.85493331, 2e-9),
+    ("-model_gamma 2.19 -model_delta 0 -model_v .87 -friction_law rate-and-state -state_law ageing -friction_a .1"
+     " -friction_b .25 -friction_D .3 -wave_speed 3.23", 8.452164571, 2e-9),
+    ("-model_gamma 2.18 -model_delta 0 -model_v .72 -friction_law rate-and-state -state_law slip -friction_a .1"
+     " -friction_b .25 -friction_D .3 -wave_speed 3.55", 7.401315636, 2e-9),
+    ("-model_gamma 2.02 -model_delta 0 -model_v .53 -friction_law carlson-langer -friction_stick regularised"
+     " -friction_eps .3 -friction_sigma 0 -friction_alpha .5 -state_law contact-age -state_D .5 -state_b .3"
+     " -wave_speed 3.58", 9.052482800, 2e-9)], ids=["slip-1.71", "ageing-3.23", "slip-3.55", "contact-age-3.58"])
+def test_known_trains_with_a_state(words, period, accuracy):
+    result, data = summary("wave", *words.split())
+    check(result.returncode == 0, result.stderr)
+    check(abs(data["period"] / period - 1) < accuracy, f"period {data['period']} instead of {period}")
+
+
 def test_the_file():
     path = "train.h5"
     result, data = summary("wave", "-wave_speed", "-1.5", "-wave_pulses", "3", "-out_file", path)

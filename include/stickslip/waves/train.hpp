@@ -62,7 +62,7 @@ Train solve_train(const Scene& scene, const TrainRequest& request, double tolera
 Train correct_train(const Scene& scene, const TrainRequest& request, const Train& guess, bool adapt);
 
 // The length below which no train of large amplitude fits a pulse: V T as V -> c. In closed form for the cubic law,
-// by the orbit at V = c (1 + 1e-12) otherwise.
+// without a state; NaN otherwise, where it takes an orbit at V = c to say (and there may be none).
 double shortest_pulse(const Scene& scene);
 
 // Throws UsageError where the scene cannot carry a smooth train (chain, spread, a law that jumps).
