@@ -17,7 +17,7 @@ struct Verified {
   double value = 0, value2 = 0;  // of the options
   double growth = 0;             // growth rate there
   std::string expected;          // what the linear answer says: sliding or stick-slip
-  std::string from_sliding;      // regime reached from slightly perturbed sliding: sliding, stick-slip, undecided
+  std::string from_sliding;      // where slightly perturbed sliding goes: a word of output/regime.hpp
   std::string from_stick_slip;   // the same from large oscillations
   std::string regime;            // both the same, or `both live` (hysteresis), or undecided
 };
@@ -28,8 +28,5 @@ struct Verified {
 std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options, const std::vector<Crossing>& points,
                                       PetscInt count,
                                       const std::function<void(std::size_t, std::size_t)>& before_each = {});
-
-// The regime that a scene reaches in the time given, from psi = steady + amplitude (1 + cos(k x))/2. Collective.
-std::string regime_from(const Options& options, const Sliding& sliding, double amplitude, double k, double duration);
 
 }  // namespace stickslip
