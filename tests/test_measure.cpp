@@ -2,12 +2,15 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
+#include <complex>
 #include <functional>
 #include <vector>
 
+#include "base/local_values.hpp"
 #include "output/judge.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/regime.hpp"
+#include "stickslip/study/trial.hpp"
 
 using namespace stickslip;
 
@@ -110,4 +113,63 @@ TEST_CASE("an amplitude that falls is told from one that stands, at any size of 
   if (rate > 0) CHECK(m.motion == Motion::growing);
   if (rate == 0 && steps > 60) CHECK(m.motion == Motion::stick_slip);
   if (m.motion == Motion::decaying) CHECK(*m.time_to_decide > t_end);
+}
+
+TEST_CASE("a million steps are judged as a thousand are, in the same memory", "[measure][serial]") {
+  Scene scene;
+  scene.n = 1;
+  scene.length = 1;
+  scene.v = 0.6;
+  const Model model(PETSC_COMM_WORLD, scene);
+  VecHandle u = model.create_vector();
+  const std::function<void(double, Vec)> nowhere = [](double, Vec) {};
+  const double t_end = 60000, rate = -2e-5;
+  std::size_t kept[2];
+  double rates[2], seconds = 0;
+  for (const int many : {0, 1}) {
+    const long steps = many ? 1000000 : 100000;  // of 0.06 and 0.6
+    Regime regime(model, t_end);
+    regime.know(NAN, NAN);
+    // by a recurrence, so that the time is the judge's: psi - v is the imaginary part of z
+    const std::complex<double> turn = std::exp(std::complex<double>(rate, 1) * (t_end / double(steps)));
+    std::complex<double> z = 0.5;
+    const double begin = processor_seconds();
+    for (long k = 0; k <= steps; ++k, z *= turn) {
+      const double t = t_end * double(k) / double(steps), before = k == 0 ? 0 : t_end * double(k - 1) / double(steps);
+      const double psi = 0.6 + z.imag(), slope = rate * z.imag() + z.real();
+      {
+        const Writing a(u);
+        a[0] = psi;
+        a[1] = slope / scene.A() + scene.B() * psi + model.friction(0, psi, 0).F;
+      }
+      regime.step({PetscInt(k), before, t, u, 0, nowhere});
+    }
+    if (many) seconds = processor_seconds() - begin;
+    const Measured& m = regime.result(u);
+    CHECK(m.motion == Motion::decaying);
+    rates[many] = m.rate.value_or(0);
+    Checkpoint c;
+    regime.save(c);
+    kept[many] = 0;
+    for (const auto& [name, values] : c.arrays) kept[many] += values.size();
+  }
+  CHECK(rates[1] == Approx(rate).epsilon(0.01));
+  CHECK(rates[0] == Approx(rates[1]).epsilon(0.01));
+  CHECK(kept[1] <= kept[0] + 40);  // moments grow with the logarithm
+  CHECK(kept[1] < 1200);
+  CHECK(seconds < 5);  // 0.3 s on an idle machine
+}
+
+TEST_CASE("a few long steps do", "[measure][serial]") {
+  Scene scene;
+  scene.n = 1;
+  scene.length = 1;
+  scene.v = 0.6;
+  const auto sinking = [](double, double t) { return 0.6 * (1 + 0.5 * std::exp(-0.3 * t)); };
+  CHECK(measured(scene, 40, 17, sinking, -0.3).motion == Motion::sliding);
+  CHECK(measured(scene, 4, 17, sinking, -0.3).motion != Motion::sliding);
+  // two and a half periods say nothing final
+  const Measured m = measured(scene, 17, 17, [](double, double t) { return 0.6 + 0.5 * std::sin(t); }, 0.1);
+  CHECK(m.motion == Motion::undecided);
+  CHECK(m.time_to_decide > 17);
 }

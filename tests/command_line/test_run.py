@@ -2,6 +2,7 @@
 measurements, warnings."""
 import os
 
+import h5py
 import numpy as np
 import pytest
 
@@ -104,3 +105,20 @@ def test_warnings():
         check("friction_stick exact" in error, f"{method} cannot hold a block at rest: " + error)
     _, error = run("-out_times 1,70 -out_file late.h5", code=2)
     check("out_times" in error and "70" in error, "a frame after the end is refused: " + error)
+
+
+def test_noise_is_by_length():
+    # a ring of 25: every fourth node of the fine grid stands where one of the coarse does
+    for n in (50, 200):
+        run(f"-grid_n {n} -grid_length 25 -init_noise 0.1 -init_seed 5 -ts_max_time 0 -out_file noise{n}.h5")
+    coarse, fine = (data(f"noise{n}.h5")["psi"][0] for n in (50, 200))
+    check(np.abs(fine[::4] - coarse).max() < 1e-14, "noise is by length, not by node")
+    check(np.ptp(coarse) > 0.05, "there is noise")
+
+
+def test_no_energy_balance_with_a_held_end():
+    _, said = run("-grid_n 32 -bc_left velocity -bc_left_value 0.1 -ts_max_time 0.5 -out_displacement true -out_file h.h5")
+    check("no energies" in said and "held end" in said, said)
+    check("energy_elastic" not in h5py.File("h.h5")["series"], "no series of energies")
+    _, said = run("-grid_n 32 -bc_left free -ts_max_time 0.5 -out_displacement true -out_file f.h5")
+    check("no energies" not in said and "energy_elastic" in h5py.File("f.h5")["series"], said)
