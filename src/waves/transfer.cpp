@@ -19,6 +19,7 @@ constexpr double dead = 30;            // a wave that has decayed by exp(-dead) 
 constexpr double made = 3e-4;          // relative change of C + lambda in its own time from which on they are made
 constexpr double stiff = 8;            // decay in an interval beyond which Radau IIA takes over from Gauss
 constexpr size_t most_intervals = 60000;
+constexpr int lowest_level = -20;      // the coarsest mesh is for frequencies from 0 to 2^lowest_level
 
 // A tableau with the weights that continue its polynomial to the right end.
 struct Rule {
@@ -97,7 +98,7 @@ class TransferMesh {
     // waves that run against the train and with it, in xi
     const double slow = frequency / (1 + cV) * T_, fast = frequency * (1 + cV) / r2_ * T_;
     std::vector<double> decay(train.intervals()), steepness(train.intervals());
-    const double least_frequency = frequency > 1 ? frequency / 2 : 0;
+    const double least_frequency = frequency > std::ldexp(1., lowest_level) ? frequency / 2 : 0;
     std::vector<double> J(size_t(stages * d_ * d_));
     for (size_t i = 0; i < decay.size(); ++i) {
       decay[i] = jacobians(train, train.mesh[i], train.mesh[i + 1] - train.mesh[i], gauss(), J.data(), &steepness[i]);
@@ -224,7 +225,7 @@ Transfer::Transfer(const Train& train, int refine) : train_(train), refine_(refi
 Transfer::~Transfer() = default;
 
 const TransferMesh& Transfer::mesh_for(double frequency) {
-  const int level = std::max(0, int(std::ceil(std::log2(std::max(frequency, 1e-3)))));
+  const int level = std::max(lowest_level, int(std::ceil(std::log2(std::max(frequency, 1e-9)))));
   auto& slot = meshes_[level];
   if (!slot) slot = std::make_unique<TransferMesh>(train_, std::ldexp(1., level), refine_);
   return *slot;

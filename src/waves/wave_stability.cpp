@@ -38,7 +38,7 @@ bool short_waves_grow(const Transfer& transfer, TrainSpectrum& out) {
 
 // V/c - 1 down to which spectra have been compared with an independent computation. Nearer to c the waves that run with
 // the train have ever shorter scales, and neither the answer nor the time it takes is known to be sound.
-constexpr double nearest_to_c = 1e-5;
+constexpr double nearest_to_c = 1e-7;
 
 std::string too_near_c(const Train& train) {
   const double V = std::abs(train.speed), c = std::sqrt(train.oscillator->c2());

@@ -18,6 +18,7 @@ RADAU_C = np.array([(4 - ROOT6) / 10, (4 + ROOT6) / 10, 1])
 RADAU_A = np.array([[(88 - 7 * ROOT6) / 360, (296 - 169 * ROOT6) / 1800, (-2 + 3 * ROOT6) / 225],
                     [(296 + 169 * ROOT6) / 1800, (88 + 7 * ROOT6) / 360, (-2 - 3 * ROOT6) / 225],
                     [(16 - ROOT6) / 36, (16 + ROOT6) / 36, 1 / 9]])
+RADAU_A2 = RADAU_A @ RADAU_A
 
 
 class Train:
@@ -60,10 +61,12 @@ class Train:
         """ln of the larger multiplier of Q over a period, for an array of lambda."""
         lam = np.atleast_1d(np.asarray(lam, complex))
         parts = max(1, int(np.ceil(np.max(np.abs(lam)) / self.speed * self.c * np.max(self.h) / 0.3)))
-        product, log = None, 0
+        product, log = (1, 0, 0, 1), 0
         for h, f in self.divided(parts):
-            product, log = self.propagate(lam, h, f, product, log)
-        trace, det = product[:, 0, 0] + product[:, 1, 1], np.linalg.det(product)
+            product = multiply(whole_product(self.step_matrices(lam, h, f)), product)
+            size = np.max(np.abs(product), axis=0)
+            product, log = [entry / size for entry in product], log + np.log(size)
+        trace, det = product[0] + product[3], product[0] * product[3] - product[1] * product[2]
         root = np.sqrt(trace**2 / 4 - det)
         larger = np.where(np.abs(trace / 2 + root) > np.abs(trace / 2 - root), trace / 2 + root, trace / 2 - root)
         return np.log(larger) + log
@@ -76,28 +79,44 @@ class Train:
             basis = np.array([np.prod([factor(i, j) for j in range(3) if j != i], axis=0) for i in range(3)])
             f = (f @ basis).reshape(-1, 3)
             h = np.repeat(h / parts, parts)
-        for k in range(0, len(h), 400):
-            yield h[k:k + 400], f[k:k + 400]
+        for k in range(0, len(h), 256):
+            yield h[k:k + 256], f[k:k + 256]
 
-    def propagate(self, lam, h, f, product, log):
-        ratio = lam / self.speed
-        count, steps = len(lam), len(h)
-        matrix = np.zeros((count, steps, 3, 2, 2), complex)
-        matrix[..., 0, 0] = -(self.damping(f)[None] + 2 * self.c**2 * (ratio / self.speed)[:, None, None]) / self.r2
-        matrix[..., 0, 1] = 1 / self.r2
-        matrix[..., 1, 0] = (self.c**2 * ratio**2 - 1)[:, None, None]
-        system = -np.einsum("s,ij,ksjpq->ksipjq", h, RADAU_A, matrix).reshape(count, steps, 6, 6)
-        system += np.eye(6)
-        right = np.tile(np.eye(2), (3, 1))
-        steps_out = np.linalg.solve(system, np.broadcast_to(right, (count, steps, 6, 2)))[..., 4:6, :]
-        scale = np.zeros(count)
-        while steps_out.shape[1] > 1:
-            if steps_out.shape[1] % 2:
-                steps_out = np.concatenate([steps_out, np.broadcast_to(np.eye(2), (count, 1, 2, 2))], axis=1)
-            steps_out = steps_out[:, 1::2] @ steps_out[:, 0::2]
-        total = steps_out[:, 0] if product is None else steps_out[:, 0] @ product
-        size = np.max(np.abs(total), axis=(1, 2))
-        return total / size[:, None, None], log + scale + np.log(size)
+    def step_matrices(self, lam, h, f):
+        """The matrices (Q, W) -> (Q, W) of the steps, each for all lambda: the four entries, step by lambda.
+
+        With W' = k Q put into its stages, those of Q are the solution of [1 - h A a - h^2 (k/r2) A^2] Q = q + h (w/r2) A 1
+        with a = -(C + 2 c^2 lambda/V^2)/r2 at the stages: three equations, by Cramer's rule.
+        """
+        k = (self.c * lam / self.speed)**2 - 1
+        slope = -(self.damping(f)[:, :, None] + 2 * lam * (self.c / self.speed)**2) / self.r2
+        h = h[:, None]
+        product = h**2 / self.r2 * k
+        row = [[(i == j) - h * RADAU_A[i, j] * slope[:, j] - product * RADAU_A2[i, j] for j in range(3)] for i in range(3)]
+        minor = lambda i, j: (row[(i + 1) % 3][(j + 1) % 3] * row[(i + 2) % 3][(j + 2) % 3]
+                              - row[(i + 1) % 3][(j + 2) % 3] * row[(i + 2) % 3][(j + 1) % 3])
+        cofactor = [[minor(i, j) for j in range(3)] for i in range(3)]
+        det = sum(row[0][j] * cofactor[0][j] for j in range(3))
+        by_q = [sum(cofactor[i][j] for i in range(3)) / det for j in range(3)]
+        by_w = [sum(cofactor[i][j] * RADAU_C[i] for i in range(3)) * (h / self.r2) / det for j in range(3)]
+        grown = [h * k * sum(RADAU_A[2, j] * by[j] for j in range(3)) for by in (by_q, by_w)]
+        return by_q[2], by_w[2], grown[0], 1 + grown[1]
+
+
+def multiply(later, earlier):
+    """Products of matrices of two rows, by their entries."""
+    a, b, c, d = later
+    p, q, r, s = earlier
+    return a * p + b * r, a * q + b * s, c * p + d * r, c * q + d * s
+
+
+def whole_product(steps):
+    while len(steps[0]) > 1:
+        odd = [entry[-1:] if len(entry) % 2 else entry[:0] for entry in steps]
+        pairs = len(steps[0]) // 2 * 2
+        joined = multiply([entry[1:pairs:2] for entry in steps], [entry[0:pairs:2] for entry in steps])
+        steps = [np.concatenate([entry, last]) for entry, last in zip(joined, odd)]
+    return [entry[0] for entry in steps]
 
 
 def draw(rng):
@@ -105,39 +124,53 @@ def draw(rng):
     delta, sign = rng.uniform(0, 0.3) * gamma / 3, rng.choice(["derived", "printed"])
     s_delta = delta if sign == "derived" else -delta
     v = rng.uniform(0, 0.9) * np.sqrt(1 - s_delta / gamma)
-    excess = np.exp(rng.uniform(np.log(1e-6), np.log(1e7)))
+    excess = np.exp(rng.uniform(np.log(1e-7), np.log(1e7)))
     return {"gamma": gamma, "s_delta": s_delta, "c": c, "v": v, "speed": c * (1 + excess),
             "pulses": int(rng.integers(1, 5)),
             "options": f"-model_gamma {gamma!r} -model_c {c!r} -model_delta {delta!r} -model_delta_sign {sign} "
                        f"-model_v {v!r} -wave_speed {c * (1 + excess)!r}"}
 
 
+def nearest_turn(angle):
+    return np.remainder(angle + np.pi, 2 * np.pi) - np.pi
+
+
+def along(train, sigma, top):
+    """ln of the larger multiplier on Re lambda = sigma, 0 <= Im lambda <= top, as often as it takes to follow it."""
+    omega = np.unique(np.concatenate([np.linspace(0, top, 33), top * np.geomspace(1e-6, 1, 41)]))
+    log = train.log_multipliers(sigma + 1j * omega)
+    while True:
+        alive = np.maximum(log.real[1:], log.real[:-1]) > sigma * train.period - 0.3
+        moved = np.hypot(np.diff(log.real), nearest_turn(np.diff(log.imag)))
+        coarse = np.nonzero(alive & (moved > 0.5) & (np.diff(omega) > 1e-9 * top))[0]
+        if len(coarse) == 0:
+            return omega, log
+        middle = (omega[coarse] + omega[coarse + 1]) / 2
+        omega = np.insert(omega, coarse + 1, middle)
+        log = np.insert(log, coarse + 1, train.log_multipliers(sigma + 1j * middle))
+
+
 def counted_right(train, sigma, top, pulses):
     """Modes of the ring right of Re lambda = sigma: turns of ln y while |y| > 1, on Im lambda from -top to top."""
     period = train.period
-    omega = np.linspace(0, top, 801)
-    log = np.concatenate([train.log_multipliers(sigma + 1j * part) for part in np.array_split(omega, 8)])
+    omega, log = along(train, sigma, top)
     size = log.real - sigma * period
-    turn = np.concatenate([[0], np.cumsum(np.remainder(np.diff(log.imag) + np.pi, 2 * np.pi) - np.pi)])
-    phase = log.imag[0] + turn - omega * period
+    phase = log.imag[0] + np.concatenate([[0], np.cumsum(nearest_turn(np.diff(log.imag)))]) - omega * period
     total, begin, through_zero = 0, None, size[0] > 0
-    for k in range(len(omega) - 1):
-        if (size[k] > 0) == (size[k + 1] > 0):
-            continue
+    for k in np.nonzero((size[:-1] > 0) != (size[1:] > 0))[0]:
         low, high = omega[k], omega[k + 1]
         at_low, at_high, phase_at = size[k], size[k + 1], phase[k]
-        for _ in range(6):
+        for _ in range(40):  # false position, the end that stays at half its value
             middle = low + (high - low) * at_low / (at_low - at_high)
             value = train.log_multipliers(sigma + 1j * middle)[0]
             here = value.real - sigma * period
-            phase_at = phase[k] + np.remainder(value.imag - log.imag[k] + np.pi, 2 * np.pi) - np.pi \
-                - (middle - omega[k]) * period
+            phase_at = phase[k] + nearest_turn(value.imag - log.imag[k]) - (middle - omega[k]) * period
             if abs(here) < 1e-13:
                 break
             if (here > 0) == (at_low > 0):
-                low, at_low = middle, here
+                low, at_low, at_high = middle, here, at_high / 2
             else:
-                high, at_high = middle, here
+                high, at_high, at_low = middle, here, at_low / 2
         if begin is None and not through_zero:
             begin = phase_at
             continue
@@ -154,10 +187,6 @@ def check(scene, text):
     train = Train(scene["gamma"], scene["s_delta"], scene["c"], scene["v"], scene["speed"])
     period, speed, c = summary["period"], scene["speed"], scene["c"]
     assert abs(train.period / period - 1) < 1e-8, f"{text}: period {period}, not {train.period}"
-    if speed / c - 1 < 1e-5:  # not verified so near to c: refused, with the reason
-        assert summary["complete"] is False and summary["stable"] is None, text
-        assert "V/c - 1" in summary["completeness_check"], text
-        return
     assert summary["complete"], f"{text}: {summary['completeness_check']}"
 
     # every mode listed is one, told from the carrier: its phase over a period
@@ -165,7 +194,7 @@ def check(scene, text):
     lam = np.array([mode["re"] + 1j * mode["im"] for mode in modes])
     theta = 2 * np.pi * np.array([mode["bloch"] for mode in modes]) / scene["pulses"]
     off = train.log_multipliers(lam) - lam * period - 1j * theta
-    error = np.hypot(off.real, np.remainder(off.imag + np.pi, 2 * np.pi) - np.pi) / period
+    error = np.hypot(off.real, nearest_turn(off.imag)) / period
     allowed = 2e-6 + 1e-15 * np.abs(lam)  # round-off of lambda T
     assert np.all(error < allowed), f"{text}: {error} at {lam}"
 
@@ -178,8 +207,8 @@ def check(scene, text):
     # the endless train: nothing grows faster, and that growth is reached
     growth, frequency = summary["endless"]["growth_rate"], summary["endless"]["frequency"]
     above = growth + 1e-5 + 1e-3 * growth
-    line = train.log_multipliers(above + 1j * np.linspace(0, 8, 200) * speed / c)
-    assert np.all(line.real < above * period), f"{text}: waves grow faster than {growth}"
+    _, log = along(train, above, 8 * speed / c)
+    assert np.all(log.real < above * period), f"{text}: waves grow faster than {growth}"
     if growth > 0:
         reached = train.log_multipliers(growth + 1j * frequency)[0].real / period
         assert abs(reached - growth) < 1e-6, f"{text}: {growth} at {frequency} is {reached}"
@@ -188,10 +217,8 @@ def check(scene, text):
 
 
 def test_random_trains(scenes):
-    """Every tenth scene: a reference takes ten seconds."""
     for index, scene in scenes(draw, 201):
-        if index % 10 == 0:
-            check(scene, f"scene {index}: {scene['options']} -wave_pulses {scene['pulses']}")
+        check(scene, f"scene {index}: {scene['options']} -wave_pulses {scene['pulses']}")
 
 
 def test_fast_trains_become_the_uniform_oscillation():

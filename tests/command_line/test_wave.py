@@ -132,6 +132,10 @@ def test_stability():
     check(len(unstable["eigenvalues"]) == 4, "spectrum_count")
     real = [e["re"] for e in unstable["eigenvalues"]]
     check(real == sorted(real, reverse=True), "sorted by real part")
+    # so near to c spectra have not been verified: no answer, and the reason
+    result, near = summary("wave", "-wave_speed", "1.00000001", "-wave_spectrum")
+    check(result.returncode == 0 and near["complete"] is False and near["stable"] is None, "no answer next to c")
+    check("V/c - 1 = 1e-08 is below 1e-07" in near["completeness_check"], near["completeness_check"])
     # the stable one holds its profile for a hundred periods
     _, held = summary("run", *("-init_type wave -grid_length 25 -model_v 0.93 -grid_n 256 -grid_order 8 "
                                "-ts_max_time 1270 -ts_rtol 1e-7 -ts_atol 1e-7").split())

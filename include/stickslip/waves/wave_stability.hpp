@@ -55,7 +55,7 @@ struct TrainSpectrum {
 };
 
 // Spectrum of the ring's train: the `count` rightmost eigenvalues, fewer where fewer lie right of half the
-// decay rate of short waves. For V/c - 1 below 1e-5 nothing is computed: `complete` is false, `completeness_check` gives
+// decay rate of short waves. For V/c - 1 below 1e-7 nothing is computed: `complete` is false, `completeness_check` gives
 // the reason, and the rates are NaN.
 TrainSpectrum train_spectrum(const Train& train, int count);
 
@@ -64,7 +64,7 @@ TrainSpectrum endless_stability(const Train& train);
 
 // How many eigenvalues lie right of Re lambda = 1e-5 for each theta = 2 pi m/n, m = 0..n/2 (those of n - m are their
 // conjugates), by the argument of the determinant alone; all 1 where waves of any short length grow. Throws Failure for
-// V/c - 1 below 1e-5.
+// V/c - 1 below 1e-7.
 std::vector<int> growing_modes(const Train& train);
 
 // Eigenvalues of Y(lambda): the Bloch factors that lambda belongs to.
