@@ -173,3 +173,22 @@ TEST_CASE("a few long steps do", "[measure][serial]") {
   CHECK(m.motion == Motion::undecided);
   CHECK(m.time_to_decide > 17);
 }
+
+TEST_CASE("an oscillation that has arrived at its size no longer grows", "[measure][serial]") {
+  Scene scene;
+  scene.n = 1;
+  scene.length = 1;
+  scene.v = 0.6;
+  const double growth = 0.1, arrival = 100;  // the amplitude of a supercritical oscillation: 0.5 from then on
+  const auto size = [&](double t) { return 0.5 / std::sqrt(1 + std::exp(-2 * growth * (t - arrival))); };
+  Motion last = Motion::undecided;
+  for (const double t_end : {60., 90., 130., 140., 150., 170., 200., 400.}) {
+    const Measured m = measured(
+        scene, t_end, long(t_end * 5), [&](double, double t) { return 0.6 + size(t) * std::sin(t); }, growth);
+    CAPTURE(t_end, to_string(m.motion));
+    if (t_end < arrival) CHECK(m.motion == Motion::growing);
+    else CHECK(m.motion != Motion::growing);
+    if (last == Motion::stick_slip || t_end > 180) CHECK(m.motion == Motion::stick_slip);
+    last = m.motion;
+  }
+}
