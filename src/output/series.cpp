@@ -1,8 +1,12 @@
 #include "output/series.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
 #include <utility>
 
+#include "base/broadcast.hpp"
+#include "base/local_values.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/error.hpp"
 
@@ -29,22 +33,29 @@ const std::vector<Field> energy_fields = {
 }  // namespace
 
 FieldStatistics statistics(const Model& model, Vec u) {
-  const double* a;
-  SS_TRY(VecGetArrayRead(u, &a));
-  const int dof = model.dof();
-  double extremes[2] = {-1e300, -1e300}, sums[2] = {0, 0};  // of -psi and psi; of psi and eta
-  for (PetscInt i = 0; i < model.local(); ++i) {
-    const double psi = a[i * dof];
-    extremes[0] = std::max(extremes[0], -psi);
-    extremes[1] = std::max(extremes[1], psi);
-    sums[0] += psi;
-    sums[1] += a[i * dof + 1];
+  const PetscInt n = model.local(), dof = model.dof();
+  // several nodes side by side: one chain of additions and comparisons would wait for itself
+  constexpr int lanes = 4;
+  double low[lanes], high[lanes], psi_sum[lanes] = {}, eta_sum[lanes] = {};
+  std::fill(low, low + lanes, HUGE_VAL);
+  std::fill(high, high + lanes, -HUGE_VAL);
+  {
+    const Reading a(u);
+    for (PetscInt begin = 0; begin < n; begin += lanes)
+      for (int k = 0; k < int(std::min<PetscInt>(lanes, n - begin)); ++k) {
+        const double *node = a + (begin + k) * dof, psi = node[0];
+        low[k] = psi < low[k] ? psi : low[k];
+        high[k] = psi > high[k] ? psi : high[k];
+        psi_sum[k] += psi;
+        eta_sum[k] += node[1];
+      }
   }
-  SS_TRY(VecRestoreArrayRead(u, &a));
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, extremes, 2, MPI_DOUBLE, MPI_MAX, model.comm()));
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, sums, 2, MPI_DOUBLE, MPI_SUM, model.comm()));
-  const auto n = double(model.scene().n);
-  return {-extremes[0], extremes[1], sums[0] / n, sums[1] / n};
+  double extremes[2] = {-*std::min_element(low, low + lanes), *std::max_element(high, high + lanes)};
+  double sums[2] = {std::accumulate(psi_sum, psi_sum + lanes, 0.), std::accumulate(eta_sum, eta_sum + lanes, 0.)};
+  largest_over(model.comm(), extremes, 2);
+  sum_over(model.comm(), sums, 2);
+  const auto nodes = double(model.scene().n);
+  return {-extremes[0], extremes[1], sums[0] / nodes, sums[1] / nodes};
 }
 
 Series::Series(const Model& model, const Scene& whole, const Displacement* displacement)

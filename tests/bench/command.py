@@ -3,6 +3,7 @@
 
     ninja -C build stickslip bench_steps
     python3 tests/bench/command.py [--nodes 1000,10000,100000,1000000] [--ranks 1,2] [--rounds 3] [--seconds 1]
+                                  [--build build]
 
 A ring at order 4 with the cubic law and rk:5dp, 20 nodes a unit of length; the end is such that the steps take about
 --seconds. Command and bare steps take turns; the ratio is that of the medians. On several ranks both are sums over the
@@ -16,9 +17,7 @@ import statistics
 import subprocess
 import tempfile
 
-BUILD = os.path.abspath(os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "build"))
-PROGRAM = os.environ.get("STICKSLIP", os.path.join(BUILD, "stickslip"))
-BARE = os.path.join(BUILD, "tests", "bench_steps")
+BUILD = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "build")
 KINDS = {"none": "", "frames": "-out_file o.h5 -out_frames 50", "probes": "-out_file o.h5 -out_frames 2 -out_probes 1,10,20",
          "events": "-out_file o.h5 -out_frames 2 -out_events true",
          "checkpoints": "-out_file o.h5 -out_frames 2 -out_checkpoint_every {tenth}"}
@@ -42,7 +41,7 @@ def scene(n, end):
 
 
 def bare(n, end, ranks):
-    _, said = spent([BARE, *scene(n, end)], ranks)
+    _, said = spent([os.path.join(BUILD, "tests", "bench_steps"), *scene(n, end)], ranks)
     steps, cpu, _ = said.split()
     return int(steps), ranks * float(cpu)
 
@@ -62,7 +61,7 @@ def rows(n, ranks, rounds, seconds):
     steps, _ = bare(n, end, ranks)
     for kind, words in KINDS.items():
         options = words.format(tenth=max(1, steps // 10)).split()
-        program = [PROGRAM, "run", "-progress", "off"]
+        program = [os.path.join(BUILD, "stickslip"), "run", "-progress", "off"]
         base, whole, start = [], [], []
         for _ in range(rounds):
             base.append(bare(n, end, ranks)[1])
@@ -74,12 +73,15 @@ def rows(n, ranks, rounds, seconds):
 
 
 def main():
+    global BUILD
     parser = argparse.ArgumentParser()
+    parser.add_argument("--build", default=BUILD, help="the folder of the programs")
     parser.add_argument("--nodes", default="1000,10000,100000,1000000")
     parser.add_argument("--ranks", default="1,2")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=1)
     asked = parser.parse_args()
+    BUILD = os.path.abspath(asked.build)
     print("| n | ranks | steps | output | bare steps, s | command, s | start, s | command/steps | less the start |")
     print("|---|---|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
