@@ -1,5 +1,6 @@
 """-accuracy in spread media with probes: random scenes against the same medium by characteristics (media.py)."""
 import numpy as np
+import pytest
 
 from calls import run
 
