@@ -77,7 +77,7 @@ TEST_CASE("rate-and-state thresholds, with inertia", "[boundary]") {
                              {"model_v", "0.4"},
                              {"model_f0", "1.25"}});
   const Scene scene = Scene::from(o, true);
-  const Sliding sliding(scene);
+  const SteadySliding sliding(scene);
   const double T = std::tanh(sliding.eta[0] / a);
   const double K = (b - a) * T / D * (1 + v * v / (A * a * D * T));
   const auto found = roots(o, {"model_k0", 1e-3, 1, true});
@@ -110,7 +110,7 @@ TEST_CASE("spread friction: the root of the dense matrix", "[boundary]") {
     const Options damped = std::string(form) == "chain" ? o.with("model_zeta", 0.4) : o;
     const auto found = roots(damped, {"model_v", 0.3, 2, false});
     REQUIRE(found.size() == 1);
-    const Sliding sliding(Scene::from(damped.with("model_v", found[0].value), true));
+    const LinearisedOperator sliding(Scene::from(damped.with("model_v", found[0].value), true));
     double growth = -1e300;
     for (const Mode& m : dense_modes(sliding, 1))
       if (m.value.imag() <= resolved_frequency(sliding)) growth = std::max(growth, m.value.real());
@@ -127,7 +127,7 @@ TEST_CASE("a mode that takes the lead between samples is found by the count", "[
   SpectrumSettings settings;
   settings.compare = false;
   const Spectrum spectrum =
-      compute_spectrum(PETSC_COMM_SELF, Sliding(Scene::from(o.with("model_v", found[0].value), true)), settings);
+      compute_spectrum(PETSC_COMM_SELF, LinearisedOperator(Scene::from(o.with("model_v", found[0].value), true)), settings);
   CHECK(spectrum.complete);
   CHECK(std::abs(spectrum.growth) < 1e-10);
 }
@@ -179,7 +179,7 @@ namespace {
 
 // Largest real part of the dense matrix among the frequencies that the grid carries.
 double dense_growth(const Scene& scene) {
-  const Sliding sliding(scene);
+  const LinearisedOperator sliding(scene);
   double growth = -1e300;
   for (const Mode& m : dense_modes(sliding, 1))
     if (m.value.imag() <= resolved_frequency(sliding)) growth = std::max(growth, m.value.real());
@@ -253,7 +253,7 @@ TEST_CASE("where a curve meets k0 = 0 the pair becomes a real mode beside the sy
     CHECK(c.kind == (c.value2 == 0 ? "zero" : "hopf"));
     // stable iff K > (b - a) T/D [1 + v^2/(A a D T)], A = f0/m = 1, K = k0/f0
     const double a = 0.05, D = 0.1;
-    const Sliding sliding(growth.scene(c.x, c.y));
+    const SteadySliding sliding(growth.scene(c.x, c.y));
     const double T = std::tanh(sliding.eta[0] / a);
     CHECK((c.value - a) * T / D * (1 + 1 / (a * D * T)) == Approx(c.value2).epsilon(1e-8).margin(1e-7));
   }
@@ -304,7 +304,7 @@ TEST_CASE("a curve traced on a coarse grid and placed on the fine one, a trapped
     CHECK(curve[k].complete.value_or(true));
     if (k % 6 != 0) continue;
     const Spectrum spectrum = compute_spectrum(
-        PETSC_COMM_SELF, Sliding(growth.scene(curve[k].x, curve[k].y)), settings);
+        PETSC_COMM_SELF, LinearisedOperator(growth.scene(curve[k].x, curve[k].y)), settings);
     CHECK(spectrum.complete);
     CHECK(std::abs(spectrum.growth) < 1e-9);
     CHECK(spectrum.frequency == Approx(curve[k].frequency).epsilon(1e-6));

@@ -77,6 +77,35 @@ TEST_CASE("A node's characteristic polynomial is the determinant of its block, a
   CHECK(unstable > 40);
 }
 
+TEST_CASE("With eta and the state eliminated the block's equations are solved, and those of its transpose",
+          "[linear_point]") {
+  std::mt19937 draw(9);
+  std::uniform_real_distribution<double> real(-1, 1);
+  using Complex = std::complex<double>;
+  for (int k = 0; k < 200; ++k) {
+    const bool with_state = k % 2;
+    const LinearPoint p = random_point(draw, k % 4 < 2, with_state);
+    const double kappa2 = (k % 5) * 0.7;
+    const Complex lambda(real(draw), real(draw));
+    NodeVector b{Complex(real(draw), real(draw)), Complex(real(draw), real(draw))};
+    if (with_state) b.state = Complex(real(draw), real(draw));
+    const NodeBlock J = p.block(Part::full, kappa2);
+    // B and delta are never both non-zero; random_point takes both, and the equation in psi alone leaves s delta B out
+    const Complex S = p.diagonal(lambda) + p.stiffness(kappa2) + p.s_delta * p.B;
+    const NodeVector y = p.expand(lambda, -p.condense(lambda, b) / S, b);
+    CHECK(std::abs((J.psi_psi - lambda) * y.psi + J.psi_eta * y.eta + J.psi_state * y.state - b.psi) < 1e-11);
+    CHECK(std::abs(J.eta_psi * y.psi + (J.eta_eta - lambda) * y.eta + J.eta_state * y.state - b.eta) < 1e-11);
+    CHECK(std::abs(J.state_psi * y.psi + (J.state_state - lambda) * y.state - b.state) < 1e-11);
+    const NodeVector z = p.expand_transposed(lambda, -p.condense_transposed(lambda, b) / S, b);
+    CHECK(std::abs((J.psi_psi - lambda) * z.psi + J.eta_psi * z.eta + J.state_psi * z.state - b.psi) < 1e-11);
+    CHECK(std::abs(J.psi_eta * z.psi + (J.eta_eta - lambda) * z.eta - b.eta) < 1e-11);
+    CHECK(std::abs(J.psi_state * z.psi + J.eta_state * z.eta + (J.state_state - lambda) * z.state - b.state) < 1e-11);
+    const double step = 1e-6;
+    const Complex slope = (p.diagonal(lambda + step) - p.diagonal(lambda - step)) / (2 * step);
+    CHECK(std::abs(p.diagonal_slope(lambda) - slope) < 1e-7);  // its third derivative times step^2, and round-off
+  }
+}
+
 TEST_CASE("Parts of a node's block add up; a wave's stiffness is the symbol times K1", "[linear_point]") {
   std::mt19937 draw(8);
   for (int k = 0; k < 40; ++k) {

@@ -11,6 +11,7 @@
 #include "stickslip/model/friction.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/stability/spectrum.hpp"
+#include "stickslip/stability/transient.hpp"
 #include "stickslip/output/summary.hpp"
 
 namespace stickslip {
@@ -69,7 +70,7 @@ struct Pseudospectrum {
   std::vector<double> re, im, norm;  // re fastest
 };
 
-Pseudospectrum pseudospectrum_beside(const Sliding& s, const Spectrum& spectrum, PetscInt side) {
+Pseudospectrum pseudospectrum_beside(const LinearisedOperator& s, const Spectrum& spectrum, PetscInt side) {
   Pseudospectrum box;
   double left = 0, right = 0, bottom = 1e300, top = 0;
   for (const Mode& m : spectrum.modes) {
@@ -91,7 +92,7 @@ Pseudospectrum pseudospectrum_beside(const Sliding& s, const Spectrum& spectrum,
 }
 
 // Steady sliding and the eigenvectors (the members with Im >= 0; 0 at held nodes), scaled so that the largest psi is 1.
-void write_file(const Sliding& s, const Spectrum& spectrum, const Pseudospectrum& box, const std::string& path,
+void write_file(const SteadySliding& steady, const LinearisedOperator& s, const Spectrum& spectrum, const Pseudospectrum& box, const std::string& path,
                 const Provenance& provenance) {
   ResultFile file(PETSC_COMM_WORLD, path, provenance);
   if (path.empty()) return;
@@ -117,24 +118,24 @@ void write_file(const Sliding& s, const Spectrum& spectrum, const Pseudospectrum
   of_modes({"wavenumber", "1/length", "wavenumber"}, [](const Mode& m) { return m.wavenumber; });
   of_modes({"resolved", "1", "1 where the grid resolves the mode"}, [](const Mode& m) { return double(m.resolved); });
 
-  file.add({"steady_psi", "length/time", "psi of steady sliding"}, {"x"}, s.psi);
-  file.add({"steady_eta", "1", "eta of steady sliding"}, {"x"}, s.eta);
+  file.add({"steady_psi", "length/time", "psi of steady sliding"}, {"x"}, steady.psi);
+  file.add({"steady_eta", "1", "eta of steady sliding"}, {"x"}, steady.eta);
   const bool logarithmic = state_is_logarithmic(s.scene.friction.state);
   std::vector<std::string> names{"psi", "eta"};
   if (s.has_state()) {
     names.push_back(state_name(s.scene.friction.state));
-    std::vector<double> steady = s.state;
-    for (double& y : steady) y = state_to_output(s.scene.friction.state, y);
-    file.add({"steady_" + names[2], standard_field(names[2]).units, names[2] + " of steady sliding"}, {"x"}, steady);
+    std::vector<double> shown = steady.state;
+    for (double& y : shown) y = state_to_output(s.scene.friction.state, y);
+    file.add({"steady_" + names[2], standard_field(names[2]).units, names[2] + " of steady sliding"}, {"x"}, shown);
   }
   std::vector<std::vector<double>> parts(2 * names.size(), std::vector<double>(modes * n, 0.));
   for (std::size_t k = 0; k < modes; ++k) {
     const std::vector<Complex> v = s.expand(spectrum.modes[k].value, spectrum.modes[k].psi);
     for (std::size_t i = 0; i < s.size(); ++i)
       for (std::size_t c = 0; c < d; ++c) {
-        const std::size_t at = k * n + std::size_t(s.node[i]);
+        const std::size_t at = k * n + std::size_t(s.coupling.node[i]);
         // the stored state is ln(theta): d theta = theta d ln(theta)
-        const double scale = c == 2 && logarithmic ? std::exp(s.state[std::size_t(s.node[i])]) : 1;
+        const double scale = c == 2 && logarithmic ? std::exp(steady.state[std::size_t(s.coupling.node[i])]) : 1;
         parts[2 * c][at] = scale * v[i * d + c].real();
         parts[2 * c + 1][at] = scale * v[i * d + c].imag();
       }
@@ -168,22 +169,23 @@ int spectrum_command(const Options& options) {
                   options.text("summary"));
   const Scene scene = Scene::from(options, true);
   return with_summary(summary, [&] {
-    const Sliding sliding(scene);
-    const auto [low, high] = std::minmax_element(sliding.psi.begin(), sliding.psi.end());
-    summary.set("steady", Json::object({{"psi_min", *low}, {"psi_max", *high}, {"residual", sliding.residual}}));
-    summary.set("unknowns", sliding.size() * sliding.dof());
+    const SteadySliding steady(scene);
+    const LinearisedOperator J(steady);
+    const auto [low, high] = std::minmax_element(steady.psi.begin(), steady.psi.end());
+    summary.set("steady", Json::object({{"psi_min", *low}, {"psi_max", *high}, {"residual", steady.residual}}));
+    summary.set("unknowns", J.size() * J.dof());
     SpectrumSettings settings;
     settings.count = options.integer("spectrum_count");
     settings.method = method_of(options.text("spectrum_method"));
     settings.refine = options.text("spectrum_refine") == "auto";
-    Spectrum spectrum = compute_spectrum(PETSC_COMM_WORLD, sliding, settings);
+    Spectrum spectrum = compute_spectrum(PETSC_COMM_WORLD, J, settings);
     const auto any_resolved = [&] {
       return std::any_of(spectrum.modes.begin(), spectrum.modes.end(), [](const Mode& m) { return m.resolved; });
     };
     // Many modes at the edge of what the grid carries may stand right of those that it resolves.
     for (int round = 0; round < 3 && !any_resolved(); ++round) {
       settings.count *= 4;
-      spectrum = compute_spectrum(PETSC_COMM_WORLD, sliding, settings);
+      spectrum = compute_spectrum(PETSC_COMM_WORLD, J, settings);
     }
     check_unused_after_setup(options, "snes pep dm");
     summary.set("growth_rate", spectrum.growth);
@@ -201,7 +203,7 @@ int spectrum_command(const Options& options) {
     summary.set("completeness_check", spectrum.completeness_check);
     summary.set("method", spectrum.method);
     if (options.boolean("spectrum_transient")) {
-      const std::optional<Transient> t = transient_growth(sliding, spectrum.growth);
+      const std::optional<Transient> t = transient_growth(J, spectrum.growth);
       if (t) {
         summary.set("transient", Json::object({{"norm", "energy"},
                                                {"method", t->method},
@@ -215,14 +217,14 @@ int spectrum_command(const Options& options) {
     }
     Pseudospectrum box;
     if (const PetscInt side = options.integer("spectrum_pseudo"); side > 0) {
-      box = pseudospectrum_beside(sliding, spectrum, side);
+      box = pseudospectrum_beside(J, spectrum, side);
       if (box.norm.empty()) warn(std::string("-spectrum_pseudo: ") + no_norm);
       double kreiss = 0;
       for (std::size_t k = 0; k < box.norm.size(); ++k)
         kreiss = std::max(kreiss, box.re[k % box.re.size()] * box.norm[k]);
       if (!box.norm.empty() && spectrum.stable) summary.set("kreiss", kreiss);
     }
-    write_file(sliding, spectrum, box, options.text("out_file"), provenance);
+    write_file(steady, J, spectrum, box, options.text("out_file"), provenance);
     if (!any_resolved())
       warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");
     for (const std::string& remark : spectrum.remarks) warn(remark);

@@ -4,117 +4,91 @@
 #include <cmath>
 #include <limits>
 
+// PETSc declares LAPACK for its own scalars only, which are real, and without these.
+extern "C" {
+void zgbtrf_(const int* m, const int* n, const int* lower, const int* upper, std::complex<double>* a, const int* height,
+             int* exchanged, int* info);
+void zgbtrs_(const char* form, const int* n, const int* lower, const int* upper, const int* columns,
+             const std::complex<double>* a, const int* height, const int* exchanged, std::complex<double>* b,
+             const int* rows, int* info, std::size_t form_length);
+void dpbtrf_(const char* triangle, const int* n, const int* band, double* a, const int* height, int* info,
+             std::size_t triangle_length);
+}
+
 namespace stickslip {
 
 namespace {
+
 // std::complex products check for infinities; here they are plain.
 inline Complex product(Complex a, Complex b) {
   return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
 }
 inline double size(Complex a) { return std::abs(a.real()) + std::abs(a.imag()); }
-inline Complex inverse(Complex a) {
-  const double s = 1 / size(a);  // scaled, so that the square neither overflows nor vanishes
-  const Complex b{a.real() * s, a.imag() * s};
-  const double d = s / (b.real() * b.real() + b.imag() * b.imag());
-  return {b.real() * d, -b.imag() * d};
-}
+
 }  // namespace
+
+void LogDet::multiply(Complex factor) {
+  const double modulus = std::abs(factor);
+  log_abs += std::log(modulus);
+  unit = product(unit, factor / modulus);
+}
 
 void BandLU::reset(std::size_t n, int lower, int upper) {
   n_ = n;
   lower_ = lower;
   upper_ = upper;
-  width_ = 2 * lower + upper + 1;
-  a_.assign(n * std::size_t(width_), Complex(0));
-  pivot_.assign(n, 0);
+  height_ = 2 * lower + upper + 1;
+  a_.assign(n * std::size_t(height_), Complex(0));
 }
 
-LogDet BandLU::factor(bool exchange_rows) {
-  LogDet det;
-  double mantissa_re = 1, mantissa_im = 0;
-  const std::size_t w = std::size_t(width_);
-  double largest = 0;
+LogDet BandLU::factor() {
+  double largest = std::numeric_limits<double>::min();
   for (const Complex& x : a_) largest = std::max(largest, size(x));
-  const double tiny = std::max(largest, std::numeric_limits<double>::min()) * std::numeric_limits<double>::epsilon();
+  const int n = int(n_);
+  int info = 0;
+  exchanged_.resize(n_);
+  zgbtrf_(&n, &n, &lower_, &upper_, a_.data(), &height_, exchanged_.data(), &info);
+  LogDet det;
+  Complex unit = 1;  // kept near 1 in modulus
   for (std::size_t k = 0; k < n_; ++k) {
-    const int below = int(std::min<std::size_t>(std::size_t(lower_), n_ - 1 - k));
-    const int right = int(std::min<std::size_t>(std::size_t(lower_ + upper_), n_ - 1 - k));
-    Complex* row_k = &a_[k * w + std::size_t(lower_)];  // row_k[j - k]
-    int p = 0;
-    double best = size(row_k[0]);
-    for (int r = 1; exchange_rows && r <= below; ++r) {
-      const double s = size(a_[(k + std::size_t(r)) * w + std::size_t(lower_ - r)]);
-      if (s > best) {
-        best = s;
-        p = r;
-      }
-    }
-    pivot_[k] = p;
-    double sign = 1;
-    if (p > 0) {
-      Complex* row_p = &a_[(k + std::size_t(p)) * w + std::size_t(lower_ - p)];
-      for (int j = 0; j <= right; ++j) std::swap(row_k[j], row_p[j]);
-      sign = -1;
-    }
-    if (best == 0) {
-      row_k[0] = tiny;
+    Complex& pivot = a_[place(k, k)];
+    if (pivot == Complex(0)) {
+      pivot = largest * std::numeric_limits<double>::epsilon();
       det.log_abs = -std::numeric_limits<double>::infinity();
     }
-    const Complex d = product(Complex(mantissa_re, mantissa_im), sign * row_k[0]);
-    if (!exchange_rows) det.phase += std::arg(row_k[0]);
-    const double s = size(d);
-    det.log_abs += std::log(s);
-    mantissa_re = d.real() / s;
-    mantissa_im = d.imag() / s;
-    const Complex inv = inverse(row_k[0]);
-    for (int r = 1; r <= below; ++r) {
-      Complex* row = &a_[(k + std::size_t(r)) * w + std::size_t(lower_ - r)];
-      if (row[0] == Complex(0)) continue;
-      const Complex l = product(row[0], inv);
-      row[0] = l;
-      for (int j = 1; j <= right; ++j) row[j] -= product(l, row_k[j]);
-    }
+    unit = product(unit, exchanged_[k] == int(k) + 1 ? pivot : -pivot);
+    const double modulus = size(unit);
+    det.log_abs += std::log(modulus);
+    unit = {unit.real() / modulus, unit.imag() / modulus};
   }
-  const double modulus = std::hypot(mantissa_re, mantissa_im);
-  det.log_abs += std::log(modulus);
-  det.unit = Complex(mantissa_re, mantissa_im) / modulus;
+  det.multiply(unit);
   return det;
 }
 
-void BandLU::solve(Complex* b) const {
-  const std::size_t w = std::size_t(width_);
+std::vector<Complex> BandLU::pivots() {
+  std::vector<Complex> found(n_);
   for (std::size_t k = 0; k < n_; ++k) {
-    if (pivot_[k]) std::swap(b[k], b[k + std::size_t(pivot_[k])]);
-    const int below = int(std::min<std::size_t>(std::size_t(lower_), n_ - 1 - k));
-    const Complex x = b[k];
-    for (int r = 1; r <= below; ++r)
-      b[k + std::size_t(r)] -= product(a_[(k + std::size_t(r)) * w + std::size_t(lower_ - r)], x);
+    const Complex inverse = 1. / (found[k] = a_[place(k, k)]);
+    const std::size_t below = std::min(n_, k + 1 + std::size_t(lower_)), right = std::min(n_, k + 1 + std::size_t(upper_));
+    for (std::size_t j = k + 1; j < right; ++j) {
+      const Complex factor = product(a_[place(k, j)], inverse);
+      for (std::size_t i = k + 1; i < below; ++i) a_[place(i, j)] -= product(factor, a_[place(i, k)]);
+    }
   }
-  for (std::size_t k = n_; k-- > 0;) {
-    const int right = int(std::min<std::size_t>(std::size_t(lower_ + upper_), n_ - 1 - k));
-    const Complex* row = &a_[k * w + std::size_t(lower_)];
-    Complex x = b[k];
-    for (int j = 1; j <= right; ++j) x -= product(row[j], b[k + std::size_t(j)]);
-    b[k] = product(x, inverse(row[0]));
-  }
+  return found;
 }
 
-void BandLU::solve_transposed(Complex* b) const {
-  const std::size_t w = std::size_t(width_);
-  for (std::size_t k = 0; k < n_; ++k) {
-    const int right = int(std::min<std::size_t>(std::size_t(lower_ + upper_), n_ - 1 - k));
-    const Complex* row = &a_[k * w + std::size_t(lower_)];
-    const Complex x = b[k] = product(b[k], inverse(row[0]));
-    for (int j = 1; j <= right; ++j) b[k + std::size_t(j)] -= product(row[j], x);
-  }
-  for (std::size_t k = n_; k-- > 0;) {
-    const int below = int(std::min<std::size_t>(std::size_t(lower_), n_ - 1 - k));
-    Complex x = b[k];
-    for (int r = 1; r <= below; ++r)
-      x -= product(a_[(k + std::size_t(r)) * w + std::size_t(lower_ - r)], b[k + std::size_t(r)]);
-    b[k] = x;
-    if (pivot_[k]) std::swap(b[k], b[k + std::size_t(pivot_[k])]);
-  }
+void BandLU::solve(char form, Complex* b) const {
+  const int n = int(n_), one = 1;
+  int info = 0;
+  zgbtrs_(&form, &n, &lower_, &upper_, &one, a_.data(), &height_, exchanged_.data(), b, &n, &info, 1);
+}
+
+bool positive_definite(std::vector<double>& a, std::size_t n, std::size_t band) {
+  const int size = int(n), beside = int(band), height = beside + 1;
+  int info = 0;
+  dpbtrf_("U", &size, &beside, a.data(), &height, &info, 1);
+  return info == 0;
 }
 
 }  // namespace stickslip

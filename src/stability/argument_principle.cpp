@@ -308,7 +308,7 @@ constexpr int rows_to_forget[widest] = {0, 16, 18, 22};
 
 class Tree {
  public:
-  Tree(const Sliding& s, PhaseTurn& result, std::size_t zeros)
+  Tree(const LinearisedOperator& s, PhaseTurn& result, std::size_t zeros)
       : s_(s), result_(result), zeros_(zeros), b_(s.scene.order / 2), fading_(rows_to_forget[b_ - 1]) {
     const long m = long(s.size());
     const PetscInt order = s.scene.order, n = s.scene.n;
@@ -317,22 +317,21 @@ class Tree {
       last_ = last_node_ = m;
     } else {
       // rows near the ends are taken as they are; they must not reach beyond b nodes further in
-      for (first_ = b_; s.node[std::size_t(first_)] < order; ++first_) {
+      for (first_ = b_; s.coupling.node[std::size_t(first_)] < order; ++first_) {
       }
-      for (last_ = m - b_; s.node[std::size_t(last_ - 1)] >= n - order; --last_) {
+      for (last_ = m - b_; s.coupling.node[std::size_t(last_ - 1)] >= n - order; --last_) {
       }
       for (const bool left : {true, false}) {
         const long rows = left ? first_ : m - last_;
         for (long i = 0; i < rows; ++i)
-          for (const auto& [column, value] : s.coupling_row(std::size_t(left ? i : m - 1 - i)))
+          for (const auto& [column, value] : s.coupling.row(std::size_t(left ? i : m - 1 - i)))
             if ((left ? long(column) : m - 1 - long(column)) >= rows + b_) throw Unsettled();
       }
       first_node_ = first_ + b_ - 1;
       last_node_ = last_ - fading_ - std::max(fading_, b_) + 1;
       if (last_node_ < first_node_ + 2 * long(stretch)) throw Unsettled();
     }
-    const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
-    unit_ = h * h / s.K1;
+    unit_ = s.spacing() * s.spacing() / s.K1;
     weights_ = second_difference(s.scene.order);
   }
 
@@ -346,10 +345,10 @@ class Tree {
  private:
   // eps_i at the points of a piece.
   struct Symbol {
-    const Sliding* s;
+    const LinearisedOperator* s;
     double unit;
     Values z, plain;  // lambda; lambda^2/A + K0
-    Symbol(const Sliding& sliding, double unit_of_symbol, const Piece& piece) : s(&sliding), unit(unit_of_symbol) {
+    Symbol(const LinearisedOperator& J, double unit_of_symbol, const Piece& piece) : s(&J), unit(unit_of_symbol) {
       for (int t = 0; t < P; ++t) {
         const Complex lambda = piece.at(chebyshev().x[t]);
         z.put(t, lambda);
@@ -363,13 +362,13 @@ class Tree {
       return std::clamp(std::sqrt(std::abs(eps[P / 2])), 1e-7, 1.);
     }
     void at(std::size_t i, Values& eps) const {
-      const double beta = unit * s->beta[i];
+      const double beta = unit * s->point(i).beta();
       for (int t = 0; t < P; ++t) {
         eps.re[t] = plain.re[t] + beta * z.re[t];
         eps.im[t] = plain.im[t] + beta * z.im[t];
       }
       if (!s->has_state()) return;
-      const double q = unit * s->F_state[i] * s->g_psi[i], r = s->r[i];
+      const double q = unit * s->point(i).q(), r = s->point(i).r();
       for (int t = 0; t < P; ++t) {  // q z/(z + r)
         const double re = z.re[t] + r, im = z.im[t], d = q / (re * re + im * im);
         eps.re[t] += d * (z.re[t] * re + z.im[t] * im);
@@ -478,7 +477,7 @@ class Tree {
   // S_i as it stands in the equations; `place` gives the columns.
   template <class Add>
   void plain_row(std::size_t i, Complex eps, const Add& add) const {
-    for (const auto& [column, value] : s_.coupling_row(i)) add(long(column), s_.K1 * value * unit_);
+    for (const auto& [column, value] : s_.coupling.row(i)) add(long(column), s_.K1 * value * unit_);
     add(long(i), eps);
   }
 
@@ -772,7 +771,7 @@ class Tree {
   };
   static bool right_of(Complex a, Complex c) { return a.real() > c.real(); }
 
-  const Sliding& s_;
+  const LinearisedOperator& s_;
   PhaseTurn& result_;
   std::size_t zeros_;
   const int b_, fading_;                 // half-width of the stencil; rows_to_forget
@@ -784,7 +783,7 @@ class Tree {
 
 }  // namespace
 
-std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const Sliding& s, Complex from, Complex to, std::size_t zeros) {
+std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const LinearisedOperator& s, Complex from, Complex to, std::size_t zeros) {
   if (s.size() < shortest_line || !(s.K1 > 0)) return std::nullopt;
   int ranks = 1, rank = 0;
   MPI_Comm_size(comm, &ranks);

@@ -315,7 +315,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Bounda
     for (Crossing& c : placing.piece(even_places(p, count))) {
       c.piece = int(number);
       if (!growth.vanishes(c)) {
-        ++(Sliding(growth.scene(c.x, c.y)).neutral() ? symmetric : jumps);
+        ++(LinearisedOperator(growth.scene(c.x, c.y)).neutral() ? symmetric : jumps);
         continue;
       }
       if (!result.empty() && result.back().piece == c.piece) {

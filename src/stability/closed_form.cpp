@@ -4,25 +4,19 @@
 #include <cmath>
 #include <limits>
 
-#include "stickslip/model/stencil.hpp"
-
 namespace stickslip {
 
 namespace {
 
-double spacing(const Sliding& s) { return s.scene.form == Form::chain ? 1 : s.scene.h(); }
-
 // All nodes are alike: the first one's coefficients are those of all.
-std::vector<Complex> roots_of_wave(const Sliding& s, double k) {
-  const double K = s.K0 + s.K1 * symbol(s.scene.order, spacing(s), k);
-  if (!s.has_state()) return s.dispersion(K, s.beta[0], 0, 0);
-  return s.dispersion(K, s.beta[0], s.F_state[0] * s.g_psi[0], s.r[0]);
+std::vector<Complex> roots_of_wave(const LinearisedOperator& s, double k) {
+  return dispersion(s.point(0), s.symbol(k));
 }
 
 }  // namespace
 
-ExactModes::ExactModes(const Sliding& s) {
-  for (const Sliding::Wave& w : s.exact_waves())
+ExactModes::ExactModes(const LinearisedOperator& s) {
+  for (const LinearisedOperator::Wave& w : s.exact_waves())
     for (const Complex& z : roots_of_wave(s, w.k))
       if (z.imag() >= 0) roots_.push_back({z, w.multiplicity * (z.imag() > 0 ? 2 : 1)});
   std::sort(roots_.begin(), roots_.end(),
@@ -36,7 +30,7 @@ long ExactModes::count(double a, double height) const {
   return sum;
 }
 
-double ExactModes::distance(const Sliding& s, const std::vector<Mode>& modes) const {
+double ExactModes::distance(const LinearisedOperator& s, const std::vector<Mode>& modes) const {
   double worst = 0;
   for (const Mode& m : modes) {
     const double scale = std::max(std::abs(m.value), std::sqrt(s.A * std::max(s.K0, 1e-300)));
@@ -52,14 +46,13 @@ double ExactModes::distance(const Sliding& s, const std::vector<Mode>& modes) co
   return worst;
 }
 
-std::vector<Mode> sine_modes(const Sliding& s, double height, std::size_t count) {
-  const double h = spacing(s);
+std::vector<Mode> sine_modes(const LinearisedOperator& s, double height, std::size_t count) {
   struct Root {
     Complex value;
     double k;
   };
   std::vector<Root> roots;
-  for (const Sliding::Wave& w : s.exact_waves())
+  for (const LinearisedOperator::Wave& w : s.exact_waves())
     for (const Complex& z : roots_of_wave(s, w.k))
       if (z.imag() >= 0 && z.imag() <= height) roots.push_back({z, w.k});
   // without a state the real parts of all oscillating waves are equal to the last bit
@@ -67,32 +60,25 @@ std::vector<Mode> sine_modes(const Sliding& s, double height, std::size_t count)
     return a.value.real() != b.value.real() ? a.value.real() > b.value.real() : a.value.imag() < b.value.imag();
   });
   std::vector<Mode> guesses;
-  const double beyond = s.scene.form == Form::chain ? 0.5 : 0;
   for (std::size_t j = 0; j < std::min(count, roots.size()); ++j) {
     Mode m;
     m.value = roots[j].value;
-    m.psi.resize(s.size());
-    for (std::size_t i = 0; i < s.size(); ++i) {
-      const double phase = roots[j].k * h * (double(s.node[i]) + (s.scene.left == End::free ? beyond : 0));
-      const double standing = s.scene.left == End::velocity ? std::sin(phase) : std::cos(phase);
-      m.psi[i] = s.scene.ring() ? std::polar(1., phase) : standing;
-    }
+    m.psi = s.wave(roots[j].k);
     guesses.push_back(std::move(m));
   }
   return guesses;
 }
 
-double short_wave_growth(const Sliding& s) {
-  double sum = 0, length = 0;
+double short_wave_growth(const LinearisedOperator& s) {
+  double sum = 0, length = 0, growth = -std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < s.size(); ++i) {
     // a held end has no unknown: its half of an interval goes to the node beside it
-    const double extra = !s.scene.ring() && s.weight[i] == 1 && (i == 0 || i + 1 == s.size()) ? 0.5 : 0;
-    sum += (s.weight[i] + extra) * s.beta[i];
-    length += s.weight[i] + extra;
+    const double extra = !s.scene.ring() && s.coupling.weight[i] == 1 && (i == 0 || i + 1 == s.size()) ? 0.5 : 0;
+    sum += (s.coupling.weight[i] + extra) * s.point(i).damping();
+    length += s.coupling.weight[i] + extra;
+    if (s.has_state()) growth = std::max(growth, -s.point(i).r());
   }
-  double growth = -s.A * sum / length / 2;
-  for (const double r : s.r) growth = std::max(growth, -r);
-  return growth;
+  return std::max(growth, -sum / length / 2);
 }
 
 }  // namespace stickslip

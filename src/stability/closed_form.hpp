@@ -7,15 +7,15 @@
 
 namespace stickslip {
 
-// The eigenvalues by the exact discrete dispersion relation (Sliding::exact_waves).
+// The eigenvalues by the exact discrete dispersion relation (LinearisedOperator::exact_waves).
 class ExactModes {
  public:
-  explicit ExactModes(const Sliding& s);
+  explicit ExactModes(const LinearisedOperator& s);
   bool apply() const { return !roots_.empty(); }
   // Eigenvalues with real part above a and |Im| up to `height`, the symmetry of a line that slides as a whole included.
   long count(double a, double height) const;
   // Largest distance of a mode from the nearest eigenvalue of the relation, relative to the size of the eigenvalue.
-  double distance(const Sliding& s, const std::vector<Mode>& modes) const;
+  double distance(const LinearisedOperator& s, const std::vector<Mode>& modes) const;
 
  private:
   struct Root {
@@ -26,10 +26,10 @@ class ExactModes {
 };
 
 // Guesses from the exact relation: sine waves, the rightmost first, equal ones by frequency.
-std::vector<Mode> sine_modes(const Sliding& s, double height, std::size_t count);
+std::vector<Mode> sine_modes(const LinearisedOperator& s, double height, std::size_t count);
 
 // What ever shorter waves of a line of the continuum come to grow at: they see the mean damping alone (Cox and Zuazua
 // 1994 for the wave equation). By the trapezoidal rule on the nodes.
-double short_wave_growth(const Sliding& s);
+double short_wave_growth(const LinearisedOperator& s);
 
 }  // namespace stickslip

@@ -16,7 +16,7 @@ namespace {
 // whole turn passes unseen.
 class Phase {
  public:
-  Phase(const Sliding& s, double evaluations) : sliding_(s), left_(evaluations) {}
+  Phase(const LinearisedOperator& s, double evaluations) : sliding_(s), left_(evaluations) {}
 
   struct Point {
     Complex z;
@@ -54,14 +54,14 @@ class Phase {
   static Complex change(const LogDet& a, const LogDet& b) {  // of ln f, its phase within a half turn
     return {b.log_abs - a.log_abs, std::arg(b.unit * std::conj(a.unit))};
   }
-  const Sliding& sliding_;
+  const LinearisedOperator& sliding_;
   double left_;
   bool failed_ = false;
   BandLU lu_;
 };
 
 // The count by following the phase with one determinant a point: short lines, and those the tree cannot take.
-std::optional<long> count_directly(const Sliding& s, double a, double right, double height,
+std::optional<long> count_directly(const LinearisedOperator& s, double a, double right, double height,
                                    std::vector<Complex>& where) {
   Phase phase(s, 3e8 / double(s.size()));
   double total = 0;
@@ -102,28 +102,86 @@ std::optional<long> count_directly(const Sliding& s, double a, double right, dou
   return std::lround(count);
 }
 
+// ---- long lines ---------------------------------------------------------------------------------------------------
+
+// Right of this S/lambda has a positive real part, at least Re lambda/A + beta - |q|/(Re lambda + r), where D2 is
+// symmetric; or is diagonally dominant.
+double right_of_all(const LinearisedOperator& s) {
+  if (!s.symmetric()) return 1.01 * s.imaginary_bound();
+  double x = 1e-3 * std::sqrt(s.A * (s.K0 + s.K1)) + 1e-300;
+  for (std::size_t i = 0; i < s.size(); ++i) {
+    const LinearPoint p = s.point(i);
+    while (x / s.A + p.beta() - (p.has_state ? std::abs(p.q()) / (x + p.r()) : 0) <= 0) x *= 1.1;
+  }
+  return x;
+}
+
+// The phase of det S(lambda), turned continuously from 0 at real lambda far to the right, for Re lambda >=
+// right_of_all(): there the pivots of S/lambda have a positive real part as S/lambda has.
+double phase_right(const LinearisedOperator& s, Complex lambda) {
+  BandLU lu;
+  s.assemble(lambda, 1. / lambda, lu);
+  double phase = double(s.size()) * std::arg(lambda);
+  for (const Complex& pivot : lu.pivots()) phase += std::arg(pivot);
+  return phase;
+}
+
+// The turn of the phase of det S from one place to another, both well to the right of all eigenvalues, by its pivots,
+// each followed in steps over which it changes by less than half. Empty where that takes too many steps.
+std::optional<double> follow_pivots(const LinearisedOperator& s, Complex from, Complex to) {
+  BandLU lu;
+  const auto pivots = [&](Complex lambda) {
+    s.assemble(lambda, 1, lu);
+    return lu.pivots();
+  };
+  double turn = 0, at = 0, step = 0.1;
+  std::vector<Complex> last = pivots(from);
+  for (int k = 0; at < 1; ++k) {
+    if (k == 400) return std::nullopt;
+    const double next_at = std::min(1., at + step);
+    std::vector<Complex> next = pivots(from + (to - from) * next_at);
+    double change = 0;
+    bool follows = true;
+    for (std::size_t i = 0; i < next.size() && follows; ++i) {
+      follows = std::norm(next[i] - last[i]) < 0.25 * std::norm(last[i]);
+      change += std::arg(next[i] * std::conj(last[i]));
+    }
+    if (!follows) {
+      step /= 2;
+      continue;
+    }
+    turn += change;
+    at = next_at;
+    step *= 1.5;
+    last = std::move(next);
+  }
+  return turn;
+}
+
 // The count by the tree of stretches (argument_principle.hpp). det S has a pole at every -r_i.
-std::optional<long> count_by_tree(MPI_Comm comm, const Sliding& s, double a, double height,
+std::optional<long> count_by_tree(MPI_Comm comm, const LinearisedOperator& s, double a, double height,
                                   std::vector<Complex>& where) {
-  const double right = s.right_of_all(), spacing = s.scene.form == Form::chain ? 1 : s.scene.h();
+  const double right = right_of_all(s), spacing = s.spacing();
   if (a >= right) return 0;
   // Far to the right waves decay between the nodes like the stencil's own solutions: the tree begins further left.
   const double begin = std::max(a, std::min(right, 0.3 * std::sqrt(s.A * s.K1) / spacing));
-  const std::optional<double> far = begin < right ? s.follow_pivots({right, height}, {begin, height}) : 0;
+  const std::optional<double> far = begin < right ? follow_pivots(s, {right, height}, {begin, height}) : 0;
   if (!far) return std::nullopt;
   const std::optional<PhaseTurn> top = follow_phase(comm, s, {begin, height}, {a, height});
   if (!top) return std::nullopt;
   const std::optional<PhaseTurn> line = follow_phase(comm, s, {a, height}, a, 32);
   if (!line) return std::nullopt;
-  const double count = (s.phase_right({right, height}) + *far + top->turn + line->turn) / M_PI;
+  long poles = 0;
+  for (std::size_t i = 0; i < s.size(); ++i) poles += s.has_state() && -s.point(i).r() > a;
+  const double count = (phase_right(s, {right, height}) + *far + top->turn + line->turn) / M_PI;
   if (!(std::abs(count - std::round(count)) < 0.01)) return std::nullopt;
   for (const Complex& z : line->zeros) where.push_back(z.imag() >= 0 ? z : std::conj(z));
-  return std::lround(count) + std::count_if(s.r.begin(), s.r.end(), [&](double r) { return -r > a; });
+  return std::lround(count) + poles;
 }
 
 }  // namespace
 
-std::optional<long> count_right(MPI_Comm comm, const Sliding& s, double a, double height, double effort,
+std::optional<long> count_right(MPI_Comm comm, const LinearisedOperator& s, double a, double height, double effort,
                                 std::vector<Complex>* where) {
   const double node_cost = 12;  // of the tree at every halving, in determinants of a node
   const double n = double(s.size());

@@ -14,11 +14,11 @@ namespace stickslip {
 
 // ---- dense --------------------------------------------------------------------------------------------------------
 
-std::vector<Mode> dense_modes(const Sliding& s, PetscInt count) {
+std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
   const PetscInt n = PetscInt(s.size() * s.dof());
   MatHandle J;
   SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, n, n, nullptr, J.out()));
-  for (const Sliding::Entry& e : s.entries())
+  for (const LinearisedOperator::Entry& e : s.entries())
     SS_TRY(MatSetValue(J, PetscInt(e.row), PetscInt(e.column), e.value, ADD_VALUES));
   SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
   SS_TRY(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
@@ -62,10 +62,9 @@ std::vector<Mode> dense_modes(const Sliding& s, PetscInt count) {
 namespace {
 
 struct ShiftedInverse {
-  const Sliding* sliding;
+  const LinearisedOperator& J;
   Complex sigma;
   BandLU lu;
-  std::vector<Complex> y;
 };
 
 // y = Re (J - sigma)^-1 x: real, with the eigenvectors of J, largest for eigenvalues near sigma and its conjugate.
@@ -77,8 +76,9 @@ PetscErrorCode apply_shifted_inverse(Mat M, Vec x, Vec y) {
     PetscScalar* out;
     SS_TRY(VecGetArrayRead(x, &in));
     SS_TRY(VecGetArrayWrite(y, &out));
-    op->sliding->solve_shifted(op->sigma, op->lu, in, op->y.data());
-    for (std::size_t i = 0; i < op->y.size(); ++i) out[i] = op->y[i].real();
+    const std::size_t n = op->J.size() * op->J.dof();
+    const std::vector<Complex> image = op->J.resolvent(op->sigma, op->lu, std::vector<Complex>(in, in + n));
+    for (std::size_t i = 0; i < n; ++i) out[i] = image[i].real();
     SS_TRY(VecRestoreArrayWrite(y, &out));
     SS_TRY(VecRestoreArrayRead(x, &in));
   });
@@ -86,9 +86,9 @@ PetscErrorCode apply_shifted_inverse(Mat M, Vec x, Vec y) {
 
 }  // namespace
 
-std::vector<Mode> krylov_modes(const Sliding& s, Complex sigma, PetscInt count) {
+std::vector<Mode> krylov_modes(const LinearisedOperator& s, Complex sigma, PetscInt count) {
   const PetscInt n = PetscInt(s.size() * s.dof());
-  ShiftedInverse op{&s, sigma, {}, std::vector<Complex>(std::size_t(n))};
+  ShiftedInverse op{s, sigma, {}};
   s.factor(sigma, op.lu);
   MatHandle M;
   SS_TRY(MatCreateShell(PETSC_COMM_SELF, n, n, n, n, &op, M.out()));
@@ -124,13 +124,12 @@ std::vector<Mode> krylov_modes(const Sliding& s, Complex sigma, PetscInt count) 
     const PetscScalar *x, *y;
     SS_TRY(VecGetArrayRead(start, &x));
     SS_TRY(VecGetArrayRead(im, &y));
-    std::vector<Complex> vector(std::size_t(n), Complex(0)), image(std::size_t(n), Complex(0));
+    std::vector<Complex> vector(std::size_t(n), Complex(0));
     for (std::size_t i = 0; i < vector.size(); ++i) vector[i] = {x[i], b == 0 ? 0. : y[i]};
     SS_TRY(VecRestoreArrayRead(start, &x));
     SS_TRY(VecRestoreArrayRead(im, &y));
-    s.multiply(vector.data(), image.data());
     Mode mode;
-    mode.value = inner(vector, image) / inner(vector, vector);
+    mode.value = inner(vector, s.multiply(vector)) / inner(vector, vector);
     mode.psi.resize(s.size());
     for (std::size_t i = 0; i < s.size(); ++i) mode.psi[i] = vector[i * s.dof()];
     modes.push_back(std::move(mode));

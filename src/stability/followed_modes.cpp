@@ -6,11 +6,11 @@
 
 namespace stickslip {
 
-double count_margin(const Sliding& s, double frequency, double part) {
+double count_margin(const LinearisedOperator& s, double frequency, double part) {
   return part * (std::sqrt(s.A * (s.K0 + s.K1)) + frequency);
 }
 
-double same_growth(const Sliding& s) { return 1e-9 * (unit_frequency(s) + std::abs(s.A * s.mean_beta())); }
+double same_growth(const LinearisedOperator& s) { return 1e-9 * (unit_frequency(s) + std::abs(s.mean().damping())); }
 
 // ---- one mode -----------------------------------------------------------------------------------------------------
 
@@ -18,33 +18,33 @@ namespace {
 
 // lambda with w S(lambda) p = 0 for the vectors that a mode had elsewhere. Nothing where the equation is ill-conditioned
 // (nearly double eigenvalues).
-std::optional<Complex> estimate(const Sliding& s, const FollowedMode& f) {
+std::optional<Complex> estimate(const LinearisedOperator& s, const FollowedMode& f) {
   const std::vector<Complex>&p = f.mode.psi, &w = f.left;
   const std::size_t n = p.size();
   Complex lambda = f.mode.value;
   const double scale = std::abs(lambda) + unit_frequency(s);
   // w S p = m lambda^2/A + lambda (sum w (beta + q/(lambda + r)) p) + K
-  const std::vector<Complex> d = s.minus_d2(p);
+  const std::vector<Complex> d = s.coupling.minus_d2(p);
   std::vector<Complex> wp(n);
   Complex m = 0, drag = 0, K = 0;
   double weight = 0, drags = 0;
   for (std::size_t i = 0; i < n; ++i) {
     wp[i] = w[i] * p[i];
     m += wp[i];
-    drag += wp[i] * s.beta[i];
+    drag += wp[i] * s.point(i).beta();
     K += w[i] * d[i];
     weight += std::abs(wp[i]);
-    drags += std::abs(wp[i]) * std::abs(s.beta[i]);
+    drags += std::abs(wp[i]) * std::abs(s.point(i).beta());
   }
   K = s.K0 * m + s.K1 * K;
   for (int k = 0; k < 8; ++k) {
     Complex above = lambda * (lambda / s.A * m + drag) + K, below = 2. * lambda / s.A * m + drag;
     double size = 2 * std::abs(lambda) / s.A * weight + drags;
-    for (std::size_t i = 0; i < s.r.size(); ++i) {
-      const Complex over = 1. / (lambda + s.r[i]), q = wp[i] * s.F_state[i] * s.g_psi[i] * over;
+    for (std::size_t i = 0; s.has_state() && i < n; ++i) {
+      const Complex over = 1. / (lambda + s.point(i).r()), q = wp[i] * s.point(i).q() * over;
       above += lambda * q;
-      below += q * s.r[i] * over;
-      size += std::abs(q * s.r[i] * over);
+      below += q * s.point(i).r() * over;
+      size += std::abs(q * s.point(i).r() * over);
     }
     if (!(std::abs(below) > 1e-3 * size)) return std::nullopt;
     const Complex step = above / below;
@@ -64,7 +64,7 @@ void scale_to_largest(std::vector<Complex>& v) {
 }
 
 // Rayleigh's quotient iteration on both eigenvectors.
-bool follow_one(const Sliding& s, FollowedMode& f) {
+bool follow_one(const LinearisedOperator& s, FollowedMode& f) {
   BandLU lu;
   for (int k = 0; k < 5; ++k) {
     const auto start = estimate(s, f);
@@ -75,7 +75,7 @@ bool follow_one(const Sliding& s, FollowedMode& f) {
     f.mode.psi = s.apply_slope(*start, f.mode.psi);
     s.solve(lu, f.mode.psi);
     scale_to_largest(f.mode.psi);
-    if (s.symmetric) {
+    if (s.symmetric()) {
       f.left = left_vector(s, f.mode);
     } else {
       f.left = s.apply_slope(*start, f.left);  // S' is diagonal
@@ -99,27 +99,27 @@ bool follow_one(const Sliding& s, FollowedMode& f) {
 }
 
 // What a count may cost, in node evaluations.
-double count_effort(const Sliding& s) { return 2e6 + 400 * double(s.size()) * std::log2(double(s.size())); }
+double count_effort(const LinearisedOperator& s) { return 2e6 + 400 * double(s.size()) * std::log2(double(s.size())); }
 
 }  // namespace
 
 // ---- several ------------------------------------------------------------------------------------------------------
 
-double FollowedModes::count_height(const Sliding& s) const {
+double FollowedModes::count_height(const LinearisedOperator& s) const {
   const double bound = 1.01 * s.imaginary_bound();
   return refine_ ? std::min(bound, resolved_frequency(s)) : bound;
 }
 
-double FollowedModes::reach(const Sliding& s) const {
+double FollowedModes::reach(const LinearisedOperator& s) const {
   return (refine_ ? resolved_frequency(s) : 1.01 * s.imaginary_bound()) * (1 + 1e-12);
 }
 
-double FollowedModes::line_behind(const Sliding& s, const Mode& m) const {
+double FollowedModes::line_behind(const LinearisedOperator& s, const Mode& m) const {
   return m.value.real() + count_margin(s, m.value.imag(), slack_);
 }
 
 // Adds a mode that counts and is not there yet.
-bool FollowedModes::add(const Sliding& s, Mode&& m, std::vector<FollowedMode>& all) const {
+bool FollowedModes::add(const LinearisedOperator& s, Mode&& m, std::vector<FollowedMode>& all) const {
   if (m.psi.size() != s.size() || m.value.imag() > reach(s) || is_neutral(s, m)) return false;
   for (const FollowedMode& o : all)
     if (std::abs(o.mode.value - m.value) < 1e-7 * (1 + std::abs(m.value))) return false;
@@ -128,7 +128,7 @@ bool FollowedModes::add(const Sliding& s, Mode&& m, std::vector<FollowedMode>& a
 }
 
 // Those that may lead here or nearby are kept: of several modes with nearly the same growth rate two.
-void FollowedModes::keep_rightmost(const Sliding& s, std::vector<FollowedMode> all) {
+void FollowedModes::keep_rightmost(const LinearisedOperator& s, std::vector<FollowedMode> all) {
   std::sort(all.begin(), all.end(), [](const FollowedMode& a, const FollowedMode& b) {
     return a.mode.value.real() > b.mode.value.real();
   });
@@ -147,7 +147,7 @@ void FollowedModes::keep_rightmost(const Sliding& s, std::vector<FollowedMode> a
   }
 }
 
-void FollowedModes::search(const Sliding& s, bool thorough) {
+void FollowedModes::search(const LinearisedOperator& s, bool thorough) {
   SpectrumSettings settings;
   settings.count = 6;
   settings.compare = false;
@@ -162,7 +162,7 @@ void FollowedModes::search(const Sliding& s, bool thorough) {
   keep_rightmost(s, std::move(all));
 }
 
-void FollowedModes::recover(const Sliding& s) {
+void FollowedModes::recover(const LinearisedOperator& s) {
   std::vector<FollowedMode> all;
   for (FollowedMode& f : modes_)
     if (f.mode.psi.size() == s.size() && polish(s, f.mode, 12)) add(s, std::move(f.mode), all);
@@ -171,7 +171,7 @@ void FollowedModes::recover(const Sliding& s) {
   doubtful_ = true;
 }
 
-void FollowedModes::take_up(const Sliding& s, const std::vector<FollowedMode>& more) {
+void FollowedModes::take_up(const LinearisedOperator& s, const std::vector<FollowedMode>& more) {
   std::vector<FollowedMode> all;
   for (const std::vector<FollowedMode>* list : {const_cast<const std::vector<FollowedMode>*>(&modes_), &more})
     for (FollowedMode f : *list) {
@@ -183,7 +183,7 @@ void FollowedModes::take_up(const Sliding& s, const std::vector<FollowedMode>& m
 }
 
 // All are estimated, and those that might lead are taken along.
-std::optional<LeadingMode> FollowedModes::follow(const Sliding& s) {
+std::optional<LeadingMode> FollowedModes::follow(const LinearisedOperator& s) {
   struct Guess {
     std::size_t index;
     double value, shift;
@@ -229,7 +229,7 @@ std::optional<LeadingMode> FollowedModes::follow(const Sliding& s) {
   return result;
 }
 
-LeadingMode FollowedModes::leading(const Sliding& s) const {
+LeadingMode FollowedModes::leading(const LinearisedOperator& s) const {
   LeadingMode best{modes_[leader_].mode, false};
   const double level = same_growth(s);
   for (const FollowedMode& f : modes_)
@@ -240,14 +240,14 @@ LeadingMode FollowedModes::leading(const Sliding& s) const {
 
 // ---- those that are missing ---------------------------------------------------------------------------------------
 
-std::optional<long> FollowedModes::count(const Sliding& s, double a, std::vector<Complex>* where) const {
+std::optional<long> FollowedModes::count(const LinearisedOperator& s, double a, std::vector<Complex>* where) const {
   std::optional<long> count = count_right(comm_, s, a, count_height(s), count_effort(s), where);
   if (count && s.neutral() && a < 0) --*count;
   return count;
 }
 
 // Further right where an eigenvalue stands too near the line.
-std::optional<long> FollowedModes::count_firmly(const Sliding& s, double a, std::vector<Complex>& where) const {
+std::optional<long> FollowedModes::count_firmly(const LinearisedOperator& s, double a, std::vector<Complex>& where) const {
   for (const double aside : {0., 1e-7, 1e-6, 1e-5}) {
     where.clear();
     if (const auto n = count(s, a + aside * unit_frequency(s), &where)) return n;
@@ -256,7 +256,7 @@ std::optional<long> FollowedModes::count_firmly(const Sliding& s, double a, std:
 }
 
 // Polishes zeros that a count has seen, the rightmost four; whether one is new.
-bool FollowedModes::add_near(const Sliding& s, std::vector<Complex> where, double line,
+bool FollowedModes::add_near(const LinearisedOperator& s, std::vector<Complex> where, double line,
                              std::vector<FollowedMode>& all) const {
   bool found = false;
   std::sort(where.begin(), where.end(), [](Complex a, Complex b) { return a.real() > b.real(); });
@@ -272,7 +272,7 @@ bool FollowedModes::add_near(const Sliding& s, std::vector<Complex> where, doubl
 }
 
 // The frequency of a mode right of a line, by counting below lower and lower frequencies.
-double FollowedModes::frequency_by_halving(const Sliding& s, double line) const {
+double FollowedModes::frequency_by_halving(const LinearisedOperator& s, double line) const {
   double below = 0, above = count_height(s);
   for (int k = 0; k < 14; ++k) {
     const double middle = (below + above) / 2;
@@ -285,7 +285,7 @@ double FollowedModes::frequency_by_halving(const Sliding& s, double line) const 
 
 // Adds one at least of the modes that a count has found right of the line: the zeros that it names; where it names none, it
 // is counted further right, by ever larger steps and then halving, until a zero stands near the line.
-bool FollowedModes::add_missing(const Sliding& s, long first_count, std::vector<Complex> where, double line,
+bool FollowedModes::add_missing(const LinearisedOperator& s, long first_count, std::vector<Complex> where, double line,
                                 std::vector<FollowedMode>& all) const {
   const double unit = unit_frequency(s);
   std::optional<long> count = first_count;
@@ -306,11 +306,11 @@ bool FollowedModes::add_missing(const Sliding& s, long first_count, std::vector<
   return add_near(s, {guess}, line, all);
 }
 
-bool FollowedModes::complete(const Sliding& s) {
+bool FollowedModes::complete(const LinearisedOperator& s) {
   std::vector<FollowedMode> all = modes_;
   const Mode& leader = all[leader_].mode;
   double line = line_behind(s, leader);
-  const double bound = s.symmetric && !s.has_state() ? s.real_bound() : std::numeric_limits<double>::infinity();
+  const double bound = s.symmetric() && !s.has_state() ? s.real_bound() : std::numeric_limits<double>::infinity();
   if (bound <= line || (only_sign_ && bound <= 0)) return true;
   if (only_sign_) {
     if (line > 2 * count_margin(s, leader.value.imag(), slack_)) return true;

@@ -24,37 +24,37 @@ class FollowedModes {
   void clear() { modes_.clear(); }
 
   // The leading one of the modes followed to this operator; nothing where the last one was lost, or too few are left.
-  std::optional<LeadingMode> follow(const Sliding& s);
+  std::optional<LeadingMode> follow(const LinearisedOperator& s);
   // The leading one as known, with no step taken; there must be one.
-  LeadingMode leading(const Sliding& s) const;
+  LeadingMode leading(const LinearisedOperator& s) const;
 
   // Polishes them from where they were, whatever they become; searches where none is left.
-  void recover(const Sliding& s);
+  void recover(const LinearisedOperator& s);
   // What the shifts of `spectrum` find, or (thorough) all its means, beside the modes followed so far.
-  void search(const Sliding& s, bool thorough);
+  void search(const LinearisedOperator& s, bool thorough);
   // Follows the modes of another place to this one, beside those here; the rightmost stay.
-  void take_up(const Sliding& s, const std::vector<FollowedMode>& more);
+  void take_up(const LinearisedOperator& s, const std::vector<FollowedMode>& more);
   // Counts the modes right of the rightmost one here and adds those that are missing. False where that fails.
-  bool complete(const Sliding& s);
+  bool complete(const LinearisedOperator& s);
 
   // The number of modes right of `a` that count; empty where an eigenvalue stands too near that line.
-  std::optional<long> count(const Sliding& s, double a, std::vector<Complex>* where = nullptr) const;
+  std::optional<long> count(const LinearisedOperator& s, double a, std::vector<Complex>* where = nullptr) const;
 
   void only_sign(bool yes) { only_sign_ = yes; }
   void allow_slack(double slack) { slack_ = slack; }
   bool doubtful() { return std::exchange(doubtful_, false); }
 
  private:
-  double reach(const Sliding& s) const;         // frequency up to which modes count
-  double count_height(const Sliding& s) const;  // of the box in which they are counted
-  double line_behind(const Sliding& s, const Mode& m) const;
-  bool add(const Sliding& s, Mode&& mode, std::vector<FollowedMode>& all) const;
-  bool add_near(const Sliding& s, std::vector<Complex> where, double line, std::vector<FollowedMode>& all) const;
-  bool add_missing(const Sliding& s, long count, std::vector<Complex> where, double line,
+  double reach(const LinearisedOperator& s) const;         // frequency up to which modes count
+  double count_height(const LinearisedOperator& s) const;  // of the box in which they are counted
+  double line_behind(const LinearisedOperator& s, const Mode& m) const;
+  bool add(const LinearisedOperator& s, Mode&& mode, std::vector<FollowedMode>& all) const;
+  bool add_near(const LinearisedOperator& s, std::vector<Complex> where, double line, std::vector<FollowedMode>& all) const;
+  bool add_missing(const LinearisedOperator& s, long count, std::vector<Complex> where, double line,
                    std::vector<FollowedMode>& all) const;
-  std::optional<long> count_firmly(const Sliding& s, double a, std::vector<Complex>& where) const;
-  double frequency_by_halving(const Sliding& s, double line) const;
-  void keep_rightmost(const Sliding& s, std::vector<FollowedMode> all);
+  std::optional<long> count_firmly(const LinearisedOperator& s, double a, std::vector<Complex>& where) const;
+  double frequency_by_halving(const LinearisedOperator& s, double line) const;
+  void keep_rightmost(const LinearisedOperator& s, std::vector<FollowedMode> all);
 
   MPI_Comm comm_;
   bool refine_;
@@ -65,8 +65,8 @@ class FollowedModes {
 };
 
 // As far right of a mode as it and the count may be wrong.
-double count_margin(const Sliding& s, double frequency, double part = 1e-7);
+double count_margin(const LinearisedOperator& s, double frequency, double part = 1e-7);
 // Growth rates closer than this are equal to round-off.
-double same_growth(const Sliding& s);
+double same_growth(const LinearisedOperator& s);
 
 }  // namespace stickslip

@@ -6,7 +6,6 @@
 
 #include "stability/followed_modes.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
@@ -30,19 +29,22 @@ Scene GrowthRate::scene(double x, double y) const {
   return scene_at_(axes_.empty() ? 0 : axes_[0].value(x), axes_.size() > 1 ? axes_[1].value(y) : 0);
 }
 
-std::optional<Sliding> GrowthRate::sliding(double x, double y) const {
+std::optional<LinearisedOperator> GrowthRate::linearised(double x, double y) const {
   try {
-    return Sliding(scene(x, y));
+    return LinearisedOperator(scene(x, y));
   } catch (const Failure&) {
     return std::nullopt;
   }
 }
 
 bool GrowthRate::enters() const {
-  const auto a = sliding(0.2, 0), b = sliding(0.6, 0);
-  if (!a || !b) return true;
-  return !(a->A == b->A && a->K0 == b->K0 && a->K1 == b->K1 && a->s_delta == b->s_delta && a->beta == b->beta &&
-           a->r == b->r && a->F_state == b->F_state && a->g_psi == b->g_psi && a->scene.h() == b->scene.h());
+  const auto a = linearised(0.2, 0), b = linearised(0.6, 0);
+  if (!a || !b || a->A != b->A || a->K0 != b->K0 || a->K1 != b->K1 || a->scene.h() != b->scene.h()) return true;
+  for (std::size_t i = 0; i < a->size(); ++i) {
+    const LinearPoint p = a->point(i), q = b->point(i);
+    if (!(p == q) || p.beta() != q.beta()) return true;
+  }
+  return false;
 }
 
 void GrowthRate::only_sign(bool yes) { modes_->only_sign(yes); }
@@ -50,21 +52,21 @@ bool GrowthRate::doubtful() { return modes_->doubtful(); }
 
 // ---- the leading mode ---------------------------------------------------------------------------------------------
 
-std::optional<ContinuumLead> GrowthRate::closed(const Sliding& s) const {
+std::optional<ContinuumLead> GrowthRate::closed(const LinearisedOperator& s) const {
   return refine_ ? continuum_lead(s) : std::nullopt;
 }
 
-bool GrowthRate::all_known(const Sliding& s) const { return closed(s) || !s.exact_waves().empty(); }
+bool GrowthRate::all_known(const LinearisedOperator& s) const { return closed(s) || !s.exact_waves().empty(); }
 
 // The leading one of all waves of the discrete dispersion relation; of equal ones the longest.
-LeadingMode GrowthRate::leading_wave(const Sliding& s) const {
-  const double h = s.scene.form == Form::chain ? 1 : s.scene.h(), level = same_growth(s);
-  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r();
+LeadingMode GrowthRate::leading_wave(const LinearisedOperator& s) const {
+  const double level = same_growth(s);
+  const LinearPoint medium = s.mean();
   LeadingMode best;
   best.mode.value = -std::numeric_limits<double>::infinity();
-  for (const Sliding::Wave& w : s.exact_waves()) {
+  for (const LinearisedOperator::Wave& w : s.exact_waves()) {
     bool neutral = s.neutral() && w.k == 0;
-    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, w.k), b, q, r)) {
+    for (const Complex& z : dispersion(medium, s.symbol(w.k))) {
       if (z.imag() < 0) continue;
       if (neutral && std::abs(z) <= level) {
         neutral = false;
@@ -86,7 +88,7 @@ LeadingMode GrowthRate::leading_wave(const Sliding& s) const {
 std::optional<LeadingMode> GrowthRate::leading(double x, double y) {
   ++evaluations_;
   if (each_) each_();
-  const std::optional<Sliding> s = sliding(x, y);
+  const std::optional<LinearisedOperator> s = linearised(x, y);
   if (!s) return std::nullopt;
   if (const auto lead = closed(*s)) {
     LeadingMode best{{}, lead->degenerate};
@@ -103,7 +105,7 @@ std::optional<LeadingMode> GrowthRate::leading(double x, double y) {
 }
 
 // Takes up the modes of the nearest place that was counted. Whether it is so near that its count holds here.
-bool GrowthRate::take_up_place(const Sliding& s, const Place& here, bool due) {
+bool GrowthRate::take_up_place(const LinearisedOperator& s, const Place& here, bool due) {
   const Place* other = nullptr;
   const auto away = [&](const Place& p) { return std::hypot(p.x - here.x, p.y - here.y); };
   for (const Place& p : places_)
@@ -116,7 +118,7 @@ bool GrowthRate::take_up_place(const Sliding& s, const Place& here, bool due) {
   return true;
 }
 
-std::optional<LeadingMode> GrowthRate::leading_followed(const Sliding& s, double x, double y) {
+std::optional<LeadingMode> GrowthRate::leading_followed(const LinearisedOperator& s, double x, double y) {
   Place here = place_of(s, x, y);
   const bool due = std::exchange(due_, false), moved = due || (reach_ > 0 && !(modes_at_ && near(here, *modes_at_)));
   bool count = moved || modes_->empty();
@@ -138,18 +140,18 @@ std::optional<LeadingMode> GrowthRate::leading_followed(const Sliding& s, double
 }
 
 void GrowthRate::seek(double x, double y) {
-  const Sliding s(scene(x, y));
+  const LinearisedOperator s(scene(x, y));
   if (!modes_->empty() && modes_->complete(s)) return;
   modes_->search(s, true);
 }
 
-GrowthRate::Place GrowthRate::place_of(const Sliding& s, double x, double y) {
-  Place p{x, y, s.A * s.K0, s.A * s.largest_stiffness(), s.beta, s.r, {}};
-  for (std::size_t i = 0; i < p.drag.size(); ++i) {
-    if (s.has_state()) p.drag[i] += s.F_state[i] * s.g_psi[i] / s.r[i];
-    p.drag[i] *= s.A;
+GrowthRate::Place GrowthRate::place_of(const LinearisedOperator& s, double x, double y) {
+  Place place{x, y, s.A * s.K0, s.A * s.largest_stiffness(), {}, {}, {}};
+  for (std::size_t i = 0; i < s.size(); ++i) {
+    place.drag.push_back(s.A * s.point(i).slow_beta());
+    if (s.has_state()) place.r.push_back(s.point(i).r());
   }
-  return p;
+  return place;
 }
 
 bool GrowthRate::near(const Place& a, const Place& b) const {
@@ -172,26 +174,13 @@ double GrowthRate::operator()(double x, double y) {
 namespace {
 
 // |J x - lambda x|/|x| of a sine wave of the continuum where all nodes are alike; NaN at infinite wavenumbers.
-double relation_residual(const Sliding& s, const Mode& m) {
+double relation_residual(const LinearisedOperator& s, const Mode& m) {
   const double k = m.wavenumber;
   if (!std::isfinite(k)) return std::numeric_limits<double>::quiet_NaN();
-  const Complex z = m.value, t = s.has_state() ? s.g_psi[0] / (z + s.r[0]) : 0;
-  const Complex state = s.has_state() ? s.F_state[0] * t : 0;
-  const Complex S = z * z / s.A + z * (s.mean_beta() + state) + s.K0 + s.K1 * k * k;
-  return std::abs(S) / std::sqrt(1 + std::norm(z / s.A + s.B + s.F_psi[0] + state) + std::norm(t));
-}
-
-// The psi of a mode of the discrete relation: a standing wave that fits the ends.
-std::vector<Complex> standing_wave(const Sliding& s, double k) {
-  std::vector<Complex> psi(s.size());
-  const double h = s.scene.form == Form::chain ? 1 : s.scene.h(), half = s.scene.form == Form::chain ? 0.5 : 0;
-  for (std::size_t i = 0; i < s.size(); ++i) {
-    const double x = double(s.node[i]) * h;
-    psi[i] = s.scene.left == End::velocity ? std::sin(k * x)
-             : s.scene.ring()             ? std::cos(k * x)
-                                          : std::cos(k * (x + half * h));
-  }
-  return psi;
+  const LinearPoint medium = s.mean();
+  const NodeVector x = medium.expand(m.value, 1);
+  return std::abs(medium.diagonal(m.value) + medium.stiffness(k * k)) /
+         std::sqrt(1 + std::norm(x.eta) + std::norm(x.state));
 }
 
 }  // namespace
@@ -199,13 +188,13 @@ std::vector<Complex> standing_wave(const Sliding& s, double k) {
 Crossing GrowthRate::crossing(double x, double y) {
   const auto at = leading(x, y);
   if (!at) throw Failure("no steady sliding on the boundary");
-  const Sliding s(scene(x, y));
+  const LinearisedOperator s(scene(x, y));
   Mode m = at->mode;
   const bool wave = m.psi.empty();  // of a relation
   if (closed(s)) {
     m.residual = relation_residual(s, m);
   } else {
-    if (wave) m.psi = standing_wave(s, m.wavenumber);
+    if (wave) m.psi = s.wave(m.wavenumber);
     if (wave && s.neutral()) m.residual = s.mode_residual(m.value, m.psi);  // near a double zero
     else polish(s, m);
   }
@@ -226,16 +215,16 @@ Crossing GrowthRate::crossing(double x, double y) {
 
 bool GrowthRate::vanishes(const Crossing& c) const {
   const double frequency = std::isfinite(c.frequency) ? c.frequency : 0;
-  return std::abs(c.growth) <= 1e-6 * (unit_frequency(Sliding(scene(c.x, c.y))) + frequency);
+  return std::abs(c.growth) <= 1e-6 * (unit_frequency(LinearisedOperator(scene(c.x, c.y))) + frequency);
 }
 
 bool GrowthRate::near_shortest(const Crossing& c) const {
-  const Sliding s(scene(c.x, c.y));
+  const LinearisedOperator s(scene(c.x, c.y));
   return s.scene.form == Form::continuum && !closed(s) && c.frequency > 0.9 * resolved_frequency(s);
 }
 
 void GrowthRate::count_growing(Crossing& c) {
-  const Sliding s(scene(c.x, c.y));
+  const LinearisedOperator s(scene(c.x, c.y));
   if (all_known(s)) {  // the growth rate is the largest of all there
     c.complete = true;
     return;
@@ -249,7 +238,7 @@ void GrowthRate::count_growing(Crossing& c) {
 
 double GrowthRate::count_cost() const {
   for (const double x : {0.5, 0.3, 0.7, 0.1, 0.9}) {
-    const auto s = sliding(x, x);
+    const auto s = linearised(x, x);
     if (!s) continue;
     if (all_known(*s)) return 0;
     static constexpr double microseconds[] = {0.6, 2.2, 2.8, 3};  // by order, of the tree
@@ -276,12 +265,13 @@ namespace {
 constexpr double sampled[] = {0, 0.25, 0.5, 0.75, 1};  // of each axis, where the box is looked at as a whole
 
 // The growth rate and frequency that a medium with the mean coefficients has on this grid.
-Complex mean_growth(const Sliding& s) {
-  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r(), height = resolved_frequency(s);
+Complex mean_growth(const LinearisedOperator& s) {
+  const double height = resolved_frequency(s);
+  const LinearPoint medium = s.mean();
   Complex best(-std::numeric_limits<double>::infinity(), 0);
   for (int j = 0; j <= 2000; ++j) {
     const double k = M_PI / s.scene.h() * std::pow(j / 2000., 2);
-    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, s.scene.h(), k), b, q, r))
+    for (const Complex& z : dispersion(medium, s.symbol(k)))
       if (z.imag() >= 0 && z.imag() <= height && z.real() > best.real()) best = z;
   }
   return best;
@@ -303,7 +293,7 @@ bool GrowthRate::grid_suffices(const GrowthRate& coarse) const {
   bool needed = false;
   for (const double x : sampled)
     for (const double y : sampled) {
-      const auto a = sliding(x, y), b = coarse.sliding(x, y);
+      const auto a = linearised(x, y), b = coarse.linearised(x, y);
       if (!a || !b || all_known(*a)) continue;
       needed = true;
       if (a->scene.form == Form::chain) continue;
@@ -340,29 +330,26 @@ std::optional<GrowthRate> GrowthRate::reduced() const {
 
 namespace {
 
-// A mode of another grid as a guess: between its nodes; of a shorter chain, trapped at either end.
-std::vector<Complex> on_other_grid(const Sliding& from, const Sliding& to, const std::vector<Complex>& p) {
-  if (to.scene.form == Form::continuum) return interpolate(from, to, p);
-  std::vector<Complex> q(to.size(), Complex(0));
-  const auto middle = std::ptrdiff_t(p.size() / 2);
-  std::copy(p.begin(), p.begin() + middle, q.begin());
-  std::copy(p.begin() + middle, p.end(), q.end() - (std::ptrdiff_t(p.size()) - middle));
-  return q;
+// Modes of another grid as guesses: between its nodes; of a shorter chain, trapped at either end.
+void take_to_grid(const LinearisedOperator& from, const LinearisedOperator& to,
+                  const std::vector<std::vector<Complex>*>& shapes) {
+  if (to.scene.form == Form::continuum) return interpolate(from, to, shapes);
+  for (std::vector<Complex>* p : shapes)
+    p->insert(p->begin() + std::ptrdiff_t(p->size() / 2), to.size() - from.size(), Complex(0));
 }
 
 }  // namespace
 
 void GrowthRate::take_hints(GrowthRate& other, double x, double y) {
   if (!other.leading(x, y)) return;
-  const auto here = sliding(x, y), there = other.sliding(x, y);
+  const auto here = linearised(x, y), there = other.linearised(x, y);
   if (!here || !there || all_known(*here)) return;  // no mode is followed where all are known
   std::vector<FollowedMode> hints;
   for (const FollowedMode& f : other.modes_->all())
-    if (f.mode.psi.size() == there->size()) {
-      FollowedMode hint = f;
-      for (std::vector<Complex>* v : {&hint.mode.psi, &hint.left}) *v = on_other_grid(*there, *here, *v);
-      hints.push_back(std::move(hint));
-    }
+    if (f.mode.psi.size() == there->size()) hints.push_back(f);
+  std::vector<std::vector<Complex>*> shapes;
+  for (FollowedMode& f : hints) shapes.insert(shapes.end(), {&f.mode.psi, &f.left});
+  take_to_grid(*there, *here, shapes);
   modes_->take_up(*here, hints);
   if (!hinted_ && (modes_->empty() || !modes_->complete(*here))) modes_->search(*here, false);  // what the other has not
   hinted_ = true;

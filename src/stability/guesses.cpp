@@ -5,35 +5,30 @@
 #include <limits>
 #include <utility>
 
-#include "stickslip/model/stencil.hpp"
-
 namespace stickslip {
 
-std::vector<double> mean_frequencies(const Sliding& s) {
-  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r();
-  const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
+std::vector<double> mean_frequencies(const LinearisedOperator& s) {
+  const LinearPoint medium = s.mean();
   std::vector<double> w;
-  for (std::size_t j = 0; j <= s.size(); ++j) {
-    const double K = s.K0 + s.K1 * symbol(s.scene.order, h, M_PI / h * double(j) / double(s.size()));
-    for (const Complex& z : s.dispersion(K, b, q, r))
+  for (std::size_t j = 0; j <= s.size(); ++j)
+    for (const Complex& z : dispersion(medium, s.symbol(M_PI / s.spacing() * double(j) / double(s.size()))))
       if (z.imag() > 0) w.push_back(z.imag());
-  }
   std::sort(w.begin(), w.end());
   return w;
 }
 
-std::vector<Complex> first_shifts(const Sliding& s, double height, PetscInt count) {
-  const double b = s.mean_beta(), q = s.mean_q(), r = s.mean_r();
-  const double h = s.scene.form == Form::chain ? 1 : s.scene.h();
+std::vector<Complex> first_shifts(const LinearisedOperator& s, double height, PetscInt count) {
+  const LinearPoint medium = s.mean();
+  const double h = s.spacing();
   const int samples = 400;
   std::vector<Complex> branch;  // rightmost root for every wavenumber
   std::vector<double> waves;
-  const std::vector<Sliding::Wave> exact = s.exact_waves();
+  const std::vector<LinearisedOperator::Wave> exact = s.exact_waves();
   for (int j = 0; j <= samples; ++j) {
     double k = M_PI / h * std::pow(double(j) / samples, 2);
     if (!exact.empty()) k = exact[std::size_t(double(exact.size() - 1) * std::pow(double(j) / samples, 2))].k;
     Complex best(-std::numeric_limits<double>::infinity(), 0);
-    for (const Complex& z : s.dispersion(s.K0 + s.K1 * symbol(s.scene.order, h, k), b, q, r))
+    for (const Complex& z : dispersion(medium, s.symbol(k)))
       if (z.imag() >= 0 && z.real() > best.real()) best = z;
     if (best.imag() > height) break;
     branch.push_back(best);
@@ -50,29 +45,27 @@ std::vector<Complex> first_shifts(const Sliding& s, double height, PetscInt coun
     if (j != best) shifts.push_back(branch[j] + aside);
   shifts.push_back(aside);  // real modes
   // What the least and the most damped nodes would do alone: modes may be trapped there.
-  const auto [low, high] = std::minmax_element(s.beta.begin(), s.beta.end());
-  for (const auto node : {low, high}) {
-    const std::size_t i = std::size_t(node - s.beta.begin());
-    for (const double K : {s.K0, s.largest_stiffness()})
-      for (const Complex& z : s.dispersion(K, s.beta[i], s.has_state() ? s.F_state[i] * s.g_psi[i] : 0,
-                                           s.has_state() ? s.r[i] : 0))
-        if (z.imag() >= 0 && z.imag() <= height && z.real() >= branch[best].real()) shifts.push_back(z + 0.1 * aside);
+  std::size_t low = 0, high = 0;
+  for (std::size_t i = 1; i < s.size(); ++i) {
+    if (s.point(i).beta() < s.point(low).beta()) low = i;
+    if (s.point(i).beta() > s.point(high).beta()) high = i;
   }
+  for (const std::size_t node : {low, high})
+    for (const double kappa2 : {0., s.largest_symbol()})
+      for (const Complex& z : dispersion(s.point(node), kappa2))
+        if (z.imag() >= 0 && z.imag() <= height && z.real() >= branch[best].real()) shifts.push_back(z + 0.1 * aside);
   return shifts;
 }
 
-double local_growth(const Sliding& s, std::size_t i, bool oscillations) {
-  if (oscillations) return -s.A * s.beta[i] / 2;
+double local_growth(const LinearisedOperator& s, std::size_t i, bool oscillations) {
+  if (oscillations) return -s.point(i).damping() / 2;
   double local = -std::numeric_limits<double>::infinity();
-  for (const double K : {s.K0, s.K0 + 0.1 * (s.largest_stiffness() - s.K0), s.largest_stiffness()})
-    for (const Complex& z : s.dispersion(K, s.beta[i], s.has_state() ? s.F_state[i] * s.g_psi[i] : 0,
-                                         s.has_state() ? s.r[i] : 0))
-      local = std::max(local, z.real());
+  for (const double part : {0., 0.1, 1.})
+    for (const Complex& z : dispersion(s.point(i), part * s.largest_symbol())) local = std::max(local, z.real());
   return local;
 }
 
-
-std::vector<Segment> promising_segments(const Sliding& s, bool quick) {
+std::vector<Segment> promising_segments(const LinearisedOperator& s, bool quick) {
   const std::size_t n = s.size();
   std::vector<double> sum{0};
   for (std::size_t i = 0; i < n; ++i) sum.push_back(sum.back() + local_growth(s, i, !s.has_state()));
@@ -96,8 +89,8 @@ std::vector<Segment> promising_segments(const Sliding& s, bool quick) {
   return segments;
 }
 
-std::vector<Mode> segment_modes(const Sliding& s, const Segment& segment, double height, bool inside) {
-  const Sliding part = s.segment(segment.first, segment.width);
+std::vector<Mode> segment_modes(const LinearisedOperator& s, const Segment& segment, double height, bool inside) {
+  const LinearisedOperator part = s.segment(segment.first, segment.width);
   std::vector<Mode> modes;
   if (segment.width * s.dof() <= 300) {
     modes = dense_modes(part, 12);

@@ -5,7 +5,8 @@
 #include <limits>
 #include <utility>
 
-#include "stickslip/model/stencil.hpp"
+#include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
 
@@ -24,16 +25,16 @@ void normalise(std::vector<Complex>& p) {
 }
 
 
-double rounding(const Sliding& s, Complex lambda) {
+double rounding(const LinearisedOperator& s, Complex lambda) {
   const double scale = std::max(std::abs(lambda), std::sqrt(s.A * s.K0) + 1e-3);
   return 20 * epsilon * (scale + s.A * s.largest_stiffness() / scale);
 }
 
 // It is known where D2 is symmetric: p times the weight, or its conjugate where all nodes are alike (a travelling wave).
-std::vector<Complex> left_vector(const Sliding& s, const Mode& mode) {
+std::vector<Complex> left_vector(const LinearisedOperator& s, const Mode& mode) {
   std::vector<Complex> w = mode.psi;
-  if (s.symmetric) {
-    for (std::size_t i = 0; i < w.size(); ++i) w[i] = s.weight[i] * (s.uniform ? std::conj(w[i]) : w[i]);
+  if (s.symmetric()) {
+    for (std::size_t i = 0; i < w.size(); ++i) w[i] = s.coupling.weight[i] * (s.uniform ? std::conj(w[i]) : w[i]);
     return w;
   }
   BandLU lu;
@@ -49,8 +50,8 @@ namespace {
 
 // lambda with w S(lambda) p = 0, w the left eigenvector: an error of p enters squared, and D2 is taken by differences,
 // so that round-off of size 1/h^2 stays out.
-Complex stationary_value(const Sliding& s, const Mode& mode) {
-  if (!s.symmetric) return mode.value;
+Complex stationary_value(const LinearisedOperator& s, const Mode& mode) {
+  if (!s.symmetric()) return mode.value;
   const std::vector<Complex>& p = mode.psi;
   const std::vector<Complex> w = left_vector(s, mode);
   Complex lambda = mode.value;
@@ -71,7 +72,7 @@ Complex stationary_value(const Sliding& s, const Mode& mode) {
 
 }  // namespace
 
-bool polish(const Sliding& s, Mode& mode, int steps) {
+bool polish(const LinearisedOperator& s, Mode& mode, int steps) {
   BandLU lu;
   bool converged = false;
   normalise(mode.psi);
@@ -113,7 +114,7 @@ bool polish(const Sliding& s, Mode& mode, int steps) {
   return converged;
 }
 
-Mode mode_near(const Sliding& s, Complex z) {
+Mode mode_near(const LinearisedOperator& s, Complex z) {
   Mode mode;
   mode.value = z;
   mode.psi.resize(s.size());
@@ -141,7 +142,7 @@ void sort_modes(std::vector<Mode>& modes, double tolerance) {
   }
 }
 
-std::size_t shown_modes(const Sliding& s, const std::vector<Mode>& modes, double height, PetscInt count) {
+std::size_t shown_modes(const LinearisedOperator& s, const std::vector<Mode>& modes, double height, PetscInt count) {
   std::size_t shown = 0;
   PetscInt eigenvalues = 0;
   bool leading = false;
@@ -173,7 +174,7 @@ void merge(std::vector<Mode>& modes, std::vector<Mode> more) {
   }
 }
 
-void add_mirror_images(const Sliding& s, std::vector<Mode>& modes) {
+void add_mirror_images(const LinearisedOperator& s, std::vector<Mode>& modes) {
   if (!s.uniform || !s.scene.ring()) return;
   std::vector<Mode> images;
   for (const Mode& m : modes) {
@@ -191,44 +192,34 @@ void add_mirror_images(const Sliding& s, std::vector<Mode>& modes) {
   merge(modes, std::move(images));
 }
 
-bool is_neutral(const Sliding& s, const Mode& m) {
-  return s.neutral() && std::abs(m.value) < 1e-6 * (std::abs(s.A * s.mean_beta()) + std::sqrt(s.A * s.K1)) &&
+bool is_neutral(const LinearisedOperator& s, const Mode& m) {
+  return s.neutral() && std::abs(m.value) < 1e-6 * (std::abs(s.mean().damping()) + std::sqrt(s.A * s.K1)) &&
          m.wavenumber * (s.scene.form == Form::chain ? double(s.scene.n) : s.scene.length) < 1;
 }
 
-double resolved_frequency(const Sliding& s) {
+double resolved_frequency(const LinearisedOperator& s) {
   if (s.scene.form == Form::chain) return s.imaginary_bound();
   const double k_max = M_PI / s.scene.h();
   if (s.dispersion_error(k_max) < 0.01) return s.imaginary_bound();
-  double low = 0, high = k_max;
-  for (int i = 0; i < 60; ++i) (s.dispersion_error((low + high) / 2) < 0.01 ? low : high) = (low + high) / 2;
-  const double K = s.K0 + s.K1 * symbol(s.scene.order, s.scene.h(), low);
-  return std::sqrt(s.A * K);
+  const double k = last_place([&](double at) { return s.dispersion_error(at) < 0.01; }, 0, k_max);
+  return std::sqrt(s.A * (s.K0 + s.K1 * s.symbol(k)));
 }
 
-// Cubic between the nodes.
-std::vector<Complex> interpolate(const Sliding& coarse, const Sliding& fine, const std::vector<Complex>& p) {
-  const PetscInt n = coarse.scene.n;
-  std::vector<Complex> all(std::size_t(n), Complex(0));
-  for (std::size_t i = 0; i < p.size(); ++i) all[std::size_t(coarse.node[i])] = p[i];
-  const auto at = [&](PetscInt i) {
-    if (coarse.scene.ring()) return all[std::size_t((i + n) % n)];
-    if (i < 0) return coarse.scene.left == End::free ? all[std::size_t(-i)] : 2. * all[0] - all[std::size_t(-i)];
-    if (i >= n) {
-      const std::size_t mirror = std::size_t(2 * (n - 1) - i), end = std::size_t(n - 1);
-      return coarse.scene.right == End::free ? all[mirror] : 2. * all[end] - all[mirror];
-    }
-    return all[std::size_t(i)];
+void interpolate(const LinearisedOperator& from, const LinearisedOperator& to,
+                 const std::vector<std::vector<Complex>*>& shapes) {
+  const auto end = [](End e) {
+    return e == End::periodic ? GridEnd::periodic : e == End::free ? GridEnd::mirrored : GridEnd::one_sided;
   };
-  std::vector<Complex> q(fine.size());
-  for (std::size_t i = 0; i < q.size(); ++i) {
-    const double t = double(fine.node[i]) * (fine.scene.h() / coarse.scene.h());
-    const PetscInt c = PetscInt(std::floor(t + 1e-9));
-    const double y = t - double(c);
-    q[i] = -y * (y - 1) * (y - 2) / 6 * at(c - 1) + (y + 1) * (y - 1) * (y - 2) / 2 * at(c) -
-           (y + 1) * y * (y - 2) / 2 * at(c + 1) + (y + 1) * y * (y - 1) / 6 * at(c + 2);
+  const Scene& grid = from.scene;
+  const PetscInt first = from.coupling.node.front(), last = from.coupling.node.back();
+  std::vector<std::vector<Complex>> results(shapes.size(), std::vector<Complex>(to.size(), Complex(0)));
+  for (std::size_t i = 0; i < to.size(); ++i) {
+    const double at = double(to.coupling.node[i]) * (to.scene.h() / grid.h());
+    for (const auto& [node, weight] : grid_interpolation(grid.n, end(grid.left), end(grid.right), 4, at))
+      for (std::size_t k = 0; k < shapes.size() && node >= first && node <= last; ++k)
+        results[k][i] += weight * (*shapes[k])[std::size_t(node - first)];
   }
-  return q;
+  for (std::size_t k = 0; k < shapes.size(); ++k) *shapes[k] = std::move(results[k]);
 }
 
 }  // namespace stickslip

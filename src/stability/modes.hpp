@@ -15,16 +15,16 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 Complex inner(const std::vector<Complex>& a, const std::vector<Complex>& b);  // conj(a) b
 void normalise(std::vector<Complex>& p);                                      // largest entry 1
 // Round-off in an eigenvalue: that of the stiffest entry, felt through dS/dlambda.
-double rounding(const Sliding& s, Complex lambda);
+double rounding(const LinearisedOperator& s, Complex lambda);
 
 // What a polished eigenvalue may be wrong by.
 class Tolerance {
  public:
-  explicit Tolerance(const Sliding& s) : s_(s), floor_(1e-11 * (1 + 1.01 * s.imaginary_bound())) {}
+  explicit Tolerance(const LinearisedOperator& s) : s_(s), floor_(1e-11 * (1 + 1.01 * s.imaginary_bound())) {}
   double operator()(const Mode& m) const { return std::max(10 * rounding(s_, m.value), floor_); }
 
  private:
-  const Sliding& s_;
+  const LinearisedOperator& s_;
   double floor_;
 };
 
@@ -41,17 +41,17 @@ class Noise {
 };
 
 // The eigenvector nearest to z, by inverse iteration; not polished.
-Mode mode_near(const Sliding& s, Complex z);
+Mode mode_near(const LinearisedOperator& s, Complex z);
 
 // Rightmost first; real parts equal to the tolerance are put in the order of frequency.
 void sort_modes(std::vector<Mode>& modes, double tolerance);
 // How many of the sorted modes with |Im| up to `height` are listed: as many as make `count` eigenvalues, and at least one
 // that is no symmetry.
-std::size_t shown_modes(const Sliding& s, const std::vector<Mode>& modes, double height, PetscInt count);
+std::size_t shown_modes(const LinearisedOperator& s, const std::vector<Mode>& modes, double height, PetscInt count);
 // Adds those that are not there yet.
 void merge(std::vector<Mode>& modes, std::vector<Mode> more);
 // A uniform ring has every travelling mode twice; a Krylov space built from one vector sees one of the two. The other
 // is its mirror image.
-void add_mirror_images(const Sliding& s, std::vector<Mode>& modes);
+void add_mirror_images(const LinearisedOperator& s, std::vector<Mode>& modes);
 
 }  // namespace stickslip

@@ -11,7 +11,7 @@
 
 namespace stickslip {
 
-Search::Search(MPI_Comm comm, const Sliding& s, const SpectrumSettings& settings, double height)
+Search::Search(MPI_Comm comm, const LinearisedOperator& s, const SpectrumSettings& settings, double height)
     : comm_(comm), s_(s), settings_(settings), height_(height), exact_(s), many_(s.size() > settings.long_from),
       tolerance_(s), wanted_(std::size_t(settings.count) / 2 + 2) {
   resolved_sought_ = settings.refine || !many_ || settings.quick || s.scene.form == Form::chain;
@@ -130,9 +130,11 @@ void Search::try_coarse_grid() {
   settings.quick = many_;
   Scene scene = s_.scene;
   scene.n = scene.ring() ? scene.n / 4 : (scene.n - 1) / 4 + 1;
-  const Sliding coarse(scene);
+  const LinearisedOperator coarse(scene);
   std::vector<Mode> modes = compute_spectrum(comm_, coarse, settings).modes;
-  for (Mode& m : modes) m.psi = interpolate(coarse, s_, m.psi);
+  std::vector<std::vector<Complex>*> shapes;
+  for (Mode& m : modes) shapes.push_back(&m.psi);
+  interpolate(coarse, s_, shapes);
   take(std::move(modes));
 }
 
@@ -334,7 +336,7 @@ void Search::close_rightmost(Spectrum& result) {
   for (int round = 0;; ++round) {
     const Mode& best = *rightmost();
     const double growth = best.value.real(), line = growth + tolerance_(best);
-    if (s_.symmetric && !s_.has_state() && s_.real_bound() <= line) {
+    if (s_.symmetric() && !s_.has_state() && s_.real_bound() <= line) {
       result.complete = true;
       result.completeness_check = "no mode can exceed -1/2 of the least damping, which the rightmost one attains";
       return;

@@ -20,7 +20,7 @@ namespace stickslip {
 
 class Search {
  public:
-  Search(MPI_Comm comm, const Sliding& s, const SpectrumSettings& settings, double height);
+  Search(MPI_Comm comm, const LinearisedOperator& s, const SpectrumSettings& settings, double height);
   // The modes found, rightmost first, and in `result` what is known of them: complete, list_complete, missing,
   // completeness_check. Collective; the same on every rank. Throws Failure where nothing is found.
   std::vector<Mode> run(Spectrum& result);
@@ -62,7 +62,7 @@ class Search {
   std::string counted_text(const Count& c, double line) const;
 
   MPI_Comm comm_;
-  const Sliding& s_;
+  const LinearisedOperator& s_;
   const SpectrumSettings settings_;
   const double height_;
   const ExactModes exact_;

@@ -17,16 +17,19 @@ namespace {
 
 // Marks the modes that keep their value and shape on the grid of half the spacing; returns the change of the real part
 // of the rightmost one that does.
-double compare_grids(const Sliding& s, std::vector<Mode>& modes) {
+double compare_grids(const LinearisedOperator& s, std::vector<Mode>& modes) {
   Scene scene = s.scene;
   scene.n = scene.ring() ? 2 * scene.n : 2 * scene.n - 1;
-  const Sliding fine(scene);
+  const LinearisedOperator fine(scene);
   double change = 0;
   bool first = true;
-  for (Mode& m : modes) {
+  std::vector<Mode> others = modes;
+  std::vector<std::vector<Complex>*> shapes;
+  for (Mode& m : others) shapes.push_back(&m.psi);
+  interpolate(s, fine, shapes);
+  for (std::size_t k = 0; k < modes.size(); ++k) {
+    Mode &m = modes[k], &other = others[k];
     const double scale = std::max(std::abs(m.value), std::sqrt(s.A * s.K0));
-    Mode other = m;
-    other.psi = interpolate(s, fine, m.psi);
     const std::vector<Complex> guess = other.psi;
     const bool converged = polish(fine, other, 12);
     const double drift = std::min(std::abs(other.value - m.value), std::abs(std::conj(other.value) - m.value));
@@ -45,7 +48,7 @@ double compare_grids(const Sliding& s, std::vector<Mode>& modes) {
 }
 
 // All eigenvalues by LAPACK; of them what is shown, and some more, polished.
-std::vector<Mode> dense_search(const Sliding& s, const SpectrumSettings& settings, double height) {
+std::vector<Mode> dense_search(const LinearisedOperator& s, const SpectrumSettings& settings, double height) {
   std::vector<Mode> modes = dense_modes(s, PetscInt(s.size() * s.dof()));
   // LAPACK's round-off hides which of equal real parts is larger
   sort_modes(modes, 1e-10 * (1 + s.imaginary_bound()));
@@ -62,7 +65,7 @@ std::vector<Mode> dense_search(const Sliding& s, const SpectrumSettings& setting
 }
 
 // The leading mode: the first that is resolved and no symmetry. Others with its growth rate are told.
-void lead(const Sliding& s, const Tolerance& tolerance, double error, Spectrum& result) {
+void lead(const LinearisedOperator& s, const Tolerance& tolerance, double error, Spectrum& result) {
   result.growth = result.frequency = std::numeric_limits<double>::quiet_NaN();
   const Mode* first = nullptr;
   for (const Mode& m : result.modes) {
@@ -81,7 +84,7 @@ void lead(const Sliding& s, const Tolerance& tolerance, double error, Spectrum& 
 }
 
 // What the waves that the grid does not carry do.
-void look_beyond_grid(const Sliding& s, double height, bool refine, Spectrum& result) {
+void look_beyond_grid(const LinearisedOperator& s, double height, bool refine, Spectrum& result) {
   if (s.scene.form == Form::chain) return;
   const std::string beyond = refine ? "the grid" : "the matrix";
   if (const auto continuum = continuum_lead(s)) {
@@ -109,7 +112,7 @@ void look_beyond_grid(const Sliding& s, double height, bool refine, Spectrum& re
 
 }  // namespace
 
-Spectrum compute_spectrum(MPI_Comm comm, const Sliding& s, const SpectrumSettings& settings) {
+Spectrum compute_spectrum(MPI_Comm comm, const LinearisedOperator& s, const SpectrumSettings& settings) {
   if (s.size() == 0) throw Failure("the scene has no node left to solve for: both ends are held");
   Spectrum result;
   const bool refine = settings.refine && s.scene.form == Form::continuum;

@@ -8,6 +8,7 @@
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/stability/growth_rate.hpp"
+#include "stickslip/stability/steady_sliding.hpp"
 
 namespace stickslip {
 
@@ -29,7 +30,7 @@ double steps_seconds(double unknowns, long evaluations) { return double(evaluati
 std::function<double(PetscInt)> steady_velocity(const Scene& scene) {
   if (!has_held_end(scene)) return {};
   try {
-    const auto psi = std::make_shared<std::vector<double>>(Sliding(scene).psi);
+    const auto psi = std::make_shared<std::vector<double>>(SteadySliding(scene).psi);
     return [psi](PetscInt node) { return (*psi)[static_cast<std::size_t>(node)]; };
   } catch (const Error&) {
     return {};

@@ -17,7 +17,8 @@
 #include <vector>
 
 #include "stickslip/base/handle.hpp"
-#include "stickslip/stability/sliding.hpp"
+#include "stickslip/numerics/band.hpp"
+#include "stickslip/numerics/roots.hpp"
 #include "stickslip/time/time.hpp"
 
 namespace stickslip {

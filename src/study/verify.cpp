@@ -14,7 +14,7 @@ namespace stickslip {
 namespace {
 
 // A start about steady sliding: psi_i = steady + amplitude (1 + cos(k x))/2 at the nodes solved for, eta and state steady.
-void start_beside(const Model& model, const Sliding& s, double amplitude, double k, Vec u) {
+void start_beside(const Model& model, const SteadySliding& s, double amplitude, double k, Vec u) {
   const Writing x(u);
   const std::size_t d = std::size_t(model.dof());
   for (PetscInt i = 0; i < model.local(); ++i) {
@@ -30,7 +30,7 @@ void start_beside(const Model& model, const Sliding& s, double amplitude, double
 // prolonged to the time that would decide, up to four times as long. The method is the program's own choice for the
 // scene, adaptive and accurate: the user's -ts_ options do not reach it, since a damping method with long steps would make
 // sliding look stable (docs/spectrum.md). Collective.
-Motion regime_from(const Options& options, const Sliding& s, double growth, double amplitude, double k,
+Motion regime_from(const Options& options, const SteadySliding& s, double growth, double amplitude, double k,
                    double duration) {
   const Model model(PETSC_COMM_WORLD, Scene::from(options, false));
   VecHandle u = model.create_vector();
@@ -86,7 +86,7 @@ std::optional<Beside> place_beside(GrowthRate& growth, const Crossing& c, double
 Verified check_beside(const GrowthRate& growth, const Options& options, const Beside& place) {
   const Mode& mode = place.leading.mode;
   const std::vector<Axis>& axes = growth.axes();
-  const Sliding s(growth.scene(place.x, place.y));
+  const SteadySliding s(growth.scene(place.x, place.y));
   const double rate = std::abs(mode.value.real()), duration = std::min(3000., 9 / rate + 60);
   const double longest = (s.scene.ring() ? 2 : 1) * M_PI / s.scene.length;
   const double k = mode.wavenumber == 0            ? longest

@@ -9,9 +9,14 @@
 // oscillator of travelling waves and the forecast of steps take their coefficients from here; the terms themselves
 // stand in src/model/kernel.hpp. A new term of the equations is written in these two files.
 //
+// At a given lambda eta and the state of a node follow from its psi and what drives it, so that J - lambda is solved by one
+// equation a node, coupled by K1 D2 alone (`diagonal`, `condense`, `expand`).
+//
 // Nothing here communicates or allocates. Units: psi is a velocity, eta and F are numbers (forces over the friction
 // amplitude), so A has the unit velocity/time, B time/length, K0 1/length, s delta 1/time.
 #pragma once
+
+#include <complex>
 
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/scene.hpp"
@@ -41,22 +46,31 @@ struct NodeBlock {
   void write(int dof, double* rows) const;
 };
 
-struct LinearPoint {
+// A deviation of a node's unknowns, or a right-hand side for them.
+struct NodeVector {
+  std::complex<double> psi = 0, eta = 0, state = 0;
+};
+
+// What friction and its kinetic equation do to a deviation; F includes the node's amplitude.
+struct FrictionSlopes {
+  double F_psi = 0, F_state = 0, g_psi = 0, g_state = 0;
+  bool operator==(const FrictionSlopes& o) const {
+    return F_psi == o.F_psi && F_state == o.F_state && g_psi == o.g_psi && g_state == o.g_state;
+  }
+};
+
+struct LinearPoint : FrictionSlopes {
+  using Complex = std::complex<double>;
+
   double A, B, K0, K1, s_delta;        // of the scene
-  double F_psi = 0, F_state = 0;       // times the node's amplitude of friction
-  double g_psi = 0, g_state = 0;
   bool has_state = false;
 
   // The coefficients of a scene; without friction, or with that of a point. `F` includes the amplitude.
   explicit LinearPoint(const Scene& s)
       : A(s.A()), B(s.B()), K0(s.K0()), K1(s.K1()), s_delta(s.s_delta()), has_state(s.friction.has_state()) {}
   LinearPoint(const Scene& s, const Partials& F, const RatePartials& g) : LinearPoint(s) { set(F, g); }
-  void set(const Partials& F, const RatePartials& g) {
-    F_psi = F.F_psi;
-    F_state = F.F_state;
-    g_psi = g.g_psi;
-    g_state = g.g_state;
-  }
+  void set(const Partials& F, const RatePartials& g) { set({F.F_psi, F.F_state, g.g_psi, g.g_state}); }
+  void set(const FrictionSlopes& slopes) { static_cast<FrictionSlopes&>(*this) = slopes; }
 
   // d(terms `part`)/d(psi, eta, state) of the node itself for a wave with that kappa^2; 0: all nodes alike, or the node
   // with its neighbours left out.
@@ -64,11 +78,24 @@ struct LinearPoint {
   // The same of a node that friction holds at rest (Part::full, pointwise and stencil): psi stays 0, friction is eta.
   NodeBlock block_at_rest(Part part) const;
 
-  // With eta eliminated a deviation obeys  lambda [lambda/A + beta + F_state g_psi/(lambda + r)] + K = 0.
+  // With eta and the state eliminated a deviation obeys  lambda [lambda/A + beta + q/(lambda + r)] + K = 0.
   double stiffness(double kappa2) const { return K0 + K1 * kappa2; }  // K
   double beta() const { return B + s_delta / A + F_psi; }             // resistance; the `a` of a cubic with a state
   double damping() const { return A * (B + F_psi) + s_delta; }        // C = A beta: without a state stable iff C > 0
   double r() const { return -g_state; }                               // rate at which the state relaxes
+  double q() const { return F_state * g_psi; }                        // what acts through the state
+  // Resistance to slow changes, b = B + s delta/A + dF_ss/dv.
+  double slow_beta() const { return has_state ? beta() + q() / r() : beta(); }
+
+  // That relation without K, as a function of lambda, and its derivative. J - lambda is singular where lambda = -r.
+  Complex diagonal(Complex lambda) const;
+  Complex diagonal_slope(Complex lambda) const;
+  // (J - lambda) y = b:  -(diagonal + K0 - K1 D2) y.psi = condense(b),  y = expand(y.psi, b). With b = 0: an eigenvector.
+  Complex condense(Complex lambda, const NodeVector& b) const;
+  NodeVector expand(Complex lambda, Complex psi, const NodeVector& b = {}) const;
+  // The same for the transposed (not conjugated) J - lambda, in eta:  -(diagonal + K0 - K1 D2^T) y.eta = ...
+  Complex condense_transposed(Complex lambda, const NodeVector& b) const;
+  NodeVector expand_transposed(Complex lambda, Complex eta, const NodeVector& b) const;
 
   // lambda^3 + c2 lambda^2 + c1 lambda + c0 with a state; without, lambda^2 + c2 lambda + c1 and c0 = 0.
   struct Characteristic {
@@ -121,6 +148,49 @@ inline void NodeBlock::write(int dof, double* rows) const {
   rows[6] = state_psi;
   rows[7] = 0;
   rows[8] = state_state;
+}
+
+inline LinearPoint::Complex LinearPoint::diagonal(Complex lambda) const {
+  Complex c = beta();
+  if (has_state) c += q() / (lambda + r());
+  return lambda * (lambda / A + c);
+}
+
+inline LinearPoint::Complex LinearPoint::diagonal_slope(Complex lambda) const {
+  Complex c = 2. * lambda / A + beta();
+  if (has_state) c += q() * r() / ((lambda + r()) * (lambda + r()));
+  return c;
+}
+
+// The first and the last row of (J - lambda) y = b give
+//     state = (g_psi psi - b_state)/(lambda + r),   eta = b_psi/A + (lambda/A + B + F_psi) psi + F_state state.
+inline LinearPoint::Complex LinearPoint::condense(Complex lambda, const NodeVector& b) const {
+  Complex c = b.eta + (s_delta + lambda) * b.psi / A;
+  if (has_state) c -= lambda * F_state * b.state / (lambda + r());
+  return c;
+}
+
+inline NodeVector LinearPoint::expand(Complex lambda, Complex psi, const NodeVector& b) const {
+  NodeVector y{psi, b.psi / A + (lambda / A + B + F_psi) * psi};
+  if (has_state) {
+    y.state = (g_psi * psi - b.state) / (lambda + r());
+    y.eta += F_state * y.state;
+  }
+  return y;
+}
+
+// The second and the last column of J - lambda, transposed, give
+//     psi = (b_eta + (s delta + lambda) eta)/A,   state = -(F_state (b_eta + lambda eta) + b_state)/(lambda + r).
+inline LinearPoint::Complex LinearPoint::condense_transposed(Complex lambda, const NodeVector& b) const {
+  Complex c = b.psi + (B + F_psi + lambda / A) * b.eta;
+  if (has_state) c += g_psi * (F_state * b.eta + b.state) / (lambda + r());
+  return c;
+}
+
+inline NodeVector LinearPoint::expand_transposed(Complex lambda, Complex eta, const NodeVector& b) const {
+  NodeVector y{(b.eta + (s_delta + lambda) * eta) / A, eta};
+  if (has_state) y.state = -(F_state * (b.eta + lambda * eta) + b.state) / (lambda + r());
+  return y;
 }
 
 inline LinearPoint::Characteristic LinearPoint::characteristic(double kappa2) const {

@@ -1,10 +1,12 @@
-// Zeros of a real function of one real variable, and the place where a condition begins to fail. Nothing communicates;
+// Zeros of a real function of one real variable and of polynomials, and the place where a condition begins to fail. Nothing communicates;
 // a function that does is called the same number of times with the same arguments on every rank whose values agree.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <limits>
+#include <vector>
 
 namespace stickslip {
 
@@ -119,5 +121,10 @@ Least find_least(F&& f, double low, double high, double tolerance, Enough&& enou
   }
   return fa < fb ? Least{a, fa} : Least{b, fb};
 }
+
+// Roots of a quadratic or cubic with real coefficients, highest power first (not 0): to round-off where they are apart.
+// Complex ones are exact conjugates, neighbours in the list. Source of the cubic: Kahan, To solve a real cubic equation,
+// Berkeley 1986.
+std::vector<std::complex<double>> polynomial_roots(const std::vector<double>& coefficients);
 
 }  // namespace stickslip

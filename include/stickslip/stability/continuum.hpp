@@ -12,7 +12,7 @@
 
 #include <optional>
 
-#include "stickslip/stability/sliding.hpp"
+#include "stickslip/stability/linearised_operator.hpp"
 
 namespace stickslip {
 
@@ -25,9 +25,9 @@ struct ContinuumLead {
 
 // Over all whole waves of a ring, all standing waves between free ends or ends held at v (odd about a held end, even about
 // a free one). Empty in the chain, whose blocks are the matter, and where nodes differ. Not collective.
-std::optional<ContinuumLead> continuum_lead(const Sliding& sliding);
+std::optional<ContinuumLead> continuum_lead(const LinearisedOperator& J);
 
 // A frequency of the scene: that of uniform oscillation, or of the shortest wave where nothing holds the line.
-double unit_frequency(const Sliding& sliding);
+double unit_frequency(const LinearisedOperator& J);
 
 }  // namespace stickslip

@@ -128,13 +128,13 @@ class GrowthRate {
     std::vector<double> drag, r;  // A beta + A q, and r
     std::vector<FollowedMode> found;
   };
-  std::optional<Sliding> sliding(double x, double y) const;
-  std::optional<ContinuumLead> closed(const Sliding& sliding) const;  // the answer without a grid, where there is one
-  bool all_known(const Sliding& sliding) const;
-  LeadingMode leading_wave(const Sliding& sliding) const;
-  std::optional<LeadingMode> leading_followed(const Sliding& sliding, double x, double y);
-  bool take_up_place(const Sliding& sliding, const Place& here, bool due);
-  static Place place_of(const Sliding& sliding, double x, double y);
+  std::optional<LinearisedOperator> linearised(double x, double y) const;
+  std::optional<ContinuumLead> closed(const LinearisedOperator& J) const;  // the answer without a grid, where there is one
+  bool all_known(const LinearisedOperator& J) const;
+  LeadingMode leading_wave(const LinearisedOperator& J) const;
+  std::optional<LeadingMode> leading_followed(const LinearisedOperator& J, double x, double y);
+  bool take_up_place(const LinearisedOperator& J, const Place& here, bool due);
+  static Place place_of(const LinearisedOperator& J, double x, double y);
   bool near(const Place& a, const Place& b) const;
   bool grid_suffices(const GrowthRate& coarse) const;
 

@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/stability/sliding.hpp"
+#include "stickslip/stability/linearised_operator.hpp"
 
 namespace stickslip {
 
@@ -64,59 +64,36 @@ struct Spectrum {
 };
 
 // Collective: shifts are shared among the ranks of comm; every rank returns the same.
-Spectrum compute_spectrum(MPI_Comm comm, const Sliding& sliding, const SpectrumSettings& settings);
+Spectrum compute_spectrum(MPI_Comm comm, const LinearisedOperator& J, const SpectrumSettings& settings);
 
 // Newton steps on S(lambda) p = 0 from a guess; returns false where they do not converge. The residual and the
 // wavenumber of the mode are set.
-bool polish(const Sliding& sliding, Mode& mode, int steps = 8);
+bool polish(const LinearisedOperator& J, Mode& mode, int steps = 8);
 
 // The left eigenvector, w^T S(lambda) = 0, of a polished mode; not conjugated.
-std::vector<Complex> left_vector(const Sliding& sliding, const Mode& mode);
+std::vector<Complex> left_vector(const LinearisedOperator& J, const Mode& mode);
 
-// A mode's psi of the same line on a coarser grid, at the nodes of the finer one.
-std::vector<Complex> interpolate(const Sliding& coarse, const Sliding& fine, const std::vector<Complex>& psi);
+// Takes psi of modes of one line from one grid to another, by cubics; 0 at held nodes.
+void interpolate(const LinearisedOperator& from, const LinearisedOperator& to,
+                 const std::vector<std::vector<Complex>*>& shapes);
 
 // The frequency up to which the grid carries waves with less than 1 % of error; beyond it no mode of the continuum is
 // to be had from this grid. No limit in the chain.
-double resolved_frequency(const Sliding& sliding);
+double resolved_frequency(const LinearisedOperator& J);
 
-// The mode that is a symmetry, not an instability (Sliding::neutral).
-bool is_neutral(const Sliding& sliding, const Mode& mode);
+// The mode that is a symmetry, not an instability (LinearisedOperator::neutral).
+bool is_neutral(const LinearisedOperator& J, const Mode& mode);
 
 // Up to `count` modes near sigma = (shift right of the axis) + i omega, not polished.
-std::vector<Mode> krylov_modes(const Sliding& sliding, Complex sigma, PetscInt count);
+std::vector<Mode> krylov_modes(const LinearisedOperator& J, Complex sigma, PetscInt count);
 
 // Every mode, by LAPACK; the eigenvectors of the `count` rightmost only.
-std::vector<Mode> dense_modes(const Sliding& sliding, PetscInt count);
-
-// What the eigenvalues leave out, in the energy norm |(p, e, t)|^2 = sum of weight (|e|^2 + conj(p) K p/A + |t|^2),
-// K = K0 - K1 D2, which the waves alone conserve.
-struct Transient {
-  double abscissa = 0;  // the fastest growth rate of any perturbation at first (numerical abscissa)
-  // Largest |exp(J t)| over t >= 0, and when it is reached, both refined (`wavenumbers`: to 1e-9, and nothing beyond
-  // 1e-4 is overlooked; `dense`: the three highest of 100 to 400 samples refined; `iteration`: the highest, to 1e-6).
-  // 1 and 0 where nothing grows. Meaningful for stable sliding only.
-  double growth = 1, time = 0;
-  std::string method;   // "wavenumbers", "dense" or "iteration"
-  bool exact = true;    // false: growth is a lower bound
-  double frequency = 0;  // iteration: of the fastest waves that it carries
-};
-// By wavenumber where the exact relation applies, dense up to 400 unknowns elsewhere, beyond (or with `iterate`) by
-// banded matrices: the abscissa by halving (Cholesky's factorisation says on which side it lies), the growth by Lanczos'
-// iteration on exp(J t) and its adjoint, stepped by a rational approximation. Nothing where D2 has no such norm (held
-// ends of order 4 and 6, sliding as a whole without the exact relation).
-std::optional<Transient> transient_growth(const Sliding& sliding, double growth_rate, bool iterate = false);
-
-// The resolvent norm |(z - J)^-1| in the energy norm, by Lanczos' iteration on banded solves, to 1e-4; NaN where there
-// is no such norm. At every (re, im), re fastest; empty where there is none. Collective over comm, which shares the work.
-double resolvent_norm(const Sliding& sliding, Complex z);
-std::vector<double> pseudospectrum(MPI_Comm comm, const Sliding& sliding, const std::vector<double>& re,
-                                   const std::vector<double>& im);
+std::vector<Mode> dense_modes(const LinearisedOperator& J, PetscInt count);
 
 // The number of eigenvalues with real part above `a` and |Im| < height, by the turn of the characteristic polynomial's
 // phase round that box; empty where an eigenvalue stands on its edge, or the work would exceed `effort` node
 // evaluations. `where`: places near which the count says that such eigenvalues stand, some of them. Collective.
-std::optional<long> count_right(MPI_Comm comm, const Sliding& sliding, double a, double height, double effort,
+std::optional<long> count_right(MPI_Comm comm, const LinearisedOperator& J, double a, double height, double effort,
                                 std::vector<Complex>* where = nullptr);
 
 }  // namespace stickslip

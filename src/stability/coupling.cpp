@@ -1,0 +1,104 @@
+#include "stickslip/stability/coupling.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/model/stencil.hpp"
+
+namespace stickslip {
+
+Coupling::Coupling(const Scene& s) : folded_(s.ring()) {
+  const bool left = s.left == End::velocity, right = s.right == End::velocity;
+  for (PetscInt i = left ? 1 : 0; i < (right ? s.n - 1 : s.n); ++i) node.push_back(i);
+  const auto is_held = [&](PetscInt i) { return (left && i == 0) || (right && i == s.n - 1); };
+  weight.assign(size(), 1);
+  if (s.form == Form::continuum && size() > 0) {
+    if (s.left == End::free) weight.front() = 0.5;
+    if (s.right == End::free) weight.back() = 0.5;
+  }
+  symmetric = !((left || right) && s.order > 2);
+
+  // the interior rows are all alike, the library's row function serves the ends
+  const std::array<double, 5> w = second_difference(s.order);
+  const double scale = s.form == Form::chain ? 1 : 1 / (s.h() * s.h());
+  const PetscInt half = s.order / 2, before = left ? 1 : 0;
+  starts_.reserve(size() + 1);
+  terms_.reserve(size() * std::size_t(s.order + 1));
+  row_sum_.assign(size(), 0);
+  for (std::size_t i = 0; i < size(); ++i) {
+    const PetscInt g = node[i];
+    if (g >= s.order && g < s.n - s.order) {
+      for (PetscInt j = -half; j <= half; ++j)
+        terms_.push_back({std::size_t(g + j - before), -scale * w[std::size_t(std::abs(j))]});
+    } else {
+      for (const auto& [column, value] : second_difference_row(s, g)) {
+        if (is_held(column)) row_sum_[i] += value;
+        else terms_.push_back({std::size_t(column - before), -value});
+      }
+    }
+    close_row();
+  }
+}
+
+void Coupling::close_row() {
+  const std::size_t i = starts_.size() - 1;
+  starts_.push_back(terms_.size());
+  for (const Term& t : row(i)) band_ = std::max(band_, std::abs(int(position(t.column)) - int(position(i))));
+}
+
+Coupling Coupling::segment(std::size_t first, std::size_t count) const {
+  Coupling part;
+  const auto cut = [&](auto& to, const auto& from) {
+    to.assign(from.begin() + long(first), from.begin() + long(first + count));
+  };
+  cut(part.node, node);
+  cut(part.weight, weight);
+  cut(part.row_sum_, row_sum_);
+  part.symmetric = symmetric;
+  for (std::size_t i = 0; i < count; ++i) {
+    for (const Term& t : row(first + i)) {
+      if (t.column < first || t.column >= first + count) part.row_sum_[i] -= t.value;
+      else part.terms_.push_back({t.column - first, t.value});
+    }
+    part.close_row();
+  }
+  return part;
+}
+
+std::vector<Complex> Coupling::minus_d2(const std::vector<Complex>& p) const {
+  std::vector<Complex> y(size());
+  for (std::size_t i = 0; i < size(); ++i) {
+    y[i] = row_sum_[i] * p[i];
+    for (const Term& t : row(i)) y[i] += t.value * (p[t.column] - p[i]);
+  }
+  return y;
+}
+
+double Coupling::largest_row() const {
+  double largest = 0;
+  for (std::size_t i = 0; i < size(); ++i) {
+    double sum = 0;
+    for (const Term& t : row(i)) sum += std::abs(t.value);
+    largest = std::max(largest, sum);
+  }
+  return largest;
+}
+
+std::size_t Coupling::position(std::size_t i) const {
+  return !folded_ ? i : i < (size() + 1) / 2 ? 2 * i : 2 * (size() - 1 - i) + 1;
+}
+
+void Coupling::add_to(BandLU& lu, Complex factor) const {
+  for (std::size_t i = 0; i < size(); ++i)
+    for (const Term& t : row(i)) lu.add(position(i), position(t.column), factor * t.value);
+}
+
+void Coupling::solve(const BandLU& lu, std::vector<Complex>& b, bool transposed) const {
+  std::vector<Complex> ordered(size());
+  for (std::size_t i = 0; i < size(); ++i) ordered[position(i)] = b[i];
+  if (transposed) lu.solve_transposed(ordered.data());
+  else lu.solve(ordered.data());
+  for (std::size_t i = 0; i < size(); ++i) b[i] = ordered[position(i)];
+}
+
+}  // namespace stickslip

@@ -1,0 +1,260 @@
+#include "stickslip/stability/linearised_operator.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/model/stencil.hpp"
+#include "stickslip/numerics/roots.hpp"
+
+namespace stickslip {
+
+namespace {
+
+NodeVector node_of(const std::vector<Complex>& x, std::size_t i, std::size_t dof) {
+  const Complex* at = &x[i * dof];
+  return {at[0], at[1], dof == 3 ? at[2] : 0};
+}
+
+void put(const NodeVector& v, std::size_t i, std::size_t dof, std::vector<Complex>& x) {
+  Complex* at = &x[i * dof];
+  at[0] = v.psi;
+  at[1] = v.eta;
+  if (dof == 3) at[2] = v.state;
+}
+
+}  // namespace
+
+LinearisedOperator::LinearisedOperator(const SteadySliding& s)
+    : scene(s.scene), A(scene.A()), K0(scene.K0()), K1(scene.K1()), coupling(scene), medium_(scene) {
+  slopes_.reserve(coupling.size());
+  for (const PetscInt i : coupling.node) slopes_.push_back(s.slopes[std::size_t(i)]);
+  uniform = std::all_of(slopes_.begin(), slopes_.end(), [&](const FrictionSlopes& f) { return f == slopes_.front(); });
+}
+
+LinearisedOperator::LinearisedOperator(const LinearisedOperator& whole, std::size_t first, std::size_t count)
+    : scene(whole.scene), A(whole.A), K0(whole.K0), K1(whole.K1), coupling(whole.coupling.segment(first, count)),
+      uniform(false), medium_(whole.medium_),
+      slopes_(whole.slopes_.begin() + long(first), whole.slopes_.begin() + long(first + count)) {}
+
+LinearisedOperator LinearisedOperator::segment(std::size_t first, std::size_t count) const {
+  return LinearisedOperator(*this, first, count);
+}
+
+// ---- S ------------------------------------------------------------------------------------------------------------
+
+std::vector<Complex> LinearisedOperator::apply(Complex lambda, const std::vector<Complex>& p) const {
+  std::vector<Complex> y = coupling.minus_d2(p);
+  for (std::size_t i = 0; i < size(); ++i) y[i] = (point(i).diagonal(lambda) + K0) * p[i] + K1 * y[i];
+  return y;
+}
+
+std::vector<Complex> LinearisedOperator::apply_slope(Complex lambda, const std::vector<Complex>& p) const {
+  std::vector<Complex> y(size());
+  for (std::size_t i = 0; i < size(); ++i) y[i] = point(i).diagonal_slope(lambda) * p[i];
+  return y;
+}
+
+void LinearisedOperator::assemble(Complex lambda, Complex factor, BandLU& lu) const {
+  lu.reset(size(), coupling.band(), coupling.band());
+  for (std::size_t i = 0; i < size(); ++i) {
+    const std::size_t row = coupling.position(i);
+    lu.add(row, row, factor * (point(i).diagonal(lambda) + K0));
+  }
+  coupling.add_to(lu, factor * K1);
+}
+
+LogDet LinearisedOperator::factor(Complex lambda, BandLU& lu) const {
+  assemble(lambda, 1, lu);
+  LogDet det = lu.factor();
+  if (has_state())
+    for (std::size_t i = 0; i < size(); ++i) det.multiply(lambda + point(i).r());
+  det.unit /= std::abs(det.unit);
+  return det;
+}
+
+// ---- J ------------------------------------------------------------------------------------------------------------
+
+std::vector<Complex> LinearisedOperator::expand(Complex lambda, const std::vector<Complex>& p) const {
+  std::vector<Complex> x(size() * dof());
+  for (std::size_t i = 0; i < size(); ++i) put(point(i).expand(lambda, p[i]), i, dof(), x);
+  return x;
+}
+
+std::vector<Complex> LinearisedOperator::multiply(const std::vector<Complex>& x) const {
+  const std::size_t d = dof();
+  std::vector<Complex> p(size()), y(x.size());
+  for (std::size_t i = 0; i < size(); ++i) p[i] = x[i * d];
+  const std::vector<Complex> stencil = coupling.minus_d2(p);
+  for (std::size_t i = 0; i < size(); ++i) {
+    const NodeBlock b = point(i).block(Part::full);
+    const NodeVector v = node_of(x, i, d);
+    put({b.psi_psi * v.psi + b.psi_eta * v.eta + b.psi_state * v.state,
+         b.eta_psi * v.psi + b.eta_eta * v.eta + b.eta_state * v.state - K1 * stencil[i],
+         b.state_psi * v.psi + b.state_state * v.state},
+        i, d, y);
+  }
+  return y;
+}
+
+std::vector<LinearisedOperator::Entry> LinearisedOperator::entries() const {
+  const std::size_t d = dof();
+  std::vector<Entry> e;
+  for (std::size_t i = 0; i < size(); ++i) {
+    double rows[9];
+    point(i).block(Part::full).write(int(d), rows);
+    for (std::size_t k = 0; k < d * d; ++k)
+      if (rows[k] != 0) e.push_back({i * d + k / d, i * d + k % d, rows[k]});
+    for (const Coupling::Term& t : coupling.row(i)) e.push_back({i * d + 1, t.column * d, -K1 * t.value});
+  }
+  return e;
+}
+
+double LinearisedOperator::mode_residual(Complex lambda, const std::vector<Complex>& p) const {
+  const std::vector<Complex> x = expand(lambda, p), y = multiply(x);
+  double above = 0, below = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    above += std::norm(y[i] - lambda * x[i]);
+    below += std::norm(x[i]);
+  }
+  return std::sqrt(above / below);
+}
+
+std::vector<Complex> LinearisedOperator::resolvent(Complex lambda, const BandLU& lu,
+                                                   const std::vector<Complex>& b) const {
+  std::vector<Complex> p(size()), y(b.size());
+  for (std::size_t i = 0; i < size(); ++i) p[i] = -point(i).condense(lambda, node_of(b, i, dof()));
+  solve(lu, p);
+  for (std::size_t i = 0; i < size(); ++i) put(point(i).expand(lambda, p[i], node_of(b, i, dof())), i, dof(), y);
+  return y;
+}
+
+std::vector<Complex> LinearisedOperator::resolvent_transposed(Complex lambda, const BandLU& lu,
+                                                              const std::vector<Complex>& b) const {
+  std::vector<Complex> e(size()), y(b.size());
+  for (std::size_t i = 0; i < size(); ++i) e[i] = -point(i).condense_transposed(lambda, node_of(b, i, dof()));
+  solve_transposed(lu, e);
+  for (std::size_t i = 0; i < size(); ++i)
+    put(point(i).expand_transposed(lambda, e[i], node_of(b, i, dof())), i, dof(), y);
+  return y;
+}
+
+// ---- waves --------------------------------------------------------------------------------------------------------
+
+double LinearisedOperator::symbol(double k) const { return stickslip::symbol(scene.order, spacing(), k); }
+double LinearisedOperator::largest_symbol() const { return stickslip::largest_symbol(scene.order, spacing()); }
+
+double LinearisedOperator::wavenumber(const std::vector<Complex>& p) const {
+  if (K1 == 0) return 0;
+  const std::vector<Complex> d = coupling.minus_d2(p);
+  const double h = spacing();
+  double above = 0, below = 0;
+  for (std::size_t i = 0; i < size(); ++i) {
+    above += coupling.weight[i] * (std::conj(p[i]) * d[i]).real();
+    below += coupling.weight[i] * std::norm(p[i]);
+  }
+  const double target = above / below;
+  if (!(target > 0)) return 0;
+  if (target >= largest_symbol()) return M_PI / h;
+  // kappa lies between what stencils of order 2 and more say of k, (2/h) sin(k h/2), and k itself
+  const double kappa = std::sqrt(target), low = 0.999999 * kappa, sine = 1.000001 * kappa * h / 2;
+  const double high = sine < 1 ? 2 / h * std::asin(sine) : M_PI / h;
+  const auto off = [&](double k) { return symbol(k) - target; };
+  return find_root(off, {low, off(low), high, off(high)}, 0);
+}
+
+double LinearisedOperator::dispersion_error(double k) const {
+  if (scene.form == Form::chain || k == 0) return 0;
+  return 1 - std::sqrt(symbol(k)) / k;
+}
+
+LinearPoint LinearisedOperator::mean() const {
+  LinearPoint m = point(0);
+  if (uniform) return m;
+  double F_psi = 0, q = 0, r = 0;  // over those of the first node
+  for (std::size_t i = 0; i < size(); ++i) {
+    const LinearPoint p = point(i);
+    F_psi += p.F_psi - m.F_psi;
+    q += p.q() - m.q();
+    r += p.r() - m.r();
+  }
+  const double n = double(size());
+  m.F_psi += F_psi / n;
+  m.F_state = m.q() + q / n;
+  m.g_psi = 1;
+  m.g_state -= r / n;
+  return m;
+}
+
+std::vector<LinearisedOperator::Wave> LinearisedOperator::exact_waves() const {
+  std::vector<Wave> waves;
+  if (!uniform || !symmetric()) return waves;
+  const PetscInt n = scene.n;
+  if (scene.ring()) {
+    for (PetscInt j = 0; 2 * j <= n; ++j)
+      waves.push_back({2 * M_PI * double(j) / (double(n) * spacing()), j == 0 || 2 * j == n ? 1 : 2});
+    return waves;
+  }
+  // A free end reflects evenly about the node (continuum) or half a spacing beyond it (chain), a held end oddly.
+  const double beyond = scene.form == Form::chain ? 0.5 : 0;
+  const bool left = scene.left == End::velocity, right = scene.right == End::velocity;
+  const double width = double(n - 1) + (left ? 0 : beyond) + (right ? 0 : beyond);
+  for (std::size_t j = 0; j < size(); ++j) {
+    const double turns = double(j) + (left && right ? 1 : left || right ? 0.5 : 0);
+    waves.push_back({M_PI * turns / (width * spacing()), 1});
+  }
+  return waves;
+}
+
+std::vector<Complex> LinearisedOperator::wave(double k) const {
+  const bool held = scene.left == End::velocity;
+  const double beyond = scene.form == Form::chain && scene.left == End::free ? 0.5 : 0;
+  std::vector<Complex> psi(size());
+  for (std::size_t i = 0; i < size(); ++i) {
+    const double phase = k * spacing() * (double(coupling.node[i]) + beyond);
+    psi[i] = scene.ring() ? std::polar(1., phase) : held ? std::sin(phase) : std::cos(phase);
+  }
+  return psi;
+}
+
+std::vector<Complex> dispersion(const LinearPoint& medium, double kappa2) {
+  const auto [c2, c1, c0] = medium.characteristic(kappa2);
+  if (medium.has_state) return polynomial_roots({1, c2, c1, c0});
+  return polynomial_roots({1, c2, c1});
+}
+
+// ---- bounds -------------------------------------------------------------------------------------------------------
+
+// Without a state and with D2 symmetric, an oscillating mode has |lambda|^2 = A times the weighted mean of K0 - K1 D2.
+// Else: for |lambda| beyond the bound, S(lambda) is diagonally dominant.
+double LinearisedOperator::imaginary_bound() const {
+  if (symmetric() && !has_state()) return std::sqrt(A * largest_stiffness());
+  const double stiff = K0 + K1 * coupling.largest_row();
+  double beta = 0, r = 0, q = 0;
+  for (std::size_t i = 0; i < size(); ++i) {
+    const LinearPoint p = point(i);
+    beta = std::max(beta, std::abs(p.beta()));
+    r = std::max(r, std::abs(p.r()));
+    q = std::max(q, std::abs(p.q()));
+  }
+  double radius = 2 * r + std::sqrt(A * stiff);
+  while (radius * (radius / A - beta - q / (radius - r + 1e-300)) <= stiff) radius *= 1.1;
+  return radius;
+}
+
+// Oscillating modes grow at -1/2 of a weighted mean of the damping C; real ones obey lambda^2 + C lambda + A K = 0 with C
+// such a mean and K >= K0.
+double LinearisedOperator::real_bound() const {
+  if (!symmetric() || has_state()) return imaginary_bound();
+  double low = point(0).damping(), high = low;
+  for (std::size_t i = 1; i < size(); ++i) {
+    low = std::min(low, point(i).damping());
+    high = std::max(high, point(i).damping());
+  }
+  const double pull = 4 * A * K0;
+  double bound = -low / 2;
+  if (low < 0 && low * low >= pull) bound = std::max(bound, (-low + std::sqrt(low * low - pull)) / 2);
+  else if (high > 0 && high * high >= pull) bound = std::max(bound, -pull / 2 / (high + std::sqrt(high * high - pull)));
+  return bound;
+}
+
+}  // namespace stickslip
