@@ -119,8 +119,8 @@ TEST_CASE("spread friction: the root of the dense matrix", "[boundary]") {
 }
 
 TEST_CASE("a mode that takes the lead between samples is found by the count", "[boundary][serial]") {
-  // Hundreds of modes of this medium change their order within 1e-3 of the boundary.
-  const auto o = options_of({{"grid_n", "1000"}, {"bc_left", "velocity"}, {"friction_spread", "0.2"}});
+  // A hundred modes of this medium change their order within 1e-3 of the boundary.
+  const auto o = options_of({{"grid_n", "400"}, {"bc_left", "velocity"}, {"friction_spread", "0.2"}});
   const auto found = roots(o, {"model_v", 0.5, 1.5, false});
   REQUIRE(found.size() == 1);
   CHECK(found[0].complete.value_or(false));
@@ -189,8 +189,8 @@ double dense_growth(const Scene& scene) {
 }  // namespace
 
 TEST_CASE("curves of spread and held scenes lie where the dense matrix has no growth", "[boundary][serial]") {
-  const auto spread = options_of({{"grid_n", "80"}, {"grid_length", "20"}, {"friction_spread", "0.3"}});
-  const auto held = options_of({{"model_form", "chain"}, {"grid_n", "50"}, {"bc_left", "velocity"},
+  const auto spread = options_of({{"grid_n", "48"}, {"grid_length", "12"}, {"friction_spread", "0.3"}});
+  const auto held = options_of({{"model_form", "chain"}, {"grid_n", "40"}, {"bc_left", "velocity"},
                                 {"bc_left_value", "0.5"}, {"bc_right", "free"}, {"friction_spread", "0.2"}});
   for (const bool continuum : {true, false}) {
     GrowthRate growth = growth_of(continuum ? spread : held,
@@ -289,20 +289,20 @@ TEST_CASE("a zero curve and a Hopf curve that meet inside the box: both are foun
 TEST_CASE("a curve traced on a coarse grid and placed on the fine one, a trapped mode taking the lead",
           "[boundary][serial]") {
   // At gamma = 2.4 a mode trapped at the held end takes over from the whole line's.
-  GrowthRate growth = growth_of(options_of({{"grid_n", "600"}, {"grid_length", "30"}, {"friction_spread", "0.2"},
+  GrowthRate growth = growth_of(options_of({{"grid_n", "420"}, {"grid_length", "20"}, {"friction_spread", "0.2"},
                                 {"bc_left", "velocity"}, {"bc_left_value", "0.5"}}),
                     {{"model_v", 0.7, 1.3, false}, {"model_gamma", 1.5, 4, false}});
   CHECK(growth.reduced().has_value());
   BoundaryFindings findings;
-  const auto curve = boundary_curve(growth, 24, findings);
+  const auto curve = boundary_curve(growth, 12, findings);
   CHECK(findings.notes.empty());
-  REQUIRE(curve.size() == 24);
+  REQUIRE(curve.size() == 12);
   CHECK(curve.back().piece == 0);
   SpectrumSettings settings;
   settings.compare = false;
   for (std::size_t k = 0; k < curve.size(); ++k) {
     CHECK(curve[k].complete.value_or(true));
-    if (k % 6 != 0) continue;
+    if (k % 4 != 0) continue;
     const Spectrum spectrum = compute_spectrum(
         PETSC_COMM_SELF, LinearisedOperator(growth.scene(curve[k].x, curve[k].y)), settings);
     CHECK(spectrum.complete);

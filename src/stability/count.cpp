@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "stability/phase_steps.hpp"
 #include "stickslip/stability/argument_principle.hpp"
 #include "stickslip/stability/spectrum.hpp"
 
@@ -10,10 +11,7 @@ namespace stickslip {
 
 namespace {
 
-// Follows the phase of the characteristic polynomial f along straight segments. A piece from a to b is taken as
-// followed when f'/f at both ends says that ln f changes by less than 0.7 over the piece, and the change is what the two
-// slopes predict to 0.2. A zero beside the piece, a pair of them, or a crowd further off shows in the slopes, so that no
-// whole turn passes unseen.
+// Follows the phase of the characteristic polynomial f along straight segments.
 class Phase {
  public:
   Phase(const LinearisedOperator& s, double evaluations) : sliding_(s), left_(evaluations) {}
@@ -41,12 +39,12 @@ class Phase {
     }
     for (Point* p : {&a, &b})
       if (std::abs(b.z - a.z) < 0.02 * p->reach) *p = at(p->z, std::abs(b.z - a.z));
-    const Complex d = b.z - a.z, predicted = (a.slope + b.slope) / 2. * d, measured = change(a.f, b.f);
-    if (std::abs(a.slope * d) < 0.7 && std::abs(b.slope * d) < 0.7 && std::abs(measured - predicted) < 0.2) {
-      visit((a.z + b.z) / 2., measured.imag());
-      return measured.imag();
+    const Complex moved = change(a.f, b.f);
+    if (follows(a.slope, b.slope, b.z - a.z, moved)) {
+      visit((a.z + b.z) / 2., moved.imag());
+      return moved.imag();
     }
-    const Point m = at((a.z + b.z) / 2., std::abs(d) / 2);
+    const Point m = at((a.z + b.z) / 2., std::abs(b.z - a.z) / 2);
     return turn(a, m, visit, depth + 1) + turn(m, b, visit, depth + 1);
   }
 
