@@ -49,7 +49,7 @@ def test_loaded_block_slips():
 
 def test_irregular_slips():
     # 20 blocks, loaded in 1e4: large and small events without a trend; the time that would decide is one that does
-    out, _ = regime(f"{CATALOGUE} -ts_max_time 100000")
+    out, _ = regime(f"{CATALOGUE} -ts_max_time 50000")
     assert out["regime"] == "undecided" and out["time_to_decide"] < 400000, out
     for end in (out["time_to_decide"], 400000):
         assert regime(f"{CATALOGUE} -ts_max_time {end}")[0]["regime"] == "stick-slip", end
