@@ -48,10 +48,11 @@ def test_loaded_block_slips():
 
 
 def test_irregular_slips():
-    # 20 blocks, loaded in 1e4: large and small events without a trend; the time that would decide is one that does
+    # 20 blocks, loaded in 1e4: large and small events without a trend; the time that would decide is an estimate from
+    # few events, so twice that time is given
     out, _ = regime(f"{CATALOGUE} -ts_max_time 50000")
-    assert out["regime"] == "undecided" and out["time_to_decide"] < 400000, out
-    for end in (out["time_to_decide"], 400000):
+    assert out["regime"] == "undecided" and out["time_to_decide"] < 200000, out
+    for end in (2 * out["time_to_decide"], 400000):
         assert regime(f"{CATALOGUE} -ts_max_time {end}")[0]["regime"] == "stick-slip", end
 
 
