@@ -23,7 +23,7 @@ Branch continue_train(const Options& options, const char* name, double to, int s
 }
 
 // The period at the train's r2 by the integrator, which knows nothing of the collocation.
-double integrated_period(const Train& train) { return find_orbit(*train.oscillator, train.r2, 1e-13, 0).period; }
+double integrated_period(const Train& train) { return find_orbit(*train.oscillator, train.r2, 1e-13).period; }
 
 }  // namespace
 

@@ -28,10 +28,7 @@ bool on_root() {
 // The train as it stands on its ring at t = 0, at the mesh and Gauss points of every pulse, x rising; and what the
 // picture needs of the scene.
 void add_train(ResultFile& file, const Scene& scene, const Train& train) {
-  std::vector<double> phases;
-  for (size_t i = 0; i < train.intervals(); ++i)
-    for (double at : train_dense().points())
-      phases.push_back(train.mesh[i] + (train.mesh[i + 1] - train.mesh[i]) * at);
+  const std::vector<double> phases = train.phases();
   std::vector<double> x, psi, eta, state;
   const double pulse = train.length / double(train.pulses);
   auto put = [&](double at, double phase) {

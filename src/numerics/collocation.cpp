@@ -3,7 +3,6 @@
 #include <petscdt.h>
 
 #include "stickslip/base/error.hpp"
-#include "stickslip/numerics/interpolation.hpp"
 
 namespace stickslip {
 
@@ -49,6 +48,25 @@ Tableau Tableau::radau(int s) {
   jacobi(s - 1, 1, c, weights);
   c.push_back(1);
   return tableau(c);
+}
+
+Collocation::Collocation(const Tableau& tableau)
+    : Tableau(tableau), basis([&] {
+        std::vector<double> points{0};
+        points.insert(points.end(), tableau.c.begin(), tableau.c.end());
+        return points;
+      }()), end(tableau.c.size() + 1) {
+  basis.weights(1, end.data());
+}
+
+const Collocation& Collocation::gauss5() {
+  static const Collocation method(Tableau::gauss(5));
+  return method;
+}
+
+const Collocation& Collocation::radau5() {
+  static const Collocation method(Tableau::radau(5));
+  return method;
 }
 
 }  // namespace stickslip

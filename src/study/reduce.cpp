@@ -162,8 +162,8 @@ double largest_multiplier(const Oscillator& o, const Orbit& orbit, double stiffn
   double Y[max_dim * max_dim] = {};
   for (int i = 0; i < d; ++i) Y[i * d + i] = 1;
   double log_size = 0;
-  for (std::size_t i = 0; i + 1 < orbit.steps().size(); ++i) {
-    const double begin = orbit.steps()[i], phase = orbit.steps()[i + 1] - begin;
+  for (std::size_t i = 0; i + 1 < orbit.mesh.size(); ++i) {
+    const double begin = orbit.mesh[i], phase = orbit.mesh[i + 1] - begin;
     const int pieces = std::max(1, int(std::ceil(phase * orbit.period * omega / 1.5)));
     for (int piece = 0; piece < pieces; ++piece) {
       const double h = phase * orbit.period / pieces;

@@ -16,13 +16,6 @@ std::vector<double> place(const TrainEquations& problem, const std::vector<doubl
   return {x[1], x[last * problem.block()], x[last * problem.block() + 1]};
 }
 
-std::vector<double> interpolated(const TrainEquations& from, const TrainEquations& to, const std::vector<double>& x) {
-  std::vector<double> y = to.fill(
-      [&](double phase, double* at) { evaluate(from.mesh(), x.data(), from.dim(), phase, at); }, x[x.size() - 2]);
-  y.back() = x.back();
-  return y;
-}
-
 // The walk along a branch: where it stands, and which way it goes.
 class BranchWalk {
  public:
@@ -67,11 +60,10 @@ BranchWalk::BranchWalk(const TrainFamily& family, double from, double to)
   const TrainSetting start = family_(from);
   const TrainCase asked = family.at(from);
   first_ = solve_train(asked.scene, asked.request);
-  const size_t d = size_t(start.oscillator->dim());
   double z_low = 1e300, z_high = -1e300;
-  for (size_t i = 0; i < first_.intervals(); ++i) {
-    z_low = std::min(z_low, first_.nodes[i * d + 1]);
-    z_high = std::max(z_high, first_.nodes[i * d + 1]);
+  for (size_t i = 1; i < first_.values.size(); i += size_t(first_.oscillator->dim())) {
+    z_low = std::min(z_low, first_.values[i]);
+    z_high = std::max(z_high, first_.values[i]);
   }
   z_scale_ = z_high - z_low;
   lambda_scale_ = std::abs(to - from);
@@ -121,7 +113,7 @@ TrainEquations BranchWalk::solved(const std::vector<double>& row, double right, 
   const std::vector<double> rough = roughness(mesh, guess.data(), problem_->dim());
   const size_t wanted = size_t(std::min(4000., std::max(60., intervals_for(mesh, rough, 1e-9))));
   TrainEquations better = problem_on(equidistribute(mesh, rough, wanted), guess[guess.size() - 2], guess.back());
-  y = interpolated(*problem_, better, guess);
+  y = better.fill(*problem_, guess);
   better.extend(family_, lambda_scale_, row, right);
   if (!newton(better, y, nullptr, 10)) throw Failure("Newton's method does not converge");
   return better;
@@ -157,9 +149,8 @@ bool BranchWalk::step(double longest, Branch& branch) {
   for (size_t i = 0; i < 3; ++i) cosine += row[i] * new_direction[i];
   if (cosine < .92 && ds_ > 1e-4 && !arrive) throw Failure("the branch turns within the step");
   std::vector<double> F(better.size());
-  better.residual(y.data(), F.data());
   Train train = pack(better, y);
-  for (double r : F) train.residual = std::max(train.residual, std::abs(r));
+  train.residual = better.largest_residual(y, F);
   train.error_estimate = 1e-9 * (train.length_given ? std::abs(train.speed) : train.length);
   if (vanished(train, better, y)) {
     // lambda is even in the amplitude: extrapolate to zero from the last two points

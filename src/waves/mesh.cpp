@@ -3,16 +3,17 @@
 #include <algorithm>
 #include <cmath>
 
-#include "stickslip/waves/train.hpp"
+#include "stickslip/waves/oscillator.hpp"
 
 namespace stickslip {
 
-void evaluate(const std::vector<double>& mesh, const double* x, int d, double phase, double* y) {
+void evaluate(const Collocation& method, const std::vector<double>& mesh, const double* x, int d, double phase,
+              double* y) {
   phase -= std::floor(phase);
   const size_t n = mesh.size() - 1;
   const size_t i = std::min(size_t(std::upper_bound(mesh.begin(), mesh.end(), phase) - mesh.begin() - 1), n - 1);
   double w[train_stages + 1];
-  train_dense().weights((phase - mesh[i]) / (mesh[i + 1] - mesh[i]), w);
+  method.basis.weights((phase - mesh[i]) / (mesh[i + 1] - mesh[i]), w);
   const double* points = x + i * size_t(d) * (train_stages + 1);
   for (int a = 0; a < d; ++a) {
     y[a] = 0;
@@ -20,10 +21,39 @@ void evaluate(const std::vector<double>& mesh, const double* x, int d, double ph
   }
 }
 
+std::vector<double> PeriodicMotion::phases() const {
+  std::vector<double> result;
+  for (size_t i = 0; i < intervals(); ++i)
+    for (double at : method->basis.points()) result.push_back(mesh[i] + (mesh[i + 1] - mesh[i]) * at);
+  return result;
+}
+
+void PeriodicMotion::at(double phase, double* y) const {
+  evaluate(*method, mesh, values.data(), oscillator->dim(), phase, y);
+}
+
+double PeriodicMotion::psi_at(double phase) const {
+  double y[train_max_dim];
+  at(phase, y);
+  return y[0];
+}
+
+double PeriodicMotion::eta_at(double phase) const {
+  double y[train_max_dim];
+  at(phase, y);
+  return oscillator->eta(r2, y);
+}
+
+double PeriodicMotion::state_at(double phase) const {
+  double y[train_max_dim];
+  at(phase, y);
+  return oscillator->dim() == 3 ? y[2] : 0;
+}
+
 std::vector<double> roughness(const std::vector<double>& mesh, const double* x, int d) {
   const size_t n = mesh.size() - 1, b = size_t(d) * (train_stages + 1);
   std::vector<double> low(size_t(d), 1e300), high(size_t(d), -1e300), top(n * size_t(d));
-  const std::vector<double>& coefficient = train_dense().leading();
+  const std::vector<double>& coefficient = Collocation::gauss5().basis.leading();
   for (size_t i = 0; i < n; ++i)
     for (size_t a = 0; a < size_t(d); ++a) {
       double sum = 0;

@@ -17,53 +17,38 @@ struct Steps {
   double last = -1;
 };
 
-PetscErrorCode form_function(SNES, Vec x, Vec f, void* context) {
+// Calls work(problem, in, out) on the entries of x and y; y may be null.
+template <class Work>
+PetscErrorCode on_entries(void* problem, Vec x, Vec y, Work&& work) {
   return guarded([&] {
     const PetscScalar* in;
-    PetscScalar* out;
+    PetscScalar* out = nullptr;
     SS_TRY(VecGetArrayRead(x, &in));
-    SS_TRY(VecGetArray(f, &out));
-    static_cast<TrainEquations*>(context)->residual(in, out);
-    SS_TRY(VecRestoreArray(f, &out));
+    if (y) SS_TRY(VecGetArray(y, &out));
+    work(*static_cast<TrainEquations*>(problem), in, out);
+    if (y) SS_TRY(VecRestoreArray(y, &out));
     SS_TRY(VecRestoreArrayRead(x, &in));
   });
+}
+
+PetscErrorCode form_function(SNES, Vec x, Vec f, void* context) {
+  return on_entries(context, x, f, [](TrainEquations& p, const double* in, double* out) { p.residual(in, out); });
 }
 
 PetscErrorCode form_jacobian(SNES, Vec x, Mat, Mat, void* context) {
-  return guarded([&] {
-    const PetscScalar* in;
-    SS_TRY(VecGetArrayRead(x, &in));
-    static_cast<TrainEquations*>(context)->linearise(in);
-    SS_TRY(VecRestoreArrayRead(x, &in));
-  });
+  return on_entries(context, x, nullptr, [](TrainEquations& p, const double* in, double*) { p.linearise(in); });
 }
 
 PetscErrorCode shell_multiply(Mat J, Vec x, Vec y) {
-  return guarded([&] {
-    void* context;
-    SS_TRY(MatShellGetContext(J, &context));
-    const PetscScalar* in;
-    PetscScalar* out;
-    SS_TRY(VecGetArrayRead(x, &in));
-    SS_TRY(VecGetArray(y, &out));
-    static_cast<TrainEquations*>(context)->multiply(in, out);
-    SS_TRY(VecRestoreArray(y, &out));
-    SS_TRY(VecRestoreArrayRead(x, &in));
-  });
+  void* context;
+  PetscCall(MatShellGetContext(J, &context));
+  return on_entries(context, x, y, [](TrainEquations& p, const double* in, double* out) { p.multiply(in, out); });
 }
 
 PetscErrorCode shell_solve(PC pc, Vec x, Vec y) {
-  return guarded([&] {
-    void* context;
-    SS_TRY(PCShellGetContext(pc, &context));
-    const PetscScalar* in;
-    PetscScalar* out;
-    SS_TRY(VecGetArrayRead(x, &in));
-    SS_TRY(VecGetArray(y, &out));
-    static_cast<TrainEquations*>(context)->solve(in, out);
-    SS_TRY(VecRestoreArray(y, &out));
-    SS_TRY(VecRestoreArrayRead(x, &in));
-  });
+  void* context;
+  PetscCall(PCShellGetContext(pc, &context));
+  return on_entries(context, x, y, [](TrainEquations& p, const double* in, double* out) { p.solve(in, out); });
 }
 
 // Converged by the step, not the residual, which cannot fall below the round-off of stiff intervals. In a front of

@@ -10,6 +10,7 @@ namespace stickslip {
 namespace {
 
 constexpr int stages = train_stages, max_dim = train_max_dim;
+const Collocation& method() { return Collocation::gauss5(); }
 
 }  // namespace
 
@@ -34,7 +35,6 @@ TrainEquations::TrainEquations(TrainSetting setting, std::vector<double> mesh, d
   const TrainSetting::At at = setting_.at(q_scale);
   for (size_t i = 0; i < n_; ++i)
     weight_.push_back(1 / (1 + (mesh_[i + 1] - mesh_[i]) * at.T * setting_.oscillator->A() / at.r2));
-  train_dense().weights(1, end_);
 }
 
 void TrainEquations::extend(Family family, double lambda_scale, std::vector<double> row, double right) {
@@ -50,11 +50,18 @@ std::vector<double> TrainEquations::fill(const Profile& profile, double q) const
   double y[max_dim + 1];
   for (size_t i = 0; i < n_; ++i)
     for (size_t j = 0; j <= stages; ++j) {
-      profile(mesh_[i] + (mesh_[i + 1] - mesh_[i]) * train_dense().points()[j], y);
+      profile(mesh_[i] + (mesh_[i + 1] - mesh_[i]) * method().basis.points()[j], y);
       std::copy(y, y + d, x.begin() + long(i * block() + j * d));
     }
   x[n_ * block()] = q;
   return x;
+}
+
+std::vector<double> TrainEquations::fill(const TrainEquations& from, const std::vector<double>& x) const {
+  std::vector<double> y = fill(
+      [&](double phase, double* at) { evaluate(method(), from.mesh(), x.data(), d_, phase, at); }, x[x.size() - size_t(from.parameters())]);
+  if (family_) y.back() = x.back();
+  return y;
 }
 
 void TrainEquations::interval_rows(size_t i, const double* in, const double* G, double scale, double* out) const {
@@ -64,12 +71,12 @@ void TrainEquations::interval_rows(size_t i, const double* in, const double* G, 
   for (size_t j = 0; j < stages; ++j)
     for (size_t a = 0; a < d; ++a) {
       double r = 0;
-      for (size_t k = 0; k < stages; ++k) r += train_tableau().a[j * stages + k] * G[k * d + a];
+      for (size_t k = 0; k < stages; ++k) r += method().a[j * stages + k] * G[k * d + a];
       out[i * b + j * d + a] = (Y[j * d + a] - y[a] - h * r) * (a == 0 ? weight_[i] : 1);
     }
   for (size_t a = 0; a < d; ++a) {
-    double r = next[a] - end_[0] * y[a];
-    for (size_t j = 0; j < stages; ++j) r -= end_[j + 1] * Y[j * d + a];
+    double r = next[a] - method().end[0] * y[a];
+    for (size_t j = 0; j < stages; ++j) r -= method().end[j + 1] * Y[j * d + a];
     out[i * b + stages * d + a] = r;
   }
 }
@@ -88,6 +95,11 @@ void TrainEquations::residual(const double* x, double* F) {
   }
   F[n_ * b] = x[0] - o.v();
   if (family_) F[n_ * b + 1] = row_[0] * x[1] + row_[1] * q + row_[2] * x[n_ * b + 1] - right_;
+}
+
+double TrainEquations::largest_residual(const std::vector<double>& x, std::vector<double>& F) {
+  residual(x.data(), F.data());
+  return std::abs(*std::max_element(F.begin(), F.end(), [](double a, double b) { return std::abs(a) < std::abs(b); }));
 }
 
 void TrainEquations::linearise(const double* x) {
@@ -159,18 +171,15 @@ TrainEquations::Condensed TrainEquations::condense(const double* rhs) const {
   for (size_t i = 0; i < n_; ++i) {
     const double h = mesh_[i + 1] - mesh_[i];
     double* R = &response[i * md * columns];
+    stage_matrix(method(), d_, h, &J_[i * stages * d * d], M.data());
     for (size_t j = 0; j < stages; ++j)
       for (size_t a = 0; a < d; ++a) {
         const size_t row = j * d + a;
-        for (size_t k = 0; k < stages; ++k)
-          for (size_t l = 0; l < d; ++l)
-            M[row * md + k * d + l] = (j == k && a == l ? 1. : 0.) -
-                                      h * train_tableau().a[j * stages + k] * J_[((i * stages + k) * d + a) * d + l];
         for (size_t l = 0; l < d; ++l) R[row * columns + l] = a == l ? 1. : 0.;
         for (size_t l = 0; l < p; ++l) {
           double sum = 0;
           for (size_t k = 0; k < stages; ++k)
-            sum += train_tableau().a[j * stages + k] * Gp_[((i * stages + k) * d + a) * p + l];
+            sum += method().a[j * stages + k] * Gp_[((i * stages + k) * d + a) * p + l];
           R[row * columns + d + l] = h * sum;
         }
         R[row * columns + d + p] = rhs[i * b + row] / (a == 0 ? weight_[i] : 1);
@@ -180,9 +189,9 @@ TrainEquations::Condensed TrainEquations::condense(const double* rhs) const {
     for (size_t a = 0; a < d; ++a) {
       for (size_t l = 0; l < columns; ++l) {
         double sum = 0;
-        for (size_t j = 0; j < stages; ++j) sum += end_[j + 1] * R[(j * d + a) * columns + l];
+        for (size_t j = 0; j < stages; ++j) sum += method().end[j + 1] * R[(j * d + a) * columns + l];
         if (l < d) {
-          phi[(i * d + a) * d + l] = sum + (a == l ? end_[0] : 0.);
+          phi[(i * d + a) * d + l] = sum + (a == l ? method().end[0] : 0.);
         } else {
           chain[(i * d + a) * (p + 1) + l - d] = sum + (l == d + p ? rhs[i * b + md + a] : 0.);
         }

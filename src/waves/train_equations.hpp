@@ -53,9 +53,11 @@ class TrainEquations {
   const TrainSetting& setting() const { return setting_; }
   int dim() const { return d_; }
 
-  // The unknowns of a profile; lambda, if it is one, stays 0.
+  // The unknowns of a profile; lambda, if it is one, stays 0. Or those of a solution on another mesh.
   std::vector<double> fill(const Profile& profile, double q) const;
+  std::vector<double> fill(const TrainEquations& from, const std::vector<double>& x) const;
   void residual(const double* x, double* F);
+  double largest_residual(const std::vector<double>& x, std::vector<double>& F);  // which F becomes
   // Keeps the linearisation at x, which the next two use.
   void linearise(const double* x);
   // out = Jacobian x in.
@@ -78,7 +80,6 @@ class TrainEquations {
   int d_;
   size_t n_;
   std::vector<double> weight_;
-  double end_[train_stages + 1];
   Family family_;
   double lambda_scale_ = 1, right_ = 0, v_lambda_ = 0;
   std::vector<double> row_;

@@ -6,7 +6,10 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/dense.hpp"
-#include "stickslip/numerics/interpolation.hpp"
+
+extern "C" void zgeev_(const char*, const char*, const int* n, std::complex<double>* a, const int* lda,
+                       std::complex<double>* w, std::complex<double>* vl, const int* ldvl, std::complex<double>* vr,
+                       const int* ldvr, std::complex<double>* work, const int* lwork, double* rwork, int* info);
 
 namespace stickslip {
 
@@ -21,68 +24,16 @@ constexpr double stiff = 8;            // decay in an interval beyond which Rada
 constexpr size_t most_intervals = 60000;
 constexpr int lowest_level = -20;      // the coarsest mesh is for frequencies from 0 to 2^lowest_level
 
-// A tableau with the weights that continue its polynomial to the right end.
-struct Rule {
-  Tableau table;
-  double end[stages + 1];
-  explicit Rule(const Tableau& t) : table(t) {
-    std::vector<double> points{0};
-    points.insert(points.end(), t.c.begin(), t.c.end());
-    Lagrange(points).weights(1, end);
-  }
-};
-const Rule& gauss() {
-  static const Rule rule(train_tableau());
-  return rule;
-}
-const Rule& radau() {
-  static const Rule rule(Tableau::radau(stages));
-  return rule;
-}
-
-// det(Y - x) = (-1)^d [x^d + p0 x^(d-1) + ...].
-struct Characteristic {
-  int d;
-  Complex p[max_dim];
-  Complex at(Complex x) const {
-    Complex sum = 1;
-    for (int k = 0; k < d; ++k) sum = sum * x + p[k];
-    return sum;
-  }
-};
-
-Characteristic characteristic(int d, const Complex* Y) {
-  if (d == 2) return {2, {-(Y[0] + Y[3]), Y[0] * Y[3] - Y[1] * Y[2], 0}};
-  const Complex minors = Y[0] * Y[4] - Y[1] * Y[3] + Y[0] * Y[8] - Y[2] * Y[6] + Y[4] * Y[8] - Y[5] * Y[7];
-  const Complex det = Y[0] * (Y[4] * Y[8] - Y[5] * Y[7]) - Y[1] * (Y[3] * Y[8] - Y[5] * Y[6]) +
-                      Y[2] * (Y[3] * Y[7] - Y[4] * Y[6]);
-  return {3, {-(Y[0] + Y[4] + Y[8]), minors, -det}};
-}
-
-// Roots of the characteristic polynomial, largest modulus first.
-std::vector<Complex> roots(const Characteristic& c) {
-  std::vector<Complex> found;
-  if (c.d == 2) {
-    const Complex half = -c.p[0] / 2., root = std::sqrt(half * half - c.p[1]);
-    const Complex big = std::abs(half + root) > std::abs(half - root) ? half + root : half - root;
-    found = {big, std::abs(big) > 0 ? c.p[1] / big : 0.};
-  } else {
-    found = {{.4, .9}, {1, 0}, {-.65, .72}};  // Durand and Kerner
-    for (int it = 0; it < 200; ++it) {
-      double change = 0;
-      for (size_t i = 0; i < 3; ++i) {
-        Complex q = 1;
-        for (size_t k = 0; k < 3; ++k)
-          if (k != i) q *= found[i] - found[k];
-        if (!(std::abs(q) > 0)) continue;
-        const Complex step = c.at(found[i]) / q;
-        found[i] -= step;
-        change = std::max(change, std::abs(step));
-      }
-      if (change < 1e-16) break;
-    }
-  }
-  std::sort(found.begin(), found.end(), [](Complex a, Complex b) { return std::abs(a) > std::abs(b); });
+// Eigenvalues of a d x d matrix, largest modulus first.
+std::vector<Complex> eigenvalues(int d, Complex* Y) {
+  std::vector<Complex> found(static_cast<size_t>(d));
+  Complex work[4 * max_dim];
+  double real_work[2 * max_dim];
+  const int one = 1, length = 4 * max_dim;
+  int info = 0;
+  zgeev_("N", "N", &d, Y, &d, found.data(), nullptr, &one, nullptr, &one, work, &length, real_work, &info);
+  if (info != 0) throw Failure("the multipliers of the train cannot be computed");
+  std::sort(found.begin(), found.end(), [](Complex x, Complex y) { return std::abs(x) > std::abs(y); });
   return found;
 }
 
@@ -101,7 +52,7 @@ class TransferMesh {
     const double least_frequency = frequency > std::ldexp(1., lowest_level) ? frequency / 2 : 0;
     std::vector<double> J(size_t(stages * d_ * d_));
     for (size_t i = 0; i < decay.size(); ++i) {
-      decay[i] = jacobians(train, train.mesh[i], train.mesh[i + 1] - train.mesh[i], gauss(), J.data(), &steepness[i]);
+      decay[i] = jacobians(train, train.mesh[i], train.mesh[i + 1] - train.mesh[i], Collocation::gauss5(), J.data(), &steepness[i]);
       steepness[i] /= std::pow(std::abs(decay[i]), 2) +
                       std::pow(least_frequency * cV / r2_ * T_ * (train.mesh[i + 1] - train.mesh[i]), 2);
     }
@@ -149,10 +100,10 @@ class TransferMesh {
 
  private:
   // Jacobians at the points of a rule in an interval; returns the least decay exponent of P in it, and its range.
-  double jacobians(const Train& train, double at, double h, const Rule& rule, double* J,
+  double jacobians(const Train& train, double at, double h, const Collocation& rule, double* J,
                    double* range = nullptr) const {
     double least = 1e300, most = -1e300;
-    for (double c : rule.table.c) {
+    for (double c : rule.c) {
       double y[max_dim], dy[max_dim];
       train.at(at + h * c, y);
       train.oscillator->rhs(r2_, y, dy, J);
@@ -172,7 +123,7 @@ class TransferMesh {
   }
 
   void add(const Train& train, double at, double h, double decay) {
-    const Rule& rule = decay > stiff ? radau() : gauss();
+    const Collocation& rule = decay > stiff ? Collocation::radau5() : Collocation::gauss5();
     step_.push_back(h * T_);
     rule_.push_back(&rule);
     J_.resize(J_.size() + size_t(stages * d_ * d_));
@@ -193,16 +144,10 @@ class TransferMesh {
   // y at the end of interval i from y at its beginning.
   void transfer(size_t i, Complex lambda, Complex* phi) const {
     const int d = d_, n = stages * d;
-    const Rule& rule = *rule_[i];
+    const Collocation& rule = *rule_[i];
     Complex M[stages * max_dim * max_dim], a[stages * max_dim * stages * max_dim], R[stages * max_dim * max_dim];
     for (int j = 0; j < stages; ++j) matrix(&J_[(i * stages + size_t(j)) * size_t(d * d)], lambda, M + j * d * d);
-    for (int j = 0; j < stages; ++j)
-      for (int k = 0; k < stages; ++k) {
-        const double h = step_[i] * rule.table.a[size_t(j * stages + k)];
-        for (int p = 0; p < d; ++p)
-          for (int q = 0; q < d; ++q)
-            a[(j * d + p) * n + k * d + q] = (j == k && p == q ? 1. : 0.) - h * M[(k * d + p) * d + q];
-      }
+    stage_matrix(rule, d, step_[i], M, a);
     for (int j = 0; j < n; ++j)
       for (int b = 0; b < d; ++b) R[j * d + b] = j % d == b ? 1. : 0.;
     if (!solve_dense(n, a, d, R)) throw Failure("the linearised equations of an interval are singular");
@@ -217,7 +162,7 @@ class TransferMesh {
   int d_;
   double T_, r2_, V_, c2_, A_;
   std::vector<double> step_;
-  std::vector<const Rule*> rule_;
+  std::vector<const Collocation*> rule_;
   std::vector<double> J_;
 };
 
@@ -242,7 +187,7 @@ Multipliers Transfer::at(Complex lambda) {
   Multipliers m;
   m.count = d;
   int k = 0;
-  for (const Complex& root : roots(characteristic(d, Y)))
+  for (const Complex& root : eigenvalues(d, Y))
     m.log_rho[k++] = std::log(std::abs(root) > 1e-300 ? root : Complex(1e-300)) + log_scale;
   return m;
 }
@@ -252,11 +197,12 @@ namespace {
 // Visits C at the Gauss points of a train with their weights in phase, in order.
 template <class Visit>
 void each_damping(const Train& train, Visit&& visit) {
+  const int d = train.oscillator->dim();
   for (size_t i = 0; i < train.intervals(); ++i)
     for (size_t j = 0; j < stages; ++j) {
       double dy[max_dim], J[max_dim * max_dim];
-      train.oscillator->rhs(train.r2, &train.stages[(i * stages + j) * size_t(train.oscillator->dim())], dy, J);
-      visit(-train.r2 * J[0], (train.mesh[i + 1] - train.mesh[i]) * train_tableau().b[j]);
+      train.oscillator->rhs(train.r2, &train.values[(i * (stages + 1) + j + 1) * size_t(d)], dy, J);
+      visit(-train.r2 * J[0], (train.mesh[i + 1] - train.mesh[i]) * train.method->b[j]);
     }
 }
 

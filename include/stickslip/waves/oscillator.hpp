@@ -4,8 +4,10 @@
 // r2 = 1 - A K1/V^2 (1 for uniform motion, which is the train of infinite speed; 0 < r2 < 1 for |V| > c),
 //     r2 f' = A [z - Bd f - F(f, s)],      Bd = B + s delta/A,
 //     z'    = K0 (v - f),                  z = eta - (K1/V^2) f' + (s delta/A) f,
-//     s'    = g(f, s)                      only with a state law.
-// eta = f'/A + B f + F. No derivative of F enters, so that a jump (r2 -> 0) costs no digits.
+//     s'    = g(f, s)                      only with a state law:
+// a node of the semi-discrete system (model/linear_point.hpp) with A/r2 for A, Bd for B, without neighbours and delta.
+// eta = f'/A + B f + F. No derivative of F enters, so that a jump (r2 -> 0) costs no digits. f and v are velocities, z
+// and eta numbers, s as stored (friction.hpp).
 //
 // The limit cycle is found by a Radau IIA method of order 9 and a return map on f = v; it shares nothing but this
 // right-hand side with the collocation in train.hpp, which it starts and checks. Nothing here is collective.
@@ -15,10 +17,10 @@
 #include <vector>
 
 #include "stickslip/model/friction.hpp"
+#include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/dense.hpp"
-#include "stickslip/numerics/interpolation.hpp"
 
 namespace stickslip {
 
@@ -27,61 +29,62 @@ namespace stickslip {
 class Oscillator {
  public:
   explicit Oscillator(const Scene& scene);
-  ~Oscillator();
-  Oscillator(Oscillator&&) noexcept;
 
-  int dim() const { return dim_; }  // 2: (f, z); 3: (f, z, s)
+  int dim() const { return friction_->has_state ? 3 : 2; }  // (f, z) or (f, z, s)
   double v() const { return v_; }
-  double A() const { return A_; }
-  double B() const { return B_; }
-  double K0() const { return K0_; }
+  double A() const { return node_.A; }
+  double K0() const { return node_.K0; }
   double c2() const { return c2_; }  // A K1 = c^2, the square of the signal speed
-  double s_delta() const { return sd_; }
 
   // dy = y'; J (null, or dim x dim row-major) = d(dy)/dy.
   void rhs(double r2, const double* y, double* dy, double* J) const;
-  // eta and F with its derivatives at y.
   double eta(double r2, const double* y) const;
-  Partials partials(double psi, double state) const;
-  RatePartials rate(double psi, double state) const;
+  // F with its derivatives; `state` is not looked at where the law has none.
+  Partials partials(double psi, double state) const { return friction_->partials(psi, state); }
   // The steady sliding f = v.
   void steady(double* y) const;
-  // Does uniform sliding lose stability to the oscillation of this r2? (Routh-Hurwitz on the dim x dim Jacobian.)
+  // The |v| from which on uniform sliding is stable, for the cubic law without a state, whatever r2; else NaN.
+  double v_c() const;
+  // Does uniform sliding lose stability to the oscillation of this r2?
   bool sliding_unstable(double r2) const;
 
  private:
-  struct Law;
-  std::unique_ptr<Law> law_;
-  int dim_ = 2;
-  double A_, B_, Bd_, K0_, c2_, sd_, v_;
+  LinearPoint linear(double r2, const Partials& F, const RatePartials& g) const;
+  RatePartials rate(const double* y) const;
+
+  std::shared_ptr<const Friction> friction_;
+  LinearPoint node_;  // of that node, at r2 = 1 and without friction
+  double B_, c2_, v_;
 };
 
-// A periodic orbit as a function of phase = t/period, phase 0 where f passes v upwards.
-class Orbit {
- public:
+// A periodic solution as a function of phase = t/period, phase 0 where f passes v upwards: the polynomials of a
+// collocation method on a mesh of phases.
+struct PeriodicMotion {
   double period = 0;
-  double multiplier = 0;  // of the return map (dim 2); the orbit attracts where |multiplier| < 1
-  // Equally spaced in phase: phase i/samples. `state` is empty without a state law.
-  std::vector<double> psi, eta, state;
+  double r2 = 1;
+  std::shared_ptr<const Oscillator> oscillator;
+  const Collocation* method = nullptr;  // of five points
+  std::vector<double> mesh;             // 0 = mesh[0] < ... < mesh[N] = 1
+  std::vector<double> values;           // y, dim values, at the left end and the five points of each interval in turn
 
+  std::size_t intervals() const { return mesh.size() - 1; }
+  std::vector<double> phases() const;  // of `values`
+  // At any phase, taken modulo 1. The state is 0 where there is none.
+  void at(double phase, double* y) const;
   double psi_at(double phase) const;
   double eta_at(double phase) const;
-  double state_at(double phase) const;  // as stored (see friction.hpp)
-  // (f, z, s), then eta, at a phase: dim + 1 values.
-  void at(double phase, double* y) const;
-  // Phases of the integrator's steps, from 0 to 1: dense where the orbit is steep.
-  const std::vector<double>& steps() const { return steps_; }
-
- private:
-  friend Orbit find_orbit(const Oscillator&, double, double, int);
-  int dim_ = 2;
-  std::vector<double> steps_;
-  std::vector<double> values_;  // of step i: (s + 1) points of (f, z, s, eta)
+  double state_at(double phase) const;
 };
 
-// The limit cycle of `oscillator` at r2 to relative accuracy `tolerance` (both of the period and of the dense
-// values), sampled at `samples` phases. Throws Failure where sliding is stable and nothing oscillates.
-Orbit find_orbit(const Oscillator& oscillator, double r2, double tolerance = 1e-12, int samples = 256);
+// A limit cycle, on the steps of the integrator: dense where it is steep.
+struct Orbit : PeriodicMotion {
+  double multiplier = 0;  // of the return map (dim 2); the orbit attracts where |multiplier| < 1
+};
+
+// The limit cycle of `oscillator` at r2 to relative accuracy `tolerance` (both of the period and of the dense values);
+// to 1e-8 at least where a kink of the law does not let Newton's method further. Throws Failure where none is found:
+// sliding is stable and slips die out, or what became of each slip that was tried.
+Orbit find_orbit(const Oscillator& oscillator, double r2, double tolerance = 1e-12);
 
 // The uniform oscillation of a scene (r2 = 1, friction amplitude 1).
 Orbit uniform_orbit(const Scene& scene);
