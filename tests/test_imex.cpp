@@ -305,3 +305,54 @@ TEST_CASE("of several solutions of a stage none is taken that the step does not 
   CHECK(refused > 100);
   CHECK(taken > 1000);
 }
+
+TEST_CASE("what is implicit follows from the rate of friction, a smoothed threshold included", "[imex]") {
+  const auto chosen = [](double gamma, const Law& law) {
+    Scene scene;
+    scene.n = 64;
+    scene.gamma = gamma;
+    scene.friction.law = law;
+    scene.friction.regularised = law->jumps_at_rest;
+    const Model model(PETSC_COMM_WORLD, scene);
+    VecHandle u = model.create_vector();
+    start(model, u);
+    const Integrator integrator(model, MethodSpec(), u);
+    return integrator.report().method + " " + to_string(integrator.report().implicit);
+  };
+  CHECK(chosen(100, "cubic") == "rk:5dp none");
+  CHECK(chosen(300, "cubic") == "arkimex:4 friction");
+  CHECK(chosen(3, "carlson-langer") == "arkimex:4 friction");
+}
+
+TEST_CASE("a step of arkimex that was rejected is followed by one no longer", "[imex]") {
+  Scene scene;
+  scene.form = Form::chain;  // at a smoothed threshold
+  scene.n = 40;
+  scene.order = 2;
+  scene.friction.law = Law("carlson-langer");
+  scene.friction.regularised = true;
+  const Model model(PETSC_COMM_WORLD, scene);
+  VecHandle u = model.create_vector();
+  start(model, u);
+  Integrator integrator(model, MethodSpec(), u);
+  PetscReal low, high;
+  TSAdapt adapt;
+  PetscInt rejections = 0;
+  int rejected = 0, grown = 0;
+  integrator.advance(u, 0, 20, [&](const Integrator::Step& step) {
+    if (step.index > 0) {
+      const bool was_rejected = integrator.report().rejections > rejections;
+      rejections = integrator.report().rejections;
+      const bool longer = step.next_dt > (step.t - step.t_before) * (1 + 1e-12);
+      rejected += was_rejected ? 1 : 0;
+      grown += longer ? 1 : 0;
+      if (step.t < 18) CHECK_FALSE((was_rejected && longer));  // later the end shapes the steps
+    }
+    return Integrator::Verdict::go_on;
+  });
+  CHECK(rejected > 10);
+  CHECK(grown > 10);
+  SS_TRY(TSGetAdapt(integrator.ts(), &adapt));
+  SS_TRY(TSAdaptGetClip(adapt, &low, &high));
+  CHECK(high == 10);  // as PETSc has it, for the steps that follow
+}

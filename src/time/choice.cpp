@@ -95,11 +95,13 @@ Rates rates_of(const Model& model, Vec u) {
   // 1/sqrt(A K0), the period of a free block; it is stable up to about 3 over the fastest frequency.
   const double own = std::sqrt(model.scene().A() * model.scene().K0());
   const double accurate = 40 * (own > 0 ? own : 1);
-  // At equal error a step with implicit friction costs some 30 explicit ones, one with an implicit wave some 60
-  // (docs/chart.md), with PETSc's own implicit steps; docs/methods.md says what tile by tile makes of the first.
+  // At equal error a run with friction implicit, tile by tile, costs as much as an explicit one where friction acts 2
+  // to 12 times as fast as an accurate step needs: 12 on a ring and beside a pacemaker, where short waves follow each
+  // fall of a node, 2 where nodes creep between falls (docs/methods.md). An implicit wave, by PETSc's solvers, costs
+  // some 60 explicit steps (docs/chart.md).
   // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no bound.
   const bool creeps = model.friction_law().steep;
-  return {wave, friction, creeps || friction > 30 * std::max(wave, accurate), wave > 60 * std::max(friction, accurate)};
+  return {wave, friction, creeps || friction > 12 * std::max(wave, accurate), wave > 60 * std::max(friction, accurate)};
 }
 
 Choice choose_method(const Model& model, const Rates& rates, const MethodSpec& spec, const std::string& prefix) {
@@ -107,11 +109,12 @@ Choice choose_method(const Model& model, const Rates& rates, const MethodSpec& s
   const bool sticks = Stick::applies_to(model.scene());
   const Implicit stiff = stiff_part(rates, sticks);
   const bool wants_imex = spec.implicit != "auto" && spec.implicit != "none";
-  // A smoothed threshold is so steep that Newton's method takes many rounds a stage: the Rosenbrock method, which
-  // takes one, costs a third at the same error (docs/chart.md).
-  const bool threshold = rates.stiff_friction && law.law->jumps_at_rest && law.regularised;
-  Choice choice{wants_imex ? TSARKIMEX : stiff == Implicit::none ? TSRK : threshold ? TSROSW : TSARKIMEX,
-                "", Implicit::none, spec.fused, false};
+  // Everything implicit at a smoothed threshold: Newton's method would take many rounds a stage, and the Rosenbrock
+  // method, which takes one, costs a third at the same error (docs/chart.md).
+  const bool threshold = law.law->jumps_at_rest && law.regularised;
+  const bool rosenbrock = threshold && stiff == Implicit::both && !wants_imex;
+  Choice choice{rosenbrock ? TSROSW : wants_imex || stiff != Implicit::none ? TSARKIMEX : TSRK, "", Implicit::none,
+                spec.fused, false};
   std::string wanted = spec.type;
   char name[128];
   PetscBool set;

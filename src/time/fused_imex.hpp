@@ -1,8 +1,12 @@
 // A step of an implicit-explicit Runge-Kutta method with friction implicit, all stages taken tile by tile.
 //
 // The explicit part is K1 D2 psi, in eta; everything pointwise is implicit and solved node by node
-// (model/implicit_kernel.hpp).
+// (model/implicit_kernel.hpp), to well below the error that a step is allowed. Where the step's error is estimated, one
+// whose equations have several solutions, of which the motion need not lead to the one found, counts as not solved.
+// Of stage i the implicit slope stands at 2 i, the explicit one at 2 i + 1.
 #pragma once
+
+#include <vector>
 
 #include "time/fused_step.hpp"
 #include "time/imex_tableau.hpp"
@@ -12,20 +16,20 @@ namespace stickslip {
 class FusedImex : public TiledStep {
  public:
   FusedImex(const Model& model, const ImexTableau& method, bool sticking);
-  ~FusedImex() override;
-
-  // The implicit equations are solved to well below what `norm` allows. With `estimate`, a step whose equations have
-  // several solutions, of which the motion need not lead to the one found, counts as not solved.
-  // `slopes`: of stage i the implicit one at 2 i, the explicit one at 2 i + 1.
-  Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new, const std::vector<VecHandle>& slopes,
-               Vec last_slope = nullptr) const override;
-  void set_direction(const std::vector<double>& direction) override;
-  bool last_is_solution() const override { return false; }
-  int stages() const override;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  long through(const Tile& t, const Step& step) const override;
+  long stage(const Tile& t, int i, const Step& step, PetscInt begin, PetscInt end) const;
+  long solve(const Tile& t, int i, const Step& step, PetscInt begin, PetscInt end, bool held) const;
+  int implicit_slope(int i) const { return slopes_from + 2 * i; }
+
+  int known_;                      // columns of what an implicit equation is given
+  std::vector<double> diagonal_;   // of At
+  std::vector<Row> implicit_rows_, all_rows_;  // of the stages, for psi and the state, and for eta
+  // The new u: a stiffly accurate method has it in its last stage but for what is explicit.
+  bool stiffly_accurate_;
+  Row solution_, eta_solution_;
+  tile::SolveStage solve_stage_;
 };
 
 }  // namespace stickslip

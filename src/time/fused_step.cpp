@@ -3,114 +3,120 @@
 #include <algorithm>
 
 #include "stickslip/base/error.hpp"
-#include "time/tile_kernels.hpp"
 
 namespace stickslip {
 
-SlopeArrays::SlopeArrays(const std::vector<VecHandle>& slopes, Vec last)
-    : slopes_(slopes), last_(last), arrays_(slopes.size()) {
-  for (std::size_t i = 0; i < arrays_.size(); ++i) SS_TRY(VecGetArrayWrite(slopes_[i], &arrays_[i]));
-  if (last_) SS_TRY(VecGetArrayWrite(last_, &last_array_));
-}
-SlopeArrays::~SlopeArrays() {
-  if (last_) (void)VecRestoreArrayWrite(last_, &last_array_);
-  for (std::size_t i = 0; i < arrays_.size(); ++i) (void)VecRestoreArrayWrite(slopes_[i], &arrays_[i]);
-}
-void SlopeArrays::store(const Tiles& tiles, const Tile& tile, int first, int stages) const {
-  for (std::size_t i = 0; i < arrays_.size(); ++i) tiles.store(tile, first + static_cast<int>(i), arrays_[i]);
-  if (last_array_) tiles.store(tile, first + stages - 1, last_array_);
-}
+namespace {
 
-struct FusedStep::Impl {
-  int stages;
-  Tiles tiles;
-  std::vector<Row> rows;  // of A
-  Row solution, error;
-  bool last_is_solution;  // the last stage is taken at the new u
-  kernel::Coefficients coefficients;
-  tile::Stencil stencil;
-  tile::Pointwise pointwise;
+// The arrays of Vecs that hold slopes while a step is taken; each may be absent.
+class SlopeArrays {
+ public:
+  SlopeArrays(const std::vector<VecHandle>& slopes, Vec last) : slopes_(slopes), last_(last), arrays_(slopes.size()) {
+    for (std::size_t i = 0; i < arrays_.size(); ++i) SS_TRY(VecGetArrayWrite(slopes_[i], &arrays_[i]));
+    if (last_) SS_TRY(VecGetArrayWrite(last_, &last_array_));
+  }
+  ~SlopeArrays() {
+    if (last_) (void)VecRestoreArrayWrite(last_, &last_array_);
+    for (std::size_t i = 0; i < arrays_.size(); ++i) (void)VecRestoreArrayWrite(slopes_[i], &arrays_[i]);
+  }
+  SlopeArrays(const SlopeArrays&) = delete;
+  SlopeArrays& operator=(const SlopeArrays&) = delete;
 
-  Impl(const Model& m, const RungeKutta& method, bool sticking)
-      : stages(method.stages), tiles(m, stages, stages, sticking), rows(std::size_t(stages)),
-        coefficients(kernel::coefficients_of(m.scene())), stencil(tile::stencil(m.scene())),
-        pointwise(tile::pointwise(m.scene(), sticking)) {
-    for (int i = 0; i < stages; ++i)
-      add_to_row(rows[std::size_t(i)], &method.A[static_cast<std::size_t>(i * stages)], i, 2);
-    add_to_row(solution, method.b.data(), stages, 2);
-    last_is_solution = rows.back().column == solution.column && rows.back().weight == solution.weight;
-    if (method.embedded.empty()) return;
-    std::vector<double> difference = method.b;
-    for (std::size_t i = 0; i < difference.size(); ++i) difference[i] -= method.embedded[i];
-    add_to_row(error, difference.data(), stages, 2);
+  // From the columns first, first + 1, ..., last of the tile.
+  void store(const Tiles& tiles, const Tile& tile, int first, int last) const {
+    for (std::size_t i = 0; i < arrays_.size(); ++i) tiles.store(tile, first + static_cast<int>(i), arrays_[i]);
+    if (last_array_) tiles.store(tile, last, last_array_);
   }
 
-  // k_i on [begin, end) of the values in column `index`, psi of which holds half_width more nodes at either side.
-  void slope(const Tile& t, int index, int i, PetscInt begin, PetscInt end) const {
-    double* const psi = tiles.column(index, 0) - t.from;
-    tiles.close_ends(psi, begin, end);
-    const bool has_state = tiles.dof() == 3;
-    const PetscInt at = begin - t.from;
-    double* const k_psi = tiles.column(2 + i, 0) - t.from;
-    double* const k_eta = tiles.column(2 + i, 1) - t.from;
-    stencil(coefficients, {psi + begin, k_eta + begin, end - begin});
-    pointwise(coefficients,
-             {psi + begin, tiles.column(index, 1) + at, has_state ? tiles.column(index, 2) + at : nullptr,
-              tiles.amplitude(begin), k_psi + begin, k_eta + begin, has_state ? tiles.column(2 + i, 2) + at : nullptr,
-              end - begin, tiles.direction(begin)});
-    tiles.for_held(begin, end, [&](PetscInt node) {
-      k_psi[node] = 0;
-      if (tiles.model().scene().form == Form::continuum) k_eta[node] = 0;
-    });
-  }
-
-  // Through all stages, of which the first `taken` need their slope; the new values end in column 1.
-  void through(const Tile& t, double dt, int taken) const {
-    const int dof = tiles.dof(), half_width = tiles.half_width();
-    const PetscInt low = tiles.low(), high = tiles.high();
-    for (int i = 0; i < stages; ++i) {
-      const bool is_taken = i < taken;
-      if (!is_taken && !last_is_solution) break;
-      const PetscInt margin = is_taken ? (taken - 1 - i) * half_width : 0;
-      const PetscInt begin = std::max(t.begin - margin, low), end = std::min(t.end + margin, high);
-      if (i > 0) {
-        const PetscInt beyond_it = is_taken ? half_width : 0;
-        const Row& row = rows[static_cast<std::size_t>(i)];
-        const PetscInt psi_begin = std::max(begin - beyond_it, low), psi_end = std::min(end + beyond_it, high);
-        tiles.sum(t, 0, tiles.column(0, 0), row, dt, psi_begin, psi_end, tiles.column(1, 0));
-        for (int d = 1; d < dof; ++d) tiles.sum(t, d, tiles.column(0, d), row, dt, begin, end, tiles.column(1, d));
-      }
-      if (is_taken) slope(t, i > 0 ? 1 : 0, i, begin, end);
-    }
-    if (!last_is_solution)
-      for (int d = 0; d < dof; ++d) tiles.sum(t, d, tiles.column(0, d), solution, dt, t.begin, t.end, tiles.column(1, d));
-  }
+ private:
+  const std::vector<VecHandle>& slopes_;
+  Vec last_;
+  std::vector<double*> arrays_;
+  double* last_array_ = nullptr;
 };
 
-FusedStep::FusedStep(const Model& model, const RungeKutta& method, bool sticking)
-    : impl_(std::make_unique<Impl>(model, method, sticking)) {}
-FusedStep::~FusedStep() = default;
+}  // namespace
 
-TiledStep::Outcome FusedStep::take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
+TiledStep::TiledStep(const Model& model, int stages, int slopes, int others, bool sticking)
+    : stages_(stages), slopes_(slopes), tiles_(model, stages, stages * slopes + others, sticking),
+      coefficients_(kernel::coefficients_of(model.scene())), stencil_(tile::stencil(model.scene())),
+      pointwise_(tile::pointwise(model.scene(), sticking)) {}
+
+TiledStep::Outcome TiledStep::take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
                                    const std::vector<VecHandle>& slopes, Vec last_slope) const {
-  const Impl& m = *impl_;
-  const bool last_wanted = !m.last_is_solution || estimate || !slopes.empty() || last_slope;
-  const int taken = last_wanted ? m.stages : m.stages - 1;
+  const bool last_wanted = !last_is_solution_ || estimate || !slopes.empty() || last_slope;
+  const Step step{dt, norm, estimate, last_wanted ? stages_ : stages_ - 1};
   Tiles::Sums sums;
   {
     const SlopeArrays kept(slopes, last_slope);
-    m.tiles.pass(u, u_new, taken * m.tiles.half_width(), [&](const Tile& t) { m.through(t, dt, taken); },
-                 [&](const Tile& t) {
-                   kept.store(m.tiles, t, 2, m.stages);
-                   m.tiles.measure(t, m.error, dt, norm, estimate, sums);
-                 });
+    tiles_.pass(u, u_new, step.taken * tiles_.half_width(),
+                [&](const Tile& t) { sums.unsolved += double(through(t, step)); },
+                [&](const Tile& t) {
+                  kept.store(tiles_, t, slopes_from, slopes_from + stages_ * slopes_ - 1);
+                  tiles_.measure(t, error_, dt, norm, estimate, sums);
+                });
   }
-  m.tiles.model().count_evaluations(taken);
-  const Tiles::Measured measured = m.tiles.over_ranks(sums, norm, estimate);
-  return {measured.finite, measured.error};
+  tiles_.model().count_evaluations(step.taken * slopes_);
+  const Tiles::Measured measured = tiles_.over_ranks(sums, norm, estimate);
+  return {measured.finite, measured.error, measured.solved};
 }
-void FusedStep::set_direction(const std::vector<double>& direction) { impl_->tiles.set_direction(direction); }
-bool FusedStep::last_is_solution() const { return impl_->last_is_solution; }
-int FusedStep::stages() const { return impl_->stages; }
+
+void TiledStep::stretch(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const {
+  double* const psi = tiles_.column(index, 0) - t.from;
+  tiles_.close_ends(psi, begin, end);
+  stencil_(coefficients_, {psi + begin, at(t, slope, 1, begin), end - begin});
+}
+
+void TiledStep::add_pointwise(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const {
+  const bool has_state = tiles_.dof() == 3;
+  pointwise_(coefficients_,
+             {at(t, index, 0, begin), at(t, index, 1, begin), has_state ? at(t, index, 2, begin) : nullptr,
+              tiles_.amplitude(begin), at(t, slope, 0, begin), at(t, slope, 1, begin),
+              has_state ? at(t, slope, 2, begin) : nullptr, end - begin, tiles_.direction(begin)});
+  tiles_.for_held(begin, end, [&](PetscInt node) { hold(t, slope, node); });
+}
+
+void TiledStep::hold(const Tile& t, int slope, PetscInt node) const {
+  *at(t, slope, 0, node) = 0;
+  if (is_continuum()) *at(t, slope, 1, node) = 0;
+}
+
+FusedStep::FusedStep(const Model& model, const RungeKutta& method, bool sticking)
+    : TiledStep(model, method.stages, 1, 0, sticking), rows_(std::size_t(method.stages)) {
+  for (int i = 0; i < stages_; ++i)
+    add_to_row(rows_[std::size_t(i)], &method.A[static_cast<std::size_t>(i * stages_)], i, slopes_from);
+  add_to_row(solution_, method.b.data(), stages_, slopes_from);
+  last_is_solution_ = rows_.back().column == solution_.column && rows_.back().weight == solution_.weight;
+  if (method.embedded.empty()) return;
+  std::vector<double> difference = method.b;
+  for (std::size_t i = 0; i < difference.size(); ++i) difference[i] -= method.embedded[i];
+  add_to_row(error_, difference.data(), stages_, slopes_from);
+}
+
+long FusedStep::through(const Tile& t, const Step& step) const {
+  const int dof = tiles_.dof(), half_width = tiles_.half_width();
+  const PetscInt low = tiles_.low(), high = tiles_.high();
+  for (int i = 0; i < stages_; ++i) {
+    const bool is_taken = i < step.taken;
+    if (!is_taken && !last_is_solution_) break;
+    const PetscInt margin = is_taken ? (step.taken - 1 - i) * half_width : 0;
+    const PetscInt begin = std::max(t.begin - margin, low), end = std::min(t.end + margin, high);
+    if (i > 0) {
+      const PetscInt beyond_it = is_taken ? half_width : 0;
+      const Row& row = rows_[static_cast<std::size_t>(i)];
+      const PetscInt psi_begin = std::max(begin - beyond_it, low), psi_end = std::min(end + beyond_it, high);
+      tiles_.sum(t, 0, tiles_.column(0, 0), row, step.dt, psi_begin, psi_end, tiles_.column(1, 0));
+      for (int d = 1; d < dof; ++d)
+        tiles_.sum(t, d, tiles_.column(0, d), row, step.dt, begin, end, tiles_.column(1, d));
+    }
+    if (!is_taken) continue;
+    const int index = i > 0 ? 1 : 0;
+    stretch(t, index, slopes_from + i, begin, end);
+    add_pointwise(t, index, slopes_from + i, begin, end);
+  }
+  for (int d = 0; d < dof && !last_is_solution_; ++d)
+    tiles_.sum(t, d, tiles_.column(0, d), solution_, step.dt, t.begin, t.end, tiles_.column(1, d));
+  return 0;
+}
 
 }  // namespace stickslip

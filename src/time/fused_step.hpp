@@ -6,10 +6,10 @@
 // depend on the tile in which it lies, nor on the ranks, to the last bit.
 #pragma once
 
-#include <memory>
 #include <vector>
 
 #include "stickslip/model/model.hpp"
+#include "time/tile_kernels.hpp"
 #include "time/tiles.hpp"
 
 namespace stickslip {
@@ -20,18 +20,51 @@ class TiledStep {
 
   struct Outcome {
     bool finite;
-    double error;        // as ErrorNorm weighs it; -1 without an estimate
-    bool solved = true;  // every implicit equation, by the root that the step leads to
+    double error;  // as ErrorNorm weighs it; -1 without an estimate
+    bool solved;   // every implicit equation, by the root that the step leads to
   };
-  // `u_new` = u after a step dt; u and u_new differ. `slopes`: empty, or a Vec for every stage, to keep the slopes of u
-  // for values between steps. `last_slope`: nullptr, or takes the last of them. Collective; no allocation.
-  virtual Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
-                       const std::vector<VecHandle>& slopes, Vec last_slope = nullptr) const = 0;
+  // `u_new` = u after a step dt; u and u_new differ. `slopes`: empty, or a Vec for every slope of the method, to keep
+  // them for values between steps. `last_slope`: nullptr, or takes the last of them. Collective; no allocation.
+  Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new, const std::vector<VecHandle>& slopes,
+               Vec last_slope = nullptr) const;
   // With friction that sticks (stick.hpp): 1, -1 or 0 for every node of this rank, from now on. Collective.
-  virtual void set_direction(const std::vector<double>& direction) = 0;
+  void set_direction(const std::vector<double>& direction) { tiles_.set_direction(direction); }
   // The last stage is taken at the new u: its slope is the right-hand side there.
-  virtual bool last_is_solution() const = 0;
-  virtual int stages() const = 0;
+  bool last_is_solution() const { return last_is_solution_; }
+  int stages() const { return stages_; }
+
+ protected:
+  static constexpr int slopes_from = 2;  // columns of Tiles: the slopes of the stages, one behind the other
+
+  // `slopes`: of a stage; `others`: columns behind the slopes.
+  TiledStep(const Model& model, int stages, int slopes, int others, bool sticking);
+  struct Step {
+    double dt;
+    const ErrorNorm& norm;
+    bool estimate;
+    int taken;  // stages whose slope is needed: all, or all but the last
+  };
+  // All stages on a tile; the new values end in columns 1. Returns how many equations are left unsolved.
+  virtual long through(const Tile& t, const Step& step) const = 0;
+  // On [begin, end) of the values in columns `index`: K1 D2 psi into the eta of columns `slope`, where psi holds
+  // half_width more nodes at either side; and the sum over all terms, with what stands in that eta.
+  void stretch(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const;
+  void add_pointwise(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const;
+  // psi of a held node stands, and in the continuum eta, which is output, does too.
+  void hold(const Tile& t, int slope, PetscInt node) const;
+  // Node i of the column for unknown d.
+  double* at(const Tile& t, int index, int d, PetscInt i) const { return tiles_.column(index, d) + (i - t.from); }
+  bool is_continuum() const { return tiles_.model().scene().form == Form::continuum; }
+
+  int stages_, slopes_;
+  Tiles tiles_;
+  Row error_;  // empty: no estimate of the error
+  bool last_is_solution_ = false;
+  kernel::Coefficients coefficients_;
+
+ private:
+  tile::Stencil stencil_;
+  tile::Pointwise pointwise_;
 };
 
 // k_i = f(u + dt sum_{j < i} A_ij k_j),  u_new = u + dt sum_i b_i k_i,  error = dt sum_i (b_i - embedded_i) k_i
@@ -46,34 +79,12 @@ class FusedStep : public TiledStep {
  public:
   // `sticking`: with friction that sticks, of which set_direction tells who rests.
   FusedStep(const Model& model, const RungeKutta& method, bool sticking = false);
-  ~FusedStep() override;
-
-  Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new, const std::vector<VecHandle>& slopes,
-               Vec last_slope = nullptr) const override;
-  void set_direction(const std::vector<double>& direction) override;
-  bool last_is_solution() const override;
-  int stages() const override;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
-};
+  long through(const Tile& t, const Step& step) const override;
 
-// The arrays of Vecs that hold slopes while a step is taken; each may be absent.
-class SlopeArrays {
- public:
-  SlopeArrays(const std::vector<VecHandle>& slopes, Vec last);
-  ~SlopeArrays();
-  SlopeArrays(const SlopeArrays&) = delete;
-  SlopeArrays& operator=(const SlopeArrays&) = delete;
-  // From the columns first, first + 1, ... of the tile.
-  void store(const Tiles& tiles, const Tile& tile, int first, int stages) const;
-
- private:
-  const std::vector<VecHandle>& slopes_;
-  Vec last_;
-  std::vector<double*> arrays_;
-  double* last_array_ = nullptr;
+  std::vector<Row> rows_;  // of A
+  Row solution_;
 };
 
 }  // namespace stickslip

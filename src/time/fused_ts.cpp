@@ -66,6 +66,24 @@ void FusedTs::take(TS ts) {
   SS_TRY(VecCopy(before_, ts->vec_sol));
 }
 
+// While this stands the next step may not be longer than this one. What made a step of an implicit method fail, a node
+// that lets go or falls, is rarely over with the shorter one; steps that grow at once, up to tenfold as the library has
+// it, meet it again (docs/methods.md). Explicit steps, which stability bounds, are the library's own.
+class SteadyAfterRejection {
+ public:
+  SteadyAfterRejection(TSAdapt adapt, bool holds) : adapt_(adapt) {
+    SS_TRY(TSAdaptGetClip(adapt_, &low_, &high_));
+    if (holds) SS_TRY(TSAdaptSetClip(adapt_, low_, 1));
+  }
+  ~SteadyAfterRejection() { (void)TSAdaptSetClip(adapt_, low_, high_); }
+  SteadyAfterRejection(const SteadyAfterRejection&) = delete;
+  SteadyAfterRejection& operator=(const SteadyAfterRejection&) = delete;
+
+ private:
+  TSAdapt adapt_;
+  PetscReal low_, high_;
+};
+
 bool FusedTs::attempt(TS ts, PetscInt rejected) {
   static const std::vector<VecHandle> none;
   TSAdapt adapt;
@@ -93,6 +111,7 @@ bool FusedTs::attempt(TS ts, PetscInt rejected) {
   double next_dt;
   SS_TRY(TSAdaptCandidatesClear(adapt));
   SS_TRY(TSAdaptCandidateAdd(adapt, method_->subtype(), method_->order(), 1, 1, double(step_->stages()), PETSC_TRUE));
+  const SteadyAfterRejection steady(adapt, rejected > 0 && method_->type() == std::string(TSARKIMEX));
   SS_TRY(TSAdaptChoose(adapt, ts, dt_, nullptr, &next_dt, &accept));
   if (accept) ts->ptime += dt_;
   ts->time_step = next_dt;

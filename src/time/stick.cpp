@@ -203,8 +203,8 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
     std::swap(slope_, next_slope_);
     return {Change::Kind::none, 1};
   }
-  // While nothing is known below, downwards in growing steps, the first of which takes furthest() for what it nearly is,
-  // the distance in parts of the step.
+  // While nothing is known below, downwards in growing steps, the first of which takes furthest() for what it nearly
+  // is, the distance in parts of the step.
   double part = std::min(estimate, 0.999 * high), value = furthest_at(part);
   for (int round = 1; value > 0 && high >= 1e-9; ++round) {
     at_high = value;
