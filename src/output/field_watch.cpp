@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <stdexcept>
 
 #include "base/broadcast.hpp"
@@ -88,13 +89,15 @@ void FieldWatch::widen(const double* u) {
 
 void FieldWatch::look(double t, const double* u) {
   const Scene& s = model_.scene();
-  const int dof = model_.dof();
-  double extremes[3] = {-HUGE_VAL, -HUGE_VAL, steepest_step(u)};
-  const PetscInt n = model_.local();
+  const PetscInt n = model_.local(), dof = model_.dof();
+  double low = HUGE_VAL, high = -HUGE_VAL, steepest = step_to_next_rank(u);
   for (PetscInt i = 0; i < n; ++i) {
-    extremes[0] = std::max(extremes[0], -u[i * dof]);
-    extremes[1] = std::max(extremes[1], u[i * dof]);
+    const double psi = u[i * dof], step = i > 0 ? std::abs(psi - u[(i - 1) * dof]) : 0;
+    low = psi < low ? psi : low;
+    high = psi > high ? psi : high;
+    steepest = step > steepest ? step : steepest;
   }
+  double extremes[3] = {-low, high, steepest};
   largest_over(model_.comm(), extremes, 3);
   const double range = extremes[1] + extremes[0], scale = s.v != 0 ? std::abs(s.v) : 1;
   if (range > 1e-3 * (1 + std::abs(s.v))) steepest_ = std::max(steepest_, extremes[2] / range);
@@ -110,24 +113,20 @@ void FieldWatch::look(double t, const double* u) {
     }
     moments_.push_back({t, phase});
   }
-  // the first eight steps, then ever longer
-  next_look_ = steps_ < 8 ? t : t + 0.1 * (t - first_step_t_);
+  // the first steps, then ever longer
+  next_look_ = steps_ < 4 ? t : t + 0.2 * (t - first_step_t_);
 }
 
-double FieldWatch::steepest_step(const double* u) const {
-  const PetscInt n = model_.local();
-  const int dof = model_.dof();
-  double largest = 0;
-  for (PetscInt i = 1; i < n; ++i) largest = std::max(largest, std::abs(u[i * dof] - u[(i - 1) * dof]));
-  // across to the next rank; between the last and the first only on a ring
-  int rank, ranks;
-  MPI_Comm_rank(model_.comm(), &rank);
+// From this rank's last node to the next rank's first; between the last and the first of all only on a ring.
+double FieldWatch::step_to_next_rank(const double* u) const {
+  const int rank = rank_in(model_.comm());
+  int ranks;
   MPI_Comm_size(model_.comm(), &ranks);
   double next = 0;
   SS_TRY(MPI_Sendrecv(u, 1, MPI_DOUBLE, (rank + ranks - 1) % ranks, 0, &next, 1, MPI_DOUBLE, (rank + 1) % ranks, 0,
                       model_.comm(), MPI_STATUS_IGNORE));
-  if (rank + 1 < ranks || model_.scene().ring()) largest = std::max(largest, std::abs(next - u[(n - 1) * dof]));
-  return largest;
+  const bool joined = rank + 1 < ranks || model_.scene().ring();
+  return joined ? std::abs(next - u[(model_.local() - 1) * model_.dof()]) : 0;
 }
 
 int FieldWatch::count_pulses(const double* u, double depth) const {
@@ -147,25 +146,32 @@ int FieldWatch::count_pulses(const double* u, double depth) const {
   return line.up + (model_.scene().ring() && line.last == -1 && line.first == 1 ? 1 : 0);
 }
 
-// Of the Fourier coefficient of psi with mode_ turns round the ring.
+// Of the Fourier coefficient of psi with mode_ turns round the ring. Sine and cosine are turned from node to node, several
+// nodes side by side, since each waits for the one before it, and computed afresh now and then.
 double FieldWatch::phase_of(const double* u) const {
+  constexpr PetscInt lanes = 8, block = 32 * lanes;
+  const PetscInt n = model_.local(), dof = model_.dof();
   const double turn = 2 * M_PI * double(mode_) / double(model_.scene().n);
-  const double c = std::cos(turn), s = std::sin(turn);
-  const int dof = model_.dof();
-  constexpr PetscInt block = 256;  // between fresh starts of the recurrence
-  double sums[2] = {0, 0};
-  for (PetscInt begin = 0; begin < model_.local(); begin += block) {
-    const double turns = double(mode_) * double(model_.first() + begin) / double(model_.scene().n);
-    const double angle = 2 * M_PI * std::fmod(turns, 1.);
-    double x = std::cos(angle), y = -std::sin(angle);
-    for (PetscInt i = begin; i < std::min(begin + block, model_.local()); ++i) {
-      sums[0] += u[i * dof] * x;
-      sums[1] += u[i * dof] * y;
-      const double turned = x * c + y * s;
-      y = y * c - x * s;
-      x = turned;
+  const double c = std::cos(lanes * turn), s = std::sin(lanes * turn);
+  double real[lanes] = {}, imaginary[lanes] = {};
+  for (PetscInt begin = 0; begin < n; begin += block) {
+    double x[lanes], y[lanes];
+    for (PetscInt k = 0; k < lanes; ++k) {
+      const double turns = double(mode_) * double(model_.first() + begin + k) / double(model_.scene().n);
+      const double angle = 2 * M_PI * std::fmod(turns, 1.);
+      x[k] = std::cos(angle);
+      y[k] = -std::sin(angle);
     }
+    for (PetscInt i = begin; i < std::min(begin + block, n); i += lanes)
+      for (PetscInt k = 0; k < std::min(lanes, n - i); ++k) {
+        const double psi = u[(i + k) * dof], turned = x[k] * c + y[k] * s;
+        real[k] += psi * x[k];
+        imaginary[k] += psi * y[k];
+        y[k] = y[k] * c - x[k] * s;
+        x[k] = turned;
+      }
   }
+  double sums[2] = {std::accumulate(real, real + lanes, 0.), std::accumulate(imaginary, imaginary + lanes, 0.)};
   sum_over(model_.comm(), sums, 2);
   return std::atan2(sums[1], sums[0]);
 }

@@ -1,8 +1,8 @@
 // The whole field in the last quarter of a run: ranges of psi at every node, how steep its fronts are, pulses and their
 // speed. Every rank looks at its own nodes.
 //
-// Ranges are taken at every step. What needs a sum over the ranks is taken at the first eight steps and then at moments
-// whose distance is at least a tenth of the time since the first, so that their number grows with the logarithm of that
+// Ranges are taken at every step. What needs a sum over the ranks is taken at the first four steps and then at moments
+// whose distance is at least a fifth of the time since the first, so that their number grows with the logarithm of that
 // of the steps, and the phase of a wave can be followed from each moment to the next by the speed that those before it
 // show.
 //
@@ -51,7 +51,7 @@ class FieldWatch {
   };
   void widen(const double* u);
   void look(double t, const double* u);
-  double steepest_step(const double* u) const;
+  double step_to_next_rank(const double* u) const;
   int count_pulses(const double* u, double depth) const;
   double phase_of(const double* u) const;
   std::optional<double> ring_speed() const;

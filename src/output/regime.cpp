@@ -117,11 +117,14 @@ struct Regime::Impl {
     std::array<double, 4> largest{0, 0, 0, -infinity};  // distance, speed, holding force, minus the time to give way
     const Reading values(u);
     const PetscInt n = model.local(), dof = model.dof();
+    const bool aged = dof == 3 && s.friction.sticks();  // what holds a node depends on its state
+    double force = holding_force(model, 0);
     for (PetscInt i = 0; i < n; ++i) {
       const double *at = &values[i * dof], psi = at[0];
       largest[0] = std::max(largest[0], std::abs(psi - steady(model.first() + i)));
       largest[1] = std::max(largest[1], std::abs(psi));
-      const double holds = model.amplitude()[std::size_t(i)] * holding_force(model, dof == 3 ? at[2] : 0);
+      if (aged) force = holding_force(model, at[2]);
+      const double holds = model.amplitude()[std::size_t(i)] * force;
       largest[2] = std::max(largest[2], std::abs(holds));
       if (pull > 0) {
         const double side = s.v > 0 ? 1 : -1, rate = std::max(s.K0() * side * (s.v - psi), 0.1 * pull);

@@ -60,14 +60,15 @@ std::array<double, 2> psi_change(const Model& model, Vec a, Vec b) {
   return largest;
 }
 
-// Is psi within a tenth of v (of 1 where v = 0) at half the nodes?
+// Is psi within a tenth of v (of 1 where v = 0) at half of the nodes, of which up to 4096 are asked?
 bool near_sliding(const Model& model, Vec u) {
   const Reading a(u);
   const double v = model.scene().v, scale = v != 0 ? std::abs(v) : 1;
-  const PetscInt n = model.local(), dof = model.dof();
-  PetscInt near = 0;
-  for (PetscInt i = 0; i < n; ++i) near += std::abs(a[i * dof] - v) < 0.1 * scale ? 1 : 0;
-  return 2 * sum_over(model.comm(), double(near)) >= double(model.scene().n);
+  const PetscInt n = model.local(), dof = model.dof(), stride = (model.scene().n + 4095) / 4096;
+  double near = 0;  // those that are, less those that are not, by two
+  for (PetscInt i = (stride - model.first() % stride) % stride; i < n; i += stride)
+    near += std::abs(a[i * dof] - v) < 0.1 * scale ? 0.5 : -0.5;
+  return sum_over(model.comm(), near) >= 0;
 }
 
 }  // namespace
