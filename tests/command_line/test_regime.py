@@ -47,13 +47,16 @@ def test_loaded_block_slips():
     assert regime(CARLSON_LANGER + "-ts_max_time 450")[0]["regime"] == "stick-slip"
 
 
-def test_irregular_slips():
-    # 20 blocks, loaded in 1e4: large and small events without a trend; the time that would decide is an estimate from
-    # few events, so twice that time is given
-    out, _ = regime(f"{CATALOGUE} -ts_max_time 50000")
-    assert out["regime"] == "undecided" and out["time_to_decide"] < 200000, out
-    for end in (2 * out["time_to_decide"], 400000):
-        assert regime(f"{CATALOGUE} -ts_max_time {end}")[0]["regime"] == "stick-slip", end
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_irregular_slips(seed):
+    # 20 blocks, loaded in 1e4: large and small events without a trend. Ten times as long need not decide; what it says
+    # would do so does, to a factor of two, and the motion stays what it is.
+    scene = f"{CATALOGUE} -init_seed {seed} -ts_max_time "
+    out, _ = regime(scene + "100000")
+    wanted = out["time_to_decide"] or 100000
+    assert out["regime"] in ("undecided", "stick-slip") and wanted <= 400000, out
+    for end in (2 * wanted, 800000):
+        assert regime(f"{scene} {end}")[0]["regime"] == "stick-slip", end
 
 
 @pytest.mark.parametrize("end", [0.3, 1, 10])
