@@ -68,6 +68,7 @@ void FieldWatch::step(const ObservedStep& step) {
     node.psi = b + v;
   }
   if (step.t >= next_look_ || step.t >= t_end_) look(step.t, u);
+  if (model_.scene().ring() && mode_ > 0 && phase_is_due(step.t)) take_phase(step.t, u);
   ++steps_;
   last_t_ = step.t;
 }
@@ -103,18 +104,26 @@ void FieldWatch::look(double t, const double* u) {
   if (range > 1e-3 * (1 + std::abs(s.v))) steepest_ = std::max(steepest_, extremes[2] / range);
   pulses_ = range > 1e-3 * scale ? count_pulses(u, 0.05 * range) : 0;
   if (mode_ < 0) mode_ = pulses_;
-  if (s.ring() && mode_ > 0) {
-    double phase = phase_of(u);
-    if (!moments_.empty()) {
-      const Moment &first = moments_.front(), &last = moments_.back();
-      const double speed = last.t > first.t ? (last.phase - first.phase) / (last.t - first.t) : 0;
-      const double expected = last.phase + speed * (t - last.t);
-      phase = expected + std::remainder(phase - expected, 2 * M_PI);
-    }
-    moments_.push_back({t, phase});
-  }
   // the first steps, then ever longer
   next_look_ = steps_ < 4 ? t : t + 0.2 * (t - first_step_t_);
+}
+
+// At the first eight steps, and then so densely that it can be followed.
+bool FieldWatch::phase_is_due(double t) const {
+  if (moments_.empty() || steps_ < 8 || t >= t_end_) return true;
+  const double last = moments_.back().t;
+  return t >= last + 0.03 * (last - first_step_t_);
+}
+
+void FieldWatch::take_phase(double t, const double* u) {
+  double phase = phase_of(u);
+  if (!moments_.empty()) {
+    const Moment &first = moments_.front(), &last = moments_.back();
+    const double speed = last.t > first.t ? (last.phase - first.phase) / (last.t - first.t) : 0;
+    const double expected = last.phase + speed * (t - last.t);
+    phase = expected + std::remainder(phase - expected, 2 * M_PI);
+  }
+  moments_.push_back({t, phase});
 }
 
 // From this rank's last node to the next rank's first; between the last and the first of all only on a ring.

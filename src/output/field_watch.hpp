@@ -1,10 +1,10 @@
 // The whole field in the last quarter of a run: ranges of psi at every node, how steep its fronts are, pulses and their
 // speed. Every rank looks at its own nodes.
 //
-// Ranges are taken at every step. What needs a sum over the ranks is taken at the first four steps and then at moments
-// whose distance is at least a fifth of the time since the first, so that their number grows with the logarithm of that
-// of the steps, and the phase of a wave can be followed from each moment to the next by the speed that those before it
-// show.
+// Ranges are taken at every step. What needs a sum over the ranks is taken at the first few steps and then at moments
+// whose distance is at least a part of the time since the first, so that their number grows with the logarithm of that
+// of the steps: a fifth, and 3 % for the phase of a wave, which is followed from each moment to the next by the speed
+// that those before it show.
 //
 //   pulses      upward passages of psi through v along x, on a ring or between the ends; a dip counts where it goes a
 //               twentieth of the range of psi below
@@ -53,6 +53,8 @@ class FieldWatch {
   void look(double t, const double* u);
   double step_to_next_rank(const double* u) const;
   int count_pulses(const double* u, double depth) const;
+  bool phase_is_due(double t) const;
+  void take_phase(double t, const double* u);
   double phase_of(const double* u) const;
   std::optional<double> ring_speed() const;
   std::optional<double> passage_speed() const;

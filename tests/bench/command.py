@@ -3,7 +3,7 @@
 
     ninja -C build stickslip bench_steps
     python3 tests/bench/command.py [--nodes 1000,10000,100000,1000000] [--ranks 1,2] [--rounds 3] [--seconds 1]
-                                  [--build build]
+                                  [--output none,frames,probes,events,checkpoints] [--build build]
 
 A ring at order 4 with the cubic law and rk:5dp, 20 nodes a unit of length; the end is such that the steps take about
 --seconds. Command and bare steps take turns; the ratio is that of the medians. On several ranks both are sums over the
@@ -56,11 +56,11 @@ def end_for(n, seconds):
         end *= min(10, 0.5 * seconds / max(took, 1e-3))
 
 
-def rows(n, ranks, rounds, seconds):
+def rows(n, ranks, rounds, seconds, kinds):
     end = end_for(n, seconds)
     steps, _ = bare(n, end, ranks)
-    for kind, words in KINDS.items():
-        options = words.format(tenth=max(1, steps // 10)).split()
+    for kind in kinds:
+        options = KINDS[kind].format(tenth=max(1, steps // 10)).split()
         program = [os.path.join(BUILD, "stickslip"), "run", "-progress", "off"]
         base, whole, start = [], [], []
         for _ in range(rounds):
@@ -78,6 +78,7 @@ def main():
     parser.add_argument("--build", default=BUILD, help="the folder of the programs")
     parser.add_argument("--nodes", default="1000,10000,100000,1000000")
     parser.add_argument("--ranks", default="1,2")
+    parser.add_argument("--output", default=",".join(KINDS))
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seconds", type=float, default=1)
     asked = parser.parse_args()
@@ -88,7 +89,7 @@ def main():
         os.chdir(folder)
         for n in asked.nodes.split(","):
             for ranks in asked.ranks.split(","):
-                rows(int(n), int(ranks), asked.rounds, asked.seconds)
+                rows(int(n), int(ranks), asked.rounds, asked.seconds, asked.output.split(","))
 
 
 if __name__ == "__main__":
