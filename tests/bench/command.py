@@ -1,5 +1,6 @@
 """What `stickslip run` costs beside its bare steps: processor time of the whole command over that of the steps alone
-(bench_steps), without output, with 50 frames, probes, events and checkpoints. Run by hand:
+(bench_steps), without output, with 50 frames, probes, events and checkpoints. Run by
+hand, on several ranks after `. scripts/prepare.sh`:
 
     ninja -C build stickslip bench_steps
     python3 tests/bench/command.py [--nodes 1000,10000,100000,1000000] [--ranks 1,2] [--rounds 3] [--seconds 1]
