@@ -57,6 +57,11 @@ double two_norm(const Matrix& x) { return std::sqrt(std::max(0., largest_eigenva
 
 // exp(M t), by SLEPc.
 Matrix exponential(const Matrix& M, double t) {
+  if (t == 0) {  // a scale that FN refuses
+    Matrix identity(std::size_t(M.m));
+    for (std::size_t i = 0; i < std::size_t(M.m); ++i) identity(i, i) = 1;
+    return identity;
+  }
   Handle<FN, FNDestroy> exp;
   SS_TRY(FNCreate(PETSC_COMM_SELF, exp.out()));
   SS_TRY(FNSetType(exp, FNEXP));
@@ -133,14 +138,12 @@ Sample refine_top(const Matrix& M, const Matrix& step, Sample left, Sample middl
   return middle;
 }
 
-// The same for a large matrix: at even times until the norm is 1, then beside the three highest tops.
-void grow_large(const Matrix& M, double horizon, Transient& result) {
-  result.abscissa = abscissa_of(M);
-  if (horizon <= 0 || !(result.abscissa > 1e-12)) return;
-  const double h = std::min(horizon / 100, std::max(0.1 / result.abscissa, horizon / 400));
+// The same for a large matrix: at up to 400 even times h apart, until the norm is 1, then beside those of the eight highest
+// tops that come within a tenth of the highest: between samples a lower one may rise further.
+void sample_large(const Matrix& M, double h, double horizon, Transient& result) {
   const Matrix step = exponential(M, h);
   std::vector<Sample> samples{{0, 1}};
-  for (Matrix x = step; samples.back().t < horizon; x = times(x, step)) {
+  for (Matrix x = step; samples.back().t < horizon && samples.size() <= 400; x = times(x, step)) {
     samples.push_back({double(samples.size()) * h, two_norm(x)});
     if (samples.back().g <= 1) break;
   }
@@ -148,13 +151,24 @@ void grow_large(const Matrix& M, double horizon, Transient& result) {
   for (std::size_t k = 1; k + 1 < samples.size(); ++k)
     if (samples[k].g >= samples[k - 1].g && samples[k].g > samples[k + 1].g) tops.push_back(k);
   std::sort(tops.begin(), tops.end(), [&](std::size_t a, std::size_t b) { return samples[a].g > samples[b].g; });
-  if (tops.size() > 3) tops.resize(3);
+  if (tops.size() > 8) tops.resize(8);
   for (const std::size_t k : tops) {
+    if (samples[k].g < 0.9 * samples[tops.front()].g) break;
     const Sample top = refine_top(M, step, samples[k - 1], samples[k], samples[k + 1]);
     if (top.g <= result.growth) continue;
     result.growth = top.g;
     result.time = top.t;
   }
+}
+
+// Between samples 0.1/abscissa apart nothing rises by more than a tenth. Where decay is so slow that they do not reach to
+// its end, the rest is looked at in longer steps.
+void grow_large(const Matrix& M, double horizon, Transient& result) {
+  result.abscissa = abscissa_of(M);
+  if (horizon <= 0 || !(result.abscissa > 1e-12)) return;
+  const double fine = std::min(horizon / 100, 0.1 / result.abscissa);
+  sample_large(M, fine, horizon, result);
+  if (400 * fine < horizon) sample_large(M, horizon / 400, horizon, result);
 }
 
 // The operator on one wave, in the energy's own unknowns P = sqrt(K/A) p, e, t; K > 0 is the wave's stiffness.

@@ -21,7 +21,7 @@ namespace stickslip {
 struct Transient {
   double abscissa = 0;  // the fastest growth rate of any perturbation at first (numerical abscissa), 1/time
   // Largest |exp(J t)| over t >= 0, and when it is reached, both refined (`wavenumbers`: to 1e-9, and nothing beyond
-  // 1e-4 is overlooked; `dense`: the three highest of 100 to 400 samples refined; `iteration`: the highest, to 1e-6).
+  // 1e-4 is overlooked; `dense`: of up to 800 samples the highest refined; `iteration`: the highest, to 1e-6).
   // 1 and 0 where nothing grows. Meaningful for stable sliding only.
   double growth = 1, time = 0;
   std::string method;   // "wavenumbers", "dense" or "iteration"
