@@ -1,11 +1,11 @@
 #include "stickslip/base/json.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <stdexcept>
 
 #include "stickslip/base/json_values.hpp"
+#include "stickslip/base/text.hpp"
 
 namespace stickslip {
 
@@ -13,8 +13,7 @@ namespace {
 
 std::string text_of(double value) {
   if (!std::isfinite(value)) return "null";
-  char buffer[40];
-  std::string digits(buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr);
+  const std::string digits = number_text(value);
   return digits.find_first_of(".e") == std::string::npos ? digits + ".0" : digits;
 }
 

@@ -5,34 +5,29 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <climits>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
+#include <filesystem>
 
 #include "stickslip/base/error.hpp"
 
 namespace stickslip::paths {
 
 std::string folder(const std::string& path) {
-  const std::size_t slash = path.rfind('/');
-  if (slash == std::string::npos) return ".";
-  return slash == 0 ? "/" : path.substr(0, slash);
+  const std::string parent = std::filesystem::path(path).parent_path();
+  return parent.empty() ? "." : parent;
 }
 
-std::string file(const std::string& path) {
-  const std::size_t slash = path.rfind('/');
-  return slash == std::string::npos ? path : path.substr(slash + 1);
-}
+std::string file(const std::string& path) { return std::filesystem::path(path).filename(); }
 
 std::string hidden_sibling(const std::string& path, const std::string& suffix) {
-  const std::string hidden = "." + file(path) + suffix;
-  return path.find('/') == std::string::npos ? hidden : folder(path) + "/" + hidden;
+  return std::filesystem::path(path).replace_filename("." + file(path) + suffix);
 }
 
 std::string resolved(const std::string& path) {
-  char buffer[PATH_MAX];
-  return realpath(path.c_str(), buffer) ? std::string(buffer) : path;
+  std::error_code missing;
+  const std::filesystem::path real = std::filesystem::canonical(path, missing);
+  return missing ? path : real.string();
 }
 
 Present check_writable(const std::string& option, const std::string& path) {
@@ -63,12 +58,35 @@ Present check_writable(const std::string& option, const std::string& path) {
   return present ? Present::regular : Present::nothing;
 }
 
+Descriptor::Descriptor(const std::string& path, int flags, const std::string& doing)
+    : number_(open(path.c_str(), flags | O_CLOEXEC, 0666)) {
+  if (number_ < 0) throw Failure("cannot " + doing + " '" + path + "': " + std::strerror(errno));
+}
+
+Descriptor::~Descriptor() { close(number_); }
+
+void write_all(int descriptor, const void* bytes, std::size_t size, std::int64_t at) {
+  for (std::size_t done = 0; done < size;) {
+    const char* from = static_cast<const char*>(bytes) + done;
+    const ssize_t count = at < 0 ? write(descriptor, from, size - done)
+                                 : pwrite(descriptor, from, size - done, static_cast<off_t>(at) + off_t(done));
+    if (count < 0 && errno != EINTR) throw Failure(std::strerror(errno));
+    if (count > 0) done += static_cast<std::size_t>(count);
+  }
+}
+
+std::size_t read_some(int descriptor, void* bytes, std::size_t size, std::int64_t at) {
+  for (;;) {
+    const ssize_t count = pread(descriptor, bytes, size, static_cast<off_t>(at));
+    if (count >= 0) return static_cast<std::size_t>(count);
+    if (errno != EINTR) throw Failure(std::strerror(errno));
+  }
+}
+
 void reserve(const std::string& path, double bytes) {
-  const int fd = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-  if (fd < 0) throw Failure("cannot create '" + path + "': " + std::strerror(errno));
-  const int why = posix_fallocate(fd, 0, static_cast<off_t>(bytes));
-  close(fd);
-  if (why != 0) throw Failure("cannot write '" + path + "': " + std::strerror(why));
+  const Descriptor file(path, O_RDWR | O_CREAT, "create");
+  if (const int why = posix_fallocate(file, 0, static_cast<off_t>(bytes)); why != 0)
+    throw Failure("cannot write '" + path + "': " + std::strerror(why));
 }
 
 void check_length(const std::string& path, double bytes) {
@@ -79,12 +97,8 @@ void check_length(const std::string& path, double bytes) {
 }
 
 void sync(const std::string& path) {
-  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) throw Failure("cannot open '" + path + "': " + std::strerror(errno));
-  const int code = fsync(fd);
-  const int why = errno;
-  close(fd);
-  if (code != 0) throw Failure("cannot write '" + path + "': " + std::strerror(why));
+  const Descriptor file(path, O_RDONLY);
+  if (fsync(file) != 0) throw Failure("cannot write '" + path + "': " + std::strerror(errno));
 }
 
 void publish(const std::string& temporary, const std::string& path) {

@@ -1,6 +1,7 @@
 // File names and what may be written under them. Rank 0 only.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 namespace stickslip::paths {
@@ -18,6 +19,26 @@ enum class Present { nothing, regular, special };  // special: a pipe or a devic
 // What stands at `path`, for `option` to write there: throws UsageError where that is a folder, the folder is missing
 // or not writable, or the name is empty, too long or otherwise unusable (found by making and removing a file).
 Present check_writable(const std::string& option, const std::string& path);
+
+// An open file, closed with the scope.
+class Descriptor {
+ public:
+  // flags: those of open(2). Throws Failure, "cannot DOING 'PATH': ...".
+  Descriptor(const std::string& path, int flags, const std::string& doing = "open");
+  ~Descriptor();
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  operator int() const { return number_; }  // NOLINT: it stands for its number
+
+ private:
+  int number_;
+};
+
+// All the bytes, from position `at` on; at -1: where the file stands, which may be a pipe. Throws Failure: the system's
+// word for what is wrong.
+void write_all(int descriptor, const void* bytes, std::size_t size, std::int64_t at = -1);
+// Up to so many bytes from position `at` on, fewer at the end of the file. Throws Failure likewise.
+std::size_t read_some(int descriptor, void* bytes, std::size_t size, std::int64_t at);
 
 // Takes disk space for the first `bytes` of a file, made where it is not there. Throws Failure.
 void reserve(const std::string& path, double bytes);

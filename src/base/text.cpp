@@ -28,8 +28,7 @@ int edit_distance(const std::string& a, const std::string& b) {
 
 std::string number_text(double value) {
   char buffer[40];
-  const auto result = std::to_chars(buffer, buffer + sizeof buffer, value);
-  return std::string(buffer, result.ptr);
+  return std::string(buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr);
 }
 
 std::string rounded_text(double value, int digits) {
@@ -72,6 +71,22 @@ std::string nearest_name(const std::string& name, const std::vector<std::string>
   for (const std::string& candidate : names)  // cut short: print for printed
     if (wanted.size() > 2 && lower_case(candidate).rfind(wanted, 0) == 0) return candidate;
   return "";
+}
+
+std::string suggestion(const std::string& name, const std::vector<std::string>& names, const char* before) {
+  const std::string near = nearest_name(name, names);
+  return near.empty() ? "" : "; did you mean " + (before + near) + "?";
+}
+
+std::string joined(const std::vector<std::string>& parts, const std::string& separator) {
+  std::string text;
+  for (const std::string& part : parts) text += (&part == &parts[0] ? "" : separator) + part;
+  return text;
+}
+
+std::string trimmed(const std::string& text) {
+  const std::size_t begin = text.find_first_not_of(" \t");
+  return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(" \t") + 1 - begin);
 }
 
 std::vector<std::string> split(const std::string& text, char separator) {

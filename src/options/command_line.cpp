@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "base/broadcast.hpp"
+#include "options/values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/options/library_options.hpp"
+#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/options/scene_file.hpp"
 
@@ -31,59 +33,20 @@ bool takes(const std::string& name, const std::string& word) {
   return spec && spec->type != OptionType::boolean;
 }
 
-struct Words {
-  std::vector<Given> given;
+// Adds the options among the words to `given`; returns the words that belong to none.
+std::vector<std::string> read_words(const std::vector<std::string>& words, const std::string& where,
+                                    std::vector<Given>& given) {
   std::vector<std::string> stray;
-};
-
-Words read_words(const std::vector<std::string>& words, const std::string& where) {
-  Words result;
   for (std::size_t i = 0; i < words.size(); ++i) {
     if (!is_name(words[i])) {
-      result.stray.push_back(words[i]);
+      stray.push_back(words[i]);
       continue;
     }
-    Given given{name_in(words[i]), std::nullopt, where};
-    if (i + 1 < words.size() && !is_name(words[i + 1]) && takes(given.name, words[i + 1])) given.text = words[++i];
-    result.given.push_back(std::move(given));
+    given.push_back({name_in(words[i]), std::nullopt, where});
+    if (i + 1 < words.size() && !is_name(words[i + 1]) && takes(given.back().name, words[i + 1]))
+      given.back().text = words[++i];
   }
-  return result;
-}
-
-// Words between spaces; quotes keep spaces together.
-std::vector<std::string> split_environment(const std::string& text) {
-  std::vector<std::string> words;
-  std::string word;
-  bool inside = false;
-  char mark = 0;
-  for (char c : text) {
-    if (mark) {
-      if (c == mark) {
-        mark = 0;
-      } else {
-        word += c;
-      }
-    } else if (c == '"' || c == '\'') {
-      mark = c;
-      inside = true;
-    } else if (c == ' ' || c == '\t' || c == '\n' || c == '\r') {
-      if (inside) words.push_back(word);
-      word.clear();
-      inside = false;
-    } else {
-      word += c;
-      inside = true;
-    }
-  }
-  if (mark) throw UsageError("PETSC_OPTIONS: a quote is not closed");
-  if (inside) words.push_back(word);
-  return words;
-}
-
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
+  return stray;
 }
 
 bool is_options_file(const Given& given) { return lower_case(given.name) == "options_file"; }
@@ -105,106 +68,92 @@ std::vector<Given> scene_options(const std::string& path) {
   return given;
 }
 
-CommandLine read(const std::vector<std::string>& words, const std::vector<std::string>& commands) {
-  const std::string usage = "stickslip COMMAND [SCENE.yaml] [options], COMMAND one of " + joined(commands) +
-                            " (stickslip --help tells more)";
+// Help or the version, asked for without a command.
+CommandLine read_without_command(const std::vector<std::string>& words, const std::string& usage) {
   CommandLine line;
-  if (words.empty()) throw UsageError("no command; usage: " + usage);
-  std::vector<std::string> rest(words.begin() + 1, words.end());
-  const std::string& first = words[0];
-  if (is_name(first)) {
-    const std::string name = lower_case(name_in(first));
-    line.help = name == "help" || name == "h";
-    line.version = name == "version";
-    if (!line.help && !line.version)
-      throw UsageError("-" + quoted(name_in(first)) + " where the command should stand; usage: " + usage);
-    if (!rest.empty() && !(line.help && rest == std::vector<std::string>{"all"}))
-      throw UsageError(quoted(rest[0]) + ": not understood after " + first + "; usage: " + usage);
-    line.help_all = !rest.empty();
-    return line;
-  }
-  if (std::find(commands.begin(), commands.end(), first) == commands.end()) {
-    const std::string near = nearest_name(first, commands);
-    throw UsageError("unknown command " + quoted(first) + "; " +
-                     (near.empty() ? "it is one of " + joined(commands) : "did you mean " + near + "?"));
-  }
-  line.command = first;
+  const std::string name = lower_case(name_in(words[0]));
+  line.help = name == "help" || name == "h";
+  line.version = name == "version";
+  if (!line.help && !line.version)
+    throw UsageError("-" + quoted(name_in(words[0])) + " where the command should stand; usage: " + usage);
+  line.help_all = words.size() == 2 && line.help && words[1] == "all";
+  if (words.size() > 1 && !line.help_all)
+    throw UsageError(quoted(words[1]) + ": not understood after " + words[0] + "; usage: " + usage);
+  return line;
+}
 
-  const Words typed = read_words(rest, "");
-  const char* environment = std::getenv("PETSC_OPTIONS");
-  const Words from_environment = read_words(split_environment(environment ? environment : ""), "PETSC_OPTIONS");
-  for (const Words* some : {&from_environment, &typed})
-    for (const Given& given : some->given) {
-      if (lower_case(given.name) == "version") line.version = true;
-      if (!is_help(given)) continue;
-      line.help = true;
-      if (given.text && lower_case(*given.text) == "all") line.help_all = true;
-    }
-  // -help all keeps the options: with -ts_type bdf it shows those of bdf
-  if (line.version || (line.help && !line.help_all)) return line;
-
+// The one scene among words that belong to no option; "" where there is none.
+std::string scene_among(const std::vector<std::string>& stray) {
   std::string scene;
-  for (const std::string& word : typed.stray) {
+  for (const std::string& word : stray) {
     if (!has_scene_suffix(word))
       throw UsageError("stray word " + quoted(word) +
                        ": neither an option nor its value nor a scene (.yaml, .yml, .opts)");
-    if (!scene.empty()) throw UsageError("two scenes, " + quoted(scene) + " and " + quoted(word) + "; one is read");
+    if (!scene.empty()) throw UsageError("two scenes, " + stickslip::quoted(scene) + " and " + quoted(word) + "; one is read");
     scene = word;
   }
-  if (!from_environment.stray.empty())
-    throw UsageError("PETSC_OPTIONS: stray word " + quoted(from_environment.stray[0]) +
-                     ": neither an option nor a value");
+  return scene;
+}
 
+CommandLine read(const std::vector<std::string>& words, const std::vector<std::string>& commands) {
+  const std::string usage = "stickslip COMMAND [SCENE.yaml] [options], COMMAND one of " + joined(commands) +
+                            " (stickslip --help tells more)";
+  if (words.empty()) throw UsageError("no command; usage: " + usage);
+  if (is_name(words[0])) return read_without_command(words, usage);
+  CommandLine line;
+  line.command = words[0];
+  if (std::find(commands.begin(), commands.end(), line.command) == commands.end()) {
+    const std::string near = suggestion(line.command, commands);
+    throw UsageError("unknown command " + stickslip::quoted(line.command) +
+                     (near.empty() ? "; it is one of " + joined(commands) : near));
+  }
+
+  std::vector<Given> typed;  // what the environment holds comes first
+  const char* environment = std::getenv("PETSC_OPTIONS");
+  const auto misplaced =
+      read_words(split_words(environment ? environment : "", "PETSC_OPTIONS"), "PETSC_OPTIONS", typed);
+  const auto stray = read_words({words.begin() + 1, words.end()}, "", typed);
+  for (const Given& given : typed) {
+    if (lower_case(given.name) == "version") line.version = true;
+    if (!is_help(given)) continue;
+    line.help = true;
+    if (given.text && lower_case(*given.text) == "all") line.help_all = true;
+  }
+  // -help all keeps the options: with -ts_type bdf it shows those of bdf
+  if (line.version || (line.help && !line.help_all)) return line;
+
+  const std::string scene = scene_among(stray);
+  if (!misplaced.empty())
+    throw UsageError("PETSC_OPTIONS: stray word " + quoted(misplaced[0]) + ": neither an option nor a value");
   const auto append = [&line](const std::vector<Given>& more) {
     line.given.insert(line.given.end(), more.begin(), more.end());
   };
   if (!scene.empty()) append(scene_options(scene));
-  for (const Words* some : {&from_environment, &typed})
-    for (const Given& given : some->given) {
-      if (!is_options_file(given)) continue;
-      if (!given.text) throw UsageError("-" + given.name + ": needs a file");
-      append(scene_options(*given.text));
-    }
+  for (const Given& given : typed) {
+    if (!is_options_file(given)) continue;
+    if (!given.text) throw UsageError("-" + given.name + ": needs a file");
+    append(scene_options(*given.text));
+  }
   const char* yaml = std::getenv("PETSC_OPTIONS_YAML");
   if (yaml && *yaml) append(parse_yaml(yaml, "PETSC_OPTIONS_YAML"));
-  for (const Words* some : {&from_environment, &typed})
-    for (const Given& given : some->given)
-      if (!is_help(given) && !is_options_file(given)) line.given.push_back(given);
+  for (const Given& given : typed)
+    if (!is_help(given) && !is_options_file(given)) line.given.push_back(given);
   return line;
 }
 
-// A flat text of strings and back, to send the result of rank 0 to the others.
-void pack(std::string& text, const std::string& item) { text += std::to_string(item.size()) + ':' + item; }
-std::string unpack(const std::string& text, std::size_t& at) {
-  const std::size_t colon = text.find(':', at), size = std::stoul(text.substr(at, colon - at));
-  at = colon + 1 + size;
-  return text.substr(colon + 1, size);
+// As bytes and back, to send the result of rank 0 to the others.
+std::vector<std::uint8_t> packed(const CommandLine& line) {
+  Json given = Json::array();
+  for (const Given& one : line.given) given.push_back(Json::array({one.name, Json(one.text), one.where}));
+  return Json::to_msgpack(Json::array({line.command, line.help, line.help_all, line.version, given}));
 }
 
-std::string packed(const CommandLine& line) {
-  std::string text;
-  pack(text, line.command);
-  for (bool flag : {line.help, line.help_all, line.version}) pack(text, flag ? "1" : "");
-  for (const Given& given : line.given) {
-    pack(text, given.name);
-    pack(text, given.text ? "=" + *given.text : "");
-    pack(text, given.where);
-  }
-  return text;
-}
-
-CommandLine unpacked(const std::string& text) {
-  std::size_t at = 0;
-  CommandLine line;
-  line.command = unpack(text, at);
-  for (bool* flag : {&line.help, &line.help_all, &line.version}) *flag = !unpack(text, at).empty();
-  while (at < text.size()) {
-    Given given;
-    given.name = unpack(text, at);
-    const std::string value = unpack(text, at);
-    if (!value.empty()) given.text = value.substr(1);
-    given.where = unpack(text, at);
-    line.given.push_back(std::move(given));
+CommandLine unpacked(const std::vector<std::uint8_t>& bytes) {
+  const Json json = Json::from_msgpack(bytes);
+  CommandLine line{json[0], json[1], json[2], json[3], {}};
+  for (const Json& one : json[4]) {
+    line.given.push_back({one[0], std::nullopt, one[2]});
+    if (!one[1].is_null()) line.given.back().text = one[1].get<std::string>();
   }
   return line;
 }
@@ -212,17 +161,10 @@ CommandLine unpacked(const std::string& text) {
 }  // namespace
 
 CommandLine read_command_line(int argc, char** argv, const std::vector<std::string>& commands, MPI_Comm comm) {
-  std::string text;
-  on_root(comm, [&] {
-    std::vector<std::string> words;
-    for (int i = 1; i < argc; ++i) words.emplace_back(argv[i]);
-    text = packed(read(words, commands));
-  });
-  int size = int(text.size());
-  MPI_Bcast(&size, 1, MPI_INT, 0, comm);
-  text.resize(std::size_t(size));
-  MPI_Bcast(&text[0], size, MPI_CHAR, 0, comm);
-  return unpacked(text);
+  std::vector<std::uint8_t> bytes;
+  on_root(comm, [&] { bytes = packed(read({argv + 1, argv + argc}, commands)); });
+  broadcast(bytes, comm);
+  return unpacked(bytes);
 }
 
 }  // namespace stickslip

@@ -7,9 +7,9 @@
 #include <limits>
 #include <map>
 #include <set>
-#include <sstream>
 
 #include "base/paths.hpp"
+#include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/root.hpp"
@@ -21,16 +21,21 @@ namespace {
 constexpr double inf = std::numeric_limits<double>::infinity();
 constexpr double int_max = std::numeric_limits<PetscInt>::max();
 
-std::vector<std::string> words_of(const std::string& text) {
-  std::istringstream stream(text);
-  std::vector<std::string> words;
-  for (std::string word; stream >> word;) words.push_back(word);
-  return words;
-}
+std::vector<std::string> words_of(const std::string& text) { return split_words(text, ""); }
 
 std::set<std::string> set_of(const std::string& text) {
   const std::vector<std::string> words = words_of(text);
   return {words.begin(), words.end()};
+}
+
+bool starts_with(const std::string& text, const std::string& prefix) { return text.rfind(prefix, 0) == 0; }
+bool starts_with_any(const std::string& text, const std::vector<std::string>& prefixes) {
+  return std::any_of(prefixes.begin(), prefixes.end(), [&](const std::string& p) { return starts_with(text, p); });
+}
+
+// As the user wrote it.
+std::string shown(const std::string& name, const std::string& text) {
+  return "-" + name + (text.empty() ? "" : " " + quoted(text));
 }
 
 // What the well-known options take, by kind. (Names and words as `-help` of PETSc 3.18 and SLEPc 3.18 lists them.)
@@ -143,16 +148,14 @@ const std::set<std::string>& global_names() {
   return names;
 }
 
-const std::vector<std::string>& prefixes() {
-  static const std::vector<std::string> list = words_of(
+bool starts_with_prefix_of_library(const std::string& name) {
+  static const std::vector<std::string> prefixes = words_of(
       "ts_ snes_ ksp_ pc_ mat_ vec_ da_ dm_ dmda_ is_ sf_ vecscatter_ eps_ st_ bv_ ds_ rg_ fn_ pep_ nep_ svd_ "
       "mfn_ lme_ log_ options_ malloc_ memory_ on_error_ debugger_ device_ root_device_context_ draw_ viewer_ petsc_ "
       "slepc_ info_ sub_ redundant_ mg_ fieldsplit_ npc_ esteig_ inner_ matmatmult_ matptap_ mattransposematmult_ "
       "all_ksp_");
-  return list;
+  return starts_with_any(name, prefixes) && !std::count(prefixes.begin(), prefixes.end(), name);
 }
-
-bool starts_with(const std::string& text, const std::string& prefix) { return text.rfind(prefix, 0) == 0; }
 
 // Inner objects have the names of the plain ones behind a prefix: st_ksp_rtol, sub_pc_type, mg_levels_ksp_type.
 std::string without_nesting(std::string name) {
@@ -175,11 +178,10 @@ bool is_known(const std::string& name) {
 
 // Read only when an object deep inside is first used, so that set-up is too early to ask whether it was read.
 bool read_late(const std::string& name) {
-  for (const char* prefix : {"mat_", "vec_", "sub_", "redundant_", "mg_", "fieldsplit_", "npc_", "esteig_", "inner_",
-                             "is_", "sf_", "vecscatter_", "viewer_", "draw_", "matmatmult_", "matptap_",
-                             "mattransposematmult_", "snes_test_", "snes_compare_", "fn_", "rg_", "all_ksp_"})
-    if (starts_with(name, prefix)) return true;
-  return false;
+  static const std::vector<std::string> prefixes = words_of(
+      "mat_ vec_ sub_ redundant_ mg_ fieldsplit_ npc_ esteig_ inner_ is_ sf_ vecscatter_ viewer_ draw_ matmatmult_ "
+      "matptap_ mattransposematmult_ snes_test_ snes_compare_ fn_ rg_ all_ksp_");
+  return starts_with_any(name, prefixes);
 }
 
 // The object whose option this is: what stands before the first underscore.
@@ -197,17 +199,12 @@ std::set<std::string> made_by(const std::string& command) {
 
 // Of the whole program rather than of an object.
 bool is_program_wide(const std::string& name) {
-  for (const char* prefix : {"log_", "options_", "malloc_", "memory_", "on_error_", "debugger_", "info_"})
-    if (starts_with(name, prefix)) return true;
-  return false;
+  return starts_with_any(name, {"log_", "options_", "malloc_", "memory_", "on_error_", "debugger_", "info_"});
 }
 
 [[noreturn]] void refuse_unknown(const std::string& name) {
-  std::vector<std::string> names = known_library_options();
-  for (const OptionSpec& spec : option_table()) names.push_back(spec.name);
-  const std::string near = nearest_name(name, names);
   throw UsageError("unknown option -" + quoted(name) + ": neither this program nor PETSc or SLEPc reads it" +
-                   (near.empty() ? "" : "; did you mean -" + near + "?"));
+                   suggestion(name, known_options(), "-"));
 }
 
 bool is_used(const std::string& name) {
@@ -227,42 +224,30 @@ bool set_up = false;  // this command's objects have taken their options
 }  // namespace
 
 bool is_library_option(const std::string& name) {
-  if (global_names().count(name)) return true;
-  return std::any_of(prefixes().begin(), prefixes().end(), [&name](const std::string& prefix) {
-    return name.size() > prefix.size() && starts_with(name, prefix);
-  });
+  return global_names().count(name) || starts_with_prefix_of_library(name);
 }
 
-const std::vector<std::string>& known_library_options() {
-  static const std::vector<std::string> names = [] {
-    std::vector<std::string> result;
-    for (const auto& [name, spec] : known_specs()) result.push_back(name);
-    result.insert(result.end(), other_names().begin(), other_names().end());
-    result.insert(result.end(), global_names().begin(), global_names().end());
-    return result;
-  }();
+std::vector<std::string> known_options() {
+  std::vector<std::string> names;
+  for (const OptionSpec& spec : option_table()) names.push_back(spec.name);
+  for (const auto& [name, spec] : known_specs()) names.push_back(name);
+  names.insert(names.end(), other_names().begin(), other_names().end());
+  names.insert(names.end(), global_names().begin(), global_names().end());
   return names;
 }
 
-std::optional<std::string> check_library_value(const std::string& name, const std::optional<std::string>& text,
-                                               const std::string& where) {
-  const std::string place = where.empty() ? "" : " (" + where + ")";
-  if (!is_known(name)) {
-    // -ts_max_tim carries a prefix of PETSc and is meant for the program
-    std::vector<std::string> ours;
-    for (const OptionSpec& spec : option_table())
-      if (object_of(lower_case(spec.name)) == object_of(name)) ours.push_back(spec.name);
-    const std::string near = nearest_name(name, ours);
-    if (!near.empty() && near == nearest_name(name, [&ours] {
-          std::vector<std::string> all = known_library_options();
-          all.insert(all.begin(), ours.begin(), ours.end());
-          return all;
-        }()))
-      throw UsageError("unknown option -" + quoted(name) + place + "; did you mean -" + near + "?");
-  }
-  if (name == "options_file" || name == "options_file_yaml" || name == "options_string_yaml")
-    throw UsageError("-" + name + place + ": not here; -options_file FILE reads either form, from the command line");
-  // What the program does itself, in a way these would upset.
+namespace {
+
+// -ts_max_tim carries a prefix of PETSc and is meant for the program.
+void refuse_misspelt(const std::string& name, const std::string& place) {
+  if (is_known(name)) return;
+  const std::string near = nearest_name(name, known_options());
+  if (find_option(near) && object_of(near) == object_of(name))
+    throw UsageError("unknown option -" + quoted(name) + place + "; did you mean -" + near + "?");
+}
+
+// What the program does itself, in a way that these would upset.
+void refuse_taken(const std::string& name, const std::string& place) {
   static const std::map<std::string, const char*> taken = {
       {"ts_init_time", "time begins at 0"},
       {"ts_exact_final_time", "the end time ts_max_time is always hit exactly"},
@@ -271,18 +256,31 @@ std::optional<std::string> check_library_value(const std::string& name, const st
       {"snes_fd_color", "Jacobians are written by hand; coloured differences are unsafe on a ring"},
       {"snes_mf_operator", "Jacobians are written by hand; snes_mf takes differences throughout"},
       {"ts_rk_multirate", "the scene is not partitioned by speed"},
-      {"fp_trap", "a trap ends the program without a word of it; what is not finite is found after every step"}};
+      {"fp_trap", "a trap ends the program without a word of it; what is not finite is found after every step"},
+      {"options_file", "it reads either form of a file, from the command line"},
+      {"options_file_yaml", "-options_file FILE reads either form, from the command line"},
+      {"options_string_yaml", "-options_file FILE reads either form, from the command line"}};
   const auto own = taken.find(name);
   if (own != taken.end()) throw UsageError("-" + name + place + ": not here: " + own->second);
-  if (text && is_view(name)) {
-    static const std::vector<std::string> viewers = words_of("ascii binary draw socket string vtk hdf5 glvis matlab saws");
-    const std::string type = text->substr(0, text->find(':'));
-    if (!type.empty() && std::find(viewers.begin(), viewers.end(), type) == viewers.end()) {
-      const std::string near = nearest_name(type, viewers);
-      throw UsageError("-" + name + " " + quoted(*text) + place + ": no such viewer" +
-                       (near.empty() ? ", e.g. ascii:file" : "; did you mean " + near + "?"));
-    }
-  }
+}
+
+void check_viewer(const std::string& name, const std::string& text, const std::string& place) {
+  static const std::vector<std::string> viewers = words_of("ascii binary draw socket string vtk hdf5 glvis matlab saws");
+  const std::string type = text.substr(0, text.find(':'));
+  if (type.empty() || std::find(viewers.begin(), viewers.end(), type) != viewers.end()) return;
+  const std::string near = suggestion(type, viewers);
+  throw UsageError("-" + name + " " + quoted(text) + place + ": no such viewer" +
+                   (near.empty() ? ", e.g. ascii:file" : near));
+}
+
+}  // namespace
+
+std::optional<std::string> check_library_value(const std::string& name, const std::optional<std::string>& text,
+                                               const std::string& where) {
+  const std::string place = in_place(where);
+  refuse_misspelt(name, place);
+  refuse_taken(name, place);
+  if (text && is_view(name)) check_viewer(name, *text, place);
   const auto it = known_specs().find(without_nesting(name));
   if (it == known_specs().end()) return text;
 
@@ -327,15 +325,10 @@ void check_library_types(const Options& options) {
       if (!file.empty()) paths::check_writable("-" + name, file);
     }
   });
-  SS_TRY(VecInitializePackage());
-  SS_TRY(MatInitializePackage());
-  SS_TRY(TSInitializePackage());
-  SS_TRY(SNESInitializePackage());
-  SS_TRY(KSPInitializePackage());
-  SS_TRY(PCInitializePackage());
-  SS_TRY(EPSInitializePackage());
-  SS_TRY(STInitializePackage());
-  SS_TRY(BVInitializePackage());
+  for (const auto initialize : {VecInitializePackage, MatInitializePackage, TSInitializePackage, SNESInitializePackage,
+                                KSPInitializePackage, PCInitializePackage, EPSInitializePackage, STInitializePackage,
+                                BVInitializePackage})
+    SS_TRY(initialize());
   const std::vector<std::pair<const char*, PetscFunctionList>> lists = {
       {"ts_type", TSList}, {"snes_type", SNESList}, {"snes_linesearch_type", SNESLineSearchList}, {"ksp_type", KSPList},
       {"pc_type", PCList}, {"eps_type", EPSList},   {"st_type", STList},                          {"bv_type", BVList},
@@ -351,15 +344,9 @@ void check_library_types(const Options& options) {
       for (int i = 0; i < count && registered[i]; ++i) words.push_back(registered[i]);
       SS_TRY(PetscFree(registered));
       if (std::find(words.begin(), words.end(), text) != words.end()) continue;
-      const std::string near = nearest_name(text, words);
-      std::string message = "-" + name + " " + quoted(text) + ": no such method; ";
-      if (!near.empty()) {
-        message += "did you mean " + near + "?";
-      } else {
-        message += "it is one of";
-        for (const std::string& word : words) message += " " + word;
-      }
-      throw UsageError(message);
+      const std::string near = suggestion(text, words);
+      throw UsageError("-" + name + " " + quoted(text) + ": no such method" +
+                       (near.empty() ? "; it is one of " + joined(words, " ") : near));
     }
   }
 }
@@ -402,15 +389,14 @@ void check_unused_after_setup(const Options& options, const std::string& not_mad
   for (const auto& [name, text] : options.library()) {
     if (is_used(name) || global_names().count(name) || only_looks(name) || read_late(name)) continue;
     if (!made.count(object_of(name))) continue;
-    throw UsageError("-" + name + (text.empty() ? "" : " " + quoted(text)) + ": nothing reads it in this " +
+    throw UsageError(shown(name, text) + ": nothing reads it in this " +
                      options.command() + "; the methods and types chosen have no such option");
   }
 }
 
 void warn_unused_at_end(const Options& options) {
   for (const auto& [name, text] : options.library())
-    if (!global_names().count(name) && !is_used(name))
-      warn("-" + name + (text.empty() ? "" : " " + quoted(text)) + " was not used");
+    if (!global_names().count(name) && !is_used(name)) warn(shown(name, text) + " was not used");
 }
 
 std::string option_behind(const std::string& message, const Options& options) {
@@ -429,10 +415,8 @@ std::string option_behind(const std::string& message, const Options& options) {
   for (const auto& [name, text] : options.library()) {
     // the value, or one part of a list or of TYPE:FILE
     std::vector<std::string> parts = {text};
-    for (std::size_t from = 0, to = 0; to != std::string::npos; from = to + 1) {
-      to = text.find_first_of(",:", from);
-      parts.push_back(text.substr(from, to == std::string::npos ? to : to - from));
-    }
+    for (const char separator : {',', ':'})
+      for (const std::string& part : split(text, separator)) parts.push_back(part);
     for (const std::string& part : parts)
       if (part.size() > longest.size() && mentions(part)) {
         best = name;

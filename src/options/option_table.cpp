@@ -15,6 +15,46 @@ constexpr double int_max = std::numeric_limits<PetscInt>::max();
 constexpr PetscInt node_max = std::numeric_limits<PetscInt>::max() / 3;
 constexpr double n_max = node_max;
 
+// What else a row says, in words that can be strung together.
+class Row {
+ public:
+  explicit Row(OptionSpec& spec) : spec_(spec) {}
+  Row& at_least(double low) {
+    spec_.low = low;
+    return *this;
+  }
+  Row& above(double low) {
+    spec_.open_low = true;
+    return at_least(low);
+  }
+  Row& at_most(double high) {
+    spec_.high = high;
+    return *this;
+  }
+  Row& words(std::vector<std::string> list) {
+    spec_.words = std::move(list);
+    return *this;
+  }
+  Row& unit(const char* text) {
+    spec_.unit = text;
+    return *this;
+  }
+  Row& read_by(const char* commands) {
+    spec_.commands = commands;
+    return *this;
+  }
+  // What holds where it is unset, in words; and as a text, where it depends on other options.
+  Row& unset(const char* help, std::function<std::string(const Options&)> value = nullptr) {
+    spec_.default_text = "";
+    spec_.default_help = help;
+    spec_.default_of = std::move(value);
+    return *this;
+  }
+
+ private:
+  OptionSpec& spec_;
+};
+
 // Builds the table; `in` gives the heading and the readers of the options that follow.
 class TableBuilder {
  public:
@@ -24,64 +64,56 @@ class TableBuilder {
     group_ = group;
     commands_ = commands;
   }
-  OptionSpec& add(const char* name, OptionType type, const char* value, const char* help) {
-    rows.push_back({name, type, value, "", "", -inf, inf, false, {}, help, group_, commands_, nullptr});
-    return rows.back();
-  }
-  void add(OptionSpec spec) {
+  Row add(OptionSpec spec) {
     spec.group = group_;
     spec.commands = commands_;
     rows.push_back(std::move(spec));
+    return Row(rows.back());
   }
-  OptionSpec& real(const char* name, const char* value, const char* help, const char* unit = "") {
-    OptionSpec& spec = add(name, OptionType::real, value, help);
-    spec.unit = unit;
-    return spec;
+  Row add(const char* name, OptionType type, const char* value, const char* help) {
+    return add({name, type, value, "", "", -inf, inf, false, {}, help, "", ""});
   }
-  OptionSpec& positive(const char* name, const char* value, const char* help, const char* unit = "") {
-    OptionSpec& spec = real(name, value, help, unit);
-    spec.low = 0;
-    spec.open_low = true;
-    return spec;
+  Row real(const char* name, const char* value, const char* help, const char* unit = "") {
+    return add(name, OptionType::real, value, help).unit(unit);
   }
-  OptionSpec& not_negative(const char* name, const char* value, const char* help, const char* unit = "") {
-    OptionSpec& spec = real(name, value, help, unit);
-    spec.low = 0;
-    return spec;
+  Row positive(const char* name, const char* value, const char* help, const char* unit = "") {
+    return real(name, value, help, unit).above(0);
   }
-  OptionSpec& integer(const char* name, const char* value, double low, double high, const char* help) {
-    OptionSpec& spec = add(name, OptionType::integer, value, help);
-    spec.low = low;
-    spec.high = high;
-    return spec;
+  Row not_negative(const char* name, const char* value, const char* help, const char* unit = "") {
+    return real(name, value, help, unit).at_least(0);
   }
-  OptionSpec& boolean(const char* name, const char* value, const char* help) {
+  Row reals(const char* name, const char* help, const char* unit = "") {
+    return add(name, OptionType::real_list, "", help).unit(unit);
+  }
+  Row integer(const char* name, const char* value, double low, double high, const char* help) {
+    return add(name, OptionType::integer, value, help).at_least(low).at_most(high);
+  }
+  Row integers(const char* name, double low, double high, const char* help) {
+    return add(name, OptionType::integer_list, "", help).at_least(low).at_most(high);
+  }
+  Row boolean(const char* name, const char* value, const char* help) {
     return add(name, OptionType::boolean, value, help);
   }
-  OptionSpec& text(const char* name, const char* value, const char* help) {
-    return add(name, OptionType::text, value, help);
+  Row text(const char* name, const char* value, const char* help) { return add(name, OptionType::text, value, help); }
+  Row choice(const char* name, std::vector<std::string> words, const char* help) {
+    return add(name, OptionType::choice, words[0].c_str(), help).words(words);
   }
-  OptionSpec& choice(const char* name, std::vector<std::string> words, const char* help) {
-    OptionSpec& spec = add(name, OptionType::choice, words[0].c_str(), help);
-    spec.words = std::move(words);
-    return spec;
-  }
-  OptionSpec& real_or(const char* name, const char* word, const char* value, const char* help, const char* unit = "") {
-    OptionSpec& spec = add(name, OptionType::real_or_word, value, help);
-    spec.words = {word};
-    spec.unit = unit;
-    return spec;
+  Row real_or(const char* name, const char* word, const char* value, const char* help, const char* unit = "") {
+    return add(name, OptionType::real_or_word, value, help).words({word}).unit(unit);
   }
 
  private:
   std::string group_, commands_;
 };
 
+bool is_chain(const Options& options) { return options.text("model_form") == "chain"; }
+
 void model_options(TableBuilder& t) {
   t.in("Model", physics);
   t.choice("model_form", {"continuum", "chain"}, "continuum, or chain of blocks");
   t.positive("model_gamma", "3", "continuum: friction amplitude gamma");
-  t.not_negative("model_delta", "", "continuum: damping delta").default_help = "0.2; the chain has none";
+  t.not_negative("model_delta", "", "continuum: damping delta")
+      .unset("0.2; the chain has none", [](const Options& o) { return is_chain(o) ? "0" : "0.2"; });
   t.not_negative("model_c", "1", "continuum: speed of sound c", "length/time");
   t.choice("model_delta_sign", {"derived", "printed"},
            "continuum: sign of the damping in the force equation, +1 as derived or -1 as printed in the paper");
@@ -89,7 +121,7 @@ void model_options(TableBuilder& t) {
   t.not_negative("model_k0", "0.2", "chain: stiffness to the driving plate");
   t.not_negative("model_k1", "0.2", "chain: stiffness between neighbours");
   t.positive("model_f0", "1", "chain: friction amplitude");
-  t.real_or("model_zeta", "paper", "0", "chain: viscosity; `paper` is sqrt(0.1 m k1)").low = 0;
+  t.real_or("model_zeta", "paper", "0", "chain: viscosity; `paper` is sqrt(0.1 m k1)").at_least(0);
   t.real("model_v", "0.2", "velocity of the driving plate", "velocity");
 }
 
@@ -112,30 +144,31 @@ void friction_options(TableBuilder& t) {
 void contact_options(TableBuilder& t) {
   t.in("State of the contact", "run spectrum boundary wave chart laws");
   const LawOptions laws = law_options();
-  OptionSpec& state = t.choice("state_law", laws.states,
-                               "kinetic equation of the contact; ageing and slip belong to rate-and-state");
-  state.default_text = "";
-  state.default_help = "none; ageing with rate-and-state";
-  state.default_of = laws.default_state;
+  t.choice("state_law", laws.states, "kinetic equation of the contact; ageing and slip belong to rate-and-state")
+      .unset("none; ageing with rate-and-state", laws.default_state);
   for (const OptionSpec& parameter : laws.of_states) t.add(parameter);
 }
 
 void grid_options(TableBuilder& t) {
   t.in("Grid and ends", physics);
-  t.integer("grid_n", "512", 1, n_max, "nodes; the chain's blocks");
-  t.positive("grid_length", "", "length of the medium", "length").default_help =
-      "60; the chain: n on a ring, else n - 1";
-  OptionSpec& order = t.choice("grid_order", {"4", "2", "6", "8"}, "continuum: order of the second difference");
-  order.default_text = "";
-  order.default_help = "4; the chain: 2";
-  for (const char* end : {"bc_left", "bc_right"}) {
-    OptionSpec& spec = t.choice(end, {"periodic", "velocity", "free"},
-                                "end of the medium: periodic (both or neither), held at a velocity, or free");
-    spec.default_text = "";
-    spec.default_help = "periodic; free where the other end is set";
-  }
-  t.real("bc_left_value", "", "velocity of a held left end", "velocity").default_help = "model_v";
-  t.real("bc_right_value", "", "velocity of a held right end", "velocity").default_help = "model_v";
+  t.integer("grid_n", "512", 1, n_max, "nodes; the chain's blocks (auto: as if it were not set)").words({"auto"});
+  t.positive("grid_length", "", "length of the medium", "length")
+      .unset("60; the chain: n on a ring, else n - 1", [](const Options& o) {
+        const PetscInt n = o.integer("grid_n");
+        if (!is_chain(o)) return std::string("60");
+        return std::to_string(o.text("bc_left") == "periodic" ? n : std::max<PetscInt>(n - 1, 1));
+      });
+  t.choice("grid_order", {"4", "2", "6", "8"}, "continuum: order of the second difference")
+      .unset("4; the chain: 2", [](const Options& o) { return is_chain(o) ? "2" : "4"; });
+  for (const auto& [end, other] : {std::pair("bc_left", "bc_right"), std::pair("bc_right", "bc_left")})
+    t.choice(end, {"periodic", "velocity", "free"},
+             "end of the medium: periodic (both or neither), held at a velocity, or free")
+        .unset("periodic; free where the other end is set", [name = other](const Options& o) {
+          return o.is_set(name) && o.text(name) != "periodic" ? "free" : "periodic";
+        });
+  const auto v = [](const Options& o) { return o.text("model_v"); };
+  t.real("bc_left_value", "", "velocity of a held left end", "velocity").unset("model_v", v);
+  t.real("bc_right_value", "", "velocity of a held right end", "velocity").unset("model_v", v);
 }
 
 void start_options(TableBuilder& t) {
@@ -145,9 +178,9 @@ void start_options(TableBuilder& t) {
            "bc_left_value to init_psi like exp(-(x/init_width)^2); pulses: turns of the uniform oscillation laid "
            "round the ring; wave: the travelling train; file: a frame or an eigenvector of init_file");
   t.real_or("init_psi", "steady", "0.1", "psi at the start; `steady` is steady sliding", "velocity");
-  t.real_or("init_eta", "steady", "", "eta at the start; `steady` makes psi_t = 0").default_help =
-      "0.1; steady for a layer";
-  t.real_or("init_state", "steady", "steady", "state at the start: tau for healing, else theta").low = 0;
+  t.real_or("init_eta", "steady", "", "eta at the start; `steady` makes psi_t = 0")
+      .unset("0.1; steady for a layer", [](const Options& o) { return o.text("init_type") == "layer" ? "steady" : "0.1"; });
+  t.real_or("init_state", "steady", "steady", "state at the start: tau for healing, else theta").at_least(0);
   t.real("init_amplitude", "0.5", "sine: amplitude (file: of an eigenvector)", "velocity");
   t.integer("init_mode", "1", 0, int_max,
             "sine: whole waves in L (file: number of the eigenvector, from 0; there 0 is the default)");
@@ -160,22 +193,21 @@ void start_options(TableBuilder& t) {
                  "changes with the grid (in the chain always one a block)",
                  "length");
   t.integer("init_seed", "1", 0, int_max, "seed of the noise");
-  t.text("init_file", "", "HDF5 file of this program to start from").default_help = "none";
-  t.integer("init_frame", "", 0, int_max, "frame of init_file, from 0").default_help = "the last";
+  t.text("init_file", "", "HDF5 file of this program to start from").unset("none");
+  t.integer("init_frame", "", 0, int_max, "frame of init_file, from 0").unset("the last");
 }
 
 void time_options(TableBuilder& t) {
   t.in("Time stepping", "run chart boundary");
   t.not_negative("ts_max_time", "60", "end time, hit exactly", "time");
-  t.integer("ts_max_steps", "", 0, int_max, "most steps").default_help = "unlimited";
+  t.integer("ts_max_steps", "", 0, int_max, "most steps").unset("unlimited");
   t.add("ts_max_wall", OptionType::wall_time, "",
-        "wall clock after which the run ends, with a checkpoint to go on from").default_help = "unlimited";
-  t.rows.back().commands = "run";
+        "wall clock after which the run ends, with a checkpoint to go on from").unset("unlimited").read_by("run");
   t.choice("imex_implicit", {"auto", "none", "friction", "wave", "both"},
            "terms that an IMEX method takes implicitly");
   t.in("Time stepping", "run");
   t.positive("accuracy", "", "largest error wanted in psi and eta at the end; chooses what is not set otherwise")
-      .default_help = "none";
+      .unset("none");
   t.positive("accuracy_seconds", "60", "processor time that choosing for -accuracy may take");
   t.in("Time stepping", "run chart");
   t.boolean("rk_fused", "true",
@@ -186,44 +218,35 @@ void time_options(TableBuilder& t) {
 
 void output_options(TableBuilder& t) {
   t.in("Output", "");
-  t.text("out_file", "", "HDF5 file for the results").default_help = "none";
-  t.text("summary", "", "JSON file for the summary, - for standard output").default_help = "none";
+  t.text("out_file", "", "HDF5 file for the results").unset("none");
+  t.text("summary", "", "JSON file for the summary, - for standard output").unset("none");
   t.choice("progress", {"auto", "on", "off"}, "progress on standard error");
   t.in("Output", "run");
-  t.positive("out_every", "", "time between frames", "time").default_help = "none";
+  t.positive("out_every", "", "time between frames", "time").unset("none");
   t.integer("out_frames", "200", 2, int_max, "frames, equally spaced, both ends included");
-  OptionSpec& times = t.add("out_times", OptionType::real_list, "", "times of the frames");
-  times.unit = "time";
-  times.low = 0;
-  times.default_help = "none";
-  OptionSpec& probes = t.add("out_probes", OptionType::real_list, "", "positions of the probes");
-  probes.unit = "length";
-  probes.low = 0;
-  probes.default_help = "none";
+  t.reals("out_times", "times of the frames", "time").at_least(0).unset("none");
+  t.reals("out_probes", "positions of the probes", "length").at_least(0).unset("none");
   t.boolean("out_displacement", "false", "write the displacement chi as well");
-  OptionSpec& seeds = t.add("run_seeds", OptionType::integer_list, "",
-                            "as many runs side by side, each with its friction_seed and init_seed, on its share of the "
-                            "ranks; FILE.h5 becomes FILE-seed7.h5, the summary likewise");
-  seeds.low = 0;
-  seeds.high = int_max;
-  seeds.default_help = "none";
+  t.integers("run_seeds", 0, int_max,
+             "as many runs side by side, each with its friction_seed and init_seed, on its share of the ranks; FILE.h5 "
+             "becomes FILE-seed7.h5, the summary likewise").unset("none");
   t.boolean("out_series", "true", "write the group series, a row for every step");
   t.boolean("out_events", "false", "catalogue of slip events: group events, a row for every event that has ended");
-  t.not_negative("out_events_velocity", "", "events: velocity above which a node moves", "velocity").default_help =
-      "0 with friction that sticks, else 2 |model_v|";
+  t.not_negative("out_events_velocity", "", "events: velocity above which a node moves", "velocity")
+      .unset("0 with friction that sticks, else 2 |model_v|");
   t.add("out_checkpoint_every", OptionType::steps_or_time, "", "steps or wall clock (30s, 10m, 2h) between checkpoints")
-      .default_help = "none";
+      .unset("none");
   t.integer("out_checkpoint_keep", "2", 1, int_max, "checkpoints kept");
-  t.text("restart", "", "checkpoint to go on from").default_help = "none";
+  t.text("restart", "", "checkpoint to go on from").unset("none");
 }
 
 void spectrum_options(TableBuilder& t) {
   t.in("Spectrum", "spectrum");
-  t.integer("spectrum_count", "12", 1, int_max, "eigenvalues wanted").commands = "spectrum wave";
+  t.integer("spectrum_count", "12", 1, int_max, "eigenvalues wanted").read_by("spectrum wave");
   t.choice("spectrum_method", {"auto", "dense", "krylov"}, "eigensolver");
   t.choice("spectrum_refine", {"auto", "off"},
            "auto compares grids, and asks the continuum where all nodes are alike; off takes every mode of the matrix as "
-           "resolved").commands = "spectrum boundary";
+           "resolved").read_by("spectrum boundary");
   t.boolean("spectrum_transient", "false", "also the largest transient growth and the numerical abscissa, energy norm");
   t.integer("spectrum_pseudo", "0", 0, 1000,
             "points a side of a picture of the resolvent norm beside the rightmost eigenvalues, energy norm; 0: none");
@@ -231,16 +254,16 @@ void spectrum_options(TableBuilder& t) {
 
 void boundary_options(TableBuilder& t) {
   t.in("Boundary", "boundary");
-  t.text("boundary_parameter", "", "real option to vary, e.g. model_v").default_help = "required";
-  t.real("boundary_from", "", "start of its range").default_help = "required";
-  t.real("boundary_to", "", "end of its range").default_help = "required";
+  t.text("boundary_parameter", "", "real option to vary, e.g. model_v").unset("required");
+  t.real("boundary_from", "", "start of its range").unset("required");
+  t.real("boundary_to", "", "end of its range").unset("required");
   t.boolean("boundary_log", "false", "logarithmic in the first parameter");
-  t.text("boundary_parameter2", "", "second option: the boundary is traced as a curve").default_help = "none";
-  t.real("boundary_from2", "", "start of its range").default_help = "none";
-  t.real("boundary_to2", "", "end of its range").default_help = "none";
+  t.text("boundary_parameter2", "", "second option: the boundary is traced as a curve").unset("none");
+  t.real("boundary_from2", "", "start of its range").unset("none");
+  t.real("boundary_to2", "", "end of its range").unset("none");
   t.boolean("boundary_log2", "false", "logarithmic in the second parameter");
   t.add("boundary_same", OptionType::text_list, "", "options that take the value of boundary_parameter, e.g. model_k0")
-      .default_help = "none";
+      .unset("none");
   t.integer("boundary_points", "41", 2, int_max, "points on the curve, about");
   t.integer("boundary_verify", "0", 0, int_max, "points checked by time integration on both sides");
 }
@@ -248,11 +271,11 @@ void boundary_options(TableBuilder& t) {
 void wave_options(TableBuilder& t) {
   t.in("Wave", "wave");
   t.integer("wave_pulses", "1", 1, int_max, "pulses on the ring");
-  t.positive("wave_length", "", "length of the whole ring (this or wave_speed)", "length").default_help = "none";
-  t.real("wave_speed", "", "speed; negative runs left (this or wave_length)", "length/time").default_help = "none";
+  t.positive("wave_length", "", "length of the whole ring (this or wave_speed)", "length").unset("none");
+  t.real("wave_speed", "", "speed; negative runs left (this or wave_length)", "length/time").unset("none");
   t.boolean("wave_spectrum", "false", "eigenvalues of the wave");
-  t.text("wave_continue", "", "real option to vary along a branch").default_help = "none";
-  t.real("wave_to", "", "end of the branch").default_help = "none";
+  t.text("wave_continue", "", "real option to vary along a branch").unset("none");
+  t.real("wave_to", "", "end of the branch").unset("none");
   t.integer("wave_steps", "100", 1, int_max, "steps along the branch, at most");
 }
 
@@ -260,27 +283,15 @@ void chart_options(TableBuilder& t) {
   t.in("Chart", "chart");
   t.choice("chart_kind", {"error", "limits"}, "error against seconds, or where each method fails");
   t.add("chart_methods", OptionType::text_list, "", "methods type[:subtype[:implicit]], e.g. rk:5dp,arkimex:4:friction")
-      .default_help = "a choice of good ones";
-  OptionSpec& tolerances = t.add("chart_tolerances", OptionType::real_list, "", "tolerances of the methods");
-  tolerances.low = 0;
-  tolerances.open_low = true;
-  tolerances.default_help = "1e-3,1e-5,1e-7,1e-9";
-  OptionSpec& steps = t.add("chart_steps", OptionType::real_list, "", "steps of methods without an error estimate");
-  steps.unit = "time";
-  steps.low = 0;
-  steps.open_low = true;
-  steps.default_help = "tolerance^(1/order)/sqrt(A K0)";
-  OptionSpec& orders = t.add("chart_orders", OptionType::integer_list, "", "grid orders");
-  orders.low = 2;
-  orders.high = 8;
-  orders.default_help = "grid_order; where that is unset 2,4,8 (2,4,6 with held ends)";
-  OptionSpec& grids = t.add("chart_grids", OptionType::integer_list, "", "grid sizes");
-  grids.low = 1;
-  grids.high = n_max;
-  grids.default_help = "grid_n/2,grid_n";
+      .unset("a choice of good ones");
+  t.reals("chart_tolerances", "tolerances of the methods").above(0).unset("1e-3,1e-5,1e-7,1e-9");
+  t.reals("chart_steps", "steps of methods without an error estimate", "time").above(0)
+      .unset("tolerance^(1/order)/sqrt(A K0)");
+  t.integers("chart_orders", 2, 8, "grid orders").unset("grid_order; where that is unset 2,4,8 (2,4,6 with held ends)");
+  t.integers("chart_grids", 1, n_max, "grid sizes").unset("grid_n/2,grid_n");
   t.text("chart_reference", "auto", "reference: auto, or an HDF5 file of this program's `run`");
-  t.text("chart_parameter", "", "limits: an option that takes each of chart_values").default_help = "none";
-  t.add("chart_values", OptionType::real_list, "", "limits: values of chart_parameter").default_help = "none";
+  t.text("chart_parameter", "", "limits: an option that takes each of chart_values").unset("none");
+  t.reals("chart_values", "limits: values of chart_parameter").unset("none");
   t.integer("chart_repeats", "3", 1, int_max, "runs of each row, of which the median time counts");
   t.positive("chart_row_seconds", "10", "processor time after which a row is given up", "seconds");
   t.positive("chart_reference_seconds", "20",

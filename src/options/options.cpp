@@ -9,16 +9,6 @@
 
 namespace stickslip {
 
-namespace {
-
-std::vector<std::string> own_names() {
-  std::vector<std::string> names;
-  for (const OptionSpec& spec : option_table()) names.push_back(spec.name);
-  return names;
-}
-
-}  // namespace
-
 void Options::set(const Given& given) {
   const OptionSpec* spec = find_option(given.name);
   if (spec) {
@@ -30,6 +20,7 @@ void Options::set(const Given& given) {
     }
     check_value(*spec, text, given.where);
     values_[spec->name] = text;
+    if (spec->type == OptionType::integer && is_word(*spec, text)) values_.erase(spec->name);  // auto
     return;
   }
   const std::string name = lower_case(given.name);
@@ -41,10 +32,8 @@ void Options::set(const Given& given) {
       message += "; write the value as a word of its own: -" + given.name.substr(0, equals) + " " +
                  quoted(given.name.substr(equals + 1));
     } else {
-      std::vector<std::string> names = own_names();
-      for (const std::string& known : known_library_options()) names.push_back(known);
-      const std::string near = nearest_name(given.name, names);
-      message += near.empty() ? "; -help lists the options" : "; did you mean -" + near + "?";
+      const std::string near = suggestion(given.name, known_options(), "-");
+      message += near.empty() ? "; -help lists the options" : near;
     }
     throw UsageError(message);
   }
@@ -132,45 +121,29 @@ std::string Options::text(const std::string& name) const {
   const auto it = values_.find(spec->name);
   if (it != values_.end()) return it->second;
   if (!spec->default_text.empty()) return spec->default_text;
-  if (spec->default_of) return spec->default_of(*this);
-
-  const std::string& key = spec->name;
-  const bool chain = text("model_form") == "chain";
-  if (key == "bc_left_value" || key == "bc_right_value") return text("model_v");
-  if (key == "model_delta") return chain ? "0" : "0.2";
-  if (key == "grid_order") return chain ? "2" : "4";
-  if (key == "grid_length") {
-    if (!chain) return "60";
-    const PetscInt n = integer("grid_n");
-    return std::to_string(text("bc_left") == "periodic" ? n : std::max<PetscInt>(n - 1, 1));
-  }
-  if (key == "bc_left" || key == "bc_right") {
-    const std::string other = key == "bc_left" ? "bc_right" : "bc_left";
-    return is_set(other) && text(other) != "periodic" ? "free" : "periodic";
-  }
-  if (key == "init_eta") return text("init_type") == "layer" ? "steady" : "0.1";
-  return "";
+  return spec->default_of ? spec->default_of(*this) : "";
 }
 
-double Options::real(const std::string& name) const {
-  const std::optional<double> value = parse_number(text(name));
-  if (!value) throw std::logic_error("option " + name + " is not a number: " + quoted(text(name)));
+namespace {
+
+// What the text of an option was read as; it has been checked before.
+template <class T>
+T checked(const std::optional<T>& value, const std::string& name, const std::string& text) {
+  if (!value) throw std::logic_error("option " + name + " has no such value: " + quoted(text));
   return *value;
 }
 
+}  // namespace
+
+double Options::real(const std::string& name) const { return checked(parse_number(text(name)), name, text(name)); }
+
 PetscInt Options::integer(const std::string& name) const {
-  const std::optional<double> value = parse_integer(text(name));
-  if (!value) throw std::logic_error("option " + name + " is not an integer: " + quoted(text(name)));
-  return PetscInt(*value);
+  return PetscInt(checked(parse_integer(text(name)), name, text(name)));
 }
 
 PetscInt Options::integer_of(const std::string& text) { return PetscInt(*parse_integer(text)); }
 
-bool Options::boolean(const std::string& name) const {
-  const std::optional<bool> value = parse_boolean(text(name));
-  if (!value) throw std::logic_error("option " + name + " is not a boolean: " + quoted(text(name)));
-  return *value;
-}
+bool Options::boolean(const std::string& name) const { return checked(parse_boolean(text(name)), name, text(name)); }
 
 std::vector<double> Options::reals(const std::string& name) const {
   std::vector<double> values;

@@ -11,6 +11,7 @@
 #include <map>
 #include <new>
 
+#include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -22,7 +23,6 @@ constexpr std::size_t largest = 1 << 20;  // bytes
 
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
 bool is_name_part(char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; }
-bool is_space(char c) { return c == ' ' || c == '\t'; }
 
 // Whether a file name ends so, in capitals or small letters, and has more before it.
 bool ends_with(const std::string& path, const std::string& suffix) {
@@ -59,12 +59,9 @@ std::string checked_text(std::string text, const std::string& name) {
   return text;
 }
 
-std::vector<std::string> lines_of(const std::string& text) {
-  std::vector<std::string> lines(1);
-  for (const char c : text)
-    if (c == '\n') lines.emplace_back();
-    else if (c != '\r') lines.back() += c;
-  return lines;
+std::vector<std::string> lines_of(std::string text) {
+  text.erase(std::remove(text.begin(), text.end(), '\r'), text.end());
+  return split(text, '\n');
 }
 
 // Where each option was given first; throws where one comes again.
@@ -249,26 +246,7 @@ std::vector<Given> parse_plain(const std::string& text, const std::string& name)
   Seen options(name, "option");
   for (std::size_t i = 0; i < lines.size(); ++i) {
     const std::string where = name + ":" + std::to_string(i + 1);
-    std::vector<std::string> words;
-    for (std::size_t at = 0; at < lines[i].size();) {
-      const char c = lines[i][at];
-      if (is_space(c)) {
-        ++at;
-        continue;
-      }
-      if (c == '#') break;
-      std::size_t end = at;
-      if (c == '"' || c == '\'') {
-        end = lines[i].find(c, at + 1);
-        if (end == std::string::npos) throw UsageError(where + ": a quote is not closed in its line");
-        words.push_back(lines[i].substr(at + 1, end - at - 1));
-        at = end + 1;
-        continue;
-      }
-      while (end < lines[i].size() && !is_space(lines[i][end])) ++end;
-      words.push_back(lines[i].substr(at, end - at));
-      at = end;
-    }
+    const std::vector<std::string> words = split_words(lines[i], where, '#');
     if (words.empty()) continue;
     if (words[0].size() < 2 || words[0][0] != '-' || !is_letter(words[0][1]) || words.size() > 2)
       throw UsageError(where + ": not understood: " + quoted(lines[i]) + "; each line holds one option, -name value");

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "stickslip/base/error.hpp"
 
@@ -43,32 +44,34 @@ std::optional<bool> parse_boolean(const std::string& text) {
 }
 
 std::vector<std::string> split_list(const std::string& text) {
-  std::vector<std::string> parts;
-  std::string::size_type from = 0;
-  while (true) {
-    const auto comma = text.find(',', from);
-    std::string part = text.substr(from, comma == std::string::npos ? comma : comma - from);
-    const auto begin = part.find_first_not_of(" \t"), end = part.find_last_not_of(" \t");
-    parts.push_back(begin == std::string::npos ? "" : part.substr(begin, end - begin + 1));
-    if (comma == std::string::npos) return parts;
-    from = comma + 1;
+  std::vector<std::string> parts = split(text, ',');
+  for (std::string& part : parts) part = trimmed(part);
+  return parts;
+}
+
+std::vector<std::string> split_words(const std::string& text, const std::string& where, char comment) {
+  const char* const blank = " \t\r\n";
+  std::vector<std::string> words;
+  for (std::size_t at = 0; (at = text.find_first_not_of(blank, at)) != std::string::npos && text[at] != comment;) {
+    const bool in_quotes = text[at] == '"' || text[at] == '\'';
+    const std::size_t begin = in_quotes ? at + 1 : at;
+    const std::size_t end =
+        std::min(text.size(), in_quotes ? text.find(text[at], begin) : text.find_first_of(blank, begin));
+    if (in_quotes && end == text.size()) throw UsageError(where + ": a quote is not closed");
+    words.push_back(text.substr(begin, end - begin));
+    at = in_quotes ? end + 1 : end;
   }
+  return words;
 }
 
 std::optional<StepsOrSeconds> parse_steps_or_time(const std::string& text) {
-  if (text.empty()) return std::nullopt;
-  double factor = 0;
-  switch (text.back()) {
-    case 's': factor = 1; break;
-    case 'm': factor = 60; break;
-    case 'h': factor = 3600; break;
-    default: break;
-  }
+  static const std::map<char, double> seconds_in = {{'s', 1}, {'m', 60}, {'h', 3600}};
   StepsOrSeconds result;
-  if (factor > 0) {
+  const auto unit = seconds_in.find(text.empty() ? ' ' : text.back());
+  if (unit != seconds_in.end()) {
     const std::optional<double> value = parse_number(text.substr(0, text.size() - 1));
     if (!value || !std::isfinite(*value) || *value <= 0) return std::nullopt;
-    result.seconds = *value * factor;
+    result.seconds = *value * unit->second;
   } else {
     const std::optional<double> value = parse_integer(text);
     if (!value || *value < 1 || *value > int_max) return std::nullopt;
@@ -81,16 +84,6 @@ namespace {
 
 bool in_range(const OptionSpec& spec, double value) {
   return (spec.open_low ? value > spec.low : value >= spec.low) && value <= spec.high;
-}
-
-bool is_word(const OptionSpec& spec, const std::string& text) {
-  return std::find(spec.words.begin(), spec.words.end(), text) != spec.words.end();
-}
-
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
 }
 
 bool is_acceptable(const OptionSpec& spec, const std::string& text) {
@@ -108,7 +101,7 @@ bool is_acceptable(const OptionSpec& spec, const std::string& text) {
   };
   switch (spec.type) {
     case OptionType::real: return real(text);
-    case OptionType::integer: return integer(text);
+    case OptionType::integer: return is_word(spec, text) || integer(text);
     case OptionType::boolean: return bool(parse_boolean(text));
     case OptionType::text: return !text.empty();
     case OptionType::choice: return is_word(spec, text);
@@ -132,20 +125,25 @@ std::string range_text(const OptionSpec& spec) {
   return "";
 }
 
+std::string or_words(const OptionSpec& spec) { return spec.words.empty() ? "" : ", or " + joined(spec.words); }
+
 }  // namespace
+
+bool is_word(const OptionSpec& spec, const std::string& text) {
+  return std::find(spec.words.begin(), spec.words.end(), text) != spec.words.end();
+}
 
 std::string requirement(const OptionSpec& spec) {
   switch (spec.type) {
     case OptionType::real: return "a finite number" + range_text(spec);
-    case OptionType::integer: return "an integer" + range_text(spec);
+    case OptionType::integer: return "an integer" + range_text(spec) + or_words(spec);
     case OptionType::boolean: return "true or false";
     case OptionType::text: return "not empty";
     case OptionType::choice: return "one of " + joined(spec.words);
     case OptionType::real_list: return "finite numbers" + range_text(spec) + ", separated by commas";
     case OptionType::integer_list: return "integers" + range_text(spec) + ", separated by commas";
     case OptionType::text_list: return "words separated by commas";
-    case OptionType::real_or_word:
-      return "a finite number" + range_text(spec) + (spec.words.empty() ? "" : ", or " + joined(spec.words));
+    case OptionType::real_or_word: return "a finite number" + range_text(spec) + or_words(spec);
     case OptionType::steps_or_time: return "a number of steps (500) or a time (30s, 10m, 2h)";
     case OptionType::wall_time: return "a time (30s, 10m, 2h)";
   }
@@ -156,11 +154,8 @@ std::string in_place(const std::string& where) { return where.empty() ? "" : " (
 
 void check_value(const OptionSpec& spec, const std::string& text, const std::string& where) {
   if (is_acceptable(spec, text)) return;
-  std::string message = "-" + spec.name + " " + quoted(text) + in_place(where) + ": must be " + requirement(spec);
-  const std::string near = spec.type == OptionType::choice || spec.type == OptionType::real_or_word
-                               ? nearest_name(text, spec.words) : "";
-  if (!near.empty()) message += "; did you mean " + near + "?";
-  throw UsageError(message);
+  throw UsageError("-" + spec.name + " " + quoted(text) + in_place(where) + ": must be " + requirement(spec) +
+                   suggestion(text, spec.words));
 }
 
 }  // namespace stickslip

@@ -15,6 +15,10 @@ std::optional<double> parse_number(const std::string& text);
 std::optional<double> parse_integer(const std::string& text);
 std::optional<bool> parse_boolean(const std::string& text);
 std::vector<std::string> split_list(const std::string& text);  // at commas, without spaces around
+// Words between blanks; one that begins with a quote ends with it, and may hold blanks. What follows a word that begins
+// with `comment` (0: none does) is left out. Throws UsageError, which begins with `WHERE: `, for a quote that is not closed.
+std::vector<std::string> split_words(const std::string& text, const std::string& where, char comment = 0);
+bool is_word(const OptionSpec& spec, const std::string& text);  // is it one of the spec's?
 std::optional<StepsOrSeconds> parse_steps_or_time(const std::string& text);
 // " (scene.yaml:3)", for messages; "" for the command line.
 std::string in_place(const std::string& where);

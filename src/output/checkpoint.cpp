@@ -1,18 +1,15 @@
 #include "stickslip/output/checkpoint.hpp"
 
-#include <dirent.h>
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <limits>
-#include <tuple>
 #include <utility>
 
 #include "output/datasets.hpp"
@@ -27,39 +24,25 @@ namespace stickslip {
 
 namespace {
 
+namespace fs = std::filesystem;
 using h5::Id;
 
 const hsize_t block_size = 512;  // the smallest user block
 const char* const magic = "stickslip checkpoint";
 
 // "DIR/NAME" of out_file without its ending: what the names of its checkpoints begin with.
-std::string stem(const std::string& out_file) {
-  const std::size_t dot = out_file.rfind('.'), slash = out_file.rfind('/');
-  const std::size_t begin = slash == std::string::npos ? 0 : slash + 1;
-  return dot == std::string::npos || dot <= begin ? out_file : out_file.substr(0, dot);
-}
+std::string stem(const std::string& out_file) { return fs::path(out_file).replace_extension().string(); }
 
 // FNV-1a, 64 bits, of the file from the user block on; and how many bytes those are.
 std::pair<std::uint64_t, std::uint64_t> checksum(const std::string& path) {
-  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) throw Failure("cannot open '" + path + "': " + std::strerror(errno));
+  const paths::Descriptor file(path, O_RDONLY);
   std::uint64_t sum = 1469598103934665603u, count = 0;
   std::vector<unsigned char> buffer(1 << 18);
-  off_t at = static_cast<off_t>(block_size);
-  for (;;) {
-    const ssize_t got = pread(fd, buffer.data(), buffer.size(), at);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) {
-      const int why = errno;
-      close(fd);
-      throw Failure("cannot read '" + path + "': " + std::strerror(why));
-    }
-    if (got == 0) break;
-    for (ssize_t k = 0; k < got; ++k) sum = (sum ^ buffer[static_cast<std::size_t>(k)]) * 1099511628211u;
-    at += got;
-    count += static_cast<std::uint64_t>(got);
+  while (const std::size_t got =
+             paths::read_some(file, buffer.data(), buffer.size(), static_cast<std::int64_t>(block_size + count))) {
+    for (std::size_t k = 0; k < got; ++k) sum = (sum ^ buffer[k]) * 1099511628211u;
+    count += got;
   }
-  close(fd);
   return {sum, count};
 }
 
@@ -72,11 +55,8 @@ std::string block_text(const std::pair<std::uint64_t, std::uint64_t>& sum) {
 
 std::string read_block(const std::string& path) {
   std::array<char, block_size> buffer{};
-  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (fd < 0) throw Failure(std::strerror(errno));
-  const ssize_t got = pread(fd, buffer.data(), buffer.size() - 1, 0);
-  close(fd);
-  return got > 0 ? std::string(buffer.data()) : "";
+  paths::read_some(paths::Descriptor(path, O_RDONLY), buffer.data(), buffer.size() - 1, 0);
+  return buffer.data();
 }
 
 void write_file(const std::string& temporary, const Provenance& provenance, const Checkpoint& checkpoint,
@@ -100,11 +80,7 @@ void write_file(const std::string& temporary, const Provenance& provenance, cons
   if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0 || H5Fclose(file.release()) < 0) h5::fail("write", temporary);
 
   const std::string block = block_text(checksum(temporary));
-  const int fd = open(temporary.c_str(), O_WRONLY | O_CLOEXEC);
-  const bool written = fd >= 0 && pwrite(fd, block.data(), block.size(), 0) == static_cast<ssize_t>(block.size());
-  const int why = errno;
-  if (fd >= 0) close(fd);
-  if (!written) throw Failure("cannot write '" + temporary + "': " + std::strerror(why));
+  paths::write_all(paths::Descriptor(temporary, O_WRONLY), block.data(), block.size(), 0);
   paths::sync(temporary);
 }
 
@@ -138,27 +114,23 @@ void read_file(const std::string& path, Checkpoint& checkpoint) {
 // Removes the oldest checkpoints of this out_file, `just_written` excepted, until `keep` are left. What cannot be
 // removed is left behind without complaint: it harms nobody.
 void prune(const std::string& out_file, const std::string& just_written, std::int64_t keep) {
-  const std::string folder = paths::folder(out_file), prefix = paths::file(stem(out_file)) + ".chk-", suffix = ".h5";
-  std::vector<std::tuple<std::int64_t, std::int64_t, std::string>> found;  // seconds, nanoseconds, name
-  DIR* directory = opendir(folder.c_str());
-  if (!directory) return;
-  while (const dirent* entry = readdir(directory)) {
-    const std::string name = entry->d_name;
-    if (name.size() <= prefix.size() + suffix.size() || name.compare(0, prefix.size(), prefix) != 0 ||
-        name.compare(name.size() - suffix.size(), suffix.size(), suffix) != 0)
-      continue;
-    const std::string digits = name.substr(prefix.size(), name.size() - prefix.size() - suffix.size());
-    if (digits.find_first_not_of("0123456789") != std::string::npos) continue;
-    std::string path = folder;
-    path += "/" + name;
-    struct stat at {};
-    if (name == paths::file(just_written) || stat(path.c_str(), &at) != 0 || !S_ISREG(at.st_mode)) continue;
-    found.emplace_back(at.st_mtim.tv_sec, at.st_mtim.tv_nsec, std::move(path));
+  const std::string prefix = paths::file(stem(out_file)) + ".chk-";
+  std::vector<std::pair<fs::file_time_type, fs::path>> found;
+  try {
+    for (const fs::directory_entry& entry : fs::directory_iterator(paths::folder(out_file))) {
+      const std::string name = entry.path().stem();
+      const bool numbered = name.size() > prefix.size() && name.compare(0, prefix.size(), prefix) == 0 &&
+                            name.find_first_not_of("0123456789", prefix.size()) == std::string::npos;
+      if (numbered && entry.path().extension() == ".h5" && entry.path().filename() != paths::file(just_written) &&
+          entry.is_regular_file())
+        found.emplace_back(entry.last_write_time(), entry.path());
+    }
+    std::sort(found.rbegin(), found.rend());
+    for (std::size_t k = 0; k < found.size(); ++k)
+      if (static_cast<std::int64_t>(k) + 1 >= keep) fs::remove(found[k].second);
+  } catch (const fs::filesystem_error&) {
+    // as said above
   }
-  closedir(directory);
-  std::sort(found.rbegin(), found.rend());
-  for (std::size_t k = 0; k < found.size(); ++k)
-    if (static_cast<std::int64_t>(k) + 1 >= keep) unlink(std::get<2>(found[k]).c_str());
 }
 
 }  // namespace
@@ -176,16 +148,15 @@ std::string write_checkpoint(const std::string& out_file, std::int64_t keep, con
   on_root(PETSC_COMM_WORLD, [&] {
     const std::string temporary = paths::hidden_sibling(path);
     unlink(temporary.c_str());
-    try {
-      write_file(temporary, provenance, checkpoint, values);
-      paths::publish(temporary, path);
-    } catch (const Failure& e) {
-      unlink(temporary.c_str());
-      std::string text = e.what();
-      const std::size_t at = text.find(temporary);
-      if (at != std::string::npos) text.replace(at, temporary.size(), path);
-      throw Failure(text);
-    }
+    h5::naming(path, [&] {
+      try {
+        write_file(temporary, provenance, checkpoint, values);
+        paths::publish(temporary, path);
+      } catch (...) {
+        unlink(temporary.c_str());
+        throw;
+      }
+    });
     prune(out_file, path, keep);
   });
   return path;
@@ -193,28 +164,18 @@ std::string write_checkpoint(const std::string& out_file, std::int64_t keep, con
 
 Checkpoint read_checkpoint(const std::string& path) {
   Checkpoint checkpoint;
-  on_root(PETSC_COMM_WORLD, [&] {
-    const std::string label = "restart '" + path + "': ";
-    struct stat at {};
-    if (stat(path.c_str(), &at) != 0) throw UsageError(label + std::strerror(errno));
-    if (!S_ISREG(at.st_mode)) throw UsageError(label + "is not a file");
-    try {
-      const std::string block = read_block(path);
-      if (block.compare(0, std::strlen(magic), magic) != 0)
-        throw Failure("is not a checkpoint of this program (they are called NAME.chk-NUMBER.h5)");
-      if (block != block_text(checksum(path))) throw Failure("is damaged (its checksum does not fit)");
-      const auto read = [&] { read_file(path, checkpoint); };
-      if (!h5::survives(read)) throw Failure("is damaged");
-      read();
-    } catch (const std::exception& e) {
-      throw UsageError(label + e.what());
-    }
-  });
+  const auto check = [&] {
+    const std::string block = read_block(path);
+    if (block.compare(0, std::strlen(magic), magic) != 0)
+      throw Failure("is not a checkpoint of this program (they are called NAME.chk-NUMBER.h5)");
+    if (block != block_text(checksum(path))) throw Failure("is damaged (its checksum does not fit)");
+  };
+  h5::read_from_outside("restart", path, check, [&] { read_file(path, checkpoint); });
   h5::broadcast(checkpoint.header);
-  MPI_Bcast(&checkpoint.ranks, 1, MPI_INT, 0, PETSC_COMM_WORLD);
-  MPI_Bcast(&checkpoint.t, 1, MPI_DOUBLE, 0, PETSC_COMM_WORLD);
-  MPI_Bcast(&checkpoint.dt, 1, MPI_DOUBLE, 0, PETSC_COMM_WORLD);
-  MPI_Bcast(&checkpoint.step, 1, MPI_INT64_T, 0, PETSC_COMM_WORLD);
+  broadcast(checkpoint.ranks);
+  broadcast(checkpoint.t);
+  broadcast(checkpoint.dt);
+  broadcast(checkpoint.step);
   broadcast(checkpoint.texts);
   broadcast(checkpoint.numbers);
   broadcast(checkpoint.arrays);

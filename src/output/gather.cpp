@@ -2,7 +2,8 @@
 
 #include <stdexcept>
 
-#include "stickslip/base/error.hpp"
+#include "base/broadcast.hpp"
+#include "base/local_values.hpp"
 #include "stickslip/base/root.hpp"
 
 namespace stickslip {
@@ -29,14 +30,10 @@ const std::vector<std::vector<double>>& Gather::components(Vec v) {
 }
 
 std::vector<double> Gather::interleaved(Vec v) {
-  int rank;
-  MPI_Comm_rank(comm_, &rank);
+  const int rank = rank_in(comm_);
   std::vector<double> out(rank == 0 ? size_ : 0);
-  const double* own;
-  SS_TRY(VecGetArrayRead(v, &own));
-  SS_TRY(MPI_Gatherv(own, count_[std::size_t(rank)], MPI_DOUBLE, out.data(), count_.data(), first_.data(), MPI_DOUBLE,
-                     0, comm_));
-  SS_TRY(VecRestoreArrayRead(v, &own));
+  SS_TRY(MPI_Gatherv(Reading(v), count_[std::size_t(rank)], MPI_DOUBLE, out.data(), count_.data(), first_.data(),
+                     MPI_DOUBLE, 0, comm_));
   return out;
 }
 
@@ -44,13 +41,8 @@ void Gather::spread(const std::vector<double>& values, Vec v) {
   on_root(comm_, [&] {
     if (values.size() != size_) throw std::logic_error("a vector of another length");
   });
-  int rank;
-  MPI_Comm_rank(comm_, &rank);
-  double* own;
-  SS_TRY(VecGetArrayWrite(v, &own));
-  SS_TRY(MPI_Scatterv(values.data(), count_.data(), first_.data(), MPI_DOUBLE, own, count_[std::size_t(rank)],
-                      MPI_DOUBLE, 0, comm_));
-  SS_TRY(VecRestoreArrayWrite(v, &own));
+  SS_TRY(MPI_Scatterv(values.data(), count_.data(), first_.data(), MPI_DOUBLE, Writing(v),
+                      count_[std::size_t(rank_in(comm_))], MPI_DOUBLE, 0, comm_));
 }
 
 }  // namespace stickslip

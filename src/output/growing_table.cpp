@@ -1,15 +1,11 @@
 #include "output/growing_table.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <limits>
 #include <stdexcept>
 
+#include "base/paths.hpp"
 #include "output/datasets.hpp"
-#include "stickslip/base/error.hpp"
 
 namespace stickslip::h5 {
 
@@ -18,15 +14,7 @@ namespace {
 const hsize_t largest_chunk = hsize_t(1) << 30;  // bytes; the format ends at 4 GiB
 
 void put(int descriptor, haddr_t at, const double* values, hsize_t number) {
-  const char* bytes = reinterpret_cast<const char*>(values);
-  for (std::size_t left = number * sizeof(double); left > 0;) {
-    const ssize_t done = pwrite(descriptor, bytes, left, static_cast<off_t>(at));
-    if (done < 0 && errno == EINTR) continue;
-    if (done < 0) throw Failure(std::strerror(errno));
-    bytes += done;
-    at += static_cast<haddr_t>(done);
-    left -= static_cast<std::size_t>(done);
-  }
+  paths::write_all(descriptor, values, number * sizeof(double), static_cast<std::int64_t>(at));
 }
 
 }  // namespace

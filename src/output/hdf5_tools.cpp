@@ -1,17 +1,20 @@
 #include "output/hdf5_tools.hpp"
 
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <csignal>
+#include <cstring>
 #include <stdexcept>
 
 #include "base/broadcast.hpp"
 #include "base/paths.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/json.hpp"
+#include "stickslip/base/root.hpp"
 
 namespace stickslip::h5 {
 
@@ -42,13 +45,6 @@ std::string file_name(hid_t object) {
   return H5Fget_name(object, buffer, sizeof buffer) > 0 ? buffer : "?";
 }
 
-Id text_type() {
-  Id type(H5Tcopy(H5T_C_S1));
-  H5Tset_size(type, H5T_VARIABLE);
-  H5Tset_cset(type, H5T_CSET_UTF8);
-  return type;
-}
-
 void write_scalar(hid_t object, const std::string& name, hid_t type, const void* value) {
   const Id space(H5Screate(H5S_SCALAR));
   const Id attribute(H5Acreate2(object, name.c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT));
@@ -63,6 +59,14 @@ Id open_attribute(hid_t object, const std::string& name, H5T_class_t wanted) {
   if (found != wanted || H5Sget_simple_extent_npoints(space) != 1)
     throw Failure("attribute " + name + " of '" + file_name(object) + "' is not of the expected type");
   return attribute;
+}
+
+template <class T>
+T read_number(hid_t object, const std::string& name, H5T_class_t wanted, hid_t type) {
+  const Id attribute = open_attribute(object, name, wanted);
+  T value = 0;
+  if (H5Aread(attribute, type, &value) < 0) fail("read attribute " + name + " of", object);
+  return value;
 }
 
 }  // namespace
@@ -125,6 +129,13 @@ Id open_file(const std::string& path) {
   return file;
 }
 
+Id text_type() {
+  Id type(H5Tcopy(H5T_C_S1));
+  H5Tset_size(type, H5T_VARIABLE);
+  H5Tset_cset(type, H5T_CSET_UTF8);
+  return type;
+}
+
 void write_attribute(hid_t object, const std::string& name, const std::string& text) {
   const Id type = text_type();
   const char* pointer = text.c_str();
@@ -162,17 +173,11 @@ std::string read_text_attribute(hid_t object, const std::string& name) {
 }
 
 double read_real_attribute(hid_t object, const std::string& name) {
-  const Id attribute = open_attribute(object, name, H5T_FLOAT);
-  double value = 0;
-  if (H5Aread(attribute, H5T_NATIVE_DOUBLE, &value) < 0) fail("read attribute " + name + " of", object);
-  return value;
+  return read_number<double>(object, name, H5T_FLOAT, H5T_NATIVE_DOUBLE);
 }
 
 std::int64_t read_integer_attribute(hid_t object, const std::string& name) {
-  const Id attribute = open_attribute(object, name, H5T_INTEGER);
-  std::int64_t value = 0;
-  if (H5Aread(attribute, H5T_NATIVE_INT64, &value) < 0) fail("read attribute " + name + " of", object);
-  return value;
+  return read_number<std::int64_t>(object, name, H5T_INTEGER, H5T_NATIVE_INT64);
 }
 
 std::vector<hsize_t> extents(hid_t dataset) {
@@ -201,24 +206,14 @@ std::vector<double> read_reals(hid_t file, const std::string& name) {
   return values;
 }
 
-namespace {
-
-// The selection of `count` rows from `first` in the file, and the plain memory that corresponds to it.
-std::pair<Id, Id> row_selection(hid_t dataset, hsize_t first, hsize_t count, hsize_t width) {
-  Id in_file(H5Dget_space(dataset));
-  const hsize_t start[2] = {first, 0}, size[2] = {count, width}, total = count * width;
-  if (H5Sselect_hyperslab(in_file, H5S_SELECT_SET, start, nullptr, size, nullptr) < 0)
-    fail("address rows of", dataset);
-  return {std::move(in_file), Id(H5Screate_simple(1, &total, nullptr))};
-}
-
-}  // namespace
-
 std::vector<double> read_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width) {
   std::vector<double> values(count * width);
   if (values.empty()) return values;
-  const auto [in_file, in_memory] = row_selection(dataset, first, count, width);
-  if (H5Dread(dataset, H5T_NATIVE_DOUBLE, in_memory, in_file, H5P_DEFAULT, values.data()) < 0)
+  const Id in_file(H5Dget_space(dataset));
+  const hsize_t start[2] = {first, 0}, size[2] = {count, width}, total = count * width;
+  const Id in_memory(H5Screate_simple(1, &total, nullptr));
+  if (H5Sselect_hyperslab(in_file, H5S_SELECT_SET, start, nullptr, size, nullptr) < 0 ||
+      H5Dread(dataset, H5T_NATIVE_DOUBLE, in_memory, in_file, H5P_DEFAULT, values.data()) < 0)
     fail("read", dataset);
   return values;
 }
@@ -245,6 +240,24 @@ std::vector<std::string> members(hid_t file, const std::string& group) {
   hsize_t at = 0;
   if (H5Literate(handle, H5_INDEX_NAME, H5_ITER_INC, &at, visit, &names) < 0) fail("list", file);
   return names;
+}
+
+void read_from_outside(const std::string& what, const std::string& path, const std::function<void()>& check,
+                       const std::function<void()>& read) {
+  on_root(PETSC_COMM_WORLD, [&] {
+    const std::string label = what + " '" + path + "': ";
+    struct stat at {};
+    if (stat(path.c_str(), &at) != 0) throw UsageError(label + std::strerror(errno));
+    if (!S_ISREG(at.st_mode)) throw UsageError(label + "is not a file");
+    quiet();
+    try {
+      check();
+      if (!survives(read)) throw Failure("is damaged");
+      read();
+    } catch (const std::exception& e) {
+      throw UsageError(label + e.what());
+    }
+  });
 }
 
 bool survives(const std::function<void()>& act) {

@@ -52,6 +52,7 @@ void quiet();
 Id create_file(const std::string& path, double bytes, hsize_t user_block = 0, double sparse = 0);
 Id open_file(const std::string& path);  // for reading; throws Failure
 
+Id text_type();  // of texts of any length, UTF-8
 void write_attribute(hid_t object, const std::string& name, const std::string& text);
 void write_attribute(hid_t object, const std::string& name, double value);
 void write_attribute(hid_t object, const std::string& name, std::int64_t value);
@@ -70,6 +71,11 @@ std::vector<std::string> attribute_names(hid_t object);
 
 // Names of the links in a group, sorted.
 std::vector<std::string> members(hid_t file, const std::string& group);
+
+// Opens a file from outside on rank 0: check(), which throws Failure where it is not what it should be, then read(), first
+// in a child process. Whatever is wrong becomes UsageError `WHAT 'PATH': ...` on every rank. Collective.
+void read_from_outside(const std::string& what, const std::string& path, const std::function<void()>& check,
+                       const std::function<void()>& read);
 
 // Whether act() comes to an end in a child process, by an exception or not: damaged files can crash the library or make
 // it run for ever. For files from outside, before they are read in earnest.

@@ -1,10 +1,5 @@
 #include "stickslip/output/reader.hpp"
 
-#include <sys/stat.h>
-
-#include <cerrno>
-#include <cstring>
-
 #include "base/broadcast.hpp"
 #include "base/paths.hpp"
 #include "output/hdf5_tools.hpp"
@@ -53,27 +48,18 @@ void check_outputs(const std::string& out_file, const std::string& summary) {
 
 namespace {
 
-// Opens a file on rank 0 and hands it to body(); whatever is wrong with it becomes `WHAT 'PATH': ...` on every rank.
+// Opens a file of this program on rank 0 and hands it with its header to body().
 template <class Body>
 void reading(const std::string& what, const std::string& path, Body&& body) {
-  on_root(PETSC_COMM_WORLD, [&] {
-    const std::string label = what + " '" + path + "': ";
-    struct stat at {};
-    if (stat(path.c_str(), &at) != 0) throw UsageError(label + std::strerror(errno));
-    if (!S_ISREG(at.st_mode)) throw UsageError(label + "is not a file");
-    h5::quiet();
-    if (H5Fis_hdf5(path.c_str()) <= 0) throw UsageError(label + "is not an HDF5 file");
-    const auto read = [&] {
-      const Id file = h5::open_file(path);
-      body(static_cast<hid_t>(file), h5::read_header(file));
-    };
-    if (!h5::survives(read)) throw UsageError(label + "is damaged");
-    try {
-      read();
-    } catch (const Failure& e) {
-      throw UsageError(label + e.what());
-    }
-  });
+  h5::read_from_outside(
+      what, path,
+      [&] {
+        if (H5Fis_hdf5(path.c_str()) <= 0) throw Failure("is not an HDF5 file");
+      },
+      [&] {
+        const Id file = h5::open_file(path);
+        body(static_cast<hid_t>(file), h5::read_header(file));
+      });
 }
 
 }  // namespace
@@ -92,9 +78,7 @@ DataArray read_array(const std::string& what, const std::string& path, const std
     const Id dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT));
     for (const hsize_t size : h5::extents(dataset)) array.shape.push_back(size);
   });
-  std::vector<std::int64_t> shape(array.shape.begin(), array.shape.end());
-  broadcast(shape);
-  array.shape.assign(shape.begin(), shape.end());
+  broadcast(array.shape);
   broadcast(array.values);
   return array;
 }

@@ -109,9 +109,7 @@ void ResultFile::Contents::write(hid_t file) const {
 
     Id dataset;
     if (entry.is_text) {
-      const Id type(H5Tcopy(H5T_C_S1));
-      H5Tset_size(type, H5T_VARIABLE);
-      H5Tset_cset(type, H5T_CSET_UTF8);
+      const Id type = h5::text_type();
       const Id space(H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr));
       dataset = h5::create_dataset(file, name, type, space, h5::dataset_creation(), H5P_DEFAULT);
       std::vector<const char*> pointers;

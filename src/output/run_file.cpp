@@ -30,15 +30,14 @@ double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-// An earlier file's rows for one table, column by column: by name, wide ones by the position of their values.
+// Rows of one table in another file, column by column: by name, wide ones by the position of their values.
 struct Source {
-  hsize_t kept = 0;
+  hsize_t rows = 0;
   std::vector<double> x;
-  std::vector<std::size_t> index;  // for each x of the new table the index in the old one; beyond its end: none
-  std::vector<Id> datasets;        // for each column, empty where there is none
+  std::vector<Id> datasets;  // for each column, empty where there is none
 };
 
-// The rows up to time `until`; `strictly`: before it.
+// The rows of an earlier file up to time `until`; `strictly`: before it.
 Source source_of(hid_t old, const std::string& name, const Table& table, double until, bool strictly) {
   Source source;
   source.datasets.resize(table.columns.size());
@@ -46,32 +45,33 @@ Source source_of(hid_t old, const std::string& name, const Table& table, double 
   const std::vector<double> times = h5::read_reals(old, table.path("t"));
   const auto later =
       std::find_if(times.begin(), times.end(), [&](double t) { return strictly ? !(t < until) : !(t <= until); });
-  source.kept = static_cast<hsize_t>(later - times.begin());
+  source.rows = static_cast<hsize_t>(later - times.begin());
   if (!table.x.empty()) source.x = h5::read_reals(old, table.path("x"));
-  for (const double x : table.x)
-    source.index.push_back(static_cast<std::size_t>(std::find(source.x.begin(), source.x.end(), x) - source.x.begin()));
   for (std::size_t c = 0; c < table.columns.size(); ++c) {
     const std::string path = table.path(table.columns[c].field.name);
     if (!h5::exists(old, path)) continue;
     source.datasets[c] = Id(H5Dopen2(old, path.c_str(), H5P_DEFAULT));
     const auto sizes = h5::extents(source.datasets[c]);
     const bool fits = table.columns[c].wide ? sizes.size() == 2 && sizes[1] == source.x.size() : sizes.size() == 1;
-    if (!fits || sizes[0] < source.kept) throw Failure("'" + name + "': " + path + " does not fit its t and x");
+    if (!fits || sizes[0] < source.rows) throw Failure("'" + name + "': " + path + " does not fit its t and x");
   }
   return source;
 }
 
-// `count` rows of a column in the order of the new table, NaN where the old file has nothing.
+// `count` rows of a column in the order of the new table, NaN where the other file has nothing.
 std::vector<double> rows_of(const Source& source, const Table& table, std::size_t c, hsize_t first, hsize_t count) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const Column& column = table.columns[c];
   if (!source.datasets[c]) return std::vector<double>(count * table.width(column), nan);
-  if (!column.wide) return h5::read_rows(source.datasets[c], first, count, 1);
-  const hsize_t width = source.x.size();
+  const hsize_t width = column.wide ? source.x.size() : 1;
   const std::vector<double> rows = h5::read_rows(source.datasets[c], first, count, width);
-  std::vector<double> values;
-  for (hsize_t r = 0; r < count; ++r)
-    for (const std::size_t k : source.index) values.push_back(k < width ? rows[r * width + k] : nan);
+  if (!column.wide || source.x == table.x) return rows;
+  std::vector<double> values(count * table.x.size(), nan);
+  for (std::size_t k = 0; k < table.x.size(); ++k) {
+    const auto at = std::find(source.x.begin(), source.x.end(), table.x[k]) - source.x.begin();
+    for (hsize_t r = 0; r < count && at < std::ptrdiff_t(width); ++r)
+      values[r * table.x.size() + k] = rows[r * width + hsize_t(at)];
+  }
   return values;
 }
 
@@ -100,7 +100,8 @@ struct RunFile::Writer {
   ~Writer();
   Table table_of(const std::string& group, const Field& t, const std::vector<Field>& fields, bool wide) const;
   void create(const std::string& name, double bytes);
-  void copy_rows(const Resume& from);
+  void copy_rows(const std::vector<Source>& sources);
+  void resume(const Resume& from);
   void flush();
   void write_and_show();
   void publish();
@@ -167,8 +168,24 @@ void RunFile::Writer::create(const std::string& name, double bytes) {
   if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0) h5::fail("write", name);
 }
 
+// The rows of other files, which are none of the table's own yet.
+void RunFile::Writer::copy_rows(const std::vector<Source>& sources) {
+  for (std::size_t which = 0; which < tables.size(); ++which) {
+    Table& table = tables[which];
+    const hsize_t rows = sources[which].rows, block = table.rows_at_once();
+    for (hsize_t first = 0; first < rows; first += block) {
+      const hsize_t count = std::min(block, rows - first);
+      for (std::size_t c = 0; c < table.columns.size(); ++c)
+        table.put_rows(descriptor(), table.columns[c], first, count,
+                       rows_of(sources[which], table, c, first, count).data());
+    }
+    table.written = rows;
+    if (rows > table.extent) table.set_extent(rows);
+  }
+}
+
 // Creates the file with the rows up to the given time of an earlier one.
-void RunFile::Writer::copy_rows(const Resume& from) {
+void RunFile::Writer::resume(const Resume& from) {
   const Id old = h5::open_file(from.path);
   (void)h5::read_header(old);
   std::vector<Source> sources;
@@ -177,20 +194,10 @@ void RunFile::Writer::copy_rows(const Resume& from) {
     sources.push_back(source_of(old, from.path, table, from.until, is_events));
     if (&table == &tables[0] && h5::exists(old, "t") && sources[0].x != table.x)
       throw Failure("'" + from.path + "' has another grid");
-    table.capacity += sources.back().kept;
+    table.capacity += sources.back().rows;
   }
-
   create(temporary, 0);
-  for (std::size_t which = 0; which < tables.size(); ++which) {
-    Table& table = tables[which];
-    const hsize_t block = table.rows_at_once();
-    for (hsize_t first = 0; first < sources[which].kept; first += block) {
-      table.pending = std::min(block, sources[which].kept - first);
-      for (std::size_t c = 0; c < table.columns.size(); ++c)
-        table.columns[c].pending = rows_of(sources[which], table, c, first, table.pending);
-      table.write_pending(descriptor());
-    }
-  }
+  copy_rows(sources);
 }
 
 // A new file with the same rows and the pending ones, with room for more (`exact`: for no more), which takes the
@@ -223,27 +230,14 @@ void RunFile::Writer::rewrite(bool exact) {
 
 void RunFile::Writer::rewrite_into(const std::string& name, double bytes) {
   const Id old = std::move(file);
-  std::vector<std::vector<Id>> sources;
+  std::vector<Source> sources;
   for (Table& table : tables) {
-    sources.emplace_back();
-    for (Column& column : table.columns) sources.back().push_back(std::move(column.dataset));
+    sources.push_back({table.written, table.x, {}});
+    for (Column& column : table.columns) sources.back().datasets.push_back(std::move(column.dataset));
   }
   create(name, bytes);
-  for (std::size_t which = 0; which < tables.size(); ++which) {
-    Table& table = tables[which];
-    const hsize_t rows = std::exchange(table.written, 0), block = table.rows_at_once();
-    for (hsize_t first = 0; first < rows; first += block) {
-      const hsize_t count = std::min(block, rows - first);
-      for (std::size_t c = 0; c < table.columns.size(); ++c) {
-        const Column& column = table.columns[c];
-        const std::vector<double> values = h5::read_rows(sources[which][c], first, count, table.width(column));
-        table.put_rows(descriptor(), column, first, count, values.data());
-      }
-    }
-    table.written = rows;
-    if (table.written > table.extent) table.set_extent(table.written);
-    table.write_pending(descriptor());
-  }
+  copy_rows(sources);
+  for (Table& table : tables) table.write_pending(descriptor());
   if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0) h5::fail("write", name);
 }
 
@@ -339,7 +333,7 @@ RunFile::RunFile(MPI_Comm comm, std::string path, Provenance provenance, RunLayo
     try {
       writer_ = std::make_unique<Writer>(path, std::move(provenance), std::move(layout));
       h5::naming(writer_->path, [&] {
-        if (resume) writer_->copy_rows(*resume);
+        if (resume) writer_->resume(*resume);
         else writer_->create(writer_->temporary, 0);
       });
       frames_ = static_cast<std::int64_t>(writer_->tables[0].written);

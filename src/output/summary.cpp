@@ -18,27 +18,6 @@
 
 namespace stickslip {
 
-namespace {
-
-// Writes the whole text to a descriptor.
-void write_all(int fd, const std::string& text, const std::string& name) {
-  for (std::size_t at = 0; at < text.size();) {
-    const ssize_t count = ::write(fd, text.data() + at, text.size() - at);
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) throw Failure("cannot write the summary to '" + name + "': " + std::strerror(errno));
-    at += static_cast<std::size_t>(count);
-  }
-}
-
-struct Descriptor {
-  int fd;
-  ~Descriptor() {
-    if (fd >= 0) close(fd);
-  }
-};
-
-}  // namespace
-
 Summary::Summary(const Provenance& provenance, const std::vector<std::string>& keys, std::string path)
     : object_(std::make_unique<Json>()), path_(std::move(path)), begin_(MPI_Wtime()) {
   if (!path_.empty()) check_summary_path(path_);
@@ -128,27 +107,24 @@ void Summary::write_alone() const noexcept {
 
 void Summary::write_from_here() const {
   const std::string json = text();
-  if (path_ == "-") return write_all(STDOUT_FILENO, json, "standard output");
-  struct stat at {};
-  if (stat(path_.c_str(), &at) == 0 && !S_ISREG(at.st_mode)) {
-    const Descriptor out{open(path_.c_str(), O_WRONLY | O_CLOEXEC)};
-    if (out.fd < 0) throw Failure("cannot write the summary to '" + path_ + "': " + std::strerror(errno));
-    return write_all(out.fd, json, path_);
+  try {
+    if (path_ == "-") return paths::write_all(STDOUT_FILENO, json.data(), json.size());
+    struct stat at {};
+    if (stat(path_.c_str(), &at) == 0 && !S_ISREG(at.st_mode))
+      return paths::write_all(paths::Descriptor(path_, O_WRONLY), json.data(), json.size());
+  } catch (const Failure& e) {
+    throw Failure("cannot write the summary to '" + (path_ == "-" ? "standard output" : path_) + "': " + e.what());
   }
   const std::string target = paths::resolved(path_);
   const std::string temporary = paths::hidden_sibling(target, "." + std::to_string(getpid()) + ".tmp");
-  {
-    const Descriptor out{open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)};
-    if (out.fd < 0) throw Failure("cannot write the summary to '" + path_ + "': " + std::strerror(errno));
-    try {
-      write_all(out.fd, json, path_);
-      paths::sync(temporary);
-    } catch (...) {
-      unlink(temporary.c_str());
-      throw;
-    }
+  try {
+    paths::write_all(paths::Descriptor(temporary, O_WRONLY | O_CREAT | O_TRUNC, "write"), json.data(), json.size());
+    paths::sync(temporary);
+    paths::publish(temporary, target);
+  } catch (const Failure& e) {
+    unlink(temporary.c_str());
+    throw Failure("cannot write the summary to '" + path_ + "': " + e.what());
   }
-  paths::publish(temporary, target);
 }
 
 void check_summary_path(const std::string& path) {

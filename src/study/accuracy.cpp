@@ -8,28 +8,6 @@
 
 namespace stickslip {
 
-namespace {
-
-// Counts the processor time of a scope, the largest over the ranks.
-class Clock {
- public:
-  explicit Clock(double& sum) : sum_(sum), begin_(largest_processor_seconds()) {}
-  ~Clock() {
-    try {
-      sum_ += largest_processor_seconds() - begin_;
-    } catch (...) {  // NOLINT: a clock that fails must not hide why the scope ends
-    }
-  }
-  Clock(const Clock&) = delete;
-  Clock& operator=(const Clock&) = delete;
-
- private:
-  double& sum_;
-  double begin_;
-};
-
-}  // namespace
-
 struct AccuracyPlan::Impl {
   AccuracyRequest request;
   Setting setting;
@@ -54,7 +32,7 @@ struct AccuracyPlan::Impl {
   }
 
   void choose() {
-    const Clock clock(seconds);
+    const double begin = largest_processor_seconds();
     runs.choose_method();
     ladder = request.has_space ? grid_ladder(request, setting, runs) : tolerance_ladder(request, setting, runs);
     try {
@@ -63,6 +41,7 @@ struct AccuracyPlan::Impl {
       refusal = out_of_reach(e);
       if (!ladder->settle()) throw Failure(refusal);
     }
+    seconds += largest_processor_seconds() - begin;
   }
 
   void finish();
@@ -82,17 +61,19 @@ double AccuracyPlan::seconds() const { return impl_->seconds; }
 int AccuracyPlan::trials() const { return impl_->runs.count(); }
 
 double AccuracyPlan::estimate(const Fields& end) {
-  const Clock clock(impl_->seconds);
-  return impl_->ladder->estimate(end);
+  const double begin = largest_processor_seconds(), error = impl_->ladder->estimate(end);
+  impl_->seconds += largest_processor_seconds() - begin;
+  return error;
 }
 
 void AccuracyPlan::refine() {
+  const double begin = largest_processor_seconds();
   try {
-    const Clock clock(impl_->seconds);
     impl_->ladder->refine();
   } catch (const OutOfReach& e) {
     throw Failure(impl_->out_of_reach(e));
   }
+  impl_->seconds += largest_processor_seconds() - begin;
   impl_->finish();
 }
 

@@ -82,34 +82,37 @@ std::string description(const Scene& whole, const Model& model) {
 
 }  // namespace
 
-Problem problem_of(const Scene& whole, const Options& options, std::optional<PetscInt> nodes) {
-  Model model(PETSC_COMM_WORLD, whole);
-  if (nodes) {
-    if (*nodes == whole.n) {
-      VecHandle u = model.create_vector();
-      return {std::move(model), std::move(u), ""};
-    }
-    Model small = model_of_cell(cell_of(whole, whole.n / *nodes));
-    VecHandle u = small.create_vector();
-    std::string what = description(whole, small);
-    return {std::move(small), std::move(u), std::move(what)};
-  }
-  VecHandle u = model.create_vector();
-  set_start(model, options, u);
-  PetscInt cells = options.text("scene_reduce") == "off" || whole.n == 1 ? 1 : promised_cells(whole, options);
-  if (cells == 1) return {std::move(model), std::move(u), ""};
+namespace {
 
-  std::vector<double> values = Gather(u, model.dof()).interleaved(u);  // on rank 0
+// How many equal cells the start holds; `values`: of all nodes, on rank 0. Collective.
+PetscInt cells_of_start(const Model& model, const Options& options, Vec u, std::vector<double>& values) {
+  const Scene& whole = model.scene();
+  PetscInt cells = options.text("scene_reduce") == "off" || whole.n == 1 ? 1 : promised_cells(whole, options);
+  if (cells == 1) return 1;
+  values = Gather(u, model.dof()).interleaved(u);
   if (rank_in(PETSC_COMM_WORLD) == 0) cells = cells_in(values, whole.n, model.dof(), cells, whole.ring());
   broadcast(cells);
+  return cells;
+}
+
+}  // namespace
+
+Problem problem_of(const Scene& whole, const Options& options, std::optional<PetscInt> nodes) {
+  Model model(PETSC_COMM_WORLD, whole);
+  VecHandle u = model.create_vector();
+  std::vector<double> values;
+  if (!nodes) set_start(model, options, u);
+  const PetscInt cells = nodes ? whole.n / *nodes : cells_of_start(model, options, u, values);
   if (cells == 1) return {std::move(model), std::move(u), ""};
 
   Model small = model_of_cell(cell_of(whole, cells));
-  values.resize(static_cast<std::size_t>(small.scene().n * small.dof()));
-  broadcast(values);
   VecHandle start = small.create_vector();
-  const auto from = values.begin() + small.first() * small.dof();
-  std::copy(from, from + small.local() * small.dof(), static_cast<double*>(Writing(start)));
+  if (!nodes) {
+    values.resize(static_cast<std::size_t>(small.scene().n * small.dof()));
+    broadcast(values);
+    const auto from = values.begin() + small.first() * small.dof();
+    std::copy(from, from + small.local() * small.dof(), static_cast<double*>(Writing(start)));
+  }
   std::string what = description(whole, small);
   return {std::move(small), std::move(start), std::move(what)};
 }

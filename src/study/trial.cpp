@@ -4,6 +4,7 @@
 #include <cmath>
 #include <ctime>
 #include <limits>
+#include <set>
 #include <utility>
 
 #include "base/broadcast.hpp"
@@ -50,15 +51,11 @@ MethodSpec spec_of(const Options& options, const Setting& setting) {
 }
 
 void check_settings(const Options& options, const std::vector<Setting>& settings) {
-  std::vector<std::string> methods_seen, grids_seen;
-  const auto is_new = [](std::vector<std::string>& seen, const std::string& key) {
-    if (std::find(seen.begin(), seen.end(), key) != seen.end()) return false;
-    seen.push_back(key);
-    return true;
-  };
+  std::set<std::pair<std::string, std::string>> methods_seen;
+  std::set<std::pair<PetscInt, int>> grids_seen;
   for (const Setting& s : settings) {
-    const bool new_grid = is_new(grids_seen, std::to_string(s.n) + " " + std::to_string(s.order));
-    const bool new_method = is_new(methods_seen, s.method.name() + " " + s.method.implicit);
+    const bool new_grid = grids_seen.emplace(s.n, s.order).second;
+    const bool new_method = methods_seen.emplace(s.method.name(), s.method.implicit).second;
     if (!new_grid && !new_method) continue;
     const Options here = options_for(options, s);
     std::vector<std::string> unheard;

@@ -10,6 +10,9 @@ namespace stickslip {
 // is near.
 std::string nearest_name(const std::string& name, const std::vector<std::string>& names);
 
+// "; did you mean X?" with the nearest name, or "".
+std::string suggestion(const std::string& name, const std::vector<std::string>& names, const char* before = "");
+
 // Shortest text that reads back as the same number.
 std::string number_text(double value);
 // To so many significant digits, for messages.
@@ -22,5 +25,9 @@ std::string lower_case(std::string text);
 
 // The parts between separators; one more than there are separators, each possibly empty.
 std::vector<std::string> split(const std::string& text, char separator);
+// The inverse.
+std::string joined(const std::vector<std::string>& parts, const std::string& separator = ", ");
+// Without blanks and tabs at its ends.
+std::string trimmed(const std::string& text);
 
 }  // namespace stickslip

@@ -15,7 +15,7 @@ namespace stickslip {
 
 // Names are without the dash and in lower case.
 bool is_library_option(const std::string& name);          // carries the prefix of a PETSc or SLEPc object
-const std::vector<std::string>& known_library_options();  // for suggestions
+std::vector<std::string> known_options();                 // the program's own and well-known ones of theirs
 // Throws UsageError where the name is well known and the value is not of its kind, or where the name is nearly one
 // of the program's own. Returns the value as PETSc reads it. Does not need PETSc.
 std::optional<std::string> check_library_value(const std::string& name, const std::optional<std::string>& text,

@@ -23,7 +23,7 @@ namespace stickslip {
 
 enum class OptionType {
   real,          // one finite number
-  integer,       // exact; 1e6 is the integer 1000000
+  integer,       // exact; 1e6 is the integer 1000000; or a word (auto), which unsets it
   boolean,       // true/false, yes/no, on/off, 1/0; the name alone is true
   text,          // anything but empty
   choice,        // one of words

@@ -1,0 +1,13 @@
+#include "commands/quantities.hpp"
+
+#include "fastest.hpp"
+#include "output/series.hpp"
+
+namespace stickslip {
+
+using Quantities = ObserverTypes<EndStatistics, Fastest>;
+
+std::vector<std::string> quantity_keys() { return Quantities::keys(); }
+std::vector<std::unique_ptr<Observer>> make_quantities(const Model& model) { return Quantities::make(model); }
+
+}  // namespace stickslip
