@@ -53,6 +53,9 @@ TEST_CASE("integers are exact or refused") {
   REFUSED(set({{"grid_n", "1e10"}}), "-grid_n 1e10");
   for (const char* bad : {"0", "-3", "12.5", "1e-3", "abc", "", "12abc", "0x10", " 12", "1 2", "nan", "inf", "1,2"})
     REFUSED(set({{"grid_n", bad}}), "-grid_n");
+  CHECK_FALSE(set({{"grid_n", "1000"}, {"grid_n", "auto"}}).is_set("grid_n"));  // as -accuracy wants it
+  CHECK(set({{"grid_n", "auto"}, {"grid_n", "1000"}}).integer("grid_n") == 1000);
+  REFUSED(set({{"init_seed", "auto"}}), "-init_seed auto: must be an integer");
 }
 
 TEST_CASE("reals are finite, decimal and in range") {
@@ -106,7 +109,7 @@ TEST_CASE("well-known library options are checked by name") {
   REFUSED(set({{"snes_max_it", "10000000000"}}), "-snes_max_it 10000000000");
   REFUSED(set({{"st_ksp_rtol", "x"}}), "-st_ksp_rtol x");
   REFUSED(set({{"eps_nev", "0"}}), "-eps_nev 0");
-  REFUSED(set({{"ts_rk_type", "5dq"}}), "did you mean 5dp?");
+  REFUSED(set({{"ts_adapt_type", "basik"}}), "did you mean basic?");
   REFUSED(set({{"ts_rosw_recompute_jacobian", "maybe"}}), "true or false");
   REFUSED(set({{"ts_rk_multirate", "true"}}), "-ts_rk_multirate: not here");
   CHECK(set({{"snes_max_it", "1e2"}}).text("snes_max_it") == "100");

@@ -3,6 +3,7 @@
 #include <map>
 
 #include "base/progress.hpp"
+#include "commands/quantities.hpp"
 #include "commands/run_session.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/error.hpp"
@@ -75,13 +76,14 @@ int run_command(const Options& asked) {
   const Options options = effective_options(asked);
   const Provenance provenance = Provenance::of("run", options.all());
   check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, {"t_end",      "steps",    "rejections",    "rhs_evaluations", "method",
-                               "implicit",   "unknowns", "reduced",       "psi_min",         "psi_max",
-                               "psi_mean",   "eta_mean", "probes",        "regime",          "regime_rate",
-                               "growth_rate", "growth_rate_reason", "time_to_decide", "amplitude",
-                               "wave_speed", "pulses",   "measured_over", "stopped_at",      "error_estimate",
-                               "events",     "events_per_s", "accuracy"},
-                  options.text("summary"));
+  std::vector<std::string> keys = {"t_end", "steps", "rejections", "rhs_evaluations", "method", "implicit", "unknowns",
+                                   "reduced"};
+  for (const std::string& key : quantity_keys()) keys.push_back(key);
+  for (const char* key : {"probes", "regime", "regime_rate", "growth_rate", "growth_rate_reason", "time_to_decide",
+                          "amplitude", "wave_speed", "pulses", "measured_over", "stopped_at", "error_estimate", "events",
+                          "events_per_s", "accuracy"})
+    keys.push_back(key);
+  Summary summary(provenance, keys, options.text("summary"));
   return with_summary(summary, [&] {
     if (options.is_set("accuracy") && !options.is_set("restart")) return run_to_accuracy(options, summary);
     Run run(options, provenance);

@@ -9,6 +9,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/progress.hpp"
+#include "commands/quantities.hpp"
 #include "output/catalogue.hpp"
 #include "output/frames.hpp"
 #include "output/series.hpp"
@@ -111,7 +112,7 @@ void Run::make_observers() {
   auto regime = std::make_unique<Regime>(model, options_.real("ts_max_time"), steady_velocity(model.scene()));
   regime_ = regime.get();
   observers_.push_back(std::move(regime));
-  observers_.push_back(std::make_unique<EndStatistics>(model));
+  for (auto& quantity : make_quantities(model)) observers_.push_back(std::move(quantity));
   if (options_.boolean("out_events"))
     observers_.push_back(std::make_unique<Catalogue>(scene_, event_velocity(options_, scene_), gather_));
   observers_.push_back(std::make_unique<ProbeRows>(model, scene_, options_.reals("out_probes")));

@@ -88,11 +88,6 @@ std::map<std::string, OptionSpec> make_known() {
       "ksp_gmres_classicalgramschmidt ksp_gmres_modifiedgramschmidt ksp_gmres_preallocate "
       "malloc_debug options_left no_signal_handler",
       OptionType::boolean, 0, 0, false);
-  words("ts_rk_type", "1fe 2a 2b 3 3bs 4 5f 5dp 5bs 6vr 7vr 8vr");
-  words("ts_arkimex_type", "1bee a2 l2 ars122 2c 2d 2e prssp2 3 bpr3 ars443 4 5");
-  words("ts_rosw_type", "2m 2p ra3pw ra34pw2 rodas3 sandu3 assp3p3s1c lassp3p4s2c llssp3p4s2c ark3 theta1 theta2 grk4t "
-                        "shamp4 veldd4 4l");
-  words("ts_ssp_type", "rks2 rks3 rk104");
   words("ts_glee_type", "BE1 23 24 25i 35 exrk2a rk32g1 rk285ex");
   words("ts_adapt_type", "none basic dsp cfl glee history");
   words("ksp_norm_type", "none preconditioned unpreconditioned natural");
@@ -113,7 +108,7 @@ const std::map<std::string, OptionSpec>& known_specs() {
 // Names whose value is free text, or which take none; for suggestions, and so that they count as known.
 const std::set<std::string>& other_names() {
   static const std::set<std::string> names = set_of(
-      "ts_type ts_adapt_clip ts_adapt_wnormtype ts_view ts_view_solution ts_monitor "
+      "ts_type ts_rk_type ts_arkimex_type ts_rosw_type ts_ssp_type ts_adapt_clip ts_adapt_wnormtype ts_view ts_view_solution ts_monitor "
       "ts_monitor_solution ts_time_span ts_monitor_solution_vtk ts_monitor_error ts_monitor_extreme "
       "ts_monitor_lg_solution "
       "snes_type snes_linesearch_type snes_view snes_monitor snes_monitor_short snes_converged_reason "

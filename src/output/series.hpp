@@ -52,6 +52,7 @@ class ProbeRows : public Observer {
 // psi_min, psi_max, psi_mean and eta_mean in the summary.
 class EndStatistics : public Observer {
  public:
+  static std::vector<std::string> keys() { return {"psi_min", "psi_max", "psi_mean", "eta_mean"}; }
   explicit EndStatistics(const Model& model) : model_(model) {}
 
   void step(const ObservedStep&) override {}

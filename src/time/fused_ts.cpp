@@ -8,6 +8,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/time.hpp"
+#include "time/added_tableaus.hpp"
 
 namespace stickslip {
 
@@ -218,11 +219,7 @@ struct FusedTs::Callbacks {
   }
 };
 
-void register_time_steppers() {
-  static bool done = false;
-  if (!done) FusedTs::Callbacks::add_types();
-  done = true;
-}
+void FusedTs::add_types() { Callbacks::add_types(); }
 
 FusedTs* FusedTs::of(TS ts) {
   TSType type;
@@ -233,9 +230,20 @@ FusedTs* FusedTs::of(TS ts) {
 #else
 
 std::string FusedTs::fused_type(const std::string&) { return ""; }
-void register_time_steppers() {}
+void FusedTs::add_types() {}
 FusedTs* FusedTs::of(TS) { return nullptr; }
 
 #endif
+
+void register_time_steppers() {
+  static bool done = false;
+  if (std::exchange(done, true)) return;
+  FusedTs::add_types();
+  for (const AddedTableau& t : added_tableaus()) {
+    const auto stages = static_cast<PetscInt>(t.b.size());
+    SS_TRY(TSRKRegister(t.method.subtype, t.method.order, stages, t.A.data(), t.b.data(), nullptr,
+                        t.embedded.empty() ? nullptr : t.embedded.data(), 0, nullptr));
+  }
+}
 
 }  // namespace stickslip

@@ -41,6 +41,7 @@ class FusedTs {
   bool solved() const { return outcome_.solved; }  // its implicit equations
 
   struct Callbacks;  // what the TS calls
+  static void add_types();  // registers them with the library
 
  private:
   void set_up();

@@ -48,6 +48,7 @@ struct Integrator::Impl {
   void set_up(const MethodSpec& spec, Vec u);
   void create_ts(Vec u);
   void set_subtype(const std::string& type, const std::string& name) const;
+  void check_subtype_option(const std::string& type) const;
   std::string subtype_now(const std::string& type) const;
   double strictest_tolerance(const MethodSpec& spec) const;
   void set_step_control(const MethodSpec& spec, const Rates& rates) const;

@@ -5,6 +5,7 @@
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
+#include "time/added_tableaus.hpp"
 
 namespace stickslip {
 
@@ -20,8 +21,10 @@ constexpr auto yes = Adaptivity::yes;
 
 std::string Method::name() const { return *subtype ? std::string(type) + ":" + subtype : type; }
 
-const std::vector<Method>& methods() {
-  static const std::vector<Method> table = {
+namespace {
+
+std::vector<Method> make_table() {
+  std::vector<Method> table = {
       {"rk", "5dp", explicit_, 5, yes, "the default where nothing is stiff"},
       {"rk", "3bs", explicit_, 3, yes, "low accuracy, short steps"},
       {"rk", "5f", explicit_, 5, yes, "as 5dp"},
@@ -75,6 +78,14 @@ const std::vector<Method>& methods() {
        "backward Euler: hides instabilities when ts_dt > 2 Re(lambda)/|lambda|^2"},
       {"alpha", "", implicit, 2, on_request, "generalised alpha: damps the shortest waves by ts_alpha_radius"},
   };
+  for (const AddedTableau& added : added_tableaus()) table.push_back(added.method);
+  return table;
+}
+
+}  // namespace
+
+const std::vector<Method>& methods() {
+  static const std::vector<Method> table = make_table();
   return table;
 }
 
@@ -119,9 +130,12 @@ const Method& offered_method(const std::string& type, const std::string& subtype
   const std::string what = subtype_option(type) + " " + subtype + ": ";
   if (type == "arkimex" && subtype == "bpr3")
     throw UsageError(what + "its order falls to 1 when the right-hand side is split; use arkimex 3");
-  if (type == "rosw")
+  if (type == "rosw" && (subtype == "ark3" || subtype == "lassp3p4s2c" || subtype == "llssp3p4s2c"))
     throw UsageError(what + "its first stage has no implicit part, which ends in NaN here; use ra34pw2");
-  throw UsageError(what + "not among the methods offered");
+  std::vector<std::string> subtypes;
+  for (const Method& m : methods())
+    if (type == m.type) subtypes.push_back(m.subtype);
+  throw UsageError(what + "not among the methods offered" + suggestion(subtype, subtypes));
 }
 
 MethodSpec MethodSpec::from(const Options& options) {

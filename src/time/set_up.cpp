@@ -18,6 +18,7 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   const Choice choice = choose_method(model, rates, spec, prefix);
   SS_TRY(TSSetType(ts, (choice.named_fused ? FusedTs::fused_type(choice.type) : choice.type).c_str()));
   set_subtype(choice.type, choice.subtype);
+  check_subtype_option(choice.type);
   equations = std::make_unique<Equations>(model, choice.implicit);
   equations->attach(ts, offered_type(choice.type).kind, strictest_tolerance(spec), prefix);
   set_step_control(spec, rates);
@@ -58,6 +59,16 @@ void Integrator::Impl::set_subtype(const std::string& type, const std::string& n
   if (type == TSROSW) SS_TRY(TSRosWSetType(ts, name.c_str()));
   if (type == TSSSP) SS_TRY(TSSSPSetType(ts, name.c_str()));
   if (type == TSBDF) SS_TRY(TSBDFSetOrder(ts, std::stoi(name)));
+}
+
+// The user's subtype, before the library meets one that it does not know.
+void Integrator::Impl::check_subtype_option(const std::string& type) const {
+  const std::string option = subtype_option(type);
+  char subtype[80];
+  PetscBool set = PETSC_FALSE;
+  if (!option.empty())
+    SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), ("-" + option).c_str(), subtype, sizeof subtype, &set));
+  if (set) (void)offered_method(type, subtype);
 }
 
 std::string Integrator::Impl::subtype_now(const std::string& type) const {

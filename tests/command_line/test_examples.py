@@ -1,4 +1,5 @@
-"""The laws of docs/adding.md, compiled from tests/examples: the page shows the files, and every command takes the laws.
+"""The examples of docs/adding.md, compiled from tests/examples: the page shows the files, every command takes the laws,
+the tableau has its order, and the quantity stands in the summary.
 
 Expected values are worked out here from the formulas on the page.
 """
@@ -29,11 +30,11 @@ def built():
         pytest.skip("stickslip_examples is not built")
 
 
-@pytest.mark.parametrize("name", ["hump", "lorentz", "bonding"])
+@pytest.mark.parametrize("name", ["hump.hpp", "lorentz.hpp", "bonding.hpp", "added_tableaus.cpp", "fastest.hpp"])
 def test_the_page_shows_the_file(name):
     with open(os.path.join(SOURCE, "docs", "adding.md"), encoding="utf-8") as page:
         text = page.read()
-    with open(os.path.join(SOURCE, "tests", "examples", name + ".hpp"), encoding="utf-8") as file:
+    with open(os.path.join(SOURCE, "tests", "examples", name), encoding="utf-8") as file:
         code = "\n".join(("    " + line).rstrip() for line in file.read().splitlines())
     assert code in text
 
@@ -110,3 +111,33 @@ def test_wave_and_chart():
     chart = summary("chart", line + " -grid_n 32 -ts_max_time 1 -chart_methods rk:5dp -chart_tolerances 1e-4,1e-6 "
                                     "-chart_orders 4 -chart_grids 32")
     assert all(row["failed"] is None for row in chart["rows"])
+
+
+def test_tableau():
+    scene = "-grid_n 32 -grid_length 20 -init_type sine -ts_max_time 1 -out_probes 3.75 -ts_type rk -ts_rk_type zonneveld"
+    exact = summary("run", scene.replace("zonneveld", "8vr") + " -ts_rtol 1e-12 -ts_atol 1e-12")["probes"][0]["psi"]
+    errors = []
+    for steps in (20, 40):
+        made = summary("run", f"{scene} -ts_adapt_type none -ts_dt {1 / steps}")
+        assert made["method"] == "rk:zonneveld" and made["steps"] == steps
+        errors.append(abs(made["probes"][0]["psi"] - exact))
+    assert 3.6 < np.log2(errors[0] / errors[1]) < 4.6, errors
+    adaptive = summary("run", scene + " -ts_rtol 1e-7 -ts_atol 1e-7")
+    assert abs(adaptive["probes"][0]["psi"] - exact) < 1e-5 and adaptive["steps"] > 5
+    assert summary("run", scene + " -accuracy 1e-4 -grid_n auto")["method"] == "rk:zonneveld"
+    chart = summary("chart", "-grid_n 32 -ts_max_time 0.2 -chart_methods rk:zonneveld -chart_tolerances 1e-4 "
+                             "-chart_orders 4 -chart_grids 32 -chart_repeats 1 -chart_reference_seconds 2")
+    assert chart["rows"][0]["method"] == "rk:zonneveld"
+
+
+def test_quantity(tmp_path):
+    scene = (f"-model_form chain -grid_n 6 -init_noise 0.3 -ts_max_time 20 -out_file {tmp_path}/a.h5 "
+             "-out_checkpoint_every 40 -out_checkpoint_keep 9")
+    whole = summary("run", scene)
+    fastest = whole["fastest"]
+    assert fastest["psi"] >= max(abs(whole["psi_max"]), abs(whole["psi_min"])) and 0 <= fastest["t"] <= 20
+    first = sorted(tmp_path.glob("a.chk-*.h5"))[0]
+    assert summary("run", f"-restart {first} -out_file {tmp_path}/b.h5")["fastest"] == fastest
+    two = subprocess.run(["mpirun", "-n", "2", EXAMPLES, "run", *scene.split(), "-progress", "off", "-summary", "-"],
+                         capture_output=True, text=True, check=True, timeout=600)
+    assert json.loads(two.stdout)["fastest"]["psi"] == pytest.approx(fastest["psi"], rel=1e-12)

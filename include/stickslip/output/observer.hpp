@@ -2,8 +2,8 @@
 //
 // A run drives any number of observers through
 //     plan, restore (of a run that goes on from a checkpoint), start, step ..., save (now and then), ..., summarise
-// and knows nothing else of them. A new quantity in the file or in the summary is one observer (its key also joins the
-// list in commands/run.cpp).
+// and knows nothing else of them. A new quantity in the summary is one observer and its name in
+// commands/quantities.cpp.
 //
 // Contract. step() is called at the start of a run (index 0, t_before = t; not where it goes on from a checkpoint) and
 // after every accepted step, in order, with fields that are finite. Each call is collective: every rank makes it with
