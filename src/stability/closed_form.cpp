@@ -6,19 +6,10 @@
 
 namespace stickslip {
 
-namespace {
-
-// All nodes are alike: the first one's coefficients are those of all.
-std::vector<Complex> roots_of_wave(const LinearisedOperator& s, double k) {
-  return dispersion(s.point(0), s.symbol(k));
-}
-
-}  // namespace
-
-ExactModes::ExactModes(const LinearisedOperator& s) {
+ExactModes::ExactModes(const LinearisedOperator& s) : s_(s) {
   for (const LinearisedOperator::Wave& w : s.exact_waves())
-    for (const Complex& z : roots_of_wave(s, w.k))
-      if (z.imag() >= 0) roots_.push_back({z, w.multiplicity * (z.imag() > 0 ? 2 : 1)});
+    for (const Complex& z : dispersion(s.point(0), s.symbol(w.k)))  // all nodes are alike
+      if (z.imag() >= 0) roots_.push_back({z, w.k, w.multiplicity * (z.imag() > 0 ? 2 : 1)});
   std::sort(roots_.begin(), roots_.end(),
             [](const Root& a, const Root& b) { return a.value.imag() < b.value.imag(); });
 }
@@ -30,10 +21,10 @@ long ExactModes::count(double a, double height) const {
   return sum;
 }
 
-double ExactModes::distance(const LinearisedOperator& s, const std::vector<Mode>& modes) const {
+double ExactModes::distance(const std::vector<Mode>& modes) const {
   double worst = 0;
   for (const Mode& m : modes) {
-    const double scale = std::max(std::abs(m.value), std::sqrt(s.A * std::max(s.K0, 1e-300)));
+    const double scale = std::max(std::abs(m.value), std::sqrt(s_.A * std::max(s_.K0, 1e-300)));
     double nearest = std::numeric_limits<double>::infinity();
     const auto up = std::lower_bound(roots_.begin(), roots_.end(), m.value.imag(),
                                      [](const Root& a, double y) { return a.value.imag() < y; });
@@ -46,27 +37,19 @@ double ExactModes::distance(const LinearisedOperator& s, const std::vector<Mode>
   return worst;
 }
 
-std::vector<Mode> sine_modes(const LinearisedOperator& s, double height, std::size_t count) {
-  struct Root {
-    Complex value;
-    double k;
-  };
-  std::vector<Root> roots;
-  for (const LinearisedOperator::Wave& w : s.exact_waves())
-    for (const Complex& z : roots_of_wave(s, w.k))
-      if (z.imag() >= 0 && z.imag() <= height) roots.push_back({z, w.k});
+std::vector<Mode> ExactModes::rightmost(double height, std::size_t count) const {
+  std::vector<Root> roots(roots_.begin(), std::find_if(roots_.begin(), roots_.end(), [&](const Root& r) {
+                            return r.value.imag() > height;
+                          }));
   // without a state the real parts of all oscillating waves are equal to the last bit
-  std::sort(roots.begin(), roots.end(), [&](const Root& a, const Root& b) {
-    return a.value.real() != b.value.real() ? a.value.real() > b.value.real() : a.value.imag() < b.value.imag();
-  });
-  std::vector<Mode> guesses;
-  for (std::size_t j = 0; j < std::min(count, roots.size()); ++j) {
-    Mode m;
-    m.value = roots[j].value;
-    m.psi = s.wave(roots[j].k);
-    guesses.push_back(std::move(m));
+  std::stable_sort(roots.begin(), roots.end(),
+                   [](const Root& a, const Root& b) { return a.value.real() > b.value.real(); });
+  std::vector<Mode> modes(std::min(count, roots.size()));
+  for (std::size_t j = 0; j < modes.size(); ++j) {
+    modes[j].value = roots[j].value;
+    modes[j].psi = s_.wave(roots[j].k);
   }
-  return guesses;
+  return modes;
 }
 
 double short_wave_growth(const LinearisedOperator& s) {

@@ -15,18 +15,19 @@ class ExactModes {
   // Eigenvalues with real part above a and |Im| up to `height`, the symmetry of a line that slides as a whole included.
   long count(double a, double height) const;
   // Largest distance of a mode from the nearest eigenvalue of the relation, relative to the size of the eigenvalue.
-  double distance(const LinearisedOperator& s, const std::vector<Mode>& modes) const;
+  double distance(const std::vector<Mode>& modes) const;
+  // Guesses: sine waves, the rightmost first, equal ones by frequency; not polished.
+  std::vector<Mode> rightmost(double height, std::size_t count) const;
 
  private:
   struct Root {
     Complex value;  // Im >= 0
+    double k;
     int members;    // its conjugate and its multiplicity counted
   };
+  const LinearisedOperator& s_;
   std::vector<Root> roots_;  // by frequency
 };
-
-// Guesses from the exact relation: sine waves, the rightmost first, equal ones by frequency.
-std::vector<Mode> sine_modes(const LinearisedOperator& s, double height, std::size_t count);
 
 // What ever shorter waves of a line of the continuum come to grow at: they see the mean damping alone (Cox and Zuazua
 // 1994 for the wave equation). By the trapezoidal rule on the nodes.

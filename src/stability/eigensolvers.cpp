@@ -12,6 +12,24 @@
 
 namespace stickslip {
 
+namespace {
+
+// re + i im, or re alone; every `step`th entry.
+std::vector<Complex> entries_of(Vec re, Vec im, bool real, std::size_t step) {
+  PetscInt n = 0;
+  SS_TRY(VecGetSize(re, &n));
+  const PetscScalar *x, *y;
+  SS_TRY(VecGetArrayRead(re, &x));
+  SS_TRY(VecGetArrayRead(im, &y));
+  std::vector<Complex> entries;
+  for (std::size_t i = 0; i < std::size_t(n); i += step) entries.emplace_back(x[i], real ? 0. : y[i]);
+  SS_TRY(VecRestoreArrayRead(re, &x));
+  SS_TRY(VecRestoreArrayRead(im, &y));
+  return entries;
+}
+
+}  // namespace
+
 // ---- dense --------------------------------------------------------------------------------------------------------
 
 std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
@@ -43,13 +61,7 @@ std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
     mode.value = {a, b};
     if (eigenvalues < count) {
       SS_TRY(EPSGetEigenvector(eps, j, re, im));
-      const PetscScalar *x, *y;
-      SS_TRY(VecGetArrayRead(re, &x));
-      SS_TRY(VecGetArrayRead(im, &y));
-      mode.psi.resize(s.size());
-      for (std::size_t i = 0; i < s.size(); ++i) mode.psi[i] = {x[i * s.dof()], b == 0 ? 0. : y[i * s.dof()]};
-      SS_TRY(VecRestoreArrayRead(re, &x));
-      SS_TRY(VecRestoreArrayRead(im, &y));
+      mode.psi = entries_of(re, im, b == 0, s.dof());
       eigenvalues += b > 0 ? 2 : 1;
     }
     modes.push_back(std::move(mode));
@@ -121,17 +133,10 @@ std::vector<Mode> krylov_modes(const LinearisedOperator& s, Complex sigma, Petsc
     PetscScalar a, b;
     SS_TRY(EPSGetEigenpair(eps, j, &a, &b, start, im));
     if (b > 0) continue;  // mu is conjugate to lambda, roughly; either member of a pair gives both
-    const PetscScalar *x, *y;
-    SS_TRY(VecGetArrayRead(start, &x));
-    SS_TRY(VecGetArrayRead(im, &y));
-    std::vector<Complex> vector(std::size_t(n), Complex(0));
-    for (std::size_t i = 0; i < vector.size(); ++i) vector[i] = {x[i], b == 0 ? 0. : y[i]};
-    SS_TRY(VecRestoreArrayRead(start, &x));
-    SS_TRY(VecRestoreArrayRead(im, &y));
+    const std::vector<Complex> vector = entries_of(start, im, b == 0, 1);
     Mode mode;
     mode.value = inner(vector, s.multiply(vector)) / inner(vector, vector);
-    mode.psi.resize(s.size());
-    for (std::size_t i = 0; i < s.size(); ++i) mode.psi[i] = vector[i * s.dof()];
+    mode.psi = entries_of(start, im, b == 0, s.dof());
     modes.push_back(std::move(mode));
   }
   return modes;

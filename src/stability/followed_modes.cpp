@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "stability/modes.hpp"
+
 namespace stickslip {
 
 double count_margin(const LinearisedOperator& s, double frequency, double part) {
@@ -16,73 +18,26 @@ double same_growth(const LinearisedOperator& s) { return 1e-9 * (unit_frequency(
 
 namespace {
 
-// lambda with w S(lambda) p = 0 for the vectors that a mode had elsewhere. Nothing where the equation is ill-conditioned
-// (nearly double eigenvalues).
-std::optional<Complex> estimate(const LinearisedOperator& s, const FollowedMode& f) {
-  const std::vector<Complex>&p = f.mode.psi, &w = f.left;
-  const std::size_t n = p.size();
-  Complex lambda = f.mode.value;
-  const double scale = std::abs(lambda) + unit_frequency(s);
-  // w S p = m lambda^2/A + lambda (sum w (beta + q/(lambda + r)) p) + K
-  const std::vector<Complex> d = s.coupling.minus_d2(p);
-  std::vector<Complex> wp(n);
-  Complex m = 0, drag = 0, K = 0;
-  double weight = 0, drags = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    wp[i] = w[i] * p[i];
-    m += wp[i];
-    drag += wp[i] * s.point(i).beta();
-    K += w[i] * d[i];
-    weight += std::abs(wp[i]);
-    drags += std::abs(wp[i]) * std::abs(s.point(i).beta());
-  }
-  K = s.K0 * m + s.K1 * K;
-  for (int k = 0; k < 8; ++k) {
-    Complex above = lambda * (lambda / s.A * m + drag) + K, below = 2. * lambda / s.A * m + drag;
-    double size = 2 * std::abs(lambda) / s.A * weight + drags;
-    for (std::size_t i = 0; s.has_state() && i < n; ++i) {
-      const Complex over = 1. / (lambda + s.point(i).r()), q = wp[i] * s.point(i).q() * over;
-      above += lambda * q;
-      below += q * s.point(i).r() * over;
-      size += std::abs(q * s.point(i).r() * over);
-    }
-    if (!(std::abs(below) > 1e-3 * size)) return std::nullopt;
-    const Complex step = above / below;
-    lambda -= step;
-    if (!(std::abs(step) < 0.3 * scale)) return std::nullopt;
-    if (std::abs(step) <= 1e-13 * scale) return lambda;
-  }
-  return std::nullopt;
-}
-
-void scale_to_largest(std::vector<Complex>& v) {
-  double largest = 0;
-  Complex at = 1;
-  for (const Complex& z : v)
-    if (std::norm(z) > largest) largest = std::norm(at = z);
-  for (Complex& z : v) z /= at;
-}
-
 // Rayleigh's quotient iteration on both eigenvectors.
 bool follow_one(const LinearisedOperator& s, FollowedMode& f) {
   BandLU lu;
   for (int k = 0; k < 5; ++k) {
-    const auto start = estimate(s, f);
+    const auto start = stationary_value(s, f.mode, f.left);
     if (!start) return false;
     const double scale = std::abs(*start) + unit_frequency(s);
     f.mode.value = *start;
     s.factor(*start, lu);
     f.mode.psi = s.apply_slope(*start, f.mode.psi);
     s.solve(lu, f.mode.psi);
-    scale_to_largest(f.mode.psi);
+    normalise(f.mode.psi);
     if (s.symmetric()) {
       f.left = left_vector(s, f.mode);
     } else {
       f.left = s.apply_slope(*start, f.left);  // S' is diagonal
       s.solve_transposed(lu, f.left);
-      scale_to_largest(f.left);
+      normalise(f.left);
     }
-    const auto value = estimate(s, f);
+    const auto value = stationary_value(s, f.mode, f.left);
     if (!value) return false;
     const double change = std::abs(*value - *start);
     f.mode.value = *value;
@@ -193,7 +148,7 @@ std::optional<LeadingMode> FollowedModes::follow(const LinearisedOperator& s) {
   std::vector<char> lost(modes_.size(), 0);
   for (std::size_t k = 0; k < modes_.size(); ++k) {
     if (modes_[k].mode.psi.size() != s.size()) return std::nullopt;
-    const auto value = estimate(s, modes_[k]);
+    const auto value = stationary_value(s, modes_[k].mode, modes_[k].left);
     if (value) guesses.push_back({k, value->real(), std::abs(*value - modes_[k].mode.value)});
     else lost[k] = 1;
   }
@@ -261,11 +216,7 @@ bool FollowedModes::add_near(const LinearisedOperator& s, std::vector<Complex> w
   bool found = false;
   std::sort(where.begin(), where.end(), [](Complex a, Complex b) { return a.real() > b.real(); });
   for (std::size_t k = 0; k < std::min<std::size_t>(where.size(), 4); ++k) {
-    Mode m;
-    m.value = where[k];
-    m.psi.resize(s.size());
-    for (std::size_t i = 0; i < m.psi.size(); ++i)  // favours no wave
-      m.psi[i] = {std::cos(double(i * i % 997)), std::sin(double(i * i % 991))};
+    Mode m = mode_near(s, where[k]);
     if (polish(s, m, 12) && m.value.real() > line && add(s, std::move(m), all)) found = true;
   }
   return found;

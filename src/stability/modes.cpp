@@ -7,6 +7,7 @@
 
 #include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/numerics/roots.hpp"
+#include "stickslip/stability/continuum.hpp"
 
 namespace stickslip {
 
@@ -23,7 +24,6 @@ void normalise(std::vector<Complex>& p) {
   if (largest == Complex(0)) return;
   for (Complex& x : p) x /= largest;
 }
-
 
 double rounding(const LinearisedOperator& s, Complex lambda) {
   const double scale = std::max(std::abs(lambda), std::sqrt(s.A * s.K0) + 1e-3);
@@ -46,31 +46,43 @@ std::vector<Complex> left_vector(const LinearisedOperator& s, const Mode& mode) 
   return w;
 }
 
-namespace {
-
-// lambda with w S(lambda) p = 0, w the left eigenvector: an error of p enters squared, and D2 is taken by differences,
-// so that round-off of size 1/h^2 stays out.
-Complex stationary_value(const LinearisedOperator& s, const Mode& mode) {
-  if (!s.symmetric()) return mode.value;
+std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode& mode, const std::vector<Complex>& w,
+                                        double least) {
   const std::vector<Complex>& p = mode.psi;
-  const std::vector<Complex> w = left_vector(s, mode);
+  const std::size_t n = p.size();
   Complex lambda = mode.value;
-  for (int k = 0; k < 2; ++k) {
-    const std::vector<Complex> r = s.apply(lambda, p), slope = s.apply_slope(lambda, p);
-    Complex above = 0, below = 0;
-    double size = 0;
-    for (std::size_t i = 0; i < p.size(); ++i) {
-      above += w[i] * r[i];
-      below += w[i] * slope[i];
-      size += std::abs(w[i] * p[i] * (2. * lambda / s.A));
-    }
-    if (std::abs(below) < 0.1 * size) return mode.value;  // nearly double: not to be trusted
-    lambda -= above / below;
+  const double scale = std::abs(lambda) + unit_frequency(s);
+  // w S p = m lambda^2/A + lambda (sum w (beta + q/(lambda + r)) p) + K
+  const std::vector<Complex> d = s.coupling.minus_d2(p);
+  std::vector<Complex> wp(n);
+  Complex m = 0, drag = 0, K = 0;
+  double weight = 0, drags = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    wp[i] = w[i] * p[i];
+    m += wp[i];
+    drag += wp[i] * s.point(i).beta();
+    K += w[i] * d[i];
+    weight += std::abs(wp[i]);
+    drags += std::abs(wp[i]) * std::abs(s.point(i).beta());
   }
-  return std::abs(lambda - mode.value) < 1e-6 * (1 + std::abs(lambda)) ? lambda : mode.value;
+  K = s.K0 * m + s.K1 * K;
+  for (int k = 0; k < 8; ++k) {
+    Complex above = lambda * (lambda / s.A * m + drag) + K, below = 2. * lambda / s.A * m + drag;
+    double size = 2 * std::abs(lambda) / s.A * weight + drags;
+    for (std::size_t i = 0; s.has_state() && i < n; ++i) {
+      const Complex over = 1. / (lambda + s.point(i).r()), q = wp[i] * s.point(i).q() * over;
+      above += lambda * q;
+      below += q * s.point(i).r() * over;
+      size += std::abs(q * s.point(i).r() * over);
+    }
+    if (!(std::abs(below) > least * size)) return std::nullopt;
+    const Complex step = above / below;
+    lambda -= step;
+    if (!(std::abs(step) < 0.3 * scale)) return std::nullopt;
+    if (std::abs(step) <= 1e-13 * scale) return lambda;
+  }
+  return std::nullopt;
 }
-
-}  // namespace
 
 bool polish(const LinearisedOperator& s, Mode& mode, int steps) {
   BandLU lu;
@@ -90,7 +102,10 @@ bool polish(const LinearisedOperator& s, Mode& mode, int steps) {
     converged = size <= rounding(s, mode.value) || (size > 0.3 * last && size < 1e-9 * (1 + std::abs(mode.value)));
     last = size;
   }
-  mode.value = stationary_value(s, mode);
+  if (s.symmetric()) {  // else the left eigenvector costs a solve
+    const Complex value = stationary_value(s, mode, left_vector(s, mode), 0.1).value_or(mode.value);
+    if (std::abs(value - mode.value) < 1e-6 * (1 + std::abs(value))) mode.value = value;
+  }
   if (mode.value.imag() < 0) {
     mode.value = std::conj(mode.value);
     for (Complex& x : mode.psi) x = std::conj(x);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "stickslip/stability/spectrum.hpp"
@@ -16,6 +17,12 @@ Complex inner(const std::vector<Complex>& a, const std::vector<Complex>& b);  //
 void normalise(std::vector<Complex>& p);                                      // largest entry 1
 // Round-off in an eigenvalue: that of the stiffest entry, felt through dS/dlambda.
 double rounding(const LinearisedOperator& s, Complex lambda);
+
+// lambda with w S(lambda) p = 0, from a mode's value, its psi p and a vector w near its left eigenvector: errors of p and w
+// enter as their product, and D2 is taken by differences, so that round-off of size 1/h^2 stays out. Nothing where
+// w S' p is less than `least` of what it is summed from (nearly double eigenvalues), or where no value is near.
+std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode& mode, const std::vector<Complex>& w,
+                                        double least = 1e-3);
 
 // What a polished eigenvalue may be wrong by.
 class Tolerance {

@@ -158,7 +158,7 @@ void Search::first_guesses() {
     m.residual = s_.mode_residual(0, m.psi);
     modes_.push_back(std::move(m));
   }
-  if (exact_.apply()) take(sine_modes(s_, height_, many_ ? wanted_ + 2 : std::size_t(settings_.count) + 2));
+  if (exact_.apply()) take(exact_.rightmost(height_, many_ ? wanted_ + 2 : std::size_t(settings_.count) + 2));
   if (exact_.apply() && many_) return;
   std::vector<Complex> shifts = first_shifts(s_, height_, settings_.count);
   if (!many_) {

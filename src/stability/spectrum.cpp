@@ -23,12 +23,15 @@ double compare_grids(const LinearisedOperator& s, std::vector<Mode>& modes) {
   const LinearisedOperator fine(scene);
   double change = 0;
   bool first = true;
-  std::vector<Mode> others = modes;
-  std::vector<std::vector<Complex>*> shapes;
-  for (Mode& m : others) shapes.push_back(&m.psi);
-  interpolate(s, fine, shapes);
+  std::vector<Mode> others;
   for (std::size_t k = 0; k < modes.size(); ++k) {
-    Mode &m = modes[k], &other = others[k];
+    if (k % 4 == 0) {  // a few at a time: few weights to compute, little memory
+      others.assign(modes.begin() + long(k), modes.begin() + long(std::min(k + 4, modes.size())));
+      std::vector<std::vector<Complex>*> shapes;
+      for (Mode& m : others) shapes.push_back(&m.psi);
+      interpolate(s, fine, shapes);
+    }
+    Mode &m = modes[k], &other = others[k % 4];
     const double scale = std::max(std::abs(m.value), std::sqrt(s.A * s.K0));
     const std::vector<Complex> guess = other.psi;
     const bool converged = polish(fine, other, 12);
@@ -148,7 +151,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const LinearisedOperator& s, const Spec
   sort_modes(modes, tolerance(*best));
   modes.resize(shown_modes(s, modes, height, settings.count));
   if (refine && settings.compare) error += compare_grids(s, modes);
-  if (const ExactModes exact(s); exact.apply()) result.dispersion_error = exact.distance(s, modes);
+  if (const ExactModes exact(s); exact.apply()) result.dispersion_error = exact.distance(modes);
   result.modes = std::move(modes);
   lead(s, tolerance, error, result);
   look_beyond_grid(s, height, refine && settings.compare, result);

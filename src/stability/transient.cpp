@@ -196,7 +196,9 @@ std::optional<Matrix> whole_matrix(const LinearisedOperator& s) {
   LAPACKpotrf_("L", &L.m, L.a.data(), &L.m, &info);
   if (info != 0) return std::nullopt;
   Matrix M(m);
-  const auto scale = [&](std::size_t i, std::size_t c) { return c == 0 ? 1 / std::sqrt(s.A) : std::sqrt(s.coupling.weight[i]); };
+  const auto scale = [&](std::size_t i, std::size_t c) {
+    return c == 0 ? 1 / std::sqrt(s.A) : std::sqrt(s.coupling.weight[i]);
+  };
   for (const LinearisedOperator::Entry& e : s.entries())
     M(e.row % d * n + e.row / d, e.column % d * n + e.column / d) +=
         e.value * scale(e.row / d, e.row % d) / scale(e.column / d, e.column % d);
