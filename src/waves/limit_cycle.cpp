@@ -311,18 +311,30 @@ void settle(const Oscillator& o, double r2, const Section& section, double toler
     section.start(part * section.size(), y);
     const std::string from = "; a slip that begins " + rounded_text(part) + " friction forces above it ";
     try {
-      double amplitude = section.distance(y), before = 0;
+      double amplitude = section.distance(y), least_move = 1e300, nearest[max_dim];
       bool dies = false;
       for (int k = 1, next_try = 1; k <= 1000 && !dies; ++k) {
+        double last[max_dim];
+        std::copy(y, y + max_dim, last);
+        const double before = amplitude;
         coarse(y);
-        before = amplitude;
         amplitude = section.distance(y);
+        if (const double move = std::abs(section.distance(y, last)); move < least_move) {
+          least_move = move;
+          std::copy(y, y + max_dim, nearest);
+        }
         dies = amplitude < 1e-7 * section.size() ||
                (!unstable && amplitude < 1e-3 * section.size() && amplitude < before);
-        if (dies || k < next_try || std::abs(amplitude - before) > (k >= 100 ? 1e-2 : 1e-4) * amplitude) continue;
-        if (cycle_of_two(fine, section, std::max(tolerance, 1e-13), y)) return;
-        if (settles_by_itself(fine, section, tolerance, y)) return;
-        next_try = 2 * k;
+        // what wanders still after many turns may do so about a cycle that repels: near where it moved least
+        const bool slow = std::abs(amplitude - before) < 1e-4 * amplitude;
+        if (dies || k < next_try || !(slow || k >= 60)) continue;
+        if (cycle_of_two(fine, section, std::max(tolerance, 1e-13), nearest)) {
+          std::copy(nearest, nearest + max_dim, y);
+          return;
+        }
+        if (slow && settles_by_itself(fine, section, tolerance, y)) return;
+        next_try = k + k / 4 + 1;
+        least_move = 1e300;
       }
       died += dies;
       seen += from + (dies ? "dies out" : "settles on no cycle, its size still " + rounded_text(amplitude));

@@ -157,3 +157,16 @@ def test_branch():
     refused(2, "-wave_length 60 -wave_continue model_gama -wave_to 6", "did you mean model_gamma")
     refused(2, "-wave_length 60 -wave_continue model_gamma", "wave_to")
     refused(1, "-wave_length 60 -wave_continue grid_length -wave_to 70", "does not enter")
+
+
+def test_branch_of_several_pulses():
+    # the end of a branch, solved for from nothing, and kept by a run
+    ring = "-wave_length 45 -wave_pulses 3".split()
+    _, data = summary("wave", *ring, "-wave_continue", "model_gamma", "-wave_to", "5", "-wave_steps", "12")
+    last = data["branch"]["points"][-1]
+    _, alone = summary("wave", *ring, "-model_gamma", "5")
+    check(last["value"] == 5 and abs(last["speed"] / alone["speed"] - 1) < 1e-9, f"speed {last}, {alone['speed']}")
+    check(abs(last["psi_max"] - alone["psi_max"]) < 1e-9, "profile")
+    _, kept = summary("run", *("-init_type wave -init_pulses 3 -grid_length 45 -model_gamma 5 -grid_n 512 "
+                               "-ts_max_time 30 -ts_rtol 1e-8 -ts_atol 1e-8").split())
+    check(kept["pulses"] == 3 and abs(kept["wave_speed"] / last["speed"] - 1) < 1e-4, "three pulses at the same speed")
