@@ -5,6 +5,7 @@
 #include <limits>
 #include <set>
 #include <stdexcept>
+#include <utility>
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
@@ -155,20 +156,15 @@ MotionRecord Traces::record() const {
   r.t = t_;
   r.windows = started_ ? windows_ : 0;
   r.places = count_;
-  const std::size_t size = r.windows * count_, own = places_.size();
-  for (std::vector<double>* values : {&r.low, &r.high, &r.passages, &r.passed}) values->assign(size, -infinity);
-  r.steady.assign(count_, -infinity);
-  for (std::size_t k = 0; k < own; ++k) {
-    const std::size_t place = places_[k].index;
-    r.steady[place] = places_[k].steady;
-    for (std::size_t w = 0; w < r.windows; ++w) {
-      r.low[w * count_ + place] = low_[w * own + k];
-      r.high[w * count_ + place] = high_[w * own + k];
-      r.passages[w * count_ + place] = passages_[w * own + k];
-      r.passed[w * count_ + place] = passed_[w * own + k];
-    }
+  r.steady.assign(count_, -infinity);  // every place has one owner: beside it the others have minus infinity
+  for (const Place& place : places_) r.steady[place.index] = place.steady;
+  const std::size_t own = places_.size();
+  for (const auto& [all, part] : {std::pair{&r.low, &low_}, {&r.high, &high_}, {&r.passages, &passages_},
+                                  {&r.passed, &passed_}}) {
+    all->assign(r.windows * count_, -infinity);
+    for (std::size_t w = 0; w < r.windows; ++w)
+      for (std::size_t k = 0; k < own; ++k) (*all)[w * count_ + places_[k].index] = (*part)[w * own + k];
   }
-  // every place has one owner: beside it the others have minus infinity
   for (std::vector<double>* values : {&r.low, &r.high, &r.passages, &r.passed, &r.steady})
     largest_over(model_.comm(), values->data(), int(values->size()));
   return r;
@@ -193,32 +189,28 @@ void Traces::save(Checkpoint& checkpoint) const {
 bool Traces::restore(const Checkpoint& checkpoint) {
   const auto found = checkpoint.arrays.find("traces.windows");
   if (found == checkpoint.arrays.end() || found->second.size() != 5 || found->second[4] == 0) return false;
-  const std::vector<double>&low = checkpoint.arrays.at("traces.low"), &high = checkpoint.arrays.at("traces.high"),
-                           &passages = checkpoint.arrays.at("traces.passages"),
-                           &passed = checkpoint.arrays.at("traces.passed"),
-                           &samples = checkpoint.arrays.at("traces.samples"), &scalars = found->second;
+  const std::vector<double>&scalars = found->second, &samples = checkpoint.arrays.at("traces.samples");
   const auto windows = static_cast<std::size_t>(scalars[4]);
-  const std::size_t size = windows * count_, own = places_.size();
-  if (windows > most_windows || low.size() != size || high.size() != size || passages.size() != size ||
-      passed.size() != size || samples.size() != 6 * count_)
-    throw std::runtime_error("its measurements do not fit the scene");
+  const std::size_t own = places_.size();
+  bool fits = windows <= most_windows && samples.size() == 6 * count_;
+  for (const auto& [name, part] : {std::pair{"traces.low", &low_}, {"traces.high", &high_},
+                                   {"traces.passages", &passages_}, {"traces.passed", &passed_}}) {
+    const std::vector<double>& all = checkpoint.arrays.at(name);
+    fits = fits && all.size() == windows * count_;
+    if (!fits) throw std::runtime_error("its measurements do not fit the scene");
+    for (std::size_t w = 0; w < windows; ++w)
+      for (std::size_t k = 0; k < own; ++k) (*part)[w * own + k] = all[w * count_ + places_[k].index];
+  }
   started_ = true;
   begin_ = scalars[0];
   window_ = scalars[1];
   t_ = scalars[2];
   last_dt_ = scalars[3];
   windows_ = windows;
-  for (std::size_t k = 0; k < own; ++k) {
-    Place& p = places_[k];
+  for (Place& p : places_) {
     const double* at = &samples[6 * p.index];
     p.now = {at[0], at[1], at[2]};
     p.before = {at[3], at[4], at[5]};
-    for (std::size_t w = 0; w < windows; ++w) {
-      low_[w * own + k] = low[w * count_ + p.index];
-      high_[w * own + k] = high[w * count_ + p.index];
-      passages_[w * own + k] = passages[w * count_ + p.index];
-      passed_[w * own + k] = passed[w * count_ + p.index];
-    }
   }
   return true;
 }
