@@ -8,7 +8,8 @@
 //
 // The reference is solved on grids doubled at the highest order until its error, estimated from the last two
 // differences and their measured rate (and from two methods in time), is far below that of every row; a row whose error
-// is less than 100 times that is dropped with a note. seconds: processor time, median of the repetitions.
+// is less than 100 times that is dropped with a note. seconds: processor time, median of the repetitions. Source: Hairer,
+// Norsett, Wanner, Solving Ordinary Differential Equations I, II.10 (such diagrams); Richardson's extrapolation.
 #pragma once
 
 #include <optional>

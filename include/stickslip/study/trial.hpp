@@ -16,10 +16,10 @@ namespace stickslip {
 
 struct Setting {
   MethodSpec method;
-  double tolerance = 1e-6;  // ts_rtol = ts_atol
-  double step = 0;          // ts_dt of a method without an error estimate
-  int order = 4;            // in space
-  PetscInt n = 0;
+  double tolerance = 1e-6;  // ts_rtol = ts_atol: relative, and in the units of psi and eta
+  double step = 0;          // ts_dt of a method without an error estimate, in units of time
+  int order = 4;            // of the second difference in space
+  PetscInt n = 0;           // nodes
 };
 
 // psi and eta at every node, on every rank; and F there, of amplitude 1, where it is spread over the continuum: see
@@ -34,7 +34,7 @@ std::vector<double> friction_between(const Scene& scene, const std::vector<doubl
 
 struct Trial {
   Fields end;               // empty where it failed
-  double seconds = 0;       // processor time from setting the method up to the end, the largest over the ranks
+  double seconds = 0;       // of processor time, from setting the method up to the end, the largest over the ranks
   PetscInt steps = 0, rejections = 0;
   long rhs_evaluations = 0;
   std::string method, implicit;
