@@ -83,8 +83,8 @@ class LinearisedOperator {
   double wavenumber(const std::vector<Complex>& p) const;
   // Relative error in frequency of a wave of wavenumber k on this grid; 0 in the chain, where the grid is the matter.
   double dispersion_error(double k) const;
-  // The medium with the mean coefficients; `q` is the mean one, the factors F_state and g_psi are not. Where all nodes are
-  // alike: the first.
+  // The medium with the mean coefficients (of F_state and g_psi their product alone); where all nodes are alike, that of
+  // the first. At least one node.
   LinearPoint mean() const;
   // Wavenumbers of all modes where the exact relation applies (`uniform`, and ends that fit), ascending, each with its
   // multiplicity; else empty.
@@ -107,8 +107,7 @@ class LinearisedOperator {
   std::vector<FrictionSlopes> slopes_;
 };
 
-// lambda of the waves with that kappa^2 in a medium alike everywhere: two roots, or three with a state. Those of equal
-// media differ by round-off alone where kappa^2 does.
+// lambda of the waves with that kappa^2 in a medium alike everywhere: two roots, or three with a state.
 std::vector<Complex> dispersion(const LinearPoint& medium, double kappa2);
 
 }  // namespace stickslip
