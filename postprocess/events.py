@@ -11,34 +11,44 @@ that of a block alone, over 3 units), by maximum likelihood for a truncated expo
 --label names an option whose value stands in the legend, e.g. friction_alpha.
 """
 import argparse
-import json
+import contextlib
 import os
 import sys
 
-import h5py
-import matplotlib
-import numpy as np
+os.environ.setdefault("MPLBACKEND", "Agg")
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
+import matplotlib  # noqa: E402
+import numpy as np  # noqa: E402
+from matplotlib.figure import Figure  # noqa: E402
+
+import figures  # noqa: E402,F401  (fonts)
+from stickslip import Unusable, options, reading, scene_title, told_apart  # noqa: E402
 
 FEWEST = 20  # events for a fit
 
 
 def read(path, way):
-    with h5py.File(path) as file:
+    with reading(path) as file:
         if "events" not in file:
-            sys.exit(f"events.py: {path} holds no events: run with -out_events")
+            raise Unusable("holds no events: run with -out_events")
         events = {name: data[:] for name, data in file["events"].items()}
-        found = {"x": file["x"][:], "t": file["t"][:], "options": json.loads(file.attrs["options"]), "path": path}
+        found = {"x": file["x"][:], "t": file["t"][:], "options": options(file), "path": path,
+                 "title": scene_title(file)}
     found["v"] = abs(float(found["options"]["model_v"]))
     if found["v"] == 0:
-        sys.exit(f"events.py: {path}: the plate rests (model_v 0)")
+        raise Unusable("is of a plate that rests (model_v 0)")
     begin = found["begin"] = way / found["v"]
     found["end"] = max(found["t"][-1], events["t"][-1] if len(events["t"]) else 0)
     keep = events["begin"] >= begin
     found["events"] = {name: values[keep] for name, values in events.items()}
     return found
+
+
+def names_of(paths, option):
+    """What stands in the key: the value of an option, else that in which the files differ."""
+    with contextlib.ExitStack() as stack:
+        files = [stack.enter_context(reading(path)) for path in paths]
+        return [f"{option} {options(file)[option]}" for file in files] if option else told_apart(files)
 
 
 def fit(magnitude, low, high):
@@ -64,23 +74,14 @@ def fit(magnitude, low, high):
     return b, 1 / np.sqrt(len(m) * variance), len(m)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("files", nargs="+")
-    parser.add_argument("-o", "--output")
-    parser.add_argument("--from", dest="begin", type=float, default=0)
-    parser.add_argument("--fit", nargs=2, type=float)
-    parser.add_argument("--label")
-    arguments = parser.parse_args()
-    runs = [read(path, arguments.begin) for path in arguments.files]
-
-    figure, ((curve, place), (slip, moment)) = plt.subplots(2, 2, figsize=(12, 9), constrained_layout=True)
-    for run in runs:
+def catalogue_figure(paths, begin=0, bounds=None, option=None):
+    """The picture; what the fits say is printed."""
+    runs = [read(path, begin) for path in paths]
+    figure = Figure(figsize=(12, 9), layout="constrained")
+    (curve, place), (slip, moment) = figure.subplots(2, 2)
+    for run, name in zip(runs, names_of(paths, option)):
         m = run["events"]["magnitude"]
         m = m[np.isfinite(m)]
-        name = os.path.basename(run["path"])
-        if arguments.label:
-            name = f"{arguments.label} {run['options'][arguments.label]}"
         if len(m) == 0:
             print(f"{name}: no events")
             continue
@@ -91,8 +92,8 @@ def main():
         scale = len(run["x"]) * (run["end"] - run["begin"]) * run["v"] * width
         line = curve.errorbar(middle[some], counts[some] / scale, np.sqrt(counts[some]) / scale, fmt="o-", ms=3, lw=0.7,
                               label=name)
-        low = arguments.fit[0] if arguments.fit else edges[np.argmax(counts) + 1] + 2
-        high = arguments.fit[1] if arguments.fit else low + 3
+        low = bounds[0] if bounds else edges[np.argmax(counts) + 1] + 2
+        high = bounds[1] if bounds else low + 3
         b, error, number = fit(m, low, high)
         # what the fitted line would have above the range, against what is there
         beyond = np.sum(m >= high)
@@ -109,7 +110,8 @@ def main():
     curve.set_yscale("log")
     curve.set_xlabel("magnitude ln M")
     curve.set_ylabel("events per node, way of the plate and unit of magnitude")
-    curve.legend(fontsize=8)
+    if len(runs) > 1:
+        curve.legend(fontsize=8)
 
     run, events = runs[0], runs[0]["events"]
     x, options = run["x"], run["options"]
@@ -128,7 +130,7 @@ def main():
                        solid_capstyle="butt")
     place.set_xlabel("x")
     place.set_ylabel("t")
-    place.set_title(f"regions that slipped, {os.path.basename(run['path'])}", fontsize=9)
+    place.set_title("regions that slipped" + (f", {curve.get_legend_handles_labels()[1][0]}" if len(runs) > 1 else ""))
 
     # the mean slip of each event, laid on its region
     order = np.argsort(events["t"])
@@ -150,8 +152,23 @@ def main():
     moment.set_xlabel("t")
     moment.set_ylabel("moment so far over length (dotted: plate)")
 
+    figure.suptitle(runs[0]["title"], fontsize=10)
+    return figure
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("files", nargs="+")
+    parser.add_argument("-o", "--output")
+    parser.add_argument("--from", dest="begin", type=float, default=0)
+    parser.add_argument("--fit", nargs=2, type=float)
+    parser.add_argument("--label")
+    arguments = parser.parse_args()
     output = arguments.output or os.path.splitext(arguments.files[0])[0] + "-events.png"
-    figure.savefig(output, dpi=110)
+    try:
+        catalogue_figure(arguments.files, arguments.begin, arguments.fit, arguments.label).savefig(output, dpi=110)
+    except Unusable as error:
+        sys.exit(f"events.py: error: {' '.join(arguments.files)}: {error}")
     print(output)
 
 

@@ -10,36 +10,32 @@ EXPERIMENT is one of
     diagram    the boundary of stable sliding in (log k1, log v), with and without a state law
 """
 import argparse
-import json
 import math
 import os
-import subprocess
 import sys
 import tempfile
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 
-import h5py  # noqa: E402
 import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
+import stickslip  # noqa: E402
+
 RUNS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "runs")
-PROGRAM = ""
 
 
-def call(command, scene, *options):
+def call(command, scene, *words):
     """Runs the program on a scene of runs/; returns its summary."""
-    words = [PROGRAM, command, os.path.join(RUNS, scene), "-summary", "-", "-progress", "off"]
-    done = subprocess.run(words + [str(o) for o in options], capture_output=True, text=True)
-    if done.returncode != 0:
-        sys.exit(f"memory.py: {' '.join(words)}: {done.stderr.strip()}")
-    return json.loads(done.stdout)
+    try:
+        return stickslip.run(command, os.path.join(RUNS, scene), *words)
+    except stickslip.Failed as error:
+        sys.exit(f"memory.py: {command} {scene}: {error}")
 
 
 def series(path):
-    with h5py.File(path) as f:
-        group = f["series"]
-        return {name: group[name][:] for name in ("t", "eta_mean", "psi_mean", "psi_max", "psi_min")}
+    group = stickslip.open(path, "series")
+    return {name: group[name].values for name in ("t", "eta_mean", "psi_mean", "psi_max", "psi_min")}
 
 
 def hold(axes, healing):
@@ -150,13 +146,12 @@ def diagram(axes):
 
 
 def main():
-    global PROGRAM
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("program")
     parser.add_argument("experiment", choices=["hold", "steps", "plate", "diagram"])
     parser.add_argument("-o", dest="out", default=None)
     arguments = parser.parse_args()
-    PROGRAM = os.path.abspath(arguments.program)
+    os.environ["STICKSLIP"] = os.path.abspath(arguments.program)
     out = os.path.abspath(arguments.out or f"memory-{arguments.experiment}.png")
     figure = Figure(figsize=(9, 4) if arguments.experiment in ("plate", "hold") else (6.4, 4.4), layout="constrained")
     with tempfile.TemporaryDirectory() as folder:

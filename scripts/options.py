@@ -50,7 +50,7 @@ def page(program):
     groups, readers = of_all(program)
     print("# Options\n\nMade by `scripts/options.py build/stickslip > docs/options.md` from what `stickslip COMMAND "
           "-help` prints.\nIn a scene nested maps join with `_`: `model: {gamma: 3}` is `-model_gamma 3`. Options of "
-          "PETSc and SLEPc\n(`-ts_type`, `-ts_rtol`, `-eps_nev`, ...) are taken as well.")
+          "PETSc and SLEPc\n(`-ts_type`, `-ts_rtol`, `-eps_ncv`, ...) are taken as well.")
     for group, entries in groups.items():
         print(f"\n## {group}\n\n| option | default | takes | what it does | commands |\n|---|---|---|---|---|")
         for name, entry in entries.items():

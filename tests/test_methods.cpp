@@ -68,7 +68,10 @@ Solution solve(const Scene& scene, const Settings& settings, double until = dura
     times.push_back(sample_time(i));
     s.dense.push_back(model.create_vector());
   }
-  integrator.set_output_times(times);
+  integrator.set_output_times([&times](double t) {
+    const auto next = std::upper_bound(times.begin(), times.end(), t);
+    return next == times.end() ? std::numeric_limits<double>::infinity() : *next;
+  });
   std::size_t next = 0;
   warn_of_fixed_steps(model, integrator, s.end, until);
   s.report = integrator.advance(s.end, 0, until, [&](const Integrator::Step& step) {

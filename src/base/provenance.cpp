@@ -1,5 +1,7 @@
 #include "stickslip/base/provenance.hpp"
 
+#include <unistd.h>
+
 #include <ctime>
 
 #include "revision.hpp"
@@ -28,6 +30,14 @@ std::string noted_command_line;
 void note_command_line(int argc, char** argv) {
   noted_command_line.clear();
   for (int k = 0; k < argc; ++k) noted_command_line += (k ? " " : "") + quoted(argv[k]);
+}
+
+std::string script_call(const std::string& name) {
+  char program[4096];
+  const ssize_t length = readlink("/proc/self/exe", program, sizeof program);
+  const std::string path(program, length > 0 ? std::size_t(length) : 0), installed = "stickslip-" + name;
+  const bool there = access((path.substr(0, path.rfind('/') + 1) + installed).c_str(), X_OK) == 0;
+  return there && !path.empty() ? installed : "postprocess/" + name + ".py";
 }
 
 const char* version() { return STICKSLIP_VERSION; }

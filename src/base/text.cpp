@@ -37,6 +37,12 @@ std::string rounded_text(double value, int digits) {
   return text;
 }
 
+std::string one_line(std::string text) {
+  for (char& c : text)
+    if ((unsigned char)c < 0x20 || c == 0x7f) c = ' ';
+  return text;
+}
+
 std::string quoted(const std::string& text) {
   if (text.empty()) return "''";
   std::string result = text.substr(0, 80);

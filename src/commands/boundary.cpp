@@ -71,6 +71,44 @@ std::vector<Axis> axes_from(const Options& options) {
   return axes;
 }
 
+// Where sliding is stable along the first axis, and what crosses.
+void describe(Summary& summary, GrowthRate& growth, const std::vector<Crossing>& points) {
+  const Axis& axis = growth.axes()[0];
+  std::string text = "along " + axis.name + " sliding is";
+  double begin = 0;
+  for (std::size_t k = 0; k <= points.size(); ++k) {
+    const double end = k < points.size() ? points[k].x : 1, rate = growth((begin + end) / 2);
+    text += std::string(k == 0 ? "" : ",") + (std::isnan(rate) ? " not there" : rate > 0 ? " unstable" : " stable") +
+            " from " + number_text(axis.value(begin)) + " to " + number_text(axis.value(end));
+    begin = end;
+  }
+  summary.say(text);
+}
+
+void describe_curve(Summary& summary, const GrowthRate& growth, const std::vector<Crossing>& points) {
+  std::string text = "curve of " + std::to_string(points.size()) + " points in " +
+                     std::to_string(1 + std::max_element(points.begin(), points.end(), [](auto& a, auto& b) {
+                                          return a.piece < b.piece;
+                                        })->piece) + " pieces";
+  const auto range = [&](const Axis& axis, double Crossing::*value) {
+    const auto [low, high] = std::minmax_element(points.begin(), points.end(), [=](auto& a, auto& b) {
+      return a.*value < b.*value;
+    });
+    text += ", " + axis.name + " " + rounded_text((*low).*value, 6) + " to " + rounded_text((*high).*value, 6);
+  };
+  range(growth.axes()[0], &Crossing::value);
+  range(growth.axes()[1], &Crossing::value2);
+  summary.say(text);
+}
+
+void describe(Summary& summary, const std::vector<Axis>& axes, const std::vector<Verified>& verified) {
+  for (const Verified& v : verified)
+    summary.say("integrated at " + axes[0].name + " " + rounded_text(v.value, 6) +
+                (axes.size() > 1 ? ", " + axes[1].name + " " + rounded_text(v.value2, 6) : "") + ": from sliding to " +
+                v.from_sliding + ", from stick-slip to " + v.from_stick_slip + "; the growth rate " +
+                rounded_text(v.growth) + " says " + v.expected);
+}
+
 std::string at_ends(GrowthRate& growth) {
   const Axis& axis = growth.axes()[0];
   return "growth rate " + number_text(growth(0)) + " at " + axis.name + " " + number_text(axis.from) + ", " +
@@ -243,9 +281,17 @@ void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& po
 [[noreturn]] void fail_without_points(GrowthRate& growth, const Samples& samples) {
   const Axis& axis = growth.axes()[0];
   if (growth.axes().size() == 1) {
-    const bool changes = growth(0) * growth(1) < 0;
+    const double first = growth(0), last = growth(1);
+    const bool changes = first * last < 0;
+    std::string why = ": " + at_ends(growth);
+    if (first * last > 0 && first != last) {
+      const bool below = std::abs(first) < std::abs(last);
+      why = std::string(": sliding is ") + (first < 0 ? "stable" : "unstable") + " throughout" + why +
+            "; it changes, if anywhere, " + ((axis.from < axis.to) == below ? "below " : "above ") +
+            number_text(below ? axis.from : axis.to);
+    }
     throw Failure("no boundary " + std::string(changes ? "that the grid resolves (grid_n) " : "") + "between " +
-                  axis.name + " " + number_text(axis.from) + " and " + number_text(axis.to) + ": " + at_ends(growth));
+                  axis.name + " " + number_text(axis.from) + " and " + number_text(axis.to) + why);
   }
   const auto [low, high] = std::minmax_element(samples.growth.begin(), samples.growth.end());
   throw Failure("no boundary in the box: the growth rate stays between " + number_text(*low) + " and " +
@@ -277,6 +323,9 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
   if (options.integer("boundary_verify") > 0) summary.set("verified", verified_list(verified, two));
   write_file(options, growth, points, verified, findings.samples, provenance);
   if (options.text("summary") != "-") print_points(growth.axes(), points);
+  if (two) describe_curve(summary, growth, points);
+  else describe(summary, growth, points);
+  describe(summary, growth.axes(), verified);
   return 0;
 }
 

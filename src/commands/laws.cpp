@@ -103,6 +103,10 @@ int laws_command(const Options& options) {
     file.add({"stick/low", "1", "smallest force at which a contact stays stuck"}, {"law"}, low);
     file.add({"stick/high", "1", "largest force at which a contact stays stuck"}, {"law"}, high);
     file.write();
+    std::string listed;
+    for (const std::string& name : names) listed += (listed.empty() ? "" : ", ") + name;
+    summary.say("F(psi) of " + listed + " at " + std::to_string(points) + " velocities from " + number_text(from) +
+                " to " + number_text(to));
     return 0;
   });
 }

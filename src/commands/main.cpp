@@ -14,6 +14,7 @@
 #include "stickslip/options/command_line.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/study/size.hpp"
+#include "stickslip/time/methods.hpp"
 #include "stickslip/time/time.hpp"
 
 
@@ -77,6 +78,17 @@ class Libraries {
   std::vector<char*> pointers_;
 };
 
+// The program's own options that the user gave; those alone that the command does not read. PETSc, to whose -options_view
+// and -options_left this is added, knows only its own.
+std::string own_options(const Options& options, bool unread) {
+  std::string text = unread ? "#Own options that " + options.command() + " does not read:\n" : "#Own options:\n";
+  for (const auto& [name, value] : options.given()) {
+    const OptionSpec* spec = find_option(name);
+    if (spec && !(unread && reads_option(options.command(), *spec))) text += "-" + name + " " + value + "\n";
+  }
+  return text;
+}
+
 int program(int argc, char** argv) {
   note_command_line(argc, argv);
   const CommandLine line = read_command_line(argc, argv, command_names(), MPI_COMM_WORLD);
@@ -91,6 +103,7 @@ int program(int argc, char** argv) {
     if (line.version) {
       if (speaks) print(version_text());
     } else {
+      if (options.is_set("ts_type")) check_type_offered(options.text("ts_type"));
       check_library_types(options);
       check_library_names(options);
       if (line.help_all) {
@@ -98,7 +111,9 @@ int program(int argc, char** argv) {
       } else {
         const Command& command = command_named(line.command);
         if (command.has_grid && !options.is_set("restart")) check_size(options);
+        if (options.is_set("options_view") && speaks) print(own_options(options, false));
         code = command.body(options);
+        if (options.is_set("options_left") && speaks) print(own_options(options, true));
         if (code == 0) warn_unused_at_end(options);
       }
     }
@@ -114,11 +129,7 @@ int program(int argc, char** argv) {
 
 // One line, whatever the text holds.
 void print_error(const std::string& text) {
-  std::string line = "stickslip: error: " + text;
-  for (char& c : line)
-    if ((unsigned char)c < 0x20 || c == 0x7f) c = ' ';
-  line += '\n';
-  std::fputs(line.c_str(), stderr);
+  std::fputs(("stickslip: error: " + one_line(text) + "\n").c_str(), stderr);
   std::fflush(stderr);
 }
 

@@ -70,6 +70,42 @@ int run_to_accuracy(const Options& options, Summary& summary) {
   }
 }
 
+std::string rounded(const Json& number, int digits = 4) { return rounded_text(number.get<double>(), digits); }
+
+// What a rate means for what grows or decays with it.
+std::string course_of(const Json& rate) {
+  return (rate.get<double>() > 0 ? "grow like exp(" : "decay like exp(") + rounded(rate, 3) + " t)";
+}
+
+// What the motion is, and what steady sliding beside it would do.
+std::string motion_words(const Summary& s) {
+  const std::string regime = s.get("regime").get<std::string>();
+  std::string text = regime;
+  if (regime == "undecided") {
+    if (const Json& time = s.get("time_to_decide"); !time.is_null())
+      text += ", a run to t = " + rounded(time, 3) + " should decide (-ts_max_time)";
+  } else if (!s.get("amplitude").is_null() && regime != "stuck") {
+    text += ": amplitude " + rounded(s.get("amplitude")) + ", psi from " + rounded(s.get("psi_min")) + " to " +
+            rounded(s.get("psi_max")) + " at the end";
+  }
+  const Json &pulses = s.get("pulses"), &speed = s.get("wave_speed");
+  if (!pulses.is_null() && pulses != 0) text += ", " + pulses.dump() + (pulses == 1 ? " pulse" : " pulses");
+  if (!speed.is_null()) text += ", waves of speed " + rounded(speed);
+  if (const Json& rate = s.get("growth_rate"); !rate.is_null())
+    text += std::string("; steady sliding is ") + (rate.get<double>() > 0 ? "unstable" : "stable") +
+            ": perturbations " + course_of(rate);
+  return text;
+}
+
+// How it was computed.
+std::string work_words(const Summary& s) {
+  std::string text = "t = " + rounded(s.get("t_end"), 6) + " in " + s.get("steps").dump() + " steps of " +
+                     s.get("method").get<std::string>() + " (" + s.get("rejections").dump() + " rejected), " +
+                     s.get("unknowns").dump() + " unknowns";
+  if (const Json& error = s.get("error_estimate"); !error.is_null()) text += ", error about " + rounded(error, 2);
+  return text;
+}
+
 }  // namespace
 
 int run_command(const Options& asked) {
@@ -85,9 +121,21 @@ int run_command(const Options& asked) {
     keys.push_back(key);
   Summary summary(provenance, keys, options.text("summary"));
   return with_summary(summary, [&] {
-    if (options.is_set("accuracy") && !options.is_set("restart")) return run_to_accuracy(options, summary);
-    Run run(options, provenance);
-    return run.advance(summary);
+    if (options.boolean("check")) {
+      const bool chosen = options.is_set("accuracy") && !options.is_set("restart");
+      const Options all = chosen ? AccuracyPlan(options, options.real("accuracy")).options() : options;
+      insert_library_options(all);
+      return Run(all, provenance).check(summary);
+    }
+    const int code = options.is_set("accuracy") && !options.is_set("restart")
+                         ? run_to_accuracy(options, summary)
+                         : Run(options, provenance).advance(summary);
+    summary.say(motion_words(summary));
+    summary.say(work_words(summary));
+    if (!summary.is_null("events") && options.is_set("out_file"))
+      summary.say(summary.get("events").dump() + " slip events; to see them: " + script_call("events") + " " +
+                  options.text("out_file"));
+    return code;
   });
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <set>
 
 #include "base/broadcast.hpp"
@@ -100,7 +101,7 @@ Run::Run(const Options& options, const Provenance& provenance, std::optional<Che
   const double begin = processor_seconds();
   make_integrator();
   step_seconds_ = processor_seconds() - begin;
-  open_file();
+  if (!options.boolean("check")) open_file();
 }
 
 Fields Run::end() const { return fields_of(problem_.model, problem_.u, scene_.n); }
@@ -130,7 +131,7 @@ void Run::restore(Checkpoint& checkpoint) {
       throw not_whole(options_, "its state does not fit the scene");
   });
   try {
-    for (const char* name : {"rejections", "rhs_evaluations", "t_end"}) (void)checkpoint.numbers.at(name);
+    for (const char* name : {"rejections", "rhs_evaluations", "t_end", "longest_step"}) (void)checkpoint.numbers.at(name);
     for (const auto& observer : observers_) observer->restore(checkpoint);
   } catch (const std::exception& e) {
     throw not_whole(options_, e.what());
@@ -141,6 +142,7 @@ void Run::restore(Checkpoint& checkpoint) {
              static_cast<PetscInt>(checkpoint.step),
              static_cast<PetscInt>(checkpoint.numbers.at("rejections")),
              static_cast<long>(checkpoint.numbers.at("rhs_evaluations"))};
+  longest_step_ = checkpoint.numbers.at("longest_step");
   const double t_end = options_.real("ts_max_time");
   if (origin_.t > t_end)
     throw UsageError("ts_max_time " + options_.text("ts_max_time") + " lies before the time " +
@@ -152,24 +154,45 @@ void Run::restore(Checkpoint& checkpoint) {
   gather_.spread(checkpoint.state, problem_.u);
 }
 
+void Run::limit_steps() {
+  if (!origin_.resumed) {
+    const double duration = options_.real("ts_max_time");
+    longest_step_ = StepAudit::longest_near_sliding(problem_.model, *integrator_, problem_.u, duration);
+  }
+  if (!std::isfinite(longest_step_) || options_.is_set("ts_adapt_dt_max")) return;
+  TSAdapt adapt;
+  double least, most;
+  SS_TRY(TSGetAdapt(integrator_->ts(), &adapt));
+  SS_TRY(TSAdaptGetStepLimits(adapt, &least, &most));
+  if (longest_step_ > least && longest_step_ < most) SS_TRY(TSAdaptSetStepLimits(adapt, least, longest_step_));
+}
+
 void Run::make_integrator() {
   integrator_ = std::make_unique<Integrator>(problem_.model, MethodSpec::from(options_), problem_.u);
   if (origin_.resumed) integrator_->continue_from(origin_.step, origin_.dt);
+  limit_steps();
   const bool is_explicit = integrator_->report().implicit == Implicit::none;
   check_unused_after_setup(options_, is_explicit ? "snes ksp pc" : "");
   if (origin_.resumed || options_.is_set("out_checkpoint_every")) warn_of_memory(options_);
 }
 
-void Run::open_file() {
+ObservationPlan Run::plan() {
   ObservationPlan plan;
   plan.after = origin_.resumed ? origin_.t : -1;
-  const bool with_file = options_.is_set("out_file");
-  if (with_file) plan.layout = run_layout(scene_);
+  if (options_.is_set("out_file")) plan.layout = run_layout(scene_);
   if (!problem_.what.empty()) plan.layout.texts["reduced"] = problem_.what;
   for (const auto& observer : observers_) observer->plan(plan);
-  std::sort(plan.times.begin(), plan.times.end());
-  plan.times.erase(std::unique(plan.times.begin(), plan.times.end()), plan.times.end());
-  integrator_->set_output_times(plan.times);
+  return plan;
+}
+
+void Run::open_file() {
+  ObservationPlan plan = this->plan();
+  const bool with_file = options_.is_set("out_file");
+  integrator_->set_output_times([next = plan.next_times](double t) {
+    double first = std::numeric_limits<double>::infinity();
+    for (const auto& one : next) first = std::min(first, one(t));
+    return first;
+  });
   if (plan.layout.frames > 0 && !integrator_->interpolation_caveat().empty())
     warn(integrator_->interpolation_caveat());
   if (with_file) {
@@ -181,6 +204,39 @@ void Run::open_file() {
     warn("out_checkpoint_every without out_file: no checkpoints are written");
   }
   for (const auto& observer : observers_) observer->start(file_.get());
+}
+
+int Run::check(Summary& summary) {
+  const RunLayout layout = plan().layout;
+  const double t_end = options_.real("ts_max_time"), begin = MPI_Wtime();
+  double t = origin_.t, seconds = 0;
+  PetscInt steps = 0;
+  integrator_->advance(problem_.u, origin_.t, t_end, [&](const Integrator::Step& step) {
+    t = step.t;
+    steps = step.index - origin_.step;
+    seconds = MPI_Wtime() - begin;
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &seconds, 1, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD));
+    return seconds > 1 ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
+  }, control_->most_steps());
+  const TimeReport& r = integrator_->report();
+  summary.set("status", "done");  // and no file was written
+  summary.set("method", r.method);
+  summary.set("implicit", to_string(r.implicit));
+  summary.set("unknowns", problem_.model.unknowns());
+  if (!problem_.what.empty()) summary.set("reduced", problem_.what);
+  summary.say("checked: " + std::to_string(scene_.n) + " nodes, " + std::to_string(problem_.model.unknowns()) +
+              " unknowns solved for" + (problem_.what.empty() ? "" : " (" + problem_.what + ")") + "; " + r.method +
+              ", implicit: " + to_string(r.implicit));
+  if (layout.frames > 0)
+    summary.say(std::to_string(layout.frames) + " frames, " +
+                rounded_text(8e-6 * double(layout.frames) * (1 + double(layout.fields.size()) * double(scene_.n))) +
+                " MB in " + options_.text("out_file"));
+  const double rest = t > origin_.t ? (t_end - t) / (t - origin_.t) : 0;
+  summary.say(std::to_string(steps) + " steps reach t = " + rounded_text(t, 6) + " in " + rounded_text(seconds, 2) + " s" +
+              (rest > 0 ? "; at that rate the whole run takes " + rounded_text(double(steps) * (1 + rest), 2) +
+                              " steps and " + rounded_text(seconds * (1 + rest), 2) + " s"
+                        : ", which is the whole run without its output"));
+  return 0;
 }
 
 PetscInt Run::rejections() const {
@@ -244,7 +300,8 @@ void Run::write_checkpoint_at(const Integrator::Step& step) {
   c.numbers = {{"rejections", double(rejections())},
                {"rhs_evaluations", double(origin_.evaluations + problem_.model.rhs_evaluations())},
                {"nodes", double(problem_.model.scene().n)},
-               {"t_end", options_.real("ts_max_time")}};
+               {"t_end", options_.real("ts_max_time")},
+               {"longest_step", longest_step_}};
   for (const auto& [name, text] : options_.given()) c.texts["given." + name] = text;
   for (const auto& observer : observers_) observer->save(c);
   last_checkpoint_ = write_checkpoint(options_.text("out_file"), options_.integer("out_checkpoint_keep"), provenance_,
@@ -254,17 +311,20 @@ void Run::write_checkpoint_at(const Integrator::Step& step) {
 // Why it ended, and the exit code.
 int Run::ending(Summary& summary) const {
   const std::string checkpoint = last_checkpoint_.empty() ? "" : "; checkpoint " + last_checkpoint_;
-  if (const int signal = control_->signal(); signal != 0) {
-    summary.stopped((signal == SIGINT ? "SIGINT" : "SIGTERM") + checkpoint);
-    return 128 + signal;
-  }
-  const std::string limit = control_->wall_is_over()                            ? "ts_max_wall"
+  const int signal = control_->signal();
+  const std::string limit = signal                                             ? ""
+                            : control_->wall_is_over()                         ? "ts_max_wall"
                             : integrator_->report().reason == "ts_max_steps" ? "ts_max_steps"
                                                                                 : "";
-  if (limit.empty()) return 0;
-  summary.set("stopped_at", limit + " " + options_.text(limit));
-  summary.set("reason", limit + " " + options_.text(limit) + checkpoint);
-  return 0;
+  if (!signal && limit.empty()) return 0;
+  const std::string why = signal ? signal == SIGINT ? "SIGINT" : "SIGTERM" : limit + " " + options_.text(limit);
+  summary.stopped(why + checkpoint);
+  if (!signal) summary.set("stopped_at", why);
+  summary.say("stopped at t = " + rounded_text(integrator_->report().t, 6) + " by " + why + "; " +
+              (!last_checkpoint_.empty() ? "to go on: stickslip run -restart " + last_checkpoint_
+               : file_                   ? "there is no checkpoint to go on from (-out_checkpoint_every)"
+                                         : "without -out_file there is no checkpoint to go on from"));
+  return signal ? 128 + signal : 0;
 }
 
 void Run::report(Summary& summary, bool complete) {
@@ -276,6 +336,8 @@ void Run::report(Summary& summary, bool complete) {
   summary.set("method", r.method);
   summary.set("implicit", to_string(r.implicit));
   summary.set("unknowns", problem_.model.unknowns());
+  if (file_ && file_->frames() > 0) summary.wrote(options_.text("out_file"));
+  summary.wrote(last_checkpoint_);
   if (!problem_.what.empty()) summary.set("reduced", problem_.what);
   if (complete) problem_.model.set_held(problem_.u);
   if (complete) {

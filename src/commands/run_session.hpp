@@ -1,6 +1,7 @@
 // A run under way: the scene's start, the method that advances it, and the observers that watch it.
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -31,6 +32,9 @@ class Run {
   // Returns the exit code; the summary holds what is known, also when it throws. Collective.
   int advance(Summary& summary);
 
+  // Says what the run would take, from steps of about a second, and writes no file. Nothing else may follow. Collective.
+  int check(Summary& summary);
+
   // Processor time of this rank for setting the method up and for its steps, as in a row of `chart`.
   double step_seconds() const { return step_seconds_; }
   Fields end() const;  // as far as it has come; collective
@@ -48,6 +52,8 @@ class Run {
   void make_observers();
   void restore(Checkpoint& checkpoint);
   void make_integrator();
+  void limit_steps();
+  ObservationPlan plan();
   void open_file();
   Integrator::Verdict after(const Integrator::Step& step);
   void write_checkpoint_at(const Integrator::Step& step);
@@ -70,6 +76,7 @@ class Run {
   std::unique_ptr<StepAudit> step_audit_;
   std::unique_ptr<RunFile> file_;
   double step_seconds_ = 0;
+  double longest_step_ = std::numeric_limits<double>::infinity();  // StepAudit::longest_near_sliding at the start
   std::string last_checkpoint_;
 };
 

@@ -230,7 +230,9 @@ int spectrum_command(const Options& options) {
     for (const std::string& remark : spectrum.remarks) warn(remark);
     if (!spectrum.complete) warn("the rightmost mode may have been missed: " + spectrum.completeness_check);
     else if (!spectrum.list_complete) warn("the list of eigenvalues may have holes: " + spectrum.completeness_check);
-    if (options.text("summary") != "-") SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s\n", verdict(spectrum).c_str()));
+    summary.say("steady sliding is " + verdict(spectrum));
+    summary.say(std::to_string(spectrum.modes.size()) + " modes of " + std::to_string(J.size() * J.dof()) +
+                " by " + spectrum.method + "; " + spectrum.completeness_check);
     return 0;
   });
 }

@@ -1,6 +1,5 @@
 // The command `wave`: a train of pulses, its stability, a branch of trains; to the summary, a file, and the terminal.
 #include <cmath>
-#include <cstdio>
 
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/base/json_values.hpp"
@@ -18,12 +17,6 @@
 namespace stickslip {
 
 namespace {
-
-bool on_root() {
-  int rank = 0;
-  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
-  return rank == 0;
-}
 
 // The train as it stands on its ring at t = 0, at the mesh and Gauss points of every pulse, x rising; and what the
 // picture needs of the scene.
@@ -61,15 +54,13 @@ void add_train(ResultFile& file, const Scene& scene, const Train& train) {
   file.attribute("period", train.period);
 }
 
-void describe(const Scene& scene, const Train& train) {
-  if (!on_root()) return;
-  std::printf("train of %lld %s on a ring: speed V = %.12g, length L = %.12g, period T = %.12g\n",
-              static_cast<long long>(train.pulses), train.pulses == 1 ? "pulse" : "pulses", train.speed, train.length,
-              train.period);
-  std::printf("  solved for the %s, error below %.1e; psi from %.10g to %.10g; %zu mesh intervals\n",
-              train.length_given ? "speed" : "length", train.error_estimate, train.psi_min, train.psi_max,
-              train.intervals());
-  if (scene.s_delta() != 0) std::printf("  sign of delta: %s\n", scene.derived_sign ? "derived" : "printed");
+void describe(Summary& summary, const Train& train) {
+  summary.say("train of " + std::to_string(train.pulses) + (train.pulses == 1 ? " pulse" : " pulses") +
+              " on a ring: speed V = " + rounded_text(train.speed, 12) + ", length L = " +
+              rounded_text(train.length, 12) + ", period T = " + rounded_text(train.period, 12));
+  summary.say(std::string("solved for the ") + (train.length_given ? "speed" : "length") + ", error below " +
+              rounded_text(train.error_estimate, 2) + "; psi from " + rounded_text(train.psi_min, 10) + " to " +
+              rounded_text(train.psi_max, 10) + "; " + std::to_string(train.intervals()) + " mesh intervals");
 }
 
 void add_spectrum(Summary& summary, ResultFile& file, const TrainSpectrum& spectrum) {
@@ -106,20 +97,16 @@ void add_spectrum(Summary& summary, ResultFile& file, const TrainSpectrum& spect
   file.add({"spectrum/resolved", "1", "1 where a finer mesh agrees"}, {"spectrum/mode"}, resolved);
 }
 
-void describe(const TrainSpectrum& spectrum) {
-  if (!on_root()) return;
-  if (std::isnan(spectrum.growth_rate)) {
-    std::printf("  stability: %s\n", spectrum.completeness_check.c_str());
-    return;
-  }
-  std::printf("  on its ring: %s, largest growth rate %.6g (translation mode: %.1e)\n",
-              spectrum.stable ? "stable" : "not stable", spectrum.growth_rate, spectrum.translation_error);
-  if (spectrum.endless_stable) {
-    std::printf("  endless train: stable to every wavelength\n");
-  } else {
-    std::printf("  endless train: not stable, growth rate %.6g at wavenumber %.6g, frequency %.6g\n",
-                spectrum.endless_growth, spectrum.endless_wavenumber, spectrum.endless_frequency);
-  }
+void describe(Summary& summary, const TrainSpectrum& spectrum) {
+  if (std::isnan(spectrum.growth_rate)) return summary.say("stability: " + spectrum.completeness_check);
+  summary.say(std::string("on its ring: ") + (spectrum.stable ? "stable" : "not stable") + ", largest growth rate " +
+              rounded_text(spectrum.growth_rate, 6) + " (translation mode: " +
+              rounded_text(spectrum.translation_error, 2) + ")");
+  summary.say(spectrum.endless_stable ? "endless train: stable to every wavelength"
+                                      : "endless train: not stable, growth rate " +
+                                            rounded_text(spectrum.endless_growth, 6) + " at wavenumber " +
+                                            rounded_text(spectrum.endless_wavenumber, 6) + ", frequency " +
+                                            rounded_text(spectrum.endless_frequency, 6));
 }
 
 // With wave_spectrum, the stability of every train of the branch too.
@@ -166,12 +153,11 @@ void add_branch(Summary& summary, ResultFile& file, const Options& options, cons
   file.attribute("branch_end", branch.end);
 }
 
-void describe(const Options& options, const Branch& branch) {
-  if (!on_root()) return;
+void describe(Summary& summary, const Options& options, const Branch& branch) {
   int folds = 0;
   for (const BranchPoint& point : branch.points) folds += point.fold;
-  std::printf("  branch in %s: %zu points, %d %s; %s\n", options.text("wave_continue").c_str(), branch.points.size(),
-              folds, folds == 1 ? "fold" : "folds", branch.end.c_str());
+  summary.say("branch in " + options.text("wave_continue") + ": " + std::to_string(branch.points.size()) + " points, " +
+              std::to_string(folds) + (folds == 1 ? " fold; " : " folds; ") + branch.end);
 }
 
 }  // namespace
@@ -203,18 +189,18 @@ int wave_command(const Options& options) {
     summary.set("mesh_intervals", train.intervals());
     ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
     add_train(file, scene, train);
-    if (options.text("summary") != "-") describe(scene, train);
+    describe(summary, train);
     if (options.boolean("wave_spectrum")) {
       const TrainSpectrum spectrum = train_spectrum(train, int(options.integer("spectrum_count")));
       add_spectrum(summary, file, spectrum);
-      if (options.text("summary") != "-") describe(spectrum);
+      describe(summary, spectrum);
     }
     if (options.is_set("wave_continue")) {
       const Branch branch = continue_train(train_family(options, options.text("wave_continue")),
                                            options.real(options.text("wave_continue")), options.real("wave_to"),
                                            int(options.integer("wave_steps")));
       add_branch(summary, file, options, branch);
-      if (options.text("summary") != "-") describe(options, branch);
+      describe(summary, options, branch);
     }
     file.write();
     warn_unused_at_end(options);

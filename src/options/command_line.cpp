@@ -99,6 +99,11 @@ CommandLine read(const std::vector<std::string>& words, const std::vector<std::s
   const std::string usage = "stickslip COMMAND [SCENE.yaml] [options], COMMAND one of " + joined(commands) +
                             " (stickslip --help tells more)";
   if (words.empty()) throw UsageError("no command; usage: " + usage);
+  if (words[0] == "help") {  // help COMMAND is COMMAND -help
+    std::vector<std::string> same(words.begin() + 1, words.end());
+    same.insert(same.empty() ? same.begin() : same.begin() + 1, "-help");
+    return read(same, commands);
+  }
   if (is_name(words[0])) return read_without_command(words, usage);
   CommandLine line;
   line.command = words[0];

@@ -55,12 +55,12 @@ std::map<std::string, OptionSpec> make_known() {
       "snes_linesearch_atol snes_linesearch_ltol pc_factor_zeropivot pc_factor_shift_amount pc_factor_column_pivot",
       OptionType::real, 0, inf, false);
   add("ts_theta_theta eps_krylovschur_restart", OptionType::real, 0, 1, true);
-  add("ts_init_time ts_adapt_max_ignore eps_target pep_target st_shift eps_balance_cutoff rg_scale bv_orthog_eta "
+  add("ts_init_time ts_adapt_max_ignore pep_target eps_balance_cutoff rg_scale bv_orthog_eta "
       "ksp_gmres_haptol ksp_gmres_breakdown_tolerance snes_ksp_ew_alpha snes_ksp_ew_alpha2 snes_ksp_ew_gamma "
       "snes_ksp_ew_rtol0 snes_ksp_ew_rtolmax snes_ksp_ew_threshold snes_linesearch_alpha snes_linesearch_damping "
       "snes_linesearch_maxstep snes_linesearch_minlambda snes_tr_delta0 snes_tr_eta snes_tr_mu snes_tr_sigma",
       OptionType::real, -inf, inf, false);
-  add("eps_nev eps_ncv eps_mpd eps_max_it pep_nev pep_ncv pep_mpd pep_max_it eps_krylovschur_nev eps_krylovschur_ncv "
+  add("eps_ncv eps_mpd eps_max_it pep_nev pep_ncv pep_mpd pep_max_it eps_krylovschur_ncv "
       "eps_krylovschur_mpd eps_krylovschur_partitions ksp_gmres_restart ts_ssp_nstages ts_rk_dtratio",
       OptionType::integer, 1, int_max, false);
   add("snes_max_it snes_max_funcs ksp_max_it snes_linesearch_max_it snes_linesearch_order pc_factor_levels "
@@ -80,11 +80,8 @@ std::map<std::string, OptionSpec> make_known() {
       "ksp_constant_null_space ksp_converged_maxits ksp_diagonal_scale ksp_diagonal_scale_fix "
       "ksp_error_if_not_converged ksp_initial_guess_nonzero ksp_knoll ksp_lag_norm ksp_reuse_preconditioner "
       "pc_factor_diagonal_fill pc_factor_in_place pc_factor_pivot_in_blocks pc_factor_reuse_fill "
-      "pc_factor_reuse_ordering pc_use_amat st_transform eps_krylovschur_detect_zeros eps_krylovschur_locking "
-      "eps_purify eps_true_residual eps_two_sided eps_all eps_largest_real eps_largest_imaginary "
-      "eps_largest_magnitude eps_smallest_real eps_smallest_imaginary eps_smallest_magnitude eps_target_real "
-      "eps_target_imaginary eps_target_magnitude eps_hermitian eps_non_hermitian eps_gen_hermitian "
-      "eps_gen_non_hermitian eps_harmonic eps_refined eps_ritz eps_conv_abs eps_conv_rel eps_conv_norm "
+      "pc_factor_reuse_ordering pc_use_amat eps_krylovschur_detect_zeros eps_krylovschur_locking "
+      "eps_purify eps_true_residual eps_non_hermitian eps_harmonic eps_refined eps_ritz eps_conv_abs eps_conv_rel eps_conv_norm "
       "ksp_gmres_classicalgramschmidt ksp_gmres_modifiedgramschmidt ksp_gmres_preallocate "
       "malloc_debug options_left no_signal_handler",
       OptionType::boolean, 0, 0, false);
@@ -93,9 +90,8 @@ std::map<std::string, OptionSpec> make_known() {
   words("ksp_norm_type", "none preconditioned unpreconditioned natural");
   words("ksp_pc_side", "left right symmetric");
   words("pc_factor_shift_type", "none nonzero positive_definite inblocks");
-  words("st_matmode", "copy inplace shell");
-  words("st_matstructure", "different subset same unknown");
   words("snes_norm_schedule", "none always initialonly finalonly initialfinalonly");
+  words("eps_type", "krylovschur arnoldi subspace lapack power jd");
   words("eps_balance", "none oneside twoside user");
   return known;
 }
@@ -116,9 +112,9 @@ const std::set<std::string>& other_names() {
       "ksp_type ksp_view ksp_monitor ksp_monitor_true_residual ksp_converged_reason ksp_guess_type "
       "pc_type pc_view pc_factor_mat_ordering_type pc_factor_mat_solver_type pc_factor_nonzeros_along_diagonal "
       "mat_type mat_view mat_fd_type vec_type vec_view dm_view dm_mat_type dm_vec_type "
-      "eps_type eps_view eps_view_values eps_view_vectors eps_monitor eps_monitor_all eps_monitor_conv "
-      "eps_converged_reason eps_error_absolute eps_error_backward eps_error_relative eps_interval "
-      "st_type st_view bv_type bv_orthog_type bv_orthog_refine bv_orthog_block ds_parallel "
+      "eps_view eps_view_values eps_view_vectors eps_monitor eps_monitor_all eps_monitor_conv "
+      "eps_converged_reason eps_error_absolute eps_error_backward eps_error_relative "
+      "st_view bv_type bv_orthog_type bv_orthog_refine bv_orthog_block ds_parallel "
       "pep_type pep_view pep_monitor pep_converged_reason "
       "rg_type rg_interval_endpoints");
   return names;
@@ -243,7 +239,8 @@ void refuse_misspelt(const std::string& name, const std::string& place) {
 
 // What the program does itself, in a way that these would upset.
 void refuse_taken(const std::string& name, const std::string& place) {
-  static const std::map<std::string, const char*> taken = {
+  static const std::map<std::string, std::string> taken = [] {
+    std::map<std::string, std::string> why = {
       {"ts_init_time", "time begins at 0"},
       {"ts_exact_final_time", "the end time ts_max_time is always hit exactly"},
       {"ts_time_span", "it would change the steps; out_times and out_probes give values at chosen times"},
@@ -254,7 +251,16 @@ void refuse_taken(const std::string& name, const std::string& place) {
       {"fp_trap", "a trap ends the program without a word of it; what is not finite is found after every step"},
       {"options_file", "it reads either form of a file, from the command line"},
       {"options_file_yaml", "-options_file FILE reads either form, from the command line"},
-      {"options_string_yaml", "-options_file FILE reads either form, from the command line"}};
+      {"options_string_yaml", "-options_file FILE reads either form, from the command line"},
+      {"eps_nev", "spectrum_count says how many eigenvalues are listed"}};
+    for (const char* shift : {"st_type", "st_shift", "st_transform", "st_matmode", "st_matstructure", "eps_target"})
+      why[shift] = "J - sigma is inverted by the program itself, at shifts that it chooses; use spectrum_method krylov";
+    for (const char* which : {"all", "interval", "largest_real", "largest_imaginary", "largest_magnitude", "smallest_real",
+                              "smallest_imaginary", "smallest_magnitude", "target_real", "target_imaginary",
+                              "target_magnitude", "hermitian", "gen_hermitian", "gen_non_hermitian", "two_sided"})
+      why["eps_" + std::string(which)] = "the rightmost eigenvalues of a matrix without symmetry are sought";
+    return why;
+  }();
   const auto own = taken.find(name);
   if (own != taken.end()) throw UsageError("-" + name + place + ": not here: " + own->second);
 }
@@ -320,13 +326,12 @@ void check_library_types(const Options& options) {
       if (!file.empty()) paths::check_writable("-" + name, file);
     }
   });
-  for (const auto initialize : {VecInitializePackage, MatInitializePackage, TSInitializePackage, SNESInitializePackage,
-                                KSPInitializePackage, PCInitializePackage, EPSInitializePackage, STInitializePackage,
-                                BVInitializePackage})
+  for (const auto initialize : {VecInitializePackage, MatInitializePackage, SNESInitializePackage, KSPInitializePackage,
+                                PCInitializePackage, BVInitializePackage})
     SS_TRY(initialize());
   const std::vector<std::pair<const char*, PetscFunctionList>> lists = {
-      {"ts_type", TSList}, {"snes_type", SNESList}, {"snes_linesearch_type", SNESLineSearchList}, {"ksp_type", KSPList},
-      {"pc_type", PCList}, {"eps_type", EPSList},   {"st_type", STList},                          {"bv_type", BVList},
+      {"snes_type", SNESList}, {"snes_linesearch_type", SNESLineSearchList}, {"ksp_type", KSPList},
+      {"pc_type", PCList}, {"bv_type", BVList},
       {"mat_type", MatList}, {"dm_mat_type", MatList}, {"vec_type", VecList}, {"dm_vec_type", VecList}};
   for (const auto& [name, text] : options.library()) {
     const std::string plain = without_nesting(name);

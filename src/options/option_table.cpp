@@ -220,10 +220,13 @@ void output_options(TableBuilder& t) {
   t.in("Output", "");
   t.text("out_file", "", "HDF5 file for the results").unset("none");
   t.text("summary", "", "JSON file for the summary, - for standard output").unset("none");
-  t.choice("progress", {"auto", "on", "off"}, "progress on standard error");
+  t.choice("progress", {"auto", "on", "off"},
+           "progress on standard error, and at the end some lines on the results; off: neither");
   t.in("Output", "run");
+  t.boolean("check", "false", "read, check, say size, cost and method, and do nothing");
   t.positive("out_every", "", "time between frames", "time").unset("none");
   t.integer("out_frames", "200", 2, int_max, "frames, equally spaced, both ends included");
+  t.positive("out_limit", "20", "frames that would need more are refused", "GB");
   t.reals("out_times", "times of the frames", "time").at_least(0).unset("none");
   t.reals("out_probes", "positions of the probes", "length").at_least(0).unset("none");
   t.boolean("out_displacement", "false", "write the displacement chi as well");

@@ -101,7 +101,8 @@ void FieldWatch::look(double t, const double* u) {
   double extremes[3] = {-low, high, steepest};
   largest_over(model_.comm(), extremes, 3);
   const double range = extremes[1] + extremes[0], scale = s.v != 0 ? std::abs(s.v) : 1;
-  if (range > 1e-3 * (1 + std::abs(s.v))) steepest_ = std::max(steepest_, extremes[2] / range);
+  // what lies nearer to sliding than stick-slip does (regime.hpp) has no front, be it as rough as noise
+  if (range > 0.05 * scale) steepest_ = std::max(steepest_, extremes[2] / range);
   pulses_ = range > 1e-3 * scale ? count_pulses(u, 0.05 * range) : 0;
   if (mode_ < 0) mode_ = pulses_;
   // the first steps, then ever longer

@@ -1,58 +1,91 @@
 #include "output/frames.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
 
 namespace {
+constexpr double largest_count = 9e15;  // below 2^53: the number of a frame is exact in a double
+}  // namespace
 
-std::vector<double> frame_times(const Options& options) {
-  const double t_end = options.real("ts_max_time");
-  std::vector<double> times;
+FrameTimes::FrameTimes(const Options& options) : last_(options.real("ts_max_time")) {
+  const char* name = options.is_set("out_times") ? "out_times" : options.is_set("out_every") ? "out_every" : "out_frames";
+  option_ = std::string(name) + " " + options.text(name);
+  const double t_end = last_;
   if (options.is_set("out_times")) {
-    times = options.reals("out_times");
-    for (const double t : times)
+    list_ = options.reals("out_times");
+    for (const double t : list_)
       if (t < 0 || t > t_end)
-        throw UsageError("out_times " + options.text("out_times") + ": " + number_text(t) +
-                         " lies outside 0 to ts_max_time " + number_text(t_end));
+        throw UsageError(option_ + ": " + number_text(t) + " lies outside 0 to ts_max_time " + number_text(t_end));
+    std::sort(list_.begin(), list_.end());
+    list_.erase(std::unique(list_.begin(), list_.end()), list_.end());
   } else if (options.is_set("out_every")) {
-    const double every = options.real("out_every");
-    for (PetscInt i = 0; double(i) * every <= t_end * (1 + 1e-12); ++i)
-      times.push_back(std::min(double(i) * every, t_end));
+    every_ = options.real("out_every");
+    count_ = std::floor(t_end * (1 + 1e-12) / every_) + 1;
+    last_ = std::min((count_ - 1) * every_, t_end);
   } else {
-    const PetscInt frames = options.integer("out_frames");
-    for (PetscInt i = 0; i < frames; ++i)
-      times.push_back(i == frames - 1 ? t_end : t_end * double(i) / double(frames - 1));
+    count_ = t_end > 0 ? double(options.integer("out_frames")) : 1;
   }
-  std::sort(times.begin(), times.end());
-  times.erase(std::unique(times.begin(), times.end()), times.end());
-  return times;
+  if (!(count_ < largest_count)) throw UsageError(option_ + ": more frames than can be counted");
 }
 
-}  // namespace
+double FrameTimes::at(double i) const {
+  return i >= count_ - 1 ? last_ : every_ > 0 ? i * every_ : last_ * i / (count_ - 1);
+}
+
+double FrameTimes::index_after(double t) const {
+  const double apart = every_ > 0 ? every_ : last_ / std::max(1., count_ - 1);
+  // one before what the division says, which may be rounded up
+  double i = apart > 0 ? std::clamp(std::floor(t / apart) - 1, 0., count_) : 0;
+  while (i < count_ && at(i) <= t) ++i;
+  return i;
+}
+
+double FrameTimes::after(double t) const {
+  const double none = std::numeric_limits<double>::infinity();
+  if (!list_.empty()) {
+    const auto next = std::upper_bound(list_.begin(), list_.end(), t);
+    return next == list_.end() ? none : *next;
+  }
+  const double i = index_after(t);
+  return i < count_ ? at(i) : none;
+}
+
+double FrameTimes::count_after(double t) const {
+  return list_.empty() ? count_ - index_after(t) : double(list_.end() - std::upper_bound(list_.begin(), list_.end(), t));
+}
 
 Frames::Frames(const Model& model, const Scene& whole, const Options& options, Gather& gather,
                const Displacement* displacement)
-    : model_(model), state_(whole.friction.state), nodes_(static_cast<std::size_t>(whole.n)), gather_(gather),
-      displacement_(displacement), work_(model.create_vector()), times_(frame_times(options)) {
+    : model_(model), state_(whole.friction.state),
+      most_bytes_(1e9 * options.real("out_limit")), nodes_(static_cast<std::size_t>(whole.n)), gather_(gather),
+      displacement_(displacement), work_(model.create_vector()), times_(options) {
   if (!displacement_) return;
   chi_ = displacement_->create_vector();
   gather_chi_ = std::make_unique<Gather>(chi_, 1);
 }
 
 void Frames::plan(ObservationPlan& plan) {
-  times_.erase(std::remove_if(times_.begin(), times_.end(), [&](double t) { return t <= plan.after; }), times_.end());
-  plan.times.insert(plan.times.end(), times_.begin(), times_.end());
-  plan.layout.frames = static_cast<std::int64_t>(times_.size());
+  next_ = times_.after(plan.after);
+  plan.next_times.push_back([this](double t) { return times_.after(t); });
+  const double count = times_.count_after(plan.after);
+  plan.layout.frames = static_cast<std::int64_t>(count);
   if (displacement_) plan.layout.fields.push_back(standard_field("chi"));
+  const double each = 8. * (1 + double(plan.layout.fields.size() * nodes_));
+  if (count * each > most_bytes_)
+    throw UsageError(times_.option() + ": " + number_text(count) + " frames of " + rounded_text(each) + " bytes need " +
+                     rounded_text(count * each / 1e9) + " GB, more than out_limit, " +
+                     rounded_text(most_bytes_ / 1e9) + " GB");
 }
 
 void Frames::step(const ObservedStep& step) {
-  for (; next_ < times_.size() && times_[next_] <= step.t; ++next_) {
-    step.interpolate(times_[next_], work_);
-    write(times_[next_]);
+  for (; next_ <= step.t; next_ = times_.after(next_)) {
+    step.interpolate(next_, work_);
+    write(next_);
   }
 }
 

@@ -11,10 +11,28 @@
 
 namespace stickslip {
 
+// The times of frames, none of them kept but those that out_times lists.
+class FrameTimes {
+ public:
+  explicit FrameTimes(const Options& options);  // throws UsageError for out_times outside the run
+  double after(double t) const;                 // the first one later than t, infinity where there is none
+  double count_after(double t) const;           // how many are later
+  const std::string& option() const { return option_; }  // that sets them, with its value, for messages
+
+ private:
+  double at(double i) const;
+  double index_after(double t) const;
+
+  std::string option_;
+  std::vector<double> list_;  // out_times, sorted
+  double every_ = 0;          // out_every; without either: equal parts of the run
+  double count_ = 0, last_ = 0;
+};
+
 class Frames : public Observer {
  public:
-  // Of the scene `whole`, of which the model may be one of several equal cells. Throws UsageError for out_times outside
-  // the run. `displacement`: nullptr, or what chi is solved with; it is the caller's.
+  // Of the scene `whole`, of which the model may be one of several equal cells. Throws UsageError for times outside the
+  // run. `displacement`: nullptr, or what chi is solved with; it is the caller's.
   Frames(const Model& model, const Scene& whole, const Options& options, Gather& gather,
          const Displacement* displacement);
 
@@ -27,13 +45,14 @@ class Frames : public Observer {
 
   const Model& model_;
   StateLaw state_;
+  double most_bytes_;  // out_limit
   std::size_t nodes_;  // of the whole scene
   Gather& gather_;
   const Displacement* displacement_;
   VecHandle work_, chi_;
   std::unique_ptr<Gather> gather_chi_;
-  std::vector<double> times_;
-  std::size_t next_ = 0;
+  FrameTimes times_;
+  double next_ = 0;  // the frame to come
   RunFile* file_ = nullptr;
 };
 

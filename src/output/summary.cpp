@@ -5,7 +5,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <stdexcept>
@@ -15,11 +17,13 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/root.hpp"
+#include "stickslip/base/text.hpp"
 
 namespace stickslip {
 
 Summary::Summary(const Provenance& provenance, const std::vector<std::string>& keys, std::string path)
-    : object_(std::make_unique<Json>()), path_(std::move(path)), begin_(MPI_Wtime()) {
+    : object_(std::make_unique<Json>()), path_(std::move(path)), out_file_(provenance.option("out_file")),
+      silent_(provenance.option("progress") == "off"), begin_(MPI_Wtime()) {
   if (!path_.empty()) check_summary_path(path_);
   const std::string form = provenance.option("model_form"), sign = provenance.option("model_delta_sign");
   Json& object = *object_;
@@ -33,6 +37,7 @@ Summary::Summary(const Provenance& provenance, const std::vector<std::string>& k
   object["delta_sign"] = sign.empty() || form == "chain" ? Json() : Json(sign);
   object["ranks"] = provenance.ranks;
   object["wall_s"] = nullptr;
+  object["files"] = Json::array();
   for (const std::string& key : keys) object[key] = nullptr;
 }
 
@@ -70,7 +75,10 @@ const Json& Summary::get(const std::string& key) const {
 
 bool Summary::is_null(const std::string& key) const { return get(key).is_null(); }
 
-void Summary::done() { set("status", "done"); }
+void Summary::done() {
+  set("status", "done");
+  wrote(out_file_);
+}
 
 void Summary::failed(const std::string& reason) {
   set("status", "failed");
@@ -80,6 +88,35 @@ void Summary::failed(const std::string& reason) {
 void Summary::stopped(const std::string& reason) {
   set("status", "stopped");
   set("reason", reason);
+}
+
+void Summary::wrote(const std::string& path) {
+  Json& files = (*object_)["files"];
+  if (!path.empty() && std::find(files.begin(), files.end(), path) == files.end()) files.push_back(path);
+}
+
+void Summary::say(const std::string& line) { lines_.push_back(line); }
+
+void Summary::tell() const {
+  int rank = 0;
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  if (silent_ || rank != 0) return;
+  std::string last = rounded_text(MPI_Wtime() - begin_) + " s";
+  const Json &sign = get("delta_sign"), &options = get("options");
+  if (!sign.is_null() && options.value("model_delta", "") != "0")
+    last += "; sign of delta: " + sign.get<std::string>();
+  bool drawn = false;
+  const char* before = "; wrote ";
+  for (const Json& file : get("files")) {
+    last += std::exchange(before, ", ") + file.get<std::string>();
+    drawn = drawn || file == out_file_;
+  }
+  if (!path_.empty() && path_ != "-") last += "; summary " + path_;
+  if (drawn) last += "; to see it: " + script_call("plot") + " " + out_file_;
+  else if (path_.empty() && out_file_.empty()) last += "; nothing is kept without -out_file FILE.h5 or -summary FILE.json";
+  std::string text;
+  for (const std::string& line : lines_) text += "stickslip: " + one_line(line) + "\n";
+  std::fputs((text + "stickslip: " + one_line(last) + "\n").c_str(), stderr);
 }
 
 std::string Summary::text() const {

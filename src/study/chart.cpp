@@ -63,6 +63,30 @@ void write_file(const std::string& path, const Provenance& provenance, const Wor
   file.write();
 }
 
+// Which rows have an error of at most 1e-3, 1e-6, 1e-9 in the least time, of all methods and of the IMEX ones.
+void describe(Summary& summary, const std::vector<ChartRow>& rows) {
+  const auto words = [](const ChartRow& r) {
+    return r.method + (r.setting.method.splits() ? " (" + r.implicit + " implicit)" : "") + ", order " +
+           std::to_string(r.setting.order) + ", n = " + std::to_string(r.setting.n) + ", in " +
+           rounded_text(r.seconds, 2) + " s";
+  };
+  const auto quickest = [&](double wanted, bool imex) {
+    const ChartRow* best = nullptr;
+    for (const ChartRow& r : rows)
+      if (r.error && *r.error <= wanted && (!imex || r.setting.method.splits()) && (!best || r.seconds < best->seconds))
+        best = &r;
+    return best;
+  };
+  for (const double wanted : {1e-3, 1e-6, 1e-9}) {
+    const ChartRow *best = quickest(wanted, false), *imex = quickest(wanted, true);
+    if (best)
+      summary.say("error below " + rounded_text(wanted) + ": " + words(*best) +
+                  (!imex ? "; no IMEX method reaches it" : imex == best ? "" : "; of the IMEX methods " + words(*imex)));
+  }
+  const auto known = std::count_if(rows.begin(), rows.end(), [](const ChartRow& r) { return r.error.has_value(); });
+  summary.say(std::to_string(known) + " of " + std::to_string(rows.size()) + " rows have an error that is known");
+}
+
 // What the chart sets for each row is not the user's to set for all.
 void refuse_what_rows_choose(const Options& options) {
   std::vector<std::string> names = {"ts_type", "ts_rtol", "ts_atol", "ts_dt", "ts_adapt_type"};
@@ -215,6 +239,7 @@ int chart_errors(const Options& options) {
       warn("no row has an error that could be told: see `failed` of the rows (more chart_reference_seconds, a shorter "
            "ts_max_time or finer grids help)");
     write_file(out_file, provenance, chart, front);
+    describe(summary, chart.rows());
     return 0;
   });
 }

@@ -139,12 +139,15 @@ int chart_limits(const Options& options) {
         summary.set("rows", list);
       }
     }
-    summary.set("silent", std::count_if(rows.begin(), rows.end(), [](const LimitRow& r) { return !r.warned; }));
+    const auto silent = std::count_if(rows.begin(), rows.end(), [](const LimitRow& r) { return !r.warned; });
+    summary.set("silent", long(silent));
     for (const LimitRow& r : rows)
       if (!r.warned)
         warn(r.method + " (" + r.implicit + " implicit) went wrong at ts_dt " + number_text(r.silent.front()) +
              " (" + r.wrong + ") without a word");
     write_file(options, provenance, rows, parameter);
+    summary.say(std::to_string(rows.size()) + " rows; " + std::to_string(silent) +
+                " went wrong beyond their limit without a warning");
     return 0;
   });
 }

@@ -146,6 +146,9 @@ struct Start::Impl {
     }
     if (type == "layer") width = o.real("init_width");
     if (type == "file") frame = frame_for(s, o);
+    if (type == "file" && noise != 0)
+      warn("init_noise " + o.text("init_noise") + " with init_type file is added to what the file holds, each time that a "
+           "run goes on from another in this way");
     if (type == "wave" && !s.ring())
       throw UsageError("init_type wave needs a ring: bc_left periodic, not " + to_string(s.left));
     if (type == "wave") train = solve_train(s, {o.integer("init_pulses"), s.length, {}});

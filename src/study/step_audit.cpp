@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
@@ -217,6 +218,27 @@ StepAudit::Verdict StepAudit::verdict(Vec u) const {
   v.growth_taken = growth(m.taken, true);
   v.growth_taken_of_all = growth(m.taken, false);
   return v;
+}
+
+double StepAudit::longest_near_sliding(const Model& model, const Integrator& integrator, Vec u, double duration) {
+  const double any = std::numeric_limits<double>::infinity();
+  if (!integrator.adaptive() || integrator.method().kind != MethodKind::explicit_ || !near_sliding(model, u)) return any;
+  StepForecast forecast(model, u, integrator);
+  const double growth = std::max(0., forecast.sliding_growth(false));
+  // a growing mode has left sliding by the time that it is 1/round-off times as large
+  const double time = growth > 0 ? std::min(duration, -std::log(PETSC_MACHINE_EPSILON) / growth) : duration;
+  const auto wrong = [&](double dt) {
+    return !((forecast.sliding_growth_of({{dt, 1.}}, false) - growth) * time <= largest_short_growth_error);
+  };
+  if (std::isnan(forecast.sliding_growth(false))) return any;
+  double good = 0.1 / model.wave_frequency(), bad = good;  // far inside the stability region, and where it begins to fail
+  while (!wrong(bad) && bad < 100 * good) bad *= 1.5;
+  if (!wrong(bad)) return any;
+  for (int k = 0; k < 10; ++k) {
+    const double middle = (good + bad) / 2;
+    (wrong(middle) ? bad : good) = middle;
+  }
+  return good;
 }
 
 bool StepAudit::warn_of(const Verdict& v, Motion motion) const {

@@ -34,8 +34,7 @@ struct Integrator::Impl {
   Course course;
   VecHandle kept;            // u at the beginning of the step, see begin_step
   bool has_kept = false;
-  std::vector<double> output_times;
-  std::size_t next_output = 0;
+  std::function<double(double)> next_output_time;
   struct Checkpoint {
     PetscInt step;
     double dt;

@@ -6,6 +6,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "time/added_tableaus.hpp"
+#include "time/fused_ts.hpp"
 
 namespace stickslip {
 
@@ -110,11 +111,16 @@ void check_type_offered(const std::string& type) {
       {"basicsymplectic", "it is for Hamiltonian systems, and friction is none"},
       {"discgrad", "it is for gradient systems, and friction is none"}};
   const auto& all = methods();
-  if (std::any_of(all.begin(), all.end(), [&](const Method& m) { return type == m.type; })) return;
+  if (!FusedTs::library_type(type).empty()) return;
+  std::vector<std::string> types;
+  for (const Method& m : all)
+    if (std::find(types.begin(), types.end(), m.type) == types.end()) types.push_back(m.type);
+  if (std::find(types.begin(), types.end(), type) != types.end()) return;
   const auto found = why_not.find(type);
-  throw UsageError("ts_type " + type + ": " +
-                   (found == why_not.end() ? "it is not among the methods offered" : found->second) +
-                   "; use one of rk, arkimex, rosw, bdf, theta, cn, beuler, alpha, ssp, euler");
+  const std::string near = suggestion(type, types);
+  throw UsageError("-ts_type " + quoted(type) + ": " +
+                   (found != why_not.end() ? found->second + "; use one of " + joined(types)
+                                           : "no such method" + (near.empty() ? "; it is one of " + joined(types) : near)));
 }
 
 const Method& offered_type(const std::string& type) {

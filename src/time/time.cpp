@@ -114,8 +114,7 @@ std::string Integrator::Impl::advice(double dt) const {
 // ---- between steps ----------------------------------------------------------------------------------------------
 
 bool Integrator::Impl::output_due(double until) {
-  while (next_output < output_times.size() && output_times[next_output] <= course.t_before) ++next_output;
-  return next_output < output_times.size() && output_times[next_output] <= until;
+  return next_output_time && next_output_time(course.t_before) <= until;
 }
 
 void Integrator::Impl::interpolate(double at, Vec into) {
@@ -206,9 +205,8 @@ Integrator::Integrator(const Model& model, const MethodSpec& method, Vec u, cons
 }
 Integrator::~Integrator() = default;
 
-void Integrator::set_output_times(std::vector<double> times) {
-  impl_->output_times = std::move(times);
-  impl_->next_output = 0;
+void Integrator::set_output_times(std::function<double(double)> next_time) {
+  impl_->next_output_time = std::move(next_time);
 }
 
 void Integrator::continue_from(PetscInt step, double dt) {

@@ -11,7 +11,7 @@ import pytest
 
 from calls import PROGRAM
 
-SHORT = ["-grid_n", "32", "-ts_max_time", "0.1"]  # what makes a run short where it does run
+SHORT = ["-grid_n", "32", "-ts_max_time", "0.1", "-progress", "off"]  # what makes a run short where it does run
 
 # Scenes: name and bytes.
 SCENES = {
@@ -218,8 +218,17 @@ ENVIRONMENT = [
 ]
 # Other commands.
 COMMANDS = [
-    (["spectrum", "-grid_n", "32", "-eps_nevv", "3"], "did you mean -eps_nev?"),
+    (["spectrum", "-grid_n", "32", "-eps_nevv", "3"], "did you mean -eps_ncv?"),
     (["spectrum", "-grid_n", "32", "-eps_tol", "x"], "-eps_tol x"),
+    (["spectrum", "-st_type", "sinvert"], "-st_type: not here: J - sigma is inverted by the program itself"),
+    (["spectrum", "-eps_target", "0"], "spectrum_method krylov"),
+    (["spectrum", "-eps_smallest_magnitude"], "the rightmost eigenvalues"),
+    (["spectrum", "-eps_nev", "3"], "spectrum_count"),
+    (["spectrum", "-eps_type", "gd"], "one of krylovschur, arnoldi, subspace"),
+    (["run", "-out_every", "1e-6", "-ts_max_time", "1e9", "-out_file", "a.h5"], "more than out_limit, 20 GB"),
+    (["run", "-out_frames", "2000000000", "-out_file", "a.h5"], "more than out_limit"),
+    (["run", "-grid_n", "8", "-out_every", "1e-300", "-out_file", "a.h5"], "more frames than can be counted"),
+    (["help", "foo"], "unknown command foo"),
     (["spectrum", "-grid_n", "32", "-spectrum_count", "0"], "-spectrum_count 0"),
     (["spectrum", "-grid_n", "32", "-spectrum_method", "kryloff"], "did you mean krylov?"),
     (["spectrum", "-grid_n", "32", "-out_file", "notes.txt"], "notes.txt"),
@@ -357,10 +366,14 @@ def test_right_use(scratch):
     gamma(["-out_displacement", "good.yaml"], "2")  # a flag does not swallow the scene
     expect(["run", "-summary", "-", "-bc_left", "velocity", "-bc_left_value", "-1.5"] + SHORT,
            '"bc_left_value": "-1.5"', silent=False)
-    expect(["run", "-eps_nev", "3"] + SHORT, "", silent=False)
-    _, _, err = run(["run", "-eps_nev", "3"] + SHORT, folder)
-    if err != "stickslip: warning: -eps_nev 3 was not used\n":
-        trouble.append(f"-eps_nev 3 for run: {err!r}")
+    expect(["run", "-eps_ncv", "30"] + SHORT, "", silent=False)
+    _, _, err = run(["run", "-eps_ncv", "30"] + SHORT, folder)
+    if err != "stickslip: warning: -eps_ncv 30 was not used\n":
+        trouble.append(f"-eps_ncv 30 for run: {err!r}")
+    expect(["help"], "commands:\n  run")
+    expect(["help", "wave"], "-wave_pulses [1]")
+    expect(["run", "-options_view"] + SHORT, "#Own options:\n-grid_n 32\n")
+    expect(["run", "-options_left", "-wave_pulses", "3"] + SHORT, "#Own options that run does not read:\n-wave_pulses 3\n")
     expect(["run", "-ts_view"] + SHORT, "TS Object")
     expect(["run", "-log_view"] + SHORT, "Performance Summary")
     assert not trouble, "\n".join(trouble)

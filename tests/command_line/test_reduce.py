@@ -13,7 +13,7 @@ from calls import PROGRAM, check, data
 
 def run(arguments, ranks=1, code=0):
     launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    done = subprocess.run(launcher + [PROGRAM, "run", "-summary", "summary.json"] + arguments.split(),
+    done = subprocess.run(launcher + [PROGRAM, "run", "-progress", "off", "-summary", "summary.json"] + arguments.split(),
                           capture_output=True, text=True, timeout=300)
     check(done.returncode == code, f"exit {done.returncode} instead of {code}: run {arguments}\n{done.stderr}")
     return json.load(open("summary.json")), done.stderr

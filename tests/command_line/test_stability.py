@@ -10,7 +10,7 @@ from calls import PROGRAM, SOURCE, check
 
 
 def call(*args):
-    done = subprocess.run([PROGRAM, *args], capture_output=True, text=True, timeout=300)
+    done = subprocess.run([PROGRAM, *args, "-progress", "off"], capture_output=True, text=True, timeout=300)
     return done.returncode, done.stdout, done.stderr
 
 

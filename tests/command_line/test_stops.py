@@ -30,7 +30,7 @@ def test_limits_of_steps_and_wall_clock():
     run(f"{scene} -out_file plain.h5")
     # steps: exit code 0, the reason, and a checkpoint where they are wanted
     s, _ = run(f"{scene} -out_file steps.h5 -ts_max_steps 50 -out_checkpoint_every 1000")
-    check(s["status"] == "done" and s["reason"] == "ts_max_steps 50; checkpoint steps.chk-000050.h5", s["reason"])
+    check(s["status"] == "stopped" and s["reason"] == "ts_max_steps 50; checkpoint steps.chk-000050.h5", s["reason"])
     check(s["stopped_at"] == "ts_max_steps 50" and s["steps"] == 50, f"stopped_at {s['stopped_at']}")
     kept("steps.h5", s, "ts_max_steps")
     run("-restart steps.chk-000050.h5 -ts_max_steps 100000")
@@ -38,7 +38,7 @@ def test_limits_of_steps_and_wall_clock():
     # the wall clock: always with a checkpoint
     for ranks in (1, 2):
         s, _ = run(f"{scene} -out_file wall.h5 -ts_max_time 1e5 -out_every 50 -ts_max_wall 0.5s", ranks)
-        check(s["status"] == "done" and s["reason"].startswith("ts_max_wall 0.5s; checkpoint wall.chk-"), s["reason"])
+        check(s["status"] == "stopped" and s["reason"].startswith("ts_max_wall 0.5s; checkpoint wall.chk-"), s["reason"])
         check(0.4 < s["wall_s"] < 20 and s["t_end"] < 1e5 and s["stopped_at"] == "ts_max_wall 0.5s", f"{s['wall_s']} s")
         kept("wall.h5", s, "ts_max_wall")
     checkpoint = s["reason"].split()[-1]

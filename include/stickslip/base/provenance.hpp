@@ -7,6 +7,9 @@
 namespace stickslip {
 
 const char* version();       // of the program, e.g. "0.1.0"
+// What to type for a script of postprocess/: `stickslip-plot` where it is installed beside the program, else
+// `postprocess/plot.py`.
+std::string script_call(const std::string& name);
 const char* git_revision();  // of the source tree it was built from; "-dirty" appended where it had changes
 
 // Keeps the words of the command line for all provenance to come. PETSc knows only the program's name.

@@ -18,6 +18,8 @@ std::string number_text(double value);
 // To so many significant digits, for messages.
 std::string rounded_text(double value, int digits = 3);
 
+// The text with blanks for control characters, whatever it holds.
+std::string one_line(std::string text);
 // Text as it may stand in a one-line message: control characters replaced, cut at 80 characters.
 std::string quoted(const std::string& text);
 

@@ -37,7 +37,8 @@ struct ObservedStep {
 struct ObservationPlan {
   double after;               // only later times are to come: -1 at the start, the time of the checkpoint afterwards
   RunLayout layout;           // what the file will hold; without an out_file nobody reads it
-  std::vector<double> times;  // inside steps, at which an observer interpolates; in any order
+  // The times inside steps at which an observer interpolates: the first later than `t`, infinity where there is none.
+  std::vector<std::function<double(double t)>> next_times;
 };
 
 class Observer {

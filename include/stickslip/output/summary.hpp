@@ -35,7 +35,15 @@ class Summary {
 
   void done();                              // status `done`
   void failed(const std::string& reason);   // status `failed`
-  void stopped(const std::string& reason);  // status `stopped`: by a signal, which `reason` names
+  void stopped(const std::string& reason);  // status `stopped`: by what `reason` names, before the end
+
+  // A file that this command has written: joins key `files`. The out_file of a command that is done joins by itself.
+  void wrote(const std::string& path);
+  // A line for a person, to be shown by tell().
+  void say(const std::string& line);
+  // Shows what was said, the seconds, the files, and what to look at next, on standard error, unless option `progress`
+  // is off.
+  void tell() const;
 
   // The whole object, warnings and seconds up to now included.
   std::string text() const;
@@ -51,7 +59,9 @@ class Summary {
   void write_from_here() const;
 
   std::unique_ptr<Json> object_;
-  std::string path_;
+  std::string path_, out_file_;
+  std::vector<std::string> lines_;
+  bool silent_;
   double begin_;
 };
 
@@ -61,7 +71,7 @@ class Summary {
 void check_summary_path(const std::string& path);
 
 // Runs the body of a command, which returns the exit code: 0 (status `done`, unless the body set another) or that
-// of a signal it stopped for. Then writes the summary. An exception other than UsageError is put into it as status
+// of a signal it stopped for. Then writes the summary and tells a person. An exception other than UsageError is put into it as status
 // `failed` and goes on to main(). Collective.
 template <class Body>
 int with_summary(Summary& summary, Body&& body);
@@ -82,6 +92,7 @@ int with_summary(Summary& summary, Body&& body) {
   }
   if (summary.is_null("status")) summary.done();
   summary.write();
+  summary.tell();
   return code;
 }
 

@@ -33,6 +33,11 @@ class StepAudit {
   StepAudit(const Model& model, const Options& options, const Integrator& integrator, double t_begin, double t_end);
   ~StepAudit();
 
+  // The longest step with which an adaptive explicit method that begins at u, near steady sliding, lets no perturbation
+  // grow much faster than it should: above it steps that the error estimate allows make those of a few nodes explode
+  // slowly. Infinity where the start is elsewhere, or any step will do.
+  static double longest_near_sliding(const Model& model, const Integrator& integrator, Vec u, double duration);
+
   // To be called at the start (index 0 of the steps) and after every accepted step.
   void after(const Integrator::Step& step);
 

@@ -61,7 +61,7 @@ class Integrator {
     double t_before, t;
     Vec u;            // at t; not to be changed
     double next_dt;   // proposed
-    // u at a time in [t_before, t] that was announced by set_output_times
+    // u at a time in [t_before, t] that was announced by set_output_times, or at t
     std::function<void(double at, Vec into)> interpolate;
   };
   enum class Verdict { go_on, restart, stop };
@@ -74,8 +74,9 @@ class Integrator {
   Integrator(const Model& model, const MethodSpec& method, Vec u, const std::string& prefix = "");
   ~Integrator();
 
-  // Times at which the observer will interpolate: told ahead, so that only steps that hold one pay for it. Sorted.
-  void set_output_times(std::vector<double> times);
+  // Times at which the observer will interpolate: told ahead, so that only steps that hold one pay for it. `next_time`
+  // gives the first one later than its argument, infinity where there is none.
+  void set_output_times(std::function<double(double after)> next_time);
 
   // Continues from a checkpoint: step number and size are taken as they were saved, whatever the options say.
   void continue_from(PetscInt step, double dt);

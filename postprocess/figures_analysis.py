@@ -1,0 +1,292 @@
+"""Pictures of what is computed about sliding and waves: spectra, trains, laws, stability diagrams."""
+import textwrap
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from figures import COLOURS, draw_nullclines, legend_below, legend_beside, set_title
+from stickslip import SYMBOL, Unusable, differing, options, scene_title, shown_name, text, told_apart
+
+
+# ---- spectrum -------------------------------------------------------------------------------------------------------
+
+def draw_spectrum(file, args):
+    """The eigenvalues in the complex plane; steady sliding and the rightmost resolved eigenvector over x."""
+    re, im, resolved = file["re"][...], file["im"][...], file["resolved"][...] > 0
+    if len(re) == 0:
+        raise Unusable("holds no eigenvalue")
+    figure = Figure(figsize=(10.0, 4.8), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    # J is real: with an eigenvalue its conjugate is one, whether it is listed or not
+    for sign in (1, -1):
+        for chosen, face, name in ((resolved, COLOURS[0], "resolved by the grid"), (~resolved, "w", "not resolved")):
+            if chosen.any():
+                left.plot(re[chosen], sign * im[chosen], "o", ms=5, mec=COLOURS[0] if face != "w" else "0.5", mfc=face,
+                          label=name if sign == 1 else None)
+    least = 0.05 * max(1e-12, np.abs(im).max(), np.abs(re).max())
+    middle = (min(re.min(), 0) + max(re.max(), 0)) / 2
+    half = max(0.6 * (max(re.max(), 0) - min(re.min(), 0)), least)
+    left.set_xlim(middle - half, middle + half)
+    edge = file["pseudo_re"][-1] if "pseudo_re" in file else middle + half
+    left.axvspan(0, edge, color=COLOURS[1], alpha=0.08, lw=0, label="growing")
+    left.axvline(0, color="0.4", lw=0.8)
+    left.set(xlabel="Re λ   (growth rate)", ylabel="Im λ   (frequency)")
+    if "log10_resolvent" in file:
+        z, w, level = file["pseudo_re"][...], file["pseudo_im"][...], file["log10_resolvent"][...]
+        lines = left.contour(z, w, level, levels=np.arange(np.floor(level.min() * 4) / 4, level.max() + 0.25, 0.25),
+                             cmap="viridis", linewidths=0.8)
+        figure.colorbar(lines, ax=left, label="log10 of the resolvent norm (energy)")
+        left.set(xlim=(z[0], z[-1]), ylim=(w[0], w[-1]))
+        left.locator_params(axis="x", nbins=5)
+    legend_below(left, 3)
+    x = file["x"][...]
+    first = max(range(len(re)), key=lambda k: (bool(resolved[k]), re[k]))
+    vector = file["psi_re"][first] + 1j * file["psi_im"][first]
+    size = np.abs(vector).max()
+    if size > 0:
+        vector = vector * np.exp(-1j * np.angle(vector[np.argmax(np.abs(vector))])) / size
+    right.plot(x, file["steady_psi"][...], color="0.55", lw=1.1, label="steady ψ")
+    right.plot(x, vector.real, color=COLOURS[0], lw=1.1, label="Re")
+    right.plot(x, vector.imag, color=COLOURS[1], lw=1.1, label="Im")
+    right.plot(x, np.abs(vector), color="k", lw=1.2, ls=":", label="modulus")
+    right.set(xlabel="x", ylabel="ψ")
+    right.margins(x=0)
+    imaginary = f" ± {abs(im[first]):.6g} i" if im[first] != 0 else ""
+    right.set_title(f"Eigenvector of λ = {re[first]:.6g}{imaginary}", fontsize=10)
+    legend_below(right, 4)
+    figure.suptitle(textwrap.fill(scene_title(file), 110), fontsize=10)
+    return figure
+
+
+# ---- wave -----------------------------------------------------------------------------------------------------------
+
+def draw_branch(axes, group, attrs):
+    """The extremes of psi and the speed or length along a branch of trains, folds marked."""
+    value = group["value"][...]
+    name = text(attrs["branch_parameter"])
+    for key, colour in (("psi_max", COLOURS[0]), ("psi_min", COLOURS[5])):
+        axes.plot(value, group[key][...], color=colour, marker=".", ms=3, lw=1,
+                  label=SYMBOL["psi"] + key[3:].replace("_", " "))
+    folds = np.flatnonzero(group["fold"][...])
+    axes.plot(value[folds], group["psi_min"][...][folds], "s", mfc="none", mec="k", ls="none", label="fold")
+    axes.set(xlabel=shown_name(name), ylabel=SYMBOL["psi"])
+    other = "speed" if np.ptp(group["speed"][...]) > 0 and name != "wave_speed" else "length"
+    twin = axes.twinx()
+    twin.spines["right"].set_visible(True)
+    twin.plot(value, group[other][...], color=COLOURS[1], lw=1, ls="--", label=other)
+    twin.set_ylabel(other)
+    lines = axes.get_lines() + twin.get_lines()
+    axes.legend(lines, [line.get_label() for line in lines], fontsize=8, loc="upper center", ncols=4,
+                bbox_to_anchor=(0.5, 0), borderaxespad=4)
+    axes.set_title(text(attrs["branch_end"]), fontsize=8)
+
+
+def draw_train_modes(axes, group):
+    """The rightmost eigenvalues of a train on its ring: filled where two meshes agree."""
+    re, im, good = group["re"][...], group["im"][...], group["resolved"][...] > 0
+    axes.axvline(0, color="0.6", lw=0.9)
+    axes.plot(re[good], im[good], "o", ms=5, color=COLOURS[0], label="resolved")
+    if not good.all():
+        axes.plot(re[~good], im[~good], "o", ms=5, mfc="none", color=COLOURS[1], label="not resolved")
+    axes.set(xlabel="Re λ", ylabel="Im λ (frame of the train)")
+    axes.margins(0.1)
+    axes.legend(fontsize=8)
+
+
+def draw_wave(file, args):
+    """Profile and phase portrait of a train; its eigenvalues and its branch where the file holds them."""
+    x, psi, eta = (file[k][...] for k in ("x", "psi", "eta"))
+    more = [name for name in ("branch", "spectrum") if name in file]
+    figure = Figure(figsize=(10.5, 9.0 if more else 5.0), layout="constrained")
+    grid = figure.add_gridspec(3 if more else 2, 2, width_ratios=[1.25, 1], height_ratios=[1, 1, 1.6] if more else None)
+    for k, name in enumerate(more):
+        below = figure.add_subplot(grid[2, k] if len(more) > 1 else grid[2, :])
+        if name == "branch":
+            draw_branch(below, file["branch"], file.attrs)
+        else:
+            draw_train_modes(below, file["spectrum"])
+    for k, (name, values) in enumerate((("psi", psi), ("eta", eta))):
+        axes = figure.add_subplot(grid[k, 0])
+        axes.plot(x, values, color=COLOURS[k])
+        axes.set_ylabel(SYMBOL[name])
+        axes.margins(x=0)
+        if k == 0:
+            axes.tick_params(labelbottom=False)
+    axes.set_xlabel("x")
+    phase = figure.add_subplot(grid[:2, 1])
+    phase.plot(psi, eta, color=COLOURS[0], lw=1.2, zorder=3, label="the train")
+    phase.margins(0.08)
+    low, high = phase.get_xlim()
+    phase.set_ylim(phase.get_ylim())
+    draw_nullclines(phase, file, low, high, uniform=False)
+    phase.set(xlabel="ψ", ylabel="η", xlim=(low, high))
+    legend_below(phase, 2)
+    pulses = int(file.attrs["pulses"])
+    figure.suptitle(f"{pulses} pulse{'s' if pulses > 1 else ''}, V = {file.attrs['speed']:.8g}, "
+                    f"L = {file.attrs['length']:.8g}, period {file.attrs['period']:.8g}\n"
+                    + textwrap.fill(scene_title(file), 110), fontsize=10)
+    return figure
+
+
+# ---- laws -----------------------------------------------------------------------------------------------------------
+
+def draw_laws(file, args):
+    psi = file["psi"][...]
+    stick = {text(name): (low, high) for name, low, high in
+             zip(file["stick/name"][...], file["stick/low"][...], file["stick/high"][...])}
+    laws = {name: file[name][...] for name in stick}
+    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+    axes = figure.subplots()
+    axes.axhline(0, color="0.8", lw=0.8, zorder=0)
+    axes.axvline(0, color="0.8", lw=0.8, zorder=0)
+
+    # a law that runs off at the ends must not flatten the others, nor cut a threshold off
+    values = np.abs(np.concatenate(list(laws.values())))
+    top = max([2 * np.percentile(values[np.isfinite(values)], 80)] +
+              [1.35 * high for _, high in stick.values() if np.isfinite(high)])
+    axes.set_ylim(-top, top)
+    width = 5.0
+    for k, (name, force) in enumerate(laws.items()):
+        low, high = stick[name]
+        style = {"color": COLOURS[k % len(COLOURS)], "ls": "--" if name == "cubic" else "-"}
+        words = name + (", steady state" if "steady" in text(file[name].attrs.get("long_name", "")) else "")
+        if np.isnan(high):
+            axes.plot(psi, force, label=words, **style)
+            continue
+        # sliding on either side of the stick range, which is the vertical at psi = 0, up to the threshold
+        axes.plot(psi[psi < 0], force[psi < 0], label=f"{words}, threshold {high:g}", **style)
+        axes.plot(psi[psi > 0], force[psi > 0], **style)
+        axes.plot([0, 0], [max(low, -2 * top), min(high, 2 * top)], lw=width, solid_capstyle="butt", **style)
+        ends = [end for end in (low, high) if np.isfinite(end)]
+        axes.plot(np.zeros(len(ends)), ends, "o", ms=width + 3, color=style["color"])
+        width *= 0.5  # what is drawn later lies on top
+    axes.set(xlabel="ψ   (sliding velocity)", ylabel="F   (friction over its amplitude)")
+    axes.margins(x=0)
+    axes.set_title("Friction laws")
+    axes.legend(fontsize=9, loc="upper left")
+    return figure
+
+
+# ---- boundary --------------------------------------------------------------------------------------------------------
+
+def draw_boundary(file, args):
+    """The stability diagram with both regions named, the closed form over it, and what time integration found."""
+    name = text(file.attrs["parameter"])
+    value, kinds = file["value"][...], [text(kind) for kind in file["kind"][...]]
+    closed = file["closed_form_v"][...]
+    sample, growth = file["sample"][...], file["growth"][...]
+    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
+    axes = figure.subplots()
+    if "parameter2" not in file.attrs:
+        axes.axhline(0, color="0.6", lw=0.8)
+        axes.plot(sample, growth, color=COLOURS[0], label="growth rate of the leading mode")
+        for v, kind, frequency in zip(value, kinds, file["frequency"][...]):
+            axes.plot([v], [0], "o", color=COLOURS[1], label=f"{kind} at {v:.8g}, frequency {frequency:.4g}")
+        if file.attrs["log"]:
+            axes.set_xscale("log")
+        axes.set(xlabel=shown_name(name), ylabel="growth rate of steady sliding")
+        axes.legend(fontsize=8)
+    else:
+        name2, value2, piece = text(file.attrs["parameter2"]), file["value2"][...], file["piece"][...]
+        sample2 = file["sample2"][...]
+        far = 1 + 2 * np.nanmax(np.abs(growth))
+        axes.contourf(sample, sample2, growth, levels=[-far, 0, far], colors=["#eef4fb", "#fbeeea"])
+        for number in np.unique(piece):
+            chosen = piece == number
+            axes.plot(value[chosen], value2[chosen], ".-", color=COLOURS[0], ms=4, clip_on=False,
+                      label="sliding loses stability" if number == piece.min() else None)
+        if name2 == "model_v" and np.isfinite(closed).any():
+            axes.plot(value, closed, "--", color=COLOURS[1], lw=1, label="closed form")
+        elif name == "model_v" and np.isfinite(closed).any():
+            axes.plot(closed, value2, "--", color=COLOURS[1], lw=1, label="closed form")
+        switched = file["switched"][...] > 0.5
+        if switched.any():
+            axes.plot(value[switched], value2[switched], "D", color=COLOURS[4], ms=6, label="another mode leads")
+        if file.attrs["log"]:
+            axes.set_xscale("log")
+        if file.attrs["log2"]:
+            axes.set_yscale("log")
+        axes.set_xlim(sorted((sample[0], sample[-1])))
+        axes.set_ylim(sorted((sample2[0], sample2[-1])))
+        # each region is named where it is deepest inside
+        # that perturbations of sliding decay does not say that no cycle lives beside it
+        for sign, words in ((1, "stick-slip\n(sliding unstable)"), (-1, "sliding stable;\nstick-slip may coexist")):
+            inside = np.where(np.isfinite(growth), sign * growth > 0, False)
+            if inside.any():
+                j, i = deepest(inside)
+                x, y = axes.transAxes.inverted().transform(axes.transData.transform((sample[i], sample2[j])))
+                x, y = np.clip(x, 0.15, 0.85), np.clip(y, 0.05, 0.95)
+                axes.text(x, y, words, ha="center", va="center", fontsize=10, color="0.25", transform=axes.transAxes,
+                          bbox={"fc": "#eef4fb" if sign < 0 else "#fbeeea", "ec": "none", "pad": 1})
+                axes.plot(x + np.linspace(-0.14, 0.14, 9), np.full(9, y), ls="none",
+                          transform=axes.transAxes)  # unseen: keeps the legend off the words
+        axes.set(xlabel=shown_name(name), ylabel=shown_name(name2))
+        axes.legend(fontsize=8, frameon=True, framealpha=0.8)
+    if "verified/value" in file:
+        group = file["verified"]
+        for regime, mark in (("sliding", "o"), ("stick-slip", "^"), ("both live", "s"), ("undecided", "x")):
+            # a mark on the border of the picture is shown whole
+            chosen = np.array([text(r) == regime for r in group["regime"][...]])
+            if chosen.any():
+                y = group["value2"][...][chosen] if "parameter2" in file.attrs else np.zeros(chosen.sum())
+                axes.plot(group["value"][...][chosen], y, mark, color=COLOURS[2], mfc="none", ls="none",
+                          clip_on=False, label=f"integrated: {regime}")
+        axes.legend(fontsize=8, frameon=True, framealpha=0.8)
+    same = [other.strip() for other in options(file).get("boundary_same", "").split(",")]
+    set_title(axes, scene_title(file, [name, text(file.attrs.get("parameter2", "")), *same]))
+    return figure
+
+
+def overlay_boundaries(files, args):
+    """Stability diagrams over each other, which must have the same axes: the curves, computed and in closed form."""
+    names = [tuple(text(file.attrs.get(one, "")) for one in ("parameter", "parameter2")) for file in files]
+    if len(set(names)) > 1 or not names[0][1]:
+        raise Unusable("and the others do not vary the same two options")
+    figure = Figure(figsize=(7.6, 5.0), layout="constrained")
+    axes = figure.subplots()
+    for k, (file, shown) in enumerate(zip(files, told_apart(files))):
+        colour = COLOURS[k % len(COLOURS)]
+        value, value2, piece, closed = (file[one][...] for one in ("value", "value2", "piece", "closed_form_v"))
+        for number in np.unique(piece):
+            chosen = piece == number
+            axes.plot(value[chosen], value2[chosen], ".-", color=colour, ms=4, clip_on=False,
+                      label=shown if number == piece.min() else None)
+        if "model_v" in names[0] and np.isfinite(closed).any():
+            across, up = (value, closed) if names[0][1] == "model_v" else (closed, value2)
+            axes.plot(across, up, "--", color="k", lw=0.9, zorder=4, label="closed form" if k == 0 else None)
+    file = files[0]
+    axes.set_xscale("log" if file.attrs["log"] else "linear")
+    axes.set_yscale("log" if file.attrs["log2"] else "linear")
+    axes.set(xlabel=shown_name(names[0][0]), ylabel=shown_name(names[0][1]))
+    legend_beside(axes)
+    set_title(axes, scene_title(file, [*names[0], *differing(files)]))
+    return figure
+
+
+def overlay_spectra(files, args):
+    """The eigenvalues of several scenes in one plane."""
+    figure = Figure(figsize=(7.6, 5.0), layout="constrained")
+    axes = figure.subplots()
+    axes.axvline(0, color="0.4", lw=0.8)
+    for k, (file, shown) in enumerate(zip(files, told_apart(files))):
+        re, im, good = file["re"][...], file["im"][...], file["resolved"][...] > 0
+        for sign in (1, -1):  # J is real: with an eigenvalue its conjugate is one
+            axes.plot(re[good], sign * im[good], "o", ms=5, mfc="none", color=COLOURS[k % len(COLOURS)],
+                      label=shown if sign == 1 else None)
+    axes.margins(0.1)
+    axes.set(xlabel="Re λ   (growth rate)", ylabel="Im λ   (frequency)")
+    legend_beside(axes)
+    set_title(axes, scene_title(files[0], differing(files)))
+    return figure
+
+
+def deepest(inside):
+    """Row and column of the True entry farthest from every False one and from the rim."""
+    layer, last = np.pad(inside, 1), None
+    while layer.any():
+        last = layer
+        layer = layer[1:-1, 1:-1] & layer[:-2, 1:-1] & layer[2:, 1:-1] & layer[1:-1, :-2] & layer[1:-1, 2:]
+        layer = np.pad(layer, 1)
+    rows, columns = np.nonzero(last[1:-1, 1:-1])
+    middle = len(rows) // 2
+    return rows[middle], columns[middle]

@@ -1,0 +1,173 @@
+"""Results of stickslip in Python: run a command, open any file that it wrote.
+
+    import stickslip
+
+    summary = stickslip.run("run", "runs/ring.yaml", ts_max_time=10, out_file="ring.h5")
+    summary["regime"], summary["wave_speed"]
+    ring = stickslip.open("ring.h5")               # an xarray.Dataset with units and labels
+    ring.psi.sel(t=5, method="nearest").plot()
+    stickslip.open("ring.h5", "series").psi_max    # groups: series, probes, events, ...
+    stickslip.options(ring)["model_gamma"]         # what made it, defaults included
+
+The program is that of STICKSLIP in the environment, else `stickslip` of the PATH, else build/stickslip of this source
+tree. Files are read with h5py by the scripts beside this one: `reading`, `text`, `label`, `scene_title`.
+"""
+import contextlib
+import io
+import json
+import math
+import os
+import shutil
+import subprocess
+import tempfile
+
+import h5py
+
+SYMBOL = {"psi": "ψ", "eta": "η", "tau": "τ", "theta": "θ", "chi": "χ"}
+GREEK = {"model_gamma": "γ", "model_delta": "δ", "model_zeta": "ζ", "model_f0": "f₀", "model_k0": "k₀",
+         "model_k1": "k₁", "model_c": "c", "model_m": "m", "model_v": "v"}
+
+
+class Unusable(Exception):
+    """A file that cannot be read; the text is one line for the user, to stand after the file's name."""
+
+
+class Failed(Exception):
+    """A command that did not end with code 0: the program's line of error, and `code`."""
+
+    def __init__(self, message, code):
+        super().__init__(message)
+        self.code = code
+
+
+def program():
+    """The path of the program."""
+    beside = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "build", "stickslip")
+    return os.environ.get("STICKSLIP") or shutil.which("stickslip") or os.path.normpath(beside)
+
+
+def words_of(settings):
+    """Options of a command line: ts_max_time=10 is -ts_max_time 10, a list becomes comma-joined, None is left out."""
+    words = []
+    for name, value in settings.items():
+        if value is None:
+            continue
+        value = "true" if value is True else "false" if value is False else value
+        words += ["-" + name, ",".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)]
+    return words
+
+
+def run(command, *words, ranks=1, **settings):
+    """Runs a command (a scene and further words as they are typed; options by name) and returns its summary as a dict.
+    Raises Failed where the exit code is not 0."""
+    with tempfile.TemporaryDirectory() as folder:
+        summary = os.path.join(folder, "summary.json")
+        line = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+        line += [program(), command, *map(str, words), *words_of(settings), "-progress", "off", "-summary", summary]
+        done = subprocess.run(line, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            said = [one for one in done.stderr.splitlines() if one.startswith("stickslip: error: ")]
+            raise Failed(said[0] if said else done.stderr.strip(), done.returncode)
+        with io.open(summary, encoding="utf-8") as file:  # `open` is that of results here
+            return json.load(file)
+
+
+def open(path, group=None):  # as xarray.open_dataset is meant: stickslip.open
+    """The file, or one group of it, as an xarray.Dataset: coordinates x, t, mode, ...; `units` and `long_name` of each
+    variable are used by its plots; the attributes of the file say what made it."""
+    import xarray
+    with reading(path) as file:
+        if group is not None and group not in file:
+            groups = [name for name, item in file.items() if isinstance(item, h5py.Group)]
+            raise Unusable(f"has no group '{group}' (it has {', '.join(groups) or 'none'})")
+        attributes = dict(file.attrs)
+    dataset = xarray.load_dataset(path, group=group, engine="h5netcdf")
+    dataset.attrs = {**attributes, **dataset.attrs}
+    return dataset
+
+
+def options(file):
+    """The options behind a Dataset or an open file, name without dash to text."""
+    return json.loads(text(file.attrs["options"]))
+
+
+# ---- for the scripts beside this one --------------------------------------------------------------------------------
+
+@contextlib.contextmanager
+def reading(path):
+    """The open h5py.File of a result; raises Unusable."""
+    if not os.path.exists(path):
+        raise Unusable("does not exist")
+    if not os.path.isfile(path):
+        raise Unusable("is not a file")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise Unusable(f"is not a readable HDF5 file ({str(error).splitlines()[0]})") from error
+    with file:
+        if text(file.attrs.get("program", "")) != "stickslip":
+            raise Unusable("was not written by stickslip")
+        yield file
+
+
+def text(value):
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def label(name, dataset=None):
+    """Axis label of a dataset: its symbol and what it is."""
+    symbol = SYMBOL.get(name, name.replace("_", " "))
+    words = text(dataset.attrs.get("long_name", "")) if dataset is not None else ""
+    return f"{symbol}   ({words})" if words and words != symbol else symbol
+
+
+def shown_name(option):
+    """An option as it is called in a picture: its symbol, or its name with blanks."""
+    return GREEK.get(option, option.replace("_", " "))
+
+
+def scene_title(file, varied=()):
+    """Says which scene this is, from the options in the file, those in `varied` left out."""
+    every = options(file)
+    known = {name: value for name, value in every.items() if name not in varied}
+    form = known.get("model_form", "")
+    names = {"continuum": ["gamma", "delta", "c", "v"], "chain": ["m", "k0", "k1", "f0", "zeta", "v"]}.get(form, [])
+    parts = [form] if form else []
+    law, state = known.get("friction_law", ""), known.get("state_law", "")
+    parts += [law] if law else []
+    parts += [f"state law {state}"] if state not in ("", "none") else []
+    for name in names:
+        value = known.get("model_" + name, "")
+        if value == "":
+            continue
+        if name == "zeta" and value == "paper":
+            value = "√(0.1 m k₁)"
+            if not {"model_m", "model_k1"} & set(varied):
+                value += f" = {math.sqrt(0.1 * float(every['model_m']) * float(every['model_k1'])):.4g}"
+        parts.append(f"{GREEK['model_' + name]} = {value}")
+        if name == "delta" and float(value) != 0:
+            parts[-1] += f" ({known.get('model_delta_sign', 'derived')})"
+    if "model_delta" in varied and form == "continuum":
+        parts.append(f"sign of δ {every.get('model_delta_sign', 'derived')}")
+    if known.get("friction_spread", "0") not in ("", "0"):
+        parts.append(f"spread {known['friction_spread']}")
+    return ", ".join(part.replace(" ", "\u00a0") for part in parts)
+
+
+def differing(files):
+    """The options in which open files differ, output aside."""
+    every = [options(file) for file in files]
+    names = [name for name in every[0] if len({o.get(name, "") for o in every}) > 1 and
+             not name.startswith(("out_", "summary", "progress", "boundary_"))]
+    follow = ("bc_left_value", "bc_right_value") if "model_v" in names else ()  # by default
+    return [name for name in names if not (name in follow and all(o[name] == o["model_v"] for o in every))]
+
+
+def told_apart(files):
+    """A name for each of several open files: the options in which they differ, else the file's name."""
+    every, names = [options(file) for file in files], differing(files)
+    if not names or len(names) > 3:
+        return [os.path.splitext(os.path.basename(file.filename))[0] for file in files]
+    return [", ".join(f"{shown_name(name)} = {o[name]}" if name in GREEK else o.get(name, "") if
+                      name in ("friction_law", "state_law") else f"{shown_name(name)} {o.get(name, '')}"
+                      for name in names) for o in every]

@@ -1,0 +1,73 @@
+"""What every command says at its end, for a person: on standard error, two or three lines, and not with -progress off."""
+import json
+import os
+import signal
+import subprocess
+import time
+
+import pytest
+
+from calls import PROGRAM, check
+
+
+def said(*words, code=0, summary=False):
+    more = ["-summary", "s.json"] if summary else []
+    done = subprocess.run([PROGRAM, *words, *more], capture_output=True, text=True, timeout=300)
+    check(done.returncode == code, f"{words}: exit {done.returncode}\n{done.stderr}")
+    lines = done.stderr.splitlines()
+    check(all(line.startswith("stickslip: ") for line in lines), done.stderr)
+    return done.stderr
+
+
+SHORT = ("-grid_n", "32", "-ts_max_time", "5")
+
+
+@pytest.mark.parametrize("words, parts", [
+    (("run", *SHORT, "-out_file", "a.h5"), ["steady sliding is unstable: perturbations grow like exp(", "t = 5 in ",
+                                            "steps of rk:5dp", "sign of delta: derived", "wrote a.h5", "plot.py a.h5"]),
+    (("run", *SHORT), ["nothing is kept without -out_file"]),
+    (("run", *SHORT, "-ts_max_steps", "3"), ["stopped at t = ", "ts_max_steps 3", "without -out_file there is no checkpoint"]),
+    (("run", *SHORT, "-check", "-out_file", "c.h5"), ["checked: 32 nodes", "rk:5dp", "200 frames", "the whole run"]),
+    (("spectrum", "-grid_n", "32"), ["steady sliding is unstable: growth rate 2.23196", "modes of 64"]),
+    (("laws",), ["F(psi) of cubic"]),
+    (("wave", "-model_delta", "0", "-model_v", "0.5", "-wave_length", "25"), ["train of 1 pulse", "period T = "]),
+    (("boundary", "-boundary_parameter", "model_v", "-boundary_from", "0.5", "-boundary_to", "1.5"),
+     ["unstable from 0.5 to 0.966", "stable from 0.966"]),
+    (("chart", *SHORT, "-chart_methods", "rk:5dp,arkimex:4:friction", "-chart_tolerances", "1e-4,1e-6", "-chart_orders", "2",
+      "-chart_grids", "32", "-chart_repeats", "1"), ["error below 0.001: ", "4 of 4 rows"])])
+def test_last_lines(words, parts):
+    text = said(*words)
+    missing = [part for part in parts if part not in text]
+    check(not missing and len(text.splitlines()) <= 5, f"{missing} not in\n{text}")
+    check(not os.path.exists("c.h5"), "-check writes nothing")
+
+
+def test_silence_and_keys():
+    check(said("laws", "-progress", "off") == "", "silent")
+    said("run", *SHORT, "-out_file", "a.h5", "-ts_max_steps", "3", "-out_checkpoint_every", "2", summary=True)
+    with open("s.json", encoding="utf-8") as file:
+        summary = json.load(file)
+    check(summary["status"] == "stopped" and summary["files"] == ["a.h5", "a.chk-000003.h5"], summary["files"])
+    text = said("run", "-restart", "a.chk-000003.h5", "-ts_max_steps", "1000000")
+    check("stopped" not in text, "the run that the checkpoint goes on with ends")
+
+
+def test_no_boundary_says_where_to_look():
+    text = said("boundary", "-boundary_parameter", "model_v", "-boundary_from", "1", "-boundary_to", "1.2", code=1)
+    check("sliding is stable throughout" in text and "below 1" in text, text)
+
+
+def test_interrupted():
+    process = subprocess.Popen([PROGRAM, "run", "-grid_n", "32", "-ts_max_time", "1e7", "-out_every", "10", "-out_file",
+                                "i.h5"], stderr=subprocess.PIPE, text=True)
+    while not os.path.exists("i.h5") and process.poll() is None:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    text = process.communicate(timeout=60)[1]
+    check(process.returncode == 130 and "by SIGINT; to go on: stickslip run -restart i.chk-" in text, text)
+
+
+def test_noise_upon_a_file_is_told():
+    said("run", *SHORT, "-out_file", "a.h5")
+    text = said("run", *SHORT, "-init_type", "file", "-init_file", "a.h5", "-init_noise", "1e-3")
+    check("each time that a run goes on" in text, text)
