@@ -18,8 +18,8 @@ SMALL = " -grid_n 64 -grid_length 6 -init_type sine -ts_max_time 1"
 
 
 @pytest.mark.parametrize("arguments, code, text", [
-    ("-ts_type eimex", 2, "error: ts_type eimex"),
-    ("-ts_type glee", 2, "error: ts_type glee: it ignores the implicit part"),
+    ("-ts_type eimex", 2, "error: -ts_type eimex"),
+    ("-ts_type glee", 2, "error: -ts_type glee: it ignores the implicit part"),
     ("-ts_type arkimex -ts_arkimex_type bpr3", 2, "its order falls to 1"),
     ("-ts_type rk -ts_rk_type 4 -ts_adapt_type basic", 2, "rk:4 has no error estimate"),
     ("-ts_type rk -ts_rk_type 4 -ts_dt 0.01 -ts_rtol 1e-9", 0, "warning: ts_rtol has no effect"),
