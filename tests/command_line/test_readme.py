@@ -24,7 +24,7 @@ def test_tour():
     said = {}
     for command in commands:
         done = subprocess.run(command, shell=True, capture_output=True, text=True)
-        assert done.returncode == 0 and "stickslip: error" not in done.stderr, f"{command}\n{done.stderr}"
+        assert done.returncode == 0 and "stickslip: error: " not in done.stderr, f"{command}\n{done.stderr}"
         said[command] = done.stdout
 
     def summary(start):

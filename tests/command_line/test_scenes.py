@@ -25,5 +25,5 @@ def test_scene_says_what_it_shows_and_starts(scene):
     assert len(re.match(r"(#.*\n)*", text).group(0)) > 40, f"{scene} does not say what it shows"
     command = (re.findall(r"^(boundary|chart|laws|spectrum|wave)[:_]", text, re.MULTILINE) or ["run"])[0]
     done = subprocess.run([PROGRAM, command, scene, *FEW.get(command, [])], capture_output=True, text=True)
-    assert done.returncode == 0 and "stickslip: error" not in done.stderr, done.stderr
+    assert done.returncode == 0 and "stickslip: error: " not in done.stderr, done.stderr
     assert ("does not fit" in done.stderr) == ("pacemaker-jump" in scene), done.stderr
