@@ -287,7 +287,7 @@ TEST_CASE("methods that would give a wrong answer are refused", "[serial]") {
     const std::string text = refusal({{"ts_type", type}});
     INFO(type);
     CHECK(text.find(std::string("-ts_type ") + type) == 0);
-    CHECK(text.find("use one of rk, arkimex") != std::string::npos);
+    CHECK(text.find("use one of rk, euler, ssp, arkimex") != std::string::npos);
   }
   CHECK(refusal({{"ts_type", "arkimex"}, {"ts_arkimex_type", "bpr3"}}).find("order falls to 1") != std::string::npos);
   for (const char* subtype : {"lassp3p4s2c", "llssp3p4s2c", "ark3"})
