@@ -38,7 +38,7 @@ install_missing() {
     die "apt-get could not install ${missing[*]}"
 }
 
-cores=$(nproc)  # before OMP_NUM_THREADS is set, which nproc obeys
+cores=$(env -u OMP_NUM_THREADS nproc)  # nproc obeys that variable
 
 # Open MPI: allow root and more ranks than cores, start a single process without a daemon.
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_rmaps_base_oversubscribe=1
