@@ -1,4 +1,5 @@
-// A scene: the physical problem with its grid, ends and start, as plain checked values.
+// A scene: the physical problem with its grid, ends and start, as plain checked values, alike on every rank. Nothing
+// here communicates.
 //
 // Every form of the model is one semi-discrete system (per node; B and delta are never both non-zero)
 //     psi_t = A [eta - B psi - F(psi, state)]

@@ -1,4 +1,4 @@
-// Centred second differences of order 2, 4, 6, 8 and the ends of the grid.
+// Centred second differences of order 2, 4, 6, 8 and the ends of the grid. Local to the process.
 //
 // At every node D2 psi = sum_{|j| <= p/2} w_|j| psi[i+j] with the same weights; an end enters only through the values
 // given to the halo, the p/2 nodes beyond it, each a linear combination of nodes inside:

@@ -1,7 +1,7 @@
 // Linear chains that close on themselves: y_{i+1} = Phi_i y_i + r_i, i = 0..N-1, y_N = twist y_0.
 //
 // Eliminated from the left by orthogonal transformations of two block rows at a time, which is stable whether the
-// Phi grow or shrink, in O(N d^3). T is double or std::complex<double>. Small matrices are row-major.
+// Phi grow or shrink, in O(N d^3). T is double or std::complex<double>. Small matrices are row-major. Local to the process.
 #pragma once
 
 #include <cmath>

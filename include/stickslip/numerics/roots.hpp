@@ -1,5 +1,6 @@
-// Zeros of a real function of one real variable and of polynomials, and the place where a condition begins to fail. Nothing communicates;
-// a function that does is called the same number of times with the same arguments on every rank whose values agree.
+// Zeros of a real function of one real variable and of polynomials, and the place where a condition begins to fail.
+// Nothing communicates; a function that does is called the same number of times with the same arguments on every rank
+// whose values agree.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Brings an interleaved vector (dof values a node, nodes in order) to rank 0, and back.
+// Brings an interleaved vector (dof values a node, nodes in order) to rank 0, and back: for files, which rank 0 writes.
 #pragma once
 
 #include <petscvec.h>

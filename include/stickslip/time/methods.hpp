@@ -1,5 +1,5 @@
 // The time-stepping methods of PETSc that are offered, and what is known of each. tests/test_methods.cpp measures
-// every entry and writes the table of docs/methods.md.
+// every entry and writes the table of docs/methods.md. Nothing here communicates.
 #pragma once
 
 #include <string>
