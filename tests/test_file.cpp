@@ -260,7 +260,8 @@ TEST_CASE("outputs that cannot be written are found before any work", "[output]"
   CHECK_THAT(out(folder / ""), of("is a folder"));
   CHECK_THAT(out(folder / "none/a.h5"), of("out_file '" + (folder / "none/a.h5") + "': the folder"));
   CHECK_THAT(out("/dev/null"), of("not a regular file"));
-  CHECK_THAT(out("/proc/a.h5"), of("cannot be written"));
+  if (present("/proc/self/stat"))  // where it is mounted: a folder that refuses, root too
+    CHECK_THAT(out("/proc/a.h5"), of("cannot be written"));
   CHECK_THAT(usage_error([&] { check_outputs(folder / "a", folder / "a"); }), of("the same file as out_file"));
   CHECK_THAT(usage_error([&] { check_outputs(folder / "a", (folder / "") + "./a"); }), of("the same file"));
   CHECK(usage_error([&] { check_outputs(folder / "a", folder / "b"); }) == "no error");

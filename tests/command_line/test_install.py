@@ -55,7 +55,7 @@ def test_installed():
     with open("CMakeLists.txt", "w", encoding="utf-8") as file:
         file.write("cmake_minimum_required(VERSION 3.25)\nproject(user LANGUAGES C CXX)\nfind_package(stickslip 0.2 REQUIRED)\n"
                    "add_executable(user user.cpp)\ntarget_link_libraries(user stickslip::core)\n")
-    said("cmake", "-S", ".", "-B", "own", f"-DCMAKE_PREFIX_PATH={prefix}")
+    said("cmake", "-G", "Ninja", "-S", ".", "-B", "own", f"-DCMAKE_PREFIX_PATH={prefix}")
     said("cmake", "--build", "own")
     check(said(os.path.join("own", "user")) == "2.68955\n", "a program of one's own: the train of the README")
 
@@ -67,6 +67,6 @@ def test_part_of_another_project():
                    "target_link_libraries(outer stickslip::core)\n")
     with open("outer.cpp", "w", encoding="utf-8") as file:
         file.write("int main() {}\n")
-    said("cmake", "-S", ".", "-B", "own")
+    said("cmake", "-G", "Ninja", "-S", ".", "-B", "own")
     files = glob.glob("own/**/CTestTestfile.cmake", recursive=True)
     check(not files, f"the tests stay out: {files}")
