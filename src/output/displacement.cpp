@@ -1,6 +1,7 @@
 #include "stickslip/output/displacement.hpp"
 
 #include "stickslip/base/error.hpp"
+#include "stickslip/numerics/banded_ksp.hpp"
 
 namespace stickslip {
 
@@ -24,19 +25,7 @@ Displacement::Displacement(const Model& model) : model_(model) {
 
   SS_TRY(KSPCreate(model.comm(), ksp_.out()));
   SS_TRY(KSPSetOperators(ksp_, matrix_, matrix_));
-  SS_TRY(KSPSetType(ksp_, KSPPREONLY));
-  PC pc;
-  SS_TRY(KSPGetPC(ksp_, &pc));
-  int ranks;
-  MPI_Comm_size(model.comm(), &ranks);
-  if (ranks > 1) {
-    SS_TRY(PCSetType(pc, PCREDUNDANT));
-    KSP inner;
-    SS_TRY(PCRedundantGetKSP(pc, &inner));
-    SS_TRY(KSPGetPC(inner, &pc));
-  }
-  SS_TRY(PCSetType(pc, PCLU));
-  SS_TRY(PCFactorSetMatOrderingType(pc, MATORDERINGNATURAL));
+  solve_by_banded_lu(ksp_);
   SS_TRY(KSPSetUp(ksp_));
 }
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "stickslip/base/error.hpp"
+#include "stickslip/numerics/banded_ksp.hpp"
 #include "time/choice.hpp"
 
 namespace stickslip {
@@ -109,24 +110,11 @@ void Equations::set_newton(SNES snes, bool shares_jacobian, double tolerance) {
 }
 
 void Equations::set_linear_solver(KSP ksp) const {
+  if (implicit_ == Implicit::wave || implicit_ == Implicit::both) return solve_by_banded_lu(ksp);
   PC pc;
   SS_TRY(KSPSetType(ksp, KSPPREONLY));
   SS_TRY(KSPGetPC(ksp, &pc));
-  if (implicit_ == Implicit::friction || implicit_ == Implicit::none) {
-    SS_TRY(PCSetType(pc, PCPBJACOBI));
-    return;
-  }
-  int ranks;
-  MPI_Comm_size(model_.comm(), &ranks);
-  // Banded: LU in natural order costs O(n); on several ranks each factors the whole, which is still the fastest.
-  if (ranks > 1) {
-    SS_TRY(PCSetType(pc, PCREDUNDANT));
-    KSP inner;
-    SS_TRY(PCRedundantGetKSP(pc, &inner));
-    SS_TRY(KSPGetPC(inner, &pc));
-  }
-  SS_TRY(PCSetType(pc, PCLU));
-  SS_TRY(PCFactorSetMatOrderingType(pc, MATORDERINGNATURAL));
+  SS_TRY(PCSetType(pc, PCPBJACOBI));
 }
 
 }  // namespace stickslip
