@@ -1,0 +1,82 @@
+// Branches of cycles: pseudo-arclength continuation in one parameter, for any kind of cycle that can be solved for along
+// a direction (CyclePath), with the special points on the way.
+//
+// Source: H. B. Keller, in Applications of Bifurcation Theory, Academic Press 1977, 359-384; Yu. A. Kuznetsov, Elements of
+// Applied Bifurcation Theory, Springer 2004, sections 4.4, 5.3 and 10.2. Computed alike on every rank.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "stickslip/cycles/cycle.hpp"
+
+namespace stickslip {
+
+// Coordinates that tell the cycles of a branch apart, each in units in which a change of 1 is large; the parameter, over the
+// length of its range, is the last.
+using Place = std::vector<double>;
+
+// The cycles of a family beside the one where a branch stands. A cycle is asked for by one linear condition on its
+// place; go() solves for it from a prediction along the tangent and keeps it as the candidate, accept() moves there.
+class CyclePath {
+ public:
+  virtual ~CyclePath() = default;
+  virtual Place place() const = 0;      // where the branch stands
+  virtual Place candidate() const = 0;  // place of the candidate
+  // The tangent of the branch where it stands, of length 1, on the side of `row`; go() predicts along it.
+  virtual Place tangent(const Place& row) = 0;
+  // Solves for the cycle with row . place = right, starting `length` along the tangent. Throws Error where there is none.
+  virtual void go(double length, const Place& row, double right) = 0;
+  virtual Cycle cycle() const = 0;      // the candidate (after accept(): where the branch stands)
+  virtual void accept() = 0;
+};
+
+// A special point, between two points of the branch, located to 1e-8 of the parameter's range. Kinds:
+//   fold             the parameter turns round (a multiplier passes 1)
+//   flip             a multiplier passes -1: the period doubles
+//   torus            a complex pair passes |mu| = 1
+//   hopf             the amplitude vanishes: steady sliding; the branch ends
+//   infinite-period  the period grows beyond all bounds: the branch ends
+//   long-wave        the phase diffusion changes its sign
+//   wave             a wave of finite length begins or ceases to grow: `wavenumber`
+// and the names of Cycle::tests.
+struct SpecialPoint {
+  std::string kind;
+  double value = 0;       // of the parameter
+  double period = 0;
+  double wavenumber = 0;  // of `wave`
+  std::size_t after = 0;  // it lies behind this point of the branch
+};
+
+struct CyclePoint {
+  double value = 0;
+  Cycle cycle;
+  bool stable = false;       // with `watch`: to its waves too
+  double growth_rate = 0;    // largest, the phase mode left out
+  double wavenumber = 0;     // which grows so; 0 without waves
+};
+
+struct CycleBranch {
+  std::vector<CyclePoint> points;
+  std::vector<SpecialPoint> special;
+  std::string end;  // why it ends, in words
+};
+
+// What is said of every cycle of a branch besides its own multipliers, and functions whose changes of sign are special
+// points: `long-wave` and `wave`.
+struct Watched {
+  bool stable = false;
+  double growth_rate = 0, wavenumber = 0;
+  std::map<std::string, double> tests;
+};
+using CycleWatch = std::function<Watched(double value, const Cycle& cycle)>;
+
+// Follows the branch from where `path` stands, whose cycle is `first`, towards the value `to` of the parameter `name`, which
+// stands at `from`, in at most `steps` steps. Ends at `to`, at a Hopf point or an infinite period, where the parameter comes
+// back past its start, where no cycle is found further on, or after `steps`.
+CycleBranch continue_cycle(CyclePath& path, const Cycle& first, const std::string& name, double from, double to,
+                           int steps, const CycleWatch& watch = nullptr);
+
+}  // namespace stickslip
