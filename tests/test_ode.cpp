@@ -5,7 +5,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/interpolation.hpp"
-#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/model/oscillator.hpp"
 
 using namespace stickslip;
 

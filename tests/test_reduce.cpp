@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "stickslip/base/error.hpp"
-#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/model/oscillator.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/time/time.hpp"

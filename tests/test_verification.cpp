@@ -10,7 +10,7 @@
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/model/oscillator.hpp"
 #include "stickslip/time/time.hpp"
 
 using namespace stickslip;

@@ -10,7 +10,7 @@
 #include "study/step_forecast.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/gather.hpp"
-#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/model/oscillator.hpp"
 #include "stickslip/study/start.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/waves/wave_stability.hpp"

@@ -9,7 +9,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/output/reader.hpp"
-#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/model/oscillator.hpp"
 #include "stickslip/waves/train.hpp"
 
 namespace stickslip {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "stickslip/waves/train.hpp"
-#include "waves/mesh.hpp"
+#include "stickslip/numerics/periodic_mesh.hpp"
 
 namespace stickslip {
 

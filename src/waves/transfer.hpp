@@ -3,7 +3,7 @@
 // A perturbation exp(lambda t) (P, E[, S])(xi), xi = t - x/V, is exp(Lambda x) Q(xi) with Lambda = lambda/V and
 // Q = exp(lambda xi) P: a wave of wavenumber Im Lambda as it is seen at a fixed place. Q varies as slowly as the
 // uniform oscillation's perturbations do, however fast the train is, while P turns |lambda| T times a period. With
-// e = c^2/V^2, kappa = K1/V^2 and the Jacobian J of the oscillator (waves/oscillator.hpp)
+// e = c^2/V^2, kappa = K1/V^2 and the Jacobian J of the oscillator (model/oscillator.hpp)
 //     P' = (J00 - lambda e/r2) P + J01 Z + J02 S
 //     Z' = (J10 + K1 Lambda^2/r2 - lambda kappa J00) P - (lambda e/r2) Z - lambda kappa J02 S
 //     S' = g_psi P + g_s S
@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "stickslip/waves/train.hpp"
-#include "waves/mesh.hpp"
+#include "stickslip/numerics/periodic_mesh.hpp"
 
 namespace stickslip {
 

@@ -12,7 +12,7 @@
 
 #include <optional>
 
-#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/model/oscillator.hpp"
 #include "stickslip/model/scene.hpp"
 
 namespace stickslip {

@@ -3,8 +3,7 @@
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/roots.hpp"
-#include "stickslip/waves/oscillator.hpp"
-#include "waves/mesh.hpp"
+#include "stickslip/model/oscillator.hpp"
 
 namespace stickslip {
 

@@ -1,9 +1,7 @@
-#include "waves/mesh.hpp"
+#include "stickslip/numerics/periodic_mesh.hpp"
 
 #include <algorithm>
 #include <cmath>
-
-#include "stickslip/waves/oscillator.hpp"
 
 namespace stickslip {
 
@@ -12,58 +10,29 @@ void evaluate(const Collocation& method, const std::vector<double>& mesh, const 
   phase -= std::floor(phase);
   const size_t n = mesh.size() - 1;
   const size_t i = std::min(size_t(std::upper_bound(mesh.begin(), mesh.end(), phase) - mesh.begin() - 1), n - 1);
-  double w[train_stages + 1];
+  double w[mesh_stages + 1];
   method.basis.weights((phase - mesh[i]) / (mesh[i + 1] - mesh[i]), w);
-  const double* points = x + i * size_t(d) * (train_stages + 1);
+  const double* points = x + i * size_t(d) * (mesh_stages + 1);
   for (int a = 0; a < d; ++a) {
     y[a] = 0;
-    for (int j = 0; j <= train_stages; ++j) y[a] += w[j] * points[j * d + a];
+    for (int j = 0; j <= mesh_stages; ++j) y[a] += w[j] * points[j * d + a];
   }
 }
 
-std::vector<double> PeriodicMotion::phases() const {
-  std::vector<double> result;
-  for (size_t i = 0; i < intervals(); ++i)
-    for (double at : method->basis.points()) result.push_back(mesh[i] + (mesh[i + 1] - mesh[i]) * at);
-  return result;
-}
-
-void PeriodicMotion::at(double phase, double* y) const {
-  evaluate(*method, mesh, values.data(), oscillator->dim(), phase, y);
-}
-
-double PeriodicMotion::psi_at(double phase) const {
-  double y[train_max_dim];
-  at(phase, y);
-  return y[0];
-}
-
-double PeriodicMotion::eta_at(double phase) const {
-  double y[train_max_dim];
-  at(phase, y);
-  return oscillator->eta(r2, y);
-}
-
-double PeriodicMotion::state_at(double phase) const {
-  double y[train_max_dim];
-  at(phase, y);
-  return oscillator->dim() == 3 ? y[2] : 0;
-}
-
 std::vector<double> roughness(const std::vector<double>& mesh, const double* x, int d) {
-  const size_t n = mesh.size() - 1, b = size_t(d) * (train_stages + 1);
+  const size_t n = mesh.size() - 1, b = size_t(d) * (mesh_stages + 1);
   std::vector<double> low(size_t(d), 1e300), high(size_t(d), -1e300), top(n * size_t(d));
   const std::vector<double>& coefficient = Collocation::gauss5().basis.leading();
   for (size_t i = 0; i < n; ++i)
     for (size_t a = 0; a < size_t(d); ++a) {
       double sum = 0;
-      for (size_t j = 0; j <= train_stages; ++j) {
+      for (size_t j = 0; j <= mesh_stages; ++j) {
         const double value = x[i * b + j * size_t(d) + a];
         low[a] = std::min(low[a], value);
         high[a] = std::max(high[a], value);
         sum += coefficient[j] * value;
       }
-      top[i * size_t(d) + a] = sum / std::pow(mesh[i + 1] - mesh[i], train_stages);
+      top[i * size_t(d) + a] = sum / std::pow(mesh[i + 1] - mesh[i], mesh_stages);
     }
   std::vector<double> jump(n), result(n);
   for (size_t i = 0; i < n; ++i) {
@@ -80,7 +49,7 @@ std::vector<double> roughness(const std::vector<double>& mesh, const double* x, 
 namespace {
 
 std::vector<double> densities(std::vector<double> rough) {
-  for (double& r : rough) r = std::pow(r, 1. / (train_stages + 1));
+  for (double& r : rough) r = std::pow(r, 1. / (mesh_stages + 1));
   return rough;
 }
 
@@ -93,7 +62,7 @@ double whole(const std::vector<double>& mesh, const std::vector<double>& density
 }  // namespace
 
 double intervals_for(const std::vector<double>& mesh, const std::vector<double>& rough, double error) {
-  return whole(mesh, densities(rough)) / std::pow(error, 1. / (train_stages + 1));
+  return whole(mesh, densities(rough)) / std::pow(error, 1. / (mesh_stages + 1));
 }
 
 std::vector<double> equidistribute(const std::vector<double>& mesh, const std::vector<double>& rough,

@@ -10,9 +10,10 @@
 // and eta numbers, s as stored (friction.hpp).
 //
 // The limit cycle is found by a Radau IIA method of order 9 and a return map on f = v; it shares nothing but this
-// right-hand side with the collocation in train.hpp, which it starts and checks. Nothing here is collective.
+// right-hand side with the collocation of trains (waves/train.hpp), which it starts and checks. Nothing here is collective.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -21,8 +22,15 @@
 #include "stickslip/model/scene.hpp"
 #include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/periodic_mesh.hpp"
 
 namespace stickslip {
+
+constexpr int train_stages = mesh_stages;  // points of collocation an interval
+constexpr int train_max_dim = 3;           // f, z and the state
+
+// Writes y = (f, z[, s]) at a phase; room for train_max_dim values.
+using Profile = std::function<void(double phase, double* y)>;
 
 // The right-hand side above for the amplitude-1 friction of a scene. Throws UsageError where the law has a jump at
 // rest (exact carlson-langer, coulomb), which an oscillation passes and which this smooth problem cannot have.

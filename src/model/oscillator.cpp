@@ -1,4 +1,4 @@
-#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/model/oscillator.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -56,6 +56,35 @@ bool Oscillator::sliding_unstable(double r2) const {
   double y[3];
   steady(y);
   return !linear(r2, friction_->partials(v_, dim() == 3 ? y[2] : 0), rate(y)).stable(0);
+}
+
+std::vector<double> PeriodicMotion::phases() const {
+  std::vector<double> result;
+  for (size_t i = 0; i < intervals(); ++i)
+    for (double at : method->basis.points()) result.push_back(mesh[i] + (mesh[i + 1] - mesh[i]) * at);
+  return result;
+}
+
+void PeriodicMotion::at(double phase, double* y) const {
+  evaluate(*method, mesh, values.data(), oscillator->dim(), phase, y);
+}
+
+double PeriodicMotion::psi_at(double phase) const {
+  double y[train_max_dim];
+  at(phase, y);
+  return y[0];
+}
+
+double PeriodicMotion::eta_at(double phase) const {
+  double y[train_max_dim];
+  at(phase, y);
+  return oscillator->eta(r2, y);
+}
+
+double PeriodicMotion::state_at(double phase) const {
+  double y[train_max_dim];
+  at(phase, y);
+  return oscillator->dim() == 3 ? y[2] : 0;
 }
 
 }  // namespace stickslip
