@@ -1,6 +1,6 @@
 // Travelling trains of pulses: psi(x, t) = f(t - x/V), periodic, as a boundary-value problem.
 //
-// Unknown are one period of (f, z[, s]) (see oscillator.hpp) and one number: the period T where the speed V is given, or V
+// Unknown are one period of (f, z[, s]) (see model/oscillator.hpp) and one number: the period T where the speed V is given, or V
 // where the length L = n V T of a ring with n pulses is given. In phase p = t/T,
 //     y' = T rhs(y; r2),  y(1) = y(0),  f(0) = v with f' > 0,
 // by collocation at five Gauss points an interval on a mesh that follows the fronts; Newton's method by SNES, each
