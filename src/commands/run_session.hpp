@@ -35,7 +35,7 @@ class Run {
   // Says what the run would take, from steps of about a second, and writes no file. Nothing else may follow. Collective.
   int check(Summary& summary);
 
-  // Processor time of this rank for setting the method up and for its steps, as in a row of `chart`.
+  // Processor time of this rank for setting the method up and for its steps, as in a row of `chart`; 0 without -accuracy.
   double step_seconds() const { return step_seconds_; }
   Fields end() const;  // as far as it has come; collective
 
@@ -49,6 +49,7 @@ class Run {
   };
 
   Run(const Options& options, const Provenance& provenance, std::optional<Checkpoint> checkpoint);
+  double spent() const;
   void make_observers();
   void restore(Checkpoint& checkpoint);
   void make_integrator();

@@ -7,12 +7,10 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
-#include "study/step_forecast.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/gather.hpp"
 #include "stickslip/model/oscillator.hpp"
 #include "stickslip/study/start.hpp"
-#include "stickslip/model/stencil.hpp"
 #include "stickslip/waves/wave_stability.hpp"
 
 namespace stickslip {
@@ -121,84 +119,6 @@ Problem problem_of(const Scene& whole, const Options& options, std::optional<Pet
 
 namespace {
 
-constexpr int stages = 5, max_dim = 3;
-
-// The j-th wave (j = 1, 2, ...) that fits the scene: its wavenumber, and K1 times the symbol of -D2.
-struct Wave {
-  double k, stiffness;
-};
-Wave wave_of(const Scene& scene, PetscInt j) {
-  const double n = double(scene.n), h = scene.form == Form::chain ? 1 : scene.h();
-  const double k = scene.ring() ? 2 * M_PI * double(j) / (n * h)
-                                : M_PI * double(j) / ((scene.form == Form::chain ? n : n - 1) * h);
-  return {k, scene.K1() * symbol(scene.order, h, k)};
-}
-PetscInt waves_of(const Scene& scene) { return scene.ring() ? scene.n / 2 : scene.n - 1; }
-
-// The wave among 1..last where `rate` is largest: of 400 spread evenly, or all, and then among the neighbours of that.
-template <class Rate>
-PetscInt fastest(PetscInt last, const Rate& rate) {
-  PetscInt step = (last + 399) / 400, best = 0;
-  double largest = 0;
-  const auto look = [&](PetscInt j) {
-    const double here = rate(j);
-    if (best != 0 && !(here > largest)) return false;
-    largest = here;
-    best = j;
-    return true;
-  };
-  for (PetscInt j = 1; j <= last; j += step) look(j);
-  while (step > 1) {
-    step = (step + 1) / 2;
-    while (best + step <= last && look(best + step)) continue;
-    while (best > step && look(best - step)) continue;
-  }
-  return best;
-}
-
-// The linear system (K0 + stiffness for K0) carried round the orbit once: its largest multiplier. Radau IIA of order 9
-// on the orbit's own steps, divided where the wave is fast.
-double largest_multiplier(const Oscillator& o, const Orbit& orbit, double stiffness) {
-  static const Tableau radau = Tableau::radau(stages);
-  const int d = o.dim(), n = stages * d;
-  const double omega = std::sqrt(o.A() * (o.K0() + stiffness));
-  double Y[max_dim * max_dim] = {};
-  for (int i = 0; i < d; ++i) Y[i * d + i] = 1;
-  double log_size = 0;
-  for (std::size_t i = 0; i + 1 < orbit.mesh.size(); ++i) {
-    const double begin = orbit.mesh[i], phase = orbit.mesh[i + 1] - begin;
-    const int pieces = std::max(1, int(std::ceil(phase * orbit.period * omega / 1.5)));
-    for (int piece = 0; piece < pieces; ++piece) {
-      const double h = phase * orbit.period / pieces;
-      double a[stages * max_dim * stages * max_dim], b[stages * max_dim * max_dim], J[stages][max_dim * max_dim];
-      for (int s = 0; s < stages; ++s) {
-        double y[max_dim + 1], dy[max_dim];
-        orbit.at(begin + phase * (piece + radau.c[std::size_t(s)]) / pieces, y);
-        o.rhs(1, y, dy, J[s]);
-        J[s][d] -= stiffness;
-      }
-      for (int s = 0; s < stages; ++s)
-        for (int k = 0; k < d; ++k) {
-          for (int r = 0; r < stages; ++r)
-            for (int l = 0; l < d; ++l)
-              a[(s * d + k) * n + r * d + l] =
-                  (s == r && k == l ? 1. : 0.) - h * radau.a[std::size_t(s * stages + r)] * J[r][k * d + l];
-          for (int c = 0; c < d; ++c) b[(s * d + k) * d + c] = Y[k * d + c];
-        }
-      if (!solve_dense(n, a, d, b)) throw Failure("the linearised oscillation cannot be integrated");
-      double size = 0;
-      for (int k = 0; k < d * d; ++k) {
-        Y[k] = b[(stages - 1) * d * d + k];
-        size = std::max(size, std::abs(Y[k]));
-      }
-      for (int k = 0; k < d * d; ++k) Y[k] /= size;  // growth and decay may be huge on the way
-      log_size += std::log(size);
-    }
-  }
-  const std::vector<double> matrix(Y, Y + d * d);
-  return spectral_bounds(d, matrix).modulus * std::exp(log_size);
-}
-
 // When a perturbation has become as large as the motion.
 std::string outlook(double growth_rate, double duration) {
   return "a perturbation of 1e-6 takes over after about " + rounded_text(-std::log(1e-6) / growth_rate) +
@@ -207,37 +127,6 @@ std::string outlook(double growth_rate, double duration) {
 }
 
 }  // namespace
-
-UniformInstability instability_of_sliding(const Scene& scene) {
-  const Oscillator o(scene);
-  double y[max_dim], dy[max_dim], J[max_dim * max_dim];
-  o.steady(y);
-  o.rhs(1, y, dy, J);
-  const auto rate = [&](PetscInt j) {
-    std::vector<double> matrix(J, J + o.dim() * o.dim());
-    matrix[std::size_t(o.dim())] -= wave_of(scene, j).stiffness;
-    return spectral_bounds(o.dim(), matrix).real_part;
-  };
-  const PetscInt best = fastest(waves_of(scene), rate);
-  if (best == 0 || rate(best) <= 0) return {};
-  return {rate(best), wave_of(scene, best).k, 0, 1};
-}
-
-UniformInstability instability_of_oscillation(const Scene& scene) {
-  const Oscillator o(scene);
-  const Orbit orbit = uniform_orbit(scene);
-  const auto multiplier = [&](PetscInt j) { return largest_multiplier(o, orbit, wave_of(scene, j).stiffness); };
-  PetscInt low = 1, last = std::max<PetscInt>(1, waves_of(scene));  // the last with c k T < 100
-  while (low < last) {
-    const PetscInt middle = low + (last - low + 1) / 2;
-    if (std::sqrt(scene.A() * wave_of(scene, middle).stiffness) * orbit.period < 100) low = middle;
-    else last = middle - 1;
-  }
-  const PetscInt best = waves_of(scene) < 1 ? 0 : fastest(last, multiplier);
-  const double growth = best == 0 ? 0 : multiplier(best);
-  if (growth < 1 + 1e-9) return {0, 0, orbit.period, 1};
-  return {std::log(growth) / orbit.period, wave_of(scene, best).k, orbit.period, growth};
-}
 
 std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measured& seen, double psi,
                             double duration) {

@@ -30,11 +30,17 @@ class FusedRk : public FusedMethod {
     SS_TRY(TSRKGetType(library_, &name));
     return name;
   }
-  void set_subtype(const char* name) override { SS_TRY(TSRKSetType(library_, name)); }
+  void set_subtype(const char* name) override {
+    SS_TRY(TSRKSetType(library_, name));
+    order_ = 0;
+  }
   std::unique_ptr<TiledStep> make(const Model& model, bool sticking) const override {
     return std::make_unique<FusedStep>(model, tableau_of(library_), sticking);
   }
-  int order() const override { return offered_method(TSRK, subtype()).order; }
+  int order() const override {
+    if (order_ == 0) order_ = offered_method(TSRK, subtype()).order;  // looked up once, not in every step
+    return order_;
+  }
   int slopes() const override { return int(RkParts(library_).stages); }
   std::vector<double> weights_at(double s, double dt) const override {
     const RkParts t(library_);
@@ -52,6 +58,7 @@ class FusedRk : public FusedMethod {
 
  private:
   TsHandle library_;
+  mutable int order_ = 0;  // 0: not looked up yet
 };
 
 class FusedArkimex : public FusedMethod {
