@@ -177,6 +177,55 @@ TEST_CASE("friction and state rates: derivatives agree with differences, law by 
   });
 }
 
+TEST_CASE("higher derivatives of friction and state rates agree with differences, law by law", "[serial][every_law]") {
+  for_every_friction([](const FrictionParameters& p) {
+    with_friction(p, [&](const Friction& f) {
+      for (const double psi : velocities)
+        for (const double s : states) {
+          if (!p.state->logarithmic && s < 0) continue;  // a strength
+          INFO(name_of(p) << " at psi = " << psi << ", state = " << s);
+          const double e = 1e-4 * std::min(std::abs(psi), p.regularised ? p.eps : 1e300), e_state = 1e-3;
+          const HigherPartials d = f.higher_partials(psi, s);
+          const Partials F = f.partials(psi, s);
+          const RatePartials g = f.rate_partials(psi, s);
+          // A derivative in psi brings 1/psi (1/eps), one in the logarithm of age 1; each is a sum of such terms.
+          const double per_psi = 1 / (1e4 * e), of_logarithm = p.value("friction_mu0") + p.value("friction_b") * 23;
+          const auto noise = [&](double scale, int order) { return 1e-14 * scale * std::pow(per_psi, order); };
+          const double in_F = std::abs(F.F) + std::abs(F.F_psi) / per_psi + std::abs(F.F_state) * (1 + of_logarithm);
+          const double in_g = std::abs(g.g) + std::abs(g.g_psi) / per_psi + std::abs(g.g_state) * (1 + std::abs(s));
+          const auto by_psi = [&](double value, const std::function<double(double, double)>& lower, double scale,
+                                  int order, const char* what) {
+            check_derivative(value, central([&](double x) { return lower(x, s); }, psi, e, noise(scale, order)), what);
+          };
+          const auto by_state = [&](double value, const std::function<double(double, double)>& lower, double scale,
+                                    const char* what) {
+            check_derivative(value, central([&](double x) { return lower(psi, x); }, s, e_state, noise(scale, 0)), what);
+          };
+          using Of = HigherPartials;
+          const auto higher = [&](HigherDerivatives Of::*of, double HigherDerivatives::*member) {
+            return [&f, of, member](double x, double y) { return f.higher_partials(x, y).*of.*member; };
+          };
+          using D = HigherDerivatives;
+          by_psi(d.F.pp, [&](double x, double y) { return f.partials(x, y).F_psi; }, in_F, 1, "F_pp");
+          by_psi(d.F.ps, [&](double x, double y) { return f.partials(x, y).F_state; }, in_F, 0, "F_ps");
+          by_psi(d.F.ppp, higher(&Of::F, &D::pp), in_F, 2, "F_ppp");
+          by_psi(d.F.pps, higher(&Of::F, &D::ps), in_F, 1, "F_pps");
+          by_psi(d.F.pss, higher(&Of::F, &D::ss), in_F, 0, "F_pss");
+          by_psi(d.g.pp, [&](double x, double y) { return f.rate_partials(x, y).g_psi; }, in_g, 1, "g_pp");
+          by_psi(d.g.ps, [&](double x, double y) { return f.rate_partials(x, y).g_state; }, in_g, 0, "g_ps");
+          by_psi(d.g.ppp, higher(&Of::g, &D::pp), in_g, 2, "g_ppp");
+          by_psi(d.g.pps, higher(&Of::g, &D::ps), in_g, 1, "g_pps");
+          by_psi(d.g.pss, higher(&Of::g, &D::ss), in_g, 0, "g_pss");
+          if (!f.has_state) continue;
+          by_state(d.F.ss, [&](double x, double y) { return f.partials(x, y).F_state; }, in_F, "F_ss");
+          by_state(d.F.sss, higher(&Of::F, &D::ss), in_F, "F_sss");
+          by_state(d.g.ss, [&](double x, double y) { return f.rate_partials(x, y).g_state; }, in_g, "g_ss");
+          by_state(d.g.sss, higher(&Of::g, &D::ss), in_g, "g_sss");
+        }
+    });
+  });
+}
+
 TEST_CASE("the state rate vanishes at the steady state and pulls towards it", "[serial][every_law]") {
   for_every_friction([](const FrictionParameters& p) {
     if (p.state.none()) return;

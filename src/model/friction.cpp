@@ -70,6 +70,14 @@ class Resolved final : public Friction {
   double force(double psi, double s) const override { return f_.force(psi, s); }
   Partials partials(double psi, double s) const override { return f_.partials(psi, s); }
   RatePartials rate_partials(double psi, double s) const override { return f_.rate_partials(psi, s); }
+  HigherPartials higher_partials(double psi, double s) const override {
+    const PartialsOf<Jet> f = f_.partials(Jet::of_x(psi), Jet::of_y(s));
+    const RatePartialsOf<Jet> g = f_.rate_partials(Jet::of_x(psi), Jet::of_y(s));
+    const auto of = [](const Jet& by_psi, const Jet& by_state) {
+      return HigherDerivatives{by_psi.x, by_psi.y, by_state.y, by_psi.xx, by_psi.xy, by_psi.yy, by_state.yy};
+    };
+    return {of(f.F_psi, f.F_state), of(g.g_psi, g.g_state)};
+  }
   double steady_state(double psi) const override { return f_.steady_state(psi); }
   double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const override {
     if constexpr (F::steep) return f_.newton_psi(psi, s, psi_new, s_new, mass);

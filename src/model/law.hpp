@@ -4,15 +4,18 @@
 //     static constexpr const char* name              as in the option friction_law
 //     static constexpr bool jumps_at_rest            no default: a law that does not say does not compile
 //     static std::vector<Declared<Class>> parameters()
-//     template <class Sign> WithSlope phi(double psi, Sign sign) const        phi and its slope
+//     template <class Real, class Sign> WithSlopeOf<Real> phi(Real psi, Sign sign) const        phi and its slope
 // and, where it jumps at rest, double threshold() const. A law whose friction is no product of phi and a factor of the
-// state says `takes_state = true` and gives Partials partials(double psi, double s) const in place of phi.
+// state says `takes_state = true` and gives PartialsOf<Real> partials(Real psi, Real s) const in place of phi.
+// Real is double, or a number that carries derivatives (numerics/jet.hpp): higher derivatives come from the formulas as
+// they stand. So functions of it are called as `using std::exp; exp(psi)`.
 // A state law is a class with name; symbol, unit and meaning of the state as files show it; logarithmic (the stored s
 // is its logarithm); parameters() and
-//     RatePartials rate_partials(double psi, double s, double direction) const    direction: the sign of psi, 0 at rest
+//     RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const    a template too; direction: the sign
+//                                                                                    of psi, 0 at rest
 //     double steady_state(double psi) const          the s at which the rate vanishes; infinite where there is none
 // and, where friction is factor(s) phi(psi) with it (else it belongs to laws that take the state themselves),
-//     WithSlope factor(double s) const
+//     WithSlopeOf<Real> factor(Real s) const         a template too
 //     double at_rest(double s, double t) const       what becomes of s after the time t at psi = 0
 //     double time_at_rest(double s) const            over which that changes
 //     double factor_at_long_rest() const
@@ -23,8 +26,10 @@
 #include <cmath>
 #include <limits>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
+#include "numerics/jet.hpp"
 #include "stickslip/model/friction.hpp"
 
 namespace stickslip {
@@ -40,19 +45,28 @@ struct Declared {
 
 struct SignExact {
   static constexpr bool smooth = false;
-  double sign(double psi) const { return psi > 0 ? 1. : psi < 0 ? -1. : 0.; }
-  WithSlope sign_slope(double psi) const { return {sign(psi), 0}; }
-  WithSlope magnitude(double psi) const { return {std::abs(psi), sign(psi)}; }
+  template <class Real>
+  WithSlopeOf<Real> sign_slope(Real psi) const {
+    return {psi > 0 ? 1. : psi < 0 ? -1. : 0., 0.};
+  }
+  template <class Real>
+  WithSlopeOf<Real> magnitude(Real psi) const {
+    using std::abs;
+    return {abs(psi), sign_slope(psi).value};
+  }
 };
 struct SignRegularised {
   static constexpr bool smooth = true;
   double eps;
-  WithSlope sign_slope(double psi) const {
-    const double t = std::tanh(psi / eps);
+  template <class Real>
+  WithSlopeOf<Real> sign_slope(Real psi) const {
+    using std::tanh;
+    const Real t = tanh(psi / eps);
     return {t, (1 - t * t) / eps};
   }
-  WithSlope magnitude(double psi) const {
-    const WithSlope s = sign_slope(psi);
+  template <class Real>
+  WithSlopeOf<Real> magnitude(Real psi) const {
+    const WithSlopeOf<Real> s = sign_slope(psi);
     return {psi * s.value, s.value + psi * s.slope};
   }
 };
@@ -60,8 +74,14 @@ struct SignRegularised {
 struct SignFrozen {
   static constexpr bool smooth = false;
   double direction;
-  WithSlope sign_slope(double) const { return {direction, 0}; }
-  WithSlope magnitude(double psi) const { return {direction * psi, direction}; }
+  template <class Real>
+  WithSlopeOf<Real> sign_slope(Real) const {
+    return {direction, 0.};
+  }
+  template <class Real>
+  WithSlopeOf<Real> magnitude(Real psi) const {
+    return {direction * psi, direction};
+  }
 };
 
 // ---- what a class may say of itself -------------------------------------------------------------------------------
@@ -80,7 +100,7 @@ template <class T> using VanDerPol = decltype(T::van_der_pol);
 template <class T> using SlopesOf = decltype(&T::slopes_ahead);
 template <class T> using VelocityOfSlope = decltype(&T::velocity_of_slope);
 template <class T> using Check = decltype(&T::check);
-template <class T> using Factor = decltype(&T::factor);
+template <class T> using Factor = decltype(std::declval<const T&>().factor(0.));
 template <class T> using NeedsThreshold = decltype(T::needs_threshold);
 
 // partials() in place of phi(): F is no product of phi and a factor of the state.
@@ -120,6 +140,8 @@ void check(const T& t) {
 
 }  // namespace says
 
+inline double direction_of(double psi) { return psi > 0 ? 1. : psi < 0 ? -1. : 0.; }
+
 // ---- friction = law and state -------------------------------------------------------------------------------------
 
 // No state law.
@@ -141,8 +163,10 @@ struct Product {
 
   double force(double psi, double s) const { return force(psi, s, sign); }
   Partials partials(double psi, double s) const { return partials(psi, s, sign); }
-  RatePartials rate_partials(double psi, double s) const {
-    return rate_partials(psi, s, psi > 0 ? 1. : psi < 0 ? -1. : 0.);
+  RatePartials rate_partials(double psi, double s) const { return rate_partials(psi, s, direction_of(psi)); }
+  PartialsOf<Jet> partials(const Jet& psi, const Jet& s) const { return partials(psi, s, sign); }
+  RatePartialsOf<Jet> rate_partials(const Jet& psi, const Jet& s) const {
+    return rate_partials(psi, s, direction_of(psi.value));
   }
   double rate(double psi, double s) const { return rate_partials(psi, s).g; }
   double steady_state(double psi) const {
@@ -163,19 +187,20 @@ struct Product {
     if constexpr (has_state) return state.factor(s).value * law.phi(psi, with).value;
     else return law.phi(psi, with).value;
   }
-  template <class S>
-  Partials partials(double psi, double s, S with) const {
-    const WithSlope p = law.phi(psi, with);
+  template <class Real, class S>
+  PartialsOf<Real> partials(Real psi, Real s, S with) const {
+    const WithSlopeOf<Real> p = law.phi(psi, with);
     if constexpr (has_state) {
-      const WithSlope m = state.factor(s);
+      const WithSlopeOf<Real> m = state.factor(s);
       return {m.value * p.value, m.value * p.slope, m.slope * p.value};
     } else {
-      return {p.value, p.slope, 0};
+      return {p.value, p.slope, 0.};
     }
   }
-  RatePartials rate_partials(double psi, double s, double direction) const {
+  template <class Real>
+  RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const {
     if constexpr (has_state) return state.rate_partials(psi, s, direction);
-    else return {0, 0, 0};
+    else return {0., 0., 0.};
   }
 };
 
@@ -191,8 +216,10 @@ struct OwnState {
 
   double force(double psi, double s) const { return law.partials(psi, s).F; }
   Partials partials(double psi, double s) const { return law.partials(psi, s); }
-  RatePartials rate_partials(double psi, double s) const {
-    return state.rate_partials(psi, s, psi > 0 ? 1. : psi < 0 ? -1. : 0.);
+  RatePartials rate_partials(double psi, double s) const { return state.rate_partials(psi, s, direction_of(psi)); }
+  PartialsOf<Jet> partials(const Jet& psi, const Jet& s) const { return law.partials(psi, s); }
+  RatePartialsOf<Jet> rate_partials(const Jet& psi, const Jet& s) const {
+    return state.rate_partials(psi, s, direction_of(psi.value));
   }
   double rate(double psi, double s) const { return rate_partials(psi, s).g; }
   double steady_state(double psi) const { return state.steady_state(psi); }

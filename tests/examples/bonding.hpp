@@ -15,13 +15,17 @@ struct Bonding {
             {&Bonding::D, slip_distance}};
   }
 
-  RatePartials rate_partials(double psi, double s, double direction) const {
-    const double a = direction * psi / D;
+  template <class Real>
+  RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const {
+    const Real a = direction * psi / D;
     return {(1 - s) / t_h - a * s, -direction * s / D, -1 / t_h - a};
   }
   double steady_state(double psi) const { return 1 / (1 + t_h * std::abs(psi) / D); }
 
-  WithSlope factor(double s) const { return {1 + b * s, b}; }
+  template <class Real>
+  WithSlopeOf<Real> factor(Real s) const {
+    return {1 + b * s, b};
+  }
   double at_rest(double s, double t) const { return 1 + (s - 1) * std::exp(-t / t_h); }
   double time_at_rest(double) const { return t_h; }
   double factor_at_long_rest() const { return 1 + b; }

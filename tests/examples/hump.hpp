@@ -12,9 +12,9 @@ struct Hump {
     return {{&Hump::top, {"top", "1", R::positive, "velocity", "hump: velocity of largest friction"}}};
   }
 
-  template <class Sign>
-  WithSlope phi(double psi, Sign) const {
-    const double u = psi / top, w = 1 / (1 + u * u);
+  template <class Real, class Sign>
+  WithSlopeOf<Real> phi(Real psi, Sign) const {
+    const Real u = psi / top, w = 1 / (1 + u * u);
     return {2 * u * w, 2 * (1 - u * u) * w * w / top};
   }
   SlopesAhead slopes_ahead() const { return {0.25 / top, 2 / top}; }  // at sqrt(3) times the top, and at rest

@@ -9,10 +9,10 @@ struct Lorentz {
   static std::vector<Declared<Lorentz>> parameters() { return {}; }
 
   double threshold() const { return 1; }
-  template <class Sign>
-  WithSlope phi(double psi, Sign sign) const {
-    const WithSlope s = sign.sign_slope(psi);
-    const double w = 1 / (1 + psi * psi);
+  template <class Real, class Sign>
+  WithSlopeOf<Real> phi(Real psi, Sign sign) const {
+    const WithSlopeOf<Real> s = sign.sign_slope(psi);
+    const Real w = 1 / (1 + psi * psi);
     return {s.value * w, (s.slope - 2 * psi * s.value * w) * w};
   }
   SlopesAhead slopes_ahead() const { return {0.65, 0}; }  // at 1/sqrt(3)

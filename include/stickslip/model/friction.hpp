@@ -31,15 +31,30 @@
 
 namespace stickslip {
 
-struct Partials {
-  double F, F_psi, F_state;
+// Of any number type: double, or one that carries derivatives (src/numerics/jet.hpp).
+template <class Real>
+struct PartialsOf {
+  Real F, F_psi, F_state;
 };
-struct RatePartials {
-  double g, g_psi, g_state;
+template <class Real>
+struct RatePartialsOf {
+  Real g, g_psi, g_state;
 };
 // A value and its derivative with respect to psi (or, where it is said, the state).
-struct WithSlope {
-  double value, slope;
+template <class Real>
+struct WithSlopeOf {
+  Real value, slope;
+};
+using Partials = PartialsOf<double>;
+using RatePartials = RatePartialsOf<double>;
+using WithSlope = WithSlopeOf<double>;
+
+// Second and third derivatives of a function of psi and the stored state.
+struct HigherDerivatives {
+  double pp = 0, ps = 0, ss = 0, ppp = 0, pps = 0, pss = 0, sss = 0;
+};
+struct HigherPartials {
+  HigherDerivatives F, g;
 };
 
 // Slopes |F_psi| that the motion may meet although it does not now, where friction falls and where it rises with
@@ -145,6 +160,8 @@ class Friction {
   virtual double force(double psi, double s) const = 0;
   virtual Partials partials(double psi, double s) const = 0;
   virtual RatePartials rate_partials(double psi, double s) const = 0;  // zeros without a state
+  // By automatic differentiation of the two above; on the side of psi = 0 where psi is.
+  virtual HigherPartials higher_partials(double psi, double s) const = 0;
   double rate(double psi, double s) const { return rate_partials(psi, s).g; }
   virtual double steady_state(double psi) const = 0;  // the s at which g = 0; infinite where there is none
 

@@ -9,10 +9,11 @@ namespace stickslip {
 
 // 1/(1 + y) with its slope; against the direction of motion (y < 0) its Taylor polynomial, which joins it smoothly
 // enough for methods of order 5 and has no pole for a stage to run into.
-inline WithSlope falling(double y) {
-  const double w = 1 / (1 + y);
-  const double value = y < 0 ? 1 - y * (1 - y * (1 - y * (1 - y))) : w;
-  const double slope = y < 0 ? -1 + y * (2 - y * (3 - y * 4)) : -w * w;
+template <class Real>
+WithSlopeOf<Real> falling(Real y) {
+  const Real w = 1 / (1 + y);
+  const Real value = y < 0 ? 1 - y * (1 - y * (1 - y * (1 - y))) : w;
+  const Real slope = y < 0 ? -1 + y * (2 - y * (3 - y * 4)) : -w * w;
   return {value, slope};
 }
 
@@ -34,15 +35,15 @@ struct CarlsonLanger {
   }
 
   double threshold() const { return 1; }
-  template <class Sign>
-  WithSlope phi(double psi, Sign sign) const {
+  template <class Real, class Sign>
+  WithSlopeOf<Real> phi(Real psi, Sign sign) const {
     const double kinetic = 1 - sigma, weakening = 2 * alpha / kinetic;  // what is left of the threshold, and its fall
-    const WithSlope s = sign.sign_slope(psi), a = sign.magnitude(psi);
+    const WithSlopeOf<Real> s = sign.sign_slope(psi), a = sign.magnitude(psi);
     if constexpr (std::is_same_v<Sign, SignFrozen>) {
-      const WithSlope f = falling(weakening * a.value);
+      const WithSlopeOf<Real> f = falling(weakening * a.value);
       return {s.value * kinetic * f.value, s.value * kinetic * weakening * a.slope * f.slope};
     }
-    const double w = 1 / (1 + weakening * a.value), k = kinetic * w;
+    const Real w = 1 / (1 + weakening * a.value), k = kinetic * w;
     return {s.value * k, (s.slope - s.value * weakening * a.slope * w) * k};
   }
   SlopesAhead slopes_ahead() const { return {2 * alpha, 0}; }  // at the start of a slip

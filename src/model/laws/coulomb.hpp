@@ -27,12 +27,13 @@ struct Coulomb {
   }
 
   double threshold() const { return fs; }
-  template <class Sign>
-  WithSlope phi(double psi, Sign sign) const {
-    const WithSlope s = sign.sign_slope(psi);
+  template <class Real, class Sign>
+  WithSlopeOf<Real> phi(Real psi, Sign sign) const {
+    using std::exp;
+    const WithSlopeOf<Real> s = sign.sign_slope(psi);
     if constexpr (!Sign::smooth) return {fd * s.value, fd * s.slope};
-    const WithSlope a = sign.magnitude(psi);
-    const double e = (fs - fd) * std::exp(-a.value / slip_velocity), f = fd + e;
+    const WithSlopeOf<Real> a = sign.magnitude(psi);
+    const Real e = (fs - fd) * exp(-a.value / slip_velocity), f = fd + e;
     return {f * s.value, f * s.slope - e * a.slope / slip_velocity * s.value};
   }
 };

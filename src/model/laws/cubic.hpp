@@ -11,8 +11,8 @@ struct Cubic {
   static constexpr bool van_der_pol = true;
   static std::vector<Declared<Cubic>> parameters() { return {}; }
 
-  template <class Sign>
-  WithSlope phi(double psi, Sign) const {
+  template <class Real, class Sign>
+  WithSlopeOf<Real> phi(Real psi, Sign) const {
     return {psi * (psi * psi * (1. / 3) - 1), psi * psi - 1};
   }
   SlopesAhead slopes_ahead() const { return {0, 3}; }  // at psi = 2, where the limit cycle turns

@@ -23,17 +23,21 @@ struct RateAndState {
   }
 
   // l = (mu0 + b ln(psi0 theta/D))/a, so that q = psi/(2 psi0) exp(l)
-  double exponent(double s) const { return (mu0 + b * (std::log(psi0 / D) + s)) / a; }
+  template <class Real>
+  Real exponent(Real s) const { return (mu0 + b * (std::log(psi0 / D) + s)) / a; }
 
-  Partials partials(double psi, double s) const {
-    const double l = exponent(s), magnitude = std::abs(psi), sign = psi < 0 ? -1. : 1.;
-    const double lq = magnitude > 0 ? std::log(magnitude / (2 * psi0)) + l : -std::numeric_limits<double>::infinity();
+  template <class Real>
+  PartialsOf<Real> partials(Real psi, Real s) const {
+    using std::abs, std::asinh, std::exp, std::log, std::sqrt;
+    const Real l = exponent(s), magnitude = abs(psi);
+    const double sign = psi < 0 ? -1. : 1.;
+    const Real lq = magnitude > 0 ? log(magnitude / (2 * psi0)) + l : -std::numeric_limits<double>::infinity();
     if (lq > 20) {  // beyond: asinh(q) = ln(2 q), q/sqrt(1 + q^2) = 1 to the last digit
-      return {sign * a * (lq + std::log(2.)), a / magnitude, sign * b};
+      return {sign * a * (lq + log(2.)), a / magnitude, sign * b};
     }
     // At rest alone is the slope in danger of overflow.
-    const double slope = std::exp(std::min(l, 600.)) / (2 * psi0), q = std::exp(lq), root = std::sqrt(1 + q * q);
-    return {sign * a * std::asinh(q), a * slope / root, sign * b * q / root};
+    const Real slope = exp(l < 600 ? l : 600.) / (2 * psi0), q = exp(lq), root = sqrt(1 + q * q);
+    return {sign * a * asinh(q), a * slope / root, sign * b * q / root};
   }
 
   // Over decades of velocity F is a logarithm, on which Newton's steps in psi shoot through zero, while steps in F are

@@ -12,8 +12,10 @@ struct Ageing {
   double D = 1;
   static std::vector<Declared<Ageing>> parameters() { return {{&Ageing::D, slip_distance}}; }
 
-  RatePartials rate_partials(double psi, double s, double direction) const {
-    const double e = std::exp(-s);
+  template <class Real>
+  RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const {
+    using std::exp;
+    const Real e = exp(-s);
     return {e - direction * psi / D, -direction / D, -e};
   }
   double steady_state(double psi) const { return std::log(D / std::abs(psi)); }

@@ -16,9 +16,11 @@ struct ContactAge : Ageing {
             {&ContactAge::theta0, {"theta0", "1", R::positive, "time", "contact-age: age at which growth begins"}}};
   }
 
-  WithSlope factor(double s) const {
-    const double r = std::exp(s) / theta0;
-    return {1 + b * std::log1p(r), b * r / (1 + r)};
+  template <class Real>
+  WithSlopeOf<Real> factor(Real s) const {
+    using std::exp, std::log1p;
+    const Real r = exp(s) / theta0;
+    return {1 + b * log1p(r), b * r / (1 + r)};
   }
   double factor_at_long_rest() const { return std::numeric_limits<double>::infinity(); }
   double at_rest(double s, double t) const { return std::log(std::exp(s) + t); }

@@ -20,10 +20,14 @@ struct Healing {
             {&Healing::D, slip_distance}};
   }
 
-  WithSlope factor(double s) const { return {s, 1}; }
+  template <class Real>
+  WithSlopeOf<Real> factor(Real s) const {
+    return {s, 1.};
+  }
   double factor_at_long_rest() const { return tau_inf; }
-  RatePartials rate_partials(double psi, double s, double direction) const {
-    const double a = direction * psi;
+  template <class Real>
+  RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const {
+    const Real a = direction * psi;
     return {(tau_inf - s) / t_h - a / D * (s - 1), -direction / D * (s - 1), -1 / t_h - a / D};
   }
   double at_rest(double s, double t) const { return tau_inf + (s - tau_inf) * std::exp(-t / t_h); }

@@ -12,10 +12,13 @@ struct Slip {
   double D = 1;
   static std::vector<Declared<Slip>> parameters() { return {{&Slip::D, slip_distance}}; }
 
-  RatePartials rate_partials(double psi, double s, double) const {
-    const double a = std::abs(psi) / D;
-    if (a == 0) return {0, 0, 0};
-    const double sign = psi > 0 ? 1. : -1., l = std::log(a) + s;
+  template <class Real>
+  RatePartialsOf<Real> rate_partials(Real psi, Real s, double) const {
+    using std::abs, std::log;
+    const Real a = abs(psi) / D;
+    if (a == 0) return {0., 0., 0.};
+    const double sign = psi > 0 ? 1. : -1.;
+    const Real l = log(a) + s;
     return {-a * l, -sign / D * (l + 1), -a};
   }
   double steady_state(double psi) const { return std::log(D / std::abs(psi)); }
