@@ -4,10 +4,10 @@
 // Phi grow or shrink, in O(N d^3). T is double or std::complex<double>. Small matrices are row-major. Local to the process.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <complex>
 #include <vector>
-
 
 namespace stickslip {
 
@@ -124,7 +124,7 @@ class CyclicChain {
   // Householder reflections on the first d columns of a 2 d x width matrix.
   void triangularise(T* m, int width) const {
     const int rows = 2 * d_;
-    std::vector<T> u(static_cast<std::size_t>(rows));
+    std::vector<T> u(static_cast<std::size_t>(rows)), dot(static_cast<std::size_t>(width));
     for (int k = 0; k < d_; ++k) {
       double norm = 0;
       for (int i = k; i < rows; ++i) norm = std::hypot(norm, std::abs(m[i * width + k]));
@@ -137,12 +137,14 @@ class CyclicChain {
         if (i == k) u[std::size_t(i)] += sign * norm;
         length2 += std::norm(u[std::size_t(i)]);
       }
-      for (int j = k; j < width; ++j) {
-        T dot = 0;
-        for (int i = k; i < rows; ++i) dot += detail::conjugate(u[std::size_t(i)]) * m[i * width + j];
-        dot *= 2 / length2;
-        for (int i = k; i < rows; ++i) m[i * width + j] -= dot * u[std::size_t(i)];
+      std::fill(dot.begin(), dot.end(), T(0));
+      for (int i = k; i < rows; ++i) {
+        const T with = detail::conjugate(u[std::size_t(i)]);
+        for (int j = k; j < width; ++j) dot[std::size_t(j)] += with * m[i * width + j];
       }
+      for (T& entry : dot) entry *= 2 / length2;
+      for (int i = k; i < rows; ++i)
+        for (int j = k; j < width; ++j) m[i * width + j] -= dot[std::size_t(j)] * u[std::size_t(i)];
     }
   }
 

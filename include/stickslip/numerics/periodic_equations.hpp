@@ -1,0 +1,113 @@
+// Periodic solutions of smooth autonomous systems y' = f(y; lambda) as a boundary-value problem: collocation at five Gauss
+// points an interval, Newton's method, Floquet multipliers.
+//
+// In phase p = t/T the unknowns are y at the left node and the Gauss points of each interval, q = ln T and, on a branch,
+// the parameter lambda:
+//     Y_j - y_i - h T sum_k a_jk f(Y_k) = 0,      y_{i+1} = the polynomial through y_i and Y at the right end,
+// y_N = y_0, and one linear condition on (y_0, q, lambda) for each of q and lambda. A step of Newton's method eliminates the
+// Gauss points of each interval, then the nodes from the left by orthogonal transformations (cyclic.hpp), which is stable
+// however strongly deviations grow or decay on the way.
+//
+// Source: U. M. Ascher, R. M. M. Mattheij, R. D. Russell, Numerical Solution of Boundary Value Problems, SIAM 1995,
+// chapters 5 and 7. Local to the process.
+#pragma once
+
+#include <complex>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "stickslip/numerics/periodic_mesh.hpp"
+
+namespace stickslip {
+
+class VectorField {
+ public:
+  virtual ~VectorField() = default;
+  virtual int dim() const = 0;
+  virtual int band() const { return dim() - 1; }  // df_i/dy_j = 0 for |i - j| > band
+  virtual void rates(const double* y, double* f) const = 0;
+  virtual void jacobian(const double* y, double* J) const = 0;  // all dim x dim entries, row-major
+};
+using Field = std::shared_ptr<const VectorField>;
+using FieldFamily = std::function<Field(double lambda)>;
+
+// y0 . y_0 + q ln T + lambda lambda = right.
+struct Condition {
+  std::vector<double> y0;
+  double q = 0, lambda = 0, right = 0;
+};
+
+// The matrices by which a linear system y' = J(t) y carries deviations over the intervals of a mesh, grouped so that none
+// grows by much within a group: what is left of a period for eigenvalues.
+template <class T>
+struct Pencil {
+  std::vector<T> first, last;  // first y_0 + last y_N = 0
+};
+
+class PeriodicEquations {
+ public:
+  PeriodicEquations(std::vector<double> mesh, Field field);
+  // With lambda as an unknown; its derivatives by differences over 1e-6 `scale`.
+  PeriodicEquations(std::vector<double> mesh, FieldFamily family, double lambda, double scale);
+
+  int parameters() const { return family_ ? 2 : 1; }
+  std::size_t block() const { return std::size_t(d_) * (mesh_stages + 1); }
+  std::size_t size() const { return n_ * block() + std::size_t(parameters()); }
+  const std::vector<double>& mesh() const { return mesh_; }
+  int dim() const { return d_; }
+  const VectorField& field() const { return *field_; }
+
+  // The unknowns of a profile, which writes y at a phase; lambda, if it is one, is that of the constructor. Or those of a
+  // solution on another mesh.
+  std::vector<double> fill(const std::function<void(double phase, double* y)>& profile, double q) const;
+  std::vector<double> fill(const PeriodicEquations& from, const std::vector<double>& x) const;
+  double q(const std::vector<double>& x) const { return x[n_ * block()]; }
+  double lambda(const std::vector<double>& x) const { return family_ ? x[n_ * block() + 1] : lambda_; }
+  void at(const std::vector<double>& x, double phase, double* y) const;
+
+  struct Step {
+    double residual = 0;             // the largest, before it
+    std::vector<double> dx;
+    std::vector<std::complex<double>> multipliers;  // where asked for
+  };
+  // Newton's step at x. Throws Failure where the equations are singular, Error of the family.
+  Step step(const std::vector<double>& x, const std::vector<Condition>& conditions, bool multipliers = false);
+  // The direction in which a solution may move at x: `rows` as conditions with right-hand sides 0 but for the last's, 1.
+  std::vector<double> tangent(const std::vector<double>& x, const std::vector<Condition>& rows);
+  // Solves from x. The last step's size tells how far round-off lets the answer be known; that of q in `q_step`.
+  struct Newton {
+    bool converged = false;
+    double last_step = 0, q_step = 0, residual = 0;
+  };
+  Newton newton(std::vector<double>& x, const std::vector<Condition>& conditions, int most = 20);
+
+ private:
+  struct Linear;
+  Linear linear(const std::vector<double>& x, bool zero_right);
+  std::vector<double> closed(const Linear& system, const std::vector<Condition>& conditions,
+                             const std::vector<double>& rights) const;
+  void set_lambda(double lambda);
+
+  std::vector<double> mesh_;
+  Field field_, lower_, upper_;  // at lambda, and a little beside it
+  FieldFamily family_;
+  double lambda_ = 0, eps_ = 0;
+  int d_;
+  std::size_t n_;
+};
+
+// One step of y' = J y over h by the same collocation: the d x d matrix that carries y over it. J: at the five Gauss points,
+// d x d each, of half band `band`. Throws Failure where it is singular.
+template <class T>
+std::vector<T> carried(int d, int band, double h, const T* J);
+
+// From the matrices of all intervals in turn.
+template <class T>
+Pencil<T> pencil_of(int d, const std::vector<T>& matrices);
+
+// Floquet multipliers, largest first.
+template <class T>
+std::vector<std::complex<double>> multipliers_of(int d, const Pencil<T>& pencil);
+
+}  // namespace stickslip

@@ -1,0 +1,146 @@
+#include "cycles/cell_field.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/model/stencil.hpp"
+
+namespace stickslip {
+
+namespace {
+
+std::shared_ptr<const Friction> smooth_friction(const FrictionParameters& p) {
+  if (p.sticks())
+    throw UsageError("friction_law " + to_string(p.law) + " jumps at rest, which collocation in time cannot follow: set "
+                     "friction_stick to regularised");
+  return Friction::of(p);
+}
+
+// f is linear in D2 psi, as in its symbol.
+NodeBlock slope_in_d2(const LinearPoint& point) {
+  const NodeBlock without = point.block(Part::full, 0), with = point.block(Part::full, 1);
+  NodeBlock slope;
+  slope.psi_psi = without.psi_psi - with.psi_psi;
+  slope.eta_psi = without.eta_psi - with.eta_psi;
+  return slope;
+}
+
+}  // namespace
+
+CellField::CellField(const Scene& scene)
+    : scene_(scene), friction_(smooth_friction(scene.friction)), coefficients_(kernel::coefficients_of(scene)),
+      no_friction_(scene), by_d2_(slope_in_d2(no_friction_)), dof_(friction_->has_state ? 3 : 2) {
+  std::vector<PetscInt> all;
+  for (PetscInt i = 0; i < scene.n; ++i)
+    if (!(i == 0 && scene.left == End::velocity) && !(i == scene.n - 1 && scene.right == End::velocity)) all.push_back(i);
+  if (all.empty()) throw UsageError("every node of the scene is held: nothing can oscillate");
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const std::size_t half = k / 2;
+    node_.push_back(!scene.ring() ? all[k] : k % 2 == 0 ? all[half] : all[all.size() - 1 - half]);
+  }
+  const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
+  for (const PetscInt node : node_) {
+    amplitude_.push_back(amplitude[std::size_t(node)]);
+    couple(node);
+  }
+}
+
+// The row of D2 of one node.
+void CellField::couple(PetscInt node) {
+  const auto place = [&](PetscInt of) {
+    return std::size_t(std::find(node_.begin(), node_.end(), of) - node_.begin());
+  };
+  std::vector<Term> row;
+  Held held;
+  const auto add = [&](PetscInt of, double weight, int turns) {
+    const std::size_t k = place(of);
+    if (k == node_.size()) {
+      held.weight += weight;
+      held.sum += weight * (of == 0 ? scene_.left_value : scene_.right_value);
+      return;
+    }
+    row.push_back({k, weight, turns});
+    reach_ = std::max(reach_, std::abs(int(k) - int(place(node))));
+  };
+  if (scene_.ring()) {
+    const std::array<double, 5> w = second_difference(scene_.order);
+    const double scale = scene_.form == Form::chain ? 1 : 1 / (scene_.h() * scene_.h());
+    for (PetscInt j = -scene_.order / 2; j <= scene_.order / 2; ++j) {
+      const PetscInt there = node + j, turns = there >= 0 ? there / scene_.n : -((scene_.n - 1 - there) / scene_.n);
+      add(there - turns * scene_.n, scale * w[std::size_t(std::abs(j))], int(turns));
+    }
+  } else {
+    for (const auto& [there, weight] : second_difference_row(scene_, node)) add(there, weight, 0);
+  }
+  row_.push_back(std::move(row));
+  held_.push_back(held);
+}
+
+void CellField::rates(const double* y, double* f) const {
+  for (std::size_t k = 0; k < node_.size(); ++k) {
+    const double* at = y + k * std::size_t(dof_);
+    const double psi = at[0], state = dof_ == 3 ? at[2] : 0;
+    double d2 = held_[k].sum - held_[k].weight * psi;  // by differences, which keep the digits that 1/h^2 would eat
+    for (const Term& t : row_[k]) d2 += t.weight * (y[t.column * std::size_t(dof_)] - psi);
+    const double force = amplitude_[k] * friction_->force(psi, state);
+    const kernel::NodeRates rates = kernel::node_rates(coefficients_, psi, at[1], force, no_friction_.K1 * d2, 1);
+    double* out = f + k * std::size_t(dof_);
+    out[0] = rates.psi;
+    out[1] = rates.eta;
+    if (dof_ == 3) out[2] = friction_->rate(psi, state);
+  }
+}
+
+LinearPoint CellField::point(const double* y, std::size_t k) const {
+  const double* at = y + k * std::size_t(dof_);
+  const double psi = at[0], state = dof_ == 3 ? at[2] : 0, a = amplitude_[k];
+  const Partials F = friction_->partials(psi, state);
+  LinearPoint p = no_friction_;
+  p.set({a * F.F, a * F.F_psi, a * F.F_state}, dof_ == 3 ? friction_->rate_partials(psi, state) : RatePartials{0, 0, 0});
+  return p;
+}
+
+// factor(turns): of a neighbour in another copy of the cell.
+template <class T, class Factor>
+void CellField::fill(const double* y, double kappa2, T* J, const Factor& factor) const {
+  const std::size_t d = std::size_t(dim()), dof = std::size_t(dof_);
+  std::fill(J, J + d * d, T(0));
+  for (std::size_t k = 0; k < node_.size(); ++k) {
+    double rows[9];
+    point(y, k).block(Part::full, kappa2).write(dof_, rows);
+    for (std::size_t a = 0; a < dof; ++a)
+      for (std::size_t b = 0; b < dof; ++b) J[(k * dof + a) * d + k * dof + b] = rows[a * dof + b];
+    for (const Term& t : row_[k]) {
+      const T weight = t.weight * factor(t.turns);
+      J[k * dof * d + t.column * dof] += weight * by_d2_.psi_psi;
+      J[(k * dof + 1) * d + t.column * dof] += weight * by_d2_.eta_psi;
+    }
+  }
+}
+
+void CellField::jacobian(const double* y, double* J) const {
+  fill(y, 0, J, [](int) { return 1.; });
+}
+
+void CellField::jacobian(const double* y, double kappa2, double* J) const {
+  fill(y, kappa2, J, [](int) { return 1.; });
+}
+
+void CellField::jacobian(const double* y, std::complex<double> twist, std::complex<double>* J) const {
+  fill(y, 0, J, [&](int turns) { return std::pow(twist, turns); });
+}
+
+std::vector<double> CellField::sliding() const {
+  std::vector<double> y;
+  const double state = dof_ == 3 ? friction_->steady_state(scene_.v) : 0;
+  for (const double a : amplitude_) {
+    y.push_back(scene_.v);
+    y.push_back(scene_.B() * scene_.v + a * friction_->force(scene_.v, state));
+    if (dof_ == 3) y.push_back(state);
+  }
+  return y;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,67 @@
+// A scene as one system of differential equations y' = f(y) of all its nodes, for collocation in time. Local to the
+// process, which holds every node.
+//
+// Held nodes carry no unknown: their psi stands in their neighbours' equations. The nodes of a ring are folded, 0, n-1, 1,
+// n-2, ..., so that neighbours stay near each other and the Jacobian is a band.
+#pragma once
+
+#include <algorithm>
+#include <complex>
+#include <vector>
+
+#include "model/kernel.hpp"
+#include "stickslip/model/linear_point.hpp"
+#include "stickslip/numerics/periodic_equations.hpp"
+
+namespace stickslip {
+
+class CellField : public VectorField {
+ public:
+  // Throws UsageError where friction jumps at rest, or every node is held.
+  explicit CellField(const Scene& scene);
+
+  int dim() const override { return dof_ * int(node_.size()); }
+  int band() const override { return std::min(dim() - 1, dof_ * (reach_ + 1) - 1); }
+  void rates(const double* y, double* f) const override;
+  void jacobian(const double* y, double* J) const override;
+
+  int dof() const { return dof_; }
+  std::size_t nodes() const { return node_.size(); }              // solved for
+  PetscInt node(std::size_t k) const { return node_[k]; }         // of the scene, in the order of the unknowns
+  const Scene& scene() const { return scene_; }
+  // y of steady sliding psi = v; of a uniform cell the exact one, else a start for it.
+  std::vector<double> sliding() const;
+  const Friction& friction() const { return *friction_; }
+
+  // The Jacobian of waves on the motion, row-major: exp(ikx) on nodes that are all alike has `kappa2` added to -D2; on a
+  // ring of many cells the last node's neighbour is the first one's times `twist` = exp(i theta).
+  void jacobian(const double* y, double kappa2, double* J) const;
+  void jacobian(const double* y, std::complex<double> twist, std::complex<double>* J) const;
+
+ private:
+  struct Term {
+    std::size_t column;  // place among the unknown nodes
+    double weight;       // of D2
+    int turns;           // the neighbour stands in the next (+1) or the last (-1) copy of the cell
+  };
+  struct Held {
+    double weight = 0, sum = 0;  // of D2 at held neighbours: the weights, and these times their psi
+  };
+  LinearPoint point(const double* y, std::size_t k) const;
+  template <class T, class Factor>
+  void fill(const double* y, double kappa2, T* J, const Factor& factor) const;
+  void couple(PetscInt node);
+
+  Scene scene_;
+  std::shared_ptr<const Friction> friction_;
+  kernel::Coefficients coefficients_;
+  LinearPoint no_friction_;
+  NodeBlock by_d2_;  // what a change of D2 psi does to the rates: psi_psi and eta_psi
+  int dof_, reach_ = 0;
+  std::vector<PetscInt> node_;
+  std::vector<double> amplitude_;
+  std::vector<std::vector<Term>> row_;  // D2 among the unknown nodes
+  std::vector<Held> held_;
+};
+
+}  // namespace stickslip
