@@ -19,18 +19,18 @@ namespace stickslip {
 using Place = std::vector<double>;
 
 // The cycles of a family beside the one where a branch stands. A cycle is asked for by one linear condition on its
-// place; go() solves for it from a prediction along the tangent and keeps it as the candidate, accept() moves there.
+// place; go() solves for it from a prediction along the tangent and keeps it as the candidate, accept() moves there. At
+// first the candidate is where the branch stands.
 class CyclePath {
  public:
   virtual ~CyclePath() = default;
-  virtual Place place() const = 0;      // where the branch stands
-  virtual Place candidate() const = 0;  // place of the candidate
-  // The tangent of the branch where it stands, of length 1, on the side of `row`; go() predicts along it.
-  virtual Place tangent(const Place& row) = 0;
-  // Solves for the cycle with row . place = right, starting `length` along the tangent. Throws Error where there is none.
+  // Solves for the cycle with row . place = right, starting `length` along the tangent where the branch stands. Throws
+  // Error where there is none.
   virtual void go(double length, const Place& row, double right) = 0;
-  virtual Cycle cycle() const = 0;      // the candidate (after accept(): where the branch stands)
-  virtual void accept() = 0;
+  virtual Place place() const = 0;               // of the candidate, like all below
+  virtual Place tangent(const Place& row) = 0;   // of the branch, of length 1, on the side of `row`
+  virtual Cycle cycle() const = 0;
+  virtual void accept() = 0;                     // its tangent, as asked for last, is what go() goes along
 };
 
 // A special point, between two points of the branch, located to 1e-8 of the parameter's range. Kinds:
@@ -41,6 +41,7 @@ class CyclePath {
 //   infinite-period  the period grows beyond all bounds: the branch ends
 //   long-wave        the phase diffusion changes its sign
 //   wave             a wave of finite length begins or ceases to grow: `wavenumber`
+//   branch           a multiplier passes 1 and the parameter does not turn: other cycles branch off
 // and the names of Cycle::tests.
 struct SpecialPoint {
   std::string kind;
