@@ -8,7 +8,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/study/reduce.hpp"
-#include "stickslip/waves/oscillator.hpp"
+#include "stickslip/model/oscillator.hpp"
 #include "study/step_forecast.hpp"
 
 namespace stickslip {
