@@ -109,11 +109,32 @@ void describe(Summary& summary, const std::vector<Axis>& axes, const std::vector
                 rounded_text(v.growth) + " says " + v.expected);
 }
 
+// What the criticality of the points says, and where it changes.
+void describe_criticality(Summary& summary, const std::vector<Axis>& axes, const std::vector<Crossing>& points,
+                          const std::vector<SpecialPoint>& special) {
+  const auto count = [&](const std::string& word) {
+    return std::count_if(points.begin(), points.end(), [&](auto& c) { return c.criticality.word() == word; });
+  };
+  const auto all = long(points.size()), up = count("supercritical"), down = count("subcritical");
+  const auto share = [&](long n) { return n == all ? std::string() : "at " + std::to_string(n) + " of " +
+                                                                         std::to_string(all) + " points "; };
+  if (up > 0) summary.say(share(up) + "stick-slip grows out of sliding (supercritical)");
+  if (down > 0) summary.say(share(down) + "sliding loses to stick-slip by a jump (subcritical): both live beside the boundary");
+  if (std::any_of(points.begin(), points.end(), [](auto& c) { return c.degenerate && c.criticality.known(); }))
+    summary.say("many modes cross at once; the criticality is that of the longest, taken alone");
+  for (const SpecialPoint& p : special)
+    summary.say("the criticality changes (" + p.kind + " point) at " + axes[0].name + " " +
+                rounded_text(p.at.value, 10) + ", " + axes[1].name + " " + rounded_text(p.at.value2, 10));
+}
+
 std::string at_ends(GrowthRate& growth) {
   const Axis& axis = growth.axes()[0];
   return "growth rate " + number_text(growth(0)) + " at " + axis.name + " " + number_text(axis.from) + ", " +
          number_text(growth(1)) + " at " + number_text(axis.to);
 }
+
+Json number_or_null(double x) { return std::isnan(x) ? Json() : Json(x); }
+Json text_or_null(const std::string& text) { return text.empty() ? Json() : Json(text); }
 
 Json point_list(const std::vector<Crossing>& points, bool two) {
   Json list = Json::array();
@@ -127,10 +148,28 @@ Json point_list(const std::vector<Crossing>& points, bool two) {
                                  {"error", c.error},
                                  {"error2", two ? Json(c.error2) : Json()},
                                  {"kind", c.kind},
+                                 {"criticality", text_or_null(c.criticality.word())},
+                                 {"lyapunov_coefficient", number_or_null(c.criticality.coefficient)},
+                                 {"lyapunov_of", text_or_null(c.criticality.of)},
+                                 {"lyapunov_travelling", number_or_null(c.criticality.travelling)},
+                                 {"lyapunov_standing", number_or_null(c.criticality.standing)},
+                                 {"criticality_unknown", text_or_null(c.criticality.why_not)},
                                  {"growth_rate", c.growth},
                                  {"piece", c.piece},
                                  {"switched", c.switched},
                                  {"complete", c.complete ? Json(*c.complete) : Json()}}));
+  return list;
+}
+
+Json special_list(const std::vector<SpecialPoint>& points) {
+  Json list = Json::array();
+  for (const SpecialPoint& p : points)
+    list.push_back(Json::object({{"kind", p.kind},
+                                 {"value", p.at.value},
+                                 {"value2", p.at.value2},
+                                 {"frequency", p.at.frequency},
+                                 {"wavenumber", p.at.wavenumber},
+                                 {"piece", p.at.piece}}));
   return list;
 }
 
@@ -178,8 +217,35 @@ void warn_of_damping(const Options& options, const std::vector<Verified>& verifi
   }
 }
 
+// Criticality of every point, and the special points of a curve.
+void add_criticality(ResultFile& file, const std::vector<Crossing>& points, const std::vector<SpecialPoint>& special,
+                     const std::string& unit, const std::string& unit2) {
+  std::vector<std::string> words, of;
+  std::vector<double> coefficient, value, value2;
+  for (const Crossing& c : points) {
+    words.push_back(c.criticality.word());
+    of.push_back(c.criticality.of);
+    coefficient.push_back(c.criticality.coefficient);
+  }
+  file.add_text({"criticality", "1", "supercritical or subcritical; empty where it is not known"}, {"point"}, words);
+  file.add({"lyapunov_coefficient", "1/(time velocity^2)", "l of da/dt = growth a + l a^3, a: amplitude of psi"},
+           {"point"}, coefficient);
+  file.add_text({"lyapunov_of", "1", "the oscillation that it belongs to"}, {"point"}, of);
+  if (special.empty()) return;
+  std::vector<std::string> kinds;
+  for (const SpecialPoint& p : special) {
+    kinds.push_back(p.kind);
+    value.push_back(p.at.value);
+    value2.push_back(p.at.value2);
+  }
+  file.add({"special/value", unit, "value"}, {"special/point"}, value);
+  file.add({"special/value2", unit2, "value2"}, {"special/point"}, value2);
+  file.add_text({"special/kind", "1", "bautin: the criticality changes"}, {"special/point"}, kinds);
+}
+
 void write_file(const Options& options, GrowthRate& growth, const std::vector<Crossing>& points,
-                const std::vector<Verified>& verified, const Samples& samples, const Provenance& provenance) {
+                const std::vector<Verified>& verified, const BoundaryFindings& findings, const Provenance& provenance) {
+  const Samples& samples = findings.samples;
   ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
   if (options.text("out_file").empty()) return;
   const bool two = growth.axes().size() > 1;
@@ -213,6 +279,7 @@ void write_file(const Options& options, GrowthRate& growth, const std::vector<Cr
   std::vector<std::string> kinds;
   for (const Crossing& c : points) kinds.push_back(c.kind);
   file.add_text({"kind", "1", "hopf or zero"}, {"point"}, kinds);
+  add_criticality(file, points, findings.special, unit(growth.axes()[0]), two ? unit(growth.axes()[1]) : "");
   file.add({"closed_form_v", "length/time", "model_v of the boundary in closed form"}, {"point"},
            closed_forms(growth, points));
 
@@ -269,7 +336,7 @@ void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& po
   for (const Crossing& c : points) {
     std::string line = axes[0].name + " " + number_text(c.value);
     if (axes.size() > 1) line += "  " + axes[1].name + " " + number_text(c.value2);
-    line += "  " + c.kind + ", ";
+    line += "  " + c.kind + ", " + (c.criticality.known() ? c.criticality.word() + ", " : "");
     if (std::isfinite(c.wavenumber))
       line += "frequency " + number_text(c.frequency) + ", wavenumber " + number_text(c.wavenumber);
     else
@@ -312,6 +379,7 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
   check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
   summary.set("points", point_list(points, two));
   if (two) summary.set("meetings", point_list(findings.meetings, two));
+  if (two) summary.set("special", special_list(findings.special));
   summary.set("notes", findings.notes);
   summary.set("evaluations", growth.evaluations());
   for (const std::string& note : findings.notes) warn(note);
@@ -321,8 +389,9 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
   if (points.empty()) fail_without_points(growth, findings.samples);
   const std::vector<Verified> verified = verify(growth, options, points, progress);
   if (options.integer("boundary_verify") > 0) summary.set("verified", verified_list(verified, two));
-  write_file(options, growth, points, verified, findings.samples, provenance);
+  write_file(options, growth, points, verified, findings, provenance);
   if (options.text("summary") != "-") print_points(growth.axes(), points);
+  describe_criticality(summary, growth.axes(), points, findings.special);
   if (two) describe_curve(summary, growth, points);
   else describe(summary, growth, points);
   describe(summary, growth.axes(), verified);
@@ -334,7 +403,7 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
 int boundary_command(const Options& options) {
   const Provenance provenance = Provenance::of("boundary", options.all());
   check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, {"points", "meetings", "verified", "notes", "evaluations"}, options.text("summary"));
+  Summary summary(provenance, {"points", "meetings", "special", "verified", "notes", "evaluations"}, options.text("summary"));
   const std::vector<Axis> axes = axes_from(options);
   const auto varied = [&](const std::vector<Axis>& along) {
     return GrowthRate(PETSC_COMM_WORLD, scene_of(options, along), along, options.text("spectrum_refine") != "off");

@@ -130,6 +130,7 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
                                number_text(c.value) + ", where a mode enters or leaves what the grid resolves: no "
                                "boundary");
   }
+  for (Crossing& c : roots) c.criticality = growth.criticality(c);
   if (std::optional<GrowthRate> fine = roots.empty() ? std::nullopt : growth.finer())
     for (Crossing& c : roots) c.error = grid_error(growth, *fine, c);
   note_short_waves(growth, roots, findings.notes);
@@ -214,8 +215,10 @@ class Placing {
       for (std::size_t j = i; missed && j-- > 0 && !placed[j].complete;) {
         const Crossing old = placed[j];
         placed[j] = place(places[j]);
+        placed[j].criticality = growth_.criticality(placed[j]);
         if (std::hypot(old.x - placed[j].x, old.y - placed[j].y) < 1e-9) break;
       }
+      placed[i].criticality = growth_.criticality(placed[i]);
     }
     return placed;
   }
@@ -280,18 +283,46 @@ bool another_mode(const Crossing& a, const Crossing& b) {
   return a.kind != b.kind || std::abs(a.frequency - b.frequency) > 0.3 * std::max(a.frequency, b.frequency);
 }
 
+// The point of the curve beside the chord from one point to a neighbour, so far along it (0 to 1); nothing where there is
+// none near.
+std::optional<Crossing> point_between(GrowthRate& growth, const Crossing& a, const Crossing& b, double part) {
+  const PlaneFunction f = [&](double x, double y) { return growth(x, y); };
+  const PlanePoint at{a.x + part * (b.x - a.x), a.y + part * (b.y - a.y)};
+  const double apart = std::max(std::hypot(a.x - b.x, a.y - b.y), 1e-300);
+  const PlanePoint across{-(b.y - a.y) / apart, (b.x - a.x) / apart};
+  double slope = std::numeric_limits<double>::quiet_NaN();
+  const Placed on = put_on_curve(f, at, across, slope);
+  if (!on.found || distance(on.at, at) > apart) return std::nullopt;
+  return growth.crossing(on.at.x, on.at.y);
+}
+
+// The place between two neighbouring points of the curve where the first Lyapunov coefficient passes through zero;
+// nothing where its sign changes otherwise: through infinity, by a jump, or where another mode takes over.
+std::optional<Crossing> bautin_point(GrowthRate& growth, const Crossing& a, const Crossing& b) {
+  const double before = a.criticality.coefficient, after = b.criticality.coefficient;
+  if (!(before * after < 0) || a.kind != b.kind || another_mode(a, b)) return std::nullopt;
+  std::optional<Crossing> last;
+  const auto coefficient = [&](double part) {
+    last = point_between(growth, a, b, part);
+    if (!last) return std::numeric_limits<double>::quiet_NaN();
+    last->criticality = growth.criticality(*last);
+    const bool zero = !last->criticality.known() && last->kind == "hopf";
+    return zero ? 0 : last->criticality.coefficient;
+  };
+  const double part = find_root(coefficient, {0, before, 1, after}, 1e-11);
+  if (std::isnan(part)) return std::nullopt;
+  const double left = coefficient(part);
+  if (!(std::abs(left) <= 1e-6 * std::max(std::abs(before), std::abs(after)))) return std::nullopt;
+  return last;
+}
+
 // The place between two neighbouring points of the curve where the mode of the second takes over from that of the
 // first, by halving; the point there has the mode of one of them.
 Crossing meeting(GrowthRate& growth, Crossing a, Crossing b) {
-  const PlaneFunction f = [&](double x, double y) { return growth(x, y); };
   for (int k = 0; k < 24; ++k) {
-    const PlanePoint middle{(a.x + b.x) / 2, (a.y + b.y) / 2};
-    const double apart = std::max(std::hypot(a.x - b.x, a.y - b.y), 1e-300);
-    const PlanePoint across{-(b.y - a.y) / apart, (b.x - a.x) / apart};
-    double slope = std::numeric_limits<double>::quiet_NaN();
-    const Placed on = put_on_curve(f, middle, across, slope);
-    if (!on.found || distance(on.at, middle) > apart) break;
-    const Crossing c = growth.crossing(on.at.x, on.at.y);
+    const std::optional<Crossing> between = point_between(growth, a, b, 0.5);
+    if (!between) break;
+    const Crossing c = *between;
     const bool like_a = a.kind == b.kind ? std::abs(c.frequency - a.frequency) < std::abs(c.frequency - b.frequency)
                                          : c.kind == a.kind;
     (like_a ? a : b) = c;
@@ -322,6 +353,8 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Bounda
         c.switched = another_mode(result.back(), c);
         if (c.switched && findings.meetings.size() < 16)
           findings.meetings.push_back(meeting(growth, result.back(), c));
+        if (const auto bautin = bautin_point(growth, result.back(), c))
+          findings.special.push_back({"bautin", *bautin});
       }
       result.push_back(c);
     }

@@ -213,6 +213,18 @@ Crossing GrowthRate::crossing(double x, double y) {
   return c;
 }
 
+Criticality GrowthRate::criticality(const Crossing& c) {
+  Criticality found;
+  const auto at = c.kind == "hopf" ? leading(c.x, c.y) : std::nullopt;
+  if (!at) {
+    found.why_not = "the mode does not oscillate";
+    return found;
+  }
+  const SteadySliding steady(scene(c.x, c.y));
+  const LinearisedOperator s(steady);
+  return stickslip::criticality(steady, s, at->mode, bool(closed(s)));
+}
+
 bool GrowthRate::vanishes(const Crossing& c) const {
   const double frequency = std::isfinite(c.frequency) ? c.frequency : 0;
   return std::abs(c.growth) <= 1e-6 * (unit_frequency(LinearisedOperator(scene(c.x, c.y))) + frequency);

@@ -113,7 +113,7 @@ class Line:
             rows[0].append(-A * F_x)
             rows[1].append(sd * F_x)
             rows.append([np.diag(self.g_psi), 0 * I, np.diag(-self.r)])
-        self.J = np.block(rows)
+        self.E, self.J = E, np.block(rows)
 
     def eigenvalues(self):
         """Rightmost first."""

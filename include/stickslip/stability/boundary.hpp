@@ -17,12 +17,20 @@ struct Samples {
   std::vector<double> growth;
 };
 
+// A place on the curve where something changes. bautin: the first Lyapunov coefficient passes through zero, so that a
+// supercritical Hopf point becomes a subcritical one; a fold of oscillations begins there.
+struct SpecialPoint {
+  std::string kind;
+  Crossing at;
+};
+
 // What is found beside the points themselves.
 struct BoundaryFindings {
   Samples samples;
   std::vector<std::string> notes;  // what is not as it should be
   // The places (codimension two) where one mode takes over from another of different kind or frequency; curves only.
   std::vector<Crossing> meetings;
+  std::vector<SpecialPoint> special;  // curves only
 };
 
 // Every zero on the first axis, ascending in the coordinate, bracketed on 33 samples and by the least |growth| between

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "stickslip/stability/continuum.hpp"
+#include "stickslip/stability/criticality.hpp"
 #include "stickslip/stability/spectrum.hpp"
 
 namespace stickslip {
@@ -49,6 +50,7 @@ struct Crossing {
   int piece = 0;                 // of the curve
   bool switched = false;         // another mode leads than at the point before
   std::optional<bool> complete;  // no mode grows there, by the count; empty where it was not counted
+  Criticality criticality;       // of a hopf point, once asked for
 };
 
 // A mode with its left eigenvector, as they were where the mode was polished last.
@@ -82,6 +84,8 @@ class GrowthRate {
 
   // The point with its mode polished on the matrix itself. Throws Failure where there is no steady sliding.
   Crossing crossing(double x, double y = 0);
+  // Whether stick-slip grows out of that point or sliding loses to it by a jump.
+  Criticality criticality(const Crossing& c);
   // The growth rate is zero there: no jump through zero, where a mode enters or leaves what the grid resolves.
   bool vanishes(const Crossing& c) const;
   // The mode that crosses has a frequency within a tenth of the highest that the grid resolves, or above it: it is a

@@ -1,0 +1,255 @@
+#include "stickslip/stability/criticality.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "stickslip/model/model.hpp"
+
+namespace stickslip {
+
+namespace {
+
+using Vector = std::vector<NodeVector>;
+
+// What friction and the state's rate add to the rates of a node at second and third order.
+class NodeForms {
+ public:
+  NodeForms(const LinearPoint& p, double amplitude, const HigherPartials& d)
+      : to_psi_(-p.A * amplitude), to_eta_(p.s_delta * amplitude), d_(d) {}
+
+  NodeVector second(const NodeVector& x, const NodeVector& y) const {
+    return rates([&](const HigherDerivatives& d) {
+      return d.pp * x.psi * y.psi + d.ps * (x.psi * y.state + x.state * y.psi) + d.ss * x.state * y.state;
+    });
+  }
+  NodeVector third(const NodeVector& x, const NodeVector& y, const NodeVector& z) const {
+    return rates([&](const HigherDerivatives& d) {
+      return d.ppp * x.psi * y.psi * z.psi +
+             d.pps * (x.psi * y.psi * z.state + x.psi * y.state * z.psi + x.state * y.psi * z.psi) +
+             d.pss * (x.psi * y.state * z.state + x.state * y.psi * z.state + x.state * y.state * z.psi) +
+             d.sss * x.state * y.state * z.state;
+    });
+  }
+
+ private:
+  template <class Form>
+  NodeVector rates(const Form& form) const {
+    const Complex F = form(d_.F);
+    return {to_psi_ * F, to_eta_ * F, form(d_.g)};
+  }
+  double to_psi_, to_eta_;
+  HigherPartials d_;
+};
+
+Complex dot(const NodeVector& x, const NodeVector& y) { return x.psi * y.psi + x.eta * y.eta + x.state * y.state; }
+NodeVector conjugate(const NodeVector& x) { return {std::conj(x.psi), std::conj(x.eta), std::conj(x.state)}; }
+NodeVector times(Complex f, const NodeVector& x) { return {f * x.psi, f * x.eta, f * x.state}; }
+void add(NodeVector& sum, Complex f, const NodeVector& x) {
+  sum.psi += f * x.psi;
+  sum.eta += f * x.eta;
+  sum.state += f * x.state;
+}
+
+// The places at which an oscillation is held, with its vectors and the linear problem between them.
+struct Line {
+  double omega;
+  std::vector<NodeForms> forms;
+  Vector q, left;  // right and left vector of i omega
+  virtual Vector solve(Complex lambda, const Vector& b) const = 0;  // (lambda - J)^-1 b
+  virtual ~Line() = default;
+};
+
+// l of the oscillation; NaN where it is 0 to round-off.
+double lyapunov(const Line& line) {
+  const std::size_t n = line.q.size();
+  Vector qq(n), qc(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    qq[i] = line.forms[i].second(line.q[i], line.q[i]);
+    qc[i] = line.forms[i].second(line.q[i], conjugate(line.q[i]));
+  }
+  const Vector mean = line.solve(0, qc), twice = line.solve({0, 2 * line.omega}, qq);
+  Complex c = 0, norm = 0;
+  double size = 0, largest = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const NodeVector& q = line.q[i];
+    const NodeVector qbar = conjugate(q);
+    const Complex terms[] = {dot(line.left[i], line.forms[i].third(q, q, qbar)),
+                             2. * dot(line.left[i], line.forms[i].second(q, mean[i])),
+                             dot(line.left[i], line.forms[i].second(qbar, twice[i]))};
+    for (const Complex& term : terms) {
+      c += term;
+      size += std::abs(term);
+    }
+    norm += dot(line.left[i], q);
+    largest = std::max(largest, std::norm(q.psi));
+  }
+  constexpr double rounding = 1e-12;  // of the terms, which stem from solutions of linear systems
+  if (std::abs((c / norm).real()) <= rounding * size / std::abs(norm)) return Criticality::none;
+  return (c / norm).real() / (8 * largest);
+}
+
+// A wave in a medium alike everywhere, at points even over one wavelength: enough of them that no product of three waves
+// is mistaken for another, or, where the wavelength is a few nodes, the nodes.
+class WaveLine : public Line {
+ public:
+  // The shape at a point is wave(2 pi (point + shift)/points).
+  WaveLine(const LinearisedOperator& J, const NodeForms& form, double frequency, double k, bool continuum, int points,
+           double shift, bool travelling)
+      : J_(J), k_(k), continuum_(continuum) {
+    omega = frequency;
+    const LinearPoint medium = J.point(0);
+    const Complex lambda(0, omega);
+    const NodeVector right = medium.expand(lambda, 1), adjoint = medium.expand_transposed(lambda, 1, {});
+    for (int i = 0; i < points; ++i) {
+      const double phase = 2 * M_PI * (i + shift) / points;
+      const Complex shape = travelling ? std::polar(1., phase) : Complex(std::cos(phase));
+      forms.push_back(form);
+      q.push_back(times(shape, right));
+      left.push_back(times(std::conj(shape), adjoint));
+    }
+  }
+
+  Vector solve(Complex lambda, const Vector& b) const override {
+    // Nothing pulls back the uniform part where K0 = 0: its solution is the limit lambda -> 0, at which eta stays.
+    if (lambda == 0.) lambda = 1e-100;
+    const LinearPoint medium = J_.point(0);
+    const int n = int(b.size());
+    Vector y(b.size());
+    for (int m = 0; m < n; ++m) {
+      const int harmonic = 2 * m > n ? m - n : m;
+      const double k = harmonic * k_, kappa2 = continuum_ ? k * k : J_.symbol(k);
+      NodeVector part;
+      for (int i = 0; i < n; ++i) add(part, std::polar(1. / n, -2 * M_PI * m * i / n), b[std::size_t(i)]);
+      const Complex psi = -medium.condense(lambda, part) / (medium.diagonal(lambda) + medium.stiffness(kappa2));
+      const NodeVector found = medium.expand(lambda, psi, part);  // of (J - lambda)^-1
+      for (int i = 0; i < n; ++i) add(y[std::size_t(i)], -std::polar(1., 2 * M_PI * m * i / n), found);
+    }
+    return y;
+  }
+
+ private:
+  const LinearisedOperator& J_;
+  double k_;
+  bool continuum_;
+};
+
+// A mode of a medium that differs along the line, at all its nodes.
+class WholeLine : public Line {
+ public:
+  WholeLine(const LinearisedOperator& J, std::vector<NodeForms> all, const Mode& m) : J_(J) {
+    omega = m.value.imag();
+    forms = std::move(all);
+    const std::vector<Complex> w = left_vector(J, m);
+    for (std::size_t i = 0; i < J.size(); ++i) {
+      q.push_back(J.point(i).expand(m.value, m.psi[i]));
+      left.push_back(J.point(i).expand_transposed(m.value, w[i], {}));
+    }
+  }
+
+  Vector solve(Complex lambda, const Vector& b) const override {
+    BandLU lu;
+    J_.factor(lambda, lu);
+    std::vector<Complex> p(b.size());
+    for (std::size_t i = 0; i < b.size(); ++i) p[i] = -J_.point(i).condense(lambda, b[i]);
+    J_.solve(lu, p);
+    Vector y(b.size());
+    for (std::size_t i = 0; i < b.size(); ++i) y[i] = times(-1, J_.point(i).expand(lambda, p[i], b[i]));
+    return y;
+  }
+
+ private:
+  const LinearisedOperator& J_;
+};
+
+// Nodes after which a wave of the grid repeats itself, if that is so few that products of three are one another's like;
+// else more points than any such product needs.
+int points_of(const LinearisedOperator& J, double k, bool continuum) {
+  constexpr int enough = 8;
+  if (k == 0) return 1;
+  if (continuum) return enough;
+  const double turns = k * J.spacing() / (2 * M_PI);
+  for (int points = 2; points <= 4; ++points)
+    if (std::abs(points * turns - std::round(points * turns)) < 1e-9) return points;
+  return enough;
+}
+
+Criticality of_wave(const LinearisedOperator& J, const NodeForms& form, const Mode& m, bool continuum) {
+  const double k = m.wavenumber, frequency = m.value.imag();
+  const int points = points_of(J, k, continuum);
+  const auto of = [&](bool travelling, double shift) {
+    return lyapunov(WaveLine(J, form, frequency, k, continuum, points, shift, travelling));
+  };
+  Criticality c;
+  if (points <= 2) {  // alike at every node, or alternating
+    c.coefficient = of(false, 0);
+    c.of = k == 0 ? "uniform" : "standing";
+    return c;
+  }
+  // crests between nodes: a chain ends half a spacing beyond its last block
+  const bool ring = J.scene.ring(), between = J.scene.form == Form::chain;
+  c.standing = of(false, between && !ring ? 0.5 : 0);
+  if (!ring) {
+    c.coefficient = std::exchange(c.standing, Criticality::none);
+    c.of = "standing";
+    return c;
+  }
+  if (points == 4) c.standing = std::max(c.standing, of(false, 0.5));  // crests on nodes and between differ
+  c.travelling = of(true, 0);
+  // sum |z|^2 is a^2 of a travelling wave and a^2/2 of a standing one
+  const bool standing = 2 * c.standing > c.travelling;
+  c.coefficient = standing ? c.standing : c.travelling;
+  c.of = standing ? "standing" : "travelling";
+  return c;
+}
+
+// Friction or the state's rate has a kink at psi = 0, and the nodes lie on both sides of it.
+bool passes_kink(const SteadySliding& steady) {
+  if (!steady.scene.friction.sticks() && !steady.scene.friction.has_state()) return false;
+  const auto [low, high] = std::minmax_element(steady.psi.begin(), steady.psi.end());
+  return *low <= 0 && *high >= 0;
+}
+
+std::vector<NodeForms> forms_of(const SteadySliding& steady, const LinearisedOperator& J, std::size_t count) {
+  const auto friction = Friction::of(steady.scene.friction);
+  const std::vector<double> amplitude = friction_amplitude(steady.scene, 0, steady.scene.n);
+  std::vector<NodeForms> forms;
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto node = std::size_t(J.coupling.node[i]);
+    forms.emplace_back(J.point(i), amplitude[node],
+                       friction->higher_partials(steady.psi[node], steady.state.empty() ? 0 : steady.state[node]));
+  }
+  return forms;
+}
+
+}  // namespace
+
+Criticality criticality(const SteadySliding& steady, const LinearisedOperator& J, const Mode& mode, bool continuum) {
+  Criticality c;
+  if (!(mode.value.imag() > 0)) {
+    c.why_not = "the mode does not oscillate";
+  } else if (!std::isfinite(mode.wavenumber)) {
+    c.why_not = "the limit of short waves crosses, and no single one";
+  } else if (passes_kink(steady)) {
+    c.why_not = "friction has a kink at psi = 0, which is where some of the line slides";
+  } else if (J.scene.left == End::velocity || J.scene.right == End::velocity || (!continuum && J.exact_waves().empty())) {
+    if (J.neutral()) {
+      c.why_not = "nothing holds the line (model_k0 = 0): the velocity is free";
+      return c;
+    }
+    Mode m = mode;
+    if (m.psi.empty()) m.psi = J.wave(m.wavenumber);
+    if (m.psi.size() != J.size() || !polish(J, m)) {
+      c.why_not = "the mode was lost";
+      return c;
+    }
+    c.coefficient = lyapunov(WholeLine(J, forms_of(steady, J, J.size()), m));
+    c.of = "mode";
+  } else {
+    c = of_wave(J, forms_of(steady, J, 1).front(), mode, continuum);
+  }
+  if (c.why_not.empty() && !c.known()) c.why_not = "the coefficient is zero to round-off";
+  return c;
+}
+
+}  // namespace stickslip

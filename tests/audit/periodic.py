@@ -1,0 +1,92 @@
+"""Small oscillations about steady sliding by harmonic balance: the first Lyapunov coefficient as they show it.
+
+Nothing here knows a normal form. An oscillation of a given small amplitude a is solved for with its period and with the
+option that is varied, by Newton's method on Fourier samples; the growth rate of sliding at that option is then -l a^2 up
+to a^4, which two amplitudes eliminate."""
+import numpy as np
+
+import sliding
+
+
+class Oscillations:
+    """Of a scene (options by name) in which `name` is varied; a: amplitudes of friction."""
+
+    def __init__(self, p, name, a=None, samples=12):
+        self.p, self.name, self.a, self.m, self.lines = p, name, a, samples, {}
+        k = np.fft.fftfreq(samples, 1 / samples)
+        k[samples // 2] = 0
+        self.D = np.fft.ifft(1j * k[:, None] * np.fft.fft(np.eye(samples), axis=0), axis=0).real  # d/dphase
+
+    def line(self, value):
+        if value not in self.lines:
+            self.lines[value] = sliding.Line(self.p | {self.name: value}, self.a)
+        return self.lines[value]
+
+    def mode(self, value):
+        """The leading oscillating mode: its rate and vector, in deviations of (psi, eta, state) at the nodes."""
+        rates, vectors = np.linalg.eig(self.line(value).J)
+        at = np.argmax(np.where(rates.imag > 1e-9, rates.real, -np.inf))
+        return rates[at], vectors[:, at]
+
+    def rates(self, value, y):
+        """d/dt of deviations y (samples, unknowns) from the sliding of that value."""
+        L = self.line(value)
+        n = len(L.free)
+        F, g, steady = sliding.law(self.p | {self.name: value})
+        a = np.ones(len(L.psi)) if self.a is None else self.a
+        psi0, a = L.psi[L.free], a[L.free]
+        x0 = L.steady_state if L.state else np.zeros(n)
+        psi, eta, x = y[:, :n], y[:, n:2 * n], y[:, 2 * n:] if L.state else 0 * y[:, :n]
+        rest = a * (F(psi0 + psi + 0j, x0 + x + 0j) - F(psi0 + 0j, x0 + 0j))
+        out = [L.A * (eta - L.B * psi - rest), psi @ L.E.T - L.sd * (eta - rest)]
+        if L.state:
+            out.append(g(psi0 + psi + 0j, x0 + x + 0j))
+        return np.concatenate(out, axis=1)
+
+    def solve(self, value, a):
+        """The option's value at which an oscillation of amplitude a is periodic, starting from the Hopf point's."""
+        rate, q = self.mode(value)
+        n = len(self.line(value).free)
+        lead = np.argmax(abs(q[:n]))
+        phase = 2 * np.pi * np.arange(self.m) / self.m
+        y = a * np.real(np.exp(1j * phase)[:, None] * (q / q[lead])[None, :])
+        x = np.concatenate([y.ravel(), [rate.imag, value]])
+        wave = np.exp(-1j * phase) * 2 / self.m
+        scale = np.max(abs(self.rates(value, y)))
+
+        def residual(x):
+            y = x[:-2].reshape(self.m, -1)
+            first = wave @ y[:, lead]
+            if np.iscomplexobj(x):  # analytic parts
+                re, im = np.real(wave) @ y[:, lead], np.imag(wave) @ y[:, lead]
+            else:
+                re, im = first.real, first.imag
+            flow = x[-2] * (self.D @ y) - self.rates_of(x[-1], y)
+            return np.concatenate([flow.ravel() / scale, [(re - a) / a, im / a]])
+        for _ in range(12):
+            r = residual(x)
+            J = np.empty((len(x), len(x)))
+            for j in range(len(x) - 1):
+                e = x + 0j
+                e[j] += 1e-30j
+                J[:, j] = residual(e).imag / 1e-30
+            h = 1e-6 * abs(x[-1])
+            up, down = x.copy(), x.copy()
+            up[-1] += h
+            down[-1] -= h
+            J[:, -1] = (residual(up) - residual(down)).real / (2 * h)
+            step = np.linalg.lstsq(J, -r.real, rcond=1e-13)[0]
+            x = x + step
+            if np.max(abs(step)) < 1e-13 * np.max(abs(x)):
+                break
+        assert np.max(abs(residual(x))) < 1e-9, np.max(abs(residual(x)))
+        return x[-1]
+
+    def rates_of(self, value, y):
+        out = self.rates(float(np.real(value)), y)
+        return out if np.iscomplexobj(y) else out.real
+
+    def lyapunov(self, value, a):
+        """-growth/a^2 from amplitudes a and a/2, the next order eliminated; and what that changed."""
+        l = [-self.mode(self.solve(value, size))[0].real / size**2 for size in (a, a / 2)]
+        return (4 * l[1] - l[0]) / 3, abs(l[1] - l[0])
