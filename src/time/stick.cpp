@@ -1,10 +1,10 @@
 #include "stickslip/time/stick.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
+#include "model/release.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/roots.hpp"
 
@@ -255,10 +255,7 @@ void Stick::snap(Vec before, Vec landed) const {
   SS_TRY(VecRestoreArrayRead(before, &a));
 }
 
-// With every node at rest the threshold minus the force is convex or concave in time, a sum of something linear and an
-// exponential or a logarithm: it is followed to its extremum, if it has one, and there is one root on either side.
 double Stick::release_after(Vec u) {
-  const Friction& law = model_.friction_law();
   const double *a, *f;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
@@ -270,34 +267,8 @@ double Stick::release_after(Vec u) {
         if (rate > 0) first = std::min(first, std::max(0., (threshold(i, at) - force) / rate));
         return;
       }
-      std::array<double, 3> then{0, 0, at[2]};
-      const auto excess = [&](double wait) {
-        then[2] = law.state_at_rest(at[2], wait);
-        return force + rate * wait - threshold(i, then.data());
-      };
-      const auto growth = [&](double wait) {
-        then[2] = law.state_at_rest(at[2], wait);
-        return rate - threshold_rate(i, then.data());
-      };
-      const double scale = law.time_at_rest(at[2]);
-      double low = 0, high = scale;
-      if (growth(0) <= 0) {  // falls behind the threshold at first
-        if (rate <= 0) return;
-        while (growth(high) <= 0 && std::isfinite(high)) high *= 2;
-        if (!std::isfinite(high)) return;
-        low = last_place([&](double wait) { return growth(wait) <= 0; }, 0, high);
-        high = 2 * low;
-      } else if (rate <= 0) {  // gains on a threshold that falls, for a while
-        while (growth(high) > 0 && std::isfinite(high)) high *= 2;
-        if (std::isfinite(high)) high = last_place([&](double wait) { return growth(wait) > 0; }, 0, high);
-        if (!(excess(std::isfinite(high) ? high : 1e6 * scale) > 0)) return;
-        if (!std::isfinite(high)) high = 1e6 * scale;
-      }
-      while (excess(high) < 0 && high < first) high *= 2;
-      if (excess(high) < 0) return;  // later than another
-      // of the two neighbours the later one, where the force has come to the threshold
-      const double before = last_place([&](double wait) { return excess(wait) < 0; }, low, high);
-      first = std::min(first, std::nextafter(before, infinity));
+      first = std::min(first, release_time(model_.friction_law(), model_.amplitude()[static_cast<std::size_t>(i)], force,
+                                           rate, at[2], first));
     });
   }
   SS_TRY(VecRestoreArrayRead(slope_, &f));

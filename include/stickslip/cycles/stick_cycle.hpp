@@ -1,0 +1,75 @@
+// Cycles of friction that sticks: slips and rests with their changes located to nearly round-off, as fixed points of a
+// return map.
+//
+// The section is the release of one node: psi = 0 there, eta at the threshold. From it the motion is integrated to the
+// release that closes the cycle (src/cycles/stick_motion.hpp), with the deviations of every free coordinate: all unknowns
+// of the cell but psi and eta of that node. Newton's method on the map is exact then, and the matrix that takes deviations
+// round the cycle, with the jump matrices of starts and stops, gives the multipliers. One block without a state has no free
+// coordinate: its cycle is the slip that begins at psi = 0, eta = threshold, and the rest that follows.
+//
+// For cells of few nodes (stick_cycle_limit), on rings, between free or held ends. Nothing here is collective; every rank
+// computes the same.
+#pragma once
+
+#include <complex>
+#include <string>
+#include <vector>
+
+#include "stickslip/cycles/cycle.hpp"
+#include "stickslip/model/scene.hpp"
+
+namespace stickslip {
+
+// Nodes of a cell at most: the work of the return map grows like their third power.
+constexpr PetscInt stick_cycle_limit = 20;
+
+// The one node that moves as every node of a uniform scene does.
+Scene one_node_of(const Scene& scene);
+
+// What the motion from a start comes to.
+enum class Fate {
+  repeats,     // a cycle with rests
+  slides,      // steady sliding
+  oscillates,  // without rest
+  stuck,       // rests for ever
+  wanders      // changes between rest and sliding without repeating within the time that was looked at
+};
+std::string to_string(Fate fate);  // in words: "slides steadily", ...
+
+// A cycle of a cell on its section.
+struct StickCycle {
+  std::vector<double> start;            // unknowns at the release of the node `node` towards `side`
+  int node = 0;
+  double side = 1;
+  int releases = 1;                     // of that node in one period
+  double period = 0;
+  double residual = 0;                  // |return map - start|, the largest of the free coordinates
+  std::string sequence;                 // of starts and stops, in words that differ where it does
+  std::vector<double> map;              // what becomes of deviations in one period, size x size, column by column
+  // Where a slip of the cycle would turn if nothing stopped it: the greatest over the slips of psi along its direction,
+  // negative, but not below -(1 + |v|)/10; 0 where a slip only grazes rest. Of a slip that turns without a stop: positive.
+  double depth = 0;
+};
+
+struct StickFate {
+  Fate fate;
+  StickCycle cycle;       // of `repeats`; else its depth is |psi| where the last slip turned first without a stop
+  double time;            // looked at
+};
+
+// Follows the motion of `scene` (the cell) from `start` (unknowns node by node, as stored) until it repeats, slides or does
+// neither for `patience` turns and releases, and polishes what repeats. Throws Failure where the integration fails.
+StickFate stick_fate(const Scene& scene, const std::vector<double>& start, int patience = 400);
+// The same of a uniform scene's one node, from a release after a long rest.
+StickFate uniform_stick_fate(const Scene& one_node);
+
+// The cycle of another scene near this one, by Newton's method alone; its sequence may be another. Throws Failure.
+StickCycle polish(const Scene& scene, const StickCycle& near);
+
+// What is said of a cycle, its course sampled for pictures and measures.
+Cycle described(const Scene& scene, const StickCycle& cycle);
+
+// Multipliers of a deviation exp(ikx) from a cycle of uniform motion: `stiffness` is K1 kappa^2(k).
+std::vector<std::complex<double>> wave_multipliers(const Scene& one_node, const StickCycle& cycle, double stiffness);
+
+}  // namespace stickslip

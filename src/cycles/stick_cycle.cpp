@@ -1,0 +1,181 @@
+#include "stickslip/cycles/stick_cycle.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <map>
+#include <optional>
+
+#include "cycles/stick_lap.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/numerics/dense.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr int compared = 12;         // releases back with which one is compared
+constexpr double looks_equal = 1e-4; // of two releases, in psi over its range, eta and the state
+constexpr double near_sliding = 0.05;  // distance of psi from steady sliding over its size: there the linear answer holds
+
+// What is seen of the motion on its way to a cycle.
+class Following {
+ public:
+  Following(const StickMotion& motion, int patience)
+      : m_(motion), patience_(patience), turn_(2 * M_PI / std::sqrt(motion.scene().A() * motion.scene().K0())) {
+    const Scene& s = motion.scene();
+    if (!std::isfinite(turn_)) turn_ = 2 * M_PI / std::sqrt(s.A() * s.K1());
+    turn_ += (s.B() + std::abs(s.s_delta()) / s.A()) / s.K0();
+  }
+
+  StickFate operator()(const std::vector<double>& start) {
+    Standing p{0, start, {}, {}, 0};
+    m_.decide(p);
+    const auto turned = [this](double, int node, const double* u) {
+      last_ = now_;
+      now_ = u[node * m_.dof()];
+      if (++turns_ == 1) first_ = now_;
+    };
+    for (long round = 0, releases = 0; releases < 50L * patience_; ++round) {
+      const std::vector<Change> changes = m_.advance(p, p.t + turn_, nullptr, turned);
+      if (p.t == StickMotion::never) return {Fate::stuck, {}, 0};
+      if (changes.empty()) {
+        if (++quiet_ > patience_) return ended(p, oscillates(p) ? Fate::oscillates : Fate::slides);
+        if (turns_ > 0 && m_.size() == 2) return ended(p, stable() ? Fate::slides : Fate::oscillates);
+        if (turns_ > 1 && closing(p)) return ended(p, Fate::slides);
+        continue;
+      }
+      quiet_ = turns_ = 0;
+      for (const Change& c : changes)
+        if (c.before == 0 && ++releases && repeats(c, p))
+          if (const std::optional<StickCycle> found = cycle(c, p)) return {Fate::repeats, *found, p.t};
+    }
+    return ended(p, Fate::wanders);
+  }
+
+ private:
+  StickFate ended(const Standing& p, Fate fate) const {
+    StickFate result{fate, {}, p.t};
+    result.cycle.depth = turns_ == 0 ? std::abs(m_.scene().v) : std::abs(first_);
+    return result;
+  }
+
+  bool stable() const {  // uniform sliding
+    const Scene& s = m_.scene();
+    const double side = s.v < 0 ? -1 : 1;
+    const std::shared_ptr<const Friction> law = Friction::of(s.friction);
+    const double state = m_.dof() == 3 ? law->steady_state(s.v) : 0;
+    return LinearPoint(s, law->sliding_partials(s.v, state, side), law->sliding_rate(s.v, state, side)).stable(0);
+  }
+  // One node that turns nearer and nearer to sliding that is stable.
+  bool closing(const Standing& p) const {
+    const double v = m_.scene().v;
+    return p.direction.size() == 1 && std::abs(now_ - v) < near_sliding * std::abs(v) &&
+           std::abs(now_ - v) < std::abs(last_ - v) && stable();
+  }
+  bool oscillates(const Standing& p) const {
+    double most = 0;
+    std::vector<double> f(m_.size());
+    m_.rates(p.direction, p.u.data(), f.data());
+    for (std::size_t i = 0; i < f.size(); i += std::size_t(m_.dof())) most = std::max(most, std::abs(f[i]));
+    return most * turn_ > 1e-4 * (1 + std::abs(m_.scene().v));
+  }
+
+  // Whether this release looks like one before; fills releases_.
+  bool repeats(const Change& c, const Standing& p) {
+    std::deque<std::vector<double>>& seen = seen_[{c.node, c.after}];
+    double size = 1e-300;
+    for (const auto& u : seen)
+      for (std::size_t k = 0; k < u.size(); k += std::size_t(m_.dof())) size = std::max(size, std::abs(u[k]));
+    size = std::max(size, std::abs(m_.scene().v));
+    releases_ = 0;
+    for (std::size_t back = 0; back < seen.size() && releases_ == 0; ++back) {
+      double apart = 0;
+      for (std::size_t k = 0; k < p.u.size(); ++k)
+        apart = std::max(apart, std::abs(p.u[k] - seen[back][k]) / (k % std::size_t(m_.dof()) == 0 ? size : 1));
+      if (apart < looks_equal) releases_ = int(back) + 1;
+    }
+    seen.push_front(p.u);
+    if (seen.size() > compared) seen.pop_back();
+    return releases_ > 0;
+  }
+  std::optional<StickCycle> cycle(const Change& c, const Standing& p) const {
+    StickCycle near;
+    near.start = p.u;
+    near.node = c.node;
+    near.side = c.after;
+    near.releases = releases_;
+    try {
+      StickCycle found = polished(m_, near);
+      double apart = 0;
+      for (std::size_t k = 0; k < p.u.size(); ++k) apart = std::max(apart, std::abs(found.start[k] - p.u[k]));
+      if (apart > 100 * looks_equal * (1 + std::abs(m_.scene().v)) || !attracts(m_, found)) return std::nullopt;
+      return found;
+    } catch (const Failure&) {
+      return std::nullopt;
+    }
+  }
+
+  const StickMotion& m_;
+  const int patience_;
+  double turn_;  // about the time of one
+  int quiet_ = 0, turns_ = 0, releases_ = 0;
+  double first_ = 0, now_ = 0, last_ = 0;  // psi at turns without a stop, since the last change
+  std::map<std::pair<int, double>, std::deque<std::vector<double>>> seen_;
+};
+
+}  // namespace
+
+std::string to_string(Fate fate) {
+  switch (fate) {
+    case Fate::repeats:
+      return "sticks and slips periodically";
+    case Fate::slides:
+      return "slides steadily";
+    case Fate::oscillates:
+      return "oscillates without rest";
+    case Fate::stuck:
+      return "rests for ever";
+    default:
+      return "sticks and slips without repeating";
+  }
+}
+
+Scene one_node_of(const Scene& scene) {
+  Scene one = scene;
+  one.n = 1;
+  one.length = scene.form == Form::chain ? 1 : scene.h();
+  one.left = one.right = End::periodic;
+  return one;
+}
+
+StickFate stick_fate(const Scene& scene, const std::vector<double>& start, int patience) {
+  const StickMotion motion(scene);
+  return Following(motion, patience)(start);
+}
+
+StickFate uniform_stick_fate(const Scene& s) {
+  const StickMotion motion(s);
+  if (s.v == 0 || (s.v < 0 && !s.friction.back_slip)) return {Fate::stuck, {}, 0};
+  const double side = s.v < 0 ? -1 : 1;
+  std::vector<double> u(motion.size(), 0.);
+  if (motion.dof() == 2) {
+    u[1] = side * motion.threshold(0, u.data());
+    return Following(motion, 400)(u);
+  }
+  // From the release after a rest of many cycles, and if that slips to sliding, from fresh contacts.
+  const std::shared_ptr<const Friction> law = Friction::of(s.friction);
+  u[2] = law->steady_state(s.v);
+  const std::vector<double> fresh(u);
+  const double load = motion.threshold(0, u.data()) / (s.K0() * std::abs(s.v));
+  u[2] = law->state_at_rest(u[2], 20 * (load + law->time_at_rest(u[2])));
+  u[1] = side * motion.threshold(0, u.data());
+  const StickFate strong = Following(motion, 400)(u);
+  if (strong.fate == Fate::repeats) return strong;
+  const StickFate weak = Following(motion, 400)(fresh);
+  return weak.fate == Fate::repeats ? weak : strong;
+}
+
+StickCycle polish(const Scene& scene, const StickCycle& near) { return polished(StickMotion(scene), near); }
+
+}  // namespace stickslip

@@ -1,0 +1,188 @@
+#include "cycles/stick_lap.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "model/jump_matrix.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/numerics/dense.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double deep = 0.1;            // of 1 + |v|: a slip that would go beyond is far from grazing
+constexpr int most_changes = 2000;  // in one period
+constexpr double settled = 1e-12;     // change of Newton's method
+
+std::string name_of(const Change& c) {
+  return std::to_string(c.node) + (c.after == 0 ? "." : c.after > 0 ? "+" : "-") + (c.before != 0 && c.after != 0 ? "!" : "");
+}
+
+// Unknowns that tell points of the section apart: all but those of held nodes, and psi and eta of the one released.
+std::vector<std::size_t> free_unknowns(const StickMotion& m, int node) {
+  std::vector<std::size_t> free;
+  for (int i = 0; i < m.nodes(); ++i)
+    for (int k = 0; k < m.dof(); ++k)
+      if (!(k < 2 && (i == node || m.held(i)))) free.push_back(std::size_t(i * m.dof() + k));
+  return free;
+}
+
+std::vector<double> on_section(const StickMotion& m, const StickCycle& c) {
+  std::vector<double> u(c.start);
+  u[std::size_t(c.node * m.dof())] = 0;
+  u[std::size_t(c.node * m.dof() + 1)] = c.side * m.threshold(c.node, u.data());
+  return u;
+}
+
+// A deviation before the release becomes one after it, with every node that is released at once.
+void pass_release(const StickMotion& m, const Standing& p, const std::vector<double>& after, std::vector<double>& y) {
+  std::vector<double> resting(p.direction), before(m.size());
+  for (int i = 0; i < m.nodes(); ++i)
+    if (p.u[std::size_t(i * m.dof())] == 0) resting[std::size_t(i)] = 0;
+  m.rates(resting, p.u.data(), before.data());
+  for (int i = 0; i < m.nodes(); ++i) {
+    if (resting[std::size_t(i)] != 0 || p.direction[std::size_t(i)] == 0) continue;
+    const std::size_t at = std::size_t(i * m.dof());
+    JumpMatrix::at_start(m.dof(), p.direction[std::size_t(i)], m.threshold_slope(i, p.u.data()), &before[at], &after[at])
+        .apply(&y[at]);
+  }
+}
+
+}  // namespace
+
+Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
+  Lap result;
+  Standing& p = result.at;
+  p.u = on_section(m, from);
+  m.decide(p);
+  if (p.direction[std::size_t(from.node)] != from.side) throw Failure("exact stick: a node at its threshold does not start");
+  p.deviations = wishes.deviations;
+  p.count = p.deviations.size() / m.size();
+  const double deepest = -deep * (1 + std::abs(m.scene().v));
+  result.depth = deepest;
+  const auto turned = [&](double, int node, const double* u) {
+    result.depth = std::max(result.depth, std::abs(u[node * m.dof()]));
+  };
+  std::vector<double> rests_since(std::size_t(m.nodes()), -1.);
+  for (int i = 0; i < m.nodes(); ++i)
+    if (p.direction[std::size_t(i)] == 0) rests_since[std::size_t(i)] = 0;
+  int released = 0;
+  for (int count = 0; released < from.releases; ++count) {
+    if (count == most_changes) throw Failure("exact stick: the motion does not repeat");
+    const double patience = p.t + 400 * 2 * M_PI / std::sqrt(m.scene().A() * (m.scene().K0() + 1e-3 * m.scene().K1()));
+    const std::vector<Change> changes = m.advance(p, patience, wishes.passed, turned);
+    if (changes.empty()) throw Failure("exact stick: a slip does not come to rest");
+    for (const Change& c : changes) {
+      result.sequence += name_of(c) + " ";
+      if (c.before != 0 && wishes.turns)
+        result.depth = std::max(result.depth, m.turn_beyond(p, c.node, c.before, deepest));
+      double& since = rests_since[std::size_t(c.node)];
+      if (c.after == 0) since = c.t;
+      else if (since >= 0) {
+        result.rests.push_back({c.node, since, c.t});
+        since = -1;
+      }
+      if (c.node == from.node && c.before == 0 && c.after == from.side) ++released;
+    }
+  }
+  result.period = p.t;
+  for (int i = 0; i < m.nodes(); ++i)  // rests that go on into the next period
+    if (const double since = rests_since[std::size_t(i)]; since >= 0) {
+      const auto first = std::find_if(result.rests.begin(), result.rests.end(), [&](const Rest& r) { return r.node == i; });
+      if (since > 0 && first != result.rests.end() && first->begin == 0) {
+        first->begin = since;
+        first->end += result.period;
+      } else {
+        result.rests.push_back({i, since, result.period});
+      }
+    }
+  return result;
+}
+
+StickCycle polished(const StickMotion& m, const StickCycle& guess) {
+  StickCycle c(guess);
+  const std::size_t size = m.size(), dof = std::size_t(m.dof()), section = std::size_t(c.node) * dof;
+  const std::vector<std::size_t> free = free_unknowns(m, c.node);
+  const int n = int(free.size());
+  double last = StickMotion::never;
+  for (int iteration = 0;; ++iteration) {
+    c.start = on_section(m, c);
+    Standing p{0, c.start, {}, {}, 0};
+    m.decide(p);
+    std::vector<double> after(size), y(size);
+    m.rates(p.direction, p.u.data(), after.data());
+    const double slope = m.threshold_slope(c.node, p.u.data());
+    LapWishes wishes;
+    for (const std::size_t k : free) {
+      std::fill(y.begin(), y.end(), 0.);
+      y[k] = 1;
+      if (k == section + 2) y[section + 1] = c.side * slope;
+      pass_release(m, p, after, y);
+      wishes.deviations.insert(wishes.deviations.end(), y.begin(), y.end());
+    }
+    wishes.turns = n == 0;
+    const Lap round = lap(m, c, wishes);
+    c.period = round.period;
+    c.sequence = round.sequence;
+    c.depth = round.depth;
+    c.residual = 0;
+    for (const std::size_t k : free) c.residual = std::max(c.residual, std::abs(round.at.u[k] - c.start[k]));
+    if (n == 0) return c;
+    // (DP - 1) change = start - P(start), with P taken along the motion back to the section
+    m.rates(round.at.direction, round.at.u.data(), after.data());
+    const double end_slope = m.threshold_slope(c.node, round.at.u.data());
+    const auto event = [&](const double* d) {
+      return c.side * d[section + 1] - (dof == 3 ? end_slope * d[section + 2] : 0);
+    };
+    const double speed = event(after.data());
+    std::vector<double> matrix(std::size_t(n * n)), change(static_cast<std::size_t>(n));
+    for (int j = 0; j < n; ++j) {
+      const double* d = &round.at.deviations[std::size_t(j) * size];
+      const double late = event(d) / speed;
+      for (int i = 0; i < n; ++i) {
+        const std::size_t k = free[std::size_t(i)];
+        matrix[std::size_t(i * n + j)] = d[k] - after[k] * late - (i == j ? 1 : 0);
+      }
+    }
+    for (int i = 0; i < n; ++i) change[std::size_t(i)] = c.start[free[std::size_t(i)]] - round.at.u[free[std::size_t(i)]];
+    if (!solve_dense(n, matrix.data(), 1, change.data())) throw Failure("exact stick: the return map is singular");
+    double largest = 0;
+    for (int i = 0; i < n; ++i) {
+      c.start[free[std::size_t(i)]] += change[std::size_t(i)];
+      largest = std::max(largest, std::abs(change[std::size_t(i)]) / (1 + std::abs(c.start[free[std::size_t(i)]])));
+    }
+    if (!std::isfinite(largest) || iteration > 30) throw Failure("exact stick: Newton's method on the return map fails");
+    if (largest < settled || (largest < 1e-9 && largest >= last)) break;
+    last = largest;
+  }
+  LapWishes wishes;
+  wishes.turns = true;
+  const Lap round = lap(m, c, wishes);
+  c.start = on_section(m, c);
+  c.period = round.period;
+  c.sequence = round.sequence;
+  c.depth = round.depth;
+  c.residual = 0;
+  for (const std::size_t k : free) c.residual = std::max(c.residual, std::abs(round.at.u[k] - c.start[k]));
+  return c;
+}
+
+std::vector<double> round_matrix(const StickMotion& m, const StickCycle& cycle) {
+  LapWishes wishes;
+  wishes.deviations.assign(m.size() * m.size(), 0.);
+  for (std::size_t k = 0; k < m.size(); ++k) wishes.deviations[k * m.size() + k] = 1;
+  return lap(m, cycle, wishes).at.deviations;
+}
+
+std::vector<std::complex<double>> multipliers_of(std::size_t size, const std::vector<double>& map) {
+  std::vector<double> unit(size * size, 0.);
+  for (std::size_t k = 0; k < size; ++k) unit[k * size + k] = 1;
+  return generalised_eigenvalues(int(size), map, unit);  // of the transposed, which are the same
+}
+
+bool attracts(const StickMotion& m, const StickCycle& cycle) {
+  return std::abs(multipliers_of(m.size(), round_matrix(m, cycle)).front()) < 1 + 1e-6;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,42 @@
+// The return map of friction that sticks and its fixed points; see stick_cycle.hpp.
+#pragma once
+
+#include <complex>
+#include <string>
+#include <vector>
+
+#include "cycles/stick_motion.hpp"
+#include "stickslip/cycles/stick_cycle.hpp"
+
+namespace stickslip {
+
+// One time round: from a release to as many releases later as `from.releases` says.
+struct Lap {
+  Standing at;           // right after that release, with the deviations that were asked for
+  double period = 0;
+  std::string sequence;
+  double depth = 0;      // see StickCycle; with `turns`
+  std::vector<Rest> rests;
+};
+struct LapWishes {
+  std::vector<double> deviations = {};  // at the start, right after the release, each as long as the unknowns
+  bool turns = false;
+  StickMotion::Passed passed = nullptr;
+};
+
+// From `from.start` with eta of the node set to its threshold. Throws Failure where the node does not start there, or the
+// motion does not come back.
+Lap lap(const StickMotion& motion, const StickCycle& from, const LapWishes& wishes);
+
+// The fixed point near a guess, by Newton's method. Throws Failure.
+StickCycle polished(const StickMotion& motion, const StickCycle& guess);
+
+// The matrix that takes deviations right after the release round the cycle, column by column.
+std::vector<double> round_matrix(const StickMotion& motion, const StickCycle& cycle);
+
+// Its eigenvalues, largest modulus first.
+std::vector<std::complex<double>> multipliers_of(std::size_t size, const std::vector<double>& map);
+// Whether every deviation but that along the motion decays or stays.
+bool attracts(const StickMotion& motion, const StickCycle& cycle);
+
+}  // namespace stickslip

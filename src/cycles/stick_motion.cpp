@@ -1,0 +1,360 @@
+#include "cycles/stick_motion.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "model/jump_matrix.hpp"
+#include "model/release.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/numerics/roots.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double close = 1e-12;      // relative: changes this near to each other happen at once, as in runs (stick.hpp)
+constexpr double longest_step = 0.7; // in units of one over the highest frequency: no change comes and goes within it
+
+double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
+
+}  // namespace
+
+StickMotion::StickMotion(const Scene& scene, double stiffness, double tolerance)
+    : scene_(scene), nodes_(int(scene.n)), dof_(scene.friction.has_state() ? 3 : 2),
+      half_width_(scene.n == 1 ? 0 : scene.order / 2), stiffness_(stiffness), tolerance_(tolerance), law_(Friction::of(scene.friction)),
+      amplitude_(friction_amplitude(scene, 0, scene.n)), coefficients_(kernel::coefficients_of(scene)), point_(scene),
+      method_(std::size_t(nodes_ * dof_)), method_with_deviations_(0) {
+  if (!law_->sticks)
+    throw UsageError("friction_law " + to_string(scene.friction.law) + " does not stick: its oscillation has no rests");
+  if (half_width_ == 0) std::fill(std::begin(coefficients_.w), std::end(coefficients_.w), 0.);
+  loop_ = whole_loop(scene.friction, half_width_, true);
+  for (int j = -half_width_; j < 0; ++j) halo_.push_back(halo_node(scene, j));
+  for (int j = 0; j < half_width_; ++j) halo_.push_back(halo_node(scene, nodes_ + j));
+  for (int i = 0; i < nodes_ && nodes_ > 1; ++i) d2_.push_back(second_difference_row(scene, i));
+  const double kappa2 = nodes_ > 1 ? largest_symbol(scene.order, scene.form == Form::chain ? 1 : scene.h()) : 0;
+  longest_ = longest_step / std::sqrt(scene.A() * (scene.K0() + stiffness + scene.K1() * kappa2));
+}
+
+bool StickMotion::held(int node) const {
+  return (node == 0 && scene_.left == End::velocity) || (node == nodes_ - 1 && scene_.right == End::velocity);
+}
+
+double StickMotion::threshold(int node, const double* u) const {
+  return amplitude_[std::size_t(node)] * law_->threshold(dof_ == 3 ? u[node * dof_ + 2] : 0).value;
+}
+double StickMotion::threshold_slope(int node, const double* u) const {
+  return dof_ == 2 ? 0 : amplitude_[std::size_t(node)] * law_->threshold(u[node * dof_ + 2]).slope;
+}
+
+void StickMotion::rates(const std::vector<double>& direction, const double* u, double* f) const {
+  std::array<double, 8> around{};
+  for (std::size_t j = 0; j < halo_.size(); ++j)
+    for (const auto& [node, weight] : halo_[j]) around[j] += weight * u[node * dof_];
+  loop_(coefficients_, {u, scene_.spread != 0 ? amplitude_.data() : nullptr, f, nodes_, around.data(),
+                        around.data() + half_width_, direction.data()});
+  for (int i = 0; i < nodes_; ++i)
+    if (held(i)) {
+      f[i * dof_] = 0;
+      if (scene_.form == Form::continuum) f[i * dof_ + 1] = 0;
+    }
+}
+
+// J of each node alone.
+void StickMotion::blocks(const std::vector<double>& direction, const double* u, std::vector<NodeBlock>& at) const {
+  at.resize(std::size_t(nodes_));
+  for (int i = 0; i < nodes_; ++i) {
+    const double psi = u[i * dof_], s = dof_ == 3 ? u[i * dof_ + 2] : 0, going = direction[std::size_t(i)];
+    const double a = amplitude_[std::size_t(i)];
+    LinearPoint point(point_);
+    const Partials p = going == 0 ? Partials{0, 0, 0} : law_->sliding_partials(psi, s, going);
+    point.set({a * p.F, a * p.F_psi, a * p.F_state}, law_->sliding_rate(psi, s, going));
+    NodeBlock& block = at[std::size_t(i)];
+    block = going == 0 ? point.block_at_rest(Part::full) : point.block(Part::full);
+    block.eta_psi -= stiffness_;
+    if (!held(i)) continue;
+    block.psi_psi = block.psi_eta = block.psi_state = 0;
+    if (scene_.form == Form::continuum) block.eta_psi = block.eta_eta = block.eta_state = 0;
+  }
+}
+
+// The right-hand side of the motion and of the first `count` deviations that stand behind it.
+void StickMotion::derivative(const Standing& p, const double* y, std::size_t count, double* f) const {
+  rates(p.direction, y, f);
+  if (count == 0) return;
+  std::vector<NodeBlock> at;
+  blocks(p.direction, y, at);
+  for (std::size_t c = 1; c <= count; ++c) {
+    const double* x = y + c * size();
+    double* g = f + c * size();
+    for (int i = 0; i < nodes_; ++i) {
+      const NodeBlock& b = at[std::size_t(i)];
+      const double *xi = x + i * dof_, s = dof_ == 3 ? xi[2] : 0;
+      double* gi = g + i * dof_;
+      gi[0] = b.psi_psi * xi[0] + b.psi_eta * xi[1] + b.psi_state * s;
+      gi[1] = b.eta_psi * xi[0] + b.eta_eta * xi[1] + b.eta_state * s;
+      if (dof_ == 3) gi[2] = b.state_psi * xi[0] + b.state_state * s;
+      if (d2_.empty() || (held(i) && scene_.form == Form::continuum)) continue;
+      double coupling = 0;
+      for (const auto& [node, weight] : d2_[std::size_t(i)]) coupling += weight * x[node * dof_];
+      gi[1] += point_.K1 * coupling;
+    }
+  }
+}
+
+bool StickMotion::all_rest(const Standing& p) const {
+  return std::all_of(p.direction.begin(), p.direction.end(), [](double d) { return d == 0; });
+}
+
+// At psi = 0 a node beyond its threshold, or at it and gaining on it, lets go.
+void StickMotion::decide(Standing& p) const {
+  p.direction.assign(std::size_t(nodes_), 0.);
+  for (int i = 0; i < nodes_; ++i) p.direction[std::size_t(i)] = sign_of(p.u[std::size_t(i * dof_)]);
+  std::vector<double> f(size());
+  rates(p.direction, p.u.data(), f.data());
+  for (int i = 0; i < nodes_; ++i) {
+    double& going = p.direction[std::size_t(i)];
+    if (held(i) || going != 0) continue;
+    const double limit = threshold(i, p.u.data());
+    for (const double side : {1., -1.}) {
+      if (side < 0 && !scene_.friction.back_slip) continue;
+      const Candidate c{i, side, true, false};
+      const double excess = side * p.u[std::size_t(i * dof_ + 1)] - limit;
+      if (excess > close * limit || (excess >= 0 && growth(c, p.u.data(), f.data()) > 0)) going = side;
+    }
+  }
+}
+
+// How far a node is beyond its change, and how fast it goes there.
+double StickMotion::beyond(const Candidate& c, const double* u) const {
+  return c.rests ? c.side * u[c.node * dof_ + 1] - threshold(c.node, u) : -c.side * u[c.node * dof_];
+}
+double StickMotion::growth(const Candidate& c, const double* u, const double* f) const {
+  if (!c.rests) return -c.side * f[c.node * dof_];
+  const double own = dof_ == 3 ? threshold_slope(c.node, u) * f[c.node * dof_ + 2] : 0;
+  return c.side * f[c.node * dof_ + 1] - own;
+}
+
+// `into` becomes u after h, with `count` deviations behind it.
+double StickMotion::step_from(const Standing& p, const double* f0, double h, std::size_t count, double* into) const {
+  const auto f = [&](const double* y, double* g) { derivative(p, y, count, g); };
+  if (count == 0) return method_.step(f, p.u.data(), f0, h, size(), tolerance_, into);
+  std::vector<double> y(p.u), g0((count + 1) * size());
+  y.insert(y.end(), p.deviations.begin(), p.deviations.end());
+  f(y.data(), g0.data());
+  method_with_deviations_ = Extrapolation(y.size());
+  return method_with_deviations_.step(f, y.data(), g0.data(), h, size(), tolerance_, into);
+}
+
+// Where the change of a candidate, or with `turning` the end of its growth, comes, between `low`, which lies before it, and
+// `high`.
+double StickMotion::locate(const Standing& p, const double* f0, const Candidate& c, double low, double high,
+                           bool turning) const {
+  std::vector<double> u(size()), f(size());
+  const auto at = [&](double h) {
+    step_from(p, f0, h, 0, u.data());
+    if (!turning) return beyond(c, u.data());
+    rates(p.direction, u.data(), f.data());
+    return -growth(c, u.data(), f.data());
+  };
+  double below = low > 0 ? at(low) : turning ? -growth(c, p.u.data(), f0) : beyond(c, p.u.data());
+  const double above = at(high);
+  if (!turning && low == 0 && !(below < 0))  // begins at its change: the first place where it is before it
+    for (low = high / 2; low > 1e-12 * high && !((below = at(low)) < 0);) low /= 2;
+  if (!(below < 0)) return low;
+  return find_root(at, {low, below, high, above}, 1e-16 * high);
+}
+
+// The first change within a step from p to y1, as a length of it (`h`: none), and the nodes that were looked at.
+double StickMotion::first_change(const Standing& p, const double* f0, const double* y1, const double* f1, double h,
+                                 std::vector<Candidate>& at, const Turned& turned) const {
+  double first = h;
+  at.clear();
+  const auto examine = [&](Candidate c) {
+    const double before = growth(c, p.u.data(), f0), behind = growth(c, y1, f1);
+    double until = h;
+    c.to_come = beyond(c, y1) >= 0;
+    if (!c.to_come && before > 0 && behind < 0) {  // it may have come and gone
+      until = locate(p, f0, c, 0, h, true);
+      std::vector<double> u(size());
+      step_from(p, f0, until, 0, u.data());
+      c.to_come = beyond(c, u.data()) >= 0;
+      if (!c.to_come && !c.rests && turned) turned(p.t + until, c.node, u.data());
+    }
+    at.push_back(c);
+    if (c.to_come) first = std::min(first, locate(p, f0, c, 0, until, false));
+  };
+  for (int i = 0; i < nodes_; ++i) {
+    const double going = p.direction[std::size_t(i)];
+    if (held(i)) continue;
+    if (going != 0) {
+      examine({i, going, false, false});
+      continue;
+    }
+    examine({i, 1, true, false});
+    if (scene_.friction.back_slip) examine({i, -1, true, false});
+  }
+  return first;
+}
+
+void StickMotion::accept(Standing& p, const double* y, double h, const double* f0, const Passed& passed) const {
+  if (passed)
+    passed(p.t, p.t + h, [&](double t, double* u) { step_from(p, f0, t - p.t, 0, u); });
+  std::copy(y, y + size(), p.u.begin());
+  std::copy(y + size(), y + (p.count + 1) * size(), p.deviations.begin());
+  p.t += h;
+}
+
+// Nodes whose change has come get their psi or eta exactly. h: the step that led here.
+void StickMotion::snap(Standing& p, const std::vector<Candidate>& candidates, double h) const {
+  std::vector<double> f(size());
+  rates(p.direction, p.u.data(), f.data());
+  for (const Candidate& c : candidates) {
+    const double speed = std::abs(growth(c, p.u.data(), f.data()));
+    if (!c.to_come || beyond(c, p.u.data()) < -std::max(close * h * speed, 1e-15)) continue;
+    if (c.rests) p.u[std::size_t(c.node * dof_ + 1)] = c.side * threshold(c.node, p.u.data());
+    else p.u[std::size_t(c.node * dof_)] = 0;
+  }
+}
+
+// The directions anew, and what becomes of deviations.
+std::vector<Change> StickMotion::change(Standing& p) const {
+  const std::vector<double> was = p.direction;
+  decide(p);
+  std::vector<double> before(size()), after(size());
+  rates(was, p.u.data(), before.data());
+  rates(p.direction, p.u.data(), after.data());
+  std::vector<Change> changes;
+  for (int i = 0; i < nodes_; ++i) {
+    const double from = was[std::size_t(i)], to = p.direction[std::size_t(i)];
+    if (from == to) continue;
+    changes.push_back({p.t, i, from, to});
+    const double *b = &before[std::size_t(i * dof_)], *a = &after[std::size_t(i * dof_)];
+    const JumpMatrix jump = from == 0 ? JumpMatrix::at_start(dof_, to, threshold_slope(i, p.u.data()), b, a)
+                                      : JumpMatrix::at_stop(dof_, b, a);
+    for (std::size_t c = 0; c < p.count; ++c) jump.apply(&p.deviations[c * size() + std::size_t(i * dof_)]);
+  }
+  return changes;
+}
+
+// While everything rests.
+std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Passed& passed) const {
+  std::vector<double> f(size());
+  rates(p.direction, p.u.data(), f.data());
+  double wait = never;
+  for (int i = 0; i < nodes_; ++i) {
+    if (held(i)) continue;
+    for (const double side : {1., -1.}) {
+      if (side < 0 && !scene_.friction.back_slip) continue;
+      const double force = side * p.u[std::size_t(i * dof_ + 1)], rate = side * f[std::size_t(i * dof_ + 1)];
+      const double limit = threshold(i, p.u.data());
+      if (dof_ == 2) {
+        if (rate > 0) wait = std::min(wait, std::max(0., (limit - force) / rate));
+      } else {
+        wait = std::min(wait, release_time(*law_, amplitude_[std::size_t(i)], force, rate,
+                                           p.u[std::size_t(i * dof_ + 2)], wait));
+      }
+    }
+  }
+  const bool ends = p.t + wait > until;
+  if (ends) wait = until - p.t;
+  if (!std::isfinite(wait)) {
+    p.t = never;
+    return {};
+  }
+  const std::vector<double> start(p.u);
+  const auto after = [&](double time, double* u) {
+    for (int i = 0; i < nodes_; ++i) {
+      for (int k = 0; k < 2; ++k) u[i * dof_ + k] = start[std::size_t(i * dof_ + k)] + time * f[std::size_t(i * dof_ + k)];
+      if (dof_ == 3) u[i * dof_ + 2] = law_->state_at_rest(start[std::size_t(i * dof_ + 2)], time);
+    }
+  };
+  if (passed && wait > 0) passed(p.t, p.t + wait, [&](double t, double* u) { after(t - p.t, u); });
+  after(wait, p.u.data());
+  p.t += wait;
+  for (int i = 0; i < nodes_; ++i) {
+    if (dof_ == 3) {  // two solutions of s_t = g(s) that start close together: their distance goes like g
+      const double s0 = start[std::size_t(i * dof_ + 2)], s1 = p.u[std::size_t(i * dof_ + 2)];
+      const RatePartials g0 = law_->sliding_rate(0, s0, 0);
+      const double ratio = std::abs(g0.g) > 1e-8 ? law_->sliding_rate(0, s1, 0).g / g0.g : std::exp(g0.g_state * wait);
+      for (std::size_t c = 0; c < p.count; ++c) p.deviations[c * size() + std::size_t(i * dof_ + 2)] *= ratio;
+    }
+    if (ends || held(i)) continue;
+    const double limit = threshold(i, p.u.data());
+    double& eta = p.u[std::size_t(i * dof_ + 1)];
+    for (const double side : {1., -1.})
+      if (std::abs(side * eta - limit) <= close * limit && growth({i, side, true, true}, p.u.data(), f.data()) > 0)
+        eta = side * limit;
+  }
+  if (ends) return {};
+  return change(p);
+}
+
+std::vector<Change> StickMotion::advance(Standing& p, double until, const Passed& passed, const Turned& turned) const {
+  std::vector<double> f0(size()), f1(size()), y1((p.count + 1) * size());
+  std::vector<Candidate> candidates;
+  rates(p.direction, p.u.data(), f0.data());
+  double h = longest_ / 4;
+  for (long step = 0; p.t < until; ++step) {
+    if (step > 1000000) throw Failure("exact stick: no end of steps at t = " + number_text(p.t));
+    if (all_rest(p)) {
+      std::vector<Change> changes = pass_rest(p, until, passed);
+      if (!changes.empty() || p.t >= until) return changes;
+      throw Failure("exact stick: a node that is released does not move at t = " + number_text(p.t));
+    }
+    h = std::min({h, longest_, until - p.t});
+    const double error = step_from(p, f0.data(), h, p.count, y1.data()), next = Extrapolation::next(h, error);
+    if (!(error <= 1)) {
+      h = next;
+      if (!(h > 1e-12 * longest_)) throw Failure("exact stick: the motion cannot be integrated at t = " + number_text(p.t));
+      continue;
+    }
+    rates(p.direction, y1.data(), f1.data());
+    const double place = first_change(p, f0.data(), y1.data(), f1.data(), h, candidates, turned);
+    const bool changes = std::any_of(candidates.begin(), candidates.end(), [](const Candidate& c) { return c.to_come; });
+    if (changes) {
+      step_from(p, f0.data(), place, p.count, y1.data());
+      accept(p, y1.data(), place, f0.data(), passed);
+      snap(p, candidates, place);
+      std::vector<Change> found = change(p);
+      if (!found.empty()) return found;
+      rates(p.direction, p.u.data(), f0.data());
+      h = std::max(place, longest_ / 64);
+      continue;
+    }
+    accept(p, y1.data(), h, f0.data(), passed);
+    std::swap(f0, f1);
+    h = next;
+  }
+  return {};
+}
+
+double StickMotion::turn_beyond(const Standing& stopped, int node, double direction, double deepest) const {
+  Standing p{stopped.t, stopped.u, stopped.direction, {}, 0};
+  p.direction[std::size_t(node)] = direction;
+  const std::size_t at = std::size_t(node * dof_);
+  const Candidate c{node, direction, false, false};
+  std::vector<double> f0(size()), f1(size()), u1(size());
+  rates(p.direction, p.u.data(), f0.data());
+  for (double h = longest_ / 4; direction * p.u[at] > deepest;) {
+    h = std::min(h, longest_);
+    const double error = step_from(p, f0.data(), h, 0, u1.data()), next = Extrapolation::next(h, error);
+    if (!(error <= 1)) {
+      if (!((h = next) > 1e-6 * longest_)) return deepest;
+      continue;
+    }
+    rates(p.direction, u1.data(), f1.data());
+    if (growth(c, u1.data(), f1.data()) <= 0) {
+      if (growth(c, p.u.data(), f0.data()) <= 0) return direction * p.u[at];  // grazes
+      step_from(p, f0.data(), locate(p, f0.data(), c, 0, h, true), 0, u1.data());
+      return std::max(deepest, direction * u1[at]);
+    }
+    std::swap(p.u, u1);
+    std::swap(f0, f1);
+    h = next;
+  }
+  return deepest;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,110 @@
+// The motion of a few nodes whose friction sticks, from change to change to nearly round-off, with its deviations.
+//
+// A change is a start or a stop of a node. Between changes every node has a direction (1, -1, or 0 at rest) and the
+// right-hand side is smooth: it is integrated at order 12 (numerics/extrapolation.hpp), and the change is where the last
+// step, made of the length for it, ends. While every node rests eta is linear in time and the state known in closed form.
+// The rules of starts and stops are those of runs (time/stick.hpp).
+//
+// Deviations y_t = J(u) y are carried along, through changes by their jump matrices (model/jump_matrix.hpp).
+//
+// Explicit and dense: for few nodes and friction that is not stiff. Local to the process; f, psi, eta and the state as in
+// Model; times in the unit of time.
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "model/loops.hpp"
+#include "stickslip/model/linear_point.hpp"
+#include "stickslip/model/scene.hpp"
+#include "stickslip/model/stencil.hpp"
+#include "stickslip/numerics/extrapolation.hpp"
+
+namespace stickslip {
+
+// A node starts (direction 1 or -1 after it, 0 before), stops (0 after) or turns back.
+struct Change {
+  double t;
+  int node;
+  double before, after;  // its direction
+};
+
+// A place of the motion.
+struct Standing {
+  double t = 0;
+  std::vector<double> u;           // unknowns node by node
+  std::vector<double> direction;   // of each node
+  std::vector<double> deviations;  // `count` of them, one behind the other, each like u
+  std::size_t count = 0;
+};
+
+class StickMotion {
+ public:
+  static constexpr double never = std::numeric_limits<double>::infinity();
+  // Is called for each piece of time that was passed: `at` gives u anywhere in it. For pictures: what is asked costs a step.
+  using Passed = std::function<void(double from, double to, const std::function<void(double t, double* u)>& at)>;
+  // Is called where |psi| of a sliding node is least, without having been 0.
+  using Turned = std::function<void(double t, int node, const double* u)>;
+
+  // `stiffness`: added to K0 in the deviations of eta alone: K1 kappa^2 of a wave on nodes that move alike. `tolerance`:
+  // of the error estimate of a step, whose order is below that of the result. Throws UsageError for friction that does
+  // not stick.
+  explicit StickMotion(const Scene& scene, double stiffness = 0, double tolerance = 1e-13);
+
+  const Scene& scene() const { return scene_; }
+  int nodes() const { return nodes_; }
+  int dof() const { return dof_; }
+  std::size_t size() const { return std::size_t(nodes_ * dof_); }
+  bool held(int node) const;
+  double threshold(int node, const double* u) const;        // |eta| that holds the node
+  double threshold_slope(int node, const double* u) const;  // by its state
+
+  // The directions that follow from u alone, as in a run.
+  void decide(Standing& p) const;
+  // u_t, with the directions given.
+  void rates(const std::vector<double>& direction, const double* u, double* f) const;
+
+  // On to the next change, and past it (several at once: nodes that change together), but not beyond the time `until`.
+  // The changes; none: `until` came first, or nothing ever moves again (t is infinite). Throws Failure where it does not
+  // get on.
+  std::vector<Change> advance(Standing& p, double until, const Passed& passed = nullptr, const Turned& turned = nullptr) const;
+  // Where a slip that stops at p would turn if nothing stopped it: the least psi along `direction`, negative, a smooth
+  // function of the motion before; `deepest` where it goes that far without turning.
+  double turn_beyond(const Standing& p, int node, double direction, double deepest) const;
+
+ private:
+  struct Candidate {
+    int node;
+    double side;   // a node at rest: of the threshold; a sliding one: its direction
+    bool rests;
+    bool to_come;  // at the end of the step the change is past
+  };
+  double beyond(const Candidate& c, const double* u) const;
+  double growth(const Candidate& c, const double* u, const double* f) const;
+  void derivative(const Standing& p, const double* y, std::size_t count, double* f) const;
+  void blocks(const std::vector<double>& direction, const double* u, std::vector<NodeBlock>& at) const;
+  bool all_rest(const Standing& p) const;
+  std::vector<Change> pass_rest(Standing& p, double until, const Passed& passed) const;
+  double step_from(const Standing& p, const double* f0, double h, std::size_t count, double* into) const;
+  void accept(Standing& p, const double* y, double h, const double* f0, const Passed& passed) const;
+  double first_change(const Standing& p, const double* f0, const double* y1, const double* f1, double h,
+                      std::vector<Candidate>& at, const Turned& turned) const;
+  double locate(const Standing& p, const double* f0, const Candidate& c, double low, double high, bool turning) const;
+  void snap(Standing& p, const std::vector<Candidate>& candidates, double h) const;
+  std::vector<Change> change(Standing& p) const;
+
+  Scene scene_;
+  int nodes_, dof_, half_width_;
+  double stiffness_, tolerance_, longest_;
+  std::shared_ptr<const Friction> law_;
+  std::vector<double> amplitude_;
+  kernel::Coefficients coefficients_;
+  RangeLoop loop_;
+  LinearPoint point_;
+  std::vector<Combination> halo_, d2_;
+  mutable Extrapolation method_, method_with_deviations_;
+};
+
+}  // namespace stickslip

@@ -1,0 +1,173 @@
+// Cycles of friction that sticks: closed forms, differences of motions, and where a slip fails to come back.
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <random>
+
+#include "cycles/stick_lap.hpp"
+#include "stickslip/model/stencil.hpp"
+#include "stickslip/numerics/roots.hpp"
+
+using namespace stickslip;
+
+namespace {
+
+Scene chain(const char* law, PetscInt n) {
+  Scene s;
+  s.form = Form::chain;
+  s.order = 2;
+  s.friction.law = Law(law);
+  s.n = n;
+  s.length = double(n);
+  return s;
+}
+
+// The damped Coulomb block m = f0 = 1: with D = fs - fd, a = zeta/2 and w^2 = k0 - a^2 its slip is
+//     psi = v - e^(-a t) [v cos(w t) + ((a v - D)/w) sin(w t)].
+struct DampedSlip {
+  double k0, zeta, v, D, a = zeta / 2, w = std::sqrt(k0 - a * a);
+  double psi(double t) const { return v - std::exp(-a * t) * (v * std::cos(w * t) + (a * v - D) / w * std::sin(w * t)); }
+};
+
+}  // namespace
+
+TEST_CASE("Coulomb's block: period, rest and multipliers of its cycle as in closed form", "[stick_cycle]") {
+  Scene s = chain("coulomb", 1);
+  s.k0 = 1;
+  s.v = 0.1;
+  const StickFate found = uniform_stick_fate(s);
+  REQUIRE(found.fate == Fate::repeats);
+  const double D = 0.5, v = 0.1, slip_time = 2 * (M_PI - std::atan(D / v));
+  const double slip = v * (slip_time - std::sin(slip_time)) + D * (1 - std::cos(slip_time));
+  const double drop = slip - v * slip_time, period = slip_time + drop / v;
+  const Cycle c = described(s, found.cycle);
+  CHECK(c.period == Approx(period).epsilon(1e-13));  // some hundred roundings
+  CHECK(c.rest_fraction == Approx(drop / v / period).epsilon(1e-12));
+  CHECK(c.psi_max == Approx(v + std::hypot(v, D)).epsilon(1e-11));
+  CHECK(c.psi_min == 0);
+  CHECK(c.force_drop == Approx(2 * std::hypot(v, D)).epsilon(1e-11));  // eta swings about fd
+  CHECK(c.error_estimate < 1e-10);
+  REQUIRE(c.multipliers.size() == 2);
+  CHECK(std::abs(c.multipliers[0] - 1.) < 1e-11);
+  CHECK(std::abs(c.multipliers[1]) < 1e-11);
+}
+
+TEST_CASE("Where stick-slip of the damped Coulomb block ends, to the slip that only grazes rest", "[stick_cycle]") {
+  Scene s = chain("coulomb", 1);
+  s.k0 = 0.7;
+  s.zeta = 0.3;
+  const auto depth = [&](double v) {
+    s.v = v;
+    return uniform_stick_fate(s).cycle.depth;
+  };
+  const double graze = find_root(depth, {0.2, depth(0.2), 3, depth(3)}, 1e-14);
+  // by the closed form: least psi of the slip
+  const auto least = [&](double v) {
+    const DampedSlip slip{s.k0, s.zeta, v, 0.5};
+    return find_least([&](double t) { return slip.psi(t); }, M_PI / slip.w, 2 * M_PI / slip.w, 1e-9,
+                      [](double) { return false; }).value;
+  };
+  CHECK(graze == Approx(find_root(least, {0.2, least(0.2), 3, least(3)}, 1e-14)).epsilon(1e-12));
+}
+
+TEST_CASE("The block of Carlson and Langer sticks and slips beyond its linear boundary up to 2.4047128309",
+          "[stick_cycle]") {
+  Scene s = chain("carlson-langer", 1);
+  s.zeta = std::sqrt(0.02);  // `paper` at k1 = 0.2
+  const auto depth = [&](double v) {
+    s.v = v;
+    return uniform_stick_fate(s).cycle.depth;
+  };
+  CHECK(depth(1.66) < 0);  // linear: 1.6591479485
+  const double graze = find_root(depth, {1.7, depth(1.7), 3, depth(3)}, 1e-14);
+  CHECK(std::abs(graze - 2.4047128309) < 1e-10);  // an independent integration, to its last digit
+  s.v = graze * (1 + 1e-9);
+  CHECK(uniform_stick_fate(s).fate == Fate::slides);
+  s.v = graze * (1 - 1e-9);
+  CHECK(uniform_stick_fate(s).fate == Fate::repeats);
+  s.v = -s.v;  // the mirror image
+  CHECK(uniform_stick_fate(s).fate == Fate::repeats);
+  s.friction.back_slip = false;
+  CHECK(uniform_stick_fate(s).fate == Fate::stuck);
+}
+
+TEST_CASE("Deviations of random cells go round starts and stops as differences of motions do", "[stick_cycle]") {
+  std::mt19937 draw(5);
+  std::uniform_real_distribution<double> real(0, 1);
+  int cycles = 0;
+  for (int k = 0; k < 10; ++k) {
+    Scene s = chain(k % 2 ? "coulomb" : "carlson-langer", 1 + k % 5);
+    if (k % 3 == 0) s.friction.state = StateLaw(k % 2 ? "healing" : "contact-age");
+    if (k % 4 == 1 && s.n > 1) {
+      s.left = s.right = End::free;
+      s.length = double(s.n - 1);
+    }
+    s.k0 = 0.2 + real(draw);
+    s.k1 = real(draw);
+    s.zeta = 0.4 * real(draw);
+    s.v = 0.05 + 0.3 * real(draw);
+    s.spread = 0.3;
+    s.friction_seed = k;
+    const StickMotion m(s);
+    Standing p;
+    for (PetscInt i = 0; i < s.n; ++i) {
+      p.u.insert(p.u.end(), {0, 0.8 * real(draw)});
+      if (m.dof() == 3) p.u.push_back(0.5 + 0.2 * real(draw));
+    }
+    m.decide(p);
+    while (p.t < 40) m.advance(p, 40);
+    const std::size_t size = m.size();
+    Standing with(p);
+    with.count = size;
+    with.deviations.assign(size * size, 0.);
+    for (std::size_t i = 0; i < size; ++i) with.deviations[i * size + i] = 1;
+    const auto after = [&](Standing q) {
+      while (q.t < 60) m.advance(q, 60);
+      return q;
+    };
+    const Standing end = after(with);
+    for (std::size_t i = 0; i < size; ++i) {
+      const double e = 1e-6, psi = p.u[i / std::size_t(m.dof()) * std::size_t(m.dof())];
+      if (i % std::size_t(m.dof()) == 0 && std::abs(psi) < 2 * e) continue;  // at rest psi does not deviate
+      Standing up(p), down(p);
+      up.u[i] += e;
+      down.u[i] -= e;
+      const Standing a = after(up), b = after(down);
+      if (a.direction != b.direction) continue;  // a change at the very end
+      for (std::size_t j = 0; j < size; ++j)     // a difference of third order in e over events that pass at rates of 0.01
+        CHECK((a.u[j] - b.u[j]) / (2 * e) == Approx(end.deviations[i * size + j]).margin(1e-5));
+    }
+    const StickFate found = stick_fate(s, p.u, 60);
+    if (found.fate != Fate::repeats) continue;
+    ++cycles;
+    CHECK(found.cycle.residual < 1e-12);
+    double nearest = 1;
+    for (const auto& mu : multipliers_of(size, round_matrix(m, found.cycle)))
+      nearest = std::min(nearest, std::abs(mu - 1.));
+    CHECK(nearest < 1e-9);  // the phase
+  }
+  CHECK(cycles >= 3);
+}
+
+TEST_CASE("A wave on the uniform cycle grows as on a ring of blocks that starts so", "[stick_cycle]") {
+  Scene one = chain("carlson-langer", 1);
+  one.zeta = std::sqrt(0.02);
+  one.v = 1;
+  const StickFate found = uniform_stick_fate(one);
+  REQUIRE(found.fate == Fate::repeats);
+  Scene ring = one;
+  ring.n = 6;
+  ring.length = 6;
+  StickCycle six = found.cycle;
+  six.start.clear();
+  for (int i = 0; i < 6; ++i) six.start.insert(six.start.end(), found.cycle.start.begin(), found.cycle.start.end());
+  const StickMotion motion(ring);
+  std::vector<std::complex<double>> of_ring = multipliers_of(motion.size(), round_matrix(motion, six)), of_waves;
+  for (int j = -2; j <= 3; ++j)
+    for (const auto& mu : wave_multipliers(one, found.cycle, ring.K1() * symbol(2, 1, 2 * M_PI * j / 6)))
+      of_waves.push_back(mu);
+  for (const auto& mu : of_ring) {
+    double nearest = 1;
+    for (const auto& nu : of_waves) nearest = std::min(nearest, std::abs(mu - nu));
+    CHECK(nearest < 1e-9);  // double eigenvalues of 1e-14 round-off at worst move by 1e-7; these are not defective
+  }
+}
