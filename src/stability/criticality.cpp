@@ -56,6 +56,7 @@ struct Line {
   double omega;
   std::vector<NodeForms> forms;
   Vector q, left;  // right and left vector of i omega
+  double largest = 0;  // |psi|^2 of q at the node that moves most
   virtual Vector solve(Complex lambda, const Vector& b) const = 0;  // (lambda - J)^-1 b
   virtual ~Line() = default;
 };
@@ -70,7 +71,7 @@ double lyapunov(const Line& line) {
   }
   const Vector mean = line.solve(0, qc), twice = line.solve({0, 2 * line.omega}, qq);
   Complex c = 0, norm = 0;
-  double size = 0, largest = 0;
+  double size = 0;
   for (std::size_t i = 0; i < n; ++i) {
     const NodeVector& q = line.q[i];
     const NodeVector qbar = conjugate(q);
@@ -82,11 +83,10 @@ double lyapunov(const Line& line) {
       size += std::abs(term);
     }
     norm += dot(line.left[i], q);
-    largest = std::max(largest, std::norm(q.psi));
   }
   constexpr double rounding = 1e-12;  // of the terms, which stem from solutions of linear systems
   if (std::abs((c / norm).real()) <= rounding * size / std::abs(norm)) return Criticality::none;
-  return (c / norm).real() / (8 * largest);
+  return (c / norm).real() / (8 * line.largest);
 }
 
 // A wave in a medium alike everywhere, at points even over one wavelength: enough of them that no product of three waves
@@ -107,6 +107,11 @@ class WaveLine : public Line {
       forms.push_back(form);
       q.push_back(times(shape, right));
       left.push_back(times(std::conj(shape), adjoint));
+      largest = std::max(largest, std::norm(shape));
+    }
+    if (J.scene.form == Form::chain && !J.scene.ring()) {  // the blocks may miss the crests
+      largest = 0;
+      for (const Complex& p : J.wave(k)) largest = std::max(largest, std::norm(p));
     }
   }
 
@@ -144,6 +149,7 @@ class WholeLine : public Line {
     for (std::size_t i = 0; i < J.size(); ++i) {
       q.push_back(J.point(i).expand(m.value, m.psi[i]));
       left.push_back(J.point(i).expand_transposed(m.value, w[i], {}));
+      largest = std::max(largest, std::norm(m.psi[i]));
     }
   }
 

@@ -2,16 +2,18 @@
 
 Nothing here knows a normal form. An oscillation of a given small amplitude a is solved for with its period and with the
 option that is varied, by Newton's method on Fourier samples; the growth rate of sliding at that option is then -l a^2 up
-to a^4, which two amplitudes eliminate."""
+to a^4, which several amplitudes eliminate."""
 import numpy as np
 
 import sliding
 
 
 class Oscillations:
-    """Of a scene (options by name) in which `name` is varied; a: amplitudes of friction."""
+    """Of a scene (options by name) in which `name` is varied; a: amplitudes of friction. `shape`: of psi, where several
+    modes share the leading rate."""
 
-    def __init__(self, p, name, a=None, samples=12):
+    def __init__(self, p, name, a=None, shape=None, samples=12):
+        self.shape = shape
         self.p, self.name, self.a, self.m, self.lines = p, name, a, samples, {}
         k = np.fft.fftfreq(samples, 1 / samples)
         k[samples // 2] = 0
@@ -26,7 +28,10 @@ class Oscillations:
         """The leading oscillating mode: its rate and vector, in deviations of (psi, eta, state) at the nodes."""
         rates, vectors = np.linalg.eig(self.line(value).J)
         at = np.argmax(np.where(rates.imag > 1e-9, rates.real, -np.inf))
-        return rates[at], vectors[:, at]
+        if self.shape is None:
+            return rates[at], vectors[:, at]
+        alike = vectors[:, abs(rates - rates[at]) < 1e-9 * abs(rates[at])]
+        return rates[at], alike @ np.linalg.lstsq(alike[:len(self.shape)], self.shape, rcond=None)[0]
 
     def rates(self, value, y):
         """d/dt of deviations y (samples, unknowns) from the sliding of that value."""
@@ -63,7 +68,7 @@ class Oscillations:
                 re, im = first.real, first.imag
             flow = x[-2] * (self.D @ y) - self.rates_of(x[-1], y)
             return np.concatenate([flow.ravel() / scale, [(re - a) / a, im / a]])
-        for _ in range(12):
+        for _ in range(20):
             r = residual(x)
             J = np.empty((len(x), len(x)))
             for j in range(len(x) - 1):
@@ -79,7 +84,7 @@ class Oscillations:
             x = x + step
             if np.max(abs(step)) < 1e-13 * np.max(abs(x)):
                 break
-        assert np.max(abs(residual(x))) < 1e-9, np.max(abs(residual(x)))
+        assert np.max(abs(residual(x))) < 1e-9, f"no oscillation of amplitude {a}: {np.max(abs(residual(x)))}"
         return x[-1]
 
     def rates_of(self, value, y):
@@ -87,6 +92,7 @@ class Oscillations:
         return out if np.iscomplexobj(y) else out.real
 
     def lyapunov(self, value, a):
-        """-growth/a^2 from amplitudes a and a/2, the next order eliminated; and what that changed."""
-        l = [-self.mode(self.solve(value, size))[0].real / size**2 for size in (a, a / 2)]
-        return (4 * l[1] - l[0]) / 3, abs(l[1] - l[0])
+        """-growth/a^2 from amplitudes a, a/2 and a/4, the next order eliminated; and how far it may be off."""
+        l = [-self.mode(self.solve(value, size))[0].real / size**2 for size in (a, a / 2, a / 4)]
+        first, second = (4 * l[1] - l[0]) / 3, (4 * l[2] - l[1]) / 3
+        return second, abs(second - first) + 1e-12 / (a / 4)**2  # the growth rate is known to round-off

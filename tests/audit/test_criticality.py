@@ -1,0 +1,61 @@
+"""Criticality of Hopf points in random scenes, against oscillations of small amplitudes solved for by harmonic balance
+(periodic.py): growth rate of sliding = -l a^2 there."""
+import os
+import sys
+
+import numpy as np
+
+from calls import call, check, data, run
+
+sys.path.insert(0, os.path.dirname(__file__))
+import periodic  # noqa: E402
+import sliding  # noqa: E402
+
+
+def scene(random):
+    """Few nodes, since the balance is dense; of a medium that differs, so that one mode crosses at a time, or alike."""
+    p = sliding.scene(random, uniform=random.random() < 0.3, least=3, most=7)
+    if p["model_form"] == "continuum":
+        p |= {"grid_order": 2, "grid_length": random.uniform(2, 10)}
+    p.pop("model_v")
+    return p
+
+
+def amplitudes(p, value):
+    if "friction_spread" not in p:
+        return None
+    done = call(sliding.words(p | {"model_v": value}) + ["-spectrum_refine", "off", "-out_file", "s.h5"], command="spectrum")
+    check(done.returncode == 0, done.stderr)
+    file = data("s.h5")
+    return sliding.amplitudes(p, file["steady_psi"], file["steady_eta"])
+
+
+def coefficients(point, n):
+    """Those of a point, each with the shape of its oscillation where it is one of several."""
+    l, wave, crest = (point["lyapunov_" + name] for name in ("coefficient", "travelling", "standing"))
+    check(point["criticality"] == ("subcritical" if l > 0 else "supercritical"), "the word that goes with the sign")
+    if wave is None:
+        return [(l, None)]
+    check(l == (crest if 2 * crest > wave else wave), "that of the wave whose sum of squares grows most")
+    phase = 2 * np.pi * np.round(point["wavenumber"] * n / (2 * np.pi)) / n * np.arange(n)  # a chain
+    return [(wave, np.exp(1j * phase)), (crest, np.cos(phase) + 0j)]
+
+
+def test_coefficients_are_those_of_small_oscillations(scenes):
+    compared = []
+    for index, p in scenes(scene, 61):
+        words = sliding.words(p) + ["-spectrum_refine", "off", "-boundary_parameter", "model_v", "-boundary_from", "0.15",
+                                    "-boundary_to", "2"]
+        summary, _ = run(words, code=None, command="boundary")
+        for point in summary["points"]:
+            if point["lyapunov_coefficient"] is None or point["degenerate"]:
+                continue
+            for l, shape in coefficients(point, p["grid_n"]):
+                measured = periodic.Oscillations(p, "model_v", amplitudes(p, point["value"]), shape)
+                rate, _ = measured.mode(point["value"])
+                check(abs(rate - 1j * point["frequency"]) < 1e-9 * abs(rate), f"scene {index}: the mode, {rate}")
+                by_balance, allowed = measured.lyapunov(point["value"], 0.04 * point["value"])
+                check(abs(by_balance - l) <= allowed,
+                      f"scene {index}: {point['lyapunov_of']} {l}, by oscillations {by_balance} +- {allowed}: {p}")
+                compared.append(allowed / abs(l))
+    check(len(compared) > 4 and np.median(compared) < 1e-5, f"{len(compared)} compared, to {np.median(compared)}")
