@@ -180,8 +180,9 @@ def draw_boundary(file, args):
     if "parameter2" not in file.attrs:
         axes.axhline(0, color="0.6", lw=0.8)
         axes.plot(sample, growth, color=COLOURS[0], label="growth rate of the leading mode")
-        for v, kind, frequency in zip(value, kinds, file["frequency"][...]):
-            axes.plot([v], [0], "o", color=COLOURS[1], label=f"{kind} at {v:.8g}, frequency {frequency:.4g}")
+        for v, kind, frequency, word in zip(value, kinds, file["frequency"][...], criticality(file)):
+            axes.plot([v], [0], "o", color=COLOURS[1], mfc="white" if word == "subcritical" else COLOURS[1],
+                      label=", ".join(filter(None, (f"{kind} at {v:.8g}", word, f"frequency {frequency:.4g}"))))
         if file.attrs["log"]:
             axes.set_xscale("log")
         axes.set(xlabel=shown_name(name), ylabel="growth rate of steady sliding")
@@ -195,6 +196,7 @@ def draw_boundary(file, args):
             chosen = piece == number
             axes.plot(value[chosen], value2[chosen], ".-", color=COLOURS[0], ms=4, clip_on=False,
                       label="sliding loses stability" if number == piece.min() else None)
+        mark_criticality(axes, file)
         if name2 == "model_v" and np.isfinite(closed).any():
             axes.plot(value, closed, "--", color=COLOURS[1], lw=1, label="closed form")
         elif name == "model_v" and np.isfinite(closed).any():
@@ -235,6 +237,25 @@ def draw_boundary(file, args):
     same = [other.strip() for other in options(file).get("boundary_same", "").split(",")]
     set_title(axes, scene_title(file, [name, text(file.attrs.get("parameter2", "")), *same]))
     return figure
+
+
+def criticality(file):
+    """The word of each point: supercritical, subcritical, or nothing."""
+    return [text(word) for word in file["criticality"][...]] if "criticality" in file else [""] * len(file["value"])
+
+
+def mark_criticality(axes, file):
+    """Open circles where sliding loses to stick-slip by a jump, and stars where that changes."""
+    jump = np.array([word == "subcritical" for word in criticality(file)], dtype=bool)
+    if jump.any():
+        axes.plot(file["value"][...][jump], file["value2"][...][jump], "o", color=COLOURS[0], mfc="white", ms=5, ls="none",
+                  clip_on=False, label="by a jump (subcritical)")
+    if "special" in file:
+        group = file["special"]
+        kinds = np.array([text(one) for one in group["kind"][...]])
+        for kind in dict.fromkeys(kinds):
+            axes.plot(group["value"][...][kinds == kind], group["value2"][...][kinds == kind], "*", color=COLOURS[3], ms=13,
+                      ls="none", mec="k", mew=0.5, zorder=5, clip_on=False, label=f"{kind.capitalize()} point")
 
 
 def overlay_boundaries(files, args):

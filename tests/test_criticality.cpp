@@ -148,6 +148,6 @@ TEST_CASE("where there is no coefficient it is said why", "[criticality]") {
              {"bc_left_value", "-0.5"},
              {"state_law", "contact-age"},
              {"model_zeta", "0.2"}},
-            {"model_v", 0.5, 1.5, false})
+            {"model_v", 0.5, 3, false})
             .find("kink") != std::string::npos);
 }

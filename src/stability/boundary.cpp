@@ -297,10 +297,10 @@ std::optional<Crossing> point_between(GrowthRate& growth, const Crossing& a, con
 }
 
 // The place between two neighbouring points of the curve where the first Lyapunov coefficient passes through zero;
-// nothing where its sign changes otherwise: through infinity, by a jump, or where another mode takes over.
+// nothing where its sign changes otherwise: through infinity, or by a jump as another mode takes over.
 std::optional<Crossing> bautin_point(GrowthRate& growth, const Crossing& a, const Crossing& b) {
   const double before = a.criticality.coefficient, after = b.criticality.coefficient;
-  if (!(before * after < 0) || a.kind != b.kind || another_mode(a, b)) return std::nullopt;
+  if (!(before * after < 0)) return std::nullopt;
   std::optional<Crossing> last;
   const auto coefficient = [&](double part) {
     last = point_between(growth, a, b, part);

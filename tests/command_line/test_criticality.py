@@ -1,0 +1,77 @@
+"""Criticality of the boundary from outside: against the amplitudes of runs on either side, keys, files, pictures."""
+import os
+import subprocess
+
+import h5py
+import numpy as np
+
+from calls import SOURCE, check, data, run, scene_file
+
+BLOCK = "-model_form chain -grid_n 1 -bc_left free "
+
+
+def last_amplitude(words, t, period):
+    """Half of the range of psi over the last two periods of a run to the time t."""
+    run(f"{words} -ts_max_time {t} -ts_rtol 1e-8 -ts_atol 1e-10 -out_file a.h5 -out_every {period / 60}")
+    found = data("a.h5")
+    psi = found["psi"][found["t"] > t - 2.1 * period, 0]
+    return np.ptp(psi) / 2
+
+
+def test_the_amplitude_that_grows_out_of_sliding():
+    # ageing law, a fast plate: beside the boundary the motion settles at sqrt(-growth/l), with an error of order a^2
+    words = BLOCK + "-friction_law rate-and-state -state_law ageing -friction_a 0.05 -friction_D 0.1 -model_v 0.1 "
+    found, _ = run(words + "-boundary_parameter model_k0 -boundary_from 0.1 -boundary_to 20 -boundary_log", command="boundary")
+    point = found["points"][0]
+    check(point["criticality"] == "supercritical", point)
+    off = []
+    for share in (0.94, 0.98):
+        here = words + f"-model_k0 {share * point['value']!r} "
+        growth = run(here, command="spectrum")[0]["growth_rate"]
+        a = np.sqrt(-growth / point["lyapunov_coefficient"])
+        reached = last_amplitude(here + f"-init_psi {0.1 + 0.9 * a} -init_eta steady", 7 / growth, 2 * np.pi / point["frequency"])
+        off.append(reached / a - 1)
+    # three times nearer, a third of the error; exp(-2 * 7) of the first deviation is left, below 1e-4
+    check(abs(off[0]) < 0.05 and abs(off[1]) < abs(off[0]) / 2.5, f"amplitudes beside the point: {off}")
+
+
+def test_the_amplitude_beyond_which_sliding_is_lost():
+    # Carlson and Langer's law beside the boundary, where sliding is stable: a start within the amplitude
+    # sqrt(-growth/l) comes back, one beyond it leaves
+    words = BLOCK + "-friction_law carlson-langer -model_zeta 0.2 "
+    found, _ = run(words + "-boundary_parameter model_v -boundary_from 0.5 -boundary_to 3", command="boundary")
+    point = found["points"][0]
+    check(point["criticality"] == "subcritical", point)
+    v = 1.01 * point["value"]
+    growth = run(words + f"-model_v {v!r}", command="spectrum")[0]["growth_rate"]
+    a = np.sqrt(-growth / point["lyapunov_coefficient"])
+    period = 2 * np.pi / point["frequency"]
+    for share in (0.9, 1.1):
+        reached = last_amplitude(words + f"-model_v {v!r} -init_psi {v + share * a!r} -init_eta {0.2 * v + 1 / (1 + v)!r}",
+                                 0.5 / -growth, period)
+        check((reached > share * a) == (share > 1), f"from {share} of the amplitude to {reached / a} of it")
+
+
+def test_a_curve_with_a_bautin_point():
+    found, said = run(scene_file("bautin") + " -boundary_points 12", command="boundary")
+    check([p["kind"] for p in found["special"]] == ["bautin"], found["special"])
+    v = found["special"][0]["value"]
+    check(abs(0.05 * 0.1 / v**2 - 3 - 2 * np.sqrt(5)) < 1e-8, "r = 3 + 2 sqrt(4 + (b - a)/a) there")
+    check("bautin" in said and "supercritical" in said and "by a jump" in said, said)
+    for p in found["points"]:
+        check((p["criticality"] == "subcritical") == (p["value"] < v) == (p["lyapunov_coefficient"] > 0), p)
+        check(p["lyapunov_of"] == "uniform" and p["criticality_unknown"] is None, p)
+    with h5py.File("bautin.h5") as file:
+        check(file["special/value"][0] == v and len(file["criticality"]) == len(found["points"]), "the file has the same")
+        check(np.all(file["lyapunov_coefficient"][...] == [p["lyapunov_coefficient"] for p in found["points"]]), "and those")
+    plot = ["/usr/bin/python3", os.path.join(SOURCE, "postprocess", "plot.py"), "bautin.h5"]
+    done = subprocess.run(plot, capture_output=True, text=True)
+    check(done.returncode == 0 and os.path.getsize("bautin.png") > 5000, done.stderr)
+
+
+def test_short_waves_have_no_criticality():
+    found, _ = run("-grid_n 64 -state_law contact-age -state_b .9 -state_D 2 -state_theta0 2.4 -model_delta 0 -model_gamma .4 "
+                   "-boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5", command="boundary")
+    point = found["points"][0]
+    check(point["criticality"] is None and point["lyapunov_coefficient"] is None and
+          "short waves" in point["criticality_unknown"], point)
