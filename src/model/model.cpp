@@ -199,10 +199,8 @@ struct Model::Impl {
     SS_TRY(VecRestoreArrayRead(u, &a));
   }
 
-  // Node i's own block of beta d(rhs part)/du + alpha I, its rows `width` apart. Sums stand in variables and are stored
-  // once: adding to what was just stored costs more than all the arithmetic.
-  void diagonal_block(Part part, PetscInt i, const double* u, double alpha, double beta, double* block,
-                      std::size_t width) const {
+  // d(rhs part)/du of node i by its own unknowns, without the stencil's share.
+  NodeBlock node_block(Part part, PetscInt i, const double* u) const {
     const bool fixed = held(first + i), has_eta = !(fixed && scene.form == Form::continuum);
     const double psi = u[0], s = dof == 3 ? u[2] : 0, going = direction ? direction[i] : 0;
     LinearPoint point(no_friction);
@@ -213,17 +211,26 @@ struct Model::Impl {
       point.set(times(amplitude[static_cast<std::size_t>(i)], p), law->sliding_rate(psi, s, going));
     }
     const bool rests = direction && going == 0;
-    const NodeBlock b = rests ? point.block_at_rest(part) : point.block(part);
-    const double psi_row = fixed ? 0 : beta, eta_row = has_eta ? beta : 0;
+    NodeBlock b = rests ? point.block_at_rest(part) : point.block(part);
+    if (fixed) b.psi_psi = b.psi_eta = b.psi_state = 0;
+    if (!has_eta) b.eta_psi = b.eta_eta = b.eta_state = 0;
+    return b;
+  }
+
+  // Node i's own block of beta d(rhs part)/du + alpha I, its rows `width` apart. Sums stand in variables and are stored
+  // once: adding to what was just stored costs more than all the arithmetic.
+  void diagonal_block(Part part, PetscInt i, const double* u, double alpha, double beta, double* block,
+                      std::size_t width) const {
+    const NodeBlock b = node_block(part, i, u);
     double* const eta = block + width;
-    block[0] = psi_row * b.psi_psi + alpha;
-    block[1] = psi_row * b.psi_eta;
-    eta[0] = eta_row * b.eta_psi;
-    eta[1] = eta_row * b.eta_eta + alpha;
+    block[0] = beta * b.psi_psi + alpha;
+    block[1] = beta * b.psi_eta;
+    eta[0] = beta * b.eta_psi;
+    eta[1] = beta * b.eta_eta + alpha;
     if (dof == 2) return;
     double* const state = eta + width;
-    block[2] = psi_row * b.psi_state;
-    eta[2] = eta_row * b.eta_state;
+    block[2] = beta * b.psi_state;
+    eta[2] = beta * b.eta_state;
     state[0] = beta * b.state_psi;
     state[1] = 0;
     state[2] = beta * b.state_state + alpha;
@@ -267,6 +274,10 @@ VecHandle Model::create_vector() const {
 void Model::set_direction(const double* direction) const {
   if (direction && !impl_->sticking) throw std::logic_error("this law does not stick");
   impl_->direction = direction;
+}
+const double* Model::direction() const { return impl_->direction; }
+NodeBlock Model::node_block(Part part, PetscInt local_node, const double* u) const {
+  return impl_->node_block(part, local_node, u);
 }
 void Model::rhs(Part part, Vec u, Vec f) const { impl_->rhs(part, u, f); }
 

@@ -42,6 +42,7 @@ class Model {
   // +1 or -1, whatever the sign of psi. Heeded by rhs() and jacobian() for Part::full, pointwise and stencil, not by
   // wave and reaction, in each of which eta and F stand alone. nullptr: the sign of psi decides, and nothing sticks.
   void set_direction(const double* direction) const;
+  const double* direction() const;  // as it was given; not collective
 
   // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space.
   void rhs(Part part, Vec u, Vec f) const;
@@ -52,6 +53,10 @@ class Model {
   MatHandle create_jacobian(Part part) const;
   // J = alpha I + beta d(rhs part)/du at u. Collective.
   void jacobian(Part part, Vec u, double alpha, double beta, Mat J) const;
+
+  // The block of that Jacobian of node `local_node` of this rank, whose unknowns are u, by those unknowns, without its share of
+  // the coupling K1 D2; rows of what is held are 0. Not collective.
+  NodeBlock node_block(Part part, PetscInt local_node, const double* u) const;
 
   // For Newton's method on  shift u - rhs(u) = given  (the stages of implicit methods): replaces its step -`minus_step`
   // at u by one that converges where friction is steep. False where the law needs nothing of the kind; then

@@ -1,0 +1,423 @@
+#include "stickslip/stability/tangents.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/local_values.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/numerics/collocation.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr double longest_part = 0.4;     // times the fastest rate: a wave then grows falsely by 2e-6 of its frequency
+constexpr double most_parts = 1e6;       // of one step
+constexpr int parts_between = 16;        // orthonormalisations: vectors come closer by exp(-0.4 * 16) at most or so
+constexpr double vanished = 1e-11;       // of the length before a jump: what is left is round-off
+constexpr double well_apart = 1e-6;      // squared part of a vector that is its own: Cholesky's loses 1e-10 at most
+
+// Dormand and Prince 1980, the six stages of their step of order 5.
+constexpr int stages = 6;
+constexpr double place[stages] = {0, 0.2, 0.3, 0.8, 8. / 9, 1};
+constexpr double weight[stages + 1][stages] = {
+    {},
+    {1. / 5},
+    {3. / 40, 9. / 40},
+    {44. / 45, -56. / 15, 32. / 9},
+    {19372. / 6561, -25360. / 2187, 64448. / 6561, -212. / 729},
+    {9017. / 3168, -355. / 33, 46732. / 5247, 49. / 176, -5103. / 18656},
+    {35. / 384, 0, 500. / 1113, 125. / 192, -2187. / 6784, 11. / 84}};  // of the step
+
+// The integral of dg/ds along what a state does at rest over the time t, in panels each as long as all before it: the
+// rate may fall like 1/t.
+double rest_contraction(const Friction& law, double s, double t) {
+  static const Tableau points = Tableau::gauss(6);
+  double sum = 0, from = 0, to = std::min(t, law.time_at_rest(s));
+  while (from < t) {
+    for (int i = 0; i < points.s; ++i) {
+      const double at = from + (to - from) * points.c[std::size_t(i)];
+      sum += (to - from) * points.b[std::size_t(i)] * law.sliding_rate(0, law.state_at_rest(s, at), 0).g_state;
+    }
+    from = to;
+    to = std::min(t, 2 * to);
+  }
+  return sum;
+}
+
+double dot(Vec a, Vec b) {
+  PetscInt n;
+  SS_TRY(VecGetLocalSize(a, &n));
+  const Reading x(a), y(b);
+  double sum = 0;
+  for (PetscInt i = 0; i < n; ++i) sum += x[i] * y[i];
+  return sum;
+}
+
+void sum_up(MPI_Comm comm, std::vector<double>& values) {
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, values.data(), int(values.size()), MPI_DOUBLE, MPI_SUM, comm));
+}
+
+}  // namespace
+
+Tangents::Tangents(const Model& model, int count)
+    : model_(model), dof_(model.dof()), gone_(std::size_t(count), false), growth_(std::size_t(count), 0.),
+      u_(model.create_vector()), stage_(model.create_vector()), was_(model.create_vector()) {
+  for (int k = 0; k < count; ++k) {
+    y_.push_back(model.create_vector());
+    slope_.emplace_back();
+    for (int i = 0; i < stages; ++i) slope_.back().push_back(model.create_vector());
+    draw(std::size_t(k));
+  }
+}
+
+// By the number of the unknown, so that it is the same on any number of ranks.
+void Tangents::draw(std::size_t k) {
+  const Writing y(y_[k]);
+  const PetscInt first = model_.first() * dof_;
+  ++draws_;
+  for (PetscInt i = 0; i < model_.local() * dof_; ++i) y[i] = counter_normal(PetscInt(draws_), first + i);
+  clear_held(y);
+}
+
+void Tangents::clear_held(double* y) const {
+  for (PetscInt i = 0; i < model_.local(); ++i)
+    if (model_.held(model_.first() + i)) y[i * dof_] = y[i * dof_ + 1] = 0;
+}
+
+std::vector<double> Tangents::state() const {
+  std::vector<double> all{double(draws_), double(most_resting_)};
+  for (const bool gone : gone_) all.push_back(gone ? 1 : 0);
+  all.insert(all.end(), growth_.begin(), growth_.end());
+  return all;
+}
+
+void Tangents::resume(const std::vector<double>& state) {
+  if (state.size() != 2 + 2 * y_.size()) throw std::invalid_argument("its tangent vectors do not fit");
+  draws_ = long(state[0]);
+  most_resting_ = long(state[1]);
+  for (std::size_t k = 0; k < y_.size(); ++k) {
+    gone_[k] = state[2 + k] != 0;
+    growth_[k] = state[2 + y_.size() + k];
+  }
+  begun_ = true;
+}
+
+void Tangents::renew() {
+  most_resting_ = 0;
+  for (std::size_t k = 0; k < y_.size(); ++k) {
+    if (gone_[k]) draw(k);
+    gone_[k] = false;
+  }
+  begun_ = start_known_ = false;
+}
+
+// ---- starts and stops -------------------------------------------------------------------------------------------
+
+// A node that rests has no deviation in psi.
+void Tangents::begin(Vec u) {
+  begun_ = true;
+  const double* const now = model_.direction();
+  {
+    const Writing was(was_);
+    for (PetscInt i = 0; i < model_.local() * dof_; ++i) was[i] = now && i % dof_ == 0 ? now[i / dof_] : 0;
+  }
+  for (const VecHandle& vector : y_) {
+    const Writing y(vector);
+    for (PetscInt i = 0; i < model_.local() && now; ++i)
+      if (now[i] == 0) y[i * dof_] = 0;
+  }
+  count_resting();
+  linearise(u, start_);
+  start_known_ = true;
+}
+
+bool Tangents::directions_changed() const {
+  const double* const now = model_.direction();
+  if (!now) return false;
+  int changed = 0;
+  {
+    const Reading was(was_);
+    for (PetscInt i = 0; i < model_.local() && !changed; ++i) changed = was[i * dof_] != now[i] ? 1 : 0;
+  }
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &changed, 1, MPI_INT, MPI_MAX, model_.comm()));
+  return changed != 0;
+}
+
+void Tangents::count_resting() {
+  const double* const now = model_.direction();
+  long counts[2] = {0, now ? 0 : 1};  // nodes at rest; moving, or with a state that does
+  for (PetscInt i = 0; i < model_.local() && now; ++i) {
+    if (!model_.held(model_.first() + i)) ++counts[now[i] == 0 ? 0 : 1];
+    else if (dof_ == 3 && now[i] != 0) ++counts[1];
+  }
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, counts, 2, MPI_LONG, MPI_SUM, model_.comm()));
+  any_moves_ = counts[1] > 0;
+  most_resting_ = std::max(most_resting_, counts[0]);
+  const long left = long(model_.unknowns()) - most_resting_;
+  for (std::size_t k = std::size_t(std::max(0L, left)); k < y_.size(); ++k) {
+    if (!gone_[k]) SS_TRY(VecZeroEntries(y_[k]));
+    gone_[k] = true;
+  }
+}
+
+// Of node i, where the rates change from f to g; false where it comes there at speed 0.
+bool Tangents::jump_at(PetscInt i, const double* u, const double* f, const double* g, double from, double to) {
+  double normal[3] = {1, 0, 0};  // grad h
+  if (from == 0) {
+    normal[0] = 0;
+    normal[1] = to;
+    if (dof_ == 3)
+      normal[2] = -model_.amplitude()[std::size_t(i)] * model_.friction_law().threshold(u[2]).slope;
+  }
+  double change = 0, speed = 0;
+  for (int d = 0; d < dof_; ++d) {
+    change = std::max(change, std::abs(g[d] - f[d]));
+    speed += normal[d] * f[d];
+  }
+  if (change == 0) return true;
+  if (speed == 0) return false;
+  for (const VecHandle& vector : y_) {
+    const Writing all(vector);
+    double* const y = all + i * dof_;
+    double reach = 0;
+    for (int d = 0; d < dof_; ++d) reach += normal[d] * y[d];
+    for (int d = 0; d < dof_; ++d) y[d] += (g[d] - f[d]) * reach / speed;
+    if (to == 0) y[0] = 0;  // exactly
+  }
+  return true;
+}
+
+void Tangents::jump(Vec u) {
+  orthonormalise(false);
+  const std::vector<double> is(model_.direction(), model_.direction() + model_.local());
+  std::vector<double> was(is.size());
+  {
+    const Writing kept(was_);
+    for (std::size_t i = 0; i < is.size(); ++i) was[i] = std::exchange(kept[PetscInt(i) * dof_], is[i]);
+  }
+  const double* const theirs = model_.direction();
+  Vec f_was = slope_[0][0], f_is = slope_[0][1];
+  model_.set_direction(was.data());
+  model_.rhs(Part::full, u, f_was);
+  model_.set_direction(theirs);
+  model_.rhs(Part::full, u, f_is);
+  model_.count_evaluations(-2);
+  int grazes = 0;
+  {
+    const Reading at(u), before(f_was), after(f_is);
+    for (PetscInt i = 0; i < model_.local(); ++i)
+      if (was[std::size_t(i)] != is[std::size_t(i)] && !model_.held(model_.first() + i) &&
+          !jump_at(i, at + i * dof_, before + i * dof_, after + i * dof_, was[std::size_t(i)], is[std::size_t(i)]))
+        ++grazes;
+  }
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &grazes, 1, MPI_INT, MPI_SUM, model_.comm()));
+  if (grazes) throw Failure("lyapunov_count: a node comes to rest or lets go at speed 0, where no tangent exists");
+  count_resting();
+  orthonormalise(true);
+  start_known_ = false;
+}
+
+// ---- between them -------------------------------------------------------------------------------------------------
+
+void Tangents::linearise(Vec u, Linearisation& at) const {
+  const Reading a(u);
+  at.blocks.resize(std::size_t(model_.local()));
+  at.trace = at.rate = 0;
+  for (PetscInt i = 0; i < model_.local(); ++i) {
+    NodeBlock& b = at.blocks[std::size_t(i)];
+    b = model_.node_block(Part::full, i, a + i * dof_);
+    at.trace += b.psi_psi + b.eta_eta + b.state_state;
+    at.rate = std::max({at.rate, std::abs(b.psi_psi) + std::abs(b.eta_eta), std::abs(b.state_state),
+                        std::sqrt(std::abs(b.psi_state * b.state_psi))});
+  }
+}
+
+// into = J y
+void Tangents::rates(const Linearisation& at, Vec y, Vec into) const {
+  model_.rhs(Part::stencil, y, into);
+  model_.count_evaluations(-1);
+  const Reading a(y);
+  const Writing f(into);
+  for (PetscInt i = 0; i < model_.local(); ++i) {
+    const NodeBlock& b = at.blocks[std::size_t(i)];
+    const double *in = a + i * dof_;
+    double* const out = f + i * dof_;
+    out[0] += b.psi_psi * in[0] + b.psi_eta * in[1];
+    out[1] += b.eta_psi * in[0] + b.eta_eta * in[1];
+    if (dof_ == 2) continue;
+    out[0] += b.psi_state * in[2];
+    out[1] += b.eta_state * in[2];
+    out[2] += b.state_psi * in[0] + b.state_state * in[2];
+  }
+  clear_held(f);
+}
+
+// The part of the step from `begin`, as long as `length`, both in units of the step. start_ is known, and then is that
+// of the part's end.
+void Tangents::take_part(double begin, double length, double dt, const Inside& inside) {
+  const double h = length * dt;
+  for (int i = 0; i < stages; ++i) {
+    if (i > 0) {
+      inside(i == stages - 1 ? std::min(1., begin + length) : begin + place[i] * length, u_);
+      linearise(u_, inside_);
+    }
+    const Linearisation& at = i == 0 ? start_ : inside_;
+    divergence_ += h * weight[stages][i] * at.trace;
+    for (std::size_t k = 0; k < y_.size(); ++k) {
+      if (gone_[k]) continue;
+      if (i == 0) {
+        rates(at, y_[k], slope_[k][0]);
+        continue;
+      }
+      double weights[stages];
+      Vec terms[stages];
+      for (int j = 0; j < i; ++j) {
+        weights[j] = h * weight[i][j];
+        terms[j] = slope_[k][std::size_t(j)];
+      }
+      SS_TRY(VecCopy(y_[k], stage_));
+      SS_TRY(VecMAXPY(stage_, i, weights, terms));
+      rates(at, stage_, slope_[k][std::size_t(i)]);
+    }
+  }
+  for (std::size_t k = 0; k < y_.size(); ++k) {
+    if (gone_[k]) continue;
+    double weights[stages];
+    Vec terms[stages];
+    for (int j = 0; j < stages; ++j) {
+      weights[j] = h * weight[stages][j];
+      terms[j] = slope_[k][std::size_t(j)];
+    }
+    SS_TRY(VecMAXPY(y_[k], stages, weights, terms));
+  }
+  std::swap(start_, inside_);
+}
+
+// Nothing moves: psi and eta do not deviate more, and each state comes closer by itself, in as many turns as keep what
+// is left of a vector above round-off.
+void Tangents::rest(double dt, Vec u) {
+  if (dof_ == 2) return;
+  std::vector<double> logs(std::size_t(model_.local()));
+  double most = 0;
+  {
+    const Reading a(u);
+    for (std::size_t i = 0; i < logs.size(); ++i) {
+      logs[i] = rest_contraction(model_.friction_law(), a[PetscInt(i) * 3 + 2], dt);
+      divergence_ += logs[i];
+      most = std::max(most, std::abs(logs[i]));
+    }
+  }
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &most, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  if (most / 5 > most_parts) throw Failure("lyapunov_count: a rest of " + number_text(dt) + " is too long for it");
+  const int turns = std::max(1, int(std::ceil(most / 5)));
+  for (int turn = 0; turn < turns; ++turn) {
+    for (const VecHandle& vector : y_) {
+      const Writing y(vector);
+      for (std::size_t i = 0; i < logs.size(); ++i) y[PetscInt(i) * 3 + 2] *= std::exp(logs[i] / turns);
+    }
+    if (turns > 1) orthonormalise(false);
+  }
+}
+
+void Tangents::advance(double dt, const Inside& inside) {
+  divergence_ = 0;
+  const bool jumps = begun_ && directions_changed();
+  if (jumps || !start_known_) inside(0, u_);
+  if (!begun_) begin(u_);
+  if (jumps) jump(u_);
+  if (!any_moves_) {
+    rest(dt, u_);
+    start_known_ = false;
+    return;
+  }
+  if (!start_known_) linearise(u_, start_);
+  inside(1, u_);
+  linearise(u_, inside_);
+  double rate = std::max(start_.rate, inside_.rate);
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &rate, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  rate = std::max(rate, model_.wave_frequency());
+  const double parts = std::max(1., std::ceil(dt * rate / longest_part));
+  if (!(parts <= most_parts))
+    throw Failure("lyapunov_count: one step of " + number_text(dt) + " would take more than a million parts, as " +
+                  "friction changes here at a rate of " + number_text(rate));
+  for (int i = 0; i < int(parts); ++i) {
+    take_part(i / parts, 1 / parts, dt, inside);
+    if ((i + 1) % parts_between == 0) orthonormalise(false);
+  }
+  start_known_ = true;
+}
+
+// ---- orthonormal vectors --------------------------------------------------------------------------------------------
+
+std::vector<double> Tangents::growth() {
+  orthonormalise(false);
+  std::vector<double> all(growth_.size(), 0.);
+  std::swap(all, growth_);
+  for (std::size_t k = 0; k < all.size(); ++k)
+    if (gone_[k]) all[k] = -infinity;
+  return all;
+}
+
+void Tangents::orthonormalise(bool after_jump) {
+  std::vector<double> lengths(y_.size(), 1.);
+  if (!by_cholesky(lengths)) one_by_one(lengths, after_jump);
+  for (std::size_t k = 0; k < y_.size(); ++k)
+    if (!gone_[k]) growth_[k] += std::log(lengths[k]);
+}
+
+// Y = Q R with R^T R = Y^T Y: one reduction. False, and nothing done, where the vectors are too much alike for it.
+bool Tangents::by_cholesky(std::vector<double>& lengths) {
+  std::vector<std::size_t> live;
+  for (std::size_t k = 0; k < y_.size(); ++k)
+    if (!gone_[k]) live.push_back(k);
+  const std::size_t n = live.size();
+  std::vector<double> R(n * n, 0.);  // its upper triangle
+  for (std::size_t i = 0; i < n; ++i)
+    for (std::size_t j = i; j < n; ++j) R[i * n + j] = dot(y_[live[i]], y_[live[j]]);
+  sum_up(model_.comm(), R);
+  for (std::size_t k = 0; k < n; ++k) {
+    const double whole = R[k * n + k];
+    for (std::size_t i = 0; i < k; ++i) R[k * n + k] -= R[i * n + k] * R[i * n + k];
+    if (!(R[k * n + k] > well_apart * whole)) return false;
+    R[k * n + k] = std::sqrt(R[k * n + k]);
+    for (std::size_t j = k + 1; j < n; ++j) {
+      for (std::size_t i = 0; i < k; ++i) R[k * n + j] -= R[i * n + k] * R[i * n + j];
+      R[k * n + j] /= R[k * n + k];
+    }
+  }
+  for (std::size_t k = 0; k < n; ++k) {
+    lengths[live[k]] = R[k * n + k];
+    for (std::size_t i = 0; i < k; ++i) SS_TRY(VecAXPY(y_[live[k]], -R[i * n + k], y_[live[i]]));
+    SS_TRY(VecScale(y_[live[k]], 1 / R[k * n + k]));
+  }
+  return true;
+}
+
+// Modified Gram and Schmidt, twice over for what loses digits: a reduction for each vector.
+void Tangents::one_by_one(std::vector<double>& lengths, bool after_jump) {
+  std::vector<double> whole(y_.size());
+  for (std::size_t k = 0; k < y_.size(); ++k) whole[k] = dot(y_[k], y_[k]);
+  sum_up(model_.comm(), whole);
+  for (std::size_t k = 0; k < y_.size(); ++k) {
+    if (gone_[k]) continue;
+    for (int round = 0; round < 2; ++round) {
+      std::vector<double> part(k, 0.);
+      for (std::size_t i = 0; i < k; ++i)
+        if (!gone_[i]) part[i] = dot(y_[i], y_[k]);
+      sum_up(model_.comm(), part);
+      for (std::size_t i = 0; i < k; ++i)
+        if (!gone_[i]) SS_TRY(VecAXPY(y_[k], -part[i], y_[i]));
+    }
+    std::vector<double> left{dot(y_[k], y_[k])};
+    sum_up(model_.comm(), left);
+    lengths[k] = std::sqrt(left[0]);
+    gone_[k] = left[0] == 0 || (after_jump && lengths[k] <= vanished * std::sqrt(whole[k]));
+    if (gone_[k]) SS_TRY(VecZeroEntries(y_[k]));
+    else SS_TRY(VecScale(y_[k], 1 / lengths[k]));
+  }
+}
+
+}  // namespace stickslip
