@@ -18,6 +18,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/options/library_options.hpp"
+#include "study/lyapunov.hpp"
 #include "study/step_forecast.hpp"
 #include "stickslip/study/nearest_sliding.hpp"
 #include "stickslip/time/stick.hpp"
@@ -54,8 +55,9 @@ std::optional<PetscInt> nodes_of(const std::optional<Checkpoint>& checkpoint, co
 }
 
 Problem problem_for(const Scene& scene, const Options& options, const std::optional<Checkpoint>& checkpoint) {
-  // A catalogue is that of all nodes.
-  return problem_of(scene, options.boolean("out_events") ? options.with("scene_reduce", "off") : options,
+  // A catalogue is that of all nodes, and deviations need not be alike where the nodes are.
+  const bool whole = options.boolean("out_events") || options.integer("lyapunov_count") > 0;
+  return problem_of(scene, whole ? options.with("scene_reduce", "off") : options,
                     nodes_of(checkpoint, scene, options));
 }
 
@@ -119,6 +121,8 @@ void Run::make_observers() {
   for (auto& quantity : make_quantities(model)) observers_.push_back(std::move(quantity));
   if (options_.boolean("out_events"))
     observers_.push_back(std::make_unique<Catalogue>(scene_, event_velocity(options_, scene_), gather_));
+  if (options_.integer("lyapunov_count") > 0)
+    observers_.push_back(std::make_unique<LyapunovExponents>(model, options_, gather_));
   observers_.push_back(std::make_unique<ProbeRows>(model, scene_, options_.reals("out_probes")));
   if (!options_.is_set("out_file")) return;
   if (options_.boolean("out_series"))

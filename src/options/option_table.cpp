@@ -243,6 +243,14 @@ void output_options(TableBuilder& t) {
   t.text("restart", "", "checkpoint to go on from").unset("none");
 }
 
+void lyapunov_options(TableBuilder& t) {
+  t.in("Lyapunov exponents", "run");
+  t.integer("lyapunov_count", "0", 0, int_max,
+            "so many Lyapunov exponents, the largest, measured beside the run (the whole scene is solved); 0: none");
+  t.not_negative("lyapunov_from", "", "time at which the measurement begins", "time")
+      .unset("a quarter of ts_max_time", [](const Options& o) { return number_text(0.25 * o.real("ts_max_time")); });
+}
+
 void spectrum_options(TableBuilder& t) {
   t.in("Spectrum", "spectrum");
   t.integer("spectrum_count", "12", 1, int_max, "eigenvalues wanted").read_by("spectrum wave");
@@ -317,6 +325,7 @@ std::vector<OptionSpec> make_table() {
   start_options(t);
   time_options(t);
   output_options(t);
+  lyapunov_options(t);
   spectrum_options(t);
   boundary_options(t);
   wave_options(t);

@@ -89,8 +89,8 @@ struct RunFile::Writer {
   std::string temporary;  // until the first frame
   Provenance provenance;
   RunLayout layout;
-  std::vector<Table> tables;  // 0: frames; then probes, series and events where wanted
-  std::size_t probes = 0, series = 0, events = 0;  // which, 0 for none
+  std::vector<Table> tables;  // 0: frames; then the groups that are wanted
+  std::size_t probes = 0, series = 0, events = 0, lyapunov = 0;  // which, 0 for none
   Id file;
   bool published = false;
   bool broken = false;  // a write has failed: no more are tried
@@ -135,6 +135,8 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& wh
   if (!layout.series.empty()) series = add("series", time, layout.series, false);
   if (!layout.events.empty())
     events = add("events", {"t", "time", "time at which the event ends"}, layout.events, false);
+  if (!layout.lyapunov.empty())
+    lyapunov = add("lyapunov", {"t", "time", "end of the interval of time"}, layout.lyapunov, false);
 }
 
 Table RunFile::Writer::table_of(const std::string& group, const Field& t, const std::vector<Field>& fields,
@@ -361,6 +363,9 @@ void RunFile::series(double t, const std::vector<double>& row) {
 }
 void RunFile::event(double end, const std::vector<double>& row) {
   if (writer_ && writer_->events != 0) append_row(writer_->tables[writer_->events], end, row);
+}
+void RunFile::lyapunov(double end, const std::vector<double>& row) {
+  if (writer_ && writer_->lyapunov != 0) append_row(writer_->tables[writer_->lyapunov], end, row);
 }
 
 void RunFile::frame(double t, const std::vector<const double*>& fields) {

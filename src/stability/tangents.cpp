@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "base/local_values.hpp"
+#include "model/jump_matrix.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/collocation.hpp"
 
@@ -165,27 +167,16 @@ void Tangents::count_resting() {
 
 // Of node i, where the rates change from f to g; false where it comes there at speed 0.
 bool Tangents::jump_at(PetscInt i, const double* u, const double* f, const double* g, double from, double to) {
-  double normal[3] = {1, 0, 0};  // grad h
-  if (from == 0) {
-    normal[0] = 0;
-    normal[1] = to;
-    if (dof_ == 3)
-      normal[2] = -model_.amplitude()[std::size_t(i)] * model_.friction_law().threshold(u[2]).slope;
-  }
-  double change = 0, speed = 0;
-  for (int d = 0; d < dof_; ++d) {
-    change = std::max(change, std::abs(g[d] - f[d]));
-    speed += normal[d] * f[d];
-  }
-  if (change == 0) return true;
-  if (speed == 0) return false;
+  const bool starts = from == 0;
+  const double slope = starts && dof_ == 3 ? model_.amplitude()[std::size_t(i)] * model_.friction_law().threshold(u[2]).slope
+                                           : 0;
+  const JumpMatrix jump = starts ? JumpMatrix::at_start(dof_, to, slope, f, g) : JumpMatrix::at_stop(dof_, f, g);
+  if (std::equal(f, f + dof_, g)) return true;
+  if (jump.event_rate() == 0) return false;
   for (const VecHandle& vector : y_) {
-    const Writing all(vector);
-    double* const y = all + i * dof_;
-    double reach = 0;
-    for (int d = 0; d < dof_; ++d) reach += normal[d] * y[d];
-    for (int d = 0; d < dof_; ++d) y[d] += (g[d] - f[d]) * reach / speed;
-    if (to == 0) y[0] = 0;  // exactly
+    const Writing y(vector);
+    jump.apply(y + i * dof_);
+    if (to == 0) y[i * dof_] = 0;  // exactly
   }
   return true;
 }

@@ -33,6 +33,7 @@ struct RunLayout {
   std::vector<double> probe_x;  // probes/x; the datasets are probes/psi and probes/eta of (t, x)
   std::vector<Field> series;    // series/NAME of t
   std::vector<Field> events;    // events/NAME of t, the end of an event
+  std::vector<Field> lyapunov;  // lyapunov/NAME of t, the end of an interval
   std::int64_t frames = 0;      // how many are expected to come (any number may)
   std::map<std::string, std::string> texts;  // further root attributes
   std::map<std::string, double> numbers;
@@ -62,6 +63,7 @@ class RunFile {
   void probes(double t, const std::vector<double>& psi, const std::vector<double>& eta);
   void series(double t, const std::vector<double>& row);
   void event(double end, const std::vector<double>& row);  // ends do not decrease
+  void lyapunov(double end, const std::vector<double>& row);
 
   // One frame: each field of the layout in order, n values each, on rank 0. Everything is on its way to disk when it
   // returns, except that frames which follow each other at once share a flush. Give the probes and series of a

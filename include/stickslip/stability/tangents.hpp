@@ -6,11 +6,8 @@
 // the caller gives, in as many parts as the fastest rate of J asks for: no wave and no stiff friction is damped falsely,
 // and stiff friction makes it slow. J is never assembled: it is a block for each node and the coupling of neighbours.
 //
-// At a moment when the rates of a node change from f to f' because h(u) = 0 there (psi of a node that stops or turns,
-// force less threshold of one that lets go), a deviation becomes
-//     y' = y + (f' - f) (grad h . y)/(grad h . f)
-// within that node (the saltation matrix of Aizerman and Gantmacher). A node that stops loses a direction, and while m
-// nodes rest no more than all unknowns less m are left, then and ever after.
+// Where a node starts, stops or turns, a deviation of that node passes a jump matrix (model/jump_matrix.hpp). A node
+// that stops loses a direction, and while m nodes rest no more than all unknowns less m are left, then and ever after.
 //
 // psi and eta of held nodes are no unknowns: their deviations are 0.
 //

@@ -1,0 +1,57 @@
+// Lyapunov exponents from the growth of tangent vectors: means over time, their errors, and the dimension that follows.
+//
+// The time of the measurement is cut into equal intervals; what a step of the run brings is shared out among those over
+// which it stretches. The exponent lambda_k is the mean of the growth rate of vector k over all of them. Its error is the
+// standard error of the means over blocks of intervals, the largest of those with 16, 32 and 64 blocks: right where the
+// motion forgets within a block, too large where it repeats itself. Not in it: the error of the steps, and what a
+// motion not yet settled is off by.
+//
+// Kaplan and Yorke's dimension, of exponents in decreasing order: D = j + (lambda_1 + ... + lambda_j)/|lambda_(j+1)|, j
+// the largest number for which that sum is not negative. An exponent within its error of 0 counts as 0.
+//
+// Nothing here communicates. Units: exponents 1/time.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+namespace stickslip {
+
+struct Estimate {
+  double value, error;  // -infinity and NaN where a direction is lost; error NaN where the time is too short for one
+};
+
+class GrowthAverage {
+ public:
+  static constexpr std::size_t intervals = 256;  // from `from` to `until`
+
+  GrowthAverage(std::size_t exponents, double from, double until)
+      : count_(exponents), from_(from), interval_((until - from) / double(intervals)) {}
+
+  // Growth (logarithms) over [begin, end], which follows on the last call; what lies before `from` is left out. Returns
+  // how many intervals are complete now.
+  std::size_t add(double begin, double end, const std::vector<double>& growth);
+  // Rate of vector k in a complete interval, and the time at which that ends.
+  double rate(std::size_t interval, std::size_t k) const { return sums_[interval * count_ + k] / interval_; }
+  double end_of(std::size_t interval) const { return from_ + interval_ * double(interval + 1); }
+
+  double measured() const { return measured_; }  // time over which
+  std::vector<Estimate> exponents() const;
+
+  // All that a later object needs to go on.
+  std::vector<double> save() const;
+  void resume(const std::vector<double>& saved);  // throws std::invalid_argument
+
+ private:
+  double error(std::size_t k) const;
+
+  std::size_t count_;
+  double from_, interval_, measured_ = 0;
+  std::vector<double> sums_;  // of growth, interval by interval, the last one under way
+};
+
+// Empty where the exponents given, in decreasing order, do not reach as far. Of a motion of `unknowns` unknowns.
+std::optional<Estimate> kaplan_yorke(const std::vector<Estimate>& exponents, std::size_t unknowns);
+
+}  // namespace stickslip

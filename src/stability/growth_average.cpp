@@ -1,0 +1,94 @@
+#include "stickslip/stability/growth_average.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+namespace stickslip {
+
+namespace {
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+}
+
+std::size_t GrowthAverage::add(double begin, double end, const std::vector<double>& growth) {
+  const auto complete = [&](double t) {
+    return t > from_ && interval_ > 0 ? std::size_t((t - from_) / interval_ * (1 + 1e-12)) : 0;
+  };
+  for (double at = std::max(begin, from_); at < end && interval_ > 0;) {
+    const std::size_t interval = complete(at);
+    const double until = std::min(end, std::max(end_of(interval), std::nextafter(at, end)));
+    if (sums_.size() < (interval + 1) * count_) sums_.resize((interval + 1) * count_, 0.);
+    for (std::size_t k = 0; k < count_; ++k) sums_[interval * count_ + k] += growth[k] * ((until - at) / (end - begin));
+    measured_ += until - at;
+    at = until;
+  }
+  return complete(end);
+}
+
+std::vector<Estimate> GrowthAverage::exponents() const {
+  std::vector<Estimate> all(count_, Estimate{nan, nan});
+  if (!(measured_ > 0)) return all;
+  for (std::size_t k = 0; k < count_; ++k) {
+    double sum = 0;
+    for (std::size_t i = k; i < sums_.size(); i += count_) sum += sums_[i];
+    all[k] = {sum / measured_, std::isfinite(sum) ? error(k) : nan};
+  }
+  return all;
+}
+
+double GrowthAverage::error(std::size_t k) const {
+  const auto whole = std::size_t(measured_ / interval_ * (1 + 1e-12));
+  double largest = nan;
+  for (const std::size_t blocks : {16, 32, 64}) {
+    const std::size_t length = whole / blocks;
+    if (length == 0) break;
+    std::vector<double> means(blocks, 0.);
+    double mean = 0;
+    for (std::size_t b = 0; b < blocks; ++b) {
+      for (std::size_t i = 0; i < length; ++i) means[b] += rate(whole - blocks * length + b * length + i, k) / double(length);
+      mean += means[b] / double(blocks);
+    }
+    double squares = 0;
+    for (const double m : means) squares += (m - mean) * (m - mean);
+    const double one = std::sqrt(squares / double(blocks - 1) / double(blocks));
+    largest = std::isnan(largest) ? one : std::max(largest, one);
+  }
+  return largest;
+}
+
+std::vector<double> GrowthAverage::save() const {
+  std::vector<double> all{from_, interval_, measured_};
+  all.insert(all.end(), sums_.begin(), sums_.end());
+  return all;
+}
+
+void GrowthAverage::resume(const std::vector<double>& saved) {
+  if (saved.size() < 3 || (saved.size() - 3) % count_ != 0) throw std::invalid_argument("its growth rates do not fit");
+  from_ = saved[0];
+  interval_ = saved[1];
+  measured_ = saved[2];
+  sums_.assign(saved.begin() + 3, saved.end());
+}
+
+std::optional<Estimate> kaplan_yorke(const std::vector<Estimate>& exponents, std::size_t unknowns) {
+  double sum = 0, variance = 0;
+  for (std::size_t j = 0; j < exponents.size(); ++j) {
+    const Estimate& e = exponents[j];
+    if (std::isnan(e.value)) return std::nullopt;
+    const bool is_zero = std::abs(e.value) <= e.error;
+    const double value = is_zero ? 0 : e.value;
+    if (sum + value < 0) {
+      if (std::isinf(value)) return Estimate{double(j), 0};
+      // D = j + sum/|value|
+      const double part = sum / -value, own = std::isnan(e.error) ? 0 : part * e.error / value;
+      return Estimate{double(j) + part, std::sqrt(variance / (value * value) + own * own)};
+    }
+    sum += value;
+    if (!is_zero && !std::isnan(e.error)) variance += e.error * e.error;
+  }
+  if (exponents.size() == unknowns) return Estimate{double(unknowns), 0};
+  return std::nullopt;
+}
+
+}  // namespace stickslip

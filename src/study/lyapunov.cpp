@@ -1,0 +1,131 @@
+#include "study/lyapunov.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/json_values.hpp"
+#include "stickslip/base/text.hpp"
+
+namespace stickslip {
+
+namespace {
+
+double from_of(const Options& options) {
+  const double end = options.real("ts_max_time");
+  const double from = options.is_set("lyapunov_from") ? options.real("lyapunov_from") : 0.25 * end;
+  if (from >= end)
+    throw UsageError("-lyapunov_from " + options.text("lyapunov_from") + ": must lie before the end, ts_max_time " +
+                     options.text("ts_max_time"));
+  return from;
+}
+
+int count_of(const Options& options, const Model& model) {
+  const auto count = options.integer("lyapunov_count");
+  if (count > model.unknowns())
+    throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": this scene has only " +
+                     std::to_string(model.unknowns()) + " unknowns, and no more exponents");
+  return static_cast<int>(count);
+}
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
+
+}  // namespace
+
+LyapunovExponents::LyapunovExponents(const Model& model, const Options& options, Gather& gather)
+    : model_(model), gather_(gather), count_(std::size_t(options.integer("lyapunov_count"))), from_(from_of(options)),
+      tangents_(model, count_of(options, model)), average_(count_, from_, options.real("ts_max_time")) {}
+
+void LyapunovExponents::plan(ObservationPlan& plan) {
+  plan.next_times.emplace_back([](double t) { return std::nextafter(t, HUGE_VAL); });  // within every step
+  for (std::size_t k = 1; k <= count_; ++k)
+    plan.layout.lyapunov.push_back({"rate_" + std::to_string(k), "1/time", "mean growth rate of tangent vector " +
+                                    std::to_string(k) + " since the row before"});
+}
+
+void LyapunovExponents::step(const ObservedStep& step) {
+  if (step.index == 0 || step.t == step.t_before) return;
+  if (!measuring_ && step.t_before >= from_) {
+    measuring_ = true;
+    tangents_.renew();
+  }
+  const double dt = step.t - step.t_before;
+  tangents_.advance(dt, [&](double part, Vec into) {
+    step.interpolate(part == 1 ? step.t : std::min(step.t_before + part * dt, step.t), into);
+  });
+  const std::vector<double> growth = tangents_.growth();
+  if (!measuring_) return;
+  divergence_ += tangents_.divergence();
+  const std::size_t complete = average_.add(step.t_before, step.t, growth);
+  for (; written_ < complete; ++written_) {
+    std::vector<double> row(count_);
+    for (std::size_t k = 0; k < count_; ++k) row[k] = average_.rate(written_, k);
+    if (file_) file_->lyapunov(average_.end_of(written_), row);
+  }
+}
+
+// ---- checkpoints --------------------------------------------------------------------------------------------------
+
+void LyapunovExponents::save(Checkpoint& checkpoint) {
+  for (std::size_t k = 0; k < count_; ++k)
+    checkpoint.arrays["lyapunov.vector_" + std::to_string(k)] = gather_.interleaved(tangents_.vectors()[k]);
+  checkpoint.arrays["lyapunov.directions"] = gather_.interleaved(tangents_.last_directions());
+  checkpoint.arrays["lyapunov.vectors"] = tangents_.state();
+  checkpoint.arrays["lyapunov.growth"] = average_.save();
+  double divergence = divergence_;
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &divergence, 1, MPI_DOUBLE, MPI_SUM, model_.comm()));
+  checkpoint.numbers["lyapunov.divergence"] = divergence;
+  checkpoint.numbers["lyapunov.from"] = from_;
+  checkpoint.numbers["lyapunov.measuring"] = measuring_ ? 1 : 0;
+  checkpoint.numbers["lyapunov.written"] = double(written_);
+}
+
+void LyapunovExponents::restore(const Checkpoint& checkpoint) {
+  for (std::size_t k = 0; k < count_; ++k)
+    gather_.spread(checkpoint.arrays.at("lyapunov.vector_" + std::to_string(k)), tangents_.vectors()[k]);
+  gather_.spread(checkpoint.arrays.at("lyapunov.directions"), tangents_.last_directions());
+  tangents_.resume(checkpoint.arrays.at("lyapunov.vectors"));
+  average_.resume(checkpoint.arrays.at("lyapunov.growth"));
+  divergence_ = model_.first() == 0 ? checkpoint.numbers.at("lyapunov.divergence") : 0;
+  from_ = checkpoint.numbers.at("lyapunov.from");
+  measuring_ = checkpoint.numbers.at("lyapunov.measuring") != 0;
+  written_ = std::size_t(checkpoint.numbers.at("lyapunov.written"));
+}
+
+// ---- what it amounts to -------------------------------------------------------------------------------------------
+
+// The mean over time, where no node came to rest.
+std::optional<double> LyapunovExponents::divergence() const {
+  double sum = divergence_;
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPI_DOUBLE, MPI_SUM, model_.comm()));
+  if (tangents_.has_rested() || !(average_.measured() > 0)) return std::nullopt;
+  return sum / average_.measured();
+}
+
+void LyapunovExponents::summarise(Summary& summary, Vec u) {
+  const std::optional<double> mean_divergence = divergence();
+  if (!u || !(average_.measured() > 0)) {
+    if (u) warn("lyapunov_count: the run ended before lyapunov_from " + number_text(from_) + ", so that nothing was measured");
+    return;
+  }
+  const std::vector<Estimate> exponents = average_.exponents();
+  Json list = Json::array();
+  for (const Estimate& e : exponents)
+    list.push_back(Json::object({{"value", number(e.value)}, {"error", number(e.error)}}));
+  summary.set("lyapunov", list);
+  if (const auto dimension = kaplan_yorke(exponents, std::size_t(model_.unknowns())))
+    summary.set("lyapunov_dimension", dimension->value);
+  if (!mean_divergence) return;
+  summary.set("lyapunov_divergence", *mean_divergence);
+  double sum = 0, scale = 0;
+  for (const Estimate& e : exponents) {
+    sum += e.value;
+    scale += std::abs(e.value);
+  }
+  if (PetscInt(count_) == model_.unknowns() && std::abs(sum - *mean_divergence) > 1e-3 * scale)
+    warn("the Lyapunov exponents add up to " + rounded_text(sum, 4) + ", the mean divergence is " +
+         rounded_text(*mean_divergence, 4) + ": the steps are too long for them (lower ts_rtol and ts_atol, or ts_dt)");
+}
+
+}  // namespace stickslip

@@ -1,0 +1,44 @@
+// Lyapunov exponents of a run (lyapunov_count): tangent vectors taken along its accepted steps, as an observer. Sets
+// `lyapunov`, `lyapunov_dimension` and `lyapunov_divergence` in the summary and writes the group `lyapunov` of the file.
+//
+// An exponent is -infinity where nodes that came to rest in the time of the measurement took its direction away.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "stickslip/options/options.hpp"
+#include "stickslip/output/observer.hpp"
+#include "stickslip/stability/growth_average.hpp"
+#include "stickslip/stability/tangents.hpp"
+
+namespace stickslip {
+
+class LyapunovExponents : public Observer {
+ public:
+  // The model is the whole scene. Throws UsageError where it has fewer unknowns than exponents are asked for.
+  LyapunovExponents(const Model& model, const Options& options, Gather& gather);
+
+  void plan(ObservationPlan& plan) override;
+  void restore(const Checkpoint& checkpoint) override;
+  void start(RunFile* file) override { file_ = file; }
+  void step(const ObservedStep& step) override;
+  void save(Checkpoint& checkpoint) override;
+  void summarise(Summary& summary, Vec u) override;
+
+ private:
+  std::optional<double> divergence() const;
+
+  const Model& model_;
+  Gather& gather_;
+  std::size_t count_;
+  double from_;
+  Tangents tangents_;
+  GrowthAverage average_;
+  double divergence_ = 0;  // integral of the trace over the time of the measurement, this rank's part
+  bool measuring_ = false;
+  std::size_t written_ = 0;  // rows
+  RunFile* file_ = nullptr;
+};
+
+}  // namespace stickslip
