@@ -1,6 +1,7 @@
 #include "stickslip/stability/growth_average.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -9,6 +10,7 @@ namespace stickslip {
 
 namespace {
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+constexpr std::size_t blocks = 16;
 }
 
 std::size_t GrowthAverage::add(double begin, double end, const std::vector<double>& growth) {
@@ -26,35 +28,41 @@ std::size_t GrowthAverage::add(double begin, double end, const std::vector<doubl
   return complete(end);
 }
 
+std::size_t GrowthAverage::whole() const {
+  const auto count = std::size_t(measured_ / interval_ * (1 + 1e-12));
+  return std::min(count, sums_.size() / count_);
+}
+
+// Over `count` intervals.
+double GrowthAverage::slope(std::size_t k, std::size_t first, std::size_t count) const {
+  double sum = 0, weights = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double s = (double(i) + 0.5) / double(count), weight = s * (1 - s);
+    sum += weight * rate(first + i, k);
+    weights += weight;
+  }
+  return sum / weights;
+}
+
 std::vector<Estimate> GrowthAverage::exponents() const {
   std::vector<Estimate> all(count_, Estimate{nan, nan});
   if (!(measured_ > 0)) return all;
   for (std::size_t k = 0; k < count_; ++k) {
     double sum = 0;
     for (std::size_t i = k; i < sums_.size(); i += count_) sum += sums_[i];
-    all[k] = {sum / measured_, std::isfinite(sum) ? error(k) : nan};
+    const bool enough = whole() >= blocks && std::isfinite(sum);
+    all[k] = {enough ? slope(k, 0, whole()) : sum / measured_, enough ? error(k) : nan};
   }
   return all;
 }
 
 double GrowthAverage::error(std::size_t k) const {
-  const auto whole = std::size_t(measured_ / interval_ * (1 + 1e-12));
-  double largest = nan;
-  for (const std::size_t blocks : {16, 32, 64}) {
-    const std::size_t length = whole / blocks;
-    if (length == 0) break;
-    std::vector<double> means(blocks, 0.);
-    double mean = 0;
-    for (std::size_t b = 0; b < blocks; ++b) {
-      for (std::size_t i = 0; i < length; ++i) means[b] += rate(whole - blocks * length + b * length + i, k) / double(length);
-      mean += means[b] / double(blocks);
-    }
-    double squares = 0;
-    for (const double m : means) squares += (m - mean) * (m - mean);
-    const double one = std::sqrt(squares / double(blocks - 1) / double(blocks));
-    largest = std::isnan(largest) ? one : std::max(largest, one);
-  }
-  return largest;
+  const std::size_t length = whole() / blocks, first = whole() - blocks * length;
+  std::array<double, blocks> slopes{};
+  double mean = 0, squares = 0;
+  for (std::size_t b = 0; b < blocks; ++b) mean += (slopes[b] = slope(k, first + b * length, length)) / double(blocks);
+  for (const double one : slopes) squares += (one - mean) * (one - mean);
+  return std::sqrt(squares / double(blocks - 1) / double(blocks));
 }
 
 std::vector<double> GrowthAverage::save() const {

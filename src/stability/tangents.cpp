@@ -290,6 +290,7 @@ void Tangents::take_part(double begin, double length, double dt, const Inside& i
 // Nothing moves: psi and eta do not deviate more, and each state comes closer by itself, in as many turns as keep what
 // is left of a vector above round-off.
 void Tangents::rest(double dt, Vec u) {
+  start_known_ = false;
   if (dof_ == 2) return;
   std::vector<double> logs(std::size_t(model_.local()));
   double most = 0;
@@ -319,11 +320,12 @@ void Tangents::advance(double dt, const Inside& inside) {
   if (jumps || !start_known_) inside(0, u_);
   if (!begun_) begin(u_);
   if (jumps) jump(u_);
-  if (!any_moves_) {
-    rest(dt, u_);
-    start_known_ = false;
-    return;
-  }
+  if (any_moves_) move(dt, inside);
+  else rest(dt, u_);
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &divergence_, 1, MPI_DOUBLE, MPI_SUM, model_.comm()));
+}
+
+void Tangents::move(double dt, const Inside& inside) {
   if (!start_known_) linearise(u_, start_);
   inside(1, u_);
   linearise(u_, inside_);

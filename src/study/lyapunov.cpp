@@ -29,13 +29,25 @@ int count_of(const Options& options, const Model& model) {
   return static_cast<int>(count);
 }
 
+// All exponents together are the rate at which volumes grow, whatever the vectors.
+void check_sum(const std::vector<Estimate>& exponents, double divergence) {
+  double sum = 0, scale = 0;
+  for (const Estimate& e : exponents) {
+    sum += e.value;
+    scale += std::abs(e.value);
+  }
+  if (std::abs(sum - divergence) > 1e-3 * scale)
+    warn("the Lyapunov exponents add up to " + rounded_text(sum, 4) + ", the mean divergence is " +
+         rounded_text(divergence, 4) + ": steps are too long for them (lower ts_rtol and ts_atol, or ts_dt)");
+}
+
 Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); }
 
 }  // namespace
 
 LyapunovExponents::LyapunovExponents(const Model& model, const Options& options, Gather& gather)
     : model_(model), gather_(gather), count_(std::size_t(options.integer("lyapunov_count"))), from_(from_of(options)),
-      tangents_(model, count_of(options, model)), average_(count_, from_, options.real("ts_max_time")) {}
+      tangents_(model, count_of(options, model)), average_(count_ + 1, from_, options.real("ts_max_time")) {}
 
 void LyapunovExponents::plan(ObservationPlan& plan) {
   plan.next_times.emplace_back([](double t) { return std::nextafter(t, HUGE_VAL); });  // within every step
@@ -54,9 +66,9 @@ void LyapunovExponents::step(const ObservedStep& step) {
   tangents_.advance(dt, [&](double part, Vec into) {
     step.interpolate(part == 1 ? step.t : std::min(step.t_before + part * dt, step.t), into);
   });
-  const std::vector<double> growth = tangents_.growth();
+  std::vector<double> growth = tangents_.growth();
   if (!measuring_) return;
-  divergence_ += tangents_.divergence();
+  growth.push_back(tangents_.divergence());
   const std::size_t complete = average_.add(step.t_before, step.t, growth);
   for (; written_ < complete; ++written_) {
     std::vector<double> row(count_);
@@ -73,9 +85,6 @@ void LyapunovExponents::save(Checkpoint& checkpoint) {
   checkpoint.arrays["lyapunov.directions"] = gather_.interleaved(tangents_.last_directions());
   checkpoint.arrays["lyapunov.vectors"] = tangents_.state();
   checkpoint.arrays["lyapunov.growth"] = average_.save();
-  double divergence = divergence_;
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &divergence, 1, MPI_DOUBLE, MPI_SUM, model_.comm()));
-  checkpoint.numbers["lyapunov.divergence"] = divergence;
   checkpoint.numbers["lyapunov.from"] = from_;
   checkpoint.numbers["lyapunov.measuring"] = measuring_ ? 1 : 0;
   checkpoint.numbers["lyapunov.written"] = double(written_);
@@ -87,7 +96,6 @@ void LyapunovExponents::restore(const Checkpoint& checkpoint) {
   gather_.spread(checkpoint.arrays.at("lyapunov.directions"), tangents_.last_directions());
   tangents_.resume(checkpoint.arrays.at("lyapunov.vectors"));
   average_.resume(checkpoint.arrays.at("lyapunov.growth"));
-  divergence_ = model_.first() == 0 ? checkpoint.numbers.at("lyapunov.divergence") : 0;
   from_ = checkpoint.numbers.at("lyapunov.from");
   measuring_ = checkpoint.numbers.at("lyapunov.measuring") != 0;
   written_ = std::size_t(checkpoint.numbers.at("lyapunov.written"));
@@ -95,37 +103,24 @@ void LyapunovExponents::restore(const Checkpoint& checkpoint) {
 
 // ---- what it amounts to -------------------------------------------------------------------------------------------
 
-// The mean over time, where no node came to rest.
-std::optional<double> LyapunovExponents::divergence() const {
-  double sum = divergence_;
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPI_DOUBLE, MPI_SUM, model_.comm()));
-  if (tangents_.has_rested() || !(average_.measured() > 0)) return std::nullopt;
-  return sum / average_.measured();
-}
-
 void LyapunovExponents::summarise(Summary& summary, Vec u) {
-  const std::optional<double> mean_divergence = divergence();
-  if (!u || !(average_.measured() > 0)) {
-    if (u) warn("lyapunov_count: the run ended before lyapunov_from " + number_text(from_) + ", so that nothing was measured");
+  if (!u) return;
+  if (!(average_.measured() > 0)) {
+    warn("lyapunov_count: the run ended before lyapunov_from " + number_text(from_) + ", and nothing was measured");
     return;
   }
-  const std::vector<Estimate> exponents = average_.exponents();
+  std::vector<Estimate> exponents = average_.exponents();
+  const double divergence = exponents.back().value;
+  exponents.pop_back();
   Json list = Json::array();
   for (const Estimate& e : exponents)
     list.push_back(Json::object({{"value", number(e.value)}, {"error", number(e.error)}}));
   summary.set("lyapunov", list);
   if (const auto dimension = kaplan_yorke(exponents, std::size_t(model_.unknowns())))
-    summary.set("lyapunov_dimension", dimension->value);
-  if (!mean_divergence) return;
-  summary.set("lyapunov_divergence", *mean_divergence);
-  double sum = 0, scale = 0;
-  for (const Estimate& e : exponents) {
-    sum += e.value;
-    scale += std::abs(e.value);
-  }
-  if (PetscInt(count_) == model_.unknowns() && std::abs(sum - *mean_divergence) > 1e-3 * scale)
-    warn("the Lyapunov exponents add up to " + rounded_text(sum, 4) + ", the mean divergence is " +
-         rounded_text(*mean_divergence, 4) + ": the steps are too long for them (lower ts_rtol and ts_atol, or ts_dt)");
+    summary.set("lyapunov_dimension", Json::object({{"value", dimension->value}, {"error", number(dimension->error)}}));
+  if (tangents_.has_rested()) return;
+  summary.set("lyapunov_divergence", divergence);
+  if (PetscInt(count_) == model_.unknowns()) check_sum(exponents, divergence);
 }
 
 }  // namespace stickslip

@@ -4,7 +4,6 @@
 // An exponent is -infinity where nodes that came to rest in the time of the measurement took its direction away.
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "stickslip/options/options.hpp"
@@ -27,15 +26,12 @@ class LyapunovExponents : public Observer {
   void summarise(Summary& summary, Vec u) override;
 
  private:
-  std::optional<double> divergence() const;
-
   const Model& model_;
   Gather& gather_;
   std::size_t count_;
   double from_;
   Tangents tangents_;
-  GrowthAverage average_;
-  double divergence_ = 0;  // integral of the trace over the time of the measurement, this rank's part
+  GrowthAverage average_;  // of the exponents, and behind them of the divergence
   bool measuring_ = false;
   std::size_t written_ = 0;  // rows
   RunFile* file_ = nullptr;

@@ -38,7 +38,7 @@ class Tangents {
   // ln of what the volume of the first k vectors has grown by since the last call, less that of the first k - 1; then
   // they are orthonormal. -infinity for one that stands for no direction any more.
   std::vector<double> growth();
-  // Integral of the trace of J over the last step, the nodes of this rank alone.
+  // Integral of the trace of J over the last step.
   double divergence() const { return divergence_; }
   // Whether a node has rested in a step since the beginning, or renew().
   bool has_rested() const { return most_resting_ > 0; }
@@ -67,6 +67,7 @@ class Tangents {
   void linearise(Vec u, Linearisation& at) const;
   void rates(const Linearisation& at, Vec y, Vec into) const;
   void take_part(double begin, double length, double dt, const Inside& inside);
+  void move(double dt, const Inside& inside);
   void rest(double dt, Vec u);
   void orthonormalise(bool after_jump);
   bool by_cholesky(std::vector<double>& lengths);
