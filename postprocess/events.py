@@ -8,7 +8,7 @@ bins, with Poisson errors; beside it the map of the first file's events in space
 the cumulative moment. Magnitudes are natural logarithms of the moment. --from leaves out what began before the plate had
 gone so far (a start is not typical). The fit is of density ~ exp(-b magnitude) between A and B (default: from 2 above the most frequent magnitude,
 that of a block alone, over 3 units), by maximum likelihood for a truncated exponential; its standard error is from the curvature.
---label names an option whose value stands in the legend, e.g. friction_alpha.
+--label names an option whose value stands in the legend, e.g. friction_alpha. Statistics over many runs: catalogue.py.
 """
 import argparse
 import contextlib
@@ -22,26 +22,8 @@ import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
 import figures  # noqa: E402,F401  (fonts)
-from stickslip import Unusable, options, reading, scene_title, told_apart  # noqa: E402
-
-FEWEST = 20  # events for a fit
-
-
-def read(path, way):
-    with reading(path) as file:
-        if "events" not in file:
-            raise Unusable("holds no events: run with -out_events")
-        events = {name: data[:] for name, data in file["events"].items()}
-        found = {"x": file["x"][:], "t": file["t"][:], "options": options(file), "path": path,
-                 "title": scene_title(file)}
-    found["v"] = abs(float(found["options"]["model_v"]))
-    if found["v"] == 0:
-        raise Unusable("is of a plate that rests (model_v 0)")
-    begin = found["begin"] = way / found["v"]
-    found["end"] = max(found["t"][-1], events["t"][-1] if len(events["t"]) else 0)
-    keep = events["begin"] >= begin
-    found["events"] = {name: values[keep] for name, values in events.items()}
-    return found
+from catalogue import FEWEST, fit, magnitudes, read  # noqa: E402
+from stickslip import Unusable, options, reading, told_apart  # noqa: E402
 
 
 def names_of(paths, option):
@@ -51,37 +33,13 @@ def names_of(paths, option):
         return [f"{option} {options(file)[option]}" for file in files] if option else told_apart(files)
 
 
-def fit(magnitude, low, high):
-    """b and its standard error of a density exp(-b m) on [low, high]: the mean of m - low decides."""
-    m = magnitude[(magnitude >= low) & (magnitude < high)] - low
-    width = high - low
-    if len(m) < FEWEST:
-        return np.nan, np.nan, len(m)
-
-    def mean(b):
-        return width / 2 if abs(b * width) < 1e-6 else 1 / b - width / np.expm1(b * width)
-
-    least, most = -60 / width, 60 / width
-    for _ in range(100):
-        middle = (least + most) / 2
-        if mean(middle) > m.mean():
-            least = middle
-        else:
-            most = middle
-    b = (least + most) / 2
-    step = 1e-3 / width
-    variance = -(mean(b + step) - mean(b - step)) / (2 * step)
-    return b, 1 / np.sqrt(len(m) * variance), len(m)
-
-
 def catalogue_figure(paths, begin=0, bounds=None, option=None):
     """The picture; what the fits say is printed."""
     runs = [read(path, begin) for path in paths]
     figure = Figure(figsize=(12, 9), layout="constrained")
     (curve, place), (slip, moment) = figure.subplots(2, 2)
     for run, name in zip(runs, names_of(paths, option)):
-        m = run["events"]["magnitude"]
-        m = m[np.isfinite(m)]
+        m = magnitudes(run)
         if len(m) == 0:
             print(f"{name}: no events")
             continue

@@ -1,0 +1,332 @@
+#!/usr/bin/python3
+"""Statistics of catalogues of slip events (out_events) over many runs: b-values one can cite.
+
+usage: catalogue.py FILE.h5 [FILE.h5 ...] [--by OPTION] [--fit A B] [--from S] [-o PICTURE.png] [--json TABLE.json]
+
+Files that differ in nothing but seeds are one ensemble; --by makes one of each value of an option (grid_n for the scaling
+with size, model_v or model_nu for the dependence on the loading or on viscosity). Magnitudes are natural logarithms of the
+moment, b that of a density ~ exp(-b magnitude) on [A, B) (default: from 2 above the most frequent magnitude over 3 units).
+--from leaves out what began before the plate had gone so far. For each ensemble:
+  b         by maximum likelihood for a truncated exponential; in brackets the 95 % interval of a bootstrap that draws whole
+            runs (of one run: stretches of its time), because events of one run are not independent
+  p         goodness of fit: how often catalogues drawn from the fitted law miss it by more (Kolmogorov and Smirnov's
+            distance, b fitted anew each time). Below 0.05 the curve is no straight line, and b a mere summary of it
+  halves    events and moment in the second half of the time over the first, with the 95 % interval over the runs: 1 where
+            the catalogue is stationary
+  cut       what b becomes with another smallest event
+"""
+import argparse
+import json
+import os
+import sys
+
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+import numpy as np  # noqa: E402
+
+from stickslip import Unusable, options, reading, scene_title  # noqa: E402
+
+FEWEST = 20     # events for a fit
+STRETCHES = 20  # of the time of a lone run, in its bootstrap
+SEEDS = ("friction_seed", "init_seed")
+
+
+# ---- one run ----------------------------------------------------------------------------------------------------------
+
+def read(path, way):
+    """The catalogue of one run without what began before the plate had gone `way`."""
+    with reading(path) as file:
+        if "events" not in file:
+            raise Unusable("holds no events: run with -out_events")
+        events = {name: data[:] for name, data in file["events"].items()}
+        found = {"x": file["x"][:], "t": file["t"][:], "options": options(file), "path": path,
+                 "title": scene_title(file)}
+    found["v"] = abs(float(found["options"]["model_v"]))
+    if found["v"] == 0:
+        raise Unusable("is of a plate that rests (model_v 0)")
+    begin = found["begin"] = way / found["v"]
+    found["end"] = max(found["t"][-1], events["t"][-1] if len(events["t"]) else 0)
+    if begin >= found["end"]:
+        raise Unusable(f"ends before the plate has gone {way:g} (--from)")
+    keep = events["begin"] >= begin
+    found["events"] = {name: values[keep] for name, values in events.items()}
+    return found
+
+
+def magnitudes(run):
+    m = run["events"]["magnitude"]
+    return m[np.isfinite(m)]
+
+
+# ---- b ----------------------------------------------------------------------------------------------------------------
+
+def mean_of(b, width):
+    """Mean of a density ~ exp(-b m) on [0, width]."""
+    x = np.asarray(b, float) * width
+    near = np.abs(x) < 1e-4
+    safe = np.where(near, 1., x)
+    return width * np.where(near, 0.5 - x / 12, 1 / safe - 1 / np.expm1(safe))
+
+
+def slope_of(mean, width):
+    """The b of that mean, or of each of several: mean_of falls with b."""
+    mean = np.asarray(mean, float)
+    least, most = np.full(mean.shape, -60 / width), np.full(mean.shape, 60 / width)
+    for _ in range(80):
+        middle = (least + most) / 2
+        above = mean_of(middle, width) > mean
+        least, most = np.where(above, middle, least), np.where(above, most, middle)
+    return (least + most) / 2
+
+
+def inside(magnitude, low, high):
+    return magnitude[(magnitude >= low) & (magnitude < high)] - low
+
+
+def fit(magnitude, low, high):
+    """b of a density exp(-b m) on [low, high), its standard error for independent events, and their number."""
+    m, width = inside(magnitude, low, high), high - low
+    if len(m) < FEWEST:
+        return np.nan, np.nan, len(m)
+    b, step = float(slope_of(m.mean(), width)), 1e-3 / width
+    variance = -(mean_of(b + step, width) - mean_of(b - step, width)) / (2 * step)
+    return b, 1 / np.sqrt(len(m) * variance), len(m)
+
+
+def usual_bounds(magnitude):
+    """Where no range is given: three units from two above the most frequent magnitude, that of a block alone."""
+    edges = np.arange(np.floor(magnitude.min() * 4) / 4, magnitude.max() + 0.5, 0.25)
+    low = edges[np.argmax(np.histogram(magnitude, edges)[0]) + 1] + 2
+    return low, low + 3
+
+
+def parts_of(runs, low, high):
+    """Number and sum of the magnitudes in the range: of each run, or of each stretch of the time of a lone one."""
+    if len(runs) > 1:
+        pieces = [inside(magnitudes(run), low, high) for run in runs]
+    else:
+        events = runs[0]["events"]
+        edges = np.linspace(runs[0]["begin"], runs[0]["end"], STRETCHES + 1)
+        which = np.clip(np.searchsorted(edges, events["begin"], side="right") - 1, 0, STRETCHES - 1)
+        pieces = [inside(events["magnitude"][which == k], low, high) for k in range(STRETCHES)]
+    return np.array([len(p) for p in pieces]), np.array([p.sum() for p in pieces])
+
+
+def interval(runs, low, high, draws=1000, seed=1):
+    """95 % of b in a bootstrap over whole runs (stretches of a lone one)."""
+    count, total = parts_of(runs, low, high)
+    if count.sum() < FEWEST:
+        return np.nan, np.nan
+    chosen = np.random.default_rng(seed).integers(0, len(count), (draws, len(count)))
+    number = count[chosen].sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = total[chosen].sum(axis=1) / number
+    b = slope_of(mean[number >= FEWEST], high - low)
+    # few runs scatter too little about their mean: sqrt(n/(n - 1)) about the value itself, and Student's factor
+    centre = slope_of(total.sum() / count.sum(), high - low)
+    widen = np.sqrt(len(count) / (len(count) - 1)) * student(len(count) - 1) / 1.96
+    return tuple(float(centre + widen * (np.quantile(b, q) - centre)) for q in (0.025, 0.975))
+
+
+def student(freedom):
+    """97.5 % of Student's distribution (Cornish and Fisher's expansion; 12.7 of one degree is 10 % more)."""
+    z = 1.959964
+    return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2) + \
+        (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / (384 * freedom**3)
+
+
+def distance(m, b, width):
+    """Largest distance between the distribution of m and the truncated exponential. Rows of m are sorted."""
+    n = m.shape[-1]
+    b = np.expand_dims(np.where(np.abs(b * width) < 1e-9, 1e-9 / width, b), -1)
+    law = np.expm1(-b * m) / np.expm1(-b * width)
+    steps = np.arange(n + 1) / n
+    return np.maximum(steps[1:] - law, law - steps[:-1]).max(axis=-1)
+
+
+def goodness(magnitude, low, high, draws=400, seed=1, most=2000):
+    """p of the straight line. Of more than `most` events every so many are taken, which makes it less strict."""
+    m, width = np.sort(inside(magnitude, low, high)), high - low
+    if len(m) < FEWEST:
+        return np.nan
+    if len(m) > most:
+        m = np.sort(np.random.default_rng(seed).choice(m, most, replace=False))
+    b = slope_of(m.mean(), width)
+    here = distance(m, b, width)
+    uniform = np.random.default_rng(seed + 1).random((draws, len(m)))
+    drawn = np.sort(-np.log1p(uniform * np.expm1(-b * width)) / b if abs(b * width) > 1e-9 else uniform * width, axis=1)
+    there = distance(drawn, slope_of(drawn.mean(axis=1), width), width)
+    return float((1 + np.sum(there >= here)) / (1 + draws))
+
+
+# ---- many -------------------------------------------------------------------------------------------------------------
+
+def halves(runs):
+    """{events, moment}: the second half of the time over the first, and its 95 % interval over the runs."""
+    found = {}
+    for name in ("events", "moment"):
+        both = []
+        for run in runs:
+            late = run["events"]["begin"] >= (run["begin"] + run["end"]) / 2
+            weight = np.ones(len(late)) if name == "events" else run["events"]["moment"]
+            both.append((weight[~late].sum(), weight[late].sum()))
+        first, second = np.array(both, float).T
+        ratio = second.sum() / first.sum() if first.sum() > 0 else np.nan
+        error = np.nan
+        if len(runs) > 2 and first.sum() > 0:
+            # of a ratio of sums: the scatter of what each run adds to second - ratio first
+            error = student(len(runs) - 1) * np.std(second - ratio * first, ddof=1) * np.sqrt(len(runs)) / first.sum()
+        found[name] = {"ratio": float(ratio), "low": float(ratio - error), "high": float(ratio + error)}
+    return found
+
+
+def ensembles(runs, by=None):
+    """The runs by the value of an option, in order: [(value, runs)]. They may differ in seeds only, else it is refused."""
+    groups = {}
+    for run in runs:
+        groups.setdefault(run["options"].get(by, "") if by else "", []).append(run)
+    free = ("out_", "summary", "progress", "ts_max_", "restart", "sweep_", "run_seeds")
+    for value, members in groups.items():
+        first = members[0]["options"]
+        for run in members[1:]:
+            other = [name for name in first if run["options"].get(name) != first[name] and name not in SEEDS and
+                     not name.startswith(free)]
+            if other:
+                raise Unusable(f"{members[0]['path']} and {run['path']} differ in {', '.join(sorted(other))}: no ensemble "
+                               f"(--by {other[0]} makes one of each)")
+    numbers = all(is_number(value) for value in groups)
+    return sorted(groups.items(), key=lambda item: float(item[0]) if numbers else item[0])
+
+
+def is_number(text):
+    try:
+        float(text)
+        return True
+    except ValueError:
+        return False
+
+
+def statistics(runs, bounds=None):
+    """All that the table says of one ensemble."""
+    m = np.concatenate([magnitudes(run) for run in runs])
+    if len(m) == 0:
+        raise Unusable("has no events in the time that counts")
+    low, high = bounds or usual_bounds(m)
+    b, error, number = fit(m, low, high)
+    nodes = len(runs[0]["x"])
+    way = sum((run["end"] - run["begin"]) * run["v"] for run in runs)
+    moment = np.concatenate([run["events"]["moment"] for run in runs])
+    extent = np.concatenate([run["events"]["extent"] for run in runs])
+    cuts = [{"low": float(low + shift), "b": fit(m, low + shift, high)[0],
+             "interval": interval(runs, low + shift, high)} for shift in (-1, -0.5, 0, 0.5, 1) if low + shift < high - 0.5]
+    return {"runs": len(runs), "nodes": nodes, "events": len(m), "per_node_and_way": len(m) / (nodes * way),
+            "moment_per_node_and_way": float(moment.sum() / (nodes * way)), "largest_extent": float(extent.max()),
+            # what a large event is: the moment's own mean, each event counted with its moment
+            "typical_moment": float((moment**2).sum() / moment.sum()),
+            "fit": [float(low), float(high)], "in_fit": number, "b": b, "b_error_if_independent": error,
+            "b_interval": interval(runs, low, high), "p": goodness(m, low, high), "halves": halves(runs), "cuts": cuts}
+
+
+def size_exponent(table):
+    """d ln(typical moment)/d ln(nodes) between ensembles of several sizes, by least squares; nan with fewer than two."""
+    n = np.log([row["nodes"] for row in table.values()])
+    if len(set(n)) < 2:
+        return np.nan
+    return float(np.polyfit(n, np.log([row["typical_moment"] for row in table.values()]), 1)[0])
+
+
+# ---- what a user sees ---------------------------------------------------------------------------------------------------
+
+def words(name, row):
+    low, high = row["b_interval"]
+    yield f"{name}: {row['runs']} runs of {row['nodes']} nodes, {row['events']} events, " \
+          f"{row['per_node_and_way']:.4g} per node and way of the plate"
+    if not np.isfinite(row["b"]):
+        yield f"  no b: {row['in_fit']} events in [{row['fit'][0]:g}, {row['fit'][1]:g}), and a fit takes {FEWEST}"
+    else:
+        straight = "" if row["p"] >= 0.05 else ", not a straight line"
+        yield f"  b = {row['b']:.3f} [{low:.3f}, {high:.3f}] on [{row['fit'][0]:g}, {row['fit'][1]:g}) from {row['in_fit']} " \
+              f"events, p = {row['p']:.3f}{straight}"
+        yield "  cut: " + ", ".join(f"{c['low']:g}: {c['b']:.3f} [{c['interval'][0]:.3f}, {c['interval'][1]:.3f}]"
+                                    for c in row["cuts"] if np.isfinite(c["b"]))
+    yield "  halves: " + ", ".join(f"{what} {h['ratio']:.3f} [{h['low']:.3f}, {h['high']:.3f}]"
+                                   for what, h in row["halves"].items())
+    yield f"  moment {row['moment_per_node_and_way']:.3f} of the plate's way, typical event {row['typical_moment']:.4g}, " \
+          f"largest extent {row['largest_extent']:g}"
+
+
+def picture(groups, table, by):
+    """Curves of all ensembles, and b against the smallest event."""
+    import figures  # noqa: F401  (fonts)
+    from matplotlib.figure import Figure
+    figure = Figure(figsize=(12, 5), layout="constrained")
+    curve, cut = figure.subplots(1, 2)
+    for (value, runs), row in zip(groups, table.values()):
+        m = np.concatenate([magnitudes(run) for run in runs])
+        width = 0.25
+        edges = np.arange(np.floor(m.min() / width) * width, m.max() + 2 * width, width)
+        each = np.array([np.histogram(magnitudes(run), edges)[0] for run in runs])
+        counts, some = each.sum(axis=0), each.sum(axis=0) > 0
+        way = sum((run["end"] - run["begin"]) * run["v"] for run in runs)
+        scale = row["nodes"] * way * width
+        error = np.sqrt(counts) if len(runs) < 3 else np.std(each, axis=0, ddof=1) * np.sqrt(len(runs))
+        middle = (edges[:-1] + edges[1:]) / 2
+        name = f"{by} {value}" if by else f"{len(runs)} runs"
+        curve.errorbar(middle[some], counts[some] / scale, error[some] / scale, fmt="o-", ms=3, lw=0.7, label=name)
+        good = [c for c in row["cuts"] if np.isfinite(c["b"])]
+        b = np.array([c["b"] for c in good])
+        bars = [b - [c["interval"][0] for c in good], [c["interval"][1] for c in good] - b]
+        cut.errorbar([c["low"] for c in good], b, np.maximum(bars, 0), fmt="o-", ms=4, lw=1, capsize=3, label=name)
+    curve.set_yscale("log")
+    curve.set_xlabel("magnitude ln M")
+    curve.set_ylabel("events per node, way of the plate and unit of magnitude")
+    curve.legend(fontsize=8)
+    cut.set_xlabel("smallest magnitude in the fit")
+    cut.set_ylabel("b, with the 95 % interval over the runs")
+    figure.suptitle(scene_of(groups, by), fontsize=10)
+    return figure
+
+
+def scene_of(groups, by):
+    with reading(groups[0][1][0]["path"]) as file:
+        return scene_title(file, (by,) if by else ())
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("files", nargs="+")
+    parser.add_argument("--by")
+    parser.add_argument("--fit", nargs=2, type=float)
+    parser.add_argument("--from", dest="begin", type=float, default=0)
+    parser.add_argument("-o", "--output")
+    parser.add_argument("--json")
+    arguments = parser.parse_args()
+    path = arguments.files[0]
+    try:
+        runs = []
+        for path in arguments.files:
+            runs.append(read(path, arguments.begin))
+        path = arguments.files[0]
+        groups = ensembles(runs, arguments.by)
+        if arguments.by and any(value == "" for value, _ in groups):
+            raise Unusable(f"has no option {arguments.by} (--by)")
+        table = {}
+        for value, members in groups:
+            path = members[0]["path"]
+            name = f"{arguments.by} {value}" if arguments.by else "all"
+            table[name] = statistics(members, arguments.fit)
+            print("\n".join(words(name, table[name])))
+        if arguments.by and np.isfinite(size_exponent(table)):
+            print(f"typical moment ~ nodes^{size_exponent(table):.2f}")
+        if arguments.json:
+            with open(arguments.json, "w", encoding="utf-8") as file:
+                json.dump(table, file, indent=1)
+        if arguments.output:
+            picture(groups, table, arguments.by).savefig(arguments.output, dpi=110)
+            print(arguments.output)
+    except Unusable as error:
+        sys.exit(f"catalogue.py: error: {path}: {error}")
+
+
+if __name__ == "__main__":
+    main()

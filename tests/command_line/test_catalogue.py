@@ -1,0 +1,122 @@
+"""Statistics of catalogues (postprocess/catalogue.py): on catalogues drawn from known laws, and as a user calls it."""
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from calls import PROGRAM, SOURCE, check, scene_file, words
+
+sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
+import catalogue as c  # noqa: E402
+
+
+def drawn(random, b, number, width=3.0):
+    """Magnitudes of a density exp(-b m) on [0, width]."""
+    return -np.log1p(random.random(number) * np.expm1(-b * width)) / b
+
+
+def run(magnitude, begin=None, end=100.0, n=10, **options):
+    begin = np.sort(np.asarray(begin)) if begin is not None else np.linspace(0, end, len(magnitude), endpoint=False)
+    return {"events": {"magnitude": np.asarray(magnitude), "begin": begin, "moment": np.exp(magnitude),
+                       "extent": np.ones(len(magnitude))},
+            "x": np.arange(n), "t": np.array([0, end]), "begin": 0.0, "end": end, "v": 0.01, "path": "drawn",
+            "options": {"init_seed": "1", "grid_n": str(n), **options}}
+
+
+def test_b_is_that_of_the_law():
+    for b in (0.3, 1.0, 2.5):
+        m = drawn(np.random.default_rng(1), b, 20000)
+        found, error, number = c.fit(m, 0, 3)
+        check(number == 20000 and abs(found - b) < 4 * error, f"b {b}: {found} +- {error}")
+        # the curvature of the likelihood: the variance of the truncated exponential, by quadrature
+        x = np.linspace(0, 3, 20001)
+        w = np.exp(-b * x)
+        mean = np.trapz(x * w, x) / np.trapz(w, x)
+        variance = np.trapz((x - mean)**2 * w, x) / np.trapz(w, x)
+        check(abs(error * np.sqrt(20000 * variance) - 1) < 0.02, f"its error: {error}")
+    check(abs(c.mean_of(1e-9, 3) - 1.5) < 1e-8 and abs(c.mean_of(-0.7, 3) + c.mean_of(0.7, 3) - 3) < 1e-12, "symmetric about b = 0")
+    check(np.isnan(c.fit(np.zeros(3), 0, 3)[0]), "too few for a fit")
+    check(abs(c.student(4) - 2.776) < 0.01 and abs(c.student(7) - 2.3646) < 0.003, "Student's factor")
+
+
+def test_intervals_cover_what_they_should():
+    """Of 120 ensembles 95 % +- 2 % of the intervals hold the true b; a tenth less is allowed to a bootstrap of 8 runs."""
+    random = np.random.default_rng(2)
+    for scatter in (0.0, 0.3):  # the second: runs of unequal b, so that their events are not independent draws
+        held = naive = 0
+        for _ in range(120):
+            runs = [run(drawn(random, 1 + scatter * random.normal(), 100)) for _ in range(8)]
+            low, high = c.interval(runs, 0, 3, draws=120)
+            held += low <= 1 <= high
+            b, error, _ = c.fit(np.concatenate([c.magnitudes(r) for r in runs]), 0, 3)
+            naive += abs(b - 1) <= 1.96 * error
+        check(0.88 < held / 120 <= 1, f"scatter {scatter}: {held / 120}")
+        check((naive / 120 > 0.87) == (scatter == 0), f"errors of independent events: {naive / 120}")
+    low, high = c.interval([run(drawn(random, 1, 800))], 0, 3)
+    check(low < 1 < high and high - low < 0.6, f"one run, by stretches of its time: {low} {high}")
+
+
+def test_goodness_of_fit():
+    random = np.random.default_rng(3)
+    p = np.array([c.goodness(drawn(random, 0.8, 150), 0, 3, draws=99, seed=k) for k in range(100)])
+    check(abs(np.mean(p <= 0.05) - 0.05) < 0.07 and abs(p.mean() - 0.5) < 0.1, f"of true lines: {np.mean(p <= 0.05)} {p.mean()}")
+    bump = np.r_[drawn(random, 1, 300), 2.2 + 0.1 * random.normal(size=60)]
+    check(c.goodness(bump, 0, 3) < 0.01, "a bump is seen")
+    check(c.goodness(np.full(30, 0.5), 0, 3) < 0.01, "equal magnitudes are no line")
+    check(np.isnan(c.goodness(np.zeros(3), 0, 3)), "too few")
+
+
+def test_stationarity():
+    random = np.random.default_rng(4)
+
+    def times(early, late):
+        return np.r_[50 * random.random(random.poisson(early)), 50 + 50 * random.random(random.poisson(late))]
+
+    held = 0
+    for _ in range(100):
+        runs = []
+        for _ in range(8):
+            t = times(60, 60)
+            runs.append(run(drawn(random, 1, len(t)), t))
+        found = c.halves(runs)["events"]
+        held += found["low"] <= 1 <= found["high"]
+    check(abs(held / 100 - 0.95) < 0.07, f"stationary: {held / 100}")
+    runs = []
+    for _ in range(8):
+        t = times(60, 120)
+        runs.append(run(drawn(random, 1, len(t)), t))
+    found = c.halves(runs)["events"]
+    check(1 < found["low"] < 2 < found["high"], f"twice as many later: {found}")
+
+
+def test_ensembles_and_size():
+    random = np.random.default_rng(5)
+    runs = [run(np.log(n**1.5 * (1 + random.random(100))), n=n, grid_n=str(n), init_seed=str(k)) for n in (10, 20, 40)
+            for k in range(3)]
+    groups = c.ensembles(runs, "grid_n")
+    check([value for value, _ in groups] == ["10", "20", "40"] and all(len(members) == 3 for _, members in groups), "by size")
+    table = {value: c.statistics(members, (0, 9)) for value, members in groups}
+    check(abs(c.size_exponent(table) - 1.5) < 0.05, f"exponent {c.size_exponent(table)}")
+    with pytest.raises(c.Unusable, match="grid_n"):
+        c.ensembles(runs)
+
+
+def test_as_a_user_calls_it():
+    for seed in (1, 2, 3):
+        subprocess.run([PROGRAM, "run", "-progress", "off", "-out_file", f"c-{seed:06d}.h5", "-init_seed", str(seed)] +
+                       words(scene_file("catalogue") + " -grid_n 40 -ts_max_time 3000 -out_frames 2"), check=True)
+    files = [f"c-{seed:06d}.h5" for seed in (1, 2, 3)]
+    script = [sys.executable, os.path.join(SOURCE, "postprocess", "catalogue.py")]
+    done = subprocess.run(script + files + ["--from", "1", "--fit", "-3.5", "-0.5", "-o", "c.png", "--json", "c.json", "--by", "grid_n"],
+                          capture_output=True, text=True, check=True)
+    row = json.load(open("c.json"))["grid_n 40"]
+    check(row["runs"] == 3 and row["nodes"] == 40 and row["events"] > 50, f"table: {row}")
+    check(0.8 < row["moment_per_node_and_way"] < 1.2, f"slip makes up for the plate: {row['moment_per_node_and_way']}")
+    check("3 runs of 40 nodes" in done.stdout and os.path.getsize("c.png") > 10000, done.stdout)
+    for wrong, said in ((files + ["--by", "nothing"], "no option nothing"), (["none.h5"], "does not exist"),
+                        (files + ["--from", "90"], "ends before")):
+        refused = subprocess.run(script + wrong, capture_output=True, text=True, check=False)
+        check(refused.returncode == 1 and said in refused.stderr and refused.stderr.count("\n") == 1, refused.stderr)
