@@ -56,7 +56,9 @@ def test_intervals_cover_what_they_should():
         check(0.88 < held / 120 <= 1, f"scatter {scatter}: {held / 120}")
         check((naive / 120 > 0.87) == (scatter == 0), f"errors of independent events: {naive / 120}")
     low, high = c.interval([run(drawn(random, 1, 800))], 0, 3)
-    check(low < 1 < high and high - low < 0.6, f"one run, by stretches of its time: {low} {high}")
+    b, error, _ = c.fit(drawn(random, 1, 800), 0, 3)
+    check(abs((low + high) / 2 - 1) < 4 * error and 2 < (high - low) / error < 6,
+          f"one run, by stretches of its time: {low} {high}, error {error}")
 
 
 def test_goodness_of_fit():
