@@ -130,12 +130,4 @@ Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const st
   return cycle;
 }
 
-void mark_phase_mode(Cycle& cycle) {
-  const auto nearer = [](const std::complex<double>& a, const std::complex<double>& b) {
-    return std::abs(a - 1.) < std::abs(b - 1.);
-  };
-  cycle.phase_mode =
-      size_t(std::min_element(cycle.multipliers.begin(), cycle.multipliers.end(), nearer) - cycle.multipliers.begin());
-}
-
 }  // namespace stickslip

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "cycles/cell_field.hpp"
+#include "cycles/deviations.hpp"
 #include "cycles/plane.hpp"
 #include "cycles/profile.hpp"
 #include "stickslip/base/error.hpp"
@@ -40,13 +41,12 @@ SmoothCycle finished(const std::shared_ptr<const CellField>& field, PeriodicEqua
   result.mesh = equations.mesh();
   result.values.assign(x.begin(), x.begin() + long((result.mesh.size() - 1) * equations.block()));
   result.cycle = cycle_of(*field, result.mesh, result.values, std::exp(equations.q(x)));
-  const PeriodicEquations::Step step = equations.step(x, conditions, true);
+  const PeriodicEquations::Step step = equations.step(x, conditions);
   result.cycle.residual = step.residual;
-  result.cycle.multipliers = step.multipliers;
   // round-off: what one more step of Newton's method would move the period by, and a few units of the last place
   const double noise = std::abs(step.dx[x.size() - size_t(equations.parameters())]);
   result.cycle.error_estimate = estimate + 4 * noise + 4e-15;
-  mark_phase_mode(result.cycle);
+  set_multipliers(result);
   return result;
 }
 

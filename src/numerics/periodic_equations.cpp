@@ -13,21 +13,21 @@ namespace {
 
 using std::size_t;
 constexpr size_t stages = mesh_stages;
-const Collocation& method() { return Collocation::gauss5(); }
+const Collocation& gauss() { return Collocation::gauss5(); }
 
 // Deviations may grow so much within a group before the digits that they cost are felt.
 constexpr double growth_of_group = 1e3;
 
 // The stage equations of one interval: (1 - h a (x) J) Y = R, R with `columns` right-hand sides, stage by stage.
 template <class T>
-void solve_stages(int d, int band, double h, const T* J, int columns, std::vector<T>& R) {
+void solve_stages(const Collocation& method, int d, int band, double h, const T* J, int columns, std::vector<T>& R) {
   const size_t s = stages, n = size_t(d) * s;
   std::vector<T> M(n * n);
   const auto solved = [&](bool fine) {
     if (!fine) throw Failure("the collocation equations of an interval are singular");
   };
   if (2 * band + 1 >= d) {
-    stage_matrix(method(), d, h, J, M.data());
+    stage_matrix(method, d, h, J, M.data());
     return solved(solve_dense(int(n), M.data(), columns, R.data()));
   }
   // unknown by unknown, the stages together: a band
@@ -37,7 +37,7 @@ void solve_stages(int d, int band, double h, const T* J, int columns, std::vecto
       for (size_t q = low; q < high; ++q)
         for (size_t j = 0; j < s; ++j)
           M[(p * s + i) * n + q * s + j] =
-              (i == j && p == q ? 1. : 0.) - h * method().a[i * s + j] * J[(j * size_t(d) + p) * size_t(d) + q];
+              (i == j && p == q ? 1. : 0.) - h * method.a[i * s + j] * J[(j * size_t(d) + p) * size_t(d) + q];
   }
   const size_t c = size_t(columns);
   std::vector<T> ordered(n * c);
@@ -52,9 +52,9 @@ void solve_stages(int d, int band, double h, const T* J, int columns, std::vecto
 
 // The value at the right end of stage values in columns (component p, column l), beside that at the left end.
 template <class T>
-T at_end(size_t d, size_t columns, const std::vector<T>& R, size_t p, size_t l) {
+T at_end(const Collocation& method, size_t d, size_t columns, const std::vector<T>& R, size_t p, size_t l) {
   T sum = 0;
-  for (size_t j = 0; j < stages; ++j) sum += method().end[j + 1] * R[(j * d + p) * columns + l];
+  for (size_t j = 0; j < stages; ++j) sum += method.end[j + 1] * R[(j * d + p) * columns + l];
   return sum;
 }
 
@@ -110,18 +110,19 @@ struct Groups {
 }  // namespace
 
 template <class T>
-std::vector<T> carried(int d, int band, double h, const T* J) {
+std::vector<T> carried(const Collocation& method, int d, int band, double h, const T* J) {
   const size_t n = size_t(d);
   std::vector<T> R(stages * n * n, T(0)), result(n * n);
   for (size_t j = 0; j < stages; ++j)
     for (size_t p = 0; p < n; ++p) R[(j * n + p) * n + p] = 1;
-  solve_stages(d, band, h, J, d, R);
+  solve_stages(method, d, band, h, J, d, R);
   for (size_t p = 0; p < n; ++p)
-    for (size_t l = 0; l < n; ++l) result[p * n + l] = at_end(n, n, R, p, l) + (p == l ? method().end[0] : 0.);
+    for (size_t l = 0; l < n; ++l) result[p * n + l] = at_end(method, n, n, R, p, l) + (p == l ? method.end[0] : 0.);
   return result;
 }
-template std::vector<double> carried(int, int, double, const double*);
-template std::vector<std::complex<double>> carried(int, int, double, const std::complex<double>*);
+template std::vector<double> carried(const Collocation&, int, int, double, const double*);
+template std::vector<std::complex<double>> carried(const Collocation&, int, int, double,
+                                                   const std::complex<double>*);
 
 template <class T>
 Pencil<T> pencil_of(int d, const std::vector<T>& matrices) {
@@ -167,14 +168,14 @@ std::vector<double> PeriodicEquations::fill(const std::function<void(double, dou
   std::vector<double> x(size());
   for (size_t i = 0; i < n_; ++i)
     for (size_t j = 0; j <= stages; ++j)
-      profile(mesh_[i] + (mesh_[i + 1] - mesh_[i]) * method().basis.points()[j], &x[i * block() + j * d]);
+      profile(mesh_[i] + (mesh_[i + 1] - mesh_[i]) * gauss().basis.points()[j], &x[i * block() + j * d]);
   x[n_ * block()] = q;
   if (family_) x.back() = lambda_;
   return x;
 }
 
 void PeriodicEquations::at(const std::vector<double>& x, double phase, double* y) const {
-  evaluate(method(), mesh_, x.data(), d_, phase, y);
+  evaluate(gauss(), mesh_, x.data(), d_, phase, y);
 }
 
 std::vector<double> PeriodicEquations::fill(const PeriodicEquations& from, const std::vector<double>& x) const {
@@ -216,8 +217,8 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
         double* row = &R[(j * d + a) * columns];
         double rate = 0, by_lambda = 0;
         for (size_t k = 0; k < stages; ++k) {
-          rate += method().a[j * stages + k] * f[k * d + a];
-          by_lambda += method().a[j * stages + k] * slope[k * d + a];
+          rate += gauss().a[j * stages + k] * f[k * d + a];
+          by_lambda += gauss().a[j * stages + k] * slope[k * d + a];
         }
         const double right = Y[j * d + a] - y[a] - h * rate;
         out.residual = std::max(out.residual, std::abs(right));
@@ -227,15 +228,15 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
         if (family_) row[d + 1] = h * by_lambda;
         row[d + p] = zero_right ? 0 : -right;
       }
-    solve_stages(d_, field_->band(), h, J.data(), int(columns), R);
+    solve_stages(gauss(), d_, field_->band(), h, J.data(), int(columns), R);
     std::copy(R.begin(), R.end(), out.response.begin() + long(i * R.size()));
     for (size_t a = 0; a < d; ++a) {
-      double right = next[a] - method().end[0] * y[a];
-      for (size_t j = 0; j < stages; ++j) right -= method().end[j + 1] * Y[j * d + a];
+      double right = next[a] - gauss().end[0] * y[a];
+      for (size_t j = 0; j < stages; ++j) right -= gauss().end[j + 1] * Y[j * d + a];
       out.residual = std::max(out.residual, std::abs(right));
       for (size_t l = 0; l < columns; ++l) {
-        const double end = at_end(d, columns, R, a, l);
-        if (l < d) out.phi[(i * d + a) * d + l] = end + (a == l ? method().end[0] : 0.);
+        const double end = at_end(gauss(), d, columns, R, a, l);
+        if (l < d) out.phi[(i * d + a) * d + l] = end + (a == l ? gauss().end[0] : 0.);
         else out.chain[(i * d + a) * (p + 1) + l - d] = end - (l == d + p && !zero_right ? right : 0.);
       }
     }
@@ -296,8 +297,7 @@ std::vector<double> PeriodicEquations::closed(const Linear& system, const std::v
   return dx;
 }
 
-PeriodicEquations::Step PeriodicEquations::step(const std::vector<double>& x, const std::vector<Condition>& conditions,
-                                                bool multipliers) {
+PeriodicEquations::Step PeriodicEquations::step(const std::vector<double>& x, const std::vector<Condition>& conditions) {
   const Linear system = linear(x, false);
   Step result;
   result.residual = system.residual;
@@ -308,7 +308,6 @@ PeriodicEquations::Step PeriodicEquations::step(const std::vector<double>& x, co
     rights.push_back(right);
   }
   result.dx = closed(system, conditions, rights);
-  if (multipliers) result.multipliers = multipliers_of(d_, pencil_of(d_, system.phi));
   return result;
 }
 

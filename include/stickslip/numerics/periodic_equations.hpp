@@ -67,12 +67,11 @@ class PeriodicEquations {
   void at(const std::vector<double>& x, double phase, double* y) const;
 
   struct Step {
-    double residual = 0;             // the largest, before it
+    double residual = 0;  // the largest, before it
     std::vector<double> dx;
-    std::vector<std::complex<double>> multipliers;  // where asked for
   };
   // Newton's step at x. Throws Failure where the equations are singular, Error of the family.
-  Step step(const std::vector<double>& x, const std::vector<Condition>& conditions, bool multipliers = false);
+  Step step(const std::vector<double>& x, const std::vector<Condition>& conditions);
   // The direction in which a solution may move at x: `rows` as conditions with right-hand sides 0 but for the last's, 1.
   std::vector<double> tangent(const std::vector<double>& x, const std::vector<Condition>& rows);
   // Solves from x. The last step's size tells how far round-off lets the answer be known; that of q in `q_step`.
@@ -97,10 +96,10 @@ class PeriodicEquations {
   std::size_t n_;
 };
 
-// One step of y' = J y over h by the same collocation: the d x d matrix that carries y over it. J: at the five Gauss points,
+// One step of y' = J y over h by collocation: the d x d matrix that carries y over it. J: at the five points of `method`,
 // d x d each, of half band `band`. Throws Failure where it is singular.
 template <class T>
-std::vector<T> carried(int d, int band, double h, const T* J);
+std::vector<T> carried(const Collocation& method, int d, int band, double h, const T* J);
 
 // From the matrices of all intervals in turn.
 template <class T>

@@ -1,0 +1,315 @@
+#include "stickslip/cycles/branch.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/text.hpp"
+#include "stickslip/numerics/roots.hpp"
+
+namespace stickslip {
+
+namespace {
+
+using std::size_t;
+
+double dot(const Place& a, const Place& b) {
+  double sum = 0;
+  for (size_t k = 0; k < a.size(); ++k) sum += a[k] * b[k];
+  return sum;
+}
+
+// How many multipliers lie beyond 1, beyond -1, and, as conjugate pairs, outside of the unit circle; the phase mode's
+// left out.
+using Signature = std::array<int, 3>;
+Signature signature(const Cycle& cycle) {
+  Signature s{};
+  for (size_t k = 0; k < cycle.multipliers.size(); ++k) {
+    const std::complex<double> mu = cycle.multipliers[k];
+    if (k == cycle.phase_mode || !(std::abs(mu) > 1)) continue;
+    if (mu.imag() > 0) ++s[2];
+    if (mu.imag() == 0) ++s[mu.real() > 0 ? 0 : 1];
+  }
+  return s;
+}
+
+// What is said of a cycle at a place of the branch.
+struct Seen {
+  double value = 0;
+  Cycle cycle;
+  Watched watched;
+  Place tangent;
+};
+
+// The walk along a branch: where it stands, and which way it goes.
+class Walk {
+ public:
+  Walk(CyclePath& path, const Cycle& first, const std::string& name, double from, double to, int steps,
+       const CycleWatch& watch);
+  CycleBranch follow();
+
+ private:
+  bool step();  // false where the branch ends; throws Error where a shorter step may help
+  // The candidate at the distance s from where the branch stands.
+  void go(double s);
+  Seen look();
+  void add_point(Seen seen);
+  // Special points between where the branch stands and `seen`, at the distance `length`.
+  void find_special(const Seen& seen, double length);
+  void locate_root(const std::string& kind, double length, const std::function<double()>& test, double before,
+                   double after);
+  void locate_change(const Signature& before, const Signature& after, double length);
+  void add_special(const std::string& kind);
+  void end_at_hopf(const Seen& seen, double length);
+  bool period_is_infinite(const Seen& seen) const;
+
+  CyclePath& path_;
+  std::string name_;
+  double from_, to_, range_, longest_, ds_ = 0;
+  int steps_;
+  CycleWatch watch_;
+  CycleBranch branch_;
+  Place here_, t_;      // where the branch stands, and its tangent
+  Seen last_;           // of that place
+  double first_amplitude_, first_period_;
+  bool folded_ = false;
+};
+
+Walk::Walk(CyclePath& path, const Cycle& first, const std::string& name, double from, double to, int steps,
+           const CycleWatch& watch)
+    : path_(path), name_(name), from_(from), to_(to), range_(std::abs(to - from)), steps_(steps), watch_(watch),
+      first_amplitude_(first.amplitude), first_period_(first.period) {
+  longest_ = std::max(.02, std::min(.2, 4. / steps));
+  ds_ = longest_ / 2;
+  here_ = path_.place();
+  Place ahead(here_.size());
+  ahead.back() = to > from ? 1 : -1;
+  try {
+    t_ = path_.tangent(ahead);
+  } catch (const Failure&) {
+    throw Failure("the cycle does not change with " + name_ + ", or its branch turns back at once");
+  }
+  last_ = look();
+  add_point(last_);
+  path_.accept();
+}
+
+Seen Walk::look() {
+  Seen seen;
+  seen.value = path_.place().back() * range_;
+  seen.cycle = path_.cycle();
+  if (watch_) seen.watched = watch_(seen.value, seen.cycle);
+  else seen.watched.growth_rate = growth_rate(seen.cycle);
+  if (!watch_) seen.watched.stable = seen.watched.growth_rate < 0;
+  seen.tangent = t_;
+  return seen;
+}
+
+void Walk::add_point(Seen seen) {
+  branch_.points.push_back({seen.value, seen.cycle, seen.watched.stable, seen.watched.growth_rate,
+                            seen.watched.wavenumber});
+}
+
+void Walk::go(double s) { path_.go(s, t_, dot(t_, here_) + s); }
+
+CycleBranch Walk::follow() {
+  while (branch_.points.size() <= size_t(steps_)) {
+    if (ds_ < 1e-9) {
+      branch_.end = "no cycle is found beyond " + name_ + " = " + rounded_text(last_.value, 12);
+      return branch_;
+    }
+    try {
+      if (!step()) return branch_;
+    } catch (const Error&) {
+      ds_ /= 2;
+    }
+  }
+  branch_.end = "cycle_steps " + std::to_string(steps_) + " taken";
+  return branch_;
+}
+
+bool Walk::step() {
+  // the last step goes to the end value exactly
+  const double ahead = t_.back() != 0 ? (to_ / range_ - here_.back()) / t_.back() : -1;
+  const bool arrive = ahead > 0 && ahead <= 1.5 * ds_;
+  const double length = arrive ? ahead : ds_;
+  Place row = t_;
+  if (arrive) {
+    std::fill(row.begin(), row.end(), 0.);
+    row.back() = 1;
+  }
+  const auto to_the_end = [&] { path_.go(length, row, arrive ? to_ / range_ : dot(t_, here_) + length); };
+  to_the_end();
+  Place moved = path_.place();
+  for (size_t k = 0; k < moved.size(); ++k) moved[k] -= here_[k];
+  if (std::sqrt(dot(moved, moved)) > 2 * length) throw Failure("the step left the branch");
+  Seen seen = look();
+  const auto sign = seen.cycle.tests.find("hopf");
+  if (sign != seen.cycle.tests.end() && (sign->second < 0) != (last_.cycle.tests["hopf"] < 0)) {
+    end_at_hopf(seen, length);
+    return false;
+  }
+  seen.tangent = path_.tangent(t_);
+  // turning by more than a quarter of a right angle: the step was too long to trust
+  const double cosine = dot(t_, seen.tangent);
+  if (cosine < .92 && ds_ > 1e-4 && !arrive) throw Failure("the branch turns within the step");
+  const size_t found = branch_.special.size();
+  find_special(seen, length);
+  if (branch_.special.size() > found || folded_) {  // the path has been elsewhere
+    to_the_end();
+    seen.tangent = path_.tangent(t_);
+  }
+  folded_ = false;
+  path_.accept();
+  here_ = path_.place();
+  t_ = seen.tangent;
+  const bool endless = period_is_infinite(seen);
+  last_ = seen;
+  add_point(seen);
+  if (endless) {
+    branch_.special.push_back({"infinite-period", seen.value, std::numeric_limits<double>::infinity(), 0,
+                               branch_.points.size() - 1});
+    branch_.end = "the period grows beyond all bounds at " + name_ + " = " + rounded_text(seen.value, 8);
+    return false;
+  }
+  if (arrive) {
+    branch_.end = "reached " + name_ + " = " + rounded_text(to_, 8);
+    return false;
+  }
+  if ((seen.value - from_) * (to_ - from_) < 0) {
+    branch_.end = "the branch came back past its start, " + name_ + " = " + rounded_text(from_, 8);
+    return false;
+  }
+  if (cosine > .98) ds_ = std::min(longest_, 1.4 * ds_);
+  return true;
+}
+
+void Walk::add_special(const std::string& kind) {
+  const Cycle cycle = path_.cycle();
+  SpecialPoint point{kind, path_.place().back() * range_, cycle.period, 0, branch_.points.size() - 1};
+  if (kind == "wave" && watch_) point.wavenumber = watch_(point.value, cycle).wavenumber;
+  branch_.special.push_back(point);
+}
+
+void Walk::locate_root(const std::string& kind, double length, const std::function<double()>& test, double before,
+                       double after) {
+  folded_ = true;
+  const auto at = [&](double s) {
+    try {
+      go(s);
+      return test();
+    } catch (const Error&) {
+      return std::nan("");
+    }
+  };
+  const double s = find_root(at, {0, before, length, after}, 1e-11);
+  if (std::isnan(s)) return;
+  go(s);
+  add_special(kind);
+}
+
+// A change of the multipliers' places, by halving: which of them passes the unit circle, and where.
+void Walk::locate_change(const Signature& before, const Signature& after, double length) {
+  folded_ = true;
+  const auto same = [&](double s) {
+    try {
+      go(s);
+      return signature(path_.cycle()) == before;
+    } catch (const Error&) {
+      return false;
+    }
+  };
+  const double s = last_place(same, 0, length, 1e-10);
+  go(s);
+  const Cycle cycle = path_.cycle();
+  constexpr double near = 1e-5;  // of the circle: else two have met outside of it and parted
+  for (size_t k = 0; k < cycle.multipliers.size(); ++k) {
+    const std::complex<double> mu = cycle.multipliers[k];
+    if (k == cycle.phase_mode || std::abs(std::abs(mu) - 1) > near || mu.imag() < 0) continue;
+    if (before[2] != after[2] && mu.imag() > 0) return add_special("torus");
+    if (before[1] != after[1] && mu.imag() == 0 && mu.real() < 0) return add_special("flip");
+    if (before[0] != after[0] && mu.imag() == 0 && mu.real() > 0) return add_special("branch");
+  }
+}
+
+void Walk::find_special(const Seen& seen, double length) {
+  // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a fold.
+  const bool fold = t_.back() * seen.tangent.back() < 0 &&
+                    std::max(std::abs(t_.back()), std::abs(seen.tangent.back())) > 1e-9;
+  if (fold) locate_root("fold", length, [&] { return path_.tangent(t_).back(); }, t_.back(), seen.tangent.back());
+  const Signature before = signature(last_.cycle), after = signature(seen.cycle);
+  Signature beside = after;
+  if (fold) beside[0] = before[0];
+  if (before != beside) locate_change(before, after, length);
+  const auto changes = [](const std::map<std::string, double>& a, const std::map<std::string, double>& b,
+                          const auto& found) {
+    for (const auto& [name, value] : a) {
+      const auto other = b.find(name);
+      if (name != "hopf" && other != b.end() && value * other->second < 0) found(name, value, other->second);
+    }
+  };
+  changes(last_.cycle.tests, seen.cycle.tests, [&](const std::string& name, double a, double b) {
+    locate_root(name, length, [&] { return path_.cycle().tests.at(name); }, a, b);
+  });
+  changes(last_.watched.tests, seen.watched.tests, [&](const std::string& name, double a, double b) {
+    locate_root(name, length, [&] { return look().watched.tests.at(name); }, a, b);
+  });
+}
+
+// The parameter is even in the amplitude: extrapolated to zero from two small cycles.
+void Walk::end_at_hopf(const Seen& seen, double length) {
+  const double a0 = last_.cycle.amplitude, a1 = -seen.cycle.amplitude;
+  const auto signed_amplitude = [&](double s) {
+    try {
+      go(s);
+      const Cycle cycle = path_.cycle();
+      return cycle.tests.at("hopf") * (last_.cycle.tests["hopf"] < 0 ? -1 : 1);
+    } catch (const Error&) {
+      return -1e-3 * a0;  // too near to zero to have a phase: beyond what is sought
+    }
+  };
+  double value[2], square[2], period = seen.cycle.period;
+  const double small = std::min(3e-4 * first_amplitude_, a0 / 2);
+  bool known = true;
+  for (int k = 0; k < 2; ++k) {
+    const double target = small * (k + 1) * .99;
+    const double s = find_root([&](double at) { return signed_amplitude(at) - target; },
+                               {0, a0 - target, length, a1 - target}, 1e-3 * small / first_amplitude_);
+    const double a = std::isnan(s) ? s : signed_amplitude(s);
+    known = known && std::isfinite(a);
+    if (!known) break;
+    square[k] = a * a;
+    value[k] = path_.place().back() * range_;
+    if (k == 0) period = path_.cycle().period;
+  }
+  if (!known) {
+    square[0] = a0 * a0;
+    square[1] = a1 * a1;
+    value[0] = last_.value;
+    value[1] = seen.value;
+  }
+  const double hopf =
+      square[0] != square[1] ? (value[0] * square[1] - value[1] * square[0]) / (square[1] - square[0]) : seen.value;
+  branch_.special.push_back({"hopf", hopf, period, 0, branch_.points.size() - 1});
+  branch_.end = "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 10) + ": steady sliding";
+}
+
+// The parameter stands still while the period has grown far beyond that of a canard.
+bool Walk::period_is_infinite(const Seen& seen) const {
+  const double grown = std::log(seen.cycle.period / last_.cycle.period);
+  if (seen.cycle.period > 1e8 * first_period_) return true;
+  return seen.cycle.period > 30 * first_period_ && grown > .01 &&
+         std::abs(seen.value - last_.value) < 1e-9 * range_ * grown;
+}
+
+}  // namespace
+
+CycleBranch continue_cycle(CyclePath& path, const Cycle& first, const std::string& name, double from, double to,
+                           int steps, const CycleWatch& watch) {
+  return Walk(path, first, name, from, to, steps, watch).follow();
+}
+
+}  // namespace stickslip

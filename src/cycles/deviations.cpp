@@ -1,0 +1,132 @@
+#include "cycles/deviations.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/numerics/periodic_equations.hpp"
+
+namespace stickslip {
+
+namespace {
+
+using std::size_t;
+using Complex = std::complex<double>;
+using Multipliers = std::vector<Complex>;
+
+// Gauss's method turns what decays faster than this in a step into an oscillation.
+constexpr double stiff_from = 3;
+// Steps in which a wave turns by no more than this carry it to 1e-11.
+constexpr double turn_of_step = .7;
+// The motion is known on twice as fine a mesh as deviations need, unless the phase mode says otherwise.
+constexpr double phase_error_allowed = 1e-10;
+
+}  // namespace
+
+size_t nearest_to_one(const Multipliers& multipliers) {
+  const auto nearer = [](Complex a, Complex b) { return std::abs(a - 1.) < std::abs(b - 1.); };
+  return size_t(std::min_element(multipliers.begin(), multipliers.end(), nearer) - multipliers.begin());
+}
+
+Deviations::Deviations(const SmoothCycle& cycle) : cycle_(cycle), field_(*cycle.field), mesh_(cycle.mesh) {
+  const size_t n = cycle.mesh.size() - 1;
+  if (n % 2 == 0 && n >= 40) {
+    mesh_.clear();
+    for (size_t i = 0; i <= n; i += 2) mesh_.push_back(cycle.mesh[i]);
+    const Multipliers found = multipliers();
+    if (!(std::abs(found[nearest_to_one(found)] - 1.) < phase_error_allowed)) {
+      mesh_ = cycle.mesh;
+      pieces_.clear();
+    }
+  }
+  for (size_t i = 0; i + 1 < mesh_.size(); ++i)
+    longest_ = std::max(longest_, (mesh_[i + 1] - mesh_[i]) * cycle.cycle.period);
+  if (field_.nodes() != 1) return;
+  const size_t d = size_t(field_.dim());
+  for (const Piece& piece : pieces(0)) {
+    const Collocation& method = piece.stiff ? Collocation::radau5() : Collocation::gauss5();
+    for (size_t j = 0; j < mesh_stages; ++j)
+      mean_damping_ -= piece.h * method.b[j] * (piece.J[j * d * d] + piece.J[j * d * d + d + 1]) / cycle.cycle.period;
+  }
+}
+
+const std::vector<Deviations::Piece>& Deviations::pieces(int halvings) {
+  const auto [at, is_new] = pieces_.try_emplace(halvings);
+  if (!is_new) return at->second;
+  const int count = 1 << halvings, d = field_.dim();
+  const size_t dd = size_t(d) * size_t(d);
+  std::vector<double> y(static_cast<size_t>(d));
+  const auto sample = [&](const Collocation& method, double begin, double phase, Piece& piece) {
+    for (size_t j = 0; j < mesh_stages; ++j) {
+      evaluate(Collocation::gauss5(), cycle_.mesh, cycle_.values.data(), d, begin + phase * method.c[j], y.data());
+      field_.jacobian(y.data(), &piece.J[j * dd]);
+    }
+  };
+  for (size_t i = 0; i + 1 < mesh_.size(); ++i)
+    for (int k = 0; k < count; ++k) {
+      const double phase = (mesh_[i + 1] - mesh_[i]) / count, begin = mesh_[i] + k * phase;
+      Piece piece{phase * cycle_.cycle.period, false, std::vector<double>(mesh_stages * dd)};
+      sample(Collocation::gauss5(), begin, phase, piece);
+      double decay = 0;
+      for (size_t j = 0; j < mesh_stages; ++j)
+        for (size_t a = 0; a < size_t(d); ++a) decay = std::max(decay, -piece.J[j * dd + a * size_t(d + 1)]);
+      piece.stiff = decay * piece.h > stiff_from;
+      // c = 1 is the beginning of the next interval: a little before it stays in this one
+      if (piece.stiff) sample(Collocation::radau5(), begin, phase * (1 - 1e-13), piece);
+      at->second.push_back(std::move(piece));
+    }
+  return at->second;
+}
+
+template <class T>
+Multipliers Deviations::carried_round(int halvings, const std::vector<T>& added) {
+  const int d = field_.dim();
+  const size_t dd = size_t(d) * size_t(d);
+  std::vector<T> matrices, J(mesh_stages * dd);
+  for (const Piece& piece : pieces(halvings)) {
+    for (size_t k = 0; k < J.size(); ++k) J[k] = piece.J[k] + added[k % dd];
+    const Collocation& method = piece.stiff ? Collocation::radau5() : Collocation::gauss5();
+    const std::vector<T> matrix = carried(method, d, field_.band(), piece.h, J.data());
+    matrices.insert(matrices.end(), matrix.begin(), matrix.end());
+  }
+  return multipliers_of(d, pencil_of(d, matrices));
+}
+
+Multipliers Deviations::multipliers() {
+  return carried_round(0, std::vector<double>(size_t(field_.dim()) * size_t(field_.dim())));
+}
+
+Multipliers Deviations::of_wave(double kappa2) {
+  const size_t dd = size_t(field_.dim()) * size_t(field_.dim());
+  std::vector<double> without(dd), with(dd);
+  const double* y = cycle_.values.data();
+  field_.jacobian(y, 0., without.data());
+  field_.jacobian(y, kappa2, with.data());
+  for (size_t k = 0; k < dd; ++k) with[k] -= without[k];
+  const Scene& s = field_.scene();
+  const double turn = std::sqrt(std::max(0., s.A() * (s.K0() + s.K1() * kappa2))) * longest_;
+  return carried_round(std::max(0, int(std::ceil(std::log2(turn / turn_of_step)))), with);
+}
+
+Multipliers Deviations::of_twist(double theta) {
+  const size_t dd = size_t(field_.dim()) * size_t(field_.dim());
+  std::vector<Complex> without(dd), with(dd);
+  const double* y = cycle_.values.data();
+  field_.jacobian(y, Complex(1), without.data());
+  field_.jacobian(y, std::polar(1., theta), with.data());
+  for (size_t k = 0; k < dd; ++k) with[k] -= without[k];
+  return carried_round(0, with);
+}
+
+void set_multipliers(SmoothCycle& cycle) {
+  Deviations deviations(cycle);
+  Multipliers& found = cycle.cycle.multipliers = deviations.multipliers();
+  cycle.cycle.phase_mode = nearest_to_one(found);
+  // of two unknowns the other's is known to all digits (Liouville), however small
+  if (found.size() == 2) {
+    found[1 - cycle.cycle.phase_mode] = std::exp(-deviations.mean_damping() * cycle.cycle.period);
+    cycle.cycle.phase_mode = std::abs(found[0]) < std::abs(found[1]) ? 1 - cycle.cycle.phase_mode : cycle.cycle.phase_mode;
+    if (std::abs(found[0]) < std::abs(found[1])) std::swap(found[0], found[1]);
+  }
+}
+
+}  // namespace stickslip
