@@ -22,47 +22,47 @@ constexpr double turns_of_shortest = 100;
 
 class Waves {
  public:
-  explicit Waves(const SmoothCycle& cycle)
-      : cycle_(cycle), scene_(cycle.field->scene()), deviations_(cycle), one_node_(cycle.field->nodes() == 1) {
-    if (!scene_.ring())
+  Waves(const Cycle& cycle, const Scene& scene, const WaveMap& map)
+      : cycle_(cycle), scene_(scene), map_(map), one_node_(cycle.nodes == 1) {
+    if (!scene.ring())
       throw UsageError("cycle_spectrum: the cell's ends are not those of a ring, so that it does not repeat");
-    length_ = scene_.form == Form::chain ? double(scene_.n) : scene_.h() * double(scene_.n);
+    length_ = scene.form == Form::chain ? double(scene.n) : scene.h() * double(scene.n);
   }
   bool coupled() const { return scene_.K1() > 0; }
-  double period() const { return cycle_.cycle.period; }
+  double period() const { return cycle_.period; }
   bool continuum_node() const { return one_node_ && scene_.form == Form::continuum; }
   double longest_wavenumber() const {
     return continuum_node() ? turns_of_shortest / (std::sqrt(scene_.A() * scene_.K1()) * period()) : M_PI / length_;
   }
-  Multipliers at(double k) {
-    if (!one_node_) return deviations_.of_twist(k * length_);
-    return deviations_.of_wave(continuum_node() ? k * k : symbol(2, 1, k));
+  Multipliers at(double k) const {
+    if (!one_node_) return map_.of_twist(k * length_);
+    return map_.of_wave(continuum_node() ? k * k : symbol(2, 1, k));
   }
-  double growth(double k) { return std::log(std::abs(at(k).front())) / period(); }
+  double growth(double k) const { return std::log(std::abs(at(k).front())) / period(); }
   // ln(multiplier of the phase mode)/period is -diffusion k^2 + ...: differences of fourth order, in kappa^2 or in k.
-  double diffusion() {
+  double diffusion() const {
     if (one_node_) {
       const double unit = 1e-3 * scene_.K0() / scene_.K1();
-      const auto f = [&](double part) { return phase_growth(deviations_.of_wave(part * unit)); };
+      const auto f = [&](double part) { return phase_growth(map_.of_wave(part * unit)); };
       return -(8 * (f(1) - f(-1)) - (f(2) - f(-2))) / (12 * unit);
     }
-    const auto f = [&](double theta) { return phase_growth(deviations_.of_twist(theta)) / (theta * theta); };
+    const auto f = [&](double theta) { return phase_growth(map_.of_twist(theta)) / (theta * theta); };
     return -(4 * f(.01) - f(.02)) / 3 * length_ * length_;
   }
-  double short_waves() const { return continuum_node() ? -deviations_.mean_damping() / 2 : 0; }
+  double short_waves() const { return continuum_node() ? map_.short_waves : 0; }
 
  private:
   double phase_growth(const Multipliers& m) const { return std::log(std::abs(m[nearest_to_one(m)])) / period(); }
 
-  const SmoothCycle& cycle_;
+  const Cycle& cycle_;
   const Scene& scene_;
-  Deviations deviations_;
+  const WaveMap& map_;
   bool one_node_;
   double length_;
 };
 
 // The top between two neighbours of a point.
-BlochPoint summit(Waves& waves, const BlochPoint& left, const BlochPoint& right) {
+BlochPoint summit(const Waves& waves, const BlochPoint& left, const BlochPoint& right) {
   const Least top = find_least([&](double k) { return -waves.growth(k); }, left.wavenumber, right.wavenumber,
                                1e-7 * right.wavenumber, [](double) { return false; });
   return {top.x, waves.at(top.x), -top.value};
@@ -70,18 +70,13 @@ BlochPoint summit(Waves& waves, const BlochPoint& left, const BlochPoint& right)
 
 }  // namespace
 
-BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers) {
-  Waves waves(cycle);
+BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMap& map, int wavenumbers) {
+  const Waves waves(cycle, cell, map);
   BlochSpectrum out;
-  out.largest_at_zero = out.growth_rate = growth_rate(cycle.cycle);
-  for (const Complex& mu : cycle.cycle.multipliers)
-    if (&mu != &cycle.cycle.multipliers[cycle.cycle.phase_mode]) {
-      out.multiplier = mu;
-      break;
-    }
+  out.largest_at_zero = out.growth_rate = growth_rate(cycle);
+  if (cycle.multipliers.size() > 1) out.multiplier = cycle.multipliers[cycle.phase_mode == 0 ? 1 : 0];
   out.coupled = waves.coupled();
-  const double error =
-      std::abs(std::log(std::abs(cycle.cycle.multipliers[cycle.cycle.phase_mode]))) / waves.period() + 1e-12;
+  const double error = std::abs(std::log(std::abs(cycle.multipliers[cycle.phase_mode]))) / waves.period() + 1e-12;
   if (!out.coupled) {
     out.stable = out.largest_at_zero < 0;
     out.decided = std::abs(out.largest_at_zero) > error;
@@ -128,6 +123,14 @@ BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers) {
   out.decided = clearly_unstable || (std::abs(out.largest_at_zero) > error && std::abs(waves_growth) > error &&
                                      std::abs(out.diffusion) * k1 * k1 > 1e-12);
   return out;
+}
+
+BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers) {
+  Deviations deviations(cycle);
+  return bloch_spectrum(cycle.cycle, cycle.field->scene(),
+                        {[&](double kappa2) { return deviations.of_wave(kappa2); },
+                         [&](double theta) { return deviations.of_twist(theta); }, -deviations.mean_damping() / 2},
+                        wavenumbers);
 }
 
 Watched watch_waves(const BlochSpectrum& spectrum) {

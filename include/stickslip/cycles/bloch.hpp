@@ -8,6 +8,7 @@
 #pragma once
 
 #include <complex>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -38,7 +39,18 @@ struct BlochSpectrum {
   double largest_of_finite = 0;  // largest growth rate of a wave that is not on the branch of the phase mode, near k = 0
 };
 
-// Of `wavenumbers` waves. Throws UsageError where the cycle's scene is no ring (its ends are not those of a cell).
+// How waves are carried round a cycle: their multipliers, largest first. Of one node: exp(ikx) with kappa2 = kappa^2(k),
+// where `short_waves` is the growth rate that they tend to in the continuum; of several: what is exp(i theta) times as
+// large in the next cell.
+struct WaveMap {
+  std::function<std::vector<std::complex<double>>(double kappa2)> of_wave;
+  std::function<std::vector<std::complex<double>>(double theta)> of_twist;
+  double short_waves = 0;
+};
+
+// Of `wavenumbers` waves on the cycle of a cell. Throws UsageError where the cell is no ring (its ends are not those of one
+// of many).
+BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMap& waves, int wavenumbers);
 BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers);
 
 // What a branch watches besides the cycles' own multipliers: `long-wave` (the diffusion) and `wave` (the largest growth

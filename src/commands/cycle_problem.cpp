@@ -1,0 +1,130 @@
+#include "commands/cycle_problem.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/local_values.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/study/start.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// Turns of a cell's own motion within which it is to settle on a cycle.
+constexpr int turns_to_settle = 400;
+// Waves looked at for each cycle of a branch.
+constexpr int wavenumbers_of_branch = 50;
+
+bool has_neighbours(const Options& options) { return options.integer("cycle_cell") > 0; }
+
+bool one_node(const Scene& cell) { return cell.n == 1; }
+
+// The start of the cell as a vector of all its nodes.
+std::vector<double> start_of(const Options& options, const Scene& cell) {
+  const Model model(PETSC_COMM_SELF, cell);
+  const VecHandle u = model.create_vector();
+  Start(cell, options).fill(model, u);
+  const Reading values(u);
+  std::vector<double> start;
+  for (PetscInt node = 0; node < cell.n; ++node)
+    for (int k = 0; k < model.dof(); ++k)
+      if (!model.held(node)) start.push_back(values[node * model.dof() + k]);
+  return start;
+}
+
+std::vector<double> positions(const Scene& cell) {
+  std::vector<double> x;
+  for (PetscInt i = 0; i < cell.n; ++i)
+    if (!(i == 0 && cell.left == End::velocity) && !(i == cell.n - 1 && cell.right == End::velocity))
+      x.push_back(cell.x(i));
+  return x;
+}
+
+CycleBranch smooth_branch(const Options& options, const SmoothCycle& first, const std::string& name, double to, int steps,
+                          bool with_waves) {
+  const double from = options.real(name);
+  const auto cell_at = [options, name](double value) { return cell_of_options(options.with(name, value)); };
+  const std::unique_ptr<CyclePath> path = smooth_path(cell_at, from, std::abs(to - from), first);
+  CycleWatch watch;
+  if (with_waves)
+    watch = [&path](double, const Cycle&) {
+      return watch_waves(bloch_spectrum(smooth_candidate(*path), wavenumbers_of_branch));
+    };
+  return continue_cycle(*path, first.cycle, name, from, to, steps, watch);
+}
+
+FoundCycle smooth(const Options& options, const Scene& cell) {
+  const auto found = std::make_shared<const SmoothCycle>(
+      one_node(cell) && has_neighbours(options) ? uniform_cycle(cell)
+                                                : settled_cycle(cell, start_of(options, cell), turns_to_settle));
+  FoundCycle result{found->cycle, positions(cell), found->mesh.size() - 1, nullptr, nullptr};
+  if (has_neighbours(options)) result.waves = [found](int count) { return bloch_spectrum(*found, count); };
+  result.branch = [options, found](const std::string& name, double to, int steps, bool with_waves) {
+    return smooth_branch(options, *found, name, to, steps, with_waves);
+  };
+  return result;
+}
+
+FoundCycle sticking(const Options& options, const Scene& cell) {
+  const bool uniform = one_node(cell) && has_neighbours(options);
+  const StickFate fate = uniform ? uniform_stick_fate(cell) : stick_fate(cell, start_of(options, cell));
+  if (fate.fate != Fate::repeats)
+    throw Failure("no cycle with rests: the motion " + to_string(fate.fate) + " (looked at for a time of " +
+                  rounded_text(fate.time) + ")");
+  FoundCycle result{described(cell, fate.cycle), positions(cell), 0, nullptr, nullptr};
+  if (uniform)
+    result.waves = [cell, cycle = result.cycle, stick = fate.cycle](int count) {
+      const WaveMap map{[&](double kappa2) { return wave_multipliers(cell, stick, cell.K1() * kappa2); }, nullptr, 0};
+      return bloch_spectrum(cycle, cell, map, count);
+    };
+  return result;
+}
+
+}  // namespace
+
+Scene cell_of_options(const Options& options) {
+  Scene scene = Scene::from(options);
+  const PetscInt cell = options.integer("cycle_cell");
+  if (cell == 0) return scene;
+  const std::string which = "cycle_cell " + std::to_string(cell) + ": ";
+  if (scene.spread != 0)
+    throw UsageError(which + "with friction_spread no two nodes are alike; cycle_cell 0 takes the whole scene");
+  if (scene.left == End::velocity || scene.right == End::velocity)
+    throw UsageError(which + "beside a held end no two nodes move alike; cycle_cell 0 takes the whole scene");
+  if (cell > 1 && !scene.ring())
+    throw UsageError(which + "several nodes repeat on a ring only; cycle_cell 1 is the motion of all nodes alike, 0 the "
+                             "whole scene");
+  scene.length = cell == 1 && scene.form == Form::chain ? 1 : scene.h() * double(cell);
+  scene.n = cell;
+  scene.left = scene.right = End::periodic;
+  return scene;
+}
+
+void check_cycle_options(const Options& options, const Scene& cell) {
+  if (!cell.friction.sticks()) {
+    check_smooth_cell(cell);
+  } else {
+    if (cell.n > stick_cycle_limit)
+      throw UsageError("a cycle of " + std::to_string(cell.n) + " nodes with exact stick: at most " +
+                       std::to_string(stick_cycle_limit) + " are solved for; take fewer (grid_n, cycle_cell) or "
+                       "friction_stick regularised");
+    if (options.is_set("cycle_continue"))
+      throw UsageError("cycle_continue: cycles with exact stick are not continued; set friction_stick to regularised");
+    if (options.boolean("cycle_spectrum") && cell.n > 1)
+      throw UsageError("cycle_spectrum: with exact stick the waves of uniform motion alone are looked at (cycle_cell 1)");
+  }
+  if (options.boolean("cycle_spectrum") && !has_neighbours(options))
+    throw UsageError("cycle_spectrum: a whole scene (cycle_cell 0) has no neighbours; its own multipliers say all");
+  if (!(cell.K0() > 0))
+    throw UsageError("model_k0 0: nothing drives a cycle; set a positive stiffness to the plate");
+}
+
+FoundCycle find_cycle(const Options& options, const Scene& cell) {
+  return cell.friction.sticks() ? sticking(options, cell) : smooth(options, cell);
+}
+
+}  // namespace stickslip

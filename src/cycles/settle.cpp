@@ -1,0 +1,231 @@
+// A cycle that the motion from a start settles on or comes near to: the guess for collocation.
+#include <petscts.h>
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+
+#include "cycles/cell_field.hpp"
+#include "cycles/profile.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/handle.hpp"
+#include "stickslip/base/text.hpp"
+#include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/numerics/roots.hpp"
+
+namespace stickslip {
+
+namespace {
+
+using std::size_t;
+
+constexpr double tolerance_of_run = 1e-8;
+constexpr int most_turns_a_period = 12;  // a cycle of more turns is not looked for
+constexpr double near_enough = 1e-3;     // return, in units of the motion's range, from which Newton's method is tried
+
+struct Sample {
+  double t;
+  std::vector<double> y, f;
+};
+
+// Cubic between two samples.
+double hermite(const Sample& a, const Sample& b, double t, size_t k) {
+  const double h = b.t - a.t, s = (t - a.t) / h, r = 1 - s;
+  return r * r * (1 + 2 * s) * a.y[k] + s * s * (3 - 2 * s) * b.y[k] + h * s * r * (r * a.f[k] - s * b.f[k]);
+}
+
+PetscErrorCode rates_for_ts(TS, PetscReal, Vec u, Vec f, void* context) {
+  return guarded([&] {
+    const double* in;
+    double* out;
+    SS_TRY(VecGetArrayRead(u, &in));
+    SS_TRY(VecGetArray(f, &out));
+    static_cast<const CellField*>(context)->rates(in, out);
+    SS_TRY(VecRestoreArray(f, &out));
+    SS_TRY(VecRestoreArrayRead(u, &in));
+  });
+}
+
+// The motion of a cell by the method of Dormand and Prince of order 5, step by step.
+class Motion {
+ public:
+  Motion(const CellField& field, std::vector<double> y) : field_(field), y_(std::move(y)) {
+    SS_TRY(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, PetscInt(y_.size()), y_.data(), u_.out()));
+    SS_TRY(TSCreate(PETSC_COMM_SELF, ts_.out()));
+    SS_TRY(TSSetProblemType(ts_, TS_NONLINEAR));
+    SS_TRY(TSSetRHSFunction(ts_, nullptr, rates_for_ts, const_cast<CellField*>(&field)));
+    SS_TRY(TSSetType(ts_, TSRK));
+    SS_TRY(TSRKSetType(ts_, TSRK5DP));
+    SS_TRY(TSSetTolerances(ts_, tolerance_of_run, nullptr, tolerance_of_run, nullptr));
+    SS_TRY(TSSetMaxSNESFailures(ts_, -1));
+    SS_TRY(TSSetMaxSteps(ts_, PETSC_MAX_INT));
+    SS_TRY(TSSetMaxTime(ts_, 1e300));
+    SS_TRY(TSSetExactFinalTime(ts_, TS_EXACTFINALTIME_STEPOVER));
+    std::vector<double> f(y_.size());
+    field.rates(y_.data(), f.data());
+    double rate = 0;
+    for (size_t k = 0; k < f.size(); ++k) rate = std::max(rate, std::abs(f[k]) / (1 + std::abs(y_[k])));
+    SS_TRY(TSSetTimeStep(ts_, 1e-3 / std::max(rate, 1e-3)));
+    SS_TRY(TSSetSolution(ts_, u_));
+  }
+  Sample now() {
+    Sample s{0, y_, std::vector<double>(y_.size())};
+    SS_TRY(TSGetTime(ts_, &s.t));
+    const double* a;
+    SS_TRY(VecGetArrayRead(u_, &a));
+    std::copy(a, a + y_.size(), s.y.begin());
+    SS_TRY(VecRestoreArrayRead(u_, &a));
+    field_.rates(s.y.data(), s.f.data());
+    return s;
+  }
+  Sample step() {
+    SS_TRY(TSStep(ts_));
+    Sample s = now();
+    for (const double value : s.y)
+      if (!std::isfinite(value)) throw Failure("the motion from the start does not stay finite");
+    return s;
+  }
+
+ private:
+  const CellField& field_;
+  std::vector<double> y_;
+  VecHandle u_;
+  TsHandle ts_;
+};
+
+// A passage of the section: psi of one node passes its mean upwards.
+struct Passage {
+  double t;
+  std::vector<double> y;
+};
+
+class Settling {
+ public:
+  Settling(const Scene& cell, const std::vector<double>& start, double tolerance)
+      : cell_(cell), field_(cell), motion_(field_, folded(field_, start.data())), tolerance_(tolerance) {}
+  SmoothCycle cycle(int turns);
+
+ private:
+  double turn() const { return 2 * M_PI / std::sqrt(cell_.A() * cell_.K0()); }
+  void choose_section();
+  bool passes(const Sample& a, const Sample& b) const { return a.y[section_] < level_ && b.y[section_] >= level_; }
+  Passage passage(const Sample& a, const Sample& b) const;
+  double distance(const Passage& a, const Passage& b) const;
+  bool attempt(size_t back, SmoothCycle& found);
+
+  const Scene& cell_;
+  CellField field_;
+  Motion motion_;
+  double tolerance_;
+  size_t section_ = 0;
+  double level_ = 0;
+  std::vector<double> range_;
+  std::deque<Sample> samples_;
+  std::deque<Passage> passages_;
+};
+
+// The node that moves most in the first turns, and its mean velocity there.
+void Settling::choose_section() {
+  const size_t d = size_t(field_.dim()), dof = size_t(field_.dof());
+  std::vector<double> low(d, 1e300), high(d, -1e300), sum(d);
+  Sample last = motion_.now();
+  const double end = 8 * turn(), from = 2 * turn();
+  while (last.t < end) {
+    const Sample next = motion_.step();
+    for (size_t k = 0; k < d && next.t > from; ++k) {
+      low[k] = std::min(low[k], next.y[k]);
+      high[k] = std::max(high[k], next.y[k]);
+      sum[k] += (next.t - last.t) * (next.y[k] + last.y[k]) / 2;
+    }
+    last = next;
+  }
+  for (size_t k = 0; k < d; k += dof)
+    if (high[k] - low[k] > high[section_] - low[section_]) section_ = k;
+  level_ = std::min(high[section_], std::max(low[section_], sum[section_] / (last.t - from)));
+  for (size_t k = 0; k < d; ++k) range_.push_back(std::max(high[k] - low[k], 1e-9));
+  samples_ = {last};
+}
+
+Passage Settling::passage(const Sample& a, const Sample& b) const {
+  const auto excess = [&](double t) { return hermite(a, b, t, section_) - level_; };
+  Passage p{find_root(excess, {a.t, a.y[section_] - level_, b.t, b.y[section_] - level_}, 1e-14 * b.t), {}};
+  for (size_t k = 0; k < a.y.size(); ++k) p.y.push_back(hermite(a, b, p.t, k));
+  return p;
+}
+
+double Settling::distance(const Passage& a, const Passage& b) const {
+  double largest = 0;
+  for (size_t k = 0; k < a.y.size(); ++k) largest = std::max(largest, std::abs(a.y[k] - b.y[k]) / range_[k]);
+  return largest;
+}
+
+// Collocation from the motion since the passage `back` turns ago.
+bool Settling::attempt(size_t back, SmoothCycle& found) {
+  const Passage &end = passages_.back(), &begin = passages_[passages_.size() - 1 - back];
+  const double period = end.t - begin.t;
+  std::vector<double> times;
+  for (const Sample& s : samples_)
+    if (s.t > begin.t && s.t < end.t) times.push_back(s.t);
+  CycleGuess guess{period, [&](double phase, double* natural) {
+                     const double t = begin.t + phase * period;
+                     const auto after = std::lower_bound(samples_.begin() + 1, samples_.end() - 1, t,
+                                                         [](const Sample& s, double at) { return s.t < at; });
+                     std::vector<double> y(range_.size());
+                     for (size_t k = 0; k < y.size(); ++k) y[k] = hermite(*(after - 1), *after, t, k);
+                     unfold(field_, y.data(), natural);
+                   }, {0}};
+  const size_t intervals = std::min<size_t>(times.size(), field_.dim() > 30 ? 40 : 80) ;
+  for (size_t i = 1; i < intervals; ++i) guess.mesh.push_back((times[i * times.size() / intervals] - begin.t) / period);
+  guess.mesh.push_back(1);
+  try {
+    found = solve_cycle(cell_, guess, tolerance_);
+  } catch (const Failure&) {
+    return false;
+  }
+  // near the motion that it was sought from, and no rest
+  return found.cycle.amplitude > 1e-6 * (1 + std::abs(cell_.v)) && std::abs(found.cycle.period / period - 1) < .1;
+}
+
+SmoothCycle Settling::cycle(int turns) {
+  choose_section();
+  const double small = 1e-7 * (1 + std::abs(cell_.v));
+  double end = samples_.back().t + 20 * turn(), best = 1e300, tried = near_enough;
+  SmoothCycle found;
+  for (int count = 0; count < turns;) {
+    samples_.push_back(motion_.step());
+    const Sample &a = samples_[samples_.size() - 2], &b = samples_.back();
+    if (b.t > end)
+      throw Failure("no cycle: the motion from the start comes to rest or slides, and does not pass its mean velocity again");
+    if (!passes(a, b)) continue;
+    ++count;
+    end = b.t + 20 * std::max(turn(), passages_.empty() ? 0. : b.t - passages_.back().t);
+    passages_.push_back(passage(a, b));
+    if (passages_.size() > most_turns_a_period + 1) passages_.pop_front();
+    while (samples_.size() > 2 && samples_[1].t < passages_.front().t) samples_.pop_front();
+    double low = 1e300, high = -1e300;
+    for (const Sample& s : samples_) {
+      low = std::min(low, s.y[section_]);
+      high = std::max(high, s.y[section_]);
+    }
+    if (passages_.size() > 1 && high - low < small) throw Failure("no cycle: the motion from the start settles on steady sliding");
+    for (size_t back = 1; back < passages_.size(); ++back) {
+      const double returned = distance(passages_.back(), passages_[passages_.size() - 1 - back]);
+      best = std::min(best, returned);
+      if (!(returned < tried)) continue;
+      if (attempt(back, found)) return found;
+      tried = returned / 4;
+    }
+  }
+  throw Failure("no cycle: in " + std::to_string(turns) + " turns the motion from the start never repeats; its nearest "
+                "return within " + std::to_string(most_turns_a_period) + " turns misses by " + rounded_text(best) +
+                " of its range (chaos, or a slow transient: another start may settle)");
+}
+
+}  // namespace
+
+SmoothCycle settled_cycle(const Scene& cell, const std::vector<double>& start, int turns, double tolerance) {
+  check_smooth_cell(cell);
+  return Settling(cell, start, tolerance).cycle(turns);
+}
+
+}  // namespace stickslip
