@@ -23,6 +23,9 @@ void check_continuation(const Options& options, const std::string& command) {
     throw UsageError(which + " " + name + ": a branch follows a real option, which this is not");
   if (options.text(name).empty())
     throw UsageError(which + " " + name + ": needs -" + name + " as the start of the branch");
+  for (const std::string& word : spec->words)
+    if (lower_case(options.text(name)) == word)
+      throw UsageError(which + " " + name + ": the branch starts at a number, not at `" + word + "`");
   if (options.real(end) == options.real(name))
     throw UsageError(end + " " + options.text(end) + ": the branch starts there");
   (void)options.with(name, options.real(end));  // must be a value that the option can take

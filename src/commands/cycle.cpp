@@ -79,12 +79,12 @@ void add_cycle(ResultFile& file, const Scene& scene, const FoundCycle& found) {
 
 void set_cycle(Summary& summary, const FoundCycle& found) {
   const Cycle& cycle = found.cycle;
-  for (const auto& [key, value] : {std::pair("period", cycle.period), {"amplitude", cycle.amplitude},
-                                   {"psi_max", cycle.psi_max}, {"psi_min", cycle.psi_min},
-                                   {"rest_fraction", cycle.rest_fraction}, {"force_drop", cycle.force_drop},
-                                   {"residual", cycle.residual}, {"error_estimate", cycle.error_estimate},
-                                   {"growth_rate", growth_rate(cycle)}})
-    summary.set(key, value);
+  const std::vector<std::pair<const char*, double>> numbers = {
+      {"period", cycle.period},       {"amplitude", cycle.amplitude},         {"psi_max", cycle.psi_max},
+      {"psi_min", cycle.psi_min},     {"rest_fraction", cycle.rest_fraction}, {"force_drop", cycle.force_drop},
+      {"residual", cycle.residual},   {"error_estimate", cycle.error_estimate}, {"growth_rate", growth_rate(cycle)},
+      {"wavenumber", 0}};
+  for (const auto& [key, value] : numbers) summary.set(key, value);
   summary.set("multipliers", listed(cycle.multipliers));
   summary.set("unknowns", cycle.nodes * cycle.dof);
   summary.set("mesh_intervals", found.mesh_intervals);
@@ -92,7 +92,6 @@ void set_cycle(Summary& summary, const FoundCycle& found) {
   const bool alike = growth_rate(cycle) < 0;
   summary.set("stable_alike", alike);
   if (!found.waves || !alike) summary.set("stable", alike);
-  summary.set("wavenumber", 0.);
 }
 
 void describe(Summary& summary, const FoundCycle& found) {

@@ -23,6 +23,7 @@ const std::vector<Command>& commands() {
       {"laws", "tabulates friction laws", laws_command, false},
       {"boundary", "the boundary between sliding and stick-slip in one parameter, or traced in two", boundary_command,
        true},
+      {"cycle", "solves for a periodic oscillation: period, stability, waves on it, branches", cycle_command, false},
       {"chart", "the same scene by many methods: error against seconds, or where each method fails", chart_command,
        true},
   };

@@ -1,7 +1,6 @@
 #include "commands/wave_options.hpp"
 
-#include <algorithm>
-
+#include "commands/continuation.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -15,29 +14,7 @@ TrainRequest train_request(const Options& options) {
   return request;
 }
 
-void check_branch(const Options& options) {
-  const std::string name = options.text("wave_continue");
-  if (options.is_set("wave_continue") != options.is_set("wave_to"))
-    throw UsageError("wave_continue and wave_to belong together: which option to vary, and up to which value");
-  if (!options.is_set("wave_continue")) return;
-  const std::vector<OptionSpec>& table = option_table();
-  const auto spec = std::find_if(table.begin(), table.end(), [&](const OptionSpec& o) { return o.name == name; });
-  if (spec == table.end()) {
-    std::vector<std::string> names;
-    for (const OptionSpec& o : table)
-      if (o.type == OptionType::real) names.push_back(o.name);
-    const std::string near = nearest_name(name, names);
-    throw UsageError("wave_continue " + name + ": no such option" +
-                     (near.empty() ? "" : "; did you mean " + near + "?"));
-  }
-  if (spec->type != OptionType::real && spec->type != OptionType::real_or_word)
-    throw UsageError("wave_continue " + name + ": a branch follows a real option, which this is not");
-  if ((name == "wave_length" || name == "wave_speed") && !options.is_set(name))
-    throw UsageError("wave_continue " + name + ": needs -" + name + " as the start of the branch");
-  if (options.real("wave_to") == options.real(name))
-    throw UsageError("wave_to " + options.text("wave_to") + ": the branch starts there");
-  (void)options.with(name, options.real("wave_to"));  // must be a value that the option can take
-}
+void check_branch(const Options& options) { check_continuation(options, "wave"); }
 
 TrainFamily train_family(const Options& options, const std::string& name) {
   return {name, [options, name](double value) {

@@ -64,7 +64,7 @@ class Waves {
 // The top between two neighbours of a point.
 BlochPoint summit(const Waves& waves, const BlochPoint& left, const BlochPoint& right) {
   const Least top = find_least([&](double k) { return -waves.growth(k); }, left.wavenumber, right.wavenumber,
-                               1e-7 * right.wavenumber, [](double) { return false; });
+                               1e-6 * right.wavenumber, [](double) { return false; });
   return {top.x, waves.at(top.x), -top.value};
 }
 

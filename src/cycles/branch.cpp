@@ -8,6 +8,7 @@
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
+#include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
@@ -208,7 +209,8 @@ void Walk::locate_root(const std::string& kind, double length, const std::functi
   const double s = find_root(at, {0, before, length, after}, 1e-11);
   if (std::isnan(s)) return;
   go(s);
-  add_special(kind);
+  // a jump through zero is none
+  if (std::abs(test()) < 1e-4 * std::max(std::abs(before), std::abs(after))) add_special(kind);
 }
 
 // A change of the multipliers' places, by halving: which of them passes the unit circle, and where.
@@ -259,40 +261,41 @@ void Walk::find_special(const Seen& seen, double length) {
   });
 }
 
-// The parameter is even in the amplitude: extrapolated to zero from two small cycles.
+// The parameter is even in the amplitude: extrapolated to zero from three cycles, as small as can be solved for.
 void Walk::end_at_hopf(const Seen& seen, double length) {
-  const double a0 = last_.cycle.amplitude, a1 = -seen.cycle.amplitude;
+  const double a0 = last_.cycle.amplitude, a1 = -seen.cycle.amplitude, side = last_.cycle.tests["hopf"] < 0 ? -1 : 1;
   const auto signed_amplitude = [&](double s) {
     try {
       go(s);
-      const Cycle cycle = path_.cycle();
-      return cycle.tests.at("hopf") * (last_.cycle.tests["hopf"] < 0 ? -1 : 1);
+      return side * path_.cycle().tests.at("hopf");
     } catch (const Error&) {
       return -1e-3 * a0;  // too near to zero to have a phase: beyond what is sought
     }
   };
-  double value[2], square[2], period = seen.cycle.period;
-  const double small = std::min(3e-4 * first_amplitude_, a0 / 2);
-  bool known = true;
-  for (int k = 0; k < 2; ++k) {
-    const double target = small * (k + 1) * .99;
-    const double s = find_root([&](double at) { return signed_amplitude(at) - target; },
-                               {0, a0 - target, length, a1 - target}, 1e-3 * small / first_amplitude_);
-    const double a = std::isnan(s) ? s : signed_amplitude(s);
-    known = known && std::isfinite(a);
-    if (!known) break;
-    square[k] = a * a;
-    value[k] = path_.place().back() * range_;
-    if (k == 0) period = path_.cycle().period;
+  double hopf = seen.value, period = seen.cycle.period;
+  for (double small = 3e-4 * first_amplitude_; small < a0 / 3; small *= 2) {
+    double square[3], value[3], periods[3];
+    bool known = true;
+    for (int k = 0; k < 3 && known; ++k) {
+      const double target = small * (1 + .5 * k);
+      const double s = find_root([&](double at) { return signed_amplitude(at) - target; },
+                                 {0, a0 - target, length, a1 - target}, 1e-2 * small / first_amplitude_);
+      const double a = std::isnan(s) ? s : signed_amplitude(s);
+      known = std::abs(a - target) < .2 * target;
+      square[k] = a * a;
+      value[k] = path_.place().back() * range_;
+      periods[k] = path_.cycle().period;
+    }
+    if (!known) continue;
+    double weights[3];
+    Lagrange({square[0], square[1], square[2]}).weights(0, weights);
+    hopf = period = 0;
+    for (int k = 0; k < 3; ++k) {
+      hopf += weights[k] * value[k];
+      period += weights[k] * periods[k];
+    }
+    break;
   }
-  if (!known) {
-    square[0] = a0 * a0;
-    square[1] = a1 * a1;
-    value[0] = last_.value;
-    value[1] = seen.value;
-  }
-  const double hopf =
-      square[0] != square[1] ? (value[0] * square[1] - value[1] * square[0]) / (square[1] - square[0]) : seen.value;
   branch_.special.push_back({"hopf", hopf, period, 0, branch_.points.size() - 1});
   branch_.end = "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 10) + ": steady sliding";
 }

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "stickslip/base/error.hpp"
+#include "stickslip/numerics/dense.hpp"
 #include "stickslip/numerics/periodic_equations.hpp"
 
 namespace stickslip {
@@ -95,16 +97,69 @@ Multipliers Deviations::multipliers() {
   return carried_round(0, std::vector<double>(size_t(field_.dim()) * size_t(field_.dim())));
 }
 
+std::vector<double> Deviations::slope_in_kappa2() const {
+  const size_t d = size_t(field_.dim());
+  std::vector<double> without(d * d), with(d * d), u;
+  field_.jacobian(cycle_.values.data(), 0., without.data());
+  field_.jacobian(cycle_.values.data(), 1., with.data());
+  for (size_t a = 0; a < d; ++a) u.push_back(with[a * d] - without[a * d]);
+  return u;
+}
+
+const std::vector<Deviations::Response>& Deviations::responses(int halvings) {
+  const auto [at, is_new] = responses_.try_emplace(halvings);
+  if (!is_new) return at->second;
+  const size_t d = size_t(field_.dim()), s = mesh_stages, columns = d + s;
+  const std::vector<double> u = slope_in_kappa2();
+  std::vector<double> M(s * d * s * d), R(s * d * columns);
+  for (const Piece& piece : pieces(halvings)) {
+    const Collocation& method = piece.stiff ? Collocation::radau5() : Collocation::gauss5();
+    std::fill(R.begin(), R.end(), 0.);
+    for (size_t j = 0; j < s; ++j)
+      for (size_t a = 0; a < d; ++a) {
+        double* row = &R[(j * d + a) * columns];
+        row[a] = 1;
+        for (size_t k = 0; k < s; ++k) row[d + k] = piece.h * method.a[j * s + k] * u[a];
+      }
+    stage_matrix(method, int(d), piece.h, piece.J.data(), M.data());
+    if (!solve_dense(int(s * d), M.data(), int(columns), R.data()))
+      throw Failure("the linearised oscillation cannot be integrated");
+    Response r{std::vector<double>(d * d), {}, std::vector<double>(d * s), {}};
+    for (size_t a = 0; a < d; ++a)
+      for (size_t l = 0; l < columns; ++l) {
+        double sum = l == a ? method.end[0] : 0;
+        for (size_t j = 0; j < s; ++j) sum += method.end[j + 1] * R[(j * d + a) * columns + l];
+        (l < d ? r.end[a * d + l] : r.end_of_u[a * s + l - d]) = sum;
+      }
+    for (size_t j = 0; j < s; ++j) {
+      const double* row = &R[j * d * columns];
+      r.psi.insert(r.psi.end(), row, row + d);
+      r.psi_of_u.insert(r.psi_of_u.end(), row + d, row + columns);
+    }
+    at->second.push_back(std::move(r));
+  }
+  return at->second;
+}
+
 Multipliers Deviations::of_wave(double kappa2) {
-  const size_t dd = size_t(field_.dim()) * size_t(field_.dim());
-  std::vector<double> without(dd), with(dd);
-  const double* y = cycle_.values.data();
-  field_.jacobian(y, 0., without.data());
-  field_.jacobian(y, kappa2, with.data());
-  for (size_t k = 0; k < dd; ++k) with[k] -= without[k];
-  const Scene& s = field_.scene();
-  const double turn = std::sqrt(std::max(0., s.A() * (s.K0() + s.K1() * kappa2))) * longest_;
-  return carried_round(std::max(0, int(std::ceil(std::log2(turn / turn_of_step)))), with);
+  const size_t d = size_t(field_.dim()), s = mesh_stages;
+  const Scene& scene = field_.scene();
+  const double turn = std::sqrt(std::max(0., scene.A() * (scene.K0() + scene.K1() * kappa2))) * longest_;
+  const int halvings = std::max(0, int(std::ceil(std::log2(turn / turn_of_step))));
+  std::vector<double> matrices, S(s * s), psi(s * d);
+  for (const Response& r : responses(halvings)) {
+    for (size_t k = 0; k < s * s; ++k) S[k] = (k % (s + 1) == 0 ? 1. : 0.) - kappa2 * r.psi_of_u[k];
+    psi = r.psi;
+    if (!solve_dense(int(s), S.data(), int(d), psi.data()))
+      throw Failure("the linearised oscillation cannot be integrated");
+    for (size_t a = 0; a < d; ++a)
+      for (size_t l = 0; l < d; ++l) {
+        double sum = r.end[a * d + l];
+        for (size_t j = 0; j < s; ++j) sum += kappa2 * r.end_of_u[a * s + j] * psi[j * d + l];
+        matrices.push_back(sum);
+      }
+  }
+  return multipliers_of(int(d), pencil_of(int(d), matrices));
 }
 
 Multipliers Deviations::of_twist(double theta) {

@@ -31,7 +31,15 @@ class Deviations {
     bool stiff;
     std::vector<double> J;
   };
+  // Of a wave on one node kappa^2 alone changes from wave to wave, times a matrix u (x) e_psi of rank one. What is inverted
+  // once for a piece leaves each wave a system of as many unknowns as there are stages: `end` and `psi` of the stages carry
+  // what stands at the beginning, `end_of_u` and `psi_of_u` what u feeds into the stages.
+  struct Response {
+    std::vector<double> end, psi, end_of_u, psi_of_u;
+  };
   const std::vector<Piece>& pieces(int halvings);
+  const std::vector<Response>& responses(int halvings);
+  std::vector<double> slope_in_kappa2() const;  // u
   template <class T>
   std::vector<std::complex<double>> carried_round(int halvings, const std::vector<T>& added);
 
@@ -39,6 +47,7 @@ class Deviations {
   const CellField& field_;
   std::vector<double> mesh_;
   std::map<int, std::vector<Piece>> pieces_;
+  std::map<int, std::vector<Response>> responses_;
   double longest_ = 0, mean_damping_ = 0;  // step
 };
 

@@ -153,7 +153,7 @@ struct PeriodicEquations::Linear {
   double residual = 0;
 };
 
-PeriodicEquations::PeriodicEquations(std::vector<double> mesh, Field field)
+PeriodicEquations::PeriodicEquations(std::vector<double> mesh, SharedField field)
     : mesh_(std::move(mesh)), field_(std::move(field)), d_(field_->dim()), n_(mesh_.size() - 1) {}
 
 PeriodicEquations::PeriodicEquations(std::vector<double> mesh, FieldFamily family, double lambda, double scale)

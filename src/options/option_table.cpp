@@ -8,7 +8,7 @@ namespace stickslip {
 
 namespace {
 
-constexpr const char* physics = "run spectrum boundary wave chart";
+constexpr const char* physics = "run spectrum boundary wave cycle chart";
 constexpr double inf = std::numeric_limits<double>::infinity();
 constexpr double int_max = std::numeric_limits<PetscInt>::max();
 // Three unknowns a node must still be counted by a PetscInt.
@@ -126,7 +126,7 @@ void model_options(TableBuilder& t) {
 }
 
 void friction_options(TableBuilder& t) {
-  t.in("Friction", "run spectrum boundary wave chart laws");
+  t.in("Friction", "run spectrum boundary wave cycle chart laws");
   const LawOptions laws = law_options();
   t.choice("friction_law", laws.laws, "friction law F(psi)");
   t.choice("friction_stick", {"exact", "regularised"},
@@ -142,7 +142,7 @@ void friction_options(TableBuilder& t) {
 }
 
 void contact_options(TableBuilder& t) {
-  t.in("State of the contact", "run spectrum boundary wave chart laws");
+  t.in("State of the contact", "run spectrum boundary wave cycle chart laws");
   const LawOptions laws = law_options();
   t.choice("state_law", laws.states, "kinetic equation of the contact; ageing and slip belong to rate-and-state")
       .unset("none; ageing with rate-and-state", laws.default_state);
@@ -172,7 +172,7 @@ void grid_options(TableBuilder& t) {
 }
 
 void start_options(TableBuilder& t) {
-  t.in("Start", "run chart");
+  t.in("Start", "run cycle chart");
   t.choice("init_type", {"uniform", "sine", "layer", "pulses", "wave", "file"},
            "uniform; sine: psi = init_psi + init_amplitude sin(2 pi init_mode x/L); layer: psi falls from "
            "bc_left_value to init_psi like exp(-(x/init_width)^2); pulses: turns of the uniform oscillation laid "
@@ -290,6 +290,17 @@ void wave_options(TableBuilder& t) {
   t.integer("wave_steps", "100", 1, int_max, "steps along the branch, at most");
 }
 
+void cycle_options(TableBuilder& t) {
+  t.in("Cycle", "cycle");
+  t.integer("cycle_cell", "1", 0, int_max,
+            "nodes or blocks of the cell that repeats: 1 is the motion of all alike; 0: the whole scene");
+  t.boolean("cycle_spectrum", "false", "stability to waves too: Floquet-Bloch multipliers over the wavenumber");
+  t.integer("cycle_wavenumbers", "200", 2, 1000000, "wavenumbers of cycle_spectrum");
+  t.text("cycle_continue", "", "real option to vary along a branch").unset("none");
+  t.real("cycle_to", "", "end of the branch").unset("none");
+  t.integer("cycle_steps", "100", 1, int_max, "steps along the branch, at most");
+}
+
 void chart_options(TableBuilder& t) {
   t.in("Chart", "chart");
   t.choice("chart_kind", {"error", "limits"}, "error against seconds, or where each method fails");
@@ -329,6 +340,7 @@ std::vector<OptionSpec> make_table() {
   spectrum_options(t);
   boundary_options(t);
   wave_options(t);
+  cycle_options(t);
   chart_options(t);
   laws_options(t);
   return std::move(t.rows);

@@ -11,6 +11,7 @@ int wave_command(const Options& options);  // solves for a travelling train, its
 int spectrum_command(const Options& options);  // steady sliding and its rightmost eigenvalues
 int laws_command(const Options& options);  // tabulates friction laws
 int boundary_command(const Options& options);  // where steady sliding loses stability
+int cycle_command(const Options& options);  // a periodic oscillation, its stability, a branch of them
 int chart_command(const Options& options);  // error against seconds by many methods, or where each method fails
 
 }  // namespace stickslip

@@ -29,8 +29,8 @@ class VectorField {
   virtual void rates(const double* y, double* f) const = 0;
   virtual void jacobian(const double* y, double* J) const = 0;  // all dim x dim entries, row-major
 };
-using Field = std::shared_ptr<const VectorField>;
-using FieldFamily = std::function<Field(double lambda)>;
+using SharedField = std::shared_ptr<const VectorField>;
+using FieldFamily = std::function<SharedField(double lambda)>;
 
 // y0 . y_0 + q ln T + lambda lambda = right.
 struct Condition {
@@ -47,7 +47,7 @@ struct Pencil {
 
 class PeriodicEquations {
  public:
-  PeriodicEquations(std::vector<double> mesh, Field field);
+  PeriodicEquations(std::vector<double> mesh, SharedField field);
   // With lambda as an unknown; its derivatives by differences over 1e-6 `scale`.
   PeriodicEquations(std::vector<double> mesh, FieldFamily family, double lambda, double scale);
 
@@ -89,7 +89,7 @@ class PeriodicEquations {
   void set_lambda(double lambda);
 
   std::vector<double> mesh_;
-  Field field_, lower_, upper_;  // at lambda, and a little beside it
+  SharedField field_, lower_, upper_;  // at lambda, and a little beside it
   FieldFamily family_;
   double lambda_ = 0, eps_ = 0;
   int d_;
