@@ -137,7 +137,8 @@ Watched watch_waves(const BlochSpectrum& spectrum) {
   Watched seen{spectrum.stable, spectrum.growth_rate, spectrum.wavenumber, {}};
   if (!spectrum.coupled) return seen;
   seen.tests["long-wave"] = spectrum.diffusion;
-  seen.tests["wave"] = spectrum.largest_of_finite;
+  // where long waves grow, their band and others part and join: that is no change of stability
+  if (spectrum.diffusion > 0) seen.tests["wave"] = spectrum.largest_of_finite;
   return seen;
 }
 

@@ -246,6 +246,10 @@ void Walk::find_special(const Seen& seen, double length) {
   Signature beside = after;
   if (fold) beside[0] = before[0];
   if (before != beside) locate_change(before, after, length);
+  const auto value_of = [](const std::string& name, const std::map<std::string, double>& tests) {
+    const auto found = tests.find(name);
+    return found == tests.end() ? std::nan("") : found->second;
+  };
   const auto changes = [](const std::map<std::string, double>& a, const std::map<std::string, double>& b,
                           const auto& found) {
     for (const auto& [name, value] : a) {
@@ -254,10 +258,10 @@ void Walk::find_special(const Seen& seen, double length) {
     }
   };
   changes(last_.cycle.tests, seen.cycle.tests, [&](const std::string& name, double a, double b) {
-    locate_root(name, length, [&] { return path_.cycle().tests.at(name); }, a, b);
+    locate_root(name, length, [&] { return value_of(name, path_.cycle().tests); }, a, b);
   });
   changes(last_.watched.tests, seen.watched.tests, [&](const std::string& name, double a, double b) {
-    locate_root(name, length, [&] { return look().watched.tests.at(name); }, a, b);
+    locate_root(name, length, [&] { return value_of(name, look().watched.tests); }, a, b);
   });
 }
 

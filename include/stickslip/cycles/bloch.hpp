@@ -53,8 +53,8 @@ struct WaveMap {
 BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMap& waves, int wavenumbers);
 BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers);
 
-// What a branch watches besides the cycles' own multipliers: `long-wave` (the diffusion) and `wave` (the largest growth
-// rate of a wave of finite length).
+// What a branch watches besides the cycles' own multipliers: `long-wave` (the diffusion) and, where long waves decay,
+// `wave` (the largest growth rate of a wave of finite length).
 Watched watch_waves(const BlochSpectrum& spectrum);
 
 }  // namespace stickslip

@@ -40,7 +40,7 @@ class CyclePath {
 //   hopf             the amplitude vanishes: steady sliding; the branch ends
 //   infinite-period  the period grows beyond all bounds: the branch ends
 //   long-wave        the phase diffusion changes its sign
-//   wave             a wave of finite length begins or ceases to grow: `wavenumber`
+//   wave             a wave of finite length begins or ceases to grow while long ones decay: `wavenumber`
 //   branch           a multiplier passes 1 and the parameter does not turn: other cycles branch off
 // and the names of Cycle::tests.
 struct SpecialPoint {
