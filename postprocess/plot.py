@@ -29,10 +29,11 @@ matplotlib.use("Agg")
 from figures_analysis import draw_boundary, draw_laws, draw_spectrum, draw_wave, overlay_boundaries  # noqa: E402
 from figures_analysis import overlay_spectra  # noqa: E402
 from figures_chart import draw_chart  # noqa: E402
+from figures_cycle import draw_cycle  # noqa: E402
 from figures_run import RUN_PICTURES, draw_run, movie, overlay  # noqa: E402
 from stickslip import Unusable, reading, text  # noqa: E402
 
-KINDS = {"run": draw_run, "laws": draw_laws, "spectrum": draw_spectrum, "wave": draw_wave, "boundary": draw_boundary,
+KINDS = {"run": draw_run, "laws": draw_laws, "spectrum": draw_spectrum, "wave": draw_wave, "cycle": draw_cycle, "boundary": draw_boundary,
          "chart": draw_chart}
 TOGETHER = {"run": overlay, "boundary": overlay_boundaries, "spectrum": overlay_spectra}
 

@@ -276,7 +276,7 @@ void Walk::end_at_hopf(const Seen& seen, double length) {
       return -1e-3 * a0;  // too near to zero to have a phase: beyond what is sought
     }
   };
-  double hopf = seen.value, period = seen.cycle.period;
+  double hopf = std::nan(""), period = 0;
   for (double small = 3e-4 * first_amplitude_; small < a0 / 3; small *= 2) {
     double square[3], value[3], periods[3];
     bool known = true;
@@ -300,6 +300,7 @@ void Walk::end_at_hopf(const Seen& seen, double length) {
     }
     break;
   }
+  if (std::isnan(hopf)) throw Failure("the cycle runs the other way round, and not because its amplitude has vanished");
   branch_.special.push_back({"hopf", hopf, period, 0, branch_.points.size() - 1});
   branch_.end = "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 10) + ": steady sliding";
 }

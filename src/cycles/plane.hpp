@@ -7,5 +7,9 @@ namespace stickslip {
 
 // y_0 lies in the plane through y across the motion there.
 Condition plane_across(const VectorField& field, const std::vector<double>& y);
+// The same where the plane goes through the middle of the cycle too: smaller cycles about it still cross it.
+Condition plane_through(const VectorField& field, const std::vector<double>& y, const std::vector<double>& middle);
+// Mean over a period of a profile of d unknowns on a mesh.
+std::vector<double> mean_of(const std::vector<double>& mesh, const double* x, std::size_t d);
 
 }  // namespace stickslip

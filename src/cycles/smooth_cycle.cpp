@@ -52,17 +52,6 @@ SmoothCycle finished(const std::shared_ptr<const CellField>& field, PeriodicEqua
 
 }  // namespace
 
-Condition plane_across(const VectorField& field, const std::vector<double>& y) {
-  Condition plane;
-  plane.y0.resize(y.size());
-  field.rates(y.data(), plane.y0.data());
-  double norm2 = 0;
-  for (const double f : plane.y0) norm2 += f * f;
-  for (double& f : plane.y0) f /= std::sqrt(norm2);
-  for (size_t a = 0; a < y.size(); ++a) plane.right += plane.y0[a] * y[a];
-  return plane;
-}
-
 void check_smooth_cell(const Scene& cell) {
   const CellField field(cell);
   if (field.dim() > most_cell_unknowns)

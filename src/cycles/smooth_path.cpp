@@ -38,6 +38,9 @@ class SmoothPath : public CyclePath {
   PeriodicEquations equations(const std::vector<double>& mesh, double lambda) const {
     return {mesh, family_, lambda, range_};
   }
+  static Condition plane(const VectorField& of, const Stand& at) {
+    return plane_through(of, at.y0(), mean_of(at.mesh, at.x.data(), at.d));
+  }
   Place place_of(const std::vector<double>& y0, const std::vector<double>& x) const;
   Condition condition(const Place& row, double right) const;
   const CellField& field(double lambda) const {
@@ -95,7 +98,7 @@ Condition SmoothPath::condition(const Place& row, double right) const {
 void SmoothPath::go(double length, const Place& row, double right) {
   const double lambda = here_.x.back();
   PeriodicEquations problem = equations(here_.mesh, lambda);
-  const std::vector<Condition> conditions{plane_across(problem.field(), here_.y0()), condition(row, right)};
+  const std::vector<Condition> conditions{plane(problem.field(), here_), condition(row, right)};
   std::vector<double> x = here_.x;
   for (size_t k = 0; k < x.size(); ++k) x[k] += length * here_.t[k];
   if (!problem.newton(x, conditions, 10).converged) throw Failure("Newton's method does not converge");
@@ -112,7 +115,7 @@ void SmoothPath::go(double length, const Place& row, double right) {
   next.period_error = std::abs(std::expm1(better.q(y) - problem.q(x))) + 4e-15;
   next.x = std::move(y);
   there_ = std::move(next);
-  const Condition after = plane_across(field(there_.x.back()), there_.y0());
+  const Condition after = plane(field(there_.x.back()), there_);
   double dot = 0;
   for (size_t a = 0; a < d_; ++a) dot += after.y0[a] * conditions[0].y0[a];
   candidate_turn_ = dot < 0 ? -turn_ : turn_;
@@ -120,8 +123,7 @@ void SmoothPath::go(double length, const Place& row, double right) {
 
 Place SmoothPath::tangent(const Place& row) {
   PeriodicEquations problem = equations(there_.mesh, there_.x.back());
-  const Condition plane = plane_across(problem.field(), there_.y0());
-  there_.t = problem.tangent(there_.x, {plane, condition(row, 0)});
+  there_.t = problem.tangent(there_.x, {plane(problem.field(), there_), condition(row, 0)});
   Place t = place_of(there_.t, there_.t);
   double length = 0;
   for (const double value : t) length += value * value;
@@ -144,7 +146,7 @@ SmoothCycle SmoothPath::smooth() const {
   result.values.assign(there_.x.begin(), there_.x.end() - 2);
   PeriodicEquations problem(there_.mesh, cell);
   const std::vector<double> x(there_.x.begin(), there_.x.end() - 1);
-  const PeriodicEquations::Step step = problem.step(x, {plane_across(*cell, there_.y0())});
+  const PeriodicEquations::Step step = problem.step(x, {plane(*cell, there_)});
   result.cycle = cycle_of(*cell, result.mesh, result.values, std::exp(there_.q()));
   result.cycle.residual = step.residual;
   result.cycle.error_estimate = there_.period_error;

@@ -1,0 +1,44 @@
+#include "cycles/plane.hpp"
+
+#include <cmath>
+
+namespace stickslip {
+
+namespace {
+
+double dot(const std::vector<double>& a, const std::vector<double>& b) {
+  double sum = 0;
+  for (std::size_t k = 0; k < a.size(); ++k) sum += a[k] * b[k];
+  return sum;
+}
+
+}  // namespace
+
+Condition plane_through(const VectorField& field, const std::vector<double>& y, const std::vector<double>& middle) {
+  Condition plane;
+  std::vector<double>& normal = plane.y0;
+  normal.resize(y.size());
+  field.rates(y.data(), normal.data());
+  std::vector<double> radius = y;
+  for (std::size_t a = 0; a < y.size(); ++a) radius[a] -= middle[a];
+  const double part = dot(radius, radius) > 0 ? dot(normal, radius) / dot(radius, radius) : 0;
+  for (std::size_t a = 0; a < y.size(); ++a) normal[a] -= part * radius[a];
+  const double length = std::sqrt(dot(normal, normal));
+  for (double& n : normal) n /= length;
+  plane.right = dot(normal, y);
+  return plane;
+}
+
+Condition plane_across(const VectorField& field, const std::vector<double>& y) { return plane_through(field, y, y); }
+
+std::vector<double> mean_of(const std::vector<double>& mesh, const double* x, std::size_t d) {
+  const Collocation& gauss = Collocation::gauss5();
+  std::vector<double> mean(d);
+  for (std::size_t i = 0; i + 1 < mesh.size(); ++i)
+    for (std::size_t j = 0; j < mesh_stages; ++j)
+      for (std::size_t a = 0; a < d; ++a)
+        mean[a] += (mesh[i + 1] - mesh[i]) * gauss.b[j] * x[(i * (mesh_stages + 1) + j + 1) * d + a];
+  return mean;
+}
+
+}  // namespace stickslip
