@@ -83,7 +83,8 @@ void set_cycle(Summary& summary, const FoundCycle& found) {
       {"period", cycle.period},       {"amplitude", cycle.amplitude},         {"psi_max", cycle.psi_max},
       {"psi_min", cycle.psi_min},     {"rest_fraction", cycle.rest_fraction}, {"force_drop", cycle.force_drop},
       {"residual", cycle.residual},   {"error_estimate", cycle.error_estimate}, {"growth_rate", growth_rate(cycle)},
-      {"wavenumber", 0}};
+      {"wavenumber", 0},
+      {"multiplier_error", std::abs(cycle.multipliers[cycle.phase_mode] - 1.)}};
   for (const auto& [key, value] : numbers) summary.set(key, value);
   summary.set("multipliers", listed(cycle.multipliers));
   summary.set("unknowns", cycle.nodes * cycle.dof);
@@ -213,7 +214,8 @@ int cycle_command(const Options& options) {
   check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance,
                   {"period", "amplitude", "psi_max", "psi_min", "rest_fraction", "force_drop", "multipliers", "stable",
-                   "stable_alike", "growth_rate", "wavenumber", "diffusion", "decided", "residual", "error_estimate",
+                   "stable_alike", "growth_rate", "wavenumber", "diffusion", "decided", "multiplier_error", "residual",
+                   "error_estimate",
                    "unknowns", "mesh_intervals", "branch", "special"},
                   options.text("summary"));
   check_continuation(options, "cycle");

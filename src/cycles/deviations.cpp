@@ -15,8 +15,12 @@ using std::size_t;
 using Complex = std::complex<double>;
 using Multipliers = std::vector<Complex>;
 
-// Gauss's method turns what decays faster than this in a step into an oscillation.
-constexpr double stiff_from = 3;
+// What decays is carried to 1e-10 by Gauss's method in steps of so many decay times, and steps are halved for it up to four
+// times (of large systems once or twice). What decays faster still has gone soon: by Radau's method, as Gauss's turns it
+// into an oscillation.
+constexpr double decay_of_step = 1, stiff_from = 2;
+constexpr int most_halvings = 4, most_halvings_of_large = 1;
+constexpr size_t large = 12;
 // Steps in which a wave turns by no more than this carry it to 1e-11.
 constexpr double turn_of_step = .7;
 // The motion is known on twice as fine a mesh as deviations need, unless the phase mode says otherwise.
@@ -54,7 +58,7 @@ Deviations::Deviations(const SmoothCycle& cycle) : cycle_(cycle), field_(*cycle.
 const std::vector<Deviations::Piece>& Deviations::pieces(int halvings) {
   const auto [at, is_new] = pieces_.try_emplace(halvings);
   if (!is_new) return at->second;
-  const int count = 1 << halvings, d = field_.dim();
+  const int d = field_.dim();
   const size_t dd = size_t(d) * size_t(d);
   std::vector<double> y(static_cast<size_t>(d));
   const auto sample = [&](const Collocation& method, double begin, double phase, Piece& piece) {
@@ -63,19 +67,29 @@ const std::vector<Deviations::Piece>& Deviations::pieces(int halvings) {
       field_.jacobian(y.data(), &piece.J[j * dd]);
     }
   };
-  for (size_t i = 0; i + 1 < mesh_.size(); ++i)
-    for (int k = 0; k < count; ++k) {
-      const double phase = (mesh_[i + 1] - mesh_[i]) / count, begin = mesh_[i] + k * phase;
-      Piece piece{phase * cycle_.cycle.period, false, std::vector<double>(mesh_stages * dd)};
-      sample(Collocation::gauss5(), begin, phase, piece);
-      double decay = 0;
-      for (size_t j = 0; j < mesh_stages; ++j)
-        for (size_t a = 0; a < size_t(d); ++a) decay = std::max(decay, -piece.J[j * dd + a * size_t(d + 1)]);
-      piece.stiff = decay * piece.h > stiff_from;
-      // c = 1 is the beginning of the next interval: a little before it stays in this one
-      if (piece.stiff) sample(Collocation::radau5(), begin, phase * (1 - 1e-13), piece);
-      at->second.push_back(std::move(piece));
-    }
+  // over [begin, begin + phase]; the rate of the fastest decay
+  const auto piece_of = [&](double begin, double phase, double& decay) {
+    Piece piece{phase * cycle_.cycle.period, false, std::vector<double>(mesh_stages * dd)};
+    sample(Collocation::gauss5(), begin, phase, piece);
+    decay = 0;
+    for (size_t j = 0; j < mesh_stages; ++j)
+      for (size_t a = 0; a < size_t(d); ++a) decay = std::max(decay, -piece.J[j * dd + a * size_t(d + 1)]);
+    piece.stiff = decay * piece.h > stiff_from;
+    // c = 1 is the beginning of the next interval: a little before it stays in this one
+    if (piece.stiff) sample(Collocation::radau5(), begin, phase * (1 - 1e-13), piece);
+    return piece;
+  };
+  for (size_t i = 0; i + 1 < mesh_.size(); ++i) {
+    double decay;
+    const double width = mesh_[i + 1] - mesh_[i];
+    Piece whole = piece_of(mesh_[i], width, decay);
+    const int most = size_t(d) > large ? most_halvings_of_large : most_halvings;
+    const double steps = decay * whole.h / decay_of_step;
+    const int count = 1 << std::max(halvings, std::min(most, int(std::ceil(std::log2(std::max(1., steps))))));
+    if (count == 1) at->second.push_back(std::move(whole));
+    for (int k = 0; k < count && count > 1; ++k)
+      at->second.push_back(piece_of(mesh_[i] + k * width / count, width / count, decay));
+  }
   return at->second;
 }
 

@@ -103,13 +103,43 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
   throw Failure(none);
 }
 
+namespace {
+
+// Where sliding is stable a cycle may live beside it, out of reach of the slips that were tried: larger ones, in units of
+// the friction force.
+constexpr double larger_slips[] = {1, 3, 10};
+constexpr int turns_of_slip = 60;
+
+SmoothCycle cycle_of_larger_slips(const Scene& node, const std::string& why, double tolerance) {
+  const CellField field(node);
+  const std::vector<double> sliding = field.sliding();
+  for (const double slip : larger_slips) {
+    std::vector<double> start = sliding;
+    start[1] += slip * (std::abs(sliding[1]) + 1);
+    try {
+      return settled_cycle(node, start, turns_of_slip, tolerance);
+    } catch (const Failure&) {
+      continue;  // the next one
+    }
+  }
+  throw Failure("no cycle: " + why + "; larger slips die out too");
+}
+
+}  // namespace
+
 SmoothCycle uniform_cycle(const Scene& scene, double tolerance) {
-  const Oscillator oscillator(scene);
+  Scene node = scene;
+  node.n = 1;
+  node.left = node.right = End::periodic;
+  node.length = scene.form == Form::chain ? 1 : scene.h();
+  const Oscillator oscillator(node);
   Orbit orbit;
   try {
     orbit = find_orbit(oscillator, 1, 1e-5);
   } catch (const Failure& e) {
-    throw Failure(std::string("no cycle: ") + e.what());
+    // the cubic's cycle is the only one (Lienard): beyond its Hopf point there is none
+    if (!std::isnan(oscillator.v_c())) throw Failure(std::string("no cycle: ") + e.what());
+    return cycle_of_larger_slips(node, e.what(), tolerance);
   }
   const int dof = oscillator.dim();
   const CycleGuess guess{orbit.period, [&](double phase, double* y) {
@@ -119,10 +149,6 @@ SmoothCycle uniform_cycle(const Scene& scene, double tolerance) {
                            y[1] = oscillator.eta(1, at);
                            if (dof == 3) y[2] = at[2];
                          }, orbit.mesh};
-  Scene node = scene;
-  node.n = 1;
-  node.left = node.right = End::periodic;
-  node.length = scene.h();
   return solve_cycle(node, guess, tolerance);
 }
 

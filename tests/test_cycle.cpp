@@ -1,0 +1,319 @@
+// Cycles of smooth friction: periods, multipliers, waves, branches, cells.
+#include <catch2/catch.hpp>
+
+#include <cmath>
+#include <complex>
+
+#include "cycles/cell_field.hpp"
+#include "cycles/deviations.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/cycles/bloch.hpp"
+#include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/numerics/dense.hpp"
+
+using namespace stickslip;
+using Complex = std::complex<double>;
+
+namespace {
+
+Scene undamped(double gamma, double v) {
+  Scene s;
+  s.gamma = gamma;
+  s.delta = 0;
+  s.v = v;
+  return s;
+}
+
+Scene regularised_chain(double v, double eps) {
+  Scene s;
+  s.form = Form::chain;
+  s.order = 2;
+  s.n = 1;
+  s.length = 1;
+  s.zeta = std::sqrt(0.02);
+  s.v = v;
+  s.friction.law = Law("carlson-langer");
+  s.friction.regularised = true;
+  s.friction.eps = eps;
+  return s;
+}
+
+Scene healing_chain(double v) {
+  Scene s = regularised_chain(v, 0.05);
+  s.friction.state = StateLaw("healing");
+  return s;
+}
+
+CycleBranch branch_in_v(const std::function<Scene(double)>& at, double from, double to, int steps,
+                        const CycleWatch& watch = nullptr) {
+  const SmoothCycle first = uniform_cycle(at(from));
+  const auto node = [at](double v) {
+    Scene s = at(v);
+    s.n = 1;
+    return s;
+  };
+  const auto path = smooth_path(node, from, std::abs(to - from), first);
+  return continue_cycle(*path, first.cycle, "v", from, to, steps, watch);
+}
+
+const SpecialPoint* find(const CycleBranch& branch, const std::string& kind) {
+  for (const SpecialPoint& p : branch.special)
+    if (p.kind == kind) return &p;
+  return nullptr;
+}
+
+}  // namespace
+
+TEST_CASE("cycles of van der Pol's equation have the known periods", "[cycle]") {
+  for (const auto& [gamma, period] : {std::pair(1., 6.66329), {3., 8.85910}, {5., 11.61223}, {10., 19.07837}}) {
+    const Cycle cycle = uniform_cycle(undamped(gamma, 0)).cycle;
+    INFO("gamma " << gamma << ", period " << cycle.period);
+    CHECK(std::abs(cycle.period - period) < 6e-6);
+    CHECK(cycle.error_estimate < 1e-10);
+    CHECK(cycle.residual < 1e-12);
+    CHECK(cycle.psi_max == Approx(-cycle.psi_min).epsilon(1e-9));  // odd
+    CHECK(cycle.amplitude == Approx(cycle.psi_max).epsilon(1e-9));
+    CHECK(cycle.rest_fraction == 0);
+    REQUIRE(cycle.multipliers.size() == 2);
+    CHECK(std::abs(cycle.multipliers[cycle.phase_mode] - 1.) < 1e-9);
+  }
+  // gamma 1: the second multiplier, by DOP853 and Liouville's formula
+  const Cycle cycle = uniform_cycle(undamped(1, 0)).cycle;
+  CHECK(std::abs(cycle.multipliers[1 - cycle.phase_mode]) == Approx(8.59695e-4).epsilon(1e-5));
+}
+
+TEST_CASE("a cell's rates and Jacobian are those of Model", "[cycle]") {
+  for (int kind = 0; kind < 4; ++kind) {
+    Scene s;
+    s.n = 7;
+    s.length = 7 * 0.3;
+    s.order = kind == 0 ? 6 : 4;
+    if (kind > 0) s = healing_chain(0.4), s.n = 6, s.length = 6;
+    if (kind == 2) s.left = End::velocity, s.right = End::free, s.left_value = -0.7, s.length = 5, s.spread = 0.4;
+    if (kind == 3) {
+      s = undamped(2, 0.3);
+      s.n = 9;
+      s.length = 2;
+      s.left = End::velocity;
+      s.right = End::velocity;
+      s.left_value = 0.5;
+      s.right_value = -0.2;
+    }
+    const CellField field(s);
+    const Model model(PETSC_COMM_SELF, s);
+    const VecHandle u = model.create_vector(), f = model.create_vector();
+    const std::size_t dof = std::size_t(field.dof()), d = std::size_t(field.dim());
+    double* a;
+    SS_TRY(VecGetArray(u, &a));
+    for (PetscInt i = 0; i < s.n * PetscInt(dof); ++i) a[i] = counter_uniform(7 + kind, i) - 0.3;
+    SS_TRY(VecRestoreArray(u, &a));
+    model.set_held(u);
+    model.rhs(Part::full, u, f);
+    const double *from, *rate;
+    SS_TRY(VecGetArrayRead(u, &from));
+    SS_TRY(VecGetArrayRead(f, &rate));
+    std::vector<double> y(d), g(d), J(d * d), up(d), down(d);
+    for (std::size_t k = 0; k < field.nodes(); ++k)
+      for (std::size_t j = 0; j < dof; ++j) y[k * dof + j] = from[std::size_t(field.node(k)) * dof + j];
+    field.rates(y.data(), g.data());
+    double scale = 1;
+    for (std::size_t k = 0; k < field.nodes(); ++k)
+      for (std::size_t j = 0; j < dof; ++j) {
+        const double expected = rate[std::size_t(field.node(k)) * dof + j];
+        scale = std::max(scale, std::abs(expected));
+        INFO("kind " << kind << " node " << field.node(k) << " entry " << j);
+        CHECK(std::abs(g[k * dof + j] - expected) < 1e-12 * scale);
+      }
+    SS_TRY(VecRestoreArrayRead(u, &from));
+    SS_TRY(VecRestoreArrayRead(f, &rate));
+    field.jacobian(y.data(), J.data());
+    for (std::size_t c = 0; c < d; ++c) {
+      constexpr double h = 1e-5;
+      std::vector<double> moved = y;
+      moved[c] += h;
+      field.rates(moved.data(), up.data());
+      moved[c] -= 2 * h;
+      field.rates(moved.data(), down.data());
+      for (std::size_t r = 0; r < d; ++r) {
+        INFO("kind " << kind << " entry " << r << "," << c);
+        // the differences err by h^2 f'''/6 ~ 1e-10 (2/eps^2 of the regularised law) and round-off 1e-16 scale/h
+        CHECK(std::abs(J[r * d + c] - (up[r] - down[r]) / (2 * h)) < (kind == 1 || kind == 2 ? 1e-6 : 1e-8) * scale);
+        if (std::abs(int(r) - int(c)) > field.band()) CHECK(J[r * d + c] == 0);
+      }
+    }
+  }
+}
+
+TEST_CASE("waves on uniform oscillations grow as known", "[cycle]") {
+  Scene s;  // gamma 3, delta 0.2, c 1, v 0.2
+  const BlochSpectrum damped = bloch_spectrum(uniform_cycle(s), 200);
+  CHECK(damped.growth_rate == Approx(0.0270974).margin(5e-8));
+  CHECK(damped.wavenumber * damped.wavenumber == Approx(0.4436).margin(5e-5));
+  CHECK(!damped.stable);
+  CHECK(damped.diffusion < 0);
+  const BlochSpectrum fast = bloch_spectrum(uniform_cycle(undamped(3, 0)), 200);
+  CHECK(std::abs(fast.multiplier) == Approx(1.302).margin(5e-4));
+  CHECK(fast.wavenumber * fast.wavenumber == Approx(0.485).margin(5e-4));
+  double edge = 0;
+  for (const BlochPoint& p : fast.points)
+    if (p.growth_rate > 0) edge = p.wavenumber;
+  CHECK(edge * edge < 1.122);
+  CHECK(edge * edge > 1.0);
+  const BlochSpectrum calm = bloch_spectrum(uniform_cycle(undamped(3, 0.9)), 200);
+  CHECK(calm.stable);
+  CHECK(calm.decided);
+  CHECK(calm.diffusion > 0);
+  CHECK(calm.growth_rate < 0);
+}
+
+TEST_CASE("a wave's multipliers are those of a cell of several nodes", "[cycle]") {
+  Scene s = regularised_chain(1, 5e-2);
+  const SmoothCycle one = uniform_cycle(s);
+  constexpr PetscInt m = 3;
+  Scene cell = s;
+  cell.n = m;
+  cell.length = m;
+  const std::size_t dof = std::size_t(one.cycle.dof);
+  const CycleGuess guess{one.cycle.period, [&](double phase, double* y) {
+                           std::vector<double> node(dof);
+                           evaluate(Collocation::gauss5(), one.mesh, one.values.data(), int(dof), phase, node.data());
+                           for (PetscInt i = 0; i < m; ++i) std::copy(node.begin(), node.end(), y + std::size_t(i) * dof);
+                         }, one.mesh};
+  const SmoothCycle three = solve_cycle(cell, guess);
+  CHECK(three.cycle.period == Approx(one.cycle.period).epsilon(1e-10));
+  // the multipliers of the cell: of the wavenumbers 0, 1/3, 2/3; of a twist theta: (theta + 2 pi j)/3
+  Deviations of_one(one), of_three(three);
+  const auto expected = [&](double theta) {
+    std::vector<Complex> all;
+    for (int j = 0; j < m; ++j) {
+      const double k = (theta + 2 * M_PI * j) / double(m), kappa2 = 2 - 2 * std::cos(k);
+      for (const Complex mu : of_one.of_wave(kappa2)) all.push_back(mu);
+    }
+    return all;
+  };
+  const auto compare = [&](const std::vector<Complex>& found, const std::vector<Complex>& known) {
+    REQUIRE(found.size() == known.size());
+    for (const Complex mu : known) {
+      double nearest = 1e300;
+      for (const Complex other : found) nearest = std::min(nearest, std::abs(mu - other));
+      INFO("multiplier " << mu);
+      CHECK(nearest < 1e-7);
+    }
+  };
+  compare(three.cycle.multipliers, expected(0));
+  compare(of_three.of_twist(0.7), expected(0.7));
+}
+
+TEST_CASE("a cycle beside stable sliding is found", "[cycle]") {
+  const Cycle cycle = uniform_cycle(regularised_chain(2, 1e-2)).cycle;
+  CHECK(cycle.amplitude > 1.5);
+  CHECK(growth_rate(cycle) < 0);
+}
+
+TEST_CASE("a branch goes through the canard explosion to the Hopf point", "[cycle]") {
+  Scene s;
+  const auto at = [s](double v) {
+    Scene here = s;
+    here.v = v;
+    return here;
+  };
+  const CycleBranch branch = branch_in_v(at, 0.9, 1.1, 100);
+  const SpecialPoint* hopf = find(branch, "hopf");
+  REQUIRE(hopf);
+  const double exact = std::sqrt(1 - 0.2 / 3);
+  CHECK(std::abs(hopf->value - exact) < 1e-8);
+  // at the Hopf point the frequency is sqrt(A K0) = 1 with the trace of J zero: its determinant, K0 A + s delta ... = 1
+  CHECK(hopf->period == Approx(2 * M_PI).epsilon(1e-5));
+  CHECK(!find(branch, "fold"));  // supercritical, and no fold on the way: the amplitude falls monotonically
+  double largest_drop = 0;
+  for (std::size_t k = 1; k < branch.points.size(); ++k)
+    largest_drop = std::max(largest_drop, branch.points[k - 1].cycle.amplitude - branch.points[k].cycle.amplitude);
+  CHECK(largest_drop < 0.2);  // of 1.86: the explosion is resolved
+}
+
+TEST_CASE("folds are where a cycle's multiplier is 1", "[cycle]") {
+  const auto at = [](double v) { return regularised_chain(v, 1e-2); };
+  const CycleBranch branch = branch_in_v(at, 1.5, 3.0, 150);
+  const SpecialPoint *fold = find(branch, "fold"), *hopf = find(branch, "hopf");
+  INFO(branch.end);
+  REQUIRE(fold);
+  REQUIRE(hopf);
+  CHECK(branch.points.front().stable);
+  CHECK(!branch.points.back().stable);
+  // independent: just below the fold two cycles, the rates of both change of sign; the velocity where sliding loses
+  // stability by the slope of the smoothed law
+  const auto damping = [](double v) {
+    const double eps = 1e-2, t = std::tanh(v / eps), sech2 = 1 - t * t, m = 1 + v * t;
+    return std::sqrt(0.02) + (sech2 / eps * m - t * (t + v * sech2 / eps)) / (m * m);
+  };
+  double low = 1.5, high = 2;
+  for (int k = 0; k < 60; ++k) (damping((low + high) / 2) < 0 ? low : high) = (low + high) / 2;
+  CHECK(std::abs(hopf->value - low) < 1e-8);
+  // sharper friction: the fold tends to the grazing of exact stick, 2.4047128, from below
+  CHECK(fold->value < 2.4047);
+  CHECK(fold->value > 2.3);
+}
+
+TEST_CASE("a cell settles on a cycle that its own motion repeats", "[cycle]") {
+  Scene s;
+  s.form = Form::chain;
+  s.order = 2;
+  s.n = 2;
+  s.length = 2;
+  const SmoothCycle pair = settled_cycle(s, {0.5, 0.1, -0.3, 0.2}, 200);
+  CHECK(pair.cycle.error_estimate < 1e-10);
+  // one period by an independent method: Runge and Kutta's classical one, with Richardson's extrapolation
+  const CellField& field = *pair.field;
+  const auto advanced = [&](int steps) {
+    std::vector<double> y(pair.values.begin(), pair.values.begin() + field.dim()), k[4], at(y.size());
+    for (auto& part : k) part.resize(y.size());
+    const double h = pair.cycle.period / steps;
+    for (int n = 0; n < steps; ++n) {
+      for (int j = 0; j < 4; ++j) {
+        for (std::size_t i = 0; i < y.size(); ++i) at[i] = y[i] + (j == 0 ? 0 : h * (j == 3 ? 1 : .5) * k[j - 1][i]);
+        field.rates(at.data(), k[j].data());
+      }
+      for (std::size_t i = 0; i < y.size(); ++i) y[i] += h / 6 * (k[0][i] + 2 * k[1][i] + 2 * k[2][i] + k[3][i]);
+    }
+    return y;
+  };
+  const std::vector<double> coarse = advanced(8000), fine = advanced(16000);
+  for (std::size_t i = 0; i < fine.size(); ++i)
+    CHECK(std::abs(fine[i] + (fine[i] - coarse[i]) / 15 - pair.values[i]) < 1e-9);
+}
+
+TEST_CASE("what is no cycle is said", "[cycle]") {
+  CHECK_THROWS_AS(uniform_cycle(undamped(3, 1.2)), Failure);
+  Scene exact = regularised_chain(1, 1e-2);
+  exact.friction.regularised = false;
+  CHECK_THROWS_AS(CellField(exact), UsageError);
+  Scene large;
+  large.n = 512;
+  CHECK_THROWS_AS(check_smooth_cell(large), UsageError);
+  Scene calm = undamped(3, 1.2);
+  calm.n = 3;
+  calm.length = 3;
+  CHECK_THROWS_AS(settled_cycle(calm, {0.5, 0.1, -0.3, 0.2, 0, 0}, 100), Failure);
+}
+
+TEST_CASE("banded systems and generalised eigenvalues", "[cycle][dense]") {
+  constexpr int n = 40, band = 3, columns = 2;
+  std::vector<double> a(n * n), x(n * columns), b(n * columns);
+  for (int i = 0; i < n; ++i) {
+    for (int j = std::max(0, i - band); j < std::min(n, i + band + 1); ++j)
+      a[std::size_t(i * n + j)] = counter_uniform(3, i * n + j) - 0.5;
+    for (int c = 0; c < columns; ++c) x[std::size_t(i * columns + c)] = counter_normal(4, i * columns + c);
+  }
+  for (int i = 0; i < n; ++i)
+    for (int c = 0; c < columns; ++c)
+      for (int j = 0; j < n; ++j) b[std::size_t(i * columns + c)] += a[std::size_t(i * n + j)] * x[std::size_t(j * columns + c)];
+  std::vector<double> full = a, right = b;
+  REQUIRE(solve_banded(n, band, a.data(), columns, b.data()));
+  REQUIRE(solve_dense(n, full.data(), columns, right.data()));
+  for (std::size_t k = 0; k < b.size(); ++k) CHECK(b[k] == Approx(right[k]).epsilon(1e-9).margin(1e-9));
+  // (1 2; 3 4) against (2 0; 0 1): det(a - mu b) = 2 mu^2 - 9 mu - 2
+  const auto mu = generalised_eigenvalues(2, std::vector<double>{1, 2, 3, 4}, {2, 0, 0, 1});
+  CHECK(mu[0].real() == Approx((9 + std::sqrt(97.)) / 4));
+  CHECK(mu[1].real() == Approx((9 - std::sqrt(97.)) / 4));
+}
