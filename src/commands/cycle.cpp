@@ -92,7 +92,7 @@ void set_cycle(Summary& summary, const FoundCycle& found) {
   // deviations that are alike in every cell; whether all decay is known where there are no others, or one grows
   const bool alike = growth_rate(cycle) < 0;
   summary.set("stable_alike", alike);
-  if (!found.waves || !alike) summary.set("stable", alike);
+  if (found.alone || !alike) summary.set("stable", alike);
 }
 
 void describe(Summary& summary, const FoundCycle& found) {
@@ -108,9 +108,9 @@ void describe(Summary& summary, const FoundCycle& found) {
     return;
   }
   const std::complex<double> largest = cycle.multipliers[cycle.phase_mode == 0 ? 1 : 0];
-  summary.say(std::string("deviations") + (found.waves ? " alike in every cell: " : ": ") +
+  summary.say(std::string("deviations") + (found.alone ? ": " : " alike in every cell: ") +
               (growth_rate(cycle) < 0 ? "stable" : "not stable") + ", largest multiplier " + shown(largest) +
-              (found.waves ? " (-cycle_spectrum asks about waves)" : ""));
+              (found.alone ? "" : " (-cycle_spectrum asks about waves)"));
 }
 
 void add_spectrum(Summary& summary, ResultFile& file, const BlochSpectrum& spectrum) {

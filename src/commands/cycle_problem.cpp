@@ -21,6 +21,8 @@ constexpr int wavenumbers_of_branch = 50;
 
 bool has_neighbours(const Options& options) { return options.integer("cycle_cell") > 0; }
 
+bool alone(const Options& options, const Scene& cell) { return !has_neighbours(options) || !(cell.K1() > 0); }
+
 bool one_node(const Scene& cell) { return cell.n == 1; }
 
 // The start of the cell as a vector of all its nodes.
@@ -61,7 +63,7 @@ FoundCycle smooth(const Options& options, const Scene& cell) {
   const auto found = std::make_shared<const SmoothCycle>(
       one_node(cell) && has_neighbours(options) ? uniform_cycle(cell)
                                                 : settled_cycle(cell, start_of(options, cell), turns_to_settle));
-  FoundCycle result{found->cycle, positions(cell), found->mesh.size() - 1, nullptr, nullptr};
+  FoundCycle result{found->cycle, positions(cell), found->mesh.size() - 1, nullptr, alone(options, cell), nullptr};
   if (has_neighbours(options)) result.waves = [found](int count) { return bloch_spectrum(*found, count); };
   result.branch = [options, found](const std::string& name, double to, int steps, bool with_waves) {
     return smooth_branch(options, *found, name, to, steps, with_waves);
@@ -75,7 +77,7 @@ FoundCycle sticking(const Options& options, const Scene& cell) {
   if (fate.fate != Fate::repeats)
     throw Failure("no cycle with rests: the motion " + to_string(fate.fate) + " (looked at for a time of " +
                   rounded_text(fate.time) + ")");
-  FoundCycle result{described(cell, fate.cycle), positions(cell), 0, nullptr, nullptr};
+  FoundCycle result{described(cell, fate.cycle), positions(cell), 0, nullptr, alone(options, cell), nullptr};
   if (uniform)
     result.waves = [cell, cycle = result.cycle, stick = fate.cycle](int count) {
       const WaveMap map{[&](double kappa2) { return wave_multipliers(cell, stick, cell.K1() * kappa2); }, nullptr, 0};

@@ -25,6 +25,7 @@ struct FoundCycle {
   std::vector<double> x;                       // positions of its nodes
   std::size_t mesh_intervals = 0;              // of collocation; 0 where it has none
   std::function<BlochSpectrum(int)> waves;     // of so many wavenumbers; empty where the cell has no neighbours
+  bool alone = false;                          // no neighbours, or none that it feels
   std::function<CycleBranch(const std::string& name, double to, int steps, bool with_waves)> branch;
 };
 

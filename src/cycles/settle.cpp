@@ -111,6 +111,7 @@ class Settling {
   bool passes(const Sample& a, const Sample& b) const { return a.y[section_] < level_ && b.y[section_] >= level_; }
   Passage passage(const Sample& a, const Sample& b) const;
   double distance(const Passage& a, const Passage& b) const;
+  [[noreturn]] void dies_out() const;
   bool attempt(size_t back, SmoothCycle& found);
 
   const Scene& cell_;
@@ -186,6 +187,14 @@ bool Settling::attempt(size_t back, SmoothCycle& found) {
   return found.cycle.amplitude > 1e-6 * (1 + std::abs(cell_.v)) && std::abs(found.cycle.period / period - 1) < .1;
 }
 
+// What became of a motion that oscillates no more.
+void Settling::dies_out() const {
+  const double psi = samples_.back().y[section_];
+  const bool slides = std::abs(psi) > 1e-2 * std::abs(cell_.v);
+  throw Failure("no cycle: the motion from the start " +
+                (slides ? "settles on steady sliding" : "comes to rest, psi " + rounded_text(psi, 2)));
+}
+
 SmoothCycle Settling::cycle(int turns) {
   choose_section();
   const double small = 1e-7 * (1 + std::abs(cell_.v));
@@ -194,8 +203,7 @@ SmoothCycle Settling::cycle(int turns) {
   for (int count = 0; count < turns;) {
     samples_.push_back(motion_.step());
     const Sample &a = samples_[samples_.size() - 2], &b = samples_.back();
-    if (b.t > end)
-      throw Failure("no cycle: the motion from the start comes to rest or slides, and does not pass its mean velocity again");
+    if (b.t > end) dies_out();
     if (!passes(a, b)) continue;
     ++count;
     end = b.t + 20 * std::max(turn(), passages_.empty() ? 0. : b.t - passages_.back().t);
@@ -207,7 +215,7 @@ SmoothCycle Settling::cycle(int turns) {
       low = std::min(low, s.y[section_]);
       high = std::max(high, s.y[section_]);
     }
-    if (passages_.size() > 1 && high - low < small) throw Failure("no cycle: the motion from the start settles on steady sliding");
+    if (passages_.size() > 1 && high - low < small) dies_out();
     for (size_t back = 1; back < passages_.size(); ++back) {
       const double returned = distance(passages_.back(), passages_[passages_.size() - 1 - back]);
       best = std::min(best, returned);

@@ -12,6 +12,7 @@ CALLS = {
     "spectrum": "-grid_n 8",
     "boundary": "-grid_n 8 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5",
     "wave": "-model_delta 0 -model_v 0.5 -wave_pulses 1 -wave_length 25 -wave_spectrum -wave_continue model_v -wave_to 0.51 -wave_steps 2",
+    "cycle": "-cycle_continue model_v -cycle_to 0.25 -cycle_steps 3",
     "chart": "-grid_n 16 -grid_length 20 -ts_max_time 0.1 -chart_methods rk:3bs -chart_tolerances 1e-3 -chart_orders 2 "
              "-chart_grids 16 -chart_repeats 1",
     "laws": "",
