@@ -15,9 +15,9 @@ namespace stickslip {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double longest_part = 0.4;     // times the fastest rate: a wave then grows falsely by 2e-6 of its frequency
+constexpr double longest_part = 0.3;     // times the fastest rate: a wave then grows falsely by 7e-7 of its frequency
 constexpr double most_parts = 1e6;       // of one step
-constexpr int parts_between = 16;        // orthonormalisations: vectors come closer by exp(-0.4 * 16) at most or so
+constexpr int parts_between = 16;        // orthonormalisations: vectors come closer by exp(-0.3 * 16) at most or so
 constexpr double vanished = 1e-11;       // of the length before a jump: what is left is round-off
 constexpr double well_apart = 1e-6;      // squared part of a vector that is its own: Cholesky's loses 1e-10 at most
 

@@ -58,7 +58,7 @@ void LyapunovExponents::plan(ObservationPlan& plan) {
 
 void LyapunovExponents::step(const ObservedStep& step) {
   if (step.index == 0 || step.t == step.t_before) return;
-  if (!measuring_ && step.t_before >= from_) {
+  if (!measuring_ && step.t > from_) {
     measuring_ = true;
     tangents_.renew();
   }
