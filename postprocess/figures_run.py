@@ -4,6 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures import COLOURS, draw_nullclines, legend_below, legend_beside, set_title
+from figures_chaos import draw_lyapunov
 from stickslip import SYMBOL, Unusable, differing, label, options, scene_title, text, told_apart
 
 
@@ -317,7 +318,7 @@ def movie(file, args, output):
 
 
 RUN_PICTURES = {"xt": draw_xt, "profile": draw_profile, "phase": draw_phase, "probes": draw_probes,
-                "series": draw_series, "catalogue": draw_catalogue}
+                "series": draw_series, "catalogue": draw_catalogue, "lyapunov": draw_lyapunov}
 
 
 def draw_run(file, args):

@@ -12,6 +12,7 @@ The kind of the file decides what is drawn; for the file of a run, WHAT is one o
     probes     psi and eta of the probes against time
     series     means, extremes, steps, ... against time
     catalogue  slip events (out_events); events.py fits them and compares several
+    lyapunov   Lyapunov exponents (lyapunov_count): how each settles, and all of them with their errors
 The default is the catalogue where there is one, else xt. Several runs, stability diagrams or spectra are drawn over
 each other; runs as series, --profile or --phase.
 """
@@ -73,7 +74,7 @@ def main(arguments=None):
     parser.add_argument("files", metavar="FILE", nargs="+", help="HDF5 file that stickslip wrote")
     parser.add_argument("-o", "--output", metavar="OUT.png", help="default: FILE with .png (and -WHAT before it)")
     parser.add_argument("--what", choices=sorted(RUN_PICTURES), help="picture of a run")
-    for name in ("profile", "phase", "probes", "series", "catalogue"):
+    for name in ("profile", "phase", "probes", "series", "catalogue", "lyapunov"):
         parser.add_argument("--" + name, dest="what", action="store_const", const=name, help=f"short for --what {name}")
     parser.add_argument("--movie", action="store_true", help="of a run, as GIF (-o OUT.mp4: MP4, by ffmpeg)")
     parser.add_argument("--field", metavar="NAME", help="xt: field to draw (psi)")

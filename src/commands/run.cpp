@@ -10,6 +10,7 @@
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/study/accuracy.hpp"
+#include "study/lyapunov.hpp"
 
 namespace stickslip {
 
@@ -117,7 +118,8 @@ int run_command(const Options& asked) {
   for (const std::string& key : quantity_keys()) keys.push_back(key);
   for (const char* key : {"probes", "regime", "regime_rate", "growth_rate", "growth_rate_reason", "time_to_decide",
                           "amplitude", "wave_speed", "pulses", "measured_over", "stopped_at", "error_estimate", "events",
-                          "events_per_s", "lyapunov", "lyapunov_dimension", "lyapunov_divergence", "accuracy"})
+                          "events_per_s", "lyapunov", "lyapunov_largest", "lyapunov_largest_error", "lyapunov_dimension",
+                          "lyapunov_dimension_error", "lyapunov_divergence", "accuracy"})
     keys.push_back(key);
   Summary summary(provenance, keys, options.text("summary"));
   return with_summary(summary, [&] {
@@ -132,6 +134,7 @@ int run_command(const Options& asked) {
                          : Run(options, provenance).advance(summary);
     summary.say(motion_words(summary));
     summary.say(work_words(summary));
+    if (const std::string text = lyapunov_words(summary); !text.empty()) summary.say(text);
     if (!summary.is_null("events") && options.is_set("out_file"))
       summary.say(summary.get("events").dump() + " slip events; to see them: " + script_call("events") + " " +
                   options.text("out_file"));

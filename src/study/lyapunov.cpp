@@ -116,11 +116,35 @@ void LyapunovExponents::summarise(Summary& summary, Vec u) {
   for (const Estimate& e : exponents)
     list.push_back(Json::object({{"value", number(e.value)}, {"error", number(e.error)}}));
   summary.set("lyapunov", list);
-  if (const auto dimension = kaplan_yorke(exponents, std::size_t(model_.unknowns())))
-    summary.set("lyapunov_dimension", Json::object({{"value", dimension->value}, {"error", number(dimension->error)}}));
+  summary.set("lyapunov_largest", number(exponents[0].value));
+  summary.set("lyapunov_largest_error", number(exponents[0].error));
+  if (const auto dimension = kaplan_yorke(exponents, std::size_t(model_.unknowns()))) {
+    summary.set("lyapunov_dimension", dimension->value);
+    summary.set("lyapunov_dimension_error", number(dimension->error));
+  }
   if (tangents_.has_rested()) return;
   summary.set("lyapunov_divergence", divergence);
   if (PetscInt(count_) == model_.unknowns()) check_sum(exponents, divergence);
+}
+
+std::string lyapunov_words(const Summary& summary) {
+  const Json& list = summary.get("lyapunov");
+  if (list.is_null()) return "";
+  std::string text;
+  const std::size_t most = 4;  // of a longer list
+  for (std::size_t k = 0; k < std::min(list.size(), most); ++k) {
+    const Json &value = list[k]["value"], &error = list[k]["error"];
+    text += (k ? ", " : "Lyapunov exponents ") +
+            (value.is_null() ? "-infinity" : rounded_text(value.get<double>(), 3)) +
+            (error.is_null() ? "" : " +- " + rounded_text(error.get<double>(), 1));
+  }
+  if (list.size() > most) text += ", ... (" + std::to_string(list.size()) + " in all)";
+  const Json &first = list[0]["value"], &its_error = list[0]["error"];
+  if (!first.is_null() && !its_error.is_null() && first.get<double>() > 3 * its_error.get<double>())
+    text += ": nearby motions part, twice as far every " + rounded_text(std::log(2) / first.get<double>(), 2);
+  const Json& dimension = summary.get("lyapunov_dimension");
+  if (!dimension.is_null()) text += "; dimension " + rounded_text(dimension.get<double>(), 3);
+  return text;
 }
 
 }  // namespace stickslip

@@ -1,9 +1,10 @@
 // Lyapunov exponents of a run (lyapunov_count): tangent vectors taken along its accepted steps, as an observer. Sets
-// `lyapunov`, `lyapunov_dimension` and `lyapunov_divergence` in the summary and writes the group `lyapunov` of the file.
+// `lyapunov`, `lyapunov_...` in the summary and writes the group `lyapunov` of the file.
 //
 // An exponent is -infinity where nodes that came to rest in the time of the measurement took its direction away.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "stickslip/options/options.hpp"
@@ -36,5 +37,8 @@ class LyapunovExponents : public Observer {
   std::size_t written_ = 0;  // rows
   RunFile* file_ = nullptr;
 };
+
+// A line for a person; "" where nothing was measured.
+std::string lyapunov_words(const Summary& summary);
 
 }  // namespace stickslip
