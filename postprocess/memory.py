@@ -116,7 +116,7 @@ def plate(left, right):
         v = values if name == "model_v" else np.full(len(values), 0.02)
         axes.loglog(values, extremes[:, 0] / v, "^", color="#cc4125", label="largest velocity / v")
         axes.loglog(values, np.maximum(extremes[:, 1] / v, 1e-6), "v", color="#0b5394", label="least velocity / v (from 1e-6)")
-        found = call("boundary", "plate.yaml", "-boundary_parameter", name, "-boundary_from", values[0], "-boundary_to",
+        found = call("boundary", "plate.yaml", "-boundary_of", "sliding", "-boundary_parameter", name, "-boundary_from", values[0], "-boundary_to",
                      values[-1], "-boundary_log")["points"]
         for point in found:
             axes.axvline(point["value"], color="#777777", lw=0.8, ls=":")
@@ -127,7 +127,7 @@ def plate(left, right):
 
 def diagram(axes):
     def curve(*options):
-        points = call("boundary", "memory-diagram.yaml", *options)["points"]
+        points = call("boundary", "memory-diagram.yaml", "-boundary_of", "sliding", *options)["points"]
         points = sorted((p["value2"], p["value"]) for p in points)
         return np.array(points)
 

@@ -1,17 +1,18 @@
-// The command `boundary`: where steady sliding loses stability, in one option or two.
+// The command `boundary`: where steady sliding loses stability, and where the stick-slip beside it ends, in one option or
+// two.
 #include <algorithm>
 #include <cmath>
 
 #include "base/progress.hpp"
+#include "commands/boundary_output.hpp"
 #include "stickslip/stability/boundary.hpp"
+#include "stickslip/study/stick_slip_end.hpp"
 #include "stickslip/study/vary.hpp"
 #include "stickslip/study/verify.hpp"
 #include "stickslip/commands/commands.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/output/field.hpp"
+#include "stickslip/base/json_values.hpp"
 #include "stickslip/output/reader.hpp"
-#include "stickslip/output/result_file.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/summary.hpp"
 
@@ -71,131 +72,6 @@ std::vector<Axis> axes_from(const Options& options) {
   return axes;
 }
 
-// Where sliding is stable along the first axis, and what crosses.
-void describe(Summary& summary, GrowthRate& growth, const std::vector<Crossing>& points) {
-  const Axis& axis = growth.axes()[0];
-  std::string text = "along " + axis.name + " sliding is";
-  double begin = 0;
-  for (std::size_t k = 0; k <= points.size(); ++k) {
-    const double end = k < points.size() ? points[k].x : 1, rate = growth((begin + end) / 2);
-    text += std::string(k == 0 ? "" : ",") + (std::isnan(rate) ? " not there" : rate > 0 ? " unstable" : " stable") +
-            " from " + number_text(axis.value(begin)) + " to " + number_text(axis.value(end));
-    begin = end;
-  }
-  summary.say(text);
-}
-
-void describe_curve(Summary& summary, const GrowthRate& growth, const std::vector<Crossing>& points) {
-  std::string text = "curve of " + std::to_string(points.size()) + " points in " +
-                     std::to_string(1 + std::max_element(points.begin(), points.end(), [](auto& a, auto& b) {
-                                          return a.piece < b.piece;
-                                        })->piece) + " pieces";
-  const auto range = [&](const Axis& axis, double Crossing::*value) {
-    const auto [low, high] = std::minmax_element(points.begin(), points.end(), [=](auto& a, auto& b) {
-      return a.*value < b.*value;
-    });
-    text += ", " + axis.name + " " + rounded_text((*low).*value, 6) + " to " + rounded_text((*high).*value, 6);
-  };
-  range(growth.axes()[0], &Crossing::value);
-  range(growth.axes()[1], &Crossing::value2);
-  summary.say(text);
-}
-
-void describe(Summary& summary, const std::vector<Axis>& axes, const std::vector<Verified>& verified) {
-  for (const Verified& v : verified)
-    summary.say("integrated at " + axes[0].name + " " + rounded_text(v.value, 6) +
-                (axes.size() > 1 ? ", " + axes[1].name + " " + rounded_text(v.value2, 6) : "") + ": from sliding to " +
-                v.from_sliding + ", from stick-slip to " + v.from_stick_slip + "; the growth rate " +
-                rounded_text(v.growth) + " says " + v.expected);
-}
-
-// What the criticality of the points says, and where it changes.
-void describe_criticality(Summary& summary, const std::vector<Axis>& axes, const std::vector<Crossing>& points,
-                          const std::vector<SpecialPoint>& special) {
-  const auto count = [&](const std::string& word) {
-    return std::count_if(points.begin(), points.end(), [&](auto& c) { return c.criticality.word() == word; });
-  };
-  const auto all = long(points.size()), up = count("supercritical"), down = count("subcritical");
-  const auto share = [&](long n) { return n == all ? std::string() : "at " + std::to_string(n) + " of " +
-                                                                         std::to_string(all) + " points "; };
-  if (up > 0) summary.say(share(up) + "stick-slip grows out of sliding (supercritical)");
-  if (down > 0) summary.say(share(down) + "sliding loses to stick-slip by a jump (subcritical): both live beside the boundary");
-  if (std::any_of(points.begin(), points.end(), [](auto& c) { return c.degenerate && c.criticality.known(); }))
-    summary.say("many modes cross at once; the criticality is that of the longest, taken alone");
-  for (const SpecialPoint& p : special)
-    summary.say("the criticality changes (" + p.kind + " point) at " + axes[0].name + " " +
-                rounded_text(p.at.value, 10) + ", " + axes[1].name + " " + rounded_text(p.at.value2, 10));
-}
-
-std::string at_ends(GrowthRate& growth) {
-  const Axis& axis = growth.axes()[0];
-  return "growth rate " + number_text(growth(0)) + " at " + axis.name + " " + number_text(axis.from) + ", " +
-         number_text(growth(1)) + " at " + number_text(axis.to);
-}
-
-Json number_or_null(double x) { return std::isnan(x) ? Json() : Json(x); }
-Json text_or_null(const std::string& text) { return text.empty() ? Json() : Json(text); }
-
-Json point_list(const std::vector<Crossing>& points, bool two) {
-  Json list = Json::array();
-  for (const Crossing& c : points)
-    list.push_back(Json::object({{"value", c.value},
-                                 {"value2", two ? Json(c.value2) : Json()},
-                                 {"frequency", c.frequency},
-                                 {"wavenumber", c.wavenumber},
-                                 {"degenerate", c.degenerate},
-                                 {"residual", c.residual},
-                                 {"error", c.error},
-                                 {"error2", two ? Json(c.error2) : Json()},
-                                 {"kind", c.kind},
-                                 {"criticality", text_or_null(c.criticality.word())},
-                                 {"lyapunov_coefficient", number_or_null(c.criticality.coefficient)},
-                                 {"lyapunov_of", text_or_null(c.criticality.of)},
-                                 {"lyapunov_travelling", number_or_null(c.criticality.travelling)},
-                                 {"lyapunov_standing", number_or_null(c.criticality.standing)},
-                                 {"criticality_unknown", text_or_null(c.criticality.why_not)},
-                                 {"growth_rate", c.growth},
-                                 {"piece", c.piece},
-                                 {"switched", c.switched},
-                                 {"complete", c.complete ? Json(*c.complete) : Json()}}));
-  return list;
-}
-
-Json special_list(const std::vector<SpecialPoint>& points) {
-  Json list = Json::array();
-  for (const SpecialPoint& p : points)
-    list.push_back(Json::object({{"kind", p.kind},
-                                 {"value", p.at.value},
-                                 {"value2", p.at.value2},
-                                 {"frequency", p.at.frequency},
-                                 {"wavenumber", p.at.wavenumber},
-                                 {"piece", p.at.piece}}));
-  return list;
-}
-
-// The plate velocity of each point in closed form, NaN where there is none or no axis is model_v.
-std::vector<double> closed_forms(GrowthRate& growth, const std::vector<Crossing>& points) {
-  std::vector<double> v;
-  for (const Crossing& c : points) {
-    const Scene scene = growth.scene(c.x, c.y);
-    v.push_back(closed_form_velocity(scene).value_or(std::nan("")) * (scene.v < 0 ? -1 : 1));
-  }
-  return v;
-}
-
-Json verified_list(const std::vector<Verified>& verified, bool two) {
-  Json list = Json::array();
-  for (const Verified& v : verified)
-    list.push_back(Json::object({{"value", v.value},
-                                 {"value2", two ? Json(v.value2) : Json()},
-                                 {"growth_rate", v.growth},
-                                 {"expected", v.expected},
-                                 {"from_sliding", v.from_sliding},
-                                 {"from_stick_slip", v.from_stick_slip},
-                                 {"regime", v.regime}}));
-  return list;
-}
-
 // A method that damps, with steps so long that it makes a growing mode decay: backward Euler does when
 // dt > 2 Re(lambda)/|lambda|^2. The checks use a method of their own; the user's runs would not.
 void warn_of_damping(const Options& options, const std::vector<Verified>& verified,
@@ -217,134 +93,38 @@ void warn_of_damping(const Options& options, const std::vector<Verified>& verifi
   }
 }
 
-// Criticality of every point, and the special points of a curve.
-void add_criticality(ResultFile& file, const std::vector<Crossing>& points, const std::vector<SpecialPoint>& special,
-                     const std::string& unit, const std::string& unit2) {
-  std::vector<std::string> words, of;
-  std::vector<double> coefficient, value, value2;
-  for (const Crossing& c : points) {
-    words.push_back(c.criticality.word());
-    of.push_back(c.criticality.of);
-    coefficient.push_back(c.criticality.coefficient);
-  }
-  file.add_text({"criticality", "1", "supercritical or subcritical; empty where it is not known"}, {"point"}, words);
-  file.add({"lyapunov_coefficient", "1/(time velocity^2)", "l of da/dt = growth a + l a^3, a: amplitude of psi"},
-           {"point"}, coefficient);
-  file.add_text({"lyapunov_of", "1", "the oscillation that it belongs to"}, {"point"}, of);
-  if (special.empty()) return;
-  std::vector<std::string> kinds;
-  for (const SpecialPoint& p : special) {
-    kinds.push_back(p.kind);
-    value.push_back(p.at.value);
-    value2.push_back(p.at.value2);
-  }
-  file.add({"special/value", unit, "value"}, {"special/point"}, value);
-  file.add({"special/value2", unit2, "value2"}, {"special/point"}, value2);
-  file.add_text({"special/kind", "1", "bautin: the criticality changes"}, {"special/point"}, kinds);
-}
-
-void write_file(const Options& options, GrowthRate& growth, const std::vector<Crossing>& points,
-                const std::vector<Verified>& verified, const BoundaryFindings& findings, const Provenance& provenance) {
-  const Samples& samples = findings.samples;
-  ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
-  if (options.text("out_file").empty()) return;
-  const bool two = growth.axes().size() > 1;
-  std::vector<double> number(points.size());
-  for (std::size_t k = 0; k < number.size(); ++k) number[k] = double(k);
-  file.attribute("parameter", growth.axes()[0].name);
-  file.attribute("log", growth.axes()[0].logarithmic ? 1. : 0.);
-  if (two) {
-    file.attribute("parameter2", growth.axes()[1].name);
-    file.attribute("log2", growth.axes()[1].logarithmic ? 1. : 0.);
-  }
-  file.scale({"point", "1", "number of the point"}, number);
-  const auto add = [&](const Field& field, const auto& value) {
-    std::vector<double> values;
-    for (const Crossing& c : points) values.push_back(value(c));
-    file.add(field, {"point"}, values);
-  };
-  const auto unit = [](const Axis& axis) { return find_option(axis.name)->unit; };
-  add({"value", unit(growth.axes()[0]), growth.axes()[0].name}, [](const Crossing& c) { return c.value; });
-  if (two) add({"value2", unit(growth.axes()[1]), growth.axes()[1].name}, [](const Crossing& c) { return c.value2; });
-  add({"frequency", "1/time", "frequency of the critical mode"}, [](const Crossing& c) { return c.frequency; });
-  add({"wavenumber", "1/length", "wavenumber of the critical mode"}, [](const Crossing& c) { return c.wavenumber; });
-  add({"degenerate", "1", "1 where many modes cross at once"}, [](const Crossing& c) { return double(c.degenerate); });
-  add({"residual", "1/time", "|J x - lambda x|/|x|"}, [](const Crossing& c) { return c.residual; });
-  const std::string grid = "change of it on a grid of half the spacing";
-  add({"error", unit(growth.axes()[0]), "value: " + grid}, [](const Crossing& c) { return c.error; });
-  if (two) add({"error2", unit(growth.axes()[1]), "value2: " + grid}, [](const Crossing& c) { return c.error2; });
-  add({"piece", "1", "piece of the curve"}, [](const Crossing& c) { return double(c.piece); });
-  add({"switched", "1", "1 where another mode leads than before"},
-      [](const Crossing& c) { return double(c.switched); });
-  std::vector<std::string> kinds;
-  for (const Crossing& c : points) kinds.push_back(c.kind);
-  file.add_text({"kind", "1", "hopf or zero"}, {"point"}, kinds);
-  add_criticality(file, points, findings.special, unit(growth.axes()[0]), two ? unit(growth.axes()[1]) : "");
-  file.add({"closed_form_v", "length/time", "model_v of the boundary in closed form"}, {"point"},
-           closed_forms(growth, points));
-
-  if (!verified.empty()) {
-    std::vector<double> count(verified.size());
-    std::vector<std::string> regimes;
-    for (std::size_t k = 0; k < count.size(); ++k) count[k] = double(k);
-    file.scale({"check", "1", "number of the check"}, count);
-    const auto of_checks = [&](const Field& field, double Verified::*member) {
-      std::vector<double> values;
-      for (const Verified& v : verified) values.push_back(v.*member);
-      file.add(field, {"check"}, values);
-    };
-    of_checks({"verified/value", unit(growth.axes()[0]), growth.axes()[0].name}, &Verified::value);
-    if (two) of_checks({"verified/value2", unit(growth.axes()[1]), growth.axes()[1].name}, &Verified::value2);
-    of_checks({"verified/growth", "1/time", "growth rate"}, &Verified::growth);
-    for (const Verified& v : verified) regimes.push_back(v.regime);
-    file.add_text({"verified/regime", "1", "regime reached in time"}, {"check"}, regimes);
-  }
-
-  const auto sample_axis = [&](const Axis& axis) {
-    std::vector<double> values;
-    for (int i = 0; i < samples.side; ++i) values.push_back(axis.value(double(i) / (samples.side - 1)));
-    return values;
-  };
-  file.scale({"sample", unit(growth.axes()[0]), growth.axes()[0].name}, sample_axis(growth.axes()[0]));
-  if (two) file.scale({"sample2", unit(growth.axes()[1]), growth.axes()[1].name}, sample_axis(growth.axes()[1]));
-  file.add({"growth", "1/time", "growth rate"},
-           two ? std::vector<std::string>{"sample2", "sample"} : std::vector<std::string>{"sample"}, samples.growth);
-  file.write();
-}
-
-// Checks of some points by time integration, and what they say that the linear answer does not.
-std::vector<Verified> verify(GrowthRate& growth, const Options& options, const std::vector<Crossing>& points,
-                             Progress& progress) {
+// Checks of some points by time integration, and what they say that the points do not.
+void verify(GrowthRate& growth, StickSlipEnd& end, const Options& options, FoundBoundary& found, Progress& progress) {
   const PetscInt checks = options.integer("boundary_verify");
-  if (checks == 0) return {};
+  if (checks == 0) return;
   growth.watch(nullptr);
+  end.watch(nullptr);
   progress.restart_clock();
-  const auto verified = verify_boundary(growth, options, points, checks, [&](std::size_t number, std::size_t all) {
+  const auto shown = [&](std::size_t number, std::size_t all) {
     if (progress.due())
       progress.show("check " + std::to_string(number + 1) + " of " + std::to_string(all) + " in time" +
                     progress.left(double(number) / double(all)));
-  });
-  warn_of_damping(options, verified, points);
-  for (const Verified& v : verified)
+  };
+  found.verified = verify_boundary(growth, options, found.sliding, checks, shown);
+  warn_of_damping(options, found.verified, found.sliding);
+  const auto at = [&](const Verified& v) { return growth.axes()[0].name + " " + number_text(v.value); };
+  for (const Verified& v : found.verified)
     if (v.from_sliding != v.expected)
-      warn("time integration from slightly perturbed sliding at " + growth.axes()[0].name + " " + number_text(v.value) +
-           " ends in " + v.from_sliding + " where the growth rate " + number_text(v.growth) + " says " + v.expected);
-  return verified;
-}
-
-void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& points) {
-  for (const Crossing& c : points) {
-    std::string line = axes[0].name + " " + number_text(c.value);
-    if (axes.size() > 1) line += "  " + axes[1].name + " " + number_text(c.value2);
-    line += "  " + c.kind + ", " + (c.criticality.known() ? c.criticality.word() + ", " : "");
-    if (std::isfinite(c.wavenumber))
-      line += "frequency " + number_text(c.frequency) + ", wavenumber " + number_text(c.wavenumber);
-    else
-      line += "the limit of short waves";
-    SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s\n", line.c_str()));
+      warn("time integration from slightly perturbed sliding at " + at(v) + " ends in " + v.from_sliding +
+           " where the growth rate " + number_text(v.growth) + " says " + v.expected);
+  for (const Verified& v : verify_end(growth, end, options, found.stick_slip, checks, shown)) {
+    if (v.from_stick_slip != v.expected)
+      warn("time integration of uniform motion from rest at " + at(v) + " ends in " + v.from_stick_slip +
+           " where the end of stick-slip says " + v.expected);
+    found.verified.push_back(v);
   }
 }
 
+std::string at_ends(GrowthRate& growth) {
+  const Axis& axis = growth.axes()[0];
+  return "growth rate " + number_text(growth(0)) + " at " + axis.name + " " + number_text(axis.from) + ", " +
+         number_text(growth(1)) + " at " + number_text(axis.to);
+}
 [[noreturn]] void fail_without_points(GrowthRate& growth, const Samples& samples) {
   const Axis& axis = growth.axes()[0];
   if (growth.axes().size() == 1) {
@@ -365,36 +145,74 @@ void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& po
                 number_text(*high));
 }
 
-int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, const Provenance& provenance) {
+// Throws Failure where sliding has no point.
+void find_sliding(const Options& options, GrowthRate& growth, FoundBoundary& found) {
+  const bool two = growth.axes().size() > 1;
+  if (!two && !growth.enters())
+    throw Failure("-boundary_parameter " + growth.axes()[0].name + ": does not enter this scene: " + at_ends(growth));
+  found.sliding = two ? boundary_curve(growth, options.integer("boundary_points"), found.findings)
+                      : boundary_points(growth, found.findings);
+  if (std::any_of(found.sliding.begin(), found.sliding.end(), [](const Crossing& c) { return c.complete && !*c.complete; }))
+    warn("modes that were not followed grow already on the boundary found (points with `complete` false): "
+         "it lies further on the stable side there");
+  if (found.sliding.empty()) fail_without_points(growth, found.findings.samples);
+}
+
+void find_stick_slip(const Options& options, StickSlipEnd& end, bool two, FoundBoundary& found) {
+  std::vector<std::string>& notes = found.findings.notes;
+  found.stick_slip = two ? end.curve(options.integer("boundary_points"), notes) : end.points(notes);
+  found.distances = end.samples();
+}
+
+// Whose end is asked for: sliding's, stick-slip's. Stick-slip's is left out where it was not asked for by name and the scene
+// has none of the kind that is solved for.
+struct Asked {
+  bool sliding, stick_slip;
+};
+Asked asked_for(const Options& options, const Scene& scene) {
+  const std::string of = options.text("boundary_of"), refusal = StickSlipEnd::refusal(scene);
+  if (of == "sliding") return {true, false};
+  if (!refusal.empty() && options.is_set("boundary_of"))
+    throw UsageError("-boundary_of " + of + ": needs uniform motion of friction that sticks: " + refusal);
+  return {of == "both", refusal.empty()};
+}
+
+int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, const Provenance& provenance,
+                  const Asked& asked) {
   const bool two = growth.axes().size() > 1;
   Progress progress(options.text("progress"), "boundary: ");
+  StickSlipEnd end(scene_of(options, growth.axes()), growth.axes());
   growth.watch([&] {
     if (progress.due()) progress.show(std::to_string(growth.evaluations()) + " growth rates");
   });
-  if (!two && !growth.enters())
-    throw Failure("-boundary_parameter " + growth.axes()[0].name + ": does not enter this scene: " + at_ends(growth));
-  BoundaryFindings findings;
-  const std::vector<Crossing> points = two ? boundary_curve(growth, options.integer("boundary_points"), findings)
-                                           : boundary_points(growth, findings);
+  end.watch([&] {
+    if (progress.due()) progress.show(std::to_string(end.evaluations()) + " stick-slip motions");
+  });
+  FoundBoundary found;
+  std::string no_sliding;
+  try {
+    if (asked.sliding) find_sliding(options, growth, found);
+  } catch (const Failure& failure) {
+    if (!asked.stick_slip) throw;
+    no_sliding = failure.what();
+  }
   check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
+  if (asked.stick_slip) find_stick_slip(options, end, two, found);
+  const std::vector<Crossing> points = found.points();
   summary.set("points", point_list(points, two));
-  if (two) summary.set("meetings", point_list(findings.meetings, two));
-  if (two) summary.set("special", special_list(findings.special));
-  summary.set("notes", findings.notes);
-  summary.set("evaluations", growth.evaluations());
-  for (const std::string& note : findings.notes) warn(note);
-  if (std::any_of(points.begin(), points.end(), [](const Crossing& c) { return c.complete && !*c.complete; }))
-    warn("modes that were not followed grow already on the boundary found (points with `complete` false): "
-         "it lies further on the stable side there");
-  if (points.empty()) fail_without_points(growth, findings.samples);
-  const std::vector<Verified> verified = verify(growth, options, points, progress);
-  if (options.integer("boundary_verify") > 0) summary.set("verified", verified_list(verified, two));
-  write_file(options, growth, points, verified, findings, provenance);
+  if (two) summary.set("meetings", point_list(found.findings.meetings, two));
+  if (two) summary.set("special", special_list(found.findings.special));
+  summary.set("notes", found.findings.notes);
+  summary.set("evaluations", growth.evaluations() + end.evaluations());
+  for (const std::string& note : found.findings.notes) warn(note);
+  if (points.empty())
+    throw Failure(!no_sliding.empty() ? no_sliding : "uniform stick-slip does not end between the bounds of the axes");
+  if (!no_sliding.empty()) summary.say(no_sliding);
+  verify(growth, end, options, found, progress);
+  if (options.integer("boundary_verify") > 0) summary.set("verified", verified_list(found.verified, two));
+  write_file(options, growth, found, provenance);
   if (options.text("summary") != "-") print_points(growth.axes(), points);
-  describe_criticality(summary, growth.axes(), points, findings.special);
-  if (two) describe_curve(summary, growth, points);
-  else describe(summary, growth, points);
-  describe(summary, growth.axes(), verified);
+  describe(summary, growth, found);
   return 0;
 }
 
@@ -416,11 +234,12 @@ int boundary_command(const Options& options) {
     foreign = error.what();
     growth.emplace(varied({}));
   }
+  const Asked asked = asked_for(options, growth->scene(0.5, 0.5));
   return with_summary(summary, [&] {
     if (!foreign.empty())
       throw Failure("-boundary_parameter " + axes[0].name + ": does not enter this scene (" + foreign +
                     "): growth rate " + number_text((*growth)(0)) + " at both ends");
-    return find_boundary(options, *growth, summary, provenance);
+    return find_boundary(options, *growth, summary, provenance, asked);
   });
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <deque>
 #include <map>
+#include <memory>
 #include <optional>
 
 #include "cycles/stick_lap.hpp"
@@ -36,7 +37,7 @@ class Following {
       now_ = u[node * m_.dof()];
       if (++turns_ == 1) first_ = now_;
     };
-    for (long round = 0, releases = 0; releases < 50L * patience_; ++round) {
+    for (long releases = 0, next_try = 0; releases < 50L * patience_;) {
       const std::vector<Change> changes = m_.advance(p, p.t + turn_, nullptr, turned);
       if (p.t == StickMotion::never) return {Fate::stuck, {}, 0};
       if (changes.empty()) {
@@ -47,8 +48,10 @@ class Following {
       }
       quiet_ = turns_ = 0;
       for (const Change& c : changes)
-        if (c.before == 0 && ++releases && repeats(c, p))
+        if (c.before == 0 && ++releases && repeats(c, p) && releases >= next_try) {
           if (const std::optional<StickCycle> found = cycle(c, p)) return {Fate::repeats, *found, p.t};
+          next_try = releases + releases / 2;  // what only seems to repeat (beside a fold, say) does so for long
+        }
     }
     return ended(p, Fate::wanders);
   }
@@ -56,7 +59,7 @@ class Following {
  private:
   StickFate ended(const Standing& p, Fate fate) const {
     StickFate result{fate, {}, p.t};
-    result.cycle.depth = turns_ == 0 ? std::abs(m_.scene().v) : std::abs(first_);
+    result.cycle.clearance = turns_ == 0 ? std::abs(m_.scene().v) : std::abs(first_);
     return result;
   }
 
@@ -154,28 +157,84 @@ StickFate stick_fate(const Scene& scene, const std::vector<double>& start, int p
   return Following(motion, patience)(start);
 }
 
+namespace {
+
+bool never_slips(const Scene& s) { return s.v == 0 || (s.v < 0 && !s.friction.back_slip); }
+
+// Right before the release of one node that has rested for `cycles` times of loading and of healing since it slid at v.
+std::vector<double> after_rest(const StickMotion& m, double cycles) {
+  const Scene& s = m.scene();
+  std::vector<double> u(m.size(), 0.);
+  if (m.dof() == 3) {
+    const std::shared_ptr<const Friction> law = Friction::of(s.friction);
+    u[2] = law->steady_state(s.v);
+    const double load = m.threshold(0, u.data()) / (s.K0() * std::abs(s.v));
+    u[2] = law->state_at_rest(u[2], cycles * (load + law->time_at_rest(u[2])));
+  }
+  u[1] = (s.v < 0 ? -1 : 1) * m.threshold(0, u.data());
+  return u;
+}
+constexpr double long_rest = 20, short_rest = 0.5;  // in those times
+constexpr int most_rounds = 45;  // settled by then, but for the last millionth of the way to a fold
+
+}  // namespace
+
 StickFate uniform_stick_fate(const Scene& s) {
   const StickMotion motion(s);
-  if (s.v == 0 || (s.v < 0 && !s.friction.back_slip)) return {Fate::stuck, {}, 0};
-  const double side = s.v < 0 ? -1 : 1;
-  std::vector<double> u(motion.size(), 0.);
-  if (motion.dof() == 2) {
-    u[1] = side * motion.threshold(0, u.data());
-    return Following(motion, 400)(u);
-  }
-  // From the release after a rest of many cycles, and if that slips to sliding, from fresh contacts.
-  const std::shared_ptr<const Friction> law = Friction::of(s.friction);
-  u[2] = law->steady_state(s.v);
-  const std::vector<double> fresh(u);
-  const double load = motion.threshold(0, u.data()) / (s.K0() * std::abs(s.v));
-  u[2] = law->state_at_rest(u[2], 20 * (load + law->time_at_rest(u[2])));
-  u[1] = side * motion.threshold(0, u.data());
-  const StickFate strong = Following(motion, 400)(u);
-  if (strong.fate == Fate::repeats) return strong;
-  const StickFate weak = Following(motion, 400)(fresh);
+  if (never_slips(s)) return {Fate::stuck, {}, 0};
+  const StickFate strong = Following(motion, 400)(after_rest(motion, long_rest));
+  if (strong.fate == Fate::repeats || motion.dof() == 2) return strong;
+  const StickFate weak = Following(motion, 400)(after_rest(motion, short_rest));
   return weak.fate == Fate::repeats ? weak : strong;
 }
 
+namespace {
+
+Grazing grazing_of(const Lap& once) {
+  return {std::isfinite(once.clearance) ? once.clearance : once.depth, once.period};
+}
+
+}  // namespace
+
+Grazing distance_from_graze(const Scene& s) {
+  if (never_slips(s)) return {std::nan(""), 0};
+  StickMotion motion(s);
+  motion.stop_at_turns();
+  StickCycle c;
+  c.side = s.v < 0 ? -1 : 1;
+  c.start = after_rest(motion, long_rest);
+  double before = 0;  // the state at the last release but one
+  try {
+    for (int round = 0; round < most_rounds; ++round) {
+      LapWishes wishes;
+      wishes.turns = motion.dof() == 2;
+      const Lap once = lap(motion, c, wishes);
+      const double now = once.at.u.back(), last = c.start.back();
+      if (motion.dof() == 2) return grazing_of(once);
+      c.start = once.at.u;
+      if (std::abs(now - last) < 1e-12 * (1 + std::abs(now))) {
+        wishes.turns = true;
+        return grazing_of(lap(motion, c, wishes));
+      }
+      if (round % 3 == 2) {  // Aitken: the changes go like powers of the map's slope
+        const double slope = (now - last) / (last - before), limit = now + (now - last) * slope / (1 - slope);
+        if (std::abs(slope) < 1 && std::abs(limit - now) < 100 * (1 + std::abs(now))) c.start.back() = limit;
+      }
+      before = last;
+    }
+  } catch (const Failure&) {
+  }
+  return {std::abs(s.v), 0};
+}
+
 StickCycle polish(const Scene& scene, const StickCycle& near) { return polished(StickMotion(scene), near); }
+
+double uniform_multiplier(const Scene& one_node, const StickCycle& cycle) {
+  const StickMotion motion(one_node);
+  const std::vector<double> map = round_matrix(motion, cycle);
+  double trace = 0;
+  for (std::size_t k = 0; k < motion.size(); ++k) trace += map[k * motion.size() + k];
+  return trace - 1;  // the phase has 1, psi, which a rest wipes out, 0
+}
 
 }  // namespace stickslip

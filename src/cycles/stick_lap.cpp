@@ -61,8 +61,9 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
   p.count = p.deviations.size() / m.size();
   const double deepest = -deep * (1 + std::abs(m.scene().v));
   result.depth = deepest;
+  result.clearance = StickMotion::never;
   const auto turned = [&](double, int node, const double* u) {
-    result.depth = std::max(result.depth, std::abs(u[node * m.dof()]));
+    result.clearance = std::min(result.clearance, std::abs(u[node * m.dof()]));
   };
   std::vector<double> rests_since(std::size_t(m.nodes()), -1.);
   for (int i = 0; i < m.nodes(); ++i)
@@ -126,6 +127,7 @@ StickCycle polished(const StickMotion& m, const StickCycle& guess) {
     c.period = round.period;
     c.sequence = round.sequence;
     c.depth = round.depth;
+    c.clearance = round.clearance;
     c.residual = 0;
     for (const std::size_t k : free) c.residual = std::max(c.residual, std::abs(round.at.u[k] - c.start[k]));
     if (n == 0) return c;
@@ -163,6 +165,7 @@ StickCycle polished(const StickMotion& m, const StickCycle& guess) {
   c.period = round.period;
   c.sequence = round.sequence;
   c.depth = round.depth;
+  c.clearance = round.clearance;
   c.residual = 0;
   for (const std::size_t k : free) c.residual = std::max(c.residual, std::abs(round.at.u[k] - c.start[k]));
   return c;

@@ -15,7 +15,7 @@ struct Lap {
   Standing at;           // right after that release, with the deviations that were asked for
   double period = 0;
   std::string sequence;
-  double depth = 0;      // see StickCycle; with `turns`
+  double depth = 0, clearance = 0;  // see StickCycle; depth with `turns`
   std::vector<Rest> rests;
 };
 struct LapWishes {

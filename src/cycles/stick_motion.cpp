@@ -15,7 +15,7 @@ namespace stickslip {
 namespace {
 
 constexpr double close = 1e-12;      // relative: changes this near to each other happen at once, as in runs (stick.hpp)
-constexpr double longest_step = 0.7; // in units of one over the highest frequency: no change comes and goes within it
+constexpr double longest_step = 1.2; // in units of one over the highest frequency: no change comes and goes twice within it
 
 double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
@@ -119,7 +119,7 @@ void StickMotion::decide(Standing& p) const {
     const double limit = threshold(i, p.u.data());
     for (const double side : {1., -1.}) {
       if (side < 0 && !scene_.friction.back_slip) continue;
-      const Candidate c{i, side, true, false};
+      const Candidate c{i, side, true, false, false};
       const double excess = side * p.u[std::size_t(i * dof_ + 1)] - limit;
       if (excess > close * limit || (excess >= 0 && growth(c, p.u.data(), f.data()) > 0)) going = side;
     }
@@ -163,6 +163,17 @@ double StickMotion::locate(const Standing& p, const double* f0, const Candidate&
   if (!turning && low == 0 && !(below < 0))  // begins at its change: the first place where it is before it
     for (low = high / 2; low > 1e-12 * high && !((below = at(low)) < 0);) low /= 2;
   if (!(below < 0)) return low;
+  if (!turning) {  // Newton's method, from the end that is nearer
+    double h = -below < above ? low : high;
+    for (int k = 0; k < 12; ++k) {
+      const double value = at(h);
+      rates(p.direction, u.data(), f.data());
+      const double change = -value / growth(c, u.data(), f.data());
+      if (!(h + change > low && h + change <= high)) break;
+      h += change;
+      if (std::abs(change) < 1e-15 * high) return h;
+    }
+  }
   return find_root(at, {low, below, high, above}, 1e-16 * high);
 }
 
@@ -181,19 +192,21 @@ double StickMotion::first_change(const Standing& p, const double* f0, const doub
       step_from(p, f0, until, 0, u.data());
       c.to_come = beyond(c, u.data()) >= 0;
       if (!c.to_come && !c.rests && turned) turned(p.t + until, c.node, u.data());
+      c.turns = stops_at_turns_ && !c.to_come && !c.rests;
     }
     at.push_back(c);
-    if (c.to_come) first = std::min(first, locate(p, f0, c, 0, until, false));
+    if (c.turns) first = std::min(first, until);
+    else if (c.to_come) first = std::min(first, locate(p, f0, c, 0, until, false));
   };
   for (int i = 0; i < nodes_; ++i) {
     const double going = p.direction[std::size_t(i)];
     if (held(i)) continue;
     if (going != 0) {
-      examine({i, going, false, false});
+      examine({i, going, false, false, false});
       continue;
     }
-    examine({i, 1, true, false});
-    if (scene_.friction.back_slip) examine({i, -1, true, false});
+    examine({i, 1, true, false, false});
+    if (scene_.friction.back_slip) examine({i, -1, true, false, false});
   }
   return first;
 }
@@ -212,9 +225,15 @@ void StickMotion::snap(Standing& p, const std::vector<Candidate>& candidates, do
   rates(p.direction, p.u.data(), f.data());
   for (const Candidate& c : candidates) {
     const double speed = std::abs(growth(c, p.u.data(), f.data()));
+    double &psi = p.u[std::size_t(c.node * dof_)], &eta = p.u[std::size_t(c.node * dof_ + 1)];
+    if (c.turns && speed * h < 1e-9 * (1 + std::abs(psi))) {
+      const double most = (1 - 10 * close) * threshold(c.node, p.u.data());
+      psi = 0;
+      eta = std::clamp(eta, -most, most);
+    }
     if (!c.to_come || beyond(c, p.u.data()) < -std::max(close * h * speed, 1e-15)) continue;
-    if (c.rests) p.u[std::size_t(c.node * dof_ + 1)] = c.side * threshold(c.node, p.u.data());
-    else p.u[std::size_t(c.node * dof_)] = 0;
+    if (c.rests) eta = c.side * threshold(c.node, p.u.data());
+    else psi = 0;
   }
 }
 
@@ -284,7 +303,7 @@ std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Pass
     const double limit = threshold(i, p.u.data());
     double& eta = p.u[std::size_t(i * dof_ + 1)];
     for (const double side : {1., -1.})
-      if (std::abs(side * eta - limit) <= close * limit && growth({i, side, true, true}, p.u.data(), f.data()) > 0)
+      if (std::abs(side * eta - limit) <= close * limit && growth({i, side, true, true, false}, p.u.data(), f.data()) > 0)
         eta = side * limit;
   }
   if (ends) return {};
@@ -312,7 +331,7 @@ std::vector<Change> StickMotion::advance(Standing& p, double until, const Passed
     }
     rates(p.direction, y1.data(), f1.data());
     const double place = first_change(p, f0.data(), y1.data(), f1.data(), h, candidates, turned);
-    const bool changes = std::any_of(candidates.begin(), candidates.end(), [](const Candidate& c) { return c.to_come; });
+    const bool changes = std::any_of(candidates.begin(), candidates.end(), [](const Candidate& c) { return c.to_come || c.turns; });
     if (changes) {
       step_from(p, f0.data(), place, p.count, y1.data());
       accept(p, y1.data(), place, f0.data(), passed);
@@ -334,7 +353,7 @@ double StickMotion::turn_beyond(const Standing& stopped, int node, double direct
   Standing p{stopped.t, stopped.u, stopped.direction, {}, 0};
   p.direction[std::size_t(node)] = direction;
   const std::size_t at = std::size_t(node * dof_);
-  const Candidate c{node, direction, false, false};
+  const Candidate c{node, direction, false, false, false};
   std::vector<double> f0(size()), f1(size()), u1(size());
   rates(p.direction, p.u.data(), f0.data());
   for (double h = longest_ / 4; direction * p.u[at] > deepest;) {

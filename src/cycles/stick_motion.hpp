@@ -53,6 +53,10 @@ class StickMotion {
   // not stick.
   explicit StickMotion(const Scene& scene, double stiffness = 0, double tolerance = 1e-13);
 
+  // From now on a slip that turns without a stop is stopped there: psi becomes 0, and eta at most the threshold. The motion
+  // changes smoothly with its start where a slip only just comes back to rest, and is the true one where it does.
+  void stop_at_turns() { stops_at_turns_ = true; }
+
   const Scene& scene() const { return scene_; }
   int nodes() const { return nodes_; }
   int dof() const { return dof_; }
@@ -80,6 +84,7 @@ class StickMotion {
     double side;   // a node at rest: of the threshold; a sliding one: its direction
     bool rests;
     bool to_come;  // at the end of the step the change is past
+    bool turns;    // it is a turn at which the node is to stop
   };
   double beyond(const Candidate& c, const double* u) const;
   double growth(const Candidate& c, const double* u, const double* f) const;
@@ -97,6 +102,7 @@ class StickMotion {
 
   Scene scene_;
   int nodes_, dof_, half_width_;
+  bool stops_at_turns_ = false;
   double stiffness_, tolerance_, longest_;
   std::shared_ptr<const Friction> law_;
   std::vector<double> amplitude_;

@@ -26,15 +26,12 @@ void start_beside(const Model& model, const SteadySliding& s, double amplitude, 
   }
 }
 
-// Where the motion goes from psi = steady + amplitude (1 + cos(k x))/2, as `run` would say it; a run that leaves it open is
-// prolonged to the time that would decide, up to four times as long. The method is the program's own choice for the
-// scene, adaptive and accurate: the user's -ts_ options do not reach it, since a damping method with long steps would make
-// sliding look stable (docs/spectrum.md). Collective.
-Motion regime_from(const Options& options, const SteadySliding& s, double growth, double amplitude, double k,
+// Where the motion from u goes, as `run` would say it; a run that leaves it open is prolonged to the time that would decide, up
+// to four times as long. The method is the program's own choice for the scene, adaptive and accurate: the user's -ts_ options
+// do not reach it, since a damping method with long steps would make sliding look stable (docs/spectrum.md). Collective over
+// the model's ranks.
+Motion regime_from(const Options& options, const Model& model, const SteadySliding& s, double growth, Vec u,
                    double duration) {
-  const Model model(PETSC_COMM_WORLD, Scene::from(options, false));
-  VecHandle u = model.create_vector();
-  start_beside(model, s, amplitude, k, u);
   Integrator integrator(model, MethodSpec::from(options), u, "verify_");
   Regime regime(model, duration, [&s](PetscInt node) { return s.psi[std::size_t(node)]; });
   regime.know(growth, growth);
@@ -50,6 +47,22 @@ Motion regime_from(const Options& options, const SteadySliding& s, double growth
       return found.motion;
     end = *found.time_to_decide;
   }
+}
+
+// The same from psi = steady + amplitude (1 + cos(k x))/2.
+Motion regime_beside(const Options& options, const SteadySliding& s, double growth, double amplitude, double k,
+                     double duration) {
+  const Model model(PETSC_COMM_WORLD, Scene::from(options, false));
+  VecHandle u = model.create_vector();
+  start_beside(model, s, amplitude, k, u);
+  return regime_from(options, model, s, growth, u, duration);
+}
+
+// What the two starts say together.
+std::string regime_of_both(Motion near, Motion far) {
+  return near == far                                               ? to_string(near)
+         : near == Motion::sliding && far == Motion::stick_slip ? "both live"
+                                                                   : to_string(Motion::undecided);
 }
 
 // The direction across the curve, unit length, towards the growing side; empty where nothing changes.
@@ -98,13 +111,11 @@ Verified check_beside(const GrowthRate& growth, const Options& options, const Be
   v.growth = mode.value.real();
   v.expected = v.growth > 0 ? "stick-slip" : "sliding";
   const Options there = options_with(options, axes, v.value, v.value2);
-  const Motion near = regime_from(there, s, v.growth, 0.01, k, duration);
-  const Motion far = regime_from(there, s, v.growth, 2 * std::max(1., std::abs(s.scene.v)), k, duration);
+  const Motion near = regime_beside(there, s, v.growth, 0.01, k, duration);
+  const Motion far = regime_beside(there, s, v.growth, 2 * std::max(1., std::abs(s.scene.v)), k, duration);
   v.from_sliding = to_string(near);
   v.from_stick_slip = to_string(far);
-  v.regime = near == far                                                    ? to_string(near)
-             : near == Motion::sliding && far == Motion::stick_slip ? "both live"
-                                                                        : to_string(Motion::undecided);
+  v.regime = regime_of_both(near, far);
   return v;
 }
 
@@ -123,6 +134,62 @@ std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options
       if (before_each) before_each(2 * j + (side > 0 ? 0 : 1), 2 * wanted);
       if (const auto place = place_beside(growth, c, side * normal->first, side * normal->second))
         result.push_back(check_beside(growth, options, *place));
+    }
+  }
+  return result;
+}
+
+namespace {
+
+// One node at rest without force, its state as after sliding at v: loaded, it slips from its threshold.
+void start_at_rest(const Model& model, const SteadySliding& s, Vec u) {
+  const Writing x(u);
+  x[0] = x[1] = 0;
+  if (model.dof() == 3) x[2] = s.state[0];
+}
+
+Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options, const Crossing& c, double x, double y) {
+  const std::vector<Axis>& axes = growth.axes();
+  const Scene one = end.scene(x, y);
+  const SteadySliding s(one);
+  const Model model(PETSC_COMM_SELF, one);  // a node: every rank follows it
+  Verified v;
+  v.value = axes[0].value(x);
+  v.value2 = axes.size() > 1 ? axes[1].value(y) : 0;
+  v.of = "stick-slip";
+  v.growth = growth(x, y);
+  v.expected = end(x, y) < 0 ? "stick-slip" : "sliding";
+  const Options there = options_with(options, axes, v.value, v.value2);
+  const double rate = std::max(1e-3, std::abs(v.growth)), duration = std::min(3000., 9 / rate + 100 / c.frequency);
+  VecHandle u = model.create_vector();
+  start_beside(model, s, 0.01, 0, u);
+  const Motion near = regime_from(there, model, s, v.growth, u, duration);
+  start_at_rest(model, s, u);
+  const Motion far = regime_from(there, model, s, v.growth, u, duration);
+  v.from_sliding = to_string(near);
+  v.from_stick_slip = to_string(far);
+  v.regime = regime_of_both(near, far);
+  return v;
+}
+
+}  // namespace
+
+std::vector<Verified> verify_end(GrowthRate& growth, StickSlipEnd& end, const Options& options,
+                                 const std::vector<Crossing>& points, PetscInt count,
+                                 const std::function<void(std::size_t, std::size_t)>& before_each) {
+  constexpr double step = 1e-5, reach = 0.02;  // of the box
+  std::vector<Verified> result;
+  const std::size_t wanted = std::min(points.size(), std::size_t(count));
+  for (std::size_t j = 0; j < wanted; ++j) {
+    const Crossing& c = points[wanted == 1 ? points.size() / 2 : j * (points.size() - 1) / (wanted - 1)];
+    const double nx = end(c.x + step, c.y) - end(c.x - step, c.y);
+    const double ny = growth.axes().size() > 1 ? end(c.x, c.y + step) - end(c.x, c.y - step) : 0;
+    const double length = std::hypot(nx, ny);
+    if (!(length > 0)) continue;
+    for (const double side : {-1., 1.}) {  // where it sticks and slips, where it does not
+      if (before_each) before_each(2 * j + (side < 0 ? 0 : 1), 2 * wanted);
+      const double x = c.x + side * reach * nx / length, y = c.y + side * reach * ny / length;
+      if (x >= 0 && x <= 1 && y >= 0 && y <= 1) result.push_back(check_end(growth, end, options, c, x, y));
     }
   }
   return result;

@@ -250,7 +250,7 @@ def arguments(s):
 def points_of(s):
     low, high = RANGES[s["vary"]]
     done = call([*arguments(s), "-boundary_parameter", option(s, s["vary"]), "-boundary_from", str(low), "-boundary_to",
-                 str(high), "-summary", "b.json"], command="boundary")
+                 str(high), "-boundary_of", "sliding", "-summary", "b.json"], command="boundary")
     assert done.returncode in (0, 1), done.stderr
     assert done.returncode == 0 or "no boundary" in done.stderr or "does not enter" in done.stderr, done.stderr
     with open("b.json", encoding="utf-8") as file:

@@ -44,7 +44,7 @@ def coefficients(point, n):
 def test_coefficients_are_those_of_small_oscillations(scenes):
     compared = []
     for index, p in scenes(scene, 61):
-        words = sliding.words(p) + ["-spectrum_refine", "off", "-boundary_parameter", "model_v", "-boundary_from", "0.15",
+        words = sliding.words(p) + ["-spectrum_refine", "off", "-boundary_of", "sliding", "-boundary_parameter", "model_v", "-boundary_from", "0.15",
                                     "-boundary_to", "2"]
         summary, _ = run(words, code=None, command="boundary")
         for point in summary["points"]:

@@ -47,13 +47,14 @@ struct StickCycle {
   std::string sequence;                 // of starts and stops, in words that differ where it does
   std::vector<double> map;              // what becomes of deviations in one period, size x size, column by column
   // Where a slip of the cycle would turn if nothing stopped it: the greatest over the slips of psi along its direction,
-  // negative, but not below -(1 + |v|)/10; 0 where a slip only grazes rest. Of a slip that turns without a stop: positive.
+  // negative, but not below -(1 + |v|)/10; 0 where a slip only grazes rest.
   double depth = 0;
+  double clearance = 0;  // least |psi| where a slip turns without a stop; infinite where none does
 };
 
 struct StickFate {
   Fate fate;
-  StickCycle cycle;       // of `repeats`; else its depth is |psi| where the last slip turned first without a stop
+  StickCycle cycle;       // of `repeats`; else its clearance is |psi| where the last slip turned first, |v| where none did
   double time;            // looked at
 };
 
@@ -63,8 +64,20 @@ StickFate stick_fate(const Scene& scene, const std::vector<double>& start, int p
 // The same of a uniform scene's one node, from a release after a long rest.
 StickFate uniform_stick_fate(const Scene& one_node);
 
+// How far stick-slip of a uniform scene's one node is from its end by grazing, a smooth function of the scene: the depth of
+// the cycle that the motion settles on from a release after a long rest (negative: it sticks and slips), or, where its slip
+// turns before it stops, the psi at which it does (positive), the slip being stopped there. Where it settles on none, or
+// never turns: |v|. NaN where it rests for ever. `period`: of that cycle; 0 where there is none.
+struct Grazing {
+  double distance, period;
+};
+Grazing distance_from_graze(const Scene& one_node);
+
 // The cycle of another scene near this one, by Newton's method alone; its sequence may be another. Throws Failure.
 StickCycle polish(const Scene& scene, const StickCycle& near);
+
+// The one multiplier of a uniform scene's cycle that is neither the phase's nor 0: 0 without a state.
+double uniform_multiplier(const Scene& one_node, const StickCycle& cycle);
 
 // What is said of a cycle, its course sampled for pictures and measures.
 Cycle described(const Scene& scene, const StickCycle& cycle);

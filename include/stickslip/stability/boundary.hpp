@@ -19,7 +19,7 @@ struct Samples {
 
 // A place on the curve where something changes. bautin: the first Lyapunov coefficient passes through zero, so that a
 // supercritical Hopf point becomes a subcritical one; a fold of oscillations begins there.
-struct SpecialPoint {
+struct SpecialPlace {
   std::string kind;
   Crossing at;
 };
@@ -30,7 +30,7 @@ struct BoundaryFindings {
   std::vector<std::string> notes;  // what is not as it should be
   // The places (codimension two) where one mode takes over from another of different kind or frequency; curves only.
   std::vector<Crossing> meetings;
-  std::vector<SpecialPoint> special;  // curves only
+  std::vector<SpecialPlace> special;  // curves only
 };
 
 // Every zero on the first axis, ascending in the coordinate, bracketed on 33 samples and by the least |growth| between

@@ -9,6 +9,7 @@
 
 #include "stickslip/options/options.hpp"
 #include "stickslip/stability/boundary.hpp"
+#include "stickslip/study/stick_slip_end.hpp"
 
 namespace stickslip {
 
@@ -16,7 +17,8 @@ namespace stickslip {
 struct Verified {
   double value = 0, value2 = 0;  // of the options
   double growth = 0;             // growth rate there
-  std::string expected;          // what the linear answer says: sliding or stick-slip
+  std::string of = "sliding";    // or stick-slip: beside whose end
+  std::string expected;          // what the point says: of sliding where perturbed sliding goes, of stick-slip where that goes
   std::string from_sliding;      // where slightly perturbed sliding goes: a word of output/regime.hpp
   std::string from_stick_slip;   // the same from large oscillations
   std::string regime;            // both the same, or `both live` (hysteresis), or undecided
@@ -28,5 +30,11 @@ struct Verified {
 std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options, const std::vector<Crossing>& points,
                                       PetscInt count,
                                       const std::function<void(std::size_t, std::size_t)>& before_each = {});
+
+// The same of points where the stick-slip of uniform motion ends: one node from perturbed sliding and from rest, at 2 % of the
+// box or more on either side.
+std::vector<Verified> verify_end(GrowthRate& growth, StickSlipEnd& end, const Options& options,
+                                 const std::vector<Crossing>& points, PetscInt count,
+                                 const std::function<void(std::size_t, std::size_t)>& before_each = {});
 
 }  // namespace stickslip

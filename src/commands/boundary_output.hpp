@@ -1,0 +1,37 @@
+// What `boundary` says of what it found: lists of the summary, the file, lines for people.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "stickslip/base/json.hpp"
+#include "stickslip/base/provenance.hpp"
+#include "stickslip/options/options.hpp"
+#include "stickslip/output/summary.hpp"
+#include "stickslip/stability/boundary.hpp"
+#include "stickslip/study/verify.hpp"
+
+namespace stickslip {
+
+// What the command found. The points of sliding come first, then those of stick-slip.
+struct FoundBoundary {
+  std::vector<Crossing> sliding, stick_slip;
+  BoundaryFindings findings;
+  std::vector<double> distances;  // of stick-slip from its end, on an even lattice of the axes; empty where not asked for
+  std::vector<Verified> verified;
+  std::vector<Crossing> points() const;  // all, pieces numbered one behind the other
+};
+
+Json point_list(const std::vector<Crossing>& points, bool two);
+Json special_list(const std::vector<SpecialPlace>& points);
+Json verified_list(const std::vector<Verified>& verified, bool two);
+
+// Lines of the summary for people.
+void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found);
+// A line for each point on stdout. Collective.
+void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& points);
+
+// Collective; nothing is written without -out_file.
+void write_file(const Options& options, GrowthRate& growth, const FoundBoundary& found, const Provenance& provenance);
+
+}  // namespace stickslip

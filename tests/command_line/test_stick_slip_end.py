@@ -1,0 +1,119 @@
+"""boundary_of: where stick-slip ends, against an integration of its own, runs, closed forms, and what may go wrong."""
+import os
+import subprocess
+
+import h5py
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from calls import SOURCE, call, check, run, scene_file
+
+BLOCK = "-model_form chain -model_k0 0.2 -model_k1 0.2 -model_zeta paper -friction_law carlson-langer -grid_n 16 "
+IN_V = "-boundary_parameter model_v -boundary_from 0.1 -boundary_to 5 "
+
+
+def least_velocity(v, k0=0.2, zeta=np.sqrt(0.02), kinetic=lambda psi: 1 / (1 + psi)):
+    """The least psi of the slip that begins at psi = 0, eta = 1, where it turns for the first time."""
+    def turn(_, y):
+        return y[1] - zeta * y[0] - kinetic(y[0])
+    turn.direction, turn.terminal = 1, True
+    found = solve_ivp(lambda t, y: [turn(t, y), k0 * (v - y[0])], (0, 60), [1e-12, 1.], events=turn, method="DOP853",
+                      rtol=1e-12, atol=1e-13)
+    return found.y_events[0][0][0]
+
+
+def test_the_block_of_carlson_and_langer():
+    found, _ = run(BLOCK + IN_V, command="boundary")
+    alone, _ = run(BLOCK + IN_V + "-boundary_of sliding", command="boundary")
+    check(found["points"][:1] == alone["points"], "the points of sliding come first, unchanged")
+    sliding, end = found["points"]
+    check((sliding["of"], sliding["kind"], end["of"], end["kind"]) == ("sliding", "hopf", "stick-slip", "graze"), found["points"])
+    check(abs(sliding["value"] - (0.02 ** -0.25 - 1)) < 1e-12, "the closed form")
+    check(abs(end["value"] - brentq(least_velocity, 2.39, 3, xtol=1e-12)) < 1e-9, f"{end['value']}: where a slip only grazes rest")
+    only, _ = run(BLOCK + IN_V + "-boundary_of stick-slip", command="boundary")
+    check(only["points"] == [{**end, "piece": 0}], "asked for alone")
+
+
+def test_runs_on_both_sides_of_both_lines():
+    found, _ = run(BLOCK + IN_V + "-boundary_verify 1", command="boundary")
+    said = [(v["of"], v["regime"]) for v in found["verified"]]
+    check(said == [("sliding", "stick-slip"), ("sliding", "both live"), ("stick-slip", "both live"), ("stick-slip", "sliding")],
+          found["verified"])
+    check(found["warnings"] == [], found["warnings"])
+
+
+def test_friction_that_does_not_weaken():
+    # Coulomb's block with viscosity slides stably at every velocity, and yet sticks and slips below this one
+    words = BLOCK.replace("carlson-langer", "coulomb") + IN_V
+    found, _ = run(words, command="boundary")
+    point, = found["points"]
+    k0, zeta, D = 0.2, np.sqrt(0.02), 0.5
+    a, w = zeta / 2, np.sqrt(k0 - zeta ** 2 / 4)
+
+    def least(v):  # of the closed form
+        times = np.linspace(np.pi / w, 2 * np.pi / w, 200001)
+        psi = v - np.exp(-a * times) * (v * np.cos(w * times) + (a * v - D) / w * np.sin(w * times))
+        return psi.min()
+    check(abs(point["value"] - brentq(least, 0.2, 2, xtol=1e-13)) < 1e-8, f"{point['value']}")
+    _, error = run(words + "-boundary_of sliding", code=1, command="boundary")
+    check("sliding is stable throughout" in error or "no boundary" in error or "does not enter" in error, error)
+
+
+def test_a_state_ends_it_by_a_fold():
+    # healing: the cycle meets an unstable one before its slip grazes rest; other ranges, another way there
+    words = BLOCK + "-state_law healing -boundary_of stick-slip -boundary_parameter model_v "
+    values = []
+    for low, high in ((0.1, 8), (3, 4.4)):
+        found, _ = run(words + f"-boundary_from {low} -boundary_to {high}", command="boundary")
+        point, = found["points"]
+        check(point["kind"] == "fold", point)
+        values.append(point["value"])
+    check(abs(values[1] - values[0]) < 5e-8, f"the same place to 1e-8 of the longer range: {values}")
+    one = BLOCK + "-grid_n 1 -bc_left free -state_law healing -init_psi 0 -init_eta 0 -ts_max_time 800 "
+    for v, regime in ((values[0] - 0.02, "stick-slip"), (values[0] + 0.05, "sliding")):
+        check(run(one + f"-model_v {v}")[0]["regime"] == regime, f"a run beside it: {v}")
+
+
+def test_a_diagram_of_two_options():
+    words = scene_file("figure6-carlson-langer") + " -boundary_points 16 -out_file d.h5"
+    found, _ = run(words, command="boundary")
+    ends = [p for p in found["points"] if p["of"] == "stick-slip"]
+    check(14 <= len(ends) <= 18 and all(p["kind"] == "graze" for p in ends), f"{len(ends)} points")
+    check(len({p["piece"] for p in ends} & {p["piece"] for p in found["points"] if p["of"] == "sliding"}) == 0, "pieces")
+    for p in ends[1:-1:5]:
+        least = least_velocity(p["value2"], zeta=np.sqrt(0.1 * p["value"]))
+        check(abs(least) < 1e-8 * (1 + p["value2"]), f"at k1 {p['value']}: {least}")
+    with h5py.File("d.h5") as file:
+        check([text.decode() for text in file["of"][...]] == [p["of"] for p in found["points"]], "whose end, in the file")
+        lives = file["stick_slip_distance"][...] < 0
+        v, k1 = np.meshgrid(file["stick_slip_sample2"][...], file["stick_slip_sample"][...], indexing="ij")
+        check(np.all(lives[v < ((0.1 * k1) ** -0.25 - 1)]), "wherever sliding is unstable")
+    subprocess.run(["/usr/bin/python3", "-B", os.path.join(SOURCE, "postprocess", "plot.py"), "d.h5"], check=True)
+    check(os.path.getsize("d.png") > 20000, "drawn")
+
+
+@pytest.mark.parametrize("words, said", [
+    ("", "friction_law cubic does not stick exactly"),
+    (BLOCK + "-friction_stick regularised", "does not stick exactly"),
+    (BLOCK + "-friction_spread 0.1", "friction_spread"),
+    (BLOCK + "-bc_left velocity", "held end"),
+    (BLOCK + "-model_k0 0", "nothing loads")])
+def test_refused(words, said):
+    done = call(words + " " + IN_V + "-boundary_of stick-slip", command="boundary")
+    check(done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1, done.stderr)
+
+
+def test_no_end_in_the_range():
+    _, error = run(BLOCK + "-boundary_of stick-slip -boundary_parameter model_v -boundary_from 0.1 -boundary_to 1", code=1,
+                   command="boundary")
+    check("does not end" in error, error)
+
+
+@pytest.mark.ranks
+def test_any_number_of_ranks():
+    words = BLOCK + IN_V + "-boundary_of stick-slip -boundary_verify 1"
+    one, _ = run(words, command="boundary")
+    two, _ = run(words, ranks=2, command="boundary")
+    check(one["points"] == two["points"] and one["verified"] == two["verified"], "the same on two ranks")
