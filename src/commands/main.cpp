@@ -7,7 +7,6 @@
 #include <cstdlib>
 #include <new>
 
-#include "commands/seeds.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/provenance.hpp"
@@ -95,8 +94,7 @@ int program(int argc, char** argv) {
   const bool speaks = rank_of(MPI_COMM_WORLD) == 0;
   if (line.help && speaks) print(line.command.empty() ? general_help() : command_help(command_named(line.command)));
   if (line.help && !line.help_all) return 0;
-  Options options = Options::from(line.command, line.given);
-  if (line.command == "run" && options.is_set("run_seeds")) options = of_own_seed(options);
+  const Options options = Options::from(line.command, line.given);
   try {
     Libraries libraries(argv[0], options, line.help_all);
     int code = 0;
@@ -158,7 +156,7 @@ int main(int argc, char** argv) {
     code = e.exit_code();
     if (!e.collective()) {
       code = end_all(e.what());
-    } else if (rank_of(team()) == 0) {
+    } else if (rank_of(MPI_COMM_WORLD) == 0) {
       print_error(e.what());
     }
   } catch (const std::bad_alloc&) {
@@ -166,7 +164,6 @@ int main(int argc, char** argv) {
   } catch (const std::exception& e) {
     code = end_all(std::string("internal error: ") + e.what());
   }
-  code = join_teams(code);
   MPI_Finalize();
   return code;
 }

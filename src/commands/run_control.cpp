@@ -10,6 +10,7 @@ namespace {
 
 volatile std::sig_atomic_t caught_signal = 0;
 volatile std::sig_atomic_t checkpoint_wanted = 0;
+int watches = 0;
 
 extern "C" void on_signal(int number) {
   if (number == SIGUSR1) checkpoint_wanted = 1;
@@ -19,7 +20,7 @@ extern "C" void on_signal(int number) {
 }  // namespace
 
 SignalWatch::SignalWatch() {
-  caught_signal = checkpoint_wanted = 0;
+  if (watches++ == 0) caught_signal = checkpoint_wanted = 0;
   struct sigaction action {};
   action.sa_handler = on_signal;
   sigemptyset(&action.sa_mask);
@@ -28,8 +29,11 @@ SignalWatch::SignalWatch() {
 }
 
 SignalWatch::~SignalWatch() {
+  --watches;
   for (std::size_t i = 0; i < numbers.size(); ++i) sigaction(numbers[i], &before_[i], nullptr);
 }
+
+int SignalWatch::caught() const { return caught_signal; }
 
 RunControl::RunControl(const Options& options, PetscInt first_step)
     : every_(options.steps_or_seconds("out_checkpoint_every")),

@@ -86,6 +86,12 @@ void warn_of_memory(const Options& options) {
   }
 }
 
+// What PETSc would print on this rank goes nowhere.
+void silence_library() {
+  static std::FILE* const nowhere = std::fopen("/dev/null", "w");
+  PETSC_STDOUT = nowhere;
+}
+
 }  // namespace
 
 Run::Run(const Options& options, const Provenance& provenance) : Run(options, provenance, asked_for(options)) {}
@@ -97,7 +103,7 @@ Run::Run(const Options& options, const Provenance& provenance, std::optional<Che
   int rank;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
   // Every rank solves alike, and one of them prints for -ts_monitor.
-  if (problem_.model.comm() == PETSC_COMM_SELF && rank != 0) PETSC_STDOUT = std::fopen("/dev/null", "w");
+  if (problem_.model.comm() == PETSC_COMM_SELF && rank != 0) silence_library();
   if (checkpoint) restore(*checkpoint);
   control_.emplace(options, origin_.step);
   const double begin = spent();

@@ -26,6 +26,7 @@ const std::vector<Command>& commands() {
       {"cycle", "solves for a periodic oscillation: period, stability, waves on it, branches", cycle_command, false},
       {"chart", "the same scene by many methods: error against seconds, or where each method fails", chart_command,
        true},
+      {"sweep", "any command over a grid, list or sample of options, on groups of ranks", sweep_command, false},
   };
   return table;
 }

@@ -230,9 +230,6 @@ void output_options(TableBuilder& t) {
   t.reals("out_times", "times of the frames", "time").at_least(0).unset("none");
   t.reals("out_probes", "positions of the probes", "length").at_least(0).unset("none");
   t.boolean("out_displacement", "false", "write the displacement chi as well");
-  t.integers("run_seeds", 0, int_max,
-             "as many runs side by side, each with its friction_seed and init_seed, on its share of the ranks; FILE.h5 "
-             "becomes FILE-seed7.h5, the summary likewise").unset("none");
   t.boolean("out_series", "true", "write the group series, a row for every step");
   t.boolean("out_events", "false", "catalogue of slip events: group events, a row for every event that has ended");
   t.not_negative("out_events_velocity", "", "events: velocity above which a node moves", "velocity")
@@ -240,7 +237,7 @@ void output_options(TableBuilder& t) {
   t.add("out_checkpoint_every", OptionType::steps_or_time, "", "steps or wall clock (30s, 10m, 2h) between checkpoints")
       .unset("none");
   t.integer("out_checkpoint_keep", "2", 1, int_max, "checkpoints kept");
-  t.text("restart", "", "checkpoint to go on from").unset("none");
+  t.text("restart", "", "checkpoint to go on from; of `sweep` its table").unset("none").read_by("run sweep");
 }
 
 void lyapunov_options(TableBuilder& t) {
@@ -329,6 +326,33 @@ void laws_options(TableBuilder& t) {
   t.integer("laws_points", "601", 2, int_max, "velocities, equally spaced, both ends included");
 }
 
+void sweep_options(TableBuilder& t) {
+  t.in("Sweep", "sweep");
+  t.text("sweep_command", "run", "command of every point");
+  for (const char* number : {"1", "2", "3", "4"}) {
+    const auto name = [number](const char* begin) { return begin + std::string(number); };
+    t.add(name("sweep_parameter").c_str(), OptionType::text_list, "",
+          "option to vary, e.g. model_v; several take the same value, and the first names the dimension").unset("none");
+    t.real(name("sweep_from").c_str(), "", "start of its range").unset("none");
+    t.real(name("sweep_to").c_str(), "", "end of its range").unset("none");
+    t.integer(name("sweep_points").c_str(), "11", 1, 1e7, "values on a grid, both ends included");
+    t.boolean(name("sweep_log").c_str(), "false", "equal ratios between them, or logarithmic draws");
+    t.add(name("sweep_values").c_str(), OptionType::text_list, "", "its values, instead of a range").unset("none");
+  }
+  t.choice("sweep_sample", {"grid", "list", "random", "sobol"},
+           "grid: every value with every other; list: first values, second values, ... together; random; sobol: draws that "
+           "fill the ranges evenly");
+  t.integer("sweep_count", "", 1, 1e7, "random, sobol: number of points").unset("none");
+  t.integer("sweep_seed", "0", 0, int_max, "random, sobol: seed of the draws; 0 of sobol: Sobol's points as they are");
+  t.integer("sweep_group_ranks", "1", 1, int_max, "ranks that share a point; results depend on it by round-off");
+  t.boolean("sweep_follow", "false",
+            "run: along the first option each point starts where its neighbour ended, forwards and back");
+  t.positive("sweep_refine", "", "grid of one or two options: divide where sweep_key changes between neighbours, until they "
+             "are this part of the ranges apart").at_most(1).unset("none");
+  t.text("sweep_key", "", "refine: key of the summary whose change is sought").unset("regime; stable of other commands");
+  t.boolean("sweep_files", "false", "also the file of every point: NAME.h5 and point 123 make NAME-000123.h5");
+}
+
 std::vector<OptionSpec> make_table() {
   TableBuilder t;
   model_options(t);
@@ -345,6 +369,7 @@ std::vector<OptionSpec> make_table() {
   cycle_options(t);
   chart_options(t);
   laws_options(t);
+  sweep_options(t);
   return std::move(t.rows);
 }
 

@@ -42,9 +42,13 @@ void Options::set(const Given& given) {
 
 Options Options::from(const std::string& command, const std::vector<Given>& given) {
   Options options;
-  options.command_ = command;
   for (const Given& one : given) options.set(one);
+  return options.for_command(command);
+}
 
+Options Options::for_command(const std::string& command) const {
+  Options options = *this;
+  options.command_ = command;
   const auto only_one = [&options](const std::vector<const char*>& names) {
     std::string set;
     int count = 0;

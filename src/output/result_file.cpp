@@ -31,6 +31,22 @@ struct ResultFile::Contents {
   void write(hid_t file) const;
 };
 
+namespace {
+
+Id write_texts(hid_t file, const Field& field, const std::vector<hsize_t>& dims, const std::vector<std::string>& texts) {
+  const Id type = h5::text_type();
+  const Id space(H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr));
+  Id dataset = h5::create_dataset(file, field.name, type, space, h5::dataset_creation(), H5P_DEFAULT);
+  std::vector<const char*> pointers;
+  for (const std::string& text : texts) pointers.push_back(text.c_str());
+  if (!pointers.empty() && H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, pointers.data()) < 0)
+    h5::fail("write", field.name);
+  h5::describe(dataset, field);
+  return dataset;
+}
+
+}  // namespace
+
 ResultFile::ResultFile(MPI_Comm comm, std::string path, Provenance provenance)
     : comm_(comm),
       path_(std::move(path)),
@@ -47,6 +63,10 @@ void ResultFile::attribute(const std::string& name, double value) { contents_->n
 
 void ResultFile::scale(const Field& field, std::vector<double> values) {
   contents_->entries.push_back({field, {}, std::move(values), {}, false, true});
+}
+
+void ResultFile::scale_text(const Field& field, std::vector<std::string> values) {
+  contents_->entries.push_back({field, {}, {}, std::move(values), true, true});
 }
 
 void ResultFile::add(const Field& field, const std::vector<std::string>& dimensions, std::vector<double> values) {
@@ -72,13 +92,18 @@ void ResultFile::Contents::write(hid_t file) const {
   for (const auto& [name, value] : numbers) h5::write_attribute(file, name, value);
   std::map<std::string, Id> scales;
   const auto leaf = [](const std::string& name) { return name.substr(name.rfind('/') + 1); };
-  const auto make = [&](const Field& field, const std::vector<double>& values) {
-    Id dataset = h5::write_fixed(file, field, {values.size()}, values);
+  const auto keep = [&](const Field& field, Id dataset) {
     h5::make_scale(dataset, leaf(field.name));
     scales.emplace(field.name, std::move(dataset));
   };
-  for (const Entry& entry : entries)
-    if (entry.is_scale) make(entry.field, entry.values);
+  const auto make = [&](const Field& field, const std::vector<double>& values) {
+    keep(field, h5::write_fixed(file, field, {values.size()}, values));
+  };
+  for (const Entry& entry : entries) {
+    if (!entry.is_scale) continue;
+    if (entry.is_text) keep(entry.field, write_texts(file, entry.field, {entry.texts.size()}, entry.texts));
+    else make(entry.field, entry.values);
+  }
 
   for (const Entry& entry : entries) {
     if (entry.is_scale) continue;
@@ -107,19 +132,8 @@ void ResultFile::Contents::write(hid_t file) const {
       }
     if (known != count) throw std::logic_error("dataset '" + name + "' does not fit its dimensions");
 
-    Id dataset;
-    if (entry.is_text) {
-      const Id type = h5::text_type();
-      const Id space(H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr));
-      dataset = h5::create_dataset(file, name, type, space, h5::dataset_creation(), H5P_DEFAULT);
-      std::vector<const char*> pointers;
-      for (const std::string& text : entry.texts) pointers.push_back(text.c_str());
-      if (!pointers.empty() && H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, pointers.data()) < 0)
-        h5::fail("write", name);
-      h5::describe(dataset, entry.field);
-    } else {
-      dataset = h5::write_fixed(file, entry.field, dims, entry.values);
-    }
+    const Id dataset = entry.is_text ? write_texts(file, entry.field, dims, entry.texts)
+                                     : h5::write_fixed(file, entry.field, dims, entry.values);
     for (std::size_t d = 0; d < used.size(); ++d)
       h5::attach_scale(dataset, scales.at(used[d]), static_cast<unsigned>(d));
   }

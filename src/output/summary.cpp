@@ -21,6 +21,13 @@
 
 namespace stickslip {
 
+namespace {
+Json* kept = nullptr;  // of the innermost SummaryKept
+}  // namespace
+
+SummaryKept::SummaryKept(Json& into) : before_(std::exchange(kept, &into)) {}
+SummaryKept::~SummaryKept() { kept = before_; }
+
 Summary::Summary(const Provenance& provenance, const std::vector<std::string>& keys, std::string path)
     : object_(std::make_unique<Json>()), path_(std::move(path)), out_file_(provenance.option("out_file")),
       silent_(provenance.option("progress") == "off"), begin_(MPI_Wtime()) {
@@ -100,7 +107,7 @@ void Summary::say(const std::string& line) { lines_.push_back(line); }
 void Summary::tell() const {
   int rank = 0;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
-  if (silent_ || rank != 0) return;
+  if (silent_ || kept || rank != 0) return;
   std::string last = rounded_text(MPI_Wtime() - begin_) + " s";
   const Json &sign = get("delta_sign"), &options = get("options");
   if (!sign.is_null() && options.value("model_delta", "") != "0")
@@ -119,20 +126,25 @@ void Summary::tell() const {
   std::fputs((text + "stickslip: " + one_line(last) + "\n").c_str(), stderr);
 }
 
-std::string Summary::text() const {
+Json Summary::now() const {
   Json now = *object_;
   now["warnings"] = warnings();
   now["wall_s"] = MPI_Wtime() - begin_;
-  return json_text(now) + "\n";
+  return now;
 }
 
+std::string Summary::text() const { return json_text(now()) + "\n"; }
+
 void Summary::write() const {
-  if (path_.empty()) return;
+  if (kept) *kept = now();
+  if (kept || path_.empty()) return;
   on_root(PETSC_COMM_WORLD, [&] { write_from_here(); });
 }
 
 void Summary::write_alone() const noexcept {
   try {
+    if (kept) *kept = now();
+    if (kept) return;
     int rank = 0;
     MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
     // standard output carries one summary at most, that of rank 0

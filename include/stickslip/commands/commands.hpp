@@ -12,6 +12,7 @@ int spectrum_command(const Options& options);  // steady sliding and its rightmo
 int laws_command(const Options& options);  // tabulates friction laws
 int boundary_command(const Options& options);  // where steady sliding loses stability
 int cycle_command(const Options& options);  // a periodic oscillation, its stability, a branch of them
+int sweep_command(const Options& options);  // any of the others at many values of options
 int chart_command(const Options& options);  // error against seconds by many methods, or where each method fails
 
 }  // namespace stickslip

@@ -93,6 +93,9 @@ class Options {
   // and without the prefix of a PETSc or SLEPc object) are an error.
   static Options from(const std::string& command, const std::vector<Given>& given);
 
+  // The same options read by another command; throws UsageError where they do not suit it.
+  Options for_command(const std::string& command) const;
+
   // The same options with one changed; checked like one from the user. An empty text unsets it.
   Options with(const std::string& name, const std::string& text) const;
   Options with(const std::string& name, double value) const;

@@ -1,4 +1,4 @@
-// A file written in one piece: spectrum, boundary, wave, chart, laws. Collect on every rank or on rank 0, write() is
+// A file written in one piece: spectrum, boundary, wave, chart, laws, sweep. Collect on every rank or on rank 0, write() is
 // collective. Names may have one group before them ("branch/speed"); a dimension is named by its scale, which is
 // sought in the dataset's group first, then at the root. A dimension without a scale gets one that counts 0, 1, ...
 #pragma once
@@ -24,6 +24,7 @@ class ResultFile {
   void attribute(const std::string& name, const std::string& text);
   void attribute(const std::string& name, double value);
   void scale(const Field& field, std::vector<double> values);
+  void scale_text(const Field& field, std::vector<std::string> values);
   // Row-major values of the named dimensions, none of them for a scalar.
   void add(const Field& field, const std::vector<std::string>& dimensions, std::vector<double> values);
   void add_text(const Field& field, const std::vector<std::string>& dimensions, std::vector<std::string> values);

@@ -56,6 +56,7 @@ class Summary {
   void write_alone() const noexcept;
 
  private:
+  Json now() const;  // with warnings and seconds up to now
   void write_from_here() const;
 
   std::unique_ptr<Json> object_;
@@ -63,6 +64,19 @@ class Summary {
   std::vector<std::string> lines_;
   bool silent_;
   double begin_;
+};
+
+// While it lives, the summary of a command that ends goes to `into`, on every rank, and nothing is written or told: for a
+// command that is one of many. `into` is left alone where a command is refused (UsageError). Not collective.
+class SummaryKept {
+ public:
+  explicit SummaryKept(Json& into);
+  ~SummaryKept();
+  SummaryKept(const SummaryKept&) = delete;
+  SummaryKept& operator=(const SummaryKept&) = delete;
+
+ private:
+  Json* before_;
 };
 
 // Throws UsageError, on every rank, where option `summary` with this text could not be written at the end: an empty

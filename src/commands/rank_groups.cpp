@@ -1,0 +1,70 @@
+#include "commands/rank_groups.hpp"
+
+#include <exception>
+#include <string>
+
+#include "stickslip/base/error.hpp"
+
+namespace stickslip {
+
+RankGroups::RankGroups(PetscInt ranks_each) : size_(int(ranks_each)), exceptions_(std::uncaught_exceptions()) {
+  int ranks = 1;
+  MPI_Comm_size(MPI_COMM_WORLD, &ranks);
+  if (ranks_each > ranks || ranks % size_ != 0)
+    throw UsageError("sweep_group_ranks " + std::to_string(ranks_each) + ": " + std::to_string(ranks) +
+                     (ranks == 1 ? " rank cannot" : " ranks cannot") + " be shared out in groups of that size");
+  count_ = ranks / size_;
+  SS_TRY(PetscSubcommCreate(MPI_COMM_WORLD, &parts_));
+  SS_TRY(PetscSubcommSetNumber(parts_, count_));
+  SS_TRY(PetscSubcommSetType(parts_, PETSC_SUBCOMM_CONTIGUOUS));
+  PETSC_COMM_WORLD = PetscSubcommChild(parts_);
+  index_ = int(parts_->color);
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank_);
+  if (count_ == 1) return;
+  int first = 0;
+  MPI_Comm_rank(MPI_COMM_WORLD, &first);
+  SS_TRY(MPI_Win_allocate(first == 0 ? sizeof(long) : 0, sizeof(long), MPI_INFO_NULL, MPI_COMM_WORLD, &counter_, &window_));
+  from_zero();
+}
+
+RankGroups::~RankGroups() {
+  PETSC_COMM_WORLD = MPI_COMM_WORLD;
+  if (std::uncaught_exceptions() > exceptions_) return;  // others may wait elsewhere
+  if (window_ != MPI_WIN_NULL) MPI_Win_free(&window_);
+  (void)PetscSubcommDestroy(&parts_);
+}
+
+void RankGroups::from_zero() {
+  own_counter_ = 0;
+  if (window_ == MPI_WIN_NULL) return;
+  int rank = 0;
+  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+  MPI_Barrier(MPI_COMM_WORLD);
+  if (rank == 0) {
+    MPI_Win_lock(MPI_LOCK_EXCLUSIVE, 0, 0, window_);
+    *counter_ = 0;
+    MPI_Win_unlock(0, window_);
+  }
+  MPI_Barrier(MPI_COMM_WORLD);
+}
+
+bool RankGroups::any(bool here) const {
+  int some = here ? 1 : 0;
+  if (size_ > 1) MPI_Allreduce(MPI_IN_PLACE, &some, 1, MPI_INT, MPI_MAX, PETSC_COMM_WORLD);
+  return some != 0;
+}
+
+long RankGroups::take(bool stops) {
+  if (any(stops)) return -1;
+  long number = own_counter_++;
+  if (window_ != MPI_WIN_NULL && leads()) {
+    const long one = 1;
+    MPI_Win_lock(MPI_LOCK_SHARED, 0, 0, window_);
+    MPI_Fetch_and_op(&one, &number, MPI_LONG, 0, 0, MPI_SUM, window_);
+    MPI_Win_unlock(0, window_);
+  }
+  if (size_ > 1) MPI_Bcast(&number, 1, MPI_LONG, 0, PETSC_COMM_WORLD);
+  return number;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,368 @@
+#include "output/sweep_table.hpp"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <numeric>
+#include <set>
+
+#include "base/broadcast.hpp"
+#include "output/hdf5_tools.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/json_values.hpp"
+#include "stickslip/base/root.hpp"
+#include "stickslip/base/text.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/output/result_file.hpp"
+
+namespace stickslip {
+
+// ---- rows ---------------------------------------------------------------------------------------------------------
+
+namespace {
+
+void add_flat(Json& row, const std::string& key, const Json& value);
+
+// A list of objects as lists of their members; of plain values as it is. Lists of lists are left out.
+void add_list(Json& row, const std::string& key, const Json& list) {
+  const auto all = [&list](auto is) { return std::all_of(list.begin(), list.end(), is); };
+  if (all([](const Json& item) { return !item.is_structured(); })) {
+    row[key] = list;
+    return;
+  }
+  if (!all([](const Json& item) { return item.is_object(); })) return;
+  std::vector<std::string> members;
+  for (const Json& item : list)
+    for (const auto& [name, value] : item.items())
+      if (!value.is_structured() && std::find(members.begin(), members.end(), name) == members.end())
+        members.push_back(name);
+  for (const std::string& name : members) {
+    Json column = Json::array();
+    for (const Json& item : list) column.push_back(item.contains(name) && !item[name].is_structured() ? item[name] : Json());
+    row[key + "_" + name] = column;
+  }
+}
+
+void add_flat(Json& row, const std::string& key, const Json& value) {
+  if (value.is_object()) {
+    for (const auto& [name, member] : value.items()) add_flat(row, key + "_" + name, member);
+  } else if (value.is_array()) {
+    if (!value.empty()) add_list(row, key, value);
+  } else {
+    row[key] = value;
+  }
+}
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+double number_of(const Json& value) {
+  if (value.is_boolean()) return value.get<bool>() ? 1 : 0;
+  return value.is_number() ? value.get<double>() : nan;
+}
+
+std::string text_of(const Json& value) {
+  if (value.is_null()) return "";
+  if (value.is_string()) return value.get<std::string>();
+  return value.is_number_float() ? number_text(value.get<double>()) : value.dump();
+}
+
+}  // namespace
+
+Json flat_row(const Json& summary) {
+  static const std::set<std::string> alike = {"command", "version", "git", "options", "files", "ranks", "warnings", "wall_s"};
+  Json row = Json::object();
+  for (const auto& [key, value] : summary.items())
+    if (!alike.count(key)) add_flat(row, key, value);
+  std::vector<std::string> warnings;
+  if (summary.contains("warnings") && summary["warnings"].is_array())
+    for (const Json& one : summary["warnings"]) warnings.push_back(one.get<std::string>());
+  row["warnings"] = joined(warnings, "; ");
+  if (summary.contains("wall_s")) row["wall_s"] = summary["wall_s"];
+  return row;
+}
+
+void SweepTable::take(long point, const Json& row) {
+  if (!slots_.emplace(point, points_.size()).second) return;
+  points_.push_back(point);
+  const std::size_t slot = points_.size() - 1;
+  std::size_t place = 0;
+  for (const auto& [key, value] : row.items()) {
+    const auto [known, is_new] = index_.emplace(key, columns_.size());
+    if (is_new) columns_.push_back({key, point, place, false, false, {}, {}, {}});
+    Column& column = columns_[known->second];
+    if (point < column.point) {
+      column.point = point;
+      column.place = place;
+    }
+    ++place;
+    if (value.is_array()) {
+      column.is_list = true;
+      column.lists.resize(slot);
+      column.lists.push_back(value);
+    } else if (value.is_string()) {
+      column.is_text = true;
+      column.texts.resize(slot);
+      column.texts.push_back(value.get<std::string>());
+    } else {
+      column.numbers.resize(slot, nan);
+      column.numbers.push_back(number_of(value));
+    }
+  }
+}
+
+std::string SweepTable::text(long point, const std::string& key) const {
+  const auto column = index_.find(key);
+  if (column == index_.end()) return "";
+  const Column& c = columns_[column->second];
+  const std::size_t slot = slots_.at(point);
+  if (slot < c.texts.size() && !c.texts[slot].empty()) return c.texts[slot];
+  return slot < c.numbers.size() && !std::isnan(c.numbers[slot]) ? number_text(c.numbers[slot]) : "";
+}
+
+std::vector<const SweepTable::Column*> SweepTable::ordered() const {
+  std::vector<const Column*> order;
+  for (const Column& column : columns_) order.push_back(&column);
+  std::sort(order.begin(), order.end(), [](const Column* a, const Column* b) {
+    return std::pair(a->point, a->place) < std::pair(b->point, b->place);
+  });
+  // known of every point, so first; how long it took depends on the machine
+  std::stable_partition(order.begin(), order.end(), [](const Column* c) { return c->key != "wall_s"; });
+  return order;
+}
+
+std::vector<std::size_t> SweepTable::by_point() const {
+  std::vector<std::size_t> order(points_.size());
+  std::iota(order.begin(), order.end(), std::size_t(0));
+  std::sort(order.begin(), order.end(), [this](std::size_t a, std::size_t b) { return points_[a] < points_[b]; });
+  return order;
+}
+
+// ---- the table ----------------------------------------------------------------------------------------------------
+
+namespace {
+
+// A cell of CSV (RFC 4180).
+std::string cell(const std::string& text) {
+  const std::string plain = one_line(text);
+  if (plain.find_first_of(",\"") == std::string::npos) return plain;
+  std::string out = "\"";
+  for (const char c : plain) out += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return out + "\"";
+}
+
+// The longest list of a column, and one cell of it.
+std::size_t width_of(const std::vector<Json>& lists) {
+  std::size_t width = 0;
+  for (const Json& list : lists) width = std::max(width, list.is_null() ? 0 : list.size());
+  return width;
+}
+const Json& item_of(const std::vector<Json>& lists, std::size_t slot, std::size_t k) {
+  static const Json none;
+  return slot < lists.size() && k < lists[slot].size() ? lists[slot][k] : none;
+}
+
+}  // namespace
+
+std::string SweepTable::csv(const SweepLayout& layout) const {
+  const std::vector<const Column*> columns = ordered();
+  std::string text = "number";
+  for (const SweepLayout::Axis& axis : layout.axes) text += "," + cell(axis.name);
+  if (layout.follows) text += ",direction";
+  for (const Column* c : columns) {
+    if (!c->is_list) text += "," + cell(c->key);
+    for (std::size_t k = 0; k < width_of(c->lists); ++k) text += "," + cell(c->key + "_" + std::to_string(k));
+  }
+  for (const std::size_t slot : by_point()) {
+    const long point = points_[slot];
+    text += "\n" + std::to_string(point);
+    for (const std::string& value : layout.values(point)) text += "," + cell(value);
+    if (layout.follows) text += point % 2 ? ",-1" : ",1";
+    for (const Column* c : columns) {
+      if (!c->is_list) text += "," + cell(this->text(point, c->key));
+      for (std::size_t k = 0; k < width_of(c->lists); ++k) text += "," + cell(text_of(item_of(c->lists, slot, k)));
+    }
+  }
+  return text + "\n";
+}
+
+void SweepTable::write(const std::string& path, const Provenance& provenance, const SweepLayout& layout,
+                       const std::map<std::string, std::string>& texts,
+                       const std::map<std::string, double>& numbers) const {
+  ResultFile file(PETSC_COMM_SELF, path, provenance);
+  for (const auto& [name, value] : texts) file.attribute(name, value);
+  for (const auto& [name, value] : numbers) file.attribute(name, value);
+  std::vector<std::string> dimensions, coordinates;
+  std::size_t cells = 1;
+  const auto numbers_of = [](const std::vector<std::string>& list) {
+    std::vector<double> values;
+    for (const std::string& one : list) values.push_back(std::stod(one));
+    return values;
+  };
+  if (!layout.is_grid) {
+    cells = points_.size();
+    std::vector<double> counting(cells);
+    std::iota(counting.begin(), counting.end(), 0.);
+    dimensions = {"point"};
+    file.scale({"point", "1", "number of the row"}, counting);
+  }
+  for (const SweepLayout::Axis& axis : layout.axes) {
+    const Field field{axis.name, "", "option " + axis.name};
+    if (layout.is_grid) {
+      dimensions.push_back(axis.name);
+      cells *= axis.values.size();
+      if (axis.is_numeric) file.scale(field, numbers_of(axis.values));
+      else file.scale_text(field, axis.values);
+    } else {
+      coordinates.push_back(axis.name);
+      if (axis.is_numeric) file.add(field, dimensions, numbers_of(axis.values));
+      else file.add_text(field, dimensions, axis.values);
+    }
+  }
+  if (layout.follows) {
+    dimensions.push_back("direction");
+    cells *= 2;
+    file.scale({"direction", "1", "1: the first option rising in the order of its values, -1: falling"}, {1, -1});
+  }
+  if (!coordinates.empty()) file.attribute("coordinates", joined(coordinates, " "));
+
+  // the row behind each cell; where there is none, past the end
+  const std::vector<std::size_t> order = by_point();
+  std::vector<std::size_t> row(cells, points_.size());
+  for (std::size_t k = 0; k < order.size(); ++k) row[layout.is_grid ? std::size_t(points_[order[k]]) : k] = order[k];
+  std::vector<double> number(cells);
+  for (std::size_t k = 0; k < cells; ++k)
+    number[k] = row[k] < points_.size() ? double(points_[row[k]]) : layout.is_grid ? double(k) : nan;
+  file.add({"number", "1", "number of the point, also in the names of its files"}, dimensions, number);
+  std::set<std::string> taken(dimensions.begin(), dimensions.end());
+  for (const SweepLayout::Axis& axis : layout.axes) taken.insert(axis.name);
+  for (const Column* c : ordered()) {
+    if (taken.count(c->key)) continue;  // the option itself, which is there already
+    const std::size_t width = c->is_list ? width_of(c->lists) : 1;
+    bool is_text = c->is_text;
+    for (const Json& list : c->lists)
+      is_text = is_text || std::any_of(list.begin(), list.end(), [](const Json& item) { return item.is_string(); });
+    std::vector<double> values;
+    std::vector<std::string> words;
+    for (const std::size_t slot : row)
+      for (std::size_t k = 0; k < width; ++k) {
+        if (is_text) {
+          words.push_back(c->is_list ? text_of(item_of(c->lists, slot, k)) : slot < c->texts.size() ? c->texts[slot] : "");
+        } else {
+          values.push_back(c->is_list                ? number_of(item_of(c->lists, slot, k))
+                           : slot < c->numbers.size() ? c->numbers[slot]
+                                                      : nan);
+        }
+      }
+    std::vector<std::string> along = dimensions;
+    if (c->is_list) along.push_back(c->key + "_number");
+    if (is_text) file.add_text({c->key, "", ""}, along, std::move(words));
+    else file.add({c->key, "", ""}, along, std::move(values));
+  }
+  file.write();
+
+  const std::string target = paths::resolved(csv_beside(path)), temporary = paths::hidden_sibling(target);
+  const std::string lines = csv(layout);
+  try {
+    paths::write_all(paths::Descriptor(temporary, O_WRONLY | O_CREAT | O_TRUNC, "write"), lines.data(), lines.size());
+    paths::publish(temporary, target);
+  } catch (...) {
+    unlink(temporary.c_str());
+    throw;
+  }
+}
+
+// ---- journals -----------------------------------------------------------------------------------------------------
+
+namespace {
+
+std::string journal_of(const std::string& out_file, const std::string& group) { return out_file + ".points-" + group; }
+
+std::vector<std::string> journals(const std::string& out_file) {
+  const std::string begin = journal_of(paths::file(out_file), "");
+  std::vector<std::string> found;
+  for (const auto& entry : std::filesystem::directory_iterator(paths::folder(out_file))) {
+    const std::string name = entry.path().filename();
+    const std::string rest = name.rfind(begin, 0) == 0 ? name.substr(begin.size()) : "";
+    if (!rest.empty() && rest.find_first_not_of("0123456789") == std::string::npos) found.push_back(entry.path());
+  }
+  return found;
+}
+
+}  // namespace
+
+SweepJournal::SweepJournal(const std::string& out_file, int group)
+    : file_(journal_of(out_file, std::to_string(group)), O_RDWR | O_CREAT | O_APPEND, "write") {
+  const off_t size = lseek(file_, 0, SEEK_END);
+  char last = '\n';
+  if (size > 0 && paths::read_some(file_, &last, 1, size - 1) == 1 && last != '\n') paths::write_all(file_, "\n", 1);
+}
+
+void SweepJournal::note(long point, const Json& row) {
+  Json line = Json::object();
+  line["point"] = point;
+  line["row"] = row;
+  const std::string text = json_text(line, 0) + "\n";
+  paths::write_all(file_, text.data(), text.size());
+}
+
+void read_journals(const std::string& out_file, SweepTable& table) {
+  for (const std::string& path : journals(out_file)) {
+    std::ifstream file(path);
+    for (std::string line; std::getline(file, line);) {
+      const Json entry = Json::parse(line, nullptr, false);
+      if (entry.is_object() && entry.contains("point") && entry.contains("row")) table.take(entry["point"], entry["row"]);
+    }
+  }
+}
+
+void remove_journals(const std::string& out_file) {
+  for (const std::string& path : journals(out_file)) unlink(path.c_str());
+}
+
+std::string csv_beside(const std::string& out_file) {
+  return std::filesystem::path(out_file).replace_extension(".csv");
+}
+
+void check_csv(const std::string& out_file) {
+  on_root(PETSC_COMM_WORLD, [&] {
+    const std::string path = csv_beside(out_file);
+    if (path == out_file) throw UsageError("out_file '" + out_file + "': the HDF5 file of a sweep; its CSV has that name");
+    if (paths::check_writable("out_file", path) == paths::Present::nothing) return;
+    std::ifstream old(path);
+    std::string first;
+    if (std::getline(old, first) && first.rfind("number,", 0) != 0)
+      throw UsageError("out_file '" + out_file + "': '" + path + "' beside it exists and is not a sweep's; it will not be overwritten");
+  });
+}
+
+SweepHeader read_sweep_header(const std::string& path) {
+  SweepHeader header;
+  h5::read_from_outside(
+      "restart", path,
+      [&] {
+        if (H5Fis_hdf5(path.c_str()) <= 0) throw Failure("is not an HDF5 file");
+      },
+      [&] {
+        const h5::Id file = h5::open_file(path);
+        const FileHeader found = h5::read_header(file);
+        if (found.kind != "sweep") throw Failure("holds the result of " + found.kind + ", not of a sweep");
+        header.given = parse_text_map(h5::read_text_attribute(file, "given"));
+        header.points = long(h5::read_real_attribute(file, "points"));
+        header.done = long(h5::read_real_attribute(file, "done"));
+        header.failed = long(h5::read_real_attribute(file, "failed"));
+        header.complete = h5::read_real_attribute(file, "complete") != 0;
+        header.git = found.git;
+      });
+  broadcast(header.given);
+  broadcast(header.git);
+  for (long* number : {&header.points, &header.done, &header.failed}) broadcast(*number);
+  broadcast(header.complete);
+  return header;
+}
+
+}  // namespace stickslip
