@@ -14,7 +14,8 @@ The kind of the file decides what is drawn; for the file of a run, WHAT is one o
     catalogue  slip events (out_events); events.py fits them and compares several
     lyapunov   Lyapunov exponents (lyapunov_count): how each settles, and all of them with their errors
 The default is the catalogue where there is one, else xt. Several runs, stability diagrams or spectra are drawn over
-each other; runs as series, --profile or --phase.
+each other; runs as series, --profile or --phase. Of a sweep over two options: a map of regimes, over one: a diagram;
+--key NAME draws a number of the summaries instead. Files of boundary behind it are drawn over it.
 """
 import argparse
 import contextlib
@@ -32,21 +33,28 @@ from figures_analysis import overlay_spectra  # noqa: E402
 from figures_chart import draw_chart  # noqa: E402
 from figures_cycle import draw_cycle  # noqa: E402
 from figures_run import RUN_PICTURES, draw_run, movie, overlay  # noqa: E402
+from figures_sweep import draw_sweep  # noqa: E402
 from stickslip import Unusable, reading, text  # noqa: E402
 
-KINDS = {"run": draw_run, "laws": draw_laws, "spectrum": draw_spectrum, "wave": draw_wave, "cycle": draw_cycle, "boundary": draw_boundary,
-         "chart": draw_chart}
+KINDS = {"run": draw_run, "laws": draw_laws, "spectrum": draw_spectrum, "wave": draw_wave, "cycle": draw_cycle,
+         "boundary": draw_boundary, "chart": draw_chart, "sweep": draw_sweep}
 TOGETHER = {"run": overlay, "boundary": overlay_boundaries, "spectrum": overlay_spectra}
 
 
 def draw(files, args):
     """The figure for open files of one kind."""
-    kinds = {text(file.attrs.get("kind", "")) for file in files}
+    each = [text(file.attrs.get("kind", "")) for file in files]
+    if args.key and each[0] != "sweep":
+        raise Unusable(f"holds the result of {each[0]}: --key is for the file of a sweep")
+    if each[0] == "sweep" and set(each[1:]) == {"boundary"}:
+        return draw_sweep(files[0], args, files[1:])
+    kinds = set(each)
     kind = kinds.pop()
     if kind not in KINDS:
         raise Unusable(f"holds a {kind}, of which there is no picture")
     if kinds or (len(files) > 1 and kind not in TOGETHER):
-        raise Unusable("is one of several: drawn together are files of run, of boundary or of spectrum")
+        raise Unusable("is one of several: drawn together are files of run, of boundary or of spectrum, or a sweep and "
+                       "then its boundaries")
     if (args.what or args.movie) and kind != "run":
         raise Unusable(f"holds the result of {kind}: --what and --movie are for the file of a run")
     return TOGETHER[kind](files, args) if len(files) > 1 else KINDS[kind](files[0], args)
@@ -78,6 +86,7 @@ def main(arguments=None):
         parser.add_argument("--" + name, dest="what", action="store_const", const=name, help=f"short for --what {name}")
     parser.add_argument("--movie", action="store_true", help="of a run, as GIF (-o OUT.mp4: MP4, by ffmpeg)")
     parser.add_argument("--field", metavar="NAME", help="xt: field to draw (psi)")
+    parser.add_argument("--key", metavar="NAME", help="sweep: number of the summaries to draw")
     parser.add_argument("--frame", type=int, metavar="N", help="profile, phase: frame, from 0 (the last)")
     args = parser.parse_args(arguments)
     output = args.output

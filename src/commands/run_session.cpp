@@ -13,6 +13,7 @@
 #include "commands/quantities.hpp"
 #include "output/catalogue.hpp"
 #include "output/frames.hpp"
+#include "output/maxima.hpp"
 #include "output/series.hpp"
 #include "stickslip/study/run_layout.hpp"
 #include "stickslip/base/error.hpp"
@@ -130,6 +131,8 @@ void Run::make_observers() {
   if (options_.integer("lyapunov_count") > 0)
     observers_.push_back(std::make_unique<LyapunovExponents>(model, options_, gather_));
   observers_.push_back(std::make_unique<ProbeRows>(model, scene_, options_.reals("out_probes")));
+  if (options_.is_set("out_maxima"))
+    observers_.push_back(std::make_unique<Maxima>(model, scene_, options_.real("out_maxima"), options_.real("ts_max_time")));
   if (!options_.is_set("out_file")) return;
   if (options_.boolean("out_series"))
     observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get()));

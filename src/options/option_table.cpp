@@ -229,6 +229,8 @@ void output_options(TableBuilder& t) {
   t.positive("out_limit", "20", "frames that would need more are refused", "GB");
   t.reals("out_times", "times of the frames", "time").at_least(0).unset("none");
   t.reals("out_probes", "positions of the probes", "length").at_least(0).unset("none");
+  t.not_negative("out_maxima", "", "position where the maxima of psi in the second half of the run go into the summary",
+                 "length").unset("none");
   t.boolean("out_displacement", "false", "write the displacement chi as well");
   t.boolean("out_series", "true", "write the group series, a row for every step");
   t.boolean("out_events", "false", "catalogue of slip events: group events, a row for every event that has ended");

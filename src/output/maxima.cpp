@@ -1,0 +1,117 @@
+#include "output/maxima.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "stickslip/base/json_values.hpp"
+#include "stickslip/numerics/interpolation.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr std::size_t points = 5;
+using Values = std::array<double, points>;
+
+const Lagrange& quartic() {
+  static const Lagrange through({0, 0.25, 0.5, 0.75, 1});
+  return through;
+}
+
+double sum_of(const Values& weights, const Values& values) {
+  double sum = 0;
+  for (std::size_t i = 0; i < points; ++i) sum += weights[i] * values[i];
+  return sum;
+}
+
+double value_at(const Values& values, double at) {
+  Values weights;
+  quartic().weights(at, weights.data());
+  return sum_of(weights, values);
+}
+
+double slope_at(const Values& values, double at) {
+  Values weights;
+  quartic().derivative_weights(at, weights.data());
+  return sum_of(weights, values);
+}
+
+// Where the slope, positive at `low` and not so at `high`, is zero.
+double top_between(const Values& values, double low, double high) {
+  for (int k = 0; k < 50; ++k) {
+    const double middle = (low + high) / 2;
+    (slope_at(values, middle) > 0 ? low : high) = middle;
+  }
+  return low;
+}
+
+}  // namespace
+
+Maxima::Maxima(const Model& model, const Scene& whole, double x, double t_end)
+    : probe_(model, whole, {x}), work_(model.create_vector()), begin_(t_end / 2) {}
+
+void Maxima::plan(ObservationPlan& plan) {
+  // any time at all: a method that has to keep its step for interpolation keeps every one
+  plan.next_times.push_back([this](double t) {
+    const double next = std::nextafter(t, std::numeric_limits<double>::infinity());
+    return std::max(next, begin_);
+  });
+}
+
+void Maxima::step(const ObservedStep& step) {
+  const double dt = step.t - step.t_before, before = last_;
+  last_ = psi(step.u);
+  if (step.t_before < begin_ || dt == 0) return;
+  Values values;
+  values.front() = before;
+  values.back() = last_;
+  for (std::size_t i = 1; i + 1 < points; ++i) {
+    step.interpolate(step.t_before + dt * double(i) / double(points - 1), work_);
+    values[i] = psi(work_);
+  }
+  double low = 0, rising = slope_at(values, 0) / dt;
+  if (slope_ > 0 && rising <= 0) maxima_.push_back(before);  // just where two steps meet
+  for (std::size_t i = 1; i < points; ++i) {
+    const double high = double(i) / double(points - 1), then = slope_at(values, high) / dt;
+    if (rising > 0 && then <= 0) maxima_.push_back(value_at(values, top_between(values, low, high)));
+    low = high;
+    rising = then;
+  }
+  slope_ = rising;
+  if (maxima_.size() > most) maxima_.erase(maxima_.begin(), maxima_.end() - most);
+}
+
+void Maxima::save(Checkpoint& checkpoint) {
+  checkpoint.numbers["maxima_psi"] = last_;
+  checkpoint.numbers["maxima_slope"] = slope_;
+  checkpoint.arrays["maxima"] = maxima_;
+}
+
+void Maxima::restore(const Checkpoint& checkpoint) {
+  last_ = checkpoint.numbers.at("maxima_psi");
+  slope_ = checkpoint.numbers.at("maxima_slope");
+  maxima_ = checkpoint.arrays.at("maxima");
+}
+
+void Maxima::summarise(Summary& summary, Vec) {
+  summary.set("maxima", maxima_);
+  if (const int period = period_of(maxima_); period >= 0) summary.set("maxima_period", period);
+}
+
+int period_of(const std::vector<double>& maxima) {
+  const std::size_t count = maxima.size();
+  if (count < 8) return -1;
+  double largest = 0;
+  for (const double one : maxima) largest = std::max(largest, std::abs(one));
+  for (std::size_t period = 1; period <= count / 4; ++period) {
+    bool repeats = true;
+    for (std::size_t i = period; i < count && repeats; ++i)
+      repeats = std::abs(maxima[i] - maxima[i - period]) <= 1e-3 * largest;
+    if (repeats) return int(period);
+  }
+  return 0;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,41 @@
+// The maxima of psi at one place: what a Poincare section shows of a motion. A cycle repeats after one of them (or as many as
+// it has), a period that has doubled after twice as many, and chaos never.
+#pragma once
+
+#include <vector>
+
+#include "stickslip/model/model.hpp"
+#include "stickslip/output/observer.hpp"
+#include "stickslip/output/probe.hpp"
+
+namespace stickslip {
+
+// `maxima` in the summary: the last of those in the second half of the run, in their order; and `maxima_period`: after how
+// many they repeat to 1e-3 of the largest |maximum|, 0 where not within a quarter of their number, null with fewer than 8.
+// Each is that of the quartic through five values of the method's dense output over its step.
+class Maxima : public Observer {
+ public:
+  static constexpr std::size_t most = 128;  // in the list
+
+  // At x, interpolated as a probe is, of a run that ends at t_end.
+  Maxima(const Model& model, const Scene& whole, double x, double t_end);
+
+  void plan(ObservationPlan& plan) override;
+  void restore(const Checkpoint& checkpoint) override;
+  void step(const ObservedStep& step) override;
+  void save(Checkpoint& checkpoint) override;
+  void summarise(Summary& summary, Vec u) override;
+
+ private:
+  double psi(Vec u) { return probe_.read(u).psi[0]; }
+
+  Probes probe_;
+  VecHandle work_;
+  double begin_, last_ = 0, slope_ = 0;  // psi and its slope where the last step ended
+  std::vector<double> maxima_;
+};
+
+// After how many entries the list repeats, as maxima_period has it; -1 for null.
+int period_of(const std::vector<double>& maxima);
+
+}  // namespace stickslip
