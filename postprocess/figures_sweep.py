@@ -10,7 +10,7 @@ from stickslip import SYMBOL, Unusable, options, scene_title, shown_name, text
 # In the order of the key of a picture.
 KINDS = {"sliding": "#dce9f7", "stable": "#dce9f7", "stuck": "#b9b9b9", "decaying": "#c5dfd0", "growing": "#f6ddb5",
          "stick-slip": "#f2b8a8", "unstable": "#f2b8a8", "waves": "#a9c9a4", "chaos": "#8e44ad",
-         "up and down differ": "#f7e08a", "undecided": "#efefef", "other": "#d8cfe8", "failed": "#444444",
+         "both live": "#f7e08a", "up and down differ": "#fdf3cf", "undecided": "#efefef", "other": "#d8cfe8", "failed": "#444444",
          "not computed": "#ffffff"}
 
 
@@ -68,9 +68,19 @@ def kinds_of(file):
 
 
 def both_ways(kinds):
-    """Up and down in one."""
-    up, down = kinds[..., 0], kinds[..., 1]
-    return np.where(up == down, up, np.where(np.isin("not computed", [up, down]), "not computed", "up and down differ"))
+    """Up and down in one: `both live` where one ends in sliding, or decays to it, and the other in an oscillation. What grows
+    has left sliding, so that it does not differ from an oscillation."""
+    def one(up, down):
+        pair = {up, down}
+        if len(pair) == 1 or "not computed" in pair:
+            return up if len(pair) == 1 else "not computed"
+        oscillates, slides = pair & {"stick-slip", "waves", "chaos"}, pair & {"sliding", "decaying"}
+        if oscillates and slides:
+            return "both live"
+        if oscillates and "growing" in pair:
+            return oscillates.pop()
+        return "sliding" if pair == {"sliding", "decaying"} else "up and down differ"
+    return np.vectorize(one, otypes=[object])(kinds[..., 0], kinds[..., 1])
 
 
 # ---- boundaries drawn over ------------------------------------------------------------------------------------------
@@ -232,7 +242,7 @@ def draw_line(file, args, over, name):
             raise Unusable(f"has no numbers '{args.key}'")
         draw_values(axes, file, args.key, x, COLOURS[0], args.key.replace("_", " "))
         axes.set_ylabel(args.key.replace("_", " "))
-    elif "maxima" in file:
+    elif "maxima" in file and np.isfinite(file["maxima"][...]).any():
         draw_values(axes, file, "maxima", x, COLOURS[0], "maxima of ψ")
         axes.set_ylabel("maxima of ψ")
     else:

@@ -424,8 +424,7 @@ def complaints(case, seen, words):
         found.append(f"exit code 2 and yet files: {sorted(made)}")
     if any(os.path.basename(name).startswith(".") for name in made):
         found.append(f"a temporary file is left: {sorted(made)}")
-    several = "run_seeds" in repr(vars(case))  # a summary for each seed, under other names
-    if code in (0, 1) and case.wants_summary and not several and not (code == 1 and "PETSc error" in err):
+    if code in (0, 1) and case.wants_summary and not (code == 1 and "PETSc error" in err):
         try:
             summary = json.loads(seen["files"]["summary.json"])
             if summary["status"] not in {0: ("done", "stopped"), 1: ("failed",)}[code]:

@@ -7,12 +7,17 @@
 
 namespace stickslip {
 
+void RankGroups::check(PetscInt ranks_each) {
+  int ranks = 1;
+  MPI_Comm_size(MPI_COMM_WORLD, &ranks);
+  if (ranks % ranks_each != 0)
+    throw UsageError("sweep_group_ranks " + std::to_string(ranks_each) + ": " + std::to_string(ranks) +
+                     (ranks == 1 ? " rank cannot" : " ranks cannot") + " be shared out in groups of that size");
+}
+
 RankGroups::RankGroups(PetscInt ranks_each) : size_(int(ranks_each)), exceptions_(std::uncaught_exceptions()) {
   int ranks = 1;
   MPI_Comm_size(MPI_COMM_WORLD, &ranks);
-  if (ranks_each > ranks || ranks % size_ != 0)
-    throw UsageError("sweep_group_ranks " + std::to_string(ranks_each) + ": " + std::to_string(ranks) +
-                     (ranks == 1 ? " rank cannot" : " ranks cannot") + " be shared out in groups of that size");
   count_ = ranks / size_;
   SS_TRY(PetscSubcommCreate(MPI_COMM_WORLD, &parts_));
   SS_TRY(PetscSubcommSetNumber(parts_, count_));

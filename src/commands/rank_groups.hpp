@@ -9,8 +9,9 @@ namespace stickslip {
 // the group alone. The numbers are counted in memory of rank 0 that all reach without its help.
 class RankGroups {
  public:
-  // Throws UsageError where the ranks cannot be shared out evenly. Collective over all ranks.
+  // `ranks_each` must have passed check(). Collective over all ranks.
   explicit RankGroups(PetscInt ranks_each);
+  static void check(PetscInt ranks_each);  // throws UsageError where the ranks cannot be shared out evenly
   ~RankGroups();  // collective, unless an exception passes
   RankGroups(const RankGroups&) = delete;
   RankGroups& operator=(const RankGroups&) = delete;

@@ -40,6 +40,7 @@ Options base_of(const Options& sweep) {
 
 void check_wishes(const Options& sweep) {
   if (!sweep.is_set("out_file")) throw UsageError("sweep: needs out_file, the HDF5 file of its table");
+  RankGroups::check(sweep.integer("sweep_group_ranks"));
   if (sweep.boolean("check")) throw UsageError("check: not of a sweep");
   const bool run = sweep.text("sweep_command") == "run", follow = sweep.boolean("sweep_follow");
   if (follow && !run) throw UsageError("sweep_follow: of `run` only; " + sweep.text("sweep_command") + " has no end to start from");

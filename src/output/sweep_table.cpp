@@ -190,22 +190,18 @@ std::string SweepTable::csv(const SweepLayout& layout) const {
   return text + "\n";
 }
 
-void SweepTable::write(const std::string& path, const Provenance& provenance, const SweepLayout& layout,
-                       const std::map<std::string, std::string>& texts,
-                       const std::map<std::string, double>& numbers) const {
-  ResultFile file(PETSC_COMM_SELF, path, provenance);
-  for (const auto& [name, value] : texts) file.attribute(name, value);
-  for (const auto& [name, value] : numbers) file.attribute(name, value);
+namespace {
+
+// The dimensions of the table and their scales; without a grid the options beside the points.
+std::vector<std::string> add_dimensions(ResultFile& file, const SweepLayout& layout, std::size_t rows) {
   std::vector<std::string> dimensions, coordinates;
-  std::size_t cells = 1;
   const auto numbers_of = [](const std::vector<std::string>& list) {
     std::vector<double> values;
     for (const std::string& one : list) values.push_back(std::stod(one));
     return values;
   };
   if (!layout.is_grid) {
-    cells = points_.size();
-    std::vector<double> counting(cells);
+    std::vector<double> counting(rows);
     std::iota(counting.begin(), counting.end(), 0.);
     dimensions = {"point"};
     file.scale({"point", "1", "number of the row"}, counting);
@@ -214,7 +210,6 @@ void SweepTable::write(const std::string& path, const Provenance& provenance, co
     const Field field{axis.name, "", "option " + axis.name};
     if (layout.is_grid) {
       dimensions.push_back(axis.name);
-      cells *= axis.values.size();
       if (axis.is_numeric) file.scale(field, numbers_of(axis.values));
       else file.scale_text(field, axis.values);
     } else {
@@ -225,44 +220,67 @@ void SweepTable::write(const std::string& path, const Provenance& provenance, co
   }
   if (layout.follows) {
     dimensions.push_back("direction");
-    cells *= 2;
     file.scale({"direction", "1", "1: the first option rising in the order of its values, -1: falling"}, {1, -1});
   }
   if (!coordinates.empty()) file.attribute("coordinates", joined(coordinates, " "));
+  return dimensions;
+}
 
-  // the row behind each cell; where there is none, past the end
+std::size_t cells_in(const SweepLayout& layout, std::size_t rows) {
+  if (!layout.is_grid) return rows;
+  std::size_t cells = layout.follows ? 2 : 1;
+  for (const SweepLayout::Axis& axis : layout.axes) cells *= axis.values.size();
+  return cells;
+}
+
+}  // namespace
+
+// `row`: the row behind each cell, past the end where there is none.
+void SweepTable::add_column(ResultFile& file, const Column& c, std::vector<std::string> dimensions,
+                            const std::vector<std::size_t>& row) const {
+  const std::size_t width = c.is_list ? width_of(c.lists) : 1;
+  bool is_text = c.is_text;
+  for (const Json& list : c.lists)
+    is_text = is_text || std::any_of(list.begin(), list.end(), [](const Json& item) { return item.is_string(); });
+  std::vector<double> values;
+  std::vector<std::string> words;
+  for (const std::size_t slot : row)
+    for (std::size_t k = 0; k < width; ++k) {
+      if (is_text) {
+        words.push_back(c.is_list ? text_of(item_of(c.lists, slot, k)) : slot < c.texts.size() ? c.texts[slot] : "");
+      } else {
+        values.push_back(c.is_list                 ? number_of(item_of(c.lists, slot, k))
+                         : slot < c.numbers.size() ? c.numbers[slot]
+                                                   : nan);
+      }
+    }
+  if (c.is_list) dimensions.push_back(c.key + "_number");
+  if (is_text) file.add_text({c.key, "", ""}, dimensions, std::move(words));
+  else file.add({c.key, "", ""}, dimensions, std::move(values));
+}
+
+void SweepTable::write(const std::string& path, const Provenance& provenance, const SweepLayout& layout,
+                       const std::map<std::string, std::string>& texts,
+                       const std::map<std::string, double>& numbers) const {
+  ResultFile file(PETSC_COMM_SELF, path, provenance);
+  for (const auto& [name, value] : texts) file.attribute(name, value);
+  for (const auto& [name, value] : numbers) file.attribute(name, value);
+  const std::size_t rows = points_.size(), cells = cells_in(layout, rows);
+  const std::vector<std::string> dimensions = add_dimensions(file, layout, rows);
   const std::vector<std::size_t> order = by_point();
-  std::vector<std::size_t> row(cells, points_.size());
-  for (std::size_t k = 0; k < order.size(); ++k) row[layout.is_grid ? std::size_t(points_[order[k]]) : k] = order[k];
+  std::vector<std::size_t> row(cells, rows);
   std::vector<double> number(cells);
-  for (std::size_t k = 0; k < cells; ++k)
-    number[k] = row[k] < points_.size() ? double(points_[row[k]]) : layout.is_grid ? double(k) : nan;
+  std::iota(number.begin(), number.end(), 0.);
+  for (std::size_t k = 0; k < rows; ++k) {
+    const long point = points_[order[k]];
+    row[layout.is_grid ? std::size_t(point) : k] = order[k];
+    if (!layout.is_grid) number[k] = double(point);
+  }
   file.add({"number", "1", "number of the point, also in the names of its files"}, dimensions, number);
   std::set<std::string> taken(dimensions.begin(), dimensions.end());
   for (const SweepLayout::Axis& axis : layout.axes) taken.insert(axis.name);
-  for (const Column* c : ordered()) {
-    if (taken.count(c->key)) continue;  // the option itself, which is there already
-    const std::size_t width = c->is_list ? width_of(c->lists) : 1;
-    bool is_text = c->is_text;
-    for (const Json& list : c->lists)
-      is_text = is_text || std::any_of(list.begin(), list.end(), [](const Json& item) { return item.is_string(); });
-    std::vector<double> values;
-    std::vector<std::string> words;
-    for (const std::size_t slot : row)
-      for (std::size_t k = 0; k < width; ++k) {
-        if (is_text) {
-          words.push_back(c->is_list ? text_of(item_of(c->lists, slot, k)) : slot < c->texts.size() ? c->texts[slot] : "");
-        } else {
-          values.push_back(c->is_list                ? number_of(item_of(c->lists, slot, k))
-                           : slot < c->numbers.size() ? c->numbers[slot]
-                                                      : nan);
-        }
-      }
-    std::vector<std::string> along = dimensions;
-    if (c->is_list) along.push_back(c->key + "_number");
-    if (is_text) file.add_text({c->key, "", ""}, along, std::move(words));
-    else file.add({c->key, "", ""}, along, std::move(values));
-  }
+  for (const Column* column : ordered())
+    if (taken.count(column->key) == 0) add_column(file, *column, dimensions, row);  // else the option itself, which is there
   file.write();
 
   const std::string target = paths::resolved(csv_beside(path)), temporary = paths::hidden_sibling(target);

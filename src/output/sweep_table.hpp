@@ -18,6 +18,8 @@
 
 namespace stickslip {
 
+class ResultFile;
+
 Json flat_row(const Json& summary);
 
 // How the points lie. With a grid `values` of an axis are those along its dimension, else one for each row.
@@ -58,6 +60,8 @@ class SweepTable {
   std::vector<const Column*> ordered() const;
   std::vector<std::size_t> by_point() const;  // rows in the order of points
   std::string csv(const SweepLayout& layout) const;
+  void add_column(ResultFile& file, const Column& column, std::vector<std::string> dimensions,
+                  const std::vector<std::size_t>& row) const;
 
   std::vector<long> points_;
   std::unordered_map<long, std::size_t> slots_;

@@ -101,22 +101,6 @@ def test_no_event_lost_by_restart_or_kill():
             check(same(whole, catalogue("killed.h5")), "whole after a kill and a restart")
 
 
-@pytest.mark.ranks
-def test_seeds_side_by_side():
-    # side by side, each as it is alone; the ranks are shared out
-    scene = CHAIN.replace("-friction_spread 0.1", "-friction_spread 0.2 -out_checkpoint_every 1000")
-    run(scene + " -friction_seed 5 -init_seed 5 -out_file alone.h5")
-    done = subprocess.run(["mpirun", "-n", "2", PROGRAM, "run", *words(scene), "-run_seeds", "4,5", "-out_file", "many.h5",
-                           "-summary", "many.json"], capture_output=True, text=True, timeout=300)
-    check(done.returncode == 0, done.stderr)
-    check(same(catalogue("alone.h5"), catalogue("many-seed5.h5")), "a seed among others")
-    check(not same(catalogue("alone.h5"), catalogue("many-seed4.h5")), "another seed")
-    check(json.load(open("many-seed4.json"))["options"]["friction_seed"] == "4", "its own summary")
-    for wrong in ("-run_seeds 1,2", "-run_seeds 1 -summary -", "-run_seeds 1,1"):
-        done = subprocess.run([PROGRAM, "run", *words(scene), *words(wrong)], capture_output=True, text=True)
-        check(done.returncode == 2 and "run_seeds" in done.stderr, wrong + done.stderr)
-
-
 def test_pictures_and_fit():
     run(CHAIN + " -out_file whole.h5")
     run(CHAIN + " -friction_seed 2 -out_file one.h5")
