@@ -67,7 +67,8 @@ def test_other_commands_and_lists():
     sweep(scene + " -sweep_command spectrum" + OVER_V + " -sweep_points1 3 -out_file spectrum.h5")
     d = table("spectrum.h5")
     check(list(d.stable.values) == [0, 1, 1], "unstable at 0.5, stable at 1.75 and 3")
-    check(abs(float(d.eigenvalues_re[0, 0]) - 1.5 * 0.75) < 1e-8, "growth rate gamma (1 - v^2)/2 of a mode that oscillates")
+    # the uniform mode of lambda^2 - gamma (1 - v^2) lambda + 1 = 0
+    check(abs(float(d.eigenvalues_re[0, 0]) - (1.125 + np.sqrt(1.125**2 - 1))) < 1e-8, str(d.eigenvalues_re.values))
 
 
 def test_several_options_and_files_of_seeds():
