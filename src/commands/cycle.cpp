@@ -27,7 +27,7 @@ Json listed(const std::vector<std::complex<double>>& values) {
 
 std::string shown(std::complex<double> z) {
   if (z.imag() == 0) return rounded_text(z.real(), 6);
-  return rounded_text(z.real(), 6) + (z.imag() < 0 ? " - " : " + ") + rounded_text(std::abs(z.imag()), 6) + "i";
+  return rounded_text(z.real(), 6) + " ± " + rounded_text(std::abs(z.imag()), 6) + "i";
 }
 
 void add_multipliers(ResultFile& file, const Field& re, const Field& im, const std::vector<std::string>& dimensions,

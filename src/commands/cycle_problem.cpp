@@ -7,6 +7,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/study/start.hpp"
 
@@ -71,6 +72,25 @@ FoundCycle smooth(const Options& options, const Scene& cell) {
   return result;
 }
 
+BlochSpectrum stick_waves(const Scene& cell, const StickCycle& stick, const Cycle& cycle, int count) {
+  const WaveMap map{[&](double kappa2) { return wave_multipliers(cell, stick, cell.K1() * kappa2); }, nullptr,
+                    std::nan("")};
+  return bloch_spectrum(cycle, cell, map, count);
+}
+
+CycleBranch stick_branch(const Options& options, const StickCycle& first, const std::string& name, double to, int steps,
+                         bool with_waves) {
+  const double from = options.real(name);
+  const auto cell_at = [options, name](double value) { return cell_of_options(options.with(name, value)); };
+  const std::unique_ptr<CyclePath> path = stick_path(cell_at, from, std::abs(to - from), first);
+  CycleWatch watch;
+  if (with_waves)
+    watch = [&path, cell_at](double value, const Cycle& cycle) {
+      return watch_waves(stick_waves(cell_at(value), stick_candidate(*path), cycle, wavenumbers_of_branch));
+    };
+  return continue_cycle(*path, path->cycle(), name, from, to, steps, watch);
+}
+
 FoundCycle sticking(const Options& options, const Scene& cell) {
   const bool uniform = one_node(cell) && has_neighbours(options);
   const StickFate fate = uniform ? uniform_stick_fate(cell) : stick_fate(cell, start_of(options, cell));
@@ -80,9 +100,11 @@ FoundCycle sticking(const Options& options, const Scene& cell) {
   FoundCycle result{described(cell, fate.cycle), positions(cell), 0, nullptr, alone(options, cell), nullptr};
   if (uniform)
     result.waves = [cell, cycle = result.cycle, stick = fate.cycle](int count) {
-      const WaveMap map{[&](double kappa2) { return wave_multipliers(cell, stick, cell.K1() * kappa2); }, nullptr, 0};
-      return bloch_spectrum(cycle, cell, map, count);
+      return stick_waves(cell, stick, cycle, count);
     };
+  result.branch = [options, stick = fate.cycle](const std::string& name, double to, int steps, bool with_waves) {
+    return stick_branch(options, stick, name, to, steps, with_waves);
+  };
   return result;
 }
 
@@ -93,8 +115,10 @@ Scene cell_of_options(const Options& options) {
   const PetscInt cell = options.integer("cycle_cell");
   if (cell == 0) return scene;
   const std::string which = "cycle_cell " + std::to_string(cell) + ": ";
-  if (scene.spread != 0)
-    throw UsageError(which + "with friction_spread no two nodes are alike; cycle_cell 0 takes the whole scene");
+  const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
+  if (std::any_of(amplitude.begin(), amplitude.end(), [](double a) { return a != 1; }))
+    throw UsageError(which + "where the amplitude of friction differs from node to node no cell repeats; cycle_cell 0 "
+                             "takes the whole scene");
   if (scene.left == End::velocity || scene.right == End::velocity)
     throw UsageError(which + "beside a held end no two nodes move alike; cycle_cell 0 takes the whole scene");
   if (cell > 1 && !scene.ring())
@@ -114,10 +138,11 @@ void check_cycle_options(const Options& options, const Scene& cell) {
       throw UsageError("a cycle of " + std::to_string(cell.n) + " nodes with exact stick: at most " +
                        std::to_string(stick_cycle_limit) + " are solved for; take fewer (grid_n, cycle_cell) or "
                        "friction_stick regularised");
-    if (options.is_set("cycle_continue"))
-      throw UsageError("cycle_continue: cycles with exact stick are not continued; set friction_stick to regularised");
     if (options.boolean("cycle_spectrum") && cell.n > 1)
       throw UsageError("cycle_spectrum: with exact stick the waves of uniform motion alone are looked at (cycle_cell 1)");
+    const LinearPoint node(cell);
+    if (options.boolean("cycle_spectrum") && node.block(Part::full, 1).psi_psi != node.block(Part::full, 0).psi_psi)
+      throw UsageError("cycle_spectrum: with exact stick waves are not looked at where neighbours are coupled by viscosity");
   }
   if (options.boolean("cycle_spectrum") && !has_neighbours(options))
     throw UsageError("cycle_spectrum: a whole scene (cycle_cell 0) has no neighbours; its own multipliers say all");

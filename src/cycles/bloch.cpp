@@ -49,7 +49,7 @@ class Waves {
     const auto f = [&](double theta) { return phase_growth(map_.of_twist(theta)) / (theta * theta); };
     return -(4 * f(.01) - f(.02)) / 3 * length_ * length_;
   }
-  double short_waves() const { return continuum_node() ? map_.short_waves : 0; }
+  double short_waves() const { return continuum_node() ? map_.short_waves : std::nan(""); }
 
  private:
   double phase_growth(const Multipliers& m) const { return std::log(std::abs(m[nearest_to_one(m)])) / period(); }
@@ -116,7 +116,7 @@ BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMa
     const bool of_finite = j >= finite;
     consider(j + 1 == p.size() ? p[j] : summit(waves, j == 0 ? zero : p[j - 1], p[j + 1]), of_finite);
   }
-  const double waves_growth = std::max(out.largest_of_finite, out.short_waves < 0 ? out.largest_of_finite : out.short_waves);
+  const double waves_growth = std::fmax(out.largest_of_finite, out.short_waves);  // the second may be NaN
   out.stable = out.largest_at_zero < 0 && out.diffusion > 0 && waves_growth < 0;
   const double k1 = p.front().wavenumber;
   const bool clearly_unstable = out.growth_rate > error || out.short_waves > error;

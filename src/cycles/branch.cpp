@@ -65,6 +65,7 @@ class Walk {
   void locate_change(const Signature& before, const Signature& after, double length);
   void add_special(const std::string& kind);
   void end_at_hopf(const Seen& seen, double length);
+  void end_where_none_is_found();
   bool period_is_infinite(const Seen& seen) const;
 
   CyclePath& path_;
@@ -77,6 +78,7 @@ class Walk {
   Seen last_;           // of that place
   double first_amplitude_, first_period_;
   bool folded_ = false;
+  std::string refusal_;  // why the last step was not taken
 };
 
 Walk::Walk(CyclePath& path, const Cycle& first, const std::string& name, double from, double to, int steps,
@@ -119,17 +121,29 @@ void Walk::go(double s) { path_.go(s, t_, dot(t_, here_) + s); }
 CycleBranch Walk::follow() {
   while (branch_.points.size() <= size_t(steps_)) {
     if (ds_ < 1e-9) {
-      branch_.end = "no cycle is found beyond " + name_ + " = " + rounded_text(last_.value, 12);
+      end_where_none_is_found();
       return branch_;
     }
     try {
       if (!step()) return branch_;
-    } catch (const Error&) {
+    } catch (const Error& e) {
       ds_ /= 2;
+      refusal_ = e.what();
     }
   }
   branch_.end = "cycle_steps " + std::to_string(steps_) + " taken";
   return branch_;
+}
+
+// A slip that only grazes rest is named: its depth falls to zero like the distance of the parameter.
+void Walk::end_where_none_is_found() {
+  const auto depth = last_.cycle.tests.find("graze");
+  if (depth != last_.cycle.tests.end() && std::abs(depth->second) < 1e-6) {
+    branch_.special.push_back({"graze", last_.value, last_.cycle.period, 0, branch_.points.size() - 1});
+    branch_.end = "a slip only grazes rest at " + name_ + " = " + rounded_text(last_.value, 10);
+  } else {
+    branch_.end = "no cycle is found beyond " + name_ + " = " + rounded_text(last_.value, 12) + ": " + refusal_;
+  }
 }
 
 bool Walk::step() {

@@ -85,10 +85,10 @@ void CellField::rates(const double* y, double* f) const {
     double d2 = held_[k].sum - held_[k].weight * psi;  // by differences, which keep the digits that 1/h^2 would eat
     for (const Term& t : row_[k]) d2 += t.weight * (y[t.column * std::size_t(dof_)] - psi);
     const double force = amplitude_[k] * friction_->force(psi, state);
-    const kernel::NodeRates rates = kernel::node_rates(coefficients_, psi, at[1], force, no_friction_.K1 * d2, 1);
+    const kernel::NodeRates rates = kernel::node_rates(coefficients_, psi, at[1], force, 0, 1);
     double* out = f + k * std::size_t(dof_);
-    out[0] = rates.psi;
-    out[1] = rates.eta;
+    out[0] = rates.psi + by_d2_.psi_psi * d2;
+    out[1] = rates.eta + by_d2_.eta_psi * d2;
     if (dof_ == 3) out[2] = friction_->rate(psi, state);
   }
 }

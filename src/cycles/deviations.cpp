@@ -158,7 +158,8 @@ const std::vector<Deviations::Response>& Deviations::responses(int halvings) {
 Multipliers Deviations::of_wave(double kappa2) {
   const size_t d = size_t(field_.dim()), s = mesh_stages;
   const Scene& scene = field_.scene();
-  const double turn = std::sqrt(std::max(0., scene.A() * (scene.K0() + scene.K1() * kappa2))) * longest_;
+  const double decay = std::abs(slope_in_kappa2()[0] * kappa2);  // by viscosity between neighbours
+  const double turn = std::max(decay, std::sqrt(std::max(0., scene.A() * (scene.K0() + scene.K1() * kappa2)))) * longest_;
   const int halvings = std::max(0, int(std::ceil(std::log2(turn / turn_of_step))));
   std::vector<double> matrices, S(s * s), psi(s * d);
   for (const Response& r : responses(halvings)) {

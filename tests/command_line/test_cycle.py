@@ -76,7 +76,7 @@ def near(known, found, tolerance):
 CASES = {"cubic": ("-model_v 0.3", lambda: cubic(1, 0.3)),
          "smoothed": ("-friction_law carlson-langer -friction_stick regularised -friction_eps 0.05 -model_zeta paper "
                       "-model_v 1.2", lambda: smooth_carlson_langer(1, 1.2, 0.05, zeta=np.sqrt(0.02))),
-         "pair": ("-cycle_cell 2 -grid_n 8 -init_noise 0.3", lambda: cubic(2, 0.2))}
+         "pair": ("-cycle_cell 2 -grid_n 8 -init_noise 0.5 -model_k1 0.02", lambda: cubic(2, 0.2, k1=0.02))}
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -105,6 +105,7 @@ def test_a_cycle_is_what_scipy_integrates(tmp_path, monkeypatch, case):
         known = np.linalg.eigvals(system.carried(start, period, twist=k[j] * system.n))
         near(mu[j], known, 1e-6)
         assert abs(np.log(np.abs(known).max()) / period - growth[j]) < 1e-6
+    assert found["stable"] == (growth.max() < 0) and found["decided"]
     # the phase diffusion from a long wave
     small = 0.02
     phase = np.linalg.eigvals(system.carried(start, period, twist=small * system.n))
@@ -161,6 +162,15 @@ def test_a_branch_round_its_fold(tmp_path, monkeypatch):
     assert abs(lap(unstable)[0] - beyond["period"]) < 1e-7
 
 
+def test_exact_stick_up_to_grazing():
+    found, _ = run(CHAIN + "-friction_law carlson-langer -model_zeta paper -model_v 1 -cycle_continue model_v -cycle_to 3",
+                   command="cycle")
+    assert [special["kind"] for special in found["special"]] == ["graze"]
+    assert abs(found["special"][0]["value"] - 2.4047128309) < 1e-8  # by an independent integration
+    rest = [point["rest_fraction"] for point in found["branch"]["points"]]
+    assert all(before > after for before, after in zip(rest, rest[1:])) and rest[-1] < 1e-3
+
+
 def test_whole_scene_with_held_end_and_spread():
     found, _ = run("-model_form chain -grid_n 10 -cycle_cell 0 -bc_left velocity -bc_left_value 0.5 -model_k1 1",
                    command="cycle")
@@ -172,7 +182,7 @@ def test_whole_scene_with_held_end_and_spread():
 REFUSED = [("-model_v 1.2", 1, "no cycle: nothing oscillates"),
            ("-cycle_cell 0", 2, "at most 300 are solved for"),
            ("-cycle_cell 4 -bc_left free", 2, "repeat on a ring only"),
-           ("-friction_spread 0.1", 2, "no two nodes are alike"),
+           ("-friction_spread 0.1", 2, "no cell repeats"),
            ("-cycle_continue model_v", 2, "belong together"),
            ("-cycle_continue model_w -cycle_to 1", 2, "no such option; did you mean model_c?"),
            ("-cycle_cell 0 -grid_n 6 -cycle_spectrum", 2, "no neighbours"),

@@ -34,7 +34,7 @@ struct BlochSpectrum {
   // growth rate that matters is nearer to 0 than its error.
   bool stable = false, decided = true;
   bool coupled = true;           // false: neighbours do not feel each other, every phase stays as it is
-  double short_waves = 0;        // growth rate that waves tend to as k grows; of uniform motion of the continuum, else 0
+  double short_waves = 0;        // growth rate that waves tend to as k grows: of uniform motion of the continuum, else NaN
   double largest_at_zero = 0;    // growth rate of the largest multiplier but the phase mode's at k = 0
   double largest_of_finite = 0;  // largest growth rate of a wave that is not on the branch of the phase mode, near k = 0
 };

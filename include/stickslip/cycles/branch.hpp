@@ -41,6 +41,7 @@ class CyclePath {
 //   infinite-period  the period grows beyond all bounds: the branch ends
 //   long-wave        the phase diffusion changes its sign
 //   wave             a wave of finite length begins or ceases to grow while long ones decay: `wavenumber`
+//   graze            a slip just reaches rest: the branch of a cycle with rests ends
 //   branch           a multiplier passes 1 and the parameter does not turn: other cycles branch off
 // and the names of Cycle::tests.
 struct SpecialPoint {

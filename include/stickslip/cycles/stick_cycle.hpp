@@ -12,9 +12,12 @@
 #pragma once
 
 #include <complex>
+#include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "stickslip/cycles/branch.hpp"
 #include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/scene.hpp"
 
@@ -84,5 +87,13 @@ Cycle described(const Scene& scene, const StickCycle& cycle);
 
 // Multipliers of a deviation exp(ikx) from a cycle of uniform motion: `stiffness` is K1 kappa^2(k).
 std::vector<std::complex<double>> wave_multipliers(const Scene& one_node, const StickCycle& cycle, double stiffness);
+
+// The branch of such a cycle: `at` gives the cell as a function of the parameter, `from` is where `first` was found, `range`
+// the length of the range that counts. It does not turn round folds, and ends where the sequence changes or a slip no
+// longer comes to rest.
+std::unique_ptr<CyclePath> stick_path(std::function<Scene(double)> at, double from, double range,
+                                      const StickCycle& first);
+// The cycle where such a path stands (its candidate).
+const StickCycle& stick_candidate(const CyclePath& path);
 
 }  // namespace stickslip
