@@ -65,7 +65,7 @@ const SpecialPoint* find(const CycleBranch& branch, const std::string& kind) {
 
 }  // namespace
 
-TEST_CASE("cycles of van der Pol's equation have the known periods", "[cycle]") {
+TEST_CASE("cycles of van der Pol's equation have the known periods", "[cycle][serial]") {
   for (const auto& [gamma, period] : {std::pair(1., 6.66329), {3., 8.85910}, {5., 11.61223}, {10., 19.07837}}) {
     const Cycle cycle = uniform_cycle(undamped(gamma, 0)).cycle;
     INFO("gamma " << gamma << ", period " << cycle.period);
@@ -83,7 +83,7 @@ TEST_CASE("cycles of van der Pol's equation have the known periods", "[cycle]") 
   CHECK(std::abs(cycle.multipliers[1 - cycle.phase_mode]) == Approx(8.59695e-4).epsilon(1e-5));
 }
 
-TEST_CASE("a cell's rates and Jacobian are those of Model", "[cycle]") {
+TEST_CASE("a cell's rates and Jacobian are those of Model", "[cycle][serial]") {
   for (int kind = 0; kind < 4; ++kind) {
     Scene s;
     s.n = 7;
@@ -145,7 +145,7 @@ TEST_CASE("a cell's rates and Jacobian are those of Model", "[cycle]") {
   }
 }
 
-TEST_CASE("waves on uniform oscillations grow as known", "[cycle]") {
+TEST_CASE("waves on uniform oscillations grow as known", "[cycle][serial]") {
   Scene s;  // gamma 3, delta 0.2, c 1, v 0.2
   const BlochSpectrum damped = bloch_spectrum(uniform_cycle(s), 200);
   CHECK(damped.growth_rate == Approx(0.0270974).margin(5e-8));
@@ -167,7 +167,7 @@ TEST_CASE("waves on uniform oscillations grow as known", "[cycle]") {
   CHECK(calm.growth_rate < 0);
 }
 
-TEST_CASE("a wave's multipliers are those of a cell of several nodes", "[cycle]") {
+TEST_CASE("a wave's multipliers are those of a cell of several nodes", "[cycle][serial]") {
   Scene s = regularised_chain(1, 5e-2);
   const SmoothCycle one = uniform_cycle(s);
   constexpr PetscInt m = 3;
@@ -205,13 +205,13 @@ TEST_CASE("a wave's multipliers are those of a cell of several nodes", "[cycle]"
   compare(of_three.of_twist(0.7), expected(0.7));
 }
 
-TEST_CASE("a cycle beside stable sliding is found", "[cycle]") {
+TEST_CASE("a cycle beside stable sliding is found", "[cycle][serial]") {
   const Cycle cycle = uniform_cycle(regularised_chain(2, 1e-2)).cycle;
   CHECK(cycle.amplitude > 1.5);
   CHECK(growth_rate(cycle) < 0);
 }
 
-TEST_CASE("a branch goes through the canard explosion to the Hopf point", "[cycle]") {
+TEST_CASE("a branch goes through the canard explosion to the Hopf point", "[cycle][serial]") {
   Scene s;
   const auto at = [s](double v) {
     Scene here = s;
@@ -232,7 +232,7 @@ TEST_CASE("a branch goes through the canard explosion to the Hopf point", "[cycl
   CHECK(largest_drop < 0.2);  // of 1.86: the explosion is resolved
 }
 
-TEST_CASE("folds are where a cycle's multiplier is 1", "[cycle]") {
+TEST_CASE("folds are where a cycle's multiplier is 1", "[cycle][serial]") {
   const auto at = [](double v) { return regularised_chain(v, 1e-2); };
   const CycleBranch branch = branch_in_v(at, 1.5, 3.0, 150);
   const SpecialPoint *fold = find(branch, "fold"), *hopf = find(branch, "hopf");
@@ -255,7 +255,7 @@ TEST_CASE("folds are where a cycle's multiplier is 1", "[cycle]") {
   CHECK(fold->value > 2.3);
 }
 
-TEST_CASE("a cell settles on a cycle that its own motion repeats", "[cycle]") {
+TEST_CASE("a cell settles on a cycle that its own motion repeats", "[cycle][serial]") {
   Scene s;
   s.form = Form::chain;
   s.order = 2;
@@ -283,7 +283,7 @@ TEST_CASE("a cell settles on a cycle that its own motion repeats", "[cycle]") {
     CHECK(std::abs(fine[i] + (fine[i] - coarse[i]) / 15 - pair.values[i]) < 1e-9);
 }
 
-TEST_CASE("what is no cycle is said", "[cycle]") {
+TEST_CASE("what is no cycle is said", "[cycle][serial]") {
   CHECK_THROWS_AS(uniform_cycle(undamped(3, 1.2)), Failure);
   Scene exact = regularised_chain(1, 1e-2);
   exact.friction.regularised = false;
@@ -297,7 +297,7 @@ TEST_CASE("what is no cycle is said", "[cycle]") {
   CHECK_THROWS_AS(settled_cycle(calm, {0.5, 0.1, -0.3, 0.2, 0, 0}, 100), Failure);
 }
 
-TEST_CASE("banded systems and generalised eigenvalues", "[cycle][dense]") {
+TEST_CASE("banded systems and generalised eigenvalues", "[cycle][dense][serial]") {
   constexpr int n = 40, band = 3, columns = 2;
   std::vector<double> a(n * n), x(n * columns), b(n * columns);
   for (int i = 0; i < n; ++i) {
