@@ -58,9 +58,7 @@ def kinds_of(file):
     kinds = words_in(file, text(file.attrs["key"]))
     pulses, speed = column(file, "pulses"), column(file, "wave_speed")
     kinds[(kinds == "stick-slip") & (pulses > 0) & np.isfinite(speed)] = "waves"
-    if "lyapunov_value" in file:
-        first = file["lyapunov_value"][..., 0]
-        kinds[first > 3 * (file["lyapunov_error"][..., 0] if "lyapunov_error" in file else 0)] = "chaos"
+    kinds[column(file, "lyapunov_largest") > 3 * column(file, "lyapunov_largest_error")] = "chaos"
     kinds[status == "failed"] = "failed"
     kinds[status == ""] = "not computed"
     kinds[~np.isin(kinds, list(KINDS))] = "other"

@@ -12,6 +12,7 @@ SCENES = sorted(glob.glob(os.path.join(SOURCE, "runs", "*.yaml")))
 # A scene with options of another command than run is for that one; a little of it is enough here.
 FEW = {"run": ["-ts_max_steps", "5"], "boundary": ["-boundary_points", "2"], "spectrum": ["-spectrum_count", "2"],
        "cycle": ["-cycle_steps", "2", "-cycle_wavenumbers", "10"],
+       "sweep": "-ts_max_time 5 -sweep_points1 2 -out_file few.h5".split(),
        "chart": "-chart_methods rk:3bs -chart_tolerances 1e-2 -chart_repeats 1 -ts_max_time 0.1".split()}
 
 
@@ -24,7 +25,8 @@ def test_scene_says_what_it_shows_and_starts(scene):
     with open(scene, encoding="utf-8") as file:
         text = file.read()
     assert len(re.match(r"(#.*\n)*", text).group(0)) > 40, f"{scene} does not say what it shows"
-    command = (re.findall(r"^(boundary|chart|cycle|laws|spectrum|wave)[:_]", text, re.MULTILINE) or ["run"])[0]
+    command = (re.findall(r"^(sweep|boundary|chart|cycle|laws|spectrum|wave)[:_]", text, re.MULTILINE) or ["run"])
+    command = "sweep" if "sweep" in command else command[0]
     done = subprocess.run([PROGRAM, command, scene, *FEW.get(command, [])], capture_output=True, text=True)
     assert done.returncode == 0 and "stickslip: error: " not in done.stderr, done.stderr
     assert ("does not fit" in done.stderr) == ("pacemaker-jump" in scene), done.stderr

@@ -16,6 +16,7 @@ CALLS = {
     "chart": "-grid_n 16 -grid_length 20 -ts_max_time 0.1 -chart_methods rk:3bs -chart_tolerances 1e-3 -chart_orders 2 "
              "-chart_grids 16 -chart_repeats 1",
     "laws": "",
+    "sweep": "-model_form chain -grid_n 1 -ts_max_time 1 -sweep_parameter1 model_v -sweep_values1 0.5,1.5 -out_file sweep.h5",
 }
 
 
