@@ -2,7 +2,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures import COLOURS, set_title
+from figures import COLOURS
 from stickslip import Unusable, scene_title
 
 
@@ -41,6 +41,6 @@ def draw_lyapunov(file, args):
     last.set_xlabel("number" + (f" ({gone} more are −∞)" if gone else ""))
     last.set_ylabel("Lyapunov exponent")
     last.locator_params(axis="x", integer=True)
-    set_title(course, "Lyapunov exponents")
-    figure.suptitle(scene_title(file), fontsize=10)
+    last.margins(x=0.1)
+    figure.suptitle("Lyapunov exponents, " + scene_title(file), fontsize=10)
     return figure

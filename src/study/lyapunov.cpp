@@ -112,6 +112,7 @@ void LyapunovExponents::summarise(Summary& summary, Vec u) {
   std::vector<Estimate> exponents = average_.exponents();
   const double divergence = exponents.back().value;
   exponents.pop_back();
+  std::sort(exponents.begin(), exponents.end(), [](const Estimate& a, const Estimate& b) { return a.value > b.value; });
   Json list = Json::array();
   for (const Estimate& e : exponents)
     list.push_back(Json::object({{"value", number(e.value)}, {"error", number(e.error)}}));
