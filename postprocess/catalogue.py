@@ -185,7 +185,7 @@ def ensembles(runs, by=None):
     groups = {}
     for run in runs:
         groups.setdefault(run["options"].get(by, "") if by else "", []).append(run)
-    free = ("out_", "summary", "progress", "ts_max_", "restart", "sweep_", "run_seeds")
+    free = ("out_", "summary", "progress", "ts_max_", "restart", "sweep_")
     for value, members in groups.items():
         first = members[0]["options"]
         for run in members[1:]:
