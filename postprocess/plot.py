@@ -28,8 +28,8 @@ import matplotlib  # noqa: E402
 
 matplotlib.use("Agg")
 
-from figures_analysis import draw_boundary, draw_laws, draw_spectrum, draw_wave, overlay_boundaries  # noqa: E402
-from figures_analysis import overlay_spectra  # noqa: E402
+from figures_analysis import draw_laws, draw_spectrum, draw_wave, overlay_spectra  # noqa: E402
+from figures_boundary import draw_boundary, overlay_boundaries  # noqa: E402
 from figures_chart import draw_chart  # noqa: E402
 from figures_cycle import draw_cycle  # noqa: E402
 from figures_run import RUN_PICTURES, draw_run, movie, overlay  # noqa: E402

@@ -38,7 +38,7 @@ class Following {
       if (++turns_ == 1) first_ = now_;
     };
     for (long releases = 0, next_try = 0; releases < 50L * patience_;) {
-      const std::vector<Change> changes = m_.advance(p, p.t + turn_, nullptr, turned);
+      const std::vector<Change> changes = m_.advance(p, m_.all_rest(p) ? m_.never : p.t + turn_, nullptr, turned);
       if (p.t == StickMotion::never) return {Fate::stuck, {}, 0};
       if (changes.empty()) {
         if (++quiet_ > patience_) return ended(p, oscillates(p) ? Fate::oscillates : Fate::slides);

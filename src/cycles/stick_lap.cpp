@@ -68,11 +68,11 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
   std::vector<double> rests_since(std::size_t(m.nodes()), -1.);
   for (int i = 0; i < m.nodes(); ++i)
     if (p.direction[std::size_t(i)] == 0) rests_since[std::size_t(i)] = 0;
+  const double patience = 400 * 2 * M_PI / std::sqrt(m.scene().A() * (m.scene().K0() + 1e-3 * m.scene().K1()));  // of a slip
   int released = 0;
   for (int count = 0; released < from.releases; ++count) {
     if (count == most_changes) throw Failure("exact stick: the motion does not repeat");
-    const double patience = p.t + 400 * 2 * M_PI / std::sqrt(m.scene().A() * (m.scene().K0() + 1e-3 * m.scene().K1()));
-    const std::vector<Change> changes = m.advance(p, patience, wishes.passed, turned);
+    const std::vector<Change> changes = m.advance(p, m.all_rest(p) ? m.never : p.t + patience, wishes.passed, turned);
     if (changes.empty()) throw Failure("exact stick: a slip does not come to rest");
     for (const Change& c : changes) {
       result.sequence += name_of(c) + " ";

@@ -70,6 +70,8 @@ class StickMotion {
   // u_t, with the directions given.
   void rates(const std::vector<double>& direction, const double* u, double* f) const;
 
+  bool all_rest(const Standing& p) const;  // however long that lasts, it is passed at once
+
   // On to the next change, and past it (several at once: nodes that change together), but not beyond the time `until`.
   // The changes; none: `until` came first, or nothing ever moves again (t is infinite). Throws Failure where it does not
   // get on.
@@ -90,7 +92,6 @@ class StickMotion {
   double growth(const Candidate& c, const double* u, const double* f) const;
   void derivative(const Standing& p, const double* y, std::size_t count, double* f) const;
   void blocks(const std::vector<double>& direction, const double* u, std::vector<NodeBlock>& at) const;
-  bool all_rest(const Standing& p) const;
   std::vector<Change> pass_rest(Standing& p, double until, const Passed& passed) const;
   double step_from(const Standing& p, const double* f0, double h, std::size_t count, double* into) const;
   void accept(Standing& p, const double* y, double h, const double* f0, const Passed& passed) const;

@@ -14,6 +14,8 @@ namespace stickslip {
 namespace {
 
 constexpr double beside = 1e-4;   // of the box: where it is asked what lives on either side of an end
+constexpr double near_graze = 1e-3;  // distance over 1 + |v| of a place near a graze
+constexpr double meets = 0.3;        // |1 - multiplier| that is left where a cycle meets another
 constexpr double grazes = 1e-6;   // distance from grazing, over 1 + |v|, of an end by grazing
 
 std::string place_text(const std::vector<Axis>& axes, const Crossing& c) {
@@ -61,10 +63,26 @@ Crossing StickSlipEnd::crossing(double x, double y, double nx, double ny) {
     if (period_ > 0) c.frequency = 2 * M_PI / period_;
     if (std::abs(there) < std::abs(least)) least = there;
   }
-  c.kind = std::abs(least) < grazes * (1 + std::abs(scene(x, y).v)) ? "graze" : "fold";
-  c.residual = c.kind == "graze" ? std::abs(least) : 0;
-  if (c.kind == "fold") place_fold(c, nx, ny);
+  // Without a state there is no fold. Where the slip creeps along the falling branch of friction (large v, soft springs) its
+  // least psi passes 0 within the last digit of the option, as in a canard explosion: no place has a small one.
+  const Scene here = scene(x, y);
+  c.kind = "graze";
+  c.residual = std::abs(least);
+  if (!here.friction.has_state() || std::abs(least) < grazes * (1 + std::abs(here.v))) return c;
+  Crossing fold(c);
+  fold.kind = "fold";
+  place_fold(fold, nx, ny);
+  if (fold.residual < meets) return fold;
   return c;
+}
+
+// A place near a graze on it, by secants along `across`; other places stay.
+PlanePoint StickSlipEnd::last_digits(PlanePoint at, PlanePoint across) {
+  const auto off = [&](double t) { return (*this)(at.x + t * across.x, at.y + t * across.y); };
+  const double here = off(0);
+  if (!(std::abs(here) < near_graze * (1 + std::abs(scene(at.x, at.y).v)))) return at;
+  const double t = root_near(off, 0, here, 1e-9, 1e-15, 1e-6);
+  return std::isnan(t) ? at : PlanePoint{at.x + t * across.x, at.y + t * across.y};
 }
 
 // Towards a fold the multiplier mu goes to 1 like the square root of the distance: (1 - mu)^2 is extrapolated to 0 from
@@ -164,7 +182,8 @@ std::vector<Crossing> StickSlipEnd::curve(PetscInt count, std::vector<std::strin
     for (std::size_t k = 0; k < places.size(); ++k) {
       double border = std::nan("");
       const Placed on = put_on_curve(f, places[k].at, places[k].across, places[k].border ? border : slope);
-      result.push_back(crossing(on.at.x, on.at.y, places[k].across.x, places[k].across.y));
+      const PlanePoint at = last_digits(on.at, places[k].across);
+      result.push_back(crossing(at.x, at.y, places[k].across.x, places[k].across.y));
       result.back().piece = int(number);
       // asked of the motion at some points; the line is one of the same kind between
       if (k % std::max<std::size_t>(1, places.size() / 8) == 0)

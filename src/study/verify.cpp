@@ -160,7 +160,10 @@ Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options
   v.growth = growth(x, y);
   v.expected = end(x, y) < 0 ? "stick-slip" : "sliding";
   const Options there = options_with(options, axes, v.value, v.value2);
-  const double rate = std::max(1e-3, std::abs(v.growth)), duration = std::min(3000., 9 / rate + 100 / c.frequency);
+  // Long enough to grow or decay, for many slips, and for the loading of a node at rest (which is one step).
+  const double load = Friction::of(one.friction)->threshold(s.state.empty() ? 0 : s.state[0]).value / (one.K0() * std::abs(one.v));
+  const double rate = std::max(1e-3, std::abs(v.growth));
+  const double duration = std::min(3000., 9 / rate + 100 / c.frequency) + 8 * load;
   VecHandle u = model.create_vector();
   start_beside(model, s, 0.01, 0, u);
   const Motion near = regime_from(there, model, s, v.growth, u, duration);

@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/stability/growth_rate.hpp"
 
 namespace stickslip {
@@ -44,6 +45,7 @@ class StickSlipEnd {
 
  private:
   Crossing crossing(double x, double y, double nx, double ny);
+  PlanePoint last_digits(PlanePoint at, PlanePoint across);
   void place_fold(Crossing& c, double nx, double ny);
   void check(Crossing& c, double nx, double ny, std::vector<std::string>& notes);
 
