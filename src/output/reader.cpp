@@ -58,22 +58,54 @@ void reading(const std::string& what, const std::string& path, Body&& body) {
       },
       [&] {
         const Id file = h5::open_file(path);
-        body(static_cast<hid_t>(file), h5::read_header(file));
+        body(static_cast<hid_t>(file));
       });
+}
+
+// The same where the file may not be one of this program, with an empty kind then.
+FileHeader header_of(hid_t file) { return h5::has_attribute(file, "program") ? h5::read_header(file) : FileHeader(); }
+
+// The variables of x in a file of others: one frame of those that have several.
+void read_variables(hid_t file, std::int64_t index, Frame& frame) {
+  frame.x = h5::read_reals(file, "x");
+  frame.count = 1;
+  const auto width = static_cast<hsize_t>(frame.x.size());
+  for (const std::string& name : h5::members(file, "/")) {
+    const Id object(H5Oopen(file, name.c_str(), H5P_DEFAULT));
+    if (name == "x" || H5Iget_type(object) != H5I_DATASET) continue;
+    const auto sizes = h5::extents(object);
+    if (sizes.empty() || sizes.size() > 2 || sizes.back() != width) continue;
+    const auto frames = sizes.size() == 2 ? static_cast<std::int64_t>(sizes[0]) : 1;
+    const std::int64_t wanted = index == -1 ? frames - 1 : index;
+    if (wanted < 0 || wanted >= frames)
+      throw Failure("its " + name + " has " + std::to_string(frames) + " frames, not frame " + std::to_string(index));
+    frame.fields[name] =
+        sizes.size() == 2 ? h5::read_rows(object, static_cast<hsize_t>(wanted), 1, width) : h5::read_reals(file, name);
+    frame.count = std::max(frame.count, frames);
+    frame.index = std::max(frame.index, wanted);
+  }
 }
 
 }  // namespace
 
 FileHeader read_header(const std::string& what, const std::string& path) {
   FileHeader header;
-  reading(what, path, [&](hid_t, const FileHeader& found) { header = found; });
+  reading(what, path, [&](hid_t file) { header = h5::read_header(file); });
   h5::broadcast(header);
   return header;
 }
 
+std::string kind_of(const std::string& what, const std::string& path) {
+  std::string kind;
+  reading(what, path, [&](hid_t file) { kind = header_of(file).kind; });
+  broadcast(kind);
+  return kind;
+}
+
 DataArray read_array(const std::string& what, const std::string& path, const std::string& name) {
   DataArray array;
-  reading(what, path, [&](hid_t file, const FileHeader&) {
+  reading(what, path, [&](hid_t file) {
+    (void)h5::read_header(file);
     array.values = h5::read_reals(file, name);
     const Id dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT));
     for (const hsize_t size : h5::extents(dataset)) array.shape.push_back(size);
@@ -85,7 +117,16 @@ DataArray read_array(const std::string& what, const std::string& path, const std
 
 Frame read_frame(const std::string& what, const std::string& path, std::int64_t index) {
   Frame frame;
-  reading(what, path, [&](hid_t file, const FileHeader& header) {
+  reading(what, path, [&](hid_t file) {
+    const FileHeader header = header_of(file);
+    const auto check_fields = [&] {
+      for (const char* name : {"psi", "eta"})
+        if (!frame.fields.count(name)) throw Failure(std::string("has no dataset '") + name + "' of (t, x)");
+    };
+    if (header.kind.empty()) {
+      read_variables(file, index, frame);
+      return check_fields();
+    }
     if (header.kind != "run") throw Failure("holds the result of `" + header.kind + "`, not of `run`");
     const std::vector<double> t = h5::read_reals(file, "t");
     frame.x = h5::read_reals(file, "x");
@@ -103,8 +144,7 @@ Frame read_frame(const std::string& what, const std::string& path, std::int64_t 
       if (sizes.size() != 2 || sizes[1] != frame.x.size() || sizes[0] <= static_cast<hsize_t>(frame.index)) continue;
       frame.fields[name] = h5::read_rows(object, static_cast<hsize_t>(frame.index), 1, sizes[1]);
     }
-    for (const char* name : {"psi", "eta"})
-      if (!frame.fields.count(name)) throw Failure(std::string("has no dataset '") + name + "' of (t, x)");
+    check_fields();
   });
   broadcast(frame.t);
   broadcast(frame.index);

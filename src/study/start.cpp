@@ -8,9 +8,9 @@
 #include "model/noise.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/displacement.hpp"
-#include "stickslip/output/reader.hpp"
 #include "stickslip/model/oscillator.hpp"
 #include "stickslip/waves/train.hpp"
+#include "study/start_file.hpp"
 
 namespace stickslip {
 
@@ -36,9 +36,9 @@ void warn_of_misfit(const Model& model, double jump, double slope) {
 }
 
 // The state that is steady at psi; at rest, where a contact's age grows for ever, the one of steady sliding.
-double steady_start(const Model& model, double psi) {
-  const double state = model.steady_state(psi);
-  return std::isfinite(state) ? state : model.steady_state(model.scene().v);
+double steady_start(const Model& model, PetscInt local_node, double psi) {
+  const double state = model.steady_state(local_node, psi);
+  return std::isfinite(state) ? state : model.steady_state(local_node, model.scene().v);
 }
 
 // The force on a chain's held blocks: K1 times the displacement of the block beside it, since its own is 0 at the start.
@@ -61,65 +61,11 @@ void set_held_force(const Model& model, Vec u) {
     if (model.held(ends[k]) && is_here(ends[k])) a[(ends[k] - model.first()) * model.dof() + 1] = s.K1() * beside[k];
 }
 
-// A frame of a run's file, for the nodes of this scene.
-Frame frame_for(const Scene& s, const Options& options) {
-  if (!options.is_set("init_file")) throw UsageError("init_type file needs init_file, an HDF5 file of `run`");
-  const std::string path = options.text("init_file");
-  Frame frame = read_frame("init_file", path, options.is_set("init_frame") ? options.integer("init_frame") : -1);
-  const std::string says = "init_file " + quoted(path) + ": ";
-  const auto form = frame.options.find("model_form");
-  if (form != frame.options.end() && form->second != to_string(s.form))
-    throw UsageError(says + "its model_form is " + form->second + ", that of this scene " + to_string(s.form));
-  const auto n = static_cast<std::size_t>(s.n);
-  if (frame.x.size() != n)
-    throw UsageError(says + "it has " + std::to_string(frame.x.size()) + " nodes, this scene grid_n " +
-                     std::to_string(s.n));
-  for (std::size_t i = 0; i < n; ++i)
-    if (std::abs(frame.x[i] - s.x(static_cast<PetscInt>(i))) > 1e-9 * (1 + s.length))
-      throw UsageError(says + "its nodes stand elsewhere (node " + std::to_string(i) + " at x = " +
-                       number_text(frame.x[i]) + ", here " + number_text(s.x(static_cast<PetscInt>(i))) +
-                       "); grid_length and ends must be the same");
-  if (s.friction.has_state() && !options.is_set("init_state")) {
-    const auto state = frame.fields.find(state_name(s.friction.state));
-    if (state == frame.fields.end())
-      throw UsageError(says + "it holds no " + state_name(s.friction.state) + " for state_law " +
-                       to_string(s.friction.state) + "; give init_state");
-  }
-  return frame;
-}
-
-// An eigenvector of the file of `spectrum` (its real part, times init_amplitude) added to steady sliding, as a frame.
-Frame frame_from_eigenvector(const Scene& s, const Options& options) {
-  const std::string path = options.text("init_file"), what = "init_file";
-  const std::size_t mode = options.is_set("init_mode") ? std::size_t(options.integer("init_mode")) : 0;
-  std::vector<std::string> names{"psi", "eta"};
-  if (s.friction.has_state()) names.push_back(state_name(s.friction.state));
-  Frame frame;
-  for (const std::string& name : names) {
-    std::vector<double> steady = read_array(what, path, "steady_" + name).values;
-    const DataArray vectors = read_array(what, path, name + "_re");
-    if (vectors.shape.size() != 2 || vectors.shape[1] != steady.size() || mode >= vectors.shape[0])
-      throw UsageError("init_mode " + std::to_string(mode) + ": '" + path + "' holds " +
-                       std::to_string(vectors.shape.empty() ? 0 : vectors.shape[0]) + " eigenvectors, from 0");
-    if (steady.size() != std::size_t(s.n))
-      throw UsageError("init_file '" + path + "': it has " + std::to_string(steady.size()) +
-                       " nodes, this scene grid_n " + std::to_string(s.n));
-    for (std::size_t i = 0; i < steady.size(); ++i) {
-      steady[i] += options.real("init_amplitude") * vectors.values[mode * steady.size() + i];
-      const bool is_state = name != "psi" && name != "eta";
-      if (!std::isfinite(is_state ? state_from_output(s.friction.state, steady[i]) : steady[i]))
-        throw UsageError("init_amplitude: with it the start is not finite, or a contact age is not positive");
-    }
-    frame.fields[name] = std::move(steady);
-  }
-  return frame;
-}
-
 }  // namespace
 
 struct Start::Impl {
   std::string type;
-  bool from_eigenvector, eta_steady, eta_given, state_given, state_steady = false;
+  bool from_file, from_eigenvector, eta_steady, eta_given, state_given, state_steady = false;
   double psi_i, eta = 0, state = 0, noise, noise_length, amplitude, width = 1, turns = 0;
   PetscInt seed, mode;
   Orbit orbit;
@@ -131,11 +77,11 @@ struct Start::Impl {
         psi_i(o.text("init_psi") == "steady" ? s.v : o.real("init_psi")), noise(o.real("init_noise")),
         noise_length(o.real("init_noise_length")),
         amplitude(o.real("init_amplitude")), seed(o.integer("init_seed")), mode(o.integer("init_mode")) {
-    from_eigenvector = type == "file" && o.is_set("init_file") &&
-                       read_header("init_file", o.text("init_file")).kind == "spectrum";
+    from_file = type == "file" || type == "text";
+    from_eigenvector = starts_from_eigenvector(o);
     if (from_eigenvector) {  // which says everything
       eta_steady = eta_given = state_given = false;
-      frame = frame_from_eigenvector(s, o);
+      frame = start_frame(s, o);
       return;
     }
     eta_steady = o.text("init_eta") == "steady" || (type == "layer" && !eta_given);
@@ -145,9 +91,9 @@ struct Start::Impl {
       if (!state_steady) state = state_from_output(s.friction.state, o.real("init_state"));
     }
     if (type == "layer") width = o.real("init_width");
-    if (type == "file") frame = frame_for(s, o);
-    if (type == "file" && noise != 0)
-      warn("init_noise " + o.text("init_noise") + " with init_type file is added to what the file holds, each time that a "
+    if (from_file) frame = start_frame(s, o);
+    if (from_file && noise != 0)
+      warn("init_noise " + o.text("init_noise") + " with init_type " + type + " is added to what the file holds, each time that a "
            "run goes on from another in this way");
     if (type == "wave" && !s.ring())
       throw UsageError("init_type wave needs a ring: bc_left periodic, not " + to_string(s.left));
@@ -166,26 +112,27 @@ struct Start::Impl {
     if (type == "layer") return psi_i + (s.left_value - psi_i) * std::exp(-(x / width) * (x / width));
     if (type == "pulses") return orbit.psi_at(turns * x / length);
     if (type == "wave") return train.psi_at(turns * x / length);
-    return type == "file" ? frame->fields.at("psi")[static_cast<std::size_t>(node)] : psi_i;
+    return from_file ? frame->fields.at("psi")[static_cast<std::size_t>(node)] : psi_i;
   }
 
   // Of a held node: steady at the velocity that it is held at, whatever the others start with.
   double state_at(const Model& model, double phase, PetscInt node, double psi) const {
     const StateLaw law = model.scene().friction.state;
-    const bool is_given = state_given && !state_steady, in_file = type == "file" && !state_given;
+    const bool is_given = state_given && !state_steady, in_file = from_file && !state_given;
     if (model.held(node) && !is_given && !in_file)
-      return steady_start(model, node == 0 ? model.scene().left_value : model.scene().right_value);
+      return steady_start(model, node - model.first(),
+                          node == 0 ? model.scene().left_value : model.scene().right_value);
     if (type == "pulses") return orbit.state_at(phase);
     if (type == "wave") return train.state_at(phase);
-    if (type == "file" && !state_given)
+    if (from_file && !state_given)
       return state_from_output(law, frame->fields.at(state_name(law))[static_cast<std::size_t>(node)]);
-    return state_steady ? steady_start(model, psi) : state;
+    return state_steady ? steady_start(model, node - model.first(), psi) : state;
   }
 
   double eta_at(double phase, PetscInt node, double resistance) const {
     if (type == "pulses") return orbit.eta_at(phase);
     if (type == "wave") return train.eta_at(phase);
-    if (type == "file" && !eta_given) return frame->fields.at("eta")[static_cast<std::size_t>(node)];
+    if (from_file && !eta_given) return frame->fields.at("eta")[static_cast<std::size_t>(node)];
     return eta_steady ? resistance : eta;
   }
 
@@ -230,7 +177,7 @@ void Start::fill(const Model& model, Vec u) const {
 }
 
 double Start::jump(const Scene& scene) const {
-  if (impl_->type == "file" || scene.form == Form::chain) return 0;
+  if (impl_->from_file || scene.form == Form::chain) return 0;
   const double length = scene.length * double(scene.copies);
   double largest = 0;
   if (scene.left == End::velocity) largest = std::abs(impl_->psi_at(scene, length, 0) - scene.left_value);

@@ -23,6 +23,7 @@ struct FileHeader {
   std::map<std::string, std::string> options;
 };
 FileHeader read_header(const std::string& what, const std::string& path);
+std::string kind_of(const std::string& what, const std::string& path);  // "" for an HDF5 file of others
 
 struct DataArray {
   std::vector<std::size_t> shape;
@@ -30,7 +31,8 @@ struct DataArray {
 };
 DataArray read_array(const std::string& what, const std::string& path, const std::string& name);
 
-// One frame of a run's file; index -1 is the last one.
+// One frame of a run's file, or of any HDF5 file (as NetCDF-4 files are) with a variable x and variables psi and eta of
+// it, or of (time, x); index -1 is the last one.
 struct Frame {
   double t = 0;
   std::int64_t index = 0, count = 0;                  // which frame, of how many

@@ -1,0 +1,57 @@
+#include "options/columns.hpp"
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+
+#include "options/values.hpp"
+#include "stickslip/base/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr std::size_t longest = 1000000;  // rows: more is no table that anybody means
+
+std::vector<double> row_of(std::string line, const std::string& place) {
+  std::replace(line.begin(), line.end(), ',', ' ');
+  std::vector<double> row;
+  for (const std::string& word : split_words(line, place, '#')) {
+    const std::optional<double> value = parse_number(word);
+    if (!value || !std::isfinite(*value)) throw UsageError(place + ": " + quoted(word) + " is not a finite number");
+    row.push_back(*value);
+  }
+  return row;
+}
+
+}  // namespace
+
+std::vector<std::vector<double>> read_columns(const std::string& option, const std::string& path, std::size_t least,
+                                              std::size_t most) {
+  const std::string name = "-" + option + " " + quoted(path);
+  std::ifstream file(path);
+  if (!file) throw UsageError(name + ": cannot be read: " + std::strerror(errno));
+  std::vector<std::vector<double>> rows;
+  std::string line;
+  for (std::size_t number = 1; std::getline(file, line); ++number) {
+    const std::string place = name + ":" + std::to_string(number);
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    std::vector<double> row = row_of(line, place);
+    if (row.empty()) continue;
+    const std::string wanted = std::to_string(least) + (most > least ? " to " + std::to_string(most) : "");
+    if (row.size() < least || row.size() > most)
+      throw UsageError(place + ": " + std::to_string(row.size()) + " columns; " + wanted + " are wanted");
+    if (!rows.empty() && row.size() != rows.front().size())
+      throw UsageError(place + ": " + std::to_string(row.size()) + " columns where the rows before have " +
+                       std::to_string(rows.front().size()));
+    rows.push_back(std::move(row));
+    if (rows.size() > longest) throw UsageError(name + ": more than " + std::to_string(longest) + " rows");
+  }
+  if (file.bad()) throw UsageError(name + ": cannot be read: " + std::strerror(errno));  // a folder, for one
+  if (rows.empty()) throw UsageError(name + ": holds no numbers");
+  return rows;
+}
+
+}  // namespace stickslip

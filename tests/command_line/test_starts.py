@@ -1,0 +1,113 @@
+"""Starts from text in columns, from NetCDF-4 and HDF5 files of others, and from runs on other grids: the nodes' own values
+where the points are the nodes, cubics between other points, a warning that says so, and what is refused."""
+import h5py
+import numpy as np
+import pytest
+import xarray
+
+from calls import check, data, refused, run
+
+OPEN = "-bc_left free -grid_n 41 -grid_length 10 -ts_max_time 0.01 -out_frames 2 -out_file start.h5 "
+RING = "-grid_n 60 -grid_length 30 -ts_max_time 0.01 -out_frames 2 -out_file start.h5 "
+
+
+def cubic(x):
+    return 0.1 + 0.03 * x - 0.02 * x ** 2 + 1e-3 * x ** 3
+
+
+def write(name, *columns):
+    np.savetxt(name, np.array(columns).T, header="x psi eta", fmt="%.17g")
+
+
+def first(options):
+    s, _ = run(options)
+    found = data("start.h5")
+    return s, {name: values[0] if np.ndim(values) == 2 else values for name, values in found.items()}
+
+
+def test_text_on_the_nodes():
+    x = np.linspace(0, 10, 41)
+    draw = np.random.default_rng(1).uniform
+    psi, eta = draw(-1, 1, 41), draw(-1, 1, 41)
+    write("start.txt", x, psi, eta)
+    s, found = first(OPEN + "-init_type text -init_file start.txt")
+    check(np.array_equal(found["psi"], psi) and np.array_equal(found["eta"], eta), "other values")
+    check(not any("interpolated" in w for w in s["warnings"]), s["warnings"])
+
+
+def test_text_between_points():
+    # cubics come back to round-off, of an age those of its logarithm
+    x = np.sort(np.concatenate([[0, 10], np.random.default_rng(2).uniform(0, 10, 12)]))
+    write("start.txt", x, cubic(x), cubic(x) / 2, np.exp(5 * cubic(x)))
+    s, found = first(OPEN + "-init_type text -init_file start.txt -friction_law rate-and-state")
+    nodes = found["x"]
+    for name, exact in (("psi", cubic(nodes)), ("eta", cubic(nodes) / 2), ("theta", np.exp(5 * cubic(nodes)))):
+        check(np.allclose(found[name], exact, rtol=1e-10, atol=1e-12), f"{name}: {abs(found[name] - exact).max()}")
+    check(any("14 points" in w and "interpolated" in w for w in s["warnings"]), s["warnings"])
+
+
+def ring_error(n, closed):
+    x = np.arange(n + closed) * 30 / n
+    write("start.txt", x, np.sin(2 * np.pi * x / 30), np.cos(2 * np.pi * x / 30))
+    _, found = first(RING + "-init_type text -init_file start.txt")
+    return abs(found["psi"] - np.sin(2 * np.pi * found["x"] / 30)).max()
+
+
+def test_ring_goes_round():
+    # the cubic through four points h apart misses a sine by at most (3/128) (k h)^4 between the middle two
+    for closed in (0, 1):
+        coarse, fine = ring_error(22, closed), ring_error(44, closed)
+        bound = 3 / 128 * (2 * np.pi / 22) ** 4
+        check(coarse < 1.01 * bound and fine < 1.01 * bound / 16, f"{coarse} and {fine} for {bound}")
+
+
+def test_netcdf():
+    x = np.linspace(0, 10, 25)
+    fields = {"psi": ("x", cubic(x)), "eta": ("x", 2 * cubic(x))}
+    xarray.Dataset(fields, coords={"x": x}).to_netcdf("one.nc", engine="h5netcdf")
+    _, found = first(OPEN + "-init_type file -init_file one.nc")
+    check(np.allclose(found["psi"], cubic(found["x"]), atol=1e-12), "psi of x")
+    frames = np.array([cubic(x), 3 * cubic(x), 5 * cubic(x)])
+    fields = {"psi": (("time", "x"), frames), "eta": (("time", "x"), -frames)}
+    xarray.Dataset(fields, coords={"x": x, "time": [0., 1, 2]}).to_netcdf("several.nc", engine="h5netcdf")
+    for frame, factor in (("", 5), ("-init_frame 1", 3)):
+        _, found = first(OPEN + "-init_type file -init_file several.nc " + frame)
+        check(np.allclose(found["eta"], -factor * cubic(found["x"]), atol=1e-12), f"{frame}: another frame")
+
+
+def test_run_on_another_grid():
+    run("-grid_n 96 -grid_length 30 -init_type sine -ts_max_time 0.5 -out_file coarse.h5 -out_frames 2 -scene_reduce off")
+    coarse = data("coarse.h5")
+    s, found = first(RING.replace("60", "192") + "-init_type file -init_file coarse.h5")
+    check(np.allclose(found["psi"][::2], coarse["psi"][-1], rtol=0, atol=1e-14), "the common nodes differ")
+    check(any("96 points" in w for w in s["warnings"]), s["warnings"])
+
+
+REFUSED = [("-init_type text", "", "needs init_file"),
+           ("-init_type text -init_file t.txt", "0 1\n1 2\n", "2 columns"),
+           ("-init_type text -init_file t.txt", "0 1 2\n1 2 x\n", "t.txt:2"),
+           ("-init_type text -init_file t.txt", "0 1 2 3\n5 1 2 3\n7 1 2 3\n10 1 2 3\n", "no state"),
+           ("-init_type text -init_file t.txt", "0 1 2\n5 1 2\n4 1 2\n10 1 2\n", "ascend"),
+           ("-init_type text -init_file t.txt", "0 1 2\n5 1 2\n10 1 2\n", "four"),
+           ("-init_type text -init_file t.txt", "0 1 2\n3 1 2\n5 1 2\n8 1 2\n", "cover"),
+           ("-init_type text -init_file t.txt", "0 1 2\n3 1 2\n5 1 2\n12 1 2\n", "cover"),
+           ("-init_type text -init_file t.txt -friction_law rate-and-state", "0 1 2\n3 1 2\n5 1 2\n10 1 2\n", "no theta"),
+           ("-init_type text -init_file t.txt -friction_law rate-and-state", "0 1 2 1\n3 1 2 -1\n5 1 2 1\n10 1 2 1\n", "theta = -1"),
+           ("-init_type text -init_file t.txt -init_frame 0", "0 1 2\n", "init_frame"),
+           ("-init_type file -init_file t.txt", "0 1 2\n", "t.txt")]
+
+
+@pytest.mark.parametrize("options, text, part", REFUSED)
+def test_refused(options, text, part):
+    with open("t.txt", "w", encoding="ascii") as file:
+        file.write(text)
+    refused("-bc_left free -grid_length 10 -grid_n 41 " + options, 2, part)
+
+
+def test_refused_files():
+    write("c.txt", np.arange(5.), np.zeros(5), np.zeros(5))
+    refused("-model_form chain -grid_n 9 -init_type text -init_file c.txt", 2, "blocks")
+    with h5py.File("bare.h5", "w") as file:
+        file["x"] = np.arange(5.)
+        file["psi"] = np.arange(5.)
+    refused("-bc_left free -grid_length 4 -grid_n 5 -grid_order 2 -init_type file -init_file bare.h5", 2, "eta")
