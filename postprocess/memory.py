@@ -4,8 +4,9 @@
     memory.py PROGRAM EXPERIMENT [-o OUT.png]
 
 EXPERIMENT is one of
-    hold       hold for a time, then pull: the peak of static friction against the time held, runs and law
+    hold       slide, hold for a time, pull: the peak of static friction against the time held, runs and law
     steps      the plate's velocity goes up and down by ten: direct effect, then evolution over the distance D
+    trigger    how fast a block that slides stably comes to slip under an oscillating plate: frequency against amplitude
     plate      stick-slip gives way to sliding as the plate speeds up and as the spring stiffens
     diagram    the boundary of stable sliding in (log k1, log v), with and without a state law
 """
@@ -42,14 +43,12 @@ def hold(axes, healing):
     a, b, D, v, k = 0.02, 0.03, 0.01, 1e-2, 2.0
     times = np.logspace(-1, 4, 11)
     for law, colour in (("ageing", "#0b5394"), ("slip", "#cc4125")):
-        call("run", "hold.yaml", "-state_law", law, "-out_file", "slide.h5", "-ts_max_time", 10)
         peaks = []
         for time in times:
-            call("run", "hold.yaml", "-state_law", law, "-init_type", "file", "-init_file", "slide.h5", "-model_v", 0,
-                 "-ts_max_time", time, "-out_file", "held.h5", "-out_frames", 2)
-            call("run", "hold.yaml", "-state_law", law, "-init_type", "file", "-init_file", "held.h5", "-ts_max_time", 30,
-                 "-out_file", "pulled.h5")
-            peaks.append(series("pulled.h5")["eta_mean"].max() - 0.6)
+            call("run", "slide-hold-slide.yaml", "-state_law", law, "-load_v",
+                 f"0:{v},10:{v},10:0,{10 + time}:0,{10 + time}:{v}", "-ts_max_time", 40 + time, "-out_file", "held.h5",
+                 "-out_frames", 2)
+            peaks.append(series("held.h5")["eta_mean"].max() - 0.6)
         axes.semilogx(times, peaks, "o", color=colour, label=f"{law} law: runs")
     # At the peak the block moves at about v, its contacts as old as the hold made them: theta = D/v + time, which slip
     # during the pull, (force to be rebuilt)/k, has begun to wear off.
@@ -62,11 +61,9 @@ def hold(axes, healing):
 
     times, peaks, t_h, tau_inf = np.logspace(-1, 4, 11), [], 100.0, 2.0
     for time in times:
-        call("run", "hold-healing.yaml", "-init_state", 1, "-model_v", 0, "-ts_max_time", time,
+        call("run", "hold-healing.yaml", "-load_v", f"0:0,{time}:0,{time}:0.1", "-ts_max_time", time + 3,
              "-out_file", "held.h5", "-out_frames", 2)
-        call("run", "hold-healing.yaml", "-init_type", "file", "-init_file", "held.h5", "-ts_max_time", 3,
-             "-out_file", "pulled.h5")
-        peaks.append(series("pulled.h5")["eta_mean"].max())
+        peaks.append(series("held.h5")["eta_mean"].max())
     healing.semilogx(times, peaks, "o", color="#38761d", label="Coulomb with healing: runs")
     # The pull from 0.4 to the threshold lasts about 0.6 to 1.6, far less than t_h.
     exact = np.logspace(-1, 4, 200)
@@ -81,18 +78,10 @@ def hold(axes, healing):
 def steps(axes):
     a, b, D = 0.02, 0.03, 0.01
     for law, colour in (("ageing", "#0b5394"), ("slip", "#cc4125")):
-        start, distance, offset, x, y = [], 0.0, 0.0, [], []
-        for v, slip in ((1e-2, 0.05), (1e-1, 0.1), (1e-2, 0.1)):
-            call("run", "hold.yaml", "-state_law", law, *start, "-model_v", v, "-model_k0", 50, "-ts_max_time", slip / v,
-                 "-out_frames", 2, "-out_file", "next.h5")
-            s = series("next.h5")
-            travelled = np.concatenate([[0], np.cumsum(np.diff(s["t"]) * (s["psi_mean"][1:] + s["psi_mean"][:-1]) / 2)])
-            x += list(offset + travelled)
-            y += list(s["eta_mean"])
-            offset += travelled[-1]
-            os.replace("next.h5", "last.h5")
-            start = ["-init_type", "file", "-init_file", "last.h5"]
-        axes.plot(np.array(x) / D, y, color=colour, label=f"{law} law")
+        call("run", "velocity-steps.yaml", "-state_law", law, "-out_frames", 2, "-out_file", "steps.h5")
+        s = series("steps.h5")
+        travelled = np.concatenate([[0], np.cumsum(np.diff(s["t"]) * (s["psi_mean"][1:] + s["psi_mean"][:-1]) / 2)])
+        axes.plot(travelled / D, s["eta_mean"], color=colour, label=f"{law} law")
     for level, text in ((0.6, "steady at v"), (0.6 + (a - b) * math.log(10), "steady at 10 v"),
                         (0.6 + a * math.log(10), "direct effect a ln 10")):
         axes.axhline(level, color="#777777", lw=0.7, ls=":")
@@ -145,10 +134,29 @@ def diagram(axes):
     axes.legend(fontsize=8)
 
 
+def trigger(axes):
+    v, D, own = 1e-2, 0.01, math.sqrt(0.5)  # own: frequency of the block's own oscillation times D/v, sqrt((b - a)/a)
+    frequencies, amplitudes = np.geomspace(0.25, 2.2, 19), np.geomspace(0.02, 0.9, 11)
+    fastest = np.empty((len(amplitudes), len(frequencies)))
+    for i, amplitude in enumerate(amplitudes):
+        for j, frequency in enumerate(frequencies):
+            s = call("run", "triggering.yaml", "-load_sine_amplitude", amplitude * v, "-load_sine_period",
+                     2 * math.pi * D / (frequency * v), "-out_file", "trigger.h5", "-out_frames", 2)
+            fastest[i, j] = series("trigger.h5")["psi_max"].max() / v if s["status"] == "done" else math.nan
+    picture = axes.pcolormesh(frequencies, amplitudes, np.log10(fastest), shading="nearest", cmap="viridis")
+    axes.figure.colorbar(picture, label="largest velocity / v, log10")
+    axes.axvline(own, color="white", lw=1, ls=":")
+    axes.annotate("  the block's own", (own, amplitudes[-1]), color="white", fontsize=8, va="top")
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("frequency of the load, omega D/v")
+    axes.set_ylabel("amplitude of the load / v")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("program")
-    parser.add_argument("experiment", choices=["hold", "steps", "plate", "diagram"])
+    parser.add_argument("experiment", choices=["hold", "steps", "trigger", "plate", "diagram"])
     parser.add_argument("-o", dest="out", default=None)
     arguments = parser.parse_args()
     os.environ["STICKSLIP"] = os.path.abspath(arguments.program)

@@ -115,6 +115,8 @@ Scene cell_of_options(const Options& options) {
   const PetscInt cell = options.integer("cycle_cell");
   if (cell == 0) return scene;
   const std::string which = "cycle_cell " + std::to_string(cell) + ": ";
+  if (scene.has_profile())
+    throw UsageError(which + "with a profile of friction no cell repeats; cycle_cell 0 takes the whole scene");
   const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
   if (std::any_of(amplitude.begin(), amplitude.end(), [](double a) { return a != 1; }))
     throw UsageError(which + "where the amplitude of friction differs from node to node no cell repeats; cycle_cell 0 "

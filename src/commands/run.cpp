@@ -116,10 +116,10 @@ int run_command(const Options& asked) {
   std::vector<std::string> keys = {"t_end", "steps", "rejections", "rhs_evaluations", "method", "implicit", "unknowns",
                                    "reduced"};
   for (const std::string& key : quantity_keys()) keys.push_back(key);
-  for (const char* key : {"probes", "regime", "regime_rate", "growth_rate", "growth_rate_reason", "time_to_decide",
-                          "amplitude", "wave_speed", "pulses", "measured_over", "maxima", "maxima_period", "stopped_at",
-                          "error_estimate", "events", "events_per_s", "lyapunov", "lyapunov_largest",
-                          "lyapunov_largest_error", "lyapunov_dimension", "lyapunov_dimension_error",
+  for (const char* key : {"probes", "regime", "regime_reason", "regime_rate", "growth_rate", "growth_rate_reason",
+                          "time_to_decide", "amplitude", "wave_speed", "pulses", "measured_over", "maxima",
+                          "maxima_period", "stopped_at", "error_estimate", "events", "events_per_s", "lyapunov",
+                          "lyapunov_largest", "lyapunov_largest_error", "lyapunov_dimension", "lyapunov_dimension_error",
                           "lyapunov_divergence", "accuracy"})
     keys.push_back(key);
   Summary summary(provenance, keys, options.text("summary"));

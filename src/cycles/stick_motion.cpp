@@ -52,7 +52,7 @@ void StickMotion::rates(const std::vector<double>& direction, const double* u, d
   std::array<double, 8> around{};
   for (std::size_t j = 0; j < halo_.size(); ++j)
     for (const auto& [node, weight] : halo_[j]) around[j] += weight * u[node * dof_];
-  loop_(coefficients_, {u, scene_.spread != 0 ? amplitude_.data() : nullptr, f, nodes_, around.data(),
+  loop_(coefficients_, {u, scene_.unit_amplitude() ? nullptr : amplitude_.data(), f, nodes_, around.data(),
                         around.data() + half_width_, direction.data()});
   for (int i = 0; i < nodes_; ++i)
     if (held(i)) {

@@ -28,6 +28,7 @@ struct Columns {
   double *f_psi, *f_eta, *f_state;
   PetscInt count;
   const double* direction = nullptr;  // with `sticking`
+  PetscInt node = 0;                  // number of the first node, for friction that varies
 };
 
 // Everything else; f_eta comes with K1 D2 psi.
@@ -48,7 +49,8 @@ struct PointwiseOfColumns {
 #pragma GCC ivdep
     for (PetscInt i = 0; i < k.count; ++i) {
       const double psi = k.psi[i];
-      double force = force_at<sticking>(friction, psi, F::has_state ? k.state[i] : 0, k.direction, i);
+      double force = force_at<sticking>(friction_of(friction, k.node + i), psi, F::has_state ? k.state[i] : 0,
+                                        k.direction, i);
       if constexpr (spread) force *= k.amplitude[i];
       const NodeRates rates = node_rates(c, psi, k.eta[i], force, k.f_eta[i], moving<sticking>(k.direction, i));
       k.f_psi[i] = rates.psi;
@@ -56,7 +58,7 @@ struct PointwiseOfColumns {
     }
     if constexpr (F::has_state)
       for (PetscInt i = 0; i < k.count; ++i)
-        k.f_state[i] = state_rate<sticking>(friction, k.psi[i], k.state[i], k.direction, i);
+        k.f_state[i] = state_rate<sticking>(friction_of(friction, k.node + i), k.psi[i], k.state[i], k.direction, i);
   }
 };
 

@@ -4,7 +4,10 @@
 #include <stdexcept>
 #include <string>
 
+#include "model/kernel.hpp"
 #include "model/law_list.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/text.hpp"
 
 namespace stickslip {
 
@@ -30,8 +33,46 @@ template <class T>
 T with_values(const FrictionParameters& p, const std::string& family) {
   T object;
   for (const auto& [member, parameter] : T::parameters()) object.*member = p.value(family + parameter.name);
-  says::check(object);
+  if (!p.varies()) says::check(object);
   return object;
+}
+
+// A parameter of a class that differs along x.
+template <class T>
+struct Differing {
+  double T::*member;
+  const ProfileAlongX* profile;
+};
+template <class T>
+std::vector<Differing<T>> differing(const FrictionParameters& p, const std::string& family) {
+  std::vector<Differing<T>> list;
+  for (const auto& [member, parameter] : T::parameters())
+    if (const ProfileAlongX* profile = p.profile(family + parameter.name)) list.push_back({member, profile});
+  return list;
+}
+
+// `friction`, whose parameters have values for everywhere, with those of profiles as they are at each place x.
+template <class F>
+std::vector<F> frictions_along(const F& friction, const FrictionParameters& p, const std::vector<double>& x) {
+  const auto of_law = differing<decltype(friction.law)>(p, "friction_");
+  const auto of_state = differing<decltype(friction.state)>(p, "state_");
+  std::vector<F> all(x.size(), friction);
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    for (const auto& [member, profile] : of_law) all[i].law.*member = profile->at(x[i]);
+    for (const auto& [member, profile] : of_state) all[i].state.*member = profile->at(x[i]);
+    try {
+      says::check(all[i].law);
+      says::check(all[i].state);
+    } catch (const UsageError& e) {
+      throw UsageError(std::string(e.what()) + " (at x = " + rounded_text(x[i], 6) + ")");
+    }
+  }
+  return all;
+}
+
+template <class F>
+kernel::Varying<F> varying_friction(const F& friction, const FrictionParameters& p, const std::vector<double>& x) {
+  return {std::make_shared<const std::vector<F>>(frictions_along(friction, p, x))};
 }
 
 // Calls body(friction) with the class that the parameters name and returns what it returns, an R.

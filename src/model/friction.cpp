@@ -163,10 +163,38 @@ double FrictionParameters::value(const std::string& option) const {
   return std::strtod(own->value, nullptr);
 }
 
+const ProfileAlongX* FrictionParameters::profile(const std::string& option) const {
+  if (profiles.empty()) return nullptr;
+  std::string name = option;
+  for (const Parameter& p : law->parameters)  // one quantity under two names, as in value()
+    if (p.same_as == option) name = "friction_" + std::string(p.name);
+  const auto found = profiles.find(name);
+  return found == profiles.end() ? nullptr : &found->second;
+}
+
+namespace {
+
+template <class F>
+std::shared_ptr<const Friction> resolved(const F& f, const FrictionParameters& p) {
+  return std::make_shared<const Resolved<F>>(f, p.regularised ? SlopesAhead{0, 1 / p.eps} : says::slopes_ahead(f.law));
+}
+
+}  // namespace
+
 std::shared_ptr<const Friction> Friction::of(const FrictionParameters& p) {
-  return dispatch_friction<std::shared_ptr<const Friction>>(p, [&](const auto& f) {
-    const SlopesAhead slopes = p.regularised ? SlopesAhead{0, 1 / p.eps} : says::slopes_ahead(f.law);
-    return std::make_shared<const Resolved<std::decay_t<decltype(f)>>>(f, slopes);
+  if (p.varies())
+    throw UsageError(p.profiles.begin()->first + "_profile: what is asked for here needs friction that is the same "
+                     "everywhere");
+  return dispatch_friction<std::shared_ptr<const Friction>>(p, [&](const auto& f) { return resolved(f, p); });
+}
+
+std::vector<std::shared_ptr<const Friction>> Friction::along(const FrictionParameters& p,
+                                                             const std::vector<double>& x) {
+  using List = std::vector<std::shared_ptr<const Friction>>;
+  return dispatch_friction<List>(p, [&](const auto& friction) {
+    List list;
+    for (const auto& f : frictions_along(friction, p, x)) list.push_back(resolved(f, p));
+    return list;
   });
 }
 

@@ -37,11 +37,12 @@ struct Stage {
   double target;  // of the residual, against 1 + |psi|
   bool strict, held;
   PetscInt count;
+  PetscInt node = 0;  // number of the first node, for friction that varies
 };
 
 // One node's equations.
 template <class F, bool sticking>
-struct NodeEquation {
+struct NodeEquation {  // F: of the node itself
   const F& friction;
   double amplitude, direction;
   double h, a, q, R, z_state;
@@ -148,12 +149,14 @@ struct SolveStage {
     return {1 + t.h * c.A * c.B + q * t.h * c.K0, q, t.h * c.K0 * c.v};
   }
 
-  NodeEquation<F, sticking> equation(const Shared& k, const Stage& t, PetscInt i) const {
+  auto equation(const Shared& k, const Stage& t, PetscInt i) const {
+    const auto& own = friction_of(friction, t.node + i);
     const bool moves = !t.held && (!sticking || t.direction[i] != 0);
     const double amplitude = t.amplitude ? t.amplitude[i] : 1, direction = sticking ? t.direction[i] : 0;
     const double q = moves ? k.q : 0;
-    return {friction, amplitude, direction, t.h, moves ? k.a : 1, q, t.z_psi[i] + q * (t.z_eta[i] + k.load),
-            F::has_state ? t.z_state[i] : 0};
+    return NodeEquation<std::decay_t<decltype(own)>, sticking>{
+        own, amplitude, direction, t.h, moves ? k.a : 1, q, t.z_psi[i] + q * (t.z_eta[i] + k.load),
+        F::has_state ? t.z_state[i] : 0};
   }
 
   // The slower way of node i; returns whether it led to a root.
@@ -197,8 +200,9 @@ struct SolveStage {
 #pragma GCC ivdep
       for (PetscInt i = 0; i < count; ++i) {
         Partials p;
-        if constexpr (sticking) p = friction.sliding_partials(psi[i], 0, t.direction[begin + i]);
-        else p = friction.partials(psi[i], 0);
+        const auto& own_friction = friction_of(friction, t.node + begin + i);
+        if constexpr (sticking) p = own_friction.sliding_partials(psi[i], 0, t.direction[begin + i]);
+        else p = own_friction.partials(psi[i], 0);
         const double own = a[i] * psi[i], force = q[i] * p.F, r = own + force - R[i];
         const double slope = a[i] + q[i] * p.F_psi;
         const double size = (own < 0 ? -own : own) + (force < 0 ? -force : force) + (R[i] < 0 ? -R[i] : R[i]);
@@ -250,7 +254,7 @@ struct SolveStage {
       const double d_psi = -(r * own - e.q * p.F_state * rs) / slope, d_s = (e.h * g.g_psi * d_psi - rs) / own;
       double next = psi + d_psi;
       if constexpr (F::steep)
-        if (e.q > 0) next = friction.newton_psi(psi, s, next, s + d_s, e.a / (e.q * e.amplitude));
+        if (e.q > 0) next = e.friction.newton_psi(psi, s, next, s + d_s, e.a / (e.q * e.amplitude));
       psi = next;
       s += d_s;
       if (!done) continue;

@@ -12,7 +12,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <type_traits>
+#include <vector>
 
 #include "stickslip/model/stencil.hpp"
 
@@ -41,6 +43,21 @@ inline Coefficients coefficients_of(const Scene& scene) {
   return c;
 }
 
+// Friction with parameters of its own at every node. The loops take it in place of one friction for all, which
+// friction_of() hands on as it is: a scene without profiles runs the same instructions as if there were none.
+template <class F>
+struct Varying {
+  static constexpr bool has_state = F::has_state, sticks = F::sticks, steep = F::steep;
+  std::shared_ptr<const std::vector<F>> nodes;
+};
+template <class F>
+const F& friction_of(const F& friction, PetscInt) {
+  return friction;
+}
+template <class F>
+const F& friction_of(const Varying<F>& friction, PetscInt node) {
+  return (*friction.nodes)[static_cast<std::size_t>(node)];
+}
 struct Range {
   const double* u;          // unknowns of the first node
   const double* amplitude;  // a_i of the first node; nullptr: all are 1
@@ -49,6 +66,7 @@ struct Range {
   const double* before;     // psi of the half_width nodes before the range, in order (not read where half_width = 0)
   const double* behind;     // psi of the half_width nodes behind it
   const double* direction = nullptr;  // of motion, with friction that sticks (`sticking`): 1, -1, 0 at rest
+  PetscInt node = 0;        // number of the first node, for friction that varies
 };
 
 // A tile: nodes 0..count-1, and psi[-half_width .. count+half_width-1].
@@ -58,6 +76,7 @@ struct Tile {
   double* f;
   PetscInt count;
   const double* direction;
+  PetscInt node;
 };
 
 constexpr PetscInt tile_size = 128;
@@ -86,7 +105,7 @@ void over_tiles(const Range& r, const Body& body) {
       psi[count + j] = right < r.count ? r.u[right * dof] : r.behind[right - r.count];
     }
     body(Tile{psi, eta, state, r.amplitude ? r.amplitude + begin : nullptr, r.f + begin * dof, count,
-              r.direction ? r.direction + begin : nullptr});
+              r.direction ? r.direction + begin : nullptr, r.node + begin});
   }
 }
 
@@ -107,7 +126,8 @@ double force_at(const F& friction, double psi, double s, const double* direction
 template <bool sticking, class F>
 void friction_force(const F& friction, const Tile& t, double* force) {
   for (PetscInt i = 0; i < t.count; ++i)
-    force[i] = force_at<sticking>(friction, t.psi[i], F::has_state ? t.state[i] : 0, t.direction, i);
+    force[i] = force_at<sticking>(friction_of(friction, t.node + i), t.psi[i], F::has_state ? t.state[i] : 0,
+                                  t.direction, i);
   if (t.amplitude)
     for (PetscInt i = 0; i < t.count; ++i) force[i] *= t.amplitude[i];
 }
@@ -150,7 +170,33 @@ struct Whole {
         const NodeRates rates = node_rates(c, psi, t.eta[i], force[i], coupling, moving<sticking>(t.direction, i));
         t.f[i * dof] = rates.psi;
         t.f[i * dof + 1] = rates.eta;
-        if constexpr (dof == 3) t.f[i * dof + 2] = state_rate<sticking>(friction, psi, t.state[i], t.direction, i);
+        if constexpr (dof == 3)
+          t.f[i * dof + 2] = state_rate<sticking>(friction_of(friction, t.node + i), psi, t.state[i], t.direction, i);
+      }
+    });
+  }
+};
+
+// The same of friction that varies: K1 D2 psi stands in the eta of f already (`coupled`), from a loop that knows no law;
+// or there is none, Part::pointwise.
+template <class F, bool sticking = false>
+struct Onto {
+  static constexpr int dof = F::has_state ? 3 : 2;
+  F friction;
+  bool coupled;
+
+  void operator()(const Coefficients& coefficients, const Range& r) const {
+    const Coefficients c = coefficients;
+    over_tiles<0, dof>(r, [&](const Tile& t) {
+      alignas(64) double force[tile_size];
+      friction_force<sticking>(friction, t, force);
+      for (PetscInt i = 0; i < t.count; ++i) {
+        const double psi = t.psi[i], coupling = coupled ? t.f[i * dof + 1] : 0;
+        const NodeRates rates = node_rates(c, psi, t.eta[i], force[i], coupling, moving<sticking>(t.direction, i));
+        t.f[i * dof] = rates.psi;
+        t.f[i * dof + 1] = rates.eta;
+        if constexpr (dof == 3)
+          t.f[i * dof + 2] = state_rate<sticking>(friction_of(friction, t.node + i), psi, t.state[i], t.direction, i);
       }
     });
   }
@@ -297,7 +343,7 @@ struct Reaction {
       for (PetscInt i = 0; i < t.count; ++i) {
         t.f[i * dof] = -c.A * force[i];
         t.f[i * dof + 1] = c.s_delta * force[i];
-        if constexpr (dof == 3) t.f[i * dof + 2] = friction.rate(t.psi[i], t.state[i]);
+        if constexpr (dof == 3) t.f[i * dof + 2] = friction_of(friction, t.node + i).rate(t.psi[i], t.state[i]);
       }
     });
   }
@@ -370,7 +416,8 @@ auto for_half_width(int half_width, const Pick& pick) {
   }
 }
 
-// Loops with a state come in one version: exp and log take the time.
+// Loops with a state come in one version: exp and log take the time. (So do those of Varying friction, whose parameters
+// do not lie side by side.)
 template <class Function, class Kernel>
 Function compiled_by_dof(const Kernel& kernel) {
   if constexpr (Kernel::dof == 2) return compiled<Function>(kernel);

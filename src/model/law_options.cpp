@@ -43,6 +43,17 @@ void add_once(std::vector<OptionSpec>& options, OptionSpec spec) {
   options.push_back(std::move(spec));
 }
 
+// The profile of a parameter along x, and a factor on it.
+void add_profile(std::vector<OptionSpec>& options, const std::string& name, const OptionSpec& parameter) {
+  constexpr double inf = std::numeric_limits<double>::infinity();
+  OptionSpec profile{name + "_profile", OptionType::pairs, "", "none", parameter.unit, parameter.low, parameter.high,
+                     parameter.open_low, {}, name + " along x, in place of one value: x1:value1,x2:value2,... or a file "
+                     "of two columns", "", "", nullptr};
+  OptionSpec factor{name + "_factor", OptionType::real, "1", "", "", 0, inf, true, {},
+                    "multiplies " + name + "_profile", "", "", nullptr};
+  for (OptionSpec* spec : {&profile, &factor}) add_once(options, std::move(*spec));
+}
+
 }  // namespace
 
 LawOptions law_options() {
@@ -60,6 +71,10 @@ LawOptions law_options() {
     all.states.push_back(state->name);
     for (const Parameter& p : state->parameters) add_once(all.of_states, option_of("state_" + std::string(p.name), p));
   }
+  OptionSpec amplitude = option_of("friction_amplitude", {"amplitude", "1", Parameter::Range::positive, "", ""});
+  add_profile(all.of_profiles, amplitude.name, amplitude);
+  for (const std::vector<OptionSpec>* family : {&all.of_laws, &all.of_states})
+    for (const OptionSpec& parameter : *family) add_profile(all.of_profiles, parameter.name, parameter);
   for (const Pair& pair : pairs) {
     pair.connect(all.of_laws);
     pair.connect(all.of_states);

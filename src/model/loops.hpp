@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <vector>
 
 #include "model/kernel.hpp"
 #include "stickslip/model/friction.hpp"
@@ -11,11 +12,13 @@ namespace stickslip {
 
 using RangeLoop = std::function<void(const kernel::Coefficients&, const kernel::Range&)>;
 
+// `x`: of this rank's nodes, where friction varies along x; else it is not read.
 // Part::full; half_width 0: Part::pointwise. `sticking`: with the direction of motion given; empty for a law that
 // cannot.
-RangeLoop whole_loop(const FrictionParameters& friction, int half_width, bool sticking);
+RangeLoop whole_loop(const FrictionParameters& friction, int half_width, bool sticking,
+                     const std::vector<double>& x = {});
 // Part::reaction.
-RangeLoop reaction_loop(const FrictionParameters& friction);
+RangeLoop reaction_loop(const FrictionParameters& friction, const std::vector<double>& x);
 // Part::wave or Part::stencil, for so many unknowns a node.
 RangeLoop wave_loop(int dof, int half_width, bool stencil_only);
 

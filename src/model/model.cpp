@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "model/loops.hpp"
 #include "stickslip/base/error.hpp"
@@ -27,9 +28,11 @@ struct Model::Impl {
   int dof, half_width;
   mutable DmHandle dm;  // on one rank made when somebody asks
   PetscInt first = 0, local = 0;
-  std::shared_ptr<const Friction> law;
+  std::optional<Frictions> law;
+  SlopesAhead slopes_ahead;
   std::vector<double> amplitude;
-  Coefficients coefficients{}, no_stencil{};
+  mutable Coefficients coefficients{}, no_stencil{};  // v: of the load, at the time said last
+  mutable int load_piece = 0;
   LinearPoint no_friction;
   RangeLoop full, pointwise, stencil, wave, reaction, sticking, sticking_pointwise;
   const double* direction = nullptr;
@@ -46,7 +49,7 @@ struct Model::Impl {
 
   Impl(MPI_Comm communicator, const Scene& s)
       : comm(communicator), scene(s), dof(s.friction.has_state() ? 3 : 2), half_width(s.order / 2),
-        law(Friction::of(s.friction)), no_friction(s) {
+        no_friction(s) {
     int ranks = 1;
     MPI_Comm_size(comm, &ranks);
     if (ranks > scene.n)
@@ -58,21 +61,34 @@ struct Model::Impl {
       SS_TRY(DMDAGetCorners(dm, &first, nullptr, nullptr, &local, nullptr, nullptr));
     }
     amplitude = friction_amplitude(scene, first, local);
+    set_up_law();
 
     coefficients = no_stencil = kernel::coefficients_of(scene);
     std::fill(std::begin(no_stencil.w), std::end(no_stencil.w), 0.);
 
     const FrictionParameters& p = scene.friction;
-    full = whole_loop(p, half_width, false);
-    pointwise = whole_loop(p, 0, false);
+    const std::vector<double> x = p.varies() ? positions(scene, first, local) : std::vector<double>();
+    full = whole_loop(p, half_width, false, x);
+    pointwise = whole_loop(p, 0, false, x);
     stencil = wave_loop(dof, half_width, true);
     wave = wave_loop(dof, half_width, false);
-    reaction = reaction_loop(p);
-    if (law->sticks) {
-      sticking = whole_loop(p, half_width, true);
-      sticking_pointwise = whole_loop(p, 0, true);
+    reaction = reaction_loop(p, x);
+    if (p.sticks()) {
+      sticking = whole_loop(p, half_width, true, x);
+      sticking_pointwise = whole_loop(p, 0, true, x);
     }
     set_up_halo(ranks);
+  }
+
+  void set_up_law() {
+    law.emplace(scene, first, local);
+    double slopes[2] = {0, 0};
+    for (PetscInt i = 0; i < (law->vary() ? local : 1); ++i) {
+      slopes[0] = std::max(slopes[0], (*law)[i].slopes_ahead.falling);
+      slopes[1] = std::max(slopes[1], (*law)[i].slopes_ahead.rising);
+    }
+    if (law->vary()) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, slopes, 2, MPI_DOUBLE, MPI_MAX, comm));
+    slopes_ahead = {slopes[0], slopes[1]};
   }
 
   void make_dm() const {
@@ -134,9 +150,9 @@ struct Model::Impl {
       before[static_cast<std::size_t>(j)] = psi_at(u, begin - half_width + j);
       behind[static_cast<std::size_t>(j)] = psi_at(u, end + j);
     }
-    const double* const factors = scene.spread != 0 ? &amplitude[static_cast<std::size_t>(begin)] : nullptr;
+    const double* const factors = scene.unit_amplitude() ? nullptr : &amplitude[static_cast<std::size_t>(begin)];
     loop(c, {u + begin * dof, factors, f + begin * dof,
-             end - begin, before.data(), behind.data(), direction ? direction + begin : nullptr});
+             end - begin, before.data(), behind.data(), direction ? direction + begin : nullptr, begin});
   }
 
   const RangeLoop& loop_of(Part part) const {
@@ -205,10 +221,10 @@ struct Model::Impl {
     const double psi = u[0], s = dof == 3 ? u[2] : 0, going = direction ? direction[i] : 0;
     LinearPoint point(no_friction);
     if (has_friction(part) && !direction) {
-      point.set(friction_at(i, psi, s), law->rate_partials(psi, s));
+      point.set(friction_at(i, psi, s), (*law)[i].rate_partials(psi, s));
     } else if (has_friction(part)) {
-      const Partials p = going == 0 ? Partials{0, 0, 0} : law->sliding_partials(psi, s, going);
-      point.set(times(amplitude[static_cast<std::size_t>(i)], p), law->sliding_rate(psi, s, going));
+      const Partials p = going == 0 ? Partials{0, 0, 0} : (*law)[i].sliding_partials(psi, s, going);
+      point.set(times(amplitude[static_cast<std::size_t>(i)], p), (*law)[i].sliding_rate(psi, s, going));
     }
     const bool rests = direction && going == 0;
     NodeBlock b = rests ? point.block_at_rest(part) : point.block(part);
@@ -238,7 +254,7 @@ struct Model::Impl {
 
   static Partials times(double a, const Partials& p) { return {a * p.F, a * p.F_psi, a * p.F_state}; }
   Partials friction_at(PetscInt i, double psi, double state) const {
-    return times(amplitude[static_cast<std::size_t>(i)], law->partials(psi, state));
+    return times(amplitude[static_cast<std::size_t>(i)], (*law)[i].partials(psi, state));
   }
 };
 
@@ -280,6 +296,19 @@ NodeBlock Model::node_block(Part part, PetscInt local_node, const double* u) con
   return impl_->node_block(part, local_node, u);
 }
 void Model::rhs(Part part, Vec u, Vec f) const { impl_->rhs(part, u, f); }
+
+void Model::begin_load(double t) const {
+  if (!scene().load.varies()) return;
+  impl_->load_piece = scene().load.piece_from(t);
+  set_time(t);
+}
+void Model::set_time(double t) const {
+  if (scene().load.varies()) impl_->coefficients.v = impl_->no_stencil.v = plate_velocity(t);
+}
+double Model::plate_velocity() const { return impl_->coefficients.v; }
+double Model::plate_velocity(double t) const {
+  return scene().load.varies() ? scene().load.in_piece(impl_->load_piece, t) : scene().v;
+}
 
 MatHandle Model::create_jacobian(Part part) const {
   const PetscInt dof = impl_->dof, first = impl_->first, local = impl_->local;
@@ -361,16 +390,25 @@ Partials Model::friction(PetscInt local_node, double psi, double state) const {
 }
 LinearPoint Model::linear_point(PetscInt local_node, double psi, double state) const {
   LinearPoint point(impl_->no_friction);
-  point.set(friction(local_node, psi, state), state_rate(psi, state));
+  point.set(friction(local_node, psi, state), state_rate(local_node, psi, state));
   return point;
 }
-const Friction& Model::friction_law() const { return *impl_->law; }
-RatePartials Model::state_rate(double psi, double state) const { return impl_->law->rate_partials(psi, state); }
-double Model::steady_state(double psi) const { return impl_->law->steady_state(psi); }
+const Friction& Model::friction_law() const {
+  if (impl_->law->vary()) (void)Friction::of(scene().friction);  // which says why not
+  return (*impl_->law)[0];
+}
+const Friction& Model::friction_law(PetscInt local_node) const { return (*impl_->law)[local_node]; }
+SlopesAhead Model::slopes_ahead() const { return impl_->slopes_ahead; }
+RatePartials Model::state_rate(PetscInt local_node, double psi, double state) const {
+  return friction_law(local_node).rate_partials(psi, state);
+}
+RatePartials Model::state_rate(double psi, double state) const { return friction_law().rate_partials(psi, state); }
+double Model::steady_state(PetscInt local_node, double psi) const { return friction_law(local_node).steady_state(psi); }
+double Model::steady_state(double psi) const { return friction_law().steady_state(psi); }
 
 bool Model::tame_newton_step(Vec u, double shift, Vec minus_step) const {
   const Impl& m = *impl_;
-  if (!m.law->steep) return false;
+  if (!(*m.law)[0].steep) return false;
   // the slope of psi's own row without friction, eta = ... - K0 psi/shift put into it, over A a_i
   const double mass = shift / scene().A() + scene().B() + scene().K0() / shift;
   const double* a;
@@ -381,8 +419,8 @@ bool Model::tame_newton_step(Vec u, double shift, Vec minus_step) const {
     if (m.held(m.first + i)) continue;
     const double *at = a + i * m.dof, psi = at[0], state = at[2];
     double* d = step + i * m.dof;
-    d[0] = psi - m.law->newton_psi(psi, state, psi - d[0], state - d[2],
-                                   mass / m.amplitude[static_cast<std::size_t>(i)]);
+    d[0] = psi - (*m.law)[i].newton_psi(psi, state, psi - d[0], state - d[2],
+                                        mass / m.amplitude[static_cast<std::size_t>(i)]);
   }
   SS_TRY(VecRestoreArray(minus_step, &step));
   SS_TRY(VecRestoreArrayRead(u, &a));

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -79,6 +80,14 @@ std::vector<std::string> names_of(const std::string& family, const std::vector<P
   return names;
 }
 
+// The same, with the options that say how they differ along x.
+std::vector<std::string> with_profiles(const std::vector<std::string>& names) {
+  std::vector<std::string> all = names;
+  for (const std::string& name : names)
+    for (const char* suffix : {"_profile", "_factor"}) all.push_back(name + suffix);
+  return all;
+}
+
 // What the names of `others` have beyond `own`, each once.
 std::vector<std::string> beyond(const std::vector<std::string>& own, const std::vector<std::string>& others) {
   std::vector<std::string> names;
@@ -106,7 +115,8 @@ void read_law(const Options& o, FrictionParameters& f) {
   refuse(o, friction_options_of_other_laws(f.law), other_law);
   std::vector<std::string> of_regularised = {"friction_eps"};
   for (const Parameter& p : f.law->parameters)
-    if (p.regularised) of_regularised.push_back("friction_" + std::string(p.name));
+    if (p.regularised)
+      for (const std::string& name : with_profiles({"friction_" + std::string(p.name)})) of_regularised.push_back(name);
   if (!f.regularised) refuse(o, of_regularised, "it belongs to -friction_stick regularised, not to exact stick");
 
   f.eps = o.real("friction_eps");
@@ -150,7 +160,7 @@ void read_state(const Options& o, Scene& s) {
 
   const std::vector<std::string> own = names_of("state_", f.state->parameters);
   for (const StateLaw other : all_state_laws())
-    refuse(o, beyond(own, names_of("state_", other->parameters)),
+    refuse(o, with_profiles(beyond(own, names_of("state_", other->parameters))),
            "a parameter of another state law, but state_law is " + f.state->name);
   for (const std::string& name : own) f.values[name] = o.real(name);
   for (const Parameter& p : f.law->parameters) {
@@ -159,7 +169,69 @@ void read_state(const Options& o, Scene& s) {
       throw UsageError(shown(o, p.same_as) + ": " + f.law->name + " has one slip distance, and " + name + " is " +
                        o.text(name));
   }
-  (void)Friction::of(f);  // throws where the values contradict each other
+}
+
+// The profile of `name`, if the scene has one: x within the scene, its values times the factor.
+std::optional<ProfileAlongX> read_profile(const Options& o, const Scene& s, const std::string& name) {
+  const std::string option = name + "_profile", factor = name + "_factor";
+  if (!o.is_set(option)) {
+    if (o.is_set(factor)) throw UsageError(shown(o, factor) + ": it multiplies " + option + ", which is not set");
+    return std::nullopt;
+  }
+  if (find_option(name) && o.is_set(name))
+    throw UsageError(shown(o, name) + " and -" + option + ": one value or a profile, not both");
+  std::vector<std::pair<double, double>> points = o.pairs(option);
+  for (auto& [x, value] : points) {
+    if (x < 0 || x > s.length * (1 + 1e-12))
+      throw UsageError(shown(o, option) + ": x = " + number_text(x) + " lies outside the scene, which reaches from 0 to " +
+                       number_text(s.length));
+    value *= o.real(factor);
+  }
+  const std::string kind = o.text("profile_kind");
+  const Between between = kind == "linear" ? Between::linear : kind == "smooth" ? Between::smooth : Between::step;
+  return ProfileAlongX(std::move(points), between, s.ring() ? s.length : 0);
+}
+
+void read_profiles(const Options& o, Scene& s) {
+  FrictionParameters& f = s.friction;
+  const auto read = [&](const std::string& name, const std::string& as) {
+    const std::optional<ProfileAlongX> profile = read_profile(o, s, name);
+    if (!profile) return;
+    if (f.profiles.count(as)) throw UsageError("-" + name + "_profile: it is the same quantity as " + as + "_profile");
+    f.profiles[as] = *profile;
+  };
+  for (const Parameter& p : f.law->parameters) {
+    const std::string name = "friction_" + std::string(p.name);
+    read(name, name);
+    if (*p.same_as) read(p.same_as, name);  // and is asked for by the law's name
+  }
+  for (const Parameter& p : f.state->parameters) {
+    const std::string name = "state_" + std::string(p.name);
+    const auto is_same = [&](const Parameter& other) { return other.same_as == name; };
+    if (std::none_of(f.law->parameters.begin(), f.law->parameters.end(), is_same)) read(name, name);
+  }
+  if (const auto amplitude = read_profile(o, s, "friction_amplitude")) s.amplitude = *amplitude;
+  if (o.command() != "laws" && o.is_set("profile_kind") && s.amplitude.points().empty() && !f.varies())
+    throw UsageError(shown(o, "profile_kind") + ": there is no profile");
+  // throws where the values contradict each other
+  if (!f.varies()) return void(Friction::of(f));
+  std::vector<double> x;
+  for (const auto& [name, profile] : f.profiles)
+    for (const auto& point : profile.points()) x.push_back(point.first);
+  (void)Friction::along(f, x);
+}
+
+void read_load(const Options& o, Scene& s) {
+  const std::vector<std::string> names = {"load_v", "load_sine_amplitude", "load_sine_period"};
+  if (!o.command().empty() && o.command() != "run" && o.command() != "sweep")
+    refuse(o, names, "the command " + o.command() + " knows a constant velocity of the plate alone; `run` takes a load");
+  if (o.is_set("load_sine_period") != o.is_set("load_sine_amplitude"))
+    throw UsageError("-" + names[o.is_set("load_sine_period") ? 2 : 1] + ": a sine needs load_sine_amplitude and " +
+                     "load_sine_period");
+  const std::vector<std::pair<double, double>> points = o.pairs("load_v");
+  if (!points.empty() && points.front().first < 0)
+    throw UsageError(shown(o, "load_v") + ": times from 0 on, where a run begins");
+  s.load = Load(s.v, points, o.real("load_sine_amplitude"), o.real("load_sine_period"));
 }
 
 void read_ends(const Options& o, Scene& s) {
@@ -216,6 +288,8 @@ Scene Scene::from(const Options& options, bool) {
   read_state(options, scene);
   read_ends(options, scene);
   read_grid(options, scene);
+  read_profiles(options, scene);
+  read_load(options, scene);
   return scene;
 }
 
@@ -224,7 +298,11 @@ std::vector<std::string> friction_options_of_other_laws(Law law) {
   if (!law->jumps_at_rest) all = {"friction_eps", "friction_back_slip"};
   for (const Law other : all_laws())
     for (const std::string& name : names_of("friction_", other->parameters)) all.push_back(name);
-  return beyond(names_of("friction_", law->parameters), all);
+  all = beyond(names_of("friction_", law->parameters), all);
+  const std::vector<std::string> profiles = with_profiles(all);
+  for (const std::string& name : profiles)
+    if (find_option(name)) all.push_back(name);
+  return beyond({}, all);
 }
 
 std::string to_string(Form form) { return name_of(form_names, form); }

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "model/noise.hpp"
 #include "stickslip/model/model.hpp"
@@ -57,20 +58,33 @@ double between_draws(const Scene& scene, double length, double x, const Draw& dr
   return (1 - w) * at(corner) + w * at(corner + 1);
 }
 
+double profile_at(const Scene& scene, double x) { return scene.amplitude.points().empty() ? 1 : scene.amplitude.at(x); }
+
 }  // namespace
 
 std::vector<double> friction_amplitude(const Scene& scene, PetscInt first, PetscInt count) {
   std::vector<double> a(static_cast<std::size_t>(count), 1.);
-  if (scene.spread == 0) return a;
-  for (PetscInt i = 0; i < count; ++i)
-    a[static_cast<std::size_t>(i)] = scene.form == Form::chain ? draw(scene, first + i)
-                                                               : friction_amplitude_at(scene, scene.x(first + i));
+  if (scene.unit_amplitude()) return a;
+  const bool block_by_block = scene.form == Form::chain && scene.spread != 0;
+  for (PetscInt i = 0; i < count; ++i) {
+    const double x = scene.x(first + i);
+    a[static_cast<std::size_t>(i)] = block_by_block ? draw(scene, first + i) * profile_at(scene, x)
+                                                    : friction_amplitude_at(scene, x);
+  }
   return a;
 }
 
 double friction_amplitude_at(const Scene& scene, double x) {
-  if (scene.spread == 0) return 1;
-  return between_draws(scene, scene.spread_length, x, [&](PetscInt j) { return draw(scene, j); });
+  const double profile = profile_at(scene, x);
+  if (scene.spread == 0) return profile;
+  return between_draws(scene, scene.spread_length, x, [&](PetscInt j) { return draw(scene, j); }) * profile;
+}
+
+double Scene::friction_length() const {
+  double least = spread != 0 ? spread_length : std::numeric_limits<double>::infinity();
+  least = std::min(least, amplitude.shortest());
+  for (const auto& [name, profile] : friction.profiles) least = std::min(least, profile.shortest());
+  return least;
 }
 
 double noise_at(const Scene& scene, double length, PetscInt seed, PetscInt node) {

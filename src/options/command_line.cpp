@@ -4,6 +4,7 @@
 #include <cstdlib>
 
 #include "base/broadcast.hpp"
+#include "options/columns.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/json_values.hpp"
@@ -66,6 +67,20 @@ std::vector<Given> scene_options(const std::string& path) {
         throw UsageError(one.where + ": nothing stands under " + one.name);
   }
   return given;
+}
+
+// Puts the numbers of a file of two columns in the place of its name: so they stand in every file that is written, and a
+// restart does not read it again.
+void take_in_table(Given& given) {
+  const OptionSpec* spec = find_option(given.name);
+  if (!spec || spec->type != OptionType::pairs || !given.text || given.text->find(':') != std::string::npos) return;
+  Pairs pairs;
+  for (const std::vector<double>& row : read_columns(spec->name, *given.text, 2, 2)) pairs.emplace_back(row[0], row[1]);
+  const std::string text = pairs_text(pairs);
+  if (!parse_pairs(text))
+    throw UsageError("-" + spec->name + " " + stickslip::quoted(*given.text) + in_place(given.where) +
+                     ": the first column must ascend, each number at most twice");
+  given.text = text;
 }
 
 // Help or the version, asked for without a command.
@@ -143,6 +158,7 @@ CommandLine read(const std::vector<std::string>& words, const std::vector<std::s
   if (yaml && *yaml) append(parse_yaml(yaml, "PETSC_OPTIONS_YAML"));
   for (const Given& given : typed)
     if (!is_help(given) && !is_options_file(given)) line.given.push_back(given);
+  for (Given& given : line.given) take_in_table(given);
   return line;
 }
 

@@ -141,6 +141,22 @@ void friction_options(TableBuilder& t) {
   t.integer("friction_seed", "1", 0, int_max, "seed of the spread");
 }
 
+void profile_options(TableBuilder& t) {
+  t.in("Profiles along x", physics);
+  t.choice("profile_kind", {"linear", "smooth", "step"},
+           "between the places of a profile: straight, smoothly, or a value until the next place");
+  for (const OptionSpec& spec : law_options().of_profiles) t.add(spec);
+}
+
+void load_options(TableBuilder& t) {
+  t.in("Loading", physics);
+  t.add("load_v", OptionType::pairs, "",
+        "run: v(t) in place of model_v, t1:v1,t2:v2,... or a file of two columns; straight between, a step where a time "
+        "stands twice").unset("none").unit("velocity");
+  t.real("load_sine_amplitude", "0", "run: a sine on top of v(t): its amplitude", "velocity");
+  t.positive("load_sine_period", "1", "run: its period", "time");
+}
+
 void contact_options(TableBuilder& t) {
   t.in("State of the contact", "run spectrum boundary wave cycle chart laws");
   const LawOptions laws = law_options();
@@ -173,10 +189,10 @@ void grid_options(TableBuilder& t) {
 
 void start_options(TableBuilder& t) {
   t.in("Start", "run cycle chart");
-  t.choice("init_type", {"uniform", "sine", "layer", "pulses", "wave", "file"},
+  t.choice("init_type", {"uniform", "sine", "layer", "pulses", "wave", "file", "text"},
            "uniform; sine: psi = init_psi + init_amplitude sin(2 pi init_mode x/L); layer: psi falls from "
            "bc_left_value to init_psi like exp(-(x/init_width)^2); pulses: turns of the uniform oscillation laid "
-           "round the ring; wave: the travelling train; file: a frame or an eigenvector of init_file");
+           "round the ring; wave: the travelling train; file: a frame or an eigenvector of init_file; text: its columns");
   t.real_or("init_psi", "steady", "0.1", "psi at the start; `steady` is steady sliding", "velocity");
   t.real_or("init_eta", "steady", "", "eta at the start; `steady` makes psi_t = 0")
       .unset("0.1; steady for a layer", [](const Options& o) { return o.text("init_type") == "layer" ? "steady" : "0.1"; });
@@ -193,7 +209,9 @@ void start_options(TableBuilder& t) {
                  "changes with the grid (in the chain always one a block)",
                  "length");
   t.integer("init_seed", "1", 0, int_max, "seed of the noise");
-  t.text("init_file", "", "HDF5 file of this program to start from").unset("none");
+  t.text("init_file", "",
+         "file to start from: HDF5 of this program, or any HDF5 or NetCDF-4 file with x, psi, eta and the state; "
+         "text: columns x psi eta, and the state where there is one").unset("none");
   t.integer("init_frame", "", 0, int_max, "frame of init_file, from 0").unset("the last");
 }
 
@@ -360,7 +378,9 @@ std::vector<OptionSpec> make_table() {
   model_options(t);
   friction_options(t);
   contact_options(t);
+  profile_options(t);
   grid_options(t);
+  load_options(t);
   start_options(t);
   time_options(t);
   output_options(t);

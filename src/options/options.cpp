@@ -166,6 +166,14 @@ std::vector<std::string> Options::words(const std::string& name) const {
   return list.empty() ? std::vector<std::string>() : split_list(list);
 }
 
+std::vector<std::pair<double, double>> Options::pairs(const std::string& name) const {
+  const std::string list = text(name);
+  if (list.empty()) return {};
+  const std::optional<Pairs> read = parse_pairs(list);
+  if (!read) throw std::logic_error("option " + name + " has no such value: " + quoted(list));
+  return *read;
+}
+
 std::optional<double> Options::real_if_set(const std::string& name) const {
   return is_set(name) ? std::optional<double>(real(name)) : std::nullopt;
 }

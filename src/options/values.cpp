@@ -64,6 +64,29 @@ std::vector<std::string> split_words(const std::string& text, const std::string&
   return words;
 }
 
+std::optional<Pairs> parse_pairs(const std::string& text) {
+  Pairs pairs;
+  for (const std::string& part : split_list(text)) {
+    const std::size_t colon = part.find(':');
+    if (colon == std::string::npos) return std::nullopt;
+    const std::optional<double> x = parse_number(trimmed(part.substr(0, colon)));
+    const std::optional<double> value = parse_number(trimmed(part.substr(colon + 1)));
+    if (!x || !value || !std::isfinite(*x) || !std::isfinite(*value)) return std::nullopt;
+    const std::size_t n = pairs.size();
+    if (n > 0 && *x < pairs[n - 1].first) return std::nullopt;
+    if (n > 1 && *x == pairs[n - 2].first) return std::nullopt;
+    pairs.emplace_back(*x, *value);
+  }
+  return pairs;
+}
+
+std::string pairs_text(const Pairs& pairs) {
+  std::string text;
+  for (const auto& [x, value] : pairs)
+    text += (text.empty() ? "" : ",") + number_text(x) + ":" + number_text(value);
+  return text;
+}
+
 std::optional<StepsOrSeconds> parse_steps_or_time(const std::string& text) {
   static const std::map<char, double> seconds_in = {{'s', 1}, {'m', 60}, {'h', 3600}};
   StepsOrSeconds result;
@@ -109,6 +132,11 @@ bool is_acceptable(const OptionSpec& spec, const std::string& text) {
     case OptionType::integer_list: return every(integer);
     case OptionType::text_list: return every([](const std::string& part) { return !part.empty(); });
     case OptionType::real_or_word: return is_word(spec, text) || real(text);
+    case OptionType::pairs: {
+      const std::optional<Pairs> pairs = parse_pairs(text);
+      return pairs && std::all_of(pairs->begin(), pairs->end(),
+                                  [&spec](const auto& pair) { return in_range(spec, pair.second); });
+    }
     case OptionType::steps_or_time: return bool(parse_steps_or_time(text));
     case OptionType::wall_time: {
       const std::optional<StepsOrSeconds> value = parse_steps_or_time(text);
@@ -144,6 +172,9 @@ std::string requirement(const OptionSpec& spec) {
     case OptionType::integer_list: return "integers" + range_text(spec) + ", separated by commas";
     case OptionType::text_list: return "words separated by commas";
     case OptionType::real_or_word: return "a finite number" + range_text(spec) + or_words(spec);
+    case OptionType::pairs:
+      return "x1:value1,x2:value2,... with x ascending, each at most twice, and values that are finite" +
+             range_text(spec) + ", or a file of two columns";
     case OptionType::steps_or_time: return "a number of steps (500) or a time (30s, 10m, 2h)";
     case OptionType::wall_time: return "a time (30s, 10m, 2h)";
   }

@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "stickslip/options/options.hpp"
@@ -19,6 +20,10 @@ std::vector<std::string> split_list(const std::string& text);  // at commas, wit
 // with `comment` (0: none does) is left out. Throws UsageError, which begins with `WHERE: `, for a quote that is not closed.
 std::vector<std::string> split_words(const std::string& text, const std::string& where, char comment = 0);
 bool is_word(const OptionSpec& spec, const std::string& text);  // is it one of the spec's?
+// x1:value1,x2:value2,... of finite numbers, x ascending, each at most twice.
+using Pairs = std::vector<std::pair<double, double>>;
+std::optional<Pairs> parse_pairs(const std::string& text);
+std::string pairs_text(const Pairs& pairs);
 std::optional<StepsOrSeconds> parse_steps_or_time(const std::string& text);
 // " (scene.yaml:3)", for messages; "" for the command line.
 std::string in_place(const std::string& where);

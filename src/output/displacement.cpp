@@ -37,19 +37,20 @@ VecHandle Displacement::create_vector() const {
 
 void Displacement::solve(Vec u, double t, Vec chi) const {
   const Scene& s = model_.scene();
-  const double damping = s.s_delta() / s.A();
+  const bool loaded = s.load.varies();
+  const double damping = s.s_delta() / s.A(), travelled = loaded ? s.load.integral(t) : s.v * t;
   const double* a;
   double* b;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayWrite(load_, &b));
   for (PetscInt i = 0; i < model_.local(); ++i) {
     const double *at = a + i * model_.dof(), end = model_.first() + i == 0 ? s.left_value : s.right_value;
-    b[i] = model_.held(model_.first() + i) ? (end - s.v) * t : -(at[1] + damping * at[0]);
+    b[i] = model_.held(model_.first() + i) ? (loaded ? end * t - travelled : (end - s.v) * t) : -(at[1] + damping * at[0]);
   }
   SS_TRY(VecRestoreArrayWrite(load_, &b));
   SS_TRY(VecRestoreArrayRead(u, &a));
   SS_TRY(KSPSolve(ksp_, load_, chi));
-  SS_TRY(VecShift(chi, s.v * t));
+  SS_TRY(VecShift(chi, travelled));
 }
 
 bool Displacement::has_energy() const {
@@ -73,7 +74,7 @@ Energy Displacement::energy(Vec u) const {
     const double F = model_.friction(i, psi, model_.dof() == 3 ? at[2] : 0).F;
     sums[0] += weight * psi * psi / (2 * s.A());
     sums[1] -= weight * w[i] * z / 2;
-    sums[2] += weight * s.v * z;
+    sums[2] += weight * model_.plate_velocity() * z;
     sums[3] += weight * psi * F;
     sums[4] += weight * (s.B() + damping) * psi * psi;
   }

@@ -13,7 +13,7 @@ namespace stickslip {
 Events::Events(const Scene& scene, double velocity)
     : scene_(scene), velocity_(velocity), weight_(scene.form == Form::chain ? 1 : scene.h()),
       damping_(scene.B() + scene.s_delta() / scene.A()), amplitude_(friction_amplitude(scene, 0, scene.n)),
-      friction_(Friction::of(scene.friction)),
+      friction_(scene, 0, scene.n),
       owner_(static_cast<std::size_t>(scene.n), -1), slip_(owner_.size()), slipped_(owner_.size()) {}
 
 bool Events::moves(std::size_t i, const std::vector<std::vector<double>>& fields) const {
@@ -75,7 +75,7 @@ void Events::accumulate(std::size_t i, double dt, const std::vector<std::vector<
   const double a = amplitude_[i];
   const double A = scene_.A(), B = scene_.B();
   const auto force = [&](double psi, double s) {
-    return a * friction_->force(psi == 0 ? direction * std::numeric_limits<double>::min() : psi, s);
+    return a * friction_[PetscInt(i)].force(psi == 0 ? direction * std::numeric_limits<double>::min() : psi, s);
   };
   const double F0 = force(p0, s0), F1 = force(p1, s1);
   const double m0 = A * (last_[1][i] - B * p0 - F0), m1 = A * (now[1][i] - B * p1 - F1);

@@ -19,17 +19,27 @@ Combination interpolation_at(const Scene& scene, double x) {
 }
 
 Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x)
-    : friction_(Friction::of(whole.friction)), dof_(model.dof()) {
+    : dof_(model.dof()) {
+  const bool varies = whole.friction.varies();
+  if (!varies) friction_ = Friction::of(whole.friction);
   std::vector<PetscInt> nodes;
   for (const double at : x) {
     const Combination combination = interpolation_at(whole, at);
     // a chain has nothing between its blocks
-    const bool spread = whole.spread > 0 && whole.form == Form::continuum && combination.size() > 1;
+    const bool between = whole.form == Form::continuum && combination.size() > 1;
+    const bool spread = between && !whole.unit_amplitude() && !varies;
     std::vector<Part> row;
     for (const auto& [node, weight] : combination) {
       const double excess =
           spread ? friction_amplitude_at(whole, at) - friction_amplitude_at(whole, whole.x(node)) : 0;
       row.push_back({nodes.size(), weight, excess});
+      if (between && varies) {
+        const auto both = Friction::along(whole.friction, {at, whole.x(node)});
+        row.back().here = both[0];
+        row.back().own = both[1];
+        row.back().a_here = friction_amplitude_at(whole, at);
+        row.back().a_own = friction_amplitude_at(whole, whole.x(node));
+      }
       nodes.push_back(node % model.scene().n);
     }
     rows_.push_back(std::move(row));
@@ -54,11 +64,15 @@ const Probes::Values& Probes::read(Vec u) {
   const Reading a(fetched_);
   for (std::size_t row = 0; row < rows_.size(); ++row) {
     double psi = 0, eta = 0;
-    for (const auto& [index, weight, excess] : rows_[row]) {
-      const double* node = a + index * std::size_t(dof_);
-      psi += weight * node[0];
-      eta += weight * node[1];
-      if (excess != 0) eta += weight * excess * friction_->force(node[0], dof_ > 2 ? node[2] : 0);
+    for (const Part& part : rows_[row]) {
+      const double* node = a + part.index * std::size_t(dof_);
+      const double state = dof_ > 2 ? node[2] : 0;
+      psi += part.weight * node[0];
+      eta += part.weight * node[1];
+      if (part.excess != 0) eta += part.weight * part.excess * friction_->force(node[0], state);
+      if (part.own)
+        eta += part.weight *
+               (part.a_here * part.here->force(node[0], state) - part.a_own * part.own->force(node[0], state));
     }
     values_.psi[row] = psi;
     values_.eta[row] = eta;

@@ -38,11 +38,11 @@ bool is_unloaded(const Scene& s) {
   return s.K0() * s.v == 0 || (s.v < 0 && !s.friction.back_slip);
 }
 
-// The force at which a node that hardly moves gives way, over its amplitude: its static threshold, or steady friction
+// The force at which node i, if it hardly moves, gives way, over its amplitude: its static threshold, or steady friction
 // at v where there is none.
-double holding_force(const Model& model, double state) {
+double holding_force(const Model& model, PetscInt i, double state) {
   const Scene& s = model.scene();
-  const Friction& f = model.friction_law();
+  const Friction& f = model.friction_law(i);
   if (f.sticks) return f.threshold(state).value;
   const double steady = f.steady_state(std::abs(s.v));
   return std::isfinite(steady) ? f.force(std::abs(s.v), steady) + s.B() * std::abs(s.v) : 0.;
@@ -118,12 +118,13 @@ struct Regime::Impl {
     const Reading values(u);
     const PetscInt n = model.local(), dof = model.dof();
     const bool aged = dof == 3 && s.friction.sticks();  // what holds a node depends on its state
-    double force = holding_force(model, 0);
+    const bool differs = aged || s.friction.varies();
+    double force = holding_force(model, 0, 0);
     for (PetscInt i = 0; i < n; ++i) {
       const double *at = &values[i * dof], psi = at[0];
       largest[0] = std::max(largest[0], std::abs(psi - steady(model.first() + i)));
       largest[1] = std::max(largest[1], std::abs(psi));
-      if (aged) force = holding_force(model, at[2]);
+      if (differs) force = holding_force(model, i, aged ? at[2] : 0);
       const double holds = model.amplitude()[std::size_t(i)] * force;
       largest[2] = std::max(largest[2], std::abs(holds));
       if (pull > 0) {
@@ -179,9 +180,13 @@ const Measured& Regime::result(Vec u) {
   const Judgement j = judge(record, around);
   const FieldWatch::Result field = impl_->field.result();
   Measured m;
-  m.motion = j.motion;
-  m.rate = j.rate;
-  m.time_to_decide = j.time_to_decide;
+  // Sliding, stick-slip and the rest are kinds of motion under a constant velocity of the plate.
+  const bool loaded = impl_->model.scene().load.varies();
+  if (!loaded) {
+    m.motion = j.motion;
+    m.rate = j.rate;
+    m.time_to_decide = j.time_to_decide;
+  }
   m.amplitude = field.amplitude;
   if (m.amplitude && record.windows >= 4) m.amplitude = std::max(*m.amplitude, amplitude_of(record));
   m.wave_speed = field.wave_speed;
@@ -193,7 +198,7 @@ const Measured& Regime::result(Vec u) {
   for (const double psi : record.high) highest = std::max(highest, std::abs(psi));
   for (const double psi : record.low) highest = std::max(highest, std::abs(psi));
   const double v = std::abs(impl_->model.scene().v);
-  m.never_moved = highest <= v && around.speed_now <= 1e-9 * v && !around.unloaded;
+  m.never_moved = !loaded && highest <= v && around.speed_now <= 1e-9 * v && !around.unloaded;
   m.loaded_until = record.t + around.loading;
   return impl_->measured.emplace(std::move(m));
 }
@@ -202,6 +207,9 @@ void Regime::summarise(Summary& summary, Vec u) {
   if (!u) return;
   const Measured& m = result(u);
   summary.set("regime", to_string(m.motion));
+  if (impl_->model.scene().load.varies())
+    summary.set("regime_reason", "the plate's velocity varies (load_v, load_sine_amplitude): sliding, stick-slip and the "
+                                 "like are said of a constant one");
   summary.set("regime_rate", m.rate);
   summary.set("growth_rate", m.growth);
   if (!m.growth) summary.set("growth_rate_reason", impl_->growth_reason);

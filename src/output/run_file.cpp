@@ -154,6 +154,7 @@ void RunFile::Writer::create(const std::string& name, double bytes) {
     room += 8.0 * double(table.capacity) * double(table.row_width());
   }
   bytes += 16.0 * double(layout.friction_psi.size());
+  for (const auto& profile : layout.profiles) bytes += 8.0 * double(profile.second.size());
   unlink(name.c_str());  // never write into a file that somebody else may still have open
   file = h5::create_file(name, bytes, 0, room);
   h5::write_header(file, provenance, "run");
@@ -167,6 +168,11 @@ void RunFile::Writer::create(const std::string& name, double bytes) {
     h5::attach_scale(h5::write_fixed(file, friction, {layout.friction_F.size()}, layout.friction_F), scale, 0);
   }
   for (Table& table : tables) table.create(file);
+  if (!layout.profiles.empty()) {
+    const Id scale(H5Dopen2(file, "x", H5P_DEFAULT));
+    for (const auto& [field, values] : layout.profiles)
+      h5::attach_scale(h5::write_fixed(file, field, {values.size()}, values), scale, 0);
+  }
   if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0) h5::fail("write", name);
 }
 

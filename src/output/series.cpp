@@ -70,6 +70,7 @@ Series::Series(const Model& model, const Scene& whole, const Displacement* displ
 void Series::plan(ObservationPlan& plan) {
   std::vector<Field>& fields = plan.layout.series;
   fields = series_fields;
+  if (model_.scene().load.varies()) fields.push_back({"v", "length/time", "velocity of the driving plate"});
   if (displacement_) fields.insert(fields.end(), energy_fields.begin(), energy_fields.end());
 }
 
@@ -77,6 +78,7 @@ void Series::step(const ObservedStep& step) {
   const FieldStatistics s = statistics(model_, step.u);
   std::vector<double> row = {s.psi_mean, s.psi_min, s.psi_max, s.eta_mean, step.t - step.t_before,
                              double(step.index), double(step.rejections)};
+  if (model_.scene().load.varies()) row.push_back(model_.plate_velocity(step.t));
   if (displacement_) {
     const Energy e = displacement_->energy(step.u);
     for (const double part : {e.kinetic, e.elastic, e.input, e.friction, e.viscous}) row.push_back(cells_ * part);

@@ -217,13 +217,13 @@ bool passes_kink(const SteadySliding& steady) {
 }
 
 std::vector<NodeForms> forms_of(const SteadySliding& steady, const LinearisedOperator& J, std::size_t count) {
-  const auto friction = Friction::of(steady.scene.friction);
+  const Frictions friction(steady.scene, 0, steady.scene.n);
   const std::vector<double> amplitude = friction_amplitude(steady.scene, 0, steady.scene.n);
   std::vector<NodeForms> forms;
   for (std::size_t i = 0; i < count; ++i) {
     const auto node = std::size_t(J.coupling.node[i]);
     forms.emplace_back(J.point(i), amplitude[node],
-                       friction->higher_partials(steady.psi[node], steady.state.empty() ? 0 : steady.state[node]));
+                       friction[PetscInt(node)].higher_partials(steady.psi[node], steady.state.empty() ? 0 : steady.state[node]));
   }
   return forms;
 }

@@ -294,7 +294,7 @@ double intervals_needed(const Scene& s) {
   constexpr double nodes = 8, blocks = 1024;
   if (s.form == Form::chain) return std::max(blocks, 32 * std::sqrt(s.k1 / std::max(s.k0, 1e-300)));
   if (s.c == 0) return std::numeric_limits<double>::infinity();
-  return nodes * s.length / (s.spread == 0 ? s.c : std::min(s.c, s.spread_length));
+  return nodes * s.length / std::min(s.c, s.friction_length());
 }
 
 }  // namespace

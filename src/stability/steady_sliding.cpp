@@ -54,12 +54,13 @@ double put_layers(const Scene& s, std::vector<double>& psi) {
 SteadySliding::SteadySliding(const Scene& s) : scene(s), psi(std::size_t(s.n), s.v) {
   residual = put_layers(s, psi);
   const std::vector<double> amplitude = friction_amplitude(s, 0, s.n);
-  const auto friction = Friction::of(s.friction);
+  const Frictions frictions(s, 0, s.n);
   slopes.resize(psi.size());
   eta.resize(psi.size());
-  if (friction->has_state) state.resize(psi.size());
+  if (s.friction.has_state()) state.resize(psi.size());
   for (std::size_t i = 0; i < psi.size(); ++i) {
     const bool solved_for = !held(s, PetscInt(i));
+    const Friction* const friction = &frictions[PetscInt(i)];
     const double x = friction->steady_state(psi[i]);
     const auto place = [&] { return "(x = " + rounded_text(s.x(PetscInt(i)), 6) + ")"; };
     if (friction->has_state && !std::isfinite(x))

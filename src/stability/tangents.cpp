@@ -168,7 +168,7 @@ void Tangents::count_resting() {
 // Of node i, where the rates change from f to g; false where it comes there at speed 0.
 bool Tangents::jump_at(PetscInt i, const double* u, const double* f, const double* g, double from, double to) {
   const bool starts = from == 0;
-  const double slope = starts && dof_ == 3 ? model_.amplitude()[std::size_t(i)] * model_.friction_law().threshold(u[2]).slope
+  const double slope = starts && dof_ == 3 ? model_.amplitude()[std::size_t(i)] * model_.friction_law(i).threshold(u[2]).slope
                                            : 0;
   const JumpMatrix jump = starts ? JumpMatrix::at_start(dof_, to, slope, f, g) : JumpMatrix::at_stop(dof_, f, g);
   if (std::equal(f, f + dof_, g)) return true;
@@ -297,7 +297,7 @@ void Tangents::rest(double dt, Vec u) {
   {
     const Reading a(u);
     for (std::size_t i = 0; i < logs.size(); ++i) {
-      logs[i] = rest_contraction(model_.friction_law(), a[PetscInt(i) * 3 + 2], dt);
+      logs[i] = rest_contraction(model_.friction_law(PetscInt(i)), a[PetscInt(i) * 3 + 2], dt);
       divergence_ += logs[i];
       most = std::max(most, std::abs(logs[i]));
     }

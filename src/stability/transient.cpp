@@ -280,7 +280,7 @@ class GrowthInTime {
     const Scene& scene = s_.scene;
     const double all = s_.imaginary_bound();
     if (scene.form == Form::chain || unknowns_ <= most_dense) return all;
-    const double length = scene.spread == 0 ? scene.c : std::min(scene.c, scene.spread_length);
+    const double length = std::min(scene.c, scene.friction_length());
     return std::min({all, 10 * (std::sqrt(s_.A * s_.K0) + scene.c / length), resolved_frequency(s_)});
   }
 

@@ -34,12 +34,12 @@ double distance_between_nodes(const Scene& coarse, const Fields& of_coarse, cons
 }
 
 bool is_uniform(const Options& options, const Scene& scene) {
-  return scene.spread == 0 && options.text("init_type") == "uniform" && scene.left != End::velocity &&
+  return scene.same_friction() && options.text("init_type") == "uniform" && scene.left != End::velocity &&
          scene.right != End::velocity && options.real("init_noise") == 0;
 }
 
 double corner_distance_of(const Options& options, const Scene& scene) {
-  double distance = scene.spread > 0 ? scene.spread_length : 0;
+  double distance = scene.same_friction() ? 0 : scene.friction_length();
   if (options.real("init_noise") != 0)
     distance = std::min(distance > 0 ? distance : HUGE_VAL, options.real("init_noise_length"));
   return distance;
@@ -74,6 +74,8 @@ AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
       has_space(has_grid_limit(o, scene) && !is_uniform(o, scene)), grid_open(has_space && !o.is_set("grid_n")),
       order_open(has_space && !o.is_set("grid_order")), method_open(!o.is_set("ts_type")),
       tolerance_open(!o.is_set("ts_rtol") && !o.is_set("ts_atol")), corner_distance(corner_distance_of(o, scene)) {
+  if (scene.friction.varies() && scene.form != Form::chain)  // before any trial
+    (void)friction_between(scene, {}, {});
   if (Stick::applies_to(scene) && scene.form != Form::chain)
     throw UsageError("accuracy " + options.text("accuracy") + " with friction_stick exact in the continuum: eta does "
                      "not converge at the ends of what sticks; set grid and tolerances, or friction_stick regularised");

@@ -48,6 +48,7 @@ double largest_psi(const Model& model, Vec u) {
 // waves of that length conserve.
 double off_sliding(const Model& model, Vec u, bool alternating) {
   const Scene& s = model.scene();
+  (void)model.friction_law();  // the same everywhere
   const double state = model.dof() == 3 ? model.steady_state(s.v) : 0;
   const double eta = s.B() * s.v + model.friction(0, s.v, state).F;
   const Reading a(u);

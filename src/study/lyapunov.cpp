@@ -23,6 +23,9 @@ double from_of(const Options& options) {
 
 int count_of(const Options& options, const Model& model) {
   const auto count = options.integer("lyapunov_count");
+  if (model.scene().load.varies())
+    throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": exponents are those of a motion under a "
+                     "constant velocity of the plate; without load_v and load_sine_amplitude");
   if (count > model.unknowns())
     throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": this scene has only " +
                      std::to_string(model.unknowns()) + " unknowns, and no more exponents");

@@ -40,8 +40,9 @@ std::function<double(PetscInt)> steady_velocity(const Scene& scene) {
 NearestGrowth nearest_growth(const Model& model, const StepAudit::Verdict& audit, long evaluations) {
   const Scene& s = model.scene();
   const auto none = [](const std::string& why) { return NearestGrowth{unknown, unknown, why}; };
+  if (s.load.varies()) return none("the plate's velocity varies, so that nothing slides steadily");
   if (s.v == 0 && s.friction.sticks() && !has_held_end(s)) return none("friction jumps at psi = 0: it has no slope there");
-  if (s.spread == 0 && !has_held_end(s))
+  if (s.same_friction() && !has_held_end(s))
     return std::isfinite(audit.growth) ? NearestGrowth{audit.growth, audit.growth_taken, ""}
                                        : none("there is no steady sliding: the state has no steady value at v = 0");
   const auto unknowns = double(model.unknowns());

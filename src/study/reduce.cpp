@@ -16,11 +16,11 @@
 namespace stickslip {
 
 PetscInt promised_cells(const Scene& scene, const Options& options) {
-  if (scene.spread != 0 || options.real("init_noise") != 0) return 1;
+  if (!scene.same_friction() || options.real("init_noise") != 0) return 1;
   if (scene.left == End::velocity || scene.right == End::velocity) return 1;
   const std::string type = options.text("init_type");
   PetscInt cells = 1;
-  if (type == "file") return 0;
+  if (type == "file" || type == "text") return 0;
   if (type == "uniform" || (type == "sine" && options.real("init_amplitude") == 0)) return scene.n;
   if (type == "sine") cells = options.integer("init_mode");
   if (type == "pulses" || type == "wave") cells = options.integer("init_pulses");

@@ -5,6 +5,7 @@
 
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/linear_point.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
@@ -30,6 +31,19 @@ bool stable_sliding(const Scene& scene, const Partials& F, const RatePartials& g
   return point.stable(0) && point.stable(largest_symbol(scene.order, scene.h()));
 }
 
+// What differs along x, at the nodes.
+void add_profiles(const Scene& scene, RunLayout& layout) {
+  if (!scene.amplitude.points().empty())
+    layout.profiles.push_back({{"friction_amplitude", "1", "amplitude of friction"},
+                               friction_amplitude(scene, 0, scene.n)});
+  for (const auto& [name, profile] : scene.friction.profiles) {
+    std::vector<double> values;
+    for (PetscInt i = 0; i < scene.n; ++i) values.push_back(profile.at(scene.x(i)));
+    layout.profiles.push_back({{name, find_option(name)->unit.empty() ? "1" : find_option(name)->unit, name + " along x"},
+                               std::move(values)});
+  }
+}
+
 }  // namespace
 
 RunLayout run_layout(const Scene& scene) {
@@ -39,6 +53,8 @@ RunLayout run_layout(const Scene& scene) {
   if (scene.friction.has_state()) layout.fields.push_back(standard_field(state_name(scene.friction.state)));
   layout.numbers = {{"A", scene.A()},   {"B", scene.B()},           {"K0", scene.K0()},
                     {"K1", scene.K1()}, {"s_delta", scene.s_delta()}, {"v", scene.v}};
+  add_profiles(scene, layout);
+  if (scene.friction.varies()) return layout;  // no one law for all
   const auto friction = Friction::of(scene.friction);
   for (const double psi : table_velocities()) {
     const double F = friction->force(psi, friction->steady_state(psi));
@@ -47,7 +63,8 @@ RunLayout run_layout(const Scene& scene) {
     layout.friction_F.push_back(F);
   }
   const double s = friction->steady_state(scene.v);
-  const bool sliding = scene.v != 0 || !friction->sticks;  // friction that sticks has no slope at rest
+  // friction that sticks has no slope at rest
+  const bool sliding = (scene.v != 0 || !friction->sticks) && scene.amplitude.points().empty();
   if (std::isfinite(s) && sliding) {
     const Partials F = friction->partials(scene.v, s);
     layout.numbers["steady_eta"] = scene.B() * scene.v + F.F;

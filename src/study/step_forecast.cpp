@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
@@ -63,7 +64,7 @@ std::vector<Slopes> friction_extremes(const Model& model, Vec u) {
   Slopes found[2] = {{{0, HUGE_VAL, 0}, {}}, {{0, -HUGE_VAL, 0}, {}}};
   for (PetscInt i = 0; i < model.local(); ++i) {
     const double psi = a[i * dof], state = dof == 3 ? a[i * dof + 2] : 0;
-    const Slopes here{model.friction(i, psi, state), model.state_rate(psi, state)};
+    const Slopes here{model.friction(i, psi, state), model.state_rate(i, psi, state)};
     if (here.F.F_psi < found[0].F.F_psi) found[0] = here;
     if (here.F.F_psi > found[1].F.F_psi) found[1] = here;
   }
@@ -76,6 +77,31 @@ std::vector<Slopes> friction_extremes(const Model& model, Vec u) {
     SS_TRY(MPI_Bcast(&found[side], sizeof(Slopes) / sizeof(double), MPI_DOUBLE, best.rank, model.comm()));
   }
   return {found[0], found[1]};
+}
+
+// Of steady sliding in a medium with the mean coefficients; none where there is no steady state. Collective.
+std::optional<Slopes> slopes_of_sliding(const Model& model) {
+  const Scene& s = model.scene();
+  const auto at = [&](PetscInt i) {
+    const double state = model.dof() == 3 ? model.steady_state(i, s.v) : 0;
+    return Slopes{model.friction(i, s.v, state), model.state_rate(i, s.v, state)};
+  };
+  if (model.dof() == 3 && !std::isfinite(model.steady_state(0, s.v))) return std::nullopt;
+  if (!s.has_profile()) {
+    Slopes slopes = at(0);
+    const double amplitude = model.amplitude()[0];  // their mean is 1
+    slopes.F.F_psi /= amplitude;
+    slopes.F.F_state /= amplitude;
+    return slopes;
+  }
+  double sums[4] = {0, 0, 0, 0};
+  for (PetscInt i = 0; i < model.local(); ++i) {
+    const auto [F, g] = at(i);
+    const double parts[4] = {F.F_psi, F.F_state, g.g_psi, g.g_state};
+    for (int k = 0; k < 4; ++k) sums[k] += parts[k] / double(s.n);
+  }
+  sum_over(model.comm(), sums, 4);
+  return Slopes{{0, sums[0], sums[1]}, {0, sums[2], sums[3]}};
 }
 
 // The method of `like`, without its monitors, viewers and error control.
@@ -145,18 +171,13 @@ StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
   // Where sliding is unstable the motion reaches the steepest friction: the cubic's where its limit cycle turns, that of
   // a regularised threshold at rest.
   const bool oscillates = s.A() * (s.B() + friction[0].F.F_psi) + s.s_delta() < 0;
-  const double rising = model.friction_law().slopes_ahead.rising;
+  const double rising = model.slopes_ahead().rising;
   if (oscillates && rising > 0) friction[1].F.F_psi = std::max(friction[1].F.F_psi, rising);
   for (const Slopes& f : friction)
     for (const double part : {0., 0.25, 0.5, 0.75, 1.}) add_waves(model, implicit, f.F, f.g, part, false, false);
 
-  const double state = dof_ == 3 ? model.steady_state(s.v) : 0;
-  if (std::isfinite(state)) {
-    Partials F = model.friction(0, s.v, state);
-    const double amplitude = model.amplitude()[0];  // their mean is 1
-    F.F_psi /= amplitude;
-    F.F_state /= amplitude;
-    const RatePartials g = model.state_rate(s.v, state);
+  if (const std::optional<Slopes> sliding = slopes_of_sliding(model)) {
+    const auto& [F, g] = *sliding;
     // Up to a tenth of the largest kappa^2, wavelengths of 8 nodes and more, a wave is the continuum's own.
     for (const double part : {0., 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1})
       add_waves(model, implicit, F, g, part, true, true);
@@ -354,15 +375,18 @@ double StepForecast::limit(double dt, double duration) {
 
 namespace {
 
-// Least slope of friction over the velocities, at steady state.
+// Least slope of friction over the velocities, at steady state; with profiles of all nodes, else of amplitude 1.
+// Collective.
 double least_slope(const Model& model) {
+  const bool all = model.scene().has_profile();
   double least = 0;
-  for (double psi = 1e-6; psi < 100; psi *= 1.2)
-    for (const double sign : {-1., 1.}) {
-      const double state = model.dof() == 3 ? model.steady_state(sign * psi) : 0;
-      least = std::min(least, model.friction(0, sign * psi, state).F_psi / model.amplitude()[0]);
-    }
-  return least;
+  for (PetscInt i = 0; i < (all ? model.local() : 1); ++i)
+    for (double psi = 1e-6; psi < 100; psi *= 1.2)
+      for (const double sign : {-1., 1.}) {
+        const double state = model.dof() == 3 ? model.steady_state(i, sign * psi) : 0;
+        least = std::min(least, model.friction(i, sign * psi, state).F_psi / (all ? 1 : model.amplitude()[0]));
+      }
+  return all ? -largest_over(model.comm(), -least) : least;
 }
 
 bool solves_friction(const Integrator& integrator) {

@@ -135,7 +135,10 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
 std::vector<double> friction_between(const Scene& scene, const std::vector<double>& psi,
                                      const std::vector<double>& state) {
   std::vector<double> F;
-  if (scene.spread == 0 || scene.form == Form::chain) return F;
+  if (scene.same_friction() || scene.form == Form::chain) return F;
+  if (scene.friction.varies())
+    throw UsageError(scene.friction.profiles.begin()->first + "_profile: -accuracy and chart compare grids, which they "
+                     "can do with friction_amplitude_profile alone");
   const auto friction = Friction::of(scene.friction);
   for (std::size_t i = 0; i < psi.size(); ++i) F.push_back(friction->force(psi[i], state.empty() ? 0 : state[i]));
   return F;
@@ -156,7 +159,8 @@ Fields fields_of(const Model& model, Vec u, PetscInt n) {
 
 bool has_grid_limit(const Options& options, const Scene& scene) {
   const bool noise_of_nodes = options.real("init_noise") != 0 && options.real("init_noise_length") == 0;
-  return scene.form == Form::continuum && !noise_of_nodes && options.text("init_type") != "file";
+  return scene.form == Form::continuum && !noise_of_nodes && options.text("init_type") != "file" &&
+         options.text("init_type") != "text";
 }
 
 std::vector<int> possible_orders(const Scene& scene) {

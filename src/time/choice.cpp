@@ -27,10 +27,16 @@ namespace {
 double friction_rate_ahead(const Model& model, Vec u) {
   double rate = model.friction_rate(u);
   const Scene& s = model.scene();
-  const SlopesAhead ahead = model.friction_law().slopes_ahead;
+  const SlopesAhead ahead = model.slopes_ahead();
   const double steepest = std::max(ahead.falling, ahead.rising);
   if (steepest > 0) rate = std::max(rate, s.A() * (s.B() + steepest));
-  if (model.dof() == 3 && s.v != 0) rate = std::max(rate, -model.state_rate(s.v, model.steady_state(s.v)).g_state);
+  if (model.dof() == 3 && s.v != 0) {
+    double fastest = 0;
+    for (PetscInt i = 0; i < (s.friction.varies() ? model.local() : 1); ++i)
+      fastest = std::max(fastest, -model.state_rate(i, s.v, model.steady_state(i, s.v)).g_state);
+    if (s.friction.varies()) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &fastest, 1, MPI_DOUBLE, MPI_MAX, model.comm()));
+    rate = std::max(rate, fastest);
+  }
   return rate;
 }
 
@@ -100,7 +106,7 @@ Rates rates_of(const Model& model, Vec u) {
   // fall of a node, 2 where nodes creep between falls (docs/methods.md). An implicit wave, by PETSc's solvers, costs
   // some 60 explicit steps (docs/chart.md).
   // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no bound.
-  const bool creeps = model.friction_law().steep;
+  const bool creeps = model.friction_law(0).steep;
   return {wave, friction, creeps || friction > 12 * std::max(wave, accurate), wave > 60 * std::max(friction, accurate)};
 }
 
@@ -131,7 +137,7 @@ Choice choose_method(const Model& model, const Rates& rates, const MethodSpec& s
   if (choice.type == TSRK && stiff == Implicit::none && !wants_imex) choice.subtype = TSRK5DP;
   // 4 is cheaper than 3, which PETSc would take; but a block that rate-and-state friction has brought to a creep of
   // 1e-15 keeps its velocity's digits from step to step with 3 alone (measured: 4 stands still there).
-  const bool creeps = model.friction_law().steep;
+  const bool creeps = model.friction_law(0).steep;
   if (choice.type == TSARKIMEX) choice.subtype = creeps ? TSARKIMEX3 : TSARKIMEX4;
   if (!spec.subtype.empty()) choice.subtype = spec.subtype;
   choice.implicit = implicit_of(choice.type, spec.implicit, stiff, rates, sticks);

@@ -10,18 +10,22 @@ namespace stickslip {
 
 struct Course {
   const Integrator::Observer* observer = nullptr;
-  double t_before = 0, t_end = 0;  // beginning of the step; of the run
+  double t_before = 0;             // beginning of the step
+  double t_end = 0, run_end = 0;   // to be hit exactly: the next corner of the load or the end of the run, and the latter
   PetscInt max_steps = 0;
   PetscInt coarse = 0;             // steps taken back because a node that let go ran backwards
+  PetscInt rejected_before = 0;    // up to the last corner of the load
+  double next_dt = 0;              // proposed last
   bool stop_asked = false;
   TimeReport report;
   long evaluations_before = 0;
 
   Integrator::Verdict tell(TS ts, const Integrator::Step& step) {
+    next_dt = step.next_dt;
     if (!*observer) return Integrator::Verdict::go_on;
     const Integrator::Verdict verdict = (*observer)(step);
     if (verdict == Integrator::Verdict::restart) SS_TRY(TSRestartStep(ts));
-    if (verdict == Integrator::Verdict::stop && step.t < t_end) {
+    if (verdict == Integrator::Verdict::stop && step.t < run_end) {
       stop_asked = true;
       SS_TRY(TSSetConvergedReason(ts, TS_CONVERGED_USER));
     }
@@ -32,7 +36,7 @@ struct Course {
     SS_TRY(TSGetTime(ts, &report.t));
     SS_TRY(TSGetStepNumber(ts, &report.steps));
     SS_TRY(TSGetStepRejections(ts, &report.rejections));
-    report.rejections += coarse;
+    report.rejections += coarse + rejected_before;
     report.rhs_evaluations = model.rhs_evaluations() - evaluations_before;
   }
 };

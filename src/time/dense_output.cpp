@@ -28,26 +28,31 @@ VecHandle& at(std::vector<VecHandle>& list, int i) { return list[static_cast<std
 
 }  // namespace
 
-void DenseOutput::interpolate(Vec before, Vec after, double dt, double s, Vec into) {
-  refine(before, after, dt);
+void DenseOutput::interpolate(Vec before, Vec after, double t, double dt, double s, Vec into) {
+  refine(before, after, t, dt);
   polynomial(before, after, dt, s, into);
 }
 
-void DenseOutput::refine(Vec before, Vec after, double dt) {
+void DenseOutput::refine(Vec before, Vec after, double t, double dt) {
   if (degree_now_ == degree_) return;
   while (static_cast<int>(slopes_.size()) < std::max(2, degree_)) {
     slopes_.push_back(model_.create_vector());
     better_slopes_.push_back(model_.create_vector());
   }
-  model_.rhs(Part::full, before, at(slopes_, 0));
-  model_.rhs(Part::full, after, at(slopes_, 1));
+  const auto slope = [&](double part, Vec u, Vec f) {
+    model_.set_time(t + part * dt);
+    model_.rhs(Part::full, u, f);
+  };
+  slope(0, before, at(slopes_, 0));
+  slope(1, after, at(slopes_, 1));
   degree_now_ = 3;
   for (int degree = 4; degree <= degree_; ++degree) {
     const int count = degree;  // slopes of a polynomial of this degree
     const int last = degree_now_ == 3 ? 1 : degree_now_ - 1;
     for (int i = 1; i + 1 < count; ++i) {
-      polynomial(before, after, dt, double(i) / double(count - 1), work_);
-      model_.rhs(Part::full, work_, at(better_slopes_, i));
+      const double part = double(i) / double(count - 1);
+      polynomial(before, after, dt, part, work_);
+      slope(part, work_, at(better_slopes_, i));
     }
     std::swap(at(better_slopes_, 0), at(slopes_, 0));
     std::swap(at(better_slopes_, count - 1), at(slopes_, last));

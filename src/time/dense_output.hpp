@@ -17,12 +17,12 @@ class DenseOutput {
   int degree() const { return degree_; }
   // A new step, of which nothing is known.
   void forget() { degree_now_ = 0; }
-  // u at the part s of the step of length dt from `before` to `after`. Collective; costs evaluations of the right-hand
+  // u at the part s of the step of length dt from `before`, at the time t, to `after`. Collective; costs evaluations of the right-hand
   // side the first time in a step.
-  void interpolate(Vec before, Vec after, double dt, double s, Vec into);
+  void interpolate(Vec before, Vec after, double t, double dt, double s, Vec into);
 
  private:
-  void refine(Vec before, Vec after, double dt);
+  void refine(Vec before, Vec after, double t, double dt);
   void polynomial(Vec before, Vec after, double dt, double s, Vec into) const;
 
   const Model& model_;

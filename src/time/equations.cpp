@@ -17,17 +17,19 @@ Part Equations::implicit_part() const {
   return implicit_ == Implicit::wave ? Part::wave : implicit_ == Implicit::both ? Part::full : Part::pointwise;
 }
 
-PetscErrorCode Equations::RHSFunction(TS, PetscReal, Vec u, Vec f, void* context) {
+PetscErrorCode Equations::RHSFunction(TS, PetscReal t, Vec u, Vec f, void* context) {
   return guarded([&] {
     const auto& self = *static_cast<Equations*>(context);
+    self.model_.set_time(t);
     self.model_.rhs(self.explicit_part(), u, f);
   });
 }
 
 // udot - G(u)
-PetscErrorCode Equations::IFunction(TS, PetscReal, Vec u, Vec udot, Vec f, void* context) {
+PetscErrorCode Equations::IFunction(TS, PetscReal t, Vec u, Vec udot, Vec f, void* context) {
   return guarded([&] {
     const auto& self = *static_cast<Equations*>(context);
+    self.model_.set_time(t);
     if (self.has_implicit()) {
       self.model_.rhs(self.implicit_part(), u, f);
       SS_TRY(VecAYPX(f, -1, udot));

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace stickslip {
 
@@ -26,10 +27,11 @@ Row row_of(int from, const double* of_implicit, const double* of_explicit, int c
 
 FusedImex::FusedImex(const Model& model, const ImexTableau& method, bool sticking)
     : TiledStep(model, method.stages, 2, 1, sticking), known_(implicit_slope(method.stages)),
-      solve_stage_(tile::solve_stage(model.scene(), sticking)) {
+      solve_stage_(tile::solve_stage(model.scene(), sticking, tiles_.places())) {
   const auto s = static_cast<std::size_t>(stages_);
   for (std::size_t i = 0; i < s; ++i) {
     diagonal_.push_back(method.At[i * s + i]);
+    times_.push_back(std::accumulate(&method.At[i * s], &method.At[i * s] + i + 1, 0.));
     implicit_rows_.push_back(row_of(slopes_from, &method.At[i * s], nullptr, int(i)));
     all_rows_.push_back(row_of(slopes_from, &method.At[i * s], &method.A[i * s], int(i)));
   }
@@ -79,7 +81,7 @@ long FusedImex::stage(const Tile& t, int i, const Step& step, PetscInt begin, Pe
   }
   if (is_explicit) {
     std::fill(at(t, g, 1, begin), at(t, g, 1, end), 0.);
-    add_pointwise(t, 1, g, begin, end);
+    add_pointwise(t, 1, g, at_stage(step, i), begin, end);
     return 0;
   }
   for (int d = 0; d < tiles_.dof() && i == 0; ++d)
@@ -120,7 +122,8 @@ long FusedImex::solve(const Tile& t, int i, const Step& step, PetscInt begin, Pe
   s.strict = step.estimate;
   s.held = held;
   s.count = end - begin;
-  return solve_stage_(coefficients_, s);
+  s.node = tiles_.number(begin);
+  return solve_stage_(at_stage(step, i), s);
 }
 
 }  // namespace stickslip

@@ -1,6 +1,7 @@
 #include "time/fused_step.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 #include "stickslip/base/error.hpp"
 
@@ -40,12 +41,12 @@ class SlopeArrays {
 TiledStep::TiledStep(const Model& model, int stages, int slopes, int others, bool sticking)
     : stages_(stages), slopes_(slopes), tiles_(model, stages, stages * slopes + others, sticking),
       coefficients_(kernel::coefficients_of(model.scene())), stencil_(tile::stencil(model.scene())),
-      pointwise_(tile::pointwise(model.scene(), sticking)) {}
+      pointwise_(tile::pointwise(model.scene(), sticking, tiles_.places())) {}
 
 TiledStep::Outcome TiledStep::take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
-                                   const std::vector<VecHandle>& slopes, Vec last_slope) const {
+                                   const std::vector<VecHandle>& slopes, Vec last_slope, double begin) const {
   const bool last_wanted = !last_is_solution_ || estimate || !slopes.empty() || last_slope;
-  const Step step{dt, norm, estimate, last_wanted ? stages_ : stages_ - 1};
+  const Step step{dt, norm, estimate, last_wanted ? stages_ : stages_ - 1, begin};
   Tiles::Sums sums;
   {
     const SlopeArrays kept(slopes, last_slope);
@@ -67,12 +68,19 @@ void TiledStep::stretch(const Tile& t, int index, int slope, PetscInt begin, Pet
   stencil_(coefficients_, {psi + begin, at(t, slope, 1, begin), end - begin});
 }
 
-void TiledStep::add_pointwise(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const {
+kernel::Coefficients TiledStep::at_stage(const Step& step, int i) const {
+  kernel::Coefficients c = coefficients_;
+  c.v = tiles_.model().plate_velocity(step.t + times_[static_cast<std::size_t>(i)] * step.dt);
+  return c;
+}
+
+void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c, PetscInt begin,
+                              PetscInt end) const {
   const bool has_state = tiles_.dof() == 3;
-  pointwise_(coefficients_,
+  pointwise_(c,
              {at(t, index, 0, begin), at(t, index, 1, begin), has_state ? at(t, index, 2, begin) : nullptr,
               tiles_.amplitude(begin), at(t, slope, 0, begin), at(t, slope, 1, begin),
-              has_state ? at(t, slope, 2, begin) : nullptr, end - begin, tiles_.direction(begin)});
+              has_state ? at(t, slope, 2, begin) : nullptr, end - begin, tiles_.direction(begin), tiles_.number(begin)});
   tiles_.for_held(begin, end, [&](PetscInt node) { hold(t, slope, node); });
 }
 
@@ -85,6 +93,7 @@ FusedStep::FusedStep(const Model& model, const RungeKutta& method, bool sticking
     : TiledStep(model, method.stages, 1, 0, sticking), rows_(std::size_t(method.stages)) {
   for (int i = 0; i < stages_; ++i)
     add_to_row(rows_[std::size_t(i)], &method.A[static_cast<std::size_t>(i * stages_)], i, slopes_from);
+  for (const Row& row : rows_) times_.push_back(std::accumulate(row.weight.begin(), row.weight.end(), 0.));
   add_to_row(solution_, method.b.data(), stages_, slopes_from);
   last_is_solution_ = rows_.back().column == solution_.column && rows_.back().weight == solution_.weight;
   if (method.embedded.empty()) return;
@@ -112,7 +121,7 @@ long FusedStep::through(const Tile& t, const Step& step) const {
     if (!is_taken) continue;
     const int index = i > 0 ? 1 : 0;
     stretch(t, index, slopes_from + i, begin, end);
-    add_pointwise(t, index, slopes_from + i, begin, end);
+    add_pointwise(t, index, slopes_from + i, at_stage(step, i), begin, end);
   }
   for (int d = 0; d < dof && !last_is_solution_; ++d)
     tiles_.sum(t, d, tiles_.column(0, d), solution_, step.dt, t.begin, t.end, tiles_.column(1, d));

@@ -24,9 +24,10 @@ class TiledStep {
     bool solved;   // every implicit equation, by the root that the step leads to
   };
   // `u_new` = u after a step dt; u and u_new differ. `slopes`: empty, or a Vec for every slope of the method, to keep
-  // them for values between steps. `last_slope`: nullptr, or takes the last of them. Collective; no allocation.
+  // them for values between steps. `last_slope`: nullptr, or takes the last of them. `t`: where the step begins, which
+  // a load alone asks for. Collective; no allocation.
   Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new, const std::vector<VecHandle>& slopes,
-               Vec last_slope = nullptr) const;
+               Vec last_slope = nullptr, double t = 0) const;
   // With friction that sticks (stick.hpp): 1, -1 or 0 for every node of this rank, from now on. Collective.
   void set_direction(const std::vector<double>& direction) { tiles_.set_direction(direction); }
   // The last stage is taken at the new u: its slope is the right-hand side there.
@@ -43,13 +44,17 @@ class TiledStep {
     const ErrorNorm& norm;
     bool estimate;
     int taken;  // stages whose slope is needed: all, or all but the last
+    double t;
   };
   // All stages on a tile; the new values end in columns 1. Returns how many equations are left unsolved.
   virtual long through(const Tile& t, const Step& step) const = 0;
   // On [begin, end) of the values in columns `index`: K1 D2 psi into the eta of columns `slope`, where psi holds
   // half_width more nodes at either side; and the sum over all terms, with what stands in that eta.
   void stretch(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const;
-  void add_pointwise(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const;
+  void add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c, PetscInt begin,
+                     PetscInt end) const;
+  // The coefficients at stage i, with the plate's velocity then.
+  kernel::Coefficients at_stage(const Step& step, int i) const;
   // psi of a held node stands, and in the continuum eta, which is output, does too.
   void hold(const Tile& t, int slope, PetscInt node) const;
   // Node i of the column for unknown d.
@@ -60,6 +65,7 @@ class TiledStep {
   Tiles tiles_;
   Row error_;  // empty: no estimate of the error
   bool last_is_solution_ = false;
+  std::vector<double> times_;  // of the stages, in parts of the step
   kernel::Coefficients coefficients_;
 
  private:

@@ -35,7 +35,7 @@ void FusedTs::make_slopes() {
 void FusedTs::interpolate(double s, Vec into) {
   if (!slopes_kept_) {
     make_slopes();
-    step_->take(before_, dt_, norm_, false, into, slopes_);
+    step_->take(before_, dt_, norm_, false, into, slopes_, nullptr, t_);
     slopes_kept_ = true;
   }
   const std::vector<double> weights = method_->weights_at(s, dt_);
@@ -92,12 +92,13 @@ bool FusedTs::attempt(TS ts, PetscInt rejected) {
   SS_TRY(TSGetAdapt(ts, &adapt));
   SS_TRY(TSAdaptGetType(adapt, &kind));
   const bool adaptive = kind && std::string(kind) != TSADAPTNONE;
+  t_ = ts->ptime;
   dt_ = ts->time_step;
   norm_ = {ts->atol, ts->rtol, adapt->wnormtype};
   slopes_kept_ = keep_slopes_(ts->ptime + dt_ * (1 + 1e-12));
   if (slopes_kept_) make_slopes();
   outcome_ = step_->take(before_, dt_, norm_, adaptive, ts->vec_sol, slopes_kept_ ? slopes_ : none,
-                         slope_at_end_ ? slope_at_end_() : nullptr);
+                         slope_at_end_ ? slope_at_end_() : nullptr, t_);
   if (adaptive && !(outcome_.finite && outcome_.solved)) {
     double scale;
     SS_TRY(TSAdaptGetScaleSolveFailed(adapt, &scale));

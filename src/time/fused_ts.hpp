@@ -59,7 +59,7 @@ class FusedTs {
   TiledStep::Outcome outcome_{};
   std::vector<VecHandle> slopes_;
   bool slopes_kept_ = false;  // those of the last step
-  double dt_ = 0;             // of the last step
+  double t_ = 0, dt_ = 0;     // of the last step: where it begins, its length
   ErrorNorm norm_{};
 };
 

@@ -28,6 +28,7 @@ struct Integrator::Impl {
   FusedTs* fused = nullptr;  // what takes the steps, where PETSc's own types do not
   const Method* method = nullptr;
   bool adaptive = false;
+  double fixed_dt = 0;       // where it is not
   StepGuard guard;
   std::unique_ptr<DenseOutput> dense;  // where the method has no polynomial of its own
   std::unique_ptr<StickSteps> stick;
@@ -67,6 +68,7 @@ struct Integrator::Impl {
   static PetscErrorCode PostStep(TS ts);
   void start(Vec u, double t, double t_end, const Observer& observer, PetscInt max_steps);
   TSConvergedReason solve(Vec u);
+  TSConvergedReason solve_piece(Vec u);
   [[noreturn]] void fail(TSConvergedReason reason) const;
   void begin_step();
   void after_step();

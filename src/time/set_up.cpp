@@ -32,6 +32,7 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   method = &offered_method(choice.type, subtype_now(choice.type));
   if (Stick::applies_to(model.scene())) stick = std::make_unique<StickSteps>(model, ts, fused, course);
   read_adaptivity(spec.step > 0, u);
+  SS_TRY(TSGetTimeStep(ts, &fixed_dt));
   set_dense_output();
   if (!fused && (guard.undoes() || dense || stick)) kept = model.create_vector();
   course.report.method = method->name();

@@ -55,11 +55,11 @@ double Stick::threshold(PetscInt i, const double* u) const {
   return dof_ == 2 ? fixed_threshold_[static_cast<std::size_t>(i)] : threshold_at(i, u[2]);
 }
 double Stick::threshold_at(PetscInt i, double state) const {
-  return model_.amplitude()[static_cast<std::size_t>(i)] * model_.friction_law().threshold(state).value;
+  return model_.amplitude()[static_cast<std::size_t>(i)] * model_.friction_law(i).threshold(state).value;
 }
 double Stick::threshold_rate(PetscInt i, const double* u) const {
   if (dof_ == 2) return 0;
-  const Friction& law = model_.friction_law();
+  const Friction& law = model_.friction_law(i);
   const double rate = law.threshold(u[2]).slope * law.sliding_rate(0, u[2], 0).g;
   return model_.amplitude()[static_cast<std::size_t>(i)] * rate;
 }
@@ -255,7 +255,8 @@ void Stick::snap(Vec before, Vec landed) const {
   SS_TRY(VecRestoreArrayRead(before, &a));
 }
 
-double Stick::release_after(Vec u) {
+double Stick::release_after(Vec u, double t, double longest) {
+  if (model_.scene().load.varies()) return release_under_load(u, t, longest);
   const double *a, *f;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
@@ -267,7 +268,7 @@ double Stick::release_after(Vec u) {
         if (rate > 0) first = std::min(first, std::max(0., (threshold(i, at) - force) / rate));
         return;
       }
-      first = std::min(first, release_time(model_.friction_law(), model_.amplitude()[static_cast<std::size_t>(i)], force,
+      first = std::min(first, release_time(model_.friction_law(i), model_.amplitude()[static_cast<std::size_t>(i)], force,
                                            rate, at[2], first));
     });
   }
@@ -277,8 +278,71 @@ double Stick::release_after(Vec u) {
   return first;
 }
 
-void Stick::rest(Vec u, double wait, Vec into) {
-  const Friction& law = model_.friction_law();
+double Stick::longest_rest(const Scene& scene) { return 16 * scene.load.smooth_time(); }
+
+// The same with a load, by pieces so short that in each the force gains on the threshold at first, or falls behind at
+// first, and the other way round behind that.
+double Stick::release_under_load(Vec u, double t, double longest) const {
+  const Load& load = model_.scene().load;
+  const double K0 = model_.scene().K0(), travelled = load.integral(t), v = model_.plate_velocity(t);
+  const double *a, *f;
+  SS_TRY(VecGetArrayRead(u, &a));
+  SS_TRY(VecGetArrayRead(slope_, &f));
+  double first = infinity;
+  for (PetscInt i = free_begin_; i < free_end_; ++i) {
+    const Friction& law = model_.friction_law(i);
+    for_each_side([&](double side) {
+      const double* at = a + i * dof_;
+      std::array<double, 3> then{0, 0, dof_ == 3 ? at[2] : 0};
+      const auto age = [&](double wait) {
+        if (dof_ == 3) then[2] = law.state_at_rest(at[2], wait);
+      };
+      const auto excess = [&](double wait) {
+        age(wait);
+        const double eta = at[1] + (f[i * dof_ + 1] - K0 * v) * wait + K0 * (load.integral(t + wait) - travelled);
+        return side * eta - threshold(i, then.data());
+      };
+      const auto growth = [&](double wait) {
+        age(wait);
+        const double rate = f[i * dof_ + 1] + K0 * (model_.plate_velocity(t + wait) - v);
+        return side * rate - threshold_rate(i, then.data());
+      };
+      double piece = std::min(longest, load.smooth_time() / 16);
+      if (dof_ == 3) piece = std::min(piece, law.time_at_rest(at[2]) / 4);
+      double begin = 0;
+      while (begin < std::min(longest, first)) {
+        double end = std::min(begin + piece, longest);
+        if (excess(end) < 0 && growth(begin) > 0 && growth(end) < 0) {  // it may have come to the threshold and gone back
+          const double peak = last_place([&](double wait) { return growth(wait) > 0; }, begin, end);
+          if (excess(peak) >= 0) end = peak;
+        }
+        if (excess(end) >= 0 && growth(end) >= 0 && begin == 0 && excess(0) >= 0) {
+          // at the threshold from the start: it was held only because the force fell behind
+          const double turn = last_place([&](double wait) { return growth(wait) <= 0; }, 0, end);
+          begin = turn;
+        }
+        if (excess(end) >= 0) {
+          const double before = last_place([&](double wait) { return excess(wait) < 0; }, begin, end);
+          first = std::min(first, std::nextafter(before, infinity));
+          return;
+        }
+        begin = end;
+        if (!std::isfinite(load.smooth_time())) piece *= 2;
+      }
+    });
+  }
+  SS_TRY(VecRestoreArrayRead(slope_, &f));
+  SS_TRY(VecRestoreArrayRead(u, &a));
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_DOUBLE, MPI_MIN, model_.comm()));
+  return first;
+}
+
+void Stick::rest(Vec u, double t, double wait, Vec into) {
+  const Load& load = model_.scene().load;
+  const bool loaded = load.varies();
+  const double K0 = model_.scene().K0(), v = model_.plate_velocity(t);
+  const double more = loaded ? K0 * (load.integral(t + wait) - load.integral(t) - v * wait) : 0;
+  const double faster = loaded ? K0 * (model_.plate_velocity(t + wait) - v) : 0;
   SS_TRY(VecWAXPY(into, wait, slope_, u));
   const double *a, *f;
   double* b;
@@ -286,12 +350,16 @@ void Stick::rest(Vec u, double wait, Vec into) {
   SS_TRY(VecGetArrayRead(slope_, &f));
   SS_TRY(VecGetArray(into, &b));
   if (dof_ == 3)
-    for (PetscInt i = 0; i < model_.local(); ++i) b[i * 3 + 2] = law.state_at_rest(a[i * 3 + 2], wait);
+    for (PetscInt i = 0; i < model_.local(); ++i)
+      b[i * 3 + 2] = model_.friction_law(i).state_at_rest(a[i * 3 + 2], wait);
+  for (PetscInt i = 0; loaded && i < model_.local(); ++i)
+    if (model_.scene().form == Form::chain || !model_.held(model_.first() + i)) b[i * dof_ + 1] += more;
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
     double* at = b + i * dof_;
     const double limit = threshold(i, at);
     for_each_side([&](double side) {
-      if (std::abs(side * at[1] - limit) <= close * limit && side * f[i * dof_ + 1] > threshold_rate(i, at))
+      if (std::abs(side * at[1] - limit) <= close * limit &&
+          side * (f[i * dof_ + 1] + faster) > threshold_rate(i, at))
         at[1] = side * limit;
     });
   }

@@ -12,11 +12,14 @@ StickSteps::StickSteps(const Model& model, TS ts, FusedTs* fused, Course& course
 void StickSteps::start(Vec u, double fixed_dt) {
   fixed_dt_ = fixed_dt;
   SS_TRY(TSSetConvergedReason(ts_, TS_CONVERGED_ITERATING));
-  decide(u);
+  double t;
+  SS_TRY(TSGetTime(ts_, &t));
+  decide(u, t);
   pass_rest(u);
 }
 
-void StickSteps::decide(Vec u) {
+void StickSteps::decide(Vec u, double t) {
+  model_.set_time(t);
   stick_.decide(u);
   if (fused_) fused_->set_direction(stick_.direction());
 }
@@ -26,12 +29,13 @@ void StickSteps::after(Step step, Vec before) {
   Vec u = step.u;
   const auto inside = step.interpolate;
   const auto at = [&](double part, Vec into) { inside(t_before + part * dt, into); };
+  model_.set_time(step.t);
   const Stick::Change change =
       stick_.first_change(before, u, dt, at, landed_, fused_ && fused_->last_is_solution());
   if (change.kind == Stick::Change::Kind::too_coarse) return take_back(step, before, dt);
   if (change.kind == Stick::Change::Kind::none) {
     if (fixed_dt_ > 0 && step.next_dt < fixed_dt_) go_on_from(step.t, fixed_dt_);
-    if (course_.tell(ts_, step) == Integrator::Verdict::restart) decide(u);  // as a run that goes on from here will
+    if (course_.tell(ts_, step) == Integrator::Verdict::restart) decide(u, step.t);  // as a run that goes on from here will
     return;
   }
   step.t = change.part == 1 ? step.t : t_before + change.part * dt;
@@ -45,7 +49,7 @@ void StickSteps::after(Step step, Vec before) {
   if (step.t > t_before) course_.tell(ts_, step);
   else SS_TRY(TSSetStepNumber(ts_, step.index - 1));
   SS_TRY(VecCopy(landed_, u));
-  decide(u);
+  decide(u, step.t);
   go_on_from(step.t, step.next_dt);
   pass_rest(u);
 }
@@ -77,16 +81,16 @@ void StickSteps::go_on_from(double t, double dt) {
 
 // While everything rests one step leads to the next release, or to the end.
 void StickSteps::pass_rest(Vec u) {
-  const double t_end = course_.t_end;
   double t, dt;
   PetscInt index;
   SS_TRY(TSGetTime(ts_, &t));
   SS_TRY(TSGetTimeStep(ts_, &dt));
   SS_TRY(TSGetStepNumber(ts_, &index));
-  const auto goes_on = [&] { return t < t_end && !course_.stop_asked && index < course_.max_steps; };
+  const auto goes_on = [&] { return t < course_.t_end && !course_.stop_asked && index < course_.max_steps; };
   for (int without_time = 0; stick_.all_rest() && goes_on();) {
-    const double wait = stick_.release_after(u), until = t + wait < t_end ? t + wait : t_end;
-    stick_.rest(u, until == t_end ? t_end - t : wait, landed_);
+    const double t_end = std::min(course_.t_end, t + Stick::longest_rest(model_.scene()));
+    const double wait = stick_.release_after(u, t, t_end - t), until = t + wait < t_end ? t + wait : t_end;
+    stick_.rest(u, t, until == t_end ? t_end - t : wait, landed_);
     if (until > t) {
       course_.t_before = t;
       SS_TRY(TSSetStepNumber(ts_, ++index));
@@ -94,7 +98,7 @@ void StickSteps::pass_rest(Vec u) {
       course_.update_report(ts_, model_);
       course_.tell(ts_, {index, t, until, landed_, dt, [this, u, t, until](double when, Vec into) {
                            if (when == until) SS_TRY(VecCopy(landed_, into));
-                           else stick_.rest(u, when - t, into);
+                           else stick_.rest(u, t, when - t, into);
                          }});
       without_time = 0;
     } else if (++without_time > 100) {
@@ -102,7 +106,7 @@ void StickSteps::pass_rest(Vec u) {
     }
     SS_TRY(VecCopy(landed_, u));
     t = until;
-    decide(u);
+    decide(u, t);
     go_on_from(t, dt);
   }
 }

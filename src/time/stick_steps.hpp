@@ -22,7 +22,7 @@ class StickSteps {
   void after(Integrator::Step step, Vec before);
 
  private:
-  void decide(Vec u);
+  void decide(Vec u, double t);
   void take_back(const Integrator::Step& step, Vec before, double dt);
   void go_on_from(double t, double dt);
   void pass_rest(Vec u);

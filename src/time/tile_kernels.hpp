@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <vector>
 
 #include "model/column_kernel.hpp"
 #include "model/implicit_kernel.hpp"
@@ -13,12 +14,12 @@ namespace stickslip::tile {
 using Stencil = std::function<void(const kernel::Coefficients&, const kernel::Stretch&)>;
 Stencil stencil(const Scene& scene);
 
-// What is added to it; `sticking`: of friction that sticks.
+// What is added to it; `sticking`: of friction that sticks. `x`: of the nodes by their numbers, where friction varies.
 using Pointwise = std::function<void(const kernel::Coefficients&, const kernel::Columns&)>;
-Pointwise pointwise(const Scene& scene, bool sticking);
+Pointwise pointwise(const Scene& scene, bool sticking, const std::vector<double>& x);
 
 // The stage of an implicit-explicit method with what is pointwise implicit; the number of nodes left unsolved.
 using SolveStage = std::function<long(const kernel::Coefficients&, const kernel::Stage&)>;
-SolveStage solve_stage(const Scene& scene, bool sticking);
+SolveStage solve_stage(const Scene& scene, bool sticking, const std::vector<double>& x);
 
 }  // namespace stickslip::tile

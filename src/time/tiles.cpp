@@ -63,7 +63,7 @@ Tiles::Tiles(const Model& model, int stages, int columns, bool sticking)
 }
 
 void Tiles::set_amplitude() {
-  if (model_.scene().spread == 0) return;
+  if (model_.scene().unit_amplitude()) return;
   // the nodes of a ring go on at its beginning
   for (PetscInt i = -left_halo_; i < local_ + right_halo_;) {
     const PetscInt node = wrapped(first_ + i), count = std::min(local_ + right_halo_ - i, n_ - node);
@@ -71,6 +71,13 @@ void Tiles::set_amplitude() {
     amplitude_.insert(amplitude_.end(), part.begin(), part.end());
     i += count;
   }
+}
+
+std::vector<double> Tiles::places() const {
+  std::vector<double> x;
+  if (!model_.scene().friction.varies()) return x;
+  for (PetscInt i = -left_halo_; i < local_ + right_halo_; ++i) x.push_back(model_.scene().x(wrapped(first_ + i)));
+  return x;
 }
 
 void Tiles::set_direction(const std::vector<double>& own) {

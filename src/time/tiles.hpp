@@ -75,6 +75,9 @@ class Tiles {
   // Copies the tile's own part of columns `index` to the array of a Vec.
   void store(const Tile& t, int index, double* u) const;
   const double* amplitude(PetscInt node) const { return at(amplitude_, node); }  // nullptr: all are 1
+  // Where friction varies along x: the number of a node among those of this rank with its halo, and x of all of these.
+  PetscInt number(PetscInt node) const { return node + left_halo_; }
+  std::vector<double> places() const;
   const double* direction(PetscInt node) const { return at(direction_, node); }  // nullptr: friction does not stick
   // Calls body(i) for the held nodes of this rank in [begin, end).
   template <class Body>

@@ -98,6 +98,7 @@ Integrator::Step Integrator::Impl::step_now() {
   SS_TRY(TSGetTime(ts, &t));
   SS_TRY(TSGetTimeStep(ts, &dt));
   SS_TRY(TSGetStepNumber(ts, &index));
+  if (!adaptive && t == course.t_end && t < course.run_end) dt = fixed_dt;  // this one was cut short to end at a corner
   return {index, course.t_before, t, u, dt, [this](double at, Vec into) { interpolate(at, into); }};
 }
 
@@ -130,7 +131,7 @@ void Integrator::Impl::interpolate(double at, Vec into) {
   if (dense) {
     if (!fused && !has_kept) throw std::logic_error("interpolation at a time that was not announced");
     if (stick) stick->engage();
-    dense->interpolate(before(), u, dt, part, into);
+    dense->interpolate(before(), u, course.t_before, dt, part, into);
   } else if (fused) {
     fused->interpolate(part, into);
   } else {
@@ -146,8 +147,9 @@ void Integrator::Impl::interpolate(double at, Vec into) {
 
 void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& observer, PetscInt max_steps) {
   course.observer = &observer;
-  course.t_end = t_end;
+  course.t_end = course.run_end = t_end;
   course.t_before = t;
+  course.rejected_before = 0;
   course.stop_asked = false;
   course.max_steps = max_steps;
   course.evaluations_before = model.rhs_evaluations();
@@ -166,11 +168,34 @@ void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& obse
   guard.start();
 }
 
+// From one corner of the load to the next.
 TSConvergedReason Integrator::Impl::solve(Vec u) {
+  const Load& load = model.scene().load;
+  if (!load.varies()) return solve_piece(u);
+  for (;;) {
+    double t, dt;
+    SS_TRY(TSGetTime(ts, &t));
+    SS_TRY(TSGetTimeStep(ts, &dt));
+    course.t_end = std::min(course.run_end, load.next_corner(t));
+    model.begin_load(t);
+    SS_TRY(TSSetMaxTime(ts, course.t_end));
+    SS_TRY(TSSetTimeStep(ts, std::min(dt, course.t_end - t)));
+    const TSConvergedReason reason = solve_piece(u);
+    course.update_report(ts, model);
+    if (reason < 0 || course.stop_asked || course.report.t >= course.run_end || reason == TS_CONVERGED_ITS)
+      return reason;
+    course.rejected_before = course.report.rejections - course.coarse;
+    SS_TRY(TSSetTimeStep(ts, adaptive ? course.next_dt : fixed_dt));
+    SS_TRY(TSRestartStep(ts));
+  }
+}
+
+TSConvergedReason Integrator::Impl::solve_piece(Vec u) {
   TSConvergedReason reason = TS_CONVERGED_ITERATING;
   if (stick) {
     double dt = 0;
     if (!adaptive) SS_TRY(TSGetTimeStep(ts, &dt));
+    if (!adaptive && model.scene().load.varies()) dt = fixed_dt;
     stick->start(u, dt);
     SS_TRY(TSGetConvergedReason(ts, &reason));
   }

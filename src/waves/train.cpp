@@ -132,7 +132,7 @@ void check_train_scene(const Scene& scene) {
   if (scene.spread > 0)
     throw UsageError("friction_spread " + rounded_text(scene.spread, 8) +
                      ": a train travels through a uniform medium only; set friction_spread to 0");
-  (void)Oscillator(scene);  // refuses a law that jumps
+  (void)Oscillator(scene);  // refuses a law that jumps, and profiles
 }
 
 double shortest_pulse(const Scene& scene) {

@@ -29,6 +29,8 @@
 #include <string>
 #include <vector>
 
+#include "stickslip/model/profile.hpp"
+
 namespace stickslip {
 
 // Of any number type: double, or one that carries derivatives (src/numerics/jet.hpp).
@@ -135,10 +137,14 @@ struct FrictionParameters {
   double eps = 1e-3;         // velocity of the regularisation
   bool back_slip = true;     // exact stick: false lets no force drive a stuck node backwards
   std::map<std::string, double> values;  // parameters that are set, by option name, e.g. friction_fs
+  std::map<std::string, ProfileAlongX> profiles;  // of those that differ along x, in place of their values
 
   bool has_state() const { return !state.none(); }
   // At psi = 0 friction takes any value up to a threshold: exact stick.
   bool sticks() const { return law->jumps_at_rest && !regularised; }
+  bool varies() const { return !profiles.empty(); }  // along x
+  // The parameter's profile; nullptr where it is the same everywhere.
+  const ProfileAlongX* profile(const std::string& option) const;
   // The parameter of that option name: as set, else its default. 0 where neither law has it.
   double value(const std::string& option) const;
 };
@@ -148,8 +154,12 @@ struct FrictionParameters {
 // -1, so that it is smooth through psi = 0.
 class Friction {
  public:
-  // Throws UsageError where the parameters contradict each other.
+  // Throws UsageError where the parameters contradict each other, and where they vary along x: there is no one friction
+  // then.
   static std::shared_ptr<const Friction> of(const FrictionParameters& parameters);
+  // At each of the places x. Throws UsageError where the parameters of one contradict each other.
+  static std::vector<std::shared_ptr<const Friction>> along(const FrictionParameters& parameters,
+                                                            const std::vector<double>& x);
   virtual ~Friction() = default;
 
   const bool has_state, sticks;

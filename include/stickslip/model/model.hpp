@@ -13,6 +13,7 @@
 
 #include "stickslip/base/handle.hpp"
 #include "stickslip/model/friction.hpp"
+#include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/model/stencil.hpp"
@@ -44,6 +45,13 @@ class Model {
   void set_direction(const double* direction) const;
   const double* direction() const;  // as it was given; not collective
 
+  // With a load v(t) (load.hpp), which rhs() takes at the time said last: at t, in the piece of the load that
+  // begin_load() has said, the one that begins at its t or holds it. Without a load they do nothing. Not collective.
+  void begin_load(double t) const;
+  void set_time(double t) const;
+  double plate_velocity() const;                // v, or v(t) at that time
+  double plate_velocity(double t) const;        // in that piece
+
   // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space.
   void rhs(Part part, Vec u, Vec f) const;
   long rhs_evaluations() const;  // of every part, since the start
@@ -66,16 +74,21 @@ class Model {
   // Sets psi, eta of held nodes to their values, with the state as it stands. Collective.
   void set_held(Vec u) const;
 
-  // The amplitude a_i of friction at this rank's nodes (all 1 without spread).
+  // The amplitude a_i of friction at this rank's nodes (all 1 without spread and profile).
   const std::vector<double>& amplitude() const;
 
-  // The scene's friction, of amplitude 1.
+  // The scene's friction, of amplitude 1. Where it varies along x there is no one friction: UsageError.
   const Friction& friction_law() const;
+  const Friction& friction_law(PetscInt local_node) const;
+  SlopesAhead slopes_ahead() const;  // the largest over all nodes
   // Pointwise response of node `local_node` of this rank: F and partials are multiplied by a_i.
   Partials friction(PetscInt local_node, double psi, double state) const;
   LinearPoint linear_point(PetscInt local_node, double psi, double state) const;
-  RatePartials state_rate(double psi, double state) const;
-  double steady_state(double psi) const;  // the stored state at which g = 0
+  RatePartials state_rate(PetscInt local_node, double psi, double state) const;
+  RatePartials state_rate(double psi, double state) const;  // of friction_law()
+  // The stored state at which g = 0.
+  double steady_state(PetscInt local_node, double psi) const;
+  double steady_state(double psi) const;  // of friction_law()
 
   // Largest explicit frequencies, for step sizes: sqrt(A (K0 + K1 kappa^2_max)) of the wave, and
   // max |A (B + F_psi)| + |s delta| over the nodes at u. Collective.
@@ -95,7 +108,8 @@ double counter_uniform(PetscInt seed, PetscInt index);
 double counter_normal(PetscInt seed, PetscInt index);
 
 // Friction amplitude a_i of every node first..first+count-1: one draw a block in the chain; in the continuum draws at
-// spacing spread_length, interpolated smoothly, the same medium on every grid. The ensemble mean of a is 1.
+// spacing spread_length, interpolated smoothly, the same medium on every grid. The ensemble mean of a is 1, times the
+// profile friction_amplitude_profile where there is one.
 std::vector<double> friction_amplitude(const Scene& scene, PetscInt first, PetscInt count);
 // a(x) of the continuum anywhere between its ends.
 double friction_amplitude_at(const Scene& scene, double x);

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "stickslip/model/friction.hpp"
+#include "stickslip/model/load.hpp"
 #include "stickslip/options/options.hpp"
 
 namespace stickslip {
@@ -34,12 +35,14 @@ struct Scene {
   SpreadKind spread_kind = SpreadKind::uniform;
   double spread_length = 1;               // continuum: distance between independent draws
   PetscInt friction_seed = 1;
+  ProfileAlongX amplitude;                // factor of a_i along x; without points: 1
 
   PetscInt n = 512;
   double length = 60;                     // chain: n for a ring, n - 1 otherwise
   int order = 4;                          // chain: 2
   End left = End::periodic, right = End::periodic;
   double left_value = 0, right_value = 0; // psi_e of a held end
+  Load load;                              // v(t), where v is not constant: `run` alone knows it
   PetscInt copies = 1;                    // equal cells that this one stands for (reduce.hpp)
 
   // coefficients of the one system
@@ -51,11 +54,21 @@ struct Scene {
   bool ring() const { return left == End::periodic; }
   double h() const { return ring() ? length / double(n) : (n > 1 ? length / double(n - 1) : 1); }
   double x(PetscInt i) const { return double(i) * h(); }
+  // Whether the amplitude of friction is 1 at every node; and whether all of friction is the same everywhere.
+  bool unit_amplitude() const { return spread == 0 && amplitude.points().empty(); }
+  bool same_friction() const { return unit_amplitude() && !friction.varies(); }
+  bool has_profile() const { return friction.varies() || !amplitude.points().empty(); }
+  // The shortest length over which friction changes: of the spread and of profiles; infinite where it is the same
+  // everywhere.
+  double friction_length() const;
 
   // Builds and checks a scene; `sliding_branch`: the command looks at sliding only, so that a law is taken on its
   // exact sliding branch unless the user set friction_stick to `regularised`. Throws UsageError.
   static Scene from(const Options& options, bool sliding_branch = false);
 };
+
+// x of the nodes first .. first + count - 1.
+std::vector<double> positions(const Scene& scene, PetscInt first, PetscInt count);
 
 // The options of family friction_ that mean nothing to this law.
 std::vector<std::string> friction_options_of_other_laws(Law law);

@@ -31,6 +31,8 @@ enum class OptionType {
   integer_list,
   text_list,
   real_or_word,  // a number or one of words
+  pairs,          // x1:value1,x2:value2,... with x ascending, each at most twice; on the command line also the name of a
+                  // file of two columns, whose numbers then stand here
   steps_or_time,  // 500 (steps), or 30s, 10m, 2h (wall clock)
   wall_time       // 30s, 10m, 2h (wall clock)
 };
@@ -57,6 +59,7 @@ struct OptionSpec {
 struct LawOptions {
   std::vector<std::string> laws, states;         // words of friction_law and state_law; the first is the default
   std::vector<OptionSpec> of_laws, of_states;    // their parameters, each once; group and commands are left open
+  std::vector<OptionSpec> of_profiles;           // what says how these differ along x
   std::function<std::string(const Options&)> default_state;
 };
 LawOptions law_options();
@@ -117,6 +120,7 @@ class Options {
   std::vector<double> reals(const std::string& name) const;           // empty where unset
   std::vector<PetscInt> integers(const std::string& name) const;      // empty where unset
   std::vector<std::string> words(const std::string& name) const;      // empty where unset
+  std::vector<std::pair<double, double>> pairs(const std::string& name) const;  // empty where unset
   std::optional<double> real_if_set(const std::string& name) const;
   std::optional<PetscInt> integer_if_set(const std::string& name) const;
   StepsOrSeconds steps_or_seconds(const std::string& name) const;     // both zero where unset; of a wall_time too

@@ -37,7 +37,7 @@
 #include <vector>
 
 #include "stickslip/output/field.hpp"
-#include "stickslip/model/scene.hpp"
+#include "stickslip/model/frictions.hpp"
 
 namespace stickslip {
 
@@ -89,7 +89,7 @@ class Events {
   Scene scene_;
   double velocity_, weight_, damping_;
   std::vector<double> amplitude_;
-  std::shared_ptr<const Friction> friction_;
+  Frictions friction_;
   bool started_ = false;
   double t_ = 0;
   std::vector<std::vector<double>> last_;

@@ -3,6 +3,7 @@
 // In a spread continuum eta is no smoother than the medium: a(x) has two derivatives, and so has the part a F of eta.
 // Interpolated are therefore eta - a F and F, which the medium reaches only through the waves that it gives off:
 //     eta(x) = sum_i w_i [eta_i + (a(x) - a_i) F_i]
+// Where the law itself differs along x, a(x) F(x; psi_i, state_i) - a_i F_i in the place of (a(x) - a_i) F_i.
 #pragma once
 
 #include <memory>
@@ -32,8 +33,10 @@ class Probes {
   struct Part {
     std::size_t index;  // into the fetched nodes
     double weight, excess;
+    std::shared_ptr<const Friction> here = nullptr, own = nullptr;  // at x and at the node, where they differ
+    double a_here = 1, a_own = 1;
   };
-  std::shared_ptr<const Friction> friction_;
+  std::shared_ptr<const Friction> friction_;  // where it is the same everywhere
   int dof_;
   std::vector<std::vector<Part>> rows_;
   ScatterHandle scatter_;

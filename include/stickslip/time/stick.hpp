@@ -15,8 +15,9 @@
 // The directions follow from the unknowns alone: the sign of psi, and at psi = 0 the force; at the threshold itself a
 // node lets go if the force grows faster than the threshold. So a checkpoint need not hold them.
 //
-// While every node rests, nothing moves: eta is linear in time and the state known in closed form, and one step leads
-// to the next release, however far it is.
+// While every node rests, nothing moves: eta is linear in time (with a load v(t), K0 times how far the plate has come)
+// and the state known in closed form, and one step leads to the next release, however far it is, or with an oscillating
+// load over some periods.
 //
 // Collective unless said otherwise; the same on any number of ranks.
 #pragma once
@@ -60,9 +61,12 @@ class Stick {
                       Vec landed, bool slope_known = false);
   Vec slope_at_end() const { return next_slope_; }
 
-  // While every node rests: time until the first lets go (infinite: never), and u after the time `wait`.
-  double release_after(Vec u);
-  void rest(Vec u, double wait, Vec into);
+  // While every node rests, from u at t on: time until the first lets go (infinite: never; with a load: not within
+  // `longest`), and u after the time `wait`.
+  double release_after(Vec u, double t, double longest);
+  void rest(Vec u, double t, double wait, Vec into);
+  // Over how long a time release_after() may be asked at once.
+  static double longest_rest(const Scene& scene);
 
  private:
   struct Candidate {
@@ -74,6 +78,7 @@ class Stick {
   double threshold(PetscInt i, const double* u) const;
   double threshold_at(PetscInt i, double state) const;
   double threshold_rate(PetscInt i, const double* u) const;
+  double release_under_load(Vec u, double t, double longest) const;
   double beyond(const Candidate& c, const double* u, double part) const;
   template <class Body>
   void for_each_side(const Body& body) const;

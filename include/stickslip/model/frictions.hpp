@@ -1,0 +1,27 @@
+// The friction of nodes that follow each other: one law for all, or with profiles along x (friction_*_profile,
+// state_*_profile) one for each, of the same law with parameters of its own. Amplitudes stand apart (friction_amplitude).
+//
+// Nothing here communicates.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "stickslip/model/scene.hpp"
+
+namespace stickslip {
+
+class Frictions {
+ public:
+  // Of the nodes first .. first + count - 1. Throws UsageError where the parameters at some place contradict each other.
+  Frictions(const Scene& scene, PetscInt first, PetscInt count);
+
+  const Friction& operator[](PetscInt i) const { return *list_[list_.size() == 1 ? 0 : std::size_t(i)]; }
+  bool vary() const { return vary_; }
+
+ private:
+  bool vary_;
+  std::vector<std::shared_ptr<const Friction>> list_;
+};
+
+}  // namespace stickslip

@@ -1,0 +1,205 @@
+"""The plate's velocity as a function of time: against scipy, piece by piece; orders at fixed steps across corners; the
+time at which a resting block lets go in closed form; displacement; restart; what is refused."""
+import math
+import os
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from calls import check, data, refused, run, scene_file
+from chain import Chain
+
+# ramp, hold, jump, ramp down, and a sine on top
+CORNERS = [(0.37, 0.5), (1.1, 0.9), (2.03, 0.9), (2.03, 0.3), (3.3, 0.7)]
+SINE = (0.15, 1.7)
+LOAD = "-load_v " + ",".join(f"{t}:{v}" for t, v in CORNERS) + f" -load_sine_amplitude {SINE[0]} -load_sine_period {SINE[1]} "
+
+
+def piece_after(t):
+    """v on the piece that begins at t, or holds it."""
+    before, behind = [p for p in CORNERS if p[0] <= t], [p for p in CORNERS if p[0] > t]
+    low = before[-1] if before else (0, CORNERS[0][1])
+    high = behind[0] if behind and before else (low[0] + 1, low[1])
+    return lambda at: (low[1] + (high[1] - low[1]) * (at - low[0]) / (high[0] - low[0]) +
+                       SINE[0] * np.sin(2 * np.pi * at / SINE[1]))
+
+
+def pieces(end):
+    times = [0] + sorted({t for t, _ in CORNERS if t < end}) + [end]
+    return list(zip(times, times[1:]))
+
+
+def solution(rhs, u, end):
+    """rhs(v, t, u) from 0 to the end, corner by corner."""
+    for begin, stop in pieces(end):
+        v = piece_after(begin)
+        u = solve_ivp(lambda t, y, v=v: rhs(v(t), t, y), (begin, stop), u, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    return u
+
+
+def travelled(t):
+    return sum(np.polynomial.legendre.leggauss(20)[1] @ piece_after(a)(a + (b - a) * (1 + np.polynomial.legendre.leggauss(20)[0]) / 2)
+               * (b - a) / 2 for a, b in pieces(t))
+
+
+METHODS = ["", "-ts_type rk", "-ts_type rk -rk_fused false", "-ts_type arkimex -imex_implicit friction -rk_fused false",
+           "-ts_type arkimex -imex_implicit wave", "-ts_type arkimex -imex_implicit both", "-ts_type bdf", "-ts_type rosw"]
+
+
+def test_against_scipy():
+    chain = Chain(3, b=0.5, v=0.5)
+
+    def rhs(v, t, u):
+        chain.v = v
+        return chain.rhs(t, u)
+    start = np.concatenate([[0.4] * 3, [0.5] * 3, np.log([0.7] * 3)])
+    exact = solution(rhs, start, 4.0).reshape(3, -1)
+    for method in METHODS:
+        run("-model_form chain -bc_left free -grid_n 3 -model_k0 0.3 -model_k1 0.7 -model_zeta 0.1 -friction_law rate-and-state "
+            "-friction_a 0.3 -friction_b 0.5 -friction_D 0.4 -init_psi 0.4 -init_eta 0.5 -init_state 0.7 -ts_max_time 4 "
+            f"{LOAD} {method} -ts_rtol 1e-9 -ts_atol 1e-9 -out_file run.h5 -out_frames 2")
+        found = data("run.h5")
+        error = max(abs(found["psi"][-1] - exact[0]).max(), abs(found["eta"][-1] - exact[1]).max(),
+                    abs(np.log(found["theta"][-1]) - exact[2]).max())
+        check(error < 1e-6, f"{method}: {error}")
+        times = found["series/t"]
+        check(all(np.min(abs(times - t)) == 0 for t, _ in CORNERS), f"{method}: no step ends at a corner")
+
+
+ORDERS = [("-ts_type rk -ts_rk_type 5dp", 5, 0.1),
+          ("-ts_type arkimex -ts_arkimex_type 4 -imex_implicit friction", 4, 0.1),
+          ("-ts_type arkimex -ts_arkimex_type 4 -imex_implicit both", 4, 0.1),
+          ("-ts_type arkimex -ts_arkimex_type 3 -imex_implicit wave", 3, 0.05), ("-ts_type cn", 2, 0.05),
+          ("-ts_type rosw -ts_rosw_type ra34pw2", 3, 0.05), ("-ts_type bdf -ts_bdf_order 2", 2, 0.02)]
+
+
+def test_orders():
+    # the cubic on a ring of four; frames too, between the steps
+    n, k1 = 4, 0.6
+    start = np.concatenate([0.1 + 0.5 * np.sin(2 * np.pi * np.arange(n) / n), np.full(n, 0.1)])
+
+    def rhs(v, _, u):
+        psi, eta = u[:n], u[n:]
+        return np.concatenate([eta - (psi ** 3 / 3 - psi), 0.5 * (v - psi) + k1 * (np.roll(psi, 1) + np.roll(psi, -1) - 2 * psi)])
+    exact, between = solution(rhs, start, 4.0), solution(rhs, start, 2.5)
+    for method, order, h in ORDERS:
+        errors = []
+        for step in (h, h / 4):
+            run(f"-model_form chain -grid_n {n} -model_k0 0.5 -model_k1 {k1} -init_type sine -scene_reduce off {LOAD} {method} "
+                f"-ts_adapt_type none -ts_dt {step} -ts_max_time 4 -snes_rtol 1e-13 -snes_atol 1e-15 -ts_rtol 1e-11 -ts_atol 1e-11 -out_times 2.5,4 "
+                "-out_file run.h5")
+            found = data("run.h5")
+            errors.append([abs(found["psi"][i] - u[:n]).max() for i, u in ((-1, exact), (0, between))])
+        for name, one in zip(("end", "frame"), np.array(errors).T):
+            rate = math.log2(one[0] / one[1]) / 2
+            check(rate > min(order, 4 if name == "frame" else order) - 0.4, f"{method}: order {rate:.2f} at the {name}, errors {one}")
+
+
+def first_slip(options):
+    s, _ = run("-model_form chain -grid_n 1 -bc_left free -friction_law coulomb -friction_fs 0.6 -friction_fd 0.3 -model_k0 0.4 "
+               f"-init_psi 0 -init_eta 0 -ts_max_time 60 -out_file stick.h5 {options}")
+    series = data("stick.h5")
+    moves = np.flatnonzero(abs(series["series/psi_max"]) > 0)
+    return series["series/t"][moves[0] - 1], s
+
+
+def test_release_under_load():
+    # At rest eta = K0 X(t): the block lets go where that is its threshold, whatever the load does on the way there.
+    exact = brentq(lambda t: 0.4 * travelled(t) - 0.6, 0.1, 4)
+    found, s = first_slip(LOAD)
+    check(abs(found - exact) < 1e-9, f"{found} for {exact}")
+    check(s["regime"] == "undecided" and "load" in s["regime_reason"], f"regime {s['regime']}")
+    # an oscillation about rest: nothing for many periods, then the mean has brought it there
+    def eta(t):
+        return 0.4 * (0.03 * t + 0.5 * 2 / math.pi * math.sin(math.pi * t / 2) ** 2)
+    found, _ = first_slip("-model_v 0.03 -load_sine_amplitude 0.5 -load_sine_period 2")
+    times = np.linspace(0, 60, 600001)
+    first = times[np.argmax(eta_array(times) >= 0.6)]
+    exact = brentq(lambda t: eta(t) - 0.6, first - 1e-3, first)
+    check(abs(found - exact) < 1e-9, f"{found} for {exact}")
+    # a hold, and a threshold that heals meanwhile: the second pull meets more
+    found, _ = first_slip("-state_law healing -state_t_h 5 -state_tau_inf 2 -init_state 1 -load_v 0:0.3,3:0.3,3:0,20:0,20:0.3")
+
+    def excess(t):
+        pulled = 0.3 * (min(t, 3) + max(t - 20, 0))
+        return 0.4 * pulled - 0.6 * (2 - math.exp(-t / 5))
+    exact = brentq(excess, 20, 60)
+    check(abs(found - exact) < 1e-9, f"healing: {found} for {exact}")
+
+
+def eta_array(t):
+    return 0.4 * (0.03 * t + 0.5 * 2 / np.pi * np.sin(np.pi * t / 2) ** 2)
+
+
+def test_displacement():
+    # f0 eta = k0 (X - chi) of one block, X the integral of v(t)
+    run(f"-model_form chain -grid_n 1 -bc_left free -model_k0 0.4 {LOAD} -ts_max_time 4 -out_times 0.2,1,2.03,2.7,4 -out_file chi.h5 "
+        "-out_displacement true")
+    found = data("chi.h5")
+    for i, t in enumerate(found["t"]):
+        check(abs(found["chi"][i, 0] - (travelled(t) - found["eta"][i, 0] / 0.4)) < 1e-10, f"chi at {t}")
+    times, v = found["series/t"], found["series/v"]
+    for t, value in zip(times, v):  # at a corner that of the piece that ends
+        begin = max([0.0] + [c for c, _ in CORNERS if c < t])
+        check(abs(value - piece_after(begin)(t)) < 1e-13, f"v({t}) = {value}")
+
+
+def test_restart():
+    # from checkpoints before, at and behind corners, to the last bit
+    scenes = {"steps": LOAD + "-init_type sine -grid_n 40 -model_form chain -ts_rtol 1e-4 -ts_atol 1e-4",
+              "stick": LOAD + "-friction_law coulomb -grid_n 12 -model_form chain -init_psi 0 -init_noise 0.2",
+              "fixed": LOAD + "-ts_type rk -ts_adapt_type none -ts_dt 0.07 -init_type sine -grid_n 20 -model_form chain"}
+    for name, options in scenes.items():
+        run(options + f" -ts_max_time 4 -out_checkpoint_every 3 -out_checkpoint_keep 1000 -out_frames 9 -out_file {name}.h5")
+        whole = data(f"{name}.h5")
+        points = sorted(one for one in os.listdir() if one.startswith(f"{name}.chk"))
+        for checkpoint in points[1:-1:max(1, len(points) // 3)]:
+            run(f"-restart {checkpoint} -out_file again-{checkpoint}")
+            again = data(f"again-{checkpoint}")
+            kept = len(again["t"])
+            check(np.array_equal(again["psi"], whole["psi"][-kept:]) and np.array_equal(again["eta"], whole["eta"][-kept:]),
+                  f"{name}: other bits from {checkpoint}")
+
+
+@pytest.mark.ranks
+def test_ranks():
+    for options in ("-grid_n 40 -init_type sine -ts_type rk ", "-grid_n 40 -model_form chain -friction_law coulomb -init_noise 0.3 "):
+        run(options + LOAD + "-ts_max_time 3 -out_frames 3 -out_series false -out_file one.h5")
+        run(options + LOAD + "-ts_max_time 3 -out_frames 3 -out_series false -out_file three.h5", ranks=3)
+        one, three = data("one.h5"), data("three.h5")
+        for name in one:
+            check(np.allclose(one[name], three[name], rtol=1e-9, atol=1e-9), f"{options}: {name} differs")
+
+
+def test_slide_hold_slide():
+    # the scene of runs/: the peak of the force against a direct solution
+    run(scene_file("slide-hold-slide") + " -ts_max_time 125 -ts_rtol 1e-8 -ts_atol 1e-8 -out_file hold.h5 -out_frames 2")
+    block = Chain(1, b=0.03, D=0.01, a=0.02, psi0=1e-2, v=1e-2, k0=2, k1=0, zeta=0, m=1e-4)
+    u, peak = block.steady(), 0
+    for begin, end, v in ((0, 10, 1e-2), (10, 110, 0), (110, 125, 1e-2)):
+        block.v = v
+        piece = solve_ivp(block.rhs, (begin, end), u, method="Radau", rtol=1e-7, atol=1e-10)
+        u, peak = piece.y[:, -1], max(peak, piece.y[1].max())
+    found = data("hold.h5")["series/eta_mean"].max()
+    check(abs(found - peak) < 2e-5 and peak > 0.6 + 0.02, f"peak {found} for {peak}")
+
+
+REFUSED = [("-load_v 0:1,2", "load_v"), ("-load_v -1:1,2:1", "load_v"), ("-load_v 2:1,1:1", "ascending"),
+           ("-load_sine_amplitude 0.1", "load_sine_period"), ("-load_sine_period 3", "load_sine_amplitude"),
+           ("-load_v nowhere.txt", "nowhere.txt")]
+
+
+@pytest.mark.parametrize("options, part", REFUSED)
+def test_refused(options, part):
+    refused(options, 2, part)
+
+
+@pytest.mark.parametrize("command", ("spectrum", "boundary -boundary_parameter model_v -boundary_from 0.1 -boundary_to 2",
+                                     "wave -wave_length 60", "chart"))
+def test_run_alone_knows_loads(command):
+    name, _, options = command.partition(" ")
+    refused(options + " -load_v 0:1,2:1", 2, "load_v", name, command=name)
+
+

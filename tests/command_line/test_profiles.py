@@ -1,0 +1,237 @@
+"""Profiles along x from the command line: against a solver of its own in numpy and scipy, which knows nothing of the
+program; closed limits; bits where a profile is constant; files, restart and what is refused."""
+import math
+import os
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from calls import check, data, refused, run
+from chain import Chain
+
+RATE = "-friction_law rate-and-state "
+LINE = "-model_form chain -bc_left free -model_k0 0.3 -model_k1 0.7 -model_zeta 0.1 "
+
+
+def pairs(x, values):
+    return ",".join(f"{float(a)!r}:{float(b)!r}" for a, b in zip(x, values))
+
+
+def scene(chain, *parameters):
+    """The chain's options, with a profile that has a value for every block of each of the parameters."""
+    text = LINE + RATE + f"-grid_n {chain.n} -model_v {chain.v} "
+    for name, option in (("a", "friction_a"), ("b", "friction_b"), ("D", "friction_D"), ("amplitude", "friction_amplitude")):
+        values = getattr(chain, name)
+        if name in parameters:
+            text += f"-{option}_profile {pairs(range(chain.n), values)} "
+        elif name != "amplitude":
+            text += f"-{option} {float(values[0])!r} "
+    return text
+
+
+def matched(found, exact):
+    """The largest distance of an eigenvalue found to the nearest of the exact ones that are left."""
+    left, worst = list(exact), 0.0
+    for z in found:
+        k = int(np.argmin(np.abs(np.array(left) - z)))
+        worst = max(worst, abs(left.pop(k) - z))
+    return worst
+
+
+def random_chain(seed, n=7):
+    draw = np.random.default_rng(seed).uniform
+    return Chain(n, b=draw(0.1, 0.9, n), D=draw(0.3, 0.6, n), a=draw(0.2, 0.4, n), amplitude=draw(0.5, 1.5, n),
+                 v=float(draw(0.3, 0.8)))
+
+
+@pytest.mark.parametrize("seed", (1, 2))
+def test_spectrum_is_the_dense_matrix(seed):
+    # every parameter at once; the condition of these matrices is below 1e3, so that 1e-10 is far above round-off
+    chain = random_chain(seed)
+    s, _ = run(scene(chain, "a", "b", "D", "amplitude") + f"-spectrum_count {3 * chain.n} -spectrum_method dense",
+               command="spectrum")
+    found = [complex(e["re"], e["im"]) for e in s["eigenvalues"]]
+    check(len(found) == 3 * chain.n, f"{len(found)} eigenvalues of {3 * chain.n}")
+    worst = matched(found, chain.eigenvalues())
+    check(worst < 1e-10, f"eigenvalues differ by {worst}")
+    check(abs(s["growth_rate"] - max(z.real for z in chain.eigenvalues())) < 1e-10, "growth rate")
+    check(abs(s["steady"]["psi_min"] - chain.v) < 1e-14 and abs(s["steady"]["psi_max"] - chain.v) < 1e-14,
+          "steady sliding is not uniform in psi")
+
+
+def test_blocks_alone():
+    # without coupling every block is a uniform scene of its own: the spectrum is the union of theirs
+    chain = random_chain(3, 4)
+    chain.k1 = 0.0
+    text = scene(chain, "a", "b", "D", "amplitude") + "-model_k1 0 "
+    s, _ = run(text + "-spectrum_count 12 -spectrum_method dense", command="spectrum")
+    exact = []
+    for i in range(4):
+        one = Chain(1, chain.b[i], chain.D[i], chain.a[i], amplitude=chain.amplitude[i], v=chain.v, k1=0)
+        exact += list(one.eigenvalues())
+    worst = matched([complex(e["re"], e["im"]) for e in s["eigenvalues"]], exact)
+    check(worst < 1e-10, f"not the union of the blocks' own: {worst}")
+
+
+def test_boundary_with_a_factor():
+    # the factor on b at which the largest real part of the matrix passes zero
+    chain = random_chain(4)
+    text = scene(chain, "b") + "-boundary_parameter friction_b_factor -boundary_from 0.2 -boundary_to 4"
+    b, amplitude = chain.b, np.ones(chain.n)
+
+    def growth(factor):
+        return Chain(chain.n, factor * b, chain.D[0], chain.a[0], amplitude=amplitude, v=chain.v).eigenvalues().real.max()
+    exact = brentq(growth, 0.2, 4, xtol=1e-12)
+    s, _ = run(text, command="boundary")
+    check(len(s["points"]) == 1 and abs(s["points"][0]["value"] - exact) < 1e-7 * exact, f"{s['points']}, by numpy {exact}")
+
+
+@pytest.mark.parametrize("method", ("", "-ts_type rk", "-ts_type arkimex -imex_implicit both", "-ts_type bdf -ts_rtol 1e-11 -ts_atol 1e-11", "-rk_fused false"))
+def test_run_against_lsoda(method):
+    chain = random_chain(5)
+    start = np.concatenate([np.full(chain.n, 0.4), np.full(chain.n, 0.5), np.log(np.full(chain.n, 0.7))])
+    exact = solve_ivp(chain.rhs, (0, 8), start, method="LSODA", rtol=1e-11, atol=1e-12).y[:, -1].reshape(3, -1)
+    run(scene(chain, "a", "b", "D", "amplitude") + "-init_psi 0.4 -init_eta 0.5 -init_state 0.7 -ts_max_time 8 "
+        f"-ts_rtol 1e-9 -ts_atol 1e-9 -out_file run.h5 -out_frames 2 {method}")
+    found = data("run.h5")
+    error = max(np.abs(found["psi"][-1] - exact[0]).max(), np.abs(found["eta"][-1] - exact[1]).max(),
+                np.abs(np.log(found["theta"][-1]) - exact[2]).max())
+    check(error < 2e-6, f"{method}: {error}")
+    for name, values in (("friction_a", chain.a), ("friction_b", chain.b), ("friction_D", chain.D),
+                         ("friction_amplitude", chain.amplitude)):
+        check(np.allclose(found[name], values, rtol=1e-14), f"{name} is not in the file")
+
+
+CONSTANT = {"rate-and-state": (RATE + "-model_v 0.5 -init_type sine", "friction_b", "0.1"),
+            "slip, implicit": (RATE + "-state_law slip -init_type sine -ts_type arkimex", "state_D", "0.1"),
+            "exact stick": ("-model_form chain -friction_law coulomb -grid_n 24 -init_noise 0.3", "friction_fd", "0.5"),
+            "stick with healing": ("-friction_law carlson-langer -state_law healing -init_noise 0.3", "state_t_h", "1"),
+            "regularised, implicit": ("-friction_law carlson-langer -friction_stick regularised -init_type sine "
+                                      "-ts_type arkimex -imex_implicit friction", "friction_alpha", "0.5"),
+            "library's steps": (RATE + "-rk_fused false -ts_type rk -init_type sine", "friction_a", "0.05")}
+
+
+@pytest.mark.parametrize("name", CONSTANT)
+def test_constant_profile_is_none(name):
+    # the same bits from other loops
+    options, parameter, value = CONSTANT[name]
+    options = f"-grid_n 40 {options} -ts_max_time 1.5 -scene_reduce off -out_frames 4 "
+    run(options + "-out_file none.h5")
+    run(options + f"-{parameter}_profile 0:{value} -out_file constant.h5")
+    one, other = data("none.h5"), data("constant.h5")
+    for field in set(one) & {"t", "psi", "eta", "theta", "tau"}:
+        check(np.array_equal(one[field], other[field]), f"{name}: {field} differs")
+
+
+def test_first_to_slip():
+    # all at rest without force: a block lets go when K0 v t is its own threshold, the weakest first
+    thresholds = [0.9, 0.7, 0.5, 0.8]
+    run("-model_form chain -bc_left free -grid_n 4 -friction_law coulomb -friction_fd 0.3 -model_k0 0.4 -model_v 0.1 "
+        f"-friction_fs_profile {pairs(range(4), thresholds)} -init_psi 0 -init_eta 0 -ts_max_time 13 "
+        "-out_times 12.4,12.6 -out_file stick.h5")
+    found = data("stick.h5")
+    moving = found["series/t"][np.argmax(found["series/psi_max"] > 0) - 1]
+    check(abs(moving - 0.5 / (0.4 * 0.1)) < 1e-9, f"slips at {moving}")
+    check(not found["psi"][0].any() and list(np.flatnonzero(found["psi"][1])) == [2], f"another slips: {found['psi']}")
+
+
+def test_kinds_and_file():
+    # linear, smooth and step at the nodes, from a file of two columns; a restart does not read the file again
+    x = np.arange(0, 60, 60 / 48)
+    values = {"linear": np.interp(x, [10, 20, 35], [0.1, 0.3, 0.2]), "step": np.where((x >= 20) & (x < 35), 0.3, 0.2)}
+    values["step"][(x >= 10) & (x < 20)] = 0.1
+    wrap = (x < 10) | (x > 35)  # a ring: from the last point round to the first
+    values["linear"][wrap] = 0.2 + (0.1 - 0.2) * (((x[wrap] - 35) % 60) / 35)
+    s = np.clip((x - 10) / 10, 0, 1)
+    smooth = 0.1 + 0.2 * s ** 3 * (10 - 15 * s + 6 * s * s)
+    with open("b.txt", "w", encoding="ascii") as file:
+        file.write("# x b\n10 0.1\n20,\t0.3  # a comment\n\n35 0.2\n")
+    for kind in ("linear", "smooth", "step"):
+        run(RATE + f"-grid_n 48 -friction_b_profile b.txt -profile_kind {kind} -ts_max_time 0.2 -out_file k.h5 "
+            "-out_checkpoint_every 3 -out_frames 2")
+        found = data("k.h5")["friction_b"]
+        if kind == "smooth":
+            inside = (x >= 10) & (x <= 20)
+            check(np.allclose(found[inside], smooth[inside], rtol=1e-13), "smooth")
+        else:
+            check(np.allclose(found, values[kind], rtol=1e-13), f"{kind}: {found} for {values[kind]}")
+    whole = data("k.h5")
+    os.remove("b.txt")
+    checkpoint = sorted(name for name in os.listdir() if name.startswith("k.chk"))[0]
+    run(f"-restart {checkpoint} -out_file again.h5")
+    check(np.array_equal(data("again.h5")["psi"][-1], whole["psi"][-1]), "a restart ends elsewhere")
+
+
+def test_thin_layers():
+    # Layers of amplitude 0.5 and 1.5 much thinner than a wave: the long waves see the mean, which is that of a uniform
+    # medium. With C(x) of layers of thickness d the growth of the longest wave misses -<C>/2 by O(d^2).
+    def growth(layers):
+        text = "-model_form chain -grid_n 96 -model_k0 0.02 -model_k1 40 -model_v 0.8 -model_zeta 0.2 "
+        width = 96 // layers
+        points = ",".join(f"{i * width}:{0.5 if i % 2 == 0 else 1.5}" for i in range(layers))
+        s, _ = run(text + f"-friction_amplitude_profile {points} -profile_kind step -spectrum_method dense "
+                   "-spectrum_count 192 -spectrum_refine off", command="spectrum")
+        # shorter waves than the layers are no waves of the mean medium
+        return min((e["im"], e["re"]) for e in s["eigenvalues"] if e["im"] > 0)[1]
+    uniform = -(0.2 + 0.8 ** 2 - 1) / 2
+    misses = [abs(growth(layers) - uniform) for layers in (16, 32)]
+    check(misses[1] < 2e-3 and math.log2(misses[0] / misses[1]) > 1.6, f"misses {misses}")
+
+
+def test_long_patch_has_the_critical_stiffness():
+    # A weakening patch of W blocks between strengthening ends. Rice and Ruina's critical stiffness with inertia holds for
+    # K0 + K1 kappa^2, and the patch's longest wave has kappa about pi/W: the critical K0 rises to theirs like 1/W^2.
+    a, b, D, v, K1, m = 0.05, 0.1, 0.2, 1.0, 0.5, 1e-3
+    T = math.tanh((0.6 + b * math.log(1 / v)) / a)
+    closed = (b - a) * T / D * (1 + m * v * v / (a * D * T))
+
+    def critical(W):
+        n = W + 40
+        text = (RATE + f"-model_form chain -bc_left free -grid_n {n} -model_k1 {K1} -model_m {m} -model_v {v} -friction_a {a} -friction_D {D} "
+                f"-friction_b_profile 0:0.01,20:{b},{20 + W}:0.01 -profile_kind step -boundary_parameter model_k0 "
+                f"-boundary_from {0.5 * closed} -boundary_to {1.05 * closed}")
+        s, _ = run(text, command="boundary")
+        check(len(s["points"]) == 1, f"W = {W}: {s['points']}")
+        return s["points"][0]["value"]
+    gaps = [closed - critical(W) for W in (20, 40)]
+    check(all(0 < gap < K1 * (math.pi / W) ** 2 for gap, W in zip(gaps, (20, 40))), f"gaps {gaps} below {closed}")
+    check(math.log2(gaps[0] / gaps[1]) > 1.8, f"gaps {gaps} do not close like 1/W^2")
+
+
+@pytest.mark.ranks
+def test_ranks():
+    for options in ("-grid_n 40 -init_type sine -ts_type rk -friction_a 0.3 -friction_D 1 " + RATE + "-friction_b_profile 5:0.1,20:0.2 -friction_amplitude_profile 0:1,30:1.2",
+                    "-grid_n 601 -init_type sine -friction_law carlson-langer -friction_alpha_profile 5:0.3,20:1 "
+                    "-friction_stick regularised -friction_eps 0.3",
+                    "-model_form chain -grid_n 30 -friction_law coulomb -friction_fs_profile 0:1,15:0.8 -init_noise 0.3"):
+        options += " -ts_max_time 0.5 -out_frames 3 -out_series false -out_file "
+        run(options + "one.h5")
+        run(options + "three.h5", ranks=3)
+        one, three = data("one.h5"), data("three.h5")
+        for name in one:  # sums over nodes, of which steps are made, are rounded by the number of ranks
+            check(np.allclose(one[name], three[name], rtol=1e-10, atol=1e-10), f"{options}: {name} differs")
+
+
+REFUSED = [("run", RATE + "-friction_a 0.1 -friction_a_profile 0:0.1", ("friction_a", "not both")),
+           ("run", RATE + "-friction_a_factor 2", ("friction_a_factor", "friction_a_profile")),
+           ("run", RATE + "-friction_a_profile 0:-1", ("friction_a_profile", "> 0")),
+           ("run", RATE + "-friction_a_profile 2:1,1:1", ("friction_a_profile", "ascending")),
+           ("run", RATE + "-friction_a_profile 1:1,1:2,1:3", ("friction_a_profile", "at most twice")),
+           ("run", RATE + "-friction_a_profile 0:1,99:1", ("friction_a_profile", "outside")),
+           ("run", RATE + "-friction_a_profile nowhere.txt", ("nowhere.txt", "cannot be read")),
+           ("run", "-friction_a_profile 0:1", ("friction_a_profile", "another law")),
+           ("run", RATE + "-friction_D_profile 0:1 -state_D_profile 0:1", ("state_D_profile", "same quantity")),
+           ("run", "-friction_law coulomb -friction_fs_profile 0:1,5:0.2 -friction_fd 0.5", ("friction_fd", "x = 5")),
+           ("run", "-profile_kind step", ("profile_kind", "no profile")),
+           ("wave", RATE + "-friction_b_profile 0:0.1,9:0.2 -wave_length 60", ("friction_b_profile",)),
+           ("wave", "-friction_amplitude_profile 0:0.5,9:1 -wave_length 60", ("friction_amplitude_profile",)),
+           ("laws", RATE + "-friction_b_profile 0:0.1,9:0.2", ("friction_b_profile",)),
+           ("run", RATE + "-friction_b_profile 0:0.1,9:0.2 -accuracy 1e-4", ("friction_b_profile", "accuracy")),
+           ("run", RATE + "-friction_b_profile 0:0.1,9:0.2 -init_type pulses", ("friction_b_profile",))]
+
+
+@pytest.mark.parametrize("command, options, parts", REFUSED)
+def test_refused(command, options, parts):
+    refused(options, 2, *parts, command=command)
