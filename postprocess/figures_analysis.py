@@ -94,7 +94,10 @@ def draw_train_modes(axes, group):
 
 
 def draw_wave(file, args):
-    """Profile and phase portrait of a train; its eigenvalues and its branch where the file holds them."""
+    """Profile and phase portrait of a train, its eigenvalues and its branch where the file holds them; where it holds
+    limits of trains in two options, those."""
+    if "curves" in file:
+        return draw_train_limits(file)
     x, psi, eta = (file[k][...] for k in ("x", "psi", "eta"))
     more = [name for name in ("branch", "spectrum") if name in file]
     figure = Figure(figsize=(10.5, 9.0 if more else 5.0), layout="constrained")
@@ -125,6 +128,43 @@ def draw_wave(file, args):
     figure.suptitle(f"{pulses} pulse{'s' if pulses > 1 else ''}, V = {file.attrs['speed']:.8g}, "
                     f"L = {file.attrs['length']:.8g}, period {file.attrs['period']:.8g}\n"
                     + textwrap.fill(scene_title(file), 110), fontsize=10)
+    return figure
+
+
+TRAIN_LIMITS = {"fold": "two trains merge (fold)", "hopf": "a train loses stability, oscillating",
+                "zero": "a train loses stability, without oscillating"}
+
+
+def add_train_limits(axes, file, swapped=False):
+    """Curves on which trains merge or their stability changes; dotted where another mode grows on both sides."""
+    group = file["curves"]
+    x, y = (group[name][...] for name in (("value2", "value") if swapped else ("value", "value2")))
+    kinds, pieces, leads = [text(one) for one in group["kind"][...]], group["piece"][...], group["leads"][...] > 0.5
+    shown = set()
+    for number in np.unique(pieces):
+        chosen = np.flatnonzero(pieces == number)
+        kind = kinds[chosen[0]]
+        colour = COLOURS[5 + list(TRAIN_LIMITS).index(kind)]
+        axes.plot(x[chosen], y[chosen], ":", color=colour, lw=1)
+        led = np.where(leads[chosen], y[chosen], np.nan)
+        axes.plot(x[chosen], led, ".-", color=colour, ms=4, lw=1.5,
+                  label=TRAIN_LIMITS[kind] if leads[chosen].any() and kind not in shown else None)
+        shown |= {kind} if leads[chosen].any() else set()
+        if not leads[chosen].any() and ("dotted", kind) not in shown:
+            axes.plot([], [], ":", color=colour, lw=1, label="the same, unstable on both sides")
+            shown.add(("dotted", kind))
+
+
+def draw_train_limits(file):
+    names = [text(file.attrs[one]) for one in ("branch_parameter", "branch_parameter2")]
+    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
+    axes = figure.subplots()
+    add_train_limits(axes, file)
+    axes.set(xlabel=shown_name(names[0]), ylabel=shown_name(names[1]))
+    axes.legend(fontsize=8)
+    pulses, length, speed = int(file.attrs["pulses"]), file.attrs["length"], file.attrs["speed"]
+    what = f"L = {length:.6g}" if "wave_length" in options(file) else f"V = {speed:.6g}"
+    set_title(axes, f"trains of {pulses} pulse{'s' if pulses > 1 else ''}, {what}; {scene_title(file, names)}")
     return figure
 
 

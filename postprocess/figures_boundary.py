@@ -3,6 +3,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures import COLOURS, legend_beside, set_title
+from figures_analysis import add_train_limits
 from stickslip import Unusable, differing, options, scene_title, shown_name, text, told_apart
 
 SLIDES, STICKS, BOTH = "#eef4fb", "#fbeeea", "#fdf3d0"  # tints of the regions
@@ -241,3 +242,21 @@ def deepest(inside):
     rows, columns = np.nonzero(last[1:-1, 1:-1])
     middle = len(rows) // 2
     return rows[middle], columns[middle]
+
+
+def diagram(files, args):
+    """The diagram of a boundary with the limits of trains over it."""
+    by_kind = {kind: [file for file in files if text(file.attrs["kind"]) == kind] for kind in ("boundary", "wave")}
+    if len(by_kind["boundary"]) != 1 or any("curves" not in file for file in by_kind["wave"]):
+        raise Unusable("and the others are not one boundary in two options and limits of trains (wave_continue2)")
+    base = by_kind["boundary"][0]
+    axes_of = [text(base.attrs.get(one, "")) for one in ("parameter", "parameter2")]
+    figure = draw_boundary(base, args)
+    axes = figure.axes[0]
+    for file in by_kind["wave"]:
+        names = [text(file.attrs[one]) for one in ("branch_parameter", "branch_parameter2")]
+        if sorted(names) != sorted(axes_of):
+            raise Unusable("and the others do not vary the same two options")
+        add_train_limits(axes, file, swapped=names != axes_of)
+    axes.legend(fontsize=8, framealpha=0.8)
+    return figure

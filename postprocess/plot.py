@@ -29,7 +29,7 @@ import matplotlib  # noqa: E402
 matplotlib.use("Agg")
 
 from figures_analysis import draw_laws, draw_spectrum, draw_wave, overlay_spectra  # noqa: E402
-from figures_boundary import draw_boundary, overlay_boundaries  # noqa: E402
+from figures_boundary import diagram, draw_boundary, overlay_boundaries  # noqa: E402
 from figures_chart import draw_chart  # noqa: E402
 from figures_cycle import draw_cycle  # noqa: E402
 from figures_run import RUN_PICTURES, draw_run, movie, overlay  # noqa: E402
@@ -49,6 +49,8 @@ def draw(files, args):
     if each[0] == "sweep" and set(each[1:]) == {"boundary"}:
         return draw_sweep(files[0], args, files[1:])
     kinds = set(each)
+    if kinds == {"boundary", "wave"}:
+        return diagram(files, args)
     kind = kinds.pop()
     if kind not in KINDS:
         raise Unusable(f"holds a {kind}, of which there is no picture")

@@ -6,8 +6,8 @@
 
 namespace stickslip {
 
-void check_continuation(const Options& options, const std::string& command) {
-  const std::string which = command + "_continue", end = command + "_to", name = options.text(which);
+void check_continuation(const Options& options, const std::string& command, const std::string& suffix) {
+  const std::string which = command + "_continue" + suffix, end = command + "_to" + suffix, name = options.text(which);
   if (options.is_set(which) != options.is_set(end))
     throw UsageError(which + " and " + end + " belong together: which option to vary, and up to which value");
   if (!options.is_set(which)) return;

@@ -10,6 +10,7 @@
 #include "stickslip/study/run_layout.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/summary.hpp"
+#include "commands/wave_limits.hpp"
 #include "commands/wave_options.hpp"
 #include "stickslip/waves/branch.hpp"
 #include "stickslip/waves/wave_stability.hpp"
@@ -168,7 +169,7 @@ int wave_command(const Options& options) {
   Summary summary(provenance,
                   {"speed", "length", "pulses", "period", "psi_max", "psi_min", "residual", "error_estimate", "stable",
                    "eigenvalues", "growth_rate", "translation_error", "complete", "completeness_check", "endless",
-                   "branch", "shortest_pulse", "mesh_intervals"},
+                   "branch", "special", "curves", "shortest_pulse", "mesh_intervals"},
                   options.text("summary"));
   const TrainRequest request = train_request(options);
   check_branch(options);
@@ -201,6 +202,7 @@ int wave_command(const Options& options) {
                                            int(options.integer("wave_steps")));
       add_branch(summary, file, options, branch);
       describe(summary, options, branch);
+      if (options.boolean("wave_spectrum") || options.is_set("wave_continue2")) add_limits(summary, file, options, branch);
     }
     file.write();
     warn_unused_at_end(options);

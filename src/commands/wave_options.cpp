@@ -14,11 +14,26 @@ TrainRequest train_request(const Options& options) {
   return request;
 }
 
-void check_branch(const Options& options) { check_continuation(options, "wave"); }
+void check_branch(const Options& options) {
+  check_continuation(options, "wave");
+  check_continuation(options, "wave", "2");
+  if (!options.is_set("wave_continue2")) return;
+  const std::string name = options.text("wave_continue"), name2 = options.text("wave_continue2");
+  if (!options.is_set("wave_continue"))
+    throw UsageError("wave_continue2 " + name2 + ": needs wave_continue: limits are found on a branch first");
+  if (name == name2) throw UsageError("wave_continue2 " + name2 + ": is wave_continue already");
+}
 
 TrainFamily train_family(const Options& options, const std::string& name) {
   return {name, [options, name](double value) {
             const Options here = options.with(name, value);
+            return TrainCase{Scene::from(here, true), train_request(here)};
+          }};
+}
+
+TrainFamily2 train_family(const Options& options, const std::string& name, const std::string& name2) {
+  return {name, name2, [options, name, name2](double value, double value2) {
+            const Options here = name == name2 ? options.with(name, value) : options.with(name, value).with(name2, value2);
             return TrainCase{Scene::from(here, true), train_request(here)};
           }};
 }

@@ -3,6 +3,7 @@
 
 #include "stickslip/options/options.hpp"
 #include "stickslip/waves/branch.hpp"
+#include "stickslip/waves/train_limits.hpp"
 
 namespace stickslip {
 
@@ -12,5 +13,8 @@ TrainRequest train_request(const Options& options);
 void check_branch(const Options& options);
 // The train as a function of the real option `name`.
 TrainFamily train_family(const Options& options, const std::string& name);
+
+// That of two options; the same name twice: of that one alone.
+TrainFamily2 train_family(const Options& options, const std::string& name, const std::string& name2);
 
 }  // namespace stickslip

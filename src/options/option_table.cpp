@@ -307,6 +307,9 @@ void wave_options(TableBuilder& t) {
   t.text("wave_continue", "", "real option to vary along a branch").unset("none");
   t.real("wave_to", "", "end of the branch").unset("none");
   t.integer("wave_steps", "100", 1, int_max, "steps along the branch, at most");
+  t.text("wave_continue2", "", "second real option, in which folds and changes of stability of the branch are followed")
+      .unset("none");
+  t.real("wave_to2", "", "end of those curves; they begin at the value of that option").unset("none");
 }
 
 void cycle_options(TableBuilder& t) {

@@ -50,13 +50,7 @@ class BranchWalk {
 
 BranchWalk::BranchWalk(const TrainFamily& family, double from, double to)
     : name_(family.name), from_(from), to_(to), heading_(to > from ? 1 : -1) {
-  family_ = [at = family.at](double lambda) {
-    const TrainCase asked = at(lambda);
-    const TrainRequest& request = asked.request;
-    if (request.speed && !(std::abs(*request.speed) > asked.scene.c)) throw Failure("V comes down to c");
-    if (request.length && !(*request.length > 0)) throw Failure("the length vanishes");
-    return TrainSetting::of(asked.scene, request);
-  };
+  family_ = [at = family.at](double lambda) { return setting_of(at(lambda)); };
   const TrainSetting start = family_(from);
   const TrainCase asked = family.at(from);
   first_ = solve_train(asked.scene, asked.request);

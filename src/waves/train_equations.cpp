@@ -30,6 +30,13 @@ double TrainSetting::number_of(const Train& train) const {
   return request.speed ? std::log(train.period) : .5 * std::log((V - c) * (V + c));
 }
 
+TrainSetting setting_of(const TrainCase& asked) {
+  const TrainRequest& request = asked.request;
+  if (request.speed && !(std::abs(*request.speed) > asked.scene.c)) throw Failure("V comes down to c");
+  if (request.length && !(*request.length > 0)) throw Failure("the length vanishes");
+  return TrainSetting::of(asked.scene, request);
+}
+
 TrainEquations::TrainEquations(TrainSetting setting, std::vector<double> mesh, double q_scale)
     : setting_(std::move(setting)), mesh_(std::move(mesh)), d_(setting_.oscillator->dim()), n_(mesh_.size() - 1) {
   const TrainSetting::At at = setting_.at(q_scale);

@@ -31,6 +31,9 @@ struct TrainSetting {
   double number_of(const Train& train) const;
 };
 
+// That of a case which has trains at all; Failure for others.
+TrainSetting setting_of(const TrainCase& asked);
+
 // Discrete equations of a train on a given mesh. Unknowns, interval by interval: y at the left node, y at the
 // Gauss points; then the number q and, on a branch, the parameter lambda. Equations, interval by interval:
 //     Y_j - y_i - h sum_k a_jk T rhs(Y_k) = 0

@@ -324,6 +324,26 @@ std::vector<Complex> bloch_factors(const Train& train, Complex lambda) {
   return factors;
 }
 
+bool follow_mode(const Train& train, TrainMode& mode) {
+  Transfer transfer(train, 2);
+  const double T = train.period, theta = 2 * M_PI * double(mode.bloch) / double(train.pulses), step = 1e-4 / T;
+  const auto difference = [](Complex a, Complex b) {
+    return Complex(a.real() - b.real(), std::remainder(a.imag() - b.imag(), 2 * M_PI));
+  };
+  const auto nearest = [&](const Multipliers& m, Complex to) {
+    return *std::min_element(m.log_rho, m.log_rho + m.count, [&](Complex a, Complex b) {
+      return std::abs(difference(a, to)) < std::abs(difference(b, to));
+    });
+  };
+  const Complex here = nearest(transfer.at(mode.lambda), mode.lambda * T + Complex(0, theta));
+  const Complex there = nearest(transfer.at(mode.lambda + step), here);
+  CurvePoint p{mode.lambda, here, difference(there, here) / step};
+  const double phase = p.phase(T);
+  if (!follow(transfer, p, phase + std::remainder(theta - phase, 2 * M_PI), 1e-10)) return false;
+  mode.lambda = p.lambda;
+  return true;
+}
+
 std::vector<int> growing_modes(const Train& train) {
   TrainSpectrum out;
   Transfer transfer(train, 1);

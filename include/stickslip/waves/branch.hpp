@@ -15,10 +15,6 @@ namespace stickslip {
 
 // What a train is asked of, as a function of a parameter. `at` may throw Failure or UsageError where there is nothing;
 // the branch ends before.
-struct TrainCase {
-  Scene scene;
-  TrainRequest request;
-};
 struct TrainFamily {
   std::string name;  // of the parameter, for messages
   std::function<TrainCase(double)> at;

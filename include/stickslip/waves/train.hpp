@@ -24,6 +24,11 @@ struct TrainRequest {
   bool library_options = false;  // does SNES listen to the user's -snes_ options?
 };
 
+struct TrainCase {
+  Scene scene;
+  TrainRequest request;
+};
+
 // A train that solves the boundary-value problem; psi(x, t) = f(t - x/V) by its phase, period and r2 = 1 - c^2/V^2.
 struct Train : PeriodicMotion {
   PetscInt pulses = 1;

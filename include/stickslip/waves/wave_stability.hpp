@@ -62,6 +62,10 @@ TrainSpectrum train_spectrum(const Train& train, int count);
 // The endless train alone, which is quicker: fills the members named so.
 TrainSpectrum endless_stability(const Train& train);
 
+// Takes the eigenvalue of a mode to another train of as many pulses near by, at the same Bloch factor, by Newton's method.
+// False where it is lost.
+bool follow_mode(const Train& train, TrainMode& mode);
+
 // How many eigenvalues lie right of Re lambda = 1e-5 for each theta = 2 pi m/n, m = 0..n/2 (those of n - m are their
 // conjugates), by the argument of the determinant alone; all 1 where waves of any short length grow. Throws Failure for
 // V/c - 1 below 1e-7.

@@ -1,0 +1,70 @@
+#include "waves/train_sheet.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/base/error.hpp"
+
+namespace stickslip {
+
+TrainEquations TrainSheet::equations(const SheetPlace& p, const SheetChart& chart, double alpha) const {
+  const auto family = [at = family_.at, value2 = p.value2](double value) { return setting_of(at(value, value2)); };
+  TrainEquations problem(family(p.value()), p.mesh, p.q());
+  problem.extend(family, value_scale_, {chart.z, chart.q, 0}, alpha + chart.origin);
+  return problem;
+}
+
+SheetPlace TrainSheet::place(const Train& train, double value, double value2) const {
+  const double q = setting_of(family_.at(value, value2)).number_of(train);
+  SheetPlace p{train.mesh, {0, 0, q, value}, value2};
+  p.x = equations(p, {}, 0).fill([&](double phase, double* y) { train.at(phase, y); }, q);
+  p.x.back() = value;
+  return p;
+}
+
+SheetChart TrainSheet::chart(const SheetPlace& p, double z_part, double q) const {
+  const double length = std::hypot(z_part, q);
+  SheetChart chart{z_part / length / z_scale_, q / length, 0};
+  chart.origin = chart.alpha(p);
+  return chart;
+}
+
+std::vector<double> TrainSheet::tangent(const SheetPlace& p, const SheetChart& chart) const {
+  TrainEquations problem = equations(p, chart, 0);
+  problem.linearise(p.x.data());
+  std::vector<double> rhs(p.x.size()), t(p.x.size());
+  rhs.back() = 1;
+  problem.solve(rhs.data(), t.data());
+  return t;
+}
+
+SheetChart TrainSheet::along(const SheetPlace& p, const SheetChart& side) const {
+  const std::vector<double> t = tangent(p, side);
+  return chart(p, t[1] / z_scale_, t[t.size() - 2]);
+}
+
+double TrainSheet::slope(const SheetPlace& p, const SheetChart& chart) const {
+  return tangent(p, chart).back() / value_scale_;
+}
+
+std::optional<SheetPlace> TrainSheet::at(const SheetChart& chart, const SheetPlace& from, double alpha,
+                                         double value2) const {
+  try {
+    SheetPlace p{from.mesh, from.x, value2};
+    TrainEquations problem = equations(p, chart, alpha);
+    if (!newton(problem, p.x, nullptr, 12)) return std::nullopt;
+    const std::vector<double> rough = roughness(p.mesh, p.x.data(), problem.dim());
+    const auto wanted = std::size_t(std::min(4000., std::max(60., intervals_for(p.mesh, rough, 1e-10))));
+    SheetPlace better{equidistribute(p.mesh, rough, wanted), p.x, value2};
+    TrainEquations again = equations(better, chart, alpha);
+    better.x = again.fill(problem, p.x);
+    if (!newton(again, better.x, nullptr, 12)) return std::nullopt;
+    return better;
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
+Train TrainSheet::train(const SheetPlace& p) const { return pack(equations(p, {}, 0), p.x); }
+
+}  // namespace stickslip
