@@ -202,7 +202,7 @@ int wave_command(const Options& options) {
                                            int(options.integer("wave_steps")));
       add_branch(summary, file, options, branch);
       describe(summary, options, branch);
-      if (options.boolean("wave_spectrum") || options.is_set("wave_continue2")) add_limits(summary, file, options, branch);
+      add_limits(summary, file, options, branch);
     }
     file.write();
     warn_unused_at_end(options);

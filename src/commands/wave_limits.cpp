@@ -21,7 +21,7 @@ Json limit_list(const std::vector<TrainLimit>& limits, bool two) {
                                  {"speed", limit.speed},
                                  {"length", limit.length},
                                  {"period", limit.period},
-                                 {"leads", limit.leads}}));
+                                 {"leads", limit.leads ? Json(*limit.leads) : Json()}}));
   return list;
 }
 
@@ -29,7 +29,7 @@ void describe(Summary& summary, const std::string& name, const TrainLimit& limit
   summary.say((limit.kind == "fold" ? "fold" : "stability changes (" + limit.kind + ", Bloch number " +
                                                    std::to_string(limit.bloch) + ")") +
               " at " + name + " = " + rounded_text(limit.value, 10) +
-              (limit.leads ? "" : ", where other modes grow already"));
+              (limit.leads.value_or(true) ? "" : ", where other modes grow already"));
 }
 
 void write_curves(ResultFile& file, const std::vector<TrainLimitCurve>& curves, const std::string& name,
@@ -43,7 +43,7 @@ void write_curves(ResultFile& file, const std::vector<TrainLimitCurve>& curves, 
       columns["piece"].push_back(double(k));
       columns["frequency"].push_back(limit.frequency);
       columns["wavenumber"].push_back(limit.wavenumber);
-      columns["leads"].push_back(limit.leads);
+      columns["leads"].push_back(limit.leads.value_or(false));
       kinds.push_back(limit.kind);
     }
   file.attribute("branch_parameter2", name2);
@@ -67,7 +67,8 @@ void add_limits(Summary& summary, ResultFile& file, const Options& options, cons
   const bool two = options.is_set("wave_continue2");
   std::vector<std::string> notes;
   if (!two) {
-    const std::vector<TrainLimit> limits = train_limits(train_family(options, name, name), branch, 0, notes);
+    const std::vector<TrainLimit> limits = train_limits(train_family(options, name, name), branch, 0,
+                                                        options.boolean("wave_spectrum"), notes);
     for (const std::string& note : notes) warn(note);
     summary.set("special", limit_list(limits, false));
     for (const TrainLimit& limit : limits) describe(summary, name, limit);

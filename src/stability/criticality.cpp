@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "stickslip/model/model.hpp"
+#include "stickslip/numerics/dense.hpp"
 
 namespace stickslip {
 
@@ -89,6 +90,39 @@ double lyapunov(const Line& line) {
   return (c / norm).real() / (8 * line.largest);
 }
 
+// J of a wave of that kappa^2 in a medium alike everywhere, about lambda.
+class WaveBlock {
+ public:
+  WaveBlock(const LinearPoint& medium, double kappa2, Complex lambda)
+      : J_(medium.block(Part::full, kappa2)), lambda_(lambda), state_(medium.has_state) {}
+
+  NodeVector right() const {  // J q = lambda q with q.psi = 1
+    NodeVector q{1};
+    if (state_) q.state = J_.state_psi / (lambda_ - J_.state_state);
+    q.eta = (lambda_ - J_.psi_psi - J_.psi_state * q.state) / J_.psi_eta;
+    return q;
+  }
+  NodeVector left() const {  // p J = lambda p with p.eta = 1
+    NodeVector p{(lambda_ - J_.eta_eta) / J_.psi_eta, 1};
+    if (state_) p.state = (p.psi * J_.psi_state + J_.eta_state) / (lambda_ - J_.state_state);
+    return p;
+  }
+  NodeVector solve(const NodeVector& b) const {  // (lambda - J) y = b
+    const int dof = state_ ? 3 : 2;
+    double rows[9];
+    J_.write(dof, rows);
+    Complex a[9], y[3] = {b.psi, b.eta, b.state};
+    for (int k = 0; k < dof * dof; ++k) a[k] = (k % (dof + 1) == 0 ? lambda_ : 0.) - rows[k];
+    solve_dense(dof, a, 1, y);
+    return {y[0], y[1], state_ ? y[2] : 0.};
+  }
+
+ private:
+  NodeBlock J_;
+  Complex lambda_;
+  bool state_;
+};
+
 // A wave in a medium alike everywhere, at points even over one wavelength: enough of them that no product of three waves
 // is mistaken for another, or, where the wavelength is a few nodes, the nodes.
 class WaveLine : public Line {
@@ -98,9 +132,8 @@ class WaveLine : public Line {
            double shift, bool travelling)
       : J_(J), k_(k), continuum_(continuum) {
     omega = frequency;
-    const LinearPoint medium = J.point(0);
-    const Complex lambda(0, omega);
-    const NodeVector right = medium.expand(lambda, 1), adjoint = medium.expand_transposed(lambda, 1, {});
+    const WaveBlock block(J.point(0), symbol(k), Complex(0, omega));
+    const NodeVector right = block.right(), adjoint = block.left();
     for (int i = 0; i < points; ++i) {
       const double phase = 2 * M_PI * (i + shift) / points;
       const Complex shape = travelling ? std::polar(1., phase) : Complex(std::cos(phase));
@@ -118,22 +151,21 @@ class WaveLine : public Line {
   Vector solve(Complex lambda, const Vector& b) const override {
     // Nothing pulls back the uniform part where K0 = 0: its solution is the limit lambda -> 0, at which eta stays.
     if (lambda == 0.) lambda = 1e-100;
-    const LinearPoint medium = J_.point(0);
     const int n = int(b.size());
     Vector y(b.size());
     for (int m = 0; m < n; ++m) {
       const int harmonic = 2 * m > n ? m - n : m;
-      const double k = harmonic * k_, kappa2 = continuum_ ? k * k : J_.symbol(k);
       NodeVector part;
       for (int i = 0; i < n; ++i) add(part, std::polar(1. / n, -2 * M_PI * m * i / n), b[std::size_t(i)]);
-      const Complex psi = -medium.condense(lambda, part) / (medium.diagonal(lambda) + medium.stiffness(kappa2));
-      const NodeVector found = medium.expand(lambda, psi, part);  // of (J - lambda)^-1
-      for (int i = 0; i < n; ++i) add(y[std::size_t(i)], -std::polar(1., 2 * M_PI * m * i / n), found);
+      const NodeVector found = WaveBlock(J_.point(0), symbol(harmonic * k_), lambda).solve(part);
+      for (int i = 0; i < n; ++i) add(y[std::size_t(i)], std::polar(1., 2 * M_PI * m * i / n), found);
     }
     return y;
   }
 
  private:
+  double symbol(double k) const { return continuum_ ? k * k : J_.symbol(k); }
+
   const LinearisedOperator& J_;
   double k_;
   bool continuum_;
@@ -146,8 +178,8 @@ class WholeLine : public Line {
     omega = m.value.imag();
     forms = std::move(all);
     const std::vector<Complex> w = left_vector(J, m);
+    q = nodes(J.expand(m.value, m.psi));
     for (std::size_t i = 0; i < J.size(); ++i) {
-      q.push_back(J.point(i).expand(m.value, m.psi[i]));
       left.push_back(J.point(i).expand_transposed(m.value, w[i], {}));
       largest = std::max(largest, std::norm(m.psi[i]));
     }
@@ -156,15 +188,23 @@ class WholeLine : public Line {
   Vector solve(Complex lambda, const Vector& b) const override {
     BandLU lu;
     J_.factor(lambda, lu);
-    std::vector<Complex> p(b.size());
-    for (std::size_t i = 0; i < b.size(); ++i) p[i] = -J_.point(i).condense(lambda, b[i]);
-    J_.solve(lu, p);
-    Vector y(b.size());
-    for (std::size_t i = 0; i < b.size(); ++i) y[i] = times(-1, J_.point(i).expand(lambda, p[i], b[i]));
-    return y;
+    std::vector<Complex> right_side;
+    for (const NodeVector& at : b) {
+      right_side.insert(right_side.end(), {-at.psi, -at.eta});
+      if (J_.has_state()) right_side.push_back(-at.state);
+    }
+    return nodes(J_.resolvent(lambda, lu, right_side));
   }
 
  private:
+  // Of vectors of J.
+  Vector nodes(const std::vector<Complex>& x) const {
+    const std::size_t d = J_.dof();
+    Vector all;
+    for (std::size_t i = 0; i < x.size(); i += d) all.push_back({x[i], x[i + 1], d == 3 ? x[i + 2] : 0.});
+    return all;
+  }
+
   const LinearisedOperator& J_;
 };
 

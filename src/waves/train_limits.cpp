@@ -50,7 +50,7 @@ class LimitFunction {
   TrainMode mode_;
 };
 
-Found found_at(const TrainSheet& sheet, const LimitFunction& f, const SheetChart& chart) {
+Found found_at(const TrainSheet& sheet, const LimitFunction& f, const SheetChart& chart, bool stability) {
   Found found{{}, f.place(), sheet.along(f.place(), chart), f.mode()};
   const Train train = sheet.train(f.place());
   TrainLimit& limit = found.limit;
@@ -66,6 +66,7 @@ Found found_at(const TrainSheet& sheet, const LimitFunction& f, const SheetChart
     limit.wavenumber = f.mode().wavenumber;
     limit.bloch = f.mode().bloch;
   }
+  if (!stability) return found;
   try {
     const std::vector<int> growing = growing_modes(train);
     limit.leads = std::accumulate(growing.begin(), growing.end(), 0) == 0;
@@ -78,12 +79,12 @@ Found found_at(const TrainSheet& sheet, const LimitFunction& f, const SheetChart
 // The limits of a branch.
 class LimitsOfBranch {
  public:
-  LimitsOfBranch(const TrainSheet& sheet, const Branch& branch, double value2)
-      : sheet_(sheet), branch_(branch), value2_(value2) {
+  LimitsOfBranch(const TrainSheet& sheet, const Branch& branch, double value2, bool stability)
+      : sheet_(sheet), branch_(branch), value2_(value2), stability_(stability) {
     for (const BranchPoint& p : branch.points) {
       counts_.emplace_back();
       try {
-        counts_.back() = growing_modes(p.train);
+        if (stability) counts_.back() = growing_modes(p.train);
       } catch (const Failure&) {  // too near V = c: nothing is known of it
       }
     }
@@ -102,6 +103,7 @@ class LimitsOfBranch {
         if (const auto found = fold_between(k)) list.push_back(*found);
         else note(k, "a fold");
       }
+      if (!stability_) continue;
       if (counts_[k].empty() || counts_[k + 1].empty()) {
         note(k, "whether stability changes is not known: V is too near c; what happens");
         continue;
@@ -140,7 +142,7 @@ class LimitsOfBranch {
     const auto at = [&](double alpha) { return f(chart, alpha, value2_); };
     const double alpha = find_root(at, {0, f0, end, f1}, 1e-9 * std::abs(end));
     if (std::isnan(alpha) || std::isnan(at(alpha))) return std::nullopt;
-    return found_at(sheet_, f, chart);
+    return found_at(sheet_, f, chart, stability_);
   }
   SheetChart towards(const SheetPlace& from, const SheetPlace& to) const {
     return sheet_.chart(from, (to.z() - from.z()) / sheet_.z_scale(), to.q() - from.q());
@@ -180,6 +182,7 @@ class LimitsOfBranch {
   const TrainSheet& sheet_;
   const Branch& branch_;
   double value2_;
+  bool stability_;
   std::vector<std::vector<int>> counts_;
 };
 
@@ -273,7 +276,7 @@ class LimitWalk {
     const Vector moved{ahead.alpha + s * across.alpha, ahead.v + s * across.v};
     const double length = std::hypot(moved.alpha, moved.v);
     const SheetChart old = at_.chart;
-    at_ = found_at(sheet_, f, old);
+    at_ = found_at(sheet_, f, old, true);
     if (!same_mode(frequency + frequency_slope * length)) return std::nullopt;
     last_ = moved;
     return (moved.alpha * t.alpha + moved.v * t.v) / length;
@@ -301,11 +304,11 @@ TrainSheet sheet_of(const TrainFamily2& family, const Branch& branch) {
 
 }  // namespace
 
-std::vector<TrainLimit> train_limits(const TrainFamily2& family, const Branch& branch, double value2,
+std::vector<TrainLimit> train_limits(const TrainFamily2& family, const Branch& branch, double value2, bool stability,
                                      std::vector<std::string>& notes) {
   const TrainSheet sheet = sheet_of(family, branch);
   std::vector<TrainLimit> limits;
-  for (const Found& found : LimitsOfBranch(sheet, branch, value2).all(notes)) limits.push_back(found.limit);
+  for (const Found& found : LimitsOfBranch(sheet, branch, value2, stability).all(notes)) limits.push_back(found.limit);
   return limits;
 }
 
@@ -314,7 +317,7 @@ std::vector<TrainLimitCurve> train_limit_curves(const TrainFamily2& family, cons
                                                 std::vector<std::string>& notes) {
   const TrainSheet sheet = sheet_of(family, branch);
   std::vector<TrainLimitCurve> curves;
-  for (const Found& found : LimitsOfBranch(sheet, branch, from2).all(notes))
+  for (const Found& found : LimitsOfBranch(sheet, branch, from2, true).all(notes))
     curves.push_back(LimitWalk(sheet, found, from, to, from2, to2).walk(family.name, family.name2, steps));
   return curves;
 }

@@ -13,6 +13,7 @@ SCENES = sorted(glob.glob(os.path.join(SOURCE, "runs", "*.yaml")))
 FEW = {"run": ["-ts_max_steps", "5"], "boundary": ["-boundary_points", "2"], "spectrum": ["-spectrum_count", "2"],
        "cycle": ["-cycle_steps", "2", "-cycle_wavenumbers", "10"],
        "sweep": "-ts_max_time 5 -sweep_points1 2 -out_file few.h5".split(),
+       "wave": ["-wave_steps", "2"],
        "chart": "-chart_methods rk:3bs -chart_tolerances 1e-2 -chart_repeats 1 -ts_max_time 0.1".split()}
 
 

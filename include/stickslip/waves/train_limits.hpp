@@ -8,6 +8,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -29,7 +30,7 @@ struct TrainLimit {
   double wavenumber = 0;  // of its Bloch factor, 1/length
   PetscInt bloch = 0;
   double speed = 0, length = 0, period = 0;
-  bool leads = true;  // no other mode grows there: trains on one side are stable
+  std::optional<bool> leads;  // no other mode grows there: trains on one side are stable; empty where not asked for
 };
 
 struct TrainLimitCurve {
@@ -37,13 +38,14 @@ struct TrainLimitCurve {
   std::string end;  // why it ends, in words
 };
 
-// Every fold of a branch and every change of its trains' stability between two neighbouring points, in order. Folds to 1e-8
+// Every fold of a branch and, with `stability`, every change of its trains' stability between two neighbouring points, in
+// order. Folds to 1e-8
 // of the step of the branch, changes of stability to the accuracy of eigenvalues. `value2` stays. `notes` becomes what was
 // seen and not located.
-std::vector<TrainLimit> train_limits(const TrainFamily2& family, const Branch& branch, double value2,
+std::vector<TrainLimit> train_limits(const TrainFamily2& family, const Branch& branch, double value2, bool stability,
                                      std::vector<std::string>& notes);
 
-// The same, each followed from value2 = from2 to to2 while `value` stays between from and to: at most `steps` steps.
+// Folds and changes of stability, each followed from value2 = from2 to to2 while `value` stays between from and to: at most `steps` steps.
 std::vector<TrainLimitCurve> train_limit_curves(const TrainFamily2& family, const Branch& branch, double from, double to,
                                                 double from2, double to2, int steps,
                                                 std::vector<std::string>& notes);
