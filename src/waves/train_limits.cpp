@@ -212,7 +212,7 @@ class LimitWalk {
       else if (v < 0) curve.end = name2 + " comes back past its start";
       else curve.points.push_back(at_.limit);
       if (v >= 1) curve.end = "reached " + name2 + " = " + rounded_text(to2_, 8);
-      if (*turn > 0.99) ds = std::min(0.1, 1.5 * ds);
+      if (*turn > 0.99) ds = std::min(0.15, 1.5 * ds);
     }
     if (curve.end.empty()) curve.end = "wave_steps " + std::to_string(steps) + " taken";
     return curve;
@@ -230,12 +230,11 @@ class LimitWalk {
   double value2(double v) const { return from2_ + v * (to2_ - from2_); }
 
   std::optional<Way> way(LimitFunction& f) const {
-    constexpr double h = 1e-4;
-    const double v = share(at_.place.value2);
+    constexpr double h = 1e-4;  // f vanishes here to 1e-9 of its slope
+    const double v = share(at_.place.value2), frequency = at_.mode.lambda.imag();
     const auto slopes = [&](Vector d) {  // of f and of the frequency
-      const double up = f(at_.chart, h * d.alpha, value2(v + h * d.v)), high = f.mode().lambda.imag();
-      const double down = f(at_.chart, -h * d.alpha, value2(v - h * d.v)), low = f.mode().lambda.imag();
-      return std::pair{(up - down) / (2 * h), (high - low) / (2 * h)};
+      const double there = f(at_.chart, h * d.alpha, value2(v + h * d.v));
+      return std::pair{there / h, (f.mode().lambda.imag() - frequency) / h};
     };
     const auto [by_alpha, w_alpha] = slopes({1, 0});
     const auto [by_v, w_v] = slopes({0, 1});

@@ -325,7 +325,7 @@ std::vector<Complex> bloch_factors(const Train& train, Complex lambda) {
 }
 
 bool follow_mode(const Train& train, TrainMode& mode) {
-  Transfer transfer(train, 2);
+  Transfer transfer(train, 1);
   const double T = train.period, theta = 2 * M_PI * double(mode.bloch) / double(train.pulses), step = 1e-4 / T;
   const auto difference = [](Complex a, Complex b) {
     return Complex(a.real() - b.real(), std::remainder(a.imag() - b.imag(), 2 * M_PI));
