@@ -15,6 +15,9 @@ namespace {
 
 using std::size_t;
 
+// Of Newton's method: rate-and-state friction, nearly a logarithm of psi, takes a dozen where psi is tiny.
+constexpr int most_steps = 25;
+
 class SmoothPath : public CyclePath {
  public:
   SmoothPath(std::function<Scene(double)> at, double from, double range, const SmoothCycle& first);
@@ -101,14 +104,14 @@ void SmoothPath::go(double length, const Place& row, double right) {
   const std::vector<Condition> conditions{plane(problem.field(), here_), condition(row, right)};
   std::vector<double> x = here_.x;
   for (size_t k = 0; k < x.size(); ++k) x[k] += length * here_.t[k];
-  if (!problem.newton(x, conditions, 10).converged) throw Failure("Newton's method does not converge");
+  if (!problem.newton(x, conditions, most_steps).converged) throw Failure("Newton's method does not converge");
   // again on a mesh that suits the new motion
   const std::vector<double> rough = roughness(problem.mesh(), x.data(), int(d_));
   const double error = d_ <= 12 ? 1e-9 : 1e-7;
   const double wanted = std::min(4000., std::max(d_ <= 12 ? 24. : 12., intervals_for(problem.mesh(), rough, error)));
   PeriodicEquations better = equations(equidistribute(problem.mesh(), rough, size_t(wanted)), problem.lambda(x));
   std::vector<double> y = better.fill(problem, x);
-  if (!better.newton(y, conditions, 10).converged) throw Failure("Newton's method does not converge");
+  if (!better.newton(y, conditions, most_steps).converged) throw Failure("Newton's method does not converge");
   Stand next;
   next.d = d_;
   next.mesh = better.mesh();
