@@ -1,20 +1,19 @@
-"""Every command of the README's tour does what a reader expects of it, run as it stands there."""
+"""Every command of the README's tour and of the study does what a reader expects of it, run as it stands there."""
 import json
 import os
 import re
 import subprocess
 
+import xarray
+
 from calls import PROGRAM, SOURCE
 
 
-def tour():
-    with open(os.path.join(SOURCE, "README.md"), encoding="utf-8") as page:
-        text = re.search(r"```sh\n(.*?)```", page.read(), re.DOTALL).group(1)
-    return [line for line in text.splitlines() if line and not line.startswith("#")]
-
-
-def test_tour():
-    commands = tour()
+def walked(page):
+    """Runs the commands of the page; gives a function that finds the summary of the first one that begins with some words."""
+    with open(os.path.join(SOURCE, page), encoding="utf-8") as file:
+        text = re.search(r"```sh\n(.*?)```", file.read(), re.DOTALL).group(1)
+    commands = [line for line in text.splitlines() if line and not line.startswith("#")]
     assert len(commands) >= 8, commands
     os.makedirs("build")
     os.makedirs("results")
@@ -28,7 +27,6 @@ def test_tour():
         said[command] = done.stdout
 
     def summary(start):
-        """What the first command that begins so wrote as its summary."""
         command = next(c for c in commands if c.startswith(start))
         name = re.search(r"-summary (\S+)", command).group(1)
         if name == "-":
@@ -36,6 +34,11 @@ def test_tour():
         with open(name, encoding="utf-8") as file:
             return json.load(file)
 
+    return summary
+
+
+def test_tour():
+    summary = walked("README.md")
     run = summary("build/stickslip run runs/pacemaker.yaml")
     assert run["regime"] == "stick-slip" and run["warnings"] == [], run["warnings"]
     assert summary("build/stickslip run runs/chain-damped.yaml -out_file")["regime"] == "stick-slip"
@@ -49,3 +52,20 @@ def test_tour():
     assert abs(summary("build/stickslip wave")["speed"] - 2.68955) < 1e-5
     for picture in ("pacemaker.png", "pacemaker-phase.png", "laws.png"):
         assert os.path.getsize(os.path.join("results", picture)) > 5000, picture
+
+
+def test_study():
+    summary = walked("docs/study.md")
+    run, stricter = (summary("build/stickslip run runs/study.yaml" + more) for more in (" -out_file", " -ts_rtol"))
+    assert run["regime"] == stricter["regime"] == "stick-slip"
+    assert abs(run["amplitude"] / stricter["amplitude"] - 1) < 1e-4
+    sliding, end = summary("build/stickslip boundary")["points"]
+    assert sliding["criticality"] == "subcritical" and abs(sliding["value"] - 1.6591479485) < 1e-9
+    assert end["kind"] == "graze" and abs(end["value"] - 2.4047128309) < 1e-8
+    assert abs(summary("build/stickslip cycle")["rest_fraction"] - 0.3084) < 5e-5
+    sweep = xarray.open_dataset("results/sweep.h5", engine="h5netcdf")
+    up, down = sweep.regime.values.T
+    assert list(up) == ["stick-slip"] * 20 + ["sliding"] * 6
+    assert list(down[sweep.model_v > 1.75]) == ["sliding"] * 13
+    for picture in ("study", "sweep", "cycle", "diagram", "catalogue"):
+        assert os.path.getsize(os.path.join("results", picture + ".png")) > 5000, picture
