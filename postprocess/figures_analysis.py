@@ -151,7 +151,7 @@ def add_train_limits(axes, file, swapped=False):
                   label=TRAIN_LIMITS[kind] if leads[chosen].any() and kind not in shown else None)
         shown |= {kind} if leads[chosen].any() else set()
         if not leads[chosen].any() and ("dotted", kind) not in shown:
-            axes.plot([], [], ":", color=colour, lw=1, label="the same, unstable on both sides")
+            axes.plot([], [], ":", color=colour, lw=1, label=f"{kind} of trains unstable on both sides")
             shown.add(("dotted", kind))
 
 

@@ -1,0 +1,37 @@
+"""Limits of trains from outside: keys, file, the diagram over one of sliding, bad input."""
+import os
+import subprocess
+
+import h5py
+import numpy as np
+
+from calls import SOURCE, check, refused, run
+
+TRAIN = "-model_v 0.853 -wave_pulses 1 -wave_length 25 "
+
+
+def test_limits_followed_in_a_second_option():
+    found, _ = run(TRAIN + "-wave_continue model_v -wave_to 0.8555 -wave_steps 4 -wave_continue2 model_gamma -wave_to2 3.1 "
+                   "-out_file t.h5", command="wave")
+    check([p["kind"] for p in found["special"]] == ["hopf"] and found["special"][0]["leads"], found["special"])
+    check(abs(found["special"][0]["value"] - 0.8541419474) < 1e-9, "the velocity at gamma = 3")
+    curve = found["curves"][0]
+    check(curve["end"] == "wave_steps 4 taken" and len(curve["points"]) == 5, curve["end"])
+    check(np.all(np.diff([p["value2"] for p in curve["points"]]) > 0), curve["points"])
+    check(all(p["length"] == 25 and p["frequency"] > 0.4 for p in curve["points"]), curve["points"])
+    with h5py.File("t.h5") as file:
+        check(np.all(file["curves/value"][...] == [p["value"] for p in curve["points"]]), "the file has the same")
+    run("-grid_n 16 -boundary_parameter model_gamma -boundary_from 2.9 -boundary_to 3.1 -boundary_parameter2 model_v "
+        "-boundary_from2 0.8 -boundary_to2 1 -boundary_points 4 -out_file b.h5", command="boundary")
+    for files in (["t.h5"], ["b.h5", "t.h5"]):  # with the axes the other way round, too
+        plot = ["/usr/bin/python3", os.path.join(SOURCE, "postprocess", "plot.py"), *files, "-o", "d.png"]
+        done = subprocess.run(plot, capture_output=True, text=True)
+        check(done.returncode == 0 and os.path.getsize("d.png") > 5000, done.stderr)
+
+
+def test_what_makes_no_sense_is_refused():
+    branch = TRAIN + "-wave_continue model_v -wave_to 0.856 "
+    refused(TRAIN + "-wave_continue2 model_gamma -wave_to2 3.1", 2, "wave_continue", command="wave")
+    refused(branch + "-wave_continue2 model_gamma", 2, "wave_to2", command="wave")
+    refused(branch + "-wave_continue2 model_v -wave_to2 0.9", 2, "already", command="wave")
+    refused(branch + "-wave_continue2 model_gama -wave_to2 3.1", 2, "model_gamma", command="wave")
