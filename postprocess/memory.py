@@ -149,6 +149,9 @@ def trigger(axes):
     axes.annotate("  the block's own", (own, amplitudes[-1]), color="white", fontsize=8, va="top")
     axes.set_xscale("log")
     axes.set_yscale("log")
+    ticks = [0.25, 0.35, 0.5, 0.71, 1, 1.41, 2]
+    axes.set_xticks(ticks, [str(tick) for tick in ticks])
+    axes.set_xticks([], minor=True)
     axes.set_xlabel("frequency of the load, omega D/v")
     axes.set_ylabel("amplitude of the load / v")
 
