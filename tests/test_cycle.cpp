@@ -232,6 +232,34 @@ TEST_CASE("a branch goes through the canard explosion to the Hopf point", "[cycl
   CHECK(largest_drop < 0.2);  // of 1.86: the explosion is resolved
 }
 
+TEST_CASE("a branch finds where waves begin to grow", "[cycle][serial]") {
+  const auto at = [](double v) {
+    Scene s;
+    s.v = v;
+    s.n = 1;
+    return s;
+  };
+  const auto special = [&](double from, double to, const std::string& kind) {
+    const SmoothCycle first = uniform_cycle(at(from));
+    const auto path = smooth_path(at, from, std::abs(to - from), first);
+    const CycleWatch watch = [&](double, const Cycle&) {
+      return watch_waves(bloch_spectrum(smooth_candidate(*path), 50));
+    };
+    const CycleBranch branch = continue_cycle(*path, first.cycle, "v", from, to, 20, watch);
+    const SpecialPoint* found = find(branch, kind);
+    REQUIRE(found);
+    CHECK(branch.points.front().stable != branch.points.back().stable);
+    return *found;
+  };
+  const SpecialPoint longest = special(0.832, 0.837, "long-wave"), finite = special(0.93, 0.935, "wave");
+  // asked directly, with other wavenumbers
+  const BlochSpectrum neutral = bloch_spectrum(uniform_cycle(at(longest.value)), 60);
+  CHECK(std::abs(neutral.diffusion) < 1e-7);
+  const BlochSpectrum touching = bloch_spectrum(uniform_cycle(at(finite.value)), 60);
+  CHECK(std::abs(touching.largest_of_finite) < 1e-8);
+  CHECK(touching.diffusion > 0);
+}
+
 TEST_CASE("folds are where a cycle's multiplier is 1", "[cycle][serial]") {
   const auto at = [](double v) { return regularised_chain(v, 1e-2); };
   const CycleBranch branch = branch_in_v(at, 1.5, 3.0, 150);
