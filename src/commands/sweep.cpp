@@ -43,7 +43,8 @@ void check_wishes(const Options& sweep) {
   RankGroups::check(sweep.integer("sweep_group_ranks"));
   if (sweep.boolean("check")) throw UsageError("check: not of a sweep");
   const bool run = sweep.text("sweep_command") == "run", follow = sweep.boolean("sweep_follow");
-  if (follow && !run) throw UsageError("sweep_follow: of `run` only; " + sweep.text("sweep_command") + " has no end to start from");
+  if (follow && !run)
+    throw UsageError("sweep_follow: of `run` only; " + sweep.text("sweep_command") + " has no end to start from");
   if (follow && sweep.boolean("sweep_files") && (sweep.is_set("out_every") || sweep.is_set("out_times")))
     throw UsageError("sweep_follow with sweep_files: the last frame must be the end, so give out_frames");
 }
@@ -179,7 +180,8 @@ int sweep_command(const Options& asked) {
   check_outputs(path, sweep.text("summary"));
   check_csv(path);
   Summary summary(Provenance::of("sweep", sweep.all()),
-                  {"points", "done", "failed", "first_failure", "groups", "full_grid", "saved", "changes", "differing", "stopped_at"},
+                  {"points", "done", "failed", "first_failure", "groups", "full_grid", "saved", "changes", "differing",
+                   "stopped_at"},
                   sweep.text("summary"));
   return with_summary(summary, [&] {
     if (header && header->complete) {

@@ -114,7 +114,8 @@ void SweepSession::look_at_clock(long taken, long units) {
   if (progress_.due()) {
     const double part = double(taken) / double(units);
     char text[96];
-    std::snprintf(text, sizeof text, "%ld of %ld %s (%.0f %%)", taken, units, plan_.follows() ? "lines" : "points", 100 * part);
+    std::snprintf(text, sizeof text, "%ld of %ld %s (%.0f %%)", taken, units, plan_.follows() ? "lines" : "points",
+                  100 * part);
     progress_.show(text + progress_.left(part));
   }
   const double begin = MPI_Wtime();
@@ -135,7 +136,8 @@ Options SweepSession::options_at(long point, long unit, const std::vector<long>&
   if (files_) options = options.with("out_file", file_of(path_, point));
   if (!plan_.follows()) return options;
   if (!files_) {
-    for (const char* output : {"out_every", "out_frames", "out_probes", "out_displacement"}) options = options.with(output, "");
+    for (const char* output : {"out_every", "out_frames", "out_probes", "out_displacement"})
+      options = options.with(output, "");
     options = options.with("out_file", end_of_line(path_, unit, wholes.size()))
                   .with("out_times", options.text("ts_max_time"))
                   .with("out_series", "false");
@@ -210,7 +212,8 @@ int SweepSession::run() {
       std::vector<long> units;
       for (long unit = 0; unit < plan_.units(); ++unit) {
         const std::vector<long> points = plan_.unit(unit);
-        if (std::any_of(points.begin(), points.end(), [this](long point) { return !known_.count(point); })) units.push_back(unit);
+        const auto open = [this](long point) { return known_.count(point) == 0; };
+        if (std::any_of(points.begin(), points.end(), open)) units.push_back(unit);
       }
       compute(groups, units);
     }

@@ -354,7 +354,8 @@ void check_csv(const std::string& out_file) {
     std::ifstream old(path);
     std::string first;
     if (std::getline(old, first) && first.rfind("number,", 0) != 0)
-      throw UsageError("out_file '" + out_file + "': '" + path + "' beside it exists and is not a sweep's; it will not be overwritten");
+      throw UsageError("out_file '" + out_file + "': '" + path +
+                       "' beside it exists and is not a sweep's; it will not be overwritten");
   });
 }
 
