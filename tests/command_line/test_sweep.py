@@ -13,7 +13,7 @@ import pytest
 import xarray
 from scipy.stats import qmc
 
-from calls import SOURCE, call, check, data, line, refused, run, same
+from calls import SOURCE, call, check, data, line, refused, run, same, scene_file
 
 BLOCK = "-model_form chain -grid_n 1 -model_zeta paper -friction_law carlson-langer -ts_max_time 60"
 OVER_V = " -sweep_parameter1 model_v -sweep_from1 0.5 -sweep_to1 3"
@@ -177,14 +177,14 @@ def test_same_on_any_ranks():
             command="sweep")
 
 
-def stopped_midway(arguments, how, ranks=1):
-    """A sweep that `how` ended after some points; how many rows it left."""
+def stopped_midway(arguments, how, ranks=1, rows_before=20):
+    """A sweep that `how` ended after so many points; how many rows it left."""
     process = subprocess.Popen(line(arguments, ranks, "sweep"), stderr=subprocess.DEVNULL)
     out_file = arguments.split("-out_file ")[1].split()[0]
 
     def noted():
         return sum(open(path, "rb").read().count(b"\n") for path in glob.glob(out_file + ".points-*"))
-    while noted() < 20 and process.poll() is None:
+    while noted() < rows_before and process.poll() is None:
         time.sleep(0.002)
     process.send_signal(how)
     process.wait()
@@ -217,10 +217,10 @@ def test_stopped_and_continued():
 
 
 def test_followed_line_continues():
-    scene = BLOCK + OVER_V + " -sweep_points1 30 -sweep_follow -out_file "
+    scene = BLOCK + OVER_V + " -sweep_points1 12 -sweep_follow -out_file "
     sweep(scene + "whole.h5")
-    count, _ = stopped_midway(scene + "cut.h5", signal.SIGKILL)
-    check(20 <= count < 60, f"{count} rows")
+    count, _ = stopped_midway(scene + "cut.h5", signal.SIGKILL, rows_before=5)
+    check(5 <= count < 24, f"{count} rows")
     sweep("-restart cut.h5")
     check(rows("cut.csv") == rows("whole.csv"), "from where it stood")
 
@@ -231,7 +231,6 @@ def test_wrong_use():
     for words, *parts in (
             ("", "needs sweep_parameter1"),
             ("-sweep_parameter1 model_w -sweep_values1 1", "model_w", "did you mean model_"),
-            ("-sweep_parameter1 model_v", "sweep_from1"),
             (over + "-sweep_values1 1", "either"),
             ("-sweep_parameter1 model_m -sweep_values1 1,-1", "-model_m", "-1"),
             ("-sweep_parameter1 grid_n -sweep_from1 1 -sweep_to1 3 -sweep_points1 11", "twice"),
@@ -240,8 +239,6 @@ def test_wrong_use():
             (over + "-sweep_parameter3 model_k0 -sweep_values3 1", "without sweep_parameter2"),
             (over + "-sweep_parameter2 MODEL_V -sweep_values2 1", "varied twice"),
             (over + "-sweep_sample sobol", "sweep_count"),
-            (over + "-sweep_count 3", "sweep_count"),
-            (over + "-sweep_command sweep", "sweep_command", "must be one of"),
             (over + "-sweep_command spektrum", "did you mean spectrum"),
             (over + "-sweep_command spectrum -sweep_follow", "sweep_follow"),
             (over + "-sweep_follow -sweep_files -out_every 1", "out_frames"),
@@ -275,7 +272,7 @@ def test_memory_stays_flat():
                               capture_output=True, text=True, check=True)
         return int(done.stdout)
     # a row takes some kilobytes in the table and its text; one vector of PETSc that is not freed as much again
-    check(largest(900) - largest(100) < 800 * 6, "kilobytes for 800 points more")
+    check(largest(600) - largest(100) < 500 * 6, "kilobytes for 500 points more")
 
 
 def test_pictures():
@@ -291,20 +288,27 @@ def test_pictures():
              ("lines.h5 --key psi_mean", 0), ("map.h5 --key regime", 2), ("map.h5 b2.h5", 2), ("map.h5 lines.h5", 2),
              ("b1.h5 --key value", 2))
     # all in one process: what takes time is the start
-    program = "import sys, plot; print([plot.main(words.split() + ['-o', 'out.png']) for words in sys.argv[1:]][:])"
+    program = "import sys, plot; print([plot.main(words.split() + ['-o', 'out.png']) for words in sys.argv[1:]])"
     done = subprocess.run(["/usr/bin/python3", "-B", "-c", program, *(words for words, _ in cases)], capture_output=True,
                           text=True, env={**os.environ, "PYTHONPATH": os.path.join(SOURCE, "postprocess")})
     check(done.stdout.splitlines()[-1] == str([code for _, code in cases]), done.stdout + done.stderr)
     check(done.stderr.count("plot.py: error: ") == 4, done.stderr)
 
 
-def test_maxima_double():
-    # x'' = k0 (v t - x) - zeta x' - friction: one block repeats after one maximum
+def test_maxima():
+    # one block repeats after one maximum
     s, _ = run(BLOCK.replace("60", "300") + " -model_v 1 -out_maxima 0 -ts_rtol 1e-9 -ts_atol 1e-9")
     check(s["maxima_period"] == 1 and len(s["maxima"]) >= 8, str(s["maxima"]))
     check(np.ptp(s["maxima"]) < 1e-4, "the same maximum each time")
-    run(BLOCK.replace("60", "300") + " -model_v 1 -ts_rtol 1e-9 -ts_atol 1e-9 -out_file run.h5 -out_frames 60001")
-    psi = data("run.h5")["psi"][30000:, 0]
+    run(BLOCK.replace("60", "300") + " -model_v 1 -ts_rtol 1e-9 -ts_atol 1e-9 -out_file run.h5 -out_frames 20001")
+    psi = data("run.h5")["psi"][10000:, 0]
     check(abs(max(psi) - max(s["maxima"])) < 2e-5, f"{max(psi)} as frames have it: {max(s['maxima'])}")
     slides, _ = run(BLOCK + " -model_v 3 -init_psi 3 -init_eta steady -out_maxima 0")
     check(slides["maxima_period"] is None, "no maxima of a motion that is steady")
+
+
+def test_periods_double():
+    # Two blocks: doublings near 0.0855 and 0.0583 (docs/chaos.md); a period has two maxima of the first block
+    for spread, period in ((0.095, 2), (0.07, 4), (0.056, 8)):
+        s, _ = run(f"{scene_file('sweep-doubling')} -friction_spread {spread}")
+        check(s["maxima_period"] == period, f"{s['maxima_period']} at {spread}")
