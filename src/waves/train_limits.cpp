@@ -169,8 +169,11 @@ class LimitsOfBranch {
       if ((mode.bloch - m) % train.pulses != 0 || mode.translation || image || !(mode.lambda.real() > 0)) continue;
       LimitFunction f(sheet_, false, a, mode);
       double far = mode.lambda.real();
-      for (int part = 1; part <= 8; ++part) far = f(chart, part / 8. * end, value2_);  // by steps: it must not be lost
-      auto found = zero(f, chart, end, mode.lambda.real(), far);
+      int part = 0;  // by steps: it must not be lost
+      while (part < 8) far = f(chart, ++part / 8. * end, value2_);
+      // what is not counted may still grow a little (growing_modes): then the zero lies beyond the neighbour
+      while (far > 0 && far < 2e-5 && part < 32) far = f(chart, ++part / 8. * end, value2_);
+      auto found = zero(f, chart, part / 8. * end, mode.lambda.real(), far);
       const bool again = found && std::any_of(list.begin(), list.end(), [&](const Found& other) {
         return std::abs(other.mode.lambda - found->mode.lambda) < 1e-6 * (1 + std::abs(found->mode.lambda));
       });
