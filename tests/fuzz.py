@@ -221,14 +221,6 @@ def coherent(pairs, r):
     return {name: value for name, value in pairs.items() if name not in drop}
 
 
-def checksum(content):
-    """What stands at the head of a checkpoint for what follows its first 512 bytes (FNV-1a, 64 bits)."""
-    value = 1469598103934665603
-    for byte in content[512:]:
-        value = (value ^ byte) * 1099511628211 & 0xFFFFFFFFFFFFFFFF
-    return f"stickslip checkpoint\nfnv1a64 {value:016x}\nbytes {len(content) - 512}\n".encode().ljust(512, b"\0")
-
-
 @functools.lru_cache(None)
 def sound_files():
     """A checkpoint and the result that it belongs to, of a short run."""
@@ -264,7 +256,7 @@ class RestartCase:
                 if at < len(content):
                     content[at] = r.choice([0, 255, r.randrange(256), content[at] ^ 1 << r.randrange(8)])
             if self.restart and r.random() < 0.7:
-                content[:512] = checksum(content)
+                content[:512] = checkpoint_block(bytes(content[512:]))
         self.files[name] = bytes(content)
         start = f"-init_type file -init_file {name} -grid_n 16 -ts_max_time 0.1"
         self.options = ["-restart", name] if self.restart else start.split()

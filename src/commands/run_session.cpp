@@ -9,6 +9,7 @@
 #include <set>
 
 #include "base/broadcast.hpp"
+#include "base/local_values.hpp"
 #include "base/progress.hpp"
 #include "commands/quantities.hpp"
 #include "output/catalogue.hpp"
@@ -99,7 +100,7 @@ Run::Run(const Options& options, const Provenance& provenance) : Run(options, pr
 
 Run::Run(const Options& options, const Provenance& provenance, std::optional<Checkpoint> checkpoint)
     : options_(options), provenance_(provenance), scene_(Scene::from(options, false)),
-      problem_(problem_for(scene_, options, checkpoint)), gather_(problem_.u, problem_.model.dof()) {
+      problem_(problem_for(scene_, options, checkpoint)) {
   make_observers();
   int rank;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
@@ -127,9 +128,9 @@ void Run::make_observers() {
   observers_.push_back(std::move(regime));
   for (auto& quantity : make_quantities(model)) observers_.push_back(std::move(quantity));
   if (options_.boolean("out_events"))
-    observers_.push_back(std::make_unique<Catalogue>(scene_, event_velocity(options_, scene_), gather_));
+    observers_.push_back(std::make_unique<Catalogue>(model, event_velocity(options_, scene_)));
   if (options_.integer("lyapunov_count") > 0)
-    observers_.push_back(std::make_unique<LyapunovExponents>(model, options_, gather_));
+    observers_.push_back(std::make_unique<LyapunovExponents>(model, options_));
   observers_.push_back(std::make_unique<ProbeRows>(model, scene_, options_.reals("out_probes")));
   if (options_.is_set("out_maxima"))
     observers_.push_back(std::make_unique<Maxima>(model, scene_, options_.real("out_maxima"), options_.real("ts_max_time")));
@@ -137,21 +138,22 @@ void Run::make_observers() {
   if (options_.boolean("out_series"))
     observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get()));
   // after the rows of the same moment
-  observers_.push_back(std::make_unique<Frames>(model, scene_, options_, gather_, displacement_.get()));
+  observers_.push_back(std::make_unique<Frames>(model, scene_, options_, displacement_.get()));
 }
 
-void Run::restore(Checkpoint& checkpoint) {
+void Run::restore(const Checkpoint& checkpoint) {
   const Model& model = problem_.model;
-  on_root(PETSC_COMM_WORLD, [&] {
-    if (checkpoint.state.size() != std::size_t(model.dof()) * std::size_t(model.scene().n))
-      throw not_whole(options_, "its state does not fit the scene");
-  });
+  std::vector<double> state;
   try {
+    state = checkpoint.field("state", NodeRange::of(model), model.dof());
     for (const char* name : {"rejections", "rhs_evaluations", "t_end", "longest_step"}) (void)checkpoint.numbers.at(name);
     for (const auto& observer : observers_) observer->restore(checkpoint);
   } catch (const std::exception& e) {
     throw not_whole(options_, e.what());
   }
+  const bool finite = std::all_of(state.begin(), state.end(), [](double value) { return std::isfinite(value); });
+  if (on_any_rank(PETSC_COMM_WORLD, !finite)) throw not_whole(options_, "its state is not finite");
+  std::copy(state.begin(), state.end(), static_cast<double*>(Writing(problem_.u)));
   origin_ = {true,
              checkpoint.t,
              checkpoint.dt,
@@ -166,8 +168,6 @@ void Run::restore(Checkpoint& checkpoint) {
   if (origin_.t == t_end)
     warn("restart '" + options_.text("restart") + "': this run is at its end already, ts_max_time " +
          options_.text("ts_max_time") + "; nothing is left to do");
-  if (model.comm() == PETSC_COMM_SELF) broadcast(checkpoint.state);
-  gather_.spread(checkpoint.state, problem_.u);
 }
 
 void Run::limit_steps() {
@@ -196,6 +196,7 @@ ObservationPlan Run::plan() {
   ObservationPlan plan;
   plan.after = origin_.resumed ? origin_.t : -1;
   if (options_.is_set("out_file")) plan.layout = run_layout(scene_);
+  plan.layout.by_root = options_.text("out_writers") == "root";
   if (!problem_.what.empty()) plan.layout.texts["reduced"] = problem_.what;
   for (const auto& observer : observers_) observer->plan(plan);
   return plan;
@@ -319,9 +320,11 @@ void Run::write_checkpoint_at(const Integrator::Step& step) {
                {"t_end", options_.real("ts_max_time")},
                {"longest_step", longest_step_}};
   for (const auto& [name, text] : options_.given()) c.texts["given." + name] = text;
+  c.fields["state"] = local_values(step.u);
   for (const auto& observer : observers_) observer->save(c);
-  last_checkpoint_ = write_checkpoint(options_.text("out_file"), options_.integer("out_checkpoint_keep"), provenance_,
-                                      c, gather_, step.u);
+  last_checkpoint_ =
+      write_checkpoint(options_.text("out_file"), options_.integer("out_checkpoint_keep"), provenance_, c,
+                       NodeRange::of(problem_.model), options_.text("out_writers") == "root");
 }
 
 // Why it ended, and the exit code.

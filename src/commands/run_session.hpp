@@ -11,7 +11,6 @@
 #include "stickslip/options/options.hpp"
 #include "stickslip/output/checkpoint.hpp"
 #include "stickslip/output/displacement.hpp"
-#include "stickslip/output/gather.hpp"
 #include "stickslip/output/run_file.hpp"
 #include "stickslip/output/observer.hpp"
 #include "stickslip/output/regime.hpp"
@@ -51,7 +50,7 @@ class Run {
   Run(const Options& options, const Provenance& provenance, std::optional<Checkpoint> checkpoint);
   double spent() const;
   void make_observers();
-  void restore(Checkpoint& checkpoint);
+  void restore(const Checkpoint& checkpoint);
   void make_integrator();
   void limit_steps();
   ObservationPlan plan();
@@ -67,7 +66,6 @@ class Run {
   const Provenance& provenance_;
   Scene scene_;  // the whole
   Problem problem_;  // what is solved for it
-  Gather gather_;
   std::unique_ptr<Displacement> displacement_;  // with out_displacement
   std::vector<std::unique_ptr<Observer>> observers_;
   Regime* regime_ = nullptr;  // one of them

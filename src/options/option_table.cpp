@@ -250,6 +250,8 @@ void output_options(TableBuilder& t) {
   t.not_negative("out_maxima", "", "position where the maxima of psi in the second half of the run go into the summary",
                  "length").unset("none");
   t.boolean("out_displacement", "false", "write the displacement chi as well");
+  t.choice("out_writers", {"auto", "root"}, "ranks that write fields to out_file and checkpoints: all that see the files, "
+           "or rank 0 alone, which the others feed in pieces of a megabyte");
   t.boolean("out_series", "true", "write the group series, a row for every step");
   t.boolean("out_events", "false", "catalogue of slip events: group events, a row for every event that has ended");
   t.not_negative("out_events_velocity", "", "events: velocity above which a node moves", "velocity")

@@ -1,15 +1,18 @@
 // The slip events of a run (events.hpp) as an observer: rows of the group `events`, and their number in the summary.
 #pragma once
 
+#include "stickslip/model/model.hpp"
 #include "stickslip/output/events.hpp"
+#include "stickslip/output/gather.hpp"
 #include "stickslip/output/observer.hpp"
 
 namespace stickslip {
 
 class Catalogue : public Observer {
  public:
-  // Above `velocity` a node moves. The model is the whole scene.
-  Catalogue(const Scene& scene, double velocity, Gather& gather) : events_(scene, velocity), gather_(gather) {}
+  // Above `velocity` a node moves. The model is the whole scene. Rank 0 has all of its nodes.
+  Catalogue(const Model& model, double velocity)
+      : events_(model.scene(), velocity), gather_(model.create_vector(), model.dof()) {}
 
   void plan(ObservationPlan& plan) override;
   void restore(const Checkpoint& checkpoint) override;
@@ -20,7 +23,7 @@ class Catalogue : public Observer {
 
  private:
   Events events_;
-  Gather& gather_;
+  Gather gather_;
   RunFile* file_ = nullptr;
   double begin_ = 0;  // wall clock
 };

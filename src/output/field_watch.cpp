@@ -212,13 +212,16 @@ std::optional<double> FieldWatch::ring_speed() const {
   return -slope * model_.scene().length / (2 * M_PI * mode_);
 }
 
+// Among those on all ranks.
+std::size_t FieldWatch::place_of(const Tracked& node) const {
+  return static_cast<std::size_t>((double(node.node + model_.first()) - tracked_first_) / tracked_stride_);
+}
+
 // The times of passage climb along one pulse and drop by about a period where the next one takes over. A passage is
 // known to a fraction of a step, so the slope is taken over whole climbs, never node by node.
 std::optional<double> FieldWatch::passage_speed() const {
   std::vector<double> passed(tracked_count_, 0);
-  for (const Tracked& node : tracked_)
-    passed[static_cast<std::size_t>((double(node.node + model_.first()) - tracked_first_) / tracked_stride_)] =
-        node.passed;
+  for (const Tracked& node : tracked_) passed[place_of(node)] = node.passed;
   sum_over(model_.comm(), passed.data(), int(passed.size()));
   const std::size_t n = passed.size();
   if (steps_ < 2 || n < 4) return std::nullopt;
@@ -286,31 +289,16 @@ void FieldWatch::save(Checkpoint& checkpoint) const {
     scalars.push_back(m.phase);
   }
   if (steps_ == 0) return;
-  VecHandle work = model_.create_vector();
-  const int dof = model_.dof();
-  Gather gather(work, dof);
-  const auto gathered = [&](const auto& first, const auto& second, const char* a, const char* b) {
-    {
-      const Writing u(work);
-      for (PetscInt i = 0; i < model_.local(); ++i) {
-        u[i * dof] = first(i);
-        u[i * dof + 1] = second(i);
-      }
-    }
-    const auto& fields = gather.components(work);
-    checkpoint.arrays[a] = fields[0];
-    checkpoint.arrays[b] = fields[1];
-  };
-  gathered([&](PetscInt i) { return low_[std::size_t(i)]; }, [&](PetscInt i) { return high_[std::size_t(i)]; },
-           "watch.low", "watch.high");
+  checkpoint.fields["watch.low"] = low_;
+  checkpoint.fields["watch.high"] = high_;
   if (tracked_count_ == 0) return;
-  std::vector<double> psi(std::size_t(model_.local()), nan), passed = psi;
+  std::vector<double> both(2 * tracked_count_, 0);  // psi and the passage of each, of which one rank knows
   for (const Tracked& node : tracked_) {
-    psi[std::size_t(node.node)] = node.psi;
-    passed[std::size_t(node.node)] = node.passed;
+    both[2 * place_of(node)] = node.psi;
+    both[2 * place_of(node) + 1] = node.passed;
   }
-  gathered([&](PetscInt i) { return psi[std::size_t(i)]; }, [&](PetscInt i) { return passed[std::size_t(i)]; },
-           "watch.psi", "watch.passed");
+  sum_over(model_.comm(), both.data(), int(both.size()));
+  checkpoint.arrays["watch.tracked"] = std::move(both);
 }
 
 void FieldWatch::restore(const Checkpoint& checkpoint) {
@@ -328,19 +316,14 @@ void FieldWatch::restore(const Checkpoint& checkpoint) {
   steepest_ = scalars[7];
   for (std::size_t k = 8; k + 1 < scalars.size(); k += 2) moments_.push_back({scalars[k], scalars[k + 1]});
   if (steps_ == 0) return;
-  const auto own = [&](const char* name) {
-    const std::vector<double>& all = checkpoint.arrays.at(name);
-    if (all.size() != static_cast<std::size_t>(model_.scene().n))
-      throw std::runtime_error("its measurements do not fit the scene");
-    return std::vector<double>(all.begin() + model_.first(), all.begin() + model_.first() + model_.local());
-  };
-  low_ = own("watch.low");
-  high_ = own("watch.high");
+  low_ = checkpoint.field("watch.low", NodeRange::of(model_), 1);
+  high_ = checkpoint.field("watch.high", NodeRange::of(model_), 1);
   if (tracked_count_ == 0) return;
-  const std::vector<double> psi = own("watch.psi"), passed = own("watch.passed");
+  const std::vector<double>& both = checkpoint.arrays.at("watch.tracked");
+  if (both.size() != 2 * tracked_count_) throw std::runtime_error("its measurements do not fit the scene");
   for (Tracked& node : tracked_) {
-    node.psi = psi[std::size_t(node.node)];
-    node.passed = passed[std::size_t(node.node)];
+    node.psi = both[2 * place_of(node)];
+    node.passed = both[2 * place_of(node) + 1];
   }
 }
 

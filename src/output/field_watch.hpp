@@ -39,7 +39,7 @@ class FieldWatch {
   Result result() const;  // collective
 
   void save(Checkpoint& checkpoint) const;  // collective
-  void restore(const Checkpoint& checkpoint);
+  void restore(const Checkpoint& checkpoint);  // collective
 
  private:
   struct Moment {
@@ -57,6 +57,7 @@ class FieldWatch {
   void take_phase(double t, const double* u);
   double phase_of(const double* u) const;
   std::optional<double> ring_speed() const;
+  std::size_t place_of(const Tracked& node) const;
   std::optional<double> passage_speed() const;
 
   const Model& model_;

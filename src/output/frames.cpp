@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -59,14 +60,11 @@ double FrameTimes::count_after(double t) const {
   return list_.empty() ? count_ - index_after(t) : double(list_.end() - std::upper_bound(list_.begin(), list_.end(), t));
 }
 
-Frames::Frames(const Model& model, const Scene& whole, const Options& options, Gather& gather,
-               const Displacement* displacement)
-    : model_(model), state_(whole.friction.state),
-      most_bytes_(1e9 * options.real("out_limit")), nodes_(static_cast<std::size_t>(whole.n)), gather_(gather),
-      displacement_(displacement), work_(model.create_vector()), times_(options) {
-  if (!displacement_) return;
-  chi_ = displacement_->create_vector();
-  gather_chi_ = std::make_unique<Gather>(chi_, 1);
+Frames::Frames(const Model& model, const Scene& whole, const Options& options, const Displacement* displacement)
+    : model_(model), state_(whole.friction.state), most_bytes_(1e9 * options.real("out_limit")),
+      nodes_(static_cast<std::size_t>(whole.n)), displacement_(displacement), work_(model.create_vector()),
+      slab_(model, whole.n), times_(options) {
+  if (displacement_) chi_ = displacement_->create_vector();
 }
 
 void Frames::plan(ObservationPlan& plan) {
@@ -74,6 +72,7 @@ void Frames::plan(ObservationPlan& plan) {
   plan.next_times.push_back([this](double t) { return times_.after(t); });
   const double count = times_.count_after(plan.after);
   plan.layout.frames = static_cast<std::int64_t>(count);
+  plan.layout.slab = slab_;
   if (displacement_) plan.layout.fields.push_back(standard_field("chi"));
   const double each = 8. * (1 + double(plan.layout.fields.size() * nodes_));
   if (count * each > most_bytes_)
@@ -91,23 +90,23 @@ void Frames::step(const ObservedStep& step) {
 
 void Frames::write(double t) {
   model_.set_held(work_);
-  std::vector<std::vector<double>> fields = gather_.components(work_);
-  if (fields.size() == 3)
-    std::transform(fields[2].begin(), fields[2].end(), fields[2].begin(),
+  const auto dof = std::size_t(model_.dof());
+  rows_.resize(dof + (displacement_ ? 1 : 0));
+  for (std::vector<double>& row : rows_) row.clear();
+  {
+    const Reading u(work_);
+    for (std::size_t d = 0; d < dof; ++d) slab_.take(u + d, int(dof), rows_[d]);
+  }
+  if (dof == 3)
+    std::transform(rows_[2].begin(), rows_[2].end(), rows_[2].begin(),
                    [&](double s) { return state_to_output(state_, s); });
   if (displacement_) {
     displacement_->solve(work_, t, chi_);
-    fields.push_back(gather_chi_->components(chi_)[0]);
+    slab_.take(Reading(chi_), 1, rows_[dof]);
   }
-  std::vector<const double*> rows;
-  for (std::vector<double>& field : fields) {
-    const std::size_t cell = field.size();  // one of several equal ones; nothing on the other ranks
-    if (cell == 0) continue;
-    field.resize(nodes_);
-    for (std::size_t i = cell; i < field.size(); ++i) field[i] = field[i - cell];
-    rows.push_back(field.data());
-  }
-  file_->frame(t, rows);
+  std::vector<const double*> fields;
+  for (const std::vector<double>& row : rows_) fields.push_back(row.data());
+  file_->frame(t, fields);
 }
 
 }  // namespace stickslip

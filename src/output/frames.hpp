@@ -1,7 +1,7 @@
 // Frames of a run: psi, eta, the state and where asked for the displacement, at times that the options set.
 #pragma once
 
-#include <memory>
+#include <string>
 #include <vector>
 
 #include "stickslip/model/model.hpp"
@@ -33,8 +33,7 @@ class Frames : public Observer {
  public:
   // Of the scene `whole`, of which the model may be one of several equal cells. Throws UsageError for times outside the
   // run. `displacement`: nullptr, or what chi is solved with; it is the caller's.
-  Frames(const Model& model, const Scene& whole, const Options& options, Gather& gather,
-         const Displacement* displacement);
+  Frames(const Model& model, const Scene& whole, const Options& options, const Displacement* displacement);
 
   void plan(ObservationPlan& plan) override;
   void start(RunFile* file) override { file_ = file; }
@@ -47,10 +46,10 @@ class Frames : public Observer {
   StateLaw state_;
   double most_bytes_;  // out_limit
   std::size_t nodes_;  // of the whole scene
-  Gather& gather_;
   const Displacement* displacement_;
   VecHandle work_, chi_;
-  std::unique_ptr<Gather> gather_chi_;
+  Slab slab_;
+  std::vector<std::vector<double>> rows_;  // of the fields
   FrameTimes times_;
   double next_ = 0;  // the frame to come
   RunFile* file_ = nullptr;

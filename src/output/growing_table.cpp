@@ -13,10 +13,6 @@ namespace {
 
 const hsize_t largest_chunk = hsize_t(1) << 30;  // bytes; the format ends at 4 GiB
 
-void put(int descriptor, haddr_t at, const double* values, hsize_t number) {
-  paths::write_all(descriptor, values, number * sizeof(double), static_cast<std::int64_t>(at));
-}
-
 }  // namespace
 
 hsize_t GrowingTable::row_width() const {
@@ -25,12 +21,8 @@ hsize_t GrowingTable::row_width() const {
   return sum;
 }
 
-hsize_t GrowingTable::rows_at_once() const {
-  return std::max<hsize_t>(1, (hsize_t(1) << 20) / std::max<hsize_t>(1, x.size()));
-}
-
 void GrowingTable::append(double t, const std::vector<const double*>& row) {
-  if (row.size() + 1 != columns.size()) throw std::logic_error("a row of another length than its table");
+  if (row.size() != (by_ranks ? 0 : columns.size() - 1)) throw std::logic_error("a row of another length than its table");
   columns[0].pending.push_back(t);
   for (std::size_t k = 0; k < row.size(); ++k) {
     Column& column = columns[k + 1];
@@ -39,18 +31,40 @@ void GrowingTable::append(double t, const std::vector<const double*>& row) {
   ++pending;
 }
 
+void GrowingTable::forget_pending() {
+  pending = 0;
+  for (Column& column : columns) column.pending.clear();
+}
+
 void GrowingTable::create(hid_t file) {
   const Id made(group.empty() ? -1 : H5Gcreate2(file, group.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
   Id x_scale;
-  if (!x.empty()) {
-    Field field = x_field;
-    field.name = path(field.name);
-    x_scale = write_fixed(file, field, {x.size()}, x);
-    make_scale(x_scale, x_field.name);
+  if (x.size > 0) {
+    x_scale = create_axis(file);
+    make_scale(x_scale, x.field.name);
   }
   // One row is there from the start, since only chunks within the extents are allocated.
   extent = capacity > 0 ? 1 : 0;
   for (Column& column : columns) create_column(file, column, x_scale);
+}
+
+Id GrowingTable::create_axis(hid_t file) const {
+  Field field = x.field;
+  field.name = path(field.name);
+  const Id space(H5Screate_simple(1, &x.size, nullptr));
+  Id dataset = create_dataset(file, field.name, H5T_NATIVE_DOUBLE, space, dataset_creation(), H5P_DEFAULT);
+  std::vector<double> piece;
+  for (hsize_t first = 0; first < x.size; first += largest_piece) {
+    const hsize_t count = std::min(largest_piece, x.size - first);
+    piece.resize(count);
+    for (hsize_t k = 0; k < count; ++k) piece[k] = x.at(static_cast<std::int64_t>(first + k));
+    const Id in_memory(H5Screate_simple(1, &count, nullptr));
+    if (H5Sselect_hyperslab(space, H5S_SELECT_SET, &first, nullptr, &count, nullptr) < 0 ||
+        H5Dwrite(dataset, H5T_NATIVE_DOUBLE, in_memory, space, H5P_DEFAULT, piece.data()) < 0)
+      fail("write", field.name);
+  }
+  describe(dataset, field);
+  return dataset;
 }
 
 void GrowingTable::create_column(hid_t file, Column& column, hid_t x_scale) {
@@ -68,16 +82,15 @@ void GrowingTable::create_column(hid_t file, Column& column, hid_t x_scale) {
   H5Pset_chunk_cache(access, 0, 0, 0);              // what is read is what the file holds
   column.dataset = create_dataset(file, path(column.field.name), H5T_NATIVE_DOUBLE, space, creation, access);
   describe(column.dataset, column.field);
-  column.chunk_width = chunk[1];
-  column.chunks.clear();
-  for (hsize_t at = 0; capacity > 0 && at < wide; at += column.chunk_width) {
+  column.place = {wide, chunk[1], {}};
+  for (hsize_t at = 0; capacity > 0 && at < wide; at += chunk[1]) {
     const hsize_t offset[2] = {0, at};
     hsize_t size = 0;
     haddr_t address = HADDR_UNDEF;
     unsigned filters = 0;
     if (H5Dget_chunk_info_by_coord(column.dataset, offset, &filters, &address, &size) < 0 || address == HADDR_UNDEF)
       fail("find the place of " + column.field.name + " in", file);
-    column.chunks.push_back(address);
+    column.place.chunks.push_back(address);
   }
   if (&column == &columns[0]) {
     make_scale(column.dataset, column.field.name);
@@ -89,24 +102,15 @@ void GrowingTable::create_column(hid_t file, Column& column, hid_t x_scale) {
 
 // A write through the library would need the extents first, and could not take them back on a full disk. The format of
 // the values is that of this machine.
-void GrowingTable::put_rows(int descriptor, const Column& column, hsize_t first, hsize_t count,
-                            const double* data) const {
-  const hsize_t wide = width(column);
-  const haddr_t row_bytes = column.chunk_width * sizeof(double);
-  if (column.chunks.size() == 1) return put(descriptor, column.chunks[0] + first * row_bytes, data, count * wide);
-  for (hsize_t row = 0; row < count; ++row)
-    for (std::size_t c = 0; c < column.chunks.size(); ++c) {
-      const hsize_t begin = c * column.chunk_width, number = std::min(column.chunk_width, wide - begin);
-      put(descriptor, column.chunks[c] + (first + row) * row_bytes, data + row * wide + begin, number);
-    }
-}
-
 void GrowingTable::write_pending(int descriptor) {
   if (pending == 0) return;
-  for (const Column& column : columns) put_rows(descriptor, column, written, pending, column.pending.data());
+  const auto put = [&](std::int64_t at, const double* values, hsize_t count) {
+    paths::write_all(descriptor, values, count * sizeof(double), at);
+  };
+  for (const Column& column : columns)
+    if (!(by_ranks && column.wide)) column.place.put_rows(written, pending, column.pending.data(), put);
   written += pending;
-  pending = 0;
-  for (Column& column : columns) column.pending.clear();
+  forget_pending();
   if (written > extent) set_extent(written);
 }
 

@@ -207,10 +207,14 @@ std::vector<double> read_reals(hid_t file, const std::string& name) {
 }
 
 std::vector<double> read_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width) {
-  std::vector<double> values(count * width);
+  return read_block(dataset, first, count, 0, width);
+}
+
+std::vector<double> read_block(hid_t dataset, hsize_t row, hsize_t rows, hsize_t column, hsize_t columns) {
+  std::vector<double> values(rows * columns);
   if (values.empty()) return values;
   const Id in_file(H5Dget_space(dataset));
-  const hsize_t start[2] = {first, 0}, size[2] = {count, width}, total = count * width;
+  const hsize_t start[2] = {row, column}, size[2] = {rows, columns}, total = rows * columns;
   const Id in_memory(H5Screate_simple(1, &total, nullptr));
   if (H5Sselect_hyperslab(in_file, H5S_SELECT_SET, start, nullptr, size, nullptr) < 0 ||
       H5Dread(dataset, H5T_NATIVE_DOUBLE, in_memory, in_file, H5P_DEFAULT, values.data()) < 0)

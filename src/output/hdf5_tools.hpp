@@ -41,6 +41,8 @@ class Id {
 [[noreturn]] void fail(const std::string& doing, const std::string& path);
 [[noreturn]] void fail(const std::string& doing, hid_t object);
 
+constexpr hsize_t largest_piece = 1 << 17;  // doubles of a field that rank 0 has at a time: a megabyte
+
 // Turns off the library's own printing of errors; to be called before anything else of HDF5.
 void quiet();
 
@@ -66,6 +68,8 @@ std::int64_t read_integer_attribute(hid_t object, const std::string& name);
 std::vector<hsize_t> extents(hid_t dataset);
 std::vector<double> read_reals(hid_t file, const std::string& name);                         // the whole dataset
 std::vector<double> read_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width);   // of (t) or (t, x)
+// Of (t, x), so many columns of so many rows; of (x), the rows.
+std::vector<double> read_block(hid_t dataset, hsize_t row, hsize_t rows, hsize_t column, hsize_t columns);
 
 std::vector<std::string> attribute_names(hid_t object);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/text.hpp"
@@ -48,8 +49,8 @@ Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); 
 
 }  // namespace
 
-LyapunovExponents::LyapunovExponents(const Model& model, const Options& options, Gather& gather)
-    : model_(model), gather_(gather), count_(std::size_t(options.integer("lyapunov_count"))), from_(from_of(options)),
+LyapunovExponents::LyapunovExponents(const Model& model, const Options& options)
+    : model_(model), count_(std::size_t(options.integer("lyapunov_count"))), from_(from_of(options)),
       tangents_(model, count_of(options, model)), average_(count_ + 1, from_, options.real("ts_max_time")) {}
 
 void LyapunovExponents::plan(ObservationPlan& plan) {
@@ -84,8 +85,8 @@ void LyapunovExponents::step(const ObservedStep& step) {
 
 void LyapunovExponents::save(Checkpoint& checkpoint) {
   for (std::size_t k = 0; k < count_; ++k)
-    checkpoint.arrays["lyapunov.vector_" + std::to_string(k)] = gather_.interleaved(tangents_.vectors()[k]);
-  checkpoint.arrays["lyapunov.directions"] = gather_.interleaved(tangents_.last_directions());
+    checkpoint.fields["lyapunov.vector_" + std::to_string(k)] = local_values(tangents_.vectors()[k]);
+  checkpoint.fields["lyapunov.directions"] = local_values(tangents_.last_directions());
   checkpoint.arrays["lyapunov.vectors"] = tangents_.state();
   checkpoint.arrays["lyapunov.growth"] = average_.save();
   checkpoint.numbers["lyapunov.from"] = from_;
@@ -94,9 +95,12 @@ void LyapunovExponents::save(Checkpoint& checkpoint) {
 }
 
 void LyapunovExponents::restore(const Checkpoint& checkpoint) {
-  for (std::size_t k = 0; k < count_; ++k)
-    gather_.spread(checkpoint.arrays.at("lyapunov.vector_" + std::to_string(k)), tangents_.vectors()[k]);
-  gather_.spread(checkpoint.arrays.at("lyapunov.directions"), tangents_.last_directions());
+  const auto take = [&](const std::string& name, Vec into) {
+    const std::vector<double> own = checkpoint.field("lyapunov." + name, NodeRange::of(model_), model_.dof());
+    std::copy(own.begin(), own.end(), static_cast<double*>(Writing(into)));
+  };
+  for (std::size_t k = 0; k < count_; ++k) take("vector_" + std::to_string(k), tangents_.vectors()[k]);
+  take("directions", tangents_.last_directions());
   tangents_.resume(checkpoint.arrays.at("lyapunov.vectors"));
   average_.resume(checkpoint.arrays.at("lyapunov.growth"));
   from_ = checkpoint.numbers.at("lyapunov.from");

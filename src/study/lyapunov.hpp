@@ -17,7 +17,7 @@ namespace stickslip {
 class LyapunovExponents : public Observer {
  public:
   // The model is the whole scene. Throws UsageError where it has fewer unknowns than exponents are asked for.
-  LyapunovExponents(const Model& model, const Options& options, Gather& gather);
+  LyapunovExponents(const Model& model, const Options& options);
 
   void plan(ObservationPlan& plan) override;
   void restore(const Checkpoint& checkpoint) override;
@@ -28,7 +28,6 @@ class LyapunovExponents : public Observer {
 
  private:
   const Model& model_;
-  Gather& gather_;
   std::size_t count_;
   double from_;
   Tangents tangents_;

@@ -8,7 +8,7 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/output/gather.hpp"
+#include "stickslip/base/handle.hpp"
 #include "stickslip/model/oscillator.hpp"
 #include "stickslip/study/start.hpp"
 #include "stickslip/waves/wave_stability.hpp"
@@ -27,31 +27,6 @@ PetscInt promised_cells(const Scene& scene, const Options& options) {
   cells = std::gcd(cells, scene.n);
   return scene.ring() || cells == scene.n ? cells : 1;
 }
-
-namespace {
-
-// Whether values repeat after `period` entries.
-bool repeats(const std::vector<double>& values, std::size_t period, double tolerance) {
-  for (std::size_t i = period; i < values.size(); ++i)
-    if (!(std::abs(values[i] - values[i - period]) <= tolerance)) return false;
-  return true;
-}
-
-// How many equal cells the values (of n nodes, dof each) hold: `promised`, if they agree with that up to rounding;
-// where nothing is promised, as many as are equal to the last bit.
-PetscInt cells_in(const std::vector<double>& values, PetscInt n, int dof, PetscInt promised, bool ring) {
-  if (promised > 0) {
-    double size = 1;
-    for (const double value : values) size = std::max(size, std::abs(value));
-    return repeats(values, static_cast<std::size_t>(n / promised * dof), 1e-9 * size) ? promised : 1;
-  }
-  for (PetscInt cell = 1; 2 * cell <= n; ++cell)
-    if (n % cell == 0 && (cell == 1 || ring) && repeats(values, static_cast<std::size_t>(cell * dof), 0))
-      return n / cell;
-  return 1;
-}
-
-}  // namespace
 
 Scene cell_of(const Scene& scene, PetscInt cells) {
   Scene cell = scene;
@@ -82,15 +57,62 @@ std::string description(const Scene& whole, const Model& model) {
 
 namespace {
 
-// How many equal cells the start holds; `values`: of all nodes, on rank 0. Collective.
-PetscInt cells_of_start(const Model& model, const Options& options, Vec u, std::vector<double>& values) {
-  const Scene& whole = model.scene();
-  PetscInt cells = options.text("scene_reduce") == "off" || whole.n == 1 ? 1 : promised_cells(whole, options);
-  if (cells == 1) return 1;
-  values = Gather(u, model.dof()).interleaved(u);
-  if (rank_in(PETSC_COMM_WORLD) == 0) cells = cells_in(values, whole.n, model.dof(), cells, whole.ring());
-  broadcast(cells);
+// The entries first, first + 1, ... of a vector, up to `count`, wherever they lie; every rank asks for its own.
+// Collective.
+std::vector<double> fetch(Vec from, PetscInt first, PetscInt count) {
+  std::vector<double> values(std::size_t(count), 0.);
+  VecHandle into;
+  IsHandle entries;
+  ScatterHandle scatter;
+  SS_TRY(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, count, values.data(), into.out()));
+  SS_TRY(ISCreateStride(PETSC_COMM_SELF, count, first, 1, entries.out()));
+  SS_TRY(VecScatterCreate(from, entries, into, nullptr, scatter.out()));
+  SS_TRY(VecScatterBegin(scatter, from, into, INSERT_VALUES, SCATTER_FORWARD));
+  SS_TRY(VecScatterEnd(scatter, from, into, INSERT_VALUES, SCATTER_FORWARD));
+  return values;
+}
+
+// Whether every value is that of `cell` nodes before it, up to the tolerance. Collective.
+bool repeats(const Model& model, Vec u, PetscInt cell, double tolerance) {
+  const PetscInt dof = model.dof(), begin = std::max<PetscInt>(model.first(), cell),
+                 count = std::max<PetscInt>(0, model.first() + model.local() - begin);
+  const std::vector<double> before = fetch(u, (begin - cell) * dof, count * dof);
+  bool same = true;
+  {
+    const Reading own(u);
+    const double* here = own + (begin - model.first()) * dof;
+    for (std::size_t i = 0; i < before.size() && same; ++i) same = std::abs(here[i] - before[i]) <= tolerance;
+  }
+  return !on_any_rank(model.comm(), !same);
+}
+
+// Of the divisors of n those whose cells might repeat to the last bit, by the first nodes of the first two. Collective.
+std::vector<PetscInt> likely_cells(const Model& model, Vec u, bool ring) {
+  const PetscInt n = model.scene().n, dof = model.dof();
+  std::vector<PetscInt> cells;
+  for (PetscInt cell = 1; 2 * cell <= n; ++cell)
+    if (n % cell == 0 && (cell == 1 || ring)) {
+      const PetscInt count = std::min<PetscInt>(cell, 8) * dof;
+      if (fetch(u, 0, count) == fetch(u, cell * dof, count)) cells.push_back(cell);
+    }
   return cells;
+}
+
+// How many equal cells the start holds: as many as are promised, if it agrees with that up to rounding; where nothing is
+// promised, as many as are equal to the last bit. Collective.
+PetscInt cells_of_start(const Model& model, const Options& options, Vec u) {
+  const Scene& whole = model.scene();
+  const PetscInt promised =
+      options.text("scene_reduce") == "off" || whole.n == 1 ? 1 : promised_cells(whole, options);
+  if (promised == 1) return 1;
+  if (promised > 1) {
+    double size;
+    SS_TRY(VecNorm(u, NORM_INFINITY, &size));
+    return repeats(model, u, whole.n / promised, 1e-9 * std::max(1., size)) ? promised : 1;
+  }
+  for (const PetscInt cell : likely_cells(model, u, whole.ring()))
+    if (repeats(model, u, cell, 0)) return whole.n / cell;
+  return 1;
 }
 
 }  // namespace
@@ -98,18 +120,15 @@ PetscInt cells_of_start(const Model& model, const Options& options, Vec u, std::
 Problem problem_of(const Scene& whole, const Options& options, std::optional<PetscInt> nodes) {
   Model model(PETSC_COMM_WORLD, whole);
   VecHandle u = model.create_vector();
-  std::vector<double> values;
   if (!nodes) set_start(model, options, u);
-  const PetscInt cells = nodes ? whole.n / *nodes : cells_of_start(model, options, u, values);
+  const PetscInt cells = nodes ? whole.n / *nodes : cells_of_start(model, options, u);
   if (cells == 1) return {std::move(model), std::move(u), ""};
 
   Model small = model_of_cell(cell_of(whole, cells));
   VecHandle start = small.create_vector();
   if (!nodes) {
-    values.resize(static_cast<std::size_t>(small.scene().n * small.dof()));
-    broadcast(values);
-    const auto from = values.begin() + small.first() * small.dof();
-    std::copy(from, from + small.local() * small.dof(), static_cast<double*>(Writing(start)));
+    const std::vector<double> values = fetch(u, small.first() * small.dof(), small.local() * small.dof());
+    std::copy(values.begin(), values.end(), static_cast<double*>(Writing(start)));
   }
   std::string what = description(whole, small);
   return {std::move(small), std::move(start), std::move(what)};

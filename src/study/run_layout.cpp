@@ -48,7 +48,7 @@ void add_profiles(const Scene& scene, RunLayout& layout) {
 
 RunLayout run_layout(const Scene& scene) {
   RunLayout layout;
-  for (PetscInt i = 0; i < scene.n; ++i) layout.x.push_back(scene.x(i));
+  layout.x = [scene](std::int64_t node) { return scene.x(static_cast<PetscInt>(node)); };
   layout.fields = {standard_field("psi"), standard_field("eta")};
   if (scene.friction.has_state()) layout.fields.push_back(standard_field(state_name(scene.friction.state)));
   layout.numbers = {{"A", scene.A()},   {"B", scene.B()},           {"K0", scene.K0()},

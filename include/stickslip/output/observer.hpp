@@ -46,13 +46,13 @@ class Observer {
   virtual ~Observer() = default;
   // Adds what this observer needs. Throws UsageError for what cannot be had.
   virtual void plan(ObservationPlan&) {}
-  // Takes up what save() left. Every rank has the same numbers and arrays; throws std::exception, on every rank, where
-  // they do not fit.
+  // Takes up what save() left. Every rank has the same numbers and arrays, and asks for its nodes' part of a field;
+  // throws std::exception, on every rank, where they do not fit.
   virtual void restore(const Checkpoint&) {}
   // The file is open: nullptr where none is written. It outlives the last step.
   virtual void start(RunFile*) {}
   virtual void step(const ObservedStep&) = 0;
-  // Adds numbers and arrays (significant on rank 0) that restore() needs, under names of its own.
+  // Adds numbers and arrays (significant on rank 0) and fields that restore() needs, under names of its own.
   virtual void save(Checkpoint&) {}
   // Sets keys of the summary, the same on every rank. u: where the run ended, held nodes set; nullptr where it failed,
   // so that only what counts steps has something to say.

@@ -1,4 +1,6 @@
-// Results in HDF5, one file a command, written by rank 0 alone (gathered arrays); here that of a run.
+// Results in HDF5, one file a command; here that of a run. Rank 0 alone opens it by the library; each rank writes the
+// values of its own nodes where rank 0 says (slab.hpp), and rank 0 then shows the frame to readers. No rank ever has
+// more of a field than its part.
 //
 // Every file carries the root attributes `program`, `version`, `git`, `command_line`, `options` (one JSON object of
 // texts), `date`, `ranks` and `kind` (the command, or `checkpoint`), dimension scales and `units`, so that
@@ -15,6 +17,7 @@
 #include <petscsys.h>
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -23,12 +26,18 @@
 
 #include "stickslip/base/provenance.hpp"
 #include "stickslip/output/field.hpp"
+#include "stickslip/output/slab.hpp"
 
 namespace stickslip {
 
-// What the file of a run holds. Significant on rank 0; probe_x empty: no group probes, series empty: no group series.
+class NodeRows;
+
+// What the file of a run holds. Significant on rank 0, but for slab and by_root; probe_x empty: no group probes, series
+// empty: no group series.
 struct RunLayout {
-  std::vector<double> x;        // of the nodes
+  Slab slab;                    // whose nodes are whose
+  bool by_root = false;         // rank 0 writes for all ranks, which feed it in pieces of a megabyte
+  std::function<double(std::int64_t)> x;  // of a node
   std::vector<Field> fields;    // of (t, x): psi, eta, the state where there is one, chi where asked for
   std::vector<double> probe_x;  // probes/x; the datasets are probes/psi and probes/eta of (t, x)
   std::vector<Field> series;    // series/NAME of t
@@ -55,7 +64,7 @@ class RunFile {
   // the old file lacks is NaN in the old rows.
   RunFile(MPI_Comm comm, std::string path, Provenance provenance, RunLayout layout,
           std::optional<Resume> resume = std::nullopt);
-  ~RunFile();  // what was written so far is kept; rank 0 alone acts
+  ~RunFile();  // what was flushed so far is kept, on one rank everything; rank 0 alone acts
   RunFile(const RunFile&) = delete;
   RunFile& operator=(const RunFile&) = delete;
 
@@ -66,8 +75,8 @@ class RunFile {
   void event(double end, const std::vector<double>& row);  // ends do not decrease
   void lyapunov(double end, const std::vector<double>& row);
 
-  // One frame: each field of the layout in order, n values each, on rank 0. Everything is on its way to disk when it
-  // returns, except that frames which follow each other at once share a flush. Give the probes and series of a
+  // One frame: of each field of the layout, in order, the values that this rank has (Slab::take). Everything is on its
+  // way to disk when it returns, except that frames which follow each other at once share a flush. Give the probes and series of a
   // moment before its frame.
   void frame(double t, const std::vector<const double*>& fields);
 
@@ -81,8 +90,15 @@ class RunFile {
 
  private:
   struct Writer;
+  void flush_with(const std::vector<const double*>* last);
+
   MPI_Comm comm_;
+  std::string path_;
   std::unique_ptr<Writer> writer_;  // rank 0
+  std::unique_ptr<NodeRows> rows_;
+  std::int64_t made_ = 0;           // number of the file that rows_ writes to; 0: none yet
+  bool broken_ = false;             // a write has failed: no more are tried
+  bool closed_ = false;
   std::int64_t frames_ = 0;
   double last_time_;
 };
