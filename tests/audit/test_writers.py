@@ -1,0 +1,88 @@
+"""Fields in files by the ranks that own them: the same bits whoever writes and on any number of ranks, and no rank that
+holds more than its part."""
+import glob
+import os
+import subprocess
+
+import numpy as np
+import pytest
+
+from calls import check, data, line, run
+
+FIXED = "-ts_adapt_type none -ts_dt 0.01 -out_frames 5 "
+# sums over the ranks differ in round-off, fields do not
+FIELDS = ("x", "t", "psi", "eta", "chi", "theta", "probes/psi", "probes/eta")
+
+
+def same_fields(reference, path, name, frames=None):
+    """`frames`: of the reference's so many are there, the last ones; None: all."""
+    found = data(path)
+    check(found.keys() == reference.keys(), f"{name}: datasets")
+    for key in set(FIELDS) & reference.keys():
+        last = reference[key][-frames:] if frames and key != "x" else reference[key]
+        check(np.array_equal(found[key], last), f"{name}: {key} differs")
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize("scene", [
+    "-grid_n 61 -init_type sine -bc_left free -ts_max_time 0.3 -out_displacement -out_probes 0,1.3,50",
+    "-grid_n 200 -friction_law rate-and-state -init_type sine -init_mode 3 -ts_max_time 0.1",
+    "-grid_n 64 -init_type sine -init_mode 4 -ts_max_time 0.2",            # cells of 16 nodes
+    "-grid_n 300000 -grid_length 15000 -ts_max_time 0.02",                 # one node for all
+    "-grid_n 300000 -grid_length 15000 -init_type sine -init_mode 2 -ts_max_time 0.02",  # two cells of 150000
+])
+def test_same_bits_whoever_writes(scene):
+    run(f"{FIXED}{scene} -out_file one.h5")
+    reference = data("one.h5")
+    for ranks, writers in ((2, "auto"), (3, "root")):
+        run(f"{FIXED}{scene} -out_file many.h5 -out_writers {writers}", ranks)
+        same_fields(reference, "many.h5", f"{scene} on {ranks} ranks, {writers}")
+
+
+@pytest.mark.ranks
+def test_restart_on_other_ranks():
+    # in the last quarter there are ranges of every node, off a ring passages besides
+    for ends in ("periodic", "free"):
+        scene = f"{FIXED}-grid_n 301 -init_type sine -bc_left {ends} -ts_max_time 1 -out_checkpoint_every 20"
+        one, _ = run(f"{scene} -out_file one.h5")
+        run(f"{scene} -out_file three.h5 -out_checkpoint_keep 9", 3)
+        reference = data("one.h5")
+        same_fields(reference, "three.h5", ends)
+        for step, frames, ranks, writers in ((40, 3, 2, "root"), (80, 1, 2, "auto"), (80, 1, 1, "auto")):
+            found, _ = run(f"-restart three.chk-{step:06d}.h5 -out_file again{step}-{ranks}.h5 "
+                               f"-out_writers {writers}", ranks)
+            same_fields(reference, f"again{step}-{ranks}.h5", f"{ends}, from step {step} on {ranks} ranks", frames)
+            for key in ("amplitude", "pulses", "regime", "wave_speed", "psi_max"):
+                a, b = found[key], one[key]
+                near = a == b or (isinstance(a, float) and isinstance(b, float) and abs(a - b) < 1e-11)
+                check(near, f"{ends}, from step {step} on {ranks} ranks: {key} {a} {b}")
+        for old in glob.glob("*.h5"):
+            os.remove(old)
+
+
+def peak(arguments, ranks):
+    """The largest resident memory of a rank, in bytes."""
+    process = subprocess.Popen(line(arguments, ranks), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+    said = process.stderr.read()
+    _, status, used = os.wait4(process.pid, 0)
+    check(status == 0, f"{arguments} on {ranks} ranks: {said}")
+    return 1024 * used.ru_maxrss
+
+
+@pytest.mark.ranks
+def test_no_rank_holds_a_field(request):
+    """Four ranks need what one rank with as many nodes as each of them needs: an array of global length on any of them
+    would be 24 bytes more for each own node. The long version (./check audit) has 1e7 nodes in all."""
+    own = 2_500_000 if request.config.getoption("--scenes") >= 200 else 500_000
+    def scene(n):
+        return (f"-grid_n {n} -grid_length {n // 20} -init_type sine -ts_max_time 0.01 -ts_dt 0.005 -ts_adapt_type none "
+                "-out_frames 2 -out_checkpoint_every 1")
+    one = peak(f"{scene(own)} -out_file one.h5", 1)
+    for writers in ("auto", "root"):
+        four = peak(f"{scene(4 * own)} -out_file four.h5 -out_writers {writers}", 4)
+        check(four < one + 12 * own, f"{four / 1e6} MB on four ranks, {one / 1e6} MB on one: {writers}")
+    start = next(iter(sorted(glob.glob("one.chk*"))))
+    one = peak(f"-restart {start} -ts_max_time 0.015 -out_file again1.h5", 1)
+    start = next(iter(sorted(glob.glob("four.chk*"))))
+    four = peak(f"-restart {start} -ts_max_time 0.015 -out_file again4.h5", 4)
+    check(four < one + 12 * own, f"{four / 1e6} MB on four ranks, {one / 1e6} MB on one: restart")
