@@ -25,6 +25,8 @@ import subprocess
 import sys
 import tempfile
 
+from calls import checkpoint_block
+
 PROGRAM = os.path.abspath(os.environ.get("STICKSLIP", "build/stickslip"))
 NOTES = "mine, not the program's\n"
 

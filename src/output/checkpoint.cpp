@@ -145,6 +145,13 @@ void read_file(const std::string& path, Checkpoint& checkpoint) {
     checkpoint.numbers[name] = h5::read_real_attribute(numbers, name);
   for (const std::string& name : h5::members(file, "arrays"))
     checkpoint.arrays[name] = h5::read_reals(file, "arrays/" + name);
+  // Of the fields, which are read later, here only so much as shows whether the library can.
+  for (const std::string& name : h5::members(file, "fields")) {
+    const Id dataset(H5Dopen2(file, ("fields/" + name).c_str(), H5P_DEFAULT));
+    const std::vector<hsize_t> size = dataset ? h5::extents(dataset) : std::vector<hsize_t>{};
+    if (size.size() != 1) throw Failure("is damaged (its field '" + name + "')");
+    if (size[0] > 0) (void)h5::read_rows(dataset, size[0] - 1, 1, 1);
+  }
   const auto finite = [](double x) { return std::isfinite(x); };
   const bool sane = finite(checkpoint.t) && checkpoint.t >= 0 && finite(checkpoint.dt) && checkpoint.dt > 0 &&
                     checkpoint.step >= 0 && checkpoint.step < std::numeric_limits<int>::max();
