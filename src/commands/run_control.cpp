@@ -1,5 +1,6 @@
 #include "commands/run_control.hpp"
 
+#include <algorithm>
 #include <limits>
 
 #include "stickslip/base/error.hpp"
@@ -38,15 +39,32 @@ int SignalWatch::caught() const { return caught_signal; }
 RunControl::RunControl(const Options& options, PetscInt first_step)
     : every_(options.steps_or_seconds("out_checkpoint_every")),
       most_seconds_(options.steps_or_seconds("ts_max_wall").seconds), t_end_(options.real("ts_max_time")),
-      begin_(MPI_Wtime()), last_checkpoint_(begin_), first_step_(first_step),
+      begin_(MPI_Wtime()), last_checkpoint_(begin_), asked_(begin_), first_step_(first_step),
       most_steps_(options.is_set("ts_max_steps") ? options.integer("ts_max_steps")
-                                                 : std::numeric_limits<PetscInt>::max() - 1) {}
+                                                 : std::numeric_limits<PetscInt>::max() - 1) {
+  int ranks = 1;
+  MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
+  alone_ = ranks == 1;
+}
+
+// What only some rank may know is asked after so many steps that about 20 ms lie between: every rank counts alike, since
+// all go by the longest time that one of them has seen.
+std::array<int, 4> RunControl::ask() {
+  if (++steps_since_ < steps_between_) return {};
+  const double now = MPI_Wtime();
+  const auto passed = int(std::min(1e9, 1e6 * (now - asked_)));
+  int flags[5] = {caught_signal, checkpoint_wanted, every_.seconds > 0 && now - last_checkpoint_ >= every_.seconds,
+                  most_seconds_ > 0 && now - begin_ >= most_seconds_, passed};
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, flags, 5, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
+  const double steps = 2e4 * double(steps_since_) / std::max(1, flags[4]);
+  steps_between_ = alone_ ? 1 : int(std::clamp(steps, 1., std::min(100., 2. * double(steps_since_))));
+  steps_since_ = 0;
+  asked_ = now;
+  return {flags[0], flags[1], flags[2], flags[3]};
+}
 
 RunControl::Decision RunControl::after(PetscInt step, double t) {
-  const double now = MPI_Wtime();
-  int flags[4] = {caught_signal, checkpoint_wanted, every_.seconds > 0 && now - last_checkpoint_ >= every_.seconds,
-                  most_seconds_ > 0 && now - begin_ >= most_seconds_};
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, flags, 4, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
+  const std::array<int, 4> flags = ask();
   stopped_by_ = flags[0];
   wall_is_over_ = flags[3] && t < t_end_ && !stopped_by_;
   Decision decision;

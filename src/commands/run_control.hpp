@@ -35,7 +35,8 @@ class RunControl {
     bool checkpoint = false;  // write one
     bool restart = false;     // and let the method forget what it remembers of earlier steps
   };
-  // One reduction over all ranks. Collective.
+  // Of several ranks, what only one of them may know (a signal, the clock) is found after 20 ms or 100 steps at the
+  // latest, by one reduction over all. Collective.
   Decision after(PetscInt step, double t);
   void checkpoint_written();
 
@@ -45,9 +46,13 @@ class RunControl {
   bool wall_is_over() const { return wall_is_over_; }  // ts_max_wall came before the end
 
  private:
+  std::array<int, 4> ask();
+
   SignalWatch watch_;
   StepsOrSeconds every_;
-  double most_seconds_, t_end_, begin_, last_checkpoint_;  // 0 seconds: no limit
+  double most_seconds_, t_end_, begin_, last_checkpoint_, asked_;  // 0 seconds: no limit
+  bool alone_ = true;                                              // one rank
+  int steps_since_ = 0, steps_between_ = 1;                        // the ranks asked each other
   PetscInt first_step_, most_steps_;
   int stopped_by_ = 0;
   bool wall_is_over_ = false;

@@ -14,7 +14,8 @@ Events::Events(const Scene& scene, double velocity)
     : scene_(scene), velocity_(velocity), weight_(scene.form == Form::chain ? 1 : scene.h()),
       damping_(scene.B() + scene.s_delta() / scene.A()), amplitude_(friction_amplitude(scene, 0, scene.n)),
       friction_(scene, 0, scene.n),
-      owner_(static_cast<std::size_t>(scene.n), -1), slip_(owner_.size()), slipped_(owner_.size()) {}
+      A_(scene.A()), B_(scene.B()), owner_(static_cast<std::size_t>(scene.n), -1), slip_(owner_.size()),
+      slipped_(owner_.size()), last_force_(owner_.size(), std::numeric_limits<double>::quiet_NaN()) {}
 
 bool Events::moves(std::size_t i, const std::vector<std::vector<double>>& fields) const {
   return std::abs(fields[0][i]) > velocity_;
@@ -64,29 +65,31 @@ void Events::join(int kept, int taken) {
   live_.erase(taken);
 }
 
-void Events::accumulate(std::size_t i, double dt, const std::vector<std::vector<double>>& now) {
-  Live& live = live_.at(owner_[i]);
+// Friction of a node; at psi = 0 it is that of the motion in `direction` which begins or ends there.
+double Events::force(std::size_t i, double psi, double state, double direction) const {
+  return amplitude_[i] *
+         friction_[PetscInt(i)].force(psi == 0 ? direction * std::numeric_limits<double>::min() : psi, state);
+}
+
+void Events::accumulate(std::size_t i, Live& live, double dt, const std::vector<std::vector<double>>& now) {
   live.moves = true;
   const double p0 = last_[0][i], p1 = now[0][i];
   const bool has_state = last_.size() > 2;
   const double s0 = has_state ? last_[2][i] : 0, s1 = has_state ? now[2][i] : 0;
-  // at psi = 0 friction is that of the motion which begins or ends there
   const double direction = p0 + p1 < 0 ? -1 : 1;
-  const double a = amplitude_[i];
-  const double A = scene_.A(), B = scene_.B();
-  const auto force = [&](double psi, double s) {
-    return a * friction_[PetscInt(i)].force(psi == 0 ? direction * std::numeric_limits<double>::min() : psi, s);
-  };
-  const double F0 = force(p0, s0), F1 = force(p1, s1);
-  const double m0 = A * (last_[1][i] - B * p0 - F0), m1 = A * (now[1][i] - B * p1 - F1);
+  // what was taken at the end of the last step, if that moved, unless it went by the direction
+  const double known = last_force_[i];
+  const double F0 = p0 != 0 && !std::isnan(known) ? known : force(i, p0, s0, direction), F1 = force(i, p1, s1, direction);
+  last_force_[i] = F1;
+  const double m0 = A_ * (last_[1][i] - B_ * p0 - F0), m1 = A_ * (now[1][i] - B_ * p1 - F1);
   const double p = (p0 + p1) / 2 + dt / 8 * (m0 - m1);
-  const double F = force(p, (s0 + s1) / 2);
+  const double F = force(i, p, (s0 + s1) / 2, direction);
   const double slip = dt / 6 * (p0 + 4 * p + p1);
   slip_[i] += slip;
   slipped_[i] += slip;
   live.event.friction_work += weight_ * dt / 6 * (p0 * F0 + 4 * p * F + p1 * F1);
   live.event.radiated += weight_ * damping_ * dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
-  live.kinetic_now += weight_ * p1 * p1 / (2 * A);
+  live.kinetic_now += weight_ * p1 * p1 / (2 * A_);
 }
 
 // eta of a node as the event found it, with what the slip of others has done to it since (0 up to round-off for most).
@@ -140,11 +143,19 @@ void Events::step(double t, const std::vector<std::vector<double>>& fields) {
     std::vector<std::size_t> moving;
     std::shared_ptr<const Before> before;
     for (std::size_t i = 0; i < owner_.size(); ++i) {
-      if (!moves(i, last_) && !moves(i, fields)) continue;
+      if (!moves(i, last_) && !moves(i, fields)) {
+        last_force_[i] = std::numeric_limits<double>::quiet_NaN();
+        continue;
+      }
       moving.push_back(i);
       if (owner_[i] < 0) claim(i, before);
     }
-    for (const std::size_t i : moving) accumulate(i, dt, fields);
+    int id = -1;  // neighbours mostly belong to one event
+    Live* live = nullptr;
+    for (const std::size_t i : moving) {
+      if (owner_[i] != id) live = &live_.at(id = owner_[i]);
+      accumulate(i, *live, dt, fields);
+    }
     std::vector<int> over;
     for (auto& [id, live] : live_) {
       live.event.kinetic = std::max(live.event.kinetic, live.kinetic_now);

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <stdexcept>
 
 #include "base/broadcast.hpp"
@@ -156,32 +155,32 @@ int FieldWatch::count_pulses(const double* u, double depth) const {
   return line.up + (model_.scene().ring() && line.last == -1 && line.first == 1 ? 1 : 0);
 }
 
-// Of the Fourier coefficient of psi with mode_ turns round the ring. Sine and cosine are turned from node to node, several
-// nodes side by side, since each waits for the one before it, and computed afresh now and then.
-double FieldWatch::phase_of(const double* u) const {
-  constexpr PetscInt lanes = 8, block = 32 * lanes;
-  const PetscInt n = model_.local(), dof = model_.dof();
-  const double turn = 2 * M_PI * double(mode_) / double(model_.scene().n);
-  const double c = std::cos(lanes * turn), s = std::sin(lanes * turn);
-  double real[lanes] = {}, imaginary[lanes] = {};
-  for (PetscInt begin = 0; begin < n; begin += block) {
-    double x[lanes], y[lanes];
-    for (PetscInt k = 0; k < lanes; ++k) {
-      const double turns = double(mode_) * double(model_.first() + begin + k) / double(model_.scene().n);
-      const double angle = 2 * M_PI * std::fmod(turns, 1.);
-      x[k] = std::cos(angle);
-      y[k] = -std::sin(angle);
-    }
-    for (PetscInt i = begin; i < std::min(begin + block, n); i += lanes)
-      for (PetscInt k = 0; k < std::min(lanes, n - i); ++k) {
-        const double psi = u[(i + k) * dof], turned = x[k] * c + y[k] * s;
-        real[k] += psi * x[k];
-        imaginary[k] += psi * y[k];
-        y[k] = y[k] * c - x[k] * s;
-        x[k] = turned;
-      }
+// Some thousand places round the ring, all nodes of smaller ones, with the sine and cosine of mode_ turns there.
+void FieldWatch::choose_phase_places() {
+  const double n = double(model_.scene().n), count = std::min(n, std::max(1024., 16. * mode_));
+  const double begin = double(model_.first()), end = begin + double(model_.local());
+  for (double k = std::max(0., std::floor(begin * count / n) - 1); k < count; ++k) {
+    const double node = std::floor(k * n / count);
+    if (node < begin) continue;
+    if (node >= end) break;
+    const double angle = 2 * M_PI * std::fmod(double(mode_) * node / n, 1.);
+    phase_places_.push_back({PetscInt(node - begin), std::cos(angle), std::sin(angle)});
   }
-  double sums[2] = {std::accumulate(real, real + lanes, 0.), std::accumulate(imaginary, imaginary + lanes, 0.)};
+}
+
+// Of the Fourier coefficient of psi with mode_ turns round the ring. What other harmonics add to it at so many places
+// falls with their number a turn, and turns with the wave, which the slope over many moments levels.
+double FieldWatch::phase_of(const double* u) {
+  if (moments_.empty() || phase_places_.empty()) {
+    phase_places_.clear();
+    choose_phase_places();
+  }
+  double sums[2] = {0, 0};
+  for (const PhasePlace& place : phase_places_) {
+    const double psi = u[place.node * model_.dof()];
+    sums[0] += psi * place.cosine;
+    sums[1] -= psi * place.sine;
+  }
   sum_over(model_.comm(), sums, 2);
   return std::atan2(sums[1], sums[0]);
 }

@@ -8,11 +8,12 @@
 //
 //   pulses      upward passages of psi through v along x, on a ring or between the ends; a dip counts where it goes a
 //               twentieth of the range of psi below
-//   wave speed  on a ring with m pulses the slope of the phase of the m-th Fourier coefficient, -2 pi m V/L, by least
-//               squares; elsewhere the least-squares slope of the times at which nodes of the middle half (up to 1024
-//               of them) last passed v upwards, along each pulse. Positive to the right; none where the phase is not
-//               linear in time to 0.3 rad, where pulses of one direction hold fewer than 80 % of the nodes, or where
-//               the times of passage are off the straight line by more than a tenth of what they climb.
+//   wave speed  on a ring with m pulses the slope of the phase of the m-th Fourier coefficient (from 1024 places, or 16 a
+//               turn), -2 pi m V/L, by least squares; elsewhere the least-squares slope of the times at which nodes of
+//               the middle half (up to 1024 of them) last passed v upwards, along each pulse. Positive to the right;
+//               none where the phase is not linear in time to 0.3 rad, where pulses of one direction hold fewer than
+//               80 % of the nodes, or where the times of passage are off the straight line by more than a tenth of what
+//               they climb.
 #pragma once
 
 #include <optional>
@@ -49,13 +50,18 @@ class FieldWatch {
     PetscInt node;  // of this rank
     double psi, passed;
   };
+  struct PhasePlace {  // a node of this rank
+    PetscInt node;
+    double cosine, sine;
+  };
   void widen(const double* u);
   void look(double t, const double* u);
   double step_to_next_rank(const double* u) const;
   int count_pulses(const double* u, double depth) const;
   bool phase_is_due(double t) const;
   void take_phase(double t, const double* u);
-  double phase_of(const double* u) const;
+  void choose_phase_places();
+  double phase_of(const double* u);
   std::optional<double> ring_speed() const;
   std::size_t place_of(const Tracked& node) const;
   std::optional<double> passage_speed() const;
@@ -69,6 +75,7 @@ class FieldWatch {
   std::size_t tracked_count_ = 0;     // on all ranks
   double last_t_ = 0, first_step_t_ = 0;
   std::vector<Moment> moments_;
+  std::vector<PhasePlace> phase_places_;
   int mode_ = -1, pulses_ = 0;        // pulses at the beginning (-1: not yet seen) and at the last moment
   double steepest_ = 0;
 };

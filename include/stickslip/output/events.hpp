@@ -82,7 +82,8 @@ class Events {
   int owner_beside(std::size_t i, int step) const;
   void claim(std::size_t i, std::shared_ptr<const Before>& now);
   void join(int kept, int taken);
-  void accumulate(std::size_t i, double dt, const std::vector<std::vector<double>>& now);
+  double force(std::size_t i, double psi, double state, double direction) const;
+  void accumulate(std::size_t i, Live& live, double dt, const std::vector<std::vector<double>>& now);
   double eta_before(PetscInt node, int id, const Before& before) const;
   void finish(int id);
 
@@ -90,12 +91,14 @@ class Events {
   double velocity_, weight_, damping_;
   std::vector<double> amplitude_;
   Frictions friction_;
+  double A_, B_;
   bool started_ = false;
   double t_ = 0;
   std::vector<std::vector<double>> last_;
   std::vector<int> owner_;            // event under way in whose region a node is; -1: none
   std::vector<double> slip_;          // of a node in a region: in this event
   std::vector<double> slipped_;       // of any node: in all events so far
+  std::vector<double> last_force_;    // friction at the end of the last step of nodes that moved in it, else NaN
   std::map<int, Live> live_;
   int next_id_ = 0;
   std::vector<SlipEvent> ended_;
