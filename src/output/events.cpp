@@ -150,11 +150,11 @@ void Events::step(double t, const std::vector<std::vector<double>>& fields) {
       moving.push_back(i);
       if (owner_[i] < 0) claim(i, before);
     }
-    int id = -1;  // neighbours mostly belong to one event
-    Live* live = nullptr;
+    int owner = -1;  // neighbours mostly belong to one event
+    Live* event = nullptr;
     for (const std::size_t i : moving) {
-      if (owner_[i] != id) live = &live_.at(id = owner_[i]);
-      accumulate(i, *live, dt, fields);
+      if (owner_[i] != owner) event = &live_.at(owner = owner_[i]);
+      accumulate(i, *event, dt, fields);
     }
     std::vector<int> over;
     for (auto& [id, live] : live_) {
