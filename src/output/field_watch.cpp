@@ -155,9 +155,10 @@ int FieldWatch::count_pulses(const double* u, double depth) const {
   return line.up + (model_.scene().ring() && line.last == -1 && line.first == 1 ? 1 : 0);
 }
 
-// Some thousand places round the ring, all nodes of smaller ones, with the sine and cosine of mode_ turns there.
+// 65536 nodes round the ring, and 512 at least for each turn, all nodes of smaller ones; with the sine and cosine of mode_
+// turns there.
 void FieldWatch::choose_phase_places() {
-  const double n = double(model_.scene().n), count = std::min(n, std::max(1024., 16. * mode_));
+  const double n = double(model_.scene().n), count = std::min(n, std::max(65536., 512. * mode_));
   const double begin = double(model_.first()), end = begin + double(model_.local());
   for (double k = std::max(0., std::floor(begin * count / n) - 1); k < count; ++k) {
     const double node = std::floor(k * n / count);
