@@ -5,7 +5,6 @@
 #include <petscvec.h>
 
 #include <type_traits>
-#include <vector>
 
 #include "stickslip/base/error.hpp"
 
@@ -33,13 +32,5 @@ class LocalArray {
 
 using Reading = LocalArray<const double>;
 using Writing = LocalArray<double>;
-
-// A copy of it.
-inline std::vector<double> local_values(Vec v) {
-  PetscInt count;
-  SS_TRY(VecGetLocalSize(v, &count));
-  const Reading own(v);
-  return std::vector<double>(own + 0, own + count);
-}
 
 }  // namespace stickslip

@@ -9,7 +9,7 @@
 #include <set>
 
 #include "base/broadcast.hpp"
-#include "base/local_values.hpp"
+#include "base/local_copy.hpp"
 #include "base/progress.hpp"
 #include "commands/quantities.hpp"
 #include "output/catalogue.hpp"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "base/local_values.hpp"
+#include "base/local_copy.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/text.hpp"
