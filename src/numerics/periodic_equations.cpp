@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/text.hpp"
 #include "stickslip/numerics/cyclic.hpp"
 #include "stickslip/numerics/dense.hpp"
 
@@ -187,8 +188,19 @@ std::vector<double> PeriodicEquations::fill(const PeriodicEquations& from, const
 void PeriodicEquations::set_lambda(double lambda) {
   if (!family_ || (lambda == lambda_ && lower_)) return;
   field_ = family_(lambda);
-  lower_ = family_(lambda - eps_);
-  upper_ = family_(lambda + eps_);
+  width_ = 0;
+  const auto beside = [&](double by) {  // at an end of what lambda may be the difference is one-sided
+    try {
+      const SharedField field = family_(lambda + by);
+      width_ += std::abs(by);
+      return field;
+    } catch (const Error&) {
+      return field_;
+    }
+  };
+  lower_ = beside(-eps_);
+  upper_ = beside(eps_);
+  if (!(width_ > 0)) throw Failure("the parameter cannot be varied at " + rounded_text(lambda, 12));
   lambda_ = lambda;
 }
 
@@ -210,7 +222,7 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
       if (!family_) continue;
       lower_->rates(Y + j * d, low.data());
       upper_->rates(Y + j * d, high.data());
-      for (size_t a = 0; a < d; ++a) slope[j * d + a] = (high[a] - low[a]) / (2 * eps_);
+      for (size_t a = 0; a < d; ++a) slope[j * d + a] = (high[a] - low[a]) / width_;
     }
     for (size_t j = 0; j < stages; ++j)
       for (size_t a = 0; a < d; ++a) {

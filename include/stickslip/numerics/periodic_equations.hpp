@@ -48,7 +48,7 @@ struct Pencil {
 class PeriodicEquations {
  public:
   PeriodicEquations(std::vector<double> mesh, SharedField field);
-  // With lambda as an unknown; its derivatives by differences over 1e-6 `scale`.
+  // With lambda as an unknown; its derivatives by differences over 1e-6 `scale` to either side.
   PeriodicEquations(std::vector<double> mesh, FieldFamily family, double lambda, double scale);
 
   int parameters() const { return family_ ? 2 : 1; }
@@ -91,7 +91,7 @@ class PeriodicEquations {
   std::vector<double> mesh_;
   SharedField field_, lower_, upper_;  // at lambda, and a little beside it
   FieldFamily family_;
-  double lambda_ = 0, eps_ = 0;
+  double lambda_ = 0, eps_ = 0, width_ = 0;
   int d_;
   std::size_t n_;
 };
