@@ -262,8 +262,8 @@ std::vector<NodeForms> forms_of(const SteadySliding& steady, const LinearisedOpe
   std::vector<NodeForms> forms;
   for (std::size_t i = 0; i < count; ++i) {
     const auto node = std::size_t(J.coupling.node[i]);
-    forms.emplace_back(J.point(i), amplitude[node],
-                       friction[PetscInt(node)].higher_partials(steady.psi[node], steady.state.empty() ? 0 : steady.state[node]));
+    const double state = steady.state.empty() ? 0 : steady.state[node];
+    forms.emplace_back(J.point(i), amplitude[node], friction[PetscInt(node)].higher_partials(steady.psi[node], state));
   }
   return forms;
 }
