@@ -90,7 +90,7 @@ Cycle described(const Scene& scene, const StickCycle& cycle) {
   c.multipliers = multipliers_of(motion.size(), round_matrix(motion, cycle));
   for (std::size_t k = 0; k < c.multipliers.size(); ++k)
     if (std::abs(c.multipliers[k] - 1.) < std::abs(c.multipliers[c.phase_mode] - 1.)) c.phase_mode = k;
-  c.error_estimate = std::max(1e-15, std::abs(polished(rough, cycle).period / cycle.period - 1));
+  c.error_estimate = std::max(1e-15, std::abs(lap(rough, cycle, {}).period / cycle.period - 1));
   measure(c);
   return c;
 }

@@ -101,63 +101,53 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
   return result;
 }
 
-StickCycle polished(const StickMotion& m, const StickCycle& guess) {
-  StickCycle c(guess);
+MapAt map_at(const StickMotion& m, const StickCycle& c) {
   const std::size_t size = m.size(), dof = std::size_t(m.dof()), section = std::size_t(c.node) * dof;
   const std::vector<std::size_t> free = free_unknowns(m, c.node);
-  const int n = int(free.size());
-  double last = StickMotion::never;
-  for (int iteration = 0;; ++iteration) {
-    c.start = on_section(m, c);
-    Standing p{0, c.start, {}, {}, 0};
-    m.decide(p);
-    std::vector<double> after(size), y(size);
-    m.rates(p.direction, p.u.data(), after.data());
-    const double slope = m.threshold_slope(c.node, p.u.data());
-    LapWishes wishes;
-    for (const std::size_t k : free) {
-      std::fill(y.begin(), y.end(), 0.);
-      y[k] = 1;
-      if (k == section + 2) y[section + 1] = c.side * slope;
-      pass_release(m, p, after, y);
-      wishes.deviations.insert(wishes.deviations.end(), y.begin(), y.end());
-    }
-    wishes.turns = n == 0;
-    const Lap round = lap(m, c, wishes);
-    c.period = round.period;
-    c.sequence = round.sequence;
-    c.depth = round.depth;
-    c.clearance = round.clearance;
-    c.residual = 0;
-    for (const std::size_t k : free) c.residual = std::max(c.residual, std::abs(round.at.u[k] - c.start[k]));
-    if (n == 0) return c;
-    // (DP - 1) change = start - P(start), with P taken along the motion back to the section
-    m.rates(round.at.direction, round.at.u.data(), after.data());
-    const double end_slope = m.threshold_slope(c.node, round.at.u.data());
-    const auto event = [&](const double* d) {
-      return c.side * d[section + 1] - (dof == 3 ? end_slope * d[section + 2] : 0);
-    };
-    const double speed = event(after.data());
-    std::vector<double> matrix(std::size_t(n * n)), change(static_cast<std::size_t>(n));
-    for (int j = 0; j < n; ++j) {
-      const double* d = &round.at.deviations[std::size_t(j) * size];
-      const double late = event(d) / speed;
-      for (int i = 0; i < n; ++i) {
-        const std::size_t k = free[std::size_t(i)];
-        matrix[std::size_t(i * n + j)] = d[k] - after[k] * late - (i == j ? 1 : 0);
-      }
-    }
-    for (int i = 0; i < n; ++i) change[std::size_t(i)] = c.start[free[std::size_t(i)]] - round.at.u[free[std::size_t(i)]];
-    if (!solve_dense(n, matrix.data(), 1, change.data())) throw Failure("exact stick: the return map is singular");
-    double largest = 0;
-    for (int i = 0; i < n; ++i) {
-      c.start[free[std::size_t(i)]] += change[std::size_t(i)];
-      largest = std::max(largest, std::abs(change[std::size_t(i)]) / (1 + std::abs(c.start[free[std::size_t(i)]])));
-    }
-    if (!std::isfinite(largest) || iteration > 30) throw Failure("exact stick: Newton's method on the return map fails");
-    if (largest < settled || (largest < 1e-9 && largest >= last)) break;
-    last = largest;
+  const std::size_t n = free.size();
+  Standing p{0, on_section(m, c), {}, {}, 0};
+  m.decide(p);
+  std::vector<double> after(size), y(size);
+  m.rates(p.direction, p.u.data(), after.data());
+  const double slope = m.threshold_slope(c.node, p.u.data());
+  LapWishes wishes;
+  for (const std::size_t k : free) {
+    std::fill(y.begin(), y.end(), 0.);
+    y[k] = 1;
+    if (k == section + 2) y[section + 1] = c.side * slope;
+    pass_release(m, p, after, y);
+    wishes.deviations.insert(wishes.deviations.end(), y.begin(), y.end());
   }
+  MapAt result{lap(m, c, wishes), {}, std::vector<double>(n * n)};
+  const Standing& end = result.round.at;
+  for (const std::size_t k : free) result.image.push_back(end.u[k]);
+  // the deviations, taken along the motion back to the section
+  m.rates(end.direction, end.u.data(), after.data());
+  const double end_slope = m.threshold_slope(c.node, end.u.data());
+  const auto event = [&](const double* d) { return c.side * d[section + 1] - (dof == 3 ? end_slope * d[section + 2] : 0); };
+  const double speed = event(after.data());
+  for (std::size_t j = 0; j < n; ++j) {
+    const double* d = &end.deviations[j * size];
+    const double late = event(d) / speed;
+    for (std::size_t i = 0; i < n; ++i) result.slopes[i * n + j] = d[free[i]] - after[free[i]] * late;
+  }
+  return result;
+}
+
+std::vector<double> free_values(const StickMotion& m, const StickCycle& c) {
+  const std::vector<double> u = on_section(m, c);
+  std::vector<double> values;
+  for (const std::size_t k : free_unknowns(m, c.node)) values.push_back(u[k]);
+  return values;
+}
+
+void set_free_values(const StickMotion& m, const std::vector<double>& values, StickCycle& c) {
+  const std::vector<std::size_t> free = free_unknowns(m, c.node);
+  for (std::size_t i = 0; i < free.size(); ++i) c.start[free[i]] = values[i];
+  c.start = on_section(m, c);
+}
+
+void close_cycle(const StickMotion& m, StickCycle& c) {
   LapWishes wishes;
   wishes.turns = true;
   const Lap round = lap(m, c, wishes);
@@ -167,7 +157,35 @@ StickCycle polished(const StickMotion& m, const StickCycle& guess) {
   c.depth = round.depth;
   c.clearance = round.clearance;
   c.residual = 0;
-  for (const std::size_t k : free) c.residual = std::max(c.residual, std::abs(round.at.u[k] - c.start[k]));
+  for (const std::size_t k : free_unknowns(m, c.node))
+    c.residual = std::max(c.residual, std::abs(round.at.u[k] - c.start[k]));
+}
+
+StickCycle polished(const StickMotion& m, const StickCycle& guess) {
+  StickCycle c(guess);
+  std::vector<double> x = free_values(m, c);
+  const int n = int(x.size());
+  double last = StickMotion::never;
+  for (int iteration = 0; n > 0; ++iteration) {
+    set_free_values(m, x, c);
+    MapAt map = map_at(m, c);
+    std::vector<double> change(x);  // (DP - 1) change = x - P(x)
+    for (int i = 0; i < n; ++i) {
+      change[std::size_t(i)] -= map.image[std::size_t(i)];
+      map.slopes[std::size_t(i * n + i)] -= 1;
+    }
+    if (!solve_dense(n, map.slopes.data(), 1, change.data())) throw Failure("exact stick: the return map is singular");
+    double largest = 0;
+    for (std::size_t i = 0; i < x.size(); ++i) {
+      x[i] += change[i];
+      largest = std::max(largest, std::abs(change[i]) / (1 + std::abs(x[i])));
+    }
+    if (!std::isfinite(largest) || iteration > 30) throw Failure("exact stick: Newton's method on the return map fails");
+    if (largest < settled || (largest < 1e-9 && largest >= last)) break;
+    last = largest;
+  }
+  set_free_values(m, x, c);
+  close_cycle(m, c);
   return c;
 }
 

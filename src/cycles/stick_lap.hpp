@@ -28,6 +28,20 @@ struct LapWishes {
 // motion does not come back.
 Lap lap(const StickMotion& motion, const StickCycle& from, const LapWishes& wishes);
 
+// The coordinates that tell points of the section apart: all unknowns but those of held nodes, and psi and eta of the node
+// that is released.
+std::vector<double> free_values(const StickMotion& motion, const StickCycle& cycle);
+void set_free_values(const StickMotion& motion, const std::vector<double>& values, StickCycle& cycle);
+
+// The return map in these coordinates: what comes back, and its derivative, row-major. Throws Failure as lap().
+struct MapAt {
+  Lap round;
+  std::vector<double> image, slopes;
+};
+MapAt map_at(const StickMotion& motion, const StickCycle& cycle);
+// Sets what is known of a cycle whose start is a fixed point.
+void close_cycle(const StickMotion& motion, StickCycle& cycle);
+
 // The fixed point near a guess, by Newton's method. Throws Failure.
 StickCycle polished(const StickMotion& motion, const StickCycle& guess);
 

@@ -1,42 +1,128 @@
-// The branch of a cycle with rests: from one value of the parameter to the next, as far as the slips come to rest.
+// The branch of a cycle with rests: the return map with the parameter as one more unknown, so that the branch may turn round.
 #include <algorithm>
 #include <cmath>
 
+#include "cycles/stick_lap.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/numerics/dense.hpp"
 
 namespace stickslip {
 
 namespace {
 
-// The parameter alone tells the cycles apart: a branch of this kind does not turn round. It ends where a slip only
-// grazes rest.
+using std::size_t;
+
+constexpr double difference = 1e-6;  // of the parameter's range: the map's derivative by it, to a millionth
+constexpr double settled = 1e-12;    // change of Newton's method
+
 class StickPath : public CyclePath {
  public:
   StickPath(std::function<Scene(double)> at, double from, double range, const StickCycle& first)
-      : scene_at_(std::move(at)), range_(range), here_{from, first}, there_(here_) {}
+      : scene_at_(std::move(at)), range_(range) {
+    const StickMotion m(scene_at_(from));
+    there_.cycle = first;
+    there_.x = free_values(m, first);
+    for (const double value : there_.x) scale_.push_back(1 + std::abs(value));
+    there_.x.push_back(from);
+    here_ = there_;
+  }
 
   void go(double length, const Place& row, double right) override {
-    (void)length;
-    const double value = right / row[0] * range_;
-    const StickCycle found = polish(scene_at_(value), here_.cycle);
-    if (found.sequence != here_.cycle.sequence)
-      throw Failure("the sequence of starts and stops changes: " + found.sequence);
-    there_ = {value, found};
+    Stand next = here_;
+    for (size_t k = 0; k < next.x.size(); ++k) next.x[k] += length * here_.t[k] * unit(k);
+    double last = StickMotion::never;
+    for (int iteration = 0;; ++iteration) {
+      std::vector<double> matrix, change;
+      linearise(next, row, right, matrix, change);
+      if (!solve_dense(int(next.x.size()), matrix.data(), 1, change.data())) throw Failure("the return map is singular");
+      double largest = 0;
+      for (size_t k = 0; k < next.x.size(); ++k) {
+        next.x[k] += change[k] * unit(k);
+        largest = std::max(largest, std::abs(change[k]));
+      }
+      if (!std::isfinite(largest) || iteration > 12) throw Failure("Newton's method on the return map fails");
+      if (largest < settled || (largest < 1e-9 && largest >= last)) break;
+      last = largest;
+    }
+    const StickMotion m(scene_at_(next.x.back()));
+    set_free_values(m, free_of(next), next.cycle);
+    close_cycle(m, next.cycle);
+    if (next.cycle.sequence != here_.cycle.sequence)
+      throw Failure("the sequence of starts and stops changes: " + next.cycle.sequence);
+    there_ = std::move(next);
   }
-  Place place() const override { return {there_.value / range_}; }
-  Place tangent(const Place& row) override { return {row[0] < 0 ? -1. : 1.}; }
-  Cycle cycle() const override { return described(scene_at_(there_.value), there_.cycle); }
+
+  Place place() const override {
+    Place p;
+    for (size_t k = 0; k < there_.x.size(); ++k) p.push_back(there_.x[k] / unit(k));
+    return p;
+  }
+
+  Place tangent(const Place& row) override {
+    std::vector<double> matrix, right;
+    linearise(there_, row, 0, matrix, right);
+    std::fill(right.begin(), right.end(), 0.);
+    right.back() = 1;
+    if (!solve_dense(int(there_.x.size()), matrix.data(), 1, right.data())) throw Failure("the branch has no tangent");
+    double size = 0;
+    for (const double value : right) size += value * value;
+    for (double& value : right) value /= std::sqrt(size);
+    there_.t = right;
+    return right;
+  }
+
+  Cycle cycle() const override { return described(scene_at_(there_.x.back()), there_.cycle); }
   const StickCycle& candidate() const { return there_.cycle; }
   void accept() override { here_ = there_; }
 
  private:
   struct Stand {
-    double value;
+    std::vector<double> x, t;  // free coordinates and the parameter; the tangent, in units of the places
     StickCycle cycle;
   };
+  double unit(size_t k) const { return k < scale_.size() ? scale_[k] : range_; }
+  static std::vector<double> free_of(const Stand& s) { return {s.x.begin(), s.x.end() - 1}; }
+
+  std::vector<double> image(const Stand& s, double parameter) const {
+    StickMotion m(scene_at_(parameter));
+    if (std::isinf(s.cycle.clearance)) m.stop_at_turns();  // beside a graze the map goes on smoothly
+    StickCycle c(s.cycle);
+    set_free_values(m, free_of(s), c);
+    c.start = lap(m, c, {}).at.u;
+    return free_values(m, c);
+  }
+
+  // The linear system of a step of Newton's method, in units of the places: (DP - 1, dP/dparameter; row) change = right.
+  void linearise(const Stand& s, const Place& row, double level, std::vector<double>& matrix,
+                 std::vector<double>& right) const {
+    const size_t n = scale_.size(), all = n + 1;
+    matrix.assign(all * all, 0.);
+    right.assign(all, 0.);
+    if (n > 0) {
+      const StickMotion m(scene_at_(s.x.back()));
+      StickCycle c(s.cycle);
+      set_free_values(m, free_of(s), c);
+      const MapAt map = map_at(m, c);
+      const double step = difference * range_;
+      const std::vector<double> up = image(s, s.x.back() + step), down = image(s, s.x.back() - step);
+      for (size_t i = 0; i < n; ++i) {
+        for (size_t j = 0; j < n; ++j)
+          matrix[i * all + j] = (map.slopes[i * n + j] - (i == j ? 1 : 0)) * scale_[j] / scale_[i];
+        matrix[i * all + n] = (up[i] - down[i]) / (2 * step) * range_ / scale_[i];
+        right[i] = (s.x[i] - map.image[i]) / scale_[i];
+      }
+    }
+    double here = 0;
+    for (size_t k = 0; k < all; ++k) {
+      matrix[n * all + k] = row[k];
+      here += row[k] * s.x[k] / unit(k);
+    }
+    right[n] = level - here;
+  }
+
   std::function<Scene(double)> scene_at_;
   double range_;
+  std::vector<double> scale_;
   Stand here_, there_;
 };
 

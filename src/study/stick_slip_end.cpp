@@ -43,7 +43,7 @@ double StickSlipEnd::operator()(double x, double y) {
   if (each_) each_();
   ++evaluations_;
   const Scene one = scene(x, y);
-  if (!refusal(one).empty()) return std::nan("");
+  if (!one.friction.sticks() || !(one.K0() > 0)) return std::nan("");
   const Grazing found = distance_from_graze(one);
   period_ = found.period;
   return found.distance;

@@ -71,6 +71,11 @@ def test_a_state_ends_it_by_a_fold():
         check(point["kind"] == "fold", point)
         values.append(point["value"])
     check(abs(values[1] - values[0]) < 5e-8, f"the same place to 1e-8 of the longer range: {values}")
+    # the branch of the cycle goes round the same fold, and on to where the slip of the cycle that repels grazes rest
+    branch = run(BLOCK + "-state_law healing -model_v 3 -cycle_continue model_v -cycle_to 4.4", command="cycle")[0]
+    fold, graze = branch["special"]
+    check((fold["kind"], graze["kind"]) == ("fold", "graze") and graze["value"] < fold["value"], branch["special"])
+    check(abs(fold["value"] - values[1]) < 3e-8, f"fold of the branch at {fold['value']}, not {values[1]}")
     one = BLOCK + "-grid_n 1 -bc_left free -state_law healing -init_psi 0 -init_eta 0 -ts_max_time 800 "
     for v, regime in ((values[0] - 0.02, "stick-slip"), (values[0] + 0.05, "sliding")):
         check(run(one + f"-model_v {v}")[0]["regime"] == regime, f"a run beside it: {v}")

@@ -89,8 +89,8 @@ Cycle described(const Scene& scene, const StickCycle& cycle);
 std::vector<std::complex<double>> wave_multipliers(const Scene& one_node, const StickCycle& cycle, double stiffness);
 
 // The branch of such a cycle: `at` gives the cell as a function of the parameter, `from` is where `first` was found, `range`
-// the length of the range that counts. It does not turn round folds, and ends where the sequence changes or a slip no
-// longer comes to rest.
+// the length of the range that counts. It goes round folds, and ends where the sequence changes or a slip no longer comes to
+// rest.
 std::unique_ptr<CyclePath> stick_path(std::function<Scene(double)> at, double from, double range,
                                       const StickCycle& first);
 // The cycle where such a path stands (its candidate).
