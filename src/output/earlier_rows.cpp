@@ -45,7 +45,8 @@ EarlierRows earlier_rows(hid_t old, const std::string& name, const GrowingTable&
   return source;
 }
 
-std::vector<double> rows_of(const EarlierRows& source, const GrowingTable& table, std::size_t c, hsize_t first, hsize_t count) {
+std::vector<double> rows_of(const EarlierRows& source, const GrowingTable& table, std::size_t c, hsize_t first,
+                            hsize_t count) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const Column& column = table.columns[c];
   if (!source.datasets[c]) return std::vector<double>(count * table.width(column), nan);
