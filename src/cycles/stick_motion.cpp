@@ -28,6 +28,9 @@ StickMotion::StickMotion(const Scene& scene, double stiffness, double tolerance)
       method_(std::size_t(nodes_ * dof_)), method_with_deviations_(0) {
   if (!law_->sticks)
     throw UsageError("friction_law " + to_string(scene.friction.law) + " does not stick: its oscillation has no rests");
+  if (scene.has_profile())
+    throw UsageError("a profile of friction: the motion of nodes with exact stick is followed where friction has one law; set "
+                     "friction_stick to regularised");
   if (half_width_ == 0) std::fill(std::begin(coefficients_.w), std::end(coefficients_.w), 0.);
   loop_ = whole_loop(scene.friction, half_width_, true);
   for (int j = -half_width_; j < 0; ++j) halo_.push_back(halo_node(scene, j));
