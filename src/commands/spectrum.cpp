@@ -12,6 +12,7 @@
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/stability/spectrum.hpp"
 #include "stickslip/stability/transient.hpp"
+#include "stickslip/stability/uniform_states.hpp"
 #include "stickslip/output/summary.hpp"
 
 namespace stickslip {
@@ -25,7 +26,7 @@ SpectrumMethod method_of(const std::string& text) {
 }
 
 constexpr const char* no_norm = "not for this scene, which has no energy norm (D2 is not symmetric: held ends of order "
-                                "4 or 6; or k0 = 0 without a held end)";
+                                "4 or 6; or k0 = 0 without a held end), or too large for its matrix with model_nu";
 
 // What the number says about the largest |exp(J t)|.
 std::string growth_is(const Transient& t) {
@@ -157,6 +158,28 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
   file.write();
 }
 
+// The uniform motions at the force of the start, which init_eta says; in a line each for a person.
+Json uniform_state_list(const Scene& scene, const Options& options, Summary& summary) {
+  const auto friction = Friction::of(scene.friction);
+  const bool steady = options.text("init_eta") == "steady";
+  const double stress = steady ? scene.B() * scene.v + friction->force(scene.v, friction->steady_state(scene.v))
+                               : options.real("init_eta");
+  Json list = Json::array();
+  for (const UniformState& u : uniform_states(scene, stress)) {
+    list.push_back(Json::object({{"psi", u.psi},
+                                 {"state", u.state ? Json(*u.state) : Json()},
+                                 {"slope", u.rests ? Json() : Json(u.slope)},
+                                 {"growth_rate", u.rests ? Json() : Json(u.growth_rate)},
+                                 {"frequency", u.rests ? Json() : Json(u.frequency)},
+                                 {"wavenumber", u.rests ? Json() : Json(u.wavenumber)},
+                                 {"stable", u.stable}}));
+    summary.say("at the force " + rounded_text(stress, 6) + " of the start: psi = " + rounded_text(u.psi, 6) + ", " +
+                (u.rests ? "at rest" : (u.stable ? "stable, " : "unstable, ") + std::string("growth rate ") +
+                                           rounded_text(u.growth_rate, 4)));
+  }
+  return list;
+}
+
 }  // namespace
 
 int spectrum_command(const Options& options) {
@@ -165,7 +188,7 @@ int spectrum_command(const Options& options) {
   Summary summary(provenance,
                   {"steady", "growth_rate", "growth_rate_error", "frequency", "degenerate", "stable", "growth_continuum",
                    "wavenumber_continuum", "eigenvalues", "dispersion_error", "complete", "list_complete", "missing",
-                   "completeness_check", "method", "unknowns", "transient", "kreiss"},
+                   "completeness_check", "method", "unknowns", "transient", "kreiss", "uniform_states"},
                   options.text("summary"));
   const Scene scene = Scene::from(options, true);
   return with_summary(summary, [&] {
@@ -224,6 +247,7 @@ int spectrum_command(const Options& options) {
         kreiss = std::max(kreiss, box.re[k % box.re.size()] * box.norm[k]);
       if (!box.norm.empty() && spectrum.stable) summary.set("kreiss", kreiss);
     }
+    if (has_uniform_states(scene)) summary.set("uniform_states", uniform_state_list(scene, options, summary));
     write_file(steady, J, spectrum, box, options.text("out_file"), provenance);
     if (!any_resolved())
       warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");

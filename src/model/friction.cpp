@@ -36,7 +36,9 @@ const std::vector<LawTraits>& law_table() {
       LawTraits traits{L::name, says::jumps_at_rest<L>(), parameters_of<L>(), {}};
       for_each_type(StateLaws(), [&](auto state) {
         using S = typename std::decay_t<decltype(state)>::type;
-        if (classes_belong_together<L, S>()) traits.states.emplace_back(S::name);
+        const bool usual = says::usual_state<L>() == std::string(S::name);
+        if (classes_belong_together<L, S>())
+          traits.states.emplace(usual ? traits.states.begin() : traits.states.end(), S::name);
       });
       all.push_back(traits);
     });

@@ -101,6 +101,7 @@ template <class T> using SlopesOf = decltype(&T::slopes_ahead);
 template <class T> using VelocityOfSlope = decltype(&T::velocity_of_slope);
 template <class T> using Check = decltype(&T::check);
 template <class T> using Factor = decltype(std::declval<const T&>().factor(0.));
+template <class T> using UsualState = decltype(T::usual_state);
 template <class T> using NeedsThreshold = decltype(T::needs_threshold);
 
 // partials() in place of phi(): F is no product of phi and a factor of the state.
@@ -131,6 +132,12 @@ template <class L>
 double velocity_of_slope(const L& law, double slope) {
   if constexpr (Has<L, VelocityOfSlope>::value) return law.velocity_of_slope(slope);
   else return std::numeric_limits<double>::quiet_NaN();
+}
+// usual_state: the state law taken where none is named; the first of the list that goes with the law.
+template <class L>
+constexpr const char* usual_state() {
+  if constexpr (Has<L, UsualState>::value) return L::usual_state;
+  else return "";
 }
 // check(), which throws UsageError: any values within their ranges go together.
 template <class T>

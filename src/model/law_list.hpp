@@ -4,8 +4,10 @@
 #include "model/laws/carlson_langer.hpp"
 #include "model/laws/coulomb.hpp"
 #include "model/laws/cubic.hpp"
+#include "model/laws/n_shaped.hpp"
 #include "model/laws/rate_and_state.hpp"
 #include "model/states/ageing.hpp"
+#include "model/states/ageing_cutoff.hpp"
 #include "model/states/contact_age.hpp"
 #include "model/states/healing.hpp"
 #include "model/states/slip.hpp"
@@ -15,7 +17,7 @@ namespace stickslip {
 template <class...>
 struct Types {};
 
-using Laws = Types<Cubic, CarlsonLanger, Coulomb, RateAndState>;
-using StateLaws = Types<NoState, Healing, ContactAge, Ageing, Slip>;
+using Laws = Types<Cubic, CarlsonLanger, Coulomb, RateAndState, NShaped>;
+using StateLaws = Types<NoState, Healing, ContactAge, Ageing, Slip, AgeingCutoff>;
 
 }  // namespace stickslip

@@ -16,10 +16,10 @@ OptionSpec option_of(const std::string& name, const Parameter& p) {
   return spec;
 }
 
-// One quantity under two names, e.g. friction_D and state_D of rate-and-state friction: while the law that says so is
+// One quantity under two names, e.g. friction_D and state_D of rate-and-state friction: while a law that says so is
 // chosen, each follows the other where only that is set.
 struct Pair {
-  Law law;
+  std::vector<std::string> laws;
   std::string name, same_as;
 
   void connect(std::vector<OptionSpec>& options) const {
@@ -29,13 +29,20 @@ struct Pair {
       spec.default_text.clear();
       const bool of_law = spec.name == name;
       spec.default_of = [pair = *this, of_law, own, otherwise = spec.default_of](const Options& o) {
-        if (o.text("friction_law") != pair.law->name) return otherwise ? otherwise(o) : own;
+        if (std::find(pair.laws.begin(), pair.laws.end(), o.text("friction_law")) == pair.laws.end())
+          return otherwise ? otherwise(o) : own;
         if (of_law) return o.is_set(pair.same_as) ? o.text(pair.same_as) : own;
         return o.text(pair.name);
       };
     }
   }
 };
+
+void add_pair(std::vector<Pair>& pairs, const std::string& law, const std::string& name, const std::string& same_as) {
+  for (Pair& pair : pairs)
+    if (pair.name == name && pair.same_as == same_as) return pair.laws.push_back(law);
+  pairs.push_back({{law}, name, same_as});
+}
 
 void add_once(std::vector<OptionSpec>& options, OptionSpec spec) {
   for (const OptionSpec& other : options)
@@ -64,7 +71,7 @@ LawOptions law_options() {
     for (const Parameter& p : law->parameters) {
       const std::string name = "friction_" + std::string(p.name);
       add_once(all.of_laws, option_of(name, p));
-      if (*p.same_as) pairs.push_back({law, name, p.same_as});
+      if (*p.same_as) add_pair(pairs, law->name, name, p.same_as);
     }
   }
   for (const StateLaw state : all_state_laws()) {

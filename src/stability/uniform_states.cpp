@@ -1,0 +1,84 @@
+#include "stickslip/stability/uniform_states.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "stickslip/model/friction.hpp"
+#include "stickslip/numerics/roots.hpp"
+#include "stickslip/stability/linearised_operator.hpp"
+
+namespace stickslip {
+
+namespace {
+
+// The fastest wave on uniform sliding at psi. lambda = 0 of the uniform mode is the shift of the whole.
+void find_growth(const Scene& scene, UniformState& u) {
+  Scene sliding = scene;
+  sliding.v = u.psi;
+  const LinearisedOperator J(sliding);
+  const LinearPoint medium = J.mean();
+  const double unit = std::abs(medium.damping()) + std::sqrt(J.A * J.K1) + 1e-300;
+  u.slope = medium.slow_beta();
+  u.growth_rate = -std::numeric_limits<double>::infinity();
+  for (const LinearisedOperator::Wave& wave : J.exact_waves()) {
+    bool shift = wave.k == 0;
+    for (const Complex& z : dispersion(medium, J.symbol(wave.k))) {
+      if (z.imag() < 0) continue;
+      if (shift && std::abs(z) < 1e-9 * unit) {
+        shift = false;
+        continue;
+      }
+      if (!(z.real() > u.growth_rate + 1e-12 * unit)) continue;
+      u.growth_rate = z.real();
+      u.frequency = z.imag();
+      u.wavenumber = wave.k;
+    }
+  }
+  u.stable = u.growth_rate < 0;
+}
+
+}  // namespace
+
+bool has_uniform_states(const Scene& s) {
+  return s.form == Form::chain && s.k0 == 0 && s.spread == 0 && s.left != End::velocity && s.right != End::velocity;
+}
+
+std::vector<UniformState> uniform_states(const Scene& scene, double stress) {
+  constexpr double lowest = -300, highest = 8, step = 1 / 16.;  // of log10 |psi|
+  const auto friction = Friction::of(scene.friction);
+  const auto excess = [&](double psi) {
+    return scene.B() * psi + friction->force(psi, friction->steady_state(psi)) - stress;
+  };
+  std::vector<double> found;
+  for (const double sign : {-1., 1.}) {
+    const auto at = [&](double exponent) { return excess(sign * std::pow(10., exponent)); };
+    double before = lowest, f_before = at(before);
+    for (double e = lowest + step; e <= highest; e += step) {
+      const double f = at(e);
+      if (std::isfinite(f) && std::isfinite(f_before) && f != 0 && (f_before == 0 || (f < 0) != (f_before < 0)))
+        found.push_back(sign * std::pow(10., find_root(at, {before, f_before, e, f}, 0)));
+      before = e;
+      f_before = f;
+    }
+  }
+  const double state = friction->steady_state(0);
+  const bool rest = friction->sticks ? std::abs(stress) <= friction->threshold_at_long_rest()
+                                     : std::isfinite(state) && excess(0) == 0;
+  if (rest) found.push_back(0);
+  std::sort(found.begin(), found.end());
+  std::vector<UniformState> states;
+  for (const double psi : found) {
+    UniformState u;
+    u.psi = psi;
+    u.rests = psi == 0 && friction->sticks;
+    const double s = friction->steady_state(psi);
+    if (friction->has_state && std::isfinite(s)) u.state = state_to_output(scene.friction.state, s);
+    if (u.rests) u.stable = true;
+    else find_growth(scene, u);
+    states.push_back(u);
+  }
+  return states;
+}
+
+}  // namespace stickslip
