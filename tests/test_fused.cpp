@@ -66,6 +66,11 @@ std::vector<Scene> scenes() {
       all.push_back(sticks);
     }
   }
+  const std::size_t without = all.size();
+  for (std::size_t i = 0; i < without; ++i) {
+    all.push_back(all[i]);
+    all.back().nu = 0.02;
+  }
   Scene tiny;
   tiny.n = 1;
   all.push_back(tiny);

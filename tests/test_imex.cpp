@@ -59,6 +59,12 @@ std::vector<Scene> imex_scenes() {
     chain.right = End::free;
     chain.zeta = 0.3;
     all.push_back(chain);
+    for (const Law law : {Law("cubic"), Law("coulomb")}) {  // viscosity is explicit there
+      ring.nu = chain.nu = 0.05;
+      add(ring, law, law == Law("cubic") ? "contact-age" : "none", false);
+      chain.friction.law = law;
+      all.push_back(chain);
+    }
   }
   return all;
 }

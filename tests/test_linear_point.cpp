@@ -17,6 +17,7 @@ LinearPoint random_point(std::mt19937& draw, bool chain, bool with_state) {
   s.zeta = chain ? 1 + real(draw) : 0;
   s.delta = real(draw);
   s.gamma = 2 + real(draw);
+  s.nu = std::max(0., real(draw));
   LinearPoint p(s, {0, real(draw), real(draw)}, {0, real(draw), -1 - real(draw)});
   p.has_state = with_state;
   if (!with_state) p.F_state = p.g_psi = p.g_state = 0;
@@ -52,7 +53,7 @@ TEST_CASE("A node's characteristic polynomial is the determinant of its block, a
       const std::complex<double> polynomial = with_state ? ((z + c2) * z + c1) * z + c0 : (z + c2) * z + c1;
       CHECK(std::abs(from_block - polynomial) < 1e-12 * (1 + std::abs(from_block)));  // some 20 roundings of 1e-16
       const double a = p.A;
-      std::complex<double> eliminated = z * (z / a + p.beta());
+      std::complex<double> eliminated = z * (z / a + p.beta() + p.N * kappa2);
       if (with_state) eliminated += z * p.F_state * p.g_psi / (z + p.r());
       eliminated += p.stiffness(kappa2) + p.s_delta * p.B;
       CHECK(std::abs(eliminated * a * (with_state ? z + p.r() : 1.) - from_block) <
@@ -91,12 +92,14 @@ TEST_CASE("With eta and the state eliminated the block's equations are solved, a
     if (with_state) b.state = Complex(real(draw), real(draw));
     const NodeBlock J = p.block(Part::full, kappa2);
     // B and delta are never both non-zero; random_point takes both, and the equation in psi alone leaves s delta B out
-    const Complex S = p.diagonal(lambda) + p.stiffness(kappa2) + p.s_delta * p.B;
-    const NodeVector y = p.expand(lambda, -p.condense(lambda, b) / S, b);
+    const Complex S = p.diagonal(lambda) + p.stiffness(kappa2) + lambda * p.N * kappa2 + p.s_delta * p.B;
+    NodeVector y = p.expand(lambda, -p.condense(lambda, b) / S, b);
+    y.eta += p.N * kappa2 * y.psi;  // -N D2 psi
     CHECK(std::abs((J.psi_psi - lambda) * y.psi + J.psi_eta * y.eta + J.psi_state * y.state - b.psi) < 1e-11);
     CHECK(std::abs(J.eta_psi * y.psi + (J.eta_eta - lambda) * y.eta + J.eta_state * y.state - b.eta) < 1e-11);
     CHECK(std::abs(J.state_psi * y.psi + (J.state_state - lambda) * y.state - b.state) < 1e-11);
-    const NodeVector z = p.expand_transposed(lambda, -p.condense_transposed(lambda, b) / S, b);
+    const NodeVector z =
+        p.expand_transposed(lambda, -(p.condense_transposed(lambda, b) + p.N * kappa2 * b.eta) / S, b);
     CHECK(std::abs((J.psi_psi - lambda) * z.psi + J.eta_psi * z.eta + J.state_psi * z.state - b.psi) < 1e-11);
     CHECK(std::abs(J.psi_eta * z.psi + (J.eta_eta - lambda) * z.eta - b.eta) < 1e-11);
     CHECK(std::abs(J.psi_state * z.psi + J.eta_state * z.eta + (J.state_state - lambda) * z.state - b.state) < 1e-11);
@@ -104,6 +107,24 @@ TEST_CASE("With eta and the state eliminated the block's equations are solved, a
     const Complex slope = (p.diagonal(lambda + step) - p.diagonal(lambda - step)) / (2 * step);
     CHECK(std::abs(p.diagonal_slope(lambda) - slope) < 1e-7);  // its third derivative times step^2, and round-off
   }
+}
+
+TEST_CASE("Stability over a range of wavenumbers is that of every one in it", "[linear_point]") {
+  std::mt19937 draw(10);
+  int inside = 0;  // stable at both ends and not between
+  for (int k = 0; k < 4000; ++k) {
+    LinearPoint p = random_point(draw, k % 4 < 2, k % 8 > 0);
+    p.N *= 0.1;
+    p.F_state *= 3;
+    p.g_psi *= 3;
+    const double largest = 40;
+    bool stable = true;
+    for (int j = 0; j <= 400; ++j) stable = stable && p.stable(largest * j / 400.);
+    if (p.stable(0) && p.stable(largest) && !stable) ++inside;
+    if (!stable) CHECK(!p.stable_up_to(largest));
+    else if (!p.stable_up_to(largest)) CHECK(p.has_state);  // a dip narrower than the sampling
+  }
+  CHECK(inside > 5);
 }
 
 TEST_CASE("Parts of a node's block add up; a wave's stiffness is the symbol times K1", "[linear_point]") {

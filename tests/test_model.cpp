@@ -56,6 +56,12 @@ std::vector<Scene> scenes() {
     s.friction.values["friction_a"] = 0.5;  // so that F bends over velocities of order 1
     all.push_back(s);
   }
+  const std::size_t without = all.size();
+  for (std::size_t i = 0; i < without; ++i) {
+    all.push_back(all[i]);
+    all.back().nu = 0.4;
+    if (i % 7 == 0) all.back().c = all.back().k1 = 0;
+  }
   return all;
 }
 
@@ -108,14 +114,16 @@ TEST_CASE("the right-hand side is the equations, node by node") {
         d2 += weight * all[j * dof];
         size += std::abs(weight * all[j * dof]);
       }
-      double psi_t = s.A() * (eta - s.B() * psi - F);
-      double eta_t = s.K0() * (s.v - psi) + s.K1() * d2 - s.s_delta() * (eta - F);
+      const double e = eta + s.N() * d2;
+      double psi_t = s.A() * (e - s.B() * psi - F);
+      double eta_t = s.K0() * (s.v - psi) + s.K1() * d2 - s.s_delta() * (e - F);
       if (model.held(node)) {
         psi_t = 0;
         if (s.form == Form::continuum) eta_t = 0;
       }
-      CHECK(mine[i * dof] == Approx(psi_t).margin(1e-14 * (1 + s.A())));
-      CHECK(mine[i * dof + 1] == Approx(eta_t).margin(1e-14 * (1 + s.K1() * size)));
+      CHECK(mine[i * dof] == Approx(psi_t).margin(1e-14 * (1 + s.A() * (1 + s.N() * size))));
+      CHECK(mine[i * dof + 1] ==
+            Approx(eta_t).margin(1e-14 * (1 + (s.K1() + std::abs(s.s_delta()) * s.N()) * size)));
       if (dof == 3) CHECK(mine[i * dof + 2] == Approx(model.state_rate(psi, state).g).margin(1e-14));
     }
     SS_TRY(VecRestoreArrayRead(f, &mine));
@@ -137,6 +145,43 @@ TEST_CASE("the parts add up to the whole") {
       SS_TRY(VecAXPY(a, 1, b));
       CHECK(distance(a, full) < tolerance);
     }
+  }
+}
+
+TEST_CASE("viscosity is a force of its own; at a held end of the continuum eta is what balances it") {
+  for (const Scene& s : scenes()) {
+    Model model(PETSC_COMM_WORLD, s);
+    CHECK(model.viscous() == (s.nu > 0));
+    if (!model.viscous()) continue;
+    VecHandle u = model.create_vector(), force = model.create_vector(), moved = model.create_vector();
+    fill(model, u);
+    model.viscous_force(u, force);
+    // the rate of psi is that without viscosity, had eta what viscosity adds
+    Scene plain = s;
+    plain.nu = 0;
+    const Model other(PETSC_COMM_WORLD, plain);
+    VecHandle f = model.create_vector(), g = model.create_vector();
+    model.rhs(Part::full, u, f);
+    SS_TRY(VecWAXPY(moved, 1, force, u));
+    other.rhs(Part::full, moved, g);
+    const double scale = 1e-13 * (1 + norm(f));
+    const double *a, *b, *at, *v;
+    SS_TRY(VecGetArrayRead(f, &a));
+    SS_TRY(VecGetArrayRead(g, &b));
+    SS_TRY(VecGetArrayRead(u, &at));
+    SS_TRY(VecGetArrayRead(force, &v));
+    for (PetscInt i = 0; i < model.local(); ++i) {
+      const PetscInt k = i * model.dof();
+      CHECK(v[k] == 0);
+      for (int d = 0; d < model.dof(); ++d) CHECK(a[k + d] == Approx(b[k + d]).margin(scale));
+      if (!model.held(model.first() + i) || s.form == Form::chain) continue;
+      const double F = model.friction(i, at[k], model.dof() == 3 ? at[k + 2] : 0).F;
+      CHECK(at[k + 1] + v[k + 1] == Approx(s.B() * at[k] + F).margin(scale));
+    }
+    SS_TRY(VecRestoreArrayRead(force, &v));
+    SS_TRY(VecRestoreArrayRead(u, &at));
+    SS_TRY(VecRestoreArrayRead(g, &b));
+    SS_TRY(VecRestoreArrayRead(f, &a));
   }
 }
 

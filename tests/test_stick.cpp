@@ -210,6 +210,7 @@ void lively_start_with_state(PetscInt i, double* at) {
 TEST_CASE("the energy balance of a chain that sticks", "[serial]") {
   const StateLaw state = GENERATE(StateLaw("none"), StateLaw("healing"));
   Scene scene = lively_chain(Law("coulomb"), state);
+  scene.nu = GENERATE(0., 0.2);
   Model model(PETSC_COMM_WORLD, scene);
   VecHandle u = model.create_vector(), w = model.create_vector();
   fill(model, state == StateLaw("none") ? lively_start : lively_start_with_state, u);
@@ -245,8 +246,10 @@ TEST_CASE("nothing rests beyond its threshold, and nothing slides against its di
   const bool back_slip = GENERATE(true, false);
   Scene scene = lively_chain(law, state);
   scene.friction.back_slip = back_slip;
+  scene.nu = GENERATE(0., 0.2);
   Model model(PETSC_COMM_WORLD, scene);
-  VecHandle u = model.create_vector();
+  VecHandle u = model.create_vector(), viscous = model.create_vector();
+  SS_TRY(VecSet(viscous, 0));
   fill(model, state == StateLaw("none") ? lively_start : lively_start_with_state, u);
   const InDatabase given(tolerance("1e-6"));
   Integrator integrator(model, MethodSpec::from(given.options), u);
@@ -255,10 +258,12 @@ TEST_CASE("nothing rests beyond its threshold, and nothing slides against its di
   long rests = 0, rows = 0;
   const TimeReport report = integrator.advance(u, 0, 60, [&](const Integrator::Step& step) {
     const std::vector<double> all = Run::all_values(step.u);
+    if (model.viscous()) model.viscous_force(step.u, viscous);
+    const std::vector<double> force = Run::all_values(viscous);
     const std::size_t dof = std::size_t(model.dof());
     const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
     for (std::size_t i = 0; i < amplitude.size(); ++i, ++rows) {
-      const double psi = all[dof * i], eta = all[dof * i + 1], s = dof == 3 ? all[dof * i + 2] : 0;
+      const double psi = all[dof * i], eta = all[dof * i + 1] + force[dof * i + 1], s = dof == 3 ? all[dof * i + 2] : 0;
       const double limit = amplitude[i] * with_friction(scene.friction, [&](const Friction& f) {
         if (f.sticks) return f.threshold(s).value;
         else return 0.;
@@ -383,7 +388,8 @@ TEST_CASE("the front of a Coulomb chain runs at c/sqrt(1 - q^2)") {
 
 TEST_CASE("friction that sticks is the same on any number of ranks") {
   const StateLaw state = GENERATE(StateLaw("none"), StateLaw("healing"));
-  const Scene scene = lively_chain(Law("carlson-langer"), state);
+  Scene scene = lively_chain(Law("carlson-langer"), state);
+  scene.nu = GENERATE(0., 0.2);
   const Start start = state == StateLaw("none") ? lively_start : lively_start_with_state;
   const Settings settings = {{"ts_type", "rk"}, {"ts_rk_type", "4"}, {"ts_dt", "0.05"}};
   const Run alone(scene, start, 40, settings, nullptr, PETSC_COMM_SELF), all(scene, start, 40, settings);
@@ -397,7 +403,8 @@ TEST_CASE("friction that sticks is the same on any number of ranks") {
 
 TEST_CASE("a run goes on bitwise alike from the middle of a stick") {
   const StateLaw state = GENERATE(StateLaw("none"), StateLaw("healing"));
-  const Scene scene = lively_chain(Law("coulomb"), state);
+  Scene scene = lively_chain(Law("coulomb"), state);
+  scene.nu = GENERATE(0., 0.2);
   const InDatabase given(tolerance("1e-6"));
   Model model(PETSC_COMM_WORLD, scene);
   for (const PetscInt at : {3, 40, 41, 42, 43, 44, 120}) {
@@ -477,6 +484,7 @@ TEST_CASE("the Jacobian of friction that sticks") {
   const Part part = GENERATE(Part::full, Part::pointwise);
   const bool chain = GENERATE(true, false);
   Scene scene = lively_chain(Law("carlson-langer"), state);
+  scene.nu = GENERATE(0., 0.3);
   if (!chain) {
     scene.form = Form::continuum;
     scene.delta = 0.2;
@@ -551,6 +559,7 @@ TEST_CASE("stick regions of the continuum spread and shrink", "[serial]") {
 TEST_CASE("order through starts and stops with friction that falls with velocity", "[serial]") {
   Scene scene = lone_blocks(3);
   scene.k1 = 0.3;
+  scene.nu = GENERATE(0., 0.1);
   scene.friction.law = Law("carlson-langer");
   scene.friction.values["friction_sigma"] = 0.1;
   const Start start = [](PetscInt i, double* at) {

@@ -31,6 +31,9 @@ StickMotion::StickMotion(const Scene& scene, double stiffness, double tolerance)
   if (scene.has_profile())
     throw UsageError("a profile of friction: the motion of nodes with exact stick is followed where friction has one law; set "
                      "friction_stick to regularised");
+  if (scene.nu > 0 && (nodes_ > 1 || stiffness > 0))
+    throw UsageError("model_nu " + rounded_text(scene.nu, 8) + ": cycles of nodes that stick one by one, and waves on such a "
+                     "cycle, are solved for without viscosity between neighbours; set friction_stick to regularised");
   if (half_width_ == 0) std::fill(std::begin(coefficients_.w), std::end(coefficients_.w), 0.);
   loop_ = whole_loop(scene.friction, half_width_, true);
   for (int j = -half_width_; j < 0; ++j) halo_.push_back(halo_node(scene, j));

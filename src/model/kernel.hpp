@@ -26,8 +26,9 @@ struct Coefficients {
   double w[5];
 };
 
-inline Coefficients coefficients_of(const Scene& scene) {
-  const double scale = scene.form == Form::chain ? scene.K1() : scene.K1() / (scene.h() * scene.h());
+// With `factor` in place of K1.
+inline Coefficients coefficients_with(const Scene& scene, double factor) {
+  const double scale = scene.form == Form::chain ? factor : factor / (scene.h() * scene.h());
   const std::array<double, 5> w = second_difference(scene.order);
   Coefficients c{scene.A(), scene.B(), scene.K0(), scene.v, scene.s_delta(), {}};
   // Weights that add up to exactly 0: what they err by acts on psi itself, and 1/h^2 makes it large, the same way in
@@ -42,6 +43,7 @@ inline Coefficients coefficients_of(const Scene& scene) {
   c.w[0] = -2 * sum;
   return c;
 }
+inline Coefficients coefficients_of(const Scene& scene) { return coefficients_with(scene, scene.K1()); }
 
 // Friction with parameters of its own at every node. The loops take it in place of one friction for all, which
 // friction_of() hands on as it is: a scene without profiles runs the same instructions as if there were none.

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <optional>
 
-#include "model/loops.hpp"
+#include "model/viscosity.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/linear_point.hpp"
 
@@ -35,6 +35,7 @@ struct Model::Impl {
   mutable int load_piece = 0;
   LinearPoint no_friction;
   RangeLoop full, pointwise, stencil, wave, reaction, sticking, sticking_pointwise;
+  RangeLoop viscous_force;  // of a viscous scene
   const double* direction = nullptr;
   mutable long evaluations = 0;
 
@@ -77,6 +78,7 @@ struct Model::Impl {
       sticking = whole_loop(p, half_width, true, x);
       sticking_pointwise = whole_loop(p, 0, true, x);
     }
+    if (scene.N() > 0) add_viscosity();
     set_up_halo(ranks);
   }
 
@@ -89,6 +91,15 @@ struct Model::Impl {
     }
     if (law->vary()) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, slopes, 2, MPI_DOUBLE, MPI_MAX, comm));
     slopes_ahead = {slopes[0], slopes[1]};
+  }
+
+  void add_viscosity() {
+    const Viscosity viscosity(scene, dof);
+    full = viscosity.around(pointwise);
+    wave = viscosity.around(wave);
+    if (scene.friction.sticks()) sticking = viscosity.around(sticking_pointwise);
+    stencil = viscosity.alone();
+    viscous_force = viscosity.force();
   }
 
   void make_dm() const {
@@ -184,14 +195,25 @@ struct Model::Impl {
 
   void rhs(Part part, Vec u, Vec f) const {
     ++evaluations;
-    const RangeLoop& loop = loop_of(part);
+    apply(loop_of(part), has_stencil(part), u, f);
+    double* b;
+    SS_TRY(VecGetArray(f, &b));
+    for_held([&](PetscInt i) {
+      b[i * dof] = 0;
+      if (scene.form == Form::continuum) b[i * dof + 1] = 0;
+    });
+    SS_TRY(VecRestoreArray(f, &b));
+  }
+
+  // f = what the loop makes of u, held nodes like others.
+  void apply(const RangeLoop& loop, bool with_stencil, Vec u, Vec f) const {
     const double* a;
     double* b;
     SS_TRY(VecGetArrayRead(u, &a));
     SS_TRY(VecGetArrayWrite(f, &b));
-    const Coefficients& c = has_stencil(part) ? coefficients : no_stencil;
+    const Coefficients& c = with_stencil ? coefficients : no_stencil;
     const PetscInt hw = half_width;
-    if (!has_stencil(part) || halo_is_local) {
+    if (!with_stencil || halo_is_local) {
       if (halo_is_local)
         for (std::size_t i = 0; i < fetched.size(); ++i) fetched_values[i] = a[fetched[i] * dof];
       over_range(loop, c, a, b, 0, local);
@@ -207,10 +229,6 @@ struct Model::Impl {
       over_range(loop, c, a, b, 0, wide ? hw : local);
       if (wide) over_range(loop, c, a, b, local - hw, local);
     }
-    for_held([&](PetscInt i) {
-      b[i * dof] = 0;
-      if (scene.form == Form::continuum) b[i * dof + 1] = 0;
-    });
     SS_TRY(VecRestoreArrayWrite(f, &b));
     SS_TRY(VecRestoreArrayRead(u, &a));
   }
@@ -296,6 +314,8 @@ NodeBlock Model::node_block(Part part, PetscInt local_node, const double* u) con
   return impl_->node_block(part, local_node, u);
 }
 void Model::rhs(Part part, Vec u, Vec f) const { impl_->rhs(part, u, f); }
+bool Model::viscous() const { return static_cast<bool>(impl_->viscous_force); }
+void Model::viscous_force(Vec u, Vec into) const { impl_->apply(impl_->viscous_force, true, u, into); }
 
 void Model::begin_load(double t) const {
   if (!scene().load.varies()) return;
@@ -348,19 +368,24 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
   std::vector<double> values;      // dof rows of columns.size() * dof entries
   std::size_t width = 0;           // length of these rows
   std::size_t own = 0;             // where the diagonal block begins in `values`
-  double own_weight = 0;           // of D2
+  double own_psi = 0, own_eta = 0; // of D2, in the rows of psi and eta
   enum class Row { none, alone, inner, end } laid_out = Row::none;
-  const auto lay_out = [&](PetscInt row, const Combination& d2) {
+  bool was_moving = true;
+  // of D2 psi in the rows of psi and eta; viscosity does not move a held node, nor one at rest
+  const auto lay_out = [&](PetscInt row, const Combination& d2, bool moves) {
+    const double N = moves ? m.scene.N() : 0, of_psi = m.scene.A() * N, of_eta = m.scene.K1() - m.scene.s_delta() * N;
     columns.clear();
     for (const auto& term : d2) columns.push_back(term.first);
     width = columns.size() * static_cast<std::size_t>(dof);
     values.assign(width * static_cast<std::size_t>(dof), 0.);
     for (std::size_t j = 0; j < columns.size(); ++j) {
       double* const at = &values[j * static_cast<std::size_t>(dof)];
-      at[width] = beta * m.scene.K1() * d2[j].second;  // eta_t by psi
+      at[width] = beta * of_eta * d2[j].second;  // eta_t by psi
+      if (N > 0) at[0] = beta * of_psi * d2[j].second;
       if (columns[j] == row) {
         own = j * static_cast<std::size_t>(dof);
-        own_weight = at[width];
+        own_psi = at[0];
+        own_eta = at[width];
       }
     }
   };
@@ -369,14 +394,17 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
     const Row kind = !has_stencil(part) || (m.held(row) && m.scene.form == Form::continuum) ? Row::alone
                      : row >= hw && row < n - hw                                                  ? Row::inner
                                                                                                   : Row::end;
-    if (kind == laid_out && kind != Row::end) {  // the same but for its place and the diagonal block
+    const bool moves = !m.held(row) && !(m.direction && m.direction[i] == 0 && part != Part::wave);
+    if (kind == laid_out && kind != Row::end && moves == was_moving) {  // but for its place and diagonal block the same
       for (PetscInt& column : columns) ++column;
     } else {
-      lay_out(row, kind == Row::alone ? Combination{{row, 0.}} : second_difference_row(m.scene, row));
+      lay_out(row, kind == Row::alone ? Combination{{row, 0.}} : second_difference_row(m.scene, row), moves);
     }
     laid_out = kind;
+    was_moving = moves;
     m.diagonal_block(part, i, a + i * dof, alpha, beta, &values[own], width);
-    values[own + width] += own_weight;
+    values[own] += own_psi;
+    values[own + width] += own_eta;
     SS_TRY(MatSetValuesBlocked(J, 1, &row, static_cast<PetscInt>(columns.size()), columns.data(), values.data(),
                                INSERT_VALUES));
   }
@@ -438,12 +466,27 @@ void Model::set_held(Vec u) const {
       at[1] = m.scene.B() * at[0] + m.friction_at(i, at[0], m.dof == 3 ? at[2] : 0).F;
   });
   SS_TRY(VecRestoreArray(u, &a));
+  if (!viscous() || m.scene.form == Form::chain || !(m.held(0) || m.held(m.scene.n - 1))) return;
+  const VecHandle force = create_vector();
+  viscous_force(u, force);
+  const double* b;
+  SS_TRY(VecGetArrayRead(force, &b));
+  SS_TRY(VecGetArray(u, &a));
+  m.for_held([&](PetscInt i) { a[i * m.dof + 1] -= b[i * m.dof + 1]; });
+  SS_TRY(VecRestoreArray(u, &a));
+  SS_TRY(VecRestoreArrayRead(force, &b));
 }
 
 double wave_frequency(const Scene& s) {
   const double kappa2 = s.n * s.copies > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
   return std::sqrt(s.A() * (s.K0() + s.K1() * kappa2));
 }
+
+double viscous_rate(const Scene& s) {
+  return s.n * s.copies > 1 ? s.A() * s.N() * largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
+}
+
+double stencil_rate(const Scene& s) { return std::max(wave_frequency(s), viscous_rate(s)); }
 
 double Model::wave_frequency() const { return stickslip::wave_frequency(scene()); }
 

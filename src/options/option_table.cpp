@@ -122,6 +122,8 @@ void model_options(TableBuilder& t) {
   t.not_negative("model_k1", "0.2", "chain: stiffness between neighbours");
   t.positive("model_f0", "1", "chain: friction amplitude");
   t.real_or("model_zeta", "paper", "0", "chain: viscosity; `paper` is sqrt(0.1 m k1)").at_least(0);
+  t.not_negative("model_nu", "0", "viscosity between neighbours: nu psi_xx in the force",
+                 "length^2/time; chain: force/velocity");
   t.real("model_v", "0.2", "velocity of the driving plate", "velocity");
 }
 
@@ -160,8 +162,9 @@ void load_options(TableBuilder& t) {
 void contact_options(TableBuilder& t) {
   t.in("State of the contact", "run spectrum boundary wave cycle chart laws");
   const LawOptions laws = law_options();
-  t.choice("state_law", laws.states, "kinetic equation of the contact; ageing and slip belong to rate-and-state")
-      .unset("none; ageing with rate-and-state", laws.default_state);
+  t.choice("state_law", laws.states,
+           "kinetic equation of the contact; ageing, slip and ageing-cutoff belong to rate-and-state and n-shaped")
+      .unset("none; ageing with rate-and-state, ageing-cutoff with n-shaped", laws.default_state);
   for (const OptionSpec& parameter : laws.of_states) t.add(parameter);
 }
 

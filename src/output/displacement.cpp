@@ -62,9 +62,15 @@ Energy Displacement::energy(Vec u) const {
   const Scene& s = model_.scene();
   const double damping = s.s_delta() / s.A();
   solve(u, 0, w_);  // chi at time 0 is w
-  const double *a, *w;
+  VecHandle viscous;
+  if (model_.viscous()) {
+    viscous = model_.create_vector();
+    model_.viscous_force(u, viscous);
+  }
+  const double *a, *w, *e = nullptr;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(w_, &w));
+  if (viscous) SS_TRY(VecGetArrayRead(viscous, &e));
   double sums[5] = {0, 0, 0, 0, 0};
   for (PetscInt i = 0; i < model_.local(); ++i) {
     const PetscInt node = model_.first() + i;
@@ -77,7 +83,9 @@ Energy Displacement::energy(Vec u) const {
     sums[2] += weight * model_.plate_velocity() * z;
     sums[3] += weight * psi * F;
     sums[4] += weight * (s.B() + damping) * psi * psi;
+    if (e) sums[4] -= weight * psi * e[i * model_.dof() + 1];
   }
+  if (viscous) SS_TRY(VecRestoreArrayRead(viscous, &e));
   SS_TRY(VecRestoreArrayRead(w_, &w));
   SS_TRY(VecRestoreArrayRead(u, &a));
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, sums, 5, MPI_DOUBLE, MPI_SUM, model_.comm()));

@@ -6,7 +6,6 @@
 
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/model.hpp"
-#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
@@ -15,7 +14,12 @@ Events::Events(const Scene& scene, double velocity)
       damping_(scene.B() + scene.s_delta() / scene.A()), amplitude_(friction_amplitude(scene, 0, scene.n)),
       friction_(scene, 0, scene.n),
       A_(scene.A()), B_(scene.B()), owner_(static_cast<std::size_t>(scene.n), -1), slip_(owner_.size()),
-      slipped_(owner_.size()), last_force_(owner_.size(), std::numeric_limits<double>::quiet_NaN()) {}
+      slipped_(owner_.size()), last_force_(owner_.size(), std::numeric_limits<double>::quiet_NaN()) {
+  for (PetscInt i = 0; i < scene.n && scene.N() > 0; ++i) {
+    d2_.push_back(second_difference_row(scene, i));
+    for (auto& term : d2_.back()) term.second *= scene.N();
+  }
+}
 
 bool Events::moves(std::size_t i, const std::vector<std::vector<double>>& fields) const {
   return std::abs(fields[0][i]) > velocity_;
@@ -71,6 +75,31 @@ double Events::force(std::size_t i, double psi, double state, double direction) 
          friction_[PetscInt(i)].force(psi == 0 ? direction * std::numeric_limits<double>::min() : psi, state);
 }
 
+// psi in the middle of a step, on the cubic through values and slopes at its ends, where neighbours have viscosity.
+double Events::middle(std::size_t i, double dt, const std::vector<std::vector<double>>& now) const {
+  const double p0 = last_[0][i], p1 = now[0][i], direction = p0 + p1 < 0 ? -1 : 1;
+  const bool has_state = last_.size() > 2;
+  double m0 = A_ * (last_[1][i] - B_ * p0 - force(i, p0, has_state ? last_[2][i] : 0, direction));
+  double m1 = A_ * (now[1][i] - B_ * p1 - force(i, p1, has_state ? now[2][i] : 0, direction));
+  m0 += A_ * viscous_[0][i];
+  m1 += A_ * viscous_[2][i];
+  return (p0 + p1) / 2 + dt / 8 * (m0 - m1);
+}
+
+void Events::find_viscous_forces(double dt, const std::vector<std::vector<double>>& now) {
+  const auto find = [&](const std::vector<double>& psi, std::vector<double>& into) {
+    into.assign(psi.size(), 0.);
+    for (std::size_t i = 0; i < psi.size(); ++i)
+      for (const auto& [j, weight] : d2_[i]) into[i] += weight * psi[static_cast<std::size_t>(j)];
+  };
+  find(last_[0], viscous_[0]);
+  find(now[0], viscous_[2]);
+  std::vector<double> psi(last_[0].size());
+  for (std::size_t i = 0; i < psi.size(); ++i)
+    psi[i] = moves(i, last_) || moves(i, now) ? middle(i, dt, now) : (last_[0][i] + now[0][i]) / 2;
+  find(psi, viscous_[1]);
+}
+
 void Events::accumulate(std::size_t i, Live& live, double dt, const std::vector<std::vector<double>>& now) {
   live.moves = true;
   const double p0 = last_[0][i], p1 = now[0][i];
@@ -82,13 +111,15 @@ void Events::accumulate(std::size_t i, Live& live, double dt, const std::vector<
   const double F0 = p0 != 0 && !std::isnan(known) ? known : force(i, p0, s0, direction), F1 = force(i, p1, s1, direction);
   last_force_[i] = F1;
   const double m0 = A_ * (last_[1][i] - B_ * p0 - F0), m1 = A_ * (now[1][i] - B_ * p1 - F1);
-  const double p = (p0 + p1) / 2 + dt / 8 * (m0 - m1);
+  const double p = d2_.empty() ? (p0 + p1) / 2 + dt / 8 * (m0 - m1) : middle(i, dt, now);
   const double F = force(i, p, (s0 + s1) / 2, direction);
   const double slip = dt / 6 * (p0 + 4 * p + p1);
   slip_[i] += slip;
   slipped_[i] += slip;
   live.event.friction_work += weight_ * dt / 6 * (p0 * F0 + 4 * p * F + p1 * F1);
   live.event.radiated += weight_ * damping_ * dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
+  if (!d2_.empty())
+    live.event.radiated -= weight_ * dt / 6 * (p0 * viscous_[0][i] + 4 * p * viscous_[1][i] + p1 * viscous_[2][i]);
   live.kinetic_now += weight_ * p1 * p1 / (2 * A_);
 }
 
@@ -140,6 +171,7 @@ void Events::step(double t, const std::vector<std::vector<double>>& fields) {
       live.moves = false;
       live.kinetic_now = 0;
     }
+    if (!d2_.empty()) find_viscous_forces(dt, fields);
     std::vector<std::size_t> moving;
     std::shared_ptr<const Before> before;
     for (std::size_t i = 0; i < owner_.size(); ++i) {

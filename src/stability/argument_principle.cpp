@@ -253,7 +253,7 @@ void gather(MPI_Comm comm, PhaseTurn& result, std::size_t zeros) {
 
 std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const LinearisedOperator& s, Complex from, Complex to,
                                       std::size_t zeros) {
-  if (s.size() < shortest_line || !(s.K1 > 0)) return std::nullopt;
+  if (s.size() < shortest_line || !(s.K1 > 0) || s.N > 0) return std::nullopt;
   int ranks = 1, rank = 0;
   MPI_Comm_size(comm, &ranks);
   MPI_Comm_rank(comm, &rank);

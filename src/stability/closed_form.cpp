@@ -54,6 +54,11 @@ std::vector<Mode> ExactModes::rightmost(double height, std::size_t count) const 
 
 double short_wave_growth(const LinearisedOperator& s) {
   double sum = 0, length = 0, growth = -std::numeric_limits<double>::infinity();
+  if (s.N > 0) {
+    growth = -s.K1 / s.N;
+    for (std::size_t i = 0; i < s.size() && s.has_state(); ++i) growth = std::max(growth, -s.point(i).r());
+    return growth;
+  }
   for (std::size_t i = 0; i < s.size(); ++i) {
     // a held end has no unknown: its half of an interval goes to the node beside it
     const double extra = !s.scene.ring() && s.coupling.weight[i] == 1 && (i == 0 || i + 1 == s.size()) ? 0.5 : 0;

@@ -30,7 +30,8 @@ class ExactModes {
 };
 
 // What ever shorter waves of a line of the continuum come to grow at: they see the mean damping alone (Cox and Zuazua
-// 1994 for the wave equation). By the trapezoidal rule on the nodes.
+// 1994 for the wave equation), by the trapezoidal rule on the nodes. With viscosity between neighbours S/kappa^2 tends to
+// (K1 + lambda N)(lambda + r): they decay, at -K1/N or with their state.
 double short_wave_growth(const LinearisedOperator& s);
 
 }  // namespace stickslip

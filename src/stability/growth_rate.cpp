@@ -39,7 +39,8 @@ std::optional<LinearisedOperator> GrowthRate::linearised(double x, double y) con
 
 bool GrowthRate::enters() const {
   const auto a = linearised(0.2, 0), b = linearised(0.6, 0);
-  if (!a || !b || a->A != b->A || a->K0 != b->K0 || a->K1 != b->K1 || a->scene.h() != b->scene.h()) return true;
+  if (!a || !b || a->A != b->A || a->K0 != b->K0 || a->K1 != b->K1 || a->N != b->N ||
+      a->scene.h() != b->scene.h()) return true;
   for (std::size_t i = 0; i < a->size(); ++i) {
     const LinearPoint p = a->point(i), q = b->point(i);
     if (!(p == q) || p.beta() != q.beta()) return true;
@@ -147,6 +148,7 @@ void GrowthRate::seek(double x, double y) {
 
 GrowthRate::Place GrowthRate::place_of(const LinearisedOperator& s, double x, double y) {
   Place place{x, y, s.A * s.K0, s.A * s.largest_stiffness(), {}, {}, {}};
+  if (s.N > 0) place.drag.push_back(s.viscous_rate());
   for (std::size_t i = 0; i < s.size(); ++i) {
     place.drag.push_back(s.A * s.point(i).slow_beta());
     if (s.has_state()) place.r.push_back(s.point(i).r());

@@ -25,15 +25,15 @@ void put(const NodeVector& v, std::size_t i, std::size_t dof, std::vector<Comple
 }  // namespace
 
 LinearisedOperator::LinearisedOperator(const SteadySliding& s)
-    : scene(s.scene), A(scene.A()), K0(scene.K0()), K1(scene.K1()), coupling(scene), medium_(scene) {
+    : scene(s.scene), A(scene.A()), K0(scene.K0()), K1(scene.K1()), N(scene.N()), coupling(scene), medium_(scene) {
   slopes_.reserve(coupling.size());
   for (const PetscInt i : coupling.node) slopes_.push_back(s.slopes[std::size_t(i)]);
   uniform = std::all_of(slopes_.begin(), slopes_.end(), [&](const FrictionSlopes& f) { return f == slopes_.front(); });
 }
 
 LinearisedOperator::LinearisedOperator(const LinearisedOperator& whole, std::size_t first, std::size_t count)
-    : scene(whole.scene), A(whole.A), K0(whole.K0), K1(whole.K1), coupling(whole.coupling.segment(first, count)),
-      uniform(false), medium_(whole.medium_),
+    : scene(whole.scene), A(whole.A), K0(whole.K0), K1(whole.K1), N(whole.N),
+      coupling(whole.coupling.segment(first, count)), uniform(false), medium_(whole.medium_),
       slopes_(whole.slopes_.begin() + long(first), whole.slopes_.begin() + long(first + count)) {}
 
 LinearisedOperator LinearisedOperator::segment(std::size_t first, std::size_t count) const {
@@ -44,14 +44,24 @@ LinearisedOperator LinearisedOperator::segment(std::size_t first, std::size_t co
 
 std::vector<Complex> LinearisedOperator::apply(Complex lambda, const std::vector<Complex>& p) const {
   std::vector<Complex> y = coupling.minus_d2(p);
-  for (std::size_t i = 0; i < size(); ++i) y[i] = (point(i).diagonal(lambda) + K0) * p[i] + K1 * y[i];
+  const Complex coupled = coupling_factor(lambda);
+  for (std::size_t i = 0; i < size(); ++i) y[i] = (point(i).diagonal(lambda) + K0) * p[i] + coupled * y[i];
   return y;
 }
 
 std::vector<Complex> LinearisedOperator::apply_slope(Complex lambda, const std::vector<Complex>& p) const {
   std::vector<Complex> y(size());
   for (std::size_t i = 0; i < size(); ++i) y[i] = point(i).diagonal_slope(lambda) * p[i];
+  add_viscous(p, 1, 0, y);
   return y;
+}
+
+// Adds `factor` times -N D2 p to the entries first, first + stride, ... of x, where there is viscosity.
+void LinearisedOperator::add_viscous(const std::vector<Complex>& p, std::size_t stride, std::size_t first,
+                                     std::vector<Complex>& x, double factor) const {
+  if (N == 0) return;
+  const std::vector<Complex> stencil = coupling.minus_d2(p);
+  for (std::size_t i = 0; i < size(); ++i) x[i * stride + first] += factor * N * stencil[i];
 }
 
 void LinearisedOperator::assemble(Complex lambda, Complex factor, BandLU& lu) const {
@@ -60,7 +70,7 @@ void LinearisedOperator::assemble(Complex lambda, Complex factor, BandLU& lu) co
     const std::size_t row = coupling.position(i);
     lu.add(row, row, factor * (point(i).diagonal(lambda) + K0));
   }
-  coupling.add_to(lu, factor * K1);
+  coupling.add_to(lu, factor * coupling_factor(lambda));
 }
 
 LogDet LinearisedOperator::factor(Complex lambda, BandLU& lu) const {
@@ -77,6 +87,7 @@ LogDet LinearisedOperator::factor(Complex lambda, BandLU& lu) const {
 std::vector<Complex> LinearisedOperator::expand(Complex lambda, const std::vector<Complex>& p) const {
   std::vector<Complex> x(size() * dof());
   for (std::size_t i = 0; i < size(); ++i) put(point(i).expand(lambda, p[i]), i, dof(), x);
+  add_viscous(p, dof(), 1, x);
   return x;
 }
 
@@ -88,8 +99,8 @@ std::vector<Complex> LinearisedOperator::multiply(const std::vector<Complex>& x)
   for (std::size_t i = 0; i < size(); ++i) {
     const NodeBlock b = point(i).block(Part::full);
     const NodeVector v = node_of(x, i, d);
-    put({b.psi_psi * v.psi + b.psi_eta * v.eta + b.psi_state * v.state,
-         b.eta_psi * v.psi + b.eta_eta * v.eta + b.eta_state * v.state - K1 * stencil[i],
+    put({b.psi_psi * v.psi + b.psi_eta * v.eta + b.psi_state * v.state - A * N * stencil[i],
+         b.eta_psi * v.psi + b.eta_eta * v.eta + b.eta_state * v.state - (K1 - scene.s_delta() * N) * stencil[i],
          b.state_psi * v.psi + b.state_state * v.state},
         i, d, y);
   }
@@ -104,7 +115,10 @@ std::vector<LinearisedOperator::Entry> LinearisedOperator::entries() const {
     point(i).block(Part::full).write(int(d), rows);
     for (std::size_t k = 0; k < d * d; ++k)
       if (rows[k] != 0) e.push_back({i * d + k / d, i * d + k % d, rows[k]});
-    for (const Coupling::Term& t : coupling.row(i)) e.push_back({i * d + 1, t.column * d, -K1 * t.value});
+    for (const Coupling::Term& t : coupling.row(i)) {
+      e.push_back({i * d + 1, t.column * d, (scene.s_delta() * N - K1) * t.value});
+      if (N > 0) e.push_back({i * d, t.column * d, -A * N * t.value});
+    }
   }
   return e;
 }
@@ -125,6 +139,7 @@ std::vector<Complex> LinearisedOperator::resolvent(Complex lambda, const BandLU&
   for (std::size_t i = 0; i < size(); ++i) p[i] = -point(i).condense(lambda, node_of(b, i, dof()));
   solve(lu, p);
   for (std::size_t i = 0; i < size(); ++i) put(point(i).expand(lambda, p[i], node_of(b, i, dof())), i, dof(), y);
+  add_viscous(p, dof(), 1, y);
   return y;
 }
 
@@ -132,6 +147,8 @@ std::vector<Complex> LinearisedOperator::resolvent_transposed(Complex lambda, co
                                                               const std::vector<Complex>& b) const {
   std::vector<Complex> e(size()), y(b.size());
   for (std::size_t i = 0; i < size(); ++i) e[i] = -point(i).condense_transposed(lambda, node_of(b, i, dof()));
+  for (std::size_t i = 0; i < size() && N > 0; ++i)
+    for (const Coupling::Term& t : coupling.row(i)) e[t.column] -= N * t.value * b[i * dof() + 1];
   solve_transposed(lu, e);
   for (std::size_t i = 0; i < size(); ++i)
     put(point(i).expand_transposed(lambda, e[i], node_of(b, i, dof())), i, dof(), y);
@@ -224,8 +241,8 @@ std::vector<Complex> dispersion(const LinearPoint& medium, double kappa2) {
 
 // ---- bounds -------------------------------------------------------------------------------------------------------
 
-// Without a state and with D2 symmetric, an oscillating mode has |lambda|^2 = A times the weighted mean of K0 - K1 D2.
-// Else: for |lambda| beyond the bound, S(lambda) is diagonally dominant.
+// Without a state and with D2 symmetric, an oscillating mode has |lambda|^2 = A times the weighted mean of K0 - K1 D2,
+// with viscosity too. Else: for |lambda| beyond the bound, S(lambda) is diagonally dominant.
 double LinearisedOperator::imaginary_bound() const {
   if (symmetric() && !has_state()) return std::sqrt(A * largest_stiffness());
   const double stiff = K0 + K1 * coupling.largest_row();
@@ -236,13 +253,14 @@ double LinearisedOperator::imaginary_bound() const {
     r = std::max(r, std::abs(p.r()));
     q = std::max(q, std::abs(p.q()));
   }
+  beta += N * coupling.largest_row();
   double radius = 2 * r + std::sqrt(A * stiff);
   while (radius * (radius / A - beta - q / (radius - r + 1e-300)) <= stiff) radius *= 1.1;
   return radius;
 }
 
-// Oscillating modes grow at -1/2 of a weighted mean of the damping C; real ones obey lambda^2 + C lambda + A K = 0 with C
-// such a mean and K >= K0.
+// Oscillating modes grow at -1/2 of a weighted mean of the damping C - A N D2; real ones obey lambda^2 + C lambda + A K = 0
+// with C such a mean and K >= K0.
 double LinearisedOperator::real_bound() const {
   if (!symmetric() || has_state()) return imaginary_bound();
   double low = point(0).damping(), high = low;
@@ -250,6 +268,7 @@ double LinearisedOperator::real_bound() const {
     low = std::min(low, point(i).damping());
     high = std::max(high, point(i).damping());
   }
+  high += viscous_rate();
   const double pull = 4 * A * K0;
   double bound = -low / 2;
   if (low < 0 && low * low >= pull) bound = std::max(bound, (-low + std::sqrt(low * low - pull)) / 2);

@@ -27,7 +27,7 @@ void normalise(std::vector<Complex>& p) {
 
 double rounding(const LinearisedOperator& s, Complex lambda) {
   const double scale = std::max(std::abs(lambda), std::sqrt(s.A * s.K0) + 1e-3);
-  return 20 * epsilon * (scale + s.A * s.largest_stiffness() / scale);
+  return 20 * epsilon * (scale + s.A * s.largest_stiffness() / scale + s.viscous_rate());
 }
 
 // It is known where D2 is symmetric: p times the weight, or its conjugate where all nodes are alike (a travelling wave).
@@ -52,7 +52,7 @@ std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode&
   const std::size_t n = p.size();
   Complex lambda = mode.value;
   const double scale = std::abs(lambda) + unit_frequency(s);
-  // w S p = m lambda^2/A + lambda (sum w (beta + q/(lambda + r)) p) + K
+  // w S p = m lambda^2/A + lambda (sum w (beta + q/(lambda + r) - N D2) p) + K
   const std::vector<Complex> d = s.coupling.minus_d2(p);
   std::vector<Complex> wp(n);
   Complex m = 0, drag = 0, K = 0;
@@ -65,6 +65,7 @@ std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode&
     weight += std::abs(wp[i]);
     drags += std::abs(wp[i]) * std::abs(s.point(i).beta());
   }
+  drag += s.N * K;
   K = s.K0 * m + s.K1 * K;
   for (int k = 0; k < 8; ++k) {
     Complex above = lambda * (lambda / s.A * m + drag) + K, below = 2. * lambda / s.A * m + drag;

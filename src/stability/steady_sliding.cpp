@@ -49,6 +49,15 @@ double put_layers(const Scene& s, std::vector<double>& psi) {
   return residual;
 }
 
+// N D2 psi of node i: 0 where sliding is uniform.
+double viscous_force(const Scene& s, const std::vector<double>& psi, PetscInt i) {
+  if (s.N() == 0 || (s.left != End::velocity && s.right != End::velocity)) return 0;
+  double d2 = 0;
+  for (const auto& [column, weight] : second_difference_row(s, i))
+    d2 += weight * (psi[std::size_t(column)] - psi[std::size_t(i)]);
+  return s.N() * d2;
+}
+
 }  // namespace
 
 SteadySliding::SteadySliding(const Scene& s) : scene(s), psi(std::size_t(s.n), s.v) {
@@ -73,7 +82,7 @@ SteadySliding::SteadySliding(const Scene& s) : scene(s), psi(std::size_t(s.n), s
     const RatePartials g = friction->rate_partials(psi[i], x);
     for (double* part : {&f.F, &f.F_psi, &f.F_state}) *part *= amplitude[i];
     slopes[i] = {f.F_psi, f.F_state, g.g_psi, g.g_state};
-    eta[i] = s.B() * psi[i] + f.F;
+    eta[i] = s.B() * psi[i] + f.F - viscous_force(s, psi, PetscInt(i));
     if (friction->has_state) state[i] = x;
     if (!std::isfinite(eta[i]) || !std::isfinite(f.F_psi))
       throw Failure("no steady sliding: the friction at psi = " + rounded_text(psi[i], 6) + " is not finite");

@@ -383,6 +383,7 @@ std::optional<Transient> transient_growth(const LinearisedOperator& s, double gr
   }
   if (!has_energy(s)) return std::nullopt;
   if (iterate || double(s.size() * s.dof()) > most_dense) {
+    if (s.N > 0) return std::nullopt;  // the abscissa's matrix is not banded like the stencil then
     result.method = "iteration";
     result.abscissa = band_abscissa(s);
     const double rounding = 1e-8 * std::sqrt(s.A * s.largest_stiffness());

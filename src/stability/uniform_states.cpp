@@ -41,7 +41,7 @@ void find_growth(const Scene& scene, UniformState& u) {
 }  // namespace
 
 bool has_uniform_states(const Scene& s) {
-  return s.form == Form::chain && s.k0 == 0 && s.spread == 0 && s.left != End::velocity && s.right != End::velocity;
+  return s.form == Form::chain && s.k0 == 0 && s.spread == 0 && !s.friction.varies() && s.left != End::velocity && s.right != End::velocity;
 }
 
 std::vector<UniformState> uniform_states(const Scene& scene, double stress) {

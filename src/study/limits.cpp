@@ -251,7 +251,7 @@ struct Limits::Impl {
   }
 
   void find_shortest(const MethodSpec& method, LimitRow& row, StepForecast& forecast) const {
-    const double frequency = model.wave_frequency(), allowed = 0.02 * frequency;
+    const double frequency = stencil_rate(model.scene()), allowed = 0.02 * frequency;
     const double growth = forecast.sliding_growth(false);
     const auto grows = [&](double dt) { return forecast.shortest_wave_excess(dt) > allowed; };
     double dt = 0.003 / frequency;

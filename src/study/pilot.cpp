@@ -70,7 +70,7 @@ double Pilot::longest_step(const Setting& setting) const {
   scene.order = setting.order;
   scene.n = setting.n;
   const bool waves = !reduces_ || promised_cells(scene, options_) < scene.n;
-  return waves ? 4.4 / wave_frequency(scene) : 0;
+  return waves ? 4.4 / stencil_rate(scene) : 0;
 }
 
 Trial Pilot::run(const Setting& setting, double limit) const {

@@ -24,11 +24,10 @@ std::vector<double> table_velocities() {
   return psi;
 }
 
-// Uniform sliding at psi = v. The conditions of Routh and Hurwitz are linear in K0 + K1 kappa^2, so that it is enough to
-// look at both ends of its range.
+// Uniform sliding at psi = v.
 bool stable_sliding(const Scene& scene, const Partials& F, const RatePartials& g) {
   const LinearPoint point(scene, F, g);
-  return point.stable(0) && point.stable(largest_symbol(scene.order, scene.h()));
+  return point.stable_up_to(largest_symbol(scene.order, scene.h()));
 }
 
 // What differs along x, at the nodes.

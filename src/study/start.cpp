@@ -24,11 +24,15 @@ void warn_of_misfit(const Model& model, double jump, double slope) {
   largest_over(model.comm(), misfit, 2);
   const double scale = 1 + std::abs(model.scene().left_value) + std::abs(model.scene().right_value);
   const std::string order = std::to_string(model.scene().order);
-  if (misfit[0] > 1e-8 * scale) {
+  if (misfit[0] > 1e-8 * scale && model.viscous()) {
+    warn("the start does not fit the held end: psi jumps by " + number_text(misfit[0]) +
+         " there, a front that viscosity widens like sqrt(nu t); expect order " + order +
+         " once it is wide against the nodes' spacing (init_type layer fits)");
+  } else if (misfit[0] > 1e-8 * scale) {
     warn("the start does not fit the held end: psi jumps by " + number_text(misfit[0]) +
          " there, and the jump runs inwards without smoothing; expect convergence like h^(p/(p+1)), p = " + order +
          ", behind it and none at it (init_type layer fits)");
-  } else if (misfit[1] > 1e-8 * model.scene().A() * scale) {
+  } else if (!model.viscous() && misfit[1] > 1e-8 * model.scene().A() * scale) {
     warn("the start does not fit the held end: psi_t = " + number_text(misfit[1]) +
          " there instead of 0, a corner that runs inwards; expect convergence like h^(2p/(p+1)), p = " + order +
          " (init_eta steady fits)");
@@ -59,6 +63,16 @@ void set_held_force(const Model& model, Vec u) {
   const Writing a(u);
   for (int k = 0; k < 2; ++k)
     if (model.held(ends[k]) && is_here(ends[k])) a[(ends[k] - model.first()) * model.dof() + 1] = s.K1() * beside[k];
+}
+
+// eta at which psi_t = 0, where it was that without viscosity between neighbours.
+void balance_viscosity(const Model& model, Vec u) {
+  const VecHandle force = model.create_vector();
+  model.viscous_force(u, force);
+  const Reading viscous(force);
+  const Writing a(u);
+  for (PetscInt i = 0; i < model.local(); ++i)
+    if (!model.held(model.first() + i)) a[i * model.dof() + 1] -= viscous[i * model.dof() + 1];
 }
 
 }  // namespace
@@ -129,6 +143,11 @@ struct Start::Impl {
     return state_steady ? steady_start(model, node - model.first(), psi) : state;
   }
 
+  // Whether eta is B psi + F(psi), and with viscosity between neighbours balances that too.
+  bool makes_eta_steady() const {
+    return eta_steady && type != "pulses" && type != "wave" && (!from_file || eta_given);
+  }
+
   double eta_at(double phase, PetscInt node, double resistance) const {
     if (type == "pulses") return orbit.eta_at(phase);
     if (type == "wave") return train.eta_at(phase);
@@ -174,6 +193,7 @@ void Start::fill(const Model& model, Vec u) const {
   if (s.left == End::velocity || s.right == End::velocity) warn_of_misfit(model, jump, slope);
   model.set_held(u);
   set_held_force(model, u);
+  if (model.viscous() && impl_->makes_eta_steady()) balance_viscosity(model, u);
 }
 
 double Start::jump(const Scene& scene) const {

@@ -237,7 +237,7 @@ double StepAudit::longest_near_sliding(const Model& model, const Integrator& int
     return !((forecast.sliding_growth_of({{dt, 1.}}, false) - growth) * time <= largest_short_growth_error);
   };
   if (std::isnan(forecast.sliding_growth(false))) return any;
-  double good = 0.1 / model.wave_frequency(), bad = good;  // far inside the stability region, and where it begins to fail
+  double good = 0.1 / stencil_rate(model.scene()), bad = good;  // far inside the stability region, and where it begins to fail
   while (!wrong(bad) && bad < 100 * good) bad *= 1.5;
   if (!wrong(bad)) return any;
   for (int k = 0; k < 10; ++k) {

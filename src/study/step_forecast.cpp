@@ -439,7 +439,9 @@ void warn_of_fixed_steps(const Model& model, const Integrator& integrator, Vec u
   if (!forecast.explodes(dt, duration)) return;
   warn("ts_dt " + number_text(dt) + " is beyond the stability limit of " + integrator.method().name() +
        ", which is about " + rounded_text(forecast.limit(dt, duration)) + " here (the shortest wave turns at " +
-       rounded_text(model.wave_frequency()) + " per unit time, friction acts at up to " +
+       rounded_text(model.wave_frequency()) + " per unit time, " +
+       (model.viscous() ? "viscosity damps it at " + rounded_text(viscous_rate(model.scene())) + ", " : "") +
+       "friction acts at up to " +
        rounded_text(rates_of(model, u).friction) + "): the solution will grow without bound");
 }
 

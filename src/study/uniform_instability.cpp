@@ -18,15 +18,15 @@ namespace {
 constexpr int stages = 5, max_dim = 3;
 constexpr double orbit_tolerance = 1e-8, least_growth = 1e-6;  // relative; of a multiplier beyond 1
 
-// The j-th wave (j = 1, 2, ...) that fits the scene: its wavenumber, and K1 times the symbol of -D2.
+// The j-th wave (j = 1, 2, ...) that fits the scene: its wavenumber, and the symbol of -D2.
 struct Wave {
-  double k, stiffness;
+  double k, kappa2;
 };
 Wave wave_of(const Scene& scene, PetscInt j) {
   const double n = double(scene.n), h = scene.form == Form::chain ? 1 : scene.h();
   const double k = scene.ring() ? 2 * M_PI * double(j) / (n * h)
                                 : M_PI * double(j) / ((scene.form == Form::chain ? n : n - 1) * h);
-  return {k, scene.K1() * symbol(scene.order, h, k)};
+  return {k, symbol(scene.order, h, k)};
 }
 PetscInt waves_of(const Scene& scene) { return scene.ring() ? scene.n / 2 : scene.n - 1; }
 
@@ -51,24 +51,32 @@ PetscInt fastest(PetscInt last, const Rate& rate) {
   return best;
 }
 
-// The linear system y' = (J(t) - stiffness E) y of a wave, carried round the orbit once; E takes psi to eta'. Radau IIA
-// of order 9 on the orbit's own steps, halved where the wave is fast. In its stages
-//     (1 - h a (x) J + stiffness h a (x) E) Y = 1 (x) y
-// only the number `stiffness` depends on the wave and E has rank one: what is inverted once for a piece of the orbit
+// What waves add to the Jacobian of uniform motion in (psi, z[, state]): -kappa^2 E, where E takes psi to K1 in z' and to A N
+// in psi'.
+struct Neighbours {
+  double K1, A_N;
+  explicit Neighbours(const Scene& s) : K1(s.K1()), A_N(s.A() * s.N()) {}
+};
+
+// The linear system y' = (J(t) - kappa^2 E) y of a wave, carried round the orbit once. Radau IIA of order 9 on the orbit's
+// own steps, halved where the wave is fast. In its stages
+//     (1 - h a (x) J + kappa^2 h a (x) E) Y = 1 (x) y
+// only the number kappa^2 depends on the wave and E has rank one: what is inverted once for a piece of the orbit
 // leaves each wave a system of as many unknowns as there are stages.
 class CarriedRound {
  public:
-  CarriedRound(const Oscillator& oscillator, const Orbit& orbit) : o_(oscillator), orbit_(orbit), d_(oscillator.dim()) {}
+  CarriedRound(const Oscillator& oscillator, const Orbit& orbit, const Neighbours& neighbours)
+      : o_(oscillator), orbit_(orbit), E_(neighbours), d_(oscillator.dim()) {}
 
-  double largest_multiplier(double stiffness) {
-    const double omega = std::sqrt(o_.A() * (o_.K0() + stiffness));
+  double largest_multiplier(double kappa2) {
+    const double omega = std::sqrt(o_.A() * (o_.K0() + E_.K1 * kappa2));
     double Y[max_dim * max_dim] = {}, log_size = 0;
     for (int i = 0; i < d_; ++i) Y[i * d_ + i] = 1;
     for (std::size_t i = 0; i + 1 < orbit_.mesh.size(); ++i) {
       const double turned = (orbit_.mesh[i + 1] - orbit_.mesh[i]) * orbit_.period * omega;
       const int halvings = std::max(0, int(std::ceil(std::log2(turned / 1.5))));
       for (const Piece& piece : pieces(i, halvings)) {
-        carry(piece, stiffness, Y);
+        carry(piece, kappa2, Y);
         double size = 0;
         for (int k = 0; k < d_ * d_; ++k) size = std::max(size, std::abs(Y[k]));
         if (size > 1e-50 && size < 1e50) continue;  // growth and decay may be huge on the way
@@ -80,7 +88,7 @@ class CarriedRound {
   }
 
  private:
-  // Without the wave's stiffness: the end and psi at the stages from the beginning, and both from E's part of the stages.
+  // Without the wave: the end and psi at the stages from the beginning, and both from E's part of the stages.
   struct Piece {
     double end[max_dim * max_dim], psi[stages * max_dim];
     double end_of_E[max_dim * stages], psi_of_E[stages * stages];
@@ -105,7 +113,11 @@ class CarriedRound {
       orbit_.at(begin + phase * radau.c[std::size_t(s)], y);
       o_.rhs(1, y, dy, J + s * d * d);
       for (int k = 0; k < d; ++k) b[(s * d + k) * columns + k] = 1;
-      for (int r = 0; r < stages; ++r) b[(s * d + 1) * columns + d + r] = h * radau.a[std::size_t(s * stages + r)];
+      for (int r = 0; r < stages; ++r) {
+        const double weight = h * radau.a[std::size_t(s * stages + r)];
+        b[s * d * columns + d + r] = weight * E_.A_N;
+        b[(s * d + 1) * columns + d + r] = weight * E_.K1;
+      }
     }
     stage_matrix(radau, d, h, J, a);
     if (!solve_dense(n, a, columns, b)) throw Failure("the linearised oscillation cannot be integrated");
@@ -124,10 +136,10 @@ class CarriedRound {
     return p;
   }
 
-  void carry(const Piece& p, double stiffness, double* Y) const {
+  void carry(const Piece& p, double kappa2, double* Y) const {
     const int d = d_;
     double a[stages * stages], psi[stages * max_dim] = {}, end[max_dim * max_dim] = {};
-    for (int i = 0; i < stages * stages; ++i) a[i] = stiffness * p.psi_of_E[i] + (i % (stages + 1) == 0 ? 1 : 0);
+    for (int i = 0; i < stages * stages; ++i) a[i] = kappa2 * p.psi_of_E[i] + (i % (stages + 1) == 0 ? 1 : 0);
     for (int s = 0; s < stages; ++s)
       for (int k = 0; k < d; ++k)
         for (int c = 0; c < d; ++c) psi[s * d + c] += p.psi[s * d + k] * Y[k * d + c];
@@ -135,13 +147,14 @@ class CarriedRound {
     for (int i = 0; i < d; ++i)
       for (int c = 0; c < d; ++c) {
         for (int k = 0; k < d; ++k) end[i * d + c] += p.end[i * d + k] * Y[k * d + c];
-        for (int s = 0; s < stages; ++s) end[i * d + c] -= stiffness * p.end_of_E[i * stages + s] * psi[s * d + c];
+        for (int s = 0; s < stages; ++s) end[i * d + c] -= kappa2 * p.end_of_E[i * stages + s] * psi[s * d + c];
       }
     std::copy(end, end + d * d, Y);
   }
 
   const Oscillator& o_;
   const Orbit& orbit_;
+  const Neighbours E_;
   int d_;
   std::map<std::pair<std::size_t, int>, std::vector<Piece>> pieces_;  // by interval and halvings
 };
@@ -153,9 +166,12 @@ UniformInstability instability_of_sliding(const Scene& scene) {
   double y[max_dim], dy[max_dim], J[max_dim * max_dim];
   o.steady(y);
   o.rhs(1, y, dy, J);
+  const Neighbours E(scene);
   const auto rate = [&](PetscInt j) {
     std::vector<double> matrix(J, J + o.dim() * o.dim());
-    matrix[std::size_t(o.dim())] -= wave_of(scene, j).stiffness;
+    const double kappa2 = wave_of(scene, j).kappa2;
+    matrix[0] -= E.A_N * kappa2;
+    matrix[std::size_t(o.dim())] -= E.K1 * kappa2;
     return spectral_bounds(o.dim(), matrix).real_part;
   };
   const PetscInt best = fastest(waves_of(scene), rate);
@@ -166,12 +182,12 @@ UniformInstability instability_of_sliding(const Scene& scene) {
 UniformInstability instability_of_oscillation(const Scene& scene) {
   const Oscillator o(scene);
   const Orbit orbit = find_orbit(o, 1, orbit_tolerance);
-  CarriedRound carried(o, orbit);
-  const auto multiplier = [&](PetscInt j) { return carried.largest_multiplier(wave_of(scene, j).stiffness); };
+  CarriedRound carried(o, orbit, Neighbours(scene));
+  const auto multiplier = [&](PetscInt j) { return carried.largest_multiplier(wave_of(scene, j).kappa2); };
   PetscInt low = 1, last = std::max<PetscInt>(1, waves_of(scene));  // the last with c k T < 100
   while (low < last) {
     const PetscInt middle = low + (last - low + 1) / 2;
-    if (std::sqrt(scene.A() * wave_of(scene, middle).stiffness) * orbit.period < 100) low = middle;
+    if (std::sqrt(scene.A() * scene.K1() * wave_of(scene, middle).kappa2) * orbit.period < 100) low = middle;
     else last = middle - 1;
   }
   const PetscInt best = waves_of(scene) < 1 ? 0 : fastest(last, multiplier);

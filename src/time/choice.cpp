@@ -96,7 +96,7 @@ bool user_set(const std::string& prefix, const std::string& option) {
 }
 
 Rates rates_of(const Model& model, Vec u) {
-  const double wave = model.wave_frequency(), friction = friction_rate_ahead(model, u);
+  const double wave = stencil_rate(model.scene()), friction = friction_rate_ahead(model, u);
   // An accurate step of the explicit pair resolves times of order 0.1 in the scene's own unit of time,
   // 1/sqrt(A K0), the period of a free block; it is stable up to about 3 over the fastest frequency.
   const double own = std::sqrt(model.scene().A() * model.scene().K0());

@@ -40,7 +40,7 @@ FusedImex::FusedImex(const Model& model, const ImexTableau& method, bool stickin
   if (stiffly_accurate_)
     for (std::size_t j = 0; j < s; ++j) of_explicit[j] -= method.A[(s - 1) * s + j];
   solution_ = row_of(slopes_from, method.bt.data(), nullptr, stages_);
-  eta_solution_ = row_of(slopes_from, stiffly_accurate_ ? nullptr : method.bt.data(), of_explicit.data(), stages_);
+  all_solution_ = row_of(slopes_from, stiffly_accurate_ ? nullptr : method.bt.data(), of_explicit.data(), stages_);
   if (method.embedded.empty()) return;
   std::vector<double> f(s), g(s);
   for (std::size_t j = 0; j < s; ++j) {
@@ -58,17 +58,33 @@ long FusedImex::through(const Tile& t, const Step& step) const {
     const PetscInt margin = (stages_ - 1 - i) * half_width;
     const PetscInt begin = std::max(t.begin - margin, low), end = std::min(t.end + margin, high);
     unsolved += stage(t, i, step, std::max(begin - half_width, low), std::min(end + half_width, high));
-    const int slope = implicit_slope(i) + 1;
-    stretch(t, 1, slope, begin, end);
-    if (is_continuum()) tiles_.for_held(begin, end, [&](PetscInt node) { *at(t, slope, 1, node) = 0; });
+    take_explicit(t, i, begin, end);
   }
   const int base = stiffly_accurate_ ? 1 : 0;
   for (int d = 0; d < tiles_.dof(); ++d) {
-    if (d != 1 && stiffly_accurate_) continue;
-    const Row& row = d == 1 ? eta_solution_ : solution_;
+    if (!has_explicit(d) && stiffly_accurate_) continue;
+    const Row& row = has_explicit(d) ? all_solution_ : solution_;
     tiles_.sum(t, d, tiles_.column(base, d), row, step.dt, t.begin, t.end, tiles_.column(1, d));
   }
   return unsolved;
+}
+
+// The explicit slope of stage i on [begin, end).
+void FusedImex::take_explicit(const Tile& t, int i, PetscInt begin, PetscInt end) const {
+  const int slope = implicit_slope(i) + 1;
+  stretch(t, 1, slope, begin, end);
+  if (viscous()) {
+    const kernel::Coefficients& c = coefficients_;
+    double *const psi = at(t, slope, 0, begin), *const eta = at(t, slope, 1, begin);
+    const double* const direction = tiles_.direction(begin);
+    for (PetscInt j = 0; j < end - begin; ++j) {
+      const double d2 = eta[j], viscous = direction && direction[j] == 0 ? 0 : N_ * d2;
+      psi[j] = c.A * viscous;
+      eta[j] = K1_ * d2 - c.s_delta * viscous;
+    }
+    tiles_.for_held(begin, end, [&](PetscInt node) { *at(t, slope, 0, node) = 0; });
+  }
+  if (is_continuum()) tiles_.for_held(begin, end, [&](PetscInt node) { *at(t, slope, 1, node) = 0; });
 }
 
 // Stage i on [begin, end): its values in columns 1, its implicit slope in its columns.
@@ -76,7 +92,8 @@ long FusedImex::stage(const Tile& t, int i, const Step& step, PetscInt begin, Pe
   const int g = implicit_slope(i);
   const bool is_explicit = diagonal_[static_cast<std::size_t>(i)] == 0;
   for (int d = 0; d < tiles_.dof(); ++d) {
-    const Row& row = d == 1 ? all_rows_[static_cast<std::size_t>(i)] : implicit_rows_[static_cast<std::size_t>(i)];
+    const auto& rows = has_explicit(d) ? all_rows_ : implicit_rows_;
+    const Row& row = rows[static_cast<std::size_t>(i)];
     tiles_.sum(t, d, tiles_.column(0, d), row, step.dt, begin, end, tiles_.column(is_explicit ? 1 : known_, d));
   }
   if (is_explicit) {

@@ -39,9 +39,11 @@ class SlopeArrays {
 }  // namespace
 
 TiledStep::TiledStep(const Model& model, int stages, int slopes, int others, bool sticking)
-    : stages_(stages), slopes_(slopes), tiles_(model, stages, stages * slopes + others, sticking),
-      coefficients_(kernel::coefficients_of(model.scene())), stencil_(tile::stencil(model.scene())),
-      pointwise_(tile::pointwise(model.scene(), sticking, tiles_.places())) {}
+    : stages_(stages), slopes_(slopes),
+      tiles_(model, stages, stages * slopes + others + (model.viscous() ? 1 : 0), sticking),
+      coefficients_(kernel::coefficients_with(model.scene(), model.viscous() ? 1 : model.scene().K1())),
+      K1_(model.scene().K1()), N_(model.scene().N()), driving_(slopes_from + stages * slopes + others),
+      stencil_(tile::stencil(model.scene())), pointwise_(tile::pointwise(model.scene(), sticking, tiles_.places())) {}
 
 TiledStep::Outcome TiledStep::take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
                                    const std::vector<VecHandle>& slopes, Vec last_slope, double begin) const {
@@ -77,10 +79,23 @@ kernel::Coefficients TiledStep::at_stage(const Step& step, int i) const {
 void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c, PetscInt begin,
                               PetscInt end) const {
   const bool has_state = tiles_.dof() == 3;
+  const double* eta = at(t, index, 1, begin);
+  double *const d2 = viscous() ? at(t, driving_, 0, begin) : nullptr, *const f_eta = at(t, slope, 1, begin);
+  if (viscous()) {  // in the order of model/viscosity.hpp, so that it is the same to the last bit
+    double* const driving = at(t, driving_, 1, begin);
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < end - begin; ++i) {
+      d2[i] = f_eta[i];
+      driving[i] = eta[i] + N_ * d2[i];
+      f_eta[i] = 0;
+    }
+    eta = driving;
+  }
   pointwise_(c,
-             {at(t, index, 0, begin), at(t, index, 1, begin), has_state ? at(t, index, 2, begin) : nullptr,
+             {at(t, index, 0, begin), eta, has_state ? at(t, index, 2, begin) : nullptr,
               tiles_.amplitude(begin), at(t, slope, 0, begin), at(t, slope, 1, begin),
               has_state ? at(t, slope, 2, begin) : nullptr, end - begin, tiles_.direction(begin), tiles_.number(begin)});
+  for (PetscInt i = 0; i < end - begin && viscous(); ++i) f_eta[i] += K1_ * d2[i];
   tiles_.for_held(begin, end, [&](PetscInt node) { hold(t, slope, node); });
 }
 

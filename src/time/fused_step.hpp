@@ -48,8 +48,9 @@ class TiledStep {
   };
   // All stages on a tile; the new values end in columns 1. Returns how many equations are left unsolved.
   virtual long through(const Tile& t, const Step& step) const = 0;
-  // On [begin, end) of the values in columns `index`: K1 D2 psi into the eta of columns `slope`, where psi holds
-  // half_width more nodes at either side; and the sum over all terms, with what stands in that eta.
+  // On [begin, end) of the values in columns `index`: K1 D2 psi (D2 psi where neighbours have viscosity) into the eta of
+  // columns `slope`, where psi holds half_width more nodes at either side; and the sum over all terms, with what stands in
+  // that eta.
   void stretch(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const;
   void add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c, PetscInt begin,
                      PetscInt end) const;
@@ -59,6 +60,7 @@ class TiledStep {
   void hold(const Tile& t, int slope, PetscInt node) const;
   // Node i of the column for unknown d.
   double* at(const Tile& t, int index, int d, PetscInt i) const { return tiles_.column(index, d) + (i - t.from); }
+  bool viscous() const { return N_ > 0; }
   bool is_continuum() const { return tiles_.model().scene().form == Form::continuum; }
 
   int stages_, slopes_;
@@ -67,8 +69,10 @@ class TiledStep {
   bool last_is_solution_ = false;
   std::vector<double> times_;  // of the stages, in parts of the step
   kernel::Coefficients coefficients_;
+  double K1_, N_;  // where neighbours have viscosity
 
  private:
+  int driving_;  // then a column: eta + N D2 psi
   tile::Stencil stencil_;
   tile::Pointwise pointwise_;
 };

@@ -35,6 +35,26 @@ struct CubicBetween {
 
 double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
+// The force on a node, eta + N D2 psi, of unknowns and their Stick::viscous_force; of rates its rate.
+class Forces {
+ public:
+  Forces(const double* u, Vec viscous, int dof) : u_(u), viscous_(viscous), dof_(dof) {
+    if (viscous_) SS_TRY(VecGetArrayRead(viscous_, &v_));
+  }
+  ~Forces() {
+    if (viscous_) (void)VecRestoreArrayRead(viscous_, &v_);
+  }
+  Forces(const Forces&) = delete;
+  Forces& operator=(const Forces&) = delete;
+  double operator[](PetscInt i) const { return v_ ? u_[i * dof_ + 1] + v_[i * dof_ + 1] : u_[i * dof_ + 1]; }
+
+ private:
+  const double* u_;
+  Vec viscous_;
+  int dof_;
+  const double* v_ = nullptr;
+};
+
 }  // namespace
 
 bool Stick::applies_to(const Scene& scene) { return scene.friction.sticks(); }
@@ -64,6 +84,13 @@ double Stick::threshold_rate(PetscInt i, const double* u) const {
   return model_.amplitude()[static_cast<std::size_t>(i)] * rate;
 }
 
+Vec Stick::viscous_force(Vec u, std::size_t number) {
+  if (!model_.viscous()) return nullptr;
+  if (!viscous_[number]) viscous_[number] = model_.create_vector();
+  model_.viscous_force(u, viscous_[number]);
+  return viscous_[number];
+}
+
 template <class Body>
 void Stick::for_each_side(const Body& body) const {
   body(1.);
@@ -79,9 +106,11 @@ void Stick::decide(Vec u) {
   SS_TRY(VecRestoreArrayRead(u, &a));
   model_.rhs(Part::full, u, slope_);
 
+  const Vec viscous = viscous_force(u, 0), viscous_rate = viscous_force(slope_, 1);
   const double* f;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
+  const Forces force(a, viscous, dof_), rate(f, viscous_rate, dof_);
   long counts[3] = {0, 0, 0};  // moving, let go now, changed
   const auto free = [&](PetscInt i) { return i >= free_begin_ && i < free_end_; };
   for (PetscInt i = 0; i < model_.local(); ++i)
@@ -91,8 +120,8 @@ void Stick::decide(Vec u) {
     if (going == 0) {
       const double *at = a + i * dof_, limit = threshold(i, at);
       for_each_side([&](double side) {
-        const double excess = side * at[1] - limit;
-        if (excess > close * limit || (excess >= 0 && side * f[i * dof_ + 1] > threshold_rate(i, at))) going = side;
+        const double excess = side * force[i] - limit;
+        if (excess > close * limit || (excess >= 0 && side * rate[i] > threshold_rate(i, at))) going = side;
       });
       if (going != 0) ++counts[1];
     }
@@ -109,9 +138,9 @@ void Stick::decide(Vec u) {
 
 // How far node c is beyond its change, as a part of the step: negative before it. What has been let go at the start of
 // the step begins like its square, or faster: divided by that, it does not begin at zero.
-double Stick::beyond(const Candidate& c, const double* u, double part) const {
+double Stick::beyond(const Candidate& c, const double* u, double force, double part) const {
   const double* at = u + c.node * dof_;
-  if (c.rests) return c.weight * (c.side * at[1] - threshold(c.node, at));
+  if (c.rests) return c.weight * (c.side * force - threshold(c.node, at));
   return -c.weight * c.side * at[0] / (c.fresh ? part * part : 1);
 }
 
@@ -120,11 +149,15 @@ double Stick::beyond(const Candidate& c, const double* u, double part) const {
 void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, double& reached) {
   candidates_.clear();
   estimate = reached = infinity;
+  const Vec viscous[4] = {viscous_force(before, 0), viscous_force(after, 1), viscous_force(slope_, 2),
+                          viscous_force(next_slope_, 3)};
   const double *a, *b, *fa, *fb;
   SS_TRY(VecGetArrayRead(before, &a));
   SS_TRY(VecGetArrayRead(after, &b));
   SS_TRY(VecGetArrayRead(slope_, &fa));
   SS_TRY(VecGetArrayRead(next_slope_, &fb));
+  const Forces force0(a, viscous[0], dof_), force1(b, viscous[1], dof_), pull0(fa, viscous[2], dof_),
+      pull1(fb, viscous[3], dof_);
   // g: negative before the change; `at_end`: the change has come by the end of the step
   const auto examine = [&](const Candidate& c, double g0, double g1, double m0, double m1, bool at_end) {
     if (!at_end && !(m0 > 0 && m1 < 0)) return;
@@ -150,8 +183,8 @@ void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, 
     const double limit0 = threshold(i, at0), limit1 = threshold(i, at1);
     const double rate0 = threshold_rate(i, at0), rate1 = threshold_rate(i, at1);
     for_each_side([&](double side) {
-      const double g0 = side * at0[1] - limit0, g1 = side * at1[1] - limit1;
-      const double m0 = side * f0[1] - rate0, m1 = side * f1[1] - rate1;
+      const double g0 = side * force0[i] - limit0, g1 = side * force1[i] - limit1;
+      const double m0 = side * pull0[i] - rate0, m1 = side * pull1[i] - rate1;
       examine({i, side, true, false, 0}, g0, g1, m0, m1, g1 > close * limit1 || (g1 >= 0 && m1 > 0));
     });
   }
@@ -166,11 +199,13 @@ void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, 
 }
 
 // The largest beyond() at u, over all candidates of all ranks.
-double Stick::furthest(Vec u, double part) const {
+double Stick::furthest(Vec u, double part) {
+  const Vec viscous = viscous_force(u, 0);
   const double* a;
   SS_TRY(VecGetArrayRead(u, &a));
+  const Forces force(a, viscous, dof_);
   double most = -infinity;
-  for (const Candidate& c : candidates_) most = std::max(most, beyond(c, a, part));
+  for (const Candidate& c : candidates_) most = std::max(most, beyond(c, a, force[c.node], part));
   SS_TRY(VecRestoreArrayRead(u, &a));
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &most, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
   return most;
@@ -225,45 +260,67 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
   return {Change::Kind::at, evaluated};
 }
 
-// Nodes whose change has come, to round-off, get its psi or eta exactly.
-void Stick::snap(Vec before, Vec landed) const {
+// Nodes whose change has come, to round-off, get its psi or their force exactly: first every psi, which others may feel.
+void Stick::snap(Vec before, Vec landed) {
+  std::vector<Limit> limits;
+  const Vec viscous = viscous_force(before, 0), viscous_landed = viscous_force(landed, 1);
   const double* a;
   double* b;
   SS_TRY(VecGetArrayRead(before, &a));
   SS_TRY(VecGetArray(landed, &b));
-  for (const Candidate& c : candidates_) {
-    double* at = b + c.node * dof_;
-    if (beyond(c, b, 1) < -close) continue;
-    if (c.rests) at[1] = c.side * threshold(c.node, at);
-    else at[0] = 0;
-  }
-  for (PetscInt i = free_begin_; i < free_end_; ++i) {
-    const double going = direction_[static_cast<std::size_t>(i)], *at0 = a + i * dof_;
-    double* at = b + i * dof_;
-    if (going != 0) {
-      if (going * at0[0] > 0 && going * at[0] <= close * going * at0[0]) at[0] = 0;
-      continue;
+  {
+    const Forces was(a, viscous, dof_), force(b, viscous_landed, dof_);
+    for (const Candidate& c : candidates_) {
+      if (beyond(c, b, force[c.node], 1) < -close) continue;
+      if (c.rests) limits.push_back({c.node, c.side});
+      else b[c.node * dof_] = 0;
     }
-    at[0] = 0;
-    const double limit = threshold(i, at);
-    for_each_side([&](double side) {
-      if (std::abs(side * at[1] - limit) <= close * limit && side * at[1] - limit > side * at0[1] - threshold(i, at0))
-        at[1] = side * limit;
-    });
+    for (PetscInt i = free_begin_; i < free_end_; ++i) {
+      const double going = direction_[static_cast<std::size_t>(i)], *at0 = a + i * dof_;
+      double* at = b + i * dof_;
+      if (going != 0) {
+        if (going * at0[0] > 0 && going * at[0] <= close * going * at0[0]) at[0] = 0;
+        continue;
+      }
+      at[0] = 0;
+      const double limit = threshold(i, at);
+      for_each_side([&](double side) {
+        const double excess = side * force[i] - limit;
+        if (std::abs(excess) <= close * limit && excess > side * was[i] - threshold(i, at0)) limits.push_back({i, side});
+      });
+    }
   }
   SS_TRY(VecRestoreArray(landed, &b));
   SS_TRY(VecRestoreArrayRead(before, &a));
+  put_at_threshold(landed, limits);
+}
+
+// Makes the force on each of these nodes its threshold, from which decide() lets it go; not less by round-off.
+void Stick::put_at_threshold(Vec u, const std::vector<Limit>& limits) {
+  const Vec viscous = viscous_force(u, 0);
+  double* b;
+  SS_TRY(VecGetArray(u, &b));
+  const Forces force(b, viscous, dof_);
+  for (const auto& [node, side] : limits) {
+    double* at = b + node * dof_;
+    const double limit = threshold(node, at), rest = viscous ? force[node] - at[1] : 0;
+    at[1] = side * limit - rest;
+    for (double step = 1e-16 * limit; side * force[node] < limit; step *= 2) at[1] += side * step;
+  }
+  SS_TRY(VecRestoreArray(u, &b));
 }
 
 double Stick::release_after(Vec u, double t, double longest) {
   if (model_.scene().load.varies()) return release_under_load(u, t, longest);
+  const Vec viscous = viscous_force(u, 0), viscous_rate = viscous_force(slope_, 1);
   const double *a, *f;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
+  const Forces forces(a, viscous, dof_), rates(f, viscous_rate, dof_);
   double first = infinity;
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
     for_each_side([&](double side) {
-      const double *at = a + i * dof_, force = side * at[1], rate = side * f[i * dof_ + 1];
+      const double *at = a + i * dof_, force = side * forces[i], rate = side * rates[i];
       if (dof_ == 2) {
         if (rate > 0) first = std::min(first, std::max(0., (threshold(i, at) - force) / rate));
         return;
@@ -282,12 +339,14 @@ double Stick::longest_rest(const Scene& scene) { return 16 * scene.load.smooth_t
 
 // The same with a load, by pieces so short that in each the force gains on the threshold at first, or falls behind at
 // first, and the other way round behind that.
-double Stick::release_under_load(Vec u, double t, double longest) const {
+double Stick::release_under_load(Vec u, double t, double longest) {
+  const Vec viscous = viscous_force(u, 0);
   const Load& load = model_.scene().load;
   const double K0 = model_.scene().K0(), travelled = load.integral(t), v = model_.plate_velocity(t);
   const double *a, *f;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
+  const Forces forces(a, viscous, dof_);  // at rest what neighbours add stands
   double first = infinity;
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
     const Friction& law = model_.friction_law(i);
@@ -299,7 +358,7 @@ double Stick::release_under_load(Vec u, double t, double longest) const {
       };
       const auto excess = [&](double wait) {
         age(wait);
-        const double eta = at[1] + (f[i * dof_ + 1] - K0 * v) * wait + K0 * (load.integral(t + wait) - travelled);
+        const double eta = forces[i] + (f[i * dof_ + 1] - K0 * v) * wait + K0 * (load.integral(t + wait) - travelled);
         return side * eta - threshold(i, then.data());
       };
       const auto growth = [&](double wait) {
@@ -344,6 +403,7 @@ void Stick::rest(Vec u, double t, double wait, Vec into) {
   const double more = loaded ? K0 * (load.integral(t + wait) - load.integral(t) - v * wait) : 0;
   const double faster = loaded ? K0 * (model_.plate_velocity(t + wait) - v) : 0;
   SS_TRY(VecWAXPY(into, wait, slope_, u));
+  std::vector<Limit> limits;
   const double *a, *f;
   double* b;
   SS_TRY(VecGetArrayRead(u, &a));
@@ -354,18 +414,25 @@ void Stick::rest(Vec u, double t, double wait, Vec into) {
       b[i * 3 + 2] = model_.friction_law(i).state_at_rest(a[i * 3 + 2], wait);
   for (PetscInt i = 0; loaded && i < model_.local(); ++i)
     if (model_.scene().form == Form::chain || !model_.held(model_.first() + i)) b[i * dof_ + 1] += more;
-  for (PetscInt i = free_begin_; i < free_end_; ++i) {
-    double* at = b + i * dof_;
-    const double limit = threshold(i, at);
-    for_each_side([&](double side) {
-      if (std::abs(side * at[1] - limit) <= close * limit &&
-          side * (f[i * dof_ + 1] + faster) > threshold_rate(i, at))
-        at[1] = side * limit;
-    });
-  }
   SS_TRY(VecRestoreArray(into, &b));
   SS_TRY(VecRestoreArrayRead(slope_, &f));
   SS_TRY(VecRestoreArrayRead(u, &a));
+  const Vec viscous = viscous_force(into, 0), viscous_rate = viscous_force(slope_, 1);
+  SS_TRY(VecGetArrayRead(slope_, &f));
+  SS_TRY(VecGetArray(into, &b));
+  {
+    const Forces force(b, viscous, dof_), rate(f, viscous_rate, dof_);
+    for (PetscInt i = free_begin_; i < free_end_; ++i) {
+      const double limit = threshold(i, b + i * dof_);
+      for_each_side([&](double side) {
+        if (std::abs(side * force[i] - limit) <= close * limit && side * (rate[i] + faster) > threshold_rate(i, b + i * dof_))
+          limits.push_back({i, side});
+      });
+    }
+  }
+  SS_TRY(VecRestoreArray(into, &b));
+  SS_TRY(VecRestoreArrayRead(slope_, &f));
+  put_at_threshold(into, limits);
 }
 
 }  // namespace stickslip

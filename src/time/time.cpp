@@ -109,6 +109,9 @@ std::string Integrator::Impl::advice(double dt) const {
   const double frequency = model.wave_frequency();
   if (implicit != Implicit::wave && dt * frequency > 1)
     text += "; the shortest wave turns at " + number_text(frequency) + " per unit time";
+  const double viscous = viscous_rate(model.scene());
+  if (implicit != Implicit::wave && dt * viscous > 1)
+    text += "; viscosity damps it at " + number_text(viscous) + " per unit time";
   return text + "; reduce ts_dt, or choose an implicit method (ts_type arkimex)";
 }
 

@@ -6,6 +6,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "waves/train_equations.hpp"
+#include "waves/viscous_train.hpp"
 
 namespace stickslip {
 
@@ -33,6 +34,11 @@ double extremum(const Train& train, int sign) {
 
 }  // namespace
 
+void find_extrema(Train& train) {
+  train.psi_max = extremum(train, 1);
+  train.psi_min = extremum(train, -1);
+}
+
 Train pack(const TrainEquations& problem, const std::vector<double>& x) {
   Train train;
   const TrainSetting& setting = problem.setting();
@@ -47,8 +53,7 @@ Train pack(const TrainEquations& problem, const std::vector<double>& x) {
   train.method = &Collocation::gauss5();
   train.mesh = problem.mesh();
   train.values.assign(x.begin(), x.begin() + long(train.intervals() * problem.block()));
-  train.psi_max = extremum(train, 1);
-  train.psi_min = extremum(train, -1);
+  find_extrema(train);
   return train;
 }
 
@@ -136,6 +141,7 @@ void check_train_scene(const Scene& scene) {
 }
 
 double shortest_pulse(const Scene& scene) {
+  if (scene.nu > 0) return std::nan("");
   return plain_cubic(scene) ? cubic_shortest(scene) : scene.c == 0 ? 0 : std::nan("");
 }
 
@@ -213,6 +219,7 @@ bool fastest_of_length(const TrainSetting& setting, double c, double tolerance, 
 Train solve_train(const Scene& scene, const TrainRequest& request, double tolerance) {
   check_train_scene(scene);
   check_request(scene, request);
+  if (scene.nu > 0) return solve_viscous_train(scene, request, tolerance);
   const TrainSetting setting = TrainSetting::of(scene, request);
   Train train;
   if (request.speed) {

@@ -32,6 +32,7 @@ double TrainSetting::number_of(const Train& train) const {
 
 TrainSetting setting_of(const TrainCase& asked) {
   const TrainRequest& request = asked.request;
+  if (asked.scene.nu > 0) throw Failure("branches are followed without viscosity between neighbours (model_nu 0) only");
   if (request.speed && !(std::abs(*request.speed) > asked.scene.c)) throw Failure("V comes down to c");
   if (request.length && !(*request.length > 0)) throw Failure("the length vanishes");
   return TrainSetting::of(asked.scene, request);

@@ -166,7 +166,10 @@ class TransferMesh {
   std::vector<double> J_;
 };
 
-Transfer::Transfer(const Train& train, int refine) : train_(train), refine_(refine) {}
+Transfer::Transfer(const Train& train, int refine) : train_(train), refine_(refine) {
+  if (train.nu > 0)
+    throw Failure("the stability of a train is computed without viscosity between neighbours (model_nu 0) only");
+}
 Transfer::~Transfer() = default;
 
 const TransferMesh& Transfer::mesh_for(double frequency) {

@@ -1,8 +1,8 @@
 // The terms of the semi-discrete system and their linearisation at one node.
 //
 // Every form of the model is, at a node (scene.hpp),
-//     psi_t   = A [eta - B psi - F(psi, state)]
-//     eta_t   = K0 (v - psi) + K1 D2 psi - s delta [eta - F(psi, state)]
+//     psi_t   = A [eta + N D2 psi - B psi - F(psi, state)]
+//     eta_t   = K0 (v - psi) + K1 D2 psi - s delta [eta + N D2 psi - F(psi, state)]
 //     state_t = g(psi, state)
 // A deviation from a solution obeys the linear system of this header; with -D2 replaced by its symbol kappa^2 it is
 // that of a wave of wavenumber kappa in a uniform medium. The Jacobian of Model, the operator about steady sliding, the
@@ -10,10 +10,10 @@
 // stand in src/model/kernel.hpp. A new term of the equations is written in these two files.
 //
 // At a given lambda eta and the state of a node follow from its psi and what drives it, so that J - lambda is solved by one
-// equation a node, coupled by K1 D2 alone (`diagonal`, `condense`, `expand`).
+// equation a node, coupled by (K1 + lambda N) D2 alone (`diagonal`, `condense`, `expand`).
 //
 // Nothing here communicates or allocates. Units: psi is a velocity, eta and F are numbers (forces over the friction
-// amplitude), so A has the unit velocity/time, B time/length, K0 1/length, s delta 1/time.
+// amplitude), so A has the unit velocity/time, B time/length, K0 1/length, s delta 1/time; N kappa^2 has that of B.
 #pragma once
 
 #include <complex>
@@ -26,9 +26,9 @@ namespace stickslip {
 // Which terms of the right-hand side (pointwise + stencil = wave + reaction = full).
 enum class Part {
   full,       // everything
-  pointwise,  // everything but K1 D2 psi: the implicit part when friction is implicit
-  stencil,    // K1 D2 psi alone, in eta
-  wave,       // linear, constant: psi: A (eta - B psi); eta: K0 (v - psi) + K1 D2 psi - s delta eta
+  pointwise,  // everything but D2 psi: the implicit part when friction is implicit
+  stencil,    // psi: A N D2 psi; eta: (K1 - s delta N) D2 psi
+  wave,       // linear, constant: psi: A (e - B psi); eta: K0 (v - psi) + K1 D2 psi - s delta e; e = eta + N D2 psi
   reaction    // psi: -A F; eta: s delta F; state: g
 };
 inline bool has_stencil(Part part) { return part == Part::full || part == Part::stencil || part == Part::wave; }
@@ -62,12 +62,13 @@ struct FrictionSlopes {
 struct LinearPoint : FrictionSlopes {
   using Complex = std::complex<double>;
 
-  double A, B, K0, K1, s_delta;        // of the scene
+  double A, B, K0, K1, N, s_delta;     // of the scene
   bool has_state = false;
 
   // The coefficients of a scene; without friction, or with that of a point. `F` includes the amplitude.
   explicit LinearPoint(const Scene& s)
-      : A(s.A()), B(s.B()), K0(s.K0()), K1(s.K1()), s_delta(s.s_delta()), has_state(s.friction.has_state()) {}
+      : A(s.A()), B(s.B()), K0(s.K0()), K1(s.K1()), N(s.N()), s_delta(s.s_delta()),
+        has_state(s.friction.has_state()) {}
   LinearPoint(const Scene& s, const Partials& F, const RatePartials& g) : LinearPoint(s) { set(F, g); }
   void set(const Partials& F, const RatePartials& g) { set({F.F_psi, F.F_state, g.g_psi, g.g_state}); }
   void set(const FrictionSlopes& slopes) { static_cast<FrictionSlopes&>(*this) = slopes; }
@@ -78,22 +79,26 @@ struct LinearPoint : FrictionSlopes {
   // The same of a node that friction holds at rest (Part::full, pointwise and stencil): psi stays 0, friction is eta.
   NodeBlock block_at_rest(Part part) const;
 
-  // With eta and the state eliminated a deviation obeys  lambda [lambda/A + beta + q/(lambda + r)] + K = 0.
+  // With eta and the state eliminated a deviation obeys  lambda [lambda/A + beta + N kappa^2 + q/(lambda + r)] + K = 0.
   double stiffness(double kappa2) const { return K0 + K1 * kappa2; }  // K
   double beta() const { return B + s_delta / A + F_psi; }             // resistance; the `a` of a cubic with a state
-  double damping() const { return A * (B + F_psi) + s_delta; }        // C = A beta: without a state stable iff C > 0
+  // C = A (beta + N kappa^2): without a state stable iff C > 0
+  double damping(double kappa2 = 0) const { return A * (B + F_psi) + s_delta + A * N * kappa2; }
   double r() const { return -g_state; }                               // rate at which the state relaxes
   double q() const { return F_state * g_psi; }                        // what acts through the state
-  // Resistance to slow changes, b = B + s delta/A + dF_ss/dv.
+  // Resistance to slow changes of a uniform motion, b = B + s delta/A + dF_ss/dv.
   double slow_beta() const { return has_state ? beta() + q() / r() : beta(); }
 
-  // That relation without K, as a function of lambda, and its derivative. J - lambda is singular where lambda = -r.
+  // That relation without K and N, as a function of lambda, and its derivative. J - lambda is singular where
+  // lambda = -r.
   Complex diagonal(Complex lambda) const;
   Complex diagonal_slope(Complex lambda) const;
-  // (J - lambda) y = b:  -(diagonal + K0 - K1 D2) y.psi = condense(b),  y = expand(y.psi, b). With b = 0: an eigenvector.
+  // (J - lambda) y = b:  -(diagonal + K0 - (K1 + lambda N) D2) y.psi = condense(b),  y = expand(y.psi, b), to whose eta
+  // -N D2 y.psi is to be added. With b = 0: an eigenvector.
   Complex condense(Complex lambda, const NodeVector& b) const;
   NodeVector expand(Complex lambda, Complex psi, const NodeVector& b = {}) const;
-  // The same for the transposed (not conjugated) J - lambda, in eta:  -(diagonal + K0 - K1 D2^T) y.eta = ...
+  // The same for the transposed (not conjugated) J - lambda, in eta:
+  // -(diagonal + K0 - (K1 + lambda N) D2^T) y.eta = condense_transposed(b) - N D2^T b.eta
   Complex condense_transposed(Complex lambda, const NodeVector& b) const;
   NodeVector expand_transposed(Complex lambda, Complex eta, const NodeVector& b) const;
 
@@ -105,15 +110,20 @@ struct LinearPoint : FrictionSlopes {
   // Whether every root of it lies left of the imaginary axis (Routh and Hurwitz). Where nothing pulls back (K = 0) the
   // root 0, a shift of everything along x, does not count.
   bool stable(double kappa2) const;
+  // The same for every kappa^2 from 0 to `largest`.
+  bool stable_up_to(double largest) const;
 };
 
 // Written here, since they stand in the inner loops of Jacobians: linear in the part's terms, wave + reaction = full.
 inline NodeBlock LinearPoint::block(Part part, double kappa2) const {
   NodeBlock b;
-  if (has_stencil(part)) b.eta_psi = -K1 * kappa2;
+  if (has_stencil(part)) {
+    b.psi_psi = -A * N * kappa2;
+    b.eta_psi = (s_delta * N - K1) * kappa2;
+  }
   if (part == Part::stencil) return b;
   if (part != Part::reaction) {
-    b.psi_psi = -A * B;
+    b.psi_psi -= A * B;
     b.psi_eta = A;
     b.eta_psi += -K0;
     b.eta_eta = -s_delta;
@@ -194,7 +204,7 @@ inline NodeVector LinearPoint::expand_transposed(Complex lambda, Complex eta, co
 }
 
 inline LinearPoint::Characteristic LinearPoint::characteristic(double kappa2) const {
-  const double C = damping(), K = A * stiffness(kappa2) + s_delta * A * B;
+  const double C = damping(kappa2), K = A * stiffness(kappa2) + s_delta * A * B;
   if (!has_state) return {C, K, 0};
   return {C + r(), K + C * r() + A * F_state * g_psi, K * r()};  // r > 0, so that c0 = 0 is K = 0
 }
@@ -203,6 +213,21 @@ inline bool LinearPoint::stable(double kappa2) const {
   const auto [c2, c1, c0] = characteristic(kappa2);
   if (!has_state) return c2 > 0;
   return c2 > 0 && c1 > 0 && (c0 == 0 || (c0 > 0 && c2 * c1 > c0));
+}
+
+// All conditions are linear in kappa^2 but c2 c1 > c0, whose parabola opens upwards (its leading coefficient is
+// A N (A K1 + A N r)): besides the ends of the range its lowest place is looked at.
+inline bool LinearPoint::stable_up_to(double largest) const {
+  if (!stable(0) || !stable(largest)) return false;
+  if (!has_state || N == 0 || !(largest > 0)) return true;
+  const auto excess = [&](double kappa2) {
+    const auto [c2, c1, c0] = characteristic(kappa2);
+    return c2 * c1 - c0;
+  };
+  const double bend = A * N * (A * K1 + A * N * r());  // of kappa^4
+  const double slope = (excess(largest) - excess(0)) / largest - bend * largest;  // at 0
+  const double lowest = bend > 0 ? -slope / (2 * bend) : 0;
+  return !(lowest > 0 && lowest < largest) || stable(lowest);
 }
 
 }  // namespace stickslip

@@ -2,8 +2,8 @@
 //
 // The unknowns stand node by node: psi, eta and, with a state law, the stored state (see friction.hpp) of node 0,
 // then of node 1, ... in one Vec of a one-dimensional DMDA. A held node stands in the Vec too, but psi there is
-// constant (right-hand side 0); its eta is output: constant B psi_e + F(psi_e, state) in the continuum, the elastic
-// force (a quadrature that nothing depends on) in the chain.
+// constant (right-hand side 0); its eta is output: constant in the continuum, where set_held() makes it
+// B psi_e + F(psi_e, state) - N D2 psi, and the elastic force (a quadrature that nothing depends on) in the chain.
 //
 // Time stepping, steady states, eigenvalues and waves share this object; it is the only thing they share.
 #pragma once
@@ -54,6 +54,12 @@ class Model {
 
   // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space.
   void rhs(Part part, Vec u, Vec f) const;
+  // Whether neighbours have viscosity (nu > 0). What drives a node then is e = eta + N D2 psi; at rest that is the force
+  // held against the threshold.
+  bool viscous() const;
+  // N D2 psi in the place of eta, 0 elsewhere; of a viscous scene alone. At a held end of the continuum D2 is of order
+  // p - 2 (stencil.hpp). Collective.
+  void viscous_force(Vec u, Vec into) const;
   long rhs_evaluations() const;  // of every part, since the start
   void count_evaluations(long count) const;  // made by others (fused_step)
 
@@ -102,6 +108,10 @@ class Model {
 
 // Frequency of the shortest wave on the scene's grid, sqrt(A (K0 + K1 kappa^2_max)).
 double wave_frequency(const Scene& scene);
+// The rate at which viscosity damps the shortest wave, A N kappa^2_max, 0 without it; and the larger of the two, which
+// explicit steps obey.
+double viscous_rate(const Scene& scene);
+double stencil_rate(const Scene& scene);
 
 // Counter-based random numbers keyed by (seed, index): uniform on (0, 1), and standard normal.
 double counter_uniform(PetscInt seed, PetscInt index);

@@ -2,11 +2,12 @@
 // here communicates.
 //
 // Every form of the model is one semi-discrete system (per node; B and delta are never both non-zero)
-//     psi_t = A [eta - B psi - F(psi, state)]
-//     eta_t = K0 (v - psi) + K1 D2 psi - s delta [eta - F(psi, state)]
+//     psi_t = A [eta + N D2 psi - B psi - F(psi, state)]
+//     eta_t = K0 (v - psi) + K1 D2 psi - s delta [eta + N D2 psi - F(psi, state)]
 //     state_t = g(psi, state)                       only with a state law
-// continuum: A = gamma, B = 0, K0 = 1/gamma, K1 = c^2/gamma;  chain: A = f0/m, B = zeta/f0, K0 = k0/f0,
-// K1 = k1/f0, delta = 0. psi: sliding velocity, eta: force over the friction amplitude.
+// continuum: A = gamma, B = 0, K0 = 1/gamma, K1 = c^2/gamma, N = nu/gamma;  chain: A = f0/m, B = zeta/f0, K0 = k0/f0,
+// K1 = k1/f0, N = nu/f0, delta = 0. psi: sliding velocity, eta: force over the friction amplitude. nu is the viscosity
+// between neighbours, 0 by default: then N D2 psi is not computed at all.
 #pragma once
 
 #include <petscsys.h>
@@ -29,6 +30,7 @@ struct Scene {
   double gamma = 3, delta = 0.2, c = 1, v = 0.2;
   bool derived_sign = true;               // s = +1 (derived) or -1 (printed)
   double m = 1, k0 = 0.2, k1 = 0.2, f0 = 1, zeta = 0;
+  double nu = 0;                          // viscosity between neighbours
 
   FrictionParameters friction;
   double spread = 0;                      // F_i = a_i F, mean of a_i is 1
@@ -50,6 +52,7 @@ struct Scene {
   double B() const { return form == Form::continuum ? 0 : zeta / f0; }
   double K0() const { return form == Form::continuum ? 1 / gamma : k0 / f0; }
   double K1() const { return form == Form::continuum ? c * c / gamma : k1 / f0; }
+  double N() const { return form == Form::continuum ? nu / gamma : nu / f0; }
   double s_delta() const { return form == Form::continuum ? (derived_sign ? delta : -delta) : 0; }
   bool ring() const { return left == End::periodic; }
   double h() const { return ring() ? length / double(n) : (n > 1 ? length / double(n - 1) : 1); }

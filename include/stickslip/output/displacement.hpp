@@ -9,7 +9,8 @@
 //     kinetic  sum psi^2/(2 A)               elastic   sum w (K0 - K1 D2) w/2 = -sum w z/2
 //     input    v sum z                       by the driving plate
 //     friction sum psi F                     lost in friction
-//     viscous  sum (B + s delta/A) psi^2     lost in damping; negative with the printed sign, which drives
+//     viscous  sum (B + s delta/A) psi^2 - N psi D2 psi     lost in damping and in viscosity between neighbours; the
+//                                            first part is negative with the printed sign, which drives
 //     d(kinetic + elastic)/dt = input - friction - viscous
 // exactly, for the semi-discrete system, on a ring and between free ends, where D2 is symmetric in these sums. A held
 // end works on the system too, and with order 4 and 6 its D2 is not symmetric: no energy is given there.

@@ -20,7 +20,8 @@
 //     stress_drop    mean of eta0 - eta1
 //     strain_energy  sum w d_i (eta0 + eta1)/2, what the springs give away
 //     friction_work  sum w integral of psi F
-//     radiated       sum w integral of (B + s delta/A) psi^2, what damping takes: with no damping nothing is radiated
+//     radiated       sum w integral of (B + s delta/A) psi^2 - psi N D2 psi, what damping and the viscosity between
+//                    neighbours take: with neither nothing is radiated
 //     kinetic        largest kinetic energy sum w psi^2/(2 A) on the way; of events that become one, that of the
 //                    larger until then
 // With friction that sticks strain_energy = friction_work + radiated but for what the plate does meanwhile, which is at
@@ -31,6 +32,7 @@
 // Works on whole fields, on the rank that has them; not collective.
 #pragma once
 
+#include <array>
 #include <map>
 #include <memory>
 #include <string>
@@ -38,6 +40,7 @@
 
 #include "stickslip/output/field.hpp"
 #include "stickslip/model/frictions.hpp"
+#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
@@ -82,6 +85,8 @@ class Events {
   int owner_beside(std::size_t i, int step) const;
   void claim(std::size_t i, std::shared_ptr<const Before>& now);
   void join(int kept, int taken);
+  void find_viscous_forces(double dt, const std::vector<std::vector<double>>& now);
+  double middle(std::size_t i, double dt, const std::vector<std::vector<double>>& now) const;
   double force(std::size_t i, double psi, double state, double direction) const;
   void accumulate(std::size_t i, Live& live, double dt, const std::vector<std::vector<double>>& now);
   double eta_before(PetscInt node, int id, const Before& before) const;
@@ -92,6 +97,8 @@ class Events {
   std::vector<double> amplitude_;
   Frictions friction_;
   double A_, B_;
+  std::vector<Combination> d2_;       // rows of N D2, where neighbours have viscosity
+  std::array<std::vector<double>, 3> viscous_;  // then N D2 psi at the beginning, in the middle and at the end of a step
   bool started_ = false;
   double t_ = 0;
   std::vector<std::vector<double>> last_;

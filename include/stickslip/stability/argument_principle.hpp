@@ -29,7 +29,7 @@ struct PhaseTurn {
 };
 
 // Collective over comm, which shares the work; the same on every rank. Empty where it fails (see above), or the scene
-// has no line to speak of (K1 = 0, fewer than `shortest_line` nodes). At most `zeros` zeros are told.
+// has no line to speak of (viscosity between neighbours, which is not in the maps; K1 = 0, fewer than `shortest_line` nodes). At most `zeros` zeros are told.
 constexpr std::size_t shortest_line = 64;
 std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const LinearisedOperator& J, Complex from, Complex to,
                                       std::size_t zeros = 0);

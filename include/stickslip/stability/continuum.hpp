@@ -8,6 +8,11 @@
 // -(A beta + r), the real part of an oscillating pair moves with K as -1/2 of the real root does: one way, too. The growth
 // rate as a function of K therefore has no maximum inside any interval. Its supremum is that of the longest wave, or the
 // limit of short ones, max(-A beta/2, -r): a closed question, not a search.
+//
+// With viscosity between neighbours, beta + N k^2 for beta, short waves tend to max(-K1/N, -r). Without a state an
+// oscillating wave grows at -A (beta + N k^2)/2 and a real root moves with k^2 one way, towards -K1/N: the longest wave
+// leads, or the limit. With a state a wave between may lead: those that fit are looked at, all of the longest ones and
+// every fiftieth part further on, and the neighbours of the best.
 #pragma once
 
 #include <optional>

@@ -130,7 +130,7 @@ class GrowthRate {
   struct Place {
     double x, y;
     double K0, stiffest;          // A K0 and A (K0 + K1 times the largest kappa^2)
-    std::vector<double> drag, r;  // A beta + A q, and r
+    std::vector<double> drag, r;  // A beta + A q, with what viscosity does to the shortest wave first; and r
     std::vector<FollowedMode> found;
   };
   std::optional<LinearisedOperator> linearised(double x, double y) const;

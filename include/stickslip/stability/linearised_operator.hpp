@@ -4,8 +4,8 @@
 // (model/linear_point.hpp), so e and t are eliminated node by node, and lambda is an eigenvalue when S(lambda) p = 0
 // has a solution,
 //
-//     S(lambda) = lambda [lambda/A + beta_i + q_i/(lambda + r_i)] + K0 - K1 D2
-//     t = g_psi p/(lambda + r),       e = (lambda/A + B + F_psi) p + F_state t.
+//     S(lambda) = lambda [lambda/A + beta_i + q_i/(lambda + r_i)] + K0 - (K1 + lambda N) D2
+//     t = g_psi p/(lambda + r),       e = (lambda/A + B + F_psi - N D2) p + F_state t.
 //
 // S is banded (folded round a ring), one complex unknown a node, so a factorisation, a solve and a determinant cost
 // O(n). The characteristic polynomial of J is A^n prod(lambda + r_i) det S(lambda) (r only with a state). Held nodes
@@ -35,7 +35,7 @@ class LinearisedOperator {
   LinearisedOperator segment(std::size_t first, std::size_t count) const;
 
   Scene scene;
-  double A, K0, K1;
+  double A, K0, K1, N;
   Coupling coupling;               // the nodes solved for
   bool uniform = true;             // the same at every node
   LinearPoint point(std::size_t i) const {
@@ -79,6 +79,8 @@ class LinearisedOperator {
   double symbol(double k) const;            // of -D2, kappa^2
   double largest_symbol() const;            // that of the grid scale
   double largest_stiffness() const { return K0 + K1 * largest_symbol(); }
+  double viscous_rate() const { return A * N * largest_symbol(); }  // at which the shortest wave is damped
+  Complex coupling_factor(Complex lambda) const { return K1 + lambda * N; }  // what D2 is multiplied by in S
   // The wavenumber in [0, pi/h] whose symbol is the weighted mean of -D2 over p.
   double wavenumber(const std::vector<Complex>& p) const;
   // Relative error in frequency of a wave of wavenumber k on this grid; 0 in the chain, where the grid is the matter.
@@ -102,6 +104,8 @@ class LinearisedOperator {
 
  private:
   LinearisedOperator(const LinearisedOperator& whole, std::size_t first, std::size_t count);
+  void add_viscous(const std::vector<Complex>& p, std::size_t stride, std::size_t first, std::vector<Complex>& x,
+                   double factor = 1) const;
 
   LinearPoint medium_;  // without friction
   std::vector<FrictionSlopes> slopes_;

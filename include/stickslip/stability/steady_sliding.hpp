@@ -1,5 +1,5 @@
 // Steady sliding: psi_i with K0 (v - psi) + K1 D2 psi = 0, the state at its steady value for psi_i, and
-// eta = B psi + F. Friction does not enter the equation for psi (B and delta are never both non-zero), so it is linear:
+// eta = B psi + F - N D2 psi. Friction does not enter the equation for psi (B and delta are never both non-zero), so it is linear:
 // psi = v without held ends, one banded solve for the boundary layers with them.
 //
 // Every rank holds the whole line. Not collective.

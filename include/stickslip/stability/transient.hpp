@@ -32,7 +32,7 @@ struct Transient {
 // By wavenumber where the exact relation applies, dense up to 400 unknowns elsewhere, beyond (or with `iterate`) by
 // banded matrices: the abscissa by halving (Cholesky's factorisation says on which side it lies), the growth by Lanczos'
 // iteration on exp(J t) and its adjoint, stepped by a rational approximation. `growth_rate`: of the spectrum. Nothing
-// where there is no such norm. Not collective.
+// where there is no such norm, nor by banded matrices with viscosity between neighbours. Not collective.
 std::optional<Transient> transient_growth(const LinearisedOperator& J, double growth_rate, bool iterate = false);
 
 // The resolvent norm |(z - J)^-1|, in units of time, by Lanczos' iteration on banded solves, to 1e-4; NaN where there is

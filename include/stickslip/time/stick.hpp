@@ -2,7 +2,8 @@
 //
 // A node at rest (psi = 0) stays there while its force eta lies in [-f, f], f = a_i fs(state) its static threshold
 // (with friction_back_slip false: in (-infinity, f]); its friction is then eta, so that psi_t and the damping term
-// vanish. Beyond, it lets go along sgn(eta). A node that slides stops when psi passes through zero.
+// vanish. Beyond, it lets go along sgn(eta). A node that slides stops when psi passes through zero. With viscosity between
+// neighbours eta + N D2 psi is the force, here and below.
 //
 // Between such changes the direction of every node stands (1, -1, or 0 at rest; Model::set_direction) and the
 // right-hand side is smooth, through psi = 0 too, so that a method keeps its order. After each step the changes in it
@@ -22,6 +23,7 @@
 // Collective unless said otherwise; the same on any number of ranks.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <vector>
 
@@ -78,13 +80,22 @@ class Stick {
   double threshold(PetscInt i, const double* u) const;
   double threshold_at(PetscInt i, double state) const;
   double threshold_rate(PetscInt i, const double* u) const;
-  double release_under_load(Vec u, double t, double longest) const;
-  double beyond(const Candidate& c, const double* u, double part) const;
+  double release_under_load(Vec u, double t, double longest);
+  double beyond(const Candidate& c, const double* u, double force, double part) const;
   template <class Body>
   void for_each_side(const Body& body) const;
   void find_candidates(Vec before, Vec after, double dt, double& estimate, double& reached);
-  double furthest(Vec u, double part) const;
-  void snap(Vec before, Vec landed) const;
+  double furthest(Vec u, double part);
+  void snap(Vec before, Vec landed);
+  // A node at its threshold on that side.
+  struct Limit {
+    PetscInt node;
+    double side;
+  };
+  void put_at_threshold(Vec u, const std::vector<Limit>& limits);
+  // N D2 psi of u in a Vec of this object, the one numbered so; nullptr where neighbours have no viscosity. Linear: of a
+  // slope it gives the rate.
+  Vec viscous_force(Vec u, std::size_t number);
 
   const Model& model_;
   int dof_;
@@ -95,6 +106,7 @@ class Stick {
   bool all_rest_ = false;
   long changes_ = 0;
   VecHandle slope_, next_slope_;  // right-hand side at the start and the end of the step
+  std::array<VecHandle, 4> viscous_;
   std::vector<Candidate> candidates_;
 };
 

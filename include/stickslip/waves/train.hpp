@@ -7,6 +7,8 @@
 // step one elimination of cost O(mesh) by orthogonal transformations. V/c - 1 is carried as
 // ln sqrt(V^2 - c^2), so that it keeps all digits when V comes near c.
 //
+// With viscosity between neighbours the equation is one of third order (src/waves/viscous_train.hpp).
+//
 // Everything here is computed alike on every rank; only SNES on PETSC_COMM_SELF is used.
 #pragma once
 
@@ -33,18 +35,22 @@ struct TrainCase {
 struct Train : PeriodicMotion {
   PetscInt pulses = 1;
   double speed = 0, length = 0;
+  double nu = 0;              // viscosity between neighbours (waves/viscous_train.hpp)
   double psi_min = 0, psi_max = 0;
   double residual = 0;        // largest residual of the collocation equations, in units of psi and eta
   double error_estimate = 0;  // of the speed or the length, whichever was solved for; absolute, not below round-off
   bool length_given = true;
 };
 
+// psi_min and psi_max from the values.
+void find_extrema(Train& train);
+
 // Finds the train from nothing. `tolerance`: relative, for the unknown number. Throws UsageError (|speed| <= c) and
 // Failure (none exists; the text says why and gives the bound).
 Train solve_train(const Scene& scene, const TrainRequest& request, double tolerance = 1e-10);
 
 // The length below which no train of large amplitude fits a pulse: V T as V -> c. In closed form for the cubic law,
-// without a state; NaN otherwise, where it takes an orbit at V = c to say (and there may be none).
+// without a state and without viscosity; NaN otherwise, where it takes an orbit at V = c to say (and there may be none).
 double shortest_pulse(const Scene& scene);
 
 // Throws UsageError where the scene cannot carry a smooth train (chain, spread, a law that jumps).

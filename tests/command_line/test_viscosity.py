@@ -1,0 +1,198 @@
+"""Viscosity between neighbours (model_nu) from the command line: what it is for, closed forms, other methods and scipy."""
+import math
+
+import h5py
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from calls import check, refused, run, scene_file
+
+NU = 0.05
+
+
+def growth(k2, C, nu, A, K0, K1):
+    """Largest real part of lambda^2 + (C + nu k^2) lambda + A (K0 + K1 k^2) = 0 (A N = nu in the continuum)."""
+    return max(np.roots([1, C + nu * k2, A * (K0 + K1 * k2)]).real)
+
+
+def test_cut_off_and_one_leading_mode():
+    # every eigenvalue of a ring on its dispersion relation, which has a cut-off; one mode leads instead of all
+    gamma, delta, v, n, length = 3, 0.2, 0.9, 40, 20
+    scene = f"-model_gamma {gamma} -model_delta {delta} -model_v {v} -grid_n {n} -grid_length {length} -grid_order 2"
+    C = gamma * (v * v - 1) + delta
+    plain, _ = run(scene, command="spectrum")
+    check(plain["degenerate"] and abs(plain["growth_rate"] + C / 2) < 1e-9, "without viscosity all waves grow alike")
+    s, _ = run(scene + f" -model_nu {NU} -spectrum_refine off -spectrum_count {2 * n}", command="spectrum")
+    h = length / n
+    values = []
+    for j in range(n):
+        kappa2 = 4 / h**2 * math.sin(math.pi * j / n) ** 2
+        values += list(np.roots([1, C + NU * kappa2, 1 + kappa2]))
+    found = [complex(e["re"], e["im"]) for e in s["eigenvalues"]]
+    found += [z.conjugate() for z in found if z.imag > 0 and len(found) < 2 * n]
+    for z in values:
+        check(min(abs(z - w) for w in found) < 1e-8, f"eigenvalue {z} is missing")
+    s, _ = run(scene + f" -model_nu {NU}", command="spectrum")
+    check(not s["degenerate"] and s["wavenumber_continuum"] == 0, "the longest wave leads, alone")
+    check(abs(s["growth_continuum"] - growth(0, C, NU, gamma, 1 / gamma, 1 / gamma)) < 1e-9, "and at the rate -C/2")
+    check(s["dispersion_error"] < 1e-9 and s["complete"], "all modes lie on the relation")
+    grows = [e["wavenumber"] for e in s["eigenvalues"] if e["re"] > 0]
+    check(max(grows) < math.sqrt(-C / NU), "nothing grows beyond the cut-off")
+
+
+def test_boundary_between_held_ends():
+    # of standing waves k = pi/L is the longest: C + nu k^2 = 0
+    gamma, delta, length, nu = 3, 0.2, 4, 0.3
+    k2 = (math.pi / length) ** 2
+    ends = f"-model_delta {delta} -grid_n 64 -grid_length {length} -bc_left velocity -bc_right velocity"
+    s, _ = run(ends + f" -model_nu {nu} -boundary_parameter model_v -boundary_from 0.1 -boundary_to 1.5", command="boundary")
+    (p,) = s["points"]
+    check(abs(p["value"] - math.sqrt(1 - (delta + nu * k2) / gamma)) < 1e-6, f"threshold in v: {p}")
+    check(p["kind"] == "hopf" and not p["degenerate"] and abs(p["wavenumber"] ** 2 - k2) < 1e-9, f"which mode: {p}")
+    check(abs(p["frequency"] - math.sqrt(1 + k2)) < 1e-6, "its frequency")
+    s, _ = run(ends + " -model_v 0.9 -boundary_parameter model_nu -boundary_from 0.01 -boundary_to 2", command="boundary")
+    (p,) = s["points"]
+    check(abs(p["value"] - (gamma * (1 - 0.81) - delta) / k2) < 1e-6, f"threshold in nu: {p}")
+
+
+def test_a_wave_of_finite_length_leads():
+    # runs/viscous-wavelength.yaml: fast motion falls with velocity, slow motion does not
+    s, _ = run(scene_file("viscous-wavelength"), command="spectrum")
+    gamma, delta, v, nu, b, theta0, D = 4, 0.3, 0.85, 0.02, 2, 0.2, 0.2
+    theta = D / v
+    m, phi, r = 1 + b * math.log(1 + theta / theta0), v**3 / 3 - v, v / D
+    q = -b * theta / (theta0 + theta) * phi / D
+
+    def rate(k):
+        beta = m * (v * v - 1) + delta / gamma + nu / gamma * k * k
+        K = (1 + k * k) / gamma
+        return max(np.roots([1 / gamma, beta + r / gamma, K + r * beta + q, r * K]).real)
+
+    waves = [2 * math.pi * j / 20 for j in range(60)]
+    best = max(waves, key=rate)
+    check(rate(0) < 0 < rate(best) and 0 < best, "the scene is one where a finite wavelength grows alone")
+    check(abs(s["wavenumber_continuum"] - best) < 1e-9 and abs(s["growth_continuum"] - rate(best)) < 1e-8, f"{s}")
+    check(not s["stable"] and abs(s["growth_rate"] - rate(best)) < 0.02 * rate(best), "and on the grid")
+    # a run from noise shows it: the wave that has grown most
+    _, _ = run(scene_file("viscous-wavelength") + " -ts_max_time 12 -out_frames 2 -out_file noise.h5")
+    with h5py.File("noise.h5") as f:
+        power = np.abs(np.fft.rfft(f["psi"][-1] - v))
+    j = int(np.argmax(power))
+    check(abs(2 * math.pi * j / 20 - best) <= 3 * 2 * math.pi / 20, f"wave {j} of the run, {best * 20 / 2 / math.pi} expected")
+
+
+def test_fronts_that_a_grid_resolves():
+    # runs/viscous-front.yaml: order 4 once h is well below the thickness sqrt(nu/gamma); without viscosity none
+    def profile(n, extra=""):
+        run(scene_file("viscous-front") + f" -grid_n {n} -out_file f.h5 -ts_max_time 6 -out_frames 2 -ts_rtol 1e-8 -ts_atol 1e-8 {extra}")
+        with h5py.File("f.h5") as f:
+            return f["psi"][-1]
+
+    def orders(extra):
+        grids = [profile(n, extra) for n in (128, 256, 512)]
+        change = [np.abs(grids[k] - grids[k + 1][::2]).max() for k in range(2)]
+        return math.log2(change[0] / change[1]), change[1]
+
+    order, change = orders("")
+    check(order > 3.5 and change < 1e-3, f"with viscosity: order {order}, change {change}")
+    order, change = orders("-model_nu 0")
+    check(order < 1 and change > 0.05, f"without: order {order}, change {change}")
+
+
+def test_every_method_and_split():
+    # a chain with a state, free and held ends, spread: scipy, explicit, each split of arkimex, all implicit
+    n, nu, k0, k1, zeta, v, psi_e, b, theta0, D = 12, 0.3, 0.4, 1.1, 0.2, 0.6, 0.9, 0.5, 0.8, 0.7
+    scene = (f"-model_form chain -grid_n {n} -model_nu {nu} -model_k0 {k0} -model_k1 {k1} -model_zeta {zeta} -model_v {v}"
+             f" -bc_left velocity -bc_left_value {psi_e} -bc_right free -state_law contact-age"
+             f" -state_b {b} -state_theta0 {theta0} -state_D {D} -init_type sine -ts_max_time 6"
+             " -ts_rtol 1e-9 -ts_atol 1e-10 -out_frames 2 -out_file m.h5 -scene_reduce off")
+
+    def ends(extra):
+        run(scene + " " + extra)
+        with h5py.File("m.h5") as f:
+            names = ["psi", "eta", "theta"]
+            return [f[name][0] for name in names], [f[name][-1] for name in names]
+
+    start, rk = ends("")
+
+    def rates(_, y):
+        psi, eta, theta = y[:n], y[n:2 * n], y[2 * n:]
+        wide = np.concatenate([psi[:1], psi, psi[-1:]])
+        d2 = wide[2:] - 2 * psi + wide[:-2]
+        F = (1 + b * np.log(1 + theta / theta0)) * (psi**3 / 3 - psi)
+        psi_t = eta + nu * d2 - zeta * psi - F
+        psi_t[0] = 0
+        return np.concatenate([psi_t, k0 * (v - psi) + k1 * d2, 1 - np.abs(psi) * theta / D])
+
+    y = solve_ivp(rates, (0, 6), np.concatenate(start), rtol=1e-10, atol=1e-11, method="DOP853").y[:, -1]
+    check(np.abs(np.concatenate(rk) - y).max() < 1e-6, f"scipy: {np.abs(np.concatenate(rk) - y).max()}")
+    for split in ("friction", "wave", "both"):
+        found = ends(f"-ts_type arkimex -ts_arkimex_type 4 -imex_implicit {split}")[1]
+        check(np.abs(np.concatenate(found) - y).max() < 3e-6, f"arkimex {split}: {np.abs(np.concatenate(found) - y).max()}")
+
+
+def test_damping_scales_out():
+    # cubic: (gamma, delta, v) is (gamma a^2, 0, v/a), a^2 = 1 - delta/gamma, nu unchanged; exact at fixed steps
+    gamma, delta, v = 3, 0.3, 0.4
+    a = math.sqrt(1 - delta / gamma)
+    common = f"-model_nu {NU} -grid_n 64 -grid_length 15 -ts_max_time 4 -ts_type rk -ts_rk_type 4 -ts_dt 0.01 -out_frames 2"
+
+    def end(scene):
+        run(f"{common} -init_type sine -out_file d.h5 {scene}")
+        with h5py.File("d.h5") as f:
+            return f["psi"][-1], f["eta"][-1]
+
+    psi, eta = end(f"-model_gamma {gamma} -model_delta {delta} -model_v {v} -init_psi 0.2 -init_amplitude 0.5 -init_eta 0")
+    # eta' = [eta + (1 - a^2) psi]/a^3 of the start is no constant: it is taken from a file
+    run(f"{common} -init_type sine -model_gamma {gamma * a * a!r} -model_delta 0 -model_v {v / a!r} -init_psi {0.2 / a!r}"
+        f" -init_amplitude {0.5 / a!r} -init_eta 0 -out_file e.h5 -ts_max_time 0.01")
+    with h5py.File("e.h5", "r+") as f:
+        f["eta"][-1] = (1 - a * a) * f["psi"][0] * a / a**3
+        f["psi"][-1] = f["psi"][0]
+    run(f"{common} -model_gamma {gamma * a * a!r} -model_delta 0 -model_v {v / a!r} -init_type file -init_file e.h5 -out_file g.h5")
+    with h5py.File("g.h5") as f:
+        check(np.abs(f["psi"][-1] * a - psi).max() < 1e-11, "psi' = psi/a")
+        check(np.abs(f["eta"][-1] * a**3 - (eta + (1 - a * a) * psi)).max() < 1e-11, "eta'")
+
+
+def test_slips_lose_energy_between_neighbours():
+    # exact stick, no plate: what the springs give is friction's work and what viscosity takes, for every event
+    scene = ("-model_form chain -grid_n 30 -bc_left free -model_k0 1 -model_k1 4 -model_v 1e-6 -model_nu 0.4"
+             " -friction_law carlson-langer -friction_sigma 0.05 -init_psi 0 -init_eta 0.95 -init_noise 0.2 -init_seed 4"
+             " -out_events true -ts_max_time 40 -ts_rtol 1e-8 -ts_atol 1e-9 -out_file s.h5")
+    s, _ = run(scene)
+    with h5py.File("s.h5") as f:
+        events = {name: f["events/" + name][:] for name in ("strain_energy", "friction_work", "radiated", "begin")}
+    rest = events["begin"] > 0  # those of the start begin with the noise's kinetic energy
+    total = events["friction_work"] + events["radiated"]
+    check(len(total) > 0 and (events["radiated"] > 0).all(), f"{len(total)} events, viscosity takes {events['radiated']}")
+    if rest.any():
+        check(np.allclose(events["strain_energy"][rest], total[rest], rtol=1e-4), f"{events}")
+
+
+def test_trains_are_of_third_order():
+    # the train found travels unchanged in a run: after a period psi is what it was, at every node
+    length, nu = 20, 0.1
+    train, _ = run(f"-model_nu {nu} -wave_length {length}", command="wave")
+    plain, _ = run(f"-wave_length {length}", command="wave")
+    check(1 < plain["speed"] < train["speed"] and train["psi_max"] < plain["psi_max"], f"{train}")
+    run(f"-model_nu {nu} -grid_length {length} -grid_n 256 -grid_order 8 -init_type wave -init_pulses 1 -out_frames 2"
+        f" -ts_max_time {train['period']!r} -ts_rtol 1e-9 -ts_atol 1e-10 -out_file t.h5")
+    with h5py.File("t.h5") as f:
+        check(np.abs(f["psi"][-1] - f["psi"][0]).max() < 2e-5, f"psi: {np.abs(f['psi'][-1] - f['psi'][0]).max()}")
+        check(np.abs(f["eta"][-1] - f["eta"][0]).max() < 2e-5, f"eta: {np.abs(f['eta'][-1] - f['eta'][0]).max()}")
+    # small trains begin at C = -nu/(V^2 - c^2), with the frequency 1/sqrt(1 - c^2/V^2)
+    gamma, delta, speed = 3, 0.2, 2
+    v = math.sqrt(1 - (delta + nu / (speed**2 - 1)) / gamma)
+    small, _ = run(f"-model_nu {nu} -wave_speed {speed} -model_v {v - 1e-5!r}", command="wave")
+    check(small["psi_max"] - small["psi_min"] < 0.1, f"{small}")
+    check(abs(small["period"] - 2 * math.pi * math.sqrt(1 - 1 / speed**2)) < 0.01, f"{small}")
+    _, said = run(f"-model_nu {nu} -wave_speed {speed} -model_v {v + 1e-3!r}", command="wave", code=1)
+    check("no train" in said, said)
+
+
+def test_what_is_refused():
+    refused("-model_nu 0.1 -wave_length 20 -wave_spectrum true", 2, "wave_spectrum", "model_nu", command="wave")
+    refused("-model_nu 0.1 -wave_length 20 -wave_continue model_v -wave_to 0.4", 2, "wave_continue", command="wave")
+    refused("-wave_length 20 -wave_continue model_nu -wave_to 0.4", 2, "wave_continue model_nu", command="wave")
+    refused("-model_nu -0.1", 2, "model_nu")
