@@ -125,11 +125,27 @@ BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMa
   return out;
 }
 
+namespace {
+
+// Half the mean damping; with viscosity between neighbours, which damps psi ever faster, K1/N or what a state keeps, whose
+// mean rate is what psi and eta leave of the exponents' sum.
+double growth_of_short_waves(const SmoothCycle& cycle, const Deviations& deviations) {
+  const Scene& scene = cycle.field->scene();
+  if (scene.N() == 0) return -deviations.mean_damping() / 2;
+  double growth = -scene.K1() / scene.N(), sum = 0;
+  for (const auto& m : cycle.cycle.multipliers) sum += std::log(std::abs(m)) / cycle.cycle.period;
+  if (cycle.cycle.dof == 3) growth = std::max(growth, sum + deviations.mean_damping());
+  return growth;
+}
+
+}  // namespace
+
 BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers) {
   Deviations deviations(cycle);
   return bloch_spectrum(cycle.cycle, cycle.field->scene(),
                         {[&](double kappa2) { return deviations.of_wave(kappa2); },
-                         [&](double theta) { return deviations.of_twist(theta); }, -deviations.mean_damping() / 2},
+                         [&](double theta) { return deviations.of_twist(theta); },
+                         growth_of_short_waves(cycle, deviations)},
                         wavenumbers);
 }
 

@@ -8,6 +8,7 @@
 #include "base/local_values.hpp"
 #include "model/jump_matrix.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/collocation.hpp"
 
 namespace stickslip {
@@ -213,11 +214,20 @@ void Tangents::jump(Vec u) {
 
 // ---- between them -------------------------------------------------------------------------------------------------
 
+// What a node's own psi does to its rate by viscosity between neighbours, which is not in its block.
+double Tangents::own_viscous_slope(PetscInt i) const {
+  const Scene& s = model_.scene();
+  for (const auto& [node, weight] : second_difference_row(s, model_.first() + i))
+    if (node == model_.first() + i) return s.A() * s.N() * weight;
+  return 0;
+}
+
 void Tangents::linearise(Vec u, Linearisation& at) const {
   const Reading a(u);
   at.blocks.resize(std::size_t(model_.local()));
   at.trace = at.rate = 0;
   for (PetscInt i = 0; i < model_.local(); ++i) {
+    if (model_.viscous() && !model_.held(model_.first() + i)) at.trace += own_viscous_slope(i);
     NodeBlock& b = at.blocks[std::size_t(i)];
     b = model_.node_block(Part::full, i, a + i * dof_);
     at.trace += b.psi_psi + b.eta_eta + b.state_state;
@@ -331,7 +341,7 @@ void Tangents::move(double dt, const Inside& inside) {
   linearise(u_, inside_);
   double rate = std::max(start_.rate, inside_.rate);
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &rate, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
-  rate = std::max(rate, model_.wave_frequency());
+  rate = std::max(rate, stencil_rate(model_.scene()));
   const double parts = std::max(1., std::ceil(dt * rate / longest_part));
   if (!(parts <= most_parts))
     throw Failure("lyapunov_count: one step of " + number_text(dt) + " would take more than a million parts, as " +

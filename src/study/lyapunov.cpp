@@ -27,6 +27,9 @@ int count_of(const Options& options, const Model& model) {
   if (model.scene().load.varies())
     throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": exponents are those of a motion under a "
                      "constant velocity of the plate; without load_v and load_sine_amplitude");
+  if (model.viscous() && model.scene().friction.sticks())
+    throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": where friction sticks, tangents pass its starts "
+                     "and stops without viscosity between neighbours (model_nu 0) only; or set friction_stick to regularised");
   if (count > model.unknowns())
     throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": this scene has only " +
                      std::to_string(model.unknowns()) + " unknowns, and no more exponents");

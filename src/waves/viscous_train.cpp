@@ -115,7 +115,7 @@ class Course {
   }
   PeriodicEquations equations(const std::vector<double>& mesh, double log_speed) const {
     if (!(length_ > 0)) return PeriodicEquations(mesh, std::make_shared<const TrainField>(o_, N_, speed_));
-    const FieldFamily family = [o = o_, N = N_](double log_V) -> Field {
+    const FieldFamily family = [o = o_, N = N_](double log_V) -> std::shared_ptr<const VectorField> {
       return std::make_shared<const TrainField>(o, N, std::exp(log_V));
     };
     return PeriodicEquations(mesh, family, log_speed, 1);

@@ -64,6 +64,7 @@ class Tangents {
   void jump(Vec u);
   bool jump_at(PetscInt i, const double* u, const double* f, const double* g, double from, double to);
   void count_resting();
+  double own_viscous_slope(PetscInt local_node) const;
   void linearise(Vec u, Linearisation& at) const;
   void rates(const Linearisation& at, Vec y, Vec into) const;
   void take_part(double begin, double length, double dt, const Inside& inside);
