@@ -170,6 +170,24 @@ def test_slips_lose_energy_between_neighbours():
         check(np.allclose(events["strain_energy"][rest], total[rest], rtol=1e-4), f"{events}")
 
 
+def test_catalogues_have_a_limit():
+    # runs/viscous-catalogue.yaml: with viscosity the same slips on two grids, none small; without, single nodes on each
+    def events(n, nu):
+        run(scene_file("viscous-catalogue") + f" -grid_n {n} -model_nu {nu} -out_frames 2 -out_file c.h5")
+        with h5py.File("c.h5") as f:
+            order = np.argsort(f["events/begin"][:])
+            return f["events/begin"][:][order], f["events/extent"][:][order]
+
+    (begin, extent), (fine_begin, fine_extent) = events(160, 1), events(320, 1)
+    check(min(extent.min(), fine_extent.min()) > 3, f"least extents {extent.min()} and {fine_extent.min()}")
+    # 0.5 of time is 0.005 of force, half of what friction drops by at once (sigma); 0.5 of length two nodes
+    for ours, fine in ((begin, fine_begin), (extent, fine_extent)):
+        check(np.abs(ours[:5] - fine[:5]).max() < 0.5, f"{ours[:5]} on 160 nodes, {fine[:5]} on 320")
+    for n in (160, 320):
+        single = events(n, 0)[1]
+        check(single.min() < 40.001 / n and len(single) > 10 * len(extent), f"without: {len(single)}, least {single.min()}")
+
+
 def test_trains_are_of_third_order():
     # the train found travels unchanged in a run: after a period psi is what it was, at every node
     length, nu = 20, 0.1
