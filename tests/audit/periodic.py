@@ -43,7 +43,8 @@ class Oscillations:
         x0 = L.steady_state if L.state else np.zeros(n)
         psi, eta, x = y[:, :n], y[:, n:2 * n], y[:, 2 * n:] if L.state else 0 * y[:, :n]
         rest = a * (F(psi0 + psi + 0j, x0 + x + 0j) - F(psi0 + 0j, x0 + 0j))
-        out = [L.A * (eta - L.B * psi - rest), psi @ L.E.T - L.sd * (eta - rest)]
+        force = eta + psi @ L.V.T - rest
+        out = [L.A * (force - L.B * psi), psi @ L.E.T - L.sd * force]
         if L.state:
             out.append(g(psi0 + psi + 0j, x0 + x + 0j))
         return np.concatenate(out, axis=1)

@@ -84,6 +84,7 @@ class Line:
             self.h = p["grid_length"] / (n if ring else n - 1)
         self.A, self.K0, self.K1, self.sd, self.B = A, K0, K1, sd, B
         D, v = d2(n, self.h, order, left, right, form), p["model_v"]
+        N = p.get("model_nu", 0) / (f0 if form == "chain" else A)
         held = ([0] if left == "velocity" else []) + ([n - 1] if right == "velocity" else [])
         psi = np.full(n, float(v))
         for i, end in ((0, "left"), (n - 1, "right")):
@@ -101,7 +102,8 @@ class Line:
         m, I = len(free), np.eye(len(free))
         F_psi, F_x = np.diag(F_psi[free]), np.diag(F_x[free])
         E = -K0 * I + K1 * D[np.ix_(free, free)]
-        rows = [[-A * (B * I + F_psi), A * I], [E + sd * F_psi, -sd * I]]
+        V = N * D[np.ix_(free, free)]
+        rows = [[-A * (B * I + F_psi - V), A * I], [E + sd * (F_psi - V), -sd * I]]
         self.psi, self.free, self.state, self.beta = psi, free, g is not None, B + sd / A + np.diag(F_psi)
         self.weight = np.ones(m)
         if form == "continuum":
@@ -113,7 +115,7 @@ class Line:
             rows[0].append(-A * F_x)
             rows[1].append(sd * F_x)
             rows.append([np.diag(self.g_psi), 0 * I, np.diag(-self.r)])
-        self.E, self.J = E, np.block(rows)
+        self.E, self.V, self.J = E, V, np.block(rows)
 
     def eigenvalues(self):
         """Rightmost first."""

@@ -15,15 +15,16 @@ CHAIN = "-model_form chain -model_m 1 -model_k0 0.2 -model_f0 1 "
 
 
 class Chain:
-    """A ring of equal blocks: psi' = (f0 eta - zeta psi - f0 F)/m, eta' = (k0 (v - psi) + k1 D2 psi)/f0; all psi, then all eta."""
+    """A ring of equal blocks: psi' = (f0 eta + nu D2 psi - zeta psi - f0 F)/m, eta' = (k0 (v - psi) + k1 D2 psi)/f0; all
+    psi, then all eta."""
 
-    def __init__(self, law, slope, n, v, zeta=0., k1=0.2):
-        self.law, self.slope, self.n, self.v, self.zeta, self.k1 = law, slope, n, v, zeta, k1
+    def __init__(self, law, slope, n, v, zeta=0., k1=0.2, nu=0.):
+        self.law, self.slope, self.n, self.v, self.zeta, self.k1, self.nu = law, slope, n, v, zeta, k1, nu
 
     def __call__(self, t, y):
         psi, eta = y[:self.n], y[self.n:2 * self.n]
         d2 = np.roll(psi, 1) + np.roll(psi, -1) - 2 * psi
-        return np.concatenate([eta - self.zeta * psi - self.law(psi), 0.2 * (self.v - psi) + self.k1 * d2])
+        return np.concatenate([eta + self.nu * d2 - self.zeta * psi - self.law(psi), 0.2 * (self.v - psi) + self.k1 * d2])
 
     def carried(self, start, period, twist=0.):
         """The matrix that takes deviations exp(i twist) times as large in the next cell round a period."""
@@ -33,8 +34,9 @@ class Chain:
             psi, Y = y[:n].real, y[2 * n:].reshape(2 * n, 2 * n)
             q = Y[:n]
             left, right = np.vstack([q[-1:] / e, q[:-1]]), np.vstack([q[1:], q[:1] * e])
-            dq = Y[n:] - (self.zeta + self.slope(psi))[:, None] * q
-            dw = -0.2 * q + self.k1 * (left + right - 2 * q)
+            d2 = left + right - 2 * q
+            dq = Y[n:] + self.nu * d2 - (self.zeta + self.slope(psi))[:, None] * q
+            dw = -0.2 * q + self.k1 * d2
             return np.concatenate([self(t, y[:2 * n].real), np.vstack([dq, dw]).ravel()])
 
         y = np.concatenate([start, np.eye(2 * n).ravel()]).astype(complex)
@@ -76,7 +78,9 @@ def near(known, found, tolerance):
 CASES = {"cubic": ("-model_v 0.3", lambda: cubic(1, 0.3)),
          "smoothed": ("-friction_law carlson-langer -friction_stick regularised -friction_eps 0.05 -model_zeta paper "
                       "-model_v 1.2", lambda: smooth_carlson_langer(1, 1.2, 0.05, zeta=np.sqrt(0.02))),
-         "pair": ("-cycle_cell 2 -grid_n 8 -init_noise 0.5 -model_k1 0.02", lambda: cubic(2, 0.2, k1=0.02))}
+         "pair": ("-cycle_cell 2 -grid_n 8 -init_noise 0.5 -model_k1 0.02", lambda: cubic(2, 0.2, k1=0.02)),
+         "viscous pair": ("-cycle_cell 2 -grid_n 8 -init_noise 0.5 -model_k1 0.02 -model_nu 0.02",
+                          lambda: cubic(2, 0.2, k1=0.02, nu=0.02))}
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -46,7 +46,8 @@ def test_at_steady_sliding_they_are_the_growth_rates():
               "-model_form chain -grid_n 3 -bc_left free -model_zeta 0.4 -model_v 1.1 -friction_law carlson-langer",
               "-model_form chain -grid_n 2 -bc_left free -model_k0 1 -model_v 1 -friction_law carlson-langer -state_law healing "
               "-model_zeta 0.9",
-              "-model_form chain -grid_n 2 -bc_left free -model_k0 1 -model_v 1 -friction_law rate-and-state"]
+              "-model_form chain -grid_n 2 -bc_left free -model_k0 1 -model_v 1 -friction_law rate-and-state",
+              "-grid_n 4 -grid_length 4 -grid_order 2 -bc_left free -model_v 0.99 -model_nu 0.2"]
     for scene in scenes:
         scene += f" -model_k1 {random.uniform(0.1, 1):.3f}" if "chain" in scene else f" -model_gamma {random.uniform(2, 4):.3f}"
         modes = run(scene + " -spectrum_count 30 -spectrum_refine off", command="spectrum")["eigenvalues"]
@@ -68,6 +69,7 @@ def test_the_sum_is_the_divergence():
         scene = random.choice([f"-grid_n {n} -grid_order 2 -grid_length {n}", f"-grid_n {n} -grid_order 2 -grid_length {n} -bc_left free",
                                f"-model_form chain -grid_n {n} -bc_left velocity -bc_left_value 0.4"])
         held = 2 if "velocity" in scene else 0
+        scene += f" -model_nu {random.choice([0, 0.05])}"
         s = run(f"{scene} -model_v {random.uniform(0, 0.8):.3f} -init_noise 0.7 -ts_max_time 40 -lyapunov_count {2 * n - held}")
         value, _ = exponents(s)
         check(abs(value.sum() - s["lyapunov_divergence"]) < 1e-5 * np.abs(value).sum(), f"{scene}: {value.sum()} {s['lyapunov_divergence']}")
