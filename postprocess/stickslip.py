@@ -25,7 +25,7 @@ import h5py
 
 SYMBOL = {"psi": "ψ", "eta": "η", "tau": "τ", "theta": "θ", "chi": "χ"}
 GREEK = {"model_gamma": "γ", "model_delta": "δ", "model_zeta": "ζ", "model_f0": "f₀", "model_k0": "k₀",
-         "model_k1": "k₁", "model_c": "c", "model_m": "m", "model_v": "v"}
+         "model_k1": "k₁", "model_c": "c", "model_m": "m", "model_v": "v", "model_nu": "ν"}
 
 
 class Unusable(Exception):
@@ -132,6 +132,8 @@ def scene_title(file, varied=()):
     known = {name: value for name, value in every.items() if name not in varied}
     form = known.get("model_form", "")
     names = {"continuum": ["gamma", "delta", "c", "v"], "chain": ["m", "k0", "k1", "f0", "zeta", "v"]}.get(form, [])
+    if float(known.get("model_nu", 0) or 0) != 0:
+        names = [*names[:-1], "nu", names[-1]] if names else []
     parts = [form] if form else []
     law, state = known.get("friction_law", ""), known.get("state_law", "")
     parts += [law] if law else []

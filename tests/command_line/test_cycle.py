@@ -79,8 +79,8 @@ CASES = {"cubic": ("-model_v 0.3", lambda: cubic(1, 0.3)),
          "smoothed": ("-friction_law carlson-langer -friction_stick regularised -friction_eps 0.05 -model_zeta paper "
                       "-model_v 1.2", lambda: smooth_carlson_langer(1, 1.2, 0.05, zeta=np.sqrt(0.02))),
          "pair": ("-cycle_cell 2 -grid_n 8 -init_noise 0.5 -model_k1 0.02", lambda: cubic(2, 0.2, k1=0.02)),
-         "viscous pair": ("-cycle_cell 2 -grid_n 8 -init_noise 0.5 -model_k1 0.02 -model_nu 0.02",
-                          lambda: cubic(2, 0.2, k1=0.02, nu=0.02))}
+         "viscous pair": ("-cycle_cell 2 -grid_n 8 -init_noise 0.5 -model_k1 0.02 -model_nu 0.002",
+                          lambda: cubic(2, 0.2, k1=0.02, nu=0.002))}
 
 
 @pytest.mark.parametrize("case", CASES)
