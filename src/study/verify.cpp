@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/study/vary.hpp"
 #include "stickslip/time/time.hpp"
+#include "time/tiles.hpp"
 
 namespace stickslip {
 
@@ -49,13 +51,20 @@ Motion regime_from(const Options& options, const Model& model, const SteadySlidi
   }
 }
 
+// A small grid, which every rank would take as a whole in each step, is followed by every rank on its own: its steps are
+// shorter than what ranks tell each other in one, which takes milliseconds where cores are shared with other programs.
+MPI_Comm followers(const Scene& scene) { return scene.n <= closed_nodes ? PETSC_COMM_SELF : PETSC_COMM_WORLD; }
+
 // The same from psi = steady + amplitude (1 + cos(k x))/2.
 Motion regime_beside(const Options& options, const SteadySliding& s, double growth, double amplitude, double k,
                      double duration) {
-  const Model model(PETSC_COMM_WORLD, Scene::from(options, false));
+  const Scene scene = Scene::from(options, false);
+  const Model model(followers(scene), scene);
   VecHandle u = model.create_vector();
   start_beside(model, s, amplitude, k, u);
-  return regime_from(options, model, s, growth, u, duration);
+  Motion motion = regime_from(options, model, s, growth, u, duration);
+  broadcast(motion);
+  return motion;
 }
 
 // What the two starts say together.
@@ -152,7 +161,7 @@ Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options
   const std::vector<Axis>& axes = growth.axes();
   const Scene one = end.scene(x, y);
   const SteadySliding s(one);
-  const Model model(PETSC_COMM_SELF, one);  // a node: every rank follows it
+  const Model model(followers(one), one);  // a node
   Verified v;
   v.value = axes[0].value(x);
   v.value2 = axes.size() > 1 ? axes[1].value(y) : 0;
@@ -166,9 +175,11 @@ Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options
   const double duration = std::min(3000., 9 / rate + 100 / c.frequency) + 8 * load;
   VecHandle u = model.create_vector();
   start_beside(model, s, 0.01, 0, u);
-  const Motion near = regime_from(there, model, s, v.growth, u, duration);
+  Motion near = regime_from(there, model, s, v.growth, u, duration);
   start_at_rest(model, s, u);
-  const Motion far = regime_from(there, model, s, v.growth, u, duration);
+  Motion far = regime_from(there, model, s, v.growth, u, duration);
+  broadcast(near);
+  broadcast(far);
   v.from_sliding = to_string(near);
   v.from_stick_slip = to_string(far);
   v.regime = regime_of_both(near, far);

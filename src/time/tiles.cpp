@@ -12,7 +12,6 @@ namespace stickslip {
 namespace {
 
 constexpr PetscInt tile_nodes = 256;    // a tile with its slopes: some 50 kB
-constexpr PetscInt closed_nodes = 512;  // a whole grid of so many nodes or fewer is one tile on every rank
 constexpr int most_terms = 64;
 
 // Whether every rank takes the whole grid as one tile. Fewer nodes a rank than the overlap would cost more than they

@@ -19,6 +19,8 @@
 
 namespace stickslip {
 
+constexpr PetscInt closed_nodes = 512;  // a whole grid of so many nodes or fewer is one tile on every rank
+
 struct Tile {
   PetscInt begin, end;          // the nodes whose new values are wanted, counted from this rank's first;
   PetscInt own_begin, own_end;  // those of them that are this rank's,
