@@ -149,7 +149,7 @@ void read_spread(const Options& o, Scene& s) {
   const std::string state_law = shown(o, "state_law");
   if (!belong_together(law, "none"))
     throw UsageError(state_law + ": " + law->name + " friction needs " + joined(law->states));
-  if (others.size() == 1)
+  if (std::none_of(others.begin(), others.end(), [](Law other) { return belong_together(other, "none"); }))
     throw UsageError(state_law + ": it belongs to " + joined(others) + ", but friction_law is " + law->name);
   throw UsageError(state_law + ": it lets static friction grow, and the " + law->name +
                    " law has none (phi(0) = 0); use " + joined(others));

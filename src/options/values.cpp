@@ -185,8 +185,10 @@ std::string in_place(const std::string& where) { return where.empty() ? "" : " (
 
 void check_value(const OptionSpec& spec, const std::string& text, const std::string& where) {
   if (is_acceptable(spec, text)) return;
+  // The bound itself is the value whose refusal may surprise: what the option is says why.
+  const bool at_bound = spec.type == OptionType::real && spec.open_low && parse_number(text) == spec.low;
   throw UsageError("-" + spec.name + " " + quoted(text) + in_place(where) + ": must be " + requirement(spec) +
-                   suggestion(text, spec.words));
+                   (at_bound ? " (" + spec.help + ")" : "") + suggestion(text, spec.words));
 }
 
 }  // namespace stickslip
