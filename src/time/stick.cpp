@@ -35,24 +35,24 @@ struct CubicBetween {
 
 double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
-// The force on a node, eta + N D2 psi, of unknowns and their Stick::viscous_force; of rates its rate.
+// The force on a node, eta + N D2 psi: of unknowns u the eta, or that of `total`, see Stick::total_force; of rates its
+// rate.
 class Forces {
  public:
-  Forces(const double* u, Vec viscous, int dof) : u_(u), viscous_(viscous), dof_(dof) {
-    if (viscous_) SS_TRY(VecGetArrayRead(viscous_, &v_));
+  Forces(const double* u, Vec total, int dof) : total_(total), dof_(dof), values_(u) {
+    if (total_) SS_TRY(VecGetArrayRead(total_, &values_));
   }
   ~Forces() {
-    if (viscous_) (void)VecRestoreArrayRead(viscous_, &v_);
+    if (total_) (void)VecRestoreArrayRead(total_, &values_);
   }
   Forces(const Forces&) = delete;
   Forces& operator=(const Forces&) = delete;
-  double operator[](PetscInt i) const { return v_ ? u_[i * dof_ + 1] + v_[i * dof_ + 1] : u_[i * dof_ + 1]; }
+  double operator[](PetscInt i) const { return values_[i * dof_ + 1]; }
 
  private:
-  const double* u_;
-  Vec viscous_;
+  Vec total_;
   int dof_;
-  const double* v_ = nullptr;
+  const double* values_;
 };
 
 }  // namespace
@@ -85,10 +85,16 @@ double Stick::threshold_rate(PetscInt i, const double* u) const {
 }
 
 Vec Stick::viscous_force(Vec u, std::size_t number) {
+  if (!forces_[number]) forces_[number] = model_.create_vector();
+  model_.viscous_force(u, forces_[number]);
+  return forces_[number];
+}
+
+Vec Stick::total_force(Vec u, std::size_t number) {
   if (!model_.viscous()) return nullptr;
-  if (!viscous_[number]) viscous_[number] = model_.create_vector();
-  model_.viscous_force(u, viscous_[number]);
-  return viscous_[number];
+  const Vec total = viscous_force(u, number);
+  SS_TRY(VecAXPY(total, 1, u));
+  return total;
 }
 
 template <class Body>
@@ -106,11 +112,11 @@ void Stick::decide(Vec u) {
   SS_TRY(VecRestoreArrayRead(u, &a));
   model_.rhs(Part::full, u, slope_);
 
-  const Vec viscous = viscous_force(u, 0), viscous_rate = viscous_force(slope_, 1);
+  const Vec total = total_force(u, 0), total_rate = total_force(slope_, 1);
   const double* f;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
-  const Forces force(a, viscous, dof_), rate(f, viscous_rate, dof_);
+  const Forces force(a, total, dof_), rate(f, total_rate, dof_);
   long counts[3] = {0, 0, 0};  // moving, let go now, changed
   const auto free = [&](PetscInt i) { return i >= free_begin_ && i < free_end_; };
   for (PetscInt i = 0; i < model_.local(); ++i)
@@ -149,15 +155,15 @@ double Stick::beyond(const Candidate& c, const double* u, double force, double p
 void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, double& reached) {
   candidates_.clear();
   estimate = reached = infinity;
-  const Vec viscous[4] = {viscous_force(before, 0), viscous_force(after, 1), viscous_force(slope_, 2),
-                          viscous_force(next_slope_, 3)};
+  const Vec total[4] = {total_force(before, 0), total_force(after, 1), total_force(slope_, 2),
+                          total_force(next_slope_, 3)};
   const double *a, *b, *fa, *fb;
   SS_TRY(VecGetArrayRead(before, &a));
   SS_TRY(VecGetArrayRead(after, &b));
   SS_TRY(VecGetArrayRead(slope_, &fa));
   SS_TRY(VecGetArrayRead(next_slope_, &fb));
-  const Forces force0(a, viscous[0], dof_), force1(b, viscous[1], dof_), pull0(fa, viscous[2], dof_),
-      pull1(fb, viscous[3], dof_);
+  const Forces force0(a, total[0], dof_), force1(b, total[1], dof_), pull0(fa, total[2], dof_),
+      pull1(fb, total[3], dof_);
   // g: negative before the change; `at_end`: the change has come by the end of the step
   const auto examine = [&](const Candidate& c, double g0, double g1, double m0, double m1, bool at_end) {
     if (!at_end && !(m0 > 0 && m1 < 0)) return;
@@ -200,10 +206,10 @@ void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, 
 
 // The largest beyond() at u, over all candidates of all ranks.
 double Stick::furthest(Vec u, double part) {
-  const Vec viscous = viscous_force(u, 0);
+  const Vec total = total_force(u, 0);
   const double* a;
   SS_TRY(VecGetArrayRead(u, &a));
-  const Forces force(a, viscous, dof_);
+  const Forces force(a, total, dof_);
   double most = -infinity;
   for (const Candidate& c : candidates_) most = std::max(most, beyond(c, a, force[c.node], part));
   SS_TRY(VecRestoreArrayRead(u, &a));
@@ -263,13 +269,13 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
 // Nodes whose change has come, to round-off, get its psi or their force exactly: first every psi, which others may feel.
 void Stick::snap(Vec before, Vec landed) {
   std::vector<Limit> limits;
-  const Vec viscous = viscous_force(before, 0), viscous_landed = viscous_force(landed, 1);
+  const Vec total = total_force(before, 0), total_landed = total_force(landed, 1);
   const double* a;
   double* b;
   SS_TRY(VecGetArrayRead(before, &a));
   SS_TRY(VecGetArray(landed, &b));
   {
-    const Forces was(a, viscous, dof_), force(b, viscous_landed, dof_);
+    const Forces was(a, total, dof_), force(b, total_landed, dof_);
     for (const Candidate& c : candidates_) {
       if (beyond(c, b, force[c.node], 1) < -close) continue;
       if (c.rests) limits.push_back({c.node, c.side});
@@ -297,26 +303,29 @@ void Stick::snap(Vec before, Vec landed) {
 
 // Makes the force on each of these nodes its threshold, from which decide() lets it go; not less by round-off.
 void Stick::put_at_threshold(Vec u, const std::vector<Limit>& limits) {
-  const Vec viscous = viscous_force(u, 0);
+  const Vec viscous = model_.viscous() ? viscous_force(u, 0) : nullptr;
+  const double* more = nullptr;
   double* b;
+  if (viscous) SS_TRY(VecGetArrayRead(viscous, &more));
   SS_TRY(VecGetArray(u, &b));
-  const Forces force(b, viscous, dof_);
+  const auto force = [&](PetscInt i) { return more ? b[i * dof_ + 1] + more[i * dof_ + 1] : b[i * dof_ + 1]; };
   for (const auto& [node, side] : limits) {
     double* at = b + node * dof_;
-    const double limit = threshold(node, at), rest = viscous ? force[node] - at[1] : 0;
+    const double limit = threshold(node, at), rest = more ? force(node) - at[1] : 0;
     at[1] = side * limit - rest;
-    for (double step = 1e-16 * limit; side * force[node] < limit; step *= 2) at[1] += side * step;
+    for (double step = 1e-16 * limit; side * force(node) < limit; step *= 2) at[1] += side * step;
   }
   SS_TRY(VecRestoreArray(u, &b));
+  if (viscous) SS_TRY(VecRestoreArrayRead(viscous, &more));
 }
 
 double Stick::release_after(Vec u, double t, double longest) {
   if (model_.scene().load.varies()) return release_under_load(u, t, longest);
-  const Vec viscous = viscous_force(u, 0), viscous_rate = viscous_force(slope_, 1);
+  const Vec total = total_force(u, 0), total_rate = total_force(slope_, 1);
   const double *a, *f;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
-  const Forces forces(a, viscous, dof_), rates(f, viscous_rate, dof_);
+  const Forces forces(a, total, dof_), rates(f, total_rate, dof_);
   double first = infinity;
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
     for_each_side([&](double side) {
@@ -340,13 +349,13 @@ double Stick::longest_rest(const Scene& scene) { return 16 * scene.load.smooth_t
 // The same with a load, by pieces so short that in each the force gains on the threshold at first, or falls behind at
 // first, and the other way round behind that.
 double Stick::release_under_load(Vec u, double t, double longest) {
-  const Vec viscous = viscous_force(u, 0);
+  const Vec total = total_force(u, 0);
   const Load& load = model_.scene().load;
   const double K0 = model_.scene().K0(), travelled = load.integral(t), v = model_.plate_velocity(t);
   const double *a, *f;
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArrayRead(slope_, &f));
-  const Forces forces(a, viscous, dof_);  // at rest what neighbours add stands
+  const Forces forces(a, total, dof_);  // at rest what neighbours add stands
   double first = infinity;
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
     const Friction& law = model_.friction_law(i);
@@ -417,11 +426,11 @@ void Stick::rest(Vec u, double t, double wait, Vec into) {
   SS_TRY(VecRestoreArray(into, &b));
   SS_TRY(VecRestoreArrayRead(slope_, &f));
   SS_TRY(VecRestoreArrayRead(u, &a));
-  const Vec viscous = viscous_force(into, 0), viscous_rate = viscous_force(slope_, 1);
+  const Vec total = total_force(into, 0), total_rate = total_force(slope_, 1);
   SS_TRY(VecGetArrayRead(slope_, &f));
   SS_TRY(VecGetArray(into, &b));
   {
-    const Forces force(b, viscous, dof_), rate(f, viscous_rate, dof_);
+    const Forces force(b, total, dof_), rate(f, total_rate, dof_);
     for (PetscInt i = free_begin_; i < free_end_; ++i) {
       const double limit = threshold(i, b + i * dof_);
       for_each_side([&](double side) {

@@ -93,9 +93,11 @@ class Stick {
     double side;
   };
   void put_at_threshold(Vec u, const std::vector<Limit>& limits);
-  // N D2 psi of u in a Vec of this object, the one numbered so; nullptr where neighbours have no viscosity. Linear: of a
-  // slope it gives the rate.
+  // Of a viscous scene, in a Vec of this object, the one numbered so: N D2 psi of u in the place of eta.
   Vec viscous_force(Vec u, std::size_t number);
+  // Likewise eta + N D2 psi, the force; nullptr where neighbours have no viscosity, and eta of u is the force. Linear: of
+  // a slope it gives the rate.
+  Vec total_force(Vec u, std::size_t number);
 
   const Model& model_;
   int dof_;
@@ -106,7 +108,7 @@ class Stick {
   bool all_rest_ = false;
   long changes_ = 0;
   VecHandle slope_, next_slope_;  // right-hand side at the start and the end of the step
-  std::array<VecHandle, 4> viscous_;
+  std::array<VecHandle, 4> forces_;
   std::vector<Candidate> candidates_;
 };
 
