@@ -16,9 +16,9 @@ namespace stickslip {
 
 bool has_energy(const LinearisedOperator& J) { return J.symmetric() && !J.neutral(); }
 
-Energy::Energy(const LinearisedOperator& J) : J_(J) { J.factor(0, stiffness_); }
+EnergyNorm::EnergyNorm(const LinearisedOperator& J) : J_(J) { J.factor(0, stiffness_); }
 
-Energy::Vector Energy::apply(const Vector& x) const {
+EnergyNorm::Vector EnergyNorm::apply(const Vector& x) const {
   const std::size_t n = J_.size(), d = J_.dof();
   Vector p(n), y(x.size());
   for (std::size_t i = 0; i < n; ++i) p[i] = x[i * d];
@@ -31,7 +31,7 @@ Energy::Vector Energy::apply(const Vector& x) const {
   return y;
 }
 
-Energy::Vector Energy::solve(const Vector& x) const {
+EnergyNorm::Vector EnergyNorm::solve(const Vector& x) const {
   const std::size_t n = J_.size(), d = J_.dof();
   Vector p(n), y(x.size());
   for (std::size_t i = 0; i < n; ++i) p[i] = J_.A * x[i * d] / J_.coupling.weight[i];
@@ -43,7 +43,7 @@ Energy::Vector Energy::solve(const Vector& x) const {
   return y;
 }
 
-double Energy::norm(const Vector& x) const { return std::sqrt(std::max(0., inner(x, apply(x)).real())); }
+double EnergyNorm::norm(const Vector& x) const { return std::sqrt(std::max(0., inner(x, apply(x)).real())); }
 
 namespace {
 
@@ -65,7 +65,7 @@ double largest_ritz(const std::vector<double>& diagonal, const std::vector<doubl
 
 }  // namespace
 
-double Energy::norm(const Map& forward, const Map& transposed, Vector& start, double tolerance, int most) const {
+double EnergyNorm::norm(const Map& forward, const Map& transposed, Vector& start, double tolerance, int most) const {
   std::vector<Vector> basis, images;  // M-orthonormal, and M times them
   std::vector<double> diagonal, beside, ritz;
   Vector x = start;
@@ -158,7 +158,7 @@ double band_abscissa(const LinearisedOperator& J) {
 
 namespace {
 
-double resolvent_norm_with(const LinearisedOperator& J, const Energy& energy, Complex z) {
+double resolvent_norm_with(const LinearisedOperator& J, const EnergyNorm& energy, Complex z) {
   BandLU lu, conjugate;
   J.factor(z, lu);
   J.factor(std::conj(z), conjugate);
@@ -170,7 +170,7 @@ double resolvent_norm_with(const LinearisedOperator& J, const Energy& energy, Co
 }  // namespace
 
 double resolvent_norm(const LinearisedOperator& J, Complex z) {
-  return has_energy(J) ? resolvent_norm_with(J, Energy(J), z) : std::nan("");
+  return has_energy(J) ? resolvent_norm_with(J, EnergyNorm(J), z) : std::nan("");
 }
 
 std::vector<double> pseudospectrum(MPI_Comm comm, const LinearisedOperator& J, const std::vector<double>& re,
@@ -179,7 +179,7 @@ std::vector<double> pseudospectrum(MPI_Comm comm, const LinearisedOperator& J, c
   int ranks = 1, rank = 0;
   MPI_Comm_size(comm, &ranks);
   MPI_Comm_rank(comm, &rank);
-  const Energy energy(J);
+  const EnergyNorm energy(J);
   std::vector<double> norms(re.size() * im.size(), 0.);
   for (std::size_t k = std::size_t(rank); k < norms.size(); k += std::size_t(ranks))
     norms[k] = resolvent_norm_with(J, energy, {re[k % re.size()], im[k / re.size()]});

@@ -12,13 +12,13 @@ namespace stickslip {
 bool has_energy(const LinearisedOperator& J);
 
 // The energy's matrix M = diag(W K/A, W, W), unknowns of a node together; it is applied and inverted by its blocks.
-class Energy {
+class EnergyNorm {
  public:
   using Vector = std::vector<Complex>;
   using Map = std::function<Vector(const Vector&)>;
 
   // Keeps a reference to J.
-  explicit Energy(const LinearisedOperator& J);
+  explicit EnergyNorm(const LinearisedOperator& J);
   Vector apply(const Vector& x) const;  // M x
   Vector solve(const Vector& x) const;  // M^-1 x
   double norm(const Vector& x) const;

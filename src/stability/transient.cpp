@@ -356,7 +356,7 @@ class GrowthInTime {
   const LinearisedOperator& s_;
   Transient& result_;
   const double unknowns_, quick_, horizon_;
-  const Energy energy_;
+  const EnergyNorm energy_;
   const double dt_;
   const Propagator propagator_;
   std::vector<Complex> mixed_, x_;
