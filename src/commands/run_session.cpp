@@ -133,7 +133,8 @@ void Run::make_observers() {
     observers_.push_back(std::make_unique<LyapunovExponents>(model, options_));
   observers_.push_back(std::make_unique<ProbeRows>(model, scene_, options_.reals("out_probes")));
   if (options_.is_set("out_maxima"))
-    observers_.push_back(std::make_unique<Maxima>(model, scene_, options_.real("out_maxima"), options_.real("ts_max_time")));
+    observers_.push_back(
+        std::make_unique<Maxima>(model, scene_, options_.real("out_maxima"), options_.real("ts_max_time")));
   if (!options_.is_set("out_file")) return;
   if (options_.boolean("out_series"))
     observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get()));
@@ -146,7 +147,8 @@ void Run::restore(const Checkpoint& checkpoint) {
   std::vector<double> state;
   try {
     state = checkpoint.field("state", NodeRange::of(model), model.dof());
-    for (const char* name : {"rejections", "rhs_evaluations", "t_end", "longest_step"}) (void)checkpoint.numbers.at(name);
+    for (const char* name : {"rejections", "rhs_evaluations", "t_end", "longest_step"})
+      (void)checkpoint.numbers.at(name);
     for (const auto& observer : observers_) observer->restore(checkpoint);
   } catch (const std::exception& e) {
     throw not_whole(options_, e.what());
@@ -249,7 +251,8 @@ int Run::check(Summary& summary) {
                 rounded_text(8e-6 * double(layout.frames) * (1 + double(layout.fields.size()) * double(scene_.n))) +
                 " MB in " + options_.text("out_file"));
   const double rest = t > origin_.t ? (t_end - t) / (t - origin_.t) : 0;
-  summary.say(std::to_string(steps) + " steps reach t = " + rounded_text(t, 6) + " in " + rounded_text(seconds, 2) + " s" +
+  summary.say(std::to_string(steps) + " steps reach t = " + rounded_text(t, 6) + " in " + rounded_text(seconds, 2) +
+              " s" +
               (rest > 0 ? "; at that rate the whole run takes " + rounded_text(double(steps) * (1 + rest), 2) +
                               " steps and " + rounded_text(seconds * (1 + rest), 2) + " s"
                         : ", which is the whole run without its output"));

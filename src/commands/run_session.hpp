@@ -31,10 +31,12 @@ class Run {
   // Returns the exit code; the summary holds what is known, also when it throws. Collective.
   int advance(Summary& summary);
 
-  // Says what the run would take, from steps of about a second, and writes no file. Nothing else may follow. Collective.
+  // Says what the run would take, from steps of about a second, and writes no file. Nothing else may follow.
+  // Collective.
   int check(Summary& summary);
 
-  // Processor time of this rank for setting the method up and for its steps, as in a row of `chart`; 0 without -accuracy.
+  // Processor time of this rank for setting the method up and for its steps, as in a row of `chart`; 0 without
+  // -accuracy.
   double step_seconds() const { return step_seconds_; }
   Fields end() const;  // as far as it has come; collective
 

@@ -154,8 +154,8 @@ void profile_options(TableBuilder& t) {
 void load_options(TableBuilder& t) {
   t.in("Loading", physics);
   t.add("load_v", OptionType::pairs, "",
-        "run: v(t) in place of model_v, t1:v1,t2:v2,... or a file of two columns; straight between, a step where a time "
-        "stands twice").unset("none").unit("velocity");
+        "run: v(t) in place of model_v, t1:v1,t2:v2,... or a file of two columns; straight between, a step where a "
+        "time stands twice").unset("none").unit("velocity");
   t.real("load_sine_amplitude", "0", "run: a sine on top of v(t): its amplitude", "velocity");
   t.positive("load_sine_period", "1", "run: its period", "time");
 }
@@ -196,10 +196,12 @@ void start_options(TableBuilder& t) {
   t.choice("init_type", {"uniform", "sine", "layer", "pulses", "wave", "file", "text"},
            "uniform; sine: psi = init_psi + init_amplitude sin(2 pi init_mode x/L); layer: psi falls from "
            "bc_left_value to init_psi like exp(-(x/init_width)^2); pulses: turns of the uniform oscillation laid "
-           "round the ring; wave: the travelling train; file: a frame or an eigenvector of init_file; text: its columns");
+           "round the ring; wave: the travelling train; file: a frame or an eigenvector of init_file; text: its "
+           "columns");
   t.real_or("init_psi", "steady", "0.1", "psi at the start; `steady` is steady sliding", "velocity");
   t.real_or("init_eta", "steady", "", "eta at the start; `steady` makes psi_t = 0")
-      .unset("0.1; steady for a layer", [](const Options& o) { return o.text("init_type") == "layer" ? "steady" : "0.1"; });
+      .unset("0.1; steady for a layer",
+             [](const Options& o) { return o.text("init_type") == "layer" ? "steady" : "0.1"; });
   t.real_or("init_state", "steady", "steady", "state at the start: tau for healing, else theta").at_least(0);
   t.real("init_amplitude", "0.5", "sine: amplitude (file: of an eigenvector)", "velocity");
   t.integer("init_mode", "1", 0, int_max,
@@ -209,8 +211,8 @@ void start_options(TableBuilder& t) {
   t.choice("init_direction", {"right", "left"}, "pulses, wave: direction of travel");
   t.not_negative("init_noise", "0", "amplitude of noise added to psi, uniform on [-1, 1] times this", "velocity");
   t.not_negative("init_noise_length", "1",
-                 "distance between its independent values, with a smooth course between them; 0: one value a node, which "
-                 "changes with the grid (in the chain always one a block)",
+                 "distance between its independent values, with a smooth course between them; 0: one value a node, "
+                 "which changes with the grid (in the chain always one a block)",
                  "length");
   t.integer("init_seed", "1", 0, int_max, "seed of the noise");
   t.text("init_file", "",
@@ -254,8 +256,9 @@ void output_options(TableBuilder& t) {
   t.not_negative("out_maxima", "", "position where the maxima of psi in the second half of the run go into the summary",
                  "length").unset("none");
   t.boolean("out_displacement", "false", "write the displacement chi as well");
-  t.choice("out_writers", {"auto", "root"}, "ranks that write fields to out_file and checkpoints: all that see the files, "
-           "or rank 0 alone, which the others feed in pieces of a megabyte");
+  t.choice("out_writers", {"auto", "root"},
+           "ranks that write fields to out_file and checkpoints: all that see the files, or rank 0 alone, which the "
+           "others feed in pieces of a megabyte");
   t.boolean("out_series", "true", "write the group series, a row for every step");
   t.boolean("out_events", "false", "catalogue of slip events: group events, a row for every event that has ended");
   t.not_negative("out_events_velocity", "", "events: velocity above which a node moves", "velocity")
@@ -279,8 +282,8 @@ void spectrum_options(TableBuilder& t) {
   t.integer("spectrum_count", "12", 1, int_max, "eigenvalues wanted").read_by("spectrum wave");
   t.choice("spectrum_method", {"auto", "dense", "krylov"}, "eigensolver");
   t.choice("spectrum_refine", {"auto", "off"},
-           "auto compares grids, and asks the continuum where all nodes are alike; off takes every mode of the matrix as "
-           "resolved").read_by("spectrum boundary");
+           "auto compares grids, and asks the continuum where all nodes are alike; off takes every mode of the matrix "
+           "as resolved").read_by("spectrum boundary");
   t.boolean("spectrum_transient", "false", "also the largest transient growth and the numerical abscissa, energy norm");
   t.integer("spectrum_pseudo", "0", 0, 1000,
             "points a side of a picture of the resolvent norm beside the rightmost eigenvalues, energy norm; 0: none");
@@ -369,16 +372,18 @@ void sweep_options(TableBuilder& t) {
     t.add(name("sweep_values").c_str(), OptionType::text_list, "", "its values, instead of a range").unset("none");
   }
   t.choice("sweep_sample", {"grid", "list", "random", "sobol"},
-           "grid: every value with every other; list: first values, second values, ... together; random; sobol: draws that "
-           "fill the ranges evenly");
+           "grid: every value with every other; list: first values, second values, ... together; random; sobol: draws "
+           "that fill the ranges evenly");
   t.integer("sweep_count", "", 1, 1e7, "random, sobol: number of points").unset("none");
   t.integer("sweep_seed", "0", 0, int_max, "random, sobol: seed of the draws; 0 of sobol: Sobol's points as they are");
   t.integer("sweep_group_ranks", "1", 1, int_max, "ranks that share a point; results depend on it by round-off");
   t.boolean("sweep_follow", "false",
             "run: along the first option each point starts where its neighbour ended, forwards and back");
-  t.positive("sweep_refine", "", "grid of one or two options: divide where sweep_key changes between neighbours, until they "
-             "are this part of the ranges apart").at_most(1).unset("none");
-  t.text("sweep_key", "", "refine: key of the summary whose change is sought").unset("regime; stable of other commands");
+  t.positive("sweep_refine", "",
+             "grid of one or two options: divide where sweep_key changes between neighbours, until they are this part "
+             "of the ranges apart").at_most(1).unset("none");
+  t.text("sweep_key", "", "refine: key of the summary whose change is sought")
+      .unset("regime; stable of other commands");
   t.boolean("sweep_files", "false", "also the file of every point: NAME.h5 and point 123 make NAME-000123.h5");
 }
 

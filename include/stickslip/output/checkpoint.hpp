@@ -41,17 +41,17 @@ struct Checkpoint {
   int ranks = 1;      // on so many
   std::string path;
 
-  // Of a checkpoint that was read, `each` values for every node of the range. Throws std::exception, on every rank, where
-  // it has no field of that name and size. Collective.
+  // Of a checkpoint that was read, `each` values for every node of the range. Throws std::exception, on every rank,
+  // where it has no field of that name and size. Collective.
   std::vector<double> field(const std::string& name, const NodeRange& nodes, int each) const;
 };
 
 // DIR/NAME.chk-STEP.h5 for out_file DIR/NAME.h5, the step in at least six digits.
 std::string checkpoint_name(const std::string& out_file, std::int64_t step);
 
-// Writes a checkpoint beside out_file (significant on rank 0: t, dt, step, numbers, texts, arrays), then removes the oldest
-// files of that kind until `keep` are left; the one just written stays. `by_root`: as in RunLayout. Returns its name. Flush
-// the RunFile first: a checkpoint must not be ahead of the frames. Collective; throws Failure, and then the
+// Writes a checkpoint beside out_file (significant on rank 0: t, dt, step, numbers, texts, arrays), then removes the
+// oldest files of that kind until `keep` are left; the one just written stays. `by_root`: as in RunLayout. Returns its
+// name. Flush the RunFile first: a checkpoint must not be ahead of the frames. Collective; throws Failure, and then the
 // checkpoints of before are all there.
 std::string write_checkpoint(const std::string& out_file, std::int64_t keep, const Provenance& provenance,
                              const Checkpoint& checkpoint, const NodeRange& nodes, bool by_root = false);

@@ -76,8 +76,8 @@ class RunFile {
   void lyapunov(double end, const std::vector<double>& row);
 
   // One frame: of each field of the layout, in order, the values that this rank has (Slab::take). Everything is on its
-  // way to disk when it returns, except that frames which follow each other at once share a flush. Give the probes and series of a
-  // moment before its frame.
+  // way to disk when it returns, except that frames which follow each other at once share a flush. Give the probes and
+  // series of a moment before its frame.
   void frame(double t, const std::vector<const double*>& fields);
 
   // Everything written so far becomes visible to readers (and so survives kill -9).

@@ -41,7 +41,8 @@ class Slab {
  private:
   MPI_Comm comm_ = MPI_COMM_NULL;
   std::int64_t nodes_ = 0, cell_ = 0, cells_ = 1;
-  std::int64_t first_ = 0;  // of the cell's nodes the first that this rank owns; if gathered, of the scene's that it writes
+  std::int64_t first_ = 0;  // of the cell's nodes the first that this rank owns; if gathered, of the scene's nodes the
+                            // first that it writes
   std::int64_t end_ = 0;    // one after the last of them
   std::size_t owned_ = 0, kept_ = 0;
   bool gathered_ = false;   // every rank has the cell
