@@ -161,6 +161,18 @@ namespace {
 
 bool never_slips(const Scene& s) { return s.v == 0 || (s.v < 0 && !s.friction.back_slip); }
 
+// Nothing damps, and friction never rises with velocity. The distance from sliding in (psi, eta), measured by the energy, then
+// never shrinks; a slip begins at psi = 0, at a distance of at least |v|, and so comes back to psi = 0 in its first turn
+// round sliding or a later one, which can be thousands of turns later where friction hardly falls.
+bool always_returns(const Scene& s) {
+  if (s.friction.has_state() || s.B() != 0 || s.s_delta() != 0) return false;
+  const std::shared_ptr<const Friction> law = Friction::of(s.friction);
+  const double side = s.v < 0 ? -1 : 1;
+  for (int k = -20; k <= 20; ++k)
+    if (law->partials(side * std::ldexp(std::abs(s.v), k), 0).F_psi > 0) return false;
+  return true;
+}
+
 // Right before the release of one node that has rested for `cycles` times of loading and of healing since it slid at v.
 std::vector<double> after_rest(const StickMotion& m, double cycles) {
   const Scene& s = m.scene();
@@ -198,6 +210,7 @@ Grazing grazing_of(const Lap& once) {
 
 Grazing distance_from_graze(const Scene& s) {
   if (never_slips(s)) return {std::nan(""), 0};
+  if (always_returns(s)) return {-std::abs(s.v), 0};
   StickMotion motion(s);
   motion.stop_at_turns();
   StickCycle c;

@@ -102,7 +102,7 @@ def test_start_from_a_file():
         with h5py.File("half.h5") as f:
             check(at_once["probes"][0]["psi"] == f["psi"][1, 0], "init_frame 1 is not frame 1")
     chain = "-model_form chain -grid_n 7 -friction_law carlson-langer -friction_stick regularised"
-    for scene, word in ((chain.replace("-grid_n 7", "-grid_n 8"), "7 nodes"),
+    for scene, word in ((chain.replace("-grid_n 7", "-grid_n 8"), "7 points"),
                         (chain + " -bc_left free -state_law contact-age", "theta"),
                         ("-grid_n 7 -grid_length 7", "chain"), (chain + " -init_frame 9", "3 frames")):
         _, error = run(scene + " -init_type file -init_file half.h5", code=2)

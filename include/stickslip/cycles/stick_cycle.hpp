@@ -70,7 +70,8 @@ StickFate uniform_stick_fate(const Scene& one_node);
 // How far stick-slip of a uniform scene's one node is from its end by grazing, a smooth function of the scene: the depth of
 // the cycle that the motion settles on from a release after a long rest (negative: it sticks and slips), or, where its slip
 // turns before it stops, the psi at which it does (positive), the slip being stopped there. Where it settles on none, or
-// never turns: |v|. NaN where it rests for ever. `period`: of that cycle; 0 where there is none.
+// never turns: |v|. NaN where it rests for ever. -|v|, without a look, where nothing damps and friction never rises with
+// velocity, so that every slip comes to rest. `period`: of that cycle; 0 where there is none or none was looked at.
 struct Grazing {
   double distance, period;
 };
