@@ -46,7 +46,7 @@ Texts one_block(const char* state) {
 
 }  // namespace
 
-TEST_CASE("uniform motion without a state: the coefficient is -A F'''/16", "[criticality]") {
+TEST_CASE("uniform motion without a state: the coefficient is -A F'''/16", "[criticality][serial]") {
   const auto coefficient = [](const Texts& texts) {
     const Crossing c = only_root(texts, {"model_v", 0.05, 4, false});
     CHECK(c.criticality.of == "uniform");
@@ -66,7 +66,7 @@ TEST_CASE("uniform motion without a state: the coefficient is -A F'''/16", "[cri
                      {"friction_law", "carlson-langer"}}) == Approx(6 * 0.04 / 16).epsilon(1e-12));
 }
 
-TEST_CASE("a block with rate-and-state friction: closed forms for both laws of the state", "[criticality]") {
+TEST_CASE("a block with rate-and-state friction: closed forms for both laws of the state", "[criticality][serial]") {
   for (const double f0 : {40., 128., 900.})
     for (const double k0 : {0.1, 0.64, 3.}) {
       const double g2 = k0, xi = k0 / f0 / 0.01, r = g2 / xi, w2 = g2 * xi / (g2 + xi);
@@ -85,7 +85,7 @@ TEST_CASE("a block with rate-and-state friction: closed forms for both laws of t
     }
 }
 
-TEST_CASE("Bautin points lie where the closed form says, and none is where it says none", "[criticality]") {
+TEST_CASE("Bautin points lie where the closed form says, and none is where it says none", "[criticality][serial]") {
   const std::vector<Axis> axes{{"friction_b", 0.0101, 0.1, false}, {"model_v", 0.2, 2, true}};
   for (const char* state : {"ageing", "slip"}) {
     Texts texts = one_block(state);
@@ -109,7 +109,7 @@ TEST_CASE("Bautin points lie where the closed form says, and none is where it sa
   }
 }
 
-TEST_CASE("waves of equal nodes and modes of nodes that hardly differ have the same coefficient", "[criticality]") {
+TEST_CASE("waves of equal nodes and modes of nodes that hardly differ have the same coefficient", "[criticality][serial]") {
   for (const char* n : {"4", "6", "7"}) {
     const Texts texts{{"model_form", "chain"},  {"grid_n", n},          {"bc_left", "free"},    {"bc_right", "free"},
                       {"friction_law", "cubic"}, {"state_law", "contact-age"}, {"state_b", "0.3"}, {"state_D", "1.6"}};
@@ -123,7 +123,7 @@ TEST_CASE("waves of equal nodes and modes of nodes that hardly differ have the s
   }
 }
 
-TEST_CASE("where there is no coefficient it is said why", "[criticality]") {
+TEST_CASE("where there is no coefficient it is said why", "[criticality][serial]") {
   const auto why = [](const Texts& texts, const Axis& axis) {
     const std::vector<Crossing> found = roots(texts, axis);
     REQUIRE_FALSE(found.empty());

@@ -27,7 +27,7 @@ struct Straight {
 
 }  // namespace
 
-TEST_CASE("A deviation passes a start or a stop as the difference of two motions does", "[jump_matrix]") {
+TEST_CASE("A deviation passes a start or a stop as the difference of two motions does", "[jump_matrix][serial]") {
   std::mt19937 draw(3);
   std::uniform_real_distribution<double> real(-1, 1);
   for (int k = 0; k < 200; ++k) {

@@ -30,7 +30,7 @@ struct DampedSlip {
 
 }  // namespace
 
-TEST_CASE("Coulomb's block: period, rest and multipliers of its cycle as in closed form", "[stick_cycle]") {
+TEST_CASE("Coulomb's block: period, rest and multipliers of its cycle as in closed form", "[stick_cycle][serial]") {
   Scene s = chain("coulomb", 1);
   s.k0 = 1;
   s.v = 0.1;
@@ -51,7 +51,7 @@ TEST_CASE("Coulomb's block: period, rest and multipliers of its cycle as in clos
   CHECK(std::abs(c.multipliers[1]) < 1e-11);
 }
 
-TEST_CASE("Where stick-slip of the damped Coulomb block ends, to the slip that only grazes rest", "[stick_cycle]") {
+TEST_CASE("Where stick-slip of the damped Coulomb block ends, to the slip that only grazes rest", "[stick_cycle][serial]") {
   Scene s = chain("coulomb", 1);
   s.k0 = 0.7;
   s.zeta = 0.3;
@@ -71,7 +71,7 @@ TEST_CASE("Where stick-slip of the damped Coulomb block ends, to the slip that o
 }
 
 TEST_CASE("The block of Carlson and Langer sticks and slips beyond its linear boundary up to 2.4047128309",
-          "[stick_cycle]") {
+          "[stick_cycle][serial]") {
   Scene s = chain("carlson-langer", 1);
   s.zeta = std::sqrt(0.02);  // `paper` at k1 = 0.2
   const auto depth = [&](double v) {
@@ -92,7 +92,7 @@ TEST_CASE("The block of Carlson and Langer sticks and slips beyond its linear bo
   CHECK(uniform_stick_fate(s).fate == Fate::stuck);
 }
 
-TEST_CASE("Deviations of random cells go round starts and stops as differences of motions do", "[stick_cycle]") {
+TEST_CASE("Deviations of random cells go round starts and stops as differences of motions do", "[stick_cycle][serial]") {
   std::mt19937 draw(5);
   std::uniform_real_distribution<double> real(0, 1);
   int cycles = 0;
@@ -150,7 +150,7 @@ TEST_CASE("Deviations of random cells go round starts and stops as differences o
   CHECK(cycles >= 3);
 }
 
-TEST_CASE("A wave on the uniform cycle grows as on a ring of blocks that starts so", "[stick_cycle]") {
+TEST_CASE("A wave on the uniform cycle grows as on a ring of blocks that starts so", "[stick_cycle][serial]") {
   Scene one = chain("carlson-langer", 1);
   one.zeta = std::sqrt(0.02);
   one.v = 1;

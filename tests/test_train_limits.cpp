@@ -42,7 +42,7 @@ double growth_at(const TrainLimit& limit, double ahead) {
 
 }  // namespace
 
-TEST_CASE("a fold of trains: the length has a minimum over the speed there", "[wave][limits]") {
+TEST_CASE("a fold of trains: the length has a minimum over the speed there", "[wave][limits][serial]") {
   std::vector<std::string> notes;
   const Branch walk = branch(0.95, 0.956, 30, 3);
   INFO(walk.points.size() << " points: " << walk.end);
@@ -57,7 +57,7 @@ TEST_CASE("a fold of trains: the length has a minimum over the speed there", "[w
   CHECK(std::abs(above - below) < 3e-2 * std::abs(above + below - 2 * here));
 }
 
-TEST_CASE("a change of stability of trains, on a branch and followed in a second parameter", "[wave][limits]") {
+TEST_CASE("a change of stability of trains, on a branch and followed in a second parameter", "[wave][limits][serial]") {
   std::vector<std::string> notes;
   const std::vector<TrainLimitCurve> curves = train_limit_curves(family(), branch(0.85, 0.86, 6, 3), 0.85, 0.9, 3, 3.1, 2, notes);
   CHECK(notes.empty());
