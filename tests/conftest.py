@@ -6,7 +6,7 @@ import pytest
 
 
 def pytest_addoption(parser):
-    parser.addoption("--scenes", type=int, default=6, help="random scenes of each audit (6; the long version: 200)")
+    parser.addoption("--scenes", type=int, default=20, help="random scenes of each audit (20; the long version: 200)")
     parser.addoption("--seed", type=int, default=2026, help="their seed")
 
 
