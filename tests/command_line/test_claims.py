@@ -1,0 +1,31 @@
+"""What the pages and scenes say is what the program says (scripts/claims.py); the claims that take longer: ./check book."""
+import importlib.util
+import os
+import re
+
+import pytest
+
+from calls import SOURCE
+
+spec = importlib.util.spec_from_file_location("claims", os.path.join(SOURCE, "scripts", "claims.py"))
+claims = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(claims)
+
+PAGES = {name: claims.Page(name) for name in claims.pages()}
+CHECKED = [name for name, page in PAGES.items() if any(kind == "check" for kind, *_ in page.notes)]
+
+
+@pytest.mark.parametrize("name", CHECKED)
+def test_claims_hold(name):
+    wrong = list(claims.check(PAGES[name], long=False))
+    assert not wrong, "\n".join(wrong)
+
+
+def test_false_claims_are_found(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("Stable from v = 0.966 and 0.967 upwards.\n<!-- check: spectrum -grid_n 8 -model_v 1; stable is False; "
+                    "growth_rate = 0.966; growth_rate = -0.1; growth_rate < 0; frequency = 0.967 ~ 0.04 -->\n")
+    wrong = [words.split("\n")[1].strip() for words in claims.check(claims.Page(str(page)), long=False)]
+    # growth rate -C/2 = -0.1, frequency sqrt(1 - 0.01) = 0.995
+    assert wrong[0] == "not true: stable is False" and re.match(r"growth_rate is -0\.\d+, not 0\.966", wrong[1])
+    assert wrong[2] == "the page does not say -0.1: growth_rate = -0.1" and len(wrong) == 3
