@@ -11,6 +11,7 @@
 #include "stickslip/time/stick.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/fused_imex.hpp"
+#include "time/leapfrog.hpp"
 
 using namespace stickslip;
 
@@ -200,7 +201,40 @@ TEST_CASE("stages of arkimex tile by tile solve the model's own equations", "[im
     }
 }
 
-TEST_CASE("arkimex tile by tile does not depend on the ranks, to the last bit", "[imex]") {
+TEST_CASE("a step of leapfrog is half a kick, the midpoint rule, half a kick", "[imex][leapfrog]") {
+  for (const Scene& scene : imex_scenes()) {
+    if (scene.nu > 0) continue;  // refused
+    const Model model(PETSC_COMM_WORLD, scene);
+    Leapfrog step(model, Stick::applies_to(scene));
+    VecHandle u = model.create_vector(), found = model.create_vector(), z = model.create_vector(),
+              w = model.create_vector(), rhs = model.create_vector();
+    start(model, u);
+    const std::vector<double> direction = give_direction(model, step, u);
+    const double dt = Stick::applies_to(scene) ? 0.002 : 0.01;
+    const TiledStep::Outcome outcome = step.take(u, dt, {1e-6, 1e-6, NORM_2}, false, found, {});
+    INFO(to_string(scene.friction.law) << " " << to_string(scene.friction.state) << " n " << scene.n << " order "
+                                       << scene.order << " left " << int(scene.left));
+    CHECK(outcome.finite);
+    CHECK(outcome.solved);
+    const auto kicked = [&](Vec from, double h, Vec into) {
+      SS_TRY(VecCopy(from, into));
+      model.rhs(Part::stencil, from, rhs);
+      SS_TRY(VecAXPY(into, h, rhs));
+    };
+    kicked(u, dt / 2, z);
+    kicked(found, -dt / 2, w);  // undoes the second half
+    SS_TRY(VecAXPBY(w, 0.5, 0.5, z));
+    model.rhs(Part::pointwise, w, rhs);
+    SS_TRY(VecAXPY(w, -1, z));
+    SS_TRY(VecAXPY(w, -dt / 2, rhs));
+    // Newton's method ends at 1e-13, to which round-off adds; of eta that of a kick
+    const double round_off = 1e-15 * (1 + dt * model.wave_frequency() * model.wave_frequency());
+    CHECK(norm(w) < 1e-11 + 100 * round_off);
+    model.set_direction(nullptr);
+  }
+}
+
+TEST_CASE("steps tile by tile do not depend on the ranks, to the last bit: arkimex, leapfrog", "[imex][leapfrog]") {
   const ImexMethod method("4");
   for (const Scene& scene : imex_scenes()) {
     const Model model(PETSC_COMM_WORLD, scene), alone(PETSC_COMM_SELF, scene);
@@ -211,15 +245,23 @@ TEST_CASE("arkimex tile by tile does not depend on the ranks, to the last bit", 
     FusedImex step(model, method.tableau(), Stick::applies_to(scene));
     FusedImex step_alone(alone, method.tableau(), Stick::applies_to(scene));
     const auto direction = give_direction(model, step, u), direction_alone = give_direction(alone, step_alone, all);
-    step.take(u, 0.02, {1e-4, 1e-3, NORM_2}, true, found, {});
-    step_alone.take(all, 0.02, {1e-4, 1e-3, NORM_2}, true, expected, {});
-    const double *mine, *whole;
-    SS_TRY(VecGetArrayRead(found, &mine));
-    SS_TRY(VecGetArrayRead(expected, &whole));
     INFO(to_string(scene.friction.law) << " n " << scene.n);
-    CHECK(std::equal(mine, mine + model.local() * model.dof(), whole + model.first() * model.dof()));
-    SS_TRY(VecRestoreArrayRead(found, &mine));
-    SS_TRY(VecRestoreArrayRead(expected, &whole));
+    const auto check_step = [&](const TiledStep& shared, const TiledStep& single, bool estimate) {
+      shared.take(u, 0.02, {1e-4, 1e-3, NORM_2}, estimate, found, {});
+      single.take(all, 0.02, {1e-4, 1e-3, NORM_2}, estimate, expected, {});
+      const double *mine, *whole;
+      SS_TRY(VecGetArrayRead(found, &mine));
+      SS_TRY(VecGetArrayRead(expected, &whole));
+      CHECK(std::equal(mine, mine + model.local() * model.dof(), whole + model.first() * model.dof()));
+      SS_TRY(VecRestoreArrayRead(found, &mine));
+      SS_TRY(VecRestoreArrayRead(expected, &whole));
+    };
+    check_step(step, step_alone, true);
+    if (scene.nu > 0) continue;
+    Leapfrog leap(model, Stick::applies_to(scene)), leap_alone(alone, Stick::applies_to(scene));
+    if (!direction.empty()) leap.set_direction(direction);
+    if (!direction_alone.empty()) leap_alone.set_direction(direction_alone);
+    check_step(leap, leap_alone, false);
   }
 }
 

@@ -104,6 +104,33 @@ TEST_CASE("explicit limits are those of the tableau's stability function", "[lim
   }
 }
 
+TEST_CASE("leapfrog is stable up to 2 over the frequency of the neighbours' pull", "[limits][leapfrog]") {
+  // One step of psi_t = A eta - C psi, eta_t = -K psi with K = K0 + K1 kappa^2: half a kick by K1 kappa^2, the midpoint
+  // rule for the rest, half a kick. Its trace and determinant, with x = dt C/2, y = A K0 dt^2/4, z = A K1 kappa^2 dt^2/4:
+  // d = 1 + x + y, trace = 2 (1 - y - 2 z)/d, determinant (1 - x + y)/d. Without friction (C = 0) the roots leave the
+  // unit circle where trace = -2: at z = 1, whatever K0.
+  for (const double v : {1., 1.1, 0.9}) {
+    const Scene s = sliding_scene(v);
+    with_forecast(s, {{"ts_type", "leapfrog"}, {"ts_dt", "0.01"}},
+                  [&](StepForecast& forecast, const Model& model, const Integrator&) {
+                    const double omega = model.wave_frequency(), own = s.A() * s.K0(), C = s.A() * (v * v - 1);
+                    const Complex lambda = wave_eigenvalue(s, omega * omega / s.A());
+                    for (const double part : {0.2, 0.9, 0.999, 1.001, 1.1, 3.}) {
+                      const double dt = part * 2 / std::sqrt(omega * omega - own);
+                      const double x = dt * C / 2, y = own * dt * dt / 4, z = (omega * omega - own) * dt * dt / 4;
+                      const double d = 1 + x + y, half = (1 - y - 2 * z) / d, det = (1 - x + y) / d;
+                      const Complex root = std::sqrt(Complex(half * half - det));
+                      const double modulus = std::max(std::abs(half + root), std::abs(half - root));
+                      INFO("v " << v << " part " << part);
+                      CHECK(forecast.shortest_wave_excess(dt) ==
+                            Approx(std::log(modulus) / dt - lambda.real()).margin(1e-7 * omega));
+                      if (v == 1) CHECK((forecast.shortest_wave_excess(dt) > 1e-3 * omega) == (part > 1));
+                    }
+                    CHECK(forecast.shift(0.1) == 20);
+                  });
+  }
+}
+
 TEST_CASE("implicit methods hide an instability where their stability functions say", "[limits]") {
   // Waves whose eigenvalues are a complex pair alone: without coupling all alike, lambda = 0.15 +- 0.989 i.
   Scene s = sliding_scene(std::sqrt(0.9));
@@ -141,7 +168,7 @@ TEST_CASE("limits found by bisection of runs are those of theory", "[limits][ser
                 {"init_type", "sine", ""}, {"ts_max_time", "30", ""}});
   Limits limits(options);
   const auto row = [&](const char* name) { return limits.row(MethodSpec::parse("chart_methods", name)); };
-  for (const char* name : {"rk:3bs", "rk:4", "arkimex:4:friction", "bdf:4"}) {
+  for (const char* name : {"rk:3bs", "rk:4", "arkimex:4:friction", "bdf:4", "leapfrog"}) {
     const LimitRow r = row(name);
     INFO(name);
     CHECK(r.warned);

@@ -136,7 +136,7 @@ Orders measured_orders(const Method& m, const std::string& implicit) {
 }
 
 std::vector<std::string> splits(const Method& m) {
-  if (m.kind == MethodKind::imex) return {"friction", "wave", "both"};
+  if (m.kind == MethodKind::imex) return splits_of(m);
   return {"auto"};
 }
 

@@ -217,7 +217,8 @@ struct Limits::Impl {
     row.wrong = errs.how;
   }
 
-  // Growth rate of noise about sliding in the second half of so many steps; infinite where the run breaks down.
+  // Growth rate of noise about sliding in the second half of so many steps; infinite where the run breaks down. Where
+  // the noise outgrows what is linear before that, as a method may let it without breaking down, the rate until then.
   double rate_of_noise(const MethodSpec& method, double dt, int steps, double noise, bool alternating) const {
     std::vector<std::string> ignored;
     const WarningsKept kept(ignored);
@@ -225,13 +226,20 @@ struct Limits::Impl {
                              .with("init_noise", noise).with("init_noise_length", "0");
     VecHandle u = model.create_vector();
     set_start(model, calm, u);
-    double middle = 0, end = 0;
+    constexpr double linear = 1e-3;
+    double middle = 0, end = 0, first = 0, outgrown_at = 0;
     const int window = std::max(1, steps / 4);
     try {
       Integrator integrator(model, fixed(method, dt), u, prefix);
       integrator.advance(u, 0, steps * dt, [&](const Integrator::Step& step) {
         // the largest over a while, since waves go up and down
         const double now = off_sliding(model, step.u, alternating);
+        if (step.index == 1) first = now;
+        if (now > linear && first < linear) {
+          outgrown_at = step.t;
+          end = now;
+          return Integrator::Verdict::stop;
+        }
         if (step.index > steps / 2 - window && step.index <= steps / 2) middle = std::max(middle, now);
         if (step.index > steps - window) end = std::max(end, now);
         return Integrator::Verdict::go_on;
@@ -239,6 +247,7 @@ struct Limits::Impl {
     } catch (const Failure&) {
       return HUGE_VAL;
     }
+    if (outgrown_at > 0) return std::log(end / first) / (outgrown_at - dt);
     const auto second_half = steps - steps / 2;
     return std::log(end / middle) / (double(second_half) * dt);
   }

@@ -19,13 +19,13 @@ std::vector<MethodSpec> wanted_methods(const Options& options) {
   if (options.text("chart_methods") != "all")
     return chart_methods(options, {"rk:5dp", "rk:3bs", "rk:4", "rk:8vr", "euler", "ssp:rks3", "arkimex:3:friction",
                                    "arkimex:3:wave", "arkimex:3:both", "arkimex:4:friction", "arkimex:4:wave",
-                                   "arkimex:4:both", "arkimex:1bee:both", "rosw:ra34pw2", "rosw:4l", "bdf:2", "bdf:4",
+                                   "arkimex:4:both", "arkimex:1bee:both", "leapfrog", "rosw:ra34pw2", "rosw:4l", "bdf:2", "bdf:4",
                                    "theta", "cn", "beuler", "alpha"});
   std::vector<MethodSpec> all;
   for (const Method& m : methods()) {
-    const bool splits = m.kind == MethodKind::imex;
-    for (const char* split : splits ? std::vector<const char*>{":friction", ":wave", ":both"} : std::vector{""})
-      all.push_back(MethodSpec::parse("chart_methods", m.name() + split));
+    if (m.kind != MethodKind::imex) all.push_back(MethodSpec::parse("chart_methods", m.name()));
+    for (const std::string& split : splits_of(m))
+      all.push_back(MethodSpec::parse("chart_methods", m.name() + (*m.subtype ? ":" : "::") + split));
   }
   return all;
 }

@@ -9,6 +9,7 @@
 #include "base/local_values.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/stencil.hpp"
+#include "stickslip/numerics/dense.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
@@ -164,6 +165,7 @@ StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
   const std::string type = like.method().type;
   if (type == TSBDF) bdf_order_ = std::stoi(like.method().subtype);
   is_alpha_ = type == TSALPHA;
+  is_leapfrog_ = type == "leapfrog";
   if (is_alpha_) SS_TRY(TSAlphaGetParams(like.ts(), &alpha_m_, &alpha_f_, &alpha_gamma_));
   const Scene& s = model.scene();
   std::vector<Slopes> friction = friction_extremes(model, u);
@@ -184,7 +186,7 @@ StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
     for (const double part : {0.25, 0.5, 0.75, 1.})
       add_waves(model, implicit, F, g, part, true, s.form == Form::chain);
   }
-  if (bdf_order_ == 0 && !is_alpha_) make_ts(like, implicit);
+  if (bdf_order_ == 0 && !is_alpha_ && !is_leapfrog_) make_ts(like, implicit);
 }
 
 void StepForecast::make_ts(const Integrator& like, Implicit implicit) {
@@ -280,8 +282,35 @@ double StepForecast::multistep_modulus(Complex z) const {
   return largest;
 }
 
+// Half a kick, the midpoint rule, half a kick.
+std::vector<double> StepForecast::leapfrog_propagator(const Wave& w, double dt) const {
+  const auto d = static_cast<std::size_t>(dof_);
+  const auto kicked = [&](const std::vector<double>& a) {
+    std::vector<double> b = a;
+    for (std::size_t i = 0; i < d; ++i)
+      for (std::size_t j = 0; j < d; ++j)
+        for (std::size_t k = 0; k < d; ++k) b[i * d + j] += dt / 2 * w.explicit_part[i * d + k] * a[k * d + j];
+    return b;
+  };
+  std::vector<double> one(d * d), matrix(d * d);
+  for (std::size_t i = 0; i < d; ++i) one[i * (d + 1)] = 1;
+  for (std::size_t i = 0; i < d * d; ++i) matrix[i] = one[i] - dt / 2 * w.implicit_part[i];
+  const std::vector<double> z = kicked(one);
+  std::vector<double> end = z;
+  if (!solve_dense(dof_, matrix.data(), dof_, end.data())) return std::vector<double>(d * d, HUGE_VAL);
+  for (std::size_t i = 0; i < d * d; ++i) end[i] = 2 * end[i] - z[i];
+  return kicked(end);
+}
+
 std::vector<double> StepForecast::rates(double dt) {
   std::vector<double> rates;
+  if (is_leapfrog_) {
+    for (const Wave& w : waves_) {
+      const std::vector<double> P = leapfrog_propagator(w, dt);
+      rates.push_back(std::isfinite(P[0]) ? std::log(spectral_bounds(dof_, P).modulus) / dt : HUGE_VAL);
+    }
+    return rates;
+  }
   if (bdf_order_ > 0 || is_alpha_) {
     for (const Wave& w : waves_) {
       double modulus = 0;
@@ -360,6 +389,8 @@ double StepForecast::shift(double dt) {
     for (int j = 1; j <= bdf_order_; ++j) last_shift_ += 1 / (j * dt);
   } else if (is_alpha_) {
     last_shift_ = alpha_m_ / (alpha_f_ * alpha_gamma_ * dt);
+  } else if (is_leapfrog_) {
+    last_shift_ = 2 / dt;
   } else {
     (void)rates(dt);
   }

@@ -5,7 +5,8 @@
 // K = K0 + K1 kappa^2(k). A one-step method itself advances a set of them - kappa^2 from 0 to the grid's largest,
 // friction at its least and largest slope - by one step from every unit vector, so that the propagator P over one step
 // is known for any method, split as it will be; its rate is ln rho(P)/dt. The multistep methods bdf and alpha take
-// everything implicitly and are known by the roots of their characteristic polynomial at dt lambda.
+// everything implicitly and are known by the roots of their characteristic polynomial at dt lambda; leapfrog by the product
+// of its three parts.
 //
 // A wave explodes when the excess of its growth over the exact one, ln rho(P) - max(0, dt Re lambda), multiplies errors
 // by more than a million in the time asked for. A growing wave that an implicit method lets grow by less than twice as
@@ -58,6 +59,7 @@ class StepForecast {
   void add_waves(const Model& model, Implicit implicit, const Partials& F, const RatePartials& g, double part,
                  bool sliding, bool resolved);
   std::vector<double> rates(double dt);     // growth of every wave, per unit time, as the method has it
+  std::vector<double> leapfrog_propagator(const Wave& w, double dt) const;  // row-major
   double multistep_modulus(Complex z) const;  // largest root of the characteristic polynomial
   double excess_rate(double dt);            // largest over the waves about the motion, per unit time
 
@@ -72,7 +74,7 @@ class StepForecast {
   int dof_;
   bool all_implicit_ = false;
   int bdf_order_ = 0;                      // 0: not bdf
-  bool is_alpha_ = false;
+  bool is_alpha_ = false, is_leapfrog_ = false;
   double alpha_m_ = 0, alpha_f_ = 0, alpha_gamma_ = 0;
   double last_shift_ = 0, least_slope_ = 0;
   std::vector<Wave> waves_;

@@ -5,6 +5,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/stick.hpp"
 #include "time/fused_ts.hpp"
+#include "time/leapfrog.hpp"
 
 namespace stickslip {
 
@@ -57,6 +58,12 @@ Implicit implicit_of(const std::string& type, const std::string& wish, Implicit 
                          " is explicit; use ts_type arkimex, or imex_implicit none");
       return Implicit::none;
     case MethodKind::imex:
+      if (type == leapfrog_type) {
+        if (wants_imex && wish != "friction")
+          throw UsageError("imex_implicit " + wish + ": ts_type leapfrog takes friction implicitly and waves by kicks; " +
+                           "use friction, or ts_type arkimex");
+        return Implicit::friction;
+      }
       if (wish == "none") return Implicit::none;
       if (wants_imex)
         return wish == "friction" ? Implicit::friction : wish == "wave" ? Implicit::wave : Implicit::both;
@@ -82,9 +89,9 @@ bool tunes_solvers(const std::string& prefix) {
   return false;
 }
 
-// What is taken tile by tile: rk, and arkimex with friction implicit.
+// What is taken tile by tile: rk, arkimex with friction implicit, and leapfrog, which is nothing else.
 bool can_be_fused(const std::string& type, Implicit implicit, const std::string& prefix) {
-  return type == TSRK || (type == TSARKIMEX && implicit == Implicit::friction && !tunes_solvers(prefix));
+  return type == TSRK || type == leapfrog_type || (type == TSARKIMEX && implicit == Implicit::friction && !tunes_solvers(prefix));
 }
 
 }  // namespace
@@ -146,6 +153,9 @@ Choice choose_method(const Model& model, const Rates& rates, const MethodSpec& s
   if (choice.named_fused && !choice.fused)
     throw UsageError("ts_type " + std::string(name) + ": it takes friction implicitly, by a solver of its own; use " +
                      "ts_type arkimex, or imex_implicit friction without options of snes, ksp and pc");
+  if (choice.type == leapfrog_type && model.viscous())
+    throw UsageError("ts_type leapfrog: viscosity between neighbours (model_nu " + number_text(model.scene().nu) +
+                     ") spreads velocity, which its kicks cannot follow stably at order 2; use rk or arkimex");
   if (sticks && choice.implicit == Implicit::wave)
     throw UsageError("imex_implicit wave: with friction_stick exact a node at rest is held by friction against eta, "
                      "which this split takes apart; use friction or both, or ts_type rk");

@@ -27,7 +27,7 @@ Row row_of(int from, const double* of_implicit, const double* of_explicit, int c
 
 FusedImex::FusedImex(const Model& model, const ImexTableau& method, bool sticking)
     : TiledStep(model, method.stages, 2, 1, sticking), known_(implicit_slope(method.stages)),
-      solve_stage_(tile::solve_stage(model.scene(), sticking, tiles_.places())) {
+      solve_(tiles_, sticking) {
   const auto s = static_cast<std::size_t>(stages_);
   for (std::size_t i = 0; i < s; ++i) {
     diagonal_.push_back(method.At[i * s + i]);
@@ -103,44 +103,9 @@ long FusedImex::stage(const Tile& t, int i, const Step& step, PetscInt begin, Pe
   }
   for (int d = 0; d < tiles_.dof() && i == 0; ++d)
     std::copy(at(t, 0, d, begin), at(t, 0, d, end), at(t, 1, d, begin));  // a guess
-  // held nodes apart: their psi is given
-  PetscInt first = begin, last = end;
-  long unsolved = 0;
-  tiles_.for_held(begin, end, [&](PetscInt node) {
-    *at(t, 1, 0, node) = *at(t, 0, 0, node);
-    unsolved += solve(t, i, step, node, node + 1, true);
-    hold(t, g, node);
-    if (is_continuum()) *at(t, 1, 1, node) = *at(t, 0, 1, node);
-    (node == begin ? first : last) = node == begin ? node + 1 : node;
-  });
-  return unsolved + (first < last ? solve(t, i, step, first, last, false) : 0);
-}
-
-long FusedImex::solve(const Tile& t, int i, const Step& step, PetscInt begin, PetscInt end, bool held) const {
-  const int g = implicit_slope(i);
-  const auto state = [&](int index) { return tiles_.dof() == 3 ? at(t, index, 2, begin) : nullptr; };
-  kernel::Stage s{};
-  s.z_psi = at(t, known_, 0, begin);
-  s.z_eta = at(t, known_, 1, begin);
-  s.z_state = state(known_);
-  s.start = at(t, 0, 0, begin);
-  s.start_state = state(0);
-  s.amplitude = tiles_.amplitude(begin);
-  s.direction = tiles_.direction(begin);
-  s.psi = at(t, 1, 0, begin);
-  s.eta = at(t, 1, 1, begin);
-  s.state = state(1);
-  s.slope = i > 0 ? at(t, implicit_slope(i - 1), 0, begin) : nullptr;
-  s.g_psi = at(t, g, 0, begin);
-  s.g_eta = at(t, g, 1, begin);
-  s.g_state = state(g);
-  s.h = step.dt * diagonal_[static_cast<std::size_t>(i)];
-  s.target = std::clamp(1e-3 * std::min(step.norm.atol, step.norm.rtol), 1e-13, 1e-9);
-  s.strict = step.estimate;
-  s.held = held;
-  s.count = end - begin;
-  s.node = tiles_.number(begin);
-  return solve_stage_(at_stage(step, i), s);
+  const double target = std::clamp(1e-3 * std::min(step.norm.atol, step.norm.rtol), 1e-13, 1e-9);
+  return solve_(t, {known_, g, i > 0 ? implicit_slope(i - 1) : -1},
+                {at_stage(step, i), step.dt * diagonal_[static_cast<std::size_t>(i)], target, step.estimate}, begin, end);
 }
 
 }  // namespace stickslip

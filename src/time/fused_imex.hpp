@@ -10,6 +10,7 @@
 
 #include "time/fused_step.hpp"
 #include "time/imex_tableau.hpp"
+#include "time/pointwise_solve.hpp"
 
 namespace stickslip {
 
@@ -23,7 +24,6 @@ class FusedImex : public TiledStep {
   void take_explicit(const Tile& t, int i, PetscInt begin, PetscInt end) const;
   // Whether unknown d (0 psi, 1 eta, 2 the state) has an explicit part.
   bool has_explicit(int d) const { return d == 1 || (d == 0 && viscous()); }
-  long solve(const Tile& t, int i, const Step& step, PetscInt begin, PetscInt end, bool held) const;
   int implicit_slope(int i) const { return slopes_from + 2 * i; }
 
   int known_;                      // columns of what an implicit equation is given
@@ -32,7 +32,7 @@ class FusedImex : public TiledStep {
   // The new u: a stiffly accurate method has it in its last stage but for what is explicit.
   bool stiffly_accurate_;
   Row solution_, all_solution_;  // likewise
-  tile::SolveStage solve_stage_;
+  PointwiseSolve solve_;
 };
 
 }  // namespace stickslip

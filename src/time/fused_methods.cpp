@@ -3,6 +3,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/methods.hpp"
 #include "time/fused_imex.hpp"
+#include "time/leapfrog.hpp"
 
 namespace stickslip {
 
@@ -89,11 +90,27 @@ class FusedArkimex : public FusedMethod {
   mutable std::unique_ptr<ImexMethod> method_;
 };
 
+class FusedLeapfrog : public FusedMethod {
+ public:
+  const char* type() const override { return leapfrog_type; }
+  const char* subtype() const override { return ""; }
+  void set_subtype(const char*) override {}
+  std::unique_ptr<TiledStep> make(const Model& model, bool sticking) const override {
+    return std::make_unique<Leapfrog>(model, sticking);
+  }
+  int order() const override { return 2; }
+  int slopes() const override { return 0; }
+  std::vector<double> weights_at(double, double) const override {
+    throw std::logic_error("leapfrog has no polynomial of its own");
+  }
+};
+
 }  // namespace
 
 std::unique_ptr<FusedMethod> FusedMethod::of(const std::string& type) {
   if (type == TSRK) return std::make_unique<FusedRk>();
   if (type == TSARKIMEX) return std::make_unique<FusedArkimex>();
+  if (type == leapfrog_type) return std::make_unique<FusedLeapfrog>();
   throw std::logic_error("no fused steps for ts_type " + type);
 }
 

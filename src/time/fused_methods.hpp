@@ -1,4 +1,5 @@
-// What the fused types of TS (fused_ts.hpp) take from the library's own types: subtypes, tableaus, values between steps.
+// What the fused types of TS (fused_ts.hpp) take from the library's own types: subtypes, tableaus, values between steps;
+// and leapfrog, which the library does not have.
 #pragma once
 
 #include <memory>
@@ -11,7 +12,7 @@ namespace stickslip {
 
 class FusedMethod {
  public:
-  // For the library's `type`, rk or arkimex.
+  // For the library's `type`, rk or arkimex, or for leapfrog.
   static std::unique_ptr<FusedMethod> of(const std::string& type);
   virtual ~FusedMethod() = default;
 

@@ -9,6 +9,7 @@
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/added_tableaus.hpp"
+#include "time/leapfrog.hpp"
 
 namespace stickslip {
 
@@ -17,7 +18,7 @@ constexpr const char *fused_rk = "fusedrk", *fused_arkimex = "fusedarkimex";
 }  // namespace
 
 std::string FusedTs::library_type(const std::string& fused) {
-  return fused == fused_rk ? TSRK : fused == fused_arkimex ? TSARKIMEX : "";
+  return fused == fused_rk ? TSRK : fused == fused_arkimex ? TSARKIMEX : fused == leapfrog_type ? leapfrog_type : "";
 }
 
 void FusedTs::bind(const Model& model, bool sticking, std::function<bool(double)> keep_slopes) {
@@ -47,7 +48,7 @@ void FusedTs::interpolate(double s, Vec into) {
 #ifdef STICKSLIP_FUSED_STEP
 
 std::string FusedTs::fused_type(const std::string& type) {
-  return type == TSRK ? fused_rk : type == TSARKIMEX ? fused_arkimex : "";
+  return type == TSRK ? fused_rk : type == TSARKIMEX ? fused_arkimex : type == leapfrog_type ? leapfrog_type : "";
 }
 
 void FusedTs::set_up() {
@@ -141,6 +142,7 @@ struct FusedTs::Callbacks {
 
   static PetscErrorCode TSSetFromOptions_Fused(TS ts, PetscOptionItems* PetscOptionsObject) {
     FusedMethod& method = *self(ts).method_;
+    if (subtype_option(method.type()).empty()) return 0;
     std::vector<const char*> names;
     for (const Method& m : methods())
       if (m.type == std::string(method.type())) names.push_back(m.subtype);
@@ -158,7 +160,9 @@ struct FusedTs::Callbacks {
     const FusedMethod& method = *self(ts).method_;
     PetscBool ascii;
     PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
-    if (ascii)
+    if (ascii && subtype_option(method.type()).empty())
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  %s, tile by tile\n", method.type()));
+    else if (ascii)
       PetscCall(PetscViewerASCIIPrintf(viewer, "  %s type %s, all stages of a step tile by tile\n", method.type(),
                                        method.subtype()));
     return 0;
@@ -214,9 +218,13 @@ struct FusedTs::Callbacks {
       SS_TRY(PetscObjectComposeFunction((PetscObject)ts, "TSARKIMEXGetType_C", GetType));
     });
   }
+  static PetscErrorCode TSCreate_Leapfrog(TS ts) {
+    return guarded([&] { create(ts, leapfrog_type); });
+  }
   static void add_types() {
     SS_TRY(TSRegister(fused_rk, TSCreate_FusedRK));
     SS_TRY(TSRegister(fused_arkimex, TSCreate_FusedARKIMEX));
+    SS_TRY(TSRegister(leapfrog_type, TSCreate_Leapfrog));
   }
 };
 

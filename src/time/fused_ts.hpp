@@ -3,6 +3,7 @@
 //
 //     fusedrk       rk: -ts_rk_type names the tableau
 //     fusedarkimex  arkimex with friction implicit: -ts_arkimex_type names the tableau
+//     leapfrog      Stoermer and Verlet's, friction by the midpoint rule (leapfrog.hpp)
 //
 // A TS of such a type is no use before it is bound to a model. In no other file than the source of this one is PETSc's
 // private header for writers of TS types included; where an installation lacks that, there are no such types.
@@ -20,6 +21,7 @@ namespace stickslip {
 class FusedTs {
  public:
   // The type that takes the steps of the library's `type` tile by tile, and the way back; "" where there is none.
+  // Leapfrog, of which the library has nothing, is both.
   static std::string fused_type(const std::string& type);
   static std::string library_type(const std::string& fused);
   // What stands behind a TS; nullptr where that is of another type.

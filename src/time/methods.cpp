@@ -7,6 +7,7 @@
 #include "stickslip/base/text.hpp"
 #include "time/added_tableaus.hpp"
 #include "time/fused_ts.hpp"
+#include "time/leapfrog.hpp"
 
 namespace stickslip {
 
@@ -79,6 +80,8 @@ std::vector<Method> make_table() {
        "backward Euler: hides instabilities when ts_dt > 2 Re(lambda)/|lambda|^2"},
       {"alpha", "", implicit, 2, on_request, "generalised alpha: damps the shortest waves by ts_alpha_radius"},
   };
+  if (!FusedTs::fused_type(leapfrog_type).empty())
+    table.push_back({leapfrog_type, "", imex, 2, never, "the classical method for waves; long fixed steps"});
   for (const AddedTableau& added : added_tableaus()) table.push_back(added.method);
   return table;
 }
@@ -153,6 +156,12 @@ MethodSpec MethodSpec::from(const Options& options) {
 
 bool MethodSpec::has_estimate() const { return method().adaptivity == Adaptivity::yes; }
 bool MethodSpec::splits() const { return method().kind == MethodKind::imex; }
+std::vector<std::string> splits_of(const Method& method) {
+  if (method.kind != MethodKind::imex) return {};
+  if (method.type == std::string(leapfrog_type)) return {"friction"};
+  return {"friction", "wave", "both"};
+}
+
 bool MethodSpec::is_explicit() const { return method().kind == MethodKind::explicit_; }
 
 MethodSpec MethodSpec::parse(const std::string& what, const std::string& text) {
@@ -190,6 +199,9 @@ MethodSpec MethodSpec::parse(const std::string& what, const std::string& text) {
   if (!known) throw UsageError(says + "what is implicit is one of auto, none, friction, wave, both");
   if (spec.is_explicit() && wish != "none" && wish != "auto")
     throw UsageError(says + spec.type + " is explicit; use arkimex, or none");
+  const std::vector<std::string> splits = splits_of(spec.method());
+  if (splits.size() == 1 && wish != "auto" && wish != splits[0])
+    throw UsageError(says + spec.type + " takes " + splits[0] + " implicitly and nothing else; use arkimex, or " + splits[0]);
   if (!spec.is_explicit() && !spec.splits() && wish != "both" && wish != "auto")
     throw UsageError(says + spec.type + " takes everything implicitly; use arkimex, or both");
   return spec;

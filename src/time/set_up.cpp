@@ -4,6 +4,7 @@
 
 #include "stickslip/base/error.hpp"
 #include "time/integrator_impl.hpp"
+#include "time/leapfrog.hpp"
 
 namespace stickslip {
 
@@ -20,7 +21,9 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   set_subtype(choice.type, choice.subtype);
   check_subtype_option(choice.type);
   equations = std::make_unique<Equations>(model, choice.implicit);
-  equations->attach(ts, offered_type(choice.type).kind, strictest_tolerance(spec), prefix);
+  const bool asks_no_solver = choice.type == leapfrog_type;
+  const MethodKind kind = asks_no_solver ? MethodKind::explicit_ : offered_type(choice.type).kind;
+  equations->attach(ts, kind, strictest_tolerance(spec), prefix);
   set_step_control(spec, rates);
   SS_TRY(TSSetFromOptions(ts));
   // What the method was given stands above the options of PETSc.

@@ -39,7 +39,7 @@ NOT_FOLLOWED = "do not follow the motion"
 
 def test_sound_runs():
     for method in ["rk -ts_rk_type 4 -ts_dt 0.1", "rk -ts_rk_type 3bs", "arkimex -imex_implicit both", "rosw", "bdf",
-                   "cn -ts_dt 0.05", "beuler -ts_dt 0.01", "ssp -ts_dt 0.05"]:
+                   "cn -ts_dt 0.05", "leapfrog -ts_dt 0.05", "beuler -ts_dt 0.01", "ssp -ts_dt 0.05"]:
         run = Run(TRAIN + "-ts_type " + method).expect(0)
         check(abs(run.speed / SPEED - 1) < 3e-3, f"{method}: speed {run.speed}")
     # far from sliding, where friction is stiff, long implicit steps are right although sliding is unstable
@@ -55,6 +55,8 @@ def test_blow_up():
     # linearly implicit: no Newton's method that could fail, but the step is as wrong as its one linear solve
     Run(TRAIN + "-ts_type rosw -ts_adapt_type none -ts_dt 2").expect(1, "the solution is not finite")
     # beyond the limit and yet bounded: friction holds the short waves
+    run = Run(TRAIN + "-ts_type leapfrog -ts_dt 0.6").expect(0, "beyond the stability limit of leapfrog", NOT_FOLLOWED)
+    check(run.amplitude > 1.5 * AMPLITUDE, f"short waves: amplitude {run.amplitude}")
     run = Run(TRAIN + "-ts_type arkimex -ts_adapt_type none -ts_dt 1 -imex_implicit friction").expect(
         0, "beyond the stability limit of arkimex:4", NOT_FOLLOWED)
     check(run.amplitude > 1.5 * AMPLITUDE, f"short waves: amplitude {run.amplitude}")

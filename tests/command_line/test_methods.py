@@ -24,12 +24,42 @@ SMALL = " -grid_n 64 -grid_length 6 -init_type sine -ts_max_time 1"
     ("-ts_type rk -ts_rk_type 4 -ts_adapt_type basic", 2, "rk:4 has no error estimate"),
     ("-ts_type rk -ts_rk_type 4 -ts_dt 0.01 -ts_rtol 1e-9", 0, "warning: ts_rtol has no effect"),
     ("-ts_type ssp", 0, "chosen for stability and not for accuracy"),
+    ("-ts_type leapfrog -ts_dt 0.05", 0, ""),
+    ("-ts_type leapfrog", 0, "leapfrog has no error estimate and a fixed step"),
+    ("-ts_type leapfrog -ts_dt 0.01 -ts_adapt_type basic", 2, "leapfrog has no error estimate"),
+    ("-ts_type leapfrog -ts_dt 0.01 -imex_implicit wave", 2, "ts_type leapfrog takes friction implicitly"),
+    ("-ts_type leapfrog -ts_dt 0.01 -model_nu 0.1", 2, "viscosity between neighbours (model_nu 0.1)"),
+    ("-ts_type leapfrog -ts_dt 1", 0, "is beyond the stability limit of leapfrog, which is about"),
+    ("-ts_type leapfrog -ts_dt 1", 0, "have several solutions"),
     ("-ts_dt 1e6", 0, ""),
     ("-ts_type rk -ts_rk_type 4 -ts_dt 1", 1, "is beyond the stability limit of rk:4"),
     ("-ts_type rk -ts_rk_type 4 -ts_dt 1", 1, "error: the solution is not finite after step")])
 def test_refusals_and_warnings(arguments, code, text):
-    done = run(arguments + SMALL + (" -ts_max_time 40" if code == 1 else ""))
+    done = run(arguments + SMALL + (" -ts_max_time 40" if arguments.endswith("-ts_dt 1") else ""))
     assert done.returncode == code and text in done.stderr, done.stderr
+
+
+# psi and eta at the end, largest error over three places, against rk at a tolerance of 1e-10
+def leapfrog_error(scene, dt):
+    def probes(method):
+        done = run(f"{scene} {method} -out_probes 1,4,8 -summary -")
+        check(done.returncode == 0, done.stderr)
+        summary = json.loads(done.stdout[done.stdout.index("{"):])
+        return np.array([[p["psi"], p["eta"]] for p in summary["probes"]])
+    return np.abs(probes(f"-ts_type leapfrog -ts_dt {dt}") - probes("-ts_type rk -ts_rtol 1e-10 -ts_atol 1e-10")).max()
+
+
+@pytest.mark.parametrize("scene", [
+    # blocks that stick and slip, with contacts that strengthen at rest
+    "-model_form chain -friction_law carlson-langer -state_law healing -state_t_h 2 -state_tau_inf 1.5 -state_D 0.3 "
+    "-grid_n 12 -model_k1 3 -model_v 0.3 -model_zeta 0.3 -friction_spread 0.1 -init_psi 0 -init_eta 0.8 -init_state 1 "
+    "-bc_left free -ts_max_time 16",
+    # a held end, a load with a step in it, friction that varies along x
+    "-grid_n 61 -grid_length 20 -grid_order 6 -bc_left velocity -bc_left_value -1.5 -bc_right free -init_type layer "
+    "-friction_spread 0.3 -ts_max_time 2.5 -load_v 0:0.2,1:0.2,1:0.4,9:0"])
+def test_order_of_leapfrog(scene):
+    coarse, fine = (leapfrog_error(scene, dt) for dt in (0.04, 0.02))
+    check(3.6 < coarse / fine < 4.5 and fine < 6e-3, f"order 2: {coarse:.2e}, {fine:.2e}")
 
 
 def test_displacement_and_energy():

@@ -33,6 +33,9 @@ struct Method {
 
 const std::vector<Method>& methods();
 
+// What a method that splits can take implicitly, as imex_implicit says it; empty for all others.
+std::vector<std::string> splits_of(const Method& method);
+
 // The option that chooses among the methods of one type, without the dash: "ts_rk_type", "ts_bdf_order"; "" where
 // there is nothing to choose.
 std::string subtype_option(const std::string& type);
