@@ -28,6 +28,7 @@ import math
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -76,8 +77,6 @@ def tree(folder):
             os.symlink(os.path.join(SOURCE, name), os.path.join(folder, name))
     for name in ("build", "results", "docs"):
         os.mkdir(os.path.join(folder, name))
-    for name in os.listdir(os.path.join(SOURCE, "docs")):
-        os.symlink(os.path.join(SOURCE, "docs", name), os.path.join(folder, "docs", name))
     os.symlink(PROGRAM, os.path.join(folder, "build", "stickslip"))
     tests = os.path.join(os.path.dirname(PROGRAM), "tests")
     if os.path.isdir(tests):
@@ -145,7 +144,9 @@ def make(page):
                 yield f"{'; '.join(parts)}\n    exit code {done.returncode}: {done.stderr.strip()[-2000:]}"
             elif picture:
                 drawn = os.path.join(folder, "docs", picture[1])
-                if os.path.islink(drawn):
+                if os.path.exists(drawn):
+                    shutil.copyfile(drawn, os.path.join(SOURCE, "docs", picture[1]))
+                else:
                     yield f"{'; '.join(parts)}\n    does not draw docs/{picture[1]}"
             elif following.startswith("|") and done.stdout.strip() != (table := following.split("\n\n")[0].strip()):
                 yield f"{'; '.join(parts)}\n    prints\n{done.stdout}\n    where the page has\n{table}"
