@@ -111,11 +111,14 @@ void ResultFile::Contents::write(hid_t file) const {
     const std::size_t count = entry.is_text ? entry.texts.size() : entry.values.size();
     const std::size_t slash = name.rfind('/');
     const std::string group = slash == std::string::npos ? "" : name.substr(0, slash + 1);
+    const auto beside = [&](const std::string& dimension) {  // in the group of the dataset, which the name may have or not
+      return dimension.rfind(group, 0) == 0 ? dimension : group + dimension;
+    };
     std::vector<std::string> used;
     std::vector<hsize_t> dims;
     hsize_t known = 1;
     for (const std::string& dimension : entry.dimensions) {
-      const std::string here = group + dimension;
+      const std::string here = beside(dimension);
       used.push_back(scales.count(here) ? here : scales.count(dimension) ? dimension : "");
       dims.push_back(used.back().empty() ? 0 : h5::extents(scales.at(used.back()))[0]);
       if (!used.back().empty()) known *= dims.back();
@@ -127,7 +130,7 @@ void ResultFile::Contents::write(hid_t file) const {
         known *= dims[d];
         std::vector<double> counting(dims[d]);
         for (std::size_t k = 0; k < counting.size(); ++k) counting[k] = double(k);
-        used[d] = group + entry.dimensions[d];
+        used[d] = beside(entry.dimensions[d]);
         make({used[d], "1", "index"}, counting);
       }
     if (known != count) throw std::logic_error("dataset '" + name + "' does not fit its dimensions");
