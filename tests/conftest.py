@@ -6,7 +6,7 @@ import pytest
 
 
 def pytest_addoption(parser):
-    parser.addoption("--scenes", type=int, default=20, help="random scenes of each audit (20; the long version: 200)")
+    parser.addoption("--scenes", type=int, help="random scenes of each audit (else what it says itself, 20 or fewer)")
     parser.addoption("--seed", type=int, default=2026, help="their seed")
 
 
@@ -23,10 +23,10 @@ def scratch(tmp_path, monkeypatch):
 @pytest.fixture
 def scenes(request):
     """scenes(draw, salt) yields (index, draw(generator)) for each random scene; one generator a scene, so that a scene
-    can be drawn again by its index alone whatever came before."""
+    can be drawn again by its index alone whatever came before. `short` is how many there are unless --scenes says."""
     count, seed = request.config.getoption("--scenes"), request.config.getoption("--seed")
 
-    def drawn(draw, salt):
-        for index in range(count):
+    def drawn(draw, salt, short=20):
+        for index in range(count or short):
             yield index, draw(np.random.default_rng([seed, salt, index]))
     return drawn

@@ -312,7 +312,7 @@ def amplitudes(s, n):
 
 def test_lines_of_spread_and_held_nodes(scenes):
     """Zeros of the growth rate of the dense matrix; `error` is what the grid of half the spacing makes of them."""
-    for index, s in scenes(line_scene, 42):
+    for index, s in scenes(line_scene, 42, short=8):
         if s["spread"] > 0 and any(end == "velocity" for end in s["ends"]):
             factors = amplitudes({**s, "ends": ("free", "free")}, s["n"])  # held nodes stand where free ends do
         else:

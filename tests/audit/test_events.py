@@ -176,7 +176,7 @@ def options_of(s):
 
 def test_coulomb_chains(scenes):
     compared = {"events": 0, "blocks": 0, "merged": 0, "touched": 0}
-    for index, s in scenes(draw_blocks, salt=606):
+    for index, s in scenes(draw_blocks, salt=606, short=10):
         # sliding friction in steady motion shows the factors of the thresholds
         calls.run(options_of(s) + " -init_psi 1 -init_eta steady -ts_max_time 0 -out_file a.h5")
         with h5py.File("a.h5") as file:

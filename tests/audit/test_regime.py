@@ -130,7 +130,7 @@ def growth(s):
 
 def test_words(scenes):
     """Every scene's word against the years after it."""
-    for index, s in scenes(draw, 161):
+    for index, s in scenes(draw, 161, short=12):
         out, _ = run(command(s) + " -out_file run.h5 -out_frames 2")
         with h5py.File("run.h5") as file:
             y = start(s, {name: file[name][()] for name in ("psi", "eta")})

@@ -162,5 +162,5 @@ def check(scene, text):
 
 
 def test_random_trains(scenes):
-    for index, scene in scenes(draw, 202):
+    for index, scene in scenes(draw, 202, short=6):
         check(scene, f"scene {index}: {scene['options']}")

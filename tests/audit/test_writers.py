@@ -73,7 +73,7 @@ def peak(arguments, ranks):
 def test_no_rank_holds_a_field(request):
     """Four ranks need what one rank with as many nodes as each of them needs: an array of global length on any of them
     would be 24 bytes more for each own node. The long version (./check audit) has 1e7 nodes in all."""
-    own = 2_500_000 if request.config.getoption("--scenes") >= 200 else 500_000
+    own = 2_500_000 if (request.config.getoption("--scenes") or 0) >= 200 else 500_000
     def scene(n):
         return (f"-grid_n {n} -grid_length {n // 20} -init_type sine -ts_max_time 0.01 -ts_dt 0.005 -ts_adapt_type none "
                 "-out_frames 2 -out_checkpoint_every 1")
