@@ -156,31 +156,30 @@ double moving(const double* direction, PetscInt i) {
   else return 1;
 }
 
-// Part::full (half_width >= 1) and Part::pointwise (half_width = 0, w[0] = 0).
-template <int half_width, class F, bool sticking = false>
+// Part::full (half_width >= 1) of a law without a state.
+template <int half_width, class F>
 struct Whole {
-  static constexpr int dof = F::has_state ? 3 : 2;
+  static_assert(!F::has_state);
+  static constexpr int dof = 2;
   F friction;
 
   void operator()(const Coefficients& coefficients, const Range& r) const {
     const Coefficients c = coefficients;
     over_tiles<half_width, dof>(r, [&](const Tile& t) {
       alignas(64) double force[tile_size];
-      friction_force<sticking>(friction, t, force);
+      friction_force<false>(friction, t, force);
       for (PetscInt i = 0; i < t.count; ++i) {
-        const double psi = t.psi[i], coupling = stencil_sum<half_width>(c, t.psi + i);
-        const NodeRates rates = node_rates(c, psi, t.eta[i], force[i], coupling, moving<sticking>(t.direction, i));
+        const double coupling = stencil_sum<half_width>(c, t.psi + i);
+        const NodeRates rates = node_rates(c, t.psi[i], t.eta[i], force[i], coupling, 1);
         t.f[i * dof] = rates.psi;
         t.f[i * dof + 1] = rates.eta;
-        if constexpr (dof == 3)
-          t.f[i * dof + 2] = state_rate<sticking>(friction_of(friction, t.node + i), psi, t.state[i], t.direction, i);
       }
     });
   }
 };
 
-// The same of friction that varies: K1 D2 psi stands in the eta of f already (`coupled`), from a loop that knows no law;
-// or there is none, Part::pointwise.
+// The same of any friction, in two passes: K1 D2 psi stands in the eta of f already (`coupled`), from a loop that knows
+// no law; or there is none, Part::pointwise. What exp and log cost, or parameters from memory, hides the second pass.
 template <class F, bool sticking = false>
 struct Onto {
   static constexpr int dof = F::has_state ? 3 : 2;

@@ -6,31 +6,45 @@ namespace stickslip {
 
 namespace {
 
-template <int half_width>
-RangeLoop whole(const FrictionParameters& p, bool sticking) {
+// Part::pointwise, or what Onto adds to the coupling between nodes.
+RangeLoop pointwise(const FrictionParameters& p, bool sticking, const std::vector<double>& x, bool coupled) {
   return dispatch_friction<RangeLoop>(p, [&](const auto& friction) -> RangeLoop {
     using F = std::decay_t<decltype(friction)>;
-    if (!sticking) return kernel::compiled_by_dof<RangeLoop>(kernel::Whole<half_width, F>{friction});
-    if constexpr (F::sticks) return kernel::compiled_by_dof<RangeLoop>(kernel::Whole<half_width, F, true>{friction});
-    else return {};
+    using OfNodes = kernel::Varying<F>;
+    if (!sticking) {
+      if (p.varies()) return kernel::Baseline<kernel::Onto<OfNodes>>{{varying_friction(friction, p, x), coupled}};
+      return kernel::compiled_by_dof<RangeLoop>(kernel::Onto<F>{friction, coupled});
+    }
+    if constexpr (F::sticks) {
+      if (p.varies()) return kernel::Baseline<kernel::Onto<OfNodes, true>>{{varying_friction(friction, p, x), coupled}};
+      return kernel::compiled_by_dof<RangeLoop>(kernel::Onto<F, true>{friction, coupled});
+    } else {
+      return {};
+    }
   });
 }
 
 // First what is coupled, by the loop that knows no law; then the rest.
-RangeLoop varying(const FrictionParameters& p, int half_width, bool sticking, const std::vector<double>& x) {
-  const RangeLoop rest = dispatch_friction<RangeLoop>(p, [&](const auto& friction) -> RangeLoop {
-    using F = kernel::Varying<std::decay_t<decltype(friction)>>;
-    const F nodes = varying_friction(friction, p, x);
-    if (!sticking) return kernel::Baseline<kernel::Onto<F>>{{nodes, half_width > 0}};
-    if constexpr (F::sticks) return kernel::Baseline<kernel::Onto<F, true>>{{nodes, half_width > 0}};
-    else return {};
-  });
-  if (half_width == 0 || !rest) return rest;
+RangeLoop in_two_passes(const FrictionParameters& p, int half_width, bool sticking, const std::vector<double>& x) {
+  const RangeLoop rest = pointwise(p, sticking, x, true);
+  if (!rest) return rest;
   return [rest, stencil = wave_loop(p.has_state() ? 3 : 2, half_width, true)](const kernel::Coefficients& c,
                                                                               const kernel::Range& r) {
     stencil(c, r);
     rest(c, r);
   };
+}
+
+// A law without a state, the same everywhere: where two passes would show.
+RangeLoop in_one_pass(const FrictionParameters& p, int half_width) {
+  return kernel::for_half_width(half_width, [&](auto hw) {
+    constexpr int constant = decltype(hw)::value;
+    return dispatch_friction<RangeLoop>(p, [](const auto& friction) -> RangeLoop {
+      using F = std::decay_t<decltype(friction)>;
+      if constexpr (F::has_state) return {};
+      else return kernel::compiled<RangeLoop>(kernel::Whole<constant, F>{friction});
+    });
+  });
 }
 
 template <int half_width, bool stencil_only>
@@ -42,9 +56,9 @@ RangeLoop wave(int dof) {
 }  // namespace
 
 RangeLoop whole_loop(const FrictionParameters& p, int half_width, bool sticking, const std::vector<double>& x) {
-  if (p.varies()) return varying(p, half_width, sticking, x);
-  if (half_width == 0) return whole<0>(p, sticking);
-  return kernel::for_half_width(half_width, [&](auto hw) { return whole<hw>(p, sticking); });
+  if (half_width == 0) return pointwise(p, sticking, x, false);
+  if (p.varies() || p.has_state() || sticking) return in_two_passes(p, half_width, sticking, x);
+  return in_one_pass(p, half_width);
 }
 
 RangeLoop reaction_loop(const FrictionParameters& p, const std::vector<double>& x) {
