@@ -4,9 +4,12 @@
 #include <cmath>
 #include <complex>
 #include <functional>
+#include <random>
 #include <vector>
 
 #include "base/local_values.hpp"
+#include "output/field_loops.hpp"
+#include "output/field_watch.hpp"
 #include "output/judge.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/regime.hpp"
@@ -190,5 +193,93 @@ TEST_CASE("an oscillation that has arrived at its size no longer grows", "[measu
     else CHECK(m.motion != Motion::growing);
     if (last == Motion::stick_slip || t_end > 180) CHECK(m.motion == Motion::stick_slip);
     last = m.motion;
+  }
+}
+
+TEST_CASE("passes over a field give what a plain loop does", "[measure][serial]") {
+  std::mt19937 random(20);
+  std::uniform_real_distribution<double> any(-1, 1);
+  for (int scene = 0; scene < 40; ++scene) {
+    const int dof = scene % 2 + 2;
+    const PetscInt count = 1 + PetscInt(random() % 1500);
+    const double smooth = any(random) < 0 ? 1 : 200, depth = 0.3 * std::abs(any(random)), level = 0.2 * any(random);
+    const auto size = std::size_t(count);
+    std::vector<double> u(size * std::size_t(dof)), low(size), high(size);
+    for (std::size_t i = 0; i < size; ++i) {
+      for (int d = 0; d < dof; ++d) u[i * std::size_t(dof) + std::size_t(d)] = any(random);
+      if (smooth > 1) u[i * std::size_t(dof)] = std::sin(double(i) / smooth) + 0.1 * u[i * std::size_t(dof)];
+      low[i] = 0.5 * any(random);
+      high[i] = low[i] + 0.2;
+    }
+    const FieldRange field{u.data(), count, dof};
+    double least = HUGE_VAL, largest = -HUGE_VAL, psi_sum = 0, steepest = 0, range = 0, time = HUGE_VAL;
+    Passages passages;
+    const Pull pull{0.7, -0.4, 0.028, 0.9};
+    for (std::size_t i = 0; i < size; ++i) {
+      const double psi = u[i * std::size_t(dof)], eta = u[i * std::size_t(dof) + 1], off = psi - level;
+      least = std::min(least, psi);
+      largest = std::max(largest, psi);
+      psi_sum += psi;
+      if (i > 0) steepest = std::max(steepest, std::abs(psi - u[(i - 1) * std::size_t(dof)]));
+      range = std::max(range, std::max(high[i], psi) - std::min(low[i], psi));
+      passages.add(off < -depth ? -1 : off > depth ? 1 : 0);
+      time = std::min(time, std::max(0., pull.holds + eta) / std::max(-pull.K0 * (pull.v - psi), pull.least_rate));
+    }
+    CAPTURE(scene, count, dof, depth, level);
+    const FieldSums sums = sums_of(field);
+    CHECK(sums.low == least);
+    CHECK(sums.high == largest);
+    CHECK(sums.psi == Approx(psi_sum).margin(1e-13 * double(count)));
+    const Fronts fronts = fronts_of(field, level, depth);
+    CHECK(fronts.passages.first == passages.first);
+    CHECK(fronts.passages.last == passages.last);
+    CHECK(fronts.passages.up == passages.up);
+    CHECK(fronts.steepest == Approx(steepest).margin(1e-15));  // differences of psi less the level
+    const Loaded found = loaded(field, pull);
+    CHECK(found.low == least);
+    CHECK(found.high == largest);
+    CHECK(found.time == Approx(time));
+    CHECK(widest(field, low.data(), high.data()).range == range);
+    CHECK(widest(field, nullptr, nullptr).range == 0);
+    const Extremes extremes = widen(field, low.data(), high.data());
+    CHECK(extremes.low == least);
+    CHECK(extremes.high == largest);
+    double widened = 0;
+    for (std::size_t i = 0; i < size; ++i) widened = std::max(widened, high[i] - low[i]);
+    CHECK(widened == range);
+  }
+}
+
+TEST_CASE("a quarter of any number of steps has the amplitude of its nodes", "[measure]") {
+  Scene scene;
+  scene.n = 240;
+  scene.length = 60;
+  const auto psi = [](double x, double t) { return std::sin(3 * x) * std::cos(7 * t) + 0.3 * t * x / 60; };
+  for (const long steps : {1, 2, 3, 4, 5, 7, 8, 12, 40}) {
+    double amplitude = 0;
+    for (PetscInt i = 0; i < scene.n; ++i) {
+      double low = HUGE_VAL, high = -HUGE_VAL;
+      for (long k = 0; k <= steps; ++k) {
+        const double t = 4 * double(k) / double(steps);
+        if (t < 3) continue;
+        low = std::min(low, psi(scene.x(i), t));
+        high = std::max(high, psi(scene.x(i), t));
+      }
+      amplitude = std::max(amplitude, (high - low) / 2);
+    }
+    const Model model(PETSC_COMM_WORLD, scene);
+    VecHandle u = model.create_vector();
+    FieldWatch watch(model, 4);
+    const std::function<void(double, Vec)> nowhere = [](double, Vec) {};
+    for (long k = 0; k <= steps; ++k) {
+      const double t = 4 * double(k) / double(steps);
+      {
+        const Writing a(u);
+        for (PetscInt i = 0; i < model.local(); ++i) a[i * model.dof()] = psi(scene.x(model.first() + i), t);
+      }
+      watch.step({PetscInt(k), 4 * double(k - 1) / double(steps), t, u, 0, nowhere});
+    }
+    CAPTURE(steps);
+    CHECK(*watch.result().amplitude == amplitude);
   }
 }

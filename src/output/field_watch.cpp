@@ -3,11 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <complex>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "output/field_loops.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -16,27 +19,6 @@ namespace {
 
 constexpr double most_tracked = 1024;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-
-// Upward passages of psi through a level along a piece of the line, and its state where it begins and ends: below the
-// level less the depth (-1), above the level plus the depth (1), or nowhere beyond either (0).
-struct Passages {
-  int first = 0, last = 0, up = 0;
-
-  void add(int state) {
-    if (state == 0) return;
-    if (first == 0) first = state;
-    if (last == -1 && state == 1) ++up;
-    last = state;
-  }
-  void append(const Passages& next) {
-    if (next.first == 0) return;
-    if (first == 0) first = next.first;
-    if (last == -1 && next.first == 1) ++up;
-    up += next.up;
-    last = next.last;
-  }
-};
-
 
 }  // namespace
 
@@ -60,52 +42,53 @@ void FieldWatch::step(const ObservedStep& step) {
   const double* u = &values[0];
   const double v = model_.scene().v;
   if (steps_ == 0) first_step_t_ = step.t;
-  widen(u);
+  const Extremes extremes = widen_to(u, step.t >= t_end_);
   for (Tracked& node : tracked_) {
     const double a = node.psi - v, b = u[node.node * model_.dof()] - v;
     if (a < 0 && b >= 0) node.passed = last_t_ + (step.t - last_t_) * a / (a - b);
     node.psi = b + v;
   }
-  if (step.t >= next_look_ || step.t >= t_end_) look(step.t, u);
+  if (steps_ == 0 || (steps_ >= 4 && step.t >= next_look_) || step.t >= t_end_) look(step.t, u, extremes);
   if (model_.scene().ring() && mode_ > 0 && phase_is_due(step.t)) take_phase(step.t, u);
   ++steps_;
   last_t_ = step.t;
 }
 
-void FieldWatch::widen(const double* u) {
-  const auto n = static_cast<std::size_t>(model_.local()), dof = static_cast<std::size_t>(model_.dof());
+FieldRange FieldWatch::range(const double* u) const { return {u, model_.local(), model_.dof()}; }
+
+// Behind the last step no range will be asked for but the largest: nothing is kept. Up to the second step one array
+// holds the least and the largest psi: touching new memory takes longer than a pass.
+Extremes FieldWatch::widen_to(const double* u, bool at_end) {
+  if (at_end) {
+    const double* const low = low_.empty() ? nullptr : low_.data();
+    const LastExtremes last = widest(range(u), low, high_.empty() ? low : high_.data());
+    largest_range_ = std::max(largest_range_, last.range);
+    return {last.low, last.high};
+  }
   if (low_.empty()) {
+    const auto n = static_cast<std::size_t>(model_.local()), dof = static_cast<std::size_t>(model_.dof());
     low_.resize(n);
     for (std::size_t i = 0; i < n; ++i) low_[i] = u[i * dof];
-    high_ = low_;
-    return;
+    const FieldSums sums = sums_of(range(u));
+    return {sums.low, sums.high};
   }
-  for (std::size_t i = 0; i < n; ++i) {
-    const double psi = u[i * dof];
-    low_[i] = psi < low_[i] ? psi : low_[i];
-    high_[i] = psi > high_[i] ? psi : high_[i];
-  }
+  if (high_.empty()) high_ = low_;
+  return widen(range(u), low_.data(), high_.data());
 }
 
-void FieldWatch::look(double t, const double* u) {
+void FieldWatch::look(double t, const double* u, const Extremes& own) {
   const Scene& s = model_.scene();
-  const PetscInt n = model_.local(), dof = model_.dof();
-  double low = HUGE_VAL, high = -HUGE_VAL, steepest = step_to_next_rank(u);
-  for (PetscInt i = 0; i < n; ++i) {
-    const double psi = u[i * dof], step = i > 0 ? std::abs(psi - u[(i - 1) * dof]) : 0;
-    low = psi < low ? psi : low;
-    high = psi > high ? psi : high;
-    steepest = step > steepest ? step : steepest;
-  }
-  double extremes[3] = {-low, high, steepest};
-  largest_over(model_.comm(), extremes, 3);
-  const double range = extremes[1] + extremes[0], scale = s.v != 0 ? std::abs(s.v) : 1;
+  double extremes[2] = {-own.low, own.high};
+  largest_over(model_.comm(), extremes, 2);
+  const double width = extremes[1] + extremes[0], scale = s.v != 0 ? std::abs(s.v) : 1;
+  const Fronts fronts = fronts_of(range(u), s.v, 0.05 * width);
+  const double steepest = largest_over(model_.comm(), std::max(step_to_next_rank(u), fronts.steepest));
   // what lies nearer to sliding than stick-slip does (regime.hpp) has no front, be it as rough as noise
-  if (range > 0.05 * scale) steepest_ = std::max(steepest_, extremes[2] / range);
-  pulses_ = range > 1e-3 * scale ? count_pulses(u, 0.05 * range) : 0;
+  if (width > 0.05 * scale) steepest_ = std::max(steepest_, steepest / width);
+  pulses_ = width > 1e-3 * scale ? count_pulses(fronts.passages) : 0;
   if (mode_ < 0) mode_ = pulses_;
-  // the first steps, then ever longer
-  next_look_ = steps_ < 4 ? t : t + 0.2 * (t - first_step_t_);
+  // not before the fifth step, then ever later
+  next_look_ = t + 0.2 * (t - first_step_t_);
 }
 
 // At the first eight steps, and then so densely that it can be followed.
@@ -138,14 +121,7 @@ double FieldWatch::step_to_next_rank(const double* u) const {
   return joined ? std::abs(next - u[(model_.local() - 1) * model_.dof()]) : 0;
 }
 
-int FieldWatch::count_pulses(const double* u, double depth) const {
-  const double v = model_.scene().v;
-  const PetscInt n = model_.local(), dof = model_.dof();
-  Passages own;
-  for (PetscInt i = 0; i < n; ++i) {
-    const double off = u[i * dof] - v;
-    own.add(off < -depth ? -1 : off > depth ? 1 : 0);
-  }
+int FieldWatch::count_pulses(const Passages& own) const {
   int ranks;
   MPI_Comm_size(model_.comm(), &ranks);
   std::vector<Passages> all(static_cast<std::size_t>(ranks));
@@ -156,16 +132,25 @@ int FieldWatch::count_pulses(const double* u, double depth) const {
 }
 
 // 65536 nodes round the ring, and 512 at least for each turn, all nodes of smaller ones; with the sine and cosine of mode_
-// turns there.
+// turns there. That is the angle of one of n places of the circle, coarse ones and finer ones between two of them, of
+// which tables hold cosine and sine.
 void FieldWatch::choose_phase_places() {
-  const double n = double(model_.scene().n), count = std::min(n, std::max(65536., 512. * mode_));
+  const std::int64_t nodes = model_.scene().n, fine = std::llround(std::ceil(std::sqrt(double(nodes))));
+  const auto table = [&](double unit) {
+    std::vector<std::complex<double>> values;
+    for (std::int64_t j = 0; j < fine; ++j) values.push_back(std::polar(1., 2 * M_PI * double(j) * unit));
+    return values;
+  };
+  const auto coarse_turns = table(double(fine) / double(nodes)), fine_turns = table(1 / double(nodes));
+  const double n = double(nodes), count = std::min(n, std::max(65536., 512. * mode_));
   const double begin = double(model_.first()), end = begin + double(model_.local());
   for (double k = std::max(0., std::floor(begin * count / n) - 1); k < count; ++k) {
     const double node = std::floor(k * n / count);
     if (node < begin) continue;
     if (node >= end) break;
-    const double angle = 2 * M_PI * std::fmod(double(mode_) * node / n, 1.);
-    phase_places_.push_back({PetscInt(node - begin), std::cos(angle), std::sin(angle)});
+    const std::int64_t place = std::int64_t(node) * mode_ % nodes;
+    const std::complex<double> turn = coarse_turns[std::size_t(place / fine)] * fine_turns[std::size_t(place % fine)];
+    phase_places_.push_back({PetscInt(node - begin), turn.real(), turn.imag()});
   }
 }
 
@@ -270,9 +255,9 @@ std::optional<double> FieldWatch::passage_speed() const {
 FieldWatch::Result FieldWatch::result() const {
   Result r;
   if (steps_ == 0) return r;
-  double amplitude = 0;
-  for (std::size_t i = 0; i < low_.size(); ++i) amplitude = std::max(amplitude, (high_[i] - low_[i]) / 2);
-  r.amplitude = largest_over(model_.comm(), amplitude);
+  double widest_so_far = largest_range_;
+  for (std::size_t i = 0; i < high_.size() && last_t_ < t_end_; ++i) widest_so_far = std::max(widest_so_far, high_[i] - low_[i]);
+  r.amplitude = largest_over(model_.comm(), widest_so_far) / 2;
   r.steepest = steepest_;
   r.pulses = pulses_;
   if (pulses_ == 0) return r;
@@ -282,16 +267,18 @@ FieldWatch::Result FieldWatch::result() const {
 }
 
 void FieldWatch::save(Checkpoint& checkpoint) const {
-  std::vector<double>& scalars = checkpoint.arrays["watch.scalars"];
-  scalars = {t_end_, next_look_, double(steps_), last_t_, first_step_t_, double(mode_), double(pulses_), steepest_};
+  std::vector<double>& scalars = checkpoint.arrays["watch.measured"];
+  scalars = {t_end_, next_look_, double(steps_), last_t_, first_step_t_, double(mode_), double(pulses_), steepest_,
+             largest_over(model_.comm(), largest_range_), low_.empty() ? 0. : 1.};
   for (const Moment& m : moments_) {
     scalars.push_back(m.t);
     scalars.push_back(m.phase);
   }
-  if (steps_ == 0) return;
-  checkpoint.fields["watch.low"] = low_;
-  checkpoint.fields["watch.high"] = high_;
-  if (tracked_count_ == 0) return;
+  if (!low_.empty()) {
+    checkpoint.fields["watch.low"] = low_;
+    checkpoint.fields["watch.high"] = high_.empty() ? low_ : high_;
+  }
+  if (steps_ == 0 || tracked_count_ == 0) return;
   std::vector<double> both(2 * tracked_count_, 0);  // psi and the passage of each, of which one rank knows
   for (const Tracked& node : tracked_) {
     both[2 * place_of(node)] = node.psi;
@@ -302,10 +289,10 @@ void FieldWatch::save(Checkpoint& checkpoint) const {
 }
 
 void FieldWatch::restore(const Checkpoint& checkpoint) {
-  const auto found = checkpoint.arrays.find("watch.scalars");
+  const auto found = checkpoint.arrays.find("watch.measured");
   if (found == checkpoint.arrays.end()) return;
   const std::vector<double>& scalars = found->second;
-  if (scalars.size() < 8) throw std::runtime_error("its measurements are not whole");
+  if (scalars.size() < 10) throw std::runtime_error("its measurements are not whole");
   if (scalars[0] != t_end_) return;  // the last quarter of another run
   next_look_ = scalars[1];
   steps_ = static_cast<long>(scalars[2]);
@@ -314,11 +301,13 @@ void FieldWatch::restore(const Checkpoint& checkpoint) {
   mode_ = static_cast<int>(scalars[5]);
   pulses_ = static_cast<int>(scalars[6]);
   steepest_ = scalars[7];
-  for (std::size_t k = 8; k + 1 < scalars.size(); k += 2) moments_.push_back({scalars[k], scalars[k + 1]});
-  if (steps_ == 0) return;
-  low_ = checkpoint.field("watch.low", NodeRange::of(model_), 1);
-  high_ = checkpoint.field("watch.high", NodeRange::of(model_), 1);
-  if (tracked_count_ == 0) return;
+  largest_range_ = scalars[8];
+  for (std::size_t k = 10; k + 1 < scalars.size(); k += 2) moments_.push_back({scalars[k], scalars[k + 1]});
+  if (scalars[9] != 0) {
+    low_ = checkpoint.field("watch.low", NodeRange::of(model_), 1);
+    high_ = checkpoint.field("watch.high", NodeRange::of(model_), 1);
+  }
+  if (steps_ == 0 || tracked_count_ == 0) return;
   const std::vector<double>& both = checkpoint.arrays.at("watch.tracked");
   if (both.size() != 2 * tracked_count_) throw std::runtime_error("its measurements do not fit the scene");
   for (Tracked& node : tracked_) {

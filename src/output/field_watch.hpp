@@ -1,10 +1,10 @@
 // The whole field in the last quarter of a run: ranges of psi at every node, how steep its fronts are, pulses and their
 // speed. Every rank looks at its own nodes.
 //
-// Ranges are taken at every step. What needs a sum over the ranks is taken at the first few steps and then at moments
-// whose distance is at least a part of the time since the first, so that their number grows with the logarithm of that
-// of the steps: a fifth, and 3 % for the phase of a wave, which is followed from each moment to the next by the speed
-// that those before it show.
+// Ranges are taken at every step. What needs a sum over the ranks is taken at moments whose distance is at least a part
+// of the time since the first step in the quarter, so that their number grows with the logarithm of that of the steps: a
+// fifth, and 3 % (and the first eight steps) for the phase of a wave, which is followed from each moment to the next by
+// the speed that those before it show.
 //
 //   pulses      upward passages of psi through v along x, on a ring or between the ends; a dip counts where it goes a
 //               twentieth of the range of psi below
@@ -19,6 +19,7 @@
 #include <optional>
 #include <vector>
 
+#include "output/field_loops.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/observer.hpp"
 
@@ -54,10 +55,11 @@ class FieldWatch {
     PetscInt node;
     double cosine, sine;
   };
-  void widen(const double* u);
-  void look(double t, const double* u);
+  FieldRange range(const double* u) const;
+  Extremes widen_to(const double* u, bool at_end);
+  void look(double t, const double* u, const Extremes& own);
   double step_to_next_rank(const double* u) const;
-  int count_pulses(const double* u, double depth) const;
+  int count_pulses(const Passages& own) const;
   bool phase_is_due(double t) const;
   void take_phase(double t, const double* u);
   void choose_phase_places();
@@ -69,7 +71,7 @@ class FieldWatch {
   const Model& model_;
   double t_begin_, t_end_, next_look_;
   long steps_ = 0;                    // seen in the quarter
-  std::vector<double> low_, high_;    // of this rank's nodes; empty before the first
+  std::vector<double> low_, high_;    // of this rank's nodes, up to the step before the last; empty before the first
   std::vector<Tracked> tracked_;      // of this rank, off a ring
   double tracked_first_ = 0, tracked_stride_ = 1;
   std::size_t tracked_count_ = 0;     // on all ranks
@@ -78,6 +80,7 @@ class FieldWatch {
   std::vector<PhasePlace> phase_places_;
   int mode_ = -1, pulses_ = 0;        // pulses at the beginning (-1: not yet seen) and at the last moment
   double steepest_ = 0;
+  double largest_range_ = 0;          // of this rank's nodes, once the last step is known
 };
 
 }  // namespace stickslip

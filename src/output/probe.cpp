@@ -44,6 +44,7 @@ Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>
     }
     rows_.push_back(std::move(row));
   }
+  if (x.empty()) return;
   std::vector<PetscInt> entries;
   for (const PetscInt node : nodes)
     for (PetscInt d = 0; d < dof_; ++d) entries.push_back(node * dof_ + d);

@@ -7,6 +7,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "output/field_loops.hpp"
 #include "output/field_watch.hpp"
 #include "output/judge.hpp"
 #include "output/traces.hpp"
@@ -72,12 +73,12 @@ struct Regime::Impl {
   double growth = std::numeric_limits<double>::quiet_NaN(), growth_taken = growth;
   std::string growth_reason;
   std::optional<Measured> measured;  // at the last step
-  bool jumps_at_rest;
+  bool jumps_at_rest, uniform;       // uniform: steady sliding is, at v
 
   Impl(const Model& m, double t_end, const std::function<double(PetscInt)>& psi)
       : model(m), steady(psi ? psi : [v = m.scene().v](PetscInt) { return v; }), traces(m, steady, t_end),
         field(m, t_end),
-        jumps_at_rest(m.scene().friction.sticks()) {}
+        jumps_at_rest(m.scene().friction.sticks()), uniform(!psi) {}
 
   // Growth as the steps have it where its sign is certain. Without a state an oscillating mode grows at half the mean,
   // weighted by the mode, of what the nodes would grow by alone. Collective.
@@ -105,6 +106,42 @@ struct Regime::Impl {
     return std::nullopt;
   }
 
+  bool aged() const { return model.dof() == 3 && model.scene().friction.sticks(); }  // what holds depends on the state
+
+  // Whether every node would slide steadily at v and is held by the same force.
+  bool holds_alike() const { return uniform && !aged() && model.scene().same_friction(); }
+
+  void look_at_alike(Vec u, double pull, std::array<double, 4>& largest) const {
+    const Scene& s = model.scene();
+    const Reading values(u);
+    const double force = holding_force(model, 0, 0);
+    const Loaded found = loaded({values, model.local(), model.dof()}, {s.K0(), s.v, 0.1 * pull, force});
+    largest[0] = std::max(found.high - s.v, s.v - found.low);
+    largest[1] = std::max(found.high, -found.low);
+    largest[2] = std::abs(force);
+    if (pull > 0) largest[3] = -found.time;
+  }
+
+  void look_at_each(Vec u, double pull, std::array<double, 4>& largest) const {
+    const Scene& s = model.scene();
+    const Reading values(u);
+    const PetscInt n = model.local(), dof = model.dof();
+    const bool differs = aged() || s.friction.varies();
+    double force = holding_force(model, 0, 0);
+    for (PetscInt i = 0; i < n; ++i) {
+      const double *at = &values[i * dof], psi = at[0];
+      largest[0] = std::max(largest[0], std::abs(psi - steady(model.first() + i)));
+      largest[1] = std::max(largest[1], std::abs(psi));
+      if (differs) force = holding_force(model, i, aged() ? at[2] : 0);
+      const double holds = model.amplitude()[std::size_t(i)] * force;
+      largest[2] = std::max(largest[2], std::abs(holds));
+      if (pull > 0) {
+        const double side = s.v > 0 ? 1 : -1, rate = std::max(s.K0() * side * (s.v - psi), 0.1 * pull);
+        largest[3] = std::max(largest[3], -std::max(0., holds - side * at[1]) / rate);
+      }
+    }
+  }
+
   Surroundings surroundings(Vec u, double t) const {
     const Scene& s = model.scene();
     Surroundings a;
@@ -115,23 +152,8 @@ struct Regime::Impl {
     a.sticks = jumps_at_rest;
     const double pull = s.K0() * std::abs(s.v);
     std::array<double, 4> largest{0, 0, 0, -infinity};  // distance, speed, holding force, minus the time to give way
-    const Reading values(u);
-    const PetscInt n = model.local(), dof = model.dof();
-    const bool aged = dof == 3 && s.friction.sticks();  // what holds a node depends on its state
-    const bool differs = aged || s.friction.varies();
-    double force = holding_force(model, 0, 0);
-    for (PetscInt i = 0; i < n; ++i) {
-      const double *at = &values[i * dof], psi = at[0];
-      largest[0] = std::max(largest[0], std::abs(psi - steady(model.first() + i)));
-      largest[1] = std::max(largest[1], std::abs(psi));
-      if (differs) force = holding_force(model, i, aged ? at[2] : 0);
-      const double holds = model.amplitude()[std::size_t(i)] * force;
-      largest[2] = std::max(largest[2], std::abs(holds));
-      if (pull > 0) {
-        const double side = s.v > 0 ? 1 : -1, rate = std::max(s.K0() * side * (s.v - psi), 0.1 * pull);
-        largest[3] = std::max(largest[3], -std::max(0., holds - side * at[1]) / rate);
-      }
-    }
+    if (holds_alike()) look_at_alike(u, pull, largest);
+    else look_at_each(u, pull, largest);
     largest_over(model.comm(), largest.data(), 4);
     a.distance_now = largest[0];
     a.speed_now = largest[1];

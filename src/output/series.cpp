@@ -1,12 +1,10 @@
 #include "output/series.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <numeric>
 #include <utility>
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "output/field_loops.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/error.hpp"
 
@@ -33,25 +31,8 @@ const std::vector<Field> energy_fields = {
 }  // namespace
 
 FieldStatistics statistics(const Model& model, Vec u) {
-  const PetscInt n = model.local(), dof = model.dof();
-  // several nodes side by side: one chain of additions and comparisons would wait for itself
-  constexpr int lanes = 4;
-  double low[lanes], high[lanes], psi_sum[lanes] = {}, eta_sum[lanes] = {};
-  std::fill(low, low + lanes, HUGE_VAL);
-  std::fill(high, high + lanes, -HUGE_VAL);
-  {
-    const Reading a(u);
-    for (PetscInt begin = 0; begin < n; begin += lanes)
-      for (int k = 0; k < int(std::min<PetscInt>(lanes, n - begin)); ++k) {
-        const double *node = a + (begin + k) * dof, psi = node[0];
-        low[k] = psi < low[k] ? psi : low[k];
-        high[k] = psi > high[k] ? psi : high[k];
-        psi_sum[k] += psi;
-        eta_sum[k] += node[1];
-      }
-  }
-  double extremes[2] = {-*std::min_element(low, low + lanes), *std::max_element(high, high + lanes)};
-  double sums[2] = {std::accumulate(psi_sum, psi_sum + lanes, 0.), std::accumulate(eta_sum, eta_sum + lanes, 0.)};
+  const FieldSums own = sums_of({Reading(u), model.local(), model.dof()});
+  double extremes[2] = {-own.low, own.high}, sums[2] = {own.psi, own.eta};
   largest_over(model.comm(), extremes, 2);
   sum_over(model.comm(), sums, 2);
   const auto nodes = double(model.scene().n);

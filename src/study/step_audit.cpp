@@ -211,7 +211,7 @@ StepAudit::Verdict StepAudit::verdict(Vec u) const {
     v.growth = v.growth_taken = v.growth_of_all = v.growth_taken_of_all = v.near_growth;
     return v;
   }
-  StepForecast forecast(m.model, u, m.integrator);
+  StepForecast forecast(m.model, nullptr, m.integrator);
   for (const auto& [dt, time] : m.taken_near) v.near_time += time;
   // at the steps that are given; the true one where there are none
   const auto growth = [&](const std::map<double, double>& steps, bool resolved) {
@@ -229,7 +229,7 @@ StepAudit::Verdict StepAudit::verdict(Vec u) const {
 double StepAudit::longest_near_sliding(const Model& model, const Integrator& integrator, Vec u, double duration) {
   const double any = std::numeric_limits<double>::infinity();
   if (!integrator.adaptive() || integrator.method().kind != MethodKind::explicit_ || !near_sliding(model, u)) return any;
-  StepForecast forecast(model, u, integrator);
+  StepForecast forecast(model, nullptr, integrator);
   const double growth = std::max(0., forecast.sliding_growth(false));
   // a growing mode has left sliding by the time that it is 1/round-off times as large
   const double time = growth > 0 ? std::min(duration, -std::log(PETSC_MACHINE_EPSILON) / growth) : duration;

@@ -167,6 +167,12 @@ StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
   is_alpha_ = type == TSALPHA;
   is_leapfrog_ = type == "leapfrog";
   if (is_alpha_) SS_TRY(TSAlphaGetParams(like.ts(), &alpha_m_, &alpha_f_, &alpha_gamma_));
+  if (u) add_waves_about(model, u, implicit);
+  add_waves_about_sliding(model, implicit);
+  if (bdf_order_ == 0 && !is_alpha_ && !is_leapfrog_) make_ts(like, implicit);
+}
+
+void StepForecast::add_waves_about(const Model& model, Vec u, Implicit implicit) {
   const Scene& s = model.scene();
   std::vector<Slopes> friction = friction_extremes(model, u);
   least_slope_ = friction[0].F.F_psi;
@@ -177,16 +183,17 @@ StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
   if (oscillates && rising > 0) friction[1].F.F_psi = std::max(friction[1].F.F_psi, rising);
   for (const Slopes& f : friction)
     for (const double part : {0., 0.25, 0.5, 0.75, 1.}) add_waves(model, implicit, f.F, f.g, part, false, false);
+}
 
-  if (const std::optional<Slopes> sliding = slopes_of_sliding(model)) {
-    const auto& [F, g] = *sliding;
-    // Up to a tenth of the largest kappa^2, wavelengths of 8 nodes and more, a wave is the continuum's own.
-    for (const double part : {0., 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1})
-      add_waves(model, implicit, F, g, part, true, true);
-    for (const double part : {0.25, 0.5, 0.75, 1.})
-      add_waves(model, implicit, F, g, part, true, s.form == Form::chain);
-  }
-  if (bdf_order_ == 0 && !is_alpha_ && !is_leapfrog_) make_ts(like, implicit);
+void StepForecast::add_waves_about_sliding(const Model& model, Implicit implicit) {
+  const std::optional<Slopes> sliding = slopes_of_sliding(model);
+  if (!sliding) return;
+  const auto& [F, g] = *sliding;
+  // Up to a tenth of the largest kappa^2, wavelengths of 8 nodes and more, a wave is the continuum's own.
+  for (const double part : {0., 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1})
+    add_waves(model, implicit, F, g, part, true, true);
+  for (const double part : {0.25, 0.5, 0.75, 1.})
+    add_waves(model, implicit, F, g, part, true, model.scene().form == Form::chain);
 }
 
 void StepForecast::make_ts(const Integrator& like, Implicit implicit) {
@@ -304,6 +311,7 @@ std::vector<double> StepForecast::leapfrog_propagator(const Wave& w, double dt) 
 
 std::vector<double> StepForecast::rates(double dt) {
   std::vector<double> rates;
+  if (waves_.empty()) return rates;
   if (is_leapfrog_) {
     for (const Wave& w : waves_) {
       const std::vector<double> P = leapfrog_propagator(w, dt);

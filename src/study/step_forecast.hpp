@@ -26,7 +26,8 @@ namespace stickslip {
 
 class StepForecast {
  public:
-  // For the method of `like` about the motion at u. Collective.
+  // For the method of `like` about the motion at u and about steady sliding; without a u about sliding alone, for
+  // which no node is looked at but where nodes differ. Collective.
   StepForecast(const Model& model, Vec u, const Integrator& like);
 
   bool explodes(double dt, double duration);
@@ -58,6 +59,8 @@ class StepForecast {
   };
   void add_waves(const Model& model, Implicit implicit, const Partials& F, const RatePartials& g, double part,
                  bool sliding, bool resolved);
+  void add_waves_about(const Model& model, Vec u, Implicit implicit);
+  void add_waves_about_sliding(const Model& model, Implicit implicit);
   std::vector<double> rates(double dt);     // growth of every wave, per unit time, as the method has it
   std::vector<double> leapfrog_propagator(const Wave& w, double dt) const;  // row-major
   double multistep_modulus(Complex z) const;  // largest root of the characteristic polynomial

@@ -1,0 +1,172 @@
+#include "output/field_loops.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "model/kernel.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr int lanes = 8;
+constexpr PetscInt piece = 256;  // nodes whose psi stands in the first-level cache at a time
+
+double least(double a, double b) { return b < a ? b : a; }
+double largest(double a, double b) { return b > a ? b : a; }
+
+// A value for each lane and, in the end, one for all.
+struct Lanes {
+  double of[lanes];
+
+  explicit Lanes(double all) { std::fill(of, of + lanes, all); }
+  double least_of_all() const { return *std::min_element(of, of + lanes); }
+  double largest_of_all() const { return *std::max_element(of, of + lanes); }
+  double sum() const {
+    double all = 0;
+    for (const double one : of) all += one;
+    return all;
+  }
+};
+
+// Calls body(node, lane) for the nodes in turn, eight at a time.
+template <class Body>
+void in_lanes(PetscInt count, const Body& body) {
+  PetscInt i = 0;
+  for (; i + lanes <= count; i += lanes)
+#pragma GCC ivdep
+    for (int k = 0; k < lanes; ++k) body(i + k, k);
+  for (int k = 0; i + k < count; ++k) body(i + k, k);
+}
+
+template <int dof>
+struct Sums {
+  FieldSums operator()(const FieldRange& f) const {
+    Lanes low(HUGE_VAL), high(-HUGE_VAL), psi_sum(0), eta_sum(0);
+    const double* const u = f.u;
+    in_lanes(f.count, [&](PetscInt i, int k) {
+      const double psi = u[i * dof];
+      low.of[k] = least(low.of[k], psi);
+      high.of[k] = largest(high.of[k], psi);
+      psi_sum.of[k] += psi;
+      eta_sum.of[k] += u[i * dof + 1];
+    });
+    return {low.least_of_all(), high.largest_of_all(), psi_sum.sum(), eta_sum.sum()};
+  }
+};
+
+struct NodeRanges {
+  double *low, *high;
+};
+
+template <int dof>
+struct Widen {
+  Extremes operator()(const FieldRange& f, const NodeRanges& ranges) const {
+    Lanes low(HUGE_VAL), high(-HUGE_VAL);
+    const double* const u = f.u;
+    double *const node_low = ranges.low, *const node_high = ranges.high;
+    in_lanes(f.count, [&](PetscInt i, int k) {
+      const double psi = u[i * dof];
+      low.of[k] = least(low.of[k], psi);
+      high.of[k] = largest(high.of[k], psi);
+      node_low[i] = least(node_low[i], psi);
+      node_high[i] = largest(node_high[i], psi);
+    });
+    return {low.least_of_all(), high.largest_of_all()};
+  }
+};
+
+template <int dof>
+struct Widest {
+  LastExtremes operator()(const FieldRange& f, const NodeRanges& ranges) const {
+    Lanes low(HUGE_VAL), high(-HUGE_VAL), range(0);
+    const double *const u = f.u, *const node_low = ranges.low, *const node_high = ranges.high;
+    in_lanes(f.count, [&](PetscInt i, int k) {
+      const double psi = u[i * dof];
+      low.of[k] = least(low.of[k], psi);
+      high.of[k] = largest(high.of[k], psi);
+      range.of[k] = largest(range.of[k], largest(node_high[i], psi) - least(node_low[i], psi));
+    });
+    return {low.least_of_all(), high.largest_of_all(), range.largest_of_all()};
+  }
+};
+
+struct Level {
+  double value, depth;
+};
+
+// Nodes that lie on one side, and those on none, need not be looked at one by one.
+template <int dof>
+struct Survey {
+  Fronts operator()(const FieldRange& f, const Level& level) const {
+    Fronts found;
+    Lanes steepest(0);
+    const double *const u = f.u, depth = level.depth;
+    for (PetscInt begin = 0; begin < f.count; begin += piece) {
+      const PetscInt count = std::min(piece, f.count - begin);
+      alignas(64) double off[piece + 1];  // and that of the node behind
+      Lanes low(HUGE_VAL), high(-HUGE_VAL);
+      in_lanes(count, [&](PetscInt i, int k) {
+        off[i] = u[(begin + i) * dof] - level.value;
+        low.of[k] = least(low.of[k], off[i]);
+        high.of[k] = largest(high.of[k], off[i]);
+      });
+      off[count] = begin + count < f.count ? u[(begin + count) * dof] - level.value : off[count - 1];
+      in_lanes(count, [&](PetscInt i, int k) { steepest.of[k] = largest(steepest.of[k], std::abs(off[i + 1] - off[i])); });
+      const bool below = low.least_of_all() < -depth, above = high.largest_of_all() > depth;
+      if (below != above) found.passages.add(below ? -1 : 1);
+      for (PetscInt i = 0; i < count && below && above; ++i)
+        found.passages.add(off[i] < -depth ? -1 : off[i] > depth ? 1 : 0);
+    }
+    found.steepest = steepest.largest_of_all();
+    return found;
+  }
+};
+
+template <int dof>
+struct Waiting {
+  Loaded operator()(const FieldRange& f, const Pull& p) const {
+    Lanes low(HUGE_VAL), high(-HUGE_VAL), time(HUGE_VAL);
+    const double *const u = f.u, side = p.v > 0 ? 1 : -1, K0 = p.K0, v = p.v, slowest = p.least_rate, holds = p.holds;
+    in_lanes(f.count, [&](PetscInt i, int k) {
+      const double psi = u[i * dof], rate = largest(K0 * side * (v - psi), slowest);
+      low.of[k] = least(low.of[k], psi);
+      high.of[k] = largest(high.of[k], psi);
+      time.of[k] = least(time.of[k], largest(0., holds - side * u[i * dof + 1]) / rate);
+    });
+    return {low.least_of_all(), high.largest_of_all(), time.least_of_all()};
+  }
+};
+
+// The loop for so many unknowns a node that suits this processor, applied.
+template <template <int> class Loop, class Result, class... More>
+Result apply(const FieldRange& field, const More&... more) {
+  using Function = std::function<Result(const FieldRange&, const More&...)>;
+  static const Function of_two = kernel::compiled<Function>(Loop<2>{}), of_three = kernel::compiled<Function>(Loop<3>{});
+  return field.dof == 3 ? of_three(field, more...) : of_two(field, more...);
+}
+
+}  // namespace
+
+FieldSums sums_of(const FieldRange& field) { return apply<Sums, FieldSums>(field); }
+
+Extremes widen(const FieldRange& field, double* low, double* high) {
+  return apply<Widen, Extremes>(field, NodeRanges{low, high});
+}
+
+LastExtremes widest(const FieldRange& field, const double* low, const double* high) {
+  if (!low) {
+    const FieldSums sums = sums_of(field);
+    return {sums.low, sums.high, 0};
+  }
+  return apply<Widest, LastExtremes>(field, NodeRanges{const_cast<double*>(low), const_cast<double*>(high)});
+}
+
+Fronts fronts_of(const FieldRange& field, double level, double depth) {
+  return apply<Survey, Fronts>(field, Level{level, depth});
+}
+
+Loaded loaded(const FieldRange& field, const Pull& pull) { return apply<Waiting, Loaded>(field, pull); }
+
+}  // namespace stickslip
