@@ -70,6 +70,27 @@ RangeLoop reaction_loop(const FrictionParameters& p, const std::vector<double>& 
   });
 }
 
+// Of a medium with A = 1 in which nothing else acts the rate of psi is -F.
+ForceLoop force_loop(const FrictionParameters& p, const std::vector<double>& x) {
+  const PetscInt dof = p.has_state() ? 3 : 2;
+  return [rates = whole_loop(p, 0, false, x), dof](PetscInt node, PetscInt count, const double* psi,
+                                                  const double* state, double* F) {
+    constexpr kernel::Coefficients alone{1, 0, 0, 0, 0, {}};
+    double u[3 * kernel::tile_size] = {}, f[3 * kernel::tile_size];
+    for (PetscInt begin = 0; begin < count; begin += kernel::tile_size) {
+      const PetscInt part = std::min(kernel::tile_size, count - begin);
+      for (PetscInt i = 0; i < part; ++i) {
+        u[i * dof] = psi[begin + i];
+        if (dof == 3) u[i * dof + 2] = state[begin + i];
+      }
+      kernel::Range range{u, nullptr, f, part, nullptr, nullptr};
+      range.node = node + begin;
+      rates(alone, range);
+      for (PetscInt i = 0; i < part; ++i) F[begin + i] = -f[i * dof];
+    }
+  };
+}
+
 RangeLoop wave_loop(int dof, int half_width, bool stencil_only) {
   return kernel::for_half_width(half_width,
                                 [&](auto hw) { return stencil_only ? wave<hw, true>(dof) : wave<hw, false>(dof); });

@@ -19,6 +19,11 @@ RangeLoop whole_loop(const FrictionParameters& friction, int half_width, bool st
                      const std::vector<double>& x = {});
 // Part::reaction.
 RangeLoop reaction_loop(const FrictionParameters& friction, const std::vector<double>& x);
+// F of `count` nodes side by side, the first of number `node`, of friction amplitude 1, at psi and the stored state (not
+// read without one).
+using ForceLoop =
+    std::function<void(PetscInt node, PetscInt count, const double* psi, const double* state, double* F)>;
+ForceLoop force_loop(const FrictionParameters& friction, const std::vector<double>& x);
 // Part::wave or Part::stencil, for so many unknowns a node.
 RangeLoop wave_loop(int dof, int half_width, bool stencil_only);
 

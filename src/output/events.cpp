@@ -2,19 +2,122 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
+#include "model/loops.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/model.hpp"
 
 namespace stickslip {
 
+namespace {
+
+constexpr std::size_t side_by_side = 128;  // nodes that vector code takes at a time
+constexpr std::size_t few = 4;             // for fewer it does not pay
+
+// A step of nodes side by side: psi and friction at its beginning, in its middle and at its end.
+struct StepOfNodes {
+  const double *p0, *p, *p1, *F0, *F, *F1;
+  double dt;
+  double *slip, *slipped;
+  std::size_t count;
+};
+struct StepSums {
+  double work, squares, ends;  // of psi F and of psi^2 by Simpson's rule over dt/6; of psi^2 at the end
+};
+struct AddStep {
+  StepSums operator()(const StepOfNodes& s) const {
+    constexpr std::size_t lanes = 8;  // that no sum waits for the one before, on any processor the same
+    double work[lanes] = {}, squares[lanes] = {}, ends[lanes] = {};
+    const double *const p0 = s.p0, *const p = s.p, *const p1 = s.p1, *const F0 = s.F0, *const F = s.F, *const F1 = s.F1;
+    double *const slip = s.slip, *const slipped = s.slipped;
+    const double part = s.dt / 6;
+    const auto add = [&](std::size_t i, std::size_t k) {
+      const double step = part * (p0[i] + 4 * p[i] + p1[i]);
+      slip[i] += step;
+      slipped[i] += step;
+      work[k] += p0[i] * F0[i] + 4 * p[i] * F[i] + p1[i] * F1[i];
+      squares[k] += p0[i] * p0[i] + 4 * p[i] * p[i] + p1[i] * p1[i];
+      ends[k] += p1[i] * p1[i];
+    };
+    std::size_t i = 0;
+    for (; i + lanes <= s.count; i += lanes)
+#pragma GCC ivdep
+      for (std::size_t k = 0; k < lanes; ++k) add(i + k, k);
+    for (std::size_t k = 0; i + k < s.count; ++k) add(i + k, k);
+    for (std::size_t k = 1; k < lanes; ++k) {
+      work[0] += work[k];
+      squares[0] += squares[k];
+      ends[0] += ends[k];
+    }
+    return {work[0], squares[0], ends[0]};
+  }
+};
+
+// psi in the middle of a step, on the cubic through values and slopes at its ends.
+struct MiddleOfNodes {
+  const double *p0, *p1, *eta0, *eta1, *F0, *F1;
+  double A, B, dt;
+  double* p;
+  std::size_t count;
+};
+struct FindMiddle {
+  void operator()(const MiddleOfNodes& s) const {
+    const MiddleOfNodes m = s;
+#pragma GCC ivdep
+    for (std::size_t k = 0; k < m.count; ++k) {
+      const double m0 = m.A * (m.eta0[k] - m.B * m.p0[k] - m.F0[k]), m1 = m.A * (m.eta1[k] - m.B * m.p1[k] - m.F1[k]);
+      m.p[k] = (m.p0[k] + m.p1[k]) / 2 + m.dt / 8 * (m0 - m1);
+    }
+  }
+};
+
+// 1 for nodes that move at either end of a step, else 0.
+struct MovingNodes {
+  const double *p0, *p1;
+  double velocity;
+  unsigned char* moves;
+  std::size_t count;
+};
+struct MarkMoving {
+  void operator()(const MovingNodes& s) const {
+    const MovingNodes m = s;
+#pragma GCC ivdep
+    for (std::size_t i = 0; i < m.count; ++i)
+      m.moves[i] = (std::abs(m.p0[i]) > m.velocity) | (std::abs(m.p1[i]) > m.velocity);
+  }
+};
+
+const std::function<StepSums(const StepOfNodes&)>& add_step() {
+  static const auto loop = kernel::compiled<std::function<StepSums(const StepOfNodes&)>>(AddStep{});
+  return loop;
+}
+const std::function<void(const MiddleOfNodes&)>& find_middle() {
+  static const auto loop = kernel::compiled<std::function<void(const MiddleOfNodes&)>>(FindMiddle{});
+  return loop;
+}
+const std::function<void(const MovingNodes&)>& mark_moving() {
+  static const auto loop = kernel::compiled<std::function<void(const MovingNodes&)>>(MarkMoving{});
+  return loop;
+}
+
+// Of all nodes where friction varies along x.
+std::vector<double> positions(const Scene& scene) {
+  std::vector<double> x;
+  for (PetscInt i = 0; i < scene.n && scene.friction.varies(); ++i) x.push_back(scene.x(i));
+  return x;
+}
+
+}  // namespace
+
 Events::Events(const Scene& scene, double velocity)
     : scene_(scene), velocity_(velocity), weight_(scene.form == Form::chain ? 1 : scene.h()),
       damping_(scene.B() + scene.s_delta() / scene.A()), amplitude_(friction_amplitude(scene, 0, scene.n)),
-      friction_(scene, 0, scene.n),
+      friction_(scene, 0, scene.n), forces_(force_loop(scene.friction, positions(scene))),
       A_(scene.A()), B_(scene.B()), owner_(static_cast<std::size_t>(scene.n), -1), slip_(owner_.size()),
-      slipped_(owner_.size()), last_force_(owner_.size(), std::numeric_limits<double>::quiet_NaN()) {
+      slipped_(owner_.size()), last_force_(owner_.size()), moving_(owner_.size(), 0),
+      moved_(owner_.size(), 0) {
   for (PetscInt i = 0; i < scene.n && scene.N() > 0; ++i) {
     d2_.push_back(second_difference_row(scene, i));
     for (auto& term : d2_.back()) term.second *= scene.N();
@@ -100,20 +203,20 @@ void Events::find_viscous_forces(double dt, const std::vector<std::vector<double
   find(psi, viscous_[1]);
 }
 
+// One node. What friction was at the end of the last step, if the node moved in it, is known, unless it went by the
+// direction.
 void Events::accumulate(std::size_t i, Live& live, double dt, const std::vector<std::vector<double>>& now) {
-  live.moves = true;
   const double p0 = last_[0][i], p1 = now[0][i];
   const bool has_state = last_.size() > 2;
   const double s0 = has_state ? last_[2][i] : 0, s1 = has_state ? now[2][i] : 0;
   const double direction = p0 + p1 < 0 ? -1 : 1;
-  // what was taken at the end of the last step, if that moved, unless it went by the direction
-  const double known = last_force_[i];
-  const double F0 = p0 != 0 && !std::isnan(known) ? known : force(i, p0, s0, direction), F1 = force(i, p1, s1, direction);
+  const double F0 = p0 != 0 && moved_[i] ? last_force_[i] : force(i, p0, s0, direction), F1 = force(i, p1, s1, direction);
   last_force_[i] = F1;
   const double m0 = A_ * (last_[1][i] - B_ * p0 - F0), m1 = A_ * (now[1][i] - B_ * p1 - F1);
   const double p = d2_.empty() ? (p0 + p1) / 2 + dt / 8 * (m0 - m1) : middle(i, dt, now);
   const double F = force(i, p, (s0 + s1) / 2, direction);
   const double slip = dt / 6 * (p0 + 4 * p + p1);
+  live.moves = true;
   slip_[i] += slip;
   slipped_[i] += slip;
   live.event.friction_work += weight_ * dt / 6 * (p0 * F0 + 4 * p * F + p1 * F1);
@@ -121,6 +224,42 @@ void Events::accumulate(std::size_t i, Live& live, double dt, const std::vector<
   if (!d2_.empty())
     live.event.radiated -= weight_ * dt / 6 * (p0 * viscous_[0][i] + 4 * p * viscous_[1][i] + p1 * viscous_[2][i]);
   live.kinetic_now += weight_ * p1 * p1 / (2 * A_);
+}
+
+// Friction at psi of nodes side by side, of the motion in `direction` where psi = 0.
+void Events::forces_at(std::size_t first, std::size_t count, const double* psi, const double* state,
+                       const double* direction, double* F) const {
+  double at[side_by_side];
+  for (std::size_t k = 0; k < count; ++k) at[k] = psi[k] == 0 ? direction[k] * std::numeric_limits<double>::min() : psi[k];
+  forces_(PetscInt(first), PetscInt(count), at, state, F);
+  const double* const a = &amplitude_[first];
+  for (std::size_t k = 0; k < count; ++k) F[k] *= a[k];
+}
+
+// The same of nodes side by side, without viscosity between neighbours, in vector code.
+void Events::accumulate_side_by_side(std::size_t first, std::size_t count, Live& live, double dt,
+                                     const std::vector<std::vector<double>>& now) {
+  const bool has_state = last_.size() > 2;
+  double direction[side_by_side] = {}, p[side_by_side] = {}, F0[side_by_side], F1[side_by_side], F[side_by_side],
+      state[side_by_side];
+  const double *const p0 = &last_[0][first], *const p1 = &now[0][first], *const eta0 = &last_[1][first],
+                     *const eta1 = &now[1][first];
+  const double *const s0 = has_state ? &last_[2][first] : nullptr, *const s1 = has_state ? &now[2][first] : nullptr;
+  double* const known = &last_force_[first];
+  const unsigned char* const moved = &moved_[first];
+  for (std::size_t k = 0; k < count; ++k) direction[k] = p0[k] + p1[k] < 0 ? -1 : 1;
+  forces_at(first, count, p1, s1, direction, F1);
+  for (std::size_t k = 0; k < count; ++k)
+    F0[k] = p0[k] != 0 && moved[k] ? known[k] : force(first + k, p0[k], has_state ? s0[k] : 0, direction[k]);
+  std::copy(F1, F1 + count, known);
+  find_middle()({p0, p1, eta0, eta1, F0, F1, A_, B_, dt, p, count});
+  for (std::size_t k = 0; k < count && has_state; ++k) state[k] = (s0[k] + s1[k]) / 2;
+  forces_at(first, count, p, state, direction, F);
+  const auto [work, squares, ends] = add_step()({p0, p, p1, F0, F, F1, dt, &slip_[first], &slipped_[first], count});
+  live.moves = true;
+  live.event.friction_work += weight_ * dt / 6 * work;
+  live.event.radiated += weight_ * damping_ * dt / 6 * squares;
+  live.kinetic_now += weight_ / (2 * A_) * ends;
 }
 
 // eta of a node as the event found it, with what the slip of others has done to it since (0 up to round-off for most).
@@ -164,6 +303,31 @@ void Events::finish(int id) {
   live_.erase(node);
 }
 
+// Nodes that move at either end of the step; those that begin to are claimed.
+void Events::find_moving(const std::vector<std::vector<double>>& now) {
+  std::shared_ptr<const Before> before;
+  mark_moving()({last_[0].data(), now[0].data(), velocity_, moving_.data(), moving_.size()});
+  for (std::size_t i = 0, n = owner_.size(); i < n; ++i)
+    if (moving_[i] && owner_[i] < 0) claim(i, before);
+}
+
+// Neighbours mostly belong to one event.
+void Events::accumulate_moving(double dt, const std::vector<std::vector<double>>& now) {
+  const std::size_t n = owner_.size();
+  int owner = -1;
+  Live* event = nullptr;
+  for (std::size_t i = 0, end; i < n; i = end) {
+    const void* const found = std::memchr(&moving_[i], 1, n - i);
+    if (!found) break;
+    i = std::size_t(static_cast<const unsigned char*>(found) - moving_.data());
+    if (owner_[i] != owner) event = &live_.at(owner = owner_[i]);
+    end = i + 1;
+    while (end < std::min(n, i + side_by_side) && moving_[end] && owner_[end] == owner) ++end;
+    if (end - i >= few && d2_.empty()) accumulate_side_by_side(i, end - i, *event, dt, now);
+    else for (std::size_t k = i; k < end; ++k) accumulate(k, *event, dt, now);
+  }
+}
+
 void Events::step(double t, const std::vector<std::vector<double>>& fields) {
   if (started_) {
     const double dt = t - t_;
@@ -172,22 +336,9 @@ void Events::step(double t, const std::vector<std::vector<double>>& fields) {
       live.kinetic_now = 0;
     }
     if (!d2_.empty()) find_viscous_forces(dt, fields);
-    std::vector<std::size_t> moving;
-    std::shared_ptr<const Before> before;
-    for (std::size_t i = 0; i < owner_.size(); ++i) {
-      if (!moves(i, last_) && !moves(i, fields)) {
-        last_force_[i] = std::numeric_limits<double>::quiet_NaN();
-        continue;
-      }
-      moving.push_back(i);
-      if (owner_[i] < 0) claim(i, before);
-    }
-    int owner = -1;  // neighbours mostly belong to one event
-    Live* event = nullptr;
-    for (const std::size_t i : moving) {
-      if (owner_[i] != owner) event = &live_.at(owner = owner_[i]);
-      accumulate(i, *event, dt, fields);
-    }
+    find_moving(fields);
+    accumulate_moving(dt, fields);
+    moved_.swap(moving_);
     std::vector<int> over;
     for (auto& [id, live] : live_) {
       live.event.kinetic = std::max(live.event.kinetic, live.kinetic_now);

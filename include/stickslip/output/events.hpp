@@ -33,6 +33,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <map>
 #include <memory>
 #include <string>
@@ -89,6 +90,12 @@ class Events {
   double middle(std::size_t i, double dt, const std::vector<std::vector<double>>& now) const;
   double force(std::size_t i, double psi, double state, double direction) const;
   void accumulate(std::size_t i, Live& live, double dt, const std::vector<std::vector<double>>& now);
+  void accumulate_side_by_side(std::size_t first, std::size_t count, Live& live, double dt,
+                               const std::vector<std::vector<double>>& now);
+  void forces_at(std::size_t first, std::size_t count, const double* psi, const double* state, const double* direction,
+                 double* F) const;
+  void find_moving(const std::vector<std::vector<double>>& now);
+  void accumulate_moving(double dt, const std::vector<std::vector<double>>& now);
   double eta_before(PetscInt node, int id, const Before& before) const;
   void finish(int id);
 
@@ -96,6 +103,7 @@ class Events {
   double velocity_, weight_, damping_;
   std::vector<double> amplitude_;
   Frictions friction_;
+  std::function<void(PetscInt, PetscInt, const double*, const double*, double*)> forces_;  // of nodes side by side
   double A_, B_;
   std::vector<Combination> d2_;       // rows of N D2, where neighbours have viscosity
   std::array<std::vector<double>, 3> viscous_;  // then N D2 psi at the beginning, in the middle and at the end of a step
@@ -105,7 +113,8 @@ class Events {
   std::vector<int> owner_;            // event under way in whose region a node is; -1: none
   std::vector<double> slip_;          // of a node in a region: in this event
   std::vector<double> slipped_;       // of any node: in all events so far
-  std::vector<double> last_force_;    // friction at the end of the last step of nodes that moved in it, else NaN
+  std::vector<double> last_force_;    // friction at the end of the last step of nodes that moved in it
+  std::vector<unsigned char> moving_, moved_;  // which nodes move in the step under way, and did in the last one
   std::map<int, Live> live_;
   int next_id_ = 0;
   std::vector<SlipEvent> ended_;
