@@ -100,7 +100,7 @@ Run::Run(const Options& options, const Provenance& provenance) : Run(options, pr
 
 Run::Run(const Options& options, const Provenance& provenance, std::optional<Checkpoint> checkpoint)
     : options_(options), provenance_(provenance), scene_(Scene::from(options, false)),
-      problem_(problem_for(scene_, options, checkpoint)) {
+      problem_(problem_for(scene_, options, checkpoint)), timed_(options.is_set("accuracy")) {
   make_observers();
   int rank;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
@@ -113,9 +113,6 @@ Run::Run(const Options& options, const Provenance& provenance, std::optional<Che
   step_seconds_ = spent() - begin;
   if (!options.boolean("check")) open_file();
 }
-
-// Reading this clock is a call of the system, which short steps would feel: only where the time is asked for.
-double Run::spent() const { return options_.is_set("accuracy") ? processor_seconds() : 0; }
 
 Fields Run::end() const { return fields_of(problem_.model, problem_.u, scene_.n); }
 

@@ -50,7 +50,7 @@ class Run {
   };
 
   Run(const Options& options, const Provenance& provenance, std::optional<Checkpoint> checkpoint);
-  double spent() const;
+  double spent() const { return timed_ ? processor_seconds() : 0; }
   void make_observers();
   void restore(const Checkpoint& checkpoint);
   void make_integrator();
@@ -76,6 +76,7 @@ class Run {
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<StepAudit> step_audit_;
   std::unique_ptr<RunFile> file_;
+  bool timed_;                // with -accuracy: reading the clock is a call of the system, which short steps would feel
   double step_seconds_ = 0;
   double longest_step_ = std::numeric_limits<double>::infinity();  // StepAudit::longest_near_sliding at the start
   std::string last_checkpoint_;

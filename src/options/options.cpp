@@ -116,6 +116,11 @@ bool Options::is_set(const std::string& name) const {
   return spec ? values_.count(spec->name) > 0 : library_.count(lower_case(name)) > 0;
 }
 
+static std::string default_of(const OptionSpec& spec, const Options& options) {
+  if (!spec.default_text.empty()) return spec.default_text;
+  return spec.default_of ? spec.default_of(options) : "";
+}
+
 std::string Options::text(const std::string& name) const {
   const OptionSpec* spec = find_option(name);
   if (!spec) {
@@ -123,9 +128,7 @@ std::string Options::text(const std::string& name) const {
     return it == library_.end() ? "" : it->second;
   }
   const auto it = values_.find(spec->name);
-  if (it != values_.end()) return it->second;
-  if (!spec->default_text.empty()) return spec->default_text;
-  return spec->default_of ? spec->default_of(*this) : "";
+  return it != values_.end() ? it->second : default_of(*spec, *this);
 }
 
 namespace {
@@ -188,8 +191,11 @@ StepsOrSeconds Options::steps_or_seconds(const std::string& name) const {
 
 std::map<std::string, std::string> Options::all() const {
   std::map<std::string, std::string> result;
-  for (const OptionSpec& spec : option_table())
-    if (reads_option(command_, spec) || is_set(spec.name)) result[spec.name] = text(spec.name);
+  for (const OptionSpec& spec : option_table()) {
+    const auto set = values_.find(spec.name);
+    if (set != values_.end()) result[spec.name] = set->second;
+    else if (reads_option(command_, spec)) result[spec.name] = default_of(spec, *this);
+  }
   for (const auto& [name, text] : given()) result[name] = text;
   return result;
 }

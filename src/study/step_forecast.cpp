@@ -380,7 +380,8 @@ double StepForecast::sliding_growth_of(const std::map<double, double>& time_at_s
   double time = 0;
   for (const auto& [dt, duration] : time_at_step) time += duration;
   for (const auto& [dt, duration] : time_at_step) {
-    const std::vector<double> rate = rates(dt);
+    std::vector<double>& rate = rates_at_[dt];
+    if (rate.empty()) rate = rates(dt);
     for (std::size_t i = 0; i < mean.size(); ++i) mean[i] += duration / time * rate[i];
   }
   return largest_about_sliding(mean, resolved);

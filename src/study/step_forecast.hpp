@@ -81,6 +81,7 @@ class StepForecast {
   double alpha_m_ = 0, alpha_f_ = 0, alpha_gamma_ = 0;
   double last_shift_ = 0, least_slope_ = 0;
   std::vector<Wave> waves_;
+  std::map<double, std::vector<double>> rates_at_;  // of the steps that have been asked for
   TsHandle ts_;
   VecHandle u_;
   MatHandle J_;
