@@ -29,3 +29,19 @@ def test_false_claims_are_found(tmp_path):
     # growth rate -C/2 = -0.1, frequency sqrt(1 - 0.01) = 0.995
     assert wrong[0] == "not true: stable is False" and re.match(r"growth_rate is -0\.\d+, not 0\.966", wrong[1])
     assert wrong[2] == "the page does not say -0.1: growth_rate = -0.1" and len(wrong) == 3
+
+
+def numeric(table):
+    cells = [cell.strip() for row in table.splitlines()[2:] for cell in row.strip("|").split("|")]
+    return sum(bool(re.match(r"[+-]?\d[\d.]*(?:e[+-]?\d+)?\b", cell)) for cell in cells) > 0.3 * len(cells)
+
+
+@pytest.mark.parametrize("name", [name for name in PAGES if name.endswith(".md")])
+def test_pictures_and_tables_say_how_they_were_made(name):
+    """A comment stands right before each of them; a table that a test writes has the test's own."""
+    text = PAGES[name].text
+    silent = [match[1] for match in re.finditer(r"\n+(!\[[^]]*\]\([\w/-]+\.png\))", text) if text[:match.start()][-3:] != "-->"]
+    for match in re.finditer(r"\n\n?((?:\|.*\n)+)", text):
+        if numeric(match[1]) and text[:match.start()][-3:] != "-->":
+            silent.append(match[1].partition("\n")[0])
+    assert not silent, f"{name}: nothing says how these were made: {silent}"
