@@ -25,12 +25,22 @@ def test_reading_order():
     assert ["README.md"] + order == re.findall(r"([\w-]+\.md)$", text("docs/site.yml.in"), re.MULTILINE)
 
 
+def anchors(page):
+    """Of the page's headings, as GitHub and mkdocs both make them; those that they make differently have none."""
+    headings = re.findall(r"^#+ (.*)$", re.sub(r"```.*?```", "", text(page), flags=re.DOTALL), re.MULTILINE)
+    plain = [re.sub(r"[^\w\s-]", "", heading).strip().lower() for heading in headings]
+    return {heading.replace(" ", "-") for heading in plain if not re.search(r"\s\s|-\s|\s-|--", heading)}
+
+
 def test_links_and_pictures():
     missing = []
     for page in ["README.md", *(os.path.join("docs", name) for name in pages())]:
         for shown, target in re.findall(r"(!?\[[^\]]*\])\(([^)\s]+)\)", text(page)):
-            file = os.path.join(SOURCE, os.path.dirname(page), target.partition("#")[0])
-            if not re.match(r"https?:", target) and not os.path.exists(file) or shown == "![]":
+            file = os.path.join(SOURCE, os.path.dirname(page), target.partition("#")[0] or os.path.basename(page))
+            if re.match(r"https?:", target):
+                continue
+            place = target.partition("#")[2]
+            if not os.path.exists(file) or shown == "![]" or place and place not in anchors(file):
                 missing.append(f"{page}: {shown}({target})")
     assert not missing
 
