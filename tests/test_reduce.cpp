@@ -1,9 +1,12 @@
 // The smallest problem for a scene, and what it cannot show: unstable waves on a uniform motion.
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <random>
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/oscillator.hpp"
+#include "stickslip/stability/steady_sliding.hpp"
+#include "stickslip/study/nearest_sliding.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/time/time.hpp"
@@ -157,4 +160,29 @@ TEST_CASE("sliding grows at the rate of its dispersion relation", "[reduce][seri
         Approx(-C / 2 + std::sqrt(std::max(0., C * C / 4 - s.A() * K))).epsilon(1e-12));
   s.v = 1.1;
   CHECK(instability_of_sliding(s).growth_rate == 0);
+}
+
+TEST_CASE("steady sliding beside held ends is that of the whole line", "[serial]") {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> part(0, 1);
+  for (int k = 0; k < 12; ++k) {
+    Scene s;
+    s.form = k % 3 == 0 ? Form::chain : Form::continuum;
+    s.order = s.form == Form::chain ? 2 : 2 + 2 * (k % 3);
+    s.n = 3000 + PetscInt(1000 * part(random));
+    s.length = s.form == Form::chain ? double(s.n - 1) : 100 + 100 * part(random);
+    s.v = 0.2 + part(random);
+    s.left = k % 4 == 1 ? End::free : End::velocity;
+    s.right = k % 4 == 2 || k % 4 == 0 ? End::free : End::velocity;
+    s.left_value = part(random);
+    s.right_value = 2 * part(random);
+    s.k1 = 1 + 20 * part(random);
+    s.c = 0.2 + part(random);
+    const std::vector<double> whole = SteadySliding(s).psi;
+    const auto psi = steady_velocity(s);
+    CAPTURE(k, s.n, s.order);
+    double off = 0;
+    for (PetscInt i = 0; i < s.n; ++i) off = std::max(off, std::abs(psi(i) - whole[std::size_t(i)]));
+    CHECK(off < 1e-12);  // round-off of two banded solves of condition up to 1 + 4 K1/(K0 h^2), some 1e4
+  }
 }

@@ -25,13 +25,43 @@ double search_seconds(double unknowns) {
 }
 double steps_seconds(double unknowns, long evaluations) { return double(evaluations) * (1e-6 + 1e-9 * unknowns); }
 
+// So many nodes beside a held end that what it does to steady sliding, (K0 - K1 D2)(psi - v) = 0, has fallen by exp(-45),
+// below round-off, behind them; the whole line where nothing makes it fall.
+PetscInt nodes_of_layer(const Scene& s) {
+  if (s.K0() == 0 || s.K1() == 0) return s.n;
+  const double h = s.form == Form::chain ? 1 : s.h(), per_node = 2 * std::asinh(h * std::sqrt(s.K0() / s.K1()) / 2);
+  const double nodes = 45 / per_node + 4 * s.order;
+  return nodes < double(s.n) ? static_cast<PetscInt>(nodes) : s.n;
+}
+
+// psi of the nodes beside one held end, in their order along the line.
+std::vector<double> layer(const Scene& whole, PetscInt nodes, bool at_left) {
+  if ((at_left ? whole.left : whole.right) != End::velocity) return {};
+  Scene part = whole;
+  part.n = nodes;
+  part.length = whole.h() * double(nodes - 1);
+  (at_left ? part.right : part.left) = End::free;
+  return SteadySliding(part).psi;
+}
+
 }  // namespace
 
 std::function<double(PetscInt)> steady_velocity(const Scene& scene) {
   if (!has_held_end(scene)) return {};
   try {
-    const auto psi = std::make_shared<std::vector<double>>(SteadySliding(scene).psi);
-    return [psi](PetscInt node) { return (*psi)[static_cast<std::size_t>(node)]; };
+    const PetscInt nodes = nodes_of_layer(scene);
+    if (scene.v == 0 || nodes > scene.n / 4) {
+      const auto psi = std::make_shared<std::vector<double>>(SteadySliding(scene).psi);
+      return [psi](PetscInt node) { return (*psi)[static_cast<std::size_t>(node)]; };
+    }
+    const auto left = std::make_shared<std::vector<double>>(layer(scene, nodes, true));
+    const auto right = std::make_shared<std::vector<double>>(layer(scene, nodes, false));
+    return [left, right, v = scene.v, n = scene.n](PetscInt node) {
+      const auto from_left = std::size_t(node), from_right = std::size_t(n - 1 - node);
+      return from_left < left->size()     ? (*left)[from_left]
+             : from_right < right->size() ? (*right)[right->size() - 1 - from_right]
+                                          : v;
+    };
   } catch (const Error&) {
     return {};
   }

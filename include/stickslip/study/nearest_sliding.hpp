@@ -11,7 +11,8 @@
 namespace stickslip {
 
 // psi of steady sliding at a node: v without held ends (an empty function says so), else the boundary layers at them,
-// one banded solve over the whole line. v too where there is no steady sliding. Not collective.
+// solved for as far as they reach (over the whole line where that is a quarter of it). v too where there is no steady
+// sliding. Not collective.
 std::function<double(PetscInt)> steady_velocity(const Scene& scene);
 
 // Largest growth rate of perturbations of that steady sliding (1/time), of the wavelengths that the grid resolves, all in
