@@ -12,6 +12,7 @@
 #include "base/local_copy.hpp"
 #include "base/progress.hpp"
 #include "commands/quantities.hpp"
+#include "output/carried_frame.hpp"
 #include "output/catalogue.hpp"
 #include "output/frames.hpp"
 #include "output/maxima.hpp"
@@ -358,8 +359,9 @@ void Run::report(Summary& summary, bool complete) {
   if (file_ && file_->frames() > 0) summary.wrote(options_.text("out_file"));
   summary.wrote(last_checkpoint_);
   if (!problem_.what.empty()) summary.set("reduced", problem_.what);
-  if (complete) problem_.model.set_held(problem_.u);
   if (complete) {
+    problem_.model.set_held(problem_.u);
+    if (CarriedFrame* next = CarriedFrame::innermost()) next->keep(problem_.model, scene_, problem_.u, r.t);
     const StepAudit::Verdict verdict = step_audit_->verdict(problem_.u);
     const NearestGrowth near = nearest_growth(problem_.model, verdict, origin_.evaluations + r.rhs_evaluations);
     regime_->know(near.growth, near.taken, near.why_not);

@@ -8,6 +8,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/paths.hpp"
+#include "output/carried_frame.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/root.hpp"
@@ -25,9 +26,9 @@ std::string file_of(const std::string& path, long point) {
   return path.substr(0, has_end ? dot : path.size()) + "-" + number + (has_end ? path.substr(dot) : "");
 }
 
-// Where the ends of a followed line stand, the latest and the one that is being computed in turn.
+// Where the ends of a followed line stand for a sweep that is killed, the latest and the one being computed in turn.
 std::string end_of_line(const std::string& path, long unit, std::size_t turn) {
-  return paths::hidden_sibling(path, ".line-" + std::to_string(unit) + (turn % 2 ? "-b.h5" : "-a.h5"));
+  return paths::hidden_sibling(path, ".line-" + std::to_string(unit) + (turn % 2 ? "-b" : "-a"));
 }
 
 // What one rank meets alone, the others do not know.
@@ -131,41 +132,47 @@ void SweepSession::look_at_clock(long taken, long units) {
 // ---- points -------------------------------------------------------------------------------------------------------
 
 // `wholes`: the points of the same line before this one that have come to their end.
-Options SweepSession::options_at(long point, long unit, const std::vector<long>& wholes) const {
+Options SweepSession::options_at(long point, const std::vector<long>& wholes) const {
   Options options = plan_.at(point);
   if (files_) options = options.with("out_file", file_of(path_, point));
   if (!plan_.follows()) return options;
-  if (!files_) {
+  if (!files_)
     for (const char* output : {"out_every", "out_frames", "out_probes", "out_displacement"})
       options = options.with(output, "");
-    options = options.with("out_file", end_of_line(path_, unit, wholes.size()))
-                  .with("out_times", options.text("ts_max_time"))
-                  .with("out_series", "false");
-  }
   if (wholes.empty()) return options;
   for (const char* start : {"init_frame", "init_eta", "init_state"}) options = options.with(start, "");
   return options.with("init_type", "file")
-      .with("init_file", files_ ? file_of(path_, wholes.back()) : end_of_line(path_, unit, wholes.size() - 1));
+      .with("init_file", files_ ? file_of(path_, wholes.back()) : CarriedFrame::name);
 }
 
 void SweepSession::compute_unit(RankGroups& groups, long unit) {
+  const bool carries = plan_.follows() && !files_;
   std::vector<long> wholes;
+  std::optional<Frame> end;  // of the last of them
   for (const long point : plan_.unit(unit)) {
     if (const auto found = known_.find(point); found != known_.end()) {
       if (found->second.whole) wholes.push_back(point);
       continue;
     }
     if (plan_.follows() && groups.any(watch_.caught() != 0)) return;
-    const PointRunner::Outcome outcome = runner_.run(options_at(point, unit, wholes));
+    if (carries && !end && !wholes.empty()) end = load_frame(end_of_line(path_, unit, wholes.size() - 1));
+    std::optional<CarriedFrame> carried;
+    if (carries) carried.emplace(end);
+    const PointRunner::Outcome outcome = runner_.run(options_at(point, wholes));
     if (outcome.code > 128) {
       stopped_by_ = outcome.code - 128;
       return;
     }
+    const bool whole = outcome.row["status"] == "done";
+    if (carries && whole && carried->end) {
+      end = std::move(carried->end);
+      save_frame(end_of_line(path_, unit, wholes.size()), *end);
+    }
     note(point, outcome.row);
     if (outcome.alone) std::rethrow_exception(outcome.alone);
-    if (outcome.row["status"] == "done") wholes.push_back(point);
+    if (whole) wholes.push_back(point);
   }
-  if (plan_.follows() && groups.leads())
+  if (carries && groups.leads())
     for (const std::size_t turn : {0, 1}) unlink(end_of_line(path_, unit, turn).c_str());
 }
 

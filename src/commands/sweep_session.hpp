@@ -42,7 +42,7 @@ class SweepSession {
   void write_table(bool complete);
   void compute(RankGroups& groups, const std::vector<long>& units);
   void compute_unit(RankGroups& groups, long unit);
-  Options options_at(long point, long unit, const std::vector<long>& wholes) const;
+  Options options_at(long point, const std::vector<long>& wholes) const;
   void note(long point, const Json& row);
   void refine(RankGroups& groups);
   void look_at_clock(long taken, long units);

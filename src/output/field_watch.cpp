@@ -131,7 +131,7 @@ int FieldWatch::count_pulses(const Passages& own) const {
   return line.up + (model_.scene().ring() && line.last == -1 && line.first == 1 ? 1 : 0);
 }
 
-// 65536 nodes round the ring, and 512 at least for each turn, all nodes of smaller ones; with the sine and cosine of mode_
+// 32768 nodes round the ring, and 512 at least for each turn, all nodes of smaller ones; with the sine and cosine of mode_
 // turns there. That is the angle of one of n places of the circle, coarse ones and finer ones between two of them, of
 // which tables hold cosine and sine.
 void FieldWatch::choose_phase_places() {
@@ -142,8 +142,9 @@ void FieldWatch::choose_phase_places() {
     return values;
   };
   const auto coarse_turns = table(double(fine) / double(nodes)), fine_turns = table(1 / double(nodes));
-  const double n = double(nodes), count = std::min(n, std::max(65536., 512. * mode_));
+  const double n = double(nodes), count = std::min(n, std::max(32768., 512. * mode_));
   const double begin = double(model_.first()), end = begin + double(model_.local());
+  phase_places_.reserve(std::size_t((end - begin) * count / n) + 2);
   for (double k = std::max(0., std::floor(begin * count / n) - 1); k < count; ++k) {
     const double node = std::floor(k * n / count);
     if (node < begin) continue;

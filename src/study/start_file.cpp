@@ -5,6 +5,7 @@
 
 #include "base/broadcast.hpp"
 #include "options/columns.hpp"
+#include "output/carried_frame.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/numerics/interpolation.hpp"
@@ -117,6 +118,12 @@ std::string file_of(const Options& options) {
   return options.text("init_file");
 }
 
+// The end of the run before this one, where it is asked for by its name.
+const Frame* carried(const Options& options) {
+  const CarriedFrame* frame = CarriedFrame::innermost();
+  return frame && frame->start && options.text("init_file") == CarriedFrame::name ? &*frame->start : nullptr;
+}
+
 Frame frame_of_text(const Scene& s, const Options& options) {
   const std::string path = file_of(options);
   if (options.is_set("init_frame")) throw UsageError("init_frame: init_type text has no frames");
@@ -143,6 +150,7 @@ Frame frame_of_text(const Scene& s, const Options& options) {
 
 Frame frame_of_file(const Scene& s, const Options& options) {
   const std::string path = file_of(options);
+  if (const Frame* frame = carried(options)) return *frame;
   Frame frame = read_frame("init_file", path, options.is_set("init_frame") ? options.integer("init_frame") : -1);
   const auto form = frame.options.find("model_form");
   if (form != frame.options.end() && form->second != to_string(s.form))
@@ -181,7 +189,7 @@ Frame frame_from_eigenvector(const Scene& s, const Options& options) {
 }  // namespace
 
 bool starts_from_eigenvector(const Options& options) {
-  return options.text("init_type") == "file" && options.is_set("init_file") &&
+  return options.text("init_type") == "file" && options.is_set("init_file") && !carried(options) &&
          kind_of("init_file", options.text("init_file")) == "spectrum";
 }
 

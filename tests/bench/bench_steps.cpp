@@ -28,7 +28,8 @@ void run(int argc, char** argv) {
   MPI_Barrier(PETSC_COMM_WORLD);
   double seconds[2] = {bench::now(true), bench::now(false)};
   Integrator integrator(problem.model, MethodSpec::from(options), problem.u);
-  integrator.advance(problem.u, 0, options.real("ts_max_time"), nullptr);
+  const PetscInt most = options.is_set("ts_max_steps") ? options.integer("ts_max_steps") : PETSC_MAX_INT;
+  integrator.advance(problem.u, 0, options.real("ts_max_time"), nullptr, most);
   seconds[0] = bench::now(true) - seconds[0];
   seconds[1] = bench::now(false) - seconds[1];
   MPI_Allreduce(MPI_IN_PLACE, seconds, 2, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD);
