@@ -367,7 +367,7 @@ TEST_CASE("what is implicit follows from the rate of friction, a smoothed thresh
     const Integrator integrator(model, MethodSpec(), u);
     return integrator.report().method + " " + to_string(integrator.report().implicit);
   };
-  CHECK(chosen(100, "cubic") == "rk:5dp none");
+  CHECK(chosen(100, "cubic") == "rk:7vr none");
   CHECK(chosen(300, "cubic") == "arkimex:4 friction");
   CHECK(chosen(3, "carlson-langer") == "arkimex:4 friction");
 }

@@ -27,12 +27,12 @@ namespace {
 
 std::vector<Method> make_table() {
   std::vector<Method> table = {
-      {"rk", "5dp", explicit_, 5, yes, "the default where nothing is stiff"},
+      {"rk", "5dp", explicit_, 5, yes, "the choice where nothing is stiff, but friction jumps or steps are fixed"},
       {"rk", "3bs", explicit_, 3, yes, "low accuracy, short steps"},
       {"rk", "5f", explicit_, 5, yes, "as 5dp"},
       {"rk", "5bs", explicit_, 5, yes, "accuracy of 1e-8 and better"},
       {"rk", "6vr", explicit_, 6, yes, "accuracy of 1e-9 and better"},
-      {"rk", "7vr", explicit_, 7, yes, "any accuracy, also where stability sets the steps"},
+      {"rk", "7vr", explicit_, 7, yes, "the default where nothing is stiff; any accuracy"},
       {"rk", "8vr", explicit_, 8, yes, "reference solutions"},
       {"rk", "2a", explicit_, 2, yes, "comparison"},
       {"rk", "2b", explicit_, 2, never, "comparison"},

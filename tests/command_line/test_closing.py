@@ -24,10 +24,10 @@ SHORT = ("-grid_n", "32", "-ts_max_time", "5")
 
 @pytest.mark.parametrize("words, parts", [
     (("run", *SHORT, "-out_file", "a.h5"), ["steady sliding is unstable: perturbations grow like exp(", "t = 5 in ",
-                                            "steps of rk:5dp", "sign of delta: derived", "wrote a.h5", "plot.py a.h5"]),
+                                            "steps of rk:7vr", "sign of delta: derived", "wrote a.h5", "plot.py a.h5"]),
     (("run", *SHORT), ["nothing is kept without -out_file"]),
     (("run", *SHORT, "-ts_max_steps", "3"), ["stopped at t = ", "ts_max_steps 3", "without -out_file there is no checkpoint"]),
-    (("run", *SHORT, "-check", "-out_file", "c.h5"), ["checked: 32 nodes", "rk:5dp", "200 frames", "the whole run"]),
+    (("run", *SHORT, "-check", "-out_file", "c.h5"), ["checked: 32 nodes", "rk:7vr", "200 frames", "the whole run"]),
     (("spectrum", "-grid_n", "32"), ["steady sliding is unstable: growth rate 2.23196", "modes of 64"]),
     (("laws",), ["F(psi) of cubic"]),
     (("cycle", "-cycle_continue", "model_v", "-cycle_to", "0.21"),

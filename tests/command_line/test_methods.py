@@ -68,7 +68,7 @@ def test_displacement_and_energy():
                "-out_displacement -out_frames 201")
     check(done.returncode == 0, done.stderr)
     with open(summary, encoding="utf-8") as file:
-        check(json.load(file)["method"] == "rk:5dp", "the default method")
+        check(json.load(file)["method"] == "rk:7vr", "the default method")
     with h5py.File(path) as file:
         t, psi, chi, series = file["t"][:], file["psi"][:], file["chi"][:], file["series"]
         # chi_t = psi: central differences of the frames, error dt^2 |psi_tt|/6

@@ -21,7 +21,7 @@ def regime(arguments):
 @pytest.mark.parametrize("end, word", [(60, "decaying"), (150, "decaying"), (300, "decaying"), (1000, "sliding")])
 def test_slow_decay(end, word):
     # the spectrum: -0.004, below the -0.0055 of an amplitude that still feels the cube
-    out, _ = regime(f"-model_gamma 0.3 -model_v 0.6 -ts_max_time {end}")
+    out, _ = regime(f"-model_gamma 0.3 -model_v 0.6 -ts_max_time {end} -ts_rtol 1e-8 -ts_atol 1e-8")
     assert out["regime"] == word and abs(out["growth_rate"] + 0.004) < 1e-9, out
     assert end < 300 or abs(out["regime_rate"] + 0.004) < 4e-4, out
 

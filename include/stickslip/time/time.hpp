@@ -1,9 +1,10 @@
 // Advancing the semi-discrete system in time by PETSc TS.
 //
 // Without any option the method is chosen from two frequencies of the scene at its start: that of the shortest wave,
-// sqrt(A (K0 + K1 kappa^2_max)) or, where it is larger, the rate A N kappa^2_max of viscosity, and the rate of friction, max |A (B + F_psi)|. Where an accurate step is stable, the
-// explicit Runge-Kutta pair 5dp is used; otherwise an implicit-explicit ARKIMEX method takes the stiff part
-// implicitly. Every -ts_, -snes_, -ksp_, -pc_ option stands above the choice.
+// sqrt(A (K0 + K1 kappa^2_max)) or, where it is larger, the rate A N kappa^2_max of viscosity, and the rate of
+// friction, max |A (B + F_psi)|. Where an accurate step is stable, the explicit Runge-Kutta pair 7vr is used (5dp where
+// friction jumps at rest or steps are fixed); otherwise an implicit-explicit ARKIMEX method takes the stiff part implicitly.
+// Every -ts_, -snes_, -ksp_, -pc_ option stands above the choice.
 //
 // imex_implicit says what an IMEX method takes implicitly:
 //     friction  all pointwise terms (node by node, tile by tile); D2 psi explicit, that of viscosity too
