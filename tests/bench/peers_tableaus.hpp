@@ -5,6 +5,8 @@
 
 #include <petscts.h>
 
+#include <cmath>
+#include <complex>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -122,6 +124,22 @@ inline double violation(const Tableau& t, const std::vector<double>& weights, in
     }
   }
   return worst;
+}
+
+// How far along the imaginary axis |R| stays below 1.001: what undamped waves allow a step, times their frequency.
+inline double reach(const Tableau& t) {
+  const auto s = std::size_t(t.stages);
+  for (double y = 0.05;; y += 0.05) {
+    const std::complex<double> z(0, y);
+    std::complex<double> R = 1;
+    std::vector<std::complex<double>> k(s);
+    for (std::size_t i = 0; i < s; ++i) {
+      k[i] = 1;
+      for (std::size_t j = 0; j < i; ++j) k[i] += z * t.A[i * s + j] * k[j];
+      R += z * t.b[i] * k[i];
+    }
+    if (std::abs(R) > 1.001) return y - 0.05;
+  }
 }
 
 }  // namespace peers
