@@ -39,6 +39,7 @@ PROGRAM = os.path.abspath(os.environ.get("STICKSLIP", os.path.join(SOURCE, "buil
 KNOWN = {name: getattr(math, name) for name in ("sqrt", "log", "pi")}
 KNOWN |= {function.__name__: function for function in (abs, all, any, len, max, min, round, sorted, sum)}
 COMMAND = re.compile(r"((build/)?stickslip|build/tests/\w+|mpirun|postprocess/\S+|scripts/\S+|(/usr/bin/)?python3|for \w+ in)(\s|$)")
+MPI = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
 PLACE = re.compile(r"\b[A-Z]{4,}\b|\.\.\.|\[")  # a word that stands for another; no command to run as it is
 
 
@@ -87,7 +88,7 @@ def tree(folder):
 def shell(command, folder):
     path = os.path.dirname(PROGRAM) + os.pathsep + os.environ["PATH"]
     return subprocess.run(command, shell=True, executable="/bin/bash", cwd=folder, capture_output=True, text=True,
-                          env={**os.environ, "PATH": path, "STICKSLIP": PROGRAM})
+                          env={**os.environ, **MPI, "PATH": path, "STICKSLIP": PROGRAM})
 
 
 def agrees(claim, page, summary):
