@@ -12,7 +12,9 @@ from stickslip import Unusable, scene_title, shown_name, text
 def draw_limits(file):
     """For each method the steps that are right, those that end all the same, and the limits of theory."""
     method, implicit, how = ([text(value) for value in file[name][...]] for name in ("method", "implicit", "how"))
-    groups = list(dict.fromkeys(zip(file["value"][...], file["order"][...].astype(int), file["n"][...].astype(int))))
+    varied = np.nan_to_num(file["value"][...])  # nan where no option is varied, which is not equal to itself
+    places = list(zip(varied, file["order"][...].astype(int), file["n"][...].astype(int)))
+    groups = list(dict.fromkeys(places))
     names = [m + (f" ({i})" if m.startswith("arkimex") else "") for m, i in zip(method, implicit)]
     rows = list(dict.fromkeys(names))
     value = {name: file[name][...] for name in ("theory", "limit", "followed", "damps", "damps_theory", "shortest",
@@ -28,7 +30,7 @@ def draw_limits(file):
     panels = np.array([[figure.add_subplot(grid[i, j]) for j in range(columns)] for i in range(lines)])
     parameter = text(file.attrs["parameter"])
     for panel, group in zip(panels.flat, groups):
-        for k, key in enumerate(zip(file["value"][...], file["order"][...].astype(int), file["n"][...].astype(int))):
+        for k, key in enumerate(places):
             if key != group:
                 continue
             y = len(rows) - 1 - rows.index(names[k])

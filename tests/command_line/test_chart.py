@@ -181,3 +181,12 @@ def test_wrong_use(words, names):
     lines = [line for line in said.splitlines() if "error" in line]
     assert len(lines) == 1 and names in lines[0], (words, said)
     assert not os.path.exists("no.h5")
+
+
+def test_limits_are_drawn_in_one_panel():
+    chart("-chart_kind", "limits", "-grid_n", 16, "-grid_length", 8, "-ts_max_time", 20, "-chart_methods", "rk:4,cn", "-out_file", "l.h5")
+    sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
+    from figures_chart import draw_limits
+    with h5py.File("l.h5") as file:
+        bars = [len(panel.patches) for panel in draw_limits(file).axes]
+    assert bars == [4, 0]  # two of each method, and the legend
