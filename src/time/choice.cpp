@@ -99,9 +99,9 @@ bool tunes_solvers(const std::string& prefix) {
   return false;
 }
 
-// What is taken tile by tile: rk, arkimex with friction implicit, and leapfrog, which is nothing else.
+// What has steps of its own: rk, arkimex whatever is implicit, and leapfrog, which is nothing else.
 bool can_be_fused(const std::string& type, Implicit implicit, const std::string& prefix) {
-  return type == TSRK || type == leapfrog_type || (type == TSARKIMEX && implicit == Implicit::friction && !tunes_solvers(prefix));
+  return type == TSRK || type == leapfrog_type || (type == TSARKIMEX && implicit != Implicit::none && !tunes_solvers(prefix));
 }
 
 }  // namespace
@@ -162,8 +162,8 @@ Choice choose_method(const Model& model, const Rates& rates, const MethodSpec& s
   if (choice.named_fused && choice.type == TSARKIMEX && spec.implicit == "auto") choice.implicit = Implicit::friction;
   if (choice.fused) choice.fused = can_be_fused(choice.type, choice.implicit, prefix);
   if (choice.named_fused && !choice.fused)
-    throw UsageError("ts_type " + std::string(name) + ": it takes friction implicitly, by a solver of its own; use " +
-                     "ts_type arkimex, or imex_implicit friction without options of snes, ksp and pc");
+    throw UsageError("ts_type " + std::string(name) + ": it solves what is implicit by a solver of its own; use " +
+                     "ts_type arkimex, or imex_implicit friction, wave or both without options of snes, ksp and pc");
   if (choice.type == leapfrog_type && model.viscous())
     throw UsageError("ts_type leapfrog: viscosity between neighbours (model_nu " + number_text(model.scene().nu) +
                      ") spreads velocity, which its kicks cannot follow stably at order 2; use rk or arkimex");

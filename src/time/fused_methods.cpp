@@ -2,6 +2,7 @@
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/methods.hpp"
+#include "time/banded_imex.hpp"
 #include "time/fused_imex.hpp"
 #include "time/leapfrog.hpp"
 
@@ -35,7 +36,7 @@ class FusedRk : public FusedMethod {
     SS_TRY(TSRKSetType(library_, name));
     order_ = 0;
   }
-  std::unique_ptr<TiledStep> make(const Model& model, bool sticking) const override {
+  std::unique_ptr<StepTaker> make(const Model& model, Implicit, bool sticking) const override {
     return std::make_unique<FusedStep>(model, tableau_of(library_), sticking);
   }
   int order() const override {
@@ -70,7 +71,9 @@ class FusedArkimex : public FusedMethod {
     name_ = name;
     method_.reset();
   }
-  std::unique_ptr<TiledStep> make(const Model& model, bool sticking) const override {
+  std::unique_ptr<StepTaker> make(const Model& model, Implicit implicit, bool sticking) const override {
+    if (implicit == Implicit::wave || implicit == Implicit::both)
+      return std::make_unique<BandedImex>(model, method().tableau(), implicit, sticking);
     return std::make_unique<FusedImex>(model, method().tableau(), sticking);
   }
   int order() const override { return method().tableau().order; }
@@ -95,7 +98,7 @@ class FusedLeapfrog : public FusedMethod {
   const char* type() const override { return leapfrog_type; }
   const char* subtype() const override { return ""; }
   void set_subtype(const char*) override {}
-  std::unique_ptr<TiledStep> make(const Model& model, bool sticking) const override {
+  std::unique_ptr<StepTaker> make(const Model& model, Implicit, bool sticking) const override {
     return std::make_unique<Leapfrog>(model, sticking);
   }
   int order() const override { return 2; }

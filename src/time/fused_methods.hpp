@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "stickslip/time/time.hpp"
 #include "time/fused_step.hpp"
 
 namespace stickslip {
@@ -19,7 +20,8 @@ class FusedMethod {
   virtual const char* type() const = 0;     // the library's
   virtual const char* subtype() const = 0;  // its tableau
   virtual void set_subtype(const char* name) = 0;
-  virtual std::unique_ptr<TiledStep> make(const Model& model, bool sticking) const = 0;
+  // `implicit`: of arkimex.
+  virtual std::unique_ptr<StepTaker> make(const Model& model, Implicit implicit, bool sticking) const = 0;
   virtual int order() const = 0;            // as the error control takes it
   virtual int slopes() const = 0;           // how many TiledStep::take keeps
   // Weights of the slopes in u at the part s of a step dt.

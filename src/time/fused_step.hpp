@@ -14,25 +14,13 @@
 
 namespace stickslip {
 
-class TiledStep {
+class TiledStep : public StepTaker {
  public:
-  virtual ~TiledStep() = default;
-
-  struct Outcome {
-    bool finite;
-    double error;  // as ErrorNorm weighs it; -1 without an estimate
-    bool solved;   // every implicit equation, by the root that the step leads to
-  };
-  // `u_new` = u after a step dt; u and u_new differ. `slopes`: empty, or a Vec for every slope of the method, to keep
-  // them for values between steps. `last_slope`: nullptr, or takes the last of them. `t`: where the step begins, which
-  // a load alone asks for. Collective; no allocation.
   Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new, const std::vector<VecHandle>& slopes,
-               Vec last_slope = nullptr, double t = 0) const;
-  // With friction that sticks (stick.hpp): 1, -1 or 0 for every node of this rank, from now on. Collective.
-  void set_direction(const std::vector<double>& direction) { tiles_.set_direction(direction); }
-  // The last stage is taken at the new u: its slope is the right-hand side there.
-  bool last_is_solution() const { return last_is_solution_; }
-  int stages() const { return stages_; }
+               Vec last_slope = nullptr, double t = 0) const override;
+  void set_direction(const std::vector<double>& direction) override { tiles_.set_direction(direction); }
+  bool last_is_solution() const override { return last_is_solution_; }
+  int stages() const override { return stages_; }
 
  protected:
   static constexpr int slopes_from = 2;  // columns of Tiles: the slopes of the stages, one behind the other

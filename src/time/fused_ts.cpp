@@ -21,8 +21,9 @@ std::string FusedTs::library_type(const std::string& fused) {
   return fused == fused_rk ? TSRK : fused == fused_arkimex ? TSARKIMEX : fused == leapfrog_type ? leapfrog_type : "";
 }
 
-void FusedTs::bind(const Model& model, bool sticking, std::function<bool(double)> keep_slopes) {
+void FusedTs::bind(const Model& model, Implicit implicit, bool sticking, std::function<bool(double)> keep_slopes) {
   model_ = &model;
+  implicit_ = implicit;
   sticking_ = sticking;
   keep_slopes_ = std::move(keep_slopes);
 }
@@ -53,7 +54,7 @@ std::string FusedTs::fused_type(const std::string& type) {
 
 void FusedTs::set_up() {
   if (!model_) throw std::logic_error("a TS of a fused type that is bound to no model");
-  step_ = method_->make(*model_, sticking_);
+  step_ = method_->make(*model_, implicit_, sticking_);
   before_ = model_->create_vector();
 }
 

@@ -2,7 +2,7 @@
 // views, and the tableaus of the library's own types.
 //
 //     fusedrk       rk: -ts_rk_type names the tableau
-//     fusedarkimex  arkimex with friction implicit: -ts_arkimex_type names the tableau
+//     fusedarkimex  arkimex, whatever is implicit: -ts_arkimex_type names the tableau
 //     leapfrog      Stoermer and Verlet's, friction by the midpoint rule (leapfrog.hpp)
 //
 // A TS of such a type is no use before it is bound to a model. In no other file than the source of this one is PETSc's
@@ -29,7 +29,7 @@ class FusedTs {
 
   explicit FusedTs(const std::string& library_type) : method_(FusedMethod::of(library_type)) {}
   // To be called before TSSetUp. `keep_slopes(until)`: will values inside a step to `until` be asked for?
-  void bind(const Model& model, bool sticking, std::function<bool(double until)> keep_slopes);
+  void bind(const Model& model, Implicit implicit, bool sticking, std::function<bool(double until)> keep_slopes);
   // The last stage, where it is taken at the new u, leaves its slope in the Vec that this returns.
   void leave_slope_in(std::function<Vec()> slope) { slope_at_end_ = std::move(slope); }
   void set_direction(const std::vector<double>& direction) { step_->set_direction(direction); }
@@ -53,12 +53,13 @@ class FusedTs {
 
   std::unique_ptr<FusedMethod> method_;
   const Model* model_ = nullptr;
+  Implicit implicit_ = Implicit::none;
   bool sticking_ = false;
   std::function<bool(double)> keep_slopes_;
   std::function<Vec()> slope_at_end_;
-  std::unique_ptr<TiledStep> step_;
+  std::unique_ptr<StepTaker> step_;
   VecHandle before_;
-  TiledStep::Outcome outcome_{};
+  StepTaker::Outcome outcome_{};
   std::vector<VecHandle> slopes_;
   bool slopes_kept_ = false;  // those of the last step
   double t_ = 0, dt_ = 0;     // of the last step: where it begins, its length

@@ -122,7 +122,7 @@ void Integrator::Impl::fuse(const Choice& choice) {
     set_subtype(choice.type, subtype);
   }
   fused = FusedTs::of(ts);
-  fused->bind(model, Stick::applies_to(model.scene()),
+  fused->bind(model, choice.implicit, Stick::applies_to(model.scene()),
               [this](double until) { return !dense && output_due(until); });
 }
 

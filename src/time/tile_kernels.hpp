@@ -7,6 +7,7 @@
 
 #include "model/column_kernel.hpp"
 #include "model/implicit_kernel.hpp"
+#include "model/newton_kernel.hpp"
 
 namespace stickslip::tile {
 
@@ -21,5 +22,9 @@ Pointwise pointwise(const Scene& scene, bool sticking, const std::vector<double>
 // The stage of an implicit-explicit method with what is pointwise implicit; the number of nodes left unsolved.
 using SolveStage = std::function<long(const kernel::Coefficients&, const kernel::Stage&)>;
 SolveStage solve_stage(const Scene& scene, bool sticking, const std::vector<double>& x);
+
+// A round of Newton's method with everything implicit.
+using NewtonRound = std::function<double(const kernel::Coefficients&, const kernel::Round&, bool advance)>;
+NewtonRound newton_round(const Scene& scene, bool sticking, const std::vector<double>& x);
 
 }  // namespace stickslip::tile

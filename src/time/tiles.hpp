@@ -16,6 +16,7 @@
 
 #include "model/kernel.hpp"
 #include "stickslip/model/model.hpp"
+#include "time/step_taker.hpp"
 
 namespace stickslip {
 
@@ -34,12 +35,6 @@ struct Row {
 };
 // Weights of the columns first, first + 1, ... , added to `row`.
 void add_to_row(Row& row, const double* weights, int count, int first);
-
-// How errors are weighed: |error_i|/(atol + rtol |u_i|), root mean square or the largest.
-struct ErrorNorm {
-  double atol, rtol;
-  NormType type;
-};
 
 class Tiles {
  public:

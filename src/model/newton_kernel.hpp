@@ -1,0 +1,163 @@
+// A round of Newton's method for a stage that takes everything implicitly, node by node but for the linear system.
+//
+// As in implicit_kernel.hpp eta and the state are put into psi's equation, and so is p D2 psi now,
+//     a psi - p D2 psi + q F(psi, s) = R,   p = q (h K1 + N),   R = z_psi + q (z_eta + h K0 v)
+// Linearised at psi_k, s_k this is (d - p D2) x = b, whose solution x is the next psi: no difference of D2 psi is ever
+// formed, and what is left over after the round is what friction is off its tangent. p D2 x = d x - b gives eta.
+#pragma once
+
+#include "model/implicit_kernel.hpp"
+
+namespace stickslip::kernel {
+
+// The stage's coefficients, see above and implicit_kernel.hpp.
+struct BandStage {
+  double h, q, a, p, load;
+  double kappa;  // K1/p, 0 where p is
+  double row;    // at least the sum of |p D2| over a row
+};
+inline BandStage band_stage(const Coefficients& c, double K1, double N, double d2_row, double h) {
+  const double q = h * c.A / (1 + h * c.s_delta), p = q * (h * K1 + N);
+  return {h, q, 1 + h * c.A * c.B + q * h * c.K0, p, h * c.K0 * c.v, p != 0 ? K1 / p : 0, p * d2_row};
+}
+
+struct Round {
+  BandStage stage;
+  const double *z_psi, *z_eta, *z_state;
+  const double *amplitude, *direction;  // as in Stage
+  double *psi, *state;                  // where it is linearised; after advance(): the next ones
+  double *d, *b;
+  const double* x;
+  double *g_psi, *g_eta, *g_state;      // slopes of the implicit part
+  double target, immovable;
+  PetscInt count, node;
+};
+
+// The slopes that follow from x and psi. `moves`: 1, or 0 at rest.
+struct BandSlopes {
+  double psi, eta;
+};
+inline BandSlopes band_slopes(const Coefficients& c, const BandStage& k, double z_psi, double psi, double per_h,
+                              double coupling, double moves) {
+  const double slope = (psi - z_psi) * per_h;
+  return {slope, c.K0 * (c.v - psi) + k.kappa * coupling - c.s_delta * (moves * (slope / c.A + c.B * psi))};
+}
+
+template <class F, bool sticking>
+struct NewtonRound {
+  static constexpr int dof = F::has_state ? 3 : 2;
+  F friction;
+
+  // The tangent at a node: q F and the residual of the state's equation, in the change of psi.
+  struct Tangent {
+    double force, slope;          // q F, its slope, the state following
+    double change, follows;       // of the state: change + follows (x - psi)
+    double a_q_state, own;
+  };
+  template <class Own>
+  static Tangent tangent(const Own& own, const Round& t, double amplitude, PetscInt i) {
+    const double psi = t.psi[i], s = F::has_state ? t.state[i] : 0, going = sticking ? t.direction[i] : 0;
+    const double q = t.stage.q * amplitude;
+    const Partials p = partials(own, psi, s, going);
+    if constexpr (F::has_state) {
+      const RatePartials g = rate(own, psi, s, going);
+      const double one = 1 - t.stage.h * g.g_state, change = -(s - t.z_state[i] - t.stage.h * g.g) / one;
+      const double follows = t.stage.h * g.g_psi / one;
+      return {q * (p.F + p.F_state * change), q * (p.F_psi + p.F_state * follows), change, follows, q * p.F_state, one};
+    } else {
+      return {q * p.F, q * p.F_psi, 0, 0, 0, 1};
+    }
+  }
+  template <class Own>
+  static Partials partials(const Own& own, double psi, double s, double going) {
+    if constexpr (sticking) return own.sliding_partials(psi, s, going);
+    else return own.partials(psi, s);
+  }
+  template <class Own>
+  static RatePartials rate(const Own& own, double psi, double s, double going) {
+    if constexpr (sticking) return own.sliding_rate(psi, s, going);
+    else return own.rate_partials(psi, s);
+  }
+
+  // d and b. With `advance` what x makes of them: psi, the state and the slopes, and the largest of |what is left| over
+  // what is allowed.
+  double operator()(const Coefficients& c, const Round& t, bool advance) const {
+    if (t.amplitude) return advance ? next<true>(c, t) : linearise<true>(t);
+    return advance ? next<false>(c, t) : linearise<false>(t);
+  }
+
+ private:
+  template <bool spread>
+  double linearise(const Round& t) const {
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < t.count; ++i) {
+      const Tangent k = tangent(friction_of(friction, t.node + i), t, spread ? t.amplitude[i] : 1, i);
+      const double moves = moving<sticking>(t.direction, i), R = t.z_psi[i] + t.stage.q * (t.z_eta[i] + t.stage.load);
+      t.d[i] = moves != 0 ? t.stage.a + k.slope : t.immovable;
+      t.b[i] = moves != 0 ? R - k.force + k.slope * t.psi[i] : R;
+    }
+    return 0;
+  }
+
+  template <bool spread>
+  double next(const Coefficients& c, const Round& t) const {
+    const double per_h = 1 / t.stage.h;
+    double worst = 0;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < t.count; ++i) {
+      const auto& own = friction_of(friction, t.node + i);
+      const double amplitude = spread ? t.amplitude[i] : 1, going = sticking ? t.direction[i] : 0;
+      const double moves = moving<sticking>(t.direction, i), coupling = t.d[i] * t.x[i] - t.b[i];
+      const Tangent k = tangent(own, t, amplitude, i);
+      const double step = moves != 0 ? t.x[i] - t.psi[i] : 0, linear = k.force + k.slope * step;
+      double psi = moves != 0 ? t.x[i] : t.z_psi[i], s = 0, tamed = 0;
+      if constexpr (F::has_state) s = t.state[i] + k.change + k.follows * step;
+      if constexpr (F::steep) {
+        psi = own.newton_psi(t.psi[i], t.state[i], t.x[i], s, t.stage.a / (t.stage.q * amplitude));
+        tamed = magnitude(psi - t.x[i]);
+      }
+      const double force = t.stage.q * amplitude * partials(own, psi, s, going).F, miss = magnitude(force - linear);
+      const double R = t.z_psi[i] + t.stage.q * (t.z_eta[i] + t.stage.load);
+      const double size = magnitude(t.stage.a * psi) + magnitude(force) + magnitude(R);
+      double ratio = moves * (miss + (t.stage.a + t.stage.row) * tamed) /
+                     (t.target * t.stage.a * (1 + magnitude(psi)) + 1e-15 * size);
+      if constexpr (F::has_state) {
+        const RatePartials g = rate(own, psi, s, going);
+        const double off = magnitude(s - t.z_state[i] - t.stage.h * g.g);
+        const double of_state = off / (t.target * (1 - t.stage.h * g.g_state) * (1 + magnitude(s)));
+        ratio = ratio > of_state ? ratio : of_state;
+        t.state[i] = s;
+        t.g_state[i] = (s - t.z_state[i]) * per_h;
+      }
+      ratio = ratio < 1e300 ? ratio : 1e300;  // also where it is no number
+      worst = ratio > worst ? ratio : worst;
+      const BandSlopes slopes = band_slopes(c, t.stage, t.z_psi[i], psi, per_h, coupling, moves);
+      t.psi[i] = psi;
+      t.g_psi[i] = slopes.psi;
+      t.g_eta[i] = slopes.eta;
+    }
+    return worst;
+  }
+  static double magnitude(double a) { return a < 0 ? -a : a; }
+};
+
+// With the waves alone implicit: b, and from x the slopes.
+struct WaveRound {
+  void operator()(const Coefficients& c, const Round& t, bool advance) const {
+    const double per_h = 1 / t.stage.h;
+    if (!advance) {
+#pragma GCC ivdep
+      for (PetscInt i = 0; i < t.count; ++i) t.b[i] = t.z_psi[i] + t.stage.q * (t.z_eta[i] + t.stage.load);
+      return;
+    }
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < t.count; ++i) {
+      const double R = t.z_psi[i] + t.stage.q * (t.z_eta[i] + t.stage.load), psi = t.psi[i];
+      const BandSlopes slopes = band_slopes(c, t.stage, t.z_psi[i], psi, per_h, t.stage.a * psi - R, 1);
+      t.g_psi[i] = slopes.psi;
+      t.g_eta[i] = slopes.eta;
+    }
+  }
+};
+
+}  // namespace stickslip::kernel

@@ -1,0 +1,80 @@
+// A grid cut for banded solves: groups of eight pieces, one in each lane of a vector, and a few outer nodes.
+//
+// The cuts follow from the grid alone, so that what is computed does not depend on the ranks, to the last bit. A rank
+// works on every tile (a group, or outer nodes) that holds one of its nodes; a tile on the border of two ranks is worked
+// on by both. On a ring the outer nodes are the first few; on a line they stand at both ends, with every row of D2 that
+// an end changes. A piece is `rows` nodes, the last half_width of which separate it from the next one; behind the last
+// piece of all these are outer nodes, which its tile holds a second time. A small grid has outer nodes only.
+#pragma once
+
+#include <vector>
+
+#include "stickslip/base/handle.hpp"
+#include "stickslip/model/model.hpp"
+
+namespace stickslip {
+
+struct BandTile {
+  PetscInt begin;   // first node
+  int rows, lanes;  // node of lane l, row r: begin + l rows + r; outer nodes: lanes 1
+  PetscInt at;      // place of its first node in columns: that of lane l, row r is at + lanes r + l
+  int group;        // -1: outer nodes
+  PetscInt count() const { return PetscInt(rows) * lanes; }
+  PetscInt place(PetscInt i) const { return (i % rows) * lanes + i / rows; }  // of node begin + i, from `at`
+};
+
+class BandLayout {
+ public:
+  explicit BandLayout(const Model& model);
+  BandLayout(const BandLayout&) = delete;
+  BandLayout& operator=(const BandLayout&) = delete;
+
+  const Model& model() const { return model_; }
+  const std::vector<BandTile>& tiles() const { return tiles_; }  // that this rank works on, by their first nodes
+  PetscInt size() const { return size_; }                        // of a column
+  int groups() const { return groups_; }
+  int rows_of(int group) const { return least_rows_ + (group < longer_ ? 1 : 0); }
+  int least_rows() const { return least_rows_; }
+  int left_outer() const { return left_; }
+  int outer() const { return left_ + right_; }
+  PetscInt outer_node(int i) const { return i < left_ ? i : n_ - right_ + (i - left_); }
+  // The rank that speaks for a tile, and whether the tile holds nodes of others too.
+  int speaker_of_group(int group) const { return rank_of(begin_of(group)); }
+  bool is_shared(int group) const;
+  int speaker_of_left() const { return 0; }
+  int speaker_of_right() const { return right_ > 0 ? rank_of(n_ - right_) : 0; }
+
+  // The nodes that this rank does not own, for the tiles and half_width nodes around them. Collective.
+  void fetch(Vec u) const;
+  void end_fetch() const;
+  // Unknown d of `count` nodes from local node i on (counted from this rank's first); own: the array of u.
+  void read(const double* own, int d, PetscInt i, PetscInt count, double* into) const;
+  // Unknown d of the tile, in the order of columns, from the array of a Vec; and what this rank owns back to one.
+  void load(const BandTile& t, const double* own, int d, double* into) const;
+  void store(const BandTile& t, const double* from, int d, double* own) const;
+  // The nodes of the tile that this rank owns, each node in one tile: as numbers from its first one.
+  void own_range(const BandTile& t, PetscInt& begin, PetscInt& end) const;
+  // The number of the tile's first node as seen from this rank's first.
+  PetscInt local(const BandTile& t) const;
+  PetscInt wrapped(PetscInt node) const { return ((node % n_) + n_) % n_; }
+
+ private:
+  PetscInt begin_of(int group) const;
+  int rank_of(PetscInt node) const;
+  void cut();
+  void choose_tiles();
+  void set_up_scatter();
+
+  const Model& model_;
+  int half_width_, dof_;
+  PetscInt n_;
+  std::vector<PetscInt> first_of_rank_;
+  int groups_ = 0, least_rows_ = 0, longer_ = 0, left_ = 0, right_ = 0;
+  std::vector<BandTile> tiles_;
+  PetscInt size_ = 0, left_halo_ = 0, right_halo_ = 0;
+  ScatterHandle scatter_;
+  VecHandle fetched_;
+  mutable const double* halo_ = nullptr;
+};
+
+}  // namespace stickslip

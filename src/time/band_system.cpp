@@ -1,0 +1,559 @@
+#include "time/band_system.hpp"
+
+#include <algorithm>
+#include <functional>
+
+#include "model/kernel.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/numerics/dense.hpp"
+#include "time/piece_kernel.hpp"
+#include "time/separators.hpp"
+
+namespace stickslip {
+
+namespace {
+
+using kernel::lanes;
+
+template <int hw>
+class BandSystemOf : public BandSystem {
+ public:
+  explicit BandSystemOf(const BandLayout& layout);
+
+  bool choose(double a, double p, bool varies) override;
+  void forward(std::size_t tile, const double* d, const double* b) override;
+  bool couple() override;
+  void backward(std::size_t tile, const double* d, const double* b, double* x) override;
+
+ private:
+  // A stretch of groups, whole or made of two.
+  struct Node {
+    int left = -1, right = -1;
+    StretchMatrix<hw> matrix;
+    StretchLoad<hw> load;
+    double d_behind[hw];                          // the diagonal of the separator behind it
+    double b[hw], x_left[hw], x_right[hw];        // of the separator in its middle; of those at its ends
+  };
+  struct Leaf {
+    int node, speaker;
+  };
+  struct Group {  // of a tile
+    int node = -1;
+    Separator<hw> separators[lanes - 1];          // where the diagonal varies
+    double b[lanes - 1][hw];
+  };
+  struct Factors {
+    double a = 0, p = 0;
+    bool positive = true;
+    double c[hw + 1];
+    double middle;                                // -p w_0
+    kernel::PieceTable table;
+    std::vector<double> W[2];                     // of pieces of the least rows, and of one more
+    Separator<hw> separators[2][lanes - 1];
+    StretchMatrix<hw> group[2];
+    std::vector<Separator<hw>> nodes;             // of the tree
+    std::vector<double> outer;                    // the inverse of what is left
+  };
+
+  int build(int lo, int hi);
+  int build_own(int lo, int hi);
+  void set_up_outer();
+  void set_up_gather();
+  void set_coefficients(Factors& f, double a, double p) const;
+  void make_constant(Factors& f, double a, double p);
+  bool join_eight(const double* d, const kernel::Sides<hw>& sides, const double* c, Separator<hw>* separators,
+                  StretchMatrix<hw>& whole) const;
+  void load_eight(const kernel::Sides<hw>& sides, const double* b, const Separator<hw>* separators,
+                  double (*own)[hw], StretchLoad<hw>& whole) const;
+  bool eliminate(const std::vector<int>& nodes);
+  void join(const std::vector<int>& nodes);
+  void descend(const std::vector<int>& nodes);
+  bool gather(bool with_matrices, bool flag);
+  std::vector<double> outer_matrix() const;
+  bool solve_outer();
+  int kind(const BandTile& t) const { return t.rows - layout_.least_rows(); }
+
+  const BandLayout& layout_;
+  const Scene& scene_;
+  std::vector<Node> tree_;
+  int root_ = -1;
+  std::vector<int> own_, top_;                    // nodes of two stretches: of this rank; of several
+  std::vector<Leaf> leaves_;                      // of the top
+  std::vector<Group> groups_;                     // of the tiles
+  int outer_count_;
+  std::vector<double> outer_d2_, outer_b_, outer_d_, outer_x_;
+  std::vector<char> outer_held_;
+  int ranks_, rank_;
+  std::vector<int> leaves_of_, outer_of_;         // of every rank
+  std::vector<double> sent_, received_;
+  std::vector<Factors> kept_;                     // constant, the last used first
+  Factors varying_;
+  bool varies_ = false, positive_ = true;         // positive_: of this rank's tiles, where the diagonal varies
+
+  std::function<void(const kernel::ConstantPiece&, kernel::Sides<hw>*)> forward_constant_;
+  std::function<void(const kernel::ConstantPiece&, const double*, const double*, double*)> backward_constant_;
+  std::function<void(const kernel::Piece&, kernel::Sides<hw>*)> forward_;
+  std::function<void(const kernel::Piece&, const double*, const double*, double*)> backward_;
+};
+
+template <int hw>
+BandSystemOf<hw>::BandSystemOf(const BandLayout& layout)
+    : layout_(layout), scene_(layout.model().scene()), outer_count_(layout.outer()),
+      forward_constant_(kernel::compiled<decltype(forward_constant_)>(kernel::ForwardConstant<hw>{})),
+      backward_constant_(kernel::compiled<decltype(backward_constant_)>(kernel::BackwardConstant<hw>{})),
+      forward_(kernel::compiled<decltype(forward_)>(kernel::Forward<hw>{})),
+      backward_(kernel::compiled<decltype(backward_)>(kernel::Backward<hw>{})) {
+  MPI_Comm_size(layout.model().comm(), &ranks_);
+  MPI_Comm_rank(layout.model().comm(), &rank_);
+  groups_.resize(layout.tiles().size());
+  if (layout.groups() > 0) root_ = build(0, layout.groups());
+  set_up_outer();
+  set_up_gather();
+}
+
+// ---- the tree -----------------------------------------------------------------------------------------------------
+
+int middle_of(int lo, int hi) {
+  int half = 1;
+  while (2 * half < hi - lo) half *= 2;
+  return lo + half;
+}
+
+template <int hw>
+int BandSystemOf<hw>::build(int lo, int hi) {
+  const int speaker = layout_.speaker_of_group(lo);
+  const bool of_one = speaker == layout_.speaker_of_group(hi - 1) && !layout_.is_shared(hi - 1);
+  if (of_one || hi - lo == 1) {
+    int node;
+    const auto& tiles = layout_.tiles();
+    const auto tile = std::find_if(tiles.begin(), tiles.end(), [&](const BandTile& t) { return t.group == lo; });
+    if (of_one && speaker == rank_) {
+      node = build_own(lo, hi);
+    } else {
+      node = int(tree_.size());
+      tree_.emplace_back();
+      if (hi - lo == 1 && tile != tiles.end()) groups_[std::size_t(tile - tiles.begin())].node = node;
+    }
+    leaves_.push_back({node, speaker});
+    return node;
+  }
+  const int mid = middle_of(lo, hi), left = build(lo, mid), right = build(mid, hi), node = int(tree_.size());
+  tree_.emplace_back();
+  tree_.back().left = left;
+  tree_.back().right = right;
+  top_.push_back(node);
+  return node;
+}
+
+template <int hw>
+int BandSystemOf<hw>::build_own(int lo, int hi) {
+  if (hi - lo == 1) {
+    const auto& tiles = layout_.tiles();
+    const auto tile = std::find_if(tiles.begin(), tiles.end(), [&](const BandTile& t) { return t.group == lo; });
+    const int node = int(tree_.size());
+    tree_.emplace_back();
+    groups_[std::size_t(tile - tiles.begin())].node = node;
+    return node;
+  }
+  const int mid = middle_of(lo, hi), left = build_own(lo, mid), right = build_own(mid, hi), node = int(tree_.size());
+  tree_.emplace_back();
+  tree_.back().left = left;
+  tree_.back().right = right;
+  own_.push_back(node);
+  return node;
+}
+
+template <int hw>
+void BandSystemOf<hw>::set_up_outer() {
+  const auto count = std::size_t(outer_count_);
+  outer_d2_.assign(count * count, 0.);
+  outer_b_.assign(count, 0.);
+  outer_d_ = outer_x_ = outer_b_;
+  outer_held_.assign(count, 0);
+  for (int i = 0; i < outer_count_; ++i) {
+    const PetscInt node = layout_.outer_node(i);
+    outer_held_[std::size_t(i)] = layout_.model().held(node) ? 1 : 0;
+    for (const auto& [column, weight] : second_difference_row(scene_, node))
+      for (int j = 0; j < outer_count_; ++j)
+        if (layout_.outer_node(j) == column) outer_d2_[std::size_t(i) * count + std::size_t(j)] += weight;
+  }
+}
+
+template <int hw>
+void BandSystemOf<hw>::set_up_gather() {
+  leaves_of_.assign(std::size_t(ranks_), 0);
+  outer_of_ = leaves_of_;
+  for (const Leaf& leaf : leaves_) ++leaves_of_[std::size_t(leaf.speaker)];
+  outer_of_[std::size_t(layout_.speaker_of_left())] += layout_.left_outer();
+  outer_of_[std::size_t(layout_.speaker_of_right())] += outer_count_ - layout_.left_outer();
+}
+
+// ---- factors ------------------------------------------------------------------------------------------------------
+
+template <int hw>
+void BandSystemOf<hw>::set_coefficients(Factors& f, double a, double p) const {
+  const kernel::Coefficients weights = kernel::coefficients_with(scene_, p);  // of p D2, which add up to 0
+  f.a = a;
+  f.p = p;
+  f.middle = -weights.w[0];
+  f.c[0] = 0;
+  for (int k = 1; k <= hw; ++k) f.c[k] = -weights.w[k];
+}
+
+template <int hw>
+bool BandSystemOf<hw>::choose(double a, double p, bool varies) {
+  varies_ = varies;
+  positive_ = true;
+  if (varies) {
+    set_coefficients(varying_, a, p);
+    varying_.nodes.resize(tree_.size());
+    return true;
+  }
+  constexpr std::size_t most_kept = 6;
+  const auto found = std::find_if(kept_.begin(), kept_.end(), [&](const Factors& f) { return f.a == a && f.p == p; });
+  if (found != kept_.end()) {
+    std::rotate(kept_.begin(), found, found + 1);
+  } else {
+    if (kept_.size() < most_kept) kept_.emplace_back();
+    std::rotate(kept_.begin(), kept_.end() - 1, kept_.end());
+    make_constant(kept_.front(), a, p);
+  }
+  return kept_.front().positive;
+}
+
+template <int hw>
+void BandSystemOf<hw>::make_constant(Factors& f, double a, double p) {
+  set_coefficients(f, a, p);
+  f.nodes.resize(tree_.size());
+  bool positive = true;
+  if (root_ >= 0) {
+    const int least = layout_.least_rows() - hw;
+    positive = kernel::make_table<hw>(a + f.middle, f.c, least + 1 + hw, f.table);
+    const std::vector<double> d(std::size_t((least + 1 + hw) * lanes), a + f.middle), zero(d.size(), 0.);
+    for (int k = 0; k < 2; ++k) {
+      f.W[k] = kernel::right_of_table<hw>(f.table, f.c, least + k);
+      kernel::Sides<hw> sides;
+      forward_({d.data(), zero.data(), f.c, least + k}, &sides);
+      positive = join_eight(&d[std::size_t((least + k) * lanes)], sides, f.c, f.separators[k], f.group[k]) && positive;
+    }
+  }
+  for (std::size_t i = 0; i < groups_.size(); ++i) {
+    if (groups_[i].node < 0) continue;
+    Node& node = tree_[std::size_t(groups_[i].node)];
+    node.matrix = f.group[kind(layout_.tiles()[i])];
+    std::fill(std::begin(node.d_behind), std::end(node.d_behind), a + f.middle);
+  }
+  std::fill(outer_d_.begin(), outer_d_.end(), a);
+  positive = eliminate(own_) && positive;
+  positive = gather(true, positive);
+  f.positive = eliminate(top_) && positive;
+  const auto count = std::size_t(outer_count_);
+  std::vector<double> M = outer_matrix();
+  f.outer.assign(count * count, 0.);
+  for (std::size_t i = 0; i < count; ++i) f.outer[i * count + i] = 1;
+  f.positive = solve_dense(outer_count_, M.data(), outer_count_, f.outer.data()) && f.positive;
+}
+
+// d, sides: as forward() has them, d from the first row of the separators on.
+template <int hw>
+bool BandSystemOf<hw>::join_eight(const double* d, const kernel::Sides<hw>& sides, const double* c,
+                                  Separator<hw>* separators, StretchMatrix<hw>& whole) const {
+  StretchMatrix<hw> parts[lanes];
+  for (int i = 0; i < hw; ++i)
+    for (int j = 0; j < hw; ++j)
+      for (int l = 0; l < lanes; ++l) {
+        parts[l].LL.m[i][j] = sides.LL[i][j][l];
+        parts[l].LR.m[i][j] = sides.LR[i][j][l];
+        parts[l].RR.m[i][j] = sides.RR[i][j][l];
+      }
+  bool positive = sides.positive;
+  for (const int s : order_of_eight) {
+    double own[hw];
+    for (int i = 0; i < hw; ++i) own[i] = d[i * lanes + s];
+    StretchMatrix<hw> both;
+    positive = separators[s].eliminate(own, c, parts[s & (s + 1)], parts[s + 1], both) && positive;
+    parts[s & (s + 1)] = both;
+  }
+  whole = parts[0];
+  return positive;
+}
+
+// b: of the separators, from their first row on.
+template <int hw>
+void BandSystemOf<hw>::load_eight(const kernel::Sides<hw>& sides, const double* b, const Separator<hw>* separators,
+                                  double (*own)[hw], StretchLoad<hw>& whole) const {
+  StretchLoad<hw> parts[lanes];
+  for (int i = 0; i < hw; ++i)
+    for (int l = 0; l < lanes; ++l) {
+      parts[l].L[i] = sides.L[i][l];
+      parts[l].R[i] = sides.R[i][l];
+      parts[l].behind[i] = b[i * lanes + l];
+    }
+  for (const int s : order_of_eight) {
+    StretchLoad<hw> both;
+    separators[s].join(parts[s & (s + 1)], parts[s + 1], own[s], both);
+    parts[s & (s + 1)] = both;
+  }
+  whole = parts[0];
+}
+
+template <int hw>
+bool BandSystemOf<hw>::eliminate(const std::vector<int>& nodes) {
+  Factors& f = varies_ ? varying_ : kept_.front();
+  bool positive = true;
+  for (const int i : nodes) {
+    Node& node = tree_[std::size_t(i)];
+    const Node &left = tree_[std::size_t(node.left)], &right = tree_[std::size_t(node.right)];
+    positive = f.nodes[std::size_t(i)].eliminate(left.d_behind, f.c, left.matrix, right.matrix, node.matrix) && positive;
+    std::copy(right.d_behind, right.d_behind + hw, node.d_behind);
+  }
+  return positive;
+}
+
+// ---- one solve ----------------------------------------------------------------------------------------------------
+
+template <int hw>
+void BandSystemOf<hw>::forward(std::size_t tile, const double* d, const double* b) {
+  const BandTile& t = layout_.tiles()[tile];
+  if (t.group < 0) {
+    const auto at = t.begin == 0 ? 0 : layout_.left_outer();
+    std::copy(b, b + t.count(), outer_b_.begin() + at);
+    if (varies_) std::copy(d, d + t.count(), outer_d_.begin() + at);
+    return;
+  }
+  Group& group = groups_[tile];
+  Node& node = tree_[std::size_t(group.node)];
+  const int L = t.rows - hw;
+  kernel::Sides<hw> sides;
+  if (varies_) {
+    alignas(64) double whole[kernel::most_rows * lanes];
+    for (int i = 0; i < t.rows * lanes; ++i) whole[i] = d[i] + varying_.middle;
+    forward_({whole, b, varying_.c, L}, &sides);
+    positive_ = join_eight(whole + L * lanes, sides, varying_.c, group.separators, node.matrix) && positive_;
+    for (int i = 0; i < hw; ++i) node.d_behind[i] = whole[(L + i) * lanes + lanes - 1];
+    load_eight(sides, b + L * lanes, group.separators, group.b, node.load);
+  } else {
+    const Factors& f = kept_.front();
+    forward_constant_({b, f.c, L, &f.table, f.W[kind(t)].data()}, &sides);
+    load_eight(sides, b + L * lanes, f.separators[kind(t)], group.b, node.load);
+  }
+}
+
+template <int hw>
+void BandSystemOf<hw>::join(const std::vector<int>& nodes) {
+  const Factors& f = varies_ ? varying_ : kept_.front();
+  for (const int i : nodes) {
+    Node& node = tree_[std::size_t(i)];
+    f.nodes[std::size_t(i)].join(tree_[std::size_t(node.left)].load, tree_[std::size_t(node.right)].load, node.b, node.load);
+  }
+}
+
+template <int hw>
+void BandSystemOf<hw>::descend(const std::vector<int>& nodes) {
+  const Factors& f = varies_ ? varying_ : kept_.front();
+  for (auto i = nodes.rbegin(); i != nodes.rend(); ++i) {
+    const Node& node = tree_[std::size_t(*i)];
+    Node &left = tree_[std::size_t(node.left)], &right = tree_[std::size_t(node.right)];
+    f.nodes[std::size_t(*i)].solve(node.b, node.x_left, node.x_right, left.x_right);
+    std::copy(left.x_right, left.x_right + hw, right.x_left);
+    std::copy(node.x_left, node.x_left + hw, left.x_left);
+    std::copy(node.x_right, node.x_right + hw, right.x_right);
+  }
+}
+
+template <int hw>
+bool BandSystemOf<hw>::couple() {
+  bool positive = positive_;
+  if (varies_) positive = eliminate(own_) && positive;
+  join(own_);
+  positive = gather(varies_, positive);
+  if (varies_) positive = eliminate(top_) && positive;
+  join(top_);
+  positive = solve_outer() && positive;
+  if (root_ >= 0) {
+    Node& root = tree_[std::size_t(root_)];
+    const int left = layout_.left_outer(), right = scene_.ring() ? 0 : left;
+    for (int i = 0; i < hw; ++i) {
+      root.x_left[i] = outer_x_[std::size_t(left - hw + i)];
+      root.x_right[i] = outer_x_[std::size_t(right + i)];
+    }
+    descend(top_);
+    descend(own_);
+  }
+  positive_ = true;
+  return varies_ ? positive : kept_.front().positive;
+}
+
+// What is left of the outer nodes with everything else eliminated.
+template <int hw>
+std::vector<double> BandSystemOf<hw>::outer_matrix() const {
+  const Factors& f = varies_ ? varying_ : kept_.front();
+  const auto count = std::size_t(outer_count_);
+  std::vector<double> M(count * count);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t j = 0; j < count; ++j) M[i * count + j] = -f.p * outer_d2_[i * count + j];
+    M[i * count + i] += outer_d_[i];
+  }
+  if (root_ >= 0) {
+    const StretchMatrix<hw>& inside = tree_[std::size_t(root_)].matrix;
+    const std::size_t left = std::size_t(layout_.left_outer() - hw), right = scene_.ring() ? 0 : left + hw;
+    for (std::size_t i = 0; i < hw; ++i)
+      for (std::size_t j = 0; j < hw; ++j) {
+        M[(left + i) * count + left + j] += inside.LL.m[i][j];
+        M[(right + i) * count + right + j] += inside.RR.m[i][j];
+        M[(left + i) * count + right + j] += inside.LR.m[i][j];
+        M[(right + j) * count + left + i] += inside.LR.m[i][j];
+      }
+  }
+  for (std::size_t i = 0; i < count; ++i)
+    for (std::size_t j = 0; j < count && outer_held_[i]; ++j) M[i * count + j] = i == j;
+  return M;
+}
+
+// Elimination without exchange of rows, whose pivots tell whether a matrix is positive definite; x = b at first. Where
+// one is not positive nothing is done.
+bool solve_positive(int n, std::vector<double> a, std::vector<double>& x) {
+  const auto at = [&](int i, int j) -> double& { return a[std::size_t(i) * std::size_t(n) + std::size_t(j)]; };
+  std::vector<double> y = x;
+  for (int k = 0; k < n; ++k) {
+    if (!(at(k, k) > 0)) return false;
+    for (int i = k + 1; i < n; ++i) {
+      const double factor = at(i, k) / at(k, k);
+      if (factor == 0) continue;
+      for (int j = k + 1; j < n; ++j) at(i, j) -= factor * at(k, j);
+      y[std::size_t(i)] -= factor * y[std::size_t(k)];
+    }
+  }
+  for (int k = n - 1; k >= 0; --k) {
+    for (int j = k + 1; j < n; ++j) y[std::size_t(k)] -= at(k, j) * y[std::size_t(j)];
+    y[std::size_t(k)] /= at(k, k);
+  }
+  x = y;
+  return true;
+}
+
+template <int hw>
+bool BandSystemOf<hw>::solve_outer() {
+  const auto count = std::size_t(outer_count_);
+  std::vector<double> b = outer_b_;
+  if (root_ >= 0) {
+    const StretchLoad<hw>& inside = tree_[std::size_t(root_)].load;
+    const std::size_t left = std::size_t(layout_.left_outer() - hw), right = scene_.ring() ? 0 : left + hw;
+    for (std::size_t i = 0; i < hw; ++i) {
+      if (!outer_held_[left + i]) b[left + i] += inside.L[i];
+      if (!outer_held_[right + i]) b[right + i] += inside.R[i];
+    }
+  }
+  if (varies_) {
+    std::vector<double> M = outer_matrix();
+    outer_x_ = b;
+    if (solve_positive(outer_count_, M, outer_x_)) return true;
+    (void)solve_dense(outer_count_, M.data(), 1, outer_x_.data());
+    return false;
+  }
+  const std::vector<double>& inverse = kept_.front().outer;
+  for (std::size_t i = 0; i < count; ++i) {
+    double sum = 0;
+    for (std::size_t j = 0; j < count; ++j) sum += inverse[i * count + j] * b[j];
+    outer_x_[i] = sum;
+  }
+  return true;
+}
+
+template <int hw>
+void BandSystemOf<hw>::backward(std::size_t tile, const double* d, const double* b, double* x) {
+  const BandTile& t = layout_.tiles()[tile];
+  if (t.group < 0) {
+    const auto from = outer_x_.begin() + (t.begin == 0 ? 0 : layout_.left_outer());
+    std::copy(from, from + t.count(), x);
+    return;
+  }
+  const Group& group = groups_[tile];
+  const Node& node = tree_[std::size_t(group.node)];
+  const Factors& f = varies_ ? varying_ : kept_.front();
+  const Separator<hw>* const separators = varies_ ? group.separators : f.separators[kind(t)];
+  double ends[lanes + 1][hw];  // of the separators: before piece 0, behind piece 0, ...
+  std::copy(node.x_left, node.x_left + hw, ends[0]);
+  std::copy(node.x_right, node.x_right + hw, ends[lanes]);
+  for (auto s = order_of_eight.rbegin(); s != order_of_eight.rend(); ++s) {
+    const int i = *s, left = i & (i + 1), right = i + 1 + ((i + 1) & -(i + 1));
+    separators[i].solve(group.b[i], ends[left], ends[right], ends[i + 1]);
+  }
+  alignas(64) double given_left[hw * lanes], given_right[hw * lanes];
+  for (int k = 0; k < hw; ++k)
+    for (int l = 0; l < lanes; ++l) {
+      given_left[k * lanes + l] = ends[l][k];
+      given_right[k * lanes + l] = ends[l + 1][k];
+    }
+  const int L = t.rows - hw;
+  if (varies_) {
+    alignas(64) double whole[kernel::most_rows * lanes];
+    for (int i = 0; i < t.rows * lanes; ++i) whole[i] = d[i] + f.middle;
+    backward_({whole, b, f.c, L}, given_left, given_right, x);
+  } else {
+    backward_constant_({b, f.c, L, &f.table, nullptr}, given_left, given_right, x);
+  }
+  std::copy(given_right, given_right + hw * lanes, x + L * lanes);
+}
+
+// ---- between ranks ------------------------------------------------------------------------------------------------
+
+// Walks over all numbers that the ranks tell each other, in their order; body(rank, a, count) for each piece of them.
+// Returns the conjunction of the flags.
+template <int hw>
+bool BandSystemOf<hw>::gather(bool with_matrices, bool flag) {
+  if (ranks_ == 1) return flag;
+  const int of_load = 3 * hw, of_matrix = with_matrices ? 3 * hw * hw + hw : 0, of_outer = with_matrices ? 2 : 1;
+  std::vector<int> counts, starts;
+  int total = 0;
+  for (int r = 0; r < ranks_; ++r) {
+    starts.push_back(total);
+    counts.push_back(1 + leaves_of_[std::size_t(r)] * (of_load + of_matrix) + outer_of_[std::size_t(r)] * of_outer);
+    total += counts.back();
+  }
+  const auto walk = [&](int rank, double* at, bool into) {
+    const auto move = [&](double* own, int count) {
+      if (into) std::copy(own, own + count, at);
+      else std::copy(at, at + count, own);
+      at += count;
+    };
+    double as_number = flag;
+    move(&as_number, 1);
+    flag = flag && as_number != 0;
+    for (const Leaf& leaf : leaves_) {
+      if (leaf.speaker != rank) continue;
+      Node& node = tree_[std::size_t(leaf.node)];
+      move(node.load.L, hw);
+      move(node.load.R, hw);
+      move(node.load.behind, hw);
+      if (!with_matrices) continue;
+      for (Block<hw>* block : {&node.matrix.LL, &node.matrix.LR, &node.matrix.RR}) move(&block->m[0][0], hw * hw);
+      move(node.d_behind, hw);
+    }
+    const int left = layout_.left_outer();
+    for (std::vector<double>* own : {&outer_b_, &outer_d_}) {
+      if (own == &outer_d_ && !with_matrices) continue;
+      if (rank == layout_.speaker_of_left()) move(own->data(), left);
+      if (rank == layout_.speaker_of_right()) move(own->data() + left, outer_count_ - left);
+    }
+  };
+  sent_.resize(std::size_t(counts[std::size_t(rank_)]));
+  received_.resize(std::size_t(total));
+  walk(rank_, sent_.data(), true);
+  SS_TRY(MPI_Allgatherv(sent_.data(), counts[std::size_t(rank_)], MPI_DOUBLE, received_.data(), counts.data(),
+                        starts.data(), MPI_DOUBLE, layout_.model().comm()));
+  for (int r = 0; r < ranks_; ++r) walk(r, received_.data() + starts[std::size_t(r)], false);
+  return flag;
+}
+
+}  // namespace
+
+std::unique_ptr<BandSystem> BandSystem::make(const BandLayout& layout) {
+  std::unique_ptr<BandSystem> system;
+  kernel::for_half_width(layout.model().scene().order / 2, [&](auto hw) {
+    system = std::make_unique<BandSystemOf<hw>>(layout);
+  });
+  return system;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,390 @@
+#include "time/banded_imex.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "stickslip/base/error.hpp"
+#include "time/piece_kernel.hpp"
+
+namespace stickslip {
+
+namespace {
+constexpr int most_rounds = 12;  // of Newton's method; three times as many where a step cannot be shorter
+}  // namespace
+
+bool BandedImex::takes(const ImexTableau& method) {
+  for (int i = 1; i < method.stages; ++i)
+    if (!(method.At[std::size_t(i * method.stages + i)] > 1e-14)) return false;
+  return true;
+}
+
+BandedImex::BandedImex(const Model& model, ImexTableau method, Implicit implicit, bool sticking)
+    : model_(model), method_(std::move(method)), implicit_(implicit), layout_(model),
+      columns_(layout_, method_, implicit), system_(BandSystem::make(layout_)),
+      coefficients_(kernel::coefficients_with(model.scene(), 1)),
+      square_(kernel::compiled<std::function<double(const kernel::Weighted&)>>(kernel::SumOfSquares{})),
+      stencil_(tile::stencil(model.scene())),
+      wave_(kernel::compiled<decltype(wave_)>(kernel::WaveRound{})) {
+  const Scene& scene = model.scene();
+  if (std::abs(method_.At[0]) < 1e-14) method_.At[0] = 0;
+  d2_row_ = 0;
+  for (int k = 0; k <= scene.order / 2; ++k) d2_row_ += (k == 0 ? 1 : 2) * std::abs(coefficients_.w[k]);
+  std::vector<double> x, nodes;
+  for (const BandTile& t : layout_.tiles())
+    for (PetscInt i = 0; i < t.count(); ++i) nodes.push_back(double(layout_.wrapped(t.begin + i)));
+  if (scene.friction.varies()) {
+    for (const double node : nodes) x.push_back(scene.x(PetscInt(node)));
+    x = by_tiles(x);
+  }
+  if (!scene.unit_amplitude()) {
+    for (const double node : nodes) amplitude_.push_back(friction_amplitude(scene, PetscInt(node), 1)[0]);
+    amplitude_ = by_tiles(amplitude_);
+  }
+  if (sticking) direction_.assign(std::size_t(layout_.size()), 0.);
+  pointwise_ = tile::pointwise(scene, sticking, x);
+  if (implicit == Implicit::both) newton_ = tile::newton_round(scene, sticking, x);
+  PetscInt longest = 0;
+  for (const BandTile& t : layout_.tiles()) {
+    longest = std::max(longest, t.count());
+    end_rows_.emplace_back();
+    for (int i = 0; i < t.rows && t.group < 0 && !scene.ring(); ++i)
+      end_rows_.back().push_back(second_difference_row(scene, t.begin + i));
+  }
+  for (std::vector<double>* of_tile : {&d_, &b_, &x_, &spare_, &zeros_})
+    of_tile->assign(std::size_t(longest + 2 * (scene.order / 2) + kernel::lanes), 0.);
+}
+
+// Values of the nodes of all tiles, one after the other, in the order of columns.
+std::vector<double> BandedImex::by_tiles(const std::vector<double>& of_nodes) const {
+  std::vector<double> sorted(std::size_t(layout_.size()), 0.);
+  std::size_t from = 0;
+  for (const BandTile& t : layout_.tiles())
+    for (PetscInt i = 0; i < t.count(); ++i) sorted[std::size_t(t.at + t.place(i))] = of_nodes[from++];
+  return sorted;
+}
+
+void BandedImex::set_direction(const std::vector<double>& direction) {
+  const VecHandle going = model_.create_vector();
+  double* a;
+  SS_TRY(VecGetArray(going, &a));
+  for (PetscInt i = 0; i < model_.local(); ++i) a[i * model_.dof()] = direction[std::size_t(i)];
+  SS_TRY(VecRestoreArray(going, &a));
+  layout_.fetch(going);
+  const double* own;
+  SS_TRY(VecGetArrayRead(going, &own));
+  for (const BandTile& t : layout_.tiles()) layout_.load(t, own, 0, &direction_[std::size_t(t.at)]);
+  SS_TRY(VecRestoreArrayRead(going, &own));
+  layout_.end_fetch();
+}
+
+// ---- a step -------------------------------------------------------------------------------------------------------
+
+StepTaker::Outcome BandedImex::take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
+                                    const std::vector<VecHandle>& slopes, Vec, double begin) const {
+  const Step step{dt, begin, norm, estimate};
+  load(u, step);
+  bool solved = true, begun = false;
+  for (int i = method_.At[0] == 0 ? 1 : 0; i < method_.stages && solved; ++i) {
+    if (implicit_ == Implicit::wave) {
+      solved = linear_stage(i, begun, step);
+      begun = i + 1 < method_.stages && diagonal(i + 1) == diagonal(i);
+    } else {
+      solved = newton_stage(i, step);
+    }
+  }
+  model_.count_evaluations(2L * method_.stages);
+  if (!solved) return {true, -1, false};
+  Sums sums;
+  double* b;
+  SS_TRY(VecGetArrayWrite(u_new, &b));
+  for (const BandTile& t : layout_.tiles()) finish(t, step, b, sums);
+  SS_TRY(VecRestoreArrayWrite(u_new, &b));
+  store_slopes(slopes);
+  double total[2] = {sums.squares, sums.not_finite}, largest = sums.largest;
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, total, 2, MPI_DOUBLE, MPI_SUM, model_.comm()));
+  if (norm.type == NORM_INFINITY) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  const double mean = std::sqrt(total[0] / (double(model_.scene().n) * model_.dof()));
+  return {std::isfinite(total[0]) && std::isfinite(total[1]),
+          !estimate ? -1 : norm.type == NORM_INFINITY ? largest : mean, true};
+}
+
+kernel::Coefficients BandedImex::at_stage(const Step& step, int i) const {
+  kernel::Coefficients c = coefficients_;
+  const auto row = method_.At.begin() + std::ptrdiff_t(i) * method_.stages;
+  c.v = model_.plate_velocity(step.begin + std::accumulate(row, row + i + 1, 0.) * step.dt);
+  return c;
+}
+
+kernel::BandStage BandedImex::stage_of(const Step& step, int i) const {
+  const Scene& s = model_.scene();
+  return kernel::band_stage(at_stage(step, i), s.K1(), s.N(), d2_row_, step.dt * diagonal(i));
+}
+
+kernel::Round BandedImex::round_of(const BandTile& t, const Step& step, int i) const {
+  const auto slope = [&](int d) { return columns_.slope(t, ImexColumns::of_implicit, i, d); };
+  const bool has_state = model_.dof() == 3;
+  kernel::Round r{};
+  r.stage = stage_of(step, i);
+  r.z_psi = columns_.known(t, 0);
+  r.z_eta = columns_.known(t, 1);
+  r.z_state = has_state ? columns_.known(t, 2) : nullptr;
+  r.amplitude = amplitude_.empty() ? nullptr : &amplitude_[std::size_t(t.at)];
+  r.direction = direction_.empty() ? nullptr : &direction_[std::size_t(t.at)];
+  r.psi = columns_.stage(t, 0);
+  r.state = has_state ? columns_.stage(t, 2) : nullptr;
+  r.d = d_.data();
+  r.b = b_.data();
+  r.x = x_.data();
+  r.g_psi = slope(0);
+  r.g_eta = slope(1);
+  r.g_state = has_state ? slope(2) : nullptr;
+  r.target = std::clamp(1e-3 * std::min(step.norm.atol, step.norm.rtol), 1e-13, 1e-9);
+  r.immovable = BandSystem::immovable;
+  r.count = t.count();
+  r.node = t.at;
+  return r;
+}
+
+// u into its columns; with an explicit first stage its slopes too.
+void BandedImex::load(Vec u, const Step& step) const {
+  layout_.fetch(u);
+  const double* own;
+  SS_TRY(VecGetArrayRead(u, &own));
+  for (const BandTile& t : layout_.tiles()) {
+    for (int d = 0; d < model_.dof(); ++d) {
+      layout_.load(t, own, d, columns_.u(t, d));
+      if (d != 1) std::copy(columns_.u(t, d), columns_.u(t, d) + t.count(), columns_.stage(t, d));
+    }
+    if (method_.At[0] == 0) take_first(t, own, step);
+  }
+  SS_TRY(VecRestoreArrayRead(u, &own));
+  layout_.end_fetch();
+}
+
+// D2 psi of u.
+void BandedImex::second_difference(const BandTile& t, const double* own, double* d2) const {
+  const PetscInt hw = model_.scene().order / 2, count = t.count(), first = layout_.local(t);
+  double *const psi = spare_.data() + hw, *const line = x_.data();
+  const auto& rows = end_rows_[std::size_t(&t - layout_.tiles().data())];
+  if (rows.empty()) {
+    layout_.read(own, 0, first - hw, count + 2 * hw, psi - hw);
+    stencil_(coefficients_, {psi, line, count});
+  } else {
+    const PetscInt low = std::max(t.begin - hw, PetscInt(0)), high = std::min(t.begin + count + hw, model_.scene().n);
+    layout_.read(own, 0, low - model_.first(), high - low, spare_.data());
+    for (PetscInt i = 0; i < count; ++i) {
+      line[i] = 0;
+      for (const auto& [node, weight] : rows[std::size_t(i)]) line[i] += weight * spare_[std::size_t(node - low)];
+    }
+  }
+  for (PetscInt i = 0; i < count; ++i) d2[t.lanes == 1 ? i : t.place(i)] = line[i];
+}
+
+// The slopes of a first stage that is explicit, at u.
+void BandedImex::take_first(const BandTile& t, const double* own, const Step& step) const {
+  const kernel::Coefficients c = at_stage(step, 0);
+  const double K1 = model_.scene().K1(), N = model_.scene().N();
+  const double *const psi = columns_.u(t, 0), *const eta = columns_.u(t, 1);
+  double* const d2 = d_.data();
+  double* const driving = b_.data();
+  double *const g_psi = columns_.slope(t, ImexColumns::of_implicit, 0, 0),
+                *const g_eta = columns_.slope(t, ImexColumns::of_implicit, 0, 1);
+  second_difference(t, own, d2);
+  for (PetscInt i = 0; i < t.count(); ++i) driving[i] = eta[i] + N * d2[i];
+  if (implicit_ == Implicit::wave) {
+    for (PetscInt i = 0; i < t.count(); ++i) {
+      g_psi[i] = c.A * (driving[i] - c.B * psi[i]);
+      g_eta[i] = c.K0 * (c.v - psi[i]) + K1 * d2[i] - c.s_delta * driving[i];
+    }
+  } else {
+    std::fill(g_eta, g_eta + t.count(), 0.);
+    pointwise_(c, {psi, driving, model_.dof() == 3 ? columns_.u(t, 2) : nullptr,
+                   amplitude_.empty() ? nullptr : &amplitude_[std::size_t(t.at)], g_psi, g_eta,
+                   columns_.slope(t, ImexColumns::of_implicit, 0, 2), t.count(),
+                   direction_.empty() ? nullptr : &direction_[std::size_t(t.at)], t.at});
+    for (PetscInt i = 0; i < t.count(); ++i) g_eta[i] += K1 * d2[i];
+  }
+  for_held(t, [&](PetscInt i, const Combination&) {
+    g_psi[i] = 0;
+    if (model_.scene().form == Form::continuum) g_eta[i] = 0;
+  });
+  if (implicit_ == Implicit::wave) take_explicit(t, 0);
+}
+
+// The explicit slopes of stage i with the wave implicit: those of friction, -A F, s delta F and g.
+void BandedImex::take_explicit(const BandTile& t, int i) const {
+  const auto slope = [&](int d) { return columns_.slope(t, ImexColumns::of_explicit, i, d); };
+  const kernel::Coefficients friction{coefficients_.A, 0, 0, 0, coefficients_.s_delta, {}};
+  double* const f_eta = slope(1) ? slope(1) : spare_.data();
+  std::fill(f_eta, f_eta + t.count(), 0.);
+  pointwise_(friction, {columns_.stage(t, 0), zeros_.data(), model_.dof() == 3 ? columns_.stage(t, 2) : nullptr,
+                        amplitude_.empty() ? nullptr : &amplitude_[std::size_t(t.at)], slope(0), f_eta, slope(2),
+                        t.count(), nullptr, t.at});
+  for_held(t, [&](PetscInt place, const Combination&) {
+    slope(0)[place] = 0;
+    if (model_.scene().form == Form::continuum) f_eta[place] = 0;
+  });
+}
+
+template <class Body>
+void BandedImex::for_held(const BandTile& t, const Body& body) const {
+  if (t.group >= 0) return;
+  const auto& rows = end_rows_[std::size_t(&t - layout_.tiles().data())];
+  for (PetscInt i = 0; i < t.count() && !rows.empty(); ++i)
+    if (model_.held(t.begin + i)) body(i, rows[std::size_t(i)]);
+}
+
+// What stage i means at held nodes, where psi stands.
+void BandedImex::hold(const BandTile& t, int i, const Step& step) const {
+  for_held(t, [&](PetscInt place, const Combination& row) {
+    double *const psi = columns_.stage(t, 0), *const g_eta = columns_.slope(t, ImexColumns::of_implicit, i, 1);
+    psi[place] = columns_.known(t, 0)[place];
+    columns_.slope(t, ImexColumns::of_implicit, i, 0)[place] = 0;
+    g_eta[place] = 0;
+    if (model_.scene().form == Form::continuum) return;
+    const kernel::Coefficients c = at_stage(step, i);
+    double d2 = 0;
+    for (const auto& [node, weight] : row) d2 += weight * psi[node - t.begin];
+    g_eta[place] = c.K0 * (c.v - psi[place]) + model_.scene().K1() * d2;
+  });
+}
+
+// ---- the wave implicit --------------------------------------------------------------------------------------------
+
+void BandedImex::forward(std::size_t tile, int i, const Step& step) const {
+  const BandTile& t = layout_.tiles()[tile];
+  columns_.sum_known(t, i, step.dt);
+  wave_(at_stage(step, i), round_of(t, step, i), false);
+  for_held(t, [&](PetscInt place, const Combination&) { b_[std::size_t(place)] = columns_.known(t, 0)[place]; });
+  system_->forward(tile, nullptr, b_.data());
+}
+
+// `begun`: it has its right-hand sides, and what they mean to the separators.
+bool BandedImex::linear_stage(int i, bool begun, const Step& step) const {
+  const kernel::Coefficients c = at_stage(step, i);
+  const kernel::BandStage stage = stage_of(step, i);
+  const auto& tiles = layout_.tiles();
+  bool positive = system_->choose(stage.a, stage.p, false);
+  for (std::size_t k = 0; k < tiles.size() && !begun; ++k) forward(k, i, step);
+  positive = system_->couple() && positive;
+  const bool goes_on = i + 1 < method_.stages && diagonal(i + 1) == diagonal(i);
+  for (std::size_t k = 0; k < tiles.size(); ++k) {
+    const BandTile& t = tiles[k];
+    const kernel::Round round = round_of(t, step, i);
+    wave_(c, round, false);
+    system_->backward(k, nullptr, b_.data(), columns_.stage(t, 0));
+    wave_(c, round, true);
+    if (model_.dof() == 3) std::copy(round.z_state, round.z_state + t.count(), columns_.stage(t, 2));
+    hold(t, i, step);
+    take_explicit(t, i);
+    if (goes_on) forward(k, i + 1, step);
+  }
+  return positive;
+}
+
+// ---- everything implicit ------------------------------------------------------------------------------------------
+
+// psi goes on as the stage before did, unless that leads far.
+void BandedImex::guess(const BandTile& t, int i, const Step& step) const {
+  if (i == 0) return;
+  double* const psi = columns_.stage(t, 0);
+  const double *const z = columns_.known(t, 0), *const slope = columns_.slope(t, ImexColumns::of_implicit, i - 1, 0);
+  const double h = step.dt * diagonal(i);
+  for (PetscInt k = 0; k < t.count(); ++k) {
+    const double next = z[k] + h * slope[k];
+    psi[k] = std::abs(next - psi[k]) < 0.25 * std::abs(psi[k]) ? next : psi[k];
+  }
+  for_held(t, [&](PetscInt place, const Combination&) { psi[place] = z[place]; });
+}
+
+void BandedImex::linearise(const BandTile& t, const kernel::Round& round) const {
+  (void)newton_(coefficients_, round, false);
+  for_held(t, [&](PetscInt place, const Combination&) { b_[std::size_t(place)] = round.z_psi[place]; });
+}
+
+bool BandedImex::newton_stage(int i, const Step& step) const {
+  const kernel::Coefficients c = at_stage(step, i);
+  const auto& tiles = layout_.tiles();
+  const kernel::BandStage stage = stage_of(step, i);
+  for (const BandTile& t : tiles) {
+    columns_.sum_known(t, i, step.dt);
+    guess(t, i, step);
+  }
+  const int rounds = step.estimate ? most_rounds : 3 * most_rounds;
+  for (int round = 0; round < rounds; ++round) {
+    system_->choose(stage.a, stage.p, true);
+    for (std::size_t k = 0; k < tiles.size(); ++k) {
+      linearise(tiles[k], round_of(tiles[k], step, i));
+      system_->forward(k, d_.data(), b_.data());
+    }
+    const bool positive = system_->couple();
+    if (step.estimate && !positive) return false;
+    double worst = 0;
+    for (std::size_t k = 0; k < tiles.size(); ++k) {
+      const kernel::Round own = round_of(tiles[k], step, i);
+      linearise(tiles[k], own);
+      system_->backward(k, d_.data(), b_.data(), x_.data());
+      worst = std::max(worst, newton_(c, own, true));
+      hold(tiles[k], i, step);
+    }
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &worst, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
+    if (worst <= 1) return true;
+    if (worst >= 1e300) return false;
+  }
+  return false;
+}
+
+// ---- its end ------------------------------------------------------------------------------------------------------
+
+void BandedImex::finish(const BandTile& t, const Step& step, double* u_new, Sums& sums) const {
+  for (int d = 0; d < model_.dof(); ++d) {
+    columns_.sum_solution(t, d, step.dt, x_.data());
+    layout_.store(t, x_.data(), d, u_new);
+    if (step.estimate) columns_.sum_error(t, d, step.dt, b_.data());
+    measure(t, step, sums);
+  }
+}
+
+// Of the new values in x_ and their errors in b_ those that this rank owns.
+void BandedImex::measure(const BandTile& t, const Step& step, Sums& sums) const {
+  PetscInt begin, end;
+  layout_.own_range(t, begin, end);
+  const PetscInt count = end - begin;
+  const double *u = x_.data(), *e = b_.data();
+  if (count < t.count()) {
+    for (PetscInt i = 0; i < count; ++i) {
+      const PetscInt place = t.lanes == 1 ? begin + i : t.place(begin + i);
+      d_[std::size_t(i)] = u[place];
+      spare_[std::size_t(i)] = e[place];
+    }
+    u = d_.data();
+    e = spare_.data();
+  }
+  const ErrorNorm& norm = step.norm;
+  if (step.estimate && norm.type != NORM_INFINITY) {
+    sums.squares += square_({u, e, norm.atol, norm.rtol, count});
+    return;
+  }
+  for (PetscInt i = 0; i < count; ++i) {
+    sums.not_finite += u[i] - u[i];
+    const double size = std::max(std::abs(u[i]), std::abs(u[i] - e[i]));
+    if (step.estimate) sums.largest = std::max(sums.largest, std::abs(e[i]) / (norm.atol + norm.rtol * size));
+  }
+}
+
+void BandedImex::store_slopes(const std::vector<VecHandle>& slopes) const {
+  for (std::size_t k = 0; k < slopes.size(); ++k) {
+    double* a;
+    SS_TRY(VecGetArrayWrite(slopes[k], &a));
+    for (const BandTile& t : layout_.tiles())
+      for (int d = 0; d < model_.dof(); ++d) {
+        const double* const from =
+            columns_.slope(t, k % 2 == 0 ? ImexColumns::of_implicit : ImexColumns::of_explicit, int(k / 2), d);
+        layout_.store(t, from ? from : zeros_.data(), d, a);
+      }
+    SS_TRY(VecRestoreArrayWrite(slopes[k], &a));
+  }
+}
+
+}  // namespace stickslip
