@@ -86,7 +86,7 @@ void start(const Model& model, Vec u) {
 }
 
 // Who rests and who slides, with friction that sticks; psi of those at rest is 0.
-std::vector<double> give_direction(const Model& model, TiledStep& step, Vec u) {
+std::vector<double> give_direction(const Model& model, StepTaker& step, Vec u) {
   std::vector<double> direction;
   if (!Stick::applies_to(model.scene())) return direction;
   double* a;
@@ -106,6 +106,28 @@ double norm(Vec v) {
   double value;
   SS_TRY(VecNorm(v, NORM_INFINITY, &value));
   return value;
+}
+
+}  // namespace
+
+namespace {
+
+std::unique_ptr<StepTaker> step_of(const Model& model, const ImexTableau& t, Implicit implicit) {
+  const bool sticks = Stick::applies_to(model.scene());
+  if (implicit == Implicit::friction) return std::make_unique<FusedImex>(model, t, sticks);
+  return std::make_unique<BandedImex>(model, t, implicit, sticks);
+}
+
+// What is explicit and what implicit; friction that sticks is never taken apart.
+struct Split {
+  Implicit implicit;
+  Part of_explicit, of_implicit;
+};
+std::vector<Split> splits_of(const Scene& scene) {
+  std::vector<Split> all = {{Implicit::friction, Part::stencil, Part::pointwise},
+                            {Implicit::both, Part::full, Part::full}};
+  if (!Stick::applies_to(scene)) all.push_back({Implicit::wave, Part::reaction, Part::wave});
+  return all;
 }
 
 }  // namespace
@@ -145,62 +167,69 @@ TEST_CASE("tableaus of arkimex are read off the library's own steps", "[imex]") 
   CHECK(third.tableau().A[4] == Approx(1767732205903. / 2027836641118.).epsilon(1e-15));
 }
 
-TEST_CASE("stages of arkimex tile by tile solve the model's own equations", "[imex]") {
+TEST_CASE("stages of arkimex solve the model's own equations, whatever is implicit", "[imex]") {
   const ErrorNorm tight{1e-10, 1e-10, NORM_2};  // residuals of 1e-13
   for (const Scene& scene : imex_scenes())
-    for (const char* subtype : {"3", "4", "1bee", "prssp2"}) {
-      const ImexMethod method(subtype);
-      const ImexTableau& t = method.tableau();
-      const Model model(PETSC_COMM_WORLD, scene);
-      FusedImex step(model, t, Stick::applies_to(scene));
-      VecHandle u = model.create_vector(), found = model.create_vector(), y = model.create_vector(),
-                rhs = model.create_vector();
-      start(model, u);
-      const std::vector<double> direction = give_direction(model, step, u);
-      std::vector<VecHandle> slopes;
-      for (int i = 0; i < 2 * t.stages; ++i) slopes.push_back(model.create_vector());
-      // beside nodes at rest the start is so rough that a longer step turns slip back
-      const double dt = Stick::applies_to(scene) ? 0.001 : 0.01;
-      const TiledStep::Outcome outcome = step.take(u, dt, tight, !t.embedded.empty(), found, slopes);
-      INFO(to_string(scene.friction.law) << " " << to_string(scene.friction.state) << " n " << scene.n << " order "
-                                         << scene.order << " left " << int(scene.left) << " arkimex " << subtype);
-      CHECK(outcome.finite);
-      CHECK(outcome.solved);
-      const auto s = std::size_t(t.stages);
-      const auto combine = [&](const double* of_explicit, const double* of_implicit) {
-        SS_TRY(VecCopy(u, y));
-        for (std::size_t j = 0; j < s; ++j) {
-          SS_TRY(VecAXPY(y, dt * of_implicit[j], slopes[2 * j]));
-          SS_TRY(VecAXPY(y, dt * of_explicit[j], slopes[2 * j + 1]));
+    for (const Split& split : splits_of(scene))
+      for (const char* subtype : {"3", "4", "1bee", "prssp2"}) {
+        const ImexMethod method(subtype);
+        const ImexTableau& t = method.tableau();
+        const Model model(PETSC_COMM_WORLD, scene);
+        const auto step = step_of(model, t, split.implicit);
+        VecHandle u = model.create_vector(), found = model.create_vector(), y = model.create_vector(),
+                  rhs = model.create_vector();
+        start(model, u);
+        const std::vector<double> direction = give_direction(model, *step, u);
+        std::vector<VecHandle> slopes;
+        for (int i = 0; i < 2 * t.stages; ++i) slopes.push_back(model.create_vector());
+        // beside nodes at rest the start is so rough that a longer step turns slip back
+        const double dt = Stick::applies_to(scene) ? 0.001 : 0.01;
+        const TiledStep::Outcome outcome = step->take(u, dt, tight, !t.embedded.empty(), found, slopes);
+        INFO("implicit " << to_string(split.implicit) << ": " << to_string(scene.friction.law) << " "
+                         << to_string(scene.friction.state) << " n " << scene.n << " order " << scene.order << " left "
+                         << int(scene.left) << " arkimex " << subtype);
+        CHECK(outcome.finite);
+        CHECK(outcome.solved);
+        const auto s = std::size_t(t.stages);
+        const auto combine = [&](const double* of_explicit, const double* of_implicit) {
+          SS_TRY(VecCopy(u, y));
+          for (std::size_t j = 0; j < s; ++j) {
+            SS_TRY(VecAXPY(y, dt * of_implicit[j], slopes[2 * j]));
+            SS_TRY(VecAXPY(y, dt * of_explicit[j], slopes[2 * j + 1]));
+          }
+        };
+        for (std::size_t i = 0; i < s; ++i) {
+          combine(&t.A[i * s], &t.At[i * s]);
+          const double h = dt * std::max(t.At[i * s + i], 0.1);
+          // the residual, and what the slope of friction and the wave make of round-off
+          const double waves = 1e-12 * (1 + dt * model.wave_frequency() * model.wave_frequency());
+          const double allowed = 1e-11 * (1 + h * model.friction_rate(y));
+          if (split.implicit != Implicit::both)
+            model.rhs(split.of_explicit, y, rhs);
+          else
+            SS_TRY(VecZeroEntries(rhs));
+          SS_TRY(VecAXPY(rhs, -1, slopes[2 * i + 1]));
+          CHECK(dt * norm(rhs) < (split.implicit == Implicit::friction ? waves : allowed));
+          model.rhs(split.of_implicit, y, rhs);
+          SS_TRY(VecAXPY(rhs, -1, slopes[2 * i]));
+          CHECK(h * norm(rhs) < (split.implicit == Implicit::friction ? allowed : allowed + waves));
         }
-      };
-      for (std::size_t i = 0; i < s; ++i) {
-        combine(&t.A[i * s], &t.At[i * s]);
-        const double h = dt * std::max(t.At[i * s + i], 0.1);
-        model.rhs(Part::stencil, y, rhs);
-        SS_TRY(VecAXPY(rhs, -1, slopes[2 * i + 1]));
-        CHECK(dt * norm(rhs) < 1e-12 * (1 + dt * model.wave_frequency() * model.wave_frequency()));
-        model.rhs(Part::pointwise, y, rhs);
-        SS_TRY(VecAXPY(rhs, -1, slopes[2 * i]));
-        // the residual, and what the slope of friction makes of round-off
-        CHECK(h * norm(rhs) < 1e-11 * (1 + h * model.friction_rate(y)));
+        combine(t.b.data(), t.bt.data());
+        CHECK(distance(found, y) < 1e-12);
+        if (t.embedded.empty()) continue;
+        combine(t.embedded.data(), t.embedded_t.data());
+        const double *a, *b;
+        double sum = 0;
+        SS_TRY(VecGetArrayRead(found, &a));
+        SS_TRY(VecGetArrayRead(y, &b));
+        for (PetscInt i = 0; i < model.local() * model.dof(); ++i)
+          sum += std::pow((a[i] - b[i]) / (1e-10 + 1e-10 * std::max(std::abs(a[i]), std::abs(b[i]))), 2);
+        SS_TRY(VecRestoreArrayRead(y, &b));
+        SS_TRY(VecRestoreArrayRead(found, &a));
+        SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPI_DOUBLE, MPI_SUM, model.comm()));
+        CHECK(outcome.error == Approx(std::sqrt(sum / double(scene.n * model.dof()))).epsilon(1e-6).margin(0.01));
+        model.set_direction(nullptr);
       }
-      combine(t.b.data(), t.bt.data());
-      CHECK(distance(found, y) < 1e-12);
-      if (t.embedded.empty()) continue;
-      combine(t.embedded.data(), t.embedded_t.data());
-      const double *a, *b;
-      double sum = 0;
-      SS_TRY(VecGetArrayRead(found, &a));
-      SS_TRY(VecGetArrayRead(y, &b));
-      for (PetscInt i = 0; i < model.local() * model.dof(); ++i)
-        sum += std::pow((a[i] - b[i]) / (1e-10 + 1e-10 * std::max(std::abs(a[i]), std::abs(b[i]))), 2);
-      SS_TRY(VecRestoreArrayRead(y, &b));
-      SS_TRY(VecRestoreArrayRead(found, &a));
-      SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPI_DOUBLE, MPI_SUM, model.comm()));
-      CHECK(outcome.error == Approx(std::sqrt(sum / double(scene.n * model.dof()))).epsilon(1e-6).margin(0.01));
-      model.set_direction(nullptr);
-    }
 }
 
 TEST_CASE("a step of leapfrog is half a kick, the midpoint rule, half a kick", "[imex][leapfrog]") {
@@ -244,11 +273,16 @@ TEST_CASE("steps tile by tile do not depend on the ranks, to the last bit: arkim
     VecHandle all = alone.create_vector(), expected = alone.create_vector();
     start(model, u);
     start(alone, all);
-    FusedImex step(model, method.tableau(), Stick::applies_to(scene));
-    FusedImex step_alone(alone, method.tableau(), Stick::applies_to(scene));
-    const auto direction = give_direction(model, step, u), direction_alone = give_direction(alone, step_alone, all);
+    std::vector<std::unique_ptr<StepTaker>> steps, steps_alone;
+    std::vector<double> direction, direction_alone;  // of the model, which keeps no copy
+    for (const Split& split : splits_of(scene)) {
+      steps.push_back(step_of(model, method.tableau(), split.implicit));
+      steps_alone.push_back(step_of(alone, method.tableau(), split.implicit));
+      direction = give_direction(model, *steps.back(), u);
+      direction_alone = give_direction(alone, *steps_alone.back(), all);
+    }
     INFO(to_string(scene.friction.law) << " n " << scene.n);
-    const auto check_step = [&](const TiledStep& shared, const TiledStep& single, bool estimate) {
+    const auto check_step = [&](const StepTaker& shared, const StepTaker& single, bool estimate) {
       shared.take(u, 0.02, {1e-4, 1e-3, NORM_2}, estimate, found, {});
       single.take(all, 0.02, {1e-4, 1e-3, NORM_2}, estimate, expected, {});
       const double *mine, *whole;
@@ -258,7 +292,7 @@ TEST_CASE("steps tile by tile do not depend on the ranks, to the last bit: arkim
       SS_TRY(VecRestoreArrayRead(found, &mine));
       SS_TRY(VecRestoreArrayRead(expected, &whole));
     };
-    check_step(step, step_alone, true);
+    for (std::size_t k = 0; k < steps.size(); ++k) check_step(*steps[k], *steps_alone[k], true);
     if (scene.nu > 0) continue;
     Leapfrog leap(model, Stick::applies_to(scene)), leap_alone(alone, Stick::applies_to(scene));
     if (!direction.empty()) leap.set_direction(direction);
@@ -267,12 +301,18 @@ TEST_CASE("steps tile by tile do not depend on the ranks, to the last bit: arkim
   }
 }
 
-TEST_CASE("a run of arkimex tile by tile is that of the library's own steps", "[imex]") {
+TEST_CASE("a run of arkimex is that of the library's own steps, whatever is implicit", "[imex]") {
   for (const Scene& scene : imex_scenes()) {
     if (scene.n > 100) continue;
-    for (const char* subtype : {"3", "5", "l2"}) {
-      const auto run = [&](bool fused) {
-        MethodSpec spec = MethodSpec::parse("test", std::string("arkimex:") + subtype + ":friction");
+    std::vector<std::pair<std::string, Implicit>> methods_and_splits;
+    for (const char* subtype : {"3", "5", "l2"}) methods_and_splits.emplace_back(subtype, Implicit::friction);
+    int ranks;
+    MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
+    for (const Split& split : splits_of(scene))  // on several ranks the library's solvers take too long
+      if (split.implicit != Implicit::friction && ranks == 1) methods_and_splits.emplace_back("4", split.implicit);
+    for (const auto& [subtype, implicit] : methods_and_splits) {
+      const auto run = [&, subtype = subtype, implicit = implicit](bool fused) {
+        MethodSpec spec = MethodSpec::parse("test", "arkimex:" + subtype + ":" + to_string(implicit));
         spec.step = Stick::applies_to(scene) ? 0.001 : 0.01;  // a longer one carries nodes far through rest
         spec.tolerance = 1e-12;
         spec.fused = fused;
@@ -285,12 +325,12 @@ TEST_CASE("a run of arkimex tile by tile is that of the library's own steps", "[
         TSType type;
         SS_TRY(TSGetType(integrator.ts(), &type));
         CHECK(std::string(type) == (fused ? "fusedarkimex" : "arkimex"));
-        CHECK(integrator.report().method == std::string("arkimex:") + subtype);
+        CHECK(integrator.report().method == "arkimex:" + subtype);
         integrator.advance(u, 0, 10 * spec.step, nullptr);
         return u;
       };
       INFO(to_string(scene.friction.law) << " " << to_string(scene.friction.state) << " left " << int(scene.left) << " "
-                                         << subtype);
+                                         << subtype << " " << to_string(implicit));
       const VecHandle fused = run(true), library = run(false);
       CHECK(distance(fused, library) < 1e-9 * (1 + norm(library)));
     }

@@ -507,8 +507,10 @@ TEST_CASE("the fused steps are a TS type that can be named and seen", "[fused]")
   CHECK(type_of(with(imex, {{"rk_fused", "false"}})) == "arkimex arkimex:4");
   // the library's own solvers where the user tunes them, and what the tiles do not take
   CHECK(type_of(with(imex, {{"snes_rtol", "1e-9"}})) == "arkimex arkimex:4");
-  CHECK(type_of(with(imex, {{"imex_implicit", "both"}})) == "arkimex arkimex:4");
-  CHECK_THROWS_AS(type_of({{"ts_type", "fusedarkimex"}, {"imex_implicit", "wave"}}), UsageError);
+  CHECK(type_of(with(imex, {{"imex_implicit", "both"}})) == "fusedarkimex arkimex:4");
+  CHECK(type_of(with(imex, {{"imex_implicit", "both"}, {"ksp_type", "gmres"}})) == "arkimex arkimex:4");
+  CHECK(type_of({{"ts_type", "fusedarkimex"}, {"imex_implicit", "wave"}}) == "fusedarkimex arkimex:4");
+  CHECK(type_of(with(imex, {{"imex_implicit", "none"}})) == "arkimex arkimex:4");
   CHECK_THROWS_AS(type_of({{"ts_type", "fusedarkimex"}, {"pc_type", "lu"}}), UsageError);
   const Settings rk = {{"ts_type", "rk"}, {"ts_rk_type", "3bs"}}, fused = with(rk, {{"ts_type", "fusedrk"}});
   CHECK(distance(solve(smooth_ring(), rk).end, solve(smooth_ring(), fused).end) == 0);

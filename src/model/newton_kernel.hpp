@@ -6,7 +6,10 @@
 // formed, and what is left over after the round is what friction is off its tangent. p D2 x = d x - b gives eta.
 #pragma once
 
+#include <type_traits>
+
 #include "model/implicit_kernel.hpp"
+#include "model/law.hpp"
 
 namespace stickslip::kernel {
 
@@ -28,7 +31,7 @@ struct Round {
   double *psi, *state;                  // where it is linearised; after advance(): the next ones
   double *d, *b;
   const double* x;
-  double *g_psi, *g_eta, *g_state;      // slopes of the implicit part
+  double *g_psi, *g_eta, *g_state;  // slopes of the implicit part
   double target, immovable;
   PetscInt count, node;
 };
@@ -43,6 +46,18 @@ inline BandSlopes band_slopes(const Coefficients& c, const BandStage& k, double 
   return {slope, c.K0 * (c.v - psi) + k.kappa * coupling - c.s_delta * (moves * (slope / c.A + c.B * psi))};
 }
 
+// A threshold that is smoothed: force against velocity is an S about rest. From one side of it Newton's method jumps to
+// the other and back; from rest, where the S is steepest, it goes the right way, and steps that fall short.
+template <class F>
+struct IsSmoothed : std::false_type {};
+template <class L, class S>
+struct IsSmoothed<Product<L, SignRegularised, S>> : std::true_type {};
+template <class F>
+struct IsSmoothed<Varying<F>> : IsSmoothed<F> {};
+
+// As wide as a double, so that the compiler can choose between doubles by it.
+using Flag = std::int64_t;
+
 template <class F, bool sticking>
 struct NewtonRound {
   static constexpr int dof = F::has_state ? 3 : 2;
@@ -50,8 +65,8 @@ struct NewtonRound {
 
   // The tangent at a node: q F and the residual of the state's equation, in the change of psi.
   struct Tangent {
-    double force, slope;          // q F, its slope, the state following
-    double change, follows;       // of the state: change + follows (x - psi)
+    double force, slope;     // q F, its slope, the state following
+    double change, follows;  // of the state: change + follows (x - psi)
     double a_q_state, own;
   };
   template <class Own>
@@ -70,25 +85,29 @@ struct NewtonRound {
   }
   template <class Own>
   static Partials partials(const Own& own, double psi, double s, double going) {
-    if constexpr (sticking) return own.sliding_partials(psi, s, going);
-    else return own.partials(psi, s);
+    if constexpr (sticking)
+      return own.sliding_partials(psi, s, going);
+    else
+      return own.partials(psi, s);
   }
   template <class Own>
   static RatePartials rate(const Own& own, double psi, double s, double going) {
-    if constexpr (sticking) return own.sliding_rate(psi, s, going);
-    else return own.rate_partials(psi, s);
+    if constexpr (sticking)
+      return own.sliding_rate(psi, s, going);
+    else
+      return own.rate_partials(psi, s);
   }
 
-  // d and b. With `advance` what x makes of them: psi, the state and the slopes, and the largest of |what is left| over
-  // what is allowed.
-  double operator()(const Coefficients& c, const Round& t, bool advance) const {
+  // d and b. With `advance` what x makes of them: psi, the state and the slopes; returns whether what is left over is
+  // too much somewhere, and 3 where it is no number.
+  Flag operator()(const Coefficients& c, const Round& t, bool advance) const {
     if (t.amplitude) return advance ? next<true>(c, t) : linearise<true>(t);
     return advance ? next<false>(c, t) : linearise<false>(t);
   }
 
  private:
   template <bool spread>
-  double linearise(const Round& t) const {
+  Flag linearise(Round t) const {  // copies, whose members no store can change
 #pragma GCC ivdep
     for (PetscInt i = 0; i < t.count; ++i) {
       const Tangent k = tangent(friction_of(friction, t.node + i), t, spread ? t.amplitude[i] : 1, i);
@@ -100,9 +119,9 @@ struct NewtonRound {
   }
 
   template <bool spread>
-  double next(const Coefficients& c, const Round& t) const {
+  Flag next(Coefficients c, Round t) const {
     const double per_h = 1 / t.stage.h;
-    double worst = 0;
+    Flag left = 0;
 #pragma GCC ivdep
     for (PetscInt i = 0; i < t.count; ++i) {
       const auto& own = friction_of(friction, t.node + i);
@@ -114,6 +133,10 @@ struct NewtonRound {
       if constexpr (F::has_state) s = t.state[i] + k.change + k.follows * step;
       if constexpr (F::steep) {
         psi = own.newton_psi(t.psi[i], t.state[i], t.x[i], s, t.stage.a / (t.stage.q * amplitude));
+        tamed = magnitude(psi - t.x[i]);
+      }
+      if constexpr (IsSmoothed<F>::value) {
+        psi = t.psi[i] * psi < 0 ? 0 : psi;
         tamed = magnitude(psi - t.x[i]);
       }
       const double force = t.stage.q * amplitude * partials(own, psi, s, going).F, miss = magnitude(force - linear);
@@ -129,21 +152,24 @@ struct NewtonRound {
         t.state[i] = s;
         t.g_state[i] = (s - t.z_state[i]) * per_h;
       }
-      ratio = ratio < 1e300 ? ratio : 1e300;  // also where it is no number
-      worst = ratio > worst ? ratio : worst;
+      const bool small = ratio <= 1, number = ratio < 1e300;
+      left |= small ? 0 : 1;
+      left |= number ? 0 : 2;
       const BandSlopes slopes = band_slopes(c, t.stage, t.z_psi[i], psi, per_h, coupling, moves);
       t.psi[i] = psi;
       t.g_psi[i] = slopes.psi;
       t.g_eta[i] = slopes.eta;
     }
-    return worst;
+    return left;
   }
   static double magnitude(double a) { return a < 0 ? -a : a; }
 };
 
 // With the waves alone implicit: b, and from x the slopes.
 struct WaveRound {
-  void operator()(const Coefficients& c, const Round& t, bool advance) const {
+  void operator()(const Coefficients& coefficients, const Round& round, bool advance) const {
+    const Coefficients c = coefficients;
+    const Round t = round;
     const double per_h = 1 / t.stage.h;
     if (!advance) {
 #pragma GCC ivdep

@@ -1,10 +1,10 @@
 // A grid cut for banded solves: groups of eight pieces, one in each lane of a vector, and a few outer nodes.
 //
 // The cuts follow from the grid alone, so that what is computed does not depend on the ranks, to the last bit. A rank
-// works on every tile (a group, or outer nodes) that holds one of its nodes; a tile on the border of two ranks is worked
-// on by both. On a ring the outer nodes are the first few; on a line they stand at both ends, with every row of D2 that
-// an end changes. A piece is `rows` nodes, the last half_width of which separate it from the next one; behind the last
-// piece of all these are outer nodes, which its tile holds a second time. A small grid has outer nodes only.
+// works on every tile (a group, or outer nodes) that holds one of its nodes; a tile on the border of two ranks is
+// worked on by both. On a ring the outer nodes are the first few; on a line they stand at both ends, with every row of
+// D2 that an end changes. A piece is `rows` nodes, the last half_width of which separate it from the next one; behind
+// the last piece of all these are outer nodes, which its tile holds a second time. A small grid has outer nodes only.
 #pragma once
 
 #include <vector>

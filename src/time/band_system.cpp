@@ -31,28 +31,28 @@ class BandSystemOf : public BandSystem {
     int left = -1, right = -1;
     StretchMatrix<hw> matrix;
     StretchLoad<hw> load;
-    double d_behind[hw];                          // the diagonal of the separator behind it
-    double b[hw], x_left[hw], x_right[hw];        // of the separator in its middle; of those at its ends
+    double d_behind[hw];                    // the diagonal of the separator behind it
+    double b[hw], x_left[hw], x_right[hw];  // of the separator in its middle; of those at its ends
   };
   struct Leaf {
     int node, speaker;
   };
   struct Group {  // of a tile
     int node = -1;
-    Separator<hw> separators[lanes - 1];          // where the diagonal varies
+    Separator<hw> separators[lanes - 1];  // where the diagonal varies
     double b[lanes - 1][hw];
   };
   struct Factors {
     double a = 0, p = 0;
     bool positive = true;
     double c[hw + 1];
-    double middle;                                // -p w_0
+    double middle;  // -p w_0
     kernel::PieceTable table;
-    std::vector<double> W[2];                     // of pieces of the least rows, and of one more
+    std::vector<double> W[2];  // of pieces of the least rows, and of one more
     Separator<hw> separators[2][lanes - 1];
     StretchMatrix<hw> group[2];
-    std::vector<Separator<hw>> nodes;             // of the tree
-    std::vector<double> outer;                    // the inverse of what is left
+    std::vector<Separator<hw>> nodes;  // of the tree
+    std::vector<double> outer;         // the inverse of what is left
   };
 
   int build(int lo, int hi);
@@ -63,8 +63,8 @@ class BandSystemOf : public BandSystem {
   void make_constant(Factors& f, double a, double p);
   bool join_eight(const double* d, const kernel::Sides<hw>& sides, const double* c, Separator<hw>* separators,
                   StretchMatrix<hw>& whole) const;
-  void load_eight(const kernel::Sides<hw>& sides, const double* b, const Separator<hw>* separators,
-                  double (*own)[hw], StretchLoad<hw>& whole) const;
+  void load_eight(const kernel::Sides<hw>& sides, const double* b, const Separator<hw>* separators, double (*own)[hw],
+                  StretchLoad<hw>& whole) const;
   bool eliminate(const std::vector<int>& nodes);
   void join(const std::vector<int>& nodes);
   void descend(const std::vector<int>& nodes);
@@ -77,18 +77,18 @@ class BandSystemOf : public BandSystem {
   const Scene& scene_;
   std::vector<Node> tree_;
   int root_ = -1;
-  std::vector<int> own_, top_;                    // nodes of two stretches: of this rank; of several
-  std::vector<Leaf> leaves_;                      // of the top
-  std::vector<Group> groups_;                     // of the tiles
+  std::vector<int> own_, top_;  // nodes of two stretches: of this rank; of several
+  std::vector<Leaf> leaves_;    // of the top
+  std::vector<Group> groups_;   // of the tiles
   int outer_count_;
   std::vector<double> outer_d2_, outer_b_, outer_d_, outer_x_;
   std::vector<char> outer_held_;
   int ranks_, rank_;
-  std::vector<int> leaves_of_, outer_of_;         // of every rank
+  std::vector<int> leaves_of_, outer_of_;  // of every rank
   std::vector<double> sent_, received_;
-  std::vector<Factors> kept_;                     // constant, the last used first
+  std::vector<Factors> kept_;  // constant, the last used first
   Factors varying_;
-  bool varies_ = false, positive_ = true;         // positive_: of this rank's tiles, where the diagonal varies
+  bool varies_ = false, positive_ = true;  // positive_: of this rank's tiles, where the diagonal varies
 
   std::function<void(const kernel::ConstantPiece&, kernel::Sides<hw>*)> forward_constant_;
   std::function<void(const kernel::ConstantPiece&, const double*, const double*, double*)> backward_constant_;
@@ -98,7 +98,9 @@ class BandSystemOf : public BandSystem {
 
 template <int hw>
 BandSystemOf<hw>::BandSystemOf(const BandLayout& layout)
-    : layout_(layout), scene_(layout.model().scene()), outer_count_(layout.outer()),
+    : layout_(layout),
+      scene_(layout.model().scene()),
+      outer_count_(layout.outer()),
       forward_constant_(kernel::compiled<decltype(forward_constant_)>(kernel::ForwardConstant<hw>{})),
       backward_constant_(kernel::compiled<decltype(backward_constant_)>(kernel::BackwardConstant<hw>{})),
       forward_(kernel::compiled<decltype(forward_)>(kernel::Forward<hw>{})),
@@ -304,7 +306,8 @@ bool BandSystemOf<hw>::eliminate(const std::vector<int>& nodes) {
   for (const int i : nodes) {
     Node& node = tree_[std::size_t(i)];
     const Node &left = tree_[std::size_t(node.left)], &right = tree_[std::size_t(node.right)];
-    positive = f.nodes[std::size_t(i)].eliminate(left.d_behind, f.c, left.matrix, right.matrix, node.matrix) && positive;
+    positive =
+        f.nodes[std::size_t(i)].eliminate(left.d_behind, f.c, left.matrix, right.matrix, node.matrix) && positive;
     std::copy(right.d_behind, right.d_behind + hw, node.d_behind);
   }
   return positive;
@@ -344,7 +347,8 @@ void BandSystemOf<hw>::join(const std::vector<int>& nodes) {
   const Factors& f = varies_ ? varying_ : kept_.front();
   for (const int i : nodes) {
     Node& node = tree_[std::size_t(i)];
-    f.nodes[std::size_t(i)].join(tree_[std::size_t(node.left)].load, tree_[std::size_t(node.right)].load, node.b, node.load);
+    f.nodes[std::size_t(i)].join(tree_[std::size_t(node.left)].load, tree_[std::size_t(node.right)].load, node.b,
+                                 node.load);
   }
 }
 
@@ -513,8 +517,10 @@ bool BandSystemOf<hw>::gather(bool with_matrices, bool flag) {
   }
   const auto walk = [&](int rank, double* at, bool into) {
     const auto move = [&](double* own, int count) {
-      if (into) std::copy(own, own + count, at);
-      else std::copy(at, at + count, own);
+      if (into)
+        std::copy(own, own + count, at);
+      else
+        std::copy(at, at + count, own);
       at += count;
     };
     double as_number = flag;
@@ -550,9 +556,8 @@ bool BandSystemOf<hw>::gather(bool with_matrices, bool flag) {
 
 std::unique_ptr<BandSystem> BandSystem::make(const BandLayout& layout) {
   std::unique_ptr<BandSystem> system;
-  kernel::for_half_width(layout.model().scene().order / 2, [&](auto hw) {
-    system = std::make_unique<BandSystemOf<hw>>(layout);
-  });
+  kernel::for_half_width(layout.model().scene().order / 2,
+                         [&](auto hw) { system = std::make_unique<BandSystemOf<hw>>(layout); });
   return system;
 }
 

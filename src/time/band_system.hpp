@@ -2,10 +2,10 @@
 // eliminated.
 //
 // Nodes inside pieces are eliminated eight pieces at a time (piece_kernel.hpp), then the separators two neighbouring
-// stretches at a time, up a tree that the grid alone decides. Ranks meet where a stretch would be of two of them: what is
-// left of theirs (3 half_width numbers and 3 half_width^2 of the matrix for each of some log2 of the tiles) goes to all,
-// and each finishes the tree and the outer nodes by itself. So no rank holds factors of nodes that are not its own, and
-// the result has the same bits on any number of ranks.
+// stretches at a time, up a tree that the grid alone decides. Ranks meet where a stretch would be of two of them: what
+// is left of theirs (3 half_width numbers and 3 half_width^2 of the matrix for each of some log2 of the tiles) goes to
+// all, and each finishes the tree and the outer nodes by itself. So no rank holds factors of nodes that are not its
+// own, and the result has the same bits on any number of ranks.
 #pragma once
 
 #include <memory>

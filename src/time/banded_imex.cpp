@@ -20,8 +20,12 @@ bool BandedImex::takes(const ImexTableau& method) {
 }
 
 BandedImex::BandedImex(const Model& model, ImexTableau method, Implicit implicit, bool sticking)
-    : model_(model), method_(std::move(method)), implicit_(implicit), layout_(model),
-      columns_(layout_, method_, implicit), system_(BandSystem::make(layout_)),
+    : model_(model),
+      method_(std::move(method)),
+      implicit_(implicit),
+      layout_(model),
+      columns_(layout_, method_, implicit),
+      system_(BandSystem::make(layout_)),
       coefficients_(kernel::coefficients_with(model.scene(), 1)),
       square_(kernel::compiled<std::function<double(const kernel::Weighted&)>>(kernel::SumOfSquares{})),
       stencil_(tile::stencil(model.scene())),
@@ -106,7 +110,10 @@ StepTaker::Outcome BandedImex::take(Vec u, double dt, const ErrorNorm& norm, boo
   if (norm.type == NORM_INFINITY) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
   const double mean = std::sqrt(total[0] / (double(model_.scene().n) * model_.dof()));
   return {std::isfinite(total[0]) && std::isfinite(total[1]),
-          !estimate ? -1 : norm.type == NORM_INFINITY ? largest : mean, true};
+          !estimate                    ? -1
+          : norm.type == NORM_INFINITY ? largest
+                                       : mean,
+          true};
 }
 
 kernel::Coefficients BandedImex::at_stage(const Step& step, int i) const {
@@ -188,8 +195,8 @@ void BandedImex::take_first(const BandTile& t, const double* own, const Step& st
   const double *const psi = columns_.u(t, 0), *const eta = columns_.u(t, 1);
   double* const d2 = d_.data();
   double* const driving = b_.data();
-  double *const g_psi = columns_.slope(t, ImexColumns::of_implicit, 0, 0),
-                *const g_eta = columns_.slope(t, ImexColumns::of_implicit, 0, 1);
+  double *const g_psi = columns_.slope(t, ImexColumns::of_implicit, 0, 0), *const g_eta = columns_.slope(
+                                                                               t, ImexColumns::of_implicit, 0, 1);
   second_difference(t, own, d2);
   for (PetscInt i = 0; i < t.count(); ++i) driving[i] = eta[i] + N * d2[i];
   if (implicit_ == Implicit::wave) {
@@ -320,17 +327,17 @@ bool BandedImex::newton_stage(int i, const Step& step) const {
     }
     const bool positive = system_->couple();
     if (step.estimate && !positive) return false;
-    double worst = 0;
+    int left = 0;
     for (std::size_t k = 0; k < tiles.size(); ++k) {
       const kernel::Round own = round_of(tiles[k], step, i);
       linearise(tiles[k], own);
       system_->backward(k, d_.data(), b_.data(), x_.data());
-      worst = std::max(worst, newton_(c, own, true));
+      left |= int(newton_(c, own, true));
       hold(tiles[k], i, step);
     }
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &worst, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
-    if (worst <= 1) return true;
-    if (worst >= 1e300) return false;
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &left, 1, MPI_INT, MPI_BOR, model_.comm()));
+    if (left == 0) return true;
+    if (left == 3) return false;  // no number
   }
   return false;
 }

@@ -1,8 +1,8 @@
 // A step of an implicit-explicit Runge-Kutta method with the wave, or everything, implicit.
 //
-// eta and the state are put into psi's equation, which leaves one banded system in psi alone (band_system.hpp). With the
-// wave implicit, part Part::wave of the model, it is linear with one diagonal, whose factors stand while step and tableau
-// do; friction is explicit. With everything implicit it has a new diagonal in each round of Newton's method
+// eta and the state are put into psi's equation, which leaves one banded system in psi alone (band_system.hpp). With
+// the wave implicit, part Part::wave of the model, it is linear with one diagonal, whose factors stand while step and
+// tableau do; friction is explicit. With everything implicit it has a new diagonal in each round of Newton's method
 // (model/newton_kernel.hpp). A stage is solved to well below the error that a step is allowed. Where the error is
 // estimated, a matrix that is not positive definite on the way counts as not solved: while it is, the solution found is
 // the one that grows out of the start of the step.
@@ -72,9 +72,9 @@ class BandedImex : public StepTaker {
   ImexColumns columns_;
   std::unique_ptr<BandSystem> system_;
   kernel::Coefficients coefficients_;
-  double d2_row_;                                    // the sum of |D2| over a row
-  std::vector<double> amplitude_, direction_;        // in the order of columns; empty: all are 1; friction never sticks
-  std::vector<std::vector<Combination>> end_rows_;   // of D2, at nodes of outer tiles on a line
+  double d2_row_;                                   // the sum of |D2| over a row
+  std::vector<double> amplitude_, direction_;       // in the order of columns; empty: all are 1; friction never sticks
+  std::vector<std::vector<Combination>> end_rows_;  // of D2, at nodes of outer tiles on a line
   mutable std::vector<double> d_, b_, x_, spare_, zeros_;  // of one tile
   std::function<double(const kernel::Weighted&)> square_;
   tile::Stencil stencil_;

@@ -11,7 +11,8 @@ bool is_near(double a, double b) { return std::abs(a - b) < 1e-14; }
 }  // namespace
 
 ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Implicit implicit)
-    : dof_(layout.model().dof()), stride_(layout.size() + 8),  // so that columns do not meet in the same lines of a cache
+    : dof_(layout.model().dof()),
+      stride_(layout.size() + 8),  // so that columns do not meet in the same lines of a cache
       add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})) {
   int columns = 0;
   const auto s = std::size_t(method.stages);
@@ -56,13 +57,17 @@ ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Im
     // a stiffly accurate method has the new u in its last stage but for what is explicit
     Sum& solution = solution_[of];
     solution.base = !stiffly_accurate ? u_[d] : d == 1 ? known_[1] : stage_[d == 0 ? 0 : 1];
-    add(solution, d, !stiffly_accurate ? method.bt.data() : d == 1 ? of_last.data() : none.data(),
+    add(solution, d,
+        !stiffly_accurate ? method.bt.data()
+        : d == 1          ? of_last.data()
+                          : none.data(),
         of_explicit_left.data(), int(s));
     add(error_[of], d, g.data(), f.data(), int(s));
   }
 }
 
-void ImexColumns::add(Sum& sum, int d, const double* implicit_weights, const double* explicit_weights, int count) const {
+void ImexColumns::add(Sum& sum, int d, const double* implicit_weights, const double* explicit_weights,
+                      int count) const {
   for (int j = 0; j < count; ++j)
     for (const Kind kind : {of_implicit, of_explicit}) {
       const double weight = (kind == of_implicit ? implicit_weights : explicit_weights)[j];

@@ -1,9 +1,9 @@
 // Banded elimination of eight pieces of a grid at once, one in each lane of a vector.
 //
-// A piece is L nodes with half_width nodes, a separator, on either side that are given. Its matrix has the diagonal d and
-// the same c[k] beside it at distance k everywhere: that of (diag - p D2). It is taken apart as L D L^T without exchange
-// of rows; where every pivot is positive the matrix is positive definite, and the other way round. A node that is given
-// has a diagonal so large that its neighbours cannot move it.
+// A piece is L nodes with half_width nodes, a separator, on either side that are given. Its matrix has the diagonal d
+// and the same c[k] beside it at distance k everywhere: that of (diag - p D2). It is taken apart as L D L^T without
+// exchange of rows; where every pivot is positive the matrix is positive definite, and the other way round. A node that
+// is given has a diagonal so large that its neighbours cannot move it.
 //
 // Row r of lane l stands at [8 r + l]. Only + - * / in the order written, so that a piece's result has the same bits
 // whatever instructions run.
@@ -40,14 +40,14 @@ struct Piece {
 // The factors of a piece of one diagonal everywhere. Their rows are those of any shorter piece too.
 struct PieceTable {
   std::vector<double> l, inverse;  // l[r half_width + k - 1] couples rows r and r - k; 1/pivot
-  std::vector<double> V;           // V[r half_width + s]: what row r means to node s of the left separator, over the pivot
+  std::vector<double> V;  // V[r half_width + s]: what row r means to node s of the left separator, over the pivot
 };
 struct ConstantPiece {
   const double* b;
   const double* c;
   int L;
   const PieceTable* table;
-  const double* W;                 // of this L: W[j half_width + t], row L - 1 - j to node t of the right separator
+  const double* W;  // of this L: W[j half_width + t], row L - 1 - j to node t of the right separator
 };
 
 // What row r of the given nodes at either side takes from the right-hand side.
@@ -109,11 +109,11 @@ struct BackwardConstant {
 // One row of L D L^T after the other, of diagonals that vary.
 template <int half_width>
 struct RowFactor {
-  Lanes l[half_width] = {};                      // of this row
+  Lanes l[half_width] = {};  // of this row
   Lanes inverse{};
-  Lanes before[half_width][half_width] = {};     // l of the rows r - 1, r - 2, ...
+  Lanes before[half_width][half_width] = {};  // l of the rows r - 1, r - 2, ...
   Lanes inverse_before[half_width] = {};
-  Lanes least;                                   // pivot so far
+  Lanes least;  // pivot so far
 
   explicit RowFactor(const Lanes& large) : least(large) {}
 

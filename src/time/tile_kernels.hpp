@@ -24,7 +24,7 @@ using SolveStage = std::function<long(const kernel::Coefficients&, const kernel:
 SolveStage solve_stage(const Scene& scene, bool sticking, const std::vector<double>& x);
 
 // A round of Newton's method with everything implicit.
-using NewtonRound = std::function<double(const kernel::Coefficients&, const kernel::Round&, bool advance)>;
+using NewtonRound = std::function<kernel::Flag(const kernel::Coefficients&, const kernel::Round&, bool advance)>;
 NewtonRound newton_round(const Scene& scene, bool sticking, const std::vector<double>& x);
 
 }  // namespace stickslip::tile
