@@ -34,6 +34,23 @@ Id write_fixed(hid_t file, const Field& field, const std::vector<hsize_t>& dims,
   return dataset;
 }
 
+Id write_line(hid_t file, const Field& field, hsize_t size, const std::function<double(std::int64_t)>& at) {
+  const Id space(H5Screate_simple(1, &size, nullptr));
+  Id dataset = create_dataset(file, field.name, H5T_NATIVE_DOUBLE, space, dataset_creation(), H5P_DEFAULT);
+  std::vector<double> piece;
+  for (hsize_t first = 0; first < size; first += largest_piece) {
+    const hsize_t count = std::min(largest_piece, size - first);
+    piece.resize(count);
+    for (hsize_t k = 0; k < count; ++k) piece[k] = at(static_cast<std::int64_t>(first + k));
+    const Id in_memory(H5Screate_simple(1, &count, nullptr));
+    if (H5Sselect_hyperslab(space, H5S_SELECT_SET, &first, nullptr, &count, nullptr) < 0 ||
+        H5Dwrite(dataset, H5T_NATIVE_DOUBLE, in_memory, space, H5P_DEFAULT, piece.data()) < 0)
+      fail("write", field.name);
+  }
+  describe(dataset, field);
+  return dataset;
+}
+
 void make_scale(hid_t dataset, const std::string& name) {
   if (H5DSset_scale(dataset, name.c_str()) < 0) fail("make a dimension scale of", name);
 }

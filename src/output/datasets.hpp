@@ -20,6 +20,8 @@ Id dataset_creation();
 void describe(hid_t dataset, const Field& field);
 // Doubles, row-major, written at once; no dims: a scalar.
 Id write_fixed(hid_t file, const Field& field, const std::vector<hsize_t>& dims, const std::vector<double>& values);
+// Doubles along x, made piece by piece: a long list is never held.
+Id write_line(hid_t file, const Field& field, hsize_t size, const std::function<double(std::int64_t)>& at);
 void make_scale(hid_t dataset, const std::string& name);
 void attach_scale(hid_t dataset, hid_t scale, unsigned dimension);
 

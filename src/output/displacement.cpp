@@ -1,9 +1,26 @@
 #include "stickslip/output/displacement.hpp"
 
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/banded_ksp.hpp"
 
 namespace stickslip {
+
+namespace {
+
+constexpr PetscInt many = 50000;  // nodes from which on no rank is to hold a factor of all of them
+
+// By so many nodes a force is forgotten: exp(-45) of what it does at its own.
+double reach_of(const Scene& s) {
+  const double h = s.form == Form::chain ? 1 : s.h();
+  return s.K1() == 0 ? s.order : 45 / (2 * std::asinh(h * std::sqrt(s.K0() / s.K1()) / 2)) + 2 * s.order;
+}
+
+}  // namespace
 
 Displacement::Displacement(const Model& model) : model_(model) {
   const Scene& s = model.scene();
@@ -11,19 +28,62 @@ Displacement::Displacement(const Model& model) : model_(model) {
   if (s.K0() == 0 && !held)
     throw UsageError("out_displacement: with model_k0 0 and no held end the forces do not tell where the chain is; set "
                      "model_k0, or leave it out");
-  SS_TRY(MatCreateAIJ(model.comm(), model.local(), model.local(), s.n, s.n, 2 * s.order + 1, nullptr, s.order + 1,
-                      nullptr, matrix_.out()));
-  for (PetscInt i = model.first(); i < model.first() + model.local(); ++i) {
-    SS_TRY(MatSetValue(matrix_, i, i, model.held(i) ? 1 : s.K0(), ADD_VALUES));
-    if (model.held(i)) continue;
-    for (const auto& [node, weight] : second_difference_row(s, i))
-      SS_TRY(MatSetValue(matrix_, i, node, -s.K1() * weight, ADD_VALUES));
-  }
+  int ranks;
+  MPI_Comm_size(model.comm(), &ranks);
+  const double reach = reach_of(s);
+  if (ranks > 1 && s.n >= many && reach < double(s.n) / (4 * ranks)) make_piece(static_cast<PetscInt>(reach));
+  else make_whole();
+}
+
+// Its factor stands on every rank.
+void Displacement::make_whole() {
+  const Scene& s = model_.scene();
+  const PetscInt first = model_.first(), local = model_.local();
+  SS_TRY(MatCreateAIJ(model_.comm(), local, local, s.n, s.n, 2 * s.order + 1, nullptr, s.order + 1, nullptr,
+                      matrix_.out()));
+  for (PetscInt i = first; i < first + local; ++i) add_row(i, i, [](PetscInt node) { return node; });
+  finish_matrix();
+  SS_TRY(MatCreateVecs(matrix_, w_.out(), load_.out()));
+}
+
+// The nodes of this rank and so many at either side: beyond the cut w is taken for 0, which this rank's own nodes do not
+// feel to the last digit.
+void Displacement::make_piece(PetscInt margin) {
+  const Scene& s = model_.scene();
+  const bool ring = s.ring();
+  const PetscInt begin = ring ? model_.first() - margin : std::max(PetscInt(0), model_.first() - margin);
+  const PetscInt behind = model_.first() + model_.local() + margin, count = (ring ? behind : std::min(behind, s.n)) - begin;
+  own_ = model_.first() - begin;
+  std::vector<PetscInt> nodes;
+  for (PetscInt i = 0; i < count; ++i) nodes.push_back((begin + i + s.n) % s.n);
+  SS_TRY(MatCreateSeqAIJ(PETSC_COMM_SELF, count, count, 2 * s.order + 1, nullptr, matrix_.out()));
+  const auto place = [&](PetscInt node) {  // negative ones are left out
+    const PetscInt at = ((node - begin) % s.n + s.n) % s.n;
+    return at < count ? at : -1;
+  };
+  for (PetscInt i = 0; i < count; ++i) add_row(nodes[std::size_t(i)], i, place);
+  finish_matrix();
+  SS_TRY(MatCreateVecs(matrix_, piece_w_.out(), piece_load_.out()));
+  SS_TRY(VecCreateMPI(model_.comm(), model_.local(), s.n, load_.out()));
+  SS_TRY(VecDuplicate(load_, w_.out()));
+  IsHandle from;
+  SS_TRY(ISCreateGeneral(PETSC_COMM_SELF, count, nodes.data(), PETSC_COPY_VALUES, from.out()));
+  SS_TRY(VecScatterCreate(load_, from, piece_load_, nullptr, fetch_.out()));
+}
+
+template <class Place>
+void Displacement::add_row(PetscInt node, PetscInt row, const Place& place) {
+  const Scene& s = model_.scene();
+  SS_TRY(MatSetValue(matrix_, row, row, model_.held(node) ? 1 : s.K0(), ADD_VALUES));
+  if (model_.held(node)) return;
+  for (const auto& [column, weight] : second_difference_row(s, node))
+    if (place(column) >= 0) SS_TRY(MatSetValue(matrix_, row, place(column), -s.K1() * weight, ADD_VALUES));
+}
+
+void Displacement::finish_matrix() {
   SS_TRY(MatAssemblyBegin(matrix_, MAT_FINAL_ASSEMBLY));
   SS_TRY(MatAssemblyEnd(matrix_, MAT_FINAL_ASSEMBLY));
-  SS_TRY(MatCreateVecs(matrix_, w_.out(), load_.out()));
-
-  SS_TRY(KSPCreate(model.comm(), ksp_.out()));
+  SS_TRY(KSPCreate(PetscObjectComm(reinterpret_cast<PetscObject>(static_cast<Mat>(matrix_))), ksp_.out()));
   SS_TRY(KSPSetOperators(ksp_, matrix_, matrix_));
   solve_by_banded_lu(ksp_);
   SS_TRY(KSPSetUp(ksp_));
@@ -49,7 +109,15 @@ void Displacement::solve(Vec u, double t, Vec chi) const {
   }
   SS_TRY(VecRestoreArrayWrite(load_, &b));
   SS_TRY(VecRestoreArrayRead(u, &a));
-  SS_TRY(KSPSolve(ksp_, load_, chi));
+  if (!fetch_) {
+    SS_TRY(KSPSolve(ksp_, load_, chi));
+  } else {
+    SS_TRY(VecScatterBegin(fetch_, load_, piece_load_, INSERT_VALUES, SCATTER_FORWARD));
+    SS_TRY(VecScatterEnd(fetch_, load_, piece_load_, INSERT_VALUES, SCATTER_FORWARD));
+    SS_TRY(KSPSolve(ksp_, piece_load_, piece_w_));
+    const Reading found(piece_w_);
+    std::copy(found + own_, found + own_ + model_.local(), static_cast<double*>(Writing(chi)));
+  }
   SS_TRY(VecShift(chi, travelled));
 }
 

@@ -51,20 +51,7 @@ void GrowingTable::create(hid_t file) {
 Id GrowingTable::create_axis(hid_t file) const {
   Field field = x.field;
   field.name = path(field.name);
-  const Id space(H5Screate_simple(1, &x.size, nullptr));
-  Id dataset = create_dataset(file, field.name, H5T_NATIVE_DOUBLE, space, dataset_creation(), H5P_DEFAULT);
-  std::vector<double> piece;
-  for (hsize_t first = 0; first < x.size; first += largest_piece) {
-    const hsize_t count = std::min(largest_piece, x.size - first);
-    piece.resize(count);
-    for (hsize_t k = 0; k < count; ++k) piece[k] = x.at(static_cast<std::int64_t>(first + k));
-    const Id in_memory(H5Screate_simple(1, &count, nullptr));
-    if (H5Sselect_hyperslab(space, H5S_SELECT_SET, &first, nullptr, &count, nullptr) < 0 ||
-        H5Dwrite(dataset, H5T_NATIVE_DOUBLE, in_memory, space, H5P_DEFAULT, piece.data()) < 0)
-      fail("write", field.name);
-  }
-  describe(dataset, field);
-  return dataset;
+  return write_line(file, field, x.size, x.at);
 }
 
 void GrowingTable::create_column(hid_t file, Column& column, hid_t x_scale) {

@@ -117,7 +117,7 @@ void RunFile::Writer::create(const std::string& name, double bytes) {
     room += 8.0 * double(table.capacity) * double(table.row_width());
   }
   bytes += 16.0 * double(layout.friction_psi.size());
-  for (const auto& profile : layout.profiles) bytes += 8.0 * double(profile.second.size());
+  bytes += 8.0 * double(layout.profiles.size()) * double(layout.slab.nodes());
   unlink(name.c_str());  // never write into a file that somebody else may still have open
   file = h5::create_file(name, bytes, 0, room);
   h5::write_header(file, provenance, "run");
@@ -133,8 +133,8 @@ void RunFile::Writer::create(const std::string& name, double bytes) {
   for (Table& table : tables) table.create(file);
   if (!layout.profiles.empty()) {
     const Id scale(H5Dopen2(file, "x", H5P_DEFAULT));
-    for (const auto& [field, values] : layout.profiles)
-      h5::attach_scale(h5::write_fixed(file, field, {values.size()}, values), scale, 0);
+    for (const auto& [field, at] : layout.profiles)
+      h5::attach_scale(h5::write_line(file, field, static_cast<hsize_t>(layout.slab.nodes()), at), scale, 0);
   }
   ++made;
   if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0) h5::fail("write", name);

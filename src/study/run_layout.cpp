@@ -33,13 +33,15 @@ bool stable_sliding(const Scene& scene, const Partials& F, const RatePartials& g
 // What differs along x, at the nodes.
 void add_profiles(const Scene& scene, RunLayout& layout) {
   if (!scene.amplitude.points().empty())
-    layout.profiles.push_back({{"friction_amplitude", "1", "amplitude of friction"},
-                               friction_amplitude(scene, 0, scene.n)});
+    layout.profiles.push_back({{"friction_amplitude", "1", "amplitude of friction"}, [scene](std::int64_t node) {
+                                 return friction_amplitude(scene, static_cast<PetscInt>(node), 1).front();
+                               }});
   for (const auto& [name, profile] : scene.friction.profiles) {
-    std::vector<double> values;
-    for (PetscInt i = 0; i < scene.n; ++i) values.push_back(profile.at(scene.x(i)));
-    layout.profiles.push_back({{name, find_option(name)->unit.empty() ? "1" : find_option(name)->unit, name + " along x"},
-                               std::move(values)});
+    const std::string unit = find_option(name)->unit;
+    const Field field{name, unit.empty() ? "1" : unit, name + " along x"};
+    layout.profiles.push_back({field, [scene, here = profile](std::int64_t node) {
+                                 return here.at(scene.x(static_cast<PetscInt>(node)));
+                               }});
   }
 }
 

@@ -60,6 +60,21 @@ def test_restart_on_other_ranks():
             os.remove(old)
 
 
+@pytest.mark.ranks
+def test_displacement_piece_by_piece():
+    """From 50000 nodes on each rank solves for its nodes and those that they feel; a banded solve of condition
+    1 + 4 K1/(K0 h^2), here below 1e4, errs by 1e-12."""
+    for scene in ("-grid_length 2000 -init_type sine -init_mode 3", "-grid_length 3000 -bc_left velocity -bc_left_value 0.4 -bc_right free",
+                  "-model_form chain -model_k1 4"):
+        line_ = f"{FIXED}-grid_n 50000 {scene} -ts_max_time 0.03 -out_displacement -out_frames 2 -out_file "
+        run(line_ + "one.h5")
+        run(line_ + "two.h5", 2)
+        one, two = data("one.h5"), data("two.h5")
+        check(np.array_equal(one["psi"], two["psi"]), f"{scene}: psi")
+        apart = abs(one["chi"] - two["chi"]).max()
+        check(apart < 1e-12 * max(1, abs(one["chi"]).max()), f"{scene}: chi differs by {apart}")
+
+
 def peak(arguments, ranks):
     """The largest resident memory of a rank, in bytes."""
     process = subprocess.Popen(line(arguments, ranks), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)

@@ -6,6 +6,7 @@ the second. Run by hand, after `. scripts/prepare.sh`, on a machine that does no
     python3 tests/bench/command.py                        # docs/performance.md's table, 1e3 to 1e7 nodes: ten minutes
     python3 tests/bench/command.py --frames 200           # 200 frames at 1e6 nodes on 1, 2 and 4 ranks: two minutes
     python3 tests/bench/command.py --steps 1,5,20         # runs of few steps: what measuring costs there
+    python3 tests/bench/command.py --machine              # what two programs that know nothing of each other gain
                                   [--nodes 1e3,1e4,...] [--ranks 1,2] [--rounds 3] [--seconds 1.5]
                                   [--output none,frames,probes,events,checkpoints] [--build build]
 
@@ -119,6 +120,26 @@ def frames_of_a_million(count, rounds):
               f"{1e3 * each[0]:.1f}, {1e3 * each[1]:.1f} | {16e-6 * n / each[0]:.0f} |", flush=True)
 
 
+def two_at_once(nodes, rounds):
+    """Bare steps of half the nodes, one program alone and two side by side: what the machine gives a second rank when
+    nothing is sent and nobody waits; beside it two ranks with all the nodes."""
+    print("| n | half of it alone, s | two halves side by side, s | two ranks, s | gain side by side | gain of two ranks |")
+    print("|---|---|---|---|---|---|")
+    for n in nodes:
+        end = end_for(n, 2)
+        words = [os.path.join(BUILD, "tests", "bench_steps"), *scene(n // 2, end)]
+        alone, beside, ranks, whole = [], [], [], []
+        for _ in range(rounds):
+            whole.append(bare(n, end, 1)[2])
+            alone.append(bare(n // 2, end, 1)[2])
+            both = [subprocess.Popen(words, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+            beside.append(max(float(one.communicate()[0].split()[2]) for one in both))
+            ranks.append(bare(n, end, 2)[2])
+        whole, alone, beside, ranks = (statistics.median(times) for times in (whole, alone, beside, ranks))
+        print(f"| {n:.0e} | {alone:.3f} | {beside:.3f} | {ranks:.3f} | {2 * alone / beside:.2f} | {whole / ranks:.2f} |",
+              flush=True)
+
+
 def few_steps(counts, nodes, rounds):
     """Of runs of so many steps: the command less its start, over the bare steps and their set-up."""
     print("| n | steps | bare steps and their set-up, s | command less its start over them |")
@@ -144,12 +165,15 @@ def main():
     parser.add_argument("--seconds", type=float, default=1.5)
     parser.add_argument("--frames", type=int, help="so many at 1e6 nodes on 1, 2 and 4 ranks, and nothing else")
     parser.add_argument("--steps", type=numbers(int), help="runs of so many steps, and nothing else")
+    parser.add_argument("--machine", action="store_true", help="two programs side by side, and nothing else")
     asked = parser.parse_args()
     BUILD = os.path.abspath(asked.build)
     with tempfile.TemporaryDirectory(dir=os.getcwd()) as folder:
         os.chdir(folder)
         if asked.frames:
             frames_of_a_million(asked.frames, asked.rounds)
+        elif asked.machine:
+            two_at_once([n for n in asked.nodes if n >= 1e4], asked.rounds)
         elif asked.steps:
             few_steps(asked.steps, asked.nodes, asked.rounds)
         else:

@@ -3,6 +3,8 @@
 // chi is not an unknown of the model; with w = chi - v t it follows from the elastic force by one banded solve,
 //     (K0 - K1 D2) w = -(eta + (s delta/A) psi),      w = (psi_e - v) t at a held end
 // (continuum: gamma eta = c^2 chi_xx - (chi - v t) - s delta psi; chain: f0 eta = k0 (V0 t - chi) + k1 D2 chi).
+// On several ranks with 50000 nodes and more each solves for its own nodes and for those beside them that they feel (a
+// force falls by exp(-45) over them), wherever these are few enough; the results are the same to round-off.
 //
 // Energy and powers are in units of the friction amplitude (gamma or f0); sums are over the blocks of a chain, and
 // h times the sum over nodes in the continuum, where a free end has the weight 1/2. With z = eta + (s delta/A) psi
@@ -37,10 +39,19 @@ class Displacement {
   Energy energy(Vec u) const;                 // collective; only where has_energy()
 
  private:
+  void make_whole();
+  void make_piece(PetscInt margin);
+  template <class Place>
+  void add_row(PetscInt node, PetscInt row, const Place& place);
+  void finish_matrix();
+
   const Model& model_;
   MatHandle matrix_;
   KspHandle ksp_;
   VecHandle w_, load_;
+  PetscInt own_ = 0;                // where this rank's nodes begin in its piece
+  VecHandle piece_w_, piece_load_;  // in pieces
+  ScatterHandle fetch_;          // the load of a piece; none where the whole is solved
 };
 
 }  // namespace stickslip

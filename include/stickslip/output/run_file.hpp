@@ -46,7 +46,7 @@ struct RunLayout {
   std::int64_t frames = 0;      // how many are expected to come (any number may)
   std::map<std::string, std::string> texts;  // further root attributes
   std::map<std::string, double> numbers;
-  std::vector<std::pair<Field, std::vector<double>>> profiles;  // of x: what differs along it, a value a node
+  std::vector<std::pair<Field, std::function<double(std::int64_t)>>> profiles;  // of nodes: what differs along x
   std::vector<double> friction_psi, friction_F;  // steady friction, a table friction/F of friction/psi, if not empty
 };
 
