@@ -31,6 +31,19 @@ Options effective_options(const Options& options) {
   return resumed;
 }
 
+// Where the answer holds no error.
+void say_jump(const std::optional<JumpAtEnd>& jump, Summary& summary) {
+  if (!jump) return;
+  summary.set("jump", Json::object({{"x", jump->x},
+                                    {"height", jump->height ? Json(*jump->height) : Json()},
+                                    {"from", jump->from},
+                                    {"to", jump->to}}));
+  summary.say("psi jumps at x = " + rounded_text(jump->x) +
+              (jump->height ? " by " + rounded_text(*jump->height) : std::string()) +
+              "; the error is that of psi outside " + rounded_text(jump->from, 4) + " to " +
+              rounded_text(jump->to, 4));
+}
+
 // A run for -accuracy: chosen, run, its error estimated; again with stricter settings where that was too large.
 int run_to_accuracy(const Options& options, Summary& summary) {
   const double wanted = options.real("accuracy");
@@ -42,12 +55,16 @@ int run_to_accuracy(const Options& options, Summary& summary) {
     Progress(chosen.text("progress"), "").tell("accuracy: " + plan.what() + "; choosing took " +
                                 number_text(std::round(1e5 * (plan.seconds() + runs_before)) / 1e5) + " s");
     const double begin = largest_processor_seconds();
-    Run run(chosen, Provenance::of("run", chosen.all()));
+    Run run(chosen, Provenance::of("run", chosen.all()), plan.measure());
     const int code = run.advance(summary);
     const double seconds = largest_processor_seconds() - begin;
     const bool ended = code == 0 && summary.get("stopped_at").is_null();
-    const double estimate = ended ? plan.estimate(run.end()) : NAN;
+    const Answer end = ended ? run.end() : Answer();
+    const double estimate = ended ? plan.estimate(end) : NAN;
+    const std::vector<double> value = ended ? plan.value(end) : std::vector<double>();
     summary.set("accuracy", Json::object({{"wanted", wanted},
+                                          {"of", chosen.text("accuracy_of")},
+                                          {"value", value.empty() ? Json() : Json(value)},
                                           {"chosen", plan.what()},
                                           {"method", plan.setting().method.name()},
                                           {"tolerance", plan.setting().tolerance},
@@ -60,13 +77,20 @@ int run_to_accuracy(const Options& options, Summary& summary) {
                                           {"run_seconds", seconds}}));
     if (!ended) return code;
     summary.set("error_estimate", estimate);
+    const bool again = plan.refusal().empty() && estimate > wanted && attempt < 5;
+    if (!again) say_jump(plan.jump(), summary);
     if (!plan.refusal().empty())
       throw Failure(plan.refusal() + "; best reached " + rounded_text(estimate, 2));
     if (estimate <= wanted) return 0;
     if (attempt == 5)
       throw Failure("accuracy " + options.text("accuracy") + " was not reached: the error is about " +
                     number_text(estimate) + " with " + plan.what());
-    plan.refine();
+    try {
+      plan.refine();
+    } catch (const Failure&) {  // the answer stands
+      say_jump(plan.jump(), summary);
+      throw;
+    }
     runs_before += run.step_seconds();
   }
 }
@@ -113,12 +137,14 @@ int run_command(const Options& asked) {
   const Options options = effective_options(asked);
   const Provenance provenance = Provenance::of("run", options.all());
   check_outputs(options.text("out_file"), options.text("summary"));
+  if (options.is_set("accuracy_of") && !options.is_set("accuracy"))
+    throw UsageError("accuracy_of " + options.text("accuracy_of") + ": it says what -accuracy is wanted of, which is not set");
   std::vector<std::string> keys = {"t_end", "steps", "rejections", "rhs_evaluations", "method", "implicit", "unknowns",
                                    "reduced"};
   for (const std::string& key : quantity_keys()) keys.push_back(key);
   for (const char* key : {"probes", "regime", "regime_reason", "regime_rate", "growth_rate", "growth_rate_reason",
-                          "time_to_decide", "amplitude", "wave_speed", "pulses", "measured_over", "maxima",
-                          "maxima_period", "stopped_at", "error_estimate", "events", "events_per_s", "lyapunov",
+                          "time_to_decide", "amplitude", "wave_speed", "pulses", "period", "measured_over", "maxima",
+                          "maxima_period", "stopped_at", "error_estimate", "jump", "events", "events_per_s", "lyapunov",
                           "lyapunov_largest", "lyapunov_largest_error", "lyapunov_dimension", "lyapunov_dimension_error",
                           "lyapunov_divergence", "accuracy"})
     keys.push_back(key);

@@ -16,6 +16,7 @@
 #include "output/catalogue.hpp"
 #include "output/frames.hpp"
 #include "output/maxima.hpp"
+#include "output/measures.hpp"
 #include "output/series.hpp"
 #include "stickslip/study/run_layout.hpp"
 #include "stickslip/base/error.hpp"
@@ -97,12 +98,14 @@ void silence_library() {
 
 }  // namespace
 
-Run::Run(const Options& options, const Provenance& provenance) : Run(options, provenance, asked_for(options)) {}
+Run::Run(const Options& options, const Provenance& provenance, const MeasureMaker& measure)
+    : Run(options, provenance, measure, asked_for(options)) {}
 
-Run::Run(const Options& options, const Provenance& provenance, std::optional<Checkpoint> checkpoint)
+Run::Run(const Options& options, const Provenance& provenance, const MeasureMaker& measure,
+         std::optional<Checkpoint> checkpoint)
     : options_(options), provenance_(provenance), scene_(Scene::from(options, false)),
       problem_(problem_for(scene_, options, checkpoint)), timed_(options.is_set("accuracy")) {
-  make_observers();
+  make_observers(measure);
   int rank;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
   // Every rank solves alike, and one of them prints for -ts_monitor.
@@ -115,9 +118,11 @@ Run::Run(const Options& options, const Provenance& provenance, std::optional<Che
   if (!options.boolean("check")) open_file();
 }
 
-Fields Run::end() const { return fields_of(problem_.model, problem_.u, scene_.n); }
+Answer Run::end() const {
+  return {fields_of(problem_.model, problem_.u, scene_.n), measure_ ? measure_->values() : std::vector<double>()};
+}
 
-void Run::make_observers() {
+void Run::make_observers(const MeasureMaker& measure) {
   const Model& model = problem_.model;
   if (options_.boolean("out_displacement") && options_.is_set("out_file"))
     displacement_ = std::make_unique<Displacement>(model);
@@ -129,7 +134,15 @@ void Run::make_observers() {
     observers_.push_back(std::make_unique<Catalogue>(model, event_velocity(options_, scene_)));
   if (options_.integer("lyapunov_count") > 0)
     observers_.push_back(std::make_unique<LyapunovExponents>(model, options_));
-  observers_.push_back(std::make_unique<ProbeRows>(model, scene_, options_.reals("out_probes")));
+  const std::vector<double> probes = options_.reals("out_probes");
+  observers_.push_back(std::make_unique<ProbeRows>(model, scene_, probes));
+  if (!probes.empty())
+    observers_.push_back(std::make_unique<Period>(model, scene_, probes, options_.real("ts_max_time"), false));
+  if (measure) {  // after the others, so that its number stands
+    auto made = measure(model, scene_);
+    measure_ = made.get();
+    observers_.push_back(std::move(made));
+  }
   if (options_.is_set("out_maxima"))
     observers_.push_back(
         std::make_unique<Maxima>(model, scene_, options_.real("out_maxima"), options_.real("ts_max_time")));

@@ -12,6 +12,7 @@
 #include "stickslip/output/checkpoint.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/output/run_file.hpp"
+#include "stickslip/output/measure.hpp"
 #include "stickslip/output/observer.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/output/summary.hpp"
@@ -26,7 +27,8 @@ class Run {
  public:
   // Sets everything up, in an order in which all that can be refused is refused before the first file is touched.
   // Goes on from the checkpoint that option `restart` names. options and provenance must outlive it. Collective.
-  Run(const Options& options, const Provenance& provenance);
+  // `measure`, if given, makes one more observer, whose result end() holds.
+  Run(const Options& options, const Provenance& provenance, const MeasureMaker& measure = nullptr);
 
   // Returns the exit code; the summary holds what is known, also when it throws. Collective.
   int advance(Summary& summary);
@@ -38,7 +40,7 @@ class Run {
   // Processor time of this rank for setting the method up and for its steps, as in a row of `chart`; 0 without
   // -accuracy.
   double step_seconds() const { return step_seconds_; }
-  Fields end() const;  // as far as it has come; collective
+  Answer end() const;  // as far as it has come; collective
 
  private:
   // Where it begins.
@@ -49,9 +51,10 @@ class Run {
     long evaluations = 0;
   };
 
-  Run(const Options& options, const Provenance& provenance, std::optional<Checkpoint> checkpoint);
+  Run(const Options& options, const Provenance& provenance, const MeasureMaker& measure,
+      std::optional<Checkpoint> checkpoint);
   double spent() const { return timed_ ? processor_seconds() : 0; }
-  void make_observers();
+  void make_observers(const MeasureMaker& measure);
   void restore(const Checkpoint& checkpoint);
   void make_integrator();
   void limit_steps();
@@ -71,6 +74,7 @@ class Run {
   std::unique_ptr<Displacement> displacement_;  // with out_displacement
   std::vector<std::unique_ptr<Observer>> observers_;
   Regime* regime_ = nullptr;  // one of them
+  const Measure* measure_ = nullptr;  // another, or none
   Origin origin_;
   std::optional<RunControl> control_;
   std::unique_ptr<Integrator> integrator_;

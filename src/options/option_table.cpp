@@ -232,6 +232,9 @@ void time_options(TableBuilder& t) {
   t.in("Time stepping", "run");
   t.positive("accuracy", "", "largest error wanted in psi and eta at the end; chooses what is not set otherwise")
       .unset("none");
+  t.text("accuracy_of", "fields",
+         "what -accuracy is wanted of: fields, probe:x (psi and eta at x, at the end), speed (wave_speed), period (at "
+         "out_probes) or amplitude");
   t.positive("accuracy_seconds", "60", "processor time that choosing for -accuracy may take");
   t.in("Time stepping", "run chart");
   t.boolean("rk_fused", "true",

@@ -1,5 +1,6 @@
 #include "stickslip/study/accuracy.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "stickslip/base/error.hpp"
@@ -60,7 +61,32 @@ const Setting& AccuracyPlan::setting() const { return impl_->setting; }
 double AccuracyPlan::seconds() const { return impl_->seconds; }
 int AccuracyPlan::trials() const { return impl_->runs.count(); }
 
-double AccuracyPlan::estimate(const Fields& end) {
+MeasureMaker AccuracyPlan::measure() const { return impl_->request.of.measure(impl_->request.options); }
+
+std::vector<double> AccuracyPlan::value(const Answer& end) const {
+  const AccuracyRequest& request = impl_->request;
+  if (request.of.kind != Quantity::Kind::probe) return end.measured;
+  const Fields at = at_points(end.fields, Scene::from(impl_->chosen, false), request.probes);
+  return {at.psi[0], at.eta[0]};
+}
+
+std::optional<JumpAtEnd> AccuracyPlan::jump() {
+  const std::optional<Jump>& jump = impl_->runs.jump();
+  if (!jump) return std::nullopt;
+  const double begin = largest_processor_seconds();
+  const Scene grid = Scene::from(impl_->chosen, false);
+  const double t = impl_->runs.pilot().t_end();
+  const Jump::Stretch left_out = jump->stretch(grid, t);
+  const JumpAtEnd found{jump->x(t), jump->height(impl_->request.options, impl_->setting), std::max(0., left_out.from),
+                        std::min(grid.length, left_out.to)};
+  impl_->seconds += largest_processor_seconds() - begin;
+  return found;
+}
+
+double AccuracyPlan::estimate(const Answer& end) {
+  if (impl_->request.of.is_measured() && end.measured.empty())
+    throw Failure("accuracy_of " + impl_->request.options.text("accuracy_of") + ": the motion has no " +
+                  impl_->request.of.name() + " to measure");
   const double begin = largest_processor_seconds(), error = impl_->ladder->estimate(end);
   impl_->seconds += largest_processor_seconds() - begin;
   return error;

@@ -13,6 +13,7 @@ namespace {
 
 constexpr double telling = 50;              // a level foresees errors down to this part of its own
 constexpr PetscInt most_nodes = 1 << 20;
+constexpr double share_beside_jump = 0.55;  // as share_of_space, where the order is known and twice the nodes cost four times
 
 // What the levels foresee.
 struct Outlook {
@@ -26,19 +27,24 @@ class GridLadder final : public Ladder {
   using Ladder::Ladder;
 
   void choose() override;
-  double estimate(const Fields& end) override;
+  double estimate(const Answer& end) override;
   void refine() override;
   bool settle() override;
   std::string foreseen() const override;
 
  private:
+  double steepest_fall(const Level& from, const Level& to) const override {
+    return std::max(1., std::pow(cells_of(to.scene) / cells_of(from.scene), order_at_best()));
+  }
   double first_cells() const;
   double second_cells() const;
-  int order_at_best() const;
+  double order_at_best() const;
   double rate(std::size_t k) const;      // of the errors of levels k - 1 and k
   double order_beyond() const;           // expected between the last two levels,
+  double order_behind_jump() const;
   double next_order() const;             // and beyond the last
   double error_foreseen(double cells) const;
+  double between_nodes(const Level& level) const;
   double tolerance_of_level(double cells) const;
   Outlook outlook() const;
   bool never_better(const Outlook& ahead) const;
@@ -103,6 +109,14 @@ double interpolation_error(const Fields& fields, const Scene& scene, const std::
   return largest;
 }
 
+// At the probes; not where a jump is.
+double GridLadder::between_nodes(const Level& level) const {
+  std::vector<double> x;
+  for (const double at : request_.probes)
+    if (!runs_.jump() || !runs_.jump()->stretch(level.scene, runs_.pilot().t_end()).covers(at)) x.push_back(at);
+  return interpolation_error(level.answer.fields, level.scene, x);
+}
+
 // ---- where levels stand ----
 
 // Few enough that hardly a request is met by them: they cost next to nothing. A grid that is set has one level below.
@@ -121,6 +135,7 @@ double GridLadder::first_cells() const {
   // where friction sets the steps, a step on few nodes costs as much as one on some fifty
   if (runs_.friction_sets_steps() && setting_.method.is_explicit()) count = std::max(count, 48.);
   if (request_.corner_distance > 0) count = std::max(count, 0.8 * scene.length / request_.corner_distance);
+  if (runs_.jump()) count = std::max(count, runs_.jump()->least_cells(setting_.order, runs_.pilot().t_end()));
   return std::floor(std::min(count, 1e5));
 }
 
@@ -131,8 +146,10 @@ double GridLadder::second_cells() const {
   return ratio * cells_of(before.scene);
 }
 
-// No finite differences of higher order converge faster than a medium or a start whose third derivative jumps lets them.
-int GridLadder::order_at_best() const {
+// No finite differences of higher order converge faster than a medium or a start whose third derivative jumps lets them, or
+// a jump.
+double GridLadder::order_at_best() const {
+  if (runs_.jump()) return setting_.order / (setting_.order + 1.);
   return request_.corner_distance > 0 ? std::min(4, setting_.order) : setting_.order;
 }
 
@@ -142,20 +159,37 @@ double GridLadder::rate(std::size_t k) const {
 }
 
 double GridLadder::order_beyond() const {
+  if (runs_.jump()) return order_behind_jump();
   const std::size_t known = distances_.size();
   if (known < 2) return request_.corner_distance > 0 ? 0.75 * order_at_best() : order_at_best() / 2.;
   return expected_order(known > 2 ? rate(known - 2) : NAN, rate(known - 1), order_at_best());
 }
 
+// Where the finer grid of two errs by much of what the coarser does, rates are those of what distances mean at this order.
+double GridLadder::order_behind_jump() const {
+  const std::size_t known = distances_.size();
+  const double best = order_at_best();
+  if (known < 2) return best;
+  const auto error = [&](std::size_t k) {
+    return distances_[k] / (1 - std::pow(cells_of(levels_[k].scene) / cells_of(levels_[k + 1].scene), best));
+  };
+  const double seen = std::log(error(known - 2) / error(known - 1)) /
+                      std::log(cells_of(levels_[known - 1].scene) / cells_of(levels_[known - 2].scene));
+  return std::clamp(seen, 0.3, best);
+}
+
 double GridLadder::next_order() const {
-  if (distances_.size() < 2) return order_beyond();
+  if (runs_.jump() || distances_.size() < 2) return order_beyond();
   return expected_order(rate(distances_.size() - 1), order_beyond(), order_at_best());
 }
 
 double GridLadder::error_foreseen(double at) const {
   const double before = cells_of(levels_[levels_.size() - 2].scene), last = cells_of(levels_.back().scene);
   const double near = std::min(at, last), far = std::max(at, last);
-  return distances_.back() * std::pow(before / near, order_beyond()) * std::pow(last / far, next_order());
+  // at the low order of a jump the finer grid of two errs by much of what the coarser does
+  const double of_coarser = runs_.jump() ? distances_.back() / (1 - std::pow(before / last, order_beyond()))
+                                         : distances_.back();
+  return of_coarser * std::pow(before / near, order_beyond()) * std::pow(last / far, next_order());
 }
 
 // Of a level on a grid of so many cells. A strict one costs little: it is chosen for the least error in space that the
@@ -174,16 +208,18 @@ double GridLadder::tolerance_of_level(double at) const {
 Outlook GridLadder::outlook() const {
   const double p = order_at_best(), last = cells_of(levels_.back().scene), beyond = next_order();
   // where friction sets the steps, a finer grid costs little, and another run much
-  const double share = runs_.friction_sets_steps() && setting_.method.is_explicit() ? 0.12 : share_of_space;
+  const double share = runs_.friction_sets_steps() && setting_.method.is_explicit() ? 0.12
+                       : runs_.jump()                                               ? share_beside_jump
+                                                                                    : share_of_space;
   Outlook ahead;
   ahead.error = error_foreseen(last);
   ahead.order = order_beyond();
   ahead.factor = std::pow(ahead.error / (share * aim_), 1 / beyond);
-  const double between = interpolation_error(levels_.back().fields, levels_.back().scene, request_.probes);
+  const double between = between_nodes(levels_.back());
   ahead.factor = std::max(ahead.factor, std::cbrt(between / (share * aim_)));
   ahead.sure = ahead.order > 0.8 * p;
   // an order that has hardly begun to rise foresees nothing
-  ahead.resolved = distances_.back() < (distances_.size() < 2 ? 20 : 3) * share_of_space * aim_ ||
+  ahead.resolved = runs_.jump() || distances_.back() < (distances_.size() < 2 ? 20 : 3) * share_of_space * aim_ ||
                    (distances_.size() > 1 && rate(distances_.size() - 1) > 0.25 * p);
   ahead.within_reach =
       ahead.resolved && ahead.factor < std::clamp(std::pow(telling, 1 / beyond), 1.3, ahead.sure ? 8. : 2.2);
@@ -257,8 +293,9 @@ bool GridLadder::place_or_go_on(double& next) {
     next = coarser;
     return false;
   }
-  const double jump = runs_.pilot().jump();
-  if (far && jump > 1e-8) give_up_on(ahead, "the start jumps by " + rounded_text(jump) + " at a held end");
+  const Start::Misfit jump = runs_.pilot().start().misfit(request_.scene);
+  const double misfit = std::max(std::abs(jump.left), std::abs(jump.right));
+  if (far && misfit > 1e-8) give_up_on(ahead, "the start jumps by " + rounded_text(misfit) + " at a held end");
   if (far && never_better(ahead)) give_up_on(ahead, "four grids say so alike");
   if (beyond_memory) give_up_on(ahead, "no grid has more than " + std::to_string(most_nodes) + " nodes");
   if (beyond_budget(next)) give_up_on(ahead, "a finer grid is " + budget);
@@ -274,7 +311,7 @@ bool GridLadder::never_better(const Outlook& ahead) const {
     low = std::min(low, rate(k));
     high = std::max(high, rate(k));
   }
-  for (const double psi : levels_.back().fields.psi) largest = std::max(largest, std::abs(psi));
+  for (const double psi : levels_.back().answer.fields.psi) largest = std::max(largest, std::abs(psi));
   return high - low < 0.4 && high < 0.3 * order_at_best() && ahead.error < 0.01 * largest;
 }
 
@@ -381,20 +418,20 @@ double GridLadder::estimate_in_space(const Level& now, double d) const {
     const double of_last = std::max(d / (1 - std::pow(x, -r)), x < 1.5 ? 0.6 * error_foreseen(last) : 0.);
     const double seen =
         std::log(distances_.back() / of_last) / std::log(last / cells_of(levels_[levels_.size() - 2].scene));
-    r = expected_order(known > 1 ? rate(known - 1) : NAN, seen, order_at_best());
+    if (!runs_.jump()) r = expected_order(known > 1 ? rate(known - 1) : NAN, seen, order_at_best());
     error = of_last * std::pow(x, -r);
   }
   return careful(error);
 }
 
-double GridLadder::estimate(const Fields& end) {
+double GridLadder::estimate(const Answer& end) {
   Scene scene = request_.scene;
   scene.n = setting_.n;
   scene.order = setting_.order;
   last_run_ = {scene, setting_.tolerance, end, 0, 0};
-  const double d = difference(levels_.back(), last_run_);
-  last_estimate_ =
-      estimate_in_space(last_run_, d) + 1.5 * in_time_ + interpolation_error(end, scene, request_.probes);
+  const bool elsewhere = setting_.n != levels_.back().scene.n;
+  const double d = difference_of_run(elsewhere ? error_foreseen(cells_of(levels_.back().scene)) : 0);
+  last_estimate_ = estimate_in_space(last_run_, d) + 1.5 * in_time_ + between_nodes(last_run_);
   return last_estimate_;
 }
 

@@ -60,8 +60,8 @@ MethodSpec method_set(const Options& options) {
 
 double cells_of(const Scene& scene) { return double(scene.ring() ? scene.n : scene.n - 1); }
 
-double expected_order(double earlier, double last, int p) {
-  last = std::clamp(last, 0.5, double(p));
+double expected_order(double earlier, double last, double p) {
+  last = std::clamp(last, 0.5, p);
   if (last > 0.8 * p) return (last + p) / 2;
   const double rise = std::isnan(earlier) ? 0 : last - std::max(earlier, 0.);
   return rise > 0.3 ? last + std::min({(p - last) / 2, 0.8 * last, 1.5 * rise}) : last;
@@ -70,7 +70,7 @@ double expected_order(double earlier, double last, int p) {
 // ---- what is asked ----
 
 AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
-    : options(o), scene(Scene::from(o, false)), wanted(accuracy), probes(o.reals("out_probes")),
+    : options(o), scene(Scene::from(o, false)), wanted(accuracy), of(Quantity::from(o)), probes(of.places(o)),
       has_space(has_grid_limit(o, scene) && !is_uniform(o, scene)), grid_open(has_space && !o.is_set("grid_n")),
       order_open(has_space && !o.is_set("grid_order")), method_open(!o.is_set("ts_type")),
       tolerance_open(!o.is_set("ts_rtol") && !o.is_set("ts_atol")), corner_distance(corner_distance_of(o, scene)) {
@@ -113,7 +113,8 @@ PetscInt AccuracyRequest::nodes(double wanted_cells) const {
 // ---- runs ----
 
 LevelRuns::LevelRuns(const AccuracyRequest& request, Setting& setting)
-    : request_(request), setting_(setting), pilot_(request.options, request.scene) {}
+    : request_(request), setting_(setting), pilot_(request.options, request.scene),
+      jump_(request.has_space ? Jump::of(request.scene, pilot_.start()) : std::nullopt) {}
 
 bool LevelRuns::affords(double seconds) const {
   return spent_ + seconds <= request_.options.real("accuracy_seconds");
@@ -123,8 +124,7 @@ Level LevelRuns::run(PetscInt n, double tolerance, std::string& failed) {
   const Setting s{setting_.method, tolerance, 0, setting_.order, n};
   const double limit = std::max(1., request_.options.real("accuracy_seconds") - spent_);
   ++count_;
-  Trial trial = Pilot::suits(request_.scene, s.method) ? pilot_.run(s, limit)
-                                                        : run_trial(request_.options, s, "", limit);
+  Trial trial = this->trial(s, limit);
   double most[2] = {trial.seconds, trial.failed.empty() ? 0. : 1.};  // a rank may find that it takes too long
   largest_over(PETSC_COMM_WORLD, most, 2);
   if (most[1] > 0 && trial.failed.empty()) trial.failed = "it took too long";
@@ -133,7 +133,21 @@ Level LevelRuns::run(PetscInt n, double tolerance, std::string& failed) {
   Scene scene = request_.scene;
   scene.n = n;
   scene.order = setting_.order;
-  return {scene, tolerance, std::move(trial.end), trial.steps, most[0]};
+  return {scene, tolerance, {std::move(trial.end), std::move(trial.measured)}, trial.steps, most[0]};
+}
+
+Trial LevelRuns::trial(const Setting& s, double limit) const {
+  const MeasureMaker measure = request_.of.measure(request_.options);
+  if (!measure && Pilot::suits(request_.scene, s.method)) return pilot_.run(s, limit);
+  if (!measure) return run_trial(request_.options, s, "", limit);
+  const double longest = pilot_.longest_step(s);  // as the run will have it
+  if (longest > 0) SS_TRY(PetscOptionsSetValue(nullptr, "-ts_adapt_dt_max", number_text(longest).c_str()));
+  Trial made = run_trial(request_.options, s, "", limit, measure);
+  if (longest > 0 && !request_.options.is_set("ts_adapt_dt_max"))
+    SS_TRY(PetscOptionsClearValue(nullptr, "-ts_adapt_dt_max"));
+  if (made.failed.empty() && made.measured.empty())
+    made.failed = "the motion has no " + request_.of.name() + " to measure";
+  return made;
 }
 
 Level LevelRuns::run(PetscInt n, double tolerance) {
@@ -148,12 +162,36 @@ Level LevelRuns::run(PetscInt n, double tolerance) {
 double LevelRuns::difference(const Level& a, const Level& b) const {
   const bool a_coarser = a.scene.n <= b.scene.n;
   const Level &coarse = a_coarser ? a : b, &fine = a_coarser ? b : a;
-  double d = distance(coarse.fields, resample(fine.fields, fine.scene, coarse.scene));
+  const auto &[of_coarse, seen_coarse] = coarse.answer;
+  const auto &[of_fine, seen_fine] = fine.answer;
+  double d = 0;
+  for (std::size_t i = 0; i < seen_coarse.size() && i < seen_fine.size(); ++i)
+    d = std::max(d, std::abs(seen_coarse[i] - seen_fine[i]));
+  if (request_.of.is_measured()) return d;
+  if (request_.of.kind == Quantity::Kind::probe)
+    return distance(at_points(of_coarse, coarse.scene, request_.probes), at_points(of_fine, fine.scene, request_.probes));
+  if (jump_) return difference_beside_jump(coarse, fine);
+  d = distance(of_coarse, resample(of_fine, fine.scene, coarse.scene));
   if (coarse.scene.n != fine.scene.n && request_.corner_distance == 0)  // the solution is smooth
-    d = std::max(d, distance_between_nodes(coarse.scene, coarse.fields, fine.scene, fine.fields));
+    d = std::max(d, distance_between_nodes(coarse.scene, of_coarse, fine.scene, of_fine));
   if (request_.probes.empty()) return d;
-  return std::max(d, distance(at_points(coarse.fields, coarse.scene, request_.probes),
-                              at_points(fine.fields, fine.scene, request_.probes)));
+  return std::max(d, distance(at_points(of_coarse, coarse.scene, request_.probes),
+                              at_points(of_fine, fine.scene, request_.probes)));
+}
+
+// Of psi, at the coarser one's nodes and at probes, where neither's differences see the jump.
+double LevelRuns::difference_beside_jump(const Level& coarse, const Level& fine) const {
+  std::vector<double> x;
+  const Jump::Stretch left_out = jump_->stretch(coarse.scene, pilot_.t_end());
+  const auto add = [&](double at) {
+    if (!left_out.covers(at)) x.push_back(at);
+  };
+  for (PetscInt i = 0; i < coarse.scene.n; ++i) add(coarse.scene.x(i));
+  for (const double at : request_.probes) add(at);
+  const Fields a = at_points(coarse.answer.fields, coarse.scene, x), b = at_points(fine.answer.fields, fine.scene, x);
+  double largest = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) largest = std::max(largest, std::abs(a.psi[i] - b.psi[i]));
+  return largest;
 }
 
 void LevelRuns::choose_method() {
@@ -187,8 +225,18 @@ void LevelRuns::take_explicit() {
 // ---- levels ----
 
 void Ladder::add(Level made) {
-  if (!levels_.empty()) distances_.push_back(difference(levels_.back(), made));
+  if (!levels_.empty()) {
+    double d = std::max(runs_.difference(levels_.back(), made), 1e-300);
+    if (request_.of.is_number() && !distances_.empty())
+      d = std::max(d, distances_.back() / steepest_fall(levels_[levels_.size() - 2], levels_.back()));
+    distances_.push_back(d);
+  }
   levels_.push_back(std::move(made));
+}
+
+double Ladder::difference_of_run(double foreseen_of_last) const {
+  const double d = std::max(runs_.difference(levels_.back(), last_run_), 1e-300);
+  return request_.of.is_number() ? std::max(d, 0.3 * foreseen_of_last) : d;
 }
 
 void Ladder::begin_anew() {

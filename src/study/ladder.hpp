@@ -9,7 +9,9 @@
 
 #include "stickslip/options/options.hpp"
 #include "stickslip/study/trial.hpp"
+#include "study/jump.hpp"
 #include "study/pilot.hpp"
+#include "study/quantity.hpp"
 
 namespace stickslip {
 
@@ -25,7 +27,8 @@ struct AccuracyRequest {
   Options options;
   Scene scene;
   double wanted;
-  std::vector<double> probes;
+  Quantity of;
+  std::vector<double> probes;  // where the end is interpolated
   bool has_space, grid_open, order_open, method_open, tolerance_open;
   // Distance of the corners of a spread medium or of a noisy start, whose third derivative jumps there; 0: all smooth.
   double corner_distance;
@@ -42,14 +45,14 @@ double cells_of(const Scene& scene);
 struct Level {
   Scene scene;
   double tolerance;
-  Fields fields;
+  Answer answer;
   PetscInt steps;
   double seconds;
 };
 
 // The order of convergence to be expected beyond three grids from their two rates in a scheme of order p: the last one,
 // or more while the rates still rise (`earlier` NaN where there is none).
-double expected_order(double earlier, double last, int p);
+double expected_order(double earlier, double last, double p);
 
 // Runs of the scene by the method of `setting`, counted and timed.
 class LevelRuns {
@@ -64,8 +67,11 @@ class LevelRuns {
   bool affords(double seconds) const;
   int count() const { return count_; }
 
-  // Largest |difference| at the nodes of the coarser one, at what lies between them, and at the probes.
+  // Largest |difference| of what is wanted; of fields at the nodes of the coarser one, at what lies between them, and at
+  // the probes; beside a jump of psi alone.
   double difference(const Level& a, const Level& b) const;
+  // The jump of the solution, if it has one.
+  const std::optional<Jump>& jump() const { return jump_; }
 
   // Takes an implicit method where explicit steps would be bound by stability.
   void choose_method();
@@ -77,9 +83,13 @@ class LevelRuns {
   const Pilot& pilot() const { return pilot_; }
 
  private:
+  Trial trial(const Setting& setting, double limit) const;
+  double difference_beside_jump(const Level& coarse, const Level& fine) const;
+
   const AccuracyRequest& request_;
   Setting& setting_;
   Pilot pilot_;
+  std::optional<Jump> jump_;
   int count_ = 0;
   double spent_ = 0;
   bool friction_sets_steps_ = false;
@@ -95,7 +105,7 @@ class Ladder {
   // Climbs until the run is foreseen; what it chose stands in the setting.
   virtual void choose() = 0;
   // The error of a run with the setting, from what it ended with.
-  virtual double estimate(const Fields& end) = 0;
+  virtual double estimate(const Answer& end) = 0;
   // Makes the setting stricter, for the run of the last estimate().
   virtual void refine() = 0;
   // Puts the best level into the setting, after OutOfReach; false where there is none that foresees an error.
@@ -104,7 +114,10 @@ class Ladder {
   virtual std::string foreseen() const = 0;
 
  protected:
-  double difference(const Level& a, const Level& b) const { return std::max(runs_.difference(a, b), 1e-300); }
+  // Of the run and the last level, whose error is foreseen: a single number may come near by chance.
+  double difference_of_run(double foreseen_of_last) const;
+  // By how much the error falls at most from one level to another.
+  virtual double steepest_fall(const Level& from, const Level& to) const = 0;
   void add(Level made);
   void begin_anew();
 

@@ -26,7 +26,7 @@ class Pilot {
   // The rates of the scene at its start on this grid, and the time that an explicit run to the end takes at least.
   Rates rates(int order, PetscInt n) const;
   double t_end() const { return t_end_; }
-  double jump() const { return start_.jump(scene_); }
+  const Start& start() const { return start_; }
 
  private:
   Model model(int order, PetscInt n) const;

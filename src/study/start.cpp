@@ -196,14 +196,13 @@ void Start::fill(const Model& model, Vec u) const {
   if (model.viscous() && impl_->makes_eta_steady()) balance_viscosity(model, u);
 }
 
-double Start::jump(const Scene& scene) const {
-  if (impl_->from_file || scene.form == Form::chain) return 0;
+Start::Misfit Start::misfit(const Scene& scene) const {
+  Misfit misfit;
+  if (impl_->from_file || scene.form == Form::chain) return misfit;
   const double length = scene.length * double(scene.copies);
-  double largest = 0;
-  if (scene.left == End::velocity) largest = std::abs(impl_->psi_at(scene, length, 0) - scene.left_value);
-  if (scene.right == End::velocity)
-    largest = std::max(largest, std::abs(impl_->psi_at(scene, length, scene.n - 1) - scene.right_value));
-  return largest;
+  if (scene.left == End::velocity) misfit.left = scene.left_value - impl_->psi_at(scene, length, 0);
+  if (scene.right == End::velocity) misfit.right = scene.right_value - impl_->psi_at(scene, length, scene.n - 1);
+  return misfit;
 }
 
 void set_start(const Model& model, const Options& options, Vec u) { Start(model.scene(), options).fill(model, u); }

@@ -14,7 +14,7 @@ class ToleranceLadder final : public Ladder {
   using Ladder::Ladder;
 
   void choose() override;
-  double estimate(const Fields& end) override;
+  double estimate(const Answer& end) override;
   void refine() override;
   bool settle() override;
   std::string foreseen() const override {
@@ -22,6 +22,9 @@ class ToleranceLadder final : public Ladder {
   }
 
  private:
+  double steepest_fall(const Level& from, const Level& to) const override {
+    return std::max(1., std::pow(from.tolerance / to.tolerance, 1.25));
+  }
   double first() const { return std::clamp(10 * aim_, 1e-12, loosest()); }
   double loosest() const { return setting_.method.is_explicit() ? 1e-2 : 1e-4; }
   double wished() const;
@@ -144,9 +147,10 @@ double ToleranceLadder::estimate_in_time(const Level& now, double d) const {
   return of_last * std::pow(x, -std::min(seen, std::max(usual, 0.75)));
 }
 
-double ToleranceLadder::estimate(const Fields& end) {
+double ToleranceLadder::estimate(const Answer& end) {
   last_run_ = {request_.scene, setting_.tolerance, end, 0, 0};
-  const double d = difference(levels_.back(), last_run_);
+  const bool elsewhere = setting_.tolerance != levels_.back().tolerance && !distances_.empty();
+  const double d = difference_of_run(elsewhere ? time_foreseen(levels_.back().tolerance) : 0);
   last_estimate_ =
       (last_run_.tolerance > levels_.back().tolerance ? 1.1 : 1.4) * estimate_in_time(last_run_, d);
   return last_estimate_;
@@ -162,7 +166,7 @@ void ToleranceLadder::refine() {
   if (before < last.tolerance / 2) {
     add(last_run_);
   } else if (before > 1.5 * last.tolerance && before < levels_[levels_.size() - 2].tolerance) {
-    distances_.back() = difference(last, last_run_);
+    distances_.back() = std::max(runs_.difference(last, last_run_), 1e-300);
     levels_[levels_.size() - 2] = last_run_;
     if (distances_.size() > 1)
       distances_[distances_.size() - 2] = runs_.difference(levels_[levels_.size() - 3], last_run_);

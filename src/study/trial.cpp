@@ -69,7 +69,28 @@ void check_settings(const Options& options, const std::vector<Setting>& settings
   }
 }
 
-Trial run_trial(const Options& asked, const Setting& setting, const std::string& prefix, double limit) {
+// What a measure announced, and it.
+struct Watched {
+  std::unique_ptr<Measure> measure;
+  ObservationPlan plan;
+
+  Watched(const MeasureMaker& make, const Problem& problem, const Scene& whole, Integrator& integrator) {
+    if (!make) return;
+    measure = make(problem.model, whole);
+    measure->plan(plan);
+    integrator.set_output_times([this](double t) {
+      double first = std::numeric_limits<double>::infinity();
+      for (const auto& next : plan.next_times) first = std::min(first, next(t));
+      return first;
+    });
+  }
+  void see(const Integrator::Step& step) {
+    if (measure) measure->step({step.index, step.t_before, step.t, step.u, 0, step.interpolate});
+  }
+};
+
+Trial run_trial(const Options& asked, const Setting& setting, const std::string& prefix, double limit,
+                const MeasureMaker& measure) {
   const Options options = options_for(asked, setting);
   const MethodSpec spec = spec_of(options, setting);
   Trial trial;
@@ -89,6 +110,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   const auto spent = [&] { return largest_over(PETSC_COMM_WORLD, processor_seconds() - begin); };
   try {
     Integrator integrator(model, spec, u, prefix);
+    Watched watched(measure, problem, whole, integrator);
     const auto take_report = [&] {
       const TimeReport& r = integrator.report();
       trial.steps = r.steps;
@@ -100,6 +122,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
     try {
       warn_of_fixed_steps(model, integrator, u, t_end);
       integrator.advance(u, 0, t_end, [&](const Integrator::Step& step) {
+        watched.see(step);
         if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
         const double now = spent();
         // no need to wait for the end of what cannot get there
@@ -112,6 +135,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
       throw;
     }
     take_report();
+    if (watched.measure) trial.measured = watched.measure->values();
     if (integrator.report().reason == "ts_max_steps")
       trial.failed = "stopped at ts_max_steps " + options.text("ts_max_steps") + ", before ts_max_time";
   } catch (const TooSlow&) {

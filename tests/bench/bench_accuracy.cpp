@@ -31,11 +31,11 @@ Price price(const Options& options, double wanted) {
   for (int attempt = 1;; ++attempt) {
     const Options chosen = plan.options();
     insert_library_options(chosen);
-    const Trial run = run_trial(chosen, plan.setting(), "", 1e9);
+    const Trial run = run_trial(chosen, plan.setting(), "", 1e9, plan.measure());
     for (const auto& [name, text] : chosen.library())
       if (!options.is_set(name)) SS_TRY(PetscOptionsClearValue(nullptr, ("-" + name).c_str()));
     if (!run.failed.empty()) throw Failure(run.failed);
-    if (plan.estimate(run.end) <= wanted) return {plan.seconds() + before, run.seconds, attempt};
+    if (plan.estimate({run.end, run.measured}) <= wanted) return {plan.seconds() + before, run.seconds, attempt};
     if (attempt == 5) throw Failure("not reached");
     plan.refine();
     before += run.seconds;

@@ -1,7 +1,9 @@
 // `-accuracy E`: method, tolerance, order and grid for an error of E, and what the error then is.
 //
 // The error is the largest |difference| of psi and eta from the solution of the differential equation (of the chain's
-// equations) at ts_max_time, over nodes and probes. It is found on a ladder of runs of which each level is meant to be
+// equations) at ts_max_time, over nodes and probes; with accuracy_of that of a number: of psi and eta at one place, of the
+// wave speed, the period or the amplitude (src/output/measures.hpp). Where data that do not fit a held end make psi jump
+// (src/study/jump.hpp), it is that of psi beside the jump. It is found on a ladder of runs of which each level is meant to be
 // some thirty times as accurate as the one before, in time and in space together, so that all of them cost about as
 // much as the last: the distance of two neighbours is the error of the coarser, and falls at a rate that is measured.
 //   - with a grid to refine: grids a factor of 1.3 to 2 apart, at tolerances that make the error in time a tenth of
@@ -14,19 +16,31 @@
 // Where rates are low because fronts are not resolved yet, the ladder goes on to finer grids as long as accuracy_seconds
 // of processor time last. A refusal says what was tried; the best level is then run all the same, for what it is worth.
 //
+// The error of a number may pass through zero where one does not expect it: it is never taken to fall faster from level to
+// level than the scheme's order lets it.
+//
 // Explicit methods take rk:7vr, whose stages are the cheapest at every accuracy (docs/chart.md), and their levels are
-// run without PETSc's TS on every rank alike (src/study/pilot.hpp). Where friction or waves are so fast that the
+// run without PETSc's TS on every rank alike (src/study/pilot.hpp), unless something is measured on the way. Where friction or waves are so fast that the
 // automatic choice of a method would take them implicitly, rosw:ra34pw2 is tried first, and stays while an explicit run,
 // bound by its stability, would take longer.
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "stickslip/options/options.hpp"
 #include "stickslip/study/trial.hpp"
 
 namespace stickslip {
+
+// Where the solution jumps at the end, by how much from ahead to behind (empty: not known), and the stretch around, in which
+// the error was not asked for.
+struct JumpAtEnd {
+  double x;
+  std::optional<double> height;
+  double from, to;
+};
 
 class AccuracyPlan {
  public:
@@ -46,8 +60,14 @@ class AccuracyPlan {
   double seconds() const;
   int trials() const;                  // short runs so far
 
+  // Makes what a run by options() must measure for estimate(); nullptr: nothing.
+  MeasureMaker measure() const;
   // The error of a run by options(), from what it ended with.
-  double estimate(const Fields& end);
+  double estimate(const Answer& end);
+  // What was wanted of that run: psi and eta at the probe, or what was measured; empty for fields.
+  std::vector<double> value(const Answer& end) const;
+  // Empty where the solution has none; costs a run of what is ahead of it.
+  std::optional<JumpAtEnd> jump();
   // Makes setting() stricter, for the run of the last estimate(), which was too large. Throws Failure where that cannot
   // be had.
   void refine();

@@ -20,9 +20,12 @@ class Start {
   // The start on the grid of a model (of one of scene.copies equal cells: of that cell). Held nodes take their values.
   // Collective.
   void fill(const Model& model, Vec u) const;
-  // By how much psi of the start misses the velocity of a held end of the scene, on any grid: the height of the jump
-  // that runs in from there. 0 for a file.
-  double jump(const Scene& scene) const;
+  // By how much the velocity of each held end of the continuum exceeds psi of the start there, on any grid: the height of
+  // the jump that runs in from there. 0 for a file.
+  struct Misfit {
+    double left = 0, right = 0;
+  };
+  Misfit misfit(const Scene& scene) const;
 
  private:
   struct Impl;

@@ -10,6 +10,7 @@
 #include "stickslip/model/model.hpp"
 #include "stickslip/options/options.hpp"
 #include "stickslip/model/scene.hpp"
+#include "stickslip/output/measure.hpp"
 #include "stickslip/time/methods.hpp"
 
 namespace stickslip {
@@ -28,12 +29,19 @@ struct Fields {
   std::vector<double> psi, eta, F;
 };
 
+// What a run ends with, and what was measured on its way.
+struct Answer {
+  Fields fields;
+  std::vector<double> measured;
+};
+
 // F of nodes with this psi and stored state ({} without a state law); {} where the scene's Fields carry none.
 std::vector<double> friction_between(const Scene& scene, const std::vector<double>& psi,
                                      const std::vector<double>& state);
 
 struct Trial {
   Fields end;               // empty where it failed
+  std::vector<double> measured;  // what was to be measured beside it
   double seconds = 0;       // of processor time, from setting the method up to the end, the largest over the ranks
   PetscInt steps = 0, rejections = 0;
   long rhs_evaluations = 0;
@@ -50,9 +58,10 @@ double largest_processor_seconds();
 Options options_for(const Options& options, const Setting& setting);
 
 // Runs from the scene's start to ts_max_time. PETSc's options are read with `prefix`. A computation that fails, or that
-// would take more than `limit` seconds, is reported in `failed`; warnings are kept and not printed. Throws UsageError
-// where scene or start cannot be had on this grid. Collective.
-Trial run_trial(const Options& options, const Setting& setting, const std::string& prefix, double limit);
+// would take more than `limit` seconds, is reported in `failed`; warnings are kept and not printed. `measure`, if given, makes
+// an observer of the run. Throws UsageError where scene or start cannot be had on this grid. Collective.
+Trial run_trial(const Options& options, const Setting& setting, const std::string& prefix, double limit,
+                const MeasureMaker& measure = nullptr);
 
 // Sets up what each of the settings needs and throws UsageError where that cannot be had: to be called before any work.
 // Warnings about the start are printed, once. Collective.

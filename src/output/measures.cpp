@@ -1,0 +1,272 @@
+#include "output/measures.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <stdexcept>
+
+#include "base/broadcast.hpp"
+#include "base/local_values.hpp"
+#include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/roots.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+// Announces every time from `begin` on: where psi passes or turns is known only afterwards.
+void announce_from(double begin, ObservationPlan& plan) {
+  plan.next_times.push_back([begin](double t) { return std::max(std::nextafter(t, infinity), begin); });
+}
+
+// The extrema of Chebyshev's polynomial of degree 8 on [0, 1]: no method here has dense output of a higher degree.
+const Lagrange& through_step() {
+  static const Lagrange through([] {
+    std::vector<double> points;
+    for (int i = 0; i <= 8; ++i) points.push_back((1 - std::cos(M_PI * i / 8)) / 2);
+    return points;
+  }());
+  return through;
+}
+
+double value_of(const Lagrange& through, const double* values, double at) {
+  std::array<double, 32> weights;
+  through.weights(at, weights.data());
+  return std::inner_product(values, values + through.points().size(), weights.data(), 0.);
+}
+
+// The largest value of the polynomial in [low, high].
+double largest_of(const Lagrange& through, const double* values, double low, double high) {
+  const auto below = [&](double at) { return -value_of(through, values, at); };
+  return -find_least(below, low, high, 1e-9 * (high - low), [](double) { return false; }).value;
+}
+
+}  // namespace
+
+// ---- period ----
+
+Period::Period(const Model& model, const Scene& whole, const std::vector<double>& x, double t_end, bool exact)
+    : probes_(model, whole, x), work_(model.create_vector()), level_(whole.v),
+      depth_(0.01 * (whole.v != 0 ? std::abs(whole.v) : 0.1)), begin_(t_end / 2), exact_(exact), places_(x.size()) {}
+
+void Period::plan(ObservationPlan& plan) {
+  if (exact_ && !places_.empty()) announce_from(begin_, plan);
+}
+
+void Period::step(const ObservedStep& step) {
+  if (step.t < begin_ || places_.empty()) return;
+  if (exact_ && step.t_before < begin_) {  // the first one: from the beginning of the half on
+    step.interpolate(begin_, work_);
+    seen_.push_back({begin_, probes_.read(work_).psi});
+  }
+  seen_.push_back({step.t, probes_.read(step.u).psi});
+  if (seen_.size() > 4) seen_.erase(seen_.begin());
+  if (seen_.size() < 2) return;
+  for (std::size_t p = 0; p < places_.size(); ++p) {
+    if (exact_) {
+      pass(p, [&](double t) {
+        step.interpolate(t, work_);
+        return probes_.read(work_).psi[p];
+      });
+      continue;
+    }
+    pass(p, [&](double t) {
+      std::vector<double> times, values;
+      for (const Moment& moment : seen_) {
+        times.push_back(moment.t);
+        values.push_back(moment.psi[p]);
+      }
+      return value_of(Lagrange(times), values.data(), t);
+    });
+  }
+}
+
+// Looks for a passage between the last two moments.
+void Period::pass(std::size_t index, const std::function<double(double)>& psi_at) {
+  Place& place = places_[index];
+  const Moment &before = seen_[seen_.size() - 2], &now = seen_.back();
+  const double a = before.psi[index] - level_, b = now.psi[index] - level_;
+  if (a < -depth_) place.armed = 1;
+  if (!(place.armed > 0 && a < 0 && b >= 0)) return;
+  place.armed = 0;
+  place.last = find_root([&](double t) { return psi_at(t) - level_; }, {before.t, a, now.t, b}, 0);
+  if (place.passages == 0) place.first = place.last;
+  place.passages += 1;
+}
+
+std::vector<double> Period::values() const {
+  std::vector<double> periods;
+  for (const Place& place : places_)
+    if (place.passages > 1) periods.push_back((place.last - place.first) / (place.passages - 1));
+  if (periods.size() < places_.size()) periods.clear();
+  return periods;
+}
+
+void Period::summarise(Summary& summary, Vec u) {
+  const std::vector<double> periods = values();
+  if (u && !periods.empty())
+    summary.set("period", std::accumulate(periods.begin(), periods.end(), 0.) / double(periods.size()));
+}
+
+void Period::save(Checkpoint& checkpoint) {
+  std::vector<double>& numbers = checkpoint.arrays["period"];
+  for (const Place& p : places_) numbers.insert(numbers.end(), {p.armed, p.passages, p.first, p.last});
+  for (const Moment& moment : seen_) {
+    numbers.push_back(moment.t);
+    numbers.insert(numbers.end(), moment.psi.begin(), moment.psi.end());
+  }
+}
+
+void Period::restore(const Checkpoint& checkpoint) {
+  const auto found = checkpoint.arrays.find("period");
+  if (found == checkpoint.arrays.end()) return;
+  const std::vector<double>& numbers = found->second;
+  const std::size_t count = places_.size(), moment = 1 + count;
+  if (numbers.size() < 4 * count || (numbers.size() - 4 * count) % moment != 0)
+    throw std::runtime_error("its passages do not fit the probes");
+  const double* at = numbers.data();
+  for (Place& p : places_) {
+    p = {at[0], at[1], at[2], at[3]};
+    at += 4;
+  }
+  for (seen_.clear(); at < numbers.data() + numbers.size(); at += moment)
+    seen_.push_back({*at, std::vector<double>(at + 1, at + moment)});
+}
+
+// ---- amplitude ----
+
+Amplitude::Amplitude(const Model& model, double t_end)
+    : model_(model), work_(model.create_vector()), begin_(0.75 * t_end) {}
+
+void Amplitude::plan(ObservationPlan& plan) { announce_from(begin_, plan); }
+
+void Amplitude::step(const ObservedStep& step) {
+  const double from = std::max(step.t_before, begin_), length = step.t - from;
+  if (length <= 0) return;
+  const auto n = static_cast<std::size_t>(model_.local());
+  const std::vector<double>& parts = through_step().points();
+  if (low_.empty()) {
+    low_.assign(n, infinity);
+    high_.assign(n, -infinity);
+    seen_.assign(parts.size(), std::vector<double>(n));
+  }
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    const bool is_end = k + 1 == parts.size();
+    if (!is_end) step.interpolate(from + length * parts[k], work_);
+    const Reading u(is_end ? step.u : static_cast<Vec>(work_));
+    for (std::size_t i = 0; i < n; ++i) seen_[k][i] = u[i * std::size_t(model_.dof())];
+  }
+  std::array<double, 9> samples;
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < parts.size(); ++k) samples[k] = seen_[k][i];
+    take(i, samples.data());
+  }
+}
+
+void Amplitude::take(std::size_t node, const double* samples) {
+  const std::vector<double>& parts = through_step().points();
+  const auto last = parts.size() - 1;
+  std::array<double, 9> negative;
+  for (const bool upwards : {true, false}) {
+    const double* values = samples;
+    if (!upwards) {
+      std::transform(samples, samples + last + 1, negative.begin(), [](double psi) { return -psi; });
+      values = negative.data();
+    }
+    const auto top = static_cast<std::size_t>(std::max_element(values, values + last + 1) - values);
+    double largest = values[top];
+    double& known = upwards ? high_[node] : low_[node];
+    // what turns between two of nine values hardly rises above both
+    const double reach = (top > 0 ? largest - values[top - 1] : 0) + (top < last ? largest - values[top + 1] : 0);
+    if (largest + reach <= (upwards ? known : -known)) continue;
+    if (reach > 0) {
+      const double low = parts[top > 0 ? top - 1 : 0], high = parts[std::min(top + 1, last)];
+      largest = std::max(largest, largest_of(through_step(), values, low, high));
+    }
+    known = upwards ? std::max(known, largest) : std::min(known, -largest);
+  }
+}
+
+std::vector<double> Amplitude::values() const {
+  if (low_.empty()) return {};
+  const Scene& scene = model_.scene();
+  std::vector<double> half(static_cast<std::size_t>(scene.n), 0.);
+  for (std::size_t i = 0; i < low_.size(); ++i) half[std::size_t(model_.first()) + i] = (high_[i] - low_[i]) / 2;
+  sum_over(model_.comm(), half.data(), int(half.size()));
+  return {largest_about(PetscInt(std::max_element(half.begin(), half.end()) - half.begin()), half)};
+}
+
+double Amplitude::largest_about(PetscInt node, const std::vector<double>& half_ranges) const {
+  const Scene& scene = model_.scene();
+  const double at_node = half_ranges[std::size_t(node)];
+  const PetscInt reach = scene.order / 2, n = scene.n;
+  if (scene.form == Form::chain || n < 2 * reach + 1) return at_node;
+  std::vector<double> places, values;
+  for (PetscInt k = -reach; k <= reach; ++k) {
+    PetscInt at = node + k;
+    if (scene.ring()) at = (at + n) % n;
+    else if ((at < 0 && scene.left != End::free) || (at >= n && scene.right != End::free)) return at_node;
+    else at = at < 0 ? -at : at >= n ? 2 * (n - 1) - at : at;
+    places.push_back(double(k));
+    values.push_back(half_ranges[std::size_t(at)]);
+  }
+  return std::max(at_node, largest_of(Lagrange(places), values.data(), -1, 1));
+}
+
+void Amplitude::summarise(Summary& summary, Vec u) {
+  const std::vector<double> found = values();
+  if (u && !found.empty()) summary.set("amplitude", found[0]);
+}
+
+// ---- wave speed ----
+
+WaveSpeed::WaveSpeed(const Model& model, double t_end)
+    : field_(model, t_end), work_(model.create_vector()), ring_(model.scene().ring()), begin_(0.75 * t_end),
+      t_end_(t_end) {}
+
+// On a ring a phase is followed, from the start of the quarter on, at a few times and then ever fewer (field_watch.hpp
+// takes no more than it needs); between ends passages are timed, at equally spaced ones.
+double WaveSpeed::time(long index) const {
+  constexpr double parts = 4096, equal = 1024, first = 8, growth = 1.03;
+  const double whole = t_end_ - begin_;
+  double part = double(index) / (ring_ ? parts : equal);
+  if (ring_ && double(index) > first) part = first / parts * std::pow(growth, double(index) - first);
+  return part < 1 ? begin_ + whole * part : t_end_;
+}
+
+void WaveSpeed::plan(ObservationPlan& plan) {
+  plan.next_times.push_back([this](double t) {
+    long index = next_;
+    while (time(index) <= t && time(index) < t_end_) ++index;
+    return time(index) > t ? time(index) : infinity;
+  });
+}
+
+void WaveSpeed::step(const ObservedStep& step) {
+  for (bool more = true; more && time(next_) <= step.t; ++next_) {
+    const double t = time(next_);
+    more = t < t_end_;
+    const bool inside = t > step.t_before && t < step.t;
+    if (inside) step.interpolate(t, work_);
+    if (t < step.t && !inside) continue;  // of an earlier part of the run
+    field_.step({step.index, next_ > 0 ? time(next_ - 1) : t, t, inside ? static_cast<Vec>(work_) : step.u,
+                 step.rejections, step.interpolate});
+  }
+}
+
+std::vector<double> WaveSpeed::values() const {
+  const auto speed = field_.result().wave_speed;
+  return speed ? std::vector<double>{*speed} : std::vector<double>{};
+}
+
+void WaveSpeed::summarise(Summary& summary, Vec u) {
+  if (!u) return;
+  const std::vector<double> found = values();
+  if (!found.empty()) summary.set("wave_speed", found[0]);
+}
+
+}  // namespace stickslip

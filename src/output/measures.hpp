@@ -1,0 +1,94 @@
+// Period, amplitude and wave speed of a run as functionals of its solution alone: they are read from the method's dense
+// output, at times that do not depend on where steps fall, so that they converge as the solution does. What the regime
+// (regime.hpp) measures in passing depends on the steps a little, and costs less.
+//
+//   period      mean time between upward passages of psi through v at a place, in the second half of the run. A passage
+//               counts after psi was below v by a hundredth of |v| (1e-3 for v = 0), so that round-off about steady
+//               sliding has no period. Of several places: the mean of their periods.
+//   amplitude   half of the largest range of psi at any x in the last quarter of the run: extrema in time from nine values
+//               of every step, their largest over x by the scheme's polynomial about the largest node (a chain's largest
+//               block).
+//   wave speed  that of field_watch.hpp, which is shown the last quarter at fixed times.
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "output/field_watch.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/output/measure.hpp"
+#include "stickslip/output/probe.hpp"
+
+namespace stickslip {
+
+// At each of x, in one over time. `exact`: passages from the dense output (every step of the second half is then kept for
+// it); else from the cubic through the values at four steps, which costs next to nothing and errs by dt^4.
+class Period final : public Measure {
+ public:
+  Period(const Model& model, const Scene& whole, const std::vector<double>& x, double t_end, bool exact);
+
+  void plan(ObservationPlan& plan) override;
+  void restore(const Checkpoint& checkpoint) override;
+  void step(const ObservedStep& step) override;
+  void save(Checkpoint& checkpoint) override;
+  void summarise(Summary& summary, Vec u) override;  // `period`
+  std::vector<double> values() const override;       // one at each place
+
+ private:
+  struct Place {
+    double armed = 0, passages = 0, first = 0, last = 0;
+  };
+  struct Moment {
+    double t;
+    std::vector<double> psi;
+  };
+  void pass(std::size_t place, const std::function<double(double)>& psi_at);
+
+  Probes probes_;
+  VecHandle work_;
+  double level_, depth_, begin_;
+  bool exact_;
+  std::vector<Place> places_;
+  std::vector<Moment> seen_;  // up to four, the newest last
+};
+
+class Amplitude final : public Measure {
+ public:
+  Amplitude(const Model& model, double t_end);
+
+  void plan(ObservationPlan& plan) override;
+  void step(const ObservedStep& step) override;
+  void summarise(Summary& summary, Vec u) override;  // `amplitude`
+  std::vector<double> values() const override;
+
+ private:
+  void take(std::size_t node, const double* samples);
+  double largest_about(PetscInt node, const std::vector<double>& half_ranges) const;
+
+  const Model& model_;
+  VecHandle work_;
+  double begin_;
+  std::vector<double> low_, high_;         // of this rank's nodes
+  std::vector<std::vector<double>> seen_;  // psi of this rank's nodes at the nine times of a step
+};
+
+class WaveSpeed final : public Measure {
+ public:
+  WaveSpeed(const Model& model, double t_end);
+
+  void plan(ObservationPlan& plan) override;
+  void step(const ObservedStep& step) override;
+  void summarise(Summary& summary, Vec u) override;  // `wave_speed`
+  std::vector<double> values() const override;
+
+ private:
+  double time(long index) const;
+
+  FieldWatch field_;
+  VecHandle work_;
+  bool ring_;
+  double begin_, t_end_;
+  long next_ = 0;  // time to come
+};
+
+}  // namespace stickslip

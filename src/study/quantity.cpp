@@ -1,0 +1,62 @@
+#include "study/quantity.hpp"
+
+#include "output/measures.hpp"
+#include "stickslip/base/error.hpp"
+#include "options/values.hpp"
+#include "stickslip/base/text.hpp"
+
+namespace stickslip {
+
+Quantity Quantity::from(const Options& options) {
+  const std::string text = options.text("accuracy_of");
+  const UsageError wrong("accuracy_of " + quoted(text) +
+                         ": it is fields, speed, period, amplitude, or probe:x with a place x of the scene");
+  if (text.rfind("probe:", 0) == 0) {
+    const auto x = parse_number(text.substr(6));
+    const bool inside = x && *x >= 0 && *x <= Scene::from(options, false).length;
+    if (!inside) throw wrong;
+    return {Kind::probe, *x};
+  }
+  if (text == "fields") return {};
+  if (text == "speed") return {Kind::speed};
+  if (text == "amplitude") return {Kind::amplitude};
+  if (text != "period") throw wrong;
+  if (!options.is_set("out_probes"))
+    throw UsageError("accuracy_of period: it is that of the motion at out_probes, of which there are none");
+  return {Kind::period};
+}
+
+std::vector<double> Quantity::places(const Options& options) const {
+  if (kind == Kind::probe) return {x};
+  return kind == Kind::fields ? options.reals("out_probes") : std::vector<double>();
+}
+
+MeasureMaker Quantity::measure(const Options& options) const {
+  const double t_end = options.real("ts_max_time");
+  switch (kind) {
+    case Kind::speed:
+      return [t_end](const Model& model, const Scene&) { return std::make_unique<WaveSpeed>(model, t_end); };
+    case Kind::amplitude:
+      return [t_end](const Model& model, const Scene&) { return std::make_unique<Amplitude>(model, t_end); };
+    case Kind::period:
+      return [t_end, x = options.reals("out_probes")](const Model& model, const Scene& whole) {
+        return std::make_unique<Period>(model, whole, x, t_end, true);
+      };
+    case Kind::fields:
+    case Kind::probe: break;
+  }
+  return nullptr;
+}
+
+std::string Quantity::name() const {
+  switch (kind) {
+    case Kind::speed: return "wave_speed";
+    case Kind::amplitude: return "amplitude";
+    case Kind::period: return "period";
+    case Kind::probe: return "probe";
+    case Kind::fields: break;
+  }
+  return "fields";
+}
+
+}  // namespace stickslip
