@@ -12,7 +12,8 @@ namespace stickslip {
 namespace {
 
 constexpr double widths = 6;      // ahead
-constexpr int parts = 8;          // of a step of the run ahead
+constexpr double finest = 0.02;  // a step, in units of 1/A
+constexpr PetscInt most_nodes_ahead = 1000;  // where nothing jumps
 constexpr double tolerance = 1e-10;
 
 // J along the characteristic, beside a run of what is ahead of it.
@@ -28,15 +29,15 @@ class HeightAhead final : public Measure {
 
   // The classical Runge-Kutta method.
   void step(const ObservedStep& step) override {
-    const double dt = (step.t - step.t_before) / parts;
-    if (dt == 0) return;
+    const double parts = std::ceil((step.t - step.t_before) * whole_.A() / finest), dt = (step.t - step.t_before) / parts;
+    if (step.index == 0) last_ = ahead(step, step.t);
     for (int k = 0; k < parts; ++k) {
       const double t = step.t_before + k * dt;
-      const Ahead begin = ahead(step, t), middle = ahead(step, t + dt / 2),
-                  end = ahead(step, k + 1 < parts ? t + dt : step.t);
+      const Ahead begin = last_, middle = ahead(step, t + dt / 2), end = ahead(step, k + 1 < parts ? t + dt : step.t);
       const double k1 = rate(begin, J_), k2 = rate(middle, J_ + dt / 2 * k1), k3 = rate(middle, J_ + dt / 2 * k2),
                    k4 = rate(end, J_ + dt * k3);
       J_ += dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
+      last_ = end;
     }
   }
 
@@ -70,6 +71,7 @@ class HeightAhead final : public Measure {
   const Jump& jump_;
   std::shared_ptr<const Friction> friction_;
   VecHandle work_;
+  Ahead last_{};
   double J_;
 };
 
@@ -112,6 +114,7 @@ std::optional<double> Jump::height(const Options& options, const Setting& settin
   if (scene_.c * options.real("ts_max_time") > scene_.length || scene_.friction.varies()) return std::nullopt;
   const std::string end = from_left_ ? "bc_left" : "bc_right";
   Setting ahead = setting;
+  ahead.n = std::min(setting.n, most_nodes_ahead);
   ahead.method = MethodSpec::parse("accuracy", setting.method.is_explicit() ? "rk:7vr" : setting.method.name());
   ahead.tolerance = std::min(setting.tolerance, setting.method.is_explicit() ? tolerance : 1e-2 * setting.tolerance);
   const Trial trial = run_trial(options.with(end, "free").with(end + "_value", ""), ahead, "ahead_", HUGE_VAL,
