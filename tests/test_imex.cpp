@@ -8,6 +8,8 @@
 #include "model/implicit_kernel.hpp"
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/numerics/band.hpp"
+#include "stickslip/numerics/dense.hpp"
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/stick.hpp"
 #include "stickslip/time/time.hpp"
@@ -540,4 +542,94 @@ TEST_CASE("banded systems in pieces have the solution that they were made from",
         CHECK(largest < 1e-15 * 20 * (1 + 8 * stiffness));  // round-off of b over the least eigenvalue, 1
       }
   }
+}
+
+namespace {
+
+// psi after a step h of backward Euler from u on a ring, with h grown from 0 in small parts and Newton's method in dense
+// matrices; `lost` where the matrix ceases to be positive definite on the way.
+std::vector<double> followed_euler(const Scene& scene, const std::vector<double>& psi0, const std::vector<double>& eta0,
+                                   double h, bool& lost) {
+  const auto n = std::size_t(scene.n);
+  const Cubic cubic;
+  std::vector<double> psi = psi0;
+  constexpr int parts = 30;
+  lost = false;
+  for (int k = 1; k <= parts; ++k) {
+    const double own = h * std::pow(double(k) / parts, 2), q = own * scene.A(), p = q * own * scene.K1();
+    const double a = 1 + q * own * scene.K0();
+    for (int round = 0; round < 5; ++round) {
+      std::vector<double> M(n * n, 0.), r(n);
+      for (std::size_t i = 0; i < n; ++i) {
+        const WithSlope phi = cubic.phi(psi[i], SignExact());
+        r[i] = a * psi[i] + q * phi.value - psi0[i] - q * (eta0[i] + own * scene.K0() * scene.v);
+        M[i * n + i] = a + q * phi.slope;
+        for (const auto& [j, weight] : second_difference_row(scene, PetscInt(i))) {
+          M[i * n + std::size_t(j)] -= p * weight;
+          r[i] -= p * weight * psi[std::size_t(j)];
+        }
+      }
+      std::vector<double> band(n * n, 0.);  // the upper half, as LAPACK's Cholesky factors have it
+      for (std::size_t j = 0; j < n; ++j)
+        for (std::size_t i = 0; i <= j; ++i) band[j * n + n - 1 - (j - i)] = M[i * n + j];
+      if (!positive_definite(band, n, n - 1)) {
+        lost = true;
+        return psi;
+      }
+      (void)solve_dense(int(n), M.data(), 1, r.data());
+      for (std::size_t i = 0; i < n; ++i) psi[i] -= r[i];
+    }
+  }
+  return psi;
+}
+
+}  // namespace
+
+TEST_CASE("everything implicit: a step leads to the solution that grows out of its start, or is refused", "[imex][serial]") {
+  const ImexMethod method("1bee");  // its first stage is backward Euler
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  int refused = 0, taken = 0, lost_and_refused = 0;
+  Scene scene;
+  scene.n = 24;
+  scene.order = 2;
+  scene.length = 12;
+  scene.delta = 0;
+  scene.gamma = 30;
+  const Model model(PETSC_COMM_SELF, scene);
+  const BandedImex step(model, method.tableau(), Implicit::both, false);
+  VecHandle u = model.create_vector(), found = model.create_vector();
+  std::vector<VecHandle> slopes;
+  for (int i = 0; i < 2 * method.tableau().stages; ++i) slopes.push_back(model.create_vector());
+  for (const double h : {0.02, 0.05, 0.1, 0.3, 1.})
+    for (int draw = 0; draw < 20; ++draw) {
+      std::vector<double> psi(24), eta(24);
+      double* a;
+      SS_TRY(VecGetArray(u, &a));
+      for (std::size_t i = 0; i < 24; ++i) {
+        a[2 * i] = psi[i] = 1 + 0.1 * draw * uniform(random);
+        a[2 * i + 1] = eta[i] = 0.5 * uniform(random);
+      }
+      SS_TRY(VecRestoreArray(u, &a));
+      bool lost;
+      const std::vector<double> expected = followed_euler(scene, psi, eta, h, lost);
+      const bool solved = step.take(u, h, {1e-9, 1e-9, NORM_2}, true, found, slopes).solved;
+      if (!solved) {
+        ++refused;
+        lost_and_refused += lost ? 1 : 0;
+        continue;
+      }
+      ++taken;
+      if (lost) continue;  // the end may be reached all the same
+      const double* g;
+      double off = 0;
+      SS_TRY(VecGetArrayRead(slopes[0], &g));
+      for (std::size_t i = 0; i < 24; ++i) off = std::max(off, std::abs(psi[i] + h * g[2 * i] - expected[i]));
+      SS_TRY(VecRestoreArrayRead(slopes[0], &g));
+      INFO("h " << h << " draw " << draw);
+      CHECK(off < 1e-8);
+    }
+  CHECK(refused > 20);
+  CHECK(lost_and_refused > 10);
+  CHECK(taken > 20);
 }

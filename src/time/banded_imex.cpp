@@ -146,7 +146,8 @@ kernel::Round BandedImex::round_of(const BandTile& t, const Step& step, int i) c
   r.g_psi = slope(0);
   r.g_eta = slope(1);
   r.g_state = has_state ? slope(2) : nullptr;
-  r.target = std::clamp(1e-3 * std::min(step.norm.atol, step.norm.rtol), 1e-13, 1e-9);
+  // fixed steps have no tolerance: what they err by is all theirs
+  r.target = step.estimate ? std::clamp(1e-3 * std::min(step.norm.atol, step.norm.rtol), 1e-13, 1e-9) : 1e-13;
   r.immovable = BandSystem::immovable;
   r.count = t.count();
   r.node = t.at;
