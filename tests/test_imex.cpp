@@ -412,6 +412,24 @@ TEST_CASE("what is implicit follows from the rate of friction, a smoothed thresh
     return integrator.report().method + " " + to_string(integrator.report().implicit);
   };
   CHECK(chosen(100, "cubic") == "rk:7vr none");
+  // fast waves: the looser the tolerance, the sooner; alone where they live, with friction where it damps them
+  const auto beside_waves = [](double v, double tolerance) {
+    Scene scene;
+    scene.n = 128;
+    scene.length = 20;
+    scene.c = 100;
+    scene.v = v;
+    const Model model(PETSC_COMM_WORLD, scene);
+    VecHandle u = model.create_vector();
+    start(model, u);
+    MethodSpec spec;
+    spec.tolerance = tolerance;
+    const Integrator integrator(model, spec, u);
+    return integrator.report().method + " " + to_string(integrator.report().implicit);
+  };
+  CHECK(beside_waves(1.5, 1e-6) == "rk:7vr none");
+  CHECK(beside_waves(1.5, 1e-4) == "arkimex:4 both");
+  CHECK(beside_waves(0.2, 1e-4) == "arkimex:4 wave");
   CHECK(chosen(300, "cubic") == "arkimex:4 friction");
   CHECK(chosen(3, "carlson-langer") == "arkimex:4 friction");
 }

@@ -41,13 +41,6 @@ double friction_rate_ahead(const Model& model, Vec u) {
   return rate;
 }
 
-// What is worth taking implicitly.
-Implicit stiff_part(const Rates& rates, bool sticks) {
-  if (rates.stiff_friction) return rates.stiff_wave ? Implicit::both : Implicit::friction;
-  if (rates.stiff_wave) return sticks ? Implicit::both : Implicit::wave;
-  return Implicit::none;
-}
-
 Implicit implicit_of(const std::string& type, const std::string& wish, Implicit stiff, const Rates& rates,
                      bool sticks) {
   const bool wants_imex = wish != "auto" && wish != "none";
@@ -112,30 +105,80 @@ bool user_set(const std::string& prefix, const std::string& option) {
   return set;
 }
 
-Rates rates_of(const Model& model, Vec u) {
-  const double wave = stencil_rate(model.scene()), friction = friction_rate_ahead(model, u);
-  // An accurate step of the explicit pair resolves times of order 0.1 in the scene's own unit of time,
-  // 1/sqrt(A K0), the period of a free block; it is stable up to about 3 over the fastest frequency.
+namespace {
+
+constexpr double usual_tolerance = 1e-6;
+
+// Beyond this frequency steps that are stable are shorter than accuracy asks for: an accurate step of the explicit pair
+// resolves times of order 0.1 in the scene's own unit of time, 1/sqrt(A K0), the period of a free block; it is stable up to
+// about 3 over the fastest frequency.
+double accurate_rate(const Model& model) {
   const double own = std::sqrt(model.scene().A() * model.scene().K0());
-  const double accurate = 40 * (own > 0 ? own : 1);
-  // At equal error a run with friction implicit, tile by tile, costs as much as an explicit one where friction acts 2
-  // to 12 times as fast as an accurate step needs: 12 on a ring and beside a pacemaker, where short waves follow each
-  // fall of a node, 2 where nodes creep between falls (docs/methods.md). An implicit wave, by PETSc's solvers, costs
-  // some 60 explicit steps (docs/chart.md).
-  // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no bound.
-  const bool creeps = model.friction_law(0).steep;
-  return {wave, friction, creeps || friction > 12 * std::max(wave, accurate), wave > 60 * std::max(friction, accurate)};
+  return 40 * (own > 0 ? own : 1);
 }
 
-Choice choose_method(const Model& model, const Rates& rates, const MethodSpec& spec, const std::string& prefix) {
+// Steps of an implicit method of order 4 shrink with the root of that order of the tolerance, those that stability sets do
+// not: at c = 100 and 128 nodes waves are worth taking implicitly from a tolerance of 1e-5 upwards (docs/methods.md).
+bool has_stiff_wave(const Model& model, double wave, double friction, double tolerance) {
+  return wave > 60 * std::max(friction, accurate_rate(model)) * std::pow(usual_tolerance / tolerance, 0.25);
+}
+
+double tolerance_of(const MethodSpec& spec, const std::string& prefix) {
+  if (spec.tolerance > 0) return spec.tolerance;
+  double largest = 0;
+  for (const char* option : {"-ts_rtol", "-ts_atol"}) {
+    PetscReal value = usual_tolerance;
+    SS_TRY(PetscOptionsGetReal(nullptr, prefix.c_str(), option, &value, nullptr));
+    largest = std::max(largest, double(value));
+  }
+  return largest > 0 ? largest : usual_tolerance;
+}
+
+// Whether friction damps waves about sliding at the plate's velocity at every node, so that they die and what is left is
+// slow. Collective.
+bool damps_waves(const Model& model) {
+  const Scene& s = model.scene();
+  double least = HUGE_VAL;
+  for (PetscInt i = 0; i < model.local(); ++i) {
+    const double state = model.dof() == 3 && s.v != 0 ? model.steady_state(i, s.v) : 0;
+    least = std::min(least, s.A() * (s.B() + model.friction(i, s.v, state).F_psi) + s.s_delta());
+  }
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &least, 1, MPI_DOUBLE, MPI_MIN, model.comm()));
+  return least > 0;
+}
+
+// What is worth taking implicitly. Where waves die, friction beside them costs order; where they live, everything implicit
+// is the dearer way.
+Implicit stiff_part(const Model& model, const Rates& rates, bool sticks) {
+  if (rates.stiff_friction) return rates.stiff_wave ? Implicit::both : Implicit::friction;
+  if (rates.stiff_wave) return sticks || damps_waves(model) ? Implicit::both : Implicit::wave;
+  return Implicit::none;
+}
+
+}  // namespace
+
+Rates rates_of(const Model& model, Vec u) {
+  const double wave = stencil_rate(model.scene()), friction = friction_rate_ahead(model, u);
+  // At equal error a run with friction implicit, tile by tile, costs as much as an explicit one where friction acts 2
+  // to 12 times as fast as an accurate step needs: 12 on a ring and beside a pacemaker, where short waves follow each
+  // fall of a node, 2 where nodes creep between falls (docs/methods.md).
+  // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no bound.
+  const bool creeps = model.friction_law(0).steep;
+  return {wave, friction, creeps || friction > 12 * std::max(wave, accurate_rate(model)),
+          has_stiff_wave(model, wave, friction, usual_tolerance)};
+}
+
+Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& spec, const std::string& prefix) {
+  Rates rates = usual;
+  rates.stiff_wave = has_stiff_wave(model, rates.wave, rates.friction, tolerance_of(spec, prefix));
   const FrictionParameters& law = model.scene().friction;
   const bool sticks = Stick::applies_to(model.scene());
-  const Implicit stiff = stiff_part(rates, sticks);
+  const Implicit stiff = stiff_part(model, rates, sticks);
   const bool wants_imex = spec.implicit != "auto" && spec.implicit != "none";
   // Everything implicit at a smoothed threshold: Newton's method would take many rounds a stage, and the Rosenbrock
   // method, which takes one, costs a third at the same error (docs/chart.md).
   const bool threshold = law.law->jumps_at_rest && law.regularised;
-  const bool rosenbrock = threshold && stiff == Implicit::both && !wants_imex;
+  const bool rosenbrock = threshold && rates.stiff_friction && rates.stiff_wave && !wants_imex;
   Choice choice{rosenbrock ? TSROSW : wants_imex || stiff != Implicit::none ? TSARKIMEX : TSRK, "", Implicit::none,
                 spec.fused, false};
   std::string wanted = spec.type;

@@ -3,8 +3,8 @@
 
     /usr/bin/python3 -B tests/bench/choice.py [build/stickslip] [--scene NAME] [--most 1.5]
 
-For every scene of runs/chart-*.yaml, at its finest grid and highest order: which method `run` chooses (`run -check`), the
-scene's chart with that method among its own, and for each row of the choice the least processor time of a row with no larger
+For every scene of runs/chart-*.yaml, at its finest grid and highest order: which method `run` chooses at each tolerance
+(`run -check`), the scene's chart with these among its own, and for each row of the choice the least processor time of a row with no larger
 error (the error in time: the grid's is the same for all). Times are medians; on a busy machine ratios move by a third and
 more. Exit code 1 where a ratio is larger than allowed. Rows of which the error is not known are left out, and those beyond
 the scene's own range of errors: where the choice is less accurate than 0.1 nobody wants it, and nobody's error is below the
@@ -37,24 +37,25 @@ def label(method, implicit):
 
 
 def judge(program, scene):
-    """The rows of the chosen method as (error, seconds, best label, its seconds)."""
-    seen = output(program, "run", scene, "-check")
-    chosen, options = label(seen["method"], seen["implicit"]), seen["options"]
+    """The rows of the chosen methods as (method, tolerance, error, seconds, best label, its seconds)."""
+    chosen = {}
+    for tolerance in TOLERANCES.split(","):
+        seen = output(program, "run", scene, "-check", "-ts_rtol", tolerance, "-ts_atol", tolerance)
+        chosen[float(tolerance)], options = label(seen["method"], seen["implicit"]), seen["options"]
     methods = [m for m in options.get("chart_methods", "").split(",") if m]
     grid = (options.get("chart_grids") or options["grid_n"]).split(",")[-1]
     order = (options.get("chart_orders") or options["grid_order"]).split(",")[-1]
-    if chosen not in methods:
-        methods.append(chosen)
+    methods += sorted(set(chosen.values()) - set(methods))
     chart = output(program, "chart", scene, "-chart_methods", ",".join(methods), "-chart_tolerances", TOLERANCES,
                    "-chart_grids", grid, "-chart_orders", order)
     rows = [(label(r["method"], r["implicit"]), r["error_time"], r["seconds"], r["tolerance"]) for r in chart["rows"]
             if r["error_time"] is not None and not r["failed"]]
     found = []
     for name, error, seconds, tolerance in rows:
-        if name == chosen and error < 0.1:
+        if name == chosen[tolerance] and error < 0.1:
             best = min((r for r in rows if r[1] <= error), key=lambda r: r[2])
-            found.append((tolerance, error, seconds, best[0], best[2]))
-    return chosen, found
+            found.append((name, tolerance, error, seconds, best[0], best[2]))
+    return found
 
 
 def main():
@@ -68,8 +69,7 @@ def main():
     runs = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "runs")
     for scene in sorted(glob.glob(os.path.join(runs, f"chart-{given.scene or '*'}.yaml"))):
         name = os.path.basename(scene)[6:-5]
-        chosen, rows = judge(os.path.abspath(given.program), scene)
-        for tolerance, error, seconds, best, least in rows:
+        for chosen, tolerance, error, seconds, best, least in judge(os.path.abspath(given.program), scene):
             worst = max(worst, seconds / least)
             print(f"| {name} | {chosen} | {tolerance:g} | {error:.1e} | {1e3 * seconds:.3g} | {best} | {1e3 * least:.3g} | "
                   f"{seconds / least:.2f} |", flush=True)

@@ -30,7 +30,7 @@ SCENES = [("smooth ring", 3.0, 0.2, 1.0, 0.2, "ring", 10.0, ["DOP853", "RK45"]),
           ("stiff friction, gamma 10000", 1e4, 0.2, 1.0, 0.2, "free", 5.0, IMPLICIT),
           ("stiff coupling", 3.0, 0.2, 100.0, 0.2, "free", 10.0, IMPLICIT),
           ("pacemaker", 3.0, 0.2, 1.0, 0.2, "held", 20.0, ["DOP853", "RK45"]),
-          ("rate-and-state", 1.0, 0.0, 1.0, 1.0, "free", 20.0, IMPLICIT)]
+          ("rate-and-state", 5.0, 0.0, 1.0, 1.0, "free", 20.0, IMPLICIT)]
 LENGTH = {"ring": 60.0, "free": 60.0, "held": 24.0}
 
 
@@ -50,7 +50,7 @@ def system(scene, n):
     name, gamma, delta, c, v, end, *_ = scene
     h = LENGTH[end] / (n if end == "ring" else n - 1)
     with_state = name == "rate-and-state"
-    a, b, mu0, psi0, D = 0.05, 0.04, 0.6, 1.0, 0.1
+    a, b, mu0, psi0, D = 0.05, 0.07, 0.6, 1.0, 0.1
 
     def rhs(_, u):
         psi, eta = u[:n], u[n:2 * n]

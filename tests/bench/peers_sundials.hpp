@@ -265,7 +265,7 @@ inline Outcome arkode_explicit(System& system, double t_end, double tolerance, c
   ARKodeButcherTable table = table_of(tableau);
   ERKStepSetTable(sun.erk, table);
   ARKodeButcherTable_Free(table);
-  ERKStepSetMaxStep(sun.erk, reach(tableau) / stencil_rate(system.scene));
+  ERKStepSetMaxStep(sun.erk, 0.7 * reach(tableau) / stencil_rate(system.scene));
   ERKStepSetStopTime(sun.erk, t_end);
   double t;
   const int flag = ERKStepEvolve(sun.erk, t_end, sun.y, &t, ARK_NORMAL);

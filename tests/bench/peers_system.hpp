@@ -39,8 +39,8 @@ inline std::vector<Case> cases() {
           case_of("stiff coupling", 10, {{"model_c", "100"}}),
           case_of("pacemaker", 20, {{"bc_left", "velocity"}, {"bc_left_value", "-1.5"}, {"grid_length", "24"}}),
           case_of("rate-and-state", 20,
-                  {{"friction_law", "rate-and-state"}, {"state_law", "ageing"}, {"friction_b", "0.04"},
-                   {"model_gamma", "100"}, {"model_delta", "0"}, {"model_v", "0.01"}})};
+                  {{"friction_law", "rate-and-state"}, {"state_law", "ageing"}, {"friction_b", "0.07"},
+                   {"model_gamma", "5"}, {"model_delta", "0"}, {"model_v", "1"}})};
 }
 
 // One scene's system.
@@ -49,16 +49,15 @@ class System {
   explicit System(const Scene& s)
       : scene(s), model(PETSC_COMM_SELF, s), size(model.dof() * s.n), u_(model.create_vector()),
         f_(model.create_vector()) {
-    const bool steady = model.dof() == 3;  // about sliding; elsewhere far from it
+    const bool has_state = model.dof() == 3, held = s.left == End::velocity;
     for (PetscInt i = 0; i < s.n; ++i) {
       const double angle = 2 * M_PI * s.x(i) / s.length, wave = s.ring() ? std::sin(angle) : std::cos(angle);
-      double psi = steady ? s.v * (1 + 0.3 * wave) : 0.1 + 0.5 * wave;
-      if (s.left == End::velocity) psi = 0.1 + (s.left_value - 0.1) * std::exp(-std::pow(s.x(i) / 2, 2));
-      const double state = steady ? model.steady_state(psi) : 0;
-      const double force = model.friction(i, psi, state).F;
+      double psi = has_state ? s.v * (1 + 0.5 * wave) : 0.1 + 0.5 * wave;
+      if (held) psi = 0.1 + (s.left_value - 0.1) * std::exp(-std::pow(s.x(i) / 2, 2));
+      const double state = has_state ? model.steady_state(psi) : 0;
       start.push_back(psi);
-      start.push_back(steady || s.left == End::velocity ? force : 0.1);  // psi_t = 0, or not
-      if (steady) start.push_back(state);
+      start.push_back(held ? model.friction(i, psi, 0).F : has_state ? 0.6 : 0.1);
+      if (has_state) start.push_back(state);
     }
   }
   void rhs(Part part, const double* u, double* f) {
