@@ -19,6 +19,7 @@ import sys
 import tempfile
 
 TOLERANCES = "1e-3,1e-4,1e-5,1e-6,1e-7,1e-8"
+ROW_SECONDS = "1"  # a slower row is not the best
 
 
 def output(program, command, scene, *options):
@@ -47,7 +48,7 @@ def judge(program, scene):
     order = (options.get("chart_orders") or options["grid_order"]).split(",")[-1]
     methods += sorted(set(chosen.values()) - set(methods))
     chart = output(program, "chart", scene, "-chart_methods", ",".join(methods), "-chart_tolerances", TOLERANCES,
-                   "-chart_grids", grid, "-chart_orders", order)
+                   "-chart_grids", grid, "-chart_orders", order, "-chart_row_seconds", ROW_SECONDS)
     rows = [(label(r["method"], r["implicit"]), r["error_time"], r["seconds"], r["tolerance"]) for r in chart["rows"]
             if r["error_time"] is not None and not r["failed"]]
     found = []
