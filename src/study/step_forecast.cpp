@@ -189,6 +189,10 @@ void StepForecast::add_waves_about_sliding(const Model& model, Implicit implicit
   const std::optional<Slopes> sliding = slopes_of_sliding(model);
   if (!sliding) return;
   const auto& [F, g] = *sliding;
+  if (model.scene().n == 1) {  // all waves are one
+    add_waves(model, implicit, F, g, 0, true, true);
+    return;
+  }
   // Up to a tenth of the largest kappa^2, wavelengths of 8 nodes and more, a wave is the continuum's own.
   for (const double part : {0., 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1})
     add_waves(model, implicit, F, g, part, true, true);

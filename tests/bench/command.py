@@ -48,7 +48,7 @@ def spent(words, ranks):
 
 def scene(n, end):
     return ["-grid_n", str(n), "-grid_length", str(n / 20), "-init_type", "sine", "-init_mode", "3", "-scene_reduce",
-            "off", "-ts_max_time", repr(end)]
+            "off", "-ts_type", "rk", "-ts_rk_type", "5dp", "-ts_max_time", repr(end)]
 
 
 def bare(n, end, ranks, more=()):
