@@ -163,13 +163,13 @@ def test_jump_in_a_medium():
              "-model_gamma", 0.5, "-friction_law", "carlson-langer", "-friction_stick", "regularised", "-friction_eps", 0.3, "-state_law",
              "healing", "-init_type", "sine", "-init_amplitude", 0.2, "-init_psi", 1.2, "-friction_spread", 0.2,
              "-friction_spread_length", 1]
-    height = run(*words, "-accuracy", 0.08)["jump"]["height"]
-    run(*words, "-grid_n", 3201, "-grid_order", 2, "-out_file", "fine.h5", "-out_frames", 2)
+    height = run(*words, "-accuracy", 0.15)["jump"]["height"]
+    run(*words, "-grid_n", 1601, "-grid_order", 2, "-out_file", "fine.h5", "-out_frames", 2)
     with h5py.File("fine.h5") as file:
         x, psi = file["x"][:], file["psi"][-1]
-    # the front is some 6 (h^2 c t)^(1/3) wide; on 401 to 3201 nodes the difference comes from 10 % to 0.2 % off
+    # the front is some 6 (h^2 c t)^(1/3) wide; on 401 to 3201 nodes the difference comes from 10 % to 0.2 % off, here to 0.9 %
     sides = [np.polyfit(x[part] - 0.8, psi[part], 3)[3] for part in ((x > 0.2) & (x < 0.75), (x > 0.825) & (x < 1.2))]
-    assert abs(height - (sides[0] - sides[1])) < 0.01 * abs(height), (height, sides)
+    assert abs(height - (sides[0] - sides[1])) < 0.02 * abs(height), (height, sides)
 
 
 # ---- numbers ----
