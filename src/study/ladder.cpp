@@ -159,7 +159,7 @@ Level LevelRuns::run(PetscInt n, double tolerance) {
   return made;
 }
 
-double LevelRuns::difference(const Level& a, const Level& b) const {
+double LevelRuns::difference(const Level& a, const Level& b, bool between) const {
   const bool a_coarser = a.scene.n <= b.scene.n;
   const Level &coarse = a_coarser ? a : b, &fine = a_coarser ? b : a;
   const auto &[of_coarse, seen_coarse] = coarse.answer;
@@ -172,7 +172,7 @@ double LevelRuns::difference(const Level& a, const Level& b) const {
     return distance(at_points(of_coarse, coarse.scene, request_.probes), at_points(of_fine, fine.scene, request_.probes));
   if (jump_) return difference_beside_jump(coarse, fine);
   d = distance(of_coarse, resample(of_fine, fine.scene, coarse.scene));
-  if (coarse.scene.n != fine.scene.n && request_.corner_distance == 0)  // the solution is smooth
+  if (between && coarse.scene.n != fine.scene.n && request_.corner_distance == 0)  // the solution is smooth
     d = std::max(d, distance_between_nodes(coarse.scene, of_coarse, fine.scene, of_fine));
   if (request_.probes.empty()) return d;
   return std::max(d, distance(at_points(of_coarse, coarse.scene, request_.probes),
@@ -235,7 +235,9 @@ void Ladder::add(Level made) {
 }
 
 double Ladder::difference_of_run(double foreseen_of_last) const {
-  const double d = std::max(runs_.difference(levels_.back(), last_run_), 1e-300);
+  // a run on a coarser grid than the last level: the error is at its nodes, and seen there
+  const bool between = last_run_.scene.n >= levels_.back().scene.n;
+  const double d = std::max(runs_.difference(levels_.back(), last_run_, between), 1e-300);
   return request_.of.is_number() ? std::max(d, 0.3 * foreseen_of_last) : d;
 }
 

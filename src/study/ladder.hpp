@@ -67,9 +67,9 @@ class LevelRuns {
   bool affords(double seconds) const;
   int count() const { return count_; }
 
-  // Largest |difference| of what is wanted; of fields at the nodes of the coarser one, at what lies between them, and at
-  // the probes; beside a jump of psi alone.
-  double difference(const Level& a, const Level& b) const;
+  // Largest |difference| of what is wanted; of fields at the nodes of the coarser one, `between` them, where a level may
+  // miss a front, and at the probes; beside a jump of psi alone.
+  double difference(const Level& a, const Level& b, bool between = true) const;
   // The jump of the solution, if it has one.
   const std::optional<Jump>& jump() const { return jump_; }
 
