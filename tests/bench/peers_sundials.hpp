@@ -34,7 +34,7 @@ template <bool implicit>
 int sun_rhs(realtype, N_Vector y, N_Vector f, void* data) {
   const Parts& p = *static_cast<Parts*>(data);
   p.system->rhs(implicit ? p.implicit_part : p.explicit_part, N_VGetArrayPointer(y), N_VGetArrayPointer(f));
-  return 0;
+  return p.system->is_late() ? -1 : 0;
 }
 
 // Debian compiles SUNDIALS without optimisation. Its vectors and matrices are made to be replaced, so that what takes

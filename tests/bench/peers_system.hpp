@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "bench.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/model/model.hpp"
@@ -74,6 +75,8 @@ class System {
   PetscInt size;
   std::vector<double> start;
   long evaluations = 0;
+  double deadline = HUGE_VAL;  // in processor time of this process, after which a run is given up
+  bool is_late() const { return evaluations % 64 == 0 && bench::now(true) > deadline; }
 
  private:
   VecHandle u_, f_;
