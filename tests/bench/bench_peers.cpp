@@ -83,9 +83,11 @@ void add_explicit(std::vector<Entry>& all) {
   for (const auto& [name, tableau] : all_tableaus) {
     ARKodeButcherTable_Free(table_of(tableau, true));
     std::printf("# ERK %s: %d stages, to %.2f along the imaginary axis\n", name.c_str(), tableau.stages, reach(tableau));
-    all.push_back({"SUNDIALS", "ERK " + name, false, [tableau = tableau](System& s, double t, double tol) {
-                     return arkode_explicit(s, t, tol, tableau);
-                   }});
+    for (const bool held : {true, false})
+      all.push_back({"SUNDIALS", "ERK " + name + (held ? ", held" : ""), false,
+                     [tableau = tableau, held](System& s, double t, double tol) {
+                       return arkode_explicit(s, t, tol, tableau, held);
+                     }});
   }
 }
 

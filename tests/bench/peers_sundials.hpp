@@ -252,9 +252,9 @@ inline Tableau tableau_of(ARKODE_ERKTableID number) {
   return t;
 }
 
-// Steps are kept within what the waves allow: where a step beyond that is once accepted, its noise, which waves do not
-// lose, holds ARKODE's error control at a tenth of that from then on.
-inline Outcome arkode_explicit(System& system, double t_end, double tolerance, const Tableau& tableau) {
+// `held`: steps are kept within what the waves allow. Where a step beyond that is once accepted, its noise, which waves do
+// not lose, holds ARKODE's error control at a tenth of that from then on; where friction damps waves, steps may be longer.
+inline Outcome arkode_explicit(System& system, double t_end, double tolerance, const Tableau& tableau, bool held = false) {
   Sun sun(system);
   Parts parts{&system, Part::full, Part::full};
   sun.erk = ERKStepCreate(sun_rhs<false>, 0, sun.y, sun.context);
@@ -265,7 +265,7 @@ inline Outcome arkode_explicit(System& system, double t_end, double tolerance, c
   ARKodeButcherTable table = table_of(tableau);
   ERKStepSetTable(sun.erk, table);
   ARKodeButcherTable_Free(table);
-  ERKStepSetMaxStep(sun.erk, 0.7 * reach(tableau) / stencil_rate(system.scene));
+  if (held) ERKStepSetMaxStep(sun.erk, 0.7 * reach(tableau) / stencil_rate(system.scene));
   ERKStepSetStopTime(sun.erk, t_end);
   double t;
   const int flag = ERKStepEvolve(sun.erk, t_end, sun.y, &t, ARK_NORMAL);
