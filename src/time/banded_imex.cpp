@@ -224,14 +224,13 @@ void BandedImex::take_first(const BandTile& t, const double* own, const Step& st
 void BandedImex::take_explicit(const BandTile& t, int i) const {
   const auto slope = [&](int d) { return columns_.slope(t, ImexColumns::of_explicit, i, d); };
   const kernel::Coefficients friction{coefficients_.A, 0, 0, 0, coefficients_.s_delta, {}};
-  double* const f_eta = slope(1) ? slope(1) : spare_.data();
+  double* const f_eta = spare_.data();  // it follows from that of psi
   std::fill(f_eta, f_eta + t.count(), 0.);
   pointwise_(friction, {columns_.stage(t, 0), zeros_.data(), model_.dof() == 3 ? columns_.stage(t, 2) : nullptr,
                         amplitude_.empty() ? nullptr : &amplitude_[std::size_t(t.at)], slope(0), f_eta, slope(2),
                         t.count(), nullptr, t.at});
   for_held(t, [&](PetscInt place, const Combination&) {
     slope(0)[place] = 0;
-    if (model_.scene().form == Form::continuum) f_eta[place] = 0;
   });
 }
 
@@ -387,8 +386,13 @@ void BandedImex::store_slopes(const std::vector<VecHandle>& slopes) const {
     SS_TRY(VecGetArrayWrite(slopes[k], &a));
     for (const BandTile& t : layout_.tiles())
       for (int d = 0; d < model_.dof(); ++d) {
-        const double* const from =
-            columns_.slope(t, k % 2 == 0 ? ImexColumns::of_implicit : ImexColumns::of_explicit, int(k / 2), d);
+        const auto kind = k % 2 == 0 ? ImexColumns::of_implicit : ImexColumns::of_explicit;
+        const double* from = columns_.slope(t, kind, int(k / 2), d);
+        if (kind == ImexColumns::of_explicit && d == 1 && implicit_ == Implicit::wave) {
+          const double* const of_psi = columns_.slope(t, kind, int(k / 2), 0);
+          for (PetscInt i = 0; i < t.count(); ++i) x_[std::size_t(i)] = columns_.explicit_eta() * of_psi[i];
+          from = x_.data();
+        }
         layout_.store(t, from ? from : zeros_.data(), d, a);
       }
     SS_TRY(VecRestoreArrayWrite(slopes[k], &a));

@@ -11,7 +11,7 @@ bool is_near(double a, double b) { return std::abs(a - b) < 1e-14; }
 }  // namespace
 
 ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Implicit implicit)
-    : dof_(layout.model().dof()),
+    : dof_(layout.model().dof()), explicit_eta_(-layout.model().scene().s_delta() / layout.model().scene().A()),
       stride_(layout.size() + 8),  // so that columns do not meet in the same lines of a cache
       add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})) {
   int columns = 0;
@@ -22,12 +22,12 @@ ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Im
   }
   stage_[0] = columns++;
   if (dof_ == 3) stage_[1] = columns++;
-  const bool wave = implicit == Implicit::wave, damped = layout.model().scene().s_delta() != 0;
+  const bool wave = implicit == Implicit::wave;
   for (std::size_t i = 0; i < s; ++i)
     for (const Kind kind : {of_implicit, of_explicit}) {
       std::array<int, 3> own{-1, -1, -1};
       for (int d = 0; d < dof_; ++d) {
-        const bool acts = kind == of_implicit ? !(wave && d == 2) : wave && (d != 1 || damped);
+        const bool acts = kind == of_implicit ? !(wave && d == 2) : wave && d != 1;
         if (acts) own[std::size_t(d)] = columns++;
       }
       slopes_[kind].push_back(own);
@@ -70,8 +70,9 @@ void ImexColumns::add(Sum& sum, int d, const double* implicit_weights, const dou
                       int count) const {
   for (int j = 0; j < count; ++j)
     for (const Kind kind : {of_implicit, of_explicit}) {
-      const double weight = (kind == of_implicit ? implicit_weights : explicit_weights)[j];
-      const int column = slopes_[kind][std::size_t(j)][std::size_t(d)];
+      const bool of_psi = kind == of_explicit && d == 1;
+      const double weight = (kind == of_implicit ? implicit_weights : explicit_weights)[j] * (of_psi ? explicit_eta_ : 1);
+      const int column = slopes_[kind][std::size_t(j)][std::size_t(of_psi ? 0 : d)];
       if (column < 0 || is_near(weight, 0)) continue;  // round-off, which the tableau was read with
       sum.columns.push_back(column);
       sum.weights.push_back(weight);

@@ -26,11 +26,14 @@ class ImexColumns {
   double* stage(const BandTile& t, int d) const { return at(t, stage_[d == 0 ? 0 : 1]); }
   double* known(const BandTile& t, int d) const { return at(t, known_[d]); }
   enum Kind { of_implicit, of_explicit };
-  // nullptr where the part does not act on the unknown
+  // nullptr where the part does not act on the unknown, and of the explicit part of eta: friction there is
+  // explicit_eta() times that of psi
   double* slope(const BandTile& t, Kind kind, int stage, int d) const {
     const int index = slopes_[kind][std::size_t(stage)][std::size_t(d)];
     return index < 0 ? nullptr : at(t, index);
   }
+
+  double explicit_eta() const { return explicit_eta_; }
 
   // known = u + dt (the slopes before stage i)
   void sum_known(const BandTile& t, int i, double dt) const;
@@ -51,6 +54,7 @@ class ImexColumns {
   void take(const BandTile& t, const Sum& sum, double dt, double* into) const;
 
   int dof_;
+  double explicit_eta_;
   PetscInt stride_;
   int u_[3] = {}, stage_[2] = {}, known_[3] = {};
   std::vector<std::array<int, 3>> slopes_[2];  // by Kind, of the stages; -1: there is none

@@ -16,7 +16,7 @@ SCENES = [
     ("ring, gamma 10000", "chart-stiff-friction.yaml", FRICTION + " -grid_n 64 -model_gamma 10000", 10),
     ("smoothed threshold", "chain-carlson-langer-damped.yaml",
      FRICTION + " -friction_stick regularised -grid_n 40 -ts_max_time 30", 39),
-    ("slow driving", "chart-slow-driving.yaml", FRICTION + " -ts_max_time 300", 19),
+    ("slow driving", "chart-slow-driving.yaml", FRICTION + " -ts_max_time 600", 19),
     ("stiff coupling", "chart-stiff-coupling.yaml", "-ts_type arkimex -imex_implicit wave -ts_max_time 2", 18),
     ("everything stiff", "chart-stiff-coupling.yaml",
      "-ts_type arkimex -imex_implicit both -model_gamma 300 -ts_max_time 2", 18),
