@@ -71,11 +71,12 @@ void ImexColumns::add(Sum& sum, int d, const double* implicit_weights, const dou
   for (int j = 0; j < count; ++j)
     for (const Kind kind : {of_implicit, of_explicit}) {
       const bool of_psi = kind == of_explicit && d == 1;
-      const double weight = (kind == of_implicit ? implicit_weights : explicit_weights)[j] * (of_psi ? explicit_eta_ : 1);
+      const double weight = (kind == of_implicit ? implicit_weights : explicit_weights)[j];
+      const double factor = of_psi ? explicit_eta_ : 1;
       const int column = slopes_[kind][std::size_t(j)][std::size_t(of_psi ? 0 : d)];
-      if (column < 0 || is_near(weight, 0)) continue;  // round-off, which the tableau was read with
+      if (column < 0 || factor == 0 || is_near(weight, 0)) continue;  // round-off, which the tableau was read with
       sum.columns.push_back(column);
-      sum.weights.push_back(weight);
+      sum.weights.push_back(weight * factor);
     }
 }
 
