@@ -45,7 +45,7 @@ def measure(words, accuracy, *extra):
     with tempfile.TemporaryDirectory() as folder:
         out, fine, summary = (os.path.join(folder, name) for name in ("a.h5", "fine.h5", "a.json"))
         code, said = call("run", *words, *extra, "-accuracy", accuracy, "-out_file", out, "-out_frames", 2, "-summary", summary)
-        if code not in (0, 1):
+        if code not in (0, 1) or not os.path.exists(summary):
             raise SystemExit(f"exit code {code}: {said}")
         with open(summary, encoding="utf-8") as file:
             made = json.load(file)

@@ -32,6 +32,7 @@ class ToleranceLadder final : public Ladder {
   double time_foreseen(double tolerance) const;
   bool place_or_go_on(double& next);
   void place(double wish);
+  void look_beyond_own_steps();
   double estimate_in_time(const Level& now, double d) const;
   [[noreturn]] void give_up_at(double tolerance, double error) const;
 
@@ -139,7 +140,6 @@ double ToleranceLadder::estimate_in_time(const Level& now, double d) const {
   if (x < 0.7) return d / (1 - std::pow(x, slope()));
   if (x < 1) return std::max(d, time_foreseen(now.tolerance));
   const double usual = slope();
-  if (d < 0.01 * time_foreseen(now.tolerance)) return time_foreseen(last.tolerance);  // the level's own steps
   if (x < 3) return std::max(time_foreseen(now.tolerance), x > 1.5 ? d / (std::pow(x, usual) - 1) : 0);
   const double of_last = d / (1 - std::pow(x, -usual));
   const double seen = std::clamp(std::log(distances_.back() / of_last) /
@@ -147,8 +147,19 @@ double ToleranceLadder::estimate_in_time(const Level& now, double d) const {
   return of_last * std::pow(x, -std::min(seen, std::max(usual, 0.75)));
 }
 
+// A short run may take nearly the steps of the last level, whatever its tolerance: their distance, far below what was foreseen,
+// then tells little of the error, and only stricter levels do.
+void ToleranceLadder::look_beyond_own_steps() {
+  for (int k = 0; k < 3 && request_.tolerance_open && levels_.back().tolerance > 2 * least_tolerance; ++k) {
+    const double foreseen = time_foreseen(std::max(last_run_.tolerance, levels_.back().tolerance));
+    if (runs_.difference(levels_.back(), last_run_) >= 0.2 * foreseen) return;
+    add(runs_.run(request_.scene.n, std::max(levels_.back().tolerance / 100, least_tolerance)));
+  }
+}
+
 double ToleranceLadder::estimate(const Answer& end) {
   last_run_ = {request_.scene, setting_.tolerance, end, 0, 0};
+  look_beyond_own_steps();
   const bool elsewhere = setting_.tolerance != levels_.back().tolerance && !distances_.empty();
   const double d = difference_of_run(elsewhere ? time_foreseen(levels_.back().tolerance) : 0);
   last_estimate_ =

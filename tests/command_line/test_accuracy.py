@@ -295,6 +295,19 @@ def test_one_block():
     assert block["error_estimate"] <= 1e-7 and block["unknowns"] == 2
 
 
+def test_steps_that_hardly_depend_on_the_tolerance():
+    """Four steps at 4e-6 as at 1e-6: the distance of the two runs is a fifth of their errors, which a stricter one shows."""
+    words = ["-model_form", "chain", "-grid_n", 5, "-model_k1", 0.864, "-model_zeta", 0, "-model_v", 0.097, "-init_psi",
+             0.195, "-ts_max_time", 2.32, "-bc_left", "free", "-out_probes", 0]
+    made = run(*words, "-accuracy", 1.2e-5)
+
+    def block(_, u):
+        return [u[1] - cubic(u[0]), 0.2 * (0.097 - u[0])]
+    exact = solve_ivp(block, (0, 2.32), [0.195, 0.1], method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+    error = max(abs(made["probes"][0][name] - exact[i]) for i, name in enumerate(("psi", "eta")))
+    assert error <= 1.2e-5 and error / 3 <= made["error_estimate"] <= 1.2e-5, (error, made["error_estimate"])
+
+
 def test_chain_that_sticks():
     # a chain that sticks exactly has a ladder of tolerances
     stuck = run(*STUCK, "-accuracy", 1e-6)
