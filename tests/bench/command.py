@@ -86,7 +86,7 @@ def table(asked):
         for kind in asked.output:
             if kind == "frames" and n > 1e6:
                 continue
-            seconds = min(asked.seconds, 1.) if n < 1e6 else asked.seconds
+            seconds = min(asked.seconds, 1.) if n < 1e6 else asked.seconds if n < 1e7 else 5 * asked.seconds
             least = LEAST_STEPS.get(n, 1000) if kind == "frames" else 0
             end = end_for(n, seconds, least)
             steps = bare(n, end, 1)[0]
