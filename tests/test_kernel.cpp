@@ -129,7 +129,7 @@ TEST_CASE("the loops give the same bits for parts of a range and for every instr
   const Product<Cubic, SignExact, NoState> cubic{};
   const Product<CarlsonLanger, SignExact, NoState> carlson_langer{};
   const Product<CarlsonLanger, SignRegularised, Healing> healing{{}, {1, 2, 1}, {0.2}};
-  const OwnState<RateAndState, Ageing> ageing{{0.5, 0.7, 1, 0.6, 1}, {1}};
+  const OwnState<RateAndState, Ageing> ageing{{{}, 0.5, 0.7, 1, 0.6, 1}, {1}};
   for (const bool spread : {false, true}) {
     check_friction<0>(cubic, spread);
     check_friction<1>(cubic, spread);

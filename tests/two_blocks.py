@@ -1,6 +1,6 @@
 """Two blocks with exact stick, and their tangent vectors, by scipy: independent of the program.
 
-psi_i' = eta_i - a_i F(psi_i), eta_i' = k0 (v - psi_i) + k1 (psi_j - psi_i); F = sgn(psi)/(1 + 2 alpha |psi|), threshold a_i;
+psi_i' = e_i - a_i F(psi_i), e_i = eta_i + nu (psi_j - psi_i), eta_i' = k0 (v - psi_i) + k1 (psi_j - psi_i); F = sgn(psi)/(1 + 2 alpha |psi|), threshold a_i of e_i;
 m = f0 = 1, free ends. Between starts and stops solve_ivp with events; a deviation y passes an event g = 0 as
 y + (f' - f) (grad g . y)/(grad g . f).
 """
@@ -9,19 +9,24 @@ from scipy.integrate import solve_ivp
 
 
 class TwoBlocks:
-    def __init__(self, k0, k1, v, alpha, a):
-        self.k0, self.k1, self.v, self.alpha, self.a = k0, k1, v, alpha, np.array(a, float)
+    def __init__(self, k0, k1, v, alpha, a, nu=0):
+        self.k0, self.k1, self.v, self.a, self.nu = k0, k1, v, np.array(a, float), nu
+        self.alpha = np.broadcast_to(np.asarray(alpha, float), 2)
+
+    def force(self, u):
+        return u[2:4] + self.nu * (u[1::-1] - u[:2])
 
     def rates(self, u, going):
-        psi, eta = u[:2], u[2:4]
-        slide = np.where(going == 0, 0, eta - self.a * going / (1 + 2 * self.alpha * going * psi))
+        psi = u[:2]
+        slide = np.where(going == 0, 0, self.force(u) - self.a * going / (1 + 2 * self.alpha * going * psi))
         return np.r_[slide, self.k0 * (self.v - psi) + self.k1 * (psi[::-1] - psi)]
 
     def jacobian(self, u, going):
         J = np.zeros((4, 4))
         for i in np.flatnonzero(going):
             J[i, 2 + i] = 1
-            J[i, i] = 2 * self.alpha * self.a[i] / (1 + 2 * self.alpha * going[i] * u[i])**2
+            J[i, i] = 2 * self.alpha[i] * self.a[i] / (1 + 2 * self.alpha[i] * going[i] * u[i])**2 - self.nu
+            J[i, 1 - i] = self.nu
         J[2, 0] = J[3, 1] = -self.k0 - self.k1
         J[2, 1] = J[3, 0] = self.k1
         return J
@@ -32,7 +37,7 @@ class TwoBlocks:
                 event = lambda t, z, i=i: going[i] * z[i] + (1e-14 if z[i] == 0 else 0)  # noqa: E731
                 event.direction = -1
             else:
-                event = lambda t, z, i=i: abs(z[2 + i]) - self.a[i]  # noqa: E731
+                event = lambda t, z, i=i: abs(self.force(z[:4])[i]) - self.a[i]  # noqa: E731
                 event.direction = 1
             event.terminal = True
             yield event
@@ -52,9 +57,9 @@ class TwoBlocks:
     def start(self, u):
         going = np.sign(u[:2])
         for i in (0, 1):
-            if going[i] == 0 and abs(u[2 + i]) >= self.a[i] * (1 - 1e-12) and \
-                    self.rates(u, going)[2 + i] * np.sign(u[2 + i]) > 0:
-                going[i] = np.sign(u[2 + i])
+            force, rate = self.force(u)[i], self.force(self.rates(u, going))[i]
+            if going[i] == 0 and abs(force) >= self.a[i] * (1 - 1e-12) and rate * np.sign(force) > 0:
+                going[i] = np.sign(force)
         return going
 
     def follow(self, u, Y, time, vectors_after=None):
@@ -77,10 +82,11 @@ class TwoBlocks:
             before, becomes = self.rates(u, going), going.copy()
             if going[block]:
                 u[block], gradient = 0, np.eye(4)[block]
-                becomes[block] = np.sign(u[2 + block]) if abs(u[2 + block]) > self.a[block] else 0
+                force = self.force(u)[block]
+                becomes[block] = np.sign(force) if abs(force) > self.a[block] else 0
             else:
-                becomes[block] = np.sign(u[2 + block])
-                gradient = becomes[block] * np.eye(4)[2 + block]
+                becomes[block] = np.sign(self.force(u)[block])
+                gradient = becomes[block] * (np.eye(4)[2 + block] + self.nu * np.eye(4)[1 - block])  # its own psi is 0
             Y = Y + np.outer(self.rates(u, becomes) - before, gradient @ Y) / (gradient @ before)
             going = becomes
             if vectors_after:

@@ -68,6 +68,9 @@ Problem problem_for(const Scene& scene, const Options& options, const std::optio
 // The velocity above which a node moves, for the catalogue of events.
 double event_velocity(const Options& options, const Scene& scene) {
   const bool sticks = Stick::applies_to(scene);
+  if (scene.massless())
+    throw UsageError("out_events: the sizes of events are measured with psi_t, which a chain without mass (model_m 0) does not "
+                     "have; take a small model_m, or out_frames");
   if (options.is_set("out_events_velocity")) return options.real("out_events_velocity");
   if (scene.v == 0 && !sticks)
     throw UsageError("out_events: with model_v 0 it needs out_events_velocity, above which a node moves");

@@ -26,7 +26,7 @@ SpectrumMethod method_of(const std::string& text) {
 }
 
 constexpr const char* no_norm = "not for this scene, which has no energy norm (D2 is not symmetric: held ends of order "
-                                "4 or 6; or k0 = 0 without a held end), or too large for its matrix with model_nu";
+                                "4 or 6; k0 = 0 without a held end; or no mass), or too large for its matrix with model_nu";
 
 // What the number says about the largest |exp(J t)|.
 std::string growth_is(const Transient& t) {
@@ -97,7 +97,7 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
                 const Provenance& provenance) {
   ResultFile file(PETSC_COMM_WORLD, path, provenance);
   if (path.empty()) return;
-  const std::size_t n = std::size_t(s.scene.n), modes = spectrum.modes.size(), d = s.dof();
+  const std::size_t n = std::size_t(s.scene.n), modes = spectrum.modes.size(), d = s.fields();
   std::vector<double> x(n), number(modes);
   for (std::size_t i = 0; i < n; ++i) x[i] = s.scene.x(PetscInt(i));
   for (std::size_t k = 0; k < modes; ++k) number[k] = double(k);
@@ -131,7 +131,7 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
   }
   std::vector<std::vector<double>> parts(2 * names.size(), std::vector<double>(modes * n, 0.));
   for (std::size_t k = 0; k < modes; ++k) {
-    const std::vector<Complex> v = s.expand(spectrum.modes[k].value, spectrum.modes[k].psi);
+    const std::vector<Complex> v = s.expand_fields(spectrum.modes[k].value, spectrum.modes[k].psi);
     for (std::size_t i = 0; i < s.size(); ++i)
       for (std::size_t c = 0; c < d; ++c) {
         const std::size_t at = k * n + std::size_t(s.coupling.node[i]);

@@ -11,11 +11,12 @@ namespace stickslip {
 
 namespace {
 
-std::shared_ptr<const Friction> smooth_friction(const FrictionParameters& p) {
+Frictions smooth_friction(const Scene& scene) {
+  const FrictionParameters& p = scene.friction;
   if (p.sticks())
     throw UsageError("friction_law " + to_string(p.law) + " jumps at rest, which collocation in time cannot follow: set "
                      "friction_stick to regularised");
-  return Friction::of(p);
+  return Frictions(scene, 0, scene.n);
 }
 
 // f is linear in D2 psi, as in its symbol.
@@ -30,8 +31,8 @@ NodeBlock slope_in_d2(const LinearPoint& point) {
 }  // namespace
 
 CellField::CellField(const Scene& scene)
-    : scene_(scene), friction_(smooth_friction(scene.friction)), coefficients_(kernel::coefficients_of(scene)),
-      no_friction_(scene), by_d2_(slope_in_d2(no_friction_)), dof_(friction_->has_state ? 3 : 2) {
+    : scene_(scene), friction_(smooth_friction(scene)), coefficients_(kernel::coefficients_of(scene)),
+      no_friction_(scene), by_d2_(slope_in_d2(no_friction_)), dof_(scene.friction.has_state() ? 3 : 2) {
   std::vector<PetscInt> all;
   for (PetscInt i = 0; i < scene.n; ++i)
     if (!(i == 0 && scene.left == End::velocity) && !(i == scene.n - 1 && scene.right == End::velocity)) all.push_back(i);
@@ -84,21 +85,21 @@ void CellField::rates(const double* y, double* f) const {
     const double psi = at[0], state = dof_ == 3 ? at[2] : 0;
     double d2 = held_[k].sum - held_[k].weight * psi;  // by differences, which keep the digits that 1/h^2 would eat
     for (const Term& t : row_[k]) d2 += t.weight * (y[t.column * std::size_t(dof_)] - psi);
-    const double force = amplitude_[k] * friction_->force(psi, state);
+    const double force = amplitude_[k] * friction(k).force(psi, state);
     const kernel::NodeRates rates = kernel::node_rates(coefficients_, psi, at[1], force, 0, 1);
     double* out = f + k * std::size_t(dof_);
     out[0] = rates.psi + by_d2_.psi_psi * d2;
     out[1] = rates.eta + by_d2_.eta_psi * d2;
-    if (dof_ == 3) out[2] = friction_->rate(psi, state);
+    if (dof_ == 3) out[2] = friction(k).rate(psi, state);
   }
 }
 
 LinearPoint CellField::point(const double* y, std::size_t k) const {
   const double* at = y + k * std::size_t(dof_);
   const double psi = at[0], state = dof_ == 3 ? at[2] : 0, a = amplitude_[k];
-  const Partials F = friction_->partials(psi, state);
+  const Partials F = friction(k).partials(psi, state);
   LinearPoint p = no_friction_;
-  p.set({a * F.F, a * F.F_psi, a * F.F_state}, dof_ == 3 ? friction_->rate_partials(psi, state) : RatePartials{0, 0, 0});
+  p.set({a * F.F, a * F.F_psi, a * F.F_state}, dof_ == 3 ? friction(k).rate_partials(psi, state) : RatePartials{0, 0, 0});
   return p;
 }
 
@@ -134,10 +135,10 @@ void CellField::jacobian(const double* y, std::complex<double> twist, std::compl
 
 std::vector<double> CellField::sliding() const {
   std::vector<double> y;
-  const double state = dof_ == 3 ? friction_->steady_state(scene_.v) : 0;
-  for (const double a : amplitude_) {
+  for (std::size_t k = 0; k < node_.size(); ++k) {
+    const double state = dof_ == 3 ? friction(k).steady_state(scene_.v) : 0;
     y.push_back(scene_.v);
-    y.push_back(scene_.B() * scene_.v + a * friction_->force(scene_.v, state));
+    y.push_back(scene_.B() * scene_.v + amplitude_[k] * friction(k).force(scene_.v, state));
     if (dof_ == 3) y.push_back(state);
   }
   return y;

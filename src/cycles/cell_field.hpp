@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "model/kernel.hpp"
+#include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/numerics/periodic_equations.hpp"
 
@@ -31,7 +32,6 @@ class CellField : public VectorField {
   const Scene& scene() const { return scene_; }
   // y of steady sliding psi = v; of a uniform cell the exact one, else a start for it.
   std::vector<double> sliding() const;
-  const Friction& friction() const { return *friction_; }
 
   // The Jacobian of waves on the motion, row-major: exp(ikx) on nodes that are all alike has `kappa2` added to -D2; on a
   // ring of many cells the last node's neighbour is the first one's times `twist` = exp(i theta).
@@ -47,13 +47,14 @@ class CellField : public VectorField {
   struct Held {
     double weight = 0, sum = 0;  // of D2 at held neighbours: the weights, and these times their psi
   };
+  const Friction& friction(std::size_t k) const { return friction_[node_[k]]; }
   LinearPoint point(const double* y, std::size_t k) const;
   template <class T, class Factor>
   void fill(const double* y, double kappa2, T* J, const Factor& factor) const;
   void couple(PetscInt node);
 
   Scene scene_;
-  std::shared_ptr<const Friction> friction_;
+  Frictions friction_;  // of every node of the scene
   kernel::Coefficients coefficients_;
   LinearPoint no_friction_;
   NodeBlock by_d2_;  // what a change of D2 psi does to the rates: psi_psi and eta_psi

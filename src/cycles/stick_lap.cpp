@@ -31,7 +31,7 @@ std::vector<std::size_t> free_unknowns(const StickMotion& m, int node) {
 std::vector<double> on_section(const StickMotion& m, const StickCycle& c) {
   std::vector<double> u(c.start);
   u[std::size_t(c.node * m.dof())] = 0;
-  u[std::size_t(c.node * m.dof() + 1)] = c.side * m.threshold(c.node, u.data());
+  u[std::size_t(c.node * m.dof() + 1)] = c.side * m.threshold(c.node, u.data()) - m.pull(c.node, u.data());
   return u;
 }
 
@@ -41,11 +41,13 @@ void pass_release(const StickMotion& m, const Standing& p, const std::vector<dou
   for (int i = 0; i < m.nodes(); ++i)
     if (p.u[std::size_t(i * m.dof())] == 0) resting[std::size_t(i)] = 0;
   m.rates(resting, p.u.data(), before.data());
+  const std::vector<double> pulled(y);
   for (int i = 0; i < m.nodes(); ++i) {
     if (resting[std::size_t(i)] != 0 || p.direction[std::size_t(i)] == 0) continue;
     const std::size_t at = std::size_t(i * m.dof());
-    JumpMatrix::at_start(m.dof(), p.direction[std::size_t(i)], m.threshold_slope(i, p.u.data()), &before[at], &after[at])
-        .apply(&y[at]);
+    JumpMatrix::at_start(m.dof(), p.direction[std::size_t(i)], m.threshold_slope(i, p.u.data()), &before[at], &after[at],
+                         m.pull(i, before.data()))
+        .apply(&y[at], m.pull(i, pulled.data()));
   }
 }
 
@@ -114,7 +116,7 @@ MapAt map_at(const StickMotion& m, const StickCycle& c) {
   for (const std::size_t k : free) {
     std::fill(y.begin(), y.end(), 0.);
     y[k] = 1;
-    if (k == section + 2) y[section + 1] = c.side * slope;
+    y[section + 1] = (k == section + 2 ? c.side * slope : 0) - m.pull(c.node, y.data());  // on the section
     pass_release(m, p, after, y);
     wishes.deviations.insert(wishes.deviations.end(), y.begin(), y.end());
   }
@@ -124,7 +126,9 @@ MapAt map_at(const StickMotion& m, const StickCycle& c) {
   // the deviations, taken along the motion back to the section
   m.rates(end.direction, end.u.data(), after.data());
   const double end_slope = m.threshold_slope(c.node, end.u.data());
-  const auto event = [&](const double* d) { return c.side * d[section + 1] - (dof == 3 ? end_slope * d[section + 2] : 0); };
+  const auto event = [&](const double* d) {
+    return c.side * (d[section + 1] + m.pull(c.node, d)) - (dof == 3 ? end_slope * d[section + 2] : 0);
+  };
   const double speed = event(after.data());
   for (std::size_t j = 0; j < n; ++j) {
     const double* d = &end.deviations[j * size];

@@ -6,6 +6,7 @@
 
 #include "model/jump_matrix.hpp"
 #include "model/release.hpp"
+#include "model/viscosity.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -23,24 +24,25 @@ double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
 StickMotion::StickMotion(const Scene& scene, double stiffness, double tolerance)
     : scene_(scene), nodes_(int(scene.n)), dof_(scene.friction.has_state() ? 3 : 2),
-      half_width_(scene.n == 1 ? 0 : scene.order / 2), stiffness_(stiffness), tolerance_(tolerance), law_(Friction::of(scene.friction)),
+      half_width_(scene.n == 1 ? 0 : scene.order / 2), stiffness_(stiffness), tolerance_(tolerance), law_(scene, 0, scene.n),
       amplitude_(friction_amplitude(scene, 0, scene.n)), coefficients_(kernel::coefficients_of(scene)), point_(scene),
       method_(std::size_t(nodes_ * dof_)), method_with_deviations_(0) {
-  if (!law_->sticks)
+  if (!scene.friction.sticks())
     throw UsageError("friction_law " + to_string(scene.friction.law) + " does not stick: its oscillation has no rests");
-  if (scene.has_profile())
-    throw UsageError("a profile of friction: the motion of nodes with exact stick is followed where friction has one law; set "
-                     "friction_stick to regularised");
-  if (scene.nu > 0 && (nodes_ > 1 || stiffness > 0))
-    throw UsageError("model_nu " + rounded_text(scene.nu, 8) + ": cycles of nodes that stick one by one, and waves on such a "
-                     "cycle, are solved for without viscosity between neighbours; set friction_stick to regularised");
+  if (scene.nu > 0 && stiffness > 0)
+    throw UsageError("model_nu " + rounded_text(scene.nu, 8) + ": waves on a cycle of nodes that stick are solved for without "
+                     "viscosity between neighbours; set friction_stick to regularised");
   if (half_width_ == 0) std::fill(std::begin(coefficients_.w), std::end(coefficients_.w), 0.);
-  loop_ = whole_loop(scene.friction, half_width_, true);
+  const std::vector<double> x = positions(scene, 0, scene.n);
+  const bool viscous = scene.nu > 0 && nodes_ > 1;
+  loop_ = viscous ? Viscosity(scene, dof_).around(whole_loop(scene.friction, 0, true, x))
+                  : whole_loop(scene.friction, half_width_, true, x);
   for (int j = -half_width_; j < 0; ++j) halo_.push_back(halo_node(scene, j));
   for (int j = 0; j < half_width_; ++j) halo_.push_back(halo_node(scene, nodes_ + j));
   for (int i = 0; i < nodes_ && nodes_ > 1; ++i) d2_.push_back(second_difference_row(scene, i));
   const double kappa2 = nodes_ > 1 ? largest_symbol(scene.order, scene.form == Form::chain ? 1 : scene.h()) : 0;
   longest_ = longest_step / std::sqrt(scene.A() * (scene.K0() + stiffness + scene.K1() * kappa2));
+  if (viscous) longest_ = std::min(longest_, longest_step / viscous_rate(scene));
 }
 
 bool StickMotion::held(int node) const {
@@ -48,10 +50,17 @@ bool StickMotion::held(int node) const {
 }
 
 double StickMotion::threshold(int node, const double* u) const {
-  return amplitude_[std::size_t(node)] * law_->threshold(dof_ == 3 ? u[node * dof_ + 2] : 0).value;
+  return amplitude_[std::size_t(node)] * law_[node].threshold(dof_ == 3 ? u[node * dof_ + 2] : 0).value;
 }
 double StickMotion::threshold_slope(int node, const double* u) const {
-  return dof_ == 2 ? 0 : amplitude_[std::size_t(node)] * law_->threshold(u[node * dof_ + 2]).slope;
+  return dof_ == 2 ? 0 : amplitude_[std::size_t(node)] * law_[node].threshold(u[node * dof_ + 2]).slope;
+}
+double StickMotion::pull(int node, const double* u) const {
+  double sum = 0;
+  if (d2_.empty() || scene_.nu == 0) return sum;
+  for (const auto& [other, weight] : d2_[std::size_t(node)])
+    if (other != node) sum += weight * u[other * dof_];
+  return scene_.N() * sum;
 }
 
 void StickMotion::rates(const std::vector<double>& direction, const double* u, double* f) const {
@@ -74,8 +83,8 @@ void StickMotion::blocks(const std::vector<double>& direction, const double* u, 
     const double psi = u[i * dof_], s = dof_ == 3 ? u[i * dof_ + 2] : 0, going = direction[std::size_t(i)];
     const double a = amplitude_[std::size_t(i)];
     LinearPoint point(point_);
-    const Partials p = going == 0 ? Partials{0, 0, 0} : law_->sliding_partials(psi, s, going);
-    point.set({a * p.F, a * p.F_psi, a * p.F_state}, law_->sliding_rate(psi, s, going));
+    const Partials p = going == 0 ? Partials{0, 0, 0} : law_[i].sliding_partials(psi, s, going);
+    point.set({a * p.F, a * p.F_psi, a * p.F_state}, law_[i].sliding_rate(psi, s, going));
     NodeBlock& block = at[std::size_t(i)];
     block = going == 0 ? point.block_at_rest(Part::full) : point.block(Part::full);
     block.eta_psi -= stiffness_;
@@ -105,6 +114,9 @@ void StickMotion::derivative(const Standing& p, const double* y, std::size_t cou
       double coupling = 0;
       for (const auto& [node, weight] : d2_[std::size_t(i)]) coupling += weight * x[node * dof_];
       gi[1] += point_.K1 * coupling;
+      if (scene_.nu == 0 || held(i) || p.direction[std::size_t(i)] == 0) continue;
+      gi[0] += point_.A * point_.N * coupling;
+      gi[1] -= point_.s_delta * point_.N * coupling;
     }
   }
 }
@@ -126,7 +138,7 @@ void StickMotion::decide(Standing& p) const {
     for (const double side : {1., -1.}) {
       if (side < 0 && !scene_.friction.back_slip) continue;
       const Candidate c{i, side, true, false, false};
-      const double excess = side * p.u[std::size_t(i * dof_ + 1)] - limit;
+      const double excess = beyond(c, p.u.data());
       if (excess > close * limit || (excess >= 0 && growth(c, p.u.data(), f.data()) > 0)) going = side;
     }
   }
@@ -134,12 +146,13 @@ void StickMotion::decide(Standing& p) const {
 
 // How far a node is beyond its change, and how fast it goes there.
 double StickMotion::beyond(const Candidate& c, const double* u) const {
-  return c.rests ? c.side * u[c.node * dof_ + 1] - threshold(c.node, u) : -c.side * u[c.node * dof_];
+  if (!c.rests) return -c.side * u[c.node * dof_];
+  return c.side * (u[c.node * dof_ + 1] + pull(c.node, u)) - threshold(c.node, u);
 }
 double StickMotion::growth(const Candidate& c, const double* u, const double* f) const {
   if (!c.rests) return -c.side * f[c.node * dof_];
   const double own = dof_ == 3 ? threshold_slope(c.node, u) * f[c.node * dof_ + 2] : 0;
-  return c.side * f[c.node * dof_ + 1] - own;
+  return c.side * (f[c.node * dof_ + 1] + pull(c.node, f)) - own;
 }
 
 // `into` becomes u after h, with `count` deviations behind it.
@@ -225,22 +238,26 @@ void StickMotion::accept(Standing& p, const double* y, double h, const double* f
   p.t += h;
 }
 
-// Nodes whose change has come get their psi or eta exactly. h: the step that led here.
+// Nodes whose change has come get their psi or eta exactly, every psi first. h: the step that led here.
 void StickMotion::snap(Standing& p, const std::vector<Candidate>& candidates, double h) const {
   std::vector<double> f(size());
   rates(p.direction, p.u.data(), f.data());
+  std::vector<Candidate> reached, stopped;
   for (const Candidate& c : candidates) {
-    const double speed = std::abs(growth(c, p.u.data(), f.data()));
-    double &psi = p.u[std::size_t(c.node * dof_)], &eta = p.u[std::size_t(c.node * dof_ + 1)];
-    if (c.turns && speed * h < 1e-9 * (1 + std::abs(psi))) {
-      const double most = (1 - 10 * close) * threshold(c.node, p.u.data());
-      psi = 0;
-      eta = std::clamp(eta, -most, most);
-    }
-    if (!c.to_come || beyond(c, p.u.data()) < -std::max(close * h * speed, 1e-15)) continue;
-    if (c.rests) eta = c.side * threshold(c.node, p.u.data());
-    else psi = 0;
+    const double speed = std::abs(growth(c, p.u.data(), f.data())), psi = p.u[std::size_t(c.node * dof_)];
+    if (c.turns && speed * h < 1e-9 * (1 + std::abs(psi))) stopped.push_back(c);
+    if (c.to_come && !(beyond(c, p.u.data()) < -std::max(close * h * speed, 1e-15))) reached.push_back(c);
   }
+  for (const std::vector<Candidate>* list : {&stopped, &reached})
+    for (const Candidate& c : *list)
+      if (!c.rests) p.u[std::size_t(c.node * dof_)] = 0;
+  const auto eta = [&](int node) -> double& { return p.u[std::size_t(node * dof_ + 1)]; };
+  for (const Candidate& c : stopped) {
+    const double most = (1 - 10 * close) * threshold(c.node, p.u.data()), by = pull(c.node, p.u.data());
+    eta(c.node) = std::clamp(eta(c.node) + by, -most, most) - by;
+  }
+  for (const Candidate& c : reached)
+    if (c.rests) eta(c.node) = c.side * threshold(c.node, p.u.data()) - pull(c.node, p.u.data());
 }
 
 // The directions anew, and what becomes of deviations.
@@ -251,16 +268,29 @@ std::vector<Change> StickMotion::change(Standing& p) const {
   rates(was, p.u.data(), before.data());
   rates(p.direction, p.u.data(), after.data());
   std::vector<Change> changes;
+  const std::vector<double> deviations(p.deviations);
   for (int i = 0; i < nodes_; ++i) {
     const double from = was[std::size_t(i)], to = p.direction[std::size_t(i)];
     if (from == to) continue;
     changes.push_back({p.t, i, from, to});
     const double *b = &before[std::size_t(i * dof_)], *a = &after[std::size_t(i * dof_)];
-    const JumpMatrix jump = from == 0 ? JumpMatrix::at_start(dof_, to, threshold_slope(i, p.u.data()), b, a)
+    const JumpMatrix jump = from == 0 ? JumpMatrix::at_start(dof_, to, threshold_slope(i, p.u.data()), b, a,
+                                                                 pull(i, before.data()))
                                       : JumpMatrix::at_stop(dof_, b, a);
-    for (std::size_t c = 0; c < p.count; ++c) jump.apply(&p.deviations[c * size() + std::size_t(i * dof_)]);
+    for (std::size_t c = 0; c < p.count; ++c)
+      jump.apply(&p.deviations[c * size() + std::size_t(i * dof_)], from == 0 ? pull(i, &deviations[c * size()]) : 0);
   }
+  if (p.count > 0) check_order(changes, before.data(), after.data());
   return changes;
+}
+
+// With viscosity, nodes that let go at once with a jump in psi_t would do so in an order of their own for every deviation.
+void StickMotion::check_order(const std::vector<Change>& changes, const double* before, const double* after) const {
+  if (scene_.nu == 0 || changes.size() < 2) return;
+  for (const Change& c : changes)
+    if (c.before == 0 && before[c.node * dof_] != after[c.node * dof_])
+      throw Failure("exact stick: with viscosity between neighbours several nodes let go at once with a jump in their "
+                    "acceleration: motions beside it do it one by one");
 }
 
 // While everything rests.
@@ -277,7 +307,7 @@ std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Pass
       if (dof_ == 2) {
         if (rate > 0) wait = std::min(wait, std::max(0., (limit - force) / rate));
       } else {
-        wait = std::min(wait, release_time(*law_, amplitude_[std::size_t(i)], force, rate,
+        wait = std::min(wait, release_time(law_[i], amplitude_[std::size_t(i)], force, rate,
                                            p.u[std::size_t(i * dof_ + 2)], wait));
       }
     }
@@ -292,7 +322,7 @@ std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Pass
   const auto after = [&](double time, double* u) {
     for (int i = 0; i < nodes_; ++i) {
       for (int k = 0; k < 2; ++k) u[i * dof_ + k] = start[std::size_t(i * dof_ + k)] + time * f[std::size_t(i * dof_ + k)];
-      if (dof_ == 3) u[i * dof_ + 2] = law_->state_at_rest(start[std::size_t(i * dof_ + 2)], time);
+      if (dof_ == 3) u[i * dof_ + 2] = law_[i].state_at_rest(start[std::size_t(i * dof_ + 2)], time);
     }
   };
   if (passed && wait > 0) passed(p.t, p.t + wait, [&](double t, double* u) { after(t - p.t, u); });
@@ -301,8 +331,8 @@ std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Pass
   for (int i = 0; i < nodes_; ++i) {
     if (dof_ == 3) {  // two solutions of s_t = g(s) that start close together: their distance goes like g
       const double s0 = start[std::size_t(i * dof_ + 2)], s1 = p.u[std::size_t(i * dof_ + 2)];
-      const RatePartials g0 = law_->sliding_rate(0, s0, 0);
-      const double ratio = std::abs(g0.g) > 1e-8 ? law_->sliding_rate(0, s1, 0).g / g0.g : std::exp(g0.g_state * wait);
+      const RatePartials g0 = law_[i].sliding_rate(0, s0, 0);
+      const double ratio = std::abs(g0.g) > 1e-8 ? law_[i].sliding_rate(0, s1, 0).g / g0.g : std::exp(g0.g_state * wait);
       for (std::size_t c = 0; c < p.count; ++c) p.deviations[c * size() + std::size_t(i * dof_ + 2)] *= ratio;
     }
     if (ends || held(i)) continue;

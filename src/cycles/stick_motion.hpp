@@ -5,6 +5,9 @@
 // step, made of the length for it, ends. While every node rests eta is linear in time and the state known in closed form.
 // The rules of starts and stops are those of runs (time/stick.hpp).
 //
+// With viscosity between neighbours the force on a node is eta + N D2 psi, which at rest only its neighbours' psi make differ
+// from eta (`pull`).
+//
 // Deviations y_t = J(u) y are carried along, through changes by their jump matrices (model/jump_matrix.hpp).
 //
 // Explicit and dense: for few nodes and friction that is not stiff. Local to the process; f, psi, eta and the state as in
@@ -17,6 +20,7 @@
 #include <vector>
 
 #include "model/loops.hpp"
+#include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/model/stencil.hpp"
@@ -64,6 +68,8 @@ class StickMotion {
   bool held(int node) const;
   double threshold(int node, const double* u) const;        // |eta| that holds the node
   double threshold_slope(int node, const double* u) const;  // by its state
+  // N D2 psi at the node where it rests, of unknowns, rates or a deviation: the share of its neighbours.
+  double pull(int node, const double* u) const;
 
   // The directions that follow from u alone, as in a run.
   void decide(Standing& p) const;
@@ -100,12 +106,13 @@ class StickMotion {
   double locate(const Standing& p, const double* f0, const Candidate& c, double low, double high, bool turning) const;
   void snap(Standing& p, const std::vector<Candidate>& candidates, double h) const;
   std::vector<Change> change(Standing& p) const;
+  void check_order(const std::vector<Change>& changes, const double* before, const double* after) const;
 
   Scene scene_;
   int nodes_, dof_, half_width_;
   bool stops_at_turns_ = false;
   double stiffness_, tolerance_, longest_;
-  std::shared_ptr<const Friction> law_;
+  Frictions law_;
   std::vector<double> amplitude_;
   kernel::Coefficients coefficients_;
   RangeLoop loop_;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <optional>
 
+#include "model/massless_chain.hpp"
 #include "model/viscosity.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/linear_point.hpp"
@@ -37,6 +38,8 @@ struct Model::Impl {
   RangeLoop full, pointwise, stencil, wave, reaction, sticking, sticking_pointwise;
   RangeLoop viscous_force;  // of a viscous scene
   const double* direction = nullptr;
+  std::optional<MasslessChain> massless;
+  mutable VecHandle settled;  // of a massless chain: u with its psi
   mutable long evaluations = 0;
 
   // The halo: psi of the nodes in `fetched` (global numbers, each once) feeds 2 half_width values. On one rank they
@@ -79,6 +82,7 @@ struct Model::Impl {
       sticking_pointwise = whole_loop(p, 0, true, x);
     }
     if (scene.N() > 0) add_viscosity();
+    if (scene.massless()) set_up_massless();
     set_up_halo(ranks);
   }
 
@@ -91,6 +95,20 @@ struct Model::Impl {
     }
     if (law->vary()) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, slopes, 2, MPI_DOUBLE, MPI_MAX, comm));
     slopes_ahead = {slopes[0], slopes[1]};
+  }
+
+  // The loops of other scenes with A = 0, in which psi has no rate; without a state friction says no more than psi does.
+  void set_up_massless() {
+    massless.emplace(comm, scene, *law, amplitude, first);
+    if (dof == 2) full = wave;
+    coefficients.A = 0;
+  }
+  // u with its psi.
+  Vec settle_copy(Vec u) const {
+    if (!settled) SS_TRY(VecDuplicate(u, settled.out()));
+    SS_TRY(VecCopy(u, settled));
+    massless->settle(settled);
+    return settled;
   }
 
   void add_viscosity() {
@@ -195,6 +213,7 @@ struct Model::Impl {
 
   void rhs(Part part, Vec u, Vec f) const {
     ++evaluations;
+    if (massless) u = settle_copy(u);
     apply(loop_of(part), has_stencil(part), u, f);
     double* b;
     SS_TRY(VecGetArray(f, &b));
@@ -296,7 +315,8 @@ const std::vector<double>& Model::amplitude() const { return impl_->amplitude; }
 
 PetscInt Model::unknowns() const {
   const PetscInt ends = (impl_->held(0) ? 1 : 0) + (scene().n > 1 && impl_->held(scene().n - 1) ? 1 : 0);
-  return scene().n * dof() - 2 * ends;
+  // of a massless chain psi is none, a held node's eta is as ever
+  return scene().massless() ? scene().n * (dof() - 1) - ends : scene().n * dof() - 2 * ends;
 }
 
 VecHandle Model::create_vector() const {
@@ -314,6 +334,10 @@ NodeBlock Model::node_block(Part part, PetscInt local_node, const double* u) con
   return impl_->node_block(part, local_node, u);
 }
 void Model::rhs(Part part, Vec u, Vec f) const { impl_->rhs(part, u, f); }
+void Model::settle(Vec u) const {
+  if (impl_->massless) impl_->massless->settle(u);
+}
+std::string Model::lost_velocity(Vec u) const { return impl_->massless ? impl_->massless->lost_velocity(u) : ""; }
 bool Model::viscous() const { return static_cast<bool>(impl_->viscous_force); }
 void Model::viscous_force(Vec u, Vec into) const { impl_->apply(impl_->viscous_force, true, u, into); }
 
@@ -359,6 +383,7 @@ MatHandle Model::create_jacobian(Part part) const {
 
 void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
   const Impl& m = *impl_;
+  if (m.massless) return m.massless->jacobian(m.settle_copy(u), alpha, beta, J);
   const PetscInt dof = m.dof;
   const double* a;
   SS_TRY(VecGetArrayRead(u, &a));
@@ -436,7 +461,7 @@ double Model::steady_state(double psi) const { return friction_law().steady_stat
 
 bool Model::tame_newton_step(Vec u, double shift, Vec minus_step) const {
   const Impl& m = *impl_;
-  if (!(*m.law)[0].steep) return false;
+  if (!(*m.law)[0].steep || m.scene.massless()) return false;
   // the slope of psi's own row without friction, eta = ... - K0 psi/shift put into it, over A a_i
   const double mass = shift / scene().A() + scene().B() + scene().K0() / shift;
   const double* a;
@@ -477,17 +502,6 @@ void Model::set_held(Vec u) const {
   SS_TRY(VecRestoreArrayRead(force, &b));
 }
 
-double wave_frequency(const Scene& s) {
-  const double kappa2 = s.n * s.copies > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
-  return std::sqrt(s.A() * (s.K0() + s.K1() * kappa2));
-}
-
-double viscous_rate(const Scene& s) {
-  return s.n * s.copies > 1 ? s.A() * s.N() * largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
-}
-
-double stencil_rate(const Scene& s) { return std::max(wave_frequency(s), viscous_rate(s)); }
-
 double Model::wave_frequency() const { return stickslip::wave_frequency(scene()); }
 
 double Model::friction_rate(Vec u) const {
@@ -498,7 +512,7 @@ double Model::friction_rate(Vec u) const {
   for (PetscInt i = 0; i < m.local; ++i) {
     const double psi = a[i * m.dof], state = m.dof == 3 ? a[i * m.dof + 2] : 0;
     const LinearPoint p = linear_point(i, psi, state);
-    const double rate = std::abs(p.A * (p.B + p.F_psi)) + std::abs(p.s_delta);
+    const double rate = m.scene.massless() ? 0 : std::abs(p.A * (p.B + p.F_psi)) + std::abs(p.s_delta);
     largest = std::max(largest, std::abs(p.g_state));  // 0 without a state
     largest = std::max(largest, rate);
   }

@@ -65,10 +65,13 @@ void read_model(const Options& o, Scene& s) {
     s.zeta = o.text("model_zeta") == "paper" ? std::sqrt(0.1 * s.m * s.k1) : o.real("model_zeta");
   }
   s.nu = o.real("model_nu");
+  if (s.massless() && s.nu > 0)
+    throw UsageError(shown(o, "model_nu") + ": with model_m 0 every block's psi follows from its own force, which viscosity "
+                     "between neighbours would tie to theirs; take a small model_m, or no model_nu");
   using Coefficient = std::pair<double, const char*>;
   for (const auto& [value, what] :
        {Coefficient{s.A(), "A"}, {s.B(), "B"}, {s.K0(), "K0"}, {s.K1(), "K1"}, {s.N(), "N"}})
-    if (!std::isfinite(value))
+    if (!std::isfinite(value) && !(s.massless() && *what == 'A'))
       throw UsageError(std::string("the model's parameters make its coefficient ") + what +
                        (s.form == Form::continuum ? " (A = gamma, K0 = 1/gamma, K1 = c^2/gamma, N = nu/gamma)"
                                                   : " (A = f0/m, B = zeta/f0, K0 = k0/f0, K1 = k1/f0, N = nu/f0)") +

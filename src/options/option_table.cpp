@@ -117,8 +117,8 @@ void model_options(TableBuilder& t) {
   t.not_negative("model_c", "1", "continuum: speed of sound c", "length/time");
   t.choice("model_delta_sign", {"derived", "printed"},
            "continuum: sign of the damping in the force equation, +1 as derived or -1 as printed in the paper");
-  t.positive("model_m", "1",
-             "chain: mass of a block; the massless limit, where psi jumps as friction falls, is not offered");
+  t.not_negative("model_m", "1",
+                 "chain: mass of a block; 0: the massless limit, where B psi + F = eta says what psi is");
   t.not_negative("model_k0", "0.2", "chain: stiffness to the driving plate");
   t.not_negative("model_k1", "0.2", "chain: stiffness between neighbours");
   t.positive("model_f0", "1", "chain: friction amplitude");

@@ -92,7 +92,7 @@ struct Regime::Impl {
       return growth_taken;
     }
     const Scene& s = model.scene();
-    if (model.dof() == 3 || (s.v == 0 && jumps_at_rest)) return std::nullopt;
+    if (model.dof() == 3 || (s.v == 0 && jumps_at_rest) || s.massless()) return std::nullopt;
     double bounds[2] = {-infinity, -infinity};  // of C and -C
     for (PetscInt i = 0; i < model.local(); ++i) {
       if (model.held(model.first() + i)) continue;
@@ -158,7 +158,7 @@ struct Regime::Impl {
     a.distance_now = largest[0];
     a.speed_now = largest[1];
     a.loading = std::isfinite(largest[3]) ? -largest[3] : 0;
-    a.cycle = s.K0() > 0 ? 2 * M_PI / std::sqrt(s.A() * s.K0()) : 1;
+    a.cycle = s.K0() > 0 && !s.massless() ? 2 * M_PI / std::sqrt(s.A() * s.K0()) : 1;
     if (pull > 0) a.cycle = std::max(a.cycle, 2 * largest[2] / pull);
     return a;
   }

@@ -48,6 +48,7 @@ Traces::Traces(const Model& model, const std::function<double(PetscInt)>& steady
 double Traces::slope(const Place& place, const Sample& at) const {
   const Scene& s = model_.scene();
   if (model_.held(model_.first() + place.node) || at.psi == 0) return 0;  // at rest, or passing through it
+  if (s.massless()) return 0;  // psi_t is not known from the node alone: no extreme is sought within the step
   return s.A() * (at.eta - s.B() * at.psi - model_.friction(place.node, at.psi, at.state).F);
 }
 

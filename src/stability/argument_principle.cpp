@@ -253,7 +253,9 @@ void gather(MPI_Comm comm, PhaseTurn& result, std::size_t zeros) {
 
 std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const LinearisedOperator& s, Complex from, Complex to,
                                       std::size_t zeros) {
-  if (s.size() < shortest_line || !(s.K1 > 0) || s.N > 0) return std::nullopt;
+  if (s.size() < shortest_line || !(s.K1 > 0)) return std::nullopt;
+  // further left, where no wave of the line may be slower, the factor of viscosity has its zero
+  if (s.N > 0 && !(std::min(from.real(), to.real()) > -s.K1 / s.N)) return std::nullopt;
   int ranks = 1, rank = 0;
   MPI_Comm_size(comm, &ranks);
   MPI_Comm_rank(comm, &rank);
@@ -273,6 +275,7 @@ std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const LinearisedOperator& s
   if (failed) return ranks > 1 ? follow_phase(PETSC_COMM_SELF, s, from, to, zeros) : std::nullopt;
   keep_rightmost(result.zeros, zeros);
   if (ranks > 1) gather(comm, result, zeros);
+  if (s.N > 0) result.turn += double(s.size()) * std::arg(viscous_factor(s, to) / viscous_factor(s, from));
   return result;
 }
 

@@ -24,7 +24,7 @@ long ExactModes::count(double a, double height) const {
 double ExactModes::distance(const std::vector<Mode>& modes) const {
   double worst = 0;
   for (const Mode& m : modes) {
-    const double scale = std::max(std::abs(m.value), std::sqrt(s_.A * std::max(s_.K0, 1e-300)));
+    const double scale = std::max(std::abs(m.value), s_.rate_of(std::max(s_.K0, 1e-300)));
     double nearest = std::numeric_limits<double>::infinity();
     const auto up = std::lower_bound(roots_.begin(), roots_.end(), m.value.imag(),
                                      [](const Root& a, double y) { return a.value.imag() < y; });

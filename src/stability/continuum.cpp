@@ -44,7 +44,8 @@ double fastest_number(const LinearPoint& medium, double unit, double first) {
 
 }  // namespace
 
-double unit_frequency(const LinearisedOperator& s) { return std::sqrt(s.A * (s.K0 > 0 ? s.K0 : s.K1)) + 1e-300; }
+double unit_frequency(const LinearisedOperator& s) { return s.rate_of(s.K0 > 0 ? s.K0 : s.K1) + 1e-300; }
+double damping_scale(const LinearisedOperator& s) { return s.scene.massless() ? 0 : std::abs(s.mean().damping()); }
 
 std::optional<ContinuumLead> continuum_lead(const LinearisedOperator& s) {
   if (s.scene.form != Form::continuum || !s.uniform || s.size() == 0) return std::nullopt;

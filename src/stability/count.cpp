@@ -106,7 +106,7 @@ std::optional<long> count_directly(const LinearisedOperator& s, double a, double
 // symmetric; or is diagonally dominant.
 double right_of_all(const LinearisedOperator& s) {
   if (!s.symmetric()) return 1.01 * s.imaginary_bound();
-  double x = 1e-3 * std::sqrt(s.A * (s.K0 + s.K1)) + 1e-300;
+  double x = 1e-3 * s.rate_of(s.K0 + s.K1) + 1e-300;
   for (std::size_t i = 0; i < s.size(); ++i) {
     const LinearPoint p = s.point(i);
     while (x / s.A + p.beta() - (p.has_state ? std::abs(p.q()) / (x + p.r()) : 0) <= 0) x *= 1.1;
@@ -162,7 +162,7 @@ std::optional<long> count_by_tree(MPI_Comm comm, const LinearisedOperator& s, do
   const double right = right_of_all(s), spacing = s.spacing();
   if (a >= right) return 0;
   // Far to the right waves decay between the nodes like the stencil's own solutions: the tree begins further left.
-  const double begin = std::max(a, std::min(right, 0.3 * std::sqrt(s.A * s.K1) / spacing));
+  const double begin = std::max(a, std::min(right, 0.3 * s.rate_of(s.K1) / spacing));
   const std::optional<double> far = begin < right ? follow_pivots(s, {right, height}, {begin, height}) : 0;
   if (!far) return std::nullopt;
   const std::optional<PhaseTurn> top = follow_phase(comm, s, {begin, height}, {a, height});

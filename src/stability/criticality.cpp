@@ -276,6 +276,8 @@ Criticality criticality(const SteadySliding& steady, const LinearisedOperator& J
     c.why_not = "the mode does not oscillate";
   } else if (!std::isfinite(mode.wavenumber)) {
     c.why_not = "the limit of short waves crosses, and no single one";
+  } else if (J.scene.massless()) {
+    c.why_not = "without mass (model_m 0) it is not computed";
   } else if (passes_kink(steady)) {
     c.why_not = "friction has a kink at psi = 0, which is where some of the line slides";
   } else if (J.scene.left == End::velocity || J.scene.right == End::velocity || steady.scene.has_profile() ||

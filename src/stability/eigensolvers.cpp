@@ -28,6 +28,14 @@ std::vector<Complex> entries_of(Vec re, Vec im, bool real, std::size_t step) {
   return entries;
 }
 
+// psi of an eigenvector of J.
+std::vector<Complex> velocities_of(const LinearisedOperator& s, Vec re, Vec im, bool real) {
+  const std::vector<Complex> x = entries_of(re, im, real, 1);
+  std::vector<Complex> psi(s.size());
+  for (std::size_t i = 0; i < psi.size(); ++i) psi[i] = s.psi_of(&x[i * s.dof()], i);
+  return psi;
+}
+
 }  // namespace
 
 // ---- dense --------------------------------------------------------------------------------------------------------
@@ -61,7 +69,7 @@ std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
     mode.value = {a, b};
     if (eigenvalues < count) {
       SS_TRY(EPSGetEigenvector(eps, j, re, im));
-      mode.psi = entries_of(re, im, b == 0, s.dof());
+      mode.psi = velocities_of(s, re, im, b == 0);
       eigenvalues += b > 0 ? 2 : 1;
     }
     modes.push_back(std::move(mode));
@@ -136,7 +144,7 @@ std::vector<Mode> krylov_modes(const LinearisedOperator& s, Complex sigma, Petsc
     const std::vector<Complex> vector = entries_of(start, im, b == 0, 1);
     Mode mode;
     mode.value = inner(vector, s.multiply(vector)) / inner(vector, vector);
-    mode.psi = entries_of(start, im, b == 0, s.dof());
+    mode.psi = velocities_of(s, start, im, b == 0);
     modes.push_back(std::move(mode));
   }
   return modes;

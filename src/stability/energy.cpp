@@ -14,7 +14,7 @@
 
 namespace stickslip {
 
-bool has_energy(const LinearisedOperator& J) { return J.symmetric() && !J.neutral(); }
+bool has_energy(const LinearisedOperator& J) { return J.symmetric() && !J.neutral() && !J.scene.massless(); }
 
 EnergyNorm::EnergyNorm(const LinearisedOperator& J) : J_(J) { J.factor(0, stiffness_); }
 

@@ -9,10 +9,10 @@
 namespace stickslip {
 
 double count_margin(const LinearisedOperator& s, double frequency, double part) {
-  return part * (std::sqrt(s.A * (s.K0 + s.K1)) + frequency);
+  return part * (s.rate_of(s.K0 + s.K1) + frequency);
 }
 
-double same_growth(const LinearisedOperator& s) { return 1e-9 * (unit_frequency(s) + std::abs(s.mean().damping())); }
+double same_growth(const LinearisedOperator& s) { return 1e-9 * (unit_frequency(s) + damping_scale(s)); }
 
 // ---- one mode -----------------------------------------------------------------------------------------------------
 

@@ -147,10 +147,12 @@ void GrowthRate::seek(double x, double y) {
 }
 
 GrowthRate::Place GrowthRate::place_of(const LinearisedOperator& s, double x, double y) {
-  Place place{x, y, s.A * s.K0, s.A * s.largest_stiffness(), {}, {}, {}};
+  const double slow = s.rate_of(s.K0), fast = s.rate_of(s.largest_stiffness());
+  const double unit = s.scene.massless() ? slow / s.mean().beta() : s.A;
+  Place place{x, y, slow * slow, fast * fast, {}, {}, {}};
   if (s.N > 0) place.drag.push_back(s.viscous_rate());
   for (std::size_t i = 0; i < s.size(); ++i) {
-    place.drag.push_back(s.A * s.point(i).slow_beta());
+    place.drag.push_back(unit * s.point(i).slow_beta());
     if (s.has_state()) place.r.push_back(s.point(i).r());
   }
   return place;
@@ -211,7 +213,7 @@ Crossing GrowthRate::crossing(double x, double y) {
   c.residual = m.residual;
   c.degenerate = at->degenerate;
   const double k = std::isfinite(m.wavenumber) ? m.wavenumber : 0;
-  c.kind = c.frequency <= 1e-6 * (std::sqrt(s.A * (s.K0 + s.K1 * k * k)) + std::abs(c.growth)) ? "zero" : "hopf";
+  c.kind = c.frequency <= 1e-6 * (s.rate_of(s.K0 + s.K1 * k * k) + std::abs(c.growth)) ? "zero" : "hopf";
   return c;
 }
 

@@ -34,7 +34,7 @@ std::vector<Complex> first_shifts(const LinearisedOperator& s, double height, Pe
     branch.push_back(best);
     waves.push_back(k);
   }
-  const double spacing = std::sqrt(s.A * s.K1) * M_PI / (double(s.size()) * h);
+  const double spacing = s.rate_of(s.K1) * M_PI / (double(s.size()) * h);
   const double aside = 0.5 * spacing * std::max(1., double(count) / 4);
   std::size_t best = 0;
   for (std::size_t j = 1; j < branch.size(); ++j)
@@ -58,7 +58,7 @@ std::vector<Complex> first_shifts(const LinearisedOperator& s, double height, Pe
 }
 
 double local_growth(const LinearisedOperator& s, std::size_t i, bool oscillations) {
-  if (oscillations) return -s.point(i).damping() / 2;
+  if (oscillations && !s.scene.massless()) return -s.point(i).damping() / 2;
   double local = -std::numeric_limits<double>::infinity();
   for (const double part : {0., 0.1, 1.})
     for (const Complex& z : dispersion(s.point(i), part * s.largest_symbol())) local = std::max(local, z.real());

@@ -3,38 +3,47 @@
 #include <algorithm>
 #include <cmath>
 
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/text.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
 
-namespace {
-
-NodeVector node_of(const std::vector<Complex>& x, std::size_t i, std::size_t dof) {
-  const Complex* at = &x[i * dof];
-  return {at[0], at[1], dof == 3 ? at[2] : 0};
+NodeVector LinearisedOperator::node_of(const std::vector<Complex>& x, std::size_t i) const {
+  const Complex* const at = &x[i * dof()];
+  const std::size_t eta = 1 - psi_entries();
+  return {eta == 1 ? at[0] : 0, at[eta], has_state() ? at[eta + 1] : 0};
 }
 
-void put(const NodeVector& v, std::size_t i, std::size_t dof, std::vector<Complex>& x) {
-  Complex* at = &x[i * dof];
-  at[0] = v.psi;
-  at[1] = v.eta;
-  if (dof == 3) at[2] = v.state;
+void LinearisedOperator::put(const NodeVector& v, std::size_t i, std::vector<Complex>& x) const {
+  Complex* const at = &x[i * dof()];
+  const std::size_t eta = 1 - psi_entries();
+  if (eta == 1) at[0] = v.psi;
+  at[eta] = v.eta;
+  if (has_state()) at[eta + 1] = v.state;
 }
-
-}  // namespace
 
 LinearisedOperator::LinearisedOperator(const SteadySliding& s)
-    : scene(s.scene), A(scene.A()), K0(scene.K0()), K1(scene.K1()), N(scene.N()), coupling(scene), medium_(scene) {
+    : scene(s.scene), A(scene.A()), K0(scene.K0()), K1(scene.K1()), N(scene.N()), coupling(scene), medium_(scene), mean_(scene) {
   slopes_.reserve(coupling.size());
   for (const PetscInt i : coupling.node) slopes_.push_back(s.slopes[std::size_t(i)]);
   uniform = std::all_of(slopes_.begin(), slopes_.end(), [&](const FrictionSlopes& f) { return f == slopes_.front(); });
+  for (std::size_t i = 0; i < size() && scene.massless(); ++i)
+    if (const double resistance = point(i).beta(); !(resistance > 0))
+      throw Failure("no steady sliding without mass: at x = " + rounded_text(scene.x(coupling.node[i]), 6) +
+                    " friction falls with velocity faster than zeta psi rises (zeta/f0 + F_psi = " +
+                    rounded_text(resistance, 6) + "), and the force does not say what psi is; take model_m > 0");
+  if (size() > 0) mean_ = find_mean();
 }
 
 LinearisedOperator::LinearisedOperator(const LinearisedOperator& whole, std::size_t first, std::size_t count)
     : scene(whole.scene), A(whole.A), K0(whole.K0), K1(whole.K1), N(whole.N),
       coupling(whole.coupling.segment(first, count)), uniform(false), medium_(whole.medium_),
-      slopes_(whole.slopes_.begin() + long(first), whole.slopes_.begin() + long(first + count)) {}
+      mean_(whole.medium_),
+      slopes_(whole.slopes_.begin() + long(first), whole.slopes_.begin() + long(first + count)) {
+  if (size() > 0) mean_ = find_mean();
+}
 
 LinearisedOperator LinearisedOperator::segment(std::size_t first, std::size_t count) const {
   return LinearisedOperator(*this, first, count);
@@ -86,28 +95,50 @@ LogDet LinearisedOperator::factor(Complex lambda, BandLU& lu) const {
 
 std::vector<Complex> LinearisedOperator::expand(Complex lambda, const std::vector<Complex>& p) const {
   std::vector<Complex> x(size() * dof());
-  for (std::size_t i = 0; i < size(); ++i) put(point(i).expand(lambda, p[i]), i, dof(), x);
+  for (std::size_t i = 0; i < size(); ++i) put(point(i).expand(lambda, p[i]), i, x);
   add_viscous(p, dof(), 1, x);
   return x;
+}
+
+std::vector<Complex> LinearisedOperator::expand_fields(Complex lambda, const std::vector<Complex>& p) const {
+  const std::vector<Complex> x = expand(lambda, p);
+  if (psi_entries() == 0) return x;
+  std::vector<Complex> all;
+  for (std::size_t i = 0; i < size(); ++i) {
+    all.push_back(p[i]);
+    all.insert(all.end(), x.begin() + long(i * dof()), x.begin() + long((i + 1) * dof()));
+  }
+  return all;
+}
+
+Complex LinearisedOperator::psi_of(const Complex* x, std::size_t i) const {
+  if (psi_entries() == 0) return x[0];
+  const LinearPoint m = point(i);
+  return (x[0] - (has_state() ? m.F_state * x[1] : 0)) / m.beta();
 }
 
 std::vector<Complex> LinearisedOperator::multiply(const std::vector<Complex>& x) const {
   const std::size_t d = dof();
   std::vector<Complex> p(size()), y(x.size());
-  for (std::size_t i = 0; i < size(); ++i) p[i] = x[i * d];
+  for (std::size_t i = 0; i < size(); ++i) p[i] = psi_of(&x[i * d], i);
   const std::vector<Complex> stencil = coupling.minus_d2(p);
   for (std::size_t i = 0; i < size(); ++i) {
+    const NodeVector v = node_of(x, i);
+    if (scene.massless()) {
+      put({0, -K0 * p[i] - K1 * stencil[i], point(i).g_psi * p[i] + point(i).g_state * v.state}, i, y);
+      continue;
+    }
     const NodeBlock b = point(i).block(Part::full);
-    const NodeVector v = node_of(x, i, d);
     put({b.psi_psi * v.psi + b.psi_eta * v.eta + b.psi_state * v.state - A * N * stencil[i],
          b.eta_psi * v.psi + b.eta_eta * v.eta + b.eta_state * v.state - (K1 - scene.s_delta() * N) * stencil[i],
          b.state_psi * v.psi + b.state_state * v.state},
-        i, d, y);
+        i, y);
   }
   return y;
 }
 
 std::vector<LinearisedOperator::Entry> LinearisedOperator::entries() const {
+  if (scene.massless()) return massless_entries();
   const std::size_t d = dof();
   std::vector<Entry> e;
   for (std::size_t i = 0; i < size(); ++i) {
@@ -119,6 +150,25 @@ std::vector<LinearisedOperator::Entry> LinearisedOperator::entries() const {
       e.push_back({i * d + 1, t.column * d, (scene.s_delta() * N - K1) * t.value});
       if (N > 0) e.push_back({i * d, t.column * d, -A * N * t.value});
     }
+  }
+  return e;
+}
+
+// psi_j, in the columns of its eta and state, acts on eta of its neighbours and on its own state.
+std::vector<LinearisedOperator::Entry> LinearisedOperator::massless_entries() const {
+  const std::size_t d = dof();
+  std::vector<Entry> e;
+  const auto add_psi = [&](std::size_t row, std::size_t node, double factor) {
+    const LinearPoint m = point(node);
+    e.push_back({row, node * d, factor / m.beta()});
+    if (has_state()) e.push_back({row, node * d + 1, -factor * m.F_state / m.beta()});
+  };
+  for (std::size_t i = 0; i < size(); ++i) {
+    add_psi(i * d, i, -K0);
+    for (const Coupling::Term& t : coupling.row(i)) add_psi(i * d, t.column, -K1 * t.value);
+    if (!has_state()) continue;
+    add_psi(i * d + 1, i, point(i).g_psi);
+    e.push_back({i * d + 1, i * d + 1, point(i).g_state});
   }
   return e;
 }
@@ -136,9 +186,9 @@ double LinearisedOperator::mode_residual(Complex lambda, const std::vector<Compl
 std::vector<Complex> LinearisedOperator::resolvent(Complex lambda, const BandLU& lu,
                                                    const std::vector<Complex>& b) const {
   std::vector<Complex> p(size()), y(b.size());
-  for (std::size_t i = 0; i < size(); ++i) p[i] = -point(i).condense(lambda, node_of(b, i, dof()));
+  for (std::size_t i = 0; i < size(); ++i) p[i] = -point(i).condense(lambda, node_of(b, i));
   solve(lu, p);
-  for (std::size_t i = 0; i < size(); ++i) put(point(i).expand(lambda, p[i], node_of(b, i, dof())), i, dof(), y);
+  for (std::size_t i = 0; i < size(); ++i) put(point(i).expand(lambda, p[i], node_of(b, i)), i, y);
   add_viscous(p, dof(), 1, y);
   return y;
 }
@@ -146,12 +196,12 @@ std::vector<Complex> LinearisedOperator::resolvent(Complex lambda, const BandLU&
 std::vector<Complex> LinearisedOperator::resolvent_transposed(Complex lambda, const BandLU& lu,
                                                               const std::vector<Complex>& b) const {
   std::vector<Complex> e(size()), y(b.size());
-  for (std::size_t i = 0; i < size(); ++i) e[i] = -point(i).condense_transposed(lambda, node_of(b, i, dof()));
+  for (std::size_t i = 0; i < size(); ++i) e[i] = -point(i).condense_transposed(lambda, node_of(b, i));
   for (std::size_t i = 0; i < size() && N > 0; ++i)
     for (const Coupling::Term& t : coupling.row(i)) e[t.column] -= N * t.value * b[i * dof() + 1];
   solve_transposed(lu, e);
   for (std::size_t i = 0; i < size(); ++i)
-    put(point(i).expand_transposed(lambda, e[i], node_of(b, i, dof())), i, dof(), y);
+    put(point(i).expand_transposed(lambda, e[i], node_of(b, i)), i, y);
   return y;
 }
 
@@ -184,7 +234,7 @@ double LinearisedOperator::dispersion_error(double k) const {
   return 1 - std::sqrt(symbol(k)) / k;
 }
 
-LinearPoint LinearisedOperator::mean() const {
+LinearPoint LinearisedOperator::find_mean() const {
   LinearPoint m = point(0);
   if (uniform) return m;
   double F_psi = 0, q = 0, r = 0;  // over those of the first node
@@ -235,6 +285,7 @@ std::vector<Complex> LinearisedOperator::wave(double k) const {
 
 std::vector<Complex> dispersion(const LinearPoint& medium, double kappa2) {
   const auto [c2, c1, c0] = medium.characteristic(kappa2);
+  if (medium.massless()) return medium.has_state ? polynomial_roots({1, c1, c0}) : std::vector<Complex>{-c1};
   if (medium.has_state) return polynomial_roots({1, c2, c1, c0});
   return polynomial_roots({1, c2, c1});
 }
@@ -244,7 +295,7 @@ std::vector<Complex> dispersion(const LinearPoint& medium, double kappa2) {
 // Without a state and with D2 symmetric, an oscillating mode has |lambda|^2 = A times the weighted mean of K0 - K1 D2,
 // with viscosity too. Else: for |lambda| beyond the bound, S(lambda) is diagonally dominant.
 double LinearisedOperator::imaginary_bound() const {
-  if (symmetric() && !has_state()) return std::sqrt(A * largest_stiffness());
+  if (symmetric() && !has_state()) return rate_of(largest_stiffness());  // without mass: of none, all are real
   const double stiff = K0 + K1 * coupling.largest_row();
   double beta = 0, r = 0, q = 0;
   for (std::size_t i = 0; i < size(); ++i) {
@@ -254,8 +305,18 @@ double LinearisedOperator::imaginary_bound() const {
     q = std::max(q, std::abs(p.q()));
   }
   beta += N * coupling.largest_row();
-  double radius = 2 * r + std::sqrt(A * stiff);
+  if (scene.massless()) return massless_bound(stiff, r, q);
+  double radius = 2 * r + rate_of(stiff);
   while (radius * (radius / A - beta - q / (radius - r + 1e-300)) <= stiff) radius *= 1.1;
+  return radius;
+}
+
+// |lambda| is less than twice the larger of what beta |lambda| = K and beta |lambda| = |q| give, or than 2 r.
+double LinearisedOperator::massless_bound(double stiff, double r, double q) const {
+  double beta = point(0).beta();
+  for (std::size_t i = 1; i < size(); ++i) beta = std::min(beta, point(i).beta());
+  double radius = 2 * r + 1e-300;
+  while (radius * (beta - q / (radius - r)) <= stiff) radius *= 1.1;
   return radius;
 }
 
@@ -263,6 +324,7 @@ double LinearisedOperator::imaginary_bound() const {
 // with C such a mean and K >= K0.
 double LinearisedOperator::real_bound() const {
   if (!symmetric() || has_state()) return imaginary_bound();
+  if (scene.massless()) return 0;  // K0 - K1 D2 is not negative
   double low = point(0).damping(), high = low;
   for (std::size_t i = 1; i < size(); ++i) {
     low = std::min(low, point(i).damping());

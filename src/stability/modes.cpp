@@ -26,7 +26,8 @@ void normalise(std::vector<Complex>& p) {
 }
 
 double rounding(const LinearisedOperator& s, Complex lambda) {
-  const double scale = std::max(std::abs(lambda), std::sqrt(s.A * s.K0) + 1e-3);
+  const double scale = std::max(std::abs(lambda), s.rate_of(s.K0) + 1e-3);
+  if (s.scene.massless()) return 20 * epsilon * (scale + s.largest_stiffness() / s.mean().beta());
   return 20 * epsilon * (scale + s.A * s.largest_stiffness() / scale + s.viscous_rate());
 }
 
@@ -209,7 +210,7 @@ void add_mirror_images(const LinearisedOperator& s, std::vector<Mode>& modes) {
 }
 
 bool is_neutral(const LinearisedOperator& s, const Mode& m) {
-  return s.neutral() && std::abs(m.value) < 1e-6 * (std::abs(s.mean().damping()) + std::sqrt(s.A * s.K1)) &&
+  return s.neutral() && std::abs(m.value) < 1e-6 * (damping_scale(s) + s.rate_of(s.K1)) &&
          m.wavenumber * (s.scene.form == Form::chain ? double(s.scene.n) : s.scene.length) < 1;
 }
 
@@ -218,7 +219,7 @@ double resolved_frequency(const LinearisedOperator& s) {
   const double k_max = M_PI / s.scene.h();
   if (s.dispersion_error(k_max) < 0.01) return s.imaginary_bound();
   const double k = last_place([&](double at) { return s.dispersion_error(at) < 0.01; }, 0, k_max);
-  return std::sqrt(s.A * (s.K0 + s.K1 * s.symbol(k)));
+  return s.rate_of(s.K0 + s.K1 * s.symbol(k));
 }
 
 void interpolate(const LinearisedOperator& from, const LinearisedOperator& to,

@@ -32,7 +32,7 @@ double compare_grids(const LinearisedOperator& s, std::vector<Mode>& modes) {
       interpolate(s, fine, shapes);
     }
     Mode &m = modes[k], &other = others[k % 4];
-    const double scale = std::max(std::abs(m.value), std::sqrt(s.A * s.K0));
+    const double scale = std::max(std::abs(m.value), s.rate_of(s.K0));
     const std::vector<Complex> guess = other.psi;
     const bool converged = polish(fine, other, 12);
     const double drift = std::min(std::abs(other.value - m.value), std::abs(std::conj(other.value) - m.value));
@@ -94,7 +94,7 @@ void look_beyond_grid(const LinearisedOperator& s, double height, bool refine, S
     result.growth_continuum = continuum->growth;
     if (std::isfinite(continuum->wavenumber)) result.wavenumber_continuum = continuum->wavenumber;
     // at the threshold the growth rate is round-off, of either sign
-    const bool decays = continuum->growth < -8 * epsilon * std::sqrt(s.A * s.K0);
+    const bool decays = continuum->growth < -8 * epsilon * s.rate_of(s.K0);
     if (result.stable && !decays)
       result.remarks.push_back("waves of the continuum that " + beyond + " does not carry grow, at up to " +
                                rounded_text(continuum->growth, 6) + " (growth_continuum)");

@@ -75,6 +75,9 @@ inline void halve(const Map& m, Map& first, Map& second) {
   second.shift = m.shift + m.slope / 2.;
 }
 
+// What viscosity multiplies the coupling K1 D2 by.
+inline Complex viscous_factor(const LinearisedOperator& s, Complex lambda) { return 1. + lambda * (s.N / s.K1); }
+
 // Neighbours on either half of their piece, or on all of it (second null); the last one may stand alone (r null).
 struct JoinTwo {
   void operator()(const Map* l, const Map* r, Map* first, Map* second) const {
@@ -120,10 +123,12 @@ struct Rows {
   long first_node = 0, last_node = 0;  // those that the maps are made of
 };
 
-// eps_i at the points of a piece.
+// eps_i at the points of a piece. With viscosity between neighbours S = (1 + lambda N/K1) (K1 (-D2) + diag eps_i), eps_i
+// divided by that factor: the stencil stays what it is, and the factor, n times, is known.
 class Symbol {
  public:
   Symbol(const Rows& rows, const Piece& piece) : s_(rows.s), unit_(rows.unit) {
+    for (int t = 0; t < P && s_.N > 0; ++t) stiffer_.put(t, 1. / viscous_factor(s_, piece.at(table().x[t])));
     for (int t = 0; t < P; ++t) {
       const Complex lambda = piece.at(table().x[t]);
       z_.put(t, lambda);
@@ -143,13 +148,8 @@ class Symbol {
       eps.re[t] = plain_.re[t] + beta * z_.re[t];
       eps.im[t] = plain_.im[t] + beta * z_.im[t];
     }
-    if (!p.has_state) return;
-    const double q = unit_ * p.q(), r = p.r();
-    for (int t = 0; t < P; ++t) {  // q z/(z + r)
-      const double re = z_.re[t] + r, im = z_.im[t], d = q / (re * re + im * im);
-      eps.re[t] += d * (z_.re[t] * re + z_.im[t] * im);
-      eps.im[t] += d * (z_.im[t] * re - z_.re[t] * im);
-    }
+    if (p.has_state) add_state(p, eps);
+    if (s_.N > 0) multiply(eps, stiffer_);
   }
   // The same by places along the line: round a ring, or beyond its ends as at them.
   void beside(long i, Values& eps) const {
@@ -158,9 +158,19 @@ class Symbol {
   }
 
  private:
+  void add_state(const LinearPoint& p, Values& eps) const {
+    const double q = unit_ * p.q(), r = p.r();
+    for (int t = 0; t < P; ++t) {  // q z/(z + r)
+      const double re = z_.re[t] + r, im = z_.im[t], d = q / (re * re + im * im);
+      eps.re[t] += d * (z_.re[t] * re + z_.im[t] * im);
+      eps.im[t] += d * (z_.im[t] * re - z_.re[t] * im);
+    }
+  }
+
   const LinearisedOperator& s_;
   double unit_;
   Values z_, plain_;  // lambda; lambda^2/A + K0, in the unit
+  Values stiffer_;    // one over the factor, where there is viscosity
 };
 
 // The stretches of the line: map and log of the level. False where they are not settled on this piece.

@@ -168,18 +168,48 @@ void Tangents::count_resting() {
 
 // Of node i, where the rates change from f to g; false where it comes there at speed 0.
 bool Tangents::jump_at(PetscInt i, const double* u, const double* f, const double* g, double from, double to) {
+  const auto pull_of = [&](std::size_t k) {
+    return pulls_.empty() || from != 0 ? 0 : pulls_[k][std::size_t(i)];
+  };
   const bool starts = from == 0;
   const double slope = starts && dof_ == 3 ? model_.amplitude()[std::size_t(i)] * model_.friction_law(i).threshold(u[2]).slope
                                            : 0;
-  const JumpMatrix jump = starts ? JumpMatrix::at_start(dof_, to, slope, f, g) : JumpMatrix::at_stop(dof_, f, g);
+  const JumpMatrix jump = starts ? JumpMatrix::at_start(dof_, to, slope, f, g, pull_of(y_.size())) : JumpMatrix::at_stop(dof_, f, g);
   if (std::equal(f, f + dof_, g)) return true;
   if (jump.event_rate() == 0) return false;
-  for (const VecHandle& vector : y_) {
-    const Writing y(vector);
-    jump.apply(y + i * dof_);
+  for (std::size_t k = 0; k < y_.size(); ++k) {
+    const Writing y(y_[k]);
+    jump.apply(y + i * dof_, pull_of(k));
     if (to == 0) y[i * dof_] = 0;  // exactly
   }
   return true;
+}
+
+// N D2 psi of this rank's nodes: of every vector as it is, and last of psi_t before the change. Empty without viscosity.
+void Tangents::find_pulls(Vec f) {
+  if (!model_.viscous()) return;
+  pulls_.clear();
+  for (std::size_t k = 0; k <= y_.size(); ++k) {
+    model_.viscous_force(k < y_.size() ? y_[k].get() : f, stage_);
+    const Reading force(stage_);
+    pulls_.emplace_back();
+    for (PetscInt i = 0; i < model_.local(); ++i) pulls_.back().push_back(force[i * dof_ + 1]);
+  }
+}
+
+// With viscosity nodes that start at once with a jump in psi_t would do so in an order of their own for every deviation.
+void Tangents::check_order(const std::vector<double>& was, const double* f, const double* g) const {
+  if (!model_.viscous()) return;
+  long counts[2] = {0, 0};  // changes; starts with a jump
+  for (PetscInt i = 0; i < model_.local(); ++i) {
+    if (model_.held(model_.first() + i) || was[std::size_t(i)] == model_.direction()[i]) continue;
+    ++counts[0];
+    if (was[std::size_t(i)] == 0 && f[i * dof_] != g[i * dof_]) ++counts[1];
+  }
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, counts, 2, MPI_LONG, MPI_SUM, model_.comm()));
+  if (counts[0] > 1 && counts[1] > 0)
+    throw Failure("lyapunov_count: with viscosity between neighbours several nodes let go at once, with a jump in their "
+                  "acceleration: nearby motions do it one by one, and no tangent exists; give friction_spread or init_noise");
 }
 
 void Tangents::jump(Vec u) {
@@ -197,9 +227,11 @@ void Tangents::jump(Vec u) {
   model_.set_direction(theirs);
   model_.rhs(Part::full, u, f_is);
   model_.count_evaluations(-2);
+  find_pulls(f_was);
   int grazes = 0;
   {
     const Reading at(u), before(f_was), after(f_is);
+    check_order(was, before, after);
     for (PetscInt i = 0; i < model_.local(); ++i)
       if (was[std::size_t(i)] != is[std::size_t(i)] && !model_.held(model_.first() + i) &&
           !jump_at(i, at + i * dof_, before + i * dof_, after + i * dof_, was[std::size_t(i)], is[std::size_t(i)]))
@@ -227,7 +259,8 @@ void Tangents::linearise(Vec u, Linearisation& at) const {
   at.blocks.resize(std::size_t(model_.local()));
   at.trace = at.rate = 0;
   for (PetscInt i = 0; i < model_.local(); ++i) {
-    if (model_.viscous() && !model_.held(model_.first() + i)) at.trace += own_viscous_slope(i);
+    const bool moves = !model_.held(model_.first() + i) && !(model_.direction() && model_.direction()[i] == 0);
+    if (model_.viscous() && moves) at.trace += own_viscous_slope(i);
     NodeBlock& b = at.blocks[std::size_t(i)];
     b = model_.node_block(Part::full, i, a + i * dof_);
     at.trace += b.psi_psi + b.eta_eta + b.state_state;

@@ -6,6 +6,7 @@
 
 #include "stickslip/model/friction.hpp"
 #include "stickslip/numerics/roots.hpp"
+#include "stickslip/stability/continuum.hpp"
 #include "stickslip/stability/linearised_operator.hpp"
 
 namespace stickslip {
@@ -18,7 +19,7 @@ void find_growth(const Scene& scene, UniformState& u) {
   sliding.v = u.psi;
   const LinearisedOperator J(sliding);
   const LinearPoint medium = J.mean();
-  const double unit = std::abs(medium.damping()) + std::sqrt(J.A * J.K1) + 1e-300;
+  const double unit = damping_scale(J) + J.rate_of(J.K1) + 1e-300;
   u.slope = medium.slow_beta();
   u.growth_rate = -std::numeric_limits<double>::infinity();
   for (const LinearisedOperator::Wave& wave : J.exact_waves()) {

@@ -165,9 +165,11 @@ void check_one_grid(const Options& options, const Scene& scene, const std::vecto
 
 std::vector<Setting> chart_settings(const Options& options) {
   const Scene scene = Scene::from(options, false);
-  const std::vector<MethodSpec> list =
-      chart_methods(options, {"rk:3bs", "rk:5dp", "rk:7vr", "rk:8vr", "arkimex:3:friction", "arkimex:4:friction",
-                              "arkimex:4:wave", "rosw:ra34pw2"});
+  std::vector<std::string> usual{"rk:3bs", "rk:5dp", "rk:7vr", "rk:8vr"};
+  if (scene.massless()) usual.insert(usual.end(), {"arkimex:3:both", "arkimex:4:both"});  // nothing to split
+  else usual.insert(usual.end(), {"arkimex:3:friction", "arkimex:4:friction", "arkimex:4:wave"});
+  usual.emplace_back("rosw:ra34pw2");
+  const std::vector<MethodSpec> list = chart_methods(options, usual);
   std::vector<double> tolerances = options.reals("chart_tolerances"), steps = options.reals("chart_steps");
   if (tolerances.empty()) tolerances = {1e-3, 1e-5, 1e-7, 1e-9};
   std::vector<int> orders = chart_orders(options, scene);
@@ -179,7 +181,7 @@ std::vector<Setting> chart_settings(const Options& options) {
     grids.push_back(scene.n);
   }
 
-  const double own = std::sqrt(scene.A() * scene.K0()), rate = own > 0 ? own : 1;
+  const double own = own_frequency(scene), rate = own > 0 ? own : 1;
   std::vector<Setting> settings;
   for (const MethodSpec& method : list)
     for (const int order : orders)

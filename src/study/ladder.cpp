@@ -198,7 +198,7 @@ void LevelRuns::choose_method() {
   const Scene& scene = request_.scene;
   if (!request_.method_open || Stick::applies_to(scene)) return;
   const Rates rates = pilot_.rates(setting_.order, setting_.n);
-  const double own = std::max(std::sqrt(scene.A() * scene.K0()), 1e-3);  // frequency of a free block
+  const double own = std::max(own_frequency(scene), 1e-3);  // frequency of a free block
   const bool faster = rates.friction > 10 * std::max(rates.wave, 40 * own);
   friction_sets_steps_ = rates.friction > 3 * rates.wave;
   if (rates.stiff_friction || rates.stiff_wave || (faster && request_.wanted > 3e-4)) {

@@ -90,7 +90,9 @@ std::vector<Varied> varied_scenes(const Options& options, const OptionSpec* para
       for (const PetscInt n : grids) {
         const Options o = options_for(parameter ? options.with(parameter->name, value) : options,
                                       {MethodSpec(), 0, 0, int(order), n});
-        (void)Scene::from(o, false);
+        if (Scene::from(o, false).massless())
+          throw UsageError("-chart_kind limits: its splits and waves are those of a chain with mass; take a small model_m in "
+                           "place of 0, or -chart_kind error");
         scenes.push_back({o, value});
       }
   return scenes;

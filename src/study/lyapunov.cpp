@@ -24,12 +24,9 @@ double from_of(const Options& options) {
 
 int count_of(const Options& options, const Model& model) {
   const auto count = options.integer("lyapunov_count");
-  if (model.scene().load.varies())
-    throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": exponents are those of a motion under a "
-                     "constant velocity of the plate; without load_v and load_sine_amplitude");
-  if (model.viscous() && model.scene().friction.sticks())
-    throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": where friction sticks, tangents pass its starts "
-                     "and stops without viscosity between neighbours (model_nu 0) only; or set friction_stick to regularised");
+  if (model.scene().massless())
+    throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": tangents are those of a chain with mass; take a "
+                     "small model_m in place of 0");
   if (count > model.unknowns())
     throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": this scene has only " +
                      std::to_string(model.unknowns()) + " unknowns, and no more exponents");
@@ -70,9 +67,11 @@ void LyapunovExponents::step(const ObservedStep& step) {
     tangents_.renew();
   }
   const double dt = step.t - step.t_before;
+  model_.set_time(step.t_before);  // of a start or stop there
   tangents_.advance(dt, [&](double part, Vec into) {
     step.interpolate(part == 1 ? step.t : std::min(step.t_before + part * dt, step.t), into);
   });
+  model_.set_time(step.t);
   std::vector<double> growth = tangents_.growth();
   if (!measuring_) return;
   growth.push_back(tangents_.divergence());

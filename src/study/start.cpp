@@ -98,7 +98,11 @@ struct Start::Impl {
       frame = start_frame(s, o);
       return;
     }
-    eta_steady = o.text("init_eta") == "steady" || (type == "layer" && !eta_given);
+    const bool psi_says = type == "layer" || (s.massless() && !from_file);
+    eta_steady = o.text("init_eta") == "steady" || (psi_says && !eta_given);
+    if (s.massless() && !eta_steady && o.is_set("init_psi"))
+      throw UsageError("init_psi " + o.text("init_psi") + " with init_eta " + o.text("init_eta") +
+                       ": with model_m 0 one follows from the other; give one of them (init_eta: psi is its nearest to 0.1)");
     if (!eta_steady) eta = o.real("init_eta");
     if (s.friction.has_state()) {
       state_steady = o.text("init_state") == "steady";
@@ -194,6 +198,8 @@ void Start::fill(const Model& model, Vec u) const {
   model.set_held(u);
   set_held_force(model, u);
   if (model.viscous() && impl_->makes_eta_steady()) balance_viscosity(model, u);
+  model.settle(u);
+  if (const std::string lost = model.lost_velocity(u); !lost.empty()) throw UsageError("model_m 0 at the start: " + lost);
 }
 
 Start::Misfit Start::misfit(const Scene& scene) const {

@@ -15,6 +15,7 @@
 namespace stickslip {
 
 std::vector<Complex> eigenvalues(int dim, const std::vector<double>& m) {
+  if (dim == 1) return {m[0]};
   if (dim == 2) return polynomial_roots({1, -(m[0] + m[3]), m[0] * m[3] - m[1] * m[2]});
   const double trace = m[0] + m[4] + m[8];
   const double minors = m[0] * m[4] - m[1] * m[3] + m[0] * m[8] - m[2] * m[6] + m[4] * m[8] - m[5] * m[7];
@@ -139,7 +140,8 @@ void StepForecast::add_waves(const Model& model, Implicit implicit, const Partia
   const LinearPoint point(s, F, g);
   const auto rows_of = [&](Part terms) {
     std::vector<double> rows(static_cast<std::size_t>(dof_ * dof_));
-    point.block(terms, largest * part).write(dof_, rows.data());
+    if (s.massless()) point.massless_block(largest * part).write(dof_, rows.data());
+    else point.block(terms, largest * part).write(dof_, rows.data());
     return rows;
   };
   const std::vector<double> full = rows_of(Part::full), zero(full.size());
@@ -160,7 +162,7 @@ void StepForecast::add_waves(const Model& model, Implicit implicit, const Partia
 }
 
 StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
-    : dof_(model.dof()), all_implicit_(like.report().implicit == Implicit::both) {
+    : dof_(model.scene().massless() ? model.dof() - 1 : model.dof()), all_implicit_(like.report().implicit == Implicit::both) {
   const Implicit implicit = like.report().implicit;
   const std::string type = like.method().type;
   if (type == TSBDF) bdf_order_ = std::stoi(like.method().subtype);
@@ -178,7 +180,7 @@ void StepForecast::add_waves_about(const Model& model, Vec u, Implicit implicit)
   least_slope_ = friction[0].F.F_psi;
   // Where sliding is unstable the motion reaches the steepest friction: the cubic's where its limit cycle turns, that of
   // a regularised threshold at rest.
-  const bool oscillates = s.A() * (s.B() + friction[0].F.F_psi) + s.s_delta() < 0;
+  const bool oscillates = !s.massless() && s.A() * (s.B() + friction[0].F.F_psi) + s.s_delta() < 0;
   const double rising = model.slopes_ahead().rising;
   if (oscillates && rising > 0) friction[1].F.F_psi = std::max(friction[1].F.F_psi, rising);
   for (const Slopes& f : friction)
@@ -444,6 +446,7 @@ bool solves_friction(const Integrator& integrator) {
 void warn_of_several_solutions(const Model& model, const Integrator& integrator, double dt, StepForecast& forecast) {
   if (std::string(integrator.method().type) == TSROSW || !solves_friction(integrator)) return;
   const Scene& s = model.scene();
+  if (s.massless()) return;  // shift eta + K psi(eta) rises with eta
   const auto damping = [&](double slope) { return s.A() * (s.B() + slope) + s.s_delta(); };
   // the motion stays clear of weakening friction
   if (damping(forecast.least_slope()) >= 0 && !(forecast.sliding_growth(false) > 0)) return;

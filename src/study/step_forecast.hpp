@@ -1,7 +1,7 @@
 // What a fixed step of a method does to the waves of the linearised operator: whether it explodes, and whether it
 // makes growing perturbations of steady sliding decay or decaying ones grow.
 //
-// Uniform motion at velocity psi splits into waves exp(ikx); each is a system of dof equations with
+// Uniform motion at velocity psi splits into waves exp(ikx); each is a system of dof equations (one less without mass) with
 // K = K0 + K1 kappa^2(k). A one-step method itself advances a set of them - kappa^2 from 0 to the grid's largest,
 // friction at its least and largest slope - by one step from every unit vector, so that the propagator P over one step
 // is known for any method, split as it will be; its rate is ln rho(P)/dt. The multistep methods bdf and alpha take
@@ -93,7 +93,7 @@ void warn_of_fixed_steps(const Model& model, const Integrator& integrator, Vec u
 
 // Roots of a polynomial, coefficients highest power first.
 std::vector<Complex> characteristic_roots(std::vector<Complex> coefficients);
-// Eigenvalues of a 2 x 2 or 3 x 3 matrix (row-major), and the largest real part and modulus among them.
+// Eigenvalues of a matrix of 1 to 3 rows (row-major), and the largest real part and modulus among them.
 std::vector<Complex> eigenvalues(int dim, const std::vector<double>& matrix);
 struct SpectralBounds {
   double real_part, modulus;

@@ -28,6 +28,7 @@ std::string place_text(const std::vector<Axis>& axes, const Crossing& c) {
 
 std::string StickSlipEnd::refusal(const Scene& s) {
   if (!s.friction.sticks()) return "friction_law " + to_string(s.friction.law) + " does not stick exactly";
+  if (s.massless()) return "without mass (model_m 0) a block rests and slides without a jump, and no slip is thrown";
   if (s.spread != 0) return "friction_spread makes nodes move differently";
   if (s.has_profile()) return "a profile of friction makes nodes move differently";
   if (s.left == End::velocity || s.right == End::velocity) return "a held end makes nodes move differently";

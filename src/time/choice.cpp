@@ -41,6 +41,37 @@ double friction_rate_ahead(const Model& model, Vec u) {
   return rate;
 }
 
+// Without mass eta_t depends on psi alone, and psi on friction: there is nothing to split.
+Implicit massless_implicit(const std::string& type, const std::string& wish, bool stiff) {
+  if (wish == "friction" || wish == "wave")
+    throw UsageError("imex_implicit " + wish + ": with model_m 0 friction and the springs' forces are one term, through psi; " +
+                     "use both or none");
+  if (type == leapfrog_type)
+    throw UsageError("ts_type " + type + ": it splits friction from the springs' forces, which with model_m 0 are one term, "
+                     "through psi; use rk, arkimex, rosw or another one-step method");
+  if (type == TSBDF || type == TSALPHA)
+    throw UsageError("ts_type " + type + ": it remembers psi of earlier steps, which with model_m 0 is no unknown; use rk, "
+                     "arkimex, rosw or another one-step method");
+  const MethodKind kind = offered_type(type).kind;
+  if (kind == MethodKind::explicit_) return Implicit::none;
+  return kind != MethodKind::imex || wish == "both" || (wish == "auto" && stiff) ? Implicit::both : Implicit::none;
+}
+
+// `stiff`: or an implicit method that the user named.
+void fit_massless(Choice& choice, const MethodSpec& spec, bool stiff) {
+  choice.implicit = massless_implicit(choice.type, spec.implicit, stiff);
+  if (choice.named_fused)
+    throw UsageError("ts_type " + FusedTs::fused_type(choice.type) + ": it does not know model_m 0; use ts_type " + choice.type);
+  choice.fused = false;
+}
+
+// Without mass what is fast is how short deviations die away, where their blocks slide.
+Rates massless_rates(const Model& model, Vec u) {
+  const Scene& s = model.scene();
+  const double relaxation = model.wave_frequency(), slowest = s.K0() / (s.K0() + 4 * s.K1());
+  return {relaxation, model.friction_rate(u), false, slowest > 0 && slowest < 1. / 2400};
+}
+
 Implicit implicit_of(const std::string& type, const std::string& wish, Implicit stiff, const Rates& rates,
                      bool sticks) {
   const bool wants_imex = wish != "auto" && wish != "none";
@@ -158,6 +189,7 @@ Implicit stiff_part(const Model& model, const Rates& rates, bool sticks) {
 }  // namespace
 
 Rates rates_of(const Model& model, Vec u) {
+  if (model.scene().massless()) return massless_rates(model, u);
   const double wave = stencil_rate(model.scene()), friction = friction_rate_ahead(model, u);
   // At equal error a run with friction implicit, tile by tile, costs as much as an explicit one where friction acts 2
   // to 12 times as fast as an accurate step needs: 12 on a ring and beside a pacemaker, where short waves follow each
@@ -170,7 +202,8 @@ Rates rates_of(const Model& model, Vec u) {
 
 Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& spec, const std::string& prefix) {
   Rates rates = usual;
-  rates.stiff_wave = has_stiff_wave(model, rates.wave, rates.friction, tolerance_of(spec, prefix));
+  if (!model.scene().massless())
+    rates.stiff_wave = has_stiff_wave(model, rates.wave, rates.friction, tolerance_of(spec, prefix));
   const FrictionParameters& law = model.scene().friction;
   const bool sticks = Stick::applies_to(model.scene());
   const Implicit stiff = stiff_part(model, rates, sticks);
@@ -195,13 +228,14 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
     choice.type = wanted;
   }
   if (choice.type == TSRK && stiff == Implicit::none && !wants_imex)
-    choice.subtype = wanted.empty() && prefers_high_order(model, spec, prefix) ? TSRK7VR : TSRK5DP;
+    choice.subtype = wanted.empty() && !model.scene().massless() && prefers_high_order(model, spec, prefix) ? TSRK7VR : TSRK5DP;
   // 4 is cheaper than 3, which PETSc would take; but a block that rate-and-state friction has brought to a creep of
   // 1e-15 keeps its velocity's digits from step to step with 3 alone (measured: 4 stands still there).
-  const bool creeps = model.friction_law(0).steep;
+  const bool creeps = model.friction_law(0).steep && !model.scene().massless();
   if (choice.type == TSARKIMEX) choice.subtype = creeps ? TSARKIMEX3 : TSARKIMEX4;
   if (!spec.subtype.empty()) choice.subtype = spec.subtype;
   choice.implicit = implicit_of(choice.type, spec.implicit, stiff, rates, sticks);
+  if (model.scene().massless()) fit_massless(choice, spec, set || stiff != Implicit::none);
   if (choice.named_fused && choice.type == TSARKIMEX && spec.implicit == "auto") choice.implicit = Implicit::friction;
   if (choice.fused) choice.fused = can_be_fused(choice.type, choice.implicit, prefix);
   if (choice.named_fused && !choice.fused)

@@ -57,7 +57,7 @@ class Forces {
 
 }  // namespace
 
-bool Stick::applies_to(const Scene& scene) { return scene.friction.sticks(); }
+bool Stick::applies_to(const Scene& scene) { return scene.friction.sticks() && !scene.massless(); }
 
 Stick::Stick(const Model& model)
     : model_(model), dof_(model.dof()), free_end_(model.local()), both_sides_(model.scene().friction.back_slip),

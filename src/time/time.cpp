@@ -58,16 +58,20 @@ void Integrator::Impl::after_step() {
   if (reason < 0) return;  // no step was taken; advance() says why
   const Step step = step_now();
   const double reached = course.report.t, dt = step.t - course.t_before;
-  const bool known = guard.knows_solution() || (fused && fused->finite());
+  const bool seen = guard.knows_solution() && !model.scene().massless();  // psi was put in just now
+  const bool known = seen || (fused && fused->finite());
   course.update_report(ts, model);
+  model.settle(step.u);
   if (!known && !all_finite(model, step.u)) {
     course.report.t = reached;
     throw Failure("the solution is not finite after step " + std::to_string(step.index) + " (t = " +
                   number_text(step.t) + "): " + advice(dt));
   }
-  if (dt == 0)
-    throw Failure("the step has shrunk to nothing at t = " + number_text(step.t) + " (step " +
-                  std::to_string(step.index) + "); loosen ts_rtol and ts_atol, or smooth what is not smooth");
+  if (dt == 0) {
+    const std::string lost = model.lost_velocity(step.u);
+    throw Failure("the step has shrunk to nothing at t = " + number_text(step.t) + " (step " + std::to_string(step.index) +
+                  "); " + (lost.empty() ? "loosen ts_rtol and ts_atol, or smooth what is not smooth" : lost));
+  }
   check_floor(step);
   if (stick) stick->after(step, before());
   else course.tell(ts, step);
@@ -103,12 +107,16 @@ Integrator::Step Integrator::Impl::step_now() {
 }
 
 std::string Integrator::Impl::advice(double dt) const {
+  Vec u;
+  SS_TRY(TSGetSolution(ts, &u));
+  if (const std::string lost = model.lost_velocity(u); !lost.empty()) return lost;
   const Implicit implicit = equations->implicit();
   if (implicit == Implicit::both) return "reduce ts_dt or the tolerances";
   std::string text = "an explicit step of " + number_text(dt) + " is too large";
   const double frequency = model.wave_frequency();
   if (implicit != Implicit::wave && dt * frequency > 1)
-    text += "; the shortest wave turns at " + number_text(frequency) + " per unit time";
+    text += (model.scene().massless() ? "; the shortest deviation dies away at " : "; the shortest wave turns at ") +
+            number_text(frequency) + " per unit time";
   const double viscous = viscous_rate(model.scene());
   if (implicit != Implicit::wave && dt * viscous > 1)
     text += "; viscosity damps it at " + number_text(viscous) + " per unit time";
@@ -140,6 +148,7 @@ void Integrator::Impl::interpolate(double at, Vec into) {
   } else {
     SS_TRY(TSInterpolate(ts, at, into));
   }
+  model.settle(into);
   // About to explode: u is finite still, its cube is not.
   if (!all_finite(model, into))
     throw Failure("the solution is not finite at t = " + number_text(at) + " (step " +
@@ -220,6 +229,9 @@ void Integrator::Impl::fail(TSConvergedReason reason) const {
     SS_TRY(SNESGetConvergedReason(snes, &newton));
     unsolved = newton < 0;
   }
+  Vec u;
+  SS_TRY(TSGetSolution(ts, &u));
+  if (const std::string lost = model.lost_velocity(u); !lost.empty()) throw Failure(lost + at);
   PetscInt most = most_rejections;
   SS_TRY(PetscOptionsGetInt(nullptr, prefix.c_str(), "-ts_max_reject", &most, nullptr));
   throw Failure("the time step was rejected more than " + std::to_string(most) + " times (ts_max_reject)" + at +

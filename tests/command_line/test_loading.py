@@ -185,6 +185,14 @@ def test_slide_hold_slide():
     check(abs(found - peak) < 2e-5 and peak > 0.6 + 0.02, f"peak {found} for {peak}")
 
 
+def test_sweep_of_a_load():
+    text = "-grid_n 1 -model_form chain -load_v 0:0.2,3:0.2,3:0.5 -load_sine_period 4 -ts_max_time 6 "
+    run(text + "-sweep_parameter1 load_sine_amplitude -sweep_values1 0.1,0.3 -out_file table.h5", command="sweep")
+    means = data("table.h5")["psi_mean"]
+    alone = [run(text + f"-load_sine_amplitude {a}")[0]["psi_mean"] for a in (0.1, 0.3)]
+    check(np.array_equal(means, alone), f"{means} {alone}")
+
+
 REFUSED = [("-load_v 0:1,2", "load_v"), ("-load_v -1:1,2:1", "load_v"), ("-load_v 2:1,1:1", "ascending"),
            ("-load_sine_amplitude 0.1", "load_sine_period"), ("-load_sine_period 3", "load_sine_amplitude"),
            ("-load_v nowhere.txt", "nowhere.txt")]

@@ -8,6 +8,7 @@ import sys
 import h5py
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from calls import PROGRAM, SOURCE, check, scene_file, words
 
@@ -33,6 +34,13 @@ def two_blocks(spread):
     """Options of runs/two-blocks.yaml and an independent model of it; its comment names the draws of its seed."""
     draws = (-0.9315399682553215, 0.9315583105115364)
     return f"{scene_file('two-blocks')} -friction_spread {spread}", TwoBlocks(1, 1, 0.1, 2, [1 + d * spread for d in draws])
+
+
+def own_scene():
+    """runs/two-blocks.yaml without its alpha."""
+    with open(os.path.join(SOURCE, "runs", "two-blocks.yaml"), encoding="utf-8") as file, open("own.yaml", "w", encoding="utf-8") as own:
+        own.writelines(line for line in file if "alpha:" not in line)
+    return "own.yaml"
 
 
 def moments_of(path, after):
@@ -101,6 +109,70 @@ def test_on_a_cycle_they_are_those_of_the_multipliers():
     expected = np.log(multipliers[:2]) / period
     check(np.all(np.abs(value[:2] - expected) < 2e-4), f"{value[:2]}, by scipy {expected}")
     check(np.all(value[2:] == -math.inf) and multipliers[2] < 1e-6, f"two directions end: {value} {multipliers}")
+
+
+@pytest.mark.parametrize("nu, alpha", [(0.05, (2, 2)), (0, (2, 1.9)), (0.03, (2, 1.9))])
+def test_a_cycle_with_rests_viscosity_and_a_profile(nu, alpha):
+    # run, cycle and scipy pass each start and stop in code of their own
+    scene, model = two_blocks(0.08)
+    model.nu, model.alpha = nu, np.array(alpha, float)
+    scene += f" -model_nu {nu} -friction_alpha_profile 0:{alpha[0]},1:{alpha[1]}" if alpha[0] != alpha[1] else f" -model_nu {nu}"
+    # the scene's own value stands in its file
+    scene = scene if alpha[0] == alpha[1] else scene.replace(scene_file("two-blocks"), own_scene())
+    found = run(f"{scene} -cycle_cell 0 -out_events false -lyapunov_count 0 -out_file v.h5", command="cycle")
+    with h5py.File("v.h5") as file:
+        u = np.r_[file["psi"][0], file["eta"][0]]
+    missed, multipliers = model.cycle(u, found["period"])
+    check(missed < 1e-7, f"the cycle closes: {missed}")
+    known = np.sort([abs(complex(m["re"], m["im"])) for m in found["multipliers"]])[::-1]
+    check(np.all(np.abs(known - multipliers) < 1e-6), f"multipliers {known}, by scipy {multipliers}")
+    if alpha[0] != alpha[1]:
+        return
+    s = run(scene + " -ts_max_time 3000 -ts_rtol 1e-9 -ts_atol 1e-9")
+    value, _ = exponents(s)
+    expected = np.log(multipliers[:2]) / found["period"]
+    check(np.all(np.abs(value[:2] - expected) < 2e-4), f"{value[:2]}, by scipy {expected}")
+
+
+def test_under_an_oscillating_load():
+    # one block of the cubic about stable sliding, v(t) = 1.2 + 0.3 sin: the monodromy matrix over a period of the load by scipy
+    period = 9.0
+
+    def rates(t, z):
+        Y = z[2:].reshape(2, 2)
+        v = 1.2 + 0.3 * np.sin(2 * np.pi * t / period)
+        J = np.array([[1 - z[0]**2, 1], [-0.2, 0]])
+        return np.r_[z[1] + z[0] - z[0]**3 / 3, 0.2 * (v - z[0]), (J @ Y).ravel()]
+
+    tight = {"rtol": 1e-9, "atol": 1e-11, "method": "DOP853"}
+    z = solve_ivp(lambda t, z: rates(t, np.r_[z, np.zeros(4)])[:2], (0, 10 * period), [1.2, -0.6], **tight).y[:, -1]
+    end = solve_ivp(rates, (0, period), np.r_[z, np.eye(2).ravel()], **tight).y[:, -1]
+    check(np.abs(end[:2] - z).max() < 1e-5, "the motion is locked to the load")
+    expected = np.sort(np.log(np.abs(np.linalg.eigvals(end[2:].reshape(2, 2)))))[::-1] / period
+    s = run("-model_form chain -grid_n 1 -model_v 1.2 -init_psi 1.2 -load_sine_amplitude 0.3 -load_sine_period 9 -lyapunov_count 2 "
+            "-lyapunov_from 90 -ts_max_time 540 -ts_rtol 1e-8 -ts_atol 1e-8")
+    value, error = exponents(s)
+    check(np.all(np.abs(value - expected) < 4 * error + 1e-4), f"{value} +- {error}, by scipy {expected}")
+
+
+def test_with_rests_under_a_load():
+    # a block that sticks and slips under an oscillating plate: what becomes of a small change of its start, by two runs, from a
+    # slip near 25 to the end is what the vector grows by; a step's growth is shared out evenly over its time, which errs by
+    # some 1e-3 at the first of these
+    text = ("-model_form chain -grid_n 1 -model_k0 1 -model_zeta 0.1 -model_v 0.1 -friction_law carlson-langer -friction_alpha 1 "
+            "-init_psi 0 -load_sine_amplitude 0.08 -load_sine_period 7 -ts_rtol 1e-11 -ts_atol 1e-12 -ts_max_time 61 ")
+    run(text + "-init_eta 0.3 -lyapunov_count 1 -lyapunov_from 0 -out_file l.h5")
+    with h5py.File("l.h5") as file:
+        t, rate = file["lyapunov/t"][:], file["lyapunov/rate_1"][:]
+    first, ends = int(np.searchsorted(t, 25)), []
+    for eta in (0.3 - 1e-6, 0.3 + 1e-6):
+        run(text + f"-init_eta {eta!r} -out_file e.h5 -out_times {float(t[first])!r},61")
+        with h5py.File("e.h5") as file:
+            ends.append(np.stack([file["psi"][:, 0], file["eta"][:, 0]]))
+    check(ends[0][0, 0] > 0.1 and ends[0][0, 1] == 0, "from a slip to a rest")
+    apart = np.log(np.linalg.norm(ends[1] - ends[0], axis=0))
+    grown = np.sum((rate * np.diff(np.r_[0, t]))[first + 1:])
+    check(abs(grown - apart[1] + apart[0]) < 1e-2, f"the vector grows by {grown}, runs part by {apart[1] - apart[0]}")
 
 
 def test_chaos_of_two_blocks():

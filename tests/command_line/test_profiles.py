@@ -125,6 +125,27 @@ def test_constant_profile_is_none(name):
         check(np.array_equal(one[field], other[field]), f"{name}: {field} differs")
 
 
+def test_a_cycle_is_what_scipy_integrates():
+    # three unlike blocks, collocation against DOP853 and its variational equations by complex steps
+    chain = Chain(3, b=(0.9, 0.8, 0.95), D=(0.5, 0.4, 0.45), a=(0.3, 0.25, 0.3), amplitude=(1.0, 0.8, 1.2), k0=2.5, k1=0.5)
+    words = scene(chain, "a", "b", "D", "amplitude").replace("-model_k0 0.3 -model_k1 0.7", "-model_k0 2.5 -model_k1 0.5")
+    found, _ = run(words + "-cycle_cell 0 -init_psi 0.5 -init_eta steady -init_noise 0.2 -out_file cycle.h5", command="cycle")
+    file = data("cycle.h5")
+    start = np.concatenate([file["psi"][0], file["eta"][0], np.log(file["theta"][0])])
+
+    def rates(t, z):
+        u, Y = z[:9], z[9:].reshape(9, 9)
+        J = np.array([chain.rhs(t, u + 1e-30j * e).imag / 1e-30 for e in np.eye(9)]).T
+        return np.concatenate([chain.rhs(t, u), (J @ Y).ravel()])
+
+    end = solve_ivp(rates, (0, found["period"]), np.r_[start, np.eye(9).ravel()], method="DOP853", rtol=1e-7, atol=1e-9).y[:, -1]
+    check(np.abs(end[:9] - start).max() < 1e-5, f"the cycle misses itself by {np.abs(end[:9] - start).max()}")
+    exact = np.linalg.eigvals(end[9:].reshape(9, 9))
+    worst = matched([complex(m["re"], m["im"]) for m in found["multipliers"]], exact)
+    check(worst < 1e-4, f"multipliers differ by {worst}")
+    refused(words, 2, "cycle_cell 1", "no cell repeats", command="cycle")
+
+
 def test_first_to_slip():
     # all at rest without force: a block lets go when K0 v t is its own threshold, the weakest first
     thresholds = [0.9, 0.7, 0.5, 0.8]

@@ -12,10 +12,15 @@
 // At a given lambda eta and the state of a node follow from its psi and what drives it, so that J - lambda is solved by one
 // equation a node, coupled by (K1 + lambda N) D2 alone (`diagonal`, `condense`, `expand`).
 //
+// Without mass (scene.massless(), A infinite) the first equation is eta = B psi + F, and psi is no unknown: a deviation obeys
+//     eta_t = -K psi, state_t = g_psi psi + g_state state,  psi = (eta - F_state state)/(B + F_psi)
+// (`massless_block`), the relations in lambda are those above with 1/A = 0, and B + F_psi > 0 is asked for everywhere.
+//
 // Nothing here communicates or allocates. Units: psi is a velocity, eta and F are numbers (forces over the friction
 // amplitude), so A has the unit velocity/time, B time/length, K0 1/length, s delta 1/time; N kappa^2 has that of B.
 #pragma once
 
+#include <cmath>
 #include <complex>
 
 #include "stickslip/model/friction.hpp"
@@ -43,6 +48,14 @@ struct NodeBlock {
   double state_psi = 0, state_state = 0;
 
   // The rows one behind the other, dof (2 or 3) entries each.
+  void write(int dof, double* rows) const;
+};
+
+// The same without mass, of eta and the state.
+struct MasslessBlock {
+  double eta_eta, eta_state, state_eta, state_state;
+
+  // The rows one behind the other, dof (1 or 2) entries each.
   void write(int dof, double* rows) const;
 };
 
@@ -79,11 +92,20 @@ struct LinearPoint : FrictionSlopes {
   // The same of a node that friction holds at rest (Part::full, pointwise and stencil): psi stays 0, friction is eta.
   NodeBlock block_at_rest(Part part) const;
 
+  // Without mass, of a wave with that kappa^2.
+  MasslessBlock massless_block(double kappa2) const;
+  bool massless() const { return std::isinf(A); }
+
   // With eta and the state eliminated a deviation obeys  lambda [lambda/A + beta + N kappa^2 + q/(lambda + r)] + K = 0.
   double stiffness(double kappa2) const { return K0 + K1 * kappa2; }  // K
   double beta() const { return B + s_delta / A + F_psi; }             // resistance; the `a` of a cubic with a state
   // C = A (beta + N kappa^2): without a state stable iff C > 0
   double damping(double kappa2 = 0) const { return A * (B + F_psi) + s_delta + A * N * kappa2; }
+  // How fast that stiffness alone would turn or relax a node: sqrt(A K); without mass the modulus of the roots.
+  double rate_of(double K) const {
+    if (!massless()) return std::sqrt(A * K);
+    return has_state ? std::sqrt(std::abs(K * r() / beta())) : K / std::abs(beta());
+  }
   double r() const { return -g_state; }                               // rate at which the state relaxes
   double q() const { return F_state * g_psi; }                        // what acts through the state
   // Resistance to slow changes of a uniform motion, b = B + s delta/A + dF_ss/dv.
@@ -102,7 +124,8 @@ struct LinearPoint : FrictionSlopes {
   Complex condense_transposed(Complex lambda, const NodeVector& b) const;
   NodeVector expand_transposed(Complex lambda, Complex eta, const NodeVector& b) const;
 
-  // lambda^3 + c2 lambda^2 + c1 lambda + c0 with a state; without, lambda^2 + c2 lambda + c1 and c0 = 0.
+  // lambda^3 + c2 lambda^2 + c1 lambda + c0 with a state; without, lambda^2 + c2 lambda + c1 and c0 = 0. Without mass one
+  // power less: lambda^2 + c1 lambda + c0, or lambda + c1, and c2 = 0.
   struct Characteristic {
     double c2, c1, c0;
   };
@@ -160,6 +183,19 @@ inline void NodeBlock::write(int dof, double* rows) const {
   rows[8] = state_state;
 }
 
+inline MasslessBlock LinearPoint::massless_block(double kappa2) const {
+  const double resistance = B + F_psi, pull = stiffness(kappa2) / resistance;
+  return {-pull, pull * F_state, g_psi / resistance, g_state - g_psi * F_state / resistance};
+}
+
+inline void MasslessBlock::write(int dof, double* rows) const {
+  rows[0] = eta_eta;
+  if (dof == 1) return;
+  rows[1] = eta_state;
+  rows[2] = state_eta;
+  rows[3] = state_state;
+}
+
 inline LinearPoint::Complex LinearPoint::diagonal(Complex lambda) const {
   Complex c = beta();
   if (has_state) c += q() / (lambda + r());
@@ -204,6 +240,11 @@ inline NodeVector LinearPoint::expand_transposed(Complex lambda, Complex eta, co
 }
 
 inline LinearPoint::Characteristic LinearPoint::characteristic(double kappa2) const {
+  if (massless()) {
+    const MasslessBlock b = massless_block(kappa2);
+    if (!has_state) return {0, -b.eta_eta, 0};
+    return {0, -b.eta_eta - b.state_state, b.eta_eta * b.state_state - b.eta_state * b.state_eta};
+  }
   const double C = damping(kappa2), K = A * stiffness(kappa2) + s_delta * A * B;
   if (!has_state) return {C, K, 0};
   return {C + r(), K + C * r() + A * F_state * g_psi, K * r()};  // r > 0, so that c0 = 0 is K = 0
@@ -211,6 +252,7 @@ inline LinearPoint::Characteristic LinearPoint::characteristic(double kappa2) co
 
 inline bool LinearPoint::stable(double kappa2) const {
   const auto [c2, c1, c0] = characteristic(kappa2);
+  if (massless()) return B + F_psi > 0 && (has_state ? c1 > 0 && c0 >= 0 : c1 >= 0);
   if (!has_state) return c2 > 0;
   return c2 > 0 && c1 > 0 && (c0 == 0 || (c0 > 0 && c2 * c1 > c0));
 }

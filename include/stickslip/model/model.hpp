@@ -9,6 +9,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "stickslip/base/handle.hpp"
@@ -53,7 +54,14 @@ class Model {
   double plate_velocity(double t) const;        // in that piece
 
   // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space.
+  // Of a massless chain (src/model/massless.hpp) Part::full alone: eta and the state have rates, psi has the rate 0 and
+  // follows from them, from psi in u as a first guess; not a number where it would jump.
   void rhs(Part part, Vec u, Vec f) const;
+  // Puts into u the psi that its eta and state say in a massless chain; else does nothing. Not collective.
+  void settle(Vec u) const;
+  // Where the last rhs() or settle() of a massless chain found no psi, or where the psi in u is about to jump, in words; ""
+  // where neither is so. Collective.
+  std::string lost_velocity(Vec u) const;
   // Whether neighbours have viscosity (nu > 0). What drives a node then is e = eta + N D2 psi; at rest that is the force
   // held against the threshold.
   bool viscous() const;
@@ -97,7 +105,8 @@ class Model {
   double steady_state(double psi) const;  // of friction_law()
 
   // Largest explicit frequencies, for step sizes: sqrt(A (K0 + K1 kappa^2_max)) of the wave, and
-  // max |A (B + F_psi)| + |s delta| over the nodes at u. Collective.
+  // max |A (B + F_psi)| + |s delta| over the nodes at u. Of a massless chain: that of wave_frequency() below, and the rate of
+  // the state. Collective.
   double wave_frequency() const;
   double friction_rate(Vec u) const;
 
@@ -106,8 +115,12 @@ class Model {
   std::unique_ptr<Impl> impl_;
 };
 
-// Frequency of the shortest wave on the scene's grid, sqrt(A (K0 + K1 kappa^2_max)).
+// Frequency of the shortest wave on the scene's grid, sqrt(A (K0 + K1 kappa^2_max)). A massless chain has no waves: the
+// rate (K0 + K1 kappa^2_max)/(B + F_psi) at which its shortest deviation from sliding at psi = v dies away, where that is
+// a finite number; else K0 + K1 kappa^2_max over B, or over 1.
 double wave_frequency(const Scene& scene);
+// That of a node without neighbours, sqrt(A K0); without mass K0/(B + F_psi), as above.
+double own_frequency(const Scene& scene);
 // The rate at which viscosity damps the shortest wave, A N kappa^2_max, 0 without it; and the larger of the two, which
 // explicit steps obey.
 double viscous_rate(const Scene& scene);

@@ -7,7 +7,8 @@
 //     state_t = g(psi, state)                       only with a state law
 // continuum: A = gamma, B = 0, K0 = 1/gamma, K1 = c^2/gamma, N = nu/gamma;  chain: A = f0/m, B = zeta/f0, K0 = k0/f0,
 // K1 = k1/f0, N = nu/f0, delta = 0. psi: sliding velocity, eta: force over the friction amplitude. nu is the viscosity
-// between neighbours, 0 by default: then N D2 psi is not computed at all.
+// between neighbours, 0 by default: then N D2 psi is not computed at all. In the massless chain (m = 0) the first equation
+// is B psi + F(psi, state) = eta (src/model/massless.hpp).
 #pragma once
 
 #include <petscsys.h>
@@ -54,6 +55,8 @@ struct Scene {
   double K1() const { return form == Form::continuum ? c * c / gamma : k1 / f0; }
   double N() const { return form == Form::continuum ? nu / gamma : nu / f0; }
   double s_delta() const { return form == Form::continuum ? (derived_sign ? delta : -delta) : 0; }
+  // m = 0: A is infinite, eta = B psi + F(psi, state) holds at every moment, and psi is no unknown.
+  bool massless() const { return form == Form::chain && m == 0; }
   bool ring() const { return left == End::periodic; }
   double h() const { return ring() ? length / double(n) : (n > 1 ? length / double(n - 1) : 1); }
   double x(PetscInt i) const { return double(i) * h(); }

@@ -34,5 +34,7 @@ std::optional<ContinuumLead> continuum_lead(const LinearisedOperator& J);
 
 // A frequency of the scene: that of uniform oscillation, or of the shortest wave where nothing holds the line.
 double unit_frequency(const LinearisedOperator& J);
+// The size of the damping C of the mean medium, for tolerances; 0 without mass, where growth has that unit alone.
+double damping_scale(const LinearisedOperator& J);
 
 }  // namespace stickslip

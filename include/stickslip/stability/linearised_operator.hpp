@@ -12,7 +12,8 @@
 // carry no unknown. On a ring, between free ends, and at order 2 between held ones, D2 is symmetric in the inner
 // product of `weight`, and S is complex symmetric.
 //
-// Vectors p have one entry a node, vectors x of J `dof` entries a node (psi, eta, state), a node's together; lambda,
+// Vectors p have one entry a node, vectors x of J `dof` entries a node (psi, eta, state; without mass eta, state), a node's
+// together; lambda,
 // growth rates and frequencies are in 1/time. Every rank holds the whole line: a spectrum is shared out by shifts and
 // points, not by nodes. Not collective.
 #pragma once
@@ -47,7 +48,8 @@ class LinearisedOperator {
   std::size_t size() const { return slopes_.size(); }
   bool symmetric() const { return coupling.symmetric; }
   bool has_state() const { return scene.friction.has_state(); }
-  std::size_t dof() const { return has_state() ? 3 : 2; }
+  std::size_t fields() const { return has_state() ? 3 : 2; }
+  std::size_t dof() const { return fields() - psi_entries(); }
   // The uniform mode with lambda = 0: without K0 and held ends every velocity is a steady one. It is a symmetry, not
   // an instability.
   bool neutral() const { return K0 == 0 && size() == std::size_t(scene.n); }
@@ -63,6 +65,8 @@ class LinearisedOperator {
 
   // ---- J
   std::vector<Complex> expand(Complex lambda, const std::vector<Complex>& p) const;  // the eigenvector, from its psi
+  std::vector<Complex> expand_fields(Complex lambda, const std::vector<Complex>& p) const;  // with psi in any case
+  Complex psi_of(const Complex* x, std::size_t i) const;  // psi of node i, whose entries of a vector of J stand at x
   double mode_residual(Complex lambda, const std::vector<Complex>& p) const;         // |J x - lambda x|/|x| of it
   std::vector<Complex> multiply(const std::vector<Complex>& x) const;                // J x
   // (J - lambda)^-1 b, and (J^T - lambda)^-1 b (no conjugation), with S(lambda) factored in lu.
@@ -78,6 +82,7 @@ class LinearisedOperator {
   double spacing() const { return scene.form == Form::chain ? 1 : scene.h(); }
   double symbol(double k) const;            // of -D2, kappa^2
   double largest_symbol() const;            // that of the grid scale
+  double rate_of(double K) const { return mean_.rate_of(K); }  // LinearPoint; of the mean medium
   double largest_stiffness() const { return K0 + K1 * largest_symbol(); }
   double viscous_rate() const { return A * N * largest_symbol(); }  // at which the shortest wave is damped
   Complex coupling_factor(Complex lambda) const { return K1 + lambda * N; }  // what D2 is multiplied by in S
@@ -87,7 +92,7 @@ class LinearisedOperator {
   double dispersion_error(double k) const;
   // The medium with the mean coefficients (of F_state and g_psi their product alone); where all nodes are alike, that of
   // the first. At least one node.
-  LinearPoint mean() const;
+  const LinearPoint& mean() const { return mean_; }
   // Wavenumbers of all modes where the exact relation applies (`uniform`, and ends that fit), ascending, each with its
   // multiplicity; else empty.
   struct Wave {
@@ -103,11 +108,17 @@ class LinearisedOperator {
   double real_bound() const;
 
  private:
+  std::size_t psi_entries() const { return scene.massless() ? 1 : 0; }  // that vectors of J do not have
+  NodeVector node_of(const std::vector<Complex>& x, std::size_t i) const;
+  void put(const NodeVector& v, std::size_t i, std::vector<Complex>& x) const;
+  LinearPoint find_mean() const;
+  std::vector<Entry> massless_entries() const;
+  double massless_bound(double stiff, double r, double q) const;
   LinearisedOperator(const LinearisedOperator& whole, std::size_t first, std::size_t count);
   void add_viscous(const std::vector<Complex>& p, std::size_t stride, std::size_t first, std::vector<Complex>& x,
                    double factor = 1) const;
 
-  LinearPoint medium_;  // without friction
+  LinearPoint medium_, mean_;  // medium: without friction
   std::vector<FrictionSlopes> slopes_;
 };
 

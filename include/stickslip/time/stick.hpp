@@ -33,7 +33,8 @@ namespace stickslip {
 
 class Stick {
  public:
-  // Whether this scene's friction sticks: a law with a threshold, not regularised.
+  // Whether this scene's friction sticks: a law with a threshold, not regularised. Without mass psi follows from eta at rest,
+  // too, and nothing is to be decided.
   static bool applies_to(const Scene& scene);
 
   // The model computes with the directions of this object from decide() on, until another one decides or engages, or

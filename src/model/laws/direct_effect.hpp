@@ -29,7 +29,7 @@ struct DirectEffect {
   // convex in F, so that the two steps enclose the solution; of the enclosed values the one nearest to psi = a/mass,
   // where both terms weigh alike, makes the most of either. `force`: F after the linear step to psi_new; l: the exponent
   // there.
-  double newton_psi(double psi, double psi_new, double force, double l, double mass) const {
+  double nearest_psi(double psi, double psi_new, double force, double l, double mass) const {
     const double y = force / a;
     // psi = 2 psi0 exp(-l) sinh(y), as a logarithm
     const double m = std::abs(y);
@@ -40,6 +40,25 @@ struct DirectEffect {
     const double sign = psi < 0 ? -1. : 1., low = std::min(sign * psi_new, magnitude);
     const double high = std::max(sign * psi_new, magnitude);
     return sign * std::min(std::max(a / mass, low), high);
+  }
+};
+
+// Of a law L with a, psi0, exponent(s) and evolution(s): the l above, and a times its derivative.
+template <class L>
+struct OfDirectEffect {
+  static constexpr bool jumps_at_rest = false;
+  static constexpr bool takes_state = true;
+
+  template <class Real>
+  PartialsOf<Real> partials(Real psi, Real s) const {
+    const L& law = static_cast<const L&>(*this);
+    return DirectEffect{law.a, law.psi0}.partials(psi, law.exponent(s), Real(law.evolution(s)));
+  }
+  double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
+    const L& law = static_cast<const L&>(*this);
+    const Partials p = partials(psi, s);
+    const double force = p.F + p.F_psi * (psi_new - psi) + p.F_state * (s_new - s);
+    return DirectEffect{law.a, law.psi0}.nearest_psi(psi, psi_new, force, law.exponent(s_new), mass);
   }
 };
 

@@ -8,11 +8,9 @@
 
 namespace stickslip {
 
-struct NShaped {
+struct NShaped : OfDirectEffect<NShaped> {
   static constexpr const char* name = "n-shaped";
   static constexpr const char* usual_state = "ageing-cutoff";
-  static constexpr bool jumps_at_rest = false;
-  static constexpr bool takes_state = true;
   double a = 0.05, b = 0.1, D = 0.1, mu0 = 0.6, psi0 = 1, psi_s = 1;
   static std::vector<Declared<NShaped>> parameters() {
     using R = Parameter::Range;
@@ -36,16 +34,6 @@ struct NShaped {
     using std::exp;
     const Real aged = exp(s) / D;
     return b * aged / (aged + 1 / psi_s);
-  }
-
-  template <class Real>
-  PartialsOf<Real> partials(Real psi, Real s) const {
-    return DirectEffect{a, psi0}.partials(psi, exponent(s), evolution(s));
-  }
-  double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
-    const Partials p = partials(psi, s);
-    const double force = p.F + p.F_psi * (psi_new - psi) + p.F_state * (s_new - s);
-    return DirectEffect{a, psi0}.newton_psi(psi, psi_new, force, exponent(s_new), mass);
   }
 };
 

@@ -5,10 +5,8 @@
 
 namespace stickslip {
 
-struct RateAndState {
+struct RateAndState : OfDirectEffect<RateAndState> {
   static constexpr const char* name = "rate-and-state";
-  static constexpr bool jumps_at_rest = false;
-  static constexpr bool takes_state = true;
   double a = 0.05, b = 0.1, D = 0.1, mu0 = 0.6, psi0 = 1;
   static std::vector<Declared<RateAndState>> parameters() {
     using R = Parameter::Range;
@@ -26,16 +24,8 @@ struct RateAndState {
   // l = (mu0 + b ln(psi0 theta/D))/a, so that q = psi/(2 psi0) exp(l)
   template <class Real>
   Real exponent(Real s) const { return (mu0 + b * (std::log(psi0 / D) + s)) / a; }
-
   template <class Real>
-  PartialsOf<Real> partials(Real psi, Real s) const {
-    return DirectEffect{a, psi0}.partials(psi, exponent(s), Real(b));
-  }
-  double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
-    const Partials p = partials(psi, s);
-    const double force = p.F + p.F_psi * (psi_new - psi) + p.F_state * (s_new - s);
-    return DirectEffect{a, psi0}.newton_psi(psi, psi_new, force, exponent(s_new), mass);
-  }
+  Real evolution(Real) const { return b; }
 };
 
 }  // namespace stickslip

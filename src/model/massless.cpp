@@ -1,0 +1,93 @@
+#include "model/massless.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "stickslip/base/text.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double lost = std::numeric_limits<double>::quiet_NaN();
+constexpr double round_off = 8 * std::numeric_limits<double>::epsilon();  // what a law's formula may err by
+
+}  // namespace
+
+Partials MasslessNode::force(double psi, double state, double direction) const {
+  const Partials p = direction != 0 ? law.sliding_partials(psi, state, direction) : law.partials(psi, state);
+  return {amplitude * p.F, amplitude * p.F_psi, amplitude * p.F_state};
+}
+
+double MasslessNode::velocity(double eta, double state, double guess) const {
+  if (!law.sticks) return zero(eta, state, guess, 0);
+  const double limit = amplitude * law.threshold(state).value;
+  if (eta <= limit && (eta >= -limit || !back_slip)) return 0;
+  const double direction = eta > 0 ? 1 : -1;
+  return zero(eta, state, direction * guess > 0 ? guess : 0, direction);
+}
+
+// Newton's method, inside a bracket once there is one. Beyond `good`, the last place where r rises, no other branch is taken:
+// a step that leaves the branch is halved.
+double MasslessNode::zero(double eta, double state, double guess, double direction) const {
+  double good = guess, psi = guess, low = -HUGE_VAL, high = HUGE_VAL;
+  for (int round = 0; round < 200; ++round) {
+    const Partials p = force(psi, state, direction);
+    const double own = B * psi, r = own + p.F - eta, slope = B + p.F_psi;
+    if (!(slope > 0) || !std::isfinite(r)) {
+      if (psi == good || std::abs(psi - good) <= round_off * std::abs(good)) return lost;
+      psi = good + (psi - good) / 2;
+      continue;
+    }
+    good = psi;
+    (r < 0 ? low : high) = psi;
+    double next = psi - r / slope;
+    if (law.steep) next = law.newton_psi(psi, state, next, state, B / amplitude);
+    if (!(next > low && next < high)) next = low > -HUGE_VAL && high < HUGE_VAL ? low + (high - low) / 2 : next;
+    const bool done = std::abs(r) <= round_off * (std::abs(own) + std::abs(p.F) + std::abs(eta)) ||
+                      std::abs(next - psi) <= round_off * std::abs(psi);
+    if (done) return law.steep || rises_between(guess, psi, state, direction) ? psi : lost;
+    psi = next;
+  }
+  return lost;
+}
+
+bool MasslessNode::rises_between(double from, double to, double state, double direction) const {
+  const double low = std::min(from, to), high = std::max(from, to);
+  if (high - low <= 0.25 * std::min(std::abs(low), std::abs(high))) return true;
+  const auto rises = [&](double psi) { return B + force(psi, state, direction).F_psi > 0; };
+  if (low < 0 && high > 0 && !rises(0)) return false;
+  // outwards on either side of 0, from where psi is small against the whole
+  const double least = 1e-12 * (high - low);
+  for (const double side : {-1., 1.}) {
+    const double inner = std::max({side > 0 ? low : -high, 0., least}), outer = side > 0 ? high : -low;
+    for (double psi = inner; psi < outer; psi *= 1.25)
+      if (!rises(side * psi)) return false;
+  }
+  return true;
+}
+
+MasslessNode::Slopes MasslessNode::slopes(double psi, double state) const {
+  if (law.sticks && psi == 0) return {0, 0};
+  const Partials p = force(psi, state, law.sticks ? (psi > 0 ? 1 : -1) : 0);
+  const double slope = B + p.F_psi;
+  return {1 / slope, -p.F_state / slope};
+}
+
+std::string jump_at_rest(const MasslessNode& node) {
+  if (!node.law.sticks) return "";
+  const double state = 1;  // a factor of both forces
+  const Partials p = node.law.sliding_partials(0, state, 1);
+  const double threshold = node.law.threshold(state).value;
+  if (threshold - p.F > 1e-12 * threshold)
+    return "friction falls from its threshold to " + rounded_text(p.F / threshold, 6) + " of it as a block lets go, and its velocity would jump";
+  // with a state it shows when the motion comes there
+  if (!node.law.has_state && !(node.B + node.amplitude * p.F_psi > 0))
+    return "as a block lets go friction falls with velocity at least as fast as the resistance zeta/f0 = " +
+           rounded_text(node.B, 6) + " makes up for (slope " + rounded_text(node.amplitude * p.F_psi, 6) +
+           "), and its velocity would jump";
+  return "";
+}
+
+}  // namespace stickslip

@@ -1,0 +1,46 @@
+// The massless equations (massless.hpp) on this rank's nodes of a Model.
+#pragma once
+
+#include <petscmat.h>
+
+#include <string>
+#include <vector>
+
+#include "model/massless.hpp"
+#include "stickslip/model/frictions.hpp"
+
+namespace stickslip {
+
+class MasslessChain {
+ public:
+  // The arguments stay the caller's. Throws UsageError, on every rank, where some block cannot let go without a jump.
+  // Collective.
+  MasslessChain(MPI_Comm comm, const Scene& scene, const Frictions& law, const std::vector<double>& amplitude,
+                PetscInt first);
+
+  // psi of u from its eta and state, from the psi that stands there; NaN where it is lost. Not collective.
+  void settle(Vec u) const;
+  // Where the last settle() found none, or at the psi in u friction falls all but as fast as B psi rises, in words; "" where
+  // neither is so on any rank. Collective.
+  std::string lost_velocity(Vec u) const;
+  // J = alpha I + beta d(rates of eta and state)/du at u, which is settled. Collective.
+  void jacobian(Vec u, double alpha, double beta, Mat J) const;
+
+ private:
+  bool held(PetscInt i) const;  // local numbers
+  MasslessNode node(PetscInt i) const { return {law_[i], amplitude_[std::size_t(i)], scene_.B(), scene_.friction.back_slip}; }
+  void check() const;
+  void find_edge(Vec u) const;
+  void add_coupling(double factor, Vec slopes, Mat J) const;
+  void add_own(const double* u, const double* slopes, double alpha, double beta, Mat J) const;
+
+  MPI_Comm comm_;
+  const Scene& scene_;
+  const Frictions& law_;
+  const std::vector<double>& amplitude_;
+  PetscInt first_, local_;
+  int dof_;
+  mutable double lost_at_ = -1, lost_from_ = 0;  // x of a node without psi, and the psi that it came from
+};
+
+}  // namespace stickslip
