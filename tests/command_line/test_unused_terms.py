@@ -58,7 +58,8 @@ PEAK = ("import resource, subprocess, sys; subprocess.run(sys.argv[1:], stdout=s
 
 def test_memory_a_node():
     # 77 to 82 bytes a node before there were such terms and with them; 16 more would be another vector
-    peaks = [1024 * int(subprocess.run(["python3", "-c", PEAK, *line(f"-grid_n {n} -grid_length {n} -init_type sine -ts_max_steps 2")],
+    peaks = [1024 * int(subprocess.run(["python3", "-c", PEAK, *line(f"-grid_n {n} -grid_length {n} -init_type sine -ts_type rk -ts_rk_type 5dp "
+                                                              "-ts_max_steps 2")],
                                        capture_output=True, text=True, check=True).stdout) for n in (100000, 400000)]
     each = (peaks[1] - peaks[0]) / 300000
     check(each < 90, f"{each} bytes a node")
