@@ -159,13 +159,15 @@ struct FusedTs::Callbacks {
   }
   static PetscErrorCode TSView_Fused(TS ts, PetscViewer viewer) {
     const FusedMethod& method = *self(ts).method_;
+    const bool in_band = self(ts).implicit_ == Implicit::wave || self(ts).implicit_ == Implicit::both;
     PetscBool ascii;
     PetscCall(PetscObjectTypeCompare((PetscObject)viewer, PETSCVIEWERASCII, &ascii));
     if (ascii && subtype_option(method.type()).empty())
       PetscCall(PetscViewerASCIIPrintf(viewer, "  %s, tile by tile\n", method.type()));
     else if (ascii)
-      PetscCall(PetscViewerASCIIPrintf(viewer, "  %s type %s, all stages of a step tile by tile\n", method.type(),
-                                       method.subtype()));
+      PetscCall(PetscViewerASCIIPrintf(viewer, "  %s type %s, %s\n", method.type(), method.subtype(),
+                                       in_band ? "for each stage one banded system in psi, in pieces"
+                                               : "all stages of a step tile by tile"));
     return 0;
   }
   static PetscErrorCode TSDestroy_Fused(TS ts) {

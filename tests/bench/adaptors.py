@@ -26,10 +26,10 @@ CONTROLS = [
     ("growth up to 2, safety 0.8", "-ts_adapt_clip 0.1,2 -ts_adapt_safety 0.8"),
     ("growth up to 5", "-ts_adapt_clip 0.1,5"),
     ("growth up to 1.5, safety 0.7", "-ts_adapt_clip 0.1,1.5 -ts_adapt_safety 0.7"),
+    ("growth up to 1.3, safety 0.6", "-ts_adapt_clip 0.1,1.3 -ts_adapt_safety 0.6"),
     ("dsp PI42", "-ts_adapt_type dsp -ts_adapt_dsp_filter PI42"),
     ("dsp PI30", "-ts_adapt_type dsp -ts_adapt_dsp_filter PI30"),
     ("dsp H211PI", "-ts_adapt_type dsp -ts_adapt_dsp_filter H211PI"),
-    ("dsp H312PID", "-ts_adapt_type dsp -ts_adapt_dsp_filter H312PID"),
 ]
 TOLERANCES = [1e-5, 1e-6, 1e-7, 1e-8]
 
