@@ -5,6 +5,7 @@
 
 #include "base/progress.hpp"
 #include "commands/boundary_output.hpp"
+#include "commands/cycle_problem.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/stick_slip_end.hpp"
 #include "stickslip/study/vary.hpp"
@@ -112,6 +113,7 @@ void verify(GrowthRate& growth, StickSlipEnd& end, const Options& options, Found
     if (v.from_sliding != v.expected)
       warn("time integration from slightly perturbed sliding at " + at(v) + " ends in " + v.from_sliding +
            " where the growth rate " + number_text(v.growth) + " says " + v.expected);
+  if (found.cell) return;  // a flip or a torus changes no word of a run
   for (const Verified& v : verify_end(growth, end, options, found.stick_slip, checks, shown)) {
     if (v.from_stick_slip != v.expected)
       warn("time integration of uniform motion from rest at " + at(v) + " ends in " + v.from_stick_slip +
@@ -158,8 +160,22 @@ void find_sliding(const Options& options, GrowthRate& growth, FoundBoundary& fou
   if (found.sliding.empty()) fail_without_points(growth, found.findings.samples);
 }
 
+// Several nodes, or the whole scene, whose own cycle is asked about.
+bool of_cell(const Options& options) { return options.integer("cycle_cell") != 1; }
+
+CellMotion cell_motion(const Options& options, const std::vector<Axis>& axes) {
+  if (!of_cell(options)) return {};
+  const auto at = [options, axes](double value, double value2) { return options_with(options, axes, value, value2); };
+  return {[at](double value, double value2) { return cell_of_options(at(value, value2)); },
+          [at](double value, double value2) {
+            const Options there = at(value, value2);
+            return start_of_cell(there, cell_of_options(there));
+          }};
+}
+
 void find_stick_slip(const Options& options, StickSlipEnd& end, bool two, FoundBoundary& found) {
   std::vector<std::string>& notes = found.findings.notes;
+  found.cell = of_cell(options);
   found.stick_slip = two ? end.curve(options.integer("boundary_points"), notes) : end.points(notes);
   found.distances = end.samples();
 }
@@ -170,10 +186,15 @@ struct Asked {
   bool sliding, stick_slip;
 };
 Asked asked_for(const Options& options, const Scene& scene) {
-  const std::string of = options.text("boundary_of"), refusal = StickSlipEnd::refusal(scene);
+  const std::string of = options.text("boundary_of");
   if (of == "sliding") return {true, false};
+  if (of_cell(options)) {
+    check_cycle_options(options, cell_of_options(options));
+    return {of == "both", true};
+  }
+  const std::string refusal = StickSlipEnd::refusal(scene);
   if (!refusal.empty() && options.is_set("boundary_of"))
-    throw UsageError("-boundary_of " + of + ": needs uniform motion of friction that sticks: " + refusal);
+    throw UsageError("-boundary_of " + of + ": needs uniform motion: " + refusal);
   return {of == "both", refusal.empty()};
 }
 
@@ -181,7 +202,10 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
                   const Asked& asked) {
   const bool two = growth.axes().size() > 1;
   Progress progress(options.text("progress"), "boundary: ");
-  StickSlipEnd end(scene_of(options, growth.axes()), growth.axes());
+  const std::vector<Axis>& axes = growth.axes();
+  const std::unique_ptr<StickSlipEnd> found_end =
+      StickSlipEnd::of(scene_of(options, axes), axes, cell_motion(options, axes));
+  StickSlipEnd& end = *found_end;
   growth.watch([&] {
     if (progress.due()) progress.show(std::to_string(growth.evaluations()) + " growth rates");
   });
@@ -206,7 +230,8 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
   summary.set("evaluations", growth.evaluations() + end.evaluations());
   for (const std::string& note : found.findings.notes) warn(note);
   if (points.empty())
-    throw Failure(!no_sliding.empty() ? no_sliding : "uniform stick-slip does not end between the bounds of the axes");
+    throw Failure(!no_sliding.empty() ? no_sliding : std::string(found.cell ? "the cell's" : "uniform") +
+                      " stick-slip does not end between the bounds of the axes, unless at a Hopf point of sliding");
   if (!no_sliding.empty()) summary.say(no_sliding);
   verify(growth, end, options, found, progress);
   if (options.integer("boundary_verify") > 0) summary.set("verified", verified_list(found.verified, two));

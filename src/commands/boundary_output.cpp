@@ -110,15 +110,30 @@ void describe_sliding(Summary& summary, GrowthRate& growth, const std::vector<Cr
   summary.say(text);
 }
 
-// Where uniform motion sticks and slips along the first axis.
+// Where uniform motion sticks and slips along the first axis. Where the samples change without a point of stick-slip between
+// them, its cycle shrinks to nothing at a Hopf point of sliding.
 void describe_stick_slip(Summary& summary, const Axis& axis, const FoundBoundary& found) {
+  const double cells = double(found.distances.size() - 1);
+  std::vector<double> ends;
+  const auto between = [&](const std::vector<Crossing>& points, double low, double high) {
+    for (const Crossing& c : points)
+      if (c.x >= low && c.x <= high) ends.push_back(c.x);
+  };
+  for (std::size_t k = 0; k + 1 < found.distances.size(); ++k) {
+    const double low = double(k) / cells, high = double(k + 1) / cells;
+    const std::size_t before = ends.size();
+    between(found.stick_slip, low, high);
+    const bool changes = found.distances[k] * found.distances[k + 1] < 0;
+    if (changes && ends.size() == before) between(found.sliding, low, high);
+    if (changes && ends.size() == before) ends.push_back((low + high) / 2);
+  }
+  ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
+  ends.push_back(1);
   std::string text = "along " + axis.name + " uniform motion";
   double begin = 0;
-  for (std::size_t k = 0; k <= found.stick_slip.size(); ++k) {
-    const double end = k < found.stick_slip.size() ? found.stick_slip[k].x : 1;
-    const double middle = (begin + end) / 2 * double(found.distances.size() - 1);
-    const double here = found.distances[std::size_t(std::lround(middle))];
-    text += std::string(k == 0 ? "" : ",") +
+  for (const double end : ends) {
+    const double here = found.distances[std::size_t(std::lround((begin + end) / 2 * cells))];
+    text += std::string(begin == 0 ? "" : ",") +
             (std::isnan(here) ? " rests for ever" : here < 0 ? " can stick and slip" : " cannot stick and slip") + " from " +
             number_text(axis.value(begin)) + " to " + number_text(axis.value(end));
     begin = end;
@@ -179,7 +194,7 @@ void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found) 
   }
   if (!found.stick_slip.empty()) {
     if (two) describe_curve(summary, growth, found.stick_slip, "stick-slip");
-    else describe_stick_slip(summary, growth.axes()[0], found);
+    else if (!found.cell) describe_stick_slip(summary, growth.axes()[0], found);
   }
   describe_checks(summary, growth.axes(), found.verified);
 }
@@ -290,7 +305,7 @@ void write_file(const Options& options, GrowthRate& growth, const FoundBoundary&
     kinds.push_back(c.kind);
     of.push_back(c.of);
   }
-  file.add_text({"kind", "1", "hopf or zero; of stick-slip graze or fold"}, {"point"}, kinds);
+  file.add_text({"kind", "1", "hopf or zero; of stick-slip graze, fold, flip, torus or branch"}, {"point"}, kinds);
   file.add_text({"of", "1", "sliding or stick-slip: whose end the point is"}, {"point"}, of);
   add_criticality(file, points, found.findings.special, unit(growth.axes()[0]), two ? unit(growth.axes()[1]) : "");
   file.add({"closed_form_v", "length/time", "model_v of the boundary in closed form"}, {"point"},

@@ -18,6 +18,7 @@ struct FoundBoundary {
   std::vector<Crossing> sliding, stick_slip;
   BoundaryFindings findings;
   std::vector<double> distances;  // of stick-slip from its end, on an even lattice of the axes; empty where not asked for
+  bool cell = false;              // stick_slip is that of a cell (cycle_cell), not of uniform motion
   std::vector<Verified> verified;
   std::vector<Crossing> points() const;  // all, pieces numbered one behind the other
 };

@@ -26,19 +26,6 @@ bool alone(const Options& options, const Scene& cell) { return !has_neighbours(o
 
 bool one_node(const Scene& cell) { return cell.n == 1; }
 
-// The start of the cell as a vector of all its nodes.
-std::vector<double> start_of(const Options& options, const Scene& cell) {
-  const Model model(PETSC_COMM_SELF, cell);
-  const VecHandle u = model.create_vector();
-  Start(cell, options).fill(model, u);
-  const Reading values(u);
-  std::vector<double> start;
-  for (PetscInt node = 0; node < cell.n; ++node)
-    for (int k = 0; k < model.dof(); ++k)
-      if (!model.held(node)) start.push_back(values[node * model.dof() + k]);
-  return start;
-}
-
 std::vector<double> positions(const Scene& cell) {
   std::vector<double> x;
   for (PetscInt i = 0; i < cell.n; ++i)
@@ -63,7 +50,7 @@ CycleBranch smooth_branch(const Options& options, const SmoothCycle& first, cons
 FoundCycle smooth(const Options& options, const Scene& cell) {
   const auto found = std::make_shared<const SmoothCycle>(
       one_node(cell) && has_neighbours(options) ? uniform_cycle(cell)
-                                                : settled_cycle(cell, start_of(options, cell), turns_to_settle));
+                                                : settled_cycle(cell, start_of_cell(options, cell), turns_to_settle));
   FoundCycle result{found->cycle, positions(cell), found->mesh.size() - 1, nullptr, alone(options, cell), nullptr};
   if (has_neighbours(options)) result.waves = [found](int count) { return bloch_spectrum(*found, count); };
   result.branch = [options, found](const std::string& name, double to, int steps, bool with_waves) {
@@ -93,7 +80,7 @@ CycleBranch stick_branch(const Options& options, const StickCycle& first, const 
 
 FoundCycle sticking(const Options& options, const Scene& cell) {
   const bool uniform = one_node(cell) && has_neighbours(options);
-  const StickFate fate = uniform ? uniform_stick_fate(cell) : stick_fate(cell, start_of(options, cell));
+  const StickFate fate = uniform ? uniform_stick_fate(cell) : stick_fate(cell, start_of_cell(options, cell));
   if (fate.fate != Fate::repeats)
     throw Failure("no cycle with rests: the motion " + to_string(fate.fate) + " (looked at for a time of " +
                   rounded_text(fate.time) + ")");
@@ -130,6 +117,18 @@ Scene cell_of_options(const Options& options) {
   scene.n = cell;
   scene.left = scene.right = End::periodic;
   return scene;
+}
+
+std::vector<double> start_of_cell(const Options& options, const Scene& cell) {
+  const Model model(PETSC_COMM_SELF, cell);
+  const VecHandle u = model.create_vector();
+  Start(cell, options).fill(model, u);
+  const Reading values(u);
+  std::vector<double> start;
+  for (PetscInt node = 0; node < cell.n; ++node)
+    for (int k = 0; k < model.dof(); ++k)
+      if (!model.held(node)) start.push_back(values[node * model.dof() + k]);
+  return start;
 }
 
 void check_cycle_options(const Options& options, const Scene& cell) {

@@ -16,6 +16,9 @@ namespace stickslip {
 // no such cell.
 Scene cell_of_options(const Options& options);
 
+// The start of a cell: all its unknowns, node by node, from init_*.
+std::vector<double> start_of_cell(const Options& options, const Scene& cell);
+
 // cycle_continue, cycle_to and cycle_spectrum, checked before any work. Throws UsageError.
 void check_cycle_options(const Options& options, const Scene& cell);
 

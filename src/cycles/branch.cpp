@@ -13,15 +13,21 @@
 
 namespace stickslip {
 
-namespace {
-
-using std::size_t;
-
 double dot(const Place& a, const Place& b) {
   double sum = 0;
   for (size_t k = 0; k < a.size(); ++k) sum += a[k] * b[k];
   return sum;
 }
+
+Place of_length_one(Place p) {
+  const double length = std::sqrt(dot(p, p));
+  for (double& value : p) value /= length;
+  return p;
+}
+
+namespace {
+
+using std::size_t;
 
 // How many multipliers lie beyond 1, beyond -1, and, as conjugate pairs, outside of the unit circle; the phase mode's
 // left out.
@@ -49,7 +55,7 @@ struct Seen {
 class Walk {
  public:
   Walk(CyclePath& path, const Cycle& first, const std::string& name, double from, double to, int steps,
-       const CycleWatch& watch);
+       const CycleWatch& watch, Follow follow);
   CycleBranch follow();
 
  private:
@@ -63,7 +69,8 @@ class Walk {
   void locate_root(const std::string& kind, double length, const std::function<double()>& test, double before,
                    double after);
   void locate_change(const Signature& before, const Signature& after, double length);
-  void add_special(const std::string& kind);
+  void add_special(const std::string& kind, double s);
+  bool end_where_it_repels(size_t found);
   void end_at_hopf(const Seen& seen, double length);
   void end_where_none_is_found();
   bool period_is_infinite(const Seen& seen) const;
@@ -78,13 +85,16 @@ class Walk {
   Seen last_;           // of that place
   double first_amplitude_, first_period_;
   bool folded_ = false;
-  std::string refusal_;  // why the last step was not taken
+  bool while_stable_;
+  double first_special_ = 0;  // distance along the step of the first special point that was found in it, and its number
+  size_t first_number_ = 0;
+  std::string refusal_;       // why the last step was not taken
 };
 
 Walk::Walk(CyclePath& path, const Cycle& first, const std::string& name, double from, double to, int steps,
-           const CycleWatch& watch)
+           const CycleWatch& watch, Follow follow)
     : path_(path), name_(name), from_(from), to_(to), range_(std::abs(to - from)), steps_(steps), watch_(watch),
-      first_amplitude_(first.amplitude), first_period_(first.period) {
+      first_amplitude_(first.amplitude), first_period_(first.period), while_stable_(follow == Follow::while_stable) {
   longest_ = std::max(.02, std::min(.2, 4. / steps));
   ds_ = longest_ / 2;
   here_ = path_.place();
@@ -172,7 +182,9 @@ bool Walk::step() {
   const double cosine = dot(t_, seen.tangent);
   if (cosine < .92 && ds_ > 1e-4 && !arrive) throw Failure("the branch turns within the step");
   const size_t found = branch_.special.size();
+  first_special_ = length;
   find_special(seen, length);
+  if (while_stable_ && last_.watched.stable && !seen.watched.stable) return end_where_it_repels(found);
   if (branch_.special.size() > found || folded_) {  // the path has been elsewhere
     to_the_end();
     seen.tangent = path_.tangent(t_);
@@ -202,11 +214,26 @@ bool Walk::step() {
   return true;
 }
 
-void Walk::add_special(const std::string& kind) {
+// False: the branch ends.
+bool Walk::end_where_it_repels(size_t found) {
+  if (branch_.special.size() == found) throw Failure("the cycle ceases to attract at a point that is not located");
+  branch_.special = {branch_.special[first_number_]};
+  go(first_special_);
+  path_.tangent(t_);
+  branch_.end = "the cycle ceases to attract at " + name_ + " = " + rounded_text(path_.place().back() * range_, 10);
+  return false;
+}
+
+// The point of the step at the distance s is special.
+void Walk::add_special(const std::string& kind, double s) {
   const Cycle cycle = path_.cycle();
   SpecialPoint point{kind, path_.place().back() * range_, cycle.period, 0, branch_.points.size() - 1};
   if (kind == "wave" && watch_) point.wavenumber = watch_(point.value, cycle).wavenumber;
   branch_.special.push_back(point);
+  if (s < first_special_) {
+    first_special_ = s;
+    first_number_ = branch_.special.size() - 1;
+  }
 }
 
 void Walk::locate_root(const std::string& kind, double length, const std::function<double()>& test, double before,
@@ -224,7 +251,7 @@ void Walk::locate_root(const std::string& kind, double length, const std::functi
   if (std::isnan(s)) return;
   go(s);
   // a jump through zero is none
-  if (std::abs(test()) < 1e-4 * std::max(std::abs(before), std::abs(after))) add_special(kind);
+  if (std::abs(test()) < 1e-4 * std::max(std::abs(before), std::abs(after))) add_special(kind, s);
 }
 
 // A change of the multipliers' places, by halving: which of them passes the unit circle, and where.
@@ -245,9 +272,9 @@ void Walk::locate_change(const Signature& before, const Signature& after, double
   for (size_t k = 0; k < cycle.multipliers.size(); ++k) {
     const std::complex<double> mu = cycle.multipliers[k];
     if (k == cycle.phase_mode || std::abs(std::abs(mu) - 1) > near || mu.imag() < 0) continue;
-    if (before[2] != after[2] && mu.imag() > 0) return add_special("torus");
-    if (before[1] != after[1] && mu.imag() == 0 && mu.real() < 0) return add_special("flip");
-    if (before[0] != after[0] && mu.imag() == 0 && mu.real() > 0) return add_special("branch");
+    if (before[2] != after[2] && mu.imag() > 0) return add_special("torus", s);
+    if (before[1] != after[1] && mu.imag() == 0 && mu.real() < 0) return add_special("flip", s);
+    if (before[0] != after[0] && mu.imag() == 0 && mu.real() > 0) return add_special("branch", s);
   }
 }
 
@@ -330,8 +357,48 @@ bool Walk::period_is_infinite(const Seen& seen) const {
 }  // namespace
 
 CycleBranch continue_cycle(CyclePath& path, const Cycle& first, const std::string& name, double from, double to,
-                           int steps, const CycleWatch& watch) {
-  return Walk(path, first, name, from, to, steps, watch).follow();
+                           int steps, const CycleWatch& watch, Follow follow) {
+  return Walk(path, first, name, from, to, steps, watch, follow).follow();
+}
+
+double special_test(const std::string& kind, CyclePath& path, const Place& row) {
+  if (kind == "fold") return path.tangent(row).back();
+  const Cycle cycle = path.cycle();
+  if (const auto named = cycle.tests.find(kind); named != cycle.tests.end()) return named->second;
+  const double from = kind == "flip" ? -1 : 1;
+  double nearest = std::nan("");
+  for (size_t k = 0; k < cycle.multipliers.size(); ++k) {
+    const std::complex<double> mu = cycle.multipliers[k];
+    if (k == cycle.phase_mode || (kind == "torus" ? mu.imag() <= 0 : mu.imag() != 0)) continue;
+    const double off = kind == "torus" ? std::abs(mu) - 1 : mu.real() - from;
+    if (!(std::abs(off) > std::abs(nearest))) nearest = off;  // the first is compared with NaN
+  }
+  return nearest;
+}
+
+double settle_on_special(const std::string& kind, CyclePath& path, double range, double& slope) {
+  constexpr double first_step = 1e-4, reach = 0.2;
+  const double tolerance = kind == "fold" ? 1e-7 : 1e-10;  // the parameter of a fold is known to the square
+  Place row = path.direction(), here = path.place();
+  path.go(0, row, dot(row, here));
+  row = path.tangent(row);
+  path.accept();
+  here = path.place();
+  const double level = dot(row, here);
+  const auto test = [&](double s) {
+    try {
+      path.go(s, row, level + s);
+      return special_test(kind, path, row);
+    } catch (const Failure&) {
+      return std::nan("");
+    }
+  };
+  const double first = special_test(kind, path, row), step = slope == slope ? -first / slope : first_step;
+  const double s = root_near(test, 0, first, std::abs(step) < reach / 10 ? step : first_step, tolerance, reach, &slope);
+  if (std::isnan(s)) return s;
+  path.go(s, row, level + s);
+  path.tangent(row);
+  return path.place().back() * range;
 }
 
 }  // namespace stickslip

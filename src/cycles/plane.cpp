@@ -31,6 +31,14 @@ Condition plane_through(const VectorField& field, const std::vector<double>& y, 
 
 Condition plane_across(const VectorField& field, const std::vector<double>& y) { return plane_through(field, y, y); }
 
+Condition plane_of(std::size_t k, const std::vector<double>& y) {
+  Condition plane;
+  plane.y0.assign(y.size(), 0.);
+  plane.y0[k] = 1;
+  plane.right = y[k];
+  return plane;
+}
+
 std::vector<double> mean_of(const std::vector<double>& mesh, const double* x, std::size_t d) {
   const Collocation& gauss = Collocation::gauss5();
   std::vector<double> mean(d);

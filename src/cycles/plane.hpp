@@ -9,6 +9,8 @@ namespace stickslip {
 Condition plane_across(const VectorField& field, const std::vector<double>& y);
 // The same where the plane goes through the middle of the cycle too: smaller cycles about it still cross it.
 Condition plane_through(const VectorField& field, const std::vector<double>& y, const std::vector<double>& middle);
+// The plane through y in which unknown k keeps its value.
+Condition plane_of(std::size_t k, const std::vector<double>& y);
 // Mean over a period of a profile of d unknowns on a mesh.
 std::vector<double> mean_of(const std::vector<double>& mesh, const double* x, std::size_t d);
 

@@ -127,7 +127,7 @@ SmoothCycle cycle_of_larger_slips(const Scene& node, const std::string& why, dou
 
 }  // namespace
 
-SmoothCycle uniform_cycle(const Scene& scene, double tolerance) {
+SmoothCycle uniform_cycle(const Scene& scene, double tolerance, double slip) {
   Scene node = scene;
   node.n = 1;
   node.left = node.right = End::periodic;
@@ -135,10 +135,10 @@ SmoothCycle uniform_cycle(const Scene& scene, double tolerance) {
   const Oscillator oscillator(node);
   Orbit orbit;
   try {
-    orbit = find_orbit(oscillator, 1, 1e-5);
+    orbit = find_orbit(oscillator, 1, 1e-5, slip);
   } catch (const Failure& e) {
-    // the cubic's cycle is the only one (Lienard): beyond its Hopf point there is none
-    if (!std::isnan(oscillator.v_c())) throw Failure(std::string("no cycle: ") + e.what());
+    // the cubic's cycle is the only one (Lienard): beyond its Hopf point there is none; and strong slips were tried already
+    if (!std::isnan(oscillator.v_c()) || slip > 1) throw Failure(std::string("no cycle: ") + e.what());
     return cycle_of_larger_slips(node, e.what(), tolerance);
   }
   const int dof = oscillator.dim();

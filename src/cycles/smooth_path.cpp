@@ -8,6 +8,7 @@
 #include "cycles/profile.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
 
@@ -18,6 +19,10 @@ using std::size_t;
 // Of Newton's method: rate-and-state friction, nearly a logarithm of psi, takes a dozen where psi is tiny.
 constexpr int most_steps = 25;
 
+FieldFamily family_of(const std::function<Scene(double)>& scene_at) {
+  return [scene_at](double lambda) { return std::make_shared<const CellField>(scene_at(lambda)); };
+}
+
 class SmoothPath : public CyclePath {
  public:
   SmoothPath(std::function<Scene(double)> at, double from, double range, const SmoothCycle& first);
@@ -25,8 +30,11 @@ class SmoothPath : public CyclePath {
   void go(double length, const Place& row, double right) override;
   Place place() const override { return place_of(there_.y0(), there_.x); }
   Place tangent(const Place& row) override;
+  Place direction() const override { return of_length_one(place_of(there_.t, there_.t)); }
   Cycle cycle() const override { return smooth().cycle; }
   void accept() override;
+  std::unique_ptr<CyclePath> beside(std::function<Scene(double)> at, double from, double range,
+                                    const Others& others) const override;
   SmoothCycle smooth() const;
 
  private:
@@ -38,12 +46,17 @@ class SmoothPath : public CyclePath {
     std::vector<double> y0() const { return {x.begin(), x.begin() + long(d)}; }
     size_t d = 0;
   };
+  void mix(const Others& others);
+  Stand begun_at_mean(Stand stand) const;
   PeriodicEquations equations(const std::vector<double>& mesh, double lambda) const {
     return {mesh, family_, lambda, range_};
   }
-  static Condition plane(const VectorField& of, const Stand& at) {
-    return plane_through(of, at.y0(), mean_of(at.mesh, at.x.data(), at.d));
+  // Through the middle of the cycle, which small cycles still cross; or the unknown `section_` stays what it is,
+  // so that the phase does not creep along the motion from one cycle to the next.
+  Condition plane(const VectorField& of, const Stand& at) const {
+    return section_ < 0 ? plane_through(of, at.y0(), mean_of(at.mesh, at.x.data(), at.d)) : plane_of(size_t(section_), at.y0());
   }
+  void stand_at(std::vector<double> x, const std::vector<double>& mesh, double period_error, const Condition& phase);
   Place place_of(const std::vector<double>& y0, const std::vector<double>& x) const;
   Condition condition(const Place& row, double right) const;
   const CellField& field(double lambda) const {
@@ -57,13 +70,14 @@ class SmoothPath : public CyclePath {
   std::vector<double> scale_;  // the range of each unknown in the first cycle
   size_t d_;
   Stand here_, there_;
+  int section_ = -1;
   double turn_ = 1, candidate_turn_ = 1;  // -1 once the amplitude has passed through zero
   mutable std::shared_ptr<const CellField> last_field_;
 };
 
 SmoothPath::SmoothPath(std::function<Scene(double)> at, double from, double range, const SmoothCycle& first)
     : scene_at_(std::move(at)), range_(range), d_(size_t(first.field->dim())) {
-  family_ = [scene_at = scene_at_](double lambda) { return std::make_shared<const CellField>(scene_at(lambda)); };
+  family_ = family_of(scene_at_);
   for (size_t a = 0; a < d_; ++a) {
     double low = 1e300, high = -1e300;
     for (size_t i = a; i < first.values.size(); i += d_) {
@@ -77,6 +91,7 @@ SmoothPath::SmoothPath(std::function<Scene(double)> at, double from, double rang
   there_.x = first.values;
   there_.x.push_back(std::log(first.cycle.period));
   there_.x.push_back(from);
+  there_.t.assign(there_.x.size(), 0.);
   there_.period_error = first.cycle.error_estimate;
   here_ = there_;
 }
@@ -108,37 +123,123 @@ void SmoothPath::go(double length, const Place& row, double right) {
   // again on a mesh that suits the new motion
   const std::vector<double> rough = roughness(problem.mesh(), x.data(), int(d_));
   const double error = d_ <= 12 ? 1e-9 : 1e-7;
+  if (suits(problem.mesh(), rough, error)) return stand_at(std::move(x), here_.mesh, here_.period_error, conditions[0]);
   const double wanted = std::min(4000., std::max(d_ <= 12 ? 24. : 12., intervals_for(problem.mesh(), rough, error)));
   PeriodicEquations better = equations(equidistribute(problem.mesh(), rough, size_t(wanted)), problem.lambda(x));
   std::vector<double> y = better.fill(problem, x);
   if (!better.newton(y, conditions, most_steps).converged) throw Failure("Newton's method does not converge");
-  Stand next;
-  next.d = d_;
-  next.mesh = better.mesh();
-  next.period_error = std::abs(std::expm1(better.q(y) - problem.q(x))) + 4e-15;
-  next.x = std::move(y);
-  there_ = std::move(next);
+  const double moved = std::abs(std::expm1(better.q(y) - problem.q(x)));
+  stand_at(std::move(y), better.mesh(), moved + 4e-15, conditions[0]);
+}
+
+// The candidate. The plane of its phase is on the other side where the amplitude has passed through zero.
+void SmoothPath::stand_at(std::vector<double> x, const std::vector<double>& mesh, double period_error, const Condition& phase) {
+  there_.mesh = mesh;
+  there_.x = std::move(x);
+  there_.t.assign(there_.x.size(), 0.);
+  there_.period_error = period_error;
   const Condition after = plane(field(there_.x.back()), there_);
   double dot = 0;
-  for (size_t a = 0; a < d_; ++a) dot += after.y0[a] * conditions[0].y0[a];
+  for (size_t a = 0; a < d_; ++a) dot += after.y0[a] * phase.y0[a];
   candidate_turn_ = dot < 0 ? -turn_ : turn_;
 }
 
 Place SmoothPath::tangent(const Place& row) {
   PeriodicEquations problem = equations(there_.mesh, there_.x.back());
   there_.t = problem.tangent(there_.x, {plane(problem.field(), there_), condition(row, 0)});
-  Place t = place_of(there_.t, there_.t);
-  double length = 0;
-  for (const double value : t) length += value * value;
-  length = std::sqrt(length);
-  for (double& value : t) value /= length;
+  const Place t = place_of(there_.t, there_.t);
+  const double length = std::sqrt(dot(t, t));
   for (double& value : there_.t) value /= length;
-  return t;
+  return direction();
 }
 
 void SmoothPath::accept() {
   here_ = there_;
   turn_ = candidate_turn_;
+}
+
+// A mixture of candidates. Each is taken on a mesh of its own that follows it, and the meshes are mixed too, so that fronts
+// which move in phase from one to the next stay fronts.
+void SmoothPath::mix(const Others& others) {
+  const size_t intervals = there_.mesh.size() - 1;
+  Stand sum;
+  const auto add = [&](const Stand& stand, double weight) {
+    const PeriodicEquations own(stand.mesh, last_field_);
+    const std::vector<double> rough = roughness(stand.mesh, stand.x.data(), int(d_));
+    const PeriodicEquations even(equidistribute(stand.mesh, rough, intervals), last_field_);
+    const std::vector<double> x = even.fill(own, {stand.x.begin(), stand.x.end() - 1});
+    sum.x.resize(x.size());
+    sum.mesh.resize(intervals + 1);
+    for (size_t k = 0; k < x.size(); ++k) sum.x[k] += weight * x[k];
+    for (size_t k = 0; k <= intervals; ++k) sum.mesh[k] += weight * even.mesh()[k];
+  };
+  double rest = 1;
+  for (const auto& [path, weight] : others) {
+    add(begun_at_mean(dynamic_cast<const SmoothPath&>(*path).there_), weight);
+    rest -= weight;
+  }
+  add(there_, rest);
+  for (size_t k = 0; k < intervals; ++k)
+    if (!(sum.mesh[k + 1] > sum.mesh[k])) return;  // the meshes do not go together: this candidate alone
+  sum.mesh.back() = 1;
+  sum.x.push_back(there_.x.back());
+  there_.x = std::move(sum.x);
+  there_.mesh = std::move(sum.mesh);
+}
+
+// The same with phase 0 where unknown `section_`, a velocity, passes its mean upwards: there every cycle of a family passes,
+// large or small.
+SmoothPath::Stand SmoothPath::begun_at_mean(Stand stand) const {
+  const Collocation& gauss = Collocation::gauss5();
+  const std::vector<double> mean = mean_of(stand.mesh, stand.x.data(), d_);
+  const size_t k = size_t(section_), block = d_ * (mesh_stages + 1), n = stand.mesh.size() - 1;
+  std::vector<double> y(d_);
+  const auto above = [&](double phase) {
+    evaluate(gauss, stand.mesh, stand.x.data(), int(d_), phase, y.data());
+    return y[k] - mean[k];
+  };
+  double begin = 0;
+  for (size_t i = 0; i < n; ++i) {
+    const double low = stand.x[i * block + k] - mean[k], high = stand.x[(i + 1) % n * block + k] - mean[k];
+    if (low < 0 && high >= 0) begin = find_root(above, {stand.mesh[i], low, stand.mesh[i + 1], high}, 1e-12);
+  }
+  std::vector<double> mesh;  // the old nodes, seen from there, the nearest moved there: no interval is tiny
+  for (size_t i = 0; i < n; ++i) mesh.push_back(stand.mesh[i] - begin - std::floor(stand.mesh[i] - begin));
+  std::sort(mesh.begin(), mesh.end());
+  if (1 - mesh.back() < mesh[0]) mesh.insert(mesh.begin(), 0), mesh.pop_back();
+  mesh[0] = 0;
+  mesh.push_back(1);
+  for (std::vector<double>* of : {&stand.x, &stand.t}) {
+    std::vector<double> moved((mesh.size() - 1) * block);
+    for (size_t i = 0; i + 1 < mesh.size(); ++i)
+      for (size_t j = 0; j <= mesh_stages; ++j)
+        evaluate(gauss, stand.mesh, of->data(), int(d_), begin + mesh[i] + (mesh[i + 1] - mesh[i]) * gauss.basis.points()[j],
+                 &moved[i * block + j * d_]);
+    moved.insert(moved.end(), of->end() - 2, of->end());
+    *of = std::move(moved);
+  }
+  stand.mesh = mesh;
+  return stand;
+}
+
+std::unique_ptr<CyclePath> SmoothPath::beside(std::function<Scene(double)> at, double from, double range,
+                                              const Others& others) const {
+  auto other = std::make_unique<SmoothPath>(*this);
+  if (section_ < 0) {
+    const size_t dof = size_t(last_field_->dof());
+    other->section_ = 0;
+    for (size_t a = 0; a < d_; a += dof)
+      if (scale_[a] > scale_[size_t(other->section_)]) other->section_ = int(a);
+  }
+  other->there_ = other->begun_at_mean(there_);
+  if (!others.empty()) other->mix(others);
+  other->scene_at_ = std::move(at);
+  other->family_ = family_of(other->scene_at_);
+  other->range_ = range;
+  other->there_.x.back() = from;
+  other->here_ = other->there_;
+  other->turn_ = candidate_turn_;
+  return other;
 }
 
 SmoothCycle SmoothPath::smooth() const {

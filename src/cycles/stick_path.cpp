@@ -24,6 +24,7 @@ class StickPath : public CyclePath {
     there_.x = free_values(m, first);
     for (const double value : there_.x) scale_.push_back(1 + std::abs(value));
     there_.x.push_back(from);
+    there_.t.assign(there_.x.size(), 0.);
     here_ = there_;
   }
 
@@ -64,16 +65,28 @@ class StickPath : public CyclePath {
     std::fill(right.begin(), right.end(), 0.);
     right.back() = 1;
     if (!solve_dense(int(there_.x.size()), matrix.data(), 1, right.data())) throw Failure("the branch has no tangent");
-    double size = 0;
-    for (const double value : right) size += value * value;
-    for (double& value : right) value /= std::sqrt(size);
-    there_.t = right;
-    return right;
+    there_.t = of_length_one(right);
+    return there_.t;
   }
 
+  Place direction() const override { return of_length_one(there_.t); }
   Cycle cycle() const override { return described(scene_at_(there_.x.back()), there_.cycle); }
   const StickCycle& candidate() const { return there_.cycle; }
   void accept() override { here_ = there_; }
+  std::unique_ptr<CyclePath> beside(std::function<Scene(double)> at, double from, double range,
+                                    const Others& others) const override {
+    auto other = std::make_unique<StickPath>(*this);
+    for (const auto& [path, weight] : others) {
+      const std::vector<double>& x = dynamic_cast<const StickPath&>(*path).there_.x;
+      for (size_t k = 0; k < x.size(); ++k) other->there_.x[k] += weight * (x[k] - there_.x[k]);
+    }
+    other->scene_at_ = std::move(at);
+    other->there_.t.back() *= range_ / range;
+    other->range_ = range;
+    other->there_.x.back() = from;
+    other->here_ = other->there_;
+    return other;
+  }
 
  private:
   struct Stand {

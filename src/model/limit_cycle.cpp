@@ -300,19 +300,19 @@ bool settles_by_itself(ReturnMap& map, const Section& section, double tolerance,
 
 // The cycle of a problem with a state, from slips of several sizes, each followed until it settles; what became of
 // every one of them is the reason of a refusal.
-void settle(const Oscillator& o, double r2, const Section& section, double tolerance, double* y) {
+void settle(const Oscillator& o, double r2, const Section& section, double tolerance, double slip, double* y) {
   // differences of 1e-5 want a map that is better than that
   ReturnMap coarse(o, r2, 1e-8), fine(o, r2, std::min(tolerance, 1e-10));
   const bool unstable = o.sliding_unstable(r2);
   std::string seen;
   int died = 0;
   for (const double part : {1., .1, .01, 4.}) {
-    section.start(part * section.size(), y);
-    const std::string from = "; a slip that begins " + rounded_text(part) + " friction forces above it ";
+    section.start(part * slip * section.size(), y);
+    const std::string from = "; a slip that begins " + rounded_text(part * slip) + " friction forces above it ";
     try {
       double amplitude = section.distance(y), least_move = 1e300, nearest[max_dim];
       bool dies = false;
-      for (int k = 1, next_try = 1; k <= 1000 && !dies; ++k) {
+      for (int k = 1, next_try = 1; k <= (slip > 1 ? 150 : 1000) && !dies; ++k) {
         double last[max_dim];
         std::copy(y, y + max_dim, last);
         const double before = amplitude;
@@ -340,21 +340,21 @@ void settle(const Oscillator& o, double r2, const Section& section, double toler
     } catch (const Failure& e) {
       seen += from + "ends so: " + e.what();
     }
-    if (!unstable && died == 2) break;
+    if ((!unstable && died == 2) || slip > 1) break;  // the outermost, if it is reached
   }
   nothing_oscillates(o, std::string(unstable ? " is unstable to waves of this speed, but no cycle was reached"
                                              : " is stable to waves of this speed") + seen);
 }
 
 // The point of the section f = v, f' > 0 from which the map returns to itself.
-void find_cycle(const Oscillator& o, double r2, double tolerance, double* y) {
+void find_cycle(const Oscillator& o, double r2, double tolerance, double slip, double* y) {
   const Section section(o);
-  if (o.dim() == 3) return settle(o, r2, section, tolerance, y);
+  if (o.dim() == 3) return settle(o, r2, section, tolerance, slip, y);
   ReturnMap coarse(o, r2, std::max(tolerance, 1e-8)), fine(o, r2, tolerance);
   const bool unstable = o.sliding_unstable(r2);
-  section.start(section.size(), y);
-  double amplitude = section.size();
-  for (int k = 0; k < 4; ++k) {  // then Newton's method
+  section.start(slip * section.size(), y);
+  double amplitude = slip * section.size();
+  for (int k = 0; k < (slip > 1 ? 30 : 4); ++k) {  // then Newton's method, which from far out may pass by a cycle
     coarse(y);
     const double before = amplitude;
     amplitude = section.distance(y);
@@ -367,14 +367,14 @@ void find_cycle(const Oscillator& o, double r2, double tolerance, double* y) {
 
 }  // namespace
 
-Orbit find_orbit(const Oscillator& o, double r2, double tolerance) {
+Orbit find_orbit(const Oscillator& o, double r2, double tolerance, double slip) {
   double start[max_dim] = {}, J[max_dim * max_dim], before[max_dim], after[max_dim];
   // just beyond the threshold the orbit is small and gains little a turn, which rough steps would drown
   o.steady(start);
   o.rhs(r2, start, before, J);
   if (std::abs(J[0]) < .1 * std::sqrt(o.K0() * o.A() / r2)) tolerance = std::min(tolerance, 1e-11);
   if (std::abs(o.v()) >= o.v_c()) nothing_oscillates(o, " is stable (|v| >= v_c = " + rounded_text(o.v_c(), 8) + ")");
-  find_cycle(o, r2, tolerance, start);
+  find_cycle(o, r2, tolerance, slip, start);
   std::vector<Step> steps;
   double divergence, end[max_dim];
   std::copy(start, start + max_dim, end);
@@ -396,6 +396,59 @@ Orbit find_orbit(const Oscillator& o, double r2, double tolerance) {
 
 Orbit uniform_orbit(const Scene& scene) {
   return find_orbit(Oscillator(scene), 1);
+}
+
+namespace {
+
+// The part of its amplitude that a small oscillation about stable sliding loses in a turn; NaN where it makes none.
+double lost_by_small(ReturnMap& map, const Section& section) {
+  double y[max_dim], amplitude = 0, before = 0;
+  section.start(1e-3 * section.size(), y);
+  try {
+    for (int turn = 0; turn < 3; ++turn) {  // the first may be of modes that die out faster
+      map(y);
+      before = amplitude;
+      amplitude = section.distance(y);
+    }
+  } catch (const Failure&) {
+    return std::nan("");
+  }
+  return 1 - amplitude / before;
+}
+
+}  // namespace
+
+bool strong_slips_last(const Oscillator& o) {
+  constexpr double strong = 10, settled = 1e-4;  // friction forces above sliding; change of a turn, relative
+  constexpr int most_turns = 200, sure = 3;
+  if (std::abs(o.v()) >= o.v_c()) return false;
+  if (o.sliding_unstable(1)) return true;  // there is nothing to settle on
+  const Section section(o);
+  ReturnMap map(o, 1, 1e-5);
+  const double small = lost_by_small(map, section);
+  double y[max_dim];
+  section.start(strong * section.size(), y);
+  double amplitude = section.distance(y), lost = 0;
+  try {
+    for (int turn = 0, still = 0, like_small = 0; turn < most_turns; ++turn) {
+      double last[max_dim];
+      std::copy(y, y + max_dim, last);
+      const double before = amplitude, lost_before = lost;
+      map(y);
+      amplitude = section.distance(y);
+      lost = 1 - amplitude / before;
+      if (amplitude < 1e-3 * section.size() && lost > 0) return false;
+      still = std::abs(section.distance(y, last)) < settled * amplitude ? still + 1 : 0;
+      if (still >= 2 && !(std::abs(lost) > .1 * small)) return true;
+      // as a small oscillation: it dies out. Towards a cycle the turns lose less and less.
+      const bool alike = std::abs(lost / small - 1) < .1 && std::abs(lost / lost_before - 1) < .01;
+      like_small = alike ? like_small + 1 : 0;
+      if (like_small == sure) return false;
+    }
+  } catch (const Failure&) {  // sliding is reached without another turn
+    return false;
+  }
+  return true;  // neither dies out nor repeats
 }
 
 }  // namespace stickslip

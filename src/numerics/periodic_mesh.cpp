@@ -85,6 +85,17 @@ std::vector<double> equidistribute(const std::vector<double>& mesh, const std::v
   return result;
 }
 
+bool suits(const std::vector<double>& mesh, const std::vector<double>& rough, double error) {
+  constexpr double uneven = 1.6, few = .8, many = 2;  // of the share, and of the intervals wanted
+  const std::vector<double> density = densities(rough);
+  const double n = double(density.size()), total = whole(mesh, density);
+  const double wanted = total / std::pow(error, 1. / (mesh_stages + 1));
+  if (n < few * wanted || n > many * wanted) return false;
+  for (size_t i = 0; i < density.size(); ++i)
+    if (density[i] * (mesh[i + 1] - mesh[i]) > uneven * total / n) return false;
+  return true;
+}
+
 std::vector<double> halved(const std::vector<double>& mesh) {
   std::vector<double> result;
   for (size_t i = 0; i + 1 < mesh.size(); ++i) {

@@ -305,7 +305,7 @@ void boundary_options(TableBuilder& t) {
   t.add("boundary_same", OptionType::text_list, "", "options that take the value of boundary_parameter, e.g. model_k0")
       .unset("none");
   t.choice("boundary_of", {"both", "sliding", "stick-slip"},
-           "whose end: where sliding loses stability, where the stick-slip of uniform motion ends, or both");
+           "whose end: where sliding loses stability, where the stick-slip of uniform motion (with cycle_cell, of a cell) ends, or both");
   t.integer("boundary_points", "41", 2, int_max, "points on the curve, about");
   t.integer("boundary_verify", "0", 0, int_max, "points checked by time integration on both sides");
 }

@@ -1,33 +1,14 @@
 #include "stickslip/study/stick_slip_end.hpp"
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "stickslip/base/error.hpp"
-#include "stickslip/cycles/stick_cycle.hpp"
-#include "stickslip/numerics/level_curve.hpp"
-#include "stickslip/numerics/roots.hpp"
+#include "study/branch_end.hpp"
+#include "study/graze_end.hpp"
 
 namespace stickslip {
 
-namespace {
-
-constexpr double beside = 1e-4;   // of the box: where it is asked what lives on either side of an end
-constexpr double near_graze = 1e-3;  // distance over 1 + |v| of a place near a graze
-constexpr double meets = 0.3;        // |1 - multiplier| that is left where a cycle meets another
-constexpr double grazes = 1e-6;   // distance from grazing, over 1 + |v|, of an end by grazing
-
-std::string place_text(const std::vector<Axis>& axes, const Crossing& c) {
-  std::string text = axes[0].name + " = " + number_text(c.value);
-  if (axes.size() > 1) text += ", " + axes[1].name + " = " + number_text(c.value2);
-  return text;
-}
-
-}  // namespace
-
 std::string StickSlipEnd::refusal(const Scene& s) {
-  if (!s.friction.sticks()) return "friction_law " + to_string(s.friction.law) + " does not stick exactly";
   if (s.massless()) return "without mass (model_m 0) a block rests and slides without a jump, and no slip is thrown";
   if (s.spread != 0) return "friction_spread makes nodes move differently";
   if (s.has_profile()) return "a profile of friction makes nodes move differently";
@@ -36,22 +17,17 @@ std::string StickSlipEnd::refusal(const Scene& s) {
   return "";
 }
 
-Scene StickSlipEnd::scene(double x, double y) const {
-  return one_node_of(scene_at_(axes_[0].value(x), axes_.size() > 1 ? axes_[1].value(y) : 0));
+std::unique_ptr<StickSlipEnd> StickSlipEnd::of(SceneAt scene_at, std::vector<Axis> axes, const CellMotion& cell) {
+  const Scene middle = scene_at(axes[0].value(.5), axes.size() > 1 ? axes[1].value(.5) : 0);
+  if (!cell.cell && middle.friction.sticks()) return std::make_unique<GrazeEnd>(std::move(scene_at), std::move(axes));
+  return std::make_unique<BranchEnd>(std::move(scene_at), std::move(axes), cell);
 }
 
-double StickSlipEnd::operator()(double x, double y) {
-  if (each_) each_();
-  ++evaluations_;
-  const Scene one = scene(x, y);
-  if (!one.friction.sticks() || !(one.K0() > 0)) return std::nan("");
-  const Grazing found = distance_from_graze(one);
-  period_ = found.period;
-  return found.distance;
+Scene StickSlipEnd::scene_of_axes(double x, double y) const {
+  return scene_at_(axes_[0].value(x), axes_.size() > 1 ? axes_[1].value(y) : 0);
 }
 
-// The end at (x, y); (nx, ny): a direction across the line of ends.
-Crossing StickSlipEnd::crossing(double x, double y, double nx, double ny) {
+Crossing StickSlipEnd::crossing_at(double x, double y) const {
   Crossing c;
   c.x = x;
   c.y = y;
@@ -59,140 +35,18 @@ Crossing StickSlipEnd::crossing(double x, double y, double nx, double ny) {
   c.value2 = axes_.size() > 1 ? axes_[1].value(y) : 0;
   c.of = "stick-slip";
   c.growth = c.residual = std::nan("");
-  double least = std::numeric_limits<double>::infinity();
-  for (const double off : {0., 1e-10, -1e-10}) {  // of a fold one side alone has a cycle
-    const double there = (*this)(x + off * nx, y + off * ny);
-    if (period_ > 0) c.frequency = 2 * M_PI / period_;
-    if (std::abs(there) < std::abs(least)) least = there;
-  }
-  // Without a state there is no fold. Where the slip creeps along the falling branch of friction (large v, soft springs) its
-  // least psi passes 0 within the last digit of the option, as in a canard explosion: no place has a small one.
-  const Scene here = scene(x, y);
-  c.kind = "graze";
-  c.residual = std::abs(least);
-  if (!here.friction.has_state() || std::abs(least) < grazes * (1 + std::abs(here.v))) return c;
-  Crossing fold(c);
-  fold.kind = "fold";
-  place_fold(fold, nx, ny);
-  if (fold.residual < meets) return fold;
   return c;
 }
 
-// A place near a graze on it, by secants along `across`; other places stay.
-PlanePoint StickSlipEnd::last_digits(PlanePoint at, PlanePoint across) {
-  const auto off = [&](double t) { return (*this)(at.x + t * across.x, at.y + t * across.y); };
-  const double here = off(0);
-  if (!(std::abs(here) < near_graze * (1 + std::abs(scene(at.x, at.y).v)))) return at;
-  const double t = root_near(off, 0, here, 1e-9, 1e-15, 1e-6);
-  return std::isnan(t) ? at : PlanePoint{at.x + t * across.x, at.y + t * across.y};
+std::string StickSlipEnd::place_text(double x, double y) const {
+  std::string text = axes_[0].name + " = " + number_text(axes_[0].value(x));
+  if (axes_.size() > 1) text += ", " + axes_[1].name + " = " + number_text(axes_[1].value(y));
+  return text;
 }
 
-// Towards a fold the multiplier mu goes to 1 like the square root of the distance: (1 - mu)^2 is extrapolated to 0 from
-// cycles ever nearer to it, on the side where they live; twice, the second time from nearer.
-void StickSlipEnd::place_fold(Crossing& c, double nx, double ny) {
-  const double side = (*this)(c.x + 1e-3 * nx, c.y + 1e-3 * ny) < 0 ? 1 : -1;
-  for (const double first : {1e-3, 1e-5}) {
-    double end = 0, last_off = 0, last_square = 0;
-    try {
-      StickFate fate{Fate::repeats, {}, 0};
-      for (int k = 0; k < 6; ++k) {
-        const double off = first * std::pow(0.25, k);
-        const Scene one = scene(c.x + side * off * nx, c.y + side * off * ny);
-        if (k == 0) fate = uniform_stick_fate(one);
-        if (fate.fate != Fate::repeats) return;
-        fate.cycle = polish(one, fate.cycle);
-        const double square = std::pow(1 - uniform_multiplier(one, fate.cycle), 2);
-        if (k > 0) end = off - square * (off - last_off) / (square - last_square);
-        c.residual = std::sqrt(square);
-        c.frequency = 2 * M_PI / fate.cycle.period;
-        last_off = off;
-        last_square = square;
-      }
-    } catch (const Failure&) {  // beyond the fold: what was extrapolated counts
-    }
-    if (!(std::abs(end) < first)) return;
-    c.x += side * end * nx;
-    c.y += side * end * ny;
-  }
-  c.value = axes_[0].value(c.x);
-  if (axes_.size() > 1) c.value2 = axes_[1].value(c.y);
-}
-
-// What lives on either side.
-void StickSlipEnd::check(Crossing& c, double nx, double ny, std::vector<std::string>& notes) {
-  std::string found[2];
-  bool lives[2] = {false, false};
-  for (const int side : {0, 1}) {
-    const double off = side == 0 ? -beside : beside, x = c.x + off * nx, y = c.y + off * ny;
-    if (x < 0 || x > 1 || y < 0 || y > 1) return;
-    const StickFate fate = uniform_stick_fate(scene(x, y));
-    found[side] = to_string(fate.fate);
-    lives[side] = fate.fate == Fate::repeats || fate.fate == Fate::wanders;
-    if (fate.fate == Fate::oscillates)
-      notes.push_back("beside " + place_text(axes_, c) + ", where a slip only grazes rest, the oscillation goes on without "
-                      "rest: it ends further on, at a point that is not named here");
-  }
-  if (lives[0] == lives[1])
-    notes.push_back("at " + place_text(axes_, c) + " the longest slip only grazes rest, but on either side the motion " +
-                    (found[0] == found[1] ? found[0] : found[0] + " or " + found[1]) + ": stick-slip does not end there");
-}
-
-std::vector<Crossing> StickSlipEnd::points(std::vector<std::string>& notes) {
-  const int pieces = 32;
-  std::vector<double> x, f;
-  for (int k = 0; k <= pieces; ++k) {
-    x.push_back(double(k) / pieces);
-    f.push_back((*this)(x.back()));
-  }
-  samples_ = f;
-  if (std::isnan(f[0])) f[0] = (*this)(x[0] = 1e-9);  // v = 0
-  if (std::isnan(f[pieces])) f[pieces] = (*this)(x[pieces] = 1 - 1e-9);
-  std::vector<Crossing> found;
-  for (std::size_t k = 0; k < pieces; ++k) {
-    if (!(f[k] * f[k + 1] < 0) && f[k + 1] != 0) continue;
-    const double root = find_root([&](double at) { return (*this)(at); }, {x[k], f[k], x[k + 1], f[k + 1]}, 1e-14);
-    if (std::isnan(root)) {
-      notes.push_back("between " + axes_[0].name + " " + number_text(axes_[0].value(x[k])) + " and " +
-                      number_text(axes_[0].value(x[k + 1])) + " stick-slip ends at a place that could not be located");
-      continue;
-    }
-    found.push_back(crossing(root, 0, 1, 0));
-    check(found.back(), 1, 0, notes);
-  }
-  return found;
-}
-
-std::vector<Crossing> StickSlipEnd::curve(PetscInt count, std::vector<std::string>& notes) {
-  const int cells = 24;
-  Lattice lattice{cells, {}};
-  for (int j = 0; j <= cells; ++j)
-    for (int i = 0; i <= cells; ++i) lattice.values.push_back((*this)(double(i) / cells, double(j) / cells));
-  samples_ = lattice.values;
-  const PlaneFunction f = [&](double x, double y) { return (*this)(x, y); };
-  LevelCurveSettings settings;
-  settings.step = 1. / std::clamp<double>(double(count), 40., 60.);
-  const LevelCurve line = level_curve(f, lattice, settings);
-  double total = 0;
-  for (const CurvePiece& piece : line.pieces) total += length(piece);
-  std::vector<Crossing> result;
-  for (std::size_t number = 0; number < line.pieces.size(); ++number) {
-    const CurvePiece& piece = line.pieces[number];
-    if (piece.points.size() < 2) continue;
-    const int wanted = std::max(piece.closed ? 8 : 2, int(std::lround(double(count) * length(piece) / total)));
-    double slope = std::nan("");
-    const std::vector<CurvePlace> places = even_places(piece, wanted);
-    for (std::size_t k = 0; k < places.size(); ++k) {
-      double border = std::nan("");
-      const Placed on = put_on_curve(f, places[k].at, places[k].across, places[k].border ? border : slope);
-      const PlanePoint at = last_digits(on.at, places[k].across);
-      result.push_back(crossing(at.x, at.y, places[k].across.x, places[k].across.y));
-      result.back().piece = int(number);
-      // asked of the motion at some points; the line is one of the same kind between
-      if (k % std::max<std::size_t>(1, places.size() / 8) == 0)
-        check(result.back(), places[k].across.x, places[k].across.y, notes);
-    }
-  }
-  return result;
+void StickSlipEnd::count_evaluation() {
+  if (each_) each_();
+  ++evaluations_;
 }
 
 }  // namespace stickslip

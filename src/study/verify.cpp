@@ -170,7 +170,8 @@ Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options
   v.expected = end(x, y) < 0 ? "stick-slip" : "sliding";
   const Options there = options_with(options, axes, v.value, v.value2);
   // Long enough to grow or decay, for many slips, and for the loading of a node at rest (which is one step).
-  const double load = Friction::of(one.friction)->threshold(s.state.empty() ? 0 : s.state[0]).value / (one.K0() * std::abs(one.v));
+  const double load = !one.friction.sticks() ? 0
+                      : Friction::of(one.friction)->threshold(s.state.empty() ? 0 : s.state[0]).value / (one.K0() * std::abs(one.v));
   const double rate = std::max(1e-3, std::abs(v.growth));
   const double duration = std::min(3000., 9 / rate + 100 / c.frequency) + 8 * load;
   VecHandle u = model.create_vector();
@@ -196,8 +197,10 @@ std::vector<Verified> verify_end(GrowthRate& growth, StickSlipEnd& end, const Op
   const std::size_t wanted = std::min(points.size(), std::size_t(count));
   for (std::size_t j = 0; j < wanted; ++j) {
     const Crossing& c = points[wanted == 1 ? points.size() / 2 : j * (points.size() - 1) / (wanted - 1)];
-    const double nx = end(c.x + step, c.y) - end(c.x - step, c.y);
-    const double ny = growth.axes().size() > 1 ? end(c.x, c.y + step) - end(c.x, c.y - step) : 0;
+    const auto difference = [&](double dx, double dy) { return end(c.x + dx, c.y + dy) - end(c.x - dx, c.y - dy); };
+    const bool known = std::hypot(c.nx, c.ny) > 0;
+    const double nx = known ? -c.nx : difference(step, 0);
+    const double ny = known ? -c.ny : growth.axes().size() > 1 ? difference(0, step) : 0;
     const double length = std::hypot(nx, ny);
     if (!(length > 0)) continue;
     for (const double side : {-1., 1.}) {  // where it sticks and slips, where it does not

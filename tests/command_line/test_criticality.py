@@ -53,7 +53,7 @@ def test_the_amplitude_beyond_which_sliding_is_lost():
 
 
 def test_a_curve_with_a_bautin_point():
-    found, _ = run(scene_file("bautin") + " -boundary_points 12", command="boundary")
+    found, _ = run(scene_file("bautin") + " -boundary_points 12 -boundary_of sliding", command="boundary")
     check([p["kind"] for p in found["special"]] == ["bautin"], found["special"])
     v = found["special"][0]["value"]
     check(abs(0.05 * 0.1 / v**2 - 3 - 2 * np.sqrt(5)) < 1e-8, "r = 3 + 2 sqrt(4 + (b - a)/a) there")

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import brentq, root
 
 from calls import SOURCE, call, check, run, scene_file
 
@@ -100,8 +100,6 @@ def test_a_diagram_of_two_options():
 
 
 @pytest.mark.parametrize("words, said", [
-    ("", "friction_law cubic does not stick exactly"),
-    (BLOCK + "-friction_stick regularised", "does not stick exactly"),
     (BLOCK + "-friction_spread 0.1", "friction_spread"),
     (BLOCK + "-bc_left velocity", "held end"),
     (BLOCK + "-model_k0 0", "nothing loads")])
@@ -114,6 +112,8 @@ def test_no_end_in_the_range():
     _, error = run(BLOCK + "-boundary_of stick-slip -boundary_parameter model_v -boundary_from 0.1 -boundary_to 1", code=1,
                    command="boundary")
     check("does not end" in error, error)
+    _, error = run(IN_V + "-boundary_of stick-slip", code=1, command="boundary")  # the cubic's ends at its Hopf point
+    check("does not end" in error and "Hopf" in error, error)
 
 
 @pytest.mark.ranks
@@ -122,3 +122,89 @@ def test_any_number_of_ranks():
     one, _ = run(words, command="boundary")
     two, _ = run(words, ranks=2, command="boundary")
     check(one["points"] == two["points"] and one["verified"] == two["verified"], "the same on two ranks")
+
+
+class Smoothed:
+    """The block of Carlson and Langer smoothed over eps, with the divergence along its motion."""
+
+    def __init__(self, zeta, eps, k0=0.2):
+        self.zeta, self.eps, self.k0 = zeta, eps, k0
+
+    def __call__(self, _, y, v):
+        p = y[0]
+        t = np.tanh(p / self.eps)
+        m, dt = 1 + p * t, (1 - t * t) / self.eps
+        return [y[1] - self.zeta * p - t / m, self.k0 * (v - p), -self.zeta - (dt * m - t * (t + p * dt)) / m**2]
+
+    def go(self, time, y, v, **more):
+        return solve_ivp(self, (0, time), y, args=(v,), method="DOP853", rtol=3e-13, atol=1e-13, **more)
+
+    def fold(self, v):
+        """The cycle whose second multiplier is 1: its divergence has the mean 0. From the cycle that attracts a bit below v."""
+        def up(_, y, w):
+            return y[0] - w
+        up.direction = 1
+        settled = self.go(100, [v, 3., 0], v - 0.01, events=up)
+
+        def miss(u):
+            y = self.go(u[2], [u[0], u[1], 0], u[0]).y[:, -1]
+            return [y[0] - u[0], y[1] - u[1], y[2]]
+        found = root(miss, [v, settled.y_events[0][-1][1], np.diff(settled.t_events[0])[-1]], tol=1e-13, options={"eps": 1e-7})
+        assert np.abs(found.fun).max() < 1e-11
+        return found.x[0]
+
+
+SMOOTHED = BLOCK + "-friction_stick regularised -friction_eps 0.05 "
+
+
+def test_smooth_friction_ends_by_a_fold():
+    found, _ = run(SMOOTHED + IN_V + "-boundary_verify 1", command="boundary")
+    kinds = [(p["of"], p["kind"]) for p in found["points"]]
+    check(kinds == [("sliding", "hopf"), ("sliding", "hopf"), ("stick-slip", "fold")], kinds)
+    # below the first Hopf point, which is supercritical, sliding attracts and nothing else does: no second point there
+    check(found["points"][0]["criticality"] == "supercritical", found["points"][0])
+    end = found["points"][2]["value"]
+    known = Smoothed(np.sqrt(0.02), 0.05).fold(end)
+    check(abs(end - known) < 1e-8, f"{end}, by shooting {known}")
+    branch = run(SMOOTHED + "-model_v 2 -cycle_continue model_v -cycle_to 3", command="cycle")[0]["special"][0]
+    check(branch["kind"] == "fold" and abs(branch["value"] - known) < 1e-8, branch)
+    said = [(v["of"], v["regime"]) for v in found["verified"]]
+    check(said[-2:] == [("stick-slip", "both live"), ("stick-slip", "sliding")], found["verified"])
+
+
+def test_a_curve_of_folds():
+    words = SMOOTHED + IN_V + "-boundary_of stick-slip -boundary_parameter2 model_zeta -boundary_from2 0.1 -boundary_to2 0.3"
+    found, _ = run(words + " -boundary_points 5", command="boundary")
+    points = found["points"]
+    check(len(points) == 5 and all(p["kind"] == "fold" and p["piece"] == 0 for p in points), points)
+    check({points[0]["value2"], points[-1]["value2"]} == {0.1, 0.3}, "from border to border")
+    p = points[2]
+    known = Smoothed(p["value2"], 0.05).fold(p["value"])
+    check(abs(p["value"] - known) < 1e-7, f"{p['value']} at zeta {p['value2']}, by shooting {known}")
+
+
+def test_a_state_without_rest():
+    # rate-and-state, a block: subcritical at small k0, where the fold lies a little on the stable side of the Hopf point, and
+    # supercritical at large k0, where there is none
+    words = ("-model_form chain -friction_law rate-and-state -friction_a 0.05 -friction_b 0.1 -friction_D 0.1 -state_law ageing "
+             "-bc_left free -grid_n 1 -boundary_parameter model_v -boundary_from 0.003 -boundary_to 1 -boundary_log ")
+    hopf, fold = run(words + "-model_k0 0.52", command="boundary")[0]["points"]
+    check((hopf["criticality"], fold["kind"], fold["of"]) == ("subcritical", "fold", "stick-slip"), (hopf, fold))
+    check(0.85 * hopf["value"] < fold["value"] < hopf["value"], (hopf["value"], fold["value"]))
+    # the branch of the cycle that attracts on the unstable side turns round there
+    cycle = words.split("-boundary")[0] + "-model_k0 0.52 "
+    branch = run(cycle + f"-model_v {hopf['value'] * 1.01} -cycle_continue model_v -cycle_to {fold['value'] * 0.98}",
+                 command="cycle")[0]["special"]
+    check(branch[0]["kind"] == "fold" and abs(branch[0]["value"] - fold["value"]) < 1e-8, branch)
+    point, = run(words + "-model_k0 1", command="boundary")[0]["points"]
+    check(point["criticality"] == "supercritical" and point["of"] == "sliding", point)
+
+
+def test_a_cell_whose_period_doubles():
+    # two unequal blocks (runs/two-blocks.yaml): the flip, where a multiplier of the whole scene's cycle is -1
+    scene = scene_file("two-blocks") + " -cycle_cell 0 "
+    found, _ = run(scene + "-boundary_of stick-slip -boundary_parameter friction_spread -boundary_from 0.084 -boundary_to 0.088",
+                   command="boundary")
+    flip = [p["value"] for p in found["points"] if p["kind"] == "flip"]
+    branch = run(scene + "-friction_spread 0.088 -cycle_continue friction_spread -cycle_to 0.084", command="cycle")[0]["special"]
+    check([p["kind"] for p in branch] == ["flip"] and len(flip) == 1 and abs(flip[0] - branch[0]["value"]) < 1e-7, (flip, branch))

@@ -8,15 +8,19 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "stickslip/cycles/cycle.hpp"
+#include "stickslip/model/scene.hpp"
 
 namespace stickslip {
 
 // Coordinates that tell the cycles of a branch apart, each in units in which a change of 1 is large; the parameter, over the
 // length of its range, is the last.
 using Place = std::vector<double>;
+double dot(const Place& a, const Place& b);
+Place of_length_one(Place p);
 
 // The cycles of a family beside the one where a branch stands. A cycle is asked for by one linear condition on its
 // place; go() solves for it from a prediction along the tangent and keeps it as the candidate, accept() moves there. At
@@ -30,7 +34,13 @@ class CyclePath {
   virtual Place place() const = 0;               // of the candidate, like all below
   virtual Place tangent(const Place& row) = 0;   // of the branch, of length 1, on the side of `row`
   virtual Cycle cycle() const = 0;
+  virtual Place direction() const = 0;           // the tangent that was asked for last, once more
   virtual void accept() = 0;                     // its tangent, as asked for last, is what go() goes along
+  // A path of another family, at() of its parameter, which has a cycle near `from`: go() starts there from a mixture of
+  // candidates, this one with the weight that the others leave of 1. These are paths of the same kind.
+  using Others = std::vector<std::pair<const CyclePath*, double>>;
+  virtual std::unique_ptr<CyclePath> beside(std::function<Scene(double)> at, double from, double range,
+                                            const Others& others = {}) const = 0;
 };
 
 // A special point, between two points of the branch, located to 1e-8 of the parameter's range. Kinds:
@@ -75,10 +85,23 @@ struct Watched {
 };
 using CycleWatch = std::function<Watched(double value, const Cycle& cycle)>;
 
+// How far a branch is followed: to its end, or only to the first special point behind which a cycle does not attract any
+// more. The path's candidate is that point then, with its tangent, and it is the one special point that is listed.
+enum class Follow { whole, while_stable };
+
 // Follows the branch from where `path` stands, whose cycle is `first`, towards the value `to` of the parameter `name`, which
 // stands at `from`, in at most `steps` steps. Ends at `to`, at a Hopf point or an infinite period, where the parameter comes
 // back past its start, where no cycle is found further on, or after `steps`.
 CycleBranch continue_cycle(CyclePath& path, const Cycle& first, const std::string& name, double from, double to,
-                           int steps, const CycleWatch& watch = nullptr);
+                           int steps, const CycleWatch& watch = nullptr, Follow follow = Follow::whole);
+
+// A function of a path's candidate that is zero at a special point of this kind (fold, flip, torus, branch, or a name of
+// Cycle::tests) and smooth about it; NaN where the cycle has no multiplier that could pass there.
+double special_test(const std::string& kind, CyclePath& path, const Place& row);
+
+// The special point of this kind on a path that starts nearly there (beside()): the path's candidate then. `slope`: that of
+// special_test along the branch there, if known, else NaN; afterwards that at the new point. Returns its parameter, or
+// NaN where there is none within 0.2 along the branch.
+double settle_on_special(const std::string& kind, CyclePath& path, double range, double& slope);
 
 }  // namespace stickslip

@@ -45,9 +45,10 @@ void check_smooth_cell(const Scene& cell);
 // not converge to one.
 SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double tolerance = 1e-10);
 
-// The uniform oscillation of a scene (one node), from slips of several sizes that settle on it (model/oscillator.hpp).
-// Throws Failure where none is found, which says what was found instead.
-SmoothCycle uniform_cycle(const Scene& scene, double tolerance = 1e-10);
+// The uniform oscillation of a scene (one node), from slips of several sizes that settle on it (model/oscillator.hpp), the
+// first of which begins `slip` friction forces above sliding. Throws Failure where none is found, which says what was found
+// instead.
+SmoothCycle uniform_cycle(const Scene& scene, double tolerance = 1e-10, double slip = 1);
 
 // The cycle of a cell that its own motion from `start` (node by node, as in Model) settles on or comes near to, within
 // `turns` turns. Throws Failure where it settles on steady sliding, or never repeats.

@@ -91,8 +91,13 @@ struct Orbit : PeriodicMotion {
 
 // The limit cycle of `oscillator` at r2 to relative accuracy `tolerance` (both of the period and of the dense values);
 // to 1e-8 at least where a kink of the law does not let Newton's method further. Throws Failure where none is found:
-// sliding is stable and slips die out, or what became of each slip that was tried.
-Orbit find_orbit(const Oscillator& oscillator, double r2, double tolerance = 1e-12);
+// sliding is stable and slips die out, or what became of each slip that was tried. The first slip begins `slip` friction
+// forces above steady sliding: of several cycles a large one finds the outermost.
+Orbit find_orbit(const Oscillator& oscillator, double r2, double tolerance = 1e-12, double slip = 1);
+
+// Whether uniform motion (r2 = 1) from a strong slip, ten friction forces above steady sliding, goes on for ever: on a
+// cycle, or without repeating in 200 turns. The quick answer, at steps of 1e-6.
+bool strong_slips_last(const Oscillator& oscillator);
 
 // The uniform oscillation of a scene (r2 = 1, friction amplitude 1).
 Orbit uniform_orbit(const Scene& scene);

@@ -25,6 +25,9 @@ std::vector<double> equidistribute(const std::vector<double>& mesh, const std::v
 // How many intervals make the interpolation error `error` of the range, once they are spread so.
 double intervals_for(const std::vector<double>& mesh, const std::vector<double>& rough, double error);
 
+// A mesh that carries nearly equal shares already, and about as many intervals as make that error: no better one is needed.
+bool suits(const std::vector<double>& mesh, const std::vector<double>& rough, double error);
+
 std::vector<double> halved(const std::vector<double>& mesh);
 
 }  // namespace stickslip

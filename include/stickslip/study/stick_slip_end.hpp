@@ -1,10 +1,11 @@
-// Where the stick-slip that lives beside sliding ends: uniform motion of friction that sticks, in one parameter or two.
+// Where the stick-slip that lives beside sliding ends, in one parameter or two.
 //
-// Below the linear boundary stick-slip must begin; it need not end there. A slip begins at psi = 0 with the force at the
-// threshold. Where it comes back to psi = 0 the block rests and slips again; the parameter at which it comes back just
-// tangentially is the end: `graze`. With a state the cycle may also end before, by meeting an unstable one: `fold`. The
-// function whose zeros are sought is distance_from_graze (cycles/stick_cycle.hpp); what lives on either side is asked of
-// the motion itself.
+// Below the linear boundary stick-slip must begin; it need not end there. With friction that sticks exactly, uniform motion
+// ends where a slip comes back to rest just tangentially (`graze`), or with a state where its cycle meets an unstable one
+// (`fold`); there is a function of the scene whose zeros these are. With smooth friction, and for a cell of several nodes, it
+// ends where the branch of the cycle ceases to attract: `fold`, or `flip`, `torus`, `branch`, and where a slip of a cell
+// grazes rest `graze` (cycles/branch.hpp). Where the cycle shrinks to nothing at the Hopf point of sliding there is no second
+// point. What lives on either side is asked of the motion itself.
 //
 // Nothing here is collective; every rank computes the same.
 #pragma once
@@ -12,48 +13,61 @@
 #include <petscsys.h>
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/stability/growth_rate.hpp"
 
 namespace stickslip {
 
+// A cell whose own motion from `start` is what ends: the cell's scene, and its unknowns at the start node by node, as functions
+// of the values of the axes. Both empty: uniform motion.
+struct CellMotion {
+  SceneAt cell;
+  std::function<std::vector<double>(double value, double value2)> start;
+};
+
 class StickSlipEnd {
  public:
-  StickSlipEnd(SceneAt scene_at, std::vector<Axis> axes) : scene_at_(std::move(scene_at)), axes_(std::move(axes)) {}
+  // Of the scene's uniform motion, or of the cell's.
+  static std::unique_ptr<StickSlipEnd> of(SceneAt scene_at, std::vector<Axis> axes, const CellMotion& cell = {});
+  virtual ~StickSlipEnd() = default;
 
-  // Why the stick-slip of this scene is none of this kind; empty where it is.
+  // Why the uniform stick-slip of this scene is none; empty where it is.
   static std::string refusal(const Scene& scene);
 
-  // Every end on the first axis, ascending in the coordinate; 33 samples show them. `kind` graze or fold, `frequency` that
-  // of the cycle, `wavenumber` 0, `residual` what is left of the distance (of a fold:
-  // |1 - multiplier| of the last cycle that it was placed by). `notes`: what is not as it should be.
-  std::vector<Crossing> points(std::vector<std::string>& notes);
+  // Every end on the first axis, ascending in the coordinate. `frequency` is that of the cycle, `wavenumber` 0, `residual`
+  // what is left of the function that is zero there: of a graze the least psi of the slip, of a fold the parameter's share
+  // of the branch's direction (exact stick: |1 - multiplier| of the last cycle that it was placed by), else the distance of
+  // the multiplier from where it passes. `notes`: what is not as it should be.
+  virtual std::vector<Crossing> points(std::vector<std::string>& notes) = 0;
   // The curve of ends in the box of both axes, as boundary_curve has that of sliding.
-  std::vector<Crossing> curve(PetscInt count, std::vector<std::string>& notes);
+  virtual std::vector<Crossing> curve(PetscInt count, std::vector<std::string>& notes) = 0;
 
-  // Negative where uniform motion sticks and slips from a release on; NaN where it never slips.
-  double operator()(double x, double y = 0);
-  // The same, sampled as Samples of boundary.hpp: side 33, or 25 squared.
+  // Negative where the motion, once started strongly, sticks and slips for ever; NaN where it never slips. Of uniform
+  // motion.
+  virtual double operator()(double x, double y = 0) = 0;
+  // The same, sampled as Samples of boundary.hpp: side 33, or 25 squared; empty where it is not known everywhere.
   const std::vector<double>& samples() const { return samples_; }
-  Scene scene(double x, double y = 0) const;  // of one node
+  virtual Scene scene(double x, double y = 0) const = 0;  // of one node, or of the cell
   long evaluations() const { return evaluations_; }
   void watch(std::function<void()> each) { each_ = std::move(each); }  // is called before every evaluation
 
- private:
-  Crossing crossing(double x, double y, double nx, double ny);
-  PlanePoint last_digits(PlanePoint at, PlanePoint across);
-  void place_fold(Crossing& c, double nx, double ny);
-  void check(Crossing& c, double nx, double ny, std::vector<std::string>& notes);
+ protected:
+  StickSlipEnd(SceneAt scene_at, std::vector<Axis> axes) : scene_at_(std::move(scene_at)), axes_(std::move(axes)) {}
+  Scene scene_of_axes(double x, double y) const;
+  Crossing crossing_at(double x, double y) const;  // the place and its values, of stick-slip
+  std::string place_text(double x, double y) const;
+  void count_evaluation();
 
   SceneAt scene_at_;
   std::vector<Axis> axes_;
   std::vector<double> samples_;
+
+ private:
   long evaluations_ = 0;
-  double period_ = 0;  // of the cycle at the last evaluation
   std::function<void()> each_;
 };
 

@@ -1,0 +1,364 @@
+#include "study/branch_end.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/model/oscillator.hpp"
+#include "stickslip/numerics/roots.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr int samples_of_line = 32, side = 24, coarse = 3;  // cells; of a square every third line is asked first
+constexpr int places_of_cell = 8, lines_of_square = 4;
+constexpr int most_steps = 400;     // of a branch
+constexpr int most_passes = 3;      // over the samples of a square
+constexpr double strong_slip = 10;  // friction forces above sliding, as strong_slips_last has them
+constexpr double past_hopf = 0.02;  // of the way between two samples
+constexpr int turns_to_settle = 400;
+constexpr double vanished = 1e-3;  // amplitude, over that at the beginning of a branch
+
+PlanePoint between(PlanePoint a, PlanePoint b, double part) {
+  return {a.x + part * (b.x - a.x), a.y + part * (b.y - a.y)};
+}
+
+// A and B on different sides of the line through c and d, and these of that through a and b.
+bool cross(PlanePoint a, PlanePoint b, PlanePoint c, PlanePoint d) {
+  const auto turn = [](PlanePoint p, PlanePoint q, PlanePoint r) {
+    return (q.x - p.x) * (r.y - p.y) - (q.y - p.y) * (r.x - p.x);
+  };
+  return turn(a, b, c) * turn(a, b, d) <= 0 && turn(c, d, a) * turn(c, d, b) <= 0;
+}
+bool crosses(const EndLine& line, PlanePoint a, PlanePoint b) {
+  for (std::size_t k = 0; k + 1 < line.piece.points.size(); ++k)
+    if (cross(a, b, line.piece.points[k], line.piece.points[k + 1])) return true;
+  return false;
+}
+
+// Its second half is its first once more, to `alike` of its range.
+bool goes_round_twice(const Cycle& c) {
+  constexpr double alike = 2e-3;
+  std::size_t after = 0;
+  for (std::size_t k = 0; k < c.times.size() && c.times[k] <= c.period / 2; ++k) {
+    const double then = c.times[k] + c.period / 2;
+    while (after + 2 < c.times.size() && c.times[after + 1] < then) ++after;
+    const double part = (then - c.times[after]) / (c.times[after + 1] - c.times[after]);
+    for (PetscInt node = 0; node < c.nodes; ++node) {
+      const double other = c.psi(after, node) + part * (c.psi(after + 1, node) - c.psi(after, node));
+      if (std::abs(other - c.psi(k, node)) > alike * (c.psi_max - c.psi_min)) return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+Scene BranchEnd::scene(double x, double y) const {
+  if (uniform()) return one_node_of(scene_of_axes(x, y));
+  return cell_.cell(axes_[0].value(x), axes_.size() > 1 ? axes_[1].value(y) : 0);
+}
+
+PlaneScene BranchEnd::plane() const {
+  return [this](double x, double y) { return scene(x, y); };
+}
+
+double BranchEnd::operator()(double x, double y) {
+  count_evaluation();
+  const Scene one = scene(x, y);
+  if (one.massless() || !(one.K0() > 0) || one.v == 0) return std::nan("");
+  return strong_slips_last(Oscillator(one)) ? -std::abs(one.v) : std::abs(one.v);
+}
+
+// The cycle shrinks to nothing where sliding begins to attract: the Hopf point is supercritical, and no stick-slip is
+// left a little beyond.
+bool BranchEnd::ends_at_hopf(PlanePoint alive, PlanePoint dead) {
+  const auto repels = [&](double part) {
+    const PlanePoint at = between(alive, dead, part);
+    return Oscillator(scene(at.x, at.y)).sliding_unstable(1);
+  };
+  if (!repels(0) || repels(1)) return false;
+  const double hopf = last_place(repels, 0, 1, 1e-12);
+  const auto on_line = [&](double part, double) {
+    const PlanePoint at = between(alive, dead, part);
+    return scene(at.x, at.y);
+  };
+  GrowthRate growth(PETSC_COMM_SELF, on_line, {Axis{"the line"}});
+  const Criticality criticality = growth.criticality(growth.crossing(hopf));
+  if (!criticality.known() || criticality.coefficient > 0) return false;
+  const PlanePoint beyond = between(alive, dead, std::min(1., hopf + past_hopf));
+  if ((*this)(beyond.x, beyond.y) > 0) return true;
+  try {  // slow to die out, or a cycle
+    find_orbit(Oscillator(scene(beyond.x, beyond.y)), 1, 1e-5, strong_slip);
+    return false;
+  } catch (const Failure&) {
+    return true;
+  }
+}
+
+// The branch of the cycle on the line between two places, from the first.
+BranchEnd::Branch BranchEnd::follow(PlanePoint from, PlanePoint to) {
+  count_evaluation();
+  Branch found;
+  const double range = distance(from, to);
+  const PlanePoint along{(to.x - from.x) / range, (to.y - from.y) / range};
+  const std::function<Scene(double)> line = scenes_across(plane(), from, along);
+  std::unique_ptr<CyclePath> path;
+  Cycle first;
+  try {
+    const Scene here = line(0);
+    if (here.friction.sticks()) {
+      const StickFate fate =
+          stick_fate(here, cell_.start(axes_[0].value(from.x), axes_.size() > 1 ? axes_[1].value(from.y) : 0));
+      if (fate.fate != Fate::repeats) throw Failure("the motion " + to_string(fate.fate));
+      path = stick_path(line, 0, range, fate.cycle);
+      first = path->cycle();
+    } else {
+      const SmoothCycle cycle =
+          uniform()
+              ? uniform_cycle(here, 1e-10, strong_slip)
+              : settled_cycle(here, cell_.start(axes_[0].value(from.x), axes_.size() > 1 ? axes_[1].value(from.y) : 0),
+                              turns_to_settle);
+      path = smooth_path(line, 0, range, cycle);
+      first = cycle.cycle;
+    }
+    found.lives = growth_rate(first) < 0;
+    if (!found.lives) throw Failure("a cycle that repels");
+    // Where a period has doubled, the doubled cycle's branch would pass on to the one it comes from, gone round twice;
+    // that one's flip is found from where it lives.
+    const auto watch = [&](double, const Cycle& c) {
+      if (goes_round_twice(c)) {
+        found.halves = true;
+        throw Failure("its period halves");
+      }
+      const double growth = growth_rate(c);
+      return Watched{growth < 0, growth, 0, {}};
+    };
+    const CycleBranch branch =
+        continue_cycle(*path, first, "the line", 0, range, most_steps, watch, Follow::while_stable);
+    found.until = branch.points.back().value;
+    found.arrives = branch.special.empty() && std::abs(found.until - range) < 1e-9 * range;
+    found.at_hopf = !branch.special.empty() && branch.special.back().kind == "hopf";
+    found.why = "it cannot be followed beyond " +
+                place_text(from.x + found.until * along.x, from.y + found.until * along.y) + ": " +
+                branch.end.substr(branch.end.find(": ") == std::string::npos ? 0 : branch.end.find(": ") + 2);
+    // a cycle that has all but shrunk to nothing ends there, whatever its multipliers, all nearly 1 then, seem to do
+    found.at_hopf = found.at_hopf || (!branch.special.empty() && path->cycle().amplitude < vanished * first.amplitude);
+    if (branch.special.empty() || found.at_hopf) return found;
+    const SpecialPoint& special = branch.special.back();
+    found.until = special.value;
+    found.end = end_place(std::move(path), special.kind,
+                          {from.x + special.value * along.x, from.y + special.value * along.y}, {-along.x, -along.y});
+  } catch (const Failure& e) {
+    found.why = e.what();
+  }
+  return found;
+}
+
+// Where no cycle is found at the living place, its slips are but slow to die out: `lives` becomes false.
+std::optional<EndPlace> BranchEnd::end_between(PlanePoint alive, PlanePoint dead, bool& lives,
+                                               std::vector<std::string>& notes) {
+  lives = true;
+  if (ends_at_hopf(alive, dead)) return std::nullopt;
+  Branch branch = follow(alive, dead);
+  lives = branch.lives;
+  if (!branch.end && !branch.lives && Oscillator(scene(alive.x, alive.y)).sliding_unstable(1))
+    notes.push_back("near " + place_text(alive.x, alive.y) + " no cycle of stick-slip is found: " + branch.why);
+  else if (!branch.lives)
+    return std::nullopt;
+  else if (!branch.end && !branch.at_hopf)
+    notes.push_back("between " + place_text(alive.x, alive.y) + " and " + place_text(dead.x, dead.y) +
+                    " stick-slip ends at a place that could not be located: " + branch.why);
+  return branch.end;
+}
+
+std::vector<EndPlace> BranchEnd::ends_of_uniform(PlanePoint a, PlanePoint b, std::vector<std::string>& notes) {
+  std::vector<double> f;
+  for (int k = 0; k <= samples_of_line; ++k) {
+    const PlanePoint at = between(a, b, double(k) / samples_of_line);
+    f.push_back((*this)(at.x, at.y));
+  }
+  std::vector<EndPlace> found;
+  for (int k = 0; k < samples_of_line; ++k) {
+    const std::size_t low = std::size_t(k), high = low + 1;
+    if (!(f[low] * f[high] < 0)) continue;
+    const PlanePoint p = between(a, b, double(k) / samples_of_line), q = between(a, b, double(k + 1) / samples_of_line);
+    bool lives = true;
+    if (auto end = f[low] < 0 ? end_between(p, q, lives, notes) : end_between(q, p, lives, notes))
+      found.push_back(*end);
+    if (lives) continue;
+    double& wrong = f[low] < 0 ? f[low] : f[high];
+    wrong = -wrong;
+    if (&wrong == &f[low]) k = std::max(-1, k - 2);  // the end lies before: that one again
+  }
+  samples_ = f;
+  const auto before = [&](const EndPlace& e, const EndPlace& g) { return distance(e.at, a) < distance(g.at, a); };
+  std::sort(found.begin(), found.end(), before);
+  return found;
+}
+
+// Each branch from a sample that no branch before has passed.
+std::vector<EndPlace> BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::vector<std::string>& notes) {
+  std::vector<EndPlace> found;
+  std::vector<std::pair<double, double>> passed;
+  const double range = distance(a, b);
+  for (int k = 0; k <= places_of_cell; ++k) {
+    const double part = double(k) / places_of_cell;
+    if (std::any_of(passed.begin(), passed.end(), [&](const auto& p) { return part >= p.first && part <= p.second; }))
+      continue;
+    const PlanePoint at = between(a, b, part);
+    std::pair<double, double> reach{part, part};
+    for (const bool forward : {false, true}) {
+      const PlanePoint to = forward ? b : a;
+      if (distance(at, to) == 0) continue;
+      const Branch branch = follow(at, to);
+      if (!branch.lives) {
+        notes.push_back("at " + place_text(at.x, at.y) + ": " + branch.why);
+        break;
+      }
+      (forward ? reach.second : reach.first) += (forward ? 1 : -1) * branch.until / range;
+      if (branch.end)
+        found.push_back(*branch.end);
+      else if (!branch.arrives && !branch.at_hopf && !branch.halves)
+        notes.push_back("from " + place_text(at.x, at.y) + ": " + branch.why);
+    }
+    passed.push_back(reach);
+  }
+  std::sort(found.begin(), found.end(),
+            [&](const EndPlace& p, const EndPlace& q) { return distance(p.at, a) < distance(q.at, a); });
+  const auto same = [](const EndPlace& p, const EndPlace& q) {
+    return p.kind == q.kind && distance(p.at, q.at) < 1e-8;
+  };
+  found.erase(std::unique(found.begin(), found.end(), same), found.end());
+  return found;
+}
+
+Crossing BranchEnd::crossing(const EndPlace& place, int piece) const {
+  Crossing c = crossing_at(place.at.x, place.at.y);
+  c.kind = place.kind;
+  c.frequency = 2 * M_PI / place.period;
+  c.residual = place.residual;
+  c.nx = place.to_life.x;
+  c.ny = place.to_life.y;
+  c.piece = piece;
+  return c;
+}
+
+std::vector<Crossing> BranchEnd::points(std::vector<std::string>& notes) {
+  std::vector<Crossing> found;
+  const PlanePoint a{0, 0}, b{1, 0};
+  for (const EndPlace& place : uniform() ? ends_of_uniform(a, b, notes) : ends_of_cell(a, b, notes))
+    found.push_back(crossing(place, 0));
+  return found;
+}
+
+// Every third line first; the places between, where the corners about them differ.
+void BranchEnd::sample_square() {
+  const std::size_t row = side + 1;
+  samples_.assign(row * row, std::nan(""));
+  std::vector<char> asked(row * row, 0);
+  const auto ask = [&](int i, int j) {
+    const std::size_t k = std::size_t(j) * row + std::size_t(i);
+    if (!asked[k]) samples_[k] = (*this)(double(i) / side, double(j) / side);
+    asked[k] = 1;
+    return samples_[k];
+  };
+  for (int j = 0; j <= side; j += coarse)
+    for (int i = 0; i <= side; i += coarse) ask(i, j);
+  for (int j = 0; j < side; j += coarse)
+    for (int i = 0; i < side; i += coarse) {
+      const double corner = ask(i, j);
+      const auto like = [&](double value) {
+        return std::isnan(value) == std::isnan(corner) && (value < 0) == (corner < 0);
+      };
+      const bool alike = like(ask(i + coarse, j)) && like(ask(i, j + coarse)) && like(ask(i + coarse, j + coarse));
+      for (int q = j; q <= j + coarse; ++q)
+        for (int p = i; p <= i + coarse; ++p) {
+          const std::size_t k = std::size_t(q) * row + std::size_t(p);
+          if (!alike)
+            ask(p, q);
+          else if (!asked[k])
+            samples_[k] = corner;
+        }
+    }
+}
+
+std::vector<EndLine> BranchEnd::lines_of_uniform(double step, std::vector<std::string>& notes) {
+  sample_square();
+  std::vector<EndLine> lines;
+  const auto value = [&](int i, int j) { return samples_[std::size_t(j * (side + 1) + i)]; };
+  bool again = true;  // a sample has changed
+  const auto look = [&](int i, int j, int p, int q) {
+    if (!(value(i, j) * value(p, q) < 0)) return;
+    PlanePoint alive{double(i) / side, double(j) / side}, dead{double(p) / side, double(q) / side};
+    if (value(i, j) > 0) std::swap(alive, dead);
+    for (const EndLine& line : lines)
+      if (crosses(line, alive, dead)) return;
+    bool lives = true;
+    if (const auto end = end_between(alive, dead, lives, notes)) lines.push_back(follow_ends(plane(), *end, step));
+    if (lives) return;
+    double& wrong = samples_[value(i, j) < 0 ? std::size_t(j * (side + 1) + i) : std::size_t(q * (side + 1) + p)];
+    wrong = -wrong;
+    again = true;
+  };
+  for (int pass = 0; again && pass < most_passes; ++pass) {
+    again = false;
+    for (int j = 0; j <= side; ++j)
+      for (int i = 0; i <= side; ++i) {
+        if (i < side) look(i, j, i + 1, j);
+        if (j < side) look(i, j, i, j + 1);
+      }
+  }
+  return lines;
+}
+
+std::vector<EndLine> BranchEnd::lines_of_cell(double step, std::vector<std::string>& notes) {
+  std::vector<EndLine> lines;
+  for (int j = 0; j <= lines_of_square; ++j) {
+    const double y = double(j) / lines_of_square;
+    for (const EndPlace& end : ends_of_cell({0, y}, {1, y}, notes)) {
+      const auto near = [&](const EndLine& line) {
+        if (line.places.front().kind != end.kind) return false;
+        const PlanePoint n{1e-3, 0};
+        return crosses(line, {end.at.x - n.x, end.at.y}, {end.at.x + n.x, end.at.y});
+      };
+      if (std::none_of(lines.begin(), lines.end(), near)) lines.push_back(follow_ends(plane(), end, step));
+    }
+  }
+  return lines;
+}
+
+std::vector<Crossing> BranchEnd::curve(PetscInt count, std::vector<std::string>& notes) {
+  const double step = 1. / std::clamp<double>(double(count), 30., 40.);
+  const std::vector<EndLine> lines = uniform() ? lines_of_uniform(step, notes) : lines_of_cell(step, notes);
+  double total = 0;
+  for (const EndLine& line : lines) total += length(line.piece);
+  std::vector<Crossing> result;
+  for (std::size_t number = 0; number < lines.size(); ++number) {
+    const EndLine& line = lines[number];
+    if (line.places.size() < 2) {
+      result.push_back(crossing(line.places[0], int(number)));
+      continue;
+    }
+    const int wanted =
+        std::max(line.piece.closed ? 8 : 2, int(std::lround(double(count) * length(line.piece) / total)));
+    std::vector<double> along{0};
+    for (std::size_t k = 1; k < line.places.size(); ++k)
+      along.push_back(along.back() + distance(line.places[k].at, line.places[k - 1].at));
+    for (int k = 0; k < wanted; ++k) {
+      const double s = along.back() * k / (line.piece.closed ? wanted : wanted - 1);
+      const Mixture here = mixture(line.places, along, s);
+      const EndPlace& near = line.places[here.near];
+      const bool is_there = std::abs(along[here.near] - s) < 1e-9;
+      const auto on =
+          is_there ? std::optional<EndPlace>(near) : end_on_line(plane(), near, here.at, near.to_life, here.others);
+      if (on) result.push_back(crossing(*on, int(number)));
+    }
+  }
+  return result;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,31 @@
+// The end of the stick-slip of uniform motion with friction that sticks exactly: zeros of distance_from_graze
+// (cycles/stick_cycle.hpp). Where a state lets the cycle end before, by a fold, its multiplier says where.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "stickslip/numerics/level_curve.hpp"
+#include "stickslip/study/stick_slip_end.hpp"
+
+namespace stickslip {
+
+class GrazeEnd : public StickSlipEnd {
+ public:
+  GrazeEnd(SceneAt scene_at, std::vector<Axis> axes) : StickSlipEnd(std::move(scene_at), std::move(axes)) {}
+
+  std::vector<Crossing> points(std::vector<std::string>& notes) override;
+  std::vector<Crossing> curve(PetscInt count, std::vector<std::string>& notes) override;
+  double operator()(double x, double y = 0) override;
+  Scene scene(double x, double y = 0) const override;
+
+ private:
+  Crossing crossing(double x, double y, double nx, double ny);
+  PlanePoint last_digits(PlanePoint at, PlanePoint across);
+  void place_fold(Crossing& c, double nx, double ny);
+  void check(Crossing& c, double nx, double ny, std::vector<std::string>& notes);
+
+  double period_ = 0;  // of the cycle at the last evaluation
+};
+
+}  // namespace stickslip
