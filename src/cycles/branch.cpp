@@ -171,10 +171,11 @@ bool Walk::step() {
   Place moved = path_.place();
   for (size_t k = 0; k < moved.size(); ++k) moved[k] -= here_[k];
   if (std::sqrt(dot(moved, moved)) > 2 * length) throw Failure("the step left the branch");
+  const double gone = dot(t_, moved);  // the distance at which go() finds this place: length, but not on arrival
   Seen seen = look();
   const auto sign = seen.cycle.tests.find("hopf");
   if (sign != seen.cycle.tests.end() && (sign->second < 0) != (last_.cycle.tests["hopf"] < 0)) {
-    end_at_hopf(seen, length);
+    end_at_hopf(seen, gone);
     return false;
   }
   seen.tangent = path_.tangent(t_);
@@ -182,8 +183,8 @@ bool Walk::step() {
   const double cosine = dot(t_, seen.tangent);
   if (cosine < .92 && ds_ > 1e-4 && !arrive) throw Failure("the branch turns within the step");
   const size_t found = branch_.special.size();
-  first_special_ = length;
-  find_special(seen, length);
+  first_special_ = gone;
+  find_special(seen, gone);
   if (while_stable_ && last_.watched.stable && !seen.watched.stable) return end_where_it_repels(found);
   if (branch_.special.size() > found || folded_) {  // the path has been elsewhere
     to_the_end();
