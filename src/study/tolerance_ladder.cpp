@@ -140,6 +140,7 @@ double ToleranceLadder::estimate_in_time(const Level& now, double d) const {
   if (x < 0.7) return d / (1 - std::pow(x, slope()));
   if (x < 1) return std::max(d, time_foreseen(now.tolerance));
   const double usual = slope();
+  if (d < 0.01 * time_foreseen(now.tolerance)) return time_foreseen(last.tolerance);  // the level's own steps
   if (x < 3) return std::max(time_foreseen(now.tolerance), x > 1.5 ? d / (std::pow(x, usual) - 1) : 0);
   const double of_last = d / (1 - std::pow(x, -usual));
   const double seen = std::clamp(std::log(distances_.back() / of_last) /
@@ -147,10 +148,12 @@ double ToleranceLadder::estimate_in_time(const Level& now, double d) const {
   return of_last * std::pow(x, -std::min(seen, std::max(usual, 0.75)));
 }
 
-// A short run may take nearly the steps of the last level, whatever its tolerance: their distance, far below what was foreseen,
-// then tells little of the error, and only stricter levels do.
+// A run of a few steps may take nearly those of the last level, whatever its tolerance: their distance, far below what was
+// foreseen, then tells little of the error, and only stricter levels do, which cost next to nothing.
 void ToleranceLadder::look_beyond_own_steps() {
-  for (int k = 0; k < 3 && request_.tolerance_open && levels_.back().tolerance > 2 * least_tolerance; ++k) {
+  constexpr PetscInt few = 50;
+  for (int k = 0; k < 3 && request_.tolerance_open && levels_.back().steps < few; ++k) {
+    if (levels_.back().tolerance <= 2 * least_tolerance) return;
     const double foreseen = time_foreseen(std::max(last_run_.tolerance, levels_.back().tolerance));
     if (runs_.difference(levels_.back(), last_run_) >= 0.2 * foreseen) return;
     add(runs_.run(request_.scene.n, std::max(levels_.back().tolerance / 100, least_tolerance)));
