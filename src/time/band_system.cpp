@@ -1,100 +1,12 @@
-#include "time/band_system.hpp"
+#include "model/kernel.hpp"
+#include "time/band_system_of.hpp"
 
 #include <algorithm>
-#include <functional>
 
-#include "model/kernel.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/dense.hpp"
-#include "time/piece_kernel.hpp"
-#include "time/separators.hpp"
 
 namespace stickslip {
-
-namespace {
-
-using kernel::lanes;
-
-template <int hw>
-class BandSystemOf : public BandSystem {
- public:
-  explicit BandSystemOf(const BandLayout& layout);
-
-  bool choose(double a, double p, bool varies) override;
-  void forward(std::size_t tile, const double* d, const double* b) override;
-  bool couple() override;
-  void backward(std::size_t tile, const double* d, const double* b, double* x) override;
-
- private:
-  // A stretch of groups, whole or made of two.
-  struct Node {
-    int left = -1, right = -1;
-    StretchMatrix<hw> matrix;
-    StretchLoad<hw> load;
-    double d_behind[hw];                    // the diagonal of the separator behind it
-    double b[hw], x_left[hw], x_right[hw];  // of the separator in its middle; of those at its ends
-  };
-  struct Leaf {
-    int node, speaker;
-  };
-  struct Group {  // of a tile
-    int node = -1;
-    Separator<hw> separators[lanes - 1];  // where the diagonal varies
-    double b[lanes - 1][hw];
-  };
-  struct Factors {
-    double a = 0, p = 0;
-    bool positive = true;
-    double c[hw + 1];
-    double middle;  // -p w_0
-    kernel::PieceTable table;
-    std::vector<double> W[2];  // of pieces of the least rows, and of one more
-    Separator<hw> separators[2][lanes - 1];
-    StretchMatrix<hw> group[2];
-    std::vector<Separator<hw>> nodes;  // of the tree
-    std::vector<double> outer;         // the inverse of what is left
-  };
-
-  int build(int lo, int hi);
-  int build_own(int lo, int hi);
-  void set_up_outer();
-  void set_up_gather();
-  void set_coefficients(Factors& f, double a, double p) const;
-  void make_constant(Factors& f, double a, double p);
-  bool join_eight(const double* d, const kernel::Sides<hw>& sides, const double* c, Separator<hw>* separators,
-                  StretchMatrix<hw>& whole) const;
-  void load_eight(const kernel::Sides<hw>& sides, const double* b, const Separator<hw>* separators, double (*own)[hw],
-                  StretchLoad<hw>& whole) const;
-  bool eliminate(const std::vector<int>& nodes);
-  void join(const std::vector<int>& nodes);
-  void descend(const std::vector<int>& nodes);
-  bool gather(bool with_matrices, bool flag);
-  std::vector<double> outer_matrix() const;
-  bool solve_outer();
-  int kind(const BandTile& t) const { return t.rows - layout_.least_rows(); }
-
-  const BandLayout& layout_;
-  const Scene& scene_;
-  std::vector<Node> tree_;
-  int root_ = -1;
-  std::vector<int> own_, top_;  // nodes of two stretches: of this rank; of several
-  std::vector<Leaf> leaves_;    // of the top
-  std::vector<Group> groups_;   // of the tiles
-  int outer_count_;
-  std::vector<double> outer_d2_, outer_b_, outer_d_, outer_x_;
-  std::vector<char> outer_held_;
-  int ranks_, rank_;
-  std::vector<int> leaves_of_, outer_of_;  // of every rank
-  std::vector<double> sent_, received_;
-  std::vector<Factors> kept_;  // constant, the last used first
-  Factors varying_;
-  bool varies_ = false, positive_ = true;  // positive_: of this rank's tiles, where the diagonal varies
-
-  std::function<void(const kernel::ConstantPiece&, kernel::Sides<hw>*)> forward_constant_;
-  std::function<void(const kernel::ConstantPiece&, const double*, const double*, double*)> backward_constant_;
-  std::function<void(const kernel::Piece&, kernel::Sides<hw>*)> forward_;
-  std::function<void(const kernel::Piece&, const double*, const double*, double*)> backward_;
-};
 
 template <int hw>
 BandSystemOf<hw>::BandSystemOf(const BandLayout& layout)
@@ -115,7 +27,7 @@ BandSystemOf<hw>::BandSystemOf(const BandLayout& layout)
 
 // ---- the tree -----------------------------------------------------------------------------------------------------
 
-int middle_of(int lo, int hi) {
+static int middle_of(int lo, int hi) {
   int half = 1;
   while (2 * half < hi - lo) half *= 2;
   return lo + half;
@@ -416,7 +328,7 @@ std::vector<double> BandSystemOf<hw>::outer_matrix() const {
 
 // Elimination without exchange of rows, whose pivots tell whether a matrix is positive definite; x = b at first. Where
 // one is not positive nothing is done.
-bool solve_positive(int n, std::vector<double> a, std::vector<double>& x) {
+static bool solve_positive(int n, std::vector<double> a, std::vector<double>& x) {
   const auto at = [&](int i, int j) -> double& { return a[std::size_t(i) * std::size_t(n) + std::size_t(j)]; };
   std::vector<double> y = x;
   for (int k = 0; k < n; ++k) {
@@ -551,8 +463,6 @@ bool BandSystemOf<hw>::gather(bool with_matrices, bool flag) {
   for (int r = 0; r < ranks_; ++r) walk(r, received_.data() + starts[std::size_t(r)], false);
   return flag;
 }
-
-}  // namespace
 
 std::unique_ptr<BandSystem> BandSystem::make(const BandLayout& layout) {
   std::unique_ptr<BandSystem> system;
