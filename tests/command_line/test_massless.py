@@ -176,6 +176,14 @@ def test_boundary_is_the_quasi_static_one():
     check(abs(point["frequency"] - np.sqrt(K * v / D / (zeta + a / v))) < 1e-8, f"frequency {point['frequency']}")
 
 
+def test_accuracy_holds():
+    text = CHAIN + ("-grid_n 6 -model_zeta 0.3 -friction_law rate-and-state -init_type sine -init_amplitude 0.05 -ts_max_time 3 "
+                    "-out_probes 2 ")
+    s, _ = run(text + "-accuracy 1e-6")
+    exact = run(text + TIGHT)[0]["probes"][0]["psi"]
+    check(abs(s["probes"][0]["psi"] - exact) < s["error_estimate"] + 1e-9 < 1e-6, f"{s['error_estimate']}")
+
+
 def test_steps_between_earthquakes_are_long():
     # a block that creeps between 1e-14 and 1e-9 and slips at 1, five times: at the frequency that a mass of 1 would give it, 0.3,
     # explicit steps would be some 1e6
