@@ -1,6 +1,6 @@
 """-accuracy on seeded random smooth scenes: is the error within the request, and the estimate honest?
 
-    accuracy.py [--seed S] [--cases N] [--only K] [--seconds S] [--strict]
+    accuracy.py [--seed S] [--cases N] [--only K] [--seconds S] [--strict] [--stiff]
     accuracy.py --charts FOLDER [--accuracies 1e-2,1e-4,1e-6,1e-8]
 
 Each case runs the program with -accuracy and then once more on a grid four times (from 1000 nodes on: twice, since
@@ -8,6 +8,9 @@ round-off grows with 1/h^2) as fine (of the chain: on the same one) at order 8 a
 difference is the error. Prints a line a case and what does not hold. Choosing may take --seconds of processor time;
 answers more than 30 times better than asked are counted, and those among them that nothing cheaper was left for: up to
 four steps, the loosest tolerance, or no more nodes than the first two grids of a ladder have.
+
+With --stiff the scenes are those of which the program may take a part implicitly: friction faster than everything else by
+30 to 1000 in the continuum and in chains, thresholds smoothed over 1e-2 to 1e-3, and waves of c = 30 to 100.
 
 The second form does so for the six scenes runs/chart-*.yaml, without their grid_n, and prints the table of
 docs/chart.md: the price of the run, and of everything together, against the best row of the scene's chart with an error
@@ -66,9 +69,12 @@ def measure(words, accuracy, *extra):
         return made, np.abs(got - exact[:, ::times]).max()
 
 
-def warm_price(words, accuracy):
-    """As the chart's rows are timed: in a process that has done all of it before."""
-    done = subprocess.run([BENCH, "run", *map(str, words), "-accuracy", str(accuracy)], capture_output=True, text=True)
+def warm_price(words, accuracy, row):
+    """As the chart's rows are timed, in a process that has done all of it before; in turn with the row, if there is one."""
+    method = [] if row is None else [row["method"] + (":" + row["implicit"] if row["method"].startswith("arkimex") else ""),
+                                     str(row["tolerance"]), str(row["order"]), str(row["n"])]
+    done = subprocess.run([BENCH, "run", *map(str, words), "-accuracy", str(accuracy), *(["--row"] if method else []), *method],
+                          capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(f"bench_accuracy: {done.stderr}")
     return json.loads(done.stdout)
@@ -96,6 +102,33 @@ def scene(seed, number):
             at = words.index(name)
             del words[at:at + 2]
     return words, 10 ** r.uniform(-8, -2)
+
+
+def stiff_scene(seed, number):
+    r = random.Random(f"stiff/{seed}/{number}")
+    kind = number % 4
+    gamma = ["-model_gamma", round(10 ** r.uniform(1.5, 3), 1), "-model_delta", 0]
+    if kind == 0:
+        words = gamma + ["-model_v", round(r.uniform(-0.5, 0.5), 3), "-grid_length", round(r.uniform(10, 60), 2), "-init_type",
+                         "sine", "-init_psi", round(r.uniform(0.9, 1.3), 3), "-init_amplitude", round(r.uniform(0.01, 0.1), 3),
+                         "-init_eta", "steady", "-ts_max_time", round(r.uniform(1, 20), 2)]
+    elif kind == 1:
+        words = ["-model_form", "chain", "-model_f0", round(10 ** r.uniform(1.5, 3), 1), "-grid_n", r.choice([5, 10]), "-model_k1", round(10 ** r.uniform(-1, 0.5), 3),
+                         "-model_v", round(r.uniform(-0.5, 0.5), 3), "-init_type", "sine", "-init_psi", round(r.uniform(-0.5, 1.2), 3),
+                         "-init_amplitude", round(r.uniform(0.05, 0.3), 3), "-ts_max_time", round(r.uniform(1, 20), 2)]
+    elif kind == 2:
+        words = ["-model_form", "chain", "-model_m", 1, "-model_k0", round(r.uniform(0.2, 1), 3), "-model_k1",
+                 round(r.uniform(0.2, 2), 3), "-model_f0", 1, "-model_zeta", round(r.uniform(0, 0.2), 3), "-model_v",
+                 round(10 ** r.uniform(-2, -0.5), 4), "-friction_law", "carlson-langer", "-friction_stick", "regularised",
+                 "-friction_eps", round(10 ** r.uniform(-3, -2), 5), "-friction_spread", round(r.uniform(0, 0.2), 3), "-grid_n",
+                 r.choice([5, 10, 20]), "-bc_left", "free", "-init_psi", 0.001, "-init_eta", round(r.uniform(-0.5, 0.9), 3),
+                 "-ts_max_time", round(r.uniform(5, 60), 1)]
+    else:
+        words = ["-model_gamma", 3, "-model_delta", 0.2, "-model_c", round(r.uniform(30, 100), 1), "-model_v",
+                 round(r.uniform(1.2, 1.8), 3), "-grid_length", round(r.uniform(10, 40), 2), "-init_type", "sine", "-init_psi",
+                 round(r.uniform(0.2, 0.8), 3), "-init_amplitude", round(r.uniform(0.05, 0.3), 3), "-ts_max_time",
+                 round(r.uniform(1, 6), 2)]
+    return words, 10 ** r.uniform(-7, -2)
 
 
 CHARTS = ("smooth", "train", "uniform", "slow-driving", "stiff-coupling", "stiff-friction")
@@ -128,9 +161,9 @@ def table(folder, accuracies):
                     print(f"| {name} | {accuracy:.0e} | {made['reason']} |||||", flush=True)
                     continue
                 how, estimate = made["accuracy"], made["error_estimate"]
-                cost = warm_price([copy.name], accuracy)
-                best = min((row["seconds"] for row in rows if row["error"] <= accuracy), default=None)
-                prices = (f"{1e3 * best:.3g} ms | {cost['run'] / best:.2f} | {sum_of(cost) / best:.2f}" if best else
+                best = min((row for row in rows if row["error"] <= accuracy), key=lambda row: row["seconds"], default=None)
+                cost = warm_price([copy.name], accuracy, best)
+                prices = (f"{1e3 * cost['row']:.3g} ms | {cost['run_over_row']:.2f} | {cost['all_over_row']:.2f}" if best else
                           f"none | ({1e3 * cost['run']:.3g} ms) | ({1e3 * sum_of(cost):.3g} ms)")
                 grid = f", n = {how['n']}" if how["n"] and name not in ("uniform", "slow-driving") else ""
                 tries = f", attempt {how['attempts']}" if how["attempts"] > 1 else ""
@@ -152,12 +185,13 @@ def main():
     parser.add_argument("--seconds", type=float, default=10)
     parser.add_argument("--charts", metavar="FOLDER")
     parser.add_argument("--accuracies", default="1e-2,1e-4,1e-6,1e-8")
+    parser.add_argument("--stiff", action="store_true", help="scenes with stiff parts")
     parser.add_argument("--strict", action="store_true", help="better than 30 times the request counts as a failure")
     given = parser.parse_args()
     if given.charts:
         return 1 if table(given.charts, [float(a) for a in given.accuracies.split(",")]) else 0
     numbers = range(given.cases) if given.only is None else [given.only]
-    cases = [scene(given.seed, number) for number in numbers]
+    cases = [(stiff_scene if given.stiff else scene)(given.seed, number) for number in numbers]
     failures, refused, generous, cheapest = 0, 0, 0, 0
     for number, (words, accuracy) in enumerate(cases):
         made, error = measure(words, accuracy, "-accuracy_seconds", given.seconds)

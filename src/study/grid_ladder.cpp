@@ -130,7 +130,7 @@ double GridLadder::first_cells() const {
   const std::string type = options.text("init_type");
   double count = 12;
   if (type == "sine") count = 12 * std::max(1., options.real("init_mode"));
-  if (type == "pulses" || type == "wave") count = 24 * options.real("init_pulses");
+  if (type == "pulses" || type == "wave") count = 48 * options.real("init_pulses");
   if (type == "layer") count = 3 * scene.length / options.real("init_width");
   // where friction sets the steps, a step on few nodes costs as much as one on some fifty
   if (runs_.friction_sets_steps() && setting_.method.is_explicit()) count = std::max(count, 48.);
@@ -192,13 +192,14 @@ double GridLadder::error_foreseen(double at) const {
   return of_coarser * std::pow(before / near, order_beyond()) * std::pow(last / far, next_order());
 }
 
-// Of a level on a grid of so many cells. A strict one costs little: it is chosen for the least error in space that the
-// level may have.
+// Of a level on a grid of so many cells, for the least error in space that it may have: at the order of the scheme, or
+// halfway to it from a low one that was seen.
 double GridLadder::tolerance_of_level(double at) const {
   if (!request_.tolerance_open) return setting_.tolerance;
   const std::size_t count = levels_.size();
   double in_space = 1;
-  if (count >= 2) in_space = distances_.back() * std::pow(cells_of(levels_[count - 2].scene) / at, order_at_best());
+  const double p = order_at_best(), order = count >= 3 ? (p + std::clamp(rate(count - 2), 0., p)) / 2 : p;
+  if (count >= 2) in_space = distances_.back() * std::pow(cells_of(levels_[count - 2].scene) / at, order);
   else if (per_tolerance_cells_ > 0 || (count == 1 && runs_.friction_sets_steps())) in_space = 0;
   const double grown = per_tolerance_cells_ > 0 ? std::max(1., at / per_tolerance_cells_) : 1;
   return std::clamp(share_of_level * std::max(in_space, share_of_space * aim_) / (per_tolerance_ * grown),
@@ -244,8 +245,7 @@ bool GridLadder::climb_to(double& next, int& failures) {
   Level made = runs_.run(request_.nodes(next), tolerance_of_level(next), failed);
   // what the run would cost on some 2/accuracy^(1/p) times as many nodes at a hundredth of the accuracy
   const double grown = 2 * std::pow(std::min(aim_, 1.), -1. / setting_.order);
-  const double seconds = made.seconds * grown * std::pow(made.tolerance / (0.01 * aim_), 1. / 3);
-  const bool slow = levels_.empty() && runs_.prefers_explicit(seconds, request_.nodes(next * grown));
+  const bool slow = levels_.empty() && runs_.prefers_explicit(made, request_.nodes(next * grown), 0.01 * aim_);
   if (failed.empty() && !slow) {
     add(std::move(made));
     return true;
@@ -265,13 +265,9 @@ bool GridLadder::place_or_go_on(double& next) {
   const Outlook ahead = outlook();
   const Level& last = levels_.back();
   const bool place = !request_.grid_open || ahead.within_reach;
-  double seconds = last.seconds * ahead.factor;  // of the run, if it is implicit
-  if (place) {
-    place_run(ahead);
-    seconds = last.seconds * double(setting_.n) / double(last.scene.n) *
-              std::pow(last.tolerance / setting_.tolerance, 1. / 3);
-  }
-  if (runs_.prefers_explicit(seconds, place ? setting_.n : last.scene.n)) {
+  if (place) place_run(ahead);
+  if (place ? runs_.prefers_explicit(last, setting_.n, setting_.tolerance)
+            : runs_.prefers_explicit(last, 2 * last.scene.n, last.tolerance)) {
     runs_.take_explicit();
     begin_anew();
     next = first_cells();

@@ -198,23 +198,28 @@ void LevelRuns::choose_method() {
   const Scene& scene = request_.scene;
   if (!request_.method_open || Stick::applies_to(scene)) return;
   const Rates rates = pilot_.rates(setting_.order, setting_.n);
-  const double own = std::max(own_frequency(scene), 1e-3);  // frequency of a free block
-  const bool faster = rates.friction > 10 * std::max(rates.wave, 40 * own);
   friction_sets_steps_ = rates.friction > 3 * rates.wave;
-  if (rates.stiff_friction || rates.stiff_wave || (faster && request_.wanted > 3e-4)) {
-    setting_.method = MethodSpec::parse("accuracy", "rosw:ra34pw2");
-    why_ = "explicit steps would be bound by stability";
-  }
+  // the first levels of an implicit method take longer than that
+  constexpr double cheap = 2e-3;
+  if (!request_.options.is_set("imex_implicit") && explicit_seconds(setting_.n) < cheap) return;
+  setting_.method = pilot_.automatic(setting_.order, setting_.n, share_of_time * request_.wanted);
+  if (!setting_.method.is_explicit()) why_ = "explicit steps would be bound by stability";
 }
 
 // Steps of an explicit run are bound by stability: about six over the fastest frequency long (the friction's is seldom
 // met, but at a threshold always), of ten stages of 1.2 ns a node (a smoothed threshold: 7), and 1 us each.
-bool LevelRuns::prefers_explicit(double implicit_seconds, PetscInt n) const {
-  if (!request_.method_open || setting_.method.is_explicit()) return false;
+double LevelRuns::explicit_seconds(PetscInt n) const {
   const Rates rates = pilot_.rates(setting_.order, n);
   const bool threshold = request_.scene.friction.law->jumps_at_rest;
   const double steps = (threshold ? 0.22 : 0.16) * pilot_.t_end() * std::max(rates.wave, rates.friction);
-  return steps * (1e-6 + (threshold ? 7e-8 : 1.2e-8) * double(n)) < implicit_seconds;
+  return steps * (1e-6 + (threshold ? 7e-8 : 1.2e-8) * double(n));
+}
+
+bool LevelRuns::prefers_explicit(const Level& seen, PetscInt n, double tolerance) const {
+  if (!request_.method_open || setting_.method.is_explicit() || request_.options.is_set("imex_implicit")) return false;
+  // steps of an implicit run are bound by their error, and cost as much as they would on some 150 nodes more
+  const double more = (150 + double(n)) / (150 + double(seen.scene.n));
+  return explicit_seconds(n) < seen.seconds * more * std::pow(seen.tolerance / tolerance, 1. / setting_.method.order());
 }
 
 void LevelRuns::take_explicit() {

@@ -73,10 +73,10 @@ class LevelRuns {
   // The jump of the solution, if it has one.
   const std::optional<Jump>& jump() const { return jump_; }
 
-  // Takes an implicit method where explicit steps would be bound by stability.
+  // Takes what a run that names no method takes at such tolerances (src/time/choice.hpp).
   void choose_method();
-  // Whether an explicit run on n nodes takes less than `implicit_seconds`.
-  bool prefers_explicit(double implicit_seconds, PetscInt n) const;
+  // Whether an explicit run on n nodes takes less than an implicit one at `tolerance`, of which one was seen.
+  bool prefers_explicit(const Level& seen, PetscInt n, double tolerance) const;
   void take_explicit();
   const std::string& why() const { return why_; }  // this method, or ""
   bool friction_sets_steps() const { return friction_sets_steps_; }
@@ -84,6 +84,7 @@ class LevelRuns {
 
  private:
   Trial trial(const Setting& setting, double limit) const;
+  double explicit_seconds(PetscInt n) const;
   double difference_beside_jump(const Level& coarse, const Level& fine) const;
 
   const AccuracyRequest& request_;

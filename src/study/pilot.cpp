@@ -5,6 +5,7 @@
 #include <map>
 
 #include "base/local_values.hpp"
+#include "time/choice.hpp"
 #include "time/fused_methods.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/study/reduce.hpp"
@@ -61,6 +62,20 @@ Rates Pilot::rates(int order, PetscInt n) const {
   const VecHandle u = vector_for(model);
   start_.fill(model, u);
   return rates_of(model, u);
+}
+
+MethodSpec Pilot::automatic(int order, PetscInt n, double tolerance) const {
+  std::vector<std::string> unheard;
+  const WarningsKept kept(unheard);
+  const Model model = this->model(order, n);
+  const VecHandle u = vector_for(model);
+  start_.fill(model, u);
+  MethodSpec open = MethodSpec::from(options_);
+  open.tolerance = tolerance;
+  const Choice choice = choose_method(model, rates_of(model, u), open, "");
+  if (choice.implicit == Implicit::none) return MethodSpec::parse("accuracy", "rk:7vr");
+  if (choice.type == TSROSW) return MethodSpec::parse("accuracy", "rosw:ra34pw2");
+  return MethodSpec::parse("accuracy", choice.type + ":" + choice.subtype + ":" + to_string(choice.implicit));
 }
 
 double Pilot::longest_step(const Setting& setting) const {

@@ -25,6 +25,8 @@ class Pilot {
 
   // The rates of the scene at its start on this grid, and the time that an explicit run to the end takes at least.
   Rates rates(int order, PetscInt n) const;
+  // The method of a run of this tolerance that names none, as Integrator chooses it; where that is explicit, rk:7vr.
+  MethodSpec automatic(int order, PetscInt n, double tolerance) const;
   double t_end() const { return t_end_; }
   const Start& start() const { return start_; }
 

@@ -25,7 +25,8 @@ class ToleranceLadder final : public Ladder {
   double steepest_fall(const Level& from, const Level& to) const override {
     return std::max(1., std::pow(from.tolerance / to.tolerance, 1.25));
   }
-  double first() const { return std::clamp(10 * aim_, 1e-12, loosest()); }
+  // Implicit steps err by far more than their tolerance where friction or waves are stiff.
+  double first() const { return std::clamp((setting_.method.is_explicit() ? 10 : 0.1) * aim_, 1e-12, loosest()); }
   double loosest() const { return setting_.method.is_explicit() ? 1e-2 : 1e-4; }
   double wished() const;
   double slope() const;
@@ -89,7 +90,8 @@ void ToleranceLadder::choose() {
       continue;
     }
     add(std::move(made));
-    if (levels_.size() == 1) next = std::max(levels_.back().tolerance / loosened, least_tolerance);
+    if (levels_.size() == 1)
+      next = std::max(levels_.back().tolerance / (setting_.method.is_explicit() ? loosened : 10), least_tolerance);
     else if (place_or_go_on(next)) return;
   }
 }
@@ -99,7 +101,7 @@ bool ToleranceLadder::place_or_go_on(double& next) {
   const Level& last = levels_.back();
   const double d = distances_.back(), wish = wished();
   if (last.tolerance <= 2 * least_tolerance && d > aim_) give_up_at(last.tolerance, d);
-  if (runs_.prefers_explicit(last.seconds * std::pow(last.tolerance / wish, 1. / 3), request_.scene.n)) {
+  if (runs_.prefers_explicit(last, request_.scene.n, wish)) {
     runs_.take_explicit();
     begin_anew();
     next = first();
@@ -186,8 +188,8 @@ void ToleranceLadder::refine() {
       distances_[distances_.size() - 2] = runs_.difference(levels_[levels_.size() - 3], last_run_);
   }
   if (before <= 2 * least_tolerance) give_up_at(before, last_estimate_);
-  setting_.tolerance =
-      std::clamp(std::min({wished(), before / 3, levels_.back().tolerance / 3}), least_tolerance, before);
+  place(std::min(wished(), before / 3));  // which may be looser than a level that is stricter than needed
+  setting_.tolerance = std::min(setting_.tolerance, before / 2);
   in_time_ = time_foreseen(setting_.tolerance);
 }
 

@@ -70,6 +70,20 @@ def test_what_the_user_set_stays():
     assert "out of reach" in said["reason"], said["reason"]
 
 
+def test_stiff_parts_are_taken_implicitly():
+    """By the rule of runs that name no method; beside explicit steps as short as the threshold asks for."""
+    slow = ["runs/chart-slow-driving.yaml", "-ts_max_time", 60, "-out_probes", "0,7,19"]
+    slow[0] = os.path.join(SOURCE, slow[0])
+    made = run(*slow, "-accuracy", 1e-4)
+    assert made["method"] == run(*slow)["method"] == "arkimex:4" and made["implicit"] == "friction", made["said"]
+    exact = run(*slow, "-ts_type", "rk", "-ts_rk_type", "8vr", "-ts_rtol", 1e-10, "-ts_atol", 1e-10)
+    error = max(abs(a[name] - b[name]) for a, b in zip(made["probes"], exact["probes"]) for name in ("psi", "eta"))
+    assert error <= 1e-4 and error / 3 <= made["error_estimate"] <= 1e-4, (error, made["error_estimate"])
+    # what the user named stays, and what explicit steps do in less time than an implicit ladder takes stays theirs
+    assert run(*slow, "-accuracy", 1e-2, "-imex_implicit", "both")["implicit"] == "both"
+    assert run(*slow, "-ts_max_time", 0.5, "-accuracy", 1e-4)["method"] == "rk:7vr"
+
+
 JUMP = ["-bc_left", "velocity", "-bc_left_value", -1.5, "-bc_right", "free", "-grid_length", 24]
 GAMMA, DELTA, V, HELD, BEGIN = 3, 0.2, 0.2, -1.5, 0.1
 
