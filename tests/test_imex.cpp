@@ -494,6 +494,8 @@ VecHandle vector_of(const Model& model, const std::vector<double>& own) {
 }
 
 std::vector<Scene> band_scenes() {
+  PetscMPIInt ranks;
+  SS_TRY(MPI_Comm_size(PETSC_COMM_WORLD, &ranks));
   std::vector<Scene> all;
   for (const PetscInt n : {1, 2, 3, 7, 40, 88, 173, 611, 1999, 5003})
     for (const int order : {2, 4, 6, 8})
@@ -503,7 +505,7 @@ std::vector<Scene> band_scenes() {
         s.order = order;
         if (ends > 0) s.left = s.right = End::free;
         if (ends == 2) s.left = End::velocity;
-        if (n < order + 1 || (order == 8 && ends == 2)) continue;
+        if (n < order + 1 || n < ranks || (order == 8 && ends == 2)) continue;
         if (n > 700 && order + ends != 4 + n % 3) continue;
         all.push_back(s);
       }

@@ -103,7 +103,7 @@ void check_friction(const F& friction, bool spread) {
   const auto expected = [&](const double* u, double coupling, double a) {
     const double force = a * friction.force(u[0], state(u));
     return std::array<double, 3>{k.A * (u[1] - k.B * u[0] - force),
-                                 k.K0 * (k.v - u[0]) + coupling - k.s_delta * (u[1] - force),
+                                 k.K0 * (k.v - u[0]) + (half_width > 0 ? coupling : 0) - k.s_delta * (u[1] - force),
                                  friction.rate_partials(u[0], state(u)).g};
   };
   if constexpr (half_width > 0 && !F::has_state) check<half_width>(Whole<half_width, F>{friction}, spread, expected);

@@ -411,7 +411,7 @@ TEST_CASE("an adaptive run recovers from a start far too large") {
   }
 }
 
-TEST_CASE("a constant wave part is factored once while the step stands", "[serial]") {
+TEST_CASE("the library factors a constant wave part once while the step stands", "[serial]") {
   SS_TRY(PetscLogDefaultBegin());
   const auto factorizations = [&](const char* implicit, const char* lag = "") {
     PetscLogEvent event;
@@ -419,7 +419,8 @@ TEST_CASE("a constant wave part is factored once while the step stands", "[seria
     SS_TRY(PetscLogEventGetId("MatLUFactorNum", &event));
     SS_TRY(PetscLogEventGetPerfInfo(PETSC_DETERMINE, event, &before));
     Settings settings = {
-        {"ts_type", "arkimex"}, {"imex_implicit", implicit}, {"ts_adapt_type", "none"}, {"ts_dt", "0.125"}};
+        {"ts_type", "arkimex"}, {"imex_implicit", implicit}, {"ts_adapt_type", "none"}, {"ts_dt", "0.125"},
+        {"ksp_type", "preonly"}};  // without an option of its own the program's band is taken
     if (*lag) settings.push_back({"snes_lag_jacobian", lag});
     solve(smooth_ring(), settings);
     SS_TRY(PetscLogEventGetPerfInfo(PETSC_DETERMINE, event, &after));

@@ -218,7 +218,8 @@ class Judge {
         (stands(t, unstable) || wanders(unstable)))
       return Motion::stick_slip;
     if (t.has_ended()) return Motion::undecided;
-    if (t.falls() && !(unstable && period_ == 0)) return Motion::decaying;
+    // a creep past unstable sliding is no approach to it
+    if (t.falls() && !((unstable || a_.unstable) && period_ == 0)) return Motion::decaying;
     if (t.rises() && (period_ > 0 || unstable)) return Motion::growing;
     return Motion::undecided;
   }

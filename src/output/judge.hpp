@@ -12,7 +12,7 @@ namespace stickslip {
 struct Surroundings {
   double v = 0;
   std::optional<double> growth;  // of perturbations of sliding, as the steps have it: its sign is certain
-  bool stable = false;           // sliding of the scene itself, whatever the steps make of it
+  bool stable = false, unstable = false;  // sliding of the scene itself, whatever the steps make of it
   bool unloaded = false;         // nothing will ever move a medium at rest
   double loading = 0;            // time until the force on the first node that rests or lags reaches its friction
   double cycle = 1;              // about the longest time between two slips, or the period of an oscillation

@@ -148,6 +148,7 @@ struct Regime::Impl {
     a.v = s.v;
     a.growth = certain_growth(t);
     a.stable = growth < 0;
+    a.unstable = growth > 0;
     a.unloaded = is_unloaded(s);
     a.sticks = jumps_at_rest;
     const double pull = s.K0() * std::abs(s.v);

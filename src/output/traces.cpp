@@ -52,6 +52,22 @@ double Traces::slope(const Place& place, const Sample& at) const {
   return s.A() * (at.eta - s.B() * at.psi - model_.friction(place.node, at.psi, at.state).F);
 }
 
+Traces::Sample Traces::sample(const Place& place, const double* u) const {
+  const int dof = model_.dof();
+  const double* at = u + place.node * dof;
+  return {at[0], at[1], dof == 3 ? at[2] : 0};
+}
+
+// psi at a part of the step from place.now to `next`, by the cubic; never beyond both ends, where slopes are stiff and it
+// means nothing.
+std::function<double(double)> Traces::within(const Place& place, const Sample& next, double dt) const {
+  const double y0 = place.now.psi, y1 = next.psi, m0 = dt * slope(place, place.now), m1 = dt * slope(place, next);
+  return [=](double s) {
+    const double cubic = y0 + s * (m0 + s * (3 * (y1 - y0) - 2 * m0 - m1 + s * (2 * (y0 - y1) + m0 + m1)));
+    return s <= 0 ? y0 : s >= 1 ? y1 : std::clamp(cubic, std::min(y0, y1), std::max(y0, y1));
+  };
+}
+
 // psi turns near `place.now`: in the step that led there or in the one that leaves it.
 void Traces::refine(const Place& p, const Sample& next, double dt_before, double dt, double& low, double& high) const {
   const double there = slope(p, p.now);
@@ -91,9 +107,9 @@ void Traces::join_pairs() {
   window_ *= 2;
 }
 
-// Windows up to the one that holds t; what a long step leads through holds both its ends.
-void Traces::open_windows(double t, const double* u) {
-  const auto index = [&] { return std::max(1., std::ceil((t - begin_) / window_ * (1 - 1e-12))); };
+// Windows up to the one that holds the end of the step, with psi where they begin and end within it.
+void Traces::open_windows(const ObservedStep& step, const double* u) {
+  const auto index = [&] { return std::max(1., std::ceil((step.t - begin_) / window_ * (1 - 1e-12))); };
   while (index() > double(most_windows)) {
     // all that are passed are begun before they are joined
     const std::size_t count = places_.size();
@@ -103,37 +119,37 @@ void Traces::open_windows(double t, const double* u) {
   }
   const auto needed = static_cast<std::size_t>(index());
   const std::size_t count = places_.size();
-  for (; windows_ < needed; ++windows_)
-    for (std::size_t k = 0; k < count; ++k) {
-      const double before = places_[k].now.psi, now = u[places_[k].node * model_.dof()];
-      if (windows_ + 1 < needed) begin_window(windows_, k, std::min(before, now), std::max(before, now));
-      else begin_window(windows_, k, before, before);
+  for (std::size_t k = 0; k < count && windows_ < needed; ++k) {
+    const Place& p = places_[k];
+    const auto psi = [&, cubic = within(p, sample(p, u), step.t - step.t_before)](std::size_t window) {
+      return cubic((begin_ + double(window) * window_ - step.t_before) / (step.t - step.t_before));
+    };
+    for (std::size_t w = windows_; w < needed; ++w) {
+      const double begin = psi(w), end = w + 1 < needed ? psi(w + 1) : begin;
+      begin_window(w, k, std::min(begin, end), std::max(begin, end));
     }
+  }
+  windows_ = std::max(windows_, needed);
 }
 
 void Traces::step(const ObservedStep& step) {
   const Reading values(step.u);
   const double* u = &values[0];
-  const int dof = model_.dof();
-  const auto sample = [&](const Place& p) {
-    const double* at = u + p.node * dof;
-    return Sample{at[0], at[1], dof == 3 ? at[2] : 0};
-  };
   const double dt = step.t - step.t_before;
   if (!started_) {
     started_ = true;
     begin_ = step.t_before;
     window_ = std::max(t_end_ - begin_, std::numeric_limits<double>::min()) / finest;
     for (std::size_t k = 0; k < places_.size(); ++k) {
-      places_[k].now = places_[k].before = sample(places_[k]);
+      places_[k].now = places_[k].before = sample(places_[k], u);
       begin_window(0, k, places_[k].now.psi, places_[k].now.psi);
     }
   } else {
-    open_windows(step.t, u);
+    open_windows(step, u);
     const std::size_t first = (windows_ - 1) * places_.size();
     for (std::size_t k = 0; k < places_.size(); ++k) {
       Place& p = places_[k];
-      const Sample next = sample(p);
+      const Sample next = sample(p, u);
       double &low = low_[first + k], &high = high_[first + k];
       low = std::min(low, next.psi);
       high = std::max(high, next.psi);

@@ -3,8 +3,8 @@
 // At up to 128 nodes, spread evenly over the whole scene (of which the model may be one of several equal cells: then at
 // the same nodes of that cell), every accepted step is looked at: the least and the largest psi in each window
 // of time, how often psi passes its value in steady sliding upwards, and when it last did. Between two steps an
-// extremum is that of the cubic through the values and slopes at both, so that it does not depend on where steps fall
-// (error dt^4). The windows are equally long; when there are 128 of them they are joined in pairs, so that the whole
+// extremum, as psi where a window begins, is that of the cubic through the values and slopes at both, so that it does not
+// depend on where steps fall (error dt^4). The windows are equally long; when there are 128 of them they are joined in pairs, so that the whole
 // of a run stands in 64 to 128 windows, however many steps it takes. Costs the same at any number of nodes; nothing
 // is communicated before record().
 #pragma once
@@ -50,10 +50,12 @@ class Traces {
     double steady;
     Sample now, before;  // at the last step and at the one before it
   };
-  void open_windows(double t, const double* u);
+  Sample sample(const Place& place, const double* u) const;
+  void open_windows(const ObservedStep& step, const double* u);
   void begin_window(std::size_t window, std::size_t place, double low, double high);
   void join_pairs();
   double slope(const Place& place, const Sample& at) const;
+  std::function<double(double)> within(const Place& place, const Sample& next, double dt) const;
   void refine(const Place& place, const Sample& next, double dt_before, double dt, double& low, double& high) const;
 
   const Model& model_;

@@ -10,7 +10,7 @@ from calls import PROGRAM, SOURCE
 
 SCENES = sorted(glob.glob(os.path.join(SOURCE, "runs", "*.yaml")))
 # A scene with options of another command than run is for that one; a little of it is enough here.
-FEW = {"run": ["-ts_max_steps", "5"], "boundary": ["-boundary_points", "2"], "spectrum": ["-spectrum_count", "2"],
+FEW = {"run": ["-ts_max_steps", "5"], "boundary": "-boundary_points 2 -boundary_of sliding".split(), "spectrum": ["-spectrum_count", "2"],
        "cycle": ["-cycle_steps", "2", "-cycle_wavenumbers", "10"],
        "sweep": "-ts_max_time 5 -sweep_points1 2 -out_file few.h5".split(),
        "wave": ["-wave_steps", "2"],
