@@ -68,7 +68,8 @@ class Walk {
   void find_special(const Seen& seen, double length);
   void locate_root(const std::string& kind, double length, const std::function<double()>& test, double before,
                    double after);
-  void locate_change(const Signature& before, const Signature& after, double length);
+  void locate_changes(Signature now, const Signature& after, double length, bool fold);
+  void name_change(const Signature& before, const Signature& after, double s);
   void add_special(const std::string& kind, double s);
   bool end_where_it_repels(size_t found);
   void end_at_hopf(const Seen& seen, double length);
@@ -134,9 +135,11 @@ CycleBranch Walk::follow() {
       end_where_none_is_found();
       return branch_;
     }
+    const size_t known = branch_.special.size();
     try {
       if (!step()) return branch_;
     } catch (const Error& e) {
+      branch_.special.resize(known);
       ds_ /= 2;
       refusal_ = e.what();
     }
@@ -237,36 +240,69 @@ void Walk::add_special(const std::string& kind, double s) {
   }
 }
 
+// A point between two cycles that cannot be reached from here: a shorter step may reach it, and is not taken past it in
+// silence.
+[[noreturn]] void passed_unseen(const std::string& kind, const std::string& why) {
+  throw Failure("a special point (" + kind + ") is passed that cannot be located: " + why);
+}
+
 void Walk::locate_root(const std::string& kind, double length, const std::function<double()>& test, double before,
                        double after) {
   folded_ = true;
+  std::string why;
   const auto at = [&](double s) {
     try {
       go(s);
-      return test();
-    } catch (const Error&) {
+    } catch (const Error& e) {
+      why = e.what();
       return std::nan("");
     }
+    return test();
   };
   const double s = find_root(at, {0, before, length, after}, 1e-11);
+  if (std::isnan(s) && !why.empty()) passed_unseen(kind, why);
   if (std::isnan(s)) return;
   go(s);
   // a jump through zero is none
   if (std::abs(test()) < 1e-4 * std::max(std::abs(before), std::abs(after))) add_special(kind, s);
 }
 
-// A change of the multipliers' places, by halving: which of them passes the unit circle, and where.
-void Walk::locate_change(const Signature& before, const Signature& after, double length) {
+// Changes of the multipliers' places, by halving, one after the other. Beside a fold the multiplier that passes 1 is not
+// looked at.
+void Walk::locate_changes(Signature now, const Signature& after, double length, bool fold) {
   folded_ = true;
-  const auto same = [&](double s) {
-    try {
-      go(s);
-      return signature(path_.cycle()) == before;
-    } catch (const Error&) {
-      return false;
-    }
+  constexpr double beyond = 1e-7;  // changes nearer to each other are one
+  constexpr int most = 8;          // that one step may have
+  const auto seen = [&](double s) {
+    go(s);
+    Signature there = signature(path_.cycle());
+    if (fold) there[0] = now[0];
+    return there;
   };
-  const double s = last_place(same, 0, length, 1e-10);
+  double from = 0;
+  for (int count = 0; count < most && now != after && from < length; ++count) {
+    std::string why;
+    double refused = -1;
+    const auto same = [&](double s) {
+      try {
+        return seen(s) == now;
+      } catch (const Error& e) {
+        why = e.what();
+        refused = s;
+        return false;
+      }
+    };
+    const double s = last_place(same, from, length, 1e-10);
+    if (refused >= 0 && refused - s < 2e-10) passed_unseen("a multiplier on the unit circle", why);
+    from = std::min(length, s + beyond);
+    const Signature next = from < length ? seen(from) : after;
+    name_change(now, next == now ? after : next, s);
+    now = next == now ? after : next;
+  }
+}
+
+// Which multiplier passes the unit circle at the distance s, and where.
+void Walk::name_change(const Signature& before, const Signature& after, double s) {
   go(s);
   const Cycle cycle = path_.cycle();
   constexpr double near = 1e-5;  // of the circle: else two have met outside of it and parted
@@ -287,7 +323,7 @@ void Walk::find_special(const Seen& seen, double length) {
   const Signature before = signature(last_.cycle), after = signature(seen.cycle);
   Signature beside = after;
   if (fold) beside[0] = before[0];
-  if (before != beside) locate_change(before, after, length);
+  if (before != beside) locate_changes(before, beside, length, fold);
   const auto value_of = [](const std::string& name, const std::map<std::string, double>& tests) {
     const auto found = tests.find(name);
     return found == tests.end() ? std::nan("") : found->second;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <optional>
 
 #include "cycles/cell_field.hpp"
 #include "cycles/profile.hpp"
@@ -22,6 +23,9 @@ using std::size_t;
 constexpr double tolerance_of_run = 1e-8;
 constexpr int most_turns_a_period = 12;  // a cycle of more turns is not looked for
 constexpr double near_enough = 1e-3;     // return, in units of the motion's range, from which Newton's method is tried
+constexpr double stays = 1e-6;           // return of a motion that is on its cycle, whatever the multipliers
+constexpr double repels = 1e-6;          // growth in a period, of what is not neutral but for round-off
+constexpr double most_memory = 5e8;      // bytes of the samples that are kept, those of the last twelve turns
 
 struct Sample {
   double t;
@@ -113,6 +117,9 @@ class Settling {
   double distance(const Passage& a, const Passage& b) const;
   [[noreturn]] void dies_out() const;
   bool attempt(size_t back, SmoothCycle& found);
+  void check_steps(size_t steps) const;
+  void keep(Sample next);
+  bool oscillates() const;
 
   const Scene& cell_;
   CellField field_;
@@ -131,7 +138,7 @@ void Settling::choose_section() {
   std::vector<double> low(d, 1e300), high(d, -1e300), sum(d);
   Sample last = motion_.now();
   const double end = 8 * turn(), from = 2 * turn();
-  while (last.t < end) {
+  for (size_t steps = 0; last.t < end; check_steps(++steps)) {
     const Sample next = motion_.step();
     for (size_t k = 0; k < d && next.t > from; ++k) {
       low[k] = std::min(low[k], next.y[k]);
@@ -187,6 +194,31 @@ bool Settling::attempt(size_t back, SmoothCycle& found) {
   return found.cycle.amplitude > 1e-6 * (1 + std::abs(cell_.v)) && std::abs(found.cycle.period / period - 1) < .1;
 }
 
+// An explicit method follows the motion: where friction is stiff (a rate-and-state law that all but rests) its steps are
+// so short that a dozen turns do not fit into memory, or into anybody's patience.
+void Settling::check_steps(size_t steps) const {
+  const size_t bytes = sizeof(Sample) + 2 * (size_t(field_.dim()) * sizeof(double) + 16), most = size_t(most_memory) / bytes;
+  if (steps <= most) return;
+  throw Failure("no cycle: the motion from the start is too stiff to be followed: " + std::to_string(most) +
+                " steps, which take " + std::to_string(size_t(most_memory) / 1000000) + " MB, are less than " +
+                std::to_string(most_turns_a_period) + " turns");
+}
+
+void Settling::keep(Sample next) {
+  samples_.push_back(std::move(next));
+  while (samples_.size() > 2 && !passages_.empty() && samples_[1].t < passages_.front().t) samples_.pop_front();
+  check_steps(samples_.size());
+}
+
+bool Settling::oscillates() const {
+  double low = 1e300, high = -1e300;
+  for (const Sample& s : samples_) {
+    low = std::min(low, s.y[section_]);
+    high = std::max(high, s.y[section_]);
+  }
+  return high - low >= 1e-7 * (1 + std::abs(cell_.v));
+}
+
 // What became of a motion that oscillates no more.
 void Settling::dies_out() const {
   const double psi = samples_.back().y[section_];
@@ -195,35 +227,39 @@ void Settling::dies_out() const {
                 (slides ? "settles on steady sliding" : "comes to rest, psi " + rounded_text(psi, 2)));
 }
 
+// Beside a fold the motion lingers where Newton's method finds the cycle that repels: that one is taken only where the motion
+// stays, or settles on no other.
 SmoothCycle Settling::cycle(int turns) {
   choose_section();
-  const double small = 1e-7 * (1 + std::abs(cell_.v));
   double end = samples_.back().t + 20 * turn(), best = 1e300, tried = near_enough;
   SmoothCycle found;
+  std::optional<SmoothCycle> repelling;
   for (int count = 0; count < turns;) {
-    samples_.push_back(motion_.step());
+    keep(motion_.step());
     const Sample &a = samples_[samples_.size() - 2], &b = samples_.back();
-    if (b.t > end) dies_out();
-    if (!passes(a, b)) continue;
-    ++count;
-    end = b.t + 20 * std::max(turn(), passages_.empty() ? 0. : b.t - passages_.back().t);
-    passages_.push_back(passage(a, b));
-    if (passages_.size() > most_turns_a_period + 1) passages_.pop_front();
-    while (samples_.size() > 2 && samples_[1].t < passages_.front().t) samples_.pop_front();
-    double low = 1e300, high = -1e300;
-    for (const Sample& s : samples_) {
-      low = std::min(low, s.y[section_]);
-      high = std::max(high, s.y[section_]);
+    const bool passed = b.t <= end && passes(a, b);
+    if (passed) {
+      ++count;
+      end = b.t + 20 * std::max(turn(), passages_.empty() ? 0. : b.t - passages_.back().t);
+      passages_.push_back(passage(a, b));
+      if (passages_.size() > most_turns_a_period + 1) passages_.pop_front();
     }
-    if (passages_.size() > 1 && high - low < small) dies_out();
-    for (size_t back = 1; back < passages_.size(); ++back) {
+    if (b.t > end || (passed && passages_.size() > 1 && !oscillates())) {
+      if (repelling) return *repelling;
+      dies_out();
+    }
+    for (size_t back = 1; passed && back < passages_.size(); ++back) {
       const double returned = distance(passages_.back(), passages_[passages_.size() - 1 - back]);
       best = std::min(best, returned);
       if (!(returned < tried)) continue;
-      if (attempt(back, found)) return found;
+      if (attempt(back, found)) {
+        if (returned < stays || growth_rate(found.cycle) * found.cycle.period < repels) return found;
+        repelling = found;
+      }
       tried = returned / 4;
     }
   }
+  if (repelling) return *repelling;
   throw Failure("no cycle: in " + std::to_string(turns) + " turns the motion from the start never repeats; its nearest "
                 "return within " + std::to_string(most_turns_a_period) + " turns misses by " + rounded_text(best) +
                 " of its range (chaos, or a slow transient: another start may settle)");

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "cycles/cell_field.hpp"
 #include "cycles/deviations.hpp"
@@ -105,24 +106,34 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
 
 namespace {
 
-// Where sliding is stable a cycle may live beside it, out of reach of the slips that were tried: larger ones, in units of
-// the friction force.
-constexpr double larger_slips[] = {1, 3, 10};
-constexpr int turns_of_slip = 60;
+// The uniform cycle that a slip of this size settles on. Throws Failure where it settles on none.
+SmoothCycle cycle_of_slip(const Scene& node, const Oscillator& oscillator, double tolerance, double slip) {
+  const Orbit orbit = find_orbit(oscillator, 1, 1e-5, slip);
+  const int dof = oscillator.dim();
+  const CycleGuess guess{orbit.period, [&](double phase, double* y) {
+                           double at[train_max_dim];
+                           orbit.at(phase, at);
+                           y[0] = at[0];
+                           y[1] = oscillator.eta(1, at);
+                           if (dof == 3) y[2] = at[2];
+                         }, orbit.mesh};
+  return solve_cycle(node, guess, tolerance);
+}
 
-SmoothCycle cycle_of_larger_slips(const Scene& node, const std::string& why, double tolerance) {
-  const CellField field(node);
-  const std::vector<double> sliding = field.sliding();
-  for (const double slip : larger_slips) {
-    std::vector<double> start = sliding;
-    start[1] += slip * (std::abs(sliding[1]) + 1);
+// Where sliding is stable a cycle may live beside it, out of reach of the slip that was tried: stronger ones, in friction
+// forces above sliding.
+constexpr double stronger_slips[] = {2, 4, 10, 30};
+
+std::optional<SmoothCycle> cycle_of_stronger_slips(const Scene& node, const Oscillator& oscillator, double tolerance) {
+  for (const double slip : stronger_slips) {
     try {
-      return settled_cycle(node, start, turns_of_slip, tolerance);
+      SmoothCycle found = cycle_of_slip(node, oscillator, tolerance, slip);
+      if (growth_rate(found.cycle) < 0) return found;
     } catch (const Failure&) {
       continue;  // the next one
     }
   }
-  throw Failure("no cycle: " + why + "; larger slips die out too");
+  return std::nullopt;
 }
 
 }  // namespace
@@ -133,23 +144,20 @@ SmoothCycle uniform_cycle(const Scene& scene, double tolerance, double slip) {
   node.left = node.right = End::periodic;
   node.length = scene.form == Form::chain ? 1 : scene.h();
   const Oscillator oscillator(node);
-  Orbit orbit;
+  const bool strong = slip > 1;  // strong slips were tried already
+  const bool only_one = !std::isnan(oscillator.v_c());  // the cubic's cycle, and beyond its Hopf point none (Lienard)
+  std::optional<SmoothCycle> found;
+  std::string why;
   try {
-    orbit = find_orbit(oscillator, 1, 1e-5, slip);
+    found = cycle_of_slip(node, oscillator, tolerance, slip);
+    if (strong || only_one || growth_rate(found->cycle) < 0) return *found;
   } catch (const Failure& e) {
-    // the cubic's cycle is the only one (Lienard): beyond its Hopf point there is none; and strong slips were tried already
-    if (!std::isnan(oscillator.v_c()) || slip > 1) throw Failure(std::string("no cycle: ") + e.what());
-    return cycle_of_larger_slips(node, e.what(), tolerance);
+    if (strong || only_one) throw Failure(std::string("no cycle: ") + e.what());
+    why = e.what();
   }
-  const int dof = oscillator.dim();
-  const CycleGuess guess{orbit.period, [&](double phase, double* y) {
-                           double at[train_max_dim];
-                           orbit.at(phase, at);
-                           y[0] = at[0];
-                           y[1] = oscillator.eta(1, at);
-                           if (dof == 3) y[2] = at[2];
-                         }, orbit.mesh};
-  return solve_cycle(node, guess, tolerance);
+  if (std::optional<SmoothCycle> stronger = cycle_of_stronger_slips(node, oscillator, tolerance)) return *stronger;
+  if (found) return *found;
+  throw Failure("no cycle: " + why + "; stronger slips die out too");
 }
 
 }  // namespace stickslip

@@ -145,9 +145,15 @@ std::vector<double> free_values(const StickMotion& m, const StickCycle& c) {
   return values;
 }
 
+// A velocity that is 0 to the accuracy of Newton's method is 0: a node rests there, and does not begin with a slip of 1e-29
+// whose stop would be one more change of the sequence.
 void set_free_values(const StickMotion& m, const std::vector<double>& values, StickCycle& c) {
   const std::vector<std::size_t> free = free_unknowns(m, c.node);
-  for (std::size_t i = 0; i < free.size(); ++i) c.start[free[i]] = values[i];
+  const double still = settled * (1 + std::abs(m.scene().v));
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    const bool rests = free[i] % std::size_t(m.dof()) == 0 && std::abs(values[i]) < still;
+    c.start[free[i]] = rests ? 0 : values[i];
+  }
   c.start = on_section(m, c);
 }
 

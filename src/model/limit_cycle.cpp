@@ -229,19 +229,52 @@ class Section {
   throw Failure("nothing oscillates: uniform sliding at v = " + rounded_text(o.v()) + why);
 }
 
-// One coordinate on the section: q(a) = ln(P(a)/a) is positive inside a stable cycle and negative outside; Newton's
-// method in ln a with P' exact, kept between bounds.
+// One coordinate a on the section: the image P(a), q(a) = ln(P(a)/a), positive inside a stable cycle and negative outside,
+// and dq/d ln a, exact.
+struct Gain {
+  double image, q, slope;
+};
+Gain gain(const Oscillator& o, double r2, ReturnMap& map, const Section& section, double a) {
+  const double* fixed = section.sliding();
+  double divergence, start[max_dim], end[max_dim], p[max_dim] = {fixed[0], fixed[1] + a, 0};
+  o.rhs(r2, p, start, nullptr);
+  map(p, nullptr, &divergence);
+  o.rhs(r2, p, end, nullptr);
+  const double image = p[1] - fixed[1], slope = std::exp(divergence) * start[0] / end[0];
+  return {image, std::log(image / a), slope * a / image - 1};
+}
+
+// q is negative at both, rises at a and falls at b: a place between them where it is positive; NaN where its largest
+// value is negative, too.
+template <class GainAt>
+double where_it_grows(GainAt&& gain_at, double a, double b) {
+  while (b > a * (1 + 1e-7)) {
+    const double middle = std::sqrt(a * b);
+    const Gain g = gain_at(middle);
+    if (g.q > 0) return middle;
+    (g.slope > 0 ? a : b) = middle;
+  }
+  return std::nan("");
+}
+
+// The outermost stable cycle within a: Newton's method in ln a, kept between bounds. Beside a fold it may step over the stable
+// cycle and the one that repels at once, which q shows: it rises there.
 double cycle_of_one(const Oscillator& o, double r2, ReturnMap& map, const Section& section, double a,
                     double tolerance) {
   const double* fixed = section.sliding();
-  double low = 0, high = 1e300;
+  double low = 0, high = 1e300, falling = 0;
   for (int k = 0; k < 100; ++k) {
-    double divergence, start[max_dim], end[max_dim], p[max_dim] = {fixed[0], fixed[1] + a, 0};
-    o.rhs(r2, p, start, nullptr);
-    map(p, nullptr, &divergence);
-    o.rhs(r2, p, end, nullptr);
-    const double image = p[1] - fixed[1], slope = std::exp(divergence) * start[0] / end[0];
-    const double q = std::log(image / a), dq = slope * a / image - 1;
+    const auto [image, q, dq] = gain(o, r2, map, section, a);
+    if (q < 0 && dq > 0 && low == 0 && falling > a) {
+      low = where_it_grows([&](double at) { return gain(o, r2, map, section, at); }, a, falling);
+      if (low > 0) {
+        a = low;
+        high = falling;
+        continue;
+      }
+      low = falling = 0;
+    }
+    if (q < 0 && dq < 0) falling = a;
     (q > 0 ? low : high) = a;
     double next = a * (dq < 0 ? std::exp(std::min(1.5, std::max(-1.5, -q / dq))) : q > 0 ? 4. : .25);
     if (!(next > low && next < high)) next = high < 1e300 && low > 0 ? std::sqrt(low * high) : image;
@@ -253,16 +286,17 @@ double cycle_of_one(const Oscillator& o, double r2, ReturnMap& map, const Sectio
   return a;
 }
 
-// Two coordinates: Newton's method with differences, as far as round-off (and kinks of the law) let it. False where it
-// leaves the neighbourhood of y or does not settle.
-bool cycle_of_two(ReturnMap& map, const Section& section, double tolerance, double* y) {
+// Two coordinates: Newton's method with differences, as far as round-off (and kinks of the law) let it. It leaves y alone
+// where it leaves its neighbourhood or does not settle.
+enum class Found { none, repels, attracts };
+Found cycle_of_two(ReturnMap& map, const Section& section, double tolerance, double* y) {
   const double size = section.size(), begun = section.distance(y);
   double last_change = 1e300, p[max_dim];
   std::copy(y, y + max_dim, p);
   for (int k = 0; k < 30; ++k) {
     double image[max_dim], a[4], b[2];
     const double distance = section.distance(p);
-    if (!(distance > .2 * begun && distance < 5 * begun)) return false;
+    if (!(distance > .2 * begun && distance < 5 * begun)) return Found::none;
     std::copy(p, p + max_dim, image);
     map(image);
     for (int j = 0; j < 2; ++j) {
@@ -274,17 +308,18 @@ bool cycle_of_two(ReturnMap& map, const Section& section, double tolerance, doub
       for (int i = 0; i < 2; ++i) a[i * 2 + j] = (i == j ? 1. : 0.) - (moved[1 + i] - image[1 + i]) / eps;
     }
     for (int i = 0; i < 2; ++i) b[i] = image[1 + i] - p[1 + i];
-    if (!solve_dense(2, a, 1, b)) return false;
+    const double trace = 2 - a[0] - a[3], det = (1 - a[0]) * (1 - a[3]) - a[1] * a[2];  // of the map's derivative
+    if (!solve_dense(2, a, 1, b)) return Found::none;
     const double change = std::max(std::abs(b[0]), size * std::abs(b[1])) / distance;
     p[1] += b[0];
     p[2] += b[1];
     if (change < tolerance || (change < 1e-8 && change > .3 * last_change)) {
       std::copy(p, p + max_dim, y);
-      return true;
+      return det < 1 && std::abs(trace) < 1 + det ? Found::attracts : Found::repels;
     }
     last_change = change;
   }
-  return false;
+  return Found::none;
 }
 
 // Turn upon turn, where a kink of the law keeps Newton's method from its goal: false where 50 do not settle.
@@ -299,13 +334,15 @@ bool settles_by_itself(ReturnMap& map, const Section& section, double tolerance,
 }
 
 // The cycle of a problem with a state, from slips of several sizes, each followed until it settles; what became of
-// every one of them is the reason of a refusal.
+// every one of them is the reason of a refusal. Of uniform motion, which goes on in time, a cycle that repels is taken
+// only where no slip settles on another.
 void settle(const Oscillator& o, double r2, const Section& section, double tolerance, double slip, double* y) {
   // differences of 1e-5 want a map that is better than that
   ReturnMap coarse(o, r2, 1e-8), fine(o, r2, std::min(tolerance, 1e-10));
   const bool unstable = o.sliding_unstable(r2);
   std::string seen;
   int died = 0;
+  std::vector<double> repelling;
   for (const double part : {1., .1, .01, 4.}) {
     section.start(part * slip * section.size(), y);
     const std::string from = "; a slip that begins " + rounded_text(part * slip) + " friction forces above it ";
@@ -327,10 +364,12 @@ void settle(const Oscillator& o, double r2, const Section& section, double toler
         // what wanders still after many turns may do so about a cycle that repels: near where it moved least
         const bool slow = std::abs(amplitude - before) < 1e-4 * amplitude;
         if (dies || k < next_try || !(slow || k >= 60)) continue;
-        if (cycle_of_two(fine, section, std::max(tolerance, 1e-13), nearest)) {
+        const Found found = cycle_of_two(fine, section, std::max(tolerance, 1e-13), nearest);
+        if (found == Found::attracts || (found == Found::repels && r2 != 1)) {
           std::copy(nearest, nearest + max_dim, y);
           return;
         }
+        if (found == Found::repels) repelling.assign(nearest, nearest + max_dim);
         if (slow && settles_by_itself(fine, section, tolerance, y)) return;
         next_try = k + k / 4 + 1;
         least_move = 1e300;
@@ -341,6 +380,10 @@ void settle(const Oscillator& o, double r2, const Section& section, double toler
       seen += from + "ends so: " + e.what();
     }
     if ((!unstable && died == 2) || slip > 1) break;  // the outermost, if it is reached
+  }
+  if (!repelling.empty()) {
+    std::copy(repelling.begin(), repelling.end(), y);
+    return;
   }
   nothing_oscillates(o, std::string(unstable ? " is unstable to waves of this speed, but no cycle was reached"
                                              : " is stable to waves of this speed") + seen);

@@ -206,5 +206,5 @@ def test_a_cell_whose_period_doubles():
     found, _ = run(scene + "-boundary_of stick-slip -boundary_parameter friction_spread -boundary_from 0.084 -boundary_to 0.088",
                    command="boundary")
     flip = [p["value"] for p in found["points"] if p["kind"] == "flip"]
-    branch = run(scene + "-friction_spread 0.12 -cycle_continue friction_spread -cycle_to 0.083", command="cycle")[0]["special"]
+    branch = run(scene + "-friction_spread 0.12 -cycle_continue friction_spread -cycle_to 0.084", command="cycle")[0]["special"]
     check([p["kind"] for p in branch] == ["flip"] and len(flip) == 1 and abs(flip[0] - branch[0]["value"]) < 1e-7, (flip, branch))
