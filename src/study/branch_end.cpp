@@ -204,6 +204,7 @@ std::vector<EndPlace> BranchEnd::ends_of_uniform(PlanePoint a, PlanePoint b, std
 std::vector<EndPlace> BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::vector<std::string>& notes) {
   std::vector<EndPlace> found;
   std::vector<std::pair<double, double>> passed;
+  std::vector<std::string> without;  // a cycle that attracts
   const double range = distance(a, b);
   for (int k = 0; k <= places_of_cell; ++k) {
     const double part = double(k) / places_of_cell;
@@ -216,7 +217,7 @@ std::vector<EndPlace> BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::v
       if (distance(at, to) == 0) continue;
       const Branch branch = follow(at, to);
       if (!branch.lives) {
-        notes.push_back("at " + place_text(at.x, at.y) + ": " + branch.why);
+        without.push_back("at " + place_text(at.x, at.y) + ": " + branch.why);
         break;
       }
       (forward ? reach.second : reach.first) += (forward ? 1 : -1) * branch.until / range;
@@ -227,6 +228,11 @@ std::vector<EndPlace> BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::v
     }
     passed.push_back(reach);
   }
+  if (without.size() > 1)
+    without[0] += " (no cycle that attracts there, nor at " + std::to_string(without.size() - 1) + " more of the " +
+                  std::to_string(places_of_cell + 1) + " places between " + place_text(a.x, a.y) + " and " +
+                  place_text(b.x, b.y) + ")";
+  if (!without.empty()) notes.push_back(without[0]);
   std::sort(found.begin(), found.end(),
             [&](const EndPlace& p, const EndPlace& q) { return distance(p.at, a) < distance(q.at, a); });
   const auto same = [](const EndPlace& p, const EndPlace& q) {

@@ -168,6 +168,8 @@ def test_smooth_friction_ends_by_a_fold():
     check(abs(end - known) < 1e-8, f"{end}, by shooting {known}")
     branch = run(SMOOTHED + "-model_v 2 -cycle_continue model_v -cycle_to 3", command="cycle")[0]["special"][0]
     check(branch["kind"] == "fold" and abs(branch["value"] - known) < 1e-8, branch)
+    beside, _ = run(SMOOTHED + f"-model_v {end * 0.9999}", command="cycle")
+    check(beside["stable_alike"] and beside["amplitude"] > 2, "just before the fold the cycle that attracts is given")
     said = [(v["of"], v["regime"]) for v in found["verified"]]
     check(said[-2:] == [("stick-slip", "both live"), ("stick-slip", "sliding")], found["verified"])
 
@@ -208,3 +210,27 @@ def test_a_cell_whose_period_doubles():
     flip = [p["value"] for p in found["points"] if p["kind"] == "flip"]
     branch = run(scene + "-friction_spread 0.12 -cycle_continue friction_spread -cycle_to 0.084", command="cycle")[0]["special"]
     check([p["kind"] for p in branch] == ["flip"] and len(flip) == 1 and abs(flip[0] - branch[0]["value"]) < 1e-7, (flip, branch))
+
+
+def test_a_line_of_ends_of_a_cell():
+    # one block as a whole scene goes the way of cells: its own motion is followed to a cycle at places of five lines. Its end is
+    # that of uniform motion, which is found another way.
+    words = SMOOTHED.replace("-grid_n 16", "-grid_n 1 -bc_left free -init_psi 0 -init_eta 3") + "-boundary_of stick-slip "
+    box = "-boundary_parameter model_v -boundary_from 2.1 -boundary_to 2.4 -boundary_points 3 "
+    found, _ = run(words + box + "-cycle_cell 0 -boundary_parameter2 model_zeta -boundary_from2 0.14 -boundary_to2 0.145",
+                   command="boundary")
+    points = found["points"]
+    check(len(points) == 3 and all(p["kind"] == "fold" and p["piece"] == 0 for p in points), points)
+    check({points[0]["value2"], points[-1]["value2"]} == {0.14, 0.145}, "from border to border")
+    known, = run(words + box + f"-model_zeta {points[1]['value2']}", command="boundary")[0]["points"]
+    check(abs(points[1]["value"] - known["value"]) < 1e-8, (points[1], known))
+
+
+def test_a_stiff_slip_is_refused_in_time():
+    # rate-and-state with little slip: an explicit search for a cycle beside sliding would take 1e8 steps a turn
+    words = ("-model_form chain -friction_law rate-and-state -friction_a 0.05705 -friction_b 0.08283 -friction_D 0.03182 "
+             "-state_law ageing -model_k0 0.8394 ")
+    done = call(words + "-model_v 0.006", command="cycle")
+    check(done.returncode == 1 and "nothing oscillates" in done.stderr and done.stderr.count("\n") == 1, done.stderr)
+    found, _ = run(words + "-model_v 0.0074", command="cycle")
+    check(found["stable_alike"], "0.04 % beside its fold, at 0.0073968, the cycle that attracts")
