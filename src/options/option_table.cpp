@@ -228,7 +228,7 @@ void time_options(TableBuilder& t) {
   t.add("ts_max_wall", OptionType::wall_time, "",
         "wall clock after which the run ends, with a checkpoint to go on from").unset("unlimited").read_by("run");
   t.choice("imex_implicit", {"auto", "none", "friction", "wave", "both"},
-           "terms that an IMEX method takes implicitly");
+           "terms that an IMEX method, or rosw:ra34pw2, takes implicitly");
   t.in("Time stepping", "run");
   t.positive("accuracy", "", "largest error wanted in psi and eta at the end; chooses what is not set otherwise")
       .unset("none");
@@ -238,8 +238,8 @@ void time_options(TableBuilder& t) {
   t.positive("accuracy_seconds", "60", "processor time that choosing for -accuracy may take");
   t.in("Time stepping", "run chart");
   t.boolean("rk_fused", "true",
-            "take all stages of a step of rk, and of arkimex with friction implicit, tile by tile in the cache; "
-            "false: PETSc's own step");
+            "take all stages of a step of rk, and of arkimex and rosw with friction implicit, tile by tile in the "
+            "cache; false: PETSc's own step");
   t.choice("scene_reduce", {"auto", "off"}, "solve the smaller problem where the scene allows it");
 }
 

@@ -23,7 +23,7 @@ std::vector<MethodSpec> wanted_methods(const Options& options) {
                                    "theta", "cn", "beuler", "alpha"});
   std::vector<MethodSpec> all;
   for (const Method& m : methods()) {
-    if (m.kind != MethodKind::imex) all.push_back(MethodSpec::parse("chart_methods", m.name()));
+    if (splits_of(m).empty()) all.push_back(MethodSpec::parse("chart_methods", m.name()));
     for (const std::string& split : splits_of(m))
       all.push_back(MethodSpec::parse("chart_methods", m.name() + (*m.subtype ? ":" : "::") + split));
   }

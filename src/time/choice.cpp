@@ -72,10 +72,19 @@ Rates massless_rates(const Model& model, Vec u) {
   return {relaxation, model.friction_rate(u), false, slowest > 0 && slowest < 1. / 2400};
 }
 
-Implicit implicit_of(const std::string& type, const std::string& wish, Implicit stiff, const Rates& rates,
-                     bool sticks) {
+// The entry of the tableau that the TS will have, of a type that is implicit.
+const Method& implicit_method(const std::string& type, const MethodSpec& spec, const std::string& prefix) {
+  char name[80] = "";
+  const std::string option = subtype_option(type), own = spec.subtype.empty() ? offered_type(type).subtype : spec.subtype;
+  if (!option.empty())
+    SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), ("-" + option).c_str(), name, sizeof name, nullptr));
+  return offered_method(type, *name ? name : own);
+}
+
+Implicit implicit_of(const Method& method, const std::string& wish, Implicit stiff, const Rates& rates, bool sticks) {
+  const std::string type = method.type;
   const bool wants_imex = wish != "auto" && wish != "none";
-  switch (offered_type(type).kind) {
+  switch (method.kind) {
     case MethodKind::explicit_:
       if (wants_imex)
         throw UsageError("imex_implicit " + wish + ": ts_type " + type +
@@ -94,10 +103,14 @@ Implicit implicit_of(const std::string& type, const std::string& wish, Implicit 
       if (stiff != Implicit::none) return stiff;
       return sticks || rates.friction >= rates.wave ? Implicit::friction : Implicit::wave;
     default:
-      if (wish != "auto" && wish != "both")
-        throw UsageError("imex_implicit " + wish + ": ts_type " + type +
+      if (wish == "auto" || wish == "both") return Implicit::both;
+      if (splits_of(method).empty())
+        throw UsageError("imex_implicit " + wish + ": " + (type == TSROSW ? method.name() : "ts_type " + type) +
                          " does not split; use ts_type arkimex, or imex_implicit both");
-      return Implicit::both;
+      if (wish != "friction")
+        throw UsageError("imex_implicit " + wish + ": " + method.name() +
+                         " takes friction or everything implicitly; use friction or both, or ts_type arkimex");
+      return Implicit::friction;
   }
 }
 
@@ -118,14 +131,16 @@ bool tunes_solvers(const std::string& prefix) {
   const std::string text = " " + std::string(all ? all : "");
   SS_TRY(PetscFree(all));
   for (const char* begin : {"snes_", "ksp_", "pc_", "ts_arkimex_fully_implicit", "ts_arkimex_initial_guess_extrapolate",
-                            "ts_max_snes_failures"})
+                            "ts_rosw_recompute_jacobian", "ts_max_snes_failures"})
     if (text.find(" -" + prefix + begin) != std::string::npos) return true;
   return false;
 }
 
-// What has steps of its own: rk, arkimex whatever is implicit, and leapfrog, which is nothing else.
+// What has steps of its own: rk, arkimex whatever is implicit, rosw with friction, and leapfrog, which is nothing else.
 bool can_be_fused(const std::string& type, Implicit implicit, const std::string& prefix) {
-  return type == TSRK || type == leapfrog_type || (type == TSARKIMEX && implicit != Implicit::none && !tunes_solvers(prefix));
+  if (type == TSRK || type == leapfrog_type) return true;
+  const bool split = type == TSARKIMEX ? implicit != Implicit::none : type == TSROSW && implicit == Implicit::friction;
+  return split && !tunes_solvers(prefix);
 }
 
 }  // namespace
@@ -234,13 +249,16 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   const bool creeps = model.friction_law(0).steep && !model.scene().massless();
   if (choice.type == TSARKIMEX) choice.subtype = creeps ? TSARKIMEX3 : TSARKIMEX4;
   if (!spec.subtype.empty()) choice.subtype = spec.subtype;
-  choice.implicit = implicit_of(choice.type, spec.implicit, stiff, rates, sticks);
+  const Method& first = offered_type(choice.type);
+  const Method& method = first.kind == MethodKind::implicit ? implicit_method(choice.type, spec, prefix) : first;
+  const bool friction = choice.named_fused && spec.implicit == "auto" && (choice.type == TSARKIMEX || choice.type == TSROSW);
+  choice.implicit = implicit_of(method, friction ? "friction" : spec.implicit, stiff, rates, sticks);
   if (model.scene().massless()) fit_massless(choice, spec, set || stiff != Implicit::none);
-  if (choice.named_fused && choice.type == TSARKIMEX && spec.implicit == "auto") choice.implicit = Implicit::friction;
   if (choice.fused) choice.fused = can_be_fused(choice.type, choice.implicit, prefix);
   if (choice.named_fused && !choice.fused)
     throw UsageError("ts_type " + std::string(name) + ": it solves what is implicit by a solver of its own; use " +
-                     "ts_type arkimex, or imex_implicit friction, wave or both without options of snes, ksp and pc");
+                     "ts_type " + choice.type + ", or imex_implicit friction" +
+                     (choice.type == TSARKIMEX ? ", wave or both" : "") + " without options of snes, ksp and pc");
   if (choice.type == leapfrog_type && model.viscous())
     throw UsageError("ts_type leapfrog: viscosity between neighbours (model_nu " + number_text(model.scene().nu) +
                      ") spreads velocity, which its kicks cannot follow stably at order 2; use rk or arkimex");

@@ -13,7 +13,7 @@ namespace stickslip {
 
 class FusedMethod {
  public:
-  // For the library's `type`, rk or arkimex, or for leapfrog.
+  // For the library's `type`, rk, arkimex or rosw, or for leapfrog.
   static std::unique_ptr<FusedMethod> of(const std::string& type);
   virtual ~FusedMethod() = default;
 

@@ -104,8 +104,8 @@ void TiledStep::hold(const Tile& t, int slope, PetscInt node) const {
   if (is_continuum()) *at(t, slope, 1, node) = 0;
 }
 
-FusedStep::FusedStep(const Model& model, const RungeKutta& method, bool sticking)
-    : TiledStep(model, method.stages, 1, 0, sticking), rows_(std::size_t(method.stages)) {
+FusedStep::FusedStep(const Model& model, const RungeKutta& method, bool sticking, int others)
+    : TiledStep(model, method.stages, 1, others, sticking), rows_(std::size_t(method.stages)) {
   for (int i = 0; i < stages_; ++i)
     add_to_row(rows_[std::size_t(i)], &method.A[static_cast<std::size_t>(i * stages_)], i, slopes_from);
   for (const Row& row : rows_) times_.push_back(std::accumulate(row.weight.begin(), row.weight.end(), 0.));
@@ -120,6 +120,7 @@ FusedStep::FusedStep(const Model& model, const RungeKutta& method, bool sticking
 long FusedStep::through(const Tile& t, const Step& step) const {
   const int dof = tiles_.dof(), half_width = tiles_.half_width();
   const PetscInt low = tiles_.low(), high = tiles_.high();
+  const long unsolved = prepare(t, step);
   for (int i = 0; i < stages_; ++i) {
     const bool is_taken = i < step.taken;
     if (!is_taken && !last_is_solution_) break;
@@ -137,10 +138,11 @@ long FusedStep::through(const Tile& t, const Step& step) const {
     const int index = i > 0 ? 1 : 0;
     stretch(t, index, slopes_from + i, begin, end);
     add_pointwise(t, index, slopes_from + i, at_stage(step, i), begin, end);
+    settle(t, i, step, begin, end);
   }
   for (int d = 0; d < dof && !last_is_solution_; ++d)
     tiles_.sum(t, d, tiles_.column(0, d), solution_, step.dt, t.begin, t.end, tiles_.column(1, d));
-  return 0;
+  return unsolved;
 }
 
 }  // namespace stickslip

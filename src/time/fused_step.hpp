@@ -76,7 +76,14 @@ struct RungeKutta {
 class FusedStep : public TiledStep {
  public:
   // `sticking`: with friction that sticks, of which set_direction tells who rests.
-  FusedStep(const Model& model, const RungeKutta& method, bool sticking = false);
+  FusedStep(const Model& model, const RungeKutta& method, bool sticking = false) : FusedStep(model, method, sticking, 0) {}
+
+ protected:
+  FusedStep(const Model& model, const RungeKutta& method, bool sticking, int others);
+  // Before the stages of a tile, of which columns 0 hold u; returns how many equations are left unsolved.
+  virtual long prepare(const Tile&, const Step&) const { return 0; }
+  // What becomes of the slope of stage i on [begin, end).
+  virtual void settle(const Tile&, int, const Step&, PetscInt, PetscInt) const {}
 
  private:
   long through(const Tile& t, const Step& step) const override;

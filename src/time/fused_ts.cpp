@@ -14,11 +14,15 @@
 namespace stickslip {
 
 namespace {
-constexpr const char *fused_rk = "fusedrk", *fused_arkimex = "fusedarkimex";
+constexpr const char *fused_rk = "fusedrk", *fused_arkimex = "fusedarkimex", *fused_rosw = "fusedrosw";
 }  // namespace
 
 std::string FusedTs::library_type(const std::string& fused) {
-  return fused == fused_rk ? TSRK : fused == fused_arkimex ? TSARKIMEX : fused == leapfrog_type ? leapfrog_type : "";
+  return fused == fused_rk        ? TSRK
+         : fused == fused_arkimex ? TSARKIMEX
+         : fused == fused_rosw    ? TSROSW
+         : fused == leapfrog_type ? leapfrog_type
+                                  : "";
 }
 
 void FusedTs::bind(const Model& model, Implicit implicit, bool sticking, std::function<bool(double)> keep_slopes) {
@@ -49,7 +53,11 @@ void FusedTs::interpolate(double s, Vec into) {
 #ifdef STICKSLIP_FUSED_STEP
 
 std::string FusedTs::fused_type(const std::string& type) {
-  return type == TSRK ? fused_rk : type == TSARKIMEX ? fused_arkimex : type == leapfrog_type ? leapfrog_type : "";
+  return type == TSRK            ? fused_rk
+         : type == TSARKIMEX     ? fused_arkimex
+         : type == TSROSW        ? fused_rosw
+         : type == leapfrog_type ? leapfrog_type
+                                 : "";
 }
 
 void FusedTs::set_up() {
@@ -115,7 +123,7 @@ bool FusedTs::attempt(TS ts, PetscInt rejected) {
   double next_dt;
   SS_TRY(TSAdaptCandidatesClear(adapt));
   SS_TRY(TSAdaptCandidateAdd(adapt, method_->subtype(), method_->order(), 1, 1, double(step_->stages()), PETSC_TRUE));
-  const SteadyAfterRejection steady(adapt, rejected > 0 && method_->type() == std::string(TSARKIMEX));
+  const SteadyAfterRejection steady(adapt, rejected > 0 && method_->type() != std::string(TSRK));
   SS_TRY(TSAdaptChoose(adapt, ts, dt_, nullptr, &next_dt, &accept));
   if (accept) ts->ptime += dt_;
   ts->time_step = next_dt;
@@ -172,7 +180,7 @@ struct FusedTs::Callbacks {
   }
   static PetscErrorCode TSDestroy_Fused(TS ts) {
     for (const char* function : {"TSRKSetType_C", "TSRKGetType_C", "TSRKGetTableau_C", "TSARKIMEXSetType_C",
-                                 "TSARKIMEXGetType_C"})
+                                 "TSARKIMEXGetType_C", "TSRosWSetType_C", "TSRosWGetType_C"})
       PetscCall(PetscObjectComposeFunction((PetscObject)ts, function, nullptr));
     delete static_cast<FusedTs*>(ts->data);
     ts->data = nullptr;
@@ -221,12 +229,20 @@ struct FusedTs::Callbacks {
       SS_TRY(PetscObjectComposeFunction((PetscObject)ts, "TSARKIMEXGetType_C", GetType));
     });
   }
+  static PetscErrorCode TSCreate_FusedROSW(TS ts) {
+    return guarded([&] {
+      create(ts, TSROSW);
+      SS_TRY(PetscObjectComposeFunction((PetscObject)ts, "TSRosWSetType_C", SetType));
+      SS_TRY(PetscObjectComposeFunction((PetscObject)ts, "TSRosWGetType_C", GetType));
+    });
+  }
   static PetscErrorCode TSCreate_Leapfrog(TS ts) {
     return guarded([&] { create(ts, leapfrog_type); });
   }
   static void add_types() {
     SS_TRY(TSRegister(fused_rk, TSCreate_FusedRK));
     SS_TRY(TSRegister(fused_arkimex, TSCreate_FusedARKIMEX));
+    SS_TRY(TSRegister(fused_rosw, TSCreate_FusedROSW));
     SS_TRY(TSRegister(leapfrog_type, TSCreate_Leapfrog));
   }
 };

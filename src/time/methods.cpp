@@ -55,7 +55,7 @@ std::vector<Method> make_table() {
       {"arkimex", "1bee", imex, 1, yes, "comparison"},
       {"arkimex", "ars443", imex, 3, never, "comparison"},
       {"arkimex", "prssp2", imex, 2, never, "comparison"},
-      {"rosw", "ra34pw2", implicit, 3, yes, "everything stiff, without Newton's method"},
+      {"rosw", "ra34pw2", implicit, 3, yes, "everything stiff, or friction alone, without Newton's method"},
       {"rosw", "rodas3", implicit, 3, yes, "everything stiff"},
       {"rosw", "sandu3", implicit, 3, yes, "everything stiff"},
       {"rosw", "ra3pw", implicit, 3, yes, "everything stiff"},
@@ -155,8 +155,12 @@ MethodSpec MethodSpec::from(const Options& options) {
 }
 
 bool MethodSpec::has_estimate() const { return method().adaptivity == Adaptivity::yes; }
-bool MethodSpec::splits() const { return method().kind == MethodKind::imex; }
+bool MethodSpec::splits() const {
+  return method().kind == MethodKind::imex || (implicit == "friction" && !splits_of(method()).empty());
+}
 std::vector<std::string> splits_of(const Method& method) {
+  // The one of the Rosenbrock methods here whose order holds with a part of the Jacobian alone.
+  if (method.type == std::string(TSROSW) && method.subtype == std::string(TSROSWRA34PW2)) return {"friction", "both"};
   if (method.kind != MethodKind::imex) return {};
   if (method.type == std::string(leapfrog_type)) return {"friction"};
   return {"friction", "wave", "both"};
@@ -203,7 +207,8 @@ MethodSpec MethodSpec::parse(const std::string& what, const std::string& text) {
   if (splits.size() == 1 && wish != "auto" && wish != splits[0])
     throw UsageError(says + spec.type + " takes " + splits[0] + " implicitly and nothing else; use arkimex, or " + splits[0]);
   if (!spec.is_explicit() && !spec.splits() && wish != "both" && wish != "auto")
-    throw UsageError(says + spec.type + " takes everything implicitly; use arkimex, or both");
+    throw UsageError(says + spec.type + " takes everything implicitly" + (splits.empty() ? "" : ", or friction alone") +
+                     "; use arkimex, or both");
   return spec;
 }
 

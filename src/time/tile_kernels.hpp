@@ -8,6 +8,7 @@
 #include "model/column_kernel.hpp"
 #include "model/implicit_kernel.hpp"
 #include "model/newton_kernel.hpp"
+#include "model/tangent_kernel.hpp"
 
 namespace stickslip::tile {
 
@@ -26,5 +27,9 @@ SolveStage solve_stage(const Scene& scene, bool sticking, const std::vector<doub
 // A round of Newton's method with everything implicit.
 using NewtonRound = std::function<kernel::Flag(const kernel::Coefficients&, const kernel::Round&, bool advance)>;
 NewtonRound newton_round(const Scene& scene, bool sticking, const std::vector<double>& x);
+
+// The derivatives of what is pointwise.
+using NodeTangents = std::function<void(const kernel::Tangents&)>;
+NodeTangents tangents(const Scene& scene, bool sticking, const std::vector<double>& x);
 
 }  // namespace stickslip::tile

@@ -31,6 +31,9 @@ SMALL = " -grid_n 64 -grid_length 6 -init_type sine -ts_max_time 1"
     ("-ts_type leapfrog -ts_dt 0.01 -model_nu 0.1", 2, "viscosity between neighbours (model_nu 0.1)"),
     ("-ts_type leapfrog -ts_dt 1", 0, "is beyond the stability limit of leapfrog, which is about"),
     ("-ts_type leapfrog -ts_dt 1", 0, "have several solutions"),
+    ("-ts_type fusedrosw", 0, ""),
+    ("-ts_type rosw -ts_rosw_type rodas3 -imex_implicit friction", 2, "rosw:rodas3 does not split"),
+    ("-ts_type rosw -imex_implicit wave", 2, "rosw:ra34pw2 takes friction or everything implicitly"),
     ("-ts_dt 1e6", 0, ""),
     ("-ts_type rk -ts_rk_type 4 -ts_dt 1", 1, "is beyond the stability limit of rk:4"),
     ("-ts_type rk -ts_rk_type 4 -ts_dt 1", 1, "error: the solution is not finite after step")])

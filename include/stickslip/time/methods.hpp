@@ -12,7 +12,7 @@ namespace stickslip {
 enum class MethodKind {
   explicit_,  // takes the whole right-hand side
   imex,       // splits it as imex_implicit says
-  implicit    // takes everything implicitly
+  implicit    // takes everything implicitly, unless it splits (splits_of) and imex_implicit asks for it
 };
 
 enum class Adaptivity {
@@ -66,7 +66,7 @@ struct MethodSpec {
   std::string name() const { return method().name(); }
   int order() const { return method().order; }
   bool has_estimate() const;  // chooses its steps by an estimate of their error; otherwise every step is the same
-  bool splits() const;        // IMEX: `implicit` says what it takes implicitly
+  bool splits() const;        // IMEX: a part alone is implicit, as `implicit` says, or may be
   bool is_explicit() const;
 };
 
