@@ -175,12 +175,6 @@ int wave_command(const Options& options) {
   check_branch(options);
   const Scene scene = Scene::from(options, true);
   check_train_scene(scene);
-  if (options.text("wave_continue") == "model_nu")
-    throw UsageError("-wave_continue model_nu: branches of trains are followed without viscosity between neighbours");
-  for (const char* asked : {"wave_spectrum", "wave_continue"})
-    if (scene.nu > 0 && options.is_set(asked) && options.text(asked) != "false")
-      throw UsageError("-" + std::string(asked) + ": with viscosity between neighbours (model_nu " +
-                       options.text("model_nu") + ") a train alone is solved for; set model_nu to 0, or watch a `run`");
   return with_summary(summary, [&] {
     summary.set("pulses", request.pulses);
     summary.set("shortest_pulse", shortest_pulse(scene));

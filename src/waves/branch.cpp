@@ -63,7 +63,7 @@ BranchWalk::BranchWalk(const TrainFamily& family, double from, double to)
   lambda_scale_ = std::abs(to - from);
   const double q = start.number_of(first_);
   problem_ = std::make_unique<TrainEquations>(problem_on(first_.mesh, q, from));
-  x_ = problem_->fill([&](double phase, double* y) { first_.at(phase, y); }, q);
+  x_ = problem_->fill(first_, q);
   x_.back() = from;
   try {  // begin along the parameter
     t_ = tangent_at(*problem_, x_, {0, 0, (to > from ? 1 : -1) / lambda_scale_});
@@ -72,7 +72,7 @@ BranchWalk::BranchWalk(const TrainFamily& family, double from, double to)
   }
   if (!(std::abs(place(*problem_, t_)[1]) + std::abs(place(*problem_, t_)[0]) > 0) && !asked.request.speed) {
     const TrainSetting moved = family_(from + .01 * (to - from));
-    if (moved.oscillator->A() == start.oscillator->A() && moved.oscillator->v() == start.oscillator->v())
+    if (moved.oscillator->A() == start.oscillator->A() && moved.oscillator->v() == start.oscillator->v() && moved.N == start.N)
       throw Failure("wave_continue " + name_ + ": this option does not enter the train");
   }
 }
@@ -115,8 +115,8 @@ TrainEquations BranchWalk::solved(const std::vector<double>& row, double right, 
 
 // y[0] = v rises where the orbit is a true one; past the Hopf point the branch repeats itself half a turn on.
 bool BranchWalk::vanished(const Train& train, const TrainEquations& problem, const std::vector<double>& y) const {
-  double slope[train_max_dim];
-  problem.setting().oscillator->rhs(train.r2, y.data(), slope, nullptr);
+  double slope[train_max_dim + 1];
+  problem.setting().rhs(problem.setting().at(y[y.size() - 2]), y.data(), slope, nullptr);
   return slope[0] <= 0 || train.psi_max - train.psi_min < 1e-3 * (first_.psi_max - first_.psi_min);
 }
 
@@ -153,7 +153,7 @@ bool BranchWalk::step(double longest, Branch& branch) {
     const double a2 = std::pow(train.psi_max - train.psi_min, 2);
     const double hopf = a1 != a2 ? (there[2] * a1 - last.value * a2) / (a1 - a2) : there[2];
     branch.end = "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 8) +
-                 ", where sliding becomes stable";
+                 (train.nu > 0 ? ", where sliding becomes stable to this wave" : ", where sliding becomes stable");
     return false;
   }
   // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a fold.

@@ -52,7 +52,10 @@ Train pack(const TrainEquations& problem, const std::vector<double>& x) {
   train.oscillator = setting.oscillator;
   train.method = &Collocation::gauss5();
   train.mesh = problem.mesh();
-  train.values.assign(x.begin(), x.begin() + long(train.intervals() * problem.block()));
+  train.nu = setting.N * setting.oscillator->A();
+  std::vector<double> values(x.begin(), x.begin() + long(train.intervals() * problem.block()));
+  if (setting.N > 0) set_viscous_values(train, std::move(values));
+  else train.values = std::move(values);
   find_extrema(train);
   return train;
 }

@@ -4,12 +4,13 @@
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/cyclic.hpp"
+#include "waves/viscous_train.hpp"
 
 namespace stickslip {
 
 namespace {
 
-constexpr int stages = train_stages, max_dim = train_max_dim;
+constexpr int stages = train_stages, max_dim = train_max_dim + 1;  // g with viscosity
 const Collocation& method() { return Collocation::gauss5(); }
 
 }  // namespace
@@ -18,11 +19,25 @@ TrainSetting::At TrainSetting::at(double q) const {
   const double c2 = oscillator->c2();
   if (request.speed) {
     const double V = std::abs(*request.speed), c = std::sqrt(c2), T = std::exp(q);
-    return {T, (V - c) * (V + c) / (V * V), T, 0, V};
+    return {T, (V - c) * (V + c) / (V * V), T, 0, V, 0};
   }
   const double Y2 = std::exp(2 * q), V = std::sqrt(c2 + Y2), r2 = Y2 / (c2 + Y2), rest = c2 / (c2 + Y2);
   const double T = *request.length / (double(request.pulses) * V);
-  return {T, r2, -T * r2, 2 * r2 * rest, V};
+  return {T, r2, -T * r2, 2 * r2 * rest, V, V * r2};
+}
+
+void TrainSetting::rhs(const At& at, const double* y, double* dy, double* J) const {
+  if (N > 0) viscous_rhs(*oscillator, N, at.speed, at.r2, y, dy, J);
+  else oscillator->rhs(at.r2, y, dy, J);
+}
+
+double TrainSetting::decay(const At& at) const {
+  return N > 0 ? at.speed * at.speed / (N * oscillator->A()) : oscillator->A() / at.r2;
+}
+
+double TrainSetting::stiff_slope(const At& at, const double* y, const double* dy) const {
+  const int k = stiff();
+  return N > 0 ? 2 * at.speed_q / at.speed * dy[k] + decay(at) * at.r2_q * y[k] : -at.r2_q / at.r2 * dy[k];
 }
 
 double TrainSetting::number_of(const Train& train) const {
@@ -32,17 +47,22 @@ double TrainSetting::number_of(const Train& train) const {
 
 TrainSetting setting_of(const TrainCase& asked) {
   const TrainRequest& request = asked.request;
-  if (asked.scene.nu > 0) throw Failure("branches are followed without viscosity between neighbours (model_nu 0) only");
   if (request.speed && !(std::abs(*request.speed) > asked.scene.c)) throw Failure("V comes down to c");
   if (request.length && !(*request.length > 0)) throw Failure("the length vanishes");
   return TrainSetting::of(asked.scene, request);
 }
 
 TrainEquations::TrainEquations(TrainSetting setting, std::vector<double> mesh, double q_scale)
-    : setting_(std::move(setting)), mesh_(std::move(mesh)), d_(setting_.oscillator->dim()), n_(mesh_.size() - 1) {
+    : setting_(std::move(setting)), mesh_(std::move(mesh)), d_(setting_.dim()), n_(mesh_.size() - 1) {
   const TrainSetting::At at = setting_.at(q_scale);
   for (size_t i = 0; i < n_; ++i)
-    weight_.push_back(1 / (1 + (mesh_[i + 1] - mesh_[i]) * at.T * setting_.oscillator->A() / at.r2));
+    weight_.push_back(1 / (1 + (mesh_[i + 1] - mesh_[i]) * at.T * setting_.decay(at)));
+}
+
+TrainSetting TrainEquations::at_lambda(double lambda) const {
+  TrainSetting setting = family_(lambda);
+  if (setting.dim() != d_) throw Failure("model_nu comes down to 0");
+  return setting;
 }
 
 void TrainEquations::extend(Family family, double lambda_scale, std::vector<double> row, double right) {
@@ -65,6 +85,13 @@ std::vector<double> TrainEquations::fill(const Profile& profile, double q) const
   return x;
 }
 
+std::vector<double> TrainEquations::fill(const Train& train, double q) const {
+  return fill([&](double phase, double* y) {
+    if (setting_.N > 0) evaluate(*train.method, train.mesh, train.viscous_values.data(), d_, phase, y);
+    else train.at(phase, y);
+  }, q);
+}
+
 std::vector<double> TrainEquations::fill(const TrainEquations& from, const std::vector<double>& x) const {
   std::vector<double> y = fill(
       [&](double phase, double* at) { evaluate(method(), from.mesh(), x.data(), d_, phase, at); }, x[x.size() - size_t(from.parameters())]);
@@ -76,11 +103,12 @@ void TrainEquations::interval_rows(size_t i, const double* in, const double* G, 
   const size_t b = block(), d = size_t(d_);
   const double *y = in + i * b, *Y = y + d, *next = in + (i + 1 < n_ ? i + 1 : 0) * b;
   const double h = (mesh_[i + 1] - mesh_[i]) * scale;
+  const size_t stiff = size_t(setting_.stiff());
   for (size_t j = 0; j < stages; ++j)
     for (size_t a = 0; a < d; ++a) {
       double r = 0;
       for (size_t k = 0; k < stages; ++k) r += method().a[j * stages + k] * G[k * d + a];
-      out[i * b + j * d + a] = (Y[j * d + a] - y[a] - h * r) * (a == 0 ? weight_[i] : 1);
+      out[i * b + j * d + a] = (Y[j * d + a] - y[a] - h * r) * (a == stiff ? weight_[i] : 1);
     }
   for (size_t a = 0; a < d; ++a) {
     double r = next[a] - method().end[0] * y[a];
@@ -92,16 +120,15 @@ void TrainEquations::interval_rows(size_t i, const double* in, const double* G, 
 void TrainEquations::residual(const double* x, double* F) {
   const size_t b = block(), d = size_t(d_);
   const double q = x[n_ * b];
-  if (family_) setting_ = family_(x[n_ * b + 1]);
-  const Oscillator& o = *setting_.oscillator;
+  if (family_) setting_ = at_lambda(x[n_ * b + 1]);
   const TrainSetting::At at = setting_.at(q);
   for (size_t i = 0; i < n_; ++i) {
     const double* Y = x + i * b + d;
     double G[stages * max_dim];
-    for (size_t j = 0; j < stages; ++j) o.rhs(at.r2, Y + j * d, G + j * d, nullptr);
+    for (size_t j = 0; j < stages; ++j) setting_.rhs(at, Y + j * d, G + j * d, nullptr);
     interval_rows(i, x, G, at.T, F);
   }
-  F[n_ * b] = x[0] - o.v();
+  F[n_ * b] = x[0] - setting_.oscillator->v();
   if (family_) F[n_ * b + 1] = row_[0] * x[1] + row_[1] * q + row_[2] * x[n_ * b + 1] - right_;
 }
 
@@ -118,31 +145,31 @@ void TrainEquations::linearise(const double* x) {
   v_lambda_ = 0;
   if (family_) {
     const double lambda = x[n_ * b + 1];
-    setting_ = family_(lambda);
+    setting_ = at_lambda(lambda);
     eps = 1e-6 * lambda_scale_;
-    lower = family_(lambda - eps);
-    upper = family_(lambda + eps);
+    lower = at_lambda(lambda - eps);
+    upper = at_lambda(lambda + eps);
     v_lambda_ = (upper.oscillator->v() - lower.oscillator->v()) / (2 * eps);
   }
-  const Oscillator& o = *setting_.oscillator;
   const TrainSetting::At at = setting_.at(q);
+  const size_t stiff = size_t(setting_.stiff());
   J_.resize(n_ * stages * d * d);
   Gp_.resize(n_ * stages * d * p);
   for (size_t i = 0; i < n_; ++i)
     for (size_t j = 0; j < stages; ++j) {
       const double* Y = x + i * b + d + j * d;
       double g[max_dim], J[max_dim * max_dim];
-      o.rhs(at.r2, Y, g, J);
+      setting_.rhs(at, Y, g, J);
       double* to = &J_[(i * stages + j) * d * d];
       for (size_t a = 0; a < d * d; ++a) to[a] = at.T * J[a];
       double* slope = &Gp_[(i * stages + j) * d * p];
-      for (size_t a = 0; a < d; ++a)
-        slope[a * p] = at.T_q * g[a] - (a == 0 ? at.T * at.r2_q / at.r2 * g[0] : 0.);
+      for (size_t a = 0; a < d; ++a) slope[a * p] = at.T_q * g[a];
+      slope[stiff * p] += at.T * setting_.stiff_slope(at, Y, g);
       if (family_) {
         double low[max_dim], high[max_dim];
         const TrainSetting::At l = lower.at(q), u = upper.at(q);
-        lower.oscillator->rhs(l.r2, Y, low, nullptr);
-        upper.oscillator->rhs(u.r2, Y, high, nullptr);
+        lower.rhs(l, Y, low, nullptr);
+        upper.rhs(u, Y, high, nullptr);
         for (size_t a = 0; a < d; ++a) slope[a * p + 1] = (u.T * high[a] - l.T * low[a]) / (2 * eps);
       }
     }
@@ -169,7 +196,7 @@ void TrainEquations::multiply(const double* in, double* out) const {
 
 TrainEquations::Condensed TrainEquations::condense(const double* rhs) const {
   const size_t b = block(), d = size_t(d_), p = size_t(parameters()), md = stages * d;
-  const size_t columns = d + p + 1;
+  const size_t columns = d + p + 1, stiff = size_t(setting_.stiff());
   Condensed result;
   std::vector<double>&response = result.response, &phi = result.phi, &chain = result.chain;
   response.resize(n_ * md * columns);
@@ -190,7 +217,7 @@ TrainEquations::Condensed TrainEquations::condense(const double* rhs) const {
             sum += method().a[j * stages + k] * Gp_[((i * stages + k) * d + a) * p + l];
           R[row * columns + d + l] = h * sum;
         }
-        R[row * columns + d + p] = rhs[i * b + row] / (a == 0 ? weight_[i] : 1);
+        R[row * columns + d + p] = rhs[i * b + row] / (a == stiff ? weight_[i] : 1);
       }
     if (!solve_dense(int(md), M.data(), int(columns), R))
       throw Failure("the collocation equations of an interval are singular");

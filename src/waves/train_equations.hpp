@@ -16,17 +16,26 @@ namespace stickslip {
 struct TrainSetting {
   std::shared_ptr<const Oscillator> oscillator;
   TrainRequest request;
+  double N = 0;  // viscosity between neighbours; with it y = (f, z[, s], g) of waves/viscous_train.hpp
 
   static TrainSetting of(const Scene& scene, const TrainRequest& request) {
-    return {std::make_shared<const Oscillator>(scene), request};
+    return {std::make_shared<const Oscillator>(scene), request, scene.nu > 0 ? scene.N() : 0};
   }
 
   // Period and r2, with their derivatives, as functions of the unknown number q: ln T where the speed is given,
   // ln sqrt(V^2 - c^2) where the length is.
   struct At {
-    double T, r2, T_q, r2_q, speed;
+    double T, r2, T_q, r2_q, speed, speed_q;
   };
   At at(double q) const;
+  int dim() const { return oscillator->dim() + (N > 0); }
+  // dy = y'; J (null, or dim x dim row-major) = d(dy)/dy.
+  void rhs(const At& at, const double* y, double* dy, double* J) const;
+  // The equation whose stages are weighted: that of psi, which is the stiff one.
+  int stiff() const { return N > 0 ? dim() - 1 : 0; }
+  // d(dy)/dq of that equation at fixed y, where dy = y'.
+  double stiff_slope(const At& at, const double* y, const double* dy) const;
+  double decay(const At& at) const;  // its rate at B + F_psi = 1
   // The number q of a train.
   double number_of(const Train& train) const;
 };
@@ -38,8 +47,8 @@ TrainSetting setting_of(const TrainCase& asked);
 // Gauss points; then the number q and, on a branch, the parameter lambda. Equations, interval by interval:
 //     Y_j - y_i - h sum_k a_jk T rhs(Y_k) = 0
 //     y_{i+1} - (the polynomial through y_i and Y at the right end) = 0
-// then f(0) - v = 0 and, on a branch, the arclength. The first component's stage equations are weighted with
-// 1/(1 + h T A/r2), which makes their round-off that of psi.
+// then f(0) - v = 0 and, on a branch, the arclength. The stage equations of the stiff component are weighted
+// with 1/(1 + h T A/r2), which makes their round-off that of psi; with viscosity 1/(1 + h T V^2/(A N)).
 class TrainEquations {
  public:
   using Family = std::function<TrainSetting(double)>;  // the setting as a function of lambda
@@ -58,6 +67,7 @@ class TrainEquations {
 
   // The unknowns of a profile; lambda, if it is one, stays 0. Or those of a solution on another mesh.
   std::vector<double> fill(const Profile& profile, double q) const;
+  std::vector<double> fill(const Train& train, double q) const;
   std::vector<double> fill(const TrainEquations& from, const std::vector<double>& x) const;
   void residual(const double* x, double* F);
   double largest_residual(const std::vector<double>& x, std::vector<double>& F);  // which F becomes
@@ -75,6 +85,8 @@ class TrainEquations {
     std::vector<double> response, phi, chain;
   };
   Condensed condense(const double* rhs) const;
+  // The setting at lambda. Throws Failure where viscosity comes in or goes, and with it the order of the equation.
+  TrainSetting at_lambda(double lambda) const;
   // The rows of interval i of out, from those of in and the slopes G at its Gauss points.
   void interval_rows(size_t i, const double* in, const double* G, double scale, double* out) const;
 

@@ -17,7 +17,7 @@ TrainEquations TrainSheet::equations(const SheetPlace& p, const SheetChart& char
 SheetPlace TrainSheet::place(const Train& train, double value, double value2) const {
   const double q = setting_of(family_.at(value, value2)).number_of(train);
   SheetPlace p{train.mesh, {0, 0, q, value}, value2};
-  p.x = equations(p, {}, 0).fill([&](double phase, double* y) { train.at(phase, y); }, q);
+  p.x = equations(p, {}, 0).fill(train, q);
   p.x.back() = value;
   return p;
 }

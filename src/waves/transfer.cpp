@@ -6,6 +6,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/dense.hpp"
+#include "stickslip/numerics/periodic_equations.hpp"
 
 extern "C" void zgeev_(const char*, const char*, const int* n, std::complex<double>* a, const int* lda,
                        std::complex<double>* w, std::complex<double>* vl, const int* ldvl, std::complex<double>* vr,
@@ -16,11 +17,13 @@ namespace stickslip {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr int stages = 5, max_dim = train_max_dim;
+constexpr int stages = 5, max_dim = train_max_dim + 1;  // one more with viscosity
 constexpr double longest_phase = 1.5;  // of the waves in one interval: the five points give 1e-9 then
 constexpr double dead = 30;            // a wave that has decayed by exp(-dead) need not be resolved
 constexpr double made = 3e-4;          // relative change of C + lambda in its own time from which on they are made
 constexpr double stiff = 8;            // decay in an interval beyond which Radau IIA takes over from Gauss
+constexpr double longest_growth = 4;    // exponent, in an interval, of what viscosity lets grow
+constexpr double least_apart = 1;      // of its ln |multiplier| from the next
 constexpr size_t most_intervals = 60000;
 constexpr int lowest_level = -20;      // the coarsest mesh is for frequencies from 0 to 2^lowest_level
 
@@ -44,36 +47,19 @@ class TransferMesh {
  public:
   TransferMesh(const Train& train, double frequency, int refine)
       : d_(train.oscillator->dim()), T_(train.period), r2_(train.r2), V_(std::abs(train.speed)),
-        c2_(train.oscillator->c2()), A_(train.oscillator->A()) {
-    const double cV = std::sqrt(c2_) / V_;
-    // waves that run against the train and with it, in xi
-    const double slow = frequency / (1 + cV) * T_, fast = frequency * (1 + cV) / r2_ * T_;
-    std::vector<double> decay(train.intervals()), steepness(train.intervals());
-    const double least_frequency = frequency > std::ldexp(1., lowest_level) ? frequency / 2 : 0;
-    std::vector<double> J(size_t(stages * d_ * d_));
-    for (size_t i = 0; i < decay.size(); ++i) {
-      decay[i] = jacobians(train, train.mesh[i], train.mesh[i + 1] - train.mesh[i], Collocation::gauss5(), J.data(), &steepness[i]);
-      steepness[i] /= std::pow(std::abs(decay[i]), 2) +
-                      std::pow(least_frequency * cV / r2_ * T_ * (train.mesh[i + 1] - train.mesh[i]), 2);
-    }
-    // A fast wave is made where C changes within the time r2/|C + lambda|. Once it has died out, P follows Z and is as
-    // smooth as the train, which the mesh is made for. Twice round, to know what comes in.
-    double since = 0;
-    for (const bool count_only : {true, false})
-      for (size_t i = 0; i < train.intervals(); ++i) {
-        const double h = train.mesh[i + 1] - train.mesh[i];
-        if (steepness[i] > made) since = 0;
-        // the part of the interval in which the fast wave lives, and the rest
-        const double alive = decay[i] > 0 ? std::clamp((dead - since) / decay[i], 0., 1.) : 1;
-        since = std::max(0., since + decay[i]);
-        if (count_only) continue;
-        divide(train, train.mesh[i], alive * h, fast, refine, alive * decay[i]);
-        divide(train, train.mesh[i] + alive * h, (1 - alive) * h, slow, refine, (1 - alive) * decay[i]);
-        if (step_.size() > most_intervals * size_t(refine))
-          throw Failure("the spectrum needs too fine a mesh: V/c - 1 = " + rounded_text(1 / cV - 1) +
-                        ", waves of frequency " + rounded_text(frequency) +
-                        " in a medium at rest");
-      }
+        c2_(train.oscillator->c2()), A_(train.oscillator->A()), nu_(train.nu) {
+    if (nu_ > 0) divide_viscous(train, frequency, refine);
+    else divide_plain(train, frequency, refine);
+  }
+
+  int dim() const { return d_ + (nu_ > 0); }
+
+  // With viscosity: all multipliers, largest modulus first, and infinite where they are too large for a number.
+  std::vector<Complex> viscous_multipliers(Complex lambda) const {
+    const int n = dim();
+    std::vector<Complex> phi(step_.size() * size_t(n * n));
+    for (size_t i = 0; i < step_.size(); ++i) transfer(i, lambda, &phi[i * size_t(n * n)]);
+    return multipliers_of(n, pencil_of(n, phi));
   }
 
   void monodromy(Complex lambda, Complex* Y, double& log_scale) const {
@@ -115,6 +101,55 @@ class TransferMesh {
     return least;
   }
 
+  void divide_plain(const Train& train, double frequency, int refine) {
+    const double cV = std::sqrt(c2_) / V_;
+    // waves that run against the train and with it, in xi
+    const double slow = frequency / (1 + cV) * T_, fast = frequency * (1 + cV) / r2_ * T_;
+    std::vector<double> decay(train.intervals()), steepness(train.intervals());
+    const double least_frequency = frequency > std::ldexp(1., lowest_level) ? frequency / 2 : 0;
+    std::vector<double> J(size_t(stages * d_ * d_));
+    for (size_t i = 0; i < decay.size(); ++i) {
+      decay[i] = jacobians(train, train.mesh[i], train.mesh[i + 1] - train.mesh[i], Collocation::gauss5(), J.data(), &steepness[i]);
+      steepness[i] /= std::pow(std::abs(decay[i]), 2) +
+                      std::pow(least_frequency * cV / r2_ * T_ * (train.mesh[i + 1] - train.mesh[i]), 2);
+    }
+    // A fast wave is made where C changes within the time r2/|C + lambda|. Once it has died out, P follows Z and is as
+    // smooth as the train, which the mesh is made for. Twice round, to know what comes in.
+    double since = 0;
+    for (const bool count_only : {true, false})
+      for (size_t i = 0; i < train.intervals(); ++i) {
+        const double h = train.mesh[i + 1] - train.mesh[i];
+        if (steepness[i] > made) since = 0;
+        // the part of the interval in which the fast wave lives, and the rest
+        const double alive = decay[i] > 0 ? std::clamp((dead - since) / decay[i], 0., 1.) : 1;
+        since = std::max(0., since + decay[i]);
+        if (count_only) continue;
+        divide(train, train.mesh[i], alive * h, fast, refine, alive * decay[i]);
+        divide(train, train.mesh[i] + alive * h, (1 - alive) * h, slow, refine, (1 - alive) * decay[i]);
+        if (step_.size() > most_intervals * size_t(refine))
+          throw Failure("the spectrum needs too fine a mesh: V/c - 1 = " + rounded_text(1 / cV - 1) +
+                        ", waves of frequency " + rounded_text(frequency) +
+                        " in a medium at rest");
+      }
+  }
+
+  // Pieces short enough for waves of the frequency and for the growth of what the train itself does not show.
+  void divide_viscous(const Train& train, double frequency, int refine) {
+    const double cV = std::sqrt(c2_) / V_, lambda = frequency / cV;
+    const double wave = T_ * std::min(frequency * (1 + cV) / r2_, V_ * V_ / nu_ + V_ * std::sqrt(lambda / nu_) + lambda);
+    std::vector<double> J(size_t(stages * d_ * d_));
+    for (size_t i = 0; i < train.intervals(); ++i) {
+      const double at = train.mesh[i], h = train.mesh[i + 1] - at;
+      double range;
+      const double least = jacobians(train, at, h, Collocation::gauss5(), J.data(), &range);
+      const double C = std::max(0., r2_ * (least + range) / (h * T_));
+      const double growth = V_ * V_ / (2 * nu_) * (r2_ + std::sqrt(r2_ * r2_ + 4 * nu_ * C / (V_ * V_))) * T_;
+      divide(train, at, h, std::max(wave, growth * longest_phase / longest_growth), refine, 0);
+      if (step_.size() > most_intervals * size_t(refine))
+        throw Failure("the spectrum needs too fine a mesh: model_nu " + rounded_text(nu_) + " is too small for it");
+    }
+  }
+
   // Equal pieces short enough for a wave that turns by `frequency` a unit of phase.
   void divide(const Train& train, double at, double h, double frequency, int refine, double decay) {
     if (!(h > 0)) return;
@@ -130,8 +165,26 @@ class TransferMesh {
     jacobians(train, at, h, rule, &J_[J_.size() - size_t(stages * d_ * d_)]);
   }
 
-  // The matrix of Q' = M Q from a Jacobian.
+  // The matrix of Q' = M Q from a Jacobian: (P, Z[, S], G) with viscosity.
+  void viscous_matrix(const double* J, Complex lambda, Complex* M) const {
+    const int d = d_, n = d + 1;
+    const Complex wave = lambda / V_;
+    const double stiffness = V_ * V_ / nu_;
+    std::fill(M, M + n * n, 0.);
+    M[d] = 1;
+    M[n] = J[d] + c2_ / A_ * wave * wave;
+    if (d == 3) {
+      M[2 * n] = J[2 * d];
+      M[2 * n + 2] = J[2 * d + 2];
+      M[d * n + 2] = -stiffness * r2_ * J[2];
+    }
+    M[d * n] = -stiffness * (r2_ * J[0] - 2 * c2_ / V_ * wave + nu_ * wave * wave);
+    M[d * n + 1] = -stiffness * A_;
+    M[d * n + d] = stiffness * (r2_ + 2 * nu_ / V_ * wave);
+  }
+
   void matrix(const double* J, Complex lambda, Complex* M) const {
+    if (nu_ > 0) return viscous_matrix(J, lambda, M);
     const Complex wave = lambda / V_, slip = lambda * (c2_ / (V_ * V_)) / r2_;
     const Complex mix = lambda * (c2_ / (A_ * V_ * V_));
     for (int a = 0; a < d_ * d_; ++a) M[a] = J[a];
@@ -143,10 +196,10 @@ class TransferMesh {
 
   // y at the end of interval i from y at its beginning.
   void transfer(size_t i, Complex lambda, Complex* phi) const {
-    const int d = d_, n = stages * d;
+    const int d = dim(), n = stages * d;
     const Collocation& rule = *rule_[i];
     Complex M[stages * max_dim * max_dim], a[stages * max_dim * stages * max_dim], R[stages * max_dim * max_dim];
-    for (int j = 0; j < stages; ++j) matrix(&J_[(i * stages + size_t(j)) * size_t(d * d)], lambda, M + j * d * d);
+    for (int j = 0; j < stages; ++j) matrix(&J_[(i * stages + size_t(j)) * size_t(d_ * d_)], lambda, M + j * d * d);
     stage_matrix(rule, d, step_[i], M, a);
     for (int j = 0; j < n; ++j)
       for (int b = 0; b < d; ++b) R[j * d + b] = j % d == b ? 1. : 0.;
@@ -160,16 +213,13 @@ class TransferMesh {
   }
 
   int d_;
-  double T_, r2_, V_, c2_, A_;
+  double T_, r2_, V_, c2_, A_, nu_;
   std::vector<double> step_;
   std::vector<const Collocation*> rule_;
   std::vector<double> J_;
 };
 
-Transfer::Transfer(const Train& train, int refine) : train_(train), refine_(refine) {
-  if (train.nu > 0)
-    throw Failure("the stability of a train is computed without viscosity between neighbours (model_nu 0) only");
-}
+Transfer::Transfer(const Train& train, int refine) : train_(train), refine_(refine) {}
 Transfer::~Transfer() = default;
 
 const TransferMesh& Transfer::mesh_for(double frequency) {
@@ -179,11 +229,25 @@ const TransferMesh& Transfer::mesh_for(double frequency) {
   return *slot;
 }
 
+Multipliers Transfer::viscous_at(const TransferMesh& mesh, Complex lambda) {
+  const std::vector<Complex> roots = mesh.viscous_multipliers(lambda);
+  const auto log_of = [](Complex root) { return std::log(std::abs(root) > 1e-300 ? root : Complex(1e-300)); };
+  Multipliers m;
+  for (size_t k = 1; k < roots.size(); ++k) m.log_rho[m.count++] = log_of(roots[k]);
+  // not (...): an infinite one is apart
+  if (std::abs(roots[0]) < std::exp(m.log_rho[0].real() + least_apart))
+    throw Failure("the multiplier that viscosity adds is not larger than all others at lambda = " +
+                  rounded_text(lambda.real(), 6) + " + " + rounded_text(lambda.imag(), 6) + " i");
+  return m;
+}
+
 Multipliers Transfer::at(Complex lambda) {
   const int d = train_.oscillator->dim();
   Complex Y[max_dim * max_dim];
   double log_scale, size = 0;
-  mesh_for(std::sqrt(train_.oscillator->c2()) * std::abs(lambda / train_.speed)).monodromy(lambda, Y, log_scale);
+  const TransferMesh& mesh = mesh_for(std::sqrt(train_.oscillator->c2()) * std::abs(lambda / train_.speed));
+  if (train_.nu > 0) return viscous_at(mesh, lambda);
+  mesh.monodromy(lambda, Y, log_scale);
   for (int k = 0; k < d * d; ++k) size = std::max(size, std::abs(Y[k]));
   for (int k = 0; k < d * d; ++k) Y[k] /= size;
   log_scale += std::log(size);
@@ -251,6 +315,9 @@ double Transfer::top_frequency(double growth) const {
     const double room = mean / 2 + growth;
     if (room > 0) top = std::min(top, (square / 4 + variation / (2 * train_.period)) / (2 * room));
   }
+  // viscosity takes nu k^2/2 from a wave: twice as much as friction gives it, and as the line stands to the left
+  if (train_.nu > 0)
+    top = std::min(top, std::sqrt(train_.oscillator->c2() * 4 * (damping().usual + std::abs(growth)) / train_.nu));
   return std::max(4 * own, top);
 }
 

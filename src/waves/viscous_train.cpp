@@ -17,31 +17,17 @@ using std::size_t;
 class TrainField : public VectorField {
  public:
   TrainField(std::shared_ptr<const Oscillator> oscillator, double N, double V)
-      : o_(std::move(oscillator)), d_(o_->dim()), stiffness_(V * V / N / o_->A()), r2_(1 - o_->c2() / (V * V)) {}
-  int dim() const override { return d_ + 1; }
-  void rates(const double* y, double* f) const override {
-    o_->rhs(1, y, f, nullptr);
-    f[d_] = stiffness_ * (r2_ * y[d_] - f[0]);
-    f[0] = y[d_];
-  }
+      : o_(std::move(oscillator)), N_(N), V_(V), r2_(1 - o_->c2() / (V * V)) {}
+  int dim() const override { return o_->dim() + 1; }
+  void rates(const double* y, double* f) const override { viscous_rhs(*o_, N_, V_, r2_, y, f, nullptr); }
   void jacobian(const double* y, double* J) const override {
-    double f[max_plain], inner[max_plain * max_plain];
-    o_->rhs(1, y, f, inner);
-    const int n = d_ + 1;
-    std::fill(J, J + n * n, 0.);
-    for (int j = 0; j < d_; ++j) {
-      J[d_ * n + j] = -stiffness_ * inner[j];
-      for (int i = 1; i < d_; ++i) J[i * n + j] = inner[i * d_ + j];
-    }
-    J[d_] = 1;
-    J[d_ * n + d_] = stiffness_ * r2_;
+    double f[train_max_dim + 1];
+    viscous_rhs(*o_, N_, V_, r2_, y, f, J);
   }
 
  private:
-  static constexpr int max_plain = 3;
   std::shared_ptr<const Oscillator> o_;
-  int d_;
-  double stiffness_, r2_;  // V^2/(A N); 1 - c^2/V^2
+  double N_, V_, r2_;
 };
 
 // The equations at a viscosity and a speed or length, with a solution of them.
@@ -208,7 +194,7 @@ Train plain_train(const Scene& scene, const TrainRequest& request) {
 Train packed(const Scene& scene, const TrainRequest& request, const Course& course,
              std::shared_ptr<const Oscillator> oscillator) {
   Train train;
-  const double V = course.V(), Bd = scene.B() + scene.s_delta() / scene.A();
+  const double V = course.V();
   train.pulses = request.pulses;
   train.length_given = bool(request.length);
   train.speed = request.speed ? *request.speed : V;
@@ -219,21 +205,45 @@ Train packed(const Scene& scene, const TrainRequest& request, const Course& cour
   train.oscillator = std::move(oscillator);
   train.method = &Collocation::gauss5();
   train.mesh = course.mesh();
-  const size_t d = size_t(train.oscillator->dim()), D = d + 1, count = train.intervals() * (mesh_stages + 1);
-  for (size_t k = 0; k < count; ++k) {
-    const double* y = &course.x()[k * D];
-    const double F = train.oscillator->partials(y[0], d == 3 ? y[2] : 0).F;
-    const double eta = y[1] + scene.K1() / (V * V) * y[d] - scene.s_delta() / scene.A() * y[0];
-    train.values.push_back(y[0]);
-    train.values.push_back(train.r2 * (eta - scene.B() * y[0] - F) + Bd * y[0] + F);  // Oscillator::eta, solved for z
-    if (d == 3) train.values.push_back(y[2]);
-  }
+  set_viscous_values(train, {course.x().begin(), course.x().end() - course.problem().parameters()});
   find_extrema(train);
   train.residual = course.residual();
   return train;
 }
 
 }  // namespace
+
+void viscous_rhs(const Oscillator& oscillator, double N, double V, double r2, const double* y, double* dy, double* J) {
+  const int d = oscillator.dim(), n = d + 1;
+  const double stiffness = V * V / N / oscillator.A();
+  double inner[train_max_dim * train_max_dim];
+  oscillator.rhs(1, y, dy, J ? inner : nullptr);
+  dy[d] = stiffness * (r2 * y[d] - dy[0]);
+  dy[0] = y[d];
+  if (!J) return;
+  std::fill(J, J + n * n, 0.);
+  for (int j = 0; j < d; ++j) {
+    J[d * n + j] = -stiffness * inner[j];
+    for (int i = 1; i < d; ++i) J[i * n + j] = inner[i * d + j];
+  }
+  J[d] = 1;
+  J[d * n + d] = stiffness * r2;
+}
+
+void set_viscous_values(Train& train, std::vector<double> y) {
+  const Oscillator& o = *train.oscillator;
+  const size_t d = size_t(o.dim());
+  train.values.clear();
+  for (size_t k = 0; k < y.size(); k += d + 1) {
+    double dy[train_max_dim];
+    o.rhs(1, &y[k], dy, nullptr);
+    train.values.push_back(y[k]);
+    // eta = z + (K1/V^2) g - (s delta/A) f, put into Oscillator::eta and solved for its z
+    train.values.push_back(y[k + 1] + (1 - train.r2) * (train.r2 * y[k + d] - dy[0]) / o.A());
+    if (d == 3) train.values.push_back(y[k + 2]);
+  }
+  train.viscous_values = std::move(y);
+}
 
 Train solve_viscous_train(const Scene& scene, const TrainRequest& request, double tolerance) {
   const Train plain = plain_train(scene, request);

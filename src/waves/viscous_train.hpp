@@ -10,12 +10,20 @@
 // Computed alike on every rank.
 #pragma once
 
+#include <vector>
+
 #include "stickslip/waves/train.hpp"
 
 namespace stickslip {
 
-// As solve_train(), which calls it where the scene has viscosity. The train's `values` hold f, a z from which eta follows
-// as it does without viscosity, and s.
+// The right-hand side above over y = (f, z[, s], g); J (null, or row-major) = d(dy)/dy. r2 = 1 - c^2/V^2.
+void viscous_rhs(const Oscillator& oscillator, double N, double V, double r2, const double* y, double* dy, double* J);
+
+// Gives a train, whose speed, r2 and oscillator are set, these values of y: `viscous_values`, and `values` with f, a z from
+// which eta follows as it does without viscosity, and s.
+void set_viscous_values(Train& train, std::vector<double> y);
+
+// As solve_train(), which calls it where the scene has viscosity.
 Train solve_viscous_train(const Scene& scene, const TrainRequest& request, double tolerance);
 
 }  // namespace stickslip

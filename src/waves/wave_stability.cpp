@@ -30,7 +30,7 @@ double carrier_scale(const Train& train, Complex lambda) {
 // A train whose short waves grow: it is unstable and has infinitely many modes that say so. True where it is one.
 bool short_waves_grow(const Transfer& transfer, TrainSpectrum& out) {
   const double mean = transfer.damping().mean;
-  if (mean > 0) return false;
+  if (mean > 0 || transfer.train().nu > 0) return false;  // viscosity makes them decay
   out.growth_rate = out.endless_growth = -mean / 2;
   out.completeness_check = "waves of any short length grow at " + rounded_text(-mean / 2) + ": no list is complete";
   return true;
@@ -290,12 +290,17 @@ Search search(Transfer& coarse, Transfer& fine, double sigma, int wanted) {
 
 // How far left of 0 a line may stand. Short waves decay at half the mean of C, without its peaks (at
 // small psi) those that the peaks hold still. Near V = c waves that run with the train grow where C < -Re lambda, by
-// exp(Re lambda^2/(2 r2 |dC/dt|)) about: that must not be large.
+// exp(Re lambda^2/(2 r2 |dC/dt|)) about: that must not be large. With viscosity the shortest waves creep back at c^2/nu,
+// and the mean of C may be negative.
 double depth_of(const Transfer& transfer) {
   const TrainDamping damping = transfer.damping();
   double most = 4 * damping.usual, mean = transfer.damping_within(most);
   while (mean < .01 * damping.usual && most < 1e9 * damping.usual) mean = transfer.damping_within(most *= 4);
-  return std::min(mean / 4, std::sqrt(transfer.train().r2 * damping.slope) / 2);
+  const Train& train = transfer.train();
+  const double at_fronts = std::sqrt(train.r2 * damping.slope) / 2;
+  if (!(train.nu > 0)) return std::min(mean / 4, at_fronts);
+  const Oscillator& o = *train.oscillator;
+  return std::min({std::max(mean / 4, std::sqrt(o.A() * o.K0()) / 20), at_fronts, o.c2() / (4 * train.nu)});
 }
 
 // A line so far left that the modes wanted stand right of it; further right where two multipliers meet right of it and

@@ -35,7 +35,8 @@ struct TrainCase {
 struct Train : PeriodicMotion {
   PetscInt pulses = 1;
   double speed = 0, length = 0;
-  double nu = 0;              // viscosity between neighbours (waves/viscous_train.hpp)
+  double nu = 0;              // viscosity between neighbours
+  std::vector<double> viscous_values;  // with it: all unknowns of its equation, at the points of `values`
   double psi_min = 0, psi_max = 0;
   double residual = 0;        // largest residual of the collocation equations, in units of psi and eta
   double error_estimate = 0;  // of the speed or the length, whichever was solved for; absolute, not below round-off
