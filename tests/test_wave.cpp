@@ -6,6 +6,7 @@
 #include "stickslip/base/error.hpp"
 #include "commands/wave_options.hpp"
 #include "stickslip/waves/branch.hpp"
+#include "waves/train_equations.hpp"
 
 using namespace stickslip;
 
@@ -288,6 +289,39 @@ TEST_CASE("a branch of canards that differ by less than round-off in the paramet
   int on_the_spot = 0;  // within 1e-9 of the explosion, though psi_min runs from -1.9 to 0.7
   for (const BranchPoint& point : branch.points) on_the_spot += std::abs(point.value - .99905715378) < 1e-9;
   CHECK(on_the_spot > 20);
+}
+
+TEST_CASE("the linearised equations of a viscous train are those of its residual", "[wave][branch][serial]") {
+  for (const char* given : {"wave_length", "wave_speed"}) {
+    const Options options = Options().with("model_nu", .3).with(given, given[5] == 'l' ? 12. : 2.);
+    const TrainFamily family = train_family(options, "model_v");
+    const TrainCase asked = family.at(.3);
+    const Train train = solve_train(asked.scene, asked.request, 1e-6);
+    const TrainSetting setting = setting_of(asked);
+    TrainEquations problem(setting, train.mesh, setting.number_of(train));
+    problem.extend([&](double v) { return setting_of(family.at(v)); }, 1, {.5, 2, 3}, 0);
+    std::vector<double> x = problem.fill(train, setting.number_of(train)), along(x.size());
+    x.back() = .3;
+    for (size_t k = 0; k < x.size(); ++k) along[k] = std::sin(1. + 3. * double(k));
+    std::vector<double> exact(x.size()), up(x.size()), down(x.size()), back(x.size());
+    problem.linearise(x.data());
+    problem.multiply(along.data(), exact.data());
+    problem.solve(exact.data(), back.data());
+    const double step = 1e-5;
+    for (const double sign : {1., -1.}) {
+      std::vector<double> moved = x;
+      for (size_t k = 0; k < x.size(); ++k) moved[k] += sign * step * along[k];
+      problem.residual(moved.data(), sign > 0 ? up.data() : down.data());
+    }
+    double error = 0, size = 0, undone = 0;
+    for (size_t k = 0; k < x.size(); ++k) {
+      error = std::max(error, std::abs((up[k] - down[k]) / (2 * step) - exact[k]));
+      size = std::max(size, std::abs(exact[k]));
+      undone = std::max(undone, std::abs(back[k] - along[k]));
+    }
+    CHECK(error < 1e-7 * size);  // step^2 and round-off/step
+    CHECK(undone < 1e-6);
+  }
 }
 
 TEST_CASE("branches that cannot be", "[wave][branch][serial]") {

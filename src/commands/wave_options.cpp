@@ -21,7 +21,7 @@ void check_branch(const Options& options) {
     const std::string asked = "wave_continue" + std::string(second), end = "wave_to" + std::string(second);
     if (options.is_set(asked) && options.text(asked) == "model_nu" &&
         !(options.real("model_nu") > 0 && options.real(end) > 0))
-      throw UsageError(asked + " model_nu: begin and end above 0, where trains obey an equation of lower order (model_nu " +
+      throw UsageError(asked + " model_nu: begin and end above 0, since at 0 a train obeys an equation of lower order (model_nu " +
                        options.text("model_nu") + ", " + end + " " + options.text(end) + ")");
   }
   if (!options.is_set("wave_continue2")) return;

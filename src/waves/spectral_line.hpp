@@ -31,6 +31,9 @@ class SpectralLine {
   SpectralLine(Transfer& transfer, double sigma);
   double sigma() const { return sigma_; }
   double top() const { return top_; }  // samples reach from -top to top (Im lambda)
+  // With viscosity: no multiplier was seen to meet the one that is left out (transfer.hpp), on the real axis right of the
+  // line. Where they meet, the phases of an arc are not those of its curve.
+  bool separate() const { return separate_; }
   bool closed() const { return closed_; }  // no wave beyond the samples was seen to grow faster than the line
   const std::vector<Arc>& arcs() const { return arcs_; }
   // Modes of a ring of `pulses` right of the line: all, and those of Bloch factor exp(2 pi i m/pulses).
@@ -47,12 +50,13 @@ class SpectralLine {
   bool matched(const Sample& a, const Sample& b) const;
   void scan();
   bool quiet_beyond(double& louder);
+  bool seen_separate();
   ArcPoint crossing(const Sample& a, int i, const Sample& b, int j);
   void trace_arcs();
 
   Transfer& transfer_;
   double sigma_, top_, period_;
-  bool closed_ = true;
+  bool closed_ = true, separate_ = true;
   std::vector<Sample> samples_;
   std::vector<Arc> arcs_;
 };

@@ -15,6 +15,7 @@
 // and one multiplier more, which is exp[(V^2 - c^2) T/nu] or so and larger than all others. Of the solutions
 // exp[lambda t + m (t - x/V)] of short waves, V m = nu m^2 - lambda or so, one has Re m > 0 wherever Re lambda > 0: that
 // multiplier stays outside of the unit circle and belongs to no mode. It is left out; Failure where another is as large.
+// Right of all modes none is; further left they may meet (SpectralLine::separate).
 #pragma once
 
 #include <complex>

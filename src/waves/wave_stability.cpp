@@ -253,11 +253,18 @@ std::vector<Curve> curves_of(Transfer& transfer, const SpectralLine& line) {
   return curves;
 }
 
-// Have the curves of a line been followed from end to end, and is nothing beyond the line's ends?
-bool whole(const SpectralLine& line, const std::vector<Curve>& curves) {
+// Have the curves of a line been followed from end to end, and is nothing beyond the line's ends? With viscosity a curve
+// must come back to the line where its arc ends, too: it does not where the multiplier that is left out meets the arc's own
+// between the two.
+bool whole(const SpectralLine& line, const std::vector<Curve>& curves, const Train& train) {
   bool all = line.closed();
-  for (size_t k = 0; k < curves.size(); ++k)
-    all = all && (is_mirror(line.arcs()[k]) || curves[k].size() == line.arcs()[k].size());
+  for (size_t k = 0; k < curves.size(); ++k) {
+    const Arc& arc = line.arcs()[k];
+    if (is_mirror(arc)) continue;
+    all = all && curves[k].size() == arc.size();
+    if (all && train.nu > 0)
+      all = std::abs(curves[k].back().lambda - Complex(line.sigma(), arc.back().omega)) * train.period < 1e-3;
+  }
   return all;
 }
 
@@ -275,7 +282,7 @@ Search search(Transfer& coarse, Transfer& fine, double sigma, int wanted) {
   s.line = std::make_unique<SpectralLine>(coarse, sigma);
   s.counted = s.line->count(coarse.train().pulses);
   s.curves = curves_of(coarse, *s.line);
-  s.curves_whole = whole(*s.line, s.curves);
+  s.curves_whole = whole(*s.line, s.curves, coarse.train());
   for (Curve& curve : s.curves) add_summits(coarse, curve);
   const bool reached = modes_right_of(*s.line, s.curves, coarse, fine, wanted, s.modes);
   bool resolved = true;
@@ -358,6 +365,7 @@ std::vector<int> growing_modes(const Train& train) {
     throw Failure("the stability of the train is " + reason);
   if (short_waves_grow(transfer, out)) return counts;
   const SpectralLine line(transfer, growing_line);
+  if (!line.separate()) throw Failure("the growing modes of the train are not known: with this viscosity multipliers meet");
   for (std::size_t m = 0; m < counts.size(); ++m)
     counts[m] = int(std::min<long long>(line.count(train.pulses, PetscInt(m)), 1 << 30));
   return counts;
@@ -369,7 +377,7 @@ TrainSpectrum endless_stability(const Train& train) {
   if (uncoupled(train, out) || unverified(train, out) || short_waves_grow(transfer, out)) return out;
   const SpectralLine line(transfer, -depth_of(transfer) / 4);
   std::vector<Curve> curves = curves_of(transfer, line);
-  const bool curves_whole = whole(line, curves);
+  const bool curves_whole = whole(line, curves, train);
   for (Curve& curve : curves) add_summits(transfer, curve);
   fill_endless(train, curves, curves_whole, out);
   return out;
@@ -394,7 +402,9 @@ TrainSpectrum train_spectrum(const Train& train, int count) {
                            ", |Im| up to " + rounded_text(line.top(), 8) + ": " + std::to_string(found.counted) +
                            " eigenvalues to the right, " + (size < found.counted ? "the rightmost " : "") +
                            std::to_string(size) + " found" +
-                           (line.closed() ? "" : "; waves of higher frequency grow faster than that");
+                           (!line.separate()   ? "; with this viscosity multipliers meet right of it"
+                            : !line.closed() ? "; waves of higher frequency grow faster than that"
+                                             : "");
   double error = std::max(10 * out.translation_error, 1e-9);
   for (const TrainMode& mode : found.modes)
     if (mode.lambda.real() > line.sigma() / 10) error = std::max(error, mode.residual);

@@ -209,8 +209,59 @@ def test_trains_are_of_third_order():
     check("no train" in said, said)
 
 
+def ring_eigenvalues(path, gamma, delta, v, nu, n):
+    """Speed of the train of a file and all eigenvalues of its ring: trigonometric polynomials on n points, the train solved
+    for again, one dense matrix in the frame of the train (c = 1)."""
+    with h5py.File(path) as f:
+        x, V, length = f["x"][:], float(f.attrs["speed"]), float(f.attrs["length"])
+        grid = np.arange(n) * length / n
+        psi, eta = (np.interp(grid, x, f[name][:]) for name in ("psi", "eta"))
+    k, waves, one = 2 * np.pi * np.fft.fftfreq(n, 1 / n) / length, np.fft.fft(np.eye(n), axis=0), np.eye(n)
+    D, D2 = (np.real(np.fft.ifft(s[:, None] * waves, axis=0)) for s in (1j * k, -k**2))
+    for _ in range(20):
+        lab = gamma * (eta - psi**3 / 3 + psi) + nu * D2 @ psi
+        residual = np.concatenate([lab + V * D @ psi, (v - psi + D2 @ psi - delta * lab) / gamma + V * D @ eta, [psi[0] - v]])
+        force = nu * D2 - np.diag(gamma * (psi**2 - 1))
+        J = np.block([[force + V * D, gamma * one], [(D2 - one - delta * force) / gamma, V * D - delta * one]])
+        bordered = np.block([[J, np.concatenate([D @ psi, D @ eta])[:, None]], [np.eye(1, 2 * n), np.zeros((1, 1))]])
+        step = np.linalg.solve(bordered, -residual)
+        psi, eta, V = psi + step[:n], eta + step[n:-1], V + step[-1]
+        if np.abs(step).max() < 1e-10:
+            return V, np.linalg.eigvals(J)
+    raise AssertionError("the train of the file is none")
+
+
+def test_spectrum_of_a_train():
+    # every eigenvalue, and how many there are right of the line, from a dense matrix that shares nothing with the search
+    s, _ = run("-model_nu 0.3 -wave_pulses 2 -wave_length 15 -wave_spectrum -spectrum_count 30 -out_file q.h5", command="wave")
+    V, values = ring_eigenvalues("q.h5", 3, 0.2, 0.2, 0.3, 101)
+    check(abs(V - s["speed"]) < 1e-9, f"speed {s['speed']}, {V} by trigonometric polynomials")
+    found = [complex(e["re"], e["im"]) for e in s["eigenvalues"]]
+    line = float(s["completeness_check"].split("Re = ")[1].split(",")[0])
+    right = [z for z in values if z.real > line]
+    # 13 modes stand right of -0.8333, where a count without a look at where multipliers meet says 9
+    check(s["complete"] and s["stable"] and len(found) == len(right) == 7, f"{found}, {right} expected")
+    for z in right:
+        check(min(abs(z - w) for w in found) < 1e-8, f"{z} is not among {found}")
+
+
+def test_branches_of_trains():
+    # at V = 2 pulses shrink to small trains where C = -nu/(V^2 - c^2); the end is extrapolated from the last two
+    nu, speed = 0.1, 2
+    s, _ = run(f"-model_nu {nu} -wave_speed {speed} -model_v 0.9 -wave_continue model_v -wave_to 1 -wave_steps 60", command="wave")
+    end = float(s["branch"]["end"].split("model_v = ")[1].split(",")[0])
+    check(abs(end - math.sqrt(1 - (0.2 + nu / (speed**2 - 1)) / 3)) < 1e-7, s["branch"]["end"])
+    # in nu itself, on a ring: the train at the end as solved for alone, up to what a branch's mesh is made for (1e-9)
+    ring = "-wave_length 20 -model_nu "
+    s, _ = run(ring + "0.1 -wave_continue model_nu -wave_to 0.13 -wave_steps 10", command="wave")
+    last = s["branch"]["points"][-1]
+    alone, _ = run(ring + "0.13", command="wave")
+    check(last["value"] == 0.13 and abs(last["speed"] - alone["speed"]) < 3e-9, f"{last}, {alone['speed']}")
+
+
 def test_what_is_refused():
-    refused("-model_nu 0.1 -wave_length 20 -wave_spectrum true", 2, "wave_spectrum", "model_nu", command="wave")
-    refused("-model_nu 0.1 -wave_length 20 -wave_continue model_v -wave_to 0.4", 2, "wave_continue", command="wave")
-    refused("-wave_length 20 -wave_continue model_nu -wave_to 0.4", 2, "wave_continue model_nu", command="wave")
+    branch = "-wave_length 20 -wave_continue "
+    refused(branch + "model_nu -wave_to 0.4", 2, "wave_continue model_nu", "model_nu 0,", command="wave")
+    refused(branch + "model_nu -wave_to 0 -model_nu 0.1", 2, "wave_to 0", command="wave")
+    refused(branch + "model_v -wave_to 0.4 -wave_continue2 model_nu -wave_to2 0 -model_nu 0.1", 2, "wave_to2 0", command="wave")
     refused("-model_nu -0.1", 2, "model_nu")
