@@ -113,9 +113,10 @@ def stiff_scene(seed, number):
                          "sine", "-init_psi", round(r.uniform(0.9, 1.3), 3), "-init_amplitude", round(r.uniform(0.01, 0.1), 3),
                          "-init_eta", "steady", "-ts_max_time", round(r.uniform(1, 20), 2)]
     elif kind == 1:
-        words = ["-model_form", "chain", "-model_f0", round(10 ** r.uniform(1.5, 3), 1), "-grid_n", r.choice([5, 10]), "-model_k1", round(10 ** r.uniform(-1, 0.5), 3),
-                         "-model_v", round(r.uniform(-0.5, 0.5), 3), "-init_type", "sine", "-init_psi", round(r.uniform(-0.5, 1.2), 3),
-                         "-init_amplitude", round(r.uniform(0.05, 0.3), 3), "-ts_max_time", round(r.uniform(1, 20), 2)]
+        words = ["-model_form", "chain", "-model_f0", round(10 ** r.uniform(1.5, 3), 1), "-grid_n", r.choice([5, 10]),
+                 "-model_k1", round(10 ** r.uniform(-1, 0.5), 3), "-model_v", round(r.uniform(-0.5, 0.5), 3), "-init_type", "sine",
+                 "-init_psi", round(r.uniform(-0.5, 1.2), 3), "-init_amplitude", round(r.uniform(0.05, 0.3), 3),
+                 "-ts_max_time", round(r.uniform(1, 20), 2)]
     elif kind == 2:
         words = ["-model_form", "chain", "-model_m", 1, "-model_k0", round(r.uniform(0.2, 1), 3), "-model_k1",
                  round(r.uniform(0.2, 2), 3), "-model_f0", 1, "-model_zeta", round(r.uniform(0, 0.2), 3), "-model_v",

@@ -27,6 +27,8 @@ class ToleranceLadder final : public Ladder {
   }
   // Implicit steps err by far more than their tolerance where friction or waves are stiff.
   double first() const { return std::clamp((setting_.method.is_explicit() ? 10 : 0.1) * aim_, 1e-12, loosest()); }
+  // Errors fall with the tolerance as they do where nothing is stiff and no threshold is crossed.
+  bool smooth() const { return setting_.method.is_explicit() && !request_.scene.friction.law->jumps_at_rest; }
   double loosest() const { return setting_.method.is_explicit() ? 1e-2 : 1e-4; }
   double wished() const;
   double slope() const;
@@ -41,7 +43,7 @@ class ToleranceLadder final : public Ladder {
 };
 
 double ToleranceLadder::slope() const {
-  const double usual = setting_.method.is_explicit() ? 1 : 0.75, most = setting_.method.is_explicit() ? 1.25 : 0.75;
+  const double usual = smooth() ? 1 : 0.75, most = smooth() ? 1.25 : 0.75;
   const std::size_t known = distances_.size();
   if (known < 2) return usual;
   return std::clamp(std::log(distances_[known - 2] / distances_[known - 1]) /
@@ -107,7 +109,7 @@ bool ToleranceLadder::place_or_go_on(double& next) {
     next = first();
     return false;
   }
-  const bool early = setting_.method.is_explicit() && d > 1e-3;  // before errors fall as they will
+  const bool early = smooth() && d > 1e-3;  // before errors fall as they will
   if (wish >= last.tolerance / (early ? 100 : loosened) || last.tolerance <= 2 * least_tolerance) {
     place(wish);
     return true;
@@ -167,8 +169,9 @@ double ToleranceLadder::estimate(const Answer& end) {
   look_beyond_own_steps();
   const bool elsewhere = setting_.tolerance != levels_.back().tolerance && !distances_.empty();
   const double d = difference_of_run(elsewhere ? time_foreseen(levels_.back().tolerance) : 0);
-  last_estimate_ =
-      (last_run_.tolerance > levels_.back().tolerance ? 1.1 : 1.4) * estimate_in_time(last_run_, d);
+  // explicit steps meet a threshold now sooner, now later in a step: their errors scatter
+  const bool scatter = setting_.method.is_explicit() && !smooth();
+  last_estimate_ = (scatter ? 2 : last_run_.tolerance > levels_.back().tolerance ? 1.1 : 1.4) * estimate_in_time(last_run_, d);
   return last_estimate_;
 }
 
@@ -188,7 +191,8 @@ void ToleranceLadder::refine() {
       distances_[distances_.size() - 2] = runs_.difference(levels_[levels_.size() - 3], last_run_);
   }
   if (before <= 2 * least_tolerance) give_up_at(before, last_estimate_);
-  place(std::min(wished(), before / 3));  // which may be looser than a level that is stricter than needed
+  const double seen = before * std::pow(share_in_all * aim_ / last_estimate_, 1 / slope());
+  place(std::min({wished(), seen, before / 3}));  // which may be looser than a level that is stricter than needed
   setting_.tolerance = std::min(setting_.tolerance, before / 2);
   in_time_ = time_foreseen(setting_.tolerance);
 }

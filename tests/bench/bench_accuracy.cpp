@@ -77,13 +77,18 @@ void measure(int argc, char** argv) {
     if (row) prices.back().row = run_trial(options, *row, "", 1e9).seconds;
     if (spent > 20) break;
   }
-  std::printf("{\"choosing\": %.4g, \"run\": %.4g, \"attempts\": %d", median(prices, [](const Price& p) { return p.choosing; }),
-              median(prices, [](const Price& p) { return p.run; }), prices[0].attempts);
-  if (row)
-    std::printf(", \"row\": %.4g, \"run_over_row\": %.4g, \"all_over_row\": %.4g", median(prices, [](const Price& p) { return p.row; }),
-                median(prices, [](const Price& p) { return p.run / p.row; }),
-                median(prices, [](const Price& p) { return (p.choosing + p.run) / p.row; }));
-  std::printf("}\n");
+  const auto print = [&](const char* name, const std::function<double(const Price&)>& of) {
+    std::printf("\"%s\": %.4g, ", name, median(prices, of));
+  };
+  std::printf("{");
+  print("choosing", [](const Price& p) { return p.choosing; });
+  print("run", [](const Price& p) { return p.run; });
+  if (row) {
+    print("row", [](const Price& p) { return p.row; });
+    print("run_over_row", [](const Price& p) { return p.run / p.row; });
+    print("all_over_row", [](const Price& p) { return (p.choosing + p.run) / p.row; });
+  }
+  std::printf("\"attempts\": %d}\n", prices[0].attempts);
 }
 
 }  // namespace
