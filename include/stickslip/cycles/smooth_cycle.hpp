@@ -46,12 +46,12 @@ void check_smooth_cell(const Scene& cell);
 SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double tolerance = 1e-10);
 
 // The uniform oscillation of a scene (one node), from slips of several sizes that settle on it (model/oscillator.hpp), the
-// first of which begins `slip` friction forces above sliding. Throws Failure where none is found, which says what was found
-// instead.
+// first of which begins `slip` friction forces above sliding; one that repels only where they settle on no other. Throws
+// Failure where none is found, which says what was found instead.
 SmoothCycle uniform_cycle(const Scene& scene, double tolerance = 1e-10, double slip = 1);
 
-// The cycle of a cell that its own motion from `start` (node by node, as in Model) settles on or comes near to, within
-// `turns` turns. Throws Failure where it settles on steady sliding, or never repeats.
+// The cycle of a cell that its own motion from `start` (node by node, as in Model) settles on within `turns` turns, or else one
+// that repels, near to which it came. Throws Failure where it slides steadily, never repeats, or its steps need over 500 MB.
 SmoothCycle settled_cycle(const Scene& cell, const std::vector<double>& start, int turns, double tolerance = 1e-10);
 
 // The branch of a cycle: `at` gives the cell as a function of the parameter, `from` is where `first` was found, `range` the
