@@ -72,7 +72,8 @@ BranchWalk::BranchWalk(const TrainFamily& family, double from, double to)
   }
   if (!(std::abs(place(*problem_, t_)[1]) + std::abs(place(*problem_, t_)[0]) > 0) && !asked.request.speed) {
     const TrainSetting moved = family_(from + .01 * (to - from));
-    if (moved.oscillator->A() == start.oscillator->A() && moved.oscillator->v() == start.oscillator->v() && moved.N == start.N)
+    if (moved.oscillator->A() == start.oscillator->A() && moved.oscillator->v() == start.oscillator->v() &&
+        moved.N == start.N)
       throw Failure("wave_continue " + name_ + ": this option does not enter the train");
   }
 }
