@@ -8,23 +8,44 @@
 
 namespace stickslip {
 
-Combination interpolation_at(const Scene& scene, double x) {
-  const double round_off = 1e-12 * scene.length;
-  if (!(x >= -round_off && x <= scene.length + round_off))
-    throw UsageError("out_probes: x = " + number_text(x) + " lies outside the scene, which reaches from 0 to " +
-                     number_text(scene.length));
-  const double at = std::clamp(x / scene.h(), 0., double(scene.ring() ? scene.n : scene.n - 1));
-  const GridEnd end = scene.ring() ? GridEnd::periodic : GridEnd::one_sided;
-  return grid_interpolation(scene.n, end, end, scene.order + 1, at);
+NodesAround::NodesAround(const Scene& scene) : scene_(scene), corners_(corners_of(scene)) {}
+
+std::pair<double, double> NodesAround::range(double x) const {
+  const SmoothStretch smooth = stretch_around(corners_, scene_, x);
+  const double from = smooth.from / scene_.h(), to = smooth.to / scene_.h(), near = 1e-9;
+  double first = std::ceil(from - near), last = smooth.jumps ? std::ceil(to - near) - 1 : std::floor(to + near);
+  if (!scene_.ring()) first = std::max(first, 0.), last = std::min(last, double(scene_.n - 1));
+  if (last - first < 2) return {-HUGE_VAL, HUGE_VAL};
+  return {first, last};
 }
+
+Combination NodesAround::at(double x) const {
+  const double round_off = 1e-12 * scene_.length;
+  if (!(x >= -round_off && x <= scene_.length + round_off))
+    throw UsageError("out_probes: x = " + number_text(x) + " lies outside the scene, which reaches from 0 to " +
+                     number_text(scene_.length));
+  const double at = std::clamp(x / scene_.h(), 0., double(scene_.ring() ? scene_.n : scene_.n - 1));
+  const GridEnd end = scene_.ring() ? GridEnd::periodic : GridEnd::one_sided;
+  Combination row = grid_interpolation(scene_.n, end, end, scene_.order + 1, at);
+  if (corners_.empty() || row.size() == 1) return row;
+  const auto [first, last] = range(x);
+  if (!std::isfinite(first)) return row;
+  const auto nodes = PetscInt(std::min(last - first + 1, double(scene_.n)));
+  row = grid_interpolation(nodes, GridEnd::one_sided, GridEnd::one_sided, scene_.order + 1, at - first);
+  for (auto& part : row) part.first = ((part.first + PetscInt(first)) % scene_.n + scene_.n) % scene_.n;
+  return row;
+}
+
+Combination interpolation_at(const Scene& scene, double x) { return NodesAround(scene).at(x); }
 
 Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x)
     : dof_(model.dof()) {
   const bool varies = whole.friction.varies();
   if (!varies) friction_ = Friction::of(whole.friction);
   std::vector<PetscInt> nodes;
+  const NodesAround around(whole);
   for (const double at : x) {
-    const Combination combination = interpolation_at(whole, at);
+    const Combination combination = around.at(at);
     // a chain has nothing between its blocks
     const bool between = whole.form == Form::continuum && combination.size() > 1;
     const bool spread = between && !whole.unit_amplitude() && !varies;

@@ -42,6 +42,9 @@ class GridLadder final : public Ladder {
   double rate(std::size_t k) const;      // of the errors of levels k - 1 and k
   double order_beyond() const;           // expected between the last two levels,
   double order_behind_jump() const;
+  // Where the solution jumps, or friction jumps or bends.
+  std::string profile_word() const { return request_.corner_order == 1 ? "jumps" : "bends"; }
+  bool low_order() const { return runs_.jump() || request_.corner_order <= 2; }
   double next_order() const;             // and beyond the last
   double error_foreseen(double cells) const;
   double between_nodes(const Level& level) const;
@@ -69,23 +72,28 @@ class GridLadder final : public Ladder {
 // ---- between nodes ----
 
 // Largest |difference| between the fields at nodes m - 2..m + 2 and what interpolation finds there from the scene.order
-// + 1 nodes nearest of those at odd multiples of `reach` nodes away.
-double misfit_around(PetscInt m, PetscInt reach, const Fields& fields, const Scene& scene,
-                     const std::vector<double>& amplitude) {
+// + 1 nodes nearest of those at odd multiples of `reach` nodes away, none of them beyond a corner of friction.
+double misfit_around(PetscInt m, PetscInt reach, const Fields& fields, const Scene& scene, const NodesAround& around) {
   double largest = 0;
   for (PetscInt at = m - 2; at <= m + 2; ++at) {
     if (!scene.ring() && (at < 0 || at >= scene.n)) continue;
+    const auto place = [&](PetscInt node) { return (node % scene.n + scene.n) % scene.n; };
+    const auto here = std::size_t(place(at));
+    const auto [first, last] = around.range(scene.x(PetscInt(here)));
+    const double left = first - double(here), right = last - double(here);
     std::vector<double> offsets;
     for (PetscInt k = 1; int(offsets.size()) <= scene.order && k * reach < scene.n; k += 2)
-      for (const PetscInt node : {at - k * reach, at + k * reach})
-        if (scene.ring() || (node >= 0 && node < scene.n)) offsets.push_back(double(node - at));
+      for (const PetscInt node : {at - k * reach, at + k * reach}) {
+        const auto away = double(node - at);
+        if ((scene.ring() || (node >= 0 && node < scene.n)) && away >= left && away <= right) offsets.push_back(away);
+      }
+    if (offsets.empty()) continue;
     std::vector<double> weights(offsets.size());
     Lagrange(offsets).weights(0, weights.data());
-    const auto place = [&](PetscInt node) { return (node % scene.n + scene.n) % scene.n; };
     Combination row;
     for (std::size_t i = 0; i < offsets.size(); ++i) row.emplace_back(place(at + PetscInt(offsets[i])), weights[i]);
-    const auto here = std::size_t(place(at));
-    const Point found = combined(fields, row, amplitude, amplitude[here]);
+    const FrictionAt friction = fields.friction.empty() ? FrictionAt() : FrictionAt(scene, {scene.x(PetscInt(here))});
+    const Point found = combined(fields, row, friction, 0);
     largest = std::max({largest, std::abs(found.psi - fields.psi[here]), std::abs(found.eta - fields.eta[here])});
   }
   return largest;
@@ -96,13 +104,13 @@ double misfit_around(PetscInt m, PetscInt reach, const Fields& fields, const Sce
 // waves carry away from them, let it fall to h^3.
 double interpolation_error(const Fields& fields, const Scene& scene, const std::vector<double>& x) {
   if (x.empty()) return 0;
-  const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
+  const NodesAround around(scene);
   double largest = 0;
   for (const double at : x) {
-    if (interpolation_at(scene, at).size() == 1) continue;
+    if (around.at(at).size() == 1) continue;
     const auto node = PetscInt(std::llround(at / scene.h()));
-    const double near = misfit_around(node, 1, fields, scene, amplitude);
-    const double far = misfit_around(node, 2, fields, scene, amplitude);
+    const double near = misfit_around(node, 1, fields, scene, around);
+    const double far = misfit_around(node, 2, fields, scene, around);
     const double rate = near > 0 ? std::clamp(std::log2(far / near), 3., scene.order + 1.) : scene.order + 1.;
     largest = std::max(largest, near * std::pow(2, -rate));
   }
@@ -134,6 +142,7 @@ double GridLadder::first_cells() const {
   if (type == "layer") count = 3 * scene.length / options.real("init_width");
   // where friction sets the steps, a step on few nodes costs as much as one on some fifty
   if (runs_.friction_sets_steps() && setting_.method.is_explicit()) count = std::max(count, 48.);
+  if (request_.corner_order <= 2) count = std::max(count, 48.);  // few nodes come near each other by chance
   if (request_.corner_distance > 0) count = std::max(count, 0.8 * scene.length / request_.corner_distance);
   if (runs_.jump()) count = std::max(count, runs_.jump()->least_cells(setting_.order, runs_.pilot().t_end()));
   return std::floor(std::min(count, 1e5));
@@ -149,8 +158,8 @@ double GridLadder::second_cells() const {
 // No finite differences of higher order converge faster than a medium or a start whose third derivative jumps lets them, or
 // a jump.
 double GridLadder::order_at_best() const {
-  if (runs_.jump()) return setting_.order / (setting_.order + 1.);
-  return request_.corner_distance > 0 ? std::min(4, setting_.order) : setting_.order;
+  if (runs_.jump()) return std::min(setting_.order / (setting_.order + 1.), double(request_.corner_order));
+  return std::min(request_.corner_order, setting_.order);
 }
 
 double GridLadder::rate(std::size_t k) const {
@@ -159,7 +168,7 @@ double GridLadder::rate(std::size_t k) const {
 }
 
 double GridLadder::order_beyond() const {
-  if (runs_.jump()) return order_behind_jump();
+  if (low_order()) return order_behind_jump();
   const std::size_t known = distances_.size();
   if (known < 2) return request_.corner_distance > 0 ? 0.75 * order_at_best() : order_at_best() / 2.;
   return expected_order(known > 2 ? rate(known - 2) : NAN, rate(known - 1), order_at_best());
@@ -179,7 +188,7 @@ double GridLadder::order_behind_jump() const {
 }
 
 double GridLadder::next_order() const {
-  if (runs_.jump() || distances_.size() < 2) return order_beyond();
+  if (low_order() || distances_.size() < 2) return order_beyond();
   return expected_order(rate(distances_.size() - 1), order_beyond(), order_at_best());
 }
 
@@ -187,7 +196,7 @@ double GridLadder::error_foreseen(double at) const {
   const double before = cells_of(levels_[levels_.size() - 2].scene), last = cells_of(levels_.back().scene);
   const double near = std::min(at, last), far = std::max(at, last);
   // at the low order of a jump the finer grid of two errs by much of what the coarser does
-  const double of_coarser = runs_.jump() ? distances_.back() / (1 - std::pow(before / last, order_beyond()))
+  const double of_coarser = low_order() ? distances_.back() / (1 - std::pow(before / last, order_beyond()))
                                          : distances_.back();
   return of_coarser * std::pow(before / near, order_beyond()) * std::pow(last / far, next_order());
 }
@@ -344,6 +353,7 @@ void GridLadder::give_up_on(const Outlook& ahead, const std::string& limit) cons
                    rounded_text(ahead.error, 2) +
                    (last < 0.3 ? " and does not fall from grid to grid" : " and falls like h^" + rounded_text(last, 2)) +
                    ", as it does at " +
+                   (request_.corner_order <= 2 ? "places where friction " + profile_word() + " and " : std::string()) +
                    (last < 0.3 * p ? "jumps, corners and fronts thinner than that grid" : "fronts that are not resolved") +
                    "; " + limit};
 }
@@ -414,7 +424,7 @@ double GridLadder::estimate_in_space(const Level& now, double d) const {
     const double of_last = std::max(d / (1 - std::pow(x, -r)), x < 1.5 ? 0.6 * error_foreseen(last) : 0.);
     const double seen =
         std::log(distances_.back() / of_last) / std::log(last / cells_of(levels_[levels_.size() - 2].scene));
-    if (!runs_.jump()) r = expected_order(known > 1 ? rate(known - 1) : NAN, seen, order_at_best());
+    if (!low_order()) r = expected_order(known > 1 ? rate(known - 1) : NAN, seen, order_at_best());
     error = of_last * std::pow(x, -r);
   }
   return careful(error);
@@ -455,7 +465,8 @@ void GridLadder::refine() {
 
 std::string GridLadder::foreseen() const {
   return "; error foreseen in time " + rounded_text(in_time_, 2) + ", in space " + rounded_text(in_space_, 2) +
-         " (falling like h^" + rounded_text(order_beyond(), 2) + ")";
+         " (falling like h^" + rounded_text(order_beyond(), 2) +
+         (request_.corner_order <= 2 ? ", as friction " + profile_word() + " along x)" : ")");
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/corners.hpp"
 #include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/time/methods.hpp"
@@ -26,7 +27,7 @@ double distance_between_nodes(const Scene& coarse, const Fields& of_coarse, cons
     if (from_left || (coarse.right == End::velocity && at >= double(coarse.n - count / 2))) continue;
     const Combination row = grid_interpolation(coarse.n, end, end, count, at);
     if (row.size() == 1) continue;  // a node of both
-    const Point point = combined(of_coarse, row, {}, 0);
+    const Point point = combined(of_coarse, row, FrictionAt(), 0);
     largest = std::max({largest, std::abs(point.psi - of_fine.psi[std::size_t(i)]),
                         std::abs(point.eta - of_fine.eta[std::size_t(i)])});
   }
@@ -43,6 +44,27 @@ double corner_distance_of(const Options& options, const Scene& scene) {
   if (options.real("init_noise") != 0)
     distance = std::min(distance > 0 ? distance : HUGE_VAL, options.real("init_noise_length"));
   return distance;
+}
+
+int corner_order_of(const Options& options, const Scene& scene, const std::vector<Corner>& corners) {
+  int order = scene.spread != 0 || options.real("init_noise") != 0 ? 4 : 8;
+  for (const Corner& corner : corners) order = std::min(order, corner.order);
+  return order;
+}
+
+// Where a jump lies between two nodes the grid moves it to between its cells: errors do not fall steadily from grid to grid.
+PetscInt grain_of(const Options& options, const Scene& scene, const std::vector<Corner>& corners) {
+  constexpr PetscInt most = 1000;
+  const PetscInt jumps = cells_between_corners(corners, scene, 1, most);
+  const auto refuse = [&](const std::string& what) {
+    throw UsageError("accuracy " + options.text("accuracy") + ": a profile jumps, which a grid has to have at nodes: " + what +
+                     ", or profile_kind smooth");
+  };
+  if (jumps == 0) refuse("no grid of up to " + std::to_string(most) + " cells has; move the jumps");
+  if (options.is_set("grid_n") && PetscInt(cells_of(scene)) % jumps != 0)
+    refuse("take a multiple of " + std::to_string(jumps) + " cells, not grid_n " + options.text("grid_n"));
+  if (options.is_set("grid_n")) return jumps;
+  return std::max(jumps, cells_between_corners(corners, scene, 2, most));
 }
 
 // The method that the user set. Throws UsageError where it gives no error estimate.
@@ -74,8 +96,14 @@ AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
       has_space(has_grid_limit(o, scene) && !is_uniform(o, scene)), grid_open(has_space && !o.is_set("grid_n")),
       order_open(has_space && !o.is_set("grid_order")), method_open(!o.is_set("ts_type")),
       tolerance_open(!o.is_set("ts_rtol") && !o.is_set("ts_atol")), corner_distance(corner_distance_of(o, scene)) {
-  if (scene.friction.varies() && scene.form != Form::chain)  // before any trial
-    (void)friction_between(scene, {}, {});
+  const std::vector<Corner> corners = has_space ? corners_of(scene) : std::vector<Corner>();
+  corner_order = corner_order_of(o, scene, corners);
+  grain = has_space ? grain_of(o, scene, corners) : 1;
+  const std::string type = o.text("init_type");
+  if (corner_order == 1 && (o.text("init_eta") != "steady" || type == "pulses" || type == "wave"))
+    throw UsageError("accuracy " + o.text("accuracy") + ": a profile jumps, and a start whose eta does not (init_eta " +
+                     o.text("init_eta") + ") sends jumps along the characteristics, which no grid resolves: init_eta steady, or "
+                     "profile_kind smooth");
   if (Stick::applies_to(scene) && scene.form != Form::chain)
     throw UsageError("accuracy " + options.text("accuracy") + " with friction_stick exact in the continuum: eta does "
                      "not converge at the ends of what sticks; set grid and tolerances, or friction_stick regularised");
@@ -107,6 +135,7 @@ PetscInt AccuracyRequest::nodes(double wanted_cells) const {
   const PetscInt least = order + (scene.ring() ? 2 : 1);
   PetscInt count = std::max(least, PetscInt(std::ceil(wanted_cells - 1e-9)));
   if (parts < 100) count = (count + parts - 1) / parts * parts;
+  count = (count + grain - 1) / grain * grain;
   return count + (scene.ring() ? 0 : 1);
 }
 

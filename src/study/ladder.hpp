@@ -32,10 +32,14 @@ struct AccuracyRequest {
   bool has_space, grid_open, order_open, method_open, tolerance_open;
   // Distance of the corners of a spread medium or of a noisy start, whose third derivative jumps there; 0: all smooth.
   double corner_distance;
+  // At which order differences converge at the worst of those corners, and of what profiles jump or bend at: 8 or less.
+  int corner_order;
+  // Cells of every grid are a multiple of it, so that profiles jump at nodes alone, and bend there where that can be had.
+  PetscInt grain;
 
   // The method to begin with and what else is fixed from the start.
   Setting setting() const;
-  // So many cells, or a few more, as nodes: on a ring of equal parts the same in each.
+  // So many cells, or a few more, as nodes: on a ring of equal parts the same in each, with profiles' jumps at nodes.
   PetscInt nodes(double cells) const;
 };
 

@@ -132,15 +132,13 @@ Trial Pilot::run(const Setting& setting, double limit) const {
     model.set_held(u);
     const Reading a(u);
     const auto dof = std::size_t(model.dof()), nodes = std::size_t(model.local()), all = std::size_t(setting.n);
-    std::vector<double> state;
-    trial.end.psi.resize(all);
-    trial.end.eta.resize(all);
+    std::vector<double> psi, eta, state;
     for (std::size_t i = 0; i < all; ++i) {
-      trial.end.psi[i] = a[i % nodes * dof];
-      trial.end.eta[i] = a[i % nodes * dof + 1];
+      psi.push_back(a[i % nodes * dof]);
+      eta.push_back(a[i % nodes * dof + 1]);
       if (dof > 2) state.push_back(a[i % nodes * dof + 2]);
     }
-    trial.end.F = friction_between(model.scene(), trial.end.psi, state);
+    trial.end = fields_with_friction(model.scene(), std::move(psi), std::move(eta), std::move(state));
   }
   trial.seconds = processor_seconds() - begin;
   return trial;

@@ -10,6 +10,7 @@
 #include "base/broadcast.hpp"
 #include "study/step_forecast.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/friction.hpp"
 #include "stickslip/output/gather.hpp"
 #include "stickslip/output/probe.hpp"
 #include "stickslip/study/reduce.hpp"
@@ -156,16 +157,25 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   return trial;
 }
 
-std::vector<double> friction_between(const Scene& scene, const std::vector<double>& psi,
-                                     const std::vector<double>& state) {
-  std::vector<double> F;
-  if (scene.same_friction() || scene.form == Form::chain) return F;
-  if (scene.friction.varies())
-    throw UsageError(scene.friction.profiles.begin()->first + "_profile: -accuracy and chart compare grids, which they "
-                     "can do with friction_amplitude_profile alone");
-  const auto friction = Friction::of(scene.friction);
-  for (std::size_t i = 0; i < psi.size(); ++i) F.push_back(friction->force(psi[i], state.empty() ? 0 : state[i]));
-  return F;
+FrictionAt::FrictionAt(const Scene& scene, const std::vector<double>& x) {
+  if (scene.friction.varies()) laws_ = Friction::along(scene.friction, x);
+  else laws_ = {Friction::of(scene.friction)};
+  for (const double at : x) amplitude_.push_back(friction_amplitude_at(scene, at));
+}
+
+double FrictionAt::force(std::size_t place, double psi, double state) const {
+  return amplitude_[place] * laws_[laws_.size() == 1 ? 0 : place]->force(psi, state);
+}
+
+Fields fields_with_friction(const Scene& scene, std::vector<double> psi, std::vector<double> eta,
+                            std::vector<double> state) {
+  Fields fields{std::move(psi), std::move(eta), {}, {}};
+  if (scene.same_friction() || scene.form == Form::chain) return fields;
+  const FrictionAt friction(scene, positions(scene, 0, scene.n));
+  for (std::size_t i = 0; i < fields.psi.size(); ++i)
+    fields.friction.push_back(friction.force(i, fields.psi[i], state.empty() ? 0 : state[i]));
+  fields.state = std::move(state);
+  return fields;
 }
 
 Fields fields_of(const Model& model, Vec u, PetscInt n) {
@@ -177,8 +187,8 @@ Fields fields_of(const Model& model, Vec u, PetscInt n) {
       for (PetscInt i = 0; i < n; ++i) whole[c].push_back(components[c][std::size_t(i % model.scene().n)]);
     broadcast(whole[c]);
   }
-  return {whole[0], whole[1],
-          friction_between(model.scene(), whole[0], whole.size() > 2 ? whole[2] : std::vector<double>())};
+  return fields_with_friction(model.scene(), whole[0], whole[1],
+                              whole.size() > 2 ? whole[2] : std::vector<double>());
 }
 
 bool has_grid_limit(const Options& options, const Scene& scene) {
@@ -193,25 +203,25 @@ std::vector<int> possible_orders(const Scene& scene) {
   return {2, 4, 6, 8};
 }
 
-Point combined(const Fields& fields, const Combination& row, const std::vector<double>& amplitude, double here) {
-  const bool between = !fields.F.empty() && row.size() > 1;
+Point combined(const Fields& fields, const Combination& row, const FrictionAt& here, std::size_t place) {
+  const bool between = !fields.friction.empty() && row.size() > 1;
   Point sum{0, 0};
   for (const auto& [index, weight] : row) {
     const auto node = std::size_t(index);
+    const double state = fields.state.empty() ? 0 : fields.state[node];
+    const double excess = between ? here.force(place, fields.psi[node], state) - fields.friction[node] : 0;
     sum.psi += weight * fields.psi[node];
-    sum.eta += weight * (fields.eta[node] + (between ? (here - amplitude[node]) * fields.F[node] : 0));
+    sum.eta += weight * (fields.eta[node] + excess);
   }
   return sum;
 }
 
 Fields at_points(const Fields& fields, const Scene& scene, const std::vector<double>& x) {
-  const bool spread = !fields.F.empty();
-  const std::vector<double> amplitude = spread ? friction_amplitude(scene, 0, scene.n) : std::vector<double>();
+  const FrictionAt friction = fields.friction.empty() ? FrictionAt() : FrictionAt(scene, x);
+  const NodesAround around(scene);
   Fields result;
-  for (const double at : x) {
-    const Combination row = interpolation_at(scene, at);
-    const bool between = spread && row.size() > 1;
-    const Point point = combined(fields, row, amplitude, between ? friction_amplitude_at(scene, at) : 0);
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const Point point = combined(fields, around.at(x[i]), friction, i);
     result.psi.push_back(point.psi);
     result.eta.push_back(point.eta);
   }

@@ -79,8 +79,13 @@ void WorkPrecision::read_reference() {
     if (std::abs(frame.x[std::size_t(i)] - c.scene.x(i)) > 1e-9 * (1 + c.scene.length))
       throw UsageError(says + "its nodes are not those of a grid over this scene's length " +
                        number_text(c.scene.length) + " with its ends");
-  c.fields = {frame.fields.at("psi"), frame.fields.at("eta"), {}};
-  if (!scene_.friction.has_state()) c.fields.F = friction_between(scene_, c.fields.psi, {});
+  const StateLaw law = scene_.friction.state;
+  std::vector<double> state;
+  if (const auto shown = frame.fields.find(state_name(law)); !law.none() && shown != frame.fields.end())
+    for (const double value : shown->second) state.push_back(state_from_output(law, value));
+  if (!law.none() && state.empty())
+    throw UsageError(says + "its last frame has no " + state_name(law) + ", which this scene's friction needs");
+  c.fields = fields_with_friction(c.scene, frame.fields.at("psi"), frame.fields.at("eta"), state);
   reference_ = c;
   reference_error_ = NAN;
   reference_text_ = "frame at t = " + number_text(frame.t) + " of '" + path + "', " + std::to_string(c.scene.n) +

@@ -221,6 +221,45 @@ def test_long_patch_has_the_critical_stiffness():
     check(math.log2(gaps[0] / gaps[1]) > 1.8, f"gaps {gaps} do not close like 1/W^2")
 
 
+STRICT = "-ts_type rk -ts_rk_type 7vr -ts_rtol 1e-10 -ts_atol 1e-11"
+
+
+def drawn_medium(seed):
+    """A patch of a ring, or between free ends, that differs in three parameters; corners at quarters of the length."""
+    draw = np.random.default_rng(seed).uniform
+    low, high = sorted(draw(0.05, 0.3, 2))
+    text = RATE + f"-grid_length 10 -ts_max_time {draw(0.8, 1.5)!r} -init_eta steady -init_state steady "
+    text += "-bc_left free -init_psi 0.3 " if seed % 2 else "-init_type sine -init_amplitude 0.05 "
+    for name, inside, outside in (("b", high, low), ("D", draw(0.08, 0.15), 0.1), ("amplitude", draw(0.8, 1.2), 1.0)):
+        text += f"-friction_{name}_profile 0:{outside!r},2.5:{inside!r},5:{inside!r},7.5:{outside!r} "
+    return text + "-out_probes 1.13,2.49,2.51,4.97,5.02,6.6 "
+
+
+# the run's own estimate, against a grid so much finer; there jumps at quarters lie between cells, where they do no harm
+@pytest.mark.parametrize("seed, kind, wanted, nodes, falls", [(1, "smooth", 1e-4, 301, "order 8"), (2, "smooth", 1e-6, 300, "h^4"),
+                                                              (3, "linear", 1e-4, 801, "h^2, as friction bends"), (4, "step", 2e-2, 602, "h^1, as friction jumps")])
+def test_accuracy_of_a_medium(seed, kind, wanted, nodes, falls):
+    text = drawn_medium(seed) + f"-profile_kind {kind} "
+    s, _ = run(text + f"-accuracy {wanted}")
+    exact, _ = run(text + f"-grid_n {nodes} -grid_order {6 if kind == 'step' else 8} " + STRICT)
+    worst = max(abs(p[name] - q[name]) for p, q in zip(s["probes"], exact["probes"]) for name in ("psi", "eta"))
+    check(worst < s["error_estimate"] <= wanted, f"{kind}: errs by {worst}, estimate {s['error_estimate']}")
+    check(falls in s["accuracy"]["chosen"], s["accuracy"]["chosen"])
+
+
+def test_chart_of_a_medium():
+    # what the chart calls a row's error, and the same from two runs; the reference's own psi and theta are read from its file
+    text = drawn_medium(5) + "-profile_kind linear "
+    for n, order, name in ((81, 4, "row.h5"), (641, 8, "fine.h5")):
+        run(text + f"-grid_n {n} -grid_order {order} -out_frames 2 -out_file {name} " + STRICT)
+    s, _ = run(text + "-grid_n 81 -chart_reference fine.h5 -chart_methods rk:7vr -chart_tolerances 1e-9 -chart_orders 4 "
+               "-chart_grids 81 -chart_repeats 1", command="chart")
+    row, = s["rows"]
+    own, fine = data("row.h5"), data("fine.h5")
+    error = max(np.max(np.abs(own[name][-1] - fine[name][-1][::8])) for name in ("psi", "eta"))
+    check(abs(row["error"] / error - 1) < 1e-3, f"chart: {row['error']}, runs: {error}")
+
+
 @pytest.mark.ranks
 def test_ranks():
     for options in ("-grid_n 601 -init_type sine -friction_law carlson-langer -friction_alpha_profile 5:0.3,20:1 "
@@ -245,7 +284,9 @@ REFUSED = [("run", RATE + "-friction_a 0.1 -friction_a_profile 0:0.1", ("frictio
            ("run", "-friction_law coulomb -friction_fs_profile 0:1,5:0.2 -friction_fd 0.5", ("friction_fd", "x = 5")),
            ("wave", RATE + "-friction_b_profile 0:0.1,9:0.2 -wave_length 60", ("friction_b_profile",)),
            ("wave", "-friction_amplitude_profile 0:0.5,9:1 -wave_length 60", ("friction_amplitude_profile",)),
-           ("run", RATE + "-friction_b_profile 0:0.1,9:0.2 -accuracy 1e-4", ("friction_b_profile", "accuracy")),
+           ("run", RATE + "-friction_b_profile 0:0.1,30:0.2 -profile_kind step -accuracy 1e-2", ("init_eta 0", "steady")),
+           ("run", RATE + "-friction_b_profile 0:0.1,9.0123:0.2 -profile_kind step -accuracy 1e-2", ("jumps", "smooth")),
+           ("run", RATE + "-friction_b_profile 0:0.1,30:0.2 -profile_kind step -accuracy 1e-2 -grid_n 63", ("grid_n 63", "of 2 cells")),
            ("run", RATE + "-friction_b_profile 0:0.1,9:0.2 -init_type pulses", ("friction_b_profile",))]
 
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -23,10 +24,22 @@ struct Setting {
   PetscInt n = 0;           // nodes
 };
 
-// psi and eta at every node, on every rank; and F there, of amplitude 1, where it is spread over the continuum: see
-// probe.hpp.
+// psi and eta at every node, on every rank; and, in a continuum whose friction differs along x, what interpolation between
+// nodes needs (probe.hpp): the stored state, if there is one, and the force of friction a F.
 struct Fields {
-  std::vector<double> psi, eta, F;
+  std::vector<double> psi, eta, state, friction;
+};
+
+// Friction at places of such a continuum; without places none.
+class FrictionAt {
+ public:
+  FrictionAt() = default;
+  FrictionAt(const Scene& scene, const std::vector<double>& x);
+  double force(std::size_t place, double psi, double state) const;  // a F
+
+ private:
+  std::vector<double> amplitude_;
+  std::vector<std::shared_ptr<const Friction>> laws_;  // one, where it is the same everywhere
 };
 
 // What a run ends with, and what was measured on its way.
@@ -35,9 +48,8 @@ struct Answer {
   std::vector<double> measured;
 };
 
-// F of nodes with this psi and stored state ({} without a state law); {} where the scene's Fields carry none.
-std::vector<double> friction_between(const Scene& scene, const std::vector<double>& psi,
-                                     const std::vector<double>& state);
+// The fields of all nodes of the scene, with the friction that belongs to them; `state` as stored, {} without a state law.
+Fields fields_with_friction(const Scene& scene, std::vector<double> psi, std::vector<double> eta, std::vector<double> state);
 
 struct Trial {
   Fields end;               // empty where it failed
@@ -77,12 +89,12 @@ bool has_grid_limit(const Options& options, const Scene& scene);
 // The orders in space that the scene can be solved with.
 std::vector<int> possible_orders(const Scene& scene);
 
-// psi and eta interpolated: sums with the weights of `row`, of which eta - a F and F are those of eta (probe.hpp), where F
-// is given and the row has more than one node; `amplitude` is then a at the nodes and `here` where the point is.
+// psi and eta interpolated: sums with the weights of `row`, of which eta - a F and F are those of eta (probe.hpp), where the
+// fields have friction and the row has more than one node; `here` is then friction where the point is, at its `place`.
 struct Point {
   double psi, eta;
 };
-Point combined(const Fields& fields, const Combination& row, const std::vector<double>& amplitude, double here);
+Point combined(const Fields& fields, const Combination& row, const FrictionAt& here, std::size_t place);
 
 // psi and eta of one grid at any points, or at the nodes of another over the same length, as probes interpolate.
 Fields at_points(const Fields& fields, const Scene& scene, const std::vector<double>& x);
