@@ -265,3 +265,22 @@ def test_what_is_refused():
     refused(branch + "model_nu -wave_to 0 -model_nu 0.1", 2, "wave_to 0", command="wave")
     refused(branch + "model_v -wave_to 0.4 -wave_continue2 model_nu -wave_to2 0 -model_nu 0.1", 2, "wave_to2 0", command="wave")
     refused("-model_nu -0.1", 2, "model_nu")
+
+
+def test_a_rupture_front_slows_to_that_of_none():
+    # A Coulomb chain at uniform stress, no springs to the plate: V = c/sqrt(1 - q^2) (Amundsen et al. 2015), here 2/sqrt(3).
+    # With viscosity the front runs faster, in proportion to nu.
+    with open("start.txt", "w", encoding="utf-8") as file:
+        file.writelines(f"{i} 0 {1.001 if i == 0 else 0.75}\n" for i in range(800))
+
+    def speed(nu):
+        run("-model_form chain -grid_n 800 -model_m 1 -model_k0 0 -model_k1 1 -model_zeta 0 -model_v 0 -model_f0 1"
+            f" -model_nu {nu} -friction_law coulomb -friction_fs 1 -friction_fd 0.5 -bc_left free -bc_right free"
+            " -init_type text -init_file start.txt -ts_max_time 560 -ts_rtol 1e-7 -ts_atol 1e-9 -ts_adapt_dt_max 0.1"
+            " -out_file front.h5 -out_frames 2 -out_probes 300,600")
+        with h5py.File("front.h5") as file:
+            t, psi = file["probes/t"][:], file["probes/psi"][:]
+        return 300 / abs(np.subtract(*(t[np.argmax(psi[:, k] > 1e-12)] for k in (0, 1))))
+    none, half, whole = (speed(nu) for nu in (0, 0.025, 0.05))
+    assert abs(none * np.sqrt(3) / 2 - 1) < 3e-3
+    assert abs((whole - none) / (half - none) - 2) < 0.05 and 0.03 < whole / none - 1 < 0.04
