@@ -6,6 +6,7 @@ import h5py
 import pytest
 
 from calls import SOURCE, run
+from files_page import FilesPage, contents, disagreements
 
 DOCS = os.path.join(SOURCE, "docs")
 
@@ -45,43 +46,68 @@ def test_links_and_pictures():
     assert not missing
 
 
-# The least that makes a file of each kind with most of what it may hold.
+# The least that makes files of each kind with all that they may hold. `curves/` and `special/` take longer to make: they are
+# held against the page where a test has made them for another reason.
 FILES = {
-    "run": "-model_form chain -grid_n 8 -ts_max_time 2 -friction_law carlson-langer -state_law healing -bc_left free -init_noise 0.3 "
-           "-init_state 1 -out_probes 1,2 -out_events -out_displacement -lyapunov_count 1 -friction_amplitude_profile 0:1,7:2 "
-           "-out_checkpoint_every 5 -out_file run.h5",
-    "spectrum": "-grid_n 16 -model_v 1.1 -spectrum_pseudo 3",
-    "boundary": "-grid_n 16 -model_form chain -friction_law carlson-langer -model_zeta paper -boundary_parameter model_v "
-                "-boundary_from 0.5 -boundary_to 4 -boundary_parameter2 model_k1 -boundary_from2 0.1 -boundary_to2 1 "
-                "-boundary_points 6 -boundary_verify 1",
-    "wave": "-model_v 0.8 -wave_pulses 1 -wave_length 25 -wave_continue model_v -wave_to 0.81 -wave_steps 1 -wave_spectrum",
-    "cycle": "-cycle_spectrum -cycle_continue model_v -cycle_to 0.21 -cycle_steps 1",
-    "chart": "-grid_n 16 -grid_length 20 -ts_max_time 0.1 -chart_methods rk:3bs -chart_tolerances 1e-3 -chart_orders 2 "
-             "-chart_grids 16 -chart_repeats 1",
-    "laws": "",
+    "run": ["-model_form chain -grid_n 8 -ts_max_time 2 -friction_law carlson-langer -state_law healing -bc_left free -init_noise "
+            "0.3 -init_state 1 -out_probes 1,2 -out_events -out_displacement -lyapunov_count 2 -friction_amplitude_profile 0:1,7:2 "
+            "-friction_alpha_profile 0:0.5,7:0.6 -out_checkpoint_every 5", "-grid_n 8 -ts_max_time 1 -load_v 0:0.2,1:0.3"],
+    "spectrum": ["-grid_n 8 -model_v 1.1 -friction_law rate-and-state -state_law ageing -spectrum_pseudo 3"],
+    "boundary": ["-grid_n 16 -model_form chain -friction_law carlson-langer -model_zeta paper -boundary_parameter model_v "
+                 "-boundary_from 0.5 -boundary_to 4 -boundary_parameter2 model_k1 -boundary_from2 0.1 -boundary_to2 1 "
+                 "-boundary_points 6 -boundary_verify 1"],
+    "wave": ["-model_v 0.8 -wave_pulses 1 -wave_length 25 -wave_continue model_v -wave_to 0.81 -wave_steps 1 -wave_spectrum",
+             "-friction_law rate-and-state -friction_b 0.5 -state_law slip -model_v 1 -wave_pulses 1 -wave_length 30"],
+    "cycle": ["-model_form chain -friction_law carlson-langer -model_zeta paper -state_law healing -model_v 1 -cycle_spectrum -cycle_wavenumbers 3",
+              "-model_v 0.9655 -cycle_continue model_v -cycle_to 1.1"],
+    "chart": ["-grid_n 16 -grid_length 20 -ts_max_time 0.1 -chart_methods rk:3bs -chart_tolerances 1e-3 -chart_orders 2 "
+              "-chart_grids 16 -chart_repeats 1",
+              "-chart_kind limits -grid_n 16 -chart_methods rk:3bs -chart_parameter model_gamma -chart_values 3 -ts_max_time 1"],
+    "laws": [""],
 }
-
-
-def named():
-    """{kind: the datasets that docs/files.md names}: those of a group stand in the last cell of the group's rows."""
-    sections = re.split(r"^## ", text("docs/files.md"), flags=re.MULTILINE)[1:]
-    names = {}
-    for title, _, section in (part.partition("\n") for part in sections):
-        names[title] = found = set()
-        for first, *_, last in (re.findall(r"[^|]+", row) for row in re.findall(r"^\|.*\|$", section, re.MULTILINE)):
-            for name in re.findall(r"`([\w-]+/?)`", first):
-                found |= {name + each for each in re.findall(r"`(\w+)`", last)} if name.endswith("/") else {name}
-    return names
+ELSEWHERE = {"boundary": "special/", "wave": "curves/"}
+PAGE = FilesPage()
 
 
 @pytest.mark.parametrize("kind", FILES)
 def test_files_hold_what_the_page_names(kind):
-    run(f"-out_file {kind}.h5 {FILES[kind]}", command=kind)
-    found = []
-    with h5py.File(kind + ".h5") as file:
-        file.visititems(lambda name, item: found.append(name) if isinstance(item, h5py.Dataset) else None)
-    assert len(found) > 5 and not set(found) - named()[kind]
+    """Every dataset and attribute found stands on the page, with its dimensions, and each of the page is found."""
+    found, attributes = set(), set()
+    for number, options in enumerate(FILES[kind]):
+        run(f"-out_file {number}.h5 {options}", command=kind)
+        profiles = re.findall(r"-(friction_\w+)_profile", options)
+        assert disagreements(f"{number}.h5", PAGE, but=profiles) == []
+        held = contents(f"{number}.h5")
+        found |= set(held[2]) | {name.replace("theta", "tau") for name in held[2]}
+        attributes |= held[1]
+        assert set(profiles) <= set(held[2])
+    found |= {name.replace("tau", "theta") for name in found}
+    elsewhere = ELSEWHERE.get(kind, "/")
+    assert {name for name in PAGE.datasets[kind] if not name.startswith(elsewhere)} <= found
+    assert PAGE.attributes[kind] - attributes <= {"branch_parameter2"}
     if kind == "run":
-        with h5py.File(sorted(name for name in os.listdir() if ".chk-" in name)[0]) as file:
-            assert set(file) == {"arrays", "fields", "numbers"}
-        assert all(f"`{name}/`" in text("docs/files.md") for name in ("arrays", "fields", "numbers"))
+        held_in_checkpoint(sorted(name for name in os.listdir() if ".chk-" in name)[0])
+
+
+def held_in_checkpoint(path):
+    with h5py.File(path) as file:
+        assert {f"{name}/" for name in file} == set(re.findall(r"`(\w+/)`", text("docs/files.md").partition("## Checkpoints")[2]
+                                                              .partition("\n## ")[0]))
+        assert set(file.attrs) == PAGE.attributes["run"] - PAGE.own_attributes["run"] | PAGE.own_attributes["Checkpoints"]
+
+
+def test_tables_of_sweeps():
+    """Dimensions are the options; each variable is a key of the summaries, or the member of one."""
+    options = "-grid_n 8 -ts_max_time 0.1 -sweep_parameter1 model_v -sweep_values1 0.1,0.2 "
+    keys = set(re.findall(r"`(\w+)`", text("docs/summary.md")))
+    for more, dimensions in (("-sweep_parameter2 model_gamma -sweep_values2 2,3", ("model_v", "model_gamma")),
+                             ("-sweep_follow", ("model_v", "direction")),
+                             ("-sweep_parameter2 model_gamma -sweep_values2 2,3 -sweep_sample list", ("point",))):
+        run(options + more + " -out_file s.h5", command="sweep")
+        kind, attributes, found = contents("s.h5")
+        assert attributes == PAGE.attributes[kind] - (set() if dimensions == ("point",) else {"coordinates"})
+        for name, found_dimensions in found.items():
+            if found_dimensions != (name,):
+                own = (name + "_number",) if name == "measured_over" else ()
+                assert found_dimensions == dimensions + own, name
+                assert name in keys or name in ("number", "model_v", "model_gamma"), name

@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 
 from calls import SOURCE, check, data, run, scene_file
+from files_page import FilesPage, disagreements
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free "
 
@@ -60,6 +61,7 @@ def test_a_curve_with_a_bautin_point():
     for p in found["points"]:
         check((p["criticality"] == "subcritical") == (p["value"] < v) == (p["lyapunov_coefficient"] > 0), p)
         check(p["lyapunov_of"] == "uniform" and p["criticality_unknown"] is None, p)
+    check(not disagreements("bautin.h5", FilesPage()), "docs/files.md, of special/")
     with h5py.File("bautin.h5") as file:
         check(file["special/value"][0] == v and len(file["criticality"]) == len(found["points"]), "the file has the same")
         check(np.all(file["lyapunov_coefficient"][...] == [p["lyapunov_coefficient"] for p in found["points"]]), "and those")

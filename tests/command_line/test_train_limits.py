@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 
 from calls import SOURCE, check, refused, run
+from files_page import FilesPage, disagreements
 
 TRAIN = "-model_v 0.853 -wave_pulses 1 -wave_length 25 "
 
@@ -19,6 +20,7 @@ def test_limits_followed_in_a_second_option():
     check(curve["end"] == "wave_steps 4 taken" and len(curve["points"]) == 5, curve["end"])
     check(np.all(np.diff([p["value2"] for p in curve["points"]]) > 0), curve["points"])
     check(all(p["length"] == 25 and p["frequency"] > 0.4 for p in curve["points"]), curve["points"])
+    check(not disagreements("t.h5", FilesPage()), "docs/files.md, of curves/")
     with h5py.File("t.h5") as file:
         check(np.all(file["curves/value"][...] == [p["value"] for p in curve["points"]]), "the file has the same")
     run("-grid_n 16 -boundary_parameter model_gamma -boundary_from 2.9 -boundary_to 3.1 -boundary_parameter2 model_v "
