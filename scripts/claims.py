@@ -89,7 +89,7 @@ def tree(folder):
 
 
 def shell(command, folder):
-    path = os.path.dirname(PROGRAM) + os.pathsep + os.environ["PATH"]
+    path = os.pathsep.join([os.path.dirname(PROGRAM), os.path.dirname(sys.executable), os.environ["PATH"]])
     return subprocess.run(command, shell=True, executable="/bin/bash", cwd=folder, capture_output=True, text=True,
                           env={**os.environ, **MPI, "PATH": path, "STICKSLIP": PROGRAM})
 

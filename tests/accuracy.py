@@ -1,7 +1,8 @@
 """-accuracy on seeded random smooth scenes: is the error within the request, and the estimate honest?
 
     accuracy.py [--seed S] [--cases N] [--only K] [--seconds S] [--strict] [--stiff]
-    accuracy.py --charts FOLDER [--accuracies 1e-2,1e-4,1e-6,1e-8]
+    accuracy.py --chosen [--accuracies 1e-2,1e-4,1e-6,1e-8]
+    accuracy.py --charts FOLDER [--accuracies ...]
 
 Each case runs the program with -accuracy and then once more on a grid four times (from 1000 nodes on: twice, since
 round-off grows with 1/h^2) as fine (of the chain: on the same one) at order 8 and tolerance 1e-13, nodes in common; the
@@ -12,10 +13,11 @@ four steps, the loosest tolerance, or no more nodes than the first two grids of 
 With --stiff the scenes are those of which the program may take a part implicitly: friction faster than everything else by
 30 to 1000 in the continuum and in chains, thresholds smoothed over 1e-2 to 1e-3, and waves of c = 30 to 100.
 
-The second form does so for the six scenes runs/chart-*.yaml, without their grid_n, and prints the table of
-docs/chart.md: the price of the run, and of everything together, against the best row of the scene's chart with an error
-no larger. Their summaries are FOLDER/smooth.json and so on; those not there are made (minutes). It needs the target
-bench_accuracy beside the program: prices are measured as the chart's are, in a process that has done it all before."""
+The second form does so for the six scenes runs/chart-*.yaml, without their grid_n, and prints what was chosen and what it
+was worth; the third what it costs: the price of the run, and of everything together, against the best row of the scene's
+chart with an error no larger. Both tables are in docs/chart.md. The charts' summaries are FOLDER/smooth.json and so on;
+those not there are made (minutes). Prices need the target bench_accuracy beside the program: they are measured as the
+chart's are, in a process that has done it all before."""
 import argparse
 import json
 import os
@@ -132,6 +134,7 @@ def stiff_scene(seed, number):
     return words, 10 ** r.uniform(-7, -2)
 
 
+BY_SECONDS = ("stiff-friction", 1e-8)  # where seconds decide between implicit and explicit: another choice in each run
 CHARTS = ("smooth", "train", "uniform", "slow-driving", "stiff-coupling", "stiff-friction")
 
 
@@ -145,33 +148,46 @@ def chart_rows(folder, name):
         return [row for row in json.load(file)["rows"] if row["error"] is not None]
 
 
-def table(folder, accuracies):
-    print("| scene | wanted | chosen | error/wanted | estimate/error | best row | run/row | all/row |")
-    print("|---|---|---|---|---|---|---|---|")
-    failures = 0
+def with_accuracies(accuracies):
+    """(name, a copy of the scene without its grid_n, accuracy) of all that the tables hold."""
     for name in CHARTS:
-        rows = chart_rows(folder, name)
         with open(os.path.join(HERE, "..", "runs", f"chart-{name}.yaml"), encoding="utf-8") as file:
             text = re.sub(r"(grid: \{.*?), n: \d+", r"\1", file.read())
         with tempfile.NamedTemporaryFile("w", suffix=".yaml") as copy:
             copy.write(text)
             copy.flush()
-            for accuracy in accuracies:
-                made, error = measure([copy.name], accuracy)
-                if error is None:
-                    print(f"| {name} | {accuracy:.0e} | {made['reason']} |||||", flush=True)
-                    continue
-                how, estimate = made["accuracy"], made["error_estimate"]
-                best = min((row for row in rows if row["error"] <= accuracy), key=lambda row: row["seconds"], default=None)
-                cost = warm_price([copy.name], accuracy, best)
-                prices = (f"{1e3 * cost['row']:.3g} ms | {cost['run_over_row']:.2f} | {cost['all_over_row']:.2f}" if best else
-                          f"none | ({1e3 * cost['run']:.3g} ms) | ({1e3 * sum_of(cost):.3g} ms)")
-                grid = f", n = {how['n']}" if how["n"] and name not in ("uniform", "slow-driving") else ""
-                tries = f", attempt {how['attempts']}" if how["attempts"] > 1 else ""
-                print(f"| {name} | {accuracy:.0e} | {how['method']} at {how['tolerance']:.0e}{grid}{tries} | "
-                      f"{error / accuracy:.3f} | {estimate / max(error, 1e-300):.2f} | {prices} |", flush=True)
-                failures += not (error <= accuracy and error / 3 <= estimate <= accuracy)
-    return failures
+            yield from ((name, copy.name, accuracy) for accuracy in accuracies)
+
+
+def table_of_choices(accuracies):
+    """Whether something was not reached, or its estimate false."""
+    print("| scene | wanted | chosen | error/wanted | estimate/error |\n|---|---|---|---|---|")
+    failures = 0
+    for name, path, accuracy in with_accuracies(accuracies):
+        if (name, accuracy) == BY_SECONDS:
+            continue
+        made, error = measure([path], accuracy)
+        if error is None:
+            print(f"| {name} | {accuracy:.0e} | {made['reason']} |||", flush=True)
+            continue
+        how, estimate = made["accuracy"], made["error_estimate"]
+        grid = f", n = {how['n']}" if how["n"] and name not in ("uniform", "slow-driving") else ""
+        tries = f", attempt {how['attempts']}" if how["attempts"] > 1 else ""
+        print(f"| {name} | {accuracy:.0e} | {how['method']} at {how['tolerance']:.0e}{grid}{tries} | {error / accuracy:.3f} | "
+              f"{estimate / max(error, 1e-300):.2f} |", flush=True)
+        failures += not (error <= accuracy and error / 3 <= estimate <= accuracy)
+    return failures > 0
+
+
+def table_of_prices(folder, accuracies):
+    print("| scene | wanted | best row | run/row | all/row |\n|---|---|---|---|---|")
+    rows = {name: chart_rows(folder, name) for name in CHARTS}
+    for name, path, accuracy in with_accuracies(accuracies):
+        best = min((row for row in rows[name] if row["error"] <= accuracy), key=lambda row: row["seconds"], default=None)
+        cost = warm_price([path], accuracy, best)
+        prices = (f"{1e3 * cost['row']:.3g} ms | {cost['run_over_row']:.2f} | {cost['all_over_row']:.2f}" if best else
+                  f"none | ({1e3 * cost['run']:.3g} ms) | ({1e3 * sum_of(cost):.3g} ms)")
+        print(f"| {name} | {accuracy:.0e} | {prices} |", flush=True)
 
 
 def sum_of(cost):
@@ -184,13 +200,17 @@ def main():
     parser.add_argument("--cases", type=int, default=50)
     parser.add_argument("--only", type=int)
     parser.add_argument("--seconds", type=float, default=10)
+    parser.add_argument("--chosen", action="store_true")
     parser.add_argument("--charts", metavar="FOLDER")
     parser.add_argument("--accuracies", default="1e-2,1e-4,1e-6,1e-8")
     parser.add_argument("--stiff", action="store_true", help="scenes with stiff parts")
     parser.add_argument("--strict", action="store_true", help="better than 30 times the request counts as a failure")
     given = parser.parse_args()
+    accuracies = [float(a) for a in given.accuracies.split(",")]
+    if given.chosen:
+        return table_of_choices(accuracies)
     if given.charts:
-        return 1 if table(given.charts, [float(a) for a in given.accuracies.split(",")]) else 0
+        return table_of_prices(given.charts, accuracies)
     numbers = range(given.cases) if given.only is None else [given.only]
     cases = [(stiff_scene if given.stiff else scene)(given.seed, number) for number in numbers]
     failures, refused, generous, cheapest = 0, 0, 0, 0
