@@ -1,6 +1,7 @@
-// What several tests need: options in PETSc's database for a while, the distance of two vectors.
+// What several tests need: options in PETSc's database for a while, comparisons of two vectors.
 #pragma once
 
+#include <algorithm>
 #include <string>
 #include <utility>
 #include <vector>
@@ -8,6 +9,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/model/friction.hpp"
+#include "stickslip/model/model.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/options/options.hpp"
 
@@ -49,6 +51,17 @@ inline double distance(Vec a, Vec b) {
   double norm;
   SS_TRY(VecNorm(d, NORM_INFINITY, &norm));
   return norm;
+}
+
+// Whether `part`, of the nodes of this rank, has the very bits that these nodes have in `whole`, which one rank holds.
+inline bool same_bits(const Model& model, Vec part, Vec whole) {
+  const double *mine, *all;
+  SS_TRY(VecGetArrayRead(part, &mine));
+  SS_TRY(VecGetArrayRead(whole, &all));
+  const bool same = std::equal(mine, mine + model.local() * model.dof(), all + model.first() * model.dof());
+  SS_TRY(VecRestoreArrayRead(part, &mine));
+  SS_TRY(VecRestoreArrayRead(whole, &all));
+  return same;
 }
 
 }  // namespace stickslip

@@ -288,12 +288,7 @@ TEST_CASE("steps tile by tile do not depend on the ranks, to the last bit: arkim
     const auto check_step = [&](const StepTaker& shared, const StepTaker& single, bool estimate) {
       shared.take(u, 0.02, {1e-4, 1e-3, NORM_2}, estimate, found, {});
       single.take(all, 0.02, {1e-4, 1e-3, NORM_2}, estimate, expected, {});
-      const double *mine, *whole;
-      SS_TRY(VecGetArrayRead(found, &mine));
-      SS_TRY(VecGetArrayRead(expected, &whole));
-      CHECK(std::equal(mine, mine + model.local() * model.dof(), whole + model.first() * model.dof()));
-      SS_TRY(VecRestoreArrayRead(found, &mine));
-      SS_TRY(VecRestoreArrayRead(expected, &whole));
+      CHECK(same_bits(model, found, expected));
     };
     const RosenbrockW& w = rosenbrock_w("ra34pw2");
     steps.push_back(std::make_unique<RosenbrockStep>(model, w, Stick::applies_to(scene)));

@@ -29,8 +29,7 @@ bool one_node(const Scene& cell) { return cell.n == 1; }
 std::vector<double> positions(const Scene& cell) {
   std::vector<double> x;
   for (PetscInt i = 0; i < cell.n; ++i)
-    if (!(i == 0 && cell.left == End::velocity) && !(i == cell.n - 1 && cell.right == End::velocity))
-      x.push_back(cell.x(i));
+    if (!cell.held(i)) x.push_back(cell.x(i));
   return x;
 }
 
@@ -108,7 +107,7 @@ Scene cell_of_options(const Options& options) {
   if (std::any_of(amplitude.begin(), amplitude.end(), [](double a) { return a != 1; }))
     throw UsageError(which + "where the amplitude of friction differs from node to node no cell repeats; cycle_cell 0 "
                              "takes the whole scene");
-  if (scene.left == End::velocity || scene.right == End::velocity)
+  if (scene.any_held())
     throw UsageError(which + "beside a held end no two nodes move alike; cycle_cell 0 takes the whole scene");
   if (cell > 1 && !scene.ring())
     throw UsageError(which + "several nodes repeat on a ring only; cycle_cell 1 is the motion of all nodes alike, 0 the "

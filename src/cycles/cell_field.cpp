@@ -35,7 +35,7 @@ CellField::CellField(const Scene& scene)
       no_friction_(scene), by_d2_(slope_in_d2(no_friction_)), dof_(scene.friction.has_state() ? 3 : 2) {
   std::vector<PetscInt> all;
   for (PetscInt i = 0; i < scene.n; ++i)
-    if (!(i == 0 && scene.left == End::velocity) && !(i == scene.n - 1 && scene.right == End::velocity)) all.push_back(i);
+    if (!scene.held(i)) all.push_back(i);
   if (all.empty()) throw UsageError("every node of the scene is held: nothing can oscillate");
   for (std::size_t k = 0; k < all.size(); ++k) {
     const std::size_t half = k / 2;

@@ -46,7 +46,7 @@ StickMotion::StickMotion(const Scene& scene, double stiffness, double tolerance)
 }
 
 bool StickMotion::held(int node) const {
-  return (node == 0 && scene_.left == End::velocity) || (node == nodes_ - 1 && scene_.right == End::velocity);
+  return scene_.held(node);
 }
 
 double StickMotion::threshold(int node, const double* u) const {

@@ -105,4 +105,22 @@ R dispatch_friction(const FrictionParameters& p, const Body& body) {
   return result;
 }
 
+// Loop<F, sticking>{friction, rest...} of that class F, in the version that suits this processor; where friction varies
+// along x, with the friction of each node, whose places are `x`. Only laws that stick have a loop with `sticking`.
+template <class Function, template <class, bool> class Loop, class... Rest>
+Function loop_of_friction(const FrictionParameters& p, bool sticking, const std::vector<double>& x,
+                          const Rest&... rest) {
+  return dispatch_friction<Function>(p, [&](const auto& friction) -> Function {
+    using F = std::decay_t<decltype(friction)>;
+    const auto loop = [&](auto constant) -> Function {
+      constexpr bool sticks = decltype(constant)::value;
+      if (!p.varies()) return kernel::compiled_by_dof<Function>(Loop<F, sticks>{friction, rest...});
+      return kernel::Baseline<Loop<kernel::Varying<F>, sticks>>{{varying_friction(friction, p, x), rest...}};
+    };
+    if (!sticking) return loop(std::false_type());
+    if constexpr (F::sticks) return loop(std::true_type());
+    else throw std::logic_error("law " + p.law->name + " does not stick");
+  });
+}
+
 }  // namespace stickslip

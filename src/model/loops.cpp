@@ -8,27 +8,12 @@ namespace {
 
 // Part::pointwise, or what Onto adds to the coupling between nodes.
 RangeLoop pointwise(const FrictionParameters& p, bool sticking, const std::vector<double>& x, bool coupled) {
-  return dispatch_friction<RangeLoop>(p, [&](const auto& friction) -> RangeLoop {
-    using F = std::decay_t<decltype(friction)>;
-    using OfNodes = kernel::Varying<F>;
-    if (!sticking) {
-      if (p.varies()) return kernel::Baseline<kernel::Onto<OfNodes>>{{varying_friction(friction, p, x), coupled}};
-      return kernel::compiled_by_dof<RangeLoop>(kernel::Onto<F>{friction, coupled});
-    }
-    if constexpr (F::sticks) {
-      if (p.varies()) return kernel::Baseline<kernel::Onto<OfNodes, true>>{{varying_friction(friction, p, x), coupled}};
-      return kernel::compiled_by_dof<RangeLoop>(kernel::Onto<F, true>{friction, coupled});
-    } else {
-      return {};
-    }
-  });
+  return loop_of_friction<RangeLoop, kernel::Onto>(p, sticking, x, coupled);
 }
 
 // First what is coupled, by the loop that knows no law; then the rest.
 RangeLoop in_two_passes(const FrictionParameters& p, int half_width, bool sticking, const std::vector<double>& x) {
-  const RangeLoop rest = pointwise(p, sticking, x, true);
-  if (!rest) return rest;
-  return [rest, stencil = wave_loop(p.has_state() ? 3 : 2, half_width, true)](const kernel::Coefficients& c,
+  return [rest = pointwise(p, sticking, x, true), stencil = wave_loop(p.has_state() ? 3 : 2, half_width, true)](const kernel::Coefficients& c,
                                                                               const kernel::Range& r) {
     stencil(c, r);
     rest(c, r);
@@ -53,6 +38,9 @@ RangeLoop wave(int dof) {
   return kernel::compiled_by_dof<RangeLoop>(kernel::Wave<half_width, 2, stencil_only>{});
 }
 
+template <class F, bool sticking>
+using ReactionOf = kernel::Reaction<F>;
+
 }  // namespace
 
 RangeLoop whole_loop(const FrictionParameters& p, int half_width, bool sticking, const std::vector<double>& x) {
@@ -62,12 +50,7 @@ RangeLoop whole_loop(const FrictionParameters& p, int half_width, bool sticking,
 }
 
 RangeLoop reaction_loop(const FrictionParameters& p, const std::vector<double>& x) {
-  return dispatch_friction<RangeLoop>(p, [&](const auto& friction) {
-    using F = std::decay_t<decltype(friction)>;
-    using OfNodes = kernel::Reaction<kernel::Varying<F>>;
-    if (p.varies()) return RangeLoop(kernel::Baseline<OfNodes>{{varying_friction(friction, p, x)}});
-    return kernel::compiled_by_dof<RangeLoop>(kernel::Reaction<F>{friction});
-  });
+  return loop_of_friction<RangeLoop, ReactionOf>(p, false, x);
 }
 
 // Of a medium with A = 1 in which nothing else acts the rate of psi is -F.

@@ -18,8 +18,7 @@ MasslessChain::MasslessChain(MPI_Comm comm, const Scene& scene, const Frictions&
 }
 
 bool MasslessChain::held(PetscInt i) const {
-  const PetscInt node = first_ + i;
-  return (node == 0 && scene_.left == End::velocity) || (node == scene_.n - 1 && scene_.right == End::velocity);
+  return scene_.held(first_ + i);
 }
 
 void MasslessChain::check() const {

@@ -199,16 +199,12 @@ struct Model::Impl {
     }
   }
 
-  bool held(PetscInt node) const {
-    return (node == 0 && scene.left == End::velocity) || (node == scene.n - 1 && scene.right == End::velocity);
-  }
-
   // Held nodes of this rank, as local numbers.
   template <class Body>
   void for_held(const Body& body) const {
     if (local == 0) return;
-    if (first == 0 && held(0)) body(PetscInt(0));
-    if (first + local == scene.n && scene.n > 1 && held(scene.n - 1)) body(local - 1);
+    if (first == 0 && scene.held(0)) body(PetscInt(0));
+    if (first + local == scene.n && scene.n > 1 && scene.held(scene.n - 1)) body(local - 1);
   }
 
   void rhs(Part part, Vec u, Vec f) const {
@@ -254,7 +250,7 @@ struct Model::Impl {
 
   // d(rhs part)/du of node i by its own unknowns, without the stencil's share.
   NodeBlock node_block(Part part, PetscInt i, const double* u) const {
-    const bool fixed = held(first + i), has_eta = !(fixed && scene.form == Form::continuum);
+    const bool fixed = scene.held(first + i), has_eta = !(fixed && scene.form == Form::continuum);
     const double psi = u[0], s = dof == 3 ? u[2] : 0, going = direction ? direction[i] : 0;
     LinearPoint point(no_friction);
     if (has_friction(part) && !direction) {
@@ -308,13 +304,13 @@ DM Model::dm() const {
 int Model::dof() const { return impl_->dof; }
 PetscInt Model::first() const { return impl_->first; }
 PetscInt Model::local() const { return impl_->local; }
-bool Model::held(PetscInt node) const { return impl_->held(node); }
+bool Model::held(PetscInt node) const { return scene().held(node); }
 long Model::rhs_evaluations() const { return impl_->evaluations; }
 void Model::count_evaluations(long count) const { impl_->evaluations += count; }
 const std::vector<double>& Model::amplitude() const { return impl_->amplitude; }
 
 PetscInt Model::unknowns() const {
-  const PetscInt ends = (impl_->held(0) ? 1 : 0) + (scene().n > 1 && impl_->held(scene().n - 1) ? 1 : 0);
+  const PetscInt ends = (scene().held(0) ? 1 : 0) + (scene().n > 1 && scene().held(scene().n - 1) ? 1 : 0);
   // of a massless chain psi is none, a held node's eta is as ever
   return scene().massless() ? scene().n * (dof() - 1) - ends : scene().n * dof() - 2 * ends;
 }
@@ -416,10 +412,10 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
   };
   for (PetscInt i = 0; i < m.local; ++i) {
     const PetscInt row = m.first + i;
-    const Row kind = !has_stencil(part) || (m.held(row) && m.scene.form == Form::continuum) ? Row::alone
+    const Row kind = !has_stencil(part) || (m.scene.held(row) && m.scene.form == Form::continuum) ? Row::alone
                      : row >= hw && row < n - hw                                                  ? Row::inner
                                                                                                   : Row::end;
-    const bool moves = !m.held(row) && !(m.direction && m.direction[i] == 0 && part != Part::wave);
+    const bool moves = !m.scene.held(row) && !(m.direction && m.direction[i] == 0 && part != Part::wave);
     if (kind == laid_out && kind != Row::end && moves == was_moving) {  // but for its place and diagonal block the same
       for (PetscInt& column : columns) ++column;
     } else {
@@ -469,7 +465,7 @@ bool Model::tame_newton_step(Vec u, double shift, Vec minus_step) const {
   SS_TRY(VecGetArrayRead(u, &a));
   SS_TRY(VecGetArray(minus_step, &step));
   for (PetscInt i = 0; i < m.local; ++i) {
-    if (m.held(m.first + i)) continue;
+    if (m.scene.held(m.first + i)) continue;
     const double *at = a + i * m.dof, psi = at[0], state = at[2];
     double* d = step + i * m.dof;
     d[0] = psi - (*m.law)[i].newton_psi(psi, state, psi - d[0], state - d[2],
@@ -491,7 +487,7 @@ void Model::set_held(Vec u) const {
       at[1] = m.scene.B() * at[0] + m.friction_at(i, at[0], m.dof == 3 ? at[2] : 0).F;
   });
   SS_TRY(VecRestoreArray(u, &a));
-  if (!viscous() || m.scene.form == Form::chain || !(m.held(0) || m.held(m.scene.n - 1))) return;
+  if (!viscous() || m.scene.form == Form::chain || !m.scene.any_held()) return;
   const VecHandle force = create_vector();
   viscous_force(u, force);
   const double* b;

@@ -24,8 +24,7 @@ double reach_of(const Scene& s) {
 
 Displacement::Displacement(const Model& model) : model_(model) {
   const Scene& s = model.scene();
-  const bool held = s.left == End::velocity || s.right == End::velocity;
-  if (s.K0() == 0 && !held)
+  if (s.K0() == 0 && !s.any_held())
     throw UsageError("out_displacement: with model_k0 0 and no held end the forces do not tell where the chain is; set "
                      "model_k0, or leave it out");
   int ranks;
@@ -122,8 +121,7 @@ void Displacement::solve(Vec u, double t, Vec chi) const {
 }
 
 bool Displacement::has_energy() const {
-  const Scene& s = model_.scene();
-  return s.left != End::velocity && s.right != End::velocity;
+  return !model_.scene().any_held();
 }
 
 Energy Displacement::energy(Vec u) const {

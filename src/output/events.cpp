@@ -268,10 +268,8 @@ double Events::eta_before(PetscInt node, int id, const Before& before) const {
     const auto at = static_cast<std::size_t>(j);
     return slipped_[at] - before.slipped[at] - (owner_[at] == id ? slip_[at] : 0);
   };
-  const bool held = (node == 0 && scene_.left == End::velocity) ||
-                    (node == scene_.n - 1 && scene_.right == End::velocity);
   double eta = before.eta[static_cast<std::size_t>(node)];
-  if (held && scene_.form == Form::continuum) return eta;  // it follows from psi there
+  if (scene_.held(node) && scene_.form == Form::continuum) return eta;  // it follows from psi there
   eta -= scene_.K0() * others(node);
   for (const auto& [j, weight] : second_difference_row(scene_, node)) eta += scene_.K1() * weight * others(j);
   return eta;

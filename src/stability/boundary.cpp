@@ -11,8 +11,7 @@
 namespace stickslip {
 
 std::optional<double> closed_form_velocity(const Scene& s) {
-  const bool flat = s.left != End::velocity && s.right != End::velocity;
-  if (!s.same_friction() || s.friction.has_state() || s.friction.regularised || !flat) return std::nullopt;
+  if (!s.same_friction() || s.friction.has_state() || s.friction.regularised || s.any_held()) return std::nullopt;
   if (s.massless()) return std::nullopt;  // sliding ends where it has no force of its own
   // damping A (B + F_psi) + s delta = 0
   const double v = Friction::of(s.friction)->velocity_of_slope(-(s.B() + s.s_delta() / s.A()));

@@ -280,7 +280,7 @@ Criticality criticality(const SteadySliding& steady, const LinearisedOperator& J
     c.why_not = "without mass (model_m 0) it is not computed";
   } else if (passes_kink(steady)) {
     c.why_not = "friction has a kink at psi = 0, which is where some of the line slides";
-  } else if (J.scene.left == End::velocity || J.scene.right == End::velocity || steady.scene.has_profile() ||
+  } else if (J.scene.any_held() || steady.scene.has_profile() ||
              (!continuum && J.exact_waves().empty())) {  // nodes alike in slope may differ in curvature
     if (J.neutral()) {
       c.why_not = "nothing holds the line (model_k0 = 0): the velocity is free";

@@ -13,15 +13,11 @@ namespace stickslip {
 
 namespace {
 
-bool held(const Scene& s, PetscInt i) {
-  return (i == 0 && s.left == End::velocity) || (i == s.n - 1 && s.right == End::velocity);
-}
-
 // Boundary layers, by deviations u from v: (K0 - K1 D2) u = K1 (D2 to the held nodes)(psi_e - v). The largest residual
 // of that equation is returned.
 double put_layers(const Scene& s, std::vector<double>& psi) {
   for (const PetscInt i : {PetscInt(0), s.n - 1})
-    if (held(s, i)) psi[std::size_t(i)] = i == 0 ? s.left_value : s.right_value;
+    if (s.held(i)) psi[std::size_t(i)] = i == 0 ? s.left_value : s.right_value;
   if (s.K1() == 0 || std::all_of(psi.begin(), psi.end(), [&](double x) { return x == s.v; })) return 0;
   const Coupling coupling(s);
   const std::size_t n = coupling.size();
@@ -31,7 +27,7 @@ double put_layers(const Scene& s, std::vector<double>& psi) {
     const PetscInt g = coupling.node[i];
     if (g >= s.order && g < s.n - s.order) continue;
     for (const auto& [column, value] : second_difference_row(s, g))
-      if (held(s, column)) b[i] += s.K1() * value * (psi[std::size_t(column)] - s.v);
+      if (s.held(column)) b[i] += s.K1() * value * (psi[std::size_t(column)] - s.v);
   }
   BandLU lu;
   lu.reset(n, coupling.band(), coupling.band());
@@ -51,7 +47,7 @@ double put_layers(const Scene& s, std::vector<double>& psi) {
 
 // N D2 psi of node i: 0 where sliding is uniform.
 double viscous_force(const Scene& s, const std::vector<double>& psi, PetscInt i) {
-  if (s.N() == 0 || (s.left != End::velocity && s.right != End::velocity)) return 0;
+  if (s.N() == 0 || !s.any_held()) return 0;
   double d2 = 0;
   for (const auto& [column, weight] : second_difference_row(s, i))
     d2 += weight * (psi[std::size_t(column)] - psi[std::size_t(i)]);
@@ -68,7 +64,7 @@ SteadySliding::SteadySliding(const Scene& s) : scene(s), psi(std::size_t(s.n), s
   eta.resize(psi.size());
   if (s.friction.has_state()) state.resize(psi.size());
   for (std::size_t i = 0; i < psi.size(); ++i) {
-    const bool solved_for = !held(s, PetscInt(i));
+    const bool solved_for = !s.held(PetscInt(i));
     const Friction* const friction = &frictions[PetscInt(i)];
     const double x = friction->steady_state(psi[i]);
     const auto place = [&] { return "(x = " + rounded_text(s.x(PetscInt(i)), 6) + ")"; };

@@ -3,26 +3,8 @@
 
 namespace stickslip::tile {
 
-namespace {
-
-template <class F>
-NewtonRound of_nodes(const kernel::Varying<F>& friction, bool sticking) {
-  using Nodes = kernel::Varying<F>;
-  if constexpr (F::sticks)
-    if (sticking) return kernel::Baseline<kernel::NewtonRound<Nodes, true>>{{friction}};
-  return kernel::Baseline<kernel::NewtonRound<Nodes, false>>{{friction}};
-}
-
-}  // namespace
-
 NewtonRound newton_round(const Scene& scene, bool sticking, const std::vector<double>& x) {
-  return dispatch_friction<NewtonRound>(scene.friction, [&](const auto& friction) -> NewtonRound {
-    using F = std::decay_t<decltype(friction)>;
-    if (scene.friction.varies()) return of_nodes(varying_friction(friction, scene.friction, x), sticking);
-    if constexpr (F::sticks)
-      if (sticking) return kernel::compiled_by_dof<NewtonRound>(kernel::NewtonRound<F, true>{friction});
-    return kernel::compiled_by_dof<NewtonRound>(kernel::NewtonRound<F, false>{friction});
-  });
+  return loop_of_friction<NewtonRound, kernel::NewtonRound>(scene.friction, sticking, x);
 }
 
 }  // namespace stickslip::tile

@@ -10,26 +10,8 @@ Stencil stencil(const Scene& scene) {
   });
 }
 
-namespace {
-
-template <class F>
-Pointwise of_nodes(const kernel::Varying<F>& friction, bool sticking) {
-  using Nodes = kernel::Varying<F>;
-  if constexpr (F::sticks)
-    if (sticking) return kernel::Baseline<kernel::PointwiseOfColumns<Nodes, true>>{{friction}};
-  return kernel::Baseline<kernel::PointwiseOfColumns<Nodes, false>>{{friction}};
-}
-
-}  // namespace
-
 Pointwise pointwise(const Scene& scene, bool sticking, const std::vector<double>& x) {
-  return dispatch_friction<Pointwise>(scene.friction, [&](const auto& friction) -> Pointwise {
-    using F = std::decay_t<decltype(friction)>;
-    if (scene.friction.varies()) return of_nodes(varying_friction(friction, scene.friction, x), sticking);
-    if constexpr (F::sticks)
-      if (sticking) return kernel::compiled_by_dof<Pointwise>(kernel::PointwiseOfColumns<F, true>{friction});
-    return kernel::compiled_by_dof<Pointwise>(kernel::PointwiseOfColumns<F, false>{friction});
-  });
+  return loop_of_friction<Pointwise, kernel::PointwiseOfColumns>(scene.friction, sticking, x);
 }
 
 }  // namespace stickslip::tile

@@ -58,6 +58,11 @@ struct Scene {
   // m = 0: A is infinite, eta = B psi + F(psi, state) holds at every moment, and psi is no unknown.
   bool massless() const { return form == Form::chain && m == 0; }
   bool ring() const { return left == End::periodic; }
+  // Whether psi of a node is given at an end of the line; and whether that of any is.
+  bool held(PetscInt node) const {
+    return (node == 0 && left == End::velocity) || (node == n - 1 && right == End::velocity);
+  }
+  bool any_held() const { return left == End::velocity || right == End::velocity; }
   double h() const { return ring() ? length / double(n) : (n > 1 ? length / double(n - 1) : 1); }
   double x(PetscInt i) const { return double(i) * h(); }
   // Whether the amplitude of friction is 1 at every node; and whether all of friction is the same everywhere.

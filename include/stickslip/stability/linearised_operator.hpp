@@ -103,7 +103,7 @@ class LinearisedOperator {
   // psi of the wave of such a wavenumber at the nodes: travelling round a ring, else standing and fitting the ends.
   std::vector<Complex> wave(double k) const;
 
-  // ---- what no eigenvalue exceeds: |Im| and Re. Rigorous (docs/spectrum.md).
+  // ---- what no eigenvalue exceeds: |Im| and Re. Rigorous (docs/algorithms.md).
   double imaginary_bound() const;
   double real_bound() const;
 
