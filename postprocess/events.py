@@ -60,7 +60,9 @@ def catalogue_figure(paths, begin=0, bounds=None, option=None):
                  f"{expected:.0f} on the line"
         if not np.isfinite(b):
             fitted = f"no b: {number} events in [{low:g}, {high:g}], and a fit takes {FEWEST} (--fit A B sets the range)"
-        print(f"{name}: {len(m)} events, {fitted}; largest extent {run['events']['extent'].max():g}")
+        left_out = len(run["events"]["t"]) - len(m)
+        note = f" (and {left_out} whose moment is not positive)" if left_out else ""
+        print(f"{name}: {len(m)} events{note}, {fitted}; largest extent {run['events']['extent'].max():g}")
         if np.isfinite(b):
             grid = np.linspace(low, high, 2)
             top = number * b / -np.expm1(-b * (high - low)) * width / scale

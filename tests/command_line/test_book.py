@@ -46,6 +46,19 @@ def test_links_and_pictures():
     assert not missing
 
 
+def test_files_and_tests_that_pages_name_are_there():
+    """Headers without `include/stickslip/`, sources without `src/` or their ending, tests without their folder."""
+    folders = ("", "src", "include", "include/stickslip", "tests", "tests/command_line", "tests/audit")
+    tops = "|".join(sorted({name for folder in ("", "src") for name in os.listdir(os.path.join(SOURCE, folder)) if name.isalpha()}))
+    missing = []
+    for page in ["README.md", "CONTRIBUTING.md", *(os.path.join("docs", name) for name in pages())]:
+        for name in re.findall(rf"`((?:{tops})/[\w/.-]+|test_\w+\.\w+)`", text(page)):
+            paths = [os.path.join(SOURCE, folder, name) + ending for folder in folders for ending in ("", ".cpp", ".hpp")]
+            if not name.startswith(("build/", "results/")) and not any(map(os.path.exists, paths)):
+                missing.append(f"{page}: {name}")
+    assert not missing
+
+
 # The least that makes files of each kind with all that they may hold. `curves/` and `special/` take longer to make: they are
 # held against the page where a test has made them for another reason.
 FILES = {
