@@ -1,11 +1,12 @@
 """docs/: every page has its place in the reading order, links lead to what is there, and files.md names what files hold."""
 import os
 import re
+import subprocess
 
 import h5py
 import pytest
 
-from calls import SOURCE, run
+from calls import PROGRAM, SOURCE, run
 from files_page import FilesPage, contents, disagreements
 
 DOCS = os.path.join(SOURCE, "docs")
@@ -44,6 +45,17 @@ def test_links_and_pictures():
             if not os.path.exists(file) or shown == "![]" or place and place not in anchors(file):
                 missing.append(f"{page}: {shown}({target})")
     assert not missing
+
+
+def test_site():
+    """The pages in a browser: every link leads somewhere, every picture has a text, nothing is left in Markdown."""
+    settings = os.path.join(os.path.dirname(PROGRAM), "generated", "mkdocs.yml")
+    if not os.path.exists(settings):
+        pytest.skip("no mkdocs when the build was configured")
+    for command in (["mkdocs", "build", "--quiet", "--config-file", settings, "--site-dir", os.path.abspath("site")],
+                    ["/usr/bin/python3", "-B", os.path.join(SOURCE, "scripts", "site_links.py"), "site"]):
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_files_and_tests_that_pages_name_are_there():
