@@ -7,7 +7,6 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
-#include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/study/start.hpp"
 
@@ -58,12 +57,6 @@ FoundCycle smooth(const Options& options, const Scene& cell) {
   return result;
 }
 
-BlochSpectrum stick_waves(const Scene& cell, const StickCycle& stick, const Cycle& cycle, int count) {
-  const WaveMap map{[&](double kappa2) { return wave_multipliers(cell, stick, cell.K1() * kappa2); }, nullptr,
-                    std::nan("")};
-  return bloch_spectrum(cycle, cell, map, count);
-}
-
 CycleBranch stick_branch(const Options& options, const StickCycle& first, const std::string& name, double to, int steps,
                          bool with_waves) {
   const double from = options.real(name);
@@ -72,7 +65,7 @@ CycleBranch stick_branch(const Options& options, const StickCycle& first, const 
   CycleWatch watch;
   if (with_waves)
     watch = [&path, cell_at](double value, const Cycle& cycle) {
-      return watch_waves(stick_waves(cell_at(value), stick_candidate(*path), cycle, wavenumbers_of_branch));
+      return watch_waves(bloch_spectrum(stick_candidate(*path), cycle, cell_at(value), wavenumbers_of_branch));
     };
   return continue_cycle(*path, path->cycle(), name, from, to, steps, watch);
 }
@@ -84,9 +77,9 @@ FoundCycle sticking(const Options& options, const Scene& cell) {
     throw Failure("no cycle with rests: the motion " + to_string(fate.fate) + " (looked at for a time of " +
                   rounded_text(fate.time) + ")");
   FoundCycle result{described(cell, fate.cycle), positions(cell), 0, nullptr, alone(options, cell), nullptr};
-  if (uniform)
-    result.waves = [cell, cycle = result.cycle, stick = fate.cycle](int count) {
-      return stick_waves(cell, stick, cycle, count);
+  if (has_neighbours(options))
+    result.waves = [cell, course = result.cycle, stick = fate.cycle](int count) {
+      return bloch_spectrum(stick, course, cell, count);
     };
   result.branch = [options, stick = fate.cycle](const std::string& name, double to, int steps, bool with_waves) {
     return stick_branch(options, stick, name, to, steps, with_waves);
@@ -141,11 +134,6 @@ void check_cycle_options(const Options& options, const Scene& cell) {
       throw UsageError("a cycle of " + std::to_string(cell.n) + " nodes with exact stick: at most " +
                        std::to_string(stick_cycle_limit) + " are solved for; take fewer (grid_n, cycle_cell) or "
                        "friction_stick regularised");
-    if (options.boolean("cycle_spectrum") && cell.n > 1)
-      throw UsageError("cycle_spectrum: with exact stick the waves of uniform motion alone are looked at (cycle_cell 1)");
-    const LinearPoint node(cell);
-    if (options.boolean("cycle_spectrum") && node.block(Part::full, 1).psi_psi != node.block(Part::full, 0).psi_psi)
-      throw UsageError("cycle_spectrum: with exact stick waves are not looked at where neighbours are coupled by viscosity");
   }
   if (options.boolean("cycle_spectrum") && !has_neighbours(options))
     throw UsageError("cycle_spectrum: a whole scene (cycle_cell 0) has no neighbours; its own multipliers say all");

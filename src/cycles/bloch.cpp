@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "cycles/deviations.hpp"
+#include "cycles/stick_deviations.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -146,6 +147,14 @@ BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers) {
                         {[&](double kappa2) { return deviations.of_wave(kappa2); },
                          [&](double theta) { return deviations.of_twist(theta); },
                          growth_of_short_waves(cycle, deviations)},
+                        wavenumbers);
+}
+
+BlochSpectrum bloch_spectrum(const StickCycle& cycle, const Cycle& course, const Scene& cell, int wavenumbers) {
+  StickDeviations deviations(cell, cycle);
+  return bloch_spectrum(course, cell,
+                        {[&](double kappa2) { return deviations.of_wave(kappa2); },
+                         [&](double theta) { return deviations.of_twist(theta); }, std::nan("")},
                         wavenumbers);
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/turned_row.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/model/stencil.hpp"
@@ -66,12 +67,7 @@ void CellField::couple(PetscInt node) {
     reach_ = std::max(reach_, std::abs(int(k) - int(place(node))));
   };
   if (scene_.ring()) {
-    const std::array<double, 5> w = second_difference(scene_.order);
-    const double scale = scene_.form == Form::chain ? 1 : 1 / (scene_.h() * scene_.h());
-    for (PetscInt j = -scene_.order / 2; j <= scene_.order / 2; ++j) {
-      const PetscInt there = node + j, turns = there >= 0 ? there / scene_.n : -((scene_.n - 1 - there) / scene_.n);
-      add(there - turns * scene_.n, scale * w[std::size_t(std::abs(j))], int(turns));
-    }
+    for (const auto& [there, weight, turns] : turned_row(scene_, node)) add(there, weight, turns);
   } else {
     for (const auto& [there, weight] : second_difference_row(scene_, node)) add(there, weight, 0);
   }
@@ -103,34 +99,51 @@ LinearPoint CellField::point(const double* y, std::size_t k) const {
   return p;
 }
 
-// factor(turns): of a neighbour in another copy of the cell.
-template <class T, class Factor>
-void CellField::fill(const double* y, double kappa2, T* J, const Factor& factor) const {
+void CellField::jacobian(const double* y, double* J) const {
   const std::size_t d = std::size_t(dim()), dof = std::size_t(dof_);
-  std::fill(J, J + d * d, T(0));
+  std::fill(J, J + d * d, 0.);
   for (std::size_t k = 0; k < node_.size(); ++k) {
     double rows[9];
-    point(y, k).block(Part::full, kappa2).write(dof_, rows);
+    point(y, k).block(Part::full, 0).write(dof_, rows);
     for (std::size_t a = 0; a < dof; ++a)
       for (std::size_t b = 0; b < dof; ++b) J[(k * dof + a) * d + k * dof + b] = rows[a * dof + b];
     for (const Term& t : row_[k]) {
-      const T weight = t.weight * factor(t.turns);
-      J[k * dof * d + t.column * dof] += weight * by_d2_.psi_psi;
-      J[(k * dof + 1) * d + t.column * dof] += weight * by_d2_.eta_psi;
+      J[k * dof * d + t.column * dof] += t.weight * by_d2_.psi_psi;
+      J[(k * dof + 1) * d + t.column * dof] += t.weight * by_d2_.eta_psi;
     }
   }
 }
 
-void CellField::jacobian(const double* y, double* J) const {
-  fill(y, 0, J, [](int) { return 1.; });
+bool CellField::at_an_end(std::size_t k) const {
+  return node_.size() == 1 ||
+         std::any_of(row_[k].begin(), row_[k].end(), [](const Term& t) { return t.turns != 0; });
 }
 
-void CellField::jacobian(const double* y, double kappa2, double* J) const {
-  fill(y, kappa2, J, [](int) { return 1.; });
+Feed CellField::feed() const {
+  Feed feed;
+  for (std::size_t k = 0; k < node_.size(); ++k) {
+    if (!at_an_end(k)) continue;
+    std::vector<double> into(static_cast<std::size_t>(dim()));
+    into[k * std::size_t(dof_)] = by_d2_.psi_psi;
+    into[k * std::size_t(dof_) + 1] = by_d2_.eta_psi;
+    feed.into.push_back(std::move(into));
+    feed.of.push_back(k * std::size_t(dof_));
+  }
+  return feed;
 }
 
-void CellField::jacobian(const double* y, std::complex<double> twist, std::complex<double>* J) const {
-  fill(y, 0, J, [&](int turns) { return std::pow(twist, turns); });
+std::vector<double> CellField::weights_of_wave(double kappa2) const { return {-kappa2}; }
+
+std::vector<std::complex<double>> CellField::weights_of_twist(double theta) const {
+  std::vector<std::size_t> place(node_.size());  // among the nodes at an end
+  std::size_t r = 0;
+  for (std::size_t k = 0; k < node_.size(); ++k)
+    if (at_an_end(k)) place[k] = r++;
+  std::vector<std::complex<double>> w(r * r);
+  for (std::size_t k = 0; k < node_.size(); ++k)
+    for (const Term& t : row_[k])
+      if (t.turns != 0) w[place[k] * r + place[t.column]] += t.weight * (std::polar(1., theta * t.turns) - 1.);
+  return w;
 }
 
 std::vector<double> CellField::sliding() const {

@@ -9,6 +9,7 @@
 #include <complex>
 #include <vector>
 
+#include "cycles/links.hpp"
 #include "model/kernel.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
@@ -33,10 +34,11 @@ class CellField : public VectorField {
   // y of steady sliding psi = v; of a uniform cell the exact one, else a start for it.
   std::vector<double> sliding() const;
 
-  // The Jacobian of waves on the motion, row-major: exp(ikx) on nodes that are all alike has `kappa2` added to -D2; on a
-  // ring of many cells the last node's neighbour is the first one's times `twist` = exp(i theta).
-  void jacobian(const double* y, double kappa2, double* J) const;
-  void jacobian(const double* y, std::complex<double> twist, std::complex<double>* J) const;
+  // What the copies of the cell beside it feed into its rates. Of one node alone a wave exp(ikx) adds kappa^2 to -D2; of a
+  // ring's cell the neighbours across its ends are exp(i theta) times as large.
+  Feed feed() const;
+  std::vector<double> weights_of_wave(double kappa2) const;
+  std::vector<std::complex<double>> weights_of_twist(double theta) const;
 
  private:
   struct Term {
@@ -49,8 +51,7 @@ class CellField : public VectorField {
   };
   const Friction& friction(std::size_t k) const { return friction_[node_[k]]; }
   LinearPoint point(const double* y, std::size_t k) const;
-  template <class T, class Factor>
-  void fill(const double* y, double kappa2, T* J, const Factor& factor) const;
+  bool at_an_end(std::size_t k) const;
   void couple(PetscInt node);
 
   Scene scene_;

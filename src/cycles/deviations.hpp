@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "cycles/cell_field.hpp"
+#include "cycles/links.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 
 namespace stickslip {
@@ -17,7 +18,7 @@ class Deviations {
  public:
   explicit Deviations(const SmoothCycle& cycle);
 
-  std::vector<std::complex<double>> multipliers();  // largest first
+  const std::vector<std::complex<double>>& multipliers() const { return multipliers_; }  // largest first
   // Of waves exp(ikx) on nodes that are all alike, kappa2 = kappa^2(k); of deviations exp(i theta) times as large in the next
   // cell.
   std::vector<std::complex<double>> of_wave(double kappa2);
@@ -30,24 +31,20 @@ class Deviations {
     double h;
     bool stiff;
     std::vector<double> J;
+    const Collocation& method() const { return stiff ? Collocation::radau5() : Collocation::gauss5(); }
   };
-  // Of a wave on one node kappa^2 alone changes from wave to wave, times a matrix u (x) e_psi of rank one. What is inverted
-  // once for a piece leaves each wave a system of as many unknowns as there are stages: `end` and `psi` of the stages carry
-  // what stands at the beginning, `end_of_u` and `psi_of_u` what u feeds into the stages.
-  struct Response {
-    std::vector<double> end, psi, end_of_u, psi_of_u;
-  };
-  const std::vector<Piece>& pieces(int halvings);
-  const std::vector<Response>& responses(int halvings);
-  std::vector<double> slope_in_kappa2() const;  // u
-  template <class T>
-  std::vector<std::complex<double>> carried_round(int halvings, const std::vector<T>& added);
+  // Carries deviations round on the steps of `mesh`.
+  void carry_on(const std::vector<double>& mesh);
+  // On steps of at most the longest of the mesh over 2^halvings.
+  std::vector<Piece> pieces(int halvings) const;
+  const std::vector<Link>& links(int halvings);
 
   const SmoothCycle& cycle_;
   const CellField& field_;
   std::vector<double> mesh_;
-  std::map<int, std::vector<Piece>> pieces_;
-  std::map<int, std::vector<Response>> responses_;
+  std::vector<std::complex<double>> multipliers_;
+  std::vector<Piece> pieces_;  // without halvings
+  std::map<int, std::vector<Link>> links_;
   double longest_ = 0, mean_damping_ = 0;  // step
 };
 

@@ -71,7 +71,7 @@ class Sampling {
 }  // namespace
 
 Cycle described(const Scene& scene, const StickCycle& cycle) {
-  const StickMotion motion(scene), rough(scene, 0, 1e-10);
+  const StickMotion motion(scene), rough(scene, 1e-10);
   Cycle c;
   c.nodes = scene.n;
   c.dof = motion.dof();
@@ -93,11 +93,6 @@ Cycle described(const Scene& scene, const StickCycle& cycle) {
   c.error_estimate = std::max(1e-15, std::abs(lap(rough, cycle, {}).period / cycle.period - 1));
   measure(c);
   return c;
-}
-
-std::vector<std::complex<double>> wave_multipliers(const Scene& one_node, const StickCycle& cycle, double stiffness) {
-  const StickMotion motion(one_node, stiffness);
-  return multipliers_of(motion.size(), round_matrix(motion, cycle));
 }
 
 }  // namespace stickslip

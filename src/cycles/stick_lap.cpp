@@ -72,10 +72,14 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
     if (p.direction[std::size_t(i)] == 0) rests_since[std::size_t(i)] = 0;
   const double patience = 400 * 2 * M_PI / std::sqrt(m.scene().A() * (m.scene().K0() + 1e-3 * m.scene().K1()));  // of a slip
   int released = 0;
+  std::vector<double> was(p.direction);
+  if (wishes.changed) wishes.changed(was, p);
   for (int count = 0; released < from.releases; ++count) {
     if (count == most_changes) throw Failure("exact stick: the motion does not repeat");
     const std::vector<Change> changes = m.advance(p, m.all_rest(p) ? m.never : p.t + patience, wishes.passed, turned);
     if (changes.empty()) throw Failure("exact stick: a slip does not come to rest");
+    if (wishes.changed) wishes.changed(was, p);
+    was = p.direction;
     for (const Change& c : changes) {
       result.sequence += name_of(c) + " ";
       if (c.before != 0 && wishes.turns)

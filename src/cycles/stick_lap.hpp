@@ -22,6 +22,8 @@ struct LapWishes {
   std::vector<double> deviations = {};  // at the start, right after the release, each as long as the unknowns
   bool turns = false;
   StickMotion::Passed passed = nullptr;
+  // Is called right after the release with the directions as they are, and at each change with those before it.
+  std::function<void(const std::vector<double>& was, const Standing& now)> changed = nullptr;
 };
 
 // From `from.start` with eta of the node set to its threshold. Throws Failure where the node does not start there, or the

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 
-#include "model/jump_matrix.hpp"
 #include "model/release.hpp"
 #include "model/viscosity.hpp"
 #include "stickslip/base/error.hpp"
@@ -22,16 +21,13 @@ double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
 }  // namespace
 
-StickMotion::StickMotion(const Scene& scene, double stiffness, double tolerance)
+StickMotion::StickMotion(const Scene& scene, double tolerance)
     : scene_(scene), nodes_(int(scene.n)), dof_(scene.friction.has_state() ? 3 : 2),
-      half_width_(scene.n == 1 ? 0 : scene.order / 2), stiffness_(stiffness), tolerance_(tolerance), law_(scene, 0, scene.n),
+      half_width_(scene.n == 1 ? 0 : scene.order / 2), tolerance_(tolerance), law_(scene, 0, scene.n),
       amplitude_(friction_amplitude(scene, 0, scene.n)), coefficients_(kernel::coefficients_of(scene)), point_(scene),
       method_(std::size_t(nodes_ * dof_)), method_with_deviations_(0) {
   if (!scene.friction.sticks())
     throw UsageError("friction_law " + to_string(scene.friction.law) + " does not stick: its oscillation has no rests");
-  if (scene.nu > 0 && stiffness > 0)
-    throw UsageError("model_nu " + rounded_text(scene.nu, 8) + ": waves on a cycle of nodes that stick are solved for without "
-                     "viscosity between neighbours; set friction_stick to regularised");
   if (half_width_ == 0) std::fill(std::begin(coefficients_.w), std::end(coefficients_.w), 0.);
   const std::vector<double> x = positions(scene, 0, scene.n);
   const bool viscous = scene.nu > 0 && nodes_ > 1;
@@ -41,7 +37,7 @@ StickMotion::StickMotion(const Scene& scene, double stiffness, double tolerance)
   for (int j = 0; j < half_width_; ++j) halo_.push_back(halo_node(scene, nodes_ + j));
   for (int i = 0; i < nodes_ && nodes_ > 1; ++i) d2_.push_back(second_difference_row(scene, i));
   const double kappa2 = nodes_ > 1 ? largest_symbol(scene.order, scene.form == Form::chain ? 1 : scene.h()) : 0;
-  longest_ = longest_step / std::sqrt(scene.A() * (scene.K0() + stiffness + scene.K1() * kappa2));
+  longest_ = longest_step / std::sqrt(scene.A() * (scene.K0() + scene.K1() * kappa2));
   if (viscous) longest_ = std::min(longest_, longest_step / viscous_rate(scene));
 }
 
@@ -87,7 +83,6 @@ void StickMotion::blocks(const std::vector<double>& direction, const double* u, 
     point.set({a * p.F, a * p.F_psi, a * p.F_state}, law_[i].sliding_rate(psi, s, going));
     NodeBlock& block = at[std::size_t(i)];
     block = going == 0 ? point.block_at_rest(Part::full) : point.block(Part::full);
-    block.eta_psi -= stiffness_;
     if (!held(i)) continue;
     block.psi_psi = block.psi_eta = block.psi_state = 0;
     if (scene_.form == Form::continuum) block.eta_psi = block.eta_eta = block.eta_state = 0;
@@ -119,6 +114,30 @@ void StickMotion::derivative(const Standing& p, const double* y, std::size_t cou
       gi[1] -= point_.s_delta * point_.N * coupling;
     }
   }
+}
+
+void StickMotion::jacobian(const std::vector<double>& direction, const double* u, double* J) const {
+  std::fill(J, J + size() * size(), 0.);
+  std::vector<NodeBlock> at;
+  blocks(direction, u, at);
+  const std::size_t dof = std::size_t(dof_);
+  for (std::size_t i = 0; i < at.size(); ++i) {
+    double rows[9];
+    at[i].write(dof_, rows);
+    for (std::size_t a = 0; a < dof; ++a) std::copy_n(rows + a * dof, dof, J + (i * dof + a) * size() + i * dof);
+    if (d2_.empty() || (held(int(i)) && scene_.form == Form::continuum)) continue;
+    const bool slides = direction[i] != 0 && !held(int(i));
+    for (const auto& [node, weight] : d2_[i]) {
+      J[(i * dof + 1) * size() + std::size_t(node) * dof] += weight * (point_.K1 - (slides ? point_.s_delta * point_.N : 0));
+      if (slides) J[i * dof * size() + std::size_t(node) * dof] += weight * point_.A * point_.N;
+    }
+  }
+}
+
+// Two solutions of s_t = g(s) that start close together: their distance goes like g.
+double StickMotion::closing_of_state(int node, double s0, double s1, double wait) const {
+  const RatePartials g0 = law_[node].sliding_rate(0, s0, 0);
+  return std::abs(g0.g) > 1e-8 ? law_[node].sliding_rate(0, s1, 0).g / g0.g : std::exp(g0.g_state * wait);
 }
 
 bool StickMotion::all_rest(const Standing& p) const {
@@ -264,33 +283,47 @@ void StickMotion::snap(Standing& p, const std::vector<Candidate>& candidates, do
 std::vector<Change> StickMotion::change(Standing& p) const {
   const std::vector<double> was = p.direction;
   decide(p);
-  std::vector<double> before(size()), after(size());
-  rates(was, p.u.data(), before.data());
-  rates(p.direction, p.u.data(), after.data());
   std::vector<Change> changes;
-  const std::vector<double> deviations(p.deviations);
-  for (int i = 0; i < nodes_; ++i) {
-    const double from = was[std::size_t(i)], to = p.direction[std::size_t(i)];
-    if (from == to) continue;
-    changes.push_back({p.t, i, from, to});
-    const double *b = &before[std::size_t(i * dof_)], *a = &after[std::size_t(i * dof_)];
-    const JumpMatrix jump = from == 0 ? JumpMatrix::at_start(dof_, to, threshold_slope(i, p.u.data()), b, a,
-                                                                 pull(i, before.data()))
-                                      : JumpMatrix::at_stop(dof_, b, a);
-    for (std::size_t c = 0; c < p.count; ++c)
-      jump.apply(&p.deviations[c * size() + std::size_t(i * dof_)], from == 0 ? pull(i, &deviations[c * size()]) : 0);
+  if (p.count == 0) {
+    for (int i = 0; i < nodes_; ++i)
+      if (was[std::size_t(i)] != p.direction[std::size_t(i)])
+        changes.push_back({p.t, i, was[std::size_t(i)], p.direction[std::size_t(i)]});
+    return changes;
   }
-  if (p.count > 0) check_order(changes, before.data(), after.data());
+  const std::vector<double> deviations(p.deviations);
+  for (const Jump& jump : jumps(was, p)) {
+    const int i = jump.change.node;
+    changes.push_back(jump.change);
+    for (std::size_t c = 0; c < p.count; ++c)
+      jump.matrix.apply(&p.deviations[c * size() + std::size_t(i * dof_)],
+                        jump.change.before == 0 ? pull(i, &deviations[c * size()]) : 0);
+  }
   return changes;
 }
 
-// With viscosity, nodes that let go at once with a jump in psi_t would do so in an order of their own for every deviation.
-void StickMotion::check_order(const std::vector<Change>& changes, const double* before, const double* after) const {
-  if (scene_.nu == 0 || changes.size() < 2) return;
-  for (const Change& c : changes)
-    if (c.before == 0 && before[c.node * dof_] != after[c.node * dof_])
-      throw Failure("exact stick: with viscosity between neighbours several nodes let go at once with a jump in their "
-                    "acceleration: motions beside it do it one by one");
+std::vector<StickMotion::Jump> StickMotion::jumps(const std::vector<double>& was, const Standing& p) const {
+  std::vector<double> before(size()), after(size());
+  rates(was, p.u.data(), before.data());
+  rates(p.direction, p.u.data(), after.data());
+  std::vector<Jump> jumps;
+  for (int i = 0; i < nodes_; ++i) {
+    const double from = was[std::size_t(i)], to = p.direction[std::size_t(i)];
+    if (from == to) continue;
+    const double *b = &before[std::size_t(i * dof_)], *a = &after[std::size_t(i * dof_)];
+    jumps.push_back({{p.t, i, from, to},
+                     from == 0 ? JumpMatrix::at_start(dof_, to, threshold_slope(i, p.u.data()), b, a, pull(i, before.data()))
+                               : JumpMatrix::at_stop(dof_, b, a)});
+  }
+  const auto lets_go = [&](int node) { return was[std::size_t(node)] == 0 && p.direction[std::size_t(node)] != 0; };
+  for (const Jump& jump : jumps) {
+    const int i = jump.change.node;
+    if (scene_.nu == 0 || jumps.size() < 2 || !lets_go(i) || after[std::size_t(i * dof_)] == 0) continue;
+    for (const auto& [other, weight] : d2_[std::size_t(i)])
+      if (other != i && lets_go(int(other)))
+        throw Failure("exact stick: with viscosity between neighbours several nodes let go at once with a jump in their "
+                      "acceleration: motions beside it do it one by one");
+  }
+  return jumps;
 }
 
 // While everything rests.
@@ -329,11 +362,10 @@ std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Pass
   after(wait, p.u.data());
   p.t += wait;
   for (int i = 0; i < nodes_; ++i) {
-    if (dof_ == 3) {  // two solutions of s_t = g(s) that start close together: their distance goes like g
-      const double s0 = start[std::size_t(i * dof_ + 2)], s1 = p.u[std::size_t(i * dof_ + 2)];
-      const RatePartials g0 = law_[i].sliding_rate(0, s0, 0);
-      const double ratio = std::abs(g0.g) > 1e-8 ? law_[i].sliding_rate(0, s1, 0).g / g0.g : std::exp(g0.g_state * wait);
-      for (std::size_t c = 0; c < p.count; ++c) p.deviations[c * size() + std::size_t(i * dof_ + 2)] *= ratio;
+    if (dof_ == 3 && p.count > 0) {
+      const std::size_t state = std::size_t(i * dof_ + 2);
+      const double ratio = closing_of_state(i, start[state], p.u[state], wait);
+      for (std::size_t c = 0; c < p.count; ++c) p.deviations[c * size() + state] *= ratio;
     }
     if (ends || held(i)) continue;
     const double limit = threshold(i, p.u.data());

@@ -19,6 +19,7 @@
 #include <memory>
 #include <vector>
 
+#include "model/jump_matrix.hpp"
 #include "model/loops.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
@@ -52,10 +53,9 @@ class StickMotion {
   // Is called where |psi| of a sliding node is least, without having been 0.
   using Turned = std::function<void(double t, int node, const double* u)>;
 
-  // `stiffness`: added to K0 in the deviations of eta alone: K1 kappa^2 of a wave on nodes that move alike. `tolerance`:
-  // of the error estimate of a step, whose order is below that of the result. Throws UsageError for friction that does
-  // not stick.
-  explicit StickMotion(const Scene& scene, double stiffness = 0, double tolerance = 1e-13);
+  // `tolerance`: of the error estimate of a step, whose order is below that of the result. Throws UsageError for friction
+  // that does not stick.
+  explicit StickMotion(const Scene& scene, double tolerance = 1e-13);
 
   // From now on a slip that turns without a stop is stopped there: psi becomes 0, and eta at most the threshold. The motion
   // changes smoothly with its start where a slip only just comes back to rest, and is the true one where it does.
@@ -66,15 +66,31 @@ class StickMotion {
   int dof() const { return dof_; }
   std::size_t size() const { return std::size_t(nodes_ * dof_); }
   bool held(int node) const;
+  double longest() const { return longest_; }  // step
   double threshold(int node, const double* u) const;        // |eta| that holds the node
   double threshold_slope(int node, const double* u) const;  // by its state
   // N D2 psi at the node where it rests, of unknowns, rates or a deviation: the share of its neighbours.
   double pull(int node, const double* u) const;
 
+  // The Jacobian of the rates, dense and row-major.
+  void jacobian(const std::vector<double>& direction, const double* u, double* J) const;
+  // Of the state of a node at rest: the factor by which two motions that are close come together on the way from s0 to s1,
+  // `wait` later.
+  double closing_of_state(int node, double s0, double s1, double wait) const;
+
   // The directions that follow from u alone, as in a run.
   void decide(Standing& p) const;
   // u_t, with the directions given.
   void rates(const std::vector<double>& direction, const double* u, double* f) const;
+
+  // What the changes from the directions `was` to those of p, which are made at p, do to deviations. With viscosity
+  // neighbours that let go at once with a jump in psi_t would do so in an order of their own for every deviation: throws
+  // Failure.
+  struct Jump {
+    Change change;
+    JumpMatrix matrix;
+  };
+  std::vector<Jump> jumps(const std::vector<double>& was, const Standing& p) const;
 
   bool all_rest(const Standing& p) const;  // however long that lasts, it is passed at once
 
@@ -106,12 +122,11 @@ class StickMotion {
   double locate(const Standing& p, const double* f0, const Candidate& c, double low, double high, bool turning) const;
   void snap(Standing& p, const std::vector<Candidate>& candidates, double h) const;
   std::vector<Change> change(Standing& p) const;
-  void check_order(const std::vector<Change>& changes, const double* before, const double* after) const;
 
   Scene scene_;
   int nodes_, dof_, half_width_;
   bool stops_at_turns_ = false;
-  double stiffness_, tolerance_, longest_;
+  double tolerance_, longest_;
   Frictions law_;
   std::vector<double> amplitude_;
   kernel::Coefficients coefficients_;

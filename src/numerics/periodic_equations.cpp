@@ -19,38 +19,6 @@ const Collocation& gauss() { return Collocation::gauss5(); }
 // Deviations may grow so much within a group before the digits that they cost are felt.
 constexpr double growth_of_group = 1e3;
 
-// The stage equations of one interval: (1 - h a (x) J) Y = R, R with `columns` right-hand sides, stage by stage.
-template <class T>
-void solve_stages(const Collocation& method, int d, int band, double h, const T* J, int columns, std::vector<T>& R) {
-  const size_t s = stages, n = size_t(d) * s;
-  std::vector<T> M(n * n);
-  const auto solved = [&](bool fine) {
-    if (!fine) throw Failure("the collocation equations of an interval are singular");
-  };
-  if (2 * band + 1 >= d) {
-    stage_matrix(method, d, h, J, M.data());
-    return solved(solve_dense(int(n), M.data(), columns, R.data()));
-  }
-  // unknown by unknown, the stages together: a band
-  for (size_t p = 0; p < size_t(d); ++p) {
-    const size_t low = p > size_t(band) ? p - size_t(band) : 0, high = std::min(size_t(d), p + size_t(band) + 1);
-    for (size_t i = 0; i < s; ++i)
-      for (size_t q = low; q < high; ++q)
-        for (size_t j = 0; j < s; ++j)
-          M[(p * s + i) * n + q * s + j] =
-              (i == j && p == q ? 1. : 0.) - h * method.a[i * s + j] * J[(j * size_t(d) + p) * size_t(d) + q];
-  }
-  const size_t c = size_t(columns);
-  std::vector<T> ordered(n * c);
-  for (size_t i = 0; i < s; ++i)
-    for (size_t p = 0; p < size_t(d); ++p)
-      std::copy_n(&R[(i * size_t(d) + p) * c], c, &ordered[(p * s + i) * c]);
-  solved(solve_banded(int(n), int(s) * (band + 1) - 1, M.data(), columns, ordered.data()));
-  for (size_t i = 0; i < s; ++i)
-    for (size_t p = 0; p < size_t(d); ++p)
-      std::copy_n(&ordered[(p * s + i) * c], c, &R[(i * size_t(d) + p) * c]);
-}
-
 // The value at the right end of stage values in columns (component p, column l), beside that at the left end.
 template <class T>
 T at_end(const Collocation& method, size_t d, size_t columns, const std::vector<T>& R, size_t p, size_t l) {
@@ -111,6 +79,38 @@ struct Groups {
 }  // namespace
 
 template <class T>
+void solve_stages(const Collocation& method, int d, int band, double h, const T* J, int columns, std::vector<T>& R) {
+  const size_t s = stages, n = size_t(d) * s;
+  std::vector<T> M(n * n);
+  const auto solved = [&](bool fine) {
+    if (!fine) throw Failure("the collocation equations of an interval are singular");
+  };
+  if (2 * band + 1 >= d) {
+    stage_matrix(method, d, h, J, M.data());
+    return solved(solve_dense(int(n), M.data(), columns, R.data()));
+  }
+  // unknown by unknown, the stages together: a band
+  for (size_t p = 0; p < size_t(d); ++p) {
+    const size_t low = p > size_t(band) ? p - size_t(band) : 0, high = std::min(size_t(d), p + size_t(band) + 1);
+    for (size_t i = 0; i < s; ++i)
+      for (size_t q = low; q < high; ++q)
+        for (size_t j = 0; j < s; ++j)
+          M[(p * s + i) * n + q * s + j] =
+              (i == j && p == q ? 1. : 0.) - h * method.a[i * s + j] * J[(j * size_t(d) + p) * size_t(d) + q];
+  }
+  const size_t c = size_t(columns);
+  std::vector<T> ordered(n * c);
+  for (size_t i = 0; i < s; ++i)
+    for (size_t p = 0; p < size_t(d); ++p)
+      std::copy_n(&R[(i * size_t(d) + p) * c], c, &ordered[(p * s + i) * c]);
+  solved(solve_banded(int(n), int(s) * (band + 1) - 1, M.data(), columns, ordered.data()));
+  for (size_t i = 0; i < s; ++i)
+    for (size_t p = 0; p < size_t(d); ++p)
+      std::copy_n(&ordered[(p * s + i) * c], c, &R[(i * size_t(d) + p) * c]);
+}
+template void solve_stages(const Collocation&, int, int, double, const double*, int, std::vector<double>&);
+
+template <class T>
 std::vector<T> carried(const Collocation& method, int d, int band, double h, const T* J) {
   const size_t n = size_t(d);
   std::vector<T> R(stages * n * n, T(0)), result(n * n);
@@ -122,8 +122,6 @@ std::vector<T> carried(const Collocation& method, int d, int band, double h, con
   return result;
 }
 template std::vector<double> carried(const Collocation&, int, int, double, const double*);
-template std::vector<std::complex<double>> carried(const Collocation&, int, int, double,
-                                                   const std::complex<double>*);
 
 template <class T>
 Pencil<T> pencil_of(int d, const std::vector<T>& matrices) {

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/cycles/stick_cycle.hpp"
 
 namespace stickslip {
 
@@ -52,6 +53,9 @@ struct WaveMap {
 // of many).
 BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMap& waves, int wavenumbers);
 BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers);
+// With exact stick `course` is what described() says of the cycle. Throws Failure where waves have no linear answer: with
+// viscosity between neighbours and nodes that let go at once with a jump in their acceleration.
+BlochSpectrum bloch_spectrum(const StickCycle& cycle, const Cycle& course, const Scene& cell, int wavenumbers);
 
 // What a branch watches besides the cycles' own multipliers: `long-wave` (the diffusion) and, where long waves decay,
 // `wave` (the largest growth rate of a wave of finite length).

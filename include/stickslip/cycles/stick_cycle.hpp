@@ -48,7 +48,6 @@ struct StickCycle {
   double period = 0;
   double residual = 0;                  // |return map - start|, the largest of the free coordinates
   std::string sequence;                 // of starts and stops, in words that differ where it does
-  std::vector<double> map;              // what becomes of deviations in one period, size x size, column by column
   // Where a slip of the cycle would turn if nothing stopped it: the greatest over the slips of psi along its direction,
   // negative, but not below -(1 + |v|)/10; 0 where a slip only grazes rest.
   double depth = 0;
@@ -85,9 +84,6 @@ double uniform_multiplier(const Scene& one_node, const StickCycle& cycle);
 
 // What is said of a cycle, its course sampled for pictures and measures.
 Cycle described(const Scene& scene, const StickCycle& cycle);
-
-// Multipliers of a deviation exp(ikx) from a cycle of uniform motion: `stiffness` is K1 kappa^2(k).
-std::vector<std::complex<double>> wave_multipliers(const Scene& one_node, const StickCycle& cycle, double stiffness);
 
 // The branch of such a cycle: `at` gives the cell as a function of the parameter, `from` is where `first` was found, `range`
 // the length of the range that counts. It goes round folds, and ends where the sequence changes or a slip no longer comes to

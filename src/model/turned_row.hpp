@@ -1,0 +1,18 @@
+// A row of D2 on a ring (stencil.hpp) with each neighbour apart and how many rings on it stands (negative: back): the nodes of
+// a ring are those of a cell that repeats, and its copies beside it may move otherwise. Local to the process.
+#pragma once
+
+#include <vector>
+
+#include "stickslip/model/scene.hpp"
+
+namespace stickslip {
+
+struct TurnedTerm {
+  PetscInt node;
+  double weight;
+  int turns;
+};
+std::vector<TurnedTerm> turned_row(const Scene& ring, PetscInt i);
+
+}  // namespace stickslip
