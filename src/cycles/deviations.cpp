@@ -13,12 +13,10 @@ using std::size_t;
 using Complex = std::complex<double>;
 using Multipliers = std::vector<Complex>;
 
-// What decays is carried to 1e-10 by Gauss's method in steps of so many decay times, and steps are halved for it up to four
-// times (of large systems once or twice). What decays faster still has gone soon: by Radau's method, as Gauss's turns it
-// into an oscillation.
+// What decays is carried by Gauss's method in steps of so many decay times, for which an interval is halved once at most. What
+// decays faster still has gone soon: by Radau's method, as Gauss's turns it into an oscillation. Halving further changes no
+// multiplier by more than the last digits that the motion is known to.
 constexpr double decay_of_step = 1, stiff_from = 2;
-constexpr int most_halvings = 4, most_halvings_of_large = 1;
-constexpr size_t large = 12;
 // Steps in which a wave turns by no more than this carry it to 1e-11.
 constexpr double turn_of_step = .7;
 // The motion is known on twice as fine a mesh as deviations need, unless the phase mode says otherwise.
@@ -89,10 +87,9 @@ std::vector<Deviations::Piece> Deviations::pieces(int halvings) const {
     double decay;
     const double width = mesh_[i + 1] - mesh_[i];
     Piece whole = piece_of(mesh_[i], width, decay);
-    const int most = size_t(d) > large ? most_halvings_of_large : most_halvings;
-    const double decays = std::log2(std::max(1., decay * whole.h / decay_of_step));
-    const double long_ones = std::log2(std::max(1., whole.h / longest * (1 - 1e-12)));
-    const int count = 1 << std::max(int(std::ceil(long_ones)), std::min(most, int(std::ceil(decays))));
+    const int by_decay = decay * whole.h > decay_of_step ? 1 : 0;
+    const double by_length = std::log2(std::max(1., whole.h / longest * (1 - 1e-12)));
+    const int count = 1 << std::max(int(std::ceil(by_length)), by_decay);
     if (count == 1) all.push_back(std::move(whole));
     for (int k = 0; k < count && count > 1; ++k)
       all.push_back(piece_of(mesh_[i] + k * width / count, width / count, decay));

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from calls import SOURCE, call, run
+from calls import SOURCE, call, run, scene_file
 
 TIGHT = {"method": "DOP853", "rtol": 3e-13, "atol": 1e-13}
 CHAIN = "-model_form chain -model_m 1 -model_k0 0.2 -model_f0 1 "
@@ -179,6 +179,21 @@ def test_exact_stick_up_to_grazing():
     assert abs(found["special"][0]["value"] - 2.4047128309) < 1e-8  # by an independent integration
     rest = [point["rest_fraction"] for point in found["branch"]["points"]]
     assert all(before > after for before, after in zip(rest, rest[1:])) and rest[-1] < 1e-3
+
+
+def test_waves_on_a_cell_that_sticks(tmp_path, monkeypatch):
+    """Of two blocks, twisted by 0, a quarter and half a turn: the multipliers of the ring of four such cells."""
+    monkeypatch.chdir(tmp_path)
+    cell, _ = run(scene_file("cycle-stick-pair") + " -cycle_wavenumbers 2 -out_file c.h5", command="cycle")
+    with h5py.File("c.h5") as file:
+        psi, eta = np.tile(file["psi"][0], 4), np.tile(file["eta"][0], 4)
+        quarter, half = file["spectrum/multiplier_re"][...] + 1j * file["spectrum/multiplier_im"][...]
+    np.savetxt("ring.txt", np.column_stack([np.arange(8), psi, eta]), fmt="%.17g")
+    ring, _ = run(scene_file("cycle-stick-pair") + " -cycle_cell 0 -cycle_spectrum false -init_type text -init_file ring.txt "
+                  "-init_noise 0", command="cycle")
+    assert abs(ring["period"] - cell["period"]) < 1e-12 * cell["period"]
+    near(multipliers(ring), np.concatenate([multipliers(cell), quarter, quarter.conj(), half]), 1e-8)
+    assert cell["stable"] and np.ptp(psi) > 0.5 and 0 < cell["rest_fraction"] < 1
 
 
 def test_whole_scene_with_held_end_and_spread():
