@@ -59,8 +59,8 @@ class Integrator {
     for (int attempt = 0; attempt < 200; ++attempt) {
       double error = 0;
       if (!try_step(y, h, have_last_ ? &last_ : nullptr, 1, out, error)) {
-        h /= 4;
-        have_last_ = have_last_ && attempt < 2;
+        if (!(have_last_ && at_rest_)) h /= 4;
+        have_last_ = have_last_ && !at_rest_ && attempt < 2;
         continue;
       }
       const double factor = std::min(4., std::max(.2, .85 * std::pow(std::max(error, 1e-12), -1. / (stages + 1))));
@@ -77,7 +77,10 @@ class Integrator {
     throw Failure("the oscillation's integrator cannot go on: step " + std::to_string(h));
   }
 
-  void restart() { have_last_ = false; }
+  void restart() { have_last_ = at_rest_ = false; }
+  // From now on psi may be all but zero, held there by friction so steep that Newton's own steps shoot through zero, and
+  // that what is extrapolated from the last step is noise.
+  void at_rest() { at_rest_ = o_.steep(); }
 
  private:
   bool solve_stages(Step& step) const {
@@ -94,6 +97,9 @@ class Integrator {
         for (int j = 0; j < stages; ++j) b[i] += step.h * radau().a[size_t(i / d * stages + j)] * G[j * d + i % d];
       }
       if (!solve_dense(n, a, 1, b)) return false;
+      if (at_rest_)
+        for (int i = 0; i < stages; ++i)
+          b[i * d] = o_.newton_step(r2_, stage + i * d, b + i * d, step.h * radau().a[size_t(i * stages + i)]);
       double norm = 0;
       for (int i = 0; i < n; ++i) {
         stage[i] += b[i];
@@ -127,7 +133,7 @@ class Integrator {
   int d_;
   double slope_[stages + 1], value_[stages + 1];
   Step last_;
-  bool have_last_ = false;
+  bool have_last_ = false, at_rest_ = false;
 };
 
 // From y on the section f = v to the next passage of f = v upwards; y becomes the point there, the time is returned.
@@ -145,7 +151,9 @@ class ReturnMap {
     double h = .01 / std::max(scale, 1e-6);
     bool below = false;
     if (divergence) *divergence = 0;
+    constexpr long many_steps = 2000;  // a turn takes some hundred
     for (long count = 0; count < 200000 && t <= 1e9 / std::sqrt(o_.K0() * o_.A()); ++count) {
+      if (count == many_steps) integrator_.at_rest();
       Step step;
       integrator_.step(t, y, h, step);
       const bool passed = below && y[0] >= o_.v();

@@ -45,6 +45,12 @@ double Oscillator::eta(double r2, const double* y) const {
   return (y[1] - node_.B * y[0] - F) / r2 + B_ * y[0] + F;
 }
 
+double Oscillator::newton_step(double r2, const double* y, const double* step, double dt) const {
+  const bool state = dim() == 3;
+  return friction_->newton_psi(y[0], state ? y[2] : 0, y[0] + step[0], state ? y[2] + step[2] : 0,
+                               node_.B + r2 / (node_.A * dt)) - y[0];
+}
+
 void Oscillator::steady(double* y) const {
   const double s = dim() == 3 ? friction_->steady_state(v_) : 0;
   y[0] = v_;

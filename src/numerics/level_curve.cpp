@@ -312,6 +312,10 @@ double length(const CurvePiece& piece) {
   return sum;
 }
 
+int points_of_piece(const CurvePiece& piece, PetscInt points, double total) {
+  return std::max(piece.closed ? 8 : 2, int(std::lround(double(points) * length(piece) / total)));
+}
+
 std::vector<CurvePlace> even_places(const CurvePiece& piece, int count) {
   std::vector<CurvePlace> places;
   if (piece.points.size() < 2) return places;

@@ -342,8 +342,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Bounda
   int jumps = 0, symmetric = 0;
   for (std::size_t number = 0; number < pieces.size(); ++number) {
     const CurvePiece& p = pieces[number];
-    const int count = std::max(p.closed ? 8 : 2, int(std::lround(double(points) * length(p) / total)));
-    for (Crossing& c : placing.piece(even_places(p, count))) {
+    for (Crossing& c : placing.piece(even_places(p, points_of_piece(p, points, total)))) {
       c.piece = int(number);
       if (!growth.vanishes(c)) {
         ++(LinearisedOperator(growth.scene(c.x, c.y)).neutral() ? symmetric : jumps);

@@ -39,6 +39,11 @@ bool crosses(const EndLine& line, PlanePoint a, PlanePoint b) {
   return false;
 }
 
+void sort_from(PlanePoint a, std::vector<EndPlace>& places) {
+  const auto before = [&](const EndPlace& p, const EndPlace& q) { return distance(p.at, a) < distance(q.at, a); };
+  std::sort(places.begin(), places.end(), before);
+}
+
 // Its second half is its first once more, to `alike` of its range.
 bool goes_round_twice(const Cycle& c) {
   constexpr double alike = 2e-3;
@@ -195,8 +200,7 @@ std::vector<EndPlace> BranchEnd::ends_of_uniform(PlanePoint a, PlanePoint b, std
     if (&wrong == &f[low]) k = std::max(-1, k - 2);  // the end lies before: that one again
   }
   samples_ = f;
-  const auto before = [&](const EndPlace& e, const EndPlace& g) { return distance(e.at, a) < distance(g.at, a); };
-  std::sort(found.begin(), found.end(), before);
+  sort_from(a, found);
   return found;
 }
 
@@ -233,8 +237,7 @@ std::vector<EndPlace> BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::v
                   std::to_string(places_of_cell + 1) + " places between " + place_text(a.x, a.y) + " and " +
                   place_text(b.x, b.y) + ")";
   if (!without.empty()) notes.push_back(without[0]);
-  std::sort(found.begin(), found.end(),
-            [&](const EndPlace& p, const EndPlace& q) { return distance(p.at, a) < distance(q.at, a); });
+  sort_from(a, found);
   const auto same = [](const EndPlace& p, const EndPlace& q) {
     return p.kind == q.kind && distance(p.at, q.at) < 1e-8;
   };
@@ -349,8 +352,7 @@ std::vector<Crossing> BranchEnd::curve(PetscInt count, std::vector<std::string>&
       result.push_back(crossing(line.places[0], int(number)));
       continue;
     }
-    const int wanted =
-        std::max(line.piece.closed ? 8 : 2, int(std::lround(double(count) * length(line.piece) / total)));
+    const int wanted = points_of_piece(line.piece, count, total);
     std::vector<double> along{0};
     for (std::size_t k = 1; k < line.places.size(); ++k)
       along.push_back(along.back() + distance(line.places[k].at, line.places[k - 1].at));

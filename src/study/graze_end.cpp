@@ -155,7 +155,7 @@ std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& 
   for (std::size_t number = 0; number < line.pieces.size(); ++number) {
     const CurvePiece& piece = line.pieces[number];
     if (piece.points.size() < 2) continue;
-    const int wanted = std::max(piece.closed ? 8 : 2, int(std::lround(double(count) * length(piece) / total)));
+    const int wanted = points_of_piece(piece, count, total);
     double slope = std::nan("");
     const std::vector<CurvePlace> places = even_places(piece, wanted);
     for (std::size_t k = 0; k < places.size(); ++k) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
@@ -189,6 +190,10 @@ Level LevelRuns::run(PetscInt n, double tolerance) {
 }
 
 double LevelRuns::difference(const Level& a, const Level& b, bool between) const {
+  return std::max(seen_difference(a, b, between), std::numeric_limits<double>::min());
+}
+
+double LevelRuns::seen_difference(const Level& a, const Level& b, bool between) const {
   const bool a_coarser = a.scene.n <= b.scene.n;
   const Level &coarse = a_coarser ? a : b, &fine = a_coarser ? b : a;
   const auto &[of_coarse, seen_coarse] = coarse.answer;
@@ -226,19 +231,18 @@ double LevelRuns::difference_beside_jump(const Level& coarse, const Level& fine)
 void LevelRuns::choose_method() {
   const Scene& scene = request_.scene;
   if (!request_.method_open || Stick::applies_to(scene)) return;
-  const Rates rates = pilot_.rates(setting_.order, setting_.n);
-  friction_sets_steps_ = rates.friction > 3 * rates.wave;
+  const Pilot::AtStart start = pilot_.at_start(setting_.order, setting_.n);
+  friction_sets_steps_ = start.rates.friction > 3 * start.rates.wave;
   // the first levels of an implicit method take longer than that
   constexpr double cheap = 2e-3;
-  if (!request_.options.is_set("imex_implicit") && explicit_seconds(setting_.n) < cheap) return;
-  setting_.method = pilot_.automatic(setting_.order, setting_.n, share_of_time * request_.wanted);
+  if (!request_.options.is_set("imex_implicit") && explicit_seconds(start.rates, setting_.n) < cheap) return;
+  setting_.method = pilot_.automatic(start, share_of_time * request_.wanted);
   if (!setting_.method.is_explicit()) why_ = "explicit steps would be bound by stability";
 }
 
 // Steps of an explicit run are bound by stability: about six over the fastest frequency long (the friction's is seldom
 // met, but at a threshold always), of ten stages of 1.2 ns a node (a smoothed threshold: 7), and 1 us each.
-double LevelRuns::explicit_seconds(PetscInt n) const {
-  const Rates rates = pilot_.rates(setting_.order, n);
+double LevelRuns::explicit_seconds(const Rates& rates, PetscInt n) const {
   const bool threshold = request_.scene.friction.law->jumps_at_rest;
   const double steps = (threshold ? 0.22 : 0.16) * pilot_.t_end() * std::max(rates.wave, rates.friction);
   return steps * (1e-6 + (threshold ? 7e-8 : 1.2e-8) * double(n));
@@ -248,7 +252,8 @@ bool LevelRuns::prefers_explicit(const Level& seen, PetscInt n, double tolerance
   if (!request_.method_open || setting_.method.is_explicit() || request_.options.is_set("imex_implicit")) return false;
   // steps of an implicit run are bound by their error, and cost as much as they would on some 150 nodes more
   const double more = (150 + double(n)) / (150 + double(seen.scene.n));
-  return explicit_seconds(n) < seen.seconds * more * std::pow(seen.tolerance / tolerance, 1. / setting_.method.order());
+  const double as_explicit = explicit_seconds(pilot_.at_start(setting_.order, n).rates, n);
+  return as_explicit < seen.seconds * more * std::pow(seen.tolerance / tolerance, 1. / setting_.method.order());
 }
 
 void LevelRuns::take_explicit() {
@@ -260,7 +265,7 @@ void LevelRuns::take_explicit() {
 
 void Ladder::add(Level made) {
   if (!levels_.empty()) {
-    double d = std::max(runs_.difference(levels_.back(), made), 1e-300);
+    double d = runs_.difference(levels_.back(), made);
     if (request_.of.is_number() && !distances_.empty())
       d = std::max(d, distances_.back() / steepest_fall(levels_[levels_.size() - 2], levels_.back()));
     distances_.push_back(d);
@@ -271,7 +276,7 @@ void Ladder::add(Level made) {
 double Ladder::difference_of_run(double foreseen_of_last) const {
   // a run on a coarser grid than the last level: the error is at its nodes, and seen there
   const bool between = last_run_.scene.n >= levels_.back().scene.n;
-  const double d = std::max(runs_.difference(levels_.back(), last_run_, between), 1e-300);
+  const double d = runs_.difference(levels_.back(), last_run_, between);
   return request_.of.is_number() ? std::max(d, 0.3 * foreseen_of_last) : d;
 }
 

@@ -72,7 +72,7 @@ class LevelRuns {
   int count() const { return count_; }
 
   // Largest |difference| of what is wanted; of fields at the nodes of the coarser one, `between` them, where a level may
-  // miss a front, and at the probes; beside a jump of psi alone.
+  // miss a front, and at the probes; beside a jump of psi alone. Above 0, so that ratios of them are numbers.
   double difference(const Level& a, const Level& b, bool between = true) const;
   // The jump of the solution, if it has one.
   const std::optional<Jump>& jump() const { return jump_; }
@@ -88,7 +88,8 @@ class LevelRuns {
 
  private:
   Trial trial(const Setting& setting, double limit) const;
-  double explicit_seconds(PetscInt n) const;
+  double explicit_seconds(const Rates& rates, PetscInt n) const;
+  double seen_difference(const Level& a, const Level& b, bool between) const;
   double difference_beside_jump(const Level& coarse, const Level& fine) const;
 
   const AccuracyRequest& request_;

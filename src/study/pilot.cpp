@@ -55,24 +55,22 @@ Model Pilot::model(int order, PetscInt n) const {
   return Model(PETSC_COMM_SELF, cells > 1 ? cell_of(scene, cells) : scene);
 }
 
-Rates Pilot::rates(int order, PetscInt n) const {
+Pilot::AtStart Pilot::at_start(int order, PetscInt n) const {
   std::vector<std::string> unheard;
   const WarningsKept kept(unheard);
-  const Model model = this->model(order, n);
-  const VecHandle u = vector_for(model);
-  start_.fill(model, u);
-  return rates_of(model, u);
+  AtStart start{model(order, n), {}};
+  const VecHandle u = vector_for(start.model);
+  start_.fill(start.model, u);
+  start.rates = rates_of(start.model, u);
+  return start;
 }
 
-MethodSpec Pilot::automatic(int order, PetscInt n, double tolerance) const {
+MethodSpec Pilot::automatic(const AtStart& start, double tolerance) const {
   std::vector<std::string> unheard;
   const WarningsKept kept(unheard);
-  const Model model = this->model(order, n);
-  const VecHandle u = vector_for(model);
-  start_.fill(model, u);
   MethodSpec open = MethodSpec::from(options_);
   open.tolerance = tolerance;
-  const Choice choice = choose_method(model, rates_of(model, u), open, "");
+  const Choice choice = choose_method(start.model, start.rates, open, "");
   if (choice.implicit == Implicit::none) return MethodSpec::parse("accuracy", "rk:7vr");
   if (choice.type == TSROSW) return MethodSpec::parse("accuracy", "rosw:ra34pw2");
   return MethodSpec::parse("accuracy", choice.type + ":" + choice.subtype + ":" + to_string(choice.implicit));

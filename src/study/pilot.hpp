@@ -23,10 +23,14 @@ class Pilot {
   // rejected, and leave noise in the shortest waves (docs/chart.md). 0: none.
   double longest_step(const Setting& setting) const;
 
-  // The rates of the scene at its start on this grid, and the time that an explicit run to the end takes at least.
-  Rates rates(int order, PetscInt n) const;
+  // The scene at its start on a grid.
+  struct AtStart {
+    Model model;
+    Rates rates;
+  };
+  AtStart at_start(int order, PetscInt n) const;
   // The method of a run of this tolerance that names none, as Integrator chooses it; where that is explicit, rk:7vr.
-  MethodSpec automatic(int order, PetscInt n, double tolerance) const;
+  MethodSpec automatic(const AtStart& start, double tolerance) const;
   double t_end() const { return t_end_; }
   const Start& start() const { return start_; }
 

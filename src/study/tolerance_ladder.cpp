@@ -185,7 +185,7 @@ void ToleranceLadder::refine() {
   if (before < last.tolerance / 2) {
     add(last_run_);
   } else if (before > 1.5 * last.tolerance && before < levels_[levels_.size() - 2].tolerance) {
-    distances_.back() = std::max(runs_.difference(last, last_run_), 1e-300);
+    distances_.back() = runs_.difference(last, last_run_);
     levels_[levels_.size() - 2] = last_run_;
     if (distances_.size() > 1)
       distances_[distances_.size() - 2] = runs_.difference(levels_[levels_.size() - 3], last_run_);

@@ -49,6 +49,9 @@ class Oscillator {
   double eta(double r2, const double* y) const;
   // F with its derivatives; `state` is not looked at where the law has none.
   Partials partials(double psi, double state) const { return friction_->partials(psi, state); }
+  // Friction is all but a jump at rest: where Newton's step from y for f - dt f' = given is `step`, that of f to take.
+  bool steep() const { return friction_->steep; }
+  double newton_step(double r2, const double* y, const double* step, double dt) const;
   // The steady sliding f = v.
   void steady(double* y) const;
   // The |v| from which on uniform sliding is stable, for the cubic law without a state, whatever r2; else NaN.

@@ -11,6 +11,8 @@
 // for neighbouring places. Nothing communicates but what f does.
 #pragma once
 
+#include <petscsys.h>
+
 #include <functional>
 #include <vector>
 
@@ -60,6 +62,8 @@ struct CurvePlace {
 };
 std::vector<CurvePlace> even_places(const CurvePiece& piece, int count);
 double length(const CurvePiece& piece);
+// How many of `points` are its own, `total` the length of all pieces: 2 at least, of a closed one 8.
+int points_of_piece(const CurvePiece& piece, PetscInt points, double total);
 
 // The zero of f beside a place of the curve. `slope`: that of f along `across` if known, else NaN; set to the last one
 // seen. Empty where f has no zero within 0.1. f is asked at the nearest place of the square.
