@@ -4,6 +4,7 @@ the loading, MPI_Init and MPI_Finalize; several ranks cannot be served."""
 import atexit
 import functools
 import os
+import resource
 import shutil
 import struct
 import subprocess
@@ -22,9 +23,10 @@ def library():
 
 
 class Server:
-    """One program that waits; `cpu`, `wall`: seconds after which a use ends by SIGXCPU and by SIGALRM."""
+    """One program that waits; `cpu`, `wall`: seconds after which a use ends by SIGXCPU and by SIGALRM; `memory`: bytes
+    that it may have beyond those of the program that waits."""
 
-    def __init__(self, program, cpu, wall):
+    def __init__(self, program, cpu, wall, memory=None):
         self.program = program
         self.session = tempfile.mkdtemp(prefix="stickslip-")  # Open MPI's folder
         asked, self.requests = os.pipe()
@@ -36,6 +38,11 @@ class Server:
                                         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         os.close(asked)
         os.close(told)
+        if memory:
+            self.run(["--version"], self.session, "/dev/null", "/dev/null")  # by now it has what it has
+            with open(f"/proc/{self.process.pid}/statm", encoding="ascii") as file:
+                size = int(file.read().split()[0]) * os.sysconf("SC_PAGESIZE")
+            resource.prlimit(self.process.pid, resource.RLIMIT_AS, (size + memory, size + memory))
 
     def run(self, words, folder, out, err):
         """Exit code (negative: a signal) and seconds of processor time of the program with these words in `folder`;

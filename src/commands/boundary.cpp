@@ -245,7 +245,7 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
 
 int boundary_command(const Options& options) {
   const Provenance provenance = Provenance::of("boundary", options.all());
-  check_outputs(options.text("out_file"), options.text("summary"));
+  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance, {"points", "meetings", "special", "verified", "notes", "evaluations"}, options.text("summary"));
   const std::vector<Axis> axes = axes_from(options);
   const auto varied = [&](const std::vector<Axis>& along) {

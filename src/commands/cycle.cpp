@@ -211,7 +211,7 @@ void add_branch(Summary& summary, ResultFile& file, const std::string& name, con
 
 int cycle_command(const Options& options) {
   const Provenance provenance = Provenance::of("cycle", options.all());
-  check_outputs(options.text("out_file"), options.text("summary"));
+  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance,
                   {"period", "amplitude", "psi_max", "psi_min", "rest_fraction", "force_drop", "multipliers", "stable",
                    "stable_alike", "growth_rate", "wavenumber", "diffusion", "decided", "multiplier_error", "residual",

@@ -67,7 +67,7 @@ int laws_command(const Options& options) {
     throw UsageError("-laws_from " + number_text(from) + ": it must be below laws_to, " + number_text(to));
   const PetscInt points = options.integer("laws_points");
   check_unused_after_setup(options);
-  check_outputs(options.text("out_file"), options.text("summary"));
+  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
 
   const Provenance provenance = Provenance::of("laws", options.all());
   std::vector<std::string> keys = {"psi"};

@@ -136,7 +136,7 @@ std::string work_words(const Summary& s) {
 int run_command(const Options& asked) {
   const Options options = effective_options(asked);
   const Provenance provenance = Provenance::of("run", options.all());
-  check_outputs(options.text("out_file"), options.text("summary"));
+  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   if (options.is_set("accuracy_of") && !options.is_set("accuracy"))
     throw UsageError("accuracy_of " + options.text("accuracy_of") + ": it says what -accuracy is wanted of, which is not set");
   std::vector<std::string> keys = {"t_end", "steps", "rejections", "rhs_evaluations", "method", "implicit", "unknowns",

@@ -184,7 +184,7 @@ Json uniform_state_list(const Scene& scene, const Options& options, Summary& sum
 
 int spectrum_command(const Options& options) {
   const Provenance provenance = Provenance::of("spectrum", options.all());
-  check_outputs(options.text("out_file"), options.text("summary"));
+  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance,
                   {"steady", "growth_rate", "growth_rate_error", "frequency", "degenerate", "stable", "growth_continuum",
                    "wavenumber_continuum", "eigenvalues", "dispersion_error", "complete", "list_complete", "missing",

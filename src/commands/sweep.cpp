@@ -177,7 +177,7 @@ int sweep_command(const Options& asked) {
   const SweepPlan plan(sweep, base);
   const std::string path = sweep.text("out_file");
   check_scenes(plan, base);
-  check_outputs(path, sweep.text("summary"));
+  const OutputLock lock = check_outputs(path, sweep.text("summary"));
   check_csv(path);
   Summary summary(Provenance::of("sweep", sweep.all()),
                   {"points", "done", "failed", "first_failure", "groups", "full_grid", "saved", "changes", "differing",

@@ -165,7 +165,7 @@ void describe(Summary& summary, const Options& options, const Branch& branch) {
 
 int wave_command(const Options& options) {
   const Provenance provenance = Provenance::of("wave", options.all());
-  check_outputs(options.text("out_file"), options.text("summary"));
+  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance,
                   {"speed", "length", "pulses", "period", "psi_max", "psi_min", "residual", "error_estimate", "stable",
                    "eigenvalues", "growth_rate", "translation_error", "complete", "completeness_check", "endless",

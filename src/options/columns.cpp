@@ -13,6 +13,7 @@ namespace stickslip {
 
 namespace {
 
+constexpr std::size_t longest_line = 4096;
 constexpr std::size_t longest = 1000000;  // rows: more is no table that anybody means
 
 std::vector<double> row_of(std::string line, const std::string& place) {
@@ -34,8 +35,9 @@ std::vector<std::vector<double>> read_columns(const std::string& option, const s
   std::ifstream file(path);
   if (!file) throw UsageError(name + ": cannot be read: " + std::strerror(errno));
   std::vector<std::vector<double>> rows;
-  std::string line;
-  for (std::size_t number = 1; std::getline(file, line); ++number) {
+  char buffer[longest_line];
+  for (std::size_t number = 1; file.getline(buffer, sizeof buffer); ++number) {
+    std::string line(buffer, std::size_t(file.gcount()) - (file.eof() ? 0 : 1));
     const std::string place = name + ":" + std::to_string(number);
     if (!line.empty() && line.back() == '\r') line.pop_back();
     std::vector<double> row = row_of(line, place);
@@ -50,6 +52,7 @@ std::vector<std::vector<double>> read_columns(const std::string& option, const s
     if (rows.size() > longest) throw UsageError(name + ": more than " + std::to_string(longest) + " rows");
   }
   if (file.bad()) throw UsageError(name + ": cannot be read: " + std::strerror(errno));  // a folder, for one
+  if (!file.eof()) throw UsageError(name + ": a line of more than " + std::to_string(longest_line - 1) + " bytes");
   if (rows.empty()) throw UsageError(name + ": holds no numbers");
   return rows;
 }

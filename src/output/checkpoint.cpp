@@ -139,15 +139,14 @@ void read_file(const std::string& path, Checkpoint& checkpoint) {
   checkpoint.dt = h5::read_real_attribute(file, "dt");
   checkpoint.step = h5::read_integer_attribute(file, "step");
   checkpoint.texts = parse_text_map(h5::read_text_attribute(file, "texts"));
-  const Id numbers(H5Gopen2(file, "numbers", H5P_DEFAULT));
-  if (!numbers) h5::fail("read the numbers of", path);
+  const Id numbers = h5::open_group(file, "numbers");
   for (const std::string& name : h5::attribute_names(numbers))
     checkpoint.numbers[name] = h5::read_real_attribute(numbers, name);
   for (const std::string& name : h5::members(file, "arrays"))
     checkpoint.arrays[name] = h5::read_reals(file, "arrays/" + name);
   // Of the fields, which are read later, here only so much as shows whether the library can.
   for (const std::string& name : h5::members(file, "fields")) {
-    const Id dataset(H5Dopen2(file, ("fields/" + name).c_str(), H5P_DEFAULT));
+    const Id dataset = h5::open_dataset(file, "fields/" + name);
     const std::vector<hsize_t> size = dataset ? h5::extents(dataset) : std::vector<hsize_t>{};
     if (size.size() != 1) throw Failure("is damaged (its field '" + name + "')");
     if (size[0] > 0) (void)h5::read_rows(dataset, size[0] - 1, 1, 1);
@@ -192,7 +191,7 @@ std::vector<double> Checkpoint::field(const std::string& name, const NodeRange& 
   Id file, dataset;
   on_root(PETSC_COMM_WORLD, [&] {
     file = h5::open_file(path);
-    if (h5::exists(file, "fields/" + name)) dataset = Id(H5Dopen2(file, ("fields/" + name).c_str(), H5P_DEFAULT));
+    dataset = h5::open_dataset(file, "fields/" + name);
     if (!dataset || h5::extents(dataset) != std::vector<hsize_t>{hsize_t(nodes.all) * hsize_t(each)})
       throw std::runtime_error("its field '" + name + "' does not fit the scene");
   });

@@ -10,7 +10,7 @@ namespace stickslip::h5 {
 namespace {
 
 bool has_same_axis(hid_t old, const GrowingTable& table) {
-  const Id dataset(H5Dopen2(old, table.path("x").c_str(), H5P_DEFAULT));
+  const Id dataset = open_dataset(old, table.path("x"));
   if (!dataset) fail("read x of", old);
   if (const auto sizes = extents(dataset); sizes.size() != 1 || sizes[0] != table.x.size) return false;
   for (hsize_t first = 0; first < table.x.size; first += largest_piece) {
@@ -36,8 +36,8 @@ EarlierRows earlier_rows(hid_t old, const std::string& name, const GrowingTable&
   const hsize_t wide = table.by_ranks ? table.x.size : source.x.size();
   for (std::size_t c = 0; c < table.columns.size(); ++c) {
     const std::string path = table.path(table.columns[c].field.name);
-    if (!exists(old, path)) continue;
-    source.datasets[c] = Id(H5Dopen2(old, path.c_str(), H5P_DEFAULT));
+    source.datasets[c] = open_dataset(old, path);
+    if (!source.datasets[c]) continue;
     const auto sizes = extents(source.datasets[c]);
     const bool fits = table.columns[c].wide ? sizes.size() == 2 && sizes[1] == wide : sizes.size() == 1;
     if (!fits || sizes[0] < source.rows) throw Failure("'" + name + "': " + path + " does not fit its t and x");

@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
@@ -19,6 +20,9 @@
 namespace stickslip::h5 {
 
 namespace {
+
+constexpr hsize_t largest_chunk = 1 << 26;    // bytes: rank 0 holds one
+constexpr hsize_t most_compressed = 1 << 24;  // values in a file that need not have a byte for each
 
 // The innermost entry of the error stack says what the system said: "... error message = 'No space left on device'".
 herr_t innermost(unsigned, const H5E_error2_t* entry, void* out) {
@@ -89,6 +93,7 @@ void quiet() {
   static const bool once = [] {
     H5open();
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+    H5PLset_loading_state(0);  // no code is loaded for the sake of a file's filters
     return true;
   }();
   (void)once;
@@ -155,7 +160,10 @@ bool has_attribute(hid_t object, const std::string& name) { return H5Aexists(obj
 bool exists(hid_t file, const std::string& path) {
   for (std::size_t slash = path.find('/', 1);; slash = path.find('/', slash + 1)) {
     const std::string part = path.substr(0, slash);
+    H5L_info_t link;
     if (H5Lexists(file, part.c_str(), H5P_DEFAULT) <= 0) return false;
+    if (H5Lget_info(file, part.c_str(), &link, H5P_DEFAULT) < 0) fail("read the links of", file);
+    if (link.type != H5L_TYPE_HARD) throw Failure("its '" + part + "' is a link to elsewhere, which is not followed");
     if (slash == std::string::npos) return true;
   }
 }
@@ -188,17 +196,35 @@ std::vector<hsize_t> extents(hid_t dataset) {
   return sizes;
 }
 
-std::vector<double> read_reals(hid_t file, const std::string& name) {
-  const Id dataset(exists(file, name) ? H5Dopen2(file, name.c_str(), H5P_DEFAULT) : -1);
-  if (!dataset) throw Failure("'" + file_name(file) + "' has no dataset '" + name + "'");
-  const Id type(H5Dget_type(dataset));
+Id open_dataset(hid_t file, const std::string& path) {
+  Id dataset(exists(file, path) ? H5Dopen2(file, path.c_str(), H5P_DEFAULT) : -1);
+  if (!dataset) return dataset;
+  const auto refuse = [&](const std::string& why) { throw Failure("its dataset '" + path + "' " + why); };
+  const Id type(H5Dget_type(dataset)), creation(H5Dget_create_plist(dataset));
   const H5T_class_t kind = H5Tget_class(type);
-  if (kind != H5T_FLOAT && kind != H5T_INTEGER)
-    throw Failure("dataset '" + name + "' of '" + file_name(file) + "' does not hold numbers");
+  if ((kind != H5T_FLOAT && kind != H5T_INTEGER) || H5Tget_size(type) > 16) refuse("does not hold numbers");
+  const H5D_layout_t layout = H5Pget_layout(creation);
+  if (layout == H5D_VIRTUAL || (layout == H5D_CONTIGUOUS && H5Pget_external_count(creation) > 0))
+    refuse("has its values in other files, which are not opened");
+  hsize_t chunk[H5S_MAX_RANK], values = 1;
+  const int rank = layout == H5D_CHUNKED ? H5Pget_chunk(creation, H5S_MAX_RANK, chunk) : 0;
+  for (int d = 0; d < rank; ++d) values *= chunk[d];  // a chunk has less than 2^32 bytes
+  if (values * H5Tget_size(type) > largest_chunk) refuse("is in chunks of more than 64 MB");
+  return dataset;
+}
+
+hsize_t most_values(hid_t file) {
+  hsize_t size = 0;
+  if (H5Fget_filesize(file, &size) < 0) fail("read the size of", file);
+  return std::max(size, most_compressed);
+}
+
+std::vector<double> read_reals(hid_t file, const std::string& name) {
+  const Id dataset = open_dataset(file, name);
+  if (!dataset) throw Failure("'" + file_name(file) + "' has no dataset '" + name + "'");
   const Id space(H5Dget_space(dataset));
   const hssize_t points = H5Sget_simple_extent_npoints(space);
-  hsize_t size = 0;
-  if (points < 0 || H5Fget_filesize(file, &size) < 0 || static_cast<hsize_t>(points) > size)
+  if (points < 0 || static_cast<hsize_t>(points) > most_values(file))
     throw Failure("is damaged (dataset '" + name + "' is larger than the file)");
   std::vector<double> values(static_cast<std::size_t>(points));
   if (!values.empty() && H5Dread(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
@@ -233,12 +259,17 @@ std::vector<std::string> attribute_names(hid_t object) {
   return names;
 }
 
-std::vector<std::string> members(hid_t file, const std::string& group) {
-  const Id handle(H5Gopen2(file, group.c_str(), H5P_DEFAULT));
+Id open_group(hid_t file, const std::string& group) {
+  Id handle(group == "/" || exists(file, group) ? H5Gopen2(file, group.c_str(), H5P_DEFAULT) : -1);
   if (!handle) fail("open group " + group + " of", file);
+  return handle;
+}
+
+std::vector<std::string> members(hid_t file, const std::string& group) {
+  const Id handle = open_group(file, group);
   std::vector<std::string> names;
-  const auto visit = [](hid_t, const char* name, const H5L_info_t*, void* out) -> herr_t {
-    static_cast<std::vector<std::string>*>(out)->emplace_back(name);
+  const auto visit = [](hid_t, const char* name, const H5L_info_t* link, void* out) -> herr_t {
+    if (link->type == H5L_TYPE_HARD) static_cast<std::vector<std::string>*>(out)->emplace_back(name);
     return 0;
   };
   hsize_t at = 0;

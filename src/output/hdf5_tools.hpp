@@ -59,7 +59,14 @@ void write_attribute(hid_t object, const std::string& name, const std::string& t
 void write_attribute(hid_t object, const std::string& name, double value);
 void write_attribute(hid_t object, const std::string& name, std::int64_t value);
 bool has_attribute(hid_t object, const std::string& name);
-bool exists(hid_t file, const std::string& path);  // a link, each group on the way included
+// A link, each group on the way included. Only what lies in the file itself exists: soft and external links throw
+// Failure, so that no file but the one named is opened.
+bool exists(hid_t file, const std::string& path);
+Id open_group(hid_t file, const std::string& group);  // throws Failure where there is none
+// Of numbers that lie in the file itself; nothing where there is no such dataset. Throws Failure where its values are
+// elsewhere (external storage, virtual datasets), are no numbers, or lie in chunks of more than 64 MB.
+Id open_dataset(hid_t file, const std::string& path);
+hsize_t most_values(hid_t file);  // that may be read of it: one a byte, or 2^24 where it is shorter (compressed)
 // These throw Failure where the attribute is missing or of another type.
 std::string read_text_attribute(hid_t object, const std::string& name);
 double read_real_attribute(hid_t object, const std::string& name);
@@ -73,7 +80,7 @@ std::vector<double> read_block(hid_t dataset, hsize_t row, hsize_t rows, hsize_t
 
 std::vector<std::string> attribute_names(hid_t object);
 
-// Names of the links in a group, sorted.
+// Names of what lies in a group of the file itself, sorted.
 std::vector<std::string> members(hid_t file, const std::string& group);
 
 // Opens a file from outside on rank 0: check(), which throws Failure where it is not what it should be, then read(), first

@@ -33,17 +33,20 @@ void check_output_path(const std::string& path) {
   });
 }
 
-void check_outputs(const std::string& out_file, const std::string& summary) {
+OutputLock check_outputs(const std::string& out_file, const std::string& summary) {
+  OutputLock lock;
   if (!out_file.empty()) check_output_path(out_file);
   if (!summary.empty()) check_summary_path(summary);
-  if (out_file.empty() || summary.empty()) return;
+  if (out_file.empty()) return lock;
   on_root(PETSC_COMM_WORLD, [&] {
     const auto place = [](const std::string& path) {
       return paths::resolved(paths::folder(path)) + "/" + paths::file(path);
     };
-    if (place(paths::resolved(out_file)) == place(paths::resolved(summary)))
+    if (!summary.empty() && place(paths::resolved(out_file)) == place(paths::resolved(summary)))
       throw UsageError("summary '" + summary + "': is the same file as out_file");
+    lock = OutputLock(out_file);
   });
+  return lock;
 }
 
 namespace {
@@ -65,16 +68,41 @@ void reading(const std::string& what, const std::string& path, Body&& body) {
 // The same where the file may not be one of this program, with an empty kind then.
 FileHeader header_of(hid_t file) { return h5::has_attribute(file, "program") ? h5::read_header(file) : FileHeader(); }
 
+// How much of a file may be held, all its fields together.
+class Room {
+ public:
+  explicit Room(hid_t file) : left_(h5::most_values(file)) {}
+  void take(hsize_t values) {
+    if (values > left_) throw Failure("is damaged (its fields are larger than the file)");
+    left_ -= values;
+  }
+
+ private:
+  hsize_t left_;
+};
+
+// A dataset of numbers; nothing for what else a file may hold, unless it stands under the name of a field.
+Id number_dataset(hid_t file, const std::string& name) {
+  try {
+    return h5::open_dataset(file, name);
+  } catch (const Failure&) {
+    if (name == "psi" || name == "eta") throw;
+    return Id();
+  }
+}
+
 // The variables of x in a file of others: one frame of those that have several.
 void read_variables(hid_t file, std::int64_t index, Frame& frame) {
   frame.x = h5::read_reals(file, "x");
   frame.count = 1;
   const auto width = static_cast<hsize_t>(frame.x.size());
+  Room room(file);
   for (const std::string& name : h5::members(file, "/")) {
-    const Id object(H5Oopen(file, name.c_str(), H5P_DEFAULT));
-    if (name == "x" || H5Iget_type(object) != H5I_DATASET) continue;
+    const Id object = number_dataset(file, name);
+    if (name == "x" || !object) continue;
     const auto sizes = h5::extents(object);
     if (sizes.empty() || sizes.size() > 2 || sizes.back() != width) continue;
+    room.take(width);
     const auto frames = sizes.size() == 2 ? static_cast<std::int64_t>(sizes[0]) : 1;
     const std::int64_t wanted = index == -1 ? frames - 1 : index;
     if (wanted < 0 || wanted >= frames)
@@ -107,7 +135,7 @@ DataArray read_array(const std::string& what, const std::string& path, const std
   reading(what, path, [&](hid_t file) {
     (void)h5::read_header(file);
     array.values = h5::read_reals(file, name);
-    const Id dataset(H5Dopen2(file, name.c_str(), H5P_DEFAULT));
+    const Id dataset = h5::open_dataset(file, name);
     for (const hsize_t size : h5::extents(dataset)) array.shape.push_back(size);
   });
   broadcast(array.shape);
@@ -121,7 +149,10 @@ Frame read_frame(const std::string& what, const std::string& path, std::int64_t 
     const FileHeader header = header_of(file);
     const auto check_fields = [&] {
       for (const char* name : {"psi", "eta"})
-        if (!frame.fields.count(name)) throw Failure(std::string("has no dataset '") + name + "' of (t, x)");
+        if (!frame.fields.count(name)) {
+          (void)h5::exists(file, name);  // throws where it is a link
+          throw Failure(std::string("has no dataset '") + name + "' of (t, x)");
+        }
     };
     if (header.kind.empty()) {
       read_variables(file, index, frame);
@@ -137,11 +168,13 @@ Frame read_frame(const std::string& what, const std::string& path, std::int64_t 
                     "), not frame " + std::to_string(index));
     frame.t = t[static_cast<std::size_t>(frame.index)];
     frame.options = header.options;
+    Room room(file);
     for (const std::string& name : h5::members(file, "/")) {
-      const Id object(H5Oopen(file, name.c_str(), H5P_DEFAULT));
-      if (H5Iget_type(object) != H5I_DATASET) continue;
+      const Id object = number_dataset(file, name);
+      if (!object) continue;
       const auto sizes = h5::extents(object);
       if (sizes.size() != 2 || sizes[1] != frame.x.size() || sizes[0] <= static_cast<hsize_t>(frame.index)) continue;
+      room.take(sizes[1]);
       frame.fields[name] = h5::read_rows(object, static_cast<hsize_t>(frame.index), 1, sizes[1]);
     }
     check_fields();

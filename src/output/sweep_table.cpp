@@ -350,7 +350,10 @@ void check_csv(const std::string& out_file) {
   on_root(PETSC_COMM_WORLD, [&] {
     const std::string path = csv_beside(out_file);
     if (path == out_file) throw UsageError("out_file '" + out_file + "': the HDF5 file of a sweep; its CSV has that name");
-    if (paths::check_writable("out_file", path) == paths::Present::nothing) return;
+    const paths::Present present = paths::check_writable("out_file", path);
+    if (present == paths::Present::nothing) return;
+    if (present == paths::Present::special)
+      throw UsageError("out_file '" + out_file + "': '" + path + "' beside it is not a regular file");
     std::ifstream old(path);
     std::string first;
     if (std::getline(old, first) && first.rfind("number,", 0) != 0)

@@ -209,7 +209,7 @@ int chart_errors(const Options& options) {
                      to_string(scene.friction.law));
   if (options.real("ts_max_time") == 0) throw UsageError("ts_max_time 0: a chart needs a run of some length");
   const std::string out_file = options.text("out_file");
-  check_outputs(out_file, options.text("summary"));
+  const OutputLock lock = check_outputs(out_file, options.text("summary"));
 
   const Provenance provenance = Provenance::of("chart", options.all());
   Summary summary(provenance, {"rows", "best", "reference_error", "reference", "clock"}, options.text("summary"));

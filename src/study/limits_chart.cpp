@@ -115,7 +115,7 @@ const OptionSpec* parameter_of(const Options& options) {
 
 int chart_limits(const Options& options) {
   const Provenance provenance = Provenance::of("chart", options.all());
-  check_outputs(options.text("out_file"), options.text("summary"));
+  const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance, {"rows", "best", "reference_error", "silent"}, options.text("summary"));
   const std::vector<MethodSpec> choices = wanted_methods(options);
   const OptionSpec* spec = parameter_of(options);

@@ -9,11 +9,13 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 
 import h5py
 import numpy as np
 import xarray
 
+import calls
 from calls import PROGRAM, SOURCE, check, started
 
 sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
@@ -203,3 +205,26 @@ def test_pictures():
                       ["a.h5", "--field", "tau"], [sorted(glob.glob("reference1.chk-*.h5"))[-1]], ["laws.h5", "--phase"]):
         code, said = plot(*arguments)
         check(code == 2 and said.count("\n") == 1 and said.startswith("plot.py: error: "), f"{arguments}: {said}")
+
+
+def test_two_writers():
+    """A file that one command writes is refused to a second one; a killed one holds nobody off."""
+    scene = "-grid_n 2000 -init_type sine -ts_max_time 1e6 -ts_type rk -ts_rk_type 3bs -out_times 0,1e6"
+    first, _ = started(f"{scene} -out_file one.h5", 1, ".one.h5.lock")
+    try:
+        os.makedirs("sub")
+        os.symlink("../one.h5", "sub/link.h5")
+        said = f"one.h5': another command writes it now (process {first.pid} on "
+        points = "-sweep_parameter1 model_v -sweep_values1 1,2 -grid_n 16"
+        calls.refused("-grid_n 16 -ts_max_time 1 -out_file one.h5", 2, "out_file", said)
+        calls.refused("-out_file ./one.h5", 2, "out_file", said, command="laws")
+        calls.refused(f"{points} -out_file one.h5", 2, "out_file", said, command="sweep")
+        while not os.path.exists("one.h5"):
+            time.sleep(0.01)
+        calls.refused("-grid_n 16 -ts_max_time 1 -out_file sub/link.h5", 2, "another command writes it now")
+        calls.run("-grid_n 16 -ts_max_time 1 -out_file two.h5")
+    finally:
+        first.kill()
+        first.wait()
+    calls.run("-grid_n 16 -ts_max_time 1 -out_file one.h5")
+    check(not [name for name in os.listdir(".") if name.endswith(".lock")], "locks are left")

@@ -7,14 +7,17 @@
 #include <string>
 #include <vector>
 
+#include "stickslip/output/output_lock.hpp"
+
 namespace stickslip {
 
 // Throws UsageError where option out_file with this text cannot be written at the end of the work: an empty name, a
 // folder, a missing or unwritable folder, an existing file that this program did not write. Collective.
 void check_output_path(const std::string& path);
 
-// Both outputs of a command at once, and that they are not one and the same file. "" stands for none. Collective.
-void check_outputs(const std::string& out_file, const std::string& summary);
+// Both outputs of a command at once, that they are not one and the same file, and that no other command writes out_file
+// now: what comes back holds others off as long as it lives. "" stands for none. Throws UsageError. Collective.
+[[nodiscard]] OutputLock check_outputs(const std::string& out_file, const std::string& summary);
 
 // What a file of this program holds. All three below are collective, give every rank the same, and throw UsageError,
 // which begins with `WHAT 'PATH': ` (WHAT is the option's name), where the file is missing, not ours or lacks it.
