@@ -169,7 +169,24 @@ def scene(random, uniform=False, form=None, least=30, most=110):
 
 
 def words(p):
-    return [w for name, value in p.items() for w in ("-" + name, str(value))]
+    """The options of a scene; one that is an array has a value for each block of a chain: its profile."""
+    text = []
+    for name, value in p.items():
+        if isinstance(value, np.ndarray):
+            name, value = name + "_profile", ",".join(f"{i}:{float(at)!r}" for i, at in enumerate(value))
+        text += ["-" + name, str(value)]
+    return text
+
+
+def with_profiles(random, p):
+    """A scene of a chain without held ends in which some of friction's parameters, or its amplitude, differ from block to
+    block."""
+    numbers = [name for name in p if name.startswith(("friction_", "state_")) and isinstance(p[name], float)]
+    chosen = [name for name in numbers if random.random() < 0.6]
+    p = p | {name: p[name] * random.uniform(0.7, 1.4, p["grid_n"]) for name in chosen}
+    if not chosen or random.random() < 0.5:
+        p["friction_amplitude"] = random.uniform(0.6, 1.5, p["grid_n"])
+    return p
 
 
 def amplitudes(p, steady_psi, steady_eta):

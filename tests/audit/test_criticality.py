@@ -4,6 +4,7 @@ import os
 import sys
 
 import numpy as np
+import pytest
 
 from calls import call, check, data, run
 
@@ -23,7 +24,15 @@ def scene(random):
     return p
 
 
+def scene_with_profiles(random):
+    p = sliding.scene(random, uniform=True, form="chain", least=3, most=6)
+    p = {name: value for name, value in p.items() if name != "model_v" and not name.startswith("bc_")}
+    return sliding.with_profiles(random, p | ({"bc_left": "free", "bc_right": "free"} if random.random() < 0.7 else {}))
+
+
 def amplitudes(p, value):
+    if "friction_amplitude" in p:
+        return p["friction_amplitude"]
     if "friction_spread" not in p:
         return None
     done = call(sliding.words(p | {"model_v": value}) + ["-spectrum_refine", "off", "-out_file", "s.h5"], command="spectrum")
@@ -57,9 +66,10 @@ def compare(p, point, what):
     return compared
 
 
-def test_coefficients_are_those_of_small_oscillations(scenes):
+@pytest.mark.parametrize("draw", (scene, scene_with_profiles))
+def test_coefficients_are_those_of_small_oscillations(scenes, draw):
     compared = []
-    for index, p in scenes(scene, 61):
+    for index, p in scenes(draw, 61):
         words = sliding.words(p) + ["-spectrum_refine", "off", "-boundary_of", "sliding", "-boundary_parameter", "model_v", "-boundary_from", "0.15",
                                     "-boundary_to", "2"]
         summary, _ = run(words, code=None, command="boundary")

@@ -4,6 +4,7 @@ import subprocess
 
 import h5py
 import numpy as np
+import pytest
 
 from calls import SOURCE, check, data, run, scene_file
 from files_page import FilesPage, disagreements
@@ -15,16 +16,25 @@ def last_amplitude(words, t, period):
     """Half of the range of psi over the last two periods of a run to the time t."""
     run(f"{words} -ts_max_time {t} -ts_rtol 1e-8 -ts_atol 1e-10 -out_file a.h5 -out_every {period / 60}")
     found = data("a.h5")
-    psi = found["psi"][found["t"] > t - 2.1 * period, 0]
-    return np.ptp(psi) / 2
+    psi = found["psi"][found["t"] > t - 2.1 * period]
+    return np.ptp(psi, axis=0).max() / 2  # of the block that moves most
 
 
-def test_the_amplitude_that_grows_out_of_sliding():
+RATE = "-friction_law rate-and-state -state_law ageing -friction_a 0.05 -model_v 0.1 "
+GROWING = {"block": BLOCK + RATE + "-friction_D 0.1 ",
+           "profiles": "-model_form chain -grid_n 3 -bc_left free -model_k1 0.3 " + RATE +
+                       "-friction_D_profile 0:0.08,1:0.1,2:0.14 -friction_b_profile 0:0.13,1:0.07,2:0.11 "
+                       "-friction_amplitude_profile 0:1.2,2:0.8 "}
+
+
+@pytest.mark.parametrize("which", GROWING)
+def test_the_amplitude_that_grows_out_of_sliding(which):
     # ageing law, a fast plate: beside the boundary the motion settles at sqrt(-growth/l), with an error of order a^2
-    words = BLOCK + "-friction_law rate-and-state -state_law ageing -friction_a 0.05 -friction_D 0.1 -model_v 0.1 "
-    found, _ = run(words + "-boundary_parameter model_k0 -boundary_from 0.1 -boundary_to 20 -boundary_log", command="boundary")
+    words = GROWING[which]
+    found, _ = run(words + "-boundary_parameter model_k0 -boundary_from 0.1 -boundary_to 20 -boundary_log -boundary_of sliding",
+                   command="boundary")
     point = found["points"][0]
-    check(point["criticality"] == "supercritical", point)
+    check(point["criticality"] == "supercritical" and point["lyapunov_of"] == ("uniform" if which == "block" else "mode"), point)
     off = []
     for share in (0.94, 0.98):
         here = words + f"-model_k0 {share * point['value']!r} "
