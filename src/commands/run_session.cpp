@@ -221,11 +221,7 @@ ObservationPlan Run::plan() {
 void Run::open_file() {
   ObservationPlan plan = this->plan();
   const bool with_file = options_.is_set("out_file");
-  integrator_->set_output_times([next = plan.next_times](double t) {
-    double first = std::numeric_limits<double>::infinity();
-    for (const auto& one : next) first = std::min(first, one(t));
-    return first;
-  });
+  integrator_->set_output_times([plan](double t) { return plan.next_time(t); });
   if (plan.layout.frames > 0 && !integrator_->interpolation_caveat().empty())
     warn(integrator_->interpolation_caveat());
   if (with_file) {

@@ -8,6 +8,7 @@
 
 #include "cycles/cell_field.hpp"
 #include "cycles/profile.hpp"
+#include "numerics/hermite.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/text.hpp"
@@ -34,8 +35,8 @@ struct Sample {
 
 // Cubic between two samples.
 double hermite(const Sample& a, const Sample& b, double t, size_t k) {
-  const double h = b.t - a.t, s = (t - a.t) / h, r = 1 - s;
-  return r * r * (1 + 2 * s) * a.y[k] + s * s * (3 - 2 * s) * b.y[k] + h * s * r * (r * a.f[k] - s * b.f[k]);
+  const double h = b.t - a.t;
+  return HermiteCubic(a.y[k], b.y[k], h * a.f[k], h * b.f[k])((t - a.t) / h);
 }
 
 PetscErrorCode rates_for_ts(TS, PetscReal, Vec u, Vec f, void* context) {

@@ -1,9 +1,10 @@
-// How fast the parts of a scene act, for steps in time (model.hpp).
+// How fast the parts of a scene act, for steps in time (model.hpp), and how far (reach.hpp).
 #include <algorithm>
 #include <cmath>
 
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/model/reach.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
@@ -32,6 +33,11 @@ double own_frequency(const Scene& s) {
 
 double viscous_rate(const Scene& s) {
   return s.n * s.copies > 1 ? s.A() * s.N() * largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
+}
+
+double nodes_to_forget(const Scene& s) {
+  if (s.K1() == 0) return 0;
+  return 45 / (2 * std::asinh((s.form == Form::chain ? 1 : s.h()) * std::sqrt(s.K0() / s.K1()) / 2));
 }
 
 double stencil_rate(const Scene& s) { return std::max(wave_frequency(s), viscous_rate(s)); }

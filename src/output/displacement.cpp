@@ -6,6 +6,7 @@
 
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/reach.hpp"
 #include "stickslip/numerics/banded_ksp.hpp"
 
 namespace stickslip {
@@ -13,12 +14,6 @@ namespace stickslip {
 namespace {
 
 constexpr PetscInt many = 50000;  // nodes from which on no rank is to hold a factor of all of them
-
-// By so many nodes a force is forgotten: exp(-45) of what it does at its own.
-double reach_of(const Scene& s) {
-  const double h = s.form == Form::chain ? 1 : s.h();
-  return s.K1() == 0 ? s.order : 45 / (2 * std::asinh(h * std::sqrt(s.K0() / s.K1()) / 2)) + 2 * s.order;
-}
 
 }  // namespace
 
@@ -29,7 +24,7 @@ Displacement::Displacement(const Model& model) : model_(model) {
                      "model_k0, or leave it out");
   int ranks;
   MPI_Comm_size(model.comm(), &ranks);
-  const double reach = reach_of(s);
+  const double reach = nodes_to_forget(s) + 2 * s.order;
   if (ranks > 1 && s.n >= many && reach < double(s.n) / (4 * ranks)) make_piece(static_cast<PetscInt>(reach));
   else make_whole();
 }

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "model/loops.hpp"
+#include "output/lanes.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/model.hpp"
 
@@ -28,30 +29,19 @@ struct StepSums {
 };
 struct AddStep {
   StepSums operator()(const StepOfNodes& s) const {
-    constexpr std::size_t lanes = 8;  // that no sum waits for the one before, on any processor the same
-    double work[lanes] = {}, squares[lanes] = {}, ends[lanes] = {};
+    Lanes work(0), squares(0), ends(0);
     const double *const p0 = s.p0, *const p = s.p, *const p1 = s.p1, *const F0 = s.F0, *const F = s.F, *const F1 = s.F1;
     double *const slip = s.slip, *const slipped = s.slipped;
     const double part = s.dt / 6;
-    const auto add = [&](std::size_t i, std::size_t k) {
+    in_lanes(PetscInt(s.count), [&](PetscInt i, int k) {
       const double step = part * (p0[i] + 4 * p[i] + p1[i]);
       slip[i] += step;
       slipped[i] += step;
-      work[k] += p0[i] * F0[i] + 4 * p[i] * F[i] + p1[i] * F1[i];
-      squares[k] += p0[i] * p0[i] + 4 * p[i] * p[i] + p1[i] * p1[i];
-      ends[k] += p1[i] * p1[i];
-    };
-    std::size_t i = 0;
-    for (; i + lanes <= s.count; i += lanes)
-#pragma GCC ivdep
-      for (std::size_t k = 0; k < lanes; ++k) add(i + k, k);
-    for (std::size_t k = 0; i + k < s.count; ++k) add(i + k, k);
-    for (std::size_t k = 1; k < lanes; ++k) {
-      work[0] += work[k];
-      squares[0] += squares[k];
-      ends[0] += ends[k];
-    }
-    return {work[0], squares[0], ends[0]};
+      work.of[k] += p0[i] * F0[i] + 4 * p[i] * F[i] + p1[i] * F1[i];
+      squares.of[k] += p0[i] * p0[i] + 4 * p[i] * p[i] + p1[i] * p1[i];
+      ends.of[k] += p1[i] * p1[i];
+    });
+    return {work.sum(), squares.sum(), ends.sum()};
   }
 };
 
@@ -102,19 +92,12 @@ const std::function<void(const MovingNodes&)>& mark_moving() {
   return loop;
 }
 
-// Of all nodes where friction varies along x.
-std::vector<double> positions(const Scene& scene) {
-  std::vector<double> x;
-  for (PetscInt i = 0; i < scene.n && scene.friction.varies(); ++i) x.push_back(scene.x(i));
-  return x;
-}
-
 }  // namespace
 
 Events::Events(const Scene& scene, double velocity)
     : scene_(scene), velocity_(velocity), weight_(scene.form == Form::chain ? 1 : scene.h()),
       damping_(scene.B() + scene.s_delta() / scene.A()), amplitude_(friction_amplitude(scene, 0, scene.n)),
-      friction_(scene, 0, scene.n), forces_(force_loop(scene.friction, positions(scene))),
+      friction_(scene, 0, scene.n), forces_(force_loop(scene.friction, positions(scene, 0, scene.friction.varies() ? scene.n : 0))),
       A_(scene.A()), B_(scene.B()), owner_(static_cast<std::size_t>(scene.n), -1), slip_(owner_.size()),
       slipped_(owner_.size()), last_force_(owner_.size()), moving_(owner_.size(), 0),
       moved_(owner_.size(), 0) {

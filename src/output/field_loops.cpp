@@ -5,40 +5,16 @@
 #include <functional>
 
 #include "model/kernel.hpp"
+#include "output/lanes.hpp"
 
 namespace stickslip {
 
 namespace {
 
-constexpr int lanes = 8;
 constexpr PetscInt piece = 256;  // nodes whose psi stands in the first-level cache at a time
 
 double least(double a, double b) { return b < a ? b : a; }
 double largest(double a, double b) { return b > a ? b : a; }
-
-// A value for each lane and, in the end, one for all.
-struct Lanes {
-  double of[lanes];
-
-  explicit Lanes(double all) { std::fill(of, of + lanes, all); }
-  double least_of_all() const { return *std::min_element(of, of + lanes); }
-  double largest_of_all() const { return *std::max_element(of, of + lanes); }
-  double sum() const {
-    double all = 0;
-    for (const double one : of) all += one;
-    return all;
-  }
-};
-
-// Calls body(node, lane) for the nodes in turn, eight at a time.
-template <class Body>
-void in_lanes(PetscInt count, const Body& body) {
-  PetscInt i = 0;
-  for (; i + lanes <= count; i += lanes)
-#pragma GCC ivdep
-    for (int k = 0; k < lanes; ++k) body(i + k, k);
-  for (int k = 0; i + k < count; ++k) body(i + k, k);
-}
 
 template <int dof>
 struct Sums {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "stickslip/base/error.hpp"
+#include "stickslip/model/reach.hpp"
 #include "stickslip/stability/growth_rate.hpp"
 #include "stickslip/stability/steady_sliding.hpp"
 
@@ -25,12 +26,11 @@ double search_seconds(double unknowns) {
 }
 double steps_seconds(double unknowns, long evaluations) { return double(evaluations) * (1e-6 + 1e-9 * unknowns); }
 
-// So many nodes beside a held end that what it does to steady sliding, (K0 - K1 D2)(psi - v) = 0, has fallen by exp(-45),
-// below round-off, behind them; the whole line where nothing makes it fall.
+// So many nodes beside a held end that what it does to steady sliding, (K0 - K1 D2)(psi - v) = 0, is forgotten behind
+// them; the whole line where nothing makes it fall.
 PetscInt nodes_of_layer(const Scene& s) {
   if (s.K0() == 0 || s.K1() == 0) return s.n;
-  const double h = s.form == Form::chain ? 1 : s.h(), per_node = 2 * std::asinh(h * std::sqrt(s.K0() / s.K1()) / 2);
-  const double nodes = 45 / per_node + 4 * s.order;
+  const double nodes = nodes_to_forget(s) + 4 * s.order;
   return nodes < double(s.n) ? static_cast<PetscInt>(nodes) : s.n;
 }
 

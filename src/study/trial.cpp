@@ -79,11 +79,7 @@ struct Watched {
     if (!make) return;
     measure = make(problem.model, whole);
     measure->plan(plan);
-    integrator.set_output_times([this](double t) {
-      double first = std::numeric_limits<double>::infinity();
-      for (const auto& next : plan.next_times) first = std::min(first, next(t));
-      return first;
-    });
+    integrator.set_output_times([this](double t) { return plan.next_time(t); });
   }
   void see(const Integrator::Step& step) {
     if (measure) measure->step({step.index, step.t_before, step.t, step.u, 0, step.interpolate});

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "model/release.hpp"
+#include "numerics/hermite.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/roots.hpp"
 
@@ -17,13 +18,9 @@ constexpr double landing = 3e-13;  // of a step: how well a change is located
 constexpr double close = 1e-12;    // relative: changes this near to each other happen at once
 constexpr double locating = 1e-15; // of a step: on the cubic, which only says where to look
 
-// The cubic through g0, g1 with slopes m0, m1 (times the step) at 0 and 1.
-struct CubicBetween {
-  double g0, m0, c2, c3;
-  CubicBetween(double g_0, double g_1, double m_0, double m_1)
-      : g0(g_0), m0(m_0), c2(3 * (g_1 - g_0) - 2 * m_0 - m_1), c3(2 * (g_0 - g_1) + m_0 + m_1) {}
-  double operator()(double s) const { return g0 + s * (m0 + s * (c2 + s * c3)); }
-  double slope(double s) const { return m0 + s * (2 * c2 + s * 3 * c3); }
+// How what holds or lets go of a node changes in a step.
+struct CubicBetween : HermiteCubic {
+  using HermiteCubic::HermiteCubic;
 
   // Where it is largest, if it rises at 0 and falls at 1.
   double peak() const { return last_place([&](double s) { return slope(s) > 0; }, 0, 1, locating); }

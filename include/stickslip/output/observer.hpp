@@ -15,7 +15,9 @@
 
 #include <petscvec.h>
 
+#include <algorithm>
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "stickslip/output/checkpoint.hpp"
@@ -39,6 +41,12 @@ struct ObservationPlan {
   RunLayout layout;           // what the file will hold; without an out_file nobody reads it
   // The times inside steps at which an observer interpolates: the first later than `t`, infinity where there is none.
   std::vector<std::function<double(double t)>> next_times;
+
+  double next_time(double t) const {  // the first of all of them
+    double first = std::numeric_limits<double>::infinity();
+    for (const auto& next : next_times) first = std::min(first, next(t));
+    return first;
+  }
 };
 
 class Observer {
