@@ -1,11 +1,10 @@
 #include "stickslip/model/model.hpp"
 
-#include <petscdmda.h>
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
+#include "base/broadcast.hpp"
 #include "model/massless_chain.hpp"
 #include "model/viscosity.hpp"
 #include "stickslip/base/error.hpp"
@@ -27,7 +26,6 @@ struct Model::Impl {
   MPI_Comm comm;
   Scene scene;
   int dof, half_width;
-  mutable DmHandle dm;  // on one rank made when somebody asks
   PetscInt first = 0, local = 0;
   std::optional<Frictions> law;
   SlopesAhead slopes_ahead;
@@ -59,11 +57,7 @@ struct Model::Impl {
     if (ranks > scene.n)
       throw UsageError("grid_n " + std::to_string(scene.n) + " is less than the number of ranks " +
                        std::to_string(ranks) + "; use at most one rank a node");
-    local = scene.n;
-    if (ranks > 1) {
-      make_dm();
-      SS_TRY(DMDAGetCorners(dm, &first, nullptr, nullptr, &local, nullptr, nullptr));
-    }
+    share_nodes();
     amplitude = friction_amplitude(scene, first, local);
     set_up_law();
 
@@ -120,13 +114,22 @@ struct Model::Impl {
     viscous_force = viscosity.force();
   }
 
-  void make_dm() const {
-    SS_TRY(DMDACreate1d(comm, scene.ring() ? DM_BOUNDARY_PERIODIC : DM_BOUNDARY_NONE, scene.n, dof, 0, nullptr,
-                        dm.out()));
-    SS_TRY(DMSetUp(dm));
-    SS_TRY(DMDASetFieldName(dm, 0, "psi"));
-    SS_TRY(DMDASetFieldName(dm, 1, "eta"));
-    if (dof == 3) SS_TRY(DMDASetFieldName(dm, 2, "state"));
+  // As PETSc would: equal parts, the first ranks with one node more.
+  void share_nodes() {
+    PetscInt all = scene.n;
+    local = PETSC_DECIDE;
+    SS_TRY(PetscSplitOwnership(comm, &local, &all));
+    SS_TRY(MPI_Exscan(&local, &first, 1, MPIU_INT, MPI_SUM, comm));
+    if (rank_in(comm) == 0) first = 0;
+  }
+
+  VecHandle create_vector() const {
+    VecHandle u;
+    SS_TRY(VecCreate(comm, u.out()));
+    SS_TRY(VecSetBlockSize(u, dof));
+    SS_TRY(VecSetSizes(u, local * dof, scene.n * dof));
+    SS_TRY(VecSetType(u, VECSTANDARD));
+    return u;
   }
 
   void set_up_halo(int ranks) {
@@ -154,8 +157,7 @@ struct Model::Impl {
     std::vector<PetscInt> entries;
     for (const PetscInt node : fetched) entries.push_back(node * dof);
     const auto count = static_cast<PetscInt>(entries.size());
-    VecHandle pattern;
-    SS_TRY(DMCreateGlobalVector(dm, pattern.out()));
+    const VecHandle pattern = create_vector();
     SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count, fetched_psi.out()));
     IsHandle from;
     SS_TRY(ISCreateGeneral(comm, count, entries.data(), PETSC_COPY_VALUES, from.out()));
@@ -297,10 +299,6 @@ Model::Model(Model&&) noexcept = default;
 
 const Scene& Model::scene() const { return impl_->scene; }
 MPI_Comm Model::comm() const { return impl_->comm; }
-DM Model::dm() const {
-  if (!impl_->dm) impl_->make_dm();
-  return impl_->dm;
-}
 int Model::dof() const { return impl_->dof; }
 PetscInt Model::first() const { return impl_->first; }
 PetscInt Model::local() const { return impl_->local; }
@@ -315,11 +313,7 @@ PetscInt Model::unknowns() const {
   return scene().massless() ? scene().n * (dof() - 1) - ends : scene().n * dof() - 2 * ends;
 }
 
-VecHandle Model::create_vector() const {
-  VecHandle u;
-  SS_TRY(DMCreateGlobalVector(dm(), u.out()));
-  return u;
-}
+VecHandle Model::create_vector() const { return impl_->create_vector(); }
 
 void Model::set_direction(const double* direction) const {
   if (direction && !impl_->sticking) throw std::logic_error("this law does not stick");

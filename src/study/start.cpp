@@ -78,7 +78,9 @@ void balance_viscosity(const Model& model, Vec u) {
 }  // namespace
 
 struct Start::Impl {
+  enum class Kind { uniform, sine, layer, pulses, wave, file };  // asked for at every node
   std::string type;
+  Kind kind = Kind::uniform;
   bool from_file, from_eigenvector, eta_steady, eta_given, state_given, state_steady = false;
   double psi_i, eta = 0, state = 0, noise, noise_length, amplitude, width = 1, turns = 0;
   PetscInt seed, mode;
@@ -92,6 +94,9 @@ struct Start::Impl {
         noise_length(o.real("init_noise_length")),
         amplitude(o.real("init_amplitude")), seed(o.integer("init_seed")), mode(o.integer("init_mode")) {
     from_file = type == "file" || type == "text";
+    for (const auto& [name, same] : {std::pair{"sine", Kind::sine}, {"layer", Kind::layer}, {"pulses", Kind::pulses},
+                                     {"wave", Kind::wave}, {"file", Kind::file}, {"text", Kind::file}})
+      if (type == name) kind = same;
     from_eigenvector = starts_from_eigenvector(o);
     if (from_eigenvector) {  // which says everything
       eta_steady = eta_given = state_given = false;
@@ -126,11 +131,14 @@ struct Start::Impl {
 
   double psi_at(const Scene& s, double length, PetscInt node) const {
     const double x = s.x(node);
-    if (type == "sine") return psi_i + amplitude * std::sin(2 * M_PI * double(mode) * x / length);
-    if (type == "layer") return psi_i + (s.left_value - psi_i) * std::exp(-(x / width) * (x / width));
-    if (type == "pulses") return orbit.psi_at(turns * x / length);
-    if (type == "wave") return train.psi_at(turns * x / length);
-    return from_file ? frame->fields.at("psi")[static_cast<std::size_t>(node)] : psi_i;
+    switch (kind) {
+      case Kind::sine: return psi_i + amplitude * std::sin(2 * M_PI * double(mode) * x / length);
+      case Kind::layer: return psi_i + (s.left_value - psi_i) * std::exp(-(x / width) * (x / width));
+      case Kind::pulses: return orbit.psi_at(turns * x / length);
+      case Kind::wave: return train.psi_at(turns * x / length);
+      case Kind::file: return frame->fields.at("psi")[static_cast<std::size_t>(node)];
+      default: return psi_i;
+    }
   }
 
   // Of a held node: steady at the velocity that it is held at, whatever the others start with.
@@ -140,8 +148,8 @@ struct Start::Impl {
     if (model.held(node) && !is_given && !in_file)
       return steady_start(model, node - model.first(),
                           node == 0 ? model.scene().left_value : model.scene().right_value);
-    if (type == "pulses") return orbit.state_at(phase);
-    if (type == "wave") return train.state_at(phase);
+    if (kind == Kind::pulses) return orbit.state_at(phase);
+    if (kind == Kind::wave) return train.state_at(phase);
     if (from_file && !state_given)
       return state_from_output(law, frame->fields.at(state_name(law))[static_cast<std::size_t>(node)]);
     return state_steady ? steady_start(model, node - model.first(), psi) : state;
@@ -149,12 +157,12 @@ struct Start::Impl {
 
   // Whether eta is B psi + F(psi), and with viscosity between neighbours balances that too.
   bool makes_eta_steady() const {
-    return eta_steady && type != "pulses" && type != "wave" && (!from_file || eta_given);
+    return eta_steady && kind != Kind::pulses && kind != Kind::wave && (!from_file || eta_given);
   }
 
   double eta_at(double phase, PetscInt node, double resistance) const {
-    if (type == "pulses") return orbit.eta_at(phase);
-    if (type == "wave") return train.eta_at(phase);
+    if (kind == Kind::pulses) return orbit.eta_at(phase);
+    if (kind == Kind::wave) return train.eta_at(phase);
     if (from_file && !eta_given) return frame->fields.at("eta")[static_cast<std::size_t>(node)];
     return eta_steady ? resistance : eta;
   }
@@ -166,6 +174,7 @@ struct Start::Impl {
     const double length = s.length * double(s.copies);
     const int dof = model.dof();
     bool has_state = true;
+    const bool follows_friction = makes_eta_steady();
     for (PetscInt i = 0; i < model.local(); ++i) {
       const PetscInt node = model.first() + i;
       double* at = a + i * dof;
@@ -174,10 +183,10 @@ struct Start::Impl {
       if (held_end) jump = std::max(jump, std::abs(psi - (node == 0 ? s.left_value : s.right_value)));
       if (noise != 0 && !held_end) psi += noise * noise_at(s, noise_length, seed, node);
       at[0] = psi;
-      const double phase = turns * s.x(node) / length, here = dof == 3 ? state_at(model, phase, node, psi) : 0;
+      const double phase = turns != 0 ? turns * s.x(node) / length : 0, here = dof == 3 ? state_at(model, phase, node, psi) : 0;
       if (!std::isfinite(here)) has_state = false;
       if (dof == 3) at[2] = here;
-      const double resistance = s.B() * psi + model.friction(i, psi, here).F;
+      const double resistance = follows_friction || held_end ? s.B() * psi + model.friction(i, psi, here).F : 0;
       at[1] = eta_at(phase, node, resistance);
       if (held_end) slope = std::max(slope, std::abs(s.A() * (at[1] - resistance)));
     }

@@ -112,8 +112,7 @@ void Tiles::set_up_scatter() {
   for (PetscInt i = 0; i < left_halo_; ++i) nodes.push_back(wrapped(first_ - left_halo_ + i));
   for (PetscInt i = 0; i < right_halo_; ++i) nodes.push_back(wrapped(first_ + local_ + i));
   const auto count = static_cast<PetscInt>(nodes.size());
-  VecHandle pattern;
-  SS_TRY(DMCreateGlobalVector(model_.dm(), pattern.out()));
+  const VecHandle pattern = model_.create_vector();
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count * dof_, fetched_.out()));
   IsHandle from;
   SS_TRY(ISCreateBlock(model_.comm(), dof_, count, nodes.data(), PETSC_COPY_VALUES, from.out()));

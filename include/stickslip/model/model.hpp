@@ -1,7 +1,7 @@
 // The semi-discrete system on a distributed grid: right-hand side, Jacobian, start, steady sliding.
 //
 // The unknowns stand node by node: psi, eta and, with a state law, the stored state (see friction.hpp) of node 0,
-// then of node 1, ... in one Vec of a one-dimensional DMDA. A held node stands in the Vec too, but psi there is
+// then of node 1, ... in one Vec, in equal parts on the ranks. A held node stands in the Vec too, but psi there is
 // constant (right-hand side 0); its eta is output: constant in the continuum, where set_held() makes it
 // B psi_e + F(psi_e, state) - N D2 psi, and the elastic force (a quadrature that nothing depends on) in the chain.
 //
@@ -30,14 +30,13 @@ class Model {
 
   const Scene& scene() const;
   MPI_Comm comm() const;
-  DM dm() const;               // dof() unknowns a node, stencil width 0: the model fetches its own halo
   int dof() const;             // 2, or 3 with a state law
   PetscInt first() const;      // first node of this rank
   PetscInt local() const;      // nodes of this rank
   bool held(PetscInt node) const;
   PetscInt unknowns() const;   // solved for, over all ranks: held nodes' psi and eta are not
 
-  VecHandle create_vector() const;
+  VecHandle create_vector() const;  // block size dof(). Collective
 
   // Friction that sticks (stick.hpp): while `direction` is given, one value a node of this rank that stays the
   // caller's, nodes with 0 rest (psi_t = 0, friction is eta) and the others slide with the friction of that direction,
