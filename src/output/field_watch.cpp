@@ -18,6 +18,7 @@ namespace stickslip {
 namespace {
 
 constexpr double most_tracked = 1024;
+constexpr std::int64_t phase_places_of_ring = 32768;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
@@ -132,26 +133,23 @@ int FieldWatch::count_pulses(const Passages& own) const {
 }
 
 // 32768 nodes round the ring, and 512 at least for each turn, all nodes of smaller ones; with the sine and cosine of mode_
-// turns there. That is the angle of one of n places of the circle, coarse ones and finer ones between two of them, of
-// which tables hold cosine and sine.
+// turns there. From one place to the next the node moves on by n/count or by one more, and its angle by one of two that
+// are known; what round-off adds stays below 1e-11.
 void FieldWatch::choose_phase_places() {
-  const std::int64_t nodes = model_.scene().n, fine = std::llround(std::ceil(std::sqrt(double(nodes))));
-  const auto table = [&](double unit) {
-    std::vector<std::complex<double>> values;
-    for (std::int64_t j = 0; j < fine; ++j) values.push_back(std::polar(1., 2 * M_PI * double(j) * unit));
-    return values;
-  };
-  const auto coarse_turns = table(double(fine) / double(nodes)), fine_turns = table(1 / double(nodes));
-  const double n = double(nodes), count = std::min(n, std::max(32768., 512. * mode_));
-  const double begin = double(model_.first()), end = begin + double(model_.local());
-  phase_places_.reserve(std::size_t((end - begin) * count / n) + 2);
-  for (double k = std::max(0., std::floor(begin * count / n) - 1); k < count; ++k) {
-    const double node = std::floor(k * n / count);
-    if (node < begin) continue;
-    if (node >= end) break;
-    const std::int64_t place = std::int64_t(node) * mode_ % nodes;
-    const std::complex<double> turn = coarse_turns[std::size_t(place / fine)] * fine_turns[std::size_t(place % fine)];
+  const std::int64_t n = model_.scene().n, mode = mode_, begin = model_.first(), end = begin + model_.local();
+  const std::int64_t count = std::min(n, std::max<std::int64_t>(phase_places_of_ring, 512 * mode)), stride = n / count, rest = n % count;
+  const auto turn_of = [&](std::int64_t nodes) { return std::polar(1., 2 * M_PI * double(nodes * mode % n) / double(n)); };
+  const std::complex<double> short_way = turn_of(stride), long_way = turn_of(stride + 1);
+  std::int64_t k = (begin * count + n - 1) / n, node = k * n / count, part = k * n % count;
+  std::complex<double> turn = turn_of(node);
+  phase_places_.reserve(std::size_t(model_.local() * count / n) + 2);
+  for (; k < count && node < end; ++k) {
     phase_places_.push_back({PetscInt(node - begin), turn.real(), turn.imag()});
+    part += rest;
+    const bool is_long = part >= count;
+    node += stride + (is_long ? 1 : 0);
+    part -= is_long ? count : 0;
+    turn *= is_long ? long_way : short_way;
   }
 }
 

@@ -60,6 +60,7 @@ class Judge {
       : r_(record), a_(around), scale_(around.v != 0 ? std::abs(around.v) : 0.1) {
     // a window that has only begun says little
     end_ = r_.windows;
+    find_passages();
     if (end_ > 8 && r_.begin + double(end_) * r_.window > r_.t * (1 + 1e-9)) --end_;
     half_ = end_ / 2;
     quarter_ = end_ - (end_ + 3) / 4;
@@ -85,38 +86,49 @@ class Judge {
   }
 
  private:
-  double low(std::size_t w, std::size_t p) const { return r_.low[w * r_.places + p]; }
-  double high(std::size_t w, std::size_t p) const { return r_.high[w * r_.places + p]; }
+  // Where nothing passes, as mostly in short runs, nothing is to be looked at.
+  void find_passages() {
+    for (std::size_t w = 0; w < end_; ++w) {
+      const double *const row = r_.passages + w * r_.places, *const behind = row + r_.places;
+      if (std::any_of(row, behind, [](double passages) { return passages > 0; })) passing_.push_back(w);
+    }
+  }
 
-  struct Range {
-    double low, high;
+  // Of every place.
+  struct Ranges {
+    std::vector<double> low, high;
   };
-  Range range(std::size_t from, std::size_t to, std::size_t p) const {
-    Range x{low(from, p), high(from, p)};
-    for (std::size_t w = from + 1; w < to; ++w) x = {std::min(x.low, low(w, p)), std::max(x.high, high(w, p))};
+  Ranges ranges(std::size_t from, std::size_t to) const {
+    const std::size_t n = r_.places;
+    Ranges x{{r_.low + from * n, r_.low + (from + 1) * n}, {r_.high + from * n, r_.high + (from + 1) * n}};
+    for (std::size_t w = from + 1; w < to; ++w) {
+      const double *const low = r_.low + w * n, *const high = r_.high + w * n;
+      for (std::size_t p = 0; p < n; ++p) x.low[p] = std::min(x.low[p], low[p]);
+      for (std::size_t p = 0; p < n; ++p) x.high[p] = std::max(x.high[p], high[p]);
+    }
     return x;
   }
   double size(std::size_t from, std::size_t to) const {
+    const Ranges x = ranges(from, to);
     double sum = 0;
     for (std::size_t p = 0; p < r_.places; ++p) {
-      const Range x = range(from, to, p);
-      sum += std::pow(std::max(x.high - r_.steady[p], r_.steady[p] - x.low), 2);
+      const double furthest = std::max(x.high[p] - r_.steady[p], r_.steady[p] - x.low[p]);
+      sum += furthest * furthest;
     }
     return std::sqrt(sum / double(r_.places));
   }
   double distance(std::size_t from, std::size_t to) const {
+    const Ranges x = ranges(from, to);
     double largest = 0;
-    for (std::size_t p = 0; p < r_.places; ++p) {
-      const Range x = range(from, to, p);
-      largest = std::max(largest, std::abs((x.low + x.high) / 2 - r_.steady[p]) + (x.high - x.low) / std::sqrt(8.));
-    }
+    for (std::size_t p = 0; p < r_.places; ++p)
+      largest = std::max(largest, std::abs((x.low[p] + x.high[p]) / 2 - r_.steady[p]) + (x.high[p] - x.low[p]) / std::sqrt(8.));
     return largest;
   }
   // Of the middle place, from a window to the end.
   double passages(std::size_t from) const {
     std::vector<double> counts(r_.places, 0.);
-    for (std::size_t w = from; w < end_; ++w)
-      for (std::size_t p = 0; p < r_.places; ++p) counts[p] += r_.passages[w * r_.places + p];
+    for (const std::size_t w : passing_)
+      for (std::size_t p = 0; p < r_.places && w >= from && w < end_; ++p) counts[p] += r_.passages[w * r_.places + p];
     const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
     std::nth_element(counts.begin(), middle, counts.end());
     return *middle;
@@ -125,9 +137,9 @@ class Judge {
   // The window by which half of the places have passed for the first time: what is before is loading. 0: they have not.
   std::size_t first_passage() const {
     std::vector<std::size_t> first(r_.places, end_);
-    for (std::size_t w = end_; w-- > 0;)
+    for (const std::size_t w : passing_)
       for (std::size_t p = 0; p < r_.places; ++p)
-        if (r_.passages[w * r_.places + p] > 0) first[p] = w;
+        if (r_.passages[w * r_.places + p] > 0) first[p] = std::min(first[p], w);
     const auto middle = first.begin() + static_cast<std::ptrdiff_t>(first.size() / 2);
     std::nth_element(first.begin(), middle, first.end());
     return *middle < end_ ? *middle : 0;
@@ -138,9 +150,9 @@ class Judge {
     std::vector<double> periods;
     for (std::size_t p = 0; p < r_.places; ++p) {
       double first = 0, last = 0, count = -1;
-      for (std::size_t w = end_ / 4; w < end_; ++w) {
+      for (const std::size_t w : passing_) {
         const double passages = r_.passages[w * r_.places + p];
-        if (passages == 0) continue;
+        if (w < end_ / 4 || w >= end_ || passages == 0) continue;
         last = r_.passed[w * r_.places + p];
         if (count < 0) first = last;
         count = count < 0 ? 0 : count + passages;
@@ -193,11 +205,9 @@ class Judge {
   }
 
   bool rests() const {
+    const Ranges x = ranges(quarter_, end_);
     double fastest = a_.speed_now;
-    for (std::size_t p = 0; p < r_.places; ++p) {
-      const Range x = range(quarter_, end_, p);
-      fastest = std::max({fastest, x.high, -x.low});
-    }
+    for (std::size_t p = 0; p < r_.places; ++p) fastest = std::max({fastest, x.high[p], -x.low[p]});
     return fastest <= 1e-9 * scale_;
   }
 
@@ -244,11 +254,11 @@ class Judge {
   bool sticks_each_time(std::size_t from, std::size_t length) const {
     if (!a_.sticks || a_.v == 0 || period_ == 0) return false;
     std::size_t resting = 0, all = 0;
-    for (std::size_t begin = from; begin + length <= end_; begin += length)
-      for (std::size_t p = 0; p < r_.places; ++p, ++all) {
-        const Range x = range(begin, begin + length, p);
-        if ((a_.v > 0 ? x.low : -x.high) <= 0) ++resting;
-      }
+    for (std::size_t begin = from; begin + length <= end_; begin += length) {
+      const Ranges x = ranges(begin, begin + length);
+      for (std::size_t p = 0; p < r_.places; ++p, ++all)
+        if ((a_.v > 0 ? x.low[p] : -x.high[p]) <= 0) ++resting;
+    }
     return double(resting) >= 0.9 * double(all);
   }
 
@@ -297,6 +307,7 @@ class Judge {
   const Surroundings& a_;
   double scale_, period_ = 0;  // 0: none seen
   std::size_t end_ = 0, half_ = 0, quarter_ = 0;
+  std::vector<std::size_t> passing_;  // windows in which some place passes
   std::size_t from_ = 0;       // of the stretch that trends are taken over
   std::size_t last_ = 1;       // windows in the last stretch
 };

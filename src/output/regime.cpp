@@ -7,6 +7,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "base/log_event.hpp"
 #include "output/field_loops.hpp"
 #include "output/field_watch.hpp"
 #include "output/judge.hpp"
@@ -47,6 +48,11 @@ double holding_force(const Model& model, PetscInt i, double state) {
   if (f.sticks) return f.threshold(state).value;
   const double steady = f.steady_state(std::abs(s.v));
   return std::isfinite(steady) ? f.force(std::abs(s.v), steady) + s.B() * std::abs(s.v) : 0.;
+}
+
+const LogEvent& measuring() {
+  static const LogEvent event("Measuring");
+  return event;
 }
 
 // Half the largest range of a place in the last quarter of a record, extrema between the steps included.
@@ -186,6 +192,7 @@ void Regime::restore(const Checkpoint& checkpoint) {
 }
 
 void Regime::step(const ObservedStep& step) {
+  const LogEvent::Scope logged(measuring());
   impl_->measured.reset();
   impl_->traces.step(step);
   impl_->field.step(step);
@@ -198,6 +205,7 @@ void Regime::save(Checkpoint& checkpoint) {
 
 const Measured& Regime::result(Vec u) {
   if (impl_->measured) return *impl_->measured;
+  const LogEvent::Scope logged(measuring());
   const MotionRecord record = impl_->traces.record();
   const Surroundings around = impl_->surroundings(u, record.t);
   const Judgement j = judge(record, around);
@@ -218,8 +226,8 @@ const Measured& Regime::result(Vec u) {
   m.steepest = field.steepest;
   if (std::isfinite(impl_->growth)) m.growth = impl_->growth;
   double highest = 0;
-  for (const double psi : record.high) highest = std::max(highest, std::abs(psi));
-  for (const double psi : record.low) highest = std::max(highest, std::abs(psi));
+  for (std::size_t k = 0; k < record.windows * record.places; ++k)
+    highest = std::max({highest, std::abs(record.high[k]), std::abs(record.low[k])});
   const double v = std::abs(impl_->model.scene().v);
   m.never_moved = !loaded && highest <= v && around.speed_now <= 1e-9 * v && !around.unloaded;
   m.loaded_until = record.t + around.loading;

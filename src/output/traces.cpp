@@ -1,6 +1,7 @@
 #include "output/traces.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -17,17 +18,6 @@ namespace {
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double finest = 1 << 20;  // windows that the whole run has when it begins
 
-// The cubic with values y0, y1 and slopes m0, m1 (times the step) at 0 and 1: its values where its slope is 0 between.
-template <class Take>
-void take_extrema(double y0, double y1, double m0, double m1, const Take& take) {
-  const double a = 3 * (2 * (y0 - y1) + m0 + m1), b = 2 * (3 * (y1 - y0) - 2 * m0 - m1);  // slope a s^2 + b s + m0
-  const double root = b * b - 4 * a * m0;
-  if (!(root >= 0)) return;
-  const double q = -(b + std::copysign(std::sqrt(root), b)) / 2;
-  for (const double s : {a != 0 ? q / a : -1., q != 0 ? m0 / q : -1.})
-    if (s > 0 && s < 1) take(y0 + s * (m0 + s * (b / 2 + s * a / 3)));
-}
-
 }  // namespace
 
 Traces::Traces(const Model& model, const std::function<double(PetscInt)>& steady, double t_end)
@@ -38,132 +28,146 @@ Traces::Traces(const Model& model, const std::function<double(PetscInt)>& steady
   for (std::size_t k = 0; k < wanted; ++k) nodes.insert(std::size_t(double(k) * double(whole) / double(wanted)) % n);
   for (const std::size_t node : nodes) {
     const PetscInt own = PetscInt(node) - model.first();
-    if (own >= 0 && own < model.local()) places_.push_back({own, count_, steady(PetscInt(node)), {}, {}});
+    if (own >= 0 && own < model.local()) places_.push_back({own, count_, steady(PetscInt(node))});
     ++count_;
   }
-  for (std::vector<double>* values : {&low_, &high_, &passages_, &passed_})
-    values->resize(most_windows * places_.size());
 }
 
 double Traces::slope(const Place& place, const Sample& at) const {
+  if (!std::isnan(at.slope)) return at.slope;
   const Scene& s = model_.scene();
   if (model_.held(model_.first() + place.node) || at.psi == 0) return 0;  // at rest, or passing through it
   if (s.massless()) return 0;  // psi_t is not known from the node alone: no extreme is sought within the step
-  return s.A() * (at.eta - s.B() * at.psi - model_.friction(place.node, at.psi, at.state).F);
+  const double force = model_.amplitude()[std::size_t(place.node)] * model_.friction_law(place.node).force(at.psi, at.state);
+  return at.slope = s.A() * (at.eta - s.B() * at.psi - force);
 }
 
 Traces::Sample Traces::sample(const Place& place, const double* u) const {
   const int dof = model_.dof();
   const double* at = u + place.node * dof;
-  return {at[0], at[1], dof == 3 ? at[2] : 0};
+  Sample found;
+  found.psi = at[0];
+  found.eta = at[1];
+  if (dof == 3) found.state = at[2];
+  return found;
 }
 
-// psi at a part of the step from place.now to `next`, by the cubic; never beyond both ends, where slopes are stiff and it
-// means nothing.
-std::function<double(double)> Traces::within(const Place& place, const Sample& next, double dt) const {
-  const double y0 = place.now.psi, y1 = next.psi, m0 = dt * slope(place, place.now), m1 = dt * slope(place, next);
-  return [=](double s) {
-    const double cubic = y0 + s * (m0 + s * (3 * (y1 - y0) - 2 * m0 - m1 + s * (2 * (y0 - y1) + m0 + m1)));
-    return s <= 0 ? y0 : s >= 1 ? y1 : std::clamp(cubic, std::min(y0, y1), std::max(y0, y1));
-  };
+HermiteCubic Traces::cubic(const Place& place, const Sample& from, const Sample& to, double dt) const {
+  return {from.psi, to.psi, dt * slope(place, from), dt * slope(place, to)};
 }
 
-// psi turns near `place.now`: in the step that led there or in the one that leaves it.
-void Traces::refine(const Place& p, const Sample& next, double dt_before, double dt, double& low, double& high) const {
-  const double there = slope(p, p.now);
+// psi turns near now_: in the step that led there or in the one of dt that leaves it.
+void Traces::refine(std::size_t k, double dt, double& low, double& high) const {
+  const Sample &before = before_[k], &now = now_[k], &next = next_[k];
   // What turns within steps that resolve it goes beyond them by an eighth of what they cover, in a parabola; where
   // slopes are stiff and steps long, the cubic means nothing.
-  const double reach = std::max(std::abs(p.now.psi - p.before.psi), std::abs(next.psi - p.now.psi)) / 3;
+  const double reach = std::max(std::abs(now.psi - before.psi), std::abs(next.psi - now.psi)) / 3;
   const auto take = [&](double psi) {
-    if (!(std::abs(psi - p.now.psi) <= reach)) return;
+    if (!(std::abs(psi - now.psi) <= reach)) return;
     low = std::min(low, psi);
     high = std::max(high, psi);
   };
-  if ((there > 0) == (p.now.psi > p.before.psi))
-    take_extrema(p.now.psi, next.psi, dt * there, dt * slope(p, next), take);
-  else
-    take_extrema(p.before.psi, p.now.psi, dt_before * slope(p, p.before), dt_before * there, take);
+  if ((slope(places_[k], now) > 0) == (now.psi > before.psi)) cubic(places_[k], now, next, dt).extrema(take);
+  else cubic(places_[k], before, now, last_dt_).extrema(take);
 }
 
-void Traces::begin_window(std::size_t window, std::size_t place, double low, double high) {
-  const std::size_t at = window * places_.size() + place;
-  low_[at] = low;
-  high_[at] = high;
-  passages_[at] = 0;
-  passed_[at] = -infinity;
-}
-
+// The last one stands alone where their number is odd: it goes on.
 void Traces::join_pairs() {
-  const std::size_t count = places_.size();
-  for (std::size_t w = 0; w < most_windows / 2; ++w)
+  const std::size_t count = places_.size(), left = (windows_ + 1) / 2;
+  for (std::size_t w = 0; w < left && windows_ > 1; ++w)
     for (std::size_t k = 0; k < count; ++k) {
-      const std::size_t to = w * count + k, from = 2 * w * count + k;
-      low_[to] = std::min(low_[from], low_[from + count]);
-      high_[to] = std::max(high_[from], high_[from + count]);
-      passages_[to] = passages_[from] + passages_[from + count];
-      passed_[to] = std::max(passed_[from], passed_[from + count]);
+      const std::size_t to = w * count + k, from = 2 * w * count + k, next = 2 * w + 1 < windows_ ? from + count : from;
+      low_[to] = std::min(low_[from], low_[next]);
+      high_[to] = std::max(high_[from], high_[next]);
+      passages_[to] = passages_[from] + (next == from ? 0 : passages_[next]);
+      passed_[to] = std::max(passed_[from], passed_[next]);
     }
-  windows_ = (windows_ + 1) / 2;
   window_ *= 2;
+  begin_windows(left);
 }
 
-// Windows up to the one that holds the end of the step, with psi where they begin and end within it.
-void Traces::open_windows(const ObservedStep& step, const double* u) {
-  const auto index = [&] { return std::max(1., std::ceil((step.t - begin_) / window_ * (1 - 1e-12))); };
-  while (index() > double(most_windows)) {
-    // all that are passed are begun before they are joined
-    const std::size_t count = places_.size();
-    for (; windows_ < most_windows; ++windows_)
-      for (std::size_t k = 0; k < count; ++k) begin_window(windows_, k, places_[k].now.psi, places_[k].now.psi);
-    join_pairs();
+// Memory is touched as windows are begun: a short run never sees the most of it.
+void Traces::begin_windows(std::size_t until) {
+  windows_ = until;
+  const std::size_t size = windows_ * places_.size(), most = most_windows * places_.size();
+  for (const auto& [values, empty] : {std::pair{&low_, infinity}, {&high_, -infinity}, {&passages_, 0.}, {&passed_, -infinity}}) {
+    values->reserve(most);
+    values->resize(size, empty);
   }
-  const auto needed = static_cast<std::size_t>(index());
-  const std::size_t count = places_.size();
-  for (std::size_t k = 0; k < count && windows_ < needed; ++k) {
-    const Place& p = places_[k];
-    const auto psi = [&, cubic = within(p, sample(p, u), step.t - step.t_before)](std::size_t window) {
-      return cubic((begin_ + double(window) * window_ - step.t_before) / (step.t - step.t_before));
-    };
-    for (std::size_t w = windows_; w < needed; ++w) {
-      const double begin = psi(w), end = w + 1 < needed ? psi(w + 1) : begin;
-      begin_window(w, k, std::min(begin, end), std::max(begin, end));
-    }
+}
+
+// A window is to hold two steps, unless the whole run needs finer ones.
+void Traces::widen_windows(double t, double dt) {
+  const double finest_of_all = (t_end_ - begin_) / double(most_windows) * (1 + 1e-12);
+  while (window_ < 2 * dt && 2 * window_ <= finest_of_all) join_pairs();
+  while (index_of(t) > double(most_windows)) join_pairs();
+}
+
+// The number, from 1 on, of the window that holds t or ends there.
+double Traces::index_of(double t) const { return std::max(1., std::ceil((t - begin_) / window_ * (1 - 1e-12))); }
+
+// Windows up to the one that holds the end of the step. psi where one ends and the next begins belongs to both; it never
+// lies beyond both ends of the step, where slopes are stiff and the cubic means nothing.
+void Traces::open_windows(const ObservedStep& step) {
+  const double dt = step.t - step.t_before;
+  widen_windows(step.t, dt);
+  const auto needed = static_cast<std::size_t>(index_of(step.t));
+  const std::size_t begun = windows_, count = places_.size();
+  if (needed <= begun) return;
+  begin_windows(needed);
+  std::vector<HermiteCubic> cubics;
+  std::vector<double> least, largest;
+  for (std::size_t k = 0; k < count; ++k) {
+    cubics.push_back(cubic(places_[k], now_[k], next_[k], dt));
+    least.push_back(std::min(now_[k].psi, next_[k].psi));
+    largest.push_back(std::max(now_[k].psi, next_[k].psi));
   }
-  windows_ = std::max(windows_, needed);
+  for (std::size_t w = begun; w < needed; ++w) {
+    const double s = std::clamp((begin_ + double(w) * window_ - step.t_before) / dt, 0., 1.);
+    double *const low = &low_[w * count], *const high = &high_[w * count];
+    for (std::size_t k = 0; k < count; ++k)
+      low[k] = high[k] = std::min(std::max(cubics[k](s), least[k]), largest[k]);
+    double *const low_before = low - count, *const high_before = high - count;
+    for (std::size_t k = 0; k < count; ++k) low_before[k] = std::min(low_before[k], low[k]);
+    for (std::size_t k = 0; k < count; ++k) high_before[k] = std::max(high_before[k], high[k]);
+  }
 }
 
 void Traces::step(const ObservedStep& step) {
   const Reading values(step.u);
-  const double* u = &values[0];
-  const double dt = step.t - step.t_before;
+  next_.clear();
+  for (const Place& place : places_) next_.push_back(sample(place, &values[0]));
   if (!started_) {
     started_ = true;
     begin_ = step.t_before;
     window_ = std::max(t_end_ - begin_, std::numeric_limits<double>::min()) / finest;
-    for (std::size_t k = 0; k < places_.size(); ++k) {
-      places_[k].now = places_[k].before = sample(places_[k], u);
-      begin_window(0, k, places_[k].now.psi, places_[k].now.psi);
-    }
+    begin_windows(1);
+    for (std::size_t k = 0; k < places_.size(); ++k) low_[k] = high_[k] = next_[k].psi;
+    now_ = next_;
   } else {
-    open_windows(step, u);
-    const std::size_t first = (windows_ - 1) * places_.size();
-    for (std::size_t k = 0; k < places_.size(); ++k) {
-      Place& p = places_[k];
-      const Sample next = sample(p, u);
-      double &low = low_[first + k], &high = high_[first + k];
-      low = std::min(low, next.psi);
-      high = std::max(high, next.psi);
-      if (p.now.psi < p.steady && next.psi >= p.steady) {
-        passages_[first + k] += 1;
-        passed_[first + k] = step.t_before + dt * (p.steady - p.now.psi) / (next.psi - p.now.psi);
-      }
-      if ((next.psi - p.now.psi) * (p.now.psi - p.before.psi) < 0) refine(p, next, last_dt_, dt, low, high);
-      p.before = p.now;
-      p.now = next;
-    }
+    open_windows(step);
+    take_in(step);
   }
+  before_.swap(now_);
+  now_.swap(next_);
   t_ = step.t;
-  last_dt_ = dt;
+  last_dt_ = step.t - step.t_before;
+}
+
+void Traces::take_in(const ObservedStep& step) {
+  const double dt = step.t - step.t_before;
+  const std::size_t first = (windows_ - 1) * places_.size();
+  for (std::size_t k = 0; k < places_.size(); ++k) {
+    const double before = before_[k].psi, now = now_[k].psi, next = next_[k].psi, steady = places_[k].steady;
+    double &low = low_[first + k], &high = high_[first + k];
+    low = std::min(low, next);
+    high = std::max(high, next);
+    if (now < steady && next >= steady) {
+      passages_[first + k] += 1;
+      passed_[first + k] = step.t_before + dt * (steady - now) / (next - now);
+    }
+    if ((next - now) * (now - before) < 0) refine(k, dt, low, high);
+  }
 }
 
 MotionRecord Traces::record() const {
@@ -175,30 +179,40 @@ MotionRecord Traces::record() const {
   r.places = count_;
   r.steady.assign(count_, -infinity);  // every place has one owner: beside it the others have minus infinity
   for (const Place& place : places_) r.steady[place.index] = place.steady;
-  const std::size_t own = places_.size();
-  for (const auto& [all, part] : {std::pair{&r.low, &low_}, {&r.high, &high_}, {&r.passages, &passages_},
-                                  {&r.passed, &passed_}}) {
-    all->assign(r.windows * count_, -infinity);
-    for (std::size_t w = 0; w < r.windows; ++w)
-      for (std::size_t k = 0; k < own; ++k) (*all)[w * count_ + places_[k].index] = (*part)[w * own + k];
+  const std::array<const std::vector<double>*, 4> parts = {&low_, &high_, &passages_, &passed_};
+  const std::array<const double**, 4> ours = {&r.low, &r.high, &r.passages, &r.passed};
+  int ranks = 1;
+  MPI_Comm_size(model_.comm(), &ranks);
+  if (ranks == 1) {
+    for (std::size_t a = 0; a < 4; ++a) *ours[a] = parts[a]->data();
+    return r;
   }
-  for (std::vector<double>* values : {&r.low, &r.high, &r.passages, &r.passed, &r.steady})
-    largest_over(model_.comm(), values->data(), int(values->size()));
+  const std::size_t own = places_.size(), size = r.windows * count_;
+  r.of_all_ranks.assign(4 * size, -infinity);
+  for (std::size_t a = 0; a < 4; ++a) {
+    double* const all = r.of_all_ranks.data() + a * size;
+    *ours[a] = all;
+    for (std::size_t w = 0; w < r.windows; ++w)
+      for (std::size_t k = 0; k < own; ++k) all[w * count_ + places_[k].index] = (*parts[a])[w * own + k];
+  }
+  largest_over(model_.comm(), r.of_all_ranks.data(), int(r.of_all_ranks.size()));
+  largest_over(model_.comm(), r.steady.data(), int(r.steady.size()));
   return r;
 }
 
 void Traces::save(Checkpoint& checkpoint) const {
   const MotionRecord r = record();
   std::vector<double> samples(6 * count_);
-  for (const Place& p : places_) {
-    const double values[6] = {p.now.psi, p.now.eta, p.now.state, p.before.psi, p.before.eta, p.before.state};
-    std::copy(values, values + 6, &samples[6 * p.index]);
+  for (std::size_t k = 0; k < places_.size() && started_; ++k) {
+    const Sample &now = now_[k], &before = before_[k];
+    const double values[6] = {now.psi, now.eta, now.state, before.psi, before.eta, before.state};
+    std::copy(values, values + 6, &samples[6 * places_[k].index]);
   }
   sum_over(model_.comm(), samples.data(), int(samples.size()));
-  checkpoint.arrays["traces.low"] = r.low;
-  checkpoint.arrays["traces.high"] = r.high;
-  checkpoint.arrays["traces.passages"] = r.passages;
-  checkpoint.arrays["traces.passed"] = r.passed;
+  const std::size_t size = r.windows * count_;
+  for (const auto& [name, values] : {std::pair{"traces.low", r.low}, {"traces.high", r.high},
+                                     {"traces.passages", r.passages}, {"traces.passed", r.passed}})
+    checkpoint.arrays[name].assign(values, values + size);
   checkpoint.arrays["traces.samples"] = samples;
   checkpoint.arrays["traces.windows"] = {begin_, window_, t_, last_dt_, double(r.windows)};
 }
@@ -210,6 +224,7 @@ bool Traces::restore(const Checkpoint& checkpoint) {
   const auto windows = static_cast<std::size_t>(scalars[4]);
   const std::size_t own = places_.size();
   bool fits = windows <= most_windows && samples.size() == 6 * count_;
+  if (fits) begin_windows(windows);
   for (const auto& [name, part] : {std::pair{"traces.low", &low_}, {"traces.high", &high_},
                                    {"traces.passages", &passages_}, {"traces.passed", &passed_}}) {
     const std::vector<double>& all = checkpoint.arrays.at(name);
@@ -223,11 +238,12 @@ bool Traces::restore(const Checkpoint& checkpoint) {
   window_ = scalars[1];
   t_ = scalars[2];
   last_dt_ = scalars[3];
-  windows_ = windows;
-  for (Place& p : places_) {
-    const double* at = &samples[6 * p.index];
-    p.now = {at[0], at[1], at[2]};
-    p.before = {at[3], at[4], at[5]};
+  now_.resize(own);
+  before_.resize(own);
+  for (std::size_t k = 0; k < own; ++k) {
+    const double* at = &samples[6 * places_[k].index];
+    now_[k].psi = at[0], now_[k].eta = at[1], now_[k].state = at[2];
+    before_[k].psi = at[3], before_[k].eta = at[4], before_[k].state = at[5];
   }
   return true;
 }

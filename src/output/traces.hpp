@@ -4,14 +4,17 @@
 // the same nodes of that cell), every accepted step is looked at: the least and the largest psi in each window
 // of time, how often psi passes its value in steady sliding upwards, and when it last did. Between two steps an
 // extremum, as psi where a window begins, is that of the cubic through the values and slopes at both, so that it does not
-// depend on where steps fall (error dt^4). The windows are equally long; when there are 128 of them they are joined in pairs, so that the whole
-// of a run stands in 64 to 128 windows, however many steps it takes. Costs the same at any number of nodes; nothing
-// is communicated before record().
+// depend on where steps fall (error dt^4). The windows are equally long; when there are 128 of them they are joined in
+// pairs, so that the whole of a run stands in 64 to 128 windows, however many steps it takes; that of a run stopped long
+// before its end in half as many as it has taken steps, if these are fewer. Costs the same at any number of nodes; nothing is
+// communicated before record().
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <vector>
 
+#include "numerics/hermite.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/observer.hpp"
 
@@ -21,9 +24,10 @@ namespace stickslip {
 struct MotionRecord {
   double begin = 0, window = 0, t = 0;      // of the first window; length of each; time reached
   std::size_t windows = 0, places = 0;
-  std::vector<double> low, high, passages;
-  std::vector<double> passed;               // time of the last passage in the window, where there is one
+  const double *low = nullptr, *high = nullptr, *passages = nullptr;
+  const double* passed = nullptr;           // time of the last passage in the window, where there is one
   std::vector<double> steady;               // psi in steady sliding at each place
+  std::vector<double> of_all_ranks;         // where there are several: what the pointers stand for
 };
 
 class Traces {
@@ -34,7 +38,7 @@ class Traces {
   Traces(const Model& model, const std::function<double(PetscInt)>& steady, double t_end);
 
   void step(const ObservedStep& step);
-  MotionRecord record() const;  // the same on every rank; collective
+  MotionRecord record() const;  // the same on every rank; valid until the next step; collective
 
   void save(Checkpoint& checkpoint) const;  // collective
   // False where the checkpoint holds nothing of the kind: then the record begins where the run goes on.
@@ -43,20 +47,23 @@ class Traces {
  private:
   struct Sample {
     double psi = 0, eta = 0, state = 0;
+    mutable double slope = std::numeric_limits<double>::quiet_NaN();  // psi_t, once somebody has asked
   };
   struct Place {
     PetscInt node;      // of this rank
     std::size_t index;  // among all places
     double steady;
-    Sample now, before;  // at the last step and at the one before it
   };
   Sample sample(const Place& place, const double* u) const;
-  void open_windows(const ObservedStep& step, const double* u);
-  void begin_window(std::size_t window, std::size_t place, double low, double high);
+  void open_windows(const ObservedStep& step);
+  void take_in(const ObservedStep& step);
+  void begin_windows(std::size_t until);
+  void widen_windows(double t, double dt);
+  double index_of(double t) const;
   void join_pairs();
   double slope(const Place& place, const Sample& at) const;
-  std::function<double(double)> within(const Place& place, const Sample& next, double dt) const;
-  void refine(const Place& place, const Sample& next, double dt_before, double dt, double& low, double& high) const;
+  HermiteCubic cubic(const Place& place, const Sample& from, const Sample& to, double dt) const;
+  void refine(std::size_t place, double dt, double& low, double& high) const;
 
   const Model& model_;
   double t_end_, begin_ = 0, window_ = 0, t_ = 0, last_dt_ = 0;
@@ -64,6 +71,7 @@ class Traces {
   std::size_t count_ = 0;        // places on all ranks
   std::size_t windows_ = 1;      // begun
   std::vector<Place> places_;    // of this rank
+  std::vector<Sample> before_, now_, next_;  // of each: at the last step but one, at the last, at the one to be taken in
   std::vector<double> low_, high_, passages_, passed_;  // windows x places of this rank
 };
 
