@@ -192,7 +192,8 @@ std::optional<double> FieldWatch::ring_speed() const {
   const double slope = tp / tt;
   for (std::size_t k = 0; k < count; ++k)
     square += weight[k] / all * std::pow(moments_[k].phase - mean - slope * (moments_[k].t - mean_t), 2);
-  if (!(std::sqrt(square) < 0.3) || slope == 0) return std::nullopt;
+  // Phases have errors of round-off: a pattern that has moved by less stands, and has no speed.
+  if (!(std::sqrt(square) < 0.3) || std::abs(slope) * (moments_.back().t - moments_.front().t) < 1e-9) return std::nullopt;
   return -slope * model_.scene().length / (2 * M_PI * mode_);
 }
 

@@ -165,3 +165,13 @@ def test_wrong_speed():
     check(abs(run.speed / 1.21281 - 1) > 0.02, f"dispersion: speed {run.speed}")
     run = Run(near + "-grid_n 1024 -grid_order 4").expect(0)
     check(abs(run.speed / 1.21281 - 1) < 1e-3, f"resolved: speed {run.speed}")
+
+
+def test_a_trend_of_a_scene_too_short_to_decide():
+    """One period of a train: steps let its size creep by 0.6 %, which is `growing` and no false regime; they fail by blow-up."""
+    done = subprocess.run([PROGRAM, "chart", *words(scene_file("limits-near-c")), "-chart_methods", "rk:5dp", "-chart_values", "11",
+                           "-progress", "off", "-summary", "short.json"], capture_output=True, text=True)
+    check(done.returncode == 0, done.stderr)
+    with open("short.json", encoding="utf-8") as file:
+        row = json.load(file)["rows"][0]
+    check(row["wrong"] == "blow-up" and row["silent"] == [] and row["followed"] > 0.14, row)

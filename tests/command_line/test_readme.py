@@ -43,6 +43,7 @@ def test_tour():
     assert run["regime"] == "stick-slip" and run["warnings"] == [], run["warnings"]
     assert summary("build/stickslip run runs/chain-damped.yaml -out_file")["regime"] == "stick-slip"
     assert summary("build/stickslip run runs/chain-damped.yaml -model_v")["regime"] == "sliding"
+    assert summary("build/stickslip run runs/chart-smooth.yaml")["wave_speed"] is None  # a sine that steepens where it stands
     # growth rate -C/2, C = gamma (v^2 - 1) + delta
     spectrum = summary("build/stickslip spectrum")
     assert abs(spectrum["growth_rate"] + (3 * (0.95**2 - 1) + 0.2) / 2) < 1e-9 and spectrum["stable"] is False
