@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Tables of docs/events.md:  catalogues.py alpha | spread FILE.h5 ..., of single runs;  catalogues.py size FILE.h5 ..., of many
+"""Tables of docs/events.md:  catalogues.py alpha | spread FILE.h5 ..., of single runs;  size | loading | cuts FILE.h5 ..., of many
 
 b by maximum likelihood on [-3.5, -0.5], with the error of independent events; the first unit of loading is left out.
 """
@@ -31,22 +31,40 @@ def row(path, kind):
     return [alpha, len(m), f"{100 * np.mean(extent == 1):.0f} %", fitted, f"{np.sum(m >= HIGH)}, {line:.0f}", f"{ratio:.2f}"]
 
 
-def of_sizes(paths):
-    for n, runs in ensembles([read(path, 1) for path in paths], "grid_n"):
+def ensembles_by(paths, option):
+    for value, runs in ensembles([read(path, 1) for path in paths], option):
         s = statistics(runs, (LOW, HIGH))
         (low, high), halves = s["b_interval"], s["halves"]["events"]
-        yield [n, f"{s['per_node_and_way']:.2f}", f"{s['b']:.2f} [{low:.2f}, {high:.2f}]", f"{s['p']:.2f}",
+        yield [value, f"{s['per_node_and_way']:.2f}", f"{s['b']:.2f} [{low:.2f}, {high:.2f}]", f"{s['p']:.2f}",
                f"{halves['ratio']:.2f} [{halves['low']:.2f}, {halves['high']:.2f}]", f"{s['typical_moment']:.0f}",
                f"{s['largest_extent']:g}"]
 
 
-HEADS = {"size": ["n (alpha = 2)", "events a node and way", "b", "p", "halves: events", "typical event", "largest extent"],
+def cuts(paths):
+    """b over the smallest event, a column for each alpha."""
+    found = {alpha: {cut["low"]: cut for cut in statistics(runs, (LOW, HIGH))["cuts"]}
+             for alpha, runs in ensembles([read(path, 1) for path in paths], "friction_alpha")}
+    yield ["smallest event", *(f"alpha = {alpha}" for alpha in found)]
+    for low in sorted(next(iter(found.values()))):
+        yield [low, *(f"{c[low]['b']:.2f} [{c[low]['interval'][0]:.2f}, {c[low]['interval'][1]:.2f}]" for c in found.values())]
+
+
+MANY = ["events a node and way", "b", "p", "halves: events", "typical event", "largest extent"]
+HEADS = {"size": ["n (alpha = 2)", *MANY], "loading": ["nu (n = 100)", *MANY],
          "alpha": ["alpha", "events", "blocks alone", "b on [-3.5, -0.5]", "above -0.5: events, on the fitted line",
                    "ratio of 2..5 to -1..2"],
          "spread": ["spread", "events", "b on [-3.5, -0.5]", "ratio of 2..5 to -1..2", "largest extent"]}
 
+
+def table(kind, paths):
+    if kind == "cuts":
+        return list(cuts(paths))
+    option = {"size": "grid_n", "loading": "model_v"}.get(kind)
+    return [HEADS[kind], *(ensembles_by(paths, option) if option else (row(path, kind) for path in paths))]
+
+
 if __name__ == "__main__":
-    kind, *paths = sys.argv[1:]
-    print("| " + " | ".join(HEADS[kind]) + " |\n" + "|---" * len(HEADS[kind]) + "|")
-    for cells in of_sizes(paths) if kind == "size" else (row(path, kind) for path in paths):
+    heads, *rows = table(sys.argv[1], sys.argv[2:])
+    print("| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")
+    for cells in rows:
         print("| " + " | ".join(map(str, cells)) + " |")
