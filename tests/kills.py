@@ -1,35 +1,62 @@
-"""Kills runs at random moments, some of them inside a write, and shows that nothing is lost.
+"""Kills commands at random moments, some of them inside a write, and shows that nothing is lost.
 
-    STICKSLIP=build/stickslip python3 tests/kills.py --cases 100 [--seed 1]     (or ./check kills)
+    STICKSLIP=build/stickslip python3 tests/kills.py --cases 1000 --state kills.json     (or ./check kills)
 
-Of each case, on 1 or 2 ranks (every second time with -out_writers root), of a scene with frames, probes and series:
-  - kill -9 at a random moment, or, in every second case, inside a write: of all calls by which the program changes
+Of ten cases six are a `run` with frames, probes and series, and one kind of further output, on 1 to 4 ranks, some with
+-out_writers root:
+  - kill -9 of all ranks or of one at a random moment, or inside a write: of all calls by which the program changes
     files (pwrite, rename, ftruncate, fsync, unlink, posix_fallocate) a random one is the last, and of a pwrite only a
-    part of the bytes arrives;
+    part of the bytes arrives; or SIGTERM, SIGINT, or -ts_max_wall;
   - from the first frame on the HDF5 file opens; its frames, probes and series are a beginning of those of a run that
     nobody killed, to the last bit; no fewer than a reader saw before the kill;
   - the newest checkpoint is whole, whatever was being written;
   - a restart from it, some of them killed inside a write and repeated, completes the file, which then equals that of
     the run that nobody killed, to the last bit.
+Four are of kill_others.py: a killed `sweep` goes on to the same table; a killed `chart`, `boundary` or other command
+with one result leaves the earlier file or a whole one; a disk that is full or may not be written, or a folder that
+goes, is one line of error, and what was kept can be read and gone on from.
+A case depends on its number and the seed alone, but for the moments.
 """
 import argparse
+import concurrent.futures
+import datetime
 import glob
+import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
-import time
+import zlib
 
 import numpy as np
 import xarray
 
-from calls import PROGRAM, check, data, line, ranks_of, run, same
+from calls import PROGRAM, check, data, line, run, same
+from kill_others import folder_gone, result_killed, small_disk, sweep_killed
+from kill_tools import begun, calls_of, ended_inside_a_write, kill, reference
 
 # rk:3bs goes on bitwise from any checkpoint, whether or not the uninterrupted run has one there
-SCENE = ("-grid_n 300 -init_type sine -ts_max_time 12 -ts_type rk -ts_rk_type 3bs -out_frames 601 "
-         "-out_probes 0,10.3,45 -out_checkpoint_every 60")
+SCENE = "-grid_n 300 -init_type sine -ts_type rk -ts_rk_type 3bs -out_probes 0,10.3,45 -out_checkpoint_every 60"
+LENGTH = {1: "-ts_max_time 12 -out_frames 601", 2: "-ts_max_time 6 -out_frames 301"}  # by ranks, 2 or more
+MORE = ["", "", "-out_writers root", "-out_displacement true", "-out_events true", "-out_series false",
+        "-out_maxima 1", "-friction_law coulomb -friction_stick regularised -friction_eps 0.1"]
+
+
+class Case:
+    def __init__(self, seed, number):
+        self.seed, self.number, self.name = seed, number, f"case{number}"
+        self.rng = random.Random(f"{seed}/{number}")
+        self.ranks = self.rng.choice([1, 1, 1, 1, 1, 2, 2, 3, 4])
+        self.counts = []
+
+    def __str__(self):
+        return f"case {self.number} of seed {self.seed} on {self.ranks} ranks"
+
+    def count(self, what):
+        self.counts.append(what)
 
 
 def beginning(path, reference, text):
@@ -47,163 +74,139 @@ def beginning(path, reference, text):
     return frames
 
 
-def kill_ranks(process, ranks, pids):
-    """Kills the program on all ranks."""
-    for pid in ranks_of(process, ranks, pids):
-        try:
-            os.kill(pid, signal.SIGKILL)
-        except ProcessLookupError:
-            pass
-    process.wait()
-
-
-def at_random(case, rng, ranks, duration):
-    """A kill at a random moment; returns what a reader saw before it."""
-    process = subprocess.Popen(line(f"{SCENE} -out_file {case}.h5", ranks, pids=f"{case}.pids"), stderr=subprocess.DEVNULL)
-    begin, end = time.monotonic(), rng.uniform(0, 1) * duration
-    seen = 0
-    while time.monotonic() - begin < end and process.poll() is None:
-        time.sleep(0.002)
-    if os.path.exists(f"{case}.h5"):
-        seen = len(data(f"{case}.h5")["t"])
-        with xarray.open_dataset(f"{case}.h5", engine="h5netcdf") as read:  # as its user does, while it is written
+def at_random(case, scene, duration):
+    """Stops a run at a random moment; what a reader saw before."""
+    name, rng = case.name, case.rng
+    how = rng.choice(["kill", "kill", "one", "term", "int", "wall"])
+    case.count(f"run {how}")
+    if how == "wall":
+        run(f"{scene} -out_file {name}.h5 -ts_max_wall {rng.uniform(0.01, 1) * duration:.3f}s", case.ranks)
+        return 0
+    process, seen = begun(scene, case.ranks, name, "run", rng.uniform(0, 1) * duration), 0
+    if os.path.exists(f"{name}.h5"):
+        seen = len(data(f"{name}.h5")["t"])
+        with xarray.open_dataset(f"{name}.h5", engine="h5netcdf") as read:  # as its user does, while it is written
             check(read.psi.shape[1] == 300, "xarray opens it")
-    kill_ranks(process, ranks, f"{case}.pids")
+    number = {"term": signal.SIGTERM, "int": signal.SIGINT}.get(how, signal.SIGKILL)
+    code = kill(process, case.ranks, f"{name}.pids", number, rng.randrange(case.ranks) if how == "one" else None)
+    if how in ("term", "int") and case.ranks == 1 and seen:
+        check(code in (0, 128 + number), f"{case}: exit {code} after signal {number}")
     return seen
 
 
-# Put before the C library: counts the calls and ends the process in the one that STICKSLIP_KILL_AT names; with
-# STICKSLIP_KILL_COUNT their number is written to that file at the end.
-SHIM = r"""
-#define _GNU_SOURCE
-#include <dlfcn.h>
-#include <signal.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <unistd.h>
-static long count, last = -1;
-static int due(void) {
-  if (last < 0) {
-    const char* at = getenv("STICKSLIP_KILL_AT");
-    last = at ? atol(at) : 0;
-  }
-  return ++count == last;
-}
-static void die(void) { kill(getpid(), SIGKILL); for (;;) pause(); }
-#define CALL(result, name, types, names, before) \
-  result name types { static result (*next) types; if (!next) next = dlsym(RTLD_NEXT, #name); \
-    if (due()) { before; die(); } return next names; }
-CALL(ssize_t, pwrite64, (int fd, const void* data, size_t size, off_t at), (fd, data, size, at),
-     next(fd, data, size * (count % 4) / 4, at))
-CALL(ssize_t, pwrite, (int fd, const void* data, size_t size, off_t at), (fd, data, size, at),
-     next(fd, data, size * (count % 4) / 4, at))
-CALL(int, rename, (const char* from, const char* to), (from, to), if (count % 2) next(from, to))
-CALL(int, ftruncate64, (int fd, off_t size), (fd, size), if (count % 2) next(fd, size))
-CALL(int, ftruncate, (int fd, off_t size), (fd, size), if (count % 2) next(fd, size))
-CALL(int, fsync, (int fd), (fd), )
-CALL(int, unlink, (const char* path), (path), )
-CALL(int, posix_fallocate64, (int fd, off_t at, off_t size), (fd, at, size), next(fd, at, size / 2))
-CALL(int, posix_fallocate, (int fd, off_t at, off_t size), (fd, at, size), next(fd, at, size / 2))
-__attribute__((destructor)) static void tell(void) {
-  const char* path = getenv("STICKSLIP_KILL_COUNT");
-  FILE* file = path && count > 100 ? fopen(path, "w") : NULL;
-  if (file) { fprintf(file, "%ld", count); fclose(file); }
-}
-"""
-
-
-def with_shim(words, **settings):
-    """A command line whose program starts with the shim before the C library."""
-    at = words.index(PROGRAM)
-    preload = [f"LD_PRELOAD={os.path.abspath('kill.so')}", "ASAN_OPTIONS=detect_leaks=0:verify_asan_link_order=0"]
-    return words[:at] + ["env", *preload, *(f"{name}={value}" for name, value in settings.items())] + words[at:]
-
-
-def calls_of_a_run(ranks):
-    """How many calls of a run change files."""
-    if not os.path.exists("kill.so"):
-        with open("kill.c", "w", encoding="ascii") as file:
-            file.write(SHIM)
-        subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", "kill.so", "kill.c", "-ldl"], check=True)
-    subprocess.run(with_shim(line(f"{SCENE} -out_file counted.h5", ranks), STICKSLIP_KILL_COUNT="count"), check=True,
-                   stderr=subprocess.DEVNULL, timeout=300)
-    with open("count", encoding="ascii") as file:
-        return int(file.read())
-
-
-def inside_a_write(arguments, rng, ranks, calls):
-    words = with_shim(line(arguments, ranks), STICKSLIP_KILL_AT=rng.randint(1, calls))
-    subprocess.run(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=300)
-
-
-def one_case(case, seed, ranks, rng, reference, duration, calls, tally):
-    """One kill and what follows it; what does not hold is an AssertionError."""
-    text = f"case {case} of seed {seed} on {ranks} ranks"
-    scene = SCENE + (" -out_writers root" if case % 8 == 7 else "")  # else each rank writes its nodes
+def run_killed(case):
+    name, rng, ranks = case.name, case.rng, case.ranks
+    scene = f"{SCENE} {LENGTH[min(ranks, 2)]} {rng.choice(MORE)}"
+    wanted, duration = reference(scene, ranks)
     seen = 0
-    if case % 2 == 1:
-        tally["inside"] += 1
-        inside_a_write(f"{scene} -out_file {case}.h5", rng, ranks, calls)
+    if rng.random() < 0.5:
+        case.count("run inside")
+        ended_inside_a_write(line(f"{scene} -out_file {name}.h5", ranks), rng.randint(1, calls_of(scene, ranks, "run")))
     else:
-        seen = at_random(case, rng, ranks, duration)
-    path = f"{case}.h5"
-    checkpoints = sorted(glob.glob(f"{case}.chk-*.h5"))
-    if not os.path.exists(path):
-        tally["bare"] += 1
-        check(not checkpoints, f"{text}: checkpoints without a file")
+        seen = at_random(case, scene, duration)
+    checkpoints = sorted(glob.glob(f"{name}.chk-*.h5"))
+    if not os.path.exists(f"{name}.h5"):
+        case.count("run before the first frame")
+        check(not checkpoints, f"{case}: checkpoints without a file")
         return
-    check(len(checkpoints) <= 3, f"{text}: {len(checkpoints)} checkpoints, of which two are kept and one may be new")
-    tally["shown"].append(beginning(path, reference, text))
-    check(tally["shown"][-1] >= seen, f"{text}: {tally['shown'][-1]} frames, a reader saw {seen}")
+    check(len(checkpoints) <= 3, f"{case}: {len(checkpoints)} checkpoints, of which two are kept and one may be new")
+    shown = beginning(f"{name}.h5", wanted, str(case))
+    check(shown >= seen, f"{case}: {shown} frames, a reader saw {seen}")
     if checkpoints and rng.random() < 0.3:  # the restart is killed as well
-        tally["twice"] += 1
-        inside_a_write(f"-restart {checkpoints[-1]}", rng, ranks, calls)
-        beginning(path, reference, text + ", its restart")
-        checkpoints = sorted(glob.glob(f"{case}.chk-*.h5"))
+        case.count("run twice")
+        ended_inside_a_write(line(f"-restart {checkpoints[-1]}", ranks), rng.randint(1, calls_of(scene, ranks, "run")))
+        beginning(f"{name}.h5", wanted, f"{case}, its restart")
+        checkpoints = sorted(glob.glob(f"{name}.chk-*.h5"))
     if checkpoints:
-        tally["continued"] += 1
-        run(f"-restart {checkpoints[-1]}", ranks)
-        same(reference, data(path), text)
+        case.count("run continued")
+        run(f"-restart {checkpoints[-1]} -ts_max_wall 10m", ranks)
+        same(wanted, data(f"{name}.h5"), str(case))
 
 
-def all_cases(cases, seed):
-    """The number of failures. In the folder it stands in."""
-    rng = random.Random(seed)
-    tally = {"inside": 0, "bare": 0, "continued": 0, "twice": 0, "shown": []}
-    references, durations, calls, failures = {}, {}, {}, 0
-    for ranks in (1, 2):
-        begin = time.monotonic()
-        run(f"{SCENE} -out_file reference{ranks}.h5", ranks)
-        durations[ranks] = time.monotonic() - begin
-        calls[ranks] = calls_of_a_run(ranks)
-        references[ranks] = data(f"reference{ranks}.h5")
-    for case in range(cases):
-        ranks = 1 if case % 4 < 3 else 2
-        try:
-            one_case(case, seed, ranks, rng, references[ranks], durations[ranks], calls[ranks], tally)
-        except AssertionError as trouble:
-            failures += 1
-            print("FAILED", trouble, flush=True)
-        for old in glob.glob(f"{case}.*") + glob.glob(f".{case}.*"):
+def one_case(seed, number):
+    """What does not hold (or None), and what was counted. Works in the folder in which it stands."""
+    case = Case(seed, number)
+    kind, trouble = number % 10, None
+    try:
+        if kind < 6:
+            run_killed(case)
+        elif kind < 7:
+            sweep_killed(case)
+        elif kind < 9:
+            result_killed(case)
+        elif number // 10 % 3 < 2:
+            small_disk(case, f"{SCENE} {LENGTH[min(case.ranks, 2)]}")
+        else:
+            folder_gone(case, f"{SCENE} {LENGTH[min(case.ranks, 2)]}")
+    except (AssertionError, OSError, KeyError, ValueError, subprocess.SubprocessError) as found:
+        trouble = f"{case}: {type(found).__name__} {found}"
+    for old in glob.glob(f"{case.name}*") + glob.glob(f".{case.name}*"):
+        shutil.rmtree(old, ignore_errors=True)
+        if os.path.exists(old):
             os.remove(old)
-    print(f"seed {seed}: {cases} kills ({tally['inside']} inside a write), {tally['bare']} before the first frame, "
-          f"{tally['continued']} continued from a checkpoint ({tally['twice']} restarts killed, too); frames at the "
-          f"kills {sorted(tally['shown'])}; {failures} failures")
-    return failures
+    return trouble, case.counts
+
+
+def settle(top):
+    """Each worker has a folder of its own, and Open MPI another one there."""
+    folder = tempfile.mkdtemp(dir=top)
+    os.makedirs(os.path.join(folder, "mpi"))
+    os.environ["OMPI_MCA_orte_tmpdir_base"] = os.path.join(folder, "mpi")
+    os.chdir(folder)
+
+
+class State:
+    """How far the cases are, in a file, so that they can be interrupted and gone on with."""
+
+    def __init__(self, path, seed):
+        self.path = os.path.abspath(path) if path else None
+        with open(PROGRAM, "rb") as file:
+            program = zlib.crc32(file.read())
+        version = subprocess.run([PROGRAM, "--version"], stdout=subprocess.PIPE, check=True).stdout.decode()
+        self.now = {"program": program, "git": version.split("git ")[1].split()[0], "seed": seed, "done": 0,
+                    "failures": [], "counts": {}}
+        if self.path and os.path.exists(self.path):
+            with open(self.path, encoding="utf-8") as file:
+                before = json.load(file)
+            if (before["program"], before["seed"]) != (program, seed):
+                raise SystemExit(f"{path}: of another program or seed")
+            self.now = before
+
+    def add(self, trouble, counts):
+        self.now["done"] += 1
+        for what in counts:
+            self.now["counts"][what] = self.now["counts"].get(what, 0) + 1
+        if trouble:
+            self.now["failures"].append(trouble)
+            print("FAILED", trouble, flush=True)
+        if self.path:
+            with open(self.path + ".new", "w", encoding="utf-8") as file:
+                json.dump(self.now, file, indent=1)
+            os.replace(self.path + ".new", self.path)
+
+    def row(self):
+        counts = ", ".join(f"{what}: {count}" for what, count in sorted(self.now["counts"].items()))
+        return (f"| {datetime.date.today()} | {self.now['git']} | {self.now['seed']} | {self.now['done']} | "
+                f"{len(self.now['failures'])} | {counts} |")
 
 
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cases", type=int, default=100)
+    parser.add_argument("--only", type=int, nargs="+", help="these cases alone")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--state", help="file that holds how far they are, to go on from")
     given = parser.parse_args(arguments)
-    before = os.getcwd()
-    with tempfile.TemporaryDirectory(prefix="stickslip-") as folder:
-        os.chdir(folder)
-        try:
-            return 1 if all_cases(given.cases, given.seed) else 0
-        finally:
-            os.chdir(before)
+    state = State(None if given.only else given.state, given.seed)
+    numbers = given.only or range(state.now["done"], given.cases)
+    with tempfile.TemporaryDirectory(prefix="stickslip-", ignore_cleanup_errors=True) as top, \
+            concurrent.futures.ProcessPoolExecutor(given.jobs, initializer=settle, initargs=(top,)) as pool:
+        for trouble, counts in pool.map(one_case, [given.seed] * len(numbers), numbers):
+            state.add(trouble, counts)
+    print("| date | revision | seed | kills | failures | of them |\n|---|---|---|---|---|---|")
+    print(state.row())
+    return 1 if state.now["failures"] else 0
 
 
 if __name__ == "__main__":
