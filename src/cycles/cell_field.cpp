@@ -114,6 +114,18 @@ void CellField::jacobian(const double* y, double* J) const {
   }
 }
 
+// Rate-and-state friction, nearly a logarithm of psi: to the psi that carries the force that Newton's step leads to.
+void CellField::restrain(const double* y, double h, double* dy) const {
+  for (std::size_t k = 0; k < node_.size(); ++k) {
+    if (!friction(k).steep) continue;
+    const double* at = y + k * std::size_t(dof_);
+    double* step = dy + k * std::size_t(dof_);
+    const double state = dof_ == 3 ? at[2] : 0, new_state = dof_ == 3 ? at[2] + step[2] : 0;
+    const double mass = (no_friction_.B + 1 / (no_friction_.A * h)) / amplitude_[k];
+    step[0] = friction(k).newton_psi(at[0], state, at[0] + step[0], new_state, mass) - at[0];
+  }
+}
+
 bool CellField::at_an_end(std::size_t k) const {
   return node_.size() == 1 ||
          std::any_of(row_[k].begin(), row_[k].end(), [](const Term& t) { return t.turns != 0; });

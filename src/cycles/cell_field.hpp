@@ -26,6 +26,7 @@ class CellField : public VectorField {
   int band() const override { return std::min(dim() - 1, dof_ * (reach_ + 1) - 1); }
   void rates(const double* y, double* f) const override;
   void jacobian(const double* y, double* J) const override;
+  void restrain(const double* y, double h, double* dy) const override;
 
   int dof() const { return dof_; }
   std::size_t nodes() const { return node_.size(); }              // solved for

@@ -333,8 +333,15 @@ PeriodicEquations::Newton PeriodicEquations::newton(std::vector<double>& x, cons
                                                     int most) {
   Newton result;
   double last = -1;
+  const size_t d = size_t(d_), b = block();
   for (int it = 0; it < most; ++it) {
-    const Step s = step(x, conditions);
+    Step s = step(x, conditions);
+    const double period = std::exp(q(x));
+    for (size_t i = 0; i < n_; ++i)
+      for (size_t j = 0; j < stages; ++j) {
+        const size_t at = i * b + (j + 1) * d;
+        field_->restrain(&x[at], gauss().a[j * (stages + 1)] * (mesh_[i + 1] - mesh_[i]) * period, &s.dx[at]);
+      }
     double size = 0, numbers = 0;
     for (size_t k = 0; k < x.size(); ++k) {
       x[k] += s.dx[k];

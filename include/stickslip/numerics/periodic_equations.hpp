@@ -28,6 +28,10 @@ class VectorField {
   virtual int band() const { return dim() - 1; }  // df_i/dy_j = 0 for |i - j| > band
   virtual void rates(const double* y, double* f) const = 0;
   virtual void jacobian(const double* y, double* J) const = 0;  // all dim x dim entries, row-major
+  // Changes Newton's step dy at y where the rates are too steep for it; y is to obey y - h f(y) = given, about.
+  virtual void restrain(const double* y, double h, double* dy) const {
+    static_cast<void>(y), static_cast<void>(h), static_cast<void>(dy);
+  }
 };
 using SharedField = std::shared_ptr<const VectorField>;
 using FieldFamily = std::function<SharedField(double lambda)>;
