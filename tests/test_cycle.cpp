@@ -6,6 +6,7 @@
 
 #include "cycles/cell_field.hpp"
 #include "cycles/deviations.hpp"
+#include "cycles/endless.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/bloch.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
@@ -344,4 +345,60 @@ TEST_CASE("banded systems and generalised eigenvalues", "[cycle][dense][serial]"
   const auto mu = generalised_eigenvalues(2, std::vector<double>{1, 2, 3, 4}, {2, 0, 0, 1});
   CHECK(mu[0].real() == Approx((9 + std::sqrt(97.)) / 4));
   CHECK(mu[1].real() == Approx((9 - std::sqrt(97.)) / 4));
+}
+
+TEST_CASE("where the parameter goes as the period grows beyond bounds", "[cycle][serial]") {
+  // by the exact period: theta' = lambda - sin theta (a place of rest is born on the cycle), and a pendulum of energy lambda
+  const auto on_circle = [](double lambda) { return 2 * M_PI / std::sqrt(lambda * lambda - 1); };
+  const auto pendulum = [](double lambda) {
+    double a = 1, g = std::sqrt((1 - lambda) / 2);
+    for (int k = 0; k < 40; ++k) std::tie(a, g) = std::pair((a + g) / 2, std::sqrt(a * g));
+    return 2 * M_PI / a;
+  };
+  std::vector<double> periods, values;
+  for (double near = 1; near > 1e-5; near /= 1.3) {
+    values.push_back(1 + near);
+    periods.push_back(on_circle(values.back()));
+  }
+  const auto born = limit_of_endless_period(periods, values);
+  REQUIRE(born);
+  CHECK(std::abs(born->value - 1) < std::min(born->error, 1e-8));
+  periods.clear(), values.clear();
+  for (double near = 1; near > 1e-15; near /= 1.3) {
+    values.push_back(1 - near);
+    periods.push_back(pendulum(values.back()));
+  }
+  CHECK(!limit_of_endless_period(periods, values));  // not tenfold where the energy is 1 to the last digit
+  for (double& period : periods) period -= 6;        // a shorter turn
+  const auto passed = limit_of_endless_period(periods, values);
+  REQUIRE(passed);
+  CHECK(std::abs(passed->value - 1) < 1e-8);
+  // a period that tends to 7 has no such limit
+  for (std::size_t k = 0; k < values.size(); ++k) periods[k] = 7 - std::pow(1 - values[k], 2);
+  CHECK(!limit_of_endless_period(periods, values));
+}
+
+TEST_CASE("as springs grow soft the period grows beyond bounds, at k0 = 0", "[cycle][serial]") {
+  Scene s;
+  s.form = Form::chain;
+  s.order = 2;
+  s.n = 1;
+  s.length = 1;
+  const auto at = [&](double k0) {
+    Scene soft = s;
+    soft.k0 = k0;
+    return soft;
+  };
+  const SmoothCycle first = uniform_cycle(at(0.2));
+  const auto path = smooth_path(at, 0.2, 0.2, first);
+  const CycleBranch branch = continue_cycle(*path, first.cycle, "k0", 0.2, 0, 300);
+  REQUIRE(branch.special.size() == 1);
+  CHECK(branch.special[0].kind == "infinite-period");
+  CHECK(std::abs(branch.special[0].value) < 0.2e-8);
+  // k0 T tends to the time on the two branches on which psi carries the force: integrals of (psi^2 - 1)/(v - psi)
+  const double v = s.v;
+  const auto slow = [&](double psi) { return -psi * psi / 2 - v * psi - (v * v - 1) * std::log(std::abs(psi - v)); };
+  const double known = std::abs(slow(1) - slow(2)) + std::abs(slow(-1) - slow(-2));
+  const CyclePoint& last = branch.points.back();
+  CHECK(last.value * last.cycle.period == Approx(known).epsilon(20 * std::pow(last.value, 2. / 3)));
 }

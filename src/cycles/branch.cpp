@@ -4,8 +4,9 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <set>
+#include <optional>
 
+#include "cycles/endless.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/numerics/interpolation.hpp"
@@ -51,6 +52,9 @@ struct Seen {
   Place tangent;
 };
 
+constexpr double most_periods = 1e8;
+constexpr double long_steps_from = 4, long_step = .3;  // times the first period
+
 // The walk along a branch: where it stands, and which way it goes.
 class Walk {
  public:
@@ -74,7 +78,7 @@ class Walk {
   bool end_where_it_repels(size_t found);
   void end_at_hopf(const Seen& seen, double length);
   void end_where_none_is_found();
-  bool period_is_infinite(const Seen& seen) const;
+  std::optional<double> endless() const;
 
   CyclePath& path_;
   std::string name_;
@@ -197,13 +201,18 @@ bool Walk::step() {
   path_.accept();
   here_ = path_.place();
   t_ = seen.tangent;
-  const bool endless = period_is_infinite(seen);
   last_ = seen;
   add_point(seen);
-  if (endless) {
-    branch_.special.push_back({"infinite-period", seen.value, std::numeric_limits<double>::infinity(), 0,
+  if (const std::optional<double> limit = endless()) {
+    branch_.special.push_back({"infinite-period", *limit, std::numeric_limits<double>::infinity(), 0,
                                branch_.points.size() - 1});
-    branch_.end = "the period grows beyond all bounds at " + name_ + " = " + rounded_text(seen.value, 8);
+    branch_.end = "the period grows beyond all bounds at " + name_ + " = " + rounded_text(*limit, 8) + ": the limit of the "
+                  "branch, left at a period of " + rounded_text(seen.cycle.period, 8);
+    return false;
+  }
+  if (seen.cycle.period > most_periods * first_period_) {
+    branch_.end = "the period has grown to " + rounded_text(seen.cycle.period, 4) + ", and where " + name_ + " goes to is not "
+                  "known to 1e-8 of its range";
     return false;
   }
   if (arrive) {
@@ -214,7 +223,9 @@ bool Walk::step() {
     branch_.end = "the branch came back past its start, " + name_ + " = " + rounded_text(from_, 8);
     return false;
   }
-  if (cosine > .98) ds_ = std::min(longest_, 1.4 * ds_);
+  // a straight branch towards an endless period is a curve of ln T alone
+  const double longest = seen.cycle.period > long_steps_from * first_period_ ? std::max(longest_, long_step) : longest_;
+  if (cosine > .98) ds_ = std::min(longest, 1.4 * ds_);
   return true;
 }
 
@@ -383,12 +394,22 @@ void Walk::end_at_hopf(const Seen& seen, double length) {
   branch_.end = "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 10) + ": steady sliding";
 }
 
-// The parameter stands still while the period has grown far beyond that of a canard.
-bool Walk::period_is_infinite(const Seen& seen) const {
-  const double grown = std::log(seen.cycle.period / last_.cycle.period);
-  if (seen.cycle.period > 1e8 * first_period_) return true;
-  return seen.cycle.period > 30 * first_period_ && grown > .01 &&
-         std::abs(seen.value - last_.value) < 1e-9 * range_ * grown;
+// The limit of the parameter where the period grows beyond all bounds: far beyond that of a canard, in which the amplitude
+// grows with it.
+std::optional<double> Walk::endless() const {
+  constexpr double long_period = 30, part = 1.5, settled = 0.02, known = 1e-8;
+  const Cycle& now = last_.cycle;
+  if (now.period < long_period * first_period_) return std::nullopt;
+  std::vector<double> periods, values;
+  for (const CyclePoint& point : branch_.points) {
+    if (point.cycle.period > now.period / part && std::abs(point.cycle.amplitude / now.amplitude - 1) > settled)
+      return std::nullopt;
+    periods.push_back(point.cycle.period);
+    values.push_back(point.value);
+  }
+  const std::optional<EndlessLimit> limit = limit_of_endless_period(periods, values);
+  if (!limit || !(limit->error < known * range_)) return std::nullopt;
+  return limit->value;
 }
 
 }  // namespace

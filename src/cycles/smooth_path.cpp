@@ -18,6 +18,9 @@ using std::size_t;
 
 // Of Newton's method: rate-and-state friction, nearly a logarithm of psi, takes a dozen where psi is tiny.
 constexpr int most_steps = 25;
+// Of a mesh at once, and how many are tried.
+constexpr double most_growth = 1.5;
+constexpr int most_meshes = 4;
 
 FieldFamily family_of(const std::function<Scene(double)>& scene_at) {
   return [scene_at](double lambda) { return std::make_shared<const CellField>(scene_at(lambda)); };
@@ -120,16 +123,25 @@ void SmoothPath::go(double length, const Place& row, double right) {
   std::vector<double> x = here_.x;
   for (size_t k = 0; k < x.size(); ++k) x[k] += length * here_.t[k];
   if (!problem.newton(x, conditions, most_steps).converged) throw Failure("Newton's method does not converge");
-  // again on a mesh that suits the new motion
-  const std::vector<double> rough = roughness(problem.mesh(), x.data(), int(d_));
-  const double error = d_ <= 12 ? 1e-9 : 1e-7;
-  if (suits(problem.mesh(), rough, error)) return stand_at(std::move(x), here_.mesh, here_.period_error, conditions[0]);
-  const double wanted = std::min(4000., std::max(d_ <= 12 ? 24. : 12., intervals_for(problem.mesh(), rough, error)));
-  PeriodicEquations better = equations(equidistribute(problem.mesh(), rough, size_t(wanted)), problem.lambda(x));
-  std::vector<double> y = better.fill(problem, x);
-  if (!better.newton(y, conditions, most_steps).converged) throw Failure("Newton's method does not converge");
-  const double moved = std::abs(std::expm1(better.q(y) - problem.q(x)));
-  stand_at(std::move(y), better.mesh(), moved + 4e-15, conditions[0]);
+  // again on a mesh that suits the new motion; where a front has moved off the intervals that followed it, many more seem to be
+  // wanted than are once they follow it again
+  const double error = d_ <= 12 ? 1e-9 : 1e-7, least = d_ <= 12 ? 24. : 12.;
+  double period_error = here_.period_error;
+  for (int round = 1;; ++round) {
+    const std::vector<double> rough = roughness(problem.mesh(), x.data(), int(d_));
+    if (suits(problem.mesh(), rough, error)) break;
+    const double now = double(problem.mesh().size() - 1), wanted = intervals_for(problem.mesh(), rough, error);
+    const bool settled = wanted < most_growth * now || round == most_meshes;
+    const double intervals = std::min(4000., std::max(least, settled ? std::min(wanted, most_growth * now) : now));
+    PeriodicEquations better = equations(equidistribute(problem.mesh(), rough, size_t(intervals)), problem.lambda(x));
+    std::vector<double> y = better.fill(problem, x);
+    if (!better.newton(y, conditions, most_steps).converged) throw Failure("Newton's method does not converge");
+    period_error = std::abs(std::expm1(better.q(y) - problem.q(x))) + 4e-15;
+    problem = std::move(better);
+    x = std::move(y);
+    if (settled) break;
+  }
+  stand_at(std::move(x), problem.mesh(), period_error, conditions[0]);
 }
 
 // The candidate. The plane of its phase is on the other side where the amplitude has passed through zero.
