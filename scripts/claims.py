@@ -22,6 +22,7 @@ that); the number must stand on the page as it stands here. Anything else is a c
 repeats.
 """
 import argparse
+import difflib
 import glob
 import json
 import math
@@ -153,7 +154,8 @@ def make(page):
                 else:
                     yield f"{'; '.join(parts)}\n    does not draw docs/{picture[1]}"
             elif following.startswith("|") and done.stdout.strip() != (table := following.split("\n\n")[0].strip()):
-                yield f"{'; '.join(parts)}\n    prints\n{done.stdout}\n    where the page has\n{table}"
+                lines = difflib.unified_diff(table.splitlines(), done.stdout.strip().splitlines(), "page", "printed", n=0, lineterm="")
+                yield "\n    ".join(["; ".join(parts), *lines])
 
 
 def commands(page):

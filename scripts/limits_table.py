@@ -16,7 +16,8 @@ def main(path):
                       "beyond it", "hides instability from", "theory"]
     print("| " + " | ".join(heads) + " |\n" + "|---" * len(heads) + "|")
     for row in rows:
-        name = row["method"] + (f":{row['implicit']}" if row["method"].startswith("arkimex") else "")
+        splits = row["method"].startswith("arkimex") or row["method"].startswith("rosw") and row["implicit"] != "both"
+        name = row["method"] + (f":{row['implicit']}" if splits else "")
         print("| " + " | ".join([cell(row[key]) for key in varies] + [name] + [cell(row[key]) for key in keys]) + " |")
 
 

@@ -31,6 +31,15 @@ def test_false_claims_are_found(tmp_path):
     assert wrong[2] == "the page does not say -0.1: growth_rate = -0.1" and len(wrong) == 3
 
 
+def test_false_tables_are_found(tmp_path):
+    """What a command prints is compared line by line; a line that is the same is not shown."""
+    page = tmp_path / "page.md"
+    command = "<!-- made: printf '| a |\\n|---|\\n| 1 |\\n| 2 |\\n' -->\n"
+    page.write_text(command + "| a |\n|---|\n| 1 |\n| 2 |\n\n" + command + "| a |\n|---|\n| 1 |\n| 3 |\n")
+    (wrong,) = claims.make(claims.Page(str(page)))
+    assert wrong.split("\n    ")[-2:] == ["-| 3 |", "+| 2 |"]
+
+
 def numeric(table):
     cells = [cell.strip() for row in table.splitlines()[2:] for cell in row.strip("|").split("|")]
     return sum(bool(re.match(r"[+-]?\d[\d.]*(?:e[+-]?\d+)?\b", cell)) for cell in cells) > 0.3 * len(cells)
