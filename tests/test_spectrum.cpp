@@ -343,6 +343,13 @@ TEST_CASE("the resolvent norm: 1/distance where the operator is normal, and belo
     CHECK(norms[k] == Approx(resolvent_norm(held, {re[k % 3], im[k / 3]})).epsilon(2e-4));
   }
   CHECK(kreiss <= most * 1.001);
+  // waves in closed form, against the iteration
+  s.right = s.left = End::periodic;
+  s.length = 20;
+  const LinearisedOperator ring(s);
+  const std::vector<double> closed = pseudospectrum(PETSC_COMM_SELF, ring, re, im);
+  for (std::size_t k = 0; k < closed.size(); ++k)
+    CHECK(closed[k] == Approx(resolvent_norm(ring, {re[k % 3], im[k / 3]})).epsilon(2e-4));
   CHECK(kreiss > 0.2);
 }
 

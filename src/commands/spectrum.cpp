@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/progress.hpp"
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/error.hpp"
@@ -71,7 +72,8 @@ struct Pseudospectrum {
   std::vector<double> re, im, norm;  // re fastest
 };
 
-Pseudospectrum pseudospectrum_beside(const LinearisedOperator& s, const Spectrum& spectrum, PetscInt side) {
+Pseudospectrum pseudospectrum_beside(const LinearisedOperator& s, const Spectrum& spectrum, PetscInt side,
+                                     Progress&& progress) {
   Pseudospectrum box;
   double left = 0, right = 0, bottom = 1e300, top = 0;
   for (const Mode& m : spectrum.modes) {
@@ -88,7 +90,9 @@ Pseudospectrum pseudospectrum_beside(const LinearisedOperator& s, const Spectrum
     box.re.push_back(left - wide + part * (right - left + 2 * wide));
     box.im.push_back(bottom + part * (top + high - bottom));
   }
-  box.norm = pseudospectrum(PETSC_COMM_WORLD, s, box.re, box.im);
+  box.norm = pseudospectrum(PETSC_COMM_WORLD, s, box.re, box.im, [&](double part) {
+    if (progress.due()) progress.show(std::to_string(int(100 * part)) + " % of the resolvent norms" + progress.left(part));
+  });
   return box;
 }
 
@@ -240,7 +244,7 @@ int spectrum_command(const Options& options) {
     }
     Pseudospectrum box;
     if (const PetscInt side = options.integer("spectrum_pseudo"); side > 0) {
-      box = pseudospectrum_beside(J, spectrum, side);
+      box = pseudospectrum_beside(J, spectrum, side, Progress(options.text("progress"), "spectrum: "));
       if (box.norm.empty()) warn(std::string("-spectrum_pseudo: ") + no_norm);
       double kreiss = 0;
       for (std::size_t k = 0; k < box.norm.size(); ++k)

@@ -10,6 +10,7 @@
 
 #include <petscsys.h>
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -38,9 +39,10 @@ std::optional<Transient> transient_growth(const LinearisedOperator& J, double gr
 // The resolvent norm |(z - J)^-1|, in units of time, by Lanczos' iteration on banded solves, to 1e-4; NaN where there is
 // no such norm. Not collective.
 double resolvent_norm(const LinearisedOperator& J, Complex z);
-// At every (re, im), re fastest; empty where there is no such norm. Collective over comm, which shares the work; the same on
-// every rank.
+// At every (re, im), re fastest; empty where there is no such norm. In closed form where waves are exact and there is no
+// state. Collective over comm, which shares the work; the same on every rank. `told`: called after each point with the
+// part of the work that is done.
 std::vector<double> pseudospectrum(MPI_Comm comm, const LinearisedOperator& J, const std::vector<double>& re,
-                                   const std::vector<double>& im);
+                                   const std::vector<double>& im, const std::function<void(double)>& told = {});
 
 }  // namespace stickslip
