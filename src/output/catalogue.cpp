@@ -2,7 +2,7 @@
 
 #include <mpi.h>
 
-#include <utility>
+#include "base/local_values.hpp"
 
 namespace stickslip {
 
@@ -12,22 +12,21 @@ void Catalogue::plan(ObservationPlan& plan) {
 }
 
 void Catalogue::restore(const Checkpoint& checkpoint) {
-  if (checkpoint.arrays.count("events.last")) events_.restore(checkpoint.arrays);
+  if (checkpoint.arrays.count("events.last") == 0) return;
+  events_.restore(checkpoint.arrays, [&](const std::string& name, int each) {
+    return checkpoint.field(name, NodeRange::of(model_), each);
+  });
 }
 
 void Catalogue::start(RunFile* file) { file_ = file; }
 
 void Catalogue::step(const ObservedStep& step) {
-  const auto& fields = gather_.components(step.u);
-  if (fields[0].empty()) return;  // rank 0 has the nodes
-  events_.step(step.t, fields);
+  events_.step(step.t, Reading(step.u), model_.dof());
   for (const SlipEvent& event : events_.ended())
     if (file_) file_->event(event.end, events_.row(event));
 }
 
-void Catalogue::save(Checkpoint& checkpoint) {
-  for (auto& [name, values] : events_.save()) checkpoint.arrays[name] = std::move(values);
-}
+void Catalogue::save(Checkpoint& checkpoint) { events_.save(checkpoint); }
 
 void Catalogue::summarise(Summary& summary, Vec) {
   summary.set("events", events_.count());

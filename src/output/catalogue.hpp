@@ -3,16 +3,15 @@
 
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/events.hpp"
-#include "stickslip/output/gather.hpp"
 #include "stickslip/output/observer.hpp"
 
 namespace stickslip {
 
 class Catalogue : public Observer {
  public:
-  // Above `velocity` a node moves. The model is the whole scene. Rank 0 has all of its nodes.
+  // Above `velocity` a node moves. The model is the whole scene. Collective.
   Catalogue(const Model& model, double velocity)
-      : events_(model.scene(), velocity), gather_(model.create_vector(), model.dof()) {}
+      : model_(model), events_(model.scene(), velocity, NodeRange::of(model)) {}
 
   void plan(ObservationPlan& plan) override;
   void restore(const Checkpoint& checkpoint) override;
@@ -22,8 +21,8 @@ class Catalogue : public Observer {
   void summarise(Summary& summary, Vec u) override;  // also of a run that failed
 
  private:
+  const Model& model_;
   Events events_;
-  Gather gather_;
   RunFile* file_ = nullptr;
   double begin_ = 0;  // wall clock
 };

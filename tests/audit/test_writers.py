@@ -85,6 +85,24 @@ def peak(arguments, ranks):
 
 
 @pytest.mark.ranks
+def test_no_rank_holds_what_another_watches(request):
+    """The catalogue of events, in which every node moves; the long version also has held ends, profiles, spread and the
+    displacement, of which a rank solves for its own nodes and some at either side. 40 bytes for each own node are less than
+    two arrays of global length on four ranks."""
+    long = (request.config.getoption("--scenes") or 0) >= 200
+    own = 2_500_000 if long else 150_000
+    held = "-bc_left velocity -bc_left_value 0.3 -bc_right velocity -init_type layer -init_width 20"
+    scenes = ["-init_type sine -out_events true"]
+    if long:
+        scenes += [held, "-init_type sine -friction_amplitude_profile 0:1,100:1.2,200:1", "-init_type sine -friction_spread 0.1",
+                   f"{held} -out_displacement true"]
+    for scene in scenes:
+        peaks = [peak(f"-grid_n {own * ranks} -grid_length {own * ranks // 20} {scene} -ts_max_time 0.01 -ts_dt 0.005 "
+                      "-ts_adapt_type none -out_frames 2 -out_file watched.h5", ranks) for ranks in (1, 4)]
+        check(peaks[1] < peaks[0] + 40 * own, f"{peaks[1] / 1e6} MB on four ranks, {peaks[0] / 1e6} MB on one: {scene}")
+
+
+@pytest.mark.ranks
 def test_no_rank_holds_a_field(request):
     """Four ranks need what one rank with as many nodes as each of them needs: an array of global length on any of them
     would be 24 bytes more for each own node. The long version (./check audit) has 1e7 nodes in all."""

@@ -29,19 +29,19 @@
 //
 // Needs memory for two values a node for each event under way (those that begin together share them).
 //
-// Works on whole fields, on the rank that has them; not collective.
+// Every rank sees its own nodes, and all keep the same list of regions: a step costs two small messages all round, one of
+// the stretches that begin to move and one of what the events under way add up, and where events end one more, with the
+// nodes beside a rank's own. The same on any number of ranks but for round-off in sums.
 #pragma once
 
-#include <array>
 #include <functional>
 #include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "stickslip/output/checkpoint.hpp"
 #include "stickslip/output/field.hpp"
-#include "stickslip/model/frictions.hpp"
-#include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
 
@@ -53,72 +53,32 @@ struct SlipEvent {
 
 class Events {
  public:
-  // `velocity`: above it a node moves; 0 for friction that sticks.
-  Events(const Scene& scene, double velocity);
+  // `velocity`: above it a node moves; 0 for friction that sticks. `nodes`: of this rank. Collective.
+  Events(const Scene& scene, double velocity, const NodeRange& nodes);
+  Events(const Scene& scene, double velocity);  // this rank has all nodes
+  Events(Events&&) noexcept;
+  ~Events();
 
-  // The fields psi, eta (and the stored state) of all nodes at t; the first call is the start.
+  // The fields psi, eta (and the stored state) of this rank's nodes at t; the first call is the start. Collective.
   void step(double t, const std::vector<std::vector<double>>& fields);
-  // What has ended since the last call, in order of the ends.
+  void step(double t, const double* u, int dof);  // node by node, dof of a node
+  // What has ended since the last call, in order of the ends; the same on every rank.
   std::vector<SlipEvent> ended();
-  long count() const { return count_; }  // ended so far
+  long count() const;  // ended so far
 
   // The columns of the table, without its time, the end; and the row of an event.
   static std::vector<Field> columns();
   std::vector<double> row(const SlipEvent& event) const;
 
-  // Everything under way, for a checkpoint.
-  std::map<std::string, std::vector<double>> save() const;
-  void restore(const std::map<std::string, std::vector<double>>& saved);
+  // Everything under way: arrays and fields of a checkpoint. restore() asks `field` for so many values a node of this
+  // rank's. Both collective.
+  void save(Checkpoint& checkpoint) const;
+  void restore(const std::map<std::string, std::vector<double>>& arrays,
+               const std::function<std::vector<double>(const std::string& name, int each)>& field);
 
  private:
-  // All nodes when an event begins: eta, and how far each had slipped in events until then.
-  struct Before {
-    std::vector<double> eta, slipped;
-  };
-  struct Live {
-    SlipEvent event;
-    double kinetic_now = 0;
-    std::vector<PetscInt> nodes;
-    bool moves = false;
-    std::shared_ptr<const Before> before;
-  };
-  bool moves(std::size_t i, const std::vector<std::vector<double>>& fields) const;
-  int owner_beside(std::size_t i, int step) const;
-  void claim(std::size_t i, std::shared_ptr<const Before>& now);
-  void join(int kept, int taken);
-  void find_viscous_forces(double dt, const std::vector<std::vector<double>>& now);
-  double middle(std::size_t i, double dt, const std::vector<std::vector<double>>& now) const;
-  double force(std::size_t i, double psi, double state, double direction) const;
-  void accumulate(std::size_t i, Live& live, double dt, const std::vector<std::vector<double>>& now);
-  void accumulate_side_by_side(std::size_t first, std::size_t count, Live& live, double dt,
-                               const std::vector<std::vector<double>>& now);
-  void forces_at(std::size_t first, std::size_t count, const double* psi, const double* state, const double* direction,
-                 double* F) const;
-  void find_moving(const std::vector<std::vector<double>>& now);
-  void accumulate_moving(double dt, const std::vector<std::vector<double>>& now);
-  double eta_before(PetscInt node, int id, const Before& before) const;
-  void finish(int id);
-
-  Scene scene_;
-  double velocity_, weight_, damping_;
-  std::vector<double> amplitude_;
-  Frictions friction_;
-  std::function<void(PetscInt, PetscInt, const double*, const double*, double*)> forces_;  // of nodes side by side
-  double A_, B_;
-  std::vector<Combination> d2_;       // rows of N D2, where neighbours have viscosity
-  std::array<std::vector<double>, 3> viscous_;  // then N D2 psi at the beginning, in the middle and at the end of a step
-  bool started_ = false;
-  double t_ = 0;
-  std::vector<std::vector<double>> last_;
-  std::vector<int> owner_;            // event under way in whose region a node is; -1: none
-  std::vector<double> slip_;          // of a node in a region: in this event
-  std::vector<double> slipped_;       // of any node: in all events so far
-  std::vector<double> last_force_;    // friction at the end of the last step of nodes that moved in it
-  std::vector<unsigned char> moving_, moved_;  // which nodes move in the step under way, and did in the last one
-  std::map<int, Live> live_;
-  int next_id_ = 0;
-  std::vector<SlipEvent> ended_;
-  long count_ = 0;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace stickslip

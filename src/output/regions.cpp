@@ -1,0 +1,87 @@
+#include "output/regions.hpp"
+
+#include <algorithm>
+
+namespace stickslip {
+
+// The region that has its end at a node, which may lie beyond the ends of the line; -1 where there is none.
+int Regions::beside(const std::map<PetscInt, int>& ends, PetscInt node) const {
+  if (ring_) node = (node + n_) % n_;
+  const auto found = ends.find(node);
+  return found == ends.end() ? -1 : found->second;
+}
+
+int Regions::begin(PetscInt node, double t, const Remember& before) {
+  const int id = next_id_++;
+  LiveEvent& live = live_[id];
+  live.event.begin = t;
+  live.event.first = node;
+  live.before = before();
+  return id;
+}
+
+void Regions::join(int kept, int taken) {
+  if (taken < 0 || kept == taken) return;
+  LiveEvent &a = live_.at(kept), &b = live_.at(taken);
+  if (b.event.begin < a.event.begin) {
+    a.event.begin = b.event.begin;
+    a.event.first = b.event.first;
+    a.before = b.before;
+  }
+  a.event.friction_work += b.event.friction_work;
+  a.event.radiated += b.event.radiated;
+  a.event.kinetic = std::max(a.event.kinetic, b.event.kinetic);
+  live_.erase(taken);
+}
+
+// As if the nodes were asked one after the other: the first joins what stands on its left, the last also what stands on
+// its right.
+int Regions::claim(const Stretch& s, double t, const Remember& before) {
+  const int left = beside(by_right_, s.first - 1), right_one = beside(by_left_, s.last + 1);
+  const int own = s.first == s.last ? std::max(left, right_one) : left;
+  const int first_id = own >= 0 ? own : begin(s.first, t, before), kept = std::max(first_id, right_one);
+  PetscInt begin_at = s.first, count = s.last - s.first + 1;
+  if (left >= 0) {
+    const SlipEvent& e = live_.at(left).event;
+    begin_at = e.left;
+    count += e.count;
+    by_left_.erase(e.left);
+    by_right_.erase(right(e));
+  }
+  if (right_one >= 0 && right_one != left) {
+    const SlipEvent& e = live_.at(right_one).event;
+    count += e.count;
+    by_left_.erase(e.left);
+    by_right_.erase(right(e));
+  }
+  join(kept, first_id);
+  join(kept, left == first_id ? -1 : left);
+  join(kept, right_one);
+  SlipEvent& e = live_.at(kept).event;
+  // all of a ring begins behind the node that began
+  e.left = ring_ && count == n_ ? (e.first + 1) % n_ : begin_at;
+  e.count = count;
+  by_left_[e.left] = kept;
+  by_right_[right(e)] = kept;
+  return kept;
+}
+
+bool Regions::holds(int id, PetscInt node) const {
+  const SlipEvent& e = live_.at(id).event;
+  return (node - e.left + n_) % n_ < e.count;
+}
+
+void Regions::put(int id, const LiveEvent& event) {
+  live_[id] = event;
+  by_left_[event.event.left] = id;
+  by_right_[right(event.event)] = id;
+}
+
+void Regions::end(int id) {
+  const auto node = live_.find(id);
+  by_left_.erase(node->second.event.left);
+  by_right_.erase(right(node->second.event));
+  live_.erase(node);
+}
+
+}  // namespace stickslip

@@ -1,0 +1,75 @@
+// The regions of slip events under way: unbroken stretches of the line or ring that begin, grow and become one. Every rank
+// keeps all of them and does the same with them; nothing here communicates.
+#pragma once
+
+#include <algorithm>
+#include <functional>
+#include <map>
+#include <memory>
+#include <vector>
+
+#include "stickslip/output/events.hpp"
+
+namespace stickslip {
+
+// Nodes first .. last, which do not pass the end of the line or the seam of the ring.
+struct Stretch {
+  PetscInt first, last;
+};
+
+// This rank's nodes when an event begins: eta, and how far each had slipped in events until then; of the nodes beside them
+// that stencils reach, the latter.
+struct Before {
+  std::vector<double> eta, slipped, slipped_beside;
+};
+
+struct LiveEvent {
+  SlipEvent event;  // left and count: its region. What it adds up, and its slip, are of this rank's nodes until it ends
+  double kinetic_now = 0;
+  bool moves = false;
+  std::shared_ptr<const Before> before;
+};
+
+class Regions {
+ public:
+  Regions(PetscInt nodes, bool ring) : n_(nodes), ring_(ring) {}
+
+  // All nodes of it begin to move at t, and none of them lies in a region: they join the region beside them, which becomes
+  // one with another on their other side, or else are one from now on. Returns the number of the event that they are part
+  // of; events are numbered as they begin, and of two that become one the later number stays.
+  using Remember = std::function<std::shared_ptr<const Before>()>;  // asked where an event begins, on every rank
+  int claim(const Stretch& stretch, double t, const Remember& before);
+  bool holds(int id, PetscInt node) const;
+  // Calls body(i) for the nodes first + i of the region in order of i, 0 <= i < count.
+  template <class Body>
+  void for_nodes(int id, PetscInt first, PetscInt count, const Body& body) const;
+
+  std::map<int, LiveEvent>& live() { return live_; }  // by their numbers
+  const std::map<int, LiveEvent>& live() const { return live_; }
+  void put(int id, const LiveEvent& event);           // from a checkpoint
+  void end(int id);
+  int next_id() const { return next_id_; }
+  void number_from(int id) { next_id_ = id; }
+
+ private:
+  int beside(const std::map<PetscInt, int>& ends, PetscInt node) const;
+  PetscInt right(const SlipEvent& event) const { return (event.left + event.count - 1) % n_; }
+  int begin(PetscInt node, double t, const Remember& before);
+  void join(int kept, int taken);
+
+  PetscInt n_;
+  bool ring_;
+  std::map<int, LiveEvent> live_;
+  std::map<PetscInt, int> by_left_, by_right_;  // regions by their ends
+  int next_id_ = 0;
+};
+
+template <class Body>
+void Regions::for_nodes(int id, PetscInt first, PetscInt count, const Body& body) const {
+  const SlipEvent& e = live_.at(id).event;
+  // behind the seam of a ring first: its nodes have the smaller numbers
+  for (const PetscInt left : {e.left - n_, e.left})
+    for (PetscInt i = std::max(left - first, PetscInt(0)); i < std::min(left + e.count - first, count); ++i) body(i);
+}
+
+}  // namespace stickslip
