@@ -1,12 +1,18 @@
-"""Pictures of stability diagrams: where sliding loses stability, and where the stick-slip beside it ends."""
+"""Pictures of stability diagrams: where sliding loses stability, where the stick-slip beside it ends, and where uniform
+stick-slip and trains withstand waves."""
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from figures import COLOURS, legend_beside, set_title
 from figures_analysis import add_train_limits
 from stickslip import Unusable, differing, options, scene_title, shown_name, text, told_apart
 
 SLIDES, STICKS, BOTH = "#eef4fb", "#fbeeea", "#fdf3d0"  # tints of the regions
+CURVES = {"sliding": (COLOURS[0], "sliding loses stability"), "stick-slip": (COLOURS[3], "stick-slip ends"),
+          "waves": (COLOURS[2], "waves begin to grow on uniform stick-slip"),
+          "trains": (COLOURS[6], "trains lose stability or end")}
+HATCHES = {"waves": ("//", "uniform stick-slip stable on the ring"), "trains": ("\\\\", "trains stable on the ring")}
 
 
 class Diagram:
@@ -17,12 +23,12 @@ class Diagram:
         self.names = [text(file.attrs["parameter"]), text(file.attrs["parameter2"])]
         self.value, self.value2, self.piece = (file[name][...] for name in ("value", "value2", "piece"))
         of = [text(one) for one in file["of"][...]] if "of" in file else ["sliding"] * len(self.value)
-        self.sliding = np.array([one == "sliding" for one in of], dtype=bool)
+        self.of = np.array(of, dtype=object)
         self.knows_end = "stick_slip_distance" in file
 
-    def pieces(self, sliding):
-        """Each piece of the curve as its points."""
-        chosen = self.sliding if sliding else ~self.sliding
+    def pieces(self, of):
+        """Each piece of the curve of `sliding`, `stick-slip`, `waves` or `trains` as its points."""
+        chosen = self.of == of
         return [chosen & (self.piece == number) for number in np.unique(self.piece[chosen])]
 
     def box(self):
@@ -43,16 +49,11 @@ class Diagram:
         return [(np.geomspace if self.file.attrs[log] else np.linspace)(*ends, 241)
                 for ends, log in zip(self.box(), ("log", "log2"))]
 
-    def inside(self, x, y, sliding):
-        """Whether sliding is unstable, or else whether uniform stick-slip lives, at places of the box: by the side of the
-        nearest stretch of its curve, where there is one, else as the lattice has it."""
-        lattice = self.file["growth"][...] > 0 if sliding else self.file["stick_slip_distance"][...] < 0
-        u, w = self.unit(x, y)
-        side = len(lattice) - 1
-        by_lattice = lattice[np.clip(np.rint(w * side).astype(int), 0, side),
-                             np.clip(np.rint(u * side).astype(int), 0, side)]
-        nearest, hand = np.full(u.shape, np.inf), np.zeros(u.shape)
-        for chosen in self.pieces(sliding):
+    def nearest(self, of, u, w):
+        """Of places of the unit box: the distance from the nearest stretch of the curve, on which hand of it they lie (1:
+        left), and the number of its piece."""
+        nearest, hand, number = np.full(u.shape, np.inf), np.zeros(u.shape), np.zeros(u.shape, dtype=int)
+        for index, chosen in enumerate(self.pieces(of)):
             a, b = self.unit(self.value[chosen], self.value2[chosen])
             for k in range(len(a) - 1):
                 du, dw = a[k + 1] - a[k], b[k + 1] - b[k]
@@ -62,14 +63,48 @@ class Diagram:
                 t = np.clip(((u - a[k]) * du + (w - b[k]) * dw) / length, 0, 1)
                 distance = np.hypot(u - a[k] - t * du, w - b[k] - t * dw)
                 closer = distance < nearest
-                nearest = np.where(closer, distance, nearest)
+                nearest, number = np.where(closer, distance, nearest), np.where(closer, index, number)
                 hand = np.where(closer, np.sign(du * (w - b[k]) - dw * (u - a[k])), hand)
+        return nearest, hand, number
+
+    def inside(self, x, y, of):
+        """Whether sliding is unstable, uniform stick-slip lives, or no wave grows on it, at places of the box: by the side of
+        the nearest stretch of its curve, where there is one, else as the lattice has it."""
+        lattice = {"sliding": lambda: self.file["growth"][...] > 0,
+                   "stick-slip": lambda: self.file["stick_slip_distance"][...] < 0,
+                   "waves": lambda: self.file["wave_growth"][...] < 0}[of]()
+        u, w = self.unit(x, y)
+        side = len(lattice) - 1
+        by_lattice = lattice[np.clip(np.rint(w * side).astype(int), 0, side),
+                             np.clip(np.rint(u * side).astype(int), 0, side)]
+        nearest, hand, _ = self.nearest(of, u, w)
         # a curve has the same region on one hand all along; which one, the lattice says away from it
         away = np.isfinite(nearest) & (nearest > 1.5 / side)
         if not away.any():
             return by_lattice
         left = np.sum(by_lattice[away] == (hand[away] > 0)) >= np.sum(by_lattice[away] == (hand[away] < 0))
         return (hand > 0) if left else (hand < 0)
+
+    def ends_at_hopf(self):
+        """Uniform stick-slip ends in the box, but nowhere else than sliding begins: it shrinks to nothing there."""
+        lives = self.file["stick_slip_distance"][...] < 0
+        return lives.any() and not lives.all() and not self.pieces("stick-slip")
+
+    def trains_stable(self, x, y):
+        """Whether trains are stable: on the side of the nearest line on which those lie that were looked at; without a line,
+        as the nearest of these."""
+        known = [self.file["train/" + name][...] for name in ("value", "value2", "stable")]
+        at, stable = self.unit(*known[:2]), known[2] > 0.5
+        u, w = self.unit(x, y)
+        pieces = len(self.pieces("trains"))
+        if pieces == 0:
+            nearest = np.argmin(np.hypot(u[..., None] - at[0], w[..., None] - at[1]), axis=-1)
+            return stable[nearest]
+        _, hand_of_known, piece_of_known = self.nearest("trains", *at)
+        _, hand, number = self.nearest("trains", u, w)
+        left = np.array([np.sum(np.where(stable, 1, -1)[piece_of_known == k] * hand_of_known[piece_of_known == k]) > 0
+                         for k in range(pieces)])
+        return np.where(left[number], hand > 0, hand < 0)
 
 
 def place_words(axes, words, tint, x, y):
@@ -89,8 +124,10 @@ def fill_regions(axes, diagram):
     x, y = diagram.even()
     places = np.meshgrid(x, y)
     knows_sliding = "growth" in diagram.file
-    unstable = diagram.inside(*places, sliding=True) if knows_sliding else np.zeros(places[0].shape, dtype=bool)
-    lives = diagram.inside(*places, sliding=False) if diagram.knows_end else unstable
+    unstable = diagram.inside(*places, "sliding") if knows_sliding else np.zeros(places[0].shape, dtype=bool)
+    lives = unstable
+    if diagram.knows_end and not (knows_sliding and diagram.ends_at_hopf()):
+        lives = diagram.inside(*places, "stick-slip")
     axes.contourf(x, y, np.where(unstable, 2., np.where(lives, 1., 0.)), levels=[-0.5, 0.5, 1.5, 2.5],
                   colors=[SLIDES, BOTH, STICKS])
     if not knows_sliding:
@@ -102,13 +139,39 @@ def fill_regions(axes, diagram):
             ("sliding", SLIDES, ~lives & ~unstable, x, y)]
 
 
+def hatch_regions(axes, diagram, regions):
+    """Where uniform stick-slip and trains are stable on the ring, each hatched its way, with an entry of the key."""
+    x, y = diagram.even()
+    places = np.meshgrid(x, y)
+    slides = next(inside for words, tint, inside, *_ in regions if tint == SLIDES)
+    stable = {}
+    if "wave_growth" in diagram.file:
+        stable["waves"] = diagram.inside(*places, "waves") & ~slides
+    if "train" in diagram.file:
+        stable["trains"] = diagram.trains_stable(*places)
+        at = [diagram.file["train/" + name][...] for name in ("value", "value2")]
+        if diagram.inside(*at, "sliding").all():  # their amplitude vanishes where sliding becomes stable
+            stable["trains"] &= ~slides
+    for of, inside in stable.items():
+        if not inside.any():
+            continue
+        hatch, words = HATCHES[of]
+        colour = CURVES[of][0]
+        drawn = axes.contourf(x, y, inside.astype(float), levels=[0.5, 2], colors="none", hatches=[hatch])
+        for collection in getattr(drawn, "collections", [drawn]):
+            collection.set_edgecolor(colour)
+            collection.set_linewidth(0)
+        axes.add_patch(Rectangle((0, 0), 0, 0, fc="none", ec=colour, hatch=2 * hatch, label=words))
+
+
 def draw_diagram(axes, file):
     """The regions in two options, named, with the curves between them."""
     diagram = Diagram(file)
     regions = fill_regions(axes, diagram)
     closed = file["closed_form_v"][...]
-    for sliding, colour, words in ((True, COLOURS[0], "sliding loses stability"), (False, COLOURS[3], "stick-slip ends")):
-        for k, chosen in enumerate(diagram.pieces(sliding)):
+    hatch_regions(axes, diagram, regions)
+    for of, (colour, words) in CURVES.items():
+        for k, chosen in enumerate(diagram.pieces(of)):
             axes.plot(diagram.value[chosen], diagram.value2[chosen], ".-", color=colour, ms=4, clip_on=False,
                       label=words if k == 0 else None)
     mark_criticality(axes, file)
@@ -161,7 +224,8 @@ def draw_line(axes, file):
 
 def draw_boundary(file, args):
     """The stability diagram with its regions named, the closed form over it, and what time integration found."""
-    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
+    of_all = "train" in file or "wave_growth" in file
+    figure = Figure(figsize=(8.8 if of_all else 6.4, 4.8), layout="constrained")
     axes = figure.subplots()
     two = "parameter2" in file.attrs
     (draw_diagram if two else draw_line)(axes, file)
@@ -174,7 +238,10 @@ def draw_boundary(file, args):
                 y = group["value2"][...][chosen] if two else np.zeros(chosen.sum())
                 axes.plot(group["value"][...][chosen], y, mark, color=COLOURS[2], mfc="none", ls="none",
                           clip_on=False, label=f"integrated: {regime}")
-    axes.legend(fontsize=8, frameon=True, framealpha=0.8)
+    if of_all:
+        legend_beside(axes)
+    else:
+        axes.legend(fontsize=8, frameon=True, framealpha=0.8)
     same = [other.strip() for other in options(file).get("boundary_same", "").split(",")]
     set_title(axes, scene_title(file, [text(file.attrs["parameter"]), text(file.attrs.get("parameter2", "")), *same]))
     return figure
@@ -210,14 +277,14 @@ def overlay_boundaries(files, args):
         colour = COLOURS[k % len(COLOURS)]
         diagram, closed = Diagram(file), file["closed_form_v"][...]
         value, value2 = diagram.value, diagram.value2
-        for sliding, style, words in ((True, ".-", shown), (False, ":", f"{shown}: stick-slip ends")):
-            for number, chosen in enumerate(diagram.pieces(sliding)):
+        for of, style, words in (("sliding", ".-", shown), ("stick-slip", ":", f"{shown}: stick-slip ends")):
+            for number, chosen in enumerate(diagram.pieces(of)):
                 axes.plot(value[chosen], value2[chosen], style, color=colour, ms=4, clip_on=False,
                           label=words if number == 0 else None)
         if diagram.knows_end and "growth" in file:  # the band where sliding is stable and stick-slip lives
             x, y = diagram.even()
             places = np.meshgrid(x, y)
-            band = diagram.inside(*places, sliding=False) & ~diagram.inside(*places, sliding=True)
+            band = diagram.inside(*places, "stick-slip") & ~diagram.inside(*places, "sliding")
             if band.any():
                 axes.contourf(x, y, band.astype(float), levels=[0.5, 2], colors=[colour], alpha=0.12)
         if "model_v" in names[0] and np.isfinite(closed).any():

@@ -12,6 +12,7 @@
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/numerics/dense.hpp"
+#include "stickslip/study/medium_lines.hpp"
 
 using namespace stickslip;
 using Complex = std::complex<double>;
@@ -150,6 +151,13 @@ TEST_CASE("waves on uniform oscillations grow as known", "[cycle][serial]") {
   Scene s;  // gamma 3, delta 0.2, c 1, v 0.2
   const BlochSpectrum damped = bloch_spectrum(uniform_cycle(s), 200);
   CHECK(damped.growth_rate == Approx(0.0270974).margin(5e-8));
+  // rings on which that wave fits as the longest, and that carry none that grows
+  Scene ring = s;
+  ring.left = ring.right = End::periodic;
+  ring.length = 2 * M_PI / damped.wavenumber;
+  CHECK(growth_on_uniform(ring) == Approx(damped.growth_rate).margin(1e-9));
+  ring.length = 5;
+  CHECK(growth_on_uniform(ring) < 0);
   CHECK(damped.wavenumber * damped.wavenumber == Approx(0.4436).margin(5e-5));
   CHECK(!damped.stable);
   CHECK(damped.diffusion < 0);

@@ -7,6 +7,7 @@
 #include "commands/boundary_output.hpp"
 #include "commands/cycle_problem.hpp"
 #include "stickslip/stability/boundary.hpp"
+#include "stickslip/study/medium_lines.hpp"
 #include "stickslip/study/stick_slip_end.hpp"
 #include "stickslip/study/vary.hpp"
 #include "stickslip/study/verify.hpp"
@@ -180,14 +181,33 @@ void find_stick_slip(const Options& options, StickSlipEnd& end, bool two, FoundB
   found.distances = end.samples();
 }
 
+void find_medium(const Options& options, const std::vector<Axis>& axes, FoundBoundary& found, Progress& progress) {
+  long evaluations = 0;
+  MediumLines lines(scene_of(options, axes), axes, options.integer("wave_pulses"), [&] {
+    ++evaluations;
+    if (progress.due()) progress.show(std::to_string(evaluations) + " oscillations and branches of trains");
+  });
+  found.waves = lines.waves(options.integer("boundary_points"));
+  found.wave_growth = lines.growth();
+  found.trains = lines.trains(found.findings.notes);
+  found.train_samples = lines.samples();
+}
+
 // Whose end is asked for: sliding's, stick-slip's. Stick-slip's is left out where it was not asked for by name and the scene
 // has none of the kind that is solved for.
 struct Asked {
-  bool sliding, stick_slip;
+  bool sliding, stick_slip, medium = false;  // medium: waves on the uniform oscillation, and trains
 };
 Asked asked_for(const Options& options, const Scene& scene) {
   const std::string of = options.text("boundary_of");
   if (of == "sliding") return {true, false};
+  if (of == "all") {
+    const std::string refusal = of_cell(options)                            ? "cycle_cell is one node's for it"
+                                : !options.is_set("boundary_parameter2") ? "boundary_parameter2 is needed"
+                                                                            : MediumLines::refusal(scene);
+    if (!refusal.empty()) throw UsageError("-boundary_of all: " + refusal);
+    return {true, true, true};
+  }
   if (of_cell(options)) {
     check_cycle_options(options, cell_of_options(options));
     return {of == "both", true};
@@ -222,6 +242,7 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
   }
   check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
   if (asked.stick_slip) find_stick_slip(options, end, two, found);
+  if (asked.medium) find_medium(options, axes, found, progress);
   const std::vector<Crossing> points = found.points();
   summary.set("points", point_list(points, two));
   if (two) summary.set("meetings", point_list(found.findings.meetings, two));

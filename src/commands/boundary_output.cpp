@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/json_values.hpp"
@@ -84,12 +85,14 @@ Json verified_list(const std::vector<Verified>& verified, bool two) {
   return list;
 }
 std::vector<Crossing> FoundBoundary::points() const {
-  std::vector<Crossing> all(sliding);
-  int first = 0;
-  for (const Crossing& c : sliding) first = std::max(first, c.piece + 1);
-  for (Crossing c : stick_slip) {
-    c.piece += first;
-    all.push_back(c);
+  std::vector<Crossing> all;
+  for (const auto* some : {&sliding, &stick_slip, &waves, &trains}) {
+    int first = 0;
+    for (const Crossing& c : all) first = std::max(first, c.piece + 1);
+    for (Crossing c : *some) {
+      c.piece += first;
+      all.push_back(c);
+    }
   }
   return all;
 }
@@ -196,6 +199,8 @@ void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found) 
     if (two) describe_curve(summary, growth, found.stick_slip, "stick-slip");
     else if (!found.cell) describe_stick_slip(summary, growth.axes()[0], found);
   }
+  if (!found.waves.empty()) describe_curve(summary, growth, found.waves, "waves on uniform stick-slip");
+  if (!found.trains.empty()) describe_curve(summary, growth, found.trains, "limits of stable trains");
   describe_checks(summary, growth.axes(), found.verified);
 }
 
@@ -267,6 +272,20 @@ void add_lattice(ResultFile& file, const std::vector<Axis>& axes, const std::str
   file.add(field, two ? std::vector<std::string>{dimension + "2", dimension} : std::vector<std::string>{dimension}, values);
 }
 
+// Trains that were looked at, and whether each is stable.
+void add_trains(ResultFile& file, const std::vector<Axis>& axes, const std::vector<TrainSample>& samples) {
+  if (samples.empty()) return;
+  std::vector<double> value, value2, stable;
+  for (const TrainSample& s : samples) {
+    value.push_back(axes[0].value(s.value));
+    value2.push_back(axes[1].value(s.value2));
+    stable.push_back(s.stable);
+  }
+  file.add({"train/value", unit(axes[0]), axes[0].name}, {"train/number"}, value);
+  file.add({"train/value2", unit(axes[1]), axes[1].name}, {"train/number"}, value2);
+  file.add({"train/stable", "1", "1 where the train is stable on its ring"}, {"train/number"}, stable);
+}
+
 }  // namespace
 
 void write_file(const Options& options, GrowthRate& growth, const FoundBoundary& found, const Provenance& provenance) {
@@ -305,8 +324,8 @@ void write_file(const Options& options, GrowthRate& growth, const FoundBoundary&
     kinds.push_back(c.kind);
     of.push_back(c.of);
   }
-  file.add_text({"kind", "1", "hopf or zero; of stick-slip graze, fold, flip, torus or branch"}, {"point"}, kinds);
-  file.add_text({"of", "1", "sliding or stick-slip: whose end the point is"}, {"point"}, of);
+  file.add_text({"kind", "1", "hopf or zero; of stick-slip graze, fold, flip, torus or branch; of waves wave; of trains fold, hopf or zero"}, {"point"}, kinds);
+  file.add_text({"of", "1", "sliding, stick-slip, waves (on its uniform motion) or trains: whose end the point is"}, {"point"}, of);
   add_criticality(file, points, found.findings.special, unit(growth.axes()[0]), two ? unit(growth.axes()[1]) : "");
   file.add({"closed_form_v", "length/time", "model_v of the boundary in closed form"}, {"point"},
            closed_forms(growth, points));
@@ -317,13 +336,21 @@ void write_file(const Options& options, GrowthRate& growth, const FoundBoundary&
   add_lattice(file, growth.axes(), "stick_slip_sample",
               {"stick_slip_distance", "velocity", "of uniform stick-slip from its end, negative where it lives"},
               found.distances);
+  add_lattice(file, growth.axes(), "wave_sample",
+              {"wave_growth", "1/time", "largest growth rate of waves on the uniform oscillation"}, found.wave_growth);
+  add_trains(file, growth.axes(), found.train_samples);
   file.write();
 }
+
 void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& points) {
   for (const Crossing& c : points) {
     std::string line = axes[0].name + " " + number_text(c.value);
     if (axes.size() > 1) line += "  " + axes[1].name + " " + number_text(c.value2);
-    line += (c.of == "sliding" ? "  " : "  end of stick-slip, ") + c.kind + ", " + (c.criticality.known() ? c.criticality.word() + ", " : "");
+    static const std::map<std::string, std::string> whose = {{"sliding", "  "},
+                                                             {"stick-slip", "  end of stick-slip, "},
+                                                             {"waves", "  waves on uniform stick-slip, "},
+                                                             {"trains", "  end of stable trains, "}};
+    line += whose.at(c.of) + c.kind + ", " + (c.criticality.known() ? c.criticality.word() + ", " : "");
     if (c.of != "sliding") line += "frequency " + number_text(c.frequency);
     else if (std::isfinite(c.wavenumber))
       line += "frequency " + number_text(c.frequency) + ", wavenumber " + number_text(c.wavenumber);

@@ -10,14 +10,18 @@
 #include "stickslip/output/summary.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/verify.hpp"
+#include "stickslip/waves/train_limits.hpp"
 
 namespace stickslip {
 
-// What the command found. The points of sliding come first, then those of stick-slip.
+// What the command found. The points of sliding come first, then those of stick-slip, of waves and of trains.
 struct FoundBoundary {
-  std::vector<Crossing> sliding, stick_slip;
+  std::vector<Crossing> sliding, stick_slip, waves, trains;
   BoundaryFindings findings;
-  std::vector<double> distances;  // of stick-slip from its end, on an even lattice of the axes; empty where not asked for
+  // On even lattices of the axes, empty where not asked for: of stick-slip from its end; growth of waves on the uniform
+  // oscillation.
+  std::vector<double> distances, wave_growth;
+  std::vector<TrainSample> train_samples;  // in coordinates on the axes
   bool cell = false;              // stick_slip is that of a cell (cycle_cell), not of uniform motion
   std::vector<Verified> verified;
   std::vector<Crossing> points() const;  // all, pieces numbered one behind the other

@@ -119,7 +119,7 @@ std::vector<double> start_of_cell(const Options& options, const Scene& cell) {
   std::vector<double> start;
   for (PetscInt node = 0; node < cell.n; ++node)
     for (int k = 0; k < model.dof(); ++k)
-      if (!model.held(node)) start.push_back(values[node * model.dof() + k]);
+      if (cell.friction.sticks() || !model.held(node)) start.push_back(values[node * model.dof() + k]);
   return start;
 }
 

@@ -16,7 +16,7 @@ namespace stickslip {
 // no such cell.
 Scene cell_of_options(const Options& options);
 
-// The start of a cell: all its unknowns, node by node, from init_*.
+// The start of a cell, node by node, from init_*: the unknowns of nodes that are not held; where friction sticks, of all.
 std::vector<double> start_of_cell(const Options& options, const Scene& cell);
 
 // cycle_continue, cycle_to and cycle_spectrum, checked before any work. Throws UsageError.

@@ -68,12 +68,24 @@ class Sampling {
   Cycle& cycle_;
 };
 
+// What is said of a cycle is said of the nodes that are not held.
+void leave_out_held(const StickMotion& m, Cycle& c) {
+  const std::vector<std::size_t> moving = moving_unknowns(m);
+  c.nodes = PetscInt(moving.size()) / c.dof;
+  std::vector<double> states;
+  for (std::size_t at = 0; at < c.states.size(); at += m.size())
+    for (const std::size_t k : moving) states.push_back(c.states[at + k]);
+  c.states = std::move(states);
+  c.rests.erase(std::remove_if(c.rests.begin(), c.rests.end(), [&](const Rest& r) { return m.held(int(r.node)); }),
+                c.rests.end());
+  for (Rest& rest : c.rests) rest.node -= m.held(0) ? 1 : 0;
+}
+
 }  // namespace
 
 Cycle described(const Scene& scene, const StickCycle& cycle) {
   const StickMotion motion(scene), rough(scene, 1e-10);
   Cycle c;
-  c.nodes = scene.n;
   c.dof = motion.dof();
   c.period = cycle.period;
   c.residual = cycle.residual;
@@ -87,7 +99,8 @@ Cycle described(const Scene& scene, const StickCycle& cycle) {
   std::copy(c.states.begin(), c.states.begin() + long(motion.size()), c.states.end() - long(motion.size()));
   for (std::size_t k = 0; k < c.states.size(); k += std::size_t(c.dof))  // a stop is located to round-off
     if (std::abs(c.states[k]) < 1e-13 * (1 + std::abs(scene.v))) c.states[k] = 0;
-  c.multipliers = multipliers_of(motion.size(), round_matrix(motion, cycle));
+  leave_out_held(motion, c);
+  c.multipliers = multipliers_of(moving_unknowns(motion).size(), round_matrix(motion, cycle));
   for (std::size_t k = 0; k < c.multipliers.size(); ++k)
     if (std::abs(c.multipliers[k] - 1.) < std::abs(c.multipliers[c.phase_mode] - 1.)) c.phase_mode = k;
   c.error_estimate = std::max(1e-15, std::abs(lap(rough, cycle, {}).period / cycle.period - 1));

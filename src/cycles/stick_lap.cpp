@@ -203,11 +203,23 @@ StickCycle polished(const StickMotion& m, const StickCycle& guess) {
   return c;
 }
 
+std::vector<std::size_t> moving_unknowns(const StickMotion& m) {
+  std::vector<std::size_t> moving;
+  for (int i = 0; i < m.nodes(); ++i)
+    for (int k = 0; k < m.dof() && !m.held(i); ++k) moving.push_back(std::size_t(i * m.dof() + k));
+  return moving;
+}
+
 std::vector<double> round_matrix(const StickMotion& m, const StickCycle& cycle) {
+  const std::vector<std::size_t> moving = moving_unknowns(m);
   LapWishes wishes;
-  wishes.deviations.assign(m.size() * m.size(), 0.);
-  for (std::size_t k = 0; k < m.size(); ++k) wishes.deviations[k * m.size() + k] = 1;
-  return lap(m, cycle, wishes).at.deviations;
+  wishes.deviations.assign(m.size() * moving.size(), 0.);
+  for (std::size_t k = 0; k < moving.size(); ++k) wishes.deviations[k * m.size() + moving[k]] = 1;
+  const std::vector<double> all = lap(m, cycle, wishes).at.deviations;
+  std::vector<double> map;
+  for (std::size_t k = 0; k < moving.size(); ++k)
+    for (const std::size_t j : moving) map.push_back(all[k * m.size() + j]);
+  return map;
 }
 
 std::vector<std::complex<double>> multipliers_of(std::size_t size, const std::vector<double>& map) {
@@ -217,7 +229,7 @@ std::vector<std::complex<double>> multipliers_of(std::size_t size, const std::ve
 }
 
 bool attracts(const StickMotion& m, const StickCycle& cycle) {
-  return std::abs(multipliers_of(m.size(), round_matrix(m, cycle)).front()) < 1 + 1e-6;
+  return std::abs(multipliers_of(moving_unknowns(m).size(), round_matrix(m, cycle)).front()) < 1 + 1e-6;
 }
 
 }  // namespace stickslip

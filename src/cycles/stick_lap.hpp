@@ -47,7 +47,9 @@ void close_cycle(const StickMotion& motion, StickCycle& cycle);
 // The fixed point near a guess, by Newton's method. Throws Failure.
 StickCycle polished(const StickMotion& motion, const StickCycle& guess);
 
-// The matrix that takes deviations right after the release round the cycle, column by column.
+// The places of the unknowns of nodes that are not held.
+std::vector<std::size_t> moving_unknowns(const StickMotion& motion);
+// The matrix that takes deviations of those right after the release round the cycle, column by column.
 std::vector<double> round_matrix(const StickMotion& motion, const StickCycle& cycle);
 
 // Its eigenvalues, largest modulus first.

@@ -66,10 +66,7 @@ void StickMotion::rates(const std::vector<double>& direction, const double* u, d
   loop_(coefficients_, {u, scene_.unit_amplitude() ? nullptr : amplitude_.data(), f, nodes_, around.data(),
                         around.data() + half_width_, direction.data()});
   for (int i = 0; i < nodes_; ++i)
-    if (held(i)) {
-      f[i * dof_] = 0;
-      if (scene_.form == Form::continuum) f[i * dof_ + 1] = 0;
-    }
+    if (held(i)) f[i * dof_] = f[i * dof_ + 1] = 0;  // its eta, which nothing feels, would drift
 }
 
 // J of each node alone.
@@ -85,7 +82,7 @@ void StickMotion::blocks(const std::vector<double>& direction, const double* u, 
     block = going == 0 ? point.block_at_rest(Part::full) : point.block(Part::full);
     if (!held(i)) continue;
     block.psi_psi = block.psi_eta = block.psi_state = 0;
-    if (scene_.form == Form::continuum) block.eta_psi = block.eta_eta = block.eta_state = 0;
+    block.eta_psi = block.eta_eta = block.eta_state = 0;
   }
 }
 
@@ -105,11 +102,11 @@ void StickMotion::derivative(const Standing& p, const double* y, std::size_t cou
       gi[0] = b.psi_psi * xi[0] + b.psi_eta * xi[1] + b.psi_state * s;
       gi[1] = b.eta_psi * xi[0] + b.eta_eta * xi[1] + b.eta_state * s;
       if (dof_ == 3) gi[2] = b.state_psi * xi[0] + b.state_state * s;
-      if (d2_.empty() || (held(i) && scene_.form == Form::continuum)) continue;
+      if (d2_.empty() || held(i)) continue;
       double coupling = 0;
       for (const auto& [node, weight] : d2_[std::size_t(i)]) coupling += weight * x[node * dof_];
       gi[1] += point_.K1 * coupling;
-      if (scene_.nu == 0 || held(i) || p.direction[std::size_t(i)] == 0) continue;
+      if (scene_.nu == 0 || p.direction[std::size_t(i)] == 0) continue;
       gi[0] += point_.A * point_.N * coupling;
       gi[1] -= point_.s_delta * point_.N * coupling;
     }
@@ -125,8 +122,8 @@ void StickMotion::jacobian(const std::vector<double>& direction, const double* u
     double rows[9];
     at[i].write(dof_, rows);
     for (std::size_t a = 0; a < dof; ++a) std::copy_n(rows + a * dof, dof, J + (i * dof + a) * size() + i * dof);
-    if (d2_.empty() || (held(int(i)) && scene_.form == Form::continuum)) continue;
-    const bool slides = direction[i] != 0 && !held(int(i));
+    if (d2_.empty() || held(int(i))) continue;
+    const bool slides = direction[i] != 0;
     for (const auto& [node, weight] : d2_[i]) {
       J[(i * dof + 1) * size() + std::size_t(node) * dof] += weight * (point_.K1 - (slides ? point_.s_delta * point_.N : 0));
       if (slides) J[i * dof * size() + std::size_t(node) * dof] += weight * point_.A * point_.N;

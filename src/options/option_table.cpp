@@ -304,8 +304,9 @@ void boundary_options(TableBuilder& t) {
   t.boolean("boundary_log2", "false", "logarithmic in the second parameter");
   t.add("boundary_same", OptionType::text_list, "", "options that take the value of boundary_parameter, e.g. model_k0")
       .unset("none");
-  t.choice("boundary_of", {"both", "sliding", "stick-slip"},
-           "whose end: where sliding loses stability, where the stick-slip of uniform motion (with cycle_cell, of a cell) ends, or both");
+  t.choice("boundary_of", {"both", "sliding", "stick-slip", "all"},
+           "whose end: where sliding loses stability, where the stick-slip of uniform motion (with cycle_cell, of a cell) ends, "
+           "or both; all: also where the latter and trains of wave_pulses withstand waves on the ring, in two options");
   t.integer("boundary_points", "41", 2, int_max, "points on the curve, about");
   t.integer("boundary_verify", "0", 0, int_max, "points checked by time integration on both sides");
 }

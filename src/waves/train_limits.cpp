@@ -79,15 +79,18 @@ Found found_at(const TrainSheet& sheet, const LimitFunction& f, const SheetChart
 // The limits of a branch.
 class LimitsOfBranch {
  public:
-  LimitsOfBranch(const TrainSheet& sheet, const Branch& branch, double value2, bool stability)
-      : sheet_(sheet), branch_(branch), value2_(value2), stability_(stability) {
-    for (const BranchPoint& p : branch.points) {
-      counts_.emplace_back();
-      try {
-        if (stability) counts_.back() = growing_modes(p.train);
-      } catch (const Failure&) {  // too near V = c: nothing is known of it
-      }
-    }
+  enum class Count { none, all, when_asked };
+  LimitsOfBranch(const TrainSheet& sheet, const Branch& branch, double value2, Count modes)
+      : sheet_(sheet), branch_(branch), value2_(value2), stability_(modes != Count::none) {
+    counts_.resize(branch.points.size());
+    counted_.resize(branch.points.size(), false);
+    for (std::size_t k = 0; modes == Count::all && k < counts_.size(); ++k) count(k);
+  }
+
+  // Whether the train of a point is stable; empty where that is not known.
+  std::optional<bool> stable(std::size_t k) const {
+    if (counts_[k].empty()) return std::nullopt;
+    return std::accumulate(counts_[k].begin(), counts_[k].end(), 0) == 0;
   }
 
   // `notes`: what was seen and not located.
@@ -122,7 +125,76 @@ class LimitsOfBranch {
     return list;
   }
 
+  // Those alone that part stable trains from others; `lost`: how many were seen and not located. Trains are looked at
+  // where the parameter has moved by `apart` since the last: in a canard explosion it hardly moves.
+  std::vector<Found> of_stable(double apart, int& lost) {
+    const std::vector<BranchPoint>& points = branch_.points;
+    std::vector<Found> list;
+    std::size_t last = 0;
+    count(0);
+    for (std::size_t k = 1; k < points.size(); ++k) {
+      if (k + 1 < points.size() && std::abs(points[k].value - points[last].value) < apart) continue;
+      count(k);
+      if (stable(last).value_or(false) != stable(k).value_or(false))
+        for (std::size_t between = last; between < k; ++between) add_edge(between, list, lost);
+      last = k;
+    }
+    return list;
+  }
+
  private:
+  void count(std::size_t k) {
+    if (counted_[k]) return;
+    counted_[k] = true;
+    try {
+      counts_[k] = growing_modes(branch_.points[k].train);
+    } catch (const Failure&) {  // too near V = c: nothing is known of it
+    }
+  }
+
+  // What parts a stable train from its neighbour behind, if one of them is.
+  void add_edge(std::size_t k, std::vector<Found>& list, int& lost) {
+    count(k);
+    count(k + 1);
+    const bool before = stable(k).value_or(false);
+    if (before == stable(k + 1).value_or(false)) return;
+    std::optional<Found> found;
+    if (branch_.points[k + 1].fold) found = fold_between(k);
+    if (!found || !found->limit.leads.value_or(false)) found = edge(before ? k : k + 1, before ? k + 1 : k);
+    if (found && found->limit.leads.value_or(false)) list.push_back(std::move(*found));
+    else ++lost;
+  }
+
+  // Between a stable train and one that is not: a place where one mode alone grows, by halving, and from there where it
+  // begins to.
+  std::optional<Found> edge(std::size_t stable, std::size_t other) const {
+    const SheetPlace a = place(stable);
+    SheetPlace b = place(other);
+    const SheetChart chart = towards(a, b);
+    double low = 0, high = chart.alpha(b);
+    try {
+      for (int halvings = 0; halvings < 40; ++halvings) {
+        const std::optional<SheetPlace> middle = sheet_.at(chart, b, (low + high) / 2, value2_);
+        if (!middle) return std::nullopt;
+        const std::vector<int> growing = growing_modes(sheet_.train(*middle));
+        const int all = std::accumulate(growing.begin(), growing.end(), 0);
+        (all == 0 ? low : high) = (low + high) / 2;
+        if (all > 0) b = *middle;
+        if (halvings > 1 && all > 0 && all <= 2) break;  // a mode and its conjugate
+      }
+      for (const TrainMode& mode : train_spectrum(sheet_.train(b), 4).modes) {
+        if (mode.translation || mode.lambda.imag() < 0 || !(mode.lambda.real() > 0)) continue;
+        LimitFunction f(sheet_, false, b, mode);
+        double end = low, far = f(chart, low, value2_);
+        for (int k = 0; k < 6 && far > 0; ++k) far = f(chart, end -= high - low, value2_);  // growing_modes leaves out 1e-5
+        auto found = zero(f, chart, high, end, mode.lambda.real(), far);
+        if (found && found->limit.leads.value_or(false)) return found;
+      }
+    } catch (const Failure&) {  // too near V = c
+    }
+    return std::nullopt;
+  }
+
   // The modes of a Bloch factor that is real come in pairs of conjugates.
   bool own_conjugate(std::size_t m) const {
     return m == 0 || 2 * PetscInt(m) == branch_.points.front().train.pulses;
@@ -137,10 +209,11 @@ class LimitsOfBranch {
   }
 
   // The zero of f between two points of the branch, which it has left and right values of different sign at.
-  std::optional<Found> zero(LimitFunction f, const SheetChart& chart, double end, double f0, double f1) const {
+  std::optional<Found> zero(LimitFunction f, const SheetChart& chart, double begin, double end, double f0,
+                            double f1) const {
     if (!(f0 * f1 < 0)) return std::nullopt;
     const auto at = [&](double alpha) { return f(chart, alpha, value2_); };
-    const double alpha = find_root(at, {0, f0, end, f1}, 1e-9 * std::abs(end));
+    const double alpha = find_root(at, {begin, f0, end, f1}, 1e-9 * std::max(std::abs(begin), std::abs(end)));
     if (std::isnan(alpha) || std::isnan(at(alpha))) return std::nullopt;
     return found_at(sheet_, f, chart, stability_);
   }
@@ -151,7 +224,7 @@ class LimitsOfBranch {
   std::optional<Found> fold_between(std::size_t k) const {
     const SheetPlace a = place(k), b = place(k + 1);
     const SheetChart chart = towards(a, b);
-    return zero(LimitFunction(sheet_, true, a, {}), chart, chart.alpha(b), sheet_.slope(a, chart),
+    return zero(LimitFunction(sheet_, true, a, {}), chart, 0, chart.alpha(b), sheet_.slope(a, chart),
                 sheet_.slope(b, chart));
   }
 
@@ -173,7 +246,7 @@ class LimitsOfBranch {
       while (part < 8) far = f(chart, ++part / 8. * end, value2_);
       // what is not counted may still grow a little (growing_modes): then the zero lies beyond the neighbour
       while (far > 0 && far < 2e-5 && part < 32) far = f(chart, ++part / 8. * end, value2_);
-      auto found = zero(f, chart, part / 8. * end, mode.lambda.real(), far);
+      auto found = zero(f, chart, 0, part / 8. * end, mode.lambda.real(), far);
       const bool again = found && std::any_of(list.begin(), list.end(), [&](const Found& other) {
         return std::abs(other.mode.lambda - found->mode.lambda) < 1e-6 * (1 + std::abs(found->mode.lambda));
       });
@@ -187,6 +260,7 @@ class LimitsOfBranch {
   double value2_;
   bool stability_;
   std::vector<std::vector<int>> counts_;
+  std::vector<char> counted_;
 };
 
 // The walk along one curve.
@@ -309,8 +383,9 @@ TrainSheet sheet_of(const TrainFamily2& family, const Branch& branch) {
 std::vector<TrainLimit> train_limits(const TrainFamily2& family, const Branch& branch, double value2, bool stability,
                                      std::vector<std::string>& notes) {
   const TrainSheet sheet = sheet_of(family, branch);
+  const auto modes = stability ? LimitsOfBranch::Count::all : LimitsOfBranch::Count::none;
   std::vector<TrainLimit> limits;
-  for (const Found& found : LimitsOfBranch(sheet, branch, value2, stability).all(notes)) limits.push_back(found.limit);
+  for (const Found& found : LimitsOfBranch(sheet, branch, value2, modes).all(notes)) limits.push_back(found.limit);
   return limits;
 }
 
@@ -319,9 +394,33 @@ std::vector<TrainLimitCurve> train_limit_curves(const TrainFamily2& family, cons
                                                 std::vector<std::string>& notes) {
   const TrainSheet sheet = sheet_of(family, branch);
   std::vector<TrainLimitCurve> curves;
-  for (const Found& found : LimitsOfBranch(sheet, branch, from2, true).all(notes))
+  for (const Found& found : LimitsOfBranch(sheet, branch, from2, LimitsOfBranch::Count::all).all(notes))
     curves.push_back(LimitWalk(sheet, found, from, to, from2, to2).walk(family.name, family.name2, steps));
   return curves;
+}
+
+StableTrains stable_trains(const TrainFamily2& family, const Branch& branch, double at2, int steps,
+                           const std::function<bool(const TrainLimit&)>& known) {
+  const TrainSheet sheet = sheet_of(family, branch);
+  constexpr double apart = 1e-2;  // of the box: what is narrower is not seen in it
+  LimitsOfBranch limits(sheet, branch, at2, LimitsOfBranch::Count::when_asked);
+  StableTrains out;
+  const std::vector<Found> edges = limits.of_stable(apart, out.lost);
+  for (std::size_t k = 0; k < branch.points.size(); ++k)
+    if (const std::optional<bool> stable = limits.stable(k)) out.samples.push_back({branch.points[k].value, at2, *stable});
+  for (const Found& found : edges) {
+    if (known(found.limit)) continue;
+    TrainLimitCurve line{{found.limit}, ""};
+    if (at2 > 0) line = LimitWalk(sheet, found, 0, 1, 1, 0).walk(family.name, family.name2, steps);
+    std::reverse(line.points.begin(), line.points.end());
+    if (at2 < 1) {
+      const TrainLimitCurve up = LimitWalk(sheet, found, 0, 1, 0, 1).walk(family.name, family.name2, steps);
+      line.points.insert(line.points.end(), up.points.begin() + 1, up.points.end());
+      line.end += (line.end.empty() ? "" : "; ") + up.end;
+    }
+    out.lines.push_back(std::move(line));
+  }
+  return out;
 }
 
 }  // namespace stickslip

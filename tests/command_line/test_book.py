@@ -90,7 +90,7 @@ FILES = {
               "-chart_kind limits -grid_n 16 -chart_methods rk:3bs -chart_parameter model_gamma -chart_values 3 -ts_max_time 1"],
     "laws": [""],
 }
-ELSEWHERE = {"boundary": "special/", "wave": "curves/"}
+ELSEWHERE = {"boundary": ("special/", "wave_", "train/"), "wave": "curves/"}
 PAGE = FilesPage()
 
 

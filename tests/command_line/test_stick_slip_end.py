@@ -234,3 +234,14 @@ def test_a_stiff_slip_is_refused_in_time():
     check(done.returncode == 1 and "nothing oscillates" in done.stderr and done.stderr.count("\n") == 1, done.stderr)
     found, _ = run(words + "-model_v 0.0074", command="cycle")
     check(found["stable_alike"], "0.04 % beside its fold, at 0.0073968, the cycle that attracts")
+
+
+@pytest.mark.parametrize("words, said", [
+    (BLOCK, "continuum"), ("-grid_n 16 ", "boundary_parameter2"), ("-grid_n 16 -bc_left free ", "ring"),
+    ("-grid_n 16 -friction_law coulomb ", "regularised"), ("-grid_n 16 -friction_spread 0.1 ", "spread"),
+    ("-grid_n 16 -cycle_cell 2 ", "cycle_cell")])
+def test_the_diagram_of_all_motions_is_refused(words, said):
+    second = "" if said == "boundary_parameter2" else "-boundary_parameter2 model_c -boundary_from2 1 -boundary_to2 2 "
+    done = call(words + IN_V + second + "-boundary_of all", command="boundary")
+    check(done.returncode == 2 and "boundary_of all" in done.stderr and said in done.stderr and
+          done.stderr.count("\n") == 1, done.stderr)

@@ -47,7 +47,7 @@ struct Crossing {
   double residual = 0;           // |J x - lambda x|/|x| of the mode; NaN for the limit of short waves
   double error = 0, error2 = 0;  // by how much a grid of half the spacing moves the point; 0 where no grid plays a part
   std::string kind;              // hopf or zero; of stick-slip graze, fold, flip, torus or branch
-  std::string of = "sliding";    // or stick-slip: whose end the point is
+  std::string of = "sliding";    // or stick-slip, waves, trains: whose end the point is
   double nx = 0, ny = 0;         // of stick-slip: unit vector on the axes, across the line to where it lives
   int piece = 0;                 // of the curve
   bool switched = false;         // another mode leads than at the point before

@@ -50,4 +50,21 @@ std::vector<TrainLimitCurve> train_limit_curves(const TrainFamily2& family, cons
                                                 double from2, double to2, int steps,
                                                 std::vector<std::string>& notes);
 
+// A train that was looked at.
+struct TrainSample {
+  double value = 0, value2 = 0;
+  bool stable = false;  // on its ring
+};
+
+// Where the trains of a branch at value2 = at2 are stable, and each line where that begins or ends, followed both ways through
+// the box value, value2 in [0, 1] in at most `steps` steps each: limits at which no other mode grows. Those that are `known`
+// are left out. `lost`: how many more were seen and not located.
+struct StableTrains {
+  std::vector<TrainSample> samples;
+  std::vector<TrainLimitCurve> lines;
+  int lost = 0;
+};
+StableTrains stable_trains(const TrainFamily2& family, const Branch& branch, double at2, int steps,
+                           const std::function<bool(const TrainLimit&)>& known);
+
 }  // namespace stickslip

@@ -1,0 +1,166 @@
+#include "stickslip/study/medium_lines.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "cycles/deviations.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/cycles/smooth_cycle.hpp"
+#include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/numerics/level_curve.hpp"
+#include "stickslip/waves/train_limits.hpp"
+
+namespace stickslip {
+
+namespace {
+
+constexpr double strong_slip = 10;  // friction forces above sliding: of several cycles the outermost
+constexpr int cells = 8;           // of the lattice for waves
+constexpr double turns_of_shortest = 100;  // c k T of the shortest wave looked at: beyond, the mean damping decides
+constexpr int branch_steps = 60, line_steps = 60;
+constexpr double same_place = 0.02;  // of the box: between a point of a polygon and its line
+
+// Whether a line of limits, where they lead, passes the height of another near by.
+bool passes(const std::vector<TrainLimit>& line, const TrainLimit& limit) {
+  for (std::size_t k = 0; k + 1 < line.size(); ++k) {
+    const TrainLimit &a = line[k], &b = line[k + 1];
+    if (!a.leads.value_or(false) || !b.leads.value_or(false)) continue;
+    const double rise = b.value2 - a.value2, part = rise == 0 ? 0 : (limit.value2 - a.value2) / rise;
+    if (part >= 0 && part <= 1 && std::abs(a.value + part * (b.value - a.value) - limit.value) < same_place &&
+        a.kind == limit.kind)
+      return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+double growth_on_uniform(const Scene& ring) {
+  try {
+    const SmoothCycle cycle = uniform_cycle(one_node_of(ring), 1e-8, strong_slip);
+    double growth = growth_rate(cycle.cycle);
+    if (growth > 0) return growth;
+    Deviations deviations(cycle);
+    if (ring.nu == 0) growth = std::max(growth, -deviations.mean_damping() / 2);  // of ever shorter waves
+    const double period = cycle.cycle.period, unit = 2 * M_PI / ring.length;
+    for (long m = 1; double(m) * unit * ring.c * period <= turns_of_shortest; m += m < 100 ? 1 : m / 50)
+      growth = std::max(growth, std::log(std::abs(deviations.of_wave(std::pow(double(m) * unit, 2)).front())) / period);
+    return growth;
+  } catch (const Failure&) {
+    return std::nan("");
+  }
+}
+
+MediumLines::MediumLines(SceneAt scene_at, std::vector<Axis> axes, PetscInt pulses, std::function<void()> each)
+    : scene_at_(std::move(scene_at)), axes_(std::move(axes)), pulses_(pulses), each_(std::move(each)) {}
+
+std::string MediumLines::refusal(const Scene& s) {
+  if (s.form == Form::chain) return "trains are those of a continuum (model_form continuum)";
+  if (!s.ring()) return "trains and the waves counted are those of a ring (bc_left periodic)";
+  try {
+    check_train_scene(s);
+  } catch (const UsageError& e) {
+    return e.what();
+  }
+  return "";
+}
+
+Crossing MediumLines::crossing(double x, double y, const char* of) const {
+  Crossing c;
+  c.x = x;
+  c.y = y;
+  c.value = axes_[0].value(x);
+  c.value2 = axes_[1].value(y);
+  c.of = of;
+  c.growth = c.residual = std::nan("");
+  return c;
+}
+
+std::vector<Crossing> MediumLines::waves(PetscInt count) {
+  const PlaneFunction f = [&](double x, double y) {
+    each_();
+    return growth_on_uniform(scene(x, y));
+  };
+  Lattice lattice{cells, {}};
+  for (int j = 0; j <= cells; ++j)
+    for (int i = 0; i <= cells; ++i) lattice.values.push_back(f(double(i) / cells, double(j) / cells));
+  growth_ = lattice.values;
+  LevelCurveSettings settings;
+  settings.step = 1. / 16;
+  const LevelCurve line = level_curve(f, lattice, settings);
+  double total = 0;
+  for (const CurvePiece& piece : line.pieces) total += length(piece);
+  std::vector<Crossing> result;
+  for (std::size_t number = 0; number < line.pieces.size(); ++number) {
+    double slope = std::nan("");
+    for (const CurvePlace& place : even_places(line.pieces[number], points_of_piece(line.pieces[number], count, total))) {
+      double border = std::nan("");
+      const Placed on = put_on_curve(f, place.at, place.across, place.border ? border : slope);
+      if (!on.found) continue;
+      Crossing c = crossing(on.at.x, on.at.y, "waves");
+      c.kind = "wave";
+      c.piece = int(number);
+      c.frequency = 2 * M_PI / uniform_cycle(one_node_of(scene(c.x, c.y)), 1e-8, strong_slip).cycle.period;
+      result.push_back(c);
+    }
+  }
+  return result;
+}
+
+// The trains at the height y of the box, and the lines that bound the stable ones among them.
+void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines, std::vector<std::string>& notes) {
+  const TrainFamily2 family{axes_[0].name, axes_[1].name, [&](double x, double y2) {
+                              const Scene here = scene(x, y2);
+                              return TrainCase{here, {pulses_, here.length, {}, false}};
+                            }};
+  const TrainFamily slice{axes_[0].name, [&](double x) { return family.at(x, y); }};
+  const auto known = [&](const TrainLimit& limit) {
+    return std::any_of(lines.begin(), lines.end(), [&](auto& line) { return passes(line.points, limit); });
+  };
+  std::vector<std::pair<double, double>> passed;
+  for (const double x : {0., 1., 0.5, 0.25, 0.75}) {
+    if (std::any_of(passed.begin(), passed.end(), [&](auto& p) { return x >= p.first && x <= p.second; })) continue;
+    for (const double to : {1., 0.}) {
+      if (to == x) continue;
+      each_();
+      Branch branch;
+      try {
+        branch = continue_train(slice, x, to, branch_steps);
+      } catch (const Failure&) {  // no train there
+        break;
+      }
+      std::pair<double, double> reach{x, x};
+      for (const BranchPoint& p : branch.points) reach = {std::min(reach.first, p.value), std::max(reach.second, p.value)};
+      passed.push_back(reach);
+      const StableTrains found = stable_trains(family, branch, y, line_steps, known);
+      lines.insert(lines.end(), found.lines.begin(), found.lines.end());
+      samples_.insert(samples_.end(), found.samples.begin(), found.samples.end());
+      const std::string where = "trains at " + axes_[1].name + " " + number_text(axes_[1].value(y)) + ": ";
+      if (found.lost > 0)
+        notes.push_back(where + std::to_string(found.lost) + (found.lost == 1 ? " end" : " ends") +
+                        " of their stability seen and not located");
+      if (int(branch.points.size()) > branch_steps)
+        notes.push_back(where + "followed for " + std::to_string(branch_steps) + " steps only, to " + axes_[0].name + " " +
+                        rounded_text(axes_[0].value(branch.points.back().value), 6));
+    }
+  }
+}
+
+std::vector<Crossing> MediumLines::trains(std::vector<std::string>& notes) {
+  std::vector<TrainLimitCurve> lines;
+  for (const double y : {0., 0.5, 1.}) follow_trains(y, lines, notes);
+  std::vector<Crossing> result;
+  for (std::size_t number = 0; number < lines.size(); ++number)
+    for (const TrainLimit& limit : lines[number].points) {
+      if (!limit.leads.value_or(false)) continue;  // others have taken the lead: trains are unstable on both sides
+      Crossing c = crossing(limit.value, limit.value2, "trains");
+      c.kind = limit.kind;
+      c.frequency = limit.frequency;
+      c.wavenumber = limit.wavenumber;
+      c.piece = int(number);
+      result.push_back(c);
+    }
+  return result;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,120 @@
+"""The end of stick-slip (boundary_of) in random scenes against runs: one block of every law, started from strong slips 1 % on
+either side of each end found and at places between; and cells of two blocks that move alike, whose end is that of one."""
+import h5py
+import numpy as np
+
+from calls import call, check, run
+
+FROM, TO = 0.1, 4.0
+DEAD = {"sliding", "decaying"}
+
+
+STICKING = ["carlson-langer", "coulomb", "healing"]
+SMOOTH = ["smoothed", "smoothed coulomb", "cubic", "ageing", "slip"]
+
+
+def draw(generator, kinds=STICKING + SMOOTH):
+    kind = generator.choice(kinds)
+    s = {"kind": str(kind), "model_m": generator.uniform(0.5, 2), "model_k0": generator.uniform(0.05, 1),
+         "model_zeta": generator.uniform(0.05, 0.4), "from": FROM, "to": TO}
+    if kind == "healing":
+        s |= {"state_law": "healing", "state_t_h": generator.uniform(0.5, 2), "state_tau_inf": generator.uniform(1.2, 2),
+              "state_D": generator.uniform(0.5, 2)}
+    if kind.startswith("smoothed"):
+        s |= {"friction_stick": "regularised", "friction_eps": generator.uniform(0.02, 0.1)}
+    if kind in ("ageing", "slip"):  # no viscosity; the ageing law has a fold where the plate is slow
+        a = generator.uniform(0.05, 0.1)
+        s |= {"friction_law": "rate-and-state", "friction_a": a, "friction_b": a * generator.uniform(1.5, 2.5),
+              "friction_D": generator.uniform(0.1, 0.3), "friction_mu0": 0.6, "friction_psi0": 1, "state_law": str(kind),
+              "model_m": 1, "model_k0": generator.uniform(0.1, 0.5), "model_zeta": 0, "from": 0.01, "to": 1.0}
+    else:
+        s["friction_law"] = "coulomb" if "coulomb" in kind else "cubic" if kind == "cubic" else "carlson-langer"
+    return s
+
+
+def words(s):
+    options = " ".join(f"-{key} {value}" for key, value in s.items() if "_" in key)
+    return f"-model_form chain -grid_n 1 -bc_left free {options} "
+
+
+def sticks(s):
+    return s["kind"] in STICKING
+
+
+def steady_force(s, v):
+    if s["friction_law"] == "rate-and-state":
+        return s["friction_mu0"] + (s["friction_a"] - s["friction_b"]) * np.log(v)
+    return {"cubic": v ** 3 / 3 - v, "carlson-langer": 1 / (1 + v), "coulomb": 0.5}[s["friction_law"]]
+
+
+def regime(s, v):
+    """Where a strong slip goes in time: from rest where friction sticks, else from ten friction forces above sliding."""
+    force = steady_force(s, v)
+    start = "-init_psi 0 -init_eta 0 " if sticks(s) else \
+        f"-init_psi {v} -init_eta {s['model_zeta'] * v + force + 10 * (abs(force) + 1 / 3)} "
+    period = 2 * np.pi * np.sqrt(s["model_m"] / s["model_k0"])
+    time = 300 * period + 20 / (s["model_k0"] * v)
+    return run(words(s) + start + f"-model_v {v} -ts_max_time {time}")[0]["regime"]
+
+
+def along(s, more=""):
+    """The points, and the function whose zeros stick-slip's are, as sampled (negative where it lives); none: no point."""
+    done = call((words(s) + f"-boundary_parameter model_v -boundary_from {s['from']} -boundary_to {s['to']} -out_file b.h5 " +
+                 more).split(), command="boundary")
+    check(done.returncode in (0, 1) and done.stderr.count("\n") < 8, done.stderr)
+    if done.returncode == 1:
+        check("does not end" in done.stderr or "no boundary" in done.stderr, done.stderr)
+        return None
+    with h5py.File("b.h5") as file:
+        of = [text.decode() for text in file["of"][...]]
+        points = list(zip(file["value"][...], of, [text.decode() for text in file["kind"][...]]))
+        return points, file["stick_slip_sample"][...], file["stick_slip_distance"][...]
+
+
+def test_strong_slips_go_where_the_end_says(scenes):
+    asked, open_words, ends = 0, 0, 0
+    for index, s in scenes(draw, 71, short=2):
+        found = along(s)
+        if found is None:
+            continue
+        points, sample, distance = found
+        growing = np.array([value for value, of, _ in points if of == "sliding"])
+        places = [(v, d < 0) for v, d in list(zip(sample, distance))[3::12] if np.isfinite(d)]
+        for value, of, kind in points:
+            if of != "stick-slip":
+                continue
+            ends += 1
+            below = np.flatnonzero(sample < value * 0.99)
+            check(below.size and below[-1] + 1 < sample.size, f"scene {index}: end at {value}")
+            lives = bool(distance[below[-1]] < 0)
+            check(lives != bool(distance[np.flatnonzero(sample > value * 1.01)[0]] < 0), f"scene {index}: {kind} at {value}: {s}")
+            places += [(0.99 * value, lives), (1.01 * value, not lives)]
+        for v, lives in places:
+            if growing.size and np.min(np.abs(growing - v)) < 0.02 * v:
+                continue  # so slow there that no run of this length decides
+            word = regime(s, v)
+            asked += 1
+            open_words += word in ("undecided", "growing")
+            right = word == "stick-slip" if lives else word in DEAD
+            check(right or word in ("undecided", "growing"), f"scene {index}: {word} at v = {v}, lives: {lives}, {points}: {s}")
+    check(asked > 4 and ends > 0 and open_words <= 0.1 * asked, f"{asked} runs, {open_words} left open, {ends} ends")
+
+
+def test_two_blocks_alike_end_as_one(scenes):
+    """A cell of two coupled blocks from a start that is alike: where the end is that of the motion itself, not of its
+    symmetry, it is the end of one block."""
+    drawn, compared = 0, 0
+    for index, s in scenes(lambda generator: draw(generator, STICKING), 72, short=0):  # in the audit alone: a few seconds each
+        drawn += 1
+        one = along(s, "-boundary_of stick-slip")
+        if one is None:
+            continue
+        cell = words(s).replace("-grid_n 1 -bc_left free", "-grid_n 2 -model_k1 1e-3") + "-init_psi 0 -init_eta 0 -cycle_cell 2 "
+        done, _ = run(cell + f"-boundary_of stick-slip -boundary_parameter model_v -boundary_from {s['from']} "
+                      f"-boundary_to {s['to']}", code=None, command="boundary")
+        for point in done["points"] or []:
+            if point["kind"] in ("graze", "fold"):
+                near = min(abs(value - point["value"]) for value, _, _ in one[0])
+                check(near < 1e-6 * (s["to"] - s["from"]), f"scene {index}: {point} and {one[0]}: {s}")
+                compared += 1
+    check(compared > 0 or not drawn, "an end of the motion itself")
