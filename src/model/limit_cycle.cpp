@@ -1,213 +1,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/return_map.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/roots.hpp"
-#include "stickslip/model/oscillator.hpp"
 
 namespace stickslip {
 
 namespace {
 
 constexpr int stages = train_stages, max_dim = train_max_dim;
-
-const Collocation& radau() { return Collocation::radau5(); }
-
-struct Step {
-  double t, h;
-  double values[(stages + 1) * max_dim];  // at 0 and the stages
-};
-
-// The polynomial of a step with d components, by weights for its points.
-void combine(const Step& step, int d, const double* weights, double* y) {
-  for (int k = 0; k < d; ++k) {
-    y[k] = 0;
-    for (int j = 0; j <= stages; ++j) y[k] += weights[j] * step.values[j * d + k];
-  }
-}
-
-class Integrator {
- public:
-  Integrator(const Oscillator& oscillator, double r2, double tolerance)
-      : o_(oscillator), r2_(r2), tolerance_(tolerance), d_(oscillator.dim()) {
-    radau().basis.derivative_weights(test_point, slope_);
-    radau().basis.weights(test_point, value_);
-  }
-
-  // One step of size h from y. False where Newton's method fails. It starts from the polynomial of the step `near`,
-  // which begins `offset` of its length before y (null: from y). `error`: of the dense output against the tolerance.
-  bool try_step(const double* y, double h, const Step* near, double offset, Step& step, double& error) {
-    step.h = h;
-    std::copy(y, y + d_, step.values);
-    for (int i = 0; i < stages; ++i) {
-      double* stage = step.values + (i + 1) * d_;
-      if (near) {
-        double w[stages + 1];
-        radau().basis.weights(offset + radau().c[size_t(i)] * h / near->h, w);
-        combine(*near, d_, w, stage);
-      } else {
-        std::copy(y, y + d_, stage);
-      }
-    }
-    if (!solve_stages(step)) return false;
-    error = defect(step);
-    return std::isfinite(error);
-  }
-
-  // Advances y, t by one accepted step.
-  void step(double& t, double* y, double& h, Step& out) {
-    for (int attempt = 0; attempt < 200; ++attempt) {
-      double error = 0;
-      if (!try_step(y, h, have_last_ ? &last_ : nullptr, 1, out, error)) {
-        if (!(have_last_ && at_rest_)) h /= 4;
-        have_last_ = have_last_ && !at_rest_ && attempt < 2;
-        continue;
-      }
-      const double factor = std::min(4., std::max(.2, .85 * std::pow(std::max(error, 1e-12), -1. / (stages + 1))));
-      const double taken = h;
-      h *= factor;
-      if (error > 1) continue;
-      out.t = t;
-      t += taken;
-      std::copy(out.values + stages * d_, out.values + (stages + 1) * d_, y);
-      last_ = out;
-      have_last_ = true;
-      return;
-    }
-    throw Failure("the oscillation's integrator cannot go on: step " + std::to_string(h));
-  }
-
-  void restart() { have_last_ = at_rest_ = false; }
-  // From now on psi may be all but zero, held there by friction so steep that Newton's own steps shoot through zero, and
-  // that what is extrapolated from the last step is noise.
-  void at_rest() { at_rest_ = o_.steep(); }
-
- private:
-  bool solve_stages(Step& step) const {
-    const int d = d_, n = stages * d;
-    const double* y = step.values;
-    double *stage = step.values + d, previous = 0;
-    for (int iteration = 0; iteration < 12; ++iteration) {
-      double G[stages * max_dim], J[stages * max_dim * max_dim];
-      for (int i = 0; i < stages; ++i) o_.rhs(r2_, stage + i * d, G + i * d, J + i * d * d);
-      double a[stages * max_dim * stages * max_dim], b[stages * max_dim];
-      stage_matrix(radau(), d, step.h, J, a);
-      for (int i = 0; i < n; ++i) {
-        b[i] = y[i % d] - stage[i];
-        for (int j = 0; j < stages; ++j) b[i] += step.h * radau().a[size_t(i / d * stages + j)] * G[j * d + i % d];
-      }
-      if (!solve_dense(n, a, 1, b)) return false;
-      if (at_rest_)
-        for (int i = 0; i < stages; ++i)
-          b[i * d] = o_.newton_step(r2_, stage + i * d, b + i * d, step.h * radau().a[size_t(i * stages + i)]);
-      double norm = 0;
-      for (int i = 0; i < n; ++i) {
-        stage[i] += b[i];
-        norm = std::max(norm, std::abs(b[i]) / (1 + std::abs(stage[i])));
-      }
-      if (!std::isfinite(norm)) return false;
-      if (norm < 1e-14 || (norm < 1e-10 && iteration > 0 && norm > previous / 4)) return true;
-      if (iteration > 2 && norm > 2 * previous) return false;
-      previous = norm;
-    }
-    return false;
-  }
-
-  // The defect of the polynomial between the stages against the tolerance, filtered so that stiff directions do not
-  // exaggerate it.
-  double defect(const Step& step) const {
-    double u[max_dim], e[max_dim], g[max_dim], J[max_dim * max_dim], error = 0;
-    combine(step, d_, value_, u);
-    combine(step, d_, slope_, e);
-    o_.rhs(r2_, u, g, J);
-    for (int k = 0; k < d_; ++k) e[k] = filter * (e[k] - step.h * g[k]);
-    for (int k = 0; k < d_ * d_; ++k) J[k] = (k % (d_ + 1) == 0 ? 1. : 0.) - filter * step.h * J[k];
-    if (!solve_dense(d_, J, 1, e)) return std::nan("");
-    for (int k = 0; k < d_; ++k) error = std::max(error, std::abs(e[k]) / (tolerance_ * (1 + std::abs(u[k]))));
-    return error;
-  }
-
-  static constexpr double test_point = .5 * 0.85, filter = .15;
-  const Oscillator& o_;
-  double r2_, tolerance_;
-  int d_;
-  double slope_[stages + 1], value_[stages + 1];
-  Step last_;
-  bool have_last_ = false, at_rest_ = false;
-};
-
-// From y on the section f = v to the next passage of f = v upwards; y becomes the point there, the time is returned.
-// Steps (the last cut at the section) are appended where asked for. `divergence`: integral of the trace of J.
-class ReturnMap {
- public:
-  ReturnMap(const Oscillator& o, double r2, double tolerance) : o_(o), r2_(r2), integrator_(o, r2, tolerance) {}
-
-  double operator()(double* y, std::vector<Step>* steps = nullptr, double* divergence = nullptr) {
-    const int d = o_.dim();
-    integrator_.restart();
-    double t = 0, g[max_dim], scale = 0;
-    o_.rhs(r2_, y, g, nullptr);
-    for (int k = 0; k < d; ++k) scale = std::max(scale, std::abs(g[k]) / (1 + std::abs(y[k])));
-    double h = .01 / std::max(scale, 1e-6);
-    bool below = false;
-    if (divergence) *divergence = 0;
-    constexpr long many_steps = 2000;  // a turn takes some hundred
-    for (long count = 0; count < 200000 && t <= 1e9 / std::sqrt(o_.K0() * o_.A()); ++count) {
-      if (count == many_steps) integrator_.at_rest();
-      Step step;
-      integrator_.step(t, y, h, step);
-      const bool passed = below && y[0] >= o_.v();
-      if (passed) cut_at_section(step, y);
-      add(step, steps, divergence);
-      if (passed) return step.t + step.h;
-      below = below || y[0] < o_.v();
-    }
-    throw Failure("nothing oscillates: the motion settles without passing the plate velocity again");
-  }
-
- private:
-  // The passage lies in this step: found on the polynomial, then a step is made to end there.
-  void cut_at_section(Step& step, double* y) {
-    const int d = o_.dim();
-    const auto above = [&](double part) {
-      double w[stages + 1], at[max_dim];
-      radau().basis.weights(part, w);
-      combine(step, d, w, at);
-      return at[0] - o_.v();
-    };
-    double end = find_root(above, {0, step.values[0] - o_.v(), 1, y[0] - o_.v()}, 1e-15) * step.h, error;
-    Step cut;
-    double* last = cut.values + stages * d;
-    for (int k = 0; k < 6; ++k) {
-      if (!integrator_.try_step(step.values, end, &step, 0, cut, error))
-        throw Failure("the oscillation's integrator cannot go on at the section");
-      double slope[max_dim];
-      o_.rhs(r2_, last, slope, nullptr);
-      const double correction = (o_.v() - last[0]) / slope[0];
-      if (std::abs(correction) <= 1e-15 * step.h) break;
-      end += correction;
-    }
-    cut.t = step.t;
-    step = cut;
-    std::copy(last, last + d, y);
-    y[0] = o_.v();
-  }
-
-  void add(const Step& step, std::vector<Step>* steps, double* divergence) {
-    if (steps) steps->push_back(step);
-    if (!divergence) return;
-    const int d = o_.dim();
-    for (int j = 0; j < stages; ++j) {
-      double g[max_dim], J[max_dim * max_dim];
-      o_.rhs(r2_, step.values + (j + 1) * d, g, J);
-      for (int k = 0; k < d; ++k) *divergence += step.h * radau().b[size_t(j)] * J[k * d + k];
-    }
-  }
-
-  const Oscillator& o_;
-  double r2_;
-  Integrator integrator_;
-};
 
 // Points of the section f = v, f' > 0, told apart from steady sliding: (z, s) about it, s in units of z.
 class Section {
@@ -426,7 +228,7 @@ Orbit find_orbit(const Oscillator& o, double r2, double tolerance, double slip) 
   if (std::abs(J[0]) < .1 * std::sqrt(o.K0() * o.A() / r2)) tolerance = std::min(tolerance, 1e-11);
   if (std::abs(o.v()) >= o.v_c()) nothing_oscillates(o, " is stable (|v| >= v_c = " + rounded_text(o.v_c(), 8) + ")");
   find_cycle(o, r2, tolerance, slip, start);
-  std::vector<Step> steps;
+  std::vector<OrbitStep> steps;
   double divergence, end[max_dim];
   std::copy(start, start + max_dim, end);
   Orbit orbit;
@@ -436,8 +238,8 @@ Orbit find_orbit(const Oscillator& o, double r2, double tolerance, double slip) 
   orbit.multiplier = std::exp(divergence) * before[0] / after[0];
   orbit.r2 = r2;
   orbit.oscillator = std::make_shared<const Oscillator>(o);
-  orbit.method = &radau();
-  for (const Step& step : steps) {
+  orbit.method = &Collocation::radau5();
+  for (const OrbitStep& step : steps) {
     orbit.mesh.push_back(step.t / orbit.period);
     orbit.values.insert(orbit.values.end(), step.values, step.values + (stages + 1) * o.dim());
   }
