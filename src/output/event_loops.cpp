@@ -52,6 +52,35 @@ struct Aim {
   }
 };
 
+struct Separate {
+  void operator()(const InterleavedNodes& s) const {
+    const InterleavedNodes m = s;
+    if (m.dof == 2) {
+#pragma GCC ivdep
+      for (std::size_t i = 0; i < m.count; ++i) {
+        m.psi[i] = m.u[2 * i];
+        m.eta[i] = m.u[2 * i + 1];
+      }
+    } else {
+#pragma GCC ivdep
+      for (std::size_t i = 0; i < m.count; ++i) {
+        m.psi[i] = m.u[3 * i];
+        m.eta[i] = m.u[3 * i + 1];
+        m.state[i] = m.u[3 * i + 2];
+      }
+    }
+  }
+};
+
+struct CountUnknown {
+  std::size_t operator()(const EarlierNodes& s) const {
+    const EarlierNodes m = s;
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < m.count; ++i) count += (m.p0[i] == 0) | (m.moved[i] == 0);
+    return count;
+  }
+};
+
 struct MarkMoving {
   void operator()(const MovingNodes& s) const {
     const MovingNodes m = s;
@@ -72,6 +101,8 @@ Result apply(const Nodes& nodes) {
 StepSums add_step(const StepOfNodes& nodes) { return apply<AddStep, StepSums>(nodes); }
 void find_middle(const MiddleOfNodes& nodes) { apply<FindMiddle, void>(nodes); }
 void aim(const AimedNodes& nodes) { apply<Aim, void>(nodes); }
+void separate(const InterleavedNodes& nodes) { apply<Separate, void>(nodes); }
+std::size_t count_unknown(const EarlierNodes& nodes) { return apply<CountUnknown, std::size_t>(nodes); }
 void mark_moving(const MovingNodes& nodes) { apply<MarkMoving, void>(nodes); }
 
 }  // namespace stickslip::event_loops

@@ -34,6 +34,23 @@ struct AimedNodes {
 };
 void aim(const AimedNodes& nodes);
 
+// Unknowns as they lie in a vector, dof (2 or 3) a node, each kind in an array of its own.
+struct InterleavedNodes {
+  const double* u;
+  double *psi, *eta, *state;
+  int dof;
+  std::size_t count;
+};
+void separate(const InterleavedNodes& nodes);
+
+// Nodes whose friction at the beginning of a step is not that of the end of the last one.
+struct EarlierNodes {
+  const double* p0;
+  const unsigned char* moved;
+  std::size_t count;
+};
+std::size_t count_unknown(const EarlierNodes& nodes);
+
 // 1 for nodes that move at either end of a step, else 0.
 struct MovingNodes {
   const double *p0, *p1;

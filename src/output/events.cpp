@@ -186,7 +186,7 @@ struct Events::Impl {
     double* const F1 = &last_force[from];
     const unsigned char* const knows = &moved[from];
     std::copy(F1, F1 + size, F0);
-    for (std::size_t k = 0; k < size; ++k)
+    for (std::size_t k = 0, unknown = event_loops::count_unknown({p0, knows, size}); k < size && unknown > 0; ++k)
       if (p0[k] == 0 || !knows[k]) F0[k] = force(from + k, p0[k], has_state ? s0[k] : 0, p0[k] + p1[k] < 0 ? -1 : 1);
     forces_at(from, size, p1, s1, F1);
     event_loops::find_middle({p0, p1, &last[1][from], &now[1][from], F0, F1, A, B, dt, p, size});
@@ -322,8 +322,8 @@ void Events::step(double t, const Fields& fields) {
 void Events::step(double t, const double* u, int dof) {
   impl_->now.resize(std::size_t(dof));
   for (std::vector<double>& field : impl_->now) field.resize(impl_->n);
-  for (std::size_t i = 0; i < impl_->n; ++i, u += dof)
-    for (std::size_t d = 0; d < std::size_t(dof); ++d) impl_->now[d][i] = u[d];
+  Fields& now = impl_->now;
+  event_loops::separate({u, now[0].data(), now[1].data(), dof == 3 ? now[2].data() : nullptr, dof, impl_->n});
   impl_->advance(t);
 }
 
