@@ -18,7 +18,7 @@ namespace stickslip {
 namespace {
 
 constexpr double most_tracked = 1024;
-constexpr std::int64_t phase_places_of_ring = 32768;
+constexpr std::int64_t phase_places_of_ring = 8192;
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
@@ -132,7 +132,7 @@ int FieldWatch::count_pulses(const Passages& own) const {
   return line.up + (model_.scene().ring() && line.last == -1 && line.first == 1 ? 1 : 0);
 }
 
-// 32768 nodes round the ring, and 512 at least for each turn, all nodes of smaller ones; with the sine and cosine of mode_
+// 8192 nodes round the ring, and 512 at least for each turn, all nodes of smaller ones; with the sine and cosine of mode_
 // turns there. From one place to the next the node moves on by n/count or by one more, and its angle by one of two that
 // are known; what round-off adds stays below 1e-11.
 void FieldWatch::choose_phase_places() {

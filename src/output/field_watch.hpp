@@ -8,7 +8,7 @@
 //
 //   pulses      upward passages of psi through v along x, on a ring or between the ends; a dip counts where it goes a
 //               twentieth of the range of psi below
-//   wave speed  on a ring with m pulses the slope of the phase of the m-th Fourier coefficient (from 32768 nodes, or 512 a
+//   wave speed  on a ring with m pulses the slope of the phase of the m-th Fourier coefficient (from 8192 nodes, or 512 a
 //               turn), -2 pi m V/L, by least squares; elsewhere the least-squares slope of the times at which nodes of
 //               the middle half (up to 1024 of them) last passed v upwards, along each pulse. Positive to the right;
 //               none where the phase is not linear in time to 0.3 rad, where pulses of one direction hold fewer than
