@@ -11,6 +11,7 @@
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/dense.hpp"
 #include "stickslip/numerics/roots.hpp"
+#include "time/leapfrog.hpp"
 
 namespace stickslip {
 
@@ -167,7 +168,7 @@ StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
   const std::string type = like.method().type;
   if (type == TSBDF) bdf_order_ = std::stoi(like.method().subtype);
   is_alpha_ = type == TSALPHA;
-  is_leapfrog_ = type == "leapfrog";
+  is_leapfrog_ = type == leapfrog_type;
   if (is_alpha_) SS_TRY(TSAlphaGetParams(like.ts(), &alpha_m_, &alpha_f_, &alpha_gamma_));
   if (u) add_waves_about(model, u, implicit);
   add_waves_about_sliding(model, implicit);

@@ -20,7 +20,7 @@ BandSystemOf<hw>::BandSystemOf(const BandLayout& layout)
   MPI_Comm_size(layout.model().comm(), &ranks_);
   MPI_Comm_rank(layout.model().comm(), &rank_);
   groups_.resize(layout.tiles().size());
-  if (layout.groups() > 0) root_ = build(0, layout.groups());
+  if (layout.groups() > 0) root_ = build(0, layout.groups(), false);
   set_up_outer();
   set_up_gather();
 }
@@ -33,47 +33,32 @@ static int middle_of(int lo, int hi) {
   return lo + half;
 }
 
+// The tree of the groups lo to hi - 1. Stretches of one rank are leaves of the top; that rank alone goes on inside (`own`).
 template <int hw>
-int BandSystemOf<hw>::build(int lo, int hi) {
+int BandSystemOf<hw>::build(int lo, int hi, bool own) {
   const int speaker = layout_.speaker_of_group(lo);
   const bool of_one = speaker == layout_.speaker_of_group(hi - 1) && !layout_.is_shared(hi - 1);
-  if (of_one || hi - lo == 1) {
-    int node;
-    const auto& tiles = layout_.tiles();
-    const auto tile = std::find_if(tiles.begin(), tiles.end(), [&](const BandTile& t) { return t.group == lo; });
-    if (of_one && speaker == rank_) {
-      node = build_own(lo, hi);
-    } else {
-      node = int(tree_.size());
-      tree_.emplace_back();
-      if (hi - lo == 1 && tile != tiles.end()) groups_[std::size_t(tile - tiles.begin())].node = node;
-    }
+  if (!own && (of_one || hi - lo == 1)) {
+    const int node = of_one && speaker == rank_ ? build(lo, hi, true) : add_node(lo, hi);
     leaves_.push_back({node, speaker});
     return node;
   }
-  const int mid = middle_of(lo, hi), left = build(lo, mid), right = build(mid, hi), node = int(tree_.size());
-  tree_.emplace_back();
+  if (hi - lo == 1) return add_node(lo, hi);
+  const int mid = middle_of(lo, hi), left = build(lo, mid, own), right = build(mid, hi, own), node = add_node(lo, hi);
   tree_.back().left = left;
   tree_.back().right = right;
-  top_.push_back(node);
+  (own ? own_ : top_).push_back(node);
   return node;
 }
 
+// That of a single group belongs to its tile, where this rank has it.
 template <int hw>
-int BandSystemOf<hw>::build_own(int lo, int hi) {
-  if (hi - lo == 1) {
-    const auto& tiles = layout_.tiles();
-    const auto tile = std::find_if(tiles.begin(), tiles.end(), [&](const BandTile& t) { return t.group == lo; });
-    const int node = int(tree_.size());
-    tree_.emplace_back();
-    groups_[std::size_t(tile - tiles.begin())].node = node;
-    return node;
-  }
-  const int mid = middle_of(lo, hi), left = build_own(lo, mid), right = build_own(mid, hi), node = int(tree_.size());
+int BandSystemOf<hw>::add_node(int lo, int hi) {
+  const int node = int(tree_.size());
   tree_.emplace_back();
-  tree_.back().left = left;
-  tree_.back().right = right;
-  own_.push_back(node);
+  const auto& tiles = layout_.tiles();
+  const auto tile = std::find_if(tiles.begin(), tiles.end(), [&](const BandTile& t) { return t.group == lo; });
+  if (hi - lo == 1 && tile != tiles.end()) groups_[std::size_t(tile - tiles.begin())].node = node;
   return node;
 }
 

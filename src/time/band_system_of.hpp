@@ -52,8 +52,8 @@ class BandSystemOf : public BandSystem {
     std::vector<double> outer;         // the inverse of what is left
   };
 
-  int build(int lo, int hi);
-  int build_own(int lo, int hi);
+  int build(int lo, int hi, bool own);
+  int add_node(int lo, int hi);
   void set_up_outer();
   void set_up_gather();
   void set_coefficients(Factors& f, double a, double p) const;

@@ -136,8 +136,8 @@ kernel::Round BandedImex::round_of(const BandTile& t, const Step& step, int i) c
   r.z_psi = columns_.known(t, 0);
   r.z_eta = columns_.known(t, 1);
   r.z_state = has_state ? columns_.known(t, 2) : nullptr;
-  r.amplitude = amplitude_.empty() ? nullptr : &amplitude_[std::size_t(t.at)];
-  r.direction = direction_.empty() ? nullptr : &direction_[std::size_t(t.at)];
+  r.amplitude = of_tile(amplitude_, t);
+  r.direction = of_tile(direction_, t);
   r.psi = columns_.stage(t, 0);
   r.state = has_state ? columns_.stage(t, 2) : nullptr;
   r.d = d_.data();
@@ -147,7 +147,7 @@ kernel::Round BandedImex::round_of(const BandTile& t, const Step& step, int i) c
   r.g_eta = slope(1);
   r.g_state = has_state ? slope(2) : nullptr;
   // fixed steps have no tolerance: what they err by is all theirs
-  r.target = step.estimate ? std::clamp(1e-3 * std::min(step.norm.atol, step.norm.rtol), 1e-13, 1e-9) : 1e-13;
+  r.target = step.estimate ? step.norm.solver_target() : 1e-13;
   r.immovable = BandSystem::immovable;
   r.count = t.count();
   r.node = t.at;
@@ -208,9 +208,9 @@ void BandedImex::take_first(const BandTile& t, const double* own, const Step& st
   } else {
     std::fill(g_eta, g_eta + t.count(), 0.);
     pointwise_(c, {psi, driving, model_.dof() == 3 ? columns_.u(t, 2) : nullptr,
-                   amplitude_.empty() ? nullptr : &amplitude_[std::size_t(t.at)], g_psi, g_eta,
+                   of_tile(amplitude_, t), g_psi, g_eta,
                    columns_.slope(t, ImexColumns::of_implicit, 0, 2), t.count(),
-                   direction_.empty() ? nullptr : &direction_[std::size_t(t.at)], t.at});
+                   of_tile(direction_, t), t.at});
     for (PetscInt i = 0; i < t.count(); ++i) g_eta[i] += K1 * d2[i];
   }
   for_held(t, [&](PetscInt i, const Combination&) {
@@ -227,7 +227,7 @@ void BandedImex::take_explicit(const BandTile& t, int i) const {
   double* const f_eta = spare_.data();  // it follows from that of psi
   std::fill(f_eta, f_eta + t.count(), 0.);
   pointwise_(friction, {columns_.stage(t, 0), zeros_.data(), model_.dof() == 3 ? columns_.stage(t, 2) : nullptr,
-                        amplitude_.empty() ? nullptr : &amplitude_[std::size_t(t.at)], slope(0), f_eta, slope(2),
+                        of_tile(amplitude_, t), slope(0), f_eta, slope(2),
                         t.count(), nullptr, t.at});
   for_held(t, [&](PetscInt place, const Combination&) {
     slope(0)[place] = 0;

@@ -22,6 +22,12 @@ std::string to_string(Implicit implicit) {
   }
 }
 
+bool user_set(const std::string& prefix, const std::string& option) {
+  PetscBool set;
+  SS_TRY(PetscOptionsHasName(nullptr, prefix.c_str(), ("-" + option).c_str(), &set));
+  return set;
+}
+
 namespace {
 
 // The rate of friction over the velocities that a run will meet, not at the start alone.
@@ -143,23 +149,13 @@ bool can_be_fused(const std::string& type, Implicit implicit, const std::string&
   return split && !tunes_solvers(prefix);
 }
 
-}  // namespace
-
-bool user_set(const std::string& prefix, const std::string& option) {
-  PetscBool set;
-  SS_TRY(PetscOptionsHasName(nullptr, prefix.c_str(), ("-" + option).c_str(), &set));
-  return set;
-}
-
-namespace {
-
 constexpr double usual_tolerance = 1e-6;
 
 // Beyond this frequency steps that are stable are shorter than accuracy asks for: an accurate step of the explicit pair
 // resolves times of order 0.1 in the scene's own unit of time, 1/sqrt(A K0), the period of a free block; it is stable up to
 // about 3 over the fastest frequency.
 double accurate_rate(const Model& model) {
-  const double own = std::sqrt(model.scene().A() * model.scene().K0());
+  const double own = own_frequency(model.scene());
   return 40 * (own > 0 ? own : 1);
 }
 

@@ -103,9 +103,9 @@ long FusedImex::stage(const Tile& t, int i, const Step& step, PetscInt begin, Pe
   }
   for (int d = 0; d < tiles_.dof() && i == 0; ++d)
     std::copy(at(t, 0, d, begin), at(t, 0, d, end), at(t, 1, d, begin));  // a guess
-  const double target = std::clamp(1e-3 * std::min(step.norm.atol, step.norm.rtol), 1e-13, 1e-9);
   return solve_(t, {known_, g, i > 0 ? implicit_slope(i - 1) : -1},
-                {at_stage(step, i), step.dt * diagonal_[static_cast<std::size_t>(i)], target, step.estimate}, begin, end);
+                {at_stage(step, i), step.dt * diagonal_[static_cast<std::size_t>(i)], step.norm.solver_target(), step.estimate},
+                begin, end);
 }
 
 }  // namespace stickslip

@@ -103,10 +103,6 @@ class FusedRosw : public FusedMethod {
     return std::make_unique<RosenbrockStep>(model, rosenbrock_w(name_), sticking);
   }
   int order() const override { return rosenbrock_w(name_).order; }
-  int slopes() const override { return 0; }
-  std::vector<double> weights_at(double, double) const override {
-    throw std::logic_error("rosw interpolates by dense_output.hpp");
-  }
 
  private:
   std::string name_ = TSROSWRA34PW2;  // as the library's default
@@ -121,10 +117,6 @@ class FusedLeapfrog : public FusedMethod {
     return std::make_unique<Leapfrog>(model, sticking);
   }
   int order() const override { return 2; }
-  int slopes() const override { return 0; }
-  std::vector<double> weights_at(double, double) const override {
-    throw std::logic_error("leapfrog has no polynomial of its own");
-  }
 };
 
 }  // namespace

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -23,9 +24,12 @@ class FusedMethod {
   // `implicit`: of arkimex.
   virtual std::unique_ptr<StepTaker> make(const Model& model, Implicit implicit, bool sticking) const = 0;
   virtual int order() const = 0;            // as the error control takes it
-  virtual int slopes() const = 0;           // how many TiledStep::take keeps
-  // Weights of the slopes in u at the part s of a step dt.
-  virtual std::vector<double> weights_at(double s, double dt) const = 0;
+  // How many slopes TiledStep::take keeps, and their weights in u at the part s of a step dt; a method without such a
+  // polynomial of its own keeps none (dense_output.hpp).
+  virtual int slopes() const { return 0; }
+  virtual std::vector<double> weights_at(double, double) const {
+    throw std::logic_error(std::string(type()) + " has no polynomial of its own");
+  }
   // A TS of the library's type with this tableau; nullptr where none is needed.
   virtual TS library() const { return nullptr; }
 };

@@ -14,15 +14,20 @@
 namespace stickslip {
 
 namespace {
+
 constexpr const char *fused_rk = "fusedrk", *fused_arkimex = "fusedarkimex", *fused_rosw = "fusedrosw";
+struct TypeNames {
+  const char *fused, *library;
+};
+constexpr TypeNames type_names[] = {
+    {fused_rk, TSRK}, {fused_arkimex, TSARKIMEX}, {fused_rosw, TSROSW}, {leapfrog_type, leapfrog_type}};
+
 }  // namespace
 
 std::string FusedTs::library_type(const std::string& fused) {
-  return fused == fused_rk        ? TSRK
-         : fused == fused_arkimex ? TSARKIMEX
-         : fused == fused_rosw    ? TSROSW
-         : fused == leapfrog_type ? leapfrog_type
-                                  : "";
+  for (const TypeNames& names : type_names)
+    if (fused == names.fused) return names.library;
+  return "";
 }
 
 void FusedTs::bind(const Model& model, Implicit implicit, bool sticking, std::function<bool(double)> keep_slopes) {
@@ -53,11 +58,9 @@ void FusedTs::interpolate(double s, Vec into) {
 #ifdef STICKSLIP_FUSED_STEP
 
 std::string FusedTs::fused_type(const std::string& type) {
-  return type == TSRK            ? fused_rk
-         : type == TSARKIMEX     ? fused_arkimex
-         : type == TSROSW        ? fused_rosw
-         : type == leapfrog_type ? leapfrog_type
-                                 : "";
+  for (const TypeNames& names : type_names)
+    if (type == names.library) return names.fused;
+  return "";
 }
 
 void FusedTs::set_up() {

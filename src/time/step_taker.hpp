@@ -1,6 +1,7 @@
 // What takes a whole step of a method for the types of TS of fused_ts.hpp.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "stickslip/base/handle.hpp"
@@ -11,6 +12,9 @@ namespace stickslip {
 struct ErrorNorm {
   double atol, rtol;
   NormType type;
+
+  // To which implicit equations are solved, far below what a step may err by.
+  double solver_target() const { return std::clamp(1e-3 * std::min(atol, rtol), 1e-13, 1e-9); }
 };
 
 class StepTaker {
