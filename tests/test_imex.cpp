@@ -660,3 +660,64 @@ TEST_CASE("everything implicit: a step leads to the solution that grows out of i
   CHECK(lost_and_refused > 10);
   CHECK(taken > 20);
 }
+
+TEST_CASE("everything implicit at fixed steps, however long: what is told as solved is a solution", "[imex][serial]") {
+  const ImexMethod method("3");
+  const ImexTableau& t = method.tableau();
+  const auto s = std::size_t(t.stages);
+  std::mt19937 random(19);
+  const auto between = [&](double a, double b) { return std::uniform_real_distribution<>(a, b)(random); };
+  int solved = 0, refused = 0;
+  for (int draw = 0; draw < 120; ++draw) {
+    Scene scene;
+    scene.n = PetscInt(between(14, 160));
+    scene.order = 2 * int(between(1, 4.99));
+    scene.length = double(scene.n) * std::exp(between(-3, 0));
+    scene.gamma = std::exp(between(0, 7));
+    scene.delta = between(0, 0.5);
+    scene.nu = draw % 5 == 0 ? 0.1 : 0;
+    if (draw % 2 == 0) {
+      scene.left = scene.right = End::free;
+      if (draw % 4 == 0) scene.left = End::velocity;
+    }
+    scene.friction.law = draw % 3 == 2 ? Law("carlson-langer") : Law("cubic");
+    scene.friction.regularised = draw % 3 == 2;
+    scene.friction.eps = 0.1;
+    if (draw % 7 == 6) {
+      scene.friction.law = Law("rate-and-state");
+      scene.friction.state = StateLaw("ageing");
+      scene.friction.regularised = false;
+    }
+    const Model model(PETSC_COMM_SELF, scene);
+    const BandedImex step(model, t, Implicit::both, false);
+    VecHandle u = model.create_vector(), found = model.create_vector(), y = model.create_vector(), rhs = model.create_vector();
+    double* a;
+    SS_TRY(VecGetArray(u, &a));
+    for (PetscInt i = 0; i < model.local() * model.dof(); ++i) a[i] = (i % model.dof() == 0 ? 0.4 : 0.) + between(-0.5, 0.5);
+    SS_TRY(VecRestoreArray(u, &a));
+    model.set_held(u);
+    std::vector<VecHandle> slopes;
+    for (std::size_t i = 0; i < 2 * s; ++i) slopes.push_back(model.create_vector());
+    const double dt = std::exp(between(-6, 2));
+    const StepTaker::Outcome outcome = step.take(u, dt, {1e-6, 1e-6, NORM_2}, false, found, slopes);
+    if (!outcome.solved || !outcome.finite) {
+      ++refused;
+      continue;
+    }
+    ++solved;
+    for (std::size_t i = 1; i < s; ++i) {
+      SS_TRY(VecCopy(u, y));
+      for (std::size_t j = 0; j < s; ++j) SS_TRY(VecAXPY(y, dt * t.At[i * s + j], slopes[2 * j]));
+      const double h = dt * t.At[i * s + i], rate = model.friction_rate(y), wave = model.wave_frequency();
+      model.rhs(Part::full, y, rhs);
+      SS_TRY(VecAXPY(rhs, -1, slopes[2 * i]));
+      INFO("draw " << draw << " dt " << dt << " stage " << i << " law " << to_string(scene.friction.law) << " n " << scene.n
+                   << " order " << scene.order << " gamma " << scene.gamma << " off " << h * norm(rhs));
+      // 1e-13 against 1 + |psi|, and what stiff terms make of the round-off of y
+      const double size = 1 + norm(y) + norm(u);
+      CHECK(h * norm(rhs) < 1e-12 * size * (1 + h * rate) * (1 + h * wave * (1 + h * wave)));
+    }
+  }
+  CHECK(solved > 50);
+  CHECK(refused > 20);
+}

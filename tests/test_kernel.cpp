@@ -1,10 +1,12 @@
 // The loops over nodes: whole ranges, parts of them, both compilations and any number of ranks give the same bits.
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <random>
 #include <vector>
 
 #include "model/dispatch.hpp"
 #include "model/kernel.hpp"
+#include "numerics/elementary.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/model.hpp"
 
@@ -183,6 +185,74 @@ TEST_CASE("the right-hand side has the same bits on any number of ranks") {
         SS_TRY(VecRestoreArrayRead(f, &mine));
       }
     }
+}
+
+namespace {
+
+// The distance in units of the last place of the exact value; subnormal ones have the last place of the smallest.
+double off_by(double found, long double exact) {
+  const double rounded = double(exact);
+  if (std::isnan(rounded)) return std::isnan(found) ? 0 : HUGE_VAL;
+  if (std::isinf(rounded) || std::isinf(found)) return found == rounded ? 0 : HUGE_VAL;
+  return double(std::abs(found - exact)) / (std::nextafter(std::abs(rounded), HUGE_VAL) - std::abs(rounded));
+}
+
+}  // namespace
+
+TEST_CASE("exp, expm1, log, log1p and tanh of the loops err by one to three units of the last place", "[kernel][serial]") {
+  std::mt19937_64 random(20261122);
+  const auto between = [&](double a, double b) { return std::uniform_real_distribution<>(a, b)(random); };
+  double of_exp = 0, of_expm1 = 0, of_log = 0, of_log1p = 0, of_tanh = 0;
+  for (int i = 0; i < 40000; ++i) {
+    const double x = i % 4 == 0   ? between(-746, 710)
+                     : i % 4 == 1 ? between(-2, 2)
+                     : i % 4 == 2 ? between(-40, 40)
+                                  : std::ldexp(between(-1, 1), -int(random() % 1070));
+    const double beside_1 = std::ldexp(between(-1, 1), -int(random() % 52));
+    const double y = i % 2 == 0 ? std::exp(between(-744, 709.7)) : 1 + beside_1, z = i % 2 == 0 ? std::exp(x / 2) : beside_1;
+    of_exp = std::max(of_exp, off_by(elementary::exp(x), std::exp((long double)x)));
+    if (x <= 709) of_expm1 = std::max(of_expm1, off_by(elementary::expm1(x), std::expm1((long double)x)));
+    of_log = std::max(of_log, off_by(elementary::log(y), std::log((long double)y)));
+    of_log1p = std::max(of_log1p, off_by(elementary::log1p(z), std::log1p((long double)z)));
+    of_tanh = std::max(of_tanh, off_by(elementary::tanh(x), std::tanh((long double)x)));
+  }
+  CHECK(of_exp <= 1);
+  CHECK(of_log <= 1);
+  CHECK(of_expm1 < 2);
+  CHECK(of_log1p < 2);
+  CHECK(of_tanh < 3);
+  constexpr double denormal = 5e-324, largest = 1.7976931348623157e308;
+  for (const double x : {0., -0., 1., -1., 1e-310, denormal, -denormal, largest, -largest, HUGE_VAL, -HUGE_VAL, 709.78,
+                         709.79, -745.1, -745.2, double(NAN), -double(NAN)}) {
+    INFO(x);
+    CHECK(off_by(elementary::exp(x), std::exp((long double)x)) <= 1);
+    CHECK(off_by(elementary::log(x), std::log((long double)x)) <= 1);
+    CHECK(off_by(elementary::tanh(x), std::tanh((long double)x)) <= 1);
+    CHECK((std::isnan(x) || elementary::sign_or_zero(x) == double((x > 0) - (x < 0))));
+  }
+}
+
+TEST_CASE("friction with a direct effect is its formula over all that a normal double holds", "[kernel][serial]") {
+  // F = a asinh(q), with q = |psi|/(2 psi0) exp(l) in long double, whose range is wide enough; l errs as it is rounded
+  std::mt19937_64 random(7);
+  const auto between = [&](double a, double b) { return std::uniform_real_distribution<>(a, b)(random); };
+  const double a = 0.03, psi0 = 0.7, epsilon = std::numeric_limits<double>::epsilon();
+  for (int i = 0; i < 4000; ++i) {
+    const double l = between(-900, i % 2 == 0 ? 900 : 6000), psi = (i % 3 == 0 ? -1 : 1) * std::exp(between(-700, 40));
+    const long double q = std::abs(psi) / (2 * (long double)psi0) * std::exp((long double)l);
+    const long double F = a * std::asinh(q), root = q < 1e20 ? std::sqrt(1 + q * q) : q, sign = psi < 0 ? -1 : 1;
+    const Partials p = DirectEffect{a, psi0}.partials(psi, l, 0.05);
+    const double allowed = epsilon * (8 + std::abs(l));  // of q in parts, as l is rounded; of F no more
+    INFO("psi " << psi << " l " << l << " F " << p.F << " " << double(F));
+    CHECK(std::abs(p.F - double(sign * F)) <= allowed * std::abs(double(F)) + 1e-322);
+    CHECK(std::abs(p.F_state - double(sign * 0.05 * q / root)) <= allowed * double(0.05 * q / root) + 1e-322);
+    const double slope = double(a * q / (std::abs((long double)psi) * root));
+    if (slope < 1e250) CHECK(std::abs(p.F_psi - slope) <= allowed * slope + 1e-322);
+  }
+  CHECK(DirectEffect{a, psi0}.partials(0., 2000., 0.05).F == 0);
+  CHECK(std::isfinite(DirectEffect{a, psi0}.partials(0., 2000., 0.05).F_psi));
+  CHECK(std::isnan(DirectEffect{a, psi0}.partials(double(NAN), 3., 0.05).F));
+  CHECK(std::isnan(DirectEffect{a, psi0}.partials(1., double(NAN), 0.05).F));
 }
 
 TEST_CASE("the weights of a second difference add up to exactly 0", "[kernel][serial]") {

@@ -35,6 +35,7 @@ struct Columns {
 template <class F, bool sticking>
 struct PointwiseOfColumns {
   static constexpr int dof = F::has_state ? 3 : 2;
+  static constexpr bool all_versions = dof == 2 || F::steep;
   F friction;
 
   void operator()(const Coefficients& coefficients, const Columns& k) const {
@@ -46,19 +47,23 @@ struct PointwiseOfColumns {
   // All of a node in one loop: what lay in a buffer between two would cost more than the arithmetic.
   template <bool spread>
   void pass(Coefficients c, Columns k) const {
+    const F law = friction;  // a copy, which no store can change
 #pragma GCC ivdep
     for (PetscInt i = 0; i < k.count; ++i) {
       const double psi = k.psi[i];
-      double force = force_at<sticking>(friction_of(friction, k.node + i), psi, F::has_state ? k.state[i] : 0,
-                                        k.direction, i);
+      double force = partials_at<sticking>(friction_of(law, k.node + i), psi, F::has_state ? k.state[i] : 0,
+                                           direction_at<sticking>(k.direction, i)).F;
       if constexpr (spread) force *= k.amplitude[i];
       const NodeRates rates = node_rates(c, psi, k.eta[i], force, k.f_eta[i], moving<sticking>(k.direction, i));
       k.f_psi[i] = rates.psi;
       k.f_eta[i] = rates.eta;
     }
-    if constexpr (F::has_state)
+    if constexpr (F::has_state) {
+#pragma GCC ivdep
       for (PetscInt i = 0; i < k.count; ++i)
-        k.f_state[i] = state_rate<sticking>(friction_of(friction, k.node + i), k.psi[i], k.state[i], k.direction, i);
+        k.f_state[i] = rate_at<sticking>(friction_of(law, k.node + i), k.psi[i], k.state[i],
+                                         direction_at<sticking>(k.direction, i)).g;
+    }
   }
 };
 

@@ -114,7 +114,7 @@ Function loop_of_friction(const FrictionParameters& p, bool sticking, const std:
     using F = std::decay_t<decltype(friction)>;
     const auto loop = [&](auto constant) -> Function {
       constexpr bool sticks = decltype(constant)::value;
-      if (!p.varies()) return kernel::compiled_by_dof<Function>(Loop<F, sticks>{friction, rest...});
+      if (!p.varies()) return kernel::compiled_where_worth<Function>(Loop<F, sticks>{friction, rest...});
       return kernel::Baseline<Loop<kernel::Varying<F>, sticks>>{{varying_friction(friction, p, x), rest...}};
     };
     if (!sticking) return loop(std::false_type());

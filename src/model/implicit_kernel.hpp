@@ -20,6 +20,7 @@
 #include <cstdint>
 
 #include "model/kernel.hpp"
+#include "numerics/elementary.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/numerics/roots.hpp"
 
@@ -48,15 +49,10 @@ struct NodeEquation {  // F: of the node itself
   double h, a, q, R, z_state;
 
   Partials force(double psi, double s) const {
-    Partials p;
-    if constexpr (sticking) p = friction.sliding_partials(psi, s, direction);
-    else p = friction.partials(psi, s);
+    const Partials p = partials_at<sticking>(friction, psi, s, direction);
     return {amplitude * p.F, amplitude * p.F_psi, amplitude * p.F_state};
   }
-  RatePartials rate(double psi, double s) const {
-    if constexpr (sticking) return friction.sliding_rate(psi, s, direction);
-    else return friction.rate_partials(psi, s);
-  }
+  RatePartials rate(double psi, double s) const { return rate_at<sticking>(friction, psi, s, direction); }
   // The state at this psi: its equation rises in s, since g falls.
   double state_at(double psi, double s) const {
     for (int round = 0; round < 60; ++round) {
@@ -137,6 +133,7 @@ inline bool is_far(double psi, double start) {
 template <class F, bool sticking>
 struct SolveStage {
   static constexpr int dof = F::has_state ? 3 : 2;
+  static constexpr bool all_versions = dof == 2 || F::steep;
   F friction;
   static constexpr int most_rounds = 12;
 
@@ -178,31 +175,40 @@ struct SolveStage {
   // As wide as a double, so that the compiler can choose between doubles by it.
   using Flag = std::int64_t;
 
+  // r's coefficients of the nodes of a piece, the amplitude in q.
+  struct Piece {
+    alignas(64) double a[tile_size], q[tile_size], R[tile_size];
+  };
+  void set_out(const Shared& k, const Stage& t, PetscInt begin, PetscInt count, Piece& piece) const {
+    for (PetscInt i = 0; i < count; ++i) {
+      const double moves = t.held ? 0 : moving<sticking>(t.direction, begin + i), q = moves * k.q;
+      piece.q[i] = q;
+      piece.a[i] = 1 + moves * (k.a - 1);
+      piece.R[i] = t.z_psi[begin + i] + q * (t.z_eta[begin + i] + k.load);
+    }
+    if (t.amplitude)
+      for (PetscInt i = 0; i < count; ++i) piece.q[i] *= t.amplitude[begin + i];
+  }
+
   // Leaves `open[i]` 1 where a node is not done; returns whether there is such a node.
   Flag newton(const Shared& k, const Stage& t, PetscInt begin, PetscInt count, Flag* open) const {
-    alignas(64) double a[tile_size], q[tile_size], R[tile_size], before[tile_size];  // before: slope of the last round
+    Piece piece;
+    set_out(k, t, begin, count, piece);
+    const double *const a = piece.a, *const q = piece.q, *const R = piece.R;
+    alignas(64) double before[tile_size];  // slope of the last round
     double* const psi = t.psi + begin;
     for (PetscInt i = 0; i < count; ++i) {
-      double moves = t.held ? 0 : 1;
-      if constexpr (sticking) moves *= t.direction[begin + i] * t.direction[begin + i];
-      q[i] = moves * k.q;
-      a[i] = 1 + moves * (k.a - 1);
-      R[i] = t.z_psi[begin + i] + q[i] * (t.z_eta[begin + i] + k.load);
       open[i] = 1;
       before[i] = 0;
     }
     if (t.slope) extrapolate(t, begin, count);
-    if (t.amplitude)
-      for (PetscInt i = 0; i < count; ++i) q[i] *= t.amplitude[begin + i];
     Flag left = 1;
     for (int round = 0; round < most_rounds && left != 0; ++round) {
       left = 0;
 #pragma GCC ivdep
       for (PetscInt i = 0; i < count; ++i) {
-        Partials p;
-        const auto& own_friction = friction_of(friction, t.node + begin + i);
-        if constexpr (sticking) p = own_friction.sliding_partials(psi[i], 0, t.direction[begin + i]);
-        else p = own_friction.partials(psi[i], 0);
+        const Partials p = partials_at<sticking>(friction_of(friction, t.node + begin + i), psi[i], 0,
+                                                 direction_at<sticking>(t.direction, begin + i));
         const double own = a[i] * psi[i], force = q[i] * p.F, r = own + force - R[i];
         const double slope = a[i] + q[i] * p.F_psi;
         const double size = (own < 0 ? -own : own) + (force < 0 ? -force : force) + (R[i] < 0 ? -R[i] : R[i]);
@@ -237,32 +243,56 @@ struct SolveStage {
     return far;
   }
 
-  // With a state: both unknowns of one node, tamed where the law is steep.
-  bool newton(const Shared& k, const Stage& t, PetscInt i) const {
-    const auto e = equation(k, t, i);
-    double psi = t.psi[i], s = t.state[i];
-    if (e.q == 0) psi = e.R;
-    for (int round = 0; round < 40; ++round) {
-      const Partials p = e.force(psi, s);
-      const RatePartials g = e.rate(psi, s);
-      const double r = e.a * psi + e.q * p.F - e.R, rs = s - e.z_state - e.h * g.g, own = 1 - e.h * g.g_state;
-      const double slope = (e.a + e.q * p.F_psi) * own + e.q * p.F_state * e.h * g.g_psi;
-      if (!(slope > 0)) return false;
-      const double size = std::abs(e.a * psi) + std::abs(e.q * p.F) + std::abs(e.R);
-      const bool done = std::abs(r) <= t.target * e.a * (1 + std::abs(psi)) + 1e-15 * size &&
-                        std::abs(rs) <= t.target * own * (1 + std::abs(s));
-      const double d_psi = -(r * own - e.q * p.F_state * rs) / slope, d_s = (e.h * g.g_psi * d_psi - rs) / own;
-      double next = psi + d_psi;
-      if constexpr (F::steep)
-        if (e.q > 0) next = e.friction.newton_psi(psi, s, next, s + d_s, e.a / (e.q * e.amplitude));
-      psi = next;
-      s += d_s;
-      if (!done) continue;
-      t.psi[i] = psi;
-      t.state[i] = s;
-      return std::isfinite(psi) && std::isfinite(s);
+  // The same with a state: both unknowns at once, tamed where the law is steep. A node from which no step leads on is left
+  // where it stands.
+  Flag newton_with_state(const Shared& k, const Stage& stage, PetscInt begin, PetscInt count, Flag* open) const {
+    constexpr int most = 40;
+    constexpr double done = 0, goes_on = 1, stuck = 2;  // 1. and 2. have no bit in common
+    const Stage t = stage;  // copies, which no store can change
+    const F law = friction;
+    Piece piece;
+    set_out(k, t, begin, count, piece);
+    alignas(64) double now[tile_size];
+    if (t.slope) extrapolate(t, begin, count);
+    double *const psi = t.psi + begin, *const state = t.state + begin;
+    for (PetscInt i = 0; i < count; ++i) {
+      now[i] = goes_on;
+      psi[i] = piece.q[i] != 0 ? psi[i] : piece.R[i];
     }
-    return false;
+    std::uint64_t left = 1;
+    for (int round = 0; round < most && left != 0; ++round) {
+      left = 0;
+#pragma GCC ivdep
+      for (PetscInt i = 0; i < count; ++i) {
+        using elementary::bits_of, elementary::where_less, std::abs;
+        const auto& own = friction_of(law, t.node + begin + i);
+        const double x = psi[i], s = state[i], going = direction_at<sticking>(t.direction, begin + i);
+        const double a = piece.a[i], q = piece.q[i], R = piece.R[i];
+        const Partials p = partials_at<sticking>(own, x, s, going);
+        const RatePartials g = rate_at<sticking>(own, x, s, going);
+        const double r = a * x + q * p.F - R, rs = s - t.z_state[begin + i] - t.h * g.g, of_s = 1 - t.h * g.g_state;
+        const double slope = (a + q * p.F_psi) * of_s + q * p.F_state * t.h * g.g_psi;
+        const double size = abs(a * x) + abs(q * p.F) + abs(R);
+        const double miss = abs(r) - (t.target * a * (1 + abs(x)) + 1e-15 * size);
+        const double of_state = abs(rs) - t.target * of_s * (1 + abs(s)), worse = where_less(miss, of_state, of_state, miss);
+        const double d_psi = (q * p.F_state * rs - r * of_s) / slope, s_new = s + (t.h * g.g_psi * d_psi - rs) / of_s;
+        double next = x + d_psi;
+        if constexpr (F::steep) next = where_less(0, q, own.newton_psi(x, s, next, s_new, a / q), next);
+        const double open_here = where_less(abs(now[i] - goes_on), 0.5, 1, 0), moves = where_less(0, slope, open_here, 0);
+        psi[i] = where_less(0, moves, next, x);
+        state[i] = where_less(0, moves, s_new, s);
+        const double then = where_less(0, slope, where_less(0, worse, goes_on, done), stuck);
+        now[i] = where_less(0, open_here, then, now[i]);
+        left |= bits_of(now[i]) & bits_of(goes_on);
+      }
+    }
+    Flag any = 0;
+    for (PetscInt i = 0; i < count; ++i) {
+      const bool number = (psi[i] - psi[i]) + (state[i] - state[i]) == 0;
+      open[i] = now[i] == done && number ? 0 : 1;
+      any |= open[i];
+    }
+    return any;
   }
 
   void finish(const Coefficients& c, const Stage& t) const {
@@ -284,18 +314,15 @@ struct SolveStage {
   long operator()(const Coefficients& c, const Stage& t) const {
     const Shared k = shared(c, t);
     long unsolved = 0;
-    if constexpr (F::has_state) {
-      for (PetscInt i = 0; i < t.count; ++i)
-        if (!((newton(k, t, i) && is_safe(k, t, i)) || search(k, t, i))) ++unsolved;
-    } else {
-      alignas(64) Flag open[tile_size];
-      for (PetscInt begin = 0; begin < t.count; begin += tile_size) {
-        const PetscInt count = std::min(tile_size, t.count - begin);
-        const Flag left = newton(k, t, begin, count, open);
-        if (left == 0 && (!t.strict || any_far(t, begin, count) == 0)) continue;
-        for (PetscInt i = 0; i < count; ++i)
-          if ((open[i] != 0 || !is_safe(k, t, begin + i)) && !search(k, t, begin + i)) ++unsolved;
-      }
+    alignas(64) Flag open[tile_size];
+    for (PetscInt begin = 0; begin < t.count; begin += tile_size) {
+      const PetscInt count = std::min(tile_size, t.count - begin);
+      Flag left;
+      if constexpr (F::has_state) left = newton_with_state(k, t, begin, count, open);
+      else left = newton(k, t, begin, count, open);
+      if (left == 0 && (!t.strict || any_far(t, begin, count) == 0)) continue;
+      for (PetscInt i = 0; i < count; ++i)
+        if ((open[i] != 0 || !is_safe(k, t, begin + i)) && !search(k, t, begin + i)) ++unsolved;
     }
     finish(c, t);
     return unsolved;

@@ -16,6 +16,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "stickslip/model/friction.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip::kernel {
@@ -118,18 +119,29 @@ double stencil_sum(const Coefficients& k, const double* psi) {
   return sum;
 }
 
-// F. `sticking`: of the direction given, which is 0 at rest.
+// The direction of node i, 0 at rest; without `sticking` nobody asks for it.
+template <bool sticking>
+double direction_at(const double* direction, PetscInt i) {
+  if constexpr (sticking) return direction[i];
+  else return 0;
+}
+// F, the state's rate and their slopes. `sticking`: of the direction given.
 template <bool sticking, class F>
-double force_at(const F& friction, double psi, double s, const double* direction, PetscInt i) {
-  if constexpr (sticking) return friction.sliding_force(psi, s, direction[i]);
-  else return friction.force(psi, s);
+Partials partials_at(const F& friction, double psi, double s, double direction) {
+  if constexpr (sticking) return friction.sliding_partials(psi, s, direction);
+  else return friction.partials(psi, s);
+}
+template <bool sticking, class F>
+RatePartials rate_at(const F& friction, double psi, double s, double direction) {
+  if constexpr (sticking) return friction.sliding_rate(psi, s, direction);
+  else return friction.rate_partials(psi, s);
 }
 // force[i] = a_i F.
 template <bool sticking, class F>
 void friction_force(const F& friction, const Tile& t, double* force) {
   for (PetscInt i = 0; i < t.count; ++i)
-    force[i] = force_at<sticking>(friction_of(friction, t.node + i), t.psi[i], F::has_state ? t.state[i] : 0,
-                                  t.direction, i);
+    force[i] = partials_at<sticking>(friction_of(friction, t.node + i), t.psi[i], F::has_state ? t.state[i] : 0,
+                                     direction_at<sticking>(t.direction, i)).F;
   if (t.amplitude)
     for (PetscInt i = 0; i < t.count; ++i) force[i] *= t.amplitude[i];
 }
@@ -142,12 +154,6 @@ struct NodeRates {
 inline NodeRates node_rates(const Coefficients& c, double psi, double eta, double force, double coupling, double moves) {
   const double excess = (eta - force) * moves, load = c.K0 * c.v;
   return {c.A * (excess - c.B * psi * moves), load - c.K0 * psi + coupling - c.s_delta * excess};
-}
-// The same of the state. `direction` is read with `sticking` alone.
-template <bool sticking, class F>
-double state_rate(const F& friction, double psi, double s, const double* direction, PetscInt i) {
-  if constexpr (sticking) return friction.sliding_rate(psi, s, direction[i]).g;
-  else return friction.rate(psi, s);
 }
 // 1, or with `sticking` the square of the direction, which is 0 at rest: so there is no branch.
 template <bool sticking>
@@ -183,6 +189,7 @@ struct Whole {
 template <class F, bool sticking = false>
 struct Onto {
   static constexpr int dof = F::has_state ? 3 : 2;
+  static constexpr bool all_versions = dof == 2;
   F friction;
   bool coupled;
 
@@ -197,7 +204,8 @@ struct Onto {
         t.f[i * dof] = rates.psi;
         t.f[i * dof + 1] = rates.eta;
         if constexpr (dof == 3)
-          t.f[i * dof + 2] = state_rate<sticking>(friction_of(friction, t.node + i), psi, t.state[i], t.direction, i);
+          t.f[i * dof + 2] = rate_at<sticking>(friction_of(friction, t.node + i), psi, t.state[i],
+                                               direction_at<sticking>(t.direction, i)).g;
       }
     });
   }
@@ -316,6 +324,7 @@ struct SumOfSquares {
 template <int half_width, int unknowns, bool stencil_only>
 struct Wave {
   static constexpr int dof = unknowns;
+  static constexpr bool all_versions = dof == 2;
 
   void operator()(const Coefficients& coefficients, const Range& r) const {
     const Coefficients c = coefficients;
@@ -334,6 +343,7 @@ struct Wave {
 template <class F>
 struct Reaction {
   static constexpr int dof = F::has_state ? 3 : 2;
+  static constexpr bool all_versions = dof == 2;
   F friction;
 
   void operator()(const Coefficients& coefficients, const Range& r) const {
@@ -417,11 +427,12 @@ auto for_half_width(int half_width, const Pick& pick) {
   }
 }
 
-// Loops with a state come in one version: exp and log take the time. (So do those of Varying friction, whose parameters
-// do not lie side by side.)
+// Which loops come in all versions: those without a state; with one, of a law that lives by exp and log, what every stage of
+// a step does. The others do without, since each version of a loop takes about a second to compile. (So does Varying
+// friction, whose parameters do not lie side by side.)
 template <class Function, class Kernel>
-Function compiled_by_dof(const Kernel& kernel) {
-  if constexpr (Kernel::dof == 2) return compiled<Function>(kernel);
+Function compiled_where_worth(const Kernel& kernel) {
+  if constexpr (Kernel::all_versions) return compiled<Function>(kernel);
   else return Baseline<Kernel>{kernel};
 }
 

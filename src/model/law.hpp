@@ -8,7 +8,8 @@
 // and, where it jumps at rest, double threshold() const. A law whose friction is no product of phi and a factor of the
 // state says `takes_state = true` and gives PartialsOf<Real> partials(Real psi, Real s) const in place of phi.
 // Real is double, or a number that carries derivatives (numerics/jet.hpp): higher derivatives come from the formulas as
-// they stand. So functions of it are called as `using std::exp; exp(psi)`.
+// they stand. So functions of it are called as `using std::exp; exp(psi)`, or `using elementary::exp`: then the loops over
+// nodes become vector code (numerics/elementary.hpp), so long as the formula has no branch either (where_less() there).
 // A state law is a class with name; symbol, unit and meaning of the state as files show it; logarithmic (the stored s
 // is its logarithm); parameters() and
 //     RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const    a template too; direction: the sign
@@ -29,6 +30,7 @@
 #include <utility>
 #include <vector>
 
+#include "numerics/elementary.hpp"
 #include "numerics/jet.hpp"
 #include "stickslip/model/friction.hpp"
 
@@ -60,7 +62,7 @@ struct SignRegularised {
   double eps;
   template <class Real>
   WithSlopeOf<Real> sign_slope(Real psi) const {
-    using std::tanh;
+    using elementary::tanh;
     const Real t = tanh(psi / eps);
     return {t, (1 - t * t) / eps};
   }
@@ -147,7 +149,7 @@ void check(const T& t) {
 
 }  // namespace says
 
-inline double direction_of(double psi) { return psi > 0 ? 1. : psi < 0 ? -1. : 0.; }
+inline double direction_of(double psi) { return elementary::sign_or_zero(psi); }
 
 // ---- friction = law and state -------------------------------------------------------------------------------------
 

@@ -34,8 +34,8 @@ RangeLoop in_one_pass(const FrictionParameters& p, int half_width) {
 
 template <int half_width, bool stencil_only>
 RangeLoop wave(int dof) {
-  if (dof == 3) return kernel::compiled_by_dof<RangeLoop>(kernel::Wave<half_width, 3, stencil_only>{});
-  return kernel::compiled_by_dof<RangeLoop>(kernel::Wave<half_width, 2, stencil_only>{});
+  if (dof == 3) return kernel::compiled_where_worth<RangeLoop>(kernel::Wave<half_width, 3, stencil_only>{});
+  return kernel::compiled_where_worth<RangeLoop>(kernel::Wave<half_width, 2, stencil_only>{});
 }
 
 template <class F, bool sticking>

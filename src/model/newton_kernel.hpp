@@ -61,41 +61,27 @@ using Flag = std::int64_t;
 template <class F, bool sticking>
 struct NewtonRound {
   static constexpr int dof = F::has_state ? 3 : 2;
+  static constexpr bool all_versions = dof == 2 || F::steep;
   F friction;
 
   // The tangent at a node: q F and the residual of the state's equation, in the change of psi.
   struct Tangent {
     double force, slope;     // q F, its slope, the state following
     double change, follows;  // of the state: change + follows (x - psi)
-    double a_q_state, own;
   };
   template <class Own>
   static Tangent tangent(const Own& own, const Round& t, double amplitude, PetscInt i) {
-    const double psi = t.psi[i], s = F::has_state ? t.state[i] : 0, going = sticking ? t.direction[i] : 0;
+    const double psi = t.psi[i], s = F::has_state ? t.state[i] : 0, going = direction_at<sticking>(t.direction, i);
     const double q = t.stage.q * amplitude;
-    const Partials p = partials(own, psi, s, going);
+    const Partials p = partials_at<sticking>(own, psi, s, going);
     if constexpr (F::has_state) {
-      const RatePartials g = rate(own, psi, s, going);
+      const RatePartials g = rate_at<sticking>(own, psi, s, going);
       const double one = 1 - t.stage.h * g.g_state, change = -(s - t.z_state[i] - t.stage.h * g.g) / one;
       const double follows = t.stage.h * g.g_psi / one;
-      return {q * (p.F + p.F_state * change), q * (p.F_psi + p.F_state * follows), change, follows, q * p.F_state, one};
+      return {q * (p.F + p.F_state * change), q * (p.F_psi + p.F_state * follows), change, follows};
     } else {
-      return {q * p.F, q * p.F_psi, 0, 0, 0, 1};
+      return {q * p.F, q * p.F_psi, 0, 0};
     }
-  }
-  template <class Own>
-  static Partials partials(const Own& own, double psi, double s, double going) {
-    if constexpr (sticking)
-      return own.sliding_partials(psi, s, going);
-    else
-      return own.partials(psi, s);
-  }
-  template <class Own>
-  static RatePartials rate(const Own& own, double psi, double s, double going) {
-    if constexpr (sticking)
-      return own.sliding_rate(psi, s, going);
-    else
-      return own.rate_partials(psi, s);
   }
 
   // d and b. With `advance` what x makes of them: psi, the state and the slopes; returns whether what is left over is
@@ -108,9 +94,10 @@ struct NewtonRound {
  private:
   template <bool spread>
   Flag linearise(Round t) const {  // copies, whose members no store can change
+    const F law = friction;
 #pragma GCC ivdep
     for (PetscInt i = 0; i < t.count; ++i) {
-      const Tangent k = tangent(friction_of(friction, t.node + i), t, spread ? t.amplitude[i] : 1, i);
+      const Tangent k = tangent(friction_of(law, t.node + i), t, spread ? t.amplitude[i] : 1, i);
       const double moves = moving<sticking>(t.direction, i), R = t.z_psi[i] + t.stage.q * (t.z_eta[i] + t.stage.load);
       t.d[i] = moves != 0 ? t.stage.a + k.slope : t.immovable;
       t.b[i] = moves != 0 ? R - k.force + k.slope * t.psi[i] : R;
@@ -120,12 +107,13 @@ struct NewtonRound {
 
   template <bool spread>
   Flag next(Coefficients c, Round t) const {
+    const F law = friction;
     const double per_h = 1 / t.stage.h;
     Flag left = 0;
 #pragma GCC ivdep
     for (PetscInt i = 0; i < t.count; ++i) {
-      const auto& own = friction_of(friction, t.node + i);
-      const double amplitude = spread ? t.amplitude[i] : 1, going = sticking ? t.direction[i] : 0;
+      const auto& own = friction_of(law, t.node + i);
+      const double amplitude = spread ? t.amplitude[i] : 1, going = direction_at<sticking>(t.direction, i);
       const double moves = moving<sticking>(t.direction, i), coupling = t.d[i] * t.x[i] - t.b[i];
       const Tangent k = tangent(own, t, amplitude, i);
       const double step = moves != 0 ? t.x[i] - t.psi[i] : 0, linear = k.force + k.slope * step;
@@ -139,13 +127,13 @@ struct NewtonRound {
         psi = t.psi[i] * psi < 0 ? 0 : psi;
         tamed = magnitude(psi - t.x[i]);
       }
-      const double force = t.stage.q * amplitude * partials(own, psi, s, going).F, miss = magnitude(force - linear);
+      const double force = t.stage.q * amplitude * partials_at<sticking>(own, psi, s, going).F, miss = magnitude(force - linear);
       const double R = t.z_psi[i] + t.stage.q * (t.z_eta[i] + t.stage.load);
       const double size = magnitude(t.stage.a * psi) + magnitude(force) + magnitude(R);
       double ratio = moves * (miss + (t.stage.a + t.stage.row) * tamed) /
                      (t.target * t.stage.a * (1 + magnitude(psi)) + 1e-15 * size);
       if constexpr (F::has_state) {
-        const RatePartials g = rate(own, psi, s, going);
+        const RatePartials g = rate_at<sticking>(own, psi, s, going);
         const double off = magnitude(s - t.z_state[i] - t.stage.h * g.g);
         const double of_state = off / (t.target * (1 - t.stage.h * g.g_state) * (1 + magnitude(s)));
         ratio = ratio > of_state ? ratio : of_state;

@@ -17,22 +17,21 @@ struct Tangents {
 template <class F, bool sticking>
 struct TangentsOfColumns {
   static constexpr int dof = F::has_state ? 3 : 2;
+  static constexpr bool all_versions = dof == 2;
   F friction;
 
   void operator()(const Tangents& tangents) const {
     const Tangents t = tangents;
+    const F law = friction;  // copies, which no store can change
 #pragma GCC ivdep
     for (PetscInt i = 0; i < t.count; ++i) {
-      const auto& own = friction_of(friction, t.node + i);
+      const auto& own = friction_of(law, t.node + i);
       const double psi = t.psi[i], s = F::has_state ? t.state[i] : 0, amplitude = t.amplitude ? t.amplitude[i] : 1;
-      Partials p;
-      if constexpr (sticking) p = own.sliding_partials(psi, s, t.direction[i]);
-      else p = own.partials(psi, s);
+      const double direction = direction_at<sticking>(t.direction, i);
+      const Partials p = partials_at<sticking>(own, psi, s, direction);
       t.F_psi[i] = amplitude * p.F_psi;
       if constexpr (F::has_state) {
-        RatePartials g;
-        if constexpr (sticking) g = own.sliding_rate(psi, s, t.direction[i]);
-        else g = own.rate_partials(psi, s);
+        const RatePartials g = rate_at<sticking>(own, psi, s, direction);
         t.F_state[i] = amplitude * p.F_state;
         t.g_psi[i] = g.g_psi;
         t.g_state[i] = g.g_state;

@@ -29,7 +29,7 @@ struct Coulomb {
   double threshold() const { return fs; }
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {
-    using std::exp;
+    using elementary::exp;
     const WithSlopeOf<Real> s = sign.sign_slope(psi);
     if constexpr (!Sign::smooth) return {fd * s.value, fd * s.slope};
     const WithSlopeOf<Real> a = sign.magnitude(psi);

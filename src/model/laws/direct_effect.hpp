@@ -9,19 +9,24 @@ namespace stickslip {
 struct DirectEffect {
   double a, psi0;
 
-  // `evolution`: a times the derivative of l in the state.
+  // `evolution`: a times the derivative of l in the state. Without a branch, for loops over nodes.
   template <class Real>
   PartialsOf<Real> partials(Real psi, Real l, Real evolution) const {
-    using std::abs, std::asinh, std::exp, std::log, std::sqrt;
+    using elementary::exp, elementary::log_sum, elementary::where_less, std::abs, std::sqrt;
     const Real magnitude = abs(psi);
-    const double sign = psi < 0 ? -1. : 1.;
-    const Real lq = magnitude > 0 ? log(magnitude / (2 * psi0)) + l : -std::numeric_limits<double>::infinity();
-    if (lq > 20) {  // beyond: asinh(q) = ln(2 q), q/sqrt(1 + q^2) = 1 to the last digit
-      return {sign * a * (lq + log(2.)), a / magnitude, sign * evolution};
-    }
+    const double sign = elementary::sign_of(elementary::value_of(psi)), per = 1 / (2 * psi0);
+    // exp(l) in two factors: so q overflows only where it is beyond any velocity's
+    const Real root_exp = exp(where_less(l, 1400, l, Real(1400.)) / 2), q = magnitude * (root_exp * per) * root_exp;
+    const Real root = sqrt(1 + q * q), above = q + q * (q / (1 + root));  // asinh(q) = ln(1 + above)
+    // From here on asinh(q) = ln(2 q), q/sqrt(1 + q^2) = 1 to the last digit: ln(magnitude) - ln(psi0) + l.
+    constexpr double far = 5e8;
+    const Real one_above = 1 + above, u = where_less(q, far, one_above, magnitude);
+    const Real lost = where_less(q, far, Real(above - (one_above - 1)), Real(0.));
+    const Real rest = where_less(q, far, Real(0.), Real(l - elementary::log(psi0)));
     // At rest alone is the slope in danger of overflow.
-    const Real slope = exp(l < 600 ? l : 600.) / (2 * psi0), q = exp(lq), root = sqrt(1 + q * q);
-    return {sign * a * asinh(q), a * slope / root, sign * evolution * q / root};
+    const Real capped = where_less(root_exp, 1e130, root_exp, Real(1e130)), slope = capped * capped * per;
+    return {sign * a * (log_sum(u, lost) + rest), a * where_less(q, far, Real(slope / root), Real(1 / magnitude)),
+            sign * evolution * where_less(q, far, Real(q / root), Real(1.))};
   }
 
   // Over decades of velocity F is a logarithm, on which Newton's steps in psi shoot through zero, while steps in F are
@@ -30,16 +35,18 @@ struct DirectEffect {
   // where both terms weigh alike, makes the most of either. `force`: F after the linear step to psi_new; l: the exponent
   // there.
   double nearest_psi(double psi, double psi_new, double force, double l, double mass) const {
-    const double y = force / a;
-    // psi = 2 psi0 exp(-l) sinh(y), as a logarithm
-    const double m = std::abs(y);
-    const double log_sinh = m > 20 ? m - std::log(2.) : std::log(std::sinh(m));
-    const double magnitude = 2 * psi0 * std::exp(std::min(log_sinh - l, 600.));
-    const double by_force = y < 0 ? -magnitude : magnitude;
-    if (by_force * psi <= 0) return std::abs(by_force) < std::abs(psi_new) ? by_force : psi_new;
-    const double sign = psi < 0 ? -1. : 1., low = std::min(sign * psi_new, magnitude);
-    const double high = std::max(sign * psi_new, magnitude);
-    return sign * std::min(std::max(a / mass, low), high);
+    using elementary::exp, elementary::expm1, elementary::where_less;
+    // psi = 2 psi0 exp(-l) sinh(y)
+    const double y = force / a, m = std::abs(y), exponent = m - l;
+    const double magnitude = -psi0 * exp(where_less(exponent, 600, exponent, 600)) * expm1(-2 * m);
+    const double by_force = elementary::sign_of(y) * magnitude, sign = elementary::sign_of(psi), linear = sign * psi_new;
+    const double nearer = where_less(magnitude, std::abs(psi_new), by_force, psi_new);
+    const double low = where_less(linear, magnitude, linear, magnitude);
+    const double high = where_less(linear, magnitude, magnitude, linear);
+    const double balance = a / mass, above = where_less(low, balance, balance, low);
+    const double enclosed = sign * where_less(above, high, above, high);
+    // of one sign, of which 0 is none
+    return where_less(0, by_force * psi, enclosed, nearer);
   }
 };
 

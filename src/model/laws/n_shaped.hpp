@@ -26,12 +26,12 @@ struct NShaped : OfDirectEffect<NShaped> {
   // l = (mu0 + b ln(psi0 theta/D + psi0/psi_s))/a, and a times its derivative in s
   template <class Real>
   Real exponent(Real s) const {
-    using std::exp, std::log;
+    using elementary::exp, elementary::log;
     return (mu0 + b * log(psi0 * (exp(s) / D + 1 / psi_s))) / a;
   }
   template <class Real>
   Real evolution(Real s) const {
-    using std::exp;
+    using elementary::exp;
     const Real aged = exp(s) / D;
     return b * aged / (aged + 1 / psi_s);
   }

@@ -23,7 +23,7 @@ struct RateAndState : OfDirectEffect<RateAndState> {
 
   // l = (mu0 + b ln(psi0 theta/D))/a, so that q = psi/(2 psi0) exp(l)
   template <class Real>
-  Real exponent(Real s) const { return (mu0 + b * (std::log(psi0 / D) + s)) / a; }
+  Real exponent(Real s) const { return (mu0 + b * (elementary::log(psi0 / D) + s)) / a; }
   template <class Real>
   Real evolution(Real) const { return b; }
 };

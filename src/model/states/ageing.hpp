@@ -14,7 +14,7 @@ struct Ageing {
 
   template <class Real>
   RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const {
-    using std::exp;
+    using elementary::exp;
     const Real e = exp(-s);
     return {e - direction * psi / D, -direction / D, -e};
   }

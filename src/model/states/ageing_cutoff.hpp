@@ -20,7 +20,7 @@ struct AgeingCutoff {
 
   template <class Real>
   RatePartialsOf<Real> rate_partials(Real psi, Real s, double) const {
-    using std::exp, std::sqrt;
+    using elementary::exp, std::sqrt;
     const Real e = exp(-s), speed = sqrt(psi * psi + psi_h * psi_h);
     return {e - speed / D, -psi / (speed * D), -e};
   }

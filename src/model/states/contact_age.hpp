@@ -18,7 +18,7 @@ struct ContactAge : Ageing {
 
   template <class Real>
   WithSlopeOf<Real> factor(Real s) const {
-    using std::exp, std::log1p;
+    using elementary::exp, elementary::log1p;
     const Real r = exp(s) / theta0;
     return {1 + b * log1p(r), b * r / (1 + r)};
   }

@@ -13,13 +13,11 @@ struct Slip {
   static std::vector<Declared<Slip>> parameters() { return {{&Slip::D, slip_distance}}; }
 
   template <class Real>
-  RatePartialsOf<Real> rate_partials(Real psi, Real s, double) const {
-    using std::abs, std::log;
-    const Real a = abs(psi) / D;
-    if (a == 0) return {0., 0., 0.};
-    const double sign = psi > 0 ? 1. : -1.;
-    const Real l = log(a) + s;
-    return {-a * l, -sign / D * (l + 1), -a};
+  RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const {
+    using elementary::log, std::abs;
+    constexpr double least = std::numeric_limits<double>::min();  // so that at rest nothing is infinite, and a l is 0
+    const Real a = abs(psi) / D, l = log(elementary::where_less(a, least, Real(least), a)) + s;
+    return {-a * l, -direction / D * (l + 1), -a};
   }
   double steady_state(double psi) const { return std::log(D / std::abs(psi)); }
 };
