@@ -281,7 +281,7 @@ def overlay_boundaries(files, args):
             for number, chosen in enumerate(diagram.pieces(of)):
                 axes.plot(value[chosen], value2[chosen], style, color=colour, ms=4, clip_on=False,
                           label=words if number == 0 else None)
-        if diagram.knows_end and "growth" in file:  # the band where sliding is stable and stick-slip lives
+        if diagram.knows_end and "growth" in file and not diagram.ends_at_hopf():  # the band where sliding is stable and stick-slip lives
             x, y = diagram.even()
             places = np.meshgrid(x, y)
             band = diagram.inside(*places, "stick-slip") & ~diagram.inside(*places, "sliding")
