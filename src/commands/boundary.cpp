@@ -152,7 +152,9 @@ std::string at_ends(GrowthRate& growth) {
 void find_sliding(const Options& options, GrowthRate& growth, FoundBoundary& found) {
   const bool two = growth.axes().size() > 1;
   if (!two && !growth.enters())
-    throw Failure("-boundary_parameter " + growth.axes()[0].name + ": does not enter this scene: " + at_ends(growth));
+    throw Failure("-boundary_parameter " + growth.axes()[0].name + ": does not enter " +
+                  (options.text("boundary_of") == "sliding" ? "this scene: " : "the growth rate of sliding: ") +
+                  at_ends(growth));
   found.sliding = two ? boundary_curve(growth, options.integer("boundary_points"), found.findings)
                       : boundary_points(growth, found.findings);
   if (std::any_of(found.sliding.begin(), found.sliding.end(), [](const Crossing& c) { return c.complete && !*c.complete; }))
@@ -251,8 +253,8 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
   summary.set("evaluations", growth.evaluations() + end.evaluations());
   for (const std::string& note : found.findings.notes) warn(note);
   if (points.empty())
-    throw Failure(!no_sliding.empty() ? no_sliding : std::string(found.cell ? "the cell's" : "uniform") +
-                      " stick-slip does not end between the bounds of the axes, unless at a Hopf point of sliding");
+    throw Failure(no_sliding + (no_sliding.empty() ? "" : "; ") + (found.cell ? "the cell's" : "uniform") +
+                  " stick-slip does not end between the bounds of the axes, unless at a Hopf point of sliding");
   if (!no_sliding.empty()) summary.say(no_sliding);
   verify(growth, end, options, found, progress);
   if (options.integer("boundary_verify") > 0) summary.set("verified", verified_list(found.verified, two));
