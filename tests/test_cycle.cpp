@@ -399,7 +399,7 @@ TEST_CASE("as springs grow soft the period grows beyond bounds, at k0 = 0", "[cy
   };
   const SmoothCycle first = uniform_cycle(at(0.2));
   const auto path = smooth_path(at, 0.2, 0.2, first);
-  const CycleBranch branch = continue_cycle(*path, first.cycle, "k0", 0.2, 0, 300);
+  const CycleBranch branch = continue_cycle(*path, first.cycle, "k0", 0.2, 0, 100);
   REQUIRE(branch.special.size() == 1);
   CHECK(branch.special[0].kind == "infinite-period");
   CHECK(std::abs(branch.special[0].value) < 0.2e-8);

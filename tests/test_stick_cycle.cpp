@@ -178,7 +178,7 @@ TEST_CASE("Waves on cycles with rests have the multipliers of rings of so many c
   std::mt19937 draw(11);
   std::uniform_real_distribution<double> real(0, 1);
   int cells = 0, viscous = 0;
-  for (int k = 0; k < 24; ++k) {
+  for (int k = 0; k < 15; ++k) {
     const int m = 1 + k % 3, copies = m == 1 ? 5 : 3;
     Scene cell = chain(k % 2 ? "coulomb" : "carlson-langer", m);
     if (k % 4 == 3) {
@@ -200,7 +200,7 @@ TEST_CASE("Waves on cycles with rests have the multipliers of rings of so many c
       start.insert(start.end(), {0, 0.8 * real(draw)});
       if (cell.friction.has_state()) start.push_back(0.5 + 0.2 * real(draw));
     }
-    const StickFate found = m == 1 ? uniform_stick_fate(cell) : stick_fate(cell, start, 60);
+    const StickFate found = m == 1 ? uniform_stick_fate(cell) : stick_fate(cell, start, 30);
     if (found.fate != Fate::repeats) continue;
     Scene ring = cell;
     ring.n = m * copies;
