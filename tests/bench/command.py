@@ -3,21 +3,24 @@
 the second. Run by hand, after `. scripts/prepare.sh`, on a machine that does nothing else:
 
     ninja -C build stickslip bench_steps
-    python3 tests/bench/command.py                        # docs/performance.md's table, 1e3 to 1e7 nodes: ten minutes
-    python3 tests/bench/command.py --frames 200           # 200 frames at 1e6 nodes on 1, 2 and 4 ranks: two minutes
-    python3 tests/bench/command.py --steps 1,5,20         # runs of few steps: what measuring costs there
+    python3 tests/bench/command.py --all                  # every table below, in Markdown: twelve minutes
+    python3 tests/bench/command.py                        # whole command over bare steps, 1e3 to 1e7 nodes: eight
+    python3 tests/bench/command.py --shares 2,5,20,100    # measuring in runs of so many steps, as -log_view has it
+    python3 tests/bench/command.py --frames 200           # 200 frames at 1e6 nodes on 1, 2 and 4 ranks
     python3 tests/bench/command.py --machine              # what two programs that know nothing of each other gain
-                                  [--nodes 1e3,1e4,...] [--ranks 1,2] [--rounds 3] [--seconds 1.5]
+    python3 tests/bench/command.py --memory               # a rank's memory: held ends, profiles, spread, displacement
+                                  [--nodes 1e3,1e4,...] [--ranks 1,2] [--rounds 3] [--seconds 1]
                                   [--output none,frames,probes,events,checkpoints] [--build build]
 
 A ring at order 4 with the cubic law and rk:5dp, 20 nodes a unit of length; the end is such that the steps take about
---seconds, or are so many (--steps). `frames` has at least 1000 steps up to 1e5 nodes, whatever they take, and 300 at 1e6.
+--seconds (five times that at 1e7). `frames` has at least 1000 steps up to 1e5 nodes, whatever they take, and 300 at 1e6.
 Command and bare steps take turns; the ratio is that of the medians, in brackets without the start, which is
 the processor time of a command that takes no step. On several ranks times are sums over the ranks, the command's with
 mpirun itself. Gain: wall time of one rank over that of two, of the bare steps and of the command less its start.
 """
 import argparse
 import os
+import re
 import resource
 import statistics
 import subprocess
@@ -83,13 +86,14 @@ def table(asked):
           "gain of steps | gain of command |")
     print("|---|---|---|---|---|---|---|---|---|---|")
     for n in asked.nodes:
+        short = end_for(n, asked.seconds if n < 1e7 else 5 * asked.seconds)
+        of_short = bare(n, short, 1)[0]
         for kind in asked.output:
             if kind == "frames" and n > 1e6:
                 continue
-            seconds = min(asked.seconds, 1.) if n < 1e6 else asked.seconds if n < 1e7 else 5 * asked.seconds
             least = LEAST_STEPS.get(n, 1000) if kind == "frames" else 0
-            end = end_for(n, seconds, least)
-            steps = bare(n, end, 1)[0]
+            end = short * max(1., 1.05 * least / of_short)
+            steps = of_short if end == short else bare(n, end, 1)[0]
             rounds = asked.rounds if n < 1e6 else 1
             options = KINDS[kind].format(tenth=max(1, steps // 10), frames=50).split()
             alone = None
@@ -142,17 +146,50 @@ def two_at_once(nodes, rounds):
               flush=True)
 
 
-def few_steps(counts, nodes, rounds):
-    """Of runs of so many steps: the command less its start, over the bare steps and their set-up."""
-    print("| n | steps | bare steps and their set-up, s | command less its start over them |")
-    print("|---|---|---|---|")
+def shares(counts, nodes, rounds):
+    """Of runs of about so many steps: the time of measuring beside that of the steps, both by -log_view."""
+    print("| n | steps | TSStep, ms | Measuring, ms | Measuring/TSStep |")
+    print("|---|---|---|---|---|")
     for n in nodes:
         for count in counts:
-            end = 0.1 * count  # steps of about 0.1
-            base, whole, start = medians(n, end, 1, [], rounds)
-            set_up = statistics.median(bare(n, end, 1, ["-ts_max_steps", "0"])[1] for _ in range(rounds))
-            print(f"| {n:.0e} | {bare(n, end, 1)[0]} | {base[0]:.3f} | {(whole[0] - start[0] + set_up) / base[0]:.2f} |",
-                  flush=True)
+            if n * count > 2e8:
+                continue
+            words = [os.path.join(BUILD, "stickslip"), "run", "-progress", "off", *scene(n, 0.1 * count), "-log_view",
+                     ":log"]
+            found = []
+            for _ in range(rounds if n * count < 2e7 else 1):
+                spent(words, 1)
+                with open("log") as log:
+                    rows = re.findall(r"^(TSStep|Measuring) +([0-9]+) +\S+ +(\S+)", log.read(), re.M)
+                steps = max(int(row[1]) for row in rows if row[0] == "TSStep")
+                times = {name: 1e3 * float(time) for name, _, time in rows}
+                found.append((times["Measuring"] / times["TSStep"], steps, times))
+            share, steps, times = sorted(found, key=lambda one: one[0])[len(found) // 2]
+            print(f"| {n:.0e} | {steps} | {times['TSStep']:.2f} | {times['Measuring']:.2f} | {share:.3f} |", flush=True)
+
+
+LONG = {"held ends": "-bc_left velocity -bc_left_value 0.3 -bc_right velocity -init_type layer -init_width 20",
+        "profile of friction's amplitude": "-init_type sine -friction_amplitude_profile 0:1,100:1.2,200:1",
+        "spread": "-init_type sine -friction_spread 0.1",
+        "events": "-init_type sine -out_events true",
+        "out_displacement": "-init_type sine -out_displacement true"}
+
+
+def memory(own):
+    """The largest memory of a rank with so many nodes, one alone and each of four with all the others'."""
+    print("| scene | 1 rank, MB | each of 4, MB | nodes a rank |")
+    print("|---|---|---|---|")
+    for name, options in LONG.items():
+        peaks = []
+        for ranks in (1, 4):
+            n = own * ranks
+            words = [os.path.join(BUILD, "stickslip"), "run", "-progress", "off", "-grid_n", str(n), "-grid_length",
+                     str(n // 20), *options.split(), "-ts_max_time", "0.01", "-ts_dt", "0.005", "-ts_adapt_type", "none",
+                     "-out_file", "o.h5", "-out_frames", "2"]
+            process = subprocess.Popen(launcher(ranks) + words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            _, status, used = os.wait4(process.pid, 0)
+            peaks.append(f"{used.ru_maxrss / 1024:.0f}" if status == 0 else "failed")
+        print(f"| {name} | {peaks[0]} | {peaks[1]} | {own} |", flush=True)
 
 
 def main():
@@ -164,22 +201,25 @@ def main():
     parser.add_argument("--ranks", type=numbers(int), default=[1, 2])
     parser.add_argument("--output", type=lambda text: text.split(","), default=list(KINDS))
     parser.add_argument("--rounds", type=int, default=3)
-    parser.add_argument("--seconds", type=float, default=1.5)
+    parser.add_argument("--seconds", type=float, default=1)
     parser.add_argument("--frames", type=int, help="so many at 1e6 nodes on 1, 2 and 4 ranks, and nothing else")
-    parser.add_argument("--steps", type=numbers(int), help="runs of so many steps, and nothing else")
+    parser.add_argument("--shares", type=numbers(int), help="measuring in runs of so many steps, and nothing else")
     parser.add_argument("--machine", action="store_true", help="two programs side by side, and nothing else")
+    parser.add_argument("--memory", action="store_true", help="memory of a rank, and nothing else")
+    parser.add_argument("--all", action="store_true", help="all tables, one after the other")
     asked = parser.parse_args()
     BUILD = os.path.abspath(asked.build)
     with tempfile.TemporaryDirectory(dir=os.getcwd()) as folder:
         os.chdir(folder)
-        if asked.frames:
-            frames_of_a_million(asked.frames, asked.rounds)
-        elif asked.machine:
-            two_at_once([n for n in asked.nodes if n >= 1e4], asked.rounds)
-        elif asked.steps:
-            few_steps(asked.steps, asked.nodes, asked.rounds)
-        else:
-            table(asked)
+        tables = [("frames", lambda: frames_of_a_million(asked.frames or 200, 1)),
+                  ("shares", lambda: shares(asked.shares or [2, 5, 20, 100, 1000], asked.nodes, asked.rounds)),
+                  ("machine", lambda: two_at_once([n for n in asked.nodes if n >= 1e5], min(asked.rounds, 2))),
+                  ("memory", lambda: memory(2_500_000))]
+        chosen = [(name, run) for name, run in tables if asked.all or getattr(asked, name)]
+        for name, run in [("command over steps", lambda: table(asked)), *chosen] if asked.all or not chosen else chosen:
+            begin = time.monotonic()
+            run()
+            print(f"{name}: {time.monotonic() - begin:.0f} s\n", flush=True)
 
 
 if __name__ == "__main__":
