@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import bmat, diags, identity
 
 TARGETS = [1e-4, 1e-6, 1e-9]
-LONGEST = 8  # seconds of one run, after which a method goes no further
+LONGEST = 4  # seconds of one run, after which a method goes no further
 IMPLICIT = ["DOP853", "Radau", "RK45", "BDF"]
 # as in peers_system.hpp: name, gamma, delta, c, v, end (ring, free, held), t_end, methods
 SCENES = [("smooth ring", 3.0, 0.2, 1.0, 0.2, "ring", 10.0, ["DOP853", "RK45"]),
