@@ -38,17 +38,20 @@ from calls import PROGRAM
 from fuzz_cases import NOTES, case_of, commands
 from served import Server
 
+PATIENCE = 180
+
 
 class Uses:
     """Starts the program, in a folder of its own each time, and tells all that can be seen. One rank is served (see
-    served.py) unless `plain`; the budget is in seconds of processor time, the wall clock has thirty times that."""
+    served.py) unless `plain`; the budget is in seconds of processor time, the wall clock has PATIENCE times that,
+    so that a machine that is busy with other things makes nothing a hang."""
 
     def __init__(self, budget, plain):
         self.budget, self.plain, self.own, self.all = budget, plain, threading.local(), []
 
     def server(self):
         if not hasattr(self.own, "server"):
-            self.own.server = Server(PROGRAM, self.budget, 30 * self.budget)
+            self.own.server = Server(PROGRAM, self.budget, PATIENCE * self.budget)
             self.all.append(self.own.server)
         return self.own.server
 
@@ -67,7 +70,7 @@ class Uses:
             launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
             with open(out, "wb") as to, open(err, "wb") as complaints_to:
                 code = subprocess.run(
-                    ["prlimit", f"--cpu={self.budget}", "timeout", "--kill-after=9", str(30 * self.budget), *launcher,
+                    ["prlimit", f"--cpu={self.budget}", "timeout", "--kill-after=9", str(PATIENCE * self.budget), *launcher,
                      PROGRAM, *words], cwd=folder, env={**os.environ, "OMPI_MCA_orte_tmpdir_base": session},
                     stdin=subprocess.DEVNULL, stdout=to, stderr=complaints_to, check=False).returncode
             code = -signal.SIGALRM if code in (124, 137) else 128 - code if code > 128 else code
@@ -202,7 +205,7 @@ def check(seed, number, table, uses, loud=False):
         print(shlex.join(words), "\n", scene, "\n", seen)
     if scene is not None and not case.damaged and not case.stray and not found and not seen["cut"]:
         flat = case.words(flat=True)
-        other = uses.see(flat, None, case.ranks, {})
+        other = uses.see(flat, None, case.ranks, case.files)
         # of several mistakes, another one may be met first
         if not same(seen, other) and seen["code"] != other["code"] and not other["cut"]:
             found.append(f"without the scene: exit code {other['code']}, {other['err'][:200]}")
