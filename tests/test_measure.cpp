@@ -19,12 +19,12 @@ using namespace stickslip;
 
 namespace {
 
-// psi(x, t) shown to a Regime in equal steps up to t_end, as a run would.
+// psi(x, t) shown to a Regime in equal steps up to t_end, as a run would that is to go to `planned`, by default t_end.
 Measured measured(const Scene& scene, double t_end, long steps, const std::function<double(double, double)>& psi,
-                  double growth = NAN) {
+                  double growth = NAN, double planned = 0) {
   const Model model(PETSC_COMM_WORLD, scene);
   VecHandle u = model.create_vector();
-  Regime regime(model, t_end);
+  Regime regime(model, planned > 0 ? planned : t_end);
   regime.know(growth, growth);
   const std::function<void(double, Vec)> nowhere = [](double, Vec) {};
   for (long k = 0; k <= steps; ++k) {
@@ -175,6 +175,22 @@ TEST_CASE("a few long steps do", "[measure][serial]") {
   const Measured m = measured(scene, 17, 17, [](double, double t) { return 0.6 + 0.5 * std::sin(t); }, 0.1);
   CHECK(m.motion == Motion::undecided);
   CHECK(m.time_to_decide > 17);
+}
+
+TEST_CASE("a run that is stopped after any few steps is judged, and says nothing final", "[measure][serial]") {
+  Scene scene;
+  scene.n = 1;
+  scene.length = 1;
+  scene.v = 0.6;
+  for (long steps = 0; steps <= 20; ++steps)
+    for (const double planned : {1., 3., 100., 1e5}) {
+      CAPTURE(steps, planned);
+      const auto swinging = [](double, double t) { return 0.6 + 0.5 * std::sin(t); };
+      const double t = 0.7 * double(std::max(1L, steps));
+      const Motion motion = measured(scene, t, steps, swinging, 0.1, planned * t).motion;
+      CHECK(motion != Motion::sliding);
+      CHECK(motion != Motion::stick_slip);
+    }
 }
 
 TEST_CASE("an oscillation that has arrived at its size no longer grows", "[measure][serial]") {

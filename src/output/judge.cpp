@@ -66,9 +66,9 @@ class Judge {
     quarter_ = end_ - (end_ + 3) / 4;
     period_ = period();
     // the last part of the run that holds enough periods, and three whole stretches of one for a trend
-    for (from_ = quarter_; from_ > end_ / 4 && (passages(from_) < (from_ == quarter_ ? 6 : least_periods) ||
-                                                (end_ - from_) / stretch() < 3);)
-      from_ = from_ == quarter_ ? half_ : end_ / 4;
+    from_ = quarter_;
+    if (!is_enough(from_, 6)) from_ = half_;
+    if (!is_enough(from_, least_periods)) from_ = end_ / 4;
     from_ = std::max(from_, first_passage());
     // what has not passed for two periods has stopped to oscillate
     const double wanted = period_ > 0 && passages(end_ - std::min(end_, 2 * stretch())) > 0 ? 1.05 * period_ : r_.t / 16;
@@ -132,6 +132,10 @@ class Judge {
     const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
     std::nth_element(counts.begin(), middle, counts.end());
     return *middle;
+  }
+
+  bool is_enough(std::size_t from, double periods) const {
+    return passages(from) >= periods && (end_ - from) / stretch() >= 3;
   }
 
   // The window by which half of the places have passed for the first time: what is before is loading. 0: they have not.
