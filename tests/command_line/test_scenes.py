@@ -27,7 +27,7 @@ def test_scene_says_what_it_shows_and_starts(scene):
         text = file.read()
     assert len(re.match(r"(#.*\n)*", text).group(0)) > 40, f"{scene} does not say what it shows"
     command = (re.findall(r"^(sweep|boundary|chart|cycle|laws|spectrum|wave)[:_]", text, re.MULTILINE) or ["run"])
-    command = "sweep" if "sweep" in command else command[0]
+    command = next((c for c in ("sweep", "boundary") if c in command), command[0])
     done = subprocess.run([PROGRAM, command, scene, *FEW.get(command, [])], capture_output=True, text=True)
     assert done.returncode == 0 and "stickslip: error: " not in done.stderr, done.stderr
     assert ("does not fit" in done.stderr) == ("pacemaker-jump" in scene), done.stderr
