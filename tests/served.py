@@ -40,8 +40,10 @@ class Server:
         os.close(told)
         if memory:
             self.run(["--version"], self.session, "/dev/null", "/dev/null")  # by now it has what it has
-            with open(f"/proc/{self.process.pid}/statm", encoding="ascii") as file:
-                size = int(file.read().split()[0]) * os.sysconf("SC_PAGESIZE")
+            size = 300 << 20  # where the system does not tell
+            if os.path.exists(f"/proc/{self.process.pid}/statm"):
+                with open(f"/proc/{self.process.pid}/statm", encoding="ascii") as file:
+                    size = int(file.read().split()[0]) * os.sysconf("SC_PAGESIZE")
             resource.prlimit(self.process.pid, resource.RLIMIT_AS, (size + memory, size + memory))
 
     def run(self, words, folder, out, err):
