@@ -348,4 +348,19 @@ Placed put_on_curve(const PlaneFunction& f, PlanePoint at, PlanePoint across, do
   return std::isfinite(d) ? Placed{off(d), true} : Placed{clamped(at), false};
 }
 
+void place_evenly(const PlaneFunction& f, const std::vector<CurvePiece>& pieces, PetscInt points, const TakePlace& take) {
+  double total = 0;
+  for (const CurvePiece& piece : pieces) total += length(piece);
+  for (std::size_t number = 0; number < pieces.size(); ++number) {
+    if (pieces[number].points.size() < 2) continue;
+    const std::vector<CurvePlace> places = even_places(pieces[number], points_of_piece(pieces[number], points, total));
+    double slope = std::nan("");
+    for (std::size_t k = 0; k < places.size(); ++k) {
+      double border = std::nan("");
+      const CurvePlace& place = places[k];
+      take(number, k, places.size(), place, put_on_curve(f, place.at, place.across, place.border ? border : slope));
+    }
+  }
+}
+
 }  // namespace stickslip

@@ -149,26 +149,16 @@ std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& 
   LevelCurveSettings settings;
   settings.step = 1. / std::clamp<double>(double(count), 40., 60.);
   const LevelCurve line = level_curve(f, lattice, settings);
-  double total = 0;
-  for (const CurvePiece& piece : line.pieces) total += length(piece);
   std::vector<Crossing> result;
-  for (std::size_t number = 0; number < line.pieces.size(); ++number) {
-    const CurvePiece& piece = line.pieces[number];
-    if (piece.points.size() < 2) continue;
-    const int wanted = points_of_piece(piece, count, total);
-    double slope = std::nan("");
-    const std::vector<CurvePlace> places = even_places(piece, wanted);
-    for (std::size_t k = 0; k < places.size(); ++k) {
-      double border = std::nan("");
-      const Placed on = put_on_curve(f, places[k].at, places[k].across, places[k].border ? border : slope);
-      const PlanePoint at = last_digits(on.at, places[k].across);
-      result.push_back(crossing(at.x, at.y, places[k].across.x, places[k].across.y));
-      result.back().piece = int(number);
-      // asked of the motion at some points; the line is one of the same kind between
-      if (k % std::max<std::size_t>(1, places.size() / 8) == 0)
-        check(result.back(), places[k].across.x, places[k].across.y, notes);
-    }
-  }
+  place_evenly(f, line.pieces, count,
+               [&](std::size_t piece, std::size_t k, std::size_t places, const CurvePlace& place, const Placed& on) {
+                 const PlanePoint at = last_digits(on.at, place.across);
+                 result.push_back(crossing(at.x, at.y, place.across.x, place.across.y));
+                 result.back().piece = int(piece);
+                 // asked of the motion at some points; the line is one of the same kind between
+                 if (k % std::max<std::size_t>(1, places / 8) == 0)
+                   check(result.back(), place.across.x, place.across.y, notes);
+               });
   return result;
 }
 

@@ -88,22 +88,15 @@ std::vector<Crossing> MediumLines::waves(PetscInt count) {
   LevelCurveSettings settings;
   settings.step = 1. / 16;
   const LevelCurve line = level_curve(f, lattice, settings);
-  double total = 0;
-  for (const CurvePiece& piece : line.pieces) total += length(piece);
   std::vector<Crossing> result;
-  for (std::size_t number = 0; number < line.pieces.size(); ++number) {
-    double slope = std::nan("");
-    for (const CurvePlace& place : even_places(line.pieces[number], points_of_piece(line.pieces[number], count, total))) {
-      double border = std::nan("");
-      const Placed on = put_on_curve(f, place.at, place.across, place.border ? border : slope);
-      if (!on.found) continue;
-      Crossing c = crossing(on.at.x, on.at.y, "waves");
-      c.kind = "wave";
-      c.piece = int(number);
-      c.frequency = 2 * M_PI / uniform_cycle(one_node_of(scene(c.x, c.y)), 1e-8, strong_slip).cycle.period;
-      result.push_back(c);
-    }
-  }
+  place_evenly(f, line.pieces, count, [&](std::size_t piece, std::size_t, std::size_t, const CurvePlace&, const Placed& on) {
+    if (!on.found) return;
+    Crossing c = crossing(on.at.x, on.at.y, "waves");
+    c.kind = "wave";
+    c.piece = int(piece);
+    c.frequency = 2 * M_PI / uniform_cycle(one_node_of(scene(c.x, c.y)), 1e-8, strong_slip).cycle.period;
+    result.push_back(c);
+  });
   return result;
 }
 

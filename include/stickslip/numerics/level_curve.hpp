@@ -73,4 +73,9 @@ struct Placed {
 };
 Placed put_on_curve(const PlaneFunction& f, PlanePoint at, PlanePoint across, double& slope);
 
+// `points` places in all, evenly over the pieces of a line, each put on its curve: take(number of the piece, k, places of
+// the piece, place, where it was put). The slope of f goes from one place to the next, but not to the border, nor from it.
+using TakePlace = std::function<void(std::size_t piece, std::size_t k, std::size_t places, const CurvePlace&, const Placed&)>;
+void place_evenly(const PlaneFunction& f, const std::vector<CurvePiece>& pieces, PetscInt points, const TakePlace& take);
+
 }  // namespace stickslip
