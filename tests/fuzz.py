@@ -29,7 +29,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 
 import h5py
@@ -47,23 +46,19 @@ class Uses:
     so that a machine that is busy with other things makes nothing a hang."""
 
     def __init__(self, budget, plain):
-        self.budget, self.plain, self.own, self.all = budget, plain, threading.local(), []
-
-    def server(self):
-        if not hasattr(self.own, "server"):
-            self.own.server = Server(PROGRAM, self.budget, PATIENCE * self.budget)
-            self.all.append(self.own.server)
-        return self.own.server
+        self.budget, self.plain = budget, plain
+        self.server = None if plain else Server(PROGRAM, budget, PATIENCE * budget)
+        self.table = commands()
 
     def close(self):
-        for server in self.all:
-            server.close()
+        if self.server:
+            self.server.close()
 
     def begin(self, words, folder, ranks, plain):
         """Exit code, standard output and error."""
         out, err = os.path.join(folder, "..", "out"), os.path.join(folder, "..", "err")
-        if ranks == 1 and not (plain or self.plain):
-            code, _ = self.server().run(words, folder, out, err)
+        if ranks == 1 and self.server and not plain:
+            code, _ = self.server.run(words, folder, out, err)
         else:
             session = os.path.join(folder, "..", "t")  # two Open MPI programs at a time must not share a folder
             os.mkdir(session)
@@ -196,9 +191,9 @@ def faults(case, words, scene, uses):
     return complaints(case, seen, words), seen
 
 
-def check(seed, number, table, uses, loud=False):
+def check(seed, number, uses, loud=False):
     """What is wrong with a case (None), and how it ended."""
-    case = case_of(seed, number, table)
+    case = case_of(seed, number, uses.table)
     words, scene = case.words(), case.scene
     found, seen = faults(case, words, scene, uses)
     if loud:
@@ -231,10 +226,9 @@ def check(seed, number, table, uses, loud=False):
 
 class State:
     """How far the cases of some seeds are, in a file, so that a volume can be interrupted and resumed."""
-    piece = 200
 
     def __init__(self, path, seeds, cases):
-        self.path = path
+        self.path, self.begin = path, time.monotonic()
         with open(PROGRAM, "rb") as file:
             program = hashlib.sha256(file.read()).hexdigest()[:16]
         version = subprocess.run([PROGRAM, "--version"], stdout=subprocess.PIPE, check=True).stdout.decode()
@@ -249,24 +243,26 @@ class State:
                     raise SystemExit(f"{path}: of another {key} ({self.now[key]}, now {fresh[key]})")
             self.now["cases"] = cases
 
-    def pieces(self):
-        for seed in self.now["seeds"]:
-            for first in range(self.now["done"][str(seed)], self.now["cases"], self.piece):
-                yield seed, range(first, min(first + self.piece, self.now["cases"]))
+    def left(self):
+        return [(seed, number) for seed in self.now["seeds"] for number in range(self.now["done"][str(seed)], self.now["cases"])]
 
-    def add(self, seed, numbers, results, seconds):
+    def add(self, seed, number, text, how):
         now = self.now
-        for number, (text, how) in zip(numbers, results):
-            now["codes"][str(how)] = now["codes"].get(str(how), 0) + 1
-            if text:
-                now["failures"].append(text)
-            if how == "cut":
-                now["cut"].append([seed, number])
-        now["done"][str(seed)] = numbers.stop
-        now["seconds"] += seconds
+        now["codes"][str(how)] = now["codes"].get(str(how), 0) + 1
+        if text:
+            print("FAILED", text, flush=True)
+            now["failures"].append(text)
+        if how == "cut":
+            now["cut"].append([seed, number])
+        now["done"][str(seed)] = number + 1
+
+    def save(self):
+        now = time.monotonic()
+        self.now["seconds"] += now - self.begin
+        self.begin = now
         if self.path:
             with open(self.path + ".new", "w", encoding="utf-8") as file:
-                json.dump(now, file, indent=1)
+                json.dump(self.now, file, indent=1)
             os.replace(self.path + ".new", self.path)
 
     def row(self):
@@ -277,15 +273,29 @@ class State:
                 f"{sum(now['done'].values())} | {len(now['failures'])} | {codes} | {now['seconds'] / 3600:.2f} |")
 
 
-def volume(state, uses, jobs, table, loud=False):
-    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
-        for seed, numbers in state.pieces():
-            begin = time.monotonic()
-            results = list(pool.map(lambda n: check(seed, n, table, uses, loud), numbers))
-            for text, _ in results:
-                if text:
-                    print("FAILED", text, flush=True)
-            state.add(seed, numbers, results, time.monotonic() - begin)
+worker = None  # the Uses of a process that takes part
+
+
+def begin_worker(top, budget, plain):
+    """A folder of its own, also for Open MPI; all of them go with `top`. Its server ends with it."""
+    global worker
+    tempfile.tempdir = os.environ["OMPI_MCA_orte_tmpdir_base"] = tempfile.mkdtemp(dir=top)
+    worker = Uses(budget, plain)
+
+
+def one_case(which):
+    return check(*which, worker)
+
+
+def volume(state, jobs, budget, plain):
+    left = state.left()
+    with tempfile.TemporaryDirectory(prefix="stickslip-", ignore_cleanup_errors=True) as top, \
+            concurrent.futures.ProcessPoolExecutor(jobs, initializer=begin_worker, initargs=(top, budget, plain)) as pool:
+        for at, (which, result) in enumerate(zip(left, pool.map(one_case, left, chunksize=5))):
+            state.add(*which, *result)
+            if at % 200 == 199:
+                state.save()
+    state.save()
 
 
 def main(arguments=None):
@@ -295,20 +305,18 @@ def main(arguments=None):
     parser.add_argument("--cases", type=int, default=1000, help="of each seed")
     parser.add_argument("--only", type=int, help="this case alone, with all it printed")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--budget", type=int, default=20, help="seconds of processor time that a use may take")
+    parser.add_argument("--budget", type=int, default=5, help="seconds of processor time that a use may take")
     parser.add_argument("--plain", action="store_true", help="start the program anew each time")
     parser.add_argument("--state", help="file that holds how far it is, to go on from")
     given = parser.parse_args(arguments)
-    table, uses = commands(), Uses(given.budget, given.plain)
-    try:
-        if given.only is not None:
-            text, _ = check(given.seed, given.only, table, uses, loud=True)
-            print("FAILED " + text if text else "passed")
-            return 1 if text else 0
-        state = State(given.state, list(range(given.seed, given.seed + given.seeds)), given.cases)
-        volume(state, uses, given.jobs, table)
-    finally:
+    if given.only is not None:
+        uses = Uses(given.budget, given.plain)
+        text, _ = check(given.seed, given.only, uses, loud=True)
         uses.close()
+        print("FAILED " + text if text else "passed")
+        return 1 if text else 0
+    state = State(given.state, list(range(given.seed, given.seed + given.seeds)), given.cases)
+    volume(state, given.jobs, given.budget, given.plain)
     print("| date | revision | seeds | cases | failures | exit codes | hours |\n|---|---|---|---|---|---|---|")
     print(state.row())
     return 1 if state.now["failures"] else 0
