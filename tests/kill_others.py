@@ -1,5 +1,6 @@
 """Kills of commands that write one file at their end or a table as they go, and disks that fail: cases of kills.py."""
 import glob
+import json
 import os
 import shutil
 import signal
@@ -89,41 +90,59 @@ def result_killed(case):
         same(lasting(wanted), lasting(data(f"{name}.h5")), str(case))
 
 
-def small_disk(case, run_scene):
-    """A disk of some hundred kB, or one that may not be written: one line, files that can be read, and a run goes on
-    where there is room."""
-    name, rng, ranks = case.name, case.rng, case.ranks
-    command = rng.choice(["run", "run", "run", "sweep", "boundary", "chart", "spectrum"])
-    arguments = {"run": run_scene, "sweep": SWEEP, **RESULTS}[command]
-    size, frozen = rng.choice([100, 300, 600, 1000, 1500, 2500, 4000]), rng.random() < 0.2
+def on_a_small_disk(name, size, frozen, words):
+    """The program's end with folder `name` on a disk of its own, of `size` kB, perhaps read-only; what it left there is
+    copied to NAME-kept, since the disk goes with the process. None where nothing can be mounted."""
     script = (f'mount -t tmpfs -o size={size}k tmpfs {name} && cd {name} && ' +
               ("mount -o remount,ro . && " if frozen else "") +
               f'"$@"; code=$?; cp *.h5 *.json *.csv *.points-* ../{name}-kept 2>/dev/null; exit $code')
-    os.makedirs(name)
-    os.makedirs(f"{name}-kept")
-    words = line(f"{arguments} -out_file a.h5 -summary a.json", ranks, command)
+    for folder in (name, f"{name}-kept"):
+        os.makedirs(folder)
     done = subprocess.run(["unshare", "-rm", "sh", "-c", script, "sh", *words], capture_output=True, text=True,
                           timeout=600, check=False)
-    if "unshare" in done.stderr or "mount:" in done.stderr:
+    return None if "unshare" in done.stderr or "mount:" in done.stderr else done
+
+
+def small_disk(case, run_scene):
+    """A disk of some kB or hundred kB, or one that may not be written, for the results, the summary or both: one line,
+    files that can be read, and a run goes on where there is room."""
+    name, rng, ranks = case.name, case.rng, case.ranks
+    command = rng.choice(["run", "run", "run", "run", *RESULTS, "sweep", "sweep"])
+    arguments = {"run": run_scene, "sweep": f"{SWEEP} -sweep_files {rng.choice(['true', 'false'])}", **RESULTS}[command]
+    size, frozen = rng.choice([4, 20, 100, 300, 600, 1000, 1500, 2500, 4000]), rng.random() < 0.2
+    what = rng.choice(["both", "both", "results", "summary"])  # which stand on that disk
+    results = "a.h5" if what != "summary" else f"../{name}-kept/a.h5"
+    summary = "a.json" if what != "results" else f"../{name}-kept/a.json"
+    done = on_a_small_disk(name, size, frozen, line(f"{arguments} -out_file {results} -summary {summary}", ranks, command))
+    if done is None:
         case.count("no mount here")
         return
     said = errors(done.stderr)
     codes = (2,) if frozen else (0, 1, 2)
     check(done.returncode in codes, f"{case}: exit {done.returncode}, {done.stderr[-500:]}")
     check(len(said) == (done.returncode != 0), f"{case}: {len(said)} errors, exit {done.returncode}: {done.stderr[-800:]}")
-    case.count("read-only" if frozen else f"disk, exit {done.returncode}")
+    case.count(f"read-only {what}" if frozen else f"disk with {what}, exit {done.returncode}")
+    if not frozen:
+        case.count(f"disk {command}")
     os.chdir(f"{name}-kept")
     try:
-        if os.path.exists("a.h5"):
-            data("a.h5")
-        checkpoints = sorted(glob.glob("a.chk-*.h5"))
-        if command == "run" and checkpoints:
-            run(f"-restart {checkpoints[-1]}", ranks)
+        kept_can_be_used(case, command, done.returncode, None if command != "run" else reference(run_scene, ranks)[0])
     finally:
         os.chdir("..")
+
+
+def kept_can_be_used(case, command, code, wanted):
+    """What a disk kept: whole files; after success all of them; a run goes on to what nobody disturbed (`wanted`)."""
+    if os.path.exists("a.json"):
+        with open("a.json", encoding="utf-8") as file:
+            json.load(file)
+    check(code != 0 or (os.path.exists("a.json") and os.path.exists("a.h5")), f"{case}: exit 0 without its files")
+    for path in set(glob.glob("a*.h5")) - set(glob.glob("a.chk-*.h5")):
+        data(path)
+    checkpoints = sorted(glob.glob("a.chk-*.h5"))
     if command == "run" and checkpoints:
-        wanted, _ = reference(run_scene, ranks)
-        same(wanted, data(f"{name}-kept/a.h5"), str(case))
+        run(f"-restart {checkpoints[-1]} -out_file a.h5", case.ranks)
+        same(wanted, data("a.h5"), str(case))
         case.count("continued after a full disk")
 
 

@@ -135,7 +135,7 @@ def one_case(seed, number):
         elif kind < 9:
             result_killed(case)
         elif number // 10 % 3 < 2:
-            small_disk(case, f"{SCENE} {LENGTH[min(case.ranks, 2)]}")
+            small_disk(case, f"{SCENE} {LENGTH[min(case.ranks, 2)]} {case.rng.choice(MORE)}")
         else:
             folder_gone(case, f"{SCENE} {LENGTH[min(case.ranks, 2)]}")
     except (AssertionError, OSError, KeyError, ValueError, subprocess.SubprocessError) as found:
