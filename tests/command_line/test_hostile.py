@@ -145,6 +145,10 @@ def test_starts(server, make, parts):
             file.seek(file.read().index(b"deflate") - 8)
             file.write(struct.pack("<H", 32123))
     refuse(server, START.split(), "init_file", "bad.h5", *parts)
+    for name in ("other.h5", "secret"):  # whoever opens these waits for ever
+        os.remove(name)
+        os.mkfifo(name)
+    refuse(server, START.split(), "init_file", "bad.h5", *parts)
 
 
 def in_checkpoint(change):
@@ -185,7 +189,10 @@ def test_checkpoints(server):
             in_checkpoint(change)
         except KeyError:
             continue
+        os.remove("other.h5")
+        os.mkfifo("other.h5")
         refuse(server, ["run", "-restart", "bad.h5"], "restart", "bad.h5", part)
+        os.remove("other.h5")
 
 
 @pytest.mark.parametrize("scene, parts", [
