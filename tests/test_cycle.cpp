@@ -15,7 +15,6 @@
 #include "stickslip/study/medium_lines.hpp"
 
 using namespace stickslip;
-using Complex = std::complex<double>;
 
 namespace {
 

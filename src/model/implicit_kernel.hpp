@@ -217,8 +217,8 @@ struct SolveStage {
         const bool close = (turn < 0 ? -turn : turn) * miss <= allowed * slope * slope;
         const bool rises = slope > 0, small = miss <= allowed * a[i] + 1e-15 * size;
         const double next = psi[i] - r / slope;
-        psi[i] = (open[i] != 0) & rises ? next : psi[i];
-        open[i] = rises & (close | small) ? 0 : open[i];
+        psi[i] = ((open[i] != 0) & rises) ? next : psi[i];
+        open[i] = (rises & (close | small)) ? 0 : open[i];
         before[i] = slope;
         left |= open[i];
       }

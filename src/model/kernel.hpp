@@ -386,8 +386,12 @@ template <class Loop>
 struct Avx512 {
   Loop loop;
   template <class... Arguments>
-  __attribute__((target("avx512f,avx512dq,avx512vl,prefer-vector-width=512"), flatten)) auto operator()(
-      const Arguments&... arguments) const {
+#if defined(__clang__)  // prefers the whole width without being told, and does not know the word
+  __attribute__((target("avx512f,avx512dq,avx512vl"), flatten))
+#else
+  __attribute__((target("avx512f,avx512dq,avx512vl,prefer-vector-width=512"), flatten))
+#endif
+  auto operator()(const Arguments&... arguments) const {
     return loop(arguments...);
   }
 };

@@ -86,7 +86,7 @@ struct MarkMoving {
     const MovingNodes m = s;
 #pragma GCC ivdep
     for (std::size_t i = 0; i < m.count; ++i)
-      m.moves[i] = (std::abs(m.p0[i]) > m.velocity) | (std::abs(m.p1[i]) > m.velocity);
+      m.moves[i] = int(std::abs(m.p0[i]) > m.velocity) | int(std::abs(m.p1[i]) > m.velocity);  // no branch
   }
 };
 

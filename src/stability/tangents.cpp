@@ -249,8 +249,8 @@ void Tangents::jump(Vec u) {
 // What a node's own psi does to its rate by viscosity between neighbours, which is not in its block.
 double Tangents::own_viscous_slope(PetscInt i) const {
   const Scene& s = model_.scene();
-  for (const auto& [node, weight] : second_difference_row(s, model_.first() + i))
-    if (node == model_.first() + i) return s.A() * s.N() * weight;
+  for (const auto& [node, entry] : second_difference_row(s, model_.first() + i))
+    if (node == model_.first() + i) return s.A() * s.N() * entry;
   return 0;
 }
 
