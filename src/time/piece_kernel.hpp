@@ -19,9 +19,16 @@ namespace stickslip::kernel {
 constexpr int lanes = 8;
 constexpr int most_rows = 128;  // of a piece with its separator
 
-typedef double Lanes __attribute__((vector_size(64), aligned(8), may_alias));
-inline const Lanes& lanes_at(const double* a) { return *reinterpret_cast<const Lanes*>(a); }
-inline Lanes& lanes_at(double* a) { return *reinterpret_cast<Lanes*>(a); }
+// Eight values, as they lie among others. Clang takes what a reference leads to for aligned whatever the type says: so
+// memory is spoken of by pointers, and values have a type of their own there.
+typedef double LanesInMemory __attribute__((vector_size(64), aligned(8), may_alias));
+#if defined(__clang__)
+typedef double Lanes __attribute__((vector_size(64)));
+#else
+typedef LanesInMemory Lanes;
+#endif
+inline const LanesInMemory* lanes_at(const double* a) { return reinterpret_cast<const LanesInMemory*>(a); }
+inline LanesInMemory* lanes_at(double* a) { return reinterpret_cast<LanesInMemory*>(a); }
 
 // What the nodes inside mean to the separators (Schur complement and right-hand side), in lanes: LL, LR, RR row by row.
 template <int half_width>
@@ -53,9 +60,9 @@ struct ConstantPiece {
 // What row r of the given nodes at either side takes from the right-hand side.
 template <int half_width>
 inline void subtract_given(Lanes& v, int r, int L, const double* c, const double* left, const double* right) {
-  for (int s = r; s < half_width; ++s) v -= c[r + half_width - s] * lanes_at(left + s * lanes);
+  for (int s = r; s < half_width; ++s) v -= c[r + half_width - s] * *lanes_at(left + s * lanes);
   for (int t = 0; t < half_width; ++t)
-    if (L + t - r <= half_width) v -= c[L + t - r] * lanes_at(right + t * lanes);
+    if (L + t - r <= half_width) v -= c[L + t - r] * *lanes_at(right + t * lanes);
 }
 
 // The sides' right-hand sides alone.
@@ -66,7 +73,7 @@ struct ForwardConstant {
     const double *const l = p.table->l.data(), *const V = p.table->V.data();
     Lanes y[half_width] = {}, left[half_width] = {}, right[half_width] = {};  // y[k - 1]: of row r - k
     for (int r = 0; r < p.L; ++r) {
-      Lanes v = lanes_at(p.b + lanes * r);
+      Lanes v = *lanes_at(p.b + lanes * r);
       for (int k = half_width; k >= 1; --k) v -= l[r * half_width + k - 1] * y[k - 1];
       for (int k = half_width - 1; k >= 1; --k) y[k] = y[k - 1];
       y[0] = v;
@@ -75,8 +82,8 @@ struct ForwardConstant {
     for (int j = 0; j < half_width; ++j)
       for (int t = 0; t < half_width; ++t) right[t] -= p.W[j * half_width + t] * y[j];
     for (int s = 0; s < half_width; ++s) {
-      lanes_at(sides.L[s]) = left[s];
-      lanes_at(sides.R[s]) = right[s];
+      *lanes_at(sides.L[s]) = left[s];
+      *lanes_at(sides.R[s]) = right[s];
     }
   }
 };
@@ -88,20 +95,20 @@ struct BackwardConstant {
     const double *const l = p.table->l.data(), *const inverse = p.table->inverse.data();
     Lanes y[half_width] = {};
     for (int r = 0; r < p.L; ++r) {
-      Lanes v = lanes_at(p.b + lanes * r);
+      Lanes v = *lanes_at(p.b + lanes * r);
       if (r < half_width || r >= p.L - half_width) subtract_given<half_width>(v, r, p.L, p.c, given_left, given_right);
       for (int k = half_width; k >= 1; --k) v -= l[r * half_width + k - 1] * y[k - 1];
       for (int k = half_width - 1; k >= 1; --k) y[k] = y[k - 1];
       y[0] = v;
-      lanes_at(x + lanes * r) = v * inverse[r];
+      *lanes_at(x + lanes * r) = v * inverse[r];
     }
     Lanes behind[half_width] = {};
     for (int r = p.L - 1; r >= 0; --r) {
-      Lanes v = lanes_at(x + lanes * r);
+      Lanes v = *lanes_at(x + lanes * r);
       for (int k = half_width; k >= 1; --k) v -= l[(r + k) * half_width + k - 1] * behind[k - 1];
       for (int k = half_width - 1; k >= 1; --k) behind[k] = behind[k - 1];
       behind[0] = v;
-      lanes_at(x + lanes * r) = v;
+      *lanes_at(x + lanes * r) = v;
     }
   }
 };
@@ -117,8 +124,8 @@ struct RowFactor {
 
   explicit RowFactor(const Lanes& large) : least(large) {}
 
-  void next(int r, const Lanes& d, const double* c) {
-    Lanes t[half_width + 1] = {}, pivot = d;
+  void next(int r, const LanesInMemory* d, const double* c) {
+    Lanes t[half_width + 1] = {}, pivot = *d;
     for (int k = half_width; k >= 1; --k) {
       if (r < k) continue;
       Lanes sum = c[k] - Lanes{};
@@ -157,7 +164,7 @@ struct Forward {
     Lanes LL[hw][hw] = {}, LR[hw][hw] = {}, RR[hw][hw] = {}, left[hw] = {}, right[hw] = {};
     for (int r = 0; r < p.L; ++r) {
       row.next(r, lanes_at(p.d + lanes * r), p.c);
-      Lanes value = lanes_at(p.b + lanes * r), v[hw], w[hw];
+      Lanes value = *lanes_at(p.b + lanes * r), v[hw], w[hw];
       for (int k = hw; k >= 1; --k) value -= row.l[k - 1] * y[k - 1];
       for (int s = 0; s < hw; ++s) {
         v[s] = (r <= s ? p.c[r + hw - s] : 0.) - Lanes{};
@@ -189,12 +196,12 @@ struct Forward {
     }
     for (int i = 0; i < hw; ++i) {
       for (int j = 0; j < hw; ++j) {
-        lanes_at(sides.LL[i][j]) = j <= i ? LL[i][j] : LL[j][i];
-        lanes_at(sides.RR[i][j]) = j <= i ? RR[i][j] : RR[j][i];
-        lanes_at(sides.LR[i][j]) = LR[i][j];
+        *lanes_at(sides.LL[i][j]) = j <= i ? LL[i][j] : LL[j][i];
+        *lanes_at(sides.RR[i][j]) = j <= i ? RR[i][j] : RR[j][i];
+        *lanes_at(sides.LR[i][j]) = LR[i][j];
       }
-      lanes_at(sides.L[i]) = left[i];
-      lanes_at(sides.R[i]) = right[i];
+      *lanes_at(sides.L[i]) = left[i];
+      *lanes_at(sides.R[i]) = right[i];
     }
     sides.positive = row.positive();
   }
@@ -217,23 +224,23 @@ struct Backward {
     alignas(64) double l[(most_rows + hw) * hw * lanes];
     for (int r = 0; r < p.L; ++r) {
       row.next(r, lanes_at(p.d + lanes * r), p.c);
-      Lanes v = lanes_at(p.b + lanes * r);
+      Lanes v = *lanes_at(p.b + lanes * r);
       if (r < hw || r >= p.L - hw) subtract_given<hw>(v, r, p.L, p.c, given_left, given_right);
       for (int k = hw; k >= 1; --k) v -= row.l[k - 1] * y[k - 1];
       for (int k = hw - 1; k >= 1; --k) y[k] = y[k - 1];
       y[0] = v;
-      lanes_at(x + lanes * r) = v * row.inverse;
-      for (int k = 0; k < hw; ++k) lanes_at(l + (r * hw + k) * lanes) = row.l[k];
+      *lanes_at(x + lanes * r) = v * row.inverse;
+      for (int k = 0; k < hw; ++k) *lanes_at(l + (r * hw + k) * lanes) = row.l[k];
       row.shift();
     }
     Lanes behind[hw] = {};
     for (int r = p.L - 1; r >= 0; --r) {
-      Lanes v = lanes_at(x + lanes * r);
+      Lanes v = *lanes_at(x + lanes * r);
       for (int k = hw; k >= 1; --k)
-        if (r + k < p.L) v -= lanes_at(l + ((r + k) * hw + k - 1) * lanes) * behind[k - 1];
+        if (r + k < p.L) v -= *lanes_at(l + ((r + k) * hw + k - 1) * lanes) * behind[k - 1];
       for (int k = hw - 1; k >= 1; --k) behind[k] = behind[k - 1];
       behind[0] = v;
-      lanes_at(x + lanes * r) = v;
+      *lanes_at(x + lanes * r) = v;
     }
   }
 };
