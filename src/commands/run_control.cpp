@@ -1,9 +1,9 @@
 #include "commands/run_control.hpp"
 
 #include <algorithm>
-#include <limits>
 
 #include "stickslip/base/error.hpp"
+#include "stickslip/study/trial.hpp"
 
 namespace stickslip {
 
@@ -36,12 +36,11 @@ SignalWatch::~SignalWatch() {
 
 int SignalWatch::caught() const { return caught_signal; }
 
-RunControl::RunControl(const Options& options, PetscInt first_step)
+RunControl::RunControl(const Options& options, std::int64_t first_step)
     : every_(options.steps_or_seconds("out_checkpoint_every")),
       most_seconds_(options.steps_or_seconds("ts_max_wall").seconds), t_end_(options.real("ts_max_time")),
       begin_(MPI_Wtime()), last_checkpoint_(begin_), asked_(begin_), first_step_(first_step),
-      most_steps_(options.is_set("ts_max_steps") ? options.integer("ts_max_steps")
-                                                 : std::numeric_limits<PetscInt>::max() - 1) {
+      most_steps_(stickslip::most_steps(options)) {
   int ranks = 1;
   MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
   alone_ = ranks == 1;
@@ -63,7 +62,7 @@ std::array<int, 4> RunControl::ask() {
   return {flags[0], flags[1], flags[2], flags[3]};
 }
 
-RunControl::Decision RunControl::after(PetscInt step, double t) {
+RunControl::Decision RunControl::after(std::int64_t step, double t) {
   const std::array<int, 4> flags = ask();
   stopped_by_ = flags[0];
   wall_is_over_ = flags[3] && t < t_end_ && !stopped_by_;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <csignal>
+#include <cstdint>
 #include <string>
 
 #include "stickslip/options/options.hpp"
@@ -27,7 +28,7 @@ class SignalWatch {
 class RunControl {
  public:
   // `first_step`: from which this command goes on. The wall clock starts here.
-  RunControl(const Options& options, PetscInt first_step);
+  RunControl(const Options& options, std::int64_t first_step);
 
   // What to do after an accepted step, the same on every rank.
   struct Decision {
@@ -37,11 +38,11 @@ class RunControl {
   };
   // Of several ranks, what only one of them may know (a signal, the clock) is found after 20 ms or 100 steps at the
   // latest, by one reduction over all. Collective.
-  Decision after(PetscInt step, double t);
+  Decision after(std::int64_t step, double t);
   void checkpoint_written();
 
   bool wants_checkpoints() const { return every_.steps > 0 || every_.seconds > 0; }
-  PetscInt most_steps() const { return most_steps_; }
+  std::int64_t most_steps() const { return most_steps_; }
   int signal() const { return stopped_by_; }         // that ended the run, 0: none
   bool wall_is_over() const { return wall_is_over_; }  // ts_max_wall came before the end
 
@@ -53,7 +54,7 @@ class RunControl {
   double most_seconds_, t_end_, begin_, last_checkpoint_, asked_;  // 0 seconds: no limit
   bool alone_ = true;                                              // one rank
   int steps_since_ = 0, steps_between_ = 1;                        // the ranks asked each other
-  PetscInt first_step_, most_steps_;
+  std::int64_t first_step_, most_steps_;
   int stopped_by_ = 0;
   bool wall_is_over_ = false;
 };

@@ -173,8 +173,8 @@ void Run::restore(const Checkpoint& checkpoint) {
   origin_ = {true,
              checkpoint.t,
              checkpoint.dt,
-             static_cast<PetscInt>(checkpoint.step),
-             static_cast<PetscInt>(checkpoint.numbers.at("rejections")),
+             checkpoint.step,
+             static_cast<std::int64_t>(checkpoint.numbers.at("rejections")),
              static_cast<long>(checkpoint.numbers.at("rhs_evaluations"))};
   longest_step_ = checkpoint.numbers.at("longest_step");
   const double t_end = options_.real("ts_max_time");
@@ -239,7 +239,7 @@ int Run::check(Summary& summary) {
   const RunLayout layout = plan().layout;
   const double t_end = options_.real("ts_max_time"), begin = MPI_Wtime();
   double t = origin_.t, seconds = 0;
-  PetscInt steps = 0;
+  std::int64_t steps = 0;
   integrator_->advance(problem_.u, origin_.t, t_end, [&](const Integrator::Step& step) {
     t = step.t;
     steps = step.index - origin_.step;
@@ -269,11 +269,7 @@ int Run::check(Summary& summary) {
   return 0;
 }
 
-PetscInt Run::rejections() const {
-  PetscInt count;
-  SS_TRY(TSGetStepRejections(integrator_->ts(), &count));
-  return origin_.rejections + count;
-}
+std::int64_t Run::rejections() const { return origin_.rejections + integrator_->report().rejections; }
 
 int Run::advance(Summary& summary) {
   Progress progress(options_.text("progress"), "");
@@ -363,7 +359,7 @@ void Run::report(Summary& summary, bool complete) {
   const TimeReport& r = integrator_->report();
   summary.set("t_end", r.t);
   summary.set("steps", r.steps);
-  summary.set("rejections", origin_.rejections + r.rejections);
+  summary.set("rejections", rejections());
   summary.set("rhs_evaluations", origin_.evaluations + r.rhs_evaluations);
   summary.set("method", r.method);
   summary.set("implicit", to_string(r.implicit));

@@ -1,6 +1,7 @@
 // A run under way: the scene's start, the method that advances it, and the observers that watch it.
 #pragma once
 
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -47,7 +48,7 @@ class Run {
   struct Origin {
     bool resumed = false;
     double t = 0, dt = 0;
-    PetscInt step = 0, rejections = 0;
+    std::int64_t step = 0, rejections = 0;
     long evaluations = 0;
   };
 
@@ -62,7 +63,7 @@ class Run {
   void open_file();
   Integrator::Verdict after(const Integrator::Step& step);
   void write_checkpoint_at(const Integrator::Step& step);
-  PetscInt rejections() const;
+  std::int64_t rejections() const;
   int ending(Summary& summary) const;
   void report(Summary& summary, bool complete);
   void warn_of_answer(const StepAudit::Verdict& verdict, double duration);

@@ -11,6 +11,7 @@ namespace {
 constexpr const char* physics = "run spectrum boundary wave cycle chart";
 constexpr double inf = std::numeric_limits<double>::infinity();
 constexpr double int_max = std::numeric_limits<PetscInt>::max();
+constexpr double count_max = 9e15;  // below 2^53: exact as a double
 // Three unknowns a node must still be counted by a PetscInt.
 constexpr PetscInt node_max = std::numeric_limits<PetscInt>::max() / 3;
 constexpr double n_max = node_max;
@@ -224,7 +225,7 @@ void start_options(TableBuilder& t) {
 void time_options(TableBuilder& t) {
   t.in("Time stepping", "run chart boundary");
   t.not_negative("ts_max_time", "60", "end time, hit exactly", "time");
-  t.integer("ts_max_steps", "", 0, int_max, "most steps").unset("unlimited");
+  t.integer("ts_max_steps", "", 0, count_max, "most steps").unset("unlimited");
   t.add("ts_max_wall", OptionType::wall_time, "",
         "wall clock after which the run ends, with a checkpoint to go on from").unset("unlimited").read_by("run");
   t.choice("imex_implicit", {"auto", "none", "friction", "wave", "both"},

@@ -9,7 +9,6 @@
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -31,6 +30,7 @@ namespace fs = std::filesystem;
 using h5::Id;
 
 const hsize_t block_size = 512;  // the smallest user block
+constexpr std::int64_t most_steps = 9'000'000'000'000'000;  // as of ts_max_steps
 const char* const magic = "stickslip checkpoint";
 
 // "DIR/NAME" of out_file without its ending: what the names of its checkpoints begin with.
@@ -153,7 +153,7 @@ void read_file(const std::string& path, Checkpoint& checkpoint) {
   }
   const auto finite = [](double x) { return std::isfinite(x); };
   const bool sane = finite(checkpoint.t) && checkpoint.t >= 0 && finite(checkpoint.dt) && checkpoint.dt > 0 &&
-                    checkpoint.step >= 0 && checkpoint.step < std::numeric_limits<int>::max();
+                    checkpoint.step >= 0 && checkpoint.step <= most_steps;
   if (!sane) throw Failure("holds a state that no run can have");
 }
 

@@ -23,6 +23,7 @@ namespace {
 
 constexpr std::size_t side_by_side = 128;  // nodes that vector code takes at a time
 constexpr std::size_t few = 4;             // for fewer it does not pay
+constexpr int most_ids = 1 << 30;          // from here on events under way are numbered anew
 constexpr int per_event = 9;               // numbers of an event under way in a checkpoint
 
 using Fields = std::vector<std::vector<double>>;
@@ -134,10 +135,16 @@ struct Events::Impl {
       if (!before) before = std::make_shared<const Before>(Before{last[1], slipped, halo.fetch(slipped)});
       return before;
     };
+    if (regions.next_id() > most_ids) renumber();
     std::set<int> changed;
     for (const Stretch& s : of_all_ranks(own, nodes.comm, ranks)) changed.insert(regions.claim(s, t, remember));
     for (const int id : changed)
       if (regions.live().count(id) > 0) own_nodes_of(id, [&](PetscInt i) { owner[std::size_t(i)] = id; });
+  }
+  void renumber() {
+    regions.renumber();
+    for (const auto& numbered : regions.live())
+      own_nodes_of(numbered.first, [&](PetscInt i) { owner[std::size_t(i)] = numbered.first; });
   }
   template <class Body>
   void own_nodes_of(int id, const Body& body) const {

@@ -6,6 +6,7 @@
 
 #include "base/paths.hpp"
 #include "output/datasets.hpp"
+#include "stickslip/base/error.hpp"
 
 namespace stickslip::h5 {
 
@@ -31,12 +32,20 @@ void GrowingTable::append(double t, const std::vector<const double*>& row) {
   ++pending;
 }
 
+void GrowingTable::check_rows(hsize_t rows) const {
+  if (rows > most_rows)
+    throw Failure("a table of a file has at most " + std::to_string(most_rows) + " rows, and " +
+                  (group.empty() ? "that of the frames" : "`" + group + "`") + " would have " + std::to_string(rows) +
+                  "; " + (group == "series" ? "leave it out (-out_series false)" : "ask for fewer"));
+}
+
 void GrowingTable::forget_pending() {
   pending = 0;
   for (Column& column : columns) column.pending.clear();
 }
 
 void GrowingTable::create(hid_t file) {
+  check_rows(capacity);
   const Id made(group.empty() ? -1 : H5Gcreate2(file, group.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
   Id x_scale;
   if (x.size > 0) {

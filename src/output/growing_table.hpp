@@ -57,6 +57,8 @@ struct Axis {
 };
 
 struct GrowingTable {
+  static constexpr hsize_t most_rows = (hsize_t(1) << 29) - 1;  // a chunk has room for all rows and less than 4 GiB
+
   // A table of one column, t, in the group of this name; `rows`: for which the file will have room.
   GrowingTable(std::string name, hsize_t rows, Field t) : group(std::move(name)), capacity(rows) {
     columns.push_back({std::move(t)});
@@ -71,6 +73,8 @@ struct GrowingTable {
   void append(double t, const std::vector<const double*>& row);
 
   void forget_pending();  // rows in memory
+
+  void check_rows(hsize_t rows) const;  // throws Failure where they are too many for a table
 
   // Makes the datasets, with room for `capacity` rows and one row there already.
   void create(hid_t file);

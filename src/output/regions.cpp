@@ -1,6 +1,7 @@
 #include "output/regions.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace stickslip {
 
@@ -75,6 +76,15 @@ void Regions::put(int id, const LiveEvent& event) {
   live_[id] = event;
   by_left_[event.event.left] = id;
   by_right_[right(event.event)] = id;
+}
+
+void Regions::renumber() {
+  const std::map<int, LiveEvent> before = std::move(live_);
+  live_.clear();
+  by_left_.clear();
+  by_right_.clear();
+  next_id_ = 0;
+  for (const auto& numbered : before) put(next_id_++, numbered.second);
 }
 
 void Regions::end(int id) {

@@ -50,6 +50,7 @@ class Regions {
   void end(int id);
   int next_id() const { return next_id_; }
   void number_from(int id) { next_id_ = id; }
+  void renumber();  // those under way, from 0 on in the same order
 
  private:
   int beside(const std::map<PetscInt, int>& ends, PetscInt node) const;

@@ -181,6 +181,7 @@ void RunFile::Writer::resume(const Resume& from) {
     const bool is_events = events != 0 && &table == &tables[events];  // known to have ended one step later
     sources.push_back(h5::earlier_rows(old, from.path, table, from.until, is_events));
     table.capacity += sources.back().rows;
+    if (!table.by_ranks) table.capacity = std::min(table.capacity, Table::most_rows);
   }
   create(temporary, 0);
   copy_rows(sources);
@@ -191,7 +192,10 @@ void RunFile::Writer::resume(const Resume& from) {
 void RunFile::Writer::replace(bool exact) {
   const std::string name = paths::hidden_sibling(path, ".new");
   double bytes = 0;
-  for (const Table& table : tables) bytes += 8.0 * double(table.written + table.pending) * double(table.row_width());
+  for (const Table& table : tables) {
+    table.check_rows(table.written + table.pending);
+    bytes += 8.0 * double(table.written + table.pending) * double(table.row_width());
+  }
   unlink(name.c_str());
   try {
     paths::reserve(name, bytes);  // fails while nothing is touched yet
@@ -202,7 +206,7 @@ void RunFile::Writer::replace(bool exact) {
   for (Table& table : tables) {
     const hsize_t needed = table.written + table.pending;
     if (exact) table.capacity = needed;
-    else if (needed > table.capacity) table.capacity = std::max(first_capacity, 2 * needed);
+    else if (needed > table.capacity) table.capacity = std::min(std::max(first_capacity, 2 * needed), Table::most_rows);
   }
   replacing = name;
   replace_into(name, bytes);

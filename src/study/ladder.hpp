@@ -50,7 +50,7 @@ struct Level {
   Scene scene;
   double tolerance;
   Answer answer;
-  PetscInt steps;
+  std::int64_t steps;
   double seconds;
 };
 

@@ -27,7 +27,7 @@ struct Outcome {
   std::string failure;  // the error that ended it
   Motion motion = Motion::undecided;
   double amplitude = NAN, speed = NAN, largest = 0;
-  PetscInt steps = 0;
+  std::int64_t steps = 0;
   bool warned = false;  // of the steps; fronts that the grid does not carry are another matter
 };
 
@@ -305,7 +305,7 @@ LimitRow Limits::row(const MethodSpec& method) {
   row.order = m.scene.order;
   row.n = m.scene.n;
   // as long as the accurate run's own steps
-  double first = m.t_end / double(std::max<PetscInt>(m.truth.steps, 16));
+  double first = m.t_end / double(std::max<std::int64_t>(m.truth.steps, 16));
   std::vector<std::string> ignored;
   const WarningsKept kept(ignored);
   VecHandle u = m.model.create_vector();

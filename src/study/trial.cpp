@@ -25,6 +25,11 @@ struct TooSlow {};
 
 }  // namespace
 
+std::int64_t most_steps(const Options& options) {
+  return options.is_set("ts_max_steps") ? static_cast<std::int64_t>(options.real("ts_max_steps"))
+                                        : std::numeric_limits<std::int64_t>::max();
+}
+
 double processor_seconds() {
   timespec now{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
@@ -100,9 +105,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   const Model& model = problem.model;
   const Vec u = problem.u;
   const double t_end = options.real("ts_max_time");
-  const PetscInt max_steps = prefix.empty() && options.is_set("ts_max_steps")
-                                 ? options.integer("ts_max_steps")
-                                 : std::numeric_limits<PetscInt>::max() - 1;
+  const std::int64_t max_steps = prefix.empty() ? most_steps(options) : std::numeric_limits<std::int64_t>::max();
   const double begin = processor_seconds();
   const auto spent = [&] { return largest_over(PETSC_COMM_WORLD, processor_seconds() - begin); };
   try {

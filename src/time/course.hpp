@@ -2,6 +2,8 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
+#include <limits>
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/time.hpp"
@@ -12,9 +14,9 @@ struct Course {
   const Integrator::Observer* observer = nullptr;
   double t_before = 0;             // beginning of the step
   double t_end = 0, run_end = 0;   // to be hit exactly: the next corner of the load or the end of the run, and the latter
-  PetscInt max_steps = 0;
-  PetscInt coarse = 0;             // steps taken back because a node that let go ran backwards
-  PetscInt rejected_before = 0;    // up to the last corner of the load
+  std::int64_t max_steps = 0;
+  std::int64_t counted = 0;          // steps before the first that the TS counts
+  PetscInt rejections_seen = 0;      // by the TS, of those that are in the report
   double next_dt = 0;              // proposed last
   bool stop_asked = false;
   TimeReport report;
@@ -32,11 +34,31 @@ struct Course {
     return verdict;
   }
 
+  // The TS counts steps in a PetscInt, from 1 on again where it has come to `most_counted`.
+  static constexpr PetscInt most_counted = PetscInt(1) << 30;
+
+  std::int64_t steps(TS ts) const {
+    PetscInt steps;
+    SS_TRY(TSGetStepNumber(ts, &steps));
+    return counted + steps;
+  }
+
+  // From now on so many steps are done.
+  void begin_count(TS ts, std::int64_t steps) {
+    counted = steps > 0 ? (steps - 1) / most_counted * most_counted : 0;
+    const std::int64_t left = max_steps - counted, most = std::numeric_limits<PetscInt>::max();
+    SS_TRY(TSSetStepNumber(ts, PetscInt(steps - counted)));
+    SS_TRY(TSSetMaxSteps(ts, PetscInt(std::clamp<std::int64_t>(left, 0, most))));
+  }
+
   void update_report(TS ts, const Model& model) {
+    PetscInt rejections;
     SS_TRY(TSGetTime(ts, &report.t));
-    SS_TRY(TSGetStepNumber(ts, &report.steps));
-    SS_TRY(TSGetStepRejections(ts, &report.rejections));
-    report.rejections += coarse + rejected_before;
+    SS_TRY(TSGetStepRejections(ts, &rejections));
+    report.steps = steps(ts);
+    if (report.steps - counted > most_counted) begin_count(ts, report.steps);
+    report.rejections += PetscInt(unsigned(rejections) - unsigned(rejections_seen));  // also where the TS wraps
+    rejections_seen = rejections;
     report.rhs_evaluations = model.rhs_evaluations() - evaluations_before;
   }
 };

@@ -37,7 +37,7 @@ struct Integrator::Impl {
   bool has_kept = false;
   std::function<double(double)> next_output_time;
   struct Checkpoint {
-    PetscInt step;
+    std::int64_t step;
     double dt;
   };
   std::optional<Checkpoint> checkpoint;  // to go on from
@@ -66,7 +66,7 @@ struct Integrator::Impl {
   static PetscErrorCode PostStage(TS ts, PetscReal, PetscInt index, Vec*);
   static PetscErrorCode DomainError(TS ts, PetscReal, Vec u, PetscBool* accept);
   static PetscErrorCode PostStep(TS ts);
-  void start(Vec u, double t, double t_end, const Observer& observer, PetscInt max_steps);
+  void start(Vec u, double t, double t_end, const Observer& observer, std::int64_t max_steps);
   TSConvergedReason solve(Vec u);
   TSConvergedReason solve_piece(Vec u);
   [[noreturn]] void fail(TSConvergedReason reason) const;

@@ -47,7 +47,7 @@ void StickSteps::after(Step step, Vec before) {
   };
   course_.report.t = step.t;
   if (step.t > t_before) course_.tell(ts_, step);
-  else SS_TRY(TSSetStepNumber(ts_, step.index - 1));
+  else course_.begin_count(ts_, step.index - 1);
   SS_TRY(VecCopy(landed_, u));
   decide(u, step.t);
   go_on_from(step.t, step.next_dt);
@@ -57,11 +57,11 @@ void StickSteps::after(Step step, Vec before) {
 void StickSteps::take_back(const Step& step, Vec before, double dt) {
   const double t = course_.t_before;
   SS_TRY(VecCopy(before, step.u));
-  ++course_.coarse;
+  ++course_.report.rejections;  // because a node that let go ran backwards
   if (!(t + dt / 8 > t))
     throw Failure("a node that lets go does not begin to slide at t = " + number_text(t) + " (step " +
                   std::to_string(step.index) + ")");
-  SS_TRY(TSSetStepNumber(ts_, step.index - 1));
+  course_.begin_count(ts_, step.index - 1);
   go_on_from(t, dt / 8);
   course_.update_report(ts_, model_);
 }
@@ -71,21 +71,18 @@ void StickSteps::go_on_from(double t, double dt) {
   SS_TRY(TSSetTime(ts_, t));
   SS_TRY(TSSetTimeStep(ts_, std::min(dt, course_.t_end - t)));
   SS_TRY(TSRestartStep(ts_));
-  PetscInt index;
-  SS_TRY(TSGetStepNumber(ts_, &index));
-  SS_TRY(TSSetConvergedReason(ts_, course_.stop_asked             ? TS_CONVERGED_USER
-                                   : t >= course_.t_end           ? TS_CONVERGED_TIME
-                                   : index >= course_.max_steps   ? TS_CONVERGED_ITS
-                                                                  : TS_CONVERGED_ITERATING));
+  SS_TRY(TSSetConvergedReason(ts_, course_.stop_asked                         ? TS_CONVERGED_USER
+                                   : t >= course_.t_end                       ? TS_CONVERGED_TIME
+                                   : course_.steps(ts_) >= course_.max_steps  ? TS_CONVERGED_ITS
+                                                                              : TS_CONVERGED_ITERATING));
 }
 
 // While everything rests one step leads to the next release, or to the end.
 void StickSteps::pass_rest(Vec u) {
   double t, dt;
-  PetscInt index;
+  std::int64_t index = course_.steps(ts_);
   SS_TRY(TSGetTime(ts_, &t));
   SS_TRY(TSGetTimeStep(ts_, &dt));
-  SS_TRY(TSGetStepNumber(ts_, &index));
   const auto goes_on = [&] { return t < course_.t_end && !course_.stop_asked && index < course_.max_steps; };
   for (int without_time = 0; stick_.all_rest() && goes_on();) {
     const double t_end = std::min(course_.t_end, t + Stick::longest_rest(model_.scene()));
@@ -93,7 +90,7 @@ void StickSteps::pass_rest(Vec u) {
     stick_.rest(u, t, until == t_end ? t_end - t : wait, landed_);
     if (until > t) {
       course_.t_before = t;
-      SS_TRY(TSSetStepNumber(ts_, ++index));
+      course_.begin_count(ts_, ++index);
       SS_TRY(TSSetTime(ts_, until));
       course_.update_report(ts_, model_);
       course_.tell(ts_, {index, t, until, landed_, dt, [this, u, t, until](double when, Vec into) {

@@ -40,6 +40,7 @@ void Integrator::Impl::begin_step() {
   double dt;
   SS_TRY(TSGetTime(ts, &course.t_before));
   SS_TRY(TSGetTimeStep(ts, &dt));
+  SS_TRY(TSGetStepRejections(ts, &course.rejections_seen));
   if (stick) stick->engage();
   if (dense) dense->forget();
   guard.begin_step(ts);
@@ -97,13 +98,11 @@ void Integrator::Impl::check_floor(const Step& step) {
 Integrator::Step Integrator::Impl::step_now() {
   Vec u;
   double t, dt;
-  PetscInt index;
   SS_TRY(TSGetSolution(ts, &u));
   SS_TRY(TSGetTime(ts, &t));
   SS_TRY(TSGetTimeStep(ts, &dt));
-  SS_TRY(TSGetStepNumber(ts, &index));
   if (!adaptive && t == course.t_end && t < course.run_end) dt = fixed_dt;  // this one was cut short to end at a corner
-  return {index, course.t_before, t, u, dt, [this](double at, Vec into) { interpolate(at, into); }};
+  return {course.steps(ts), course.t_before, t, u, dt, [this](double at, Vec into) { interpolate(at, into); }};
 }
 
 std::string Integrator::Impl::advice(double dt) const {
@@ -157,21 +156,17 @@ void Integrator::Impl::interpolate(double at, Vec into) {
 
 // ---- a run ------------------------------------------------------------------------------------------------------
 
-void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& observer, PetscInt max_steps) {
+void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& observer, std::int64_t max_steps) {
   course.observer = &observer;
   course.t_end = course.run_end = t_end;
   course.t_before = t;
-  course.rejected_before = 0;
   course.stop_asked = false;
   course.max_steps = max_steps;
   course.evaluations_before = model.rhs_evaluations();
   SS_TRY(TSSetTime(ts, t));
   SS_TRY(TSSetMaxTime(ts, t_end));
-  SS_TRY(TSSetMaxSteps(ts, max_steps));
-  if (checkpoint) {
-    SS_TRY(TSSetStepNumber(ts, checkpoint->step));
-    SS_TRY(TSSetTimeStep(ts, checkpoint->dt));
-  }
+  if (checkpoint) SS_TRY(TSSetTimeStep(ts, checkpoint->dt));
+  course.begin_count(ts, checkpoint ? checkpoint->step : course.steps(ts));
   SS_TRY(TSRestartStep(ts));
   SS_TRY(TSSetSolution(ts, u));
   course.update_report(ts, model);
@@ -196,7 +191,6 @@ TSConvergedReason Integrator::Impl::solve(Vec u) {
     course.update_report(ts, model);
     if (reason < 0 || course.stop_asked || course.report.t >= course.run_end || reason == TS_CONVERGED_ITS)
       return reason;
-    course.rejected_before = course.report.rejections - course.coarse;
     SS_TRY(TSSetTimeStep(ts, adaptive ? course.next_dt : fixed_dt));
     SS_TRY(TSRestartStep(ts));
   }
@@ -249,12 +243,12 @@ void Integrator::set_output_times(std::function<double(double)> next_time) {
   impl_->next_output_time = std::move(next_time);
 }
 
-void Integrator::continue_from(PetscInt step, double dt) {
+void Integrator::continue_from(std::int64_t step, double dt) {
   impl_->checkpoint = {step, dt};
   SS_TRY(TSSetTimeStep(impl_->ts, dt));
 }
 
-TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& observer, PetscInt max_steps) {
+TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& observer, std::int64_t max_steps) {
   Impl& m = *impl_;
   m.start(u, t, t_end, observer, max_steps);
   TimeReport& report = m.course.report;

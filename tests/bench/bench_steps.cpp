@@ -13,6 +13,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/study/reduce.hpp"
+#include "stickslip/study/trial.hpp"
 #include "stickslip/time/time.hpp"
 
 using namespace stickslip;
@@ -28,8 +29,7 @@ void run(int argc, char** argv) {
   MPI_Barrier(PETSC_COMM_WORLD);
   double seconds[2] = {bench::now(true), bench::now(false)};
   Integrator integrator(problem.model, MethodSpec::from(options), problem.u);
-  const PetscInt most = options.is_set("ts_max_steps") ? options.integer("ts_max_steps") : PETSC_MAX_INT;
-  integrator.advance(problem.u, 0, options.real("ts_max_time"), nullptr, most);
+  integrator.advance(problem.u, 0, options.real("ts_max_time"), nullptr, most_steps(options));
   seconds[0] = bench::now(true) - seconds[0];
   seconds[1] = bench::now(false) - seconds[1];
   MPI_Allreduce(MPI_IN_PLACE, seconds, 2, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD);

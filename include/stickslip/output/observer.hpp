@@ -16,6 +16,7 @@
 #include <petscvec.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <vector>
@@ -28,10 +29,10 @@ namespace stickslip {
 
 // One accepted step.
 struct ObservedStep {
-  PetscInt index;        // number of this step, 0 for the start
+  std::int64_t index;       // number of this step, 0 for the start
   double t_before, t;
   Vec u;                 // at t
-  PetscInt rejections;   // since the beginning of the run, those before a restart included
+  std::int64_t rejections;  // since the beginning of the run, those before a restart included
   const std::function<void(double at, Vec into)>& interpolate;  // u at an announced time in [t_before, t]
 };
 

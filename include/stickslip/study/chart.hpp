@@ -27,7 +27,7 @@ struct ChartRow {
   std::optional<double> error, error_time, error_space;
   double seconds = 0;
   int repeats = 0;
-  PetscInt steps = 0, rejections = 0;
+  std::int64_t steps = 0, rejections = 0;
   long rhs_evaluations = 0;
   std::string failed;            // "" or why there is no error
   std::vector<std::string> warnings;

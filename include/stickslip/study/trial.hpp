@@ -55,12 +55,15 @@ struct Trial {
   Fields end;               // empty where it failed
   std::vector<double> measured;  // what was to be measured beside it
   double seconds = 0;       // of processor time, from setting the method up to the end, the largest over the ranks
-  PetscInt steps = 0, rejections = 0;
+  std::int64_t steps = 0, rejections = 0;
   long rhs_evaluations = 0;
   std::string method, implicit;
   std::string failed;       // "" or why
   std::vector<std::string> warnings;
 };
+
+// Option ts_max_steps, which may be more than an int holds; where it is unset as many as can be counted.
+std::int64_t most_steps(const Options& options);
 
 // Processor time of this process so far; collectively the largest over the ranks.
 double processor_seconds();

@@ -17,6 +17,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -47,18 +48,19 @@ void register_time_steppers();
 // What a run did.
 struct TimeReport {
   double t = 0;                 // reached
-  PetscInt steps = 0, rejections = 0;
+  std::int64_t steps = 0, rejections = 0;
   long rhs_evaluations = 0;     // of the whole right-hand side or of parts of it
   std::string method;           // e.g. "rk:5dp"
   Implicit implicit = Implicit::none;
   std::string reason;           // why it stopped: "end time", "ts_max_steps", or what an observer asked for
 };
 
+// Steps and rejections are counted in 64 bits, whatever the TS counts in.
 class Integrator {
  public:
   // One accepted step. Everything is collective.
   struct Step {
-    PetscInt index;   // number of this step, 0 for the start
+    std::int64_t index;  // number of this step, 0 for the start
     double t_before, t;
     Vec u;            // at t; not to be changed
     double next_dt;   // proposed
@@ -80,12 +82,12 @@ class Integrator {
   void set_output_times(std::function<double(double after)> next_time);
 
   // Continues from a checkpoint: step number and size are taken as they were saved, whatever the options say.
-  void continue_from(PetscInt step, double dt);
+  void continue_from(std::int64_t step, double dt);
 
   // Advances u from t to t_end (hit exactly) or through max_steps steps in all. Throws Failure where a step is not
   // finite or the method gives up; u is then the last state reached.
   TimeReport advance(Vec u, double t, double t_end, const Observer& observer,
-                     PetscInt max_steps = std::numeric_limits<PetscInt>::max() - 1);
+                     std::int64_t max_steps = std::numeric_limits<std::int64_t>::max());
 
   const TimeReport& report() const;  // as far as it has come; valid after a Failure too
   // Degree of the polynomial between steps. Its error has at least the order of the method, arkimex 5 excepted, where
