@@ -18,7 +18,9 @@ LinearPoint random_point(std::mt19937& draw, bool chain, bool with_state) {
   s.delta = real(draw);
   s.gamma = 2 + real(draw);
   s.nu = std::max(0., real(draw));
-  LinearPoint p(s, {0, real(draw), real(draw)}, {0, real(draw), -1 - real(draw)});
+  const RatePartials g{0, real(draw), -1 - real(draw)};  // one by one: the order of arguments is the compiler's
+  const Partials F{0, real(draw), real(draw)};
+  LinearPoint p(s, F, g);
   p.has_state = with_state;
   if (!with_state) p.F_state = p.g_psi = p.g_state = 0;
   return p;

@@ -67,7 +67,7 @@ class Walk {
   // The candidate at the distance s from where the branch stands.
   void go(double s);
   Seen look();
-  void add_point(Seen seen);
+  void add_point(const Seen& seen);
   // Special points between where the branch stands and `seen`, at the distance `length`.
   void find_special(const Seen& seen, double length);
   void locate_root(const std::string& kind, double length, const std::function<double()>& test, double before,
@@ -126,7 +126,7 @@ Seen Walk::look() {
   return seen;
 }
 
-void Walk::add_point(Seen seen) {
+void Walk::add_point(const Seen& seen) {
   branch_.points.push_back({seen.value, seen.cycle, seen.watched.stable, seen.watched.growth_rate,
                             seen.watched.wavenumber});
 }

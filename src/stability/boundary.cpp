@@ -322,7 +322,7 @@ Crossing meeting(GrowthRate& growth, Crossing a, Crossing b) {
   for (int k = 0; k < 24; ++k) {
     const std::optional<Crossing> between = point_between(growth, a, b, 0.5);
     if (!between) break;
-    const Crossing c = *between;
+    const Crossing& c = *between;
     const bool like_a = a.kind == b.kind ? std::abs(c.frequency - a.frequency) < std::abs(c.frequency - b.frequency)
                                          : c.kind == a.kind;
     (like_a ? a : b) = c;
