@@ -63,7 +63,7 @@ def calls_of(arguments, ranks, command):
             file.write(SHIM)
         subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", "kill.so", "kill.c", "-ldl"], check=True)
     subprocess.run(with_shim(line(f"{arguments} -out_file counted.h5", ranks, command), STICKSLIP_KILL_COUNT="count"),
-                   check=True, stderr=subprocess.DEVNULL, timeout=600)
+                   check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=600)
     with open("count", encoding="ascii") as file:
         return int(file.read())
 
