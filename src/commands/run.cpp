@@ -10,6 +10,7 @@
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/study/accuracy.hpp"
+#include "stickslip/study/size.hpp"
 #include "study/lyapunov.hpp"
 
 namespace stickslip {
@@ -28,6 +29,7 @@ Options effective_options(const Options& options) {
     if (name.rfind("given.", 0) == 0) given[name.substr(6)] = text;
   Options resumed = options.resumed_from(given);
   insert_library_options(resumed);
+  check_size(resumed, PETSC_COMM_WORLD);
   return resumed;
 }
 

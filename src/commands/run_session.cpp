@@ -18,6 +18,7 @@
 #include "output/maxima.hpp"
 #include "output/measures.hpp"
 #include "output/series.hpp"
+#include "stickslip/study/size.hpp"
 #include "stickslip/study/run_layout.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
@@ -108,6 +109,7 @@ Run::Run(const Options& options, const Provenance& provenance, const MeasureMake
          std::optional<Checkpoint> checkpoint)
     : options_(options), provenance_(provenance), scene_(Scene::from(options, false)),
       problem_(problem_for(scene_, options, checkpoint)), timed_(options.is_set("accuracy")) {
+  check_size_of_run(options, problem_.model, problem_.u);
   make_observers(measure);
   int rank;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
@@ -260,6 +262,9 @@ int Run::check(Summary& summary) {
     summary.say(std::to_string(layout.frames) + " frames, " +
                 rounded_text(8e-6 * double(layout.frames) * (1 + double(layout.fields.size()) * double(scene_.n))) +
                 " MB in " + options_.text("out_file"));
+  const double bytes = bytes_a_node(options_, problem_.model, problem_.u);
+  summary.say(rounded_text(1e-6 * bytes * double(problem_.model.scene().n)) + " MB of memory beside the program's own, " +
+              rounded_text(bytes, 4) + " bytes a node");
   const double rest = t > origin_.t ? (t_end - t) / (t - origin_.t) : 0;
   summary.say(std::to_string(steps) + " steps reach t = " + rounded_text(t, 6) + " in " + rounded_text(seconds, 2) +
               " s" +

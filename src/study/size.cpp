@@ -1,23 +1,198 @@
 #include "stickslip/study/size.hpp"
 
-#include <petscsys.h>
-#include <unistd.h>
+#include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "base/broadcast.hpp"
+#include "base/memory.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/base/text.hpp"
+#include "stickslip/study/reduce.hpp"
+#include "stickslip/time/stick.hpp"
+#include "time/choice.hpp"
+#include "time/fused_ts.hpp"
+#include "time/leapfrog.hpp"
 
 namespace stickslip {
 
 namespace {
 
-// Of all machines that take part, in bytes; 0 where it is not known.
-double memory_of_all_machines(MPI_Comm comm) {
+constexpr double of_rank = 45e6;         // the libraries
+constexpr double too_small = 1e8;        // what any machine has
+constexpr double most_of_a_node = 4000;  // bytes, so that small scenes are not looked at
+
+// ---- bytes of a node (size.hpp) -----------------------------------------------------------------------------------
+
+struct Unknowns {
+  double dof, V, block;  // block: an entry of a matrix with its column
+  double order, ends;    // ends: entries of a row of the factors
+
+  explicit Unknowns(const Scene& scene)
+      : dof(scene.friction.has_state() ? 3 : 2), V(8 * dof), block(8 * dof * dof + 4), order(scene.order),
+        ends(scene.ring() ? 2 * order + 1 : order + 1) {}
+  double matrix(bool stencil) const { return (stencil ? order + 1 : 1) * block + 20; }
+  double factors(bool stencil) const { return (stencil ? ends * block : 0) + 8 * dof * dof; }
+};
+
+// A method as a run takes it.
+struct Way {
+  std::string type = TSRK, subtype = TSRK5DP;
+  Implicit implicit = Implicit::none;
+  bool fused = true;
+  bool fixed = false;  // steps
+
+  std::string name() const { return subtype.empty() ? type : type + ":" + subtype; }
+  // That of values between its steps; 0: it has one of its own.
+  int degree_between() const {
+    if (name() == "rk:5dp" || name() == "arkimex:4" || name() == "arkimex:5" || type == TSBDF) return 0;
+    const Method& method = offered_method(type, subtype);
+    return method.kind == MethodKind::explicit_ ? std::max(3, method.order - 1) : 3;
+  }
+  // Slopes that it keeps of a step for its own polynomial: of every stage, of an implicit-explicit one two.
+  int slopes() const {
+    if (type != TSRK && type != TSARKIMEX) return 0;
+    const auto method = FusedMethod::of(type);
+    method->set_subtype(subtype.c_str());
+    return method->slopes();
+  }
+};
+
+// What a step that is taken by PETSc's own type keeps, in vectors.
+double vectors_of_library(const Way& way) {
+  if (way.type == TSRK) return 2 * way.slopes() + 2;
+  if (way.type == TSARKIMEX) return 1.5 * way.slopes() + 9;
+  if (way.type == TSBDF) return 17;
+  if (way.type == TSROSW) return 15;  // four stages
+  if (way.type == TSALPHA) return 14;
+  if (way.type == TSCN) return 11;
+  if (way.type == TSTHETA || way.type == TSBEULER) return 10;
+  if (way.type == TSSSP) return way.subtype == TSSSPRKS2 ? 3 : 4;
+  return 2;  // euler
+}
+
+double bytes_of_steps(const Unknowns& u, const Way& way) {
+  double bytes = (way.degree_between() > 0 ? u.V : 0) + (way.fixed ? 2 * u.V : 0);
+  if (!way.fused) {
+    bytes += vectors_of_library(way) * u.V;
+    if (offered_type(way.type).kind == MethodKind::explicit_) return bytes;
+    const bool stencil = way.implicit == Implicit::wave || way.implicit == Implicit::both;
+    return bytes + u.matrix(stencil) + u.factors(stencil);
+  }
+  bytes += u.V;
+  if (way.implicit != Implicit::wave && way.implicit != Implicit::both) return bytes;
+  const double stages = way.slopes() / 2., state = u.dof - 2;
+  return bytes + 8 * (3 * u.dof - 1 + stages * (way.implicit == Implicit::wave ? 3 + state : u.dof));
+}
+
+double bytes_of_run(const Options& options, const Scene& scene, const Way& way) {
+  const Unknowns u(scene);
+  const bool sticks = Stick::applies_to(scene), file = options.is_set("out_file");
+  const double exponents = double(options.integer("lyapunov_count"));
+  double bytes = u.V + 16 + (scene.unit_amplitude() ? 0 : 8) + bytes_of_steps(u, way);
+  if (file) bytes += 2 * u.V;
+  if (file && options.is_set("out_checkpoint_every")) bytes += u.V;
+  if (file && options.boolean("out_displacement")) bytes += 96 + 12 * u.order * (scene.ring() ? 4 : 3);
+  if (options.boolean("out_events")) bytes += 100;
+  if (exponents > 0) bytes += 32 * u.dof * u.dof + (3 + 7 * exponents) * u.V;
+  if (sticks) bytes += 4 * u.V + 40;
+  if (file || exponents > 0 || sticks)
+    bytes += (way.degree_between() > 0 ? 2 * way.degree_between() : way.fused ? way.slopes() : 0) * u.V;
+  return bytes;
+}
+
+double bytes_of_spectrum(const Options& options, const Scene& scene) {
+  if (scene.form == Form::chain) return 500;
+  const double count = double(options.integer("spectrum_count")), order = scene.order;
+  return scene.ring() ? 736 + 145 * order + 18 * count : 770 + 97 * order + 8 * count;
+}
+
+double bytes_of_boundary(const Options& options, const Scene& scene) {
+  if (options.text("boundary_of") != "sliding") return 16;
+  const bool held = scene.left == End::velocity || scene.right == End::velocity;
+  return held ? 640 + 69. * scene.order : 253 + 30.5 * scene.order;
+}
+
+// What the start takes where symmetry may leave fewer nodes.
+double bytes_of_start(const Scene& scene) { return 8 + Unknowns(scene).V + 60; }
+
+bool may_reduce(const Options& options, const Scene& scene) {
+  const bool whole = options.boolean("out_events") || options.integer("lyapunov_count") > 0;
+  return !whole && options.text("scene_reduce") != "off" && promised_cells(scene, options) > 1;
+}
+
+// As far as the options tell.
+double bytes_of(const Options& options, const Scene& scene) {
+  if (options.command() == "spectrum") return bytes_of_spectrum(options, scene);
+  if (options.command() == "boundary") return bytes_of_boundary(options, scene);
+  if (options.command() == "chart") return 183;
+  if (may_reduce(options, scene)) return bytes_of_start(scene);
+  Way least;  // nothing takes less, and which slopes are kept depends on the method
+  const bool slopes_open = options.is_set("out_file") || options.integer("lyapunov_count") > 0 || Stick::applies_to(scene);
+  return bytes_of_run(options, scene, least) - (slopes_open ? 7 * Unknowns(scene).V : 0);
+}
+
+// ---- what is there ------------------------------------------------------------------------------------------------
+
+struct Need {
+  double bytes, there;
+  double part() const { return bytes > 0 ? bytes / std::max(there, 1.) : 0; }
+};
+
+// `own`: bytes of this rank.
+Need on_machine(double own, MPI_Comm comm) {
   MPI_Comm machine;
   MPI_Comm_split_type(comm, MPI_COMM_TYPE_SHARED, 0, MPI_INFO_NULL, &machine);
-  const bool first = rank_in(machine) == 0;
+  const Need need{sum_over(machine, own), memory_of_machine()};
   MPI_Comm_free(&machine);
-  const double here = double(sysconf(_SC_PHYS_PAGES)) * double(sysconf(_SC_PAGE_SIZE));
-  return sum_over(comm, first && here > 0 ? here : 0);
+  return need;
+}
+
+// The same on every rank: where least is left.
+Need tightest(const Need& own, MPI_Comm comm) {
+  struct {
+    double part;
+    int rank;
+  } worst{own.part(), rank_in(comm)};
+  MPI_Allreduce(MPI_IN_PLACE, &worst, 1, MPI_DOUBLE_INT, MPI_MAXLOC, comm);
+  Need need = own;
+  MPI_Bcast(&need, int(sizeof need), MPI_BYTE, worst.rank, comm);
+  return need;
+}
+
+std::string gigabytes(double bytes) { return rounded_text(bytes / 1e9) + " GB"; }
+
+// `what`: of which method the bytes of a node are; "": of any.
+void refuse_what_does_not_fit(double n, double bytes, const std::string& what, MPI_Comm comm) {
+  int ranks = 1;
+  MPI_Comm_size(comm, &ranks);
+  const double fields = n * bytes, own = fields / ranks;
+  if (fields < too_small) return;
+  constexpr double sure = 0.9;  // that much of the formula is taken for certain
+  const std::string says = "-grid_n " + std::to_string(std::int64_t(n)) + ": needs " + (what.empty() ? "at least " : "");
+  const std::string node = " of memory (" + rounded_text(bytes, 4) + " bytes a node" + (what.empty() ? "" : ", " + what) + ")";
+  const Need machine = tightest(on_machine(own, comm), comm);
+  if (sure * machine.part() > 1)
+    throw UsageError(says + gigabytes(machine.bytes + of_rank * ranks) + node + "; there are " + gigabytes(machine.there) +
+                     " available");
+  const Need process = tightest({own, memory_of_process()}, comm);
+  if (sure * process.part() > 1)
+    throw UsageError(says + gigabytes(process.bytes) + node + (ranks > 1 ? " on each rank" : "") + "; ulimit -v leaves " +
+                     gigabytes(process.there));
+}
+
+// As Integrator chooses it.
+Way way_of(const Options& options, const Model& model, Vec u) {
+  const Choice choice = choose_method(model, rates_of(model, u), MethodSpec::from(options), "");
+  Way way{choice.type, choice.subtype, choice.implicit, choice.fused && !FusedTs::fused_type(choice.type).empty(), false};
+  const std::string option = subtype_option(choice.type);
+  if (!option.empty() && options.is_set(option)) way.subtype = options.text(option);
+  const Method& method = way.subtype.empty() ? offered_type(way.type) : offered_method(way.type, way.subtype);
+  if (!way.subtype.empty() || way.type != TSBDF) way.subtype = method.subtype;
+  const std::string adapt = options.is_set("ts_adapt_type") ? options.text("ts_adapt_type") : "";
+  way.fixed = method.adaptivity == Adaptivity::never || adapt == TSADAPTNONE ||
+              (method.adaptivity == Adaptivity::on_request && adapt.empty());
+  return way;
 }
 
 }  // namespace
@@ -29,11 +204,20 @@ void check_size(const Options& options, MPI_Comm comm) {
   if (n < ranks)
     throw UsageError("-grid_n " + std::to_string(n) + ": more ranks (" + std::to_string(ranks) +
                      ") than nodes; start at most " + std::to_string(n));
-  // what an explicit run takes, the least of all (docs/performance.md)
-  const double needed = double(n) * 40, there = needed < 1e8 ? 0 : memory_of_all_machines(comm);
-  if (there > 0 && needed > there)
-    throw UsageError("-grid_n " + std::to_string(n) + ": needs at least " + std::to_string(long(needed / 1e9)) +
-                     " GB of memory; there are " + std::to_string(long(there / 1e9)));
+  if (double(n) * most_of_a_node < too_small) return;
+  const bool sliding = options.command() == "spectrum" || options.command() == "boundary";
+  refuse_what_does_not_fit(double(n), bytes_of(options, Scene::from(options, sliding)), "", comm);
+}
+
+void check_size_of_run(const Options& options, const Model& model, Vec u) {
+  const double n = double(model.scene().n);
+  if (n * most_of_a_node < too_small) return;
+  const Way way = way_of(options, model, u);
+  refuse_what_does_not_fit(n, bytes_of_run(options, model.scene(), way), way.name(), model.comm());
+}
+
+double bytes_a_node(const Options& options, const Model& model, Vec u) {
+  return bytes_of_run(options, model.scene(), way_of(options, model, u));
 }
 
 }  // namespace stickslip

@@ -52,6 +52,7 @@ struct Integrator::Impl {
   std::string subtype_now(const std::string& type) const;
   double strictest_tolerance(const MethodSpec& spec) const;
   void set_step_control(const MethodSpec& spec, const Rates& rates) const;
+  bool will_fuse(const Choice& choice) const;
   void fuse(const Choice& choice);
   void read_adaptivity(bool step_given, Vec u);
   void allow_rejections() const;

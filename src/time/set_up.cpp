@@ -23,7 +23,7 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   set_subtype(choice.type, choice.subtype);
   check_subtype_option(choice.type);
   equations = std::make_unique<Equations>(model, choice.implicit);
-  const bool asks_no_solver = choice.type == leapfrog_type;
+  const bool asks_no_solver = will_fuse(choice);  // nor a matrix, which would be most of the run's memory
   const MethodKind kind = asks_no_solver ? MethodKind::explicit_ : offered_type(choice.type).kind;
   equations->attach(ts, kind, strictest_tolerance(spec), prefix);
   set_step_control(spec, rates);
@@ -32,7 +32,7 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   if (spec.tolerance > 0) SS_TRY(TSSetTolerances(ts, spec.tolerance, nullptr, spec.tolerance, nullptr));
   if (spec.step > 0) SS_TRY(TSSetTimeStep(ts, spec.step));
   SS_TRY(TSSetErrorIfStepFails(ts, PETSC_FALSE));  // advance() says what failed
-  if (choice.fused) fuse(choice);
+  if (asks_no_solver) fuse(choice);
   SS_TRY(TSSetUp(ts));
   method = &offered_method(choice.type, subtype_now(choice.type));
   if (Stick::applies_to(model.scene())) stick = std::make_unique<StickSteps>(model, ts, fused, course);
@@ -111,14 +111,18 @@ void Integrator::Impl::set_step_control(const MethodSpec& spec, const Rates& rat
   SS_TRY(TSSetTimeStep(ts, rates.first_step()));
 }
 
+// Whether steps are taken tile by tile.
+bool Integrator::Impl::will_fuse(const Choice& choice) const {
+  const std::string fused_type = FusedTs::fused_type(choice.type);
+  if (!choice.fused || fused_type.empty()) return false;
+  if (!user_set(prefix, "ts_adapt_max_ignore")) return true;
+  if (!choice.named_fused) return false;
+  throw UsageError("ts_adapt_max_ignore: ts_type " + fused_type + " does not know it; use ts_type " + choice.type);
+}
+
 // Takes the steps tile by tile from now on. The type is changed only here, since -ts_type rk names the library's own.
 void Integrator::Impl::fuse(const Choice& choice) {
   const std::string fused_type = FusedTs::fused_type(choice.type);
-  if (fused_type.empty()) return;
-  if (user_set(prefix, "ts_adapt_max_ignore")) {
-    if (!choice.named_fused) return;
-    throw UsageError("ts_adapt_max_ignore: ts_type " + fused_type + " does not know it; use ts_type " + choice.type);
-  }
   if (!choice.named_fused) {
     const std::string subtype = subtype_now(choice.type);
     SS_TRY(TSSetType(ts, fused_type.c_str()));

@@ -1,13 +1,48 @@
-// Whether the machine and the number of ranks suit the scene.
+// Whether the machines and the number of ranks suit the scene: what a command takes of memory, and what is there.
+//
+// At its peak a command takes, of all ranks together,
+//
+//     bytes = 45e6 ranks + n b
+//
+// with the n nodes that are solved for and b bytes a node. Of `run`, with V = 8 dof the bytes of a node's unknowns (16, with
+// a state 24), p the order, s the stages, M = (p + 1)(8 dof^2 + 4) + 20 a matrix and L = (2p + 1 on a ring, else p + 1)
+// (8 dof^2 + 4) + 8 dof^2 its factors:
+//
+//     V + 16                    u, the amplitude of friction, one field that is looked at at the end
+//     8                         where the amplitude varies along x
+//     V                         a step that can be taken back; V more where values between steps need a polynomial of
+//                               their own (all methods but rk:5dp, arkimex:4, arkimex:5 and bdf)
+//     2 V                       where steps are fixed: some are repeated to see their error
+//     8 (2 dof + dof - 1 + s m) arkimex with the wave (m = 2 dof - 1, with a state 4) or everything (m = dof) implicit, in pieces
+//     M + L + (17, 12 + s, 12, 11, 15) V       bdf, rosw, cn, theta and beuler, alpha; arkimex by PETSc's solvers: 3 s + 10
+//     (2 s + 1) V, V, (2 or 3) V               rk by PETSc's own step, euler, ssp
+//     2 V + (s, or 2 degree) V  out_file, with the slopes that a frame inside a step takes
+//     V, 96 + 12 p (4 or 3), 100               checkpoints, out_displacement, out_events
+//     32 dof^2 + (3 + 7 k) V + slopes          k Lyapunov exponents
+//     slopes + 4 V + 40         friction that sticks exactly
+//
+// Those of PETSc's solvers count its vectors; of `spectrum` (736 + 145 p + 18 k on a ring, 770 + 97 p + 8 k else, with k
+// eigenvalues), `boundary` (253 + 30 p; held ends 640 + 69 p) and `chart` (183) they are measured, of which
+// tests/bench/memory.py holds all against runs. Symmetry (scene_reduce) leaves fewer nodes, after a start that takes
+// 60 + V + 8 for each of the scene's. wave, cycle, laws and sweep have no grid of the scene's.
 #pragma once
 
+#include "stickslip/model/model.hpp"
 #include "stickslip/options/options.hpp"
 
 namespace stickslip {
 
-// UsageError where there are more ranks than nodes, or more nodes than the memory of the machines can hold. main()
-// calls it for commands with a grid, except before a restart: that command calls it with the restored options.
-// Needs MPI, not PETSc. Collective on the ranks that share the scene.
+// UsageError where there are more ranks than nodes, or where the memory that is left, on any machine that takes part or by
+// a limit of a process (ulimit -v) or control group, is less than nine tenths of what the command takes for its nodes, as
+// far as the options tell: of a run at least what rk:5dp takes. main() calls it for commands with a grid, except before a
+// restart: that command calls it with the restored options. Collective on the ranks that share the scene.
 void check_size(const Options& options, MPI_Comm comm = MPI_COMM_WORLD);
+
+// The same of a run whose start is known, and so its method and how many nodes symmetry leaves, before anything is made for
+// them. Collective.
+void check_size_of_run(const Options& options, const Model& model, Vec u);
+
+// b of such a run. Collective.
+double bytes_a_node(const Options& options, const Model& model, Vec u);
 
 }  // namespace stickslip
