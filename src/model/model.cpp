@@ -13,7 +13,6 @@
 namespace stickslip {
 
 using kernel::Coefficients;
-using kernel::Range;
 
 namespace {
 

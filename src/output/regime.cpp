@@ -231,7 +231,7 @@ const Measured& Regime::result(Vec u) {
   const double v = std::abs(impl_->model.scene().v);
   m.never_moved = !loaded && highest <= v && around.speed_now <= 1e-9 * v && !around.unloaded;
   m.loaded_until = record.t + around.loading;
-  return impl_->measured.emplace(std::move(m));
+  return impl_->measured.emplace(m);
 }
 
 void Regime::summarise(Summary& summary, Vec u) {

@@ -23,7 +23,7 @@ struct AccuracyPlan::Impl {
 
   // Finds what cannot be had before any work, and the start, as every run does.
   static Setting checked(const AccuracyRequest& request) {
-    const Setting setting = request.setting();
+    Setting setting = request.setting();
     check_settings(request.options, {setting});
     return setting;
   }

@@ -25,7 +25,7 @@ Json json_of(const std::vector<Column<Row>>& columns, const Row& row) {
   Json object = Json::object();
   for (const Column<Row>& column : columns) {
     const Json value = column.cell(row);
-    object[column.key] = value == "" ? Json() : value;
+    object[column.key] = value == Json("") ? Json() : value;
   }
   return object;
 }
