@@ -37,7 +37,8 @@ VALGRIND = ["valgrind", "-q", "--leak-check=full", "--show-leak-kinds=definite,p
             "--errors-for-leak-kinds=definite,possible", "--gen-suppressions=all",
             f"--suppressions={os.path.join(SOURCE, 'tests', 'valgrind.supp')}"]
 SLOWER = 50  # times as long as without valgrind, at most as a rule
-PYTEST = ["/usr/bin/python3", "-B", "-m", "pytest", "-c", os.path.join(SOURCE, "tests", "pytest.ini"), "-q", "--scenes", "2"]
+TESTS = os.path.join(SOURCE, "tests")
+PYTEST = ["/usr/bin/python3", "-B", "-m", "pytest", "-c", os.path.join(TESTS, "pytest.ini"), "-q", "--scenes=2"]
 KINDS = ["command", "unit on 1 rank", "unit on 2 ranks", "test"]
 # How a test ends a program; also the end of one whose time is over.
 ENDED = re.compile(r"Process terminating with default action of signal (?:1|2|9|13|15|24|25) \(")
@@ -82,7 +83,7 @@ class Case:
             started = shlex.join([*launcher(ranks), os.path.join(wrappers, "stickslip")])
             return ["sh", "-c", " && ".join(f"{started} {one}" for one in arguments.split(" then "))]
         if self.kind == "test":
-            return [*PYTEST, os.path.join(SOURCE, "tests", name)]
+            return [*PYTEST, os.path.join(TESTS, name)]
         with open(os.path.join(here, "names"), "w", encoding="utf-8") as file:
             file.writelines(f'"{name}"\n' for name in self.names)
         return launcher("2" if "2 ranks" in self.kind else "1") + [os.path.join(wrappers, "unit"), "-d", "yes", "-f", "names"]
@@ -148,8 +149,8 @@ def durations():
 
 def test_cases():
     """One test of each file, then another of each ..."""
-    names = [line for line in listed(*PYTEST, "--collect-only", *(os.path.join(SOURCE, "tests", folder)
-                                                                   for folder in ("command_line", "audit"))) if "::" in line]
+    folders = [os.path.join(TESTS, folder) for folder in ("command_line", "audit")]
+    names = [line for line in listed(*PYTEST, "--collect-only", *folders) if "::" in line]
     turn = {}
     ordered = []
     for name in names:

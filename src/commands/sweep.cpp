@@ -63,7 +63,7 @@ void check_scenes(const SweepPlan& plan, const Options& base) {
       if (!first) first = e;
     }
   }
-  throw *first;
+  throw UsageError(*first);
 }
 
 // Where sweep_key changes along the only option.

@@ -27,7 +27,8 @@ FieldWatch::FieldWatch(const Model& model, double t_end)
     : model_(model), t_begin_(0.75 * t_end), t_end_(t_end), next_look_(t_begin_) {
   const Scene& s = model.scene();
   if (s.ring()) return;
-  const double from = double(s.n / 4), to = double(s.n - s.n / 4);
+  const auto quarter = s.n / 4;
+  const double from = double(quarter), to = double(s.n - quarter);
   tracked_first_ = from;
   tracked_stride_ = std::max(1., std::ceil((to - from) / most_tracked));
   for (double node = from; node < to; node += tracked_stride_) {

@@ -23,7 +23,7 @@ struct AccuracyPlan::Impl {
 
   // Finds what cannot be had before any work, and the start, as every run does.
   static Setting checked(const AccuracyRequest& request) {
-    Setting setting = request.setting();
+    const Setting setting = request.setting();
     check_settings(request.options, {setting});
     return setting;
   }
