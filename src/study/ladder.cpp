@@ -19,13 +19,13 @@ namespace {
 // Largest |difference| at the nodes of the finer grid: what the nodes of the coarser one miss of a front. By the
 // polynomial through up to 12 nodes of the coarse grid, with mirror images at free ends; not near held ones.
 double distance_between_nodes(const Scene& coarse, const Fields& of_coarse, const Scene& fine, const Fields& of_fine) {
-  const int count = int(std::min<PetscInt>(12, coarse.n / 2 * 2));
+  const int half = int(std::min<PetscInt>(6, coarse.n / 2)), count = 2 * half;
   const GridEnd end = coarse.ring() ? GridEnd::periodic : GridEnd::mirrored;
   double largest = 0;
   for (PetscInt i = 0; i < fine.n; ++i) {
     const double at = std::min(fine.x(i) / coarse.h(), cells_of(coarse));
-    const bool from_left = coarse.left == End::velocity && at < count / 2 - 1;
-    if (from_left || (coarse.right == End::velocity && at >= double(coarse.n - count / 2))) continue;
+    const bool from_left = coarse.left == End::velocity && at < half - 1;
+    if (from_left || (coarse.right == End::velocity && at >= double(coarse.n - half))) continue;
     const Combination row = grid_interpolation(coarse.n, end, end, count, at);
     if (row.size() == 1) continue;  // a node of both
     const Point point = combined(of_coarse, row, FrictionAt(), 0);

@@ -14,13 +14,13 @@ Quantity Quantity::from(const Options& options) {
   if (text.rfind("probe:", 0) == 0) {
     const auto x = parse_number(text.substr(6));
     const bool inside = x && *x >= 0 && *x <= Scene::from(options, false).length;
-    if (!inside) throw wrong;
+    if (!inside) throw UsageError(wrong);
     return {Kind::probe, *x};
   }
   if (text == "fields") return {};
   if (text == "speed") return {Kind::speed};
   if (text == "amplitude") return {Kind::amplitude};
-  if (text != "period") throw wrong;
+  if (text != "period") throw UsageError(wrong);
   if (!options.is_set("out_probes"))
     throw UsageError("accuracy_of period: it is that of the motion at out_probes, of which there are none");
   return {Kind::period};

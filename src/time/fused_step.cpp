@@ -78,10 +78,10 @@ kernel::Coefficients TiledStep::at_stage(const Step& step, int i) const {
 
 void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c, PetscInt begin,
                               PetscInt end) const {
-  const bool has_state = tiles_.dof() == 3;
+  const bool has_state = tiles_.dof() == 3, resists = viscous();
   const double* eta = at(t, index, 1, begin);
-  double *const d2 = viscous() ? at(t, driving_, 0, begin) : nullptr, *const f_eta = at(t, slope, 1, begin);
-  if (viscous()) {  // in the order of model/viscosity.hpp, so that it is the same to the last bit
+  double *const d2 = resists ? at(t, driving_, 0, begin) : nullptr, *const f_eta = at(t, slope, 1, begin);
+  if (resists) {  // in the order of model/viscosity.hpp, so that it is the same to the last bit
     double* const driving = at(t, driving_, 1, begin);
 #pragma GCC ivdep
     for (PetscInt i = 0; i < end - begin; ++i) {
@@ -95,7 +95,7 @@ void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel:
              {at(t, index, 0, begin), eta, has_state ? at(t, index, 2, begin) : nullptr,
               tiles_.amplitude(begin), at(t, slope, 0, begin), at(t, slope, 1, begin),
               has_state ? at(t, slope, 2, begin) : nullptr, end - begin, tiles_.direction(begin), tiles_.number(begin)});
-  for (PetscInt i = 0; i < end - begin && viscous(); ++i) f_eta[i] += K1_ * d2[i];
+  for (PetscInt i = 0; i < end - begin && resists; ++i) f_eta[i] += K1_ * d2[i];
   tiles_.for_held(begin, end, [&](PetscInt node) { hold(t, slope, node); });
 }
 

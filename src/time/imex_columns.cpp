@@ -32,7 +32,7 @@ ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Im
       }
       slopes_[kind].push_back(own);
     }
-  work_.reset(new double[std::size_t(columns) * std::size_t(stride_)]());
+  work_ = std::make_unique<double[]>(std::size_t(columns) * std::size_t(stride_));
   PetscInt longest = 0;
   for (const BandTile& t : layout.tiles()) longest = std::max(longest, t.count());
   zeros_.assign(std::size_t(longest), 0.);
