@@ -2,6 +2,7 @@
 error that names what is wrong, with nothing on standard output, and with every file in its folder as it was."""
 import os
 import re
+import resource
 import shutil
 import subprocess
 import tempfile
@@ -380,3 +381,26 @@ def test_right_use(scratch):
     expect(["run", "-ts_view"] + SHORT, "TS Object")
     expect(["run", "-log_view"] + SHORT, "Performance Summary")
     assert not trouble, "\n".join(trouble)
+
+
+@pytest.mark.skipif("sanitize" in PROGRAM, reason="the sanitizers need all addresses")
+@pytest.mark.parametrize("arguments, refused", [
+    ("run -grid_n 20000000 -init_type sine", r"needs at least \S+ GB of memory \(\S+ bytes a node\)"),
+    # known only with the method: chosen (stiff friction and waves), named, and that of a restart's options
+    ("run -grid_n 1500000 -init_type sine", r"bytes a node, (arkimex|rosw):"),
+    ("run -grid_n 600000 -init_type sine -ts_type bdf", r"needs 0.\d+ GB of memory \(\d+ bytes a node, bdf"),
+    ("run -grid_n 600000 -init_type sine -ts_type bdf -check", r"bytes a node, bdf"),
+    ("run -grid_n 600000 -init_type uniform -ts_type bdf -check", ""),  # one node for all
+    ("spectrum -grid_n 2000000", "needs at least 3.06 GB of memory"), ("boundary -boundary_of sliding -grid_n 4000000", "GB of memory"),
+    ("chart -grid_n 4000000 -init_type sine", "GB of memory"), ("run -grid_n 100000 -init_type sine -ts_max_steps 2", "")])
+def test_memory_that_is_not_there(scratch, arguments, refused):
+    """What a command takes is held against `ulimit -v` before it begins, with its method where the options leave that open."""
+    limit = lambda: resource.setrlimit(resource.RLIMIT_AS, (600_000_000, 600_000_000))
+    words = [PROGRAM, *arguments.split(), "-out_file", "o.h5", "-progress", "off"]
+    done = subprocess.run(words, cwd=scratch, preexec_fn=limit, capture_output=True, text=True, check=False)
+    lines = done.stderr.splitlines()
+    if refused:
+        assert done.returncode == 2 and len(lines) == 1 and re.search(refused, lines[0]), done.stderr
+        assert re.search(r"ulimit -v leaves 0.\d+ GB$", lines[0]) and not os.path.exists(os.path.join(scratch, "o.h5"))
+    else:
+        assert done.returncode == 0, done.stderr
