@@ -10,6 +10,12 @@ def pytest_addoption(parser):
     parser.addoption("--seed", type=int, default=2026, help="their seed")
 
 
+def pytest_collection_modifyitems(items):
+    """A test has the label of its folder."""
+    for item in items:
+        item.add_marker({"command_line": "command_line", "audit": "long"}[item.path.parent.name])
+
+
 @pytest.fixture(autouse=True)
 def scratch(tmp_path, monkeypatch):
     """Every test works in a folder of its own. Open MPI's folder stands there too: programs that end remove it."""
