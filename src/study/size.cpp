@@ -72,7 +72,7 @@ double vectors_of_library(const Way& way) {
 }
 
 double bytes_of_steps(const Unknowns& u, const Way& way) {
-  double bytes = (way.degree_between() > 0 ? u.V : 0) + (way.fixed ? 2 * u.V : 0);
+  double bytes = (way.degree_between() > 0 ? u.V : 0) + (way.fixed ? 4 * u.V + 8 : 0);
   if (!way.fused) {
     bytes += vectors_of_library(way) * u.V;
     if (offered_type(way.type).kind == MethodKind::explicit_) return bytes;
@@ -89,7 +89,7 @@ double bytes_of_run(const Options& options, const Scene& scene, const Way& way) 
   const Unknowns u(scene);
   const bool sticks = Stick::applies_to(scene), file = options.is_set("out_file");
   const double exponents = double(options.integer("lyapunov_count"));
-  double bytes = u.V + 16 + (scene.unit_amplitude() ? 0 : 8) + bytes_of_steps(u, way);
+  double bytes = u.V + 24 + (scene.unit_amplitude() ? 0 : 8) + bytes_of_steps(u, way);
   if (file) bytes += 2 * u.V;
   if (file && options.is_set("out_checkpoint_every")) bytes += u.V;
   if (file && options.boolean("out_displacement")) bytes += 96 + 12 * u.order * (scene.ring() ? 4 : 3);
@@ -108,7 +108,7 @@ double bytes_of_spectrum(const Options& options, const Scene& scene) {
 }
 
 double bytes_of_boundary(const Options& options, const Scene& scene) {
-  if (options.text("boundary_of") != "sliding") return 16;
+  if (options.text("boundary_of") == "stick-slip") return 16;
   const bool held = scene.left == End::velocity || scene.right == End::velocity;
   return held ? 640 + 69. * scene.order : 253 + 30.5 * scene.order;
 }

@@ -8,11 +8,11 @@
 // a state 24), p the order, s the stages, M = (p + 1)(8 dof^2 + 4) + 20 a matrix and L = (2p + 1 on a ring, else p + 1)
 // (8 dof^2 + 4) + 8 dof^2 its factors:
 //
-//     V + 16                    u, the amplitude of friction, one field that is looked at at the end
+//     V + 24                    u, the amplitude of friction, the range of psi at each node in the last quarter
 //     8                         where the amplitude varies along x
 //     V                         a step that can be taken back; V more where values between steps need a polynomial of
 //                               their own (all methods but rk:5dp, arkimex:4, arkimex:5 and bdf)
-//     2 V                       where steps are fixed: some are repeated to see their error
+//     4 V + 8                   where steps are fixed: some are repeated, by a run of their own, to see their error
 //     8 (2 dof + dof - 1 + s m) arkimex with the wave (m = 2 dof - 1, with a state 4) or everything (m = dof) implicit, in pieces
 //     M + L + (17, 12 + s, 12, 11, 15) V       bdf, rosw, cn, theta and beuler, alpha; arkimex by PETSc's solvers: 3 s + 10
 //     (2 s + 1) V, V, (2 or 3) V               rk by PETSc's own step, euler, ssp
