@@ -5,13 +5,15 @@
 Memory that is read before it is written, used after it is freed, or lost; what is not in valgrind.supp is a finding.
 In this order:
   - COMMANDS, a command of each kind;
-  - every unit test on 1 rank and, unless it is [serial], on 2: short ones several to a process, since to start one takes
+  - the short unit tests on 1 rank and, unless they are [serial], on 2; several to a process, since to start one takes
     some 4 s;
-  - the tests of the command line, and the audits with two scenes each: whatever they call is started under valgrind.
-    The first test of each file comes first, then the second of each. A test that fails there is counted, not a finding:
-    valgrind makes everything some 40 times slower, and some tests are about time and memory.
-A process that takes more than --budget seconds of processor time is cut, which is counted and listed: until then it was
-looked at, what it had lost at its end is unknown. No case begins after --minutes; the next call goes on from there.
+  - one test of each file of tests of the command line and of audits, these with two scenes: whatever they call is started
+    under valgrind. A test that fails there is counted, not a finding: valgrind makes everything some 40 times slower, and
+    some tests are about time and memory;
+  - the long unit tests; the second test of each file, the third ...
+A process that takes more than --budget seconds of processor time is cut, and a test that takes five times as long by the
+clock, which is counted and listed: until then it was looked at, what it had lost at its end is unknown. No case begins
+after --minutes; the next call goes on from there.
 """
 import argparse
 import concurrent.futures
@@ -120,15 +122,15 @@ def listed(*words):
 
 
 def unit_cases(seconds, budget):
-    """The unit tests in processes: one alone that may need more than a tenth of the budget, the others by some of it."""
-    cases = []
+    """The unit tests in processes: the short ones in batches, and those that may need more than a tenth of the budget."""
+    cases, long = [], []
     for kind, tests in (("unit on 1 rank", listed(UNIT, "--list-test-names-only")),
                         ("unit on 2 ranks", listed(UNIT, "--list-test-names-only", "~[serial]"))):
         batch, left = [], 0.0
         for name in tests:
             needed = SLOWER * seconds.get(name, budget)
             if needed > budget / 10:
-                cases.append(Case(kind, [name]))
+                long.append(Case(kind, [name]))
                 continue
             if batch and (needed > left or len(batch) == 20):
                 batch, left = [], 0.0
@@ -137,7 +139,7 @@ def unit_cases(seconds, budget):
                 cases.append(Case(kind, batch))
             batch.append(name)
             left -= needed
-    return cases
+    return cases, long
 
 
 def durations():
@@ -148,7 +150,7 @@ def durations():
 
 
 def test_cases():
-    """One test of each file, then another of each ..."""
+    """One test of each file; the second of each, the third ..."""
     folders = [os.path.join(TESTS, folder) for folder in ("command_line", "audit")]
     names = [line for line in listed(*PYTEST, "--collect-only", *folders) if "::" in line]
     turn = {}
@@ -157,7 +159,9 @@ def test_cases():
         file = name.partition("::")[0]
         turn[file] = turn.get(file, 0) + 1
         ordered.append((turn[file], name))
-    return [Case("test", [name]) for _, name in sorted(ordered, key=lambda pair: pair[0])]
+    ordered.sort(key=lambda pair: pair[0])
+    return ([Case("test", [name]) for number, name in ordered if number == 1],
+            [Case("test", [name]) for number, name in ordered if number > 1])
 
 
 class State:
@@ -224,10 +228,15 @@ def look_at(case, wrappers, budget):
                                    stderr=subprocess.STDOUT, start_new_session=True)
         late = False
         try:
-            output, _ = process.communicate(timeout=20 * budget)
+            output, _ = process.communicate(timeout=5 * budget)
         except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            output, late = process.communicate()[0], True
+            late = True
+            os.killpg(process.pid, signal.SIGTERM)  # which mpirun passes on
+            try:
+                output, _ = process.communicate(timeout=10)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                output, _ = process.communicate()
         processes, cut, findings = found_in(environment["FOUND"])
     if len(case.names) > 1 and process.returncode and not findings:  # by which of them?
         alone = [look_at(Case(case.kind, [name]), wrappers, budget) for name in case.names]
@@ -251,7 +260,8 @@ def main():
     if not shutil.which("valgrind"):
         sys.exit("valgrind is not installed")
     state = State(given.state)
-    cases = ([Case("command", [name]) for name in COMMANDS] + unit_cases(state.now["durations"], given.budget) + test_cases())
+    (short, long), (first, more) = unit_cases(state.now["durations"], given.budget), test_cases()
+    cases = [Case("command", [name]) for name in COMMANDS] + short + first + long + more
     end = time.monotonic() + 60 * given.minutes
     with tempfile.TemporaryDirectory(prefix="stickslip-", ignore_cleanup_errors=True) as wrappers, \
             concurrent.futures.ThreadPoolExecutor(given.jobs) as pool:
