@@ -10,16 +10,18 @@
 //
 //     V + 24                    u, the amplitude of friction, the range of psi at each node in the last quarter
 //     8                         where the amplitude varies along x
-//     V                         a step that can be taken back; V more where values between steps need a polynomial of
-//                               their own (all methods but rk:5dp, arkimex:4, arkimex:5 and bdf)
+//     V                         values between steps by a polynomial that is none of the method's own (all methods but
+//                               rk:5dp, arkimex:4, arkimex:5 and bdf)
 //     4 V + 8                   where steps are fixed: some are repeated, by a run of their own, to see their error
-//     8 (2 dof + dof - 1 + s m) arkimex with the wave (m = 2 dof - 1, with a state 4) or everything (m = dof) implicit, in pieces
-//     M + L + (17, 12 + s, 12, 11, 15) V       bdf, rosw, cn, theta and beuler, alpha; arkimex by PETSc's solvers: 3 s + 10
-//     (2 s + 1) V, V, (2 or 3) V               rk by PETSc's own step, euler, ssp
-//     2 V + (s, or 2 degree) V  out_file, with the slopes that a frame inside a step takes
-//     V, 96 + 12 p (4 or 3), 100               checkpoints, out_displacement, out_events
-//     32 dof^2 + (3 + 7 k) V + slopes          k Lyapunov exponents
-//     slopes + 4 V + 40         friction that sticks exactly
+//     V                         steps tile by tile: u before the step
+//     8 (3 dof - 1 + s m)       and of arkimex with the wave (m = dof + 1) or everything (m = dof) implicit: all stages
+//     M + L + (17, 15, 11, 10, 14, 3 s + 9) V  PETSc's bdf, rosw, cn, theta and beuler, alpha, arkimex
+//     (2 s + 2, 2, 3 or 4) V    PETSc's rk, euler, ssp
+//     2 V + S                   out_file, with the slopes S that a frame inside a step takes: twice the degree of the
+//                               polynomial, or else the method's s (of arkimex 2 s), in V
+//     V, 96 + 12 p (4 or 3), 100               checkpoints, out_displacement (ring or ends), out_events
+//     32 dof^2 + (3 + 7 k) V + S               k Lyapunov exponents
+//     4 V + 40 + S              friction that sticks exactly
 //
 // Those of PETSc's solvers count its vectors; of `spectrum` (736 + 145 p + 18 k on a ring, 770 + 97 p + 8 k else, with k
 // eigenvalues), `boundary` (253 + 30 p; held ends 640 + 69 p) and `chart` (183) they are measured, of which
