@@ -1,6 +1,6 @@
 """Long runs: 10^7 steps of one block and 10^6 of a chain of 100, at whose end nothing has crept in.
 
-    STICKSLIP=build/stickslip python3 tests/long_runs.py        (or ./check long; --block-steps, --chain-steps, --seed)
+    STICKSLIP=build/stickslip python3 tests/long_runs.py     (or ./check long_runs)
 
 Four runs in a folder of their own, which goes; the options that the seed draws stand in what is printed:
   - rests    a block that sticks exactly and slips, adaptive steps, with every kind of row at every step, checkpoints
@@ -18,8 +18,8 @@ and over the whole run
   - the memory of the process does not grow once its buffers are there;
   - the file takes 8 bytes a value and at most as much again that is set aside; checkpoints do not grow.
 Alike: means of the parts differ by no more than six standard errors, from the scatter of a hundred blocks of each part,
-and by what the clock's rounding makes of it, half a unit of t's last place at either end of a step. Blocks are far
-longer than what one cycle remembers of another. Prints a line a run, and writes results to --summary.
+and by what the clock's rounding makes of them. --block-steps and --chain-steps say how many steps, --only which runs.
+Prints a line a run, and writes results to --summary.
 """
 import argparse
 import json
@@ -314,8 +314,8 @@ def chain(steps, rng, every):
 def turns(steps, rng):
     """About sliding at v under friction that does not change psi - v and (eta - F)/sqrt(A K0 m) turn by w h a step. The
     implicit midpoint rule, which leapfrog is for one block, turns by 2 atan(w h/2) and keeps the radius; rk 4 multiplies
-    by 1 + z + z^2/2 + z^3/6 + z^4/24, z = i w h. Round-off adds a few units in the last place of psi a step, in any
-    direction: over all steps, which are independent, their root times as much; half a unit each, where they are not."""
+    by 1 + z + z^2/2 + z^3/6 + z^4/24, z = i w h. A step has some ten operations, of which each rounds psi or eta by half a
+    unit in the last place at most; all in one direction, over all steps, that is the bound. The clock rounds once a step."""
     h, w = rng.uniform(0.05, 0.1), np.sqrt(0.2)
     h = round(h, 4)
     found = {}
@@ -329,7 +329,7 @@ def turns(steps, rng):
         want = 0.25 * (np.longdouble(abs(factor)) ** steps * np.cos(np.longdouble(steps) * np.longdouble(np.angle(factor))))
         miss = abs(end - float(want))
         clock = abs(s["t_end"] - steps * h)
-        check(miss <= steps * np.spacing(1.25) / 2, f"turns: {method}: psi - v = {end}, not {want}")
+        check(miss <= 5 * steps * np.spacing(1.25), f"turns: {method}: psi - v = {end}, not {want}")
         check(clock <= steps * np.spacing(s["t_end"]) / 2, f"turns: {method}: the clock is off by {clock}")
         found[method.split()[0]] = {"steps": steps, "seconds": s["wall_s"], "miss": miss, "clock": clock, "h": h}
     return found
