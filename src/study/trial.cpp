@@ -76,11 +76,11 @@ void check_settings(const Options& options, const std::vector<Setting>& settings
 }
 
 // What a measure announced, and it.
-struct Watched {
+struct WatchedTrial {
   std::unique_ptr<Measure> measure;
   ObservationPlan plan;
 
-  Watched(const MeasureMaker& make, const Problem& problem, const Scene& whole, Integrator& integrator) {
+  WatchedTrial(const MeasureMaker& make, const Problem& problem, const Scene& whole, Integrator& integrator) {
     if (!make) return;
     measure = make(problem.model, whole);
     measure->plan(plan);
@@ -110,7 +110,7 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   const auto spent = [&] { return largest_over(PETSC_COMM_WORLD, processor_seconds() - begin); };
   try {
     Integrator integrator(model, spec, u, prefix);
-    Watched watched(measure, problem, whole, integrator);
+    WatchedTrial watched(measure, problem, whole, integrator);
     const auto take_report = [&] {
       const TimeReport& r = integrator.report();
       trial.steps = r.steps;

@@ -1,4 +1,4 @@
-"""The source: who may see whom, and that it has one thread."""
+"""The source: who may see whom, one meaning a name, one thread."""
 import glob
 import os
 import re
@@ -11,6 +11,37 @@ def test_includes_point_down():
     assert floors.broken(SOURCE) == []
 
 
+def classes(path):
+    """Names of the classes that a file defines in namespaces that have a name, with these."""
+    names, open_namespaces = [], []
+    with open(path, encoding="utf-8") as file:
+        for line in file:
+            begins = re.match(r"(?:inline )?namespace ?([\w:]*) ?\{", line)
+            if begins:
+                open_namespaces.append(begins[1])
+            elif re.match(r"\} *// namespace", line):
+                open_namespaces.pop()
+            defined = re.match(r"(?:struct|class|enum(?: class)?) (\w+)(?: final)? ?(?::(?!:)|\{)", line)
+            if defined and "" not in open_namespaces:
+                names.append("::".join([*open_namespaces, defined[1]]))
+    return names
+
+
+def test_one_class_a_name():
+    """Of two classes with one name the linker takes the members of either: what is a file's own stands in a namespace
+    without a name, or has a name of its own."""
+    first = {}
+    for path in sources():
+        for name in classes(path):
+            assert first.setdefault(name, path) == path, f"{name}: in {first[name]} and {path}"
+    assert len(first) > 300
+
+
+def sources():
+    return [path for root in ("src", "include") for path in sorted(glob.glob(os.path.join(SOURCE, root, "**", "*.?pp"),
+                                                                             recursive=True))]
+
+
 THREADS = re.compile(r"^\s*#\s*include\s*<(thread|future|mutex|shared_mutex|condition_variable|atomic|execution|omp\.h|pthread\.h)>"
                      r"|\bstd::(thread|async)\b|^\s*#\s*pragma\s+omp\b|\bpthread_\w+|-fopenmp|find_package\((Threads|OpenMP)"
                      r"|MPI_THREAD_(SERIALIZED|MULTIPLE)", re.MULTILINE)
@@ -18,7 +49,7 @@ THREADS = re.compile(r"^\s*#\s*include\s*<(thread|future|mutex|shared_mutex|cond
 
 def test_one_thread():
     """No thread is started and none is asked for: what a tool for threads would look for cannot be there."""
-    paths = [path for root in ("src", "include") for path in glob.glob(os.path.join(SOURCE, root, "**", "*.?pp"), recursive=True)]
+    paths = sources()
     assert len(paths) > 300
     for path in [*paths, os.path.join(SOURCE, "CMakeLists.txt")]:
         with open(path, encoding="utf-8") as file:
