@@ -8,8 +8,8 @@ In this order:
   - the short unit tests on 1 rank and, unless they are [serial], on 2; several to a process, since to start one takes
     some 4 s;
   - one test of each file of tests of the command line and of audits, these with two scenes: whatever they call is started
-    under valgrind. A test that fails there is counted, not a finding: valgrind makes everything some 40 times slower, and
-    some tests are about time and memory;
+    under valgrind (but for LEFT_OUT). A test that fails there is counted, not a finding: valgrind makes everything some
+    40 times slower, and some tests are about time and memory;
   - the long unit tests; the second test of each file, the third ...
 A process that takes more than --budget seconds of processor time is cut, and a test that takes five times as long by the
 clock, which is counted and listed: until then it was looked at, what it had lost at its end is unknown. No case begins
@@ -42,6 +42,7 @@ SLOWER = 50  # times as long as without valgrind, at most as a rule
 TESTS = os.path.join(SOURCE, "tests")
 PYTEST = ["/usr/bin/python3", "-B", "-m", "pytest", "-c", os.path.join(TESTS, "pytest.ini"), "-q", "--scenes=2"]
 KINDS = ["command", "unit on 1 rank", "unit on 2 ranks", "test"]
+LEFT_OUT = re.compile(r"test_(fuzz|hostile|kills)\.py")  # hundreds of programs each, forked and killed in a hurry
 # How a test ends a program; also the end of one whose time is over.
 ENDED = re.compile(r"Process terminating with default action of signal (?:1|2|9|13|15|24|25) \(")
 
@@ -152,7 +153,7 @@ def durations():
 def test_cases():
     """One test of each file; the second of each, the third ..."""
     folders = [os.path.join(TESTS, folder) for folder in ("command_line", "audit")]
-    names = [line for line in listed(*PYTEST, "--collect-only", *folders) if "::" in line]
+    names = [line for line in listed(*PYTEST, "--collect-only", *folders) if "::" in line and not LEFT_OUT.search(line)]
     turn = {}
     ordered = []
     for name in names:
