@@ -28,7 +28,7 @@ using Table = h5::GrowingTable;
 
 const hsize_t first_capacity = 4096;  // rows of a table whose length nobody knows
 const double cheap_copy = 64e6;       // bytes that closing may copy to give back unused room
-const double most_pending = 4e6;      // bytes of frames, of all ranks, that wait for a flush
+const double most_pending = 4e6;      // bytes of frames, of all ranks, or of other rows that wait for a flush
 
 double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -358,20 +358,30 @@ RunFile::~RunFile() {
 }
 
 void RunFile::probes(double t, const std::vector<double>& psi, const std::vector<double>& eta) {
-  if (!writer_ || writer_->probes == 0) return;
-  Table& table = writer_->tables[writer_->probes];
-  if (psi.size() != table.x.size || eta.size() != table.x.size) throw std::logic_error("probes of another number");
-  table.append(t, {psi.data(), eta.data()});
+  if (writer_ && writer_->probes != 0) {
+    Table& table = writer_->tables[writer_->probes];
+    if (psi.size() != table.x.size || eta.size() != table.x.size) throw std::logic_error("probes of another number");
+    table.append(t, {psi.data(), eta.data()});
+  }
+  wait_with(1 + psi.size() + eta.size());
 }
 
 void RunFile::series(double t, const std::vector<double>& row) {
   if (writer_ && writer_->series != 0) append_row(writer_->tables[writer_->series], t, row);
+  wait_with(1 + row.size());
 }
 void RunFile::event(double end, const std::vector<double>& row) {
   if (writer_ && writer_->events != 0) append_row(writer_->tables[writer_->events], end, row);
+  wait_with(1 + row.size());
 }
 void RunFile::lyapunov(double end, const std::vector<double>& row) {
   if (writer_ && writer_->lyapunov != 0) append_row(writer_->tables[writer_->lyapunov], end, row);
+}
+
+// However long it is until the next frame.
+void RunFile::wait_with(std::size_t values) {
+  waiting_ += 8. * double(values);
+  if (waiting_ > most_pending) flush();
 }
 
 void RunFile::frame(double t, const std::vector<const double*>& fields) {
@@ -393,6 +403,7 @@ void RunFile::frame(double t, const std::vector<const double*>& fields) {
 // `last`: a row of fields that is not in memory yet.
 void RunFile::flush_with(const std::vector<const double*>* last) {
   if (broken_) return;
+  waiting_ = 0;
   const double begin = now();
   try {
     std::int64_t told[2] = {0, made_};  // the first row to write, and the number of the file

@@ -69,7 +69,8 @@ class RunFile {
   RunFile& operator=(const RunFile&) = delete;
 
   // Rows of the groups probes and series, each with a time of its own, increasing, at every step if you like. Kept in
-  // memory until the next frame() or flush(). Not collective: ranks other than 0 ignore the call.
+  // memory until the next frame() or flush(), or until they take some megabytes. Ranks other than 0 give rows of the same
+  // length, whose values are ignored.
   void probes(double t, const std::vector<double>& psi, const std::vector<double>& eta);
   void series(double t, const std::vector<double>& row);
   void event(double end, const std::vector<double>& row);  // ends do not decrease
@@ -91,6 +92,7 @@ class RunFile {
  private:
   struct Writer;
   void flush_with(const std::vector<const double*>* last);
+  void wait_with(std::size_t values);
 
   MPI_Comm comm_;
   std::string path_;
@@ -99,6 +101,7 @@ class RunFile {
   std::int64_t made_ = 0;           // number of the file that rows_ writes to; 0: none yet
   bool broken_ = false;             // a write has failed: no more are tried
   bool closed_ = false;
+  double waiting_ = 0;              // bytes of rows in memory, but for those of frames; the same on every rank
   std::int64_t frames_ = 0;
   double last_time_;
 };
