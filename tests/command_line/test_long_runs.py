@@ -44,6 +44,18 @@ def test_memory_does_not_grow_with_steps():
     check(peaks[1] - peaks[0] <= 1024, f"{peaks} KB")  # the seventy thousand steps more have 15 bytes each
 
 
+def test_rows_do_not_wait_for_frames():
+    peaks = []
+    for steps in (40_000, 120_000):
+        scene = long_runs.block("carlson-langer", long_runs.random.Random(3))
+        process = subprocess.Popen(line(f"{scene} -out_file a.h5 -out_frames 2 -out_displacement -out_probes 0 "
+                                        f"-ts_max_time 1e12 -ts_max_steps {steps}"))
+        _, status, usage = os.wait4(process.pid, 0)
+        check(status == 0, f"status {status}")
+        peaks.append(usage.ru_maxrss)
+    check(peaks[1] - peaks[0] <= 4096, f"{peaks} KB")  # the eighty thousand rows more take 10 MB
+
+
 def renumbered(path, to, steps, ids):
     """A checkpoint `steps` steps later, and with slip events numbered so much higher."""
     shutil.copy(path, to)
