@@ -63,9 +63,10 @@ class Uses:
             session = os.path.join(folder, "..", "t")  # two Open MPI programs at a time must not share a folder
             os.mkdir(session)
             launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+            seconds = self.budget * ranks  # a rank that waits for another uses time, too
             with open(out, "wb") as to, open(err, "wb") as complaints_to:
                 code = subprocess.run(
-                    ["prlimit", f"--cpu={self.budget}", "timeout", "--kill-after=9", str(PATIENCE * self.budget), *launcher,
+                    ["prlimit", f"--cpu={seconds}:{seconds + 5}", "timeout", "--kill-after=9", str(PATIENCE * self.budget), *launcher,
                      PROGRAM, *words], cwd=folder, env={**os.environ, "OMPI_MCA_orte_tmpdir_base": session},
                     stdin=subprocess.DEVNULL, stdout=to, stderr=complaints_to, check=False).returncode
             code = -signal.SIGALRM if code in (124, 137) else 128 - code if code > 128 else code
