@@ -97,8 +97,10 @@ SweepPlan::SweepPlan(const Options& sweep, const Options& base)
   if (sampled) count_ = sweep.integer("sweep_count");
   if (follow_ && kind_ != Kind::grid) throw UsageError("sweep_follow: needs a grid, not sweep_sample " + sample);
   if (sweep.is_set("sweep_refine")) read_refinement(sweep);
-  double all = refined_ ? double(search().size()[0]) * double(search().size()[1]) : 1;
-  if (!refined_)
+  double all = 1;
+  if (refined_)
+    for (const long cells : cells_) all *= std::ldexp(double(cells), halvings_) + 1;  // may be more than a long holds
+  else
     for (const std::size_t length : shape()) all *= double(length);
   if (all > most_points) throw UsageError("sweep: " + number_text(all) + " points are more than " + number_text(most_points));
   check_values();
@@ -141,7 +143,8 @@ void SweepPlan::read_refinement(const Options& sweep) {
     fewest = fewest == 0 ? cells_[k] : std::min(fewest, cells_[k]);
   }
   const double width = sweep.real("sweep_refine");
-  while (1 / (double(fewest) * std::ldexp(1., halvings_)) > width * (1 + 1e-12)) ++halvings_;
+  const int most = 60;  // far too many points already
+  while (halvings_ < most && 1 / (double(fewest) * std::ldexp(1., halvings_)) > width * (1 + 1e-12)) ++halvings_;
 }
 
 // What would be refused at some point is refused before all work.

@@ -243,6 +243,7 @@ def test_wrong_use():
             (over + "-sweep_command spectrum -sweep_follow", "sweep_follow"),
             (over + "-sweep_follow -sweep_files -out_every 1", "out_frames"),
             (over + "-sweep_refine 0.1 -sweep_follow", "sweep_refine"),
+            (over + "-sweep_refine 1e-300", "points are more than 1e+08"),
             ("-sweep_parameter1 out_file -sweep_values1 a.h5,b.h5", "out_file"),
             (over + "-sweep_group_ranks 2", "1 rank"),
             (over + "-friction_fs 2", "friction_fs"),
