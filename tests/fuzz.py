@@ -209,6 +209,7 @@ def check(seed, number, uses, loud=False):
         other = uses.see(words, scene, 1, case.files, plain=True)
         if not same(seen, other) or set(seen["files"]) != set(other["files"]):
             found.append(f"not served: exit code {other['code']}, {other['err'][:200]}, {sorted(other['files'])}")
+    ranks = case.ranks
     for _ in range(8 if not case.stray and not case.damaged else 0):
         if found or seen["code"] != 2:
             break
@@ -216,7 +217,10 @@ def check(seed, number, uses, loud=False):
         if following is None:
             break
         case.pairs = [pair for pair in case.pairs if "-" + pair[0] in following]
-        words, scene, case.scene = following, None, None
+        words, scene, case.scene, case.ranks = following, None, None, 1  # what is refused on one rank is refused on several
+        found, seen = faults(case, words, None, uses)
+    if case.ranks != ranks and not found:
+        case.ranks = ranks
         found, seen = faults(case, words, None, uses)
     how = "cut" if seen["cut"] else seen["code"]
     if not found:

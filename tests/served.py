@@ -33,6 +33,7 @@ class Server:
         self.answers, told = os.pipe()
         settings = {"LD_PRELOAD": library(), "STICKSLIP_SERVED": f"{asked} {told} {cpu} {wall}",
                     "OMPI_MCA_orte_tmpdir_base": self.session,
+                    "LD_BIND_NOW": "1",  # once for all
                     "ASAN_OPTIONS": "detect_leaks=0:verify_asan_link_order=0"}
         self.process = subprocess.Popen([program], pass_fds=(asked, told), env={**os.environ, **settings},
                                         stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
