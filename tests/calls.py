@@ -14,6 +14,7 @@ import numpy as np
 
 SOURCE = os.environ.get("STICKSLIP_SOURCE", os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PROGRAM = os.path.abspath(os.environ.get("STICKSLIP", os.path.join(SOURCE, "build", "stickslip")))
+SANITIZED = "build-sanitize" in PROGRAM  # memory is not what it is, and who links the library must know
 
 
 def scene_file(name):

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from calls import PROGRAM, check, checkpoint_block, errors, run
+from calls import PROGRAM, SANITIZED, check, checkpoint_block, errors, run
 from served import Server
 
 MEMORY = 600 << 20  # bytes beyond a program that waits: what docs/files.md says, and what a start takes
@@ -16,7 +16,7 @@ START = "run -grid_n 16 -ts_max_time 0.1 -init_type file -init_file bad.h5 -out_
 
 @pytest.fixture(scope="module")
 def server():
-    server = Server(PROGRAM, 20, 600, None if "sanitize" in PROGRAM else MEMORY)
+    server = Server(PROGRAM, 20, 600, None if SANITIZED else MEMORY)
     yield server
     server.close()
 

@@ -10,7 +10,7 @@ import tempfile
 import h5py
 import pytest
 
-from calls import PROGRAM
+from calls import PROGRAM, SANITIZED
 
 SHORT = ["-grid_n", "32", "-ts_max_time", "0.1", "-progress", "off"]  # what makes a run short where it does run
 
@@ -383,7 +383,7 @@ def test_right_use(scratch):
     assert not trouble, "\n".join(trouble)
 
 
-@pytest.mark.skipif("sanitize" in PROGRAM, reason="the sanitizers need all addresses")
+@pytest.mark.skipif(SANITIZED, reason="the sanitizers need all addresses")
 @pytest.mark.parametrize("arguments, refused", [
     ("run -grid_n 20000000 -init_type sine", r"needs at least \S+ GB of memory \(\S+ bytes a node\)"),
     # known only with the method: chosen (stiff friction and waves), named, and that of a restart's options

@@ -4,7 +4,9 @@ import glob
 import os
 import subprocess
 
-from calls import PROGRAM, SOURCE, check
+import pytest
+
+from calls import PROGRAM, SANITIZED, SOURCE, check
 
 BUILD = os.path.dirname(PROGRAM)
 USER = """#include <petscsys.h>
@@ -34,6 +36,7 @@ def said(*words, **settings):
     return done.stdout
 
 
+@pytest.mark.skipif(SANITIZED, reason="a program of others is not built with the sanitizers")
 def test_installed():
     prefix = os.path.abspath("prefix")
     said("cmake", "--install", BUILD, "--prefix", prefix)

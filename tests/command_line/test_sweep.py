@@ -13,7 +13,7 @@ import pytest
 import xarray
 from scipy.stats import qmc
 
-from calls import SOURCE, call, check, data, line, refused, run, same, scene_file
+from calls import SANITIZED, SOURCE, call, check, data, line, refused, run, same, scene_file
 
 BLOCK = "-model_form chain -grid_n 1 -model_zeta paper -friction_law carlson-langer -ts_max_time 60"
 OVER_V = " -sweep_parameter1 model_v -sweep_from1 0.5 -sweep_to1 3"
@@ -265,6 +265,7 @@ def test_wrong_use():
     refused("-restart last.h5 -model_k0 3", 2, "model_k0", command="sweep")
 
 
+@pytest.mark.skipif(SANITIZED, reason="the sanitizers keep what is freed")
 def test_memory_stays_flat():
     def largest(points):
         done = subprocess.run(["/usr/bin/python3", "-c", "import resource, subprocess, sys; subprocess.run(sys.argv[1:], "
