@@ -71,7 +71,7 @@ TEST_CASE("no wave grows faster than the one named, and the one named grows so f
 
 TEST_CASE("chains, spread and other held velocities have no closed answer; all waves alike name the longest",
           "[continuum]") {
-  const auto of = [](std::vector<Given> given) {
+  const auto of = [](const std::vector<Given>& given) {
     return continuum_lead(LinearisedOperator(Scene::from(Options::from("spectrum", given), true)));
   };
   CHECK_FALSE(of({{"model_form", "chain", ""}, {"grid_n", "8", ""}}));

@@ -203,7 +203,7 @@ TEST_CASE("The slope of growth is exact for what is steady, and its error covers
 
 TEST_CASE("The dimension of Kaplan and Yorke", "[lyapunov][serial]") {
   const double infinite = HUGE_VAL;
-  const auto dimension = [](std::vector<Estimate> list, std::size_t n) { return kaplan_yorke(list, n); };
+  const auto dimension = [](const std::vector<Estimate>& list, std::size_t n) { return kaplan_yorke(list, n); };
   CHECK(dimension({{0.9056, 1e-3}, {1e-5, 1e-4}, {-14.5723, 1e-2}}, 3)->value == Approx(2 + 0.9056 / 14.5723));  // Lorenz
   CHECK(dimension({{-0.1, 0.01}, {-0.2, 0.01}}, 2)->value == 0);
   CHECK(dimension({{-1e-5, 1e-4}, {-0.2, 0.01}}, 2)->value == 1);

@@ -2,9 +2,9 @@
 #pragma once
 
 #include <petscsys.h>
-#include <time.h>
 
 #include <algorithm>
+#include <ctime>
 #include <functional>
 #include <stdexcept>
 #include <string>

@@ -47,7 +47,7 @@ PetscErrorCode PlainRHS(TS, PetscReal, Vec U, Vec F, void* context) {
   PetscCall(DMGlobalToLocal(p->dm, U, INSERT_VALUES, local));
   PetscCall(DMDAVecGetArrayRead(p->dm, local, &u));
   PetscCall(DMDAVecGetArrayWrite(p->dm, F, &f));
-  PetscCall(DMDAGetCorners(p->dm, &first, NULL, NULL, &count, NULL, NULL));
+  PetscCall(DMDAGetCorners(p->dm, &first, nullptr, nullptr, &count, nullptr, nullptr));
   const PetscReal scale = p->c * p->c / (p->gamma * p->h * p->h);
   for (PetscInt i = first; i < first + count; ++i) {
     const PetscReal psi = u[i].psi, excess = u[i].eta - psi * (psi * psi / 3 - 1);
