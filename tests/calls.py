@@ -50,6 +50,15 @@ def ranks_of(process, ranks, pids):
     return found
 
 
+def gone(pid):
+    """Whether a process has ended; one that nobody has asked for yet has no program any more."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    return os.path.ismount("/proc") and not os.path.exists(f"/proc/{pid}/exe")
+
+
 def started(arguments, ranks, path, **settings):
     """A run under way, whose file is there, and the process numbers of its ranks."""
     if os.path.exists("pids"):

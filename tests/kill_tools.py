@@ -6,7 +6,7 @@ import signal
 import subprocess
 import time
 
-from calls import PROGRAM, data, line, ranks_of, run
+from calls import PROGRAM, data, gone, line, ranks_of, run
 
 # Put before the C library: counts the calls and ends the process in the one that STICKSLIP_KILL_AT names; with
 # STICKSLIP_KILL_COUNT their number is written to that file at the end.
@@ -85,7 +85,13 @@ def kill(process, ranks, pids, number=signal.SIGKILL, one=None):
             os.kill(pid, number)
         except ProcessLookupError:
             pass
-    return process.wait(timeout=300)
+    try:
+        return process.wait(timeout=60)
+    except subprocess.TimeoutExpired:  # mpirun may miss that one of its ranks has ended when all do at once
+        if not all(gone(pid) for pid in numbers):
+            raise
+        process.kill()
+        return process.wait()
 
 
 def begun(arguments, ranks, name, command="run", seconds=0.0, **settings):

@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from calls import PROGRAM, SANITIZED, call, check, data, errors, refused, run, same, started
+from calls import PROGRAM, SANITIZED, call, check, data, errors, gone, refused, run, same, started
 
 SINE = "-init_type sine -grid_n 64"
 
@@ -127,15 +127,6 @@ def test_the_folder_vanishes(ranks):
           f"the folder vanishes, {ranks} ranks: {process.returncode} {stderr[-500:]}")
     check(len(data("moved/a.h5")["t"]) > 0, "what was in it is whole")
     shutil.rmtree("moved")
-
-
-def gone(pid):
-    """Whether a process has ended; one that nobody has asked for yet has no program any more."""
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return True
-    return os.path.ismount("/proc") and not os.path.exists(f"/proc/{pid}/exe")
 
 
 @pytest.mark.ranks
