@@ -199,7 +199,8 @@ def check(seed, number, uses, loud=False):
     found, seen = faults(case, words, scene, uses)
     if loud:
         print(shlex.join(words), "\n", scene, "\n", seen)
-    alike = not case.damaged and not case.stray and "scene.yaml" not in dict(case.pairs).values()
+    alike = (not case.damaged and not case.stray and "scene.yaml" not in dict(case.pairs).values() and
+             not any(name[:1] == "-" for name, _ in case.pairs))  # a dash more is no mistake on the command line
     if scene is not None and alike and not found and not seen["cut"]:
         flat = case.words(flat=True)
         other = uses.see(flat, None, case.ranks, case.files)

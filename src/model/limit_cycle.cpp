@@ -1,5 +1,8 @@
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "model/return_map.hpp"
 #include "stickslip/base/error.hpp"
@@ -143,6 +146,27 @@ bool settles_by_itself(ReturnMap& map, const Section& section, double tolerance,
   return false;
 }
 
+// What became of slips of several sizes, in friction forces above sliding; of one end all its sizes.
+class Outcomes {
+ public:
+  void add(double size, const std::string& end) {
+    for (auto& [other, sizes] : ends_)
+      if (other == end) {
+        sizes += ", " + rounded_text(size);
+        return;
+      }
+    ends_.emplace_back(end, rounded_text(size));
+  }
+  std::string text() const {
+    std::string all;
+    for (const auto& [end, sizes] : ends_) all += "; a slip that begins " + sizes + " friction forces above it " + end;
+    return all;
+  }
+
+ private:
+  std::vector<std::pair<std::string, std::string>> ends_;  // with sizes
+};
+
 // The cycle of a problem with a state, from slips of several sizes, each followed until it settles; what became of
 // every one of them is the reason of a refusal. Of uniform motion, which goes on in time, a cycle that repels is taken
 // only where no slip settles on another.
@@ -150,12 +174,11 @@ void settle(const Oscillator& o, double r2, const Section& section, double toler
   // differences of 1e-5 want a map that is better than that
   ReturnMap coarse(o, r2, 1e-8), fine(o, r2, std::min(tolerance, 1e-10));
   const bool unstable = o.sliding_unstable(r2);
-  std::string seen;
+  Outcomes seen;
   int died = 0;
   std::vector<double> repelling;
   for (const double part : {1., .1, .01, 4.}) {
     section.start(part * slip * section.size(), y);
-    const std::string from = "; a slip that begins " + rounded_text(part * slip) + " friction forces above it ";
     try {
       double amplitude = section.distance(y), least_move = 1e300, nearest[max_dim];
       bool dies = false;
@@ -185,9 +208,9 @@ void settle(const Oscillator& o, double r2, const Section& section, double toler
         least_move = 1e300;
       }
       died += dies;
-      seen += from + (dies ? "dies out" : "settles on no cycle, its size still " + rounded_text(amplitude));
+      seen.add(part * slip, dies ? "dies out" : "settles on no cycle, its size still " + rounded_text(amplitude));
     } catch (const Failure& e) {
-      seen += from + "ends so: " + e.what();
+      seen.add(part * slip, std::string("ends so: ") + e.what());
     }
     if ((!unstable && died == 2) || slip > 1) break;  // the outermost, if it is reached
   }
@@ -196,7 +219,7 @@ void settle(const Oscillator& o, double r2, const Section& section, double toler
     return;
   }
   nothing_oscillates(o, std::string(unstable ? " is unstable to waves of this speed, but no cycle was reached"
-                                             : " is stable to waves of this speed") + seen);
+                                             : " is stable to waves of this speed") + seen.text());
 }
 
 // The point of the section f = v, f' > 0 from which the map returns to itself.

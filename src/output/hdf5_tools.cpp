@@ -1,5 +1,6 @@
 #include "output/hdf5_tools.hpp"
 
+#include <fcntl.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -303,6 +304,8 @@ bool survives(const std::function<void()>& act) {
       signal(number, SIG_DFL);
     const rlimit no_core{0, 0};
     setrlimit(RLIMIT_CORE, &no_core);
+    const int nowhere = open("/dev/null", O_WRONLY);  // for what the C library says when it gives up
+    if (nowhere >= 0) dup2(nowhere, STDERR_FILENO);
     alarm(60);
     try {
       act();

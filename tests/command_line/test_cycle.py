@@ -220,6 +220,7 @@ def test_rests_beside_a_held_end():
 
 
 REFUSED = [("-model_v 1.2", 1, "no cycle: nothing oscillates"),
+           ("-model_v 1.5 -state_law contact-age", 1, "; a slip that begins 1, 0.1, 0.01, 4 friction forces above it ends so: "),
            ("-cycle_cell 0", 2, "at most 300 are solved for"),
            ("-cycle_cell 4 -bc_left free", 2, "repeat on a ring only"),
            ("-friction_spread 0.1", 2, "no cell repeats"),
