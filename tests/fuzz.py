@@ -20,7 +20,6 @@ The options and what they take come from the program's own -help. On one rank th
 import argparse
 import concurrent.futures
 import datetime
-import hashlib
 import json
 import os
 import re
@@ -29,13 +28,13 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 
 import h5py
 
 from calls import PROGRAM
 from fuzz_cases import NOTES, case_of, commands
 from served import Server
+from volume import Kept
 
 PATIENCE = 180
 
@@ -231,24 +230,13 @@ def check(seed, number, uses, loud=False):
     return text + "".join(f"    {one}\n" for one in found) + f"    {seen['err'][:500]!r}", how
 
 
-class State:
-    """How far the cases of some seeds are, in a file, so that a volume can be interrupted and resumed."""
+class State(Kept):
+    """How far the cases of some seeds are."""
 
     def __init__(self, path, seeds, cases):
-        self.path, self.begin = path, time.monotonic()
-        with open(PROGRAM, "rb") as file:
-            program = hashlib.sha256(file.read()).hexdigest()[:16]
-        version = subprocess.run([PROGRAM, "--version"], stdout=subprocess.PIPE, check=True).stdout.decode()
-        fresh = {"program": program, "git": version.split("git ")[1].split()[0], "seeds": seeds, "cases": cases,
-                 "done": {str(seed): 0 for seed in seeds}, "codes": {}, "failures": [], "cut": [], "seconds": 0.0}
-        self.now = fresh
-        if path and os.path.exists(path):
-            with open(path, encoding="utf-8") as file:
-                self.now = json.load(file)
-            for key in ("program", "seeds"):
-                if self.now[key] != fresh[key]:
-                    raise SystemExit(f"{path}: of another {key} ({self.now[key]}, now {fresh[key]})")
-            self.now["cases"] = cases
+        super().__init__(path, ["seeds"], seeds=seeds, cases=cases, done={str(seed): 0 for seed in seeds}, codes={},
+                         failures=[], cut=[])
+        self.now["cases"] = cases
 
     def left(self):
         return [(seed, number) for seed in self.now["seeds"] for number in range(self.now["done"][str(seed)], self.now["cases"])]
@@ -262,15 +250,6 @@ class State:
         if how == "cut":
             now["cut"].append([seed, number])
         now["done"][str(seed)] = number + 1
-
-    def save(self):
-        now = time.monotonic()
-        self.now["seconds"] += now - self.begin
-        self.begin = now
-        if self.path:
-            with open(self.path + ".new", "w", encoding="utf-8") as file:
-                json.dump(self.now, file, indent=1)
-            os.replace(self.path + ".new", self.path)
 
     def row(self):
         """A line of a table: date, revision, seeds, cases, failures, how they ended, hours."""

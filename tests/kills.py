@@ -21,7 +21,6 @@ import argparse
 import concurrent.futures
 import datetime
 import glob
-import json
 import os
 import random
 import shutil
@@ -29,7 +28,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import zlib
 
 import numpy as np
 import xarray
@@ -37,6 +35,7 @@ import xarray
 from calls import PROGRAM, check, data, line, run, same
 from kill_others import folder_gone, result_killed, small_disk, sweep_killed
 from kill_tools import begun, calls_of, ended_inside_a_write, kill, reference
+from volume import Kept
 
 # rk:3bs goes on bitwise from any checkpoint, whether or not the uninterrupted run has one there
 SCENE = "-grid_n 300 -init_type sine -ts_type rk -ts_rk_type 3bs -out_probes 0,10.3,45 -out_checkpoint_every 60"
@@ -157,22 +156,11 @@ def settle(top):
     os.chdir(folder)
 
 
-class State:
-    """How far the cases are, in a file, so that they can be interrupted and gone on with."""
+class State(Kept):
+    """How far the cases are."""
 
     def __init__(self, path, seed):
-        self.path = os.path.abspath(path) if path else None
-        with open(PROGRAM, "rb") as file:
-            program = zlib.crc32(file.read())
-        version = subprocess.run([PROGRAM, "--version"], stdout=subprocess.PIPE, check=True).stdout.decode()
-        self.now = {"program": program, "git": version.split("git ")[1].split()[0], "seed": seed, "done": 0,
-                    "failures": [], "counts": {}}
-        if self.path and os.path.exists(self.path):
-            with open(self.path, encoding="utf-8") as file:
-                before = json.load(file)
-            if (before["program"], before["seed"]) != (program, seed):
-                raise SystemExit(f"{path}: of another program or seed")
-            self.now = before
+        super().__init__(path, ["seed"], seed=seed, done=0, failures=[], counts={})
 
     def add(self, trouble, counts):
         self.now["done"] += 1
@@ -181,10 +169,7 @@ class State:
         if trouble:
             self.now["failures"].append(trouble)
             print("FAILED", trouble, flush=True)
-        if self.path:
-            with open(self.path + ".new", "w", encoding="utf-8") as file:
-                json.dump(self.now, file, indent=1)
-            os.replace(self.path + ".new", self.path)
+        self.save()
 
     def row(self):
         counts = ", ".join(f"{what}: {count}" for what, count in sorted(self.now["counts"].items()))

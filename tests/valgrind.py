@@ -19,8 +19,6 @@ import argparse
 import concurrent.futures
 import datetime
 import glob
-import hashlib
-import json
 import os
 import re
 import shlex
@@ -33,6 +31,7 @@ import threading
 import time
 
 from calls import PROGRAM, SOURCE
+from volume import Kept
 
 UNIT = os.path.join(os.path.dirname(PROGRAM), "tests", "unit")
 VALGRIND = ["valgrind", "-q", "--leak-check=full", "--show-leak-kinds=definite,possible", "--num-callers=25",
@@ -165,21 +164,12 @@ def test_cases():
             [Case("test", [name]) for number, name in ordered if number > 1])
 
 
-class State:
-    """What is done, in a file, so that it can be interrupted and gone on with."""
+class State(Kept):
+    """What is done."""
 
     def __init__(self, path):
-        self.path, self.lock, self.begin = path and os.path.abspath(path), threading.Lock(), time.monotonic()
-        with open(PROGRAM, "rb") as program, open(UNIT, "rb") as unit:
-            digest = hashlib.sha256(program.read() + unit.read()).hexdigest()[:16]
-        version = listed(PROGRAM, "--version")[1].split()[-1]
-        self.now = {"program": digest, "git": version, "seconds": 0.0, "durations": {}, "processes": 0, "findings": [],
-                    "done": {kind: {} for kind in KINDS}}
-        if self.path and os.path.exists(self.path):
-            with open(self.path, encoding="utf-8") as file:
-                self.now = json.load(file)
-            if self.now["program"] != digest:
-                raise SystemExit(f"{path}: of another program; remove it to begin anew")
+        self.lock = threading.Lock()
+        super().__init__(path, programs=(PROGRAM, UNIT), durations={}, processes=0, findings=[], done={kind: {} for kind in KINDS})
         if not self.now["durations"]:
             self.now["durations"] = durations()
             self.save()
@@ -194,15 +184,6 @@ class State:
             for name, outcome in outcomes.items():
                 print(f"{'found' if findings else 'clean'}, {outcome}; {case.kind}: {name}", flush=True)
             self.save()
-
-    def save(self):
-        now = time.monotonic()
-        self.now["seconds"] += now - self.begin
-        self.begin = now
-        if self.path:
-            with open(self.path + ".new", "w", encoding="utf-8") as file:
-                json.dump(self.now, file, indent=1)
-            os.replace(self.path + ".new", self.path)
 
     def row(self, cases):
         """A line of a table: date, revision, of each kind how many of how many with their ends, processes, findings, hours."""

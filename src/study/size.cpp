@@ -1,8 +1,6 @@
 #include "stickslip/study/size.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 
 #include "base/broadcast.hpp"
 #include "base/memory.hpp"
@@ -12,7 +10,6 @@
 #include "stickslip/time/stick.hpp"
 #include "time/choice.hpp"
 #include "time/fused_ts.hpp"
-#include "time/leapfrog.hpp"
 
 namespace stickslip {
 
