@@ -367,7 +367,7 @@ class Case:
             self.in_scene, self.scene = moved, scene
             if r.random() < 0.4:
                 self.scene, self.damaged = damage(scene, r), True
-        self.wants_summary = "summary" not in pairs
+        self.wants_summary = all(name.lower() != "summary" for name in pairs)
         self.stray = r.choice(["stray", "3", "scene.yaml", "-", "--", "-1"]) if r.random() < 0.03 else None
 
     def words(self, flat=False):

@@ -1,9 +1,11 @@
 #include "base/memory.hpp"
 
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <fstream>
 #include <limits>
 #include <string>
@@ -69,9 +71,14 @@ double memory_of_machine() {
 double memory_of_process() {
   rlimit limit{};
   if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return unknown;
-  const double pages = number_after("/proc/self/statm", "");
-  const double taken = pages == unknown ? 0 : pages * double(sysconf(_SC_PAGE_SIZE));
-  return std::max(0., double(limit.rlim_cur) - taken);
+  double given = 0, refused = double(limit.rlim_cur);  // the largest range of addresses that is given, to 1 MiB
+  while (refused - given > 0x1p20) {
+    const double half = (given + refused) / 2;
+    void* range = mmap(nullptr, std::size_t(half), PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    (range == MAP_FAILED ? refused : given) = half;
+    if (range != MAP_FAILED) munmap(range, std::size_t(half));
+  }
+  return given;
 }
 
 }  // namespace stickslip
