@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 
 #include "stability/followed_modes.hpp"
 #include "stickslip/base/error.hpp"
@@ -261,7 +262,13 @@ double GrowthRate::count_cost() const {
     const double n = double(s->size()), each = s->scene.form == Form::chain ? 2 : microseconds[s->scene.order / 2 - 1];
     return 1e-6 * each * n * std::log2(n) + 1e-3;
   }
-  throw Failure("no steady sliding anywhere in the box");
+  std::string reason;
+  try {
+    (void)LinearisedOperator(scene(0.5, 0.5));
+  } catch (const Failure& e) {
+    reason = e.what();
+  }
+  throw Failure("sliding cannot be looked at anywhere in the box; in its middle: " + reason);
 }
 
 // ---- other grids --------------------------------------------------------------------------------------------------

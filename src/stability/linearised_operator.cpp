@@ -34,7 +34,19 @@ LinearisedOperator::LinearisedOperator(const SteadySliding& s)
       throw Failure("no steady sliding without mass: at x = " + rounded_text(scene.x(coupling.node[i]), 6) +
                     " friction falls with velocity faster than zeta psi rises (zeta/f0 + F_psi = " +
                     rounded_text(resistance, 6) + "), and the force does not say what psi is; take model_m > 0");
+  refuse_rates_too_large();
   if (size() > 0) mean_ = find_mean();
+}
+
+// Beyond 1e60 cubes of rates, of waves 1e15 times as fast in the continuum too, would overflow and their signs be wrong.
+void LinearisedOperator::refuse_rates_too_large() const {
+  for (std::size_t i = 0; i < (uniform ? std::min<std::size_t>(size(), 1) : size()); ++i) {
+    const auto [c2, c1, c0] = point(i).characteristic(coupling.largest_row());
+    const double fastest = std::abs(c2) + std::sqrt(std::abs(c1)) + std::cbrt(std::abs(c0));
+    if (!(fastest < 1e60))
+      throw Failure("rates of perturbations of steady sliding (" + rounded_text(fastest, 2) +
+                    ") are too large to be computed with: choose gentler units");
+  }
 }
 
 LinearisedOperator::LinearisedOperator(const LinearisedOperator& whole, std::size_t first, std::size_t count)

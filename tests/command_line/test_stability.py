@@ -145,6 +145,16 @@ def test_no_steady_sliding():
     check(code == 1 and "no steady sliding" in err, f"no steady sliding at v = 0 with a threshold: {code}, {err}")
 
 
+@pytest.mark.parametrize("scene", ["-model_nu 1e300", "-model_nu 1e100", "-model_gamma 1e150 -model_nu 1"])
+def test_rates_that_overflow(scene):
+    """Where cubes of rates are not numbers, signs of growth rates would be wrong (all `unstable`, or `stable` in pieces)."""
+    scene = [*scene.split(), "-friction_law", "rate-and-state", "-grid_n", "32"]
+    for command in (["spectrum"], ["boundary", "-boundary_of", "sliding", "-boundary_parameter", "model_v",
+                                   "-boundary_from", "0.5", "-boundary_to", "1.5"]):
+        code, out, err = call(*command, *scene)
+        check(code == 1 and "are too large to be computed with" in err and "stable" not in out + err, f"{code}, {out}{err}")
+
+
 def test_verified_on_both_sides():
     # Time integration on both sides; a damping method with long steps is not used, and the user is told.
     code, out, err = call("boundary", "-grid_n", "32", "-grid_length", "20", "-boundary_parameter", "model_v",

@@ -112,6 +112,7 @@ class LinearisedOperator {
   NodeVector node_of(const std::vector<Complex>& x, std::size_t i) const;
   void put(const NodeVector& v, std::size_t i, std::vector<Complex>& x) const;
   LinearPoint find_mean() const;
+  void refuse_rates_too_large() const;
   std::vector<Entry> massless_entries() const;
   double massless_bound(double stiff, double r, double q) const;
   LinearisedOperator(const LinearisedOperator& whole, std::size_t first, std::size_t count);
