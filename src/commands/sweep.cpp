@@ -186,6 +186,7 @@ int sweep_command(const Options& asked) {
   return with_summary(summary, [&] {
     if (header && header->complete) {
       warn("restart '" + path + "': this sweep is whole; nothing is left to do");
+      on_root(MPI_COMM_WORLD, [&path] { remove_journals(path); });  // it may have been killed before it did
       summary.set("points", header->points);
       summary.set("done", header->done);
       summary.set("failed", header->failed);

@@ -259,6 +259,18 @@ void SweepTable::add_column(ResultFile& file, const Column& c, std::vector<std::
   else file.add({c.key, "", ""}, dimensions, std::move(values));
 }
 
+void SweepTable::write_csv(const std::string& path, const SweepLayout& layout) const {
+  const std::string target = paths::resolved(csv_beside(path)), temporary = paths::hidden_sibling(target);
+  const std::string lines = csv(layout);
+  try {
+    paths::write_all(paths::Descriptor(temporary, O_WRONLY | O_CREAT | O_TRUNC, "write"), lines.data(), lines.size());
+    paths::publish(temporary, target);
+  } catch (...) {
+    unlink(temporary.c_str());
+    throw;
+  }
+}
+
 void SweepTable::write(const std::string& path, const Provenance& provenance, const SweepLayout& layout,
                        const std::map<std::string, std::string>& texts,
                        const std::map<std::string, double>& numbers) const {
@@ -281,17 +293,8 @@ void SweepTable::write(const std::string& path, const Provenance& provenance, co
   for (const SweepLayout::Axis& axis : layout.axes) taken.insert(axis.name);
   for (const Column* column : ordered())
     if (taken.count(column->key) == 0) add_column(file, *column, dimensions, row);  // else the option itself, which is there
+  write_csv(path, layout);  // first: where the results say that the sweep is whole, so is it
   file.write();
-
-  const std::string target = paths::resolved(csv_beside(path)), temporary = paths::hidden_sibling(target);
-  const std::string lines = csv(layout);
-  try {
-    paths::write_all(paths::Descriptor(temporary, O_WRONLY | O_CREAT | O_TRUNC, "write"), lines.data(), lines.size());
-    paths::publish(temporary, target);
-  } catch (...) {
-    unlink(temporary.c_str());
-    throw;
-  }
 }
 
 // ---- journals -----------------------------------------------------------------------------------------------------

@@ -60,6 +60,7 @@ class SweepTable {
   std::vector<const Column*> ordered() const;
   std::vector<std::size_t> by_point() const;  // rows in the order of points
   std::string csv(const SweepLayout& layout) const;
+  void write_csv(const std::string& path, const SweepLayout& layout) const;
   void add_column(ResultFile& file, const Column& column, std::vector<std::string> dimensions,
                   const std::vector<std::size_t>& row) const;
 
