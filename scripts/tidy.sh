@@ -5,7 +5,7 @@ set -u
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 command -v clang-tidy >/dev/null || { echo "clang-tidy is not installed (apt-get install clang-tidy)" >&2; exit 2; }
 (($#)) || set -- $(git ls-files "src/*.cpp" "tests/*.cpp")
-findings=$(printf '%s\n' "$@" | xargs -P "${JOBS:-$(env -u OMP_NUM_THREADS nproc)}" -n 1 clang-tidy -p "${BUILD:-build}" --quiet 2>/dev/null)
+findings=$(printf '%s\n' "$@" | xargs -P "${JOBS:-$(nproc)}" -n 1 clang-tidy -p "${BUILD:-build}" --quiet 2>/dev/null)
 [ -z "$findings" ] || printf '%s\n' "$findings"
 count=$(printf '%s' "$findings" | grep -cE '^/.*: (warning|error): ' || true)
 echo "clang-tidy: $# files, $count findings"

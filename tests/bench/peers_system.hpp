@@ -26,7 +26,8 @@ struct Case {
 inline Case case_of(const char* name, double t_end, const std::vector<std::pair<const char*, const char*>>& set) {
   std::vector<Given> given = {{"grid_n", "512", ""}, {"bc_left", "free", ""}, {"bc_right", "free", ""}};
   for (const auto& [option, value] : set) {
-    given.erase(std::remove_if(given.begin(), given.end(), [name = option](const Given& g) { return g.name == name; }), given.end());
+    const auto same = [name = option](const Given& g) { return g.name == name; };
+    given.erase(std::remove_if(given.begin(), given.end(), same), given.end());
     given.push_back({option, value, ""});
   }
   return {name, Scene::from(Options::from("run", given), false), t_end};
