@@ -30,6 +30,10 @@ namespace {
 
 using std::size_t;
 
+// Two real multipliers that are equal by symmetry (of waves that run either way round a cell) come out as a pair with an
+// imaginary part that is round-off; one of a torus is far above it.
+bool is_real(std::complex<double> mu) { return std::abs(mu.imag()) <= 1e-6 * std::abs(mu); }
+
 // How many multipliers lie beyond 1, beyond -1, and, as conjugate pairs, outside of the unit circle; the phase mode's
 // left out.
 using Signature = std::array<int, 3>;
@@ -38,11 +42,14 @@ Signature signature(const Cycle& cycle) {
   for (size_t k = 0; k < cycle.multipliers.size(); ++k) {
     const std::complex<double> mu = cycle.multipliers[k];
     if (k == cycle.phase_mode || !(std::abs(mu) > 1)) continue;
-    if (mu.imag() > 0) ++s[2];
-    if (mu.imag() == 0) ++s[mu.real() > 0 ? 0 : 1];
+    if (is_real(mu)) ++s[mu.real() > 0 ? 0 : 1];
+    else if (mu.imag() > 0) ++s[2];
   }
   return s;
 }
+
+// How many of them that is.
+int outside(const Signature& s) { return s[0] + s[1] + 2 * s[2]; }
 
 // What is said of a cycle at a place of the branch.
 struct Seen {
@@ -282,7 +289,9 @@ void Walk::locate_root(const std::string& kind, double length, const std::functi
 // looked at.
 void Walk::locate_changes(Signature now, const Signature& after, double length, bool fold) {
   folded_ = true;
-  constexpr double beyond = 1e-7;  // changes nearer to each other are one
+  // Changes nearer to each other are one: where other cycles branch off, the cycle itself is known to some 1e-7 only, by
+  // which two multipliers that pass 1 together come apart.
+  constexpr double beyond = 1e-6;
   constexpr int most = 8;          // that one step may have
   const auto seen = [&](double s) {
     go(s);
@@ -312,18 +321,22 @@ void Walk::locate_changes(Signature now, const Signature& after, double length, 
   }
 }
 
-// Which multiplier passes the unit circle at the distance s, and where.
+// Which multiplier passes the unit circle at the distance s, and where: the nearest to it. Two that meet outside of it and
+// part do not change the number of those outside.
 void Walk::name_change(const Signature& before, const Signature& after, double s) {
+  if (outside(before) == outside(after)) return;
   go(s);
   const Cycle cycle = path_.cycle();
-  constexpr double near = 1e-5;  // of the circle: else two have met outside of it and parted
+  double nearest = 1e-3;  // further off, the multipliers have jumped
+  std::string kind;
   for (size_t k = 0; k < cycle.multipliers.size(); ++k) {
     const std::complex<double> mu = cycle.multipliers[k];
-    if (k == cycle.phase_mode || std::abs(std::abs(mu) - 1) > near || mu.imag() < 0) continue;
-    if (before[2] != after[2] && mu.imag() > 0) return add_special("torus", s);
-    if (before[1] != after[1] && mu.imag() == 0 && mu.real() < 0) return add_special("flip", s);
-    if (before[0] != after[0] && mu.imag() == 0 && mu.real() > 0) return add_special("branch", s);
+    const double off = std::abs(std::abs(mu) - 1);
+    if (k == cycle.phase_mode || !(off < nearest)) continue;
+    nearest = off;
+    kind = !is_real(mu) ? "torus" : mu.real() < 0 ? "flip" : "branch";
   }
+  if (!kind.empty()) add_special(kind, s);
 }
 
 void Walk::find_special(const Seen& seen, double length) {
@@ -427,7 +440,7 @@ double special_test(const std::string& kind, CyclePath& path, const Place& row) 
   double nearest = std::nan("");
   for (size_t k = 0; k < cycle.multipliers.size(); ++k) {
     const std::complex<double> mu = cycle.multipliers[k];
-    if (k == cycle.phase_mode || (kind == "torus" ? mu.imag() <= 0 : mu.imag() != 0)) continue;
+    if (k == cycle.phase_mode || is_real(mu) == (kind == "torus")) continue;
     const double off = kind == "torus" ? std::abs(mu) - 1 : mu.real() - from;
     if (!(std::abs(off) > std::abs(nearest))) nearest = off;  // the first is compared with NaN
   }

@@ -1,0 +1,71 @@
+"""Cells of three and four blocks that move alike, where waves that run either way round the cell cease to grow together:
+every such place of a branch is listed, where SciPy finds that the multiplier of that wave on one block passes 1."""
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from calls import check, run
+
+TIGHT = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12}
+
+
+def scene(random):
+    m, f0, k0 = random.uniform(0.5, 2), random.uniform(0.7, 1.5), random.uniform(0.1, 0.6)
+    side = random.choice([-1, 1])
+    return {"model_form": "chain", "model_m": m, "model_k0": k0, "model_f0": f0, "model_zeta": f0 * random.uniform(0, 0.1),
+            "model_v": side * np.sqrt(1 - 0.1) * random.uniform(0, 0.4), "init_psi": side * 0.6,
+            "cycle_cell": int(random.choice([3, 4]))}
+
+
+class Block:
+    """One block with the cubic law: its oscillation, and the multipliers of a wave that adds `spring` to its stiffness."""
+
+    def __init__(self, p):
+        self.m, self.f0, self.k0, self.zeta, self.v = (p["model_" + name] for name in ("m", "f0", "k0", "zeta", "v"))
+        up = lambda t, y: y[0] - self.v  # noqa: E731
+        up.direction = 1
+        # long enough to settle, then from one passage of psi = v to the next
+        settled = solve_ivp(self.rates, (0, 400), [self.v + 1, 0], events=up, **TIGHT)
+        self.start = settled.y_events[0][-1]
+        lap = solve_ivp(self.rates, (0, 100), self.start, events=up, dense_output=False, **TIGHT)
+        self.period = next(t for t in lap.t_events[0] if t > 1e-3)
+
+    def rates(self, t, y):
+        return [(self.f0 * (y[1] - y[0]**3 / 3 + y[0]) - self.zeta * y[0]) / self.m, self.k0 * (self.v - y[0]) / self.f0]
+
+    def growth(self, spring):
+        """Largest modulus less 1."""
+        def together(t, z):
+            q, w = z[2:4], z[4:6]
+            slope = (self.f0 * (z[0]**2 - 1) + self.zeta) / self.m
+            return [*self.rates(t, z[:2]), *(self.f0 / self.m * w - slope * q), *(-(self.k0 + spring) / self.f0 * q)]
+        end = solve_ivp(together, (0, self.period), [*self.start, 1, 0, 0, 1], **TIGHT).y[2:, -1].reshape(2, 2)
+        return abs(np.linalg.eigvals(end)).max() - 1
+
+    def limit(self):
+        """The spring beyond which the wave decays, nan where waves of no length grow."""
+        springs = self.k0 * np.geomspace(0.02, 20, 25)
+        growth = np.array([self.growth(s) for s in springs])
+        signs = np.flatnonzero(np.sign(growth[:-1]) != np.sign(growth[1:]))
+        if len(signs) != 1 or growth[-1] > 0:
+            return np.nan
+        return brentq(self.growth, springs[signs[0]], springs[signs[0] + 1], xtol=1e-12)
+
+
+def test_waves_of_a_cell_that_cease_to_grow_together(scenes):
+    compared = 0
+    for index, p in scenes(scene, 73, short=8):
+        limit, cell = Block(p).limit(), p["cycle_cell"]
+        if not limit > 0:
+            continue
+        places = sorted({limit / (2 - 2 * np.cos(2 * np.pi * j / cell)) for j in range(1, cell // 2 + 1)})
+        low, high = 0.8 * places[0], 1.25 * places[-1]
+        words = [w for name, value in p.items() for w in ("-" + name, str(value))]
+        words += ["-grid_n", str(2 * cell), "-model_k1", str(low), "-cycle_continue", "model_k1", "-cycle_to", str(high)]
+        found = run(words, command="cycle")[0]
+        found = sorted((s["value"], s["kind"]) for s in found["special"])
+        check([kind for _, kind in found] == ["branch"] * len(places) and
+              all(abs(at - place) < 1e-6 * (high - low) for (at, _), place in zip(found, places)),
+              f"scene {index}: {found} instead of {places}: {p}")
+        compared += 1
+    check(compared > 0, "scenes whose waves grow")
