@@ -25,6 +25,7 @@ constexpr std::size_t side_by_side = 128;  // nodes that vector code takes at a 
 constexpr std::size_t few = 4;             // for fewer it does not pay
 constexpr int most_ids = 1 << 30;          // from here on events under way are numbered anew
 constexpr int per_event = 9;               // numbers of an event under way in a checkpoint
+constexpr int layout = 2;                  // of what a checkpoint holds of events
 
 using Fields = std::vector<std::vector<double>>;
 
@@ -67,6 +68,7 @@ struct Events::Impl {
   std::vector<int> owner;         // event under way in whose region a node is; -1: none
   std::vector<double> slip;       // of a node in a region: in this event
   std::vector<double> slipped;    // of any node: in all events so far
+  std::vector<double> slipped_then;  // the same at the beginning of the step under way
   std::vector<double> last_force; // friction at the end of the last step of nodes that moved in it
   std::vector<unsigned char> moving, moved;  // which nodes move in the step under way, and did in the last one
   std::vector<SlipEvent> ended;
@@ -77,7 +79,7 @@ struct Events::Impl {
         velocity(v), weight(s.form == Form::chain ? 1 : s.h()), damping(s.B() + s.s_delta() / s.A()), A(s.A()), B(s.B()),
         amplitude(friction_amplitude(s, first, PetscInt(n))), friction(s, first, PetscInt(n)),
         forces(force_loop(s.friction, positions(s, first, s.friction.varies() ? PetscInt(n) : 0))), halo(s, range),
-        regions(s.n, s.ring()), owner(n, -1), slip(n), slipped(n), last_force(n), moving(n, 0), moved(n, 0) {
+        regions(s.n, s.ring()), owner(n, -1), slip(n), slipped(n), slipped_then(n), last_force(n), moving(n, 0), moved(n, 0) {
     MPI_Comm_size(nodes.comm, &ranks);
     for (std::size_t i = 0; i < n && s.N() > 0; ++i) {
       d2.push_back(second_difference_row(s, first + PetscInt(i)));
@@ -132,7 +134,7 @@ struct Events::Impl {
     }
     std::shared_ptr<const Before> before;  // at the beginning of this step
     const auto remember = [&] {
-      if (!before) before = std::make_shared<const Before>(Before{last[1], slipped, halo.fetch(slipped)});
+      if (!before) before = std::make_shared<const Before>(Before{settled_force(), slipped, halo.fetch(slipped)});
       return before;
     };
     if (regions.next_id() > most_ids) renumber();
@@ -140,6 +142,14 @@ struct Events::Impl {
     for (const Stretch& s : of_all_ranks(own, nodes.comm, ranks)) changed.insert(regions.claim(s, t, remember));
     for (const int id : changed)
       if (regions.live().count(id) > 0) own_nodes_of(id, [&](PetscInt i) { owner[std::size_t(i)] = id; });
+  }
+  // eta at the beginning of a step, and where nodes move without what damping will give back when they have come to rest.
+  std::vector<double> settled_force() const {
+    std::vector<double> eta = last[1];
+    const double given_back = scene.s_delta() / A;
+    for (std::size_t i = 0; i < n && given_back != 0; ++i)
+      if (moves(i, last)) eta[i] += given_back * last[0][i];
+    return eta;
   }
   void renumber() {
     regions.renumber();
@@ -240,13 +250,14 @@ struct Events::Impl {
     return over;
   }
 
-  // eta of an own node as the event found it, with what the slip of others has done to it since (0 up to round-off for
-  // most). Beside the own nodes: how far those there have slipped, in all and in events under way.
+  // eta of an own node as the event found it, with what the slip of others has done to it until the event ended, at the
+  // beginning of this step (0 up to round-off for most). Beside the own nodes: how far those there had slipped then, in
+  // all and in events under way.
   double eta_before(PetscInt i, int id, const Before& before, const std::array<std::vector<double>, 2>& beside) const {
     const PetscInt node = first + i;
     const auto others = [&](PetscInt j) {
       const double own = regions.holds(id, j) ? halo.at(j, slip, beside[1]) : 0;
-      return halo.at(j, slipped, beside[0]) - halo.at(j, before.slipped, before.slipped_beside) - own;
+      return halo.at(j, slipped_then, beside[0]) - halo.at(j, before.slipped, before.slipped_beside) - own;
     };
     double eta = before.eta[std::size_t(i)];
     if (scene.held(node) && scene.form == Form::continuum) return eta;  // it follows from psi there
@@ -258,21 +269,23 @@ struct Events::Impl {
   // What ended at t.
   void finish(const std::vector<int>& over) {
     if (over.empty()) return;
-    const std::array<std::vector<double>, 2> beside = {halo.fetch(slipped), halo.fetch(slip)};
+    const std::array<std::vector<double>, 2> beside = {halo.fetch(slipped_then), halo.fetch(slip)};
     std::vector<double> sums, largest;
     for (const int id : over) {
       const LiveEvent& live = regions.live().at(id);
-      double moment = 0, drop = 0, strain = 0, furthest = -std::numeric_limits<double>::infinity();
+      constexpr double none = -std::numeric_limits<double>::infinity();
+      double moment = 0, drop = 0, strain = 0, right = none, left = none;
       own_nodes_of(id, [&](PetscInt k) {
         const auto i = static_cast<std::size_t>(k);
         const double eta0 = eta_before(k, id, *live.before, beside), eta1 = last[1][i];
-        furthest = std::max(furthest, slip[i]);
+        right = std::max(right, slip[i]);
+        left = std::max(left, -slip[i]);
         moment += weight * slip[i];
         drop += eta0 - eta1;
         strain += weight * slip[i] * (eta0 + eta1) / 2;
       });
       for (const double part : {moment, drop, strain, live.event.friction_work, live.event.radiated}) sums.push_back(part);
-      largest.push_back(furthest);
+      for (const double part : {right, left}) largest.push_back(part);
     }
     if (ranks > 1) {
       sum_over(nodes.comm, sums.data(), int(sums.size()));
@@ -280,11 +293,12 @@ struct Events::Impl {
     }
     for (std::size_t k = 0; k < over.size(); ++k) {
       SlipEvent e = regions.live().at(over[k]).event;
-      const double* const sum = &sums[5 * k];
+      const double *const sum = &sums[5 * k], right = largest[2 * k], left = largest[2 * k + 1];
       e.end = t;
-      e.slip = largest[k];
-      e.moment = sum[0];
-      e.stress_drop = sum[1] / double(e.count);
+      e.direction = int(sum[0] > 0) - int(sum[0] < 0);
+      e.slip = e.direction == 0 ? std::max(left, right) : e.direction < 0 ? left : right;
+      e.moment = e.direction * sum[0];
+      e.stress_drop = e.direction * sum[1] / double(e.count);
       e.strain_energy = sum[2];
       e.friction_work = sum[3];
       e.radiated = sum[4];
@@ -305,6 +319,7 @@ struct Events::Impl {
       }
       if (scene.N() > 0) find_viscous_forces(dt);
       find_moving();
+      slipped_then = slipped;
       accumulate_moving(dt);
       moved.swap(moving);
       finish(find_over());
@@ -347,6 +362,7 @@ std::vector<Field> Events::columns() {
           {"first", "length", "position of the first node that moves"},
           {"left", "length", "left end of the region that slips"},
           {"extent", "length", "blocks that slip (chain) or their length (continuum)"},
+          {"direction", "1", "1: towards larger displacement; -1: the other way; slip, moment and stress_drop are along it"},
           {"slip", "length", "largest slip"},
           {"moment", "length^2", "sum of the slip over blocks or over length"},
           {"magnitude", "1", "natural logarithm of the moment"},
@@ -359,8 +375,19 @@ std::vector<Field> Events::columns() {
 
 std::vector<double> Events::row(const SlipEvent& e) const {
   const double magnitude = e.moment > 0 ? std::log(e.moment) : std::numeric_limits<double>::quiet_NaN();
-  return {e.begin,  impl_->scene.x(e.first), impl_->scene.x(e.left), impl_->weight * double(e.count), e.slip,     e.moment,
-          magnitude, e.stress_drop,     e.strain_energy,  e.friction_work,           e.radiated, e.kinetic};
+  return {e.begin,
+          impl_->scene.x(e.first),
+          impl_->scene.x(e.left),
+          impl_->weight * double(e.count),
+          double(e.direction),
+          e.slip,
+          e.moment,
+          magnitude,
+          e.stress_drop,
+          e.strain_energy,
+          e.friction_work,
+          e.radiated,
+          e.kinetic};
 }
 
 void Events::save(Checkpoint& checkpoint) const {
@@ -395,7 +422,7 @@ void Events::save(Checkpoint& checkpoint) const {
     sum += 2;
   }
   checkpoint.arrays["events.last"] = {m.t, double(m.regions.next_id()), double(m.count), double(m.last.size()),
-                                      double(beginnings.size())};
+                                      double(beginnings.size()), layout};
 }
 
 void Events::restore(const std::map<std::string, std::vector<double>>& arrays,
@@ -408,7 +435,9 @@ void Events::restore(const std::map<std::string, std::vector<double>>& arrays,
     return parts;
   };
   const std::vector<double>&numbers = arrays.at("events.last"), &live = arrays.at("events.live");
-  if (numbers.size() != 5 || live.size() % per_event != 0) throw std::runtime_error("its events under way are not whole");
+  if (numbers.size() == 5 || (numbers.size() == 6 && numbers[5] != layout))
+    throw std::runtime_error("its events were written by another revision of this program; go on with that one");
+  if (numbers.size() != 6 || live.size() % per_event != 0) throw std::runtime_error("its events under way are not whole");
   m.t = numbers[0];
   m.regions.number_from(static_cast<int>(numbers[1]));
   m.count = static_cast<long>(numbers[2]);

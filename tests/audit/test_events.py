@@ -1,10 +1,13 @@
 """Catalogues of slip events against motion computed another way: chains of Coulomb blocks, whose motion between two
-changes is a sum of exponentials, and for the other laws the frames at the beginnings and ends of the events."""
+changes is a sum of exponentials; the continuum with wide stencils, several events at once; and for the other laws the
+frames at the beginnings and ends of the events."""
 import h5py
 import numpy as np
 from scipy.optimize import brentq
 
 import calls
+
+from . import sticking
 
 
 def catalogue(path):
@@ -270,3 +273,84 @@ def test_frames_at_beginnings_and_ends(scenes):
             strain = weight * (d * (eta[a] + eta[b])[region]).sum() / 2
             assert abs(found["strain_energy"][k] - strain) < 1e-5 * max(1, abs(strain)), f"{what}: strain"
     assert compared > 10
+
+
+def draw_wide(random):
+    """The continuum with stencils that reach further than neighbours, so loosely coupled that events stay small."""
+    n, left = int(random.integers(20, 41)), bool(random.random() < 0.5)
+    s = dict(chain=False, n=n, order=int(random.choice([4, 6, 8])), ring=bool(random.random() < 0.5),
+             law=str(random.choice(["coulomb", "carlson-langer"])), state="none", seed=int(random.integers(1, 10**6)),
+             spread=random.uniform(0.3, 0.6), v=random.uniform(0.02, 0.08), eta=random.uniform(0.4, 0.7), fs=1.,
+             fd=random.uniform(0.6, 0.9), sigma=random.uniform(0.05, 0.3), alpha=random.uniform(0.1, 0.5),
+             gamma=random.uniform(0.5, 2), c=random.uniform(0.5, 1.5), delta=float(random.choice([0, random.uniform(0.05, 0.4)])),
+             sign="derived", t_end=random.uniform(15, 30))
+    s["length"] = n * s["c"] * random.uniform(1.5, 3)
+    s["spread_length"] = s["length"] / n
+    if left:
+        s.update(v=-s["v"], eta=-s["eta"])
+    return s
+
+
+def by_segments(medium):
+    """Events by the definition of docs/events.md. Force before: behind, less what the own slip and the plate did."""
+    s, live, ended, last = medium.s, [], [], np.zeros(medium.n)
+    h = s["length"] / (s["n"] if s["ring"] else s["n"] - 1)
+    eta, half = None, medium.n // 2
+    for begin, _, direction, q, eta_now in medium.segments:
+        moved = set(np.flatnonzero(direction))
+        for event in [e for e in live if not e["nodes"] & moved]:
+            live.remove(event)
+            region, d = sorted(event["nodes"]), event["d"]
+            before = eta + medium.K0 * d - medium.D @ d - medium.K0 * medium.v * (begin - event["begin"])
+            sign = np.sign(d.sum())
+            left = min((i for i in region if (i - 1) % medium.n not in region or not s["ring"]), default=-1)
+            ended.append({"begin": event["begin"], "t": begin, "direction": sign, "extent": h * len(region),
+                          "left": h * left,
+                          "slip": (sign * d[region]).max(), "moment": abs(h * d.sum()),
+                          "stress_drop": sign * (before - eta)[region].mean(),
+                          "strain_energy": h * (d * (before + eta)).sum() / 2, "beside": event["beside"]})
+        for i in sorted(moved):
+            if any(i in e["nodes"] for e in live):
+                continue
+            sides = {(i - 1) % medium.n, (i + 1) % medium.n} if s["ring"] else {i - 1, i + 1}
+            near = sorted((e for e in live if e["nodes"] & sides), key=lambda e: e["begin"])
+            if not near:
+                near = [{"nodes": set(), "begin": begin, "d": np.zeros(medium.n), "beside": False}]
+                live.append(near[0])
+            near[0]["nodes"].add(i)
+            for other in near[1:]:
+                near[0]["nodes"] |= other["nodes"]
+                near[0]["d"] += other["d"]
+                live.remove(other)
+        for event in live:
+            own = sorted(event["nodes"])
+            event["d"][own] += (q - last)[own]
+            event["beside"] |= any(np.abs((i - own + half) % medium.n - half).min() <= s["order"] // 2
+                                   for other in live if other is not event for i in other["nodes"])
+        last, eta = q, eta_now
+    return ended
+
+
+def test_several_events_at_once_within_a_stencil(scenes):
+    """What the slip of others that goes on meanwhile does is no part of an event, at any tolerance."""
+    compared = {"events": 0, "beside": 0}
+    for index, s in scenes(draw_wide, salt=711, short=6):
+        medium = sticking.Medium(s, sticking.factors(s))
+        medium.advance(medium.start(np.zeros(s["n"]), np.full(s["n"], s["eta"])), 0, s["t_end"])
+        expected = by_segments(medium)
+        for tolerance in (1e-6, 1e-9, 1e-12):
+            calls.run(sticking.options_of(s) + [
+                "-init_psi", 0, "-init_eta", s["eta"], "-ts_max_time", s["t_end"], "-ts_rtol", tolerance, "-ts_atol",
+                tolerance, "-out_events", "-out_frames", 2, "-scene_reduce", "off", "-out_file", "w.h5"])
+            found = catalogue("w.h5")
+            assert len(found["t"]) == len(expected), f"scene {index} {s}: {len(found['t'])} of {len(expected)} events"
+            for e in expected:
+                k = np.argmin(np.abs(found["begin"] - e["begin"]) + np.abs(found["left"] - e["left"]))
+                for name in ("direction", "extent", "slip", "moment", "stress_drop", "strain_energy"):
+                    size = e["extent"] if name in ("moment", "strain_energy") else 1
+                    assert abs(found[name][k] - e[name]) <= (1000 * tolerance + 1e-8) * max(1, size), \
+                        f"scene {index} {s} at {tolerance}: {name} {found[name][k]!r}, not {e[name]!r}"
+        compared["events"] += len(expected)
+        compared["beside"] += sum(e["beside"] for e in expected)
+    print(compared)
+    assert compared["beside"] > 5

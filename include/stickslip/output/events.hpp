@@ -9,21 +9,24 @@
 // Integrals are taken over each step by Simpson's rule on the cubic of psi (error dt^4 relative to the event).
 //
 // Of a region of nodes i, of weight w = 1 in the chain and h in the continuum, with the slip d_i = integral of psi_i
-// and the force eta before (eta0) and behind (eta1), in units of the friction amplitude. Before: when the event begins,
-// also for nodes that it reaches later; events that have become one begin with the earlier. Where other events have
-// slipped in or near the region meanwhile (they ended before this one came there, or go on a few nodes away, within the
-// stencil), eta0 contains what their slip did, K1 D2 d - K0 d, so that what lies between before and behind is this
-// event's own.
+// while node i moves and the force eta before (eta0) and behind (eta1), in units of the friction amplitude. Before: when
+// the event begins, also for nodes that it reaches later; events that have become one begin with the earlier. Where other
+// events slip in or near the region between begin and end (they end before this one comes there, or go on a few nodes
+// away, within the stencil), eta0 contains what they do to eta until the end, K1 D2 d - K0 d of their slip d since the
+// beginning and s delta psi/A of nodes that move in them then, so that what lies between before and behind is this
+// event's own: with friction that sticks eta0 = eta1 - (K1 D2 - K0) d - K0 integral of v.
+//     direction      1 or -1, the sign of sum w d_i; 0 where it is 0
 //     extent         number of blocks; length in the continuum: nodes times h
-//     slip           largest d_i                            moment     sum w d_i
-//     magnitude      ln(moment); NaN where it is not positive
-//     stress_drop    mean of eta0 - eta1
+//     slip           largest d_i along the direction        moment     |sum w d_i|
+//     magnitude      ln(moment); NaN where it is 0
+//     stress_drop    mean of eta0 - eta1, times the direction
 //     strain_energy  sum w d_i (eta0 + eta1)/2, what the springs give away
 //     friction_work  sum w integral of psi F
 //     radiated       sum w integral of (B + s delta/A) psi^2 - psi N D2 psi, what damping and the viscosity between
 //                    neighbours take: with neither nothing is radiated
 //     kinetic        largest kinetic energy sum w psi^2/(2 A) on the way; of events that become one, that of the
 //                    larger until then
+// A scene and its mirror image (v, loads, held values and starts negated) have the same events but for the direction.
 // With friction that sticks strain_energy = friction_work + radiated but for what the plate does meanwhile, which is at
 // most K0 |v| (end - begin) moment/2 where no node slips back.
 //
@@ -48,6 +51,7 @@ namespace stickslip {
 struct SlipEvent {
   double begin = 0, end = 0;
   PetscInt first = 0, left = 0, count = 0;  // first node to move, left end of the region (round the ring), its nodes
+  int direction = 0;
   double slip = 0, moment = 0, stress_drop = 0, strain_energy = 0, friction_work = 0, radiated = 0, kinetic = 0;
 };
 
