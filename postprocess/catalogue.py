@@ -38,10 +38,11 @@ def read(path, way):
     with reading(path) as file:
         if "events" not in file:
             raise Unusable("holds no events: run with -out_events")
-        events = {name: data[:] for name, data in file["events"].items()}
+        events = along_their_direction({name: data[:] for name, data in file["events"].items()})
         found = {"x": file["x"][:], "t": file["t"][:], "options": options(file), "path": path,
                  "title": scene_title(file)}
     found["v"] = abs(float(found["options"]["model_v"]))
+    found["sign"] = np.sign(float(found["options"]["model_v"]))
     if found["v"] == 0:
         raise Unusable("is of a plate that rests (model_v 0)")
     begin = found["begin"] = way / found["v"]
@@ -51,6 +52,23 @@ def read(path, way):
     keep = events["begin"] >= begin
     found["events"] = {name: values[keep] for name, values in events.items()}
     return found
+
+
+def along_their_direction(events):
+    """Files of before there was a direction have moments and drops to the left that are negative, and no slip of such events
+    that could be told (it is that of the node that slips least)."""
+    if "direction" in events:
+        return events
+    direction = np.sign(events["moment"])
+    with np.errstate(divide="ignore"):
+        magnitude = np.where(direction != 0, np.log(np.abs(events["moment"])), np.nan)
+    return {**events, "direction": direction, "moment": np.abs(events["moment"]), "magnitude": magnitude,
+            "stress_drop": direction * events["stress_drop"], "slip": np.where(direction > 0, events["slip"], np.nan)}
+
+
+def signed_moments(run):
+    """Those of slips against the plate are negative, so that their sum is what makes up for the plate's way."""
+    return run["sign"] * run["events"]["direction"] * run["events"]["moment"]
 
 
 def magnitudes(run):
@@ -220,7 +238,7 @@ def statistics(runs, bounds=None):
     cuts = [{"low": float(low + shift), "b": fit(m, low + shift, high)[0],
              "interval": interval(runs, low + shift, high)} for shift in (-1, -0.5, 0, 0.5, 1) if low + shift < high - 0.5]
     return {"runs": len(runs), "nodes": nodes, "events": len(m), "per_node_and_way": len(m) / (nodes * way),
-            "moment_per_node_and_way": float(moment.sum() / (nodes * way)), "largest_extent": float(extent.max()),
+            "moment_per_node_and_way": float(sum(signed_moments(run).sum() for run in runs) / (nodes * way)), "largest_extent": float(extent.max()),
             # what a large event is: the moment's own mean, each event counted with its moment
             "typical_moment": float((moment**2).sum() / moment.sum()),
             "fit": [float(low), float(high)], "in_fit": number, "b": b, "b_error_if_independent": error,

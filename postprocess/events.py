@@ -22,7 +22,7 @@ import numpy as np  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
 import figures  # noqa: E402,F401  (fonts)
-from catalogue import FEWEST, fit, magnitudes, read  # noqa: E402
+from catalogue import FEWEST, fit, magnitudes, read, signed_moments  # noqa: E402
 from stickslip import Unusable, options, reading, told_apart  # noqa: E402
 
 
@@ -61,7 +61,7 @@ def catalogue_figure(paths, begin=0, bounds=None, option=None):
         if not np.isfinite(b):
             fitted = f"no b: {number} events in [{low:g}, {high:g}], and a fit takes {FEWEST} (--fit A B sets the range)"
         left_out = len(run["events"]["t"]) - len(m)
-        note = f" (and {left_out} whose moment is not positive)" if left_out else ""
+        note = f" (and {left_out} whose slips cancel)" if left_out else ""
         print(f"{name}: {len(m)} events{note}, {fitted}; largest extent {run['events']['extent'].max():g}")
         if np.isfinite(b):
             grid = np.linspace(low, high, 2)
@@ -92,14 +92,14 @@ def catalogue_figure(paths, begin=0, bounds=None, option=None):
     place.set_ylabel("t")
     place.set_title("regions that slipped" + (f", {curve.get_legend_handles_labels()[1][0]}" if len(runs) > 1 else ""))
 
-    # the mean slip of each event, laid on its region
-    order = np.argsort(events["t"])
+    # the mean slip of each event, laid on its region; what goes the plate's way is drawn upwards
+    order, moments = np.argsort(events["t"]), signed_moments(run)
     for part in (0.2, 0.4, 0.6, 0.8):
         at = x[int(part * (len(x) - 1))]
         offset = (at - events["left"][order]) % length if ring else at - events["left"][order]
         hit = (offset >= -1e-9) & (offset < events["extent"][order] - 1e-9)
         t = events["t"][order][hit]
-        d = np.cumsum((events["moment"] / events["extent"])[order][hit])
+        d = np.cumsum((moments / events["extent"])[order][hit])
         slip.step(np.r_[run["begin"], t], np.r_[0, d], where="post", lw=1, label=f"x = {at:g}")
     plate = [run["begin"], run["end"]], [0, run["v"] * (run["end"] - run["begin"])]
     slip.plot(*plate, "k:", lw=1, label="plate")
@@ -107,7 +107,7 @@ def catalogue_figure(paths, begin=0, bounds=None, option=None):
     slip.set_ylabel("slip (mean over each event)")
     slip.legend(fontsize=8)
 
-    moment.step(events["t"][order], np.cumsum(events["moment"][order]) / length, where="post", lw=1)
+    moment.step(events["t"][order], np.cumsum(moments[order]) / length, where="post", lw=1)
     moment.plot(*plate, "k:", lw=1)
     moment.set_xlabel("t")
     moment.set_ylabel("moment so far over length (dotted: plate)")

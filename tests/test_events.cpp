@@ -216,6 +216,48 @@ TEST_CASE("force before an event, which others have changed since it began", "[s
   CHECK(events.row(ended[1]) == resumed.row(from_saved[0]));
 }
 
+TEST_CASE("what other events do is no part of one, until it ends and while its nodes moved in them", "[serial]") {
+  // Each node's eta rests, so psi is straight between the rows and all of the drop is what the others did. The one at 2 ends
+  // at t = 3, while the other, two nodes away, goes on; that one comes to 2 when it has ended. Either way round.
+  Scene s = chain(9, false);
+  s.form = Form::continuum;
+  s.order = 4;
+  s.gamma = 2;
+  s.delta = 0.4;
+  const std::vector<std::string> rows = {".........", "..#......", "..#.#....", "....#....", "....##...",
+                                         "..####...", "..#......", ".........", "........."};
+  const auto done_by = [&](PetscInt i, PetscInt node, double slip) {
+    double force = i == node ? -s.K0() * slip : 0;
+    for (const auto& [j, factor] : second_difference_row(s, i)) force += j == node ? s.K1() * factor * slip : 0;
+    return force;
+  };
+  for (const int sign : {1, -1}) {
+    Events events(s, 0);
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      std::vector<std::vector<double>> fields = picture(rows[k]);
+      for (std::size_t i = 0; i < 9; ++i) {
+        fields[0][i] *= sign;
+        fields[1][i] = sign * (0.5 + 0.1 * double(i));
+      }
+      events.step(double(k), fields);
+    }
+    const std::vector<SlipEvent> ended = events.ended();
+    REQUIRE(ended.size() == 2);
+    CAPTURE(sign);
+    const double slipped_beside = 1.5, slipped_before = 1.5, damped = s.delta / s.gamma;
+    CHECK(ended[0].count == 1);
+    CHECK(ended[0].stress_drop == Approx(done_by(2, 4, slipped_beside)));
+    double drop = damped;
+    for (PetscInt i = 2; i < 6; ++i) drop += done_by(i, 2, slipped_before);
+    CHECK(ended[1].count == 4);
+    CHECK(ended[1].stress_drop == Approx(drop / 4));
+    for (const SlipEvent& e : ended) CHECK(e.direction == sign);
+    CHECK(ended[0].slip == Approx(2));
+    CHECK(ended[0].moment == Approx(2));
+    CHECK(ended[1].moment == Approx(4 + 2 + 1 + 2));
+  }
+}
+
 TEST_CASE("nodes side by side add up as nodes apart do", "[serial]") {
   // the same motion of 270 nodes, once in one region, in vector code, once with a node at rest between any two
   std::mt19937 random(3);

@@ -362,7 +362,7 @@ std::vector<Field> Events::columns() {
           {"first", "length", "position of the first node that moves"},
           {"left", "length", "left end of the region that slips"},
           {"extent", "length", "blocks that slip (chain) or their length (continuum)"},
-          {"direction", "1", "1: towards larger displacement; -1: the other way; slip, moment and stress_drop are along it"},
+          {"direction", "1", "1: forward; -1: backward, of which slip, moment and stress_drop are positive alike"},
           {"slip", "length", "largest slip"},
           {"moment", "length^2", "sum of the slip over blocks or over length"},
           {"magnitude", "1", "natural logarithm of the moment"},

@@ -21,8 +21,8 @@ def drawn(random, b, number, width=3.0):
 def run(magnitude, begin=None, end=100.0, n=10, **options):
     begin = np.sort(np.asarray(begin)) if begin is not None else np.linspace(0, end, len(magnitude), endpoint=False)
     return {"events": {"magnitude": np.asarray(magnitude), "begin": begin, "moment": np.exp(magnitude),
-                       "extent": np.ones(len(magnitude))},
-            "x": np.arange(n), "t": np.array([0, end]), "begin": 0.0, "end": end, "v": 0.01, "path": "drawn",
+                       "direction": np.ones(len(magnitude)), "extent": np.ones(len(magnitude))},
+            "x": np.arange(n), "t": np.array([0, end]), "begin": 0.0, "end": end, "v": 0.01, "sign": 1, "path": "drawn",
             "options": {"init_seed": "1", "grid_n": str(n), **options}}
 
 
