@@ -279,10 +279,6 @@ class Placing {
   double slope_ = 0;                    // of the growth rate across the curve at the last point
 };
 
-bool another_mode(const Crossing& a, const Crossing& b) {
-  return a.kind != b.kind || std::abs(a.frequency - b.frequency) > 0.3 * std::max(a.frequency, b.frequency);
-}
-
 // The point of the curve beside the chord from one point to a neighbour, so far along it (0 to 1); nothing where there is
 // none near.
 std::optional<Crossing> point_between(GrowthRate& growth, const Crossing& a, const Crossing& b, double part) {
@@ -316,16 +312,18 @@ std::optional<Crossing> bautin_point(GrowthRate& growth, const Crossing& a, cons
   return last;
 }
 
-// The place between two neighbouring points of the curve where the mode of the second takes over from that of the
-// first, by halving; the point there has the mode of one of them.
-Crossing meeting(GrowthRate& growth, Crossing a, Crossing b) {
+// The place between two neighbouring points of the curve where another mode takes over, by halving; the point there has
+// the mode of the second. Nothing where their frequencies are alike, or where that of one mode changes steadily from one
+// to the other: then it comes to be the same at both ends of what is left, while a jump stays.
+std::optional<Crossing> meeting(GrowthRate& growth, Crossing a, Crossing b) {
+  const double scale = std::max(a.frequency, b.frequency), other = 0.3 * scale, same = 1e-3 * scale;
+  const auto apart = [](const Crossing& p, const Crossing& q) { return std::abs(p.frequency - q.frequency); };
+  if (!(apart(a, b) > other)) return std::nullopt;
   for (int k = 0; k < 24; ++k) {
     const std::optional<Crossing> between = point_between(growth, a, b, 0.5);
     if (!between) break;
-    const Crossing& c = *between;
-    const bool like_a = a.kind == b.kind ? std::abs(c.frequency - a.frequency) < std::abs(c.frequency - b.frequency)
-                                         : c.kind == a.kind;
-    (like_a ? a : b) = c;
+    (apart(a, *between) < apart(*between, b) ? a : b) = *between;
+    if (apart(a, b) < same) return std::nullopt;
   }
   return b;
 }
@@ -349,9 +347,9 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Bounda
         continue;
       }
       if (!result.empty() && result.back().piece == c.piece) {
-        c.switched = another_mode(result.back(), c);
-        if (c.switched && findings.meetings.size() < 16)
-          findings.meetings.push_back(meeting(growth, result.back(), c));
+        const std::optional<Crossing> change = meeting(growth, result.back(), c);
+        c.switched = change.has_value();
+        if (change && findings.meetings.size() < 16) findings.meetings.push_back(*change);
         if (const auto bautin = bautin_point(growth, result.back(), c))
           findings.special.push_back({"bautin", *bautin});
       }
