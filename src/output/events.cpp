@@ -24,8 +24,9 @@ namespace {
 constexpr std::size_t side_by_side = 128;  // nodes that vector code takes at a time
 constexpr std::size_t few = 4;             // for fewer it does not pay
 constexpr int most_ids = 1 << 30;          // from here on events under way are numbered anew
-constexpr int per_event = 9;               // numbers of an event under way in a checkpoint
-constexpr int layout = 2;                  // of what a checkpoint holds of events
+constexpr std::size_t per_event = 7;       // numbers of an event under way in a checkpoint
+constexpr std::size_t per_part = 2;        // and of a rank's part in its energies
+constexpr int layout = 3;                  // of what a checkpoint holds of events
 
 using Fields = std::vector<std::vector<double>>;
 
@@ -402,24 +403,25 @@ void Events::save(Checkpoint& checkpoint) const {
   for (const std::vector<double>& field : m.last) fields.push_back(&field);
   checkpoint.fields["events.last_fields"] = interleaved(fields);
   checkpoint.fields["events.slips"] = interleaved({&m.slip, &m.slipped});
-  std::vector<double> sums;
+  // The parts of all ranks and not their sum: as many ranks go on each with its own, and round as without a restart.
+  std::vector<double> part;
   for (const auto& [id, l] : m.regions.live()) {
-    sums.push_back(l.event.friction_work);
-    sums.push_back(l.event.radiated);
+    part.push_back(l.event.friction_work);
+    part.push_back(l.event.radiated);
   }
-  if (m.ranks > 1) sum_over(m.nodes.comm, sums.data(), int(sums.size()));
+  std::vector<double>& parts = checkpoint.arrays["events.parts"];
+  parts.resize(part.size() * std::size_t(m.ranks));
+  MPI_Allgather(part.data(), int(part.size()), MPI_DOUBLE, parts.data(), int(part.size()), MPI_DOUBLE, m.nodes.comm);
   std::vector<double>& live = checkpoint.arrays["events.live"];
   std::map<const Before*, double> beginnings;  // those written so far, by their number
-  const double* sum = sums.data();
   for (const auto& [id, l] : m.regions.live()) {
     const auto [at, is_new] = beginnings.emplace(l.before.get(), double(beginnings.size()));
     if (is_new)
       checkpoint.fields["events.before" + std::to_string(int(at->second))] = interleaved({&l.before->eta, &l.before->slipped});
     const SlipEvent& e = l.event;
-    for (const double x : {double(id), e.begin, double(e.first), double(e.left), double(e.count), sum[0], sum[1], e.kinetic,
-                           at->second})
+    for (const double x :
+         {double(id), e.begin, double(e.first), double(e.left), double(e.count), e.kinetic, at->second})
       live.push_back(x);
-    sum += 2;
   }
   checkpoint.arrays["events.last"] = {m.t, double(m.regions.next_id()), double(m.count), double(m.last.size()),
                                       double(beginnings.size()), layout};
@@ -437,7 +439,10 @@ void Events::restore(const std::map<std::string, std::vector<double>>& arrays,
   const std::vector<double>&numbers = arrays.at("events.last"), &live = arrays.at("events.live");
   if (numbers.size() == 5 || (numbers.size() == 6 && numbers[5] != layout))
     throw std::runtime_error("its events were written by another revision of this program; go on with that one");
-  if (numbers.size() != 6 || live.size() % per_event != 0) throw std::runtime_error("its events under way are not whole");
+  const std::vector<double>& parts = arrays.at("events.parts");
+  const std::size_t part = per_part * (live.size() / per_event);
+  if (numbers.size() != 6 || live.size() % per_event != 0 || parts.size() % std::max<std::size_t>(part, 1) != 0)
+    throw std::runtime_error("its events under way are not whole");
   m.t = numbers[0];
   m.regions.number_from(static_cast<int>(numbers[1]));
   m.count = static_cast<long>(numbers[2]);
@@ -451,7 +456,11 @@ void Events::restore(const std::map<std::string, std::vector<double>>& arrays,
     std::vector<double> beside = m.halo.fetch(before[1]);
     beginnings.push_back(std::make_shared<const Before>(Before{before[0], before[1], std::move(beside)}));
   }
-  const bool has_sums = rank_in(m.nodes.comm) == 0;  // which are of all ranks
+  std::vector<double> own(part);  // of as many ranks each takes its part, else rank 0 takes them all
+  const bool as_many = parts.size() == part * std::size_t(m.ranks);
+  const std::size_t rank = std::size_t(rank_in(m.nodes.comm));
+  for (std::size_t k = 0; k < parts.size(); ++k)
+    if (rank == (as_many ? k / part : 0)) own[k % part] += parts[k];
   for (std::size_t k = 0; k < live.size(); k += per_event) {
     const double* x = &live[k];
     LiveEvent l;
@@ -459,10 +468,10 @@ void Events::restore(const std::map<std::string, std::vector<double>>& arrays,
     l.event.first = static_cast<PetscInt>(x[2]);
     l.event.left = static_cast<PetscInt>(x[3]);
     l.event.count = static_cast<PetscInt>(x[4]);
-    l.event.friction_work = has_sums ? x[5] : 0;
-    l.event.radiated = has_sums ? x[6] : 0;
-    l.event.kinetic = x[7];
-    l.before = beginnings.at(static_cast<std::size_t>(x[8]));
+    l.event.friction_work = own[k / per_event * per_part];
+    l.event.radiated = own[k / per_event * per_part + 1];
+    l.event.kinetic = x[5];
+    l.before = beginnings.at(static_cast<std::size_t>(x[6]));
     const int id = static_cast<int>(x[0]);
     m.regions.put(id, l);
     m.own_nodes_of(id, [&](PetscInt i) { m.owner[std::size_t(i)] = id; });

@@ -68,7 +68,7 @@ def renumbered(path, to, steps, ids):
         live = file["arrays/events.live"]
         if live.shape[0]:
             values = live[...]
-            values[::9] += ids
+            values[::7] += ids
             live[...] = values
     with open(to, "rb") as file:
         content = file.read()[512:]
