@@ -7,8 +7,8 @@ Files that differ in nothing but seeds are one ensemble; --by makes one of each 
 with size, model_v or model_nu for the dependence on the loading or on viscosity). Magnitudes are natural logarithms of the
 moment, b that of a density ~ exp(-b magnitude) on [A, B) (default: from 2 above the most frequent magnitude over 3 units).
 --from leaves out what began before the plate had gone so far. For each ensemble:
-  b         by maximum likelihood for a truncated exponential; in brackets the 95 % interval of a bootstrap that draws whole
-            runs (of one run: stretches of its time), because events of one run are not independent
+  b         by maximum likelihood for a truncated exponential; in brackets the 95 % interval that the scatter of whole runs
+            (of one run: of stretches of its time) gives it, because events of one run are not independent
   p         goodness of fit: how often catalogues drawn from the fitted law miss it by more (Kolmogorov and Smirnov's
             distance, b fitted anew each time). Below 0.05 the curve is no straight line, and b a mere summary of it
   halves    events and moment in the second half of the time over the first, with the 95 % interval over the runs: 1 where
@@ -27,7 +27,7 @@ import numpy as np  # noqa: E402
 from stickslip import Unusable, options, reading, scene_title  # noqa: E402
 
 FEWEST = 20     # events for a fit
-STRETCHES = 20  # of the time of a lone run, in its bootstrap
+STRETCHES = 20  # of the time of a lone run, for its interval
 SEEDS = ("friction_seed", "init_seed")
 
 
@@ -130,24 +130,25 @@ def parts_of(runs, low, high):
     return np.array([len(p) for p in pieces]), np.array([p.sum() for p in pieces])
 
 
-def interval(runs, low, high, draws=1000, seed=1):
-    """95 % of b in a bootstrap over whole runs (stretches of a lone one)."""
+def interval(runs, low, high):
+    """95 % of b: of the mean magnitude, by what each run (each stretch of a lone one) has beside it, as b of that mean."""
     count, total = parts_of(runs, low, high)
     if count.sum() < FEWEST:
         return np.nan, np.nan
-    chosen = np.random.default_rng(seed).integers(0, len(count), (draws, len(count)))
-    number = count[chosen].sum(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = total[chosen].sum(axis=1) / number
-    b = slope_of(mean[number >= FEWEST], high - low)
-    # few runs scatter too little about their mean: sqrt(n/(n - 1)) about the value itself, and Student's factor
-    centre = slope_of(total.sum() / count.sum(), high - low)
-    widen = np.sqrt(len(count) / (len(count) - 1)) * student(len(count) - 1) / 1.96
-    return tuple(float(centre + widen * (np.quantile(b, q) - centre)) for q in (0.025, 0.975))
+    mean, width = total.sum() / count.sum(), high - low
+    error = scatter(total - mean * count) / count.sum()
+    return tuple(float(slope_of(np.clip(mean + side * error, 0, width), width)) for side in (1, -1))
+
+
+def scatter(parts):
+    """95 % of the sum of what runs add to a number that is zero in truth: so far from it on either side."""
+    return student(len(parts) - 1) * np.std(parts, ddof=1) * np.sqrt(len(parts))
 
 
 def student(freedom):
-    """97.5 % of Student's distribution (Cornish and Fisher's expansion; 12.7 of one degree is 10 % more)."""
+    """97.5 % of Student's distribution: exact for one and two degrees, then Cornish and Fisher's expansion, to 1 %."""
+    if freedom < 3:
+        return (np.tan(0.475 * np.pi), 0.95 / np.sqrt(2 * 0.975 * 0.025))[freedom - 1]
     z = 1.959964
     return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2) + \
         (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / (384 * freedom**3)
@@ -193,7 +194,7 @@ def halves(runs):
         error = np.nan
         if len(runs) > 2 and first.sum() > 0:
             # of a ratio of sums: the scatter of what each run adds to second - ratio first
-            error = student(len(runs) - 1) * np.std(second - ratio * first, ddof=1) * np.sqrt(len(runs)) / first.sum()
+            error = scatter(second - ratio * first) / first.sum()
         found[name] = {"ratio": float(ratio), "low": float(ratio - error), "high": float(ratio + error)}
     return found
 

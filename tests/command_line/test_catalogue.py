@@ -39,22 +39,32 @@ def test_b_is_that_of_the_law():
         check(abs(error * np.sqrt(20000 * variance) - 1) < 0.02, f"its error: {error}")
     check(abs(c.mean_of(1e-9, 3) - 1.5) < 1e-8 and abs(c.mean_of(-0.7, 3) + c.mean_of(0.7, 3) - 3) < 1e-12, "symmetric about b = 0")
     check(np.isnan(c.fit(np.zeros(3), 0, 3)[0]), "too few for a fit")
-    check(abs(c.student(4) - 2.776) < 0.01 and abs(c.student(7) - 2.3646) < 0.003, "Student's factor")
+    for freedom, factor in ((1, 12.7062), (2, 4.30265), (3, 3.18245), (4, 2.77645), (7, 2.36462), (30, 2.04227)):
+        check(abs(c.student(freedom) / factor - 1) < 0.01, f"Student's factor of {freedom}: {c.student(freedom)}")
 
 
 def test_intervals_cover_what_they_should():
-    """Of 120 ensembles 95 % +- 2 % of the intervals hold the true b; a tenth less is allowed to a bootstrap of 8 runs."""
+    """95 % of the intervals hold the true b, of many runs and of few, of long ones and of short. spread: of b from run to
+    run, so that events of a run are not independent draws; uneven: runs of unequal length."""
     random = np.random.default_rng(2)
-    for scatter in (0.0, 0.3):  # the second: runs of unequal b, so that their events are not independent draws
-        held = naive = 0
-        for _ in range(120):
-            runs = [run(drawn(random, 1 + scatter * random.normal(), 100)) for _ in range(8)]
-            low, high = c.interval(runs, 0, 3, draws=120)
-            held += low <= 1 <= high
-            b, error, _ = c.fit(np.concatenate([c.magnitudes(r) for r in runs]), 0, 3)
-            naive += abs(b - 1) <= 1.96 * error
-        check(0.88 < held / 120 <= 1, f"scatter {scatter}: {held / 120}")
-        check((naive / 120 > 0.87) == (scatter == 0), f"errors of independent events: {naive / 120}")
+    for number, each, b, spread, uneven in ((8, 100, 1, 0, 0), (8, 100, 1, 0.3, 0), (2, 12, 0.4, 0, 0), (2, 60, 2.5, 0, 0),
+                                            (3, 10, 1, 0, 0), (3, 60, -0.5, 0.3, 0), (5, 40, 1, 0, 0.5)):
+        held = naive = made = 0
+        while made < 300:
+            runs = [run(drawn(random, b + spread * random.normal(), random.poisson(each * np.exp(uneven * random.normal()))))
+                    for _ in range(number)]
+            found, error, count = c.fit(np.concatenate([c.magnitudes(r) for r in runs]), 0, 3)
+            if count < c.FEWEST:
+                continue
+            low, high = c.interval(runs, 0, 3)
+            check(low <= found <= high, f"b {found} outside [{low}, {high}]")
+            made += 1
+            held += low <= b <= high
+            naive += abs(found - b) <= 1.96 * error
+        case = f"{number} runs of {each}, b {b}, spread {spread}, uneven {uneven}"
+        check(0.91 < held / made < 0.99, f"{case}: {held / made}")
+        if each >= 60:
+            check((naive / made > 0.9) == (spread == 0), f"{case}: errors of independent events: {naive / made}")
     low, high = c.interval([run(drawn(random, 1, 800))], 0, 3)
     b, error, _ = c.fit(drawn(random, 1, 800), 0, 3)
     check(abs((low + high) / 2 - 1) < 4 * error and 2 < (high - low) / error < 6,
