@@ -20,6 +20,10 @@ TEST_CASE("a pilot takes the steps of PETSc's rk", "[accuracy][serial]") {
       {{"ts_max_time", "5"}},
       {{"model_form", "chain"}, {"grid_n", "7"}, {"friction_law", "rate-and-state"}, {"ts_max_time", "0.5"},
        {"friction_spread", "0.1"}},
+      {{"init_type", "sine"}, {"grid_n", "40"}, {"load_v", "0:0.3,0.4:0.3,0.4:-0.2,1.1:0.5"},
+       {"load_sine_amplitude", "0.2"}, {"load_sine_period", "0.7"}, {"ts_max_time", "2"}},
+      {{"model_form", "chain"}, {"grid_n", "4"}, {"bc_left", "free"}, {"init_noise", "0.2"},
+       {"load_v", "0.3:1,0.3:-1,7:0.4"}, {"ts_max_time", "9"}},
   };
   for (const Words& words : scenes) {
     std::vector<Given> given;

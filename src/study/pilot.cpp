@@ -100,10 +100,15 @@ Trial Pilot::run(const Setting& setting, double limit) const {
   static const std::vector<VecHandle> no_slopes;
   double most = longest_step(setting);
   if (most == 0) most = t_end_;
-  double t = 0, dt = std::min({rates_of(model, u).first_step(), most, t_end_});
+  const ErrorNorm norm{setting.tolerance, setting.tolerance, NORM_2};
+  double t = 0, until = 0, dt = std::min({rates_of(model, u).first_step(), most, t_end_});
   for (int rejected = 0; t < t_end_ && trial.failed.empty();) {
-    const TiledStep::Outcome outcome =
-        step.take(u, dt, {setting.tolerance, setting.tolerance, NORM_2}, true, next, no_slopes);
+    if (t == until) {  // the start, or a corner of the load
+      until = std::min(t_end_, model.scene().load.next_corner(t));
+      model.begin_load(t);
+      dt = std::min(dt, until - t);
+    }
+    const TiledStep::Outcome outcome = step.take(u, dt, norm, true, next, no_slopes, nullptr, t);
     if (!outcome.finite || outcome.error > 1) {
       const double safe = rejected > 0 ? safety * reject_safety : safety;
       dt *= outcome.finite ? std::clamp(safe * std::pow(outcome.error, exponent), shortest, longest) : when_not_finite;
@@ -114,12 +119,12 @@ Trial Pilot::run(const Setting& setting, double limit) const {
     std::swap(u, next);
     ++trial.steps;
     rejected = 0;
-    t = t_end_ - t <= dt ? t_end_ : t + dt;
-    const double left = t_end_ - t;
+    t = until - t <= dt ? until : t + dt;
+    const double left = until - t;
     dt *= outcome.error > 0 ? std::clamp(safety * std::pow(outcome.error, exponent), shortest, longest) : longest;
     dt = std::min(dt, most);
-    if (1.01 * dt > left) dt = left;
-    else if (2 * dt > left) dt = left / 2;
+    if (left > 0 && 1.01 * dt > left) dt = left;
+    else if (left > 0 && 2 * dt > left) dt = left / 2;
     if (trial.steps % 64 == 0) {
       const double spent = processor_seconds() - begin;
       if (spent > limit || (spent > 0.25 * limit && spent * t_end_ > 4 * limit * t)) trial.failed = "too long";

@@ -1,6 +1,6 @@
 // Runs of a scene by an explicit Runge-Kutta pair on one rank, for `-accuracy`: those that prepare a run are so short
-// that PETSc's grid and TS cost more than the steps do. Steps are those of PETSc's rk with its own error control (a
-// test compares them); every rank does the same.
+// that PETSc's grid and TS cost more than the steps do. Steps are those of PETSc's rk with its own error control, and
+// end at the corners of a load as a run's do (a test compares them); every rank does the same.
 #pragma once
 
 #include "stickslip/study/start.hpp"
