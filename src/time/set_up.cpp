@@ -12,6 +12,28 @@ namespace stickslip {
 
 namespace {
 constexpr double default_tolerance = 1e-6;  // relative and absolute, of a step
+
+// The norm in which the error of a step is kept below its tolerance, where the user names none: PETSc's mean over all
+// unknowns, but with friction that sticks exactly the largest. There mostly a few blocks move while the others rest and
+// err by nothing, and the mean would let these few err by the more the longer the chain is. PETSc takes the norm of a
+// TSAdapt from the options alone, among which it therefore stands while this does.
+class UsualNorm {
+ public:
+  UsualNorm(const Scene& scene, const std::string& prefix) : name_("-" + prefix + "ts_adapt_wnormtype") {
+    if (!Stick::applies_to(scene) || user_set(prefix, "ts_adapt_wnormtype")) return;
+    SS_TRY(PetscOptionsSetValue(nullptr, name_.c_str(), "infinity"));
+    set_ = true;
+  }
+  ~UsualNorm() {
+    if (set_) (void)PetscOptionsClearValue(nullptr, name_.c_str());
+  }
+  UsualNorm(const UsualNorm&) = delete;
+  UsualNorm& operator=(const UsualNorm&) = delete;
+
+ private:
+  std::string name_;
+  bool set_ = false;
+};
 }  // namespace
 
 void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
@@ -27,7 +49,10 @@ void Integrator::Impl::set_up(const MethodSpec& spec, Vec u) {
   const MethodKind kind = asks_no_solver ? MethodKind::explicit_ : offered_type(choice.type).kind;
   equations->attach(ts, kind, strictest_tolerance(spec), prefix);
   set_step_control(spec, rates);
-  SS_TRY(TSSetFromOptions(ts));
+  {
+    const UsualNorm norm(model.scene(), prefix);
+    SS_TRY(TSSetFromOptions(ts));
+  }
   // What the method was given stands above the options of PETSc.
   if (spec.tolerance > 0) SS_TRY(TSSetTolerances(ts, spec.tolerance, nullptr, spec.tolerance, nullptr));
   if (spec.step > 0) SS_TRY(TSSetTimeStep(ts, spec.step));

@@ -119,7 +119,7 @@ def test_ensembles_and_size():
 def test_as_a_user_calls_it():
     for seed in (1, 2, 3):
         subprocess.run([PROGRAM, "run", "-progress", "off", "-out_file", f"c-{seed:06d}.h5", "-init_seed", str(seed)] +
-                       words(scene_file("catalogue") + " -grid_n 40 -ts_max_time 3000 -out_frames 2"), check=True)
+                       words(scene_file("catalogue") + " -grid_n 40 -ts_max_time 6000 -out_frames 2"), check=True)
     files = [f"c-{seed:06d}.h5" for seed in (1, 2, 3)]
     script = [sys.executable, os.path.join(SOURCE, "postprocess", "catalogue.py")]
     done = subprocess.run(script + files + ["--from", "1", "--fit", "-3.5", "-0.5", "-o", "c.png", "--json", "c.json", "--by", "grid_n"],
