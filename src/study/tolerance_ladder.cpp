@@ -1,4 +1,8 @@
 // A ladder of tolerances: where there is no grid to refine (the chain, uniform motion).
+//
+// The last level is stricter than the run, so that the run's error is its distance from that level. How errors fall with
+// the tolerance says only where the run is to be placed: on a ladder of few levels they fall now faster, now slower, and in
+// chains a run may come near a looser one by chance while both are wrong.
 #include <algorithm>
 #include <cmath>
 
@@ -29,7 +33,19 @@ class ToleranceLadder final : public Ladder {
   double first() const { return std::clamp((setting_.method.is_explicit() ? 10 : 0.1) * aim_, 1e-12, loosest()); }
   // Errors fall with the tolerance as they do where nothing is stiff and no threshold is crossed.
   bool smooth() const { return setting_.method.is_explicit() && !request_.scene.friction.law->jumps_at_rest; }
+  // Explicit steps meet a threshold now sooner, now later in a step.
+  bool scatters() const { return setting_.method.is_explicit() && !smooth(); }
   double loosest() const { return setting_.method.is_explicit() ? 1e-2 : 1e-4; }
+  // By how much the last level is stricter than the run, at least, so that it errs by little beside it.
+  double lead() const { return scatters() ? 10 : setting_.method.is_explicit() ? 5 : 2.5; }
+  bool leads(double wish) const {
+    return wish >= lead() * levels_.back().tolerance || levels_.back().tolerance <= 2 * least_tolerance;
+  }
+  // Of the level that is to lead a run at `wish`.
+  double next_tolerance(double wish) const {
+    const double last = levels_.back().tolerance, goal = std::min(wish / (2 * lead()), last / lead());
+    return std::max({goal, last / 1000, least_tolerance});
+  }
   double wished() const;
   double slope() const;
   double time_foreseen(double tolerance) const;
@@ -93,39 +109,31 @@ void ToleranceLadder::choose() {
     }
     add(std::move(made));
     if (levels_.size() == 1)
-      next = std::max(levels_.back().tolerance / (setting_.method.is_explicit() ? loosened : 10), least_tolerance);
+      next = std::max(levels_.back().tolerance / (setting_.method.is_explicit() ? 1000 : 10), least_tolerance);
     else if (place_or_go_on(next)) return;
   }
 }
 
-// Places the run where the last level foresees it, or says where the next level is to be.
+// Places the run where the last level leads it, or says where the next level is to be.
 bool ToleranceLadder::place_or_go_on(double& next) {
   const Level& last = levels_.back();
   const double d = distances_.back(), wish = wished();
-  if (last.tolerance <= 2 * least_tolerance && d > aim_) give_up_at(last.tolerance, d);
+  if (last.tolerance <= 2 * least_tolerance && d > aim_ && wish < last.tolerance) give_up_at(last.tolerance, d);
   if (runs_.prefers_explicit(last, request_.scene.n, wish)) {
     runs_.take_explicit();
     begin_anew();
     next = first();
     return false;
   }
-  const bool early = smooth() && d > 1e-3;  // before errors fall as they will
-  if (wish >= last.tolerance / (early ? 100 : loosened) || last.tolerance <= 2 * least_tolerance) {
-    place(wish);
-    return true;
-  }
-  next = std::max({10 * wish, last.tolerance / 1000, least_tolerance});
-  if (next > last.tolerance / 3) next = last.tolerance / loosened;
-  return false;
+  if (leads(wish)) place(wish);
+  else next = next_tolerance(wish);
+  return leads(wish);
 }
 
 void ToleranceLadder::place(double wish) {
-  // close to the last level the distance from it would tell nothing
-  const double last = levels_.back().tolerance, off = setting_.method.is_explicit() ? 3 : 2;
-  if (wish > last / off && wish < last * off) {
-    const bool looser = !setting_.method.is_explicit() && time_foreseen(last * off) < 0.85 * request_.wanted;
-    wish = looser ? last * off : last / off;
-  }
+  // so close to the last level, which nothing can be stricter than, the distance from it would tell nothing
+  const double last = levels_.back().tolerance;
+  if (wish > last / 2 && wish < last * 2) wish = last;
   setting_.tolerance = std::clamp(wish, least_tolerance, 3 * loosest());
   in_time_ = time_foreseen(setting_.tolerance);
 }
@@ -142,14 +150,7 @@ double ToleranceLadder::estimate_in_time(const Level& now, double d) const {
   const Level& last = levels_.back();
   const double x = last.tolerance / now.tolerance;
   if (x < 0.7) return d / (1 - std::pow(x, slope()));
-  if (x < 1) return std::max(d, time_foreseen(now.tolerance));
-  const double usual = slope();
-  if (d < 0.01 * time_foreseen(now.tolerance)) return time_foreseen(last.tolerance);  // the level's own steps
-  if (x < 3) return std::max(time_foreseen(now.tolerance), x > 1.5 ? d / (std::pow(x, usual) - 1) : 0);
-  const double of_last = d / (1 - std::pow(x, -usual));
-  const double seen = std::clamp(std::log(distances_.back() / of_last) /
-                                     std::log(levels_[levels_.size() - 2].tolerance / last.tolerance), 0.5, 1.);
-  return of_last * std::pow(x, -std::min(seen, std::max(usual, 0.75)));
+  return std::max(d, time_foreseen(now.tolerance));  // at the last level's own tolerance, or next to it
 }
 
 // A run of a few steps may take nearly those of the last level, whatever its tolerance: their distance, far below what was
@@ -169,9 +170,10 @@ double ToleranceLadder::estimate(const Answer& end) {
   look_beyond_own_steps();
   const bool elsewhere = setting_.tolerance != levels_.back().tolerance && !distances_.empty();
   const double d = difference_of_run(elsewhere ? time_foreseen(levels_.back().tolerance) : 0);
-  // explicit steps meet a threshold now sooner, now later in a step: their errors scatter
-  const bool scatter = setting_.method.is_explicit() && !smooth();
-  last_estimate_ = (scatter ? 2 : last_run_.tolerance > levels_.back().tolerance ? 1.1 : 1.4) * estimate_in_time(last_run_, d);
+  // they may err alike by chance
+  const double least = elsewhere ? 0.3 * time_foreseen(setting_.tolerance) : 0;
+  const bool beside = last_run_.tolerance > levels_.back().tolerance;
+  last_estimate_ = (scatters() ? 1.3 : beside ? 1.1 : 1.4) * std::max(estimate_in_time(last_run_, d), least);
   return last_estimate_;
 }
 
@@ -192,7 +194,12 @@ void ToleranceLadder::refine() {
   }
   if (before <= 2 * least_tolerance) give_up_at(before, last_estimate_);
   const double seen = before * std::pow(share_in_all * aim_ / last_estimate_, 1 / slope());
-  place(std::min({wished(), seen, before / 3}));  // which may be looser than a level that is stricter than needed
+  double wish = std::min({wished(), seen, before / 3});
+  while (!leads(wish)) {
+    add(runs_.run(request_.scene.n, next_tolerance(wish)));
+    wish = std::min(wished(), before / 3);
+  }
+  place(wish);
   setting_.tolerance = std::min(setting_.tolerance, before / 2);
   in_time_ = time_foreseen(setting_.tolerance);
 }

@@ -8,10 +8,11 @@
 // much as the last: the distance of two neighbours is the error of the coarser, and falls at a rate that is measured.
 //   - with a grid to refine: grids a factor of 1.3 to 2 apart, at tolerances that make the error in time a tenth of
 //     that in space; one more run at a looser tolerance, on a grid before the last, tells what a tolerance costs;
-//   - without one (the chain, uniform motion): tolerances alone.
-// The run itself is the ladder's last step. Its distance from the last level, with the rate between the levels, gives
-// `error_estimate`, which is no bound: it is made to lie a little above the error, and holds what interpolation adds at
-// probes between the nodes. Where it lies above the request, the run becomes a level and the next one is finer.
+//   - without one (the chain, uniform motion): tolerances alone, until a level is stricter than the run must be.
+// With a grid the run itself is the ladder's last step, and its distance from the last level, with the rate between the
+// levels, gives `error_estimate`; without one the run lies before the last level, and that distance is its error. The
+// estimate is no bound: it is made to lie a little above the error, and holds what interpolation adds at probes between
+// the nodes. Where it lies above the request, the run becomes a level and the next one is finer.
 //
 // Where rates are low because fronts are not resolved yet, the ladder goes on to finer grids as long as accuracy_seconds
 // of processor time last. A refusal says what was tried; the best level is then run all the same, for what it is worth.
