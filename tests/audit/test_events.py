@@ -355,6 +355,8 @@ def test_several_events_at_once_within_a_stencil(scenes):
         compared["beside"] += sum(e["beside"] for e in expected)
     print(compared)
     assert compared["beside"] > 5
+
+
 def slip_of_one_block(s):
     """Of a block that lets go beside neighbours that rest, all the way until it rests again."""
     top = 1 - s["sigma"]
