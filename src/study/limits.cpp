@@ -283,8 +283,10 @@ struct Limits::Impl {
     const double growth = forecast.sliding_growth(false);
     if (!(growth > 0)) return;
     const auto hides = [&](double dt) { return forecast.sliding_growth_of({{dt, 1.}}, false) < 0; };
-    // The step from which on it is so: sought from long steps down.
-    const double longest = 300 / growth, shortest = 1e-3 / growth;
+    // The step from which on it is so: sought from long steps down. Backward Euler's is 2 growth/|lambda|^2, which is short
+    // where sliding is hardly unstable.
+    const double frequency = stencil_rate(model.scene());
+    const double longest = 300 / growth, shortest = std::min(1e-3 / growth, 0.2 * growth / (frequency * frequency));
     double dt = longest;
     while (dt > shortest && hides(dt)) dt /= 1.25;
     if (dt == longest || dt <= shortest) return;
