@@ -4,6 +4,7 @@
 #include "shared.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/collocation.hpp"
+#include "stickslip/numerics/extrapolation.hpp"
 #include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/model/oscillator.hpp"
 
@@ -76,6 +77,22 @@ TEST_CASE("collocation points are zeros to the last digit", "[ode][serial]") {
   for (size_t i = 0; i < 5; ++i) CHECK(std::abs(g[i] - gauss[i]) < 3e-16);
   const double radau[] = {(4 - std::sqrt(6.)) / 10, (4 + std::sqrt(6.)) / 10, 1};
   for (size_t i = 0; i < 3; ++i) CHECK(std::abs(r[i] - radau[i]) < 3e-16);
+}
+
+TEST_CASE("a step in which one unknown of several is no number is not within the tolerance", "[ode][serial]") {
+  for (const int bad : {0, 1, 2}) {
+    const auto f = [&](const double* y, double* rates) {
+      for (int k = 0; k < 3; ++k) rates[k] = k == bad ? std::sqrt(.01 - y[k]) : -y[k];  // leaves its domain
+    };
+    const double y[3] = {0, 0, 0};
+    double f0[3], into[3];
+    f(y, f0);
+    Extrapolation method(3);
+    CHECK(method.step(f, y, f0, 1e-3, 3, 1e-10, into) <= 1);
+    const double error = method.step(f, y, f0, 1, 3, 1e-10, into);
+    CHECK(!(error <= 1));
+    CHECK(Extrapolation::next(1, error) == Approx(1. / 8));
+  }
 }
 
 TEST_CASE("interpolation through points is exact for polynomials, its derivative too", "[interpolation][serial]") {

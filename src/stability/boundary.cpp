@@ -313,8 +313,8 @@ std::optional<Crossing> bautin_point(GrowthRate& growth, const Crossing& a, cons
 }
 
 // The place between two neighbouring points of the curve where another mode takes over, by halving; the point there has
-// the mode of the second. Nothing where their frequencies are alike, or where that of one mode changes steadily from one
-// to the other: then it comes to be the same at both ends of what is left, while a jump stays.
+// the mode of the second. Nothing where their frequencies are alike, or where that of one mode changes steadily from
+// one to the other: then it comes to be the same at both ends of what is left, while a jump stays.
 std::optional<Crossing> meeting(GrowthRate& growth, Crossing a, Crossing b) {
   const double scale = std::max(a.frequency, b.frequency), other = 0.3 * scale, same = 1e-3 * scale;
   const auto apart = [](const Crossing& p, const Crossing& q) { return std::abs(p.frequency - q.frequency); };

@@ -55,7 +55,7 @@ class Extrapolation {
 
  private:
   static constexpr int parts = 6;
-  static double worse(double a, double b) { return b <= a ? a : b; }  // NaN is worst
+  static double worse(double a, double b) { return b <= a || std::isnan(a) ? a : b; }  // NaN is worst, and stays
 
   template <class F>
   void midpoint(F&& f, const double* y, const double* f0, double h, int n, double* result) {
