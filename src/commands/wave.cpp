@@ -64,6 +64,8 @@ void describe(Summary& summary, const Train& train) {
               rounded_text(train.psi_max, 10) + "; " + std::to_string(train.intervals()) + " mesh intervals");
 }
 
+Json verdict(bool known, bool stable) { return known ? Json(stable) : Json(); }
+
 void add_spectrum(Summary& summary, ResultFile& file, const TrainSpectrum& spectrum) {
   Json list = Json::array();
   std::vector<double> re, im, wavenumber, resolved;
@@ -81,13 +83,12 @@ void add_spectrum(Summary& summary, ResultFile& file, const TrainSpectrum& spect
     resolved.push_back(mode.resolved);
   }
   summary.set("eigenvalues", list);
-  const bool known = !std::isnan(spectrum.growth_rate);
-  summary.set("stable", known ? Json(spectrum.stable) : Json());
+  summary.set("stable", verdict(spectrum.known, spectrum.stable));
   summary.set("growth_rate", spectrum.growth_rate);
   summary.set("translation_error", spectrum.translation_error);
   summary.set("complete", spectrum.complete);
   summary.set("completeness_check", spectrum.completeness_check);
-  summary.set("endless", Json::object({{"stable", known ? Json(spectrum.endless_stable) : Json()},
+  summary.set("endless", Json::object({{"stable", verdict(spectrum.endless_known, spectrum.endless_stable)},
                                        {"growth_rate", spectrum.endless_growth},
                                        {"wavenumber", spectrum.endless_wavenumber},
                                        {"frequency", spectrum.endless_frequency}}));
@@ -99,15 +100,20 @@ void add_spectrum(Summary& summary, ResultFile& file, const TrainSpectrum& spect
 }
 
 void describe(Summary& summary, const TrainSpectrum& spectrum) {
-  if (std::isnan(spectrum.growth_rate)) return summary.say("stability: " + spectrum.completeness_check);
-  summary.say(std::string("on its ring: ") + (spectrum.stable ? "stable" : "not stable") + ", largest growth rate " +
-              rounded_text(spectrum.growth_rate, 6) + " (translation mode: " +
-              rounded_text(spectrum.translation_error, 2) + ")");
-  summary.say(spectrum.endless_stable ? "endless train: stable to every wavelength"
-                                      : "endless train: not stable, growth rate " +
-                                            rounded_text(spectrum.endless_growth, 6) + " at wavenumber " +
-                                            rounded_text(spectrum.endless_wavenumber, 6) + ", frequency " +
-                                            rounded_text(spectrum.endless_frequency, 6));
+  if (std::isnan(spectrum.growth_bound)) return summary.say("stability: " + spectrum.completeness_check);
+  const std::string rate = std::isnan(spectrum.growth_rate)
+                               ? ", every other mode at a growth rate below " + rounded_text(spectrum.growth_bound, 6)
+                               : ", largest growth rate " + rounded_text(spectrum.growth_rate, 6);
+  summary.say(spectrum.known ? std::string("on its ring: ") + (spectrum.stable ? "stable" : "not stable") + rate +
+                                   " (translation mode: " + rounded_text(spectrum.translation_error, 2) + ")"
+                             : "on its ring: whether it is stable is not known" +
+                                   (std::isnan(spectrum.growth_rate) ? "" : rate + " of those found"));
+  summary.say(!spectrum.endless_known    ? "endless train: whether it is stable is not known"
+              : spectrum.endless_stable ? "endless train: stable to every wavelength"
+                                        : "endless train: not stable, growth rate " +
+                                              rounded_text(spectrum.endless_growth, 6) + " at wavenumber " +
+                                              rounded_text(spectrum.endless_wavenumber, 6) + ", frequency " +
+                                              rounded_text(spectrum.endless_frequency, 6));
 }
 
 // With wave_spectrum, the stability of every train of the branch too.
@@ -125,8 +131,8 @@ void add_branch(Summary& summary, ResultFile& file, const Options& options, cons
     if (with_spectrum) {
       const TrainSpectrum spectrum = train_spectrum(train, 4);
       row.push_back({"growth_rate", spectrum.growth_rate});
-      if (!std::isnan(spectrum.growth_rate)) stable = spectrum.stable;
-      columns["stable"].push_back(spectrum.stable);
+      stable = verdict(spectrum.known, spectrum.stable);
+      columns["stable"].push_back(spectrum.known ? double(spectrum.stable) : std::nan(""));
     }
     Json object = Json::object();
     for (const auto& [key, value] : row) {
@@ -147,7 +153,7 @@ void add_branch(Summary& summary, ResultFile& file, const Options& options, cons
       {"psi_min", {"branch/psi_min", "length/time", "least psi"}},
       {"psi_max", {"branch/psi_max", "length/time", "largest psi"}},
       {"fold", {"branch/fold", "1", "1 where the parameter has just turned round"}},
-      {"stable", {"branch/stable", "1", "1 where the train is stable on its ring"}},
+      {"stable", {"branch/stable", "1", "1 where the train is stable on its ring, nan where it is not known"}},
       {"growth_rate", {"branch/growth_rate", "1/time", "largest growth rate on the ring"}}};
   for (const auto& [key, values] : columns) file.add(fields.at(key), {"branch/point"}, values);
   file.attribute("branch_parameter", name);

@@ -15,6 +15,8 @@ constexpr double spacing = .7;        // of samples, in radians of the slowest w
 constexpr double longest_move = .8;   // of ln rho between samples
 constexpr double of_interest = -.3;   // ln |y| from which on multipliers are told apart
 
+}  // namespace
+
 Complex apart(Complex a, Complex b) {  // of logarithms
   return {a.real() - b.real(), std::remainder(a.imag() - b.imag(), 2 * M_PI)};
 }
@@ -40,8 +42,6 @@ int nearest(const Multipliers& m, Complex log_rho) {
   double distance, second;
   return nearest(m, log_rho, distance, second);
 }
-
-}  // namespace
 
 SpectralLine::SpectralLine(Transfer& transfer, double sigma)
     : transfer_(transfer), sigma_(sigma), top_(0), period_(transfer.train().period) {
@@ -111,7 +111,9 @@ void SpectralLine::scan() {
     std::vector<Sample> ahead{sample(std::min(top_, half.back().omega + step))};
     while (!ahead.empty()) {
       const double gap = ahead.back().omega - half.back().omega;
-      if (matched(half.back(), ahead.back()) || gap < 1e-10 * top_) {
+      const bool same = matched(half.back(), ahead.back());
+      if (same || gap < 1e-10 * top_) {
+        closed_ = closed_ && same;
         half.push_back(ahead.back());
         ahead.pop_back();
       } else {
@@ -192,9 +194,13 @@ void SpectralLine::trace_arcs() {
   }
 }
 
-ModeRange modes_of(const Arc& arc, PetscInt pulses) {
+ModeRange modes_between(double first, double last, PetscInt pulses) {
   const double per = double(pulses) / (2 * M_PI);
-  return {(long long)std::ceil(arc.back().log_y.imag() * per), (long long)std::floor(arc.front().log_y.imag() * per)};
+  return {(long long)std::ceil(last * per), (long long)std::floor(first * per)};
+}
+
+ModeRange modes_of(const Arc& arc, PetscInt pulses) {
+  return modes_between(arc.front().log_y.imag(), arc.back().log_y.imag(), pulses);
 }
 
 long long SpectralLine::count(PetscInt pulses) const {
@@ -217,64 +223,6 @@ long long SpectralLine::count(PetscInt pulses, PetscInt m) const {
     sum += below(range.hi) - below(range.lo - 1);
   }
   return sum;
-}
-
-// ---- the curves ---------------------------------------------------------------------------------------------------
-
-bool follow(Transfer& transfer, CurvePoint& p, double phase, double tolerance) {
-  const double T = transfer.train().period;
-  const Complex target(0, phase);
-  Complex at = p.lambda, log_rho = p.log_rho, slope = p.slope;
-  Complex step = (target - (log_rho - at * T)) / (slope - T);
-  for (int it = 0; it < 14; ++it) {
-    if (!std::isfinite(step.real()) || !std::isfinite(step.imag())) return false;
-    const Complex there = at + step, guess = log_rho + slope * step;
-    const Multipliers m = transfer.at(there);
-    const Complex move = apart(m.log_rho[nearest(m, guess)], guess);
-    if (std::abs(move) > 1) return false;
-    if (std::abs(step) > 1e-7 * (1 + std::abs(there))) slope += move / step;
-    at = there;
-    log_rho = guess + move;
-    const double last = std::abs(step);
-    step = (target - (log_rho - at * T)) / (slope - T);
-    // near V = c what the fronts amplify leaves round-off of 1e-8 in ln rho: there the steps cease to shrink
-    const bool stagnant = std::abs(step) > last / 2 && std::abs(step) * T < 1e-6;
-    if (stagnant || std::abs(step) * T < tolerance + 4e-16 * std::abs(at) * T) {
-      p = {at + step, log_rho + slope * step, slope};
-      return true;
-    }
-  }
-  return false;
-}
-
-std::vector<CurvePoint> curve_of(Transfer& transfer, const Arc& arc, double sigma) {
-  const double T = transfer.train().period;
-  const auto on_line = [&](size_t k) {
-    const Complex lambda(sigma, arc[k].omega);
-    const size_t other = k + 1 < arc.size() ? k + 1 : k - 1;
-    const Complex along = Complex(0, arc[other].omega - arc[k].omega);
-    return CurvePoint{lambda, arc[k].log_y + lambda * T, (arc[other].log_y - arc[k].log_y) / along + T};
-  };
-  std::vector<CurvePoint> curve{on_line(0)};
-  for (size_t k = 1; k < arc.size(); ++k) {
-    CurvePoint p = curve.back();
-    const double phase = arc[k].log_y.imag();
-    bool there = follow(transfer, p, phase, 1e-6);
-    if (!there) {
-      p = on_line(k);
-      there = follow(transfer, p, phase, 1e-6);
-    }
-    for (int pieces = 4; pieces <= 64 && !there; pieces *= 4) {
-      p = curve.back();
-      const double begin = p.phase(T);
-      there = true;
-      for (int i = 1; i <= pieces && there; ++i)
-        there = follow(transfer, p, begin + (phase - begin) * i / pieces, 1e-6);
-    }
-    if (!there) break;
-    curve.push_back(p);
-  }
-  return curve;
 }
 
 }  // namespace stickslip

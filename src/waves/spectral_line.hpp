@@ -8,8 +8,7 @@
 // as its phase passes multiples of 2 pi/n downwards. Nothing is said about frequencies between samples that a finer
 // sampling would change: neighbours are matched, and samples added until they match.
 //
-// Each arc is the shadow of a curve |y| = 1 right of the line, which begins and ends where the arc does, and along
-// which the phase takes the same values: the spectrum of the endless train. Followed by Newton's method from value to value.
+// The modes themselves lie on curves |y| = 1 right of the line, which begin and end where arcs do: waves/spectral_curves.hpp.
 #pragma once
 
 #include <vector>
@@ -34,7 +33,8 @@ class SpectralLine {
   // With viscosity: no multiplier was seen to meet the one that is left out (transfer.hpp), on the real axis right of the
   // line. Where they meet, the phases of an arc are not those of its curve.
   bool separate() const { return separate_; }
-  bool closed() const { return closed_; }  // no wave beyond the samples was seen to grow faster than the line
+  // No wave beyond the samples was seen to grow faster than the line, and all samples matched their neighbours.
+  bool closed() const { return closed_; }
   const std::vector<Arc>& arcs() const { return arcs_; }
   // Modes of a ring of `pulses` right of the line: all, and those of Bloch factor exp(2 pi i m/pulses).
   long long count(PetscInt pulses) const;
@@ -61,22 +61,18 @@ class SpectralLine {
   std::vector<Arc> arcs_;
 };
 
-// A point of a curve of the spectrum: ln rho there with its derivative; its phase is Im(ln rho - lambda T).
-struct CurvePoint {
-  std::complex<double> lambda, log_rho, slope;
-  double phase(double period) const { return log_rho.imag() - lambda.imag() * period; }
-};
-
-// Moves along the curve to another phase, Re ln y = 0 to `tolerance`. False (p unchanged) where it is lost.
-bool follow(Transfer& transfer, CurvePoint& p, double phase, double tolerance);
-
-// The curve of an arc at the phases of its points. Shorter than the arc where it is lost on the way.
-std::vector<CurvePoint> curve_of(Transfer& transfer, const Arc& arc, double sigma);
-
-// Integers M with lo <= M <= hi: the modes y = exp(2 pi i M/pulses) of an arc (hi < lo: none).
+// Integers M with lo <= M <= hi: the modes y = exp(2 pi i M/pulses) on the way of the phase down from `first` to `last`
+// (hi < lo: none), or of an arc.
 struct ModeRange {
   long long lo, hi;
 };
+ModeRange modes_between(double first, double last, PetscInt pulses);
 ModeRange modes_of(const Arc& arc, PetscInt pulses);
+
+// The difference of two logarithms, its imaginary part within [-pi, pi].
+std::complex<double> apart(std::complex<double> a, std::complex<double> b);
+// The multiplier nearest to `log_rho`; how near it and the next nearest are.
+int nearest(const Multipliers& m, std::complex<double> log_rho, double& distance, double& second);
+int nearest(const Multipliers& m, std::complex<double> log_rho);
 
 }  // namespace stickslip

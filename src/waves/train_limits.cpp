@@ -108,7 +108,7 @@ class LimitsOfBranch {
       }
       if (!stability_) continue;
       if (counts_[k].empty() || counts_[k + 1].empty()) {
-        note(k, "whether stability changes is not known: V is too near c; what happens");
+        note(k, "whether stability changes is not known, since growing modes could not be counted; what happens");
         continue;
       }
       for (std::size_t m = 0; m < counts_[k].size(); ++m) {
@@ -148,7 +148,7 @@ class LimitsOfBranch {
     counted_[k] = true;
     try {
       counts_[k] = growing_modes(branch_.points[k].train);
-    } catch (const Failure&) {  // too near V = c: nothing is known of it
+    } catch (const Failure&) {  // nothing is known of it, as too near V = c
     }
   }
 

@@ -13,7 +13,8 @@
 // the carrier frequency V k. lambda is an eigenvalue where ln rho(lambda) = lambda T + i theta for a multiplier
 // rho of Q over a period. The argument of the determinant along a vertical line, from -i infinity to i infinity, counts
 // the eigenvalues to the right of it, for every theta at once; they lie on the curves |rho exp(-lambda T)| = 1, one for
-// each stretch of the line that counts, and are found there by Newton's method, phase by phase, on two meshes; where
+// each stretch of the line that counts, and are found there by Newton's method, phase by phase, on two meshes (the curves
+// account for every mode counted, or the list is not called whole: src/waves/spectral_curves.hpp); where
 // these disagree the eigenvalue is marked as not resolved. Short waves decay at half the mean of
 // C = A (B + F_psi) + s delta, which is positive on an attracting orbit, so that a line right of that has finitely many
 // to its right and needs to be followed to a finite frequency only.
@@ -42,16 +43,21 @@ struct TrainMode {
 struct TrainSpectrum {
   std::vector<TrainMode> modes;   // the rightmost, sorted by real part; at most `count`
   double translation_error = 0;   // |lambda| of the translation mode as computed
-  // Largest real part, the translation mode excepted; that of the line where no other mode lies right of it.
-  double growth_rate = 0;
-  bool stable = false;            // growth_rate below minus its error
-  // None is missing right of the last one listed: all the modes counted right of a line were found, or, where they are
-  // more than asked for, the curves on which they lie were followed from end to end and the rightmost found on them.
+  // Largest real part, the translation mode excepted; NaN where no other mode was found. `growth_bound`: none is larger,
+  // if the list is complete.
+  double growth_rate = 0, growth_bound = 0;
+  // `known`: whether the train is stable; it is where the list is complete and growth_bound below minus its error, and is
+  // not where a mode grows by more than that.
+  bool stable = false, known = false;
+  // None is missing right of the last one listed, and none is listed twice: all the modes counted right of a line were
+  // found, or, where they are more than asked for, the curves on which they lie were followed from end to end, account for
+  // every one counted, and the rightmost were found on them; the translation mode is among them unless as many grow.
   bool complete = false;
   std::string completeness_check;
-  // The endless train: largest growth rate over all wavelengths and where it is reached (0, 0 where nothing grows).
+  // The endless train: largest growth rate over all wavelengths and where it is reached (0, 0 where nothing grows; NaN
+  // where nothing was found that grows, and not all was seen: endless_known is false).
   double endless_growth = 0, endless_wavenumber = 0, endless_frequency = 0;
-  bool endless_stable = false;
+  bool endless_stable = false, endless_known = false;
 };
 
 // Spectrum of the ring's train: the `count` rightmost eigenvalues, fewer where fewer lie right of half the
@@ -67,7 +73,8 @@ TrainSpectrum endless_stability(const Train& train);
 bool follow_mode(const Train& train, TrainMode& mode);
 
 // How many eigenvalues lie right of Re lambda = 1e-5 for each theta = 2 pi m/n, m = 0..n/2 (those of n - m are their
-// conjugates), by the argument of the determinant alone; all 1 where waves of any short length grow. Throws Failure for
+// conjugates), by the argument of the determinant alone; all 1 where waves of any short length grow. Where a kink of the
+// friction leaves the translation mode further right, right of that. Throws Failure where the count is not known, as for
 // V/c - 1 below 1e-7.
 std::vector<int> growing_modes(const Train& train);
 
