@@ -11,6 +11,7 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "output/field_loops.hpp"
+#include "output/forward.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -42,13 +43,13 @@ void FieldWatch::step(const ObservedStep& step) {
   if (step.t < t_begin_) return;
   const Reading values(step.u);
   const double* u = &values[0];
-  const double v = model_.scene().v;
+  const double v = model_.scene().v, side = forward(model_.scene());
   if (steps_ == 0) first_step_t_ = step.t;
   const Extremes extremes = widen_to(u, step.t >= t_end_);
   for (Tracked& node : tracked_) {
-    const double a = node.psi - v, b = u[node.node * model_.dof()] - v;
+    const double now = u[node.node * model_.dof()], a = side * (node.psi - v), b = side * (now - v);
     if (a < 0 && b >= 0) node.passed = last_t_ + (step.t - last_t_) * a / (a - b);
-    node.psi = b + v;
+    node.psi = now;
   }
   if (steps_ == 0 || (steps_ >= 4 && step.t >= next_look_) || step.t >= t_end_) look(step.t, u, extremes);
   if (model_.scene().ring() && mode_ > 0 && phase_is_due(step.t)) take_phase(step.t, u);
@@ -130,7 +131,9 @@ int FieldWatch::count_pulses(const Passages& own) const {
   SS_TRY(MPI_Allgather(&own, 3, MPI_INT, all.data(), 3, MPI_INT, model_.comm()));
   Passages line;
   for (const Passages& part : all) line.append(part);
-  return line.up + (model_.scene().ring() && line.last == -1 && line.first == 1 ? 1 : 0);
+  if (model_.scene().ring()) return line.up + (line.last == -1 && line.first == 1 ? 1 : 0);  // as many down
+  const int down = line.up + (line.last == -1 ? 1 : 0) - (line.first == -1 ? 1 : 0);
+  return model_.scene().v < 0 ? down : line.up;
 }
 
 // 8192 nodes round the ring, and 512 at least for each turn, all nodes of smaller ones; with the sine and cosine of mode_
@@ -286,7 +289,7 @@ void FieldWatch::save(Checkpoint& checkpoint) const {
     both[2 * place_of(node) + 1] = node.passed;
   }
   sum_over(model_.comm(), both.data(), int(both.size()));
-  checkpoint.arrays["watch.tracked"] = std::move(both);
+  checkpoint.arrays[seen_from(model_.scene(), "watch.tracked")] = std::move(both);
 }
 
 void FieldWatch::restore(const Checkpoint& checkpoint) {
@@ -309,7 +312,9 @@ void FieldWatch::restore(const Checkpoint& checkpoint) {
     high_ = checkpoint.field("watch.high", NodeRange::of(model_), 1);
   }
   if (steps_ == 0 || tracked_count_ == 0) return;
-  const std::vector<double>& both = checkpoint.arrays.at("watch.tracked");
+  const auto passages = checkpoint.arrays.find(seen_from(model_.scene(), "watch.tracked"));
+  if (passages == checkpoint.arrays.end()) throw std::runtime_error("its passages were not seen in the plate's direction");
+  const std::vector<double>& both = passages->second;
   if (both.size() != 2 * tracked_count_) throw std::runtime_error("its measurements do not fit the scene");
   for (Tracked& node : tracked_) {
     node.psi = both[2 * place_of(node)];

@@ -4,7 +4,9 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
+#include "output/forward.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/numerics/interpolation.hpp"
 
@@ -50,7 +52,8 @@ double top_between(const Values& values, double low, double high) {
 }  // namespace
 
 Maxima::Maxima(const Model& model, const Scene& whole, double x, double t_end)
-    : probe_(model, whole, {x}), work_(model.create_vector()), begin_(t_end / 2) {}
+    : probe_(model, whole, {x}), work_(model.create_vector()), forward_(forward(whole)), name_(seen_from(whole, "maxima")),
+      begin_(t_end / 2) {}
 
 void Maxima::plan(ObservationPlan& plan) {
   // any time at all: a method that has to keep its step for interpolation keeps every one
@@ -86,17 +89,20 @@ void Maxima::step(const ObservedStep& step) {
 void Maxima::save(Checkpoint& checkpoint) {
   checkpoint.numbers["maxima_psi"] = last_;
   checkpoint.numbers["maxima_slope"] = slope_;
-  checkpoint.arrays["maxima"] = maxima_;
+  checkpoint.arrays[name_] = maxima_;
 }
 
 void Maxima::restore(const Checkpoint& checkpoint) {
+  if (checkpoint.arrays.count(name_) == 0) throw std::runtime_error("its maxima were not seen in the plate's direction");
   last_ = checkpoint.numbers.at("maxima_psi");
   slope_ = checkpoint.numbers.at("maxima_slope");
-  maxima_ = checkpoint.arrays.at("maxima");
+  maxima_ = checkpoint.arrays.at(name_);
 }
 
 void Maxima::summarise(Summary& summary, Vec) {
-  summary.set("maxima", maxima_);
+  std::vector<double> found = maxima_;
+  for (double& one : found) one *= forward_;
+  summary.set("maxima", found);
   if (const int period = period_of(maxima_); period >= 0) summary.set("maxima_period", period);
 }
 

@@ -2,6 +2,7 @@
 // it has), a period that has doubled after twice as many, and chaos never.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "stickslip/model/model.hpp"
@@ -10,6 +11,8 @@
 
 namespace stickslip {
 
+// Of psi along the plate's way (forward.hpp): where v < 0 they are minima of psi.
+//
 // `maxima` in the summary: the last of those in the second half of the run, in their order; and `maxima_period`: after how
 // many they repeat to 1e-3 of the largest |maximum|, 0 where not within a quarter of their number, null with fewer than 8.
 // Each is that of the quartic through five values of the method's dense output over its step.
@@ -27,10 +30,12 @@ class Maxima : public Observer {
   void summarise(Summary& summary, Vec u) override;
 
  private:
-  double psi(Vec u) { return probe_.read(u).psi[0]; }
+  double psi(Vec u) { return forward_ * probe_.read(u).psi[0]; }
 
   Probes probe_;
   VecHandle work_;
+  double forward_;
+  std::string name_;  // of the list in a checkpoint
   double begin_, last_ = 0, slope_ = 0;  // psi and its slope where the last step ended
   std::vector<double> maxima_;
 };

@@ -9,6 +9,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "output/forward.hpp"
 #include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/numerics/roots.hpp"
 
@@ -50,7 +51,7 @@ double largest_of(const Lagrange& through, const double* values, double low, dou
 // ---- period ----
 
 Period::Period(const Model& model, const Scene& whole, const std::vector<double>& x, double t_end, bool exact)
-    : probes_(model, whole, x), work_(model.create_vector()), level_(whole.v),
+    : probes_(model, whole, x), work_(model.create_vector()), name_(seen_from(whole, "period")), forward_(forward(whole)), level_(whole.v),
       depth_(0.01 * (whole.v != 0 ? std::abs(whole.v) : 0.1)), begin_(t_end / 2), exact_(exact), places_(x.size()) {}
 
 void Period::plan(ObservationPlan& plan) {
@@ -89,11 +90,11 @@ void Period::step(const ObservedStep& step) {
 void Period::pass(std::size_t index, const std::function<double(double)>& psi_at) {
   Place& place = places_[index];
   const Moment &before = seen_[seen_.size() - 2], &now = seen_.back();
-  const double a = before.psi[index] - level_, b = now.psi[index] - level_;
+  const double a = forward_ * (before.psi[index] - level_), b = forward_ * (now.psi[index] - level_);
   if (a < -depth_) place.armed = 1;
   if (!(place.armed > 0 && a < 0 && b >= 0)) return;
   place.armed = 0;
-  place.last = find_root([&](double t) { return psi_at(t) - level_; }, {before.t, a, now.t, b}, 0);
+  place.last = find_root([&](double t) { return forward_ * (psi_at(t) - level_); }, {before.t, a, now.t, b}, 0);
   if (place.passages == 0) place.first = place.last;
   place.passages += 1;
 }
@@ -113,7 +114,7 @@ void Period::summarise(Summary& summary, Vec u) {
 }
 
 void Period::save(Checkpoint& checkpoint) {
-  std::vector<double>& numbers = checkpoint.arrays["period"];
+  std::vector<double>& numbers = checkpoint.arrays[name_];
   for (const Place& p : places_) numbers.insert(numbers.end(), {p.armed, p.passages, p.first, p.last});
   for (const Moment& moment : seen_) {
     numbers.push_back(moment.t);
@@ -122,7 +123,7 @@ void Period::save(Checkpoint& checkpoint) {
 }
 
 void Period::restore(const Checkpoint& checkpoint) {
-  const auto found = checkpoint.arrays.find("period");
+  const auto found = checkpoint.arrays.find(name_);
   if (found == checkpoint.arrays.end()) return;
   const std::vector<double>& numbers = found->second;
   const std::size_t count = places_.size(), moment = 1 + count;

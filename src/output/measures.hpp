@@ -2,9 +2,10 @@
 // output, at times that do not depend on where steps fall, so that they converge as the solution does. What the regime
 // (regime.hpp) measures in passing depends on the steps a little, and costs less.
 //
-//   period      mean time between upward passages of psi through v at a place, in the second half of the run. A passage
-//               counts after psi was below v by a hundredth of |v| (1e-3 for v = 0), so that round-off about steady
-//               sliding has no period. Of several places: the mean of their periods.
+//   period      mean time between upward passages of psi through v (along the plate's way, forward.hpp: downward ones where
+//               v < 0) at a place, in the second half of the run. A passage counts after psi was below v by a hundredth of
+//               |v| (1e-3 for v = 0), so that round-off about steady sliding has no period. Of several places: the mean of
+//               their periods.
 //   amplitude   half of the largest range of psi at any x in the last quarter of the run: extrema in time from nine values
 //               of every step, their largest over x by the scheme's polynomial about the largest node (a chain's largest
 //               block).
@@ -12,6 +13,7 @@
 #pragma once
 
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "output/field_watch.hpp"
@@ -46,7 +48,8 @@ class Period final : public Measure {
 
   Probes probes_;
   VecHandle work_;
-  double level_, depth_, begin_;
+  std::string name_;  // of the passages in a checkpoint
+  double forward_, level_, depth_, begin_;
   bool exact_;
   std::vector<Place> places_;
   std::vector<Moment> seen_;  // up to four, the newest last

@@ -151,7 +151,7 @@ struct Regime::Impl {
   Surroundings surroundings(Vec u, double t) const {
     const Scene& s = model.scene();
     Surroundings a;
-    a.v = s.v;
+    a.v = std::abs(s.v);  // along the plate's way, as the record is
     a.growth = certain_growth(t);
     a.stable = growth < 0;
     a.unstable = growth > 0;

@@ -10,6 +10,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "output/forward.hpp"
 
 namespace stickslip {
 
@@ -21,14 +22,14 @@ constexpr double finest = 1 << 20;  // windows that the whole run has when it be
 }  // namespace
 
 Traces::Traces(const Model& model, const std::function<double(PetscInt)>& steady, double t_end)
-    : model_(model), t_end_(t_end) {
+    : model_(model), forward_(forward(model.scene())), t_end_(t_end) {
   const Scene& s = model.scene();
   const auto n = std::size_t(s.n), whole = n * std::size_t(s.copies), wanted = std::min(most_places, whole);
   std::set<std::size_t> nodes;
   for (std::size_t k = 0; k < wanted; ++k) nodes.insert(std::size_t(double(k) * double(whole) / double(wanted)) % n);
   for (const std::size_t node : nodes) {
     const PetscInt own = PetscInt(node) - model.first();
-    if (own >= 0 && own < model.local()) places_.push_back({own, count_, steady(PetscInt(node))});
+    if (own >= 0 && own < model.local()) places_.push_back({own, count_, forward_ * steady(PetscInt(node))});
     ++count_;
   }
 }
@@ -46,8 +47,8 @@ Traces::Sample Traces::sample(const Place& place, const double* u) const {
   const int dof = model_.dof();
   const double* at = u + place.node * dof;
   Sample found;
-  found.psi = at[0];
-  found.eta = at[1];
+  found.psi = forward_ * at[0];
+  found.eta = forward_ * at[1];
   if (dof == 3) found.state = at[2];
   return found;
 }
@@ -214,11 +215,11 @@ void Traces::save(Checkpoint& checkpoint) const {
                                      {"traces.passages", r.passages}, {"traces.passed", r.passed}})
     checkpoint.arrays[name].assign(values, values + size);
   checkpoint.arrays["traces.samples"] = samples;
-  checkpoint.arrays["traces.windows"] = {begin_, window_, t_, last_dt_, double(r.windows)};
+  checkpoint.arrays[seen_from(model_.scene(), "traces.windows")] = {begin_, window_, t_, last_dt_, double(r.windows)};
 }
 
 bool Traces::restore(const Checkpoint& checkpoint) {
-  const auto found = checkpoint.arrays.find("traces.windows");
+  const auto found = checkpoint.arrays.find(seen_from(model_.scene(), "traces.windows"));
   if (found == checkpoint.arrays.end() || found->second.size() != 5 || found->second[4] == 0) return false;
   const std::vector<double>&scalars = found->second, &samples = checkpoint.arrays.at("traces.samples");
   const auto windows = static_cast<std::size_t>(scalars[4]);

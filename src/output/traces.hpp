@@ -20,7 +20,7 @@
 
 namespace stickslip {
 
-// What was seen, window by window and place by place (value [window * places + place]).
+// What was seen, window by window and place by place (value [window * places + place]); of forward * psi (forward.hpp).
 struct MotionRecord {
   double begin = 0, window = 0, t = 0;      // of the first window; length of each; time reached
   std::size_t windows = 0, places = 0;
@@ -66,7 +66,7 @@ class Traces {
   void refine(std::size_t place, double dt, double& low, double& high) const;
 
   const Model& model_;
-  double t_end_, begin_ = 0, window_ = 0, t_ = 0, last_dt_ = 0;
+  double forward_, t_end_, begin_ = 0, window_ = 0, t_ = 0, last_dt_ = 0;
   bool started_ = false;
   std::size_t count_ = 0;        // places on all ranks
   std::size_t windows_ = 1;      // begun
