@@ -98,7 +98,8 @@ class Motion {
   TsHandle ts_;
 };
 
-// A passage of the section: psi of one node passes its mean upwards.
+// A passage of the section: psi of one node passes its mean upwards (downwards where v < 0, so that the cycle of a mirror
+// image is the mirror image of the cycle).
 struct Passage {
   double t;
   std::vector<double> y;
@@ -113,7 +114,8 @@ class Settling {
  private:
   double turn() const { return 2 * M_PI / std::sqrt(cell_.A() * cell_.K0()); }
   void choose_section();
-  bool passes(const Sample& a, const Sample& b) const { return a.y[section_] < level_ && b.y[section_] >= level_; }
+  double above(double psi) const { return cell_.v < 0 ? level_ - psi : psi - level_; }
+  bool passes(const Sample& a, const Sample& b) const { return above(a.y[section_]) < 0 && above(b.y[section_]) >= 0; }
   Passage passage(const Sample& a, const Sample& b) const;
   double distance(const Passage& a, const Passage& b) const;
   [[noreturn]] void dies_out() const;
@@ -156,8 +158,8 @@ void Settling::choose_section() {
 }
 
 Passage Settling::passage(const Sample& a, const Sample& b) const {
-  const auto excess = [&](double t) { return hermite(a, b, t, section_) - level_; };
-  Passage p{find_root(excess, {a.t, a.y[section_] - level_, b.t, b.y[section_] - level_}, 1e-14 * b.t), {}};
+  const auto excess = [&](double t) { return above(hermite(a, b, t, section_)); };
+  Passage p{find_root(excess, {a.t, above(a.y[section_]), b.t, above(b.y[section_])}, 1e-14 * b.t), {}};
   for (size_t k = 0; k < a.y.size(); ++k) p.y.push_back(hermite(a, b, p.t, k));
   return p;
 }

@@ -199,20 +199,21 @@ void SmoothPath::mix(const Others& others) {
   there_.mesh = std::move(sum.mesh);
 }
 
-// The same with phase 0 where unknown `section_`, a velocity, passes its mean upwards: there every cycle of a family passes,
+// The same with phase 0 where unknown `section_`, a velocity, passes its mean upwards (downwards where v < 0): there every cycle of a family passes,
 // large or small.
 SmoothPath::Stand SmoothPath::begun_at_mean(Stand stand) const {
   const Collocation& gauss = Collocation::gauss5();
   const std::vector<double> mean = mean_of(stand.mesh, stand.x.data(), d_);
   const size_t k = size_t(section_), block = d_ * (mesh_stages + 1), n = stand.mesh.size() - 1;
+  const double side = scene_at_(stand.x.back()).v < 0 ? -1 : 1;
   std::vector<double> y(d_);
   const auto above = [&](double phase) {
     evaluate(gauss, stand.mesh, stand.x.data(), int(d_), phase, y.data());
-    return y[k] - mean[k];
+    return side * (y[k] - mean[k]);
   };
   double begin = 0;
   for (size_t i = 0; i < n; ++i) {
-    const double low = stand.x[i * block + k] - mean[k], high = stand.x[(i + 1) % n * block + k] - mean[k];
+    const double low = side * (stand.x[i * block + k] - mean[k]), high = side * (stand.x[(i + 1) % n * block + k] - mean[k]);
     if (low < 0 && high >= 0) begin = find_root(above, {stand.mesh[i], low, stand.mesh[i + 1], high}, 1e-12);
   }
   std::vector<double> mesh;  // the old nodes, seen from there, the nearest moved there: no interval is tiny

@@ -14,28 +14,29 @@ namespace {
 
 constexpr int stages = train_stages, max_dim = train_max_dim;
 
-// Points of the section f = v, f' > 0, told apart from steady sliding: (z, s) about it, s in units of z.
+// Points of the section f = v, f' > 0 (f' < 0 where v < 0: Oscillator::side), told apart from steady sliding: (z, s) about it, s in units of z.
 class Section {
  public:
-  explicit Section(const Oscillator& o) : d_(o.dim()) {
+  explicit Section(const Oscillator& o) : d_(o.dim()), side_(o.side()) {
     o.steady(fixed_);
     size_ = std::max(std::abs(o.partials(fixed_[0], d_ == 3 ? fixed_[2] : 0).F), .1) + 1. / 3;
   }
   // How far out to begin: the size of the friction force, or of its range over the slips that v drives.
   double size() const { return size_; }
+  double side() const { return side_; }
   const double* sliding() const { return fixed_; }
   void start(double distance, double* y) const {
     std::copy(fixed_, fixed_ + d_, y);
-    y[1] += distance;
+    y[1] += side_ * distance;
   }
   double distance(const double* y) const { return distance(y, fixed_); }
   double distance(const double* y, const double* x) const {
-    return d_ == 2 ? y[1] - x[1] : std::hypot(y[1] - x[1], size_ * (y[2] - x[2]));
+    return d_ == 2 ? side_ * (y[1] - x[1]) : std::hypot(y[1] - x[1], size_ * (y[2] - x[2]));
   }
 
  private:
   int d_;
-  double fixed_[max_dim], size_;
+  double side_, fixed_[max_dim], size_;
 };
 
 [[noreturn]] void nothing_oscillates(const Oscillator& o, const std::string& why) {
@@ -48,12 +49,12 @@ struct Gain {
   double image, q, slope;
 };
 Gain gain(const Oscillator& o, double r2, ReturnMap& map, const Section& section, double a) {
-  const double* fixed = section.sliding();
-  double divergence, start[max_dim], end[max_dim], p[max_dim] = {fixed[0], fixed[1] + a, 0};
+  double divergence, start[max_dim], end[max_dim], p[max_dim];
+  section.start(a, p);
   o.rhs(r2, p, start, nullptr);
   map(p, nullptr, &divergence);
   o.rhs(r2, p, end, nullptr);
-  const double image = p[1] - fixed[1], slope = std::exp(divergence) * start[0] / end[0];
+  const double image = section.distance(p), slope = std::exp(divergence) * start[0] / end[0];
   return {image, std::log(image / a), slope * a / image - 1};
 }
 
@@ -115,7 +116,7 @@ Found cycle_of_two(ReturnMap& map, const Section& section, double tolerance, dou
     for (int j = 0; j < 2; ++j) {
       double moved[max_dim];
       std::copy(p, p + max_dim, moved);
-      const double eps = 1e-5 * distance / (j == 0 ? 1 : size);
+      const double eps = 1e-5 * distance / (j == 0 ? section.side() : size);
       moved[1 + j] += eps;
       map(moved);
       for (int i = 0; i < 2; ++i) a[i * 2 + j] = (i == j ? 1. : 0.) - (moved[1 + i] - image[1 + i]) / eps;
@@ -222,7 +223,7 @@ void settle(const Oscillator& o, double r2, const Section& section, double toler
                                              : " is stable to waves of this speed") + seen.text());
 }
 
-// The point of the section f = v, f' > 0 from which the map returns to itself.
+// The point of the section from which the map returns to itself.
 void find_cycle(const Oscillator& o, double r2, double tolerance, double slip, double* y) {
   const Section section(o);
   if (o.dim() == 3) return settle(o, r2, section, tolerance, slip, y);

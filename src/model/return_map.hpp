@@ -1,5 +1,5 @@
 // The motion of an oscillator turn by turn: steps of Radau's method of order 9, and the map from one passage of psi = v upwards
-// to the next. Local to the process.
+// (downwards where v < 0) to the next. Local to the process.
 #pragma once
 
 #include <algorithm>
@@ -139,7 +139,7 @@ class OrbitIntegrator {
   bool have_last_ = false, at_rest_ = false;
 };
 
-// From y on the section f = v to the next passage of f = v upwards; y becomes the point there, the time is returned.
+// From y on the section f = v to the next passage of f = v upwards (downwards where v < 0); y becomes the point there, the time is returned.
 // Steps (the last cut at the section) are appended where asked for. `divergence`: integral of the trace of J.
 class ReturnMap {
  public:
@@ -159,11 +159,12 @@ class ReturnMap {
       if (count == many_steps) integrator_.at_rest();
       OrbitStep step;
       integrator_.step(t, y, h, step);
-      const bool passed = below && y[0] >= o_.v();
+      const double above = o_.side() * (y[0] - o_.v());
+      const bool passed = below && above >= 0;
       if (passed) cut_at_section(step, y);
       add(step, steps, divergence);
       if (passed) return step.t + step.h;
-      below = below || y[0] < o_.v();
+      below = below || above < 0;
     }
     throw Failure("nothing oscillates: the motion settles without passing the plate velocity again");
   }
@@ -176,9 +177,10 @@ class ReturnMap {
       double w[train_stages + 1], at[train_max_dim];
       Collocation::radau5().basis.weights(part, w);
       combine(step, d, w, at);
-      return at[0] - o_.v();
+      return o_.side() * (at[0] - o_.v());
     };
-    double end = find_root(above, {0, step.values[0] - o_.v(), 1, y[0] - o_.v()}, 1e-15) * step.h, error;
+    const double begins = o_.side() * (step.values[0] - o_.v()), ends = o_.side() * (y[0] - o_.v());
+    double end = find_root(above, {0, begins, 1, ends}, 1e-15) * step.h, error;
     OrbitStep cut;
     double* last = cut.values + train_stages * d;
     for (int k = 0; k < 6; ++k) {
