@@ -114,11 +114,11 @@ TrainEquations BranchWalk::solved(const std::vector<double>& row, double right, 
   return better;
 }
 
-// y[0] = v rises where the orbit is a true one; past the Hopf point the branch repeats itself half a turn on.
+// psi passes y[0] = v as it did at the beginning where the orbit is a true one; past the Hopf point the branch repeats itself half a turn on.
 bool BranchWalk::vanished(const Train& train, const TrainEquations& problem, const std::vector<double>& y) const {
   double slope[train_max_dim + 1];
   problem.setting().rhs(problem.setting().at(y[y.size() - 2]), y.data(), slope, nullptr);
-  return slope[0] <= 0 || train.psi_max - train.psi_min < 1e-3 * (first_.psi_max - first_.psi_min);
+  return first_.oscillator->side() * slope[0] <= 0 || train.psi_max - train.psi_min < 1e-3 * (first_.psi_max - first_.psi_min);
 }
 
 bool BranchWalk::step(double longest, Branch& branch) {
