@@ -90,6 +90,8 @@ def differences(one, other, tolerance, path=""):
     elif isinstance(one, float) or isinstance(other, float):
         if path.endswith(("growth_rate", "wave_speed")):  # of a matrix whose blocks have other signs; of a phase
             tolerance = max(tolerance, 1e-10)
+        if one != one and other != other:
+            return
         if one is None or other is None or not abs(one - other) <= tolerance * max(1, abs(one), abs(other)):
             yield f"{path}: {one!r}, {other!r}"
     elif one != other:
@@ -292,7 +294,7 @@ def draw_cycle(random):
 
 
 def test_cycle(scenes):
-    explore(scenes, draw_cycle, "cycle", 803, 5, 1e-6)
+    explore(scenes, draw_cycle, "cycle", 803, 4, 1e-6)
 
 
 def draw_wave(random):
@@ -300,15 +302,16 @@ def draw_wave(random):
                  smooth=True)
     o["model_v"] = float(random.choice([-1, 1])) * random.uniform(0.05, 0.8)
     o.update(wave_speed=float(random.choice([-1, 1])) * o["model_c"] * random.uniform(1.3, 4), wave_pulses=1)
-    if random.random() < 0.5:
+    which = random.random()
+    if which < 0.4:
         o.update(wave_spectrum="true", spectrum_count=8)
-    if random.random() < 0.4:
+    elif which < 0.8:
         o.update(wave_continue="model_v", wave_to=o["model_v"] * random.uniform(0.3, 1.5), wave_steps=6)
     return o
 
 
 def test_wave(scenes):
-    explore(scenes, draw_wave, "wave", 804, 4, 1e-6)
+    explore(scenes, draw_wave, "wave", 804, 3, 1e-6)
 
 
 def draw_boundary(random):
@@ -388,13 +391,13 @@ def tool(name, *words):
 def test_tools():
     """Pictures and statistics of a catalogue are those of its mirror image, of files of before there was a direction too."""
     options = {"model_form": "chain", "grid_n": 20, "model_k1": 0.2, "bc_left": "free", "model_v": 0.02, "friction_law": "coulomb",
-               "friction_spread": 0.3, "init_psi": 0., "init_eta": 0.3, "ts_max_time": 1200., "out_events": "true",
+               "friction_spread": 0.3, "init_psi": 0., "init_eta": 0.3, "ts_max_time": 900., "out_events": "true",
                "scene_reduce": "off"}
     code, report, _ = compare("run", options)
     assert code == 0 and not report, report
     with h5py.File("other.h5") as file:
         events = {name: values[:] for name, values in file["events"].items()}
-    assert len(events["t"]) > 40 and (events["direction"] == -1).mean() > 0.9 and (events["slip"] > 0).all()
+    assert len(events["t"]) > 30 and (events["direction"] == -1).mean() > 0.9 and (events["slip"] > 0).all()
     assert np.allclose(events["magnitude"], np.log(events["moment"]))
     # as it was written before there was a direction
     with h5py.File("other.h5") as file, h5py.File("earlier.h5", "w") as earlier:
