@@ -5,9 +5,9 @@
 
 #include "cycles/deviations.hpp"
 #include "cycles/stick_deviations.hpp"
+#include "cycles/wave_scan.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/stencil.hpp"
-#include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
 
@@ -39,7 +39,15 @@ class Waves {
     if (!one_node_) return map_.of_twist(k * length_);
     return map_.of_wave(continuum_node() ? k * k : symbol(2, 1, k));
   }
-  double growth(double k) const { return std::log(std::abs(at(k).front())) / period(); }
+  BlochPoint point(double k) const {
+    const Multipliers m = at(k);
+    return {k, m, std::log(std::abs(m.front())) / period()};
+  }
+  // By how much ln(multiplier) changes with k, or so: what travels does so at the speed of sound, while it is not at rest.
+  double turning() const {
+    const double speed = std::sqrt(scene_.A() * scene_.K1());
+    return speed * period() * std::max(1 - cycle_.rest_fraction, 0.1);
+  }
   // ln(multiplier of the phase mode)/period is -diffusion k^2 + ...: differences of fourth order, in kappa^2 or in k.
   double diffusion() const {
     if (one_node_) {
@@ -62,11 +70,37 @@ class Waves {
   double length_;
 };
 
-// The top between two neighbours of a point.
-BlochPoint summit(const Waves& waves, const BlochPoint& left, const BlochPoint& right) {
-  const Least top = find_least([&](double k) { return -waves.growth(k); }, left.wavenumber, right.wavenumber,
-                               1e-6 * right.wavenumber, [](double) { return false; });
-  return {top.x, waves.at(top.x), -top.value};
+// Every growth rate that decides, and the error of such rates.
+struct Rates {
+  double at_zero, diffusion, largest, of_finite, short_waves, error;
+  double longest_wave;  // wavenumber from which on `largest` is looked for
+};
+
+// The one verdict: stable where everything decays, unstable where something grows, undecided where a rate that matters is
+// nearer to 0 than its error. No rate that is given can contradict it.
+void judge(const Rates& r, BlochSpectrum& out) {
+  const double waves = std::fmax(r.of_finite, r.short_waves);  // the second may be NaN
+  const double long_wave = -r.diffusion * r.longest_wave * r.longest_wave;
+  const bool grows = std::max({r.at_zero, r.largest, waves}) > r.error || long_wave > 1e-12;
+  out.stable = !grows && r.at_zero < -r.error && waves < -r.error && long_wave < -1e-12;
+  out.decided = grows || out.stable;
+}
+
+// The first place where the growth rate rises again on the way from k = 0, down from the phase mode's 0.
+size_t first_rise(const std::vector<BlochPoint>& p) {
+  size_t k = 0;
+  while (k + 1 < p.size() && p[k + 1].growth_rate < p[k].growth_rate) ++k;
+  return k + 1;
+}
+
+// The places k = 0 and j/count of the longest, where `wavenumbers` divides count: near enough to each other that waves of
+// the speed of sound turn by no more than 1 from one to the next.
+std::vector<BlochPoint> evenly(const Waves& waves, int wavenumbers) {
+  const double last = waves.longest_wavenumber();
+  const int parts = std::max(1, int(std::ceil(std::min(1e6, waves.turning() * last / wavenumbers))));
+  std::vector<BlochPoint> points{waves.point(0)};
+  for (int j = 1; j <= wavenumbers * parts; ++j) points.push_back(waves.point(last * j / (wavenumbers * parts)));
+  return points;
 }
 
 }  // namespace
@@ -83,46 +117,27 @@ BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMa
     out.decided = std::abs(out.largest_at_zero) > error;
     return out;
   }
-  for (int j = 1; j <= wavenumbers; ++j) {
-    const double k = waves.longest_wavenumber() * j / wavenumbers;
-    const Multipliers m = waves.at(k);
-    out.points.push_back({k, m, std::log(std::abs(m.front())) / waves.period()});
-  }
+  std::vector<BlochPoint> first = evenly(waves, wavenumbers);
+  const size_t parts = (first.size() - 1) / size_t(wavenumbers);
+  for (size_t j = parts; j < first.size(); j += parts) out.points.push_back(first[j]);
   out.diffusion = waves.diffusion();
   out.short_waves = waves.short_waves();
-  // the band that a negative diffusion opens at k = 0 is its own; what lies beyond is that of finite waves
-  const std::vector<BlochPoint>& p = out.points;
-  size_t finite = 0;
-  if (out.diffusion < 0)
-    while (finite < p.size() && p[finite].growth_rate > 0) ++finite;
-  std::vector<size_t> tops;
-  for (size_t j = 0; j < p.size(); ++j)
-    if ((j == 0 ? out.diffusion < 0 : p[j].growth_rate >= p[j - 1].growth_rate) &&
-        (j + 1 == p.size() || p[j].growth_rate > p[j + 1].growth_rate))
-      tops.push_back(j);
-  std::stable_sort(tops.begin(), tops.end(), [&](size_t a, size_t b) { return p[a].growth_rate > p[b].growth_rate; });
-  const BlochPoint zero{0, {}, 0};
-  out.largest_of_finite = finite < p.size() ? p.back().growth_rate : -error;
-  const auto consider = [&](const BlochPoint& point, bool of_finite) {
-    if (point.growth_rate > out.growth_rate) {
-      out.growth_rate = point.growth_rate;
-      out.wavenumber = point.wavenumber;
-      out.multiplier = point.multipliers.front();
-    }
-    if (of_finite) out.largest_of_finite = std::max(out.largest_of_finite, point.growth_rate);
-  };
-  for (size_t j = 0; j < p.size(); ++j) consider(p[j], false);
-  for (size_t rank = 0; rank < std::min<size_t>(3, tops.size()); ++rank) {
-    const size_t j = tops[rank];
-    const bool of_finite = j >= finite;
-    consider(j + 1 == p.size() ? p[j] : summit(waves, j == 0 ? zero : p[j - 1], p[j + 1]), of_finite);
+  const WaveScan scan([&](double k) { return waves.point(k); }, std::move(first), out.diffusion,
+                      {waves.period(), waves.turning(), cycle.nodes == 1});
+  const std::vector<BlochPoint>& p = scan.points();
+  const double longest_wave = out.points.front().wavenumber;
+  for (size_t j = 1; j < p.size(); ++j) {
+    if (p[j].growth_rate <= out.growth_rate || (p[j].wavenumber < longest_wave && !(p[j].growth_rate > 0))) continue;
+    out.growth_rate = p[j].growth_rate;
+    out.wavenumber = p[j].wavenumber;
+    out.multiplier = p[j].multipliers.front();
   }
-  const double waves_growth = std::fmax(out.largest_of_finite, out.short_waves);  // the second may be NaN
-  out.stable = out.largest_at_zero < 0 && out.diffusion > 0 && waves_growth < 0;
-  const double k1 = p.front().wavenumber;
-  const bool clearly_unstable = out.growth_rate > error || out.short_waves > error;
-  out.decided = clearly_unstable || (std::abs(out.largest_at_zero) > error && std::abs(waves_growth) > error &&
-                                     std::abs(out.diffusion) * k1 * k1 > 1e-12);
+  // what the phase mode does at k = 0 its diffusion says
+  out.largest_of_finite = p.back().growth_rate;
+  for (size_t j = first_rise(p); j < p.size(); ++j)
+    out.largest_of_finite = std::max(out.largest_of_finite, p[j].growth_rate);
+  judge({out.largest_at_zero, out.diffusion, out.growth_rate, out.largest_of_finite, out.short_waves, error, longest_wave},
+        out);
   return out;
 }
 

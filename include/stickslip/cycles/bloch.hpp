@@ -25,14 +25,14 @@ struct BlochPoint {
 
 struct BlochSpectrum {
   std::vector<BlochPoint> points;  // k > 0, rising
-  // The largest growth rate over k > 0, refined between the points, and the phase mode left out over k = 0; the wavenumber
-  // that has it.
+  // The largest growth rate over the wavenumbers from the first of `points` on, those below where they grow, and k = 0 but
+  // for the phase mode; the wavenumber that has it. Refined between the points: see src/cycles/wave_scan.hpp.
   double growth_rate = 0, wavenumber = 0;
   std::complex<double> multiplier = 0;
   // The phase mode of a long wave grows at -diffusion k^2 + O(k^4); unit length^2/time.
   double diffusion = 0;
-  // Every deviation decays but the phase mode of k = 0, whose branch has a positive diffusion. `decided`: false where a
-  // growth rate that matters is nearer to 0 than its error.
+  // Every deviation decays but the phase mode of k = 0, whose branch has a positive diffusion: no rate given here is
+  // positive then. `decided`: false where a growth rate that matters is nearer to 0 than its error and none grows.
   bool stable = false, decided = true;
   bool coupled = true;           // false: neighbours do not feel each other, every phase stays as it is
   double short_waves = 0;        // growth rate that waves tend to as k grows: of uniform motion of the continuum, else NaN
@@ -49,7 +49,7 @@ struct WaveMap {
   double short_waves = 0;
 };
 
-// Of `wavenumbers` waves on the cycle of a cell. Throws UsageError where the cell is no ring (its ends are not those of one
+// Of the waves on the cycle of a cell, `wavenumbers` of which are listed. Throws UsageError where the cell is no ring (its ends are not those of one
 // of many).
 BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMap& waves, int wavenumbers);
 BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers);
