@@ -75,21 +75,63 @@ void Maxima::step(const ObservedStep& step) {
     values[i] = psi(work_);
   }
   double low = 0, rising = slope_at(values, 0) / dt;
-  if (slope_ > 0 && rising <= 0) maxima_.push_back(before);  // just where two steps meet
+  visit(before, slope_ > 0 && rising <= 0);  // just where two steps meet
   for (std::size_t i = 1; i < points; ++i) {
     const double high = double(i) / double(points - 1), then = slope_at(values, high) / dt;
-    if (rising > 0 && then <= 0) maxima_.push_back(value_at(values, top_between(values, low, high)));
+    if (rising > 0 && then <= 0) visit(value_at(values, top_between(values, low, high)), true);
+    visit(values[i], false);
     low = high;
     rising = then;
   }
   slope_ = rising;
-  if (maxima_.size() > most) maxima_.erase(maxima_.begin(), maxima_.end() - most);
+}
+
+// By the range so far, which is no larger than that of the end: what does not count now never will.
+void Maxima::visit(double value, bool is_maximum) {
+  highest_ = std::max(highest_, value);
+  lowest_ = std::min(lowest_, value);
+  const double least = prominence * (highest_ - lowest_);
+  if (!std::isnan(candidate_) && value >= candidate_) {
+    candidate_ = value;
+  } else if (!std::isnan(candidate_) && candidate_ - value > least) {
+    maxima_.push_back(candidate_);
+    lows_.push_back(low_);
+    candidate_ = NAN;
+    low_ = value;
+  } else if (std::isnan(candidate_) && is_maximum && value - low_ > least) {
+    candidate_ = value;
+  } else if (std::isnan(candidate_)) {
+    low_ = std::min(low_, value);
+  }
+  if (maxima_.size() <= most) return;
+  maxima_.erase(maxima_.begin());
+  lows_.erase(lows_.begin());
+}
+
+std::vector<double> prominent(const std::vector<double>& maxima, const std::vector<double>& lows, double last_low,
+                              double least) {
+  std::vector<double> found;
+  double low = lows.empty() ? last_low : lows.front();
+  double top = NAN;  // a maximum that is high enough on its left side
+  for (std::size_t i = 0; i < maxima.size(); ++i) {
+    low = std::min(low, lows[i]);
+    if (std::isnan(top) ? maxima[i] - low > least : maxima[i] >= top) top = maxima[i];
+    const double after = i + 1 < maxima.size() ? lows[i + 1] : last_low;
+    if (!std::isnan(top) && top - after > least) {
+      found.push_back(top);
+      top = NAN;
+      low = after;
+    }
+  }
+  return found;
 }
 
 void Maxima::save(Checkpoint& checkpoint) {
   checkpoint.numbers["maxima_psi"] = last_;
   checkpoint.numbers["maxima_slope"] = slope_;
   checkpoint.arrays[name_] = maxima_;
+  checkpoint.arrays["maxima_lows"] = lows_;
+  checkpoint.arrays["maxima_watch"] = {highest_, lowest_, low_, candidate_};
 }
 
 void Maxima::restore(const Checkpoint& checkpoint) {
@@ -97,13 +139,21 @@ void Maxima::restore(const Checkpoint& checkpoint) {
   last_ = checkpoint.numbers.at("maxima_psi");
   slope_ = checkpoint.numbers.at("maxima_slope");
   maxima_ = checkpoint.arrays.at(name_);
+  lows_ = checkpoint.arrays.at("maxima_lows");
+  const std::vector<double>& watch = checkpoint.arrays.at("maxima_watch");
+  highest_ = watch.at(0);
+  lowest_ = watch.at(1);
+  low_ = watch.at(2);
+  candidate_ = watch.at(3);
 }
 
 void Maxima::summarise(Summary& summary, Vec) {
-  std::vector<double> found = maxima_;
+  const double least = std::max(0., prominence * (highest_ - lowest_));
+  std::vector<double> found = prominent(maxima_, lows_, low_, least);
+  if (const int period = period_of(found); period >= 0) summary.set("maxima_period", period);
   for (double& one : found) one *= forward_;
   summary.set("maxima", found);
-  if (const int period = period_of(maxima_); period >= 0) summary.set("maxima_period", period);
+  if (std::isfinite(least)) summary.set("maxima_prominence", least);
 }
 
 int period_of(const std::vector<double>& maxima) {

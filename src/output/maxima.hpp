@@ -2,6 +2,7 @@
 // it has), a period that has doubled after twice as many, and chaos never.
 #pragma once
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -15,10 +16,13 @@ namespace stickslip {
 //
 // `maxima` in the summary: the last of those in the second half of the run, in their order; and `maxima_period`: after how
 // many they repeat to 1e-3 of the largest |maximum|, 0 where not within a quarter of their number, null with fewer than 8.
-// Each is that of the quartic through five values of the method's dense output over its step.
+// Each is that of the quartic through five values of the method's dense output over its step. A maximum counts where psi
+// rises to it and falls from it by `maxima_prominence` at least, a thousandth of psi's range there over that half: what is
+// less are ripples of the size of the tolerance, in which a rest has any number of them.
 class Maxima : public Observer {
  public:
   static constexpr std::size_t most = 128;  // in the list
+  static constexpr double prominence = 1e-3;  // of the range
 
   // At x, interpolated as a probe is, of a run that ends at t_end.
   Maxima(const Model& model, const Scene& whole, double x, double t_end);
@@ -32,13 +36,23 @@ class Maxima : public Observer {
  private:
   double psi(Vec u) { return forward_ * probe_.read(u).psi[0]; }
 
+  void visit(double value, bool is_maximum);
+
   Probes probe_;
   VecHandle work_;
   double forward_;
   std::string name_;  // of the list in a checkpoint
   double begin_, last_ = 0, slope_ = 0;  // psi and its slope where the last step ended
-  std::vector<double> maxima_;
+  // Extremes so far; of what comes after the last maximum that counts the least value, and a maximum that will count once
+  // psi has fallen far enough from it (NaN: none).
+  double highest_ = -HUGE_VAL, lowest_ = HUGE_VAL, low_ = HUGE_VAL, candidate_ = NAN;
+  std::vector<double> maxima_, lows_;  // and the least value before each
 };
+
+// Of the maxima of a row, with the least value before each and after the last, those to which it rises and from which it
+// falls by so much at least.
+std::vector<double> prominent(const std::vector<double>& maxima, const std::vector<double>& lows, double last_low,
+                              double least);
 
 // After how many entries the list repeats, as maxima_period has it; -1 for null.
 int period_of(const std::vector<double>& maxima);
