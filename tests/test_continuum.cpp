@@ -5,6 +5,7 @@
 #include <random>
 
 #include "stickslip/stability/continuum.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 
 using namespace stickslip;
 
@@ -82,4 +83,42 @@ TEST_CASE("chains, spread and other held velocities have no closed answer; all w
   CHECK(alike->degenerate);
   CHECK(alike->wavenumber == 0);
   CHECK(alike->growth == Approx(-(3 * (0.81 - 1) + 0.2) / 2));
+}
+
+TEST_CASE("no wave that fits a scene grows faster than the fastest, be it drawn with a peak between two samples", "[continuum]") {
+  std::mt19937 random(19);
+  const auto between = [&](double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); };
+  int peaks = 0, alike = 0;
+  for (int k = 0; k < 3000; ++k) {
+    Scene s;
+    s.form = k % 3 == 0 ? Form::chain : Form::continuum;
+    s.order = s.form == Form::chain ? 2 : 2 + 2 * PetscInt(random() % 4);
+    s.n = 3 + PetscInt(std::pow(10, between(0, 2.7)));
+    s.length = std::pow(10, between(-0.3, 2));
+    if (k % 2) s.left = s.right = End::free;
+    if (k % 8 == 7 && s.order == 2) s.right = End::velocity;
+    s.nu = k % 5 == 0 ? 0 : std::pow(10, between(-4, 0.5));
+    const bool state = k % 4 != 1;
+    s.friction.state = StateLaw(state ? "contact-age" : "none");
+    LinearPoint p(s);
+    p.set({between(-2, 1), between(-1, 3), state ? between(-3, 1) : 0, state ? -std::pow(10, between(-1.5, 1)) : 0});
+    p.has_state = state;
+    const Waves waves = Waves::of(s);
+    const auto found = fastest_wave(p, waves, same_growth(p));
+    REQUIRE(found);
+    double most = -HUGE_VAL, ends = -HUGE_VAL;
+    for (std::int64_t j = 0; j < waves.count; ++j) {
+      const auto root = rightmost_root(p, waves.kappa2(j));
+      most = std::max(most, root->real());
+      if (j == 0 || j + 1 == waves.count) ends = std::max(ends, root->real());
+    }
+    INFO("scene " << k);
+    REQUIRE(found->value.real() <= most);
+    REQUIRE(found->value.real() >= most - 1.1 * same_growth(p));
+    CHECK(found->wavenumber == waves.k(found->index));
+    peaks += most > ends + same_growth(p);
+    alike += found->degenerate;
+  }
+  CHECK(peaks > 30);
+  CHECK(alike > 100);
 }

@@ -112,7 +112,8 @@ TEST_CASE("an amplitude that falls is told from one that stands, at any size of 
   // the largest of a stretch lies somewhere in it: half a period in a span of six
   CHECK(*m.rate == Approx(rate).epsilon(0.1).margin(tolerance));
   if (tolerance > std::abs(rate) / 3 && rate != 0) return;  // what such steps cannot tell
-  if (rate < -1e-3) CHECK(m.motion == Motion::decaying);
+  // what falls beside sliding that repels it falls to something else; of this scene it does, if nothing else is said
+  if (rate < -1e-3) CHECK(m.motion == (growth < 0 ? Motion::decaying : Motion::undecided));
   if (rate > 0) CHECK(m.motion == Motion::growing);
   if (rate == 0 && steps > 60) CHECK(m.motion == Motion::stick_slip);
   if (m.motion == Motion::decaying) CHECK(*m.time_to_decide > t_end);
@@ -132,7 +133,7 @@ TEST_CASE("a million steps are judged as a thousand are, in the same memory", "[
   for (const int many : {0, 1}) {
     const long steps = many ? 1000000 : 100000;  // of 0.06 and 0.6
     Regime regime(model, t_end);
-    regime.know(NAN, NAN);
+    regime.know(rate, rate);
     // by a recurrence, so that the time is the judge's: psi - v is the imaginary part of z
     const std::complex<double> turn = std::exp(std::complex<double>(rate, 1) * (t_end / double(steps)));
     std::complex<double> z = 0.5;

@@ -377,7 +377,7 @@ void Run::report(Summary& summary, bool complete) {
     if (CarriedFrame* next = CarriedFrame::innermost()) next->keep(problem_.model, scene_, problem_.u, r.t);
     const StepAudit::Verdict verdict = step_audit_->verdict(problem_.u);
     const NearestGrowth near = nearest_growth(problem_.model, verdict, origin_.evaluations + r.rhs_evaluations);
-    regime_->know(near.growth, near.taken, near.why_not);
+    regime_->know(near.growth, near.taken, near.why_not, near.beyond);
     for (const auto& observer : observers_) observer->summarise(summary, problem_.u);
     warn_of_answer(verdict, r.t);
   } else {

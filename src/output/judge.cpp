@@ -14,6 +14,7 @@ constexpr double moving = 0.05;     // of the scale: the least distance of stick
 constexpr double least_periods = 3;
 constexpr double settled = 3e-5;    // of the scale: what error control leaves of a motion that has died away
 constexpr double ahead = 20;        // times the run so far: how long stick-slip must last where sliding is stable
+constexpr double decay_times = 3;   // of linear theory, after which what has not decayed is noise
 constexpr double factor_two = 0.7;   // of a logarithm
 constexpr double unchanged = 0.05;  // relative change of size that counts as none where sliding is unstable
 constexpr double peak_error = 1e-4;  // of a size: extrema between steps
@@ -224,7 +225,7 @@ class Judge {
       const double now = size(end_ - last_, end_), before = size(earlier, earlier + last_);
       // steps so long that they let perturbations grow are held at the size of the tolerance by error control
       const bool stable = a_.growth ? *a_.growth < 0 : a_.stable && !t.rises();
-      if ((now <= settled * scale_ && (!t.rises() || a_.stable)) || now < 0.9 * before ||
+      if ((now <= settled * scale_ && (!t.rises() || a_.stable)) || now < 0.9 * before || is_noise(t) ||
           (stable && (now < 1.02 * before || now <= 3 * settled * scale_)))
         return a_.v == 0 ? Motion::stuck : Motion::sliding;
     }
@@ -232,10 +233,24 @@ class Judge {
         (stands(t, unstable) || wanders(unstable)))
       return Motion::stick_slip;
     if (t.has_ended()) return Motion::undecided;
-    // a creep past unstable sliding is no approach to it
-    if (t.falls() && !((unstable || a_.unstable) && period_ == 0)) return Motion::decaying;
+    // what sliding repels does not decay to it, and what was smaller before has grown since, as bursts do
+    if (t.falls() && !unstable && !a_.unstable && !was_smaller()) return Motion::decaying;
     if (t.rises() && (period_ > 0 || unstable)) return Motion::growing;
     return Motion::undecided;
+  }
+
+  // Beside sliding that is stable a motion decays; what has had the time to and has not is noise, which the error control
+  // of the steps holds at the size of its tolerance.
+  bool is_noise(const Trend& t) const {
+    return a_.stable && t.known && !t.rises() && -a_.linear * t.span > decay_times;
+  }
+
+  // Whether some stretch before the last one, since the motion began, was clearly smaller.
+  bool was_smaller() const {
+    const double now = 0.9 * size(end_ - last_, end_);
+    for (std::size_t end = end_ - last_; end >= first_passage() + last_; end -= last_)
+      if (size(end - last_, end) < now) return true;
+    return false;
   }
 
   // Whether an oscillation keeps its size.

@@ -13,6 +13,7 @@ struct Surroundings {
   double v = 0;
   std::optional<double> growth;  // of perturbations of sliding, as the steps have it: its sign is certain
   bool stable = false, unstable = false;  // sliding of the scene itself, whatever the steps make of it
+  double linear = 0;                      // its growth rate, where one of them is true
   bool unloaded = false;         // nothing will ever move a medium at rest
   double loading = 0;            // time until the force on the first node that rests or lags reaches its friction
   double cycle = 1;              // about the longest time between two slips, or the period of an oscillation

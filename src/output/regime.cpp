@@ -77,6 +77,7 @@ struct Regime::Impl {
   Traces traces;
   FieldWatch field;
   double growth = std::numeric_limits<double>::quiet_NaN(), growth_taken = growth;
+  double growth_resolved = growth;  // what the summary says; `growth` decides the word
   std::string growth_reason;
   std::optional<Measured> measured;  // at the last step
   bool jumps_at_rest, uniform;       // uniform: steady sliding is, at v
@@ -155,6 +156,7 @@ struct Regime::Impl {
     a.growth = certain_growth(t);
     a.stable = growth < 0;
     a.unstable = growth > 0;
+    a.linear = std::isfinite(growth) ? growth : 0;
     a.unloaded = is_unloaded(s);
     a.sticks = jumps_at_rest;
     const double pull = s.K0() * std::abs(s.v);
@@ -175,10 +177,11 @@ Regime::Regime(const Model& model, double t_end, const std::function<double(Pets
     : impl_(std::make_unique<Impl>(model, t_end, steady)) {}
 Regime::~Regime() = default;
 
-void Regime::know(double growth, double growth_taken, const std::string& why_not) {
+void Regime::know(double growth, double growth_taken, const std::string& why_not, double beyond) {
   impl_->measured.reset();
   impl_->growth_reason = why_not;
-  impl_->growth = growth;
+  impl_->growth_resolved = growth;
+  impl_->growth = std::isfinite(beyond) ? beyond : growth;
   impl_->growth_taken = growth_taken;
 }
 
@@ -224,7 +227,7 @@ const Measured& Regime::result(Vec u) {
   m.pulses = field.pulses;
   if (m.pulses) *m.pulses *= static_cast<int>(impl_->model.scene().copies);
   m.steepest = field.steepest;
-  if (std::isfinite(impl_->growth)) m.growth = impl_->growth;
+  if (std::isfinite(impl_->growth_resolved)) m.growth = impl_->growth_resolved;
   double highest = 0;
   for (std::size_t k = 0; k < record.windows * record.places; ++k)
     highest = std::max({highest, std::abs(record.high[k]), std::abs(record.low[k])});
@@ -248,6 +251,10 @@ void Regime::summarise(Summary& summary, Vec u) {
   summary.set("amplitude", m.amplitude);
   summary.set("wave_speed", m.wave_speed);
   summary.set("pulses", m.pulses);
+  if (impl_->growth > 0 && impl_->growth_resolved <= 0)
+    warn("about steady sliding waves of a few nodes, which the grid carries but does not resolve, grow at up to " +
+         rounded_text(impl_->growth) + " per unit time; growth_rate is that of the resolved ones (`spectrum` tells what "
+         "the continuum's short waves do)");
   const double t_end = impl_->field.end();
   summary.set("measured_over", std::vector<double>{0.75 * t_end, t_end});
   if (m.never_moved)

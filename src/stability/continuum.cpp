@@ -4,42 +4,19 @@
 #include <cmath>
 #include <limits>
 
+#include "stickslip/stability/fastest_wave.hpp"
+
 namespace stickslip {
 
 namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
 
-Complex rightmost(const LinearPoint& medium, double k) {
-  Complex best = -infinite;
-  for (const Complex& z : dispersion(medium, k * k))
-    if (z.imag() >= 0 && z.real() > best.real()) best = z;
-  return best;
-}
-
-// The number j >= 0 of the wave of wavenumber unit (first + j) that grows fastest in a viscous medium with a state.
-double fastest_number(const LinearPoint& medium, double unit, double first) {
-  const auto growth = [&](double j) { return rightmost(medium, unit * (first + j)).real(); };
-  // from here on N k^2 outweighs all else
+// From this wavenumber on N k^2 outweighs all else.
+double last_that_may_lead(const LinearPoint& medium) {
   const double drag = std::abs(medium.beta()) + std::abs(medium.q()) / std::max(medium.r(), 1e-300);
-  const double scale = std::sqrt((drag + std::sqrt(medium.K0 / medium.A)) / medium.N) +
-                       (medium.K1 > 0 ? std::sqrt(medium.K0 / medium.K1) : 0);
-  const double last = std::ceil(std::min(30 * scale / unit, 1e12)) + 2;
-  double best = 0, most = growth(0), step = 1;
-  for (double j = 1; j <= last; j += std::max(1., std::floor(j / 50))) {
-    const double here = growth(j);
-    if (!(here > most)) continue;
-    most = here;
-    best = j;
-    step = std::max(1., std::floor(j / 50));
-  }
-  while (step >= 1) {
-    const double before = best;
-    for (const double j : {before - step, before + step})
-      if (j >= 0 && growth(j) > most) most = growth(best = j);
-    if (best == before) step = std::floor(step / 2);
-  }
-  return best;
+  return 30 * (std::sqrt((drag + std::sqrt(medium.K0 / medium.A)) / medium.N) +
+               (medium.K1 > 0 ? std::sqrt(medium.K0 / medium.K1) : 0));
 }
 
 }  // namespace
@@ -50,10 +27,10 @@ double damping_scale(const LinearisedOperator& s) { return s.scene.massless() ? 
 std::optional<ContinuumLead> continuum_lead(const LinearisedOperator& s) {
   if (s.scene.form != Form::continuum || !s.uniform || s.size() == 0) return std::nullopt;
   const LinearPoint medium = s.mean();
-  const bool left = s.scene.left == End::velocity, right = s.scene.right == End::velocity;
-  const double unit = (s.scene.ring() ? 2 : 1) * M_PI / s.scene.length;
-  const double first = left && right ? 1 : left || right ? 0.5 : 0;
-  const double level = 1e-9 * (unit_frequency(s) + std::abs(medium.damping()));
+  const double level = same_growth(medium);
+  Waves waves = Waves::of_continuum(s.scene, 2);
+  const bool between = s.N > 0 && s.has_state();
+  if (between) waves.count += std::int64_t(std::min(last_that_may_lead(medium) / waves.k(1), 1e12));
 
   ContinuumLead best;
   best.growth = -infinite;
@@ -62,11 +39,9 @@ std::optional<ContinuumLead> continuum_lead(const LinearisedOperator& s) {
     if (ahead > level) best = {value.real(), value.imag(), k, false};
     else if (ahead > -level && k != best.wavenumber) best.degenerate = true;
   };
-  const double lead = s.N > 0 && s.has_state() ? fastest_number(medium, unit, first) : 0;
-  for (const double j : {lead, lead + 1}) {  // the second only to tell whether the first is alone
-    const double k = unit * (first + j);
-    offer(k, rightmost(medium, k));
-  }
+  const std::int64_t lead = between ? fastest_wave(medium, waves, level)->index : 0;
+  for (const std::int64_t j : {lead, lead + 1})  // the second only to tell whether the first is alone
+    offer(waves.k(j), *rightmost_root(medium, waves.kappa2(j)));
   if (s.N > 0) {
     offer(infinite, std::max(-s.K1 / s.N, s.has_state() ? -medium.r() : -infinite));
   } else if (s.K1 > 0) {

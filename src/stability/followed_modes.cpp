@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "stability/modes.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {
 
@@ -12,7 +13,7 @@ double count_margin(const LinearisedOperator& s, double frequency, double part) 
   return part * (s.rate_of(s.K0 + s.K1) + frequency);
 }
 
-double same_growth(const LinearisedOperator& s) { return 1e-9 * (unit_frequency(s) + damping_scale(s)); }
+double same_growth(const LinearisedOperator& s) { return same_growth(s.mean()); }
 
 // ---- one mode -----------------------------------------------------------------------------------------------------
 

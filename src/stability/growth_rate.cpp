@@ -7,6 +7,7 @@
 
 #include "stability/followed_modes.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {
 
@@ -58,32 +59,15 @@ std::optional<ContinuumLead> GrowthRate::closed(const LinearisedOperator& s) con
   return refine_ ? continuum_lead(s) : std::nullopt;
 }
 
-bool GrowthRate::all_known(const LinearisedOperator& s) const { return closed(s) || !s.exact_waves().empty(); }
+bool GrowthRate::all_known(const LinearisedOperator& s) const { return closed(s) || s.has_exact_waves(); }
 
 // The leading one of all waves of the discrete dispersion relation; of equal ones the longest.
-LeadingMode GrowthRate::leading_wave(const LinearisedOperator& s) const {
-  const double level = same_growth(s);
-  const LinearPoint medium = s.mean();
-  LeadingMode best;
-  best.mode.value = -std::numeric_limits<double>::infinity();
-  for (const LinearisedOperator::Wave& w : s.exact_waves()) {
-    bool neutral = s.neutral() && w.k == 0;
-    for (const Complex& z : dispersion(medium, s.symbol(w.k))) {
-      if (z.imag() < 0) continue;
-      if (neutral && std::abs(z) <= level) {
-        neutral = false;
-        continue;
-      }
-      const double ahead = z.real() - best.mode.value.real();
-      if (ahead > level) {
-        best.mode.value = z;
-        best.mode.wavenumber = w.k;
-        best.degenerate = false;
-      } else if (ahead > -level && w.k != best.mode.wavenumber) {
-        best.degenerate = true;
-      }
-    }
-  }
+std::optional<LeadingMode> GrowthRate::leading_wave(const LinearisedOperator& s) const {
+  const auto found = fastest_wave(s.mean(), Waves::of(s.scene), same_growth(s));
+  if (!found) return std::nullopt;
+  LeadingMode best{{}, found->degenerate};
+  best.mode.value = found->value;
+  best.mode.wavenumber = found->wavenumber;
   return best;
 }
 
@@ -98,7 +82,7 @@ std::optional<LeadingMode> GrowthRate::leading(double x, double y) {
     best.mode.wavenumber = lead->wavenumber;
     return best;
   }
-  if (!s->exact_waves().empty()) return leading_wave(*s);
+  if (s->has_exact_waves()) return leading_wave(*s);
   if (s->size() * s->dof() > 64) return leading_followed(*s, x, y);
   modes_->clear();  // every eigenvalue is had for less than following some
   modes_->search(*s, false);

@@ -7,6 +7,7 @@
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/roots.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {
 
@@ -265,23 +266,12 @@ LinearPoint LinearisedOperator::find_mean() const {
 }
 
 std::vector<LinearisedOperator::Wave> LinearisedOperator::exact_waves() const {
-  std::vector<Wave> waves;
-  if (!uniform || !symmetric()) return waves;
-  const PetscInt n = scene.n;
-  if (scene.ring()) {
-    for (PetscInt j = 0; 2 * j <= n; ++j)
-      waves.push_back({2 * M_PI * double(j) / (double(n) * spacing()), j == 0 || 2 * j == n ? 1 : 2});
-    return waves;
-  }
-  // A free end reflects evenly about the node (continuum) or half a spacing beyond it (chain), a held end oddly.
-  const double beyond = scene.form == Form::chain ? 0.5 : 0;
-  const bool left = scene.left == End::velocity, right = scene.right == End::velocity;
-  const double width = double(n - 1) + (left ? 0 : beyond) + (right ? 0 : beyond);
-  for (std::size_t j = 0; j < size(); ++j) {
-    const double turns = double(j) + (left && right ? 1 : left || right ? 0.5 : 0);
-    waves.push_back({M_PI * turns / (width * spacing()), 1});
-  }
-  return waves;
+  std::vector<Wave> found;
+  if (!has_exact_waves()) return found;
+  const Waves waves = Waves::of(scene);
+  for (PetscInt j = 0; j < waves.count; ++j)
+    found.push_back({waves.k(j), !scene.ring() || j == 0 || 2 * j == scene.n ? 1 : 2});
+  return found;
 }
 
 std::vector<Complex> LinearisedOperator::wave(double k) const {

@@ -8,6 +8,7 @@
 #include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/stability/continuum.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {
 
@@ -216,9 +217,8 @@ bool is_neutral(const LinearisedOperator& s, const Mode& m) {
 
 double resolved_frequency(const LinearisedOperator& s) {
   if (s.scene.form == Form::chain) return s.imaginary_bound();
-  const double k_max = M_PI / s.scene.h();
-  if (s.dispersion_error(k_max) < 0.01) return s.imaginary_bound();
-  const double k = last_place([&](double at) { return s.dispersion_error(at) < 0.01; }, 0, k_max);
+  const double k = resolved_wavenumber(s.scene.order, s.scene.h());
+  if (k == M_PI / s.scene.h()) return s.imaginary_bound();
   return s.rate_of(s.K0 + s.K1 * s.symbol(k));
 }
 

@@ -10,17 +10,19 @@
 #include "stability/search.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/stability/continuum.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {
 
 namespace {
 
-// Marks the modes that keep their value and shape on the grid of half the spacing; returns the change of the real part
-// of the rightmost one that does.
+// Marks the modes that the grid resolves: where all are waves, by their wavenumber, as in Waves::resolved; else those that
+// keep their value and shape on the grid of half the spacing. Returns the change of the real part of the rightmost one.
 double compare_grids(const LinearisedOperator& s, std::vector<Mode>& modes) {
   Scene scene = s.scene;
   scene.n = scene.ring() ? 2 * scene.n : 2 * scene.n - 1;
   const LinearisedOperator fine(scene);
+  const double last = resolved_wavenumber(s.scene.order, s.scene.h());
   double change = 0;
   bool first = true;
   std::vector<Mode> others;
@@ -42,7 +44,8 @@ double compare_grids(const LinearisedOperator& s, std::vector<Mode>& modes) {
                              return std::norm(inner(guess, conjugate));
                            }()) / (inner(guess, guess).real() * inner(other.psi, other.psi).real());
     m.resolved = converged && drift <= 0.01 * scale && overlap > 0.3;
-    if (m.resolved && first) {
+    if (s.has_exact_waves()) m.resolved = m.wavenumber <= (1 + 1e-6) * last;
+    if (m.resolved && converged && first) {
       change = std::abs(other.value.real() - m.value.real());
       first = false;
     }

@@ -6,7 +6,7 @@
 
 #include "stickslip/model/friction.hpp"
 #include "stickslip/numerics/roots.hpp"
-#include "stickslip/stability/continuum.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/stability/linearised_operator.hpp"
 
 namespace stickslip {
@@ -17,25 +17,12 @@ namespace {
 void find_growth(const Scene& scene, UniformState& u) {
   Scene sliding = scene;
   sliding.v = u.psi;
-  const LinearisedOperator J(sliding);
-  const LinearPoint medium = J.mean();
-  const double unit = damping_scale(J) + J.rate_of(J.K1) + 1e-300;
+  const LinearPoint medium = LinearisedOperator(sliding).mean();
+  const auto found = fastest_wave(medium, Waves::of(scene), 1e-3 * same_growth(medium));
   u.slope = medium.slow_beta();
-  u.growth_rate = -std::numeric_limits<double>::infinity();
-  for (const LinearisedOperator::Wave& wave : J.exact_waves()) {
-    bool shift = wave.k == 0;
-    for (const Complex& z : dispersion(medium, J.symbol(wave.k))) {
-      if (z.imag() < 0) continue;
-      if (shift && std::abs(z) < 1e-9 * unit) {
-        shift = false;
-        continue;
-      }
-      if (!(z.real() > u.growth_rate + 1e-12 * unit)) continue;
-      u.growth_rate = z.real();
-      u.frequency = z.imag();
-      u.wavenumber = wave.k;
-    }
-  }
+  u.growth_rate = found ? found->value.real() : -std::numeric_limits<double>::infinity();
+  u.frequency = found ? found->value.imag() : 0;
+  u.wavenumber = found ? found->wavenumber : 0;
   u.stable = u.growth_rate < 0;
 }
 

@@ -85,7 +85,7 @@ Outcome observe(const Options& options, const MethodSpec& method, const Model& m
       });
       const StepAudit::Verdict verdict = audit.verdict(u);
       const NearestGrowth near = nearest_growth(model, verdict, integrator.report().rhs_evaluations);
-      regime.know(near.growth, near.taken);
+      regime.know(near.growth, near.taken, near.why_not, near.beyond);
       const Measured r = regime.result(u);
       outcome.motion = r.motion;
       outcome.amplitude = r.amplitude.value_or(NAN);

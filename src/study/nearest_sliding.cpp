@@ -8,6 +8,7 @@
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/reach.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 #include "stickslip/stability/growth_rate.hpp"
 #include "stickslip/stability/steady_sliding.hpp"
 
@@ -69,12 +70,15 @@ std::function<double(PetscInt)> steady_velocity(const Scene& scene) {
 
 NearestGrowth nearest_growth(const Model& model, const StepAudit::Verdict& audit, long evaluations) {
   const Scene& s = model.scene();
-  const auto none = [](const std::string& why) { return NearestGrowth{unknown, unknown, why}; };
+  const auto none = [](const std::string& why) { return NearestGrowth{unknown, unknown, why, unknown}; };
   if (s.load.varies()) return none("the plate's velocity varies, so that nothing slides steadily");
-  if (s.v == 0 && s.friction.sticks() && !has_held_end(s)) return none("friction jumps at psi = 0: it has no slope there");
-  if (s.same_friction() && !has_held_end(s))
-    return std::isfinite(audit.growth) ? NearestGrowth{audit.growth, audit.growth_taken, ""}
-                                       : none("there is no steady sliding: the state has no steady value at v = 0");
+  if (s.v == 0 && s.friction.sticks() && (slides_uniformly(s) || !has_held_end(s)))
+    return none("friction jumps at psi = 0: it has no slope there");
+  if (slides_uniformly(s)) {
+    if (!std::isfinite(audit.growth)) return none("there is no steady sliding: the state has no steady value at v = 0");
+    if (audit.growth > 0 || !(audit.growth_of_all > 0)) return {audit.growth, audit.growth_taken, "", unknown};
+    return {audit.growth, audit.growth_taken_of_all, "", audit.growth_of_all};
+  }
   const auto unknowns = double(model.unknowns());
   if (search_seconds(unknowns) > std::max(0.01, 0.05 * steps_seconds(unknowns, evaluations)))
     return none("the nodes differ, and with " + number_text(unknowns) +
@@ -84,7 +88,7 @@ NearestGrowth nearest_growth(const Model& model, const StepAudit::Verdict& audit
     const double found = growth(0);
     if (!std::isfinite(found)) return none("there is no steady sliding");
     const double shift = audit.growth_taken - audit.growth;
-    return {found, found + (std::isfinite(shift) ? shift : 0), ""};
+    return {found, found + (std::isfinite(shift) ? shift : 0), "", unknown};
   } catch (const Failure& e) {
     return none(e.what());
   }

@@ -4,9 +4,8 @@
 #include <cmath>
 
 #include "stickslip/model/friction.hpp"
-#include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/model.hpp"
-#include "stickslip/model/stencil.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 
 namespace stickslip {
 
@@ -24,15 +23,9 @@ std::vector<double> table_velocities() {
   return psi;
 }
 
-// Uniform sliding at psi = v.
-bool stable_sliding(const Scene& scene, const Partials& F, const RatePartials& g) {
-  const LinearPoint point(scene, F, g);
-  return point.stable_up_to(largest_symbol(scene.order, scene.h()));
-}
-
 // What differs along x, at the nodes.
 void add_profiles(const Scene& scene, RunLayout& layout) {
-  if (!scene.amplitude.points().empty())
+  if (!scene.unit_amplitude())
     layout.profiles.push_back({{"friction_amplitude", "1", "amplitude of friction"}, [scene](std::int64_t node) {
                                  return friction_amplitude(scene, static_cast<PetscInt>(node), 1).front();
                                }});
@@ -63,13 +56,11 @@ RunLayout run_layout(const Scene& scene) {
     layout.friction_psi.push_back(psi);
     layout.friction_F.push_back(F);
   }
-  const double s = friction->steady_state(scene.v);
-  // friction that sticks has no slope at rest
-  const bool sliding = (scene.v != 0 || !friction->sticks) && scene.amplitude.points().empty();
-  if (std::isfinite(s) && sliding) {
-    const Partials F = friction->partials(scene.v, s);
-    layout.numbers["steady_eta"] = scene.B() * scene.v + F.F;
-    layout.numbers["steady_stable"] = stable_sliding(scene, F, friction->rate_partials(scene.v, s));
+  if (!slides_uniformly(scene)) return layout;
+  if (const auto medium = sliding_medium(scene)) {
+    const auto fastest = fastest_wave(*medium, Waves::of(scene), same_growth(*medium));
+    layout.numbers["steady_eta"] = scene.B() * scene.v + friction->force(scene.v, friction->steady_state(scene.v));
+    layout.numbers["steady_stable"] = !fastest || fastest->value.real() < 0;
   }
   return layout;
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <set>
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
@@ -11,6 +12,7 @@
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/dense.hpp"
 #include "stickslip/numerics/roots.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 #include "time/leapfrog.hpp"
 
 namespace stickslip {
@@ -132,17 +134,27 @@ void copy_method(const Integrator& like, TS to) {
   }
 }
 
+// Waves of the scene about sliding that a method is tried on: all of a few; of many the fastest of all and of the resolved
+// ones, the ends of both rows, and some between, spread by kappa^2. Ascending.
+std::set<std::int64_t> sampled_waves(const Waves& all, const Waves& resolved, const FastestWave& fastest,
+                                     const FastestWave& leading) {
+  std::set<std::int64_t> found{0, all.count - 1, fastest.index, leading.index};
+  if (resolved.count > 0) found.insert(resolved.count - 1);
+  if (all.count <= 16)
+    for (std::int64_t j = 0; j < all.count; ++j) found.insert(j);
+  const double largest = all.kappa2(all.count - 1);
+  for (const double part : {1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.25, 0.5, 0.75})
+    found.insert(std::min(all.first_beyond(part * largest), all.count - 1));
+  return found;
+}
+
 }  // namespace
 
-void StepForecast::add_waves(const Model& model, Implicit implicit, const Partials& F, const RatePartials& g,
-                             double part, bool sliding, bool resolved) {
-  const Scene& s = model.scene();
-  const double largest = s.n > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
-  const LinearPoint point(s, F, g);
+void StepForecast::add_wave(const LinearPoint& medium, Implicit implicit, double kappa2, bool sliding, bool resolved) {
   const auto rows_of = [&](Part terms) {
     std::vector<double> rows(static_cast<std::size_t>(dof_ * dof_));
-    if (s.massless()) point.massless_block(largest * part).write(dof_, rows.data());
-    else point.block(terms, largest * part).write(dof_, rows.data());
+    if (medium.massless()) medium.massless_block(kappa2).write(dof_, rows.data());
+    else medium.block(terms, kappa2).write(dof_, rows.data());
     return rows;
   };
   const std::vector<double> full = rows_of(Part::full), zero(full.size());
@@ -184,23 +196,28 @@ void StepForecast::add_waves_about(const Model& model, Vec u, Implicit implicit)
   const bool oscillates = !s.massless() && s.A() * (s.B() + friction[0].F.F_psi) + s.s_delta() < 0;
   const double rising = model.slopes_ahead().rising;
   if (oscillates && rising > 0) friction[1].F.F_psi = std::max(friction[1].F.F_psi, rising);
+  const double largest = s.n > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
   for (const Slopes& f : friction)
-    for (const double part : {0., 0.25, 0.5, 0.75, 1.}) add_waves(model, implicit, f.F, f.g, part, false, false);
+    for (const double part : {0., 0.25, 0.5, 0.75, 1.})
+      add_wave(LinearPoint(s, f.F, f.g), implicit, largest * part, false, false);
 }
 
 void StepForecast::add_waves_about_sliding(const Model& model, Implicit implicit) {
-  const std::optional<Slopes> sliding = slopes_of_sliding(model);
-  if (!sliding) return;
-  const auto& [F, g] = *sliding;
-  if (model.scene().n == 1) {  // all waves are one
-    add_waves(model, implicit, F, g, 0, true, true);
-    return;
+  const std::optional<Slopes> slopes = slopes_of_sliding(model);
+  if (!slopes) return;
+  const LinearPoint medium(model.scene(), slopes->F, slopes->g);
+  const Waves all = Waves::of(model.scene()), resolved = all.resolved(model.scene());
+  const auto fastest = fastest_wave(medium, all, same_growth(medium));
+  if (!fastest) return;
+  growth_of_all_ = fastest->value.real();
+  const auto leading = fastest_wave(medium, resolved, same_growth(medium));
+  growth_ = leading ? leading->value.real() : growth_of_all_;
+  for (const std::int64_t j : sampled_waves(all, resolved, *fastest, leading ? *leading : *fastest)) {
+    const double kappa2 = all.kappa2(j);
+    // the shift of everything neither grows nor decays
+    if (medium.stiffness(kappa2) == 0 && !(rightmost_root(medium, kappa2).value_or(-1).real() > 0)) continue;
+    add_wave(medium, implicit, kappa2, true, j < resolved.count || !leading);
   }
-  // Up to a tenth of the largest kappa^2, wavelengths of 8 nodes and more, a wave is the continuum's own.
-  for (const double part : {0., 1e-5, 1e-4, 1e-3, 1e-2, 0.03, 0.1})
-    add_waves(model, implicit, F, g, part, true, true);
-  for (const double part : {0.25, 0.5, 0.75, 1.})
-    add_waves(model, implicit, F, g, part, true, model.scene().form == Form::chain);
 }
 
 void StepForecast::make_ts(const Integrator& like, Implicit implicit) {
@@ -376,12 +393,6 @@ double StepForecast::largest_about_sliding(const std::vector<double>& rate, bool
   return largest;
 }
 
-double StepForecast::sliding_growth(bool resolved) const {
-  std::vector<double> growth;
-  for (const Wave& w : waves_) growth.push_back(w.growth);
-  return largest_about_sliding(growth, resolved);
-}
-
 double StepForecast::sliding_growth_of(const std::map<double, double>& time_at_step, bool resolved) {
   std::vector<double> mean(waves_.size());
   double time = 0;
@@ -395,7 +406,7 @@ double StepForecast::sliding_growth_of(const std::map<double, double>& time_at_s
 }
 
 double StepForecast::shortest_wave_excess(double dt) {
-  if (!waves_.back().sliding) return std::numeric_limits<double>::quiet_NaN();
+  if (waves_.empty() || !waves_.back().sliding) return std::numeric_limits<double>::quiet_NaN();
   return rates(dt).back() - waves_.back().growth;  // it was added last
 }
 

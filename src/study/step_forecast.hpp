@@ -13,11 +13,13 @@
 // fast as it should is not counted: that is an error, not an explosion.
 #pragma once
 
+#include <limits>
 #include <map>
 #include <string>
 #include <vector>
 
 #include "stickslip/base/handle.hpp"
+#include "stickslip/model/linear_point.hpp"
 #include "stickslip/numerics/band.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/time/time.hpp"
@@ -34,10 +36,12 @@ class StepForecast {
   // The largest step found, up to dt, that does not explode.
   double limit(double dt, double duration);
 
-  // Largest growth rate of a perturbation of steady sliding psi = v: the true one, and the method's for steps as long
-  // as the keys, each taken for the time that is its value. `resolved`: of wavelengths that the grid resolves alone
-  // (all in the chain), which are the continuum's own. NaN where there is no steady sliding (a contact age at v = 0).
-  double sliding_growth(bool resolved) const;
+  // Largest growth rate of a perturbation of steady sliding psi = v over the waves that fit the scene
+  // (stability/fastest_wave.hpp): the true one, and the method's for steps as long as the keys, each taken for the time
+  // that is its value, over some of them with the fastest among them. `resolved`: of wavelengths that the grid resolves
+  // alone (all in the chain; all too where it resolves none), which are the continuum's own. NaN where there is no steady
+  // sliding (a contact age at v = 0).
+  double sliding_growth(bool resolved) const { return resolved ? growth_ : growth_of_all_; }
   double sliding_growth_of(const std::map<double, double>& time_at_step, bool resolved);
 
   // The method's growth rate of the shortest wave about sliding, less the true one. NaN as above.
@@ -57,8 +61,7 @@ class StepForecast {
     bool sliding, resolved;                            // about steady sliding; its wavelength is
     double growth;                                     // largest real part
   };
-  void add_waves(const Model& model, Implicit implicit, const Partials& F, const RatePartials& g, double part,
-                 bool sliding, bool resolved);
+  void add_wave(const LinearPoint& medium, Implicit implicit, double kappa2, bool sliding, bool resolved);
   void add_waves_about(const Model& model, Vec u, Implicit implicit);
   void add_waves_about_sliding(const Model& model, Implicit implicit);
   std::vector<double> rates(double dt);     // growth of every wave, per unit time, as the method has it
@@ -80,6 +83,7 @@ class StepForecast {
   bool is_alpha_ = false, is_leapfrog_ = false;
   double alpha_m_ = 0, alpha_f_ = 0, alpha_gamma_ = 0;
   double last_shift_ = 0, least_slope_ = 0;
+  double growth_ = std::numeric_limits<double>::quiet_NaN(), growth_of_all_ = growth_;  // of sliding
   std::vector<Wave> waves_;
   std::map<double, std::vector<double>> rates_at_;  // of the steps that have been asked for
   TsHandle ts_;

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "stickslip/base/error.hpp"
-#include "stickslip/model/stencil.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/model/oscillator.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
 #include "study/step_forecast.hpp"
 
 namespace stickslip {
@@ -17,18 +17,6 @@ namespace {
 
 constexpr int stages = 5, max_dim = 3;
 constexpr double orbit_tolerance = 1e-8, least_growth = 1e-6;  // relative; of a multiplier beyond 1
-
-// The j-th wave (j = 1, 2, ...) that fits the scene: its wavenumber, and the symbol of -D2.
-struct Wave {
-  double k, kappa2;
-};
-Wave wave_of(const Scene& scene, PetscInt j) {
-  const double n = double(scene.n), h = scene.form == Form::chain ? 1 : scene.h();
-  const double k = scene.ring() ? 2 * M_PI * double(j) / (n * h)
-                                : M_PI * double(j) / ((scene.form == Form::chain ? n : n - 1) * h);
-  return {k, symbol(scene.order, h, k)};
-}
-PetscInt waves_of(const Scene& scene) { return scene.ring() ? scene.n / 2 : scene.n - 1; }
 
 // The wave among 1..last where `rate` is largest: of 400 spread evenly, or all, and then among the neighbours of that.
 template <class Rate>
@@ -162,38 +150,28 @@ class CarriedRound {
 }  // namespace
 
 UniformInstability instability_of_sliding(const Scene& scene) {
-  const Oscillator o(scene);
-  double y[max_dim], dy[max_dim], J[max_dim * max_dim];
-  o.steady(y);
-  o.rhs(1, y, dy, J);
-  const Neighbours E(scene);
-  const auto rate = [&](PetscInt j) {
-    std::vector<double> matrix(J, J + o.dim() * o.dim());
-    const double kappa2 = wave_of(scene, j).kappa2;
-    matrix[0] -= E.A_N * kappa2;
-    matrix[std::size_t(o.dim())] -= E.K1 * kappa2;
-    return spectral_bounds(o.dim(), matrix).real_part;
-  };
-  const PetscInt best = fastest(waves_of(scene), rate);
-  if (best == 0 || rate(best) <= 0) return {};
-  return {rate(best), wave_of(scene, best).k, 0, 1};
+  const auto medium = sliding_medium(scene);
+  const auto found = medium ? fastest_wave(*medium, Waves::of(scene), same_growth(*medium), 1) : std::nullopt;
+  if (!found || !(found->value.real() > 0)) return {};
+  return {found->value.real(), found->wavenumber, 0, 1};
 }
 
 UniformInstability instability_of_oscillation(const Scene& scene) {
   const Oscillator o(scene);
   const Orbit orbit = find_orbit(o, 1, orbit_tolerance);
   CarriedRound carried(o, orbit, Neighbours(scene));
-  const auto multiplier = [&](PetscInt j) { return carried.largest_multiplier(wave_of(scene, j).kappa2); };
-  PetscInt low = 1, last = std::max<PetscInt>(1, waves_of(scene));  // the last with c k T < 100
+  const Waves waves = Waves::of(scene);
+  const auto multiplier = [&](PetscInt j) { return carried.largest_multiplier(waves.kappa2(j)); };
+  PetscInt low = 1, last = std::max<PetscInt>(1, PetscInt(waves.count) - 1);  // the last with c k T < 100
   while (low < last) {
     const PetscInt middle = low + (last - low + 1) / 2;
-    if (std::sqrt(scene.A() * scene.K1() * wave_of(scene, middle).kappa2) * orbit.period < 100) low = middle;
+    if (std::sqrt(scene.A() * scene.K1() * waves.kappa2(middle)) * orbit.period < 100) low = middle;
     else last = middle - 1;
   }
-  const PetscInt best = waves_of(scene) < 1 ? 0 : fastest(last, multiplier);
+  const PetscInt best = waves.count < 2 ? 0 : fastest(last, multiplier);
   const double growth = best == 0 ? 0 : multiplier(best);
   if (growth < 1 + least_growth) return {0, 0, orbit.period, 1};
-  return {std::log(growth) / orbit.period, wave_of(scene, best).k, orbit.period, growth};
+  return {std::log(growth) / orbit.period, waves.k(best), orbit.period, growth};
 }
 
 }  // namespace stickslip

@@ -102,3 +102,43 @@ def test_growth_where_nodes_differ(scene):
 def test_growth_unknown(scene, why):
     got, _ = run(scene + " -ts_max_time 0.5")
     assert got["growth_rate"] is None and why in got["growth_rate_reason"], got
+
+
+TWO_FREE_BLOCKS = ("-model_form chain -grid_n 2 -bc_left free -friction_law cubic -model_v 0.8034 -state_law contact-age "
+                   "-state_b 0.4837 -state_D 3.143 -state_theta0 2.561 -model_m 2.561 -model_k0 0.3465 -model_k1 2 -model_f0 1.334 "
+                   "-model_zeta 0.6765 -init_psi 0.9 -init_eta steady -init_noise 0.05 -ts_max_time 20000")
+FINITE_WAVE = scene_file("viscous-wavelength") + " -out_frames 2 "
+
+
+def test_growth_rate_is_that_of_the_waves_that_fit():
+    # of two free blocks that is the uniform wave and one more; between them others would grow
+    out, _ = regime(TWO_FREE_BLOCKS)
+    assert out["regime"] == "sliding" and abs(out["growth_rate"] + 4.998653e-4) < 1e-9, out
+    # and of a long ring the peak between long waves and short ones, as `spectrum` has it
+    for v in (0.8883, 0.8963):
+        found = run(f"{FINITE_WAVE} -grid_n 700 -model_v {v}", command="spectrum")[0]
+        out, _ = regime(f"{FINITE_WAVE} -grid_n 700 -model_v {v} -ts_max_time 2")
+        assert abs(out["growth_rate"] - found["growth_rate"]) < 1e-9 and out["growth_rate"] > 0.02, out
+        assert out["regime"] != "sliding", out
+
+
+@pytest.mark.parametrize("scene", [
+    "-grid_n 3 -friction_law coulomb -friction_stick regularised -friction_eps 0.05 -model_v 0.8562 "
+    "-friction_slip_velocity 0.5688 -state_law healing -state_t_h 1.579 -state_tau_inf 1.8761 -state_D 0.9358 "
+    "-bc_left velocity -bc_left_value 0.4286 -model_form chain -model_m 1.646 -model_k0 1.042 -model_k1 0.1017 "
+    "-model_f0 0.6333 -model_zeta 0.1121 -model_nu 0.07304 -ts_max_time 325.74 -init_psi 0.840371 -init_eta steady "
+    "-init_type sine -init_amplitude 0.012697 -init_mode 2",
+    FINITE_WAVE + "-model_v 0.85 -grid_length 1.8 -grid_n 128 -init_noise 1e-2 -init_noise_length 0.2 -ts_max_time 400"])
+def test_nothing_decays_to_unstable_sliding(scene):
+    # saturated or bursting oscillations whose last trend falls
+    out, _ = regime(scene)
+    assert out["growth_rate"] > 0 and out["regime"] not in ("decaying", "sliding"), out
+
+
+def test_noise_of_settled_sliding():
+    # 69 decay times, of which error control has kept an amplitude of 2e-4
+    out, _ = regime("-model_v 0.8256503403268804 -grid_n 30 -friction_law rate-and-state -state_law ageing -friction_a "
+                    "0.028640914167628206 -friction_b 0.12647335055469486 -friction_D 1.8324513297185094 -model_gamma "
+                    "1.4386143472817996 -model_c 1.5806041383582425 -model_delta 0.06079175508211032 -grid_length 21.353658 "
+                    "-grid_order 6 -scene_reduce off -init_psi 0.83 -init_eta steady -init_noise 0.008 -ts_max_time 2000")
+    assert out["regime"] == "sliding" and out["amplitude"] > 1e-5, out

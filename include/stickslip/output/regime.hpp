@@ -11,14 +11,16 @@
 // errors are what a rate must exceed to be believed (more where there are few stretches).
 //
 //   sliding     the distance is below 1 % of the scale (0.1 for v = 0: 1e-3) and falls, or is at round-off, or sliding
-//               is stable and it does not rise; and it is not sliding from which the steps let perturbations grow
+//               is stable and it does not rise (noise that error control holds has not fallen in three decay times of
+//               theory); and it is not sliding from which the steps let perturbations grow
 //   stuck       at rest throughout the last quarter, and nothing loads the medium; or sliding at v = 0
 //   stick-slip  at least three periods in that part, at a distance of at least 5 % of the scale, whose size does not
 //               change: where sliding is unstable or blocks stick in every period, by less than 5 % or its error, in
 //               that part or over three quarters of the run in 8 to 24 stretches of several slips each; where it is
 //               stable or not known to be unstable, by so little that at that rate, its error added, it would keep more
 //               than half of its size over 20 times the time so far, and not at the linear rate of decay
-//   decaying    the size falls, and growing: it rises, by more than its error, in the second half of that part too
+//   decaying    the size falls, and growing: it rises, by more than its error, in the second half of that part too;
+//               what was smaller before, or is beside sliding that is known to be unstable, does not decay
 //   undecided   everything else, such as a loaded medium at rest, or fewer than three periods
 //
 // Memory: 4 numbers for each of 128 windows of time at each place, and 2 for each of the rank's own nodes in the last
@@ -26,6 +28,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -59,8 +62,10 @@ class Regime : public Observer {
   ~Regime() override;
 
   // Largest growth rate of perturbations of steady sliding, the true one and that of the steps taken; NaN: not known,
-  // for the reason given. To be told before result().
-  void know(double growth, double growth_taken, const std::string& why_not = "");
+  // for the reason given. `beyond`: that of waves that the grid carries but does not resolve, where they alone grow; the
+  // steps' one is theirs then, and so is the word. To be told before result().
+  void know(double growth, double growth_taken, const std::string& why_not = "",
+            double beyond = std::numeric_limits<double>::quiet_NaN());
 
   void restore(const Checkpoint& checkpoint) override;
   void step(const ObservedStep& step) override;

@@ -11,8 +11,7 @@
 //
 // With viscosity between neighbours, beta + N k^2 for beta, short waves tend to max(-K1/N, -r). Without a state an
 // oscillating wave grows at -A (beta + N k^2)/2 and a real root moves with k^2 one way, towards -K1/N: the longest wave
-// leads, or the limit. With a state a wave between may lead: those that fit are looked at, all of the longest ones and
-// every fiftieth part further on, and the neighbours of the best.
+// leads, or the limit. With a state a wave between may lead, the fastest of those that fit (fastest_wave.hpp).
 #pragma once
 
 #include <optional>

@@ -137,7 +137,7 @@ class GrowthRate {
   std::optional<LinearisedOperator> linearised(double x, double y) const;
   std::optional<ContinuumLead> closed(const LinearisedOperator& J) const;  // the answer without a grid, where there is one
   bool all_known(const LinearisedOperator& J) const;
-  LeadingMode leading_wave(const LinearisedOperator& J) const;
+  std::optional<LeadingMode> leading_wave(const LinearisedOperator& J) const;
   std::optional<LeadingMode> leading_followed(const LinearisedOperator& J, double x, double y);
   bool take_up_place(const LinearisedOperator& J, const Place& here, bool due);
   static Place place_of(const LinearisedOperator& J, double x, double y);

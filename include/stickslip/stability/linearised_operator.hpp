@@ -93,8 +93,9 @@ class LinearisedOperator {
   // The medium with the mean coefficients (of F_state and g_psi their product alone); where all nodes are alike, that of
   // the first. At least one node.
   const LinearPoint& mean() const { return mean_; }
-  // Wavenumbers of all modes where the exact relation applies (`uniform`, and ends that fit), ascending, each with its
-  // multiplicity; else empty.
+  // Whether every mode is a wave of the exact dispersion relation (fastest_wave.hpp): nodes alike, ends that fit.
+  bool has_exact_waves() const { return uniform && symmetric() && size() > 0; }
+  // Their wavenumbers, ascending, each with its multiplicity; empty where they are not.
   struct Wave {
     double k;
     int multiplicity;
