@@ -1,6 +1,7 @@
 #include "stickslip/study/start.hpp"
 
 #include <cmath>
+#include <functional>
 #include <optional>
 
 #include "base/broadcast.hpp"
@@ -9,6 +10,8 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/model/oscillator.hpp"
+#include "stickslip/stability/fastest_wave.hpp"
+#include "stickslip/study/nearest_sliding.hpp"
 #include "stickslip/waves/train.hpp"
 #include "study/start_file.hpp"
 
@@ -81,8 +84,8 @@ struct Start::Impl {
   enum class Kind { uniform, sine, layer, pulses, wave, file };  // asked for at every node
   std::string type;
   Kind kind = Kind::uniform;
-  bool from_file, from_eigenvector, eta_steady, eta_given, state_given, state_steady = false;
-  double psi_i, eta = 0, state = 0, noise, noise_length, amplitude, width = 1, turns = 0;
+  bool from_file, from_eigenvector, eta_steady, eta_given, state_given, state_steady = false, psi_steady;
+  double psi_given, eta = 0, state = 0, noise, noise_length, amplitude, width = 1, turns = 0;
   PetscInt seed, mode;
   Orbit orbit;
   Train train;
@@ -90,8 +93,8 @@ struct Start::Impl {
 
   Impl(const Scene& s, const Options& o)
       : type(o.text("init_type")), eta_given(o.is_set("init_eta")), state_given(o.is_set("init_state")),
-        psi_i(o.text("init_psi") == "steady" ? s.v : o.real("init_psi")), noise(o.real("init_noise")),
-        noise_length(o.real("init_noise_length")),
+        psi_steady(o.text("init_psi") == "steady"), psi_given(psi_steady ? s.v : o.real("init_psi")),
+        noise(o.real("init_noise")), noise_length(o.real("init_noise_length")),
         amplitude(o.real("init_amplitude")), seed(o.integer("init_seed")), mode(o.integer("init_mode")) {
     from_file = type == "file" || type == "text";
     for (const auto& [name, same] : {std::pair{"sine", Kind::sine}, {"layer", Kind::layer}, {"pulses", Kind::pulses},
@@ -129,8 +132,18 @@ struct Start::Impl {
       throw UsageError("init_type layer fits a held left end: it needs bc_left velocity, not " + to_string(s.left));
   }
 
-  double psi_at(const Scene& s, double length, PetscInt node) const {
-    const double x = s.x(node);
+  // psi of steady sliding at a node, where init_psi is `steady`: beside ends held away from v it differs from node to node.
+  // Empty elsewhere: the same for all.
+  using Base = std::function<double(PetscInt)>;
+  Base base_of(const Scene& s) const {
+    if (!psi_steady || (kind != Kind::uniform && kind != Kind::sine) || slides_at_v(s)) return {};
+    if (Base layers = steady_velocity(s)) return layers;
+    warn("init_psi steady: the scene has no steady sliding beside its held ends; psi begins at model_v");
+    return {};
+  }
+
+  double psi_at(const Scene& s, double length, PetscInt node, const Base& base) const {
+    const double x = s.x(node), psi_i = base ? base(node) : psi_given;
     switch (kind) {
       case Kind::sine: return psi_i + amplitude * std::sin(2 * M_PI * double(mode) * x / length);
       case Kind::layer: return psi_i + (s.left_value - psi_i) * std::exp(-(x / width) * (x / width));
@@ -175,10 +188,11 @@ struct Start::Impl {
     const int dof = model.dof();
     bool has_state = true;
     const bool follows_friction = makes_eta_steady();
+    const Base base = base_of(s);
     for (PetscInt i = 0; i < model.local(); ++i) {
       const PetscInt node = model.first() + i;
       double* at = a + i * dof;
-      double psi = psi_at(s, length, node);
+      double psi = psi_at(s, length, node, base);
       const bool held_end = s.form == Form::continuum && model.held(node) && !from_eigenvector;
       if (held_end) jump = std::max(jump, std::abs(psi - (node == 0 ? s.left_value : s.right_value)));
       if (noise != 0 && !held_end) psi += noise * noise_at(s, noise_length, seed, node);
@@ -215,8 +229,10 @@ Start::Misfit Start::misfit(const Scene& scene) const {
   Misfit misfit;
   if (impl_->from_file || scene.form == Form::chain) return misfit;
   const double length = scene.length * double(scene.copies);
-  if (scene.left == End::velocity) misfit.left = scene.left_value - impl_->psi_at(scene, length, 0);
-  if (scene.right == End::velocity) misfit.right = scene.right_value - impl_->psi_at(scene, length, scene.n - 1);
+  const Impl::Base base = impl_->base_of(scene);
+  if (scene.left == End::velocity) misfit.left = scene.left_value - impl_->psi_at(scene, length, 0, base);
+  if (scene.right == End::velocity)
+    misfit.right = scene.right_value - impl_->psi_at(scene, length, scene.n - 1, base);
   return misfit;
 }
 

@@ -111,3 +111,31 @@ def test_refused_files():
         file["x"] = np.arange(5.)
         file["psi"] = np.arange(5.)
     refused("-bc_left free -grid_length 4 -grid_n 5 -grid_order 2 -init_type file -init_file bare.h5", 2, "eta")
+
+
+@pytest.mark.parametrize("scene", [
+    "-model_form chain -grid_n 3 -bc_left velocity -bc_left_value 0.4 -model_v 0.935 -model_k0 0.3 -model_k1 0.2 -model_zeta 0.3",
+    "-model_form chain -grid_n 6 -bc_left velocity -bc_left_value 0.4 -bc_right velocity -bc_right_value 1.2 -model_v 1.1 "
+    "-model_nu 0.3 -friction_law carlson-langer -model_zeta 0.9 -state_law healing",
+    "-grid_n 200 -bc_left velocity -bc_left_value -1.2 -model_v -1.1 -model_nu 0.3 -grid_order 6",
+    "-grid_n 120 -bc_left free -bc_right velocity -bc_right_value 1.3 -model_v 1.1 -friction_spread 0.2"])
+def test_steady_beside_held_ends(scene):
+    # psi of (K0 - K1 D2)(psi - v) = 0, as `spectrum` solves it, and a start that stays where it is
+    s, _ = run(f"{scene} -init_psi steady -init_eta steady -ts_max_time 2 -out_frames 2 -out_file r.h5")
+    run(scene + " -out_file s.h5", command="spectrum")
+    with h5py.File("r.h5") as file, h5py.File("s.h5") as sliding:
+        psi, eta = file["psi"][()], file["eta"][()]
+        inside = slice(1, -1)
+        check(np.allclose(psi[0], sliding["steady_psi"], rtol=0, atol=1e-12), "psi")
+        check(np.allclose(eta[0, inside], sliding["steady_eta"][inside], rtol=0, atol=1e-12), "eta")
+        check(np.ptp(psi[0]) > 0.05 and abs(psi[1] - psi[0]).max() < 1e-10, "at rest beside it")
+        if "spread" in scene:
+            check(np.ptp(file["friction_amplitude"]) > 0.1, "the amplitudes drawn")
+    check(not any("fit" in w for w in s["warnings"]), s["warnings"])
+
+
+def test_no_steady_sliding_is_said():
+    # a contact held at rest ages for ever
+    s, _ = run("-grid_n 32 -bc_left velocity -bc_left_value 0 -model_v 1 -friction_law rate-and-state -init_psi steady "
+               "-ts_max_time 0.1")
+    check(any("no steady sliding" in w for w in s["warnings"]), s["warnings"])
