@@ -147,8 +147,8 @@ int run_command(const Options& asked) {
   for (const char* key : {"probes", "regime", "regime_reason", "regime_rate", "growth_rate", "growth_rate_reason",
                           "time_to_decide", "amplitude", "wave_speed", "pulses", "period", "measured_over", "maxima",
                           "maxima_period", "maxima_prominence", "stopped_at", "error_estimate", "jump", "events",
-                          "events_per_s", "lyapunov", "lyapunov_largest", "lyapunov_largest_error", "lyapunov_dimension", "lyapunov_dimension_error",
-                          "lyapunov_divergence", "accuracy"})
+                          "events_per_s", "lyapunov", "lyapunov_largest", "lyapunov_largest_error",
+                          "lyapunov_dimension", "lyapunov_dimension_error", "lyapunov_divergence", "accuracy"})
     keys.push_back(key);
   Summary summary(provenance, keys, options.text("summary"));
   return with_summary(summary, [&] {
