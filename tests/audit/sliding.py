@@ -95,6 +95,7 @@ class Line:
         rest[free] = 0
         if np.any(rest):
             psi[free] += np.linalg.solve((K0 * np.eye(n) - K1 * D)[np.ix_(free, free)], K1 * (D @ rest)[free])
+        self.N, self.D = N, D
         F, g, steady = law(p)
         a = np.ones(n) if a is None else a
         x, e = (steady(psi) if steady else np.zeros(n)), 1e-30
@@ -190,8 +191,7 @@ def with_profiles(random, p):
 
 
 def amplitudes(p, steady_psi, steady_eta):
-    """The amplitudes of friction that the program drew, out of its steady state: eta = B psi + a F."""
+    """The amplitudes of friction that the program drew, out of its steady state: eta = B psi - N D2 psi + a F."""
     F, _, steady = law(p)
-    B = p["model_zeta"] / p.get("model_f0", 1) if p["model_form"] == "chain" else 0
-    x = steady(steady_psi) if steady else 0 * steady_psi
-    return (steady_eta - B * steady_psi) / F(steady_psi + 0j, x + 0j).real
+    line, x = Line(p), steady(steady_psi) if steady else 0 * steady_psi
+    return (steady_eta - line.B * steady_psi + line.N * line.D @ steady_psi) / F(steady_psi + 0j, x + 0j).real

@@ -38,7 +38,7 @@ def amplitudes(p, value):
     done = call(sliding.words(p | {"model_v": value}) + ["-spectrum_refine", "off", "-out_file", "s.h5"], command="spectrum")
     check(done.returncode == 0, done.stderr)
     file = data("s.h5")
-    return sliding.amplitudes(p, file["steady_psi"], file["steady_eta"])
+    return sliding.amplitudes(p | {"model_v": value}, file["steady_psi"], file["steady_eta"])
 
 
 def coefficients(point, n):

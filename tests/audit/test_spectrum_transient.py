@@ -21,16 +21,23 @@ def draw(random):
         p["model_v"] = random.uniform(1.02, 1.6)
     elif p["model_form"] == "chain":
         p["model_zeta"] = random.uniform(0.5, 2)
-    return p
+    if random.random() < 0.4:
+        p["model_nu"] = random.uniform(0.005, 0.6)
+    if p["model_form"] == "continuum" and random.random() < 0.4:
+        p["model_delta_sign"] = "printed"
+    return mirrored(p) if random.random() < 0.5 else p
+
+
+def mirrored(p):
+    """The scene whose motion is to the left where that of p is to the right."""
+    return p | {name: -p[name] for name in ("model_v", "bc_left_value", "bc_right_value") if name in p}
 
 
 def in_energy_norm(line, logarithmic):
     """The Jacobian in variables whose sum of squares is the energy; an age of contacts counts by its logarithm."""
     m, dof = len(line.free), len(line.J) // len(line.free)
-    w, A = line.weight, line.A
-    F_psi = np.diag(line.beta - line.B - line.sd / A)
-    K = -(line.J[m:2 * m, :m] - line.sd * F_psi)  # K0 - K1 D2
-    L = np.linalg.cholesky(w[:, None] * K / A)
+    w = line.weight
+    L = np.linalg.cholesky(-w[:, None] * line.E / line.A)  # E: -(K0 - K1 D2)
     T = np.zeros_like(line.J)
     T[:m, :m] = L.T
     for c in range(1, dof):
