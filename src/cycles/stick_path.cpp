@@ -116,12 +116,22 @@ class StickPath : public CyclePath {
       StickCycle c(s.cycle);
       set_free_values(m, free_of(s), c);
       const MapAt map = map_at(m, c);
-      const double step = difference * range_;
-      const std::vector<double> up = image(s, s.x.back() + step), down = image(s, s.x.back() - step);
+      double width = 0;
+      const auto beside = [&](double by) {  // at an end of what the parameter may be the difference is one-sided
+        try {
+          const std::vector<double> found = image(s, s.x.back() + by);
+          width += std::abs(by);
+          return found;
+        } catch (const UsageError&) {
+          return map.image;
+        }
+      };
+      const std::vector<double> up = beside(difference * range_), down = beside(-difference * range_);
+      if (!(width > 0)) throw Failure("the parameter cannot be varied at " + rounded_text(s.x.back(), 12));
       for (size_t i = 0; i < n; ++i) {
         for (size_t j = 0; j < n; ++j)
           matrix[i * all + j] = (map.slopes[i * n + j] - (i == j ? 1 : 0)) * scale_[j] / scale_[i];
-        matrix[i * all + n] = (up[i] - down[i]) / (2 * step) * range_ / scale_[i];
+        matrix[i * all + n] = (up[i] - down[i]) / width * range_ / scale_[i];
         right[i] = (s.x[i] - map.image[i]) / scale_[i];
       }
     }

@@ -141,15 +141,24 @@ void TrainEquations::linearise(const double* x) {
   const size_t b = block(), d = size_t(d_), p = size_t(parameters());
   const double q = x[n_ * b];
   TrainSetting lower, upper;
-  double eps = 0;
+  double width = 0;  // between them
   v_lambda_ = 0;
   if (family_) {
-    const double lambda = x[n_ * b + 1];
+    const double lambda = x[n_ * b + 1], eps = 1e-6 * lambda_scale_;
     setting_ = at_lambda(lambda);
-    eps = 1e-6 * lambda_scale_;
-    lower = at_lambda(lambda - eps);
-    upper = at_lambda(lambda + eps);
-    v_lambda_ = (upper.oscillator->v() - lower.oscillator->v()) / (2 * eps);
+    const auto beside = [&](double by) {  // at an end of what the option may be the difference is one-sided
+      try {
+        const TrainSetting setting = at_lambda(lambda + by);
+        width += std::abs(by);
+        return setting;
+      } catch (const UsageError&) {
+        return setting_;
+      }
+    };
+    lower = beside(-eps);
+    upper = beside(eps);
+    if (!(width > 0)) throw Failure("the option cannot be varied at " + rounded_text(lambda, 12));
+    v_lambda_ = (upper.oscillator->v() - lower.oscillator->v()) / width;
   }
   const TrainSetting::At at = setting_.at(q);
   const size_t stiff = size_t(setting_.stiff());
@@ -170,7 +179,7 @@ void TrainEquations::linearise(const double* x) {
         const TrainSetting::At l = lower.at(q), u = upper.at(q);
         lower.rhs(l, Y, low, nullptr);
         upper.rhs(u, Y, high, nullptr);
-        for (size_t a = 0; a < d; ++a) slope[a * p + 1] = (u.T * high[a] - l.T * low[a]) / (2 * eps);
+        for (size_t a = 0; a < d; ++a) slope[a * p + 1] = (u.T * high[a] - l.T * low[a]) / width;
       }
     }
 }

@@ -181,6 +181,14 @@ def test_exact_stick_up_to_grazing():
     assert all(before > after for before, after in zip(rest, rest[1:])) and rest[-1] < 1e-3
 
 
+def test_exact_stick_from_the_least_value_of_an_option():
+    branch, _ = run(scene_file("cycle-stick-pair") + " -cycle_spectrum false -friction_sigma 0 -cycle_continue friction_sigma "
+                    "-cycle_to 0.05", command="cycle")
+    alone, _ = run(scene_file("cycle-stick-pair") + " -cycle_spectrum false -friction_sigma 0.05", command="cycle")
+    first, last = branch["branch"]["points"][0], branch["branch"]["points"][-1]
+    assert (first["value"], last["value"]) == (0, 0.05) and abs(last["period"] / alone["period"] - 1) < 1e-9
+
+
 def test_waves_on_a_cell_that_sticks(tmp_path, monkeypatch):
     """Of two blocks, twisted by 0, a quarter and half a turn: the multipliers of the ring of four such cells."""
     monkeypatch.chdir(tmp_path)

@@ -159,6 +159,14 @@ def test_branch():
     refused(1, "-wave_length 60 -wave_continue grid_length -wave_to 70", "does not enter")
 
 
+def test_branch_from_the_least_value_of_an_option():
+    common = "-model_v 0.5 -wave_length 20".split()
+    _, data = summary("wave", *common, *"-model_delta 0 -wave_continue model_delta -wave_to 0.4 -wave_steps 8".split())
+    _, alone = summary("wave", *common, "-model_delta", "0.4")
+    first, last = data["branch"]["points"][0], data["branch"]["points"][-1]
+    check(first["value"] == 0 and last["value"] == 0.4 and abs(last["speed"] / alone["speed"] - 1) < 1e-9, f"{last}, {alone}")
+
+
 def test_branch_of_several_pulses():
     # the end of a branch, solved for from nothing, and kept by a run
     ring = "-wave_length 45 -wave_pulses 3".split()
