@@ -1,6 +1,6 @@
 """-accuracy on seeded random smooth scenes: is the error within the request, and the estimate honest?
 
-    accuracy.py [--seed S] [--cases N] [--only K] [--seconds S] [--strict] [--stiff]
+    accuracy.py [--seed S] [--cases N] [--only K] [--seconds S] [--strict] [--stiff] [--loads]
     accuracy.py --chosen [--accuracies 1e-2,1e-4,1e-6,1e-8]
     accuracy.py --charts FOLDER [--accuracies ...]
 
@@ -134,6 +134,21 @@ def stiff_scene(seed, number):
     return words, 10 ** r.uniform(-7, -2)
 
 
+def load(seed, number, words):
+    """The plate's velocity: a sine, straight lines with a step, or both."""
+    r = random.Random(f"load/{seed}/{number}")
+    t_end = words[words.index("-ts_max_time") + 1]
+    chosen = []
+    if r.random() < 0.7:
+        chosen = ["-load_sine_amplitude", round(r.uniform(0.05, 0.5), 3), "-load_sine_period",
+                  round(10 ** r.uniform(-0.3, 0.7), 3)]
+    if not chosen or r.random() < 0.5:
+        at = [round(r.uniform(0, t_end), 3) for _ in range(2)]
+        times = (0, min(at), min(at), max(at))
+        chosen += ["-load_v", ",".join(f"{t}:{round(r.uniform(-1.2, 1.2), 3)}" for t in times)]
+    return chosen
+
+
 BY_SECONDS = ("stiff-friction", 1e-8)  # where seconds decide between implicit and explicit: another choice in each run
 CHARTS = ("smooth", "train", "uniform", "slow-driving", "stiff-coupling", "stiff-friction")
 
@@ -204,6 +219,7 @@ def main():
     parser.add_argument("--charts", metavar="FOLDER")
     parser.add_argument("--accuracies", default="1e-2,1e-4,1e-6,1e-8")
     parser.add_argument("--stiff", action="store_true", help="scenes with stiff parts")
+    parser.add_argument("--loads", action="store_true", help="under a plate whose velocity varies")
     parser.add_argument("--strict", action="store_true", help="better than 30 times the request counts as a failure")
     given = parser.parse_args()
     accuracies = [float(a) for a in given.accuracies.split(",")]
@@ -213,6 +229,8 @@ def main():
         return table_of_prices(given.charts, accuracies)
     numbers = range(given.cases) if given.only is None else [given.only]
     cases = [(stiff_scene if given.stiff else scene)(given.seed, number) for number in numbers]
+    if given.loads:
+        cases = [(words + load(given.seed, number, words), accuracy) for number, (words, accuracy) in zip(numbers, cases)]
     failures, refused, generous, cheapest = 0, 0, 0, 0
     for number, (words, accuracy) in enumerate(cases):
         made, error = measure(words, accuracy, "-accuracy_seconds", given.seconds)

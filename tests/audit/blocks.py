@@ -1,5 +1,6 @@
-"""Chains of blocks by scipy, which know nothing of the program: any ends, a plate whose velocity varies, friction that
-does not stick and friction that does, in which each block rests or slides to one side until it changes."""
+"""Chains of blocks by scipy, which know nothing of the program: any ends, a plate whose velocity varies,
+friction that does not stick and friction that does, in which each block rests or slides to one side until it
+changes."""
 import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
@@ -25,8 +26,8 @@ class Plate:
 
 
 class Blocks:
-    """`s`: n, m, k0, k1, f0, zeta, left and right (None: a ring, "free", or the velocity that the end is held at), law
-    with its parameters, stick ("exact" or the width over which the threshold is smoothed)."""
+    """`s`: n, m, k0, k1, f0, zeta, left and right (None: a ring, "free", or the velocity that the end is held
+    at), law with its parameters, stick ("exact" or the width over which the threshold is smoothed)."""
 
     def __init__(self, s, plate):
         n = self.n = s["n"]
@@ -88,10 +89,10 @@ class Blocks:
 
     def solution(self, y, t_end, tolerance):
         """y = (psi, eta, ln theta) at the end."""
-        psi, eta = y[:self.n], y[self.n:2 * self.n]
-        self.direction = np.where(psi != 0, np.sign(psi), np.where(np.abs(eta) > self.threshold(), np.sign(eta), 0)) \
-            if self.exact else self.direction
-        t = 0
+        psi, eta, t = y[:self.n], y[self.n:2 * self.n], 0
+        if self.exact:
+            rests = (psi == 0) & (np.abs(eta) <= self.threshold())
+            self.direction = np.where(rests, 0, np.sign(np.where(psi != 0, psi, eta)))
         for corner in self.plate.corners(t_end):
             self.v = self.plate.after(t)
             t, y = corner, self.advance(y, t, corner, tolerance)
@@ -119,7 +120,8 @@ class Blocks:
                     for i in np.flatnonzero(gaps[bad[0]] < 0):
                         def gap(s, i=i):
                             return self.gaps(inside(s))[i]
-                        firsts.append((brentq(gap, low, times[bad[0]], xtol=1e-14) if gap(low) > 0 else low, i))
+                        at = brentq(gap, low, times[bad[0]], xtol=1e-14) if gap(low) > 0 else low
+                        firsts.append((at, i))
                     t, fresh = min(firsts)
                     y = inside(t)
                     self.change(fresh, y)

@@ -1,5 +1,5 @@
-"""-accuracy in chains, which have a ladder of tolerances: ends of every kind, loads, motion to both sides, friction that
-sticks, short runs and long, against scipy (blocks.py)."""
+"""-accuracy in chains, which have a ladder of tolerances: ends of every kind, loads, motion to both sides,
+friction that sticks, short runs and long, against scipy (blocks.py)."""
 import h5py
 import numpy as np
 
@@ -18,7 +18,7 @@ def power(r, low, high):
 
 def draw_ends(r, n):
     held = lambda: number(r, -1, 1)
-    kinds = ["ring", "free"] if n == 1 else ["ring", "free", "free", "left", "right"] + (["both"] if n > 2 else [])
+    kinds = ["ring", "free"] if n == 1 else ["ring", "free", "free", "left", "right", "both"][:None if n > 2 else -1]
     kind = str(r.choice(kinds))
     if kind == "ring":
         return None, None
@@ -26,14 +26,16 @@ def draw_ends(r, n):
 
 
 def draw_law(r):
-    law = str(r.choice(["cubic", "cubic", "cubic", "carlson-langer", "carlson-langer", "coulomb", "rate-and-state"]))
+    law = str(r.choice(["cubic"] * 3 + ["carlson-langer"] * 2 + ["coulomb", "rate-and-state"]))
     if law == "cubic":
         return dict(law=law)
     if law == "rate-and-state":
-        return dict(law=law, a=number(r, 0.15, 0.4), b=number(r, 0.1, 0.6), D=number(r, 0.3, 1), mu0=0.6, psi0=1.)
+        a, b, D = number(r, 0.15, 0.4), number(r, 0.1, 0.6), number(r, 0.3, 1)
+        return dict(law=law, a=a, b=b, D=D, mu0=0.6, psi0=1.)
     if law == "coulomb":
         return dict(law=law, stick="exact", fs=1., fd=number(r, 0.3, 0.95))
-    return dict(law=law, stick=str(r.choice(["exact", "exact", "smooth"])), sigma=number(r, 0, 0.3), alpha=number(r, 0.2, 2))
+    stick = str(r.choice(["exact", "exact", "smooth"]))
+    return dict(law=law, stick=stick, sigma=number(r, 0, 0.3), alpha=number(r, 0.2, 2))
 
 
 def draw_load(r, v, t_end):
@@ -60,12 +62,14 @@ def draw(r):
     v = power(r, -1.3, 0.2) * float(r.choice([-1, 1]))
     t_end = power(r, -0.3, 1.8)
     points, sine = draw_load(r, v, t_end)
-    words = ["-model_form", "chain", "-grid_n", n, "-model_v", v, "-scene_reduce", "off", "-ts_max_time", t_end]
+    words = ["-model_form", "chain", "-grid_n", n, "-model_v", v, "-scene_reduce", "off",
+             "-ts_max_time", t_end]
     for name in ("m", "k0", "k1", "f0", "zeta"):
         words += ["-model_" + name, s[name]]
     for side, end in (("left", left), ("right", right)):
         if end is not None:
-            words += [f"-bc_{side}", "free"] if end == "free" else [f"-bc_{side}", "velocity", f"-bc_{side}_value", end]
+            words += [f"-bc_{side}", "free"] if end == "free" else \
+                [f"-bc_{side}", "velocity", f"-bc_{side}_value", end]
     words += ["-friction_law", s["law"]]
     for name in ("sigma", "alpha", "fs", "fd", "a", "b", "D"):
         if name in s:
@@ -85,8 +89,9 @@ def draw(r):
 
 def asked(words, t_end, probe, accuracy):
     """The fields at the start and the end (None where the request is refused), and the summary."""
-    made, _ = run([*words, "-accuracy", accuracy, *(["-accuracy_of", f"probe:{probe}"] if probe is not None else []),
-                   "-accuracy_seconds", 20, "-out_file", "a.h5", "-out_times", f"0,{t_end}"], code=None)
+    of = ["-accuracy_of", f"probe:{probe}"] if probe is not None else []
+    made, _ = run([*words, "-accuracy", accuracy, *of, "-accuracy_seconds", 20, "-out_file", "a.h5",
+                   "-out_times", f"0,{t_end}"], code=None)
     if made["status"] != "done":
         return None, None, made
     with h5py.File("a.h5") as file:
@@ -107,8 +112,11 @@ def error_of(s, plate, start, end, t_end, probe, accuracy):
     return np.abs(end - fine)[:, nodes].max()
 
 
+ROUND_OFF = 1e-12  # which is in no estimate
+
+
 def audited(drawn):
-    wrong, ratios, refused, unknown = [], [], [], 0
+    wrong, ratios, refused, unknown, excess = [], [], [], 0, []
     for index, (s, plate, words, t_end, probe, accuracy) in drawn:
         start, end, made = asked(words, t_end, probe, accuracy)
         text = f"{index}: wanted {accuracy:.1e} of {'fields' if probe is None else probe}: " + " ".join(map(str, words))
@@ -120,11 +128,14 @@ def audited(drawn):
             unknown += 1
             continue
         ratios.append(error / accuracy)
-        if error > accuracy or not error / 3 <= estimate <= accuracy:
+        excess.append(estimate / max(error, ROUND_OFF))
+        if error > accuracy or estimate > accuracy or (error > ROUND_OFF and estimate < error / 3):
             wrong.append(f"error {error:.1e} estimate {estimate:.1e} {text}")
-    print(f"error/wanted: median {np.median(ratios):.3f}, largest {max(ratios):.3f}; {len(refused)} refused, {unknown} unknown")
+    print(f"error/wanted: median {np.median(ratios):.3f}, largest {max(ratios):.3f}; {len(refused)} refused, "
+          f"{unknown} unknown")
     assert len(refused) <= len(ratios) / 20, "\n".join(refused)
     assert unknown <= len(ratios) / 10
+    assert np.median(excess) < 3  # an estimate that is always far too large says nothing
     assert not wrong, "\n".join(wrong)
 
 
@@ -142,14 +153,16 @@ def given(text, **s):
 
 
 def test_errors_that_fall_slowly_or_by_leaps():
-    """From one level to the next they may fall by less than the tolerance does, and a run may come near the level before it
-    while both are wrong."""
-    smooth = given("-grid_n 7 -bc_left velocity -bc_left_value -0.0318 -bc_right velocity -bc_right_value 0.3019 -model_m 1.315 "
-                   "-model_k0 0.5873 -model_k1 0.2351 -model_f0 1.278 -model_v 0.3019 -ts_max_time 34.39 -model_zeta 0 "
-                   "-init_psi 0.8611 -init_eta 0.3368 -init_noise 0.1985 -init_seed 166", left=-0.0318, right=0.3019)
-    sticks = given("-grid_n 3 -bc_left free -friction_law carlson-langer -model_v 0.2679 -model_m 0.7494 -model_k0 0.2155 "
-                   "-model_k1 1.196 -model_f0 1.015 -model_zeta 0.01046 -friction_sigma 0.1704 -friction_alpha 1.8055 "
-                   "-ts_max_time 18.17 -init_psi 0 -init_eta 0.059 -init_noise 0.4122 -init_seed 793",
+    """From one level to the next they may fall by less than the tolerance does, and a run may come near the level
+    before it while both are wrong."""
+    smooth = given("-grid_n 7 -bc_left velocity -bc_left_value -0.0318 -bc_right velocity -model_m 1.315 "
+                   "-model_k0 0.5873 -model_k1 0.2351 -model_f0 1.278 -model_v 0.3019 -ts_max_time 34.39 "
+                   "-init_psi 0.8611 -init_eta 0.3368 -init_noise 0.1985 -init_seed 166",
+                   left=-0.0318, right=0.3019)
+    sticks = given("-grid_n 3 -bc_left free -friction_law carlson-langer -model_v 0.2679 -model_m 0.7494 "
+                   "-model_k0 0.2155 -model_k1 1.196 -model_f0 1.015 -model_zeta 0.01046 -friction_sigma 0.1704 "
+                   "-friction_alpha 1.8055 -ts_max_time 18.17 -init_psi 0 -init_eta 0.059 -init_noise 0.4122 "
+                   "-init_seed 793",
                    left="free", right="free", stick="exact", sigma=0.1704, alpha=1.8055)
     audited([(accuracy, (*smooth, 4, accuracy)) for accuracy in (5.63e-5, 1e-3, 1e-7)] +
             [(accuracy, (*sticks, None, accuracy)) for accuracy in (1.34e-5, 1e-3, 1e-7)])

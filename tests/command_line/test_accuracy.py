@@ -34,11 +34,13 @@ def run(*words, ranks=1, code=0):
         return {**json.load(file), "said": done.stderr}
 
 
-def test_random_scenes():
-    done = subprocess.run([sys.executable, "-B", os.path.join(SOURCE, "tests", "accuracy.py"), "--cases", "10", "--seed", "2"],
+@pytest.mark.parametrize("more", [["--cases", "10"], ["--cases", "6", "--loads"]])
+def test_random_scenes(more):
+    done = subprocess.run([sys.executable, "-B", os.path.join(SOURCE, "tests", "accuracy.py"), "--seed", "2", *more],
                           capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     print(done.stdout.splitlines()[-1])
+    assert "0 not reached" in done.stdout
 
 
 @pytest.mark.ranks
