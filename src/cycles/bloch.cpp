@@ -86,13 +86,6 @@ void judge(const Rates& r, BlochSpectrum& out) {
   out.decided = grows || out.stable;
 }
 
-// The first place where the growth rate rises again on the way from k = 0, down from the phase mode's 0.
-size_t first_rise(const std::vector<BlochPoint>& p) {
-  size_t k = 0;
-  while (k + 1 < p.size() && p[k + 1].growth_rate < p[k].growth_rate) ++k;
-  return k + 1;
-}
-
 // The places k = 0 and j/count of the longest, where `wavenumbers` divides count: near enough to each other that waves of
 // the speed of sound turn by no more than 1 from one to the next.
 std::vector<BlochPoint> evenly(const Waves& waves, int wavenumbers) {
@@ -132,10 +125,7 @@ BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMa
     out.wavenumber = p[j].wavenumber;
     out.multiplier = p[j].multipliers.front();
   }
-  // what the phase mode does at k = 0 its diffusion says
-  out.largest_of_finite = p.back().growth_rate;
-  for (size_t j = first_rise(p); j < p.size(); ++j)
-    out.largest_of_finite = std::max(out.largest_of_finite, p[j].growth_rate);
+  out.largest_of_finite = scan.largest_of_finite();
   judge({out.largest_at_zero, out.diffusion, out.growth_rate, out.largest_of_finite, out.short_waves, error, longest_wave},
         out);
   return out;

@@ -58,10 +58,16 @@ WaveScan::WaveScan(std::function<BlochPoint(double)> at, std::vector<BlochPoint>
   find_tops();
 }
 
-double WaveScan::largest() const {
-  double most = -1e300;
-  for (size_t k = 1; k < points_.size(); ++k) most = std::max(most, points_[k].growth_rate);
+double WaveScan::largest_of_finite() const {
+  double most = points_.back().growth_rate;
+  for (size_t k = first_rise(); k < points_.size(); ++k) most = std::max(most, points_[k].growth_rate);
   return most;
+}
+
+size_t WaveScan::first_rise() const {
+  size_t k = 0;
+  while (k + 1 < points_.size() && points_[k + 1].growth_rate < points_[k].growth_rate) ++k;
+  return k + 1;
 }
 
 double WaveScan::rise_within(size_t k) const {
@@ -107,7 +113,7 @@ void WaveScan::fill_in() {
 }
 
 void WaveScan::find_resonances() {
-  double most = largest();
+  double most = largest_of_finite();
   for (size_t k = 0; k + 1 < points_.size(); ++k) {
     const BlochPoint &a = points_[k], &b = points_[k + 1];
     const double step = b.wavenumber - a.wavenumber, highest = std::max(a.growth_rate, b.growth_rate) + rise_within(k);
@@ -133,7 +139,7 @@ void WaveScan::find_tops() {
   std::stable_sort(tops.begin(), tops.end(),
                    [&](size_t a, size_t b) { return points_[a].growth_rate > points_[b].growth_rate; });
   if (tops.size() > most_tops) tops.resize(most_tops);
-  double most = largest();
+  double most = largest_of_finite();
   std::vector<BlochPoint> found;
   for (const size_t k : tops) {
     if (points_[k].growth_rate + std::max(rise_within(k - 1), rise_within(k)) <= most) continue;

@@ -98,7 +98,7 @@ def compare(p, text):
     assert np.max(abs(end - start)) < 1e-5, f"{text}: the motion misses by {np.max(abs(end - start))}"
     growth = np.log(np.max(abs(np.linalg.eigvals(matrices)), axis=1)) / T
     first, error = last / p["cycle_wavenumbers"], 1e-6 + 2 * found["multiplier_error"] / T
-    assert found["growth_rate"] > np.max(growth[k >= first]) - error, f"{text}: {found['growth_rate']}, but {np.max(growth)}"
+    assert found["growth_rate"] > np.max(growth[k >= first]) - error, f"{text}: {found['growth_rate']}, but {np.max(growth[k >= first])}"
     if found["wavenumber"] > 0:
         own = growth[np.argmin(abs(k - found["wavenumber"]))]
         assert abs(own - found["growth_rate"]) < error, f"{text}: {own} at {found['wavenumber']}, not {found['growth_rate']}"
