@@ -8,6 +8,7 @@
 #include "cycles/deviations.hpp"
 #include "cycles/plane.hpp"
 #include "cycles/profile.hpp"
+#include "numerics/kinks.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/oscillator.hpp"
@@ -32,6 +33,24 @@ double change_of_profile(const PeriodicEquations& coarse, const std::vector<doub
   for (size_t i = 0; i < count; ++i)
     change = std::max(change, std::abs(from[i] - y[i]) / std::max(high[i % d] - low[i % d], 1e-3));
   return change;
+}
+
+// Nodes of the mesh at the kinks of the motion; what a change by halving is to be divided by.
+double settle(const std::shared_ptr<const CellField>& field, PeriodicEquations& problem, std::vector<double>& x,
+              const std::vector<Condition>& phase) {
+  std::vector<int> velocities;
+  for (int a = 0; a < field->dim(); a += field->dof()) velocities.push_back(a);
+  const auto jacobian = [&](const double* y, double* J) { field->jacobian(y, J); };
+  return settle_on_kinks({[&]() -> const std::vector<double>& { return problem.mesh(); },
+                          [&] { return kinks_of(problem.mesh(), x.data(), field->dim(), velocities, jacobian); },
+                          [&](std::vector<double> mesh) {
+                            PeriodicEquations better(std::move(mesh), field);
+                            std::vector<double> y = better.fill(problem, x);
+                            if (!better.newton(y, phase).converged) return false;
+                            problem = std::move(better);
+                            x = std::move(y);
+                            return true;
+                          }});
 }
 
 // With its residual, multipliers and errors; `estimate` is the relative one of the period.
@@ -89,12 +108,12 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
     if (!better.newton(y, phase).converged) continue;  // too coarse
     problem = better;
     x = y;
+    const double gain = settle(field, problem, x, phase);
     PeriodicEquations finer(halved(problem.mesh()), field);
     std::vector<double> z = finer.fill(problem, x);
     const PeriodicEquations::Newton last = finer.newton(z, phase);
     if (!last.converged) continue;
-    // Halving divides the error of the period by 2^10 once the mesh is fine, and by less before; 8 is on the safe side.
-    const double estimate = std::abs(std::expm1(problem.q(x) - finer.q(z))) / 8;
+    const double estimate = std::abs(std::expm1(problem.q(x) - finer.q(z))) / gain;
     const double profile_error = change_of_profile(problem, x, finer, z) / 32;
     if (estimate <= tolerance && profile_error <= std::max({1e-9, tolerance, last.last_step}))
       return finished(field, finer, z, phase, estimate);

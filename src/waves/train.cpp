@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "numerics/kinks.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "waves/train_equations.hpp"
@@ -84,6 +85,14 @@ Train finished(TrainEquations& problem, const std::vector<double>& x, double est
   return train;
 }
 
+Kinks kinks_along(const TrainEquations& problem, const std::vector<double>& x) {
+  const TrainSetting::At at = problem.setting().at(x.back());
+  return kinks_of(problem.mesh(), x.data(), problem.dim(), {0}, [&](const double* y, double* J) {
+    double dy[train_max_dim + 1];
+    problem.setting().rhs(at, y, dy, J);
+  });
+}
+
 // Solves on a mesh that suits the profile, then on that mesh halved; refines until the answer is good enough. False where
 // Newton's method does not converge.
 bool solve_to(const TrainSetting& setting, const Orbit& start, double q, double tolerance, Train& train) {
@@ -102,15 +111,24 @@ bool solve_to(const TrainSetting& setting, const Orbit& start, double q, double 
     if (!newton(better, guess)) continue;  // too coarse
     problem = better;
     x = guess;
+    const double gain = settle_on_kinks({[&]() -> const std::vector<double>& { return problem.mesh(); },
+                                         [&] { return kinks_along(problem, x); },
+                                         [&](std::vector<double> mesh) {
+                                           TrainEquations moved(setting, std::move(mesh), x.back());
+                                           std::vector<double> y = moved.fill(problem, x);
+                                           if (!newton(moved, y)) return false;
+                                           problem = std::move(moved);
+                                           x = std::move(y);
+                                           return true;
+                                         }});
     TrainEquations finer(setting, halved(problem.mesh()), x.back());
     std::vector<double> y = finer.fill(problem, x);
     double last_step = 0;
     if (!newton(finer, y, &last_step)) continue;
-    // Halving divides the error of q by 2^10 once the mesh is fine, and by less before; 8 is on the safe side.
     const double profile = change_of_profile(problem, x, finer, y);
     const TrainSetting::At coarse = setting.at(x.back()), fine = setting.at(y.back());
     const double estimate =
-        std::abs(setting.request.speed ? coarse.T / fine.T - 1 : coarse.speed / fine.speed - 1) / 8;
+        std::abs(setting.request.speed ? coarse.T / fine.T - 1 : coarse.speed / fine.speed - 1) / gain;
     if (estimate <= tolerance && profile / 32 <= std::max({1e-9, tolerance, last_step})) {
       train = finished(finer, y, estimate);
       return true;

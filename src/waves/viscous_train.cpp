@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "numerics/kinks.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/periodic_equations.hpp"
 
@@ -77,6 +78,22 @@ class Course {
   bool halve() {
     remesh(halved(mesh()));
     return solve();
+  }
+  // With nodes at the kinks; what a change by halving is to be divided by.
+  double settle() {
+    return settle_on_kinks({[&]() -> const std::vector<double>& { return mesh(); },
+                            [&] {
+                              return kinks_of(mesh(), x_.data(), problem_.dim(), {0}, [&](const double* y, double* J) {
+                                problem_.field().jacobian(y, J);
+                              });
+                            },
+                            [&](std::vector<double> nodes) {
+                              const Course before = *this;
+                              remesh(std::move(nodes));
+                              if (solve()) return true;
+                              *this = before;
+                              return false;
+                            }});
   }
   double intervals_wanted(double error) const { return intervals_for(mesh(), rough(), error); }
   double residual() const { return residual_; }
@@ -262,11 +279,11 @@ Train solve_viscous_train(const Scene& scene, const TrainRequest& request, doubl
     least = 1.5 * double(intervals);  // should there be a next round
     Course better = *course;
     if (!better.refine(intervals)) continue;  // too coarse
+    const double gain = better.settle();
     *course = better;
     Course finer = better;
     if (!finer.halve()) continue;
-    // Halving divides the error by 2^10 once the mesh is fine, and by less before; 8 is on the safe side.
-    const double estimate = std::abs(request.speed ? better.T() / finer.T() - 1 : better.V() / finer.V() - 1) / 8;
+    const double estimate = std::abs(request.speed ? better.T() / finer.T() - 1 : better.V() / finer.V() - 1) / gain;
     if (estimate > tolerance || finer.change_from(better) / 32 > std::max({1e-9, tolerance, finer.last_step()})) continue;
     Train train = packed(scene, request, finer, plain.oscillator);
     train.error_estimate = (request.length ? train.speed : train.length) * (estimate + 4 * finer.last_step() + 4e-15);
