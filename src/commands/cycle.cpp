@@ -3,6 +3,7 @@
 #include <cmath>
 #include <map>
 
+#include "base/pulse.hpp"
 #include "commands/continuation.hpp"
 #include "commands/cycle_problem.hpp"
 #include "stickslip/base/error.hpp"
@@ -222,6 +223,7 @@ int cycle_command(const Options& options) {
   const Scene cell = cell_of_options(options);
   check_cycle_options(options, cell);
   return with_summary(summary, [&] {
+    const Pulse pulse(options.text("progress"), "cycle");
     const FoundCycle found = find_cycle(options, cell);
     check_unused_after_setup(options, "");
     ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);

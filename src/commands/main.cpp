@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <new>
 
+#include "base/pulse.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/provenance.hpp"
@@ -141,6 +142,17 @@ int end_all(const std::string& text) {
   return 1;
 }
 
+// A signal ended a search on each of several ranks where it stood: the first writes its summary, then all are ended.
+int end_interrupted(const Interrupted& e) {
+  int size = 1;
+  MPI_Comm_size(MPI_COMM_WORLD, &size);
+  if (size > 1) {
+    if (rank_of(MPI_COMM_WORLD) > 0) sleep(2);
+    MPI_Abort(MPI_COMM_WORLD, e.exit_code());
+  }
+  return e.exit_code();
+}
+
 }  // namespace
 }  // namespace stickslip
 
@@ -152,6 +164,8 @@ int main(int argc, char** argv) {
   int code = 1;
   try {
     code = program(argc, argv);
+  } catch (const Interrupted& e) {
+    code = end_interrupted(e);
   } catch (const Error& e) {
     code = e.exit_code();
     if (!e.collective()) {

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "base/pulse.hpp"
 #include "output/sweep_table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/json_values.hpp"
@@ -38,6 +39,8 @@ PointRunner::Outcome PointRunner::run(const Options& options) const {
     replace_library_options(base_, options);
     if (command_.has_grid) check_size(options, PETSC_COMM_WORLD);
     outcome.code = command_.body(options);
+  } catch (const Interrupted& e) {
+    outcome.code = e.exit_code();
   } catch (const Error& e) {
     reason = e.what();
     together = e.collective();

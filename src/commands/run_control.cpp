@@ -7,35 +7,6 @@
 
 namespace stickslip {
 
-namespace {
-
-volatile std::sig_atomic_t caught_signal = 0;
-volatile std::sig_atomic_t checkpoint_wanted = 0;
-int watches = 0;
-
-extern "C" void on_signal(int number) {
-  if (number == SIGUSR1) checkpoint_wanted = 1;
-  else caught_signal = number;
-}
-
-}  // namespace
-
-SignalWatch::SignalWatch() {
-  if (watches++ == 0) caught_signal = checkpoint_wanted = 0;
-  struct sigaction action {};
-  action.sa_handler = on_signal;
-  sigemptyset(&action.sa_mask);
-  action.sa_flags = SA_RESTART;
-  for (std::size_t i = 0; i < numbers.size(); ++i) sigaction(numbers[i], &action, &before_[i]);
-}
-
-SignalWatch::~SignalWatch() {
-  --watches;
-  for (std::size_t i = 0; i < numbers.size(); ++i) sigaction(numbers[i], &before_[i], nullptr);
-}
-
-int SignalWatch::caught() const { return caught_signal; }
-
 RunControl::RunControl(const Options& options, std::int64_t first_step)
     : every_(options.steps_or_seconds("out_checkpoint_every")),
       most_seconds_(options.steps_or_seconds("ts_max_wall").seconds), t_end_(options.real("ts_max_time")),
@@ -52,7 +23,7 @@ std::array<int, 4> RunControl::ask() {
   if (++steps_since_ < steps_between_) return {};
   const double now = MPI_Wtime();
   const auto passed = int(std::min(1e9, 1e6 * (now - asked_)));
-  int flags[5] = {caught_signal, checkpoint_wanted, every_.seconds > 0 && now - last_checkpoint_ >= every_.seconds,
+  int flags[5] = {SignalWatch::caught(), SignalWatch::checkpoint_wanted(), every_.seconds > 0 && now - last_checkpoint_ >= every_.seconds,
                   most_seconds_ > 0 && now - begin_ >= most_seconds_, passed};
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, flags, 5, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
   const double steps = 2e4 * double(steps_since_) / std::max(1, flags[4]);
@@ -77,7 +48,7 @@ RunControl::Decision RunControl::after(std::int64_t step, double t) {
 }
 
 void RunControl::checkpoint_written() {
-  checkpoint_wanted = 0;
+  SignalWatch::checkpoint_written();
   last_checkpoint_ = MPI_Wtime();
 }
 

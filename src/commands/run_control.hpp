@@ -2,28 +2,13 @@
 #pragma once
 
 #include <array>
-#include <csignal>
 #include <cstdint>
 #include <string>
 
+#include "base/pulse.hpp"
 #include "stickslip/options/options.hpp"
 
 namespace stickslip {
-
-// While it lives, SIGINT and SIGTERM ask for a checkpoint and an end, SIGUSR1 for a checkpoint. One within another knows
-// what the outer one has caught.
-class SignalWatch {
- public:
-  SignalWatch();
-  ~SignalWatch();
-  SignalWatch(const SignalWatch&) = delete;
-  SignalWatch& operator=(const SignalWatch&) = delete;
-  int caught() const;  // SIGINT or SIGTERM on this rank, 0: neither so far
-
- private:
-  static constexpr std::array<int, 3> numbers{SIGINT, SIGTERM, SIGUSR1};
-  std::array<struct sigaction, 3> before_{};
-};
 
 class RunControl {
  public:

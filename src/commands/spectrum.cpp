@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/progress.hpp"
+#include "base/pulse.hpp"
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/error.hpp"
@@ -196,6 +197,7 @@ int spectrum_command(const Options& options) {
                   options.text("summary"));
   const Scene scene = Scene::from(options, true);
   return with_summary(summary, [&] {
+    const Pulse pulse(options.text("progress"), "spectrum");
     const SteadySliding steady(scene);
     const LinearisedOperator J(steady);
     const auto [low, high] = std::minmax_element(steady.psi.begin(), steady.psi.end());

@@ -1,6 +1,7 @@
 // The command `wave`: a train of pulses, its stability, a branch of trains; to the summary, a file, and the terminal.
 #include <cmath>
 
+#include "base/pulse.hpp"
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/error.hpp"
@@ -182,6 +183,7 @@ int wave_command(const Options& options) {
   const Scene scene = Scene::from(options, true);
   check_train_scene(scene);
   return with_summary(summary, [&] {
+    const Pulse pulse(options.text("progress"), "wave");
     summary.set("pulses", request.pulses);
     summary.set("shortest_pulse", shortest_pulse(scene));
     const Train train = solve_train(scene, request);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/numerics/cyclic.hpp"
@@ -335,6 +336,7 @@ PeriodicEquations::Newton PeriodicEquations::newton(std::vector<double>& x, cons
   double last = -1;
   const size_t d = size_t(d_), b = block();
   for (int it = 0; it < most; ++it) {
+    beat("Newton steps");
     Step s = step(x, conditions);
     const double period = std::exp(q(x));
     for (size_t i = 0; i < n_; ++i)

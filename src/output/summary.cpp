@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "base/paths.hpp"
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/root.hpp"
@@ -187,13 +188,23 @@ void check_summary_path(const std::string& path) {
   });
 }
 
-void detail::summarise_exception(Summary& summary) noexcept {
+int detail::summarise_exception(Summary& summary) noexcept {
   bool together = false;
   try {
     try {
       throw;
+    } catch (const Interrupted& e) {
+      summary.stopped(e.what());
+      int ranks = 1;
+      MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
+      if (ranks == 1) {
+        summary.write();
+        summary.say(std::string("stopped by ") + e.what() + "; the summary has what was found until then");
+        summary.tell();
+        return e.exit_code();
+      }
     } catch (const Error& e) {
-      if (e.exit_code() == 2) return;  // wrong use: nothing was computed, nothing is summarised
+      if (e.exit_code() == 2) return 0;  // wrong use: nothing was computed, nothing is summarised
       summary.failed(e.what());
       together = e.collective();
     } catch (const std::exception& e) {
@@ -206,6 +217,7 @@ void detail::summarise_exception(Summary& summary) noexcept {
   } catch (...) {
     // main() reports the first error, not that of its summary
   }
+  return 0;
 }
 
 }  // namespace stickslip

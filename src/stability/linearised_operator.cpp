@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/stencil.hpp"
@@ -96,6 +97,7 @@ void LinearisedOperator::assemble(Complex lambda, Complex factor, BandLU& lu) co
 }
 
 LogDet LinearisedOperator::factor(Complex lambda, BandLU& lu) const {
+  beat("factorisations");
   assemble(lambda, 1, lu);
   LogDet det = lu.factor();
   if (has_state())
@@ -198,6 +200,7 @@ double LinearisedOperator::mode_residual(Complex lambda, const std::vector<Compl
 
 std::vector<Complex> LinearisedOperator::resolvent(Complex lambda, const BandLU& lu,
                                                    const std::vector<Complex>& b) const {
+  beat("solutions");
   std::vector<Complex> p(size()), y(b.size());
   for (std::size_t i = 0; i < size(); ++i) p[i] = -point(i).condense(lambda, node_of(b, i));
   solve(lu, p);

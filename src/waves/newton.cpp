@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "waves/train_equations.hpp"
@@ -86,6 +87,7 @@ PetscErrorCode converged(SNES snes, PetscInt it, PetscReal, PetscReal, PetscReal
 }  // namespace
 
 bool newton(TrainEquations& problem, std::vector<double>& x, double* last_step, int max_it) {
+  beat("trains tried");
   const PetscInt n = PetscInt(problem.size());
   SnesHandle snes;
   VecHandle u, f;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/collocation.hpp"
 #include "stickslip/numerics/dense.hpp"
@@ -242,6 +243,7 @@ Multipliers Transfer::viscous_at(const TransferMesh& mesh, Complex lambda) {
 }
 
 Multipliers Transfer::at(Complex lambda) {
+  beat("transfers round a train");
   const int d = train_.oscillator->dim();
   Complex Y[max_dim * max_dim];
   double log_scale, size = 0;

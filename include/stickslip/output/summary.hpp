@@ -86,13 +86,15 @@ void check_summary_path(const std::string& path);
 
 // Runs the body of a command, which returns the exit code: 0 (status `done`, unless the body set another) or that
 // of a signal it stopped for. Then writes the summary and tells a person. An exception other than UsageError is put into it as status
-// `failed` and goes on to main(). Collective.
+// `failed` and goes on to main(); a signal that ends a search (base/pulse.hpp) is status `stopped`. Collective.
 template <class Body>
 int with_summary(Summary& summary, Body&& body);
 
 // Implementation.
 namespace detail {
-void summarise_exception(Summary& summary) noexcept;  // called in a catch block
+// Called in a catch block. The exit code of a search that a signal ended, which the one rank there is leaves in order; 0: the
+// exception goes on to main().
+int summarise_exception(Summary& summary) noexcept;
 }
 
 template <class Body>
@@ -101,7 +103,7 @@ int with_summary(Summary& summary, Body&& body) {
   try {
     code = body();
   } catch (...) {
-    detail::summarise_exception(summary);
+    if (const int stopped = detail::summarise_exception(summary)) return stopped;
     throw;
   }
   if (summary.is_null("status")) summary.done();

@@ -1,0 +1,101 @@
+#include "base/pulse.hpp"
+
+#include <array>
+#include <cstring>
+#include <ctime>
+#include <utility>
+
+namespace stickslip {
+
+namespace {
+
+volatile std::sig_atomic_t caught_signal = 0;
+volatile std::sig_atomic_t checkpoint_asked = 0;
+volatile std::sig_atomic_t pulses = 0;
+std::time_t caught_at = 0;
+int watches = 0;
+
+extern "C" void on_signal(int number) {
+  if (number == SIGUSR1) {
+    checkpoint_asked = 1;
+    return;
+  }
+  const std::time_t now = std::time(nullptr);
+  if (caught_signal == 0) {
+    caught_at = now;
+  } else if (pulses > 0 && now > caught_at + 1) {  // a search that did not hear the first, which mpirun may send twice
+    std::signal(number, SIG_DFL);
+    std::raise(number);
+  }
+  caught_signal = number;
+}
+
+constexpr std::size_t most_kinds = 6;  // of work, that are shown
+struct Count {
+  const char* of = nullptr;
+  long count = 0;
+};
+Pulse* living = nullptr;  // the innermost
+std::array<Count, most_kinds> counts;
+long beats = 0;
+
+}  // namespace
+
+SignalWatch::SignalWatch() {
+  if (watches++ == 0) caught_signal = checkpoint_asked = 0;
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  sigemptyset(&action.sa_mask);
+  action.sa_flags = SA_RESTART;
+  for (std::size_t i = 0; i < numbers.size(); ++i) sigaction(numbers[i], &action, &before_[i]);
+}
+
+SignalWatch::~SignalWatch() {
+  --watches;
+  for (std::size_t i = 0; i < numbers.size(); ++i) sigaction(numbers[i], &before_[i], nullptr);
+}
+
+int SignalWatch::caught() { return caught_signal; }
+bool SignalWatch::checkpoint_wanted() { return checkpoint_asked != 0; }
+void SignalWatch::checkpoint_written() { checkpoint_asked = 0; }
+
+Pulse::Pulse(const std::string& wish, const std::string& command)
+    : progress_(wish, command + ": "), before_(std::exchange(living, this)) {
+  if (!before_) counts = {};
+  int ranks = 1;
+  MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
+  // Ranks that share a point of a sweep could not leave it at the same place: it comes to its end, and the sweep stops.
+  ends_ = watches == 1 || ranks == 1;
+  pulses = pulses + 1;
+}
+
+Pulse::~Pulse() {
+  living = before_;
+  pulses = pulses - 1;
+}
+
+void Pulse::stage(const std::string& text) {
+  if (living) living->stage_ = text;
+}
+
+void Pulse::show() {
+  std::string text = stage_;
+  for (const Count& c : counts)
+    if (c.of) text += (text.empty() ? "" : ", ") + std::to_string(c.count) + " " + c.of;
+  progress_.show(text);
+}
+
+void beat(const char* of, long count) {
+  if (!living) return;
+  if (caught_signal != 0 && living->ends_) throw Interrupted(caught_signal);
+  for (Count& c : counts) {
+    if (c.of && c.of != of && std::strcmp(c.of, of) != 0) continue;
+    c.of = of;
+    c.count += count;
+    break;
+  }
+  // the clock is asked at every 16th beat: short ones come by the thousand
+  if (++beats % 16 == 0 && living->progress_.due()) living->show();
+}
+
+}  // namespace stickslip
