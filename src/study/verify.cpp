@@ -5,7 +5,9 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/model/model.hpp"
+#include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/study/vary.hpp"
 #include "stickslip/time/time.hpp"
@@ -150,14 +152,23 @@ std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options
 
 namespace {
 
-// One node at rest without force, its state as after sliding at v: loaded, it slips from its threshold.
-void start_at_rest(const Model& model, const SteadySliding& s, Vec u) {
+// On the cycle whose end is checked. Where none was found: one node at rest without force, its state as after sliding at v;
+// loaded, it slips from its threshold.
+void start_on(const std::vector<double>& cycle, const Model& model, const SteadySliding& s, Vec u) {
   const Writing x(u);
   x[0] = x[1] = 0;
   if (model.dof() == 3) x[2] = s.state[0];
+  for (std::size_t k = 0; k < cycle.size(); ++k) x[k] = cycle[k];
 }
 
-Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options, const Crossing& c, double x, double y) {
+// What the end says of a motion that starts on the cycle. One that goes on without rests is an oscillation to a run as well.
+std::string expected_of(StickSlipEnd& end, double x, double y) {
+  return end(x, y) < 0 || end.fate(x, y) == to_string(Fate::oscillates) ? "stick-slip" : "sliding";
+}
+
+// `cycle`: a place of the one that lives beside the end.
+Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options, const Crossing& c,
+                   const std::vector<double>& cycle, double x, double y) {
   const std::vector<Axis>& axes = growth.axes();
   const Scene one = end.scene(x, y);
   const SteadySliding s(one);
@@ -167,7 +178,7 @@ Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options
   v.value2 = axes.size() > 1 ? axes[1].value(y) : 0;
   v.of = "stick-slip";
   v.growth = growth(x, y);
-  v.expected = end(x, y) < 0 ? "stick-slip" : "sliding";
+  v.expected = expected_of(end, x, y);
   const Options there = options_with(options, axes, v.value, v.value2);
   // Long enough to grow or decay, for many slips, and for the loading of a node at rest (which is one step).
   const double load = !one.friction.sticks() ? 0
@@ -177,7 +188,7 @@ Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options
   VecHandle u = model.create_vector();
   start_beside(model, s, 0.01, 0, u);
   Motion near = regime_from(there, model, s, v.growth, u, duration);
-  start_at_rest(model, s, u);
+  start_on(cycle, model, s, u);
   Motion far = regime_from(there, model, s, v.growth, u, duration);
   broadcast(near);
   broadcast(far);
@@ -203,10 +214,14 @@ std::vector<Verified> verify_end(GrowthRate& growth, StickSlipEnd& end, const Op
     const double ny = known ? -c.ny : growth.axes().size() > 1 ? difference(0, step) : 0;
     const double length = std::hypot(nx, ny);
     if (!(length > 0)) continue;
+    const auto beside = [&](double side) { return PlanePoint{c.x + side * reach * nx / length, c.y + side * reach * ny / length}; };
+    const auto inside = [](const PlanePoint& p) { return p.x >= 0 && p.x <= 1 && p.y >= 0 && p.y <= 1; };
+    // from another state of contact, healed too little say, the motion may settle elsewhere
+    const std::vector<double> cycle = inside(beside(-1)) ? end.on_cycle(beside(-1).x, beside(-1).y) : std::vector<double>();
     for (const double side : {-1., 1.}) {  // where it sticks and slips, where it does not
       if (before_each) before_each(2 * j + (side < 0 ? 0 : 1), 2 * wanted);
-      const double x = c.x + side * reach * nx / length, y = c.y + side * reach * ny / length;
-      if (x >= 0 && x <= 1 && y >= 0 && y <= 1) result.push_back(check_end(growth, end, options, c, x, y));
+      const PlanePoint at = beside(side);
+      if (inside(at)) result.push_back(check_end(growth, end, options, c, cycle, at.x, at.y));
     }
   }
   return result;
