@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/progress.hpp"
+#include "base/pulse.hpp"
 #include "commands/boundary_output.hpp"
 #include "commands/cycle_problem.hpp"
 #include "stickslip/stability/boundary.hpp"
@@ -96,16 +96,12 @@ void warn_of_damping(const Options& options, const std::vector<Verified>& verifi
 }
 
 // Checks of some points by time integration, and what they say that the points do not.
-void verify(GrowthRate& growth, StickSlipEnd& end, const Options& options, FoundBoundary& found, Progress& progress) {
+void verify(GrowthRate& growth, StickSlipEnd& end, const Options& options, FoundBoundary& found) {
   const PetscInt checks = options.integer("boundary_verify");
   if (checks == 0) return;
-  growth.watch(nullptr);
-  end.watch(nullptr);
-  progress.restart_clock();
   const auto shown = [&](std::size_t number, std::size_t all) {
-    if (progress.due())
-      progress.show("check " + std::to_string(number + 1) + " of " + std::to_string(all) + " in time" +
-                    progress.left(double(number) / double(all)));
+    Pulse::stage("check " + std::to_string(number + 1) + " of " + std::to_string(all) + " in time");
+    beat("checks");
   };
   found.verified = verify_boundary(growth, options, found.sliding, checks, shown);
   warn_of_damping(options, found.verified, found.sliding);
@@ -117,7 +113,7 @@ void verify(GrowthRate& growth, StickSlipEnd& end, const Options& options, Found
   if (found.cell) return;  // a flip or a torus changes no word of a run
   for (const Verified& v : verify_end(growth, end, options, found.stick_slip, checks, shown)) {
     if (v.from_stick_slip != v.expected)
-      warn("time integration of uniform motion from rest at " + at(v) + " ends in " + v.from_stick_slip +
+      warn("time integration of uniform motion from the cycle at " + at(v) + " ends in " + v.from_stick_slip +
            " where the end of stick-slip says " + v.expected);
     found.verified.push_back(v);
   }
@@ -183,12 +179,10 @@ void find_stick_slip(const Options& options, StickSlipEnd& end, bool two, FoundB
   found.distances = end.samples();
 }
 
-void find_medium(const Options& options, const std::vector<Axis>& axes, FoundBoundary& found, Progress& progress) {
-  long evaluations = 0;
-  MediumLines lines(scene_of(options, axes), axes, options.integer("wave_pulses"), [&] {
-    ++evaluations;
-    if (progress.due()) progress.show(std::to_string(evaluations) + " oscillations and branches of trains");
-  });
+void find_medium(const Options& options, const std::vector<Axis>& axes, FoundBoundary& found) {
+  Pulse::stage("oscillations and trains");
+  MediumLines lines(scene_of(options, axes), axes, options.integer("wave_pulses"),
+                    [] { beat("oscillations and branches of trains"); });
   found.waves = lines.waves(options.integer("boundary_points"));
   found.wave_growth = lines.growth();
   found.trains = lines.trains(found.findings.notes);
@@ -223,18 +217,21 @@ Asked asked_for(const Options& options, const Scene& scene) {
 int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, const Provenance& provenance,
                   const Asked& asked) {
   const bool two = growth.axes().size() > 1;
-  Progress progress(options.text("progress"), "boundary: ");
+  const Pulse pulse(options.text("progress"), "boundary");
   const std::vector<Axis>& axes = growth.axes();
   const std::unique_ptr<StickSlipEnd> found_end =
       StickSlipEnd::of(scene_of(options, axes), axes, cell_motion(options, axes));
   StickSlipEnd& end = *found_end;
-  growth.watch([&] {
-    if (progress.due()) progress.show(std::to_string(growth.evaluations()) + " growth rates");
-  });
-  end.watch([&] {
-    if (progress.due()) progress.show(std::to_string(end.evaluations()) + " stick-slip motions");
-  });
+  growth.watch([] { beat("growth rates"); });
+  end.watch([] { beat("stick-slip motions"); });
   FoundBoundary found;
+  const auto tell_points = [&] {  // as far as they are known: what a signal or a failure leaves
+    summary.set("points", point_list(found.points(), two));
+    if (two) summary.set("meetings", point_list(found.findings.meetings, two));
+    if (two) summary.set("special", special_list(found.findings.special));
+    summary.set("notes", found.findings.notes);
+    summary.set("evaluations", growth.evaluations() + end.evaluations());
+  };
   std::string no_sliding;
   try {
     if (asked.sliding) find_sliding(options, growth, found);
@@ -243,20 +240,25 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
     no_sliding = failure.what();
   }
   check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
+  if (asked.sliding) tell_points();
   if (asked.stick_slip) find_stick_slip(options, end, two, found);
-  if (asked.medium) find_medium(options, axes, found, progress);
+  if (asked.medium) {
+    tell_points();
+    find_medium(options, axes, found);
+  }
+  tell_points();
   const std::vector<Crossing> points = found.points();
-  summary.set("points", point_list(points, two));
-  if (two) summary.set("meetings", point_list(found.findings.meetings, two));
-  if (two) summary.set("special", special_list(found.findings.special));
-  summary.set("notes", found.findings.notes);
-  summary.set("evaluations", growth.evaluations() + end.evaluations());
   for (const std::string& note : found.findings.notes) warn(note);
-  if (points.empty())
-    throw Failure(no_sliding + (no_sliding.empty() ? "" : "; ") + (found.cell ? "the cell's" : "uniform") +
-                  " stick-slip does not end between the bounds of the axes, unless at a Hopf point of sliding");
+  if (points.empty()) {
+    const std::string what = !found.cell && end.lives_nowhere()
+                                ? "uniform motion sticks and slips nowhere between the bounds of the axes: in their middle it " +
+                                      end.fate(0.5, 0.5)
+                                : std::string(found.cell ? "the cell's" : "uniform") +
+                                      " stick-slip does not end between the bounds of the axes, unless at a Hopf point of sliding";
+    throw Failure(no_sliding + (no_sliding.empty() ? "" : "; ") + what);
+  }
   if (!no_sliding.empty()) summary.say(no_sliding);
-  verify(growth, end, options, found, progress);
+  verify(growth, end, options, found);
   if (options.integer("boundary_verify") > 0) summary.set("verified", verified_list(found.verified, two));
   write_file(options, growth, found, provenance);
   if (options.text("summary") != "-") print_points(growth.axes(), points);

@@ -324,7 +324,7 @@ void write_file(const Options& options, GrowthRate& growth, const FoundBoundary&
     kinds.push_back(c.kind);
     of.push_back(c.of);
   }
-  file.add_text({"kind", "1", "hopf or zero; of stick-slip graze, fold, flip, torus or branch; of waves wave; of trains fold, hopf or zero"}, {"point"}, kinds);
+  file.add_text({"kind", "1", "hopf or zero; of stick-slip graze, pass, fold, flip, torus or branch; of waves wave; of trains fold, hopf or zero"}, {"point"}, kinds);
   file.add_text({"of", "1", "sliding, stick-slip, waves (on its uniform motion) or trains: whose end the point is"}, {"point"}, of);
   add_criticality(file, points, found.findings.special, unit(growth.axes()[0]), two ? unit(growth.axes()[1]) : "");
   file.add({"closed_form_v", "length/time", "model_v of the boundary in closed form"}, {"point"},

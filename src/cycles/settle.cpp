@@ -6,8 +6,10 @@
 #include <deque>
 #include <optional>
 
+#include "base/pulse.hpp"
 #include "cycles/cell_field.hpp"
 #include "cycles/profile.hpp"
+#include "model/escape.hpp"
 #include "numerics/hermite.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
@@ -54,7 +56,8 @@ PetscErrorCode rates_for_ts(TS, PetscReal, Vec u, Vec f, void* context) {
 // The motion of a cell by the method of Dormand and Prince of order 5, step by step.
 class Motion {
  public:
-  Motion(const CellField& field, std::vector<double> y) : field_(field), y_(std::move(y)) {
+  Motion(const CellField& field, std::vector<double> y, double escape)
+      : field_(field), y_(std::move(y)), escape_(escape) {
     SS_TRY(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, PetscInt(y_.size()), y_.data(), u_.out()));
     SS_TRY(TSCreate(PETSC_COMM_SELF, ts_.out()));
     SS_TRY(TSSetProblemType(ts_, TS_NONLINEAR));
@@ -86,14 +89,18 @@ class Motion {
   Sample step() {
     SS_TRY(TSStep(ts_));
     Sample s = now();
+    beat("steps");
     for (const double value : s.y)
       if (!std::isfinite(value)) throw Failure("the motion from the start does not stay finite");
+    for (size_t k = 0; k < s.y.size(); k += size_t(field_.dof()))
+      if (std::abs(s.y[k]) > escape_) throw Failure("no cycle: the motion from the start grows without bound");
     return s;
   }
 
  private:
   const CellField& field_;
   std::vector<double> y_;
+  double escape_;  // see model/escape.hpp
   VecHandle u_;
   TsHandle ts_;
 };
@@ -108,7 +115,7 @@ struct Passage {
 class Settling {
  public:
   Settling(const Scene& cell, const std::vector<double>& start, double tolerance)
-      : cell_(cell), field_(cell), motion_(field_, folded(field_, start.data())), tolerance_(tolerance) {}
+      : cell_(cell), field_(cell), motion_(field_, folded(field_, start.data()), escape_velocity(cell)), tolerance_(tolerance) {}
   SmoothCycle cycle(int turns);
 
  private:

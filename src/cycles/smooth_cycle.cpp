@@ -176,7 +176,7 @@ SmoothCycle uniform_cycle(const Scene& scene, double tolerance, double slip) {
   }
   if (std::optional<SmoothCycle> stronger = cycle_of_stronger_slips(node, oscillator, tolerance)) return *stronger;
   if (found) return *found;
-  throw Failure("no cycle: " + why + "; stronger slips die out too");
+  throw Failure("no cycle: " + why + "; no stronger slip settles on one");
 }
 
 }  // namespace stickslip

@@ -7,7 +7,9 @@
 #include <memory>
 #include <optional>
 
+#include "base/pulse.hpp"
 #include "cycles/stick_lap.hpp"
+#include "model/escape.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/dense.hpp"
 
@@ -17,6 +19,7 @@ namespace {
 
 constexpr int compared = 12;         // releases back with which one is compared
 constexpr double looks_equal = 1e-4; // of two releases, in psi over its range, eta and the state
+constexpr long most_steps = 1000000;  // of the motion, over the nodes
 constexpr double near_sliding = 0.05;  // distance of psi from steady sliding over its size: there the linear answer holds
 
 // What is seen of the motion on its way to a cycle.
@@ -26,6 +29,7 @@ class Following {
       : m_(motion), patience_(patience), turn_(2 * M_PI / std::sqrt(motion.scene().A() * motion.scene().K0())) {
     const Scene& s = motion.scene();
     if (!std::isfinite(turn_)) turn_ = 2 * M_PI / std::sqrt(s.A() * s.K1());
+    escape_ = escape_velocity(s);
     turn_ += (s.B() + std::abs(s.s_delta()) / s.A()) / s.K0();
   }
 
@@ -37,9 +41,13 @@ class Following {
       now_ = u[node * m_.dof()];
       if (++turns_ == 1) first_ = now_;
     };
-    for (long releases = 0, next_try = 0; releases < 50L * patience_;) {
+    const long most = most_steps / m_.nodes();
+    bool released = let_go(p);
+    for (long releases = 0, next_try = 0, passed = 0; releases < 50L * patience_ && p.steps < most;) {
+      beat("slips");
       const std::vector<Change> changes = m_.advance(p, m_.all_rest(p) ? m_.never : p.t + turn_, nullptr, turned);
       if (p.t == StickMotion::never) return {Fate::stuck, {}, 0};
+      if (size(p) > escape_) return {Fate::grows, {}, p.t};
       if (changes.empty()) {
         if (++quiet_ > patience_) return ended(p, oscillates(p) ? Fate::oscillates : Fate::slides);
         if (turns_ > 0 && m_.size() == 2) return ended(p, stable() ? Fate::slides : Fate::oscillates);
@@ -47,11 +55,15 @@ class Following {
         continue;
       }
       quiet_ = turns_ = 0;
-      for (const Change& c : changes)
+      for (const Change& c : changes) {
+        passed = c.before == 0 || c.after == 0 ? 0 : passed + 1;
+        if (passed > patience_ || (passed > 1 && released && std::isinf(escape_))) return {Fate::oscillates, {}, p.t};
+        released = released || (c.before == 0 && m_.size() == 2);
         if (c.before == 0 && ++releases && repeats(c, p) && releases >= next_try) {
           if (const std::optional<StickCycle> found = cycle(c, p)) return {Fate::repeats, *found, p.t};
           next_try = releases + releases / 2;  // what only seems to repeat (beside a fold, say) does so for long
         }
+      }
     }
     return ended(p, Fate::wanders);
   }
@@ -75,6 +87,21 @@ class Following {
     const double v = m_.scene().v;
     return p.direction.size() == 1 && std::abs(now_ - v) < near_sliding * std::abs(v) &&
            std::abs(now_ - v) < std::abs(last_ - v) && stable();
+  }
+  // |psi| to which a node swings at most, less what friction alone makes of eta.
+  double size(const Standing& p) const {
+    double most = 0;
+    for (int i = 0; i < m_.nodes() && std::isfinite(escape_); ++i) {
+      const double* u = &p.u[std::size_t(i * m_.dof())];
+      const double force = std::max(0., std::abs(u[1]) - 4 * m_.threshold(i, p.u.data()));
+      most = std::max(most, std::hypot(u[0], force * std::sqrt(m_.scene().A() / m_.scene().K0())));
+    }
+    return most;
+  }
+  // One node without a state, right at its threshold: in the plane of psi and eta motions do not cross, so that a slip that
+  // comes back to psi = 0 beyond the threshold, and passes on into the next one, goes round outside itself for ever.
+  bool let_go(const Standing& p) const {
+    return m_.size() == 2 && p.u[0] == 0 && p.direction[0] != 0 && std::abs(p.u[1]) <= m_.threshold(0, p.u.data()) * (1 + 1e-12);
   }
   bool oscillates(const Standing& p) const {
     double most = 0;
@@ -142,7 +169,8 @@ class Following {
 
   const StickMotion& m_;
   const int patience_;
-  double turn_;  // about the time of one
+  double turn_;    // about the time of one
+  double escape_;  // see model/escape.hpp
   int quiet_ = 0, turns_ = 0, releases_ = 0;
   double first_ = 0, now_ = 0, last_ = 0;  // psi at turns without a stop, since the last change
   std::map<std::pair<int, double>, std::deque<std::vector<double>>> seen_;
@@ -160,6 +188,8 @@ std::string to_string(Fate fate) {
       return "oscillates without rest";
     case Fate::stuck:
       return "rests for ever";
+    case Fate::grows:
+      return "grows without bound";
     default:
       return "sticks and slips without repeating";
   }
@@ -184,7 +214,8 @@ bool never_slips(const Scene& s) { return s.v == 0 || (s.v < 0 && !s.friction.ba
 
 // Nothing damps, and friction never rises with velocity. The distance from sliding in (psi, eta), measured by the energy, then
 // never shrinks; a slip begins at psi = 0, at a distance of at least |v|, and so comes back to psi = 0 in its first turn
-// round sliding or a later one, which can be thousands of turns later where friction hardly falls.
+// round sliding or a later one, which can be thousands of turns later where friction hardly falls. Whether it rests there is
+// another question: one that comes back beyond the threshold passes.
 bool always_returns(const Scene& s) {
   if (s.friction.has_state() || s.B() != 0 || s.s_delta() != 0) return false;
   const std::shared_ptr<const Friction> law = Friction::of(s.friction);
@@ -223,17 +254,21 @@ StickFate uniform_stick_fate(const Scene& s) {
 
 namespace {
 
-Grazing grazing_of(const Lap& once) {
-  return {std::isfinite(once.clearance) ? once.clearance : once.depth, once.period};
+Grazing grazing_of(const StickMotion& m, const Lap& once) {
+  Grazing found{std::isfinite(once.clearance) ? once.clearance : once.depth, once.period, false};
+  if (found.distance > 0 && always_returns(m.scene())) found = {-std::abs(m.scene().v), 0, false};
+  if (!(once.excess > found.distance)) return found;
+  return {once.excess, once.period, true};
 }
 
 }  // namespace
 
 Grazing distance_from_graze(const Scene& s) {
   if (never_slips(s)) return {std::nan(""), 0};
-  if (always_returns(s)) return {-std::abs(s.v), 0};
+  if (always_returns(s) && !s.friction.back_slip) return {-std::abs(s.v), 0};
   StickMotion motion(s);
   motion.stop_at_turns();
+  motion.stop_slips_back();
   StickCycle c;
   c.side = s.v < 0 ? -1 : 1;
   c.start = after_rest(motion, long_rest);
@@ -244,11 +279,11 @@ Grazing distance_from_graze(const Scene& s) {
       wishes.turns = motion.dof() == 2;
       const Lap once = lap(motion, c, wishes);
       const double now = once.at.u.back(), last = c.start.back();
-      if (motion.dof() == 2) return grazing_of(once);
+      if (motion.dof() == 2) return grazing_of(motion, once);
       c.start = once.at.u;
       if (std::abs(now - last) < 1e-12 * (1 + std::abs(now))) {
         wishes.turns = true;
-        return grazing_of(lap(motion, c, wishes));
+        return grazing_of(motion, lap(motion, c, wishes));
       }
       if (round % 3 == 2) {  // Aitken: the changes go like powers of the map's slope
         const double slope = (now - last) / (last - before), limit = now + (now - last) * slope / (1 - slope);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/pulse.hpp"
 #include "model/jump_matrix.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/dense.hpp"
@@ -13,6 +14,7 @@ namespace {
 
 constexpr double deep = 0.1;            // of 1 + |v|: a slip that would go beyond is far from grazing
 constexpr int most_changes = 2000;  // in one period
+constexpr long most_steps = 50000;  // in one period
 constexpr double settled = 1e-12;     // change of Newton's method
 
 std::string name_of(const Change& c) {
@@ -75,7 +77,8 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
   std::vector<double> was(p.direction);
   if (wishes.changed) wishes.changed(was, p);
   for (int count = 0; released < from.releases; ++count) {
-    if (count == most_changes) throw Failure("exact stick: the motion does not repeat");
+    if (count == most_changes || p.steps > most_steps) throw Failure("exact stick: the motion does not repeat");
+    beat("slips");
     const std::vector<Change> changes = m.advance(p, m.all_rest(p) ? m.never : p.t + patience, wishes.passed, turned);
     if (changes.empty()) throw Failure("exact stick: a slip does not come to rest");
     if (wishes.changed) wishes.changed(was, p);
@@ -94,6 +97,7 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
     }
   }
   result.period = p.t;
+  result.excess = p.excess;
   for (int i = 0; i < m.nodes(); ++i)  // rests that go on into the next period
     if (const double since = rests_since[std::size_t(i)]; since >= 0) {
       const auto first = std::find_if(result.rests.begin(), result.rests.end(), [&](const Rest& r) { return r.node == i; });

@@ -16,6 +16,7 @@ struct Lap {
   double period = 0;
   std::string sequence;
   double depth = 0, clearance = 0;  // see StickCycle; depth with `turns`
+  double excess = 0;                // see Standing
   std::vector<Rest> rests;
 };
 struct LapWishes {

@@ -262,7 +262,11 @@ void StickMotion::snap(Standing& p, const std::vector<Candidate>& candidates, do
   for (const Candidate& c : candidates) {
     const double speed = std::abs(growth(c, p.u.data(), f.data())), psi = p.u[std::size_t(c.node * dof_)];
     if (c.turns && speed * h < 1e-9 * (1 + std::abs(psi))) stopped.push_back(c);
-    if (c.to_come && !(beyond(c, p.u.data()) < -std::max(close * h * speed, 1e-15))) reached.push_back(c);
+    if (!c.to_come || beyond(c, p.u.data()) < -std::max(close * h * speed, 1e-15)) continue;
+    const bool back = stops_slips_back_ && !c.rests && c.side * scene_.v < 0;
+    if (back) p.excess = std::max(p.excess, -c.side * (p.u[std::size_t(c.node * dof_ + 1)] + pull(c.node, p.u.data())) -
+                                                threshold(c.node, p.u.data()));
+    (back ? stopped : reached).push_back(c);
   }
   for (const std::vector<Candidate>* list : {&stopped, &reached})
     for (const Candidate& c : *list)
@@ -387,6 +391,7 @@ std::vector<Change> StickMotion::advance(Standing& p, double until, const Passed
       if (!changes.empty() || p.t >= until) return changes;
       throw Failure("exact stick: a node that is released does not move at t = " + number_text(p.t));
     }
+    ++p.steps;
     h = std::min({h, longest_, until - p.t});
     const double error = step_from(p, f0.data(), h, p.count, y1.data()), next = Extrapolation::next(h, error);
     if (!(error <= 1)) {

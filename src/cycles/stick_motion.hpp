@@ -43,6 +43,9 @@ struct Standing {
   std::vector<double> direction;   // of each node
   std::vector<double> deviations;  // `count` of them, one behind the other, each like u
   std::size_t count = 0;
+  // Of the slips back (against the plate) that stop_slips_back stopped: the most by which eta was beyond the threshold there.
+  double excess = -std::numeric_limits<double>::infinity();
+  long steps = 0;                  // taken so far
 };
 
 class StickMotion {
@@ -60,6 +63,10 @@ class StickMotion {
   // From now on a slip that turns without a stop is stopped there: psi becomes 0, and eta at most the threshold. The motion
   // changes smoothly with its start where a slip only just comes back to rest, and is the true one where it does.
   void stop_at_turns() { stops_at_turns_ = true; }
+
+  // From now on a slip against the plate's direction that comes back to psi = 0 is stopped there, eta at most the threshold,
+  // and Standing::excess says whether it would have stopped by itself (negative) or have passed on into the next slip.
+  void stop_slips_back() { stops_slips_back_ = true; }
 
   const Scene& scene() const { return scene_; }
   int nodes() const { return nodes_; }
@@ -125,7 +132,7 @@ class StickMotion {
 
   Scene scene_;
   int nodes_, dof_, half_width_;
-  bool stops_at_turns_ = false;
+  bool stops_at_turns_ = false, stops_slips_back_ = false;
   double tolerance_, longest_;
   Frictions law_;
   std::vector<double> amplitude_;

@@ -299,7 +299,8 @@ bool strong_slips_last(const Oscillator& o) {
   constexpr double strong = 10, settled = 1e-4;  // friction forces above sliding; change of a turn, relative
   constexpr int most_turns = 200, sure = 3;
   if (std::abs(o.v()) >= o.v_c()) return false;
-  if (o.sliding_unstable(1)) return true;  // there is nothing to settle on
+  const bool unstable = o.sliding_unstable(1);
+  if (unstable && std::isinf(o.escape())) return true;  // there is nothing to settle on
   const Section section(o);
   ReturnMap map(o, 1, 1e-5);
   const double small = lost_by_small(map, section);
@@ -314,13 +315,13 @@ bool strong_slips_last(const Oscillator& o) {
       map(y);
       amplitude = section.distance(y);
       lost = 1 - amplitude / before;
-      if (amplitude < 1e-3 * section.size() && lost > 0) return false;
+      if (amplitude < 1e-3 * section.size() && lost > 0) return unstable;
       still = std::abs(section.distance(y, last)) < settled * amplitude ? still + 1 : 0;
       if (still >= 2 && !(std::abs(lost) > .1 * small)) return true;
       // as a small oscillation: it dies out. Towards a cycle the turns lose less and less.
       const bool alike = std::abs(lost / small - 1) < .1 && std::abs(lost / lost_before - 1) < .01;
       like_small = alike ? like_small + 1 : 0;
-      if (like_small == sure) return false;
+      if (like_small == sure) return unstable;
     }
   } catch (const Failure&) {  // sliding is reached without another turn
     return false;

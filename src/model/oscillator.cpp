@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/escape.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -14,6 +15,7 @@ Oscillator::Oscillator(const Scene& scene)
     throw UsageError("friction_law " + to_string(p.law) +
                      " jumps at rest, which an oscillation passes: set friction_stick to regularised");
   friction_ = Friction::of(p);
+  escape_ = escape_velocity(scene);
   if (scene.has_profile())
     throw UsageError("friction_amplitude_profile: what is asked for here needs friction that is the same everywhere");
   node_.B += node_.s_delta / node_.A;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/oscillator.hpp"
 #include "stickslip/numerics/collocation.hpp"
@@ -145,9 +146,11 @@ class ReturnMap {
  public:
   ReturnMap(const Oscillator& o, double r2, double tolerance) : o_(o), r2_(r2), integrator_(o, r2, tolerance) {}
 
+  // Throws Failure where the motion settles (after 200,000 steps at most) or grows without bound.
   double operator()(double* y, std::vector<OrbitStep>* steps = nullptr, double* divergence = nullptr) {
     const int d = o_.dim();
     integrator_.restart();
+    beat("turns");
     double t = 0, g[train_max_dim], scale = 0;
     o_.rhs(r2_, y, g, nullptr);
     for (int k = 0; k < d; ++k) scale = std::max(scale, std::abs(g[k]) / (1 + std::abs(y[k])));
@@ -159,6 +162,7 @@ class ReturnMap {
       if (count == many_steps) integrator_.at_rest();
       OrbitStep step;
       integrator_.step(t, y, h, step);
+      if (std::abs(y[0]) > o_.escape()) throw Failure("the motion grows without bound");
       const double above = o_.side() * (y[0] - o_.v());
       const bool passed = below && above >= 0;
       if (passed) cut_at_section(step, y);

@@ -71,6 +71,24 @@ PlaneScene BranchEnd::plane() const {
   return [this](double x, double y) { return scene(x, y); };
 }
 
+std::string BranchEnd::fate(double x, double y) const {
+  try {
+    find_orbit(Oscillator(scene(x, y)), 1, 1e-5, strong_slip);
+    return "oscillates periodically";
+  } catch (const Failure& e) {
+    return std::string("has no cycle (") + e.what() + ")";
+  }
+}
+
+std::vector<double> BranchEnd::on_cycle(double x, double y) const {
+  try {
+    const Cycle cycle = uniform_cycle(scene(x, y), 1e-8, strong_slip).cycle;
+    return {cycle.at(0, 0), cycle.at(0, 0) + cycle.dof};
+  } catch (const Failure&) {
+    return {};
+  }
+}
+
 double BranchEnd::operator()(double x, double y) {
   count_evaluation();
   const Scene one = scene(x, y);

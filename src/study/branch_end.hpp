@@ -24,6 +24,8 @@ class BranchEnd : public StickSlipEnd {
   std::vector<Crossing> curve(PetscInt count, std::vector<std::string>& notes) override;
   double operator()(double x, double y = 0) override;
   Scene scene(double x, double y = 0) const override;
+  std::string fate(double x, double y = 0) const override;
+  std::vector<double> on_cycle(double x, double y = 0) const override;
 
  private:
   struct Branch {                 // a piece of it

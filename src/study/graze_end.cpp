@@ -24,12 +24,24 @@ Scene GrazeEnd::scene(double x, double y) const {
   return one_node_of(scene_of_axes(x, y));
 }
 
+std::string GrazeEnd::fate(double x, double y) const { return to_string(uniform_stick_fate(scene(x, y)).fate); }
+
+// Right before its release: the node still rests.
+std::vector<double> GrazeEnd::on_cycle(double x, double y) const {
+  const StickFate found = uniform_stick_fate(scene(x, y));
+  if (found.fate != Fate::repeats) return {};
+  std::vector<double> start = found.cycle.start;
+  start[1] *= 1 - 1e-6;
+  return start;
+}
+
 double GrazeEnd::operator()(double x, double y) {
   count_evaluation();
   const Scene one = scene(x, y);
   if (one.massless() || !one.friction.sticks() || !(one.K0() > 0)) return std::nan("");
   const Grazing found = distance_from_graze(one);
   period_ = found.period;
+  passes_ = found.passes;
   return found.distance;
 }
 
@@ -40,12 +52,13 @@ Crossing GrazeEnd::crossing(double x, double y, double nx, double ny) {
   for (const double off : {0., 1e-10, -1e-10}) {  // of a fold one side alone has a cycle
     const double there = (*this)(x + off * nx, y + off * ny);
     if (period_ > 0) c.frequency = 2 * M_PI / period_;
-    if (std::abs(there) < std::abs(least)) least = there;
+    if (!(std::abs(there) < std::abs(least))) continue;
+    least = there;
+    c.kind = passes_ ? "pass" : "graze";
   }
   // Without a state there is no fold. Where the slip creeps along the falling branch of friction (large v, soft springs) its
   // least psi passes 0 within the last digit of the option, as in a canard explosion: no place has a small one.
   const Scene here = scene(x, y);
-  c.kind = "graze";
   c.residual = std::abs(least);
   if (!here.friction.has_state() || std::abs(least) < grazes * (1 + std::abs(here.v))) return c;
   Crossing fold(c);
@@ -106,11 +119,13 @@ void GrazeEnd::check(Crossing& c, double nx, double ny, std::vector<std::string>
     found[side] = to_string(fate.fate);
     lives[side] = fate.fate == Fate::repeats || fate.fate == Fate::wanders;
     if (fate.fate == Fate::oscillates)
-      notes.push_back("beside " + place_text(c.x, c.y) + ", where a slip only grazes rest, the oscillation goes on without "
-                      "rest: it ends further on, at a point that is not named here");
+      notes.push_back("beside " + place_text(c.x, c.y) + ", where a slip " +
+                      (c.kind == "pass" ? "that swings back only just stops" : "only grazes rest") +
+                      ", the oscillation goes on without rest: it ends further on, at a point that is not named here");
   }
   if (lives[0] == lives[1])
-    notes.push_back("at " + place_text(c.x, c.y) + " the longest slip only grazes rest, but on either side the motion " +
+    notes.push_back("at " + place_text(c.x, c.y) + " the longest slip " +
+                    (c.kind == "pass" ? "only just stops" : "only grazes rest") + ", but on either side the motion " +
                     (found[0] == found[1] ? found[0] : found[0] + " or " + found[1]) + ": stick-slip does not end there");
 }
 

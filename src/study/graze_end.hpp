@@ -18,6 +18,8 @@ class GrazeEnd : public StickSlipEnd {
   std::vector<Crossing> curve(PetscInt count, std::vector<std::string>& notes) override;
   double operator()(double x, double y = 0) override;
   Scene scene(double x, double y = 0) const override;
+  std::string fate(double x, double y = 0) const override;
+  std::vector<double> on_cycle(double x, double y = 0) const override;
 
  private:
   Crossing crossing(double x, double y, double nx, double ny);
@@ -26,6 +28,7 @@ class GrazeEnd : public StickSlipEnd {
   void check(Crossing& c, double nx, double ny, std::vector<std::string>& notes);
 
   double period_ = 0;  // of the cycle at the last evaluation
+  bool passes_ = false;  // there: what it is zero of
 };
 
 }  // namespace stickslip

@@ -1,5 +1,6 @@
 #include "stickslip/study/stick_slip_end.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "stickslip/base/error.hpp"
@@ -42,6 +43,10 @@ std::string StickSlipEnd::place_text(double x, double y) const {
   std::string text = axes_[0].name + " = " + number_text(axes_[0].value(x));
   if (axes_.size() > 1) text += ", " + axes_[1].name + " = " + number_text(axes_[1].value(y));
   return text;
+}
+
+bool StickSlipEnd::lives_nowhere() const {
+  return !samples_.empty() && std::none_of(samples_.begin(), samples_.end(), [](double f) { return f <= 0; });
 }
 
 void StickSlipEnd::count_evaluation() {

@@ -35,6 +35,7 @@ enum class Fate {
   slides,      // steady sliding
   oscillates,  // without rest
   stuck,       // rests for ever
+  grows,       // without bound
   wanders      // changes between rest and sliding without repeating within the time that was looked at
 };
 std::string to_string(Fate fate);  // in words: "slides steadily", ...
@@ -60,8 +61,10 @@ struct StickFate {
   double time;            // looked at
 };
 
-// Follows the motion of `scene` (the cell) from `start` (unknowns node by node, as stored) until it repeats, slides or does
-// neither for `patience` turns and releases, and polishes what repeats. Throws Failure where the integration fails.
+// Follows the motion of `scene` (the cell) from `start` (unknowns node by node, as stored) until it repeats, slides, grows
+// without bound, has turned without a stop or passed psi = 0 without a rest `patience` times, been released 50 `patience`
+// times, or taken a million steps over the number of nodes; polishes what repeats. Throws Failure where the integration
+// fails.
 StickFate stick_fate(const Scene& scene, const std::vector<double>& start, int patience = 400);
 // The same of a uniform scene's one node, from a release after a long rest.
 StickFate uniform_stick_fate(const Scene& one_node);
@@ -69,10 +72,16 @@ StickFate uniform_stick_fate(const Scene& one_node);
 // How far stick-slip of a uniform scene's one node is from its end by grazing, a smooth function of the scene: the depth of
 // the cycle that the motion settles on from a release after a long rest (negative: it sticks and slips), or, where its slip
 // turns before it stops, the psi at which it does (positive), the slip being stopped there. Where it settles on none, or
-// never turns: |v|. NaN where it rests for ever. -|v|, without a look, where nothing damps and friction never rises with
-// velocity, so that every slip comes to rest. `period`: of that cycle; 0 where there is none or none was looked at.
+// never turns: |v|. NaN where it rests for ever. Where nothing damps and friction never rises with velocity, so that every
+// slip comes back to psi = 0, be it after many turns: -|v| for its first turn.
+//
+// A slip may swing back beyond psi = 0 (soft friction, fast plate). Coming from there it stops where the threshold holds it, or
+// passes on into the next slip and never rests; the cycle then is one without rests. `passes`: the distance is that from
+// this end, |eta| less the threshold there, which is the greater of the two.
+// `period`: of that cycle; 0 where there is none or none was looked at.
 struct Grazing {
   double distance, period;
+  bool passes = false;
 };
 Grazing distance_from_graze(const Scene& one_node);
 

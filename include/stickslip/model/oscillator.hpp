@@ -59,6 +59,8 @@ class Oscillator {
   void steady(double* y) const;
   // The |v| from which on uniform sliding is stable, for the cubic law without a state, whatever r2; else NaN.
   double v_c() const;
+  // |f| beyond which uniform motion grows for ever: nothing dissipates enough to hold it; else infinite.
+  double escape() const { return escape_; }
   // Does uniform sliding lose stability to the oscillation of this r2?
   bool sliding_unstable(double r2) const;
 
@@ -68,7 +70,7 @@ class Oscillator {
 
   std::shared_ptr<const Friction> friction_;
   LinearPoint node_;  // of that node, at r2 = 1 and without friction
-  double B_, c2_, v_;
+  double B_, c2_, v_, escape_;
 };
 
 // A periodic solution as a function of phase = t/period, phase 0 where f passes v upwards (downwards where v < 0): the polynomials of a
@@ -102,7 +104,7 @@ struct Orbit : PeriodicMotion {
 Orbit find_orbit(const Oscillator& oscillator, double r2, double tolerance = 1e-12, double slip = 1);
 
 // Whether uniform motion (r2 = 1) from a strong slip, ten friction forces above steady sliding, goes on for ever: on a
-// cycle, or without repeating in 200 turns. The quick answer, at steps of 1e-6.
+// cycle, or without repeating in 200 turns. One that grows without bound does not. The quick answer, at steps of 1e-6.
 bool strong_slips_last(const Oscillator& oscillator);
 
 // The uniform oscillation of a scene (r2 = 1, friction amplitude 1).

@@ -49,7 +49,13 @@ class StickSlipEnd {
   // Negative where the motion, once started strongly, sticks and slips for ever; NaN where it never slips. Of uniform
   // motion.
   virtual double operator()(double x, double y = 0) = 0;
-  // The same, sampled as Samples of boundary.hpp: side 33, or 25 squared; empty where it is not known everywhere.
+  // What becomes of the motion there, in words: "slides steadily", "grows without bound", ...
+  virtual std::string fate(double x, double y = 0) const = 0;
+  // A place of the cycle that lives there, psi, eta and the state of one node; empty where none is found.
+  virtual std::vector<double> on_cycle(double x, double y = 0) const = 0;
+  // Whether it was sampled and stick-slip found nowhere.
+  bool lives_nowhere() const;
+  // The function, sampled as Samples of boundary.hpp: side 33, or 25 squared; empty where it is not known everywhere.
   const std::vector<double>& samples() const { return samples_; }
   virtual Scene scene(double x, double y = 0) const = 0;  // of one node, or of the cell
   long evaluations() const { return evaluations_; }

@@ -1,0 +1,142 @@
+"""Searches end: weakly damped blocks, SI units, growth without bound, checks of ends; progress and signals."""
+import json
+import signal
+import subprocess
+import time
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from calls import call, check, line, run, scene_file
+
+BLOCK = "-model_form chain -grid_n 1 -bc_left free -model_k0 1 -friction_law carlson-langer"
+BRAKE = ("-model_form chain -grid_n 1 -model_m 1.2 -model_k0 2e6 -model_f0 500 -model_zeta 8 -friction_law carlson-langer "
+         "-friction_alpha 2 ")
+
+
+def force_back(v, m=1., k0=1., f0=1., zeta=0., alpha=0.5, sigma=0.):
+    """A block lets go at its threshold, swings back beyond rest and comes to psi = 0 once more: the force on it there, in
+    units of f0, less the threshold, by an independent integration."""
+    drop = lambda s: (1 - sigma) / (1 + 2 * alpha * s / (1 - sigma))
+
+    def rates(side):
+        return lambda t, y: [f0 / m * (y[1] - side * drop(abs(y[0]))) - zeta / m * y[0], k0 / f0 * (v - y[0])]
+
+    def passes(t, y):
+        return y[0]
+    passes.terminal = True
+    tau = 2 * np.pi * np.sqrt(m / k0)
+    y = [1e-14 * v, 1.]
+    for side in (1, -1):
+        passes.direction = -side
+        y = [side * 1e-13 * v, y[1]]
+        y = solve_ivp(rates(side), (0, 5 * tau), y, "DOP853", events=passes, rtol=1e-12, atol=1e-13).y[:, -1]
+    return y[1] - 1
+
+
+@pytest.mark.parametrize("more", ["-model_zeta 0 -model_v 5", "-model_zeta 0.001 -model_v 6", "-model_zeta 0.005 -model_v 6"])
+def test_a_block_that_swings_through_rest_has_no_cycle_with_rests(more):
+    found, error = run(f"{BLOCK} {more}", code=1, command="cycle")
+    check("oscillates without rest" in error and found["period"] is None, error)
+
+
+def test_where_a_slip_back_only_just_stops():
+    found, _ = run(f"{BLOCK} -model_zeta 0 -boundary_parameter model_v -boundary_from 1 -boundary_to 8", command="boundary")
+    (end,) = found["points"]
+    check(end["kind"] == "pass" and abs(end["value"] - brentq(force_back, 3, 7, xtol=1e-12)) < 1e-8, end)
+    weak, _ = run(f"{scene_file('study')} -model_zeta 0.002 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 40",
+                  command="boundary")
+    ends = [p for p in weak["points"] if p["of"] == "stick-slip"]
+    for p in ends:
+        there = lambda v: force_back(v, k0=0.2, zeta=0.002)
+        check(p["kind"] == "pass" and there(p["value"] * (1 - 1e-7)) * there(p["value"] * (1 + 1e-7)) < 0, p)
+    check(len(ends) == 2, ends)
+
+
+def test_a_brake_in_si_units():
+    found, error = run(BRAKE + "-boundary_parameter model_v -boundary_from 0.001 -boundary_to 5", command="boundary")
+    hopf, end = found["points"]
+    check((hopf["kind"], end["kind"]) == ("hopf", "pass") and "without rest" in error, found["points"])
+    # the same block in units of its own: velocities over f0/sqrt(m k0), zeta over sqrt(m k0)
+    unit = 500 / np.sqrt(1.2 * 2e6)
+    own, _ = run(f"-model_form chain -grid_n 1 -model_m 1 -model_k0 1 -model_f0 1 -model_zeta {8 / np.sqrt(1.2 * 2e6)} "
+                 f"-friction_law carlson-langer -friction_alpha {2 * unit} -boundary_parameter model_v "
+                 f"-boundary_from {0.001 / unit} -boundary_to {5 / unit}", command="boundary")
+    for p, q in zip(found["points"], own["points"]):
+        check(abs(p["value"] / (q["value"] * unit) - 1) < 1e-9, (p, q))
+
+
+@pytest.mark.parametrize("law", ["coulomb", "carlson-langer", "coulomb -friction_stick regularised -friction_eps 0.05"])
+def test_growth_without_bound_is_said(law):
+    scene = f"-model_delta_sign printed -model_delta 1.5 -friction_law {law}"
+    check("grows without bound" in run(scene, code=1, command="cycle")[1], law)
+    if "regularised" in law:
+        return
+    error = run(f"{scene} -boundary_parameter model_v -boundary_from 0.1 -boundary_to 3", code=1, command="boundary")[1]
+    check("nowhere" in error and "grows without bound" in error, error)
+
+
+def test_short_waves_whose_growth_has_no_maximum():
+    found, _ = run("-grid_n 26 -model_c 0 -model_nu 0.004 -bc_right free -friction_law rate-and-state -model_gamma 2 "
+                   "-friction_a .15 -friction_b .24 -friction_D .3 -grid_length 6.6", command="spectrum")
+    check(abs(found["growth_rate"] + 0.05275041817) < 1e-9 and abs(found["growth_continuum"]) < 1e-12, found)
+
+
+@pytest.mark.parametrize("seed, options", [
+    (667, "-cycle_cell 3 -state_law contact-age -state_b 0.0613 -state_D 1.31 -init_noise 0.3 -init_psi 0.04829 -init_eta 0.6425 "
+          "-model_v 0.01795 -model_k0 0.463 -model_k1 6.598 -friction_fs 0.7147"),
+    (624, "-cycle_cell 2 -state_law healing -init_noise 0.3 -init_psi 0.9802 -init_eta -0.7639 -model_v 0.1346 -model_k0 1.033 "
+          "-model_k1 0.2014 -friction_fs 0.989")])
+def test_cells_where_nothing_dissipates(seed, options):
+    error = run(f"-model_form chain -grid_n 12 -friction_law coulomb -friction_fd 0 -model_zeta 0 -cycle_spectrum "
+                f"-init_seed {seed} {options}", code=1, command="cycle")[1]
+    check("no cycle" in error, error)
+
+
+def test_a_check_starts_on_the_cycle():
+    found, error = run(
+        "-model_form chain -grid_n 1 -model_k0 0.6416411029827085 -model_zeta 0.24380780109799785 -model_v 0.8262083743409347 "
+        "-model_f0 0.8261408203539736 -friction_law coulomb -friction_fs 1.0376055559072022 -state_law healing -state_t_h 1.0 "
+        "-state_tau_inf 1.90201456662541 -state_D 1.0 -model_m 3.319534981732025 -boundary_parameter friction_fd "
+        "-boundary_from 0.1 -boundary_to 0.95 -boundary_parameter2 model_m -boundary_from2 0.41355926720154296 "
+        "-boundary_to2 4.13559267201543 -boundary_of stick-slip -boundary_points 9 -boundary_verify 4", command="boundary")
+    check("ends in" not in error, error)
+    checks = found["verified"]
+    check(len(checks) >= 6 and all(v["from_stick_slip"] == v["expected"] for v in checks), checks)
+    check({v["expected"] for v in checks} == {"stick-slip", "sliding"}, checks)
+
+
+LONG = ("-grid_n 64 -grid_length 18 -model_delta 0.1 -boundary_parameter model_v -boundary_from 0.7 -boundary_to 1.0 "
+        "-boundary_parameter2 model_gamma -boundary_from2 3.4 -boundary_to2 4.6 -boundary_of all -wave_pulses 1 "
+        "-boundary_points 5 -summary found.json")
+
+
+@pytest.mark.parametrize("number, code", [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_search_answers_a_signal_and_tells_how_far_it_is(number, code):
+    told = [word for word in line(LONG, command="boundary") if word not in ("-progress", "off")] + ["-progress", "on"]
+    with subprocess.Popen(told, stderr=subprocess.PIPE, text=True) as process:
+        first = process.stderr.readline()  # about five seconds after the start
+        process.send_signal(number)
+        begin = time.monotonic()
+        rest = process.stderr.read()
+        process.wait()
+    check(process.returncode == code and time.monotonic() - begin < 60, f"{process.returncode}: {rest}")
+    check(first.startswith("boundary: ") and "growth rates" in first, first)
+    with open("found.json", encoding="utf-8") as file:
+        found = json.load(file)
+    check(found["status"] == "stopped" and found["reason"] == signal.Signals(number).name, found["reason"])
+    check(any(p["of"] == "sliding" for p in found["points"]) and found["evaluations"] > 100, "what was reached")
+
+
+def test_a_signal_ends_a_point_of_a_sweep_that_goes_on():
+    sweep = ["-sweep_command", "boundary", "-sweep_parameter1", "model_c", "-sweep_values1", "1,1.1", "-out_file", "s.h5"]
+    words = LONG.replace("-summary found.json", "").split() + sweep
+    with subprocess.Popen(line(words, command="sweep"), stderr=subprocess.PIPE, text=True) as process:
+        time.sleep(3)
+        process.send_signal(signal.SIGTERM)
+        process.communicate()
+    check(process.returncode == 143, process.returncode)
+    done = call(["-restart", "s.h5", "-check"], command="sweep")
+    check("failed" not in done.stderr, done.stderr)
