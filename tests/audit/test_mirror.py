@@ -33,7 +33,7 @@ def mirrored(options):
         if name == "load_v":
             return ",".join(f"{t}:{-float(v)!r}" for t, v in (pair.split(":") for pair in value.split(",")))
         if name == "init_file":
-            columns = np.loadtxt(value)
+            columns = np.loadtxt(value, ndmin=2)
             columns[:, 1:3] *= -1
             np.savetxt("mirrored.txt", columns, fmt="%.17g")
             return "mirrored.txt"
@@ -243,6 +243,20 @@ def draw_run(random):
     return o
 
 
+def draw_other_run(random):
+    """Starts from trains and layers."""
+    o = draw_law(random, {"model_gamma": random.uniform(1, 4), "model_delta": random.uniform(0, 0.2), "grid_n": 48,
+                          "grid_length": random.uniform(15, 30), "model_v": float(random.choice([-1, 1])) * random.uniform(0.1, 0.7),
+                          "ts_max_time": random.uniform(2, 5)}, smooth=True)
+    kind = str(random.choice(["wave", "pulses", "layer"]))
+    if kind == "layer":
+        o.update(bc_left="velocity", bc_left_value=random.uniform(-1, 1), init_psi=random.uniform(-1, 1))
+    o.update(init_type=kind)
+    if kind != "layer":
+        o["init_direction"] = str(random.choice(["left", "right"]))
+    return o
+
+
 def has_state(o):
     return "state_law" in o or o["friction_law"] in ("rate-and-state", "n-shaped")
 
@@ -261,6 +275,10 @@ def explore(scenes, draw, command, salt, short, tolerance):
 
 def test_run(scenes):
     explore(scenes, draw_run, "run", 801, 6, 0.)
+
+
+def test_other_runs(scenes):
+    explore(scenes, draw_other_run, "run", 809, 4, 0.)
 
 
 def draw_spectrum(random):

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from calls import PROGRAM, SOURCE, check, scene_file, words
+from calls import PROGRAM, SOURCE, check, checkpoint_block, refused, scene_file, words
 
 
 def run(arguments, ranks=1, code=0):
@@ -99,6 +99,20 @@ def test_no_event_lost_by_restart_or_kill():
         if names:
             run(f"-restart {names[-1]} -out_file killed.h5")
             check(same(whole, catalogue("killed.h5")), "whole after a kill and a restart")
+
+
+def test_checkpoints_of_before_there_was_a_direction_are_refused():
+    run(CHAIN + " -ts_max_time 40 -out_file d.h5 -out_checkpoint_every 200")
+    name = sorted(f for f in os.listdir(".") if f.startswith("d.chk"))[0]
+    with h5py.File(name, "r+") as file:
+        numbers = file["arrays/events.last"][:]
+        del file["arrays/events.last"]
+        file["arrays/events.last"] = numbers[:5]
+    with open(name, "r+b") as file:
+        block = checkpoint_block(file.read()[512:])
+        file.seek(0)
+        file.write(block)
+    refused(f"-restart {name} -out_file d.h5", 2, "its events were written by another revision")
 
 
 def test_pictures_and_fit():
