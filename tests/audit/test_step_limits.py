@@ -1,33 +1,36 @@
-"""The steps that theory allows in a chart of limits, against R(z) of the method and the dispersion relation: from which step
-on the shortest wave grows too fast (explicit methods), and from which on no wave of unstable sliding grows (backward
-Euler); the trapezoidal rule hides nothing."""
+"""The steps that theory allows in a chart of limits, against R(z) of the method and the dispersion relation:
+from which step on the shortest wave grows too fast (explicit methods), and from which on no wave of unstable
+sliding grows (backward Euler); the trapezoidal rule hides nothing."""
 import numpy as np
 from scipy.optimize import brentq
 
 from calls import run
 
-STAGES = {"euler": ([[]], [1]), "rk:2a": ([[], [1]], [1 / 2, 1 / 2]), "rk:3bs": ([[], [1 / 2], [0, 3 / 4]], [2 / 9, 1 / 3, 4 / 9]),
+STAGES = {"euler": ([[]], [1]), "rk:2a": ([[], [1]], [1 / 2, 1 / 2]),
+          "rk:3bs": ([[], [1 / 2], [0, 3 / 4]], [2 / 9, 1 / 3, 4 / 9]),
           "rk:4": ([[], [1 / 2], [0, 1 / 2], [0, 0, 1]], [1 / 6, 1 / 3, 1 / 3, 1 / 6])}
 ALLOWED = 0.02  # growth of the shortest wave beyond its own, in units of its frequency
 
 
 def draw(random):
-    ring, v = random.random() < 0.6, random.choice([-1, 1]) * 10 ** random.uniform(-0.7, 0)
-    weakness = 10 ** random.uniform(-3, -0.5)  # by which friction weakens beyond what is damped
-    p = {"grid_n": 2 * int(random.integers(5, 12)), "model_v": v, "init_type": "sine", "init_psi": v, "init_amplitude": 0.1,
-         "ts_max_time": random.uniform(4, 8)}
+    u, choice = random.uniform, random.choice
+    ring, v = random.random() < 0.6, choice([-1, 1]) * 10 ** u(-0.7, 0)
+    weakness = 10 ** u(-3, -0.5)  # by which friction weakens beyond what is damped
+    p = {"grid_n": 2 * int(random.integers(5, 12)), "model_v": v, "init_type": "sine", "init_psi": v,
+         "init_amplitude": 0.1, "ts_max_time": u(4, 8)}
     p |= {} if ring else {"bc_left": "free"}
     if random.random() < 0.5:
-        p |= {"model_form": "chain", "model_m": random.uniform(0.5, 2), "model_k0": random.uniform(0.1, 1),
-              "model_k1": random.uniform(0.2, 3), "model_f0": random.uniform(0.6, 1.6)}
+        p |= {"model_form": "chain", "model_m": u(0.5, 2), "model_k0": u(0.1, 1),
+              "model_k1": u(0.2, 3), "model_f0": u(0.6, 1.6)}
         p["model_zeta"] = p["model_f0"] * max(0, 1 - v**2 - weakness)
     else:
-        p |= {"grid_length": random.uniform(6, 25), "model_gamma": random.uniform(0.6, 3), "model_c": random.uniform(0.5, 2),
-              "model_delta": random.uniform(0, 0.3), "grid_order": random.choice([2, 4, 6, 8])}
+        p |= {"grid_length": u(6, 25), "model_gamma": u(0.6, 3), "model_c": u(0.5, 2),
+              "model_delta": u(0, 0.3), "grid_order": choice([2, 4, 6, 8])}
         if random.random() < 0.5:
-            p["model_v"] = np.sign(v) * np.sqrt(max(0.01, 1 - (p["model_delta"] + weakness) / p["model_gamma"]))
+            squared = 1 - (p["model_delta"] + weakness) / p["model_gamma"]
+            p["model_v"] = np.sign(v) * np.sqrt(max(0.01, squared))
     if random.random() < 0.3:
-        p["model_nu"] = random.uniform(0.005, 0.1)
+        p["model_nu"] = u(0.005, 0.1)
     return p
 
 
@@ -36,8 +39,8 @@ def waves(p):
     n, ring, v = p["grid_n"], "bc_left" not in p, p["model_v"]
     if p.get("model_form") == "chain":
         f0, h, order = p["model_f0"], 1, 2
-        A, B, sd, K0, K1, N = f0 / p["model_m"], p["model_zeta"] / f0, 0, p["model_k0"] / f0, p["model_k1"] / f0, \
-            p.get("model_nu", 0) / f0
+        A, sd = f0 / p["model_m"], 0
+        B, K0, K1, N = (p.get("model_" + name, 0) / f0 for name in ("zeta", "k0", "k1", "nu"))
         angles = np.pi * np.arange(n) / n  # half of kh; a free chain has the waves of a ring of 2 n
         angles = np.pi * np.arange(n // 2 + 1) / n if ring else angles / 2
     else:
@@ -61,7 +64,8 @@ def R(method, z):
 
 def check(index, p):
     words = [word for name, value in p.items() for word in (f"-{name}", str(value))]
-    summary, _ = run([*words, "-chart_kind", "limits", "-chart_methods", ",".join([*STAGES, "beuler", "cn"])], command="chart")
+    words += ["-chart_kind", "limits", "-chart_methods", ",".join([*STAGES, "beuler", "cn"])]
+    summary, _ = run(words, command="chart")
     values, frequency = waves(p)
     shortest, growth = values[:, -1], values.real.max()
     hidden = 0
@@ -69,7 +73,8 @@ def check(index, p):
         text = f"scene {index}: {row['method']}: {' '.join(words)}: {row}"
         if row["method"] in STAGES:
             def excess(dt):
-                return np.log(np.abs(R(row["method"], shortest * dt))).max() / dt - shortest.real.max() - ALLOWED * frequency
+                rate = np.log(np.abs(R(row["method"], shortest * dt))).max() / dt
+                return rate - shortest.real.max() - ALLOWED * frequency
             steps = 0.003 / frequency * 1.02 ** np.arange(500)
             first = next((k for k, dt in enumerate(steps) if excess(dt) > 0), None)
             assert first is not None or row["shortest_theory"] is None, text

@@ -44,15 +44,16 @@ def test_b_is_that_of_the_law():
 
 
 def test_intervals_cover_what_they_should():
-    """95 % of the intervals hold the true b, of many runs and of few, of long ones and of short. spread: of b from run to
-    run, so that events of a run are not independent draws; uneven: runs of unequal length."""
+    """95 % of the intervals hold the true b, of many runs and of few, of long ones and of short. spread: of b from
+    run to run, so that events of a run are not independent draws; uneven: runs of unequal length."""
     random = np.random.default_rng(2)
-    for number, each, b, spread, uneven in ((8, 100, 1, 0, 0), (8, 100, 1, 0.3, 0), (2, 12, 0.4, 0, 0), (2, 60, 2.5, 0, 0),
-                                            (3, 10, 1, 0, 0), (3, 60, -0.5, 0.3, 0), (5, 40, 1, 0, 0.5)):
+    cases = ((8, 100, 1, 0, 0), (8, 100, 1, 0.3, 0), (2, 12, 0.4, 0, 0), (2, 60, 2.5, 0, 0), (3, 10, 1, 0, 0),
+             (3, 60, -0.5, 0.3, 0), (5, 40, 1, 0, 0.5))
+    for number, each, b, spread, uneven in cases:
         held = naive = made = 0
         while made < 300:
-            runs = [run(drawn(random, b + spread * random.normal(), random.poisson(each * np.exp(uneven * random.normal()))))
-                    for _ in range(number)]
+            counts = random.poisson(each * np.exp(uneven * random.normal(size=number)))
+            runs = [run(drawn(random, b + spread * random.normal(), count)) for count in counts]
             found, error, count = c.fit(np.concatenate([c.magnitudes(r) for r in runs]), 0, 3)
             if count < c.FEWEST:
                 continue
