@@ -2,10 +2,16 @@
 near their threshold, integrated by scipy three times as long as the run. A definite word (sliding, stick-slip, stuck)
 must never be contradicted by what comes later, what decays must not be larger later, and the linear
 growth rate must be that of the dispersion relation."""
+import os
+import sys
+
 import h5py
 import numpy as np
 from calls import run
 from scipy.integrate import solve_ivp
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import sliding  # noqa: E402
 
 LATER = 3
 
@@ -157,3 +163,44 @@ def test_words(scenes):
         assert (out["time_to_decide"] is None) == (word in ("sliding", "stick-slip", "stuck")), said
         if out["time_to_decide"] is not None:
             assert out["time_to_decide"] > end, said
+
+
+def draw_short_line(random):
+    """A few nodes of any law and state law, regularised thresholds among them, most beside held ends or spread, to the left
+    or to the right, from near sliding or far off, for ten to sixty turns of the slowest mode."""
+    nodes = int(random.integers(3, 9))
+    p = sliding.scene(random, least=nodes, most=nodes + 1, form=("chain", "chain", "continuum")[random.integers(3)])
+    if p["model_form"] == "continuum":
+        p |= {"grid_length": random.uniform(2, 8), "grid_n": 2 * p["grid_order"] + int(random.integers(2, 12))}
+    if random.random() < 0.3:
+        p |= {name: -p[name] for name in p if name == "model_v" or name.startswith("bc_") and name.endswith("value")}
+    if p["friction_law"] in ("coulomb", "carlson-langer") and random.random() < 0.7:
+        p |= {"friction_stick": "regularised", "friction_eps": random.uniform(0.02, 0.2)}
+        if p["friction_law"] == "coulomb":
+            p["friction_slip_velocity"] = random.uniform(0.1, 1)
+    if random.random() < 0.3:
+        p["model_nu"] = 10**random.uniform(-2, -0.3)
+    turn = 2 * np.pi / np.sqrt(p["model_k0"] / p["model_m"] if "model_m" in p else 1)
+    start = {"init_psi": float(p["model_v"] * random.uniform(0.7, 1.2)), "init_eta": "steady",
+             "init_noise": float(abs(p["model_v"]) * 10**random.uniform(-3, -0.5)), "init_seed": int(random.integers(999)),
+             "scene_reduce": "off"}
+    return p, start, float(turn * random.choice([10, 30, 60]) * random.uniform(0.7, 1.3))
+
+
+def test_words_of_short_lines(scenes):
+    """What slides or decays is not larger in a run four times as long, and does so beside sliding from which no wave of the
+    scene grows: by every eigenvalue of its matrix."""
+    looked_at = 0
+    for index, (p, start, end) in scenes(draw_short_line, 162, short=8):
+        words = sliding.words(p | start)
+        out, _ = run(["-ts_max_time", end, *words])
+        if out["regime"] not in ("sliding", "decaying"):
+            continue
+        looked_at += 1
+        said = f"scene {index}: {out['regime']}, rate {out['regime_rate']}: {' '.join(words)} -ts_max_time {end}"
+        later, _ = run(["-ts_max_time", 4 * end, *words])
+        near = 0.01 * abs(p["model_v"]) if out["regime"] == "sliding" else 0
+        assert later["amplitude"] <= max(near, 1.02 * out["amplitude"]), f"{said}: later {later['amplitude']}"
+        matrix, _ = run(["-spectrum_refine", "off", *sliding.words(p)], command="spectrum", code=None)
+        assert not matrix or matrix["growth_rate"] is None or matrix["growth_rate"] < 1e-9, f"{said}: {matrix['growth_rate']}"
+    assert looked_at > 0
