@@ -167,7 +167,7 @@ def test_words(scenes):
 
 def draw_short_line(random):
     """A few nodes of any law and state law, regularised thresholds among them, most beside held ends or spread, to the left
-    or to the right, from near sliding or far off, for ten to sixty turns of the slowest mode."""
+    or to the right, from near sliding or far off, for five to thirty turns of the slowest mode."""
     nodes = int(random.integers(3, 9))
     p = sliding.scene(random, least=nodes, most=nodes + 1, form=("chain", "chain", "continuum")[random.integers(3)])
     if p["model_form"] == "continuum":
@@ -181,10 +181,10 @@ def draw_short_line(random):
     if random.random() < 0.3:
         p["model_nu"] = 10**random.uniform(-2, -0.3)
     turn = 2 * np.pi / np.sqrt(p["model_k0"] / p["model_m"] if "model_m" in p else 1)
-    start = {"init_psi": float(p["model_v"] * random.uniform(0.7, 1.2)), "init_eta": "steady",
+    start = {"init_psi": float(p["model_v"] * random.uniform(0.3, 2.5)), "init_eta": "steady",
              "init_noise": float(abs(p["model_v"]) * 10**random.uniform(-3, -0.5)), "init_seed": int(random.integers(999)),
              "scene_reduce": "off"}
-    return p, start, float(turn * random.choice([10, 30, 60]) * random.uniform(0.7, 1.3))
+    return p, start, float(turn * random.choice([5, 12, 30]) * random.uniform(0.7, 1.3))
 
 
 def test_words_of_short_lines(scenes):
