@@ -31,6 +31,21 @@ def test_limits_followed_in_a_second_option():
         check(done.returncode == 0 and os.path.getsize("d.png") > 5000, done.stderr)
 
 
+def test_curves_in_the_damping_are_those_of_undamped_trains():
+    # damping scales out of the cubic law: (gamma, delta, v) is (gamma a^2, 0, v/a) with a^2 = 1 - delta/gamma
+    found, _ = run("-model_delta 0 -model_v 0.893 -wave_pulses 1 -wave_length 25 -wave_continue model_v -wave_to 0.8962 "
+                   "-wave_steps 6 -wave_continue2 model_delta -wave_to2 0.1", command="wave")
+    (curve,) = found["curves"]
+    last = curve["points"][-1]
+    a = np.sqrt(1 - last["value2"] / 3)
+    check(curve["points"][0]["value2"] == 0 and a < 1, curve)
+    train, _ = run(f"-model_delta 0 -model_gamma {3 * a * a} -model_v {last['value'] / a} -wave_pulses 1 -wave_length 25 "
+                   "-wave_spectrum -spectrum_count 4", command="wave")
+    modes = [z for z in train["eigenvalues"] if not z["translation"] and abs(z["re"]) < 1e-9]
+    check(abs(train["speed"] - last["speed"]) < 1e-8 and len(modes) == 2 and
+          abs(abs(modes[0]["im"]) - last["frequency"]) < 1e-8, f"{last} against {train['eigenvalues']}")
+
+
 def test_what_makes_no_sense_is_refused():
     branch = TRAIN + "-wave_continue model_v -wave_to 0.856 "
     refused(TRAIN + "-wave_continue2 model_gamma -wave_to2 3.1", 2, "wave_continue", command="wave")
