@@ -105,8 +105,8 @@ class Motion {
   TsHandle ts_;
 };
 
-// A passage of the section: psi of one node passes its mean upwards (downwards where v < 0, so that the cycle of a mirror
-// image is the mirror image of the cycle).
+// A passage of the section: psi of one node passes its mean upwards (downwards where v < 0, so that the cycle of a
+// mirror image is the mirror image of the cycle).
 struct Passage {
   double t;
   std::vector<double> y;

@@ -199,8 +199,8 @@ void SmoothPath::mix(const Others& others) {
   there_.mesh = std::move(sum.mesh);
 }
 
-// The same with phase 0 where unknown `section_`, a velocity, passes its mean upwards (downwards where v < 0): there every cycle of a family passes,
-// large or small.
+// The same with phase 0 where unknown `section_`, a velocity, passes its mean upwards (downwards where v < 0): there
+// every cycle of a family passes, large or small.
 SmoothPath::Stand SmoothPath::begun_at_mean(Stand stand) const {
   const Collocation& gauss = Collocation::gauss5();
   const std::vector<double> mean = mean_of(stand.mesh, stand.x.data(), d_);

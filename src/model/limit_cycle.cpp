@@ -14,7 +14,8 @@ namespace {
 
 constexpr int stages = train_stages, max_dim = train_max_dim;
 
-// Points of the section f = v, f' > 0 (f' < 0 where v < 0: Oscillator::side), told apart from steady sliding: (z, s) about it, s in units of z.
+// Points of the section f = v, f' > 0 (f' < 0 where v < 0: Oscillator::side), told apart from steady sliding: (z, s)
+// about it, s in units of z.
 class Section {
  public:
   explicit Section(const Oscillator& o) : d_(o.dim()), side_(o.side()) {

@@ -1,5 +1,5 @@
-// The motion of an oscillator turn by turn: steps of Radau's method of order 9, and the map from one passage of psi = v upwards
-// (downwards where v < 0) to the next. Local to the process.
+// The motion of an oscillator turn by turn: steps of Radau's method of order 9, and the map from one passage of psi = v
+// upwards (downwards where v < 0) to the next. Local to the process.
 #pragma once
 
 #include <algorithm>
@@ -140,8 +140,8 @@ class OrbitIntegrator {
   bool have_last_ = false, at_rest_ = false;
 };
 
-// From y on the section f = v to the next passage of f = v upwards (downwards where v < 0); y becomes the point there, the time is returned.
-// Steps (the last cut at the section) are appended where asked for. `divergence`: integral of the trace of J.
+// From y on the section f = v to the next passage of f = v upwards (downwards where v < 0); y becomes the point there,
+// the time is returned. Steps (the last cut at the section) are appended where asked for. `divergence`: integral of the trace of J.
 class ReturnMap {
  public:
   ReturnMap(const Oscillator& o, double r2, double tolerance) : o_(o), r2_(r2), integrator_(o, r2, tolerance) {}

@@ -144,7 +144,7 @@ struct Events::Impl {
     for (const int id : changed)
       if (regions.live().count(id) > 0) own_nodes_of(id, [&](PetscInt i) { owner[std::size_t(i)] = id; });
   }
-  // eta at the beginning of a step, and where nodes move without what damping will give back when they have come to rest.
+  // eta at the beginning of a step; where nodes move with what damping will have given back when they come to rest.
   std::vector<double> settled_force() const {
     std::vector<double> eta = last[1];
     const double given_back = scene.s_delta() / A;
