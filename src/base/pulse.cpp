@@ -30,7 +30,7 @@ extern "C" void on_signal(int number) {
   caught_signal = number;
 }
 
-constexpr std::size_t most_kinds = 6;  // of work, that are shown
+constexpr std::size_t most_kinds = 8;  // of work, that are shown
 struct Count {
   const char* of = nullptr;
   long count = 0;

@@ -180,7 +180,6 @@ void find_stick_slip(const Options& options, StickSlipEnd& end, bool two, FoundB
 }
 
 void find_medium(const Options& options, const std::vector<Axis>& axes, FoundBoundary& found) {
-  Pulse::stage("oscillations and trains");
   MediumLines lines(scene_of(options, axes), axes, options.integer("wave_pulses"),
                     [] { beat("oscillations and branches of trains"); });
   found.waves = lines.waves(options.integer("boundary_points"));

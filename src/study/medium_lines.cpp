@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/pulse.hpp"
 #include "cycles/deviations.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
@@ -82,11 +83,13 @@ std::vector<Crossing> MediumLines::waves(PetscInt count) {
     return growth_on_uniform(scene(x, y));
   };
   Lattice lattice{cells, {}};
+  Pulse::stage("waves on " + std::to_string((cells + 1) * (cells + 1)) + " oscillations");
   for (int j = 0; j <= cells; ++j)
     for (int i = 0; i <= cells; ++i) lattice.values.push_back(f(double(i) / cells, double(j) / cells));
   growth_ = lattice.values;
   LevelCurveSettings settings;
   settings.step = 1. / 16;
+  Pulse::stage("line of waves on the oscillation");
   const LevelCurve line = level_curve(f, lattice, settings);
   std::vector<Crossing> result;
   place_evenly(f, line.pieces, count, [&](std::size_t piece, std::size_t, std::size_t, const CurvePlace&, const Placed& on) {
@@ -141,7 +144,11 @@ void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines, s
 
 std::vector<Crossing> MediumLines::trains(std::vector<std::string>& notes) {
   std::vector<TrainLimitCurve> lines;
-  for (const double y : {0., 0.5, 1.}) follow_trains(y, lines, notes);
+  for (const double y : {0., 0.5, 1.}) {
+    Pulse::stage("trains at " + axes_[1].name + " " + rounded_text(axes_[1].value(y), 6) + ", " +
+                 std::to_string(lines.size()) + " lines so far");
+    follow_trains(y, lines, notes);
+  }
   std::vector<Crossing> result;
   for (std::size_t number = 0; number < lines.size(); ++number)
     for (const TrainLimit& limit : lines[number].points) {

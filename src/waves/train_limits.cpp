@@ -50,6 +50,16 @@ class LimitFunction {
   TrainMode mode_;
 };
 
+// Whether no other mode grows there. A count of all modes costs more than the limit itself.
+void ask_whether_it_leads(const Train& train, TrainLimit& limit) {
+  try {
+    const std::vector<int> growing = growing_modes(train);
+    limit.leads = std::accumulate(growing.begin(), growing.end(), 0) == 0;
+  } catch (const Failure&) {
+    limit.leads = false;
+  }
+}
+
 Found found_at(const TrainSheet& sheet, const LimitFunction& f, const SheetChart& chart, bool stability) {
   Found found{{}, f.place(), sheet.along(f.place(), chart), f.mode()};
   const Train train = sheet.train(f.place());
@@ -66,13 +76,7 @@ Found found_at(const TrainSheet& sheet, const LimitFunction& f, const SheetChart
     limit.wavenumber = f.mode().wavenumber;
     limit.bloch = f.mode().bloch;
   }
-  if (!stability) return found;
-  try {
-    const std::vector<int> growing = growing_modes(train);
-    limit.leads = std::accumulate(growing.begin(), growing.end(), 0) == 0;
-  } catch (const Failure&) {
-    limit.leads = false;
-  }
+  if (stability) ask_whether_it_leads(train, limit);
   return found;
 }
 
@@ -285,6 +289,8 @@ class LimitWalk {
         continue;
       }
       const double v = share(at_.limit.value2);
+      if (at_.limit.value >= low_ && at_.limit.value <= high_ && v >= 0)
+        ask_whether_it_leads(sheet_.train(at_.place), at_.limit);
       if (at_.limit.value < low_ || at_.limit.value > high_) curve.end = name + " leaves its range";
       else if (v < 0) curve.end = name2 + " comes back past its start";
       else curve.points.push_back(at_.limit);
@@ -352,7 +358,7 @@ class LimitWalk {
     const Vector moved{ahead.alpha + s * across.alpha, ahead.v + s * across.v};
     const double length = std::hypot(moved.alpha, moved.v);
     const SheetChart old = at_.chart;
-    at_ = found_at(sheet_, f, old, true);
+    at_ = found_at(sheet_, f, old, false);  // its modes are counted where the step stands
     if (!same_mode(frequency + frequency_slope * length)) return std::nullopt;
     last_ = moved;
     return (moved.alpha * t.alpha + moved.v * t.v) / length;
