@@ -15,7 +15,6 @@
 #include "output/carried_frame.hpp"
 #include "output/catalogue.hpp"
 #include "output/frames.hpp"
-#include "output/maxima.hpp"
 #include "output/measures.hpp"
 #include "output/series.hpp"
 #include "stickslip/study/size.hpp"
@@ -148,9 +147,11 @@ void Run::make_observers(const MeasureMaker& measure) {
     measure_ = made.get();
     observers_.push_back(std::move(made));
   }
-  if (options_.is_set("out_maxima"))
-    observers_.push_back(
-        std::make_unique<Maxima>(model, scene_, options_.real("out_maxima"), options_.real("ts_max_time")));
+  if (options_.is_set("out_maxima")) {
+    auto maxima = std::make_unique<Maxima>(model, scene_, options_.real("out_maxima"), options_.real("ts_max_time"));
+    maxima_ = maxima.get();
+    observers_.push_back(std::move(maxima));
+  }
   if (!options_.is_set("out_file")) return;
   if (options_.boolean("out_series"))
     observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get()));
@@ -205,6 +206,11 @@ void Run::make_integrator() {
   integrator_ = std::make_unique<Integrator>(problem_.model, MethodSpec::from(options_), problem_.u);
   if (origin_.resumed) integrator_->continue_from(origin_.step, origin_.dt);
   limit_steps();
+  if (maxima_ && integrator_->adaptive()) {
+    double absolute, relative;
+    SS_TRY(TSGetTolerances(integrator_->ts(), &absolute, nullptr, &relative, nullptr));
+    maxima_->errors_up_to(absolute, relative);
+  }
   const bool is_explicit = integrator_->report().implicit == Implicit::none;
   check_unused_after_setup(options_, is_explicit ? "snes ksp pc" : "");
   if (origin_.resumed || options_.is_set("out_checkpoint_every")) warn_of_memory(options_);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "commands/run_control.hpp"
+#include "output/maxima.hpp"
 #include "stickslip/base/provenance.hpp"
 #include "stickslip/options/options.hpp"
 #include "stickslip/output/checkpoint.hpp"
@@ -75,6 +76,7 @@ class Run {
   std::unique_ptr<Displacement> displacement_;  // with out_displacement
   std::vector<std::unique_ptr<Observer>> observers_;
   Regime* regime_ = nullptr;  // one of them
+  Maxima* maxima_ = nullptr;  // another, with out_maxima
   const Measure* measure_ = nullptr;  // another, or none
   Origin origin_;
   std::optional<RunControl> control_;

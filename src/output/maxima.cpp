@@ -87,10 +87,16 @@ void Maxima::step(const ObservedStep& step) {
 }
 
 // By the range so far, which is no larger than that of the end: what does not count now never will.
+double Maxima::least_prominence() const {
+  if (highest_ < lowest_) return 0;
+  const double allowed = absolute_ + relative_ * std::max(std::abs(highest_), std::abs(lowest_));
+  return std::max(prominence * (highest_ - lowest_), tolerances * allowed);
+}
+
 void Maxima::visit(double value, bool is_maximum) {
   highest_ = std::max(highest_, value);
   lowest_ = std::min(lowest_, value);
-  const double least = prominence * (highest_ - lowest_);
+  const double least = least_prominence();
   if (!std::isnan(candidate_) && value >= candidate_) {
     candidate_ = value;
   } else if (!std::isnan(candidate_) && candidate_ - value > least) {
@@ -148,12 +154,12 @@ void Maxima::restore(const Checkpoint& checkpoint) {
 }
 
 void Maxima::summarise(Summary& summary, Vec) {
-  const double least = std::max(0., prominence * (highest_ - lowest_));
+  const double least = least_prominence();
   std::vector<double> found = prominent(maxima_, lows_, low_, least);
   if (const int period = period_of(found); period >= 0) summary.set("maxima_period", period);
   for (double& one : found) one *= forward_;
   summary.set("maxima", found);
-  if (std::isfinite(least)) summary.set("maxima_prominence", least);
+  summary.set("maxima_prominence", least);
 }
 
 int period_of(const std::vector<double>& maxima) {
