@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <set>
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
@@ -108,13 +110,19 @@ void GrazeEnd::place_fold(Crossing& c, double nx, double ny) {
   if (axes_.size() > 1) c.value2 = axes_[1].value(c.y);
 }
 
-// What lives on either side.
-void GrazeEnd::check(Crossing& c, double nx, double ny, std::vector<std::string>& notes) {
+// Whether stick-slip lives at a place, whatever its slips look like.
+bool GrazeEnd::lives(double x, double y) {
+  const Fate fate = uniform_stick_fate(scene(x, y)).fate;
+  return fate == Fate::repeats || fate == Fate::wanders;
+}
+
+// Whether it lives on one side of a place alone; empty where a side lies outside of the box.
+std::optional<bool> GrazeEnd::ends_at(const Crossing& c, double nx, double ny, std::vector<std::string>& notes) {
   std::string found[2];
   bool lives[2] = {false, false};
   for (const int side : {0, 1}) {
     const double off = side == 0 ? -beside : beside, x = c.x + off * nx, y = c.y + off * ny;
-    if (x < 0 || x > 1 || y < 0 || y > 1) return;
+    if (x < 0 || x > 1 || y < 0 || y > 1) return std::nullopt;
     const StickFate fate = uniform_stick_fate(scene(x, y));
     found[side] = to_string(fate.fate);
     lives[side] = fate.fate == Fate::repeats || fate.fate == Fate::wanders;
@@ -126,7 +134,32 @@ void GrazeEnd::check(Crossing& c, double nx, double ny, std::vector<std::string>
   if (lives[0] == lives[1])
     notes.push_back("at " + place_text(c.x, c.y) + " the longest slip " +
                     (c.kind == "pass" ? "only just stops" : "only grazes rest") + ", but on either side the motion " +
-                    (found[0] == found[1] ? found[0] : found[0] + " or " + found[1]) + ": stick-slip does not end there");
+                    (found[0] == found[1] ? found[0] : found[0] + " or " + found[1]) +
+                    ": stick-slip does not end there, and this is no point of it");
+  return lives[0] != lives[1];
+}
+
+// Where a slip grazed rest and stick-slip went on, with slips of another shape, the distance from grazing does not say where
+// it lives: the motion is asked at the ends and in the middle of each stretch of samples of one sign, and at all of them where
+// these disagree. The signs of the samples then say so.
+void GrazeEnd::ask_motion(const std::vector<Crossing>& found, std::vector<std::string>& notes) {
+  const double pieces = double(samples_.size() - 1);
+  const auto alive = [&](std::size_t k) { return lives(double(k) / pieces, 0); };
+  for (std::size_t first = 0, last; first < samples_.size(); first = last + 1) {
+    last = first;
+    if (std::isnan(samples_[first])) continue;
+    for (; last + 1 < samples_.size() && samples_[last] * samples_[last + 1] > 0;) ++last;
+    const bool begin = alive(first), alike = begin == alive((first + last) / 2) && begin == alive(last);
+    for (std::size_t k = first; k <= last; ++k)
+      if (!std::isnan(samples_[k])) samples_[k] = std::copysign(samples_[k], (alike ? begin : alive(k)) ? -1 : 1);
+  }
+  for (std::size_t k = 0; k + 1 < samples_.size(); ++k) {
+    const double low = double(k) / pieces, high = double(k + 1) / pieces;
+    const bool known = std::any_of(found.begin(), found.end(), [&](const Crossing& c) { return c.x >= low && c.x <= high; });
+    if (samples_[k] * samples_[k + 1] < 0 && !known)
+      notes.push_back("between " + place_text(low, 0) + " and " + number_text(axes_[0].value(high)) +
+                      " stick-slip ends with slips of another shape, at a place that is not located");
+  }
 }
 
 std::vector<Crossing> GrazeEnd::points(std::vector<std::string>& notes) {
@@ -140,6 +173,7 @@ std::vector<Crossing> GrazeEnd::points(std::vector<std::string>& notes) {
   if (std::isnan(f[0])) f[0] = (*this)(x[0] = 1e-9);  // v = 0
   if (std::isnan(f[pieces])) f[pieces] = (*this)(x[pieces] = 1 - 1e-9);
   std::vector<Crossing> found;
+  bool other_shapes = false;
   for (std::size_t k = 0; k < pieces; ++k) {
     if (!(f[k] * f[k + 1] < 0) && f[k + 1] != 0) continue;
     const double root = find_root([&](double at) { return (*this)(at); }, {x[k], f[k], x[k + 1], f[k + 1]}, 1e-14);
@@ -148,9 +182,11 @@ std::vector<Crossing> GrazeEnd::points(std::vector<std::string>& notes) {
                       number_text(axes_[0].value(x[k + 1])) + " stick-slip ends at a place that could not be located");
       continue;
     }
-    found.push_back(crossing(root, 0, 1, 0));
-    check(found.back(), 1, 0, notes);
+    Crossing end = crossing(root, 0, 1, 0);
+    if (ends_at(end, 1, 0, notes).value_or(true)) found.push_back(std::move(end));
+    else other_shapes = true;
   }
+  if (other_shapes) ask_motion(found, notes);
   return found;
 }
 
@@ -164,16 +200,29 @@ std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& 
   LevelCurveSettings settings;
   settings.step = 1. / std::clamp<double>(double(count), 40., 60.);
   const LevelCurve line = level_curve(f, lattice, settings);
-  std::vector<Crossing> result;
+  struct Asked {
+    Crossing end;
+    PlanePoint across;
+    std::optional<bool> ends;  // asked of the motion at some points; the line is one of the same kind between
+  };
+  std::vector<Asked> places;
   place_evenly(f, line.pieces, count,
-               [&](std::size_t piece, std::size_t k, std::size_t places, const CurvePlace& place, const Placed& on) {
+               [&](std::size_t piece, std::size_t k, std::size_t of_piece, const CurvePlace& place, const Placed& on) {
                  const PlanePoint at = last_digits(on.at, place.across);
-                 result.push_back(crossing(at.x, at.y, place.across.x, place.across.y));
-                 result.back().piece = int(piece);
-                 // asked of the motion at some points; the line is one of the same kind between
-                 if (k % std::max<std::size_t>(1, places / 8) == 0)
-                   check(result.back(), place.across.x, place.across.y, notes);
+                 places.push_back({crossing(at.x, at.y, place.across.x, place.across.y), place.across, {}});
+                 places.back().end.piece = int(piece);
+                 if (k % std::max<std::size_t>(1, of_piece / 8) == 0)
+                   places.back().ends = ends_at(places.back().end, place.across.x, place.across.y, notes);
                });
+  std::set<int> doubtful;  // pieces: every point is asked
+  for (const Asked& p : places)
+    if (!p.ends.value_or(true)) doubtful.insert(p.end.piece);
+  std::vector<Crossing> result;
+  for (Asked& p : places) {
+    const bool doubted = doubtful.count(p.end.piece) > 0;
+    if (!p.ends && doubted) p.ends = ends_at(p.end, p.across.x, p.across.y, notes);
+    if (p.ends.value_or(!doubted)) result.push_back(std::move(p.end));
+  }
   return result;
 }
 

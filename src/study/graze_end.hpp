@@ -2,6 +2,7 @@
 // (cycles/stick_cycle.hpp). Where a state lets the cycle end before, by a fold, its multiplier says where.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,7 +26,9 @@ class GrazeEnd : public StickSlipEnd {
   Crossing crossing(double x, double y, double nx, double ny);
   PlanePoint last_digits(PlanePoint at, PlanePoint across);
   void place_fold(Crossing& c, double nx, double ny);
-  void check(Crossing& c, double nx, double ny, std::vector<std::string>& notes);
+  bool lives(double x, double y);
+  std::optional<bool> ends_at(const Crossing& c, double nx, double ny, std::vector<std::string>& notes);
+  void ask_motion(const std::vector<Crossing>& found, std::vector<std::string>& notes);
 
   double period_ = 0;  // of the cycle at the last evaluation
   bool passes_ = false;  // there: what it is zero of
