@@ -149,9 +149,10 @@ void GrazeEnd::ask_motion(const std::vector<Crossing>& found, std::vector<std::s
     last = first;
     if (std::isnan(samples_[first])) continue;
     for (; last + 1 < samples_.size() && samples_[last] * samples_[last + 1] > 0;) ++last;
-    const bool begin = alive(first), alike = begin == alive((first + last) / 2) && begin == alive(last);
+    const bool begin = alive(first);
+    const bool alike = first == last || (begin == alive((first + last) / 2) && begin == alive(last));
     for (std::size_t k = first; k <= last; ++k)
-      if (!std::isnan(samples_[k])) samples_[k] = std::copysign(samples_[k], (alike ? begin : alive(k)) ? -1 : 1);
+      samples_[k] = std::copysign(samples_[k], (alike || k == first ? begin : alive(k)) ? -1 : 1);
   }
   for (std::size_t k = 0; k + 1 < samples_.size(); ++k) {
     const double low = double(k) / pieces, high = double(k + 1) / pieces;

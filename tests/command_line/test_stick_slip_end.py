@@ -245,3 +245,17 @@ def test_the_diagram_of_all_motions_is_refused(words, said):
     done = call(words + IN_V + second + "-boundary_of all", command="boundary")
     check(done.returncode == 2 and "boundary_of all" in done.stderr and said in done.stderr and
           done.stderr.count("\n") == 1, done.stderr)
+
+
+def test_a_graze_that_is_no_end_is_no_point():
+    """Coulomb's law without dynamic friction: at zeta 0.0704 one shape of slip gives way to another, and the block sticks and
+    slips on either side."""
+    scene = "-model_form chain -grid_n 1 -friction_law coulomb -friction_fd 0 -state_law contact-age -boundary_of stick-slip"
+    axis = "-boundary_parameter model_zeta -boundary_from 0.03 -boundary_to 3"
+    summary, said = run(f"{scene} {axis}", command="boundary")
+    assert [round(p["value"], 6) for p in summary["points"]] == [0.482798], summary["points"]
+    assert any("0.0704" in w and "does not end there" in w for w in summary["warnings"])
+    for zeta, alive in ((0.05, True), (0.09, True), (0.6, False)):  # as the cycles say
+        words = f"-model_form chain -grid_n 1 -friction_law coulomb -friction_fd 0 -state_law contact-age -model_zeta {zeta}"
+        found, _ = run(words, command="cycle", code=None)
+        assert (found["status"] == "done" and found["rest_fraction"] > 0) == alive, (zeta, found["reason"])
