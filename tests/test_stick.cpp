@@ -221,10 +221,10 @@ TEST_CASE("the energy balance of a chain that sticks", "[serial]") {
   double begin = 0, end = 0, work = 0, lost = 0;
   Energy last{};
   integrator.advance(u, 0, 40, [&](const Integrator::Step& step) {
-    const Energy e = displacement.energy(step.u);
+    const Energy e = displacement.energy(step.u, step.t);
     if (step.index > 0) {
       step.interpolate((step.t_before + step.t) / 2, w);
-      const Energy middle = displacement.energy(w);
+      const Energy middle = displacement.energy(w, (step.t_before + step.t) / 2);
       const auto power = [](const Energy& x) { return x.input - x.friction - x.viscous; };
       work += (step.t - step.t_before) / 6 * (power(last) + 4 * power(middle) + power(e));
       lost += (step.t - step.t_before) / 6 * (last.friction + 4 * middle.friction + e.friction);

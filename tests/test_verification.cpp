@@ -434,11 +434,11 @@ TEST_CASE("the energy balance holds at every moment", "[energy]") {
     VecHandle u = model.create_vector(), f = model.create_vector(), moved = model.create_vector();
     fill(model, u);
     model.rhs(Part::full, u, f);
-    const Energy now = displacement.energy(u);
+    const Energy now = displacement.energy(u, 0);
     SS_TRY(VecWAXPY(moved, 0.5, f, u));
-    const Energy after = displacement.energy(moved);
+    const Energy after = displacement.energy(moved, 0);
     SS_TRY(VecWAXPY(moved, -0.5, f, u));
-    const Energy before = displacement.energy(moved);
+    const Energy before = displacement.energy(moved, 0);
     const double rate = after.kinetic + after.elastic - before.kinetic - before.elastic;
     const double size = after.kinetic + after.elastic + std::abs(now.input) + std::abs(now.friction);
     INFO("order " << s.order << " ring " << s.ring() << " form " << int(s.form));
@@ -505,7 +505,7 @@ TEST_CASE("the energy balance of a run closes at the method's order", "[energy][
     double first = 0, last = 0, integral = 0;
     Integrator integrator(model, MethodSpec::from(options), u);
     integrator.advance(u, 0, 2, [&](const Integrator::Step& step) {
-      const Energy e = displacement.energy(step.u);
+      const Energy e = displacement.energy(step.u, step.t);
       if (step.index == 0) first = e.kinetic + e.elastic;
       last = e.kinetic + e.elastic;
       const double weight = step.index == 0 || step.index == steps ? 1 : step.index % 2 ? 4 : 2;

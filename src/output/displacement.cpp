@@ -119,9 +119,9 @@ bool Displacement::has_energy() const {
   return !model_.scene().any_held();
 }
 
-Energy Displacement::energy(Vec u) const {
+Energy Displacement::energy(Vec u, double t) const {
   const Scene& s = model_.scene();
-  const double damping = s.s_delta() / s.A();
+  const double damping = s.s_delta() / s.A(), v = model_.plate_velocity(t);
   solve(u, 0, w_);  // chi at time 0 is w
   VecHandle viscous;
   if (model_.viscous()) {
@@ -141,7 +141,7 @@ Energy Displacement::energy(Vec u) const {
     const double F = model_.friction(i, psi, model_.dof() == 3 ? at[2] : 0).F;
     sums[0] += weight * psi * psi / (2 * s.A());
     sums[1] -= weight * w[i] * z / 2;
-    sums[2] += weight * model_.plate_velocity() * z;
+    sums[2] += weight * v * z;
     sums[3] += weight * psi * F;
     sums[4] += weight * (s.B() + damping) * psi * psi;
     if (e) sums[4] -= weight * psi * e[i * model_.dof() + 1];

@@ -61,7 +61,7 @@ void Series::step(const ObservedStep& step) {
                              double(step.index), double(step.rejections)};
   if (model_.scene().load.varies()) row.push_back(model_.plate_velocity(step.t));
   if (displacement_) {
-    const Energy e = displacement_->energy(step.u);
+    const Energy e = displacement_->energy(step.u, step.t);
     for (const double part : {e.kinetic, e.elastic, e.input, e.friction, e.viscous}) row.push_back(cells_ * part);
   }
   file_->series(step.t, row);

@@ -67,11 +67,11 @@ void LyapunovExponents::step(const ObservedStep& step) {
     tangents_.renew();
   }
   const double dt = step.t - step.t_before;
-  model_.set_time(step.t_before);  // of a start or stop there
   tangents_.advance(dt, [&](double part, Vec into) {
-    step.interpolate(part == 1 ? step.t : std::min(step.t_before + part * dt, step.t), into);
+    const double at = part == 1 ? step.t : std::min(step.t_before + part * dt, step.t);
+    step.interpolate(at, into);
+    model_.set_time(at);  // afterwards: to interpolate may take slopes at other times
   });
-  model_.set_time(step.t);
   std::vector<double> growth = tangents_.growth();
   if (!measuring_) return;
   growth.push_back(tangents_.divergence());

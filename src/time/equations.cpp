@@ -4,9 +4,11 @@
 #include <cmath>
 #include <utility>
 
+#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/banded_ksp.hpp"
 #include "time/choice.hpp"
+#include "time/fused_step.hpp"
 
 namespace stickslip {
 
@@ -15,6 +17,18 @@ Part Equations::explicit_part() const {
 }
 Part Equations::implicit_part() const {
   return implicit_ == Implicit::wave ? Part::wave : implicit_ == Implicit::both ? Part::full : Part::pointwise;
+}
+
+// In f, where udot - G(u) stands. v is in eta_t alone, as K0 v; at a held end of the continuum eta is output.
+void Equations::subtract_load_rate(TS ts, Vec f) const {
+  double begin, dt;
+  SS_TRY(TSGetTime(ts, &begin));
+  SS_TRY(TSGetTimeStep(ts, &dt));
+  const Scene& s = model_.scene();
+  const double more = s.K0() * rates_[std::size_t(stage_)] * dt * plate_acceleration(model_, begin);
+  const Writing a(f);
+  for (PetscInt i = 0; i < model_.local(); ++i)
+    if (s.form == Form::chain || !model_.held(model_.first() + i)) a[i * model_.dof() + 1] -= more;
 }
 
 PetscErrorCode Equations::RHSFunction(TS, PetscReal t, Vec u, Vec f, void* context) {
@@ -26,7 +40,7 @@ PetscErrorCode Equations::RHSFunction(TS, PetscReal t, Vec u, Vec f, void* conte
 }
 
 // udot - G(u)
-PetscErrorCode Equations::IFunction(TS, PetscReal t, Vec u, Vec udot, Vec f, void* context) {
+PetscErrorCode Equations::IFunction(TS ts, PetscReal t, Vec u, Vec udot, Vec f, void* context) {
   return guarded([&] {
     const auto& self = *static_cast<Equations*>(context);
     self.model_.set_time(t);
@@ -36,6 +50,7 @@ PetscErrorCode Equations::IFunction(TS, PetscReal t, Vec u, Vec udot, Vec f, voi
     } else {
       SS_TRY(VecCopy(udot, f));
     }
+    if (!self.rates_.empty()) self.subtract_load_rate(ts, f);
   });
 }
 
@@ -76,7 +91,8 @@ PetscErrorCode Equations::ConvergedOrRefresh(SNES snes, PetscInt round, PetscRea
   });
 }
 
-void Equations::begin_step(TS ts) const {
+void Equations::begin_step(TS ts) {
+  stage_ = 0;
   if (!shares_jacobian_) return;
   SNES snes;
   SS_TRY(TSGetSNES(ts, &snes));

@@ -1,6 +1,7 @@
 #include "time/fused_step.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "stickslip/base/error.hpp"
@@ -38,6 +39,16 @@ class SlopeArrays {
 
 }  // namespace
 
+// v = w + a sine, w straight in a piece of the load: over a whole period the sine is gone, over half of one it turns.
+double plate_acceleration(const Model& model, double t) {
+  const auto v = [&](double at) { return model.plate_velocity(at); };
+  const double half = model.scene().load.smooth_time();
+  if (!std::isfinite(half)) return model.scene().load.varies() ? v(t + 1) - v(t) : 0;
+  const double slope = (v(t + 2 * half) - v(t)) / (2 * half);
+  const double sine_ahead = (v(t + half / 2) - v(t + 1.5 * half) + slope * half) / 2;  // by a quarter of its period
+  return slope + M_PI / half * sine_ahead;
+}
+
 TiledStep::TiledStep(const Model& model, int stages, int slopes, int others, bool sticking)
     : stages_(stages), slopes_(slopes),
       tiles_(model, stages, stages * slopes + others + (model.viscous() ? 1 : 0), sticking),
@@ -72,7 +83,10 @@ void TiledStep::stretch(const Tile& t, int index, int slope, PetscInt begin, Pet
 
 kernel::Coefficients TiledStep::at_stage(const Step& step, int i) const {
   kernel::Coefficients c = coefficients_;
-  c.v = tiles_.model().plate_velocity(step.t + times_[static_cast<std::size_t>(i)] * step.dt);
+  const Model& model = tiles_.model();
+  const auto stage = static_cast<std::size_t>(i);
+  c.v = model.plate_velocity(step.t + times_[stage] * step.dt);
+  if (!rates_.empty() && model.scene().load.varies()) c.v += rates_[stage] * step.dt * plate_acceleration(model, step.t);
   return c;
 }
 

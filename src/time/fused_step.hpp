@@ -56,6 +56,7 @@ class TiledStep : public StepTaker {
   Row error_;  // empty: no estimate of the error
   bool last_is_solution_ = false;
   std::vector<double> times_;  // of the stages, in parts of the step
+  std::vector<double> rates_;  // how much of dt v'(t) at the start of the step the stages see besides; empty: nothing
   kernel::Coefficients coefficients_;
   double K1_, N_;  // where neighbours have viscosity
 
@@ -72,6 +73,9 @@ struct RungeKutta {
   std::vector<double> b;
   std::vector<double> embedded;  // empty: no estimate of the error
 };
+
+// dv/dt of the plate at t, in the piece of the load that Model::begin_load() has said; 0 without a load.
+double plate_acceleration(const Model& model, double t);
 
 class FusedStep : public TiledStep {
  public:

@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <numeric>
 #include <stdexcept>
+#include <utility>
+
+#include "stickslip/base/error.hpp"
+#include "stickslip/base/handle.hpp"
 
 namespace stickslip {
 
@@ -48,6 +52,61 @@ const RosenbrockW& rosenbrock_w(const std::string& name) {
   return ra34pw2;
 }
 
+// A step of length 1 of u' = 1, in which every k is 1: its stages, as the library has them, are w = Gamma k, and k where
+// the stage is explicit, for which it asks for the Jacobian alone.
+std::vector<double> rosenbrock_rates(const std::string& subtype) {
+  struct Probe {
+    std::vector<double> rates;
+    bool stage_is_explicit = false;
+    static PetscErrorCode IFunction(TS, PetscReal, Vec, Vec udot, Vec f, void*) {
+      return guarded([&] {
+        SS_TRY(VecCopy(udot, f));
+        SS_TRY(VecShift(f, -1));
+      });
+    }
+    static PetscErrorCode IJacobian(TS, PetscReal, Vec, Vec, PetscReal shift, Mat, Mat J, void* probe) {
+      return guarded([&] {
+        static_cast<Probe*>(probe)->stage_is_explicit = shift == 0;
+        SS_TRY(MatSetValue(J, 0, 0, shift, INSERT_VALUES));
+        SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+        SS_TRY(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+      });
+    }
+    static PetscErrorCode PostStage(TS ts, PetscReal, PetscInt index, Vec* stages) {
+      return guarded([&] {
+        void* context;
+        double sum;
+        SS_TRY(TSGetApplicationContext(ts, &context));
+        SS_TRY(VecSum(stages[index], &sum));
+        auto& probe = *static_cast<Probe*>(context);
+        probe.rates.push_back(std::exchange(probe.stage_is_explicit, false) ? 0 : sum);
+      });
+    }
+  };
+  Probe probe;
+  TsHandle ts;
+  VecHandle u;
+  MatHandle J;
+  TSAdapt adapt;
+  SS_TRY(VecCreateSeq(PETSC_COMM_SELF, 1, u.out()));
+  SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, 1, 1, nullptr, J.out()));
+  SS_TRY(TSCreate(PETSC_COMM_SELF, ts.out()));
+  SS_TRY(TSSetType(ts, TSROSW));
+  SS_TRY(TSRosWSetType(ts, subtype.c_str()));
+  SS_TRY(TSSetApplicationContext(ts, &probe));
+  SS_TRY(TSSetIFunction(ts, nullptr, Probe::IFunction, nullptr));
+  SS_TRY(TSSetIJacobian(ts, J, J, Probe::IJacobian, &probe));
+  SS_TRY(TSSetPostStage(ts, Probe::PostStage));
+  SS_TRY(TSGetAdapt(ts, &adapt));
+  SS_TRY(TSAdaptSetType(adapt, TSADAPTNONE));
+  SS_TRY(TSSetExactFinalTime(ts, TS_EXACTFINALTIME_STEPOVER));
+  SS_TRY(TSSetMaxTime(ts, 10));
+  SS_TRY(TSSetTimeStep(ts, 1));
+  SS_TRY(TSSetSolution(ts, u));
+  SS_TRY(TSStep(ts));
+  return probe.rates;
+}
+
 RosenbrockStep::RosenbrockStep(const Model& model, const RosenbrockW& method, bool sticking)
     : FusedStep(model, transformed(method), sticking, factor_columns(model)), gamma_(method.Gamma[0]),
       factors_(slopes_from + stages_), tangents_(tile::tangents(model.scene(), sticking, tiles_.places())) {
@@ -55,6 +114,7 @@ RosenbrockStep::RosenbrockStep(const Model& model, const RosenbrockW& method, bo
   std::vector<double> C(s * s);
   for (std::size_t i = 0; i < s; ++i) {
     times_[i] = std::accumulate(&method.A[i * s], &method.A[i * s] + s, 0.);
+    rates_.push_back(std::accumulate(&method.Gamma[i * s], &method.Gamma[i * s] + s, 0.));
     C[i * s + i] = -1;
   }
   C = times_inverse(C, method.Gamma, stages_);

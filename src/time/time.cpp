@@ -27,7 +27,10 @@ PetscErrorCode Integrator::Impl::PreStage(TS ts, PetscReal) {
   });
 }
 PetscErrorCode Integrator::Impl::PostStage(TS ts, PetscReal, PetscInt index, Vec*) {
-  return guarded([&] { of(ts).guard.after_stage(index); });
+  return guarded([&] {
+    of(ts).guard.after_stage(index);
+    of(ts).equations->after_stage(index);
+  });
 }
 PetscErrorCode Integrator::Impl::DomainError(TS ts, PetscReal, Vec u, PetscBool* accept) {
   return guarded([&] { *accept = of(ts).guard.accepts(u) ? PETSC_TRUE : PETSC_FALSE; });
@@ -173,6 +176,7 @@ void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& obse
   SS_TRY(TSRestartStep(ts));
   SS_TRY(TSSetSolution(ts, u));
   course.update_report(ts, model);
+  model.begin_load(t);
   if (!checkpoint) course.tell(ts, step_now());
   checkpoint.reset();
   guard.start();

@@ -9,7 +9,7 @@
 // Energy and powers are in units of the friction amplitude (gamma or f0); sums are over the blocks of a chain, and
 // h times the sum over nodes in the continuum, where a free end has the weight 1/2. With z = eta + (s delta/A) psi
 //     kinetic  sum psi^2/(2 A)               elastic   sum w (K0 - K1 D2) w/2 = -sum w z/2
-//     input    v sum z                       by the driving plate
+//     input    v(t) sum z                    by the driving plate
 //     friction sum psi F                     lost in friction
 //     viscous  sum (B + s delta/A) psi^2 - N psi D2 psi     lost in damping and in viscosity between neighbours; the
 //                                            first part is negative with the printed sign, which drives
@@ -36,7 +36,9 @@ class Displacement {
   void solve(Vec u, double t, Vec chi) const;  // collective
 
   bool has_energy() const;                    // no held end
-  Energy energy(Vec u) const;                 // collective; only where has_energy()
+  // At the time t, which says the velocity of the plate: at a corner of a load (load.hpp) that of the piece that
+  // Model::begin_load() has said, in which a step that ends there lies. Collective; only where has_energy().
+  Energy energy(Vec u, double t) const;
 
  private:
   void make_whole();
