@@ -2,8 +2,13 @@
 //
 // As in implicit_kernel.hpp eta and the state are put into psi's equation, and so is p D2 psi now,
 //     a psi - p D2 psi + q F(psi, s) = R,   p = q (h K1 + N),   R = z_psi + q (z_eta + h K0 v)
-// Linearised at psi_k, s_k this is (d - p D2) x = b, whose solution x is the next psi: no difference of D2 psi is ever
-// formed, and what is left over after the round is what friction is off its tangent. p D2 x = d x - b gives eta.
+// What is solved for is the change x = psi - u since the start of the step, of which D2 u is known:
+//     a x - p D2 x + q F(u + x, s) = R',   R' = (z_psi - u) + q (z_eta + h K0 v) - (a - 1) u + p D2 u
+// Linearised at x_k, s_k this is (d - p D2) x = b: what is left over after the round is what friction is off its tangent.
+// p D2 psi = p D2 u + d x - b gives eta, and (x - (z_psi - u))/h the slope of psi. All of these are of the size of a step,
+// and so is what they are rounded by: psi itself in the place of its change would leave 1/h^2 times the round-off of psi
+// in the slope of eta. Only where a steep law brings psi down by many orders in one step is x as large as u, and psi = u + x
+// without digits: then `from` is 0 in the place of u.
 #pragma once
 
 #include <type_traits>
@@ -15,34 +20,46 @@ namespace stickslip::kernel {
 
 // The stage's coefficients, see above and implicit_kernel.hpp.
 struct BandStage {
-  double h, q, a, p, load;
+  double h, q, a, more, p, load;  // more: a - 1
   double kappa;  // K1/p, 0 where p is
   double row;    // at least the sum of |p D2| over a row
 };
 inline BandStage band_stage(const Coefficients& c, double K1, double N, double d2_row, double h) {
-  const double q = h * c.A / (1 + h * c.s_delta), p = q * (h * K1 + N);
-  return {h, q, 1 + h * c.A * c.B + q * h * c.K0, p, h * c.K0 * c.v, p != 0 ? K1 / p : 0, p * d2_row};
+  const double q = h * c.A / (1 + h * c.s_delta), p = q * (h * K1 + N), more = h * c.A * c.B + q * h * c.K0;
+  return {h, q, 1 + more, more, p, h * c.K0 * c.v, p != 0 ? K1 / p : 0, p * d2_row};
 }
 
 struct Round {
   BandStage stage;
-  const double *z_psi, *z_eta, *z_state;
-  const double *amplitude, *direction;  // as in Stage
-  double *psi, *state;                  // where it is linearised; after advance(): the next ones
+  const double *from, *d2_from;           // u or 0, and D2 of it
+  const double *z_psi, *z_eta, *z_state;  // z_psi: less `from`
+  const double *amplitude, *direction;    // as in Stage
+  double *psi, *change, *state;           // where it is linearised, change = psi - from; with `advance` then the next ones
   double *d, *b;
-  const double* x;
+  const double *x, *R;              // R: R'
   double *g_psi, *g_eta, *g_state;  // slopes of the implicit part
   double target, immovable;
   PetscInt count, node;
 };
 
-// The slopes that follow from x and psi. `moves`: 1, or 0 at rest.
+// R' of all nodes.
+struct RightSides {
+  void operator()(const Round& round, double* into) const {
+    const Round t = round;
+    const BandStage k = round.stage;
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < t.count; ++i)
+      into[i] = t.z_psi[i] + k.q * (t.z_eta[i] + k.load) - k.more * t.from[i] + k.p * t.d2_from[i];
+  }
+};
+
+// The slopes that follow from psi and its change. `moves`: 1, or 0 at rest.
 struct BandSlopes {
   double psi, eta;
 };
-inline BandSlopes band_slopes(const Coefficients& c, const BandStage& k, double z_psi, double psi, double per_h,
-                              double coupling, double moves) {
-  const double slope = (psi - z_psi) * per_h;
+inline BandSlopes band_slopes(const Coefficients& c, const BandStage& k, double z_psi, double change, double psi,
+                              double per_h, double coupling, double moves) {
+  const double slope = (change - z_psi) * per_h;
   return {slope, c.K0 * (c.v - psi) + k.kappa * coupling - c.s_delta * (moves * (slope / c.A + c.B * psi))};
 }
 
@@ -84,23 +101,27 @@ struct NewtonRound {
     }
   }
 
-  // d and b. With `advance` what x makes of them: psi, the state and the slopes; returns whether what is left over is
-  // too much somewhere, and 3 where it is no number.
+  // d and b. With `advance` what x makes of them: psi, the state and the slopes; returns in bits what is true of some node:
+  // 1 what is left over is too much, 2 it is no number, 4 psi has lost its digits beside `from`.
   Flag operator()(const Coefficients& c, const Round& t, bool advance) const {
     if (t.amplitude) return advance ? next<true>(c, t) : linearise<true>(t);
     return advance ? next<false>(c, t) : linearise<false>(t);
   }
 
  private:
+  static constexpr double least_part = 1e-6;
+  // So close both are right, but for what the linear system leaves to second order; its own agrees with its neighbours.
+  static constexpr double same = 1e-9;
+
   template <bool spread>
   Flag linearise(Round t) const {  // copies, whose members no store can change
     const F law = friction;
 #pragma GCC ivdep
     for (PetscInt i = 0; i < t.count; ++i) {
       const Tangent k = tangent(friction_of(law, t.node + i), t, spread ? t.amplitude[i] : 1, i);
-      const double moves = moving<sticking>(t.direction, i), R = t.z_psi[i] + t.stage.q * (t.z_eta[i] + t.stage.load);
+      const double moves = moving<sticking>(t.direction, i), R = t.R[i];
       t.d[i] = moves != 0 ? t.stage.a + k.slope : t.immovable;
-      t.b[i] = moves != 0 ? R - k.force + k.slope * t.psi[i] : R;
+      t.b[i] = moves != 0 ? R - k.force + k.slope * t.change[i] : R;
     }
     return 0;
   }
@@ -114,22 +135,27 @@ struct NewtonRound {
     for (PetscInt i = 0; i < t.count; ++i) {
       const auto& own = friction_of(law, t.node + i);
       const double amplitude = spread ? t.amplitude[i] : 1, going = direction_at<sticking>(t.direction, i);
-      const double moves = moving<sticking>(t.direction, i), coupling = t.d[i] * t.x[i] - t.b[i];
+      const double moves = moving<sticking>(t.direction, i);
+      const double coupling = t.stage.p * t.d2_from[i] + (t.d[i] * t.x[i] - t.b[i]);
       const Tangent k = tangent(own, t, amplitude, i);
-      const double step = moves != 0 ? t.x[i] - t.psi[i] : 0, linear = k.force + k.slope * step;
-      double psi = moves != 0 ? t.x[i] : t.z_psi[i], s = 0, tamed = 0;
+      const double step = moves != 0 ? t.x[i] - t.change[i] : 0, linear = k.force + k.slope * step;
+      double change = moves != 0 ? t.x[i] : t.z_psi[i], s = 0, tamed = 0;
+      const double aim = t.from[i] + change;
+      double psi = aim;
       if constexpr (F::has_state) s = t.state[i] + k.change + k.follows * step;
       if constexpr (F::steep) {
-        psi = own.newton_psi(t.psi[i], t.state[i], t.x[i], s, t.stage.a / (t.stage.q * amplitude));
-        tamed = magnitude(psi - t.x[i]);
+        psi = own.newton_psi(t.psi[i], t.state[i], aim, s, t.stage.a / (t.stage.q * amplitude));
+        psi = magnitude(psi - aim) <= same * magnitude(aim) ? aim : psi;
+        tamed = magnitude(psi - aim);
+        left |= magnitude(psi) < least_part * magnitude(t.from[i]) ? 4 : 0;
       }
       if constexpr (IsSmoothed<F>::value) {
         psi = t.psi[i] * psi < 0 ? 0 : psi;
-        tamed = magnitude(psi - t.x[i]);
+        tamed = magnitude(psi - aim);
       }
+      change = tamed != 0 ? psi - t.from[i] : change;
       const double force = t.stage.q * amplitude * partials_at<sticking>(own, psi, s, going).F, miss = magnitude(force - linear);
-      const double R = t.z_psi[i] + t.stage.q * (t.z_eta[i] + t.stage.load);
-      const double size = magnitude(t.stage.a * psi) + magnitude(force) + magnitude(R);
+      const double size = 2 * (magnitude(t.stage.a * psi) + magnitude(force));
       double ratio = moves * (miss + (t.stage.a + t.stage.row) * tamed) /
                      (t.target * t.stage.a * (1 + magnitude(psi)) + 1e-15 * size);
       if constexpr (F::has_state) {
@@ -143,8 +169,9 @@ struct NewtonRound {
       const bool small = ratio <= 1, number = ratio < 1e300;
       left |= small ? 0 : 1;
       left |= number ? 0 : 2;
-      const BandSlopes slopes = band_slopes(c, t.stage, t.z_psi[i], psi, per_h, coupling, moves);
+      const BandSlopes slopes = band_slopes(c, t.stage, t.z_psi[i], change, psi, per_h, coupling, moves);
       t.psi[i] = psi;
+      t.change[i] = change;
       t.g_psi[i] = slopes.psi;
       t.g_eta[i] = slopes.eta;
     }
@@ -153,21 +180,18 @@ struct NewtonRound {
   static double magnitude(double a) { return a < 0 ? -a : a; }
 };
 
-// With the waves alone implicit: b, and from x the slopes.
+// With the waves alone implicit: psi, from its change in its place, and the slopes.
 struct WaveRound {
-  void operator()(const Coefficients& coefficients, const Round& round, bool advance) const {
+  void operator()(const Coefficients& coefficients, const Round& round) const {
     const Coefficients c = coefficients;
     const Round t = round;
     const double per_h = 1 / t.stage.h;
-    if (!advance) {
-#pragma GCC ivdep
-      for (PetscInt i = 0; i < t.count; ++i) t.b[i] = t.z_psi[i] + t.stage.q * (t.z_eta[i] + t.stage.load);
-      return;
-    }
 #pragma GCC ivdep
     for (PetscInt i = 0; i < t.count; ++i) {
-      const double R = t.z_psi[i] + t.stage.q * (t.z_eta[i] + t.stage.load), psi = t.psi[i];
-      const BandSlopes slopes = band_slopes(c, t.stage, t.z_psi[i], psi, per_h, t.stage.a * psi - R, 1);
+      const double change = t.psi[i], psi = t.from[i] + change;
+      const double coupling = t.stage.p * t.d2_from[i] + (t.stage.a * change - t.R[i]);
+      const BandSlopes slopes = band_slopes(c, t.stage, t.z_psi[i], change, psi, per_h, coupling, 1);
+      t.psi[i] = psi;
       t.g_psi[i] = slopes.psi;
       t.g_eta[i] = slopes.eta;
     }

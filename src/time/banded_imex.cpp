@@ -29,7 +29,8 @@ BandedImex::BandedImex(const Model& model, ImexTableau method, Implicit implicit
       coefficients_(kernel::coefficients_with(model.scene(), 1)),
       square_(kernel::compiled<std::function<double(const kernel::Weighted&)>>(kernel::SumOfSquares{})),
       stencil_(tile::stencil(model.scene())),
-      wave_(kernel::compiled<decltype(wave_)>(kernel::WaveRound{})) {
+      wave_(kernel::compiled<decltype(wave_)>(kernel::WaveRound{})),
+      right_sides_(kernel::compiled<decltype(right_sides_)>(kernel::RightSides{})) {
   const Scene& scene = model.scene();
   if (std::abs(method_.At[0]) < 1e-14) method_.At[0] = 0;
   d2_row_ = 0;
@@ -128,17 +129,26 @@ kernel::BandStage BandedImex::stage_of(const Step& step, int i) const {
   return kernel::band_stage(at_stage(step, i), s.K1(), s.N(), d2_row_, step.dt * diagonal(i));
 }
 
+// What the change of psi is counted from.
+const double* BandedImex::from(const BandTile& t) const {
+  return from_start_ ? columns_.u(t, 0) : zeros_.data();
+}
+
 kernel::Round BandedImex::round_of(const BandTile& t, const Step& step, int i) const {
   const auto slope = [&](int d) { return columns_.slope(t, ImexColumns::of_implicit, i, d); };
   const bool has_state = model_.dof() == 3;
   kernel::Round r{};
   r.stage = stage_of(step, i);
+  r.from = from(t);
+  r.d2_from = from_start_ ? columns_.d2(t) : zeros_.data();
   r.z_psi = columns_.known(t, 0);
   r.z_eta = columns_.known(t, 1);
   r.z_state = has_state ? columns_.known(t, 2) : nullptr;
   r.amplitude = of_tile(amplitude_, t);
   r.direction = of_tile(direction_, t);
   r.psi = columns_.stage(t, 0);
+  r.change = implicit_ == Implicit::both ? columns_.change(t) : nullptr;
+  r.R = columns_.right_side(t);
   r.state = has_state ? columns_.stage(t, 2) : nullptr;
   r.d = d_.data();
   r.b = b_.data();
@@ -164,7 +174,9 @@ void BandedImex::load(Vec u, const Step& step) const {
       layout_.load(t, own, d, columns_.u(t, d));
       if (d != 1) std::copy(columns_.u(t, d), columns_.u(t, d) + t.count(), columns_.stage(t, d));
     }
-    if (method_.At[0] == 0) take_first(t, own, step);
+    if (implicit_ == Implicit::both) std::fill_n(columns_.change(t), t.count(), 0.);
+    second_difference(t, own, columns_.d2(t));
+    if (method_.At[0] == 0) take_first(t, step);
   }
   SS_TRY(VecRestoreArrayRead(u, &own));
   layout_.end_fetch();
@@ -190,15 +202,13 @@ void BandedImex::second_difference(const BandTile& t, const double* own, double*
 }
 
 // The slopes of a first stage that is explicit, at u.
-void BandedImex::take_first(const BandTile& t, const double* own, const Step& step) const {
+void BandedImex::take_first(const BandTile& t, const Step& step) const {
   const kernel::Coefficients c = at_stage(step, 0);
   const double K1 = model_.scene().K1(), N = model_.scene().N();
-  const double *const psi = columns_.u(t, 0), *const eta = columns_.u(t, 1);
-  double* const d2 = d_.data();
+  const double *const psi = columns_.u(t, 0), *const eta = columns_.u(t, 1), *const d2 = columns_.d2(t);
   double* const driving = b_.data();
   double *const g_psi = columns_.slope(t, ImexColumns::of_implicit, 0, 0), *const g_eta = columns_.slope(
                                                                                t, ImexColumns::of_implicit, 0, 1);
-  second_difference(t, own, d2);
   for (PetscInt i = 0; i < t.count(); ++i) driving[i] = eta[i] + N * d2[i];
   if (implicit_ == Implicit::wave) {
     for (PetscInt i = 0; i < t.count(); ++i) {
@@ -246,7 +256,7 @@ void BandedImex::for_held(const BandTile& t, const Body& body) const {
 void BandedImex::hold(const BandTile& t, int i, const Step& step) const {
   for_held(t, [&](PetscInt place, const Combination& row) {
     double *const psi = columns_.stage(t, 0), *const g_eta = columns_.slope(t, ImexColumns::of_implicit, i, 1);
-    psi[place] = columns_.known(t, 0)[place];
+    psi[place] = from(t)[place] + columns_.known(t, 0)[place];
     columns_.slope(t, ImexColumns::of_implicit, i, 0)[place] = 0;
     g_eta[place] = 0;
     if (model_.scene().form == Form::continuum) return;
@@ -261,10 +271,11 @@ void BandedImex::hold(const BandTile& t, int i, const Step& step) const {
 
 void BandedImex::forward(std::size_t tile, int i, const Step& step) const {
   const BandTile& t = layout_.tiles()[tile];
+  double* const R = columns_.right_side(t);
   columns_.sum_known(t, i, step.dt);
-  wave_(at_stage(step, i), round_of(t, step, i), false);
-  for_held(t, [&](PetscInt place, const Combination&) { b_[std::size_t(place)] = columns_.known(t, 0)[place]; });
-  system_->forward(tile, nullptr, b_.data());
+  right_sides_(round_of(t, step, i), R);
+  for_held(t, [&](PetscInt place, const Combination&) { R[place] = columns_.known(t, 0)[place]; });
+  system_->forward(tile, nullptr, R);
 }
 
 // `begun`: it has its right-hand sides, and what they mean to the separators.
@@ -279,9 +290,8 @@ bool BandedImex::linear_stage(int i, bool begun, const Step& step) const {
   for (std::size_t k = 0; k < tiles.size(); ++k) {
     const BandTile& t = tiles[k];
     const kernel::Round round = round_of(t, step, i);
-    wave_(c, round, false);
-    system_->backward(k, nullptr, b_.data(), columns_.stage(t, 0));
-    wave_(c, round, true);
+    system_->backward(k, nullptr, round.R, columns_.stage(t, 0));
+    wave_(c, round);
     if (model_.dof() == 3) std::copy(round.z_state, round.z_state + t.count(), columns_.stage(t, 2));
     hold(t, i, step);
     take_explicit(t, i);
@@ -295,14 +305,19 @@ bool BandedImex::linear_stage(int i, bool begun, const Step& step) const {
 // psi goes on as the stage before did, unless that leads far.
 void BandedImex::guess(const BandTile& t, int i, const Step& step) const {
   if (i == 0) return;
-  double* const psi = columns_.stage(t, 0);
+  double *const psi = columns_.stage(t, 0), *const change = columns_.change(t);
   const double *const z = columns_.known(t, 0), *const slope = columns_.slope(t, ImexColumns::of_implicit, i - 1, 0);
-  const double h = step.dt * diagonal(i);
+  const double *const u = columns_.u(t, 0), h = step.dt * diagonal(i);
   for (PetscInt k = 0; k < t.count(); ++k) {
     const double next = z[k] + h * slope[k];
-    psi[k] = std::abs(next - psi[k]) < 0.25 * std::abs(psi[k]) ? next : psi[k];
+    const bool near = std::abs(u[k] + next - psi[k]) < 0.25 * std::abs(psi[k]);
+    change[k] = near ? next : psi[k] - u[k];
+    psi[k] = near ? u[k] + next : psi[k];
   }
-  for_held(t, [&](PetscInt place, const Combination&) { psi[place] = z[place]; });
+  for_held(t, [&](PetscInt place, const Combination&) {
+    change[place] = z[place];
+    psi[place] = u[place] + z[place];
+  });
 }
 
 void BandedImex::linearise(const BandTile& t, const kernel::Round& round) const {
@@ -311,14 +326,29 @@ void BandedImex::linearise(const BandTile& t, const kernel::Round& round) const 
 }
 
 bool BandedImex::newton_stage(int i, const Step& step) const {
-  const kernel::Coefficients c = at_stage(step, i);
-  const auto& tiles = layout_.tiles();
-  const kernel::BandStage stage = stage_of(step, i);
-  for (const BandTile& t : tiles) {
+  from_start_ = true;
+  for (const BandTile& t : layout_.tiles()) {
     columns_.sum_known(t, i, step.dt);
     guess(t, i, step);
   }
+  if (const Newton found = newton(i, step); found != Newton::lost_digits) return found == Newton::solved;
+  // once more, for psi itself
+  from_start_ = false;
+  for (const BandTile& t : layout_.tiles()) {
+    double* const z = columns_.known(t, 0);
+    const double *const u = columns_.u(t, 0), *const psi = columns_.stage(t, 0);
+    for (PetscInt k = 0; k < t.count(); ++k) z[k] += u[k];
+    std::copy(psi, psi + t.count(), columns_.change(t));
+  }
+  return newton(i, step) == Newton::solved;
+}
+
+BandedImex::Newton BandedImex::newton(int i, const Step& step) const {
+  const kernel::Coefficients c = at_stage(step, i);
+  const auto& tiles = layout_.tiles();
+  const kernel::BandStage stage = stage_of(step, i);
   const int rounds = step.estimate ? most_rounds : 3 * most_rounds;
+  for (const BandTile& t : tiles) right_sides_(round_of(t, step, i), columns_.right_side(t));
   for (int round = 0; round < rounds; ++round) {
     system_->choose(stage.a, stage.p, true);
     for (std::size_t k = 0; k < tiles.size(); ++k) {
@@ -326,7 +356,7 @@ bool BandedImex::newton_stage(int i, const Step& step) const {
       system_->forward(k, d_.data(), b_.data());
     }
     const bool positive = system_->couple();
-    if (step.estimate && !positive) return false;
+    if (step.estimate && !positive) return Newton::failed;
     int left = 0;
     for (std::size_t k = 0; k < tiles.size(); ++k) {
       const kernel::Round own = round_of(tiles[k], step, i);
@@ -336,10 +366,11 @@ bool BandedImex::newton_stage(int i, const Step& step) const {
       hold(tiles[k], i, step);
     }
     SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &left, 1, MPI_INT, MPI_BOR, model_.comm()));
-    if (left == 0) return true;
-    if (left == 3) return false;  // no number
+    if (left & 2) return Newton::failed;
+    if (left & 4) return Newton::lost_digits;
+    if (left == 0) return Newton::solved;
   }
-  return false;
+  return Newton::failed;
 }
 
 // ---- its end ------------------------------------------------------------------------------------------------------

@@ -51,15 +51,18 @@ class BandedImex : public StepTaker {
   std::vector<double> by_tiles(const std::vector<double>& of_nodes) const;
   kernel::Coefficients at_stage(const Step& step, int i) const;
   kernel::BandStage stage_of(const Step& step, int i) const;
+  const double* from(const BandTile& t) const;
   kernel::Round round_of(const BandTile& t, const Step& step, int i) const;
   void load(Vec u, const Step& step) const;
   void second_difference(const BandTile& t, const double* own, double* d2) const;
-  void take_first(const BandTile& t, const double* own, const Step& step) const;
+  void take_first(const BandTile& t, const Step& step) const;
   void take_explicit(const BandTile& t, int i) const;
   void hold(const BandTile& t, int i, const Step& step) const;
   bool linear_stage(int i, bool begun, const Step& step) const;
   void forward(std::size_t tile, int i, const Step& step) const;
   bool newton_stage(int i, const Step& step) const;
+  enum class Newton { solved, failed, lost_digits };
+  Newton newton(int i, const Step& step) const;
   void linearise(const BandTile& t, const kernel::Round& round) const;
   void guess(const BandTile& t, int i, const Step& step) const;
   void finish(const BandTile& t, const Step& step, double* u_new, Sums& sums) const;
@@ -80,11 +83,13 @@ class BandedImex : public StepTaker {
   std::vector<double> amplitude_, direction_;       // in the order of columns; empty: all are 1; friction never sticks
   std::vector<std::vector<Combination>> end_rows_;  // of D2, at nodes of outer tiles on a line
   mutable std::vector<double> d_, b_, x_, spare_, zeros_;  // of one tile
+  mutable bool from_start_ = true;  // psi's change is counted from the start of the step, not from 0
   std::function<double(const kernel::Weighted&)> square_;
   tile::Stencil stencil_;
   tile::Pointwise pointwise_;
   tile::NewtonRound newton_;
-  std::function<void(const kernel::Coefficients&, const kernel::Round&, bool)> wave_;
+  std::function<void(const kernel::Coefficients&, const kernel::Round&)> wave_;
+  std::function<void(const kernel::Round&, double*)> right_sides_;
 };
 
 }  // namespace stickslip

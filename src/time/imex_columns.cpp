@@ -22,7 +22,10 @@ ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Im
   }
   stage_[0] = columns++;
   if (dof_ == 3) stage_[1] = columns++;
+  d2_ = columns++;
   const bool wave = implicit == Implicit::wave;
+  right_side_ = columns++;
+  if (!wave) change_ = columns++;
   for (std::size_t i = 0; i < s; ++i)
     for (const Kind kind : {of_implicit, of_explicit}) {
       std::array<int, 3> own{-1, -1, -1};
@@ -51,7 +54,7 @@ ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Im
   for (int d = 0; d < dof_; ++d) {
     const auto of = std::size_t(d);
     for (std::size_t i = 0; i < s; ++i) {
-      sums_[i][of].base = u_[d];
+      sums_[i][of].base = d == 0 ? -1 : u_[d];
       add(sums_[i][of], d, &method.At[i * s], &method.A[i * s], int(i));
     }
     // a stiffly accurate method has the new u in its last stage but for what is explicit

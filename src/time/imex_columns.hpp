@@ -25,6 +25,9 @@ class ImexColumns {
   double* u(const BandTile& t, int d) const { return at(t, u_[d]); }
   double* stage(const BandTile& t, int d) const { return at(t, stage_[d == 0 ? 0 : 1]); }
   double* known(const BandTile& t, int d) const { return at(t, known_[d]); }
+  double* d2(const BandTile& t) const { return at(t, d2_); }          // D2 psi of u
+  double* right_side(const BandTile& t) const { return at(t, right_side_); }  // R' of a stage (newton_kernel.hpp)
+  double* change(const BandTile& t) const { return at(t, change_); }  // of psi since u, with everything implicit
   enum Kind { of_implicit, of_explicit };
   // nullptr where the part does not act on the unknown, and of the explicit part of eta: friction there is
   // explicit_eta() times that of psi
@@ -35,7 +38,7 @@ class ImexColumns {
 
   double explicit_eta() const { return explicit_eta_; }
 
-  // known = u + dt (the slopes before stage i)
+  // known = u + dt (the slopes before stage i), of psi without u: what is solved for is its change
   void sum_known(const BandTile& t, int i, double dt) const;
   // The new value of unknown d, and its error, from the tile's place on.
   void sum_solution(const BandTile& t, int d, double dt, double* into) const;
@@ -56,7 +59,7 @@ class ImexColumns {
   int dof_;
   double explicit_eta_;
   PetscInt stride_;
-  int u_[3] = {}, stage_[2] = {}, known_[3] = {};
+  int u_[3] = {}, stage_[2] = {}, known_[3] = {}, d2_ = 0, right_side_ = 0, change_ = -1;
   std::vector<std::array<int, 3>> slopes_[2];  // by Kind, of the stages; -1: there is none
   std::vector<std::array<Sum, 3>> sums_;       // of the stages
   std::array<Sum, 3> solution_, error_;
