@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "stickslip/numerics/roots.hpp"
+#include "study/psi_record.hpp"
 #include "study/step_forecast.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/regime.hpp"
@@ -29,6 +31,7 @@ struct Outcome {
   double amplitude = NAN, speed = NAN, largest = 0;
   std::int64_t steps = 0;
   bool warned = false;  // of the steps; fronts that the grid does not carry are another matter
+  std::shared_ptr<PsiRecord> record;
 };
 
 bool is_of_steps(const std::string& warning) {
@@ -66,6 +69,7 @@ double off_sliding(const Model& model, Vec u, bool alternating) {
 // Runs as the command `run` would, by the method given.
 Outcome observe(const Options& options, const MethodSpec& method, const Model& model, Vec start, double t_end) {
   Outcome outcome;
+  outcome.record = std::make_shared<PsiRecord>(model);
   std::vector<std::string> said;
   {
     WarningsKept kept(said);
@@ -79,6 +83,7 @@ Outcome observe(const Options& options, const MethodSpec& method, const Model& m
       integrator.advance(u, 0, t_end, [&](const Integrator::Step& step) {
         audit.after(step);
         regime.step({step.index, step.t_before, step.t, step.u, 0, step.interpolate});
+        outcome.record->add(step.t, step.u);
         outcome.steps = step.index;
         outcome.largest = std::max(outcome.largest, largest_psi(model, step.u));
         return Integrator::Verdict::go_on;
@@ -148,7 +153,19 @@ struct Limits::Impl {
     if (std::isfinite(truth.speed) && !(std::abs(o.speed - truth.speed) <= 0.02 * std::abs(truth.speed)))
       return std::isfinite(o.speed) ? "wave speed " + rounded_text(o.speed / truth.speed) + " times the true one"
                                     : "no wave speed";
-    return "";
+    return std::isfinite(truth.speed) ? "" : mistake_in_time(o);
+  }
+  // Where no speed tells the time that things take: the motion itself while the scene is too short to say what it is,
+  // which leaves nothing else to compare, and then the period.
+  std::string mistake_in_time(const Outcome& o) const {
+    if (truth.motion == Motion::undecided) {
+      const std::optional<double> left = o.record->leaves(*truth.record, 0.1, 0.02);
+      return left ? "off the true motion at t = " + rounded_text(*left) : "";
+    }
+    const std::optional<double> period = o.record->period(HUGE_VAL), true_period = truth.record->period(0.05);
+    if (truth.motion != Motion::stick_slip || !true_period) return "";
+    if (period && std::abs(*period - *true_period) <= 0.02 * *true_period) return "";
+    return period ? "period " + rounded_text(*period / *true_period) + " times the true one" : "no period";
   }
 
   // A run's verdict: why it is no answer at all, why it is a wrong one, "" where it is not.
