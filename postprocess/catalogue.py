@@ -6,7 +6,8 @@ usage: catalogue.py FILE.h5 [FILE.h5 ...] [--by OPTION] [--fit A B] [--from S] [
 Files that differ in nothing but seeds are one ensemble; --by makes one of each value of an option (grid_n for the scaling
 with size, model_v or model_nu for the dependence on the loading or on viscosity). Magnitudes are natural logarithms of the
 moment, b that of a density ~ exp(-b magnitude) on [A, B) (default: from 2 above the most frequent magnitude over 3 units).
---from leaves out what began before the plate had gone so far. For each ensemble:
+--from leaves out what began before the plate had gone so far; under a load its way is the integral of |v(t)|, and the moment
+is compared to how far it has come, the integral of v(t). For each ensemble:
   b         by maximum likelihood for a truncated exponential; in brackets the 95 % interval that the scatter of whole runs
             (of one run: of stretches of its time) gives it, because events of one run are not independent
   p         goodness of fit: how often catalogues drawn from the fitted law miss it by more (Kolmogorov and Smirnov's
@@ -24,7 +25,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 
 import numpy as np  # noqa: E402
 
-from stickslip import Unusable, options, reading, scene_title  # noqa: E402
+from stickslip import Plate, Unusable, options, reading, scene_title  # noqa: E402
 
 FEWEST = 20     # events for a fit
 STRETCHES = 20  # of the time of a lone run, for its interval
@@ -41,14 +42,14 @@ def read(path, way):
         events = along_their_direction({name: data[:] for name, data in file["events"].items()})
         found = {"x": file["x"][:], "t": file["t"][:], "options": options(file), "path": path,
                  "title": scene_title(file)}
-    found["v"] = abs(float(found["options"]["model_v"]))
-    found["sign"] = np.sign(float(found["options"]["model_v"]))
-    if found["v"] == 0:
-        raise Unusable("is of a plate that rests (model_v 0)")
-    begin = found["begin"] = way / found["v"]
-    found["end"] = max(found["t"][-1], events["t"][-1] if len(events["t"]) else 0)
-    if begin >= found["end"]:
+        end = found["end"] = max(found["t"][-1], events["t"][-1] if len(events["t"]) else 0)
+        plate = found["plate"] = Plate(file, end)
+    if plate.way(end) == 0:
+        raise Unusable("is of a plate that rests")
+    begin = found["begin"] = plate.time_of(way)
+    if begin >= end:
         raise Unusable(f"ends before the plate has gone {way:g} (--from)")
+    found["way"], found["shift"] = plate.way(end) - plate.way(begin), float(plate.shift(end) - plate.shift(begin))
     keep = events["begin"] >= begin
     found["events"] = {name: values[keep] for name, values in events.items()}
     return found
@@ -67,8 +68,8 @@ def along_their_direction(events):
 
 
 def signed_moments(run):
-    """Those of slips against the plate are negative, so that their sum is what makes up for the plate's way."""
-    return run["sign"] * run["events"]["direction"] * run["events"]["moment"]
+    """Those of slips against the plate are negative, so that their sum is what makes up for how far it has come."""
+    return np.sign(run["shift"]) * run["events"]["direction"] * run["events"]["moment"]
 
 
 def magnitudes(run):
@@ -233,17 +234,22 @@ def statistics(runs, bounds=None):
     low, high = bounds or usual_bounds(m)
     b, error, number = fit(m, low, high)
     nodes = len(runs[0]["x"])
-    way = sum((run["end"] - run["begin"]) * run["v"] for run in runs)
+    way, shift = sum(run["way"] for run in runs), sum(abs(run["shift"]) for run in runs)
     moment = np.concatenate([run["events"]["moment"] for run in runs])
     extent = np.concatenate([run["events"]["extent"] for run in runs])
     cuts = [{"low": float(low + shift), "b": fit(m, low + shift, high)[0],
              "interval": interval(runs, low + shift, high)} for shift in (-1, -0.5, 0, 0.5, 1) if low + shift < high - 0.5]
     return {"runs": len(runs), "nodes": nodes, "events": len(m), "per_node_and_way": len(m) / (nodes * way),
-            "moment_per_node_and_way": float(sum(signed_moments(run).sum() for run in runs) / (nodes * way)), "largest_extent": float(extent.max()),
+            "moment_per_node_and_way": moment_per_shift(runs, nodes * shift), "largest_extent": float(extent.max()),
             # what a large event is: the moment's own mean, each event counted with its moment
             "typical_moment": float((moment**2).sum() / moment.sum()),
             "fit": [float(low), float(high)], "in_fit": number, "b": b, "b_error_if_independent": error,
             "b_interval": interval(runs, low, high), "p": goodness(m, low, high), "halves": halves(runs), "cuts": cuts}
+
+
+def moment_per_shift(runs, shift):
+    """nan where the plate has gone forth and back alone."""
+    return float(sum(signed_moments(run).sum() for run in runs) / shift) if shift > 0 else np.nan
 
 
 def size_exponent(table):
@@ -286,7 +292,7 @@ def picture(groups, table, by):
         edges = np.arange(np.floor(m.min() / width) * width, m.max() + 2 * width, width)
         each = np.array([np.histogram(magnitudes(run), edges)[0] for run in runs])
         counts, some = each.sum(axis=0), each.sum(axis=0) > 0
-        way = sum((run["end"] - run["begin"]) * run["v"] for run in runs)
+        way = sum(run["way"] for run in runs)
         scale = row["nodes"] * way * width
         error = np.sqrt(counts) if len(runs) < 3 else np.std(each, axis=0, ddof=1) * np.sqrt(len(runs))
         middle = (edges[:-1] + edges[1:]) / 2

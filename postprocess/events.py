@@ -47,7 +47,7 @@ def catalogue_figure(paths, begin=0, bounds=None, option=None):
         edges = np.arange(np.floor(m.min() / width) * width, m.max() + 2 * width, width)
         counts = np.histogram(m, edges)[0]
         middle, some = (edges[:-1] + edges[1:]) / 2, counts > 0
-        scale = len(run["x"]) * (run["end"] - run["begin"]) * run["v"] * width
+        scale = len(run["x"]) * run["way"] * width
         line = curve.errorbar(middle[some], counts[some] / scale, np.sqrt(counts[some]) / scale, fmt="o-", ms=3, lw=0.7,
                               label=name)
         low = bounds[0] if bounds else edges[np.argmax(counts) + 1] + 2
@@ -101,7 +101,9 @@ def catalogue_figure(paths, begin=0, bounds=None, option=None):
         t = events["t"][order][hit]
         d = np.cumsum((moments / events["extent"])[order][hit])
         slip.step(np.r_[run["begin"], t], np.r_[0, d], where="post", lw=1, label=f"x = {at:g}")
-    plate = [run["begin"], run["end"]], [0, run["v"] * (run["end"] - run["begin"])]
+    times = np.linspace(run["begin"], run["end"], 500)
+    gone = run["plate"].shift(times)
+    plate = times, np.sign(run["shift"]) * (gone - gone[0])
     slip.plot(*plate, "k:", lw=1, label="plate")
     slip.set_xlabel("t")
     slip.set_ylabel("slip (mean over each event)")

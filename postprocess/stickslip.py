@@ -22,6 +22,7 @@ import subprocess
 import tempfile
 
 import h5py
+import numpy as np
 
 SYMBOL = {"psi": "ψ", "eta": "η", "tau": "τ", "theta": "θ", "chi": "χ"}
 GREEK = {"model_gamma": "γ", "model_delta": "δ", "model_zeta": "ζ", "model_f0": "f₀", "model_k0": "k₀",
@@ -108,6 +109,64 @@ def reading(path):
         if text(file.attrs.get("program", "")) != "stickslip":
             raise Unusable("was not written by stickslip")
         yield file
+
+
+class Plate:
+    """How far the driving plate of a run has gone, under a load v(t) or at model_v, from its open file. Nothing before t = 0."""
+
+    def __init__(self, file, end):
+        every = options(file)
+        self.amplitude = float(every.get("load_sine_amplitude") or 0)
+        self.period = float(every.get("load_sine_period") or 0)
+        if every.get("load_v") and "load" not in file:
+            raise Unusable("does not hold its load: it was written by an earlier revision")
+        table = [file["load"][name][:] for name in ("t", "before", "behind")] if "load" in file else [np.empty(0)] * 3
+        corners, before, behind = table[0], *(v - self.sine(table[0]) for v in table[1:])
+        # w, v without the sine, at the ends of straight pieces from 0 to the end
+        inside = (corners > 0) & (corners < end)
+        edges = np.r_[0, corners[inside], end]
+        w = self.straight(corners, before, behind, float(every["model_v"]))
+        pieces = [(a, b, w((a + b) / 2, a), w((a + b) / 2, b)) for a, b in zip(edges, edges[1:])]
+        self.edges, self.pieces = edges, pieces
+        self.shifts = np.cumsum([0] + [(b - a) * (v + u) / 2 for a, b, v, u in pieces])
+        # the way it goes, forth and back: in stretches so short that v turns at most once in one
+        turns = 64 * (1 + end / self.period) if self.period > 0 else 1
+        self.times = np.unique(np.concatenate([np.linspace(a, b, 2 + int(min(1e6, turns) * (b - a) / end + 64))
+                                               for a, b in zip(edges, edges[1:])]))
+        self.ways = np.r_[0, np.cumsum(np.abs(np.diff(self.shift(self.times))))]
+
+    def sine(self, t):
+        return self.amplitude * np.sin(2 * np.pi * t / self.period) if self.period > 0 else 0 * t
+
+    @staticmethod
+    def straight(corners, before, behind, v):
+        """w(within, t): the value at t of the piece in which the time `within` lies."""
+        def value(within, t):
+            i = np.searchsorted(corners, within)
+            if len(corners) == 0 or i == 0 or i == len(corners):
+                return v if len(corners) == 0 else before[0] if i == 0 else behind[-1]
+            part = (t - corners[i - 1]) / (corners[i] - corners[i - 1])
+            return behind[i - 1] + part * (before[i] - behind[i - 1])
+        return value
+
+    def shift(self, t):
+        """The integral of v(t) from 0, at each of some times."""
+        t = np.clip(np.asarray(t, float), 0, self.edges[-1])
+        i = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self.pieces) - 1)
+        a, b, v, u = np.array(self.pieces).T[:, i]
+        since = t - a
+        straight = self.shifts[i] + since * (v + (u - v) * since / (2 * (b - a)))
+        if self.period <= 0:
+            return straight
+        return straight + self.amplitude * self.period / np.pi * np.sin(np.pi * t / self.period)**2
+
+    def way(self, t):
+        """The integral of |v(t)|."""
+        return np.interp(t, self.times, self.ways)
+
+    def time_of(self, way):
+        """When it has gone so far; infinite where it does not."""
+        return float(np.interp(way, self.ways, self.times)) if way <= self.ways[-1] else np.inf
 
 
 def text(value):

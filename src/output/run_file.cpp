@@ -116,7 +116,7 @@ void RunFile::Writer::create(const std::string& name, double bytes) {
     bytes += 8.0 * double(table.x.size);
     room += 8.0 * double(table.capacity) * double(table.row_width());
   }
-  bytes += 16.0 * double(layout.friction_psi.size());
+  bytes += 16.0 * double(layout.friction_psi.size()) + 24.0 * double(layout.load_t.size());
   bytes += 8.0 * double(layout.profiles.size()) * double(layout.slab.nodes());
   unlink(name.c_str());  // never write into a file that somebody else may still have open
   file = h5::create_file(name, bytes, 0, room);
@@ -129,6 +129,14 @@ void RunFile::Writer::create(const std::string& name, double bytes) {
     h5::make_scale(scale, "psi");
     const Field friction{"friction/F", "1", "steady friction over its amplitude"};
     h5::attach_scale(h5::write_fixed(file, friction, {layout.friction_F.size()}, layout.friction_F), scale, 0);
+  }
+  if (!layout.load_t.empty()) {
+    const Id scale = h5::write_fixed(file, {"load/t", "time", "corner of the load"}, {layout.load_t.size()}, layout.load_t);
+    h5::make_scale(scale, "t");
+    const Field before{"load/before", "length/time", "velocity of the driving plate right before it"};
+    h5::attach_scale(h5::write_fixed(file, before, {layout.load_t.size()}, layout.load_before), scale, 0);
+    const Field behind{"load/behind", "length/time", "velocity of the driving plate right behind it"};
+    h5::attach_scale(h5::write_fixed(file, behind, {layout.load_t.size()}, layout.load_behind), scale, 0);
   }
   for (Table& table : tables) table.create(file);
   if (!layout.profiles.empty()) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "stickslip/model/friction.hpp"
+#include "stickslip/model/load.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 
@@ -38,6 +39,18 @@ void add_profiles(const Scene& scene, RunLayout& layout) {
   }
 }
 
+// From which, and the options of its sine, v(t) and the plate's way follow exactly.
+void add_load(const Load& load, RunLayout& layout) {
+  if (!load.varies()) return;
+  constexpr double before_all = -std::numeric_limits<double>::infinity();
+  for (double t = load.next_corner(before_all); std::isfinite(t); t = load.next_corner(t)) {
+    const int behind = load.piece_from(t);
+    layout.load_t.push_back(t);
+    layout.load_before.push_back(load.in_piece(behind - 1, t));
+    layout.load_behind.push_back(load.in_piece(behind, t));
+  }
+}
+
 }  // namespace
 
 RunLayout run_layout(const Scene& scene) {
@@ -48,6 +61,7 @@ RunLayout run_layout(const Scene& scene) {
   layout.numbers = {{"A", scene.A()},   {"B", scene.B()},           {"K0", scene.K0()},
                     {"K1", scene.K1()}, {"s_delta", scene.s_delta()}, {"v", scene.v}};
   add_profiles(scene, layout);
+  add_load(scene.load, layout);
   if (scene.friction.varies()) return layout;  // no one law for all
   const auto friction = Friction::of(scene.friction);
   for (const double psi : table_velocities()) {

@@ -22,7 +22,7 @@ def run(magnitude, begin=None, end=100.0, n=10, **options):
     begin = np.sort(np.asarray(begin)) if begin is not None else np.linspace(0, end, len(magnitude), endpoint=False)
     return {"events": {"magnitude": np.asarray(magnitude), "begin": begin, "moment": np.exp(magnitude),
                        "direction": np.ones(len(magnitude)), "extent": np.ones(len(magnitude))},
-            "x": np.arange(n), "t": np.array([0, end]), "begin": 0.0, "end": end, "v": 0.01, "sign": 1, "path": "drawn",
+            "x": np.arange(n), "t": np.array([0, end]), "begin": 0.0, "end": end, "way": 0.01 * end, "shift": 0.01 * end, "path": "drawn",
             "options": {"init_seed": "1", "grid_n": str(n), **options}}
 
 
@@ -133,3 +133,56 @@ def test_as_a_user_calls_it():
                         (files + ["--from", "90"], "ends before")):
         refused = subprocess.run(script + wrong, capture_output=True, text=True, check=False)
         check(refused.returncode == 1 and said in refused.stderr and refused.stderr.count("\n") == 1, refused.stderr)
+
+
+def way_in_small_steps(points, amplitude, period, v, end):
+    """How far the plate has come and gone: sums over a million pieces of time."""
+    t = (np.arange(10**6) + 0.5) * end / 10**6
+    w = np.full_like(t, v)
+    if points:
+        behind = [k for k in range(len(points)) if k + 1 == len(points) or points[k + 1][0] > points[k][0]]
+        w = np.full_like(t, points[0][1])
+        for k in behind:
+            a, u = points[k]
+            b, to = points[k + 1] if k + 1 < len(points) else (a + 1, u)
+            w = np.where(t >= a, u + (to - u) * (t - a) / (b - a), w)
+    w += amplitude * np.sin(2 * np.pi * t / period)
+    return t, np.cumsum(w) * end / 10**6, np.cumsum(np.abs(w)) * end / 10**6
+
+
+def test_the_way_of_the_plate_under_a_load():
+    """Of loads drawn at random, of either direction, with corners, steps and sines; --from counts on it."""
+    random = np.random.default_rng(7)
+    for scene in range(6):
+        end, v = random.uniform(2, 9), random.uniform(-1, 1)
+        times = np.repeat(np.sort(random.uniform(0, 1.2 * end, 3)), random.integers(1, 3, 3)) if scene % 3 else []
+        points = [(float(t), float(u)) for t, u in zip(times, random.uniform(-1, 1, len(times)))]
+        amplitude, period = (random.uniform(0.1, 1), random.uniform(0.3, 6)) if scene % 2 == 0 else (0, 1)
+        table = ",".join(f"{t!r}:{u!r}" for t, u in points)
+        options = (f"-load_v {table} " if points else "") + \
+            (f"-load_sine_amplitude {amplitude} -load_sine_period {period}" if amplitude else "")
+        ran("-model_form", "chain", "-grid_n", "1", "-model_v", v, *words(options), "-ts_max_time", end, "-out_frames", "2",
+            "-out_file", "way.h5")
+        with c.reading("way.h5") as file:
+            plate = c.Plate(file, end)
+        t, shift, way = way_in_small_steps(points, amplitude, period, v, end)
+        some = slice(1000, None, 9999)
+        off = max(abs(plate.shift(t) - shift)[some].max(), abs(plate.way(t) - way)[some].max())
+        check(off < 2e-5, f"{options}: off by {off}")
+        check(abs(plate.time_of(way[-1] / 2) - t[np.searchsorted(way, way[-1] / 2)]) < 1e-2, f"{options}: half of the way")
+
+
+def test_a_load_that_is_a_constant_velocity():
+    """The plate goes as at model_v, and so do the events and the table."""
+    tables = []
+    for name, how in (("constant", "-model_v 2e-3"), ("load", "-load_v 0:2e-3,3000:2e-3")):
+        ran(*words(scene_file("catalogue")), "-grid_n", 30, "-friction_alpha", 2, "-ts_max_time", 1500, "-out_frames", 2,
+            *words(how), "-out_file", f"{name}.h5")
+        tables.append(c.statistics([c.read(f"{name}.h5", 1)], (-5, -0.5)))
+    for one, other in [(tables[0][key], tables[1][key]) for key in ("events", "per_node_and_way", "moment_per_node_and_way")]:
+        check(abs(one / other - 1) < 0.1, f"{one} at a constant velocity, {other} under a load: {tables}")
+
+
+def ran(*arguments):
+    done = subprocess.run([PROGRAM, "run", "-progress", "off", *map(str, arguments)], capture_output=True, text=True, check=False)
+    check(done.returncode == 0, done.stderr)

@@ -48,6 +48,8 @@ struct RunLayout {
   std::map<std::string, double> numbers;
   std::vector<std::pair<Field, std::function<double(std::int64_t)>>> profiles;  // of nodes: what differs along x
   std::vector<double> friction_psi, friction_F;  // steady friction, a table friction/F of friction/psi, if not empty
+  // Corners of a load, tables load/before and load/behind of load/t: the plate's velocity on either side, if not empty.
+  std::vector<double> load_t, load_before, load_behind;
 };
 
 class RunFile {
