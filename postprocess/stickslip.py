@@ -130,7 +130,7 @@ class Plate:
         self.edges, self.pieces = edges, pieces
         self.shifts = np.cumsum([0] + [(b - a) * (v + u) / 2 for a, b, v, u in pieces])
         # the way it goes, forth and back: in stretches so short that v turns at most once in one
-        turns = 64 * (1 + end / self.period) if self.period > 0 else 1
+        turns = 256 * (1 + end / self.period) if self.period > 0 else 1
         self.times = np.unique(np.concatenate([np.linspace(a, b, 2 + int(min(1e6, turns) * (b - a) / end + 64))
                                                for a, b in zip(edges, edges[1:])]))
         self.ways = np.r_[0, np.cumsum(np.abs(np.diff(self.shift(self.times))))]
@@ -162,7 +162,8 @@ class Plate:
 
     def way(self, t):
         """The integral of |v(t)|."""
-        return np.interp(t, self.times, self.ways)
+        i = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 1)
+        return self.ways[i] + np.abs(self.shift(t) - self.shift(self.times[i]))
 
     def time_of(self, way):
         """When it has gone so far; infinite where it does not."""

@@ -45,7 +45,8 @@ def test_short_steps(scenes):
         for steps in (300, 10000):
             errors[steps] = abs(end_of(f"{how} -ts_adapt_type none -ts_dt {1 / steps!r}", state) - exact).max() / size
         order = 2 if method == "l2" else 3
-        expected = errors[300] / 30**order + 2e-11
+        # a steep law's equations are solved to 1e-13 a step
+        expected = errors[300] / 30**order + (2e-9 if state and split == "both" else 2e-11)
         assert errors[10000] < 3 * expected, f"scene {index}: errors {errors}, at most {expected} was due: {how}"
         if method in ("ars443", "l2"):
             continue
