@@ -219,7 +219,10 @@ double resolved_frequency(const LinearisedOperator& s) {
   if (s.scene.form == Form::chain) return s.imaginary_bound();
   const double k = resolved_wavenumber(s.scene.order, s.scene.h());
   if (k == M_PI / s.scene.h()) return s.imaginary_bound();
-  return s.rate_of(s.K0 + s.K1 * s.symbol(k));
+  double height = s.rate_of(s.K0 + s.K1 * s.symbol(k));
+  if (s.has_exact_waves())  // a state may add to the frequency of that wave
+    for (const Complex& z : dispersion(s.mean(), s.symbol(k))) height = std::max(height, z.imag());
+  return height;
 }
 
 void interpolate(const LinearisedOperator& from, const LinearisedOperator& to,
