@@ -17,6 +17,9 @@ constexpr double of_interest = -.3;   // ln |y| from which on multipliers are to
 
 }  // namespace
 
+// Most samples that a line takes besides `even` even ones; such as match take some times as many.
+double added_samples(double even) { return 1000 + 10 * even; }
+
 Complex apart(Complex a, Complex b) {  // of logarithms
   return {a.real() - b.real(), std::remainder(a.imag() - b.imag(), 2 * M_PI)};
 }
@@ -105,6 +108,8 @@ void SpectralLine::scan() {
   const double even = std::min(spacing / rate, top_ / 8);
   // near V = c the multipliers change with lambda over sqrt(r2 |dC/dt|), next to the passages through C = 0
   const double finest = .15 * std::sqrt(train.r2 * transfer_.damping().slope) * V / c;
+  // Where multipliers are noise (round-off that fronts have amplified, near V = c) no sampling makes neighbours match.
+  double left = added_samples(top_ / even);
   std::vector<Sample> half{sample(0)};
   while (half.back().omega < top_) {
     const double step = std::min(even, std::max(finest, half.back().omega / 4));
@@ -112,7 +117,7 @@ void SpectralLine::scan() {
     while (!ahead.empty()) {
       const double gap = ahead.back().omega - half.back().omega;
       const bool same = matched(half.back(), ahead.back());
-      if (same || gap < 1e-10 * top_) {
+      if (same || gap < 1e-10 * top_ || left-- <= 0) {
         closed_ = closed_ && same;
         half.push_back(ahead.back());
         ahead.pop_back();
