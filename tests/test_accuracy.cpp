@@ -26,6 +26,9 @@ TEST_CASE("a pilot takes the steps of PETSc's rk", "[accuracy][serial]") {
        {"load_v", "0.3:1,0.3:-1,7:0.4"}, {"ts_max_time", "9"}},
   };
   for (const Words& words : scenes) {
+    // every second one with steps held by the largest error
+    const bool largest = (&words - scenes.data()) % 2 == 1;
+    if (largest) SS_TRY(PetscOptionsSetValue(nullptr, "-ts_adapt_wnormtype", "infinity"));
     std::vector<Given> given;
     for (const auto& [name, text] : words) given.push_back({name, text, ""});
     for (const char* pair : {"rk:5dp", "rk:3bs", "rk:7vr"}) {
@@ -47,6 +50,7 @@ TEST_CASE("a pilot takes the steps of PETSc's rk", "[accuracy][serial]") {
       CHECK(ours.rhs_evaluations == petscs.rhs_evaluations);
       CHECK(distance(ours.end, petscs.end) < 1e-13);
     }
+    if (largest) SS_TRY(PetscOptionsClearValue(nullptr, "-ts_adapt_wnormtype"));
   }
 }
 

@@ -33,6 +33,13 @@ VecHandle vector_for(const Model& model) {
   return u;
 }
 
+// In which the user wants the error of a step to be held.
+NormType norm_set() {
+  PetscEnum type = PetscEnum(NORM_2);
+  SS_TRY(PetscOptionsGetEnum(nullptr, nullptr, "-ts_adapt_wnormtype", NormTypes, &type, nullptr));
+  return NormType(type);
+}
+
 // As TSADAPTBASIC with its defaults chooses steps.
 constexpr double safety = 0.9, reject_safety = 0.5, shortest = 0.1, longest = 10, when_not_finite = 0.25;
 constexpr int most_rejections = 60;
@@ -100,7 +107,7 @@ Trial Pilot::run(const Setting& setting, double limit) const {
   static const std::vector<VecHandle> no_slopes;
   double most = longest_step(setting);
   if (most == 0) most = t_end_;
-  const ErrorNorm norm{setting.tolerance, setting.tolerance, NORM_2};
+  const ErrorNorm norm{setting.tolerance, setting.tolerance, norm_set()};
   double t = 0, until = 0, dt = std::min({rates_of(model, u).first_step(), most, t_end_});
   for (int rejected = 0; t < t_end_ && trial.failed.empty();) {
     if (t == until) {  // the start, or a corner of the load
