@@ -175,3 +175,15 @@ def test_a_trend_of_a_scene_too_short_to_decide():
     with open("short.json", encoding="utf-8") as file:
         row = json.load(file)["rows"][0]
     check(row["wrong"] == "blow-up" and row["silent"] == [] and row["followed"] > 0.14, row)
+
+
+def test_a_motion_that_is_undecided_is_compared_itself():
+    # Five periods of 8: no regime to compare, and steps of 4.92 have the amplitude, and nothing else, right.
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [PROGRAM, "chart", "-progress", "off", "-summary", "-", "-model_form", "chain", "-grid_n", "1", "-model_v", "0.5",
+             "-model_zeta", "0", "-init_psi", "0.6", "-ts_max_time", "40", "-chart_kind", "limits", "-chart_methods",
+             "arkimex:4:both", "-out_file", os.path.join(folder, "l.h5")], capture_output=True, text=True, check=False)
+    check(done.returncode == 0, done.stderr)
+    row = json.loads(done.stdout)["rows"][0]
+    check(row["followed"] < 4 and row["wrong"], f"{row}")
