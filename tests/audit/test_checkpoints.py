@@ -44,7 +44,7 @@ def draw(random):
     if random.random() < 0.4:
         p["model_nu"] = u(0.01, 0.3)
     if random.random() < 0.5:
-        p |= {"load_sine_amplitude": u(0.05, 0.4), "load_sine_period": u(0.7, 5)}
+        p |= {"load_sine_amplitude": u(0.05, 0.4), "load_sine_period": u(0.7, 5), "out_displacement": "true"}
     p["ts_max_time"] = u(4, 15) if sticks else u(2, 5)
     fixed = random.random() < 0.5
     if fixed:
