@@ -430,6 +430,27 @@ TEST_CASE("a run goes on bitwise alike from the middle of a stick") {
   }
 }
 
+TEST_CASE("a run that ends at rest can be prolonged", "[serial]") {
+  const Scene scene = lone_blocks(4);
+  const InDatabase given(tolerance("1e-9"));
+  const Start start = [](PetscInt, double* at) {
+    at[0] = 0;
+    at[1] = 0.5;
+  };
+  Model model(PETSC_COMM_WORLD, scene);
+  VecHandle u = model.create_vector();
+  fill(model, start, u);
+  Integrator integrator(model, MethodSpec::from(given.options), u);
+  const double slip = 0.5 / (scene.K0() * scene.v);  // when the force has come to the threshold
+  double t = 0;
+  for (const double end : {0.25 * slip, 0.5 * slip, slip + 5}) {
+    integrator.advance(u, t, end, nullptr);
+    t = end;
+  }
+  const Run once(scene, start, slip + 5, tolerance("1e-9"));
+  CHECK(furthest(once.values(), Run::all_values(u)) < 1e-7);
+}
+
 TEST_CASE("loading costs a step, however slow the plate", "[serial]") {
   for (const double v : {1e-2, 1e-5, 1e-8}) {
     Scene scene = lone_blocks(4);

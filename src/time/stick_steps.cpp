@@ -66,10 +66,10 @@ void StickSteps::take_back(const Step& step, Vec before, double dt) {
   course_.update_report(ts_, model_);
 }
 
-// The next step starts anew, at t and of length dt, unless the run is over.
+// The next step starts anew, at t and of length dt, unless the run is over: then dt stays for who goes on with it.
 void StickSteps::go_on_from(double t, double dt) {
   SS_TRY(TSSetTime(ts_, t));
-  SS_TRY(TSSetTimeStep(ts_, std::min(dt, course_.t_end - t)));
+  SS_TRY(TSSetTimeStep(ts_, t < course_.t_end ? std::min(dt, course_.t_end - t) : dt));
   SS_TRY(TSRestartStep(ts_));
   SS_TRY(TSSetConvergedReason(ts_, course_.stop_asked                         ? TS_CONVERGED_USER
                                    : t >= course_.t_end                       ? TS_CONVERGED_TIME
