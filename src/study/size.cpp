@@ -77,9 +77,10 @@ double bytes_of_steps(const Unknowns& u, const Way& way) {
     return bytes + u.matrix(stencil) + u.factors(stencil);
   }
   bytes += u.V;
-  if (way.implicit != Implicit::wave && way.implicit != Implicit::both) return bytes;
+  const bool wave = way.implicit == Implicit::wave;
+  if (!wave && way.implicit != Implicit::both) return bytes;
   const double stages = way.slopes() / 2., state = u.dof - 2;
-  return bytes + 8 * (3 * u.dof - 1 + stages * (way.implicit == Implicit::wave ? 3 + state : u.dof));
+  return bytes + 8 * (3 * u.dof + (wave ? 1 : 2) + stages * (wave ? 3 + state : u.dof));
 }
 
 double bytes_of_run(const Options& options, const Scene& scene, const Way& way) {
