@@ -148,6 +148,7 @@ TEST_CASE("a cell's rates and Jacobian are those of Model", "[cycle][serial]") {
 
 TEST_CASE("waves on uniform oscillations grow as known", "[cycle][serial]") {
   Scene s;  // gamma 3, delta 0.2, c 1, v 0.2
+  int points = 0;
   const BlochSpectrum damped = bloch_spectrum(uniform_cycle(s), 200);
   CHECK(damped.growth_rate == Approx(0.0270974).margin(5e-8));
   // rings on which that wave fits as the longest, and that carry none that grows
@@ -157,6 +158,21 @@ TEST_CASE("waves on uniform oscillations grow as known", "[cycle][serial]") {
   CHECK(growth_on_uniform(ring) == Approx(damped.growth_rate).margin(1e-9));
   ring.length = 5;
   CHECK(growth_on_uniform(ring) < 0);
+  // where the longest wave of a ring stops to grow
+  MediumLines lines([&](double v, double gamma) {
+    Scene here = ring;
+    here.length = 8.784836402747949;
+    here.c = 1.0600603155793924;
+    here.delta = 0;
+    here.v = v;
+    here.gamma = gamma;
+    return here;
+  }, {{"model_v", 0.8, 1.01}, {"model_gamma", 1.379, 1.517}}, 1, [] {});
+  for (const Crossing& c : lines.waves(4)) {
+    CHECK(c.wavenumber == Approx(2 * M_PI / 8.784836402747949));
+    ++points;
+  }
+  CHECK(points > 0);
   CHECK(damped.wavenumber * damped.wavenumber == Approx(0.4436).margin(5e-5));
   CHECK(!damped.stable);
   CHECK(damped.diffusion < 0);

@@ -34,23 +34,33 @@ bool passes(const std::vector<TrainLimit>& line, const TrainLimit& limit) {
   return false;
 }
 
-}  // namespace
+// Of deviations from the uniform oscillation the one that grows fastest.
+struct FastestDeviation {
+  double growth, wavenumber;
+};
 
-double growth_on_uniform(const Scene& ring) {
+FastestDeviation fastest_on_uniform(const Scene& ring) {
   try {
     const SmoothCycle cycle = uniform_cycle(one_node_of(ring), 1e-8, strong_slip);
-    double growth = growth_rate(cycle.cycle);
-    if (growth > 0) return growth;
+    FastestDeviation fastest{growth_rate(cycle.cycle), 0};
+    if (fastest.growth > 0) return fastest;
     Deviations deviations(cycle);
-    if (ring.nu == 0) growth = std::max(growth, -deviations.mean_damping() / 2);  // of ever shorter waves
+    if (ring.nu == 0) fastest.growth = std::max(fastest.growth, -deviations.mean_damping() / 2);  // of ever shorter waves
     const double period = cycle.cycle.period, unit = 2 * M_PI / ring.length;
-    for (long m = 1; double(m) * unit * ring.c * period <= turns_of_shortest; m += m < 100 ? 1 : m / 50)
-      growth = std::max(growth, std::log(std::abs(deviations.of_wave(std::pow(double(m) * unit, 2)).front())) / period);
-    return growth;
+    for (long m = 1; double(m) * unit * ring.c * period <= turns_of_shortest; m += m < 100 ? 1 : m / 50) {
+      const double k = double(m) * unit;
+      const double growth = std::log(std::abs(deviations.of_wave(k * k).front())) / period;
+      if (growth > fastest.growth) fastest = {growth, k};
+    }
+    return fastest;
   } catch (const Failure&) {
-    return std::nan("");
+    return {std::nan(""), std::nan("")};
   }
 }
+
+}  // namespace
+
+double growth_on_uniform(const Scene& ring) { return fastest_on_uniform(ring).growth; }
 
 MediumLines::MediumLines(SceneAt scene_at, std::vector<Axis> axes, PetscInt pulses, std::function<void()> each)
     : scene_at_(std::move(scene_at)), axes_(std::move(axes)), pulses_(pulses), each_(std::move(each)) {}
@@ -97,7 +107,9 @@ std::vector<Crossing> MediumLines::waves(PetscInt count) {
     Crossing c = crossing(on.at.x, on.at.y, "waves");
     c.kind = "wave";
     c.piece = int(piece);
-    c.frequency = 2 * M_PI / uniform_cycle(one_node_of(scene(c.x, c.y)), 1e-8, strong_slip).cycle.period;
+    const Scene here = scene(c.x, c.y);
+    c.frequency = 2 * M_PI / uniform_cycle(one_node_of(here), 1e-8, strong_slip).cycle.period;
+    c.wavenumber = fastest_on_uniform(here).wavenumber;
     result.push_back(c);
   });
   return result;

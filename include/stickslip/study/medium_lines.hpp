@@ -28,7 +28,8 @@ class MediumLines {
   // Why a scene has no such lines; empty where it has.
   static std::string refusal(const Scene& scene);
 
-  // About `count` points of the line on which growth_on_uniform is zero: `of` "waves", kind `wave`.
+  // About `count` points of the line on which growth_on_uniform is zero: `of` "waves", kind `wave`, with the
+  // wavenumber of the wave that grows fastest there.
   std::vector<Crossing> waves(PetscInt count);
   // growth_on_uniform as sampled for it, 9 x 9, the first axis fastest.
   const std::vector<double>& growth() const { return growth_; }
