@@ -24,7 +24,7 @@ VARIED = {"boundary": "boundary_parameter", "sweep": "sweep_parameter1", "wave":
 NO_RESULT = {"options", "wall_s", "seconds", "events_per_s", "files", "processor_s", "best"}
 # Results that change sign; least and largest of psi change places too.
 ODD_RESULTS = {"model_v", "psi", "eta", "psi_mean", "eta_mean", "maxima", "chi", "steady_eta", "v", "direction",
-               "height", "probes_psi", "probes_eta"}
+               "height", "probes_psi", "probes_eta", "before", "behind"}
 ROUNDED = ("growth_rate", "wave_speed")  # of a matrix whose blocks have other signs; of a phase half a turn on
 PAIRS = {"psi_min": "psi_max", "psi_max": "psi_min"}
 
