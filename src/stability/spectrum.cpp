@@ -97,10 +97,14 @@ void look_beyond_grid(const LinearisedOperator& s, double height, bool refine, S
     result.growth_continuum = continuum->growth;
     if (std::isfinite(continuum->wavenumber)) result.wavenumber_continuum = continuum->wavenumber;
     // at the threshold the growth rate is round-off, of either sign
-    const bool decays = continuum->growth < -8 * epsilon * s.rate_of(s.K0);
+    const double round_off = 8 * epsilon * s.rate_of(s.K0);
+    const bool decays = continuum->growth < -round_off;
     if (result.stable && !decays)
-      result.remarks.push_back("waves of the continuum that " + beyond + " does not carry grow, at up to " +
-                               rounded_text(continuum->growth, 6) + " (growth_continuum)");
+      result.remarks.push_back("waves of the continuum that " + beyond + " does not carry " +
+                               (continuum->growth > round_off
+                                    ? "grow, at up to " + rounded_text(continuum->growth, 6)
+                                    : "decay at rates that come to 0: sliding in the continuum is neither stable nor unstable") +
+                               " (growth_continuum)");
     result.stable = result.stable && (decays || !refine);
     return;
   }

@@ -82,6 +82,7 @@ def test_short_waves_whose_growth_has_no_maximum():
     found, _ = run("-grid_n 26 -model_c 0 -model_nu 0.004 -bc_right free -friction_law rate-and-state -model_gamma 2 "
                    "-friction_a .15 -friction_b .24 -friction_D .3 -grid_length 6.6", command="spectrum")
     check(abs(found["growth_rate"] + 0.05275041817) < 1e-9 and abs(found["growth_continuum"]) < 1e-12, found)
+    check(found["stable"] is not True and "come to 0" in found["warnings"][-1], found["warnings"])
 
 
 @pytest.mark.parametrize("seed, options", [
