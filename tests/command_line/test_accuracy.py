@@ -240,7 +240,7 @@ def test_numbers_of_random_chains(seed):
 
     def passes(_, u):
         return u[0] - v
-    passes.direction = 1
+    passes.direction = np.copysign(1, v)  # along the plate's way
     x = np.arange(n) / max(1, n - 1)
     begin = np.concatenate([start + 0.4 * np.sin(2 * np.pi * x), np.full(n, 0.1)])
     turns = [lambda t, u, i=i: motion(t, u)[i] for i in range(n)]
