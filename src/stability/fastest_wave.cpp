@@ -193,7 +193,8 @@ std::optional<FastestWave> fastest_wave(const LinearPoint& medium, const Waves& 
   for (int round = 0; round < most_rounds && faster; ++round) {  // two or three, as a rule
     faster = false;
     for (const auto& [a, b] : search.stretches(most))
-      if (look(a + (b - a) / 2)) faster = true;
+      for (const std::int64_t j : {a, a + (b - a) / 2, b - 1})  // round-off may leave the best itself in it
+        if (look(j)) faster = true;
   }
   if (!std::isfinite(most)) return std::nullopt;
   FastestWave found;
