@@ -117,7 +117,7 @@ bool GrazeEnd::lives(double x, double y) {
 }
 
 // Whether it lives on one side of a place alone; empty where a side lies outside of the box.
-std::optional<bool> GrazeEnd::ends_at(const Crossing& c, double nx, double ny, std::vector<std::string>& notes) {
+std::optional<bool> GrazeEnd::ends_at(const Crossing& c, double nx, double ny) {
   std::string found[2];
   bool lives[2] = {false, false};
   for (const int side : {0, 1}) {
@@ -127,16 +127,43 @@ std::optional<bool> GrazeEnd::ends_at(const Crossing& c, double nx, double ny, s
     found[side] = to_string(fate.fate);
     lives[side] = fate.fate == Fate::repeats || fate.fate == Fate::wanders;
     if (fate.fate == Fate::oscillates)
-      notes.push_back("beside " + place_text(c.x, c.y) + ", where a slip " +
-                      (c.kind == "pass" ? "that swings back only just stops" : "only grazes rest") +
-                      ", the oscillation goes on without rest: it ends further on, at a point that is not named here");
+      remark(
+          std::string("where a slip ") + (c.kind == "pass" ? "that swings back only just stops" : "only grazes rest") +
+              ", the oscillation goes on without rest on the other side: whether and where that ends is not looked for",
+          c);
   }
   if (lives[0] == lives[1])
-    notes.push_back("at " + place_text(c.x, c.y) + " the longest slip " +
-                    (c.kind == "pass" ? "only just stops" : "only grazes rest") + ", but on either side the motion " +
-                    (found[0] == found[1] ? found[0] : found[0] + " or " + found[1]) +
-                    ": stick-slip does not end there, and this is no point of it");
+    remark(std::string("where the longest slip ") + (c.kind == "pass" ? "only just stops" : "only grazes rest") +
+               ", on either side the motion " + (found[0] == found[1] ? found[0] : found[0] + " or " + found[1]) +
+               ": stick-slip does not end there, and this is no point of it",
+           c);
   return lives[0] != lives[1];
+}
+
+void GrazeEnd::remark(const std::string& what, const Crossing& at) {
+  const auto same = std::find_if(remarks_.begin(), remarks_.end(), [&](const Remark& r) { return r.what == what; });
+  if (same == remarks_.end())
+    remarks_.push_back({what, {at}});
+  else if (same->at.back().x != at.x || same->at.back().y != at.y)
+    same->at.push_back(at);
+}
+
+// What is said of several places is one note, of the range they lie in.
+void GrazeEnd::tell_remarks(std::vector<std::string>& notes) {
+  for (const Remark& r : remarks_) {
+    std::string where = place_text(r.at[0].x, r.at[0].y);
+    if (r.at.size() > 1) {
+      where = std::to_string(r.at.size()) + " places that were asked";
+      for (std::size_t k = 0; k < axes_.size(); ++k) {
+        const auto of = [&](const Crossing& c) { return axes_[k].value(k == 0 ? c.x : c.y); };
+        const auto ends = std::minmax_element(r.at.begin(), r.at.end(),
+                                              [&](const Crossing& a, const Crossing& b) { return of(a) < of(b); });
+        where += ", " + axes_[k].name + " = " + number_text(of(*ends.first)) + " to " + number_text(of(*ends.second));
+      }
+    }
+    notes.push_back("beside " + where + ", " + r.what);
+  }
+  remarks_.clear();
 }
 
 // Where a slip grazed rest and stick-slip went on, with slips of another shape, the distance from grazing does not say where
@@ -184,9 +211,11 @@ std::vector<Crossing> GrazeEnd::points(std::vector<std::string>& notes) {
       continue;
     }
     Crossing end = crossing(root, 0, 1, 0);
-    if (ends_at(end, 1, 0, notes).value_or(true)) found.push_back(std::move(end));
+    if (ends_at(end, 1, 0).value_or(true))
+      found.push_back(std::move(end));
     else other_shapes = true;
   }
+  tell_remarks(notes);
   if (other_shapes) ask_motion(found, notes);
   return found;
 }
@@ -213,7 +242,7 @@ std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& 
                  places.push_back({crossing(at.x, at.y, place.across.x, place.across.y), place.across, {}});
                  places.back().end.piece = int(piece);
                  if (k % std::max<std::size_t>(1, of_piece / 8) == 0)
-                   places.back().ends = ends_at(places.back().end, place.across.x, place.across.y, notes);
+                   places.back().ends = ends_at(places.back().end, place.across.x, place.across.y);
                });
   std::set<int> doubtful;  // pieces: every point is asked
   for (const Asked& p : places)
@@ -221,9 +250,10 @@ std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& 
   std::vector<Crossing> result;
   for (Asked& p : places) {
     const bool doubted = doubtful.count(p.end.piece) > 0;
-    if (!p.ends && doubted) p.ends = ends_at(p.end, p.across.x, p.across.y, notes);
+    if (!p.ends && doubted) p.ends = ends_at(p.end, p.across.x, p.across.y);
     if (p.ends.value_or(!doubted)) result.push_back(std::move(p.end));
   }
+  tell_remarks(notes);
   return result;
 }
 

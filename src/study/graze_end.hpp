@@ -27,9 +27,16 @@ class GrazeEnd : public StickSlipEnd {
   PlanePoint last_digits(PlanePoint at, PlanePoint across);
   void place_fold(Crossing& c, double nx, double ny);
   bool lives(double x, double y);
-  std::optional<bool> ends_at(const Crossing& c, double nx, double ny, std::vector<std::string>& notes);
+  std::optional<bool> ends_at(const Crossing& c, double nx, double ny);
+  void remark(const std::string& what, const Crossing& at);
+  void tell_remarks(std::vector<std::string>& notes);
   void ask_motion(const std::vector<Crossing>& found, std::vector<std::string>& notes);
 
+  struct Remark {  // what is said of places, each kind of it once
+    std::string what;
+    std::vector<Crossing> at;
+  };
+  std::vector<Remark> remarks_;
   double period_ = 0;  // of the cycle at the last evaluation
   bool passes_ = false;  // there: what it is zero of
 };
