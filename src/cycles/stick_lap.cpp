@@ -73,11 +73,12 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
   for (int i = 0; i < m.nodes(); ++i)
     if (p.direction[std::size_t(i)] == 0) rests_since[std::size_t(i)] = 0;
   const double patience = 400 * 2 * M_PI / std::sqrt(m.scene().A() * (m.scene().K0() + 1e-3 * m.scene().K1()));  // of a slip
+  const long most = std::min(most_steps, m.most_steps(p.count));
   int released = 0;
   std::vector<double> was(p.direction);
   if (wishes.changed) wishes.changed(was, p);
   for (int count = 0; released < from.releases; ++count) {
-    if (count == most_changes || p.steps > most_steps) throw Failure("exact stick: the motion does not repeat");
+    if (count == most_changes || p.steps > most) throw Failure("exact stick: the motion does not repeat");
     beat("slips");
     const std::vector<Change> changes = m.advance(p, m.all_rest(p) ? m.never : p.t + patience, wishes.passed, turned);
     if (changes.empty()) throw Failure("exact stick: a slip does not come to rest");

@@ -14,6 +14,10 @@ namespace stickslip {
 
 namespace {
 
+constexpr double most_work = 1e6;     // between two changes, as steps of one node or of one deviation of it
+constexpr double least_steps = 5000;  // that are allowed for all that
+constexpr int most_idle = 100;        // changes at one time that change nothing
+constexpr double round_off = 4e-16;   // relative, of a sum
 constexpr double close = 1e-12;      // relative: changes this near to each other happen at once, as in runs (stick.hpp)
 constexpr double longest_step = 1.2; // in units of one over the highest frequency: no change comes and goes twice within it
 
@@ -154,8 +158,10 @@ void StickMotion::decide(Standing& p) const {
     for (const double side : {1., -1.}) {
       if (side < 0 && !scene_.friction.back_slip) continue;
       const Candidate c{i, side, true, false, false};
-      const double excess = beyond(c, p.u.data());
-      if (excess > close * limit || (excess >= 0 && growth(c, p.u.data(), f.data()) > 0)) going = side;
+      const double excess = beyond(c, p.u.data()), by = pull(i, p.u.data());
+      const double none =
+          by == 0 ? 0 : round_off * (limit + std::abs(by));  // what eta set to limit - pull leaves of it
+      if (excess > close * limit || (excess >= -none && growth(c, p.u.data(), f.data()) > 0)) going = side;
     }
   }
 }
@@ -219,9 +225,10 @@ double StickMotion::first_change(const Standing& p, const double* f0, const doub
   at.clear();
   const auto examine = [&](Candidate c) {
     const double before = growth(c, p.u.data(), f0), behind = growth(c, y1, f1);
+    const bool begins = !c.rests && beyond(c, p.u.data()) == 0;  // right at its start: psi_t against it is round-off
     double until = h;
     c.to_come = beyond(c, y1) >= 0;
-    if (!c.to_come && before > 0 && behind < 0) {  // it may have come and gone
+    if (!c.to_come && !begins && before > 0 && behind < 0) {  // it may have come and gone
       until = locate(p, f0, c, 0, h, true);
       std::vector<double> u(size());
       step_from(p, f0, until, 0, u.data());
@@ -379,13 +386,19 @@ std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Pass
   return change(p);
 }
 
+long StickMotion::most_steps(std::size_t deviations) const {
+  return std::lround(std::max(least_steps, most_work / (double(nodes_) * (1 + double(deviations)))));
+}
+
 std::vector<Change> StickMotion::advance(Standing& p, double until, const Passed& passed, const Turned& turned) const {
   std::vector<double> f0(size()), f1(size()), y1((p.count + 1) * size());
   std::vector<Candidate> candidates;
   rates(p.direction, p.u.data(), f0.data());
   double h = longest_ / 4;
+  int idle = 0;  // changes in a row, at one time, that changed no direction
+  const long most = most_steps(p.count);
   for (long step = 0; p.t < until; ++step) {
-    if (step > 1000000) throw Failure("exact stick: no end of steps at t = " + number_text(p.t));
+    if (step > most) throw Failure("exact stick: no end of steps at t = " + number_text(p.t));
     if (all_rest(p)) {
       std::vector<Change> changes = pass_rest(p, until, passed);
       if (!changes.empty() || p.t >= until) return changes;
@@ -403,11 +416,16 @@ std::vector<Change> StickMotion::advance(Standing& p, double until, const Passed
     const double place = first_change(p, f0.data(), y1.data(), f1.data(), h, candidates, turned);
     const bool changes = std::any_of(candidates.begin(), candidates.end(), [](const Candidate& c) { return c.to_come || c.turns; });
     if (changes) {
+      const double before = p.t;
       step_from(p, f0.data(), place, p.count, y1.data());
       accept(p, y1.data(), place, f0.data(), passed);
       snap(p, candidates, place);
       std::vector<Change> found = change(p);
       if (!found.empty()) return found;
+      idle = p.t > before ? 0 : idle + 1;
+      if (idle > most_idle)
+        throw Failure("exact stick: a node at its threshold starts and stops in no time, again and again, at t = " +
+                      number_text(p.t));
       rates(p.direction, p.u.data(), f0.data());
       h = std::max(place, longest_ / 64);
       continue;

@@ -99,6 +99,10 @@ class StickMotion {
   };
   std::vector<Jump> jumps(const std::vector<double>& was, const Standing& p) const;
 
+  // How many steps with so many deviations are at most taken from change to change: steps times nodes times one more
+  // than the deviations is bounded, but for 5000 steps.
+  long most_steps(std::size_t deviations) const;
+
   bool all_rest(const Standing& p) const;  // however long that lasts, it is passed at once
 
   // On to the next change, and past it (several at once: nodes that change together), but not beyond the time `until`.
