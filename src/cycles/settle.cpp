@@ -6,6 +6,7 @@
 #include <deque>
 #include <optional>
 
+#include "base/local_values.hpp"
 #include "base/pulse.hpp"
 #include "cycles/cell_field.hpp"
 #include "cycles/profile.hpp"
@@ -43,13 +44,9 @@ double hermite(const Sample& a, const Sample& b, double t, size_t k) {
 
 PetscErrorCode rates_for_ts(TS, PetscReal, Vec u, Vec f, void* context) {
   return guarded([&] {
-    const double* in;
-    double* out;
-    SS_TRY(VecGetArrayRead(u, &in));
-    SS_TRY(VecGetArray(f, &out));
+    const Reading in(u);
+    const Writing out(f);
     static_cast<const CellField*>(context)->rates(in, out);
-    SS_TRY(VecRestoreArray(f, &out));
-    SS_TRY(VecRestoreArrayRead(u, &in));
   });
 }
 
@@ -79,10 +76,8 @@ class Motion {
   Sample now() {
     Sample s{0, y_, std::vector<double>(y_.size())};
     SS_TRY(TSGetTime(ts_, &s.t));
-    const double* a;
-    SS_TRY(VecGetArrayRead(u_, &a));
-    std::copy(a, a + y_.size(), s.y.begin());
-    SS_TRY(VecRestoreArrayRead(u_, &a));
+    const Reading a(u_);
+    std::copy(a + 0, a + y_.size(), s.y.begin());
     field_.rates(s.y.data(), s.f.data());
     return s;
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "base/local_values.hpp"
 #include "base/broadcast.hpp"
 #include "model/massless_chain.hpp"
 #include "model/viscosity.hpp"
@@ -212,21 +213,17 @@ struct Model::Impl {
     ++evaluations;
     if (massless) u = settle_copy(u);
     apply(loop_of(part), has_stencil(part), u, f);
-    double* b;
-    SS_TRY(VecGetArray(f, &b));
+    const Writing b(f);
     for_held([&](PetscInt i) {
       b[i * dof] = 0;
       if (scene.form == Form::continuum) b[i * dof + 1] = 0;
     });
-    SS_TRY(VecRestoreArray(f, &b));
   }
 
   // f = what the loop makes of u, held nodes like others.
   void apply(const RangeLoop& loop, bool with_stencil, Vec u, Vec f) const {
-    const double* a;
-    double* b;
-    SS_TRY(VecGetArrayRead(u, &a));
-    SS_TRY(VecGetArrayWrite(f, &b));
+    const Reading a(u);
+    const Writing b(f);
     const Coefficients& c = with_stencil ? coefficients : no_stencil;
     const PetscInt hw = half_width;
     if (!with_stencil || halo_is_local) {
@@ -238,15 +235,11 @@ struct Model::Impl {
       SS_TRY(VecScatterBegin(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
       if (wide) over_range(loop, c, a, b, hw, local - hw);
       SS_TRY(VecScatterEnd(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
-      const double* values;
-      SS_TRY(VecGetArrayRead(fetched_psi, &values));
-      std::copy(values, values + fetched_values.size(), fetched_values.begin());
-      SS_TRY(VecRestoreArrayRead(fetched_psi, &values));
+      const Reading values(fetched_psi);
+      std::copy(values + 0, values + fetched_values.size(), fetched_values.begin());
       over_range(loop, c, a, b, 0, wide ? hw : local);
       if (wide) over_range(loop, c, a, b, local - hw, local);
     }
-    SS_TRY(VecRestoreArrayWrite(f, &b));
-    SS_TRY(VecRestoreArrayRead(u, &a));
   }
 
   // d(rhs part)/du of node i by its own unknowns, without the stencil's share.
@@ -374,8 +367,7 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
   const Impl& m = *impl_;
   if (m.massless) return m.massless->jacobian(m.settle_copy(u), alpha, beta, J);
   const PetscInt dof = m.dof;
-  const double* a;
-  SS_TRY(VecGetArrayRead(u, &a));
+  const Reading a(u);
   SS_TRY(MatZeroEntries(J));
   const PetscInt hw = m.half_width, n = m.scene.n;
   std::vector<PetscInt> columns;   // of the row at hand
@@ -422,7 +414,6 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
     SS_TRY(MatSetValuesBlocked(J, 1, &row, static_cast<PetscInt>(columns.size()), columns.data(), values.data(),
                                INSERT_VALUES));
   }
-  SS_TRY(VecRestoreArrayRead(u, &a));
   SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
   SS_TRY(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
 }
@@ -453,10 +444,8 @@ bool Model::tame_newton_step(Vec u, double shift, Vec minus_step) const {
   if (!(*m.law)[0].steep || m.scene.massless()) return false;
   // the slope of psi's own row without friction, eta = ... - K0 psi/shift put into it, over A a_i
   const double mass = shift / scene().A() + scene().B() + scene().K0() / shift;
-  const double* a;
-  double* step;
-  SS_TRY(VecGetArrayRead(u, &a));
-  SS_TRY(VecGetArray(minus_step, &step));
+  const Reading a(u);
+  const Writing step(minus_step);
   for (PetscInt i = 0; i < m.local; ++i) {
     if (m.scene.held(m.first + i)) continue;
     const double *at = a + i * m.dof, psi = at[0], state = at[2];
@@ -464,39 +453,30 @@ bool Model::tame_newton_step(Vec u, double shift, Vec minus_step) const {
     d[0] = psi - (*m.law)[i].newton_psi(psi, state, psi - d[0], state - d[2],
                                         mass / m.amplitude[static_cast<std::size_t>(i)]);
   }
-  SS_TRY(VecRestoreArray(minus_step, &step));
-  SS_TRY(VecRestoreArrayRead(u, &a));
   return true;
 }
 
 void Model::set_held(Vec u) const {
   const Impl& m = *impl_;
-  double* a;
-  SS_TRY(VecGetArray(u, &a));
-  m.for_held([&](PetscInt i) {
+  m.for_held([&, a = Writing(u)](PetscInt i) {
     double* at = a + i * m.dof;
     at[0] = m.first + i == 0 ? m.scene.left_value : m.scene.right_value;
     if (m.scene.form == Form::continuum)
       at[1] = m.scene.B() * at[0] + m.friction_at(i, at[0], m.dof == 3 ? at[2] : 0).F;
   });
-  SS_TRY(VecRestoreArray(u, &a));
   if (!viscous() || m.scene.form == Form::chain || !m.scene.any_held()) return;
   const VecHandle force = create_vector();
   viscous_force(u, force);
-  const double* b;
-  SS_TRY(VecGetArrayRead(force, &b));
-  SS_TRY(VecGetArray(u, &a));
+  const Reading b(force);
+  const Writing a(u);
   m.for_held([&](PetscInt i) { a[i * m.dof + 1] -= b[i * m.dof + 1]; });
-  SS_TRY(VecRestoreArray(u, &a));
-  SS_TRY(VecRestoreArrayRead(force, &b));
 }
 
 double Model::wave_frequency() const { return stickslip::wave_frequency(scene()); }
 
 double Model::friction_rate(Vec u) const {
   const Impl& m = *impl_;
-  const double* a;
-  SS_TRY(VecGetArrayRead(u, &a));
+  const Reading a(u);
   double largest = 0;
   for (PetscInt i = 0; i < m.local; ++i) {
     const double psi = a[i * m.dof], state = m.dof == 3 ? a[i * m.dof + 2] : 0;
@@ -505,7 +485,6 @@ double Model::friction_rate(Vec u) const {
     largest = std::max(largest, std::abs(p.g_state));  // 0 without a state
     largest = std::max(largest, rate);
   }
-  SS_TRY(VecRestoreArrayRead(u, &a));
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, m.comm));
   return largest;
 }

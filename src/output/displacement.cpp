@@ -93,16 +93,12 @@ void Displacement::solve(Vec u, double t, Vec chi) const {
   const Scene& s = model_.scene();
   const bool loaded = s.load.varies();
   const double damping = s.s_delta() / s.A(), travelled = loaded ? s.load.integral(t) : s.v * t;
-  const double* a;
-  double* b;
-  SS_TRY(VecGetArrayRead(u, &a));
-  SS_TRY(VecGetArrayWrite(load_, &b));
+  const Reading a(u);
+  const Writing b(load_);
   for (PetscInt i = 0; i < model_.local(); ++i) {
     const double *at = a + i * model_.dof(), end = model_.first() + i == 0 ? s.left_value : s.right_value;
     b[i] = model_.held(model_.first() + i) ? (loaded ? end * t - travelled : (end - s.v) * t) : -(at[1] + damping * at[0]);
   }
-  SS_TRY(VecRestoreArrayWrite(load_, &b));
-  SS_TRY(VecRestoreArrayRead(u, &a));
   if (!fetch_) {
     SS_TRY(KSPSolve(ksp_, load_, chi));
   } else {
@@ -128,10 +124,7 @@ Energy Displacement::energy(Vec u, double t) const {
     viscous = model_.create_vector();
     model_.viscous_force(u, viscous);
   }
-  const double *a, *w, *e = nullptr;
-  SS_TRY(VecGetArrayRead(u, &a));
-  SS_TRY(VecGetArrayRead(w_, &w));
-  if (viscous) SS_TRY(VecGetArrayRead(viscous, &e));
+  const Reading a(u), w(w_), e(viscous);
   double sums[5] = {0, 0, 0, 0, 0};
   for (PetscInt i = 0; i < model_.local(); ++i) {
     const PetscInt node = model_.first() + i;
@@ -146,9 +139,6 @@ Energy Displacement::energy(Vec u, double t) const {
     sums[4] += weight * (s.B() + damping) * psi * psi;
     if (e) sums[4] -= weight * psi * e[i * model_.dof() + 1];
   }
-  if (viscous) SS_TRY(VecRestoreArrayRead(viscous, &e));
-  SS_TRY(VecRestoreArrayRead(w_, &w));
-  SS_TRY(VecRestoreArrayRead(u, &a));
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, sums, 5, MPI_DOUBLE, MPI_SUM, model_.comm()));
   return {sums[0], sums[1], sums[2], sums[3], sums[4]};
 }

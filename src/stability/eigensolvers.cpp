@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "base/local_values.hpp"
 #include "stability/guesses.hpp"
 #include "stability/modes.hpp"
 #include "stickslip/base/error.hpp"
@@ -18,13 +19,9 @@ namespace {
 std::vector<Complex> entries_of(Vec re, Vec im, bool real, std::size_t step) {
   PetscInt n = 0;
   SS_TRY(VecGetSize(re, &n));
-  const PetscScalar *x, *y;
-  SS_TRY(VecGetArrayRead(re, &x));
-  SS_TRY(VecGetArrayRead(im, &y));
+  const Reading x(re), y(im);
   std::vector<Complex> entries;
   for (std::size_t i = 0; i < std::size_t(n); i += step) entries.emplace_back(x[i], real ? 0. : y[i]);
-  SS_TRY(VecRestoreArrayRead(re, &x));
-  SS_TRY(VecRestoreArrayRead(im, &y));
   return entries;
 }
 
@@ -92,15 +89,11 @@ PetscErrorCode apply_shifted_inverse(Mat M, Vec x, Vec y) {
   return guarded([&] {
     ShiftedInverse* op = nullptr;
     SS_TRY(MatShellGetContext(M, &op));
-    const PetscScalar* in;
-    PetscScalar* out;
-    SS_TRY(VecGetArrayRead(x, &in));
-    SS_TRY(VecGetArrayWrite(y, &out));
+    const Reading in(x);
+    const Writing out(y);
     const std::size_t n = op->J.size() * op->J.dof();
-    const std::vector<Complex> image = op->J.resolvent(op->sigma, op->lu, std::vector<Complex>(in, in + n));
+    const std::vector<Complex> image = op->J.resolvent(op->sigma, op->lu, std::vector<Complex>(in + 0, in + n));
     for (std::size_t i = 0; i < n; ++i) out[i] = image[i].real();
-    SS_TRY(VecRestoreArrayWrite(y, &out));
-    SS_TRY(VecRestoreArrayRead(x, &in));
   });
 }
 
@@ -124,11 +117,9 @@ std::vector<Mode> krylov_modes(const LinearisedOperator& s, Complex sigma, Petsc
   VecHandle start, im;
   SS_TRY(MatCreateVecs(M, start.out(), im.out()));
   {
-    PetscScalar* x;
-    SS_TRY(VecGetArrayWrite(start, &x));
+    const Writing x(start);
     Noise noise;
     for (PetscInt i = 0; i < n; ++i) x[i] = noise.next();
-    SS_TRY(VecRestoreArrayWrite(start, &x));
   }
   Vec first = start;
   SS_TRY(EPSSetInitialSpace(eps, 1, &first));

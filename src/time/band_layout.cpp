@@ -102,19 +102,17 @@ void BandLayout::fetch(Vec u) const {
   if (!scatter_) return;
   SS_TRY(VecScatterBegin(scatter_, u, fetched_, INSERT_VALUES, SCATTER_FORWARD));
   SS_TRY(VecScatterEnd(scatter_, u, fetched_, INSERT_VALUES, SCATTER_FORWARD));
-  SS_TRY(VecGetArrayRead(fetched_, &halo_));
+  halo_.emplace(fetched_);
 }
 
-void BandLayout::end_fetch() const {
-  if (scatter_) SS_TRY(VecRestoreArrayRead(fetched_, &halo_));
-}
+void BandLayout::end_fetch() const { halo_.reset(); }
 
 void BandLayout::read(const double* own, int d, PetscInt i, PetscInt count, double* into) const {
   const PetscInt local = model_.local();
   for (PetscInt j = 0; j < count; ++j) {
     const PetscInt k = i + j;
-    into[j] = k < 0        ? halo_[(k + left_halo_) * dof_ + d]
-              : k >= local ? halo_[(left_halo_ + k - local) * dof_ + d]
+    into[j] = k < 0        ? (*halo_)[(k + left_halo_) * dof_ + d]
+              : k >= local ? (*halo_)[(left_halo_ + k - local) * dof_ + d]
                            : own[k * dof_ + d];
   }
 }

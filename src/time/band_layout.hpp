@@ -7,8 +7,10 @@
 // the last piece of all these are outer nodes, which its tile holds a second time. A small grid has outer nodes only.
 #pragma once
 
+#include <optional>
 #include <vector>
 
+#include "base/local_values.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/model/model.hpp"
 
@@ -74,7 +76,7 @@ class BandLayout {
   PetscInt size_ = 0, left_halo_ = 0, right_halo_ = 0;
   ScatterHandle scatter_;
   VecHandle fetched_;
-  mutable const double* halo_ = nullptr;
+  mutable std::optional<Reading> halo_;  // while fetched values are in use
 };
 
 }  // namespace stickslip

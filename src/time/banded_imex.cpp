@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 #include "time/piece_kernel.hpp"
 
@@ -71,15 +72,11 @@ std::vector<double> BandedImex::by_tiles(const std::vector<double>& of_nodes) co
 
 void BandedImex::set_direction(const std::vector<double>& direction) {
   const VecHandle going = model_.create_vector();
-  double* a;
-  SS_TRY(VecGetArray(going, &a));
+  const Writing a(going);
   for (PetscInt i = 0; i < model_.local(); ++i) a[i * model_.dof()] = direction[std::size_t(i)];
-  SS_TRY(VecRestoreArray(going, &a));
   layout_.fetch(going);
-  const double* own;
-  SS_TRY(VecGetArrayRead(going, &own));
+  const Reading own(going);
   for (const BandTile& t : layout_.tiles()) layout_.load(t, own, 0, &direction_[std::size_t(t.at)]);
-  SS_TRY(VecRestoreArrayRead(going, &own));
   layout_.end_fetch();
 }
 
@@ -101,10 +98,8 @@ StepTaker::Outcome BandedImex::take(Vec u, double dt, const ErrorNorm& norm, boo
   model_.count_evaluations(2L * method_.stages);
   if (!solved) return {true, -1, false};
   Sums sums;
-  double* b;
-  SS_TRY(VecGetArrayWrite(u_new, &b));
+  const Writing b(u_new);
   for (const BandTile& t : layout_.tiles()) finish(t, step, b, sums);
-  SS_TRY(VecRestoreArrayWrite(u_new, &b));
   store_slopes(slopes);
   double total[2] = {sums.squares, sums.not_finite}, largest = sums.largest;
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, total, 2, MPI_DOUBLE, MPI_SUM, model_.comm()));
@@ -167,8 +162,7 @@ kernel::Round BandedImex::round_of(const BandTile& t, const Step& step, int i) c
 // u into its columns; with an explicit first stage its slopes too.
 void BandedImex::load(Vec u, const Step& step) const {
   layout_.fetch(u);
-  const double* own;
-  SS_TRY(VecGetArrayRead(u, &own));
+  const Reading own(u);
   for (const BandTile& t : layout_.tiles()) {
     for (int d = 0; d < model_.dof(); ++d) {
       layout_.load(t, own, d, columns_.u(t, d));
@@ -178,7 +172,6 @@ void BandedImex::load(Vec u, const Step& step) const {
     second_difference(t, own, columns_.d2(t));
     if (method_.At[0] == 0) take_first(t, step);
   }
-  SS_TRY(VecRestoreArrayRead(u, &own));
   layout_.end_fetch();
 }
 
@@ -413,8 +406,7 @@ void BandedImex::measure(const BandTile& t, const Step& step, Sums& sums) const 
 
 void BandedImex::store_slopes(const std::vector<VecHandle>& slopes) const {
   for (std::size_t k = 0; k < slopes.size(); ++k) {
-    double* a;
-    SS_TRY(VecGetArrayWrite(slopes[k], &a));
+    const Writing a(slopes[k]);
     for (const BandTile& t : layout_.tiles())
       for (int d = 0; d < model_.dof(); ++d) {
         const auto kind = k % 2 == 0 ? ImexColumns::of_implicit : ImexColumns::of_explicit;
@@ -426,7 +418,6 @@ void BandedImex::store_slopes(const std::vector<VecHandle>& slopes) const {
         }
         layout_.store(t, from ? from : zeros_.data(), d, a);
       }
-    SS_TRY(VecRestoreArrayWrite(slopes[k], &a));
   }
 }
 

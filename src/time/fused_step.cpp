@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -13,28 +14,19 @@ namespace {
 // The arrays of Vecs that hold slopes while a step is taken; each may be absent.
 class SlopeArrays {
  public:
-  SlopeArrays(const std::vector<VecHandle>& slopes, Vec last) : slopes_(slopes), last_(last), arrays_(slopes.size()) {
-    for (std::size_t i = 0; i < arrays_.size(); ++i) SS_TRY(VecGetArrayWrite(slopes_[i], &arrays_[i]));
-    if (last_) SS_TRY(VecGetArrayWrite(last_, &last_array_));
+  SlopeArrays(const std::vector<VecHandle>& slopes, Vec last) : last_(last) {
+    for (const VecHandle& slope : slopes) slopes_.emplace_back(slope);
   }
-  ~SlopeArrays() {
-    if (last_) (void)VecRestoreArrayWrite(last_, &last_array_);
-    for (std::size_t i = 0; i < arrays_.size(); ++i) (void)VecRestoreArrayWrite(slopes_[i], &arrays_[i]);
-  }
-  SlopeArrays(const SlopeArrays&) = delete;
-  SlopeArrays& operator=(const SlopeArrays&) = delete;
 
   // From the columns first, first + 1, ..., last of the tile.
   void store(const Tiles& tiles, const Tile& tile, int first, int last) const {
-    for (std::size_t i = 0; i < arrays_.size(); ++i) tiles.store(tile, first + static_cast<int>(i), arrays_[i]);
-    if (last_array_) tiles.store(tile, last, last_array_);
+    for (std::size_t i = 0; i < slopes_.size(); ++i) tiles.store(tile, first + static_cast<int>(i), slopes_[i]);
+    if (last_) tiles.store(tile, last, last_);
   }
 
  private:
-  const std::vector<VecHandle>& slopes_;
-  Vec last_;
-  std::vector<double*> arrays_;
-  double* last_array_ = nullptr;
+  std::vector<Writing> slopes_;
+  Writing last_;
 };
 
 }  // namespace

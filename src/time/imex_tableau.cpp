@@ -1,5 +1,6 @@
 #include "time/imex_tableau.hpp"
 
+#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -73,11 +74,9 @@ std::vector<double> ImexMethod::weights_at(double s) const {
 
 void ImexMethod::read(Vec from, std::vector<double>& of_explicit, std::vector<double>& of_implicit) const {
   const PetscInt count = tableau_.stages > 0 ? tableau_.stages : most_stages;
-  const double* a;
-  SS_TRY(VecGetArrayRead(from, &a));
-  of_explicit.assign(a, a + count);
+  const Reading a(from);
+  of_explicit.assign(a + 0, a + count);
   of_implicit.assign(a + most_stages, a + most_stages + count);
-  SS_TRY(VecRestoreArrayRead(from, &a));
 }
 
 PetscErrorCode ImexMethod::PreStage(TS ts, PetscReal) {

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -10,10 +11,9 @@ namespace stickslip {
 // there has lost it, and the cube in the friction and the square of that in PETSc's estimate of the error are still
 // finite. x - x is 0 for finite x and NaN otherwise, and NaN stays.
 bool all_finite(const Model& model, Vec u) {
-  const double* a;
   PetscInt count;
   SS_TRY(VecGetLocalSize(u, &count));
-  SS_TRY(VecGetArrayRead(u, &a));
+  const Reading a(u);
   const PetscInt dof = model.dof();
   double sum = 0;
   for (PetscInt i = 0; i < count; i += dof)
@@ -21,7 +21,6 @@ bool all_finite(const Model& model, Vec u) {
       const double x = (d < 2 ? 1e82 : 1e60) * a[i + d], cube = x * x * x;
       sum += cube - cube;
     }
-  SS_TRY(VecRestoreArrayRead(u, &a));
   int all = sum == 0 ? 1 : 0;
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &all, 1, MPI_INT, MPI_MIN, model.comm()));
   return all != 0;

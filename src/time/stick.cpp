@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/local_values.hpp"
 #include "model/release.hpp"
 #include "numerics/hermite.hpp"
 #include "stickslip/base/error.hpp"
@@ -36,18 +37,11 @@ double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 // rate.
 class Forces {
  public:
-  Forces(const double* u, Vec total, int dof) : total_(total), dof_(dof), values_(u) {
-    if (total_) SS_TRY(VecGetArrayRead(total_, &values_));
-  }
-  ~Forces() {
-    if (total_) (void)VecRestoreArrayRead(total_, &values_);
-  }
-  Forces(const Forces&) = delete;
-  Forces& operator=(const Forces&) = delete;
+  Forces(const double* u, Vec total, int dof) : total_(total), dof_(dof), values_(total ? +total_ : u) {}
   double operator[](PetscInt i) const { return values_[i * dof_ + 1]; }
 
  private:
-  Vec total_;
+  Reading total_;
   int dof_;
   const double* values_;
 };
@@ -103,16 +97,12 @@ void Stick::for_each_side(const Body& body) const {
 void Stick::decide(Vec u) {
   engage();
   was_ = direction_;
-  const double* a;
-  SS_TRY(VecGetArrayRead(u, &a));
+  const Reading a(u);
   for (PetscInt i = 0; i < model_.local(); ++i) direction_[static_cast<std::size_t>(i)] = sign_of(a[i * dof_]);
-  SS_TRY(VecRestoreArrayRead(u, &a));
   model_.rhs(Part::full, u, slope_);
 
   const Vec total = total_force(u, 0), total_rate = total_force(slope_, 1);
-  const double* f;
-  SS_TRY(VecGetArrayRead(u, &a));
-  SS_TRY(VecGetArrayRead(slope_, &f));
+  const Reading f(slope_);
   const Forces force(a, total, dof_), rate(f, total_rate, dof_);
   long counts[3] = {0, 0, 0};  // moving, let go now, changed
   const auto free = [&](PetscInt i) { return i >= free_begin_ && i < free_end_; };
@@ -131,8 +121,6 @@ void Stick::decide(Vec u) {
     if (going != 0) ++counts[0];
     if (going != was_[static_cast<std::size_t>(i)]) ++counts[2];
   }
-  SS_TRY(VecRestoreArrayRead(slope_, &f));
-  SS_TRY(VecRestoreArrayRead(u, &a));
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, counts, 3, MPI_LONG, MPI_SUM, model_.comm()));
   all_rest_ = counts[0] == 0;
   changes_ += counts[2];
@@ -154,11 +142,7 @@ void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, 
   estimate = reached = infinity;
   const Vec total[4] = {total_force(before, 0), total_force(after, 1), total_force(slope_, 2),
                           total_force(next_slope_, 3)};
-  const double *a, *b, *fa, *fb;
-  SS_TRY(VecGetArrayRead(before, &a));
-  SS_TRY(VecGetArrayRead(after, &b));
-  SS_TRY(VecGetArrayRead(slope_, &fa));
-  SS_TRY(VecGetArrayRead(next_slope_, &fb));
+  const Reading a(before), b(after), fa(slope_), fb(next_slope_);
   const Forces force0(a, total[0], dof_), force1(b, total[1], dof_), pull0(fa, total[2], dof_),
       pull1(fb, total[3], dof_);
   // g: negative before the change; `at_end`: the change has come by the end of the step
@@ -191,10 +175,6 @@ void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, 
       examine({i, side, true, false, 0}, g0, g1, m0, m1, g1 > close * limit1 || (g1 >= 0 && m1 > 0));
     });
   }
-  SS_TRY(VecRestoreArrayRead(next_slope_, &fb));
-  SS_TRY(VecRestoreArrayRead(slope_, &fa));
-  SS_TRY(VecRestoreArrayRead(after, &b));
-  SS_TRY(VecRestoreArrayRead(before, &a));
   double both[2] = {estimate, reached};
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, both, 2, MPI_DOUBLE, MPI_MIN, model_.comm()));
   estimate = both[0];
@@ -204,12 +184,10 @@ void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, 
 // The largest beyond() at u, over all candidates of all ranks.
 double Stick::furthest(Vec u, double part) {
   const Vec total = total_force(u, 0);
-  const double* a;
-  SS_TRY(VecGetArrayRead(u, &a));
+  const Reading a(u);
   const Forces force(a, total, dof_);
   double most = -infinity;
   for (const Candidate& c : candidates_) most = std::max(most, beyond(c, a, force[c.node], part));
-  SS_TRY(VecRestoreArrayRead(u, &a));
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &most, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
   return most;
 }
@@ -267,11 +245,9 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
 void Stick::snap(Vec before, Vec landed) {
   std::vector<Limit> limits;
   const Vec total = total_force(before, 0), total_landed = total_force(landed, 1);
-  const double* a;
-  double* b;
-  SS_TRY(VecGetArrayRead(before, &a));
-  SS_TRY(VecGetArray(landed, &b));
   {
+    const Reading a(before);
+    const Writing b(landed);
     const Forces was(a, total, dof_), force(b, total_landed, dof_);
     for (const Candidate& c : candidates_) {
       if (beyond(c, b, force[c.node], 1) < -close) continue;
@@ -293,18 +269,14 @@ void Stick::snap(Vec before, Vec landed) {
       });
     }
   }
-  SS_TRY(VecRestoreArray(landed, &b));
-  SS_TRY(VecRestoreArrayRead(before, &a));
   put_at_threshold(landed, limits);
 }
 
 // Makes the force on each of these nodes its threshold, from which decide() lets it go; not less by round-off.
 void Stick::put_at_threshold(Vec u, const std::vector<Limit>& limits) {
   const Vec viscous = model_.viscous() ? viscous_force(u, 0) : nullptr;
-  const double* more = nullptr;
-  double* b;
-  if (viscous) SS_TRY(VecGetArrayRead(viscous, &more));
-  SS_TRY(VecGetArray(u, &b));
+  const Reading more(viscous);
+  const Writing b(u);
   const auto force = [&](PetscInt i) { return more ? b[i * dof_ + 1] + more[i * dof_ + 1] : b[i * dof_ + 1]; };
   for (const auto& [node, side] : limits) {
     double* at = b + node * dof_;
@@ -312,16 +284,12 @@ void Stick::put_at_threshold(Vec u, const std::vector<Limit>& limits) {
     at[1] = side * limit - rest;
     for (double step = 1e-16 * limit; side * force(node) < limit; step *= 2) at[1] += side * step;
   }
-  SS_TRY(VecRestoreArray(u, &b));
-  if (viscous) SS_TRY(VecRestoreArrayRead(viscous, &more));
 }
 
 double Stick::release_after(Vec u, double t, double longest) {
   if (model_.scene().load.varies()) return release_under_load(u, t, longest);
   const Vec total = total_force(u, 0), total_rate = total_force(slope_, 1);
-  const double *a, *f;
-  SS_TRY(VecGetArrayRead(u, &a));
-  SS_TRY(VecGetArrayRead(slope_, &f));
+  const Reading a(u), f(slope_);
   const Forces forces(a, total, dof_), rates(f, total_rate, dof_);
   double first = infinity;
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
@@ -335,8 +303,6 @@ double Stick::release_after(Vec u, double t, double longest) {
                                            rate, at[2], first));
     });
   }
-  SS_TRY(VecRestoreArrayRead(slope_, &f));
-  SS_TRY(VecRestoreArrayRead(u, &a));
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_DOUBLE, MPI_MIN, model_.comm()));
   return first;
 }
@@ -349,9 +315,7 @@ double Stick::release_under_load(Vec u, double t, double longest) {
   const Vec total = total_force(u, 0);
   const Load& load = model_.scene().load;
   const double K0 = model_.scene().K0(), travelled = load.integral(t), v = model_.plate_velocity(t);
-  const double *a, *f;
-  SS_TRY(VecGetArrayRead(u, &a));
-  SS_TRY(VecGetArrayRead(slope_, &f));
+  const Reading a(u), f(slope_);
   const Forces forces(a, total, dof_);  // at rest what neighbours add stands
   double first = infinity;
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
@@ -396,8 +360,6 @@ double Stick::release_under_load(Vec u, double t, double longest) {
       }
     });
   }
-  SS_TRY(VecRestoreArrayRead(slope_, &f));
-  SS_TRY(VecRestoreArrayRead(u, &a));
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_DOUBLE, MPI_MIN, model_.comm()));
   return first;
 }
@@ -410,23 +372,18 @@ void Stick::rest(Vec u, double t, double wait, Vec into) {
   const double faster = loaded ? K0 * (model_.plate_velocity(t + wait) - v) : 0;
   SS_TRY(VecWAXPY(into, wait, slope_, u));
   std::vector<Limit> limits;
-  const double *a, *f;
-  double* b;
-  SS_TRY(VecGetArrayRead(u, &a));
-  SS_TRY(VecGetArrayRead(slope_, &f));
-  SS_TRY(VecGetArray(into, &b));
-  if (dof_ == 3)
-    for (PetscInt i = 0; i < model_.local(); ++i)
-      b[i * 3 + 2] = model_.friction_law(i).state_at_rest(a[i * 3 + 2], wait);
-  for (PetscInt i = 0; loaded && i < model_.local(); ++i)
-    if (model_.scene().form == Form::chain || !model_.held(model_.first() + i)) b[i * dof_ + 1] += more;
-  SS_TRY(VecRestoreArray(into, &b));
-  SS_TRY(VecRestoreArrayRead(slope_, &f));
-  SS_TRY(VecRestoreArrayRead(u, &a));
-  const Vec total = total_force(into, 0), total_rate = total_force(slope_, 1);
-  SS_TRY(VecGetArrayRead(slope_, &f));
-  SS_TRY(VecGetArray(into, &b));
   {
+    const Reading a(u);
+    const Writing b(into);
+    if (dof_ == 3)
+      for (PetscInt i = 0; i < model_.local(); ++i)
+        b[i * 3 + 2] = model_.friction_law(i).state_at_rest(a[i * 3 + 2], wait);
+    for (PetscInt i = 0; loaded && i < model_.local(); ++i)
+      if (model_.scene().form == Form::chain || !model_.held(model_.first() + i)) b[i * dof_ + 1] += more;
+  }
+  const Vec total = total_force(into, 0), total_rate = total_force(slope_, 1);
+  {
+    const Reading f(slope_), b(into);
     const Forces force(b, total, dof_), rate(f, total_rate, dof_);
     for (PetscInt i = free_begin_; i < free_end_; ++i) {
       const double limit = threshold(i, b + i * dof_);
@@ -436,8 +393,6 @@ void Stick::rest(Vec u, double t, double wait, Vec into) {
       });
     }
   }
-  SS_TRY(VecRestoreArray(into, &b));
-  SS_TRY(VecRestoreArrayRead(slope_, &f));
   put_at_threshold(into, limits);
 }
 

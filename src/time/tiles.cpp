@@ -84,17 +84,13 @@ void Tiles::set_direction(const std::vector<double>& own) {
   std::copy(own.begin(), own.end(), direction_.begin() + left_halo_);
   if (!scatter_) return;
   if (!going_) going_ = model_.create_vector();
-  double* a;
-  SS_TRY(VecGetArray(going_, &a));
+  const Writing a(going_);
   for (PetscInt i = 0; i < local_; ++i) a[i * dof_] = own[static_cast<std::size_t>(i)];
-  SS_TRY(VecRestoreArray(going_, &a));
   fetch(going_);
-  const double* halo;
-  SS_TRY(VecGetArrayRead(fetched_, &halo));
+  const Reading halo(fetched_);
   for (PetscInt i = 0; i < left_halo_; ++i) direction_[static_cast<std::size_t>(i)] = halo[i * dof_];
   for (PetscInt i = 0; i < right_halo_; ++i)
     direction_[static_cast<std::size_t>(left_halo_ + local_ + i)] = halo[(left_halo_ + i) * dof_];
-  SS_TRY(VecRestoreArrayRead(fetched_, &halo));
 }
 
 void Tiles::fetch(Vec from) const {
@@ -181,14 +177,9 @@ PetscInt Tiles::share(PetscInt part, PetscInt parts) const {
 
 void Tiles::pass(Vec u, Vec u_new, PetscInt reach, const std::function<void(const Tile&)>& through,
                  const std::function<void(const Tile&)>& after) const {
-  const double *a, *halo = nullptr;
-  double* b;
-  if (scatter_) {
-    fetch(u);
-    SS_TRY(VecGetArrayRead(fetched_, &halo));
-  }
-  SS_TRY(VecGetArrayRead(u, &a));
-  SS_TRY(VecGetArrayWrite(u_new, &b));
+  if (scatter_) fetch(u);
+  const Reading halo(scatter_ ? fetched_.get() : nullptr), a(u);
+  const Writing b(u_new);
   const PetscInt tiles = closed_ ? 1 : (local_ + tile_nodes - 1) / tile_nodes;
   for (PetscInt j = 0; j < tiles; ++j) {
     const PetscInt begin = share(j, tiles), end = share(j + 1, tiles);
@@ -199,9 +190,6 @@ void Tiles::pass(Vec u, Vec u_new, PetscInt reach, const std::function<void(cons
     store(tile, 1, b);
     after(tile);
   }
-  SS_TRY(VecRestoreArrayWrite(u_new, &b));
-  SS_TRY(VecRestoreArrayRead(u, &a));
-  if (scatter_) SS_TRY(VecRestoreArrayRead(fetched_, &halo));
 }
 
 void Tiles::measure(const Tile& t, const Row& error, double dt, const ErrorNorm& norm, bool estimate,

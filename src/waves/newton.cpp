@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/local_values.hpp"
 #include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
@@ -22,13 +23,9 @@ struct Steps {
 template <class Work>
 PetscErrorCode on_entries(void* problem, Vec x, Vec y, Work&& work) {
   return guarded([&] {
-    const PetscScalar* in;
-    PetscScalar* out = nullptr;
-    SS_TRY(VecGetArrayRead(x, &in));
-    if (y) SS_TRY(VecGetArray(y, &out));
+    const Reading in(x);
+    const Writing out(y);
     work(*static_cast<TrainEquations*>(problem), in, out);
-    if (y) SS_TRY(VecRestoreArray(y, &out));
-    SS_TRY(VecRestoreArrayRead(x, &in));
   });
 }
 
@@ -67,13 +64,11 @@ PetscErrorCode converged(SNES snes, PetscInt it, PetscReal, PetscReal, PetscReal
     Vec dx;
     PetscReal step, number_step = 0;
     PetscInt size;
-    const PetscScalar* values;
     SS_TRY(SNESGetSolutionUpdate(snes, &dx));
     SS_TRY(VecNorm(dx, NORM_INFINITY, &step));
     SS_TRY(VecGetSize(dx, &size));
-    SS_TRY(VecGetArrayRead(dx, &values));
+    const Reading values(dx);
     for (PetscInt i = size - steps->numbers; i < size; ++i) number_step = std::max(number_step, std::abs(values[i]));
-    SS_TRY(VecRestoreArrayRead(dx, &values));
     const bool stagnant = steps->last >= 0 && step > .2 * steps->last;
     if (step < 1e-12 || (stagnant && step < 1e-8) || (stagnant && step < 1e-3 && number_step < 1e-11)) {
       *reason = SNES_CONVERGED_SNORM_RELATIVE;
