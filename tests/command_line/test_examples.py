@@ -5,6 +5,7 @@ Expected values are worked out here from the formulas on the page.
 """
 import json
 import os
+import re
 import subprocess
 
 import numpy as np
@@ -37,6 +38,22 @@ def test_the_page_shows_the_file(name):
     with open(os.path.join(SOURCE, "tests", "examples", name), encoding="utf-8") as file:
         code = "\n".join(("    " + line).rstrip() for line in file.read().splitlines())
     assert code in text
+
+
+def test_where_a_term_stands():
+    """Files and names of the page's table exist."""
+    with open(os.path.join(SOURCE, "docs", "adding.md"), encoding="utf-8") as page:
+        rows = re.findall(r"^\| [^|`]+ \| (`.*`.*) \|$", page.read(), re.MULTILINE)
+    assert len(rows) >= 6
+    for row in rows:
+        names = re.findall(r"`([^`]+)`", row)
+        files = [name for name in names if "/" in name]
+        texts = []
+        for name in files:
+            with open(os.path.join(SOURCE, "" if name.startswith("src") else "include", name), encoding="utf-8") as file:
+                texts.append(file.read())
+        for name in set(names) - set(files):
+            assert any(re.search(rf"\b{name}\b", text) for text in texts), f"{name} is not in {files}"
 
 
 def test_the_options_are_declared():
