@@ -5,8 +5,8 @@
     python3 tests/golden.py turns PROGRAM OTHER [--rounds 5]         processor time of the quick scenes, in turn
 
 Equal means to the last bit. What may differ, and by how much, stands in BOUNDS with its reason; what always does (times,
-revisions) in NEVER. A rebuilding of the source is compared with the revision named in BEFORE, built beside it on the same
-machine; the outputs stay outside the tree.
+revisions) in NEVER. While the source is rebuilt, "before" is the revision BEFORE, built beside it on the same machine (git
+worktree add ../before REVISION); the outputs stay outside the tree.
 """
 import argparse
 import concurrent.futures
@@ -29,6 +29,7 @@ import numpy as np
 from golden_scenes import scenes
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+BEFORE = "b1fef14fe906"  # before-house: what a rebuilt program has to equal
 NEVER = re.compile(r"(^|/)(wall_s|\w*seconds|events_per_s|git|version|date|command_line|cost|revision)(/\d+)?$")
 BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^chart$", r"/(best|recommended|cost)\b", np.inf, "which row is fastest is measured"),
@@ -189,6 +190,16 @@ def differences(before, now):
                 yield name, key, f"{far:.1e}" if far < np.inf else f"{plain(one[key])!s:.60} -> {plain(other[key])!s:.60}", bound
 
 
+def made_by(folder):
+    """The revision that made these outputs."""
+    for path in glob.glob(os.path.join(folder, "*", "step-*.json")):
+        with open(path, encoding="utf-8") as file:
+            git = json.load(file).get("summary", {}).get("git")
+        if git:
+            return git
+    return "of an unknown revision"
+
+
 def compare(asked):
     bad = 0
     names = sorted(os.listdir(asked.now))
@@ -200,6 +211,7 @@ def compare(asked):
         if len(found) > asked.most:
             print(f"{name}: and {len(found) - asked.most} more")
     gone = sorted(set(os.listdir(asked.before)) - set(names))
+    print(f"before: {made_by(asked.before)} (BEFORE is {BEFORE}); now: {made_by(asked.now)}")
     print(f"{len(names) - bad} scenes equal, {bad} not" + (f", not made: {', '.join(gone)}" if gone else ""))
     return 1 if bad or gone else 0
 
