@@ -18,6 +18,7 @@ constexpr double most_work = 1e6;     // between two changes, as steps of one no
 constexpr double least_steps = 5000;  // that are allowed for all that
 constexpr int most_idle = 100;        // changes at one time that change nothing
 constexpr double round_off = 4e-16;   // relative, of a sum
+constexpr double of_step = 1e-14;     // the same, of a step and its 36 evaluations
 constexpr double close = 1e-12;      // relative: changes this near to each other happen at once, as in runs (stick.hpp)
 constexpr double longest_step = 1.2; // in units of one over the highest frequency: no change comes and goes twice within it
 
@@ -269,7 +270,8 @@ void StickMotion::snap(Standing& p, const std::vector<Candidate>& candidates, do
   for (const Candidate& c : candidates) {
     const double speed = std::abs(growth(c, p.u.data(), f.data())), psi = p.u[std::size_t(c.node * dof_)];
     if (c.turns && speed * h < 1e-9 * (1 + std::abs(psi))) stopped.push_back(c);
-    if (!c.to_come || beyond(c, p.u.data()) < -std::max(close * h * speed, 1e-15)) continue;
+    const double lost = c.rests ? of_step * threshold(c.node, p.u.data()) : 1e-15;
+    if (!c.to_come || beyond(c, p.u.data()) < -std::max(close * h * speed, lost)) continue;
     const bool back = stops_slips_back_ && !c.rests && c.side * scene_.v < 0;
     if (back) p.excess = std::max(p.excess, -c.side * (p.u[std::size_t(c.node * dof_ + 1)] + pull(c.node, p.u.data())) -
                                                 threshold(c.node, p.u.data()));
