@@ -48,6 +48,14 @@ Signature signature(const Cycle& cycle) {
   return s;
 }
 
+// Whether another multiplier than the phase mode's is near 1.
+bool near_one(const Cycle& cycle) {
+  constexpr double near = 0.2;
+  for (size_t k = 0; k < cycle.multipliers.size(); ++k)
+    if (k != cycle.phase_mode && std::abs(cycle.multipliers[k] - 1.) < near) return true;
+  return false;
+}
+
 // How many of them that is.
 int outside(const Signature& s) { return s[0] + s[1] + 2 * s[2]; }
 
@@ -340,11 +348,13 @@ void Walk::name_change(const Signature& before, const Signature& after, double s
 }
 
 void Walk::find_special(const Seen& seen, double length) {
-  // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a fold.
-  const bool fold = t_.back() * seen.tangent.back() < 0 &&
-                    std::max(std::abs(t_.back()), std::abs(seen.tangent.back())) > 1e-9;
-  if (fold) locate_root("fold", length, [&] { return path_.tangent(t_).back(); }, t_.back(), seen.tangent.back());
   const Signature before = signature(last_.cycle), after = signature(seen.cycle);
+  // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a fold. A
+  // multiplier passes 1 there; where none does, a branch that breaks off has turned by what Newton's method leaves.
+  const bool fold = t_.back() * seen.tangent.back() < 0 &&
+                    std::max(std::abs(t_.back()), std::abs(seen.tangent.back())) > 1e-9 &&
+                    (before[0] != after[0] || near_one(last_.cycle) || near_one(seen.cycle));
+  if (fold) locate_root("fold", length, [&] { return path_.tangent(t_).back(); }, t_.back(), seen.tangent.back());
   Signature beside = after;
   if (fold) beside[0] = before[0];
   if (before != beside) locate_changes(before, beside, length, fold);

@@ -268,3 +268,18 @@ def test_same_on_two_ranks(tmp_path, monkeypatch):
     one, _ = run(words, command="cycle")
     two, _ = run(words, command="cycle", ranks=2)
     assert one["period"] == two["period"] and one["multipliers"] == two["multipliers"] and two["ranks"] == 2
+
+
+def test_a_branch_that_breaks_off_has_not_folded():
+    """Where the sequence of starts and stops changes, the last steps turn by what Newton's method leaves; no multiplier
+    is near 1 there."""
+    found, _ = run("-model_form chain -cycle_cell 0 -grid_n 2 -bc_left free -bc_right free -model_m 0.684374322163822 "
+                   "-model_k0 0.2450364012509286 -model_k1 0.19687347909875047 -model_f0 1.1657508011907998 "
+                   "-model_zeta 0.020405076295837384 -model_v 0.5624774607597093 -init_noise 0.5 -init_seed 432 "
+                   "-init_psi 0.41232758508376877 -friction_law carlson-langer -state_law contact-age "
+                   "-friction_sigma 0.26851357135874404 -friction_alpha 1.4408508027410292 "
+                   "-state_b 0.07301287653005148 -state_theta0 1.4944385977579073 -state_D 1.7523375798809175 "
+                   "-friction_amplitude_profile 0:1.111111137105493,1:0.6221174920690298 "
+                   "-cycle_continue state_b -cycle_to 0.10951931479507722 -cycle_steps 30", command="cycle")
+    branch = found["branch"]
+    assert found["special"] == [] and "the sequence" in str(branch), branch
