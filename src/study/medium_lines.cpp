@@ -34,15 +34,15 @@ bool passes(const std::vector<TrainLimit>& line, const TrainLimit& limit) {
   return false;
 }
 
-// Of deviations from the uniform oscillation the one that grows fastest.
+// Of deviations from the uniform oscillation of this frequency the one that grows fastest.
 struct FastestDeviation {
-  double growth, wavenumber;
+  double growth, wavenumber, frequency;
 };
 
 FastestDeviation fastest_on_uniform(const Scene& ring) {
   try {
     const SmoothCycle cycle = uniform_cycle(one_node_of(ring), 1e-8, strong_slip);
-    FastestDeviation fastest{growth_rate(cycle.cycle), 0};
+    FastestDeviation fastest{growth_rate(cycle.cycle), 0, 2 * M_PI / cycle.cycle.period};
     if (fastest.growth > 0) return fastest;
     Deviations deviations(cycle);
     if (ring.nu == 0) fastest.growth = std::max(fastest.growth, -deviations.mean_damping() / 2);  // of ever shorter waves
@@ -50,11 +50,11 @@ FastestDeviation fastest_on_uniform(const Scene& ring) {
     for (long m = 1; double(m) * unit * ring.c * period <= turns_of_shortest; m += m < 100 ? 1 : m / 50) {
       const double k = double(m) * unit;
       const double growth = std::log(std::abs(deviations.of_wave(k * k).front())) / period;
-      if (growth > fastest.growth) fastest = {growth, k};
+      if (growth > fastest.growth) fastest = {growth, k, fastest.frequency};
     }
     return fastest;
   } catch (const Failure&) {
-    return {std::nan(""), std::nan("")};
+    return {std::nan(""), std::nan(""), std::nan("")};
   }
 }
 
@@ -107,9 +107,9 @@ std::vector<Crossing> MediumLines::waves(PetscInt count) {
     Crossing c = crossing(on.at.x, on.at.y, "waves");
     c.kind = "wave";
     c.piece = int(piece);
-    const Scene here = scene(c.x, c.y);
-    c.frequency = 2 * M_PI / uniform_cycle(one_node_of(here), 1e-8, strong_slip).cycle.period;
-    c.wavenumber = fastest_on_uniform(here).wavenumber;
+    const FastestDeviation fastest = fastest_on_uniform(scene(c.x, c.y));
+    c.frequency = fastest.frequency;
+    c.wavenumber = fastest.wavenumber;
     result.push_back(c);
   });
   return result;
