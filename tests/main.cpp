@@ -27,7 +27,8 @@ CATCH_REGISTER_LISTENER(Outcomes)
 // Prints `N passed, N failed` on rank 0: a case failed where it failed on any rank.
 void print_counts() {
   std::vector<int> failed(failed_here.size());
-  MPI_Allreduce(failed_here.data(), failed.data(), static_cast<int>(failed.size()), MPI_INT, MPI_MAX, MPI_COMM_WORLD);
+  MPI_Allreduce(failed_here.data(), failed.data(), static_cast<int>(failed.size()), MPI_INT, MPI_MAX,
+                MPI_COMM_WORLD);
   int rank = 0;
   MPI_Comm_rank(MPI_COMM_WORLD, &rank);
   long bad = 0;

@@ -1,9 +1,10 @@
-// Put before the MPI library: a program that has loaded and started MPI waits there for command lines and forks for
-// each of them. All that the program does itself runs in the child as ever; what does not is the loading, MPI_Init and
-// MPI_Finalize (a forked child has no part in the latter). tests/served.py speaks to it:
+// Put before the MPI library: a program that has loaded and started MPI waits there for command lines and
+// forks for each of them. All that the program does itself runs in the child as ever; what does not is the
+// loading, MPI_Init and MPI_Finalize (a forked child has no part in the latter). tests/served.py speaks to
+// it:
 //   STICKSLIP_SERVED="IN OUT CPU WALL"   descriptors, and the seconds that a child may take
-//   a request   the number of bytes (unsigned), then texts that each end in 0: folder, file for standard output, file
-//               for standard error, program, its words
+//   a request   the number of bytes (unsigned), then texts that each end in 0: folder, file for standard
+//               output, file for standard error, program, its words
 //   an answer   the wait status (int) and the seconds of processor time (double)
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -50,7 +51,8 @@ struct answer {
 };
 
 int MPI_Init_thread(int* argc, char*** argv, int required, int* provided) {
-  int (*next)(int*, char***, int, int*) = (int (*)(int*, char***, int, int*))dlsym(RTLD_NEXT, "MPI_Init_thread");
+  int (*next)(int*, char***, int, int*) =
+      (int (*)(int*, char***, int, int*))dlsym(RTLD_NEXT, "MPI_Init_thread");
   const int code = next(argc, argv, required, provided);
   const char* where = getenv("STICKSLIP_SERVED");
   int from, to;

@@ -53,7 +53,8 @@ inline double distance(Vec a, Vec b) {
   return norm;
 }
 
-// Whether `part`, of the nodes of this rank, has the very bits that these nodes have in `whole`, which one rank holds.
+// Whether `part`, of the nodes of this rank, has the very bits that these nodes have in `whole`, which one
+// rank holds.
 inline bool same_bits(const Model& model, Vec part, Vec whole) {
   const double *mine, *all;
   SS_TRY(VecGetArrayRead(part, &mine));

@@ -12,18 +12,37 @@ using namespace stickslip;
 TEST_CASE("a pilot takes the steps of PETSc's rk", "[accuracy][serial]") {
   using Words = std::vector<std::pair<const char*, const char*>>;
   const std::vector<Words> scenes = {
-      {{"init_type", "sine"}, {"grid_length", "20"}, {"grid_n", "60"}, {"grid_order", "8"}, {"ts_max_time", "2"}},
+      {{"init_type", "sine"},
+       {"grid_length", "20"},
+       {"grid_n", "60"},
+       {"grid_order", "8"},
+       {"ts_max_time", "2"}},
       {{"init_type", "pulses"}, {"init_pulses", "2"}, {"grid_n", "80"}, {"ts_max_time", "1"}},
       {{"bc_left", "free"}, {"friction_spread", "0.2"}, {"grid_n", "700"}, {"ts_max_time", "1"}},
-      {{"bc_left", "velocity"}, {"bc_left_value", "-1"}, {"init_type", "layer"}, {"grid_order", "6"}, {"grid_n", "90"},
+      {{"bc_left", "velocity"},
+       {"bc_left_value", "-1"},
+       {"init_type", "layer"},
+       {"grid_order", "6"},
+       {"grid_n", "90"},
        {"ts_max_time", "1"}},
       {{"ts_max_time", "5"}},
-      {{"model_form", "chain"}, {"grid_n", "7"}, {"friction_law", "rate-and-state"}, {"ts_max_time", "0.5"},
+      {{"model_form", "chain"},
+       {"grid_n", "7"},
+       {"friction_law", "rate-and-state"},
+       {"ts_max_time", "0.5"},
        {"friction_spread", "0.1"}},
-      {{"init_type", "sine"}, {"grid_n", "40"}, {"load_v", "0:0.3,0.4:0.3,0.4:-0.2,1.1:0.5"},
-       {"load_sine_amplitude", "0.2"}, {"load_sine_period", "0.7"}, {"ts_max_time", "2"}},
-      {{"model_form", "chain"}, {"grid_n", "4"}, {"bc_left", "free"}, {"init_noise", "0.2"},
-       {"load_v", "0.3:1,0.3:-1,7:0.4"}, {"ts_max_time", "9"}},
+      {{"init_type", "sine"},
+       {"grid_n", "40"},
+       {"load_v", "0:0.3,0.4:0.3,0.4:-0.2,1.1:0.5"},
+       {"load_sine_amplitude", "0.2"},
+       {"load_sine_period", "0.7"},
+       {"ts_max_time", "2"}},
+      {{"model_form", "chain"},
+       {"grid_n", "4"},
+       {"bc_left", "free"},
+       {"init_noise", "0.2"},
+       {"load_v", "0.3:1,0.3:-1,7:0.4"},
+       {"ts_max_time", "9"}},
   };
   for (const Words& words : scenes) {
     // every second one with steps held by the largest error
@@ -39,7 +58,8 @@ TEST_CASE("a pilot takes the steps of PETSc's rk", "[accuracy][serial]") {
       const Trial ours = pilot.run(setting, 100);
       const double longest = pilot.longest_step(setting);
       CHECK((longest > 0) == (std::string(pair) == "rk:7vr" && words.size() > 1));
-      if (longest > 0) SS_TRY(PetscOptionsSetValue(nullptr, "-ts_adapt_dt_max", number_text(longest).c_str()));
+      if (longest > 0)
+        SS_TRY(PetscOptionsSetValue(nullptr, "-ts_adapt_dt_max", number_text(longest).c_str()));
       const Trial petscs = run_trial(options, setting, "", 100);
       SS_TRY(PetscOptionsClearValue(nullptr, "-ts_adapt_dt_max"));
       INFO(words[0].first << " " << words[0].second << " " << pair);

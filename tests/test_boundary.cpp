@@ -126,8 +126,8 @@ TEST_CASE("a mode that takes the lead between samples is found by the count", "[
   CHECK(found[0].complete.value_or(false));
   SpectrumSettings settings;
   settings.compare = false;
-  const Spectrum spectrum =
-      compute_spectrum(PETSC_COMM_SELF, LinearisedOperator(Scene::from(o.with("model_v", found[0].value), true)), settings);
+  const Spectrum spectrum = compute_spectrum(
+      PETSC_COMM_SELF, LinearisedOperator(Scene::from(o.with("model_v", found[0].value), true)), settings);
   CHECK(spectrum.complete);
   CHECK(std::abs(spectrum.growth) < 1e-10);
 }
@@ -147,7 +147,8 @@ TEST_CASE("curves: figure 6, a fold, two pieces", "[boundary]") {
     return curve;
   };
   const auto chain = [](const char* law) {
-    return options_of({{"model_form", "chain"}, {"grid_n", "32"}, {"model_zeta", "paper"}, {"friction_law", law}});
+    return options_of(
+        {{"model_form", "chain"}, {"grid_n", "32"}, {"model_zeta", "paper"}, {"friction_law", law}});
   };
   const Axis k1{"model_k1", 1e-3, 10.5, true}, v{"model_v", 1e-2, 30, true};
   CHECK(trace(chain("cubic"), k1, v, 21).size() >= 20);
@@ -166,7 +167,8 @@ TEST_CASE("curves: figure 6, a fold, two pieces", "[boundary]") {
 
   const auto simple = options_of({{"model_form", "chain"}, {"grid_n", "16"}});
   const Axis both{"model_v", -1.5, 1.5, false};
-  const auto fold = trace(simple, both, {"model_zeta", 0.2, 1.5, false}, 20);  // zeta = 1 - v^2 turns at v = 0
+  // zeta = 1 - v^2 turns at v = 0
+  const auto fold = trace(simple, both, {"model_zeta", 0.2, 1.5, false}, 20);
   CHECK(fold.back().piece == 0);
   double top = 0;
   for (const Crossing& c : fold) top = std::max(top, c.value2);
@@ -190,11 +192,16 @@ double dense_growth(const Scene& scene) {
 
 TEST_CASE("curves of spread and held scenes lie where the dense matrix has no growth", "[boundary][serial]") {
   const auto spread = options_of({{"grid_n", "48"}, {"grid_length", "12"}, {"friction_spread", "0.3"}});
-  const auto held = options_of({{"model_form", "chain"}, {"grid_n", "40"}, {"bc_left", "velocity"},
-                                {"bc_left_value", "0.5"}, {"bc_right", "free"}, {"friction_spread", "0.2"}});
+  const auto held = options_of({{"model_form", "chain"},
+                                {"grid_n", "40"},
+                                {"bc_left", "velocity"},
+                                {"bc_left_value", "0.5"},
+                                {"bc_right", "free"},
+                                {"friction_spread", "0.2"}});
   for (const bool continuum : {true, false}) {
-    GrowthRate growth = growth_of(continuum ? spread : held,
-                      {{continuum ? "model_delta" : "model_zeta", 0.05, 0.8, false}, {"model_v", 0.3, 1.5, false}});
+    GrowthRate growth = growth_of(
+        continuum ? spread : held,
+        {{continuum ? "model_delta" : "model_zeta", 0.05, 0.8, false}, {"model_v", 0.3, 1.5, false}});
     BoundaryFindings findings;
     const auto curve = boundary_curve(growth, 15, findings);
     CHECK(findings.notes.empty());
@@ -206,17 +213,23 @@ TEST_CASE("curves of spread and held scenes lie where the dense matrix has no gr
     // and the lattice has the signs of the dense matrix
     for (int k = 0; k < findings.samples.side * findings.samples.side; k += 7) {
       const int column = k % findings.samples.side, row = k / findings.samples.side;
-      const double x = double(column) / (findings.samples.side - 1), y = double(row) / (findings.samples.side - 1);
+      const double x = double(column) / (findings.samples.side - 1),
+                   y = double(row) / (findings.samples.side - 1);
       CHECK((findings.samples.growth[std::size_t(k)] > 0) == (dense_growth(growth.scene(x, y)) > 0));
     }
   }
 }
 
-TEST_CASE("a closed curve smaller than a cell, with corners where two pairs cross at once", "[boundary][serial]") {
-  // psi = 0 everywhere is unstable for zeta < 1, psi large anywhere is not; the equations are odd in (psi_e, v).
-  GrowthRate growth = growth_of(options_of({{"model_form", "chain"}, {"grid_n", "4"}, {"model_zeta", "0.999"},
-                                {"bc_left", "velocity"}, {"bc_right", "free"}}),
-                    {{"bc_left_value", -5, 4.3, false}, {"model_v", -4.1, 5, false}});
+TEST_CASE("a closed curve smaller than a cell, with corners where two pairs cross at once",
+          "[boundary][serial]") {
+  // psi = 0 everywhere is unstable for zeta < 1, psi large anywhere is not; the equations are odd in (psi_e,
+  // v).
+  GrowthRate growth = growth_of(options_of({{"model_form", "chain"},
+                                            {"grid_n", "4"},
+                                            {"model_zeta", "0.999"},
+                                            {"bc_left", "velocity"},
+                                            {"bc_right", "free"}}),
+                                {{"bc_left_value", -5, 4.3, false}, {"model_v", -4.1, 5, false}});
   BoundaryFindings findings;
   const auto curve = boundary_curve(growth, 40, findings);
   CHECK(findings.notes.empty());
@@ -238,11 +251,13 @@ TEST_CASE("a closed curve smaller than a cell, with corners where two pairs cros
   CHECK(switches >= 4);
 }
 
-TEST_CASE("where a curve meets k0 = 0 the pair becomes a real mode beside the symmetry of sliding", "[boundary]") {
+TEST_CASE("where a curve meets k0 = 0 the pair becomes a real mode beside the symmetry of sliding",
+          "[boundary]") {
   // rate-and-state, b > a: the Hopf frequency falls to 0 with k0 where b = a, on the border of the box
-  GrowthRate growth = growth_of(options_of({{"model_form", "chain"}, {"grid_n", "6"}, {"friction_law", "rate-and-state"},
-                                {"model_v", "1"}}),
-                    {{"friction_b", 0.01, 0.2, false}, {"model_k0", 0, 2, false}});
+  GrowthRate growth = growth_of(
+      options_of(
+          {{"model_form", "chain"}, {"grid_n", "6"}, {"friction_law", "rate-and-state"}, {"model_v", "1"}}),
+      {{"friction_b", 0.01, 0.2, false}, {"model_k0", 0, 2, false}});
   BoundaryFindings findings;
   const auto curve = boundary_curve(growth, 12, findings);
   REQUIRE(curve.size() == 12);
@@ -258,12 +273,16 @@ TEST_CASE("where a curve meets k0 = 0 the pair becomes a real mode beside the sy
 }
 
 TEST_CASE("a zero curve and a Hopf curve that meet inside the box: both are found, and where", "[boundary]") {
-  // A chain that slides as a whole (k0 = 0), Carlson-Langer with healing. With a = B + F_psi, b = B + dF_ss/dv and
-  // r = 1/t_h + v/D the real mode crosses at b = 0, the shortest wave (K = 4 K1) at a K + r b (a + r/A) = 0; a = b = 0
-  // where the state does not depend on the velocity: tau_inf = 1, zeta/f0 = -phi'(v).
-  GrowthRate growth = growth_of(options_of({{"model_form", "chain"}, {"grid_n", "16"}, {"model_k0", "0"}, {"model_v", "0.5"},
-                                {"friction_law", "carlson-langer"}, {"state_law", "healing"}}),
-                    {{"state_tau_inf", 0.5, 2, false}, {"model_zeta", 0.1, 0.8, false}});
+  // A chain that slides as a whole (k0 = 0), Carlson-Langer with healing. With a = B + F_psi, b = B +
+  // dF_ss/dv and r = 1/t_h + v/D the real mode crosses at b = 0, the shortest wave (K = 4 K1) at a K + r b (a
+  // + r/A) = 0; a = b = 0 where the state does not depend on the velocity: tau_inf = 1, zeta/f0 = -phi'(v).
+  GrowthRate growth = growth_of(options_of({{"model_form", "chain"},
+                                            {"grid_n", "16"},
+                                            {"model_k0", "0"},
+                                            {"model_v", "0.5"},
+                                            {"friction_law", "carlson-langer"},
+                                            {"state_law", "healing"}}),
+                                {{"state_tau_inf", 0.5, 2, false}, {"model_zeta", 0.1, 0.8, false}});
   BoundaryFindings findings;
   const auto curve = boundary_curve(growth, 30, findings);
   CHECK(findings.notes.empty());
@@ -287,9 +306,12 @@ TEST_CASE("a zero curve and a Hopf curve that meet inside the box: both are foun
 TEST_CASE("a curve traced on a coarse grid and placed on the fine one, a trapped mode taking the lead",
           "[boundary][serial]") {
   // At gamma = 2.4 a mode trapped at the held end takes over from the whole line's.
-  GrowthRate growth = growth_of(options_of({{"grid_n", "420"}, {"grid_length", "20"}, {"friction_spread", "0.2"},
-                                {"bc_left", "velocity"}, {"bc_left_value", "0.5"}}),
-                    {{"model_v", 0.7, 1.3, false}, {"model_gamma", 1.5, 4, false}});
+  GrowthRate growth = growth_of(options_of({{"grid_n", "420"},
+                                            {"grid_length", "20"},
+                                            {"friction_spread", "0.2"},
+                                            {"bc_left", "velocity"},
+                                            {"bc_left_value", "0.5"}}),
+                                {{"model_v", 0.7, 1.3, false}, {"model_gamma", 1.5, 4, false}});
   CHECK(growth.reduced().has_value());
   BoundaryFindings findings;
   const auto curve = boundary_curve(growth, 12, findings);
@@ -301,8 +323,8 @@ TEST_CASE("a curve traced on a coarse grid and placed on the fine one, a trapped
   for (std::size_t k = 0; k < curve.size(); ++k) {
     CHECK(curve[k].complete.value_or(true));
     if (k % 4 != 0) continue;
-    const Spectrum spectrum = compute_spectrum(
-        PETSC_COMM_SELF, LinearisedOperator(growth.scene(curve[k].x, curve[k].y)), settings);
+    const Spectrum spectrum =
+        compute_spectrum(PETSC_COMM_SELF, LinearisedOperator(growth.scene(curve[k].x, curve[k].y)), settings);
     CHECK(spectrum.complete);
     CHECK(std::abs(spectrum.growth) < 1e-9);
     CHECK(spectrum.frequency == Approx(curve[k].frequency).epsilon(1e-6));

@@ -23,7 +23,7 @@ ChartRow row(double error, double seconds, const std::string& failed = "") {
 }  // namespace
 
 TEST_CASE("the front holds the rows that no other beats", "[chart][serial]") {
-  const std::vector<ChartRow> rows = {row(1e-3, 1), row(1e-2, 0.5),  row(1e-3, 2),           row(1e-5, 3),
+  const std::vector<ChartRow> rows = {row(1e-3, 1),   row(1e-2, 0.5),          row(1e-3, 2),   row(1e-5, 3),
                                       row(1e-2, 0.5), row(1e-9, 0, "blew up"), row(2e-2, 0.5), row(5e-6, 3)};
   CHECK(chart_front(rows) == std::vector<std::size_t>{1, 0, 7});
   CHECK(chart_front({}).empty());
@@ -35,7 +35,8 @@ TEST_CASE("the front holds the rows that no other beats", "[chart][serial]") {
     return *a.error <= *b.error && a.seconds <= b.seconds && (*a.error < *b.error || a.seconds < b.seconds);
   };
   for (std::size_t i = 0; i < many.size(); ++i) {
-    const bool beaten = std::any_of(many.begin(), many.end(), [&](const ChartRow& r) { return beats(r, many[i]); });
+    const bool beaten =
+        std::any_of(many.begin(), many.end(), [&](const ChartRow& r) { return beats(r, many[i]); });
     const bool twin = std::any_of(front.begin(), front.end(), [&](std::size_t j) {
       return many[j].seconds == many[i].seconds && *many[j].error == *many[i].error;
     });
@@ -46,7 +47,8 @@ TEST_CASE("the front holds the rows that no other beats", "[chart][serial]") {
 TEST_CASE("the error of the finest grid is bounded by what the rate promises", "[chart][serial]") {
   // C(h) = exact + h^p on three grids: the finest one's error is known
   for (const int p : {2, 4, 8}) {
-    const double h = 0.1, before = std::pow(4 * h, p) - std::pow(2 * h, p), last = std::pow(2 * h, p) - std::pow(h, p);
+    const double h = 0.1, before = std::pow(4 * h, p) - std::pow(2 * h, p),
+                 last = std::pow(2 * h, p) - std::pow(h, p);
     const double truth = std::pow(h, p), estimate = error_of_finest(before, last, p);
     CHECK(estimate >= truth);
     CHECK(estimate <= 3 * truth);
@@ -66,16 +68,19 @@ TEST_CASE("methods by name", "[chart][serial]") {
   CHECK(MethodSpec::parse("m", "cn").name() == "cn");
   CHECK_FALSE(MethodSpec::parse("m", "cn").has_estimate());
   CHECK_FALSE(MethodSpec::parse("m", "rk:4").has_estimate());
-  for (const char* bad : {"", "rk:", "rk:5dp:wave", "cn:2", "rosw:rodas3:friction", "rosw:ra34pw2:wave", "arkimex:4:all", "arkimex:bpr3",
-                          "irk", "nonsense", "rk:5dp:none:more", "bdf:9"}) {
+  for (const char* bad : {"", "rk:", "rk:5dp:wave", "cn:2", "rosw:rodas3:friction", "rosw:ra34pw2:wave",
+                          "arkimex:4:all", "arkimex:bpr3", "irk", "nonsense", "rk:5dp:none:more", "bdf:9"}) {
     INFO(bad);
     CHECK_THROWS_AS(MethodSpec::parse("chart_methods", bad), UsageError);
   }
 }
 
 TEST_CASE("the settings of a chart come in the order of its lists", "[chart][serial]") {
-  const Options options = Options().with("grid_n", "64").with("chart_methods", "rk:3bs,rk:4")
-                              .with("chart_tolerances", "1e-2,1e-4").with("chart_orders", "2,8")
+  const Options options = Options()
+                              .with("grid_n", "64")
+                              .with("chart_methods", "rk:3bs,rk:4")
+                              .with("chart_tolerances", "1e-2,1e-4")
+                              .with("chart_orders", "2,8")
                               .with("chart_grids", "32,64");
   const auto settings = chart_settings(options);
   CHECK(settings.size() == 16);

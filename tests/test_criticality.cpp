@@ -1,5 +1,5 @@
-// First Lyapunov coefficients of Hopf points against closed forms, and the ways to them against each other. Random scenes
-// stand in tests/audit/test_criticality.py, against oscillations solved for.
+// First Lyapunov coefficients of Hopf points against closed forms, and the ways to them against each other.
+// Random scenes stand in tests/audit/test_criticality.py, against oscillations solved for.
 #include <catch2/catch.hpp>
 
 #include <cmath>
@@ -37,11 +37,14 @@ Crossing only_root(const Texts& texts, const Axis& axis) {
   return found[0];
 }
 
-// One block on a spring in the variables of Erickson, Birnir and Lavallee (Nonlinear Processes in Geophysics 15 (2008) 1):
-// r = g^2/xi, at the Hopf point omega^2 = epsilon. Friction so large that its logarithm is exact.
+// One block on a spring in the variables of Erickson, Birnir and Lavallee (Nonlinear Processes in Geophysics
+// 15 (2008) 1): r = g^2/xi, at the Hopf point omega^2 = epsilon. Friction so large that its logarithm is
+// exact.
 Texts one_block(const char* state) {
-  return {{"model_form", "chain"}, {"grid_n", "1"},         {"bc_left", "free"},
-          {"friction_law", "rate-and-state"}, {"state_law", state}, {"friction_a", "0.01"}, {"friction_D", "1"}};
+  return {{"model_form", "chain"}, {"grid_n", "1"},
+          {"bc_left", "free"},     {"friction_law", "rate-and-state"},
+          {"state_law", state},    {"friction_a", "0.01"},
+          {"friction_D", "1"}};
 }
 
 }  // namespace
@@ -66,14 +69,16 @@ TEST_CASE("uniform motion without a state: the coefficient is -A F'''/16", "[cri
                      {"friction_law", "carlson-langer"}}) == Approx(6 * 0.04 / 16).epsilon(1e-12));
 }
 
-TEST_CASE("a block with rate-and-state friction: closed forms for both laws of the state", "[criticality][serial]") {
+TEST_CASE("a block with rate-and-state friction: closed forms for both laws of the state",
+          "[criticality][serial]") {
   for (const double f0 : {40., 128., 900.})
     for (const double k0 : {0.1, 0.64, 3.}) {
       const double g2 = k0, xi = k0 / f0 / 0.01, r = g2 / xi, w2 = g2 * xi / (g2 + xi);
       const double common = r * w2 / (8 * ((1 + r) * (1 + r) + w2) * ((1 + r) * (1 + r) + 4 * w2));
       for (const char* state : {"slip", "ageing"}) {
         Texts texts = one_block(state);
-        texts.insert(texts.end(), {{"model_v", "1"}, {"model_f0", std::to_string(f0)}, {"model_k0", std::to_string(k0)}});
+        texts.insert(texts.end(),
+                     {{"model_v", "1"}, {"model_f0", std::to_string(f0)}, {"model_k0", std::to_string(k0)}});
         const double b = 0.01 * (1 + w2);
         const Crossing c = only_root(texts, {"friction_b", 0.5 * (b + 0.01), 2 * b, false});
         CHECK(c.frequency == Approx(std::sqrt(w2)).epsilon(1e-9));
@@ -85,7 +90,8 @@ TEST_CASE("a block with rate-and-state friction: closed forms for both laws of t
     }
 }
 
-TEST_CASE("Bautin points lie where the closed form says, and none is where it says none", "[criticality][serial]") {
+TEST_CASE("Bautin points lie where the closed form says, and none is where it says none",
+          "[criticality][serial]") {
   const std::vector<Axis> axes{{"friction_b", 0.0101, 0.1, false}, {"model_v", 0.2, 2, true}};
   for (const char* state : {"ageing", "slip"}) {
     Texts texts = one_block(state);
@@ -109,10 +115,13 @@ TEST_CASE("Bautin points lie where the closed form says, and none is where it sa
   }
 }
 
-TEST_CASE("waves of equal nodes and modes of nodes that hardly differ have the same coefficient", "[criticality][serial]") {
+TEST_CASE("waves of equal nodes and modes of nodes that hardly differ have the same coefficient",
+          "[criticality][serial]") {
   for (const char* n : {"4", "6", "7"}) {
-    const Texts texts{{"model_form", "chain"},  {"grid_n", n},          {"bc_left", "free"},    {"bc_right", "free"},
-                      {"friction_law", "cubic"}, {"state_law", "contact-age"}, {"state_b", "0.3"}, {"state_D", "1.6"}};
+    const Texts texts{{"model_form", "chain"},   {"grid_n", n},
+                      {"bc_left", "free"},       {"bc_right", "free"},
+                      {"friction_law", "cubic"}, {"state_law", "contact-age"},
+                      {"state_b", "0.3"},        {"state_D", "1.6"}};
     Texts spread = texts;
     spread.push_back({"friction_spread", "1e-12"});
     const Axis axis{"model_v", 0.15, 2, false};

@@ -67,7 +67,8 @@ const SpecialPoint* find(const CycleBranch& branch, const std::string& kind) {
 }  // namespace
 
 TEST_CASE("cycles of van der Pol's equation have the known periods", "[cycle][serial]") {
-  for (const auto& [gamma, period] : {std::pair(1., 6.66329), {3., 8.85910}, {5., 11.61223}, {10., 19.07837}}) {
+  for (const auto& [gamma, period] :
+       {std::pair(1., 6.66329), {3., 8.85910}, {5., 11.61223}, {10., 19.07837}}) {
     const Cycle cycle = uniform_cycle(undamped(gamma, 0)).cycle;
     INFO("gamma " << gamma << ", period " << cycle.period);
     CHECK(std::abs(cycle.period - period) < 6e-6);
@@ -91,7 +92,8 @@ TEST_CASE("a cell's rates and Jacobian are those of Model", "[cycle][serial]") {
     s.length = 7 * 0.3;
     s.order = kind == 0 ? 6 : 4;
     if (kind > 0) s = healing_chain(0.4), s.n = 6, s.length = 6;
-    if (kind == 2) s.left = End::velocity, s.right = End::free, s.left_value = -0.7, s.length = 5, s.spread = 0.4;
+    if (kind == 2)
+      s.left = End::velocity, s.right = End::free, s.left_value = -0.7, s.length = 5, s.spread = 0.4;
     if (kind == 3) {
       s = undamped(2, 0.3);
       s.n = 9;
@@ -138,8 +140,10 @@ TEST_CASE("a cell's rates and Jacobian are those of Model", "[cycle][serial]") {
       field.rates(moved.data(), down.data());
       for (std::size_t r = 0; r < d; ++r) {
         INFO("kind " << kind << " entry " << r << "," << c);
-        // the differences err by h^2 f'''/6 ~ 1e-10 (2/eps^2 of the regularised law) and round-off 1e-16 scale/h
-        CHECK(std::abs(J[r * d + c] - (up[r] - down[r]) / (2 * h)) < (kind == 1 || kind == 2 ? 1e-6 : 1e-8) * scale);
+        // the differences err by h^2 f'''/6 ~ 1e-10 (2/eps^2 of the regularised law) and round-off 1e-16
+        // scale/h
+        CHECK(std::abs(J[r * d + c] - (up[r] - down[r]) / (2 * h)) <
+              (kind == 1 || kind == 2 ? 1e-6 : 1e-8) * scale);
         if (std::abs(int(r) - int(c)) > field.band()) CHECK(J[r * d + c] == 0);
       }
     }
@@ -159,15 +163,17 @@ TEST_CASE("waves on uniform oscillations grow as known", "[cycle][serial]") {
   ring.length = 5;
   CHECK(growth_on_uniform(ring) < 0);
   // where the longest wave of a ring stops to grow
-  MediumLines lines([&](double v, double gamma) {
-    Scene here = ring;
-    here.length = 8.784836402747949;
-    here.c = 1.0600603155793924;
-    here.delta = 0;
-    here.v = v;
-    here.gamma = gamma;
-    return here;
-  }, {{"model_v", 0.8, 1.01}, {"model_gamma", 1.379, 1.517}}, 1, [] {});
+  MediumLines lines(
+      [&](double v, double gamma) {
+        Scene here = ring;
+        here.length = 8.784836402747949;
+        here.c = 1.0600603155793924;
+        here.delta = 0;
+        here.v = v;
+        here.gamma = gamma;
+        return here;
+      },
+      {{"model_v", 0.8, 1.01}, {"model_gamma", 1.379, 1.517}}, 1, [] {});
   for (const Crossing& c : lines.waves(4)) {
     CHECK(c.wavenumber == Approx(2 * M_PI / 8.784836402747949));
     ++points;
@@ -199,11 +205,15 @@ TEST_CASE("a wave's multipliers are those of a cell of several nodes", "[cycle][
   cell.n = m;
   cell.length = m;
   const std::size_t dof = std::size_t(one.cycle.dof);
-  const CycleGuess guess{one.cycle.period, [&](double phase, double* y) {
+  const CycleGuess guess{one.cycle.period,
+                         [&](double phase, double* y) {
                            std::vector<double> node(dof);
-                           evaluate(Collocation::gauss5(), one.mesh, one.values.data(), int(dof), phase, node.data());
-                           for (PetscInt i = 0; i < m; ++i) std::copy(node.begin(), node.end(), y + std::size_t(i) * dof);
-                         }, one.mesh};
+                           evaluate(Collocation::gauss5(), one.mesh, one.values.data(), int(dof), phase,
+                                    node.data());
+                           for (PetscInt i = 0; i < m; ++i)
+                             std::copy(node.begin(), node.end(), y + std::size_t(i) * dof);
+                         },
+                         one.mesh};
   const SmoothCycle three = solve_cycle(cell, guess);
   CHECK(three.cycle.period == Approx(one.cycle.period).epsilon(1e-10));
   // the multipliers of the cell: of the wavenumbers 0, 1/3, 2/3; of a twist theta: (theta + 2 pi j)/3
@@ -247,12 +257,14 @@ TEST_CASE("a branch goes through the canard explosion to the Hopf point", "[cycl
   REQUIRE(hopf);
   const double exact = std::sqrt(1 - 0.2 / 3);
   CHECK(std::abs(hopf->value - exact) < 1e-8);
-  // at the Hopf point the frequency is sqrt(A K0) = 1 with the trace of J zero: its determinant, K0 A + s delta ... = 1
+  // at the Hopf point the frequency is sqrt(A K0) = 1 with the trace of J zero: its determinant, K0 A + s
+  // delta ... = 1
   CHECK(hopf->period == Approx(2 * M_PI).epsilon(1e-5));
   CHECK(!find(branch, "fold"));  // supercritical, and no fold on the way: the amplitude falls monotonically
   double largest_drop = 0;
   for (std::size_t k = 1; k < branch.points.size(); ++k)
-    largest_drop = std::max(largest_drop, branch.points[k - 1].cycle.amplitude - branch.points[k].cycle.amplitude);
+    largest_drop =
+        std::max(largest_drop, branch.points[k - 1].cycle.amplitude - branch.points[k].cycle.amplitude);
   CHECK(largest_drop < 0.2);  // of 1.86: the explosion is resolved
 }
 
@@ -293,8 +305,8 @@ TEST_CASE("folds are where a cycle's multiplier is 1", "[cycle][serial]") {
   REQUIRE(hopf);
   CHECK(branch.points.front().stable);
   CHECK(!branch.points.back().stable);
-  // independent: just below the fold two cycles, the rates of both change of sign; the velocity where sliding loses
-  // stability by the slope of the smoothed law
+  // independent: just below the fold two cycles, the rates of both change of sign; the velocity where sliding
+  // loses stability by the slope of the smoothed law
   const auto damping = [](double v) {
     const double eps = 1e-2, t = std::tanh(v / eps), sech2 = 1 - t * t, m = 1 + v * t;
     return std::sqrt(0.02) + (sech2 / eps * m - t * (t + v * sech2 / eps)) / (m * m);
@@ -323,10 +335,12 @@ TEST_CASE("a cell settles on a cycle that its own motion repeats", "[cycle][seri
     const double h = pair.cycle.period / steps;
     for (int n = 0; n < steps; ++n) {
       for (int j = 0; j < 4; ++j) {
-        for (std::size_t i = 0; i < y.size(); ++i) at[i] = y[i] + (j == 0 ? 0 : h * (j == 3 ? 1 : .5) * k[j - 1][i]);
+        for (std::size_t i = 0; i < y.size(); ++i)
+          at[i] = y[i] + (j == 0 ? 0 : h * (j == 3 ? 1 : .5) * k[j - 1][i]);
         field.rates(at.data(), k[j].data());
       }
-      for (std::size_t i = 0; i < y.size(); ++i) y[i] += h / 6 * (k[0][i] + 2 * k[1][i] + 2 * k[2][i] + k[3][i]);
+      for (std::size_t i = 0; i < y.size(); ++i)
+        y[i] += h / 6 * (k[0][i] + 2 * k[1][i] + 2 * k[2][i] + k[3][i]);
     }
     return y;
   };
@@ -359,7 +373,8 @@ TEST_CASE("banded systems and generalised eigenvalues", "[cycle][dense][serial]"
   }
   for (int i = 0; i < n; ++i)
     for (int c = 0; c < columns; ++c)
-      for (int j = 0; j < n; ++j) b[std::size_t(i * columns + c)] += a[std::size_t(i * n + j)] * x[std::size_t(j * columns + c)];
+      for (int j = 0; j < n; ++j)
+        b[std::size_t(i * columns + c)] += a[std::size_t(i * n + j)] * x[std::size_t(j * columns + c)];
   std::vector<double> full = a, right = b;
   REQUIRE(solve_banded(n, band, a.data(), columns, b.data()));
   REQUIRE(solve_dense(n, full.data(), columns, right.data()));
@@ -371,7 +386,8 @@ TEST_CASE("banded systems and generalised eigenvalues", "[cycle][dense][serial]"
 }
 
 TEST_CASE("where the parameter goes as the period grows beyond bounds", "[cycle][serial]") {
-  // by the exact period: theta' = lambda - sin theta (a place of rest is born on the cycle), and a pendulum of energy lambda
+  // by the exact period: theta' = lambda - sin theta (a place of rest is born on the cycle), and a pendulum
+  // of energy lambda
   const auto on_circle = [](double lambda) { return 2 * M_PI / std::sqrt(lambda * lambda - 1); };
   const auto pendulum = [](double lambda) {
     double a = 1, g = std::sqrt((1 - lambda) / 2);
@@ -418,9 +434,12 @@ TEST_CASE("as springs grow soft the period grows beyond bounds, at k0 = 0", "[cy
   REQUIRE(branch.special.size() == 1);
   CHECK(branch.special[0].kind == "infinite-period");
   CHECK(std::abs(branch.special[0].value) < 0.2e-8);
-  // k0 T tends to the time on the two branches on which psi carries the force: integrals of (psi^2 - 1)/(v - psi)
+  // k0 T tends to the time on the two branches on which psi carries the force: integrals of (psi^2 - 1)/(v -
+  // psi)
   const double v = s.v;
-  const auto slow = [&](double psi) { return -psi * psi / 2 - v * psi - (v * v - 1) * std::log(std::abs(psi - v)); };
+  const auto slow = [&](double psi) {
+    return -psi * psi / 2 - v * psi - (v * v - 1) * std::log(std::abs(psi - v));
+  };
   const double known = std::abs(slow(1) - slow(2)) + std::abs(slow(-1) - slow(-2));
   const CyclePoint& last = branch.points.back();
   CHECK(last.value * last.cycle.period == Approx(known).epsilon(20 * std::pow(last.value, 2. / 3)));

@@ -44,9 +44,9 @@ std::vector<SlipEvent> events_of(const Scene& scene, const std::vector<std::stri
 
 TEST_CASE("events are regions that slip together", "[serial]") {
   // one grows, another is met; a third stays apart and ends first
-  std::vector<SlipEvent> e = events_of(chain(12, false), {"............", "..#......#..", ".###.....#..", "..###.......",
-                                                          "....###.....", "......#.....", "............", "............",
-                                                          "............"});
+  std::vector<SlipEvent> e = events_of(
+      chain(12, false), {"............", "..#......#..", ".###.....#..", "..###.......", "....###.....",
+                         "......#.....", "............", "............", "............"});
   REQUIRE(e.size() == 2);
   CHECK(e[0].first == 9);
   CHECK(e[0].count == 1);
@@ -58,8 +58,8 @@ TEST_CASE("events are regions that slip together", "[serial]") {
   CHECK(e[1].end == 6);
 
   // two meet and become one, which has the earlier beginning
-  e = events_of(chain(8, false), {"........", "#.......", "#.....#.", "##...##.", "###.##..", "..##....", "........",
-                                  "........"});
+  e = events_of(chain(8, false), {"........", "#.......", "#.....#.", "##...##.", "###.##..", "..##....",
+                                  "........", "........"});
   REQUIRE(e.size() == 1);
   CHECK(e[0].first == 0);
   CHECK(e[0].count == 7);
@@ -72,16 +72,18 @@ TEST_CASE("events are regions that slip together", "[serial]") {
   CHECK(e[0].count == 3);
   CHECK(events_of(chain(8, false), round).size() == 2);
 
-  // what moves again in the region while something there still moves belongs to it, what does so later does not
-  e = events_of(chain(8, false), {"........", "#.......", "##......", ".##.....", "#.#.....", "..#.....", "........",
-                                  "........", "#.......", "........", "........"});
+  // what moves again in the region while something there still moves belongs to it, what does so later does
+  // not
+  e = events_of(chain(8, false), {"........", "#.......", "##......", ".##.....", "#.#.....", "..#.....",
+                                  "........", "........", "#.......", "........", "........"});
   REQUIRE(e.size() == 2);
   CHECK(e[0].count == 3);
   CHECK(e[1].begin == 7);
 }
 
-TEST_CASE("events of nodes on several ranks are those of all nodes on one")  {
-  // nodes that move at random, rest and move again, on a ring and between ends, from fewer than a stencil reaches a rank on
+TEST_CASE("events of nodes on several ranks are those of all nodes on one") {
+  // nodes that move at random, rest and move again, on a ring and between ends, from fewer than a stencil
+  // reaches a rank on
   int rank, ranks;
   MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
   MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
@@ -103,7 +105,8 @@ TEST_CASE("events of nodes on several ranks are those of all nodes on one")  {
           if (moves[i] && k > 0) fields[0][i] = any(random) - 0.1;
           fields[1][i] = any(random);
         }
-        for (std::size_t f = 0; f < 2; ++f) own[f].assign(fields[f].begin() + first, fields[f].begin() + behind);
+        for (std::size_t f = 0; f < 2; ++f)
+          own[f].assign(fields[f].begin() + first, fields[f].begin() + behind);
         whole.step(0.1 * k, fields);
         shared.step(0.1 * k, own);
         for (const SlipEvent& e : whole.ended()) all.push_back(e);
@@ -115,7 +118,8 @@ TEST_CASE("events of nodes on several ranks are those of all nodes on one")  {
       for (std::size_t k = 0; k < all.size() && same; ++k) {
         const std::vector<double> a = whole.row(all[k]), b = whole.row(parts[k]);
         for (std::size_t c = 0; c < a.size(); ++c)
-          same = same && (std::abs(a[c] - b[c]) <= 1e-11 * (1 + std::abs(a[c])) || (std::isnan(a[c]) && std::isnan(b[c])));
+          same = same && (std::abs(a[c] - b[c]) <= 1e-11 * (1 + std::abs(a[c])) ||
+                          (std::isnan(a[c]) && std::isnan(b[c])));
       }
       CHECK(same);
     }
@@ -123,7 +127,8 @@ TEST_CASE("events of nodes on several ranks are those of all nodes on one")  {
 }
 
 TEST_CASE("the numbers of an event", "[serial]") {
-  // One block of mass 2 under Coulomb's friction, eta falling linearly: psi_t = A (eta - fd), parabola in time.
+  // One block of mass 2 under Coulomb's friction, eta falling linearly: psi_t = A (eta - fd), parabola in
+  // time.
   Scene s = chain(3, false);
   s.m = 2;
   s.friction.values["friction_fd"] = 0.4;
@@ -139,7 +144,8 @@ TEST_CASE("the numbers of an event", "[serial]") {
   const std::vector<SlipEvent> all = events.ended();
   REQUIRE(all.size() == 1);
   const SlipEvent& e = all[0];
-  const double slip = A * (0.6 * stops * stops / 2 - rate * stops * stops * stops / 6);  // Simpson's rule is exact
+  // Simpson's rule is exact
+  const double slip = A * (0.6 * stops * stops / 2 - rate * stops * stops * stops / 6);
   CHECK(e.begin == 0);
   CHECK(e.end == Approx(stops));
   CHECK(e.slip == Approx(slip));
@@ -152,15 +158,17 @@ TEST_CASE("the numbers of an event", "[serial]") {
 }
 
 TEST_CASE("force before an event, which others have changed since it began", "[serial]") {
-  // Blocks so heavy that psi is straight between the rows. The one at 1 moves all the time; those at 6 and 7 slip and come
-  // to rest; then one moves at 5, and the two regions grow together, over the place of the slip that has ended.
+  // Blocks so heavy that psi is straight between the rows. The one at 1 moves all the time; those at 6 and 7
+  // slip and come to rest; then one moves at 5, and the two regions grow together, over the place of the slip
+  // that has ended.
   Scene s = chain(9, false);
   s.m = 1e14;
   s.k0 = 0.5;
   s.k1 = 1.5;
   s.v = 0.01;
-  const std::vector<std::string> rows = {".........", ".#.......", ".#....##.", ".#.......", ".#.......", ".#...#...",
-                                         ".##.###..", ".#####...", "..##.....", ".........", "........."};
+  const std::vector<std::string> rows = {".........", ".#.......", ".#....##.", ".#.......",
+                                         ".#.......", ".#...#...", ".##.###..", ".#####...",
+                                         "..##.....", ".........", "........."};
   const std::size_t n = 9;
   const auto elastic = [&](const std::vector<double>& d, std::size_t i) {
     double force = s.k0 * d[i];
@@ -191,11 +199,13 @@ TEST_CASE("force before an event, which others have changed since it began", "[s
   }
   const std::vector<SlipEvent> ended = events.ended(), from_saved = resumed.ended();
   REQUIRE(ended.size() == 2);
-  const auto check = [&](const SlipEvent& e, const std::vector<double>& d, const std::vector<double>& slipped) {
+  const auto check = [&](const SlipEvent& e, const std::vector<double>& d,
+                         const std::vector<double>& slipped) {
     double drop = 0, strain = 0, moment = 0;
     for (std::size_t i = 0; i < n; ++i) {
       if (d[i] == 0) continue;
-      const double fall = elastic(d, i) - s.k0 * s.v * (e.end - e.begin);  // of its own slip, less the plate's pull
+      // of its own slip, less the plate's pull
+      const double fall = elastic(d, i) - s.k0 * s.v * (e.end - e.begin);
       const double behind = start[i] + s.k0 * s.v * e.end - elastic(slipped, i);
       drop += fall / double(e.count);
       strain += d[i] * (behind + fall / 2);
@@ -216,9 +226,11 @@ TEST_CASE("force before an event, which others have changed since it began", "[s
   CHECK(events.row(ended[1]) == resumed.row(from_saved[0]));
 }
 
-TEST_CASE("what other events do is no part of one, until it ends and while its nodes moved in them", "[serial]") {
-  // Each node's eta rests, so psi is straight between the rows and all of the drop is what the others did. The one at 2 ends
-  // at t = 3, while the other, two nodes away, goes on; that one comes to 2 when it has ended. Either way round.
+TEST_CASE("what other events do is no part of one, until it ends and while its nodes moved in them",
+          "[serial]") {
+  // Each node's eta rests, so psi is straight between the rows and all of the drop is what the others did.
+  // The one at 2 ends at t = 3, while the other, two nodes away, goes on; that one comes to 2 when it has
+  // ended. Either way round.
   Scene s = chain(9, false);
   s.form = Form::continuum;
   s.order = 4;
@@ -228,7 +240,8 @@ TEST_CASE("what other events do is no part of one, until it ends and while its n
                                          "..####...", "..#......", ".........", "........."};
   const auto done_by = [&](PetscInt i, PetscInt node, double slip) {
     double force = i == node ? -s.K0() * slip : 0;
-    for (const auto& [j, factor] : second_difference_row(s, i)) force += j == node ? s.K1() * factor * slip : 0;
+    for (const auto& [j, factor] : second_difference_row(s, i))
+      force += j == node ? s.K1() * factor * slip : 0;
     return force;
   };
   for (const int sign : {1, -1}) {
@@ -259,7 +272,8 @@ TEST_CASE("what other events do is no part of one, until it ends and while its n
 }
 
 TEST_CASE("nodes side by side add up as nodes apart do", "[serial]") {
-  // the same motion of 270 nodes, once in one region, in vector code, once with a node at rest between any two
+  // the same motion of 270 nodes, once in one region, in vector code, once with a node at rest between any
+  // two
   std::mt19937 random(3);
   std::uniform_real_distribution<double> any(0, 1);
   const std::size_t nodes = 270;

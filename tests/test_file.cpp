@@ -1,5 +1,5 @@
-// Summaries, HDF5 files, checkpoints. The central test records every write that the HDF5 library makes into the file
-// of a run and opens the file as a kill would have left it after each of them.
+// Summaries, HDF5 files, checkpoints. The central test records every write that the HDF5 library makes into
+// the file of a run and opens the file as a kill would have left it after each of them.
 #include <catch2/catch.hpp>
 #include <hdf5.h>
 #include <petscvec.h>
@@ -41,7 +41,7 @@ struct Write {
 };
 bool recording = false;
 std::vector<Write> record;
-int writes_left = -1;         // until the disk is full; negative: it never is
+int writes_left = -1;        // until the disk is full; negative: it never is
 const off_t taken = 262144;  // what a file has taken of the disk when it was made, writes there still succeed
 
 }  // namespace
@@ -159,7 +159,8 @@ std::string usage_error(const std::function<void()>& act) {
 }  // namespace
 
 TEST_CASE("JSON: reals come back, order stays, text is escaped", "[output]") {
-  for (const double value : {0.1, 1.0 / 3, -0.0, 5e-324, 1.7976931348623157e308, 60.0, 1e23, 123456789012345680.0}) {
+  for (const double value :
+       {0.1, 1.0 / 3, -0.0, 5e-324, 1.7976931348623157e308, 60.0, 1e23, 123456789012345680.0}) {
     const std::string text = json_text(Json(value));
     const double back = std::strtod(text.c_str(), nullptr);
     CHECK(back == value);
@@ -177,7 +178,8 @@ TEST_CASE("JSON: reals come back, order stays, text is escaped", "[output]") {
   CHECK(json_text(Json::array()) == "[]");
   CHECK(json_text(Json::object()) == "{}");
 
-  const std::map<std::string, std::string> texts{{"", ""}, {"q\"", "\\ \x02 \t\n/"}, {"\xC3\xA9", "\xE2\x82\xAC"}};
+  const std::map<std::string, std::string> texts{
+      {"", ""}, {"q\"", "\\ \x02 \t\n/"}, {"\xC3\xA9", "\xE2\x82\xAC"}};
   CHECK(parse_text_map(json_text(Json(texts))) == texts);
   CHECK(parse_text_map(json_text(Json(texts), 0)) == texts);
   for (const char* bad : {"", "{", "{}x", "[]", "{\"a\":1}", "{\"a\":\"b\",}", "{\"a\":\"\\"})
@@ -188,8 +190,9 @@ TEST_CASE("summary: all keys whatever happens, written whole", "[output]") {
   const Folder folder;
   const std::string path = folder / "s.json";
   Summary summary(some_provenance(), {"t_end", "steps"}, path);
-  const std::vector<std::string> keys{"command", "status",     "reason",     "warnings", "version", "git",
-                                      "options", "model_form", "delta_sign", "ranks",    "wall_s",  "t_end", "steps"};
+  const std::vector<std::string> keys{"command", "status",  "reason",     "warnings",   "version",
+                                      "git",     "options", "model_form", "delta_sign", "ranks",
+                                      "wall_s",  "t_end",   "steps"};
   CHECK_THROWS_AS(summary.set("speed", 1), std::logic_error);
 
   CHECK_THROWS_AS(with_summary(summary, []() -> int { throw UsageError("wrong"); }), UsageError);
@@ -243,7 +246,9 @@ TEST_CASE("outputs that cannot be written are found before any work", "[output]"
   put(folder / "empty", "");
   put(folder / "foreign.h5", "\x89HDF\r\n\x1a\n and nothing else");
   const auto of = [](const std::string& text) { return Catch::Contains(text); };
-  const auto summary = [&](const std::string& path) { return usage_error([&] { check_summary_path(path); }); };
+  const auto summary = [&](const std::string& path) {
+    return usage_error([&] { check_summary_path(path); });
+  };
   const auto out = [&](const std::string& path) { return usage_error([&] { check_output_path(path); }); };
 
   for (const char* good : {"new.json", "old.json", "empty"}) CHECK(summary(folder / good) == "no error");
@@ -264,8 +269,10 @@ TEST_CASE("outputs that cannot be written are found before any work", "[output]"
   CHECK_THAT(out("/dev/null"), of("not a regular file"));
   if (present("/proc/self/stat"))  // where it is mounted: a folder that refuses, root too
     CHECK_THAT(out("/proc/a.h5"), of("cannot be written"));
-  CHECK_THAT(usage_error([&] { (void)check_outputs(folder / "a", folder / "a"); }), of("the same file as out_file"));
-  CHECK_THAT(usage_error([&] { (void)check_outputs(folder / "a", (folder / "") + "./a"); }), of("the same file"));
+  CHECK_THAT(usage_error([&] { (void)check_outputs(folder / "a", folder / "a"); }),
+             of("the same file as out_file"));
+  CHECK_THAT(usage_error([&] { (void)check_outputs(folder / "a", (folder / "") + "./a"); }),
+             of("the same file"));
   CHECK(usage_error([&] { (void)check_outputs(folder / "a", folder / "b"); }) == "no error");
 }
 
@@ -307,7 +314,8 @@ TEST_CASE("run file: frames come back, on every rank, more than were expected to
   for (const char* hidden : {".r.h5.tmp", ".r.h5.new"}) CHECK(!present(folder / hidden));
 }
 
-TEST_CASE("run file: an old file stands until the first frame, a run that fails keeps its frames", "[output]") {
+TEST_CASE("run file: an old file stands until the first frame, a run that fails keeps its frames",
+          "[output]") {
   const Folder folder;
   const std::string path = folder / "r.h5";
   {
@@ -497,7 +505,8 @@ TEST_CASE("run file: continued after an earlier one, its later rows replaced", "
   CHECK(read_frame("x", path).count == 5);
 }
 
-TEST_CASE("run layout: coefficients, friction and stability of uniform sliding follow from the scene", "[output]") {
+TEST_CASE("run layout: coefficients, friction and stability of uniform sliding follow from the scene",
+          "[output]") {
   const auto stable = [](const Scene& scene) { return run_layout(scene).numbers.at("steady_stable") == 1; };
   Scene scene;  // continuum, cubic: |v_c| = sqrt(1 - s delta/gamma)
   for (const bool derived : {true, false}) {
@@ -515,9 +524,11 @@ TEST_CASE("run layout: coefficients, friction and stability of uniform sliding f
   CHECK(layout.numbers.at("steady_eta") == Approx(scene.v * scene.v * scene.v / 3 - scene.v));
   const auto at = std::find(layout.friction_psi.begin(), layout.friction_psi.end(), 1.5);
   REQUIRE(at != layout.friction_psi.end());
-  CHECK(layout.friction_F[std::size_t(at - layout.friction_psi.begin())] == Approx(1.5 * 1.5 * 1.5 / 3 - 1.5));
+  CHECK(layout.friction_F[std::size_t(at - layout.friction_psi.begin())] ==
+        Approx(1.5 * 1.5 * 1.5 / 3 - 1.5));
 
-  // Rate and state with inertia: stable iff K > (b - a) T/D [1 + v^2/(A a D T)] at every wavelength, T = tanh(F/a)
+  // Rate and state with inertia: stable iff K > (b - a) T/D [1 + v^2/(A a D T)] at every wavelength, T =
+  // tanh(F/a)
   Scene chain;
   chain.form = Form::chain;
   chain.order = 2;
@@ -556,9 +567,12 @@ TEST_CASE("result file: dimensions, groups, texts", "[output]") {
   CHECK(read_array("x", path, "psi").values == std::vector<double>{1, 2, 3, 4, 5, 6});
   CHECK(read_array("x", path, "mode").values == std::vector<double>{0, 1});
   CHECK(read_array("x", path, "branch/speed").values == std::vector<double>{3, 4});
-  CHECK_THAT(usage_error([&] { read_frame("init_file", path); }), Catch::Contains("the result of `spectrum`"));
-  CHECK_THAT(usage_error([&] { read_array("init_file", path, "nope"); }), Catch::Contains("no dataset 'nope'"));
-  CHECK_THAT(usage_error([&] { read_array("init_file", path, "method"); }), Catch::Contains("not hold numbers"));
+  CHECK_THAT(usage_error([&] { read_frame("init_file", path); }),
+             Catch::Contains("the result of `spectrum`"));
+  CHECK_THAT(usage_error([&] { read_array("init_file", path, "nope"); }),
+             Catch::Contains("no dataset 'nope'"));
+  CHECK_THAT(usage_error([&] { read_array("init_file", path, "method"); }),
+             Catch::Contains("not hold numbers"));
 
   ResultFile wrong(PETSC_COMM_WORLD, folder / "w.h5", some_provenance("spectrum"));
   wrong.scale({"x", "length", "position"}, {0, 1, 2});
@@ -578,7 +592,9 @@ TEST_CASE("checkpoint: exact to the last bit, damage found, the newest kept", "[
   MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
   const Slab slab = Slab::even(PETSC_COMM_WORLD, n);
   const NodeRange nodes{PETSC_COMM_WORLD, slab.first(), std::int64_t(slab.kept()), n};
-  const auto value = [](std::int64_t i) { return std::sin(1.0 + double(i)) * std::pow(10.0, double(i % 7) - 300); };
+  const auto value = [](std::int64_t i) {
+    return std::sin(1.0 + double(i)) * std::pow(10.0, double(i % 7) - 300);
+  };
 
   Checkpoint written;
   written.t = 1.0 / 3;
@@ -588,7 +604,8 @@ TEST_CASE("checkpoint: exact to the last bit, damage found, the newest kept", "[
   written.arrays = {{"events", {1, 2, 0.1}}, {"none", {}}};
   for (std::int64_t i = dof * nodes.first; i < dof * (nodes.first + nodes.count); ++i)
     written.fields["state"].push_back(value(i));
-  for (std::int64_t i = nodes.first; i < nodes.first + nodes.count; ++i) written.fields["watch"].push_back(value(-i));
+  for (std::int64_t i = nodes.first; i < nodes.first + nodes.count; ++i)
+    written.fields["watch"].push_back(value(-i));
   std::string name;
   for (const std::int64_t step : {999, 100, 150, 200}) {  // the first as if of an older, longer run
     written.step = step;

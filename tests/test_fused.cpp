@@ -12,16 +12,21 @@ using namespace stickslip;
 
 namespace {
 
-// Bogacki and Shampine's pair of orders 3 and 2 (its last stage is the solution), and the classical method of order 4
-// with an invented estimate (its last stage is not).
-const std::vector<RungeKutta> tableaus = {
-    {4, {0, 0, 0, 0, .5, 0, 0, 0, 0, .75, 0, 0, 2. / 9, 1. / 3, 4. / 9, 0}, {2. / 9, 1. / 3, 4. / 9, 0},
-     {7. / 24, 1. / 4, 1. / 3, 1. / 8}},
-    {4, {0, 0, 0, 0, .5, 0, 0, 0, 0, .5, 0, 0, 0, 0, 1, 0}, {1. / 6, 1. / 3, 1. / 3, 1. / 6}, {.25, .25, .25, .25}}};
+// Bogacki and Shampine's pair of orders 3 and 2 (its last stage is the solution), and the classical method of
+// order 4 with an invented estimate (its last stage is not).
+const std::vector<RungeKutta> tableaus = {{4,
+                                           {0, 0, 0, 0, .5, 0, 0, 0, 0, .75, 0, 0, 2. / 9, 1. / 3, 4. / 9, 0},
+                                           {2. / 9, 1. / 3, 4. / 9, 0},
+                                           {7. / 24, 1. / 4, 1. / 3, 1. / 8}},
+                                          {4,
+                                           {0, 0, 0, 0, .5, 0, 0, 0, 0, .5, 0, 0, 0, 0, 1, 0},
+                                           {1. / 6, 1. / 3, 1. / 3, 1. / 6},
+                                           {.25, .25, .25, .25}}};
 
 std::vector<Scene> scenes() {
   std::vector<Scene> all;
-  for (const PetscInt n : {PetscInt(90), PetscInt(1400)}) {  // one tile; several, the last ones shared by the ranks
+  // one tile; several, the last ones shared by the ranks
+  for (const PetscInt n : {PetscInt(90), PetscInt(1400)}) {
     for (const int order : {2, 4, 6, 8}) {
       Scene ring;
       ring.n = n;
@@ -158,12 +163,13 @@ TEST_CASE("a step taken tile by tile is the step taken stage by stage", "[fused]
       combine(u, dt, method.embedded.data(), slopes, other);
 
       const TiledStep::Outcome outcome = step.take(u, dt, {1e-4, 1e-3, NORM_2}, true, found, kept, at_end);
-      INFO("n " << scene.n << " order " << scene.order << " dof " << model.dof() << " form " << int(scene.form)
-                << " left " << int(scene.left) << " dt " << dt);
+      INFO("n " << scene.n << " order " << scene.order << " dof " << model.dof() << " form "
+                << int(scene.form) << " left " << int(scene.left) << " dt " << dt);
       // Values of size 2; rates of size A phi + K1 kappa^2 psi < wave^2/A: each rounded some ten times.
       const double w = model.wave_frequency(), eps = 2.2e-16, rate = 10 + 4 * w * w / scene.A();
       CHECK(distance(expected, found) <= 20 * eps * (2 + dt * rate));
-      for (std::size_t i = 0; i < stages; ++i) CHECK(distance(slopes[i], kept[i]) <= 20 * eps * rate * (1 + dt * rate));
+      for (std::size_t i = 0; i < stages; ++i)
+        CHECK(distance(slopes[i], kept[i]) <= 20 * eps * rate * (1 + dt * rate));
       CHECK(distance(at_end, kept[stages - 1]) == 0);
       if (step.last_is_solution()) {
         model.rhs(Part::full, found, expected);
@@ -197,7 +203,8 @@ TEST_CASE("a step taken tile by tile does not depend on the ranks, to the last b
     VecHandle all = alone.create_vector(), expected = alone.create_vector();
     start(model, u);
     start(alone, all);
-    FusedStep step(model, tableaus[0], Stick::applies_to(scene)), step_alone(alone, tableaus[0], Stick::applies_to(scene));
+    FusedStep step(model, tableaus[0], Stick::applies_to(scene)),
+        step_alone(alone, tableaus[0], Stick::applies_to(scene));
     const auto direction = give_direction(model, step), direction_alone = give_direction(alone, step_alone);
     step.take(u, 0.02, {1e-4, 1e-3, NORM_2}, true, found, {});
     step_alone.take(all, 0.02, {1e-4, 1e-3, NORM_2}, true, expected, {});

@@ -189,8 +189,8 @@ TEST_CASE("stages of arkimex solve the model's own equations, whatever is implic
         const double dt = Stick::applies_to(scene) ? 0.001 : 0.01;
         const TiledStep::Outcome outcome = step->take(u, dt, tight, !t.embedded.empty(), found, slopes);
         INFO("implicit " << to_string(split.implicit) << ": " << to_string(scene.friction.law) << " "
-                         << to_string(scene.friction.state) << " n " << scene.n << " order " << scene.order << " left "
-                         << int(scene.left) << " arkimex " << subtype);
+                         << to_string(scene.friction.state) << " n " << scene.n << " order " << scene.order
+                         << " left " << int(scene.left) << " arkimex " << subtype);
         CHECK(outcome.finite);
         CHECK(outcome.solved);
         const auto s = std::size_t(t.stages);
@@ -230,7 +230,8 @@ TEST_CASE("stages of arkimex solve the model's own equations, whatever is implic
         SS_TRY(VecRestoreArrayRead(y, &b));
         SS_TRY(VecRestoreArrayRead(found, &a));
         SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPI_DOUBLE, MPI_SUM, model.comm()));
-        CHECK(outcome.error == Approx(std::sqrt(sum / double(scene.n * model.dof()))).epsilon(1e-6).margin(0.01));
+        CHECK(outcome.error ==
+              Approx(std::sqrt(sum / double(scene.n * model.dof()))).epsilon(1e-6).margin(0.01));
         model.set_direction(nullptr);
       }
 }
@@ -246,8 +247,8 @@ TEST_CASE("a step of leapfrog is half a kick, the midpoint rule, half a kick", "
     const std::vector<double> direction = give_direction(model, step, u);
     const double dt = Stick::applies_to(scene) ? 0.002 : 0.01;
     const TiledStep::Outcome outcome = step.take(u, dt, {1e-6, 1e-6, NORM_2}, false, found, {});
-    INFO(to_string(scene.friction.law) << " " << to_string(scene.friction.state) << " n " << scene.n << " order "
-                                       << scene.order << " left " << int(scene.left));
+    INFO(to_string(scene.friction.law) << " " << to_string(scene.friction.state) << " n " << scene.n
+                                       << " order " << scene.order << " left " << int(scene.left));
     CHECK(outcome.finite);
     CHECK(outcome.solved);
     const auto kicked = [&](Vec from, double h, Vec into) {
@@ -268,7 +269,8 @@ TEST_CASE("a step of leapfrog is half a kick, the midpoint rule, half a kick", "
   }
 }
 
-TEST_CASE("steps tile by tile do not depend on the ranks, to the last bit: arkimex, rosw, leapfrog", "[imex][leapfrog][rosw]") {
+TEST_CASE("steps tile by tile do not depend on the ranks, to the last bit: arkimex, rosw, leapfrog",
+          "[imex][leapfrog][rosw]") {
   const ImexMethod method("4");
   for (const Scene& scene : imex_scenes()) {
     const Model model(PETSC_COMM_WORLD, scene), alone(PETSC_COMM_SELF, scene);
@@ -304,7 +306,8 @@ TEST_CASE("steps tile by tile do not depend on the ranks, to the last bit: arkim
   }
 }
 
-TEST_CASE("a run of arkimex, and of rosw, is that of the library's own steps, whatever is implicit", "[imex][rosw]") {
+TEST_CASE("a run of arkimex, and of rosw, is that of the library's own steps, whatever is implicit",
+          "[imex][rosw]") {
   for (const Scene& scene : imex_scenes()) {
     if (scene.n > 100) continue;
     std::vector<std::pair<std::string, Implicit>> methods_and_splits;
@@ -313,12 +316,14 @@ TEST_CASE("a run of arkimex, and of rosw, is that of the library's own steps, wh
     int ranks;
     MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
     for (const Split& split : splits_of(scene))  // on several ranks the library's solvers take too long
-      if (split.implicit != Implicit::friction && ranks == 1) methods_and_splits.emplace_back("arkimex:4", split.implicit);
+      if (split.implicit != Implicit::friction && ranks == 1)
+        methods_and_splits.emplace_back("arkimex:4", split.implicit);
     for (const auto& [name, implicit] : methods_and_splits) {
       const bool is_rosw = name == "rosw:ra34pw2";
       const auto run = [&, name = name, implicit = implicit](bool fused) {
         MethodSpec spec = MethodSpec::parse("test", name + ":" + to_string(implicit));
-        // a longer one carries nodes far through rest, where round-off grows a thousandfold a step without Newton's method
+        // a longer one carries nodes far through rest, where round-off grows a thousandfold a step without
+        // Newton's method
         spec.step = Stick::applies_to(scene) || is_rosw ? 0.001 : 0.01;
         spec.tolerance = 1e-12;
         spec.fused = fused;
@@ -335,11 +340,11 @@ TEST_CASE("a run of arkimex, and of rosw, is that of the library's own steps, wh
         integrator.advance(u, 0, 10 * spec.step, nullptr);
         return u;
       };
-      INFO(to_string(scene.friction.law) << " " << to_string(scene.friction.state) << " left " << int(scene.left) << " "
-                                         << name << " " << to_string(implicit));
+      INFO(to_string(scene.friction.law) << " " << to_string(scene.friction.state) << " left "
+                                         << int(scene.left) << " " << name << " " << to_string(implicit));
       const VecHandle fused = run(true), library = run(false);
-      // what Newton's method leaves of a stage, and the search for where a node starts or stops; rosw without that errs by
-      // round-off
+      // what Newton's method leaves of a stage, and the search for where a node starts or stops; rosw without
+      // that errs by round-off
       const bool exactly = is_rosw && !Stick::applies_to(scene);
       CHECK(distance(fused, library) < (exactly ? 1e-12 : 1e-9) * (1 + norm(library)));
     }
@@ -371,11 +376,13 @@ TEST_CASE("of several solutions of a stage none is taken that the step does not 
         stage.target = 1e-12;
         stage.strict = true;
         stage.count = 1;
-        const long unsolved = kernel::SolveStage<Product<Cubic, SignExact, NoState>, false>{friction}(c, stage);
+        const long unsolved =
+            kernel::SolveStage<Product<Cubic, SignExact, NoState>, false>{friction}(c, stage);
         const double R = z_psi + h * z_eta;
         const auto residual = [&](double p) { return p + h * phi(p) - R; };
         const auto slope = [&](double p) { return 1 + h * (p * p - 1); };
-        // the root at h, followed from h = 0 in small steps of Newton's method; lost where the slope is not positive
+        // the root at h, followed from h = 0 in small steps of Newton's method; lost where the slope is not
+        // positive
         double followed = psi0;
         bool lost = false;
         for (int k = 1; k <= 400 && !lost; ++k) {
@@ -391,7 +398,8 @@ TEST_CASE("of several solutions of a stage none is taken that the step does not 
             if (std::abs(change) < 1e-13) break;
           }
         }
-        INFO("h " << h << ", from " << psi0 << ", shift " << shift << ": " << psi << ", followed " << followed);
+        INFO("h " << h << ", from " << psi0 << ", shift " << shift << ": " << psi << ", followed "
+                  << followed);
         if (unsolved != 0) {
           ++refused;
           continue;
@@ -419,7 +427,8 @@ TEST_CASE("what is implicit follows from the rate of friction, a smoothed thresh
     return integrator.report().method + " " + to_string(integrator.report().implicit);
   };
   CHECK(chosen(100, "cubic") == "rk:7vr none");
-  // fast waves: the looser the tolerance, the sooner; alone where they live, with friction where it damps them
+  // fast waves: the looser the tolerance, the sooner; alone where they live, with friction where it damps
+  // them
   const auto beside_waves = [](double v, double tolerance) {
     Scene scene;
     scene.n = 128;
@@ -477,8 +486,8 @@ TEST_CASE("a step of arkimex that was rejected is followed by one no longer", "[
 namespace {
 
 // (diag(d) - p D2) x, x and d of the nodes of this rank.
-std::vector<double> times_matrix(const Model& model, const std::vector<double>& all_x, const std::vector<double>& d,
-                                 double p) {
+std::vector<double> times_matrix(const Model& model, const std::vector<double>& all_x,
+                                 const std::vector<double>& d, double p) {
   std::vector<double> b;
   for (PetscInt i = 0; i < model.local(); ++i) {
     const PetscInt node = model.first() + i;
@@ -538,7 +547,8 @@ TEST_CASE("banded systems in pieces have the solution that they were made from",
         const VecHandle b = vector_of(model, times_matrix(model, x, d, p));
         const VecHandle diagonal =
             vector_of(model, {d.begin() + model.first(), d.begin() + model.first() + model.local()});
-        INFO("n " << n << " order " << scene.order << " left " << int(scene.left) << " p/h2 " << stiffness << " varies " << varies);
+        INFO("n " << n << " order " << scene.order << " left " << int(scene.left) << " p/h2 " << stiffness
+                  << " varies " << varies);
         CHECK(system->choose(a, p, varies));
         std::vector<double> columns[2];
         for (auto& column : columns) column.assign(std::size_t(layout.size()), 0.);
@@ -573,10 +583,10 @@ TEST_CASE("banded systems in pieces have the solution that they were made from",
 
 namespace {
 
-// psi after a step h of backward Euler from u on a ring, with h grown from 0 in small parts and Newton's method in dense
-// matrices; `lost` where the matrix ceases to be positive definite on the way.
-std::vector<double> followed_euler(const Scene& scene, const std::vector<double>& psi0, const std::vector<double>& eta0,
-                                   double h, bool& lost) {
+// psi after a step h of backward Euler from u on a ring, with h grown from 0 in small parts and Newton's
+// method in dense matrices; `lost` where the matrix ceases to be positive definite on the way.
+std::vector<double> followed_euler(const Scene& scene, const std::vector<double>& psi0,
+                                   const std::vector<double>& eta0, double h, bool& lost) {
   const auto n = std::size_t(scene.n);
   const Cubic cubic;
   std::vector<double> psi = psi0;
@@ -612,7 +622,8 @@ std::vector<double> followed_euler(const Scene& scene, const std::vector<double>
 
 }  // namespace
 
-TEST_CASE("everything implicit: a step leads to the solution that grows out of its start, or is refused", "[imex][serial]") {
+TEST_CASE("everything implicit: a step leads to the solution that grows out of its start, or is refused",
+          "[imex][serial]") {
   const ImexMethod method("1bee");  // its first stage is backward Euler
   std::mt19937 random(7);
   std::uniform_real_distribution<double> uniform(-1, 1);
@@ -661,7 +672,8 @@ TEST_CASE("everything implicit: a step leads to the solution that grows out of i
   CHECK(taken > 20);
 }
 
-TEST_CASE("everything implicit at fixed steps, however long: what is told as solved is a solution", "[imex][serial]") {
+TEST_CASE("everything implicit at fixed steps, however long: what is told as solved is a solution",
+          "[imex][serial]") {
   const ImexMethod method("3");
   const ImexTableau& t = method.tableau();
   const auto s = std::size_t(t.stages);
@@ -690,10 +702,12 @@ TEST_CASE("everything implicit at fixed steps, however long: what is told as sol
     }
     const Model model(PETSC_COMM_SELF, scene);
     const BandedImex step(model, t, Implicit::both, false);
-    VecHandle u = model.create_vector(), found = model.create_vector(), y = model.create_vector(), rhs = model.create_vector();
+    VecHandle u = model.create_vector(), found = model.create_vector(), y = model.create_vector(),
+              rhs = model.create_vector();
     double* a;
     SS_TRY(VecGetArray(u, &a));
-    for (PetscInt i = 0; i < model.local() * model.dof(); ++i) a[i] = (i % model.dof() == 0 ? 0.4 : 0.) + between(-0.5, 0.5);
+    for (PetscInt i = 0; i < model.local() * model.dof(); ++i)
+      a[i] = (i % model.dof() == 0 ? 0.4 : 0.) + between(-0.5, 0.5);
     SS_TRY(VecRestoreArray(u, &a));
     model.set_held(u);
     std::vector<VecHandle> slopes;
@@ -711,8 +725,9 @@ TEST_CASE("everything implicit at fixed steps, however long: what is told as sol
       const double h = dt * t.At[i * s + i], rate = model.friction_rate(y), wave = model.wave_frequency();
       model.rhs(Part::full, y, rhs);
       SS_TRY(VecAXPY(rhs, -1, slopes[2 * i]));
-      INFO("draw " << draw << " dt " << dt << " stage " << i << " law " << to_string(scene.friction.law) << " n " << scene.n
-                   << " order " << scene.order << " gamma " << scene.gamma << " off " << h * norm(rhs));
+      INFO("draw " << draw << " dt " << dt << " stage " << i << " law " << to_string(scene.friction.law)
+                   << " n " << scene.n << " order " << scene.order << " gamma " << scene.gamma << " off "
+                   << h * norm(rhs));
       // 1e-13 against 1 + |psi|, and what stiff terms make of the round-off of y
       const double size = 1 + norm(y) + norm(u);
       CHECK(h * norm(rhs) < 1e-12 * size * (1 + h * rate) * (1 + h * wave * (1 + h * wave)));

@@ -8,7 +8,8 @@ using namespace stickslip;
 
 namespace {
 
-// Straight motion: with the rates `before` until gradient . (u - event) = 0, then with `after`. Where it is after the time 1.
+// Straight motion: with the rates `before` until gradient . (u - event) = 0, then with `after`. Where it is
+// after the time 1.
 struct Straight {
   int dof;
   const double *event, *gradient, *before, *after;
@@ -27,7 +28,8 @@ struct Straight {
 
 }  // namespace
 
-TEST_CASE("A deviation passes a start or a stop as the difference of two motions does", "[jump_matrix][serial]") {
+TEST_CASE("A deviation passes a start or a stop as the difference of two motions does",
+          "[jump_matrix][serial]") {
   std::mt19937 draw(3);
   std::uniform_real_distribution<double> real(-1, 1);
   for (int k = 0; k < 200; ++k) {
@@ -46,7 +48,8 @@ TEST_CASE("A deviation passes a start or a stop as the difference of two motions
     const double* gradient = stop ? at_stop : at_start;
     const JumpMatrix jump = stop ? JumpMatrix::at_stop(dof, before, after)
                                  : JumpMatrix::at_start(dof, side, slope, before, after);
-    if (std::abs(jump.event_rate()) < 0.1) continue;  // nearly tangent: a difference of 1e-6 need not pass in time
+    // nearly tangent: a difference of 1e-6 need not pass in time
+    if (std::abs(jump.event_rate()) < 0.1) continue;
     const Straight motion{dof, event, gradient, before, after};
     std::vector<double> start(event, event + dof), near(start), y(std::size_t(dof), 0.);
     for (int i = 0; i < dof; ++i) start[std::size_t(i)] -= 0.5 * before[i];

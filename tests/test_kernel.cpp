@@ -1,4 +1,5 @@
-// The loops over nodes: whole ranges, parts of them, both compilations and any number of ranks give the same bits.
+// The loops over nodes: whole ranges, parts of them, both compilations and any number of ranks give the same
+// bits.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
@@ -34,7 +35,8 @@ Field field(int dof) {
 
 // The loop over [begin, end), whatever lies outside.
 template <int half_width, class Loop>
-void call(const Loop& loop, int dof, const Field& x, bool spread, PetscInt begin, PetscInt end, std::vector<double>& f) {
+void call(const Loop& loop, int dof, const Field& x, bool spread, PetscInt begin, PetscInt end,
+          std::vector<double>& f) {
   const auto psi = [&](PetscInt i) { return x.u[static_cast<std::size_t>((i + margin) * dof)]; };
   std::vector<double> before, behind;
   for (PetscInt j = 0; j < half_width; ++j) {
@@ -45,8 +47,8 @@ void call(const Loop& loop, int dof, const Field& x, bool spread, PetscInt begin
   const std::vector<double> u(x.u.begin() + (begin + margin) * dof, x.u.begin() + (end + margin) * dof);
   const std::vector<double> amplitude(x.amplitude.begin() + begin, x.amplitude.begin() + end);
   loop(coefficients,
-       Range{u.data(), spread ? amplitude.data() : nullptr, &f[static_cast<std::size_t>(begin * dof)], end - begin,
-        before.data(), behind.data()});
+       Range{u.data(), spread ? amplitude.data() : nullptr, &f[static_cast<std::size_t>(begin * dof)],
+             end - begin, before.data(), behind.data()});
 }
 
 const std::vector<PetscInt> cuts = {0, 1, 2, 5, 132, 133, 261, 390, 391, 600, count};
@@ -79,9 +81,11 @@ void check(const Kernel& kernel, bool spread, const Expected& expected) {
     const double* u = &x.u[static_cast<std::size_t>((i + margin) * dof)];
     double coupling = 0;
     for (int j = -half_width; j <= half_width; ++j) coupling += coefficients.w[std::abs(j)] * u[j * dof];
-    const std::array<double, 3> f = expected(u, coupling, spread ? x.amplitude[static_cast<std::size_t>(i)] : 1.);
+    const std::array<double, 3> f =
+        expected(u, coupling, spread ? x.amplitude[static_cast<std::size_t>(i)] : 1.);
     for (int d = 0; d < dof; ++d)
-      worst = std::max(worst, std::abs(whole[static_cast<std::size_t>(i * dof + d)] - f[static_cast<std::size_t>(d)]));
+      worst = std::max(
+          worst, std::abs(whole[static_cast<std::size_t>(i * dof + d)] - f[static_cast<std::size_t>(d)]));
   }
   CHECK(worst < 1e-14);  // some ten terms of at most 4, each rounded by 1e-16 of itself
 }
@@ -104,11 +108,13 @@ void check_friction(const F& friction, bool spread) {
   const auto state = [](const double* u) { return F::has_state ? u[2] : 0; };
   const auto expected = [&](const double* u, double coupling, double a) {
     const double force = a * friction.force(u[0], state(u));
-    return std::array<double, 3>{k.A * (u[1] - k.B * u[0] - force),
-                                 k.K0 * (k.v - u[0]) + (half_width > 0 ? coupling : 0) - k.s_delta * (u[1] - force),
-                                 friction.rate_partials(u[0], state(u)).g};
+    return std::array<double, 3>{
+        k.A * (u[1] - k.B * u[0] - force),
+        k.K0 * (k.v - u[0]) + (half_width > 0 ? coupling : 0) - k.s_delta * (u[1] - force),
+        friction.rate_partials(u[0], state(u)).g};
   };
-  if constexpr (half_width > 0 && !F::has_state) check<half_width>(Whole<half_width, F>{friction}, spread, expected);
+  if constexpr (half_width > 0 && !F::has_state)
+    check<half_width>(Whole<half_width, F>{friction}, spread, expected);
   check<half_width>(TwoPasses<half_width, F>{friction}, spread, expected);
   check<0>(Reaction<F>{friction}, spread, [&](const double* u, double, double a) {
     const double force = a * friction.force(u[0], state(u));
@@ -119,10 +125,12 @@ void check_friction(const F& friction, bool spread) {
 template <int half_width, int dof>
 void check_wave() {
   check<half_width>(Wave<half_width, dof, false>{}, false, [&](const double* u, double coupling, double) {
-    return std::array<double, 3>{k.A * (u[1] - k.B * u[0]), k.K0 * (k.v - u[0]) + coupling - k.s_delta * u[1], 0};
+    return std::array<double, 3>{k.A * (u[1] - k.B * u[0]), k.K0 * (k.v - u[0]) + coupling - k.s_delta * u[1],
+                                 0};
   });
-  check<half_width>(Wave<half_width, dof, true>{}, false,
-                    [&](const double*, double coupling, double) { return std::array<double, 3>{0, coupling, 0}; });
+  check<half_width>(Wave<half_width, dof, true>{}, false, [&](const double*, double coupling, double) {
+    return std::array<double, 3>{0, coupling, 0};
+  });
 }
 
 }  // namespace
@@ -189,7 +197,8 @@ TEST_CASE("the right-hand side has the same bits on any number of ranks") {
 
 namespace {
 
-// The distance in units of the last place of the exact value; subnormal ones have the last place of the smallest.
+// The distance in units of the last place of the exact value; subnormal ones have the last place of the
+// smallest.
 double off_by(double found, long double exact) {
   const double rounded = double(exact);
   if (std::isnan(rounded)) return std::isnan(found) ? 0 : HUGE_VAL;
@@ -199,7 +208,8 @@ double off_by(double found, long double exact) {
 
 }  // namespace
 
-TEST_CASE("exp, expm1, log, log1p and tanh of the loops err by one to three units of the last place", "[kernel][serial]") {
+TEST_CASE("exp, expm1, log, log1p and tanh of the loops err by one to three units of the last place",
+          "[kernel][serial]") {
   std::mt19937_64 random(20261122);
   const auto between = [&](double a, double b) { return std::uniform_real_distribution<>(a, b)(random); };
   double of_exp = 0, of_expm1 = 0, of_log = 0, of_log1p = 0, of_tanh = 0;
@@ -209,7 +219,8 @@ TEST_CASE("exp, expm1, log, log1p and tanh of the loops err by one to three unit
                      : i % 4 == 2 ? between(-40, 40)
                                   : std::ldexp(between(-1, 1), -int(random() % 1070));
     const double beside_1 = std::ldexp(between(-1, 1), -int(random() % 52));
-    const double y = i % 2 == 0 ? std::exp(between(-744, 709.7)) : 1 + beside_1, z = i % 2 == 0 ? std::exp(x / 2) : beside_1;
+    const double y = i % 2 == 0 ? std::exp(between(-744, 709.7)) : 1 + beside_1,
+                 z = i % 2 == 0 ? std::exp(x / 2) : beside_1;
     of_exp = std::max(of_exp, off_by(elementary::exp(x), std::exp((long double)x)));
     if (x <= 709) of_expm1 = std::max(of_expm1, off_by(elementary::expm1(x), std::expm1((long double)x)));
     of_log = std::max(of_log, off_by(elementary::log(y), std::log((long double)y)));
@@ -222,8 +233,8 @@ TEST_CASE("exp, expm1, log, log1p and tanh of the loops err by one to three unit
   CHECK(of_log1p < 2);
   CHECK(of_tanh < 3);
   constexpr double denormal = 5e-324, largest = 1.7976931348623157e308;
-  for (const double x : {0., -0., 1., -1., 1e-310, denormal, -denormal, largest, -largest, HUGE_VAL, -HUGE_VAL, 709.78,
-                         709.79, -745.1, -745.2, double(NAN), -double(NAN)}) {
+  for (const double x : {0., -0., 1., -1., 1e-310, denormal, -denormal, largest, -largest, HUGE_VAL,
+                         -HUGE_VAL, 709.78, 709.79, -745.1, -745.2, double(NAN), -double(NAN)}) {
     INFO(x);
     CHECK(off_by(elementary::exp(x), std::exp((long double)x)) <= 1);
     CHECK(off_by(elementary::log(x), std::log((long double)x)) <= 1);
@@ -232,15 +243,19 @@ TEST_CASE("exp, expm1, log, log1p and tanh of the loops err by one to three unit
   }
 }
 
-TEST_CASE("friction with a direct effect is its formula over all that a normal double holds", "[kernel][serial]") {
-  // F = a asinh(q), with q = |psi|/(2 psi0) exp(l) in long double, whose range is wide enough; l errs as it is rounded
+TEST_CASE("friction with a direct effect is its formula over all that a normal double holds",
+          "[kernel][serial]") {
+  // F = a asinh(q), with q = |psi|/(2 psi0) exp(l) in long double, whose range is wide enough; l errs as it
+  // is rounded
   std::mt19937_64 random(7);
   const auto between = [&](double a, double b) { return std::uniform_real_distribution<>(a, b)(random); };
   const double a = 0.03, psi0 = 0.7, epsilon = std::numeric_limits<double>::epsilon();
   for (int i = 0; i < 4000; ++i) {
-    const double l = between(-900, i % 2 == 0 ? 900 : 6000), psi = (i % 3 == 0 ? -1 : 1) * std::exp(between(-700, 40));
+    const double l = between(-900, i % 2 == 0 ? 900 : 6000),
+                 psi = (i % 3 == 0 ? -1 : 1) * std::exp(between(-700, 40));
     const long double q = std::abs(psi) / (2 * (long double)psi0) * std::exp((long double)l);
-    const long double F = a * std::asinh(q), root = q < 1e20 ? std::sqrt(1 + q * q) : q, sign = psi < 0 ? -1 : 1;
+    const long double F = a * std::asinh(q), root = q < 1e20 ? std::sqrt(1 + q * q) : q,
+                      sign = psi < 0 ? -1 : 1;
     const Partials p = DirectEffect{a, psi0}.partials(psi, l, 0.05);
     const double allowed = epsilon * (8 + std::abs(l));  // of q in parts, as l is rounded; of F no more
     INFO("psi " << psi << " l " << l << " F " << p.F << " " << double(F));

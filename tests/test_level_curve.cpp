@@ -51,7 +51,8 @@ TEST_CASE("closed lines: a circle, and one smaller than a cell", "[level_curve]"
 }
 
 TEST_CASE("several branches, two of them close together", "[level_curve]") {
-  const PlaneFunction near = [](double, double y) { return (y - 0.52) * (y - 0.52) - 1e-4; };  // y = 0.51 and 0.53
+  // y = 0.51 and 0.53
+  const PlaneFunction near = [](double, double y) { return (y - 0.52) * (y - 0.52) - 1e-4; };
   const LevelCurve two = traced(near, 25);
   REQUIRE(two.pieces.size() == 2);
   for (const CurvePiece& piece : two.pieces) {
@@ -69,7 +70,9 @@ TEST_CASE("several branches, two of them close together", "[level_curve]") {
 }
 
 TEST_CASE("corners are turned, not cut: a diamond", "[level_curve]") {
-  const PlaneFunction f = [](double x, double y) { return 0.3 - std::max(std::abs(x - 0.5), 2 * std::abs(y - 0.5)); };
+  const PlaneFunction f = [](double x, double y) {
+    return 0.3 - std::max(std::abs(x - 0.5), 2 * std::abs(y - 0.5));
+  };
   const LevelCurve curve = traced(f);
   REQUIRE(curve.pieces.size() == 1);
   CHECK(curve.pieces[0].closed);

@@ -1,6 +1,6 @@
 // Where methods fail: the limits of `chart_kind limits` against stability functions known from tableaus and
-// characteristic polynomials, and each failure beside what the program says of it. tests/command_line/test_limits.py has the same
-// from the command line.
+// characteristic polynomials, and each failure beside what the program says of it.
+// tests/command_line/test_limits.py has the same from the command line.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -89,45 +89,46 @@ bool told(const std::string& text, std::size_t from = 0) {
 TEST_CASE("explicit limits are those of the tableau's stability function", "[limits]") {
   for (const char* subtype : {"3bs", "5dp", "4", "5f", "8vr"}) {
     const Scene s = sliding_scene(1.1);
-    with_forecast(s, {{"ts_type", "rk"}, {"ts_rk_type", subtype}, {"ts_adapt_type", "none"}, {"ts_dt", "0.01"}},
-                  [&](StepForecast& forecast, const Model& model, const Integrator& integrator) {
-                    const double omega = model.wave_frequency();
-                    const Complex lambda = wave_eigenvalue(s, omega * omega / s.A());
-                    for (const double y : {0.3, 1., 2., 2.8, 3.5, 4.5}) {
-                      const double dt = y / omega;
-                      const double expected = std::log(tableau_modulus(integrator.ts(), dt * lambda)) / dt;
-                      INFO("rk:" << subtype << " at omega dt = " << y);
-                      CHECK(forecast.shortest_wave_excess(dt) ==
-                            Approx(expected - lambda.real()).margin(1e-9 * omega));
-                    }
-                  });
+    with_forecast(
+        s, {{"ts_type", "rk"}, {"ts_rk_type", subtype}, {"ts_adapt_type", "none"}, {"ts_dt", "0.01"}},
+        [&](StepForecast& forecast, const Model& model, const Integrator& integrator) {
+          const double omega = model.wave_frequency();
+          const Complex lambda = wave_eigenvalue(s, omega * omega / s.A());
+          for (const double y : {0.3, 1., 2., 2.8, 3.5, 4.5}) {
+            const double dt = y / omega;
+            const double expected = std::log(tableau_modulus(integrator.ts(), dt * lambda)) / dt;
+            INFO("rk:" << subtype << " at omega dt = " << y);
+            CHECK(forecast.shortest_wave_excess(dt) == Approx(expected - lambda.real()).margin(1e-9 * omega));
+          }
+        });
   }
 }
 
 TEST_CASE("leapfrog is stable up to 2 over the frequency of the neighbours' pull", "[limits][leapfrog]") {
-  // One step of psi_t = A eta - C psi, eta_t = -K psi with K = K0 + K1 kappa^2: half a kick by K1 kappa^2, the midpoint
-  // rule for the rest, half a kick. Its trace and determinant, with x = dt C/2, y = A K0 dt^2/4, z = A K1 kappa^2 dt^2/4:
-  // d = 1 + x + y, trace = 2 (1 - y - 2 z)/d, determinant (1 - x + y)/d. Without friction (C = 0) the roots leave the
-  // unit circle where trace = -2: at z = 1, whatever K0.
+  // One step of psi_t = A eta - C psi, eta_t = -K psi with K = K0 + K1 kappa^2: half a kick by K1 kappa^2,
+  // the midpoint rule for the rest, half a kick. Its trace and determinant, with x = dt C/2, y = A K0 dt^2/4,
+  // z = A K1 kappa^2 dt^2/4: d = 1 + x + y, trace = 2 (1 - y - 2 z)/d, determinant (1 - x + y)/d. Without
+  // friction (C = 0) the roots leave the unit circle where trace = -2: at z = 1, whatever K0.
   for (const double v : {1., 1.1, 0.9}) {
     const Scene s = sliding_scene(v);
-    with_forecast(s, {{"ts_type", "leapfrog"}, {"ts_dt", "0.01"}},
-                  [&](StepForecast& forecast, const Model& model, const Integrator&) {
-                    const double omega = model.wave_frequency(), own = s.A() * s.K0(), C = s.A() * (v * v - 1);
-                    const Complex lambda = wave_eigenvalue(s, omega * omega / s.A());
-                    for (const double part : {0.2, 0.9, 0.999, 1.001, 1.1, 3.}) {
-                      const double dt = part * 2 / std::sqrt(omega * omega - own);
-                      const double x = dt * C / 2, y = own * dt * dt / 4, z = (omega * omega - own) * dt * dt / 4;
-                      const double d = 1 + x + y, half = (1 - y - 2 * z) / d, det = (1 - x + y) / d;
-                      const Complex root = std::sqrt(Complex(half * half - det));
-                      const double modulus = std::max(std::abs(half + root), std::abs(half - root));
-                      INFO("v " << v << " part " << part);
-                      CHECK(forecast.shortest_wave_excess(dt) ==
-                            Approx(std::log(modulus) / dt - lambda.real()).margin(1e-7 * omega));
-                      if (v == 1) CHECK((forecast.shortest_wave_excess(dt) > 1e-3 * omega) == (part > 1));
-                    }
-                    CHECK(forecast.shift(0.1) == 20);
-                  });
+    with_forecast(
+        s, {{"ts_type", "leapfrog"}, {"ts_dt", "0.01"}},
+        [&](StepForecast& forecast, const Model& model, const Integrator&) {
+          const double omega = model.wave_frequency(), own = s.A() * s.K0(), C = s.A() * (v * v - 1);
+          const Complex lambda = wave_eigenvalue(s, omega * omega / s.A());
+          for (const double part : {0.2, 0.9, 0.999, 1.001, 1.1, 3.}) {
+            const double dt = part * 2 / std::sqrt(omega * omega - own);
+            const double x = dt * C / 2, y = own * dt * dt / 4, z = (omega * omega - own) * dt * dt / 4;
+            const double d = 1 + x + y, half = (1 - y - 2 * z) / d, det = (1 - x + y) / d;
+            const Complex root = std::sqrt(Complex(half * half - det));
+            const double modulus = std::max(std::abs(half + root), std::abs(half - root));
+            INFO("v " << v << " part " << part);
+            CHECK(forecast.shortest_wave_excess(dt) ==
+                  Approx(std::log(modulus) / dt - lambda.real()).margin(1e-7 * omega));
+            if (v == 1) CHECK((forecast.shortest_wave_excess(dt) > 1e-3 * omega) == (part > 1));
+          }
+          CHECK(forecast.shift(0.1) == 20);
+        });
   }
 }
 
@@ -151,21 +152,26 @@ TEST_CASE("implicit methods hide an instability where their stability functions 
     // |R| of the trapezoidal rule exceeds 1 exactly where Re lambda > 0
     const double cn = std::log(std::abs((1. + dt * lambda / 2.) / (1. - dt * lambda / 2.))) / dt;
     CHECK(growth({{"ts_type", "cn"}, {"ts_dt", "0.1"}}, dt) == Approx(cn).epsilon(1e-9));
-    CHECK(growth({{"ts_type", "alpha"}, {"ts_alpha_radius", "1"}, {"ts_dt", "0.1"}}, dt) == Approx(cn).epsilon(1e-7));
+    CHECK(growth({{"ts_type", "alpha"}, {"ts_alpha_radius", "1"}, {"ts_dt", "0.1"}}, dt) ==
+          Approx(cn).epsilon(1e-7));
     // BDF 2: (3/2 - z) mu^2 - 2 mu + 1/2 = 0
     const Complex z = dt * lambda, root = std::sqrt(4. - 2. * (1.5 - z));
-    const double largest = std::max(std::abs((2. + root) / (3. - 2. * z)), std::abs((2. - root) / (3. - 2. * z)));
+    const double largest =
+        std::max(std::abs((2. + root) / (3. - 2. * z)), std::abs((2. - root) / (3. - 2. * z)));
     CHECK(growth({{"ts_type", "bdf"}, {"ts_adapt_type", "none"}, {"ts_dt", "0.1"}}, dt) ==
           Approx(std::log(largest) / dt).epsilon(1e-9));
   }
 }
 
-// On one rank: the false wave grows out of round-off, which is another where ranks of few nodes take PETSc's own rk; with
-// rk:3bs, which grows slowly beyond its limit, that moves what the bisection finds by a tenth.
+// On one rank: the false wave grows out of round-off, which is another where ranks of few nodes take PETSc's
+// own rk; with rk:3bs, which grows slowly beyond its limit, that moves what the bisection finds by a tenth.
 TEST_CASE("limits found by bisection of runs are those of theory", "[limits][serial]") {
-  const Options options = Options::from(
-      "chart", {{"model_delta", "0", ""}, {"model_v", "0.9", ""}, {"grid_n", "32", ""}, {"grid_length", "10", ""},
-                {"init_type", "sine", ""}, {"ts_max_time", "30", ""}});
+  const Options options = Options::from("chart", {{"model_delta", "0", ""},
+                                                  {"model_v", "0.9", ""},
+                                                  {"grid_n", "32", ""},
+                                                  {"grid_length", "10", ""},
+                                                  {"init_type", "sine", ""},
+                                                  {"ts_max_time", "30", ""}});
   Limits limits(options);
   const auto row = [&](const char* name) { return limits.row(MethodSpec::parse("chart_methods", name)); };
   for (const char* name : {"rk:3bs", "rk:4", "arkimex:4:friction", "bdf:4", "leapfrog"}) {
@@ -221,7 +227,8 @@ TEST_CASE("what a step misses falls with the order of the method", "[limits]") {
   }
 }
 
-TEST_CASE("a long step of backward Euler finds a root that the motion does not lead to, and it is told", "[limits]") {
+TEST_CASE("a long step of backward Euler finds a root that the motion does not lead to, and it is told",
+          "[limits]") {
   // One step of a uniform motion: eta = eta0 + dt K0 (v - psi), psi - psi0 = dt A (eta - psi^3/3 + psi).
   const Scene s = sliding_scene(0.2);
   const double psi0 = 0.5, eta0 = -0.245;
@@ -275,8 +282,8 @@ TEST_CASE("a long step of backward Euler finds a root that the motion does not l
 }
 
 TEST_CASE("orders fall where friction is stiff, and it is told", "[limits][serial]") {
-  // The slow branch of the relaxation oscillation at gamma = 300, psi from 2 downwards, where friction acts at 900 per
-  // unit time; u stands on the branch to order 1/gamma^2.
+  // The slow branch of the relaxation oscillation at gamma = 300, psi from 2 downwards, where friction acts
+  // at 900 per unit time; u stands on the branch to order 1/gamma^2.
   Scene s = sliding_scene(0.2);
   s.gamma = 300;
   s.n = 16;
@@ -310,7 +317,11 @@ TEST_CASE("orders fall where friction is stiff, and it is told", "[limits][seria
            {{{"ts_type", "rosw"}, {"ts_rosw_type", "ra34pw2"}}, 3, 0.3, 1.6, true},
            {{{"ts_type", "rosw"}, {"ts_rosw_type", "4l"}}, 4, 1.8, 2.2, true},
            {{{"ts_type", "theta"}}, 2, -0.5, 1, true},
-           {{{"ts_type", "arkimex"}, {"ts_arkimex_type", "l2"}, {"imex_implicit", "both"}}, 2, 1.8, 2.2, false},
+           {{{"ts_type", "arkimex"}, {"ts_arkimex_type", "l2"}, {"imex_implicit", "both"}},
+            2,
+            1.8,
+            2.2,
+            false},
            {{{"ts_type", "bdf"}, {"ts_bdf_order", "2"}}, 2, 1.8, 2.2, false}}) {
     const std::size_t before = warnings().size();
     const double measured = order(c.method);

@@ -18,7 +18,8 @@ LinearPoint random_point(std::mt19937& draw, bool chain, bool with_state) {
   s.delta = real(draw);
   s.gamma = 2 + real(draw);
   s.nu = std::max(0., real(draw));
-  const RatePartials g{0, real(draw), -1 - real(draw)};  // one by one: the order of arguments is the compiler's
+  // one by one: the order of arguments is the compiler's
+  const RatePartials g{0, real(draw), -1 - real(draw)};
   const Partials F{0, real(draw), real(draw)};
   LinearPoint p(s, F, g);
   p.has_state = with_state;
@@ -34,14 +35,16 @@ std::complex<double> determinant(const NodeBlock& b, int dof, std::complex<doubl
   for (int i = 0; i < dof; ++i)
     for (int j = 0; j < dof; ++j) m[i][j] = (i == j ? lambda : 0.) - rows[i * dof + j];
   if (dof == 2) return m[0][0] * m[1][1] - m[0][1] * m[1][0];
-  return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+  return m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+         m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
          m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
 }
 
 }  // namespace
 
-TEST_CASE("A node's characteristic polynomial is the determinant of its block, and its stability that of the roots",
-          "[linear_point]") {
+TEST_CASE(
+    "A node's characteristic polynomial is the determinant of its block, and its stability that of the roots",
+    "[linear_point]") {
   std::mt19937 draw(7);
   int stable = 0, unstable = 0;
   for (int k = 0; k < 400; ++k) {
@@ -53,7 +56,8 @@ TEST_CASE("A node's characteristic polynomial is the determinant of its block, a
     for (const std::complex<double> z : {std::complex<double>(0.3, 1.1), {-2., 0.4}, {0., 3.}}) {
       const std::complex<double> from_block = determinant(full, with_state ? 3 : 2, z);
       const std::complex<double> polynomial = with_state ? ((z + c2) * z + c1) * z + c0 : (z + c2) * z + c1;
-      CHECK(std::abs(from_block - polynomial) < 1e-12 * (1 + std::abs(from_block)));  // some 20 roundings of 1e-16
+      // some 20 roundings of 1e-16
+      CHECK(std::abs(from_block - polynomial) < 1e-12 * (1 + std::abs(from_block)));
       const double a = p.A;
       std::complex<double> eliminated = z * (z / a + p.beta() + p.N * kappa2);
       if (with_state) eliminated += z * p.F_state * p.g_psi / (z + p.r());
@@ -61,8 +65,8 @@ TEST_CASE("A node's characteristic polynomial is the determinant of its block, a
       CHECK(std::abs(eliminated * a * (with_state ? z + p.r() : 1.) - from_block) <
             1e-12 * (1 + std::abs(from_block)));
     }
-    // The number of roots on the right is the turn of the polynomial along the imaginary axis, from -i R to i R: a left
-    // root adds half a turn, a right one takes it.
+    // The number of roots on the right is the turn of the polynomial along the imaginary axis, from -i R to i
+    // R: a left root adds half a turn, a right one takes it.
     const int degree = with_state ? 3 : 2;
     double turn = 0;
     std::complex<double> last;
@@ -93,7 +97,8 @@ TEST_CASE("With eta and the state eliminated the block's equations are solved, a
     NodeVector b{Complex(real(draw), real(draw)), Complex(real(draw), real(draw))};
     if (with_state) b.state = Complex(real(draw), real(draw));
     const NodeBlock J = p.block(Part::full, kappa2);
-    // B and delta are never both non-zero; random_point takes both, and the equation in psi alone leaves s delta B out
+    // B and delta are never both non-zero; random_point takes both, and the equation in psi alone leaves s
+    // delta B out
     const Complex S = p.diagonal(lambda) + p.stiffness(kappa2) + lambda * p.N * kappa2 + p.s_delta * p.B;
     NodeVector y = p.expand(lambda, -p.condense(lambda, b) / S, b);
     y.eta += p.N * kappa2 * y.psi;  // -N D2 psi
@@ -104,10 +109,12 @@ TEST_CASE("With eta and the state eliminated the block's equations are solved, a
         p.expand_transposed(lambda, -(p.condense_transposed(lambda, b) + p.N * kappa2 * b.eta) / S, b);
     CHECK(std::abs((J.psi_psi - lambda) * z.psi + J.eta_psi * z.eta + J.state_psi * z.state - b.psi) < 1e-11);
     CHECK(std::abs(J.psi_eta * z.psi + (J.eta_eta - lambda) * z.eta - b.eta) < 1e-11);
-    CHECK(std::abs(J.psi_state * z.psi + J.eta_state * z.eta + (J.state_state - lambda) * z.state - b.state) < 1e-11);
+    CHECK(std::abs(J.psi_state * z.psi + J.eta_state * z.eta + (J.state_state - lambda) * z.state - b.state) <
+          1e-11);
     const double step = 1e-6;
     const Complex slope = (p.diagonal(lambda + step) - p.diagonal(lambda - step)) / (2 * step);
-    CHECK(std::abs(p.diagonal_slope(lambda) - slope) < 1e-7);  // its third derivative times step^2, and round-off
+    // its third derivative times step^2, and round-off
+    CHECK(std::abs(p.diagonal_slope(lambda) - slope) < 1e-7);
   }
 }
 
@@ -123,8 +130,10 @@ TEST_CASE("Stability over a range of wavenumbers is that of every one in it", "[
     bool stable = true;
     for (int j = 0; j <= 400; ++j) stable = stable && p.stable(largest * j / 400.);
     if (p.stable(0) && p.stable(largest) && !stable) ++inside;
-    if (!stable) CHECK(!p.stable_up_to(largest));
-    else if (!p.stable_up_to(largest)) CHECK(p.has_state);  // a dip narrower than the sampling
+    if (!stable)
+      CHECK(!p.stable_up_to(largest));
+    else if (!p.stable_up_to(largest))
+      CHECK(p.has_state);  // a dip narrower than the sampling
   }
   CHECK(inside > 5);
 }
@@ -134,12 +143,12 @@ TEST_CASE("Parts of a node's block add up; a wave's stiffness is the symbol time
   for (int k = 0; k < 40; ++k) {
     const LinearPoint p = random_point(draw, k % 4 < 2, k % 2);
     const double kappa2 = 0.3 * k;
-    const auto sum = [&](Part a, Part b, double NodeBlock::* entry) {
+    const auto sum = [&](Part a, Part b, double NodeBlock::*entry) {
       return p.block(a, kappa2).*entry + p.block(b, kappa2).*entry;
     };
-    for (const auto entry : {&NodeBlock::psi_psi, &NodeBlock::psi_eta, &NodeBlock::psi_state, &NodeBlock::eta_psi,
-                             &NodeBlock::eta_eta, &NodeBlock::eta_state, &NodeBlock::state_psi,
-                             &NodeBlock::state_state}) {
+    for (const auto entry :
+         {&NodeBlock::psi_psi, &NodeBlock::psi_eta, &NodeBlock::psi_state, &NodeBlock::eta_psi,
+          &NodeBlock::eta_eta, &NodeBlock::eta_state, &NodeBlock::state_psi, &NodeBlock::state_state}) {
       const double full = p.block(Part::full, kappa2).*entry;
       CHECK(sum(Part::wave, Part::reaction, entry) == Approx(full).margin(1e-14));
       const double alone = p.block(Part::pointwise).*entry;

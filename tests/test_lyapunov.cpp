@@ -42,7 +42,9 @@ VecHandle end_of(const Model& model, Vec deviation, double eps, double t, Tangen
   integrator.advance(u, 0, t, [&](const Integrator::Step& step) {
     const double dt = step.t - step.t_before;
     if (along && dt > 0)
-      along->advance(dt, [&](double part, Vec into) { step.interpolate(part == 1 ? step.t : step.t_before + part * dt, into); });
+      along->advance(dt, [&](double part, Vec into) {
+        step.interpolate(part == 1 ? step.t : step.t_before + part * dt, into);
+      });
     return Integrator::Verdict::go_on;
   });
   return u;
@@ -74,7 +76,8 @@ Scene chain(PetscInt n, const char* law, const char* state) {
   return s;
 }
 
-// The deviation that one tangent vector becomes, against the difference of two motions, relative to its length.
+// The deviation that one tangent vector becomes, against the difference of two motions, relative to its
+// length.
 double miss(const Scene& scene, double t) {
   const Model model(PETSC_COMM_WORLD, scene);
   Tangents tangents(model, 1);
@@ -102,7 +105,8 @@ TEST_CASE("A tangent vector becomes the difference of two motions", "[lyapunov]"
   CHECK(miss(chain(4, "coulomb", "none"), 8) < 1e-6);
 }
 
-TEST_CASE("A tangent vector passes starts and stops of every law as the difference of two motions", "[lyapunov][serial]") {
+TEST_CASE("A tangent vector passes starts and stops of every law as the difference of two motions",
+          "[lyapunov][serial]") {
   CHECK(miss(continuum(12, End::periodic, End::periodic), 3) < 1e-6);
   CHECK(miss(chain(5, "cubic", "none"), 6) < 1e-6);
   for (const char* law : {"carlson-langer", "coulomb"})
@@ -127,7 +131,9 @@ TEST_CASE("Tangent vectors add up to the divergence, and die where nodes rest", 
     integrator.advance(u, 0, 3, [&](const Integrator::Step& step) {
       const double dt = step.t - step.t_before;
       if (dt == 0) return Integrator::Verdict::go_on;
-      all.advance(dt, [&](double part, Vec into) { step.interpolate(part == 1 ? step.t : step.t_before + part * dt, into); });
+      all.advance(dt, [&](double part, Vec into) {
+        step.interpolate(part == 1 ? step.t : step.t_before + part * dt, into);
+      });
       double sum = 0;
       for (const double one : all.growth()) sum += one;
       if (begun) {
@@ -156,7 +162,8 @@ TEST_CASE("Tangent vectors add up to the divergence, and die where nodes rest", 
   CHECK(!some.has_rested());
 }
 
-TEST_CASE("The slope of growth is exact for what is steady, and its error covers what forgets", "[lyapunov][serial]") {
+TEST_CASE("The slope of growth is exact for what is steady, and its error covers what forgets",
+          "[lyapunov][serial]") {
   GrowthAverage steady(1, 2, 10);
   for (double t = 0; t < 10; t += 0.37) {
     const double end = std::min(10., t + 0.37);
@@ -174,7 +181,8 @@ TEST_CASE("The slope of growth is exact for what is steady, and its error covers
   }
   CHECK(std::abs(periodic.exponents()[0].value - 0.1) < 12. / (200. * 200.));
 
-  // independent normal growth: the error is that of the slope, sqrt(6/5 variance/time), and z = deviation/error Student's
+  // independent normal growth: the error is that of the slope, sqrt(6/5 variance/time), and z =
+  // deviation/error Student's
   std::mt19937 draw(5);
   std::normal_distribution<double> normal;
   double squares = 0, errors = 0;
@@ -198,18 +206,24 @@ TEST_CASE("The slope of growth is exact for what is steady, and its error covers
     if (i == 44) rest.resume(half.save());
     (i < 44 ? half : rest).add(0.1 * i, 0.1 * (i + 1), growth);
   }
-  for (int k = 0; k < 2; ++k) CHECK(rest.exponents()[std::size_t(k)].value == whole.exponents()[std::size_t(k)].value);
+  for (int k = 0; k < 2; ++k)
+    CHECK(rest.exponents()[std::size_t(k)].value == whole.exponents()[std::size_t(k)].value);
 }
 
 TEST_CASE("The dimension of Kaplan and Yorke", "[lyapunov][serial]") {
   const double infinite = HUGE_VAL;
-  const auto dimension = [](const std::vector<Estimate>& list, std::size_t n) { return kaplan_yorke(list, n); };
-  CHECK(dimension({{0.9056, 1e-3}, {1e-5, 1e-4}, {-14.5723, 1e-2}}, 3)->value == Approx(2 + 0.9056 / 14.5723));  // Lorenz
+  const auto dimension = [](const std::vector<Estimate>& list, std::size_t n) {
+    return kaplan_yorke(list, n);
+  };
+  // Lorenz
+  CHECK(dimension({{0.9056, 1e-3}, {1e-5, 1e-4}, {-14.5723, 1e-2}}, 3)->value ==
+        Approx(2 + 0.9056 / 14.5723));
   CHECK(dimension({{-0.1, 0.01}, {-0.2, 0.01}}, 2)->value == 0);
   CHECK(dimension({{-1e-5, 1e-4}, {-0.2, 0.01}}, 2)->value == 1);
   CHECK(dimension({{0.3, 0.01}, {0, 1e-4}, {-infinite, NAN}}, 6)->value == 2);
   CHECK(!dimension({{0.3, 0.01}, {-0.1, 0.01}}, 6));
   CHECK(dimension({{0.3, 0.01}, {-0.1, 0.01}}, 2)->value == 2);
   // D = 2 + a/|b|: its error from those of a and b
-  CHECK(dimension({{0.5, 0.1}, {0, 1e-4}, {-2, 0.2}}, 3)->error == Approx(std::hypot(0.1 / 2, 0.5 * 0.2 / 4)));
+  CHECK(dimension({{0.5, 0.1}, {0, 1e-4}, {-2, 0.2}}, 3)->error ==
+        Approx(std::hypot(0.1 / 2, 0.5 * 0.2 / 4)));
 }

@@ -1,5 +1,5 @@
-// Manufactured solutions: fields chosen in advance, the source that makes them exact, and the order at which the
-// semi-discrete system with that source comes back to them, in space and in time.
+// Manufactured solutions: fields chosen in advance, the source that makes them exact, and the order at which
+// the semi-discrete system with that source comes back to them, in space and in time.
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -52,7 +52,8 @@ PetscErrorCode RHSFunction(TS, PetscReal t, Vec u, Vec f, void* context) {
   });
 }
 
-// Largest error of psi and eta at t = 1; a held node is not solved for. dt = 0: adaptive, far below the error in space.
+// Largest error of psi and eta at t = 1; a held node is not solved for. dt = 0: adaptive, far below the error
+// in space.
 double error(const Problem& problem, const char* method, double dt) {
   Model model(PETSC_COMM_WORLD, problem.scene);
   VecHandle u = model.create_vector();
@@ -85,7 +86,8 @@ double error(const Problem& problem, const char* method, double dt) {
   double largest = 0;
   each_node([&](double* at, double s, bool held) {
     if (held) return;
-    largest = std::max({largest, std::abs(at[0] - 0.4 - s * Problem::g(1)), std::abs(at[1] - 0.1 - s * Problem::q(1))});
+    largest = std::max(
+        {largest, std::abs(at[0] - 0.4 - s * Problem::g(1)), std::abs(at[1] - 0.1 - s * Problem::q(1))});
   });
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD));
   return largest;
@@ -109,8 +111,8 @@ Problem problem_with(Kind kind, int order, PetscInt cells) {
 }  // namespace
 
 TEST_CASE("manufactured solutions in space") {
-  for (const auto& [name, kind] : {std::pair("ring", Kind::ring), std::pair("free", Kind::free),
-                                   std::pair("held", Kind::held)})
+  for (const auto& [name, kind] :
+       {std::pair("ring", Kind::ring), std::pair("free", Kind::free), std::pair("held", Kind::held)})
     for (const int order : {2, 4, 6, 8}) {
       if (kind == Kind::held && order == 8) continue;
       const double coarse = error(problem_with(kind, order, 12), TSRK8VR, 0);

@@ -19,24 +19,26 @@ using namespace stickslip;
 
 namespace {
 
-// psi(x, t) shown to a Regime in equal steps up to t_end, as a run would that is to go to `planned`, by default t_end.
-Measured measured(const Scene& scene, double t_end, long steps, const std::function<double(double, double)>& psi,
-                  double growth = NAN, double planned = 0) {
+// psi(x, t) shown to a Regime in equal steps up to t_end, as a run would that is to go to `planned`, by
+// default t_end.
+Measured measured(const Scene& scene, double t_end, long steps,
+                  const std::function<double(double, double)>& psi, double growth = NAN, double planned = 0) {
   const Model model(PETSC_COMM_WORLD, scene);
   VecHandle u = model.create_vector();
   Regime regime(model, planned > 0 ? planned : t_end);
   regime.know(growth, growth);
   const std::function<void(double, Vec)> nowhere = [](double, Vec) {};
   for (long k = 0; k <= steps; ++k) {
-    const double t = t_end * double(k) / double(steps), before = k == 0 ? 0 : t_end * double(k - 1) / double(steps);
+    const double t = t_end * double(k) / double(steps),
+                 before = k == 0 ? 0 : t_end * double(k - 1) / double(steps);
     double* a;
     SS_TRY(VecGetArray(u, &a));
     for (PetscInt i = 0; i < model.local(); ++i) {
       const double x = scene.x(model.first() + i), here = psi(x, t), dt = 1e-6;
       a[i * model.dof()] = here;
       // the force that goes with this motion, so that slopes are true
-      a[i * model.dof() + 1] =
-          (psi(x, t + dt) - psi(x, t - dt)) / (2 * dt) / scene.A() + scene.B() * here + model.friction(i, here, 0).F;
+      a[i * model.dof() + 1] = (psi(x, t + dt) - psi(x, t - dt)) / (2 * dt) / scene.A() + scene.B() * here +
+                               model.friction(i, here, 0).F;
     }
     SS_TRY(VecRestoreArray(u, &a));
     regime.step({PetscInt(k), before, t, u, 0, nowhere});
@@ -104,7 +106,8 @@ TEST_CASE("an amplitude that falls is told from one that stands, at any size of 
   const double t_end = 90, rate = GENERATE(-0.02, -0.004, -5e-4, 0., 0.004);
   const double growth = GENERATE(-0.004, 0.004, double(NAN));
   const Measured m = measured(
-      scene, t_end, steps, [&](double, double t) { return 0.6 + 0.5 * std::exp(rate * t) * std::sin(t); }, growth);
+      scene, t_end, steps, [&](double, double t) { return 0.6 + 0.5 * std::exp(rate * t) * std::sin(t); },
+      growth);
   CAPTURE(steps, rate, growth, to_string(m.motion));
   REQUIRE(m.rate.has_value());
   // steps of 1.5 on an oscillation of frequency 1 leave (1.5)^4/384 in the cubic between them
@@ -112,7 +115,8 @@ TEST_CASE("an amplitude that falls is told from one that stands, at any size of 
   // the largest of a stretch lies somewhere in it: half a period in a span of six
   CHECK(*m.rate == Approx(rate).epsilon(0.1).margin(tolerance));
   if (tolerance > std::abs(rate) / 3 && rate != 0) return;  // what such steps cannot tell
-  // what falls beside sliding that repels it falls to something else; of this scene it does, if nothing else is said
+  // what falls beside sliding that repels it falls to something else; of this scene it does, if nothing else
+  // is said
   if (rate < -1e-3) CHECK(m.motion == (growth < 0 ? Motion::decaying : Motion::undecided));
   if (rate > 0) CHECK(m.motion == Motion::growing);
   if (rate == 0 && steps > 60) CHECK(m.motion == Motion::stick_slip);
@@ -139,7 +143,8 @@ TEST_CASE("a million steps are judged as a thousand are, in the same memory", "[
     std::complex<double> z = 0.5;
     const double begin = processor_seconds();
     for (long k = 0; k <= steps; ++k, z *= turn) {
-      const double t = t_end * double(k) / double(steps), before = k == 0 ? 0 : t_end * double(k - 1) / double(steps);
+      const double t = t_end * double(k) / double(steps),
+                   before = k == 0 ? 0 : t_end * double(k - 1) / double(steps);
       const double psi = 0.6 + z.imag(), slope = rate * z.imag() + z.real();
       {
         const Writing a(u);
@@ -173,12 +178,14 @@ TEST_CASE("a few long steps do", "[measure][serial]") {
   CHECK(measured(scene, 40, 17, sinking, -0.3).motion == Motion::sliding);
   CHECK(measured(scene, 4, 17, sinking, -0.3).motion != Motion::sliding);
   // two and a half periods say nothing final
-  const Measured m = measured(scene, 17, 17, [](double, double t) { return 0.6 + 0.5 * std::sin(t); }, 0.1);
+  const Measured m = measured(
+      scene, 17, 17, [](double, double t) { return 0.6 + 0.5 * std::sin(t); }, 0.1);
   CHECK(m.motion == Motion::undecided);
   CHECK(m.time_to_decide > 17);
 }
 
-TEST_CASE("a run that is stopped after any few steps is judged, and says nothing final", "[measure][serial]") {
+TEST_CASE("a run that is stopped after any few steps is judged, and says nothing final",
+          "[measure][serial]") {
   Scene scene;
   scene.n = 1;
   scene.length = 1;
@@ -206,8 +213,10 @@ TEST_CASE("an oscillation that has arrived at its size no longer grows", "[measu
     const Measured m = measured(
         scene, t_end, long(t_end * 5), [&](double, double t) { return 0.6 + size(t) * std::sin(t); }, growth);
     CAPTURE(t_end, to_string(m.motion));
-    if (t_end < arrival) CHECK(m.motion == Motion::growing);
-    else CHECK(m.motion != Motion::growing);
+    if (t_end < arrival)
+      CHECK(m.motion == Motion::growing);
+    else
+      CHECK(m.motion != Motion::growing);
     if (last == Motion::stick_slip || t_end > 180) CHECK(m.motion == Motion::stick_slip);
     last = m.motion;
   }
@@ -219,7 +228,8 @@ TEST_CASE("passes over a field give what a plain loop does", "[measure][serial]"
   for (int scene = 0; scene < 40; ++scene) {
     const int dof = scene % 2 + 2;
     const PetscInt count = 1 + PetscInt(random() % 1500);
-    const double smooth = any(random) < 0 ? 1 : 200, depth = 0.3 * std::abs(any(random)), level = 0.2 * any(random);
+    const double smooth = any(random) < 0 ? 1 : 200, depth = 0.3 * std::abs(any(random)),
+                 level = 0.2 * any(random);
     const auto size = std::size_t(count);
     std::vector<double> u(size * std::size_t(dof)), low(size), high(size);
     for (std::size_t i = 0; i < size; ++i) {
@@ -240,7 +250,8 @@ TEST_CASE("passes over a field give what a plain loop does", "[measure][serial]"
       if (i > 0) steepest = std::max(steepest, std::abs(psi - u[(i - 1) * std::size_t(dof)]));
       range = std::max(range, std::max(high[i], psi) - std::min(low[i], psi));
       passages.add(off < -depth ? -1 : off > depth ? 1 : 0);
-      time = std::min(time, std::max(0., pull.holds + eta) / std::max(-pull.K0 * (pull.v - psi), pull.least_rate));
+      time = std::min(time,
+                      std::max(0., pull.holds + eta) / std::max(-pull.K0 * (pull.v - psi), pull.least_rate));
     }
     CAPTURE(scene, count, dof, depth, level);
     const FieldSums sums = sums_of(field);

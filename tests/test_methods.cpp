@@ -1,5 +1,5 @@
-// Time-stepping methods: order, interpolation, error control, restart and limits of every one that is offered,
-// measured; refusals and warnings for those that would give a wrong answer in silence.
+// Time-stepping methods: order, interpolation, error control, restart and limits of every one that is
+// offered, measured; refusals and warnings for those that would give a wrong answer in silence.
 //
 // The measurements write the table of docs/methods.md:
 //     STICKSLIP_WRITE_TABLES=1 build/tests/unit "the table of methods is what is measured"
@@ -85,8 +85,9 @@ Solution solve(const Scene& scene, const Settings& settings, double until = dura
 const Solution& reference() {
   static std::unique_ptr<Solution> found;
   if (!found) {
-    found = std::make_unique<Solution>(solve(
-        smooth_ring(), {{"ts_type", "rk"}, {"ts_rk_type", "8vr"}, {"ts_adapt_type", "none"}, {"ts_dt", "0.004"}}));
+    found = std::make_unique<Solution>(
+        solve(smooth_ring(),
+              {{"ts_type", "rk"}, {"ts_rk_type", "8vr"}, {"ts_adapt_type", "none"}, {"ts_dt", "0.004"}}));
     SS_TRY(PetscRegisterFinalize([]() -> PetscErrorCode {  // its vectors must go before MPI does
       found.reset();
       return 0;
@@ -114,7 +115,8 @@ Settings settings_of(const Method& m) {
 
 Settings with(Settings s, std::initializer_list<std::pair<std::string, std::string>> more) {
   for (const auto& pair : more) {
-    s.erase(std::remove_if(s.begin(), s.end(), [&](const auto& p) { return p.first == pair.first; }), s.end());
+    s.erase(std::remove_if(s.begin(), s.end(), [&](const auto& p) { return p.first == pair.first; }),
+            s.end());
     s.push_back(pair);
   }
   return s;
@@ -122,8 +124,8 @@ Settings with(Settings s, std::initializer_list<std::pair<std::string, std::stri
 
 std::string step(double dt) { return number_text(dt); }
 
-// The order at the end and between steps from two fixed steps, n and 2 n of them, in the range where the higher one
-// leaves an error well above round-off.
+// The order at the end and between steps from two fixed steps, n and 2 n of them, in the range where the
+// higher one leaves an error well above round-off.
 struct Orders {
   double end, dense;
 };
@@ -143,14 +145,16 @@ std::vector<std::string> splits(const Method& m) {
 // Steps per tolerance: does the step follow the tolerance?
 bool follows_tolerance(const Settings& s) {
   const auto steps = [&](const char* tolerance) {
-    return solve(smooth_ring(), with(s, {{"ts_rtol", tolerance}, {"ts_atol", tolerance}, {"ts_dt", "0.02"}}), 0.5)
+    return solve(smooth_ring(), with(s, {{"ts_rtol", tolerance}, {"ts_atol", tolerance}, {"ts_dt", "0.02"}}),
+                 0.5)
         .report.steps;
   };
   return steps("1e-3") != steps("1e-6");
 }
 
-// Does a run that goes on from (u, t, dt, step number) go on bitwise alike, though the number passes 2^31, where a
-// PetscInt ends, and the TS begins to count anew? `told`: the run that is not interrupted restarts the method there too.
+// Does a run that goes on from (u, t, dt, step number) go on bitwise alike, though the number passes 2^31,
+// where a PetscInt ends, and the TS begins to count anew? `told`: the run that is not interrupted restarts
+// the method there too.
 bool restarts(const Settings& s, bool told) {
   const InDatabase given(with(s, {{"ts_rtol", "1e-4"}, {"ts_atol", "1e-4"}, {"ts_dt", "0.05"}}));
   Model model(PETSC_COMM_WORLD, smooth_ring());
@@ -181,7 +185,8 @@ std::string shown(double order) {
 
 bool quiet(const std::string& text) {
   const auto& all = warnings();
-  return std::none_of(all.begin(), all.end(), [&](const std::string& w) { return w.find(text) != std::string::npos; });
+  return std::none_of(all.begin(), all.end(),
+                      [&](const std::string& w) { return w.find(text) != std::string::npos; });
 }
 
 std::string refusal(const Settings& s) {
@@ -207,25 +212,28 @@ TEST_CASE("the table of methods is what is measured", "[serial]") {
     for (const std::string& implicit : splits(m)) {
       const Orders o = measured_orders(m, implicit);
       INFO(m.name() << " " << implicit << ": " << o.end << ", between steps " << o.dense);
-      // The asymptotic order shows to 0.35 at these steps; high orders come out higher, since their leading errors
-      // nearly cancel here.
+      // The asymptotic order shows to 0.35 at these steps; high orders come out higher, since their leading
+      // errors nearly cancel here.
       CHECK(o.end > m.order - 0.35);
       if (m.order < 5) CHECK(o.end < m.order + 1.35);
       // between steps arkimex 5 has order 4, told by interpolation_caveat()
       CHECK(o.dense > std::min(m.order, m.name() == "arkimex:5" ? 4 : 9) - 0.45);
       at_end += (at_end.empty() ? "" : ", ") + shown(o.end);
       between += (between.empty() ? "" : ", ") + shown(o.dense);
-      split += (split.empty() ? "" : ", ") +
-               (implicit == "auto" ? m.kind == MethodKind::explicit_ ? std::string("none") : "both" : implicit);
+      split +=
+          (split.empty() ? "" : ", ") +
+          (implicit == "auto" ? m.kind == MethodKind::explicit_ ? std::string("none") : "both" : implicit);
     }
     const Settings s = settings_of(m);
     INFO(m.name());
     CHECK(follows_tolerance(s) == (m.adaptivity == Adaptivity::yes));
-    if (m.adaptivity == Adaptivity::on_request) CHECK(follows_tolerance(with(s, {{"ts_adapt_type", "basic"}})));
+    if (m.adaptivity == Adaptivity::on_request)
+      CHECK(follows_tolerance(with(s, {{"ts_adapt_type", "basic"}})));
     if (m.adaptivity == Adaptivity::never)
       CHECK_THROWS_AS(follows_tolerance(with(s, {{"ts_adapt_type", "basic"}})), UsageError);
     const bool plain = restarts(s, false), told = restarts(s, true);
-    table << "| " << m.name() << " | " << m.order << " | " << split << " | " << at_end << " | " << between << " | "
+    table << "| " << m.name() << " | " << m.order << " | " << split << " | " << at_end << " | " << between
+          << " | "
           << (m.adaptivity == Adaptivity::yes     ? "yes"
               : m.adaptivity == Adaptivity::never ? "no"
                                                   : "with ts_adapt_type basic")
@@ -289,15 +297,18 @@ TEST_CASE("methods that would give a wrong answer are refused", "[serial]") {
     CHECK(text.find(std::string("-ts_type ") + type) == 0);
     CHECK(text.find("use one of rk, euler, ssp, arkimex") != std::string::npos);
   }
-  CHECK(refusal({{"ts_type", "arkimex"}, {"ts_arkimex_type", "bpr3"}}).find("order falls to 1") != std::string::npos);
+  CHECK(refusal({{"ts_type", "arkimex"}, {"ts_arkimex_type", "bpr3"}}).find("order falls to 1") !=
+        std::string::npos);
   for (const char* subtype : {"lassp3p4s2c", "llssp3p4s2c", "ark3"})
     CHECK(refusal({{"ts_type", "rosw"}, {"ts_rosw_type", subtype}}).find("NaN") != std::string::npos);
   CHECK(refusal({{"ts_type", "rk"}, {"imex_implicit", "wave"}}).find("explicit") != std::string::npos);
   CHECK(refusal({{"ts_type", "cn"}, {"imex_implicit", "wave"}}).find("does not split") != std::string::npos);
-  CHECK(refusal({{"ts_type", "rosw"}, {"imex_implicit", "wave"}}).find("friction or both") != std::string::npos);
-  for (const char* subtype : {"rodas3", "sandu3", "ra3pw", "grk4t", "4l"})  // order 2 and less with a part of the Jacobian
-    CHECK(refusal({{"ts_type", "rosw"}, {"ts_rosw_type", subtype}, {"imex_implicit", "friction"}}).find("does not split") !=
-          std::string::npos);
+  CHECK(refusal({{"ts_type", "rosw"}, {"imex_implicit", "wave"}}).find("friction or both") !=
+        std::string::npos);
+  // order 2 and less with a part of the Jacobian
+  for (const char* subtype : {"rodas3", "sandu3", "ra3pw", "grk4t", "4l"})
+    CHECK(refusal({{"ts_type", "rosw"}, {"ts_rosw_type", subtype}, {"imex_implicit", "friction"}})
+              .find("does not split") != std::string::npos);
   CHECK(refusal({{"ts_adapt_type", "cfl"}}).find("ts_adapt_type cfl") == 0);
 }
 
@@ -306,19 +317,21 @@ TEST_CASE("a fixed step is told of where somebody relies on error control", "[se
   solve(smooth_ring(), with(classical, {{"ts_dt", "0.0625"}}), 0.125);
   CHECK(quiet("every step is 0.0625"));  // the user knows
   solve(smooth_ring(), with(classical, {{"ts_dt", "0.0625"}, {"ts_rtol", "1e-9"}}), 0.125);
-  CHECK_FALSE(quiet("ts_rtol has no effect: rk:4 has no error estimate and a fixed step; every step is 0.0625"));
+  CHECK_FALSE(
+      quiet("ts_rtol has no effect: rk:4 has no error estimate and a fixed step; every step is 0.0625"));
   solve(smooth_ring(), {{"ts_type", "cn"}, {"ts_dt", "0.0625"}, {"ts_atol", "1e-9"}}, 0.125);
   CHECK_FALSE(quiet("ts_atol has no effect: cn has a fixed step unless ts_adapt_type is basic"));
   solve(smooth_ring(), {{"ts_type", "ssp"}}, 0.125);
   CHECK_FALSE(quiet("ssp:rks2 has no error estimate and a fixed step: every step is"));
-  solve(smooth_ring(), {{"ts_type", "bdf"}, {"ts_bdf_order", "4"}, {"ts_adapt_type", "none"}, {"ts_dt", "0.0625"}},
-        0.125);
+  solve(smooth_ring(),
+        {{"ts_type", "bdf"}, {"ts_bdf_order", "4"}, {"ts_adapt_type", "none"}, {"ts_dt", "0.0625"}}, 0.125);
   CHECK_FALSE(quiet("ts_bdf_order 4: with fixed steps the order is 2"));
 }
 
 TEST_CASE("a step beyond the stability limit is told before it explodes") {
-  // Undamped waves: sliding at v = 1, where phi' = 0, without delta. The limits on the imaginary axis are those of the
-  // stability polynomials: |R(iy)| = 1 at sqrt(8) for the classical method of order 4 and at sqrt(3) for order 3.
+  // Undamped waves: sliding at v = 1, where phi' = 0, without delta. The limits on the imaginary axis are
+  // those of the stability polynomials: |R(iy)| = 1 at sqrt(8) for the classical method of order 4 and at
+  // sqrt(3) for order 3.
   Scene s = smooth_ring();
   s.delta = 0;
   s.v = 1;
@@ -348,7 +361,8 @@ TEST_CASE("a step beyond the stability limit is told before it explodes") {
     // ln 1e6 over 400 units of time; the limit is told in three digits
     CHECK(limit_told(m, 1.05 * y / frequency) == Approx(y / frequency).epsilon(0.01));
   }
-  // Euler's method has no stable step for undamped waves: |R|^2 = 1 + y^2, growth dt omega^2/2 a unit of time.
+  // Euler's method has no stable step for undamped waves: |R|^2 = 1 + y^2, growth dt omega^2/2 a unit of
+  // time.
   const double euler = 2 * std::log(1e6) / (400 * frequency * frequency);
   CHECK(limit_told({{"ts_type", "euler"}}, 3 * euler) == Approx(euler).epsilon(0.01));
   // Adaptive and implicit methods are not at risk.
@@ -356,11 +370,13 @@ TEST_CASE("a step beyond the stability limit is told before it explodes") {
   CHECK(limit_told({{"ts_type", "theta"}}, 1) == 0);
   CHECK(limit_told({{"ts_type", "arkimex"}, {"imex_implicit", "wave"}, {"ts_adapt_type", "none"}}, 1) == 0);
   // Friction implicit leaves the waves explicit, with a limit of its own.
-  CHECK(limit_told({{"ts_type", "arkimex"}, {"imex_implicit", "friction"}, {"ts_adapt_type", "none"}}, 1) > 0);
+  CHECK(limit_told({{"ts_type", "arkimex"}, {"imex_implicit", "friction"}, {"ts_adapt_type", "none"}}, 1) >
+        0);
 }
 
 TEST_CASE("the foreseen limit is where the run explodes", "[serial]") {
-  // Friction at the turning points, psi = 2, sets the limit of a uniform motion: A (B + phi') = 9 at gamma = 3.
+  // Friction at the turning points, psi = 2, sets the limit of a uniform motion: A (B + phi') = 9 at gamma =
+  // 3.
   Scene s = smooth_ring();
   s.c = 0;
   const auto end = [&](double dt) {
@@ -404,12 +420,13 @@ TEST_CASE("a run that explodes fails and keeps the time it reached", "[serial]")
 }
 
 TEST_CASE("an adaptive run recovers from a start far too large") {
-  for (const Settings& s : {Settings{{"ts_type", "rk"}}, Settings{{"ts_type", "rk"}, {"ts_rk_type", "8vr"}},
-                            Settings{{"ts_type", "arkimex"}, {"imex_implicit", "friction"}},
-                            Settings{{"ts_type", "arkimex"}, {"imex_implicit", "wave"}},
-                            Settings{{"ts_type", "rosw"}}}) {
+  for (const Settings& s :
+       {Settings{{"ts_type", "rk"}}, Settings{{"ts_type", "rk"}, {"ts_rk_type", "8vr"}},
+        Settings{{"ts_type", "arkimex"}, {"imex_implicit", "friction"}},
+        Settings{{"ts_type", "arkimex"}, {"imex_implicit", "wave"}}, Settings{{"ts_type", "rosw"}}}) {
     INFO(s[0].second << " " << s.back().second);
-    const Solution found = solve(smooth_ring(), with(s, {{"ts_dt", "1e30"}, {"ts_rtol", "1e-6"}, {"ts_atol", "1e-6"}}));
+    const Solution found =
+        solve(smooth_ring(), with(s, {{"ts_dt", "1e30"}, {"ts_rtol", "1e-6"}, {"ts_atol", "1e-6"}}));
     CHECK(errors(found).end < 1e-4);
     CHECK(found.report.rejections > 0);
   }
@@ -423,7 +440,10 @@ TEST_CASE("the library factors a constant wave part once while the step stands",
     SS_TRY(PetscLogEventGetId("MatLUFactorNum", &event));
     SS_TRY(PetscLogEventGetPerfInfo(PETSC_DETERMINE, event, &before));
     Settings settings = {
-        {"ts_type", "arkimex"}, {"imex_implicit", implicit}, {"ts_adapt_type", "none"}, {"ts_dt", "0.125"},
+        {"ts_type", "arkimex"},
+        {"imex_implicit", implicit},
+        {"ts_adapt_type", "none"},
+        {"ts_dt", "0.125"},
         {"ksp_type", "preonly"}};  // without an option of its own the program's band is taken
     if (*lag) settings.push_back({"snes_lag_jacobian", lag});
     solve(smooth_ring(), settings);
@@ -433,8 +453,8 @@ TEST_CASE("the library factors a constant wave part once while the step stands",
   (void)factorizations("both");  // PETSc knows the event from its first use on
   CHECK(factorizations("wave") == 1);
   const auto shared = factorizations("both");
-  CHECK(shared >= 16);  // at least once a step,
-  CHECK(shared <= 48);  // not at every one of its five implicit stages,
+  CHECK(shared >= 16);                           // at least once a step,
+  CHECK(shared <= 48);                           // not at every one of its five implicit stages,
   CHECK(factorizations("both", "1") >= 16 * 5);  // where Newton's own method takes one a stage or more
 }
 
@@ -443,7 +463,10 @@ TEST_CASE("stages that share a Jacobian are solved as well as by Newton's own me
   stiff.gamma = 100;
   const double tolerance = 1e-7;
   for (const char* implicit : {"friction", "both"}) {
-    Settings settings = {{"ts_type", "arkimex"}, {"imex_implicit", implicit}, {"ts_adapt_type", "none"}, {"ts_dt", "0.01"},
+    Settings settings = {{"ts_type", "arkimex"},
+                         {"imex_implicit", implicit},
+                         {"ts_adapt_type", "none"},
+                         {"ts_dt", "0.01"},
                          {"snes_atol", number_text(1e-3 * tolerance)}};
     const Solution shared = solve(stiff, settings);
     settings.push_back({"snes_lag_jacobian", "1"});
@@ -466,7 +489,8 @@ TEST_CASE("implicit friction is solved exactly by blocks, and tight tolerances a
                                                  {"imex_implicit", implicit},
                                                  {"ts_rtol", step(tolerance)},
                                                  {"ts_atol", step(tolerance)}});
-    // the error stays in proportion to the tolerance (some hundred times): Newton's method leaves nothing behind
+    // the error stays in proportion to the tolerance (some hundred times): Newton's method leaves nothing
+    // behind
     CHECK(errors(tight).end < 1000 * tolerance);
   }
 }
@@ -485,8 +509,9 @@ TEST_CASE("rk and rosw tile by tile take the steps of PETSc's own", "[fused][ros
     CHECK(a.report.steps == b.report.steps);
     CHECK(a.report.rejections == b.report.rejections);
     if (pair == "ra34pw2") CHECK(a.report.rejections == 0);
-    // Round-off enters the next step's size through the estimate, a difference of nearly equal values: it loses up to
-    // 1e-16/1e-6 of itself, and the solution, with an error of 1e-6, follows by 1e-16 times a few.
+    // Round-off enters the next step's size through the estimate, a difference of nearly equal values: it
+    // loses up to 1e-16/1e-6 of itself, and the solution, with an error of 1e-6, follows by 1e-16 times a
+    // few.
     CHECK(distance(a.end, b.end) < 1e-12);
     for (int i = 0; i < samples; ++i)
       CHECK(distance(a.dense[static_cast<std::size_t>(i)], b.dense[static_cast<std::size_t>(i)]) < 1e-12);

@@ -65,8 +65,8 @@ std::vector<Scene> scenes() {
   return all;
 }
 
-// A smooth field that no symmetry simplifies; psi of both signs, but for the slip law, whose third derivative grows
-// like 1/psi^2 towards rest.
+// A smooth field that no symmetry simplifies; psi of both signs, but for the slip law, whose third derivative
+// grows like 1/psi^2 towards rest.
 void fill(const Model& model, Vec u) {
   const double middle = model.scene().friction.state == StateLaw("slip") ? 0.95 : 0.31;
   double* a;
@@ -139,7 +139,8 @@ TEST_CASE("the parts add up to the whole") {
     fill(model, u);
     model.rhs(Part::full, u, full);
     const double tolerance = 1e-13 * (1 + norm(full));
-    for (auto [first, second] : {std::pair(Part::pointwise, Part::stencil), std::pair(Part::wave, Part::reaction)}) {
+    for (auto [first, second] :
+         {std::pair(Part::pointwise, Part::stencil), std::pair(Part::wave, Part::reaction)}) {
       model.rhs(first, u, a);
       model.rhs(second, u, b);
       SS_TRY(VecAXPY(a, 1, b));
@@ -186,8 +187,8 @@ TEST_CASE("viscosity is a force of its own; at a held end of the continuum eta i
 }
 
 TEST_CASE("Jacobians agree with differences of the right-hand side") {
-  // Central differences of step e: error e^2 |f'''|/6 + round-off |f| 1e-16/e; with e = 1e-5 and |f'''| up to about
-  // 1e3 (regularised law over 0.2) below 1e-7 of the largest entry.
+  // Central differences of step e: error e^2 |f'''|/6 + round-off |f| 1e-16/e; with e = 1e-5 and |f'''| up to
+  // about 1e3 (regularised law over 0.2) below 1e-7 of the largest entry.
   const double e = 1e-5;
   for (const Scene& s : scenes()) {
     Model model(PETSC_COMM_WORLD, s);
@@ -210,7 +211,8 @@ TEST_CASE("Jacobians agree with differences of the right-hand side") {
       SS_TRY(VecAXPY(plus, -1, minus));
       SS_TRY(VecScale(plus, -1.3 / (2 * e)));
       SS_TRY(VecAXPY(plus, 0.7, w));
-      INFO("law " << to_string(s.friction.law) << " state " << to_string(s.friction.state) << " order " << s.order << " form " << int(s.form) << " part " << int(part));
+      INFO("law " << to_string(s.friction.law) << " state " << to_string(s.friction.state) << " order "
+                  << s.order << " form " << int(s.form) << " part " << int(part));
       CHECK(distance(plus, product) < 1e-7 * (1 + norm(product)));
     }
   }

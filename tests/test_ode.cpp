@@ -12,21 +12,22 @@ using namespace stickslip;
 
 namespace {
 
-// Carries (psi, eta, state) over one period of the semi-discrete system of one node by the classical Runge-Kutta
-// method: another method, and the equations before they are put in the oscillator's form.
+// Carries (psi, eta, state) over one period of the semi-discrete system of one node by the classical
+// Runge-Kutta method: another method, and the equations before they are put in the oscillator's form.
 std::vector<double> one_period(const Scene& s, std::vector<double> y, double period, int steps) {
   with_friction(s.friction, [&](const Friction& friction) {
     auto rhs = [&](const std::vector<double>& u) {
       const double F = friction.force(u[0], u[2]);
-      return std::vector<double>{s.A() * (u[1] - s.B() * u[0] - F), s.K0() * (s.v - u[0]) - s.s_delta() * (u[1] - F),
-                                 friction.rate(u[0], u[2])};
+      return std::vector<double>{s.A() * (u[1] - s.B() * u[0] - F),
+                                 s.K0() * (s.v - u[0]) - s.s_delta() * (u[1] - F), friction.rate(u[0], u[2])};
     };
     auto moved = [](const std::vector<double>& u, const std::vector<double>& k, double h) {
       return std::vector<double>{u[0] + h * k[0], u[1] + h * k[1], u[2] + h * k[2]};
     };
     const double h = period / steps;
     for (int i = 0; i < steps; ++i) {
-      const auto k1 = rhs(y), k2 = rhs(moved(y, k1, h / 2)), k3 = rhs(moved(y, k2, h / 2)), k4 = rhs(moved(y, k3, h));
+      const auto k1 = rhs(y), k2 = rhs(moved(y, k1, h / 2)), k3 = rhs(moved(y, k2, h / 2)),
+                 k4 = rhs(moved(y, k3, h));
       for (size_t j = 0; j < 3; ++j) y[j] += h / 6 * (k1[j] + 2 * k2[j] + 2 * k3[j] + k4[j]);
     }
   });
@@ -72,14 +73,16 @@ TEST_CASE("collocation tableaux integrate polynomials exactly", "[ode][serial]")
 TEST_CASE("collocation points are zeros to the last digit", "[ode][serial]") {
   // P_5: 0 and (1/3) sqrt(5 -+ 2 sqrt(10/7)); the Radau points of order 5: (4 -+ sqrt 6)/10 and 1
   const std::vector<double> g = Tableau::gauss(5).c, r = Tableau::radau(3).c;
-  const double inner = std::sqrt(5 - 2 * std::sqrt(10. / 7)) / 3, outer = std::sqrt(5 + 2 * std::sqrt(10. / 7)) / 3;
+  const double inner = std::sqrt(5 - 2 * std::sqrt(10. / 7)) / 3,
+               outer = std::sqrt(5 + 2 * std::sqrt(10. / 7)) / 3;
   const double gauss[] = {(1 - outer) / 2, (1 - inner) / 2, .5, (1 + inner) / 2, (1 + outer) / 2};
   for (size_t i = 0; i < 5; ++i) CHECK(std::abs(g[i] - gauss[i]) < 3e-16);
   const double radau[] = {(4 - std::sqrt(6.)) / 10, (4 + std::sqrt(6.)) / 10, 1};
   for (size_t i = 0; i < 3; ++i) CHECK(std::abs(r[i] - radau[i]) < 3e-16);
 }
 
-TEST_CASE("a step in which one unknown of several is no number is not within the tolerance", "[ode][serial]") {
+TEST_CASE("a step in which one unknown of several is no number is not within the tolerance",
+          "[ode][serial]") {
   for (const int bad : {0, 1, 2}) {
     const auto f = [&](const double* y, double* rates) {
       for (int k = 0; k < 3; ++k) rates[k] = k == bad ? std::sqrt(.01 - y[k]) : -y[k];  // leaves its domain
@@ -95,7 +98,8 @@ TEST_CASE("a step in which one unknown of several is no number is not within the
   }
 }
 
-TEST_CASE("interpolation through points is exact for polynomials, its derivative too", "[interpolation][serial]") {
+TEST_CASE("interpolation through points is exact for polynomials, its derivative too",
+          "[interpolation][serial]") {
   const Lagrange l({-.3, .1, .2, .9, 1.4});
   for (const double at : {-.5, .1, .77, 2.}) {
     double w[5], dw[5], top = 0, value = 0, slope = 0;

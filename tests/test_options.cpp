@@ -13,7 +13,9 @@ using Catch::Matchers::Contains;
 
 namespace {
 
-Options given(const std::vector<Given>& list, const std::string& command = "run") { return Options::from(command, list); }
+Options given(const std::vector<Given>& list, const std::string& command = "run") {
+  return Options::from(command, list);
+}
 
 // Pairs name, text, as from the command line.
 Options set(std::initializer_list<std::pair<const char*, const char*>> pairs) {
@@ -22,7 +24,9 @@ Options set(std::initializer_list<std::pair<const char*, const char*>> pairs) {
   return given(list);
 }
 
-Scene scene(std::initializer_list<std::pair<const char*, const char*>> pairs) { return Scene::from(set(pairs)); }
+Scene scene(std::initializer_list<std::pair<const char*, const char*>> pairs) {
+  return Scene::from(set(pairs));
+}
 
 #define REFUSED(expression, part) CHECK_THROWS_WITH(expression, Contains(part))
 
@@ -51,7 +55,8 @@ TEST_CASE("integers are exact or refused") {
   REFUSED(set({{"grid_n", "18446744073709551617"}}), "18446744073709551617");
   REFUSED(set({{"grid_n", "99999999999999999999999999999999999"}}), "must be an integer");
   REFUSED(set({{"grid_n", "1e10"}}), "-grid_n 1e10");
-  for (const char* bad : {"0", "-3", "12.5", "1e-3", "abc", "", "12abc", "0x10", " 12", "1 2", "nan", "inf", "1,2"})
+  for (const char* bad :
+       {"0", "-3", "12.5", "1e-3", "abc", "", "12abc", "0x10", " 12", "1 2", "nan", "inf", "1,2"})
     REFUSED(set({{"grid_n", bad}}), "-grid_n");
   CHECK_FALSE(set({{"grid_n", "1000"}, {"grid_n", "auto"}}).is_set("grid_n"));  // as -accuracy wants it
   CHECK(set({{"grid_n", "auto"}, {"grid_n", "1000"}}).integer("grid_n") == 1000);
@@ -61,10 +66,11 @@ TEST_CASE("integers are exact or refused") {
 TEST_CASE("reals are finite, decimal and in range") {
   CHECK(set({{"model_gamma", "3.5e-1"}}).real("model_gamma") == 0.35);
   CHECK(set({{"bc_left", "velocity"}, {"bc_left_value", "-1.5"}}).real("bc_left_value") == -1.5);
-  for (const char* bad : {"nan", "NaN", "inf", "-inf", "infinity", "1e999", "-1e999", "3,5", "3..5", "three", "",
-                          "0x1p3", "1d-3", "--3", "+-3", "3 "})
+  for (const char* bad : {"nan", "NaN", "inf", "-inf", "infinity", "1e999", "-1e999", "3,5", "3..5", "three",
+                          "", "0x1p3", "1d-3", "--3", "+-3", "3 "})
     REFUSED(set({{"model_v", bad}}), "-model_v");
-  for (const char* bad : {"0", "-1", "nan"}) REFUSED(set({{"model_gamma", bad}}), "must be a finite number > 0");
+  for (const char* bad : {"0", "-1", "nan"})
+    REFUSED(set({{"model_gamma", bad}}), "must be a finite number > 0");
   REFUSED(set({{"model_c", "-1e-30"}}), ">= 0");
   CHECK(set({{"model_v", "1e-400"}}).real("model_v") == 0);
 }
@@ -82,7 +88,8 @@ TEST_CASE("words, booleans, lists, times") {
   REFUSED(given({{"grid_n", std::nullopt, "s.yaml:4"}}), "-grid_n (s.yaml:4): needs a value");
   CHECK(set({{"out_times", "1, 2.5,3"}}).reals("out_times") == std::vector<double>{1, 2.5, 3});
   CHECK(Options().reals("out_times").empty());
-  for (const char* bad : {"1,,2", ",", "1,nan", "1;2", "1,-2"}) REFUSED(set({{"out_times", bad}}), "-out_times");
+  for (const char* bad : {"1,,2", ",", "1,nan", "1;2", "1,-2"})
+    REFUSED(set({{"out_times", bad}}), "-out_times");
   CHECK(set({{"out_checkpoint_every", "500"}}).steps_or_seconds("out_checkpoint_every").steps == 500);
   CHECK(set({{"out_checkpoint_every", "10m"}}).steps_or_seconds("out_checkpoint_every").seconds == 600);
   for (const char* bad : {"0", "-5", "1.5", "10x", "s", "0s", "nans"})
@@ -96,7 +103,8 @@ TEST_CASE("unknown names get the nearest one") {
   REFUSED(given({{"grid_n=5", std::nullopt, ""}}), "write the value as a word of its own: -grid_n 5");
   REFUSED(set({{"xyzzy", "3"}}), "unknown option -xyzzy");
   REFUSED(set({{"tss_rtol", "3"}}), "did you mean -ts_rtol?");
-  CHECK_NOTHROW(set({{"ts_monitor_something_new", "3"}, {"st_ksp_rtol", "1e-8"}, {"mat_mumps_icntl_14", "50"}}));
+  CHECK_NOTHROW(
+      set({{"ts_monitor_something_new", "3"}, {"st_ksp_rtol", "1e-8"}, {"mat_mumps_icntl_14", "50"}}));
   CHECK(set({{"MODEL_GAMMA", "4"}}).real("model_gamma") == 4);  // names are case-blind
   CHECK(set({{"friction_law", "rate-and-state"}, {"friction_d", "2"}}).real("friction_D") == 2);
 }
@@ -149,9 +157,13 @@ TEST_CASE("numbers survive as text") {
 }
 
 TEST_CASE("a restart takes its settings from the checkpoint") {
-  const std::map<std::string, std::string> stored = {
-      {"model_gamma", "4"}, {"ts_rtol", "1e-8"}, {"ts_max_time", "10"}, {"out_frames", "20"}, {"out_file", "a.h5"}};
-  const Options merged = set({{"restart", "a.chk"}, {"ts_max_time", "30"}, {"out_every", "2"}}).resumed_from(stored);
+  const std::map<std::string, std::string> stored = {{"model_gamma", "4"},
+                                                     {"ts_rtol", "1e-8"},
+                                                     {"ts_max_time", "10"},
+                                                     {"out_frames", "20"},
+                                                     {"out_file", "a.h5"}};
+  const Options merged =
+      set({{"restart", "a.chk"}, {"ts_max_time", "30"}, {"out_every", "2"}}).resumed_from(stored);
   CHECK(merged.real("model_gamma") == 4);
   CHECK(merged.text("ts_rtol") == "1e-8");
   CHECK(merged.real("ts_max_time") == 30);
@@ -173,7 +185,8 @@ TEST_CASE("scenes: coefficients and what belongs together") {
   CHECK(c.h() == Approx(60. / 512));
   CHECK(scene({{"model_delta_sign", "printed"}}).s_delta() == -0.2);
 
-  const Scene b = scene({{"model_form", "chain"}, {"model_zeta", "paper"}, {"model_m", "2"}, {"model_k1", "5"}});
+  const Scene b =
+      scene({{"model_form", "chain"}, {"model_zeta", "paper"}, {"model_m", "2"}, {"model_k1", "5"}});
   CHECK(b.zeta == Approx(1.));
   CHECK(b.delta == 0);
   CHECK(b.order == 2);
@@ -181,7 +194,8 @@ TEST_CASE("scenes: coefficients and what belongs together") {
   CHECK(scene({{"model_form", "chain"}, {"grid_n", "1"}}).n == 1);
   CHECK(scene({{"model_form", "chain"}, {"grid_n", "1"}, {"bc_left", "free"}}).n == 1);
 
-  REFUSED(scene({{"model_form", "chain"}, {"model_delta", "0.2"}}), "-model_delta 0.2: a parameter of the continuum");
+  REFUSED(scene({{"model_form", "chain"}, {"model_delta", "0.2"}}),
+          "-model_delta 0.2: a parameter of the continuum");
   REFUSED(scene({{"model_form", "chain"}, {"model_gamma", "3"}}), "-model_gamma 3");
   REFUSED(scene({{"model_zeta", "paper"}}), "-model_zeta paper: a parameter of the chain");
   REFUSED(scene({{"model_form", "chain"}, {"grid_length", "60"}}), "-grid_length 60");
@@ -191,7 +205,8 @@ TEST_CASE("scenes: coefficients and what belongs together") {
 }
 
 TEST_CASE("scenes: ends and grids") {
-  REFUSED(scene({{"bc_left", "periodic"}, {"bc_right", "free"}}), "periodic holds at both ends or at neither");
+  REFUSED(scene({{"bc_left", "periodic"}, {"bc_right", "free"}}),
+          "periodic holds at both ends or at neither");
   const Scene held = scene({{"bc_left", "velocity"}, {"bc_left_value", "-1.5"}});
   CHECK(held.left == End::velocity);
   CHECK(held.right == End::free);
@@ -206,7 +221,9 @@ TEST_CASE("scenes: ends and grids") {
   REFUSED(scene({{"grid_order", "8"}, {"bc_right", "velocity"}}), "growing modes");
   CHECK_NOTHROW(scene({{"grid_order", "8"}, {"bc_right", "free"}}));
   REFUSED(scene({{"model_form", "chain"}, {"grid_n", "1"}, {"bc_left", "velocity"}}), "at least 2 blocks");
-  REFUSED(scene({{"model_form", "chain"}, {"grid_n", "2"}, {"bc_left", "velocity"}, {"bc_right", "velocity"}}), "3");
+  REFUSED(
+      scene({{"model_form", "chain"}, {"grid_n", "2"}, {"bc_left", "velocity"}, {"bc_right", "velocity"}}),
+      "3");
   REFUSED(scene({{"grid_length", "1e-300"}}), "too short");
 }
 
@@ -215,8 +232,9 @@ TEST_CASE("scenes: laws") {
   REFUSED(scene({{"friction_eps", "0.02"}}), "no threshold");
   REFUSED(scene({{"friction_law", "coulomb"}, {"friction_eps", "0.02"}}), "-friction_stick regularised");
   REFUSED(scene({{"friction_law", "coulomb"}, {"friction_fd", "2"}}), "must not exceed");
-  REFUSED(scene({{"friction_law", "coulomb"}, {"friction_stick", "regularised"}, {"friction_back_slip", "no"}}),
-          "exact");
+  REFUSED(
+      scene({{"friction_law", "coulomb"}, {"friction_stick", "regularised"}, {"friction_back_slip", "no"}}),
+      "exact");
   CHECK(scene({{"friction_law", "coulomb"}, {"friction_stick", "regularised"}}).friction.regularised);
   CHECK_FALSE(scene({{"friction_law", "coulomb"}}).friction.regularised);
   CHECK_FALSE(scene({{"friction_stick", "regularised"}}).friction.regularised);
@@ -225,7 +243,8 @@ TEST_CASE("scenes: laws") {
   REFUSED(scene({{"state_law", "ageing"}}), "belongs to rate-and-state");
   REFUSED(scene({{"friction_law", "rate-and-state"}, {"state_law", "none"}}), "needs ageing or slip");
   CHECK(scene({{"friction_law", "rate-and-state"}}).friction.state == StateLaw("ageing"));
-  REFUSED(scene({{"friction_law", "rate-and-state"}, {"state_D", "2"}, {"friction_D", "1"}}), "one slip distance");
+  REFUSED(scene({{"friction_law", "rate-and-state"}, {"state_D", "2"}, {"friction_D", "1"}}),
+          "one slip distance");
   REFUSED(scene({{"state_t_h", "2"}}), "another state law");
   REFUSED(scene({{"friction_spread", "1.5"}}), "at most 1");
   CHECK(scene({{"friction_spread", "1.5"}, {"friction_spread_kind", "lognormal"}}).spread == 1.5);

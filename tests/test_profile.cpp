@@ -1,4 +1,5 @@
-// Profiles along x and loads: what holds between the places given, at them, round a ring; integrals and corners.
+// Profiles along x and loads: what holds between the places given, at them, round a ring; integrals and
+// corners.
 #include <catch2/catch.hpp>
 
 #include <cmath>
@@ -11,10 +12,11 @@ using namespace stickslip;
 
 TEST_CASE("a profile between its places", "[profile]") {
   const std::vector<std::pair<double, double>> points = {{1, 2}, {3, 6}, {3, 1}, {5, 0}};
-  const ProfileAlongX linear(points, Between::linear), smooth(points, Between::smooth), step(points, Between::step);
+  const ProfileAlongX linear(points, Between::linear), smooth(points, Between::smooth),
+      step(points, Between::step);
   CHECK(linear.at(0) == 2);
   CHECK(linear.at(2) == Approx(4));
-  CHECK(linear.at(3) == 1);  // the second value at a place holds from there on
+  CHECK(linear.at(3) == 1);                       // the second value at a place holds from there on
   CHECK(linear.at(std::nextafter(3., 0.)) == 1);  // a node that rounding puts before a jump
   CHECK(linear.at(3 - 1e-9) == Approx(6));
   CHECK(linear.at(9) == 0);
@@ -68,7 +70,8 @@ TEST_CASE("a load, its corners and how far the plate comes", "[load]") {
       const double to = std::min({from + 0.002, load.next_corner(from), end}), middle = (from + to) / 2;
       const int piece = load.piece_from(from);
       CHECK(load(middle) == Approx(exact(middle)).margin(1e-13));
-      integral += (to - from) / 6 * (load.in_piece(piece, from) + 4 * load(middle) + load.in_piece(piece, to));
+      integral +=
+          (to - from) / 6 * (load.in_piece(piece, from) + 4 * load(middle) + load.in_piece(piece, to));
       largest = std::max(largest, std::abs(load(middle)));
       from = to;
       CHECK(load.integral(to) == Approx(integral).margin(1e-10));

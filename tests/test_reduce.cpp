@@ -105,7 +105,8 @@ TEST_CASE("a wave on the uniform oscillation has the growth of a fast train", "[
   for (const double v : {0., .3, .5}) {
     const UniformInstability here = instability_of_oscillation(plain(v, 2000, 65536));
     const TrainSpectrum train = endless_stability(solve_train(plain(v, 1), {1, {}, 20.}));
-    CHECK(here.growth_rate == Approx(train.endless_growth).epsilon(1. / 200));  // they part like c^2/V^2 = 1/400
+    // they part like c^2/V^2 = 1/400
+    CHECK(here.growth_rate == Approx(train.endless_growth).epsilon(1. / 200));
   }
 }
 
@@ -148,8 +149,13 @@ TEST_CASE("a wave leaves the uniform oscillation at the computed rate", "[reduce
     CHECK(measured(all, found.period) == Approx(found.multiplier).epsilon(5e-3));
   };
   compare(options.with("grid_length", length_for(.485)));
-  compare(options.with("grid_length", length_for(.485)).with("model_delta", "0.2").with("model_delta_sign", "printed"));
-  compare(options.with("model_v", "0.2").with("model_delta", "").with("model_form", "chain").with("grid_n", "10"));
+  compare(options.with("grid_length", length_for(.485))
+              .with("model_delta", "0.2")
+              .with("model_delta_sign", "printed"));
+  compare(options.with("model_v", "0.2")
+              .with("model_delta", "")
+              .with("model_form", "chain")
+              .with("grid_n", "10"));
 }
 
 TEST_CASE("sliding grows at the rate of its dispersion relation", "[reduce][serial]") {

@@ -1,4 +1,5 @@
-// The root finder: on every function the place is within the tolerance, and calls stay within the bound of its contract.
+// The root finder: on every function the place is within the tolerance, and calls stay within the bound of
+// its contract.
 #include <catch2/catch.hpp>
 
 #include <cmath>
@@ -22,11 +23,11 @@ const std::vector<Case>& cases() {
       {[](double x) { return x * x - 2; }, 0, 2, std::sqrt(2), 9},
       {[](double x) { return std::cos(x) - x; }, 0, 3, 0.7390851332151607, 9},
       {[](double x) { return std::exp(x) - 1e-3; }, -50, 50, std::log(1e-3), 25},
-      {[](double x) { return std::pow(x - 1. / 3, 9); }, -4, 1, 1. / 3, 0},             // a zero of order 9
-      {[](double x) { return x < 0.3 ? -1. : 1e-9; }, 0, 1, 0.3, 0},                    // a jump
-      {[](double x) { return std::atan(1e8 * (x - 0.7)); }, -1e4, 1e4, 0.7, 0},         // nearly one
-      {[](double x) { return std::cbrt(x - 0.1); }, 0, 1, 0.1, 0},                      // vertical slope
-      {[](double x) { return 1e-300 * (x - 0.4); }, 0, 1, 0.4, 5},                      // fa fb underflows
+      {[](double x) { return std::pow(x - 1. / 3, 9); }, -4, 1, 1. / 3, 0},      // a zero of order 9
+      {[](double x) { return x < 0.3 ? -1. : 1e-9; }, 0, 1, 0.3, 0},             // a jump
+      {[](double x) { return std::atan(1e8 * (x - 0.7)); }, -1e4, 1e4, 0.7, 0},  // nearly one
+      {[](double x) { return std::cbrt(x - 0.1); }, 0, 1, 0.1, 0},               // vertical slope
+      {[](double x) { return 1e-300 * (x - 0.4); }, 0, 1, 0.4, 5},               // fa fb underflows
       {[](double x) { return 1e300 * (x - 0.4); }, 0, 1, 0.4, 5},
   };
   return list;
@@ -41,9 +42,11 @@ TEST_CASE("a zero in a bracket, in either direction, within the calls that the c
         const Case& c = cases()[k];
         const double a = turned ? c.b : c.a, b = turned ? c.a : c.b;
         int calls = 0;
-        const double x = find_root([&](double at) { return ++calls, c.f(at); }, {a, c.f(a), b, c.f(b)}, tolerance);
+        const double x =
+            find_root([&](double at) { return ++calls, c.f(at); }, {a, c.f(a), b, c.f(b)}, tolerance);
         INFO("case " << k << ", tolerance " << tolerance << ", calls " << calls << ", x " << x);
-        // what f itself cannot tell apart: the zero of order 9 underflows nowhere, 1e-16 is lost in its argument
+        // what f itself cannot tell apart: the zero of order 9 underflows nowhere, 1e-16 is lost in its
+        // argument
         CHECK(std::abs(x - c.root) <= tolerance + 4e-16);
         CHECK(calls <= 4 * std::log2(std::abs(b - a) / tolerance) + 4);
         if (c.few > 0) CHECK(calls <= c.few + 1);

@@ -21,11 +21,11 @@ std::string flat(const std::vector<Given>& list) {
 std::string yaml(const std::string& text) { return flat(parse_yaml(text, "s.yaml")); }
 std::string plain(const std::string& text) { return flat(parse_plain(text, "s.opts")); }
 
-#define REFUSED(text, where, part)                                        \
-  do {                                                                    \
-    INFO(text);                                                           \
+#define REFUSED(text, where, part)                                           \
+  do {                                                                       \
+    INFO(text);                                                              \
     CHECK_THROWS_WITH(yaml(text), StartsWith(where ": ") && Contains(part)); \
-    CHECK_THROWS_AS(yaml(text), UsageError);                              \
+    CHECK_THROWS_AS(yaml(text), UsageError);                                 \
   } while (0)
 
 }  // namespace
@@ -33,10 +33,11 @@ std::string plain(const std::string& text) { return flat(parse_plain(text, "s.op
 TEST_CASE("scene files: what YAML scenes may hold") {
   CHECK(yaml("model_gamma: 3\n") == "model_gamma=3");
   CHECK(yaml("model_gamma: 3") == "model_gamma=3");
-  CHECK(yaml("# c\n---\nmodel:\n  gamma: 3 # three\n  c: -1.5e-3\n\nbc: {left: free, right: free}\n...\n# end\n") ==
-        "model_gamma=3;model_c=-1.5e-3;bc_left=free;bc_right=free");
+  CHECK(yaml("# c\n---\nmodel:\n  gamma: 3 # three\n  c: -1.5e-3\n\nbc: {left: free, right: free}\n...\n# "
+             "end\n") == "model_gamma=3;model_c=-1.5e-3;bc_left=free;bc_right=free");
   CHECK(yaml("a:\n    b:\n      c: 1\n      d: 2\n    e: 3\nf: 4\n") == "a_b_c=1;a_b_d=2;a_e=3;f=4");
-  CHECK(yaml("out: {times: [1, 2.5,\n  3],  # comment\n file: 'a b.h5'}\n") == "out_times=1,2.5,3;out_file=a b.h5");
+  CHECK(yaml("out: {times: [1, 2.5,\n  3],  # comment\n file: 'a b.h5'}\n") ==
+        "out_times=1,2.5,3;out_file=a b.h5");
   CHECK(yaml("out_times:\n  - 1\n  - 2 # two\n\n  - '3'\nx: 1\n") == "out_times=1,2,3;x=1");
   CHECK(yaml("out_times:\n- 1\n- -2\nx: 1\n") == "out_times=1,-2;x=1");
   CHECK(yaml("a: \"x # y: z\\\"\"\nb: 'it''s'\n") == "a=x # y: z\";b=it's");
@@ -44,7 +45,8 @@ TEST_CASE("scene files: what YAML scenes may hold") {
   CHECK(yaml("file: C:/x\n") == "file=C:/x");
   CHECK(yaml("ts_view:\nb: ~\nc: null\n") == "ts_view=~;b=~;c=~");
   CHECK(yaml("{model: {gamma: 3, c: 1,}, \"x\":1, y: {}}\n") == "model_gamma=3;model_c=1;x=1");
-  CHECK(yaml("\xEF\xBB\xBF" "a: 1\r\nb:\r\n  c: 2\r\n") == "a=1;b_c=2");
+  CHECK(yaml("\xEF\xBB\xBF"
+             "a: 1\r\nb:\r\n  c: 2\r\n") == "a=1;b_c=2");
   CHECK(yaml("a: 1\t\nb:\t2 # \xC3\xA9\n") == "a=1;b=2");
   CHECK(parse_yaml("\n\na:\n  b: 2\n", "s.yaml")[0].where == "s.yaml:4");
 }
@@ -62,7 +64,8 @@ TEST_CASE("scene files: what is refused") {
   REFUSED("a:\n  b: 1\n---\n", "s.yaml:3", "several documents");
   REFUSED("%YAML 1.2\n---\na: 1\n", "s.yaml:1", "directives");
   REFUSED("a: 1\nb: 2\nA: 3\n", "s.yaml:3", "first in line 1");
-  REFUSED("model: {gamma: 3}\nmodel_gamma: 3\n", "s.yaml:2", "option model_gamma stands here again, first in line 1");
+  REFUSED("model: {gamma: 3}\nmodel_gamma: 3\n", "s.yaml:2",
+          "option model_gamma stands here again, first in line 1");
   REFUSED("model:\n  gamma: 3\nMODEL:\n  c: 3\n", "s.yaml:3", "key MODEL stands here again");
   REFUSED("model: {gamma: 3, Gamma: 4}\n", "s.yaml:1", "again");
   REFUSED("model:\n\tgamma: 3\n", "s.yaml:2", "tab");
@@ -103,7 +106,8 @@ TEST_CASE("scene files: what is refused") {
 TEST_CASE("scene files: the plain form") {
   CHECK(plain("# c\n-model_gamma 3\n  -ts_view # c\n-bc_left_value -1.5\n-out_file 'a b.h5'\n") ==
         "model_gamma=3;ts_view=~;bc_left_value=-1.5;out_file=a b.h5");
-  for (const char* bad : {"", "# c\n", "model_gamma 3\n", "-a 1 2\n", "-a 1\n-A 2\n", "-1 2\n", "-a 'x\n", "a: 1\n"}) {
+  for (const char* bad :
+       {"", "# c\n", "model_gamma 3\n", "-a 1 2\n", "-a 1\n-A 2\n", "-1 2\n", "-a 'x\n", "a: 1\n"}) {
     INFO(bad);
     CHECK_THROWS_WITH(plain(bad), StartsWith("s.opts:"));
   }
@@ -129,7 +133,8 @@ TEST_CASE("scene files: what is understood is what PETSc's own reader of YAML un
       char value[200] = "";
       PetscBool found = PETSC_FALSE;
       INFO(one.name);
-      CHECK(PetscOptionsGetString(database, nullptr, ("-" + one.name).c_str(), value, sizeof value, &found) == 0);
+      CHECK(PetscOptionsGetString(database, nullptr, ("-" + one.name).c_str(), value, sizeof value, &found) ==
+            0);
       CHECK(found == PetscBool(one.text && !one.text->empty()));
       if (one.text) CHECK(*one.text == value);
     }
@@ -147,8 +152,9 @@ TEST_CASE("scene files: what is understood is what PETSc's own reader of YAML un
     state = state * 1664525u + 1013904223u;
     return (state >> 8) % below;
   };
-  const std::vector<std::string> values = {"1",     "-2.5e-3", "free",   "'q ''x'", "\"a: b\"", "[1, 2, 3]", "[ -1 ]",
-                                           "a b c", "true",    "[a,'b']", "x:y",    "-",        "5dp",       "~x"};
+  const std::vector<std::string> values = {"1",         "-2.5e-3", "free",  "'q ''x'", "\"a: b\"",
+                                           "[1, 2, 3]", "[ -1 ]",  "a b c", "true",    "[a,'b']",
+                                           "x:y",       "-",       "5dp",   "~x"};
   for (int scene = 0; scene < 300; ++scene) {
     std::string text;
     int names = 0;
@@ -160,8 +166,13 @@ TEST_CASE("scene files: what is understood is what PETSc's own reader of YAML un
     for (unsigned entries = 1 + draw(5); entries > 0; --entries) {
       switch (draw(4)) {
         case 0: text += name() + ": " + value() + (draw(2) ? " # c" : "") + "\n"; break;
-        case 1: text += name() + ": {" + name() + ": " + value() + ", " + name() + ": {" + name() + ": 1}}\n"; break;
-        case 2: text += name() + ":\n  " + name() + ": " + value() + "\n\n  " + name() + ":\n     " + name() + ": 7\n"; break;
+        case 1:
+          text += name() + ": {" + name() + ": " + value() + ", " + name() + ": {" + name() + ": 1}}\n";
+          break;
+        case 2:
+          text +=
+              name() + ":\n  " + name() + ": " + value() + "\n\n  " + name() + ":\n     " + name() + ": 7\n";
+          break;
         default: text += name() + ":\n- 1\n- " + std::string(draw(2) ? "'x y'" : "-3") + "\n"; break;
       }
     }

@@ -1,5 +1,5 @@
-// The eigenvalues of steady sliding against LAPACK on the Jacobian of the time-stepping model, against the exact
-// dispersion relation, and the thresholds known in closed form.
+// The eigenvalues of steady sliding against LAPACK on the Jacobian of the time-stepping model, against the
+// exact dispersion relation, and the thresholds known in closed form.
 #include <catch2/catch.hpp>
 
 #include <petscsys.h>
@@ -50,8 +50,8 @@ std::vector<Complex> lapack(const LinearisedOperator& s) {
   SS_TRY(MatGetValues(J, n, rows.data(), n, rows.data(), a.data()));
   PetscBLASInt size = PetscBLASInt(n), one = 1, info = 0, work_size = 8 * size;
   std::vector<double> re(rows.size()), im(rows.size()), work(std::size_t(8 * n));
-  LAPACKgeev_("N", "N", &size, a.data(), &size, re.data(), im.data(), nullptr, &one, nullptr, &one, work.data(),
-              &work_size, &info);
+  LAPACKgeev_("N", "N", &size, a.data(), &size, re.data(), im.data(), nullptr, &one, nullptr, &one,
+              work.data(), &work_size, &info);
   REQUIRE(info == 0);
   std::vector<Complex> values;
   for (std::size_t i = 0; i < rows.size(); ++i) values.emplace_back(re[i], im[i]);
@@ -99,7 +99,10 @@ Scene random_scene(unsigned seed, PetscInt largest) {
   }
   const int law = pick(8);
   FrictionParameters& f = s.friction;
-  f.law = law < 4 ? Law("cubic") : law < 6 ? Law("carlson-langer") : law < 7 ? Law("coulomb") : Law("rate-and-state");
+  f.law = law < 4   ? Law("cubic")
+          : law < 6 ? Law("carlson-langer")
+          : law < 7 ? Law("coulomb")
+                    : Law("rate-and-state");
   if (f.law == Law("rate-and-state")) {
     f.state = pick(2) ? StateLaw("ageing") : StateLaw("slip");
     f.values["friction_a"] = draw(0.01, 0.2);
@@ -123,8 +126,8 @@ Scene random_scene(unsigned seed, PetscInt largest) {
 std::string describe(const Scene& s) {
   return to_string(s.form) + " n=" + std::to_string(s.n) + " order=" + std::to_string(s.order) + " " +
          to_string(s.friction.law) + "/" + to_string(s.friction.state) + " " + to_string(s.left) + "-" +
-         to_string(s.right) + " spread=" + std::to_string(s.spread) + " delta=" + std::to_string(s.s_delta()) +
-         " nu=" + std::to_string(s.nu);
+         to_string(s.right) + " spread=" + std::to_string(s.spread) +
+         " delta=" + std::to_string(s.s_delta()) + " nu=" + std::to_string(s.nu);
 }
 
 }  // namespace
@@ -160,7 +163,8 @@ TEST_CASE("the growth rate is that of the dense matrix", "[spectrum][serial]") {
     settings.refine = false;
     settings.method = SpectrumMethod::krylov;
     const Spectrum found = compute_spectrum(PETSC_COMM_SELF, s, settings);
-    // LAPACK's error: round-off of the norm, times the condition, to the half for the pairs that are nearly double
+    // LAPACK's error: round-off of the norm, times the condition, to the half for the pairs that are nearly
+    // double
     const double scale = size_of(s);
     INFO(found.completeness_check << "; frequency " << found.frequency);
     CHECK(found.growth == Approx(growth).margin(1e-9 * scale));
@@ -275,7 +279,8 @@ TEST_CASE("friction does not enter det S(0): no real eigenvalue of sliding can c
   }
 }
 
-TEST_CASE("transient growth of many nodes: the iteration agrees with the dense matrix", "[spectrum][serial]") {
+TEST_CASE("transient growth of many nodes: the iteration agrees with the dense matrix",
+          "[spectrum][serial]") {
   int growing = 0, all = 0;
   for (unsigned seed = 1; seed <= 200 && all < 16; ++seed) {
     Scene scene = random_scene(9000 + seed, 36);
@@ -298,8 +303,8 @@ TEST_CASE("transient growth of many nodes: the iteration agrees with the dense m
     growing += dense->growth > 1.01;
     CHECK(iterated->abscissa == Approx(dense->abscissa).margin(1e-7 * s->imaginary_bound()));
     CHECK(iterated->exact);
-    // both are sampled in time, each from below: the iteration at 0.5 over the largest frequency, so that it may be by
-    // 1 - cos(0.25) beside a top; dense at 1/200 of its horizon
+    // both are sampled in time, each from below: the iteration at 0.5 over the largest frequency, so that it
+    // may be by 1 - cos(0.25) beside a top; dense at 1/200 of its horizon
     CHECK(iterated->growth >= dense->growth * std::cos(0.25));
     CHECK(iterated->growth <= dense->growth * 1.1);
   }
@@ -353,7 +358,8 @@ TEST_CASE("the resolvent norm: 1/distance where the operator is normal, and belo
   CHECK(kreiss > 0.2);
 }
 
-TEST_CASE("modes trapped at the grid scale behind a held end are found on a long grid", "[spectrum][serial]") {
+TEST_CASE("modes trapped at the grid scale behind a held end are found on a long grid",
+          "[spectrum][serial]") {
   // Stretches shorter than such a mode make others look more growing than it is.
   Scene scene;
   scene.n = 6000;

@@ -1,7 +1,7 @@
 // Friction laws and state laws: derivatives, steady states, Newton's steps, thresholds of sliding.
 //
-// Everything that goes by for_every_friction() covers a law or a state law from the moment it is listed; these cases
-// are tagged [every_law] and are compiled with the laws of docs/adding.md, too.
+// Everything that goes by for_every_friction() covers a law or a state law from the moment it is listed;
+// these cases are tagged [every_law] and are compiled with the laws of docs/adding.md, too.
 #include <petscsys.h>
 
 #include <petscblaslapack.h>
@@ -50,8 +50,8 @@ const double velocities[] = {-2.3, -1.1, -0.31, -1e-3, -1e-8, 1e-10, 1e-6, 1e-4,
 // Stored states: tau, or ln theta over twenty decades.
 const double states[] = {-23, -7.1, -0.4, 0.7, 1.9, 11, 23};
 
-// Central difference of f at x with step e, and how wrong it may be: the difference to step 2 e is three times the
-// error of truncation (the next term of the series is smaller by far), `noise` the round-off in f.
+// Central difference of f at x with step e, and how wrong it may be: the difference to step 2 e is three
+// times the error of truncation (the next term of the series is smaller by far), `noise` the round-off in f.
 struct Difference {
   double value, error;
 };
@@ -69,8 +69,8 @@ std::vector<Complex> eigenvalues(std::vector<double> matrix, int n) {
   PetscBLASInt size = n, work_size = 8 * n, info = 0, one = 1;
   std::vector<double> re(static_cast<std::size_t>(n)), im(re), work(static_cast<std::size_t>(work_size));
   double nothing = 0;
-  LAPACKgeev_("N", "N", &size, matrix.data(), &size, re.data(), im.data(), &nothing, &one, &nothing, &one, work.data(),
-              &work_size, &info);
+  LAPACKgeev_("N", "N", &size, matrix.data(), &size, re.data(), im.data(), &nothing, &one, &nothing, &one,
+              work.data(), &work_size, &info);
   REQUIRE(info == 0);
   std::vector<Complex> all;
   for (std::size_t i = 0; i < re.size(); ++i) all.emplace_back(re[i], im[i]);
@@ -110,8 +110,8 @@ double growth(const std::vector<Complex>& all) {
   return largest;
 }
 
-// The coefficients of the cubic of one mode from the pointwise laws: a, r and b, b by a difference of steady friction
-// (Richardson: error of order e^4).
+// The coefficients of the cubic of one mode from the pointwise laws: a, r and b, b by a difference of steady
+// friction (Richardson: error of order e^4).
 struct CubicTerms {
   double a, r, b, b_error;
 };
@@ -124,8 +124,8 @@ CubicTerms cubic_terms(const Scene& s) {
     const double one = slope(e), two = slope(2 * e), three = slope(3 * e);
     // error e^2 c2 + e^4 c4 + ... eliminated twice
     const double b = 1.5 * one - 0.6 * two + 0.1 * three;
-    return CubicTerms{f.partials(s.v, state).F_psi + damping, -f.rate_partials(s.v, state).g_state, b + damping,
-                      2e-16 * std::abs(steady(s.v)) / e};
+    return CubicTerms{f.partials(s.v, state).F_psi + damping, -f.rate_partials(s.v, state).g_state,
+                      b + damping, 2e-16 * std::abs(steady(s.v)) / e};
   });
 }
 
@@ -158,18 +158,22 @@ TEST_CASE("friction and state rates: derivatives agree with differences, law by 
           const double e = 1e-4 * std::min(std::abs(psi), p.regularised ? p.eps : 1e300);
           const Partials d = f.partials(psi, s);
           CHECK(d.F == f.force(psi, s));
-          // F is a product or a logarithm of well-conditioned factors: some units in the last place of its terms
-          // (friction_mu0 and friction_b: of rate-and-state, 0 for other laws)
+          // F is a product or a logarithm of well-conditioned factors: some units in the last place of its
+          // terms (friction_mu0 and friction_b: of rate-and-state, 0 for other laws)
           const double of_logarithm = p.value("friction_mu0") + p.value("friction_b") * std::abs(s);
           const double noise = 2e-15 * (std::abs(d.F) + of_logarithm);
           check_derivative(d.F_psi, central([&](double x) { return f.force(x, s); }, psi, e, noise), "F_psi");
           if (f.has_state) {
             const RatePartials g = f.rate_partials(psi, s);
             CHECK(g.g == f.rate(psi, s));
-            const double terms = std::abs(g.g) + std::abs(g.g_psi * psi) + std::abs(g.g_state) * (1 + std::abs(s));
-            check_derivative(d.F_state, central([&](double x) { return f.force(psi, x); }, s, 1e-3, noise), "F_state");
-            check_derivative(g.g_psi, central([&](double x) { return f.rate(x, s); }, psi, e, 2e-15 * terms), "g_psi");
-            check_derivative(g.g_state, central([&](double x) { return f.rate(psi, x); }, s, 1e-3, 2e-15 * terms),
+            const double terms =
+                std::abs(g.g) + std::abs(g.g_psi * psi) + std::abs(g.g_state) * (1 + std::abs(s));
+            check_derivative(d.F_state, central([&](double x) { return f.force(psi, x); }, s, 1e-3, noise),
+                             "F_state");
+            check_derivative(g.g_psi, central([&](double x) { return f.rate(x, s); }, psi, e, 2e-15 * terms),
+                             "g_psi");
+            check_derivative(g.g_state,
+                             central([&](double x) { return f.rate(psi, x); }, s, 1e-3, 2e-15 * terms),
                              "g_state");
           }
         }
@@ -177,7 +181,8 @@ TEST_CASE("friction and state rates: derivatives agree with differences, law by 
   });
 }
 
-TEST_CASE("higher derivatives of friction and state rates agree with differences, law by law", "[serial][every_law]") {
+TEST_CASE("higher derivatives of friction and state rates agree with differences, law by law",
+          "[serial][every_law]") {
   for_every_friction([](const FrictionParameters& p) {
     with_friction(p, [&](const Friction& f) {
       for (const double psi : velocities)
@@ -188,38 +193,52 @@ TEST_CASE("higher derivatives of friction and state rates agree with differences
           const HigherPartials d = f.higher_partials(psi, s);
           const Partials F = f.partials(psi, s);
           const RatePartials g = f.rate_partials(psi, s);
-          // A derivative in psi brings 1/psi (1/eps), one in the logarithm of age 1; each is a sum of such terms.
-          const double per_psi = 1 / (1e4 * e), of_logarithm = p.value("friction_mu0") + p.value("friction_b") * 23;
-          const auto noise = [&](double scale, int order) { return 1e-14 * scale * std::pow(per_psi, order); };
-          const double in_F = std::abs(F.F) + std::abs(F.F_psi) / per_psi + std::abs(F.F_state) * (1 + of_logarithm);
-          const double in_g = std::abs(g.g) + std::abs(g.g_psi) / per_psi + std::abs(g.g_state) * (1 + std::abs(s));
-          const auto by_psi = [&](double value, const std::function<double(double, double)>& lower, double scale,
-                                  int order, const char* what) {
-            check_derivative(value, central([&](double x) { return lower(x, s); }, psi, e, noise(scale, order)), what);
+          // A derivative in psi brings 1/psi (1/eps), one in the logarithm of age 1; each is a sum of such
+          // terms.
+          const double per_psi = 1 / (1e4 * e),
+                       of_logarithm = p.value("friction_mu0") + p.value("friction_b") * 23;
+          const auto noise = [&](double scale, int order) {
+            return 1e-14 * scale * std::pow(per_psi, order);
           };
-          const auto by_state = [&](double value, const std::function<double(double, double)>& lower, double scale,
-                                    const char* what) {
-            check_derivative(value, central([&](double x) { return lower(psi, x); }, s, e_state, noise(scale, 0)), what);
+          const double in_F =
+              std::abs(F.F) + std::abs(F.F_psi) / per_psi + std::abs(F.F_state) * (1 + of_logarithm);
+          const double in_g =
+              std::abs(g.g) + std::abs(g.g_psi) / per_psi + std::abs(g.g_state) * (1 + std::abs(s));
+          const auto by_psi = [&](double value, const std::function<double(double, double)>& lower,
+                                  double scale, int order, const char* what) {
+            check_derivative(
+                value, central([&](double x) { return lower(x, s); }, psi, e, noise(scale, order)), what);
+          };
+          const auto by_state = [&](double value, const std::function<double(double, double)>& lower,
+                                    double scale, const char* what) {
+            check_derivative(
+                value, central([&](double x) { return lower(psi, x); }, s, e_state, noise(scale, 0)), what);
           };
           using Of = HigherPartials;
           const auto higher = [&](HigherDerivatives Of::*of, double HigherDerivatives::*member) {
             return [&f, of, member](double x, double y) { return f.higher_partials(x, y).*of.*member; };
           };
           using D = HigherDerivatives;
-          by_psi(d.F.pp, [&](double x, double y) { return f.partials(x, y).F_psi; }, in_F, 1, "F_pp");
-          by_psi(d.F.ps, [&](double x, double y) { return f.partials(x, y).F_state; }, in_F, 0, "F_ps");
+          by_psi(
+              d.F.pp, [&](double x, double y) { return f.partials(x, y).F_psi; }, in_F, 1, "F_pp");
+          by_psi(
+              d.F.ps, [&](double x, double y) { return f.partials(x, y).F_state; }, in_F, 0, "F_ps");
           by_psi(d.F.ppp, higher(&Of::F, &D::pp), in_F, 2, "F_ppp");
           by_psi(d.F.pps, higher(&Of::F, &D::ps), in_F, 1, "F_pps");
           by_psi(d.F.pss, higher(&Of::F, &D::ss), in_F, 0, "F_pss");
-          by_psi(d.g.pp, [&](double x, double y) { return f.rate_partials(x, y).g_psi; }, in_g, 1, "g_pp");
-          by_psi(d.g.ps, [&](double x, double y) { return f.rate_partials(x, y).g_state; }, in_g, 0, "g_ps");
+          by_psi(
+              d.g.pp, [&](double x, double y) { return f.rate_partials(x, y).g_psi; }, in_g, 1, "g_pp");
+          by_psi(
+              d.g.ps, [&](double x, double y) { return f.rate_partials(x, y).g_state; }, in_g, 0, "g_ps");
           by_psi(d.g.ppp, higher(&Of::g, &D::pp), in_g, 2, "g_ppp");
           by_psi(d.g.pps, higher(&Of::g, &D::ps), in_g, 1, "g_pps");
           by_psi(d.g.pss, higher(&Of::g, &D::ss), in_g, 0, "g_pss");
           if (!f.has_state) continue;
-          by_state(d.F.ss, [&](double x, double y) { return f.partials(x, y).F_state; }, in_F, "F_ss");
+          by_state(
+              d.F.ss, [&](double x, double y) { return f.partials(x, y).F_state; }, in_F, "F_ss");
           by_state(d.F.sss, higher(&Of::F, &D::ss), in_F, "F_sss");
-          by_state(d.g.ss, [&](double x, double y) { return f.rate_partials(x, y).g_state; }, in_g, "g_ss");
+          by_state(
+              d.g.ss, [&](double x, double y) { return f.rate_partials(x, y).g_state; }, in_g, "g_ss");
           by_state(d.g.sss, higher(&Of::g, &D::ss), in_g, "g_sss");
         }
     });
@@ -274,12 +293,14 @@ TEST_CASE("steady states and steady friction are those of the model", "[serial]"
       p.state = state;
       with_friction(p, [&](const Friction& f) {
         // asinh(q) = ln(2 q) + 1/(4 q^2): q > e^40 here
-        CHECK(f.force(v, f.steady_state(v)) == Approx(0.6 + (0.01 - 0.015) * std::log(v / 1e-3)).epsilon(1e-13));
+        CHECK(f.force(v, f.steady_state(v)) ==
+              Approx(0.6 + (0.01 - 0.015) * std::log(v / 1e-3)).epsilon(1e-13));
         // the direct effect: a jump of velocity by e at fixed state raises F by a
         CHECK(f.force(v * std::exp(1.), f.steady_state(v)) - f.force(v, f.steady_state(v)) ==
               Approx(0.01).margin(1e-14));
         // and after a jump of theta by e, b
-        CHECK(f.force(v, f.steady_state(v) + 1) - f.force(v, f.steady_state(v)) == Approx(0.015).margin(1e-14));
+        CHECK(f.force(v, f.steady_state(v) + 1) - f.force(v, f.steady_state(v)) ==
+              Approx(0.015).margin(1e-14));
       });
     }
   }
@@ -311,8 +332,8 @@ TEST_CASE("rate-and-state friction is odd, monotone and finite over every veloci
 }
 
 TEST_CASE("Newton's steps of rate-and-state friction converge from anywhere", "[serial]") {
-  // mass psi + F(psi) = given, the equation of an implicit stage: ten decades of mass, solutions of either sign over
-  // thirty decades, starts as far off. Newton's steps alone leave for infinity there.
+  // mass psi + F(psi) = given, the equation of an implicit stage: ten decades of mass, solutions of either
+  // sign over thirty decades, starts as far off. Newton's steps alone leave for infinity there.
   FrictionParameters p;
   p.law = Law("rate-and-state");
   p.state = StateLaw("ageing");
@@ -335,10 +356,12 @@ TEST_CASE("Newton's steps of rate-and-state friction converge from anywhere", "[
                 psi = next;
                 if (done) break;
               }
-              INFO("a " << a << " mass " << mass << " sought " << sought << " start " << start << " found " << psi);
+              INFO("a " << a << " mass " << mass << " sought " << sought << " start " << start << " found "
+                        << psi);
               // the force is good to 1e-15, so psi to 1e-15 |F|/(psi F_psi + mass psi)
               const Partials d = f.partials(sought, 0.7);
-              CHECK(std::abs(psi - sought) <= 1e-11 * std::abs(sought) + 1e-14 * std::abs(given) / (mass + d.F_psi));
+              CHECK(std::abs(psi - sought) <=
+                    1e-11 * std::abs(sought) + 1e-14 * std::abs(given) / (mass + d.F_psi));
               most = std::max(most, count);
             }
         INFO("a " << a << ": at most " << most << " steps");
@@ -349,10 +372,10 @@ TEST_CASE("Newton's steps of rate-and-state friction converge from anywhere", "[
 }
 
 TEST_CASE("thresholds of every law with every state law are those of the cubic", "[serial][every_law]") {
-  // One block: where the rightmost eigenvalue of Model's own Jacobian crosses zero as the spring stiffens, against
-  // K = -r b (1 + r/(A a)), to 1e-8; and no crossing where the cubic has none. Viscosity moves the direct effect a
-  // from negative to positive; tau_inf below 1 gives strength that grows with velocity, so that with a < 0 the spring
-  // must be soft.
+  // One block: where the rightmost eigenvalue of Model's own Jacobian crosses zero as the spring stiffens,
+  // against K = -r b (1 + r/(A a)), to 1e-8; and no crossing where the cubic has none. Viscosity moves the
+  // direct effect a from negative to positive; tau_inf below 1 gives strength that grows with velocity, so
+  // that with a < 0 the spring must be soft.
   int with_positive_a = 0, with_negative_a = 0;
   for_every_friction([&](const FrictionParameters& base) {
     if (base.state.none()) return;
@@ -369,8 +392,8 @@ TEST_CASE("thresholds of every law with every state law are those of the cubic",
             };
             const Scene s = one_block(p, v, m, 1, zeta);
             const CubicTerms c = cubic_terms(s);
-            INFO(name_of(p) << " v " << v << " zeta " << zeta << " m " << m << " tau_inf " << tau_inf << " a " << c.a
-                            << " r " << c.r << " b " << c.b);
+            INFO(name_of(p) << " v " << v << " zeta " << zeta << " m " << m << " tau_inf " << tau_inf << " a "
+                            << c.a << " r " << c.r << " b " << c.b);
             if (std::abs(c.b) < 1e-6 || std::abs(c.a) < 1e-6) continue;  // coulomb without viscosity: neutral
             const double K = -c.r * c.b * (1 + c.r / (s.A() * c.a));
             if (K > 1e-6 && c.a + c.r / s.A() > 0) {
@@ -412,16 +435,20 @@ TEST_CASE("every eigenvalue on a ring is a root of the cubic of its wave", "[ser
       const CubicTerms c = cubic_terms(s);
       std::vector<Complex> found = eigenvalues(jacobian_at_sliding(s), int(s.n) * 3);
       for (PetscInt k = 0; k < s.n; ++k) {
-        const double kappa2 = symbol(s.order, form == Form::chain ? 1 : s.h(), 2 * M_PI * double(k) / s.length);
+        const double kappa2 =
+            symbol(s.order, form == Form::chain ? 1 : s.h(), 2 * M_PI * double(k) / s.length);
         const double K = s.K0() + s.K1() * kappa2, A = s.A();
         // lambda^3 + A (a + r/A) lambda^2 + A (K + r b) lambda + A r K: companion matrix, column by column
-        const std::vector<double> companion = {0, 1, 0, 0, 0, 1, -A * c.r * K, -A * (K + c.r * c.b), -A * c.a - c.r};
+        const std::vector<double> companion = {
+            0, 1, 0, 0, 0, 1, -A * c.r * K, -A * (K + c.r * c.b), -A * c.a - c.r};
         for (const Complex& root : eigenvalues(companion, 3)) {
-          auto nearest = std::min_element(found.begin(), found.end(), [&](const Complex& x, const Complex& y) {
-            return std::abs(x - root) < std::abs(y - root);
-          });
-          INFO(name_of(p) << ", " << to_string(form) << ", wave " << k << ", " << root << " against " << *nearest);
-          // simple roots, apart by more than 1e-2: eigenvalues move by round-off of the matrix times some hundreds
+          auto nearest = std::min_element(
+              found.begin(), found.end(),
+              [&](const Complex& x, const Complex& y) { return std::abs(x - root) < std::abs(y - root); });
+          INFO(name_of(p) << ", " << to_string(form) << ", wave " << k << ", " << root << " against "
+                          << *nearest);
+          // simple roots, apart by more than 1e-2: eigenvalues move by round-off of the matrix times some
+          // hundreds
           CHECK(std::abs(*nearest - root) < 1e-9 * (1 + std::abs(root)));
           found.erase(nearest);
         }
@@ -447,7 +474,9 @@ TEST_CASE("Rice and Ruina's critical stiffness with inertia", "[serial]") {
           const double T = std::tanh(F / a), A = s.A();
           const double critical = (b - a) * T / D * (1 + v * v / (A * a * D * T));
           double low = critical / 2, high = critical * 2;
-          const auto at = [&](double K) { return eigenvalues(jacobian_at_sliding(one_block(p, v, m, K, 0)), 3); };
+          const auto at = [&](double K) {
+            return eigenvalues(jacobian_at_sliding(one_block(p, v, m, K, 0)), 3);
+          };
           for (int i = 0; i < 60; ++i) {
             const double middle = (low + high) / 2;
             (growth(at(middle)) > 0 ? low : high) = middle;
@@ -485,5 +514,6 @@ TEST_CASE("Erickson's Hopf point and line", "[serial]") {
   };
   CHECK(hopf(0) == Approx(g * g * xi / (g * g + xi)).epsilon(1e-8));
   CHECK(hopf(0) == Approx(0.280702).margin(5e-7));
-  for (const double c2k2 : {0.1, 0.5, 2.}) CHECK(hopf(c2k2) == Approx((g * g + c2k2) / (1 + g * g / xi)).epsilon(1e-8));
+  for (const double c2k2 : {0.1, 0.5, 2.})
+    CHECK(hopf(c2k2) == Approx((g * g + c2k2) / (1 + g * g / xi)).epsilon(1e-8));
 }

@@ -97,8 +97,9 @@ struct Cycle {
     double phase = t - (fs - eta0) / v;  // since the first release
     if (phase < 0) return {0, eta0 + v * t};
     phase = std::fmod(phase, period);
-    if (phase < slip_time) return {v * (1 - std::cos(phase)) + D * std::sin(phase),
-                                   fd + v * std::sin(phase) + D * std::cos(phase)};
+    if (phase < slip_time)
+      return {v * (1 - std::cos(phase)) + D * std::sin(phase),
+              fd + v * std::sin(phase) + D * std::cos(phase)};
     return {0, fs - drop + v * (phase - slip_time)};
   }
 };
@@ -171,12 +172,15 @@ TEST_CASE("every method that is offered keeps its order through starts and stops
     }
     // Steps are cut at every change, so that errors scatter: the order from a factor of 8 in the step.
     const double coarse = m.order == 1 ? 0.01 : m.order >= 5 ? 0.4 : m.order == 4 ? 0.16 : 0.08;
-    const auto error = [&](double dt) { return cycle_error(Run(lone_blocks(3), start, until, fixed(m, dt)), until, eta0); };
+    const auto error = [&](double dt) {
+      return cycle_error(Run(lone_blocks(3), start, until, fixed(m, dt)), until, eta0);
+    };
     const double order = std::log(error(coarse) / error(coarse / 8)) / std::log(8.);
     INFO(m.name() << ": order " << order << ", error " << error(coarse / 8));
     CHECK(order > std::min(m.order, 5) - 0.7);
   }
-  CHECK_THROWS_AS(Run(lone_blocks(3), start, 1, {{"ts_type", "arkimex"}, {"imex_implicit", "wave"}}), UsageError);
+  CHECK_THROWS_AS(Run(lone_blocks(3), start, 1, {{"ts_type", "arkimex"}, {"imex_implicit", "wave"}}),
+                  UsageError);
 }
 
 namespace {
@@ -263,11 +267,14 @@ TEST_CASE("nothing rests beyond its threshold, and nothing slides against its di
     const std::size_t dof = std::size_t(model.dof());
     const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
     for (std::size_t i = 0; i < amplitude.size(); ++i, ++rows) {
-      const double psi = all[dof * i], eta = all[dof * i + 1] + force[dof * i + 1], s = dof == 3 ? all[dof * i + 2] : 0;
+      const double psi = all[dof * i], eta = all[dof * i + 1] + force[dof * i + 1],
+                   s = dof == 3 ? all[dof * i + 2] : 0;
       const double limit = amplitude[i] * with_friction(scene.friction, [&](const Friction& f) {
-        if (f.sticks) return f.threshold(s).value;
-        else return 0.;
-      });
+                             if (f.sticks)
+                               return f.threshold(s).value;
+                             else
+                               return 0.;
+                           });
       if (step.t > 10) backwards = std::min(backwards, psi);
       // at rest over the whole step: psi is 0 for a moment too where a node turns back
       if (psi != 0 || last.empty() || last[dof * i] != 0) continue;
@@ -309,8 +316,8 @@ TEST_CASE("blocks that start and stop at once") {
 }
 
 TEST_CASE("the threshold grows with the time held") {
-  // Coulomb's block with healing: what it is let go at is what tau has grown to since it stopped, the slower the
-  // plate the more. It stops with a tau of its own, read at the stop.
+  // Coulomb's block with healing: what it is let go at is what tau has grown to since it stopped, the slower
+  // the plate the more. It stops with a tau of its own, read at the stop.
   std::map<double, double> peak;  // against the velocity of the plate
   for (const double v : {1e-1, 1e-2, 1e-3, 1e-4}) {
     Scene scene = lone_blocks(1);
@@ -321,32 +328,33 @@ TEST_CASE("the threshold grows with the time held") {
     double stopped = -1, tau = 0, let_go = 0;
     const double until = 8 / v + 200;
     int holds = 0;
-    const Run holding(scene,
-                  [](PetscInt, double* at) {
-                    at[0] = 0;
-                    at[1] = 0.9;
-                    at[2] = 1;
-                  },
-                  until, tolerance("1e-10"),
-                  [&](const Integrator::Step& step) {
-                    const double* a;
-                    SS_TRY(VecGetArrayRead(step.u, &a));
-                    if (a[0] == 0 && stopped >= 0) {
-                      const double expected = 2 + (tau - 2) * std::exp(-(step.t - stopped) / 10);
-                      if (step.t < until) {
-                        CHECK(a[1] == Approx(expected).epsilon(1e-9));
-                        ++holds;
-                        let_go = a[1];
-                      }
-                      stopped = -1;
-                    } else if (a[0] == 0 && step.index > 1) {
-                      stopped = step.t;
-                      tau = a[2];
-                    }
-                    SS_TRY(VecRestoreArrayRead(step.u, &a));
-                    return Integrator::Verdict::go_on;
-                  },
-                  PETSC_COMM_SELF);
+    const Run holding(
+        scene,
+        [](PetscInt, double* at) {
+          at[0] = 0;
+          at[1] = 0.9;
+          at[2] = 1;
+        },
+        until, tolerance("1e-10"),
+        [&](const Integrator::Step& step) {
+          const double* a;
+          SS_TRY(VecGetArrayRead(step.u, &a));
+          if (a[0] == 0 && stopped >= 0) {
+            const double expected = 2 + (tau - 2) * std::exp(-(step.t - stopped) / 10);
+            if (step.t < until) {
+              CHECK(a[1] == Approx(expected).epsilon(1e-9));
+              ++holds;
+              let_go = a[1];
+            }
+            stopped = -1;
+          } else if (a[0] == 0 && step.index > 1) {
+            stopped = step.t;
+            tau = a[2];
+          }
+          SS_TRY(VecRestoreArrayRead(step.u, &a));
+          return Integrator::Verdict::go_on;
+        },
+        PETSC_COMM_SELF);
     CHECK(holds >= 2);
     peak[v] = let_go;
   }
@@ -361,13 +369,15 @@ TEST_CASE("the front of a Coulomb chain runs at c/sqrt(1 - q^2)") {
   Scene scene = lone_blocks(800);
   scene.k0 = scene.v = 0;
   scene.k1 = 1;
-  const double fd = scene.friction.value("friction_fd"), stress = fd + q * (scene.friction.value("friction_fs") - fd);
+  const double fd = scene.friction.value("friction_fd"),
+               stress = fd + q * (scene.friction.value("friction_fs") - fd);
   const Start start = [&](PetscInt i, double* at) {
     at[0] = 0;
     at[1] = i == 0 ? 1.001 : stress;
   };
   std::map<PetscInt, double> passed;
-  const Run front(scene, start, 700 * std::sqrt(1 - q * q), tolerance("1e-7"),
+  const Run front(
+      scene, start, 700 * std::sqrt(1 - q * q), tolerance("1e-7"),
       [&](const Integrator::Step& step) {
         const double* a;
         SS_TRY(VecGetArrayRead(step.u, &a));
@@ -378,7 +388,9 @@ TEST_CASE("the front of a Coulomb chain runs at c/sqrt(1 - q^2)") {
       },
       PETSC_COMM_SELF);
   CHECK(passed.size() > 620);
-  const auto speed = [&](PetscInt from, PetscInt to) { return double(to - from) / (passed.at(to) - passed.at(from)); };
+  const auto speed = [&](PetscInt from, PetscInt to) {
+    return double(to - from) / (passed.at(to) - passed.at(from));
+  };
   const double expected = 1 / std::sqrt(1 - q * q);
   const double far = std::abs(speed(300, 600) / expected - 1);
   INFO("q = " << q << ": speed " << speed(300, 600) << " of " << expected << ", off by " << far);
@@ -415,13 +427,16 @@ TEST_CASE("a run goes on bitwise alike from the middle of a stick") {
     std::int64_t steps;
     {
       Integrator whole(model, MethodSpec::from(given.options), u);
-      steps = whole.advance(u, 0, 40, [&](const Integrator::Step& now) {
-        if (now.index != at) return Integrator::Verdict::go_on;
-        SS_TRY(VecCopy(now.u, kept));
-        t = now.t;
-        dt = now.next_dt;
-        return Integrator::Verdict::restart;
-      }).steps;
+      steps = whole
+                  .advance(u, 0, 40,
+                           [&](const Integrator::Step& now) {
+                             if (now.index != at) return Integrator::Verdict::go_on;
+                             SS_TRY(VecCopy(now.u, kept));
+                             t = now.t;
+                             dt = now.next_dt;
+                             return Integrator::Verdict::restart;
+                           })
+                  .steps;
     }
     Integrator rest(model, MethodSpec::from(given.options), kept);
     rest.continue_from(many + at, dt);
@@ -458,15 +473,16 @@ TEST_CASE("loading costs a step, however slow the plate", "[serial]") {
     PetscInt at_rest = 0;
     bool rested = false;
     const double until = 3.5 / v;  // three cycles of loading by about 1
-    const Run run(scene, [](PetscInt i, double* at) { at[0] = 0, at[1] = -0.1 * double(i); }, until, tolerance("1e-8"),
-                  [&](const Integrator::Step& step) {
-                    const std::vector<double> all = Run::all_values(step.u);
-                    bool resting = true;
-                    for (std::size_t i = 0; i < all.size(); i += 2) resting = resting && all[i] == 0;
-                    if (resting && rested) ++at_rest;
-                    rested = resting;
-                    return Integrator::Verdict::go_on;
-                  });
+    const Run run(
+        scene, [](PetscInt i, double* at) { at[0] = 0, at[1] = -0.1 * double(i); }, until, tolerance("1e-8"),
+        [&](const Integrator::Step& step) {
+          const std::vector<double> all = Run::all_values(step.u);
+          bool resting = true;
+          for (std::size_t i = 0; i < all.size(); i += 2) resting = resting && all[i] == 0;
+          if (resting && rested) ++at_rest;
+          rested = resting;
+          return Integrator::Verdict::go_on;
+        });
     CHECK(run.report.t == until);
     CHECK(at_rest >= 12);
     CHECK(at_rest <= 20);  // one before each slip of each block, and one at the end
@@ -489,12 +505,12 @@ TEST_CASE("regularised friction tends to friction that sticks", "[serial]") {
     scene.friction.eps = eps;
     scene.friction.values["friction_slip_velocity"] = std::sqrt(eps);
     error.push_back(furthest(Run(scene, start, 20, tolerance("1e-9")).values(), exact.values()));
-    // carlson-langer: the peak lies at psi of order eps ln(1/eps), up to which a block creeps. coulomb: the fall from
-    // fs to fd has a width of its own, here sqrt(eps)
+    // carlson-langer: the peak lies at psi of order eps ln(1/eps), up to which a block creeps. coulomb: the
+    // fall from fs to fd has a width of its own, here sqrt(eps)
     scaled.push_back(error.back() / (law == Law("coulomb") ? std::sqrt(eps) : eps * std::log(1 / eps)));
   }
-  INFO(to_string(law) << ": errors over the expected rate " << scaled[0] << " " << scaled[1] << " " << scaled[2] << " "
-                      << scaled[3]);
+  INFO(to_string(law) << ": errors over the expected rate " << scaled[0] << " " << scaled[1] << " "
+                      << scaled[2] << " " << scaled[3]);
   for (std::size_t i = 0; i + 1 < error.size(); ++i) {
     CHECK(error[i + 1] < error[i] / 1.7);
     CHECK(scaled[i + 1] == Approx(scaled[i]).epsilon(0.2));
@@ -516,12 +532,16 @@ TEST_CASE("the Jacobian of friction that sticks") {
   VecHandle u = model.create_vector(), du = model.create_vector(), f = model.create_vector(),
             g = model.create_vector(), product = model.create_vector();
   fill(model, state == StateLaw("none") ? lively_start : lively_start_with_state, u);
-  fill(model, [&](PetscInt i, double* at) {
-    for (int k = 0; k < model.dof(); ++k) at[k] = counter_normal(9, 3 * i + k);
-  }, du);
+  fill(
+      model,
+      [&](PetscInt i, double* at) {
+        for (int k = 0; k < model.dof(); ++k) at[k] = counter_normal(9, 3 * i + k);
+      },
+      du);
   Stick stick(model);
   stick.decide(u);
-  CHECK(std::set<double>(stick.direction().begin(), stick.direction().end()).size() >= (model.local() > 8 ? 3 : 1));
+  CHECK(std::set<double>(stick.direction().begin(), stick.direction().end()).size() >=
+        (model.local() > 8 ? 3 : 1));
   MatHandle J = model.create_jacobian(part);
   model.jacobian(part, u, 0, 1, J);
   SS_TRY(MatMult(J, du, product));
@@ -570,11 +590,12 @@ TEST_CASE("stick regions of the continuum spread and shrink", "[serial]") {
     coarse = fine;
   }
   const double order = std::log2(error[0] / error[2]) / 2;
-  INFO((spreading ? "spreading: " : "shrinking: ") << "order " << order << ", rest " << resting << ", errors " << error[0]
-                                                   << " " << error[1] << " " << error[2]);
+  INFO((spreading ? "spreading: " : "shrinking: ") << "order " << order << ", rest " << resting << ", errors "
+                                                   << error[0] << " " << error[1] << " " << error[2]);
   CHECK((resting > 0.2 && resting < 0.9));
-  // A region that spreads faster than c does not disturb what still moves: the grid's order 4 (less when psi has a kink at
-  // the edge). At one that shrinks, the force has stood at the threshold for a moment only: order 1.
+  // A region that spreads faster than c does not disturb what still moves: the grid's order 4 (less when psi
+  // has a kink at the edge). At one that shrinks, the force has stood at the threshold for a moment only:
+  // order 1.
   CHECK(order > (spreading ? 3 : 0.8));
 }
 
@@ -589,13 +610,18 @@ TEST_CASE("order through starts and stops with friction that falls with velocity
     at[1] = 0.9 - 0.17 * double(i);
   };
   const auto at_end = [&](const char* type, double dt) {
-    return Run(scene, start, 9, {{"ts_type", "rk"}, {"ts_rk_type", type}, {"ts_adapt_type", "none"},
-                                 {"ts_dt", number_text(dt)}}).values();
+    return Run(scene, start, 9,
+               {{"ts_type", "rk"},
+                {"ts_rk_type", type},
+                {"ts_adapt_type", "none"},
+                {"ts_dt", number_text(dt)}})
+        .values();
   };
   const std::vector<double> reference = at_end("8vr", 0.005);
   const std::pair<const char*, double> methods_and_orders[] = {{"3", 3}, {"4", 4}, {"5dp", 5}};
   for (const auto& [type, order] : methods_and_orders) {
-    const double coarse = furthest(at_end(type, 0.16), reference), fine = furthest(at_end(type, 0.04), reference);
+    const double coarse = furthest(at_end(type, 0.16), reference),
+                 fine = furthest(at_end(type, 0.04), reference);
     INFO("rk:" << type << ": errors " << coarse << " " << fine);
     CHECK(fine < 1e-4);
     CHECK(std::log(coarse / fine) / std::log(4.) > order - 0.7);

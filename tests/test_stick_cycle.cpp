@@ -26,12 +26,15 @@ Scene chain(const char* law, PetscInt n) {
 //     psi = v - e^(-a t) [v cos(w t) + ((a v - D)/w) sin(w t)].
 struct DampedSlip {
   double k0, zeta, v, D, a = zeta / 2, w = std::sqrt(k0 - a * a);
-  double psi(double t) const { return v - std::exp(-a * t) * (v * std::cos(w * t) + (a * v - D) / w * std::sin(w * t)); }
+  double psi(double t) const {
+    return v - std::exp(-a * t) * (v * std::cos(w * t) + (a * v - D) / w * std::sin(w * t));
+  }
 };
 
 }  // namespace
 
-TEST_CASE("Coulomb's block: period, rest and multipliers of its cycle as in closed form", "[stick_cycle][serial]") {
+TEST_CASE("Coulomb's block: period, rest and multipliers of its cycle as in closed form",
+          "[stick_cycle][serial]") {
   Scene s = chain("coulomb", 1);
   s.k0 = 1;
   s.v = 0.1;
@@ -52,7 +55,8 @@ TEST_CASE("Coulomb's block: period, rest and multipliers of its cycle as in clos
   CHECK(std::abs(c.multipliers[1]) < 1e-11);
 }
 
-TEST_CASE("Where stick-slip of the damped Coulomb block ends, to the slip that only grazes rest", "[stick_cycle][serial]") {
+TEST_CASE("Where stick-slip of the damped Coulomb block ends, to the slip that only grazes rest",
+          "[stick_cycle][serial]") {
   Scene s = chain("coulomb", 1);
   s.k0 = 0.7;
   s.zeta = 0.3;
@@ -66,7 +70,8 @@ TEST_CASE("Where stick-slip of the damped Coulomb block ends, to the slip that o
   const auto least = [&](double v) {
     const DampedSlip slip{s.k0, s.zeta, v, 0.5};
     return find_least([&](double t) { return slip.psi(t); }, M_PI / slip.w, 2 * M_PI / slip.w, 1e-9,
-                      [](double) { return false; }).value;
+                      [](double) { return false; })
+        .value;
   };
   CHECK(graze == Approx(find_root(least, {0.2, least(0.2), 3, least(3)}, 1e-14)).epsilon(1e-12));
 }
@@ -93,7 +98,8 @@ TEST_CASE("The block of Carlson and Langer sticks and slips beyond its linear bo
   CHECK(uniform_stick_fate(s).fate == Fate::stuck);
 }
 
-TEST_CASE("Deviations of random cells go round starts and stops as differences of motions do", "[stick_cycle][serial]") {
+TEST_CASE("Deviations of random cells go round starts and stops as differences of motions do",
+          "[stick_cycle][serial]") {
   std::mt19937 draw(5);
   std::uniform_real_distribution<double> real(0, 1);
   int cycles = 0;
@@ -136,7 +142,8 @@ TEST_CASE("Deviations of random cells go round starts and stops as differences o
       down.u[i] -= e;
       const Standing a = after(up), b = after(down);
       if (a.direction != b.direction) continue;  // a change at the very end
-      for (std::size_t j = 0; j < size; ++j)     // a difference of third order in e over events that pass at rates of 0.01
+      // a difference of third order in e over events that pass at rates of 0.01
+      for (std::size_t j = 0; j < size; ++j)
         CHECK((a.u[j] - b.u[j]) / (2 * e) == Approx(end.deviations[i * size + j]).margin(1e-5));
     }
     const StickFate found = stick_fate(s, p.u, 60);
@@ -174,7 +181,8 @@ double apart(const std::vector<std::complex<double>>& one, const std::vector<std
 
 }  // namespace
 
-TEST_CASE("Waves on cycles with rests have the multipliers of rings of so many cells", "[stick_cycle][serial]") {
+TEST_CASE("Waves on cycles with rests have the multipliers of rings of so many cells",
+          "[stick_cycle][serial]") {
   std::mt19937 draw(11);
   std::uniform_real_distribution<double> real(0, 1);
   int cells = 0, viscous = 0;
@@ -217,7 +225,8 @@ TEST_CASE("Waves on cycles with rests have the multipliers of rings of so many c
     StickDeviations waves(cell, found.cycle);
     for (int j = 0; j < copies; ++j) {
       const double theta = 2 * M_PI * j / copies;
-      const auto of_one = m == 1 ? waves.of_wave(symbol(cell.order, cell.form == Form::chain ? 1 : cell.h(), theta / cell.length))
+      const auto of_one = m == 1 ? waves.of_wave(symbol(cell.order, cell.form == Form::chain ? 1 : cell.h(),
+                                                        theta / cell.length))
                                  : waves.of_twist(theta);
       of_waves.insert(of_waves.end(), of_one.begin(), of_one.end());
     }

@@ -31,7 +31,8 @@ std::unordered_map<long, int> searched(ChangeSearch& search, const Value& value)
   for (auto next = search.next(known); !next.empty(); next = search.next(known))
     for (const long point : next) {
       const auto [i, j] = search.place(point);
-      REQUIRE(known.emplace(point, value(double(i) / double(search.size()[0] - 1), double(j))).second);  // none twice
+      // none twice
+      REQUIRE(known.emplace(point, value(double(i) / double(search.size()[0] - 1), double(j))).second);
     }
   return known;
 }

@@ -47,19 +47,23 @@ TEST_CASE("a fold of trains: the length has a minimum over the speed there", "[w
   const Branch walk = branch(0.95, 0.956, 30, 3);
   INFO(walk.points.size() << " points: " << walk.end);
   const std::vector<TrainLimit> limits = train_limits(family(), walk, 3, false, notes);
-  const auto fold = std::find_if(limits.begin(), limits.end(), [](const TrainLimit& l) { return l.kind == "fold"; });
+  const auto fold =
+      std::find_if(limits.begin(), limits.end(), [](const TrainLimit& l) { return l.kind == "fold"; });
   REQUIRE(fold != limits.end());
   for (const BranchPoint& p : walk.points) CHECK(p.value <= fold->value + 1e-12);
   const double h = 2e-6, V = fold->speed;
-  const double below = length_at(fold->value, 3, V - h), here = length_at(fold->value, 3, V), above = length_at(fold->value, 3, V + h);
+  const double below = length_at(fold->value, 3, V - h), here = length_at(fold->value, 3, V),
+               above = length_at(fold->value, 3, V + h);
   CHECK(here == Approx(25).epsilon(1e-9));
   // dL/dV = 0 there; the difference is odd in h, smaller by h over the range of V of the canard, 1e-4 or so
   CHECK(std::abs(above - below) < 3e-2 * std::abs(above + below - 2 * here));
 }
 
-TEST_CASE("a change of stability of trains, on a branch and followed in a second parameter", "[wave][limits][serial]") {
+TEST_CASE("a change of stability of trains, on a branch and followed in a second parameter",
+          "[wave][limits][serial]") {
   std::vector<std::string> notes;
-  const std::vector<TrainLimitCurve> curves = train_limit_curves(family(), branch(0.85, 0.86, 6, 3), 0.85, 0.9, 3, 3.1, 2, notes);
+  const std::vector<TrainLimitCurve> curves =
+      train_limit_curves(family(), branch(0.85, 0.86, 6, 3), 0.85, 0.9, 3, 3.1, 2, notes);
   CHECK(notes.empty());
   REQUIRE(curves.size() == 1);
   CHECK(curves[0].points.size() == 3);

@@ -1,5 +1,5 @@
-// Space and the whole scheme against independent solutions: stencils and ends, dispersion, damping identities, uniform
-// motion, travelling waves.
+// Space and the whole scheme against independent solutions: stencils and ends, dispersion, damping
+// identities, uniform motion, travelling waves.
 #include <slepceps.h>
 
 #include <catch2/catch.hpp>
@@ -95,7 +95,8 @@ double elliptic_error(const Scene& s, double (*psi)(double), double (*psi_xx)(do
   }
   CHECK(solve_dense(static_cast<int>(n), a.data(), 1, b.data()));
   double error = 0;
-  for (std::size_t i = 0; i < n; ++i) error = std::max(error, std::abs(b[i] - psi(s.x(static_cast<PetscInt>(i)))));
+  for (std::size_t i = 0; i < n; ++i)
+    error = std::max(error, std::abs(b[i] - psi(s.x(static_cast<PetscInt>(i)))));
   return error;
 }
 
@@ -163,8 +164,9 @@ TEST_CASE("D2 reaches its order with every end", "[space][serial]") {
 }
 
 TEST_CASE("a run reaches the order of its stencil with every end", "[space]") {
-  // At v = 0 the cubic system is odd in (psi, eta): sin(pi x/2 l) on a ring of 4 l stays odd about 0 and even about
-  // l. So a part of the ring, held at 0 or free, has the same smooth solution, which fits its ends to all orders.
+  // At v = 0 the cubic system is odd in (psi, eta): sin(pi x/2 l) on a ring of 4 l stays odd about 0 and even
+  // about l. So a part of the ring, held at 0 or free, has the same smooth solution, which fits its ends to
+  // all orders.
   const double l = 1.5, t = 1;
   const auto scene = [&](Ends ends, int order, PetscInt cells_per_l) {
     Scene s = ends == Ends::ring   ? with_ends(ends, order, 4 * cells_per_l, 4 * l)
@@ -192,8 +194,8 @@ TEST_CASE("a run reaches the order of its stencil with every end", "[space]") {
           // free: x from -l, which is 3 l on the ring
           const std::size_t node = (i + (e == Ends::free ? 3 * static_cast<std::size_t>(cells) : 0)) *
                                    (256 / static_cast<std::size_t>(cells)) % 1024;
-          largest = std::max(
-              {largest, std::abs(run.psi[i] - reference.psi[node]), std::abs(run.eta[i] - reference.eta[node])});
+          largest = std::max({largest, std::abs(run.psi[i] - reference.psi[node]),
+                              std::abs(run.eta[i] - reference.eta[node])});
         }
         return largest;
       };
@@ -230,8 +232,8 @@ TEST_CASE("the semi-discrete wave operator has no growing mode of its own", "[sp
 }
 
 TEST_CASE("small waves follow the dispersion relation, with either sign of delta", "[space]") {
-  // psi = v + e Re(p exp(ikx)): lambda^2 + C lambda + A (K0 + K1 kappa^2) = 0. Started with eta' = 0 deviation, so that
-  // psi' has the solution of that oscillator with psi(0) = 1, psi_t(0) = -A (B + phi').
+  // psi = v + e Re(p exp(ikx)): lambda^2 + C lambda + A (K0 + K1 kappa^2) = 0. Started with eta' = 0
+  // deviation, so that psi' has the solution of that oscillator with psi(0) = 1, psi_t(0) = -A (B + phi').
   const double e = 1e-6, t = 3;
   for (const bool derived : {true, false})
     for (const int order : {2, 4, 6, 8})
@@ -301,7 +303,9 @@ TEST_CASE("damping is viscosity, and scales out, to round-off", "[identity]") {
     chain.k0 = 1;
     chain.k1 = s.c * s.c;
     chain.zeta = sd;
-    const auto shifted = [&](double x) { return Point{start(x)[0], start(x)[1] + sd / s.gamma * start(x)[0]}; };
+    const auto shifted = [&](double x) {
+      return Point{start(x)[0], start(x)[1] + sd / s.gamma * start(x)[0]};
+    };
     const Run viscous = advance(chain, shifted, t, fixed);
 
     const double a2 = 1 - sd / s.gamma, a = std::sqrt(a2);
@@ -309,9 +313,12 @@ TEST_CASE("damping is viscosity, and scales out, to round-off", "[identity]") {
     scaled.gamma *= a2;
     scaled.delta = 0;
     scaled.v /= a;
-    const Run free = advance(scaled, [&](double x) {
-      return Point{start(x)[0] / a, (start(x)[1] + (1 - a2) * start(x)[0]) / (a * a2)};
-    }, t, fixed);
+    const Run free = advance(
+        scaled,
+        [&](double x) {
+          return Point{start(x)[0] / a, (start(x)[1] + (1 - a2) * start(x)[0]) / (a * a2)};
+        },
+        t, fixed);
     for (std::size_t i = 0; i < run.psi.size(); ++i) {
       CHECK(viscous.psi[i] == Approx(run.psi[i]).margin(1e-12));
       CHECK(viscous.eta[i] == Approx(run.eta[i] + sd / s.gamma * run.psi[i]).margin(1e-12));
@@ -345,8 +352,8 @@ TEST_CASE("uniform scenes follow the orbit of the oscillator", "[uniform]") {
 }
 
 TEST_CASE("wave speeds on a ring converge at the stencil's order", "[wave][serial]") {
-  // gamma 3, c 1, v 0.5, delta 0: four pulses on a ring of 100 run at 2.68955; a quarter of it holds one. The start is
-  // the profile itself; the window is short, since trains may be unstable.
+  // gamma 3, c 1, v 0.5, delta 0: four pulses on a ring of 100 run at 2.68955; a quarter of it holds one. The
+  // start is the profile itself; the window is short, since trains may be unstable.
   Scene s = with_ends(Ends::ring, 2, 0, 25);
   s.delta = 0;
   s.v = 0.5;
@@ -426,7 +433,8 @@ std::vector<Scene> energy_scenes() {
 }  // namespace
 
 TEST_CASE("the energy balance holds at every moment", "[energy]") {
-  // The energy is quadratic in u, so that the central difference along the motion is its derivative: round-off alone.
+  // The energy is quadratic in u, so that the central difference along the motion is its derivative:
+  // round-off alone.
   for (const Scene& s : energy_scenes()) {
     Model model(PETSC_COMM_WORLD, s);
     Displacement displacement(model);
@@ -486,11 +494,12 @@ TEST_CASE("displacement moves with the velocity, and holds what is held", "[ener
 }
 
 TEST_CASE("the energy balance of a run closes at the method's order", "[energy][serial]") {
-  // Energy minus the integral of the powers by Simpson's rule over pairs of steps: both of order 4, as is the method.
+  // Energy minus the integral of the powers by Simpson's rule over pairs of steps: both of order 4, as is the
+  // method.
   const Scene s = with_ends(Ends::free, 4, 21, 6);
   const auto gap = [&](int steps) {
-    const Options options = Options::from("run", {{"ts_type", "rk", ""}, {"ts_rk_type", "4", ""},
-                                                  {"ts_dt", number_text(2. / steps), ""}});
+    const Options options = Options::from(
+        "run", {{"ts_type", "rk", ""}, {"ts_rk_type", "4", ""}, {"ts_dt", number_text(2. / steps), ""}});
     insert_library_options(options);
     Model model(PETSC_COMM_WORLD, s);
     Displacement displacement(model);
@@ -512,7 +521,8 @@ TEST_CASE("the energy balance of a run closes at the method's order", "[energy][
       integral += weight / 3 * 2. / steps * (e.input - e.friction - e.viscous);
       return Integrator::Verdict::go_on;
     });
-    for (const char* name : {"-ts_type", "-ts_rk_type", "-ts_dt"}) SS_TRY(PetscOptionsClearValue(nullptr, name));
+    for (const char* name : {"-ts_type", "-ts_rk_type", "-ts_dt"})
+      SS_TRY(PetscOptionsClearValue(nullptr, name));
     CHECK(integrator.report().steps == steps);
     return std::abs(last - first - integral);
   };
@@ -543,7 +553,8 @@ TEST_CASE("a corner along x = c t costs order: h^(2p/(p+1))", "[space][serial]")
       for (std::size_t i = 0; i < run.psi.size(); ++i) {
         const double x = 8. * double(i) / double(cells);
         if (x > 1 && x < 3)
-          largest = std::max(largest, std::abs(run.psi[i] - reference.psi[i * 1024 / static_cast<std::size_t>(cells)]));
+          largest = std::max(
+              largest, std::abs(run.psi[i] - reference.psi[i * 1024 / static_cast<std::size_t>(cells)]));
       }
       return largest;
     };

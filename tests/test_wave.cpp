@@ -34,7 +34,8 @@ TEST_CASE("a closed chain of matrices is solved, growing and shrinking", "[wave]
   std::vector<std::complex<double>> phi, rhs, y(N * d);
   for (size_t i = 0; i < N; ++i) {
     const double grow = i % 20 < 10 ? 8 : .1;
-    for (double e : {grow, .3 * std::sin(double(i)), .2, .5 / grow}) phi.push_back({e, .1 * std::cos(double(i))});
+    for (double e : {grow, .3 * std::sin(double(i)), .2, .5 / grow})
+      phi.push_back({e, .1 * std::cos(double(i))});
     for (int a = 0; a < d; ++a) y[i * d + size_t(a)] = {std::sin(double(i + size_t(a))), double(i % 3)};
   }
   const std::complex<double> twist = std::polar(1., .7);
@@ -164,9 +165,11 @@ TEST_CASE("the profile obeys the differential equation between the points", "[wa
     train.at(phase + h, after);
     o.rhs(train.r2, y, dy, nullptr);
     for (int a = 0; a < 2; ++a)
-      CHECK((after[a] - before[a]) / (2 * h * train.period) == Approx(dy[a]).margin(1e-5 * (1 + std::abs(dy[0]))));
+      CHECK((after[a] - before[a]) / (2 * h * train.period) ==
+            Approx(dy[a]).margin(1e-5 * (1 + std::abs(dy[0]))));
     // psi_t = A (eta - B psi - F)
-    CHECK(o.A() * (train.eta_at(phase) - o.partials(y[0], 0).F) == Approx(dy[0]).margin(1e-9 * (1 + std::abs(dy[0]))));
+    CHECK(o.A() * (train.eta_at(phase) - o.partials(y[0], 0).F) ==
+          Approx(dy[0]).margin(1e-9 * (1 + std::abs(dy[0]))));
   }
 }
 
@@ -259,7 +262,8 @@ TEST_CASE("a branch through the canard explosion to the Hopf point", "[wave][bra
     const Train& train = branch.points[i].train;
     CHECK(train.speed * train.period * 2 == Approx(50).epsilon(1e-12));
     folds += branch.points[i].fold;
-    if (i > 0) largest_step = std::max(largest_step, std::abs(train.psi_min - branch.points[i - 1].train.psi_min));
+    if (i > 0)
+      largest_step = std::max(largest_step, std::abs(train.psi_min - branch.points[i - 1].train.psi_min));
   }
   // the speed is no function of v near the explosion: one fold each way
   CHECK(folds == 2);
@@ -281,7 +285,8 @@ TEST_CASE("branches in length and speed agree with trains solved for alone", "[w
   CHECK(down.points.back().train.length == Approx(solve_train(Scene(), {1, {}, 1.01}).length).epsilon(1e-9));
 }
 
-TEST_CASE("a branch of canards that differ by less than round-off in the parameter", "[wave][branch][serial]") {
+TEST_CASE("a branch of canards that differ by less than round-off in the parameter",
+          "[wave][branch][serial]") {
   const Options options =
       Options().with("model_delta", 0.).with("model_gamma", 10.).with("model_v", .99).with("wave_speed", 2.);
   const Branch branch = continue_train(options, "model_v", 1.1, 200);

@@ -34,9 +34,9 @@ void advance(const Model& model, Vec u, double time, int steps) {
   }
 }
 
-// Two multipliers of one turn of a train on its ring, from the full equations: two runs from nearby starts, whose
-// difference after k turns obeys d_{k+1} = p d_k + q d_{k-1}. What does not change (a shift of the train) is taken
-// out first by differences of differences.
+// Two multipliers of one turn of a train on its ring, from the full equations: two runs from nearby starts,
+// whose difference after k turns obeys d_{k+1} = p d_k + q d_{k-1}. What does not change (a shift of the
+// train) is taken out first by differences of differences.
 struct Measured {
   double growth, frequency;
 };
@@ -88,7 +88,8 @@ Measured measured_growth(Scene scene, const Train& train, int turns, int skip) {
 
 }  // namespace
 
-TEST_CASE("a fast train has the Floquet multipliers of the uniform oscillation", "[wave][stability][serial]") {
+TEST_CASE("a fast train has the Floquet multipliers of the uniform oscillation",
+          "[wave][stability][serial]") {
   // gamma = 3, v = 0: unstable to 0 < c^2 k^2 < 1.122, largest multiplier 1.302 at c^2 k^2 = 0.485
   const Train train = solve_train(scene_of(0), {1, {}, 20.});
   const TrainSpectrum endless = endless_stability(train);
@@ -145,7 +146,8 @@ TEST_CASE("a ring of n pulses has the modes of one pulse among its own", "[wave]
   CHECK(three.growth_rate <= three.endless_growth + 1e-9);
   for (size_t i = 0; i < 2; ++i) {
     double nearest = 1;
-    for (const TrainMode& mode : three.modes) nearest = std::min(nearest, std::abs(mode.lambda - one.modes[i].lambda));
+    for (const TrainMode& mode : three.modes)
+      nearest = std::min(nearest, std::abs(mode.lambda - one.modes[i].lambda));
     CHECK(nearest < 1e-9);
   }
   // the spectrum of a real problem: conjugates in pairs, m with n - m

@@ -1,5 +1,5 @@
-// What ranks tell each other: values of rank 0, sums, the largest. Collective, on PETSC_COMM_WORLD unless another
-// communicator is given.
+// What ranks tell each other: values of rank 0, sums, the largest. Collective, on PETSC_COMM_WORLD unless
+// another communicator is given.
 #pragma once
 
 #include <petscsys.h>
@@ -26,14 +26,15 @@ std::enable_if_t<std::is_trivially_copyable_v<T>> broadcast(T& value, MPI_Comm c
 }
 
 template <class T>
-std::enable_if_t<std::is_trivially_copyable_v<T>> broadcast(std::vector<T>& values, MPI_Comm comm = PETSC_COMM_WORLD) {
+std::enable_if_t<std::is_trivially_copyable_v<T>> broadcast(std::vector<T>& values,
+                                                            MPI_Comm comm = PETSC_COMM_WORLD) {
   std::int64_t size = static_cast<std::int64_t>(values.size());
   broadcast(size, comm);
   values.resize(static_cast<std::size_t>(size));
   const std::int64_t most = 1 << 26;  // an int counts the bytes of one call
   for (std::int64_t at = 0; at < size; at += most)
-    MPI_Bcast(values.data() + at, static_cast<int>(std::min(most, size - at) * std::int64_t(sizeof(T))), MPI_BYTE, 0,
-              comm);
+    MPI_Bcast(values.data() + at, static_cast<int>(std::min(most, size - at) * std::int64_t(sizeof(T))),
+              MPI_BYTE, 0, comm);
 }
 
 inline void broadcast(std::string& text, MPI_Comm comm = PETSC_COMM_WORLD) {

@@ -44,11 +44,12 @@ void throw_petsc(PetscErrorCode code) {
   throw RankFailure("PETSc error " + std::to_string(code) + (line.empty() ? "" : ": " + line));
 }
 
-PetscErrorCode keep_line(MPI_Comm, int, const char* function, const char*, PetscErrorCode code, PetscErrorType type,
-                         const char* message, void*) {
+PetscErrorCode keep_line(MPI_Comm, int, const char* function, const char*, PetscErrorCode code,
+                         PetscErrorType type, const char* message, void*) {
   if (type == PETSC_ERROR_INITIAL) {
     const std::string where = function ? function : "?";
-    petsc_line = where == "PetscMallocAlign" ? out_of_memory : (message ? message : "") + (" (in " + where + ")");
+    petsc_line =
+        where == "PetscMallocAlign" ? out_of_memory : (message ? message : "") + (" (in " + where + ")");
     for (char& c : petsc_line)
       if (c == '\n') c = ' ';
   }
@@ -59,13 +60,14 @@ PetscErrorCode keep_line(MPI_Comm, int, const char* function, const char*, Petsc
 
 }  // namespace stickslip
 
-// LAPACK and BLAS call this where an argument is wrong, one that is not finite among them. Theirs prints a line and
-// ends the program with exit code 0.
+// LAPACK and BLAS call this where an argument is wrong, one that is not finite among them. Theirs prints a
+// line and ends the program with exit code 0.
 extern "C" [[noreturn]] void xerbla_(const char* routine, const int* argument, std::size_t length) {
   std::string name(routine, std::min<std::size_t>(length, 16));
   name.erase(name.find_last_not_of(" \0") + 1);
-  throw stickslip::RankFailure("LAPACK's " + name + " refuses its argument " + std::to_string(*argument) +
-                               ": most likely a number that is not finite; are parameters or grid beyond measure?");
+  throw stickslip::RankFailure(
+      "LAPACK's " + name + " refuses its argument " + std::to_string(*argument) +
+      ": most likely a number that is not finite; are parameters or grid beyond measure?");
 }
 
 namespace stickslip {

@@ -27,9 +27,8 @@ void append(std::string& out, const Json& value, int indent, int level) {
     out += value.dump(-1, ' ', false, Json::error_handler_t::replace);
   } else {
     const bool is_object = value.is_object();
-    const bool one_line = !is_object && std::none_of(value.begin(), value.end(), [](const Json& item) {
-      return item.is_structured();
-    });
+    const bool one_line = !is_object && std::none_of(value.begin(), value.end(),
+                                                     [](const Json& item) { return item.is_structured(); });
     const char* separator = one_line && indent > 0 ? ", " : ",";
     out += is_object ? '{' : '[';
     for (auto item = value.begin(); item != value.end(); ++item) {
@@ -54,9 +53,7 @@ std::string json_text(const Json& value, int indent) {
   return out;
 }
 
-std::string text_of_map(const std::map<std::string, std::string>& values) {
-  return json_text(values, 0);
-}
+std::string text_of_map(const std::map<std::string, std::string>& values) { return json_text(values, 0); }
 
 std::map<std::string, std::string> parse_text_map(const std::string& json) {
   try {

@@ -28,13 +28,16 @@ double number_after(const std::string& path, const std::string& word) {
   return unknown;
 }
 
-// What the control group at this folder leaves: its limit less what is taken, of which files in its cache can be dropped.
-double left_in(const std::string& folder, const std::string& limit, const std::string& taken, const std::string& files) {
+// What the control group at this folder leaves: its limit less what is taken, of which files in its cache can
+// be dropped.
+double left_in(const std::string& folder, const std::string& limit, const std::string& taken,
+               const std::string& files) {
   const double most = number_after(folder + "/" + limit, ""), now = number_after(folder + "/" + taken, "");
   if (most == unknown || now == unknown) return unknown;
   double cache = 0;
   for (const char* list : {"inactive_file ", "active_file "})
-    if (const double part = number_after(folder + "/memory.stat", files + list); part != unknown) cache += part;
+    if (const double part = number_after(folder + "/memory.stat", files + list); part != unknown)
+      cache += part;
   return std::max(0., most - now + cache);
 }
 
@@ -51,8 +54,9 @@ double left_in_groups() {
     const std::string root = second ? "/sys/fs/cgroup" : "/sys/fs/cgroup/memory";
     for (std::string group = line.substr(path + 1);; group.erase(group.rfind('/'))) {
       while (!group.empty() && group.back() == '/') group.pop_back();
-      least = std::min(least, second ? left_in(root + group, "memory.max", "memory.current", "")
-                                     : left_in(root + group, "memory.limit_in_bytes", "memory.usage_in_bytes", "total_"));
+      least = std::min(
+          least, second ? left_in(root + group, "memory.max", "memory.current", "")
+                        : left_in(root + group, "memory.limit_in_bytes", "memory.usage_in_bytes", "total_"));
       if (group.rfind('/') == std::string::npos) break;
     }
   }
@@ -71,10 +75,12 @@ double memory_of_machine() {
 double memory_of_process() {
   rlimit limit{};
   if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return unknown;
-  double given = 0, refused = double(limit.rlim_cur);  // the largest range of addresses that is given, to 1 MiB
+  // the largest range of addresses that is given, to 1 MiB
+  double given = 0, refused = double(limit.rlim_cur);
   while (refused - given > 0x1p20) {
     const double half = (given + refused) / 2;
-    void* range = mmap(nullptr, std::size_t(half), PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    void* range =
+        mmap(nullptr, std::size_t(half), PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     (range == MAP_FAILED ? refused : given) = half;
     if (range != MAP_FAILED) munmap(range, std::size_t(half));
   }

@@ -48,7 +48,8 @@ Present check_writable(const std::string& option, const std::string& path) {
   if (stat(folder(path).c_str(), &in) != 0)
     refuse("the folder '" + folder(path) + "' does not exist (make it first)");
 
-  // Whether a file can be made there is best learnt by making one; permissions alone do not tell (read-only mounts).
+  // Whether a file can be made there is best learnt by making one; permissions alone do not tell (read-only
+  // mounts).
   const std::string probe = hidden_sibling(resolved(path));
   unlink(probe.c_str());
   const int fd = open(probe.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
@@ -68,8 +69,9 @@ Descriptor::~Descriptor() { close(number_); }
 void write_all(int descriptor, const void* bytes, std::size_t size, std::int64_t at) {
   for (std::size_t done = 0; done < size;) {
     const char* from = static_cast<const char*>(bytes) + done;
-    const ssize_t count = at < 0 ? write(descriptor, from, size - done)
-                                 : pwrite(descriptor, from, size - done, static_cast<off_t>(at) + off_t(done));
+    const ssize_t count = at < 0
+                              ? write(descriptor, from, size - done)
+                              : pwrite(descriptor, from, size - done, static_cast<off_t>(at) + off_t(done));
     if (count < 0 && errno != EINTR) throw Failure(std::strerror(errno));
     if (count > 0) done += static_cast<std::size_t>(count);
   }

@@ -6,18 +6,19 @@
 
 namespace stickslip::paths {
 
-std::string folder(const std::string& path);              // "." where there is none
-std::string file(const std::string& path);                // the last part
+std::string folder(const std::string& path);  // "." where there is none
+std::string file(const std::string& path);    // the last part
 std::string hidden_sibling(const std::string& path, const std::string& suffix = ".tmp");  // DIR/.NAME.tmp
 
-// The file behind symbolic links, so that a rename replaces the file and not the link; `path` itself where nothing
-// is there yet.
+// The file behind symbolic links, so that a rename replaces the file and not the link; `path` itself where
+// nothing is there yet.
 std::string resolved(const std::string& path);
 
 enum class Present { nothing, regular, special };  // special: a pipe or a device
 
-// What stands at `path`, for `option` to write there: throws UsageError where that is a folder, the folder is missing
-// or not writable, or the name is empty, too long or otherwise unusable (found by making and removing a file).
+// What stands at `path`, for `option` to write there: throws UsageError where that is a folder, the folder is
+// missing or not writable, or the name is empty, too long or otherwise unusable (found by making and removing
+// a file).
 Present check_writable(const std::string& option, const std::string& path);
 
 // An open file, closed with the scope.
@@ -34,8 +35,8 @@ class Descriptor {
   int number_;
 };
 
-// All the bytes, from position `at` on; at -1: where the file stands, which may be a pipe. Throws Failure: the system's
-// word for what is wrong.
+// All the bytes, from position `at` on; at -1: where the file stands, which may be a pipe. Throws Failure:
+// the system's word for what is wrong.
 void write_all(int descriptor, const void* bytes, std::size_t size, std::int64_t at = -1);
 // Up to so many bytes from position `at` on, fewer at the end of the file. Throws Failure likewise.
 std::size_t read_some(int descriptor, void* bytes, std::size_t size, std::int64_t at);
@@ -46,7 +47,7 @@ void reserve(const std::string& path, double bytes);
 // Throws Failure where a file may not become so long (a limit of the user or of the file system). Empties it.
 void check_length(const std::string& path, double bytes);
 
-void sync(const std::string& path);                             // fsync of a file; throws Failure
+void sync(const std::string& path);                                   // fsync of a file; throws Failure
 void publish(const std::string& temporary, const std::string& path);  // atomic rename; throws Failure
 
 }  // namespace stickslip::paths

@@ -29,7 +29,8 @@ void Progress::show(const std::string& text) {
   if (!on_) return;
   last_ = MPI_Wtime();
   shown_ = true;
-  std::fprintf(stderr, "%s%s%s%s", terminal_ ? erase : "", what_.c_str(), text.c_str(), terminal_ ? "" : "\n");
+  std::fprintf(stderr, "%s%s%s%s", terminal_ ? erase : "", what_.c_str(), text.c_str(),
+               terminal_ ? "" : "\n");
   std::fflush(stderr);
 }
 

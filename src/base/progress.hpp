@@ -1,5 +1,6 @@
-// How far long work is: one line on standard error, written anew about twice a second on a terminal and every five
-// seconds elsewhere, by rank 0 alone. `progress` is on, off or auto (on a terminal only). Not collective.
+// How far long work is: one line on standard error, written anew about twice a second on a terminal and every
+// five seconds elsewhere, by rank 0 alone. `progress` is on, off or auto (on a terminal only). Not
+// collective.
 #pragma once
 
 #include <petscsys.h>
@@ -20,7 +21,8 @@ class Progress {
   bool due() const;
   void show(const std::string& text);
   void tell(const std::string& text) const;  // a line that stays
-  // ", 12 s left" if `part` of the work (0 to 1) took the time since restart_clock or the start; "" at the beginning.
+  // ", 12 s left" if `part` of the work (0 to 1) took the time since restart_clock or the start; "" at the
+  // beginning.
   std::string left(double part) const;
   void restart_clock();
 

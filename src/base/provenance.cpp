@@ -17,8 +17,10 @@ std::string quoted(const std::string& word) {
   if (!word.empty() && word.find_first_not_of(safe) == std::string::npos) return word;
   std::string out = "'";
   for (const char c : word) {
-    if (c == '\'') out += "'\\''";
-    else out += c;
+    if (c == '\'')
+      out += "'\\''";
+    else
+      out += c;
   }
   return out + "'";
 }

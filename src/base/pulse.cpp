@@ -23,7 +23,8 @@ extern "C" void on_signal(int number) {
   const std::time_t now = std::time(nullptr);
   if (caught_signal == 0) {
     caught_at = now;
-  } else if (pulses > 0 && now > caught_at + 1) {  // a search that did not hear the first, which mpirun may send twice
+    // a search that did not hear the first, which mpirun may send twice
+  } else if (pulses > 0 && now > caught_at + 1) {
     std::signal(number, SIG_DFL);
     std::raise(number);
   }
@@ -64,7 +65,8 @@ Pulse::Pulse(const std::string& wish, const std::string& command)
   if (!before_) counts = {};
   int ranks = 1;
   MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
-  // Ranks that share a point of a sweep could not leave it at the same place: it comes to its end, and the sweep stops.
+  // Ranks that share a point of a sweep could not leave it at the same place: it comes to its end, and the
+  // sweep stops.
   ends_ = watches == 1 || ranks == 1;
   pulses = pulses + 1;
 }

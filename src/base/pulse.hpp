@@ -1,5 +1,6 @@
-// The pulse of a search: its deep loops beat, wherever they are, so that the command shows how far it is and ends after a
-// signal. What a search may do at most is bounded by counts of its own, which do not depend on the machine.
+// The pulse of a search: its deep loops beat, wherever they are, so that the command shows how far it is and
+// ends after a signal. What a search may do at most is bounded by counts of its own, which do not depend on
+// the machine.
 //
 // Local to the process; each rank has its own.
 #pragma once
@@ -13,8 +14,8 @@
 
 namespace stickslip {
 
-// While it lives, SIGINT and SIGTERM ask for an end, SIGUSR1 for a checkpoint; where a Pulse lives a second one, two seconds
-// later, ends the program. One within another knows what the outer one has caught.
+// While it lives, SIGINT and SIGTERM ask for an end, SIGUSR1 for a checkpoint; where a Pulse lives a second
+// one, two seconds later, ends the program. One within another knows what the outer one has caught.
 class SignalWatch {
  public:
   SignalWatch();
@@ -30,7 +31,8 @@ class SignalWatch {
   std::array<struct sigaction, 3> before_{};
 };
 
-// SIGINT or SIGTERM ended a search. No Error: nothing that tries another way where one fails may take it for a failure.
+// SIGINT or SIGTERM ended a search. No Error: nothing that tries another way where one fails may take it for
+// a failure.
 class Interrupted : public std::exception {
  public:
   explicit Interrupted(int signal) : signal_(signal) {}
@@ -41,8 +43,8 @@ class Interrupted : public std::exception {
   int signal_;
 };
 
-// While it lives, beats are counted by what they are of and shown as `progress` (base/progress.hpp) says, and end the work
-// after a signal. One within another is a part of the outer one's work.
+// While it lives, beats are counted by what they are of and shown as `progress` (base/progress.hpp) says, and
+// end the work after a signal. One within another is a part of the outer one's work.
 class Pulse {
  public:
   explicit Pulse(const std::string& wish, const std::string& command);
@@ -64,8 +66,8 @@ class Pulse {
   bool ends_ = true;
 };
 
-// `count` more pieces of work, of which `of` (a literal, in the plural) says what they are. Costs nanoseconds. Throws
-// Interrupted after SIGINT or SIGTERM where a Pulse lives.
+// `count` more pieces of work, of which `of` (a literal, in the plural) says what they are. Costs
+// nanoseconds. Throws Interrupted after SIGINT or SIGTERM where a Pulse lives.
 void beat(const char* of, long count = 1);
 
 }  // namespace stickslip

@@ -72,7 +72,8 @@ std::string nearest_name(const std::string& name, const std::vector<std::string>
   if (!best.empty() || wanted.empty()) return best;
   for (const std::string& candidate : names) {  // the prefix left out: gamma for model_gamma
     const std::string low = lower_case(candidate), tail = "_" + wanted;
-    if (low.size() > tail.size() && low.compare(low.size() - tail.size(), tail.size(), tail) == 0) return candidate;
+    if (low.size() > tail.size() && low.compare(low.size() - tail.size(), tail.size(), tail) == 0)
+      return candidate;
   }
   for (const std::string& candidate : names)  // cut short: print for printed
     if (wanted.size() > 2 && lower_case(candidate).rfind(wanted, 0) == 0) return candidate;
@@ -98,8 +99,10 @@ std::string trimmed(const std::string& text) {
 std::vector<std::string> split(const std::string& text, char separator) {
   std::vector<std::string> parts(1);
   for (const char c : text)
-    if (c == separator) parts.emplace_back();
-    else parts.back() += c;
+    if (c == separator)
+      parts.emplace_back();
+    else
+      parts.back() += c;
   return parts;
 }
 

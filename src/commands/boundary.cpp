@@ -1,5 +1,5 @@
-// The command `boundary`: where steady sliding loses stability, and where the stick-slip beside it ends, in one option or
-// two.
+// The command `boundary`: where steady sliding loses stability, and where the stick-slip beside it ends, in
+// one option or two.
 #include <algorithm>
 #include <cmath>
 
@@ -46,8 +46,9 @@ Axis axis_from(const Options& options, const std::string& suffix) {
   axis.from = options.real("boundary_from" + suffix);
   axis.to = options.real("boundary_to" + suffix);
   axis.logarithmic = options.boolean("boundary_log" + suffix);
-  if (axis.from == axis.to) throw UsageError("-boundary_to" + suffix + " " + options.text("boundary_to" + suffix) +
-                                             ": the range of " + axis.name + " is empty");
+  if (axis.from == axis.to)
+    throw UsageError("-boundary_to" + suffix + " " + options.text("boundary_to" + suffix) +
+                     ": the range of " + axis.name + " is empty");
   if (axis.logarithmic && !(axis.from > 0 && axis.to > 0))
     throw UsageError("-boundary_log" + suffix + " true: needs positive ends of the range of " + axis.name);
   return axis;
@@ -60,7 +61,8 @@ std::vector<Axis> axes_from(const Options& options) {
   for (const std::string& name : options.words("boundary_same")) {
     const OptionSpec* spec = find_option(name);
     if (!spec || (spec->type != OptionType::real && spec->type != OptionType::real_or_word))
-      throw UsageError("-boundary_same " + stickslip::quoted(name) + ": no such real option; give e.g. model_k0");
+      throw UsageError("-boundary_same " + stickslip::quoted(name) +
+                       ": no such real option; give e.g. model_k0");
     axes[0].same.push_back(spec->name);
   }
   if (options.is_set("boundary_parameter2")) {
@@ -78,18 +80,21 @@ std::vector<Axis> axes_from(const Options& options) {
 // dt > 2 Re(lambda)/|lambda|^2. The checks use a method of their own; the user's runs would not.
 void warn_of_damping(const Options& options, const std::vector<Verified>& verified,
                      const std::vector<Crossing>& points) {
-  const auto given = [&](const char* name) { return options.is_set(name) ? options.text(name) : std::string(); };
+  const auto given = [&](const char* name) {
+    return options.is_set(name) ? options.text(name) : std::string();
+  };
   const std::string type = given("ts_type"), dt_text = given("ts_dt");
-  const bool damps = type == "beuler" || type == "bdf" || (type == "theta" && given("ts_theta_theta") != "0.5");
+  const bool damps =
+      type == "beuler" || type == "bdf" || (type == "theta" && given("ts_theta_theta") != "0.5");
   if (!damps || dt_text.empty() || points.empty()) return;
   const double dt = std::strtod(dt_text.c_str(), nullptr);
   const double frequency = points.front().frequency;
   for (const Verified& v : verified) {
     const double limit = 2 * v.growth / (v.growth * v.growth + frequency * frequency);
     if (v.growth > 0 && dt > limit) {
-      warn("-ts_type " + type + " with -ts_dt " + dt_text + " would hide the instability at " + number_text(v.value) +
-           ": it damps a mode that grows when the step is above " + number_text(limit) +
-           "; the checks here use a method of their own");
+      warn("-ts_type " + type + " with -ts_dt " + dt_text + " would hide the instability at " +
+           number_text(v.value) + ": it damps a mode that grows when the step is above " +
+           number_text(limit) + "; the checks here use a method of their own");
       return;
     }
   }
@@ -136,8 +141,9 @@ std::string at_ends(GrowthRate& growth) {
             "; it changes, if anywhere, " + ((axis.from < axis.to) == below ? "below " : "above ") +
             number_text(below ? axis.from : axis.to);
     }
-    throw Failure("no boundary " + std::string(changes ? "that the grid resolves (grid_n) " : "") + "between " +
-                  axis.name + " " + number_text(axis.from) + " and " + number_text(axis.to) + why);
+    throw Failure("no boundary " + std::string(changes ? "that the grid resolves (grid_n) " : "") +
+                  "between " + axis.name + " " + number_text(axis.from) + " and " + number_text(axis.to) +
+                  why);
   }
   const auto [low, high] = std::minmax_element(samples.growth.begin(), samples.growth.end());
   throw Failure("no boundary in the box: the growth rate stays between " + number_text(*low) + " and " +
@@ -148,14 +154,17 @@ std::string at_ends(GrowthRate& growth) {
 void find_sliding(const Options& options, GrowthRate& growth, FoundBoundary& found) {
   const bool two = growth.axes().size() > 1;
   if (!two && !growth.enters())
-    throw Failure("-boundary_parameter " + growth.axes()[0].name + ": does not enter " +
-                  (options.text("boundary_of") == "sliding" ? "this scene: " : "the growth rate of sliding: ") +
-                  at_ends(growth));
+    throw Failure(
+        "-boundary_parameter " + growth.axes()[0].name + ": does not enter " +
+        (options.text("boundary_of") == "sliding" ? "this scene: " : "the growth rate of sliding: ") +
+        at_ends(growth));
   found.sliding = two ? boundary_curve(growth, options.integer("boundary_points"), found.findings)
                       : boundary_points(growth, found.findings);
-  if (std::any_of(found.sliding.begin(), found.sliding.end(), [](const Crossing& c) { return c.complete && !*c.complete; }))
-    warn("modes that were not followed grow already on the boundary found (points with `complete` false): "
-         "it lies further on the stable side there");
+  if (std::any_of(found.sliding.begin(), found.sliding.end(),
+                  [](const Crossing& c) { return c.complete && !*c.complete; }))
+    warn(
+        "modes that were not followed grow already on the boundary found (points with `complete` false): "
+        "it lies further on the stable side there");
   if (found.sliding.empty()) fail_without_points(growth, found.findings.samples);
 }
 
@@ -164,7 +173,9 @@ bool of_cell(const Options& options) { return options.integer("cycle_cell") != 1
 
 CellMotion cell_motion(const Options& options, const std::vector<Axis>& axes) {
   if (!of_cell(options)) return {};
-  const auto at = [options, axes](double value, double value2) { return options_with(options, axes, value, value2); };
+  const auto at = [options, axes](double value, double value2) {
+    return options_with(options, axes, value, value2);
+  };
   return {[at](double value, double value2) { return cell_of_options(at(value, value2)); },
           [at](double value, double value2) {
             const Options there = at(value, value2);
@@ -188,8 +199,8 @@ void find_medium(const Options& options, const std::vector<Axis>& axes, FoundBou
   found.train_samples = lines.samples();
 }
 
-// Whose end is asked for: sliding's, stick-slip's. Stick-slip's is left out where it was not asked for by name and the scene
-// has none of the kind that is solved for.
+// Whose end is asked for: sliding's, stick-slip's. Stick-slip's is left out where it was not asked for by
+// name and the scene has none of the kind that is solved for.
 struct Asked {
   bool sliding, stick_slip, medium = false;  // medium: waves on the uniform oscillation, and trains
 };
@@ -197,9 +208,9 @@ Asked asked_for(const Options& options, const Scene& scene) {
   const std::string of = options.text("boundary_of");
   if (of == "sliding") return {true, false};
   if (of == "all") {
-    const std::string refusal = of_cell(options)                            ? "cycle_cell is one node's for it"
+    const std::string refusal = of_cell(options)                         ? "cycle_cell is one node's for it"
                                 : !options.is_set("boundary_parameter2") ? "boundary_parameter2 is needed"
-                                                                            : MediumLines::refusal(scene);
+                                                                         : MediumLines::refusal(scene);
     if (!refusal.empty()) throw UsageError("-boundary_of all: " + refusal);
     return {true, true, true};
   }
@@ -249,11 +260,13 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
   const std::vector<Crossing> points = found.points();
   for (const std::string& note : found.findings.notes) warn(note);
   if (points.empty()) {
-    const std::string what = !found.cell && end.lives_nowhere()
-                                ? "uniform motion sticks and slips nowhere between the bounds of the axes: in their middle it " +
-                                      end.fate(0.5, 0.5)
-                                : std::string(found.cell ? "the cell's" : "uniform") +
-                                      " stick-slip does not end between the bounds of the axes, unless at a Hopf point of sliding";
+    const std::string what =
+        !found.cell && end.lives_nowhere()
+            ? "uniform motion sticks and slips nowhere between the bounds of the axes: in their middle it " +
+                  end.fate(0.5, 0.5)
+            : std::string(found.cell ? "the cell's" : "uniform") +
+                  " stick-slip does not end between the bounds of the axes, unless at a Hopf point of "
+                  "sliding";
     throw Failure(no_sliding + (no_sliding.empty() ? "" : "; ") + what);
   }
   if (!no_sliding.empty()) summary.say(no_sliding);
@@ -270,10 +283,12 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
 int boundary_command(const Options& options) {
   const Provenance provenance = Provenance::of("boundary", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, {"points", "meetings", "special", "verified", "notes", "evaluations"}, options.text("summary"));
+  Summary summary(provenance, {"points", "meetings", "special", "verified", "notes", "evaluations"},
+                  options.text("summary"));
   const std::vector<Axis> axes = axes_from(options);
   const auto varied = [&](const std::vector<Axis>& along) {
-    return GrowthRate(PETSC_COMM_WORLD, scene_of(options, along), along, options.text("spectrum_refine") != "off");
+    return GrowthRate(PETSC_COMM_WORLD, scene_of(options, along), along,
+                      options.text("spectrum_refine") != "off");
   };
   std::optional<GrowthRate> growth;
   std::string foreign;

@@ -106,15 +106,18 @@ void describe_sliding(Summary& summary, GrowthRate& growth, const std::vector<Cr
   double begin = 0;
   for (std::size_t k = 0; k <= points.size(); ++k) {
     const double end = k < points.size() ? points[k].x : 1, rate = growth((begin + end) / 2);
-    text += std::string(k == 0 ? "" : ",") + (std::isnan(rate) ? " not there" : rate > 0 ? " unstable" : " stable") +
+    text += std::string(k == 0 ? "" : ",") +
+            (std::isnan(rate) ? " not there"
+             : rate > 0       ? " unstable"
+                              : " stable") +
             " from " + number_text(axis.value(begin)) + " to " + number_text(axis.value(end));
     begin = end;
   }
   summary.say(text);
 }
 
-// Where uniform motion sticks and slips along the first axis. Where the samples change without a point of stick-slip between
-// them, its cycle shrinks to nothing at a Hopf point of sliding.
+// Where uniform motion sticks and slips along the first axis. Where the samples change without a point of
+// stick-slip between them, its cycle shrinks to nothing at a Hopf point of sliding.
 void describe_stick_slip(Summary& summary, const Axis& axis, const FoundBoundary& found) {
   const double cells = double(found.distances.size() - 1);
   std::vector<double> ends;
@@ -137,23 +140,27 @@ void describe_stick_slip(Summary& summary, const Axis& axis, const FoundBoundary
   for (const double end : ends) {
     const double here = found.distances[std::size_t(std::lround((begin + end) / 2 * cells))];
     text += std::string(begin == 0 ? "" : ",") +
-            (std::isnan(here) ? " rests for ever" : here < 0 ? " can stick and slip" : " cannot stick and slip") + " from " +
-            number_text(axis.value(begin)) + " to " + number_text(axis.value(end));
+            (std::isnan(here) ? " rests for ever"
+             : here < 0       ? " can stick and slip"
+                              : " cannot stick and slip") +
+            " from " + number_text(axis.value(begin)) + " to " + number_text(axis.value(end));
     begin = end;
   }
   summary.say(text);
 }
 
-void describe_curve(Summary& summary, const GrowthRate& growth, const std::vector<Crossing>& points, const std::string& of) {
+void describe_curve(Summary& summary, const GrowthRate& growth, const std::vector<Crossing>& points,
+                    const std::string& of) {
   std::string text = of + ": curve of " + std::to_string(points.size()) + " points in " +
-                     std::to_string(1 + std::max_element(points.begin(), points.end(), [](auto& a, auto& b) {
-                                          return a.piece < b.piece;
-                                        })->piece) + " pieces";
+                     std::to_string(1 + std::max_element(points.begin(), points.end(),
+                                                         [](auto& a, auto& b) { return a.piece < b.piece; })
+                                            ->piece) +
+                     " pieces";
   const auto range = [&](const Axis& axis, double Crossing::*value) {
-    const auto [low, high] = std::minmax_element(points.begin(), points.end(), [=](auto& a, auto& b) {
-      return a.*value < b.*value;
-    });
-    text += ", " + axis.name + " " + rounded_text((*low).*value, 6) + " to " + rounded_text((*high).*value, 6);
+    const auto [low, high] = std::minmax_element(points.begin(), points.end(),
+                                                 [=](auto& a, auto& b) { return a.*value < b.*value; });
+    text +=
+        ", " + axis.name + " " + rounded_text((*low).*value, 6) + " to " + rounded_text((*high).*value, 6);
   };
   range(growth.axes()[0], &Crossing::value);
   range(growth.axes()[1], &Crossing::value2);
@@ -163,24 +170,28 @@ void describe_curve(Summary& summary, const GrowthRate& growth, const std::vecto
 void describe_checks(Summary& summary, const std::vector<Axis>& axes, const std::vector<Verified>& verified) {
   for (const Verified& v : verified)
     summary.say("integrated at " + axes[0].name + " " + rounded_text(v.value, 6) +
-                (axes.size() > 1 ? ", " + axes[1].name + " " + rounded_text(v.value2, 6) : "") + ": from sliding to " +
-                v.from_sliding + ", from stick-slip to " + v.from_stick_slip +
+                (axes.size() > 1 ? ", " + axes[1].name + " " + rounded_text(v.value2, 6) : "") +
+                ": from sliding to " + v.from_sliding + ", from stick-slip to " + v.from_stick_slip +
                 (v.of == "sliding" ? "; the growth rate " + rounded_text(v.growth) + " says " + v.expected
                                    : "; the end of stick-slip says " + v.expected));
 }
 
 // What the criticality of the points says, and where it changes.
-void describe_criticality(Summary& summary, const std::vector<Axis>& axes, const std::vector<Crossing>& points,
-                          const std::vector<SpecialPlace>& special) {
+void describe_criticality(Summary& summary, const std::vector<Axis>& axes,
+                          const std::vector<Crossing>& points, const std::vector<SpecialPlace>& special) {
   const auto count = [&](const std::string& word) {
     return std::count_if(points.begin(), points.end(), [&](auto& c) { return c.criticality.word() == word; });
   };
   const auto all = long(points.size()), up = count("supercritical"), down = count("subcritical");
-  const auto share = [&](long n) { return n == all ? std::string() : "at " + std::to_string(n) + " of " +
-                                                                         std::to_string(all) + " points "; };
+  const auto share = [&](long n) {
+    return n == all ? std::string() : "at " + std::to_string(n) + " of " + std::to_string(all) + " points ";
+  };
   if (up > 0) summary.say(share(up) + "stick-slip grows out of sliding (supercritical)");
-  if (down > 0) summary.say(share(down) + "sliding loses to stick-slip by a jump (subcritical): both live beside the boundary");
-  if (std::any_of(points.begin(), points.end(), [](auto& c) { return c.degenerate && c.criticality.known(); }))
+  if (down > 0)
+    summary.say(share(down) +
+                "sliding loses to stick-slip by a jump (subcritical): both live beside the boundary");
+  if (std::any_of(points.begin(), points.end(),
+                  [](auto& c) { return c.degenerate && c.criticality.known(); }))
     summary.say("many modes cross at once; the criticality is that of the longest, taken alone");
   for (const SpecialPlace& p : special)
     summary.say("the criticality changes (" + p.kind + " point) at " + axes[0].name + " " +
@@ -192,12 +203,16 @@ void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found) 
   const bool two = growth.axes().size() > 1;
   if (!found.sliding.empty()) {
     describe_criticality(summary, growth.axes(), found.sliding, found.findings.special);
-    if (two) describe_curve(summary, growth, found.sliding, "sliding");
-    else describe_sliding(summary, growth, found.sliding);
+    if (two)
+      describe_curve(summary, growth, found.sliding, "sliding");
+    else
+      describe_sliding(summary, growth, found.sliding);
   }
   if (!found.stick_slip.empty()) {
-    if (two) describe_curve(summary, growth, found.stick_slip, "stick-slip");
-    else if (!found.cell) describe_stick_slip(summary, growth.axes()[0], found);
+    if (two)
+      describe_curve(summary, growth, found.stick_slip, "stick-slip");
+    else if (!found.cell)
+      describe_stick_slip(summary, growth.axes()[0], found);
   }
   if (!found.waves.empty()) describe_curve(summary, growth, found.waves, "waves on uniform stick-slip");
   if (!found.trains.empty()) describe_curve(summary, growth, found.trains, "limits of stable trains");
@@ -207,8 +222,9 @@ void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found) 
 namespace {
 
 // Criticality of every point, and the special points of a curve.
-void add_criticality(ResultFile& file, const std::vector<Crossing>& points, const std::vector<SpecialPlace>& special,
-                     const std::string& unit, const std::string& unit2) {
+void add_criticality(ResultFile& file, const std::vector<Crossing>& points,
+                     const std::vector<SpecialPlace>& special, const std::string& unit,
+                     const std::string& unit2) {
   std::vector<std::string> words, of;
   std::vector<double> coefficient, value, value2;
   for (const Crossing& c : points) {
@@ -216,9 +232,11 @@ void add_criticality(ResultFile& file, const std::vector<Crossing>& points, cons
     of.push_back(c.criticality.of);
     coefficient.push_back(c.criticality.coefficient);
   }
-  file.add_text({"criticality", "1", "supercritical or subcritical; empty where it is not known"}, {"point"}, words);
-  file.add({"lyapunov_coefficient", "1/(time velocity^2)", "l of da/dt = growth a + l a^3, a: amplitude of psi"},
-           {"point"}, coefficient);
+  file.add_text({"criticality", "1", "supercritical or subcritical; empty where it is not known"}, {"point"},
+                words);
+  file.add(
+      {"lyapunov_coefficient", "1/(time velocity^2)", "l of da/dt = growth a + l a^3, a: amplitude of psi"},
+      {"point"}, coefficient);
   file.add_text({"lyapunov_of", "1", "the oscillation that it belongs to"}, {"point"}, of);
   if (special.empty()) return;
   std::vector<std::string> kinds;
@@ -257,8 +275,8 @@ void add_checks(ResultFile& file, const std::vector<Axis>& axes, const std::vect
 }
 
 // Values at even places of the axes, the first axis fastest.
-void add_lattice(ResultFile& file, const std::vector<Axis>& axes, const std::string& dimension, const Field& field,
-                 const std::vector<double>& values) {
+void add_lattice(ResultFile& file, const std::vector<Axis>& axes, const std::string& dimension,
+                 const Field& field, const std::vector<double>& values) {
   if (values.empty()) return;
   const bool two = axes.size() > 1;
   const int side = two ? int(std::lround(std::sqrt(double(values.size())))) : int(values.size());
@@ -269,7 +287,9 @@ void add_lattice(ResultFile& file, const std::vector<Axis>& axes, const std::str
   };
   file.scale({dimension, unit(axes[0]), axes[0].name}, places(axes[0]));
   if (two) file.scale({dimension + "2", unit(axes[1]), axes[1].name}, places(axes[1]));
-  file.add(field, two ? std::vector<std::string>{dimension + "2", dimension} : std::vector<std::string>{dimension}, values);
+  file.add(field,
+           two ? std::vector<std::string>{dimension + "2", dimension} : std::vector<std::string>{dimension},
+           values);
 }
 
 // Trains that were looked at, and whether each is stable.
@@ -288,7 +308,8 @@ void add_trains(ResultFile& file, const std::vector<Axis>& axes, const std::vect
 
 }  // namespace
 
-void write_file(const Options& options, GrowthRate& growth, const FoundBoundary& found, const Provenance& provenance) {
+void write_file(const Options& options, GrowthRate& growth, const FoundBoundary& found,
+                const Provenance& provenance) {
   const std::vector<Crossing> points = found.points();
   ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
   if (options.text("out_file").empty()) return;
@@ -308,14 +329,20 @@ void write_file(const Options& options, GrowthRate& growth, const FoundBoundary&
     file.add(field, {"point"}, values);
   };
   add({"value", unit(growth.axes()[0]), growth.axes()[0].name}, [](const Crossing& c) { return c.value; });
-  if (two) add({"value2", unit(growth.axes()[1]), growth.axes()[1].name}, [](const Crossing& c) { return c.value2; });
-  add({"frequency", "1/time", "frequency of the critical mode"}, [](const Crossing& c) { return c.frequency; });
-  add({"wavenumber", "1/length", "wavenumber of the critical mode"}, [](const Crossing& c) { return c.wavenumber; });
-  add({"degenerate", "1", "1 where many modes cross at once"}, [](const Crossing& c) { return double(c.degenerate); });
+  if (two)
+    add({"value2", unit(growth.axes()[1]), growth.axes()[1].name},
+        [](const Crossing& c) { return c.value2; });
+  add({"frequency", "1/time", "frequency of the critical mode"},
+      [](const Crossing& c) { return c.frequency; });
+  add({"wavenumber", "1/length", "wavenumber of the critical mode"},
+      [](const Crossing& c) { return c.wavenumber; });
+  add({"degenerate", "1", "1 where many modes cross at once"},
+      [](const Crossing& c) { return double(c.degenerate); });
   add({"residual", "1/time", "|J x - lambda x|/|x|"}, [](const Crossing& c) { return c.residual; });
   const std::string grid = "change of it on a grid of half the spacing";
   add({"error", unit(growth.axes()[0]), "value: " + grid}, [](const Crossing& c) { return c.error; });
-  if (two) add({"error2", unit(growth.axes()[1]), "value2: " + grid}, [](const Crossing& c) { return c.error2; });
+  if (two)
+    add({"error2", unit(growth.axes()[1]), "value2: " + grid}, [](const Crossing& c) { return c.error2; });
   add({"piece", "1", "piece of the curve"}, [](const Crossing& c) { return double(c.piece); });
   add({"switched", "1", "1 where another mode leads than before"},
       [](const Crossing& c) { return double(c.switched); });
@@ -324,20 +351,29 @@ void write_file(const Options& options, GrowthRate& growth, const FoundBoundary&
     kinds.push_back(c.kind);
     of.push_back(c.of);
   }
-  file.add_text({"kind", "1", "hopf or zero; of stick-slip graze, pass, fold, flip, torus or branch; of waves wave; of trains fold, hopf or zero"}, {"point"}, kinds);
-  file.add_text({"of", "1", "sliding, stick-slip, waves (on its uniform motion) or trains: whose end the point is"}, {"point"}, of);
-  add_criticality(file, points, found.findings.special, unit(growth.axes()[0]), two ? unit(growth.axes()[1]) : "");
+  file.add_text({"kind", "1",
+                 "hopf or zero; of stick-slip graze, pass, fold, flip, torus or branch; of waves wave; of "
+                 "trains fold, hopf or zero"},
+                {"point"}, kinds);
+  file.add_text(
+      {"of", "1", "sliding, stick-slip, waves (on its uniform motion) or trains: whose end the point is"},
+      {"point"}, of);
+  add_criticality(file, points, found.findings.special, unit(growth.axes()[0]),
+                  two ? unit(growth.axes()[1]) : "");
   file.add({"closed_form_v", "length/time", "model_v of the boundary in closed form"}, {"point"},
            closed_forms(growth, points));
 
   add_checks(file, growth.axes(), found.verified);
   // Lattices: the growth rate of sliding, and how far stick-slip is from its end.
-  add_lattice(file, growth.axes(), "sample", {"growth", "1/time", "growth rate"}, found.findings.samples.growth);
-  add_lattice(file, growth.axes(), "stick_slip_sample",
-              {"stick_slip_distance", "velocity", "of uniform stick-slip from its end, negative where it lives"},
-              found.distances);
+  add_lattice(file, growth.axes(), "sample", {"growth", "1/time", "growth rate"},
+              found.findings.samples.growth);
+  add_lattice(
+      file, growth.axes(), "stick_slip_sample",
+      {"stick_slip_distance", "velocity", "of uniform stick-slip from its end, negative where it lives"},
+      found.distances);
   add_lattice(file, growth.axes(), "wave_sample",
-              {"wave_growth", "1/time", "largest growth rate of waves on the uniform oscillation"}, found.wave_growth);
+              {"wave_growth", "1/time", "largest growth rate of waves on the uniform oscillation"},
+              found.wave_growth);
   add_trains(file, growth.axes(), found.train_samples);
   file.write();
 }
@@ -351,7 +387,8 @@ void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& po
                                                              {"waves", "  waves on uniform stick-slip, "},
                                                              {"trains", "  end of stable trains, "}};
     line += whose.at(c.of) + c.kind + ", " + (c.criticality.known() ? c.criticality.word() + ", " : "");
-    if (c.of != "sliding") line += "frequency " + number_text(c.frequency);
+    if (c.of != "sliding")
+      line += "frequency " + number_text(c.frequency);
     else if (std::isfinite(c.wavenumber))
       line += "frequency " + number_text(c.frequency) + ", wavenumber " + number_text(c.wavenumber);
     else

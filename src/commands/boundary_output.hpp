@@ -18,11 +18,11 @@ namespace stickslip {
 struct FoundBoundary {
   std::vector<Crossing> sliding, stick_slip, waves, trains;
   BoundaryFindings findings;
-  // On even lattices of the axes, empty where not asked for: of stick-slip from its end; growth of waves on the uniform
-  // oscillation.
+  // On even lattices of the axes, empty where not asked for: of stick-slip from its end; growth of waves on
+  // the uniform oscillation.
   std::vector<double> distances, wave_growth;
   std::vector<TrainSample> train_samples;  // in coordinates on the axes
-  bool cell = false;              // stick_slip is that of a cell (cycle_cell), not of uniform motion
+  bool cell = false;                       // stick_slip is that of a cell (cycle_cell), not of uniform motion
   std::vector<Verified> verified;
   std::vector<Crossing> points() const;  // all, pieces numbered one behind the other
 };
@@ -37,6 +37,7 @@ void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found);
 void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& points);
 
 // Collective; nothing is written without -out_file.
-void write_file(const Options& options, GrowthRate& growth, const FoundBoundary& found, const Provenance& provenance);
+void write_file(const Options& options, GrowthRate& growth, const FoundBoundary& found,
+                const Provenance& provenance);
 
 }  // namespace stickslip

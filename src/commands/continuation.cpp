@@ -7,7 +7,8 @@
 namespace stickslip {
 
 void check_continuation(const Options& options, const std::string& command, const std::string& suffix) {
-  const std::string which = command + "_continue" + suffix, end = command + "_to" + suffix, name = options.text(which);
+  const std::string which = command + "_continue" + suffix, end = command + "_to" + suffix,
+                    name = options.text(which);
   if (options.is_set(which) != options.is_set(end))
     throw UsageError(which + " and " + end + " belong together: which option to vary, and up to which value");
   if (!options.is_set(which)) return;
@@ -17,7 +18,8 @@ void check_continuation(const Options& options, const std::string& command, cons
     for (const OptionSpec& o : option_table())
       if (o.type == OptionType::real) names.push_back(o.name);
     const std::string near = nearest_name(name, names);
-    throw UsageError(which + " " + name + ": no such option" + (near.empty() ? "" : "; did you mean " + near + "?"));
+    throw UsageError(which + " " + name + ": no such option" +
+                     (near.empty() ? "" : "; did you mean " + near + "?"));
   }
   if (spec->type != OptionType::real && spec->type != OptionType::real_or_word)
     throw UsageError(which + " " + name + ": a branch follows a real option, which this is not");

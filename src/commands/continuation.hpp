@@ -7,8 +7,8 @@
 
 namespace stickslip {
 
-// Both are given or neither, the first names a real option, and the second is a value that this can take and does not
-// have. `suffix`: behind their names, "2" of a second option. Throws UsageError.
+// Both are given or neither, the first names a real option, and the second is a value that this can take and
+// does not have. `suffix`: behind their names, "2" of a second option. Throws UsageError.
 void check_continuation(const Options& options, const std::string& command, const std::string& suffix = "");
 
 }  // namespace stickslip

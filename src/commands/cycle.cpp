@@ -1,5 +1,5 @@
-// The command `cycle`: a periodic oscillation, its multipliers, waves on it, a branch; to the summary, a file, and the
-// terminal.
+// The command `cycle`: a periodic oscillation, its multipliers, waves on it, a branch; to the summary, a
+// file, and the terminal.
 #include <cmath>
 #include <map>
 
@@ -31,7 +31,8 @@ std::string shown(std::complex<double> z) {
   return rounded_text(z.real(), 6) + " ± " + rounded_text(std::abs(z.imag()), 6) + "i";
 }
 
-void add_multipliers(ResultFile& file, const Field& re, const Field& im, const std::vector<std::string>& dimensions,
+void add_multipliers(ResultFile& file, const Field& re, const Field& im,
+                     const std::vector<std::string>& dimensions,
                      const std::vector<std::complex<double>>& values) {
   std::vector<double> real, imaginary;
   for (const auto& z : values) {
@@ -59,7 +60,8 @@ void add_cycle(ResultFile& file, const Scene& scene, const FoundCycle& found) {
   file.add(standard_field("eta"), {"t", "x"}, fields[1]);
   if (cycle.dof == 3) file.add(standard_field(state_name(law)), {"t", "x"}, fields[2]);
   add_multipliers(file, {"multiplier_re", "1", "Floquet multiplier, real part"},
-                  {"multiplier_im", "1", "Floquet multiplier, imaginary part"}, {"multiplier"}, cycle.multipliers);
+                  {"multiplier_im", "1", "Floquet multiplier, imaginary part"}, {"multiplier"},
+                  cycle.multipliers);
   if (!cycle.rests.empty()) {
     std::vector<double> node, begin, end;
     for (const Rest& rest : cycle.rests) {
@@ -81,16 +83,23 @@ void add_cycle(ResultFile& file, const Scene& scene, const FoundCycle& found) {
 void set_cycle(Summary& summary, const FoundCycle& found) {
   const Cycle& cycle = found.cycle;
   const std::vector<std::pair<const char*, double>> numbers = {
-      {"period", cycle.period},       {"amplitude", cycle.amplitude},         {"psi_max", cycle.psi_max},
-      {"psi_min", cycle.psi_min},     {"rest_fraction", cycle.rest_fraction}, {"force_drop", cycle.force_drop},
-      {"residual", cycle.residual},   {"error_estimate", cycle.error_estimate}, {"growth_rate", growth_rate(cycle)},
+      {"period", cycle.period},
+      {"amplitude", cycle.amplitude},
+      {"psi_max", cycle.psi_max},
+      {"psi_min", cycle.psi_min},
+      {"rest_fraction", cycle.rest_fraction},
+      {"force_drop", cycle.force_drop},
+      {"residual", cycle.residual},
+      {"error_estimate", cycle.error_estimate},
+      {"growth_rate", growth_rate(cycle)},
       {"wavenumber", 0},
       {"multiplier_error", std::abs(cycle.multipliers[cycle.phase_mode] - 1.)}};
   for (const auto& [key, value] : numbers) summary.set(key, value);
   summary.set("multipliers", listed(cycle.multipliers));
   summary.set("unknowns", cycle.nodes * cycle.dof);
   summary.set("mesh_intervals", found.mesh_intervals);
-  // deviations that are alike in every cell; whether all decay is known where there are no others, or one grows
+  // deviations that are alike in every cell; whether all decay is known where there are no others, or one
+  // grows
   const bool alike = growth_rate(cycle) < 0;
   summary.set("stable_alike", alike);
   if (found.alone || !alike) summary.set("stable", alike);
@@ -100,10 +109,11 @@ void describe(Summary& summary, const FoundCycle& found) {
   const Cycle& cycle = found.cycle;
   const std::string cell = cycle.nodes == 1 ? "one node" : std::to_string(cycle.nodes) + " nodes";
   summary.say("cycle of " + cell + ": period T = " + rounded_text(cycle.period, 12) + ", error below " +
-              rounded_text(cycle.error_estimate, 2) + " of it; psi from " + rounded_text(cycle.psi_min, 10) + " to " +
-              rounded_text(cycle.psi_max, 10) + ", force drop " + rounded_text(cycle.force_drop, 8) +
-              (cycle.rest_fraction > 0 ? ", at rest for " + rounded_text(100 * cycle.rest_fraction, 4) + " % of the time"
-                                       : ""));
+              rounded_text(cycle.error_estimate, 2) + " of it; psi from " + rounded_text(cycle.psi_min, 10) +
+              " to " + rounded_text(cycle.psi_max, 10) + ", force drop " + rounded_text(cycle.force_drop, 8) +
+              (cycle.rest_fraction > 0
+                   ? ", at rest for " + rounded_text(100 * cycle.rest_fraction, 4) + " % of the time"
+                   : ""));
   if (cycle.multipliers.size() < 2) {
     summary.say("deviations: none but along the motion itself; every other is wiped out by a rest");
     return;
@@ -140,11 +150,12 @@ void add_spectrum(Summary& summary, ResultFile& file, const BlochSpectrum& spect
 void describe(Summary& summary, const BlochSpectrum& spectrum) {
   if (!spectrum.coupled)
     return summary.say("waves: none, neighbours are not coupled; every cell keeps the phase that it has");
-  const std::string most = "largest growth rate " + rounded_text(spectrum.growth_rate, 8) + " at wavenumber " +
-                           rounded_text(spectrum.wavenumber, 8) + " (wavelength " +
+  const std::string most = "largest growth rate " + rounded_text(spectrum.growth_rate, 8) +
+                           " at wavenumber " + rounded_text(spectrum.wavenumber, 8) + " (wavelength " +
                            rounded_text(2 * M_PI / spectrum.wavenumber, 6) + ")";
   const std::string phase = "phase diffusion " + rounded_text(spectrum.diffusion, 8);
-  if (!spectrum.decided) return summary.say("waves: undecided, a growth rate is nearer to 0 than its error; " + phase);
+  if (!spectrum.decided)
+    return summary.say("waves: undecided, a growth rate is nearer to 0 than its error; " + phase);
   summary.say(spectrum.stable ? "waves: stable to every wavelength, " + phase
                               : "waves: not stable, " + (spectrum.wavenumber > 0 ? most + "; " : "") + phase);
 }
@@ -175,15 +186,19 @@ void add_branch(Summary& summary, ResultFile& file, const std::string& name, con
   static const std::vector<std::pair<Field, Getter>> columns = {
       {{"value", "1", "of the option"}, [](const CyclePoint& p) { return p.value; }},
       {{"period", "time", "period"}, [](const CyclePoint& p) { return p.cycle.period; }},
-      {{"amplitude", "length/time", "half the largest range of psi"}, [](const CyclePoint& p) { return p.cycle.amplitude; }},
+      {{"amplitude", "length/time", "half the largest range of psi"},
+       [](const CyclePoint& p) { return p.cycle.amplitude; }},
       {{"psi_min", "length/time", "least psi"}, [](const CyclePoint& p) { return p.cycle.psi_min; }},
       {{"psi_max", "length/time", "largest psi"}, [](const CyclePoint& p) { return p.cycle.psi_max; }},
-      {{"rest_fraction", "1", "part of the time at rest"}, [](const CyclePoint& p) { return p.cycle.rest_fraction; }},
+      {{"rest_fraction", "1", "part of the time at rest"},
+       [](const CyclePoint& p) { return p.cycle.rest_fraction; }},
       {{"force_drop", "1", "range of the mean eta"}, [](const CyclePoint& p) { return p.cycle.force_drop; }},
       {{"growth_rate", "1/time", "largest growth rate"}, [](const CyclePoint& p) { return p.growth_rate; }},
       {{"wavenumber", "1/length", "which grows so"}, [](const CyclePoint& p) { return p.wavenumber; }},
-      {{"error_estimate", "1", "of the period, relative"}, [](const CyclePoint& p) { return p.cycle.error_estimate; }},
-      {{"stable", "1", "1 where nothing that was looked at grows"}, [](const CyclePoint& p) { return double(p.stable); }}};
+      {{"error_estimate", "1", "of the period, relative"},
+       [](const CyclePoint& p) { return p.cycle.error_estimate; }},
+      {{"stable", "1", "1 where nothing that was looked at grows"},
+       [](const CyclePoint& p) { return double(p.stable); }}};
   Json points = Json::array();
   for (const CyclePoint& point : branch.points) {
     Json row = Json::object();
@@ -195,8 +210,8 @@ void add_branch(Summary& summary, ResultFile& file, const std::string& name, con
   for (const auto& [field, get] : columns) {
     std::vector<double> values;
     for (const CyclePoint& point : branch.points) values.push_back(get(point));
-    file.add({"branch/" + field.name, field.units, field.name == "value" ? name : field.long_name}, {"branch/point"},
-             values);
+    file.add({"branch/" + field.name, field.units, field.name == "value" ? name : field.long_name},
+             {"branch/point"}, values);
   }
   file.attribute("branch_parameter", name);
   file.attribute("branch_end", branch.end);
@@ -214,10 +229,10 @@ int cycle_command(const Options& options) {
   const Provenance provenance = Provenance::of("cycle", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   Summary summary(provenance,
-                  {"period", "amplitude", "psi_max", "psi_min", "rest_fraction", "force_drop", "multipliers", "stable",
-                   "stable_alike", "growth_rate", "wavenumber", "diffusion", "decided", "multiplier_error", "residual",
-                   "error_estimate",
-                   "unknowns", "mesh_intervals", "branch", "special"},
+                  {"period",         "amplitude",   "psi_max",        "psi_min",          "rest_fraction",
+                   "force_drop",     "multipliers", "stable",         "stable_alike",     "growth_rate",
+                   "wavenumber",     "diffusion",   "decided",        "multiplier_error", "residual",
+                   "error_estimate", "unknowns",    "mesh_intervals", "branch",           "special"},
                   options.text("summary"));
   check_continuation(options, "cycle");
   const Scene cell = cell_of_options(options);
@@ -238,8 +253,9 @@ int cycle_command(const Options& options) {
     }
     if (options.is_set("cycle_continue")) {
       const std::string name = options.text("cycle_continue");
-      add_branch(summary, file, name,
-                 found.branch(name, options.real("cycle_to"), int(options.integer("cycle_steps")), with_waves));
+      add_branch(
+          summary, file, name,
+          found.branch(name, options.real("cycle_to"), int(options.integer("cycle_steps")), with_waves));
     }
     file.write();
     warn_unused_at_end(options);

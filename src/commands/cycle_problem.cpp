@@ -32,8 +32,8 @@ std::vector<double> positions(const Scene& cell) {
   return x;
 }
 
-CycleBranch smooth_branch(const Options& options, const SmoothCycle& first, const std::string& name, double to, int steps,
-                          bool with_waves) {
+CycleBranch smooth_branch(const Options& options, const SmoothCycle& first, const std::string& name,
+                          double to, int steps, bool with_waves) {
   const double from = options.real(name);
   const auto cell_at = [options, name](double value) { return cell_of_options(options.with(name, value)); };
   const std::unique_ptr<CyclePath> path = smooth_path(cell_at, from, std::abs(to - from), first);
@@ -47,9 +47,11 @@ CycleBranch smooth_branch(const Options& options, const SmoothCycle& first, cons
 
 FoundCycle smooth(const Options& options, const Scene& cell) {
   const auto found = std::make_shared<const SmoothCycle>(
-      one_node(cell) && has_neighbours(options) ? uniform_cycle(cell)
-                                                : settled_cycle(cell, start_of_cell(options, cell), turns_to_settle));
-  FoundCycle result{found->cycle, positions(cell), found->mesh.size() - 1, nullptr, alone(options, cell), nullptr};
+      one_node(cell) && has_neighbours(options)
+          ? uniform_cycle(cell)
+          : settled_cycle(cell, start_of_cell(options, cell), turns_to_settle));
+  FoundCycle result{found->cycle, positions(cell),      found->mesh.size() - 1,
+                    nullptr,      alone(options, cell), nullptr};
   if (has_neighbours(options)) result.waves = [found](int count) { return bloch_spectrum(*found, count); };
   result.branch = [options, found](const std::string& name, double to, int steps, bool with_waves) {
     return smooth_branch(options, *found, name, to, steps, with_waves);
@@ -57,15 +59,16 @@ FoundCycle smooth(const Options& options, const Scene& cell) {
   return result;
 }
 
-CycleBranch stick_branch(const Options& options, const StickCycle& first, const std::string& name, double to, int steps,
-                         bool with_waves) {
+CycleBranch stick_branch(const Options& options, const StickCycle& first, const std::string& name, double to,
+                         int steps, bool with_waves) {
   const double from = options.real(name);
   const auto cell_at = [options, name](double value) { return cell_of_options(options.with(name, value)); };
   const std::unique_ptr<CyclePath> path = stick_path(cell_at, from, std::abs(to - from), first);
   CycleWatch watch;
   if (with_waves)
     watch = [&path, cell_at](double value, const Cycle& cycle) {
-      return watch_waves(bloch_spectrum(stick_candidate(*path), cycle, cell_at(value), wavenumbers_of_branch));
+      return watch_waves(
+          bloch_spectrum(stick_candidate(*path), cycle, cell_at(value), wavenumbers_of_branch));
     };
   return continue_cycle(*path, path->cycle(), name, from, to, steps, watch);
 }
@@ -81,7 +84,8 @@ FoundCycle sticking(const Options& options, const Scene& cell) {
     result.waves = [cell, course = result.cycle, stick = fate.cycle](int count) {
       return bloch_spectrum(stick, course, cell, count);
     };
-  result.branch = [options, stick = fate.cycle](const std::string& name, double to, int steps, bool with_waves) {
+  result.branch = [options, stick = fate.cycle](const std::string& name, double to, int steps,
+                                                bool with_waves) {
     return stick_branch(options, stick, name, to, steps, with_waves);
   };
   return result;
@@ -95,16 +99,21 @@ Scene cell_of_options(const Options& options) {
   if (cell == 0) return scene;
   const std::string which = "cycle_cell " + std::to_string(cell) + ": ";
   if (scene.has_profile())
-    throw UsageError(which + "with a profile of friction no cell repeats; cycle_cell 0 takes the whole scene");
+    throw UsageError(which +
+                     "with a profile of friction no cell repeats; cycle_cell 0 takes the whole scene");
   const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
   if (std::any_of(amplitude.begin(), amplitude.end(), [](double a) { return a != 1; }))
-    throw UsageError(which + "where the amplitude of friction differs from node to node no cell repeats; cycle_cell 0 "
-                             "takes the whole scene");
+    throw UsageError(
+        which +
+        "where the amplitude of friction differs from node to node no cell repeats; cycle_cell 0 "
+        "takes the whole scene");
   if (scene.any_held())
     throw UsageError(which + "beside a held end no two nodes move alike; cycle_cell 0 takes the whole scene");
   if (cell > 1 && !scene.ring())
-    throw UsageError(which + "several nodes repeat on a ring only; cycle_cell 1 is the motion of all nodes alike, 0 the "
-                             "whole scene");
+    throw UsageError(
+        which +
+        "several nodes repeat on a ring only; cycle_cell 1 is the motion of all nodes alike, 0 the "
+        "whole scene");
   scene.length = cell == 1 && scene.form == Form::chain ? 1 : scene.h() * double(cell);
   scene.n = cell;
   scene.left = scene.right = End::periodic;
@@ -125,18 +134,22 @@ std::vector<double> start_of_cell(const Options& options, const Scene& cell) {
 
 void check_cycle_options(const Options& options, const Scene& cell) {
   if (cell.massless())
-    throw UsageError("-model_m 0: cycles are solved for with mass; those of a small model_m differ from the massless one by "
-                     "a part in proportion to it (docs/massless.md), and `run` takes 0");
+    throw UsageError(
+        "-model_m 0: cycles are solved for with mass; those of a small model_m differ from the massless one "
+        "by "
+        "a part in proportion to it (docs/massless.md), and `run` takes 0");
   if (!cell.friction.sticks()) {
     check_smooth_cell(cell);
   } else {
     if (cell.n > stick_cycle_limit)
       throw UsageError("a cycle of " + std::to_string(cell.n) + " nodes with exact stick: at most " +
-                       std::to_string(stick_cycle_limit) + " are solved for; take fewer (grid_n, cycle_cell) or "
+                       std::to_string(stick_cycle_limit) +
+                       " are solved for; take fewer (grid_n, cycle_cell) or "
                        "friction_stick regularised");
   }
   if (options.boolean("cycle_spectrum") && !has_neighbours(options))
-    throw UsageError("cycle_spectrum: a whole scene (cycle_cell 0) has no neighbours; its own multipliers say all");
+    throw UsageError(
+        "cycle_spectrum: a whole scene (cycle_cell 0) has no neighbours; its own multipliers say all");
   if (!(cell.K0() > 0))
     throw UsageError("model_k0 0: nothing drives a cycle; set a positive stiffness to the plate");
 }

@@ -1,8 +1,9 @@
 // The command `laws`: tabulates friction laws over a range of velocities (the paper's figure 2).
 //
-// All laws, each with the parameters the user gave it, or with friction_law or state_law set the one chosen. With a
-// state law F is that of steady sliding at each velocity, the state being what it settles to there. At psi = 0 a law
-// with a threshold may take any value of its stick range; the table holds F(0) = 0, and the range beside it.
+// All laws, each with the parameters the user gave it, or with friction_law or state_law set the one chosen.
+// With a state law F is that of steady sliding at each velocity, the state being what it settles to there. At
+// psi = 0 a law with a threshold may take any value of its stick range; the table holds F(0) = 0, and the
+// range beside it.
 #include <cmath>
 #include <limits>
 #include <string>
@@ -27,7 +28,8 @@ constexpr double inf = std::numeric_limits<double>::infinity();
 struct Table {
   Law law;
   std::vector<double> F;
-  double stick_low, stick_high;  // forces at which a stuck contact holds; NaN where the law has no exact stick
+  // forces at which a stuck contact holds; NaN where the law has no exact stick
+  double stick_low, stick_high;
 };
 
 FrictionParameters parameters_of(const Options& options) { return Scene::from(options, false).friction; }
@@ -50,7 +52,8 @@ Table tabulate(const FrictionParameters& p, const std::vector<double>& psi) {
   Table table{p.law, {}, NAN, NAN};
   table.F.reserve(psi.size());
   const auto friction = Friction::of(p);
-  for (const double velocity : psi) table.F.push_back(friction->force(velocity, friction->steady_state(velocity)));
+  for (const double velocity : psi)
+    table.F.push_back(friction->force(velocity, friction->steady_state(velocity)));
   if (friction->sticks) {
     table.stick_high = friction->threshold_at_long_rest();
     table.stick_low = p.back_slip ? -table.stick_high : -inf;
@@ -105,8 +108,8 @@ int laws_command(const Options& options) {
     file.write();
     std::string listed;
     for (const std::string& name : names) listed += (listed.empty() ? "" : ", ") + name;
-    summary.say("F(psi) of " + listed + " at " + std::to_string(points) + " velocities from " + number_text(from) +
-                " to " + number_text(to));
+    summary.say("F(psi) of " + listed + " at " + std::to_string(points) + " velocities from " +
+                number_text(from) + " to " + number_text(to));
     return 0;
   });
 }

@@ -1,4 +1,5 @@
-// The program: reads what the user typed, starts PETSc and SLEPc, calls the command, prints the one error there may be.
+// The program: reads what the user typed, starts PETSc and SLEPc, calls the command, prints the one error
+// there may be.
 #include <slepceps.h>
 #include <unistd.h>
 
@@ -17,7 +18,6 @@
 #include "stickslip/time/methods.hpp"
 #include "stickslip/time/time.hpp"
 
-
 namespace stickslip {
 namespace {
 
@@ -32,8 +32,8 @@ void print(const std::string& text) {
     throw RankFailure("standard output cannot be written");
 }
 
-// PETSc and SLEPc, started with the user's options for them and with nothing else: no .petscrc, and the environment
-// has been read already.
+// PETSc and SLEPc, started with the user's options for them and with nothing else: no .petscrc, and the
+// environment has been read already.
 class Libraries {
  public:
   Libraries(char* program, const Options& options, bool help) {
@@ -43,8 +43,8 @@ class Libraries {
     insert_library_options(options);
     SS_TRY(PetscOptionsSetValue(nullptr, "-no_signal_handler", "true"));
     if (help) SS_TRY(PetscOptionsSetValue(nullptr, "-help", nullptr));
-    // What PETSc asks for before all else it must find on the command line: where such an option is set already, PETSc
-    // sets it again from the very text that this frees.
+    // What PETSc asks for before all else it must find on the command line: where such an option is set
+    // already, PETSc sets it again from the very text that this frees.
     words_ = {program, "-skip_petscrc", "true"};
     for (const char* first : {"options_monitor", "options_monitor_cancel", "petsc_ci"}) {
       const std::string name = "-" + std::string(first);
@@ -78,10 +78,11 @@ class Libraries {
   std::vector<char*> pointers_;
 };
 
-// The program's own options that the user gave; those alone that the command does not read. PETSc, to whose -options_view
-// and -options_left this is added, knows only its own.
+// The program's own options that the user gave; those alone that the command does not read. PETSc, to whose
+// -options_view and -options_left this is added, knows only its own.
 std::string own_options(const Options& options, bool unread) {
-  std::string text = unread ? "#Own options that " + options.command() + " does not read:\n" : "#Own options:\n";
+  std::string text =
+      unread ? "#Own options that " + options.command() + " does not read:\n" : "#Own options:\n";
   for (const auto& [name, value] : options.given()) {
     const OptionSpec* spec = find_option(name);
     if (spec && !(unread && reads_option(options.command(), *spec))) text += "-" + name + " " + value + "\n";
@@ -93,7 +94,8 @@ int program(int argc, char** argv) {
   note_command_line(argc, argv);
   const CommandLine line = read_command_line(argc, argv, command_names(), MPI_COMM_WORLD);
   const bool speaks = rank_of(MPI_COMM_WORLD) == 0;
-  if (line.help && speaks) print(line.command.empty() ? general_help() : command_help(command_named(line.command)));
+  if (line.help && speaks)
+    print(line.command.empty() ? general_help() : command_help(command_named(line.command)));
   if (line.help && !line.help_all) return 0;
   const Options options = Options::from(line.command, line.given);
   try {
@@ -136,13 +138,15 @@ void print_error(const std::string& text) {
 int end_all(const std::string& text) {
   int size = 1;
   MPI_Comm_size(MPI_COMM_WORLD, &size);
-  if (size > 1) usleep(useconds_t(100000) * useconds_t(rank_of(MPI_COMM_WORLD)));  // where all fail, the first speaks
+  // where all fail, the first speaks
+  if (size > 1) usleep(useconds_t(100000) * useconds_t(rank_of(MPI_COMM_WORLD)));
   print_error(text);
   if (size > 1) MPI_Abort(MPI_COMM_WORLD, 1);
   return 1;
 }
 
-// A signal ended a search on each of several ranks where it stood: the first writes its summary, then all are ended.
+// A signal ended a search on each of several ranks where it stood: the first writes its summary, then all are
+// ended.
 int end_interrupted(const Interrupted& e) {
   int size = 1;
   MPI_Comm_size(MPI_COMM_WORLD, &size);

@@ -12,10 +12,12 @@ void RankGroups::check(PetscInt ranks_each) {
   MPI_Comm_size(MPI_COMM_WORLD, &ranks);
   if (ranks % ranks_each != 0)
     throw UsageError("sweep_group_ranks " + std::to_string(ranks_each) + ": " + std::to_string(ranks) +
-                     (ranks == 1 ? " rank cannot" : " ranks cannot") + " be shared out in groups of that size");
+                     (ranks == 1 ? " rank cannot" : " ranks cannot") +
+                     " be shared out in groups of that size");
 }
 
-RankGroups::RankGroups(PetscInt ranks_each) : size_(int(ranks_each)), exceptions_(std::uncaught_exceptions()) {
+RankGroups::RankGroups(PetscInt ranks_each)
+    : size_(int(ranks_each)), exceptions_(std::uncaught_exceptions()) {
   int ranks = 1;
   MPI_Comm_size(MPI_COMM_WORLD, &ranks);
   count_ = ranks / size_;
@@ -28,7 +30,8 @@ RankGroups::RankGroups(PetscInt ranks_each) : size_(int(ranks_each)), exceptions
   if (count_ == 1) return;
   int first = 0;
   MPI_Comm_rank(MPI_COMM_WORLD, &first);
-  SS_TRY(MPI_Win_allocate(first == 0 ? sizeof(long) : 0, sizeof(long), MPI_INFO_NULL, MPI_COMM_WORLD, &counter_, &window_));
+  SS_TRY(MPI_Win_allocate(first == 0 ? sizeof(long) : 0, sizeof(long), MPI_INFO_NULL, MPI_COMM_WORLD,
+                          &counter_, &window_));
   from_zero();
 }
 

@@ -46,7 +46,8 @@ void say_jump(const std::optional<JumpAtEnd>& jump, Summary& summary) {
               rounded_text(jump->to, 4));
 }
 
-// A run for -accuracy: chosen, run, its error estimated; again with stricter settings where that was too large.
+// A run for -accuracy: chosen, run, its error estimated; again with stricter settings where that was too
+// large.
 int run_to_accuracy(const Options& options, Summary& summary) {
   const double wanted = options.real("accuracy");
   AccuracyPlan plan(options, wanted);
@@ -54,8 +55,9 @@ int run_to_accuracy(const Options& options, Summary& summary) {
   for (int attempt = 1;; ++attempt) {
     const Options chosen = plan.options();
     insert_library_options(chosen);
-    Progress(chosen.text("progress"), "").tell("accuracy: " + plan.what() + "; choosing took " +
-                                number_text(std::round(1e5 * (plan.seconds() + runs_before)) / 1e5) + " s");
+    Progress(chosen.text("progress"), "")
+        .tell("accuracy: " + plan.what() + "; choosing took " +
+              number_text(std::round(1e5 * (plan.seconds() + runs_before)) / 1e5) + " s");
     const double begin = largest_processor_seconds();
     Run run(chosen, Provenance::of("run", chosen.all()), plan.measure());
     const int code = run.advance(summary);
@@ -112,8 +114,8 @@ std::string motion_words(const Summary& s) {
     if (const Json& time = s.get("time_to_decide"); !time.is_null())
       text += ", a run to t = " + rounded(time, 3) + " should decide (-ts_max_time)";
   } else if (!s.get("amplitude").is_null() && regime != "stuck") {
-    text += ": amplitude " + rounded(s.get("amplitude")) + ", psi from " + rounded(s.get("psi_min")) + " to " +
-            rounded(s.get("psi_max")) + " at the end";
+    text += ": amplitude " + rounded(s.get("amplitude")) + ", psi from " + rounded(s.get("psi_min")) +
+            " to " + rounded(s.get("psi_max")) + " at the end";
   }
   const Json &pulses = s.get("pulses"), &speed = s.get("wave_speed");
   if (!pulses.is_null() && pulses != 0) text += ", " + pulses.dump() + (pulses == 1 ? " pulse" : " pulses");
@@ -129,7 +131,8 @@ std::string work_words(const Summary& s) {
   std::string text = "t = " + rounded(s.get("t_end"), 6) + " in " + s.get("steps").dump() + " steps of " +
                      s.get("method").get<std::string>() + " (" + s.get("rejections").dump() + " rejected), " +
                      s.get("unknowns").dump() + " unknowns";
-  if (const Json& error = s.get("error_estimate"); !error.is_null()) text += ", error about " + rounded(error, 2);
+  if (const Json& error = s.get("error_estimate"); !error.is_null())
+    text += ", error about " + rounded(error, 2);
   return text;
 }
 
@@ -140,15 +143,38 @@ int run_command(const Options& asked) {
   const Provenance provenance = Provenance::of("run", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
   if (options.is_set("accuracy_of") && !options.is_set("accuracy"))
-    throw UsageError("accuracy_of " + options.text("accuracy_of") + ": it says what -accuracy is wanted of, which is not set");
-  std::vector<std::string> keys = {"t_end", "steps", "rejections", "rhs_evaluations", "method", "implicit", "unknowns",
-                                   "reduced"};
+    throw UsageError("accuracy_of " + options.text("accuracy_of") +
+                     ": it says what -accuracy is wanted of, which is not set");
+  std::vector<std::string> keys = {"t_end",  "steps",    "rejections", "rhs_evaluations",
+                                   "method", "implicit", "unknowns",   "reduced"};
   for (const std::string& key : quantity_keys()) keys.push_back(key);
-  for (const char* key : {"probes", "regime", "regime_reason", "regime_rate", "growth_rate", "growth_rate_reason",
-                          "time_to_decide", "amplitude", "wave_speed", "pulses", "period", "measured_over", "maxima",
-                          "maxima_period", "maxima_prominence", "stopped_at", "error_estimate", "jump", "events",
-                          "events_per_s", "lyapunov", "lyapunov_largest", "lyapunov_largest_error",
-                          "lyapunov_dimension", "lyapunov_dimension_error", "lyapunov_divergence", "accuracy"})
+  for (const char* key : {"probes",
+                          "regime",
+                          "regime_reason",
+                          "regime_rate",
+                          "growth_rate",
+                          "growth_rate_reason",
+                          "time_to_decide",
+                          "amplitude",
+                          "wave_speed",
+                          "pulses",
+                          "period",
+                          "measured_over",
+                          "maxima",
+                          "maxima_period",
+                          "maxima_prominence",
+                          "stopped_at",
+                          "error_estimate",
+                          "jump",
+                          "events",
+                          "events_per_s",
+                          "lyapunov",
+                          "lyapunov_largest",
+                          "lyapunov_largest_error",
+                          "lyapunov_dimension",
+                          "lyapunov_dimension_error",
+                          "lyapunov_divergence",
+                          "accuracy"})
     keys.push_back(key);
   Summary summary(provenance, keys, options.text("summary"));
   return with_summary(summary, [&] {

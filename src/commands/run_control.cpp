@@ -17,13 +17,14 @@ RunControl::RunControl(const Options& options, std::int64_t first_step)
   alone_ = ranks == 1;
 }
 
-// What only some rank may know is asked after so many steps that about 20 ms lie between: every rank counts alike, since
-// all go by the longest time that one of them has seen.
+// What only some rank may know is asked after so many steps that about 20 ms lie between: every rank counts
+// alike, since all go by the longest time that one of them has seen.
 std::array<int, 4> RunControl::ask() {
   if (++steps_since_ < steps_between_) return {};
   const double now = MPI_Wtime();
   const auto passed = int(std::min(1e9, 1e6 * (now - asked_)));
-  int flags[5] = {SignalWatch::caught(), SignalWatch::checkpoint_wanted(), every_.seconds > 0 && now - last_checkpoint_ >= every_.seconds,
+  int flags[5] = {SignalWatch::caught(), SignalWatch::checkpoint_wanted(),
+                  every_.seconds > 0 && now - last_checkpoint_ >= every_.seconds,
                   most_seconds_ > 0 && now - begin_ >= most_seconds_, passed};
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, flags, 5, MPI_INT, MPI_MAX, PETSC_COMM_WORLD));
   const double steps = 2e4 * double(steps_since_) / std::max(1, flags[4]);

@@ -21,14 +21,14 @@ class RunControl {
     bool checkpoint = false;  // write one
     bool restart = false;     // and let the method forget what it remembers of earlier steps
   };
-  // Of several ranks, what only one of them may know (a signal, the clock) is found after 20 ms or 100 steps at the
-  // latest, by one reduction over all. Collective.
+  // Of several ranks, what only one of them may know (a signal, the clock) is found after 20 ms or 100 steps
+  // at the latest, by one reduction over all. Collective.
   Decision after(std::int64_t step, double t);
   void checkpoint_written();
 
   bool wants_checkpoints() const { return every_.steps > 0 || every_.seconds > 0; }
   std::int64_t most_steps() const { return most_steps_; }
-  int signal() const { return stopped_by_; }         // that ended the run, 0: none
+  int signal() const { return stopped_by_; }           // that ended the run, 0: none
   bool wall_is_over() const { return wall_is_over_; }  // ts_max_wall came before the end
 
  private:

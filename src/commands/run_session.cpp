@@ -69,16 +69,18 @@ Problem problem_for(const Scene& scene, const Options& options, const std::optio
 double event_velocity(const Options& options, const Scene& scene) {
   const bool sticks = Stick::applies_to(scene);
   if (scene.massless())
-    throw UsageError("out_events: the sizes of events are measured with psi_t, which a chain without mass (model_m 0) does not "
-                     "have; take a small model_m, or out_frames");
+    throw UsageError(
+        "out_events: the sizes of events are measured with psi_t, which a chain without mass (model_m 0) "
+        "does not "
+        "have; take a small model_m, or out_frames");
   if (options.is_set("out_events_velocity")) return options.real("out_events_velocity");
   if (scene.v == 0 && !sticks)
     throw UsageError("out_events: with model_v 0 it needs out_events_velocity, above which a node moves");
   return sticks ? 0 : 2 * std::abs(scene.v);
 }
 
-// What PETSc's solvers keep from one step to the next is not in a checkpoint; what the methods keep they forget
-// there.
+// What PETSc's solvers keep from one step to the next is not in a checkpoint; what the methods keep they
+// forget there.
 void warn_of_memory(const Options& options) {
   for (const auto& [name, text] : options.library()) {
     static const std::set<std::string> always = {
@@ -88,7 +90,8 @@ void warn_of_memory(const Options& options) {
     const bool solver = name == "snes_type" && text != "newtonls" && text != "newtontr" && text != "ksponly";
     if (always.count(name) || lags || solver)
       warn("-" + name + (text.empty() ? "" : " " + text) +
-           " keeps what the solver learnt in earlier steps, which is in no checkpoint: a continued run agrees with "
+           " keeps what the solver learnt in earlier steps, which is in no checkpoint: a continued run "
+           "agrees with "
            "an uninterrupted one to the solver's tolerances, not to the last bit");
   }
 }
@@ -123,7 +126,8 @@ Run::Run(const Options& options, const Provenance& provenance, const MeasureMake
 }
 
 Answer Run::end() const {
-  return {fields_of(problem_.model, problem_.u, scene_.n), measure_ ? measure_->values() : std::vector<double>()};
+  return {fields_of(problem_.model, problem_.u, scene_.n),
+          measure_ ? measure_->values() : std::vector<double>()};
 }
 
 void Run::make_observers(const MeasureMaker& measure) {
@@ -141,14 +145,16 @@ void Run::make_observers(const MeasureMaker& measure) {
   const std::vector<double> probes = options_.reals("out_probes");
   observers_.push_back(std::make_unique<ProbeRows>(model, scene_, probes));
   if (!probes.empty())
-    observers_.push_back(std::make_unique<Period>(model, scene_, probes, options_.real("ts_max_time"), false));
+    observers_.push_back(
+        std::make_unique<Period>(model, scene_, probes, options_.real("ts_max_time"), false));
   if (measure) {  // after the others, so that its number stands
     auto made = measure(model, scene_);
     measure_ = made.get();
     observers_.push_back(std::move(made));
   }
   if (options_.is_set("out_maxima")) {
-    auto maxima = std::make_unique<Maxima>(model, scene_, options_.real("out_maxima"), options_.real("ts_max_time"));
+    auto maxima =
+        std::make_unique<Maxima>(model, scene_, options_.real("out_maxima"), options_.real("ts_max_time"));
     maxima_ = maxima.get();
     observers_.push_back(std::move(maxima));
   }
@@ -170,7 +176,8 @@ void Run::restore(const Checkpoint& checkpoint) {
   } catch (const std::exception& e) {
     throw not_whole(options_, e.what());
   }
-  const bool finite = std::all_of(state.begin(), state.end(), [](double value) { return std::isfinite(value); });
+  const bool finite =
+      std::all_of(state.begin(), state.end(), [](double value) { return std::isfinite(value); });
   if (on_any_rank(PETSC_COMM_WORLD, !finite)) throw not_whole(options_, "its state is not finite");
   std::copy(state.begin(), state.end(), static_cast<double*>(Writing(problem_.u)));
   origin_ = {true,
@@ -199,7 +206,8 @@ void Run::limit_steps() {
   double least, most;
   SS_TRY(TSGetAdapt(integrator_->ts(), &adapt));
   SS_TRY(TSAdaptGetStepLimits(adapt, &least, &most));
-  if (longest_step_ > least && longest_step_ < most) SS_TRY(TSAdaptSetStepLimits(adapt, least, longest_step_));
+  if (longest_step_ > least && longest_step_ < most)
+    SS_TRY(TSAdaptSetStepLimits(adapt, least, longest_step_));
 }
 
 void Run::make_integrator() {
@@ -236,7 +244,8 @@ void Run::open_file() {
     std::optional<RunFile::Resume> resume;
     if (origin_.resumed && exists(options_.text("out_file")))
       resume = RunFile::Resume{options_.text("out_file"), origin_.t};
-    file_ = std::make_unique<RunFile>(PETSC_COMM_WORLD, options_.text("out_file"), provenance_, plan.layout, resume);
+    file_ = std::make_unique<RunFile>(PETSC_COMM_WORLD, options_.text("out_file"), provenance_, plan.layout,
+                                      resume);
   } else if (control_->wants_checkpoints()) {
     warn("out_checkpoint_every without out_file: no checkpoints are written");
   }
@@ -248,35 +257,41 @@ int Run::check(Summary& summary) {
   const double t_end = options_.real("ts_max_time"), begin = MPI_Wtime();
   double t = origin_.t, seconds = 0;
   std::int64_t steps = 0;
-  integrator_->advance(problem_.u, origin_.t, t_end, [&](const Integrator::Step& step) {
-    t = step.t;
-    steps = step.index - origin_.step;
-    seconds = MPI_Wtime() - begin;
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &seconds, 1, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD));
-    return seconds > 1 ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
-  }, control_->most_steps());
+  integrator_->advance(
+      problem_.u, origin_.t, t_end,
+      [&](const Integrator::Step& step) {
+        t = step.t;
+        steps = step.index - origin_.step;
+        seconds = MPI_Wtime() - begin;
+        SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &seconds, 1, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD));
+        return seconds > 1 ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
+      },
+      control_->most_steps());
   const TimeReport& r = integrator_->report();
   summary.set("status", "done");  // and no file was written
   summary.set("method", r.method);
   summary.set("implicit", to_string(r.implicit));
   summary.set("unknowns", problem_.model.unknowns());
   if (!problem_.what.empty()) summary.set("reduced", problem_.what);
-  summary.say("checked: " + std::to_string(scene_.n) + " nodes, " + std::to_string(problem_.model.unknowns()) +
-              " unknowns solved for" + (problem_.what.empty() ? "" : " (" + problem_.what + ")") + "; " + r.method +
+  summary.say("checked: " + std::to_string(scene_.n) + " nodes, " +
+              std::to_string(problem_.model.unknowns()) + " unknowns solved for" +
+              (problem_.what.empty() ? "" : " (" + problem_.what + ")") + "; " + r.method +
               ", implicit: " + to_string(r.implicit));
   if (layout.frames > 0)
-    summary.say(std::to_string(layout.frames) + " frames, " +
-                rounded_text(8e-6 * double(layout.frames) * (1 + double(layout.fields.size()) * double(scene_.n))) +
-                " MB in " + options_.text("out_file"));
+    summary.say(
+        std::to_string(layout.frames) + " frames, " +
+        rounded_text(8e-6 * double(layout.frames) * (1 + double(layout.fields.size()) * double(scene_.n))) +
+        " MB in " + options_.text("out_file"));
   const double bytes = bytes_a_node(options_, problem_.model, problem_.u);
-  summary.say(rounded_text(1e-6 * bytes * double(problem_.model.scene().n)) + " MB of memory beside the program's own, " +
-              rounded_text(bytes, 4) + " bytes a node");
+  summary.say(rounded_text(1e-6 * bytes * double(problem_.model.scene().n)) +
+              " MB of memory beside the program's own, " + rounded_text(bytes, 4) + " bytes a node");
   const double rest = t > origin_.t ? (t_end - t) / (t - origin_.t) : 0;
-  summary.say(std::to_string(steps) + " steps reach t = " + rounded_text(t, 6) + " in " + rounded_text(seconds, 2) +
-              " s" +
-              (rest > 0 ? "; at that rate the whole run takes " + rounded_text(double(steps) * (1 + rest), 2) +
-                              " steps and " + rounded_text(seconds * (1 + rest), 2) + " s"
-                        : ", which is the whole run without its output"));
+  summary.say(std::to_string(steps) + " steps reach t = " + rounded_text(t, 6) + " in " +
+              rounded_text(seconds, 2) + " s" +
+              (rest > 0
+                   ? "; at that rate the whole run takes " + rounded_text(double(steps) * (1 + rest), 2) +
+                         " steps and " + rounded_text(seconds * (1 + rest), 2) + " s"
+                   : ", which is the whole run without its output"));
   return 0;
 }
 
@@ -291,19 +306,22 @@ int Run::advance(Summary& summary) {
     warn_of_fixed_steps(problem_.model, *integrator_, problem_.u, t_end - origin_.t);
     const double begin = spent();
     double watching = 0;
-    integrator_->advance(problem_.u, origin_.t, t_end, [&](const Integrator::Step& step) {
-      const double now = spent();
-      const Integrator::Verdict verdict = after(step);
-      if (progress.due()) {
-        const double part = (step.t - origin_.t) / (t_end - origin_.t);
-        char text[160];
-        std::snprintf(text, sizeof text, "t = %.6g of %.6g (%.0f %%), step %lld, dt %.2g", step.t, t_end, 100 * part,
-                      static_cast<long long>(step.index), step.next_dt);
-        progress.show(text + progress.left(part));
-      }
-      watching += spent() - now;
-      return verdict;
-    }, control_->most_steps());
+    integrator_->advance(
+        problem_.u, origin_.t, t_end,
+        [&](const Integrator::Step& step) {
+          const double now = spent();
+          const Integrator::Verdict verdict = after(step);
+          if (progress.due()) {
+            const double part = (step.t - origin_.t) / (t_end - origin_.t);
+            char text[160];
+            std::snprintf(text, sizeof text, "t = %.6g of %.6g (%.0f %%), step %lld, dt %.2g", step.t, t_end,
+                          100 * part, static_cast<long long>(step.index), step.next_dt);
+            progress.show(text + progress.left(part));
+          }
+          watching += spent() - now;
+          return verdict;
+        },
+        control_->most_steps());
     step_seconds_ += spent() - begin - watching;
   } catch (const RankFailure&) {
     throw;  // the others may not know of it, and closing the file takes all; it can be read as it is
@@ -351,12 +369,13 @@ void Run::write_checkpoint_at(const Integrator::Step& step) {
 int Run::ending(Summary& summary) const {
   const std::string checkpoint = last_checkpoint_.empty() ? "" : "; checkpoint " + last_checkpoint_;
   const int signal = control_->signal();
-  const std::string limit = signal                                             ? ""
-                            : control_->wall_is_over()                         ? "ts_max_wall"
+  const std::string limit = signal                                           ? ""
+                            : control_->wall_is_over()                       ? "ts_max_wall"
                             : integrator_->report().reason == "ts_max_steps" ? "ts_max_steps"
-                                                                                : "";
+                                                                             : "";
   if (!signal && limit.empty()) return 0;
-  const std::string why = signal ? signal == SIGINT ? "SIGINT" : "SIGTERM" : limit + " " + options_.text(limit);
+  const std::string why =
+      signal ? signal == SIGINT ? "SIGINT" : "SIGTERM" : limit + " " + options_.text(limit);
   summary.stopped(why + checkpoint);
   if (!signal) summary.set("stopped_at", why);
   summary.say("stopped at t = " + rounded_text(integrator_->report().t, 6) + " by " + why + "; " +
@@ -382,7 +401,8 @@ void Run::report(Summary& summary, bool complete) {
     problem_.model.set_held(problem_.u);
     if (CarriedFrame* next = CarriedFrame::innermost()) next->keep(problem_.model, scene_, problem_.u, r.t);
     const StepAudit::Verdict verdict = step_audit_->verdict(problem_.u);
-    const NearestGrowth near = nearest_growth(problem_.model, verdict, origin_.evaluations + r.rhs_evaluations);
+    const NearestGrowth near =
+        nearest_growth(problem_.model, verdict, origin_.evaluations + r.rhs_evaluations);
     regime_->know(near.growth, near.taken, near.why_not, near.beyond);
     for (const auto& observer : observers_) observer->summarise(summary, problem_.u);
     warn_of_answer(verdict, r.t);
@@ -407,7 +427,8 @@ void Run::warn_of_answer(const StepAudit::Verdict& verdict, double duration) {
   // A front of four or more nodes changes by at most a third of its height from node to node.
   if (scene_.form == Form::continuum && m.steepest > 0.34)
     warn("a front is not resolved: psi changes by " + std::to_string(int(std::lround(100 * m.steepest))) +
-         " % of its range between two neighbouring nodes; wave speeds and heights depend on the grid (raise grid_n)");
+         " % of its range between two neighbouring nodes; wave speeds and heights depend on the grid (raise "
+         "grid_n)");
 }
 
 }  // namespace stickslip

@@ -27,9 +27,9 @@ namespace stickslip {
 
 class Run {
  public:
-  // Sets everything up, in an order in which all that can be refused is refused before the first file is touched.
-  // Goes on from the checkpoint that option `restart` names. options and provenance must outlive it. Collective.
-  // `measure`, if given, makes one more observer, whose result end() holds.
+  // Sets everything up, in an order in which all that can be refused is refused before the first file is
+  // touched. Goes on from the checkpoint that option `restart` names. options and provenance must outlive it.
+  // Collective. `measure`, if given, makes one more observer, whose result end() holds.
   Run(const Options& options, const Provenance& provenance, const MeasureMaker& measure = nullptr);
 
   // Returns the exit code; the summary holds what is known, also when it throws. Collective.
@@ -39,8 +39,8 @@ class Run {
   // Collective.
   int check(Summary& summary);
 
-  // Processor time of this rank for setting the method up and for its steps, as in a row of `chart`; 0 without
-  // -accuracy.
+  // Processor time of this rank for setting the method up and for its steps, as in a row of `chart`; 0
+  // without -accuracy.
   double step_seconds() const { return step_seconds_; }
   Answer end() const;  // as far as it has come; collective
 
@@ -71,21 +71,23 @@ class Run {
 
   const Options& options_;
   const Provenance& provenance_;
-  Scene scene_;  // the whole
-  Problem problem_;  // what is solved for it
+  Scene scene_;                                 // the whole
+  Problem problem_;                             // what is solved for it
   std::unique_ptr<Displacement> displacement_;  // with out_displacement
   std::vector<std::unique_ptr<Observer>> observers_;
-  Regime* regime_ = nullptr;  // one of them
-  Maxima* maxima_ = nullptr;  // another, with out_maxima
+  Regime* regime_ = nullptr;          // one of them
+  Maxima* maxima_ = nullptr;          // another, with out_maxima
   const Measure* measure_ = nullptr;  // another, or none
   Origin origin_;
   std::optional<RunControl> control_;
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<StepAudit> step_audit_;
   std::unique_ptr<RunFile> file_;
-  bool timed_;                // with -accuracy: reading the clock is a call of the system, which short steps would feel
+  // with -accuracy: reading the clock is a call of the system, which short steps would feel
+  bool timed_;
   double step_seconds_ = 0;
-  double longest_step_ = std::numeric_limits<double>::infinity();  // StepAudit::longest_near_sliding at the start
+  // StepAudit::longest_near_sliding at the start
+  double longest_step_ = std::numeric_limits<double>::infinity();
   std::string last_checkpoint_;
 };
 

@@ -27,8 +27,9 @@ SpectrumMethod method_of(const std::string& text) {
   return SpectrumMethod::automatic;
 }
 
-constexpr const char* no_norm = "not for this scene, which has no energy norm (D2 is not symmetric: held ends of order "
-                                "4 or 6; k0 = 0 without a held end; or no mass), or too large for its matrix with model_nu";
+constexpr const char* no_norm =
+    "not for this scene, which has no energy norm (D2 is not symmetric: held ends of order "
+    "4 or 6; k0 = 0 without a held end; or no mass), or too large for its matrix with model_nu";
 
 // What the number says about the largest |exp(J t)|.
 std::string growth_is(const Transient& t) {
@@ -47,8 +48,8 @@ std::string known_digits(double value, double error) {
 std::string verdict(const Spectrum& spectrum) {
   const bool unstable = spectrum.growth > spectrum.error || spectrum.growth_continuum.value_or(-1) > 0;
   std::string text = spectrum.stable ? "stable" : unstable ? "unstable" : "undecided";
-  text += ": growth rate " + known_digits(spectrum.growth, spectrum.error) + " +- " + rounded_text(spectrum.error, 2) +
-          ", frequency " + rounded_text(spectrum.frequency, 6);
+  text += ": growth rate " + known_digits(spectrum.growth, spectrum.error) + " +- " +
+          rounded_text(spectrum.error, 2) + ", frequency " + rounded_text(spectrum.frequency, 6);
   if (spectrum.degenerate) text += " (of the longest of several waves that grow alike)";
   if (!spectrum.complete) text += " (not proved to be the rightmost)";
   return text;
@@ -92,14 +93,16 @@ Pseudospectrum pseudospectrum_beside(const LinearisedOperator& s, const Spectrum
     box.im.push_back(bottom + part * (top + high - bottom));
   }
   box.norm = pseudospectrum(PETSC_COMM_WORLD, s, box.re, box.im, [&](double part) {
-    if (progress.due()) progress.show(std::to_string(int(100 * part)) + " % of the resolvent norms" + progress.left(part));
+    if (progress.due())
+      progress.show(std::to_string(int(100 * part)) + " % of the resolvent norms" + progress.left(part));
   });
   return box;
 }
 
-// Steady sliding and the eigenvectors (the members with Im >= 0; 0 at held nodes), scaled so that the largest psi is 1.
-void write_file(const SteadySliding& steady, const LinearisedOperator& s, const Spectrum& spectrum, const Pseudospectrum& box, const std::string& path,
-                const Provenance& provenance) {
+// Steady sliding and the eigenvectors (the members with Im >= 0; 0 at held nodes), scaled so that the largest
+// psi is 1.
+void write_file(const SteadySliding& steady, const LinearisedOperator& s, const Spectrum& spectrum,
+                const Pseudospectrum& box, const std::string& path, const Provenance& provenance) {
   ResultFile file(PETSC_COMM_WORLD, path, provenance);
   if (path.empty()) return;
   const std::size_t n = std::size_t(s.scene.n), modes = spectrum.modes.size(), d = s.fields();
@@ -122,7 +125,8 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
   of_modes({"im", "1/time", "frequency"}, [](const Mode& m) { return m.value.imag(); });
   of_modes({"residual", "1/time", "|J x - lambda x|/|x|"}, [](const Mode& m) { return m.residual; });
   of_modes({"wavenumber", "1/length", "wavenumber"}, [](const Mode& m) { return m.wavenumber; });
-  of_modes({"resolved", "1", "1 where the grid resolves the mode"}, [](const Mode& m) { return double(m.resolved); });
+  of_modes({"resolved", "1", "1 where the grid resolves the mode"},
+           [](const Mode& m) { return double(m.resolved); });
 
   file.add({"steady_psi", "length/time", "psi of steady sliding"}, {"x"}, steady.psi);
   file.add({"steady_eta", "1", "eta of steady sliding"}, {"x"}, steady.eta);
@@ -132,7 +136,8 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
     names.push_back(state_name(s.scene.friction.state));
     std::vector<double> shown = steady.state;
     for (double& y : shown) y = state_to_output(s.scene.friction.state, y);
-    file.add({"steady_" + names[2], standard_field(names[2]).units, names[2] + " of steady sliding"}, {"x"}, shown);
+    file.add({"steady_" + names[2], standard_field(names[2]).units, names[2] + " of steady sliding"}, {"x"},
+             shown);
   }
   std::vector<std::vector<double>> parts(2 * names.size(), std::vector<double>(modes * n, 0.));
   for (std::size_t k = 0; k < modes; ++k) {
@@ -141,14 +146,16 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
       for (std::size_t c = 0; c < d; ++c) {
         const std::size_t at = k * n + std::size_t(s.coupling.node[i]);
         // the stored state is ln(theta): d theta = theta d ln(theta)
-        const double scale = c == 2 && logarithmic ? std::exp(steady.state[std::size_t(s.coupling.node[i])]) : 1;
+        const double scale =
+            c == 2 && logarithmic ? std::exp(steady.state[std::size_t(s.coupling.node[i])]) : 1;
         parts[2 * c][at] = scale * v[i * d + c].real();
         parts[2 * c + 1][at] = scale * v[i * d + c].imag();
       }
   }
   for (std::size_t c = 0; c < names.size(); ++c) {
     const std::string units = standard_field(names[c]).units;
-    file.add({names[c] + "_re", units, names[c] + " of the eigenvectors, real part"}, {"mode", "x"}, parts[2 * c]);
+    file.add({names[c] + "_re", units, names[c] + " of the eigenvectors, real part"}, {"mode", "x"},
+             parts[2 * c]);
     file.add({names[c] + "_im", units, names[c] + " of the eigenvectors, imaginary part"}, {"mode", "x"},
              parts[2 * c + 1]);
   }
@@ -156,7 +163,8 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
     file.scale({"pseudo_re", "1/time", "real part of z"}, box.re);
     file.scale({"pseudo_im", "1/time", "imaginary part of z"}, box.im);
     std::vector<double> logarithm(box.norm.size());
-    std::transform(box.norm.begin(), box.norm.end(), logarithm.begin(), [](double r) { return std::log10(r); });
+    std::transform(box.norm.begin(), box.norm.end(), logarithm.begin(),
+                   [](double r) { return std::log10(r); });
     file.add({"log10_resolvent", "1", "log10 of |(z - J)^-1| times a unit of time, energy norm"},
              {"pseudo_im", "pseudo_re"}, logarithm);
   }
@@ -167,8 +175,9 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
 Json uniform_state_list(const Scene& scene, const Options& options, Summary& summary) {
   const auto friction = Friction::of(scene.friction);
   const bool steady = options.text("init_eta") == "steady";
-  const double stress = steady ? scene.B() * scene.v + friction->force(scene.v, friction->steady_state(scene.v))
-                               : options.real("init_eta");
+  const double stress = steady
+                            ? scene.B() * scene.v + friction->force(scene.v, friction->steady_state(scene.v))
+                            : options.real("init_eta");
   Json list = Json::array();
   for (const UniformState& u : uniform_states(scene, stress)) {
     list.push_back(Json::object({{"psi", u.psi},
@@ -178,9 +187,11 @@ Json uniform_state_list(const Scene& scene, const Options& options, Summary& sum
                                  {"frequency", u.rests ? Json() : Json(u.frequency)},
                                  {"wavenumber", u.rests ? Json() : Json(u.wavenumber)},
                                  {"stable", u.stable}}));
-    summary.say("at the force " + rounded_text(stress, 6) + " of the start: psi = " + rounded_text(u.psi, 6) + ", " +
-                (u.rests ? "at rest" : (u.stable ? "stable, " : "unstable, ") + std::string("growth rate ") +
-                                           rounded_text(u.growth_rate, 4)));
+    summary.say("at the force " + rounded_text(stress, 6) + " of the start: psi = " + rounded_text(u.psi, 6) +
+                ", " +
+                (u.rests ? "at rest"
+                         : (u.stable ? "stable, " : "unstable, ") + std::string("growth rate ") +
+                               rounded_text(u.growth_rate, 4)));
   }
   return list;
 }
@@ -190,18 +201,20 @@ Json uniform_state_list(const Scene& scene, const Options& options, Summary& sum
 int spectrum_command(const Options& options) {
   const Provenance provenance = Provenance::of("spectrum", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance,
-                  {"steady", "growth_rate", "growth_rate_error", "frequency", "degenerate", "stable", "growth_continuum",
-                   "wavenumber_continuum", "eigenvalues", "dispersion_error", "complete", "list_complete", "missing",
-                   "completeness_check", "method", "unknowns", "transient", "kreiss", "uniform_states"},
-                  options.text("summary"));
+  Summary summary(
+      provenance,
+      {"steady", "growth_rate", "growth_rate_error", "frequency", "degenerate", "stable", "growth_continuum",
+       "wavenumber_continuum", "eigenvalues", "dispersion_error", "complete", "list_complete", "missing",
+       "completeness_check", "method", "unknowns", "transient", "kreiss", "uniform_states"},
+      options.text("summary"));
   const Scene scene = Scene::from(options, true);
   return with_summary(summary, [&] {
     const Pulse pulse(options.text("progress"), "spectrum");
     const SteadySliding steady(scene);
     const LinearisedOperator J(steady);
     const auto [low, high] = std::minmax_element(steady.psi.begin(), steady.psi.end());
-    summary.set("steady", Json::object({{"psi_min", *low}, {"psi_max", *high}, {"residual", steady.residual}}));
+    summary.set("steady",
+                Json::object({{"psi_min", *low}, {"psi_max", *high}, {"residual", steady.residual}}));
     summary.set("unknowns", J.size() * J.dof());
     SpectrumSettings settings;
     settings.count = options.integer("spectrum_count");
@@ -209,7 +222,8 @@ int spectrum_command(const Options& options) {
     settings.refine = options.text("spectrum_refine") == "auto";
     Spectrum spectrum = compute_spectrum(PETSC_COMM_WORLD, J, settings);
     const auto any_resolved = [&] {
-      return std::any_of(spectrum.modes.begin(), spectrum.modes.end(), [](const Mode& m) { return m.resolved; });
+      return std::any_of(spectrum.modes.begin(), spectrum.modes.end(),
+                         [](const Mode& m) { return m.resolved; });
     };
     // Many modes at the edge of what the grid carries may stand right of those that it resolves.
     for (int round = 0; round < 3 && !any_resolved(); ++round) {
@@ -234,12 +248,13 @@ int spectrum_command(const Options& options) {
     if (options.boolean("spectrum_transient")) {
       const std::optional<Transient> t = transient_growth(J, spectrum.growth);
       if (t) {
-        summary.set("transient", Json::object({{"norm", "energy"},
-                                               {"method", t->method},
-                                               {"numerical_abscissa", t->abscissa},
-                                               {"growth", spectrum.stable ? Json(t->growth) : Json()},
-                                               {"time", spectrum.stable ? Json(t->time) : Json()},
-                                               {"growth_is", spectrum.stable ? Json(growth_is(*t)) : Json()}}));
+        summary.set("transient",
+                    Json::object({{"norm", "energy"},
+                                  {"method", t->method},
+                                  {"numerical_abscissa", t->abscissa},
+                                  {"growth", spectrum.stable ? Json(t->growth) : Json()},
+                                  {"time", spectrum.stable ? Json(t->time) : Json()},
+                                  {"growth_is", spectrum.stable ? Json(growth_is(*t)) : Json()}}));
       } else {
         warn(std::string("-spectrum_transient: ") + no_norm);
       }
@@ -258,8 +273,10 @@ int spectrum_command(const Options& options) {
     if (!any_resolved())
       warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");
     for (const std::string& remark : spectrum.remarks) warn(remark);
-    if (!spectrum.complete) warn("the rightmost mode may have been missed: " + spectrum.completeness_check);
-    else if (!spectrum.list_complete) warn("the list of eigenvalues may have holes: " + spectrum.completeness_check);
+    if (!spectrum.complete)
+      warn("the rightmost mode may have been missed: " + spectrum.completeness_check);
+    else if (!spectrum.list_complete)
+      warn("the list of eigenvalues may have holes: " + spectrum.completeness_check);
     summary.say("steady sliding is " + verdict(spectrum));
     summary.say(std::to_string(spectrum.modes.size()) + " modes of " + std::to_string(J.size() * J.dof()) +
                 " by " + spectrum.method + "; " + spectrum.completeness_check);

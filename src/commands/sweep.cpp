@@ -25,7 +25,8 @@ const Command& command_of(const Options& sweep) {
   for (const std::string& one : command_names())
     if (one != "sweep") names.push_back(one);
   if (std::find(names.begin(), names.end(), name) == names.end())
-    throw UsageError("-sweep_command " + quoted(name) + ": must be one of " + joined(names) + suggestion(name, names));
+    throw UsageError("-sweep_command " + quoted(name) + ": must be one of " + joined(names) +
+                     suggestion(name, names));
   return command_named(name);
 }
 
@@ -44,7 +45,8 @@ void check_wishes(const Options& sweep) {
   if (sweep.boolean("check")) throw UsageError("check: not of a sweep");
   const bool run = sweep.text("sweep_command") == "run", follow = sweep.boolean("sweep_follow");
   if (follow && !run)
-    throw UsageError("sweep_follow: of `run` only; " + sweep.text("sweep_command") + " has no end to start from");
+    throw UsageError("sweep_follow: of `run` only; " + sweep.text("sweep_command") +
+                     " has no end to start from");
   if (follow && sweep.boolean("sweep_files") && (sweep.is_set("out_every") || sweep.is_set("out_times")))
     throw UsageError("sweep_follow with sweep_files: the last frame must be the end, so give out_frames");
 }
@@ -68,7 +70,8 @@ void check_scenes(const SweepPlan& plan, const Options& base) {
 
 // Where sweep_key changes along the only option.
 Json changes_of(const SweepSession& session, const SweepPlan& plan) {
-  if (plan.axes().size() != 1 || plan.follows() || !(plan.is_grid() || plan.is_refined()) || !plan.axes()[0].is_numeric())
+  if (plan.axes().size() != 1 || plan.follows() || !(plan.is_grid() || plan.is_refined()) ||
+      !plan.axes()[0].is_numeric())
     return nullptr;
   std::vector<long> points = session.table().points();
   std::sort(points.begin(), points.end());
@@ -89,7 +92,8 @@ Json differing(const SweepSession& session, const SweepPlan& plan) {
   if (!plan.follows()) return nullptr;
   long count = 0;
   for (const long point : session.table().points())
-    if (point % 2 == 0 && session.table().has(point + 1)) count += session.kind_of(point) != session.kind_of(point + 1);
+    if (point % 2 == 0 && session.table().has(point + 1))
+      count += session.kind_of(point) != session.kind_of(point + 1);
   return count;
 }
 
@@ -99,14 +103,16 @@ void say_all(Summary& summary, const std::string& path) {
   if (summary.get("failed") != 0)
     text += ", " + summary.get("failed").dump() + " of them failed (variable reason), the first: " +
             summary.get("first_failure").get<std::string>();
-  if (!saved.is_null() && summary.is_null("stopped_at")) text += "; a full grid has " + saved.dump() + " more";
+  if (!saved.is_null() && summary.is_null("stopped_at"))
+    text += "; a full grid has " + saved.dump() + " more";
   if (!differ.is_null()) text += "; up and down differ at " + differ.dump();
   summary.say(text);
   if (summary.get("status") == "stopped") summary.say("to go on: stickslip sweep -restart " + path);
 }
 
 // What all ranks are told of the result.
-void report(Summary& summary, const SweepSession& session, const SweepPlan& plan, const std::string& path, int signal) {
+void report(Summary& summary, const SweepSession& session, const SweepPlan& plan, const std::string& path,
+            int signal) {
   std::string packed;
   if (rank_in(MPI_COMM_WORLD) == 0) {
     const SweepTable& table = session.table();
@@ -138,17 +144,19 @@ void report(Summary& summary, const SweepSession& session, const SweepPlan& plan
   }
   say_all(summary, path);
   if (!signal && found["done"] == found["failed"])
-    throw Failure("sweep: no point could be computed; the first: " + found["first_failure"].get<std::string>());
+    throw Failure("sweep: no point could be computed; the first: " +
+                  found["first_failure"].get<std::string>());
 }
 
 // The options to go on with, which the table of `restart` holds.
 Options resumed(const Options& asked, const SweepHeader& header) {
   const std::string path = asked.text("restart");
   if (asked.is_set("out_file") && asked.text("out_file") != path)
-    throw UsageError("out_file '" + asked.text("out_file") + "': a sweep goes on in its own table, '" + path + "'");
+    throw UsageError("out_file '" + asked.text("out_file") + "': a sweep goes on in its own table, '" + path +
+                     "'");
   if (header.git != git_revision())
-    warn("restart '" + path + "': was written by revision " + header.git + " of this program, and this is " + git_revision() +
-         "; the last digits of further points may differ");
+    warn("restart '" + path + "': was written by revision " + header.git + " of this program, and this is " +
+         git_revision() + "; the last digits of further points may differ");
   const Options options = asked.resumed_from(header.given).with("out_file", path);
   insert_library_options(options);
   return options;
@@ -180,8 +188,8 @@ int sweep_command(const Options& asked) {
   const OutputLock lock = check_outputs(path, sweep.text("summary"));
   check_csv(path);
   Summary summary(Provenance::of("sweep", sweep.all()),
-                  {"points", "done", "failed", "first_failure", "groups", "full_grid", "saved", "changes", "differing",
-                   "stopped_at"},
+                  {"points", "done", "failed", "first_failure", "groups", "full_grid", "saved", "changes",
+                   "differing", "stopped_at"},
                   sweep.text("summary"));
   return with_summary(summary, [&] {
     if (header && header->complete) {
@@ -192,8 +200,10 @@ int sweep_command(const Options& asked) {
       summary.set("failed", header->failed);
       return 0;
     }
-    if (header) check_journals(path, *header);
-    else on_root(MPI_COMM_WORLD, [&path] { remove_journals(path); });
+    if (header)
+      check_journals(path, *header);
+    else
+      on_root(MPI_COMM_WORLD, [&path] { remove_journals(path); });
     SweepSession session(sweep, base, plan, command);
     const int signal = session.run();
     report(summary, session, plan, path, signal);

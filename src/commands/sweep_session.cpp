@@ -26,7 +26,8 @@ std::string file_of(const std::string& path, long point) {
   return path.substr(0, has_end ? dot : path.size()) + "-" + number + (has_end ? path.substr(dot) : "");
 }
 
-// Where the ends of a followed line stand for a sweep that is killed, the latest and the one being computed in turn.
+// Where the ends of a followed line stand for a sweep that is killed, the latest and the one being computed
+// in turn.
 std::string end_of_line(const std::string& path, long unit, std::size_t turn) {
   return paths::hidden_sibling(path, ".line-" + std::to_string(unit) + (turn % 2 ? "-b" : "-a"));
 }
@@ -49,13 +50,16 @@ Provenance provenance_of(const Options& sweep, const Options& base) {
 
 }  // namespace
 
-SweepSession::SweepSession(const Options& sweep, const Options& base, const SweepPlan& plan, const Command& command)
-    : sweep_(sweep), base_(base), plan_(plan), path_(sweep.text("out_file")), files_(sweep.boolean("sweep_files")),
-      runner_(command, base), provenance_(provenance_of(sweep, base)), progress_(sweep.text("progress"), "sweep: "),
-      rank_(rank_in(MPI_COMM_WORLD)) {}
+SweepSession::SweepSession(const Options& sweep, const Options& base, const SweepPlan& plan,
+                           const Command& command)
+    : sweep_(sweep), base_(base), plan_(plan), path_(sweep.text("out_file")),
+      files_(sweep.boolean("sweep_files")), runner_(command, base), provenance_(provenance_of(sweep, base)),
+      progress_(sweep.text("progress"), "sweep: "), rank_(rank_in(MPI_COMM_WORLD)) {}
 
 std::string SweepSession::key() const {
-  return sweep_.is_set("sweep_key") ? sweep_.text("sweep_key") : base_.command() == "run" ? "regime" : "stable";
+  return sweep_.is_set("sweep_key") ? sweep_.text("sweep_key")
+         : base_.command() == "run" ? "regime"
+                                    : "stable";
 }
 
 std::string SweepSession::kind_of(long point) const {
@@ -67,7 +71,8 @@ long SweepSession::failed() const {
                        [this](long point) { return table_.text(point, "status") == "failed"; });
 }
 
-// ---- rows and the table -------------------------------------------------------------------------------------------
+// ---- rows and the table
+// -------------------------------------------------------------------------------------------
 
 void SweepSession::read_rows() {
   std::vector<Known> rows;
@@ -85,7 +90,8 @@ void SweepSession::read_rows() {
 }
 
 void SweepSession::write_table(bool complete) {
-  SweepLayout layout{plan_.is_grid(), plan_.follows(), {}, [this](long point) { return plan_.values(point); }};
+  SweepLayout layout{
+      plan_.is_grid(), plan_.follows(), {}, [this](long point) { return plan_.values(point); }};
   std::vector<long> points = table_.points();
   std::sort(points.begin(), points.end());
   for (std::size_t k = 0; k < plan_.axes().size(); ++k) {
@@ -97,12 +103,13 @@ void SweepSession::write_table(bool complete) {
     else
       for (const long point : points) values.push_back(plan_.values(point)[k]);
   }
-  table_.write(path_, provenance_, layout,
-               {{"given", text_of_map(sweep_.with("restart", "").given())}, {"key", key()}, {"of", base_.command()}},
-               {{"points", double(plan_.is_refined() && complete ? table_.size() : plan_.points())},
-                {"done", double(table_.size())},
-                {"failed", double(failed())},
-                {"complete", complete ? 1. : 0.}});
+  table_.write(
+      path_, provenance_, layout,
+      {{"given", text_of_map(sweep_.with("restart", "").given())}, {"key", key()}, {"of", base_.command()}},
+      {{"points", double(plan_.is_refined() && complete ? table_.size() : plan_.points())},
+       {"done", double(table_.size())},
+       {"failed", double(failed())},
+       {"complete", complete ? 1. : 0.}});
 }
 
 void SweepSession::note(long point, const Json& row) {
@@ -115,8 +122,8 @@ void SweepSession::look_at_clock(long taken, long units) {
   if (progress_.due()) {
     const double part = double(taken) / double(units);
     char text[96];
-    std::snprintf(text, sizeof text, "%ld of %ld %s (%.0f %%)", taken, units, plan_.follows() ? "lines" : "points",
-                  100 * part);
+    std::snprintf(text, sizeof text, "%ld of %ld %s (%.0f %%)", taken, units,
+                  plan_.follows() ? "lines" : "points", 100 * part);
     progress_.show(text + progress_.left(part));
   }
   const double begin = MPI_Wtime();
@@ -129,7 +136,8 @@ void SweepSession::look_at_clock(long taken, long units) {
   next_table_ = end + std::max(20., 50 * (end - begin));
 }
 
-// ---- points -------------------------------------------------------------------------------------------------------
+// ---- points
+// -------------------------------------------------------------------------------------------------------
 
 // `wholes`: the points of the same line before this one that have come to their end.
 Options SweepSession::options_at(long point, const std::vector<long>& wholes) const {

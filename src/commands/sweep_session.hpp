@@ -17,12 +17,12 @@ namespace stickslip {
 
 class SweepSession {
  public:
-  // `sweep`: the options of the sweep; `base`: those of the command at every point but for what is varied. All must outlive
-  // it. Throws UsageError. Collective.
+  // `sweep`: the options of the sweep; `base`: those of the command at every point but for what is varied.
+  // All must outlive it. Throws UsageError. Collective.
   SweepSession(const Options& sweep, const Options& base, const SweepPlan& plan, const Command& command);
 
-  // Computes what no journal beside out_file holds. Returns the signal that it stopped for, 0 where it came to the end: then
-  // the table is whole and the journals are gone. Collective.
+  // Computes what no journal beside out_file holds. Returns the signal that it stopped for, 0 where it came
+  // to the end: then the table is whole and the journals are gone. Collective.
   int run();
 
   const SweepTable& table() const { return table_; }  // on rank 0

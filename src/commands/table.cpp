@@ -19,14 +19,17 @@ const std::vector<Command>& commands() {
   static const std::vector<Command> table = {
       {"run", "advances the scene in time", run_command, true},
       {"wave", "solves for a train of pulses: speed or length, stability, branches", wave_command, false},
-      {"spectrum", "steady sliding, then the eigenvalues of the operator linearised about it", spectrum_command, true},
+      {"spectrum", "steady sliding, then the eigenvalues of the operator linearised about it",
+       spectrum_command, true},
       {"laws", "tabulates friction laws", laws_command, false},
       {"boundary", "where sliding loses stability, and where stick-slip ends, in one option or traced in two",
        boundary_command, true},
-      {"cycle", "solves for a periodic oscillation: period, stability, waves on it, branches", cycle_command, false},
-      {"chart", "the same scene by many methods: error against seconds, or where each method fails", chart_command,
-       true},
-      {"sweep", "any command over a grid, list or sample of options, on groups of ranks", sweep_command, false},
+      {"cycle", "solves for a periodic oscillation: period, stability, waves on it, branches", cycle_command,
+       false},
+      {"chart", "the same scene by many methods: error against seconds, or where each method fails",
+       chart_command, true},
+      {"sweep", "any command over a grid, list or sample of options, on groups of ranks", sweep_command,
+       false},
   };
   return table;
 }
@@ -76,23 +79,26 @@ std::string general_help() {
       ": stick-slip friction of chains and continua, by the method of lines on PETSc and SLEPc\n\n"
       "usage: stickslip COMMAND [SCENE.yaml] [options]          mpirun -n 4 stickslip COMMAND ...\n\n"
       "commands:\n";
-  for (const Command& command : commands())
-    text += "  " + padded(command.name, 12) + command.does + "\n";
+  for (const Command& command : commands()) text += "  " + padded(command.name, 12) + command.does + "\n";
   return text +
-         "\nA scene is a YAML file of options: `model: {gamma: 3}` is -model_gamma 3. PETSC_OPTIONS and the command\n"
+         "\nA scene is a YAML file of options: `model: {gamma: 3}` is -model_gamma 3. PETSC_OPTIONS and the "
+         "command\n"
          "line stand above it, with every option of PETSc and SLEPc (-ts_type, -ts_rtol, -log_view, ...).\n"
-         "stickslip COMMAND -help lists the command's own options, -help all those of PETSc and SLEPc as well;\n"
+         "stickslip COMMAND -help lists the command's own options, -help all those of PETSc and SLEPc as "
+         "well;\n"
          "stickslip --version tells the versions.\n";
 }
 
 std::string command_help(const Command& command) {
-  std::string text = "stickslip " + std::string(command.name) + ": " + command.does +
-                     "\n\nusage: stickslip " + command.name +
-                     " [SCENE.yaml] [options]\n\nEach option with its [default], what it takes and its (unit); "
-                     "-help all adds those of PETSc and SLEPc.\n";
+  std::string text =
+      "stickslip " + std::string(command.name) + ": " + command.does + "\n\nusage: stickslip " +
+      command.name +
+      " [SCENE.yaml] [options]\n\nEach option with its [default], what it takes and its (unit); "
+      "-help all adds those of PETSc and SLEPc.\n";
   std::vector<std::string> groups;
   for (const OptionSpec& spec : option_table())
-    if (reads_option(command.name, spec) && std::find(groups.begin(), groups.end(), spec.group) == groups.end())
+    if (reads_option(command.name, spec) &&
+        std::find(groups.begin(), groups.end(), spec.group) == groups.end())
       groups.push_back(spec.group);
   for (const std::string& group : groups) {
     text += "\n" + group + "\n";
@@ -100,8 +106,8 @@ std::string command_help(const Command& command) {
       if (spec.group != group || !reads_option(command.name, spec)) continue;
       const std::string value = spec.default_text.empty() ? spec.default_help : spec.default_text;
       const std::string takes = spec.type == OptionType::text ? "text" : requirement(spec);
-      text += "  -" + spec.name + " [" + value + "]: " + takes + (spec.unit.empty() ? "" : " (" + spec.unit + ")") +
-              "\n      " + wrapped(spec.help, 6) + "\n";
+      text += "  -" + spec.name + " [" + value + "]: " + takes +
+              (spec.unit.empty() ? "" : " (" + spec.unit + ")") + "\n      " + wrapped(spec.help, 6) + "\n";
     }
   }
   return text;

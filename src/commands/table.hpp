@@ -21,7 +21,7 @@ const Command& command_named(const std::string& name);  // one of command_names(
 
 std::string general_help();
 std::string command_help(const Command& command);
-std::string version_text();   // versions of the libraries too: once they have started
-void print_library_help();    // what PETSc and SLEPc print of their options; collective
+std::string version_text();  // versions of the libraries too: once they have started
+void print_library_help();   // what PETSc and SLEPc print of their options; collective
 
 }  // namespace stickslip

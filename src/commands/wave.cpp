@@ -1,4 +1,5 @@
-// The command `wave`: a train of pulses, its stability, a branch of trains; to the summary, a file, and the terminal.
+// The command `wave`: a train of pulses, its stability, a branch of trains; to the summary, a file, and the
+// terminal.
 #include <cmath>
 
 #include "base/pulse.hpp"
@@ -20,8 +21,8 @@ namespace stickslip {
 
 namespace {
 
-// The train as it stands on its ring at t = 0, at the mesh and Gauss points of every pulse, x rising; and what the
-// picture needs of the scene.
+// The train as it stands on its ring at t = 0, at the mesh and Gauss points of every pulse, x rising; and
+// what the picture needs of the scene.
 void add_train(ResultFile& file, const Scene& scene, const Train& train) {
   const std::vector<double> phases = train.phases();
   std::vector<double> x, psi, eta, state;
@@ -61,8 +62,9 @@ void describe(Summary& summary, const Train& train) {
               " on a ring: speed V = " + rounded_text(train.speed, 12) + ", length L = " +
               rounded_text(train.length, 12) + ", period T = " + rounded_text(train.period, 12));
   summary.say(std::string("solved for the ") + (train.length_given ? "speed" : "length") + ", error below " +
-              rounded_text(train.error_estimate, 2) + "; psi from " + rounded_text(train.psi_min, 10) + " to " +
-              rounded_text(train.psi_max, 10) + "; " + std::to_string(train.intervals()) + " mesh intervals");
+              rounded_text(train.error_estimate, 2) + "; psi from " + rounded_text(train.psi_min, 10) +
+              " to " + rounded_text(train.psi_max, 10) + "; " + std::to_string(train.intervals()) +
+              " mesh intervals");
 }
 
 Json verdict(bool known, bool stable) { return known ? Json(stable) : Json(); }
@@ -96,25 +98,28 @@ void add_spectrum(Summary& summary, ResultFile& file, const TrainSpectrum& spect
   if (re.empty()) return;
   file.add({"spectrum/re", "1/time", "growth rate of the mode"}, {"spectrum/mode"}, re);
   file.add({"spectrum/im", "1/time", "its frequency in the frame of the train"}, {"spectrum/mode"}, im);
-  file.add({"spectrum/wavenumber", "1/length", "wavenumber of its Bloch factor"}, {"spectrum/mode"}, wavenumber);
+  file.add({"spectrum/wavenumber", "1/length", "wavenumber of its Bloch factor"}, {"spectrum/mode"},
+           wavenumber);
   file.add({"spectrum/resolved", "1", "1 where a finer mesh agrees"}, {"spectrum/mode"}, resolved);
 }
 
 void describe(Summary& summary, const TrainSpectrum& spectrum) {
   if (std::isnan(spectrum.growth_bound)) return summary.say("stability: " + spectrum.completeness_check);
-  const std::string rate = std::isnan(spectrum.growth_rate)
-                               ? ", every other mode at a growth rate below " + rounded_text(spectrum.growth_bound, 6)
-                               : ", largest growth rate " + rounded_text(spectrum.growth_rate, 6);
-  summary.say(spectrum.known ? std::string("on its ring: ") + (spectrum.stable ? "stable" : "not stable") + rate +
-                                   " (translation mode: " + rounded_text(spectrum.translation_error, 2) + ")"
-                             : "on its ring: whether it is stable is not known" +
-                                   (std::isnan(spectrum.growth_rate) ? "" : rate + " of those found"));
-  summary.say(!spectrum.endless_known    ? "endless train: whether it is stable is not known"
-              : spectrum.endless_stable ? "endless train: stable to every wavelength"
-                                        : "endless train: not stable, growth rate " +
-                                              rounded_text(spectrum.endless_growth, 6) + " at wavenumber " +
-                                              rounded_text(spectrum.endless_wavenumber, 6) + ", frequency " +
-                                              rounded_text(spectrum.endless_frequency, 6));
+  const std::string rate =
+      std::isnan(spectrum.growth_rate)
+          ? ", every other mode at a growth rate below " + rounded_text(spectrum.growth_bound, 6)
+          : ", largest growth rate " + rounded_text(spectrum.growth_rate, 6);
+  summary.say(spectrum.known
+                  ? std::string("on its ring: ") + (spectrum.stable ? "stable" : "not stable") + rate +
+                        " (translation mode: " + rounded_text(spectrum.translation_error, 2) + ")"
+                  : "on its ring: whether it is stable is not known" +
+                        (std::isnan(spectrum.growth_rate) ? "" : rate + " of those found"));
+  summary.say(!spectrum.endless_known ? "endless train: whether it is stable is not known"
+              : spectrum.endless_stable
+                  ? "endless train: stable to every wavelength"
+                  : "endless train: not stable, growth rate " + rounded_text(spectrum.endless_growth, 6) +
+                        " at wavenumber " + rounded_text(spectrum.endless_wavenumber, 6) + ", frequency " +
+                        rounded_text(spectrum.endless_frequency, 6));
 }
 
 // With wave_spectrum, the stability of every train of the branch too.
@@ -125,9 +130,9 @@ void add_branch(Summary& summary, ResultFile& file, const Options& options, cons
   Json points = Json::array();
   for (const BranchPoint& point : branch.points) {
     const Train& train = point.train;
-    std::vector<std::pair<std::string, double>> row = {{"value", point.value},       {"speed", train.speed},
-                                                       {"length", train.length},     {"period", train.period},
-                                                       {"psi_min", train.psi_min},   {"psi_max", train.psi_max}};
+    std::vector<std::pair<std::string, double>> row = {
+        {"value", point.value},   {"speed", train.speed},     {"length", train.length},
+        {"period", train.period}, {"psi_min", train.psi_min}, {"psi_max", train.psi_max}};
     Json stable;
     if (with_spectrum) {
       const TrainSpectrum spectrum = train_spectrum(train, 4);
@@ -154,7 +159,8 @@ void add_branch(Summary& summary, ResultFile& file, const Options& options, cons
       {"psi_min", {"branch/psi_min", "length/time", "least psi"}},
       {"psi_max", {"branch/psi_max", "length/time", "largest psi"}},
       {"fold", {"branch/fold", "1", "1 where the parameter has just turned round"}},
-      {"stable", {"branch/stable", "1", "1 where the train is stable on its ring, nan where it is not known"}},
+      {"stable",
+       {"branch/stable", "1", "1 where the train is stable on its ring, nan where it is not known"}},
       {"growth_rate", {"branch/growth_rate", "1/time", "largest growth rate on the ring"}}};
   for (const auto& [key, values] : columns) file.add(fields.at(key), {"branch/point"}, values);
   file.attribute("branch_parameter", name);
@@ -164,8 +170,8 @@ void add_branch(Summary& summary, ResultFile& file, const Options& options, cons
 void describe(Summary& summary, const Options& options, const Branch& branch) {
   int folds = 0;
   for (const BranchPoint& point : branch.points) folds += point.fold;
-  summary.say("branch in " + options.text("wave_continue") + ": " + std::to_string(branch.points.size()) + " points, " +
-              std::to_string(folds) + (folds == 1 ? " fold; " : " folds; ") + branch.end);
+  summary.say("branch in " + options.text("wave_continue") + ": " + std::to_string(branch.points.size()) +
+              " points, " + std::to_string(folds) + (folds == 1 ? " fold; " : " folds; ") + branch.end);
 }
 
 }  // namespace
@@ -173,10 +179,16 @@ void describe(Summary& summary, const Options& options, const Branch& branch) {
 int wave_command(const Options& options) {
   const Provenance provenance = Provenance::of("wave", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance,
-                  {"speed", "length", "pulses", "period", "psi_max", "psi_min", "residual", "error_estimate", "stable",
-                   "eigenvalues", "growth_rate", "translation_error", "complete", "completeness_check", "endless",
-                   "branch", "special", "curves", "shortest_pulse", "mesh_intervals"},
+  Summary summary(provenance, {"speed",          "length",
+                               "pulses",         "period",
+                               "psi_max",        "psi_min",
+                               "residual",       "error_estimate",
+                               "stable",         "eigenvalues",
+                               "growth_rate",    "translation_error",
+                               "complete",       "completeness_check",
+                               "endless",        "branch",
+                               "special",        "curves",
+                               "shortest_pulse", "mesh_intervals"},
                   options.text("summary"));
   const TrainRequest request = train_request(options);
   check_branch(options);
@@ -206,8 +218,8 @@ int wave_command(const Options& options) {
     }
     if (options.is_set("wave_continue")) {
       const Branch branch = continue_train(train_family(options, options.text("wave_continue")),
-                                           options.real(options.text("wave_continue")), options.real("wave_to"),
-                                           int(options.integer("wave_steps")));
+                                           options.real(options.text("wave_continue")),
+                                           options.real("wave_to"), int(options.integer("wave_steps")));
       add_branch(summary, file, options, branch);
       describe(summary, options, branch);
       add_limits(summary, file, options, branch);

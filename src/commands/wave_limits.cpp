@@ -26,8 +26,9 @@ Json limit_list(const std::vector<TrainLimit>& limits, bool two) {
 }
 
 void describe(Summary& summary, const std::string& name, const TrainLimit& limit) {
-  summary.say((limit.kind == "fold" ? "fold" : "stability changes (" + limit.kind + ", Bloch number " +
-                                                   std::to_string(limit.bloch) + ")") +
+  summary.say((limit.kind == "fold" ? "fold"
+                                    : "stability changes (" + limit.kind + ", Bloch number " +
+                                          std::to_string(limit.bloch) + ")") +
               " at " + name + " = " + rounded_text(limit.value, 10) +
               (limit.leads.value_or(true) ? "" : ", where other modes grow already"));
 }
@@ -67,8 +68,8 @@ void add_limits(Summary& summary, ResultFile& file, const Options& options, cons
   const bool two = options.is_set("wave_continue2");
   std::vector<std::string> notes;
   if (!two) {
-    const std::vector<TrainLimit> limits = train_limits(train_family(options, name, name), branch, 0,
-                                                        options.boolean("wave_spectrum"), notes);
+    const std::vector<TrainLimit> limits =
+        train_limits(train_family(options, name, name), branch, 0, options.boolean("wave_spectrum"), notes);
     for (const std::string& note : notes) warn(note);
     summary.set("special", limit_list(limits, false));
     for (const TrainLimit& limit : limits) describe(summary, name, limit);
@@ -76,8 +77,8 @@ void add_limits(Summary& summary, ResultFile& file, const Options& options, cons
   }
   const double from2 = options.real(name2), to2 = options.real("wave_to2");
   const std::vector<TrainLimitCurve> curves =
-      train_limit_curves(train_family(options, name, name2), branch, options.real(name), options.real("wave_to"), from2,
-                         to2, int(options.integer("wave_steps")), notes);
+      train_limit_curves(train_family(options, name, name2), branch, options.real(name),
+                         options.real("wave_to"), from2, to2, int(options.integer("wave_steps")), notes);
   for (const std::string& note : notes) warn(note);
   Json list = Json::array();
   std::vector<TrainLimit> limits;
@@ -87,7 +88,8 @@ void add_limits(Summary& summary, ResultFile& file, const Options& options, cons
                                  {"points", limit_list(curve.points, true)},
                                  {"end", curve.end}}));
     describe(summary, name, curve.points.front());
-    summary.say("  followed in " + name2 + ": " + std::to_string(curve.points.size()) + " points; " + curve.end);
+    summary.say("  followed in " + name2 + ": " + std::to_string(curve.points.size()) + " points; " +
+                curve.end);
   }
   summary.set("special", limit_list(limits, true));
   summary.set("curves", list);

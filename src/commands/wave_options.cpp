@@ -9,8 +9,9 @@ TrainRequest train_request(const Options& options) {
   TrainRequest request{options.integer("wave_pulses"), options.real_if_set("wave_length"),
                        options.real_if_set("wave_speed"), true};
   if (bool(request.length) == bool(request.speed))
-    throw UsageError(request.length ? "wave_length and wave_speed are both set: exactly one of the two is needed"
-                                    : "wave_length or wave_speed is needed: exactly one of the two");
+    throw UsageError(request.length
+                         ? "wave_length and wave_speed are both set: exactly one of the two is needed"
+                         : "wave_length or wave_speed is needed: exactly one of the two");
   return request;
 }
 
@@ -21,8 +22,10 @@ void check_branch(const Options& options) {
     const std::string asked = "wave_continue" + std::string(second), end = "wave_to" + std::string(second);
     if (options.is_set(asked) && options.text(asked) == "model_nu" &&
         !(options.real("model_nu") > 0 && options.real(end) > 0))
-      throw UsageError(asked + " model_nu: begin and end above 0, since at 0 a train obeys an equation of lower order (model_nu " +
-                       options.text("model_nu") + ", " + end + " " + options.text(end) + ")");
+      throw UsageError(
+          asked +
+          " model_nu: begin and end above 0, since at 0 a train obeys an equation of lower order (model_nu " +
+          options.text("model_nu") + ", " + end + " " + options.text(end) + ")");
   }
   if (!options.is_set("wave_continue2")) return;
   const std::string name = options.text("wave_continue"), name2 = options.text("wave_continue2");
@@ -40,7 +43,8 @@ TrainFamily train_family(const Options& options, const std::string& name) {
 
 TrainFamily2 train_family(const Options& options, const std::string& name, const std::string& name2) {
   return {name, name2, [options, name, name2](double value, double value2) {
-            const Options here = name == name2 ? options.with(name, value) : options.with(name, value).with(name2, value2);
+            const Options here =
+                name == name2 ? options.with(name, value) : options.with(name, value).with(name2, value2);
             return TrainCase{Scene::from(here, true), train_request(here)};
           }};
 }

@@ -17,8 +17,8 @@ using std::size_t;
 using Complex = std::complex<double>;
 using Multipliers = std::vector<Complex>;
 
-// Of uniform motion of the continuum waves are looked at as far as they turn by so much in a period; shorter ones see
-// its mean damping.
+// Of uniform motion of the continuum waves are looked at as far as they turn by so much in a period; shorter
+// ones see its mean damping.
 constexpr double turns_of_shortest = 100;
 
 class Waves {
@@ -33,7 +33,8 @@ class Waves {
   double period() const { return cycle_.period; }
   bool continuum_node() const { return one_node_ && scene_.form == Form::continuum; }
   double longest_wavenumber() const {
-    return continuum_node() ? turns_of_shortest / (std::sqrt(scene_.A() * scene_.K1()) * period()) : M_PI / length_;
+    return continuum_node() ? turns_of_shortest / (std::sqrt(scene_.A() * scene_.K1()) * period())
+                            : M_PI / length_;
   }
   Multipliers at(double k) const {
     if (!one_node_) return map_.of_twist(k * length_);
@@ -43,12 +44,14 @@ class Waves {
     const Multipliers m = at(k);
     return {k, m, std::log(std::abs(m.front())) / period()};
   }
-  // By how much ln(multiplier) changes with k, or so: what travels does so at the speed of sound, while it is not at rest.
+  // By how much ln(multiplier) changes with k, or so: what travels does so at the speed of sound, while it is
+  // not at rest.
   double turning() const {
     const double speed = std::sqrt(scene_.A() * scene_.K1());
     return speed * period() * std::max(1 - cycle_.rest_fraction, 0.1);
   }
-  // ln(multiplier of the phase mode)/period is -diffusion k^2 + ...: differences of fourth order, in kappa^2 or in k.
+  // ln(multiplier of the phase mode)/period is -diffusion k^2 + ...: differences of fourth order, in kappa^2
+  // or in k.
   double diffusion() const {
     if (one_node_) {
       const double unit = 1e-3 * scene_.K0() / scene_.K1();
@@ -61,7 +64,9 @@ class Waves {
   double short_waves() const { return continuum_node() ? map_.short_waves : std::nan(""); }
 
  private:
-  double phase_growth(const Multipliers& m) const { return std::log(std::abs(m[nearest_to_one(m)])) / period(); }
+  double phase_growth(const Multipliers& m) const {
+    return std::log(std::abs(m[nearest_to_one(m)])) / period();
+  }
 
   const Cycle& cycle_;
   const Scene& scene_;
@@ -76,8 +81,8 @@ struct Rates {
   double longest_wave;  // wavenumber from which on `largest` is looked for
 };
 
-// The one verdict: stable where everything decays, unstable where something grows, undecided where a rate that matters is
-// nearer to 0 than its error. No rate that is given can contradict it.
+// The one verdict: stable where everything decays, unstable where something grows, undecided where a rate
+// that matters is nearer to 0 than its error. No rate that is given can contradict it.
 void judge(const Rates& r, BlochSpectrum& out) {
   const double waves = std::fmax(r.of_finite, r.short_waves);  // the second may be NaN
   const double long_wave = -r.diffusion * r.longest_wave * r.longest_wave;
@@ -86,13 +91,14 @@ void judge(const Rates& r, BlochSpectrum& out) {
   out.decided = grows || out.stable;
 }
 
-// The places k = 0 and j/count of the longest, where `wavenumbers` divides count: near enough to each other that waves of
-// the speed of sound turn by no more than 1 from one to the next.
+// The places k = 0 and j/count of the longest, where `wavenumbers` divides count: near enough to each other
+// that waves of the speed of sound turn by no more than 1 from one to the next.
 std::vector<BlochPoint> evenly(const Waves& waves, int wavenumbers) {
   const double last = waves.longest_wavenumber();
   const int parts = std::max(1, int(std::ceil(std::min(1e6, waves.turning() * last / wavenumbers))));
   std::vector<BlochPoint> points{waves.point(0)};
-  for (int j = 1; j <= wavenumbers * parts; ++j) points.push_back(waves.point(last * j / (wavenumbers * parts)));
+  for (int j = 1; j <= wavenumbers * parts; ++j)
+    points.push_back(waves.point(last * j / (wavenumbers * parts)));
   return points;
 }
 
@@ -104,7 +110,8 @@ BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMa
   out.largest_at_zero = out.growth_rate = growth_rate(cycle);
   if (cycle.multipliers.size() > 1) out.multiplier = cycle.multipliers[cycle.phase_mode == 0 ? 1 : 0];
   out.coupled = waves.coupled();
-  const double error = std::abs(std::log(std::abs(cycle.multipliers[cycle.phase_mode]))) / waves.period() + 1e-12;
+  const double error =
+      std::abs(std::log(std::abs(cycle.multipliers[cycle.phase_mode]))) / waves.period() + 1e-12;
   if (!out.coupled) {
     out.stable = out.largest_at_zero < 0;
     out.decided = std::abs(out.largest_at_zero) > error;
@@ -120,21 +127,23 @@ BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMa
   const std::vector<BlochPoint>& p = scan.points();
   const double longest_wave = out.points.front().wavenumber;
   for (size_t j = 1; j < p.size(); ++j) {
-    if (p[j].growth_rate <= out.growth_rate || (p[j].wavenumber < longest_wave && !(p[j].growth_rate > 0))) continue;
+    if (p[j].growth_rate <= out.growth_rate || (p[j].wavenumber < longest_wave && !(p[j].growth_rate > 0)))
+      continue;
     out.growth_rate = p[j].growth_rate;
     out.wavenumber = p[j].wavenumber;
     out.multiplier = p[j].multipliers.front();
   }
   out.largest_of_finite = scan.largest_of_finite();
-  judge({out.largest_at_zero, out.diffusion, out.growth_rate, out.largest_of_finite, out.short_waves, error, longest_wave},
+  judge({out.largest_at_zero, out.diffusion, out.growth_rate, out.largest_of_finite, out.short_waves, error,
+         longest_wave},
         out);
   return out;
 }
 
 namespace {
 
-// Half the mean damping; with viscosity between neighbours, which damps psi ever faster, K1/N or what a state keeps, whose
-// mean rate is what psi and eta leave of the exponents' sum.
+// Half the mean damping; with viscosity between neighbours, which damps psi ever faster, K1/N or what a state
+// keeps, whose mean rate is what psi and eta leave of the exponents' sum.
 double growth_of_short_waves(const SmoothCycle& cycle, const Deviations& deviations) {
   const Scene& scene = cycle.field->scene();
   if (scene.N() == 0) return -deviations.mean_damping() / 2;
@@ -148,14 +157,15 @@ double growth_of_short_waves(const SmoothCycle& cycle, const Deviations& deviati
 
 BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers) {
   Deviations deviations(cycle);
-  return bloch_spectrum(cycle.cycle, cycle.field->scene(),
-                        {[&](double kappa2) { return deviations.of_wave(kappa2); },
-                         [&](double theta) { return deviations.of_twist(theta); },
-                         growth_of_short_waves(cycle, deviations)},
-                        wavenumbers);
+  return bloch_spectrum(
+      cycle.cycle, cycle.field->scene(),
+      {[&](double kappa2) { return deviations.of_wave(kappa2); },
+       [&](double theta) { return deviations.of_twist(theta); }, growth_of_short_waves(cycle, deviations)},
+      wavenumbers);
 }
 
-BlochSpectrum bloch_spectrum(const StickCycle& cycle, const Cycle& course, const Scene& cell, int wavenumbers) {
+BlochSpectrum bloch_spectrum(const StickCycle& cycle, const Cycle& course, const Scene& cell,
+                             int wavenumbers) {
   StickDeviations deviations(cell, cycle);
   return bloch_spectrum(course, cell,
                         {[&](double kappa2) { return deviations.of_wave(kappa2); },

@@ -30,20 +30,22 @@ namespace {
 
 using std::size_t;
 
-// Two real multipliers that are equal by symmetry (of waves that run either way round a cell) come out as a pair with an
-// imaginary part that is round-off; one of a torus is far above it.
+// Two real multipliers that are equal by symmetry (of waves that run either way round a cell) come out as a
+// pair with an imaginary part that is round-off; one of a torus is far above it.
 bool is_real(std::complex<double> mu) { return std::abs(mu.imag()) <= 1e-6 * std::abs(mu); }
 
-// How many multipliers lie beyond 1, beyond -1, and, as conjugate pairs, outside of the unit circle; the phase mode's
-// left out.
+// How many multipliers lie beyond 1, beyond -1, and, as conjugate pairs, outside of the unit circle; the
+// phase mode's left out.
 using Signature = std::array<int, 3>;
 Signature signature(const Cycle& cycle) {
   Signature s{};
   for (size_t k = 0; k < cycle.multipliers.size(); ++k) {
     const std::complex<double> mu = cycle.multipliers[k];
     if (k == cycle.phase_mode || !(std::abs(mu) > 1)) continue;
-    if (is_real(mu)) ++s[mu.real() > 0 ? 0 : 1];
-    else if (mu.imag() > 0) ++s[2];
+    if (is_real(mu))
+      ++s[mu.real() > 0 ? 0 : 1];
+    else if (mu.imag() > 0)
+      ++s[2];
   }
   return s;
 }
@@ -101,20 +103,22 @@ class Walk {
   int steps_;
   CycleWatch watch_;
   CycleBranch branch_;
-  Place here_, t_;      // where the branch stands, and its tangent
-  Seen last_;           // of that place
+  Place here_, t_;  // where the branch stands, and its tangent
+  Seen last_;       // of that place
   double first_amplitude_, first_period_;
   bool folded_ = false;
   bool while_stable_;
-  double first_special_ = 0;  // distance along the step of the first special point that was found in it, and its number
+  // distance along the step of the first special point that was found in it, and its number
+  double first_special_ = 0;
   size_t first_number_ = 0;
-  std::string refusal_;       // why the last step was not taken
+  std::string refusal_;  // why the last step was not taken
 };
 
 Walk::Walk(CyclePath& path, const Cycle& first, const std::string& name, double from, double to, int steps,
            const CycleWatch& watch, Follow follow)
-    : path_(path), name_(name), from_(from), to_(to), range_(std::abs(to - from)), steps_(steps), watch_(watch),
-      first_amplitude_(first.amplitude), first_period_(first.period), while_stable_(follow == Follow::while_stable) {
+    : path_(path), name_(name), from_(from), to_(to), range_(std::abs(to - from)), steps_(steps),
+      watch_(watch), first_amplitude_(first.amplitude), first_period_(first.period),
+      while_stable_(follow == Follow::while_stable) {
   longest_ = std::max(.02, std::min(.2, 4. / steps));
   ds_ = longest_ / 2;
   here_ = path_.place();
@@ -134,16 +138,18 @@ Seen Walk::look() {
   Seen seen;
   seen.value = path_.place().back() * range_;
   seen.cycle = path_.cycle();
-  if (watch_) seen.watched = watch_(seen.value, seen.cycle);
-  else seen.watched.growth_rate = growth_rate(seen.cycle);
+  if (watch_)
+    seen.watched = watch_(seen.value, seen.cycle);
+  else
+    seen.watched.growth_rate = growth_rate(seen.cycle);
   if (!watch_) seen.watched.stable = seen.watched.growth_rate < 0;
   seen.tangent = t_;
   return seen;
 }
 
 void Walk::add_point(const Seen& seen) {
-  branch_.points.push_back({seen.value, seen.cycle, seen.watched.stable, seen.watched.growth_rate,
-                            seen.watched.wavenumber});
+  branch_.points.push_back(
+      {seen.value, seen.cycle, seen.watched.stable, seen.watched.growth_rate, seen.watched.wavenumber});
 }
 
 void Walk::go(double s) { path_.go(s, t_, dot(t_, here_) + s); }
@@ -174,7 +180,8 @@ void Walk::end_where_none_is_found() {
     branch_.special.push_back({"graze", last_.value, last_.cycle.period, 0, branch_.points.size() - 1});
     branch_.end = "a slip only grazes rest at " + name_ + " = " + rounded_text(last_.value, 10);
   } else {
-    branch_.end = "no cycle is found beyond " + name_ + " = " + rounded_text(last_.value, 12) + ": " + refusal_;
+    branch_.end =
+        "no cycle is found beyond " + name_ + " = " + rounded_text(last_.value, 12) + ": " + refusal_;
   }
 }
 
@@ -193,7 +200,8 @@ bool Walk::step() {
   Place moved = path_.place();
   for (size_t k = 0; k < moved.size(); ++k) moved[k] -= here_[k];
   if (std::sqrt(dot(moved, moved)) > 2 * length) throw Failure("the step left the branch");
-  const double gone = dot(t_, moved);  // the distance at which go() finds this place: length, but not on arrival
+  // the distance at which go() finds this place: length, but not on arrival
+  const double gone = dot(t_, moved);
   Seen seen = look();
   const auto sign = seen.cycle.tests.find("hopf");
   if (sign != seen.cycle.tests.end() && (sign->second < 0) != (last_.cycle.tests["hopf"] < 0)) {
@@ -219,14 +227,17 @@ bool Walk::step() {
   last_ = seen;
   add_point(seen);
   if (const std::optional<double> limit = endless()) {
-    branch_.special.push_back({"infinite-period", *limit, std::numeric_limits<double>::infinity(), 0,
-                               branch_.points.size() - 1});
-    branch_.end = "the period grows beyond all bounds at " + name_ + " = " + rounded_text(*limit, 8) + ": the limit of the "
-                  "branch, left at a period of " + rounded_text(seen.cycle.period, 8);
+    branch_.special.push_back(
+        {"infinite-period", *limit, std::numeric_limits<double>::infinity(), 0, branch_.points.size() - 1});
+    branch_.end = "the period grows beyond all bounds at " + name_ + " = " + rounded_text(*limit, 8) +
+                  ": the limit of the "
+                  "branch, left at a period of " +
+                  rounded_text(seen.cycle.period, 8);
     return false;
   }
   if (seen.cycle.period > most_periods * first_period_) {
-    branch_.end = "the period has grown to " + rounded_text(seen.cycle.period, 4) + ", and where " + name_ + " goes to is not "
+    branch_.end = "the period has grown to " + rounded_text(seen.cycle.period, 4) + ", and where " + name_ +
+                  " goes to is not "
                   "known to 1e-8 of its range";
     return false;
   }
@@ -239,18 +250,21 @@ bool Walk::step() {
     return false;
   }
   // a straight branch towards an endless period is a curve of ln T alone
-  const double longest = seen.cycle.period > long_steps_from * first_period_ ? std::max(longest_, long_step) : longest_;
+  const double longest =
+      seen.cycle.period > long_steps_from * first_period_ ? std::max(longest_, long_step) : longest_;
   if (cosine > .98) ds_ = std::min(longest, 1.4 * ds_);
   return true;
 }
 
 // False: the branch ends.
 bool Walk::end_where_it_repels(size_t found) {
-  if (branch_.special.size() == found) throw Failure("the cycle ceases to attract at a point that is not located");
+  if (branch_.special.size() == found)
+    throw Failure("the cycle ceases to attract at a point that is not located");
   branch_.special = {branch_.special[first_number_]};
   go(first_special_);
   path_.tangent(t_);
-  branch_.end = "the cycle ceases to attract at " + name_ + " = " + rounded_text(path_.place().back() * range_, 10);
+  branch_.end =
+      "the cycle ceases to attract at " + name_ + " = " + rounded_text(path_.place().back() * range_, 10);
   return false;
 }
 
@@ -266,14 +280,14 @@ void Walk::add_special(const std::string& kind, double s) {
   }
 }
 
-// A point between two cycles that cannot be reached from here: a shorter step may reach it, and is not taken past it in
-// silence.
+// A point between two cycles that cannot be reached from here: a shorter step may reach it, and is not taken
+// past it in silence.
 [[noreturn]] void passed_unseen(const std::string& kind, const std::string& why) {
   throw Failure("a special point (" + kind + ") is passed that cannot be located: " + why);
 }
 
-void Walk::locate_root(const std::string& kind, double length, const std::function<double()>& test, double before,
-                       double after) {
+void Walk::locate_root(const std::string& kind, double length, const std::function<double()>& test,
+                       double before, double after) {
   folded_ = true;
   std::string why;
   const auto at = [&](double s) {
@@ -293,14 +307,14 @@ void Walk::locate_root(const std::string& kind, double length, const std::functi
   if (std::abs(test()) < 1e-4 * std::max(std::abs(before), std::abs(after))) add_special(kind, s);
 }
 
-// Changes of the multipliers' places, by halving, one after the other. Beside a fold the multiplier that passes 1 is not
-// looked at.
+// Changes of the multipliers' places, by halving, one after the other. Beside a fold the multiplier that
+// passes 1 is not looked at.
 void Walk::locate_changes(Signature now, const Signature& after, double length, bool fold) {
   folded_ = true;
-  // Changes nearer to each other are one: where other cycles branch off, the cycle itself is known to some 1e-7 only, by
-  // which two multipliers that pass 1 together come apart.
+  // Changes nearer to each other are one: where other cycles branch off, the cycle itself is known to some
+  // 1e-7 only, by which two multipliers that pass 1 together come apart.
   constexpr double beyond = 1e-6;
-  constexpr int most = 8;          // that one step may have
+  constexpr int most = 8;  // that one step may have
   const auto seen = [&](double s) {
     go(s);
     Signature there = signature(path_.cycle());
@@ -329,8 +343,8 @@ void Walk::locate_changes(Signature now, const Signature& after, double length, 
   }
 }
 
-// Which multiplier passes the unit circle at the distance s, and where: the nearest to it. Two that meet outside of it and
-// part do not change the number of those outside.
+// Which multiplier passes the unit circle at the distance s, and where: the nearest to it. Two that meet
+// outside of it and part do not change the number of those outside.
 void Walk::name_change(const Signature& before, const Signature& after, double s) {
   if (outside(before) == outside(after)) return;
   go(s);
@@ -349,12 +363,15 @@ void Walk::name_change(const Signature& before, const Signature& after, double s
 
 void Walk::find_special(const Seen& seen, double length) {
   const Signature before = signature(last_.cycle), after = signature(seen.cycle);
-  // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a fold. A
-  // multiplier passes 1 there; where none does, a branch that breaks off has turned by what Newton's method leaves.
+  // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a
+  // fold. A multiplier passes 1 there; where none does, a branch that breaks off has turned by what Newton's
+  // method leaves.
   const bool fold = t_.back() * seen.tangent.back() < 0 &&
                     std::max(std::abs(t_.back()), std::abs(seen.tangent.back())) > 1e-9 &&
                     (before[0] != after[0] || near_one(last_.cycle) || near_one(seen.cycle));
-  if (fold) locate_root("fold", length, [&] { return path_.tangent(t_).back(); }, t_.back(), seen.tangent.back());
+  if (fold)
+    locate_root(
+        "fold", length, [&] { return path_.tangent(t_).back(); }, t_.back(), seen.tangent.back());
   Signature beside = after;
   if (fold) beside[0] = before[0];
   if (before != beside) locate_changes(before, beside, length, fold);
@@ -370,16 +387,20 @@ void Walk::find_special(const Seen& seen, double length) {
     }
   };
   changes(last_.cycle.tests, seen.cycle.tests, [&](const std::string& name, double a, double b) {
-    locate_root(name, length, [&] { return value_of(name, path_.cycle().tests); }, a, b);
+    locate_root(
+        name, length, [&] { return value_of(name, path_.cycle().tests); }, a, b);
   });
   changes(last_.watched.tests, seen.watched.tests, [&](const std::string& name, double a, double b) {
-    locate_root(name, length, [&] { return value_of(name, look().watched.tests); }, a, b);
+    locate_root(
+        name, length, [&] { return value_of(name, look().watched.tests); }, a, b);
   });
 }
 
-// The parameter is even in the amplitude: extrapolated to zero from three cycles, as small as can be solved for.
+// The parameter is even in the amplitude: extrapolated to zero from three cycles, as small as can be solved
+// for.
 void Walk::end_at_hopf(const Seen& seen, double length) {
-  const double a0 = last_.cycle.amplitude, a1 = -seen.cycle.amplitude, side = last_.cycle.tests["hopf"] < 0 ? -1 : 1;
+  const double a0 = last_.cycle.amplitude, a1 = -seen.cycle.amplitude,
+               side = last_.cycle.tests["hopf"] < 0 ? -1 : 1;
   const auto signed_amplitude = [&](double s) {
     try {
       go(s);
@@ -412,20 +433,22 @@ void Walk::end_at_hopf(const Seen& seen, double length) {
     }
     break;
   }
-  if (std::isnan(hopf)) throw Failure("the cycle runs the other way round, and not because its amplitude has vanished");
+  if (std::isnan(hopf))
+    throw Failure("the cycle runs the other way round, and not because its amplitude has vanished");
   branch_.special.push_back({"hopf", hopf, period, 0, branch_.points.size() - 1});
   branch_.end = "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 10) + ": steady sliding";
 }
 
-// The limit of the parameter where the period grows beyond all bounds: far beyond that of a canard, in which the amplitude
-// grows with it.
+// The limit of the parameter where the period grows beyond all bounds: far beyond that of a canard, in which
+// the amplitude grows with it.
 std::optional<double> Walk::endless() const {
   constexpr double long_period = 30, part = 1.5, settled = 0.02, known = 1e-8;
   const Cycle& now = last_.cycle;
   if (now.period < long_period * first_period_) return std::nullopt;
   std::vector<double> periods, values;
   for (const CyclePoint& point : branch_.points) {
-    if (point.cycle.period > now.period / part && std::abs(point.cycle.amplitude / now.amplitude - 1) > settled)
+    if (point.cycle.period > now.period / part &&
+        std::abs(point.cycle.amplitude / now.amplitude - 1) > settled)
       return std::nullopt;
     periods.push_back(point.cycle.period);
     values.push_back(point.value);
@@ -437,8 +460,8 @@ std::optional<double> Walk::endless() const {
 
 }  // namespace
 
-CycleBranch continue_cycle(CyclePath& path, const Cycle& first, const std::string& name, double from, double to,
-                           int steps, const CycleWatch& watch, Follow follow) {
+CycleBranch continue_cycle(CyclePath& path, const Cycle& first, const std::string& name, double from,
+                           double to, int steps, const CycleWatch& watch, Follow follow) {
   return Walk(path, first, name, from, to, steps, watch, follow).follow();
 }
 
@@ -475,7 +498,8 @@ double settle_on_special(const std::string& kind, CyclePath& path, double range,
     }
   };
   const double first = special_test(kind, path, row), step = slope == slope ? -first / slope : first_step;
-  const double s = root_near(test, 0, first, std::abs(step) < reach / 10 ? step : first_step, tolerance, reach, &slope);
+  const double s =
+      root_near(test, 0, first, std::abs(step) < reach / 10 ? step : first_step, tolerance, reach, &slope);
   if (std::isnan(s)) return s;
   path.go(s, row, level + s);
   path.tangent(row);

@@ -15,7 +15,8 @@ namespace {
 Frictions smooth_friction(const Scene& scene) {
   const FrictionParameters& p = scene.friction;
   if (p.sticks())
-    throw UsageError("friction_law " + to_string(p.law) + " jumps at rest, which collocation in time cannot follow: set "
+    throw UsageError("friction_law " + to_string(p.law) +
+                     " jumps at rest, which collocation in time cannot follow: set "
                      "friction_stick to regularised");
   return Frictions(scene, 0, scene.n);
 }
@@ -79,7 +80,8 @@ void CellField::rates(const double* y, double* f) const {
   for (std::size_t k = 0; k < node_.size(); ++k) {
     const double* at = y + k * std::size_t(dof_);
     const double psi = at[0], state = dof_ == 3 ? at[2] : 0;
-    double d2 = held_[k].sum - held_[k].weight * psi;  // by differences, which keep the digits that 1/h^2 would eat
+    // by differences, which keep the digits that 1/h^2 would eat
+    double d2 = held_[k].sum - held_[k].weight * psi;
     for (const Term& t : row_[k]) d2 += t.weight * (y[t.column * std::size_t(dof_)] - psi);
     const double force = amplitude_[k] * friction(k).force(psi, state);
     const kernel::NodeRates rates = kernel::node_rates(coefficients_, psi, at[1], force, 0, 1);
@@ -95,7 +97,8 @@ LinearPoint CellField::point(const double* y, std::size_t k) const {
   const double psi = at[0], state = dof_ == 3 ? at[2] : 0, a = amplitude_[k];
   const Partials F = friction(k).partials(psi, state);
   LinearPoint p = no_friction_;
-  p.set({a * F.F, a * F.F_psi, a * F.F_state}, dof_ == 3 ? friction(k).rate_partials(psi, state) : RatePartials{0, 0, 0});
+  p.set({a * F.F, a * F.F_psi, a * F.F_state},
+        dof_ == 3 ? friction(k).rate_partials(psi, state) : RatePartials{0, 0, 0});
   return p;
 }
 
@@ -114,7 +117,8 @@ void CellField::jacobian(const double* y, double* J) const {
   }
 }
 
-// Rate-and-state friction, nearly a logarithm of psi: to the psi that carries the force that Newton's step leads to.
+// Rate-and-state friction, nearly a logarithm of psi: to the psi that carries the force that Newton's step
+// leads to.
 void CellField::restrain(const double* y, double h, double* dy) const {
   for (std::size_t k = 0; k < node_.size(); ++k) {
     if (!friction(k).steep) continue;
@@ -154,7 +158,8 @@ std::vector<std::complex<double>> CellField::weights_of_twist(double theta) cons
   std::vector<std::complex<double>> w(r * r);
   for (std::size_t k = 0; k < node_.size(); ++k)
     for (const Term& t : row_[k])
-      if (t.turns != 0) w[place[k] * r + place[t.column]] += t.weight * (std::polar(1., theta * t.turns) - 1.);
+      if (t.turns != 0)
+        w[place[k] * r + place[t.column]] += t.weight * (std::polar(1., theta * t.turns) - 1.);
   return w;
 }
 

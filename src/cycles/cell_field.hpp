@@ -1,8 +1,8 @@
-// A scene as one system of differential equations y' = f(y) of all its nodes, for collocation in time. Local to the
-// process, which holds every node.
+// A scene as one system of differential equations y' = f(y) of all its nodes, for collocation in time. Local
+// to the process, which holds every node.
 //
-// Held nodes carry no unknown: their psi stands in their neighbours' equations. The nodes of a ring are folded, 0, n-1, 1,
-// n-2, ..., so that neighbours stay near each other and the Jacobian is a band.
+// Held nodes carry no unknown: their psi stands in their neighbours' equations. The nodes of a ring are
+// folded, 0, n-1, 1, n-2, ..., so that neighbours stay near each other and the Jacobian is a band.
 #pragma once
 
 #include <algorithm>
@@ -29,14 +29,15 @@ class CellField : public VectorField {
   void restrain(const double* y, double h, double* dy) const override;
 
   int dof() const { return dof_; }
-  std::size_t nodes() const { return node_.size(); }              // solved for
-  PetscInt node(std::size_t k) const { return node_[k]; }         // of the scene, in the order of the unknowns
+  std::size_t nodes() const { return node_.size(); }  // solved for
+  // of the scene, in the order of the unknowns
+  PetscInt node(std::size_t k) const { return node_[k]; }
   const Scene& scene() const { return scene_; }
   // y of steady sliding psi = v; of a uniform cell the exact one, else a start for it.
   std::vector<double> sliding() const;
 
-  // What the copies of the cell beside it feed into its rates. Of one node alone a wave exp(ikx) adds kappa^2 to -D2; of a
-  // ring's cell the neighbours across its ends are exp(i theta) times as large.
+  // What the copies of the cell beside it feed into its rates. Of one node alone a wave exp(ikx) adds kappa^2
+  // to -D2; of a ring's cell the neighbours across its ends are exp(i theta) times as large.
   Feed feed() const;
   std::vector<double> weights_of_wave(double kappa2) const;
   std::vector<std::complex<double>> weights_of_twist(double theta) const;

@@ -13,9 +13,10 @@ using std::size_t;
 using Complex = std::complex<double>;
 using Multipliers = std::vector<Complex>;
 
-// What decays is carried by Gauss's method in steps of so many decay times, for which an interval is halved once at most. What
-// decays faster still has gone soon: by Radau's method, as Gauss's turns it into an oscillation. Halving further changes no
-// multiplier by more than the last digits that the motion is known to.
+// What decays is carried by Gauss's method in steps of so many decay times, for which an interval is halved
+// once at most. What decays faster still has gone soon: by Radau's method, as Gauss's turns it into an
+// oscillation. Halving further changes no multiplier by more than the last digits that the motion is known
+// to.
 constexpr double decay_of_step = 1, stiff_from = 2;
 // Steps in which a wave turns by no more than this carry it to 1e-11.
 constexpr double turn_of_step = .7;
@@ -42,7 +43,8 @@ Deviations::Deviations(const SmoothCycle& cycle) : cycle_(cycle), field_(*cycle.
   const size_t d = size_t(field_.dim());
   for (const Piece& piece : pieces_)
     for (size_t j = 0; j < mesh_stages; ++j)
-      mean_damping_ -= piece.h * piece.method().b[j] * (piece.J[j * d * d] + piece.J[j * d * d + d + 1]) / cycle.cycle.period;
+      mean_damping_ -= piece.h * piece.method().b[j] * (piece.J[j * d * d] + piece.J[j * d * d + d + 1]) /
+                       cycle.cycle.period;
 }
 
 void Deviations::carry_on(const std::vector<double>& mesh) {
@@ -53,7 +55,8 @@ void Deviations::carry_on(const std::vector<double>& mesh) {
   pieces_ = pieces(0);
   std::vector<double> matrices;
   for (const Piece& piece : pieces_) {
-    const std::vector<double> matrix = carried(piece.method(), field_.dim(), field_.band(), piece.h, piece.J.data());
+    const std::vector<double> matrix =
+        carried(piece.method(), field_.dim(), field_.band(), piece.h, piece.J.data());
     matrices.insert(matrices.end(), matrix.begin(), matrix.end());
   }
   multipliers_ = multipliers_of(field_.dim(), pencil_of(field_.dim(), matrices));
@@ -65,7 +68,8 @@ std::vector<Deviations::Piece> Deviations::pieces(int halvings) const {
   std::vector<double> y(static_cast<size_t>(d));
   const auto sample = [&](const Collocation& method, double begin, double phase, Piece& piece) {
     for (size_t j = 0; j < mesh_stages; ++j) {
-      evaluate(Collocation::gauss5(), cycle_.mesh, cycle_.values.data(), d, begin + phase * method.c[j], y.data());
+      evaluate(Collocation::gauss5(), cycle_.mesh, cycle_.values.data(), d, begin + phase * method.c[j],
+               y.data());
       field_.jacobian(y.data(), &piece.J[j * dd]);
     }
   };
@@ -109,7 +113,8 @@ const std::vector<Link>& Deviations::links(int halvings) {
 Multipliers Deviations::of_wave(double kappa2) {
   const Scene& scene = field_.scene();
   const double decay = scene.A() * scene.N() * std::abs(kappa2);  // by viscosity between neighbours
-  const double turn = std::max(decay, std::sqrt(std::max(0., scene.A() * (scene.K0() + scene.K1() * kappa2)))) * longest_;
+  const double turn =
+      std::max(decay, std::sqrt(std::max(0., scene.A() * (scene.K0() + scene.K1() * kappa2)))) * longest_;
   const int halvings = std::max(0, int(std::ceil(std::log2(turn / turn_of_step))));
   return multipliers_of(field_.dim(), links(halvings), field_.weights_of_wave(kappa2));
 }
@@ -125,7 +130,8 @@ void set_multipliers(SmoothCycle& cycle) {
   // of two unknowns the other's is known to all digits (Liouville), however small
   if (found.size() == 2) {
     found[1 - cycle.cycle.phase_mode] = std::exp(-deviations.mean_damping() * cycle.cycle.period);
-    cycle.cycle.phase_mode = std::abs(found[0]) < std::abs(found[1]) ? 1 - cycle.cycle.phase_mode : cycle.cycle.phase_mode;
+    cycle.cycle.phase_mode =
+        std::abs(found[0]) < std::abs(found[1]) ? 1 - cycle.cycle.phase_mode : cycle.cycle.phase_mode;
     if (std::abs(found[0]) < std::abs(found[1])) std::swap(found[0], found[1]);
   }
 }

@@ -1,7 +1,8 @@
-// The equations linearised about a cycle, carried round one period: multipliers of deviations and of waves on the motion.
+// The equations linearised about a cycle, carried round one period: multipliers of deviations and of waves on
+// the motion.
 //
-// Gauss's points where the step is short beside the rates of decay; where friction is stiffer those of Radau, which damp
-// what decays at once. Local to the process.
+// Gauss's points where the step is short beside the rates of decay; where friction is stiffer those of Radau,
+// which damp what decays at once. Local to the process.
 #pragma once
 
 #include <complex>
@@ -19,11 +20,12 @@ class Deviations {
   explicit Deviations(const SmoothCycle& cycle);
 
   const std::vector<std::complex<double>>& multipliers() const { return multipliers_; }  // largest first
-  // Of waves exp(ikx) on nodes that are all alike, kappa2 = kappa^2(k); of deviations exp(i theta) times as large in the next
-  // cell.
+  // Of waves exp(ikx) on nodes that are all alike, kappa2 = kappa^2(k); of deviations exp(i theta) times as
+  // large in the next cell.
   std::vector<std::complex<double>> of_wave(double kappa2);
   std::vector<std::complex<double>> of_twist(double theta);
-  double mean_damping() const { return mean_damping_; }  // of -trace J over psi and eta, over the period; one node
+  // of -trace J over psi and eta, over the period; one node
+  double mean_damping() const { return mean_damping_; }
 
  private:
   // One step: its length and the Jacobian at its points.

@@ -11,9 +11,9 @@ namespace {
 
 using std::size_t;
 
-constexpr size_t terms = 7;              // three powers of T
-constexpr size_t samples = terms + 2;    // three sums
-constexpr double ratio = 1.4;            // of T from one to the next: together a factor of 15
+constexpr size_t terms = 7;            // three powers of T
+constexpr size_t samples = terms + 2;  // three sums
+constexpr double ratio = 1.4;          // of T from one to the next: together a factor of 15
 
 // The last entry of the table's column of the highest even order. `s`: an odd number of terms.
 double epsilon_sum(std::vector<double> s) {
@@ -35,7 +35,8 @@ double epsilon_sum(std::vector<double> s) {
 
 }  // namespace
 
-std::optional<EndlessLimit> limit_of_endless_period(const std::vector<double>& periods, const std::vector<double>& values) {
+std::optional<EndlessLimit> limit_of_endless_period(const std::vector<double>& periods,
+                                                    const std::vector<double>& values) {
   size_t first = periods.size() - 1;
   while (first > 0 && periods[first - 1] < periods[first]) --first;
   std::vector<double> x, y;

@@ -38,8 +38,8 @@ Link::Link(const Collocation& method, int d, int band, double h, const double* J
 }
 
 Link::Link(int d, std::vector<double> matrix, const Feed& feed)
-    : d_(size_t(d)), r_(feed.of.size()), points_(1), end_(std::move(matrix)), end_of_u_(d_ * r_), psi_(r_ * d_),
-      psi_of_u_(r_ * r_) {
+    : d_(size_t(d)), r_(feed.of.size()), points_(1), end_(std::move(matrix)), end_of_u_(d_ * r_),
+      psi_(r_ * d_), psi_of_u_(r_ * r_) {
   for (size_t a = 0; a < r_; ++a) {
     for (size_t p = 0; p < d_; ++p) end_of_u_[p * r_ + a] = feed.into[a][p];
     psi_[a * d_ + feed.of[a]] = 1;
@@ -62,7 +62,8 @@ void Link::carry(const T* w, std::vector<T>& matrices) const {
     for (size_t b = 0; b < r_; ++b)
       for (size_t j = 0; j < s; ++j)
         S[i * fed + b * s + j] = (i == b * s + j ? 1. : 0.) - weighted(&psi_of_u_[i * fed], b, j);
-  if (!solve_dense(int(fed), S.data(), int(d_), z.data())) throw Failure("the linearised oscillation cannot be integrated");
+  if (!solve_dense(int(fed), S.data(), int(d_), z.data()))
+    throw Failure("the linearised oscillation cannot be integrated");
   for (size_t p = 0; p < d_; ++p)
     for (size_t b = 0; b < r_; ++b)
       for (size_t j = 0; j < s; ++j) {
@@ -72,13 +73,15 @@ void Link::carry(const T* w, std::vector<T>& matrices) const {
 }
 
 template <class T>
-std::vector<std::complex<double>> multipliers_of(int d, const std::vector<Link>& links, const std::vector<T>& w) {
+std::vector<std::complex<double>> multipliers_of(int d, const std::vector<Link>& links,
+                                                 const std::vector<T>& w) {
   std::vector<T> matrices;
   matrices.reserve(links.size() * size_t(d) * size_t(d));
   for (const Link& link : links) link.carry(w.data(), matrices);
   return multipliers_of(d, pencil_of(d, matrices));
 }
-template std::vector<std::complex<double>> multipliers_of(int, const std::vector<Link>&, const std::vector<double>&);
+template std::vector<std::complex<double>> multipliers_of(int, const std::vector<Link>&,
+                                                          const std::vector<double>&);
 template std::vector<std::complex<double>> multipliers_of(int, const std::vector<Link>&,
                                                           const std::vector<std::complex<double>>&);
 

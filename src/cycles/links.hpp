@@ -1,9 +1,10 @@
 // The chain that carries deviations round a cycle for many waves: each link a step by collocation or a jump.
 //
-// A wave changes the equations y' = J(t) y of a cell's deviations by what a few velocities feed into a few rates,
+// A wave changes the equations y' = J(t) y of a cell's deviations by what a few velocities feed into a few
+// rates,
 //     y' = J y + sum_ab w_ab u_a psi_b,
-// w its weights (`Feed`). What does not depend on w is eliminated once for each link; a wave leaves a system of as many
-// unknowns as there are psi_b at the stages. Local to the process.
+// w its weights (`Feed`). What does not depend on w is eliminated once for each link; a wave leaves a system
+// of as many unknowns as there are psi_b at the stages. Local to the process.
 #pragma once
 
 #include <complex>
@@ -13,7 +14,8 @@
 
 namespace stickslip {
 
-// u_a, each as long as the unknowns, and the places of psi_b among them; as many of the one as of the other, r.
+// u_a, each as long as the unknowns, and the places of psi_b among them; as many of the one as of the other,
+// r.
 struct Feed {
   std::vector<std::vector<double>> into;
   std::vector<std::size_t> of;
@@ -21,7 +23,8 @@ struct Feed {
 
 class Link {
  public:
-  // A step of length h: J at the five points of `method`, d x d each, of half band `band`. Throws Failure where it is singular.
+  // A step of length h: J at the five points of `method`, d x d each, of half band `band`. Throws Failure
+  // where it is singular.
   Link(const Collocation& method, int d, int band, double h, const double* J, const Feed& feed);
   // A matrix, d x d, with a jump that adds w_ab u_a psi_b to it.
   Link(int d, std::vector<double> matrix, const Feed& feed);
@@ -31,12 +34,14 @@ class Link {
   void carry(const T* w, std::vector<T>& matrices) const;
 
  private:
-  std::size_t d_, r_, points_;                            // points_ at which psi_b is fed back
-  std::vector<double> end_, end_of_u_, psi_, psi_of_u_;   // row-major: of y at the beginning, of what u_a is given at the points
+  std::size_t d_, r_, points_;  // points_ at which psi_b is fed back
+  // row-major: of y at the beginning, of what u_a is given at the points
+  std::vector<double> end_, end_of_u_, psi_, psi_of_u_;
 };
 
 // Floquet multipliers of a wave, largest first.
 template <class T>
-std::vector<std::complex<double>> multipliers_of(int d, const std::vector<Link>& links, const std::vector<T>& w);
+std::vector<std::complex<double>> multipliers_of(int d, const std::vector<Link>& links,
+                                                 const std::vector<T>& w);
 
 }  // namespace stickslip

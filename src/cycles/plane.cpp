@@ -14,7 +14,8 @@ double dot(const std::vector<double>& a, const std::vector<double>& b) {
 
 }  // namespace
 
-Condition plane_through(const VectorField& field, const std::vector<double>& y, const std::vector<double>& middle) {
+Condition plane_through(const VectorField& field, const std::vector<double>& y,
+                        const std::vector<double>& middle) {
   Condition plane;
   std::vector<double>& normal = plane.y0;
   normal.resize(y.size());
@@ -29,7 +30,9 @@ Condition plane_through(const VectorField& field, const std::vector<double>& y, 
   return plane;
 }
 
-Condition plane_across(const VectorField& field, const std::vector<double>& y) { return plane_through(field, y, y); }
+Condition plane_across(const VectorField& field, const std::vector<double>& y) {
+  return plane_through(field, y, y);
+}
 
 Condition plane_of(std::size_t k, const std::vector<double>& y) {
   Condition plane;

@@ -8,7 +8,8 @@ namespace stickslip {
 // y_0 lies in the plane through y across the motion there.
 Condition plane_across(const VectorField& field, const std::vector<double>& y);
 // The same where the plane goes through the middle of the cycle too: smaller cycles about it still cross it.
-Condition plane_through(const VectorField& field, const std::vector<double>& y, const std::vector<double>& middle);
+Condition plane_through(const VectorField& field, const std::vector<double>& y,
+                        const std::vector<double>& middle);
 // The plane through y in which unknown k keeps its value.
 Condition plane_of(std::size_t k, const std::vector<double>& y);
 // Mean over a period of a profile of d unknowns on a mesh.

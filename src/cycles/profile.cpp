@@ -16,13 +16,15 @@ size_t place(const CellField& field, size_t k) {
   return size_t(field.node(k) - (field.scene().left == End::velocity ? 1 : 0));
 }
 
-// Friction smoothed over eps is that of a node at rest, to 1e-3 of the threshold, where |psi| is below this many eps.
+// Friction smoothed over eps is that of a node at rest, to 1e-3 of the threshold, where |psi| is below this
+// many eps.
 constexpr double rest_in_eps = 4;
 
 // A linear functional of y along a profile: its polynomials between the points of a mesh.
 class Trace {
  public:
-  Trace(const std::vector<double>& mesh, const std::vector<double>& values, size_t d, std::vector<double> weights)
+  Trace(const std::vector<double>& mesh, const std::vector<double>& values, size_t d,
+        std::vector<double> weights)
       : mesh_(mesh), points_(mesh_stages + 1) {
     for (size_t i = 0; i < values.size() / d; ++i) {
       double sum = 0;
@@ -38,7 +40,8 @@ class Trace {
     for (size_t j = 0; j < points_; ++j) sum += w[j] * at_[interval * points_ + j];
     return sum;
   }
-  // The largest value (sign 1) or the least (-1): the best point, then the polynomials' own extremum beside it.
+  // The largest value (sign 1) or the least (-1): the best point, then the polynomials' own extremum beside
+  // it.
   double extremum(int sign) const {
     size_t best = 0;
     for (size_t i = 0; i < at_.size(); ++i)
@@ -47,8 +50,8 @@ class Trace {
     double value = at_[best];
     for (const size_t i : {interval, (interval + n - 1) % n, (interval + 1) % n}) {
       // flat on top: a place known to 1e-9 tells the value to the last digit
-      const Least least =
-          find_least([&](double part) { return -sign * at(i, part); }, 0, 1, 1e-9, [](double) { return false; });
+      const Least least = find_least([&](double part) { return -sign * at(i, part); }, 0, 1, 1e-9,
+                                     [](double) { return false; });
       value = sign * std::max(sign * value, -least.value);
     }
     return value;
@@ -103,7 +106,8 @@ Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const st
   cycle.period = period;
   const std::vector<double>& points = Collocation::gauss5().basis.points();
   for (size_t i = 0; i + 1 < mesh.size(); ++i)
-    for (const double part : points) cycle.times.push_back(period * (mesh[i] + (mesh[i + 1] - mesh[i]) * part));
+    for (const double part : points)
+      cycle.times.push_back(period * (mesh[i] + (mesh[i + 1] - mesh[i]) * part));
   cycle.states.resize((cycle.times.size() + 1) * d);
   for (size_t k = 0; k < cycle.times.size(); ++k) unfold(field, &values[k * d], &cycle.states[k * d]);
   std::copy_n(cycle.states.begin(), d, cycle.states.end() - long(d));

@@ -10,7 +10,9 @@ namespace stickslip {
 std::vector<double> folded(const CellField& field, const double* natural);
 void unfold(const CellField& field, const double* y, double* natural);
 
-// The motion with everything that is measured of it: times, states, psi_min to force_drop; multipliers and errors are left open.
-Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const std::vector<double>& values, double period);
+// The motion with everything that is measured of it: times, states, psi_min to force_drop; multipliers and
+// errors are left open.
+Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const std::vector<double>& values,
+               double period);
 
 }  // namespace stickslip

@@ -26,10 +26,11 @@ using std::size_t;
 
 constexpr double tolerance_of_run = 1e-8;
 constexpr int most_turns_a_period = 12;  // a cycle of more turns is not looked for
-constexpr double near_enough = 1e-3;     // return, in units of the motion's range, from which Newton's method is tried
-constexpr double stays = 1e-6;           // return of a motion that is on its cycle, whatever the multipliers
-constexpr double repels = 1e-6;          // growth in a period, of what is not neutral but for round-off
-constexpr double most_memory = 5e8;      // bytes of the samples that are kept, those of the last twelve turns
+// return, in units of the motion's range, from which Newton's method is tried
+constexpr double near_enough = 1e-3;
+constexpr double stays = 1e-6;       // return of a motion that is on its cycle, whatever the multipliers
+constexpr double repels = 1e-6;      // growth in a period, of what is not neutral but for round-off
+constexpr double most_memory = 5e8;  // bytes of the samples that are kept, those of the last twelve turns
 
 struct Sample {
   double t;
@@ -88,7 +89,8 @@ class Motion {
     for (const double value : s.y)
       if (!std::isfinite(value)) throw Failure("the motion from the start does not stay finite");
     for (size_t k = 0; k < s.y.size(); k += size_t(field_.dof()))
-      if (std::abs(s.y[k]) > escape_) throw Failure("no cycle: the motion from the start grows without bound");
+      if (std::abs(s.y[k]) > escape_)
+        throw Failure("no cycle: the motion from the start grows without bound");
     return s;
   }
 
@@ -100,8 +102,8 @@ class Motion {
   TsHandle ts_;
 };
 
-// A passage of the section: psi of one node passes its mean upwards (downwards where v < 0, so that the cycle of a
-// mirror image is the mirror image of the cycle).
+// A passage of the section: psi of one node passes its mean upwards (downwards where v < 0, so that the cycle
+// of a mirror image is the mirror image of the cycle).
 struct Passage {
   double t;
   std::vector<double> y;
@@ -110,14 +112,17 @@ struct Passage {
 class Settling {
  public:
   Settling(const Scene& cell, const std::vector<double>& start, double tolerance)
-      : cell_(cell), field_(cell), motion_(field_, folded(field_, start.data()), escape_velocity(cell)), tolerance_(tolerance) {}
+      : cell_(cell), field_(cell), motion_(field_, folded(field_, start.data()), escape_velocity(cell)),
+        tolerance_(tolerance) {}
   SmoothCycle cycle(int turns);
 
  private:
   double turn() const { return 2 * M_PI / std::sqrt(cell_.A() * cell_.K0()); }
   void choose_section();
   double above(double psi) const { return cell_.v < 0 ? level_ - psi : psi - level_; }
-  bool passes(const Sample& a, const Sample& b) const { return above(a.y[section_]) < 0 && above(b.y[section_]) >= 0; }
+  bool passes(const Sample& a, const Sample& b) const {
+    return above(a.y[section_]) < 0 && above(b.y[section_]) >= 0;
+  }
   Passage passage(const Sample& a, const Sample& b) const;
   double distance(const Passage& a, const Passage& b) const;
   [[noreturn]] void dies_out() const;
@@ -179,16 +184,19 @@ bool Settling::attempt(size_t back, SmoothCycle& found) {
   std::vector<double> times;
   for (const Sample& s : samples_)
     if (s.t > begin.t && s.t < end.t) times.push_back(s.t);
-  CycleGuess guess{period, [&](double phase, double* natural) {
+  CycleGuess guess{period,
+                   [&](double phase, double* natural) {
                      const double t = begin.t + phase * period;
                      const auto after = std::lower_bound(samples_.begin() + 1, samples_.end() - 1, t,
                                                          [](const Sample& s, double at) { return s.t < at; });
                      std::vector<double> y(range_.size());
                      for (size_t k = 0; k < y.size(); ++k) y[k] = hermite(*(after - 1), *after, t, k);
                      unfold(field_, y.data(), natural);
-                   }, {0}};
-  const size_t intervals = std::min<size_t>(times.size(), field_.dim() > 30 ? 40 : 80) ;
-  for (size_t i = 1; i < intervals; ++i) guess.mesh.push_back((times[i * times.size() / intervals] - begin.t) / period);
+                   },
+                   {0}};
+  const size_t intervals = std::min<size_t>(times.size(), field_.dim() > 30 ? 40 : 80);
+  for (size_t i = 1; i < intervals; ++i)
+    guess.mesh.push_back((times[i * times.size() / intervals] - begin.t) / period);
   guess.mesh.push_back(1);
   try {
     found = solve_cycle(cell_, guess, tolerance_);
@@ -196,22 +204,25 @@ bool Settling::attempt(size_t back, SmoothCycle& found) {
     return false;
   }
   // near the motion that it was sought from, and no rest
-  return found.cycle.amplitude > 1e-6 * (1 + std::abs(cell_.v)) && std::abs(found.cycle.period / period - 1) < .1;
+  return found.cycle.amplitude > 1e-6 * (1 + std::abs(cell_.v)) &&
+         std::abs(found.cycle.period / period - 1) < .1;
 }
 
-// An explicit method follows the motion: where friction is stiff (a rate-and-state law that all but rests) its steps are
-// so short that a dozen turns do not fit into memory, or into anybody's patience.
+// An explicit method follows the motion: where friction is stiff (a rate-and-state law that all but rests)
+// its steps are so short that a dozen turns do not fit into memory, or into anybody's patience.
 void Settling::check_steps(size_t steps) const {
-  const size_t bytes = sizeof(Sample) + 2 * (size_t(field_.dim()) * sizeof(double) + 16), most = size_t(most_memory) / bytes;
+  const size_t bytes = sizeof(Sample) + 2 * (size_t(field_.dim()) * sizeof(double) + 16),
+               most = size_t(most_memory) / bytes;
   if (steps <= most) return;
   throw Failure("no cycle: the motion from the start is too stiff to be followed: " + std::to_string(most) +
-                " steps, which take " + std::to_string(size_t(most_memory) / 1000000) + " MB, are less than " +
-                std::to_string(most_turns_a_period) + " turns");
+                " steps, which take " + std::to_string(size_t(most_memory) / 1000000) +
+                " MB, are less than " + std::to_string(most_turns_a_period) + " turns");
 }
 
 void Settling::keep(Sample next) {
   samples_.push_back(std::move(next));
-  while (samples_.size() > 2 && !passages_.empty() && samples_[1].t < passages_.front().t) samples_.pop_front();
+  while (samples_.size() > 2 && !passages_.empty() && samples_[1].t < passages_.front().t)
+    samples_.pop_front();
   check_steps(samples_.size());
 }
 
@@ -232,8 +243,8 @@ void Settling::dies_out() const {
                 (slides ? "settles on steady sliding" : "comes to rest, psi " + rounded_text(psi, 2)));
 }
 
-// Beside a fold the motion lingers where Newton's method finds the cycle that repels: that one is taken only where the motion
-// stays, or settles on no other.
+// Beside a fold the motion lingers where Newton's method finds the cycle that repels: that one is taken only
+// where the motion stays, or settles on no other.
 SmoothCycle Settling::cycle(int turns) {
   choose_section();
   double end = samples_.back().t + 20 * turn(), best = 1e300, tried = near_enough;
@@ -265,8 +276,10 @@ SmoothCycle Settling::cycle(int turns) {
     }
   }
   if (repelling) return *repelling;
-  throw Failure("no cycle: in " + std::to_string(turns) + " turns the motion from the start never repeats; its nearest "
-                "return within " + std::to_string(most_turns_a_period) + " turns misses by " + rounded_text(best) +
+  throw Failure("no cycle: in " + std::to_string(turns) +
+                " turns the motion from the start never repeats; its nearest "
+                "return within " +
+                std::to_string(most_turns_a_period) + " turns misses by " + rounded_text(best) +
                 " of its range (chaos, or a slow transient: another start may settle)");
 }
 

@@ -19,9 +19,10 @@ namespace {
 
 using std::size_t;
 
-// The largest change of a value, each component in units of its range (at least 1e-3), at the points of the finer mesh.
-double change_of_profile(const PeriodicEquations& coarse, const std::vector<double>& x, const PeriodicEquations& fine,
-                         const std::vector<double>& y) {
+// The largest change of a value, each component in units of its range (at least 1e-3), at the points of the
+// finer mesh.
+double change_of_profile(const PeriodicEquations& coarse, const std::vector<double>& x,
+                         const PeriodicEquations& fine, const std::vector<double>& y) {
   const size_t d = size_t(fine.dim()), count = y.size() / d * d;
   const std::vector<double> from = fine.fill(coarse, x);
   std::vector<double> low(d, 1e300), high(d, -1e300);
@@ -36,26 +37,28 @@ double change_of_profile(const PeriodicEquations& coarse, const std::vector<doub
 }
 
 // Nodes of the mesh at the kinks of the motion; what a change by halving is to be divided by.
-double settle(const std::shared_ptr<const CellField>& field, PeriodicEquations& problem, std::vector<double>& x,
-              const std::vector<Condition>& phase) {
+double settle(const std::shared_ptr<const CellField>& field, PeriodicEquations& problem,
+              std::vector<double>& x, const std::vector<Condition>& phase) {
   std::vector<int> velocities;
   for (int a = 0; a < field->dim(); a += field->dof()) velocities.push_back(a);
   const auto jacobian = [&](const double* y, double* J) { field->jacobian(y, J); };
-  return settle_on_kinks({[&]() -> const std::vector<double>& { return problem.mesh(); },
-                          [&] { return kinks_of(problem.mesh(), x.data(), field->dim(), velocities, jacobian); },
-                          [&](std::vector<double> mesh) {
-                            PeriodicEquations better(std::move(mesh), field);
-                            std::vector<double> y = better.fill(problem, x);
-                            if (!better.newton(y, phase).converged) return false;
-                            problem = std::move(better);
-                            x = std::move(y);
-                            return true;
-                          }});
+  return settle_on_kinks(
+      {[&]() -> const std::vector<double>& { return problem.mesh(); },
+       [&] { return kinks_of(problem.mesh(), x.data(), field->dim(), velocities, jacobian); },
+       [&](std::vector<double> mesh) {
+         PeriodicEquations better(std::move(mesh), field);
+         std::vector<double> y = better.fill(problem, x);
+         if (!better.newton(y, phase).converged) return false;
+         problem = std::move(better);
+         x = std::move(y);
+         return true;
+       }});
 }
 
 // With its residual, multipliers and errors; `estimate` is the relative one of the period.
 SmoothCycle finished(const std::shared_ptr<const CellField>& field, PeriodicEquations& equations,
-                     const std::vector<double>& x, const std::vector<Condition>& conditions, double estimate) {
+                     const std::vector<double>& x, const std::vector<Condition>& conditions,
+                     double estimate) {
   SmoothCycle result;
   result.field = field;
   result.mesh = equations.mesh();
@@ -63,7 +66,8 @@ SmoothCycle finished(const std::shared_ptr<const CellField>& field, PeriodicEqua
   result.cycle = cycle_of(*field, result.mesh, result.values, std::exp(equations.q(x)));
   const PeriodicEquations::Step step = equations.step(x, conditions);
   result.cycle.residual = step.residual;
-  // round-off: what one more step of Newton's method would move the period by, and a few units of the last place
+  // round-off: what one more step of Newton's method would move the period by, and a few units of the last
+  // place
   const double noise = std::abs(step.dx[x.size() - size_t(equations.parameters())]);
   result.cycle.error_estimate = estimate + 4 * noise + 4e-15;
   set_multipliers(result);
@@ -76,7 +80,8 @@ void check_smooth_cell(const Scene& cell) {
   const CellField field(cell);
   if (field.dim() > most_cell_unknowns)
     throw UsageError("a cycle of " + std::to_string(field.dim()) + " unknowns: at most " +
-                     std::to_string(most_cell_unknowns) + " are solved for; take fewer nodes (grid_n) or a smaller "
+                     std::to_string(most_cell_unknowns) +
+                     " are solved for; take fewer nodes (grid_n) or a smaller "
                      "cycle_cell");
 }
 
@@ -94,7 +99,8 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
   const std::vector<Condition> phase{plane_across(*field, start)};
   PeriodicEquations problem(guess.mesh, field);
   std::vector<double> x = problem.fill(profile, std::log(guess.period));
-  const std::string none = "Newton's method does not converge to a cycle of period near " + rounded_text(guess.period);
+  const std::string none =
+      "Newton's method does not converge to a cycle of period near " + rounded_text(guess.period);
   if (!problem.newton(x, phase).converged) throw Failure(none);
   double least = d > 3 ? 8 : 12;
   for (int round = 0; round < 12; ++round) {
@@ -129,21 +135,24 @@ namespace {
 SmoothCycle cycle_of_slip(const Scene& node, const Oscillator& oscillator, double tolerance, double slip) {
   const Orbit orbit = find_orbit(oscillator, 1, 1e-5, slip);
   const int dof = oscillator.dim();
-  const CycleGuess guess{orbit.period, [&](double phase, double* y) {
+  const CycleGuess guess{orbit.period,
+                         [&](double phase, double* y) {
                            double at[train_max_dim];
                            orbit.at(phase, at);
                            y[0] = at[0];
                            y[1] = oscillator.eta(1, at);
                            if (dof == 3) y[2] = at[2];
-                         }, orbit.mesh};
+                         },
+                         orbit.mesh};
   return solve_cycle(node, guess, tolerance);
 }
 
-// Where sliding is stable a cycle may live beside it, out of reach of the slip that was tried: stronger ones, in friction
-// forces above sliding.
+// Where sliding is stable a cycle may live beside it, out of reach of the slip that was tried: stronger ones,
+// in friction forces above sliding.
 constexpr double stronger_slips[] = {2, 4, 10, 30};
 
-std::optional<SmoothCycle> cycle_of_stronger_slips(const Scene& node, const Oscillator& oscillator, double tolerance) {
+std::optional<SmoothCycle> cycle_of_stronger_slips(const Scene& node, const Oscillator& oscillator,
+                                                   double tolerance) {
   for (const double slip : stronger_slips) {
     try {
       SmoothCycle found = cycle_of_slip(node, oscillator, tolerance, slip);
@@ -164,7 +173,8 @@ SmoothCycle uniform_cycle(const Scene& scene, double tolerance, double slip) {
   node.length = scene.form == Form::chain ? 1 : scene.h();
   const Oscillator oscillator(node);
   const bool strong = slip > 1;  // strong slips were tried already
-  const bool only_one = !std::isnan(oscillator.v_c());  // the cubic's cycle, and beyond its Hopf point none (Lienard)
+  // the cubic's cycle, and beyond its Hopf point none (Lienard)
+  const bool only_one = !std::isnan(oscillator.v_c());
   std::optional<SmoothCycle> found;
   std::string why;
   try {
@@ -174,7 +184,8 @@ SmoothCycle uniform_cycle(const Scene& scene, double tolerance, double slip) {
     if (strong || only_one) throw Failure(std::string("no cycle: ") + e.what());
     why = e.what();
   }
-  if (std::optional<SmoothCycle> stronger = cycle_of_stronger_slips(node, oscillator, tolerance)) return *stronger;
+  if (std::optional<SmoothCycle> stronger = cycle_of_stronger_slips(node, oscillator, tolerance))
+    return *stronger;
   if (found) return *found;
   throw Failure("no cycle: " + why + "; no stronger slip settles on one");
 }

@@ -42,9 +42,9 @@ class SmoothPath : public CyclePath {
 
  private:
   struct Stand {
-    std::vector<double> mesh, x;        // the last entries of x: q and lambda
-    std::vector<double> t;              // tangent in all unknowns, of length 1 in the places
-    double period_error = 0;            // relative: how far two meshes differ
+    std::vector<double> mesh, x;  // the last entries of x: q and lambda
+    std::vector<double> t;        // tangent in all unknowns, of length 1 in the places
+    double period_error = 0;      // relative: how far two meshes differ
     double q() const { return x[x.size() - 2]; }
     std::vector<double> y0() const { return {x.begin(), x.begin() + long(d)}; }
     size_t d = 0;
@@ -54,12 +54,14 @@ class SmoothPath : public CyclePath {
   PeriodicEquations equations(const std::vector<double>& mesh, double lambda) const {
     return {mesh, family_, lambda, range_};
   }
-  // Through the middle of the cycle, which small cycles still cross; or the unknown `section_` stays what it is,
-  // so that the phase does not creep along the motion from one cycle to the next.
+  // Through the middle of the cycle, which small cycles still cross; or the unknown `section_` stays what it
+  // is, so that the phase does not creep along the motion from one cycle to the next.
   Condition plane(const VectorField& of, const Stand& at) const {
-    return section_ < 0 ? plane_through(of, at.y0(), mean_of(at.mesh, at.x.data(), at.d)) : plane_of(size_t(section_), at.y0());
+    return section_ < 0 ? plane_through(of, at.y0(), mean_of(at.mesh, at.x.data(), at.d))
+                        : plane_of(size_t(section_), at.y0());
   }
-  void stand_at(std::vector<double> x, const std::vector<double>& mesh, double period_error, const Condition& phase);
+  void stand_at(std::vector<double> x, const std::vector<double>& mesh, double period_error,
+                const Condition& phase);
   Place place_of(const std::vector<double>& y0, const std::vector<double>& x) const;
   Condition condition(const Place& row, double right) const;
   const CellField& field(double lambda) const {
@@ -122,20 +124,25 @@ void SmoothPath::go(double length, const Place& row, double right) {
   const std::vector<Condition> conditions{plane(problem.field(), here_), condition(row, right)};
   std::vector<double> x = here_.x;
   for (size_t k = 0; k < x.size(); ++k) x[k] += length * here_.t[k];
-  if (!problem.newton(x, conditions, most_steps).converged) throw Failure("Newton's method does not converge");
-  // again on a mesh that suits the new motion; where a front has moved off the intervals that followed it, many more seem to be
-  // wanted than are once they follow it again
+  if (!problem.newton(x, conditions, most_steps).converged)
+    throw Failure("Newton's method does not converge");
+  // again on a mesh that suits the new motion; where a front has moved off the intervals that followed it,
+  // many more seem to be wanted than are once they follow it again
   const double error = d_ <= 12 ? 1e-9 : 1e-7, least = d_ <= 12 ? 24. : 12.;
   double period_error = here_.period_error;
   for (int round = 1;; ++round) {
     const std::vector<double> rough = roughness(problem.mesh(), x.data(), int(d_));
     if (suits(problem.mesh(), rough, error)) break;
-    const double now = double(problem.mesh().size() - 1), wanted = intervals_for(problem.mesh(), rough, error);
+    const double now = double(problem.mesh().size() - 1),
+                 wanted = intervals_for(problem.mesh(), rough, error);
     const bool settled = wanted < most_growth * now || round == most_meshes;
-    const double intervals = std::min(4000., std::max(least, settled ? std::min(wanted, most_growth * now) : now));
-    PeriodicEquations better = equations(equidistribute(problem.mesh(), rough, size_t(intervals)), problem.lambda(x));
+    const double intervals =
+        std::min(4000., std::max(least, settled ? std::min(wanted, most_growth * now) : now));
+    PeriodicEquations better =
+        equations(equidistribute(problem.mesh(), rough, size_t(intervals)), problem.lambda(x));
     std::vector<double> y = better.fill(problem, x);
-    if (!better.newton(y, conditions, most_steps).converged) throw Failure("Newton's method does not converge");
+    if (!better.newton(y, conditions, most_steps).converged)
+      throw Failure("Newton's method does not converge");
     period_error = std::abs(std::expm1(better.q(y) - problem.q(x))) + 4e-15;
     problem = std::move(better);
     x = std::move(y);
@@ -145,7 +152,8 @@ void SmoothPath::go(double length, const Place& row, double right) {
 }
 
 // The candidate. The plane of its phase is on the other side where the amplitude has passed through zero.
-void SmoothPath::stand_at(std::vector<double> x, const std::vector<double>& mesh, double period_error, const Condition& phase) {
+void SmoothPath::stand_at(std::vector<double> x, const std::vector<double>& mesh, double period_error,
+                          const Condition& phase) {
   there_.mesh = mesh;
   there_.x = std::move(x);
   there_.t.assign(there_.x.size(), 0.);
@@ -170,8 +178,8 @@ void SmoothPath::accept() {
   turn_ = candidate_turn_;
 }
 
-// A mixture of candidates. Each is taken on a mesh of its own that follows it, and the meshes are mixed too, so that fronts
-// which move in phase from one to the next stay fronts.
+// A mixture of candidates. Each is taken on a mesh of its own that follows it, and the meshes are mixed too,
+// so that fronts which move in phase from one to the next stay fronts.
 void SmoothPath::mix(const Others& others) {
   const size_t intervals = there_.mesh.size() - 1;
   Stand sum;
@@ -199,8 +207,8 @@ void SmoothPath::mix(const Others& others) {
   there_.mesh = std::move(sum.mesh);
 }
 
-// The same with phase 0 where unknown `section_`, a velocity, passes its mean upwards (downwards where v < 0): there
-// every cycle of a family passes, large or small.
+// The same with phase 0 where unknown `section_`, a velocity, passes its mean upwards (downwards where v <
+// 0): there every cycle of a family passes, large or small.
 SmoothPath::Stand SmoothPath::begun_at_mean(Stand stand) const {
   const Collocation& gauss = Collocation::gauss5();
   const std::vector<double> mean = mean_of(stand.mesh, stand.x.data(), d_);
@@ -213,7 +221,8 @@ SmoothPath::Stand SmoothPath::begun_at_mean(Stand stand) const {
   };
   double begin = 0;
   for (size_t i = 0; i < n; ++i) {
-    const double low = side * (stand.x[i * block + k] - mean[k]), high = side * (stand.x[(i + 1) % n * block + k] - mean[k]);
+    const double low = side * (stand.x[i * block + k] - mean[k]),
+                 high = side * (stand.x[(i + 1) % n * block + k] - mean[k]);
     if (low < 0 && high >= 0) begin = find_root(above, {stand.mesh[i], low, stand.mesh[i + 1], high}, 1e-12);
   }
   std::vector<double> mesh;  // the old nodes, seen from there, the nearest moved there: no interval is tiny
@@ -226,7 +235,8 @@ SmoothPath::Stand SmoothPath::begun_at_mean(Stand stand) const {
     std::vector<double> moved((mesh.size() - 1) * block);
     for (size_t i = 0; i + 1 < mesh.size(); ++i)
       for (size_t j = 0; j <= mesh_stages; ++j)
-        evaluate(gauss, stand.mesh, of->data(), int(d_), begin + mesh[i] + (mesh[i + 1] - mesh[i]) * gauss.basis.points()[j],
+        evaluate(gauss, stand.mesh, of->data(), int(d_),
+                 begin + mesh[i] + (mesh[i + 1] - mesh[i]) * gauss.basis.points()[j],
                  &moved[i * block + j * d_]);
     moved.insert(moved.end(), of->end() - 2, of->end());
     *of = std::move(moved);

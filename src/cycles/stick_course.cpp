@@ -29,15 +29,20 @@ class Sampling {
     std::vector<double> all(times);
     for (int function = 0; parts == samples && function <= m_.nodes(); ++function)
       for (int k = 1; k < parts; ++k) {
-        const double here = value(function, u[std::size_t(k)].data()), before = value(function, u[std::size_t(k - 1)].data());
+        const double here = value(function, u[std::size_t(k)].data()),
+                     before = value(function, u[std::size_t(k - 1)].data());
         const double behind = value(function, u[std::size_t(k + 1)].data());
         if ((here - before) * (behind - here) >= 0) continue;
         const double sign = here > before ? -1 : 1;
         std::vector<double> there(m_.size());
-        all.push_back(find_least([&](double t) {
-                        at(t, there.data());
-                        return sign * value(function, there.data());
-                      }, times[std::size_t(k - 1)], times[std::size_t(k + 1)], 1e-6 * (to - from), [](double) { return false; }).x);
+        all.push_back(find_least(
+                          [&](double t) {
+                            at(t, there.data());
+                            return sign * value(function, there.data());
+                          },
+                          times[std::size_t(k - 1)], times[std::size_t(k + 1)], 1e-6 * (to - from),
+                          [](double) { return false; })
+                          .x);
       }
     std::sort(all.begin(), all.end());
     for (const double t : all) {
@@ -76,8 +81,9 @@ void leave_out_held(const StickMotion& m, Cycle& c) {
   for (std::size_t at = 0; at < c.states.size(); at += m.size())
     for (const std::size_t k : moving) states.push_back(c.states[at + k]);
   c.states = std::move(states);
-  c.rests.erase(std::remove_if(c.rests.begin(), c.rests.end(), [&](const Rest& r) { return m.held(int(r.node)); }),
-                c.rests.end());
+  c.rests.erase(
+      std::remove_if(c.rests.begin(), c.rests.end(), [&](const Rest& r) { return m.held(int(r.node)); }),
+      c.rests.end());
   for (Rest& rest : c.rests) rest.node -= m.held(0) ? 1 : 0;
 }
 

@@ -17,16 +17,18 @@ namespace stickslip {
 
 namespace {
 
-constexpr int compared = 12;         // releases back with which one is compared
-constexpr double looks_equal = 1e-4; // of two releases, in psi over its range, eta and the state
+constexpr int compared = 12;          // releases back with which one is compared
+constexpr double looks_equal = 1e-4;  // of two releases, in psi over its range, eta and the state
 constexpr long most_steps = 1000000;  // of the motion, over the nodes
-constexpr double near_sliding = 0.05;  // distance of psi from steady sliding over its size: there the linear answer holds
+// distance of psi from steady sliding over its size: there the linear answer holds
+constexpr double near_sliding = 0.05;
 
 // What is seen of the motion on its way to a cycle.
 class Following {
  public:
   Following(const StickMotion& motion, int patience)
-      : m_(motion), patience_(patience), turn_(2 * M_PI / std::sqrt(motion.scene().A() * motion.scene().K0())) {
+      : m_(motion), patience_(patience),
+        turn_(2 * M_PI / std::sqrt(motion.scene().A() * motion.scene().K0())) {
     const Scene& s = motion.scene();
     if (!std::isfinite(turn_)) turn_ = 2 * M_PI / std::sqrt(s.A() * s.K1());
     escape_ = escape_velocity(s);
@@ -45,7 +47,8 @@ class Following {
     bool released = let_go(p);
     for (long releases = 0, next_try = 0, passed = 0; releases < 50L * patience_ && p.steps < most;) {
       beat("slips");
-      const std::vector<Change> changes = m_.advance(p, m_.all_rest(p) ? m_.never : p.t + turn_, nullptr, turned);
+      const std::vector<Change> changes =
+          m_.advance(p, m_.all_rest(p) ? m_.never : p.t + turn_, nullptr, turned);
       if (p.t == StickMotion::never) return {Fate::stuck, {}, 0};
       if (size(p) > escape_) return {Fate::grows, {}, p.t};
       if (changes.empty()) {
@@ -57,11 +60,13 @@ class Following {
       quiet_ = turns_ = 0;
       for (const Change& c : changes) {
         passed = c.before == 0 || c.after == 0 ? 0 : passed + 1;
-        if (passed > patience_ || (passed > 1 && released && std::isinf(escape_))) return {Fate::oscillates, {}, p.t};
+        if (passed > patience_ || (passed > 1 && released && std::isinf(escape_)))
+          return {Fate::oscillates, {}, p.t};
         released = released || (c.before == 0 && m_.size() == 2);
         if (c.before == 0 && ++releases && repeats(c, p) && releases >= next_try) {
           if (const std::optional<StickCycle> found = cycle(c, p)) return {Fate::repeats, *found, p.t};
-          next_try = releases + releases / 2;  // what only seems to repeat (beside a fold, say) does so for long
+          // what only seems to repeat (beside a fold, say) does so for long
+          next_try = releases + releases / 2;
         }
       }
     }
@@ -80,7 +85,8 @@ class Following {
     const double side = s.v < 0 ? -1 : 1;
     const std::shared_ptr<const Friction> law = Friction::of(s.friction);
     const double state = m_.dof() == 3 ? law->steady_state(s.v) : 0;
-    return LinearPoint(s, law->sliding_partials(s.v, state, side), law->sliding_rate(s.v, state, side)).stable(0);
+    return LinearPoint(s, law->sliding_partials(s.v, state, side), law->sliding_rate(s.v, state, side))
+        .stable(0);
   }
   // One node that turns nearer and nearer to sliding that is stable.
   bool closing(const Standing& p) const {
@@ -98,10 +104,12 @@ class Following {
     }
     return most;
   }
-  // One node without a state, right at its threshold: in the plane of psi and eta motions do not cross, so that a slip that
-  // comes back to psi = 0 beyond the threshold, and passes on into the next one, goes round outside itself for ever.
+  // One node without a state, right at its threshold: in the plane of psi and eta motions do not cross, so
+  // that a slip that comes back to psi = 0 beyond the threshold, and passes on into the next one, goes round
+  // outside itself for ever.
   bool let_go(const Standing& p) const {
-    return m_.size() == 2 && p.u[0] == 0 && p.direction[0] != 0 && std::abs(p.u[1]) <= m_.threshold(0, p.u.data()) * (1 + 1e-12);
+    return m_.size() == 2 && p.u[0] == 0 && p.direction[0] != 0 &&
+           std::abs(p.u[1]) <= m_.threshold(0, p.u.data()) * (1 + 1e-12);
   }
   bool oscillates(const Standing& p) const {
     double most = 0;
@@ -122,7 +130,8 @@ class Following {
     for (std::size_t back = 0; back < seen.size() && releases_ == 0; ++back) {
       double apart = 0;
       for (std::size_t k = 0; k < p.u.size(); ++k)
-        apart = std::max(apart, std::abs(p.u[k] - seen[back][k]) / (k % std::size_t(m_.dof()) == 0 ? size : 1));
+        apart =
+            std::max(apart, std::abs(p.u[k] - seen[back][k]) / (k % std::size_t(m_.dof()) == 0 ? size : 1));
       if (apart < looks_equal) releases_ = int(back) + 1;
     }
     seen.push_front(p.u);
@@ -161,7 +170,8 @@ class Following {
         continue;
       }
       double apart = 0;
-      for (std::size_t k = 0; k < part.start.size(); ++k) apart = std::max(apart, std::abs(part.start[k] - found.start[k]));
+      for (std::size_t k = 0; k < part.start.size(); ++k)
+        apart = std::max(apart, std::abs(part.start[k] - found.start[k]));
       if (apart < same * (1 + std::abs(m_.scene().v))) return part;
     }
     return found;
@@ -180,18 +190,12 @@ class Following {
 
 std::string to_string(Fate fate) {
   switch (fate) {
-    case Fate::repeats:
-      return "sticks and slips periodically";
-    case Fate::slides:
-      return "slides steadily";
-    case Fate::oscillates:
-      return "oscillates without rest";
-    case Fate::stuck:
-      return "rests for ever";
-    case Fate::grows:
-      return "grows without bound";
-    default:
-      return "sticks and slips without repeating";
+    case Fate::repeats: return "sticks and slips periodically";
+    case Fate::slides: return "slides steadily";
+    case Fate::oscillates: return "oscillates without rest";
+    case Fate::stuck: return "rests for ever";
+    case Fate::grows: return "grows without bound";
+    default: return "sticks and slips without repeating";
   }
 }
 
@@ -212,10 +216,11 @@ namespace {
 
 bool never_slips(const Scene& s) { return s.v == 0 || (s.v < 0 && !s.friction.back_slip); }
 
-// Nothing damps, and friction never rises with velocity. The distance from sliding in (psi, eta), measured by the energy, then
-// never shrinks; a slip begins at psi = 0, at a distance of at least |v|, and so comes back to psi = 0 in its first turn
-// round sliding or a later one, which can be thousands of turns later where friction hardly falls. Whether it rests there is
-// another question: one that comes back beyond the threshold passes.
+// Nothing damps, and friction never rises with velocity. The distance from sliding in (psi, eta), measured by
+// the energy, then never shrinks; a slip begins at psi = 0, at a distance of at least |v|, and so comes back
+// to psi = 0 in its first turn round sliding or a later one, which can be thousands of turns later where
+// friction hardly falls. Whether it rests there is another question: one that comes back beyond the threshold
+// passes.
 bool always_returns(const Scene& s) {
   if (s.friction.has_state() || s.B() != 0 || s.s_delta() != 0) return false;
   const std::shared_ptr<const Friction> law = Friction::of(s.friction);
@@ -225,7 +230,8 @@ bool always_returns(const Scene& s) {
   return true;
 }
 
-// Right before the release of one node that has rested for `cycles` times of loading and of healing since it slid at v.
+// Right before the release of one node that has rested for `cycles` times of loading and of healing since it
+// slid at v.
 std::vector<double> after_rest(const StickMotion& m, double cycles) {
   const Scene& s = m.scene();
   std::vector<double> u(m.size(), 0.);

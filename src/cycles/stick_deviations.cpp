@@ -13,8 +13,8 @@ namespace {
 using std::size_t;
 using Complex = std::complex<double>;
 
-// Steps in which a wave turns by no more than this carry it to 1e-11; the motion's own, of up to StickMotion's longest, are
-// short beside everything else.
+// Steps in which a wave turns by no more than this carry it to 1e-11; the motion's own, of up to
+// StickMotion's longest, are short beside everything else.
 constexpr double turn_of_step = .7, turn_of_longest = 1.2;
 
 }  // namespace
@@ -22,7 +22,8 @@ constexpr double turn_of_step = .7, turn_of_longest = 1.2;
 StickDeviations::StickDeviations(const Scene& cell, const StickCycle& cycle) : motion_(cell), cycle_(cycle) {
   for (PetscInt i = 0; i < cell.n; ++i) {
     const std::vector<TurnedTerm> row = turned_row(cell, i);
-    if (cell.n > 1 && std::all_of(row.begin(), row.end(), [](const TurnedTerm& t) { return t.turns == 0; })) continue;
+    if (cell.n > 1 && std::all_of(row.begin(), row.end(), [](const TurnedTerm& t) { return t.turns == 0; }))
+      continue;
     at_ends_.push_back(size_t(i));
     rows_.push_back(row);
   }
@@ -81,19 +82,22 @@ Link StickDeviations::jump(const std::vector<double>& was, const Standing& now) 
   return {int(d), std::move(matrix), beside};
 }
 
-// With viscosity a node's copies in the next cells let go with it, and where these are its neighbours motions beside it do it
-// one by one: no matter where they do it without a jump in psi_t.
+// With viscosity a node's copies in the next cells let go with it, and where these are its neighbours motions
+// beside it do it one by one: no matter where they do it without a jump in psi_t.
 void StickDeviations::check_release(size_t node, const Standing& now) const {
   const auto end = std::find(at_ends_.begin(), at_ends_.end(), node);
   if (motion_.scene().N() == 0 || end == at_ends_.end()) return;
   const std::vector<TurnedTerm>& row = rows_[size_t(end - at_ends_.begin())];
-  if (std::none_of(row.begin(), row.end(), [&](const TurnedTerm& t) { return t.turns != 0 && size_t(t.node) == node; }))
+  if (std::none_of(row.begin(), row.end(),
+                   [&](const TurnedTerm& t) { return t.turns != 0 && size_t(t.node) == node; }))
     return;
   std::vector<double> rates(motion_.size());
   motion_.rates(now.direction, now.u.data(), rates.data());
   if (rates[node * size_t(motion_.dof())] != 0)
-    throw Failure("cycle_spectrum: with viscosity between neighbours nodes that are alike let go at once with a jump in their "
-                  "acceleration: in a wave on them they do it one by one, in an order of its own");
+    throw Failure(
+        "cycle_spectrum: with viscosity between neighbours nodes that are alike let go at once with a jump "
+        "in their "
+        "acceleration: in a wave on them they do it one by one, in an order of its own");
 }
 
 const std::vector<Link>& StickDeviations::links(int halvings) {
@@ -130,7 +134,8 @@ const std::vector<Link>& StickDeviations::links(int halvings) {
 
 std::vector<Complex> StickDeviations::of_wave(double kappa2) {
   const Scene& s = motion_.scene();
-  const double own = std::sqrt(s.A() * s.K0()), wave = std::sqrt(std::max(0., s.A() * (s.K0() + s.K1() * kappa2)));
+  const double own = std::sqrt(s.A() * s.K0()),
+               wave = std::sqrt(std::max(0., s.A() * (s.K0() + s.K1() * kappa2)));
   const double fastest = std::max(wave, s.A() * s.N() * std::abs(kappa2));
   const int halvings = std::max(0, int(std::ceil(std::log2(fastest / own))));
   return multipliers_of(int(motion_.size()), links(halvings), std::vector<double>{-kappa2});
@@ -142,7 +147,8 @@ std::vector<Complex> StickDeviations::of_twist(double theta) {
   for (size_t a = 0; a < r; ++a)
     for (const TurnedTerm& t : rows_[a])
       if (t.turns != 0) {
-        const size_t b = size_t(std::find(at_ends_.begin(), at_ends_.end(), size_t(t.node)) - at_ends_.begin());
+        const size_t b =
+            size_t(std::find(at_ends_.begin(), at_ends_.end(), size_t(t.node)) - at_ends_.begin());
         w[a * r + b] += t.weight * (std::polar(1., theta * t.turns) - 1.);
       }
   return multipliers_of(int(motion_.size()), links(0), w);

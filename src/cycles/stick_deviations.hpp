@@ -1,9 +1,10 @@
-// The equations linearised about a cycle with rests, carried round one period for waves: Gauss's points on the slips, jump
-// matrices at starts and stops.
+// The equations linearised about a cycle with rests, carried round one period for waves: Gauss's points on
+// the slips, jump matrices at starts and stops.
 //
-// A wave has the starts and stops of the cell in every cell, each a little earlier or later; so a change of a node multiplies
-// its deviation by the cell's own jump matrix, in which with viscosity between neighbours the next cells have their share.
-// While every node rests nothing but the state deviates further. Local to the process.
+// A wave has the starts and stops of the cell in every cell, each a little earlier or later; so a change of a
+// node multiplies its deviation by the cell's own jump matrix, in which with viscosity between neighbours the
+// next cells have their share. While every node rests nothing but the state deviates further. Local to the
+// process.
 #pragma once
 
 #include <complex>
@@ -20,8 +21,8 @@ class StickDeviations {
  public:
   StickDeviations(const Scene& cell, const StickCycle& cycle);
 
-  // Multipliers, largest first: of a wave exp(ikx) on the motion of one node, kappa2 = kappa^2(k); of a deviation that is
-  // exp(i theta) times as large in the next cell of a ring.
+  // Multipliers, largest first: of a wave exp(ikx) on the motion of one node, kappa2 = kappa^2(k); of a
+  // deviation that is exp(i theta) times as large in the next cell of a ring.
   std::vector<std::complex<double>> of_wave(double kappa2);
   std::vector<std::complex<double>> of_twist(double theta);
 
@@ -35,8 +36,8 @@ class StickDeviations {
 
   StickMotion motion_;
   StickCycle cycle_;
-  std::vector<std::size_t> at_ends_;              // nodes with neighbours in other cells
-  std::vector<std::vector<TurnedTerm>> rows_;     // of D2, of each of these
+  std::vector<std::size_t> at_ends_;           // nodes with neighbours in other cells
+  std::vector<std::vector<TurnedTerm>> rows_;  // of D2, of each of these
   std::map<int, std::vector<Link>> links_;
 };
 

@@ -12,16 +12,21 @@ namespace stickslip {
 
 namespace {
 
-constexpr double deep = 0.1;            // of 1 + |v|: a slip that would go beyond is far from grazing
+constexpr double deep = 0.1;        // of 1 + |v|: a slip that would go beyond is far from grazing
 constexpr int most_changes = 2000;  // in one period
 constexpr long most_steps = 50000;  // in one period
-constexpr double settled = 1e-12;     // change of Newton's method
+constexpr double settled = 1e-12;   // change of Newton's method
 
 std::string name_of(const Change& c) {
-  return std::to_string(c.node) + (c.after == 0 ? "." : c.after > 0 ? "+" : "-") + (c.before != 0 && c.after != 0 ? "!" : "");
+  return std::to_string(c.node) +
+         (c.after == 0  ? "."
+          : c.after > 0 ? "+"
+                        : "-") +
+         (c.before != 0 && c.after != 0 ? "!" : "");
 }
 
-// Unknowns that tell points of the section apart: all but those of held nodes, and psi and eta of the one released.
+// Unknowns that tell points of the section apart: all but those of held nodes, and psi and eta of the one
+// released.
 std::vector<std::size_t> free_unknowns(const StickMotion& m, int node) {
   std::vector<std::size_t> free;
   for (int i = 0; i < m.nodes(); ++i)
@@ -38,7 +43,8 @@ std::vector<double> on_section(const StickMotion& m, const StickCycle& c) {
 }
 
 // A deviation before the release becomes one after it, with every node that is released at once.
-void pass_release(const StickMotion& m, const Standing& p, const std::vector<double>& after, std::vector<double>& y) {
+void pass_release(const StickMotion& m, const Standing& p, const std::vector<double>& after,
+                  std::vector<double>& y) {
   std::vector<double> resting(p.direction), before(m.size());
   for (int i = 0; i < m.nodes(); ++i)
     if (p.u[std::size_t(i * m.dof())] == 0) resting[std::size_t(i)] = 0;
@@ -47,8 +53,8 @@ void pass_release(const StickMotion& m, const Standing& p, const std::vector<dou
   for (int i = 0; i < m.nodes(); ++i) {
     if (resting[std::size_t(i)] != 0 || p.direction[std::size_t(i)] == 0) continue;
     const std::size_t at = std::size_t(i * m.dof());
-    JumpMatrix::at_start(m.dof(), p.direction[std::size_t(i)], m.threshold_slope(i, p.u.data()), &before[at], &after[at],
-                         m.pull(i, before.data()))
+    JumpMatrix::at_start(m.dof(), p.direction[std::size_t(i)], m.threshold_slope(i, p.u.data()), &before[at],
+                         &after[at], m.pull(i, before.data()))
         .apply(&y[at], m.pull(i, pulled.data()));
   }
 }
@@ -60,7 +66,8 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
   Standing& p = result.at;
   p.u = on_section(m, from);
   m.decide(p);
-  if (p.direction[std::size_t(from.node)] != from.side) throw Failure("exact stick: a node at its threshold does not start");
+  if (p.direction[std::size_t(from.node)] != from.side)
+    throw Failure("exact stick: a node at its threshold does not start");
   p.deviations = wishes.deviations;
   p.count = p.deviations.size() / m.size();
   const double deepest = -deep * (1 + std::abs(m.scene().v));
@@ -72,7 +79,9 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
   std::vector<double> rests_since(std::size_t(m.nodes()), -1.);
   for (int i = 0; i < m.nodes(); ++i)
     if (p.direction[std::size_t(i)] == 0) rests_since[std::size_t(i)] = 0;
-  const double patience = 400 * 2 * M_PI / std::sqrt(m.scene().A() * (m.scene().K0() + 1e-3 * m.scene().K1()));  // of a slip
+  // of a slip
+  const double patience =
+      400 * 2 * M_PI / std::sqrt(m.scene().A() * (m.scene().K0() + 1e-3 * m.scene().K1()));
   const long most = std::min(most_steps, m.most_steps(p.count));
   int released = 0;
   std::vector<double> was(p.direction);
@@ -80,7 +89,8 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
   for (int count = 0; released < from.releases; ++count) {
     if (count == most_changes || p.steps > most) throw Failure("exact stick: the motion does not repeat");
     beat("slips");
-    const std::vector<Change> changes = m.advance(p, m.all_rest(p) ? m.never : p.t + patience, wishes.passed, turned);
+    const std::vector<Change> changes =
+        m.advance(p, m.all_rest(p) ? m.never : p.t + patience, wishes.passed, turned);
     if (changes.empty()) throw Failure("exact stick: a slip does not come to rest");
     if (wishes.changed) wishes.changed(was, p);
     was = p.direction;
@@ -89,7 +99,8 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
       if (c.before != 0 && wishes.turns)
         result.depth = std::max(result.depth, m.turn_beyond(p, c.node, c.before, deepest));
       double& since = rests_since[std::size_t(c.node)];
-      if (c.after == 0) since = c.t;
+      if (c.after == 0)
+        since = c.t;
       else if (since >= 0) {
         result.rests.push_back({c.node, since, c.t});
         since = -1;
@@ -101,7 +112,8 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
   result.excess = p.excess;
   for (int i = 0; i < m.nodes(); ++i)  // rests that go on into the next period
     if (const double since = rests_since[std::size_t(i)]; since >= 0) {
-      const auto first = std::find_if(result.rests.begin(), result.rests.end(), [&](const Rest& r) { return r.node == i; });
+      const auto first =
+          std::find_if(result.rests.begin(), result.rests.end(), [&](const Rest& r) { return r.node == i; });
       if (since > 0 && first != result.rests.end() && first->begin == 0) {
         first->begin = since;
         first->end += result.period;
@@ -154,8 +166,8 @@ std::vector<double> free_values(const StickMotion& m, const StickCycle& c) {
   return values;
 }
 
-// A velocity that is 0 to the accuracy of Newton's method is 0: a node rests there, and does not begin with a slip of 1e-29
-// whose stop would be one more change of the sequence.
+// A velocity that is 0 to the accuracy of Newton's method is 0: a node rests there, and does not begin with a
+// slip of 1e-29 whose stop would be one more change of the sequence.
 void set_free_values(const StickMotion& m, const std::vector<double>& values, StickCycle& c) {
   const std::vector<std::size_t> free = free_unknowns(m, c.node);
   const double still = settled * (1 + std::abs(m.scene().v));
@@ -193,13 +205,15 @@ StickCycle polished(const StickMotion& m, const StickCycle& guess) {
       change[std::size_t(i)] -= map.image[std::size_t(i)];
       map.slopes[std::size_t(i * n + i)] -= 1;
     }
-    if (!solve_dense(n, map.slopes.data(), 1, change.data())) throw Failure("exact stick: the return map is singular");
+    if (!solve_dense(n, map.slopes.data(), 1, change.data()))
+      throw Failure("exact stick: the return map is singular");
     double largest = 0;
     for (std::size_t i = 0; i < x.size(); ++i) {
       x[i] += change[i];
       largest = std::max(largest, std::abs(change[i]) / (1 + std::abs(x[i])));
     }
-    if (!std::isfinite(largest) || iteration > 30) throw Failure("exact stick: Newton's method on the return map fails");
+    if (!std::isfinite(largest) || iteration > 30)
+      throw Failure("exact stick: Newton's method on the return map fails");
     if (largest < settled || (largest < 1e-9 && largest >= last)) break;
     last = largest;
   }

@@ -12,7 +12,7 @@ namespace stickslip {
 
 // One time round: from a release to as many releases later as `from.releases` says.
 struct Lap {
-  Standing at;           // right after that release, with the deviations that were asked for
+  Standing at;  // right after that release, with the deviations that were asked for
   double period = 0;
   std::string sequence;
   double depth = 0, clearance = 0;  // see StickCycle; depth with `turns`
@@ -23,20 +23,22 @@ struct LapWishes {
   std::vector<double> deviations = {};  // at the start, right after the release, each as long as the unknowns
   bool turns = false;
   StickMotion::Passed passed = nullptr;
-  // Is called right after the release with the directions as they are, and at each change with those before it.
+  // Is called right after the release with the directions as they are, and at each change with those before
+  // it.
   std::function<void(const std::vector<double>& was, const Standing& now)> changed = nullptr;
 };
 
-// From `from.start` with eta of the node set to its threshold. Throws Failure where the node does not start there, or the
-// motion does not come back.
+// From `from.start` with eta of the node set to its threshold. Throws Failure where the node does not start
+// there, or the motion does not come back.
 Lap lap(const StickMotion& motion, const StickCycle& from, const LapWishes& wishes);
 
-// The coordinates that tell points of the section apart: all unknowns but those of held nodes, and psi and eta of the node
-// that is released.
+// The coordinates that tell points of the section apart: all unknowns but those of held nodes, and psi and
+// eta of the node that is released.
 std::vector<double> free_values(const StickMotion& motion, const StickCycle& cycle);
 void set_free_values(const StickMotion& motion, const std::vector<double>& values, StickCycle& cycle);
 
-// The return map in these coordinates: what comes back, and its derivative, row-major. Throws Failure as lap().
+// The return map in these coordinates: what comes back, and its derivative, row-major. Throws Failure as
+// lap().
 struct MapAt {
   Lap round;
   std::vector<double> image, slopes;

@@ -19,8 +19,10 @@ constexpr double least_steps = 5000;  // that are allowed for all that
 constexpr int most_idle = 100;        // changes at one time that change nothing
 constexpr double round_off = 4e-16;   // relative, of a sum
 constexpr double of_step = 1e-14;     // the same, of a step and its 36 evaluations
-constexpr double close = 1e-12;      // relative: changes this near to each other happen at once, as in runs (stick.hpp)
-constexpr double longest_step = 1.2; // in units of one over the highest frequency: no change comes and goes twice within it
+// relative: changes this near to each other happen at once, as in runs (stick.hpp)
+constexpr double close = 1e-12;
+constexpr double longest_step =
+    1.2;  // in units of one over the highest frequency: no change comes and goes twice within it
 
 double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
@@ -29,10 +31,11 @@ double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 StickMotion::StickMotion(const Scene& scene, double tolerance)
     : scene_(scene), nodes_(int(scene.n)), dof_(scene.friction.has_state() ? 3 : 2),
       half_width_(scene.n == 1 ? 0 : scene.order / 2), tolerance_(tolerance), law_(scene, 0, scene.n),
-      amplitude_(friction_amplitude(scene, 0, scene.n)), coefficients_(kernel::coefficients_of(scene)), point_(scene),
-      method_(std::size_t(nodes_ * dof_)), method_with_deviations_(0) {
+      amplitude_(friction_amplitude(scene, 0, scene.n)), coefficients_(kernel::coefficients_of(scene)),
+      point_(scene), method_(std::size_t(nodes_ * dof_)), method_with_deviations_(0) {
   if (!scene.friction.sticks())
-    throw UsageError("friction_law " + to_string(scene.friction.law) + " does not stick: its oscillation has no rests");
+    throw UsageError("friction_law " + to_string(scene.friction.law) +
+                     " does not stick: its oscillation has no rests");
   if (half_width_ == 0) std::fill(std::begin(coefficients_.w), std::end(coefficients_.w), 0.);
   const std::vector<double> x = positions(scene, 0, scene.n);
   const bool viscous = scene.nu > 0 && nodes_ > 1;
@@ -41,14 +44,13 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
   for (int j = -half_width_; j < 0; ++j) halo_.push_back(halo_node(scene, j));
   for (int j = 0; j < half_width_; ++j) halo_.push_back(halo_node(scene, nodes_ + j));
   for (int i = 0; i < nodes_ && nodes_ > 1; ++i) d2_.push_back(second_difference_row(scene, i));
-  const double kappa2 = nodes_ > 1 ? largest_symbol(scene.order, scene.form == Form::chain ? 1 : scene.h()) : 0;
+  const double kappa2 =
+      nodes_ > 1 ? largest_symbol(scene.order, scene.form == Form::chain ? 1 : scene.h()) : 0;
   longest_ = longest_step / std::sqrt(scene.A() * (scene.K0() + scene.K1() * kappa2));
   if (viscous) longest_ = std::min(longest_, longest_step / viscous_rate(scene));
 }
 
-bool StickMotion::held(int node) const {
-  return scene_.held(node);
-}
+bool StickMotion::held(int node) const { return scene_.held(node); }
 
 double StickMotion::threshold(int node, const double* u) const {
   return amplitude_[std::size_t(node)] * law_[node].threshold(dof_ == 3 ? u[node * dof_ + 2] : 0).value;
@@ -75,7 +77,8 @@ void StickMotion::rates(const std::vector<double>& direction, const double* u, d
 }
 
 // J of each node alone.
-void StickMotion::blocks(const std::vector<double>& direction, const double* u, std::vector<NodeBlock>& at) const {
+void StickMotion::blocks(const std::vector<double>& direction, const double* u,
+                         std::vector<NodeBlock>& at) const {
   at.resize(std::size_t(nodes_));
   for (int i = 0; i < nodes_; ++i) {
     const double psi = u[i * dof_], s = dof_ == 3 ? u[i * dof_ + 2] : 0, going = direction[std::size_t(i)];
@@ -126,11 +129,13 @@ void StickMotion::jacobian(const std::vector<double>& direction, const double* u
   for (std::size_t i = 0; i < at.size(); ++i) {
     double rows[9];
     at[i].write(dof_, rows);
-    for (std::size_t a = 0; a < dof; ++a) std::copy_n(rows + a * dof, dof, J + (i * dof + a) * size() + i * dof);
+    for (std::size_t a = 0; a < dof; ++a)
+      std::copy_n(rows + a * dof, dof, J + (i * dof + a) * size() + i * dof);
     if (d2_.empty() || held(int(i))) continue;
     const bool slides = direction[i] != 0;
     for (const auto& [node, weight] : d2_[i]) {
-      J[(i * dof + 1) * size() + std::size_t(node) * dof] += weight * (point_.K1 - (slides ? point_.s_delta * point_.N : 0));
+      J[(i * dof + 1) * size() + std::size_t(node) * dof] +=
+          weight * (point_.K1 - (slides ? point_.s_delta * point_.N : 0));
       if (slides) J[i * dof * size() + std::size_t(node) * dof] += weight * point_.A * point_.N;
     }
   }
@@ -179,7 +184,8 @@ double StickMotion::growth(const Candidate& c, const double* u, const double* f)
 }
 
 // `into` becomes u after h, with `count` deviations behind it.
-double StickMotion::step_from(const Standing& p, const double* f0, double h, std::size_t count, double* into) const {
+double StickMotion::step_from(const Standing& p, const double* f0, double h, std::size_t count,
+                              double* into) const {
   const auto f = [&](const double* y, double* g) { derivative(p, y, count, g); };
   if (count == 0) return method_.step(f, p.u.data(), f0, h, size(), tolerance_, into);
   std::vector<double> y(p.u), g0((count + 1) * size());
@@ -189,8 +195,8 @@ double StickMotion::step_from(const Standing& p, const double* f0, double h, std
   return method_with_deviations_.step(f, y.data(), g0.data(), h, size(), tolerance_, into);
 }
 
-// Where the change of a candidate, or with `turning` the end of its growth, comes, between `low`, which lies before it, and
-// `high`.
+// Where the change of a candidate, or with `turning` the end of its growth, comes, between `low`, which lies
+// before it, and `high`.
 double StickMotion::locate(const Standing& p, const double* f0, const Candidate& c, double low, double high,
                            bool turning) const {
   std::vector<double> u(size()), f(size());
@@ -219,14 +225,16 @@ double StickMotion::locate(const Standing& p, const double* f0, const Candidate&
   return find_root(at, {low, below, high, above}, 1e-16 * high);
 }
 
-// The first change within a step from p to y1, as a length of it (`h`: none), and the nodes that were looked at.
-double StickMotion::first_change(const Standing& p, const double* f0, const double* y1, const double* f1, double h,
-                                 std::vector<Candidate>& at, const Turned& turned) const {
+// The first change within a step from p to y1, as a length of it (`h`: none), and the nodes that were looked
+// at.
+double StickMotion::first_change(const Standing& p, const double* f0, const double* y1, const double* f1,
+                                 double h, std::vector<Candidate>& at, const Turned& turned) const {
   double first = h;
   at.clear();
   const auto examine = [&](Candidate c) {
     const double before = growth(c, p.u.data(), f0), behind = growth(c, y1, f1);
-    const bool begins = !c.rests && beyond(c, p.u.data()) == 0;  // right at its start: psi_t against it is round-off
+    // right at its start: psi_t against it is round-off
+    const bool begins = !c.rests && beyond(c, p.u.data()) == 0;
     double until = h;
     c.to_come = beyond(c, y1) >= 0;
     if (!c.to_come && !begins && before > 0 && behind < 0) {  // it may have come and gone
@@ -238,8 +246,10 @@ double StickMotion::first_change(const Standing& p, const double* f0, const doub
       c.turns = stops_at_turns_ && !c.to_come && !c.rests;
     }
     at.push_back(c);
-    if (c.turns) first = std::min(first, until);
-    else if (c.to_come) first = std::min(first, locate(p, f0, c, 0, until, false));
+    if (c.turns)
+      first = std::min(first, until);
+    else if (c.to_come)
+      first = std::min(first, locate(p, f0, c, 0, until, false));
   };
   for (int i = 0; i < nodes_; ++i) {
     const double going = p.direction[std::size_t(i)];
@@ -254,9 +264,9 @@ double StickMotion::first_change(const Standing& p, const double* f0, const doub
   return first;
 }
 
-void StickMotion::accept(Standing& p, const double* y, double h, const double* f0, const Passed& passed) const {
-  if (passed)
-    passed(p.t, p.t + h, [&](double t, double* u) { step_from(p, f0, t - p.t, 0, u); });
+void StickMotion::accept(Standing& p, const double* y, double h, const double* f0,
+                         const Passed& passed) const {
+  if (passed) passed(p.t, p.t + h, [&](double t, double* u) { step_from(p, f0, t - p.t, 0, u); });
   std::copy(y, y + size(), p.u.begin());
   std::copy(y + size(), y + (p.count + 1) * size(), p.deviations.begin());
   p.t += h;
@@ -273,8 +283,10 @@ void StickMotion::snap(Standing& p, const std::vector<Candidate>& candidates, do
     const double lost = c.rests ? of_step * threshold(c.node, p.u.data()) : 1e-15;
     if (!c.to_come || beyond(c, p.u.data()) < -std::max(close * h * speed, lost)) continue;
     const bool back = stops_slips_back_ && !c.rests && c.side * scene_.v < 0;
-    if (back) p.excess = std::max(p.excess, -c.side * (p.u[std::size_t(c.node * dof_ + 1)] + pull(c.node, p.u.data())) -
-                                                threshold(c.node, p.u.data()));
+    if (back)
+      p.excess =
+          std::max(p.excess, -c.side * (p.u[std::size_t(c.node * dof_ + 1)] + pull(c.node, p.u.data())) -
+                                 threshold(c.node, p.u.data()));
     (back ? stopped : reached).push_back(c);
   }
   for (const std::vector<Candidate>* list : {&stopped, &reached})
@@ -321,17 +333,22 @@ std::vector<StickMotion::Jump> StickMotion::jumps(const std::vector<double>& was
     if (from == to) continue;
     const double *b = &before[std::size_t(i * dof_)], *a = &after[std::size_t(i * dof_)];
     jumps.push_back({{p.t, i, from, to},
-                     from == 0 ? JumpMatrix::at_start(dof_, to, threshold_slope(i, p.u.data()), b, a, pull(i, before.data()))
+                     from == 0 ? JumpMatrix::at_start(dof_, to, threshold_slope(i, p.u.data()), b, a,
+                                                      pull(i, before.data()))
                                : JumpMatrix::at_stop(dof_, b, a)});
   }
-  const auto lets_go = [&](int node) { return was[std::size_t(node)] == 0 && p.direction[std::size_t(node)] != 0; };
+  const auto lets_go = [&](int node) {
+    return was[std::size_t(node)] == 0 && p.direction[std::size_t(node)] != 0;
+  };
   for (const Jump& jump : jumps) {
     const int i = jump.change.node;
     if (scene_.nu == 0 || jumps.size() < 2 || !lets_go(i) || after[std::size_t(i * dof_)] == 0) continue;
     for (const auto& [other, weight] : d2_[std::size_t(i)])
       if (other != i && lets_go(int(other)))
-        throw Failure("exact stick: with viscosity between neighbours several nodes let go at once with a jump in their "
-                      "acceleration: motions beside it do it one by one");
+        throw Failure(
+            "exact stick: with viscosity between neighbours several nodes let go at once with a jump in "
+            "their "
+            "acceleration: motions beside it do it one by one");
   }
   return jumps;
 }
@@ -364,7 +381,8 @@ std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Pass
   const std::vector<double> start(p.u);
   const auto after = [&](double time, double* u) {
     for (int i = 0; i < nodes_; ++i) {
-      for (int k = 0; k < 2; ++k) u[i * dof_ + k] = start[std::size_t(i * dof_ + k)] + time * f[std::size_t(i * dof_ + k)];
+      for (int k = 0; k < 2; ++k)
+        u[i * dof_ + k] = start[std::size_t(i * dof_ + k)] + time * f[std::size_t(i * dof_ + k)];
       if (dof_ == 3) u[i * dof_ + 2] = law_[i].state_at_rest(start[std::size_t(i * dof_ + 2)], time);
     }
   };
@@ -381,7 +399,8 @@ std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Pass
     const double limit = threshold(i, p.u.data());
     double& eta = p.u[std::size_t(i * dof_ + 1)];
     for (const double side : {1., -1.})
-      if (std::abs(side * eta - limit) <= close * limit && growth({i, side, true, true, false}, p.u.data(), f.data()) > 0)
+      if (std::abs(side * eta - limit) <= close * limit &&
+          growth({i, side, true, true, false}, p.u.data(), f.data()) > 0)
         eta = side * limit;
   }
   if (ends) return {};
@@ -392,7 +411,8 @@ long StickMotion::most_steps(std::size_t deviations) const {
   return std::lround(std::max(least_steps, most_work / (double(nodes_) * (1 + double(deviations)))));
 }
 
-std::vector<Change> StickMotion::advance(Standing& p, double until, const Passed& passed, const Turned& turned) const {
+std::vector<Change> StickMotion::advance(Standing& p, double until, const Passed& passed,
+                                         const Turned& turned) const {
   std::vector<double> f0(size()), f1(size()), y1((p.count + 1) * size());
   std::vector<Candidate> candidates;
   rates(p.direction, p.u.data(), f0.data());
@@ -411,12 +431,14 @@ std::vector<Change> StickMotion::advance(Standing& p, double until, const Passed
     const double error = step_from(p, f0.data(), h, p.count, y1.data()), next = Extrapolation::next(h, error);
     if (!(error <= 1)) {
       h = next;
-      if (!(h > 1e-12 * longest_)) throw Failure("exact stick: the motion cannot be integrated at t = " + number_text(p.t));
+      if (!(h > 1e-12 * longest_))
+        throw Failure("exact stick: the motion cannot be integrated at t = " + number_text(p.t));
       continue;
     }
     rates(p.direction, y1.data(), f1.data());
     const double place = first_change(p, f0.data(), y1.data(), f1.data(), h, candidates, turned);
-    const bool changes = std::any_of(candidates.begin(), candidates.end(), [](const Candidate& c) { return c.to_come || c.turns; });
+    const bool changes = std::any_of(candidates.begin(), candidates.end(),
+                                     [](const Candidate& c) { return c.to_come || c.turns; });
     if (changes) {
       const double before = p.t;
       step_from(p, f0.data(), place, p.count, y1.data());
@@ -426,8 +448,9 @@ std::vector<Change> StickMotion::advance(Standing& p, double until, const Passed
       if (!found.empty()) return found;
       idle = p.t > before ? 0 : idle + 1;
       if (idle > most_idle)
-        throw Failure("exact stick: a node at its threshold starts and stops in no time, again and again, at t = " +
-                      number_text(p.t));
+        throw Failure(
+            "exact stick: a node at its threshold starts and stops in no time, again and again, at t = " +
+            number_text(p.t));
       rates(p.direction, p.u.data(), f0.data());
       h = std::max(place, longest_ / 64);
       continue;

@@ -1,17 +1,18 @@
-// The motion of a few nodes whose friction sticks, from change to change to nearly round-off, with its deviations.
+// The motion of a few nodes whose friction sticks, from change to change to nearly round-off, with its
+// deviations.
 //
-// A change is a start or a stop of a node. Between changes every node has a direction (1, -1, or 0 at rest) and the
-// right-hand side is smooth: it is integrated at order 12 (numerics/extrapolation.hpp), and the change is where the last
-// step, made of the length for it, ends. While every node rests eta is linear in time and the state known in closed form.
-// The rules of starts and stops are those of runs (time/stick.hpp).
+// A change is a start or a stop of a node. Between changes every node has a direction (1, -1, or 0 at rest)
+// and the right-hand side is smooth: it is integrated at order 12 (numerics/extrapolation.hpp), and the
+// change is where the last step, made of the length for it, ends. While every node rests eta is linear in
+// time and the state known in closed form. The rules of starts and stops are those of runs (time/stick.hpp).
 //
-// With viscosity between neighbours the force on a node is eta + N D2 psi, which at rest only its neighbours' psi make differ
-// from eta (`pull`).
+// With viscosity between neighbours the force on a node is eta + N D2 psi, which at rest only its neighbours'
+// psi make differ from eta (`pull`).
 //
 // Deviations y_t = J(u) y are carried along, through changes by their jump matrices (model/jump_matrix.hpp).
 //
-// Explicit and dense: for few nodes and friction that is not stiff. Local to the process; f, psi, eta and the state as in
-// Model; times in the unit of time.
+// Explicit and dense: for few nodes and friction that is not stiff. Local to the process; f, psi, eta and the
+// state as in Model; times in the unit of time.
 #pragma once
 
 #include <functional>
@@ -43,29 +44,34 @@ struct Standing {
   std::vector<double> direction;   // of each node
   std::vector<double> deviations;  // `count` of them, one behind the other, each like u
   std::size_t count = 0;
-  // Of the slips back (against the plate) that stop_slips_back stopped: the most by which eta was beyond the threshold there.
+  // Of the slips back (against the plate) that stop_slips_back stopped: the most by which eta was beyond the
+  // threshold there.
   double excess = -std::numeric_limits<double>::infinity();
-  long steps = 0;                  // taken so far
+  long steps = 0;  // taken so far
 };
 
 class StickMotion {
  public:
   static constexpr double never = std::numeric_limits<double>::infinity();
-  // Is called for each piece of time that was passed: `at` gives u anywhere in it. For pictures: what is asked costs a step.
-  using Passed = std::function<void(double from, double to, const std::function<void(double t, double* u)>& at)>;
+  // Is called for each piece of time that was passed: `at` gives u anywhere in it. For pictures: what is
+  // asked costs a step.
+  using Passed =
+      std::function<void(double from, double to, const std::function<void(double t, double* u)>& at)>;
   // Is called where |psi| of a sliding node is least, without having been 0.
   using Turned = std::function<void(double t, int node, const double* u)>;
 
-  // `tolerance`: of the error estimate of a step, whose order is below that of the result. Throws UsageError for friction
-  // that does not stick.
+  // `tolerance`: of the error estimate of a step, whose order is below that of the result. Throws UsageError
+  // for friction that does not stick.
   explicit StickMotion(const Scene& scene, double tolerance = 1e-13);
 
-  // From now on a slip that turns without a stop is stopped there: psi becomes 0, and eta at most the threshold. The motion
-  // changes smoothly with its start where a slip only just comes back to rest, and is the true one where it does.
+  // From now on a slip that turns without a stop is stopped there: psi becomes 0, and eta at most the
+  // threshold. The motion changes smoothly with its start where a slip only just comes back to rest, and is
+  // the true one where it does.
   void stop_at_turns() { stops_at_turns_ = true; }
 
-  // From now on a slip against the plate's direction that comes back to psi = 0 is stopped there, eta at most the threshold,
-  // and Standing::excess says whether it would have stopped by itself (negative) or have passed on into the next slip.
+  // From now on a slip against the plate's direction that comes back to psi = 0 is stopped there, eta at most
+  // the threshold, and Standing::excess says whether it would have stopped by itself (negative) or have
+  // passed on into the next slip.
   void stop_slips_back() { stops_slips_back_ = true; }
 
   const Scene& scene() const { return scene_; }
@@ -73,7 +79,7 @@ class StickMotion {
   int dof() const { return dof_; }
   std::size_t size() const { return std::size_t(nodes_ * dof_); }
   bool held(int node) const;
-  double longest() const { return longest_; }  // step
+  double longest() const { return longest_; }               // step
   double threshold(int node, const double* u) const;        // |eta| that holds the node
   double threshold_slope(int node, const double* u) const;  // by its state
   // N D2 psi at the node where it rests, of unknowns, rates or a deviation: the share of its neighbours.
@@ -81,8 +87,8 @@ class StickMotion {
 
   // The Jacobian of the rates, dense and row-major.
   void jacobian(const std::vector<double>& direction, const double* u, double* J) const;
-  // Of the state of a node at rest: the factor by which two motions that are close come together on the way from s0 to s1,
-  // `wait` later.
+  // Of the state of a node at rest: the factor by which two motions that are close come together on the way
+  // from s0 to s1, `wait` later.
   double closing_of_state(int node, double s0, double s1, double wait) const;
 
   // The directions that follow from u alone, as in a run.
@@ -90,33 +96,34 @@ class StickMotion {
   // u_t, with the directions given.
   void rates(const std::vector<double>& direction, const double* u, double* f) const;
 
-  // What the changes from the directions `was` to those of p, which are made at p, do to deviations. With viscosity
-  // neighbours that let go at once with a jump in psi_t would do so in an order of their own for every deviation: throws
-  // Failure.
+  // What the changes from the directions `was` to those of p, which are made at p, do to deviations. With
+  // viscosity neighbours that let go at once with a jump in psi_t would do so in an order of their own for
+  // every deviation: throws Failure.
   struct Jump {
     Change change;
     JumpMatrix matrix;
   };
   std::vector<Jump> jumps(const std::vector<double>& was, const Standing& p) const;
 
-  // How many steps with so many deviations are at most taken from change to change: steps times nodes times one more
-  // than the deviations is bounded, but for 5000 steps.
+  // How many steps with so many deviations are at most taken from change to change: steps times nodes times
+  // one more than the deviations is bounded, but for 5000 steps.
   long most_steps(std::size_t deviations) const;
 
   bool all_rest(const Standing& p) const;  // however long that lasts, it is passed at once
 
-  // On to the next change, and past it (several at once: nodes that change together), but not beyond the time `until`.
-  // The changes; none: `until` came first, or nothing ever moves again (t is infinite). Throws Failure where it does not
-  // get on.
-  std::vector<Change> advance(Standing& p, double until, const Passed& passed = nullptr, const Turned& turned = nullptr) const;
-  // Where a slip that stops at p would turn if nothing stopped it: the least psi along `direction`, negative, a smooth
-  // function of the motion before; `deepest` where it goes that far without turning.
+  // On to the next change, and past it (several at once: nodes that change together), but not beyond the time
+  // `until`. The changes; none: `until` came first, or nothing ever moves again (t is infinite). Throws
+  // Failure where it does not get on.
+  std::vector<Change> advance(Standing& p, double until, const Passed& passed = nullptr,
+                              const Turned& turned = nullptr) const;
+  // Where a slip that stops at p would turn if nothing stopped it: the least psi along `direction`, negative,
+  // a smooth function of the motion before; `deepest` where it goes that far without turning.
   double turn_beyond(const Standing& p, int node, double direction, double deepest) const;
 
  private:
   struct Candidate {
     int node;
-    double side;   // a node at rest: of the threshold; a sliding one: its direction
+    double side;  // a node at rest: of the threshold; a sliding one: its direction
     bool rests;
     bool to_come;  // at the end of the step the change is past
     bool turns;    // it is a turn at which the node is to stop
@@ -130,7 +137,8 @@ class StickMotion {
   void accept(Standing& p, const double* y, double h, const double* f0, const Passed& passed) const;
   double first_change(const Standing& p, const double* f0, const double* y1, const double* f1, double h,
                       std::vector<Candidate>& at, const Turned& turned) const;
-  double locate(const Standing& p, const double* f0, const Candidate& c, double low, double high, bool turning) const;
+  double locate(const Standing& p, const double* f0, const Candidate& c, double low, double high,
+                bool turning) const;
   void snap(Standing& p, const std::vector<Candidate>& candidates, double h) const;
   std::vector<Change> change(Standing& p) const;
 

@@ -1,4 +1,5 @@
-// The branch of a cycle with rests: the return map with the parameter as one more unknown, so that the branch may turn round.
+// The branch of a cycle with rests: the return map with the parameter as one more unknown, so that the branch
+// may turn round.
 #include <algorithm>
 #include <cmath>
 
@@ -35,7 +36,8 @@ class StickPath : public CyclePath {
     for (int iteration = 0;; ++iteration) {
       std::vector<double> matrix, change;
       linearise(next, row, right, matrix, change);
-      if (!solve_dense(int(next.x.size()), matrix.data(), 1, change.data())) throw Failure("the return map is singular");
+      if (!solve_dense(int(next.x.size()), matrix.data(), 1, change.data()))
+        throw Failure("the return map is singular");
       double largest = 0;
       for (size_t k = 0; k < next.x.size(); ++k) {
         next.x[k] += change[k] * unit(k);
@@ -64,7 +66,8 @@ class StickPath : public CyclePath {
     linearise(there_, row, 0, matrix, right);
     std::fill(right.begin(), right.end(), 0.);
     right.back() = 1;
-    if (!solve_dense(int(there_.x.size()), matrix.data(), 1, right.data())) throw Failure("the branch has no tangent");
+    if (!solve_dense(int(there_.x.size()), matrix.data(), 1, right.data()))
+      throw Failure("the branch has no tangent");
     there_.t = of_length_one(right);
     return there_.t;
   }
@@ -105,7 +108,8 @@ class StickPath : public CyclePath {
     return free_values(m, c);
   }
 
-  // The linear system of a step of Newton's method, in units of the places: (DP - 1, dP/dparameter; row) change = right.
+  // The linear system of a step of Newton's method, in units of the places: (DP - 1, dP/dparameter; row)
+  // change = right.
   void linearise(const Stand& s, const Place& row, double level, std::vector<double>& matrix,
                  std::vector<double>& right) const {
     const size_t n = scale_.size(), all = n + 1;
@@ -117,7 +121,8 @@ class StickPath : public CyclePath {
       set_free_values(m, free_of(s), c);
       const MapAt map = map_at(m, c);
       double width = 0;
-      const auto beside = [&](double by) {  // at an end of what the parameter may be the difference is one-sided
+      // at an end of what the parameter may be the difference is one-sided
+      const auto beside = [&](double by) {
         try {
           const std::vector<double> found = image(s, s.x.back() + by);
           width += std::abs(by);
@@ -156,6 +161,8 @@ std::unique_ptr<CyclePath> stick_path(std::function<Scene(double)> at, double fr
   return std::make_unique<StickPath>(std::move(at), from, range, first);
 }
 
-const StickCycle& stick_candidate(const CyclePath& path) { return dynamic_cast<const StickPath&>(path).candidate(); }
+const StickCycle& stick_candidate(const CyclePath& path) {
+  return dynamic_cast<const StickPath&>(path).candidate();
+}
 
 }  // namespace stickslip

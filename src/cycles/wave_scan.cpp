@@ -11,9 +11,10 @@ namespace {
 
 using std::size_t;
 using Complex = std::complex<double>;
-constexpr double longest_move = .8;   // of ln(multiplier) between neighbours
-constexpr double of_interest = -.3;   // ln|multiplier|, below the largest or 0, from which on they are told apart
-constexpr double of_rise = .75;       // of `turning` over the step: what may lie between two samples
+constexpr double longest_move = .8;  // of ln(multiplier) between neighbours
+// ln|multiplier|, below the largest or 0, from which on they are told apart
+constexpr double of_interest = -.3;
+constexpr double of_rise = .75;  // of `turning` over the step: what may lie between two samples
 constexpr size_t most_points = 20000, most_tops = 40;
 
 Complex log_of(Complex z) { return std::log(std::abs(z) > 1e-300 ? z : Complex(1e-300)); }
@@ -34,7 +35,8 @@ bool beside_real_axis(const BlochPoint& p, double least, double& angle, bool& ne
   return false;
 }
 
-// The least distance of two multipliers on that side of the imaginary axis, squared: negative where they are conjugate.
+// The least distance of two multipliers on that side of the imaginary axis, squared: negative where they are
+// conjugate.
 double separation(const std::vector<Complex>& multipliers, bool negative) {
   Complex best = 1e300;
   for (size_t i = 0; i < multipliers.size(); ++i)
@@ -80,9 +82,9 @@ bool WaveScan::matched(const BlochPoint& a, const BlochPoint& b) const {
     for (const Complex& z : one->multipliers) {
       const Complex log_z = log_of(z);
       if (log_z.real() < least) continue;
-      const bool near = std::any_of(other->multipliers.begin(), other->multipliers.end(), [&](const Complex& w) {
-        return std::abs(apart(log_z, log_of(w))) < longest_move;
-      });
+      const bool near =
+          std::any_of(other->multipliers.begin(), other->multipliers.end(),
+                      [&](const Complex& w) { return std::abs(apart(log_z, log_of(w))) < longest_move; });
       if (!near) return false;
     }
   return true;
@@ -92,7 +94,8 @@ void WaveScan::follow_phase_mode(double diffusion) {
   constexpr int most = 40;
   for (int halvings = 0; halvings < most; ++halvings) {
     const double k = points_[1].wavenumber, expected = -diffusion * k * k;
-    if (std::abs(points_[1].growth_rate - expected) <= std::abs(expected) / 2 || std::abs(expected) < 1e-12) return;
+    if (std::abs(points_[1].growth_rate - expected) <= std::abs(expected) / 2 || std::abs(expected) < 1e-12)
+      return;
     points_.insert(points_.begin() + 1, at_(k / 2));
   }
 }
@@ -116,14 +119,18 @@ void WaveScan::find_resonances() {
   double most = largest_of_finite();
   for (size_t k = 0; k + 1 < points_.size(); ++k) {
     const BlochPoint &a = points_[k], &b = points_[k + 1];
-    const double step = b.wavenumber - a.wavenumber, highest = std::max(a.growth_rate, b.growth_rate) + rise_within(k);
+    const double step = b.wavenumber - a.wavenumber,
+                 highest = std::max(a.growth_rate, b.growth_rate) + rise_within(k);
     double at_a, at_b;
     bool left, right;
     const double least = of_interest + std::min(0., setting_.period * most);
-    if (highest <= most || !beside_real_axis(a, least, at_a, left) || !beside_real_axis(b, least, at_b, right)) continue;
+    if (highest <= most || !beside_real_axis(a, least, at_a, left) ||
+        !beside_real_axis(b, least, at_b, right))
+      continue;
     if (left != right || at_a + at_b > 2 * setting_.turning * step) continue;
-    const Least meeting = find_least([&](double x) { return -separation(at_(x).multipliers, left); }, a.wavenumber,
-                                     b.wavenumber, 1e-2 * step, [](double value) { return value < 0; });
+    const Least meeting =
+        find_least([&](double x) { return -separation(at_(x).multipliers, left); }, a.wavenumber,
+                   b.wavenumber, 1e-2 * step, [](double value) { return value < 0; });
     if (meeting.value > 1e-3 * at_a * at_b) continue;
     BlochPoint there = at_(meeting.x);
     most = std::max(most, there.growth_rate);
@@ -134,7 +141,8 @@ void WaveScan::find_resonances() {
 void WaveScan::find_tops() {
   std::vector<size_t> tops;
   for (size_t k = 1; k + 1 < points_.size(); ++k)
-    if (points_[k].growth_rate >= points_[k - 1].growth_rate && points_[k].growth_rate > points_[k + 1].growth_rate)
+    if (points_[k].growth_rate >= points_[k - 1].growth_rate &&
+        points_[k].growth_rate > points_[k + 1].growth_rate)
       tops.push_back(k);
   std::stable_sort(tops.begin(), tops.end(),
                    [&](size_t a, size_t b) { return points_[a].growth_rate > points_[b].growth_rate; });
@@ -145,7 +153,8 @@ void WaveScan::find_tops() {
     if (points_[k].growth_rate + std::max(rise_within(k - 1), rise_within(k)) <= most) continue;
     const double low = points_[k - 1].wavenumber, high = points_[k + 1].wavenumber;
     const auto top_to = [&](double tolerance) {
-      return find_least([&](double x) { return -at_(x).growth_rate; }, low, high, tolerance, [](double) { return false; });
+      return find_least([&](double x) { return -at_(x).growth_rate; }, low, high, tolerance,
+                        [](double) { return false; });
     };
     const Least about = top_to((high - low) / 16);
     if (-about.value + std::max(rise_within(k - 1), rise_within(k)) / 16 <= most) continue;

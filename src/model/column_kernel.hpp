@@ -1,5 +1,6 @@
-// The right-hand side on separate arrays, in two loops: the stencil, which knows the order and no law, and what is
-// pointwise, which knows the law and no order. So there are as many of them as laws and orders together.
+// The right-hand side on separate arrays, in two loops: the stencil, which knows the order and no law, and
+// what is pointwise, which knows the law and no order. So there are as many of them as laws and orders
+// together.
 #pragma once
 
 #include "model/kernel.hpp"
@@ -39,8 +40,10 @@ struct PointwiseOfColumns {
   F friction;
 
   void operator()(const Coefficients& coefficients, const Columns& k) const {
-    if (k.amplitude) pass<true>(coefficients, k);
-    else pass<false>(coefficients, k);
+    if (k.amplitude)
+      pass<true>(coefficients, k);
+    else
+      pass<false>(coefficients, k);
   }
 
  private:
@@ -52,9 +55,11 @@ struct PointwiseOfColumns {
     for (PetscInt i = 0; i < k.count; ++i) {
       const double psi = k.psi[i];
       double force = partials_at<sticking>(friction_of(law, k.node + i), psi, F::has_state ? k.state[i] : 0,
-                                           direction_at<sticking>(k.direction, i)).F;
+                                           direction_at<sticking>(k.direction, i))
+                         .F;
       if constexpr (spread) force *= k.amplitude[i];
-      const NodeRates rates = node_rates(c, psi, k.eta[i], force, k.f_eta[i], moving<sticking>(k.direction, i));
+      const NodeRates rates =
+          node_rates(c, psi, k.eta[i], force, k.f_eta[i], moving<sticking>(k.direction, i));
       k.f_psi[i] = rates.psi;
       k.f_eta[i] = rates.eta;
     }
@@ -62,7 +67,8 @@ struct PointwiseOfColumns {
 #pragma GCC ivdep
       for (PetscInt i = 0; i < k.count; ++i)
         k.f_state[i] = rate_at<sticking>(friction_of(law, k.node + i), k.psi[i], k.state[i],
-                                         direction_at<sticking>(k.direction, i)).g;
+                                         direction_at<sticking>(k.direction, i))
+                           .g;
     }
   }
 };

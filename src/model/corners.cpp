@@ -13,15 +13,18 @@ using Point = std::pair<double, double>;
 
 constexpr int jump = 1, bend = 2, third_derivative = 4, none = 8;
 
-// How smoothly a profile leaves the value of `low` on its way to `high`, and comes there. A quarter of the way tells how it goes.
-std::pair<int, int> leaves_and_comes(const ProfileAlongX& profile, const Point& low, const Point& high, double length) {
+// How smoothly a profile leaves the value of `low` on its way to `high`, and comes there. A quarter of the
+// way tells how it goes.
+std::pair<int, int> leaves_and_comes(const ProfileAlongX& profile, const Point& low, const Point& high,
+                                     double length) {
   if (low.second == high.second) return {none, none};
   if (!(high.first > low.first)) return {none, jump};
   double quarter = low.first + (high.first - low.first) / 4;
   if (length > 0) quarter = std::fmod(quarter + length, length);
   const double part = (profile.at(quarter) - low.second) / (high.second - low.second);
   if (std::abs(part) < 1e-9) return {none, jump};
-  return std::abs(part - 0.25) < 1e-9 ? std::make_pair(bend, bend) : std::make_pair(third_derivative, third_derivative);
+  return std::abs(part - 0.25) < 1e-9 ? std::make_pair(bend, bend)
+                                      : std::make_pair(third_derivative, third_derivative);
 }
 
 void add_corners(const ProfileAlongX& profile, const Scene& scene, std::map<double, int>& corners) {
@@ -31,8 +34,10 @@ void add_corners(const ProfileAlongX& profile, const Scene& scene, std::map<doub
     if (length > 0 && x >= length - near) x -= length;
     if (order == none || (length == 0 && (x < near || x > scene.length - near))) return;
     const auto known = corners.lower_bound(x - near);
-    if (known != corners.end() && known->first <= x + near) known->second = std::min(known->second, order);
-    else corners[x] = order;
+    if (known != corners.end() && known->first <= x + near)
+      known->second = std::min(known->second, order);
+    else
+      corners[x] = order;
   };
   const std::size_t pairs = points.empty() ? 0 : points.size() - (length > 0 ? 0 : 1);
   for (std::size_t i = 0; i < pairs; ++i) {
@@ -67,7 +72,8 @@ SmoothStretch stretch_around(const std::vector<Corner>& corners, const Scene& sc
   return {from, to, jumps};
 }
 
-PetscInt cells_between_corners(const std::vector<Corner>& corners, const Scene& scene, int order, PetscInt most) {
+PetscInt cells_between_corners(const std::vector<Corner>& corners, const Scene& scene, int order,
+                               PetscInt most) {
   for (PetscInt cells = 1; cells <= most; ++cells) {
     const auto at_node = [&](const Corner& c) {
       const double at = c.x / scene.length * double(cells);

@@ -11,7 +11,8 @@
 
 namespace stickslip {
 
-// A state law that is a factor goes with laws of one velocity, any other with laws that take the state themselves.
+// A state law that is a factor goes with laws of one velocity, any other with laws that take the state
+// themselves.
 template <class L, class S>
 constexpr bool classes_belong_together() {
   if (says::takes_state<L>) return !says::factor<S> && !std::is_same_v<S, NoState>;
@@ -51,7 +52,8 @@ std::vector<Differing<T>> differing(const FrictionParameters& p, const std::stri
   return list;
 }
 
-// `friction`, whose parameters have values for everywhere, with those of profiles as they are at each place x.
+// `friction`, whose parameters have values for everywhere, with those of profiles as they are at each place
+// x.
 template <class F>
 std::vector<F> frictions_along(const F& friction, const FrictionParameters& p, const std::vector<double>& x) {
   const auto of_law = differing<decltype(friction.law)>(p, "friction_");
@@ -71,7 +73,8 @@ std::vector<F> frictions_along(const F& friction, const FrictionParameters& p, c
 }
 
 template <class F>
-kernel::Varying<F> varying_friction(const F& friction, const FrictionParameters& p, const std::vector<double>& x) {
+kernel::Varying<F> varying_friction(const F& friction, const FrictionParameters& p,
+                                    const std::vector<double>& x) {
   return {std::make_shared<const std::vector<F>>(frictions_along(friction, p, x))};
 }
 
@@ -93,8 +96,10 @@ R dispatch_friction(const FrictionParameters& p, const Body& body) {
         if constexpr (says::takes_state<L>) {
           result = body(OwnState<L, S>{law, state});
         } else if constexpr (says::jumps_at_rest<L>()) {
-          if (p.regularised) result = body(Product<L, SignRegularised, S>{law, state, {p.eps}});
-          else result = body(Product<L, SignExact, S>{law, state, {}});
+          if (p.regularised)
+            result = body(Product<L, SignRegularised, S>{law, state, {p.eps}});
+          else
+            result = body(Product<L, SignExact, S>{law, state, {}});
         } else {
           result = body(Product<L, SignExact, S>{law, state, {}});
         }
@@ -105,8 +110,9 @@ R dispatch_friction(const FrictionParameters& p, const Body& body) {
   return result;
 }
 
-// Loop<F, sticking>{friction, rest...} of that class F, in the version that suits this processor; where friction varies
-// along x, with the friction of each node, whose places are `x`. Only laws that stick have a loop with `sticking`.
+// Loop<F, sticking>{friction, rest...} of that class F, in the version that suits this processor; where
+// friction varies along x, with the friction of each node, whose places are `x`. Only laws that stick have a
+// loop with `sticking`.
 template <class Function, template <class, bool> class Loop, class... Rest>
 Function loop_of_friction(const FrictionParameters& p, bool sticking, const std::vector<double>& x,
                           const Rest&... rest) {
@@ -118,8 +124,10 @@ Function loop_of_friction(const FrictionParameters& p, bool sticking, const std:
       return kernel::Baseline<Loop<kernel::Varying<F>, sticks>>{{varying_friction(friction, p, x), rest...}};
     };
     if (!sticking) return loop(std::false_type());
-    if constexpr (F::sticks) return loop(std::true_type());
-    else throw std::logic_error("law " + p.law->name + " does not stick");
+    if constexpr (F::sticks)
+      return loop(std::true_type());
+    else
+      throw std::logic_error("law " + p.law->name + " does not stick");
   });
 }
 

@@ -17,7 +17,8 @@ double escape_velocity(const Scene& s) {
   if (!(gain > 0)) return never;
   const std::shared_ptr<const Friction> law = Friction::of(s.friction);
   const bool state = s.friction.has_state();
-  // An oscillation of size w gains gain w^2/2 a turn and loses (2/pi) A |F| w at most; the state rests between.
+  // An oscillation of size w gains gain w^2/2 a turn and loses (2/pi) A |F| w at most; the state rests
+  // between.
   const auto holds = [&](double w) {
     double most = 0;
     for (const double psi : {w, -w}) {

@@ -66,7 +66,8 @@ template <class F>
 class Resolved final : public Friction {
  public:
   Resolved(const F& f, SlopesAhead slopes)
-      : Friction(F::has_state, F::sticks, F::steep, says::van_der_pol<decltype(f.law)> && !F::has_state, slopes),
+      : Friction(F::has_state, F::sticks, F::steep, says::van_der_pol<decltype(f.law)> && !F::has_state,
+                 slopes),
         f_(f) {}
 
   double force(double psi, double s) const override { return f_.force(psi, s); }
@@ -82,21 +83,28 @@ class Resolved final : public Friction {
   }
   double steady_state(double psi) const override { return f_.steady_state(psi); }
   double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const override {
-    if constexpr (F::steep) return f_.newton_psi(psi, s, psi_new, s_new, mass);
-    else return psi_new;
+    if constexpr (F::steep)
+      return f_.newton_psi(psi, s, psi_new, s_new, mass);
+    else
+      return psi_new;
   }
   double velocity_of_slope(double F_psi) const override { return says::velocity_of_slope(f_.law, F_psi); }
 
   Partials sliding_partials(double psi, double s, double direction) const override {
-    if constexpr (F::sticks) return f_.sliding_partials(psi, s, direction);
-    else return refuse<Partials>();
+    if constexpr (F::sticks)
+      return f_.sliding_partials(psi, s, direction);
+    else
+      return refuse<Partials>();
   }
   RatePartials sliding_rate(double psi, double s, double direction) const override {
-    if constexpr (F::sticks) return f_.sliding_rate(psi, s, direction);
-    else return refuse<RatePartials>();
+    if constexpr (F::sticks)
+      return f_.sliding_rate(psi, s, direction);
+    else
+      return refuse<RatePartials>();
   }
   WithSlope threshold(double s) const override {
-    if constexpr (!F::sticks) return refuse<WithSlope>();
+    if constexpr (!F::sticks)
+      return refuse<WithSlope>();
     else if constexpr (F::has_state) {
       const WithSlope m = f_.state.factor(s);
       return {m.value * f_.law.threshold(), m.slope * f_.law.threshold()};
@@ -105,19 +113,28 @@ class Resolved final : public Friction {
     }
   }
   double threshold_at_long_rest() const override {
-    if constexpr (!F::sticks) return refuse<double>();
-    else if constexpr (F::has_state) return f_.state.factor_at_long_rest() * f_.law.threshold();
-    else return f_.law.threshold();
+    if constexpr (!F::sticks)
+      return refuse<double>();
+    else if constexpr (F::has_state)
+      return f_.state.factor_at_long_rest() * f_.law.threshold();
+    else
+      return f_.law.threshold();
   }
   double state_at_rest(double s, double t) const override {
-    if constexpr (!F::sticks) return refuse<double>();
-    else if constexpr (F::has_state) return f_.state.at_rest(s, t);
-    else return 0;
+    if constexpr (!F::sticks)
+      return refuse<double>();
+    else if constexpr (F::has_state)
+      return f_.state.at_rest(s, t);
+    else
+      return 0;
   }
   double time_at_rest(double s) const override {
-    if constexpr (!F::sticks) return refuse<double>();
-    else if constexpr (F::has_state) return f_.state.time_at_rest(s);
-    else return 0;
+    if constexpr (!F::sticks)
+      return refuse<double>();
+    else if constexpr (F::has_state)
+      return f_.state.time_at_rest(s);
+    else
+      return 0;
   }
 
  private:
@@ -178,14 +195,16 @@ namespace {
 
 template <class F>
 std::shared_ptr<const Friction> resolved(const F& f, const FrictionParameters& p) {
-  return std::make_shared<const Resolved<F>>(f, p.regularised ? SlopesAhead{0, 1 / p.eps} : says::slopes_ahead(f.law));
+  return std::make_shared<const Resolved<F>>(
+      f, p.regularised ? SlopesAhead{0, 1 / p.eps} : says::slopes_ahead(f.law));
 }
 
 }  // namespace
 
 std::shared_ptr<const Friction> Friction::of(const FrictionParameters& p) {
   if (p.varies())
-    throw UsageError(p.profiles.begin()->first + "_profile: what is asked for here needs friction that is the same "
+    throw UsageError(p.profiles.begin()->first +
+                     "_profile: what is asked for here needs friction that is the same "
                      "everywhere");
   return dispatch_friction<std::shared_ptr<const Friction>>(p, [&](const auto& f) { return resolved(f, p); });
 }

@@ -3,8 +3,10 @@
 namespace stickslip {
 
 Frictions::Frictions(const Scene& scene, PetscInt first, PetscInt count) : vary_(scene.friction.varies()) {
-  if (vary_ && count > 0) list_ = Friction::along(scene.friction, positions(scene, first, count));
-  else if (!vary_) list_ = {Friction::of(scene.friction)};
+  if (vary_ && count > 0)
+    list_ = Friction::along(scene.friction, positions(scene, first, count));
+  else if (!vary_)
+    list_ = {Friction::of(scene.friction)};
 }
 
 std::vector<double> positions(const Scene& scene, PetscInt first, PetscInt count) {

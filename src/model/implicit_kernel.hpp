@@ -1,18 +1,21 @@
 // The implicit equations of a stage with friction taken implicitly, node by node.
 //
-// With y = (psi, eta, state), h the step times the diagonal entry of the tableau and z what the earlier stages give:
-//     psi = z_psi + h A m (eta - B psi - F),  eta = z_eta + h [K0 (v - psi) - s delta m (eta - F)],  s = z_s + h g
+// With y = (psi, eta, state), h the step times the diagonal entry of the tableau and z what the earlier
+// stages give:
+//     psi = z_psi + h A m (eta - B psi - F),  eta = z_eta + h [K0 (v - psi) - s delta m (eta - F)],  s = z_s
+//                                                                                                    + h g
 // where m is 1, or 0 at rest and at a held node. eta put into the first:
 //     r(psi) = a psi + q F(psi, s) - R = 0,   q = h A m/(1 + h s delta m),  a = 1 + m h A B + q h K0,
 //     R = z_psi + q (z_eta + h K0 v)
-// Where friction rises, r does, and has one zero. Where it falls with velocity and the step is long, r has several: the
-// one wanted is that which the step leads to as h grows from 0, along which dr/dpsi > 0. A node is told as unsolved
-// where dr/dpsi is not positive on the way from the start of the step to the zero found (`strict`); otherwise the first
-// zero that lies in the direction of -r is taken.
+// Where friction rises, r does, and has one zero. Where it falls with velocity and the step is long, r has
+// several: the one wanted is that which the step leads to as h grows from 0, along which dr/dpsi > 0. A node
+// is told as unsolved where dr/dpsi is not positive on the way from the start of the step to the zero found
+// (`strict`); otherwise the first zero that lies in the direction of -r is taken.
 //
-// Newton's method goes on at each node until that node's own residual is small, whatever its neighbours do, so that its
-// value does not depend on the tile it lies in. A step of it, r over the slope, errs by no more than the slope has changed
-// since the round before, in parts: where that leaves less than what is allowed, the step is the last one.
+// Newton's method goes on at each node until that node's own residual is small, whatever its neighbours do,
+// so that its value does not depend on the tile it lies in. A step of it, r over the slope, errs by no more
+// than the slope has changed since the round before, in parts: where that leaves less than what is allowed,
+// the step is the last one.
 #pragma once
 
 #include <algorithm>
@@ -81,10 +84,10 @@ struct NodeEquation {  // F: of the node itself
     return std::abs(v.r) <= target * a * (1 + std::abs(psi)) + 1e-15 * v.size;
   }
 
-  // From the start of the step in growing steps to where r changes its sign, and the zero in between. False where there
-  // is none in reach, or (`strict`) where dr/dpsi is not positive on the way.
-  __attribute__((noinline)) bool search(double start, double start_state, double target, bool strict, double& psi,
-                                        double& s) const {
+  // From the start of the step in growing steps to where r changes its sign, and the zero in between. False
+  // where there is none in reach, or (`strict`) where dr/dpsi is not positive on the way.
+  __attribute__((noinline)) bool search(double start, double start_state, double target, bool strict,
+                                        double& psi, double& s) const {
     double x = start, sx = start_state;
     Value here = at(x, sx);
     if (strict && !(here.slope > 0)) return false;
@@ -111,7 +114,8 @@ struct NodeEquation {  // F: of the node itself
     psi = x;
     s = sx;
     return std::isfinite(here.r) && (!strict || here.slope > 0) &&
-           std::abs(here.r) <= target * std::max(a, std::abs(here.slope)) * (1 + std::abs(x)) + 1e-14 * here.size;
+           std::abs(here.r) <=
+               target * std::max(a, std::abs(here.slope)) * (1 + std::abs(x)) + 1e-14 * here.size;
   }
 
   // Is dr/dpsi positive between the start of the step and the zero?
@@ -151,9 +155,14 @@ struct SolveStage {
     const bool moves = !t.held && (!sticking || t.direction[i] != 0);
     const double amplitude = t.amplitude ? t.amplitude[i] : 1, direction = sticking ? t.direction[i] : 0;
     const double q = moves ? k.q : 0;
-    return NodeEquation<std::decay_t<decltype(own)>, sticking>{
-        own, amplitude, direction, t.h, moves ? k.a : 1, q, t.z_psi[i] + q * (t.z_eta[i] + k.load),
-        F::has_state ? t.z_state[i] : 0};
+    return NodeEquation<std::decay_t<decltype(own)>, sticking>{own,
+                                                               amplitude,
+                                                               direction,
+                                                               t.h,
+                                                               moves ? k.a : 1,
+                                                               q,
+                                                               t.z_psi[i] + q * (t.z_eta[i] + k.load),
+                                                               F::has_state ? t.z_state[i] : 0};
   }
 
   // The slower way of node i; returns whether it led to a root.
@@ -171,8 +180,8 @@ struct SolveStage {
     return equation(k, t, i).rises_between(t.start[i], F::has_state ? t.start_state[i] : 0, t.psi[i]);
   }
 
-  // All nodes of a piece at once: one round of Newton's method after the other, in which those that are done stand.
-  // As wide as a double, so that the compiler can choose between doubles by it.
+  // All nodes of a piece at once: one round of Newton's method after the other, in which those that are done
+  // stand. As wide as a double, so that the compiler can choose between doubles by it.
   using Flag = std::int64_t;
 
   // r's coefficients of the nodes of a piece, the amplitude in q.
@@ -243,12 +252,13 @@ struct SolveStage {
     return far;
   }
 
-  // The same with a state: both unknowns at once, tamed where the law is steep. A node from which no step leads on is left
-  // where it stands.
-  Flag newton_with_state(const Shared& k, const Stage& stage, PetscInt begin, PetscInt count, Flag* open) const {
+  // The same with a state: both unknowns at once, tamed where the law is steep. A node from which no step
+  // leads on is left where it stands.
+  Flag newton_with_state(const Shared& k, const Stage& stage, PetscInt begin, PetscInt count,
+                         Flag* open) const {
     constexpr int most = 40;
     constexpr double done = 0, goes_on = 1, stuck = 2;  // 1. and 2. have no bit in common
-    const Stage t = stage;  // copies, which no store can change
+    const Stage t = stage;                              // copies, which no store can change
     const F law = friction;
     Piece piece;
     set_out(k, t, begin, count, piece);
@@ -270,15 +280,19 @@ struct SolveStage {
         const double a = piece.a[i], q = piece.q[i], R = piece.R[i];
         const Partials p = partials_at<sticking>(own, x, s, going);
         const RatePartials g = rate_at<sticking>(own, x, s, going);
-        const double r = a * x + q * p.F - R, rs = s - t.z_state[begin + i] - t.h * g.g, of_s = 1 - t.h * g.g_state;
+        const double r = a * x + q * p.F - R, rs = s - t.z_state[begin + i] - t.h * g.g,
+                     of_s = 1 - t.h * g.g_state;
         const double slope = (a + q * p.F_psi) * of_s + q * p.F_state * t.h * g.g_psi;
         const double size = abs(a * x) + abs(q * p.F) + abs(R);
         const double miss = abs(r) - (t.target * a * (1 + abs(x)) + 1e-15 * size);
-        const double of_state = abs(rs) - t.target * of_s * (1 + abs(s)), worse = where_less(miss, of_state, of_state, miss);
-        const double d_psi = (q * p.F_state * rs - r * of_s) / slope, s_new = s + (t.h * g.g_psi * d_psi - rs) / of_s;
+        const double of_state = abs(rs) - t.target * of_s * (1 + abs(s)),
+                     worse = where_less(miss, of_state, of_state, miss);
+        const double d_psi = (q * p.F_state * rs - r * of_s) / slope,
+                     s_new = s + (t.h * g.g_psi * d_psi - rs) / of_s;
         double next = x + d_psi;
         if constexpr (F::steep) next = where_less(0, q, own.newton_psi(x, s, next, s_new, a / q), next);
-        const double open_here = where_less(abs(now[i] - goes_on), 0.5, 1, 0), moves = where_less(0, slope, open_here, 0);
+        const double open_here = where_less(abs(now[i] - goes_on), 0.5, 1, 0),
+                     moves = where_less(0, slope, open_here, 0);
         psi[i] = where_less(0, moves, next, x);
         state[i] = where_less(0, moves, s_new, s);
         const double then = where_less(0, slope, where_less(0, worse, goes_on, done), stuck);
@@ -318,8 +332,10 @@ struct SolveStage {
     for (PetscInt begin = 0; begin < t.count; begin += tile_size) {
       const PetscInt count = std::min(tile_size, t.count - begin);
       Flag left;
-      if constexpr (F::has_state) left = newton_with_state(k, t, begin, count, open);
-      else left = newton(k, t, begin, count, open);
+      if constexpr (F::has_state)
+        left = newton_with_state(k, t, begin, count, open);
+      else
+        left = newton(k, t, begin, count, open);
       if (left == 0 && (!t.strict || any_far(t, begin, count) == 0)) continue;
       for (PetscInt i = 0; i < count; ++i)
         if ((open[i] != 0 || !is_safe(k, t, begin + i)) && !search(k, t, begin + i)) ++unsolved;

@@ -1,11 +1,12 @@
-// The loops over nodes. Each works on any contiguous range of nodes whose halo is given beside it; written once, inlined
-// over the friction and the stencil.
+// The loops over nodes. Each works on any contiguous range of nodes whose halo is given beside it; written
+// once, inlined over the friction and the stencil.
 //
-// The unknowns lie interleaved in memory, which vector instructions dislike. So a loop takes a tile of nodes at a time,
-// spreads psi, eta and the state into small arrays that stay in the first-level cache, and computes on those: the
-// compiler makes vector code of every step that has no branch and calls no function, whatever the law and the order.
-// Only + - * / occur, in the order written, and no fused multiply-add (-ffp-contract=off), so that a node's result does
-// not depend on the vector length, on its place in a range, or on how many ranks share the grid.
+// The unknowns lie interleaved in memory, which vector instructions dislike. So a loop takes a tile of nodes
+// at a time, spreads psi, eta and the state into small arrays that stay in the first-level cache, and
+// computes on those: the compiler makes vector code of every step that has no branch and calls no function,
+// whatever the law and the order. Only + - * / occur, in the order written, and no fused multiply-add
+// (-ffp-contract=off), so that a node's result does not depend on the vector length, on its place in a range,
+// or on how many ranks share the grid.
 #pragma once
 
 #include <petscsys.h>
@@ -32,9 +33,9 @@ inline Coefficients coefficients_with(const Scene& scene, double factor) {
   const double scale = scene.form == Form::chain ? factor : factor / (scene.h() * scene.h());
   const std::array<double, 5> w = second_difference(scene.order);
   Coefficients c{scene.A(), scene.B(), scene.K0(), scene.v, scene.s_delta(), {}};
-  // Weights that add up to exactly 0: what they err by acts on psi itself, and 1/h^2 makes it large, the same way in
-  // every step. They are rounded to multiples of one power of 2, so small that no digit of theirs is lost and so large
-  // that their sum has no rounding.
+  // Weights that add up to exactly 0: what they err by acts on psi itself, and 1/h^2 makes it large, the same
+  // way in every step. They are rounded to multiples of one power of 2, so small that no digit of theirs is
+  // lost and so large that their sum has no rounding.
   const double unit = scale > 0 ? std::ldexp(1., std::ilogb(scale) - 50) : 1;
   double sum = 0;
   for (std::size_t j = 1; j < 5; ++j) {
@@ -46,8 +47,9 @@ inline Coefficients coefficients_with(const Scene& scene, double factor) {
 }
 inline Coefficients coefficients_of(const Scene& scene) { return coefficients_with(scene, scene.K1()); }
 
-// Friction with parameters of its own at every node. The loops take it in place of one friction for all, which
-// friction_of() hands on as it is: a scene without profiles runs the same instructions as if there were none.
+// Friction with parameters of its own at every node. The loops take it in place of one friction for all,
+// which friction_of() hands on as it is: a scene without profiles runs the same instructions as if there were
+// none.
 template <class F>
 struct Varying {
   static constexpr bool has_state = F::has_state, sticks = F::sticks, steep = F::steep;
@@ -66,10 +68,11 @@ struct Range {
   const double* amplitude;  // a_i of the first node; nullptr: all are 1
   double* f;                // right-hand side of the first node; does not overlap u
   PetscInt count;
-  const double* before;     // psi of the half_width nodes before the range, in order (not read where half_width = 0)
-  const double* behind;     // psi of the half_width nodes behind it
+  // psi of the half_width nodes before the range, in order (not read where half_width = 0)
+  const double* before;
+  const double* behind;               // psi of the half_width nodes behind it
   const double* direction = nullptr;  // of motion, with friction that sticks (`sticking`): 1, -1, 0 at rest
-  PetscInt node = 0;        // number of the first node, for friction that varies
+  PetscInt node = 0;                  // number of the first node, for friction that varies
 };
 
 // A tile: nodes 0..count-1, and psi[-half_width .. count+half_width-1].
@@ -122,44 +125,54 @@ double stencil_sum(const Coefficients& k, const double* psi) {
 // The direction of node i, 0 at rest; without `sticking` nobody asks for it.
 template <bool sticking>
 double direction_at(const double* direction, PetscInt i) {
-  if constexpr (sticking) return direction[i];
-  else return 0;
+  if constexpr (sticking)
+    return direction[i];
+  else
+    return 0;
 }
 // F, the state's rate and their slopes. `sticking`: of the direction given.
 template <bool sticking, class F>
 Partials partials_at(const F& friction, double psi, double s, double direction) {
-  if constexpr (sticking) return friction.sliding_partials(psi, s, direction);
-  else return friction.partials(psi, s);
+  if constexpr (sticking)
+    return friction.sliding_partials(psi, s, direction);
+  else
+    return friction.partials(psi, s);
 }
 template <bool sticking, class F>
 RatePartials rate_at(const F& friction, double psi, double s, double direction) {
-  if constexpr (sticking) return friction.sliding_rate(psi, s, direction);
-  else return friction.rate_partials(psi, s);
+  if constexpr (sticking)
+    return friction.sliding_rate(psi, s, direction);
+  else
+    return friction.rate_partials(psi, s);
 }
 // force[i] = a_i F.
 template <bool sticking, class F>
 void friction_force(const F& friction, const Tile& t, double* force) {
   for (PetscInt i = 0; i < t.count; ++i)
-    force[i] = partials_at<sticking>(friction_of(friction, t.node + i), t.psi[i], F::has_state ? t.state[i] : 0,
-                                     direction_at<sticking>(t.direction, i)).F;
+    force[i] = partials_at<sticking>(friction_of(friction, t.node + i), t.psi[i],
+                                     F::has_state ? t.state[i] : 0, direction_at<sticking>(t.direction, i))
+                   .F;
   if (t.amplitude)
     for (PetscInt i = 0; i < t.count; ++i) force[i] *= t.amplitude[i];
 }
 
-// The rates of a node, but for its state's: `force` is a_i F, `coupling` K1 D2 psi. moves: 1, or 0 where friction holds
-// the node at rest; its friction then is eta.
+// The rates of a node, but for its state's: `force` is a_i F, `coupling` K1 D2 psi. moves: 1, or 0 where
+// friction holds the node at rest; its friction then is eta.
 struct NodeRates {
   double psi, eta;
 };
-inline NodeRates node_rates(const Coefficients& c, double psi, double eta, double force, double coupling, double moves) {
+inline NodeRates node_rates(const Coefficients& c, double psi, double eta, double force, double coupling,
+                            double moves) {
   const double excess = (eta - force) * moves, load = c.K0 * c.v;
   return {c.A * (excess - c.B * psi * moves), load - c.K0 * psi + coupling - c.s_delta * excess};
 }
 // 1, or with `sticking` the square of the direction, which is 0 at rest: so there is no branch.
 template <bool sticking>
 double moving(const double* direction, PetscInt i) {
-  if constexpr (sticking) return direction[i] * direction[i];
-  else return 1;
+  if constexpr (sticking)
+    return direction[i] * direction[i];
+  else
+    return 1;
 }
 
 // Part::full (half_width >= 1) of a law without a state.
@@ -184,8 +197,9 @@ struct Whole {
   }
 };
 
-// The same of any friction, in two passes: K1 D2 psi stands in the eta of f already (`coupled`), from a loop that knows
-// no law; or there is none, Part::pointwise. What exp and log cost, or parameters from memory, hides the second pass.
+// The same of any friction, in two passes: K1 D2 psi stands in the eta of f already (`coupled`), from a loop
+// that knows no law; or there is none, Part::pointwise. What exp and log cost, or parameters from memory,
+// hides the second pass.
 template <class F, bool sticking = false>
 struct Onto {
   static constexpr int dof = F::has_state ? 3 : 2;
@@ -200,12 +214,14 @@ struct Onto {
       friction_force<sticking>(friction, t, force);
       for (PetscInt i = 0; i < t.count; ++i) {
         const double psi = t.psi[i], coupling = coupled ? t.f[i * dof + 1] : 0;
-        const NodeRates rates = node_rates(c, psi, t.eta[i], force[i], coupling, moving<sticking>(t.direction, i));
+        const NodeRates rates =
+            node_rates(c, psi, t.eta[i], force[i], coupling, moving<sticking>(t.direction, i));
         t.f[i * dof] = rates.psi;
         t.f[i * dof + 1] = rates.eta;
         if constexpr (dof == 3)
           t.f[i * dof + 2] = rate_at<sticking>(friction_of(friction, t.node + i), psi, t.state[i],
-                                               direction_at<sticking>(t.direction, i)).g;
+                                               direction_at<sticking>(t.direction, i))
+                                 .g;
       }
     });
   }
@@ -223,7 +239,8 @@ struct Terms {
 
 struct AddTerms {
   template <int terms>
-  static void pass(const double* base, const double* const* k, const double* weights, double* y, PetscInt count) {
+  static void pass(const double* base, const double* const* k, const double* weights, double* y,
+                   PetscInt count) {
     const double* column[terms];
     double w[terms];
     for (int j = 0; j < terms; ++j) {
@@ -238,8 +255,8 @@ struct AddTerms {
     }
   }
   template <int terms>
-  static void pass_of(int wanted, const double* base, const double* const* k, const double* weights, double* y,
-                      PetscInt count) {
+  static void pass_of(int wanted, const double* base, const double* const* k, const double* weights,
+                      double* y, PetscInt count) {
     if constexpr (terms > 1) {
       if (wanted < terms) return pass_of<terms - 1>(wanted, base, k, weights, y, count);
     }
@@ -354,15 +371,16 @@ struct Reaction {
       for (PetscInt i = 0; i < t.count; ++i) {
         t.f[i * dof] = -c.A * force[i];
         t.f[i * dof + 1] = c.s_delta * force[i];
-        if constexpr (dof == 3) t.f[i * dof + 2] = friction_of(friction, t.node + i).rate(t.psi[i], t.state[i]);
+        if constexpr (dof == 3)
+          t.f[i * dof + 2] = friction_of(friction, t.node + i).rate(t.psi[i], t.state[i]);
       }
     });
   }
 };
 
-// ---- compiled three times on x86-64, for any such processor, AVX2 and AVX-512, chosen when the program runs ---------
-// The attributes belong to one function into which everything is inlined, so that no other code of the program gets
-// instructions that an older processor lacks.
+// ---- compiled three times on x86-64, for any such processor, AVX2 and AVX-512, chosen when the program runs
+// --------- The attributes belong to one function into which everything is inlined, so that no other code of
+// the program gets instructions that an older processor lacks.
 
 template <class Loop>
 struct Baseline {
@@ -391,13 +409,15 @@ struct Avx512 {
 #else
   __attribute__((target("avx512f,avx512dq,avx512vl,prefer-vector-width=512"), flatten))
 #endif
-  auto operator()(const Arguments&... arguments) const {
+  auto
+  operator()(const Arguments&... arguments) const {
     return loop(arguments...);
   }
 };
 inline bool has_avx2() { return __builtin_cpu_supports("avx2"); }
 inline bool has_avx512() {
-  return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+  return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+         __builtin_cpu_supports("avx512vl");
 }
 #else
 template <class Loop>
@@ -420,24 +440,22 @@ Function compiled(const Loop& loop) {
 template <class Pick>
 auto for_half_width(int half_width, const Pick& pick) {
   switch (half_width) {
-    case 1:
-      return pick(std::integral_constant<int, 1>());
-    case 2:
-      return pick(std::integral_constant<int, 2>());
-    case 3:
-      return pick(std::integral_constant<int, 3>());
-    default:
-      return pick(std::integral_constant<int, 4>());
+    case 1: return pick(std::integral_constant<int, 1>());
+    case 2: return pick(std::integral_constant<int, 2>());
+    case 3: return pick(std::integral_constant<int, 3>());
+    default: return pick(std::integral_constant<int, 4>());
   }
 }
 
-// Which loops come in all versions: those without a state; with one, of a law that lives by exp and log, what every stage of
-// a step does. The others do without, since each version of a loop takes about a second to compile. (So does Varying
-// friction, whose parameters do not lie side by side.)
+// Which loops come in all versions: those without a state; with one, of a law that lives by exp and log, what
+// every stage of a step does. The others do without, since each version of a loop takes about a second to
+// compile. (So does Varying friction, whose parameters do not lie side by side.)
 template <class Function, class Kernel>
 Function compiled_where_worth(const Kernel& kernel) {
-  if constexpr (Kernel::all_versions) return compiled<Function>(kernel);
-  else return Baseline<Kernel>{kernel};
+  if constexpr (Kernel::all_versions)
+    return compiled<Function>(kernel);
+  else
+    return Baseline<Kernel>{kernel};
 }
 
 }  // namespace stickslip::kernel

@@ -4,23 +4,28 @@
 //     static constexpr const char* name              as in the option friction_law
 //     static constexpr bool jumps_at_rest            no default: a law that does not say does not compile
 //     static std::vector<Declared<Class>> parameters()
-//     template <class Real, class Sign> WithSlopeOf<Real> phi(Real psi, Sign sign) const        phi and its slope
-// and, where it jumps at rest, double threshold() const. A law whose friction is no product of phi and a factor of the
-// state says `takes_state = true` and gives PartialsOf<Real> partials(Real psi, Real s) const in place of phi.
-// Real is double, or a number that carries derivatives (numerics/jet.hpp): higher derivatives come from the formulas as
-// they stand. So functions of it are called as `using std::exp; exp(psi)`, or `using elementary::exp`: then the loops over
-// nodes become vector code (numerics/elementary.hpp), so long as the formula has no branch either (where_less() there).
-// A state law is a class with name; symbol, unit and meaning of the state as files show it; logarithmic (the stored s
-// is its logarithm); parameters() and
-//     RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const    a template too; direction: the sign
+//     template <class Real, class Sign> WithSlopeOf<Real> phi(Real psi, Sign sign) const        phi and its
+//                                                                                               slope
+// and, where it jumps at rest, double threshold() const. A law whose friction is no product of phi and a
+// factor of the state says `takes_state = true` and gives PartialsOf<Real> partials(Real psi, Real s) const
+// in place of phi. Real is double, or a number that carries derivatives (numerics/jet.hpp): higher
+// derivatives come from the formulas as they stand. So functions of it are called as `using std::exp;
+// exp(psi)`, or `using elementary::exp`: then the loops over nodes become vector code
+// (numerics/elementary.hpp), so long as the formula has no branch either (where_less() there). A state law is
+// a class with name; symbol, unit and meaning of the state as files show it; logarithmic (the stored s is its
+// logarithm); parameters() and
+//     RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const    a template too;
+//                                                                                     direction: the sign
 //                                                                                    of psi, 0 at rest
-//     double steady_state(double psi) const          the s at which the rate vanishes; infinite where there is none
+//     double steady_state(double psi) const          the s at which the rate vanishes; infinite where there
+//                                                    is none
 // and, where friction is factor(s) phi(psi) with it (else it belongs to laws that take the state themselves),
 //     WithSlopeOf<Real> factor(Real s) const         a template too
 //     double at_rest(double s, double t) const       what becomes of s after the time t at psi = 0
 //     double time_at_rest(double s) const            over which that changes
 //     double factor_at_long_rest() const
-// What else a class may say stands with the functions of `says` below, each with what holds where it does not.
+// What else a class may say stands with the functions of `says` below, each with what holds where it does
+// not.
 #pragma once
 
 #include <algorithm>
@@ -43,7 +48,8 @@ struct Declared {
   Parameter parameter;
 };
 
-// ---- sgn(psi) and |psi| with their slopes, exact or regularised over the velocity eps -----------------------------
+// ---- sgn(psi) and |psi| with their slopes, exact or regularised over the velocity eps
+// -----------------------------
 
 struct SignExact {
   static constexpr bool smooth = false;
@@ -86,7 +92,8 @@ struct SignFrozen {
   }
 };
 
-// ---- what a class may say of itself -------------------------------------------------------------------------------
+// ---- what a class may say of itself
+// -------------------------------------------------------------------------------
 
 namespace says {
 
@@ -95,51 +102,73 @@ struct Has : std::false_type {};
 template <class T, template <class> class Member>
 struct Has<T, Member, std::void_t<Member<T>>> : std::true_type {};
 
-template <class T> using JumpsAtRest = decltype(T::jumps_at_rest);
-template <class T> using TakesState = decltype(T::takes_state);
-template <class T> using Steep = decltype(&T::newton_psi);
-template <class T> using VanDerPol = decltype(T::van_der_pol);
-template <class T> using SlopesOf = decltype(&T::slopes_ahead);
-template <class T> using VelocityOfSlope = decltype(&T::velocity_of_slope);
-template <class T> using Check = decltype(&T::check);
-template <class T> using Factor = decltype(std::declval<const T&>().factor(0.));
-template <class T> using UsualState = decltype(T::usual_state);
-template <class T> using NeedsThreshold = decltype(T::needs_threshold);
+template <class T>
+using JumpsAtRest = decltype(T::jumps_at_rest);
+template <class T>
+using TakesState = decltype(T::takes_state);
+template <class T>
+using Steep = decltype(&T::newton_psi);
+template <class T>
+using VanDerPol = decltype(T::van_der_pol);
+template <class T>
+using SlopesOf = decltype(&T::slopes_ahead);
+template <class T>
+using VelocityOfSlope = decltype(&T::velocity_of_slope);
+template <class T>
+using Check = decltype(&T::check);
+template <class T>
+using Factor = decltype(std::declval<const T&>().factor(0.));
+template <class T>
+using UsualState = decltype(T::usual_state);
+template <class T>
+using NeedsThreshold = decltype(T::needs_threshold);
 
 // partials() in place of phi(): F is no product of phi and a factor of the state.
-template <class L> constexpr bool takes_state = Has<L, TakesState>::value;
+template <class L>
+constexpr bool takes_state = Has<L, TakesState>::value;
 // newton_psi(), see Friction: friction is steep at rest.
-template <class L> constexpr bool steep = Has<L, Steep>::value;
+template <class L>
+constexpr bool steep = Has<L, Steep>::value;
 // `van_der_pol`: uniform motion without a state is van der Pol's.
-template <class L> constexpr bool van_der_pol = Has<L, VanDerPol>::value;
+template <class L>
+constexpr bool van_der_pol = Has<L, VanDerPol>::value;
 // The state law strengthens a threshold, so that a law without one has no use for it.
-template <class S> constexpr bool needs_threshold = Has<S, NeedsThreshold>::value;
+template <class S>
+constexpr bool needs_threshold = Has<S, NeedsThreshold>::value;
 // The state law is a factor of phi.
-template <class S> constexpr bool factor = Has<S, Factor>::value;
+template <class S>
+constexpr bool factor = Has<S, Factor>::value;
 
 template <class L>
 constexpr bool jumps_at_rest() {
-  static_assert(Has<L, JumpsAtRest>::value,
-                "a friction law must say whether it jumps at rest: static constexpr bool jumps_at_rest = ...");
+  static_assert(
+      Has<L, JumpsAtRest>::value,
+      "a friction law must say whether it jumps at rest: static constexpr bool jumps_at_rest = ...");
   return L::jumps_at_rest;
 }
 // slopes_ahead(): nothing steeper than what is met.
 template <class L>
 SlopesAhead slopes_ahead(const L& law) {
-  if constexpr (Has<L, SlopesOf>::value) return law.slopes_ahead();
-  else return {};
+  if constexpr (Has<L, SlopesOf>::value)
+    return law.slopes_ahead();
+  else
+    return {};
 }
 // velocity_of_slope(F_psi): no closed formula.
 template <class L>
 double velocity_of_slope(const L& law, double slope) {
-  if constexpr (Has<L, VelocityOfSlope>::value) return law.velocity_of_slope(slope);
-  else return std::numeric_limits<double>::quiet_NaN();
+  if constexpr (Has<L, VelocityOfSlope>::value)
+    return law.velocity_of_slope(slope);
+  else
+    return std::numeric_limits<double>::quiet_NaN();
 }
 // usual_state: the state law taken where none is named; the first of the list that goes with the law.
 template <class L>
 constexpr const char* usual_state() {
-  if constexpr (Has<L, UsualState>::value) return L::usual_state;
-  else return "";
+  if constexpr (Has<L, UsualState>::value)
+    return L::usual_state;
+  else
+    return "";
 }
 // check(), which throws UsageError: any values within their ranges go together.
 template <class T>
@@ -151,7 +180,8 @@ void check(const T& t) {
 
 inline double direction_of(double psi) { return elementary::sign_or_zero(psi); }
 
-// ---- friction = law and state -------------------------------------------------------------------------------------
+// ---- friction = law and state
+// -------------------------------------------------------------------------------------
 
 // No state law.
 struct NoState {
@@ -179,22 +209,30 @@ struct Product {
   }
   double rate(double psi, double s) const { return rate_partials(psi, s).g; }
   double steady_state(double psi) const {
-    if constexpr (has_state) return state.steady_state(psi);
-    else return 0;
+    if constexpr (has_state)
+      return state.steady_state(psi);
+    else
+      return 0;
   }
 
   // The direction of motion given.
-  double sliding_force(double psi, double s, double direction) const { return force(psi, s, SignFrozen{direction}); }
+  double sliding_force(double psi, double s, double direction) const {
+    return force(psi, s, SignFrozen{direction});
+  }
   Partials sliding_partials(double psi, double s, double direction) const {
     return partials(psi, s, SignFrozen{direction});
   }
-  RatePartials sliding_rate(double psi, double s, double direction) const { return rate_partials(psi, s, direction); }
+  RatePartials sliding_rate(double psi, double s, double direction) const {
+    return rate_partials(psi, s, direction);
+  }
 
  private:
   template <class S>
   double force(double psi, double s, S with) const {
-    if constexpr (has_state) return state.factor(s).value * law.phi(psi, with).value;
-    else return law.phi(psi, with).value;
+    if constexpr (has_state)
+      return state.factor(s).value * law.phi(psi, with).value;
+    else
+      return law.phi(psi, with).value;
   }
   template <class Real, class S>
   PartialsOf<Real> partials(Real psi, Real s, S with) const {
@@ -208,8 +246,10 @@ struct Product {
   }
   template <class Real>
   RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const {
-    if constexpr (has_state) return state.rate_partials(psi, s, direction);
-    else return {0., 0., 0.};
+    if constexpr (has_state)
+      return state.rate_partials(psi, s, direction);
+    else
+      return {0., 0., 0.};
   }
 };
 
@@ -225,7 +265,9 @@ struct OwnState {
 
   double force(double psi, double s) const { return law.partials(psi, s).F; }
   Partials partials(double psi, double s) const { return law.partials(psi, s); }
-  RatePartials rate_partials(double psi, double s) const { return state.rate_partials(psi, s, direction_of(psi)); }
+  RatePartials rate_partials(double psi, double s) const {
+    return state.rate_partials(psi, s, direction_of(psi));
+  }
   PartialsOf<Jet> partials(const Jet& psi, const Jet& s) const { return law.partials(psi, s); }
   RatePartialsOf<Jet> rate_partials(const Jet& psi, const Jet& s) const {
     return state.rate_partials(psi, s, direction_of(psi.value));

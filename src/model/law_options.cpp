@@ -11,13 +11,14 @@ namespace {
 
 OptionSpec option_of(const std::string& name, const Parameter& p) {
   constexpr double inf = std::numeric_limits<double>::infinity();
-  OptionSpec spec{name, OptionType::real, p.value, p.default_help, p.unit, 0, inf, false, {}, p.help, "", "", nullptr};
+  OptionSpec spec{name, OptionType::real, p.value, p.default_help, p.unit, 0, inf, false, {}, p.help, "",
+                  "",   nullptr};
   spec.open_low = p.range == Parameter::Range::positive;
   return spec;
 }
 
-// One quantity under two names, e.g. friction_D and state_D of rate-and-state friction: while a law that says so is
-// chosen, each follows the other where only that is set.
+// One quantity under two names, e.g. friction_D and state_D of rate-and-state friction: while a law that says
+// so is chosen, each follows the other where only that is set.
 struct Pair {
   std::vector<std::string> laws;
   std::string name, same_as;
@@ -38,7 +39,8 @@ struct Pair {
   }
 };
 
-void add_pair(std::vector<Pair>& pairs, const std::string& law, const std::string& name, const std::string& same_as) {
+void add_pair(std::vector<Pair>& pairs, const std::string& law, const std::string& name,
+              const std::string& same_as) {
   for (Pair& pair : pairs)
     if (pair.name == name && pair.same_as == same_as) return pair.laws.push_back(law);
   pairs.push_back({{law}, name, same_as});
@@ -53,11 +55,34 @@ void add_once(std::vector<OptionSpec>& options, OptionSpec spec) {
 // The profile of a parameter along x, and a factor on it.
 void add_profile(std::vector<OptionSpec>& options, const std::string& name, const OptionSpec& parameter) {
   constexpr double inf = std::numeric_limits<double>::infinity();
-  OptionSpec profile{name + "_profile", OptionType::pairs, "", "none", parameter.unit, parameter.low, parameter.high,
-                     parameter.open_low, {}, name + " along x, in place of one value: x1:value1,x2:value2,... or a file "
-                     "of two columns", "", "", nullptr};
-  OptionSpec factor{name + "_factor", OptionType::real, "1", "", "", 0, inf, true, {},
-                    "multiplies " + name + "_profile", "", "", nullptr};
+  OptionSpec profile{name + "_profile",
+                     OptionType::pairs,
+                     "",
+                     "none",
+                     parameter.unit,
+                     parameter.low,
+                     parameter.high,
+                     parameter.open_low,
+                     {},
+                     name +
+                         " along x, in place of one value: x1:value1,x2:value2,... or a file "
+                         "of two columns",
+                     "",
+                     "",
+                     nullptr};
+  OptionSpec factor{name + "_factor",
+                    OptionType::real,
+                    "1",
+                    "",
+                    "",
+                    0,
+                    inf,
+                    true,
+                    {},
+                    "multiplies " + name + "_profile",
+                    "",
+                    "",
+                    nullptr};
   for (OptionSpec* spec : {&profile, &factor}) add_once(options, std::move(*spec));
 }
 
@@ -76,9 +101,11 @@ LawOptions law_options() {
   }
   for (const StateLaw state : all_state_laws()) {
     all.states.push_back(state->name);
-    for (const Parameter& p : state->parameters) add_once(all.of_states, option_of("state_" + std::string(p.name), p));
+    for (const Parameter& p : state->parameters)
+      add_once(all.of_states, option_of("state_" + std::string(p.name), p));
   }
-  OptionSpec amplitude = option_of("friction_amplitude", {"amplitude", "1", Parameter::Range::positive, "", ""});
+  OptionSpec amplitude =
+      option_of("friction_amplitude", {"amplitude", "1", Parameter::Range::positive, "", ""});
   add_profile(all.of_profiles, amplitude.name, amplitude);
   for (const std::vector<OptionSpec>* family : {&all.of_laws, &all.of_states})
     for (const OptionSpec& parameter : *family) add_profile(all.of_profiles, parameter.name, parameter);

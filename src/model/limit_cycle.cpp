@@ -14,8 +14,8 @@ namespace {
 
 constexpr int stages = train_stages, max_dim = train_max_dim;
 
-// Points of the section f = v, f' > 0 (f' < 0 where v < 0: Oscillator::side), told apart from steady sliding: (z, s)
-// about it, s in units of z.
+// Points of the section f = v, f' > 0 (f' < 0 where v < 0: Oscillator::side), told apart from steady sliding:
+// (z, s) about it, s in units of z.
 class Section {
  public:
   explicit Section(const Oscillator& o) : d_(o.dim()), side_(o.side()) {
@@ -44,8 +44,8 @@ class Section {
   throw Failure("nothing oscillates: uniform sliding at v = " + rounded_text(o.v()) + why);
 }
 
-// One coordinate a on the section: the image P(a), q(a) = ln(P(a)/a), positive inside a stable cycle and negative outside,
-// and dq/d ln a, exact.
+// One coordinate a on the section: the image P(a), q(a) = ln(P(a)/a), positive inside a stable cycle and
+// negative outside, and dq/d ln a, exact.
 struct Gain {
   double image, q, slope;
 };
@@ -59,8 +59,8 @@ Gain gain(const Oscillator& o, double r2, ReturnMap& map, const Section& section
   return {image, std::log(image / a), slope * a / image - 1};
 }
 
-// q is negative at both, rises at a and falls at b: a place between them where it is positive; NaN where its largest
-// value is negative, too.
+// q is negative at both, rises at a and falls at b: a place between them where it is positive; NaN where its
+// largest value is negative, too.
 template <class GainAt>
 double where_it_grows(GainAt&& gain_at, double a, double b) {
   while (b > a * (1 + 1e-7)) {
@@ -72,8 +72,8 @@ double where_it_grows(GainAt&& gain_at, double a, double b) {
   return std::nan("");
 }
 
-// The outermost stable cycle within a: Newton's method in ln a, kept between bounds. Beside a fold it may step over the stable
-// cycle and the one that repels at once, which q shows: it rises there.
+// The outermost stable cycle within a: Newton's method in ln a, kept between bounds. Beside a fold it may
+// step over the stable cycle and the one that repels at once, which q shows: it rises there.
 double cycle_of_one(const Oscillator& o, double r2, ReturnMap& map, const Section& section, double a,
                     double tolerance) {
   const double* fixed = section.sliding();
@@ -101,8 +101,8 @@ double cycle_of_one(const Oscillator& o, double r2, ReturnMap& map, const Sectio
   return a;
 }
 
-// Two coordinates: Newton's method with differences, as far as round-off (and kinks of the law) let it. It leaves y alone
-// where it leaves its neighbourhood or does not settle.
+// Two coordinates: Newton's method with differences, as far as round-off (and kinks of the law) let it. It
+// leaves y alone where it leaves its neighbourhood or does not settle.
 enum class Found { none, repels, attracts };
 Found cycle_of_two(ReturnMap& map, const Section& section, double tolerance, double* y) {
   const double size = section.size(), begun = section.distance(y);
@@ -123,7 +123,8 @@ Found cycle_of_two(ReturnMap& map, const Section& section, double tolerance, dou
       for (int i = 0; i < 2; ++i) a[i * 2 + j] = (i == j ? 1. : 0.) - (moved[1 + i] - image[1 + i]) / eps;
     }
     for (int i = 0; i < 2; ++i) b[i] = image[1 + i] - p[1 + i];
-    const double trace = 2 - a[0] - a[3], det = (1 - a[0]) * (1 - a[3]) - a[1] * a[2];  // of the map's derivative
+    // of the map's derivative
+    const double trace = 2 - a[0] - a[3], det = (1 - a[0]) * (1 - a[3]) - a[1] * a[2];
     if (!solve_dense(2, a, 1, b)) return Found::none;
     const double change = std::max(std::abs(b[0]), size * std::abs(b[1])) / distance;
     p[1] += b[0];
@@ -161,7 +162,8 @@ class Outcomes {
   }
   std::string text() const {
     std::string all;
-    for (const auto& [end, sizes] : ends_) all += "; a slip that begins " + sizes + " friction forces above it " + end;
+    for (const auto& [end, sizes] : ends_)
+      all += "; a slip that begins " + sizes + " friction forces above it " + end;
     return all;
   }
 
@@ -169,10 +171,11 @@ class Outcomes {
   std::vector<std::pair<std::string, std::string>> ends_;  // with sizes
 };
 
-// The cycle of a problem with a state, from slips of several sizes, each followed until it settles; what became of
-// every one of them is the reason of a refusal. Of uniform motion, which goes on in time, a cycle that repels is taken
-// only where no slip settles on another.
-void settle(const Oscillator& o, double r2, const Section& section, double tolerance, double slip, double* y) {
+// The cycle of a problem with a state, from slips of several sizes, each followed until it settles; what
+// became of every one of them is the reason of a refusal. Of uniform motion, which goes on in time, a cycle
+// that repels is taken only where no slip settles on another.
+void settle(const Oscillator& o, double r2, const Section& section, double tolerance, double slip,
+            double* y) {
   // differences of 1e-5 want a map that is better than that
   ReturnMap coarse(o, r2, 1e-8), fine(o, r2, std::min(tolerance, 1e-10));
   const bool unstable = o.sliding_unstable(r2);
@@ -210,7 +213,8 @@ void settle(const Oscillator& o, double r2, const Section& section, double toler
         least_move = 1e300;
       }
       died += dies;
-      seen.add(part * slip, dies ? "dies out" : "settles on no cycle, its size still " + rounded_text(amplitude));
+      seen.add(part * slip,
+               dies ? "dies out" : "settles on no cycle, its size still " + rounded_text(amplitude));
     } catch (const Failure& e) {
       seen.add(part * slip, std::string("ends so: ") + e.what());
     }
@@ -221,7 +225,8 @@ void settle(const Oscillator& o, double r2, const Section& section, double toler
     return;
   }
   nothing_oscillates(o, std::string(unstable ? " is unstable to waves of this speed, but no cycle was reached"
-                                             : " is stable to waves of this speed") + seen.text());
+                                             : " is stable to waves of this speed") +
+                            seen.text());
 }
 
 // The point of the section from which the map returns to itself.
@@ -232,11 +237,13 @@ void find_cycle(const Oscillator& o, double r2, double tolerance, double slip, d
   const bool unstable = o.sliding_unstable(r2);
   section.start(slip * section.size(), y);
   double amplitude = slip * section.size();
-  for (int k = 0; k < (slip > 1 ? 30 : 4); ++k) {  // then Newton's method, which from far out may pass by a cycle
+  // then Newton's method, which from far out may pass by a cycle
+  for (int k = 0; k < (slip > 1 ? 30 : 4); ++k) {
     coarse(y);
     const double before = amplitude;
     amplitude = section.distance(y);
-    if (amplitude < 1e-7 * section.size() || (!unstable && amplitude < 1e-3 * section.size() && amplitude < before))
+    if (amplitude < 1e-7 * section.size() ||
+        (!unstable && amplitude < 1e-3 * section.size() && amplitude < before))
       nothing_oscillates(o, " is stable, and slips die out to it");
     if (std::abs(amplitude - before) < 1e-4 * amplitude) break;
   }
@@ -251,7 +258,8 @@ Orbit find_orbit(const Oscillator& o, double r2, double tolerance, double slip) 
   o.steady(start);
   o.rhs(r2, start, before, J);
   if (std::abs(J[0]) < .1 * std::sqrt(o.K0() * o.A() / r2)) tolerance = std::min(tolerance, 1e-11);
-  if (std::abs(o.v()) >= o.v_c()) nothing_oscillates(o, " is stable (|v| >= v_c = " + rounded_text(o.v_c(), 8) + ")");
+  if (std::abs(o.v()) >= o.v_c())
+    nothing_oscillates(o, " is stable (|v| >= v_c = " + rounded_text(o.v_c(), 8) + ")");
   find_cycle(o, r2, tolerance, slip, start);
   std::vector<OrbitStep> steps;
   double divergence, end[max_dim];
@@ -272,13 +280,12 @@ Orbit find_orbit(const Oscillator& o, double r2, double tolerance, double slip) 
   return orbit;
 }
 
-Orbit uniform_orbit(const Scene& scene) {
-  return find_orbit(Oscillator(scene), 1);
-}
+Orbit uniform_orbit(const Scene& scene) { return find_orbit(Oscillator(scene), 1); }
 
 namespace {
 
-// The part of its amplitude that a small oscillation about stable sliding loses in a turn; NaN where it makes none.
+// The part of its amplitude that a small oscillation about stable sliding loses in a turn; NaN where it makes
+// none.
 double lost_by_small(ReturnMap& map, const Section& section) {
   double y[max_dim], amplitude = 0, before = 0;
   section.start(1e-3 * section.size(), y);

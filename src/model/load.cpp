@@ -8,7 +8,8 @@ namespace stickslip {
 Load::Load(double v, const std::vector<std::pair<double, double>>& points, double amplitude, double period)
     : amplitude_(amplitude), period_(period) {
   if (points.empty() && amplitude == 0) return;
-  pieces_.push_back({-std::numeric_limits<double>::infinity(), points.empty() ? v : points.front().second, 0, 0});
+  pieces_.push_back(
+      {-std::numeric_limits<double>::infinity(), points.empty() ? v : points.front().second, 0, 0});
   for (std::size_t i = 0; i < points.size(); ++i) {
     const auto& [t, value] = points[i];
     const bool last = i + 1 == points.size();
@@ -54,7 +55,8 @@ double Load::largest() const {
   double largest = 0;
   for (std::size_t i = 0; i < pieces_.size(); ++i) {
     const Piece& p = pieces_[i];
-    const double end = i + 1 < pieces_.size() && i > 0 ? p.v + p.slope * (pieces_[i + 1].begin - p.begin) : p.v;
+    const double end =
+        i + 1 < pieces_.size() && i > 0 ? p.v + p.slope * (pieces_[i + 1].begin - p.begin) : p.v;
     largest = std::max({largest, std::abs(p.v), std::abs(end)});
   }
   return largest + std::abs(amplitude_);

@@ -12,12 +12,14 @@ RangeLoop pointwise(const FrictionParameters& p, bool sticking, const std::vecto
 }
 
 // First what is coupled, by the loop that knows no law; then the rest.
-RangeLoop in_two_passes(const FrictionParameters& p, int half_width, bool sticking, const std::vector<double>& x) {
-  return [rest = pointwise(p, sticking, x, true), stencil = wave_loop(p.has_state() ? 3 : 2, half_width, true)](const kernel::Coefficients& c,
-                                                                              const kernel::Range& r) {
-    stencil(c, r);
-    rest(c, r);
-  };
+RangeLoop in_two_passes(const FrictionParameters& p, int half_width, bool sticking,
+                        const std::vector<double>& x) {
+  return
+      [rest = pointwise(p, sticking, x, true), stencil = wave_loop(p.has_state() ? 3 : 2, half_width, true)](
+          const kernel::Coefficients& c, const kernel::Range& r) {
+        stencil(c, r);
+        rest(c, r);
+      };
 }
 
 // A law without a state, the same everywhere: where two passes would show.
@@ -26,8 +28,10 @@ RangeLoop in_one_pass(const FrictionParameters& p, int half_width) {
     constexpr int constant = decltype(hw)::value;
     return dispatch_friction<RangeLoop>(p, [](const auto& friction) -> RangeLoop {
       using F = std::decay_t<decltype(friction)>;
-      if constexpr (F::has_state) return {};
-      else return kernel::compiled<RangeLoop>(kernel::Whole<constant, F>{friction});
+      if constexpr (F::has_state)
+        return {};
+      else
+        return kernel::compiled<RangeLoop>(kernel::Whole<constant, F>{friction});
     });
   });
 }
@@ -43,7 +47,8 @@ using ReactionOf = kernel::Reaction<F>;
 
 }  // namespace
 
-RangeLoop whole_loop(const FrictionParameters& p, int half_width, bool sticking, const std::vector<double>& x) {
+RangeLoop whole_loop(const FrictionParameters& p, int half_width, bool sticking,
+                     const std::vector<double>& x) {
   if (half_width == 0) return pointwise(p, sticking, x, false);
   if (p.varies() || p.has_state() || sticking) return in_two_passes(p, half_width, sticking, x);
   return in_one_pass(p, half_width);
@@ -57,7 +62,7 @@ RangeLoop reaction_loop(const FrictionParameters& p, const std::vector<double>& 
 ForceLoop force_loop(const FrictionParameters& p, const std::vector<double>& x) {
   const PetscInt dof = p.has_state() ? 3 : 2;
   return [rates = whole_loop(p, 0, false, x), dof](PetscInt node, PetscInt count, const double* psi,
-                                                  const double* state, double* F) {
+                                                   const double* state, double* F) {
     constexpr kernel::Coefficients alone{1, 0, 0, 0, 0, {}};
     double u[3 * kernel::tile_size] = {}, f[3 * kernel::tile_size];
     for (PetscInt begin = 0; begin < count; begin += kernel::tile_size) {
@@ -75,8 +80,8 @@ ForceLoop force_loop(const FrictionParameters& p, const std::vector<double>& x) 
 }
 
 RangeLoop wave_loop(int dof, int half_width, bool stencil_only) {
-  return kernel::for_half_width(half_width,
-                                [&](auto hw) { return stencil_only ? wave<hw, true>(dof) : wave<hw, false>(dof); });
+  return kernel::for_half_width(
+      half_width, [&](auto hw) { return stencil_only ? wave<hw, true>(dof) : wave<hw, false>(dof); });
 }
 
 }  // namespace stickslip

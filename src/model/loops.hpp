@@ -1,5 +1,6 @@
-// The loops of kernel.hpp as they are chosen for a scene: compiled for each law, half width of the stencil and set of
-// instructions. Law and state law are the only names that a loop goes by; who calls one knows neither.
+// The loops of kernel.hpp as they are chosen for a scene: compiled for each law, half width of the stencil
+// and set of instructions. Law and state law are the only names that a loop goes by; who calls one knows
+// neither.
 #pragma once
 
 #include <functional>
@@ -12,14 +13,14 @@ namespace stickslip {
 
 using RangeLoop = std::function<void(const kernel::Coefficients&, const kernel::Range&)>;
 
-// `x`: of this rank's nodes, where friction varies along x; else it is not read.
-// Part::full; half_width 0: Part::pointwise. `sticking`: with the direction of motion given, for laws that stick.
+// `x`: of this rank's nodes, where friction varies along x; else it is not read. Part::full; half_width 0:
+// Part::pointwise. `sticking`: with the direction of motion given, for laws that stick.
 RangeLoop whole_loop(const FrictionParameters& friction, int half_width, bool sticking,
                      const std::vector<double>& x = {});
 // Part::reaction.
 RangeLoop reaction_loop(const FrictionParameters& friction, const std::vector<double>& x);
-// F of `count` nodes side by side, the first of number `node`, of friction amplitude 1, at psi and the stored state (not
-// read without one).
+// F of `count` nodes side by side, the first of number `node`, of friction amplitude 1, at psi and the stored
+// state (not read without one).
 using ForceLoop =
     std::function<void(PetscInt node, PetscInt count, const double* psi, const double* state, double* F)>;
 ForceLoop force_loop(const FrictionParameters& friction, const std::vector<double>& x);

@@ -28,8 +28,8 @@ double MasslessNode::velocity(double eta, double state, double guess) const {
   return zero(eta, state, direction * guess > 0 ? guess : 0, direction);
 }
 
-// Newton's method, inside a bracket once there is one. Beyond `good`, the last place where r rises, no other branch is taken:
-// a step that leaves the branch is halved.
+// Newton's method, inside a bracket once there is one. Beyond `good`, the last place where r rises, no other
+// branch is taken: a step that leaves the branch is halved.
 double MasslessNode::zero(double eta, double state, double guess, double direction) const {
   double good = guess, psi = guess, low = -HUGE_VAL, high = HUGE_VAL;
   for (int round = 0; round < 200; ++round) {
@@ -44,7 +44,8 @@ double MasslessNode::zero(double eta, double state, double guess, double directi
     (r < 0 ? low : high) = psi;
     double next = psi - r / slope;
     if (law.steep) next = law.newton_psi(psi, state, next, state, B / amplitude);
-    if (!(next > low && next < high)) next = low > -HUGE_VAL && high < HUGE_VAL ? low + (high - low) / 2 : next;
+    if (!(next > low && next < high))
+      next = low > -HUGE_VAL && high < HUGE_VAL ? low + (high - low) / 2 : next;
     const bool done = std::abs(r) <= round_off * (std::abs(own) + std::abs(p.F) + std::abs(eta)) ||
                       std::abs(next - psi) <= round_off * std::abs(psi);
     if (done) return law.steep || rises_between(guess, psi, state, direction) ? psi : lost;
@@ -81,7 +82,8 @@ std::string jump_at_rest(const MasslessNode& node) {
   const Partials p = node.law.sliding_partials(0, state, 1);
   const double threshold = node.law.threshold(state).value;
   if (threshold - p.F > 1e-12 * threshold)
-    return "friction falls from its threshold to " + rounded_text(p.F / threshold, 6) + " of it as a block lets go, and its velocity would jump";
+    return "friction falls from its threshold to " + rounded_text(p.F / threshold, 6) +
+           " of it as a block lets go, and its velocity would jump";
   // with a state it shows when the motion comes there
   if (!node.law.has_state && !(node.B + node.amplitude * p.F_psi > 0))
     return "as a block lets go friction falls with velocity at least as fast as the resistance zeta/f0 = " +

@@ -1,15 +1,16 @@
 // The massless chain (m = 0): inertia is gone, and at every moment
 //     r(psi) = B psi + a_i F(psi, state) - eta = 0
-// says what psi of a node is, from its own eta and state. What is advanced in time is eta and the state; psi stands in its
-// place beside them, where the next solution starts from the last one.
+// says what psi of a node is, from its own eta and state. What is advanced in time is eta and the state; psi
+// stands in its place beside them, where the next solution starts from the last one.
 //
-// The motion goes on along one branch of r's zeros as long as dr/dpsi = B + a_i F_psi > 0. Where that is lost psi would have
-// to jump, over no time: then there is no answer, and the node is named (NaN in psi). Between the last psi and a far
-// new one the slope is looked at in steps of at most half of psi. Friction that is steep at rest (a direct effect, asinh)
-// rises with psi at every state and is not looked at.
+// The motion goes on along one branch of r's zeros as long as dr/dpsi = B + a_i F_psi > 0. Where that is lost
+// psi would have to jump, over no time: then there is no answer, and the node is named (NaN in psi). Between
+// the last psi and a far new one the slope is looked at in steps of at most half of psi. Friction that is
+// steep at rest (a direct effect, asinh) rises with psi at every state and is not looked at.
 //
-// Friction that sticks holds psi = 0 while |eta| is within its threshold and lets go without a jump where sliding friction
-// begins at the threshold (no fs > fd) and B psi rises faster than friction falls (jump_at_rest).
+// Friction that sticks holds psi = 0 while |eta| is within its threshold and lets go without a jump where
+// sliding friction begins at the threshold (no fs > fd) and B psi rises faster than friction falls
+// (jump_at_rest).
 //
 // Nothing here communicates. eta and F are numbers, psi a velocity.
 #pragma once

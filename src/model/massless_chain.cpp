@@ -12,14 +12,12 @@ namespace stickslip {
 
 MasslessChain::MasslessChain(MPI_Comm comm, const Scene& scene, const Frictions& law,
                              const std::vector<double>& amplitude, PetscInt first)
-    : comm_(comm), scene_(scene), law_(law), amplitude_(amplitude), first_(first), local_(PetscInt(amplitude.size())),
-      dof_(scene.friction.has_state() ? 3 : 2) {
+    : comm_(comm), scene_(scene), law_(law), amplitude_(amplitude), first_(first),
+      local_(PetscInt(amplitude.size())), dof_(scene.friction.has_state() ? 3 : 2) {
   check();
 }
 
-bool MasslessChain::held(PetscInt i) const {
-  return scene_.held(first_ + i);
-}
+bool MasslessChain::held(PetscInt i) const { return scene_.held(first_ + i); }
 
 void MasslessChain::check() const {
   std::string why;
@@ -47,7 +45,8 @@ void MasslessChain::settle(Vec u) const {
   }
 }
 
-// At the end of a branch psi moves like the square root of the force that is left, and steps shrink to nothing.
+// At the end of a branch psi moves like the square root of the force that is left, and steps shrink to
+// nothing.
 void MasslessChain::find_edge(Vec u) const {
   constexpr double close = 1e-3;  // of the slopes that cancel
   const Reading a(u);
@@ -72,13 +71,14 @@ std::string MasslessChain::lost_velocity(Vec u) const {
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE_INT, MPI_MAXLOC, comm_));
   SS_TRY(MPI_Bcast(lost, 2, MPI_DOUBLE, largest.rank, comm_));
   if (lost[0] < 0) return "";
-  return "the force on the block at x = " + rounded_text(lost[0], 6) + " does not say what psi is: from psi = " +
-         rounded_text(lost[1], 6) + " on friction falls faster than zeta psi rises (zeta/f0 + F_psi <= 0), and without mass psi "
+  return "the force on the block at x = " + rounded_text(lost[0], 6) +
+         " does not say what psi is: from psi = " + rounded_text(lost[1], 6) +
+         " on friction falls faster than zeta psi rises (zeta/f0 + F_psi <= 0), and without mass psi "
          "would jump; take model_m > 0";
 }
 
-// psi_j acts on eta of its neighbours, and follows from its own eta and state: what it does stands in their columns, times
-// dpsi/deta and dpsi/dstate.
+// psi_j acts on eta of its neighbours, and follows from its own eta and state: what it does stands in their
+// columns, times dpsi/deta and dpsi/dstate.
 void MasslessChain::jacobian(Vec u, double alpha, double beta, Mat J) const {
   VecHandle columns;
   SS_TRY(VecDuplicate(u, columns.out()));

@@ -13,22 +13,24 @@ namespace stickslip {
 
 class MasslessChain {
  public:
-  // The arguments stay the caller's. Throws UsageError, on every rank, where some block cannot let go without a jump.
-  // Collective.
+  // The arguments stay the caller's. Throws UsageError, on every rank, where some block cannot let go without
+  // a jump. Collective.
   MasslessChain(MPI_Comm comm, const Scene& scene, const Frictions& law, const std::vector<double>& amplitude,
                 PetscInt first);
 
   // psi of u from its eta and state, from the psi that stands there; NaN where it is lost. Not collective.
   void settle(Vec u) const;
-  // Where the last settle() found none, or at the psi in u friction falls all but as fast as B psi rises, in words; "" where
-  // neither is so on any rank. Collective.
+  // Where the last settle() found none, or at the psi in u friction falls all but as fast as B psi rises, in
+  // words; "" where neither is so on any rank. Collective.
   std::string lost_velocity(Vec u) const;
   // J = alpha I + beta d(rates of eta and state)/du at u, which is settled. Collective.
   void jacobian(Vec u, double alpha, double beta, Mat J) const;
 
  private:
   bool held(PetscInt i) const;  // local numbers
-  MasslessNode node(PetscInt i) const { return {law_[i], amplitude_[std::size_t(i)], scene_.B(), scene_.friction.back_slip}; }
+  MasslessNode node(PetscInt i) const {
+    return {law_[i], amplitude_[std::size_t(i)], scene_.B(), scene_.friction.back_slip};
+  }
   void check() const;
   void find_edge(Vec u) const;
   void add_coupling(double factor, Vec slopes, Mat J) const;

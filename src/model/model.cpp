@@ -17,7 +17,8 @@ using kernel::Coefficients;
 
 namespace {
 
-// One value of the halo as a combination of fetched values: indices into the list of fetched nodes, and weights.
+// One value of the halo as a combination of fetched values: indices into the list of fetched nodes, and
+// weights.
 using HaloValue = std::vector<std::pair<std::size_t, double>>;
 
 }  // namespace
@@ -40,8 +41,8 @@ struct Model::Impl {
   mutable VecHandle settled;  // of a massless chain: u with its psi
   mutable long evaluations = 0;
 
-  // The halo: psi of the nodes in `fetched` (global numbers, each once) feeds 2 half_width values. On one rank they
-  // are read from the Vec itself; else a scatter brings them.
+  // The halo: psi of the nodes in `fetched` (global numbers, each once) feeds 2 half_width values. On one
+  // rank they are read from the Vec itself; else a scatter brings them.
   std::vector<PetscInt> fetched;
   std::vector<HaloValue> halo;  // half_width values left (from -half_width to -1), then as many right
   bool halo_is_local = true;
@@ -91,7 +92,8 @@ struct Model::Impl {
     slopes_ahead = {slopes[0], slopes[1]};
   }
 
-  // The loops of other scenes with A = 0, in which psi has no rate; without a state friction says no more than psi does.
+  // The loops of other scenes with A = 0, in which psi has no rate; without a state friction says no more
+  // than psi does.
   void set_up_massless() {
     massless.emplace(comm, scene, *law, amplitude, first);
     if (dof == 2) full = wave;
@@ -144,7 +146,8 @@ struct Model::Impl {
       if (node >= 0 && node < scene.n) {
         value.emplace_back(index_of(node), 1.);
       } else {
-        for (const auto& [inside, weight] : halo_node(scene, node)) value.emplace_back(index_of(inside), weight);
+        for (const auto& [inside, weight] : halo_node(scene, node))
+          value.emplace_back(index_of(inside), weight);
       }
       halo.push_back(value);
     };
@@ -168,7 +171,8 @@ struct Model::Impl {
   double psi_at(const double* u, PetscInt i) const {
     if (i >= 0 && i < local) return u[i * dof];
     double psi = 0;
-    for (const auto& [index, weight] : halo[static_cast<std::size_t>(i < 0 ? i + half_width : half_width + i - local)])
+    for (const auto& [index, weight] :
+         halo[static_cast<std::size_t>(i < 0 ? i + half_width : half_width + i - local)])
       psi += weight * fetched_values[index];
     return psi;
   }
@@ -181,23 +185,19 @@ struct Model::Impl {
       before[static_cast<std::size_t>(j)] = psi_at(u, begin - half_width + j);
       behind[static_cast<std::size_t>(j)] = psi_at(u, end + j);
     }
-    const double* const factors = scene.unit_amplitude() ? nullptr : &amplitude[static_cast<std::size_t>(begin)];
-    loop(c, {u + begin * dof, factors, f + begin * dof,
-             end - begin, before.data(), behind.data(), direction ? direction + begin : nullptr, begin});
+    const double* const factors =
+        scene.unit_amplitude() ? nullptr : &amplitude[static_cast<std::size_t>(begin)];
+    loop(c, {u + begin * dof, factors, f + begin * dof, end - begin, before.data(), behind.data(),
+             direction ? direction + begin : nullptr, begin});
   }
 
   const RangeLoop& loop_of(Part part) const {
     switch (part) {
-      case Part::full:
-        return direction ? sticking : full;
-      case Part::pointwise:
-        return direction ? sticking_pointwise : pointwise;
-      case Part::stencil:
-        return stencil;
-      case Part::wave:
-        return wave;
-      default:
-        return reaction;
+      case Part::full: return direction ? sticking : full;
+      case Part::pointwise: return direction ? sticking_pointwise : pointwise;
+      case Part::stencil: return stencil;
+      case Part::wave: return wave;
+      default: return reaction;
     }
   }
 
@@ -231,7 +231,8 @@ struct Model::Impl {
         for (std::size_t i = 0; i < fetched.size(); ++i) fetched_values[i] = a[fetched[i] * dof];
       over_range(loop, c, a, b, 0, local);
     } else {
-      const bool wide = local > 2 * hw;  // some nodes do not need the halo: they are done while it is under way
+      // some nodes do not need the halo: they are done while it is under way
+      const bool wide = local > 2 * hw;
       SS_TRY(VecScatterBegin(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
       if (wide) over_range(loop, c, a, b, hw, local - hw);
       SS_TRY(VecScatterEnd(scatter, u, fetched_psi, INSERT_VALUES, SCATTER_FORWARD));
@@ -260,8 +261,8 @@ struct Model::Impl {
     return b;
   }
 
-  // Node i's own block of beta d(rhs part)/du + alpha I, its rows `width` apart. Sums stand in variables and are stored
-  // once: adding to what was just stored costs more than all the arithmetic.
+  // Node i's own block of beta d(rhs part)/du + alpha I, its rows `width` apart. Sums stand in variables and
+  // are stored once: adding to what was just stored costs more than all the arithmetic.
   void diagonal_block(Part part, PetscInt i, const double* u, double alpha, double beta, double* block,
                       std::size_t width) const {
     const NodeBlock b = node_block(part, i, u);
@@ -319,7 +320,9 @@ void Model::rhs(Part part, Vec u, Vec f) const { impl_->rhs(part, u, f); }
 void Model::settle(Vec u) const {
   if (impl_->massless) impl_->massless->settle(u);
 }
-std::string Model::lost_velocity(Vec u) const { return impl_->massless ? impl_->massless->lost_velocity(u) : ""; }
+std::string Model::lost_velocity(Vec u) const {
+  return impl_->massless ? impl_->massless->lost_velocity(u) : "";
+}
 bool Model::viscous() const { return static_cast<bool>(impl_->viscous_force); }
 void Model::viscous_force(Vec u, Vec into) const { impl_->apply(impl_->viscous_force, true, u, into); }
 
@@ -344,7 +347,8 @@ MatHandle Model::create_jacobian(Part part) const {
   SS_TRY(MatSetBlockSize(J, dof));
   SS_TRY(MatSetType(J, MATBAIJ));
   SS_TRY(MatSetFromOptions(J));
-  std::vector<PetscInt> inside(static_cast<std::size_t>(local), 1), outside(static_cast<std::size_t>(local), 0);
+  std::vector<PetscInt> inside(static_cast<std::size_t>(local), 1),
+      outside(static_cast<std::size_t>(local), 0);
   if (has_stencil(part)) {
     for (PetscInt i = 0; i < local; ++i) {
       PetscInt own = 0, other = 0;
@@ -370,16 +374,17 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
   const Reading a(u);
   SS_TRY(MatZeroEntries(J));
   const PetscInt hw = m.half_width, n = m.scene.n;
-  std::vector<PetscInt> columns;   // of the row at hand
-  std::vector<double> values;      // dof rows of columns.size() * dof entries
-  std::size_t width = 0;           // length of these rows
-  std::size_t own = 0;             // where the diagonal block begins in `values`
-  double own_psi = 0, own_eta = 0; // of D2, in the rows of psi and eta
+  std::vector<PetscInt> columns;    // of the row at hand
+  std::vector<double> values;       // dof rows of columns.size() * dof entries
+  std::size_t width = 0;            // length of these rows
+  std::size_t own = 0;              // where the diagonal block begins in `values`
+  double own_psi = 0, own_eta = 0;  // of D2, in the rows of psi and eta
   enum class Row { none, alone, inner, end } laid_out = Row::none;
   bool was_moving = true;
   // of D2 psi in the rows of psi and eta; viscosity does not move a held node, nor one at rest
   const auto lay_out = [&](PetscInt row, const Combination& d2, bool moves) {
-    const double N = moves ? m.scene.N() : 0, of_psi = m.scene.A() * N, of_eta = m.scene.K1() - m.scene.s_delta() * N;
+    const double N = moves ? m.scene.N() : 0, of_psi = m.scene.A() * N,
+                 of_eta = m.scene.K1() - m.scene.s_delta() * N;
     columns.clear();
     for (const auto& term : d2) columns.push_back(term.first);
     width = columns.size() * static_cast<std::size_t>(dof);
@@ -401,7 +406,8 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
                      : row >= hw && row < n - hw                                                  ? Row::inner
                                                                                                   : Row::end;
     const bool moves = !m.scene.held(row) && !(m.direction && m.direction[i] == 0 && part != Part::wave);
-    if (kind == laid_out && kind != Row::end && moves == was_moving) {  // but for its place and diagonal block the same
+    // but for its place and diagonal block the same
+    if (kind == laid_out && kind != Row::end && moves == was_moving) {
       for (PetscInt& column : columns) ++column;
     } else {
       lay_out(row, kind == Row::alone ? Combination{{row, 0.}} : second_difference_row(m.scene, row), moves);
@@ -411,8 +417,8 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
     m.diagonal_block(part, i, a + i * dof, alpha, beta, &values[own], width);
     values[own] += own_psi;
     values[own + width] += own_eta;
-    SS_TRY(MatSetValuesBlocked(J, 1, &row, static_cast<PetscInt>(columns.size()), columns.data(), values.data(),
-                               INSERT_VALUES));
+    SS_TRY(MatSetValuesBlocked(J, 1, &row, static_cast<PetscInt>(columns.size()), columns.data(),
+                               values.data(), INSERT_VALUES));
   }
   SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
   SS_TRY(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
@@ -435,8 +441,12 @@ SlopesAhead Model::slopes_ahead() const { return impl_->slopes_ahead; }
 RatePartials Model::state_rate(PetscInt local_node, double psi, double state) const {
   return friction_law(local_node).rate_partials(psi, state);
 }
-RatePartials Model::state_rate(double psi, double state) const { return friction_law().rate_partials(psi, state); }
-double Model::steady_state(PetscInt local_node, double psi) const { return friction_law(local_node).steady_state(psi); }
+RatePartials Model::state_rate(double psi, double state) const {
+  return friction_law().rate_partials(psi, state);
+}
+double Model::steady_state(PetscInt local_node, double psi) const {
+  return friction_law(local_node).steady_state(psi);
+}
 double Model::steady_state(double psi) const { return friction_law().steady_state(psi); }
 
 bool Model::tame_newton_step(Vec u, double shift, Vec minus_step) const {

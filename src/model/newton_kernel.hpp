@@ -1,14 +1,15 @@
-// A round of Newton's method for a stage that takes everything implicitly, node by node but for the linear system.
+// A round of Newton's method for a stage that takes everything implicitly, node by node but for the linear
+// system.
 //
 // As in implicit_kernel.hpp eta and the state are put into psi's equation, and so is p D2 psi now,
 //     a psi - p D2 psi + q F(psi, s) = R,   p = q (h K1 + N),   R = z_psi + q (z_eta + h K0 v)
 // What is solved for is the change x = psi - u since the start of the step, of which D2 u is known:
 //     a x - p D2 x + q F(u + x, s) = R',   R' = (z_psi - u) + q (z_eta + h K0 v) - (a - 1) u + p D2 u
-// Linearised at x_k, s_k this is (d - p D2) x = b: what is left over after the round is what friction is off its tangent.
-// p D2 psi = p D2 u + d x - b gives eta, and (x - (z_psi - u))/h the slope of psi. All of these are of the size of a step,
-// and so is what they are rounded by: psi itself in the place of its change would leave 1/h^2 times the round-off of psi
-// in the slope of eta. Only where a steep law brings psi down by many orders in one step is x as large as u, and psi = u + x
-// without digits: then `from` is 0 in the place of u.
+// Linearised at x_k, s_k this is (d - p D2) x = b: what is left over after the round is what friction is off
+// its tangent. p D2 psi = p D2 u + d x - b gives eta, and (x - (z_psi - u))/h the slope of psi. All of these
+// are of the size of a step, and so is what they are rounded by: psi itself in the place of its change would
+// leave 1/h^2 times the round-off of psi in the slope of eta. Only where a steep law brings psi down by many
+// orders in one step is x as large as u, and psi = u + x without digits: then `from` is 0 in the place of u.
 #pragma once
 
 #include <type_traits>
@@ -21,8 +22,8 @@ namespace stickslip::kernel {
 // The stage's coefficients, see above and implicit_kernel.hpp.
 struct BandStage {
   double h, q, a, more, p, load;  // more: a - 1
-  double kappa;  // K1/p, 0 where p is
-  double row;    // at least the sum of |p D2| over a row
+  double kappa;                   // K1/p, 0 where p is
+  double row;                     // at least the sum of |p D2| over a row
 };
 inline BandStage band_stage(const Coefficients& c, double K1, double N, double d2_row, double h) {
   const double q = h * c.A / (1 + h * c.s_delta), p = q * (h * K1 + N), more = h * c.A * c.B + q * h * c.K0;
@@ -34,7 +35,8 @@ struct Round {
   const double *from, *d2_from;           // u or 0, and D2 of it
   const double *z_psi, *z_eta, *z_state;  // z_psi: less `from`
   const double *amplitude, *direction;    // as in Stage
-  double *psi, *change, *state;           // where it is linearised, change = psi - from; with `advance` then the next ones
+  // where it is linearised, change = psi - from; with `advance` then the next ones
+  double *psi, *change, *state;
   double *d, *b;
   const double *x, *R;              // R: R'
   double *g_psi, *g_eta, *g_state;  // slopes of the implicit part
@@ -57,14 +59,15 @@ struct RightSides {
 struct BandSlopes {
   double psi, eta;
 };
-inline BandSlopes band_slopes(const Coefficients& c, const BandStage& k, double z_psi, double change, double psi,
-                              double per_h, double coupling, double moves) {
+inline BandSlopes band_slopes(const Coefficients& c, const BandStage& k, double z_psi, double change,
+                              double psi, double per_h, double coupling, double moves) {
   const double slope = (change - z_psi) * per_h;
   return {slope, c.K0 * (c.v - psi) + k.kappa * coupling - c.s_delta * (moves * (slope / c.A + c.B * psi))};
 }
 
-// A threshold that is smoothed: force against velocity is an S about rest. From one side of it Newton's method jumps to
-// the other and back; from rest, where the S is steepest, it goes the right way, and steps that fall short.
+// A threshold that is smoothed: force against velocity is an S about rest. From one side of it Newton's
+// method jumps to the other and back; from rest, where the S is steepest, it goes the right way, and steps
+// that fall short.
 template <class F>
 struct IsSmoothed : std::false_type {};
 template <class L, class S>
@@ -88,7 +91,8 @@ struct NewtonRound {
   };
   template <class Own>
   static Tangent tangent(const Own& own, const Round& t, double amplitude, PetscInt i) {
-    const double psi = t.psi[i], s = F::has_state ? t.state[i] : 0, going = direction_at<sticking>(t.direction, i);
+    const double psi = t.psi[i], s = F::has_state ? t.state[i] : 0,
+                 going = direction_at<sticking>(t.direction, i);
     const double q = t.stage.q * amplitude;
     const Partials p = partials_at<sticking>(own, psi, s, going);
     if constexpr (F::has_state) {
@@ -101,8 +105,9 @@ struct NewtonRound {
     }
   }
 
-  // d and b. With `advance` what x makes of them: psi, the state and the slopes; returns in bits what is true of some node:
-  // 1 what is left over is too much, 2 it is no number, 4 psi has lost its digits beside `from`.
+  // d and b. With `advance` what x makes of them: psi, the state and the slopes; returns in bits what is true
+  // of some node: 1 what is left over is too much, 2 it is no number, 4 psi has lost its digits beside
+  // `from`.
   Flag operator()(const Coefficients& c, const Round& t, bool advance) const {
     if (t.amplitude) return advance ? next<true>(c, t) : linearise<true>(t);
     return advance ? next<false>(c, t) : linearise<false>(t);
@@ -110,7 +115,8 @@ struct NewtonRound {
 
  private:
   static constexpr double least_part = 1e-6;
-  // So close both are right, but for what the linear system leaves to second order; its own agrees with its neighbours.
+  // So close both are right, but for what the linear system leaves to second order; its own agrees with its
+  // neighbours.
   static constexpr double same = 1e-9;
 
   template <bool spread>
@@ -154,7 +160,8 @@ struct NewtonRound {
         tamed = magnitude(psi - aim);
       }
       change = tamed != 0 ? psi - t.from[i] : change;
-      const double force = t.stage.q * amplitude * partials_at<sticking>(own, psi, s, going).F, miss = magnitude(force - linear);
+      const double force = t.stage.q * amplitude * partials_at<sticking>(own, psi, s, going).F,
+                   miss = magnitude(force - linear);
       const double size = 2 * (magnitude(t.stage.a * psi) + magnitude(force));
       double ratio = moves * (miss + (t.stage.a + t.stage.row) * tamed) /
                      (t.target * t.stage.a * (1 + magnitude(psi)) + 1e-15 * size);

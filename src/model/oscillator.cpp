@@ -17,7 +17,8 @@ Oscillator::Oscillator(const Scene& scene)
   friction_ = Friction::of(p);
   escape_ = escape_velocity(scene);
   if (scene.has_profile())
-    throw UsageError("friction_amplitude_profile: what is asked for here needs friction that is the same everywhere");
+    throw UsageError(
+        "friction_amplitude_profile: what is asked for here needs friction that is the same everywhere");
   node_.B += node_.s_delta / node_.A;
   node_.s_delta = node_.K1 = 0;
 }
@@ -50,7 +51,8 @@ double Oscillator::eta(double r2, const double* y) const {
 double Oscillator::newton_step(double r2, const double* y, const double* step, double dt) const {
   const bool state = dim() == 3;
   return friction_->newton_psi(y[0], state ? y[2] : 0, y[0] + step[0], state ? y[2] + step[2] : 0,
-                               node_.B + r2 / (node_.A * dt)) - y[0];
+                               node_.B + r2 / (node_.A * dt)) -
+         y[0];
 }
 
 void Oscillator::steady(double* y) const {
@@ -60,7 +62,9 @@ void Oscillator::steady(double* y) const {
   if (dim() == 3) y[2] = s;
 }
 
-double Oscillator::v_c() const { return friction_->van_der_pol ? std::sqrt(std::max(0., 1 - node_.B)) : std::nan(""); }
+double Oscillator::v_c() const {
+  return friction_->van_der_pol ? std::sqrt(std::max(0., 1 - node_.B)) : std::nan("");
+}
 
 bool Oscillator::sliding_unstable(double r2) const {
   double y[3];

@@ -9,7 +9,8 @@ namespace stickslip {
 ProfileAlongX::ProfileAlongX(std::vector<std::pair<double, double>> points, Between between, double period)
     : points_(std::move(points)), between_(between), period_(period) {
   if (points_.empty()) return;
-  // Nodes stand at multiples of a spacing, which are rounded: on which side of a jump one lies must not depend on that.
+  // Nodes stand at multiples of a spacing, which are rounded: on which side of a jump one lies must not
+  // depend on that.
   snap_ = 1e-12 * std::max({std::abs(points_.front().first), std::abs(points_.back().first), period_});
 }
 
@@ -29,7 +30,8 @@ double ProfileAlongX::at(double x) const {
 }
 
 bool ProfileAlongX::is_constant() const {
-  return std::all_of(points_.begin(), points_.end(), [&](const auto& p) { return p.second == points_.front().second; });
+  return std::all_of(points_.begin(), points_.end(),
+                     [&](const auto& p) { return p.second == points_.front().second; });
 }
 
 double ProfileAlongX::shortest() const {

@@ -7,9 +7,11 @@
 
 namespace stickslip {
 
-// At rest the threshold minus the force is convex or concave in time, a sum of something linear and an exponential or a
-// logarithm: it is followed to its extremum, if it has one, and there is one root on either side.
-double release_time(const Friction& law, double amplitude, double force, double rate, double s, double latest) {
+// At rest the threshold minus the force is convex or concave in time, a sum of something linear and an
+// exponential or a logarithm: it is followed to its extremum, if it has one, and there is one root on either
+// side.
+double release_time(const Friction& law, double amplitude, double force, double rate, double s,
+                    double latest) {
   constexpr double infinity = std::numeric_limits<double>::infinity();
   const auto excess = [&](double wait) {
     return force + rate * wait - amplitude * law.threshold(law.state_at_rest(s, wait)).value;

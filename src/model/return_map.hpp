@@ -1,5 +1,5 @@
-// The motion of an oscillator turn by turn: steps of Radau's method of order 9, and the map from one passage of psi = v
-// upwards (downwards where v < 0) to the next. Local to the process.
+// The motion of an oscillator turn by turn: steps of Radau's method of order 9, and the map from one passage
+// of psi = v upwards (downwards where v < 0) to the next. Local to the process.
 #pragma once
 
 #include <algorithm>
@@ -37,9 +37,11 @@ class OrbitIntegrator {
     Collocation::radau5().basis.weights(test_point, value_);
   }
 
-  // One step of size h from y. False where Newton's method fails. It starts from the polynomial of the step `near`,
-  // which begins `offset` of its length before y (null: from y). `error`: of the dense output against the tolerance.
-  bool try_step(const double* y, double h, const OrbitStep* near, double offset, OrbitStep& step, double& error) {
+  // One step of size h from y. False where Newton's method fails. It starts from the polynomial of the step
+  // `near`, which begins `offset` of its length before y (null: from y). `error`: of the dense output against
+  // the tolerance.
+  bool try_step(const double* y, double h, const OrbitStep* near, double offset, OrbitStep& step,
+                double& error) {
     step.h = h;
     std::copy(y, y + d_, step.values);
     for (int i = 0; i < train_stages; ++i) {
@@ -66,7 +68,8 @@ class OrbitIntegrator {
         have_last_ = have_last_ && !at_rest_ && attempt < 2;
         continue;
       }
-      const double factor = std::min(4., std::max(.2, .85 * std::pow(std::max(error, 1e-12), -1. / (train_stages + 1))));
+      const double factor =
+          std::min(4., std::max(.2, .85 * std::pow(std::max(error, 1e-12), -1. / (train_stages + 1))));
       const double taken = h;
       h *= factor;
       if (error > 1) continue;
@@ -81,8 +84,8 @@ class OrbitIntegrator {
   }
 
   void restart() { have_last_ = at_rest_ = false; }
-  // From now on psi may be all but zero, held there by friction so steep that Newton's own steps shoot through zero, and
-  // that what is extrapolated from the last step is noise.
+  // From now on psi may be all but zero, held there by friction so steep that Newton's own steps shoot
+  // through zero, and that what is extrapolated from the last step is noise.
   void at_rest() { at_rest_ = o_.steep(); }
 
  private:
@@ -98,12 +101,14 @@ class OrbitIntegrator {
       stage_matrix(method, d, step.h, J, a);
       for (int i = 0; i < n; ++i) {
         b[i] = y[i % d] - stage[i];
-        for (int j = 0; j < train_stages; ++j) b[i] += step.h * method.a[size_t(i / d * train_stages + j)] * G[j * d + i % d];
+        for (int j = 0; j < train_stages; ++j)
+          b[i] += step.h * method.a[size_t(i / d * train_stages + j)] * G[j * d + i % d];
       }
       if (!solve_dense(n, a, 1, b)) return false;
       if (at_rest_)
         for (int i = 0; i < train_stages; ++i)
-          b[i * d] = o_.newton_step(r2_, stage + i * d, b + i * d, step.h * method.a[size_t(i * train_stages + i)]);
+          b[i * d] =
+              o_.newton_step(r2_, stage + i * d, b + i * d, step.h * method.a[size_t(i * train_stages + i)]);
       double norm = 0;
       for (int i = 0; i < n; ++i) {
         stage[i] += b[i];
@@ -117,8 +122,8 @@ class OrbitIntegrator {
     return false;
   }
 
-  // The defect of the polynomial between the train_stages against the tolerance, filtered so that stiff directions do not
-  // exaggerate it.
+  // The defect of the polynomial between the train_stages against the tolerance, filtered so that stiff
+  // directions do not exaggerate it.
   double defect(const OrbitStep& step) const {
     double u[train_max_dim], e[train_max_dim], g[train_max_dim], J[train_max_dim * train_max_dim], error = 0;
     combine(step, d_, value_, u);
@@ -127,7 +132,8 @@ class OrbitIntegrator {
     for (int k = 0; k < d_; ++k) e[k] = filter * (e[k] - step.h * g[k]);
     for (int k = 0; k < d_ * d_; ++k) J[k] = (k % (d_ + 1) == 0 ? 1. : 0.) - filter * step.h * J[k];
     if (!solve_dense(d_, J, 1, e)) return std::nan("");
-    for (int k = 0; k < d_; ++k) error = std::max(error, std::abs(e[k]) / (tolerance_ * (1 + std::abs(u[k]))));
+    for (int k = 0; k < d_; ++k)
+      error = std::max(error, std::abs(e[k]) / (tolerance_ * (1 + std::abs(u[k]))));
     return error;
   }
 
@@ -140,11 +146,13 @@ class OrbitIntegrator {
   bool have_last_ = false, at_rest_ = false;
 };
 
-// From y on the section f = v to the next passage of f = v upwards (downwards where v < 0); y becomes the point there,
-// the time is returned. Steps (the last cut at the section) are appended where asked for. `divergence`: integral of the trace of J.
+// From y on the section f = v to the next passage of f = v upwards (downwards where v < 0); y becomes the
+// point there, the time is returned. Steps (the last cut at the section) are appended where asked for.
+// `divergence`: integral of the trace of J.
 class ReturnMap {
  public:
-  ReturnMap(const Oscillator& o, double r2, double tolerance) : o_(o), r2_(r2), integrator_(o, r2, tolerance) {}
+  ReturnMap(const Oscillator& o, double r2, double tolerance)
+      : o_(o), r2_(r2), integrator_(o, r2, tolerance) {}
 
   // Throws Failure where the motion settles (after 200,000 steps at most) or grows without bound.
   double operator()(double* y, std::vector<OrbitStep>* steps = nullptr, double* divergence = nullptr) {

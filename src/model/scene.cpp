@@ -17,7 +17,8 @@ template <class Enum, std::size_t N>
 using Names = std::array<std::pair<Enum, const char*>, N>;
 
 constexpr Names<Form, 2> form_names{{{Form::continuum, "continuum"}, {Form::chain, "chain"}}};
-constexpr Names<End, 3> end_names{{{End::periodic, "periodic"}, {End::velocity, "velocity"}, {End::free, "free"}}};
+constexpr Names<End, 3> end_names{
+    {{End::periodic, "periodic"}, {End::velocity, "velocity"}, {End::free, "free"}}};
 
 template <class Enum, std::size_t N>
 std::string name_of(const Names<Enum, N>& names, Enum value) {
@@ -66,15 +67,17 @@ void read_model(const Options& o, Scene& s) {
   }
   s.nu = o.real("model_nu");
   if (s.massless() && s.nu > 0)
-    throw UsageError(shown(o, "model_nu") + ": with model_m 0 every block's psi follows from its own force, which viscosity "
+    throw UsageError(shown(o, "model_nu") +
+                     ": with model_m 0 every block's psi follows from its own force, which viscosity "
                      "between neighbours would tie to theirs; take a small model_m, or no model_nu");
   using Coefficient = std::pair<double, const char*>;
   for (const auto& [value, what] :
        {Coefficient{s.A(), "A"}, {s.B(), "B"}, {s.K0(), "K0"}, {s.K1(), "K1"}, {s.N(), "N"}})
     if (!std::isfinite(value) && !(s.massless() && *what == 'A'))
       throw UsageError(std::string("the model's parameters make its coefficient ") + what +
-                       (s.form == Form::continuum ? " (A = gamma, K0 = 1/gamma, K1 = c^2/gamma, N = nu/gamma)"
-                                                  : " (A = f0/m, B = zeta/f0, K0 = k0/f0, K1 = k1/f0, N = nu/f0)") +
+                       (s.form == Form::continuum
+                            ? " (A = gamma, K0 = 1/gamma, K1 = c^2/gamma, N = nu/gamma)"
+                            : " (A = f0/m, B = zeta/f0, K0 = k0/f0, K1 = k1/f0, N = nu/f0)") +
                        " overflow: choose gentler units");
 }
 
@@ -121,14 +124,17 @@ void read_law(const Options& o, FrictionParameters& f) {
   std::vector<std::string> of_regularised = {"friction_eps"};
   for (const Parameter& p : f.law->parameters)
     if (p.regularised)
-      for (const std::string& name : with_profiles({"friction_" + std::string(p.name)})) of_regularised.push_back(name);
-  if (!f.regularised) refuse(o, of_regularised, "it belongs to -friction_stick regularised, not to exact stick");
+      for (const std::string& name : with_profiles({"friction_" + std::string(p.name)}))
+        of_regularised.push_back(name);
+  if (!f.regularised)
+    refuse(o, of_regularised, "it belongs to -friction_stick regularised, not to exact stick");
 
   f.eps = o.real("friction_eps");
   f.back_slip = o.boolean("friction_back_slip");
   if (f.regularised && !f.back_slip)
-    throw UsageError("-friction_back_slip false: smoothed friction cannot hold an unlimited force; it needs "
-                     "-friction_stick exact");
+    throw UsageError(
+        "-friction_back_slip false: smoothed friction cannot hold an unlimited force; it needs "
+        "-friction_stick exact");
   for (const std::string& name : names_of("friction_", f.law->parameters)) f.values[name] = o.real(name);
 }
 
@@ -139,7 +145,8 @@ void read_spread(const Options& o, Scene& s) {
     throw UsageError("-friction_spread " + number_text(s.spread) +
                      ": at most 1 for the uniform kind, beyond it friction would be negative somewhere");
   if (s.form == Form::chain)
-    refuse(o, {"friction_spread_length"}, "the chain has one draw a block; only the continuum has this length");
+    refuse(o, {"friction_spread_length"},
+           "the chain has one draw a block; only the continuum has this length");
   s.spread_length = o.real("friction_spread_length");
   s.friction_seed = o.integer("friction_seed");
 }
@@ -171,8 +178,8 @@ void read_state(const Options& o, Scene& s) {
   for (const Parameter& p : f.law->parameters) {
     const std::string name = "friction_" + std::string(p.name);
     if (*p.same_as && o.is_set(p.same_as) && o.real(p.same_as) != o.real(name))
-      throw UsageError(shown(o, p.same_as) + ": " + f.law->name + " has one slip distance, and " + name + " is " +
-                       o.text(name));
+      throw UsageError(shown(o, p.same_as) + ": " + f.law->name + " has one slip distance, and " + name +
+                       " is " + o.text(name));
   }
 }
 
@@ -180,7 +187,8 @@ void read_state(const Options& o, Scene& s) {
 std::optional<ProfileAlongX> read_profile(const Options& o, const Scene& s, const std::string& name) {
   const std::string option = name + "_profile", factor = name + "_factor";
   if (!o.is_set(option)) {
-    if (o.is_set(factor)) throw UsageError(shown(o, factor) + ": it multiplies " + option + ", which is not set");
+    if (o.is_set(factor))
+      throw UsageError(shown(o, factor) + ": it multiplies " + option + ", which is not set");
     return std::nullopt;
   }
   if (find_option(name) && o.is_set(name))
@@ -188,12 +196,14 @@ std::optional<ProfileAlongX> read_profile(const Options& o, const Scene& s, cons
   std::vector<std::pair<double, double>> points = o.pairs(option);
   for (auto& [x, value] : points) {
     if (x < 0 || x > s.length * (1 + 1e-12))
-      throw UsageError(shown(o, option) + ": x = " + number_text(x) + " lies outside the scene, which reaches from 0 to " +
-                       number_text(s.length));
+      throw UsageError(shown(o, option) + ": x = " + number_text(x) +
+                       " lies outside the scene, which reaches from 0 to " + number_text(s.length));
     value *= o.real(factor);
   }
   const std::string kind = o.text("profile_kind");
-  const Between between = kind == "linear" ? Between::linear : kind == "smooth" ? Between::smooth : Between::step;
+  const Between between = kind == "linear"   ? Between::linear
+                          : kind == "smooth" ? Between::smooth
+                                             : Between::step;
   return ProfileAlongX(std::move(points), between, s.ring() ? s.length : 0);
 }
 
@@ -202,7 +212,8 @@ void read_profiles(const Options& o, Scene& s) {
   const auto read = [&](const std::string& name, const std::string& as) {
     const std::optional<ProfileAlongX> profile = read_profile(o, s, name);
     if (!profile) return;
-    if (f.profiles.count(as)) throw UsageError("-" + name + "_profile: it is the same quantity as " + as + "_profile");
+    if (f.profiles.count(as))
+      throw UsageError("-" + name + "_profile: it is the same quantity as " + as + "_profile");
     f.profiles[as] = *profile;
   };
   for (const Parameter& p : f.law->parameters) {
@@ -229,10 +240,12 @@ void read_profiles(const Options& o, Scene& s) {
 void read_load(const Options& o, Scene& s) {
   const std::vector<std::string> names = {"load_v", "load_sine_amplitude", "load_sine_period"};
   if (!o.command().empty() && o.command() != "run" && o.command() != "sweep")
-    refuse(o, names, "the command " + o.command() + " knows a constant velocity of the plate alone; `run` takes a load");
+    refuse(
+        o, names,
+        "the command " + o.command() + " knows a constant velocity of the plate alone; `run` takes a load");
   if (o.is_set("load_sine_period") != o.is_set("load_sine_amplitude"))
-    throw UsageError("-" + names[o.is_set("load_sine_period") ? 2 : 1] + ": a sine needs load_sine_amplitude and " +
-                     "load_sine_period");
+    throw UsageError("-" + names[o.is_set("load_sine_period") ? 2 : 1] +
+                     ": a sine needs load_sine_amplitude and " + "load_sine_period");
   const std::vector<std::pair<double, double>> points = o.pairs("load_v");
   if (!points.empty() && points.front().first < 0)
     throw UsageError(shown(o, "load_v") + ": times from 0 on, where a run begins");
@@ -267,18 +280,20 @@ void read_grid(const Options& o, Scene& s) {
       throw UsageError(shown(o, "grid_length") + ": the chain has spacing 1 and so, with grid_n " +
                        std::to_string(s.n) + ", length " + number_text(length));
     if (s.order != 2)
-      throw UsageError(shown(o, "grid_order") + ": the chain's second difference is the model itself, of order 2");
+      throw UsageError(shown(o, "grid_order") +
+                       ": the chain's second difference is the model itself, of order 2");
     if (s.n <= held)
       throw UsageError(n + ": a chain with " + std::to_string(held) + " held end" + (held > 1 ? "s" : "") +
                        " needs at least " + std::to_string(held + 1) + " blocks");
     return;
   }
   if (s.n < s.order + 1)
-    throw UsageError(n + ": order " + std::to_string(s.order) + " needs at least " + std::to_string(s.order + 1) +
-                     " nodes; take more nodes or a lower grid_order");
+    throw UsageError(n + ": order " + std::to_string(s.order) + " needs at least " +
+                     std::to_string(s.order + 1) + " nodes; take more nodes or a lower grid_order");
   if (s.order == 8 && held > 0)
-    throw UsageError("-grid_order 8: order 8 with a held end has growing modes of its own; orders 2, 4 and 6 are "
-                     "stable there");
+    throw UsageError(
+        "-grid_order 8: order 8 with a held end has growing modes of its own; orders 2, 4 and 6 are "
+        "stable there");
   if (!(s.h() > 0) || !std::isfinite(1 / (s.h() * s.h())))
     throw UsageError(shown(o, "grid_length") + ": too short for " + std::to_string(s.n) + " nodes");
 }

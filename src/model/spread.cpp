@@ -1,4 +1,5 @@
-// Spread of the friction amplitude: the same medium for any number of ranks and, in the continuum, for any grid.
+// Spread of the friction amplitude: the same medium for any number of ranks and, in the continuum, for any
+// grid.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -11,8 +12,8 @@ namespace stickslip {
 
 namespace {
 
-// A bijective mixing of 64 bits (xor-shift-multiply rounds, constants of splitmix64): neighbouring counters give
-// unrelated numbers.
+// A bijective mixing of 64 bits (xor-shift-multiply rounds, constants of splitmix64): neighbouring counters
+// give unrelated numbers.
 std::uint64_t mix(std::uint64_t z) {
   z += 0x9e3779b97f4a7c15ULL;
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
@@ -46,8 +47,9 @@ double counter_normal(PetscInt seed, PetscInt index) {
 
 namespace {
 
-// Draws at points `length` apart; on a ring a whole number of them, so that it closes. Between them the quintic
-// 10 s^3 - 15 s^4 + 6 s^5, with two continuous derivatives; it keeps the mean and the range of the draws.
+// Draws at points `length` apart; on a ring a whole number of them, so that it closes. Between them the
+// quintic 10 s^3 - 15 s^4 + 6 s^5, with two continuous derivatives; it keeps the mean and the range of the
+// draws.
 template <class Draw>
 double between_draws(const Scene& scene, double length, double x, const Draw& draw_at) {
   const PetscInt cells = std::max<PetscInt>(1, static_cast<PetscInt>(std::llround(scene.length / length)));
@@ -58,7 +60,9 @@ double between_draws(const Scene& scene, double length, double x, const Draw& dr
   return (1 - w) * at(corner) + w * at(corner + 1);
 }
 
-double profile_at(const Scene& scene, double x) { return scene.amplitude.points().empty() ? 1 : scene.amplitude.at(x); }
+double profile_at(const Scene& scene, double x) {
+  return scene.amplitude.points().empty() ? 1 : scene.amplitude.at(x);
+}
 
 }  // namespace
 
@@ -68,8 +72,8 @@ std::vector<double> friction_amplitude(const Scene& scene, PetscInt first, Petsc
   const bool block_by_block = scene.form == Form::chain && scene.spread != 0;
   for (PetscInt i = 0; i < count; ++i) {
     const double x = scene.x(first + i);
-    a[static_cast<std::size_t>(i)] = block_by_block ? draw(scene, first + i) * profile_at(scene, x)
-                                                    : friction_amplitude_at(scene, x);
+    a[static_cast<std::size_t>(i)] =
+        block_by_block ? draw(scene, first + i) * profile_at(scene, x) : friction_amplitude_at(scene, x);
   }
   return a;
 }

@@ -7,14 +7,10 @@ namespace stickslip {
 
 std::array<double, 5> second_difference(int order) {
   switch (order) {
-    case 2:
-      return {-2., 1., 0, 0, 0};
-    case 4:
-      return {-5. / 2, 4. / 3, -1. / 12, 0, 0};
-    case 6:
-      return {-49. / 18, 3. / 2, -3. / 20, 1. / 90, 0};
-    default:
-      return {-205. / 72, 8. / 5, -1. / 5, 8. / 315, -1. / 560};
+    case 2: return {-2., 1., 0, 0, 0};
+    case 4: return {-5. / 2, 4. / 3, -1. / 12, 0, 0};
+    case 6: return {-49. / 18, 3. / 2, -3. / 20, 1. / 90, 0};
+    default: return {-205. / 72, 8. / 5, -1. / 5, 8. / 315, -1. / 560};
   }
 }
 

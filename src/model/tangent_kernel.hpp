@@ -1,4 +1,5 @@
-// The derivatives of what is pointwise, node by node, at given psi and state: what a Rosenbrock step needs once.
+// The derivatives of what is pointwise, node by node, at given psi and state: what a Rosenbrock step needs
+// once.
 #pragma once
 
 #include "model/kernel.hpp"
@@ -9,7 +10,8 @@ namespace stickslip::kernel {
 struct Tangents {
   const double *psi, *state;            // state: nullptr without one
   const double *amplitude, *direction;  // as in Columns
-  double *F_psi, *F_state, *g_psi, *g_state;  // of a_i F and of the state's rate; all but the first: with a state alone
+  // of a_i F and of the state's rate; all but the first: with a state alone
+  double *F_psi, *F_state, *g_psi, *g_state;
   PetscInt count;
   PetscInt node;  // number of the first node, for friction that varies
 };
@@ -26,7 +28,8 @@ struct TangentsOfColumns {
 #pragma GCC ivdep
     for (PetscInt i = 0; i < t.count; ++i) {
       const auto& own = friction_of(law, t.node + i);
-      const double psi = t.psi[i], s = F::has_state ? t.state[i] : 0, amplitude = t.amplitude ? t.amplitude[i] : 1;
+      const double psi = t.psi[i], s = F::has_state ? t.state[i] : 0,
+                   amplitude = t.amplitude ? t.amplitude[i] : 1;
       const double direction = direction_at<sticking>(t.direction, i);
       const Partials p = partials_at<sticking>(own, psi, s, direction);
       t.F_psi[i] = amplitude * p.F_psi;

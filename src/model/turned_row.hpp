@@ -1,5 +1,6 @@
-// A row of D2 on a ring (stencil.hpp) with each neighbour apart and how many rings on it stands (negative: back): the nodes of
-// a ring are those of a cell that repeats, and its copies beside it may move otherwise. Local to the process.
+// A row of D2 on a ring (stencil.hpp) with each neighbour apart and how many rings on it stands (negative:
+// back): the nodes of a ring are those of a cell that repeats, and its copies beside it may move otherwise.
+// Local to the process.
 #pragma once
 
 #include <vector>

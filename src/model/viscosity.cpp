@@ -10,8 +10,8 @@ using kernel::Range;
 using kernel::tile_size;
 
 Viscosity::Viscosity(const Scene& s, int dof)
-    : A_(s.A()), K1_(s.K1()), N_(s.N()), s_delta_(s.s_delta()), dof_(dof), d2_(kernel::coefficients_with(s, 1)),
-      stencil_(wave_loop(dof, s.order / 2, true)) {}
+    : A_(s.A()), K1_(s.K1()), N_(s.N()), s_delta_(s.s_delta()), dof_(dof),
+      d2_(kernel::coefficients_with(s, 1)), stencil_(wave_loop(dof, s.order / 2, true)) {}
 
 RangeLoop Viscosity::around(RangeLoop pointwise) const {
   return [self = *this, pointwise = std::move(pointwise)](const Coefficients& c, const Range& r) {

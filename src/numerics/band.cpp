@@ -6,8 +6,8 @@
 
 // PETSc declares LAPACK for its own scalars only, which are real, and without these.
 extern "C" {
-void zgbtrf_(const int* m, const int* n, const int* lower, const int* upper, std::complex<double>* a, const int* height,
-             int* exchanged, int* info);
+void zgbtrf_(const int* m, const int* n, const int* lower, const int* upper, std::complex<double>* a,
+             const int* height, int* exchanged, int* info);
 void zgbtrs_(const char* form, const int* n, const int* lower, const int* upper, const int* columns,
              const std::complex<double>* a, const int* height, const int* exchanged, std::complex<double>* b,
              const int* rows, int* info, std::size_t form_length);
@@ -69,7 +69,8 @@ std::vector<Complex> BandLU::pivots() {
   std::vector<Complex> found(n_);
   for (std::size_t k = 0; k < n_; ++k) {
     const Complex inverse = 1. / (found[k] = a_[place(k, k)]);
-    const std::size_t below = std::min(n_, k + 1 + std::size_t(lower_)), right = std::min(n_, k + 1 + std::size_t(upper_));
+    const std::size_t below = std::min(n_, k + 1 + std::size_t(lower_)),
+                      right = std::min(n_, k + 1 + std::size_t(upper_));
     for (std::size_t j = k + 1; j < right; ++j) {
       const Complex factor = product(a_[place(k, j)], inverse);
       for (std::size_t i = k + 1; i < below; ++i) a_[place(i, j)] -= product(factor, a_[place(i, k)]);

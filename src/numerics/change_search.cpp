@@ -27,7 +27,8 @@ bool ChangeSearch::differs(const Cell& cell, const std::unordered_map<long, int>
   for (long k = 0; k <= cell.width; ++k) {
     if (other(cell.i + k, cell.j)) return true;
     if (flat()) continue;
-    if (other(cell.i + k, cell.j + cell.width) || other(cell.i, cell.j + k) || other(cell.i + cell.width, cell.j + k))
+    if (other(cell.i + k, cell.j + cell.width) || other(cell.i, cell.j + k) ||
+        other(cell.i + cell.width, cell.j + k))
       return true;
   }
   return false;
@@ -50,14 +51,17 @@ std::vector<long> ChangeSearch::next(const std::unordered_map<long, int>& known)
   while (wanted.empty()) {
     std::vector<Cell> kept, fresh;
     for (const Cell& cell : leaves_) {
-      if (cell.width > 1 && differs(cell, known)) divide(cell, fresh);
-      else kept.push_back(cell);
+      if (cell.width > 1 && differs(cell, known))
+        divide(cell, fresh);
+      else
+        kept.push_back(cell);
     }
     if (fresh.empty()) return {};
     for (const Cell& cell : fresh) corners(cell, wanted);
     kept.insert(kept.end(), fresh.begin(), fresh.end());
     leaves_ = std::move(kept);
-    wanted.erase(std::remove_if(wanted.begin(), wanted.end(), [&](long p) { return known.count(p) > 0; }), wanted.end());
+    wanted.erase(std::remove_if(wanted.begin(), wanted.end(), [&](long p) { return known.count(p) > 0; }),
+                 wanted.end());
   }
   std::sort(wanted.begin(), wanted.end());
   wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());

@@ -1,6 +1,7 @@
-// Analytic functions of one complex variable on the pieces of a segment, by their values at Chebyshev points: P of them are
-// enough where a piece is short, and how short it must be shows in the last coefficients. Local to the process; allocates
-// nothing. All inline, so that loops over many functions can be compiled for each processor (model/kernel.hpp).
+// Analytic functions of one complex variable on the pieces of a segment, by their values at Chebyshev points:
+// P of them are enough where a piece is short, and how short it must be shows in the last coefficients. Local
+// to the process; allocates nothing. All inline, so that loops over many functions can be compiled for each
+// processor (model/kernel.hpp).
 //
 // Source: L. N. Trefethen, Approximation Theory and Approximation Practice, SIAM 2013, chapters 3 to 8.
 #pragma once
@@ -26,7 +27,8 @@ struct Piece {
   }
 };
 
-// Values of a function at the Chebyshev points of a piece; real and imaginary parts apart, so that loops vectorise.
+// Values of a function at the Chebyshev points of a piece; real and imaginary parts apart, so that loops
+// vectorise.
 struct alignas(64) Values {
   double re[P], im[P];
   Complex operator[](int j) const { return {re[j], im[j]}; }
@@ -59,8 +61,8 @@ inline void invert(Values& x) {
   }
 }
 
-// Chebyshev points (first kind) on [-1, 1], which lie symmetrically; interpolation of the even and the odd part to the
-// points of the half [0, 1]; the last two coefficients; weights of the barycentric formula.
+// Chebyshev points (first kind) on [-1, 1], which lie symmetrically; interpolation of the even and the odd
+// part to the points of the half [0, 1]; the last two coefficients; weights of the barycentric formula.
 struct Table {
   double x[P], even[P / 2][P], odd[P / 2][P], tail[2][P], weight[P];
   Table() {

@@ -8,7 +8,8 @@ namespace stickslip {
 
 namespace {
 
-// The n zeros of the Jacobi polynomial P^(alpha, 0) and the weights of their quadrature, taken over to [0, 1].
+// The n zeros of the Jacobi polynomial P^(alpha, 0) and the weights of their quadrature, taken over to [0,
+// 1].
 void jacobi(int n, double alpha, std::vector<double>& points, std::vector<double>& weights) {
   points.resize(std::size_t(n));
   weights.resize(std::size_t(n));
@@ -55,7 +56,8 @@ Collocation::Collocation(const Tableau& tableau)
         std::vector<double> points{0};
         points.insert(points.end(), tableau.c.begin(), tableau.c.end());
         return points;
-      }()), end(tableau.c.size() + 1) {
+      }()),
+      end(tableau.c.size() + 1) {
   basis.weights(1, end.data());
 }
 

@@ -10,12 +10,14 @@
 // PETSc does not declare these of LAPACK.
 extern "C" {
 void dggev_(const char* left, const char* right, const int* n, double* a, const int* rows_a, double* b,
-            const int* rows_b, double* re, double* im, double* beta, double* vl, const int* rows_l, double* vr,
-            const int* rows_r, double* work, const int* size, int* info, std::size_t, std::size_t);
+            const int* rows_b, double* re, double* im, double* beta, double* vl, const int* rows_l,
+            double* vr, const int* rows_r, double* work, const int* size, int* info, std::size_t,
+            std::size_t);
 void zggev_(const char* left, const char* right, const int* n, std::complex<double>* a, const int* rows_a,
-            std::complex<double>* b, const int* rows_b, std::complex<double>* alpha, std::complex<double>* beta,
-            std::complex<double>* vl, const int* rows_l, std::complex<double>* vr, const int* rows_r,
-            std::complex<double>* work, const int* size, double* real_work, int* info, std::size_t, std::size_t);
+            std::complex<double>* b, const int* rows_b, std::complex<double>* alpha,
+            std::complex<double>* beta, std::complex<double>* vl, const int* rows_l, std::complex<double>* vr,
+            const int* rows_r, std::complex<double>* work, const int* size, double* real_work, int* info,
+            std::size_t, std::size_t);
 }
 
 namespace stickslip {
@@ -91,7 +93,8 @@ template bool solve_banded(int, int, std::complex<double>*, int, std::complex<do
 namespace {
 
 std::vector<std::complex<double>> sorted(std::vector<std::complex<double>> values) {
-  std::stable_sort(values.begin(), values.end(), [](const auto& x, const auto& y) { return std::abs(x) > std::abs(y); });
+  std::stable_sort(values.begin(), values.end(),
+                   [](const auto& x, const auto& y) { return std::abs(x) > std::abs(y); });
   return values;
 }
 
@@ -102,13 +105,14 @@ void check_qz(int info) {
 }  // namespace
 
 // Row-major is the transposed, which has the same eigenvalues.
-std::vector<std::complex<double>> generalised_eigenvalues(int d, std::vector<double> a, std::vector<double> b) {
+std::vector<std::complex<double>> generalised_eigenvalues(int d, std::vector<double> a,
+                                                          std::vector<double> b) {
   const std::size_t n = std::size_t(d);
   std::vector<double> re(n), im(n), beta(n), work(8 * n + 16);
   const int one = 1, size = int(work.size());
   int info = 0;
-  dggev_("N", "N", &d, a.data(), &d, b.data(), &d, re.data(), im.data(), beta.data(), nullptr, &one, nullptr, &one,
-         work.data(), &size, &info, 1, 1);
+  dggev_("N", "N", &d, a.data(), &d, b.data(), &d, re.data(), im.data(), beta.data(), nullptr, &one, nullptr,
+         &one, work.data(), &size, &info, 1, 1);
   check_qz(info);
   std::vector<std::complex<double>> values;
   for (std::size_t k = 0; k < n; ++k) values.emplace_back(re[k] / beta[k], im[k] == 0 ? 0. : im[k] / beta[k]);
@@ -122,8 +126,8 @@ std::vector<std::complex<double>> generalised_eigenvalues(int d, std::vector<std
   std::vector<double> real_work(8 * n);
   const int one = 1, size = int(work.size());
   int info = 0;
-  zggev_("N", "N", &d, a.data(), &d, b.data(), &d, alpha.data(), beta.data(), nullptr, &one, nullptr, &one, work.data(),
-         &size, real_work.data(), &info, 1, 1);
+  zggev_("N", "N", &d, a.data(), &d, b.data(), &d, alpha.data(), beta.data(), nullptr, &one, nullptr, &one,
+         work.data(), &size, real_work.data(), &info, 1, 1);
   check_qz(info);
   for (std::size_t k = 0; k < n; ++k) alpha[k] /= beta[k];
   return sorted(std::move(alpha));

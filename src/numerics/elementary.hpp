@@ -1,10 +1,11 @@
-// exp, expm1, log, log1p and tanh without branches, tables or calls, of + - * / and moves of bits alone: the compiler makes
-// vector code of a loop over them, and a value has the same bits in any loop, of any vector length, on any processor (no
-// library's vector versions promise that). Errors, in units of the last place, against long double (tests/test_kernel.cpp):
-// exp and log at most 1, expm1 and log1p below 2, tanh below 3. Infinities, NaN and subnormal numbers as std's. Local.
+// exp, expm1, log, log1p and tanh without branches, tables or calls, of + - * / and moves of bits alone: the
+// compiler makes vector code of a loop over them, and a value has the same bits in any loop, of any vector
+// length, on any processor (no library's vector versions promise that). Errors, in units of the last place,
+// against long double (tests/test_kernel.cpp): exp and log at most 1, expm1 and log1p below 2, tanh below 3.
+// Infinities, NaN and subnormal numbers as std's. Local.
 //
-// Each reduces its argument to a small one by a power of 2 and takes a polynomial there: coefficients are those of
-// interpolation at Chebyshev's points, of a relative error of the function below 2e-17.
+// Each reduces its argument to a small one by a power of 2 and takes a polynomial there: coefficients are
+// those of interpolation at Chebyshev's points, of a relative error of the function below 2e-17.
 #pragma once
 
 #include <cstdint>
@@ -23,7 +24,8 @@ inline double of_bits(std::uint64_t bits) {
   std::memcpy(&x, &bits, sizeof x);
   return x;
 }
-// All bits where the sign is set, else none; not by a comparison, of which the compiler may make a jump again.
+// All bits where the sign is set, else none; not by a comparison, of which the compiler may make a jump
+// again.
 inline std::uint64_t if_negative(double x) { return 0 - (bits_of(x) >> 63); }
 inline double select(std::uint64_t mask, double a, double b) {
   return of_bits((bits_of(a) & mask) | (bits_of(b) & ~mask));
@@ -31,7 +33,9 @@ inline double select(std::uint64_t mask, double a, double b) {
 
 // 1 with the sign of x, and 0 where x is.
 inline double sign_of(double x) { return of_bits(bits_of(1.) | (bits_of(x) & bits_of(-0.))); }
-inline double sign_or_zero(double x) { return of_bits(bits_of(sign_of(x)) & if_negative(0 - x * sign_of(x))); }
+inline double sign_or_zero(double x) {
+  return of_bits(bits_of(sign_of(x)) & if_negative(0 - x * sign_of(x)));
+}
 
 // ln(2) as a sum: any integer below 2^20 times the first part is exact.
 inline constexpr double ln2_high = 0x1.62e42fee00000p-1, ln2_low = 0x1.a39ef35793c76p-33;
@@ -89,7 +93,8 @@ inline double log(double x) {
   const double y = x * of_bits(bits_of(1.) + (tiny & (std::uint64_t(54) << 52)));
   // y = 2^k (1 + f), sqrt(1/2) <= 1 + f < sqrt(2)
   const std::uint64_t off = bits_of(y) - bits_of(root), raised = off + bits_of(1.);
-  const double k = (of_bits((raised >> 52) | bits_of(0x1p52)) - (0x1p52 + 1023)) - of_bits(tiny & bits_of(54));
+  const double k =
+      (of_bits((raised >> 52) | bits_of(0x1p52)) - (0x1p52 + 1023)) - of_bits(tiny & bits_of(54));
   const double f = of_bits((off & mantissa) + bits_of(root)) - 1;
   // ln(1 + f) = 2 artanh(s) = f - f^2/2 + s (f^2/2 + z R(z)),  s = f/(2 + f), z = s^2
   const double s = f / (2 + f), z = s * s, z2 = z * z, square = 0.5 * f * f;
@@ -100,7 +105,8 @@ inline double log(double x) {
   const double value = k * ln2_high + (f - (square - (s * (square + z * R) + k * ln2_low)));
   // NaN below 0, -infinity at 0, x beyond what is finite
   const double below = of_bits(if_negative(x + 0.) & bits_of(std::numeric_limits<double>::quiet_NaN()));
-  const double zero = of_bits(if_negative(x - std::numeric_limits<double>::denorm_min()) & bits_of(-infinity));
+  const double zero =
+      of_bits(if_negative(x - std::numeric_limits<double>::denorm_min()) & bits_of(-infinity));
   return value + (below + zero + (x <= std::numeric_limits<double>::max() ? 0 : x));
 }
 
@@ -110,7 +116,9 @@ double value_of(const Real& x) {
   return x.value;
 }
 // x < bound ? a : b of any number type; of double by masks, so that both are computed.
-inline double where_less(double x, double bound, double a, double b) { return select(if_negative(x - bound), a, b); }
+inline double where_less(double x, double bound, double a, double b) {
+  return select(if_negative(x - bound), a, b);
+}
 template <class Real>
 Real where_less(const Real& x, double bound, const Real& a, const Real& b) {
   return x < bound ? a : b;

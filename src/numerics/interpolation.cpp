@@ -37,8 +37,8 @@ void Lagrange::derivative_weights(double at, double* w) const {
   }
 }
 
-std::vector<std::pair<PetscInt, double>> grid_interpolation(PetscInt n, GridEnd left, GridEnd right, int count,
-                                                            double at) {
+std::vector<std::pair<PetscInt, double>> grid_interpolation(PetscInt n, GridEnd left, GridEnd right,
+                                                            int count, double at) {
   const auto node = [&](PetscInt i) {
     if (left == GridEnd::periodic) return (i % n + n) % n;
     return i < 0 ? -i : i >= n ? 2 * (n - 1) - i : i;

@@ -1,6 +1,6 @@
-// Truncated Taylor series in two variables: a number that carries its first and second derivatives in (x, y), so that a
-// formula written for any number type gives its derivatives with it (forward automatic differentiation; A. Griewank and
-// A. Walther, Evaluating Derivatives, SIAM 2008, chapter 13). Local.
+// Truncated Taylor series in two variables: a number that carries its first and second derivatives in (x, y),
+// so that a formula written for any number type gives its derivatives with it (forward automatic
+// differentiation; A. Griewank and A. Walther, Evaluating Derivatives, SIAM 2008, chapter 13). Local.
 #pragma once
 
 #include <cmath>
@@ -20,7 +20,12 @@ struct Jet {
 
 // f(a) with f, f' and f'' at a.value.
 inline Jet compose(const Jet& a, double f, double f1, double f2) {
-  return {f, f1 * a.x, f1 * a.y, f1 * a.xx + f2 * a.x * a.x, f1 * a.xy + f2 * a.x * a.y, f1 * a.yy + f2 * a.y * a.y};
+  return {f,
+          f1 * a.x,
+          f1 * a.y,
+          f1 * a.xx + f2 * a.x * a.x,
+          f1 * a.xy + f2 * a.x * a.y,
+          f1 * a.yy + f2 * a.y * a.y};
 }
 
 inline Jet operator-(const Jet& a) { return {-a.value, -a.x, -a.y, -a.xx, -a.xy, -a.yy}; }

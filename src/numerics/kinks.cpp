@@ -56,12 +56,15 @@ Kinks kinks_of(const std::vector<double>& mesh, const double* x, int d, const st
       const size_t next = k + 1 < n * points ? k + 1 : 0;
       const double low = x[k * size_t(d) + size_t(velocity)], high = x[next * size_t(d) + size_t(velocity)];
       if (!(low * high < 0) && high != 0) continue;
-      const auto phase_of = [&](size_t j) { return mesh[j / points] + (mesh[j / points + 1] - mesh[j / points]) * at[j % points]; };
+      const auto phase_of = [&](size_t j) {
+        return mesh[j / points] + (mesh[j / points + 1] - mesh[j / points]) * at[j % points];
+      };
       const double begin = phase_of(k), end = next == 0 ? 1 : phase_of(next);
       const double zero = high == 0 ? end : find_root(value, {begin, low, end, high}, same_place);
       if (std::isnan(zero)) continue;
       (void)value(zero);
-      const std::vector<double> above = jacobian_beside(velocity, 1e-30), below = jacobian_beside(velocity, -1e-30);
+      const std::vector<double> above = jacobian_beside(velocity, 1e-30),
+                                below = jacobian_beside(velocity, -1e-30);
       if (!differ(above, below)) continue;
       kinks.phases.push_back(zero);
       kinks.singular = kinks.singular || differ(above, jacobian_beside(velocity, 1e-40));
@@ -80,8 +83,10 @@ std::vector<double> with_nodes(std::vector<double> mesh, const Kinks& kinks) {
     const double interval = off > 0 ? mesh[k + 1] - mesh[k] : mesh[k] - mesh[k - 1];
     const bool stays = std::find(fixed.begin(), fixed.end(), mesh[k]) != fixed.end();
     fixed.push_back(phase);
-    if (!stays && std::abs(off) < moves * interval) mesh[k] = phase;
-    else if (std::abs(off) > 1e-3 * interval) mesh.insert(mesh.begin() + long(off > 0 ? k + 1 : k), phase);
+    if (!stays && std::abs(off) < moves * interval)
+      mesh[k] = phase;
+    else if (std::abs(off) > 1e-3 * interval)
+      mesh.insert(mesh.begin() + long(off > 0 ? k + 1 : k), phase);
   }
   return mesh;
 }

@@ -1,7 +1,9 @@
-// Kinks of the equations along a periodic motion: where a velocity passes 0 and the rates, which contain |psi|, turn a corner.
+// Kinks of the equations along a periodic motion: where a velocity passes 0 and the rates, which contain
+// |psi|, turn a corner.
 //
-// Inside an interval of collocation a kink costs all but the second order, and halving the interval says little of what is
-// left, for that hangs on where in the interval it lies. With a node at the kink both sides are smooth. Local to the process.
+// Inside an interval of collocation a kink costs all but the second order, and halving the interval says
+// little of what is left, for that hangs on where in the interval it lies. With a node at the kink both sides
+// are smooth. Local to the process.
 #pragma once
 
 #include <functional>
@@ -11,30 +13,32 @@ namespace stickslip {
 
 struct Kinks {
   std::vector<double> phases;  // rising
-  bool singular = false;       // the Jacobian grows beyond bounds there, as psi ln|psi| makes it: of second order with a node too
+  // the Jacobian grows beyond bounds there, as psi ln|psi| makes it: of second order with a node too
+  bool singular = false;
 
   // The farthest of them from the nearest node of a mesh.
   double farthest_off(const std::vector<double>& mesh) const;
 };
 
-// Of the motion x on a mesh (d values; numerics/periodic_mesh.hpp): the zeros of the `velocities` among its unknowns on whose
-// sides the Jacobian of the rates differs.
+// Of the motion x on a mesh (d values; numerics/periodic_mesh.hpp): the zeros of the `velocities` among its
+// unknowns on whose sides the Jacobian of the rates differs.
 Kinks kinks_of(const std::vector<double>& mesh, const double* x, int d, const std::vector<int>& velocities,
                const std::function<void(const double* y, double* J)>& jacobian);
 
 // The mesh with a node at each kink: the nearest moved there where it is near, else one more.
 std::vector<double> with_nodes(std::vector<double> mesh, const Kinks& kinks);
 
-// A periodic solution that is being solved for: its mesh, its kinks, and the same again on another mesh (false, and nothing
-// changed, where that does not converge).
+// A periodic solution that is being solved for: its mesh, its kinks, and the same again on another mesh
+// (false, and nothing changed, where that does not converge).
 struct KinkedSolution {
   std::function<const std::vector<double>&()> mesh;
   std::function<Kinks()> kinks;
   std::function<bool(std::vector<double> mesh)> solve_on;
 };
-// Solves with nodes at the kinks, which move with the solution, until they stay. What the change of the number sought, where
-// the mesh is halved, is to be divided by for an estimate of its error: halving divides the error by 2^10 once the mesh is
-// fine, by less before, and by 4 beside a singularity; where no node could be placed at a kink the change says little.
+// Solves with nodes at the kinks, which move with the solution, until they stay. What the change of the
+// number sought, where the mesh is halved, is to be divided by for an estimate of its error: halving divides
+// the error by 2^10 once the mesh is fine, by less before, and by 4 beside a singularity; where no node could
+// be placed at a kink the change says little.
 double settle_on_kinks(const KinkedSolution& solution);
 
 }  // namespace stickslip

@@ -19,11 +19,14 @@ bool inside(PlanePoint p) { return p.x >= 0 && p.x <= 1 && p.y >= 0 && p.y <= 1;
 PlanePoint towards(PlanePoint p, double angle, double radius) {
   return {p.x + radius * std::cos(angle), p.y + radius * std::sin(angle)};
 }
-PlanePoint between(PlanePoint a, PlanePoint b, double t) { return {a.x + t * (b.x - a.x), a.y + t * (b.y - a.y)}; }
+PlanePoint between(PlanePoint a, PlanePoint b, double t) {
+  return {a.x + t * (b.x - a.x), a.y + t * (b.y - a.y)};
+}
 
 double distance_to_segment(PlanePoint p, PlanePoint a, PlanePoint b) {
   const double dx = b.x - a.x, dy = b.y - a.y, l = dx * dx + dy * dy;
-  return distance(p, between(a, b, l > 0 ? std::clamp(((p.x - a.x) * dx + (p.y - a.y) * dy) / l, 0., 1.) : 0));
+  return distance(p,
+                  between(a, b, l > 0 ? std::clamp(((p.x - a.x) * dx + (p.y - a.y) * dy) / l, 0., 1.) : 0));
 }
 
 // Follows the line from a point on it. `side` is the hand on which f is positive: 1 left, -1 right.
@@ -34,9 +37,11 @@ class Follower {
   enum class End { border, closed, stuck };
 
   // Until the border, the start again, or a place where no way on is found.
-  End follow(PlanePoint start, double heading, double side, std::vector<PlanePoint>& points, int most = 20000) const {
+  End follow(PlanePoint start, double heading, double side, std::vector<PlanePoint>& points,
+             int most = 20000) const {
     points = {start};
-    const double first = heading;  // of two sides of a thin region that pass near each other only one runs this way
+    // of two sides of a thin region that pass near each other only one runs this way
+    const double first = heading;
     double radius = step_;
     bool corrected = false;
     for (int count = 0; count < most;) {
@@ -82,7 +87,8 @@ class Follower {
   }
 
  private:
-  // Puts a point back on the line where f has changed since it was found (a function that learns): the line passes by.
+  // Puts a point back on the line where f has changed since it was found (a function that learns): the line
+  // passes by.
   void correct(PlanePoint& p, double heading) const {
     double slope = std::numeric_limits<double>::quiet_NaN();
     const PlanePoint across{-std::sin(heading), std::cos(heading)};
@@ -125,8 +131,8 @@ class Follower {
 struct Edge {
   PlanePoint a, b;
   double fa, fb;
-  bool border;         // lies on the border
-  bool small = false;  // of a closed piece that no edge of the lattice crosses
+  bool border;              // lies on the border
+  bool small = false;       // of a closed piece that no edge of the lattice crosses
   double heading() const {  // of the line, with f positive on the left
     return std::atan2(b.y - a.y, b.x - a.x) + (fb > fa ? -M_PI / 2 : M_PI / 2);
   }
@@ -182,8 +188,8 @@ std::vector<Minimum> lattice_minima(const Lattice& lattice) {
   return minima;
 }
 
-// Makes |f| smaller from a minimum of the lattice on, by a pattern of four neighbours that shrinks, until f changes its
-// sign. Empty where it does not.
+// Makes |f| smaller from a minimum of the lattice on, by a pattern of four neighbours that shrinks, until f
+// changes its sign. Empty where it does not.
 std::optional<Edge> fall_through_zero(const PlaneFunction& f, const Minimum& from, double width) {
   PlanePoint p = from.at;
   double now = from.value, reach = width / 2;
@@ -225,8 +231,10 @@ class Search {
     }
     const std::optional<PlanePoint> start = zero_on(e);
     if (!start || known(*start, (e.small ? 0.02 : 0.1) * width_)) return;
-    if (e.small) small_piece(e, *start);
-    else piece(e, *start);
+    if (e.small)
+      small_piece(e, *start);
+    else
+      piece(e, *start);
   }
 
  private:
@@ -259,19 +267,23 @@ class Search {
       if (const auto heading = fine.heading(start, 1, e.heading()))
         piece.closed = fine.follow(start, *heading, 1, piece.points, 400) == Follower::End::closed;
     }
-    if (piece.closed) found.pieces.push_back(std::move(piece));
-    else found.lost.push_back(start);
+    if (piece.closed)
+      found.pieces.push_back(std::move(piece));
+    else
+      found.lost.push_back(start);
   }
 
   // Both ways from the start: f positive on the left of the way forward, on the right of the way back.
   void piece(const Edge& e, PlanePoint start) {
     CurvePiece piece;
-    std::array<std::vector<PlanePoint>, 2> ways{std::vector<PlanePoint>{start}, std::vector<PlanePoint>{start}};
+    std::array<std::vector<PlanePoint>, 2> ways{std::vector<PlanePoint>{start},
+                                                std::vector<PlanePoint>{start}};
     for (const std::size_t way : {0, 1}) {
       const double side = way == 0 ? 1 : -1, guess = e.heading() + (way == 0 ? 0 : M_PI);
       if (e.border && !inside(towards(start, guess, 1e-3))) continue;
       const auto heading = follower_.heading(start, side, guess);
-      const Follower::End end = heading ? follower_.follow(start, *heading, side, ways[way]) : Follower::End::stuck;
+      const Follower::End end =
+          heading ? follower_.follow(start, *heading, side, ways[way]) : Follower::End::stuck;
       if (end == Follower::End::stuck) piece.stuck.push_back(ways[way].back());
       piece.closed = end == Follower::End::closed;
       if (piece.closed) {
@@ -308,7 +320,8 @@ LevelCurve level_curve(const PlaneFunction& f, const Lattice& lattice, const Lev
 
 double length(const CurvePiece& piece) {
   double sum = 0;
-  for (std::size_t k = 0; k + 1 < piece.points.size(); ++k) sum += distance(piece.points[k], piece.points[k + 1]);
+  for (std::size_t k = 0; k + 1 < piece.points.size(); ++k)
+    sum += distance(piece.points[k], piece.points[k + 1]);
   return sum;
 }
 
@@ -348,17 +361,20 @@ Placed put_on_curve(const PlaneFunction& f, PlanePoint at, PlanePoint across, do
   return std::isfinite(d) ? Placed{off(d), true} : Placed{clamped(at), false};
 }
 
-void place_evenly(const PlaneFunction& f, const std::vector<CurvePiece>& pieces, PetscInt points, const TakePlace& take) {
+void place_evenly(const PlaneFunction& f, const std::vector<CurvePiece>& pieces, PetscInt points,
+                  const TakePlace& take) {
   double total = 0;
   for (const CurvePiece& piece : pieces) total += length(piece);
   for (std::size_t number = 0; number < pieces.size(); ++number) {
     if (pieces[number].points.size() < 2) continue;
-    const std::vector<CurvePlace> places = even_places(pieces[number], points_of_piece(pieces[number], points, total));
+    const std::vector<CurvePlace> places =
+        even_places(pieces[number], points_of_piece(pieces[number], points, total));
     double slope = std::nan("");
     for (std::size_t k = 0; k < places.size(); ++k) {
       double border = std::nan("");
       const CurvePlace& place = places[k];
-      take(number, k, places.size(), place, put_on_curve(f, place.at, place.across, place.border ? border : slope));
+      take(number, k, places.size(), place,
+           put_on_curve(f, place.at, place.across, place.border ? border : slope));
     }
   }
 }

@@ -80,7 +80,8 @@ struct Groups {
 }  // namespace
 
 template <class T>
-void solve_stages(const Collocation& method, int d, int band, double h, const T* J, int columns, std::vector<T>& R) {
+void solve_stages(const Collocation& method, int d, int band, double h, const T* J, int columns,
+                  std::vector<T>& R) {
   const size_t s = stages, n = size_t(d) * s;
   std::vector<T> M(n * n);
   const auto solved = [&](bool fine) {
@@ -92,7 +93,8 @@ void solve_stages(const Collocation& method, int d, int band, double h, const T*
   }
   // unknown by unknown, the stages together: a band
   for (size_t p = 0; p < size_t(d); ++p) {
-    const size_t low = p > size_t(band) ? p - size_t(band) : 0, high = std::min(size_t(d), p + size_t(band) + 1);
+    const size_t low = p > size_t(band) ? p - size_t(band) : 0,
+                 high = std::min(size_t(d), p + size_t(band) + 1);
     for (size_t i = 0; i < s; ++i)
       for (size_t q = low; q < high; ++q)
         for (size_t j = 0; j < s; ++j)
@@ -119,7 +121,8 @@ std::vector<T> carried(const Collocation& method, int d, int band, double h, con
     for (size_t p = 0; p < n; ++p) R[(j * n + p) * n + p] = 1;
   solve_stages(method, d, band, h, J, d, R);
   for (size_t p = 0; p < n; ++p)
-    for (size_t l = 0; l < n; ++l) result[p * n + l] = at_end(method, n, n, R, p, l) + (p == l ? method.end[0] : 0.);
+    for (size_t l = 0; l < n; ++l)
+      result[p * n + l] = at_end(method, n, n, R, p, l) + (p == l ? method.end[0] : 0.);
   return result;
 }
 template std::vector<double> carried(const Collocation&, int, int, double, const double*);
@@ -142,10 +145,11 @@ std::vector<std::complex<double>> multipliers_of(int d, const Pencil<T>& pencil)
 template std::vector<std::complex<double>> multipliers_of(int, const Pencil<double>&);
 template std::vector<std::complex<double>> multipliers_of(int, const Pencil<std::complex<double>>&);
 
-// ---- the nonlinear equations ----------------------------------------------------------------------------------------
+// ---- the nonlinear equations
+// ----------------------------------------------------------------------------------------
 
-// What the elimination of each interval's Gauss points leaves. Columns: y at the left node, the parameters, the right-hand
-// side.
+// What the elimination of each interval's Gauss points leaves. Columns: y at the left node, the parameters,
+// the right-hand side.
 struct PeriodicEquations::Linear {
   std::vector<double> response;  // of the Gauss points, for all columns
   std::vector<double> phi;       // y at the right node, for y at the left one
@@ -156,14 +160,16 @@ struct PeriodicEquations::Linear {
 PeriodicEquations::PeriodicEquations(std::vector<double> mesh, SharedField field)
     : mesh_(std::move(mesh)), field_(std::move(field)), d_(field_->dim()), n_(mesh_.size() - 1) {}
 
-PeriodicEquations::PeriodicEquations(std::vector<double> mesh, FieldFamily family, double lambda, double scale)
+PeriodicEquations::PeriodicEquations(std::vector<double> mesh, FieldFamily family, double lambda,
+                                     double scale)
     : PeriodicEquations(std::move(mesh), family(lambda)) {
   family_ = std::move(family);
   eps_ = 1e-6 * scale;
   lambda_ = lambda;
 }
 
-std::vector<double> PeriodicEquations::fill(const std::function<void(double, double*)>& profile, double q) const {
+std::vector<double> PeriodicEquations::fill(const std::function<void(double, double*)>& profile,
+                                            double q) const {
   const size_t d = size_t(d_);
   std::vector<double> x(size());
   for (size_t i = 0; i < n_; ++i)
@@ -178,7 +184,8 @@ void PeriodicEquations::at(const std::vector<double>& x, double phase, double* y
   evaluate(gauss(), mesh_, x.data(), d_, phase, y);
 }
 
-std::vector<double> PeriodicEquations::fill(const PeriodicEquations& from, const std::vector<double>& x) const {
+std::vector<double> PeriodicEquations::fill(const PeriodicEquations& from,
+                                            const std::vector<double>& x) const {
   std::vector<double> y = fill([&](double phase, double* out) { from.at(x, phase, out); }, from.q(x));
   if (family_) y.back() = from.lambda(x);
   return y;
@@ -211,7 +218,8 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
   out.response.resize(n_ * stages * d * columns);
   out.phi.resize(n_ * d * d);
   out.chain.resize(n_ * d * (p + 1));
-  std::vector<double> f(stages * d), slope(stages * d), J(stages * d * d), R(stages * d * columns), low(d), high(d);
+  std::vector<double> f(stages * d), slope(stages * d), J(stages * d * d), R(stages * d * columns), low(d),
+      high(d);
   for (size_t i = 0; i < n_; ++i) {
     const double h = (mesh_[i + 1] - mesh_[i]) * period;
     const double *y = &x[i * b], *Y = y + d, *next = &x[(i + 1 < n_ ? i + 1 : 0) * b];
@@ -247,8 +255,10 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
       out.residual = std::max(out.residual, std::abs(right));
       for (size_t l = 0; l < columns; ++l) {
         const double end = at_end(gauss(), d, columns, R, a, l);
-        if (l < d) out.phi[(i * d + a) * d + l] = end + (a == l ? gauss().end[0] : 0.);
-        else out.chain[(i * d + a) * (p + 1) + l - d] = end - (l == d + p && !zero_right ? right : 0.);
+        if (l < d)
+          out.phi[(i * d + a) * d + l] = end + (a == l ? gauss().end[0] : 0.);
+        else
+          out.chain[(i * d + a) * (p + 1) + l - d] = end - (l == d + p && !zero_right ? right : 0.);
       }
     }
   }
@@ -256,7 +266,8 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
   return out;
 }
 
-// Solves what is left: the nodes in groups, y_0 and the parameters with the conditions, then everything inside.
+// Solves what is left: the nodes in groups, y_0 and the parameters with the conditions, then everything
+// inside.
 std::vector<double> PeriodicEquations::closed(const Linear& system, const std::vector<Condition>& conditions,
                                               const std::vector<double>& rights) const {
   const size_t d = size_t(d_), p = size_t(parameters()), b = block(), columns = d + p + 1, c = p + 1;
@@ -283,7 +294,8 @@ std::vector<double> PeriodicEquations::closed(const Linear& system, const std::v
     if (p > 1) row[d + 1] = conditions[k].lambda;
     z[d + k] = rights[k];
   }
-  if (!solve_dense(int(size), S.data(), 1, z.data())) throw Failure("the equations of the cycle are singular");
+  if (!solve_dense(int(size), S.data(), 1, z.data()))
+    throw Failure("the equations of the cycle are singular");
   std::vector<double> w(c, 1.), dx(this->size());
   for (size_t l = 0; l < p; ++l) w[l] = dx[n_ * b + l] = z[d + l];
   const std::vector<double> nodes = cyclic.expand(int(c), chain, w.data(), z.data(), 1.);
@@ -308,7 +320,8 @@ std::vector<double> PeriodicEquations::closed(const Linear& system, const std::v
   return dx;
 }
 
-PeriodicEquations::Step PeriodicEquations::step(const std::vector<double>& x, const std::vector<Condition>& conditions) {
+PeriodicEquations::Step PeriodicEquations::step(const std::vector<double>& x,
+                                                const std::vector<Condition>& conditions) {
   const Linear system = linear(x, false);
   Step result;
   result.residual = system.residual;
@@ -322,16 +335,17 @@ PeriodicEquations::Step PeriodicEquations::step(const std::vector<double>& x, co
   return result;
 }
 
-std::vector<double> PeriodicEquations::tangent(const std::vector<double>& x, const std::vector<Condition>& rows) {
+std::vector<double> PeriodicEquations::tangent(const std::vector<double>& x,
+                                               const std::vector<Condition>& rows) {
   std::vector<double> rights(rows.size());
   rights.back() = 1;
   return closed(linear(x, true), rows, rights);
 }
 
-// Converged by the step: the residual cannot fall below the round-off of stiff intervals. In a front of width w (in phase)
-// y cannot be known better than 1e-16/w, so that there the numbers sought decide.
-PeriodicEquations::Newton PeriodicEquations::newton(std::vector<double>& x, const std::vector<Condition>& conditions,
-                                                    int most) {
+// Converged by the step: the residual cannot fall below the round-off of stiff intervals. In a front of width
+// w (in phase) y cannot be known better than 1e-16/w, so that there the numbers sought decide.
+PeriodicEquations::Newton PeriodicEquations::newton(std::vector<double>& x,
+                                                    const std::vector<Condition>& conditions, int most) {
   Newton result;
   double last = -1;
   const size_t d = size_t(d_), b = block();

@@ -5,11 +5,12 @@
 
 namespace stickslip {
 
-void evaluate(const Collocation& method, const std::vector<double>& mesh, const double* x, int d, double phase,
-              double* y) {
+void evaluate(const Collocation& method, const std::vector<double>& mesh, const double* x, int d,
+              double phase, double* y) {
   phase -= std::floor(phase);
   const size_t n = mesh.size() - 1;
-  const size_t i = std::min(size_t(std::upper_bound(mesh.begin(), mesh.end(), phase) - mesh.begin() - 1), n - 1);
+  const size_t i =
+      std::min(size_t(std::upper_bound(mesh.begin(), mesh.end(), phase) - mesh.begin() - 1), n - 1);
   double w[mesh_stages + 1];
   method.basis.weights((phase - mesh[i]) / (mesh[i + 1] - mesh[i]), w);
   const double* points = x + i * size_t(d) * (mesh_stages + 1);

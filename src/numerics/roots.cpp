@@ -11,8 +11,8 @@ std::vector<Complex> polynomial_roots(const std::vector<double>& c) {
     const double large = -b / 2 - std::copysign(std::sqrt(disc), b);
     return {large, large == 0 ? 0 : d / large};
   }
-  // A cubic: Newton's iteration from beyond its outermost turning point, on the side where the real root is; then the
-  // quadratic that is left, deflated from the side that loses no digits.
+  // A cubic: Newton's iteration from beyond its outermost turning point, on the side where the real root is;
+  // then the quadratic that is left, deflated from the side that loses no digits.
   double root = -c[1] / (3 * c[0]);
   const auto value = [&](double x) { return ((c[0] * x + c[1]) * x + c[2]) * x + c[3]; };
   const auto slope = [&](double x) { return (3 * c[0] * x + 2 * c[1]) * x + c[2]; };

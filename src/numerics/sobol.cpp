@@ -9,13 +9,15 @@ namespace {
 constexpr int bits = 32;
 using Directions = std::array<std::array<std::uint32_t, bits>, sobol_dimensions>;
 
-// A primitive polynomial of this degree, its inner coefficients as binary digits, and the first direction numbers.
+// A primitive polynomial of this degree, its inner coefficients as binary digits, and the first direction
+// numbers.
 struct Generator {
   int degree;
   unsigned inner;
   std::array<std::uint32_t, 3> first;
 };
-constexpr std::array<Generator, sobol_dimensions - 1> generators{{{1, 0, {1}}, {2, 1, {1, 3}}, {3, 1, {1, 3, 1}}}};
+constexpr std::array<Generator, sobol_dimensions - 1> generators{
+    {{1, 0, {1}}, {2, 1, {1, 3}}, {3, 1, {1, 3, 1}}}};
 
 Directions make_directions() {
   Directions v{};

@@ -21,7 +21,8 @@ std::vector<double> row_of(std::string line, const std::string& place) {
   std::vector<double> row;
   for (const std::string& word : split_words(line, place, '#')) {
     const std::optional<double> value = parse_number(word);
-    if (!value || !std::isfinite(*value)) throw UsageError(place + ": " + quoted(word) + " is not a finite number");
+    if (!value || !std::isfinite(*value))
+      throw UsageError(place + ": " + quoted(word) + " is not a finite number");
     row.push_back(*value);
   }
   return row;
@@ -29,8 +30,8 @@ std::vector<double> row_of(std::string line, const std::string& place) {
 
 }  // namespace
 
-std::vector<std::vector<double>> read_columns(const std::string& option, const std::string& path, std::size_t least,
-                                              std::size_t most) {
+std::vector<std::vector<double>> read_columns(const std::string& option, const std::string& path,
+                                              std::size_t least, std::size_t most) {
   const std::string name = "-" + option + " " + quoted(path);
   std::ifstream file(path);
   if (!file) throw UsageError(name + ": cannot be read: " + std::strerror(errno));
@@ -52,7 +53,8 @@ std::vector<std::vector<double>> read_columns(const std::string& option, const s
     if (rows.size() > longest) throw UsageError(name + ": more than " + std::to_string(longest) + " rows");
   }
   if (file.bad()) throw UsageError(name + ": cannot be read: " + std::strerror(errno));  // a folder, for one
-  if (!file.eof()) throw UsageError(name + ": a line of more than " + std::to_string(longest_line - 1) + " bytes");
+  if (!file.eof())
+    throw UsageError(name + ": a line of more than " + std::to_string(longest_line - 1) + " bytes");
   if (rows.empty()) throw UsageError(name + ": holds no numbers");
   return rows;
 }

@@ -7,9 +7,9 @@
 
 namespace stickslip {
 
-// The rows, each of as many numbers as the first, from `least` to `most`. Throws UsageError with the option, the file and
-// the line: cannot be read, no such number of columns, not finite, no row at all.
-std::vector<std::vector<double>> read_columns(const std::string& option, const std::string& path, std::size_t least,
-                                              std::size_t most);
+// The rows, each of as many numbers as the first, from `least` to `most`. Throws UsageError with the option,
+// the file and the line: cannot be read, no such number of columns, not finite, no row at all.
+std::vector<std::vector<double>> read_columns(const std::string& option, const std::string& path,
+                                              std::size_t least, std::size_t most);
 
 }  // namespace stickslip

@@ -25,8 +25,8 @@ bool is_name(const std::string& word) {
 }
 std::string name_in(const std::string& word) { return word.substr(word.compare(0, 2, "--") == 0 ? 2 : 1); }
 
-// Whether `word` can be the value of option `name`; where not, it may be the scene. Text is anything; a list of
-// frames is never a scene; and no option of a library takes a scene.
+// Whether `word` can be the value of option `name`; where not, it may be the scene. Text is anything; a list
+// of frames is never a scene; and no option of a library takes a scene.
 bool takes(const std::string& name, const std::string& word) {
   if (!has_scene_suffix(word)) return true;
   if (lower_case(name) == "options_file") return true;
@@ -69,13 +69,15 @@ std::vector<Given> scene_options(const std::string& path) {
   return given;
 }
 
-// Puts the numbers of a file of two columns in the place of its name: so they stand in every file that is written, and a
-// restart does not read it again.
+// Puts the numbers of a file of two columns in the place of its name: so they stand in every file that is
+// written, and a restart does not read it again.
 void take_in_table(Given& given) {
   const OptionSpec* spec = find_option(given.name);
-  if (!spec || spec->type != OptionType::pairs || !given.text || given.text->find(':') != std::string::npos) return;
+  if (!spec || spec->type != OptionType::pairs || !given.text || given.text->find(':') != std::string::npos)
+    return;
   Pairs pairs;
-  for (const std::vector<double>& row : read_columns(spec->name, *given.text, 2, 2)) pairs.emplace_back(row[0], row[1]);
+  for (const std::vector<double>& row : read_columns(spec->name, *given.text, 2, 2))
+    pairs.emplace_back(row[0], row[1]);
   const std::string text = pairs_text(pairs);
   if (!parse_pairs(text))
     throw UsageError("-" + spec->name + " " + stickslip::quoted(*given.text) + in_place(given.where) +
@@ -104,7 +106,8 @@ std::string scene_among(const std::vector<std::string>& stray) {
     if (!has_scene_suffix(word))
       throw UsageError("stray word " + quoted(word) +
                        ": neither an option nor its value nor a scene (.yaml, .yml, .opts)");
-    if (!scene.empty()) throw UsageError("two scenes, " + stickslip::quoted(scene) + " and " + quoted(word) + "; one is read");
+    if (!scene.empty())
+      throw UsageError("two scenes, " + stickslip::quoted(scene) + " and " + quoted(word) + "; one is read");
     scene = word;
   }
   return scene;
@@ -181,7 +184,8 @@ CommandLine unpacked(const std::vector<std::uint8_t>& bytes) {
 
 }  // namespace
 
-CommandLine read_command_line(int argc, char** argv, const std::vector<std::string>& commands, MPI_Comm comm) {
+CommandLine read_command_line(int argc, char** argv, const std::vector<std::string>& commands,
+                              MPI_Comm comm) {
   std::vector<std::uint8_t> bytes;
   on_root(comm, [&] { bytes = packed(read({argv + 1, argv + argc}, commands)); });
   broadcast(bytes, comm);

@@ -95,11 +95,14 @@ class TableBuilder {
   Row boolean(const char* name, const char* value, const char* help) {
     return add(name, OptionType::boolean, value, help);
   }
-  Row text(const char* name, const char* value, const char* help) { return add(name, OptionType::text, value, help); }
+  Row text(const char* name, const char* value, const char* help) {
+    return add(name, OptionType::text, value, help);
+  }
   Row choice(const char* name, std::vector<std::string> words, const char* help) {
     return add(name, OptionType::choice, words[0].c_str(), help).words(words);
   }
-  Row real_or(const char* name, const char* word, const char* value, const char* help, const char* unit = "") {
+  Row real_or(const char* name, const char* word, const char* value, const char* help,
+              const char* unit = "") {
     return add(name, OptionType::real_or_word, value, help).words({word}).unit(unit);
   }
 
@@ -116,8 +119,9 @@ void model_options(TableBuilder& t) {
   t.not_negative("model_delta", "", "continuum: damping delta")
       .unset("0.2; the chain has none", [](const Options& o) { return is_chain(o) ? "0" : "0.2"; });
   t.not_negative("model_c", "1", "continuum: speed of sound c", "length/time");
-  t.choice("model_delta_sign", {"derived", "printed"},
-           "continuum: sign of the damping in the force equation, +1 as derived or -1 as printed in the paper");
+  t.choice(
+      "model_delta_sign", {"derived", "printed"},
+      "continuum: sign of the damping in the force equation, +1 as derived or -1 as printed in the paper");
   t.not_negative("model_m", "1",
                  "chain: mass of a block; 0: the massless limit, where B psi + F = eta says what psi is");
   t.not_negative("model_k0", "0.2", "chain: stiffness to the driving plate");
@@ -139,7 +143,8 @@ void friction_options(TableBuilder& t) {
   t.boolean("friction_back_slip", "true", "exact stick: false lets no force drive a stuck node backwards");
   for (const OptionSpec& parameter : laws.of_laws) t.add(parameter);
   t.not_negative("friction_spread", "0", "spread of the friction amplitude from node to node (mean 1)");
-  t.choice("friction_spread_kind", {"uniform", "lognormal"}, "distribution: uniform on [1 - spread, 1 + spread], or "
+  t.choice("friction_spread_kind", {"uniform", "lognormal"},
+           "distribution: uniform on [1 - spread, 1 + spread], or "
            "exp(spread z - spread^2/2) with z normal");
   t.positive("friction_spread_length", "1", "continuum: distance between independent draws", "length");
   t.integer("friction_seed", "1", 0, int_max, "seed of the spread");
@@ -155,8 +160,11 @@ void profile_options(TableBuilder& t) {
 void load_options(TableBuilder& t) {
   t.in("Loading", physics);
   t.add("load_v", OptionType::pairs, "",
-        "run: v(t) in place of model_v, t1:v1,t2:v2,... or a file of two columns; straight between, a step where a "
-        "time stands twice").unset("none").unit("velocity");
+        "run: v(t) in place of model_v, t1:v1,t2:v2,... or a file of two columns; straight between, a step "
+        "where a "
+        "time stands twice")
+      .unset("none")
+      .unit("velocity");
   t.real("load_sine_amplitude", "0", "run: a sine on top of v(t): its amplitude", "velocity");
   t.positive("load_sine_period", "1", "run: its period", "time");
 }
@@ -165,14 +173,16 @@ void contact_options(TableBuilder& t) {
   t.in("State of the contact", "run spectrum boundary wave cycle chart laws");
   const LawOptions laws = law_options();
   t.choice("state_law", laws.states,
-           "kinetic equation of the contact; ageing, slip and ageing-cutoff belong to rate-and-state and n-shaped")
+           "kinetic equation of the contact; ageing, slip and ageing-cutoff belong to rate-and-state and "
+           "n-shaped")
       .unset("none; ageing with rate-and-state, ageing-cutoff with n-shaped", laws.default_state);
   for (const OptionSpec& parameter : laws.of_states) t.add(parameter);
 }
 
 void grid_options(TableBuilder& t) {
   t.in("Grid and ends", physics);
-  t.integer("grid_n", "512", 1, n_max, "nodes; the chain's blocks (auto: as if it were not set)").words({"auto"});
+  t.integer("grid_n", "512", 1, n_max, "nodes; the chain's blocks (auto: as if it were not set)")
+      .words({"auto"});
   t.positive("grid_length", "", "length of the medium", "length")
       .unset("60; the chain: n on a ring, else n - 1", [](const Options& o) {
         const PetscInt n = o.integer("grid_n");
@@ -194,11 +204,12 @@ void grid_options(TableBuilder& t) {
 
 void start_options(TableBuilder& t) {
   t.in("Start", "run cycle chart");
-  t.choice("init_type", {"uniform", "sine", "layer", "pulses", "wave", "file", "text"},
-           "uniform; sine: psi = init_psi + init_amplitude sin(2 pi init_mode x/L); layer: psi falls from "
-           "bc_left_value to init_psi like exp(-(x/init_width)^2); pulses: turns of the uniform oscillation laid "
-           "round the ring; wave: the travelling train; file: a frame or an eigenvector of init_file; text: its "
-           "columns");
+  t.choice(
+      "init_type", {"uniform", "sine", "layer", "pulses", "wave", "file", "text"},
+      "uniform; sine: psi = init_psi + init_amplitude sin(2 pi init_mode x/L); layer: psi falls from "
+      "bc_left_value to init_psi like exp(-(x/init_width)^2); pulses: turns of the uniform oscillation laid "
+      "round the ring; wave: the travelling train; file: a frame or an eigenvector of init_file; text: its "
+      "columns");
   t.real_or("init_psi", "steady", "0.1", "psi at the start; `steady` is steady sliding", "velocity");
   t.real_or("init_eta", "steady", "", "eta at the start; `steady` makes psi_t = 0")
       .unset("0.1; steady for a layer",
@@ -210,15 +221,19 @@ void start_options(TableBuilder& t) {
   t.positive("init_width", "2", "layer: width", "length");
   t.integer("init_pulses", "1", 1, int_max, "pulses, wave: number of pulses on the ring");
   t.choice("init_direction", {"right", "left"}, "pulses, wave: direction of travel");
-  t.not_negative("init_noise", "0", "amplitude of noise added to psi, uniform on [-1, 1] times this", "velocity");
-  t.not_negative("init_noise_length", "1",
-                 "distance between its independent values, with a smooth course between them; 0: one value a node, "
-                 "which changes with the grid (in the chain always one a block)",
-                 "length");
+  t.not_negative("init_noise", "0", "amplitude of noise added to psi, uniform on [-1, 1] times this",
+                 "velocity");
+  t.not_negative(
+      "init_noise_length", "1",
+      "distance between its independent values, with a smooth course between them; 0: one value a node, "
+      "which changes with the grid (in the chain always one a block)",
+      "length");
   t.integer("init_seed", "1", 0, int_max, "seed of the noise");
   t.text("init_file", "",
-         "file to start from: HDF5 of this program, or any HDF5 or NetCDF-4 file with x, psi, eta and the state; "
-         "text: columns x psi eta, and the state where there is one").unset("none");
+         "file to start from: HDF5 of this program, or any HDF5 or NetCDF-4 file with x, psi, eta and the "
+         "state; "
+         "text: columns x psi eta, and the state where there is one")
+      .unset("none");
   t.integer("init_frame", "", 0, int_max, "frame of init_file, from 0").unset("the last");
 }
 
@@ -227,20 +242,25 @@ void time_options(TableBuilder& t) {
   t.not_negative("ts_max_time", "60", "end time, hit exactly", "time");
   t.integer("ts_max_steps", "", 0, count_max, "most steps").unset("unlimited");
   t.add("ts_max_wall", OptionType::wall_time, "",
-        "wall clock after which the run ends, with a checkpoint to go on from").unset("unlimited").read_by("run");
+        "wall clock after which the run ends, with a checkpoint to go on from")
+      .unset("unlimited")
+      .read_by("run");
   t.choice("imex_implicit", {"auto", "none", "friction", "wave", "both"},
            "terms that an IMEX method, or rosw:ra34pw2, takes implicitly");
   t.in("Time stepping", "run");
-  t.positive("accuracy", "", "largest error wanted in psi and eta at the end; chooses what is not set otherwise")
+  t.positive("accuracy", "",
+             "largest error wanted in psi and eta at the end; chooses what is not set otherwise")
       .unset("none");
   t.text("accuracy_of", "fields",
-         "what -accuracy is wanted of: fields, probe:x (psi and eta at x, at the end), speed (wave_speed), period (at "
+         "what -accuracy is wanted of: fields, probe:x (psi and eta at x, at the end), speed (wave_speed), "
+         "period (at "
          "out_probes) or amplitude");
   t.positive("accuracy_seconds", "60", "processor time that choosing for -accuracy may take");
   t.in("Time stepping", "run chart");
-  t.boolean("rk_fused", "true",
-            "take all stages of a step of rk, and of arkimex and rosw with friction implicit, tile by tile in the "
-            "cache; false: PETSc's own step");
+  t.boolean(
+      "rk_fused", "true",
+      "take all stages of a step of rk, and of arkimex and rosw with friction implicit, tile by tile in the "
+      "cache; false: PETSc's own step");
   t.choice("scene_reduce", {"auto", "off"}, "solve the smaller problem where the scene allows it");
 }
 
@@ -257,17 +277,22 @@ void output_options(TableBuilder& t) {
   t.positive("out_limit", "20", "frames that would need more are refused", "GB");
   t.reals("out_times", "times of the frames", "time").at_least(0).unset("none");
   t.reals("out_probes", "positions of the probes", "length").at_least(0).unset("none");
-  t.not_negative("out_maxima", "", "position where the maxima of psi in the second half of the run go into the summary",
-                 "length").unset("none");
+  t.not_negative("out_maxima", "",
+                 "position where the maxima of psi in the second half of the run go into the summary",
+                 "length")
+      .unset("none");
   t.boolean("out_displacement", "false", "write the displacement chi as well");
   t.choice("out_writers", {"auto", "root"},
-           "ranks that write fields to out_file and checkpoints: all that see the files, or rank 0 alone, which the "
+           "ranks that write fields to out_file and checkpoints: all that see the files, or rank 0 alone, "
+           "which the "
            "others feed in pieces of a megabyte");
   t.boolean("out_series", "true", "write the group series, a row for every step");
-  t.boolean("out_events", "false", "catalogue of slip events: group events, a row for every event that has ended");
+  t.boolean("out_events", "false",
+            "catalogue of slip events: group events, a row for every event that has ended");
   t.not_negative("out_events_velocity", "", "events: velocity above which a node moves", "velocity")
       .unset("0 with friction that sticks, else 2 |model_v|");
-  t.add("out_checkpoint_every", OptionType::steps_or_time, "", "steps or wall clock (30s, 10m, 2h) between checkpoints")
+  t.add("out_checkpoint_every", OptionType::steps_or_time, "",
+        "steps or wall clock (30s, 10m, 2h) between checkpoints")
       .unset("none");
   t.integer("out_checkpoint_keep", "2", 1, int_max, "checkpoints kept");
   t.text("restart", "", "checkpoint to go on from; of `sweep` its table").unset("none").read_by("run sweep");
@@ -276,9 +301,11 @@ void output_options(TableBuilder& t) {
 void lyapunov_options(TableBuilder& t) {
   t.in("Lyapunov exponents", "run");
   t.integer("lyapunov_count", "0", 0, int_max,
-            "so many Lyapunov exponents, the largest, measured beside the run (the whole scene is solved); 0: none");
+            "so many Lyapunov exponents, the largest, measured beside the run (the whole scene is solved); "
+            "0: none");
   t.not_negative("lyapunov_from", "", "time at which the measurement begins", "time")
-      .unset("a quarter of ts_max_time", [](const Options& o) { return number_text(0.25 * o.real("ts_max_time")); });
+      .unset("a quarter of ts_max_time",
+             [](const Options& o) { return number_text(0.25 * o.real("ts_max_time")); });
 }
 
 void spectrum_options(TableBuilder& t) {
@@ -286,11 +313,15 @@ void spectrum_options(TableBuilder& t) {
   t.integer("spectrum_count", "12", 1, int_max, "eigenvalues wanted").read_by("spectrum wave");
   t.choice("spectrum_method", {"auto", "dense", "krylov"}, "eigensolver");
   t.choice("spectrum_refine", {"auto", "off"},
-           "auto compares grids, and asks the continuum where all nodes are alike; off takes every mode of the matrix "
-           "as resolved").read_by("spectrum boundary");
-  t.boolean("spectrum_transient", "false", "also the largest transient growth and the numerical abscissa, energy norm");
+           "auto compares grids, and asks the continuum where all nodes are alike; off takes every mode of "
+           "the matrix "
+           "as resolved")
+      .read_by("spectrum boundary");
+  t.boolean("spectrum_transient", "false",
+            "also the largest transient growth and the numerical abscissa, energy norm");
   t.integer("spectrum_pseudo", "0", 0, 1000,
-            "points a side of a picture of the resolvent norm beside the rightmost eigenvalues, energy norm; 0: none");
+            "points a side of a picture of the resolvent norm beside the rightmost eigenvalues, energy norm; "
+            "0: none");
 }
 
 void boundary_options(TableBuilder& t) {
@@ -303,11 +334,14 @@ void boundary_options(TableBuilder& t) {
   t.real("boundary_from2", "", "start of its range").unset("none");
   t.real("boundary_to2", "", "end of its range").unset("none");
   t.boolean("boundary_log2", "false", "logarithmic in the second parameter");
-  t.add("boundary_same", OptionType::text_list, "", "options that take the value of boundary_parameter, e.g. model_k0")
+  t.add("boundary_same", OptionType::text_list, "",
+        "options that take the value of boundary_parameter, e.g. model_k0")
       .unset("none");
   t.choice("boundary_of", {"both", "sliding", "stick-slip", "all"},
-           "whose end: where sliding loses stability, where the stick-slip of uniform motion (with cycle_cell, of a cell) ends, "
-           "or both; all: also where the latter and trains of wave_pulses withstand waves on the ring, in two options");
+           "whose end: where sliding loses stability, where the stick-slip of uniform motion (with "
+           "cycle_cell, of a cell) ends, "
+           "or both; all: also where the latter and trains of wave_pulses withstand waves on the ring, in "
+           "two options");
   t.integer("boundary_points", "41", 2, int_max, "points on the curve, about");
   t.integer("boundary_verify", "0", 0, int_max, "points checked by time integration on both sides");
 }
@@ -321,7 +355,8 @@ void wave_options(TableBuilder& t) {
   t.text("wave_continue", "", "real option to vary along a branch").unset("none");
   t.real("wave_to", "", "end of the branch").unset("none");
   t.integer("wave_steps", "100", 1, int_max, "steps along the branch, at most");
-  t.text("wave_continue2", "", "second real option, in which folds and changes of stability of the branch are followed")
+  t.text("wave_continue2", "",
+         "second real option, in which folds and changes of stability of the branch are followed")
       .unset("none");
   t.real("wave_to2", "", "end of those curves; they begin at the value of that option").unset("none");
 }
@@ -330,7 +365,8 @@ void cycle_options(TableBuilder& t) {
   t.in("Cycle", "cycle");
   t.integer("cycle_cell", "1", 0, int_max,
             "nodes or blocks of the cell that repeats: 1 is the motion of all alike; 0: the whole scene");
-  t.boolean("cycle_spectrum", "false", "stability to waves too: Floquet-Bloch multipliers over the wavenumber");
+  t.boolean("cycle_spectrum", "false",
+            "stability to waves too: Floquet-Bloch multipliers over the wavenumber");
   t.integer("cycle_wavenumbers", "200", 2, 1000000, "wavenumbers of cycle_spectrum");
   t.text("cycle_continue", "", "real option to vary along a branch").unset("none");
   t.real("cycle_to", "", "end of the branch").unset("none");
@@ -340,20 +376,23 @@ void cycle_options(TableBuilder& t) {
 void chart_options(TableBuilder& t) {
   t.in("Chart", "chart");
   t.choice("chart_kind", {"error", "limits"}, "error against seconds, or where each method fails");
-  t.add("chart_methods", OptionType::text_list, "", "methods type[:subtype[:implicit]], e.g. rk:5dp,arkimex:4:friction")
+  t.add("chart_methods", OptionType::text_list, "",
+        "methods type[:subtype[:implicit]], e.g. rk:5dp,arkimex:4:friction")
       .unset("a choice of good ones");
   t.reals("chart_tolerances", "tolerances of the methods").above(0).unset("1e-3,1e-5,1e-7,1e-9");
-  t.reals("chart_steps", "steps of methods without an error estimate", "time").above(0)
+  t.reals("chart_steps", "steps of methods without an error estimate", "time")
+      .above(0)
       .unset("tolerance^(1/order)/sqrt(A K0)");
-  t.integers("chart_orders", 2, 8, "grid orders").unset("grid_order; where that is unset 2,4,8 (2,4,6 with held ends)");
+  t.integers("chart_orders", 2, 8, "grid orders")
+      .unset("grid_order; where that is unset 2,4,8 (2,4,6 with held ends)");
   t.integers("chart_grids", 1, n_max, "grid sizes").unset("grid_n/2,grid_n");
   t.text("chart_reference", "auto", "reference: auto, or an HDF5 file of this program's `run`");
   t.text("chart_parameter", "", "limits: an option that takes each of chart_values").unset("none");
   t.reals("chart_values", "limits: values of chart_parameter").unset("none");
   t.integer("chart_repeats", "3", 1, int_max, "runs of each row, of which the median time counts");
   t.positive("chart_row_seconds", "10", "processor time after which a row is given up", "seconds");
-  t.positive("chart_reference_seconds", "20",
-             "processor time that a reference solution on one grid may take", "seconds");
+  t.positive("chart_reference_seconds", "20", "processor time that a reference solution on one grid may take",
+             "seconds");
 }
 
 void laws_options(TableBuilder& t) {
@@ -369,27 +408,36 @@ void sweep_options(TableBuilder& t) {
   for (const char* number : {"1", "2", "3", "4"}) {
     const auto name = [number](const char* begin) { return begin + std::string(number); };
     t.add(name("sweep_parameter").c_str(), OptionType::text_list, "",
-          "option to vary, e.g. model_v; several take the same value, and the first names the dimension").unset("none");
+          "option to vary, e.g. model_v; several take the same value, and the first names the dimension")
+        .unset("none");
     t.real(name("sweep_from").c_str(), "", "start of its range").unset("none");
     t.real(name("sweep_to").c_str(), "", "end of its range").unset("none");
     t.integer(name("sweep_points").c_str(), "11", 1, 1e7, "values on a grid, both ends included");
     t.boolean(name("sweep_log").c_str(), "false", "equal ratios between them, or logarithmic draws");
-    t.add(name("sweep_values").c_str(), OptionType::text_list, "", "its values, instead of a range").unset("none");
+    t.add(name("sweep_values").c_str(), OptionType::text_list, "", "its values, instead of a range")
+        .unset("none");
   }
   t.choice("sweep_sample", {"grid", "list", "random", "sobol"},
-           "grid: every value with every other; list: first values, second values, ... together; random; sobol: draws "
+           "grid: every value with every other; list: first values, second values, ... together; random; "
+           "sobol: draws "
            "that fill the ranges evenly");
   t.integer("sweep_count", "", 1, 1e7, "random, sobol: number of points").unset("none");
-  t.integer("sweep_seed", "0", 0, int_max, "random, sobol: seed of the draws; 0 of sobol: Sobol's points as they are");
-  t.integer("sweep_group_ranks", "1", 1, int_max, "ranks that share a point; results depend on it by round-off");
+  t.integer("sweep_seed", "0", 0, int_max,
+            "random, sobol: seed of the draws; 0 of sobol: Sobol's points as they are");
+  t.integer("sweep_group_ranks", "1", 1, int_max,
+            "ranks that share a point; results depend on it by round-off");
   t.boolean("sweep_follow", "false",
             "run: along the first option each point starts where its neighbour ended, forwards and back");
   t.positive("sweep_refine", "",
-             "grid of one or two options: divide where sweep_key changes between neighbours, until they are this part "
-             "of the ranges apart").at_most(1).unset("none");
+             "grid of one or two options: divide where sweep_key changes between neighbours, until they are "
+             "this part "
+             "of the ranges apart")
+      .at_most(1)
+      .unset("none");
   t.text("sweep_key", "", "refine: key of the summary whose change is sought")
       .unset("regime; stable of other commands");
-  t.boolean("sweep_files", "false", "also the file of every point: NAME.h5 and point 123 make NAME-000123.h5");
+  t.boolean("sweep_files", "false",
+            "also the file of every point: NAME.h5 and point 123 make NAME-000123.h5");
 }
 
 std::vector<OptionSpec> make_table() {

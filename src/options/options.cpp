@@ -104,9 +104,10 @@ Options Options::resumed_from(const std::map<std::string, std::string>& stored) 
     }
     const auto it = stored.find(name);
     if (it == stored.end() || it->second != text)
-      throw UsageError("-" + name + " " + quoted(text) + ": a restart takes its settings from the checkpoint (" +
-                       (it == stored.end() ? "where it is not set" : quoted(it->second)) +
-                       "); only ts_max_time, ts_max_steps, ts_max_wall, out_*, summary and progress may differ");
+      throw UsageError(
+          "-" + name + " " + quoted(text) + ": a restart takes its settings from the checkpoint (" +
+          (it == stored.end() ? "where it is not set" : quoted(it->second)) +
+          "); only ts_max_time, ts_max_steps, ts_max_wall, out_*, summary and progress may differ");
   }
   return merged;
 }
@@ -142,7 +143,9 @@ T checked(const std::optional<T>& value, const std::string& name, const std::str
 
 }  // namespace
 
-double Options::real(const std::string& name) const { return checked(parse_number(text(name)), name, text(name)); }
+double Options::real(const std::string& name) const {
+  return checked(parse_number(text(name)), name, text(name));
+}
 
 PetscInt Options::integer(const std::string& name) const {
   return PetscInt(checked(parse_integer(text(name)), name, text(name)));
@@ -150,7 +153,9 @@ PetscInt Options::integer(const std::string& name) const {
 
 PetscInt Options::integer_of(const std::string& text) { return PetscInt(*parse_integer(text)); }
 
-bool Options::boolean(const std::string& name) const { return checked(parse_boolean(text(name)), name, text(name)); }
+bool Options::boolean(const std::string& name) const {
+  return checked(parse_boolean(text(name)), name, text(name));
+}
 
 std::vector<double> Options::reals(const std::string& name) const {
   std::vector<double> values;
@@ -193,8 +198,10 @@ std::map<std::string, std::string> Options::all() const {
   std::map<std::string, std::string> result;
   for (const OptionSpec& spec : option_table()) {
     const auto set = values_.find(spec.name);
-    if (set != values_.end()) result[spec.name] = set->second;
-    else if (reads_option(command_, spec)) result[spec.name] = default_of(spec, *this);
+    if (set != values_.end())
+      result[spec.name] = set->second;
+    else if (reads_option(command_, spec))
+      result[spec.name] = default_of(spec, *this);
   }
   for (const auto& [name, text] : given()) result[name] = text;
   return result;

@@ -18,7 +18,7 @@ namespace stickslip {
 
 namespace {
 
-constexpr int deepest = 20;             // nesting of maps
+constexpr int deepest = 20;               // nesting of maps
 constexpr std::size_t largest = 1 << 20;  // bytes
 
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
@@ -35,8 +35,10 @@ int utf8_length(const std::string& text, std::size_t at) {
   const auto byte = [&text](std::size_t i) { return i < text.size() ? (unsigned char)text[i] : 0u; };
   const unsigned first = byte(at);
   if (first < 0x80) return 1;
-  const int length = first >= 0xF0 && first < 0xF5 ? 4 : first >= 0xE0 && first < 0xF0 ? 3
-                   : first >= 0xC2 && first < 0xE0 ? 2 : 0;
+  const int length = first >= 0xF0 && first < 0xF5   ? 4
+                     : first >= 0xE0 && first < 0xF0 ? 3
+                     : first >= 0xC2 && first < 0xE0 ? 2
+                                                     : 0;
   for (int i = 1; i < length; ++i)
     if ((byte(at + i) & 0xC0) != 0x80) return 0;
   return length;
@@ -51,8 +53,8 @@ std::string checked_text(std::string text, const std::string& name) {
     const unsigned char c = (unsigned char)text[i];
     const bool line_end = c == '\n' || (c == '\r' && i + 1 < text.size() && text[i + 1] == '\n');
     if (length == 0 || (c < 0x20 && c != '\t' && !line_end) || c == 0x7f)
-      throw UsageError(name + ":" + std::to_string(line) + ": not a text file (byte " + std::to_string(int(c)) +
-                       "); a scene is YAML or one option a line");
+      throw UsageError(name + ":" + std::to_string(line) + ": not a text file (byte " +
+                       std::to_string(int(c)) + "); a scene is YAML or one option a line");
     if (c == '\n') ++line;
     i += std::size_t(length);
   }
@@ -133,10 +135,14 @@ class YamlReader {
     if (!yaml_parser_parse(&parser_, &event_)) fail_syntax();
     const bool scalar = event_.type == YAML_SCALAR_EVENT, sequence = event_.type == YAML_SEQUENCE_START_EVENT,
                mapping = event_.type == YAML_MAPPING_START_EVENT;
-    const yaml_char_t* anchor = scalar ? event_.data.scalar.anchor : sequence ? event_.data.sequence_start.anchor
-                              : mapping ? event_.data.mapping_start.anchor : nullptr;
-    const yaml_char_t* tag = scalar ? event_.data.scalar.tag : sequence ? event_.data.sequence_start.tag
-                           : mapping ? event_.data.mapping_start.tag : nullptr;
+    const yaml_char_t* anchor = scalar     ? event_.data.scalar.anchor
+                                : sequence ? event_.data.sequence_start.anchor
+                                : mapping  ? event_.data.mapping_start.anchor
+                                           : nullptr;
+    const yaml_char_t* tag = scalar     ? event_.data.scalar.tag
+                             : sequence ? event_.data.sequence_start.tag
+                             : mapping  ? event_.data.mapping_start.tag
+                                        : nullptr;
     if (anchor || event_.type == YAML_ALIAS_EVENT) fail("anchors and aliases are not understood in a scene");
     if (tag) fail("tags are not understood in a scene");
   }
@@ -148,7 +154,8 @@ class YamlReader {
     const std::size_t first = here.find_first_not_of(' ');
     if (first != std::string::npos && here[first] == '\t') fail(at + 1, "a tab as indentation; use spaces");
     const std::string problem = parser_.problem ? parser_.problem : "not understood";
-    if (problem.find("<document start>") != std::string::npos) fail(at + 1, "several documents; a scene is one");
+    if (problem.find("<document start>") != std::string::npos)
+      fail(at + 1, "several documents; a scene is one");
     if (at + 1 >= lines_.size() && parser_.context)
       fail(parser_.context_mark.line + 1, "a brace, bracket or quote is not closed");
     fail(at + 1, (parser_.context ? parser_.context + std::string(": ") : "") + problem);
@@ -176,15 +183,18 @@ class YamlReader {
   // The text of a scalar; nothing where it is null.
   std::optional<std::string> scalar() const {
     const std::string value = text();
-    if (event_.start_mark.line != event_.end_mark.line || event_.data.scalar.style == YAML_LITERAL_SCALAR_STYLE ||
+    if (event_.start_mark.line != event_.end_mark.line ||
+        event_.data.scalar.style == YAML_LITERAL_SCALAR_STYLE ||
         event_.data.scalar.style == YAML_FOLDED_SCALAR_STYLE)
       fail("a value must stand on one line; block text is not understood in a scene");
     for (const char c : value)
-      if ((unsigned char)c < 0x20 && c != '\t') fail("a value must be one line of text, without such escapes");
+      if ((unsigned char)c < 0x20 && c != '\t')
+        fail("a value must be one line of text, without such escapes");
     if (!is_plain()) return value;
     const std::size_t brace = value.find_first_of("{}[]");
     if (brace != std::string::npos) fail(std::string("unexpected ") + value[brace]);
-    if (value.empty() || value == "~" || value == "null" || value == "Null" || value == "NULL") return std::nullopt;
+    if (value.empty() || value == "~" || value == "null" || value == "Null" || value == "NULL")
+      return std::nullopt;
     return value;
   }
 
@@ -211,7 +221,8 @@ class YamlReader {
       if (event_.type == YAML_MAPPING_START_EVENT) {
         map(name + "_", depth + 1);
       } else {
-        give(name, event_.type == YAML_SEQUENCE_START_EVENT ? std::optional<std::string>(list()) : scalar(), at);
+        give(name, event_.type == YAML_SEQUENCE_START_EVENT ? std::optional<std::string>(list()) : scalar(),
+             at);
       }
     }
   }
@@ -249,7 +260,8 @@ std::vector<Given> parse_plain(const std::string& text, const std::string& name)
     const std::vector<std::string> words = split_words(lines[i], where, '#');
     if (words.empty()) continue;
     if (words[0].size() < 2 || words[0][0] != '-' || !is_letter(words[0][1]) || words.size() > 2)
-      throw UsageError(where + ": not understood: " + quoted(lines[i]) + "; each line holds one option, -name value");
+      throw UsageError(where + ": not understood: " + quoted(lines[i]) +
+                       "; each line holds one option, -name value");
     const std::string option = words[0].substr(1);
     options.add(option, i + 1);
     given.push_back({option, words.size() > 1 ? std::optional<std::string>(words[1]) : std::nullopt, where});
@@ -265,12 +277,14 @@ std::vector<Given> read_scene(const std::string& path) {
   if (S_ISDIR(status.st_mode)) throw UsageError("scene " + name + ": is a directory");
   if (!S_ISREG(status.st_mode)) throw UsageError("scene " + name + ": is not a regular file");
   if (std::size_t(status.st_size) > largest)
-    throw UsageError("scene " + name + ": " + std::to_string(status.st_size) + " bytes are too many for a scene");
+    throw UsageError("scene " + name + ": " + std::to_string(status.st_size) +
+                     " bytes are too many for a scene");
   std::ifstream file(path, std::ios::binary);
   if (!file) throw UsageError("scene " + name + ": " + std::strerror(errno));
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   if (file.bad()) throw UsageError("scene " + name + ": cannot be read");
-  return ends_with(path, ".yaml") || ends_with(path, ".yml") ? parse_yaml(text, name) : parse_plain(text, name);
+  return ends_with(path, ".yaml") || ends_with(path, ".yml") ? parse_yaml(text, name)
+                                                             : parse_plain(text, name);
 }
 
 }  // namespace stickslip

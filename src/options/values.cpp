@@ -52,7 +52,8 @@ std::vector<std::string> split_list(const std::string& text) {
 std::vector<std::string> split_words(const std::string& text, const std::string& where, char comment) {
   const char* const blank = " \t\r\n";
   std::vector<std::string> words;
-  for (std::size_t at = 0; (at = text.find_first_not_of(blank, at)) != std::string::npos && text[at] != comment;) {
+  for (std::size_t at = 0;
+       (at = text.find_first_not_of(blank, at)) != std::string::npos && text[at] != comment;) {
     const bool in_quotes = text[at] == '"' || text[at] == '\'';
     const std::size_t begin = in_quotes ? at + 1 : at;
     const std::size_t end =
@@ -147,13 +148,16 @@ bool is_acceptable(const OptionSpec& spec, const std::string& text) {
 }
 
 std::string range_text(const OptionSpec& spec) {
-  if (spec.high < inf && spec.low > -inf) return " from " + number_text(spec.low) + " to " + number_text(spec.high);
+  if (spec.high < inf && spec.low > -inf)
+    return " from " + number_text(spec.low) + " to " + number_text(spec.high);
   if (spec.low > -inf) return (spec.open_low ? " > " : " >= ") + number_text(spec.low);
   if (spec.high < inf) return " <= " + number_text(spec.high);
   return "";
 }
 
-std::string or_words(const OptionSpec& spec) { return spec.words.empty() ? "" : ", or " + joined(spec.words); }
+std::string or_words(const OptionSpec& spec) {
+  return spec.words.empty() ? "" : ", or " + joined(spec.words);
+}
 
 }  // namespace
 

@@ -10,14 +10,16 @@
 
 namespace stickslip {
 
-// A decimal number, nothing before or after it. Also returns the infinities and nan, and overflow as infinity.
+// A decimal number, nothing before or after it. Also returns the infinities and nan, and overflow as
+// infinity.
 std::optional<double> parse_number(const std::string& text);
 // Decimal digits, or a number such as 1e6 whose value is an integer below 2^53.
 std::optional<double> parse_integer(const std::string& text);
 std::optional<bool> parse_boolean(const std::string& text);
 std::vector<std::string> split_list(const std::string& text);  // at commas, without spaces around
-// Words between blanks; one that begins with a quote ends with it, and may hold blanks. What follows a word that begins
-// with `comment` (0: none does) is left out. Throws UsageError, which begins with `WHERE: `, for a quote that is not closed.
+// Words between blanks; one that begins with a quote ends with it, and may hold blanks. What follows a word
+// that begins with `comment` (0: none does) is left out. Throws UsageError, which begins with `WHERE: `, for
+// a quote that is not closed.
 std::vector<std::string> split_words(const std::string& text, const std::string& where, char comment = 0);
 bool is_word(const OptionSpec& spec, const std::string& text);  // is it one of the spec's?
 // x1:value1,x2:value2,... of finite numbers, x ascending, each at most twice.

@@ -19,7 +19,8 @@ namespace {
 CarriedFrame* newest = nullptr;
 }  // namespace
 
-CarriedFrame::CarriedFrame(std::optional<Frame> from) : start(std::move(from)), before_(std::exchange(newest, this)) {}
+CarriedFrame::CarriedFrame(std::optional<Frame> from)
+    : start(std::move(from)), before_(std::exchange(newest, this)) {}
 CarriedFrame::~CarriedFrame() { newest = before_; }
 CarriedFrame* CarriedFrame::innermost() { return newest; }
 
@@ -50,8 +51,8 @@ void save_frame(const std::string& path, const Frame& frame) {
   on_root(PETSC_COMM_WORLD, [&] {
     Json fields = Json::object();
     for (const auto& [name, values] : frame.fields) fields[name] = values;
-    const std::vector<std::uint8_t> bytes =
-        Json::to_cbor(Json::object({{"t", frame.t}, {"form", frame.options.at("model_form")}, {"x", frame.x}, {"fields", fields}}));
+    const std::vector<std::uint8_t> bytes = Json::to_cbor(Json::object(
+        {{"t", frame.t}, {"form", frame.options.at("model_form")}, {"x", frame.x}, {"fields", fields}}));
     const std::string temporary = path + ".tmp";
     std::ofstream file(temporary, std::ios::binary);
     file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
@@ -72,7 +73,8 @@ Frame load_frame(const std::string& path) {
       frame.t = all.at("t").get<double>();
       form = all.at("form").get<std::string>();
       frame.x = all.at("x").get<std::vector<double>>();
-      for (const auto& [name, values] : all.at("fields").items()) frame.fields[name] = values.get<std::vector<double>>();
+      for (const auto& [name, values] : all.at("fields").items())
+        frame.fields[name] = values.get<std::vector<double>>();
     } catch (const std::exception&) {
       throw Failure("cannot read '" + path + "', in which a line that is followed stands");
     }

@@ -1,4 +1,5 @@
-// The slip events of a run (events.hpp) as an observer: rows of the group `events`, and their number in the summary.
+// The slip events of a run (events.hpp) as an observer: rows of the group `events`, and their number in the
+// summary.
 #pragma once
 
 #include "stickslip/model/model.hpp"

@@ -29,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 using h5::Id;
 
-const hsize_t block_size = 512;  // the smallest user block
+const hsize_t block_size = 512;                             // the smallest user block
 constexpr std::int64_t most_steps = 9'000'000'000'000'000;  // as of ts_max_steps
 const char* const magic = "stickslip checkpoint";
 
@@ -40,8 +40,9 @@ struct Checksum {
   std::uint64_t sum = 0, bytes = 0;
 };
 
-// Of the file from the user block on: FNV-1a of 64 bits, on eight lanes of words side by side, since each product waits
-// for the one before it; bytes behind the last whole block of lanes go into the first lane one by one.
+// Of the file from the user block on: FNV-1a of 64 bits, on eight lanes of words side by side, since each
+// product waits for the one before it; bytes behind the last whole block of lanes go into the first lane one
+// by one.
 Checksum checksum(const std::string& path) {
   constexpr std::uint64_t basis = 1469598103934665603u, prime = 1099511628211u;
   constexpr std::size_t lanes = 8, block = lanes * sizeof(std::uint64_t);
@@ -132,8 +133,9 @@ void read_file(const std::string& path, Checkpoint& checkpoint) {
   checkpoint.header = h5::read_header(file);
   if (checkpoint.header.kind != "checkpoint") throw Failure("is no checkpoint");
   if (checkpoint.header.version != version())
-    throw Failure("was written by version " + checkpoint.header.version + " of this program, and this is version " +
-                  version() + "; go on with the version that wrote it");
+    throw Failure("was written by version " + checkpoint.header.version +
+                  " of this program, and this is version " + version() +
+                  "; go on with the version that wrote it");
   checkpoint.ranks = static_cast<int>(h5::read_integer_attribute(file, "ranks"));
   checkpoint.t = h5::read_real_attribute(file, "t");
   checkpoint.dt = h5::read_real_attribute(file, "dt");
@@ -157,8 +159,8 @@ void read_file(const std::string& path, Checkpoint& checkpoint) {
   if (!sane) throw Failure("holds a state that no run can have");
 }
 
-// Removes the oldest checkpoints of this out_file, `just_written` excepted, until `keep` are left. What cannot be
-// removed is left behind without complaint: it harms nobody.
+// Removes the oldest checkpoints of this out_file, `just_written` excepted, until `keep` are left. What
+// cannot be removed is left behind without complaint: it harms nobody.
 void prune(const std::string& out_file, const std::string& just_written, std::int64_t keep) {
   const std::string prefix = paths::file(stem(out_file)) + ".chk-";
   std::vector<std::pair<fs::file_time_type, fs::path>> found;
@@ -167,8 +169,8 @@ void prune(const std::string& out_file, const std::string& just_written, std::in
       const std::string name = entry.path().stem();
       const bool numbered = name.size() > prefix.size() && name.compare(0, prefix.size(), prefix) == 0 &&
                             name.find_first_not_of("0123456789", prefix.size()) == std::string::npos;
-      if (numbered && entry.path().extension() == ".h5" && entry.path().filename() != paths::file(just_written) &&
-          entry.is_regular_file())
+      if (numbered && entry.path().extension() == ".h5" &&
+          entry.path().filename() != paths::file(just_written) && entry.is_regular_file())
         found.emplace_back(entry.last_write_time(), entry.path());
     }
     std::sort(found.rbegin(), found.rend());
@@ -212,7 +214,8 @@ std::string write_checkpoint(const std::string& out_file, std::int64_t keep, con
   std::vector<hsize_t> sizes;
   for (const auto& [name, values] : checkpoint.fields) {
     if (nodes.count == 0 || values.size() % std::size_t(nodes.count) != 0)
-      throw RankFailure("the field '" + name + "' of a checkpoint has another number of nodes than the scene");
+      throw RankFailure("the field '" + name +
+                        "' of a checkpoint has another number of nodes than the scene");
     sizes.push_back(hsize_t(nodes.all) * (values.size() / hsize_t(nodes.count)));
   }
   std::vector<std::int64_t> places;

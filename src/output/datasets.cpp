@@ -4,7 +4,8 @@
 
 namespace stickslip::h5 {
 
-Id create_dataset(hid_t file, const std::string& name, hid_t type, hid_t space, hid_t creation, hid_t access) {
+Id create_dataset(hid_t file, const std::string& name, hid_t type, hid_t space, hid_t creation,
+                  hid_t access) {
   const Id links(H5Pcreate(H5P_LINK_CREATE));
   H5Pset_create_intermediate_group(links, 1);
   Id dataset(H5Dcreate2(file, name.c_str(), type, space, links, creation, access));
@@ -23,7 +24,8 @@ void describe(hid_t dataset, const Field& field) {
   if (!field.long_name.empty()) write_attribute(dataset, "long_name", field.long_name);
 }
 
-Id write_fixed(hid_t file, const Field& field, const std::vector<hsize_t>& dims, const std::vector<double>& values) {
+Id write_fixed(hid_t file, const Field& field, const std::vector<hsize_t>& dims,
+               const std::vector<double>& values) {
   const Id space(dims.empty() ? H5Screate(H5S_SCALAR)
                               : H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr));
   Id dataset = create_dataset(file, field.name, H5T_NATIVE_DOUBLE, space, dataset_creation(), H5P_DEFAULT);

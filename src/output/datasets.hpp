@@ -11,15 +11,16 @@
 
 namespace stickslip::h5 {
 
-// A new dataset, its groups made where they are missing; an old one of the name is a mistake in the program. All of
-// these throw Failure.
+// A new dataset, its groups made where they are missing; an old one of the name is a mistake in the program.
+// All of these throw Failure.
 Id create_dataset(hid_t file, const std::string& name, hid_t type, hid_t space, hid_t creation, hid_t access);
 // No times in the headers: with them every write would change more than the extents.
 Id dataset_creation();
 // Attributes units and long_name, where there are any.
 void describe(hid_t dataset, const Field& field);
 // Doubles, row-major, written at once; no dims: a scalar.
-Id write_fixed(hid_t file, const Field& field, const std::vector<hsize_t>& dims, const std::vector<double>& values);
+Id write_fixed(hid_t file, const Field& field, const std::vector<hsize_t>& dims,
+               const std::vector<double>& values);
 // Doubles along x, made piece by piece: a long list is never held.
 Id write_line(hid_t file, const Field& field, hsize_t size, const std::function<double(std::int64_t)>& at);
 void make_scale(hid_t dataset, const std::string& name);

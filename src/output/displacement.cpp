@@ -20,13 +20,16 @@ constexpr PetscInt many = 50000;  // nodes from which on no rank is to hold a fa
 Displacement::Displacement(const Model& model) : model_(model) {
   const Scene& s = model.scene();
   if (s.K0() == 0 && !s.any_held())
-    throw UsageError("out_displacement: with model_k0 0 and no held end the forces do not tell where the chain is; set "
-                     "model_k0, or leave it out");
+    throw UsageError(
+        "out_displacement: with model_k0 0 and no held end the forces do not tell where the chain is; set "
+        "model_k0, or leave it out");
   int ranks;
   MPI_Comm_size(model.comm(), &ranks);
   const double reach = nodes_to_forget(s) + 2 * s.order;
-  if (ranks > 1 && s.n >= many && reach < double(s.n) / (4 * ranks)) make_piece(static_cast<PetscInt>(reach));
-  else make_whole();
+  if (ranks > 1 && s.n >= many && reach < double(s.n) / (4 * ranks))
+    make_piece(static_cast<PetscInt>(reach));
+  else
+    make_whole();
 }
 
 // Its factor stands on every rank.
@@ -40,13 +43,14 @@ void Displacement::make_whole() {
   SS_TRY(MatCreateVecs(matrix_, w_.out(), load_.out()));
 }
 
-// The nodes of this rank and so many at either side: beyond the cut w is taken for 0, which this rank's own nodes do not
-// feel to the last digit.
+// The nodes of this rank and so many at either side: beyond the cut w is taken for 0, which this rank's own
+// nodes do not feel to the last digit.
 void Displacement::make_piece(PetscInt margin) {
   const Scene& s = model_.scene();
   const bool ring = s.ring();
   const PetscInt begin = ring ? model_.first() - margin : std::max(PetscInt(0), model_.first() - margin);
-  const PetscInt behind = model_.first() + model_.local() + margin, count = (ring ? behind : std::min(behind, s.n)) - begin;
+  const PetscInt behind = model_.first() + model_.local() + margin,
+                 count = (ring ? behind : std::min(behind, s.n)) - begin;
   own_ = model_.first() - begin;
   std::vector<PetscInt> nodes;
   for (PetscInt i = 0; i < count; ++i) nodes.push_back((begin + i + s.n) % s.n);
@@ -97,7 +101,8 @@ void Displacement::solve(Vec u, double t, Vec chi) const {
   const Writing b(load_);
   for (PetscInt i = 0; i < model_.local(); ++i) {
     const double *at = a + i * model_.dof(), end = model_.first() + i == 0 ? s.left_value : s.right_value;
-    b[i] = model_.held(model_.first() + i) ? (loaded ? end * t - travelled : (end - s.v) * t) : -(at[1] + damping * at[0]);
+    b[i] = model_.held(model_.first() + i) ? (loaded ? end * t - travelled : (end - s.v) * t)
+                                           : -(at[1] + damping * at[0]);
   }
   if (!fetch_) {
     SS_TRY(KSPSolve(ksp_, load_, chi));
@@ -111,9 +116,7 @@ void Displacement::solve(Vec u, double t, Vec chi) const {
   SS_TRY(VecShift(chi, travelled));
 }
 
-bool Displacement::has_energy() const {
-  return !model_.scene().any_held();
-}
+bool Displacement::has_energy() const { return !model_.scene().any_held(); }
 
 Energy Displacement::energy(Vec u, double t) const {
   const Scene& s = model_.scene();

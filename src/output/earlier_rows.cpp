@@ -14,7 +14,8 @@ bool has_same_axis(hid_t old, const GrowingTable& table) {
   if (!dataset) fail("read x of", old);
   if (const auto sizes = extents(dataset); sizes.size() != 1 || sizes[0] != table.x.size) return false;
   for (hsize_t first = 0; first < table.x.size; first += largest_piece) {
-    const std::vector<double> piece = read_rows(dataset, first, std::min(largest_piece, table.x.size - first), 1);
+    const std::vector<double> piece =
+        read_rows(dataset, first, std::min(largest_piece, table.x.size - first), 1);
     for (std::size_t k = 0; k < piece.size(); ++k)
       if (piece[k] != table.x.at(static_cast<std::int64_t>(first + k))) return false;
   }
@@ -23,13 +24,14 @@ bool has_same_axis(hid_t old, const GrowingTable& table) {
 
 }  // namespace
 
-EarlierRows earlier_rows(hid_t old, const std::string& name, const GrowingTable& table, double until, bool strictly) {
+EarlierRows earlier_rows(hid_t old, const std::string& name, const GrowingTable& table, double until,
+                         bool strictly) {
   EarlierRows source;
   source.datasets.resize(table.columns.size());
   if (!exists(old, table.path("t"))) return source;
   const std::vector<double> times = read_reals(old, table.path("t"));
-  const auto later =
-      std::find_if(times.begin(), times.end(), [&](double t) { return strictly ? !(t < until) : !(t <= until); });
+  const auto later = std::find_if(times.begin(), times.end(),
+                                  [&](double t) { return strictly ? !(t < until) : !(t <= until); });
   source.rows = static_cast<hsize_t>(later - times.begin());
   if (table.by_ranks && !has_same_axis(old, table)) throw Failure("'" + name + "' has another grid");
   if (table.x.size > 0 && !table.by_ranks) source.x = read_reals(old, table.path("x"));
@@ -40,13 +42,14 @@ EarlierRows earlier_rows(hid_t old, const std::string& name, const GrowingTable&
     if (!source.datasets[c]) continue;
     const auto sizes = extents(source.datasets[c]);
     const bool fits = table.columns[c].wide ? sizes.size() == 2 && sizes[1] == wide : sizes.size() == 1;
-    if (!fits || sizes[0] < source.rows) throw Failure("'" + name + "': " + path + " does not fit its t and x");
+    if (!fits || sizes[0] < source.rows)
+      throw Failure("'" + name + "': " + path + " does not fit its t and x");
   }
   return source;
 }
 
-std::vector<double> rows_of(const EarlierRows& source, const GrowingTable& table, std::size_t c, hsize_t first,
-                            hsize_t count) {
+std::vector<double> rows_of(const EarlierRows& source, const GrowingTable& table, std::size_t c,
+                            hsize_t first, hsize_t count) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const Column& column = table.columns[c];
   if (!source.datasets[c]) return std::vector<double>(count * table.width(column), nan);
@@ -73,8 +76,10 @@ void copy_field(const EarlierRows& source, const GrowingTable& table, std::size_
       const std::vector<double> values =
           source.datasets[c] ? read_block(source.datasets[c], row, rows, first, count)
                              : std::vector<double>(rows * count, std::numeric_limits<double>::quiet_NaN());
-      if (count == place.wide) place.put_rows(row, rows, values.data(), put);
-      else place.put_row(row, first, count, values.data(), put);
+      if (count == place.wide)
+        place.put_rows(row, rows, values.data(), put);
+      else
+        place.put_row(row, first, count, values.data(), put);
     }
   }
 }

@@ -14,7 +14,8 @@ namespace {
 struct AddStep {
   StepSums operator()(const StepOfNodes& s) const {
     Lanes work(0), squares(0), ends(0);
-    const double *const p0 = s.p0, *const p = s.p, *const p1 = s.p1, *const F0 = s.F0, *const F = s.F, *const F1 = s.F1;
+    const double *const p0 = s.p0, *const p = s.p, *const p1 = s.p1, *const F0 = s.F0, *const F = s.F,
+                        *const F1 = s.F1;
     double *const slip = s.slip, *const slipped = s.slipped;
     const double part = s.dt / 6;
     in_lanes(PetscInt(s.count), [&](PetscInt i, int k) {
@@ -34,7 +35,8 @@ struct FindMiddle {
     const MiddleOfNodes m = s;
 #pragma GCC ivdep
     for (std::size_t k = 0; k < m.count; ++k) {
-      const double m0 = m.A * (m.eta0[k] - m.B * m.p0[k] - m.F0[k]), m1 = m.A * (m.eta1[k] - m.B * m.p1[k] - m.F1[k]);
+      const double m0 = m.A * (m.eta0[k] - m.B * m.p0[k] - m.F0[k]),
+                   m1 = m.A * (m.eta1[k] - m.B * m.p1[k] - m.F1[k]);
       m.p[k] = (m.p0[k] + m.p1[k]) / 2 + m.dt / 8 * (m0 - m1);
     }
   }

@@ -26,7 +26,8 @@ struct MiddleOfNodes {
 };
 void find_middle(const MiddleOfNodes& nodes);
 
-// psi for a law: where it is 0 as small as can be in the direction of the motion that begins or ends there, that of p0 + p1.
+// psi for a law: where it is 0 as small as can be in the direction of the motion that begins or ends there,
+// that of p0 + p1.
 struct AimedNodes {
   const double *psi, *p0, *p1;
   double* aimed;

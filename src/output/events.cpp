@@ -41,8 +41,10 @@ std::vector<Stretch> of_all_ranks(const std::vector<Stretch>& own, MPI_Comm comm
   if (all.empty()) return all;
   MPI_Allgatherv(own.data(), numbers, MPIU_INT, all.data(), counts.data(), begins.data(), MPIU_INT, comm);
   for (const Stretch& s : all) {
-    if (!joined.empty() && joined.back().last + 1 == s.first) joined.back().last = s.last;
-    else joined.push_back(s);
+    if (!joined.empty() && joined.back().last + 1 == s.first)
+      joined.back().last = s.last;
+    else
+      joined.push_back(s);
   }
   return joined;
 }
@@ -53,34 +55,38 @@ struct Events::Impl {
   Scene scene;
   NodeRange nodes;
   PetscInt first;
-  std::size_t n;                  // nodes of this rank, from `first` on
+  std::size_t n;  // nodes of this rank, from `first` on
   int ranks = 1;
   double velocity, weight, damping, A, B;
   std::vector<double> amplitude;
   Frictions friction;
-  ForceLoop forces;               // of nodes side by side
+  ForceLoop forces;  // of nodes side by side
   NodeHalo halo;
-  std::vector<Combination> d2;    // rows of N D2, where neighbours have viscosity
-  std::array<std::vector<double>, 3> viscous;  // then N D2 psi at the beginning, in the middle and at the end of a step
+  std::vector<Combination> d2;  // rows of N D2, where neighbours have viscosity
+  // then N D2 psi at the beginning, in the middle and at the end of a step
+  std::array<std::vector<double>, 3> viscous;
   Regions regions;
   bool started = false;
   double t = 0;
   Fields last, now;
-  std::vector<int> owner;         // event under way in whose region a node is; -1: none
-  std::vector<double> slip;       // of a node in a region: in this event
-  std::vector<double> slipped;    // of any node: in all events so far
+  std::vector<int> owner;            // event under way in whose region a node is; -1: none
+  std::vector<double> slip;          // of a node in a region: in this event
+  std::vector<double> slipped;       // of any node: in all events so far
   std::vector<double> slipped_then;  // the same at the beginning of the step under way
-  std::vector<double> last_force; // friction at the end of the last step of nodes that moved in it
-  std::vector<unsigned char> moving, moved;  // which nodes move in the step under way, and did in the last one
+  std::vector<double> last_force;    // friction at the end of the last step of nodes that moved in it
+  // which nodes move in the step under way, and did in the last one
+  std::vector<unsigned char> moving, moved;
   std::vector<SlipEvent> ended;
   long count = 0;
 
   Impl(const Scene& s, double v, const NodeRange& range)
-      : scene(s), nodes(range), first(static_cast<PetscInt>(range.first)), n(static_cast<std::size_t>(range.count)),
-        velocity(v), weight(s.form == Form::chain ? 1 : s.h()), damping(s.B() + s.s_delta() / s.A()), A(s.A()), B(s.B()),
+      : scene(s), nodes(range), first(static_cast<PetscInt>(range.first)),
+        n(static_cast<std::size_t>(range.count)), velocity(v), weight(s.form == Form::chain ? 1 : s.h()),
+        damping(s.B() + s.s_delta() / s.A()), A(s.A()), B(s.B()),
         amplitude(friction_amplitude(s, first, PetscInt(n))), friction(s, first, PetscInt(n)),
-        forces(force_loop(s.friction, positions(s, first, s.friction.varies() ? PetscInt(n) : 0))), halo(s, range),
-        regions(s.n, s.ring()), owner(n, -1), slip(n), slipped(n), slipped_then(n), last_force(n), moving(n, 0), moved(n, 0) {
+        forces(force_loop(s.friction, positions(s, first, s.friction.varies() ? PetscInt(n) : 0))),
+        halo(s, range), regions(s.n, s.ring()), owner(n, -1), slip(n), slipped(n), slipped_then(n),
+        last_force(n), moving(n, 0), moved(n, 0) {
     MPI_Comm_size(nodes.comm, &ranks);
     for (std::size_t i = 0; i < n && s.N() > 0; ++i) {
       d2.push_back(second_difference_row(s, first + PetscInt(i)));
@@ -92,11 +98,12 @@ struct Events::Impl {
 
   // Friction of a node; at psi = 0 it is that of the motion in `direction` which begins or ends there.
   double force(std::size_t i, double psi, double state, double direction) const {
-    return amplitude[i] *
-           friction[PetscInt(i)].force(psi == 0 ? direction * std::numeric_limits<double>::min() : psi, state);
+    return amplitude[i] * friction[PetscInt(i)].force(
+                              psi == 0 ? direction * std::numeric_limits<double>::min() : psi, state);
   }
 
-  // psi in the middle of a step, on the cubic through values and slopes at its ends, where neighbours have viscosity.
+  // psi in the middle of a step, on the cubic through values and slopes at its ends, where neighbours have
+  // viscosity.
   double middle(std::size_t i, double dt) const {
     const double p0 = last[0][i], p1 = now[0][i], direction = p0 + p1 < 0 ? -1 : 1;
     const bool has_state = last.size() > 2;
@@ -130,21 +137,26 @@ struct Events::Impl {
       if (!moving[i] || owner[i] >= 0) continue;
       slip[i] = 0;
       const PetscInt node = first + PetscInt(i);
-      if (!own.empty() && own.back().last + 1 == node) own.back().last = node;
-      else own.push_back({node, node});
+      if (!own.empty() && own.back().last + 1 == node)
+        own.back().last = node;
+      else
+        own.push_back({node, node});
     }
     std::shared_ptr<const Before> before;  // at the beginning of this step
     const auto remember = [&] {
-      if (!before) before = std::make_shared<const Before>(Before{settled_force(), slipped, halo.fetch(slipped)});
+      if (!before)
+        before = std::make_shared<const Before>(Before{settled_force(), slipped, halo.fetch(slipped)});
       return before;
     };
     if (regions.next_id() > most_ids) renumber();
     std::set<int> changed;
-    for (const Stretch& s : of_all_ranks(own, nodes.comm, ranks)) changed.insert(regions.claim(s, t, remember));
+    for (const Stretch& s : of_all_ranks(own, nodes.comm, ranks))
+      changed.insert(regions.claim(s, t, remember));
     for (const int id : changed)
       if (regions.live().count(id) > 0) own_nodes_of(id, [&](PetscInt i) { owner[std::size_t(i)] = id; });
   }
-  // eta at the beginning of a step; where nodes move with what damping will have given back when they come to rest.
+  // eta at the beginning of a step; where nodes move with what damping will have given back when they come to
+  // rest.
   std::vector<double> settled_force() const {
     std::vector<double> eta = last[1];
     const double given_back = scene.s_delta() / A;
@@ -162,14 +174,15 @@ struct Events::Impl {
     regions.for_nodes(id, first, PetscInt(n), body);
   }
 
-  // One node. What friction was at the end of the last step, if the node moved in it, is known, unless it went by the
-  // direction.
+  // One node. What friction was at the end of the last step, if the node moved in it, is known, unless it
+  // went by the direction.
   void accumulate(std::size_t i, LiveEvent& live, double dt) {
     const double p0 = last[0][i], p1 = now[0][i];
     const bool has_state = last.size() > 2;
     const double s0 = has_state ? last[2][i] : 0, s1 = has_state ? now[2][i] : 0;
     const double direction = p0 + p1 < 0 ? -1 : 1;
-    const double F0 = p0 != 0 && moved[i] ? last_force[i] : force(i, p0, s0, direction), F1 = force(i, p1, s1, direction);
+    const double F0 = p0 != 0 && moved[i] ? last_force[i] : force(i, p0, s0, direction),
+                 F1 = force(i, p1, s1, direction);
     last_force[i] = F1;
     const double m0 = A * (last[1][i] - B * p0 - F0), m1 = A * (now[1][i] - B * p1 - F1);
     const double p = d2.empty() ? (p0 + p1) / 2 + dt / 8 * (m0 - m1) : middle(i, dt);
@@ -181,12 +194,14 @@ struct Events::Impl {
     live.event.friction_work += weight * dt / 6 * (p0 * F0 + 4 * p * F + p1 * F1);
     live.event.radiated += weight * damping * dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
     if (!d2.empty())
-      live.event.radiated -= weight * dt / 6 * (p0 * viscous[0][i] + 4 * p * viscous[1][i] + p1 * viscous[2][i]);
+      live.event.radiated -=
+          weight * dt / 6 * (p0 * viscous[0][i] + 4 * p * viscous[1][i] + p1 * viscous[2][i]);
     live.kinetic_now += weight * p1 * p1 / (2 * A);
   }
 
   // Friction at psi of nodes side by side that go from last to now.
-  void forces_at(std::size_t from, std::size_t size, const double* psi, const double* state, double* F) const {
+  void forces_at(std::size_t from, std::size_t size, const double* psi, const double* state,
+                 double* F) const {
     double aimed[side_by_side];
     event_loops::aim({psi, &last[0][from], &now[0][from], aimed, size});
     forces(PetscInt(from), PetscInt(size), aimed, state, F);
@@ -200,17 +215,21 @@ struct Events::Impl {
     const bool has_state = last.size() > 2;
     double p[side_by_side], F0[side_by_side], F[side_by_side], state[side_by_side] = {};
     const double *const p0 = &last[0][from], *const p1 = &now[0][from];
-    const double *const s0 = has_state ? &last[2][from] : nullptr, *const s1 = has_state ? &now[2][from] : nullptr;
+    const double *const s0 = has_state ? &last[2][from] : nullptr, *const s1 =
+                                                                       has_state ? &now[2][from] : nullptr;
     double* const F1 = &last_force[from];
     const unsigned char* const knows = &moved[from];
     std::copy(F1, F1 + size, F0);
-    for (std::size_t k = 0, unknown = event_loops::count_unknown({p0, knows, size}); k < size && unknown > 0; ++k)
-      if (p0[k] == 0 || !knows[k]) F0[k] = force(from + k, p0[k], has_state ? s0[k] : 0, p0[k] + p1[k] < 0 ? -1 : 1);
+    for (std::size_t k = 0, unknown = event_loops::count_unknown({p0, knows, size}); k < size && unknown > 0;
+         ++k)
+      if (p0[k] == 0 || !knows[k])
+        F0[k] = force(from + k, p0[k], has_state ? s0[k] : 0, p0[k] + p1[k] < 0 ? -1 : 1);
     forces_at(from, size, p1, s1, F1);
     event_loops::find_middle({p0, p1, &last[1][from], &now[1][from], F0, F1, A, B, dt, p, size});
     for (std::size_t k = 0; k < size && has_state; ++k) state[k] = (s0[k] + s1[k]) / 2;
     forces_at(from, size, p, state, F);
-    const auto [work, squares, ends] = event_loops::add_step({p0, p, p1, F0, F, F1, dt, &slip[from], &slipped[from], size});
+    const auto [work, squares, ends] =
+        event_loops::add_step({p0, p, p1, F0, F, F1, dt, &slip[from], &slipped[from], size});
     live.moves = true;
     live.event.friction_work += weight * dt / 6 * work;
     live.event.radiated += weight * damping * dt / 6 * squares;
@@ -228,8 +247,10 @@ struct Events::Impl {
       if (owner[i] != whose) event = &regions.live().at(whose = owner[i]);
       end = i + 1;
       while (end < std::min(n, i + side_by_side) && moving[end] && owner[end] == whose) ++end;
-      if (end - i >= few && d2.empty()) accumulate_side_by_side(i, end - i, *event, dt);
-      else for (std::size_t k = i; k < end; ++k) accumulate(k, *event, dt);
+      if (end - i >= few && d2.empty())
+        accumulate_side_by_side(i, end - i, *event, dt);
+      else
+        for (std::size_t k = i; k < end; ++k) accumulate(k, *event, dt);
     }
   }
 
@@ -251,10 +272,11 @@ struct Events::Impl {
     return over;
   }
 
-  // eta of an own node as the event found it, with what the slip of others has done to it until the event ended, at the
-  // beginning of this step (0 up to round-off for most). Beside the own nodes: how far those there had slipped then, in
-  // all and in events under way.
-  double eta_before(PetscInt i, int id, const Before& before, const std::array<std::vector<double>, 2>& beside) const {
+  // eta of an own node as the event found it, with what the slip of others has done to it until the event
+  // ended, at the beginning of this step (0 up to round-off for most). Beside the own nodes: how far those
+  // there had slipped then, in all and in events under way.
+  double eta_before(PetscInt i, int id, const Before& before,
+                    const std::array<std::vector<double>, 2>& beside) const {
     const PetscInt node = first + i;
     const auto others = [&](PetscInt j) {
       const double own = regions.holds(id, j) ? halo.at(j, slip, beside[1]) : 0;
@@ -285,7 +307,8 @@ struct Events::Impl {
         drop += eta0 - eta1;
         strain += weight * slip[i] * (eta0 + eta1) / 2;
       });
-      for (const double part : {moment, drop, strain, live.event.friction_work, live.event.radiated}) sums.push_back(part);
+      for (const double part : {moment, drop, strain, live.event.friction_work, live.event.radiated})
+        sums.push_back(part);
       for (const double part : {right, left}) largest.push_back(part);
     }
     if (ranks > 1) {
@@ -333,7 +356,8 @@ struct Events::Impl {
 
 Events::Events(const Scene& scene, double velocity, const NodeRange& nodes)
     : impl_(std::make_unique<Impl>(scene, velocity, nodes)) {}
-Events::Events(const Scene& scene, double velocity) : Events(scene, velocity, {PETSC_COMM_SELF, 0, scene.n, scene.n}) {}
+Events::Events(const Scene& scene, double velocity)
+    : Events(scene, velocity, {PETSC_COMM_SELF, 0, scene.n, scene.n}) {}
 Events::Events(Events&&) noexcept = default;
 Events::~Events() = default;
 
@@ -363,7 +387,8 @@ std::vector<Field> Events::columns() {
           {"first", "length", "position of the first node that moves"},
           {"left", "length", "left end of the region that slips"},
           {"extent", "length", "blocks that slip (chain) or their length (continuum)"},
-          {"direction", "1", "1: forward; -1: backward, of which slip, moment and stress_drop are positive alike"},
+          {"direction", "1",
+           "1: forward; -1: backward, of which slip, moment and stress_drop are positive alike"},
           {"slip", "length", "largest slip"},
           {"moment", "length^2", "sum of the slip over blocks or over length"},
           {"magnitude", "1", "natural logarithm of the moment"},
@@ -403,7 +428,8 @@ void Events::save(Checkpoint& checkpoint) const {
   for (const std::vector<double>& field : m.last) fields.push_back(&field);
   checkpoint.fields["events.last_fields"] = interleaved(fields);
   checkpoint.fields["events.slips"] = interleaved({&m.slip, &m.slipped});
-  // The parts of all ranks and not their sum: as many ranks go on each with its own, and round as without a restart.
+  // The parts of all ranks and not their sum: as many ranks go on each with its own, and round as without a
+  // restart.
   std::vector<double> part;
   for (const auto& [id, l] : m.regions.live()) {
     part.push_back(l.event.friction_work);
@@ -411,20 +437,23 @@ void Events::save(Checkpoint& checkpoint) const {
   }
   std::vector<double>& parts = checkpoint.arrays["events.parts"];
   parts.resize(part.size() * std::size_t(m.ranks));
-  MPI_Allgather(part.data(), int(part.size()), MPI_DOUBLE, parts.data(), int(part.size()), MPI_DOUBLE, m.nodes.comm);
+  MPI_Allgather(part.data(), int(part.size()), MPI_DOUBLE, parts.data(), int(part.size()), MPI_DOUBLE,
+                m.nodes.comm);
   std::vector<double>& live = checkpoint.arrays["events.live"];
   std::map<const Before*, double> beginnings;  // those written so far, by their number
   for (const auto& [id, l] : m.regions.live()) {
     const auto [at, is_new] = beginnings.emplace(l.before.get(), double(beginnings.size()));
     if (is_new)
-      checkpoint.fields["events.before" + std::to_string(int(at->second))] = interleaved({&l.before->eta, &l.before->slipped});
+      checkpoint.fields["events.before" + std::to_string(int(at->second))] =
+          interleaved({&l.before->eta, &l.before->slipped});
     const SlipEvent& e = l.event;
     for (const double x :
          {double(id), e.begin, double(e.first), double(e.left), double(e.count), e.kinetic, at->second})
       live.push_back(x);
   }
-  checkpoint.arrays["events.last"] = {m.t, double(m.regions.next_id()), double(m.count), double(m.last.size()),
-                                      double(beginnings.size()), layout};
+  checkpoint.arrays["events.last"] = {
+      m.t,   double(m.regions.next_id()), double(m.count), double(m.last.size()), double(beginnings.size()),
+      layout};
 }
 
 void Events::restore(const std::map<std::string, std::vector<double>>& arrays,
@@ -438,10 +467,12 @@ void Events::restore(const std::map<std::string, std::vector<double>>& arrays,
   };
   const std::vector<double>&numbers = arrays.at("events.last"), &live = arrays.at("events.live");
   if (numbers.size() == 5 || (numbers.size() == 6 && numbers[5] != layout))
-    throw std::runtime_error("its events were written by another revision of this program; go on with that one");
+    throw std::runtime_error(
+        "its events were written by another revision of this program; go on with that one");
   const std::vector<double>& parts = arrays.at("events.parts");
   const std::size_t part = per_part * (live.size() / per_event);
-  if (numbers.size() != 6 || live.size() % per_event != 0 || parts.size() % std::max<std::size_t>(part, 1) != 0)
+  if (numbers.size() != 6 || live.size() % per_event != 0 ||
+      parts.size() % std::max<std::size_t>(part, 1) != 0)
     throw std::runtime_error("its events under way are not whole");
   m.t = numbers[0];
   m.regions.number_from(static_cast<int>(numbers[1]));

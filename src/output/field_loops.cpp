@@ -89,8 +89,10 @@ struct Survey {
         high.of[k] = largest(high.of[k], off[i]);
       });
       off[count] = begin + count < f.count ? u[(begin + count) * dof] - level.value : off[count - 1];
-      in_lanes(count, [&](PetscInt i, int k) { steepest.of[k] = largest(steepest.of[k], std::abs(off[i + 1] - off[i])); });
-      const bool below = low.least_of_all() < -depth, above = high.largest_of_all() > depth;
+      in_lanes(count, [&](PetscInt i, int k) {
+        steepest.of[k] = largest(steepest.of[k], std::abs(off[i + 1] - off[i]));
+      });
+      const bool below = low.least_of_all()<-depth, above = high.largest_of_all()> depth;
       if (below != above) found.passages.add(below ? -1 : 1);
       for (PetscInt i = 0; i < count && below && above; ++i)
         found.passages.add(off[i] < -depth ? -1 : off[i] > depth ? 1 : 0);
@@ -104,7 +106,8 @@ template <int dof>
 struct Waiting {
   Loaded operator()(const FieldRange& f, const Pull& p) const {
     Lanes low(HUGE_VAL), high(-HUGE_VAL), time(HUGE_VAL);
-    const double *const u = f.u, side = p.v > 0 ? 1 : -1, K0 = p.K0, v = p.v, slowest = p.least_rate, holds = p.holds;
+    const double *const u = f.u, side = p.v > 0 ? 1 : -1, K0 = p.K0, v = p.v, slowest = p.least_rate,
+                        holds = p.holds;
     in_lanes(f.count, [&](PetscInt i, int k) {
       const double psi = u[i * dof], rate = largest(K0 * side * (v - psi), slowest);
       low.of[k] = least(low.of[k], psi);
@@ -119,7 +122,8 @@ struct Waiting {
 template <template <int> class Loop, class Result, class... More>
 Result apply(const FieldRange& field, const More&... more) {
   using Function = std::function<Result(const FieldRange&, const More&...)>;
-  static const Function of_two = kernel::compiled<Function>(Loop<2>{}), of_three = kernel::compiled<Function>(Loop<3>{});
+  static const Function of_two = kernel::compiled<Function>(Loop<2>{}),
+                        of_three = kernel::compiled<Function>(Loop<3>{});
   return field.dof == 3 ? of_three(field, more...) : of_two(field, more...);
 }
 

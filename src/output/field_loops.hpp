@@ -1,6 +1,6 @@
-// Passes over the psi of a range of nodes as it lies in a vector, node by node, in vector code: what is measured of a
-// field costs no more than reading it. Least, largest and sums are kept in eight lanes whatever the processor's vectors
-// hold, so that the same nodes give the same bits everywhere.
+// Passes over the psi of a range of nodes as it lies in a vector, node by node, in vector code: what is
+// measured of a field costs no more than reading it. Least, largest and sums are kept in eight lanes whatever
+// the processor's vectors hold, so that the same nodes give the same bits everywhere.
 #pragma once
 
 #include <petscsys.h>
@@ -26,15 +26,15 @@ struct Extremes {
 };
 Extremes widen(const FieldRange& field, double* low, double* high);
 
-// The same with nothing kept; range: the largest that a node has come through, this field included. low, high: nullptr
-// where no field went before.
+// The same with nothing kept; range: the largest that a node has come through, this field included. low,
+// high: nullptr where no field went before.
 struct LastExtremes {
   double low, high, range;
 };
 LastExtremes widest(const FieldRange& field, const double* low, const double* high);
 
-// Upward passages of psi through a level along a piece of the line, and its state where it begins and ends: below the
-// level less the depth (-1), above the level plus the depth (1), or nowhere beyond either (0).
+// Upward passages of psi through a level along a piece of the line, and its state where it begins and ends:
+// below the level less the depth (-1), above the level plus the depth (1), or nowhere beyond either (0).
 struct Passages {
   int first = 0, last = 0, up = 0;
 
@@ -59,8 +59,8 @@ struct Fronts {
 };
 Fronts fronts_of(const FieldRange& field, double level, double depth);
 
-// Least and largest psi, and how long the nodes take to give way that a plate of velocity v pulls by K0: the least over
-// them of max(0, holds - side eta) / max(K0 side (v - psi), least_rate), side the sign of v.
+// Least and largest psi, and how long the nodes take to give way that a plate of velocity v pulls by K0: the
+// least over them of max(0, holds - side eta) / max(K0 side (v - psi), least_rate), side the sign of v.
 struct Pull {
   double K0, v, least_rate, holds;
 };

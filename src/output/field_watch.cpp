@@ -59,8 +59,8 @@ void FieldWatch::step(const ObservedStep& step) {
 
 FieldRange FieldWatch::range(const double* u) const { return {u, model_.local(), model_.dof()}; }
 
-// Behind the last step no range will be asked for but the largest: nothing is kept. Up to the second step one array
-// holds the least and the largest psi: touching new memory takes longer than a pass.
+// Behind the last step no range will be asked for but the largest: nothing is kept. Up to the second step one
+// array holds the least and the largest psi: touching new memory takes longer than a pass.
 Extremes FieldWatch::widen_to(const double* u, bool at_end) {
   if (at_end) {
     const double* const low = low_.empty() ? nullptr : low_.data();
@@ -118,8 +118,8 @@ double FieldWatch::step_to_next_rank(const double* u) const {
   int ranks;
   MPI_Comm_size(model_.comm(), &ranks);
   double next = 0;
-  SS_TRY(MPI_Sendrecv(u, 1, MPI_DOUBLE, (rank + ranks - 1) % ranks, 0, &next, 1, MPI_DOUBLE, (rank + 1) % ranks, 0,
-                      model_.comm(), MPI_STATUS_IGNORE));
+  SS_TRY(MPI_Sendrecv(u, 1, MPI_DOUBLE, (rank + ranks - 1) % ranks, 0, &next, 1, MPI_DOUBLE,
+                      (rank + 1) % ranks, 0, model_.comm(), MPI_STATUS_IGNORE));
   const bool joined = rank + 1 < ranks || model_.scene().ring();
   return joined ? std::abs(next - u[(model_.local() - 1) * model_.dof()]) : 0;
 }
@@ -136,13 +136,16 @@ int FieldWatch::count_pulses(const Passages& own) const {
   return model_.scene().v < 0 ? down : line.up;
 }
 
-// 8192 nodes round the ring, and 512 at least for each turn, all nodes of smaller ones; with the sine and cosine of mode_
-// turns there. From one place to the next the node moves on by n/count or by one more, and its angle by one of two that
-// are known; what round-off adds stays below 1e-11.
+// 8192 nodes round the ring, and 512 at least for each turn, all nodes of smaller ones; with the sine and
+// cosine of mode_ turns there. From one place to the next the node moves on by n/count or by one more, and
+// its angle by one of two that are known; what round-off adds stays below 1e-11.
 void FieldWatch::choose_phase_places() {
   const std::int64_t n = model_.scene().n, mode = mode_, begin = model_.first(), end = begin + model_.local();
-  const std::int64_t count = std::min(n, std::max<std::int64_t>(phase_places_of_ring, 512 * mode)), stride = n / count, rest = n % count;
-  const auto turn_of = [&](std::int64_t nodes) { return std::polar(1., 2 * M_PI * double(nodes * mode % n) / double(n)); };
+  const std::int64_t count = std::min(n, std::max<std::int64_t>(phase_places_of_ring, 512 * mode)),
+                     stride = n / count, rest = n % count;
+  const auto turn_of = [&](std::int64_t nodes) {
+    return std::polar(1., 2 * M_PI * double(nodes * mode % n) / double(n));
+  };
   const std::complex<double> short_way = turn_of(stride), long_way = turn_of(stride + 1);
   std::int64_t k = (begin * count + n - 1) / n, node = k * n / count, part = k * n % count;
   std::complex<double> turn = turn_of(node);
@@ -157,8 +160,9 @@ void FieldWatch::choose_phase_places() {
   }
 }
 
-// Of the Fourier coefficient of psi with mode_ turns round the ring. What other harmonics add to it at so many places
-// falls with their number a turn, and turns with the wave, which the slope over many moments levels.
+// Of the Fourier coefficient of psi with mode_ turns round the ring. What other harmonics add to it at so
+// many places falls with their number a turn, and turns with the wave, which the slope over many moments
+// levels.
 double FieldWatch::phase_of(const double* u) {
   if (moments_.empty() || phase_places_.empty()) {
     phase_places_.clear();
@@ -197,7 +201,8 @@ std::optional<double> FieldWatch::ring_speed() const {
   for (std::size_t k = 0; k < count; ++k)
     square += weight[k] / all * std::pow(moments_[k].phase - mean - slope * (moments_[k].t - mean_t), 2);
   // Phases have errors of round-off: a pattern that has moved by less stands, and has no speed.
-  if (!(std::sqrt(square) < 0.3) || std::abs(slope) * (moments_.back().t - moments_.front().t) < 1e-9) return std::nullopt;
+  if (!(std::sqrt(square) < 0.3) || std::abs(slope) * (moments_.back().t - moments_.front().t) < 1e-9)
+    return std::nullopt;
   return -slope * model_.scene().length / (2 * M_PI * mode_);
 }
 
@@ -206,15 +211,16 @@ std::size_t FieldWatch::place_of(const Tracked& node) const {
   return static_cast<std::size_t>((double(node.node + model_.first()) - tracked_first_) / tracked_stride_);
 }
 
-// The times of passage climb along one pulse and drop by about a period where the next one takes over. A passage is
-// known to a fraction of a step, so the slope is taken over whole climbs, never node by node.
+// The times of passage climb along one pulse and drop by about a period where the next one takes over. A
+// passage is known to a fraction of a step, so the slope is taken over whole climbs, never node by node.
 std::optional<double> FieldWatch::passage_speed() const {
   std::vector<double> passed(tracked_count_, 0);
   for (const Tracked& node : tracked_) passed[place_of(node)] = node.passed;
   sum_over(model_.comm(), passed.data(), int(passed.size()));
   const std::size_t n = passed.size();
   if (steps_ < 2 || n < 4) return std::nullopt;
-  const double interval = (last_t_ - first_step_t_) / double(steps_ - 1), h = model_.scene().h() * tracked_stride_;
+  const double interval = (last_t_ - first_step_t_) / double(steps_ - 1),
+               h = model_.scene().h() * tracked_stride_;
   std::vector<double> slowness;
   for (std::size_t i = 0; i + 1 < n; ++i) {
     const double s = (passed[i + 1] - passed[i]) / h;
@@ -225,8 +231,8 @@ std::optional<double> FieldWatch::passage_speed() const {
   std::nth_element(slowness.begin(), middle, slowness.end());
   const double largest_climb = 4 * (interval + h * std::abs(*middle));
 
-  // Least squares with one slope for all climbs and a constant for each; `up`, `down`: nodes by the sign of their
-  // climb.
+  // Least squares with one slope for all climbs and a constant for each; `up`, `down`: nodes by the sign of
+  // their climb.
   double xx = 0, xt = 0, tt = 0, up = 0, down = 0;
   for (std::size_t begin = 0; begin < n;) {
     std::size_t end = begin + 1;
@@ -260,20 +266,31 @@ FieldWatch::Result FieldWatch::result() const {
   Result r;
   if (steps_ == 0) return r;
   double widest_so_far = largest_range_;
-  for (std::size_t i = 0; i < high_.size() && last_t_ < t_end_; ++i) widest_so_far = std::max(widest_so_far, high_[i] - low_[i]);
+  for (std::size_t i = 0; i < high_.size() && last_t_ < t_end_; ++i)
+    widest_so_far = std::max(widest_so_far, high_[i] - low_[i]);
   r.amplitude = largest_over(model_.comm(), widest_so_far) / 2;
   r.steepest = steepest_;
   r.pulses = pulses_;
   if (pulses_ == 0) return r;
-  if (!model_.scene().ring()) r.wave_speed = passage_speed();
-  else if (pulses_ == mode_) r.wave_speed = ring_speed();
+  if (!model_.scene().ring())
+    r.wave_speed = passage_speed();
+  else if (pulses_ == mode_)
+    r.wave_speed = ring_speed();
   return r;
 }
 
 void FieldWatch::save(Checkpoint& checkpoint) const {
   std::vector<double>& scalars = checkpoint.arrays["watch.measured"];
-  scalars = {t_end_, next_look_, double(steps_), last_t_, first_step_t_, double(mode_), double(pulses_), steepest_,
-             largest_over(model_.comm(), largest_range_), low_.empty() ? 0. : 1.};
+  scalars = {t_end_,
+             next_look_,
+             double(steps_),
+             last_t_,
+             first_step_t_,
+             double(mode_),
+             double(pulses_),
+             steepest_,
+             largest_over(model_.comm(), largest_range_),
+             low_.empty() ? 0. : 1.};
   for (const Moment& m : moments_) {
     scalars.push_back(m.t);
     scalars.push_back(m.phase);
@@ -313,7 +330,8 @@ void FieldWatch::restore(const Checkpoint& checkpoint) {
   }
   if (steps_ == 0 || tracked_count_ == 0) return;
   const auto passages = checkpoint.arrays.find(seen_from(model_.scene(), "watch.tracked"));
-  if (passages == checkpoint.arrays.end()) throw std::runtime_error("its passages were not seen in the plate's direction");
+  if (passages == checkpoint.arrays.end())
+    throw std::runtime_error("its passages were not seen in the plate's direction");
   const std::vector<double>& both = passages->second;
   if (both.size() != 2 * tracked_count_) throw std::runtime_error("its measurements do not fit the scene");
   for (Tracked& node : tracked_) {

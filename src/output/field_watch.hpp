@@ -1,21 +1,21 @@
-// The whole field in the last quarter of a run: ranges of psi at every node, how steep its fronts are, pulses and their
-// speed. Every rank looks at its own nodes.
+// The whole field in the last quarter of a run: ranges of psi at every node, how steep its fronts are, pulses
+// and their speed. Every rank looks at its own nodes.
 //
-// Ranges are taken at every step. What needs a sum over the ranks is taken at moments whose distance is at least a part
-// of the time since the first step in the quarter, so that their number grows with the logarithm of that of the steps: a
-// fifth, and 3 % (and the first eight steps) for the phase of a wave, which is followed from each moment to the next by
-// the speed that those before it show.
+// Ranges are taken at every step. What needs a sum over the ranks is taken at moments whose distance is at
+// least a part of the time since the first step in the quarter, so that their number grows with the logarithm
+// of that of the steps: a fifth, and 3 % (and the first eight steps) for the phase of a wave, which is
+// followed from each moment to the next by the speed that those before it show.
 //
 // Upward is along the plate's way (forward.hpp): where v < 0 passages are those downward.
 //
-//   pulses      upward passages of psi through v along x, on a ring or between the ends; a dip counts where it goes a
-//               twentieth of the range of psi below
-//   wave speed  on a ring with m pulses the slope of the phase of the m-th Fourier coefficient (from 8192 nodes, or 512 a
-//               turn), -2 pi m V/L, by least squares; elsewhere the least-squares slope of the times at which nodes of
-//               the middle half (up to 1024 of them) last passed v upwards, along each pulse. Positive to the right;
-//               none where the phase is not linear in time to 0.3 rad, where pulses of one direction hold fewer than
-//               80 % of the nodes, or where the times of passage are off the straight line by more than a tenth of what
-//               they climb.
+//   pulses      upward passages of psi through v along x, on a ring or between the ends; a dip counts where
+//               it goes a twentieth of the range of psi below
+//   wave speed  on a ring with m pulses the slope of the phase of the m-th Fourier coefficient (from 8192
+//               nodes, or 512 a turn), -2 pi m V/L, by least squares; elsewhere the least-squares slope of
+//               the times at which nodes of the middle half (up to 1024 of them) last passed v upwards, along
+//               each pulse. Positive to the right; none where the phase is not linear in time to 0.3 rad,
+//               where pulses of one direction hold fewer than 80 % of the nodes, or where the times of
+//               passage are off the straight line by more than a tenth of what they climb.
 #pragma once
 
 #include <optional>
@@ -35,14 +35,15 @@ class FieldWatch {
   double end() const { return t_end_; }
 
   struct Result {
-    std::optional<double> amplitude;  // half the largest range of a node; empty where the run did not come so far
+    // half the largest range of a node; empty where the run did not come so far
+    std::optional<double> amplitude;
     std::optional<double> wave_speed;
-    std::optional<int> pulses;        // on the model's own grid
-    double steepest = 0;              // largest step of psi between neighbours over its range
+    std::optional<int> pulses;  // on the model's own grid
+    double steepest = 0;        // largest step of psi between neighbours over its range
   };
   Result result() const;  // collective
 
-  void save(Checkpoint& checkpoint) const;  // collective
+  void save(Checkpoint& checkpoint) const;     // collective
   void restore(const Checkpoint& checkpoint);  // collective
 
  private:
@@ -72,17 +73,18 @@ class FieldWatch {
 
   const Model& model_;
   double t_begin_, t_end_, next_look_;
-  long steps_ = 0;                    // seen in the quarter
-  std::vector<double> low_, high_;    // of this rank's nodes, up to the step before the last; empty before the first
-  std::vector<Tracked> tracked_;      // of this rank, off a ring
+  long steps_ = 0;  // seen in the quarter
+  // of this rank's nodes, up to the step before the last; empty before the first
+  std::vector<double> low_, high_;
+  std::vector<Tracked> tracked_;  // of this rank, off a ring
   double tracked_first_ = 0, tracked_stride_ = 1;
-  std::size_t tracked_count_ = 0;     // on all ranks
+  std::size_t tracked_count_ = 0;  // on all ranks
   double last_t_ = 0, first_step_t_ = 0;
   std::vector<Moment> moments_;
   std::vector<PhasePlace> phase_places_;
-  int mode_ = -1, pulses_ = 0;        // pulses at the beginning (-1: not yet seen) and at the last moment
+  int mode_ = -1, pulses_ = 0;  // pulses at the beginning (-1: not yet seen) and at the last moment
   double steepest_ = 0;
-  double largest_range_ = 0;          // of this rank's nodes, once the last step is known
+  double largest_range_ = 0;  // of this rank's nodes, once the last step is known
 };
 
 }  // namespace stickslip

@@ -1,5 +1,5 @@
-// What is looked at from one side only, the maxima of psi and its upward passages, is looked at from the side to which
-// the plate goes, so that the mirror image of a motion is measured as the motion itself is.
+// What is looked at from one side only, the maxima of psi and its upward passages, is looked at from the side
+// to which the plate goes, so that the mirror image of a motion is measured as the motion itself is.
 #pragma once
 
 #include <string>

@@ -14,14 +14,17 @@ constexpr double largest_count = 9e15;  // below 2^53: the number of a frame is 
 }  // namespace
 
 FrameTimes::FrameTimes(const Options& options) : last_(options.real("ts_max_time")) {
-  const char* name = options.is_set("out_times") ? "out_times" : options.is_set("out_every") ? "out_every" : "out_frames";
+  const char* name = options.is_set("out_times")   ? "out_times"
+                     : options.is_set("out_every") ? "out_every"
+                                                   : "out_frames";
   option_ = std::string(name) + " " + options.text(name);
   const double t_end = last_;
   if (options.is_set("out_times")) {
     list_ = options.reals("out_times");
     for (const double t : list_)
       if (t < 0 || t > t_end)
-        throw UsageError(option_ + ": " + number_text(t) + " lies outside 0 to ts_max_time " + number_text(t_end));
+        throw UsageError(option_ + ": " + number_text(t) + " lies outside 0 to ts_max_time " +
+                         number_text(t_end));
     std::sort(list_.begin(), list_.end());
     list_.erase(std::unique(list_.begin(), list_.end()), list_.end());
   } else if (options.is_set("out_every")) {
@@ -57,10 +60,12 @@ double FrameTimes::after(double t) const {
 }
 
 double FrameTimes::count_after(double t) const {
-  return list_.empty() ? count_ - index_after(t) : double(list_.end() - std::upper_bound(list_.begin(), list_.end(), t));
+  return list_.empty() ? count_ - index_after(t)
+                       : double(list_.end() - std::upper_bound(list_.begin(), list_.end(), t));
 }
 
-Frames::Frames(const Model& model, const Scene& whole, const Options& options, const Displacement* displacement)
+Frames::Frames(const Model& model, const Scene& whole, const Options& options,
+               const Displacement* displacement)
     : model_(model), state_(whole.friction.state), most_bytes_(1e9 * options.real("out_limit")),
       nodes_(static_cast<std::size_t>(whole.n)), displacement_(displacement), work_(model.create_vector()),
       slab_(model, whole.n), times_(options) {
@@ -76,8 +81,8 @@ void Frames::plan(ObservationPlan& plan) {
   if (displacement_) plan.layout.fields.push_back(standard_field("chi"));
   const double each = 8. * (1 + double(plan.layout.fields.size() * nodes_));
   if (count * each > most_bytes_)
-    throw UsageError(times_.option() + ": " + number_text(count) + " frames of " + rounded_text(each) + " bytes need " +
-                     rounded_text(count * each / 1e9) + " GB, more than out_limit, " +
+    throw UsageError(times_.option() + ": " + number_text(count) + " frames of " + rounded_text(each) +
+                     " bytes need " + rounded_text(count * each / 1e9) + " GB, more than out_limit, " +
                      rounded_text(most_bytes_ / 1e9) + " GB");
 }
 

@@ -31,8 +31,8 @@ class FrameTimes {
 
 class Frames : public Observer {
  public:
-  // Of the scene `whole`, of which the model may be one of several equal cells. Throws UsageError for times outside the
-  // run. `displacement`: nullptr, or what chi is solved with; it is the caller's.
+  // Of the scene `whole`, of which the model may be one of several equal cells. Throws UsageError for times
+  // outside the run. `displacement`: nullptr, or what chi is solved with; it is the caller's.
   Frames(const Model& model, const Scene& whole, const Options& options, const Displacement* displacement);
 
   void plan(ObservationPlan& plan) override;

@@ -9,7 +9,8 @@
 namespace stickslip {
 
 Gather::Gather(Vec like, PetscInt dof)
-    : comm_(PetscObjectComm(reinterpret_cast<PetscObject>(like))), components_(static_cast<std::size_t>(dof)) {
+    : comm_(PetscObjectComm(reinterpret_cast<PetscObject>(like))),
+      components_(static_cast<std::size_t>(dof)) {
   const PetscInt* first;  // of each rank, and the length
   SS_TRY(VecGetOwnershipRanges(like, &first));
   int ranks;
@@ -32,8 +33,8 @@ const std::vector<std::vector<double>>& Gather::components(Vec v) {
 std::vector<double> Gather::interleaved(Vec v) {
   const int rank = rank_in(comm_);
   std::vector<double> out(rank == 0 ? size_ : 0);
-  SS_TRY(MPI_Gatherv(Reading(v), count_[std::size_t(rank)], MPI_DOUBLE, out.data(), count_.data(), first_.data(),
-                     MPI_DOUBLE, 0, comm_));
+  SS_TRY(MPI_Gatherv(Reading(v), count_[std::size_t(rank)], MPI_DOUBLE, out.data(), count_.data(),
+                     first_.data(), MPI_DOUBLE, 0, comm_));
   return out;
 }
 

@@ -23,7 +23,8 @@ hsize_t GrowingTable::row_width() const {
 }
 
 void GrowingTable::append(double t, const std::vector<const double*>& row) {
-  if (row.size() != (by_ranks ? 0 : columns.size() - 1)) throw std::logic_error("a row of another length than its table");
+  if (row.size() != (by_ranks ? 0 : columns.size() - 1))
+    throw std::logic_error("a row of another length than its table");
   columns[0].pending.push_back(t);
   for (std::size_t k = 0; k < row.size(); ++k) {
     Column& column = columns[k + 1];
@@ -35,8 +36,9 @@ void GrowingTable::append(double t, const std::vector<const double*>& row) {
 void GrowingTable::check_rows(hsize_t rows) const {
   if (rows > most_rows)
     throw Failure("a table of a file has at most " + std::to_string(most_rows) + " rows, and " +
-                  (group.empty() ? "that of the frames" : "`" + group + "`") + " would have " + std::to_string(rows) +
-                  "; " + (group == "series" ? "leave it out (-out_series false)" : "ask for fewer"));
+                  (group.empty() ? "that of the frames" : "`" + group + "`") + " would have " +
+                  std::to_string(rows) + "; " +
+                  (group == "series" ? "leave it out (-out_series false)" : "ask for fewer"));
 }
 
 void GrowingTable::forget_pending() {
@@ -69,10 +71,11 @@ void GrowingTable::create_column(hid_t file, Column& column, hid_t x_scale) {
   const hsize_t dims[2] = {extent, wide}, most[2] = {H5S_UNLIMITED, wide};
   const hsize_t chunk[2] = {rows, std::clamp<hsize_t>(largest_chunk / (8 * rows), 1, wide)};
   const Id space(H5Screate_simple(rank, dims, most)), creation = dataset_creation(),
-      access(H5Pcreate(H5P_DATASET_ACCESS));
+                                                      access(H5Pcreate(H5P_DATASET_ACCESS));
   const double nan = std::numeric_limits<double>::quiet_NaN();
   H5Pset_chunk(creation, rank, chunk);
-  H5Pset_fill_value(creation, H5T_NATIVE_DOUBLE, &nan);  // never written; a reader pads shorter datasets with it
+  // never written; a reader pads shorter datasets with it
+  H5Pset_fill_value(creation, H5T_NATIVE_DOUBLE, &nan);
   H5Pset_alloc_time(creation, H5D_ALLOC_TIME_EARLY);
   H5Pset_fill_time(creation, H5D_FILL_TIME_NEVER);  // keeps the file sparse
   H5Pset_chunk_cache(access, 0, 0, 0);              // what is read is what the file holds
@@ -84,7 +87,8 @@ void GrowingTable::create_column(hid_t file, Column& column, hid_t x_scale) {
     hsize_t size = 0;
     haddr_t address = HADDR_UNDEF;
     unsigned filters = 0;
-    if (H5Dget_chunk_info_by_coord(column.dataset, offset, &filters, &address, &size) < 0 || address == HADDR_UNDEF)
+    if (H5Dget_chunk_info_by_coord(column.dataset, offset, &filters, &address, &size) < 0 ||
+        address == HADDR_UNDEF)
       fail("find the place of " + column.field.name + " in", file);
     column.place.chunks.push_back(address);
   }
@@ -96,8 +100,8 @@ void GrowingTable::create_column(hid_t file, Column& column, hid_t x_scale) {
   }
 }
 
-// A write through the library would need the extents first, and could not take them back on a full disk. The format of
-// the values is that of this machine.
+// A write through the library would need the extents first, and could not take them back on a full disk. The
+// format of the values is that of this machine.
 void GrowingTable::write_pending(int descriptor) {
   if (pending == 0) return;
   const auto put = [&](std::int64_t at, const double* values, hsize_t count) {

@@ -1,5 +1,5 @@
-// Rows against time in one group of an HDF5 file that grows and can be read meanwhile (run_file.hpp says how). Rank 0
-// only, but for ColumnPlace; what fails throws Failure.
+// Rows against time in one group of an HDF5 file that grows and can be read meanwhile (run_file.hpp says
+// how). Rank 0 only, but for ColumnPlace; what fails throws Failure.
 #pragma once
 
 #include <algorithm>
@@ -19,13 +19,15 @@ struct ColumnPlace {
   hsize_t wide = 1, chunk_width = 1;  // values a row, and in a row of a chunk
   std::vector<haddr_t> chunks = {};   // where the chunks begin
 
-  // Hands the values first ... first + count - 1 of one row to put(at, values, count), at being bytes in the file.
+  // Hands the values first ... first + count - 1 of one row to put(at, values, count), at being bytes in the
+  // file.
   template <class Put>
   void put_row(hsize_t row, hsize_t first, hsize_t count, const double* values, const Put& put) const {
     for (hsize_t done = 0; done < count;) {
       const hsize_t c = (first + done) / chunk_width, in_chunk = (first + done) % chunk_width;
       const hsize_t part = std::min(chunk_width - in_chunk, count - done);
-      put(static_cast<std::int64_t>(chunks[c] + (row * chunk_width + in_chunk) * sizeof(double)), values + done, part);
+      put(static_cast<std::int64_t>(chunks[c] + (row * chunk_width + in_chunk) * sizeof(double)),
+          values + done, part);
       done += part;
     }
   }
@@ -57,7 +59,8 @@ struct Axis {
 };
 
 struct GrowingTable {
-  static constexpr hsize_t most_rows = (hsize_t(1) << 29) - 1;  // a chunk has room for all rows and less than 4 GiB
+  // a chunk has room for all rows and less than 4 GiB
+  static constexpr hsize_t most_rows = (hsize_t(1) << 29) - 1;
 
   // A table of one column, t, in the group of this name; `rows`: for which the file will have room.
   GrowingTable(std::string name, hsize_t rows, Field t) : group(std::move(name)), capacity(rows) {
@@ -66,10 +69,10 @@ struct GrowingTable {
 
   std::string path(const std::string& name) const { return group.empty() ? name : group + "/" + name; }
   hsize_t width(const Column& column) const { return column.wide ? x.size : 1; }
-  hsize_t row_width() const;     // values in a row, t included
+  hsize_t row_width() const;  // values in a row, t included
 
-  // Adds a row to those in memory: t, then a pointer to the values of each of the other columns; t alone where ranks
-  // write the others.
+  // Adds a row to those in memory: t, then a pointer to the values of each of the other columns; t alone
+  // where ranks write the others.
   void append(double t, const std::vector<const double*>& row);
 
   void forget_pending();  // rows in memory

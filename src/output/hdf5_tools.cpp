@@ -25,7 +25,8 @@ namespace {
 constexpr hsize_t largest_chunk = 1 << 26;    // bytes: rank 0 holds one
 constexpr hsize_t most_compressed = 1 << 24;  // values in a file that need not have a byte for each
 
-// The innermost entry of the error stack says what the system said: "... error message = 'No space left on device'".
+// The innermost entry of the error stack says what the system said: "... error message = 'No space left on
+// device'".
 herr_t innermost(unsigned, const H5E_error2_t* entry, void* out) {
   auto& text = *static_cast<std::string*>(out);
   if (text.empty() && entry->desc) text = entry->desc;
@@ -164,7 +165,8 @@ bool exists(hid_t file, const std::string& path) {
     H5L_info_t link;
     if (H5Lexists(file, part.c_str(), H5P_DEFAULT) <= 0) return false;
     if (H5Lget_info(file, part.c_str(), &link, H5P_DEFAULT) < 0) fail("read the links of", file);
-    if (link.type != H5L_TYPE_HARD) throw Failure("its '" + part + "' is a link to elsewhere, which is not followed");
+    if (link.type != H5L_TYPE_HARD)
+      throw Failure("its '" + part + "' is a link to elsewhere, which is not followed");
     if (slash == std::string::npos) return true;
   }
 }
@@ -228,7 +230,8 @@ std::vector<double> read_reals(hid_t file, const std::string& name) {
   if (points < 0 || static_cast<hsize_t>(points) > most_values(file))
     throw Failure("is damaged (dataset '" + name + "' is larger than the file)");
   std::vector<double> values(static_cast<std::size_t>(points));
-  if (!values.empty() && H5Dread(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
+  if (!values.empty() &&
+      H5Dread(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
     fail("read '" + name + "' of", file);
   return values;
 }
@@ -256,7 +259,8 @@ std::vector<std::string> attribute_names(hid_t object) {
     return 0;
   };
   hsize_t at = 0;
-  if (H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_INC, &at, visit, &names) < 0) fail("list the attributes of", object);
+  if (H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_INC, &at, visit, &names) < 0)
+    fail("list the attributes of", object);
   return names;
 }
 

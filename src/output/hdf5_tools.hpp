@@ -36,8 +36,8 @@ class Id {
   hid_t id_ = -1;
 };
 
-// Throws Failure "cannot DO 'PATH': WHY", WHY from the error stack of the library (which prints nothing itself); the
-// second form names the file that the object is in.
+// Throws Failure "cannot DO 'PATH': WHY", WHY from the error stack of the library (which prints nothing
+// itself); the second form names the file that the object is in.
 [[noreturn]] void fail(const std::string& doing, const std::string& path);
 [[noreturn]] void fail(const std::string& doing, hid_t object);
 
@@ -46,11 +46,11 @@ constexpr hsize_t largest_piece = 1 << 17;  // doubles of a field that rank 0 ha
 // Turns off the library's own printing of errors; to be called before anything else of HDF5.
 void quiet();
 
-// A new file of the oldest format, which has no flags that a killed writer leaves set, and that readers may open
-// while it is written (no lock, no metadata evicted between flushes). An old file of that name is removed, never
-// written into. Disk space for the metadata and for `bytes` of data that are to be written at once is taken first, so
-// that a full disk shows here and as Failure: the library crashes at exit when it could not write its metadata.
-// `sparse`: the bytes for which the file will have room beyond those.
+// A new file of the oldest format, which has no flags that a killed writer leaves set, and that readers may
+// open while it is written (no lock, no metadata evicted between flushes). An old file of that name is
+// removed, never written into. Disk space for the metadata and for `bytes` of data that are to be written at
+// once is taken first, so that a full disk shows here and as Failure: the library crashes at exit when it
+// could not write its metadata. `sparse`: the bytes for which the file will have room beyond those.
 Id create_file(const std::string& path, double bytes, hsize_t user_block = 0, double sparse = 0);
 Id open_file(const std::string& path);  // for reading; throws Failure
 
@@ -59,22 +59,26 @@ void write_attribute(hid_t object, const std::string& name, const std::string& t
 void write_attribute(hid_t object, const std::string& name, double value);
 void write_attribute(hid_t object, const std::string& name, std::int64_t value);
 bool has_attribute(hid_t object, const std::string& name);
-// A link, each group on the way included. Only what lies in the file itself exists: soft and external links throw
-// Failure, so that no file but the one named is opened.
+// A link, each group on the way included. Only what lies in the file itself exists: soft and external links
+// throw Failure, so that no file but the one named is opened.
 bool exists(hid_t file, const std::string& path);
 Id open_group(hid_t file, const std::string& group);  // throws Failure where there is none
-// Of numbers that lie in the file itself; nothing where there is no such dataset. Throws Failure where its values are
-// elsewhere (external storage, virtual datasets), are no numbers, or lie in chunks of more than 64 MB.
+// Of numbers that lie in the file itself; nothing where there is no such dataset. Throws Failure where its
+// values are elsewhere (external storage, virtual datasets), are no numbers, or lie in chunks of more than 64
+// MB.
 Id open_dataset(hid_t file, const std::string& path);
-hsize_t most_values(hid_t file);  // that may be read of it: one a byte, or 2^24 where it is shorter (compressed)
+// that may be read of it: one a byte, or 2^24 where it is shorter (compressed)
+hsize_t most_values(hid_t file);
 // These throw Failure where the attribute is missing or of another type.
 std::string read_text_attribute(hid_t object, const std::string& name);
 double read_real_attribute(hid_t object, const std::string& name);
 std::int64_t read_integer_attribute(hid_t object, const std::string& name);
 
 std::vector<hsize_t> extents(hid_t dataset);
-std::vector<double> read_reals(hid_t file, const std::string& name);                         // the whole dataset
-std::vector<double> read_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width);   // of (t) or (t, x)
+// the whole dataset
+std::vector<double> read_reals(hid_t file, const std::string& name);
+// of (t) or (t, x)
+std::vector<double> read_rows(hid_t dataset, hsize_t first, hsize_t count, hsize_t width);
 // Of (t, x), so many columns of so many rows; of (x), the rows.
 std::vector<double> read_block(hid_t dataset, hsize_t row, hsize_t rows, hsize_t column, hsize_t columns);
 
@@ -83,13 +87,14 @@ std::vector<std::string> attribute_names(hid_t object);
 // Names of what lies in a group of the file itself, sorted.
 std::vector<std::string> members(hid_t file, const std::string& group);
 
-// Opens a file from outside on rank 0: check(), which throws Failure where it is not what it should be, then read(), first
-// in a child process. Whatever is wrong becomes UsageError `WHAT 'PATH': ...` on every rank. Collective.
+// Opens a file from outside on rank 0: check(), which throws Failure where it is not what it should be, then
+// read(), first in a child process. Whatever is wrong becomes UsageError `WHAT 'PATH': ...` on every rank.
+// Collective.
 void read_from_outside(const std::string& what, const std::string& path, const std::function<void()>& check,
                        const std::function<void()>& read);
 
-// Whether act() comes to an end in a child process, by an exception or not: damaged files can crash the library or make
-// it run for ever. For files from outside, before they are read in earnest.
+// Whether act() comes to an end in a child process, by an exception or not: damaged files can crash the
+// library or make it run for ever. For files from outside, before they are read in earnest.
 bool survives(const std::function<void()>& act);
 
 // The root attributes that every file of this program carries.

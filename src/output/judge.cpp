@@ -9,31 +9,33 @@ namespace stickslip {
 
 namespace {
 
-constexpr double near = 0.01;       // of the scale: sliding
-constexpr double moving = 0.05;     // of the scale: the least distance of stick-slip
+constexpr double near = 0.01;    // of the scale: sliding
+constexpr double moving = 0.05;  // of the scale: the least distance of stick-slip
 constexpr double least_periods = 3;
-constexpr double settled = 3e-5;    // of the scale: what error control leaves of a motion that has died away
-constexpr double ahead = 20;        // times the run so far: how long stick-slip must last where sliding is stable
-constexpr double decay_times = 3;   // of linear theory, after which what has not decayed is noise
+constexpr double settled = 3e-5;  // of the scale: what error control leaves of a motion that has died away
+// times the run so far: how long stick-slip must last where sliding is stable
+constexpr double ahead = 20;
+constexpr double decay_times = 3;    // of linear theory, after which what has not decayed is noise
 constexpr double factor_two = 0.7;   // of a logarithm
-constexpr double unchanged = 0.05;  // relative change of size that counts as none where sliding is unstable
+constexpr double unchanged = 0.05;   // relative change of size that counts as none where sliding is unstable
 constexpr double peak_error = 1e-4;  // of a size: extrema between steps
 
 // The size of the motion over stretches of time: the slope of its logarithm, and twice its error and more.
 struct Trend {
   double rate = 0, error = std::numeric_limits<double>::infinity(), span = 0;
-  double early = 0, late = 0;  // the same in the first and the second half of the stretches
+  double early = 0, late = 0;          // the same in the first and the second half of the stretches
   bool known = false, halves = false;  // halves: of three stretches and more
 
   bool rises() const { return known && rate > error; }
   bool falls() const { return known && rate < -error; }
   // The second half no longer shows what the whole does: the motion has arrived.
   bool has_ended() const { return known && late / rate < 0.1; }
-  // By how much the logarithm will still change if every half of the span multiplies the rate as the last one did;
-  // infinite where it does not calm down.
+  // By how much the logarithm will still change if every half of the span multiplies the rate as the last one
+  // did; infinite where it does not calm down.
   double to_come() const {
     const double q = late / early;
-    return halves && q >= 0 && q < 0.6 ? std::abs(late) * span / 2 * q / (1 - q) : std::numeric_limits<double>::infinity();
+    return halves && q >= 0 && q < 0.6 ? std::abs(late) * span / 2 * q / (1 - q)
+                                       : std::numeric_limits<double>::infinity();
   }
 };
 
@@ -72,7 +74,8 @@ class Judge {
     if (!is_enough(from_, least_periods)) from_ = end_ / 4;
     from_ = std::max(from_, first_passage());
     // what has not passed for two periods has stopped to oscillate
-    const double wanted = period_ > 0 && passages(end_ - std::min(end_, 2 * stretch())) > 0 ? 1.05 * period_ : r_.t / 16;
+    const double wanted =
+        period_ > 0 && passages(end_ - std::min(end_, 2 * stretch())) > 0 ? 1.05 * period_ : r_.t / 16;
     last_ = std::size_t(std::clamp(std::ceil(wanted / r_.window), 1., std::max(1., double(half_))));
   }
 
@@ -122,14 +125,16 @@ class Judge {
     const Ranges x = ranges(from, to);
     double largest = 0;
     for (std::size_t p = 0; p < r_.places; ++p)
-      largest = std::max(largest, std::abs((x.low[p] + x.high[p]) / 2 - r_.steady[p]) + (x.high[p] - x.low[p]) / std::sqrt(8.));
+      largest = std::max(largest, std::abs((x.low[p] + x.high[p]) / 2 - r_.steady[p]) +
+                                      (x.high[p] - x.low[p]) / std::sqrt(8.));
     return largest;
   }
   // Of the middle place, from a window to the end.
   double passages(std::size_t from) const {
     std::vector<double> counts(r_.places, 0.);
     for (const std::size_t w : passing_)
-      for (std::size_t p = 0; p < r_.places && w >= from && w < end_; ++p) counts[p] += r_.passages[w * r_.places + p];
+      for (std::size_t p = 0; p < r_.places && w >= from && w < end_; ++p)
+        counts[p] += r_.passages[w * r_.places + p];
     const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
     std::nth_element(counts.begin(), middle, counts.end());
     return *middle;
@@ -139,7 +144,8 @@ class Judge {
     return passages(from) >= periods && (end_ - from) / stretch() >= 3;
   }
 
-  // The window by which half of the places have passed for the first time: what is before is loading. 0: they have not.
+  // The window by which half of the places have passed for the first time: what is before is loading. 0: they
+  // have not.
   std::size_t first_passage() const {
     std::vector<std::size_t> first(r_.places, end_);
     for (const std::size_t w : passing_)
@@ -150,7 +156,8 @@ class Judge {
     return *middle < end_ ? *middle : 0;
   }
 
-  // From the first to the last passage in the last three quarters, of the middle place among those that have two.
+  // From the first to the last passage in the last three quarters, of the middle place among those that have
+  // two.
   double period() const {
     std::vector<double> periods;
     for (std::size_t p = 0; p < r_.places; ++p) {
@@ -239,8 +246,8 @@ class Judge {
     return Motion::undecided;
   }
 
-  // Beside sliding that is stable a motion decays; what has had the time to and has not is noise, which the error control
-  // of the steps holds at the size of its tolerance.
+  // Beside sliding that is stable a motion decays; what has had the time to and has not is noise, which the
+  // error control of the steps holds at the size of its tolerance.
   bool is_noise(const Trend& t) const {
     return a_.stable && t.known && !t.rises() && -a_.linear * t.span > decay_times;
   }
@@ -258,7 +265,8 @@ class Judge {
     if (!t.known) return false;
     const double change = std::abs(t.rate) * t.span, error = t.error * t.span;
     if (unstable || sticks_each_time(half_, last_)) {
-      // sliding repels, or every period forgets the one before: what changes still is the approach to the oscillation
+      // sliding repels, or every period forgets the one before: what changes still is the approach to the
+      // oscillation
       if (unstable && t.rises() && t.rate > 0.3 * *a_.growth) return false;
       return ((change < unchanged || change <= error) && error < factor_two) ||
              (t.to_come() < unchanged && error < 0.3);
@@ -281,9 +289,9 @@ class Judge {
     return double(resting) >= 0.9 * double(all);
   }
 
-  // Whether a motion whose slips differ from one to the next keeps its size as a whole: over three quarters of the run,
-  // in stretches of at least four slips each, it never comes near sliding and shows no trend beyond its error, which
-  // must tell a factor of two.
+  // Whether a motion whose slips differ from one to the next keeps its size as a whole: over three quarters
+  // of the run, in stretches of at least four slips each, it never comes near sliding and shows no trend
+  // beyond its error, which must tell a factor of two.
   bool wanders(bool unstable) const {
     const std::size_t length = wandering_stretch();
     if (length == 0 || !(unstable || sticks_each_time(end_ / 4, length))) return false;
@@ -319,7 +327,8 @@ class Judge {
       return 2 * r_.t + periods;
     }
     const double bound = std::log(2.) / (ahead * r_.t);
-    return t.known ? r_.t * std::clamp(2 * std::pow(t.error / bound, 0.7), 2., 100.) : std::max(2 * r_.t, periods);
+    return t.known ? r_.t * std::clamp(2 * std::pow(t.error / bound, 0.7), 2., 100.)
+                   : std::max(2 * r_.t, periods);
   }
 
   const MotionRecord& r_;
@@ -327,8 +336,8 @@ class Judge {
   double scale_, period_ = 0;  // 0: none seen
   std::size_t end_ = 0, half_ = 0, quarter_ = 0;
   std::vector<std::size_t> passing_;  // windows in which some place passes
-  std::size_t from_ = 0;       // of the stretch that trends are taken over
-  std::size_t last_ = 1;       // windows in the last stretch
+  std::size_t from_ = 0;              // of the stretch that trends are taken over
+  std::size_t last_ = 1;              // windows in the last stretch
 };
 
 }  // namespace

@@ -1,4 +1,5 @@
-// The word for a motion (regime.hpp has the rules), from the record of its traces. Plain numbers, no communication.
+// The word for a motion (regime.hpp has the rules), from the record of its traces. Plain numbers, no
+// communication.
 #pragma once
 
 #include <optional>
@@ -14,12 +15,13 @@ struct Surroundings {
   std::optional<double> growth;  // of perturbations of sliding, as the steps have it: its sign is certain
   bool stable = false, unstable = false;  // sliding of the scene itself, whatever the steps make of it
   double linear = 0;                      // its growth rate, where one of them is true
-  bool unloaded = false;         // nothing will ever move a medium at rest
-  double loading = 0;            // time until the force on the first node that rests or lags reaches its friction
-  double cycle = 1;              // about the longest time between two slips, or the period of an oscillation
-  double distance_now = 0;       // largest |psi - steady| of all nodes at the end
-  double speed_now = 0;          // largest |psi|
-  bool sticks = false;           // friction may hold a node at psi = 0
+  bool unloaded = false;                  // nothing will ever move a medium at rest
+  // time until the force on the first node that rests or lags reaches its friction
+  double loading = 0;
+  double cycle = 1;         // about the longest time between two slips, or the period of an oscillation
+  double distance_now = 0;  // largest |psi - steady| of all nodes at the end
+  double speed_now = 0;     // largest |psi|
+  bool sticks = false;      // friction may hold a node at psi = 0
 };
 
 struct Judgement {

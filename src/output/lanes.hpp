@@ -1,5 +1,5 @@
-// Loops over values side by side that keep eight sums, least or largest values apart, whatever the processor's vectors
-// hold: vector code, and the same bits everywhere.
+// Loops over values side by side that keep eight sums, least or largest values apart, whatever the
+// processor's vectors hold: vector code, and the same bits everywhere.
 #pragma once
 
 #include <petscsys.h>

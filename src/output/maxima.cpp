@@ -52,8 +52,8 @@ double top_between(const Values& values, double low, double high) {
 }  // namespace
 
 Maxima::Maxima(const Model& model, const Scene& whole, double x, double t_end)
-    : probe_(model, whole, {x}), work_(model.create_vector()), forward_(forward(whole)), name_(seen_from(whole, "maxima")),
-      begin_(t_end / 2) {}
+    : probe_(model, whole, {x}), work_(model.create_vector()), forward_(forward(whole)),
+      name_(seen_from(whole, "maxima")), begin_(t_end / 2) {}
 
 void Maxima::plan(ObservationPlan& plan) {
   // any time at all: a method that has to keep its step for interpolation keeps every one
@@ -114,8 +114,8 @@ void Maxima::visit(double value, bool is_maximum) {
   lows_.erase(lows_.begin());
 }
 
-std::vector<double> prominent(const std::vector<double>& maxima, const std::vector<double>& lows, double last_low,
-                              double least) {
+std::vector<double> prominent(const std::vector<double>& maxima, const std::vector<double>& lows,
+                              double last_low, double least) {
   std::vector<double> found;
   double low = lows.empty() ? last_low : lows.front();
   double top = NAN;  // a maximum that is high enough on its left side
@@ -141,7 +141,8 @@ void Maxima::save(Checkpoint& checkpoint) {
 }
 
 void Maxima::restore(const Checkpoint& checkpoint) {
-  if (checkpoint.arrays.count(name_) == 0) throw std::runtime_error("its maxima were not seen in the plate's direction");
+  if (checkpoint.arrays.count(name_) == 0)
+    throw std::runtime_error("its maxima were not seen in the plate's direction");
   last_ = checkpoint.numbers.at("maxima_psi");
   slope_ = checkpoint.numbers.at("maxima_slope");
   maxima_ = checkpoint.arrays.at(name_);

@@ -24,7 +24,8 @@ void announce_from(double begin, ObservationPlan& plan) {
   plan.next_times.push_back([begin](double t) { return std::max(std::nextafter(t, infinity), begin); });
 }
 
-// The extrema of Chebyshev's polynomial of degree 8 on [0, 1]: no method here has dense output of a higher degree.
+// The extrema of Chebyshev's polynomial of degree 8 on [0, 1]: no method here has dense output of a higher
+// degree.
 const Lagrange& through_step() {
   static const Lagrange through([] {
     std::vector<double> points;
@@ -51,8 +52,9 @@ double largest_of(const Lagrange& through, const double* values, double low, dou
 // ---- period ----
 
 Period::Period(const Model& model, const Scene& whole, const std::vector<double>& x, double t_end, bool exact)
-    : probes_(model, whole, x), work_(model.create_vector()), name_(seen_from(whole, "period")), forward_(forward(whole)), level_(whole.v),
-      depth_(0.01 * (whole.v != 0 ? std::abs(whole.v) : 0.1)), begin_(t_end / 2), exact_(exact), places_(x.size()) {}
+    : probes_(model, whole, x), work_(model.create_vector()), name_(seen_from(whole, "period")),
+      forward_(forward(whole)), level_(whole.v), depth_(0.01 * (whole.v != 0 ? std::abs(whole.v) : 0.1)),
+      begin_(t_end / 2), exact_(exact), places_(x.size()) {}
 
 void Period::plan(ObservationPlan& plan) {
   if (exact_ && !places_.empty()) announce_from(begin_, plan);
@@ -94,7 +96,8 @@ void Period::pass(std::size_t index, const std::function<double(double)>& psi_at
   if (a < -depth_) place.armed = 1;
   if (!(place.armed > 0 && a < 0 && b >= 0)) return;
   place.armed = 0;
-  place.last = find_root([&](double t) { return forward_ * (psi_at(t) - level_); }, {before.t, a, now.t, b}, 0);
+  place.last =
+      find_root([&](double t) { return forward_ * (psi_at(t) - level_); }, {before.t, a, now.t, b}, 0);
   if (place.passages == 0) place.first = place.last;
   place.passages += 1;
 }
@@ -182,7 +185,8 @@ void Amplitude::take(std::size_t node, const double* samples) {
     double largest = values[top];
     double& known = upwards ? high_[node] : low_[node];
     // what turns between two of nine values hardly rises above both
-    const double reach = (top > 0 ? largest - values[top - 1] : 0) + (top < last ? largest - values[top + 1] : 0);
+    const double reach =
+        (top > 0 ? largest - values[top - 1] : 0) + (top < last ? largest - values[top + 1] : 0);
     if (largest + reach <= (upwards ? known : -known)) continue;
     if (reach > 0) {
       const double low = parts[top > 0 ? top - 1 : 0], high = parts[std::min(top + 1, last)];
@@ -196,7 +200,8 @@ std::vector<double> Amplitude::values() const {
   if (low_.empty()) return {};
   const Scene& scene = model_.scene();
   std::vector<double> half(static_cast<std::size_t>(scene.n), 0.);
-  for (std::size_t i = 0; i < low_.size(); ++i) half[std::size_t(model_.first()) + i] = (high_[i] - low_[i]) / 2;
+  for (std::size_t i = 0; i < low_.size(); ++i)
+    half[std::size_t(model_.first()) + i] = (high_[i] - low_[i]) / 2;
   sum_over(model_.comm(), half.data(), int(half.size()));
   return {largest_about(PetscInt(std::max_element(half.begin(), half.end()) - half.begin()), half)};
 }
@@ -209,9 +214,12 @@ double Amplitude::largest_about(PetscInt node, const std::vector<double>& half_r
   std::vector<double> places, values;
   for (PetscInt k = -reach; k <= reach; ++k) {
     PetscInt at = node + k;
-    if (scene.ring()) at = (at + n) % n;
-    else if ((at < 0 && scene.left != End::free) || (at >= n && scene.right != End::free)) return at_node;
-    else at = at < 0 ? -at : at >= n ? 2 * (n - 1) - at : at;
+    if (scene.ring())
+      at = (at + n) % n;
+    else if ((at < 0 && scene.left != End::free) || (at >= n && scene.right != End::free))
+      return at_node;
+    else
+      at = at < 0 ? -at : at >= n ? 2 * (n - 1) - at : at;
     places.push_back(double(k));
     values.push_back(half_ranges[std::size_t(at)]);
   }
@@ -229,8 +237,8 @@ WaveSpeed::WaveSpeed(const Model& model, double t_end)
     : field_(model, t_end), work_(model.create_vector()), ring_(model.scene().ring()), begin_(0.75 * t_end),
       t_end_(t_end) {}
 
-// On a ring a phase is followed, from the start of the quarter on, at a few times and then ever fewer (field_watch.hpp
-// takes no more than it needs); between ends passages are timed, at equally spaced ones.
+// On a ring a phase is followed, from the start of the quarter on, at a few times and then ever fewer
+// (field_watch.hpp takes no more than it needs); between ends passages are timed, at equally spaced ones.
 double WaveSpeed::time(long index) const {
   constexpr double parts = 4096, equal = 1024, first = 8, growth = 1.03;
   const double whole = t_end_ - begin_;

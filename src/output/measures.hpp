@@ -1,14 +1,15 @@
-// Period, amplitude and wave speed of a run as functionals of its solution alone: they are read from the method's dense
-// output, at times that do not depend on where steps fall, so that they converge as the solution does. What the regime
-// (regime.hpp) measures in passing depends on the steps a little, and costs less.
+// Period, amplitude and wave speed of a run as functionals of its solution alone: they are read from the
+// method's dense output, at times that do not depend on where steps fall, so that they converge as the
+// solution does. What the regime (regime.hpp) measures in passing depends on the steps a little, and costs
+// less.
 //
-//   period      mean time between upward passages of psi through v (along the plate's way, forward.hpp: downward ones where
-//               v < 0) at a place, in the second half of the run. A passage counts after psi was below v by a hundredth of
-//               |v| (1e-3 for v = 0), so that round-off about steady sliding has no period. Of several places: the mean of
-//               their periods.
-//   amplitude   half of the largest range of psi at any x in the last quarter of the run: extrema in time from nine values
-//               of every step, their largest over x by the scheme's polynomial about the largest node (a chain's largest
-//               block).
+//   period      mean time between upward passages of psi through v (along the plate's way, forward.hpp:
+//               downward ones where v < 0) at a place, in the second half of the run. A passage counts after
+//               psi was below v by a hundredth of |v| (1e-3 for v = 0), so that round-off about steady
+//               sliding has no period. Of several places: the mean of their periods.
+//   amplitude   half of the largest range of psi at any x in the last quarter of the run: extrema in time
+//               from nine values of every step, their largest over x by the scheme's polynomial about the
+//               largest node (a chain's largest block).
 //   wave speed  that of field_watch.hpp, which is shown the last quarter at fixed times.
 #pragma once
 
@@ -23,8 +24,9 @@
 
 namespace stickslip {
 
-// At each of x, in one over time. `exact`: passages from the dense output (every step of the second half is then kept for
-// it); else from the cubic through the values at four steps, which costs next to nothing and errs by dt^4.
+// At each of x, in one over time. `exact`: passages from the dense output (every step of the second half is
+// then kept for it); else from the cubic through the values at four steps, which costs next to nothing and
+// errs by dt^4.
 class Period final : public Measure {
  public:
   Period(const Model& model, const Scene& whole, const std::vector<double>& x, double t_end, bool exact);

@@ -8,7 +8,8 @@
 namespace stickslip {
 
 namespace {
-constexpr PetscInt widest_row = 16;  // no row of any order reaches further, the one-sided ones at held ends included
+// no row of any order reaches further, the one-sided ones at held ends included
+constexpr PetscInt widest_row = 16;
 }  // namespace
 
 NodeHalo::NodeHalo(const Scene& scene, const NodeRange& nodes)

@@ -15,16 +15,19 @@ class NodeRows {
   NodeRows(MPI_Comm comm, const Slab& slab, std::size_t fields, bool by_root)
       : comm_(comm), slab_(slab), places_(fields), pending_(fields), file_(comm, by_root) {}
 
-  // The file and where its columns lie (significant on rank 0), before the first row and whenever they have changed.
+  // The file and where its columns lie (significant on rank 0), before the first row and whenever they have
+  // changed.
   void open(const std::string& path, const std::vector<h5::ColumnPlace>& places);
   // A row to be kept in memory: of each field what this rank has.
   void append(const std::vector<const double*>& row);
-  // Writes the rows in memory and then `last`, if given, from row `first` of the file on. Throws Failure, on every rank.
+  // Writes the rows in memory and then `last`, if given, from row `first` of the file on. Throws Failure, on
+  // every rank.
   void write(std::int64_t first, const std::vector<const double*>* last);
   void close() { file_.close(); }
 
  private:
-  void put_rows(std::size_t field, hsize_t first, hsize_t count, const double* values, const SharedFile::Put& put) const;
+  void put_rows(std::size_t field, hsize_t first, hsize_t count, const double* values,
+                const SharedFile::Put& put) const;
 
   MPI_Comm comm_;
   Slab slab_;

@@ -18,9 +18,10 @@ namespace {
 
 // Whether the open file still has that name: its last holder may have removed it in the meantime.
 bool is_named(int descriptor, const std::string& name) {
-  struct stat open_one {}, named {};
-  return fstat(descriptor, &open_one) == 0 && stat(name.c_str(), &named) == 0 && open_one.st_ino == named.st_ino &&
-         open_one.st_dev == named.st_dev;
+  struct stat open_one {
+  }, named{};
+  return fstat(descriptor, &open_one) == 0 && stat(name.c_str(), &named) == 0 &&
+         open_one.st_ino == named.st_ino && open_one.st_dev == named.st_dev;
 }
 
 // For the one who is held off.
@@ -39,10 +40,12 @@ std::string signature(int descriptor) {
 
 }  // namespace
 
-OutputLock::OutputLock(const std::string& path) : name_(paths::hidden_sibling(paths::resolved(path), ".lock")) {
+OutputLock::OutputLock(const std::string& path)
+    : name_(paths::hidden_sibling(paths::resolved(path), ".lock")) {
   for (;;) {
     const int file = open(name_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
-    if (file < 0) throw UsageError("out_file '" + path + "': cannot make '" + name_ + "' (" + std::strerror(errno) + ")");
+    if (file < 0)
+      throw UsageError("out_file '" + path + "': cannot make '" + name_ + "' (" + std::strerror(errno) + ")");
     if (flock(file, LOCK_EX | LOCK_NB) != 0) {
       const bool taken = errno == EWOULDBLOCK;
       const std::string by = taken ? signature(file) : "";

@@ -13,7 +13,8 @@ NodesAround::NodesAround(const Scene& scene) : scene_(scene), corners_(corners_o
 std::pair<double, double> NodesAround::range(double x) const {
   const SmoothStretch smooth = stretch_around(corners_, scene_, x);
   const double from = smooth.from / scene_.h(), to = smooth.to / scene_.h(), near = 1e-9;
-  double first = std::ceil(from - near), last = smooth.jumps ? std::ceil(to - near) - 1 : std::floor(to + near);
+  double first = std::ceil(from - near),
+         last = smooth.jumps ? std::ceil(to - near) - 1 : std::floor(to + near);
   if (!scene_.ring()) first = std::max(first, 0.), last = std::min(last, double(scene_.n - 1));
   if (last - first < 2) return {-HUGE_VAL, HUGE_VAL};
   return {first, last};
@@ -22,8 +23,8 @@ std::pair<double, double> NodesAround::range(double x) const {
 Combination NodesAround::at(double x) const {
   const double round_off = 1e-12 * scene_.length;
   if (!(x >= -round_off && x <= scene_.length + round_off))
-    throw UsageError("out_probes: x = " + number_text(x) + " lies outside the scene, which reaches from 0 to " +
-                     number_text(scene_.length));
+    throw UsageError("out_probes: x = " + number_text(x) +
+                     " lies outside the scene, which reaches from 0 to " + number_text(scene_.length));
   const double at = std::clamp(x / scene_.h(), 0., double(scene_.ring() ? scene_.n : scene_.n - 1));
   const GridEnd end = scene_.ring() ? GridEnd::periodic : GridEnd::one_sided;
   Combination row = grid_interpolation(scene_.n, end, end, scene_.order + 1, at);
@@ -38,8 +39,7 @@ Combination NodesAround::at(double x) const {
 
 Combination interpolation_at(const Scene& scene, double x) { return NodesAround(scene).at(x); }
 
-Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x)
-    : dof_(model.dof()) {
+Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x) : dof_(model.dof()) {
   const bool varies = whole.friction.varies();
   if (!varies) friction_ = Friction::of(whole.friction);
   std::vector<PetscInt> nodes;
@@ -93,8 +93,8 @@ const Probes::Values& Probes::read(Vec u) {
       eta += part.weight * node[1];
       if (part.excess != 0) eta += part.weight * part.excess * friction_->force(node[0], state);
       if (part.own)
-        eta += part.weight *
-               (part.a_here * part.here->force(node[0], state) - part.a_own * part.own->force(node[0], state));
+        eta += part.weight * (part.a_here * part.here->force(node[0], state) -
+                              part.a_own * part.own->force(node[0], state));
     }
     values_.psi[row] = psi;
     values_.eta[row] = eta;

@@ -15,7 +15,8 @@ void check_output_path(const std::string& path) {
   on_root(PETSC_COMM_WORLD, [&] {
     const paths::Present present = paths::check_writable("out_file", path);
     if (present == paths::Present::nothing) return;
-    if (present == paths::Present::special) throw UsageError("out_file '" + path + "': is not a regular file");
+    if (present == paths::Present::special)
+      throw UsageError("out_file '" + path + "': is not a regular file");
     const auto look = [&] {
       const Id file = h5::open_file(path);
       (void)h5::read_header(file);
@@ -66,7 +67,9 @@ void reading(const std::string& what, const std::string& path, Body&& body) {
 }
 
 // The same where the file may not be one of this program, with an empty kind then.
-FileHeader header_of(hid_t file) { return h5::has_attribute(file, "program") ? h5::read_header(file) : FileHeader(); }
+FileHeader header_of(hid_t file) {
+  return h5::has_attribute(file, "program") ? h5::read_header(file) : FileHeader();
+}
 
 // How much of a file may be held, all its fields together.
 class Room {
@@ -106,9 +109,10 @@ void read_variables(hid_t file, std::int64_t index, Frame& frame) {
     const auto frames = sizes.size() == 2 ? static_cast<std::int64_t>(sizes[0]) : 1;
     const std::int64_t wanted = index == -1 ? frames - 1 : index;
     if (wanted < 0 || wanted >= frames)
-      throw Failure("its " + name + " has " + std::to_string(frames) + " frames, not frame " + std::to_string(index));
-    frame.fields[name] =
-        sizes.size() == 2 ? h5::read_rows(object, static_cast<hsize_t>(wanted), 1, width) : h5::read_reals(file, name);
+      throw Failure("its " + name + " has " + std::to_string(frames) + " frames, not frame " +
+                    std::to_string(index));
+    frame.fields[name] = sizes.size() == 2 ? h5::read_rows(object, static_cast<hsize_t>(wanted), 1, width)
+                                           : h5::read_reals(file, name);
     frame.count = std::max(frame.count, frames);
     frame.index = std::max(frame.index, wanted);
   }
@@ -164,8 +168,8 @@ Frame read_frame(const std::string& what, const std::string& path, std::int64_t 
     frame.count = static_cast<std::int64_t>(t.size());
     frame.index = index == -1 ? frame.count - 1 : index;
     if (frame.index < 0 || frame.index >= frame.count)
-      throw Failure("has " + std::to_string(frame.count) + " frames (0 to " + std::to_string(frame.count - 1) +
-                    "), not frame " + std::to_string(index));
+      throw Failure("has " + std::to_string(frame.count) + " frames (0 to " +
+                    std::to_string(frame.count - 1) + "), not frame " + std::to_string(index));
     frame.t = t[static_cast<std::size_t>(frame.index)];
     frame.options = header.options;
     Room room(file);
@@ -173,7 +177,8 @@ Frame read_frame(const std::string& what, const std::string& path, std::int64_t 
       const Id object = number_dataset(file, name);
       if (!object) continue;
       const auto sizes = h5::extents(object);
-      if (sizes.size() != 2 || sizes[1] != frame.x.size() || sizes[0] <= static_cast<hsize_t>(frame.index)) continue;
+      if (sizes.size() != 2 || sizes[1] != frame.x.size() || sizes[0] <= static_cast<hsize_t>(frame.index))
+        continue;
       room.take(sizes[1]);
       frame.fields[name] = h5::read_rows(object, static_cast<hsize_t>(frame.index), 1, sizes[1]);
     }

@@ -33,15 +33,16 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-// Whether nothing will ever move a medium at rest: no spring that pulls, or one that pulls where nothing gives way.
+// Whether nothing will ever move a medium at rest: no spring that pulls, or one that pulls where nothing
+// gives way.
 bool is_unloaded(const Scene& s) {
   if ((s.left == End::velocity && s.left_value != 0) || (s.right == End::velocity && s.right_value != 0))
     return s.K1() == 0 && s.K0() * s.v == 0;
   return s.K0() * s.v == 0 || (s.v < 0 && !s.friction.back_slip);
 }
 
-// The force at which node i, if it hardly moves, gives way, over its amplitude: its static threshold, or steady friction
-// at v where there is none.
+// The force at which node i, if it hardly moves, gives way, over its amplitude: its static threshold, or
+// steady friction at v where there is none.
 double holding_force(const Model& model, PetscInt i, double state) {
   const Scene& s = model.scene();
   const Friction& f = model.friction_law(i);
@@ -84,11 +85,10 @@ struct Regime::Impl {
 
   Impl(const Model& m, double t_end, const std::function<double(PetscInt)>& psi)
       : model(m), steady(psi ? psi : [v = m.scene().v](PetscInt) { return v; }), traces(m, steady, t_end),
-        field(m, t_end),
-        jumps_at_rest(m.scene().friction.sticks()), uniform(!psi) {}
+        field(m, t_end), jumps_at_rest(m.scene().friction.sticks()), uniform(!psi) {}
 
-  // Growth as the steps have it where its sign is certain. Without a state an oscillating mode grows at half the mean,
-  // weighted by the mode, of what the nodes would grow by alone. Collective.
+  // Growth as the steps have it where its sign is certain. Without a state an oscillating mode grows at half
+  // the mean, weighted by the mode, of what the nodes would grow by alone. Collective.
   std::optional<double> certain_growth(double t) const {
     if (std::isfinite(growth)) {
       if (!std::isfinite(growth_taken)) return std::nullopt;
@@ -113,7 +113,8 @@ struct Regime::Impl {
     return std::nullopt;
   }
 
-  bool aged() const { return model.dof() == 3 && model.scene().friction.sticks(); }  // what holds depends on the state
+  // what holds depends on the state
+  bool aged() const { return model.dof() == 3 && model.scene().friction.sticks(); }
 
   // Whether every node would slide steadily at v and is held by the same force.
   bool holds_alike() const { return uniform && !aged() && model.scene().same_friction(); }
@@ -160,9 +161,12 @@ struct Regime::Impl {
     a.unloaded = is_unloaded(s);
     a.sticks = jumps_at_rest;
     const double pull = s.K0() * std::abs(s.v);
-    std::array<double, 4> largest{0, 0, 0, -infinity};  // distance, speed, holding force, minus the time to give way
-    if (holds_alike()) look_at_alike(u, pull, largest);
-    else look_at_each(u, pull, largest);
+    // distance, speed, holding force, minus the time to give way
+    std::array<double, 4> largest{0, 0, 0, -infinity};
+    if (holds_alike())
+      look_at_alike(u, pull, largest);
+    else
+      look_at_each(u, pull, largest);
     largest_over(model.comm(), largest.data(), 4);
     a.distance_now = largest[0];
     a.speed_now = largest[1];
@@ -242,8 +246,9 @@ void Regime::summarise(Summary& summary, Vec u) {
   const Measured& m = result(u);
   summary.set("regime", to_string(m.motion));
   if (impl_->model.scene().load.varies())
-    summary.set("regime_reason", "the plate's velocity varies (load_v, load_sine_amplitude): sliding, stick-slip and the "
-                                 "like are said of a constant one");
+    summary.set("regime_reason",
+                "the plate's velocity varies (load_v, load_sine_amplitude): sliding, stick-slip and the "
+                "like are said of a constant one");
   summary.set("regime_rate", m.rate);
   summary.set("growth_rate", m.growth);
   if (!m.growth) summary.set("growth_rate_reason", impl_->growth_reason);
@@ -252,9 +257,12 @@ void Regime::summarise(Summary& summary, Vec u) {
   summary.set("wave_speed", m.wave_speed);
   summary.set("pulses", m.pulses);
   if (impl_->growth > 0 && impl_->growth_resolved <= 0)
-    warn("about steady sliding waves of a few nodes, which the grid carries but does not resolve, grow at up to " +
-         rounded_text(impl_->growth) + " per unit time; growth_rate is that of the resolved ones (`spectrum` tells what "
-         "the continuum's short waves do)");
+    warn(
+        "about steady sliding waves of a few nodes, which the grid carries but does not resolve, grow at up "
+        "to " +
+        rounded_text(impl_->growth) +
+        " per unit time; growth_rate is that of the resolved ones (`spectrum` tells what "
+        "the continuum's short waves do)");
   const double t_end = impl_->field.end();
   summary.set("measured_over", std::vector<double>{0.75 * t_end, t_end});
   if (m.never_moved)

@@ -1,5 +1,5 @@
-// The regions of slip events under way: unbroken stretches of the line or ring that begin, grow and become one. Every rank
-// keeps all of them and does the same with them; nothing here communicates.
+// The regions of slip events under way: unbroken stretches of the line or ring that begin, grow and become
+// one. Every rank keeps all of them and does the same with them; nothing here communicates.
 #pragma once
 
 #include <algorithm>
@@ -17,14 +17,15 @@ struct Stretch {
   PetscInt first, last;
 };
 
-// This rank's nodes when an event begins: eta, and how far each had slipped in events until then; of the nodes beside them
-// that stencils reach, the latter.
+// This rank's nodes when an event begins: eta, and how far each had slipped in events until then; of the
+// nodes beside them that stencils reach, the latter.
 struct Before {
   std::vector<double> eta, slipped, slipped_beside;
 };
 
 struct LiveEvent {
-  SlipEvent event;  // left and count: its region. What it adds up, and its slip, are of this rank's nodes until it ends
+  // left and count: its region. What it adds up, and its slip, are of this rank's nodes until it ends
+  SlipEvent event;
   double kinetic_now = 0;
   bool moves = false;
   std::shared_ptr<const Before> before;
@@ -34,10 +35,11 @@ class Regions {
  public:
   Regions(PetscInt nodes, bool ring) : n_(nodes), ring_(ring) {}
 
-  // All nodes of it begin to move at t, and none of them lies in a region: they join the region beside them, which becomes
-  // one with another on their other side, or else are one from now on. Returns the number of the event that they are part
-  // of; events are numbered as they begin, and of two that become one the later number stays.
-  using Remember = std::function<std::shared_ptr<const Before>()>;  // asked where an event begins, on every rank
+  // All nodes of it begin to move at t, and none of them lies in a region: they join the region beside them,
+  // which becomes one with another on their other side, or else are one from now on. Returns the number of
+  // the event that they are part of; events are numbered as they begin, and of two that become one the later
+  // number stays. asked where an event begins, on every rank
+  using Remember = std::function<std::shared_ptr<const Before>()>;
   int claim(const Stretch& stretch, double t, const Remember& before);
   bool holds(int id, PetscInt node) const;
   // Calls body(i) for the nodes first + i of the region in order of i, 0 <= i < count.
@@ -46,7 +48,7 @@ class Regions {
 
   std::map<int, LiveEvent>& live() { return live_; }  // by their numbers
   const std::map<int, LiveEvent>& live() const { return live_; }
-  void put(int id, const LiveEvent& event);           // from a checkpoint
+  void put(int id, const LiveEvent& event);  // from a checkpoint
   void end(int id);
   int next_id() const { return next_id_; }
   void number_from(int id) { next_id_ = id; }
@@ -70,7 +72,8 @@ void Regions::for_nodes(int id, PetscInt first, PetscInt count, const Body& body
   const SlipEvent& e = live_.at(id).event;
   // behind the seam of a ring first: its nodes have the smaller numbers
   for (const PetscInt left : {e.left - n_, e.left})
-    for (PetscInt i = std::max(left - first, PetscInt(0)); i < std::min(left + e.count - first, count); ++i) body(i);
+    for (PetscInt i = std::max(left - first, PetscInt(0)); i < std::min(left + e.count - first, count); ++i)
+      body(i);
 }
 
 }  // namespace stickslip

@@ -33,7 +33,8 @@ struct ResultFile::Contents {
 
 namespace {
 
-Id write_texts(hid_t file, const Field& field, const std::vector<hsize_t>& dims, const std::vector<std::string>& texts) {
+Id write_texts(hid_t file, const Field& field, const std::vector<hsize_t>& dims,
+               const std::vector<std::string>& texts) {
   const Id type = h5::text_type();
   const Id space(H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr));
   Id dataset = h5::create_dataset(file, field.name, type, space, h5::dataset_creation(), H5P_DEFAULT);
@@ -48,9 +49,7 @@ Id write_texts(hid_t file, const Field& field, const std::vector<hsize_t>& dims,
 }  // namespace
 
 ResultFile::ResultFile(MPI_Comm comm, std::string path, Provenance provenance)
-    : comm_(comm),
-      path_(std::move(path)),
-      provenance_(std::move(provenance)),
+    : comm_(comm), path_(std::move(path)), provenance_(std::move(provenance)),
       contents_(std::make_unique<Contents>()) {}
 
 ResultFile::~ResultFile() = default;
@@ -59,7 +58,9 @@ void ResultFile::attribute(const std::string& name, const std::string& text) {
   contents_->texts.emplace_back(name, text);
 }
 
-void ResultFile::attribute(const std::string& name, double value) { contents_->numbers.emplace_back(name, value); }
+void ResultFile::attribute(const std::string& name, double value) {
+  contents_->numbers.emplace_back(name, value);
+}
 
 void ResultFile::scale(const Field& field, std::vector<double> values) {
   contents_->entries.push_back({field, {}, std::move(values), {}, false, true});
@@ -69,7 +70,8 @@ void ResultFile::scale_text(const Field& field, std::vector<std::string> values)
   contents_->entries.push_back({field, {}, {}, std::move(values), true, true});
 }
 
-void ResultFile::add(const Field& field, const std::vector<std::string>& dimensions, std::vector<double> values) {
+void ResultFile::add(const Field& field, const std::vector<std::string>& dimensions,
+                     std::vector<double> values) {
   contents_->entries.push_back({field, dimensions, std::move(values), {}, false, false});
 }
 
@@ -101,8 +103,10 @@ void ResultFile::Contents::write(hid_t file) const {
   };
   for (const Entry& entry : entries) {
     if (!entry.is_scale) continue;
-    if (entry.is_text) keep(entry.field, write_texts(file, entry.field, {entry.texts.size()}, entry.texts));
-    else make(entry.field, entry.values);
+    if (entry.is_text)
+      keep(entry.field, write_texts(file, entry.field, {entry.texts.size()}, entry.texts));
+    else
+      make(entry.field, entry.values);
   }
 
   for (const Entry& entry : entries) {
@@ -111,7 +115,8 @@ void ResultFile::Contents::write(hid_t file) const {
     const std::size_t count = entry.is_text ? entry.texts.size() : entry.values.size();
     const std::size_t slash = name.rfind('/');
     const std::string group = slash == std::string::npos ? "" : name.substr(0, slash + 1);
-    const auto beside = [&](const std::string& dimension) {  // in the group of the dataset, which the name may have or not
+    // in the group of the dataset, which the name may have or not
+    const auto beside = [&](const std::string& dimension) {
       return dimension.rfind(group, 0) == 0 ? dimension : group + dimension;
     };
     std::vector<std::string> used;

@@ -49,7 +49,7 @@ struct RunFile::Writer {
   std::string replacing;  // the name of a file under way that will take the place of this one
   Provenance provenance;
   RunLayout layout;
-  std::vector<Table> tables;  // 0: frames; then the groups that are wanted
+  std::vector<Table> tables;                                     // 0: frames; then the groups that are wanted
   std::size_t probes = 0, series = 0, events = 0, lyapunov = 0;  // which, 0 for none
   Id file;
   std::int64_t made = 0;  // files so far: the fields lie elsewhere in each
@@ -77,9 +77,7 @@ struct RunFile::Writer {
 };
 
 RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& what)
-    : path(paths::resolved(name)),
-      temporary(paths::hidden_sibling(path)),
-      provenance(std::move(from)),
+    : path(paths::resolved(name)), temporary(paths::hidden_sibling(path)), provenance(std::move(from)),
       layout(std::move(what)) {
   const Field time{"t", "time", "time"};
   tables.push_back(table_of("", time, layout.fields, true));
@@ -92,8 +90,10 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& wh
   };
   if (!layout.probe_x.empty()) {
     probes = add("probes", time, {standard_field("psi"), standard_field("eta")}, true);
-    tables[probes].x = {{"x", "length", "position of the probe"}, layout.probe_x.size(),
-                        [places = layout.probe_x](std::int64_t k) { return places[static_cast<std::size_t>(k)]; }};
+    tables[probes].x = {
+        {"x", "length", "position of the probe"},
+        layout.probe_x.size(),
+        [places = layout.probe_x](std::int64_t k) { return places[static_cast<std::size_t>(k)]; }};
   }
   if (!layout.series.empty()) series = add("series", time, layout.series, false);
   if (!layout.events.empty())
@@ -128,10 +128,12 @@ void RunFile::Writer::create(const std::string& name, double bytes) {
     const Id scale = h5::write_fixed(file, at, {layout.friction_psi.size()}, layout.friction_psi);
     h5::make_scale(scale, "psi");
     const Field friction{"friction/F", "1", "steady friction over its amplitude"};
-    h5::attach_scale(h5::write_fixed(file, friction, {layout.friction_F.size()}, layout.friction_F), scale, 0);
+    h5::attach_scale(h5::write_fixed(file, friction, {layout.friction_F.size()}, layout.friction_F), scale,
+                     0);
   }
   if (!layout.load_t.empty()) {
-    const Id scale = h5::write_fixed(file, {"load/t", "time", "corner of the load"}, {layout.load_t.size()}, layout.load_t);
+    const Id scale = h5::write_fixed(file, {"load/t", "time", "corner of the load"}, {layout.load_t.size()},
+                                     layout.load_t);
     h5::make_scale(scale, "t");
     const Field before{"load/before", "length/time", "velocity of the driving plate right before it"};
     h5::attach_scale(h5::write_fixed(file, before, {layout.load_t.size()}, layout.load_before), scale, 0);
@@ -169,7 +171,8 @@ void RunFile::Writer::copy_rows(const std::vector<h5::EarlierRows>& sources) {
         h5::copy_field(source, table, c, put);
         continue;
       }
-      const hsize_t block = std::max<hsize_t>(1, h5::largest_piece / std::max<hsize_t>(1, table.width(column)));
+      const hsize_t block =
+          std::max<hsize_t>(1, h5::largest_piece / std::max<hsize_t>(1, table.width(column)));
       for (hsize_t first = 0; first < source.rows; first += block) {
         const hsize_t count = std::min(block, source.rows - first);
         column.place.put_rows(first, count, h5::rows_of(source, table, c, first, count).data(), put);
@@ -195,8 +198,8 @@ void RunFile::Writer::resume(const Resume& from) {
   copy_rows(sources);
 }
 
-// A new file with the same rows, with room for those in memory and more (`exact`: for no more), which is to take the
-// place of this one.
+// A new file with the same rows, with room for those in memory and more (`exact`: for no more), which is to
+// take the place of this one.
 void RunFile::Writer::replace(bool exact) {
   const std::string name = paths::hidden_sibling(path, ".new");
   double bytes = 0;
@@ -213,8 +216,10 @@ void RunFile::Writer::replace(bool exact) {
   }
   for (Table& table : tables) {
     const hsize_t needed = table.written + table.pending;
-    if (exact) table.capacity = needed;
-    else if (needed > table.capacity) table.capacity = std::min(std::max(first_capacity, 2 * needed), Table::most_rows);
+    if (exact)
+      table.capacity = needed;
+    else if (needed > table.capacity)
+      table.capacity = std::min(std::max(first_capacity, 2 * needed), Table::most_rows);
   }
   replacing = name;
   replace_into(name, bytes);
@@ -226,7 +231,8 @@ void RunFile::Writer::replace_into(const std::string& name, double bytes) {
   for (Table& table : tables) {
     sources.push_back({table.written, {}, {}});
     if (!table.by_ranks)
-      for (hsize_t k = 0; k < table.x.size; ++k) sources.back().x.push_back(table.x.at(static_cast<std::int64_t>(k)));
+      for (hsize_t k = 0; k < table.x.size; ++k)
+        sources.back().x.push_back(table.x.at(static_cast<std::int64_t>(k)));
     for (Column& column : table.columns) sources.back().datasets.push_back(std::move(column.dataset));
   }
   create(name, bytes);
@@ -244,7 +250,8 @@ void RunFile::Writer::abandon() {
 void RunFile::Writer::publish() {
   for (Table& table : tables)
     if (table.written == 0 && table.extent > 0) {
-      table.set_extent(0);  // readers must not see the row that a table is made with; this gives up its chunks
+      // readers must not see the row that a table is made with; this gives up its chunks
+      table.set_extent(0);
       table.capacity = 0;
     }
   if (H5Fflush(file, H5F_SCOPE_GLOBAL) < 0) h5::fail("write", temporary);
@@ -258,9 +265,11 @@ int RunFile::Writer::descriptor() const {
   return *number;
 }
 
-// Writing goes on without an error into a file that was removed: whoever waits for the result should hear of it.
+// Writing goes on without an error into a file that was removed: whoever waits for the result should hear of
+// it.
 void RunFile::Writer::check_present() const {
-  struct stat named {}, open_one {};
+  struct stat named {
+  }, open_one{};
   if (fstat(descriptor(), &open_one) != 0 || stat(path.c_str(), &named) != 0)
     throw Failure("cannot write '" + path + "': it was removed while the run went on");
   if (named.st_ino != open_one.st_ino || named.st_dev != open_one.st_dev)
@@ -328,13 +337,16 @@ RunFile::RunFile(MPI_Comm comm, std::string path, Provenance provenance, RunLayo
     try {
       writer_ = std::make_unique<Writer>(path, std::move(provenance), std::move(layout));
       h5::naming(writer_->path, [&] {
-        if (resume) writer_->resume(*resume);
-        else writer_->create(writer_->temporary, 0);
+        if (resume)
+          writer_->resume(*resume);
+        else
+          writer_->create(writer_->temporary, 0);
       });
       path_ = writer_->path;
       frames_ = static_cast<std::int64_t>(writer_->tables[0].written);
       if (frames_ > 0)
-        last_time_ = h5::read_rows(writer_->tables[0].columns[0].dataset, writer_->tables[0].written - 1, 1, 1)[0];
+        last_time_ =
+            h5::read_rows(writer_->tables[0].columns[0].dataset, writer_->tables[0].written - 1, 1, 1)[0];
     } catch (const Failure& e) {
       throw UsageError("out_file '" + path + "': " + e.what());  // nothing has been computed yet
     }
@@ -368,7 +380,8 @@ RunFile::~RunFile() {
 void RunFile::probes(double t, const std::vector<double>& psi, const std::vector<double>& eta) {
   if (writer_ && writer_->probes != 0) {
     Table& table = writer_->tables[writer_->probes];
-    if (psi.size() != table.x.size || eta.size() != table.x.size) throw std::logic_error("probes of another number");
+    if (psi.size() != table.x.size || eta.size() != table.x.size)
+      throw std::logic_error("probes of another number");
     table.append(t, {psi.data(), eta.data()});
   }
   wait_with(1 + psi.size() + eta.size());
@@ -402,8 +415,10 @@ void RunFile::frame(double t, const std::vector<const double*>& fields) {
     due = now() >= writer_->next_flush || bytes > most_pending ? 1 : 0;
   }
   broadcast(due, comm_);
-  if (due) flush_with(&fields);
-  else rows_->append(fields);
+  if (due)
+    flush_with(&fields);
+  else
+    rows_->append(fields);
   ++frames_;
   last_time_ = t;
 }
@@ -437,7 +452,8 @@ void RunFile::flush_with(const std::vector<const double*>* last) {
     if (writer_) writer_->abandon();
     throw;
   }
-  if (writer_) writer_->next_flush = now() + 20 * (now() - begin);  // at most a twentieth of the time is spent here
+  // at most a twentieth of the time is spent here
+  if (writer_) writer_->next_flush = now() + 20 * (now() - begin);
 }
 
 void RunFile::flush() { flush_with(nullptr); }

@@ -57,12 +57,18 @@ void Series::plan(ObservationPlan& plan) {
 
 void Series::step(const ObservedStep& step) {
   const FieldStatistics s = statistics(model_, step.u);
-  std::vector<double> row = {s.psi_mean, s.psi_min, s.psi_max, s.eta_mean, step.t - step.t_before,
-                             double(step.index), double(step.rejections)};
+  std::vector<double> row = {s.psi_mean,
+                             s.psi_min,
+                             s.psi_max,
+                             s.eta_mean,
+                             step.t - step.t_before,
+                             double(step.index),
+                             double(step.rejections)};
   if (model_.scene().load.varies()) row.push_back(model_.plate_velocity(step.t));
   if (displacement_) {
     const Energy e = displacement_->energy(step.u, step.t);
-    for (const double part : {e.kinetic, e.elastic, e.input, e.friction, e.viscous}) row.push_back(cells_ * part);
+    for (const double part : {e.kinetic, e.elastic, e.input, e.friction, e.viscous})
+      row.push_back(cells_ * part);
   }
   file_->series(step.t, row);
 }

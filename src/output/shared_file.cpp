@@ -74,14 +74,17 @@ void SharedFile::open(std::string path) {
   const Seen own = descriptor_ ? seen(*descriptor_) : Seen{};
   Seen its = own;
   broadcast(its, comm_);
-  const bool unchanged = own.size == its.size && own.seconds == its.seconds && own.nanoseconds == its.nanoseconds;
-  const bool direct = rank_ == 0 || (!by_root_ && descriptor_ && own.number == its.number &&
-                                     (beside_root_ ? own.device == its.device
-                                                   : unchanged && keeps_machines_in_step(*descriptor_)));
+  const bool unchanged =
+      own.size == its.size && own.seconds == its.seconds && own.nanoseconds == its.nanoseconds;
+  const bool direct =
+      rank_ == 0 ||
+      (!by_root_ && descriptor_ && own.number == its.number &&
+       (beside_root_ ? own.device == its.device : unchanged && keeps_machines_in_step(*descriptor_)));
   if (!direct) descriptor_.reset();
   const int feeds = direct ? 0 : 1;
   std::vector<int> all(static_cast<std::size_t>(ranks_));
-  SS_TRY(MPI_Allgather(&feeds, 1, MPI_INT, all.data(), 1, MPI_INT, comm_));  // nobody writes before all have looked
+  // nobody writes before all have looked
+  SS_TRY(MPI_Allgather(&feeds, 1, MPI_INT, all.data(), 1, MPI_INT, comm_));
   fed_.clear();
   for (std::size_t k = 0; k < all.size(); ++k)
     if (rank_ == 0 && all[k]) fed_.push_back(int(k));

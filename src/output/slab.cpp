@@ -30,8 +30,8 @@ Slab Slab::even(MPI_Comm comm, std::int64_t nodes) {
 }
 
 Slab::Slab(const Model& model, std::int64_t nodes)
-    : comm_(model.comm()), nodes_(nodes), cell_(model.scene().n), cells_(nodes / cell_), first_(model.first()),
-      end_(first_ + model.local()), owned_(std::size_t(model.local())), kept_(owned_),
+    : comm_(model.comm()), nodes_(nodes), cell_(model.scene().n), cells_(nodes / cell_),
+      first_(model.first()), end_(first_ + model.local()), owned_(std::size_t(model.local())), kept_(owned_),
       gathered_(cells_ > 1 && cell_ <= small_cell) {
   if (!gathered_) return;
   const int ranks = ranks_in(comm_);
@@ -52,8 +52,8 @@ void Slab::take(const double* own, int stride, std::vector<double>& to) const {
   double* into = &to[before] + (gathered_ ? offsets_[std::size_t(rank_in(comm_))] : 0);
   for (std::size_t i = 0; i < owned_; ++i) into[i] = own[i * std::size_t(stride)];
   if (gathered_ && counts_.size() > 1)
-    SS_TRY(MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, &to[before], counts_.data(), offsets_.data(), MPI_DOUBLE,
-                          comm_));
+    SS_TRY(MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, &to[before], counts_.data(), offsets_.data(),
+                          MPI_DOUBLE, comm_));
 }
 
 void Slab::place(const double* values, const Put& put) const {

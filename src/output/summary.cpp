@@ -120,8 +120,10 @@ void Summary::tell() const {
     drawn = drawn || file == out_file_;
   }
   if (!path_.empty() && path_ != "-") last += "; summary " + path_;
-  if (drawn) last += "; to see it: " + script_call("plot") + " " + out_file_;
-  else if (path_.empty() && out_file_.empty()) last += "; nothing is kept without -out_file FILE.h5 or -summary FILE.json";
+  if (drawn)
+    last += "; to see it: " + script_call("plot") + " " + out_file_;
+  else if (path_.empty() && out_file_.empty())
+    last += "; nothing is kept without -out_file FILE.h5 or -summary FILE.json";
   std::string text;
   for (const std::string& line : lines_) text += "stickslip: " + one_line(line) + "\n";
   std::fputs((text + "stickslip: " + one_line(last) + "\n").c_str(), stderr);
@@ -163,12 +165,14 @@ void Summary::write_from_here() const {
     if (stat(path_.c_str(), &at) == 0 && !S_ISREG(at.st_mode))
       return paths::write_all(paths::Descriptor(path_, O_WRONLY), json.data(), json.size());
   } catch (const Failure& e) {
-    throw Failure("cannot write the summary to '" + (path_ == "-" ? "standard output" : path_) + "': " + e.what());
+    throw Failure("cannot write the summary to '" + (path_ == "-" ? "standard output" : path_) +
+                  "': " + e.what());
   }
   const std::string target = paths::resolved(path_);
   const std::string temporary = paths::hidden_sibling(target, "." + std::to_string(getpid()) + ".tmp");
   try {
-    paths::write_all(paths::Descriptor(temporary, O_WRONLY | O_CREAT | O_TRUNC, "write"), json.data(), json.size());
+    paths::write_all(paths::Descriptor(temporary, O_WRONLY | O_CREAT | O_TRUNC, "write"), json.data(),
+                     json.size());
     paths::sync(temporary);
     paths::publish(temporary, target);
   } catch (const Failure& e) {
@@ -184,7 +188,8 @@ void check_summary_path(const std::string& path) {
     std::ifstream old(path);
     char first = 0;
     if (old >> first && first != '{')
-      throw UsageError("summary '" + path + "': exists and is not a JSON summary; it will not be overwritten");
+      throw UsageError("summary '" + path +
+                       "': exists and is not a JSON summary; it will not be overwritten");
   });
 }
 
@@ -212,8 +217,10 @@ int detail::summarise_exception(Summary& summary) noexcept {
     } catch (...) {
       summary.failed("unknown error");
     }
-    if (together) summary.write();
-    else summary.write_alone();
+    if (together)
+      summary.write();
+    else
+      summary.write_alone();
   } catch (...) {
     // main() reports the first error, not that of its summary
   }

@@ -22,7 +22,8 @@
 
 namespace stickslip {
 
-// ---- rows ---------------------------------------------------------------------------------------------------------
+// ---- rows
+// ---------------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -43,7 +44,8 @@ void add_list(Json& row, const std::string& key, const Json& list) {
         members.push_back(name);
   for (const std::string& name : members) {
     Json column = Json::array();
-    for (const Json& item : list) column.push_back(item.contains(name) && !item[name].is_structured() ? item[name] : Json());
+    for (const Json& item : list)
+      column.push_back(item.contains(name) && !item[name].is_structured() ? item[name] : Json());
     row[key + "_" + name] = column;
   }
 }
@@ -74,7 +76,8 @@ std::string text_of(const Json& value) {
 }  // namespace
 
 Json flat_row(const Json& summary) {
-  static const std::set<std::string> alike = {"command", "version", "git", "options", "files", "ranks", "warnings", "wall_s"};
+  static const std::set<std::string> alike = {"command", "version", "git",      "options",
+                                              "files",   "ranks",   "warnings", "wall_s"};
   Json row = Json::object();
   for (const auto& [key, value] : summary.items())
     if (!alike.count(key)) add_flat(row, key, value);
@@ -138,11 +141,13 @@ std::vector<const SweepTable::Column*> SweepTable::ordered() const {
 std::vector<std::size_t> SweepTable::by_point() const {
   std::vector<std::size_t> order(points_.size());
   std::iota(order.begin(), order.end(), std::size_t(0));
-  std::sort(order.begin(), order.end(), [this](std::size_t a, std::size_t b) { return points_[a] < points_[b]; });
+  std::sort(order.begin(), order.end(),
+            [this](std::size_t a, std::size_t b) { return points_[a] < points_[b]; });
   return order;
 }
 
-// ---- the table ----------------------------------------------------------------------------------------------------
+// ---- the table
+// ----------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -184,7 +189,8 @@ std::string SweepTable::csv(const SweepLayout& layout) const {
     if (layout.follows) text += point % 2 ? ",-1" : ",1";
     for (const Column* c : columns) {
       if (!c->is_list) text += "," + cell(this->text(point, c->key));
-      for (std::size_t k = 0; k < width_of(c->lists); ++k) text += "," + cell(text_of(item_of(c->lists, slot, k)));
+      for (std::size_t k = 0; k < width_of(c->lists); ++k)
+        text += "," + cell(text_of(item_of(c->lists, slot, k)));
     }
   }
   return text + "\n";
@@ -210,17 +216,22 @@ std::vector<std::string> add_dimensions(ResultFile& file, const SweepLayout& lay
     const Field field{axis.name, "", "option " + axis.name};
     if (layout.is_grid) {
       dimensions.push_back(axis.name);
-      if (axis.is_numeric) file.scale(field, numbers_of(axis.values));
-      else file.scale_text(field, axis.values);
+      if (axis.is_numeric)
+        file.scale(field, numbers_of(axis.values));
+      else
+        file.scale_text(field, axis.values);
     } else {
       coordinates.push_back(axis.name);
-      if (axis.is_numeric) file.add(field, dimensions, numbers_of(axis.values));
-      else file.add_text(field, dimensions, axis.values);
+      if (axis.is_numeric)
+        file.add(field, dimensions, numbers_of(axis.values));
+      else
+        file.add_text(field, dimensions, axis.values);
     }
   }
   if (layout.follows) {
     dimensions.push_back("direction");
-    file.scale({"direction", "1", "1: the first option rising in the order of its values, -1: falling"}, {1, -1});
+    file.scale({"direction", "1", "1: the first option rising in the order of its values, -1: falling"},
+               {1, -1});
   }
   if (!coordinates.empty()) file.attribute("coordinates", joined(coordinates, " "));
   return dimensions;
@@ -241,13 +252,16 @@ void SweepTable::add_column(ResultFile& file, const Column& c, std::vector<std::
   const std::size_t width = c.is_list ? width_of(c.lists) : 1;
   bool is_text = c.is_text;
   for (const Json& list : c.lists)
-    is_text = is_text || std::any_of(list.begin(), list.end(), [](const Json& item) { return item.is_string(); });
+    is_text =
+        is_text || std::any_of(list.begin(), list.end(), [](const Json& item) { return item.is_string(); });
   std::vector<double> values;
   std::vector<std::string> words;
   for (const std::size_t slot : row)
     for (std::size_t k = 0; k < width; ++k) {
       if (is_text) {
-        words.push_back(c.is_list ? text_of(item_of(c.lists, slot, k)) : slot < c.texts.size() ? c.texts[slot] : "");
+        words.push_back(c.is_list               ? text_of(item_of(c.lists, slot, k))
+                        : slot < c.texts.size() ? c.texts[slot]
+                                                : "");
       } else {
         values.push_back(c.is_list                 ? number_of(item_of(c.lists, slot, k))
                          : slot < c.numbers.size() ? c.numbers[slot]
@@ -255,15 +269,18 @@ void SweepTable::add_column(ResultFile& file, const Column& c, std::vector<std::
       }
     }
   if (c.is_list) dimensions.push_back(c.key + "_number");
-  if (is_text) file.add_text({c.key, "", ""}, dimensions, std::move(words));
-  else file.add({c.key, "", ""}, dimensions, std::move(values));
+  if (is_text)
+    file.add_text({c.key, "", ""}, dimensions, std::move(words));
+  else
+    file.add({c.key, "", ""}, dimensions, std::move(values));
 }
 
 void SweepTable::write_csv(const std::string& path, const SweepLayout& layout) const {
   const std::string target = paths::resolved(csv_beside(path)), temporary = paths::hidden_sibling(target);
   const std::string lines = csv(layout);
   try {
-    paths::write_all(paths::Descriptor(temporary, O_WRONLY | O_CREAT | O_TRUNC, "write"), lines.data(), lines.size());
+    paths::write_all(paths::Descriptor(temporary, O_WRONLY | O_CREAT | O_TRUNC, "write"), lines.data(),
+                     lines.size());
     paths::publish(temporary, target);
   } catch (...) {
     unlink(temporary.c_str());
@@ -292,16 +309,20 @@ void SweepTable::write(const std::string& path, const Provenance& provenance, co
   std::set<std::string> taken(dimensions.begin(), dimensions.end());
   for (const SweepLayout::Axis& axis : layout.axes) taken.insert(axis.name);
   for (const Column* column : ordered())
-    if (taken.count(column->key) == 0) add_column(file, *column, dimensions, row);  // else the option itself, which is there
+    // else the option itself, which is there
+    if (taken.count(column->key) == 0) add_column(file, *column, dimensions, row);
   write_csv(path, layout);  // first: where the results say that the sweep is whole, so is it
   file.write();
 }
 
-// ---- journals -----------------------------------------------------------------------------------------------------
+// ---- journals
+// -----------------------------------------------------------------------------------------------------
 
 namespace {
 
-std::string journal_of(const std::string& out_file, const std::string& group) { return out_file + ".points-" + group; }
+std::string journal_of(const std::string& out_file, const std::string& group) {
+  return out_file + ".points-" + group;
+}
 
 std::vector<std::string> journals(const std::string& out_file) {
   const std::string begin = journal_of(paths::file(out_file), "");
@@ -309,7 +330,8 @@ std::vector<std::string> journals(const std::string& out_file) {
   for (const auto& entry : std::filesystem::directory_iterator(paths::folder(out_file))) {
     const std::string name = entry.path().filename();
     const std::string rest = name.rfind(begin, 0) == 0 ? name.substr(begin.size()) : "";
-    if (!rest.empty() && rest.find_first_not_of("0123456789") == std::string::npos) found.push_back(entry.path());
+    if (!rest.empty() && rest.find_first_not_of("0123456789") == std::string::npos)
+      found.push_back(entry.path());
   }
   return found;
 }
@@ -320,7 +342,8 @@ SweepJournal::SweepJournal(const std::string& out_file, int group)
     : file_(journal_of(out_file, std::to_string(group)), O_RDWR | O_CREAT | O_APPEND, "write") {
   const off_t size = lseek(file_, 0, SEEK_END);
   char last = '\n';
-  if (size > 0 && paths::read_some(file_, &last, 1, size - 1) == 1 && last != '\n') paths::write_all(file_, "\n", 1);
+  if (size > 0 && paths::read_some(file_, &last, 1, size - 1) == 1 && last != '\n')
+    paths::write_all(file_, "\n", 1);
 }
 
 void SweepJournal::note(long point, const Json& row) {
@@ -336,7 +359,8 @@ void read_journals(const std::string& out_file, SweepTable& table) {
     std::ifstream file(path);
     for (std::string line; std::getline(file, line);) {
       const Json entry = Json::parse(line, nullptr, false);
-      if (entry.is_object() && entry.contains("point") && entry.contains("row")) table.take(entry["point"], entry["row"]);
+      if (entry.is_object() && entry.contains("point") && entry.contains("row"))
+        table.take(entry["point"], entry["row"]);
     }
   }
 }
@@ -352,7 +376,8 @@ std::string csv_beside(const std::string& out_file) {
 void check_csv(const std::string& out_file) {
   on_root(PETSC_COMM_WORLD, [&] {
     const std::string path = csv_beside(out_file);
-    if (path == out_file) throw UsageError("out_file '" + out_file + "': the HDF5 file of a sweep; its CSV has that name");
+    if (path == out_file)
+      throw UsageError("out_file '" + out_file + "': the HDF5 file of a sweep; its CSV has that name");
     const paths::Present present = paths::check_writable("out_file", path);
     if (present == paths::Present::nothing) return;
     if (present == paths::Present::special)

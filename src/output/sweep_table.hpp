@@ -1,9 +1,9 @@
-// The results of a sweep: a row for every point, its journal on disk while the sweep goes on, and the table in HDF5 and
-// CSV. Rank 0 of whoever calls; what is collective says so.
+// The results of a sweep: a row for every point, its journal on disk while the sweep goes on, and the table
+// in HDF5 and CSV. Rank 0 of whoever calls; what is collective says so.
 //
-// A row is what a summary holds, made flat: {a: {b: 1}} is a_b = 1; of a list of objects each member becomes a list
-// (points: [{value: 1}, {value: 2}] is points_value = [1, 2]). What is alike at all points (options, version, ...) is
-// left out, and warnings are one text.
+// A row is what a summary holds, made flat: {a: {b: 1}} is a_b = 1; of a list of objects each member becomes
+// a list (points: [{value: 1}, {value: 2}] is points_value = [1, 2]). What is alike at all points (options,
+// version, ...) is left out, and warnings are one text.
 #pragma once
 
 #include <functional>
@@ -45,12 +45,13 @@ class SweepTable {
 
   // Replaces both files, each whole or not at all. `texts` and `numbers` become attributes. Throws Failure.
   void write(const std::string& path, const Provenance& provenance, const SweepLayout& layout,
-             const std::map<std::string, std::string>& texts, const std::map<std::string, double>& numbers) const;
+             const std::map<std::string, std::string>& texts,
+             const std::map<std::string, double>& numbers) const;
 
  private:
   struct Column {
     std::string key;
-    long point = 0;               // the first of all that have it, and where it stands there
+    long point = 0;  // the first of all that have it, and where it stands there
     std::size_t place = 0;
     bool is_text = false, is_list = false;
     std::vector<double> numbers;  // one for each row, or
@@ -70,7 +71,8 @@ class SweepTable {
   std::unordered_map<std::string, std::size_t> index_;
 };
 
-// Where one group of ranks notes its rows: a line of JSON each, in one write, so that a killed program loses none.
+// Where one group of ranks notes its rows: a line of JSON each, in one write, so that a killed program loses
+// none.
 class SweepJournal {
  public:
   SweepJournal(const std::string& out_file, int group);  // goes on with an old one; throws Failure

@@ -26,7 +26,8 @@ Traces::Traces(const Model& model, const std::function<double(PetscInt)>& steady
   const Scene& s = model.scene();
   const auto n = std::size_t(s.n), whole = n * std::size_t(s.copies), wanted = std::min(most_places, whole);
   std::set<std::size_t> nodes;
-  for (std::size_t k = 0; k < wanted; ++k) nodes.insert(std::size_t(double(k) * double(whole) / double(wanted)) % n);
+  for (std::size_t k = 0; k < wanted; ++k)
+    nodes.insert(std::size_t(double(k) * double(whole) / double(wanted)) % n);
   for (const std::size_t node : nodes) {
     const PetscInt own = PetscInt(node) - model.first();
     if (own >= 0 && own < model.local()) places_.push_back({own, count_, forward_ * steady(PetscInt(node))});
@@ -39,7 +40,8 @@ double Traces::slope(const Place& place, const Sample& at) const {
   const Scene& s = model_.scene();
   if (model_.held(model_.first() + place.node) || at.psi == 0) return 0;  // at rest, or passing through it
   if (s.massless()) return 0;  // psi_t is not known from the node alone: no extreme is sought within the step
-  const double force = model_.amplitude()[std::size_t(place.node)] * model_.friction_law(place.node).force(at.psi, at.state);
+  const double force =
+      model_.amplitude()[std::size_t(place.node)] * model_.friction_law(place.node).force(at.psi, at.state);
   return at.slope = s.A() * (at.eta - s.B() * at.psi - force);
 }
 
@@ -60,16 +62,18 @@ HermiteCubic Traces::cubic(const Place& place, const Sample& from, const Sample&
 // psi turns near now_: in the step that led there or in the one of dt that leaves it.
 void Traces::refine(std::size_t k, double dt, double& low, double& high) const {
   const Sample &before = before_[k], &now = now_[k], &next = next_[k];
-  // What turns within steps that resolve it goes beyond them by an eighth of what they cover, in a parabola; where
-  // slopes are stiff and steps long, the cubic means nothing.
+  // What turns within steps that resolve it goes beyond them by an eighth of what they cover, in a parabola;
+  // where slopes are stiff and steps long, the cubic means nothing.
   const double reach = std::max(std::abs(now.psi - before.psi), std::abs(next.psi - now.psi)) / 3;
   const auto take = [&](double psi) {
     if (!(std::abs(psi - now.psi) <= reach)) return;
     low = std::min(low, psi);
     high = std::max(high, psi);
   };
-  if ((slope(places_[k], now) > 0) == (now.psi > before.psi)) cubic(places_[k], now, next, dt).extrema(take);
-  else cubic(places_[k], before, now, last_dt_).extrema(take);
+  if ((slope(places_[k], now) > 0) == (now.psi > before.psi))
+    cubic(places_[k], now, next, dt).extrema(take);
+  else
+    cubic(places_[k], before, now, last_dt_).extrema(take);
 }
 
 // The last one stands alone where their number is odd: it goes on.
@@ -77,7 +81,8 @@ void Traces::join_pairs() {
   const std::size_t count = places_.size(), left = (windows_ + 1) / 2;
   for (std::size_t w = 0; w < left && windows_ > 1; ++w)
     for (std::size_t k = 0; k < count; ++k) {
-      const std::size_t to = w * count + k, from = 2 * w * count + k, next = 2 * w + 1 < windows_ ? from + count : from;
+      const std::size_t to = w * count + k, from = 2 * w * count + k,
+                        next = 2 * w + 1 < windows_ ? from + count : from;
       low_[to] = std::min(low_[from], low_[next]);
       high_[to] = std::max(high_[from], high_[next]);
       passages_[to] = passages_[from] + (next == from ? 0 : passages_[next]);
@@ -91,7 +96,8 @@ void Traces::join_pairs() {
 void Traces::begin_windows(std::size_t until) {
   windows_ = until;
   const std::size_t size = windows_ * places_.size(), most = most_windows * places_.size();
-  for (const auto& [values, empty] : {std::pair{&low_, infinity}, {&high_, -infinity}, {&passages_, 0.}, {&passed_, -infinity}}) {
+  for (const auto& [values, empty] :
+       {std::pair{&low_, infinity}, {&high_, -infinity}, {&passages_, 0.}, {&passed_, -infinity}}) {
     values->reserve(most);
     values->resize(size, empty);
   }
@@ -105,10 +111,12 @@ void Traces::widen_windows(double t, double dt) {
 }
 
 // The number, from 1 on, of the window that holds t or ends there.
-double Traces::index_of(double t) const { return std::max(1., std::ceil((t - begin_) / window_ * (1 - 1e-12))); }
+double Traces::index_of(double t) const {
+  return std::max(1., std::ceil((t - begin_) / window_ * (1 - 1e-12)));
+}
 
-// Windows up to the one that holds the end of the step. psi where one ends and the next begins belongs to both; it never
-// lies beyond both ends of the step, where slopes are stiff and the cubic means nothing.
+// Windows up to the one that holds the end of the step. psi where one ends and the next begins belongs to
+// both; it never lies beyond both ends of the step, where slopes are stiff and the cubic means nothing.
 void Traces::open_windows(const ObservedStep& step) {
   const double dt = step.t - step.t_before;
   widen_windows(step.t, dt);
@@ -211,11 +219,14 @@ void Traces::save(Checkpoint& checkpoint) const {
   }
   sum_over(model_.comm(), samples.data(), int(samples.size()));
   const std::size_t size = r.windows * count_;
-  for (const auto& [name, values] : {std::pair{"traces.low", r.low}, {"traces.high", r.high},
-                                     {"traces.passages", r.passages}, {"traces.passed", r.passed}})
+  for (const auto& [name, values] : {std::pair{"traces.low", r.low},
+                                     {"traces.high", r.high},
+                                     {"traces.passages", r.passages},
+                                     {"traces.passed", r.passed}})
     checkpoint.arrays[name].assign(values, values + size);
   checkpoint.arrays["traces.samples"] = samples;
-  checkpoint.arrays[seen_from(model_.scene(), "traces.windows")] = {begin_, window_, t_, last_dt_, double(r.windows)};
+  checkpoint.arrays[seen_from(model_.scene(), "traces.windows")] = {begin_, window_, t_, last_dt_,
+                                                                    double(r.windows)};
 }
 
 bool Traces::restore(const Checkpoint& checkpoint) {
@@ -226,8 +237,10 @@ bool Traces::restore(const Checkpoint& checkpoint) {
   const std::size_t own = places_.size();
   bool fits = windows <= most_windows && samples.size() == 6 * count_;
   if (fits) begin_windows(windows);
-  for (const auto& [name, part] : {std::pair{"traces.low", &low_}, {"traces.high", &high_},
-                                   {"traces.passages", &passages_}, {"traces.passed", &passed_}}) {
+  for (const auto& [name, part] : {std::pair{"traces.low", &low_},
+                                   {"traces.high", &high_},
+                                   {"traces.passages", &passages_},
+                                   {"traces.passed", &passed_}}) {
     const std::vector<double>& all = checkpoint.arrays.at(name);
     fits = fits && all.size() == windows * count_;
     if (!fits) throw std::runtime_error("its measurements do not fit the scene");

@@ -1,13 +1,14 @@
 // The motion at a few places of the grid from the beginning of a run to its end, in windows of time.
 //
-// At up to 128 nodes, spread evenly over the whole scene (of which the model may be one of several equal cells: then at
-// the same nodes of that cell), every accepted step is looked at: the least and the largest psi in each window
-// of time, how often psi passes its value in steady sliding upwards, and when it last did. Between two steps an
-// extremum, as psi where a window begins, is that of the cubic through the values and slopes at both, so that it does not
-// depend on where steps fall (error dt^4). The windows are equally long; when there are 128 of them they are joined in
-// pairs, so that the whole of a run stands in 64 to 128 windows, however many steps it takes; that of a run stopped long
-// before its end in half as many as it has taken steps, if these are fewer. Costs the same at any number of nodes; nothing is
-// communicated before record().
+// At up to 128 nodes, spread evenly over the whole scene (of which the model may be one of several equal
+// cells: then at the same nodes of that cell), every accepted step is looked at: the least and the largest
+// psi in each window of time, how often psi passes its value in steady sliding upwards, and when it last did.
+// Between two steps an extremum, as psi where a window begins, is that of the cubic through the values and
+// slopes at both, so that it does not depend on where steps fall (error dt^4). The windows are equally long;
+// when there are 128 of them they are joined in pairs, so that the whole of a run stands in 64 to 128
+// windows, however many steps it takes; that of a run stopped long before its end in half as many as it has
+// taken steps, if these are fewer. Costs the same at any number of nodes; nothing is communicated before
+// record().
 #pragma once
 
 #include <functional>
@@ -20,14 +21,15 @@
 
 namespace stickslip {
 
-// What was seen, window by window and place by place (value [window * places + place]); of forward * psi (forward.hpp).
+// What was seen, window by window and place by place (value [window * places + place]); of forward * psi
+// (forward.hpp).
 struct MotionRecord {
-  double begin = 0, window = 0, t = 0;      // of the first window; length of each; time reached
+  double begin = 0, window = 0, t = 0;  // of the first window; length of each; time reached
   std::size_t windows = 0, places = 0;
   const double *low = nullptr, *high = nullptr, *passages = nullptr;
-  const double* passed = nullptr;           // time of the last passage in the window, where there is one
-  std::vector<double> steady;               // psi in steady sliding at each place
-  std::vector<double> of_all_ranks;         // where there are several: what the pointers stand for
+  const double* passed = nullptr;    // time of the last passage in the window, where there is one
+  std::vector<double> steady;        // psi in steady sliding at each place
+  std::vector<double> of_all_ranks;  // where there are several: what the pointers stand for
 };
 
 class Traces {
@@ -68,10 +70,11 @@ class Traces {
   const Model& model_;
   double forward_, t_end_, begin_ = 0, window_ = 0, t_ = 0, last_dt_ = 0;
   bool started_ = false;
-  std::size_t count_ = 0;        // places on all ranks
-  std::size_t windows_ = 1;      // begun
-  std::vector<Place> places_;    // of this rank
-  std::vector<Sample> before_, now_, next_;  // of each: at the last step but one, at the last, at the one to be taken in
+  std::size_t count_ = 0;      // places on all ranks
+  std::size_t windows_ = 1;    // begun
+  std::vector<Place> places_;  // of this rank
+  // of each: at the last step but one, at the last, at the one to be taken in
+  std::vector<Sample> before_, now_, next_;
   std::vector<double> low_, high_, passages_, passed_;  // windows x places of this rank
 };
 

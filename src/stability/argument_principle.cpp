@@ -108,14 +108,15 @@ class Tree {
   }
 
  private:
-  // What counts as settled where the line is in so many maps: a product over m nodes carries round-off of some m
-  // epsilon, below which no shorter piece brings it.
+  // What counts as settled where the line is in so many maps: a product over m nodes carries round-off of
+  // some m epsilon, below which no shorter piece brings it.
   double settled_over(std::size_t maps) const {
-    return settled + 8 * std::numeric_limits<double>::epsilon() * double(rows_.last - rows_.first) / double(maps);
+    return settled +
+           8 * std::numeric_limits<double>::epsilon() * double(rows_.last - rows_.first) / double(maps);
   }
 
-  // Joins neighbours on ever shorter pieces until one map is left. Where the joined maps are settled on the whole
-  // piece, it is not halved.
+  // Joins neighbours on ever shorter pieces until one map is left. Where the joined maps are settled on the
+  // whole piece, it is not halved.
   void descend(const Piece& piece, Level level, int depth) {
     if (depth > 60) throw Unsettled();
     if (level.map.size() == 1) return finish(piece, level, depth);
@@ -201,14 +202,16 @@ class Tree {
     const Values f = determinant(level);
     const double size = largest(f);
     if (!(size > 0) || !std::isfinite(size)) throw Unsettled();
-    // Beside a zero round-off of the maps may outweigh what counts as settled: enough that the phase is known.
+    // Beside a zero round-off of the maps may outweigh what counts as settled: enough that the phase is
+    // known.
     double least = size;
     for (int t = 0; t < P; ++t) least = std::min(least, std::abs(f[t]));
     const double unsettled = last_coefficients(f);
-    const bool known =
-        unsettled <= 100 * settled_over(1) * size || ((level.noise > 1 || halvings > 5) && unsettled <= 1e-3 * least);
+    const bool known = unsettled <= 100 * settled_over(1) * size ||
+                       ((level.noise > 1 || halvings > 5) && unsettled <= 1e-3 * least);
     if (!settled_ends || !known) {
-      if (depth > 60 || std::abs(piece.to - piece.from) < 1e-13 * (1 + std::abs(piece.from))) throw Unsettled();
+      if (depth > 60 || std::abs(piece.to - piece.from) < 1e-13 * (1 + std::abs(piece.from)))
+        throw Unsettled();
       Level half[2];
       for (Level& side : half) side.map.resize(1);
       join_two_(&level.map[0], nullptr, &half[0].map[0], &half[1].map[0]);
@@ -243,8 +246,8 @@ void gather(MPI_Comm comm, PhaseTurn& result, std::size_t zeros) {
   SS_TRY(MPI_Allgather(&mine, 1, MPI_INT, counts.data(), 1, MPI_INT, comm));
   for (std::size_t k = 1; k < starts.size(); ++k) starts[k] = starts[k - 1] + counts[k - 1];
   std::vector<Complex> all(std::size_t(starts.back() + counts.back()) / 2);
-  SS_TRY(MPI_Allgatherv(result.zeros.data(), mine, MPI_DOUBLE, all.data(), counts.data(), starts.data(), MPI_DOUBLE,
-                        comm));
+  SS_TRY(MPI_Allgatherv(result.zeros.data(), mine, MPI_DOUBLE, all.data(), counts.data(), starts.data(),
+                        MPI_DOUBLE, comm));
   keep_rightmost(all, zeros);
   result.zeros = std::move(all);
 }
@@ -264,7 +267,8 @@ std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const LinearisedOperator& s
   const int parts = ranks == 1 ? 1 : 4 * ranks;
   try {
     for (int k = rank; k < parts; k += ranks) {
-      const Piece piece{from + (to - from) * (double(k) / parts), from + (to - from) * (double(k + 1) / parts)};
+      const Piece piece{from + (to - from) * (double(k) / parts),
+                        from + (to - from) * (double(k + 1) / parts)};
       Tree(s, result, zeros).follow(piece);
     }
   } catch (const Unsettled&) {

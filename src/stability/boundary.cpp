@@ -11,7 +11,8 @@
 namespace stickslip {
 
 std::optional<double> closed_form_velocity(const Scene& s) {
-  if (!s.same_friction() || s.friction.has_state() || s.friction.regularised || s.any_held()) return std::nullopt;
+  if (!s.same_friction() || s.friction.has_state() || s.friction.regularised || s.any_held())
+    return std::nullopt;
   if (s.massless()) return std::nullopt;  // sliding ends where it has no force of its own
   // damping A (B + F_psi) + s delta = 0
   const double v = Friction::of(s.friction)->velocity_of_slope(-(s.B() + s.s_delta() / s.A()));
@@ -27,7 +28,8 @@ std::string place_text(const GrowthRate& growth, double x, double y) {
 }
 
 // Tells of points where a mode crosses that the grid hardly carries.
-void note_short_waves(const GrowthRate& growth, const std::vector<Crossing>& points, std::vector<std::string>& notes) {
+void note_short_waves(const GrowthRate& growth, const std::vector<Crossing>& points,
+                      std::vector<std::string>& notes) {
   std::size_t count = 0;
   const Crossing* first = nullptr;
   for (const Crossing& c : points)
@@ -36,9 +38,10 @@ void note_short_waves(const GrowthRate& growth, const std::vector<Crossing>& poi
       if (!first) first = &c;
     }
   if (!first) return;
-  notes.push_back("at " + std::to_string(count) + " of " + std::to_string(points.size()) + " points (first: " +
-                  growth.axes()[0].name + " = " + number_text(first->value) + ", frequency " +
-                  rounded_text(first->frequency) + ") the mode that crosses is near the shortest wavelength that the "
+  notes.push_back("at " + std::to_string(count) + " of " + std::to_string(points.size()) +
+                  " points (first: " + growth.axes()[0].name + " = " + number_text(first->value) +
+                  ", frequency " + rounded_text(first->frequency) +
+                  ") the mode that crosses is near the shortest wavelength that the "
                   "grid resolves: a finer grid (grid_n) moves the boundary, by `error` or more");
 }
 
@@ -47,10 +50,11 @@ std::size_t counts_every(const GrowthRate& growth, std::size_t points) {
   return std::size_t(std::max(1., std::ceil(double(points) * growth.count_cost() / 2)));
 }
 
-// ---- one parameter ------------------------------------------------------------------------------------------------
+// ---- one parameter
+// ------------------------------------------------------------------------------------------------
 
-// The zero in a bracket. `counted`: on the place found the growing modes are counted; those that were missed are
-// sought, and the zero lies further on the stable side.
+// The zero in a bracket. `counted`: on the place found the growing modes are counted; those that were missed
+// are sought, and the zero lies further on the stable side.
 Crossing zero_between(GrowthRate& growth, Bracket bracket, bool counted) {
   for (int attempt = 0;; ++attempt) {
     const double x = find_root(growth, bracket, 1e-14);
@@ -66,8 +70,8 @@ Crossing zero_between(GrowthRate& growth, Bracket bracket, bool counted) {
   }
 }
 
-// What a grid of half the spacing changes of a root: its growth rate over the slope, which is taken on the side where it
-// is less.
+// What a grid of half the spacing changes of a root: its growth rate over the slope, which is taken on the
+// side where it is less.
 double grid_error(GrowthRate& growth, GrowthRate& fine, const Crossing& c) {
   const double step = 1e-6, there = fine(c.x);
   double slope = std::numeric_limits<double>::infinity();
@@ -80,8 +84,8 @@ struct Sample {
   double x, f;
 };
 
-// Samples in order, those that show a zero which G only touches, or two close together, among them: the least |G|
-// between samples of one sign.
+// Samples in order, those that show a zero which G only touches, or two close together, among them: the least
+// |G| between samples of one sign.
 std::vector<Sample> with_touching_zeros(GrowthRate& growth, const std::vector<Sample>& samples) {
   std::vector<Sample> result = samples;
   for (std::size_t k = 1; k + 1 < samples.size(); ++k) {
@@ -90,8 +94,8 @@ std::vector<Sample> with_touching_zeros(GrowthRate& growth, const std::vector<Sa
     if (std::abs(here) > std::abs(before) || std::abs(here) > std::abs(after)) continue;
     if (std::abs(here) > 2 * std::max(std::abs(before - here), std::abs(after - here))) continue;
     const double sign = here > 0 ? 1 : -1;
-    const Least least = find_least([&](double x) { return sign * growth(x); }, samples[k - 1].x, samples[k + 1].x, 1e-9,
-                                   [](double value) { return !(value > 0); });
+    const Least least = find_least([&](double x) { return sign * growth(x); }, samples[k - 1].x,
+                                   samples[k + 1].x, 1e-9, [](double value) { return !(value > 0); });
     if (least.value <= 1e-12)
       result.push_back({least.x, least.value <= 0 && least.value > -1e-12 ? 0 : sign * least.value});
   }
@@ -127,7 +131,8 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
       roots.push_back(c);
     else
       findings.notes.push_back("the growth rate jumps through zero at " + growth.axes()[0].name + " = " +
-                               number_text(c.value) + ", where a mode enters or leaves what the grid resolves: no "
+                               number_text(c.value) +
+                               ", where a mode enters or leaves what the grid resolves: no "
                                "boundary");
   }
   for (Crossing& c : roots) c.criticality = growth.criticality(c);
@@ -137,12 +142,13 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
   return roots;
 }
 
-// ---- two parameters -----------------------------------------------------------------------------------------------
+// ---- two parameters
+// -----------------------------------------------------------------------------------------------
 
 namespace {
 
-// The growth rate on a lattice over the box. In blocks of places the modes found at the first are followed through the
-// others; it is counted there. `block`: their side.
+// The growth rate on a lattice over the box. In blocks of places the modes found at the first are followed
+// through the others; it is counted there. `block`: their side.
 Lattice sampled_lattice(GrowthRate& growth, int cells, int block) {
   Lattice lattice{cells, std::vector<double>(std::size_t((cells + 1) * (cells + 1)))};
   growth.count_every(2);
@@ -183,9 +189,10 @@ std::vector<CurvePiece> trace(GrowthRate& growth, PetscInt points, BoundaryFindi
                              " is too small or too near the border to follow");
   for (const CurvePiece& piece : curve.pieces)
     for (const PlanePoint& p : piece.stuck)
-      findings.notes.push_back("the curve stops inside the box at " + place_text(growth, p.x, p.y) +
-                               ": no way on there (a point where modes of several kinds meet, or no steady sliding "
-                               "beyond)");
+      findings.notes.push_back(
+          "the curve stops inside the box at " + place_text(growth, p.x, p.y) +
+          ": no way on there (a point where modes of several kinds meet, or no steady sliding "
+          "beyond)");
   curve.pieces.erase(std::remove_if(curve.pieces.begin(), curve.pieces.end(),
                                     [](const CurvePiece& piece) { return piece.points.size() < 2; }),
                      curve.pieces.end());
@@ -196,7 +203,8 @@ std::vector<CurvePiece> trace(GrowthRate& growth, PetscInt points, BoundaryFindi
 class Placing {
  public:
   Placing(GrowthRate& growth, std::optional<GrowthRate> reduced, std::size_t points)
-      : growth_(growth), reduced_(std::move(reduced)), fine_(growth.finer()), every_(counts_every(growth, points)) {
+      : growth_(growth), reduced_(std::move(reduced)), fine_(growth.finer()),
+        every_(counts_every(growth, points)) {
     growth_.count_every(0);
     if (fine_) fine_->count_every(0);
   }
@@ -224,8 +232,8 @@ class Placing {
   }
 
  private:
-  // Counts at a point where it is due or a mode was lost, and places it again where the count finds a mode that was not
-  // followed. Whether it did.
+  // Counts at a point where it is due or a mode was lost, and places it again where the count finds a mode
+  // that was not followed. Whether it did.
   bool count(const CurvePlace& at, Crossing& c, bool due) {
     const bool lost = growth_.doubtful();
     bool missed = false;
@@ -274,13 +282,13 @@ class Placing {
 
   GrowthRate& growth_;
   std::optional<GrowthRate> reduced_, fine_;
-  std::size_t every_;                   // of the points are counted
-  std::optional<PlanePoint> hinted_;    // where modes of the reduced scene were taken up last
-  double slope_ = 0;                    // of the growth rate across the curve at the last point
+  std::size_t every_;                 // of the points are counted
+  std::optional<PlanePoint> hinted_;  // where modes of the reduced scene were taken up last
+  double slope_ = 0;                  // of the growth rate across the curve at the last point
 };
 
-// The point of the curve beside the chord from one point to a neighbour, so far along it (0 to 1); nothing where there is
-// none near.
+// The point of the curve beside the chord from one point to a neighbour, so far along it (0 to 1); nothing
+// where there is none near.
 std::optional<Crossing> point_between(GrowthRate& growth, const Crossing& a, const Crossing& b, double part) {
   const PlaneFunction f = [&](double x, double y) { return growth(x, y); };
   const PlanePoint at{a.x + part * (b.x - a.x), a.y + part * (b.y - a.y)};
@@ -292,8 +300,8 @@ std::optional<Crossing> point_between(GrowthRate& growth, const Crossing& a, con
   return growth.crossing(on.at.x, on.at.y);
 }
 
-// The place between two neighbouring points of the curve where the first Lyapunov coefficient passes through zero;
-// nothing where its sign changes otherwise: through infinity, or by a jump as another mode takes over.
+// The place between two neighbouring points of the curve where the first Lyapunov coefficient passes through
+// zero; nothing where its sign changes otherwise: through infinity, or by a jump as another mode takes over.
 std::optional<Crossing> bautin_point(GrowthRate& growth, const Crossing& a, const Crossing& b) {
   const double before = a.criticality.coefficient, after = b.criticality.coefficient;
   if (!(before * after < 0)) return std::nullopt;
@@ -312,9 +320,10 @@ std::optional<Crossing> bautin_point(GrowthRate& growth, const Crossing& a, cons
   return last;
 }
 
-// The place between two neighbouring points of the curve where another mode takes over, by halving; the point there has
-// the mode of the second. Nothing where their frequencies are alike, or where that of one mode changes steadily from
-// one to the other: then it comes to be the same at both ends of what is left, while a jump stays.
+// The place between two neighbouring points of the curve where another mode takes over, by halving; the point
+// there has the mode of the second. Nothing where their frequencies are alike, or where that of one mode
+// changes steadily from one to the other: then it comes to be the same at both ends of what is left, while a
+// jump stays.
 std::optional<Crossing> meeting(GrowthRate& growth, Crossing a, Crossing b) {
   const double scale = std::max(a.frequency, b.frequency), other = 0.3 * scale, same = 1e-3 * scale;
   const auto apart = [](const Crossing& p, const Crossing& q) { return std::abs(p.frequency - q.frequency); };
@@ -358,10 +367,12 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Bounda
   }
   note_short_waves(growth, result, findings.notes);
   if (symmetric > 0)
-    findings.notes.push_back("the curve ends where model_k0 = 0: the mode that crosses becomes the symmetry of sliding "
-                             "at any velocity (lambda = 0)");
+    findings.notes.push_back(
+        "the curve ends where model_k0 = 0: the mode that crosses becomes the symmetry of sliding "
+        "at any velocity (lambda = 0)");
   if (jumps > 0)
-    findings.notes.push_back(std::to_string(jumps) + " points of the curve are left out: the growth rate jumps through "
+    findings.notes.push_back(std::to_string(jumps) +
+                             " points of the curve are left out: the growth rate jumps through "
                              "zero there, where a mode enters or leaves what the grid resolves");
   return result;
 }

@@ -61,7 +61,8 @@ double short_wave_growth(const LinearisedOperator& s) {
   }
   for (std::size_t i = 0; i < s.size(); ++i) {
     // a held end has no unknown: its half of an interval goes to the node beside it
-    const double extra = !s.scene.ring() && s.coupling.weight[i] == 1 && (i == 0 || i + 1 == s.size()) ? 0.5 : 0;
+    const double extra =
+        !s.scene.ring() && s.coupling.weight[i] == 1 && (i == 0 || i + 1 == s.size()) ? 0.5 : 0;
     sum += (s.coupling.weight[i] + extra) * s.point(i).damping();
     length += s.coupling.weight[i] + extra;
     if (s.has_state()) growth = std::max(growth, -s.point(i).r());

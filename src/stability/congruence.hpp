@@ -9,10 +9,11 @@ namespace stickslip::stretches {
 
 using namespace chebyshev;
 
-// The stencil of half-width b on the nodes of a line, in units of K1/h^2: S = -D2 + eps_i. Its wide part is taken off
-// by the congruence S = U M U^T, M tridiagonal and U unit upper triangular with b - 1 diagonals above, row by row from
-// the right: what came before fades by a constant factor at every row, as the stencil's own solutions do. With
-// t = U^T 1 and z = U^-1 eps the rows of diag(t) M diag(t) sum to t_k z_k, small and free of cancellation.
+// The stencil of half-width b on the nodes of a line, in units of K1/h^2: S = -D2 + eps_i. Its wide part is
+// taken off by the congruence S = U M U^T, M tridiagonal and U unit upper triangular with b - 1 diagonals
+// above, row by row from the right: what came before fades by a constant factor at every row, as the
+// stencil's own solutions do. With t = U^T 1 and z = U^-1 eps the rows of diag(t) M diag(t) sum to t_k z_k,
+// small and free of cancellation.
 constexpr int widest = 4;  // half-width, of the stencil of order 8
 struct Row {
   Values u[widest];   // u[m] = U_{i,i+m}, u[0] unused
@@ -95,8 +96,8 @@ class Sweep {
   std::array<Row, 8> row_;
 };
 
-// Rows after which a start of the sweep is forgotten to all digits, by half-width (the stencils' own solutions fade by
-// 0.07 a node at order 4, 0.1 at 6, 0.13 at 8, where the waves do not fade).
+// Rows after which a start of the sweep is forgotten to all digits, by half-width (the stencils' own
+// solutions fade by 0.07 a node at order 4, 0.1 at 6, 0.13 at 8, where the waves do not fade).
 constexpr int rows_to_forget[widest] = {0, 16, 18, 22};
 
 }  // namespace stickslip::stretches

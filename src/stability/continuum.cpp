@@ -22,7 +22,9 @@ double last_that_may_lead(const LinearPoint& medium) {
 }  // namespace
 
 double unit_frequency(const LinearisedOperator& s) { return s.rate_of(s.K0 > 0 ? s.K0 : s.K1) + 1e-300; }
-double damping_scale(const LinearisedOperator& s) { return s.scene.massless() ? 0 : std::abs(s.mean().damping()); }
+double damping_scale(const LinearisedOperator& s) {
+  return s.scene.massless() ? 0 : std::abs(s.mean().damping());
+}
 
 std::optional<ContinuumLead> continuum_lead(const LinearisedOperator& s) {
   if (s.scene.form != Form::continuum || !s.uniform || s.size() == 0) return std::nullopt;
@@ -36,8 +38,10 @@ std::optional<ContinuumLead> continuum_lead(const LinearisedOperator& s) {
   best.growth = -infinite;
   const auto offer = [&](double k, Complex value) {
     const double ahead = value.real() - best.growth;
-    if (ahead > level) best = {value.real(), value.imag(), k, false};
-    else if (ahead > -level && k != best.wavenumber) best.degenerate = true;
+    if (ahead > level)
+      best = {value.real(), value.imag(), k, false};
+    else if (ahead > -level && k != best.wavenumber)
+      best.degenerate = true;
   };
   const std::int64_t lead = between ? fastest_wave(medium, waves, level)->index : 0;
   for (const std::int64_t j : {lead, lead + 1})  // the second only to tell whether the first is alone

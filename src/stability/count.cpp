@@ -77,7 +77,8 @@ std::optional<long> count_directly(const LinearisedOperator& s, double a, double
   const auto nothing = [](Complex, double) {};
   follow({right, height}, pieces, nothing);
   follow({a, height}, pieces, nothing);
-  std::vector<std::pair<double, double>> line;  // (frequency, turn) down the line, where the eigenvalues are near
+  // (frequency, turn) down the line, where the eigenvalues are near
+  std::vector<std::pair<double, double>> line;
   follow(a, 4 * pieces, [&](Complex z, double turn) { line.emplace_back(z.imag(), turn); });
   if (phase.failed()) return std::nullopt;
   const double count = total / M_PI;
@@ -100,10 +101,11 @@ std::optional<long> count_directly(const LinearisedOperator& s, double a, double
   return std::lround(count);
 }
 
-// ---- long lines ---------------------------------------------------------------------------------------------------
+// ---- long lines
+// ---------------------------------------------------------------------------------------------------
 
-// Right of this S/lambda has a positive real part, at least Re lambda/A + beta - |q|/(Re lambda + r), where D2 is
-// symmetric; or is diagonally dominant.
+// Right of this S/lambda has a positive real part, at least Re lambda/A + beta - |q|/(Re lambda + r), where
+// D2 is symmetric; or is diagonally dominant.
 double right_of_all(const LinearisedOperator& s) {
   if (!s.symmetric()) return 1.01 * s.imaginary_bound();
   double x = 1e-3 * s.rate_of(s.K0 + s.K1) + 1e-300;
@@ -124,8 +126,9 @@ double phase_right(const LinearisedOperator& s, Complex lambda) {
   return phase;
 }
 
-// The turn of the phase of det S from one place to another, both well to the right of all eigenvalues, by its pivots,
-// each followed in steps over which it changes by less than half. Empty where that takes too many steps.
+// The turn of the phase of det S from one place to another, both well to the right of all eigenvalues, by its
+// pivots, each followed in steps over which it changes by less than half. Empty where that takes too many
+// steps.
 std::optional<double> follow_pivots(const LinearisedOperator& s, Complex from, Complex to) {
   BandLU lu;
   const auto pivots = [&](Complex lambda) {
@@ -161,7 +164,8 @@ std::optional<long> count_by_tree(MPI_Comm comm, const LinearisedOperator& s, do
                                   std::vector<Complex>& where) {
   const double right = right_of_all(s), spacing = s.spacing();
   if (a >= right) return 0;
-  // Far to the right waves decay between the nodes like the stencil's own solutions: the tree begins further left.
+  // Far to the right waves decay between the nodes like the stencil's own solutions: the tree begins further
+  // left.
   const double begin = std::max(a, std::min(right, 0.3 * s.rate_of(s.K1) / spacing));
   const std::optional<double> far = begin < right ? follow_pivots(s, {right, height}, {begin, height}) : 0;
   if (!far) return std::nullopt;
@@ -179,14 +183,15 @@ std::optional<long> count_by_tree(MPI_Comm comm, const LinearisedOperator& s, do
 
 }  // namespace
 
-std::optional<long> count_right(MPI_Comm comm, const LinearisedOperator& s, double a, double height, double effort,
-                                std::vector<Complex>* where) {
+std::optional<long> count_right(MPI_Comm comm, const LinearisedOperator& s, double a, double height,
+                                double effort, std::vector<Complex>* where) {
   const double node_cost = 12;  // of the tree at every halving, in determinants of a node
   const double n = double(s.size());
   std::vector<Complex> places;
   std::optional<long> count;
   if (n * std::log2(n) * node_cost <= effort) count = count_by_tree(comm, s, a, height, places);
-  // Right of this there is nothing, and the phase turns slowly there: half as far away again as the box is high.
+  // Right of this there is nothing, and the phase turns slowly there: half as far away again as the box is
+  // high.
   if (!count && 120 * n * n <= effort)
     count = count_directly(s, a, std::max(s.real_bound(), a) + 0.5 * height, height, places);
   if (where) *where = std::move(places);

@@ -32,8 +32,10 @@ Coupling::Coupling(const Scene& s) : folded_(s.ring()) {
         terms_.push_back({std::size_t(g + j - before), -scale * w[std::size_t(std::abs(j))]});
     } else {
       for (const auto& [column, value] : second_difference_row(s, g)) {
-        if (is_held(column)) row_sum_[i] += value;
-        else terms_.push_back({std::size_t(column - before), -value});
+        if (is_held(column))
+          row_sum_[i] += value;
+        else
+          terms_.push_back({std::size_t(column - before), -value});
       }
     }
     close_row();
@@ -57,8 +59,10 @@ Coupling Coupling::segment(std::size_t first, std::size_t count) const {
   part.symmetric = symmetric;
   for (std::size_t i = 0; i < count; ++i) {
     for (const Term& t : row(first + i)) {
-      if (t.column < first || t.column >= first + count) part.row_sum_[i] -= t.value;
-      else part.terms_.push_back({t.column - first, t.value});
+      if (t.column < first || t.column >= first + count)
+        part.row_sum_[i] -= t.value;
+      else
+        part.terms_.push_back({t.column - first, t.value});
     }
     part.close_row();
   }
@@ -96,8 +100,10 @@ void Coupling::add_to(BandLU& lu, Complex factor) const {
 void Coupling::solve(const BandLU& lu, std::vector<Complex>& b, bool transposed) const {
   std::vector<Complex> ordered(size());
   for (std::size_t i = 0; i < size(); ++i) ordered[position(i)] = b[i];
-  if (transposed) lu.solve_transposed(ordered.data());
-  else lu.solve(ordered.data());
+  if (transposed)
+    lu.solve_transposed(ordered.data());
+  else
+    lu.solve(ordered.data());
   for (std::size_t i = 0; i < size(); ++i) b[i] = ordered[position(i)];
 }
 

@@ -43,7 +43,9 @@ class NodeForms {
   HigherPartials d_;
 };
 
-Complex dot(const NodeVector& x, const NodeVector& y) { return x.psi * y.psi + x.eta * y.eta + x.state * y.state; }
+Complex dot(const NodeVector& x, const NodeVector& y) {
+  return x.psi * y.psi + x.eta * y.eta + x.state * y.state;
+}
 NodeVector conjugate(const NodeVector& x) { return {std::conj(x.psi), std::conj(x.eta), std::conj(x.state)}; }
 NodeVector times(Complex f, const NodeVector& x) { return {f * x.psi, f * x.eta, f * x.state}; }
 void add(NodeVector& sum, Complex f, const NodeVector& x) {
@@ -56,7 +58,7 @@ void add(NodeVector& sum, Complex f, const NodeVector& x) {
 struct Line {
   double omega;
   std::vector<NodeForms> forms;
-  Vector q, left;  // right and left vector of i omega
+  Vector q, left;      // right and left vector of i omega
   double largest = 0;  // |psi|^2 of q at the node that moves most
   virtual Vector solve(Complex lambda, const Vector& b) const = 0;  // (lambda - J)^-1 b
   virtual ~Line() = default;
@@ -123,13 +125,13 @@ class WaveBlock {
   bool state_;
 };
 
-// A wave in a medium alike everywhere, at points even over one wavelength: enough of them that no product of three waves
-// is mistaken for another, or, where the wavelength is a few nodes, the nodes.
+// A wave in a medium alike everywhere, at points even over one wavelength: enough of them that no product of
+// three waves is mistaken for another, or, where the wavelength is a few nodes, the nodes.
 class WaveLine : public Line {
  public:
   // The shape at a point is wave(2 pi (point + shift)/points).
-  WaveLine(const LinearisedOperator& J, const NodeForms& form, double frequency, double k, bool continuum, int points,
-           double shift, bool travelling)
+  WaveLine(const LinearisedOperator& J, const NodeForms& form, double frequency, double k, bool continuum,
+           int points, double shift, bool travelling)
       : J_(J), k_(k), continuum_(continuum) {
     omega = frequency;
     const WaveBlock block(J.point(0), symbol(k), Complex(0, omega));
@@ -149,7 +151,8 @@ class WaveLine : public Line {
   }
 
   Vector solve(Complex lambda, const Vector& b) const override {
-    // Nothing pulls back the uniform part where K0 = 0: its solution is the limit lambda -> 0, at which eta stays.
+    // Nothing pulls back the uniform part where K0 = 0: its solution is the limit lambda -> 0, at which eta
+    // stays.
     if (lambda == 0.) lambda = 1e-100;
     const int n = int(b.size());
     Vector y(b.size());
@@ -208,8 +211,8 @@ class WholeLine : public Line {
   const LinearisedOperator& J_;
 };
 
-// Nodes after which a wave of the grid repeats itself, if that is so few that products of three are one another's like;
-// else more points than any such product needs.
+// Nodes after which a wave of the grid repeats itself, if that is so few that products of three are one
+// another's like; else more points than any such product needs.
 int points_of(const LinearisedOperator& J, double k, bool continuum) {
   constexpr int enough = 8;
   if (k == 0) return 1;
@@ -263,14 +266,16 @@ std::vector<NodeForms> forms_of(const SteadySliding& steady, const LinearisedOpe
   for (std::size_t i = 0; i < count; ++i) {
     const auto node = std::size_t(J.coupling.node[i]);
     const double state = steady.state.empty() ? 0 : steady.state[node];
-    forms.emplace_back(J.point(i), amplitude[node], friction[PetscInt(node)].higher_partials(steady.psi[node], state));
+    forms.emplace_back(J.point(i), amplitude[node],
+                       friction[PetscInt(node)].higher_partials(steady.psi[node], state));
   }
   return forms;
 }
 
 }  // namespace
 
-Criticality criticality(const SteadySliding& steady, const LinearisedOperator& J, const Mode& mode, bool continuum) {
+Criticality criticality(const SteadySliding& steady, const LinearisedOperator& J, const Mode& mode,
+                        bool continuum) {
   Criticality c;
   if (!(mode.value.imag() > 0)) {
     c.why_not = "the mode does not oscillate";

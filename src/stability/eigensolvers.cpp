@@ -35,7 +35,8 @@ std::vector<Complex> velocities_of(const LinearisedOperator& s, Vec re, Vec im, 
 
 }  // namespace
 
-// ---- dense --------------------------------------------------------------------------------------------------------
+// ---- dense
+// --------------------------------------------------------------------------------------------------------
 
 std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
   const PetscInt n = PetscInt(s.size() * s.dof());
@@ -74,7 +75,8 @@ std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
   return modes;
 }
 
-// ---- krylov -------------------------------------------------------------------------------------------------------
+// ---- krylov
+// -------------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -84,7 +86,8 @@ struct ShiftedInverse {
   BandLU lu;
 };
 
-// y = Re (J - sigma)^-1 x: real, with the eigenvectors of J, largest for eigenvalues near sigma and its conjugate.
+// y = Re (J - sigma)^-1 x: real, with the eigenvectors of J, largest for eigenvalues near sigma and its
+// conjugate.
 PetscErrorCode apply_shifted_inverse(Mat M, Vec x, Vec y) {
   return guarded([&] {
     ShiftedInverse* op = nullptr;
@@ -92,7 +95,8 @@ PetscErrorCode apply_shifted_inverse(Mat M, Vec x, Vec y) {
     const Reading in(x);
     const Writing out(y);
     const std::size_t n = op->J.size() * op->J.dof();
-    const std::vector<Complex> image = op->J.resolvent(op->sigma, op->lu, std::vector<Complex>(in + 0, in + n));
+    const std::vector<Complex> image =
+        op->J.resolvent(op->sigma, op->lu, std::vector<Complex>(in + 0, in + n));
     for (std::size_t i = 0; i < n; ++i) out[i] = image[i].real();
   });
 }

@@ -49,7 +49,8 @@ double EnergyNorm::norm(const Vector& x) const { return std::sqrt(std::max(0., i
 namespace {
 
 // The largest eigenvalue of a symmetric tridiagonal matrix, and its eigenvector.
-double largest_ritz(const std::vector<double>& diagonal, const std::vector<double>& beside, std::vector<double>& vector) {
+double largest_ritz(const std::vector<double>& diagonal, const std::vector<double>& beside,
+                    std::vector<double>& vector) {
   const std::size_t m = diagonal.size();
   std::vector<double> T(m * m, 0.), values(m), work(8 * m);
   for (std::size_t i = 0; i < m; ++i) {
@@ -66,7 +67,8 @@ double largest_ritz(const std::vector<double>& diagonal, const std::vector<doubl
 
 }  // namespace
 
-double EnergyNorm::norm(const Map& forward, const Map& transposed, Vector& start, double tolerance, int most) const {
+double EnergyNorm::norm(const Map& forward, const Map& transposed, Vector& start, double tolerance,
+                        int most) const {
   std::vector<Vector> basis, images;  // M-orthonormal, and M times them
   std::vector<double> diagonal, beside, ritz;
   Vector x = start;
@@ -155,7 +157,8 @@ double band_abscissa(const LinearisedOperator& J) {
   return last_place(beyond, high, low, 1e-10 * (unit + std::abs(low)));
 }
 
-// ---- the resolvent ------------------------------------------------------------------------------------------------
+// ---- the resolvent
+// ------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -169,12 +172,12 @@ double resolvent_norm_with(const LinearisedOperator& J, const EnergyNorm& energy
   std::vector<Complex> x = any_vector(J.size() * J.dof(), false);
   // J is real: the adjoint at z is the conjugate of the transposed at z
   return energy.norm([&](const auto& v) { return J.resolvent(z, lu, v); },
-                     [&](const auto& v) { return conjugated(J.resolvent_transposed(z, lu, conjugated(v))); }, x, 1e-4,
-                     40);
+                     [&](const auto& v) { return conjugated(J.resolvent_transposed(z, lu, conjugated(v))); },
+                     x, 1e-4, 40);
 }
 
-// The same where waves are exact, in closed form: the largest over the waves of the norm of a 2x2 matrix, in the energy's
-// own unknowns sqrt(K/A) p and e. A state makes it 3x3, which is left to the iteration.
+// The same where waves are exact, in closed form: the largest over the waves of the norm of a 2x2 matrix, in
+// the energy's own unknowns sqrt(K/A) p and e. A state makes it 3x3, which is left to the iteration.
 class WaveNorms {
  public:
   explicit WaveNorms(const LinearisedOperator& J) {

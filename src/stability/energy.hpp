@@ -11,7 +11,8 @@ namespace stickslip {
 // Whether there is such a norm.
 bool has_energy(const LinearisedOperator& J);
 
-// The energy's matrix M = diag(W K/A, W, W), unknowns of a node together; it is applied and inverted by its blocks.
+// The energy's matrix M = diag(W K/A, W, W), unknowns of a node together; it is applied and inverted by its
+// blocks.
 class EnergyNorm {
  public:
   using Vector = std::vector<Complex>;
@@ -22,8 +23,8 @@ class EnergyNorm {
   Vector apply(const Vector& x) const;  // M x
   Vector solve(const Vector& x) const;  // M^-1 x
   double norm(const Vector& x) const;
-  // The norm of a linear map given with its transpose (conjugated), by Lanczos' iteration on their product, of at most
-  // `most` steps; `start` is the first vector and becomes the right singular vector.
+  // The norm of a linear map given with its transpose (conjugated), by Lanczos' iteration on their product,
+  // of at most `most` steps; `start` is the first vector and becomes the right singular vector.
   double norm(const Map& forward, const Map& transposed, Vector& start, double tolerance, int most) const;
 
  private:
@@ -34,8 +35,8 @@ class EnergyNorm {
 // A vector that favours no wave and no place, the same in every run.
 std::vector<Complex> any_vector(std::size_t n, bool real);
 
-// The numerical abscissa: the largest eigenvalue mu of H x = mu M x, H = (M J + J^T M)/2, by halving to 1e-10 of the
-// frequencies: mu M - H is positive definite for every mu beyond it.
+// The numerical abscissa: the largest eigenvalue mu of H x = mu M x, H = (M J + J^T M)/2, by halving to 1e-10
+// of the frequencies: mu M - H is positive definite for every mu beyond it.
 double band_abscissa(const LinearisedOperator& J);
 
 }  // namespace stickslip

@@ -17,8 +17,10 @@ std::int64_t Waves::first_beyond(double kappa2_from, std::int64_t from) const {
   std::int64_t low = from, high = count;
   while (low < high) {
     const std::int64_t middle = low + (high - low) / 2;
-    if (kappa2(middle) < kappa2_from) low = middle + 1;
-    else high = middle;
+    if (kappa2(middle) < kappa2_from)
+      low = middle + 1;
+    else
+      high = middle;
   }
   return low;
 }
@@ -65,7 +67,8 @@ double resolved_wavenumber(int order, double h) {
 }
 
 bool slides_at_v(const Scene& s) {
-  return !(s.left == End::velocity && s.left_value != s.v) && !(s.right == End::velocity && s.right_value != s.v);
+  return !(s.left == End::velocity && s.left_value != s.v) &&
+         !(s.right == End::velocity && s.right_value != s.v);
 }
 
 std::optional<LinearPoint> sliding_medium(const Scene& s) {
@@ -87,7 +90,8 @@ std::optional<Complex> rightmost_root(const LinearPoint& medium, double kappa2) 
   } else {  // the root 0 left out
     const auto [c2, c1, c0] = medium.characteristic(kappa2);
     if (medium.massless() && medium.has_state) roots = {Complex(-c1)};
-    if (!medium.massless()) roots = medium.has_state ? polynomial_roots({1, c2, c1}) : std::vector<Complex>{Complex(-c2)};
+    if (!medium.massless())
+      roots = medium.has_state ? polynomial_roots({1, c2, c1}) : std::vector<Complex>{Complex(-c2)};
   }
   std::optional<Complex> best;
   for (const Complex& z : roots)
@@ -128,9 +132,12 @@ class FasterThan {
     const auto line = [](double a, double b) { return Line{a, b - a}; };
     const Line c2 = line(low.c2, high.c2), c1 = line(low.c1, high.c1), c0 = line(low.c0, high.c0);
     const int degree = (medium.massless() ? 1 : 2) + (medium.has_state ? 1 : 0);
-    if (degree == 3) c_ = {c2, c1, c0};
-    else if (degree == 2) c_ = medium.massless() ? std::vector<Line>{c1, c0} : std::vector<Line>{c2, c1};
-    else c_ = {c1};
+    if (degree == 3)
+      c_ = {c2, c1, c0};
+    else if (degree == 2)
+      c_ = medium.massless() ? std::vector<Line>{c1, c0} : std::vector<Line>{c2, c1};
+    else
+      c_ = {c1};
   }
 
   double growth(std::int64_t j) const {
@@ -146,7 +153,8 @@ class FasterThan {
       const Line c = c_[2] + c_[1] * sigma + c_[0] * (sigma * sigma) + sigma * sigma * sigma;
       add_root(a, places);
       add_root(c, places);
-      add_roots(a.slope * b.slope, a.at0 * b.slope + a.slope * b.at0 - c.slope, a.at0 * b.at0 - c.at0, places);
+      add_roots(a.slope * b.slope, a.at0 * b.slope + a.slope * b.at0 - c.slope, a.at0 * b.at0 - c.at0,
+                places);
     } else if (c_.size() == 2) {
       add_root(c_[0] + 2 * sigma, places);
       add_root(c_[1] + c_[0] * sigma + sigma * sigma, places);
@@ -157,7 +165,9 @@ class FasterThan {
     std::vector<std::array<std::int64_t, 2>> found;
     std::int64_t begin = from_;
     for (const double t : places) {
-      const std::int64_t end = !(t > 0) ? from_ : t >= 1 ? waves_.count : waves_.first_beyond(t * largest_, from_);
+      const std::int64_t end = !(t > 0) ? from_
+                               : t >= 1 ? waves_.count
+                                        : waves_.first_beyond(t * largest_, from_);
       if (end > begin) found.push_back({begin, end});
       begin = std::max(begin, end);
     }
@@ -170,12 +180,14 @@ class FasterThan {
   const Waves& waves_;
   std::int64_t from_;
   double largest_;
-  std::vector<Line> c_;  // of the polynomial in lambda, the leading 1 left out, over kappa^2 in parts of the largest
+  // of the polynomial in lambda, the leading 1 left out, over kappa^2 in parts of the largest
+  std::vector<Line> c_;
 };
 
 }  // namespace
 
-std::optional<FastestWave> fastest_wave(const LinearPoint& medium, const Waves& waves, double level, std::int64_t from) {
+std::optional<FastestWave> fastest_wave(const LinearPoint& medium, const Waves& waves, double level,
+                                        std::int64_t from) {
   if (from >= waves.count) return std::nullopt;
   const FasterThan search(medium, waves, from);
   std::int64_t best = from;
@@ -198,7 +210,9 @@ std::optional<FastestWave> fastest_wave(const LinearPoint& medium, const Waves& 
   }
   if (!std::isfinite(most)) return std::nullopt;
   FastestWave found;
-  const auto alike = [&](std::int64_t j) { return j >= from && j < waves.count && search.growth(j) >= most - level; };
+  const auto alike = [&](std::int64_t j) {
+    return j >= from && j < waves.count && search.growth(j) >= most - level;
+  };
   const auto near_best = search.stretches(most - level);
   found.index = best;
   for (const auto& [a, b] : near_best)

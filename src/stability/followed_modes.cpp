@@ -15,7 +15,8 @@ double count_margin(const LinearisedOperator& s, double frequency, double part) 
 
 double same_growth(const LinearisedOperator& s) { return same_growth(s.mean()); }
 
-// ---- one mode -----------------------------------------------------------------------------------------------------
+// ---- one mode
+// -----------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -55,11 +56,14 @@ bool follow_one(const LinearisedOperator& s, FollowedMode& f) {
 }
 
 // What a count may cost, in node evaluations.
-double count_effort(const LinearisedOperator& s) { return 2e6 + 400 * double(s.size()) * std::log2(double(s.size())); }
+double count_effort(const LinearisedOperator& s) {
+  return 2e6 + 400 * double(s.size()) * std::log2(double(s.size()));
+}
 
 }  // namespace
 
-// ---- several ------------------------------------------------------------------------------------------------------
+// ---- several
+// ------------------------------------------------------------------------------------------------------
 
 double FollowedModes::count_height(const LinearisedOperator& s) const {
   const double bound = 1.01 * s.imaginary_bound();
@@ -94,9 +98,8 @@ void FollowedModes::keep_rightmost(const LinearisedOperator& s, std::vector<Foll
   for (FollowedMode& f : all) {
     if (modes_.size() == 5) break;
     const double value = f.mode.value.real();
-    if (std::count_if(modes_.begin(), modes_.end(), [&](const FollowedMode& o) {
-          return o.mode.value.real() - value <= alike;
-        }) >= 2)
+    if (std::count_if(modes_.begin(), modes_.end(),
+                      [&](const FollowedMode& o) { return o.mode.value.real() - value <= alike; }) >= 2)
       continue;
     if (f.left.empty()) f.left = left_vector(s, f.mode);
     modes_.push_back(std::move(f));
@@ -150,8 +153,10 @@ std::optional<LeadingMode> FollowedModes::follow(const LinearisedOperator& s) {
   for (std::size_t k = 0; k < modes_.size(); ++k) {
     if (modes_[k].mode.psi.size() != s.size()) return std::nullopt;
     const auto value = stationary_value(s, modes_[k].mode, modes_[k].left);
-    if (value) guesses.push_back({k, value->real(), std::abs(*value - modes_[k].mode.value)});
-    else lost[k] = 1;
+    if (value)
+      guesses.push_back({k, value->real(), std::abs(*value - modes_[k].mode.value)});
+    else
+      lost[k] = 1;
   }
   std::sort(guesses.begin(), guesses.end(), [](const Guess& a, const Guess& b) { return a.value > b.value; });
   const FollowedMode* best = nullptr;
@@ -168,8 +173,10 @@ std::optional<LeadingMode> FollowedModes::follow(const LinearisedOperator& s) {
     if (best) {
       const double apart = std::abs(f.mode.value - best->mode.value);
       const double ahead = f.mode.value.real() - best->mode.value.real();
-      if (std::abs(ahead) <= level && apart > 1e3 * level) degenerate = true;
-      else if (ahead > level) degenerate = false;
+      if (std::abs(ahead) <= level && apart > 1e3 * level)
+        degenerate = true;
+      else if (ahead > level)
+        degenerate = false;
       if (ahead <= 0) continue;
     }
     best = &f;
@@ -189,21 +196,25 @@ LeadingMode FollowedModes::leading(const LinearisedOperator& s) const {
   LeadingMode best{modes_[leader_].mode, false};
   const double level = same_growth(s);
   for (const FollowedMode& f : modes_)
-    if (best.mode.value.real() - f.mode.value.real() <= level && std::abs(f.mode.value - best.mode.value) > 1e3 * level)
+    if (best.mode.value.real() - f.mode.value.real() <= level &&
+        std::abs(f.mode.value - best.mode.value) > 1e3 * level)
       best.degenerate = true;
   return best;
 }
 
-// ---- those that are missing ---------------------------------------------------------------------------------------
+// ---- those that are missing
+// ---------------------------------------------------------------------------------------
 
-std::optional<long> FollowedModes::count(const LinearisedOperator& s, double a, std::vector<Complex>* where) const {
+std::optional<long> FollowedModes::count(const LinearisedOperator& s, double a,
+                                         std::vector<Complex>* where) const {
   std::optional<long> count = count_right(comm_, s, a, count_height(s), count_effort(s), where);
   if (count && s.neutral() && a < 0) --*count;
   return count;
 }
 
 // Further right where an eigenvalue stands too near the line.
-std::optional<long> FollowedModes::count_firmly(const LinearisedOperator& s, double a, std::vector<Complex>& where) const {
+std::optional<long> FollowedModes::count_firmly(const LinearisedOperator& s, double a,
+                                                std::vector<Complex>& where) const {
   for (const double aside : {0., 1e-7, 1e-6, 1e-5}) {
     where.clear();
     if (const auto n = count(s, a + aside * unit_frequency(s), &where)) return n;
@@ -235,10 +246,11 @@ double FollowedModes::frequency_by_halving(const LinearisedOperator& s, double l
   return (below + above) / 2;
 }
 
-// Adds one at least of the modes that a count has found right of the line: the zeros that it names; where it names none, it
-// is counted further right, by ever larger steps and then halving, until a zero stands near the line.
-bool FollowedModes::add_missing(const LinearisedOperator& s, long first_count, std::vector<Complex> where, double line,
-                                std::vector<FollowedMode>& all) const {
+// Adds one at least of the modes that a count has found right of the line: the zeros that it names; where it
+// names none, it is counted further right, by ever larger steps and then halving, until a zero stands near
+// the line.
+bool FollowedModes::add_missing(const LinearisedOperator& s, long first_count, std::vector<Complex> where,
+                                double line, std::vector<FollowedMode>& all) const {
   const double unit = unit_frequency(s);
   std::optional<long> count = first_count;
   // few, or all of them listed: else the rightmost may not be among them
@@ -262,7 +274,8 @@ bool FollowedModes::complete(const LinearisedOperator& s) {
   std::vector<FollowedMode> all = modes_;
   const Mode& leader = all[leader_].mode;
   double line = line_behind(s, leader);
-  const double bound = s.symmetric() && !s.has_state() ? s.real_bound() : std::numeric_limits<double>::infinity();
+  const double bound =
+      s.symmetric() && !s.has_state() ? s.real_bound() : std::numeric_limits<double>::infinity();
   if (bound <= line || (only_sign_ && bound <= 0)) return true;
   if (only_sign_) {
     if (line > 2 * count_margin(s, leader.value.imag(), slack_)) return true;

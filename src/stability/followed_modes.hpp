@@ -1,8 +1,9 @@
 // The few modes that lead a spectrum or nearly do, followed as the operator changes.
 //
-// w S(lambda) p = 0, with the left and right eigenvectors w and p of a place nearby, gives each eigenvalue with an error of
-// second order in what has changed; those that might lead are taken along by Rayleigh's quotient iteration on both
-// eigenvectors, one banded factorisation a step, which cubes errors (Parlett, Mathematics of Computation 28 (1974) 679).
+// w S(lambda) p = 0, with the left and right eigenvectors w and p of a place nearby, gives each eigenvalue
+// with an error of second order in what has changed; those that might lead are taken along by Rayleigh's
+// quotient iteration on both eigenvectors, one banded factorisation a step, which cubes errors (Parlett,
+// Mathematics of Computation 28 (1974) 679).
 #pragma once
 
 #include <complex>
@@ -23,7 +24,8 @@ class FollowedModes {
   bool empty() const { return modes_.empty(); }
   void clear() { modes_.clear(); }
 
-  // The leading one of the modes followed to this operator; nothing where the last one was lost, or too few are left.
+  // The leading one of the modes followed to this operator; nothing where the last one was lost, or too few
+  // are left.
   std::optional<LeadingMode> follow(const LinearisedOperator& s);
   // The leading one as known, with no step taken; there must be one.
   LeadingMode leading(const LinearisedOperator& s) const;
@@ -38,7 +40,8 @@ class FollowedModes {
   bool complete(const LinearisedOperator& s);
 
   // The number of modes right of `a` that count; empty where an eigenvalue stands too near that line.
-  std::optional<long> count(const LinearisedOperator& s, double a, std::vector<Complex>* where = nullptr) const;
+  std::optional<long> count(const LinearisedOperator& s, double a,
+                            std::vector<Complex>* where = nullptr) const;
 
   void only_sign(bool yes) { only_sign_ = yes; }
   void allow_slack(double slack) { slack_ = slack; }
@@ -49,7 +52,8 @@ class FollowedModes {
   double count_height(const LinearisedOperator& s) const;  // of the box in which they are counted
   double line_behind(const LinearisedOperator& s, const Mode& m) const;
   bool add(const LinearisedOperator& s, Mode&& mode, std::vector<FollowedMode>& all) const;
-  bool add_near(const LinearisedOperator& s, std::vector<Complex> where, double line, std::vector<FollowedMode>& all) const;
+  bool add_near(const LinearisedOperator& s, std::vector<Complex> where, double line,
+                std::vector<FollowedMode>& all) const;
   bool add_missing(const LinearisedOperator& s, long count, std::vector<Complex> where, double line,
                    std::vector<FollowedMode>& all) const;
   std::optional<long> count_firmly(const LinearisedOperator& s, double a, std::vector<Complex>& where) const;
@@ -60,7 +64,8 @@ class FollowedModes {
   bool refine_;
   std::vector<FollowedMode> modes_;
   std::size_t leader_ = 0;
-  double slack_ = 1e-7;  // how far behind another mode, in parts of the frequency, one may be taken for the leading one
+  // how far behind another mode, in parts of the frequency, one may be taken for the leading one
+  double slack_ = 1e-7;
   bool only_sign_ = false, doubtful_ = false;
 };
 

@@ -11,7 +11,7 @@ namespace stickslip {
 namespace {
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t blocks = 16;
-}
+}  // namespace
 
 std::size_t GrowthAverage::add(double begin, double end, const std::vector<double>& growth) {
   const auto complete = [&](double t) {
@@ -21,7 +21,8 @@ std::size_t GrowthAverage::add(double begin, double end, const std::vector<doubl
     const std::size_t interval = complete(at);
     const double until = std::min(end, std::max(end_of(interval), std::nextafter(at, end)));
     if (sums_.size() < (interval + 1) * count_) sums_.resize((interval + 1) * count_, 0.);
-    for (std::size_t k = 0; k < count_; ++k) sums_[interval * count_ + k] += growth[k] * ((until - at) / (end - begin));
+    for (std::size_t k = 0; k < count_; ++k)
+      sums_[interval * count_ + k] += growth[k] * ((until - at) / (end - begin));
     measured_ += until - at;
     at = until;
   }
@@ -60,7 +61,8 @@ double GrowthAverage::error(std::size_t k) const {
   const std::size_t length = whole() / blocks, first = whole() - blocks * length;
   std::array<double, blocks> slopes{};
   double mean = 0, squares = 0;
-  for (std::size_t b = 0; b < blocks; ++b) mean += (slopes[b] = slope(k, first + b * length, length)) / double(blocks);
+  for (std::size_t b = 0; b < blocks; ++b)
+    mean += (slopes[b] = slope(k, first + b * length, length)) / double(blocks);
   for (const double one : slopes) squares += (one - mean) * (one - mean);
   return std::sqrt(squares / double(blocks - 1) / double(blocks));
 }
@@ -72,7 +74,8 @@ std::vector<double> GrowthAverage::save() const {
 }
 
 void GrowthAverage::resume(const std::vector<double>& saved) {
-  if (saved.size() < 3 || (saved.size() - 3) % count_ != 0) throw std::invalid_argument("its growth rates do not fit");
+  if (saved.size() < 3 || (saved.size() - 3) % count_ != 0)
+    throw std::invalid_argument("its growth rates do not fit");
   from_ = saved[0];
   interval_ = saved[1];
   measured_ = saved[2];

@@ -42,7 +42,8 @@ std::optional<LinearisedOperator> GrowthRate::linearised(double x, double y) con
 bool GrowthRate::enters() const {
   const auto a = linearised(0.2, 0), b = linearised(0.6, 0);
   if (!a || !b || a->A != b->A || a->K0 != b->K0 || a->K1 != b->K1 || a->N != b->N ||
-      a->scene.h() != b->scene.h()) return true;
+      a->scene.h() != b->scene.h())
+    return true;
   for (std::size_t i = 0; i < a->size(); ++i) {
     const LinearPoint p = a->point(i), q = b->point(i);
     if (!(p == q) || p.beta() != q.beta()) return true;
@@ -53,7 +54,8 @@ bool GrowthRate::enters() const {
 void GrowthRate::only_sign(bool yes) { modes_->only_sign(yes); }
 bool GrowthRate::doubtful() { return modes_->doubtful(); }
 
-// ---- the leading mode ---------------------------------------------------------------------------------------------
+// ---- the leading mode
+// ---------------------------------------------------------------------------------------------
 
 std::optional<ContinuumLead> GrowthRate::closed(const LinearisedOperator& s) const {
   return refine_ ? continuum_lead(s) : std::nullopt;
@@ -106,7 +108,8 @@ bool GrowthRate::take_up_place(const LinearisedOperator& s, const Place& here, b
 
 std::optional<LeadingMode> GrowthRate::leading_followed(const LinearisedOperator& s, double x, double y) {
   Place here = place_of(s, x, y);
-  const bool due = std::exchange(due_, false), moved = due || (reach_ > 0 && !(modes_at_ && near(here, *modes_at_)));
+  const bool due = std::exchange(due_, false),
+             moved = due || (reach_ > 0 && !(modes_at_ && near(here, *modes_at_)));
   bool count = moved || modes_->empty();
   if (moved && take_up_place(s, here, due)) count = false;
   const auto followed = modes_->follow(s);
@@ -149,7 +152,8 @@ bool GrowthRate::near(const Place& a, const Place& b) const {
   if (!(ratio(a.K0, b.K0) < 2) || !(ratio(a.stiffest, b.stiffest) < 2)) return false;
   const double allowed = 0.5 * std::sqrt(std::max(a.K0, 1e-3 * a.stiffest));
   for (std::size_t i = 0; i < a.drag.size(); ++i)
-    if (!(std::abs(a.drag[i] - b.drag[i]) <= allowed) || (!a.r.empty() && !(ratio(a.r[i], b.r[i]) < 2))) return false;
+    if (!(std::abs(a.drag[i] - b.drag[i]) <= allowed) || (!a.r.empty() && !(ratio(a.r[i], b.r[i]) < 2)))
+      return false;
   return true;
 }
 
@@ -158,11 +162,13 @@ double GrowthRate::operator()(double x, double y) {
   return at ? at->mode.value.real() : std::numeric_limits<double>::quiet_NaN();
 }
 
-// ---- a point of the boundary --------------------------------------------------------------------------------------
+// ---- a point of the boundary
+// --------------------------------------------------------------------------------------
 
 namespace {
 
-// |J x - lambda x|/|x| of a sine wave of the continuum where all nodes are alike; NaN at infinite wavenumbers.
+// |J x - lambda x|/|x| of a sine wave of the continuum where all nodes are alike; NaN at infinite
+// wavenumbers.
 double relation_residual(const LinearisedOperator& s, const Mode& m) {
   const double k = m.wavenumber;
   if (!std::isfinite(k)) return std::numeric_limits<double>::quiet_NaN();
@@ -184,8 +190,10 @@ Crossing GrowthRate::crossing(double x, double y) {
     m.residual = relation_residual(s, m);
   } else {
     if (wave) m.psi = s.wave(m.wavenumber);
-    if (wave && s.neutral()) m.residual = s.mode_residual(m.value, m.psi);  // near a double zero
-    else polish(s, m);
+    if (wave && s.neutral())
+      m.residual = s.mode_residual(m.value, m.psi);  // near a double zero
+    else
+      polish(s, m);
   }
   Crossing c;
   c.x = x;
@@ -243,7 +251,8 @@ double GrowthRate::count_cost() const {
     if (!s) continue;
     if (all_known(*s)) return 0;
     static constexpr double microseconds[] = {0.6, 2.2, 2.8, 3};  // by order, of the tree
-    const double n = double(s->size()), each = s->scene.form == Form::chain ? 2 : microseconds[s->scene.order / 2 - 1];
+    const double n = double(s->size()),
+                 each = s->scene.form == Form::chain ? 2 : microseconds[s->scene.order / 2 - 1];
     return 1e-6 * each * n * std::log2(n) + 1e-3;
   }
   std::string reason;
@@ -255,7 +264,8 @@ double GrowthRate::count_cost() const {
   throw Failure("sliding cannot be looked at anywhere in the box; in its middle: " + reason);
 }
 
-// ---- other grids --------------------------------------------------------------------------------------------------
+// ---- other grids
+// --------------------------------------------------------------------------------------------------
 
 std::optional<GrowthRate> GrowthRate::finer() const {
   if (scene(0.5, 0.5).form == Form::chain) return std::nullopt;
@@ -294,8 +304,8 @@ double intervals_needed(const Scene& s) {
 
 }  // namespace
 
-// Whether a coarser grid favours what this one does, as far as a medium with the mean coefficients tells; false, too,
-// where no place of the box needs a grid at all.
+// Whether a coarser grid favours what this one does, as far as a medium with the mean coefficients tells;
+// false, too, where no place of the box needs a grid at all.
 bool GrowthRate::grid_suffices(const GrowthRate& coarse) const {
   bool needed = false;
   for (const double x : sampled)
@@ -358,7 +368,8 @@ void GrowthRate::take_hints(GrowthRate& other, double x, double y) {
   for (FollowedMode& f : hints) shapes.insert(shapes.end(), {&f.mode.psi, &f.left});
   take_to_grid(*there, *here, shapes);
   modes_->take_up(*here, hints);
-  if (!hinted_ && (modes_->empty() || !modes_->complete(*here))) modes_->search(*here, false);  // what the other has not
+  // what the other has not
+  if (!hinted_ && (modes_->empty() || !modes_->complete(*here))) modes_->search(*here, false);
   hinted_ = true;
 }
 

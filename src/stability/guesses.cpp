@@ -41,7 +41,8 @@ std::vector<Complex> first_shifts(const LinearisedOperator& s, double height, Pe
     if (branch[j].real() > branch[best].real() + 1e-12 * std::abs(branch[j])) best = j;
   std::vector<Complex> shifts{branch[best] + aside};
   if (s.uniform && !exact.empty()) return shifts;
-  for (std::size_t j : {std::size_t(0), branch.size() - 1, branch.size() / 4, branch.size() / 2, 3 * branch.size() / 4})
+  for (std::size_t j :
+       {std::size_t(0), branch.size() - 1, branch.size() / 4, branch.size() / 2, 3 * branch.size() / 4})
     if (j != best) shifts.push_back(branch[j] + aside);
   shifts.push_back(aside);  // real modes
   // What the least and the most damped nodes would do alone: modes may be trapped there.
@@ -53,7 +54,8 @@ std::vector<Complex> first_shifts(const LinearisedOperator& s, double height, Pe
   for (const std::size_t node : {low, high})
     for (const double kappa2 : {0., s.largest_symbol()})
       for (const Complex& z : dispersion(s.point(node), kappa2))
-        if (z.imag() >= 0 && z.imag() <= height && z.real() >= branch[best].real()) shifts.push_back(z + 0.1 * aside);
+        if (z.imag() >= 0 && z.imag() <= height && z.real() >= branch[best].real())
+          shifts.push_back(z + 0.1 * aside);
   return shifts;
 }
 
@@ -61,7 +63,8 @@ double local_growth(const LinearisedOperator& s, std::size_t i, bool oscillation
   if (oscillations && !s.scene.massless()) return -s.point(i).damping() / 2;
   double local = -std::numeric_limits<double>::infinity();
   for (const double part : {0., 0.1, 1.})
-    for (const Complex& z : dispersion(s.point(i), part * s.largest_symbol())) local = std::max(local, z.real());
+    for (const Complex& z : dispersion(s.point(i), part * s.largest_symbol()))
+      local = std::max(local, z.real());
   return local;
 }
 
@@ -89,7 +92,8 @@ std::vector<Segment> promising_segments(const LinearisedOperator& s, bool quick)
   return segments;
 }
 
-std::vector<Mode> segment_modes(const LinearisedOperator& s, const Segment& segment, double height, bool inside) {
+std::vector<Mode> segment_modes(const LinearisedOperator& s, const Segment& segment, double height,
+                                bool inside) {
   const LinearisedOperator part = s.segment(segment.first, segment.width);
   std::vector<Mode> modes;
   if (segment.width * s.dof() <= 300) {
@@ -110,9 +114,12 @@ std::vector<Mode> segment_modes(const LinearisedOperator& s, const Segment& segm
     }
     return ends < 0.01 * all;
   };
-  modes.erase(std::remove_if(modes.begin(), modes.end(), [&](const Mode& m) {
-    return m.psi.empty() || m.value.imag() > height || (inside && !small_at_ends(m.psi));
-  }), modes.end());
+  modes.erase(std::remove_if(modes.begin(), modes.end(),
+                             [&](const Mode& m) {
+                               return m.psi.empty() || m.value.imag() > height ||
+                                      (inside && !small_at_ends(m.psi));
+                             }),
+              modes.end());
   return modes;
 }
 

@@ -27,20 +27,24 @@ void LinearisedOperator::put(const NodeVector& v, std::size_t i, std::vector<Com
 }
 
 LinearisedOperator::LinearisedOperator(const SteadySliding& s)
-    : scene(s.scene), A(scene.A()), K0(scene.K0()), K1(scene.K1()), N(scene.N()), coupling(scene), medium_(scene), mean_(scene) {
+    : scene(s.scene), A(scene.A()), K0(scene.K0()), K1(scene.K1()), N(scene.N()), coupling(scene),
+      medium_(scene), mean_(scene) {
   slopes_.reserve(coupling.size());
   for (const PetscInt i : coupling.node) slopes_.push_back(s.slopes[std::size_t(i)]);
-  uniform = std::all_of(slopes_.begin(), slopes_.end(), [&](const FrictionSlopes& f) { return f == slopes_.front(); });
+  uniform = std::all_of(slopes_.begin(), slopes_.end(),
+                        [&](const FrictionSlopes& f) { return f == slopes_.front(); });
   for (std::size_t i = 0; i < size() && scene.massless(); ++i)
     if (const double resistance = point(i).beta(); !(resistance > 0))
       throw Failure("no steady sliding without mass: at x = " + rounded_text(scene.x(coupling.node[i]), 6) +
                     " friction falls with velocity faster than zeta psi rises (zeta/f0 + F_psi = " +
-                    rounded_text(resistance, 6) + "), and the force does not say what psi is; take model_m > 0");
+                    rounded_text(resistance, 6) +
+                    "), and the force does not say what psi is; take model_m > 0");
   refuse_rates_too_large();
   if (size() > 0) mean_ = find_mean();
 }
 
-// Beyond 1e60 cubes of rates, of waves 1e15 times as fast in the continuum too, would overflow and their signs be wrong.
+// Beyond 1e60 cubes of rates, of waves 1e15 times as fast in the continuum too, would overflow and their
+// signs be wrong.
 void LinearisedOperator::refuse_rates_too_large() const {
   for (std::size_t i = 0; i < (uniform ? std::min<std::size_t>(size(), 1) : size()); ++i) {
     const auto [c2, c1, c0] = point(i).characteristic(coupling.largest_row());
@@ -63,7 +67,8 @@ LinearisedOperator LinearisedOperator::segment(std::size_t first, std::size_t co
   return LinearisedOperator(*this, first, count);
 }
 
-// ---- S ------------------------------------------------------------------------------------------------------------
+// ---- S
+// -----------------------------------------------------------------------------------------------------------
 
 std::vector<Complex> LinearisedOperator::apply(Complex lambda, const std::vector<Complex>& p) const {
   std::vector<Complex> y = coupling.minus_d2(p);
@@ -106,7 +111,8 @@ LogDet LinearisedOperator::factor(Complex lambda, BandLU& lu) const {
   return det;
 }
 
-// ---- J ------------------------------------------------------------------------------------------------------------
+// ---- J
+// -----------------------------------------------------------------------------------------------------------
 
 std::vector<Complex> LinearisedOperator::expand(Complex lambda, const std::vector<Complex>& p) const {
   std::vector<Complex> x(size() * dof());
@@ -145,7 +151,8 @@ std::vector<Complex> LinearisedOperator::multiply(const std::vector<Complex>& x)
     }
     const NodeBlock b = point(i).block(Part::full);
     put({b.psi_psi * v.psi + b.psi_eta * v.eta + b.psi_state * v.state - A * N * stencil[i],
-         b.eta_psi * v.psi + b.eta_eta * v.eta + b.eta_state * v.state - (K1 - scene.s_delta() * N) * stencil[i],
+         b.eta_psi * v.psi + b.eta_eta * v.eta + b.eta_state * v.state -
+             (K1 - scene.s_delta() * N) * stencil[i],
          b.state_psi * v.psi + b.state_state * v.state},
         i, y);
   }
@@ -216,15 +223,17 @@ std::vector<Complex> LinearisedOperator::resolvent_transposed(Complex lambda, co
   for (std::size_t i = 0; i < size() && N > 0; ++i)
     for (const Coupling::Term& t : coupling.row(i)) e[t.column] -= N * t.value * b[i * dof() + 1];
   solve_transposed(lu, e);
-  for (std::size_t i = 0; i < size(); ++i)
-    put(point(i).expand_transposed(lambda, e[i], node_of(b, i)), i, y);
+  for (std::size_t i = 0; i < size(); ++i) put(point(i).expand_transposed(lambda, e[i], node_of(b, i)), i, y);
   return y;
 }
 
-// ---- waves --------------------------------------------------------------------------------------------------------
+// ---- waves
+// --------------------------------------------------------------------------------------------------------
 
 double LinearisedOperator::symbol(double k) const { return stickslip::symbol(scene.order, spacing(), k); }
-double LinearisedOperator::largest_symbol() const { return stickslip::largest_symbol(scene.order, spacing()); }
+double LinearisedOperator::largest_symbol() const {
+  return stickslip::largest_symbol(scene.order, spacing());
+}
 
 double LinearisedOperator::wavenumber(const std::vector<Complex>& p) const {
   if (K1 == 0) return 0;
@@ -295,12 +304,14 @@ std::vector<Complex> dispersion(const LinearPoint& medium, double kappa2) {
   return polynomial_roots({1, c2, c1});
 }
 
-// ---- bounds -------------------------------------------------------------------------------------------------------
+// ---- bounds
+// -------------------------------------------------------------------------------------------------------
 
-// Without a state and with D2 symmetric, an oscillating mode has |lambda|^2 = A times the weighted mean of K0 - K1 D2,
-// with viscosity too. Else: for |lambda| beyond the bound, S(lambda) is diagonally dominant.
+// Without a state and with D2 symmetric, an oscillating mode has |lambda|^2 = A times the weighted mean of K0
+// - K1 D2, with viscosity too. Else: for |lambda| beyond the bound, S(lambda) is diagonally dominant.
 double LinearisedOperator::imaginary_bound() const {
-  if (symmetric() && !has_state()) return rate_of(largest_stiffness());  // without mass: of none, all are real
+  // without mass: of none, all are real
+  if (symmetric() && !has_state()) return rate_of(largest_stiffness());
   const double stiff = K0 + K1 * coupling.largest_row();
   double beta = 0, r = 0, q = 0;
   for (std::size_t i = 0; i < size(); ++i) {
@@ -325,8 +336,8 @@ double LinearisedOperator::massless_bound(double stiff, double r, double q) cons
   return radius;
 }
 
-// Oscillating modes grow at -1/2 of a weighted mean of the damping C - A N D2; real ones obey lambda^2 + C lambda + A K = 0
-// with C such a mean and K >= K0.
+// Oscillating modes grow at -1/2 of a weighted mean of the damping C - A N D2; real ones obey lambda^2 + C
+// lambda + A K = 0 with C such a mean and K >= K0.
 double LinearisedOperator::real_bound() const {
   if (!symmetric() || has_state()) return imaginary_bound();
   if (scene.massless()) return 0;  // K0 - K1 D2 is not negative
@@ -338,8 +349,10 @@ double LinearisedOperator::real_bound() const {
   high += viscous_rate();
   const double pull = 4 * A * K0;
   double bound = -low / 2;
-  if (low < 0 && low * low >= pull) bound = std::max(bound, (-low + std::sqrt(low * low - pull)) / 2);
-  else if (high > 0 && high * high >= pull) bound = std::max(bound, -pull / 2 / (high + std::sqrt(high * high - pull)));
+  if (low < 0 && low * low >= pull)
+    bound = std::max(bound, (-low + std::sqrt(low * low - pull)) / 2);
+  else if (high > 0 && high * high >= pull)
+    bound = std::max(bound, -pull / 2 / (high + std::sqrt(high * high - pull)));
   return bound;
 }
 

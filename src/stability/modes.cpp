@@ -32,11 +32,13 @@ double rounding(const LinearisedOperator& s, Complex lambda) {
   return 20 * epsilon * (scale + s.A * s.largest_stiffness() / scale + s.viscous_rate());
 }
 
-// It is known where D2 is symmetric: p times the weight, or its conjugate where all nodes are alike (a travelling wave).
+// It is known where D2 is symmetric: p times the weight, or its conjugate where all nodes are alike (a
+// travelling wave).
 std::vector<Complex> left_vector(const LinearisedOperator& s, const Mode& mode) {
   std::vector<Complex> w = mode.psi;
   if (s.symmetric()) {
-    for (std::size_t i = 0; i < w.size(); ++i) w[i] = s.coupling.weight[i] * (s.uniform ? std::conj(w[i]) : w[i]);
+    for (std::size_t i = 0; i < w.size(); ++i)
+      w[i] = s.coupling.weight[i] * (s.uniform ? std::conj(w[i]) : w[i]);
     return w;
   }
   BandLU lu;
@@ -48,8 +50,8 @@ std::vector<Complex> left_vector(const LinearisedOperator& s, const Mode& mode) 
   return w;
 }
 
-std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode& mode, const std::vector<Complex>& w,
-                                        double least) {
+std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode& mode,
+                                        const std::vector<Complex>& w, double least) {
   const std::vector<Complex>& p = mode.psi;
   const std::size_t n = p.size();
   Complex lambda = mode.value;
@@ -102,7 +104,8 @@ bool polish(const LinearisedOperator& s, Mode& mode, int steps) {
     mode.psi = std::move(y);
     normalise(mode.psi);
     const double size = std::abs(step);
-    converged = size <= rounding(s, mode.value) || (size > 0.3 * last && size < 1e-9 * (1 + std::abs(mode.value)));
+    converged =
+        size <= rounding(s, mode.value) || (size > 0.3 * last && size < 1e-9 * (1 + std::abs(mode.value)));
     last = size;
   }
   if (s.symmetric()) {  // else the left eigenvector costs a solve
@@ -114,7 +117,8 @@ bool polish(const LinearisedOperator& s, Mode& mode, int steps) {
     for (Complex& x : mode.psi) x = std::conj(x);
   }
   if (mode.value.imag() <= rounding(s, mode.value)) {
-    // A real eigenvalue has a real eigenvector; a pair that is almost double keeps its imaginary part otherwise.
+    // A real eigenvalue has a real eigenvector; a pair that is almost double keeps its imaginary part
+    // otherwise.
     Mode real = mode;
     real.value = mode.value.real();
     double re = 0, im = 0;
@@ -124,7 +128,8 @@ bool polish(const LinearisedOperator& s, Mode& mode, int steps) {
     }
     for (Complex& x : real.psi) x = re >= im ? x.real() : x.imag();
     normalise(real.psi);
-    if (s.mode_residual(real.value, real.psi) <= 10 * s.mode_residual(mode.value, mode.psi) + rounding(s, mode.value))
+    if (s.mode_residual(real.value, real.psi) <=
+        10 * s.mode_residual(mode.value, mode.psi) + rounding(s, mode.value))
       mode = std::move(real);
   }
   mode.residual = s.mode_residual(mode.value, mode.psi);
@@ -150,7 +155,8 @@ Mode mode_near(const LinearisedOperator& s, Complex z) {
 }
 
 void sort_modes(std::vector<Mode>& modes, double tolerance) {
-  std::sort(modes.begin(), modes.end(), [](const Mode& a, const Mode& b) { return a.value.real() > b.value.real(); });
+  std::sort(modes.begin(), modes.end(),
+            [](const Mode& a, const Mode& b) { return a.value.real() > b.value.real(); });
   for (std::size_t i = 0; i < modes.size();) {
     std::size_t j = i + 1;
     while (j < modes.size() && modes[j - 1].value.real() - modes[j].value.real() <= tolerance) ++j;
@@ -160,7 +166,8 @@ void sort_modes(std::vector<Mode>& modes, double tolerance) {
   }
 }
 
-std::size_t shown_modes(const LinearisedOperator& s, const std::vector<Mode>& modes, double height, PetscInt count) {
+std::size_t shown_modes(const LinearisedOperator& s, const std::vector<Mode>& modes, double height,
+                        PetscInt count) {
   std::size_t shown = 0;
   PetscInt eigenvalues = 0;
   bool leading = false;
@@ -179,7 +186,8 @@ namespace {
 bool same(const Mode& a, const Mode& b) {
   if (std::abs(a.value - b.value) > 1e-7 * (1 + std::abs(a.value))) return false;
   if (a.psi.empty() || b.psi.empty()) return true;
-  const double overlap = std::norm(inner(a.psi, b.psi)) / (inner(a.psi, a.psi).real() * inner(b.psi, b.psi).real());
+  const double overlap =
+      std::norm(inner(a.psi, b.psi)) / (inner(a.psi, a.psi).real() * inner(b.psi, b.psi).real());
   return overlap > 0.5;
 }
 

@@ -18,11 +18,12 @@ void normalise(std::vector<Complex>& p);                                      //
 // Round-off in an eigenvalue: that of the stiffest entry, felt through dS/dlambda.
 double rounding(const LinearisedOperator& s, Complex lambda);
 
-// lambda with w S(lambda) p = 0, from a mode's value, its psi p and a vector w near its left eigenvector: errors of p and w
-// enter as their product, and D2 is taken by differences, so that round-off of size 1/h^2 stays out. Nothing where
-// w S' p is less than `least` of what it is summed from (nearly double eigenvalues), or where no value is near.
-std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode& mode, const std::vector<Complex>& w,
-                                        double least = 1e-3);
+// lambda with w S(lambda) p = 0, from a mode's value, its psi p and a vector w near its left eigenvector:
+// errors of p and w enter as their product, and D2 is taken by differences, so that round-off of size 1/h^2
+// stays out. Nothing where w S' p is less than `least` of what it is summed from (nearly double eigenvalues),
+// or where no value is near.
+std::optional<Complex> stationary_value(const LinearisedOperator& s, const Mode& mode,
+                                        const std::vector<Complex>& w, double least = 1e-3);
 
 // What a polished eigenvalue may be wrong by.
 class Tolerance {
@@ -52,13 +53,14 @@ Mode mode_near(const LinearisedOperator& s, Complex z);
 
 // Rightmost first; real parts equal to the tolerance are put in the order of frequency.
 void sort_modes(std::vector<Mode>& modes, double tolerance);
-// How many of the sorted modes with |Im| up to `height` are listed: as many as make `count` eigenvalues, and at least one
-// that is no symmetry.
-std::size_t shown_modes(const LinearisedOperator& s, const std::vector<Mode>& modes, double height, PetscInt count);
+// How many of the sorted modes with |Im| up to `height` are listed: as many as make `count` eigenvalues, and
+// at least one that is no symmetry.
+std::size_t shown_modes(const LinearisedOperator& s, const std::vector<Mode>& modes, double height,
+                        PetscInt count);
 // Adds those that are not there yet.
 void merge(std::vector<Mode>& modes, std::vector<Mode> more);
-// A uniform ring has every travelling mode twice; a Krylov space built from one vector sees one of the two. The other
-// is its mirror image.
+// A uniform ring has every travelling mode twice; a Krylov space built from one vector sees one of the two.
+// The other is its mirror image.
 void add_mirror_images(const LinearisedOperator& s, std::vector<Mode>& modes);
 
 }  // namespace stickslip

@@ -12,8 +12,8 @@
 namespace stickslip {
 
 Search::Search(MPI_Comm comm, const LinearisedOperator& s, const SpectrumSettings& settings, double height)
-    : comm_(comm), s_(s), settings_(settings), height_(height), exact_(s), many_(s.size() > settings.long_from),
-      tolerance_(s), wanted_(std::size_t(settings.count) / 2 + 2) {
+    : comm_(comm), s_(s), settings_(settings), height_(height), exact_(s),
+      many_(s.size() > settings.long_from), tolerance_(s), wanted_(std::size_t(settings.count) / 2 + 2) {
   resolved_sought_ = settings.refine || !many_ || settings.quick || s.scene.form == Form::chain;
 }
 
@@ -24,7 +24,8 @@ const Mode* Search::rightmost() const {
   return best;
 }
 
-// ---- guesses ------------------------------------------------------------------------------------------------------
+// ---- guesses
+// ------------------------------------------------------------------------------------------------------
 
 // The modes of every task, on every rank.
 std::vector<std::vector<Mode>> Search::share(std::size_t tasks, const Task& task) const {
@@ -57,10 +58,12 @@ std::vector<std::vector<Mode>> Search::share(std::size_t tasks, const Task& task
 void Search::select(std::vector<Mode>& guesses) const {
   std::size_t inside = 0, outside = 0;
   sort_modes(guesses, 1e-9 * (1 + height_));
-  guesses.erase(std::remove_if(guesses.begin(), guesses.end(), [&](const Mode& m) {
-    const std::size_t most = many_ ? (leads(m) ? wanted_ + 1 : 1) : wanted_ + 4;
-    return ++(leads(m) ? inside : outside) > most;
-  }), guesses.end());
+  guesses.erase(std::remove_if(guesses.begin(), guesses.end(),
+                               [&](const Mode& m) {
+                                 const std::size_t most = many_ ? (leads(m) ? wanted_ + 1 : 1) : wanted_ + 4;
+                                 return ++(leads(m) ? inside : outside) > most;
+                               }),
+                guesses.end());
 }
 
 // Polishes guesses, the same on every rank.
@@ -90,7 +93,8 @@ void Search::try_shifts(const std::vector<Complex>& shifts, PetscInt count) {
 
 // Modes near places where the count has seen them.
 void Search::try_places(const std::vector<Complex>& places) {
-  auto found = share(places.size(), [&](std::size_t k) { return std::vector<Mode>{mode_near(s_, places[k])}; });
+  auto found =
+      share(places.size(), [&](std::size_t k) { return std::vector<Mode>{mode_near(s_, places[k])}; });
   std::vector<Mode> all;
   for (std::vector<Mode>& modes : found) all.push_back(std::move(modes[0]));
   take(std::move(all));
@@ -99,7 +103,8 @@ void Search::try_places(const std::vector<Complex>& places) {
 // What segments of the line would do alone: the rightmost of all their modes are nearly modes of the whole.
 void Search::try_segments(bool quick, bool inside) {
   const std::vector<Segment> segments = promising_segments(s_, quick);
-  auto found = share(segments.size(), [&](std::size_t k) { return segment_modes(s_, segments[k], height_, inside); });
+  auto found =
+      share(segments.size(), [&](std::size_t k) { return segment_modes(s_, segments[k], height_, inside); });
   struct Trapped {
     const Mode* mode;
     std::size_t first;
@@ -138,8 +143,8 @@ void Search::try_coarse_grid() {
   take(std::move(modes));
 }
 
-// Where all modes of a long grid count and the search has not closed: those that the grid resolves, whose own search is
-// not led astray by crowds at the grid scale. Once; false where that is nothing new.
+// Where all modes of a long grid count and the search has not closed: those that the grid resolves, whose own
+// search is not led astray by crowds at the grid scale. Once; false where that is nothing new.
 bool Search::try_resolved() {
   if (std::exchange(resolved_sought_, true)) return false;
   SpectrumSettings settings = settings_;
@@ -207,11 +212,13 @@ void Search::scan(std::vector<Complex> places, double line, int round) {
   try_shifts(shifts, std::min<PetscInt>(PetscInt(s_.size() * s_.dof()), 8));
 }
 
-// ---- counting -----------------------------------------------------------------------------------------------------
+// ---- counting
+// -----------------------------------------------------------------------------------------------------
 
 std::optional<Search::Count> Search::count(double line, std::vector<Complex>* where) const {
-  const std::optional<long> all = exact_.apply() ? exact_.count(line, height_)
-                                                 : count_right(comm_, s_, line, height_, settings_.effort, where);
+  const std::optional<long> all = exact_.apply()
+                                      ? exact_.count(line, height_)
+                                      : count_right(comm_, s_, line, height_, settings_.effort, where);
   if (!all) return std::nullopt;
   long known = 0;
   for (const Mode& m : modes_)
@@ -228,8 +235,8 @@ std::optional<Search::Count> Search::count(const Line& line, std::vector<Complex
 
 std::string Search::counted_text(const Count& c, double line) const {
   return (exact_.apply() ? "exact dispersion relation: " : "argument principle: ") + std::to_string(c.all) +
-         " eigenvalues with real part above " + rounded_text(line, 6) + " and |Im| below " + rounded_text(height_, 6) +
-         ", " + std::to_string(c.known) + " expected";
+         " eigenvalues with real part above " + rounded_text(line, 6) + " and |Im| below " +
+         rounded_text(height_, 6) + ", " + std::to_string(c.known) + " expected";
 }
 
 // Zeros that are no mode known, and would be among the wanted ones.
@@ -240,22 +247,27 @@ std::vector<Complex> Search::unknown(std::vector<Complex> zeros) const {
   std::sort(growth.rbegin(), growth.rend());
   const double least = growth.size() < wanted_ ? -std::numeric_limits<double>::infinity()
                                                : growth[wanted_ - 1] + 1e-9 * (1 + height_);
-  zeros.erase(std::remove_if(zeros.begin(), zeros.end(), [&](Complex z) {
-    return z.real() < least || std::any_of(modes_.begin(), modes_.end(), [&](const Mode& m) {
-             return std::abs(m.value - z) < 1e-7 * (1 + std::abs(z));
-           });
-  }), zeros.end());
+  zeros.erase(std::remove_if(zeros.begin(), zeros.end(),
+                             [&](Complex z) {
+                               return z.real() < least ||
+                                      std::any_of(modes_.begin(), modes_.end(), [&](const Mode& m) {
+                                        return std::abs(m.value - z) < 1e-7 * (1 + std::abs(z));
+                                      });
+                             }),
+              zeros.end());
   if (zeros.size() > wanted_) zeros.resize(wanted_);
   return zeros;
 }
 
-// ---- the list is whole --------------------------------------------------------------------------------------------
+// ---- the list is whole
+// --------------------------------------------------------------------------------------------
 
-// Modes listed: as many as make `count` eigenvalues. modes_ is sorted, and what is out of reach is not listed.
+// Modes listed: as many as make `count` eigenvalues. modes_ is sorted, and what is out of reach is not
+// listed.
 std::size_t Search::listed() const { return shown_modes(s_, modes_, height_, settings_.count); }
 
-// A line right of which the first so many modes stand and no other known one: in the gap before the next, or, where
-// that has the same real part, just right of all that are equal.
+// A line right of which the first so many modes stand and no other known one: in the gap before the next, or,
+// where that has the same real part, just right of all that are equal.
 Search::Line Search::list_line(std::size_t listed) const {
   std::vector<double> re;
   double tolerance_of_all = 0;
@@ -277,8 +289,8 @@ Search::Line Search::list_line(std::size_t listed) const {
   return {re[first] + gap / 4, first > 0 ? gap / 8 : apart};
 }
 
-// The list has a hole: it is narrowed down to a gap between known real parts, and then in frequency. Whether anything
-// new was found.
+// The list has a hole: it is narrowed down to a gap between known real parts, and then in frequency. Whether
+// anything new was found.
 bool Search::look_between(std::size_t members) {
   std::size_t good = 0, bad = members;
   while (bad - good > 1) {
@@ -307,7 +319,8 @@ bool Search::look_between(std::size_t members) {
   }
   const double aside = std::max(high - low, 0.1 * height_ / double(s_.size()));
   const PetscInt each = std::min<PetscInt>(PetscInt(s_.size() * s_.dof()), 8);
-  try_shifts({Complex(line.at + aside, (low + high) / 2), Complex(line.at + 4 * aside, (low + high) / 2)}, each);
+  try_shifts({Complex(line.at + aside, (low + high) / 2), Complex(line.at + 4 * aside, (low + high) / 2)},
+             each);
   return modes_.size() > before;
 }
 
@@ -330,7 +343,8 @@ bool Search::close_list(Spectrum& result) {
   return false;
 }
 
-// ---- the rightmost is certain -------------------------------------------------------------------------------------
+// ---- the rightmost is certain
+// -------------------------------------------------------------------------------------
 
 void Search::close_rightmost(Spectrum& result) {
   for (int round = 0;; ++round) {
@@ -338,15 +352,16 @@ void Search::close_rightmost(Spectrum& result) {
     const double growth = best.value.real(), line = growth + tolerance_(best);
     if (s_.symmetric() && !s_.has_state() && s_.real_bound() <= line) {
       result.complete = true;
-      result.completeness_check = "no mode can exceed -1/2 of the least damping, which the rightmost one attains";
+      result.completeness_check =
+          "no mode can exceed -1/2 of the least damping, which the rightmost one attains";
       return;
     }
     std::vector<Complex> where;
     double counted = line;
     auto c = count(line, &where);
     if (!c && many_) {
-      // Beside strongly trapped modes round-off hides the phase: from further right it is seen, at the price of a
-      // wider margin.
+      // Beside strongly trapped modes round-off hides the phase: from further right it is seen, at the price
+      // of a wider margin.
       double high = line + 2e-5 * (1 + std::abs(growth));
       for (std::size_t i = 0; i < s_.size(); ++i) high = std::max(high, local_growth(s_, i, false));
       for (double aside = 1e-7 * (1 + std::abs(growth)); !c && line + aside < high; aside *= 10)
@@ -354,8 +369,10 @@ void Search::close_rightmost(Spectrum& result) {
     }
     if (!c) {
       if (try_resolved()) continue;
-      result.completeness_check = "not checked: counting the eigenvalues right of the line failed or would take "
-                                  "too long at " + std::to_string(s_.size()) + " nodes";
+      result.completeness_check =
+          "not checked: counting the eigenvalues right of the line failed or would take "
+          "too long at " +
+          std::to_string(s_.size()) + " nodes";
       return;
     }
     const auto judge = [&] {
@@ -368,7 +385,8 @@ void Search::close_rightmost(Spectrum& result) {
     if (many_) {
       const std::size_t before = modes_.size();
       try_places(unknown(std::move(where)));
-      if (modes_.size() > before && round < 5 && (!result.complete || rightmost()->value.real() > line)) continue;
+      if (modes_.size() > before && round < 5 && (!result.complete || rightmost()->value.real() > line))
+        continue;
       // Trapped modes are ill-conditioned: to the count the rightmost itself may stand right of the line.
       for (double aside = 1e-6; !result.complete && aside < 1e-3; aside *= 10)
         if (const auto again = count(line + aside * (1 + std::abs(growth)))) {
@@ -380,7 +398,8 @@ void Search::close_rightmost(Spectrum& result) {
       return;
     }
     if (result.complete || round >= 12) return;
-    where.erase(std::remove_if(where.begin(), where.end(), [line](Complex z) { return z.real() < line; }), where.end());
+    where.erase(std::remove_if(where.begin(), where.end(), [line](Complex z) { return z.real() < line; }),
+                where.end());
     scan(std::move(where), line, round);
   }
 }

@@ -1,10 +1,10 @@
 // The search for the rightmost modes of a line too long for a dense matrix.
 //
-// Guesses come from Krylov spaces at shifts, from segments of the line, from coarser grids, from sine waves; all are
-// polished. Then the eigenvalues right of the last one listed are counted. While the count names more than are known,
-// the search goes on where they must be: it is narrowed down to a gap between known real parts, then in frequency.
-// Every step is a list of tasks shared among the ranks and put together in the order of the tasks, so that the number of
-// ranks does not matter.
+// Guesses come from Krylov spaces at shifts, from segments of the line, from coarser grids, from sine waves;
+// all are polished. Then the eigenvalues right of the last one listed are counted. While the count names more
+// than are known, the search goes on where they must be: it is narrowed down to a gap between known real
+// parts, then in frequency. Every step is a list of tasks shared among the ranks and put together in the
+// order of the tasks, so that the number of ranks does not matter.
 #pragma once
 
 #include <functional>
@@ -21,8 +21,8 @@ namespace stickslip {
 class Search {
  public:
   Search(MPI_Comm comm, const LinearisedOperator& s, const SpectrumSettings& settings, double height);
-  // The modes found, rightmost first, and in `result` what is known of them: complete, list_complete, missing,
-  // completeness_check. Collective; the same on every rank. Throws Failure where nothing is found.
+  // The modes found, rightmost first, and in `result` what is known of them: complete, list_complete,
+  // missing, completeness_check. Collective; the same on every rank. Throws Failure where nothing is found.
   std::vector<Mode> run(Spectrum& result);
   // Between the rightmost mode and the line right of which all are counted.
   double margin() const { return margin_; }
@@ -66,7 +66,7 @@ class Search {
   const SpectrumSettings settings_;
   const double height_;
   const ExactModes exact_;
-  const bool many_;           // too many nodes for many shifts
+  const bool many_;  // too many nodes for many shifts
   const Tolerance tolerance_;
   const std::size_t wanted_;  // pairs
   bool resolved_sought_;

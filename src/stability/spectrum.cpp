@@ -16,8 +16,9 @@ namespace stickslip {
 
 namespace {
 
-// Marks the modes that the grid resolves: where all are waves, by their wavenumber, as in Waves::resolved; else those that
-// keep their value and shape on the grid of half the spacing. Returns the change of the real part of the rightmost one.
+// Marks the modes that the grid resolves: where all are waves, by their wavenumber, as in Waves::resolved;
+// else those that keep their value and shape on the grid of half the spacing. Returns the change of the real
+// part of the rightmost one.
 double compare_grids(const LinearisedOperator& s, std::vector<Mode>& modes) {
   Scene scene = s.scene;
   scene.n = scene.ring() ? 2 * scene.n : 2 * scene.n - 1;
@@ -37,12 +38,15 @@ double compare_grids(const LinearisedOperator& s, std::vector<Mode>& modes) {
     const double scale = std::max(std::abs(m.value), s.rate_of(s.K0));
     const std::vector<Complex> guess = other.psi;
     const bool converged = polish(fine, other, 12);
-    const double drift = std::min(std::abs(other.value - m.value), std::abs(std::conj(other.value) - m.value));
-    const double overlap = std::max(std::norm(inner(guess, other.psi)), [&] {
-                             std::vector<Complex> conjugate = other.psi;
-                             for (Complex& x : conjugate) x = std::conj(x);
-                             return std::norm(inner(guess, conjugate));
-                           }()) / (inner(guess, guess).real() * inner(other.psi, other.psi).real());
+    const double drift =
+        std::min(std::abs(other.value - m.value), std::abs(std::conj(other.value) - m.value));
+    const double overlap = std::max(std::norm(inner(guess, other.psi)),
+                                    [&] {
+                                      std::vector<Complex> conjugate = other.psi;
+                                      for (Complex& x : conjugate) x = std::conj(x);
+                                      return std::norm(inner(guess, conjugate));
+                                    }()) /
+                           (inner(guess, guess).real() * inner(other.psi, other.psi).real());
     m.resolved = converged && drift <= 0.01 * scale && overlap > 0.3;
     if (s.has_exact_waves()) m.resolved = m.wavenumber <= (1 + 1e-6) * last;
     if (m.resolved && converged && first) {
@@ -58,14 +62,16 @@ std::vector<Mode> dense_search(const LinearisedOperator& s, const SpectrumSettin
   std::vector<Mode> modes = dense_modes(s, PetscInt(s.size() * s.dof()));
   // LAPACK's round-off hides which of equal real parts is larger
   sort_modes(modes, 1e-10 * (1 + s.imaginary_bound()));
-  modes.erase(std::remove_if(modes.begin(), modes.end(), [&](const Mode& m) { return m.value.imag() > height; }),
-              modes.end());
+  modes.erase(
+      std::remove_if(modes.begin(), modes.end(), [&](const Mode& m) { return m.value.imag() > height; }),
+      modes.end());
   modes.resize(shown_modes(s, modes, height, settings.count + 2));
   for (Mode& m : modes) {
     Mode polished = m;
     m.residual = s.mode_residual(m.value, m.psi);
     m.wavenumber = s.wavenumber(m.psi);
-    if (polish(s, polished) && std::abs(polished.value - m.value) <= 1e-6 * (1 + std::abs(m.value))) m = polished;
+    if (polish(s, polished) && std::abs(polished.value - m.value) <= 1e-6 * (1 + std::abs(m.value)))
+      m = polished;
   }
   return modes;
 }
@@ -82,7 +88,8 @@ void lead(const LinearisedOperator& s, const Tolerance& tolerance, double error,
       result.growth = m.value.real();
       result.frequency = m.value.imag();
       result.error = error + tolerance(m);
-    } else if (first->value.real() - m.value.real() <= same && std::abs(m.value - first->value) > 1e3 * same) {
+    } else if (first->value.real() - m.value.real() <= same &&
+               std::abs(m.value - first->value) > 1e3 * same) {
       result.degenerate = true;
     }
   }
@@ -100,11 +107,12 @@ void look_beyond_grid(const LinearisedOperator& s, double height, bool refine, S
     const double round_off = 8 * epsilon * s.rate_of(s.K0);
     const bool decays = continuum->growth < -round_off;
     if (result.stable && !decays)
-      result.remarks.push_back("waves of the continuum that " + beyond + " does not carry " +
-                               (continuum->growth > round_off
-                                    ? "grow, at up to " + rounded_text(continuum->growth, 6)
-                                    : "decay at rates that come to 0: sliding in the continuum is neither stable nor unstable") +
-                               " (growth_continuum)");
+      result.remarks.push_back(
+          "waves of the continuum that " + beyond + " does not carry " +
+          (continuum->growth > round_off
+               ? "grow, at up to " + rounded_text(continuum->growth, 6)
+               : "decay at rates that come to 0: sliding in the continuum is neither stable nor unstable") +
+          " (growth_continuum)");
     result.stable = result.stable && (decays || !refine);
     return;
   }
@@ -115,8 +123,10 @@ void look_beyond_grid(const LinearisedOperator& s, double height, bool refine, S
     result.remarks.push_back("waves shorter than the grid carries grow, at " + rounded_text(limit, 3) +
                              " as they become ever shorter: sliding in the continuum is not stable");
   } else if (result.frequency > 0.5 * height && limit > result.growth - 0.1 * std::abs(result.growth)) {
-    result.remarks.push_back("the leading mode is among the shortest waves that the grid carries, and shorter ones "
-                             "come to grow at " + rounded_text(limit, 3) + ": take more nodes (grid_n) for the growth rate");
+    result.remarks.push_back(
+        "the leading mode is among the shortest waves that the grid carries, and shorter ones "
+        "come to grow at " +
+        rounded_text(limit, 3) + ": take more nodes (grid_n) for the growth rate");
   }
 }
 
@@ -149,8 +159,9 @@ Spectrum compute_spectrum(MPI_Comm comm, const LinearisedOperator& s, const Spec
     modes = search.run(result);
     error = search.margin();
   }
-  modes.erase(std::remove_if(modes.begin(), modes.end(), [&](const Mode& m) { return m.value.imag() > height; }),
-              modes.end());
+  modes.erase(
+      std::remove_if(modes.begin(), modes.end(), [&](const Mode& m) { return m.value.imag() > height; }),
+      modes.end());
   const auto leads = [&](const Mode& m) { return !is_neutral(s, m); };
   const auto best = std::find_if(modes.begin(), modes.end(), leads);
   if (best == modes.end())

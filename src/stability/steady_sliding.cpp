@@ -13,8 +13,8 @@ namespace stickslip {
 
 namespace {
 
-// Boundary layers, by deviations u from v: (K0 - K1 D2) u = K1 (D2 to the held nodes)(psi_e - v). The largest residual
-// of that equation is returned.
+// Boundary layers, by deviations u from v: (K0 - K1 D2) u = K1 (D2 to the held nodes)(psi_e - v). The largest
+// residual of that equation is returned.
 double put_layers(const Scene& s, std::vector<double>& psi) {
   for (const PetscInt i : {PetscInt(0), s.n - 1})
     if (s.held(i)) psi[std::size_t(i)] = i == 0 ? s.left_value : s.right_value;

@@ -76,7 +76,8 @@ class Builder {
   }
 
  private:
-  // How what the solution takes from the right of the line's interior, and the start of the sweep, fades there.
+  // How what the solution takes from the right of the line's interior, and the start of the sweep, fades
+  // there.
   void fade(long i, bool last) {
     Values next;
     set(next, 0);
@@ -157,7 +158,8 @@ bool build(const Rows& rows, const Piece& piece, Level& level) {
   return loop(&rows, &piece, &level);
 }
 
-// ---- the ends -----------------------------------------------------------------------------------------------------
+// ---- the ends
+// -----------------------------------------------------------------------------------------------------
 
 namespace {
 
@@ -179,8 +181,8 @@ class Kept {
     }
   }
 
-  int point = 0;    // of the piece
-  long bound = 0;   // first node that is not forgotten
+  int point = 0;   // of the piece
+  long bound = 0;  // first node that is not forgotten
 
   // Row k of M U^T: add(column, value), columns k - b .. k + 1.
   template <class Add>
@@ -224,13 +226,15 @@ class Ends {
   Ends(const Rows& rows, const Symbol& symbol, double theta)
       : rows_(rows), theta_(theta), m_(long(rows.s.size())), middle_(rows.last - rows.fading),
         right_(rows, symbol, rows.last + rows.b, rows.last_node - 1),
-        left_(rows, symbol, rows.first + 2 * rows.b, rows.first - rows.b), eps_(std::size_t(rows.first + m_ - middle_)) {
+        left_(rows, symbol, rows.first + 2 * rows.b, rows.first - rows.b),
+        eps_(std::size_t(rows.first + m_ - middle_)) {
     right_.bound = rows.last_node - 1;
-    for (long i = 0; i < m_; i = i + 1 == rows.first ? middle_ : i + 1) symbol.at(std::size_t(i), eps_[kept(i)]);
+    for (long i = 0; i < m_; i = i + 1 == rows.first ? middle_ : i + 1)
+      symbol.at(std::size_t(i), eps_[kept(i)]);
   }
 
-  // On the left the state at the first interface is the one solution that does not grow inwards like the stencil's own:
-  // a component of it, at a point of the piece.
+  // On the left the state at the first interface is the one solution that does not grow inwards like the
+  // stencil's own: a component of it, at a point of the piece.
   LogDet left(int point, int component) {
     left_.point = point;
     const long size = rows_.first + rows_.b;
@@ -244,11 +248,13 @@ class Ends {
     return lu_.factor();
   }
 
-  // On the right what a component of the state at the last interface is met with; what is further left is forgotten.
+  // On the right what a component of the state at the last interface is met with; what is further left is
+  // forgotten.
   LogDet right(int point, int component) {
     right_.point = point;
     const long a = right_.bound;
-    lu_.reset(std::size_t(m_ - a), int(m_ - rows_.last + rows_.b), int(std::max<long>(rows_.b, m_ - rows_.last)));
+    lu_.reset(std::size_t(m_ - a), int(m_ - rows_.last + rows_.b),
+              int(std::max<long>(rows_.b, m_ - rows_.last)));
     const auto into = [&](long r) {
       return [this, r, a](long column, Complex value) {
         if (column >= a) lu_.add(std::size_t(r - a), std::size_t(column - a), value);
@@ -296,7 +302,8 @@ bool close_ends(const Rows& rows, const Piece& piece, Level& level) {
   level.ended = true;
   for (int side : {0, 2}) {
     const double size = std::max(largest(level.end[side]), largest(level.end[side + 1]));
-    for (int k : {side, side + 1}) level.ended = level.ended && last_coefficients(level.end[k]) <= settled * size;
+    for (int k : {side, side + 1})
+      level.ended = level.ended && last_coefficients(level.end[k]) <= settled * size;
   }
   return level.ended;
 }

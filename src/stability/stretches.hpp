@@ -1,5 +1,5 @@
-// A long line on one piece of a segment of the lambda plane, as transfer matrices of its stretches (argument_principle.hpp).
-// Local to the process.
+// A long line on one piece of a segment of the lambda plane, as transfer matrices of its stretches
+// (argument_principle.hpp). Local to the process.
 #pragma once
 
 #include <array>
@@ -24,8 +24,8 @@ struct Map {
   double tail = 0;  // how well it is settled
 };
 
-// Entries of size 1. Where one of the two waves outweighs the other by all digits, its oscillation in lambda is taken
-// out, so that the rest needs no shorter pieces when stretches are joined.
+// Entries of size 1. Where one of the two waves outweighs the other by all digits, its oscillation in lambda
+// is taken out, so that the rest needs no shorter pieces when stretches are joined.
 inline void normalise(Map& m) {
   double size = 0;
   const Values* most = &m.e[0][0];
@@ -45,7 +45,8 @@ inline void normalise(Map& m) {
   };
   if (m.shift.real() > 28) {
     const Table& c = table();
-    const Complex a = (*most)[P / 2 - 1], b = (*most)[P / 2], rate = std::log(a / b) / (c.x[P / 2 - 1] - c.x[P / 2]);
+    const Complex a = (*most)[P / 2 - 1], b = (*most)[P / 2],
+                  rate = std::log(a / b) / (c.x[P / 2 - 1] - c.x[P / 2]);
     if (std::abs(rate) > 0.3 && std::isfinite(std::abs(rate))) {
       Values turn;
       for (int j = 0; j < P; ++j) turn.put(j, std::exp(-rate * c.x[j]));
@@ -76,9 +77,12 @@ inline void halve(const Map& m, Map& first, Map& second) {
 }
 
 // What viscosity multiplies the coupling K1 D2 by.
-inline Complex viscous_factor(const LinearisedOperator& s, Complex lambda) { return 1. + lambda * (s.N / s.K1); }
+inline Complex viscous_factor(const LinearisedOperator& s, Complex lambda) {
+  return 1. + lambda * (s.N / s.K1);
+}
 
-// Neighbours on either half of their piece, or on all of it (second null); the last one may stand alone (r null).
+// Neighbours on either half of their piece, or on all of it (second null); the last one may stand alone (r
+// null).
 struct JoinTwo {
   void operator()(const Map* l, const Map* r, Map* first, Map* second) const {
     if (!second) {
@@ -99,16 +103,19 @@ struct JoinTwo {
   }
 };
 
-// The line on one piece: the maps of its stretches, ln of the product of the M_{i,i+1}, and its ends: what comes from
-// the left one as a state (0, 1), and the determinants with which either component is met at the right one (2, 3).
+// The line on one piece: the maps of its stretches, ln of the product of the M_{i,i+1}, and its ends: what
+// comes from the left one as a state (0, 1), and the determinants with which either component is met at the
+// right one (2, 3).
 struct Level {
   std::vector<Map> map;
   Values log;
   Values end[4];
-  double theta = 1;    // the unit of J
-  double noise = 1;    // round-off, in units of what counts as settled; more where waves grow and shrink along the line
-  int stuck = 0;       // halvings since maps were joined
-  bool ended = false;  // the ends are known; they are not before the stretches are as long as what an end takes in
+  double theta = 1;  // the unit of J
+  // round-off, in units of what counts as settled; more where waves grow and shrink along the line
+  double noise = 1;
+  int stuck = 0;  // halvings since maps were joined
+  // the ends are known; they are not before the stretches are as long as what an end takes in
+  bool ended = false;
 };
 
 // The rows of a line: those near the ends are taken as they stand in the equations, the interior is swept.
@@ -116,15 +123,16 @@ struct Rows {
   // Throws Unsettled where the line is too short, or its ends reach further in than can be.
   explicit Rows(const LinearisedOperator& s);
   const LinearisedOperator& s;
-  const int b, fading;                 // half-width of the stencil; rows after which a start of the sweep is forgotten
+  // half-width of the stencil; rows after which a start of the sweep is forgotten
+  const int b, fading;
   std::array<double, 5> weights;       // of the stencil
   double unit;                         // 1/(K1/h^2)
   long first = 0, last = 0;            // rows first .. last - 1 are those of the interior
   long first_node = 0, last_node = 0;  // those that the maps are made of
 };
 
-// eps_i at the points of a piece. With viscosity between neighbours S = (1 + lambda N/K1) (K1 (-D2) + diag eps_i), eps_i
-// divided by that factor: the stencil stays what it is, and the factor, n times, is known.
+// eps_i at the points of a piece. With viscosity between neighbours S = (1 + lambda N/K1) (K1 (-D2) + diag
+// eps_i), eps_i divided by that factor: the stencil stays what it is, and the factor, n times, is known.
 class Symbol {
  public:
   Symbol(const Rows& rows, const Piece& piece) : s_(rows.s), unit_(rows.unit) {
@@ -175,7 +183,8 @@ class Symbol {
 
 // The stretches of the line: map and log of the level. False where they are not settled on this piece.
 bool build(const Rows& rows, const Piece& piece, Level& level);
-// Both ends of a line that is no ring: `end` and `ended` of the level. False where they are not settled on this piece.
+// Both ends of a line that is no ring: `end` and `ended` of the level. False where they are not settled on
+// this piece.
 bool close_ends(const Rows& rows, const Piece& piece, Level& level);
 
 }  // namespace stickslip::stretches

@@ -16,11 +16,14 @@ namespace stickslip {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double longest_part = 0.3;     // times the fastest rate: a wave then grows falsely by 7e-7 of its frequency
-constexpr double most_parts = 1e6;       // of one step
-constexpr int parts_between = 16;        // orthonormalisations: vectors come closer by exp(-0.3 * 16) at most or so
-constexpr double vanished = 1e-11;       // of the length before a jump: what is left is round-off
-constexpr double well_apart = 1e-6;      // squared part of a vector that is its own: Cholesky's loses 1e-10 at most
+// times the fastest rate: a wave then grows falsely by 7e-7 of its frequency
+constexpr double longest_part = 0.3;
+constexpr double most_parts = 1e6;  // of one step
+// orthonormalisations: vectors come closer by exp(-0.3 * 16) at most or so
+constexpr int parts_between = 16;
+constexpr double vanished = 1e-11;  // of the length before a jump: what is left is round-off
+// squared part of a vector that is its own: Cholesky's loses 1e-10 at most
+constexpr double well_apart = 1e-6;
 
 // Dormand and Prince 1980, the six stages of their step of order 5.
 constexpr int stages = 6;
@@ -34,15 +37,16 @@ constexpr double weight[stages + 1][stages] = {
     {9017. / 3168, -355. / 33, 46732. / 5247, 49. / 176, -5103. / 18656},
     {35. / 384, 0, 500. / 1113, 125. / 192, -2187. / 6784, 11. / 84}};  // of the step
 
-// The integral of dg/ds along what a state does at rest over the time t, in panels each as long as all before it: the
-// rate may fall like 1/t.
+// The integral of dg/ds along what a state does at rest over the time t, in panels each as long as all before
+// it: the rate may fall like 1/t.
 double rest_contraction(const Friction& law, double s, double t) {
   static const Tableau points = Tableau::gauss(6);
   double sum = 0, from = 0, to = std::min(t, law.time_at_rest(s));
   while (from < t) {
     for (int i = 0; i < points.s; ++i) {
       const double at = from + (to - from) * points.c[std::size_t(i)];
-      sum += (to - from) * points.b[std::size_t(i)] * law.sliding_rate(0, law.state_at_rest(s, at), 0).g_state;
+      sum +=
+          (to - from) * points.b[std::size_t(i)] * law.sliding_rate(0, law.state_at_rest(s, at), 0).g_state;
     }
     from = to;
     to = std::min(t, 2 * to);
@@ -117,7 +121,8 @@ void Tangents::renew() {
   begun_ = start_known_ = false;
 }
 
-// ---- starts and stops -------------------------------------------------------------------------------------------
+// ---- starts and stops
+// -------------------------------------------------------------------------------------------
 
 // A node that rests has no deviation in psi.
 void Tangents::begin(Vec u) {
@@ -153,8 +158,10 @@ void Tangents::count_resting() {
   const double* const now = model_.direction();
   long counts[2] = {0, now ? 0 : 1};  // nodes at rest; moving, or with a state that does
   for (PetscInt i = 0; i < model_.local() && now; ++i) {
-    if (!model_.held(model_.first() + i)) ++counts[now[i] == 0 ? 0 : 1];
-    else if (dof_ == 3 && now[i] != 0) ++counts[1];
+    if (!model_.held(model_.first() + i))
+      ++counts[now[i] == 0 ? 0 : 1];
+    else if (dof_ == 3 && now[i] != 0)
+      ++counts[1];
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, counts, 2, MPI_LONG, MPI_SUM, model_.comm()));
   any_moves_ = counts[1] > 0;
@@ -167,14 +174,17 @@ void Tangents::count_resting() {
 }
 
 // Of node i, where the rates change from f to g; false where it comes there at speed 0.
-bool Tangents::jump_at(PetscInt i, const double* u, const double* f, const double* g, double from, double to) {
+bool Tangents::jump_at(PetscInt i, const double* u, const double* f, const double* g, double from,
+                       double to) {
   const auto pull_of = [&](std::size_t k) {
     return pulls_.empty() || from != 0 ? 0 : pulls_[k][std::size_t(i)];
   };
   const bool starts = from == 0;
-  const double slope = starts && dof_ == 3 ? model_.amplitude()[std::size_t(i)] * model_.friction_law(i).threshold(u[2]).slope
-                                           : 0;
-  const JumpMatrix jump = starts ? JumpMatrix::at_start(dof_, to, slope, f, g, pull_of(y_.size())) : JumpMatrix::at_stop(dof_, f, g);
+  const double slope = starts && dof_ == 3
+                           ? model_.amplitude()[std::size_t(i)] * model_.friction_law(i).threshold(u[2]).slope
+                           : 0;
+  const JumpMatrix jump = starts ? JumpMatrix::at_start(dof_, to, slope, f, g, pull_of(y_.size()))
+                                 : JumpMatrix::at_stop(dof_, f, g);
   if (std::equal(f, f + dof_, g)) return true;
   if (jump.event_rate() == 0) return false;
   for (std::size_t k = 0; k < y_.size(); ++k) {
@@ -185,7 +195,8 @@ bool Tangents::jump_at(PetscInt i, const double* u, const double* f, const doubl
   return true;
 }
 
-// N D2 psi of this rank's nodes: of every vector as it is, and last of psi_t before the change. Empty without viscosity.
+// N D2 psi of this rank's nodes: of every vector as it is, and last of psi_t before the change. Empty without
+// viscosity.
 void Tangents::find_pulls(Vec f) {
   if (!model_.viscous()) return;
   pulls_.clear();
@@ -197,7 +208,8 @@ void Tangents::find_pulls(Vec f) {
   }
 }
 
-// With viscosity nodes that start at once with a jump in psi_t would do so in an order of their own for every deviation.
+// With viscosity nodes that start at once with a jump in psi_t would do so in an order of their own for every
+// deviation.
 void Tangents::check_order(const std::vector<double>& was, const double* f, const double* g) const {
   if (!model_.viscous()) return;
   long counts[2] = {0, 0};  // changes; starts with a jump
@@ -208,8 +220,11 @@ void Tangents::check_order(const std::vector<double>& was, const double* f, cons
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, counts, 2, MPI_LONG, MPI_SUM, model_.comm()));
   if (counts[0] > 1 && counts[1] > 0)
-    throw Failure("lyapunov_count: with viscosity between neighbours several nodes let go at once, with a jump in their "
-                  "acceleration: nearby motions do it one by one, and no tangent exists; give friction_spread or init_noise");
+    throw Failure(
+        "lyapunov_count: with viscosity between neighbours several nodes let go at once, with a jump in "
+        "their "
+        "acceleration: nearby motions do it one by one, and no tangent exists; give friction_spread or "
+        "init_noise");
 }
 
 void Tangents::jump(Vec u) {
@@ -234,17 +249,20 @@ void Tangents::jump(Vec u) {
     check_order(was, before, after);
     for (PetscInt i = 0; i < model_.local(); ++i)
       if (was[std::size_t(i)] != is[std::size_t(i)] && !model_.held(model_.first() + i) &&
-          !jump_at(i, at + i * dof_, before + i * dof_, after + i * dof_, was[std::size_t(i)], is[std::size_t(i)]))
+          !jump_at(i, at + i * dof_, before + i * dof_, after + i * dof_, was[std::size_t(i)],
+                   is[std::size_t(i)]))
         ++grazes;
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &grazes, 1, MPI_INT, MPI_SUM, model_.comm()));
-  if (grazes) throw Failure("lyapunov_count: a node comes to rest or lets go at speed 0, where no tangent exists");
+  if (grazes)
+    throw Failure("lyapunov_count: a node comes to rest or lets go at speed 0, where no tangent exists");
   count_resting();
   orthonormalise(true);
   start_known_ = false;
 }
 
-// ---- between them -------------------------------------------------------------------------------------------------
+// ---- between them
+// -------------------------------------------------------------------------------------------------
 
 // What a node's own psi does to its rate by viscosity between neighbours, which is not in its block.
 double Tangents::own_viscous_slope(PetscInt i) const {
@@ -259,7 +277,8 @@ void Tangents::linearise(Vec u, Linearisation& at) const {
   at.blocks.resize(std::size_t(model_.local()));
   at.trace = at.rate = 0;
   for (PetscInt i = 0; i < model_.local(); ++i) {
-    const bool moves = !model_.held(model_.first() + i) && !(model_.direction() && model_.direction()[i] == 0);
+    const bool moves =
+        !model_.held(model_.first() + i) && !(model_.direction() && model_.direction()[i] == 0);
     if (model_.viscous() && moves) at.trace += own_viscous_slope(i);
     NodeBlock& b = at.blocks[std::size_t(i)];
     b = model_.node_block(Part::full, i, a + i * dof_);
@@ -277,7 +296,7 @@ void Tangents::rates(const Linearisation& at, Vec y, Vec into) const {
   const Writing f(into);
   for (PetscInt i = 0; i < model_.local(); ++i) {
     const NodeBlock& b = at.blocks[std::size_t(i)];
-    const double *in = a + i * dof_;
+    const double* in = a + i * dof_;
     double* const out = f + i * dof_;
     out[0] += b.psi_psi * in[0] + b.psi_eta * in[1];
     out[1] += b.eta_psi * in[0] + b.eta_eta * in[1];
@@ -289,8 +308,8 @@ void Tangents::rates(const Linearisation& at, Vec y, Vec into) const {
   clear_held(f);
 }
 
-// The part of the step from `begin`, as long as `length`, both in units of the step. start_ is known, and then is that
-// of the part's end.
+// The part of the step from `begin`, as long as `length`, both in units of the step. start_ is known, and
+// then is that of the part's end.
 void Tangents::take_part(double begin, double length, double dt, const Inside& inside) {
   const double h = length * dt;
   for (int i = 0; i < stages; ++i) {
@@ -330,8 +349,8 @@ void Tangents::take_part(double begin, double length, double dt, const Inside& i
   std::swap(start_, inside_);
 }
 
-// Nothing moves: psi and eta do not deviate more, and each state comes closer by itself, in as many turns as keep what
-// is left of a vector above round-off.
+// Nothing moves: psi and eta do not deviate more, and each state comes closer by itself, in as many turns as
+// keep what is left of a vector above round-off.
 void Tangents::rest(double dt, Vec u) {
   start_known_ = false;
   if (dof_ == 2) return;
@@ -346,7 +365,8 @@ void Tangents::rest(double dt, Vec u) {
     }
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &most, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
-  if (most / 5 > most_parts) throw Failure("lyapunov_count: a rest of " + number_text(dt) + " is too long for it");
+  if (most / 5 > most_parts)
+    throw Failure("lyapunov_count: a rest of " + number_text(dt) + " is too long for it");
   const int turns = std::max(1, int(std::ceil(most / 5)));
   for (int turn = 0; turn < turns; ++turn) {
     for (const VecHandle& vector : y_) {
@@ -363,8 +383,10 @@ void Tangents::advance(double dt, const Inside& inside) {
   if (jumps || !start_known_) inside(0, u_);
   if (!begun_) begin(u_);
   if (jumps) jump(u_);
-  if (any_moves_) move(dt, inside);
-  else rest(dt, u_);
+  if (any_moves_)
+    move(dt, inside);
+  else
+    rest(dt, u_);
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &divergence_, 1, MPI_DOUBLE, MPI_SUM, model_.comm()));
 }
 
@@ -377,8 +399,9 @@ void Tangents::move(double dt, const Inside& inside) {
   rate = std::max(rate, stencil_rate(model_.scene()));
   const double parts = std::max(1., std::ceil(dt * rate / longest_part));
   if (!(parts <= most_parts))
-    throw Failure("lyapunov_count: one step of " + number_text(dt) + " would take more than a million parts, as " +
-                  "friction changes here at a rate of " + number_text(rate));
+    throw Failure("lyapunov_count: one step of " + number_text(dt) +
+                  " would take more than a million parts, as " + "friction changes here at a rate of " +
+                  number_text(rate));
   for (int i = 0; i < int(parts); ++i) {
     take_part(i / parts, 1 / parts, dt, inside);
     if ((i + 1) % parts_between == 0) orthonormalise(false);
@@ -386,7 +409,8 @@ void Tangents::move(double dt, const Inside& inside) {
   start_known_ = true;
 }
 
-// ---- orthonormal vectors --------------------------------------------------------------------------------------------
+// ---- orthonormal vectors
+// --------------------------------------------------------------------------------------------
 
 std::vector<double> Tangents::growth() {
   orthonormalise(false);
@@ -404,7 +428,8 @@ void Tangents::orthonormalise(bool after_jump) {
     if (!gone_[k]) growth_[k] += std::log(lengths[k]);
 }
 
-// Y = Q R with R^T R = Y^T Y: one reduction. False, and nothing done, where the vectors are too much alike for it.
+// Y = Q R with R^T R = Y^T Y: one reduction. False, and nothing done, where the vectors are too much alike
+// for it.
 bool Tangents::by_cholesky(std::vector<double>& lengths) {
   std::vector<std::size_t> live;
   for (std::size_t k = 0; k < y_.size(); ++k)
@@ -451,8 +476,10 @@ void Tangents::one_by_one(std::vector<double>& lengths, bool after_jump) {
     sum_up(model_.comm(), left);
     lengths[k] = std::sqrt(left[0]);
     gone_[k] = left[0] == 0 || (after_jump && lengths[k] <= vanished * std::sqrt(whole[k]));
-    if (gone_[k]) SS_TRY(VecZeroEntries(y_[k]));
-    else SS_TRY(VecScale(y_[k], 1 / lengths[k]));
+    if (gone_[k])
+      SS_TRY(VecZeroEntries(y_[k]));
+    else
+      SS_TRY(VecScale(y_[k], 1 / lengths[k]));
   }
 }
 

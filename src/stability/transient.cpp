@@ -26,7 +26,8 @@ struct Sample {
   double t, g;  // g = |exp(M t)|
 };
 
-// ---- small and dense matrices -------------------------------------------------------------------------------------
+// ---- small and dense matrices
+// -------------------------------------------------------------------------------------
 
 // A square matrix, by columns.
 struct Matrix {
@@ -74,7 +75,8 @@ Matrix exponential(const Matrix& M, double t) {
   return result;
 }
 
-// The numerical abscissa: the largest eigenvalue of the symmetric part. |exp(M (t + u))| <= exp(abscissa u) |exp(M t)|.
+// The numerical abscissa: the largest eigenvalue of the symmetric part. |exp(M (t + u))| <= exp(abscissa u)
+// |exp(M t)|.
 double abscissa_of(const Matrix& M) {
   const std::size_t m = std::size_t(M.m);
   Matrix symmetric(m);
@@ -83,10 +85,10 @@ double abscissa_of(const Matrix& M) {
   return largest_eigenvalue(std::move(symmetric));
 }
 
-// The largest |exp(M t)| of a small matrix, beside `result`. From a time with norm g nothing above `best` can come
-// sooner than ln(best/g)/abscissa later: steps are as long as that and a slack, a coarse one first to know what is high,
-// then one of 1e-4, so that no peak is jumped over. Tops seen on the way are refined. As |exp(M (t + u))| <= |exp(M t)|
-// |exp(M u)|, nothing follows a norm of 1.
+// The largest |exp(M t)| of a small matrix, beside `result`. From a time with norm g nothing above `best` can
+// come sooner than ln(best/g)/abscissa later: steps are as long as that and a slack, a coarse one first to
+// know what is high, then one of 1e-4, so that no peak is jumped over. Tops seen on the way are refined. As
+// |exp(M (t + u))| <= |exp(M t)| |exp(M u)|, nothing follows a norm of 1.
 void grow_small(const Matrix& M, Transient& result) {
   const double abscissa = abscissa_of(M);
   result.abscissa = std::max(result.abscissa, abscissa);
@@ -114,8 +116,8 @@ void grow_small(const Matrix& M, Transient& result) {
   }
 }
 
-// The top beside a sample, at intervals halved ten times. (No parabola: where two directions exchange the lead, the top
-// is a corner.) `step` = exp(M h), h between the samples.
+// The top beside a sample, at intervals halved ten times. (No parabola: where two directions exchange the
+// lead, the top is a corner.) `step` = exp(M h), h between the samples.
 Sample refine_top(const Matrix& M, const Matrix& step, Sample left, Sample middle, Sample right) {
   Matrix x_left = exponential(M, left.t), x_middle = times(x_left, step);
   double width = middle.t - left.t;
@@ -138,8 +140,8 @@ Sample refine_top(const Matrix& M, const Matrix& step, Sample left, Sample middl
   return middle;
 }
 
-// The same for a large matrix: at up to 400 even times h apart, until the norm is 1, then beside those of the eight highest
-// tops that come within a tenth of the highest: between samples a lower one may rise further.
+// The same for a large matrix: at up to 400 even times h apart, until the norm is 1, then beside those of the
+// eight highest tops that come within a tenth of the highest: between samples a lower one may rise further.
 void sample_large(const Matrix& M, double h, double horizon, Transient& result) {
   const Matrix step = exponential(M, h);
   std::vector<Sample> samples{{0, 1}};
@@ -150,7 +152,8 @@ void sample_large(const Matrix& M, double h, double horizon, Transient& result) 
   std::vector<std::size_t> tops;
   for (std::size_t k = 1; k + 1 < samples.size(); ++k)
     if (samples[k].g >= samples[k - 1].g && samples[k].g > samples[k + 1].g) tops.push_back(k);
-  std::sort(tops.begin(), tops.end(), [&](std::size_t a, std::size_t b) { return samples[a].g > samples[b].g; });
+  std::sort(tops.begin(), tops.end(),
+            [&](std::size_t a, std::size_t b) { return samples[a].g > samples[b].g; });
   if (tops.size() > 8) tops.resize(8);
   for (const std::size_t k : tops) {
     if (samples[k].g < 0.9 * samples[tops.front()].g) break;
@@ -161,8 +164,8 @@ void sample_large(const Matrix& M, double h, double horizon, Transient& result) 
   }
 }
 
-// Between samples 0.1/abscissa apart nothing rises by more than a tenth. Where decay is so slow that they do not reach to
-// its end, the rest is looked at in longer steps.
+// Between samples 0.1/abscissa apart nothing rises by more than a tenth. Where decay is so slow that they do
+// not reach to its end, the rest is looked at in longer steps.
 void grow_large(const Matrix& M, double horizon, Transient& result) {
   result.abscissa = abscissa_of(M);
   if (horizon <= 0 || !(result.abscissa > 1e-12)) return;
@@ -171,14 +174,16 @@ void grow_large(const Matrix& M, double horizon, Transient& result) {
   if (400 * fine < horizon) sample_large(M, horizon / 400, horizon, result);
 }
 
-// The operator on one wave, in the energy's own unknowns P = sqrt(K/A) p, e, t; K > 0 is the wave's stiffness.
+// The operator on one wave, in the energy's own unknowns P = sqrt(K/A) p, e, t; K > 0 is the wave's
+// stiffness.
 Matrix wave_matrix(const LinearPoint& medium, int dof, double kappa2) {
   const double root[] = {std::sqrt(medium.stiffness(kappa2) / medium.A), 1, 1};
   double rows[9];
   medium.block(Part::full, kappa2).write(dof, rows);
   Matrix M{std::size_t(dof)};
   for (std::size_t i = 0; i < std::size_t(dof); ++i)
-    for (std::size_t j = 0; j < std::size_t(dof); ++j) M(i, j) = root[i] * rows[i * std::size_t(dof) + j] / root[j];
+    for (std::size_t j = 0; j < std::size_t(dof); ++j)
+      M(i, j) = root[i] * rows[i * std::size_t(dof) + j] / root[j];
   return M;
 }
 
@@ -206,15 +211,17 @@ std::optional<Matrix> whole_matrix(const LinearisedOperator& s) {
   Matrix right = M;  // the columns of P times (L^T)^-1, then the rows of P times L^T
   BLAStrsm_("R", "L", "T", "N", &M.m, &L.m, &one, L.a.data(), &L.m, right.a.data(), &M.m);
   M = right;
-  BLASgemm_("T", "N", &L.m, &M.m, &L.m, &one, L.a.data(), &L.m, right.a.data(), &M.m, &zero, M.a.data(), &M.m);
+  BLASgemm_("T", "N", &L.m, &M.m, &L.m, &one, L.a.data(), &L.m, right.a.data(), &M.m, &zero, M.a.data(),
+            &M.m);
   return M;
 }
 
-// ---- many nodes ---------------------------------------------------------------------------------------------------
+// ---- many nodes
+// ---------------------------------------------------------------------------------------------------
 
-// exp(J t) by steps of a Pade approximant r, one complex solve a step: r(z) = r(infinity) + 2 Re [a/(z - z0)] for real
-// vectors. (2, 2), of order 4, conserves the energy of waves without friction at any step; (1, 2), of order 3, damps
-// those that the step does not resolve.
+// exp(J t) by steps of a Pade approximant r, one complex solve a step: r(z) = r(infinity) + 2 Re [a/(z - z0)]
+// for real vectors. (2, 2), of order 4, conserves the energy of waves without friction at any step; (1, 2),
+// of order 3, damps those that the step does not resolve.
 class Propagator {
  public:
   Propagator(const LinearisedOperator& s, double dt, bool damps) : s_(s), dt_(dt), beyond_(damps ? 0 : 1) {
@@ -228,7 +235,8 @@ class Propagator {
     for (long k = 0; k < steps; ++k) {
       const std::vector<Complex> y =
           transpose ? s_.resolvent_transposed(sigma_, lu_, x) : s_.resolvent(sigma_, lu_, x);
-      for (std::size_t i = 0; i < x.size(); ++i) x[i] = beyond_ * x[i].real() + 2 * (residue_ * y[i]).real() / dt_;
+      for (std::size_t i = 0; i < x.size(); ++i)
+        x[i] = beyond_ * x[i].real() + 2 * (residue_ * y[i]).real() / dt_;
     }
     return x;
   }
@@ -260,10 +268,10 @@ class GrowthInTime {
  public:
   GrowthInTime(const LinearisedOperator& s, double growth_rate, Transient& result)
       : s_(s), result_(result), unknowns_(double(s.size() * s.dof())),
-        quick_(std::max(result.abscissa, std::sqrt(s.A * s.K0))), horizon_(40 / std::min(-growth_rate, quick_)),
-        energy_(s), dt_(0.5 / (result.frequency = fastest())),
-        propagator_(s, dt_, result.frequency < s.imaginary_bound()), mixed_(any_vector(s.size() * s.dof(), true)),
-        x_(mixed_) {
+        quick_(std::max(result.abscissa, std::sqrt(s.A * s.K0))),
+        horizon_(40 / std::min(-growth_rate, quick_)), energy_(s), dt_(0.5 / (result.frequency = fastest())),
+        propagator_(s, dt_, result.frequency < s.imaginary_bound()),
+        mixed_(any_vector(s.size() * s.dof(), true)), x_(mixed_) {
     const double size = energy_.norm(mixed_);
     for (Complex& z : mixed_) z /= size;
   }
@@ -275,7 +283,8 @@ class GrowthInTime {
   }
 
  private:
-  // In the continuum waves much shorter than what varies are left out: beyond some frequency they are the grid's.
+  // In the continuum waves much shorter than what varies are left out: beyond some frequency they are the
+  // grid's.
   double fastest() const {
     const Scene& scene = s_.scene;
     const double all = s_.imaginary_bound();
@@ -291,14 +300,15 @@ class GrowthInTime {
         return propagator_(v, steps, transposed);
       };
     };
-    for (std::size_t i = 0; i < x_.size(); ++i) x_[i] += 0.1 * mixed_[i];  // another direction may take the lead
+    // another direction may take the lead
+    for (std::size_t i = 0; i < x_.size(); ++i) x_[i] += 0.1 * mixed_[i];
     const double g = energy_.norm(map(false), map(true), x_, tolerance, 30);
     samples_.push_back({double(steps) * dt_, g});
     return g;
   }
 
-  // From one time to the next. As |exp(J (t + u))| <= |exp(J t)| |exp(J u)|, nothing larger can come after a time when it
-  // is below 1.
+  // From one time to the next. As |exp(J (t + u))| <= |exp(J t)| |exp(J u)|, nothing larger can come after a
+  // time when it is below 1.
   void climb() {
     result_.exact = false;
     double last = 1, before = 1;
@@ -349,7 +359,8 @@ class GrowthInTime {
   // The highest sample; they are put in the order of time.
   std::vector<Sample>::const_iterator top() {
     std::sort(samples_.begin(), samples_.end(), [](const Sample& a, const Sample& b) { return a.t < b.t; });
-    return std::max_element(samples_.begin(), samples_.end(), [](const Sample& a, const Sample& b) { return a.g < b.g; });
+    return std::max_element(samples_.begin(), samples_.end(),
+                            [](const Sample& a, const Sample& b) { return a.g < b.g; });
   }
 
   static constexpr double budget_ = 1e9;  // unknowns times steps
@@ -376,8 +387,10 @@ std::optional<Transient> transient_growth(const LinearisedOperator& s, double gr
       const double kappa2 = s.symbol(w.k);
       if (!(s.point(0).stiffness(kappa2) > 0)) continue;
       const Matrix M = wave_matrix(s.point(0), int(s.dof()), kappa2);
-      if (growth_rate < 0) grow_small(M, result);  // growth is bounded only where sliding is stable
-      else result.abscissa = std::max(result.abscissa, abscissa_of(M));
+      if (growth_rate < 0)
+        grow_small(M, result);  // growth is bounded only where sliding is stable
+      else
+        result.abscissa = std::max(result.abscissa, abscissa_of(M));
     }
     return result;
   }

@@ -29,7 +29,8 @@ void find_growth(const Scene& scene, UniformState& u) {
 }  // namespace
 
 bool has_uniform_states(const Scene& s) {
-  return s.form == Form::chain && s.k0 == 0 && s.spread == 0 && !s.friction.varies() && s.left != End::velocity && s.right != End::velocity;
+  return s.form == Form::chain && s.k0 == 0 && s.spread == 0 && !s.friction.varies() &&
+         s.left != End::velocity && s.right != End::velocity;
 }
 
 std::vector<UniformState> uniform_states(const Scene& scene, double stress) {
@@ -44,7 +45,8 @@ std::vector<UniformState> uniform_states(const Scene& scene, double stress) {
     double before = lowest, f_before = at(before);
     for (double e = lowest + step; e <= highest; e += step) {
       const double f = at(e);
-      if (std::isfinite(f) && std::isfinite(f_before) && f != 0 && (f_before == 0 || (f < 0) != (f_before < 0)))
+      if (std::isfinite(f) && std::isfinite(f_before) && f != 0 &&
+          (f_before == 0 || (f < 0) != (f_before < 0)))
         found.push_back(sign * std::pow(10., find_root(at, {before, f_before, e, f}, 0)));
       before = e;
       f_before = f;
@@ -62,8 +64,10 @@ std::vector<UniformState> uniform_states(const Scene& scene, double stress) {
     u.rests = psi == 0 && friction->sticks;
     const double s = friction->steady_state(psi);
     if (friction->has_state && std::isfinite(s)) u.state = state_to_output(scene.friction.state, s);
-    if (u.rests) u.stable = true;
-    else find_growth(scene, u);
+    if (u.rests)
+      u.stable = true;
+    else
+      find_growth(scene, u);
     states.push_back(u);
   }
   return states;

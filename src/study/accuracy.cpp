@@ -35,7 +35,8 @@ struct AccuracyPlan::Impl {
   void choose() {
     const double begin = largest_processor_seconds();
     runs.choose_method();
-    ladder = request.has_space ? grid_ladder(request, setting, runs) : tolerance_ladder(request, setting, runs);
+    ladder =
+        request.has_space ? grid_ladder(request, setting, runs) : tolerance_ladder(request, setting, runs);
     try {
       ladder->choose();
     } catch (const OutOfReach& e) {
@@ -48,7 +49,8 @@ struct AccuracyPlan::Impl {
   void finish();
 };
 
-AccuracyPlan::AccuracyPlan(const Options& options, double wanted) : impl_(std::make_unique<Impl>(options, wanted)) {
+AccuracyPlan::AccuracyPlan(const Options& options, double wanted)
+    : impl_(std::make_unique<Impl>(options, wanted)) {
   impl_->choose();
   impl_->finish();
 }
@@ -77,8 +79,8 @@ std::optional<JumpAtEnd> AccuracyPlan::jump() {
   const Scene grid = Scene::from(impl_->chosen, false);
   const double t = impl_->runs.pilot().t_end();
   const Jump::Stretch left_out = jump->stretch(grid, t);
-  const JumpAtEnd found{jump->x(t), jump->height(impl_->request.options, impl_->setting), std::max(0., left_out.from),
-                        std::min(grid.length, left_out.to)};
+  const JumpAtEnd found{jump->x(t), jump->height(impl_->request.options, impl_->setting),
+                        std::max(0., left_out.from), std::min(grid.length, left_out.to)};
   impl_->seconds += largest_processor_seconds() - begin;
   return found;
 }
@@ -113,13 +115,17 @@ void AccuracyPlan::Impl::finish() {
     if (!asked.is_set(name)) chosen = chosen.with(name, value);
   };
   set("ts_type", setting.method.type);
-  if (const std::string sub = subtype_option(setting.method.type); !sub.empty()) set(sub, setting.method.subtype);
-  if (const double step = runs.pilot().longest_step(setting); step > 0) set("ts_adapt_dt_max", number_text(step));
+  if (const std::string sub = subtype_option(setting.method.type); !sub.empty())
+    set(sub, setting.method.subtype);
+  if (const double step = runs.pilot().longest_step(setting); step > 0)
+    set("ts_adapt_dt_max", number_text(step));
   set("ts_rtol", number_text(setting.tolerance));
   set("ts_atol", number_text(setting.tolerance));
-  what = setting.method.name() + (setting.method.splits() ? " (implicit: " + setting.method.implicit + ")" : "") +
-         ", tolerance " + rounded_text(setting.tolerance, 2);
-  if (request.has_space) what += ", order " + std::to_string(setting.order) + ", n = " + std::to_string(setting.n);
+  what = setting.method.name() +
+         (setting.method.splits() ? " (implicit: " + setting.method.implicit + ")" : "") + ", tolerance " +
+         rounded_text(setting.tolerance, 2);
+  if (request.has_space)
+    what += ", order " + std::to_string(setting.order) + ", n = " + std::to_string(setting.n);
   what += ladder->foreseen() + ", after " + std::to_string(runs.count()) + " short runs";
   if (!runs.why().empty()) what += "; " + runs.why();
 }

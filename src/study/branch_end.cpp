@@ -13,7 +13,8 @@ namespace stickslip {
 
 namespace {
 
-constexpr int samples_of_line = 32, side = 24, coarse = 3;  // cells; of a square every third line is asked first
+// cells; of a square every third line is asked first
+constexpr int samples_of_line = 32, side = 24, coarse = 3;
 constexpr int places_of_cell = 8, lines_of_square = 4;
 constexpr int most_steps = 400;     // of a branch
 constexpr int most_passes = 3;      // over the samples of a square
@@ -40,7 +41,9 @@ bool crosses(const EndLine& line, PlanePoint a, PlanePoint b) {
 }
 
 void sort_from(PlanePoint a, std::vector<EndPlace>& places) {
-  const auto before = [&](const EndPlace& p, const EndPlace& q) { return distance(p.at, a) < distance(q.at, a); };
+  const auto before = [&](const EndPlace& p, const EndPlace& q) {
+    return distance(p.at, a) < distance(q.at, a);
+  };
   std::sort(places.begin(), places.end(), before);
 }
 
@@ -96,8 +99,8 @@ double BranchEnd::operator()(double x, double y) {
   return strong_slips_last(Oscillator(one)) ? -std::abs(one.v) : std::abs(one.v);
 }
 
-// The cycle shrinks to nothing where sliding begins to attract: the Hopf point is supercritical, and no stick-slip is
-// left a little beyond.
+// The cycle shrinks to nothing where sliding begins to attract: the Hopf point is supercritical, and no
+// stick-slip is left a little beyond.
 bool BranchEnd::ends_at_hopf(PlanePoint alive, PlanePoint dead) {
   const auto repels = [&](double part) {
     const PlanePoint at = between(alive, dead, part);
@@ -134,8 +137,8 @@ BranchEnd::Branch BranchEnd::follow(PlanePoint from, PlanePoint to) {
   try {
     const Scene here = line(0);
     if (here.friction.sticks()) {
-      const StickFate fate =
-          stick_fate(here, cell_.start(axes_[0].value(from.x), axes_.size() > 1 ? axes_[1].value(from.y) : 0));
+      const StickFate fate = stick_fate(
+          here, cell_.start(axes_[0].value(from.x), axes_.size() > 1 ? axes_[1].value(from.y) : 0));
       if (fate.fate != Fate::repeats) throw Failure("the motion " + to_string(fate.fate));
       path = stick_path(line, 0, range, fate.cycle);
       first = path->cycle();
@@ -143,15 +146,16 @@ BranchEnd::Branch BranchEnd::follow(PlanePoint from, PlanePoint to) {
       const SmoothCycle cycle =
           uniform()
               ? uniform_cycle(here, 1e-10, strong_slip)
-              : settled_cycle(here, cell_.start(axes_[0].value(from.x), axes_.size() > 1 ? axes_[1].value(from.y) : 0),
-                              turns_to_settle);
+              : settled_cycle(
+                    here, cell_.start(axes_[0].value(from.x), axes_.size() > 1 ? axes_[1].value(from.y) : 0),
+                    turns_to_settle);
       path = smooth_path(line, 0, range, cycle);
       first = cycle.cycle;
     }
     found.lives = growth_rate(first) < 0;
     if (!found.lives) throw Failure("a cycle that repels");
-    // Where a period has doubled, the doubled cycle's branch would pass on to the one it comes from, gone round twice;
-    // that one's flip is found from where it lives.
+    // Where a period has doubled, the doubled cycle's branch would pass on to the one it comes from, gone
+    // round twice; that one's flip is found from where it lives.
     const auto watch = [&](double, const Cycle& c) {
       if (goes_round_twice(c)) {
         found.halves = true;
@@ -168,13 +172,16 @@ BranchEnd::Branch BranchEnd::follow(PlanePoint from, PlanePoint to) {
     found.why = "it cannot be followed beyond " +
                 place_text(from.x + found.until * along.x, from.y + found.until * along.y) + ": " +
                 branch.end.substr(branch.end.find(": ") == std::string::npos ? 0 : branch.end.find(": ") + 2);
-    // a cycle that has all but shrunk to nothing ends there, whatever its multipliers, all nearly 1 then, seem to do
-    found.at_hopf = found.at_hopf || (!branch.special.empty() && path->cycle().amplitude < vanished * first.amplitude);
+    // a cycle that has all but shrunk to nothing ends there, whatever its multipliers, all nearly 1 then,
+    // seem to do
+    found.at_hopf =
+        found.at_hopf || (!branch.special.empty() && path->cycle().amplitude < vanished * first.amplitude);
     if (branch.special.empty() || found.at_hopf) return found;
     const SpecialPoint& special = branch.special.back();
     found.until = special.value;
-    found.end = end_place(std::move(path), special.kind,
-                          {from.x + special.value * along.x, from.y + special.value * along.y}, {-along.x, -along.y});
+    found.end =
+        end_place(std::move(path), special.kind,
+                  {from.x + special.value * along.x, from.y + special.value * along.y}, {-along.x, -along.y});
   } catch (const Failure& e) {
     found.why = e.what();
   }
@@ -189,7 +196,8 @@ std::optional<EndPlace> BranchEnd::end_between(PlanePoint alive, PlanePoint dead
   Branch branch = follow(alive, dead);
   lives = branch.lives;
   if (!branch.end && !branch.lives && Oscillator(scene(alive.x, alive.y)).sliding_unstable(1))
-    notes.push_back("near " + place_text(alive.x, alive.y) + " no cycle of stick-slip is found: " + branch.why);
+    notes.push_back("near " + place_text(alive.x, alive.y) +
+                    " no cycle of stick-slip is found: " + branch.why);
   else if (!branch.lives)
     return std::nullopt;
   else if (!branch.end && !branch.at_hopf)
@@ -198,7 +206,8 @@ std::optional<EndPlace> BranchEnd::end_between(PlanePoint alive, PlanePoint dead
   return branch.end;
 }
 
-std::vector<EndPlace> BranchEnd::ends_of_uniform(PlanePoint a, PlanePoint b, std::vector<std::string>& notes) {
+std::vector<EndPlace> BranchEnd::ends_of_uniform(PlanePoint a, PlanePoint b,
+                                                 std::vector<std::string>& notes) {
   std::vector<double> f;
   for (int k = 0; k <= samples_of_line; ++k) {
     const PlanePoint at = between(a, b, double(k) / samples_of_line);
@@ -208,7 +217,8 @@ std::vector<EndPlace> BranchEnd::ends_of_uniform(PlanePoint a, PlanePoint b, std
   for (int k = 0; k < samples_of_line; ++k) {
     const std::size_t low = std::size_t(k), high = low + 1;
     if (!(f[low] * f[high] < 0)) continue;
-    const PlanePoint p = between(a, b, double(k) / samples_of_line), q = between(a, b, double(k + 1) / samples_of_line);
+    const PlanePoint p = between(a, b, double(k) / samples_of_line),
+                     q = between(a, b, double(k + 1) / samples_of_line);
     bool lives = true;
     if (auto end = f[low] < 0 ? end_between(p, q, lives, notes) : end_between(q, p, lives, notes))
       found.push_back(*end);
@@ -230,7 +240,8 @@ std::vector<EndPlace> BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::v
   const double range = distance(a, b);
   for (int k = 0; k <= places_of_cell; ++k) {
     const double part = double(k) / places_of_cell;
-    if (std::any_of(passed.begin(), passed.end(), [&](const auto& p) { return part >= p.first && part <= p.second; }))
+    if (std::any_of(passed.begin(), passed.end(),
+                    [&](const auto& p) { return part >= p.first && part <= p.second; }))
       continue;
     const PlanePoint at = between(a, b, part);
     std::pair<double, double> reach{part, part};
@@ -251,9 +262,9 @@ std::vector<EndPlace> BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::v
     passed.push_back(reach);
   }
   if (without.size() > 1)
-    without[0] += " (no cycle that attracts there, nor at " + std::to_string(without.size() - 1) + " more of the " +
-                  std::to_string(places_of_cell + 1) + " places between " + place_text(a.x, a.y) + " and " +
-                  place_text(b.x, b.y) + ")";
+    without[0] += " (no cycle that attracts there, nor at " + std::to_string(without.size() - 1) +
+                  " more of the " + std::to_string(places_of_cell + 1) + " places between " +
+                  place_text(a.x, a.y) + " and " + place_text(b.x, b.y) + ")";
   if (!without.empty()) notes.push_back(without[0]);
   sort_from(a, found);
   const auto same = [](const EndPlace& p, const EndPlace& q) {
@@ -301,7 +312,8 @@ void BranchEnd::sample_square() {
       const auto like = [&](double value) {
         return std::isnan(value) == std::isnan(corner) && (value < 0) == (corner < 0);
       };
-      const bool alike = like(ask(i + coarse, j)) && like(ask(i, j + coarse)) && like(ask(i + coarse, j + coarse));
+      const bool alike =
+          like(ask(i + coarse, j)) && like(ask(i, j + coarse)) && like(ask(i + coarse, j + coarse));
       for (int q = j; q <= j + coarse; ++q)
         for (int p = i; p <= i + coarse; ++p) {
           const std::size_t k = std::size_t(q) * row + std::size_t(p);
@@ -325,9 +337,11 @@ std::vector<EndLine> BranchEnd::lines_of_uniform(double step, std::vector<std::s
     for (const EndLine& line : lines)
       if (crosses(line, alive, dead)) return;
     bool lives = true;
-    if (const auto end = end_between(alive, dead, lives, notes)) lines.push_back(follow_ends(plane(), *end, step));
+    if (const auto end = end_between(alive, dead, lives, notes))
+      lines.push_back(follow_ends(plane(), *end, step));
     if (lives) return;
-    double& wrong = samples_[value(i, j) < 0 ? std::size_t(j * (side + 1) + i) : std::size_t(q * (side + 1) + p)];
+    double& wrong =
+        samples_[value(i, j) < 0 ? std::size_t(j * (side + 1) + i) : std::size_t(q * (side + 1) + p)];
     wrong = -wrong;
     again = true;
   };
@@ -379,8 +393,8 @@ std::vector<Crossing> BranchEnd::curve(PetscInt count, std::vector<std::string>&
       const Mixture here = mixture(line.places, along, s);
       const EndPlace& near = line.places[here.near];
       const bool is_there = std::abs(along[here.near] - s) < 1e-9;
-      const auto on =
-          is_there ? std::optional<EndPlace>(near) : end_on_line(plane(), near, here.at, near.to_life, here.others);
+      const auto on = is_there ? std::optional<EndPlace>(near)
+                               : end_on_line(plane(), near, here.at, near.to_life, here.others);
       if (on) result.push_back(crossing(*on, int(number)));
     }
   }

@@ -1,9 +1,10 @@
-// The end of stick-slip where the branch of its cycle ceases to attract: smooth friction, and cells of several nodes.
+// The end of stick-slip where the branch of its cycle ceases to attract: smooth friction, and cells of
+// several nodes.
 //
-// Uniform motion: whether a strong slip goes on for ever is asked at samples; between two that differ the cycle's
-// branch is followed from where it lives until it ceases to attract, or shrinks to nothing at a Hopf point of sliding.
-// A cell: from samples where its own motion from the start settles on a cycle, the branch is followed both ways. In two
-// parameters the points found are followed as lines (end_line.hpp).
+// Uniform motion: whether a strong slip goes on for ever is asked at samples; between two that differ the
+// cycle's branch is followed from where it lives until it ceases to attract, or shrinks to nothing at a Hopf
+// point of sliding. A cell: from samples where its own motion from the start settles on a cycle, the branch
+// is followed both ways. In two parameters the points found are followed as lines (end_line.hpp).
 #pragma once
 
 #include <optional>
@@ -44,7 +45,8 @@ class BranchEnd : public StickSlipEnd {
   // Ends on the line from a to b, in order.
   std::vector<EndPlace> ends_of_uniform(PlanePoint a, PlanePoint b, std::vector<std::string>& notes);
   std::vector<EndPlace> ends_of_cell(PlanePoint a, PlanePoint b, std::vector<std::string>& notes);
-  std::optional<EndPlace> end_between(PlanePoint alive, PlanePoint dead, bool& lives, std::vector<std::string>& notes);
+  std::optional<EndPlace> end_between(PlanePoint alive, PlanePoint dead, bool& lives,
+                                      std::vector<std::string>& notes);
   Crossing crossing(const EndPlace& place, int piece) const;
   void sample_square();
   std::vector<EndLine> lines_of_uniform(double step, std::vector<std::string>& notes);

@@ -25,21 +25,29 @@ std::vector<Column<ChartRow>> chart_columns() {
   return {
       {"method", {"method", "1", "method"}, [](Row r) { return r.method; }, true},
       {"implicit", {"implicit", "1", "terms taken implicitly"}, [](Row r) { return r.implicit; }, true},
-      {"tolerance", {"tolerance", "1", "relative and absolute tolerance of a step"},
+      {"tolerance",
+       {"tolerance", "1", "relative and absolute tolerance of a step"},
        [=](Row r) { return adaptive(r) ? Json(r.setting.tolerance) : Json(); }},
-      {"step", {"step", "time", "step, where all are the same"},
+      {"step",
+       {"step", "time", "step, where all are the same"},
        [=](Row r) { return adaptive(r) ? Json() : Json(r.setting.step); }},
       {"order", {"order", "1", "order in space"}, [](Row r) { return r.setting.order; }},
       {"n", {"n", "1", "nodes"}, [](Row r) { return r.setting.n; }},
       {"error", {"error", "1", "largest error of psi and eta"}, [](Row r) { return Json(r.error); }},
-      {"error_time", {"error_time", "1", "the part of it from steps in time"}, [](Row r) { return Json(r.error_time); }},
-      {"error_space", {"error_space", "1", "the part of it from the grid"}, [](Row r) { return Json(r.error_space); }},
-      {"seconds", {"cost", "seconds of processor time", "processor time, median of the repetitions"},
+      {"error_time",
+       {"error_time", "1", "the part of it from steps in time"},
+       [](Row r) { return Json(r.error_time); }},
+      {"error_space",
+       {"error_space", "1", "the part of it from the grid"},
+       [](Row r) { return Json(r.error_space); }},
+      {"seconds",
+       {"cost", "seconds of processor time", "processor time, median of the repetitions"},
        [](Row r) { return r.repeats > 0 ? Json(r.seconds) : Json(); }},
       {"repeats", {"repeats", "1", "repetitions"}, [](Row r) { return r.repeats; }},
       {"steps", {"steps", "1", "steps"}, [](Row r) { return r.steps; }},
       {"rejections", {}, [](Row r) { return r.rejections; }},
-      {"rhs_evaluations", {"rhs_evaluations", "1", "right-hand sides, or parts of them"},
+      {"rhs_evaluations",
+       {"rhs_evaluations", "1", "right-hand sides, or parts of them"},
        [](Row r) { return r.rhs_evaluations; }},
       {"failed", {"failed", "1", "why there is no error"}, [](Row r) { return r.failed; }, true},
   };
@@ -63,7 +71,8 @@ void write_file(const std::string& path, const Provenance& provenance, const Wor
   file.write();
 }
 
-// Which rows have an error of at most 1e-3, 1e-6, 1e-9 in the least time, of all methods and of the IMEX ones.
+// Which rows have an error of at most 1e-3, 1e-6, 1e-9 in the least time, of all methods and of the IMEX
+// ones.
 void describe(Summary& summary, const std::vector<ChartRow>& rows) {
   const auto words = [](const ChartRow& r) {
     return r.method + (r.setting.method.splits() ? " (" + r.implicit + " implicit)" : "") + ", order " +
@@ -73,7 +82,8 @@ void describe(Summary& summary, const std::vector<ChartRow>& rows) {
   const auto quickest = [&](double wanted, bool imex) {
     const ChartRow* best = nullptr;
     for (const ChartRow& r : rows)
-      if (r.error && *r.error <= wanted && (!imex || r.setting.method.splits()) && (!best || r.seconds < best->seconds))
+      if (r.error && *r.error <= wanted && (!imex || r.setting.method.splits()) &&
+          (!best || r.seconds < best->seconds))
         best = &r;
     return best;
   };
@@ -81,10 +91,14 @@ void describe(Summary& summary, const std::vector<ChartRow>& rows) {
     const ChartRow *best = quickest(wanted, false), *imex = quickest(wanted, true);
     if (best)
       summary.say("error below " + rounded_text(wanted) + ": " + words(*best) +
-                  (!imex ? "; no IMEX method reaches it" : imex == best ? "" : "; of the IMEX methods " + words(*imex)));
+                  (!imex          ? "; no IMEX method reaches it"
+                   : imex == best ? ""
+                                  : "; of the IMEX methods " + words(*imex)));
   }
-  const auto known = std::count_if(rows.begin(), rows.end(), [](const ChartRow& r) { return r.error.has_value(); });
-  summary.say(std::to_string(known) + " of " + std::to_string(rows.size()) + " rows have an error that is known");
+  const auto known =
+      std::count_if(rows.begin(), rows.end(), [](const ChartRow& r) { return r.error.has_value(); });
+  summary.say(std::to_string(known) + " of " + std::to_string(rows.size()) +
+              " rows have an error that is known");
 }
 
 // What the chart sets for each row is not the user's to set for all.
@@ -94,7 +108,8 @@ void refuse_what_rows_choose(const Options& options) {
     if (const std::string name = subtype_option(m.type); !name.empty()) names.push_back(name);
   for (const std::string& name : names)
     if (options.is_set(name))
-      throw UsageError("-" + name + " " + quoted(options.text(name)) + ": a chart chooses it row by row; see "
+      throw UsageError("-" + name + " " + quoted(options.text(name)) +
+                       ": a chart chooses it row by row; see "
                        "chart_methods, chart_tolerances, chart_steps");
 }
 
@@ -138,9 +153,9 @@ std::vector<int> chart_orders(const Options& options, const Scene& scene) {
   for (const PetscInt order : options.integers("chart_orders")) {
     if (std::find(possible.begin(), possible.end(), int(order)) == possible.end())
       throw UsageError("chart_orders " + options.text("chart_orders") + ": " + std::to_string(order) +
-                       (chain ? ": the chain's second difference is the model itself, of order 2"
-                              : order % 2 != 0 ? " is no order; there are 2, 4, 6 and 8"
-                                               : ": order 8 with a held end is unstable; there are 2, 4 and 6"));
+                       (chain            ? ": the chain's second difference is the model itself, of order 2"
+                        : order % 2 != 0 ? " is no order; there are 2, 4, 6 and 8"
+                                         : ": order 8 with a held end is unstable; there are 2, 4 and 6"));
     orders.push_back(int(order));
   }
   if (orders.empty() && (options.is_set("grid_order") || chain)) return {scene.order};
@@ -154,7 +169,8 @@ void check_one_grid(const Options& options, const Scene& scene, const std::vecto
   const std::string start = "the start (init_noise_length 0, init_type file) lives on one grid";
   if (grids.size() > 1)
     throw UsageError("chart_grids " + options.text("chart_grids") + ": " +
-                     (scene.form == Form::chain ? "the chain's blocks are the model itself" : start) + "; give one");
+                     (scene.form == Form::chain ? "the chain's blocks are the model itself" : start) +
+                     "; give one");
   if (orders.size() < 2) return;
   if (options.is_set("chart_orders"))
     throw UsageError("chart_orders " + options.text("chart_orders") + ": " + start + "; give one order");
@@ -166,8 +182,10 @@ void check_one_grid(const Options& options, const Scene& scene, const std::vecto
 std::vector<Setting> chart_settings(const Options& options) {
   const Scene scene = Scene::from(options, false);
   std::vector<std::string> usual{"rk:3bs", "rk:5dp", "rk:7vr", "rk:8vr"};
-  if (scene.massless()) usual.insert(usual.end(), {"arkimex:3:both", "arkimex:4:both"});  // nothing to split
-  else usual.insert(usual.end(), {"arkimex:3:friction", "arkimex:4:friction", "arkimex:4:wave"});
+  if (scene.massless())
+    usual.insert(usual.end(), {"arkimex:3:both", "arkimex:4:both"});  // nothing to split
+  else
+    usual.insert(usual.end(), {"arkimex:3:friction", "arkimex:4:friction", "arkimex:4:wave"});
   usual.emplace_back("rosw:ra34pw2");
   const std::vector<MethodSpec> list = chart_methods(options, usual);
   std::vector<double> tolerances = options.reals("chart_tolerances"), steps = options.reals("chart_steps");
@@ -177,7 +195,8 @@ std::vector<Setting> chart_settings(const Options& options) {
   const bool one_grid = !has_grid_limit(options, scene);
   if (one_grid) check_one_grid(options, scene, grids, orders);
   if (grids.empty()) {
-    if (const PetscInt half = halved(scene, scene.n, orders.back()); half > 0 && !one_grid) grids.push_back(half);
+    if (const PetscInt half = halved(scene, scene.n, orders.back()); half > 0 && !one_grid)
+      grids.push_back(half);
     grids.push_back(scene.n);
   }
 
@@ -212,7 +231,8 @@ int chart_errors(const Options& options) {
   const OutputLock lock = check_outputs(out_file, options.text("summary"));
 
   const Provenance provenance = Provenance::of("chart", options.all());
-  Summary summary(provenance, {"rows", "best", "reference_error", "reference", "clock"}, options.text("summary"));
+  Summary summary(provenance, {"rows", "best", "reference_error", "reference", "clock"},
+                  options.text("summary"));
   return with_summary(summary, [&] {
     check_settings(options, chart_settings(options));
     check_unused_after_setup(options, "snes ksp pc");
@@ -238,8 +258,10 @@ int chart_errors(const Options& options) {
     }
     const std::vector<std::size_t> front = report();
     if (front.empty())
-      warn("no row has an error that could be told: see `failed` of the rows (more chart_reference_seconds, a shorter "
-           "ts_max_time or finer grids help)");
+      warn(
+          "no row has an error that could be told: see `failed` of the rows (more chart_reference_seconds, a "
+          "shorter "
+          "ts_max_time or finer grids help)");
     write_file(out_file, provenance, chart, front);
     describe(summary, chart.rows());
     return 0;

@@ -34,7 +34,9 @@ struct Border {
   PlanePoint along;
 };
 Border border_ahead(PlanePoint p, PlanePoint d) {
-  const auto reach = [](double at, double rate) { return rate > 0 ? (1 - at) / rate : rate < 0 ? -at / rate : 1e300; };
+  const auto reach = [](double at, double rate) {
+    return rate > 0 ? (1 - at) / rate : rate < 0 ? -at / rate : 1e300;
+  };
   const double x = reach(p.x, d.x), y = reach(p.y, d.y);
   return x < y ? Border{x, {0, 1}} : Border{y, {1, 0}};
 }
@@ -45,7 +47,8 @@ std::function<Scene(double)> scenes_across(const PlaneScene& scene, PlanePoint q
   return [scene, q, n](double s) { return scene(q.x + s * n.x, q.y + s * n.y); };
 }
 
-EndPlace end_place(std::shared_ptr<CyclePath> path, const std::string& kind, PlanePoint at, PlanePoint to_life) {
+EndPlace end_place(std::shared_ptr<CyclePath> path, const std::string& kind, PlanePoint at,
+                   PlanePoint to_life) {
   EndPlace p{at, to_life, kind, nullptr, 0, 0, 0, std::nan("")};
   p.residual = std::abs(special_test(kind, *path, path->direction()));
   const Cycle cycle = path->cycle();
@@ -110,12 +113,14 @@ class Follower {
       const double taken = arrives ? border.distance : step;
       const Mixture ahead = mixture(line, along, along.back() + taken);
       const PlanePoint q = line.size() > 2 && !arrives ? ahead.at : plus(here.at, taken, direction);
-      std::optional<EndPlace> next = end_on_line(
-          scene_, here, q, arrives ? along_border(border, here) : across(direction, here.to_life), ahead.others);
+      std::optional<EndPlace> next =
+          end_on_line(scene_, here, q, arrives ? along_border(border, here) : across(direction, here.to_life),
+                      ahead.others);
       const PlanePoint turned = next ? from_to(here.at, next->at) : direction;
       const bool vanishes = next && next->amplitude < vanished * first.amplitude;
       if (vanishes && taken < shortest_to_nothing) return behind_first(line);
-      if (!next || vanishes || distance(next->at, q) > aside * taken || (arrives && !inside(rounded(next->at)))) {
+      if (!next || vanishes || distance(next->at, q) > aside * taken ||
+          (arrives && !inside(rounded(next->at)))) {
         step = std::min(step, taken) / 3;
         if (line.size() == 1) direction = turned;  // but a guess
         continue;

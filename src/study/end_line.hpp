@@ -1,8 +1,8 @@
 // Lines of special points of cycles (cycles/branch.hpp) in the unit square of two parameters.
 //
-// Each point is found on a straight line across: a family of scenes of one parameter, whose cycles start from those of
-// a point near by. The line of points is followed by steps along its last direction and such lines across it, so that
-// it may turn round as it likes. Nothing communicates.
+// Each point is found on a straight line across: a family of scenes of one parameter, whose cycles start from
+// those of a point near by. The line of points is followed by steps along its last direction and such lines
+// across it, so that it may turn round as it likes. Nothing communicates.
 #pragma once
 
 #include <functional>
@@ -21,7 +21,8 @@ using PlaneScene = std::function<Scene(double x, double y)>;
 struct EndPlace {
   PlanePoint at, to_life;  // to_life: unit vector across the line, to where the cycle attracts
   std::string kind;
-  std::shared_ptr<const CyclePath> path;  // its candidate is the cycle there; the parameter is the distance from `at`
+  // its candidate is the cycle there; the parameter is the distance from `at`
+  std::shared_ptr<const CyclePath> path;
   double period = 0, amplitude = 0, residual = 0;
   double slope = 0;  // of special_test along the branch; NaN: not known
 };
@@ -30,16 +31,18 @@ struct EndPlace {
 std::function<Scene(double)> scenes_across(const PlaneScene& scene, PlanePoint q, PlanePoint n);
 
 // The special point at which the path stands, its tangent known: its candidate, at `at`.
-EndPlace end_place(std::shared_ptr<CyclePath> path, const std::string& kind, PlanePoint at, PlanePoint to_life);
+EndPlace end_place(std::shared_ptr<CyclePath> path, const std::string& kind, PlanePoint at,
+                   PlanePoint to_life);
 
-// The point of the same kind as `near` on the line through q along n (unit vector, to life); empty where none is found
-// near by. The cycle is sought from a mixture of those of other places, `near` with the weight that they leave of 1.
+// The point of the same kind as `near` on the line through q along n (unit vector, to life); empty where none
+// is found near by. The cycle is sought from a mixture of those of other places, `near` with the weight that
+// they leave of 1.
 using Weighted = std::vector<std::pair<const EndPlace*, double>>;
 std::optional<EndPlace> end_on_line(const PlaneScene& scene, const EndPlace& near, PlanePoint q, PlanePoint n,
                                     const Weighted& others = {});
 
-// The places of `line` about the place at the distance s along it (the polygon's), interpolated; number `near` is the
-// nearest.
+// The places of `line` about the place at the distance s along it (the polygon's), interpolated; number
+// `near` is the nearest.
 struct Mixture {
   std::size_t near;
   Weighted others;
@@ -47,9 +50,9 @@ struct Mixture {
 };
 Mixture mixture(const std::vector<EndPlace>& line, const std::vector<double>& along, double s);
 
-// All points of the line through `first`, at most `step` apart, in order; they end on the border of the square, at the
-// first again, where the cycle shrinks to nothing (at a Bautin point of sliding), or where none is found further on,
-// which a piece of a curve calls `stuck`.
+// All points of the line through `first`, at most `step` apart, in order; they end on the border of the
+// square, at the first again, where the cycle shrinks to nothing (at a Bautin point of sliding), or where
+// none is found further on, which a piece of a curve calls `stuck`.
 struct EndLine {
   std::vector<EndPlace> places;
   CurvePiece piece;

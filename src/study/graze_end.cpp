@@ -15,18 +15,18 @@ namespace stickslip {
 
 namespace {
 
-constexpr double beside = 1e-4;   // of the box: where it is asked what lives on either side of an end
+constexpr double beside = 1e-4;      // of the box: where it is asked what lives on either side of an end
 constexpr double near_graze = 1e-3;  // distance over 1 + |v| of a place near a graze
 constexpr double meets = 0.3;        // |1 - multiplier| that is left where a cycle meets another
-constexpr double grazes = 1e-6;   // distance from grazing, over 1 + |v|, of an end by grazing
+constexpr double grazes = 1e-6;      // distance from grazing, over 1 + |v|, of an end by grazing
 
 }  // namespace
 
-Scene GrazeEnd::scene(double x, double y) const {
-  return one_node_of(scene_of_axes(x, y));
-}
+Scene GrazeEnd::scene(double x, double y) const { return one_node_of(scene_of_axes(x, y)); }
 
-std::string GrazeEnd::fate(double x, double y) const { return to_string(uniform_stick_fate(scene(x, y)).fate); }
+std::string GrazeEnd::fate(double x, double y) const {
+  return to_string(uniform_stick_fate(scene(x, y)).fate);
+}
 
 // Right before its release: the node still rests.
 std::vector<double> GrazeEnd::on_cycle(double x, double y) const {
@@ -58,8 +58,9 @@ Crossing GrazeEnd::crossing(double x, double y, double nx, double ny) {
     least = there;
     c.kind = passes_ ? "pass" : "graze";
   }
-  // Without a state there is no fold. Where the slip creeps along the falling branch of friction (large v, soft springs) its
-  // least psi passes 0 within the last digit of the option, as in a canard explosion: no place has a small one.
+  // Without a state there is no fold. Where the slip creeps along the falling branch of friction (large v,
+  // soft springs) its least psi passes 0 within the last digit of the option, as in a canard explosion: no
+  // place has a small one.
   const Scene here = scene(x, y);
   c.residual = std::abs(least);
   if (!here.friction.has_state() || std::abs(least) < grazes * (1 + std::abs(here.v))) return c;
@@ -79,8 +80,8 @@ PlanePoint GrazeEnd::last_digits(PlanePoint at, PlanePoint across) {
   return std::isnan(t) ? at : PlanePoint{at.x + t * across.x, at.y + t * across.y};
 }
 
-// Towards a fold the multiplier mu goes to 1 like the square root of the distance: (1 - mu)^2 is extrapolated to 0 from
-// cycles ever nearer to it, on the side where they live; twice, the second time from nearer.
+// Towards a fold the multiplier mu goes to 1 like the square root of the distance: (1 - mu)^2 is extrapolated
+// to 0 from cycles ever nearer to it, on the side where they live; twice, the second time from nearer.
 void GrazeEnd::place_fold(Crossing& c, double nx, double ny) {
   const double side = (*this)(c.x + 1e-3 * nx, c.y + 1e-3 * ny) < 0 ? 1 : -1;
   for (const double first : {1e-3, 1e-5}) {
@@ -127,21 +128,24 @@ std::optional<bool> GrazeEnd::ends_at(const Crossing& c, double nx, double ny) {
     found[side] = to_string(fate.fate);
     lives[side] = fate.fate == Fate::repeats || fate.fate == Fate::wanders;
     if (fate.fate == Fate::oscillates)
-      remark(
-          std::string("where a slip ") + (c.kind == "pass" ? "that swings back only just stops" : "only grazes rest") +
-              ", the oscillation goes on without rest on the other side: whether and where that ends is not looked for",
-          c);
+      remark(std::string("where a slip ") +
+                 (c.kind == "pass" ? "that swings back only just stops" : "only grazes rest") +
+                 ", the oscillation goes on without rest on the other side: whether and where that ends is "
+                 "not looked for",
+             c);
   }
   if (lives[0] == lives[1])
-    remark(std::string("where the longest slip ") + (c.kind == "pass" ? "only just stops" : "only grazes rest") +
-               ", on either side the motion " + (found[0] == found[1] ? found[0] : found[0] + " or " + found[1]) +
+    remark(std::string("where the longest slip ") +
+               (c.kind == "pass" ? "only just stops" : "only grazes rest") + ", on either side the motion " +
+               (found[0] == found[1] ? found[0] : found[0] + " or " + found[1]) +
                ": stick-slip does not end there, and this is no point of it",
            c);
   return lives[0] != lives[1];
 }
 
 void GrazeEnd::remark(const std::string& what, const Crossing& at) {
-  const auto same = std::find_if(remarks_.begin(), remarks_.end(), [&](const Remark& r) { return r.what == what; });
+  const auto same =
+      std::find_if(remarks_.begin(), remarks_.end(), [&](const Remark& r) { return r.what == what; });
   if (same == remarks_.end())
     remarks_.push_back({what, {at}});
   else if (same->at.back().x != at.x || same->at.back().y != at.y)
@@ -156,9 +160,10 @@ void GrazeEnd::tell_remarks(std::vector<std::string>& notes) {
       where = std::to_string(r.at.size()) + " places that were asked";
       for (std::size_t k = 0; k < axes_.size(); ++k) {
         const auto of = [&](const Crossing& c) { return axes_[k].value(k == 0 ? c.x : c.y); };
-        const auto ends = std::minmax_element(r.at.begin(), r.at.end(),
-                                              [&](const Crossing& a, const Crossing& b) { return of(a) < of(b); });
-        where += ", " + axes_[k].name + " = " + number_text(of(*ends.first)) + " to " + number_text(of(*ends.second));
+        const auto ends = std::minmax_element(
+            r.at.begin(), r.at.end(), [&](const Crossing& a, const Crossing& b) { return of(a) < of(b); });
+        where += ", " + axes_[k].name + " = " + number_text(of(*ends.first)) + " to " +
+                 number_text(of(*ends.second));
       }
     }
     notes.push_back("beside " + where + ", " + r.what);
@@ -166,9 +171,9 @@ void GrazeEnd::tell_remarks(std::vector<std::string>& notes) {
   remarks_.clear();
 }
 
-// Where a slip grazed rest and stick-slip went on, with slips of another shape, the distance from grazing does not say where
-// it lives: the motion is asked at the ends and in the middle of each stretch of samples of one sign, and at all of them where
-// these disagree. The signs of the samples then say so.
+// Where a slip grazed rest and stick-slip went on, with slips of another shape, the distance from grazing
+// does not say where it lives: the motion is asked at the ends and in the middle of each stretch of samples
+// of one sign, and at all of them where these disagree. The signs of the samples then say so.
 void GrazeEnd::ask_motion(const std::vector<Crossing>& found, std::vector<std::string>& notes) {
   const double pieces = double(samples_.size() - 1);
   const auto alive = [&](std::size_t k) { return lives(double(k) / pieces, 0); };
@@ -183,7 +188,8 @@ void GrazeEnd::ask_motion(const std::vector<Crossing>& found, std::vector<std::s
   }
   for (std::size_t k = 0; k + 1 < samples_.size(); ++k) {
     const double low = double(k) / pieces, high = double(k + 1) / pieces;
-    const bool known = std::any_of(found.begin(), found.end(), [&](const Crossing& c) { return c.x >= low && c.x <= high; });
+    const bool known =
+        std::any_of(found.begin(), found.end(), [&](const Crossing& c) { return c.x >= low && c.x <= high; });
     if (samples_[k] * samples_[k + 1] < 0 && !known)
       notes.push_back("between " + place_text(low, 0) + " and " + number_text(axes_[0].value(high)) +
                       " stick-slip ends with slips of another shape, at a place that is not located");
@@ -204,16 +210,19 @@ std::vector<Crossing> GrazeEnd::points(std::vector<std::string>& notes) {
   bool other_shapes = false;
   for (std::size_t k = 0; k < pieces; ++k) {
     if (!(f[k] * f[k + 1] < 0) && f[k + 1] != 0) continue;
-    const double root = find_root([&](double at) { return (*this)(at); }, {x[k], f[k], x[k + 1], f[k + 1]}, 1e-14);
+    const double root =
+        find_root([&](double at) { return (*this)(at); }, {x[k], f[k], x[k + 1], f[k + 1]}, 1e-14);
     if (std::isnan(root)) {
       notes.push_back("between " + axes_[0].name + " " + number_text(axes_[0].value(x[k])) + " and " +
-                      number_text(axes_[0].value(x[k + 1])) + " stick-slip ends at a place that could not be located");
+                      number_text(axes_[0].value(x[k + 1])) +
+                      " stick-slip ends at a place that could not be located");
       continue;
     }
     Crossing end = crossing(root, 0, 1, 0);
     if (ends_at(end, 1, 0).value_or(true))
       found.push_back(std::move(end));
-    else other_shapes = true;
+    else
+      other_shapes = true;
   }
   tell_remarks(notes);
   if (other_shapes) ask_motion(found, notes);
@@ -236,14 +245,15 @@ std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& 
     std::optional<bool> ends;  // asked of the motion at some points; the line is one of the same kind between
   };
   std::vector<Asked> places;
-  place_evenly(f, line.pieces, count,
-               [&](std::size_t piece, std::size_t k, std::size_t of_piece, const CurvePlace& place, const Placed& on) {
-                 const PlanePoint at = last_digits(on.at, place.across);
-                 places.push_back({crossing(at.x, at.y, place.across.x, place.across.y), place.across, {}});
-                 places.back().end.piece = int(piece);
-                 if (k % std::max<std::size_t>(1, of_piece / 8) == 0)
-                   places.back().ends = ends_at(places.back().end, place.across.x, place.across.y);
-               });
+  place_evenly(
+      f, line.pieces, count,
+      [&](std::size_t piece, std::size_t k, std::size_t of_piece, const CurvePlace& place, const Placed& on) {
+        const PlanePoint at = last_digits(on.at, place.across);
+        places.push_back({crossing(at.x, at.y, place.across.x, place.across.y), place.across, {}});
+        places.back().end.piece = int(piece);
+        if (k % std::max<std::size_t>(1, of_piece / 8) == 0)
+          places.back().ends = ends_at(places.back().end, place.across.x, place.across.y);
+      });
   std::set<int> doubtful;  // pieces: every point is asked
   for (const Asked& p : places)
     if (!p.ends.value_or(true)) doubtful.insert(p.end.piece);

@@ -37,7 +37,7 @@ class GrazeEnd : public StickSlipEnd {
     std::vector<Crossing> at;
   };
   std::vector<Remark> remarks_;
-  double period_ = 0;  // of the cycle at the last evaluation
+  double period_ = 0;    // of the cycle at the last evaluation
   bool passes_ = false;  // there: what it is zero of
 };
 

@@ -11,14 +11,15 @@ namespace stickslip {
 
 namespace {
 
-constexpr double telling = 50;              // a level foresees errors down to this part of its own
+constexpr double telling = 50;  // a level foresees errors down to this part of its own
 constexpr PetscInt most_nodes = 1 << 20;
-constexpr double share_beside_jump = 0.55;  // as share_of_space, where the order is known and twice the nodes cost four times
+// as share_of_space, where the order is known and twice the nodes cost four times
+constexpr double share_beside_jump = 0.55;
 
 // What the levels foresee.
 struct Outlook {
-  double error, order;     // of the last level, and at which rate errors come to it
-  double factor;           // by which its grid is too coarse
+  double error, order;  // of the last level, and at which rate errors come to it
+  double factor;        // by which its grid is too coarse
   bool sure, resolved, within_reach;
 };
 
@@ -39,13 +40,13 @@ class GridLadder final : public Ladder {
   double first_cells() const;
   double second_cells() const;
   double order_at_best() const;
-  double rate(std::size_t k) const;      // of the errors of levels k - 1 and k
-  double order_beyond() const;           // expected between the last two levels,
+  double rate(std::size_t k) const;  // of the errors of levels k - 1 and k
+  double order_beyond() const;       // expected between the last two levels,
   double order_behind_jump() const;
   // Where the solution jumps, or friction jumps or bends.
   std::string profile_word() const { return request_.corner_order == 1 ? "jumps" : "bends"; }
   bool low_order() const { return runs_.jump() || request_.corner_order <= 2; }
-  double next_order() const;             // and beyond the last
+  double next_order() const;  // and beyond the last
   double error_foreseen(double cells) const;
   double between_nodes(const Level& level) const;
   double tolerance_of_level(double cells) const;
@@ -62,8 +63,8 @@ class GridLadder final : public Ladder {
   void take_last_run();
 
   double least_stretch_ = 1;  // of the next run's grid against the last level's
-  // a tolerance costs `per_tolerance_` times itself on a grid of per_tolerance_cells_, and more on finer ones, as noise
-  // of the shortest waves does
+  // a tolerance costs `per_tolerance_` times itself on a grid of per_tolerance_cells_, and more on finer
+  // ones, as noise of the shortest waves does
   double per_tolerance_ = 5, per_tolerance_cells_ = 0;
   double in_time_ = 0, in_space_ = 0;  // foreseen of the run
   int restarts_ = 0;
@@ -71,9 +72,11 @@ class GridLadder final : public Ladder {
 
 // ---- between nodes ----
 
-// Largest |difference| between the fields at nodes m - 2..m + 2 and what interpolation finds there from the scene.order
-// + 1 nodes nearest of those at odd multiples of `reach` nodes away, none of them beyond a corner of friction.
-double misfit_around(PetscInt m, PetscInt reach, const Fields& fields, const Scene& scene, const NodesAround& around) {
+// Largest |difference| between the fields at nodes m - 2..m + 2 and what interpolation finds there from the
+// scene.order + 1 nodes nearest of those at odd multiples of `reach` nodes away, none of them beyond a corner
+// of friction.
+double misfit_around(PetscInt m, PetscInt reach, const Fields& fields, const Scene& scene,
+                     const NodesAround& around) {
   double largest = 0;
   for (PetscInt at = m - 2; at <= m + 2; ++at) {
     if (!scene.ring() && (at < 0 || at >= scene.n)) continue;
@@ -85,23 +88,27 @@ double misfit_around(PetscInt m, PetscInt reach, const Fields& fields, const Sce
     for (PetscInt k = 1; int(offsets.size()) <= scene.order && k * reach < scene.n; k += 2)
       for (const PetscInt node : {at - k * reach, at + k * reach}) {
         const auto away = double(node - at);
-        if ((scene.ring() || (node >= 0 && node < scene.n)) && away >= left && away <= right) offsets.push_back(away);
+        if ((scene.ring() || (node >= 0 && node < scene.n)) && away >= left && away <= right)
+          offsets.push_back(away);
       }
     if (offsets.empty()) continue;
     std::vector<double> weights(offsets.size());
     Lagrange(offsets).weights(0, weights.data());
     Combination row;
-    for (std::size_t i = 0; i < offsets.size(); ++i) row.emplace_back(place(at + PetscInt(offsets[i])), weights[i]);
-    const FrictionAt friction = fields.friction.empty() ? FrictionAt() : FrictionAt(scene, {scene.x(PetscInt(here))});
+    for (std::size_t i = 0; i < offsets.size(); ++i)
+      row.emplace_back(place(at + PetscInt(offsets[i])), weights[i]);
+    const FrictionAt friction =
+        fields.friction.empty() ? FrictionAt() : FrictionAt(scene, {scene.x(PetscInt(here))});
     const Point found = combined(fields, row, friction, 0);
-    largest = std::max({largest, std::abs(found.psi - fields.psi[here]), std::abs(found.eta - fields.eta[here])});
+    largest =
+        std::max({largest, std::abs(found.psi - fields.psi[here]), std::abs(found.eta - fields.eta[here])});
   }
   return largest;
 }
 
-// What interpolation adds at points x that are no nodes: the misfits at the nodes around, from every second and from
-// every fourth node, carried to the grid itself by the rate between them. The medium's own corners, and those that
-// waves carry away from them, let it fall to h^3.
+// What interpolation adds at points x that are no nodes: the misfits at the nodes around, from every second
+// and from every fourth node, carried to the grid itself by the rate between them. The medium's own corners,
+// and those that waves carry away from them, let it fall to h^3.
 double interpolation_error(const Fields& fields, const Scene& scene, const std::vector<double>& x) {
   if (x.empty()) return 0;
   const NodesAround around(scene);
@@ -121,13 +128,15 @@ double interpolation_error(const Fields& fields, const Scene& scene, const std::
 double GridLadder::between_nodes(const Level& level) const {
   std::vector<double> x;
   for (const double at : request_.probes)
-    if (!runs_.jump() || !runs_.jump()->stretch(level.scene, runs_.pilot().t_end()).covers(at)) x.push_back(at);
+    if (!runs_.jump() || !runs_.jump()->stretch(level.scene, runs_.pilot().t_end()).covers(at))
+      x.push_back(at);
   return interpolation_error(level.answer.fields, level.scene, x);
 }
 
 // ---- where levels stand ----
 
-// Few enough that hardly a request is met by them: they cost next to nothing. A grid that is set has one level below.
+// Few enough that hardly a request is met by them: they cost next to nothing. A grid that is set has one
+// level below.
 double GridLadder::first_cells() const {
   const Options& options = request_.options;
   const Scene& scene = request_.scene;
@@ -151,12 +160,14 @@ double GridLadder::first_cells() const {
 double GridLadder::second_cells() const {
   const Level& before = levels_[0];
   const bool cheap = double(before.steps) * double(before.scene.n) < 5000 || runs_.friction_sets_steps();
-  const double ratio = request_.grid_open ? (cheap ? 2 : 1.5) : before.scene.n > request_.scene.n ? 1 / 1.5 : 1.5;
+  const double ratio = request_.grid_open                  ? (cheap ? 2 : 1.5)
+                       : before.scene.n > request_.scene.n ? 1 / 1.5
+                                                           : 1.5;
   return ratio * cells_of(before.scene);
 }
 
-// No finite differences of higher order converge faster than a medium or a start whose third derivative jumps lets them, or
-// a jump.
+// No finite differences of higher order converge faster than a medium or a start whose third derivative jumps
+// lets them, or a jump.
 double GridLadder::order_at_best() const {
   if (runs_.jump()) return std::min(setting_.order / (setting_.order + 1.), double(request_.corner_order));
   return std::min(request_.corner_order, setting_.order);
@@ -174,7 +185,8 @@ double GridLadder::order_beyond() const {
   return expected_order(known > 2 ? rate(known - 2) : NAN, rate(known - 1), order_at_best());
 }
 
-// Where the finer grid of two errs by much of what the coarser does, rates are those of what distances mean at this order.
+// Where the finer grid of two errs by much of what the coarser does, rates are those of what distances mean
+// at this order.
 double GridLadder::order_behind_jump() const {
   const std::size_t known = distances_.size();
   const double best = order_at_best();
@@ -196,20 +208,22 @@ double GridLadder::error_foreseen(double at) const {
   const double before = cells_of(levels_[levels_.size() - 2].scene), last = cells_of(levels_.back().scene);
   const double near = std::min(at, last), far = std::max(at, last);
   // at the low order of a jump the finer grid of two errs by much of what the coarser does
-  const double of_coarser = low_order() ? distances_.back() / (1 - std::pow(before / last, order_beyond()))
-                                         : distances_.back();
+  const double of_coarser =
+      low_order() ? distances_.back() / (1 - std::pow(before / last, order_beyond())) : distances_.back();
   return of_coarser * std::pow(before / near, order_beyond()) * std::pow(last / far, next_order());
 }
 
-// Of a level on a grid of so many cells, for the least error in space that it may have: at the order of the scheme, or
-// halfway to it from a low one that was seen.
+// Of a level on a grid of so many cells, for the least error in space that it may have: at the order of the
+// scheme, or halfway to it from a low one that was seen.
 double GridLadder::tolerance_of_level(double at) const {
   if (!request_.tolerance_open) return setting_.tolerance;
   const std::size_t count = levels_.size();
   double in_space = 1;
   const double p = order_at_best(), order = count >= 3 ? (p + std::clamp(rate(count - 2), 0., p)) / 2 : p;
-  if (count >= 2) in_space = distances_.back() * std::pow(cells_of(levels_[count - 2].scene) / at, order);
-  else if (per_tolerance_cells_ > 0 || (count == 1 && runs_.friction_sets_steps())) in_space = 0;
+  if (count >= 2)
+    in_space = distances_.back() * std::pow(cells_of(levels_[count - 2].scene) / at, order);
+  else if (per_tolerance_cells_ > 0 || (count == 1 && runs_.friction_sets_steps()))
+    in_space = 0;
   const double grown = per_tolerance_cells_ > 0 ? std::max(1., at / per_tolerance_cells_) : 1;
   return std::clamp(share_of_level * std::max(in_space, share_of_space * aim_) / (per_tolerance_ * grown),
                     least_tolerance, 1e-4);
@@ -229,7 +243,8 @@ Outlook GridLadder::outlook() const {
   ahead.factor = std::max(ahead.factor, std::cbrt(between / (share * aim_)));
   ahead.sure = ahead.order > 0.8 * p;
   // an order that has hardly begun to rise foresees nothing
-  ahead.resolved = runs_.jump() || distances_.back() < (distances_.size() < 2 ? 20 : 3) * share_of_space * aim_ ||
+  ahead.resolved = runs_.jump() ||
+                   distances_.back() < (distances_.size() < 2 ? 20 : 3) * share_of_space * aim_ ||
                    (distances_.size() > 1 && rate(distances_.size() - 1) > 0.25 * p);
   ahead.within_reach =
       ahead.resolved && ahead.factor < std::clamp(std::pow(telling, 1 / beyond), 1.3, ahead.sure ? 8. : 2.2);
@@ -247,14 +262,15 @@ void GridLadder::choose() {
   }
 }
 
-// A level on so many cells; false where it fails and the climb goes on otherwise: with explicit steps from the bottom,
-// or on twice as fine a grid.
+// A level on so many cells; false where it fails and the climb goes on otherwise: with explicit steps from
+// the bottom, or on twice as fine a grid.
 bool GridLadder::climb_to(double& next, int& failures) {
   std::string failed;
   Level made = runs_.run(request_.nodes(next), tolerance_of_level(next), failed);
   // what the run would cost on some 2/accuracy^(1/p) times as many nodes at a hundredth of the accuracy
   const double grown = 2 * std::pow(std::min(aim_, 1.), -1. / setting_.order);
-  const bool slow = levels_.empty() && runs_.prefers_explicit(made, request_.nodes(next * grown), 0.01 * aim_);
+  const bool slow =
+      levels_.empty() && runs_.prefers_explicit(made, request_.nodes(next * grown), 0.01 * aim_);
   if (failed.empty() && !slow) {
     add(std::move(made));
     return true;
@@ -264,7 +280,8 @@ bool GridLadder::climb_to(double& next, int& failures) {
     begin_anew();
     failures = 0;
   } else if (!request_.grid_open || ++failures == 6) {
-    throw OutOfReach{setting_.method.name() + " on " + std::to_string(request_.nodes(next)) + " nodes: " + failed};
+    throw OutOfReach{setting_.method.name() + " on " + std::to_string(request_.nodes(next)) +
+                     " nodes: " + failed};
   }
   return false;
 }
@@ -291,7 +308,8 @@ bool GridLadder::place_or_go_on(double& next) {
     give_up_on(ahead, "the " + std::to_string(setting_.n) + " nodes that would do are " + budget);
   if (place) return true;
   const double coarser = cells_of(levels_[levels_.size() > 2 ? levels_.size() - 3 : 0].scene);
-  next = cells_of(last.scene) * (ahead.resolved ? std::clamp(ahead.factor / 1.45, 1.3, ahead.sure ? 4. : 2.) : 2);
+  next = cells_of(last.scene) *
+         (ahead.resolved ? std::clamp(ahead.factor / 1.45, 1.3, ahead.sure ? 4. : 2.) : 2);
   const bool far = last.scene.n > 2000 && cells_of(last.scene) * ahead.factor > double(most_nodes);
   const bool beyond_memory = next > double(most_nodes);
   if ((far || beyond_memory || beyond_budget(next)) && time_is_to_blame()) {
@@ -300,15 +318,17 @@ bool GridLadder::place_or_go_on(double& next) {
   }
   const Start::Misfit jump = runs_.pilot().start().misfit(request_.scene);
   const double misfit = std::max(std::abs(jump.left), std::abs(jump.right));
-  if (far && misfit > 1e-8) give_up_on(ahead, "the start jumps by " + rounded_text(misfit) + " at a held end");
+  if (far && misfit > 1e-8)
+    give_up_on(ahead, "the start jumps by " + rounded_text(misfit) + " at a held end");
   if (far && never_better(ahead)) give_up_on(ahead, "four grids say so alike");
   if (beyond_memory) give_up_on(ahead, "no grid has more than " + std::to_string(most_nodes) + " nodes");
   if (beyond_budget(next)) give_up_on(ahead, "a finer grid is " + budget);
   return false;
 }
 
-// Whether the low rate of the last levels is there to stay, as at a corner: an error that is small already and has
-// fallen at one rate three times. Otherwise fronts may be about to be resolved, and the climb goes on.
+// Whether the low rate of the last levels is there to stay, as at a corner: an error that is small already
+// and has fallen at one rate three times. Otherwise fronts may be about to be resolved, and the climb goes
+// on.
 bool GridLadder::never_better(const Outlook& ahead) const {
   if (distances_.size() < 4) return false;
   double low = INFINITY, high = 0, largest = 0;
@@ -333,9 +353,11 @@ void GridLadder::place_run(const Outlook& ahead) {
   choose_tolerance_on(cells_of(run), in_space_);
 }
 
-// Whether it is the steps in time whose errors do not fall from grid to grid: then it is begun anew with stricter ones.
+// Whether it is the steps in time whose errors do not fall from grid to grid: then it is begun anew with
+// stricter ones.
 bool GridLadder::time_is_to_blame() {
-  if (!request_.tolerance_open || restarts_ == 4 || levels_.back().tolerance <= 2 * least_tolerance) return false;
+  if (!request_.tolerance_open || restarts_ == 4 || levels_.back().tolerance <= 2 * least_tolerance)
+    return false;
   ++restarts_;
   const Level& seen = levels_[levels_.size() - 2];
   const Level loose = runs_.run(seen.scene.n, loosened * seen.tolerance);
@@ -349,13 +371,14 @@ bool GridLadder::time_is_to_blame() {
 
 void GridLadder::give_up_on(const Outlook& ahead, const std::string& limit) const {
   const double last = distances_.size() > 1 ? rate(distances_.size() - 1) : NAN, p = order_at_best();
-  throw OutOfReach{"on " + std::to_string(levels_.back().scene.n) + " nodes the error is about " +
-                   rounded_text(ahead.error, 2) +
-                   (last < 0.3 ? " and does not fall from grid to grid" : " and falls like h^" + rounded_text(last, 2)) +
-                   ", as it does at " +
-                   (request_.corner_order <= 2 ? "places where friction " + profile_word() + " and " : std::string()) +
-                   (last < 0.3 * p ? "jumps, corners and fronts thinner than that grid" : "fronts that are not resolved") +
-                   "; " + limit};
+  throw OutOfReach{
+      "on " + std::to_string(levels_.back().scene.n) + " nodes the error is about " +
+      rounded_text(ahead.error, 2) +
+      (last < 0.3 ? " and does not fall from grid to grid" : " and falls like h^" + rounded_text(last, 2)) +
+      ", as it does at " +
+      (request_.corner_order <= 2 ? "places where friction " + profile_word() + " and " : std::string()) +
+      (last < 0.3 * p ? "jumps, corners and fronts thinner than that grid" : "fronts that are not resolved") +
+      "; " + limit};
 }
 
 bool GridLadder::settle() {
@@ -367,11 +390,13 @@ bool GridLadder::settle() {
   return true;
 }
 
-// What a tolerance costs, seen on the grid before the last (per_tolerance_); returns the loosest that is worth it.
+// What a tolerance costs, seen on the grid before the last (per_tolerance_); returns the loosest that is
+// worth it.
 double GridLadder::tolerance_seen() {
   const Level& seen = levels_[levels_.size() - 2];
   const double most = std::min(loosened * seen.tolerance, setting_.method.is_explicit() ? 3e-4 : 1e-2);
-  // steps that hardly depend on grid and tolerance: a strict tolerance costs nothing, and nothing need be known of it
+  // steps that hardly depend on grid and tolerance: a strict tolerance costs nothing, and nothing need be
+  // known of it
   const bool bound = double(levels_.back().steps) < 1.1 * double(seen.steps) &&
                      levels_.back().tolerance < 0.1 * seen.tolerance;
   if (bound) {
@@ -400,9 +425,10 @@ void GridLadder::choose_tolerance_on(double run_cells, double in_space) {
   }
   in_time_ = grown * setting_.tolerance;
   if (in_time_ > request_.wanted)
-    throw OutOfReach{"at tolerance " + rounded_text(setting_.tolerance, 2) + " the error in time is still about " +
-                     rounded_text(in_time_, 2) +
-                     (request_.tolerance_open ? " (the motion amplifies what is lost)" : " (ts_rtol, ts_atol as set)")};
+    throw OutOfReach{
+        "at tolerance " + rounded_text(setting_.tolerance, 2) + " the error in time is still about " +
+        rounded_text(in_time_, 2) +
+        (request_.tolerance_open ? " (the motion amplifies what is lost)" : " (ts_rtol, ts_atol as set)")};
 }
 
 // ---- the run ----
@@ -443,7 +469,8 @@ double GridLadder::estimate(const Answer& end) {
 
 // The last run becomes a level.
 void GridLadder::take_last_run() {
-  if (levels_.size() > 2 && cells_of(last_run_.scene) < 1.3 * cells_of(levels_.back().scene)) {  // too close to tell
+  // too close to tell
+  if (levels_.size() > 2 && cells_of(last_run_.scene) < 1.3 * cells_of(levels_.back().scene)) {
     levels_.pop_back();
     distances_.pop_back();
   }
@@ -457,15 +484,18 @@ void GridLadder::refine() {
   if (!request_.tolerance_open && !space)
     throw OutOfReach{"at the tolerance " + rounded_text(setting_.tolerance, 2) + about};
   aim_ *= 0.7;
-  if (request_.grid_open && cells_of(last_run_.scene) > 1.03 * cells_of(levels_.back().scene)) take_last_run();
-  else aim_ *= 0.5;
-  least_stretch_ = std::min(std::pow(last_estimate_ / (share_in_all * request_.wanted), 1 / next_order()), 2.);
+  if (request_.grid_open && cells_of(last_run_.scene) > 1.03 * cells_of(levels_.back().scene))
+    take_last_run();
+  else
+    aim_ *= 0.5;
+  least_stretch_ =
+      std::min(std::pow(last_estimate_ / (share_in_all * request_.wanted), 1 / next_order()), 2.);
   choose();
 }
 
 std::string GridLadder::foreseen() const {
-  return "; error foreseen in time " + rounded_text(in_time_, 2) + ", in space " + rounded_text(in_space_, 2) +
-         " (falling like h^" + rounded_text(order_beyond(), 2) +
+  return "; error foreseen in time " + rounded_text(in_time_, 2) + ", in space " +
+         rounded_text(in_space_, 2) + " (falling like h^" + rounded_text(order_beyond(), 2) +
          (request_.corner_order <= 2 ? ", as friction " + profile_word() + " along x)" : ")");
 }
 

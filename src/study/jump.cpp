@@ -11,8 +11,8 @@ namespace stickslip {
 
 namespace {
 
-constexpr double widths = 6;      // ahead
-constexpr double finest = 0.02;  // a step, in units of 1/A
+constexpr double widths = 6;                 // ahead
+constexpr double finest = 0.02;              // a step, in units of 1/A
 constexpr PetscInt most_nodes_ahead = 1000;  // where nothing jumps
 constexpr double tolerance = 1e-10;
 
@@ -29,13 +29,15 @@ class HeightAhead final : public Measure {
 
   // The classical Runge-Kutta method.
   void step(const ObservedStep& step) override {
-    const double parts = std::ceil((step.t - step.t_before) * whole_.A() / finest), dt = (step.t - step.t_before) / parts;
+    const double parts = std::ceil((step.t - step.t_before) * whole_.A() / finest),
+                 dt = (step.t - step.t_before) / parts;
     if (step.index == 0) last_ = ahead(step, step.t);
     for (int k = 0; k < parts; ++k) {
       const double t = step.t_before + k * dt;
-      const Ahead begin = last_, middle = ahead(step, t + dt / 2), end = ahead(step, k + 1 < parts ? t + dt : step.t);
-      const double k1 = rate(begin, J_), k2 = rate(middle, J_ + dt / 2 * k1), k3 = rate(middle, J_ + dt / 2 * k2),
-                   k4 = rate(end, J_ + dt * k3);
+      const Ahead begin = last_, middle = ahead(step, t + dt / 2),
+                  end = ahead(step, k + 1 < parts ? t + dt : step.t);
+      const double k1 = rate(begin, J_), k2 = rate(middle, J_ + dt / 2 * k1),
+                   k3 = rate(middle, J_ + dt / 2 * k2), k4 = rate(end, J_ + dt * k3);
       J_ += dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
       last_ = end;
     }
@@ -49,8 +51,10 @@ class HeightAhead final : public Measure {
   };
   Ahead ahead(const ObservedStep& step, double t) {
     const double x = jump_.x(t);
-    if (t < step.t) step.interpolate(t, work_);
-    else SS_TRY(VecCopy(step.u, work_));
+    if (t < step.t)
+      step.interpolate(t, work_);
+    else
+      SS_TRY(VecCopy(step.u, work_));
     Probes at(model_, whole_, {x});
     Ahead found{at.read(work_).psi[0], 0, whole_.unit_amplitude() ? 1 : friction_amplitude_at(whole_, x)};
     if (model_.dof() < 3) return found;
@@ -87,7 +91,8 @@ std::optional<Jump> Jump::of(const Scene& scene, const Start& start) {
 }
 
 double Jump::x(double t) const {
-  const double L = scene_.length, gone = std::fmod(scene_.c * t, 2 * L), folded = gone > L ? 2 * L - gone : gone;
+  const double L = scene_.length, gone = std::fmod(scene_.c * t, 2 * L),
+               folded = gone > L ? 2 * L - gone : gone;
   return from_left_ ? folded : L - folded;
 }
 
@@ -96,8 +101,10 @@ double Jump::ahead(const Scene& grid, double t) const {
 }
 
 Jump::Stretch Jump::stretch(const Scene& grid, double t) const {
-  const bool returns = std::fmod(scene_.c * t, 2 * scene_.length) > scene_.length, rightwards = from_left_ != returns;
-  const double right = rightwards ? ahead(grid, t) : behind(t), left = rightwards ? behind(t) : ahead(grid, t);
+  const bool returns = std::fmod(scene_.c * t, 2 * scene_.length) > scene_.length,
+             rightwards = from_left_ != returns;
+  const double right = rightwards ? ahead(grid, t) : behind(t),
+               left = rightwards ? behind(t) : ahead(grid, t);
   return {x(t) - left, x(t) + right};
 }
 
@@ -115,8 +122,10 @@ std::optional<double> Jump::height(const Options& options, const Setting& settin
   const std::string end = from_left_ ? "bc_left" : "bc_right";
   Setting ahead = setting;
   ahead.n = std::min(setting.n, most_nodes_ahead);
-  ahead.method = MethodSpec::parse("accuracy", setting.method.is_explicit() ? "rk:7vr" : setting.method.name());
-  ahead.tolerance = std::min(setting.tolerance, setting.method.is_explicit() ? tolerance : 1e-2 * setting.tolerance);
+  ahead.method =
+      MethodSpec::parse("accuracy", setting.method.is_explicit() ? "rk:7vr" : setting.method.name());
+  ahead.tolerance =
+      std::min(setting.tolerance, setting.method.is_explicit() ? tolerance : 1e-2 * setting.tolerance);
   const Trial trial = run_trial(options.with(end, "free").with(end + "_value", ""), ahead, "ahead_", HUGE_VAL,
                                 [&](const Model& model, const Scene& whole) {
                                   return std::make_unique<HeightAhead>(model, whole, *this, start_);

@@ -16,9 +16,11 @@ namespace stickslip {
 
 namespace {
 
-// Largest |difference| at the nodes of the finer grid: what the nodes of the coarser one miss of a front. By the
-// polynomial through up to 12 nodes of the coarse grid, with mirror images at free ends; not near held ones.
-double distance_between_nodes(const Scene& coarse, const Fields& of_coarse, const Scene& fine, const Fields& of_fine) {
+// Largest |difference| at the nodes of the finer grid: what the nodes of the coarser one miss of a front. By
+// the polynomial through up to 12 nodes of the coarse grid, with mirror images at free ends; not near held
+// ones.
+double distance_between_nodes(const Scene& coarse, const Fields& of_coarse, const Scene& fine,
+                              const Fields& of_fine) {
   const int half = int(std::min<PetscInt>(6, coarse.n / 2)), count = 2 * half;
   const GridEnd end = coarse.ring() ? GridEnd::periodic : GridEnd::mirrored;
   double largest = 0;
@@ -53,12 +55,14 @@ int corner_order_of(const Options& options, const Scene& scene, const std::vecto
   return order;
 }
 
-// Where a jump lies between two nodes the grid moves it to between its cells: errors do not fall steadily from grid to grid.
+// Where a jump lies between two nodes the grid moves it to between its cells: errors do not fall steadily
+// from grid to grid.
 PetscInt grain_of(const Options& options, const Scene& scene, const std::vector<Corner>& corners) {
   constexpr PetscInt most = 1000;
   const PetscInt jumps = cells_between_corners(corners, scene, 1, most);
   const auto refuse = [&](const std::string& what) {
-    throw UsageError("accuracy " + options.text("accuracy") + ": a profile jumps, which a grid has to have at nodes: " + what +
+    throw UsageError("accuracy " + options.text("accuracy") +
+                     ": a profile jumps, which a grid has to have at nodes: " + what +
                      ", or profile_kind smooth");
   };
   if (jumps == 0) refuse("no grid of up to " + std::to_string(most) + " cells has; move the jumps");
@@ -74,7 +78,8 @@ MethodSpec method_set(const Options& options) {
   const std::string text = type + (!sub.empty() && options.is_set(sub) ? ":" + options.text(sub) : "");
   MethodSpec method = MethodSpec::parse("ts_type", text);
   if (!method.has_estimate())
-    throw UsageError("-ts_type " + text + ": it has no error estimate, which -accuracy needs; use rk, arkimex or rosw");
+    throw UsageError("-ts_type " + text +
+                     ": it has no error estimate, which -accuracy needs; use rk, arkimex or rosw");
   if (options.is_set("imex_implicit")) method.implicit = options.text("imex_implicit");
   return method;
 }
@@ -94,25 +99,30 @@ double expected_order(double earlier, double last, double p) {
 
 AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
     : options(o), scene(Scene::from(o, false)), wanted(accuracy), of(Quantity::from(o)), probes(of.places(o)),
-      has_space(has_grid_limit(o, scene) && !is_uniform(o, scene)), grid_open(has_space && !o.is_set("grid_n")),
-      order_open(has_space && !o.is_set("grid_order")), method_open(!o.is_set("ts_type")),
-      tolerance_open(!o.is_set("ts_rtol") && !o.is_set("ts_atol")), corner_distance(corner_distance_of(o, scene)) {
+      has_space(has_grid_limit(o, scene) && !is_uniform(o, scene)),
+      grid_open(has_space && !o.is_set("grid_n")), order_open(has_space && !o.is_set("grid_order")),
+      method_open(!o.is_set("ts_type")), tolerance_open(!o.is_set("ts_rtol") && !o.is_set("ts_atol")),
+      corner_distance(corner_distance_of(o, scene)) {
   const std::vector<Corner> corners = has_space ? corners_of(scene) : std::vector<Corner>();
   corner_order = corner_order_of(o, scene, corners);
   grain = has_space ? grain_of(o, scene, corners) : 1;
   const std::string type = o.text("init_type");
   if (corner_order == 1 && (o.text("init_eta") != "steady" || type == "pulses" || type == "wave"))
-    throw UsageError("accuracy " + o.text("accuracy") + ": a profile jumps, and a start whose eta does not (init_eta " +
-                     o.text("init_eta") + ") sends jumps along the characteristics, which no grid resolves: init_eta steady, or "
+    throw UsageError("accuracy " + o.text("accuracy") +
+                     ": a profile jumps, and a start whose eta does not (init_eta " + o.text("init_eta") +
+                     ") sends jumps along the characteristics, which no grid resolves: init_eta steady, or "
                      "profile_kind smooth");
   if (Stick::applies_to(scene) && scene.form != Form::chain)
-    throw UsageError("accuracy " + options.text("accuracy") + " with friction_stick exact in the continuum: eta does "
-                     "not converge at the ends of what sticks; set grid and tolerances, or friction_stick regularised");
+    throw UsageError(
+        "accuracy " + options.text("accuracy") +
+        " with friction_stick exact in the continuum: eta does "
+        "not converge at the ends of what sticks; set grid and tolerances, or friction_stick regularised");
   for (const Method& m : methods())
     if (const std::string name = subtype_option(m.type); method_open && !name.empty() && options.is_set(name))
       throw UsageError("-" + name + " " + options.text(name) + " with -accuracy: set ts_type as well");
   if (options.is_set("ts_adapt_type"))
-    throw UsageError("-ts_adapt_type " + options.text("ts_adapt_type") + ": with -accuracy steps follow the error "
+    throw UsageError("-ts_adapt_type " + options.text("ts_adapt_type") +
+                     ": with -accuracy steps follow the error "
                      "estimate of the method; leave it out");
 }
 
@@ -184,8 +194,9 @@ Level LevelRuns::run(PetscInt n, double tolerance) {
   std::string failed;
   Level made = run(n, tolerance, failed);
   if (!failed.empty())
-    throw OutOfReach{setting_.method.name() + (request_.has_space ? " on " + std::to_string(n) + " nodes" : "") +
-                     " at tolerance " + rounded_text(tolerance, 2) + ": " + failed};
+    throw OutOfReach{setting_.method.name() +
+                     (request_.has_space ? " on " + std::to_string(n) + " nodes" : "") + " at tolerance " +
+                     rounded_text(tolerance, 2) + ": " + failed};
   return made;
 }
 
@@ -196,14 +207,15 @@ double LevelRuns::difference(const Level& a, const Level& b, bool between) const
 double LevelRuns::seen_difference(const Level& a, const Level& b, bool between) const {
   const bool a_coarser = a.scene.n <= b.scene.n;
   const Level &coarse = a_coarser ? a : b, &fine = a_coarser ? b : a;
-  const auto &[of_coarse, seen_coarse] = coarse.answer;
-  const auto &[of_fine, seen_fine] = fine.answer;
+  const auto& [of_coarse, seen_coarse] = coarse.answer;
+  const auto& [of_fine, seen_fine] = fine.answer;
   double d = 0;
   for (std::size_t i = 0; i < seen_coarse.size() && i < seen_fine.size(); ++i)
     d = std::max(d, std::abs(seen_coarse[i] - seen_fine[i]));
   if (request_.of.is_measured()) return d;
   if (request_.of.kind == Quantity::Kind::probe)
-    return distance(at_points(of_coarse, coarse.scene, request_.probes), at_points(of_fine, fine.scene, request_.probes));
+    return distance(at_points(of_coarse, coarse.scene, request_.probes),
+                    at_points(of_fine, fine.scene, request_.probes));
   if (jump_) return difference_beside_jump(coarse, fine);
   d = distance(of_coarse, resample(of_fine, fine.scene, coarse.scene));
   if (between && coarse.scene.n != fine.scene.n && request_.corner_distance == 0)  // the solution is smooth
@@ -222,7 +234,8 @@ double LevelRuns::difference_beside_jump(const Level& coarse, const Level& fine)
   };
   for (PetscInt i = 0; i < coarse.scene.n; ++i) add(coarse.scene.x(i));
   for (const double at : request_.probes) add(at);
-  const Fields a = at_points(coarse.answer.fields, coarse.scene, x), b = at_points(fine.answer.fields, fine.scene, x);
+  const Fields a = at_points(coarse.answer.fields, coarse.scene, x),
+               b = at_points(fine.answer.fields, fine.scene, x);
   double largest = 0;
   for (std::size_t i = 0; i < x.size(); ++i) largest = std::max(largest, std::abs(a.psi[i] - b.psi[i]));
   return largest;
@@ -240,8 +253,9 @@ void LevelRuns::choose_method() {
   if (!setting_.method.is_explicit()) why_ = "explicit steps would be bound by stability";
 }
 
-// Steps of an explicit run are bound by stability: about six over the fastest frequency long (the friction's is seldom
-// met, but at a threshold always), of ten stages of 1.2 ns a node (a smoothed threshold: 7), and 1 us each.
+// Steps of an explicit run are bound by stability: about six over the fastest frequency long (the friction's
+// is seldom met, but at a threshold always), of ten stages of 1.2 ns a node (a smoothed threshold: 7), and 1
+// us each.
 double LevelRuns::explicit_seconds(const Rates& rates, PetscInt n) const {
   const bool threshold = request_.scene.friction.law->jumps_at_rest;
   const double steps = (threshold ? 0.22 : 0.16) * pilot_.t_end() * std::max(rates.wave, rates.friction);
@@ -249,11 +263,13 @@ double LevelRuns::explicit_seconds(const Rates& rates, PetscInt n) const {
 }
 
 bool LevelRuns::prefers_explicit(const Level& seen, PetscInt n, double tolerance) const {
-  if (!request_.method_open || setting_.method.is_explicit() || request_.options.is_set("imex_implicit")) return false;
+  if (!request_.method_open || setting_.method.is_explicit() || request_.options.is_set("imex_implicit"))
+    return false;
   // steps of an implicit run are bound by their error, and cost as much as they would on some 150 nodes more
   const double more = (150 + double(n)) / (150 + double(seen.scene.n));
   const double as_explicit = explicit_seconds(pilot_.at_start(setting_.order, n).rates, n);
-  return as_explicit < seen.seconds * more * std::pow(seen.tolerance / tolerance, 1. / setting_.method.order());
+  return as_explicit <
+         seen.seconds * more * std::pow(seen.tolerance / tolerance, 1. / setting_.method.order());
 }
 
 void LevelRuns::take_explicit() {

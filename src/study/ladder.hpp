@@ -1,5 +1,5 @@
-// The bricks of -accuracy (accuracy.hpp): what is asked and left open, the short runs that prepare a run, and what a
-// ladder of such runs, its levels, must know.
+// The bricks of -accuracy (accuracy.hpp): what is asked and left open, the short runs that prepare a run, and
+// what a ladder of such runs, its levels, must know.
 #pragma once
 
 #include <algorithm>
@@ -30,16 +30,20 @@ struct AccuracyRequest {
   Quantity of;
   std::vector<double> probes;  // where the end is interpolated
   bool has_space, grid_open, order_open, method_open, tolerance_open;
-  // Distance of the corners of a spread medium or of a noisy start, whose third derivative jumps there; 0: all smooth.
+  // Distance of the corners of a spread medium or of a noisy start, whose third derivative jumps there; 0:
+  // all smooth.
   double corner_distance;
-  // At which order differences converge at the worst of those corners, and of what profiles jump or bend at: 8 or less.
+  // At which order differences converge at the worst of those corners, and of what profiles jump or bend at:
+  // 8 or less.
   int corner_order;
-  // Cells of every grid are a multiple of it, so that profiles jump at nodes alone, and bend there where that can be had.
+  // Cells of every grid are a multiple of it, so that profiles jump at nodes alone, and bend there where that
+  // can be had.
   PetscInt grain;
 
   // The method to begin with and what else is fixed from the start.
   Setting setting() const;
-  // So many cells, or a few more, as nodes: on a ring of equal parts the same in each, with profiles' jumps at nodes.
+  // So many cells, or a few more, as nodes: on a ring of equal parts the same in each, with profiles' jumps
+  // at nodes.
   PetscInt nodes(double cells) const;
 };
 
@@ -54,8 +58,8 @@ struct Level {
   double seconds;
 };
 
-// The order of convergence to be expected beyond three grids from their two rates in a scheme of order p: the last one,
-// or more while the rates still rise (`earlier` NaN where there is none).
+// The order of convergence to be expected beyond three grids from their two rates in a scheme of order p: the
+// last one, or more while the rates still rise (`earlier` NaN where there is none).
 double expected_order(double earlier, double last, double p);
 
 // Runs of the scene by the method of `setting`, counted and timed.
@@ -71,8 +75,9 @@ class LevelRuns {
   bool affords(double seconds) const;
   int count() const { return count_; }
 
-  // Largest |difference| of what is wanted; of fields at the nodes of the coarser one, `between` them, where a level may
-  // miss a front, and at the probes; beside a jump of psi alone. Above 0, so that ratios of them are numbers.
+  // Largest |difference| of what is wanted; of fields at the nodes of the coarser one, `between` them, where
+  // a level may miss a front, and at the probes; beside a jump of psi alone. Above 0, so that ratios of them
+  // are numbers.
   double difference(const Level& a, const Level& b, bool between = true) const;
   // The jump of the solution, if it has one.
   const std::optional<Jump>& jump() const { return jump_; }
@@ -140,8 +145,8 @@ class Ladder {
 std::unique_ptr<Ladder> grid_ladder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs);
 std::unique_ptr<Ladder> tolerance_ladder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs);
 
-// Parts of the accuracy: the error foreseen in space, that in time beside it or where nothing else errs, and what the
-// error in time of a level may be of that in space.
+// Parts of the accuracy: the error foreseen in space, that in time beside it or where nothing else errs, and
+// what the error in time of a level may be of that in space.
 constexpr double share_of_space = 0.35, share_of_time = 0.1, share_in_all = 0.55, share_of_level = 0.1;
 constexpr double loosened = 30;  // the tolerance that tells what a tolerance costs, over that of the level
 constexpr double least_tolerance = 1e-14;

@@ -47,8 +47,8 @@ double largest_psi(const Model& model, Vec u) {
   return largest_over(model.comm(), largest);
 }
 
-// Root mean square of psi - v; or of its part that alternates from node to node, with that of eta in the norm that
-// waves of that length conserve.
+// Root mean square of psi - v; or of its part that alternates from node to node, with that of eta in the norm
+// that waves of that length conserve.
 double off_sliding(const Model& model, Vec u, bool alternating) {
   const Scene& s = model.scene();
   (void)model.friction_law();  // the same everywhere
@@ -63,11 +63,13 @@ double off_sliding(const Model& model, Vec u, bool alternating) {
   }
   sum_over(model.comm(), sums, 2);
   const double n = double(s.n);
-  return alternating ? std::hypot(sums[0], sums[1] * s.A() / model.wave_frequency()) / n : std::sqrt(sums[0] / n);
+  return alternating ? std::hypot(sums[0], sums[1] * s.A() / model.wave_frequency()) / n
+                     : std::sqrt(sums[0] / n);
 }
 
 // Runs as the command `run` would, by the method given.
-Outcome observe(const Options& options, const MethodSpec& method, const Model& model, Vec start, double t_end) {
+Outcome observe(const Options& options, const MethodSpec& method, const Model& model, Vec start,
+                double t_end) {
   Outcome outcome;
   outcome.record = std::make_shared<PsiRecord>(model);
   std::vector<std::string> said;
@@ -147,16 +149,19 @@ struct Limits::Impl {
     if (std::string b = breakdown(o); !b.empty()) return b;
     // Where the scene is too short to decide, a trend that steps add is told by the amplitude.
     const bool trend = o.motion == Motion::growing || o.motion == Motion::decaying;
-    if (o.motion != truth.motion && !(trend && truth.motion == Motion::undecided)) return "regime " + to_string(o.motion);
-    if (!(std::abs(o.amplitude - truth.amplitude) <= 0.1 * truth.amplitude) && truth.motion != Motion::sliding)
+    if (o.motion != truth.motion && !(trend && truth.motion == Motion::undecided))
+      return "regime " + to_string(o.motion);
+    if (!(std::abs(o.amplitude - truth.amplitude) <= 0.1 * truth.amplitude) &&
+        truth.motion != Motion::sliding)
       return "amplitude " + rounded_text(o.amplitude / truth.amplitude) + " times the true one";
     if (std::isfinite(truth.speed) && !(std::abs(o.speed - truth.speed) <= 0.02 * std::abs(truth.speed)))
-      return std::isfinite(o.speed) ? "wave speed " + rounded_text(o.speed / truth.speed) + " times the true one"
-                                    : "no wave speed";
+      return std::isfinite(o.speed)
+                 ? "wave speed " + rounded_text(o.speed / truth.speed) + " times the true one"
+                 : "no wave speed";
     return std::isfinite(truth.speed) ? "" : mistake_in_time(o);
   }
-  // Where no speed tells the time that things take: the motion itself while the scene is too short to say what it is,
-  // which leaves nothing else to compare, and then the period.
+  // Where no speed tells the time that things take: the motion itself while the scene is too short to say
+  // what it is, which leaves nothing else to compare, and then the period.
   std::string mistake_in_time(const Outcome& o) const {
     if (truth.motion == Motion::undecided) {
       const std::optional<double> left = o.record->leaves(*truth.record, 0.1, 0.02);
@@ -184,7 +189,8 @@ struct Limits::Impl {
     return judged;
   }
 
-  // The step from which on runs are bad, as `why` has it, and how: after `ladder`, runs with longer and longer steps.
+  // The step from which on runs are bad, as `why` has it, and how: after `ladder`, runs with longer and
+  // longer steps.
   struct Found {
     std::optional<double> good;  // the largest below the first bad one
     bool ends = false;           // is there a bad one?
@@ -192,7 +198,8 @@ struct Limits::Impl {
   };
   Found first_bad(const std::vector<Judged>& ladder, std::string Judged::*why, const MethodSpec& method,
                   LimitRow& row) const {
-    const auto bad = std::find_if(ladder.begin(), ladder.end(), [&](const Judged& j) { return !(j.*why).empty(); });
+    const auto bad =
+        std::find_if(ladder.begin(), ladder.end(), [&](const Judged& j) { return !(j.*why).empty(); });
     Found found;
     if (bad != ladder.begin()) found.good = std::prev(bad)->dt;
     if (bad == ladder.end()) return found;
@@ -207,18 +214,21 @@ struct Limits::Impl {
     // methods of low order fail below the first step already
     const double first = ladder.front().dt;
     for (double dt = first / 4; !found.good && dt > first / 100; dt /= 4) {
-      if (is_good(dt)) found.good = dt;
-      else least_bad = dt;
+      if (is_good(dt))
+        found.good = dt;
+      else
+        least_bad = dt;
     }
     if (found.good) found.good = narrowed(is_good, *found.good, least_bad, 1.05);
     return found;
   }
 
-  // The last place known, between one that is good and one that is not, to this factor. Steps are compared by ratio.
+  // The last place known, between one that is good and one that is not, to this factor. Steps are compared by
+  // ratio.
   template <class Good>
   static double narrowed(const Good& is_good, double good, double bad, double factor) {
-    return std::exp(last_place([&](double log_dt) { return is_good(std::exp(log_dt)); }, std::log(good), std::log(bad),
-                               std::log(factor)));
+    return std::exp(last_place([&](double log_dt) { return is_good(std::exp(log_dt)); }, std::log(good),
+                               std::log(bad), std::log(factor)));
   }
 
   void scan(const MethodSpec& method, LimitRow& row, double first) const {
@@ -236,13 +246,17 @@ struct Limits::Impl {
     row.wrong = errs.how;
   }
 
-  // Growth rate of noise about sliding in the second half of so many steps; infinite where the run breaks down. Where
-  // the noise outgrows what is linear before that, as a method may let it without breaking down, the rate until then.
+  // Growth rate of noise about sliding in the second half of so many steps; infinite where the run breaks
+  // down. Where the noise outgrows what is linear before that, as a method may let it without breaking down,
+  // the rate until then.
   double rate_of_noise(const MethodSpec& method, double dt, int steps, double noise, bool alternating) const {
     std::vector<std::string> ignored;
     const WarningsKept kept(ignored);
-    const Options calm = options.with("init_type", "uniform").with("init_psi", "steady").with("init_eta", "steady")
-                             .with("init_noise", noise).with("init_noise_length", "0");
+    const Options calm = options.with("init_type", "uniform")
+                             .with("init_psi", "steady")
+                             .with("init_eta", "steady")
+                             .with("init_noise", noise)
+                             .with("init_noise_length", "0");
     VecHandle u = model.create_vector();
     set_start(model, calm, u);
     constexpr double linear = 1e-3;
@@ -271,7 +285,8 @@ struct Limits::Impl {
     return std::log(end / middle) / (double(second_half) * dt);
   }
 
-  // The step between low and high from which on `beyond` holds, to 2 %; empty where it holds at low or not at high.
+  // The step between low and high from which on `beyond` holds, to 2 %; empty where it holds at low or not at
+  // high.
   template <class Beyond>
   std::optional<double> edge(double low, double high, const Beyond& beyond) const {
     if (beyond(low) || !beyond(high)) return std::nullopt;
@@ -289,7 +304,8 @@ struct Limits::Impl {
     if (!row.shortest_theory) return;
     row.shortest = edge(*row.shortest_theory / 1.25, *row.shortest_theory * 1.25, [&](double step) {
       ++row.runs;
-      // so few steps that the noise stays small where it grows as it should, and other waves do not feed this one
+      // so few steps that the noise stays small where it grows as it should, and other waves do not feed this
+      // one
       const double steps = growth > 0 ? 14 / (growth * step) : 400;
       const double rate = rate_of_noise(method, step, int(std::clamp(steps, 8., 400.)), 1e-11, true);
       return rate - forecast.shortest_growth() > allowed;
@@ -300,10 +316,11 @@ struct Limits::Impl {
     const double growth = forecast.sliding_growth(false);
     if (!(growth > 0)) return;
     const auto hides = [&](double dt) { return forecast.sliding_growth_of({{dt, 1.}}, false) < 0; };
-    // The step from which on it is so: sought from long steps down. Backward Euler's is 2 growth/|lambda|^2, which is short
-    // where sliding is hardly unstable.
+    // The step from which on it is so: sought from long steps down. Backward Euler's is 2 growth/|lambda|^2,
+    // which is short where sliding is hardly unstable.
     const double frequency = stencil_rate(model.scene());
-    const double longest = 300 / growth, shortest = std::min(1e-3 / growth, 0.2 * growth / (frequency * frequency));
+    const double longest = 300 / growth,
+                 shortest = std::min(1e-3 / growth, 0.2 * growth / (frequency * frequency));
     double dt = longest;
     while (dt > shortest && hides(dt)) dt /= 1.25;
     if (dt == longest || dt <= shortest) return;

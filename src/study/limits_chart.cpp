@@ -17,10 +17,28 @@ namespace {
 
 std::vector<MethodSpec> wanted_methods(const Options& options) {
   if (options.text("chart_methods") != "all")
-    return chart_methods(options, {"rk:5dp", "rk:3bs", "rk:4", "rk:8vr", "euler", "ssp:rks3", "arkimex:3:friction",
-                                   "arkimex:3:wave", "arkimex:3:both", "arkimex:4:friction", "arkimex:4:wave",
-                                   "arkimex:4:both", "arkimex:1bee:both", "leapfrog", "rosw:ra34pw2", "rosw:4l", "bdf:2", "bdf:4",
-                                   "theta", "cn", "beuler", "alpha"});
+    return chart_methods(options, {"rk:5dp",
+                                   "rk:3bs",
+                                   "rk:4",
+                                   "rk:8vr",
+                                   "euler",
+                                   "ssp:rks3",
+                                   "arkimex:3:friction",
+                                   "arkimex:3:wave",
+                                   "arkimex:3:both",
+                                   "arkimex:4:friction",
+                                   "arkimex:4:wave",
+                                   "arkimex:4:both",
+                                   "arkimex:1bee:both",
+                                   "leapfrog",
+                                   "rosw:ra34pw2",
+                                   "rosw:4l",
+                                   "bdf:2",
+                                   "bdf:4",
+                                   "theta",
+                                   "cn",
+                                   "beuler",
+                                   "alpha"});
   std::vector<MethodSpec> all;
   for (const Method& m : methods()) {
     if (splits_of(m).empty()) all.push_back(MethodSpec::parse("chart_methods", m.name()));
@@ -45,14 +63,16 @@ std::vector<Column<LimitRow>> limit_columns(const std::string& parameter) {
       text("implicit", "what is implicit", &LimitRow::implicit),
       {"order", {"order", "1", "order in space"}, [](Row r) { return r.order; }},
       {"n", {"n", "1", "nodes"}, [](Row r) { return r.n; }},
-      {"value", {"value", "1", varied ? parameter : "nothing varies"},
+      {"value",
+       {"value", "1", varied ? parameter : "nothing varies"},
        [=](Row r) { return varied ? Json(r.value) : Json(); }},
       step("theory", "stability limit of the linearised operator", &LimitRow::theory),
       step("limit", "longest step of a run that ends within bounds", &LimitRow::limit),
       text("how", "what happens beyond limit", &LimitRow::how),
       step("followed", "longest step with the true regime, amplitude and speed", &LimitRow::followed),
       text("wrong", "what is wrong beyond followed", &LimitRow::wrong),
-      step("shortest_theory", "step from which the shortest wave should grow falsely", &LimitRow::shortest_theory),
+      step("shortest_theory", "step from which the shortest wave should grow falsely",
+           &LimitRow::shortest_theory),
       step("shortest", "step from which it does", &LimitRow::shortest),
       step("damps_theory", "step from which sliding's perturbations should decay", &LimitRow::damps_theory),
       step("damps", "step from which they do", &LimitRow::damps),
@@ -91,8 +111,10 @@ std::vector<Varied> varied_scenes(const Options& options, const OptionSpec* para
         const Options o = options_for(parameter ? options.with(parameter->name, value) : options,
                                       {MethodSpec(), 0, 0, int(order), n});
         if (Scene::from(o, false).massless())
-          throw UsageError("-chart_kind limits: its splits and waves are those of a chain with mass; take a small model_m in "
-                           "place of 0, or -chart_kind error");
+          throw UsageError(
+              "-chart_kind limits: its splits and waves are those of a chain with mass; take a small model_m "
+              "in "
+              "place of 0, or -chart_kind error");
         scenes.push_back({o, value});
       }
   return scenes;
@@ -102,8 +124,9 @@ std::vector<Varied> varied_scenes(const Options& options, const OptionSpec* para
 const OptionSpec* parameter_of(const Options& options) {
   const std::string parameter = options.text("chart_parameter");
   if (parameter.empty() != options.reals("chart_values").empty())
-    throw UsageError(parameter.empty() ? "-chart_values " + options.text("chart_values") + ": without chart_parameter"
-                                       : "-chart_parameter " + parameter + ": needs chart_values, e.g. 3,30,300");
+    throw UsageError(parameter.empty()
+                         ? "-chart_values " + options.text("chart_values") + ": without chart_parameter"
+                         : "-chart_parameter " + parameter + ": needs chart_values, e.g. 3,30,300");
   const OptionSpec* spec = parameter.empty() ? nullptr : find_option(parameter);
   if (!parameter.empty() && (!spec || (spec->type != OptionType::real && spec->type != OptionType::integer)))
     throw UsageError("-chart_parameter " + quoted(parameter) +
@@ -145,8 +168,8 @@ int chart_limits(const Options& options) {
     summary.set("silent", long(silent));
     for (const LimitRow& r : rows)
       if (!r.warned)
-        warn(r.method + " (" + r.implicit + " implicit) went wrong at ts_dt " + number_text(r.silent.front()) +
-             " (" + r.wrong + ") without a word");
+        warn(r.method + " (" + r.implicit + " implicit) went wrong at ts_dt " +
+             number_text(r.silent.front()) + " (" + r.wrong + ") without a word");
     write_file(options, provenance, rows, parameter);
     summary.say(std::to_string(rows.size()) + " rows; " + std::to_string(silent) +
                 " went wrong beyond their limit without a warning");

@@ -17,15 +17,16 @@ double from_of(const Options& options) {
   const double end = options.real("ts_max_time");
   const double from = options.is_set("lyapunov_from") ? options.real("lyapunov_from") : 0.25 * end;
   if (from >= end)
-    throw UsageError("-lyapunov_from " + options.text("lyapunov_from") + ": must lie before the end, ts_max_time " +
-                     options.text("ts_max_time"));
+    throw UsageError("-lyapunov_from " + options.text("lyapunov_from") +
+                     ": must lie before the end, ts_max_time " + options.text("ts_max_time"));
   return from;
 }
 
 int count_of(const Options& options, const Model& model) {
   const auto count = options.integer("lyapunov_count");
   if (model.scene().massless())
-    throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": tangents are those of a chain with mass; take a "
+    throw UsageError("-lyapunov_count " + options.text("lyapunov_count") +
+                     ": tangents are those of a chain with mass; take a "
                      "small model_m in place of 0");
   if (count > model.unknowns())
     throw UsageError("-lyapunov_count " + options.text("lyapunov_count") + ": this scene has only " +
@@ -56,8 +57,9 @@ LyapunovExponents::LyapunovExponents(const Model& model, const Options& options)
 void LyapunovExponents::plan(ObservationPlan& plan) {
   plan.next_times.emplace_back([](double t) { return std::nextafter(t, HUGE_VAL); });  // within every step
   for (std::size_t k = 1; k <= count_; ++k)
-    plan.layout.lyapunov.push_back({"rate_" + std::to_string(k), "1/time", "mean growth rate of tangent vector " +
-                                    std::to_string(k) + " since the row before"});
+    plan.layout.lyapunov.push_back(
+        {"rate_" + std::to_string(k), "1/time",
+         "mean growth rate of tangent vector " + std::to_string(k) + " since the row before"});
 }
 
 void LyapunovExponents::step(const ObservedStep& step) {
@@ -83,7 +85,8 @@ void LyapunovExponents::step(const ObservedStep& step) {
   }
 }
 
-// ---- checkpoints --------------------------------------------------------------------------------------------------
+// ---- checkpoints
+// --------------------------------------------------------------------------------------------------
 
 void LyapunovExponents::save(Checkpoint& checkpoint) {
   for (std::size_t k = 0; k < count_; ++k)
@@ -110,18 +113,21 @@ void LyapunovExponents::restore(const Checkpoint& checkpoint) {
   written_ = std::size_t(checkpoint.numbers.at("lyapunov.written"));
 }
 
-// ---- what it amounts to -------------------------------------------------------------------------------------------
+// ---- what it amounts to
+// -------------------------------------------------------------------------------------------
 
 void LyapunovExponents::summarise(Summary& summary, Vec u) {
   if (!u) return;
   if (!(average_.measured() > 0)) {
-    warn("lyapunov_count: the run ended before lyapunov_from " + number_text(from_) + ", and nothing was measured");
+    warn("lyapunov_count: the run ended before lyapunov_from " + number_text(from_) +
+         ", and nothing was measured");
     return;
   }
   std::vector<Estimate> exponents = average_.exponents();
   const double divergence = exponents.back().value;
   exponents.pop_back();
-  std::sort(exponents.begin(), exponents.end(), [](const Estimate& a, const Estimate& b) { return a.value > b.value; });
+  std::sort(exponents.begin(), exponents.end(),
+            [](const Estimate& a, const Estimate& b) { return a.value > b.value; });
   Json list = Json::array();
   for (const Estimate& e : exponents)
     list.push_back(Json::object({{"value", number(e.value)}, {"error", number(e.error)}}));

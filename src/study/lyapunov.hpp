@@ -1,7 +1,8 @@
-// Lyapunov exponents of a run (lyapunov_count): tangent vectors taken along its accepted steps, as an observer. Sets
-// `lyapunov`, `lyapunov_...` in the summary and writes the group `lyapunov` of the file.
+// Lyapunov exponents of a run (lyapunov_count): tangent vectors taken along its accepted steps, as an
+// observer. Sets `lyapunov`, `lyapunov_...` in the summary and writes the group `lyapunov` of the file.
 //
-// An exponent is -infinity where nodes that came to rest in the time of the measurement took its direction away.
+// An exponent is -infinity where nodes that came to rest in the time of the measurement took its direction
+// away.
 #pragma once
 
 #include <string>

@@ -16,8 +16,9 @@ namespace stickslip {
 namespace {
 
 constexpr double strong_slip = 10;  // friction forces above sliding: of several cycles the outermost
-constexpr int cells = 8;           // of the lattice for waves
-constexpr double turns_of_shortest = 100;  // c k T of the shortest wave looked at: beyond, the mean damping decides
+constexpr int cells = 8;            // of the lattice for waves
+// c k T of the shortest wave looked at: beyond, the mean damping decides
+constexpr double turns_of_shortest = 100;
 constexpr int branch_steps = 60, line_steps = 60;
 constexpr double same_place = 0.02;  // of the box: between a point of a polygon and its line
 
@@ -45,7 +46,8 @@ FastestDeviation fastest_on_uniform(const Scene& ring) {
     FastestDeviation fastest{growth_rate(cycle.cycle), 0, 2 * M_PI / cycle.cycle.period};
     if (fastest.growth > 0) return fastest;
     Deviations deviations(cycle);
-    if (ring.nu == 0) fastest.growth = std::max(fastest.growth, -deviations.mean_damping() / 2);  // of ever shorter waves
+    // of ever shorter waves
+    if (ring.nu == 0) fastest.growth = std::max(fastest.growth, -deviations.mean_damping() / 2);
     const double period = cycle.cycle.period, unit = 2 * M_PI / ring.length;
     for (long m = 1; double(m) * unit * ring.c * period <= turns_of_shortest; m += m < 100 ? 1 : m / 50) {
       const double k = double(m) * unit;
@@ -62,7 +64,8 @@ FastestDeviation fastest_on_uniform(const Scene& ring) {
 
 double growth_on_uniform(const Scene& ring) { return fastest_on_uniform(ring).growth; }
 
-MediumLines::MediumLines(SceneAt scene_at, std::vector<Axis> axes, PetscInt pulses, std::function<void()> each)
+MediumLines::MediumLines(SceneAt scene_at, std::vector<Axis> axes, PetscInt pulses,
+                         std::function<void()> each)
     : scene_at_(std::move(scene_at)), axes_(std::move(axes)), pulses_(pulses), each_(std::move(each)) {}
 
 std::string MediumLines::refusal(const Scene& s) {
@@ -102,21 +105,23 @@ std::vector<Crossing> MediumLines::waves(PetscInt count) {
   Pulse::stage("line of waves on the oscillation");
   const LevelCurve line = level_curve(f, lattice, settings);
   std::vector<Crossing> result;
-  place_evenly(f, line.pieces, count, [&](std::size_t piece, std::size_t, std::size_t, const CurvePlace&, const Placed& on) {
-    if (!on.found) return;
-    Crossing c = crossing(on.at.x, on.at.y, "waves");
-    c.kind = "wave";
-    c.piece = int(piece);
-    const FastestDeviation fastest = fastest_on_uniform(scene(c.x, c.y));
-    c.frequency = fastest.frequency;
-    c.wavenumber = fastest.wavenumber;
-    result.push_back(c);
-  });
+  place_evenly(f, line.pieces, count,
+               [&](std::size_t piece, std::size_t, std::size_t, const CurvePlace&, const Placed& on) {
+                 if (!on.found) return;
+                 Crossing c = crossing(on.at.x, on.at.y, "waves");
+                 c.kind = "wave";
+                 c.piece = int(piece);
+                 const FastestDeviation fastest = fastest_on_uniform(scene(c.x, c.y));
+                 c.frequency = fastest.frequency;
+                 c.wavenumber = fastest.wavenumber;
+                 result.push_back(c);
+               });
   return result;
 }
 
 // The trains at the height y of the box, and the lines that bound the stable ones among them.
-void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines, std::vector<std::string>& notes) {
+void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines,
+                                std::vector<std::string>& notes) {
   const TrainFamily2 family{axes_[0].name, axes_[1].name, [&](double x, double y2) {
                               const Scene here = scene(x, y2);
                               return TrainCase{here, {pulses_, here.length, {}, false}};
@@ -127,7 +132,8 @@ void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines, s
   };
   std::vector<std::pair<double, double>> passed;
   for (const double x : {0., 1., 0.5, 0.25, 0.75}) {
-    if (std::any_of(passed.begin(), passed.end(), [&](auto& p) { return x >= p.first && x <= p.second; })) continue;
+    if (std::any_of(passed.begin(), passed.end(), [&](auto& p) { return x >= p.first && x <= p.second; }))
+      continue;
     for (const double to : {1., 0.}) {
       if (to == x) continue;
       each_();
@@ -138,7 +144,8 @@ void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines, s
         break;
       }
       std::pair<double, double> reach{x, x};
-      for (const BranchPoint& p : branch.points) reach = {std::min(reach.first, p.value), std::max(reach.second, p.value)};
+      for (const BranchPoint& p : branch.points)
+        reach = {std::min(reach.first, p.value), std::max(reach.second, p.value)};
       passed.push_back(reach);
       const StableTrains found = stable_trains(family, branch, y, line_steps, known);
       lines.insert(lines.end(), found.lines.begin(), found.lines.end());
@@ -148,8 +155,8 @@ void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines, s
         notes.push_back(where + std::to_string(found.lost) + (found.lost == 1 ? " end" : " ends") +
                         " of their stability seen and not located");
       if (int(branch.points.size()) > branch_steps)
-        notes.push_back(where + "followed for " + std::to_string(branch_steps) + " steps only, to " + axes_[0].name + " " +
-                        rounded_text(axes_[0].value(branch.points.back().value), 6));
+        notes.push_back(where + "followed for " + std::to_string(branch_steps) + " steps only, to " +
+                        axes_[0].name + " " + rounded_text(axes_[0].value(branch.points.back().value), 6));
     }
   }
 }
@@ -164,7 +171,8 @@ std::vector<Crossing> MediumLines::trains(std::vector<std::string>& notes) {
   std::vector<Crossing> result;
   for (std::size_t number = 0; number < lines.size(); ++number)
     for (const TrainLimit& limit : lines[number].points) {
-      if (!limit.leads.value_or(false)) continue;  // others have taken the lead: trains are unstable on both sides
+      // others have taken the lead: trains are unstable on both sides
+      if (!limit.leads.value_or(false)) continue;
       Crossing c = crossing(limit.value, limit.value2, "trains");
       c.kind = limit.kind;
       c.frequency = limit.frequency;

@@ -20,15 +20,17 @@ constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
 bool has_held_end(const Scene& s) { return s.left == End::velocity || s.right == End::velocity; }
 
-// Processor time, in seconds, of the search for the rightmost mode and of so many right-hand sides: dense matrices up to
-// 200 unknowns, then banded ones.
+// Processor time, in seconds, of the search for the rightmost mode and of so many right-hand sides: dense
+// matrices up to 200 unknowns, then banded ones.
 double search_seconds(double unknowns) {
   return unknowns <= 200 ? 1.2e-8 * std::pow(unknowns, 3) : 0.1 + 1e-4 * unknowns;
 }
-double steps_seconds(double unknowns, long evaluations) { return double(evaluations) * (1e-6 + 1e-9 * unknowns); }
+double steps_seconds(double unknowns, long evaluations) {
+  return double(evaluations) * (1e-6 + 1e-9 * unknowns);
+}
 
-// So many nodes beside a held end that what it does to steady sliding, (K0 - K1 D2)(psi - v) = 0, is forgotten behind
-// them; the whole line where nothing makes it fall.
+// So many nodes beside a held end that what it does to steady sliding, (K0 - K1 D2)(psi - v) = 0, is
+// forgotten behind them; the whole line where nothing makes it fall.
 PetscInt nodes_of_layer(const Scene& s) {
   if (s.K0() == 0 || s.K1() == 0) return s.n;
   const double nodes = nodes_to_forget(s) + 4 * s.order;
@@ -75,14 +77,17 @@ NearestGrowth nearest_growth(const Model& model, const StepAudit::Verdict& audit
   if (s.v == 0 && s.friction.sticks() && (slides_uniformly(s) || !has_held_end(s)))
     return none("friction jumps at psi = 0: it has no slope there");
   if (slides_uniformly(s)) {
-    if (!std::isfinite(audit.growth)) return none("there is no steady sliding: the state has no steady value at v = 0");
-    if (audit.growth > 0 || !(audit.growth_of_all > 0)) return {audit.growth, audit.growth_taken, "", unknown};
+    if (!std::isfinite(audit.growth))
+      return none("there is no steady sliding: the state has no steady value at v = 0");
+    if (audit.growth > 0 || !(audit.growth_of_all > 0))
+      return {audit.growth, audit.growth_taken, "", unknown};
     return {audit.growth, audit.growth_taken_of_all, "", audit.growth_of_all};
   }
   const auto unknowns = double(model.unknowns());
   if (search_seconds(unknowns) > std::max(0.01, 0.05 * steps_seconds(unknowns, evaluations)))
     return none("the nodes differ, and with " + number_text(unknowns) +
-                " unknowns it would take more than a twentieth of the time of the run's steps; `spectrum` computes it");
+                " unknowns it would take more than a twentieth of the time of the run's steps; `spectrum` "
+                "computes it");
   try {
     GrowthRate growth(model.comm(), [&s](double, double) { return s; }, {{"growth_rate"}});
     const double found = growth(0);

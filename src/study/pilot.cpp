@@ -118,7 +118,8 @@ Trial Pilot::run(const Setting& setting, double limit) const {
     const TiledStep::Outcome outcome = step.take(u, dt, norm, true, next, no_slopes, nullptr, t);
     if (!outcome.finite || outcome.error > 1) {
       const double safe = rejected > 0 ? safety * reject_safety : safety;
-      dt *= outcome.finite ? std::clamp(safe * std::pow(outcome.error, exponent), shortest, longest) : when_not_finite;
+      dt *= outcome.finite ? std::clamp(safe * std::pow(outcome.error, exponent), shortest, longest)
+                           : when_not_finite;
       ++trial.rejections;
       if (++rejected > most_rejections || t + dt == t) trial.failed = "the steps shrink to nothing";
       continue;
@@ -128,20 +129,25 @@ Trial Pilot::run(const Setting& setting, double limit) const {
     rejected = 0;
     t = until - t <= dt ? until : t + dt;
     const double left = until - t;
-    dt *= outcome.error > 0 ? std::clamp(safety * std::pow(outcome.error, exponent), shortest, longest) : longest;
+    dt *= outcome.error > 0 ? std::clamp(safety * std::pow(outcome.error, exponent), shortest, longest)
+                            : longest;
     dt = std::min(dt, most);
-    if (left > 0 && 1.01 * dt > left) dt = left;
-    else if (left > 0 && 2 * dt > left) dt = left / 2;
+    if (left > 0 && 1.01 * dt > left)
+      dt = left;
+    else if (left > 0 && 2 * dt > left)
+      dt = left / 2;
     if (trial.steps % 64 == 0) {
       const double spent = processor_seconds() - begin;
-      if (spent > limit || (spent > 0.25 * limit && spent * t_end_ > 4 * limit * t)) trial.failed = "too long";
+      if (spent > limit || (spent > 0.25 * limit && spent * t_end_ > 4 * limit * t))
+        trial.failed = "too long";
     }
   }
   trial.rhs_evaluations = model.rhs_evaluations();
   if (trial.failed.empty()) {
     model.set_held(u);
     const Reading a(u);
-    const auto dof = std::size_t(model.dof()), nodes = std::size_t(model.local()), all = std::size_t(setting.n);
+    const auto dof = std::size_t(model.dof()), nodes = std::size_t(model.local()),
+               all = std::size_t(setting.n);
     std::vector<double> psi, eta, state;
     for (std::size_t i = 0; i < all; ++i) {
       psi.push_back(a[i % nodes * dof]);

@@ -15,11 +15,12 @@ class PsiRecord {
   explicit PsiRecord(const Model& model);
   void add(double t, Vec u);  // collective
 
-  // The first time at which psi is further than `room`, in parts of half the range of the true motion, from all that the
-  // true one goes through within `lag` of that time, in parts of it; empty where there is none.
+  // The first time at which psi is further than `room`, in parts of half the range of the true motion, from
+  // all that the true one goes through within `lag` of that time, in parts of it; empty where there is none.
   std::optional<double> leaves(const PsiRecord& truth, double room, double lag) const;
-  // The mean time between passages upwards through the middle of its range, at the node where that is largest, in the
-  // second half of the run; empty with fewer than three such times, or where one is off by more than this part of it.
+  // The mean time between passages upwards through the middle of its range, at the node where that is
+  // largest, in the second half of the run; empty with fewer than three such times, or where one is off by
+  // more than this part of it.
   std::optional<double> period(double irregular) const;
 
  private:

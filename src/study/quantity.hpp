@@ -18,7 +18,8 @@ struct Quantity {
   // Throws UsageError where it is none of these, or period without probes.
   static Quantity from(const Options& options);
 
-  // Numbers, of which errors may pass through zero from one level of a ladder to the next; not the largest over a field.
+  // Numbers, of which errors may pass through zero from one level of a ladder to the next; not the largest
+  // over a field.
   bool is_number() const { return kind != Kind::fields; }
   // Seen on the way, not read from the end.
   bool is_measured() const { return kind != Kind::fields && kind != Kind::probe; }

@@ -47,8 +47,8 @@ Model model_of_cell(const Scene& cell) {
 
 std::string description(const Scene& whole, const Model& model) {
   const PetscInt n = model.scene().n;
-  return (n == 1 ? "a uniform scene: one node" : std::to_string(whole.n / n) + " equal cells: " + std::to_string(n) +
-                                                     " nodes") +
+  return (n == 1 ? "a uniform scene: one node"
+                 : std::to_string(whole.n / n) + " equal cells: " + std::to_string(n) + " nodes") +
          " for " + std::to_string(whole.n) + ", " + std::to_string(model.unknowns()) + " unknowns for " +
          std::to_string(whole.n * model.dof());
 }
@@ -57,8 +57,8 @@ std::string description(const Scene& whole, const Model& model) {
 
 namespace {
 
-// The entries first, first + 1, ... of a vector, up to `count`, wherever they lie; every rank asks for its own.
-// Collective.
+// The entries first, first + 1, ... of a vector, up to `count`, wherever they lie; every rank asks for its
+// own. Collective.
 std::vector<double> fetch(Vec from, PetscInt first, PetscInt count) {
   std::vector<double> values(std::size_t(count), 0.);
   VecHandle into;
@@ -86,7 +86,8 @@ bool repeats(const Model& model, Vec u, PetscInt cell, double tolerance) {
   return !on_any_rank(model.comm(), !same);
 }
 
-// Of the divisors of n those whose cells might repeat to the last bit, by the first nodes of the first two. Collective.
+// Of the divisors of n those whose cells might repeat to the last bit, by the first nodes of the first two.
+// Collective.
 std::vector<PetscInt> likely_cells(const Model& model, Vec u, bool ring) {
   const PetscInt n = model.scene().n, dof = model.dof();
   std::vector<PetscInt> cells;
@@ -98,8 +99,8 @@ std::vector<PetscInt> likely_cells(const Model& model, Vec u, bool ring) {
   return cells;
 }
 
-// How many equal cells the start holds: as many as are promised, if it agrees with that up to rounding; where nothing is
-// promised, as many as are equal to the last bit. Collective.
+// How many equal cells the start holds: as many as are promised, if it agrees with that up to rounding; where
+// nothing is promised, as many as are equal to the last bit. Collective.
 PetscInt cells_of_start(const Model& model, const Options& options, Vec u) {
   const Scene& whole = model.scene();
   const PetscInt promised =
@@ -134,7 +135,8 @@ Problem problem_of(const Scene& whole, const Options& options, std::optional<Pet
   return {std::move(small), std::move(start), std::move(what)};
 }
 
-// ---- stability of the whole scene's motion ------------------------------------------------------------------------
+// ---- stability of the whole scene's motion
+// ------------------------------------------------------------------------
 
 namespace {
 
@@ -157,13 +159,15 @@ std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measure
     if (cell.n == 1) {
       const double small = 1e-6 * (1 + std::abs(scene.v));
       const bool still = seen.amplitude && *seen.amplitude < small && std::abs(psi - scene.v) < small;
-      const bool slides = still || (seen.motion != Motion::stick_slip && !Oscillator(scene).sliding_unstable(1));
-      const UniformInstability found = slides ? instability_of_sliding(scene) : instability_of_oscillation(scene);
+      const bool slides =
+          still || (seen.motion != Motion::stick_slip && !Oscillator(scene).sliding_unstable(1));
+      const UniformInstability found =
+          slides ? instability_of_sliding(scene) : instability_of_oscillation(scene);
       if (found.growth_rate * duration < 0.1) return "";  // nothing to be seen of it in this run
       return std::string("scene_reduce: the uniform ") + (slides ? "sliding" : "oscillation") +
-             " that one node stands for is unstable to waves: length " + rounded_text(2 * M_PI / found.wavenumber) +
-             " grows fastest of those that fit, at " + rounded_text(found.growth_rate) + " per unit time; " +
-             outlook(found.growth_rate, duration);
+             " that one node stands for is unstable to waves: length " +
+             rounded_text(2 * M_PI / found.wavenumber) + " grows fastest of those that fit, at " +
+             rounded_text(found.growth_rate) + " per unit time; " + outlook(found.growth_rate, duration);
     }
     const PetscInt cells = scene.n / cell.n;
     if (scene.form == Form::chain) return unknown + "trains of a chain are not solved for" + see;
@@ -178,7 +182,8 @@ std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measure
       if (PetscInt(m) % cells != 0) count += growing[m] * (2 * PetscInt(m) == train.pulses ? 1 : 2);
     if (count == 0) return "";
     return "scene_reduce: the train on " + std::to_string(cells) + " equal cells is unstable to " +
-           std::to_string(count) + " modes that make them unequal; the whole scene leaves it in time (`stickslip wave`"
+           std::to_string(count) +
+           " modes that make them unequal; the whole scene leaves it in time (`stickslip wave`"
            " with wave_spectrum tells how fast)";
   } catch (const Error& e) {
     return unknown + e.what() + see;

@@ -1,4 +1,5 @@
-// A table of results of which each column is described once, and goes from there into the summary and into the file.
+// A table of results of which each column is described once, and goes from there into the summary and into
+// the file.
 #pragma once
 
 #include <cmath>
@@ -14,8 +15,8 @@ namespace stickslip {
 
 template <class Row>
 struct Column {
-  std::string key;    // in the summary
-  Field field;        // in the file; without a name it is not there
+  std::string key;                       // in the summary
+  Field field;                           // in the file; without a name it is not there
   std::function<Json(const Row&)> cell;  // null or an empty text: null in the summary, NaN or "" in the file
   bool is_text = false;
 };
@@ -38,11 +39,17 @@ void add_columns(ResultFile& file, const std::vector<Column<Row>>& columns, cons
     std::vector<double> numbers;
     for (const Row& row : rows) {
       const Json value = column.cell(row);
-      if (column.is_text) texts.push_back(value.get<std::string>());
-      else numbers.push_back(value.is_null() ? NAN : value.is_boolean() ? double(value.get<bool>()) : value.get<double>());
+      if (column.is_text)
+        texts.push_back(value.get<std::string>());
+      else
+        numbers.push_back(value.is_null()      ? NAN
+                          : value.is_boolean() ? double(value.get<bool>())
+                                               : value.get<double>());
     }
-    if (column.is_text) file.add_text(column.field, {"row"}, texts);
-    else file.add(column.field, {"row"}, numbers);
+    if (column.is_text)
+      file.add_text(column.field, {"row"}, texts);
+    else
+      file.add(column.field, {"row"}, numbers);
   }
 }
 

@@ -12,8 +12,8 @@ namespace stickslip {
 
 namespace {
 
-// Velocities for the table of friction: every hundredth up to 4, and both signs of 1e-12 ... 1e3, twelve a decade, for
-// laws that live on a logarithmic axis.
+// Velocities for the table of friction: every hundredth up to 4, and both signs of 1e-12 ... 1e3, twelve a
+// decade, for laws that live on a logarithmic axis.
 std::vector<double> table_velocities() {
   std::vector<double> psi;
   for (int k = -400; k <= 400; ++k) psi.push_back(k / 100.0);
@@ -27,9 +27,10 @@ std::vector<double> table_velocities() {
 // What differs along x, at the nodes.
 void add_profiles(const Scene& scene, RunLayout& layout) {
   if (!scene.unit_amplitude())
-    layout.profiles.push_back({{"friction_amplitude", "1", "amplitude of friction"}, [scene](std::int64_t node) {
-                                 return friction_amplitude(scene, static_cast<PetscInt>(node), 1).front();
-                               }});
+    layout.profiles.push_back(
+        {{"friction_amplitude", "1", "amplitude of friction"}, [scene](std::int64_t node) {
+           return friction_amplitude(scene, static_cast<PetscInt>(node), 1).front();
+         }});
   for (const auto& [name, profile] : scene.friction.profiles) {
     const std::string unit = find_option(name)->unit;
     const Field field{name, unit.empty() ? "1" : unit, name + " along x"};
@@ -58,8 +59,12 @@ RunLayout run_layout(const Scene& scene) {
   layout.x = [scene](std::int64_t node) { return scene.x(static_cast<PetscInt>(node)); };
   layout.fields = {standard_field("psi"), standard_field("eta")};
   if (scene.friction.has_state()) layout.fields.push_back(standard_field(state_name(scene.friction.state)));
-  layout.numbers = {{"A", scene.A()},   {"B", scene.B()},           {"K0", scene.K0()},
-                    {"K1", scene.K1()}, {"s_delta", scene.s_delta()}, {"v", scene.v}};
+  layout.numbers = {{"A", scene.A()},
+                    {"B", scene.B()},
+                    {"K0", scene.K0()},
+                    {"K1", scene.K1()},
+                    {"s_delta", scene.s_delta()},
+                    {"v", scene.v}};
   add_profiles(scene, layout);
   add_load(scene.load, layout);
   if (scene.friction.varies()) return layout;  // no one law for all
@@ -73,7 +78,8 @@ RunLayout run_layout(const Scene& scene) {
   if (!slides_uniformly(scene)) return layout;
   if (const auto medium = sliding_medium(scene)) {
     const auto fastest = fastest_wave(*medium, Waves::of(scene), same_growth(*medium));
-    layout.numbers["steady_eta"] = scene.B() * scene.v + friction->force(scene.v, friction->steady_state(scene.v));
+    layout.numbers["steady_eta"] =
+        scene.B() * scene.v + friction->force(scene.v, friction->steady_state(scene.v));
     layout.numbers["steady_stable"] = !fastest || fastest->value.real() < 0;
   }
   return layout;

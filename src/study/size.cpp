@@ -19,7 +19,8 @@ constexpr double of_rank = 45e6;         // the libraries
 constexpr double too_small = 1e8;        // what any machine has
 constexpr double most_of_a_node = 4000;  // bytes, so that small scenes are not looked at
 
-// ---- bytes of a node (size.hpp) -----------------------------------------------------------------------------------
+// ---- bytes of a node (size.hpp)
+// -----------------------------------------------------------------------------------
 
 struct Unknowns {
   double dof, V, block;  // block: an entry of a matrix with its column
@@ -126,11 +127,13 @@ double bytes_of(const Options& options, const Scene& scene) {
   if (options.command() == "chart") return 183;
   if (may_reduce(options, scene)) return bytes_of_start(scene);
   Way least;  // nothing takes less, and which slopes are kept depends on the method
-  const bool slopes_open = options.is_set("out_file") || options.integer("lyapunov_count") > 0 || Stick::applies_to(scene);
+  const bool slopes_open =
+      options.is_set("out_file") || options.integer("lyapunov_count") > 0 || Stick::applies_to(scene);
   return bytes_of_run(options, scene, least) - (slopes_open ? 7 * Unknowns(scene).V : 0);
 }
 
-// ---- what is there ------------------------------------------------------------------------------------------------
+// ---- what is there
+// ------------------------------------------------------------------------------------------------
 
 struct Need {
   double bytes, there;
@@ -167,22 +170,25 @@ void refuse_what_does_not_fit(double n, double bytes, const std::string& what, M
   const double fields = n * bytes, own = fields / ranks;
   if (fields < too_small) return;
   constexpr double sure = 0.9;  // that much of the formula is taken for certain
-  const std::string says = "-grid_n " + std::to_string(std::int64_t(n)) + ": needs " + (what.empty() ? "at least " : "");
-  const std::string node = " of memory (" + rounded_text(bytes, 4) + " bytes a node" + (what.empty() ? "" : ", " + what) + ")";
+  const std::string says =
+      "-grid_n " + std::to_string(std::int64_t(n)) + ": needs " + (what.empty() ? "at least " : "");
+  const std::string node =
+      " of memory (" + rounded_text(bytes, 4) + " bytes a node" + (what.empty() ? "" : ", " + what) + ")";
   const Need machine = tightest(on_machine(own, comm), comm);
   if (sure * machine.part() > 1)
-    throw UsageError(says + gigabytes(machine.bytes + of_rank * ranks) + node + "; there are " + gigabytes(machine.there) +
-                     " available");
+    throw UsageError(says + gigabytes(machine.bytes + of_rank * ranks) + node + "; there are " +
+                     gigabytes(machine.there) + " available");
   const Need process = tightest({own, memory_of_process()}, comm);
   if (sure * process.part() > 1)
-    throw UsageError(says + gigabytes(process.bytes) + node + (ranks > 1 ? " on each rank" : "") + "; ulimit -v leaves " +
-                     gigabytes(process.there));
+    throw UsageError(says + gigabytes(process.bytes) + node + (ranks > 1 ? " on each rank" : "") +
+                     "; ulimit -v leaves " + gigabytes(process.there));
 }
 
 // As Integrator chooses it.
 Way way_of(const Options& options, const Model& model, Vec u) {
   const Choice choice = choose_method(model, rates_of(model, u), MethodSpec::from(options), "");
-  Way way{choice.type, choice.subtype, choice.implicit, choice.fused && !FusedTs::fused_type(choice.type).empty(), false};
+  Way way{choice.type, choice.subtype, choice.implicit,
+          choice.fused && !FusedTs::fused_type(choice.type).empty(), false};
   const std::string option = subtype_option(choice.type);
   if (!option.empty() && options.is_set(option)) way.subtype = options.text(option);
   const Method& method = way.subtype.empty() ? offered_type(way.type) : offered_method(way.type, way.subtype);

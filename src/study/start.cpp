@@ -19,9 +19,9 @@ namespace stickslip {
 
 namespace {
 
-// Data fit a held end of the continuum where psi is psi_e there and psi_t is 0. Otherwise the exact solution has a
-// jump, or a jump in its slope, that runs inwards at the speed c and that finite differences cannot follow at their
-// order. `jump` and `slope`: largest misfits over the held ends, of this rank.
+// Data fit a held end of the continuum where psi is psi_e there and psi_t is 0. Otherwise the exact solution
+// has a jump, or a jump in its slope, that runs inwards at the speed c and that finite differences cannot
+// follow at their order. `jump` and `slope`: largest misfits over the held ends, of this rank.
 void warn_of_misfit(const Model& model, double jump, double slope) {
   double misfit[2] = {jump, slope};
   largest_over(model.comm(), misfit, 2);
@@ -33,12 +33,12 @@ void warn_of_misfit(const Model& model, double jump, double slope) {
          " once it is wide against the nodes' spacing (init_type layer fits)");
   } else if (misfit[0] > 1e-8 * scale) {
     warn("the start does not fit the held end: psi jumps by " + number_text(misfit[0]) +
-         " there, and the jump runs inwards without smoothing; expect convergence like h^(p/(p+1)), p = " + order +
-         ", behind it and none at it (init_type layer fits)");
+         " there, and the jump runs inwards without smoothing; expect convergence like h^(p/(p+1)), p = " +
+         order + ", behind it and none at it (init_type layer fits)");
   } else if (!model.viscous() && misfit[1] > 1e-8 * model.scene().A() * scale) {
     warn("the start does not fit the held end: psi_t = " + number_text(misfit[1]) +
-         " there instead of 0, a corner that runs inwards; expect convergence like h^(2p/(p+1)), p = " + order +
-         " (init_eta steady fits)");
+         " there instead of 0, a corner that runs inwards; expect convergence like h^(2p/(p+1)), p = " +
+         order + " (init_eta steady fits)");
   }
 }
 
@@ -48,15 +48,17 @@ double steady_start(const Model& model, PetscInt local_node, double psi) {
   return std::isfinite(state) ? state : model.steady_state(local_node, model.scene().v);
 }
 
-// The force on a chain's held blocks: K1 times the displacement of the block beside it, since its own is 0 at the start.
-// It enters no equation. Collective.
+// The force on a chain's held blocks: K1 times the displacement of the block beside it, since its own is 0 at
+// the start. It enters no equation. Collective.
 void set_held_force(const Model& model, Vec u) {
   const Scene& s = model.scene();
   if (s.form != Form::chain || !(model.held(0) || model.held(s.n - 1))) return;
   const Displacement displacement(model);
   const VecHandle chi = displacement.create_vector();
   displacement.solve(u, 0, chi);
-  const auto is_here = [&](PetscInt node) { return node >= model.first() && node < model.first() + model.local(); };
+  const auto is_here = [&](PetscInt node) {
+    return node >= model.first() && node < model.first() + model.local();
+  };
   const PetscInt ends[2] = {0, s.n - 1}, neighbours[2] = {1, s.n - 2};
   double beside[2] = {0, 0};
   const Reading x(chi);
@@ -65,7 +67,8 @@ void set_held_force(const Model& model, Vec u) {
   sum_over(model.comm(), beside, 2);
   const Writing a(u);
   for (int k = 0; k < 2; ++k)
-    if (model.held(ends[k]) && is_here(ends[k])) a[(ends[k] - model.first()) * model.dof() + 1] = s.K1() * beside[k];
+    if (model.held(ends[k]) && is_here(ends[k]))
+      a[(ends[k] - model.first()) * model.dof() + 1] = s.K1() * beside[k];
 }
 
 // eta at which psi_t = 0, where it was that without viscosity between neighbours.
@@ -97,8 +100,12 @@ struct Start::Impl {
         noise(o.real("init_noise")), noise_length(o.real("init_noise_length")),
         amplitude(o.real("init_amplitude")), seed(o.integer("init_seed")), mode(o.integer("init_mode")) {
     from_file = type == "file" || type == "text";
-    for (const auto& [name, same] : {std::pair{"sine", Kind::sine}, {"layer", Kind::layer}, {"pulses", Kind::pulses},
-                                     {"wave", Kind::wave}, {"file", Kind::file}, {"text", Kind::file}})
+    for (const auto& [name, same] : {std::pair{"sine", Kind::sine},
+                                     {"layer", Kind::layer},
+                                     {"pulses", Kind::pulses},
+                                     {"wave", Kind::wave},
+                                     {"file", Kind::file},
+                                     {"text", Kind::file}})
       if (type == name) kind = same;
     from_eigenvector = starts_from_eigenvector(o);
     if (from_eigenvector) {  // which says everything
@@ -110,7 +117,8 @@ struct Start::Impl {
     eta_steady = o.text("init_eta") == "steady" || (psi_says && !eta_given);
     if (s.massless() && !eta_steady && o.is_set("init_psi"))
       throw UsageError("init_psi " + o.text("init_psi") + " with init_eta " + o.text("init_eta") +
-                       ": with model_m 0 one follows from the other; give one of them (init_eta: psi is its nearest to 0.1)");
+                       ": with model_m 0 one follows from the other; give one of them (init_eta: psi is its "
+                       "nearest to 0.1)");
     if (!eta_steady) eta = o.real("init_eta");
     if (s.friction.has_state()) {
       state_steady = o.text("init_state") == "steady";
@@ -119,7 +127,8 @@ struct Start::Impl {
     if (type == "layer") width = o.real("init_width");
     if (from_file) frame = start_frame(s, o);
     if (from_file && noise != 0)
-      warn("init_noise " + o.text("init_noise") + " with init_type " + type + " is added to what the file holds, each time that a "
+      warn("init_noise " + o.text("init_noise") + " with init_type " + type +
+           " is added to what the file holds, each time that a "
            "run goes on from another in this way");
     if (type == "wave" && !s.ring())
       throw UsageError("init_type wave needs a ring: bc_left periodic, not " + to_string(s.left));
@@ -129,11 +138,12 @@ struct Start::Impl {
     if (type == "pulses" || type == "wave")
       turns = double(o.integer("init_pulses")) * (o.text("init_direction") == "left" ? 1 : -1);
     if (type == "layer" && s.left != End::velocity)
-      throw UsageError("init_type layer fits a held left end: it needs bc_left velocity, not " + to_string(s.left));
+      throw UsageError("init_type layer fits a held left end: it needs bc_left velocity, not " +
+                       to_string(s.left));
   }
 
-  // psi of steady sliding at a node, where init_psi is `steady`: beside ends held away from v it differs from node to node.
-  // Empty elsewhere: the same for all.
+  // psi of steady sliding at a node, where init_psi is `steady`: beside ends held away from v it differs from
+  // node to node. Empty elsewhere: the same for all.
   using Base = std::function<double(PetscInt)>;
   Base base_of(const Scene& s) const {
     if (!psi_steady || (kind != Kind::uniform && kind != Kind::sine) || slides_at_v(s)) return {};
@@ -180,8 +190,8 @@ struct Start::Impl {
     return eta_steady ? resistance : eta;
   }
 
-  // The start on this rank's nodes, and how far it misses held ends there (warn_of_misfit). False: at some of them no
-  // state is steady.
+  // The start on this rank's nodes, and how far it misses held ends there (warn_of_misfit). False: at some of
+  // them no state is steady.
   bool fill(const Model& model, double* a, double& jump, double& slope) const {
     const Scene& s = model.scene();
     const double length = s.length * double(s.copies);
@@ -197,10 +207,12 @@ struct Start::Impl {
       if (held_end) jump = std::max(jump, std::abs(psi - (node == 0 ? s.left_value : s.right_value)));
       if (noise != 0 && !held_end) psi += noise * noise_at(s, noise_length, seed, node);
       at[0] = psi;
-      const double phase = turns != 0 ? turns * s.x(node) / length : 0, here = dof == 3 ? state_at(model, phase, node, psi) : 0;
+      const double phase = turns != 0 ? turns * s.x(node) / length : 0,
+                   here = dof == 3 ? state_at(model, phase, node, psi) : 0;
       if (!std::isfinite(here)) has_state = false;
       if (dof == 3) at[2] = here;
-      const double resistance = follows_friction || held_end ? s.B() * psi + model.friction(i, psi, here).F : 0;
+      const double resistance =
+          follows_friction || held_end ? s.B() * psi + model.friction(i, psi, here).F : 0;
       at[1] = eta_at(phase, node, resistance);
       if (held_end) slope = std::max(slope, std::abs(s.A() * (at[1] - resistance)));
     }
@@ -215,14 +227,16 @@ void Start::fill(const Model& model, Vec u) const {
   double jump = 0, slope = 0;
   const bool has_state = impl_->fill(model, Writing(u), jump, slope);
   if (on_any_rank(model.comm(), !has_state))
-    throw UsageError("init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
+    throw UsageError(
+        "init_state steady: at psi = 0 and model_v 0 no state is steady; give init_state a number");
   const Scene& s = model.scene();
   if (s.left == End::velocity || s.right == End::velocity) warn_of_misfit(model, jump, slope);
   model.set_held(u);
   set_held_force(model, u);
   if (model.viscous() && impl_->makes_eta_steady()) balance_viscosity(model, u);
   model.settle(u);
-  if (const std::string lost = model.lost_velocity(u); !lost.empty()) throw UsageError("model_m 0 at the start: " + lost);
+  if (const std::string lost = model.lost_velocity(u); !lost.empty())
+    throw UsageError("model_m 0 at the start: " + lost);
 }
 
 Start::Misfit Start::misfit(const Scene& scene) const {
@@ -236,6 +250,8 @@ Start::Misfit Start::misfit(const Scene& scene) const {
   return misfit;
 }
 
-void set_start(const Model& model, const Options& options, Vec u) { Start(model.scene(), options).fill(model, u); }
+void set_start(const Model& model, const Options& options, Vec u) {
+  Start(model.scene(), options).fill(model, u);
+}
 
 }  // namespace stickslip

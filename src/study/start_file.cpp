@@ -16,7 +16,8 @@ namespace {
 
 constexpr std::size_t nearest = 4;  // points of which a value between is made
 
-// ---- values at the nodes from values at other points ---------------------------------------------------------------
+// ---- values at the nodes from values at other points
+// ---------------------------------------------------------------
 
 double tolerance(const Scene& s) { return 1e-9 * (1 + s.length); }
 
@@ -31,15 +32,16 @@ bool stands_on_nodes(const Scene& s, const std::vector<double>& x) {
 void check_reach(const Scene& s, const std::vector<double>& x, const std::string& says) {
   for (std::size_t i = 1; i < x.size(); ++i)
     if (!(x[i] > x[i - 1]))
-      throw UsageError(says + "its points must ascend (point " + std::to_string(i) + " at x = " + number_text(x[i]) +
-                       ", the one before at " + number_text(x[i - 1]) + ")");
+      throw UsageError(says + "its points must ascend (point " + std::to_string(i) +
+                       " at x = " + number_text(x[i]) + ", the one before at " + number_text(x[i - 1]) + ")");
   if (x.size() < nearest)
-    throw UsageError(says + std::to_string(x.size()) + " points that are not this scene's nodes; four are the least");
+    throw UsageError(says + std::to_string(x.size()) +
+                     " points that are not this scene's nodes; four are the least");
   double widest = 0;
   for (std::size_t i = 1; i < x.size(); ++i) widest = std::max(widest, x[i] - x[i - 1]);
   const double low = x.front(), high = x.back(), gap = low + s.length - high;
-  const bool covers = s.ring() ? gap > 0 && gap < 1.5 * widest
-                               : low <= tolerance(s) && high >= s.length - tolerance(s);
+  const bool covers =
+      s.ring() ? gap > 0 && gap < 1.5 * widest : low <= tolerance(s) && high >= s.length - tolerance(s);
   if (low < -tolerance(s) || high > s.length + tolerance(s) || !covers)
     throw UsageError(says + "its points reach from x = " + number_text(low) + " to " + number_text(high) +
                      ", this scene" + (s.ring() ? ", a ring," : "") + " from 0 to " + number_text(s.length) +
@@ -47,7 +49,8 @@ void check_reach(const Scene& s, const std::vector<double>& x, const std::string
 }
 
 // At every node the cubic through the four nearest points.
-std::vector<double> at_nodes(const Scene& s, const std::vector<double>& x, const std::vector<double>& values) {
+std::vector<double> at_nodes(const Scene& s, const std::vector<double>& x,
+                             const std::vector<double>& values) {
   const auto count = static_cast<long>(x.size());
   std::vector<double> result;
   double weights[nearest];
@@ -74,7 +77,8 @@ void bring_to_nodes(const Scene& s, Frame& frame, const std::string& says) {
   if (s.form == Form::chain)
     throw UsageError(says + "its " + std::to_string(frame.x.size()) + " points are not this chain's " +
                      std::to_string(s.n) + " blocks, between which there is nothing to interpolate");
-  if (s.ring() && frame.x.size() > 1 && std::abs(frame.x.back() - frame.x.front() - s.length) <= tolerance(s)) {
+  if (s.ring() && frame.x.size() > 1 &&
+      std::abs(frame.x.back() - frame.x.front() - s.length) <= tolerance(s)) {
     frame.x.pop_back();
     for (auto& [name, values] : frame.fields)
       if (values.size() > frame.x.size()) values.pop_back();
@@ -89,8 +93,8 @@ void bring_to_nodes(const Scene& s, Frame& frame, const std::string& says) {
     if (name == state)
       for (double& value : values) value = state_to_output(s.friction.state, value);
   }
-  warn(says + "its " + std::to_string(frame.x.size()) + " points are not this scene's " + std::to_string(s.n) +
-       " nodes: the start is interpolated by cubics through the four nearest");
+  warn(says + "its " + std::to_string(frame.x.size()) + " points are not this scene's " +
+       std::to_string(s.n) + " nodes: the start is interpolated by cubics through the four nearest");
 }
 
 // What the scene needs is there and finite; a contact's age is positive.
@@ -108,13 +112,15 @@ void check_fields(const Scene& s, const Options& options, const Frame& frame, co
   }
 }
 
-// ---- the kinds of files --------------------------------------------------------------------------------------------
+// ---- the kinds of files
+// --------------------------------------------------------------------------------------------
 
 std::string file_of(const Options& options) {
   if (!options.is_set("init_file"))
     throw UsageError("init_type " + options.text("init_type") + " needs init_file" +
-                     (options.text("init_type") == "text" ? ", a file of columns x psi eta, and the state where there is one"
-                                                          : ", an HDF5 or NetCDF-4 file"));
+                     (options.text("init_type") == "text"
+                          ? ", a file of columns x psi eta, and the state where there is one"
+                          : ", an HDF5 or NetCDF-4 file"));
   return options.text("init_file");
 }
 
@@ -137,7 +143,8 @@ Frame frame_of_text(const Scene& s, const Options& options) {
   broadcast(columns);
   broadcast(numbers);
   if (columns == 4 && !s.friction.has_state())
-    throw UsageError("init_file " + quoted(path) + ": a fourth column, but this scene has no state (state_law none)");
+    throw UsageError("init_file " + quoted(path) +
+                     ": a fourth column, but this scene has no state (state_law none)");
   Frame frame;
   for (std::size_t i = 0; i < numbers.size(); i += columns) {
     frame.x.push_back(numbers[i]);
@@ -151,15 +158,17 @@ Frame frame_of_text(const Scene& s, const Options& options) {
 Frame frame_of_file(const Scene& s, const Options& options) {
   const std::string path = file_of(options);
   if (const Frame* frame = carried(options)) return *frame;
-  Frame frame = read_frame("init_file", path, options.is_set("init_frame") ? options.integer("init_frame") : -1);
+  Frame frame =
+      read_frame("init_file", path, options.is_set("init_frame") ? options.integer("init_frame") : -1);
   const auto form = frame.options.find("model_form");
   if (form != frame.options.end() && form->second != to_string(s.form))
-    throw UsageError("init_file " + quoted(path) + ": its model_form is " + form->second + ", that of this scene " +
-                     to_string(s.form));
+    throw UsageError("init_file " + quoted(path) + ": its model_form is " + form->second +
+                     ", that of this scene " + to_string(s.form));
   return frame;
 }
 
-// An eigenvector of the file of `spectrum` (its real part, times init_amplitude) added to steady sliding, as a frame.
+// An eigenvector of the file of `spectrum` (its real part, times init_amplitude) added to steady sliding, as
+// a frame.
 Frame frame_from_eigenvector(const Scene& s, const Options& options) {
   const std::string path = options.text("init_file"), what = "init_file";
   const std::size_t mode = options.is_set("init_mode") ? std::size_t(options.integer("init_mode")) : 0;
@@ -171,7 +180,8 @@ Frame frame_from_eigenvector(const Scene& s, const Options& options) {
     const DataArray vectors = read_array(what, path, name + "_re");
     if (vectors.shape.size() != 2 || vectors.shape[1] != steady.size() || mode >= vectors.shape[0])
       throw UsageError("init_mode " + std::to_string(mode) + ": '" + path + "' holds " +
-                       std::to_string(vectors.shape.empty() ? 0 : vectors.shape[0]) + " eigenvectors, from 0");
+                       std::to_string(vectors.shape.empty() ? 0 : vectors.shape[0]) +
+                       " eigenvectors, from 0");
     if (steady.size() != std::size_t(s.n))
       throw UsageError("init_file '" + path + "': it has " + std::to_string(steady.size()) +
                        " nodes, this scene grid_n " + std::to_string(s.n));
@@ -195,7 +205,8 @@ bool starts_from_eigenvector(const Options& options) {
 
 Frame start_frame(const Scene& scene, const Options& options) {
   if (starts_from_eigenvector(options)) return frame_from_eigenvector(scene, options);
-  Frame frame = options.text("init_type") == "text" ? frame_of_text(scene, options) : frame_of_file(scene, options);
+  Frame frame =
+      options.text("init_type") == "text" ? frame_of_text(scene, options) : frame_of_file(scene, options);
   const std::string says = "init_file " + quoted(options.text("init_file")) + ": ";
   check_fields(scene, options, frame, says);
   bring_to_nodes(scene, frame, says);

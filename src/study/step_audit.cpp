@@ -13,10 +13,10 @@ namespace stickslip {
 
 namespace {
 
-constexpr double loose = 1e-3;      // tolerances from here on are looked after
-constexpr int audits = 16;          // at equal times
-constexpr double record = 1.5;      // a change of psi this much larger than any before is looked at
-constexpr PetscInt looks = 1000;    // most steps at which the change of psi is measured, about
+constexpr double loose = 1e-3;         // tolerances from here on are looked after
+constexpr int audits = 16;             // at equal times
+constexpr double record = 1.5;         // a change of psi this much larger than any before is looked at
+constexpr PetscInt looks = 1000;       // most steps at which the change of psi is measured, about
 constexpr PetscInt most_steps = 3000;  // of an accurate repetition
 
 std::string percent(double x) {
@@ -91,9 +91,10 @@ struct StepAudit::Impl {
   double largest_change = 0, largest_psi = 0;
   Sums sums;
   int repeated = 0, beyond = 0;
-  double longest = 0;                 // step repeated
-  std::map<double, double> taken;     // time spent at step, in the second half
-  std::map<double, double> taken_near;  // the same of the whole run, where it was near sliding when last looked at
+  double longest = 0;              // step repeated
+  std::map<double, double> taken;  // time spent at step, in the second half
+  // the same of the whole run, where it was near sliding when last looked at
+  std::map<double, double> taken_near;
   bool is_near = false;
   int next_look = 0;
 
@@ -184,7 +185,8 @@ struct StepAudit::Impl {
   }
 };
 
-StepAudit::StepAudit(const Model& model, const Options& options, const Integrator& integrator, double t_begin, double t_end)
+StepAudit::StepAudit(const Model& model, const Options& options, const Integrator& integrator, double t_begin,
+                     double t_end)
     : impl_(std::make_unique<Impl>(model, options, integrator, t_begin, t_end)) {}
 StepAudit::~StepAudit() = default;
 
@@ -196,7 +198,8 @@ StepAudit::Verdict StepAudit::verdict(Vec u) const {
   v.repeated = m.repeated;
   v.beyond = m.beyond;
   // A motion of round-off size is none.
-  const double rest = 1e-7 * m.largest_psi * std::sqrt(double(std::max(1, m.repeated)) * double(m.model.scene().n));
+  const double rest =
+      1e-7 * m.largest_psi * std::sqrt(double(std::max(1, m.repeated)) * double(m.model.scene().n));
   if (m.repeated > 0 && m.sums.change[0] > rest * rest) {
     double miss = 0;
     for (std::size_t f = 0; f < 2; ++f)
@@ -205,7 +208,8 @@ StepAudit::Verdict StepAudit::verdict(Vec u) const {
     v.shift = m.sums.product[0] / m.sums.change[0];
   }
   v.near_sliding = near_sliding(m.model, u);
-  // What the mean medium does says little of one whose parts differ, and nothing slides steadily under a load.
+  // What the mean medium does says little of one whose parts differ, and nothing slides steadily under a
+  // load.
   if (m.model.scene().has_profile() || m.model.scene().load.varies()) {
     v.near_growth = v.near_growth_of_all = std::numeric_limits<double>::quiet_NaN();
     v.growth = v.growth_taken = v.growth_of_all = v.growth_taken_of_all = v.near_growth;
@@ -226,9 +230,11 @@ StepAudit::Verdict StepAudit::verdict(Vec u) const {
   return v;
 }
 
-double StepAudit::longest_near_sliding(const Model& model, const Integrator& integrator, Vec u, double duration) {
+double StepAudit::longest_near_sliding(const Model& model, const Integrator& integrator, Vec u,
+                                       double duration) {
   const double any = std::numeric_limits<double>::infinity();
-  if (!integrator.adaptive() || integrator.method().kind != MethodKind::explicit_ || !near_sliding(model, u)) return any;
+  if (!integrator.adaptive() || integrator.method().kind != MethodKind::explicit_ || !near_sliding(model, u))
+    return any;
   StepForecast forecast(model, nullptr, integrator);
   const double growth = std::max(0., forecast.sliding_growth(false));
   // a growing mode has left sliding by the time that it is 1/round-off times as large
@@ -237,7 +243,8 @@ double StepAudit::longest_near_sliding(const Model& model, const Integrator& int
     return !((forecast.sliding_growth_of({{dt, 1.}}, false) - growth) * time <= largest_short_growth_error);
   };
   if (std::isnan(forecast.sliding_growth(false))) return any;
-  double good = 0.1 / stencil_rate(model.scene()), bad = good;  // far inside the stability region, and where it begins to fail
+  // far inside the stability region, and where it begins to fail
+  double good = 0.1 / stencil_rate(model.scene()), bad = good;
   while (!wrong(bad) && bad < 100 * good) bad *= 1.5;
   if (!wrong(bad)) return any;
   for (int k = 0; k < 10; ++k) {
@@ -255,30 +262,33 @@ bool StepAudit::warn_of(const Verdict& v, Motion motion) const {
     told = true;
     warn("the steps of " + method + " do not follow the motion: " + std::to_string(v.repeated) +
          " of them, made again accurately, miss " + percent(*v.miss) + " of its change" +
-         (std::abs(*v.shift) > 0.01
-              ? ", and it runs " + percent(std::abs(*v.shift)) + (*v.shift > 0 ? " too far" : " too short") + " in them"
-              : "") +
+         (std::abs(*v.shift) > 0.01 ? ", and it runs " + percent(std::abs(*v.shift)) +
+                                          (*v.shift > 0 ? " too far" : " too short") + " in them"
+                                    : "") +
          "; wave speeds, periods and the regime may be wrong (" +
-         (m.integrator.adaptive() ? "tighten ts_rtol and ts_atol" : "reduce ts_dt, or use an adaptive method") + ")");
+         (m.integrator.adaptive() ? "tighten ts_rtol and ts_atol"
+                                  : "reduce ts_dt, or use an adaptive method") +
+         ")");
   }
   if (v.beyond > 0) {
     told = true;
-    warn(std::to_string(v.beyond) + " of the " + std::to_string(v.beyond + v.repeated) + " steps of " + method +
-         " that were looked at could not be made again accurately (at most " + std::to_string(most_steps) +
-         " steps were tried for each): nothing vouches for them");
+    warn(std::to_string(v.beyond) + " of the " + std::to_string(v.beyond + v.repeated) + " steps of " +
+         method + " that were looked at could not be made again accurately (at most " +
+         std::to_string(most_steps) + " steps were tried for each): nothing vouches for them");
   }
   const double duration = m.t_end - m.t_begin, longest = m.taken.empty() ? 0 : m.taken.rbegin()->first;
   const std::string step = "steps of up to " + rounded_text(longest) + " with " + method;
-  if (v.near_sliding && motion == Motion::sliding && v.growth * duration > 5 && v.growth_taken < 0.5 * v.growth) {
-    warn("steady sliding is unstable here, its perturbations grow like exp(" + rounded_text(v.growth) + " t), but " +
-         step + " let them " + (v.growth_taken > 0 ? "grow like exp(" : "decay like exp(") +
+  if (v.near_sliding && motion == Motion::sliding && v.growth * duration > 5 &&
+      v.growth_taken < 0.5 * v.growth) {
+    warn("steady sliding is unstable here, its perturbations grow like exp(" + rounded_text(v.growth) +
+         " t), but " + step + " let them " + (v.growth_taken > 0 ? "grow like exp(" : "decay like exp(") +
          rounded_text(v.growth_taken) + " t): the regime `" + to_string(motion) +
          "` is the method's, not the scene's (reduce ts_dt" +
          (m.integrator.adaptive() ? ", ts_rtol or ts_atol)" : ")"));
     return true;
   }
-  // Once stick-slip is reached, in truth and here, its amplitude no longer depends on how: only a motion that is near
-  // sliding up to where regime and amplitude are measured, or should be, comes out wrong.
+  // Once stick-slip is reached, in truth and here, its amplitude no longer depends on how: only a motion that
+  // is near sliding up to where regime and amplitude are measured, or should be, comes out wrong.
   const double resolved = (v.near_growth - v.growth) * v.near_time;
   const double all = (v.near_growth_of_all - v.growth_of_all) * v.near_time;
   const bool is_short = std::abs(resolved) <= largest_growth_error && all > largest_short_growth_error;
@@ -286,15 +296,17 @@ bool StepAudit::warn_of(const Verdict& v, Motion motion) const {
   const double near_truly = v.near_time * std::max(1., taken / v.growth);
   if (v.growth > 0 && near_truly > 0.45 * duration && std::abs(excess) > largest_growth_error) {
     told = true;
-    warn("perturbations of steady sliding grow like exp(" + rounded_text(v.growth) + " t), with the steps of " +
-         method + (is_short ? " those of a few nodes" : "") + " like exp(" + rounded_text(taken) + " t): after " +
-         rounded_text(v.near_time) +
+    warn("perturbations of steady sliding grow like exp(" + rounded_text(v.growth) +
+         " t), with the steps of " + method + (is_short ? " those of a few nodes" : "") + " like exp(" +
+         rounded_text(taken) + " t): after " + rounded_text(v.near_time) +
          " near sliding their amplitude, and with it the time at which stick-slip sets in, is " +
          "wrong by a factor of " +
          (std::abs(excess) < 20 ? "about " + rounded_text(std::exp(std::abs(excess))) : "more than 1e8") +
-         (m.integrator.adaptive() ? " (tighten ts_rtol and ts_atol)" : " (reduce ts_dt, or use an adaptive method)"));
+         (m.integrator.adaptive() ? " (tighten ts_rtol and ts_atol)"
+                                  : " (reduce ts_dt, or use an adaptive method)"));
   }
-  if (!m.integrator.adaptive() && v.growth_of_all <= 0 && motion != Motion::sliding && v.growth_taken_of_all * duration > 1) {
+  if (!m.integrator.adaptive() && v.growth_of_all <= 0 && motion != Motion::sliding &&
+      v.growth_taken_of_all * duration > 1) {
     told = true;
     warn("steady sliding is stable here, but " + step + " make its perturbations grow like exp(" +
          rounded_text(v.growth_taken_of_all) + " t): the regime `" + to_string(motion) +

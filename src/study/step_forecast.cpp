@@ -40,10 +40,10 @@ SpectralBounds spectral_bounds(int dim, const std::vector<double>& matrix) {
 std::vector<Complex> characteristic_roots(std::vector<Complex> c) {
   const std::size_t n = c.size() - 1;
   double size = 0;
-  for (std::size_t i = 1; i <= n; ++i)
-    size = std::max(size, std::pow(std::abs(c[i] / c[0]), 1 / double(i)));
+  for (std::size_t i = 1; i <= n; ++i) size = std::max(size, std::pow(std::abs(c[i] / c[0]), 1 / double(i)));
   std::vector<Complex> root(n);
-  for (std::size_t i = 0; i < n; ++i) root[i] = std::max(size, 1e-300) * std::pow(Complex(0.4, 0.9), double(i));
+  for (std::size_t i = 0; i < n; ++i)
+    root[i] = std::max(size, 1e-300) * std::pow(Complex(0.4, 0.9), double(i));
   for (int round = 0; round < 200; ++round)
     for (std::size_t i = 0; i < n; ++i) {
       Complex value = c[0], others = c[0];
@@ -134,8 +134,8 @@ void copy_method(const Integrator& like, TS to) {
   }
 }
 
-// Waves of the scene about sliding that a method is tried on: all of a few; of many the fastest of all and of the resolved
-// ones, the ends of both rows, and some between, spread by kappa^2. Ascending.
+// Waves of the scene about sliding that a method is tried on: all of a few; of many the fastest of all and of
+// the resolved ones, the ends of both rows, and some between, spread by kappa^2. Ascending.
 std::set<std::int64_t> sampled_waves(const Waves& all, const Waves& resolved, const FastestWave& fastest,
                                      const FastestWave& leading) {
   std::set<std::int64_t> found{0, all.count - 1, fastest.index, leading.index};
@@ -150,11 +150,14 @@ std::set<std::int64_t> sampled_waves(const Waves& all, const Waves& resolved, co
 
 }  // namespace
 
-void StepForecast::add_wave(const LinearPoint& medium, Implicit implicit, double kappa2, bool sliding, bool resolved) {
+void StepForecast::add_wave(const LinearPoint& medium, Implicit implicit, double kappa2, bool sliding,
+                            bool resolved) {
   const auto rows_of = [&](Part terms) {
     std::vector<double> rows(static_cast<std::size_t>(dof_ * dof_));
-    if (medium.massless()) medium.massless_block(kappa2).write(dof_, rows.data());
-    else medium.block(terms, kappa2).write(dof_, rows.data());
+    if (medium.massless())
+      medium.massless_block(kappa2).write(dof_, rows.data());
+    else
+      medium.block(terms, kappa2).write(dof_, rows.data());
     return rows;
   };
   const std::vector<double> full = rows_of(Part::full), zero(full.size());
@@ -175,7 +178,8 @@ void StepForecast::add_wave(const LinearPoint& medium, Implicit implicit, double
 }
 
 StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
-    : dof_(model.scene().massless() ? model.dof() - 1 : model.dof()), all_implicit_(like.report().implicit == Implicit::both) {
+    : dof_(model.scene().massless() ? model.dof() - 1 : model.dof()),
+      all_implicit_(like.report().implicit == Implicit::both) {
   const Implicit implicit = like.report().implicit;
   const std::string type = like.method().type;
   if (type == TSBDF) bdf_order_ = std::stoi(like.method().subtype);
@@ -191,8 +195,8 @@ void StepForecast::add_waves_about(const Model& model, Vec u, Implicit implicit)
   const Scene& s = model.scene();
   std::vector<Slopes> friction = friction_extremes(model, u);
   least_slope_ = friction[0].F.F_psi;
-  // Where sliding is unstable the motion reaches the steepest friction: the cubic's where its limit cycle turns, that of
-  // a regularised threshold at rest.
+  // Where sliding is unstable the motion reaches the steepest friction: the cubic's where its limit cycle
+  // turns, that of a regularised threshold at rest.
   const bool oscillates = !s.massless() && s.A() * (s.B() + friction[0].F.F_psi) + s.s_delta() < 0;
   const double rising = model.slopes_ahead().rising;
   if (oscillates && rising > 0) friction[1].F.F_psi = std::max(friction[1].F.F_psi, rising);
@@ -248,12 +252,14 @@ void StepForecast::make_ts(const Integrator& like, Implicit implicit) {
 }
 
 // The columns of a wave's propagator stand one behind the other: entry (wave, column, row) of `a` and `out`.
-void StepForecast::add_product(double factor, std::vector<double> Wave::*part, const double* a, double* out) const {
+void StepForecast::add_product(double factor, std::vector<double> Wave::*part, const double* a,
+                               double* out) const {
   const int d = dof_;
   for (const Wave& w : waves_)
     for (int column = 0; column < d; ++column, a += d, out += d)
       for (int row = 0; row < d; ++row)
-        for (int k = 0; k < d; ++k) out[row] += factor * (w.*part)[static_cast<std::size_t>(row * d + k)] * a[k];
+        for (int k = 0; k < d; ++k)
+          out[row] += factor * (w.*part)[static_cast<std::size_t>(row * d + k)] * a[k];
 }
 
 PetscErrorCode StepForecast::RHSFunction(TS, PetscReal, Vec u, Vec f, void* context) {
@@ -320,7 +326,8 @@ std::vector<double> StepForecast::leapfrog_propagator(const Wave& w, double dt) 
     std::vector<double> b = a;
     for (std::size_t i = 0; i < d; ++i)
       for (std::size_t j = 0; j < d; ++j)
-        for (std::size_t k = 0; k < d; ++k) b[i * d + j] += dt / 2 * w.explicit_part[i * d + k] * a[k * d + j];
+        for (std::size_t k = 0; k < d; ++k)
+          b[i * d + j] += dt / 2 * w.explicit_part[i * d + k] * a[k * d + j];
     return b;
   };
   std::vector<double> one(d * d), matrix(d * d);
@@ -377,7 +384,8 @@ double StepForecast::excess_rate(double dt) {
   double excess = -HUGE_VAL;
   for (std::size_t i = 0; i < waves_.size(); ++i) {
     const double growth = std::max(0., waves_[i].growth);
-    if (!waves_[i].sliding && !(all_implicit_ && rate[i] < 2 * growth)) excess = std::max(excess, rate[i] - growth);
+    if (!waves_[i].sliding && !(all_implicit_ && rate[i] < 2 * growth))
+      excess = std::max(excess, rate[i] - growth);
   }
   return excess;
 }
@@ -433,8 +441,8 @@ double StepForecast::limit(double dt, double duration) {
 
 namespace {
 
-// Least slope of friction over the velocities, at steady state; with profiles of all nodes, else of amplitude 1.
-// Collective.
+// Least slope of friction over the velocities, at steady state; with profiles of all nodes, else of amplitude
+// 1. Collective.
 double least_slope(const Model& model) {
   const bool all = model.scene().has_profile();
   double least = 0;
@@ -442,7 +450,8 @@ double least_slope(const Model& model) {
     for (double psi = 1e-6; psi < 100; psi *= 1.2)
       for (const double sign : {-1., 1.}) {
         const double state = model.dof() == 3 ? model.steady_state(i, sign * psi) : 0;
-        least = std::min(least, model.friction(i, sign * psi, state).F_psi / (all ? 1 : model.amplitude()[0]));
+        least =
+            std::min(least, model.friction(i, sign * psi, state).F_psi / (all ? 1 : model.amplitude()[0]));
       }
   return all ? -largest_over(model.comm(), -least) : least;
 }
@@ -452,10 +461,11 @@ bool solves_friction(const Integrator& integrator) {
   return implicit == Implicit::friction || implicit == Implicit::both;
 }
 
-// At shift r = 1/(a dt) the implicit equations of uniform motion have the determinant r^2 + C r + A K0,
-// C = A (B + F') + s delta. Where it is negative at the least slope F', it changes sign along psi, and the equations
-// have several solutions.
-void warn_of_several_solutions(const Model& model, const Integrator& integrator, double dt, StepForecast& forecast) {
+// At shift r = 1/(a dt) the implicit equations of uniform motion have the determinant r^2 + C r + A K0, C = A
+// (B + F') + s delta. Where it is negative at the least slope F', it changes sign along psi, and the
+// equations have several solutions.
+void warn_of_several_solutions(const Model& model, const Integrator& integrator, double dt,
+                               StepForecast& forecast) {
   if (std::string(integrator.method().type) == TSROSW || !solves_friction(integrator)) return;
   const Scene& s = model.scene();
   if (s.massless()) return;  // shift eta + K psi(eta) rises with eta
@@ -466,13 +476,15 @@ void warn_of_several_solutions(const Model& model, const Integrator& integrator,
   if (C >= 0 || C * C <= 4 * product) return;
   const double r = forecast.shift(dt), root = std::sqrt(C * C / 4 - product), high = -C / 2 + root;
   if (r <= 0 || r >= high || r <= -C / 2 - root) return;
-  warn("ts_dt " + number_text(dt) + " is so long that the implicit equations of " + integrator.method().name() +
-       " have several solutions (friction falls with velocity; one alone up to about " + rounded_text(dt * r / high) +
-       "): Newton's method may find one that the motion does not lead to");
+  warn("ts_dt " + number_text(dt) + " is so long that the implicit equations of " +
+       integrator.method().name() +
+       " have several solutions (friction falls with velocity; one alone up to about " +
+       rounded_text(dt * r / high) + "): Newton's method may find one that the motion does not lead to");
 }
 
-// Where a step is long against the time in which friction acts, the stages of Runge-Kutta and Rosenbrock methods err
-// by more than the step should (docs/limits.md has the orders measured); bdf and arkimex l2 keep theirs.
+// Where a step is long against the time in which friction acts, the stages of Runge-Kutta and Rosenbrock
+// methods err by more than the step should (docs/limits.md has the orders measured); bdf and arkimex l2 keep
+// theirs.
 void warn_of_order_reduction(const Model& model, const Integrator& integrator, double dt, Vec u) {
   constexpr double stiff = 30;  // dt times the rate of friction, from where on orders fall
   const Method& method = integrator.method();
@@ -482,7 +494,8 @@ void warn_of_order_reduction(const Model& model, const Integrator& integrator, d
   if (dt * rate > stiff)
     warn("friction acts at up to " + rounded_text(rate) + " per unit time, " + rounded_text(dt * rate) +
          " times in a ts_dt of " + number_text(dt) + ": in so stiff a scene the order of " + method.name() +
-         " falls from " + std::to_string(method.order) + " to 2, 1 or less; use error control, bdf:2 or arkimex:l2");
+         " falls from " + std::to_string(method.order) +
+         " to 2, 1 or less; use error control, bdf:2 or arkimex:l2");
 }
 
 }  // namespace
@@ -497,11 +510,11 @@ void warn_of_fixed_steps(const Model& model, const Integrator& integrator, Vec u
   warn_of_order_reduction(model, integrator, dt, u);
   if (!forecast.explodes(dt, duration)) return;
   warn("ts_dt " + number_text(dt) + " is beyond the stability limit of " + integrator.method().name() +
-       ", which is about " + rounded_text(forecast.limit(dt, duration)) + " here (the shortest wave turns at " +
-       rounded_text(model.wave_frequency()) + " per unit time, " +
+       ", which is about " + rounded_text(forecast.limit(dt, duration)) +
+       " here (the shortest wave turns at " + rounded_text(model.wave_frequency()) + " per unit time, " +
        (model.viscous() ? "viscosity damps it at " + rounded_text(viscous_rate(model.scene())) + ", " : "") +
-       "friction acts at up to " +
-       rounded_text(rates_of(model, u).friction) + "): the solution will grow without bound");
+       "friction acts at up to " + rounded_text(rates_of(model, u).friction) +
+       "): the solution will grow without bound");
 }
 
 }  // namespace stickslip

@@ -10,7 +10,8 @@
 namespace stickslip {
 
 std::string StickSlipEnd::refusal(const Scene& s) {
-  if (s.massless()) return "without mass (model_m 0) a block rests and slides without a jump, and no slip is thrown";
+  if (s.massless())
+    return "without mass (model_m 0) a block rests and slides without a jump, and no slip is thrown";
   if (s.spread != 0) return "friction_spread makes nodes move differently";
   if (s.has_profile()) return "a profile of friction makes nodes move differently";
   if (s.left == End::velocity || s.right == End::velocity) return "a held end makes nodes move differently";
@@ -18,9 +19,11 @@ std::string StickSlipEnd::refusal(const Scene& s) {
   return "";
 }
 
-std::unique_ptr<StickSlipEnd> StickSlipEnd::of(SceneAt scene_at, std::vector<Axis> axes, const CellMotion& cell) {
+std::unique_ptr<StickSlipEnd> StickSlipEnd::of(SceneAt scene_at, std::vector<Axis> axes,
+                                               const CellMotion& cell) {
   const Scene middle = scene_at(axes[0].value(.5), axes.size() > 1 ? axes[1].value(.5) : 0);
-  if (!cell.cell && middle.friction.sticks()) return std::make_unique<GrazeEnd>(std::move(scene_at), std::move(axes));
+  if (!cell.cell && middle.friction.sticks())
+    return std::make_unique<GrazeEnd>(std::move(scene_at), std::move(axes));
   return std::make_unique<BranchEnd>(std::move(scene_at), std::move(axes), cell);
 }
 

@@ -26,7 +26,8 @@ bool is_own(const std::string& name) {
 
 }  // namespace
 
-// ---- one axis -----------------------------------------------------------------------------------------------------
+// ---- one axis
+// -----------------------------------------------------------------------------------------------------
 
 SweepAxis::SweepAxis(const Options& sweep, int number) {
   const std::string n = std::to_string(number), own = "sweep_parameter" + n;
@@ -52,7 +53,8 @@ SweepAxis::SweepAxis(const Options& sweep, int number) {
   if (log_ && !(from_ > 0 && to_ > 0))
     throw UsageError("sweep_log" + n + ": needs " + from + " and " + to + " above 0");
   if (integer_ && (from_ != std::floor(from_) || to_ != std::floor(to_)))
-    throw UsageError(own + " " + name() + ": takes integers, so " + from + " and " + to + " must be integers");
+    throw UsageError(own + " " + name() + ": takes integers, so " + from + " and " + to +
+                     " must be integers");
 }
 
 std::string SweepAxis::in_range(double value) const {
@@ -67,7 +69,8 @@ std::string SweepAxis::between(long k, long intervals) const {
 }
 
 std::string SweepAxis::drawn(double part) const {
-  if (!listed_.empty()) return listed_[std::min(std::size_t(part * double(listed_.size())), listed_.size() - 1)];
+  if (!listed_.empty())
+    return listed_[std::min(std::size_t(part * double(listed_.size())), listed_.size() - 1)];
   if (log_) return in_range(from_ * std::pow(to_ / from_, part));
   if (!integer_) return number_text(from_ + (to_ - from_) * part);
   const double low = std::min(from_, to_), high = std::max(from_, to_);
@@ -75,7 +78,8 @@ std::string SweepAxis::drawn(double part) const {
 }
 
 bool SweepAxis::is_numeric() const {
-  return std::all_of(listed_.begin(), listed_.end(), [](const std::string& text) { return bool(parse_number(text)); });
+  return std::all_of(listed_.begin(), listed_.end(),
+                     [](const std::string& text) { return bool(parse_number(text)); });
 }
 
 Options SweepAxis::set(Options options, const std::string& value) const {
@@ -83,26 +87,35 @@ Options SweepAxis::set(Options options, const std::string& value) const {
   return options;
 }
 
-// ---- all of them --------------------------------------------------------------------------------------------------
+// ---- all of them
+// --------------------------------------------------------------------------------------------------
 
 SweepPlan::SweepPlan(const Options& sweep, const Options& base)
     : base_(base), follow_(sweep.boolean("sweep_follow")), seed_(sweep.integer("sweep_seed")) {
   const std::string sample = sweep.text("sweep_sample");
-  kind_ = sample == "grid" ? Kind::grid : sample == "list" ? Kind::list : sample == "sobol" ? Kind::sobol : Kind::random;
+  kind_ = sample == "grid"    ? Kind::grid
+          : sample == "list"  ? Kind::list
+          : sample == "sobol" ? Kind::sobol
+                              : Kind::random;
   read_axes(sweep);
   const bool sampled = kind_ == Kind::random || kind_ == Kind::sobol;
   if (sampled != sweep.is_set("sweep_count"))
-    throw UsageError(sampled ? "sweep_sample " + sample + ": needs sweep_count, the number of points"
-                             : "sweep_count: only with sweep_sample random or sobol; sweep_points1, ... count on a " + sample);
+    throw UsageError(
+        sampled
+            ? "sweep_sample " + sample + ": needs sweep_count, the number of points"
+            : "sweep_count: only with sweep_sample random or sobol; sweep_points1, ... count on a " + sample);
   if (sampled) count_ = sweep.integer("sweep_count");
-  if (follow_ && kind_ != Kind::grid) throw UsageError("sweep_follow: needs a grid, not sweep_sample " + sample);
+  if (follow_ && kind_ != Kind::grid)
+    throw UsageError("sweep_follow: needs a grid, not sweep_sample " + sample);
   if (sweep.is_set("sweep_refine")) read_refinement(sweep);
   double all = 1;
   if (refined_)
-    for (const long cells : cells_) all *= std::ldexp(double(cells), halvings_) + 1;  // may be more than a long holds
+    // may be more than a long holds
+    for (const long cells : cells_) all *= std::ldexp(double(cells), halvings_) + 1;
   else
     for (const std::size_t length : shape()) all *= double(length);
-  if (all > most_points) throw UsageError("sweep: " + number_text(all) + " points are more than " + number_text(most_points));
+  if (all > most_points)
+    throw UsageError("sweep: " + number_text(all) + " points are more than " + number_text(most_points));
   check_values();
 }
 
@@ -115,7 +128,8 @@ void SweepPlan::read_axes(const Options& sweep) {
         throw UsageError("sweep_parameter" + n + ": without sweep_parameter" + std::to_string(number - 1));
       axes_.emplace_back(sweep, number);
       for (const std::string& name : sweep.words("sweep_parameter" + n))
-        if (!taken.insert(lower_case(name)).second) throw UsageError("sweep_parameter" + n + " " + name + ": varied twice");
+        if (!taken.insert(lower_case(name)).second)
+          throw UsageError("sweep_parameter" + n + " " + name + ": varied twice");
       continue;
     }
     for (const char* part : {"sweep_from", "sweep_to", "sweep_points", "sweep_log", "sweep_values"})
@@ -126,7 +140,8 @@ void SweepPlan::read_axes(const Options& sweep) {
     if (kind_ != Kind::list) continue;
     if (axis.values() != axes_[0].values())
       throw UsageError("sweep_sample list: every option needs as many values as the first, " +
-                       std::to_string(axes_[0].values()) + "; " + axis.name() + " has " + std::to_string(axis.values()));
+                       std::to_string(axes_[0].values()) + "; " + axis.name() + " has " +
+                       std::to_string(axis.values()));
     count_ = axis.values();
   }
 }
@@ -134,17 +149,21 @@ void SweepPlan::read_axes(const Options& sweep) {
 void SweepPlan::read_refinement(const Options& sweep) {
   refined_ = true;
   if (kind_ != Kind::grid || follow_) throw UsageError("sweep_refine: needs a grid, without sweep_follow");
-  if (axes_.size() > 2) throw UsageError("sweep_refine: in one or two options, and there are " + std::to_string(axes_.size()));
+  if (axes_.size() > 2)
+    throw UsageError("sweep_refine: in one or two options, and there are " + std::to_string(axes_.size()));
   long fewest = 0;
   for (std::size_t k = 0; k < axes_.size(); ++k) {
-    if (axes_[k].is_listed()) throw UsageError("sweep_refine: " + axes_[k].name() + " needs a range, not sweep_values");
-    if (axes_[k].values() < 2) throw UsageError("sweep_refine: " + axes_[k].name() + " needs at least 2 sweep_points");
+    if (axes_[k].is_listed())
+      throw UsageError("sweep_refine: " + axes_[k].name() + " needs a range, not sweep_values");
+    if (axes_[k].values() < 2)
+      throw UsageError("sweep_refine: " + axes_[k].name() + " needs at least 2 sweep_points");
     cells_[k] = axes_[k].values() - 1;
     fewest = fewest == 0 ? cells_[k] : std::min(fewest, cells_[k]);
   }
   const double width = sweep.real("sweep_refine");
   const int most = 60;  // far too many points already
-  while (halvings_ < most && 1 / (double(fewest) * std::ldexp(1., halvings_)) > width * (1 + 1e-12)) ++halvings_;
+  while (halvings_ < most && 1 / (double(fewest) * std::ldexp(1., halvings_)) > width * (1 + 1e-12))
+    ++halvings_;
 }
 
 // What would be refused at some point is refused before all work.

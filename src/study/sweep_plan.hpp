@@ -1,8 +1,8 @@
 // The points of a sweep: which options take which values there. Not collective: the same on every rank.
 //
-// With a grid the results have one dimension for each option, the last running fastest, and with sweep_follow one more,
-// `direction`: the first option is followed from its first value to its last (direction 1, in rising order of points) and
-// back (-1). A list, a sample and a refined grid have the one dimension `point`.
+// With a grid the results have one dimension for each option, the last running fastest, and with sweep_follow
+// one more, `direction`: the first option is followed from its first value to its last (direction 1, in
+// rising order of points) and back (-1). A list, a sample and a refined grid have the one dimension `point`.
 #pragma once
 
 #include <array>
@@ -25,8 +25,11 @@ class SweepAxis {
   // Where there are so many equal intervals between both ends: the value at the end of number k.
   std::string between(long k, long intervals) const;
   // Value number k of all.
-  std::string value(long k) const { return listed_.empty() ? between(k, count_ - 1) : listed_[std::size_t(k)]; }
-  // The value that a number from [0, 1) draws: evenly from the range (of an integer: each alike), or from the list.
+  std::string value(long k) const {
+    return listed_.empty() ? between(k, count_ - 1) : listed_[std::size_t(k)];
+  }
+  // The value that a number from [0, 1) draws: evenly from the range (of an integer: each alike), or from the
+  // list.
   std::string drawn(double part) const;
   bool is_listed() const { return !listed_.empty(); }
   bool is_numeric() const;  // are all of its values numbers?
@@ -43,8 +46,8 @@ class SweepAxis {
 
 class SweepPlan {
  public:
-  // Throws UsageError where the sweep_* options do not say what to do, or a value is out of an option's range. `base`:
-  // the options at every point but for those varied.
+  // Throws UsageError where the sweep_* options do not say what to do, or a value is out of an option's
+  // range. `base`: the options at every point but for those varied.
   SweepPlan(const Options& sweep, const Options& base);
 
   const std::vector<SweepAxis>& axes() const { return axes_; }
@@ -74,7 +77,7 @@ class SweepPlan {
   std::vector<SweepAxis> axes_;
   Kind kind_ = Kind::grid;
   bool follow_ = false, refined_ = false;
-  long count_ = 0;     // of a list or a sample
+  long count_ = 0;  // of a list or a sample
   PetscInt seed_ = 0;
   std::array<long, 2> cells_{};
   int halvings_ = 0;

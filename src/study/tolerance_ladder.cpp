@@ -1,8 +1,8 @@
 // A ladder of tolerances: where there is no grid to refine (the chain, uniform motion).
 //
-// The last level is stricter than the run, so that the run's error is its distance from that level. How errors fall with
-// the tolerance says only where the run is to be placed: on a ladder of few levels they fall now faster, now slower, and in
-// chains a run may come near a looser one by chance while both are wrong.
+// The last level is stricter than the run, so that the run's error is its distance from that level. How
+// errors fall with the tolerance says only where the run is to be placed: on a ladder of few levels they fall
+// now faster, now slower, and in chains a run may come near a looser one by chance while both are wrong.
 #include <algorithm>
 #include <cmath>
 
@@ -30,7 +30,9 @@ class ToleranceLadder final : public Ladder {
     return std::max(1., std::pow(from.tolerance / to.tolerance, 1.25));
   }
   // Implicit steps err by far more than their tolerance where friction or waves are stiff.
-  double first() const { return std::clamp((setting_.method.is_explicit() ? 10 : 0.1) * aim_, 1e-12, loosest()); }
+  double first() const {
+    return std::clamp((setting_.method.is_explicit() ? 10 : 0.1) * aim_, 1e-12, loosest());
+  }
   // Errors fall with the tolerance as they do where nothing is stiff and no threshold is crossed.
   bool smooth() const { return setting_.method.is_explicit() && !request_.scene.friction.law->jumps_at_rest; }
   // Explicit steps meet a threshold now sooner, now later in a step.
@@ -63,7 +65,8 @@ double ToleranceLadder::slope() const {
   const std::size_t known = distances_.size();
   if (known < 2) return usual;
   return std::clamp(std::log(distances_[known - 2] / distances_[known - 1]) /
-                        std::log(levels_[known - 2].tolerance / levels_[known - 1].tolerance), 0.5, most);
+                        std::log(levels_[known - 2].tolerance / levels_[known - 1].tolerance),
+                    0.5, most);
 }
 
 double ToleranceLadder::time_foreseen(double tolerance) const {
@@ -72,7 +75,8 @@ double ToleranceLadder::time_foreseen(double tolerance) const {
 
 // The tolerance that should do.
 double ToleranceLadder::wished() const {
-  return levels_[levels_.size() - 2].tolerance * std::pow(share_in_all * aim_ / distances_.back(), 1 / slope());
+  return levels_[levels_.size() - 2].tolerance *
+         std::pow(share_in_all * aim_ / distances_.back(), 1 / slope());
 }
 
 void ToleranceLadder::give_up_at(double tolerance, double error) const {
@@ -96,7 +100,8 @@ void ToleranceLadder::choose() {
       levels_ = {std::move(made)};
       return;
     }
-    if (!levels_.empty() && made.steps == levels_.back().steps) {  // they only grew: the difference tells nothing
+    // they only grew: the difference tells nothing
+    if (!levels_.empty() && made.steps == levels_.back().steps) {
       if (next <= 2 * least_tolerance) {
         levels_.push_back(made);
         distances_.push_back(1e-15);
@@ -109,8 +114,10 @@ void ToleranceLadder::choose() {
     }
     add(std::move(made));
     if (levels_.size() == 1)
-      next = std::max(levels_.back().tolerance / (setting_.method.is_explicit() ? 1000 : 10), least_tolerance);
-    else if (place_or_go_on(next)) return;
+      next =
+          std::max(levels_.back().tolerance / (setting_.method.is_explicit() ? 1000 : 10), least_tolerance);
+    else if (place_or_go_on(next))
+      return;
   }
 }
 
@@ -118,15 +125,18 @@ void ToleranceLadder::choose() {
 bool ToleranceLadder::place_or_go_on(double& next) {
   const Level& last = levels_.back();
   const double d = distances_.back(), wish = wished();
-  if (last.tolerance <= 2 * least_tolerance && d > aim_ && wish < last.tolerance) give_up_at(last.tolerance, d);
+  if (last.tolerance <= 2 * least_tolerance && d > aim_ && wish < last.tolerance)
+    give_up_at(last.tolerance, d);
   if (runs_.prefers_explicit(last, request_.scene.n, wish)) {
     runs_.take_explicit();
     begin_anew();
     next = first();
     return false;
   }
-  if (leads(wish)) place(wish);
-  else next = next_tolerance(wish);
+  if (leads(wish))
+    place(wish);
+  else
+    next = next_tolerance(wish);
   return leads(wish);
 }
 
@@ -153,8 +163,9 @@ double ToleranceLadder::estimate_in_time(const Level& now, double d) const {
   return std::max(d, time_foreseen(now.tolerance));  // at the last level's own tolerance, or next to it
 }
 
-// A run of a few steps may take nearly those of the last level, whatever its tolerance: their distance, far below what was
-// foreseen, then tells little of the error, and only stricter levels do, which cost next to nothing.
+// A run of a few steps may take nearly those of the last level, whatever its tolerance: their distance, far
+// below what was foreseen, then tells little of the error, and only stricter levels do, which cost next to
+// nothing.
 void ToleranceLadder::look_beyond_own_steps() {
   constexpr PetscInt few = 50;
   for (int k = 0; k < 3 && request_.tolerance_open && levels_.back().steps < few; ++k) {

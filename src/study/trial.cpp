@@ -36,13 +36,12 @@ double processor_seconds() {
   return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
 }
 
-double largest_processor_seconds() {
-  return largest_over(PETSC_COMM_WORLD, processor_seconds());
-}
+double largest_processor_seconds() { return largest_over(PETSC_COMM_WORLD, processor_seconds()); }
 
 Options options_for(const Options& options, const Setting& setting) {
   Options result = options.with("grid_n", std::to_string(setting.n));
-  if (options.text("model_form") != "chain") result = result.with("grid_order", std::to_string(setting.order));
+  if (options.text("model_form") != "chain")
+    result = result.with("grid_order", std::to_string(setting.order));
   return result;
 }
 
@@ -105,7 +104,8 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   const Model& model = problem.model;
   const Vec u = problem.u;
   const double t_end = options.real("ts_max_time");
-  const std::int64_t max_steps = prefix.empty() ? most_steps(options) : std::numeric_limits<std::int64_t>::max();
+  const std::int64_t max_steps =
+      prefix.empty() ? most_steps(options) : std::numeric_limits<std::int64_t>::max();
   const double begin = processor_seconds();
   const auto spent = [&] { return largest_over(PETSC_COMM_WORLD, processor_seconds() - begin); };
   try {
@@ -121,15 +121,18 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
     };
     try {
       warn_of_fixed_steps(model, integrator, u, t_end);
-      integrator.advance(u, 0, t_end, [&](const Integrator::Step& step) {
-        watched.see(step);
-        if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
-        const double now = spent();
-        // no need to wait for the end of what cannot get there
-        const bool hopeless = now > 0.25 * limit && now * t_end > 4 * limit * step.t;
-        if (now > limit || hopeless) throw TooSlow();
-        return Integrator::Verdict::go_on;
-      }, max_steps);
+      integrator.advance(
+          u, 0, t_end,
+          [&](const Integrator::Step& step) {
+            watched.see(step);
+            if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
+            const double now = spent();
+            // no need to wait for the end of what cannot get there
+            const bool hopeless = now > 0.25 * limit && now * t_end > 4 * limit * step.t;
+            if (now > limit || hopeless) throw TooSlow();
+            return Integrator::Verdict::go_on;
+          },
+          max_steps);
     } catch (...) {
       take_report();
       throw;
@@ -157,8 +160,10 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
 }
 
 FrictionAt::FrictionAt(const Scene& scene, const std::vector<double>& x) {
-  if (scene.friction.varies()) laws_ = Friction::along(scene.friction, x);
-  else laws_ = {Friction::of(scene.friction)};
+  if (scene.friction.varies())
+    laws_ = Friction::along(scene.friction, x);
+  else
+    laws_ = {Friction::of(scene.friction)};
   for (const double at : x) amplitude_.push_back(friction_amplitude_at(scene, at));
 }
 
@@ -258,7 +263,8 @@ Converged converge_in_time(const Options& options, int order, PetscInt n, double
       result.failed += (result.failed.empty() ? "" : "; ") + a.method + ": " + a.failed;
       continue;
     }
-    const Trial b = run_trial(options, {second.method, second.tolerance, 0, order, n}, "reference_", 3 * limit);
+    const Trial b =
+        run_trial(options, {second.method, second.tolerance, 0, order, n}, "reference_", 3 * limit);
     result.seconds += b.seconds;
     if (!b.failed.empty()) {
       result.failed += (result.failed.empty() ? "" : "; ") + b.method + ": " + b.failed;

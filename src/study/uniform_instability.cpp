@@ -18,7 +18,8 @@ namespace {
 constexpr int stages = 5, max_dim = 3;
 constexpr double orbit_tolerance = 1e-8, least_growth = 1e-6;  // relative; of a multiplier beyond 1
 
-// The wave among 1..last where `rate` is largest: of 400 spread evenly, or all, and then among the neighbours of that.
+// The wave among 1..last where `rate` is largest: of 400 spread evenly, or all, and then among the neighbours
+// of that.
 template <class Rate>
 PetscInt fastest(PetscInt last, const Rate& rate) {
   PetscInt step = (last + 399) / 400, best = 0;
@@ -39,18 +40,18 @@ PetscInt fastest(PetscInt last, const Rate& rate) {
   return best;
 }
 
-// What waves add to the Jacobian of uniform motion in (psi, z[, state]): -kappa^2 E, where E takes psi to K1 in z' and to A N
-// in psi'.
+// What waves add to the Jacobian of uniform motion in (psi, z[, state]): -kappa^2 E, where E takes psi to K1
+// in z' and to A N in psi'.
 struct Neighbours {
   double K1, A_N;
   explicit Neighbours(const Scene& s) : K1(s.K1()), A_N(s.A() * s.N()) {}
 };
 
-// The linear system y' = (J(t) - kappa^2 E) y of a wave, carried round the orbit once. Radau IIA of order 9 on the orbit's
-// own steps, halved where the wave is fast. In its stages
+// The linear system y' = (J(t) - kappa^2 E) y of a wave, carried round the orbit once. Radau IIA of order 9
+// on the orbit's own steps, halved where the wave is fast. In its stages
 //     (1 - h a (x) J + kappa^2 h a (x) E) Y = 1 (x) y
-// only the number kappa^2 depends on the wave and E has rank one: what is inverted once for a piece of the orbit
-// leaves each wave a system of as many unknowns as there are stages.
+// only the number kappa^2 depends on the wave and E has rank one: what is inverted once for a piece of the
+// orbit leaves each wave a system of as many unknowns as there are stages.
 class CarriedRound {
  public:
   CarriedRound(const Oscillator& oscillator, const Orbit& orbit, const Neighbours& neighbours)
@@ -95,7 +96,8 @@ class CarriedRound {
     const Collocation& radau = Collocation::radau5();
     const int d = d_, n = stages * d, columns = d + stages;
     const double h = phase * orbit_.period;
-    double J[stages * max_dim * max_dim], a[stages * max_dim * stages * max_dim] = {}, b[stages * max_dim * 8] = {};
+    double J[stages * max_dim * max_dim], a[stages * max_dim * stages * max_dim] = {},
+                                                                        b[stages * max_dim * 8] = {};
     for (int s = 0; s < stages; ++s) {
       double y[max_dim + 1], dy[max_dim];
       orbit_.at(begin + phase * radau.c[std::size_t(s)], y);
@@ -135,7 +137,8 @@ class CarriedRound {
     for (int i = 0; i < d; ++i)
       for (int c = 0; c < d; ++c) {
         for (int k = 0; k < d; ++k) end[i * d + c] += p.end[i * d + k] * Y[k * d + c];
-        for (int s = 0; s < stages; ++s) end[i * d + c] -= kappa2 * p.end_of_E[i * stages + s] * psi[s * d + c];
+        for (int s = 0; s < stages; ++s)
+          end[i * d + c] -= kappa2 * p.end_of_E[i * stages + s] * psi[s * d + c];
       }
     std::copy(end, end + d * d, Y);
   }
@@ -165,8 +168,10 @@ UniformInstability instability_of_oscillation(const Scene& scene) {
   PetscInt low = 1, last = std::max<PetscInt>(1, PetscInt(waves.count) - 1);  // the last with c k T < 100
   while (low < last) {
     const PetscInt middle = low + (last - low + 1) / 2;
-    if (std::sqrt(scene.A() * scene.K1() * waves.kappa2(middle)) * orbit.period < 100) low = middle;
-    else last = middle - 1;
+    if (std::sqrt(scene.A() * scene.K1() * waves.kappa2(middle)) * orbit.period < 100)
+      low = middle;
+    else
+      last = middle - 1;
   }
   const PetscInt best = waves.count < 2 ? 0 : fastest(last, multiplier);
   const double growth = best == 0 ? 0 : multiplier(best);

@@ -17,7 +17,8 @@ namespace stickslip {
 
 namespace {
 
-// A start about steady sliding: psi_i = steady + amplitude (1 + cos(k x))/2 at the nodes solved for, eta and state steady.
+// A start about steady sliding: psi_i = steady + amplitude (1 + cos(k x))/2 at the nodes solved for, eta and
+// state steady.
 void start_beside(const Model& model, const SteadySliding& s, double amplitude, double k, Vec u) {
   const Writing x(u);
   const std::size_t d = std::size_t(model.dof());
@@ -30,10 +31,10 @@ void start_beside(const Model& model, const SteadySliding& s, double amplitude, 
   }
 }
 
-// Where the motion from u goes, as `run` would say it; a run that leaves it open is prolonged to the time that would
-// decide, up to four times as long. The method is the program's own choice for the scene, adaptive and accurate: the
-// user's -ts_ options do not reach it, since a damping method with long steps would make sliding look stable
-// (docs/methods.md). Collective over the model's ranks.
+// Where the motion from u goes, as `run` would say it; a run that leaves it open is prolonged to the time
+// that would decide, up to four times as long. The method is the program's own choice for the scene, adaptive
+// and accurate: the user's -ts_ options do not reach it, since a damping method with long steps would make
+// sliding look stable (docs/methods.md). Collective over the model's ranks.
 Motion regime_from(const Options& options, const Model& model, const SteadySliding& s, double growth, Vec u,
                    double duration) {
   Integrator integrator(model, MethodSpec::from(options), u, "verify_");
@@ -53,13 +54,16 @@ Motion regime_from(const Options& options, const Model& model, const SteadySlidi
   }
 }
 
-// A small grid, which every rank would take as a whole in each step, is followed by every rank on its own: its steps are
-// shorter than what ranks tell each other in one, which takes milliseconds where cores are shared with other programs.
-MPI_Comm followers(const Scene& scene) { return scene.n <= closed_nodes ? PETSC_COMM_SELF : PETSC_COMM_WORLD; }
+// A small grid, which every rank would take as a whole in each step, is followed by every rank on its own:
+// its steps are shorter than what ranks tell each other in one, which takes milliseconds where cores are
+// shared with other programs.
+MPI_Comm followers(const Scene& scene) {
+  return scene.n <= closed_nodes ? PETSC_COMM_SELF : PETSC_COMM_WORLD;
+}
 
 // The same from psi = steady + amplitude (1 + cos(k x))/2.
-Motion regime_beside(const Options& options, const SteadySliding& s, double growth, double amplitude, double k,
-                     double duration) {
+Motion regime_beside(const Options& options, const SteadySliding& s, double growth, double amplitude,
+                     double k, double duration) {
   const Scene scene = Scene::from(options, false);
   const Model model(followers(scene), scene);
   VecHandle u = model.create_vector();
@@ -71,9 +75,9 @@ Motion regime_beside(const Options& options, const SteadySliding& s, double grow
 
 // What the two starts say together.
 std::string regime_of_both(Motion near, Motion far) {
-  return near == far                                               ? to_string(near)
+  return near == far                                            ? to_string(near)
          : near == Motion::sliding && far == Motion::stick_slip ? "both live"
-                                                                   : to_string(Motion::undecided);
+                                                                : to_string(Motion::undecided);
 }
 
 // The direction across the curve, unit length, towards the growing side; empty where nothing changes.
@@ -113,9 +117,10 @@ Verified check_beside(const GrowthRate& growth, const Options& options, const Be
   const SteadySliding s(growth.scene(place.x, place.y));
   const double rate = std::abs(mode.value.real()), duration = std::min(3000., 9 / rate + 60);
   const double longest = (s.scene.ring() ? 2 : 1) * M_PI / s.scene.length;
-  const double k = mode.wavenumber == 0            ? longest
-                   : std::isfinite(mode.wavenumber) ? mode.wavenumber
-                                                   : longest * std::max(1., std::floor(double(s.scene.n) / 8));
+  const double k = mode.wavenumber == 0 ? longest
+                   : std::isfinite(mode.wavenumber)
+                       ? mode.wavenumber
+                       : longest * std::max(1., std::floor(double(s.scene.n) / 8));
   Verified v;
   v.value = axes[0].value(place.x);
   v.value2 = axes.size() > 1 ? axes[1].value(place.y) : 0;
@@ -132,8 +137,8 @@ Verified check_beside(const GrowthRate& growth, const Options& options, const Be
 
 }  // namespace
 
-std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options, const std::vector<Crossing>& points,
-                                      PetscInt count,
+std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options,
+                                      const std::vector<Crossing>& points, PetscInt count,
                                       const std::function<void(std::size_t, std::size_t)>& before_each) {
   std::vector<Verified> result;
   const std::size_t wanted = std::min(points.size(), std::size_t(count));
@@ -152,8 +157,8 @@ std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options
 
 namespace {
 
-// On the cycle whose end is checked. Where none was found: one node at rest without force, its state as after sliding at v;
-// loaded, it slips from its threshold.
+// On the cycle whose end is checked. Where none was found: one node at rest without force, its state as after
+// sliding at v; loaded, it slips from its threshold.
 void start_on(const std::vector<double>& cycle, const Model& model, const SteadySliding& s, Vec u) {
   const Writing x(u);
   x[0] = x[1] = 0;
@@ -161,7 +166,8 @@ void start_on(const std::vector<double>& cycle, const Model& model, const Steady
   for (std::size_t k = 0; k < cycle.size(); ++k) x[k] = cycle[k];
 }
 
-// What the end says of a motion that starts on the cycle. One that goes on without rests is an oscillation to a run as well.
+// What the end says of a motion that starts on the cycle. One that goes on without rests is an oscillation to
+// a run as well.
 std::string expected_of(StickSlipEnd& end, double x, double y) {
   return end(x, y) < 0 || end.fate(x, y) == to_string(Fate::oscillates) ? "stick-slip" : "sliding";
 }
@@ -181,8 +187,10 @@ Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options
   v.expected = expected_of(end, x, y);
   const Options there = options_with(options, axes, v.value, v.value2);
   // Long enough to grow or decay, for many slips, and for the loading of a node at rest (which is one step).
-  const double load = !one.friction.sticks() ? 0
-                      : Friction::of(one.friction)->threshold(s.state.empty() ? 0 : s.state[0]).value / (one.K0() * std::abs(one.v));
+  const double load = !one.friction.sticks()
+                          ? 0
+                          : Friction::of(one.friction)->threshold(s.state.empty() ? 0 : s.state[0]).value /
+                                (one.K0() * std::abs(one.v));
   const double rate = std::max(1e-3, std::abs(v.growth));
   const double duration = std::min(3000., 9 / rate + 100 / c.frequency) + 8 * load;
   VecHandle u = model.create_vector();
@@ -208,16 +216,21 @@ std::vector<Verified> verify_end(GrowthRate& growth, StickSlipEnd& end, const Op
   const std::size_t wanted = std::min(points.size(), std::size_t(count));
   for (std::size_t j = 0; j < wanted; ++j) {
     const Crossing& c = points[wanted == 1 ? points.size() / 2 : j * (points.size() - 1) / (wanted - 1)];
-    const auto difference = [&](double dx, double dy) { return end(c.x + dx, c.y + dy) - end(c.x - dx, c.y - dy); };
+    const auto difference = [&](double dx, double dy) {
+      return end(c.x + dx, c.y + dy) - end(c.x - dx, c.y - dy);
+    };
     const bool known = std::hypot(c.nx, c.ny) > 0;
     const double nx = known ? -c.nx : difference(step, 0);
     const double ny = known ? -c.ny : growth.axes().size() > 1 ? difference(0, step) : 0;
     const double length = std::hypot(nx, ny);
     if (!(length > 0)) continue;
-    const auto beside = [&](double side) { return PlanePoint{c.x + side * reach * nx / length, c.y + side * reach * ny / length}; };
+    const auto beside = [&](double side) {
+      return PlanePoint{c.x + side * reach * nx / length, c.y + side * reach * ny / length};
+    };
     const auto inside = [](const PlanePoint& p) { return p.x >= 0 && p.x <= 1 && p.y >= 0 && p.y <= 1; };
     // from another state of contact, healed too little say, the motion may settle elsewhere
-    const std::vector<double> cycle = inside(beside(-1)) ? end.on_cycle(beside(-1).x, beside(-1).y) : std::vector<double>();
+    const std::vector<double> cycle =
+        inside(beside(-1)) ? end.on_cycle(beside(-1).x, beside(-1).y) : std::vector<double>();
     for (const double side : {-1., 1.}) {  // where it sticks and slips, where it does not
       if (before_each) before_each(2 * j + (side < 0 ? 0 : 1), 2 * wanted);
       const PlanePoint at = beside(side);

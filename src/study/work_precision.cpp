@@ -46,8 +46,10 @@ std::optional<double> WorkPrecision::reference_error() const {
 // ---- references ----
 
 void WorkPrecision::find_references() {
-  if (options_.text("chart_reference") != "auto") read_reference();
-  else if (has_grid_limit(options_, scene_)) refine_reference();
+  if (options_.text("chart_reference") != "auto")
+    read_reference();
+  else if (has_grid_limit(options_, scene_))
+    refine_reference();
   for (const Setting& s : settings_) (void)converged(s.order, s.n);
   if (reference_) return;
   reference_error_ = 0;
@@ -59,7 +61,8 @@ const Converged& WorkPrecision::converged(int order, PetscInt n) {
   const auto key = std::make_pair(order, n);
   const auto it = converged_.find(key);
   if (it != converged_.end()) return it->second;
-  if (progress_.due()) progress_.show("reference, n = " + std::to_string(n) + ", order " + std::to_string(order));
+  if (progress_.due())
+    progress_.show("reference, n = " + std::to_string(n) + ", order " + std::to_string(order));
   return converged_[key] = converge_in_time(options_, order, n, options_.real("chart_reference_seconds"));
 }
 
@@ -84,13 +87,15 @@ void WorkPrecision::read_reference() {
   if (const auto shown = frame.fields.find(state_name(law)); !law.none() && shown != frame.fields.end())
     for (const double value : shown->second) state.push_back(state_from_output(law, value));
   if (!law.none() && state.empty())
-    throw UsageError(says + "its last frame has no " + state_name(law) + ", which this scene's friction needs");
+    throw UsageError(says + "its last frame has no " + state_name(law) +
+                     ", which this scene's friction needs");
   c.fields = fields_with_friction(c.scene, frame.fields.at("psi"), frame.fields.at("eta"), state);
   reference_ = c;
   reference_error_ = NAN;
-  reference_text_ = "frame at t = " + number_text(frame.t) + " of '" + path + "', " + std::to_string(c.scene.n) +
-                    " nodes; its error is not known";
-  warn("chart_reference '" + path + "': its own error is not known; errors below it are not those of the rows");
+  reference_text_ = "frame at t = " + number_text(frame.t) + " of '" + path + "', " +
+                    std::to_string(c.scene.n) + " nodes; its error is not known";
+  warn("chart_reference '" + path +
+       "': its own error is not known; errors below it are not those of the rows");
 }
 
 void WorkPrecision::refine_reference() {
@@ -113,7 +118,8 @@ void WorkPrecision::refine_reference() {
       last = difference(converged(order, grids[k - 1]), fine);
     }
     if (k < 1) continue;
-    if (k > 1 && last > before && last < 1e-6) {  // round-off, which grows with 1/h^2: the grid before was the better
+    // round-off, which grows with 1/h^2: the grid before was the better
+    if (k > 1 && last > before && last < 1e-6) {
       reference_error_ = last + reference_->time_error;
       reference_text_ = described(before, last, order) + "; finer grids are worse by round-off";
       break;
@@ -124,7 +130,8 @@ void WorkPrecision::refine_reference() {
     reference_text_ = described(before, last, order);
     if (last <= fine.time_error) break;
     if (k > 1 && reference_suffices(in_space, fine)) break;
-    if (4 * fine.seconds > 3 * options_.real("chart_reference_seconds")) break;  // the next grid would take that long
+    // the next grid would take that long
+    if (4 * fine.seconds > 3 * options_.real("chart_reference_seconds")) break;
   }
 }
 
@@ -156,8 +163,8 @@ double WorkPrecision::difference(const Converged& coarse, const Converged& fine)
     seen.push_back(s.n);
     Scene at = scene_;
     at.n = s.n;
-    largest = std::max(largest, distance(resample(coarse.fields, coarse.scene, at),
-                                         resample(fine.fields, fine.scene, at)));
+    largest = std::max(
+        largest, distance(resample(coarse.fields, coarse.scene, at), resample(fine.fields, fine.scene, at)));
   }
   return largest;
 }
@@ -170,8 +177,8 @@ void WorkPrecision::run_rows() {
     const std::size_t done = rows_.size(), all = settings_.size();
     if (progress_.due())
       progress_.show("row " + std::to_string(done + 1) + " of " + std::to_string(all) +
-                     progress_.left(double(done) / double(all)) + " (" + s.method.name() + ", n = " +
-                     std::to_string(s.n) + ", order " + std::to_string(s.order) + ")");
+                     progress_.left(double(done) / double(all)) + " (" + s.method.name() +
+                     ", n = " + std::to_string(s.n) + ", order " + std::to_string(s.order) + ")");
     rows_.push_back(measure(s));
   }
 }

@@ -1,5 +1,5 @@
-// Error against processor time of a scene, row by row, with the reference that the errors are taken from: the inside of
-// `chart` (see chart.hpp).
+// Error against processor time of a scene, row by row, with the reference that the errors are taken from: the
+// inside of `chart` (see chart.hpp).
 #pragma once
 
 #include <map>
@@ -18,14 +18,14 @@ class WorkPrecision {
   // The rows to be measured. Throws UsageError where they cannot be had.
   explicit WorkPrecision(const Options& options);
 
-  // The solution of the differential equation, as chart_reference says, and that of each grid. Throws UsageError where a
-  // file does not fit, Failure where no grid can be solved. Collective.
+  // The solution of the differential equation, as chart_reference says, and that of each grid. Throws
+  // UsageError where a file does not fit, Failure where no grid can be solved. Collective.
   void find_references();
   // In the order of chart_settings(). Collective.
   void run_rows();
 
-  const std::vector<ChartRow>& rows() const { return rows_; }           // those done so far
-  std::optional<double> reference_error() const;                        // empty: not known
+  const std::vector<ChartRow>& rows() const { return rows_; }            // those done so far
+  std::optional<double> reference_error() const;                         // empty: not known
   const std::string& reference_text() const { return reference_text_; }  // what it is, in words
 
  private:
@@ -51,8 +51,8 @@ class WorkPrecision {
   std::vector<ChartRow> rows_;
 };
 
-// The grid with half the cells; 0 where the nodes of the coarser grid would not be among those of this one, or too few
-// for the order.
+// The grid with half the cells; 0 where the nodes of the coarser grid would not be among those of this one,
+// or too few for the order.
 PetscInt halved(const Scene& scene, PetscInt n, int order);
 
 }  // namespace stickslip

@@ -49,14 +49,16 @@ int BandLayout::rank_of(PetscInt node) const {
 }
 
 bool BandLayout::is_shared(int group) const {
-  const PetscInt begin = begin_of(group), end = begin_of(group + 1) - (group + 1 == groups_ ? half_width_ : 0);
+  const PetscInt begin = begin_of(group),
+                 end = begin_of(group + 1) - (group + 1 == groups_ ? half_width_ : 0);
   return rank_of(begin) != rank_of(end - 1);
 }
 
 void BandLayout::choose_tiles() {
   const PetscInt first = model_.first(), end = first + model_.local();
   const auto add = [&](PetscInt begin, int rows, int lanes, int group) {
-    const PetscInt own_count = PetscInt(rows) * lanes - (group >= 0 && group + 1 == groups_ ? half_width_ : 0);
+    const PetscInt own_count =
+        PetscInt(rows) * lanes - (group >= 0 && group + 1 == groups_ ? half_width_ : 0);
     if (rows == 0 || begin >= end || begin + own_count <= first) return;
     tiles_.push_back({begin, rows, lanes, size_, group});
     size_ += (PetscInt(rows) * lanes + kernel::lanes - 1) / kernel::lanes * kernel::lanes;
@@ -66,7 +68,8 @@ void BandLayout::choose_tiles() {
   const auto guess = [&](PetscInt node) {
     return groups_ == 0 ? 0 : int(std::max(PetscInt(0), node - left_) / (kernel::lanes * (least_rows_ + 1)));
   };
-  for (int g = guess(first); g < groups_ && begin_of(g) < end; ++g) add(begin_of(g), rows_of(g), kernel::lanes, g);
+  for (int g = guess(first); g < groups_ && begin_of(g) < end; ++g)
+    add(begin_of(g), rows_of(g), kernel::lanes, g);
   add(n_ - right_, right_, 1, -1);
 }
 

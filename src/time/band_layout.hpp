@@ -1,10 +1,11 @@
 // A grid cut for banded solves: groups of eight pieces, one in each lane of a vector, and a few outer nodes.
 //
-// The cuts follow from the grid alone, so that what is computed does not depend on the ranks, to the last bit. A rank
-// works on every tile (a group, or outer nodes) that holds one of its nodes; a tile on the border of two ranks is
-// worked on by both. On a ring the outer nodes are the first few; on a line they stand at both ends, with every row of
-// D2 that an end changes. A piece is `rows` nodes, the last half_width of which separate it from the next one; behind
-// the last piece of all these are outer nodes, which its tile holds a second time. A small grid has outer nodes only.
+// The cuts follow from the grid alone, so that what is computed does not depend on the ranks, to the last
+// bit. A rank works on every tile (a group, or outer nodes) that holds one of its nodes; a tile on the border
+// of two ranks is worked on by both. On a ring the outer nodes are the first few; on a line they stand at
+// both ends, with every row of D2 that an end changes. A piece is `rows` nodes, the last half_width of which
+// separate it from the next one; behind the last piece of all these are outer nodes, which its tile holds a
+// second time. A small grid has outer nodes only.
 #pragma once
 
 #include <optional>
@@ -32,8 +33,9 @@ class BandLayout {
   BandLayout& operator=(const BandLayout&) = delete;
 
   const Model& model() const { return model_; }
-  const std::vector<BandTile>& tiles() const { return tiles_; }  // that this rank works on, by their first nodes
-  PetscInt size() const { return size_; }                        // of a column
+  // that this rank works on, by their first nodes
+  const std::vector<BandTile>& tiles() const { return tiles_; }
+  PetscInt size() const { return size_; }  // of a column
   int groups() const { return groups_; }
   int rows_of(int group) const { return least_rows_ + (group < longer_ ? 1 : 0); }
   int least_rows() const { return least_rows_; }
@@ -51,7 +53,8 @@ class BandLayout {
   void end_fetch() const;
   // Unknown d of `count` nodes from local node i on (counted from this rank's first); own: the array of u.
   void read(const double* own, int d, PetscInt i, PetscInt count, double* into) const;
-  // Unknown d of the tile, in the order of columns, from the array of a Vec; and what this rank owns back to one.
+  // Unknown d of the tile, in the order of columns, from the array of a Vec; and what this rank owns back to
+  // one.
   void load(const BandTile& t, const double* own, int d, double* into) const;
   void store(const BandTile& t, const double* from, int d, double* own) const;
   // The nodes of the tile that this rank owns, each node in one tile: as numbers from its first one.

@@ -10,9 +10,7 @@ namespace stickslip {
 
 template <int hw>
 BandSystemOf<hw>::BandSystemOf(const BandLayout& layout)
-    : layout_(layout),
-      scene_(layout.model().scene()),
-      outer_count_(layout.outer()),
+    : layout_(layout), scene_(layout.model().scene()), outer_count_(layout.outer()),
       forward_constant_(kernel::compiled<decltype(forward_constant_)>(kernel::ForwardConstant<hw>{})),
       backward_constant_(kernel::compiled<decltype(backward_constant_)>(kernel::BackwardConstant<hw>{})),
       forward_(kernel::compiled<decltype(forward_)>(kernel::Forward<hw>{})),
@@ -25,7 +23,8 @@ BandSystemOf<hw>::BandSystemOf(const BandLayout& layout)
   set_up_gather();
 }
 
-// ---- the tree -----------------------------------------------------------------------------------------------------
+// ---- the tree
+// -----------------------------------------------------------------------------------------------------
 
 static int middle_of(int lo, int hi) {
   int half = 1;
@@ -33,7 +32,8 @@ static int middle_of(int lo, int hi) {
   return lo + half;
 }
 
-// The tree of the groups lo to hi - 1. Stretches of one rank are leaves of the top; that rank alone goes on inside (`own`).
+// The tree of the groups lo to hi - 1. Stretches of one rank are leaves of the top; that rank alone goes on
+// inside (`own`).
 template <int hw>
 int BandSystemOf<hw>::build(int lo, int hi, bool own) {
   const int speaker = layout_.speaker_of_group(lo);
@@ -44,7 +44,8 @@ int BandSystemOf<hw>::build(int lo, int hi, bool own) {
     return node;
   }
   if (hi - lo == 1) return add_node(lo, hi);
-  const int mid = middle_of(lo, hi), left = build(lo, mid, own), right = build(mid, hi, own), node = add_node(lo, hi);
+  const int mid = middle_of(lo, hi), left = build(lo, mid, own), right = build(mid, hi, own),
+            node = add_node(lo, hi);
   tree_.back().left = left;
   tree_.back().right = right;
   (own ? own_ : top_).push_back(node);
@@ -57,7 +58,8 @@ int BandSystemOf<hw>::add_node(int lo, int hi) {
   const int node = int(tree_.size());
   tree_.emplace_back();
   const auto& tiles = layout_.tiles();
-  const auto tile = std::find_if(tiles.begin(), tiles.end(), [&](const BandTile& t) { return t.group == lo; });
+  const auto tile =
+      std::find_if(tiles.begin(), tiles.end(), [&](const BandTile& t) { return t.group == lo; });
   if (hi - lo == 1 && tile != tiles.end()) groups_[std::size_t(tile - tiles.begin())].node = node;
   return node;
 }
@@ -87,7 +89,8 @@ void BandSystemOf<hw>::set_up_gather() {
   outer_of_[std::size_t(layout_.speaker_of_right())] += outer_count_ - layout_.left_outer();
 }
 
-// ---- factors ------------------------------------------------------------------------------------------------------
+// ---- factors
+// ------------------------------------------------------------------------------------------------------
 
 template <int hw>
 void BandSystemOf<hw>::set_coefficients(Factors& f, double a, double p) const {
@@ -109,7 +112,8 @@ bool BandSystemOf<hw>::choose(double a, double p, bool varies) {
     return true;
   }
   constexpr std::size_t most_kept = 6;
-  const auto found = std::find_if(kept_.begin(), kept_.end(), [&](const Factors& f) { return f.a == a && f.p == p; });
+  const auto found =
+      std::find_if(kept_.begin(), kept_.end(), [&](const Factors& f) { return f.a == a && f.p == p; });
   if (found != kept_.end()) {
     std::rotate(kept_.begin(), found, found + 1);
   } else {
@@ -133,7 +137,8 @@ void BandSystemOf<hw>::make_constant(Factors& f, double a, double p) {
       f.W[k] = kernel::right_of_table<hw>(f.table, f.c, least + k);
       kernel::Sides<hw> sides;
       forward_({d.data(), zero.data(), f.c, least + k}, &sides);
-      positive = join_eight(&d[std::size_t((least + k) * lanes)], sides, f.c, f.separators[k], f.group[k]) && positive;
+      positive = join_eight(&d[std::size_t((least + k) * lanes)], sides, f.c, f.separators[k], f.group[k]) &&
+                 positive;
     }
   }
   for (std::size_t i = 0; i < groups_.size(); ++i) {
@@ -179,8 +184,9 @@ bool BandSystemOf<hw>::join_eight(const double* d, const kernel::Sides<hw>& side
 
 // b: of the separators, from their first row on.
 template <int hw>
-void BandSystemOf<hw>::load_eight(const kernel::Sides<hw>& sides, const double* b, const Separator<hw>* separators,
-                                  double (*own)[hw], StretchLoad<hw>& whole) const {
+void BandSystemOf<hw>::load_eight(const kernel::Sides<hw>& sides, const double* b,
+                                  const Separator<hw>* separators, double (*own)[hw],
+                                  StretchLoad<hw>& whole) const {
   StretchLoad<hw> parts[lanes];
   for (int i = 0; i < hw; ++i)
     for (int l = 0; l < lanes; ++l) {
@@ -204,13 +210,15 @@ bool BandSystemOf<hw>::eliminate(const std::vector<int>& nodes) {
     Node& node = tree_[std::size_t(i)];
     const Node &left = tree_[std::size_t(node.left)], &right = tree_[std::size_t(node.right)];
     positive =
-        f.nodes[std::size_t(i)].eliminate(left.d_behind, f.c, left.matrix, right.matrix, node.matrix) && positive;
+        f.nodes[std::size_t(i)].eliminate(left.d_behind, f.c, left.matrix, right.matrix, node.matrix) &&
+        positive;
     std::copy(right.d_behind, right.d_behind + hw, node.d_behind);
   }
   return positive;
 }
 
-// ---- one solve ----------------------------------------------------------------------------------------------------
+// ---- one solve
+// ----------------------------------------------------------------------------------------------------
 
 template <int hw>
 void BandSystemOf<hw>::forward(std::size_t tile, const double* d, const double* b) {
@@ -244,8 +252,8 @@ void BandSystemOf<hw>::join(const std::vector<int>& nodes) {
   const Factors& f = varies_ ? varying_ : kept_.front();
   for (const int i : nodes) {
     Node& node = tree_[std::size_t(i)];
-    f.nodes[std::size_t(i)].join(tree_[std::size_t(node.left)].load, tree_[std::size_t(node.right)].load, node.b,
-                                 node.load);
+    f.nodes[std::size_t(i)].join(tree_[std::size_t(node.left)].load, tree_[std::size_t(node.right)].load,
+                                 node.b, node.load);
   }
 }
 
@@ -311,10 +319,12 @@ std::vector<double> BandSystemOf<hw>::outer_matrix() const {
   return M;
 }
 
-// Elimination without exchange of rows, whose pivots tell whether a matrix is positive definite; x = b at first. Where
-// one is not positive nothing is done.
+// Elimination without exchange of rows, whose pivots tell whether a matrix is positive definite; x = b at
+// first. Where one is not positive nothing is done.
 static bool solve_positive(int n, std::vector<double> a, std::vector<double>& x) {
-  const auto at = [&](int i, int j) -> double& { return a[std::size_t(i) * std::size_t(n) + std::size_t(j)]; };
+  const auto at = [&](int i, int j) -> double& {
+    return a[std::size_t(i) * std::size_t(n) + std::size_t(j)];
+  };
   std::vector<double> y = x;
   for (int k = 0; k < n; ++k) {
     if (!(at(k, k) > 0)) return false;
@@ -397,19 +407,22 @@ void BandSystemOf<hw>::backward(std::size_t tile, const double* d, const double*
   std::copy(given_right, given_right + hw * lanes, x + L * lanes);
 }
 
-// ---- between ranks ------------------------------------------------------------------------------------------------
+// ---- between ranks
+// ------------------------------------------------------------------------------------------------
 
-// Walks over all numbers that the ranks tell each other, in their order; body(rank, a, count) for each piece of them.
-// Returns the conjunction of the flags.
+// Walks over all numbers that the ranks tell each other, in their order; body(rank, a, count) for each piece
+// of them. Returns the conjunction of the flags.
 template <int hw>
 bool BandSystemOf<hw>::gather(bool with_matrices, bool flag) {
   if (ranks_ == 1) return flag;
-  const int of_load = 3 * hw, of_matrix = with_matrices ? 3 * hw * hw + hw : 0, of_outer = with_matrices ? 2 : 1;
+  const int of_load = 3 * hw, of_matrix = with_matrices ? 3 * hw * hw + hw : 0,
+            of_outer = with_matrices ? 2 : 1;
   std::vector<int> counts, starts;
   int total = 0;
   for (int r = 0; r < ranks_; ++r) {
     starts.push_back(total);
-    counts.push_back(1 + leaves_of_[std::size_t(r)] * (of_load + of_matrix) + outer_of_[std::size_t(r)] * of_outer);
+    counts.push_back(1 + leaves_of_[std::size_t(r)] * (of_load + of_matrix) +
+                     outer_of_[std::size_t(r)] * of_outer);
     total += counts.back();
   }
   const auto walk = [&](int rank, double* at, bool into) {
@@ -430,7 +443,8 @@ bool BandSystemOf<hw>::gather(bool with_matrices, bool flag) {
       move(node.load.R, hw);
       move(node.load.behind, hw);
       if (!with_matrices) continue;
-      for (Block<hw>* block : {&node.matrix.LL, &node.matrix.LR, &node.matrix.RR}) move(&block->m[0][0], hw * hw);
+      for (Block<hw>* block : {&node.matrix.LL, &node.matrix.LR, &node.matrix.RR})
+        move(&block->m[0][0], hw * hw);
       move(node.d_behind, hw);
     }
     const int left = layout_.left_outer();

@@ -60,8 +60,8 @@ class BandSystemOf : public BandSystem {
   void make_constant(Factors& f, double a, double p);
   bool join_eight(const double* d, const kernel::Sides<hw>& sides, const double* c, Separator<hw>* separators,
                   StretchMatrix<hw>& whole) const;
-  void load_eight(const kernel::Sides<hw>& sides, const double* b, const Separator<hw>* separators, double (*own)[hw],
-                  StretchLoad<hw>& whole) const;
+  void load_eight(const kernel::Sides<hw>& sides, const double* b, const Separator<hw>* separators,
+                  double (*own)[hw], StretchLoad<hw>& whole) const;
   bool eliminate(const std::vector<int>& nodes);
   void join(const std::vector<int>& nodes);
   void descend(const std::vector<int>& nodes);

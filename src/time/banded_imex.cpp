@@ -21,16 +21,11 @@ bool BandedImex::takes(const ImexTableau& method) {
 }
 
 BandedImex::BandedImex(const Model& model, ImexTableau method, Implicit implicit, bool sticking)
-    : model_(model),
-      method_(std::move(method)),
-      implicit_(implicit),
-      layout_(model),
-      columns_(layout_, method_, implicit),
-      system_(BandSystem::make(layout_)),
+    : model_(model), method_(std::move(method)), implicit_(implicit), layout_(model),
+      columns_(layout_, method_, implicit), system_(BandSystem::make(layout_)),
       coefficients_(kernel::coefficients_with(model.scene(), 1)),
       square_(kernel::compiled<std::function<double(const kernel::Weighted&)>>(kernel::SumOfSquares{})),
-      stencil_(tile::stencil(model.scene())),
-      wave_(kernel::compiled<decltype(wave_)>(kernel::WaveRound{})),
+      stencil_(tile::stencil(model.scene())), wave_(kernel::compiled<decltype(wave_)>(kernel::WaveRound{})),
       right_sides_(kernel::compiled<decltype(right_sides_)>(kernel::RightSides{})) {
   const Scene& scene = model.scene();
   if (std::abs(method_.At[0]) < 1e-14) method_.At[0] = 0;
@@ -80,7 +75,8 @@ void BandedImex::set_direction(const std::vector<double>& direction) {
   layout_.end_fetch();
 }
 
-// ---- a step -------------------------------------------------------------------------------------------------------
+// ---- a step
+// -------------------------------------------------------------------------------------------------------
 
 StepTaker::Outcome BandedImex::take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
                                     const std::vector<VecHandle>& slopes, Vec, double begin) const {
@@ -103,7 +99,8 @@ StepTaker::Outcome BandedImex::take(Vec u, double dt, const ErrorNorm& norm, boo
   store_slopes(slopes);
   double total[2] = {sums.squares, sums.not_finite}, largest = sums.largest;
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, total, 2, MPI_DOUBLE, MPI_SUM, model_.comm()));
-  if (norm.type == NORM_INFINITY) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  if (norm.type == NORM_INFINITY)
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
   const double mean = std::sqrt(total[0] / (double(model_.scene().n) * model_.dof()));
   return {std::isfinite(total[0]) && std::isfinite(total[1]),
           !estimate                    ? -1
@@ -184,11 +181,13 @@ void BandedImex::second_difference(const BandTile& t, const double* own, double*
     layout_.read(own, 0, first - hw, count + 2 * hw, psi - hw);
     stencil_(coefficients_, {psi, line, count});
   } else {
-    const PetscInt low = std::max(t.begin - hw, PetscInt(0)), high = std::min(t.begin + count + hw, model_.scene().n);
+    const PetscInt low = std::max(t.begin - hw, PetscInt(0)),
+                   high = std::min(t.begin + count + hw, model_.scene().n);
     layout_.read(own, 0, low - model_.first(), high - low, spare_.data());
     for (PetscInt i = 0; i < count; ++i) {
       line[i] = 0;
-      for (const auto& [node, weight] : rows[std::size_t(i)]) line[i] += weight * spare_[std::size_t(node - low)];
+      for (const auto& [node, weight] : rows[std::size_t(i)])
+        line[i] += weight * spare_[std::size_t(node - low)];
     }
   }
   for (PetscInt i = 0; i < count; ++i) d2[t.lanes == 1 ? i : t.place(i)] = line[i];
@@ -201,7 +200,8 @@ void BandedImex::take_first(const BandTile& t, const Step& step) const {
   const double *const psi = columns_.u(t, 0), *const eta = columns_.u(t, 1), *const d2 = columns_.d2(t);
   double* const driving = b_.data();
   double *const g_psi = columns_.slope(t, ImexColumns::of_implicit, 0, 0), *const g_eta = columns_.slope(
-                                                                               t, ImexColumns::of_implicit, 0, 1);
+                                                                               t, ImexColumns::of_implicit, 0,
+                                                                               1);
   for (PetscInt i = 0; i < t.count(); ++i) driving[i] = eta[i] + N * d2[i];
   if (implicit_ == Implicit::wave) {
     for (PetscInt i = 0; i < t.count(); ++i) {
@@ -210,9 +210,8 @@ void BandedImex::take_first(const BandTile& t, const Step& step) const {
     }
   } else {
     std::fill(g_eta, g_eta + t.count(), 0.);
-    pointwise_(c, {psi, driving, model_.dof() == 3 ? columns_.u(t, 2) : nullptr,
-                   of_tile(amplitude_, t), g_psi, g_eta,
-                   columns_.slope(t, ImexColumns::of_implicit, 0, 2), t.count(),
+    pointwise_(c, {psi, driving, model_.dof() == 3 ? columns_.u(t, 2) : nullptr, of_tile(amplitude_, t),
+                   g_psi, g_eta, columns_.slope(t, ImexColumns::of_implicit, 0, 2), t.count(),
                    of_tile(direction_, t), t.at});
     for (PetscInt i = 0; i < t.count(); ++i) g_eta[i] += K1 * d2[i];
   }
@@ -229,12 +228,10 @@ void BandedImex::take_explicit(const BandTile& t, int i) const {
   const kernel::Coefficients friction{coefficients_.A, 0, 0, 0, coefficients_.s_delta, {}};
   double* const f_eta = spare_.data();  // it follows from that of psi
   std::fill(f_eta, f_eta + t.count(), 0.);
-  pointwise_(friction, {columns_.stage(t, 0), zeros_.data(), model_.dof() == 3 ? columns_.stage(t, 2) : nullptr,
-                        of_tile(amplitude_, t), slope(0), f_eta, slope(2),
-                        t.count(), nullptr, t.at});
-  for_held(t, [&](PetscInt place, const Combination&) {
-    slope(0)[place] = 0;
-  });
+  pointwise_(friction,
+             {columns_.stage(t, 0), zeros_.data(), model_.dof() == 3 ? columns_.stage(t, 2) : nullptr,
+              of_tile(amplitude_, t), slope(0), f_eta, slope(2), t.count(), nullptr, t.at});
+  for_held(t, [&](PetscInt place, const Combination&) { slope(0)[place] = 0; });
 }
 
 template <class Body>
@@ -248,7 +245,8 @@ void BandedImex::for_held(const BandTile& t, const Body& body) const {
 // What stage i means at held nodes, where psi stands.
 void BandedImex::hold(const BandTile& t, int i, const Step& step) const {
   for_held(t, [&](PetscInt place, const Combination& row) {
-    double *const psi = columns_.stage(t, 0), *const g_eta = columns_.slope(t, ImexColumns::of_implicit, i, 1);
+    double *const psi = columns_.stage(t, 0), *const g_eta =
+                                                  columns_.slope(t, ImexColumns::of_implicit, i, 1);
     psi[place] = from(t)[place] + columns_.known(t, 0)[place];
     columns_.slope(t, ImexColumns::of_implicit, i, 0)[place] = 0;
     g_eta[place] = 0;
@@ -260,7 +258,8 @@ void BandedImex::hold(const BandTile& t, int i, const Step& step) const {
   });
 }
 
-// ---- the wave implicit --------------------------------------------------------------------------------------------
+// ---- the wave implicit
+// --------------------------------------------------------------------------------------------
 
 void BandedImex::forward(std::size_t tile, int i, const Step& step) const {
   const BandTile& t = layout_.tiles()[tile];
@@ -293,13 +292,15 @@ bool BandedImex::linear_stage(int i, bool begun, const Step& step) const {
   return positive;
 }
 
-// ---- everything implicit ------------------------------------------------------------------------------------------
+// ---- everything implicit
+// ------------------------------------------------------------------------------------------
 
 // psi goes on as the stage before did, unless that leads far.
 void BandedImex::guess(const BandTile& t, int i, const Step& step) const {
   if (i == 0) return;
   double *const psi = columns_.stage(t, 0), *const change = columns_.change(t);
-  const double *const z = columns_.known(t, 0), *const slope = columns_.slope(t, ImexColumns::of_implicit, i - 1, 0);
+  const double *const z = columns_.known(t, 0), *const slope =
+                                                    columns_.slope(t, ImexColumns::of_implicit, i - 1, 0);
   const double *const u = columns_.u(t, 0), h = step.dt * diagonal(i);
   for (PetscInt k = 0; k < t.count(); ++k) {
     const double next = z[k] + h * slope[k];
@@ -366,7 +367,8 @@ BandedImex::Newton BandedImex::newton(int i, const Step& step) const {
   return Newton::failed;
 }
 
-// ---- its end ------------------------------------------------------------------------------------------------------
+// ---- its end
+// ------------------------------------------------------------------------------------------------------
 
 void BandedImex::finish(const BandTile& t, const Step& step, double* u_new, Sums& sums) const {
   for (int d = 0; d < model_.dof(); ++d) {

@@ -1,14 +1,15 @@
 // A step of an implicit-explicit Runge-Kutta method with the wave, or everything, implicit.
 //
-// eta and the state are put into psi's equation, which leaves one banded system in psi alone (band_system.hpp). With
-// the wave implicit, part Part::wave of the model, it is linear with one diagonal, whose factors stand while step and
-// tableau do; friction is explicit. With everything implicit it has a new diagonal in each round of Newton's method
-// (model/newton_kernel.hpp). A stage is solved to well below the error that a step is allowed. Where the error is
-// estimated, a matrix that is not positive definite on the way counts as not solved: while it is, the solution found is
-// the one that grows out of the start of the step.
+// eta and the state are put into psi's equation, which leaves one banded system in psi alone
+// (band_system.hpp). With the wave implicit, part Part::wave of the model, it is linear with one diagonal,
+// whose factors stand while step and tableau do; friction is explicit. With everything implicit it has a new
+// diagonal in each round of Newton's method (model/newton_kernel.hpp). A stage is solved to well below the
+// error that a step is allowed. Where the error is estimated, a matrix that is not positive definite on the
+// way counts as not solved: while it is, the solution found is the one that grows out of the start of the
+// step.
 //
-// The tiles of a stage go through memory twice, before and behind the separators; behind them a tile goes on at once to
-// the right-hand side of the next stage where both stages share their factors.
+// The tiles of a stage go through memory twice, before and behind the separators; behind them a tile goes on
+// at once to the right-hand side of the next stage where both stages share their factors.
 #pragma once
 
 #include <functional>
@@ -27,8 +28,8 @@ class BandedImex : public StepTaker {
   // `implicit`: wave or both.
   BandedImex(const Model& model, ImexTableau method, Implicit implicit, bool sticking);
 
-  Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new, const std::vector<VecHandle>& slopes,
-               Vec last_slope = nullptr, double t = 0) const override;
+  Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
+               const std::vector<VecHandle>& slopes, Vec last_slope = nullptr, double t = 0) const override;
   void set_direction(const std::vector<double>& direction) override;
   int stages() const override { return method_.stages; }
   // Of the stages of a tableau that this class takes only the first may be explicit.
@@ -79,9 +80,10 @@ class BandedImex : public StepTaker {
   ImexColumns columns_;
   std::unique_ptr<BandSystem> system_;
   kernel::Coefficients coefficients_;
-  double d2_row_;                                   // the sum of |D2| over a row
-  std::vector<double> amplitude_, direction_;       // in the order of columns; empty: all are 1; friction never sticks
-  std::vector<std::vector<Combination>> end_rows_;  // of D2, at nodes of outer tiles on a line
+  double d2_row_;  // the sum of |D2| over a row
+  // in the order of columns; empty: all are 1; friction never sticks
+  std::vector<double> amplitude_, direction_;
+  std::vector<std::vector<Combination>> end_rows_;         // of D2, at nodes of outer tiles on a line
   mutable std::vector<double> d_, b_, x_, spare_, zeros_;  // of one tile
   mutable bool from_start_ = true;  // psi's change is counted from the start of the step, not from 0
   std::function<double(const kernel::Weighted&)> square_;

@@ -11,14 +11,10 @@ namespace stickslip {
 
 std::string to_string(Implicit implicit) {
   switch (implicit) {
-    case Implicit::friction:
-      return "friction";
-    case Implicit::wave:
-      return "wave";
-    case Implicit::both:
-      return "both";
-    default:
-      return "none";
+    case Implicit::friction: return "friction";
+    case Implicit::wave: return "wave";
+    case Implicit::both: return "both";
+    default: return "none";
   }
 }
 
@@ -41,7 +37,8 @@ double friction_rate_ahead(const Model& model, Vec u) {
     double fastest = 0;
     for (PetscInt i = 0; i < (s.friction.varies() ? model.local() : 1); ++i)
       fastest = std::max(fastest, -model.state_rate(i, s.v, model.steady_state(i, s.v)).g_state);
-    if (s.friction.varies()) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &fastest, 1, MPI_DOUBLE, MPI_MAX, model.comm()));
+    if (s.friction.varies())
+      SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &fastest, 1, MPI_DOUBLE, MPI_MAX, model.comm()));
     rate = std::max(rate, fastest);
   }
   return rate;
@@ -50,24 +47,29 @@ double friction_rate_ahead(const Model& model, Vec u) {
 // Without mass eta_t depends on psi alone, and psi on friction: there is nothing to split.
 Implicit massless_implicit(const std::string& type, const std::string& wish, bool stiff) {
   if (wish == "friction" || wish == "wave")
-    throw UsageError("imex_implicit " + wish + ": with model_m 0 friction and the springs' forces are one term, through psi; " +
+    throw UsageError("imex_implicit " + wish +
+                     ": with model_m 0 friction and the springs' forces are one term, through psi; " +
                      "use both or none");
   if (type == leapfrog_type)
-    throw UsageError("ts_type " + type + ": it splits friction from the springs' forces, which with model_m 0 are one term, "
+    throw UsageError("ts_type " + type +
+                     ": it splits friction from the springs' forces, which with model_m 0 are one term, "
                      "through psi; use rk, arkimex, rosw or another one-step method");
   if (type == TSBDF || type == TSALPHA)
-    throw UsageError("ts_type " + type + ": it remembers psi of earlier steps, which with model_m 0 is no unknown; use rk, "
+    throw UsageError("ts_type " + type +
+                     ": it remembers psi of earlier steps, which with model_m 0 is no unknown; use rk, "
                      "arkimex, rosw or another one-step method");
   const MethodKind kind = offered_type(type).kind;
   if (kind == MethodKind::explicit_) return Implicit::none;
-  return kind != MethodKind::imex || wish == "both" || (wish == "auto" && stiff) ? Implicit::both : Implicit::none;
+  return kind != MethodKind::imex || wish == "both" || (wish == "auto" && stiff) ? Implicit::both
+                                                                                 : Implicit::none;
 }
 
 // `stiff`: or an implicit method that the user named.
 void fit_massless(Choice& choice, const MethodSpec& spec, bool stiff) {
   choice.implicit = massless_implicit(choice.type, spec.implicit, stiff);
   if (choice.named_fused)
-    throw UsageError("ts_type " + FusedTs::fused_type(choice.type) + ": it does not know model_m 0; use ts_type " + choice.type);
+    throw UsageError("ts_type " + FusedTs::fused_type(choice.type) +
+                     ": it does not know model_m 0; use ts_type " + choice.type);
   choice.fused = false;
 }
 
@@ -81,13 +83,16 @@ Rates massless_rates(const Model& model, Vec u) {
 // The entry of the tableau that the TS will have, of a type that is implicit.
 const Method& implicit_method(const std::string& type, const MethodSpec& spec, const std::string& prefix) {
   char name[80] = "";
-  const std::string option = subtype_option(type), own = spec.subtype.empty() ? offered_type(type).subtype : spec.subtype;
+  const std::string option = subtype_option(type),
+                    own = spec.subtype.empty() ? offered_type(type).subtype : spec.subtype;
   if (!option.empty())
-    SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), ("-" + option).c_str(), name, sizeof name, nullptr));
+    SS_TRY(
+        PetscOptionsGetString(nullptr, prefix.c_str(), ("-" + option).c_str(), name, sizeof name, nullptr));
   return offered_method(type, *name ? name : own);
 }
 
-Implicit implicit_of(const Method& method, const std::string& wish, Implicit stiff, const Rates& rates, bool sticks) {
+Implicit implicit_of(const Method& method, const std::string& wish, Implicit stiff, const Rates& rates,
+                     bool sticks) {
   const std::string type = method.type;
   const bool wants_imex = wish != "auto" && wish != "none";
   switch (method.kind) {
@@ -99,7 +104,8 @@ Implicit implicit_of(const Method& method, const std::string& wish, Implicit sti
     case MethodKind::imex:
       if (type == leapfrog_type) {
         if (wants_imex && wish != "friction")
-          throw UsageError("imex_implicit " + wish + ": ts_type leapfrog takes friction implicitly and waves by kicks; " +
+          throw UsageError("imex_implicit " + wish +
+                           ": ts_type leapfrog takes friction implicitly and waves by kicks; " +
                            "use friction, or ts_type arkimex");
         return Implicit::friction;
       }
@@ -111,18 +117,21 @@ Implicit implicit_of(const Method& method, const std::string& wish, Implicit sti
     default:
       if (wish == "auto" || wish == "both") return Implicit::both;
       if (splits_of(method).empty())
-        throw UsageError("imex_implicit " + wish + ": " + (type == TSROSW ? method.name() : "ts_type " + type) +
+        throw UsageError("imex_implicit " + wish + ": " +
+                         (type == TSROSW ? method.name() : "ts_type " + type) +
                          " does not split; use ts_type arkimex, or imex_implicit both");
       if (wish != "friction")
-        throw UsageError("imex_implicit " + wish + ": " + method.name() +
-                         " takes friction or everything implicitly; use friction or both, or ts_type arkimex");
+        throw UsageError(
+            "imex_implicit " + wish + ": " + method.name() +
+            " takes friction or everything implicitly; use friction or both, or ts_type arkimex");
       return Implicit::friction;
   }
 }
 
-// Of the explicit pairs 7vr costs least at every error from 1e-2 down on all charts, up to 1.7 times less than 5dp: its
-// ten stages err less than twice five's, and reach as far (docs/chart.md). That is so where its estimate sets the steps and
-// what it goes through is smooth; else 5dp, whose values between steps cost nothing.
+// Of the explicit pairs 7vr costs least at every error from 1e-2 down on all charts, up to 1.7 times less
+// than 5dp: its ten stages err less than twice five's, and reach as far (docs/chart.md). That is so where its
+// estimate sets the steps and what it goes through is smooth; else 5dp, whose values between steps cost
+// nothing.
 bool prefers_high_order(const Model& model, const MethodSpec& spec, const std::string& prefix) {
   char adapt[128] = "";
   SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), "-ts_adapt_type", adapt, sizeof adapt, nullptr));
@@ -136,31 +145,35 @@ bool tunes_solvers(const std::string& prefix) {
   SS_TRY(PetscOptionsGetAll(nullptr, &all));
   const std::string text = " " + std::string(all ? all : "");
   SS_TRY(PetscFree(all));
-  for (const char* begin : {"snes_", "ksp_", "pc_", "ts_arkimex_fully_implicit", "ts_arkimex_initial_guess_extrapolate",
-                            "ts_rosw_recompute_jacobian", "ts_max_snes_failures"})
+  for (const char* begin :
+       {"snes_", "ksp_", "pc_", "ts_arkimex_fully_implicit", "ts_arkimex_initial_guess_extrapolate",
+        "ts_rosw_recompute_jacobian", "ts_max_snes_failures"})
     if (text.find(" -" + prefix + begin) != std::string::npos) return true;
   return false;
 }
 
-// What has steps of its own: rk, arkimex whatever is implicit, rosw with friction, and leapfrog, which is nothing else.
+// What has steps of its own: rk, arkimex whatever is implicit, rosw with friction, and leapfrog, which is
+// nothing else.
 bool can_be_fused(const std::string& type, Implicit implicit, const std::string& prefix) {
   if (type == TSRK || type == leapfrog_type) return true;
-  const bool split = type == TSARKIMEX ? implicit != Implicit::none : type == TSROSW && implicit == Implicit::friction;
+  const bool split =
+      type == TSARKIMEX ? implicit != Implicit::none : type == TSROSW && implicit == Implicit::friction;
   return split && !tunes_solvers(prefix);
 }
 
 constexpr double usual_tolerance = 1e-6;
 
-// Beyond this frequency steps that are stable are shorter than accuracy asks for: an accurate step of the explicit pair
-// resolves times of order 0.1 in the scene's own unit of time, 1/sqrt(A K0), the period of a free block; it is stable up to
-// about 3 over the fastest frequency.
+// Beyond this frequency steps that are stable are shorter than accuracy asks for: an accurate step of the
+// explicit pair resolves times of order 0.1 in the scene's own unit of time, 1/sqrt(A K0), the period of a
+// free block; it is stable up to about 3 over the fastest frequency.
 double accurate_rate(const Model& model) {
   const double own = own_frequency(model.scene());
   return 40 * (own > 0 ? own : 1);
 }
 
-// Steps of an implicit method of order 4 shrink with the root of that order of the tolerance, those that stability sets do
-// not: at c = 100 and 128 nodes waves are worth taking implicitly from a tolerance of 1e-5 upwards (docs/methods.md).
+// Steps of an implicit method of order 4 shrink with the root of that order of the tolerance, those that
+// stability sets do not: at c = 100 and 128 nodes waves are worth taking implicitly from a tolerance of 1e-5
+// upwards (docs/methods.md).
 bool has_stiff_wave(const Model& model, double wave, double friction, double tolerance) {
   return wave > 60 * std::max(friction, accurate_rate(model)) * std::pow(usual_tolerance / tolerance, 0.25);
 }
@@ -176,8 +189,8 @@ double tolerance_of(const MethodSpec& spec, const std::string& prefix) {
   return largest > 0 ? largest : usual_tolerance;
 }
 
-// Whether friction damps waves about sliding at the plate's velocity at every node, so that they die and what is left is
-// slow. Collective.
+// Whether friction damps waves about sliding at the plate's velocity at every node, so that they die and what
+// is left is slow. Collective.
 bool damps_waves(const Model& model) {
   const Scene& s = model.scene();
   double least = HUGE_VAL;
@@ -189,8 +202,8 @@ bool damps_waves(const Model& model) {
   return least > 0;
 }
 
-// What is worth taking implicitly. Where waves die, friction beside them costs order; where they live, everything implicit
-// is the dearer way.
+// What is worth taking implicitly. Where waves die, friction beside them costs order; where they live,
+// everything implicit is the dearer way.
 Implicit stiff_part(const Model& model, const Rates& rates, bool sticks) {
   if (rates.stiff_friction) return rates.stiff_wave ? Implicit::both : Implicit::friction;
   if (rates.stiff_wave) return sticks || damps_waves(model) ? Implicit::both : Implicit::wave;
@@ -202,16 +215,18 @@ Implicit stiff_part(const Model& model, const Rates& rates, bool sticks) {
 Rates rates_of(const Model& model, Vec u) {
   if (model.scene().massless()) return massless_rates(model, u);
   const double wave = stencil_rate(model.scene()), friction = friction_rate_ahead(model, u);
-  // At equal error a run with friction implicit, tile by tile, costs as much as an explicit one where friction acts 2
-  // to 12 times as fast as an accurate step needs: 12 on a ring and beside a pacemaker, where short waves follow each
-  // fall of a node, 2 where nodes creep between falls (docs/methods.md).
-  // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no bound.
+  // At equal error a run with friction implicit, tile by tile, costs as much as an explicit one where
+  // friction acts 2 to 12 times as fast as an accurate step needs: 12 on a ring and beside a pacemaker, where
+  // short waves follow each fall of a node, 2 where nodes creep between falls (docs/methods.md).
+  // Rate-and-state friction creeps at velocities over many decades, down to where its rate A a/psi has no
+  // bound.
   const bool creeps = model.friction_law(0).steep;
   return {wave, friction, creeps || friction > 12 * std::max(wave, accurate_rate(model)),
           has_stiff_wave(model, wave, friction, usual_tolerance)};
 }
 
-Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& spec, const std::string& prefix) {
+Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& spec,
+                     const std::string& prefix) {
   Rates rates = usual;
   if (!model.scene().massless())
     rates.stiff_wave = has_stiff_wave(model, rates.wave, rates.friction, tolerance_of(spec, prefix));
@@ -219,12 +234,14 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   const bool sticks = Stick::applies_to(model.scene());
   const Implicit stiff = stiff_part(model, rates, sticks);
   const bool wants_imex = spec.implicit != "auto" && spec.implicit != "none";
-  // Everything implicit at a smoothed threshold: Newton's method would take many rounds a stage, and the Rosenbrock
-  // method, which takes one, costs a third at the same error (docs/chart.md).
+  // Everything implicit at a smoothed threshold: Newton's method would take many rounds a stage, and the
+  // Rosenbrock method, which takes one, costs a third at the same error (docs/chart.md).
   const bool threshold = law.law->jumps_at_rest && law.regularised;
   const bool rosenbrock = threshold && rates.stiff_friction && rates.stiff_wave && !wants_imex;
-  Choice choice{rosenbrock ? TSROSW : wants_imex || stiff != Implicit::none ? TSARKIMEX : TSRK, "", Implicit::none,
-                spec.fused, false};
+  Choice choice{rosenbrock                              ? TSROSW
+                : wants_imex || stiff != Implicit::none ? TSARKIMEX
+                                                        : TSRK,
+                "", Implicit::none, spec.fused, false};
   std::string wanted = spec.type;
   char name[128];
   PetscBool set;
@@ -239,31 +256,41 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
     choice.type = wanted;
   }
   if (choice.type == TSRK && stiff == Implicit::none && !wants_imex)
-    choice.subtype = wanted.empty() && !model.scene().massless() && prefers_high_order(model, spec, prefix) ? TSRK7VR : TSRK5DP;
-  // 4 is cheaper than 3, which PETSc would take; but a block that rate-and-state friction has brought to a creep of
-  // 1e-15 keeps its velocity's digits from step to step with 3 alone (measured: 4 stands still there).
+    choice.subtype = wanted.empty() && !model.scene().massless() && prefers_high_order(model, spec, prefix)
+                         ? TSRK7VR
+                         : TSRK5DP;
+  // 4 is cheaper than 3, which PETSc would take; but a block that rate-and-state friction has brought to a
+  // creep of 1e-15 keeps its velocity's digits from step to step with 3 alone (measured: 4 stands still
+  // there).
   const bool creeps = model.friction_law(0).steep && !model.scene().massless();
   if (choice.type == TSARKIMEX) choice.subtype = creeps ? TSARKIMEX3 : TSARKIMEX4;
   if (!spec.subtype.empty()) choice.subtype = spec.subtype;
   const Method& first = offered_type(choice.type);
-  const Method& method = first.kind == MethodKind::implicit ? implicit_method(choice.type, spec, prefix) : first;
-  const bool friction = choice.named_fused && spec.implicit == "auto" && (choice.type == TSARKIMEX || choice.type == TSROSW);
+  const Method& method =
+      first.kind == MethodKind::implicit ? implicit_method(choice.type, spec, prefix) : first;
+  const bool friction =
+      choice.named_fused && spec.implicit == "auto" && (choice.type == TSARKIMEX || choice.type == TSROSW);
   choice.implicit = implicit_of(method, friction ? "friction" : spec.implicit, stiff, rates, sticks);
   if (model.scene().massless()) fit_massless(choice, spec, set || stiff != Implicit::none);
   if (choice.fused) choice.fused = can_be_fused(choice.type, choice.implicit, prefix);
   if (choice.named_fused && !choice.fused)
-    throw UsageError("ts_type " + std::string(name) + ": it solves what is implicit by a solver of its own; use " +
-                     "ts_type " + choice.type + ", or imex_implicit friction" +
-                     (choice.type == TSARKIMEX ? ", wave or both" : "") + " without options of snes, ksp and pc");
+    throw UsageError("ts_type " + std::string(name) +
+                     ": it solves what is implicit by a solver of its own; use " + "ts_type " + choice.type +
+                     ", or imex_implicit friction" + (choice.type == TSARKIMEX ? ", wave or both" : "") +
+                     " without options of snes, ksp and pc");
   if (choice.type == leapfrog_type && model.viscous())
-    throw UsageError("ts_type leapfrog: viscosity between neighbours (model_nu " + number_text(model.scene().nu) +
-                     ") spreads velocity, which its kicks cannot follow stably at order 2; use rk or arkimex");
+    throw UsageError(
+        "ts_type leapfrog: viscosity between neighbours (model_nu " + number_text(model.scene().nu) +
+        ") spreads velocity, which its kicks cannot follow stably at order 2; use rk or arkimex");
   if (sticks && choice.implicit == Implicit::wave)
-    throw UsageError("imex_implicit wave: with friction_stick exact a node at rest is held by friction against eta, "
-                     "which this split takes apart; use friction or both, or ts_type rk");
+    throw UsageError(
+        "imex_implicit wave: with friction_stick exact a node at rest is held by friction against eta, "
+        "which this split takes apart; use friction or both, or ts_type rk");
   if (sticks && (choice.type == TSBDF || choice.type == TSALPHA))
-    throw UsageError("ts_type " + choice.type + ": it remembers earlier steps and would have to forget them wherever "
-                     "a node starts or stops (friction_stick exact); use rk, arkimex or another one-step method");
+    throw UsageError(
+        "ts_type " + choice.type +
+        ": it remembers earlier steps and would have to forget them wherever "
+        "a node starts or stops (friction_stick exact); use rk, arkimex or another one-step method");
   return choice;
 }
 

@@ -12,12 +12,13 @@ namespace stickslip {
 
 struct Course {
   const Integrator::Observer* observer = nullptr;
-  double t_before = 0;             // beginning of the step
-  double t_end = 0, run_end = 0;   // to be hit exactly: the next corner of the load or the end of the run, and the latter
+  double t_before = 0;  // beginning of the step
+  // to be hit exactly: the next corner of the load or the end of the run, and the latter
+  double t_end = 0, run_end = 0;
   std::int64_t max_steps = 0;
-  std::int64_t counted = 0;          // steps before the first that the TS counts
-  PetscInt rejections_seen = 0;      // by the TS, of those that are in the report
-  double next_dt = 0;              // proposed last
+  std::int64_t counted = 0;      // steps before the first that the TS counts
+  PetscInt rejections_seen = 0;  // by the TS, of those that are in the report
+  double next_dt = 0;            // proposed last
   bool stop_asked = false;
   TimeReport report;
   long evaluations_before = 0;
@@ -57,7 +58,8 @@ struct Course {
     SS_TRY(TSGetStepRejections(ts, &rejections));
     report.steps = steps(ts);
     if (report.steps - counted > most_counted) begin_count(ts, report.steps);
-    report.rejections += PetscInt(unsigned(rejections) - unsigned(rejections_seen));  // also where the TS wraps
+    // also where the TS wraps
+    report.rejections += PetscInt(unsigned(rejections) - unsigned(rejections_seen));
     rejections_seen = rejections;
     report.rhs_evaluations = model.rhs_evaluations() - evaluations_before;
   }

@@ -11,7 +11,8 @@ namespace stickslip {
 
 namespace {
 
-// Weights of slopes at the points i/(count - 1) in the integral of their interpolating polynomial over [0, s].
+// Weights of slopes at the points i/(count - 1) in the integral of their interpolating polynomial over [0,
+// s].
 std::vector<double> integration_weights(int count, double s) {
   const auto n = static_cast<std::size_t>(count);
   std::vector<double> powers(n * n), weights(n);
@@ -65,7 +66,8 @@ void DenseOutput::polynomial(Vec before, Vec after, double dt, double s, Vec int
   std::vector<double> weights;
   std::vector<Vec> terms;
   if (degree_now_ == 3) {
-    weights = {(1 + 2 * s) * (1 - s) * (1 - s), s * s * (3 - 2 * s), dt * s * (1 - s) * (1 - s), dt * s * s * (s - 1)};
+    weights = {(1 + 2 * s) * (1 - s) * (1 - s), s * s * (3 - 2 * s), dt * s * (1 - s) * (1 - s),
+               dt * s * s * (s - 1)};
     terms = {before, after, slopes_[0], slopes_[1]};
   } else {
     weights = integration_weights(degree_now_, s);

@@ -13,10 +13,14 @@
 namespace stickslip {
 
 Part Equations::explicit_part() const {
-  return implicit_ == Implicit::friction ? Part::stencil : implicit_ == Implicit::wave ? Part::reaction : Part::full;
+  return implicit_ == Implicit::friction ? Part::stencil
+         : implicit_ == Implicit::wave   ? Part::reaction
+                                         : Part::full;
 }
 Part Equations::implicit_part() const {
-  return implicit_ == Implicit::wave ? Part::wave : implicit_ == Implicit::both ? Part::full : Part::pointwise;
+  return implicit_ == Implicit::wave   ? Part::wave
+         : implicit_ == Implicit::both ? Part::full
+                                       : Part::pointwise;
 }
 
 // In f, where udot - G(u) stands. v is in eta_t alone, as K0 v; at a held end of the continuum eta is output.
@@ -74,11 +78,11 @@ PetscErrorCode Equations::TameStep(SNESLineSearch, Vec u, Vec minus_step, PetscB
   });
 }
 
-// The stages of a diagonally implicit step share one Jacobian, that of its first round of Newton's method: a round
-// with an old one costs a tenth of a round with a new one. It is made anew where the residual falls so slowly that
-// this pays.
-PetscErrorCode Equations::ConvergedOrRefresh(SNES snes, PetscInt round, PetscReal x, PetscReal step, PetscReal residual,
-                                             SNESConvergedReason* reason, void* context) {
+// The stages of a diagonally implicit step share one Jacobian, that of its first round of Newton's method: a
+// round with an old one costs a tenth of a round with a new one. It is made anew where the residual falls so
+// slowly that this pays.
+PetscErrorCode Equations::ConvergedOrRefresh(SNES snes, PetscInt round, PetscReal x, PetscReal step,
+                                             PetscReal residual, SNESConvergedReason* reason, void* context) {
   return guarded([&] {
     auto& self = *static_cast<Equations*>(context);
     SS_TRY(SNESConvergedDefault(snes, round, x, step, residual, reason, nullptr));
@@ -86,7 +90,8 @@ PetscErrorCode Equations::ConvergedOrRefresh(SNES snes, PetscInt round, PetscRea
     if (*reason || round == 0) return;
     PetscReal target;
     SS_TRY(SNESGetTolerances(snes, &target, nullptr, nullptr, nullptr, nullptr));
-    const double rounds = self.implicit_ == Implicit::both ? 8 : 4;  // with an old one that cost what a new one does
+    // with an old one that cost what a new one does
+    const double rounds = self.implicit_ == Implicit::both ? 8 : 4;
     if (!(residual * std::pow(residual / before, rounds) < target)) SS_TRY(SNESSetLagJacobian(snes, -2));
   });
 }

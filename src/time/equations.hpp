@@ -16,8 +16,8 @@ class Equations {
   Equations(const Equations&) = delete;
   Equations& operator=(const Equations&) = delete;
 
-  // Gives `ts`, whose type stands, its callbacks and the defaults of its solvers. `tolerance`: of a step. This object
-  // must outlive `ts`. Collective.
+  // Gives `ts`, whose type stands, its callbacks and the defaults of its solvers. `tolerance`: of a step.
+  // This object must outlive `ts`. Collective.
   void attach(TS ts, MethodKind kind, double tolerance, const std::string& prefix);
 
   Implicit implicit() const { return implicit_; }
@@ -26,7 +26,8 @@ class Equations {
   void begin_step(TS ts);
   // The stages of a step that are done.
   void after_stage(PetscInt index) { stage_ = index + 1; }
-  // Of a Rosenbrock method, whose stages see the load's rate besides (rosenbrock.hpp): how much of dt times it.
+  // Of a Rosenbrock method, whose stages see the load's rate besides (rosenbrock.hpp): how much of dt times
+  // it.
   void set_rates(std::vector<double> rates) { rates_ = std::move(rates); }
 
  private:
@@ -35,8 +36,8 @@ class Equations {
   static PetscErrorCode IFunction(TS, PetscReal, Vec, Vec, Vec, void*);
   static PetscErrorCode IJacobian(TS, PetscReal, Vec, Vec, PetscReal, Mat, Mat, void*);
   static PetscErrorCode TameStep(SNESLineSearch, Vec, Vec, PetscBool*, void*);
-  static PetscErrorCode ConvergedOrRefresh(SNES, PetscInt, PetscReal, PetscReal, PetscReal, SNESConvergedReason*,
-                                           void*);
+  static PetscErrorCode ConvergedOrRefresh(SNES, PetscInt, PetscReal, PetscReal, PetscReal,
+                                           SNESConvergedReason*, void*);
   void set_newton(SNES snes, bool shares_jacobian, double tolerance);
   void set_linear_solver(KSP ksp) const;
   Part explicit_part() const;

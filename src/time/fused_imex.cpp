@@ -10,8 +10,8 @@ namespace {
 
 bool is_near(double a, double b) { return std::abs(a - b) < 1e-14; }
 
-// The sum of the first `count` slopes, which begin at column `from`; either part may be absent. Weights of round-off,
-// which the tableau was read with, are 0.
+// The sum of the first `count` slopes, which begin at column `from`; either part may be absent. Weights of
+// round-off, which the tableau was read with, are 0.
 Row row_of(int from, const double* of_implicit, const double* of_explicit, int count) {
   Row row;
   for (int j = 0; j < count; ++j)
@@ -40,7 +40,8 @@ FusedImex::FusedImex(const Model& model, const ImexTableau& method, bool stickin
   if (stiffly_accurate_)
     for (std::size_t j = 0; j < s; ++j) of_explicit[j] -= method.A[(s - 1) * s + j];
   solution_ = row_of(slopes_from, method.bt.data(), nullptr, stages_);
-  all_solution_ = row_of(slopes_from, stiffly_accurate_ ? nullptr : method.bt.data(), of_explicit.data(), stages_);
+  all_solution_ =
+      row_of(slopes_from, stiffly_accurate_ ? nullptr : method.bt.data(), of_explicit.data(), stages_);
   if (method.embedded.empty()) return;
   std::vector<double> f(s), g(s);
   for (std::size_t j = 0; j < s; ++j) {
@@ -94,7 +95,8 @@ long FusedImex::stage(const Tile& t, int i, const Step& step, PetscInt begin, Pe
   for (int d = 0; d < tiles_.dof(); ++d) {
     const auto& rows = has_explicit(d) ? all_rows_ : implicit_rows_;
     const Row& row = rows[static_cast<std::size_t>(i)];
-    tiles_.sum(t, d, tiles_.column(0, d), row, step.dt, begin, end, tiles_.column(is_explicit ? 1 : known_, d));
+    tiles_.sum(t, d, tiles_.column(0, d), row, step.dt, begin, end,
+               tiles_.column(is_explicit ? 1 : known_, d));
   }
   if (is_explicit) {
     std::fill(at(t, g, 1, begin), at(t, g, 1, end), 0.);
@@ -104,7 +106,8 @@ long FusedImex::stage(const Tile& t, int i, const Step& step, PetscInt begin, Pe
   for (int d = 0; d < tiles_.dof() && i == 0; ++d)
     std::copy(at(t, 0, d, begin), at(t, 0, d, end), at(t, 1, d, begin));  // a guess
   return solve_(t, {known_, g, i > 0 ? implicit_slope(i - 1) : -1},
-                {at_stage(step, i), step.dt * diagonal_[static_cast<std::size_t>(i)], step.norm.solver_target(), step.estimate},
+                {at_stage(step, i), step.dt * diagonal_[static_cast<std::size_t>(i)],
+                 step.norm.solver_target(), step.estimate},
                 begin, end);
 }
 

@@ -1,5 +1,5 @@
-// What the fused types of TS (fused_ts.hpp) take from the library's own types: subtypes, tableaus, values between steps;
-// and leapfrog, which the library does not have.
+// What the fused types of TS (fused_ts.hpp) take from the library's own types: subtypes, tableaus, values
+// between steps; and leapfrog, which the library does not have.
 #pragma once
 
 #include <memory>
@@ -23,9 +23,9 @@ class FusedMethod {
   virtual void set_subtype(const char* name) = 0;
   // `implicit`: of arkimex.
   virtual std::unique_ptr<StepTaker> make(const Model& model, Implicit implicit, bool sticking) const = 0;
-  virtual int order() const = 0;            // as the error control takes it
-  // How many slopes TiledStep::take keeps, and their weights in u at the part s of a step dt; a method without such a
-  // polynomial of its own keeps none (dense_output.hpp).
+  virtual int order() const = 0;  // as the error control takes it
+  // How many slopes TiledStep::take keeps, and their weights in u at the part s of a step dt; a method
+  // without such a polynomial of its own keeps none (dense_output.hpp).
   virtual int slopes() const { return 0; }
   virtual std::vector<double> weights_at(double, double) const {
     throw std::logic_error(std::string(type()) + " has no polynomial of its own");

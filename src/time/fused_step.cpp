@@ -20,7 +20,8 @@ class SlopeArrays {
 
   // From the columns first, first + 1, ..., last of the tile.
   void store(const Tiles& tiles, const Tile& tile, int first, int last) const {
-    for (std::size_t i = 0; i < slopes_.size(); ++i) tiles.store(tile, first + static_cast<int>(i), slopes_[i]);
+    for (std::size_t i = 0; i < slopes_.size(); ++i)
+      tiles.store(tile, first + static_cast<int>(i), slopes_[i]);
     if (last_) tiles.store(tile, last, last_);
   }
 
@@ -31,13 +32,15 @@ class SlopeArrays {
 
 }  // namespace
 
-// v = w + a sine, w straight in a piece of the load: over a whole period the sine is gone, over half of one it turns.
+// v = w + a sine, w straight in a piece of the load: over a whole period the sine is gone, over half of one
+// it turns.
 double plate_acceleration(const Model& model, double t) {
   const auto v = [&](double at) { return model.plate_velocity(at); };
   const double half = model.scene().load.smooth_time();
   if (!std::isfinite(half)) return model.scene().load.varies() ? v(t + 1) - v(t) : 0;
   const double slope = (v(t + 2 * half) - v(t)) / (2 * half);
-  const double sine_ahead = (v(t + half / 2) - v(t + 1.5 * half) + slope * half) / 2;  // by a quarter of its period
+  // by a quarter of its period
+  const double sine_ahead = (v(t + half / 2) - v(t + 1.5 * half) + slope * half) / 2;
   return slope + M_PI / half * sine_ahead;
 }
 
@@ -46,7 +49,8 @@ TiledStep::TiledStep(const Model& model, int stages, int slopes, int others, boo
       tiles_(model, stages, stages * slopes + others + (model.viscous() ? 1 : 0), sticking),
       coefficients_(kernel::coefficients_with(model.scene(), model.viscous() ? 1 : model.scene().K1())),
       K1_(model.scene().K1()), N_(model.scene().N()), driving_(slopes_from + stages * slopes + others),
-      stencil_(tile::stencil(model.scene())), pointwise_(tile::pointwise(model.scene(), sticking, tiles_.places())) {}
+      stencil_(tile::stencil(model.scene())),
+      pointwise_(tile::pointwise(model.scene(), sticking, tiles_.places())) {}
 
 TiledStep::Outcome TiledStep::take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
                                    const std::vector<VecHandle>& slopes, Vec last_slope, double begin) const {
@@ -55,12 +59,13 @@ TiledStep::Outcome TiledStep::take(Vec u, double dt, const ErrorNorm& norm, bool
   Tiles::Sums sums;
   {
     const SlopeArrays kept(slopes, last_slope);
-    tiles_.pass(u, u_new, step.taken * tiles_.half_width(),
-                [&](const Tile& t) { sums.unsolved += double(through(t, step)); },
-                [&](const Tile& t) {
-                  kept.store(tiles_, t, slopes_from, slopes_from + stages_ * slopes_ - 1);
-                  tiles_.measure(t, error_, dt, norm, estimate, sums);
-                });
+    tiles_.pass(
+        u, u_new, step.taken * tiles_.half_width(),
+        [&](const Tile& t) { sums.unsolved += double(through(t, step)); },
+        [&](const Tile& t) {
+          kept.store(tiles_, t, slopes_from, slopes_from + stages_ * slopes_ - 1);
+          tiles_.measure(t, error_, dt, norm, estimate, sums);
+        });
   }
   tiles_.model().count_evaluations(step.taken * slopes_);
   const Tiles::Measured measured = tiles_.over_ranks(sums, norm, estimate);
@@ -78,12 +83,13 @@ kernel::Coefficients TiledStep::at_stage(const Step& step, int i) const {
   const Model& model = tiles_.model();
   const auto stage = static_cast<std::size_t>(i);
   c.v = model.plate_velocity(step.t + times_[stage] * step.dt);
-  if (!rates_.empty() && model.scene().load.varies()) c.v += rates_[stage] * step.dt * plate_acceleration(model, step.t);
+  if (!rates_.empty() && model.scene().load.varies())
+    c.v += rates_[stage] * step.dt * plate_acceleration(model, step.t);
   return c;
 }
 
-void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c, PetscInt begin,
-                              PetscInt end) const {
+void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c,
+                              PetscInt begin, PetscInt end) const {
   const bool has_state = tiles_.dof() == 3, resists = viscous();
   const double* eta = at(t, index, 1, begin);
   double *const d2 = resists ? at(t, driving_, 0, begin) : nullptr, *const f_eta = at(t, slope, 1, begin);
@@ -97,10 +103,10 @@ void TiledStep::add_pointwise(const Tile& t, int index, int slope, const kernel:
     }
     eta = driving;
   }
-  pointwise_(c,
-             {at(t, index, 0, begin), eta, has_state ? at(t, index, 2, begin) : nullptr,
-              tiles_.amplitude(begin), at(t, slope, 0, begin), at(t, slope, 1, begin),
-              has_state ? at(t, slope, 2, begin) : nullptr, end - begin, tiles_.direction(begin), tiles_.number(begin)});
+  pointwise_(
+      c, {at(t, index, 0, begin), eta, has_state ? at(t, index, 2, begin) : nullptr, tiles_.amplitude(begin),
+          at(t, slope, 0, begin), at(t, slope, 1, begin), has_state ? at(t, slope, 2, begin) : nullptr,
+          end - begin, tiles_.direction(begin), tiles_.number(begin)});
   for (PetscInt i = 0; i < end - begin && resists; ++i) f_eta[i] += K1_ * d2[i];
   tiles_.for_held(begin, end, [&](PetscInt node) { hold(t, slope, node); });
 }

@@ -30,7 +30,8 @@ std::string FusedTs::library_type(const std::string& fused) {
   return "";
 }
 
-void FusedTs::bind(const Model& model, Implicit implicit, bool sticking, std::function<bool(double)> keep_slopes) {
+void FusedTs::bind(const Model& model, Implicit implicit, bool sticking,
+                   std::function<bool(double)> keep_slopes) {
   model_ = &model;
   implicit_ = implicit;
   sticking_ = sticking;
@@ -75,14 +76,16 @@ void FusedTs::take(TS ts) {
   for (PetscInt rejected = 0; !ts->reason;) {
     if (attempt(ts, rejected)) return;
     ++ts->reject;
-    if (!ts->reason && ++rejected > ts->max_reject && ts->max_reject >= 0) ts->reason = TS_DIVERGED_STEP_REJECTED;
+    if (!ts->reason && ++rejected > ts->max_reject && ts->max_reject >= 0)
+      ts->reason = TS_DIVERGED_STEP_REJECTED;
   }
   SS_TRY(VecCopy(before_, ts->vec_sol));
 }
 
-// While this stands the next step may not be longer than this one. What made a step of an implicit method fail, a node
-// that lets go or falls, is rarely over with the shorter one; steps that grow at once, up to tenfold as the library has
-// it, meet it again (docs/methods.md). Explicit steps, which stability bounds, are the library's own.
+// While this stands the next step may not be longer than this one. What made a step of an implicit method
+// fail, a node that lets go or falls, is rarely over with the shorter one; steps that grow at once, up to
+// tenfold as the library has it, meet it again (docs/methods.md). Explicit steps, which stability bounds, are
+// the library's own.
 class SteadyAfterRejection {
  public:
   SteadyAfterRejection(TSAdapt adapt, bool holds) : adapt_(adapt) {
@@ -125,7 +128,8 @@ bool FusedTs::attempt(TS ts, PetscInt rejected) {
   PetscBool accept = rejected > 0 ? PETSC_FALSE : PETSC_TRUE;  // read too: a second rejection shortens more
   double next_dt;
   SS_TRY(TSAdaptCandidatesClear(adapt));
-  SS_TRY(TSAdaptCandidateAdd(adapt, method_->subtype(), method_->order(), 1, 1, double(step_->stages()), PETSC_TRUE));
+  SS_TRY(TSAdaptCandidateAdd(adapt, method_->subtype(), method_->order(), 1, 1, double(step_->stages()),
+                             PETSC_TRUE));
   const SteadyAfterRejection steady(adapt, rejected > 0 && method_->type() != std::string(TSRK));
   SS_TRY(TSAdaptChoose(adapt, ts, dt_, nullptr, &next_dt, &accept));
   if (accept) ts->ptime += dt_;
@@ -197,9 +201,9 @@ struct FusedTs::Callbacks {
   static PetscErrorCode GetType(TS ts, const char** name) {
     return guarded([&] { *name = self(ts).method_->subtype(); });
   }
-  static PetscErrorCode GetTableau(TS ts, PetscInt* s, const PetscReal** A, const PetscReal** b, const PetscReal** c,
-                                   const PetscReal** embedded, PetscInt* degree, const PetscReal** interpolating,
-                                   PetscBool* fsal) {
+  static PetscErrorCode GetTableau(TS ts, PetscInt* s, const PetscReal** A, const PetscReal** b,
+                                   const PetscReal** c, const PetscReal** embedded, PetscInt* degree,
+                                   const PetscReal** interpolating, PetscBool* fsal) {
     return TSRKGetTableau(self(ts).method_->library(), s, A, b, c, embedded, degree, interpolating, fsal);
   }
 

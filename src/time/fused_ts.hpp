@@ -1,13 +1,14 @@
-// Steps with all their stages taken tile by tile, as types of PETSc's TS: they have its error control, options and
-// views, and the tableaus of the library's own types.
+// Steps with all their stages taken tile by tile, as types of PETSc's TS: they have its error control,
+// options and views, and the tableaus of the library's own types.
 //
 //     fusedrk       rk: -ts_rk_type names the tableau
 //     fusedarkimex  arkimex, whatever is implicit: -ts_arkimex_type names the tableau
 //     fusedrosw     rosw with friction implicit: -ts_rosw_type names the tableau (rosenbrock.hpp)
 //     leapfrog      Stoermer and Verlet's, friction by the midpoint rule (leapfrog.hpp)
 //
-// A TS of such a type is no use before it is bound to a model. In no other file than the source of this one is PETSc's
-// private header for writers of TS types included; where an installation lacks that, there are no such types.
+// A TS of such a type is no use before it is bound to a model. In no other file than the source of this one
+// is PETSc's private header for writers of TS types included; where an installation lacks that, there are no
+// such types.
 #pragma once
 
 #include <functional>
@@ -21,8 +22,8 @@ namespace stickslip {
 
 class FusedTs {
  public:
-  // The type that takes the steps of the library's `type` tile by tile, and the way back; "" where there is none.
-  // Leapfrog, of which the library has nothing, is both.
+  // The type that takes the steps of the library's `type` tile by tile, and the way back; "" where there is
+  // none. Leapfrog, of which the library has nothing, is both.
   static std::string fused_type(const std::string& type);
   static std::string library_type(const std::string& fused);
   // What stands behind a TS; nullptr where that is of another type.
@@ -30,7 +31,8 @@ class FusedTs {
 
   explicit FusedTs(const std::string& library_type) : method_(FusedMethod::of(library_type)) {}
   // To be called before TSSetUp. `keep_slopes(until)`: will values inside a step to `until` be asked for?
-  void bind(const Model& model, Implicit implicit, bool sticking, std::function<bool(double until)> keep_slopes);
+  void bind(const Model& model, Implicit implicit, bool sticking,
+            std::function<bool(double until)> keep_slopes);
   // The last stage, where it is taken at the new u, leaves its slope in the Vec that this returns.
   void leave_slope_in(std::function<Vec()> slope) { slope_at_end_ = std::move(slope); }
   void set_direction(const std::vector<double>& direction) { step_->set_direction(direction); }
@@ -43,7 +45,7 @@ class FusedTs {
   bool finite() const { return outcome_.finite; }  // the last step
   bool solved() const { return outcome_.solved; }  // its implicit equations
 
-  struct Callbacks;  // what the TS calls
+  struct Callbacks;         // what the TS calls
   static void add_types();  // registers them with the library
 
  private:

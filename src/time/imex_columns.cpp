@@ -11,7 +11,8 @@ bool is_near(double a, double b) { return std::abs(a - b) < 1e-14; }
 }  // namespace
 
 ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Implicit implicit)
-    : dof_(layout.model().dof()), explicit_eta_(-layout.model().scene().s_delta() / layout.model().scene().A()),
+    : dof_(layout.model().dof()),
+      explicit_eta_(-layout.model().scene().s_delta() / layout.model().scene().A()),
       stride_(layout.size() + 8),  // so that columns do not meet in the same lines of a cache
       add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})) {
   int columns = 0;
@@ -77,7 +78,8 @@ void ImexColumns::add(Sum& sum, int d, const double* implicit_weights, const dou
       const double weight = (kind == of_implicit ? implicit_weights : explicit_weights)[j];
       const double factor = of_psi ? explicit_eta_ : 1;
       const int column = slopes_[kind][std::size_t(j)][std::size_t(of_psi ? 0 : d)];
-      if (column < 0 || factor == 0 || is_near(weight, 0)) continue;  // round-off, which the tableau was read with
+      // round-off, which the tableau was read with
+      if (column < 0 || factor == 0 || is_near(weight, 0)) continue;
       sum.columns.push_back(column);
       sum.weights.push_back(weight * factor);
     }

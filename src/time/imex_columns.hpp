@@ -1,5 +1,5 @@
-// The values of a step of an implicit-explicit method over a whole BandLayout: u, a stage, what is known of it, and the
-// slopes of all stages, in columns; and their sums, as the tableau has them.
+// The values of a step of an implicit-explicit method over a whole BandLayout: u, a stage, what is known of
+// it, and the slopes of all stages, in columns; and their sums, as the tableau has them.
 #pragma once
 
 #include <array>
@@ -25,9 +25,11 @@ class ImexColumns {
   double* u(const BandTile& t, int d) const { return at(t, u_[d]); }
   double* stage(const BandTile& t, int d) const { return at(t, stage_[d == 0 ? 0 : 1]); }
   double* known(const BandTile& t, int d) const { return at(t, known_[d]); }
-  double* d2(const BandTile& t) const { return at(t, d2_); }          // D2 psi of u
-  double* right_side(const BandTile& t) const { return at(t, right_side_); }  // R' of a stage (newton_kernel.hpp)
-  double* change(const BandTile& t) const { return at(t, change_); }  // of psi since u, with everything implicit
+  double* d2(const BandTile& t) const { return at(t, d2_); }  // D2 psi of u
+  // R' of a stage (newton_kernel.hpp)
+  double* right_side(const BandTile& t) const { return at(t, right_side_); }
+  // of psi since u, with everything implicit
+  double* change(const BandTile& t) const { return at(t, change_); }
   enum Kind { of_implicit, of_explicit };
   // nullptr where the part does not act on the unknown, and of the explicit part of eta: friction there is
   // explicit_eta() times that of psi

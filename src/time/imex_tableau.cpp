@@ -83,7 +83,8 @@ PetscErrorCode ImexMethod::PreStage(TS ts, PetscReal) {
   return guarded([&] {
     void* context;
     SS_TRY(TSGetApplicationContext(ts, &context));
-    if (++static_cast<ImexMethod*>(context)->stage_ == most_stages) throw std::logic_error("a tableau of too many stages");
+    if (++static_cast<ImexMethod*>(context)->stage_ == most_stages)
+      throw std::logic_error("a tableau of too many stages");
   });
 }
 PetscErrorCode ImexMethod::PostStage(TS ts, PetscReal, PetscInt index, Vec* stages) {

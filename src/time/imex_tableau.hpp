@@ -1,5 +1,6 @@
-// The tableaus of PETSc's arkimex. The library hands none out, so that each is read off a step of the method itself: one
-// of length 1 from 0 in which the explicit slope of stage j is the unit vector j, and the implicit one another.
+// The tableaus of PETSc's arkimex. The library hands none out, so that each is read off a step of the method
+// itself: one of length 1 from 0 in which the explicit slope of stage j is the unit vector j, and the
+// implicit one another.
 #pragma once
 
 #include <string>
@@ -9,13 +10,13 @@
 
 namespace stickslip {
 
-// u_i = u + dt sum_j (A_ij f_j + At_ij g_j),  u_new = u + dt sum_j (b_j f_j + bt_j g_j), f explicit and g implicit;
-// error = dt sum_j ((b_j - embedded_j) f_j + (bt_j - embedded_t_j) g_j).
+// u_i = u + dt sum_j (A_ij f_j + At_ij g_j),  u_new = u + dt sum_j (b_j f_j + bt_j g_j), f explicit and g
+// implicit; error = dt sum_j ((b_j - embedded_j) f_j + (bt_j - embedded_t_j) g_j).
 struct ImexTableau {
   int stages = 0;
-  std::vector<double> A, At;  // stages x stages, by rows
+  std::vector<double> A, At;                        // stages x stages, by rows
   std::vector<double> b, bt, embedded, embedded_t;  // embedded: empty where there is no estimate of the error
-  int order = 0;              // of the step, as the error control takes it
+  int order = 0;                                    // of the step, as the error control takes it
 };
 
 class ImexMethod {

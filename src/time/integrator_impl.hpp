@@ -28,12 +28,12 @@ struct Integrator::Impl {
   FusedTs* fused = nullptr;  // what takes the steps, where PETSc's own types do not
   const Method* method = nullptr;
   bool adaptive = false;
-  double fixed_dt = 0;       // where it is not
+  double fixed_dt = 0;  // where it is not
   StepGuard guard;
   std::unique_ptr<DenseOutput> dense;  // where the method has no polynomial of its own
   std::unique_ptr<StickSteps> stick;
   Course course;
-  VecHandle kept;            // u at the beginning of the step, see begin_step
+  VecHandle kept;  // u at the beginning of the step, see begin_step
   bool has_kept = false;
   std::function<double(double)> next_output_time;
   struct Checkpoint {

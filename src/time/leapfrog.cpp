@@ -20,7 +20,8 @@ Leapfrog::Leapfrog(const Model& model, bool sticking)
 
 long Leapfrog::through(const Tile& t, const Step& step) const {
   const int half_width = tiles_.half_width();
-  const PetscInt begin = std::max(t.begin - half_width, tiles_.low()), end = std::min(t.end + half_width, tiles_.high());
+  const PetscInt begin = std::max(t.begin - half_width, tiles_.low()),
+                 end = std::min(t.end + half_width, tiles_.high());
   const double half = step.dt / 2;
   kick(t, 0, 0, known, half, begin, end);
   for (int d = 0; d < tiles_.dof(); ++d) {
@@ -40,7 +41,8 @@ long Leapfrog::through(const Tile& t, const Step& step) const {
 }
 
 // eta of columns `into` = that of columns `from` + half_dt K1 D2 psi of columns `psi`, on [begin, end).
-void Leapfrog::kick(const Tile& t, int psi, int from, int into, double half_dt, PetscInt begin, PetscInt end) const {
+void Leapfrog::kick(const Tile& t, int psi, int from, int into, double half_dt, PetscInt begin,
+                    PetscInt end) const {
   stretch(t, psi, pull, begin, end);
   if (is_continuum()) tiles_.for_held(begin, end, [&](PetscInt node) { *at(t, pull, 1, node) = 0; });
   const double *const d2 = at(t, pull, 1, begin), *const eta = at(t, from, 1, begin);

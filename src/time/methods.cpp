@@ -27,7 +27,8 @@ namespace {
 
 std::vector<Method> make_table() {
   std::vector<Method> table = {
-      {"rk", "5dp", explicit_, 5, yes, "the choice where nothing is stiff, but friction jumps or steps are fixed"},
+      {"rk", "5dp", explicit_, 5, yes,
+       "the choice where nothing is stiff, but friction jumps or steps are fixed"},
       {"rk", "3bs", explicit_, 3, yes, "low accuracy, short steps"},
       {"rk", "5f", explicit_, 5, yes, "as 5dp"},
       {"rk", "5bs", explicit_, 5, yes, "accuracy of 1e-8 and better"},
@@ -70,7 +71,8 @@ std::vector<Method> make_table() {
       {"rosw", "theta2", implicit, 2, never, "comparison"},
       {"bdf", "1", implicit, 1, yes, "comparison"},
       {"bdf", "2", implicit, 2, yes, "everything stiff, one Newton solve a step"},
-      {"bdf", "3", implicit, 2, yes, "as bdf:2, adaptive only: fixed steps have order 2; unstable for undamped waves"},
+      {"bdf", "3", implicit, 2, yes,
+       "as bdf:2, adaptive only: fixed steps have order 2; unstable for undamped waves"},
       {"bdf", "4", implicit, 2, yes, "as bdf:3"},
       {"bdf", "5", implicit, 2, yes, "as bdf:3"},
       {"bdf", "6", implicit, 2, yes, "as bdf:3"},
@@ -78,7 +80,8 @@ std::vector<Method> make_table() {
       {"cn", "", implicit, 2, on_request, "Crank and Nicolson"},
       {"beuler", "", implicit, 1, on_request,
        "backward Euler: hides instabilities when ts_dt > 2 Re(lambda)/|lambda|^2"},
-      {"alpha", "", implicit, 2, on_request, "generalised alpha: damps the shortest waves by ts_alpha_radius"},
+      {"alpha", "", implicit, 2, on_request,
+       "generalised alpha: damps the shortest waves by ts_alpha_radius"},
   };
   if (!FusedTs::fused_type(leapfrog_type).empty())
     table.push_back({leapfrog_type, "", imex, 2, never, "the classical method for waves; long fixed steps"});
@@ -94,8 +97,10 @@ const std::vector<Method>& methods() {
 }
 
 std::string subtype_option(const std::string& type) {
-  static const std::map<std::string, std::string> names = {{"rk", "ts_rk_type"},     {"ssp", "ts_ssp_type"},
-                                                           {"rosw", "ts_rosw_type"}, {"arkimex", "ts_arkimex_type"},
+  static const std::map<std::string, std::string> names = {{"rk", "ts_rk_type"},
+                                                           {"ssp", "ts_ssp_type"},
+                                                           {"rosw", "ts_rosw_type"},
+                                                           {"arkimex", "ts_arkimex_type"},
                                                            {"bdf", "ts_bdf_order"}};
   const auto found = names.find(type);
   return found == names.end() ? "" : found->second;
@@ -122,8 +127,9 @@ void check_type_offered(const std::string& type) {
   const auto found = why_not.find(type);
   const std::string near = suggestion(type, types);
   throw UsageError("-ts_type " + quoted(type) + ": " +
-                   (found != why_not.end() ? found->second + "; use one of " + joined(types)
-                                           : "no such method" + (near.empty() ? "; it is one of " + joined(types) : near)));
+                   (found != why_not.end()
+                        ? found->second + "; use one of " + joined(types)
+                        : "no such method" + (near.empty() ? "; it is one of " + joined(types) : near)));
 }
 
 const Method& offered_type(const std::string& type) {
@@ -160,7 +166,8 @@ bool MethodSpec::splits() const {
 }
 std::vector<std::string> splits_of(const Method& method) {
   // The one of the Rosenbrock methods here whose order holds with a part of the Jacobian alone.
-  if (method.type == std::string(TSROSW) && method.subtype == std::string(TSROSWRA34PW2)) return {"friction", "both"};
+  if (method.type == std::string(TSROSW) && method.subtype == std::string(TSROSWRA34PW2))
+    return {"friction", "both"};
   if (method.kind != MethodKind::imex) return {};
   if (method.type == std::string(leapfrog_type)) return {"friction"};
   return {"friction", "wave", "both"};
@@ -192,23 +199,26 @@ MethodSpec MethodSpec::parse(const std::string& what, const std::string& text) {
     if (*first->subtype == '\0' && parts.size() == 3 && parts[1].empty()) spec.subtype = "";
     (void)spec.method();
   } catch (const UsageError& e) {
-    throw UsageError(says + e.what() + (first && *first->subtype ? "; " + spec.type + " has " + subtypes
-                                        : first                 ? "; " + spec.type + " has no subtypes"
-                                                                : "; types are " + types));
+    throw UsageError(says + e.what() +
+                     (first && *first->subtype ? "; " + spec.type + " has " + subtypes
+                      : first                  ? "; " + spec.type + " has no subtypes"
+                                               : "; types are " + types));
   }
   if (parts.size() < 3) return spec;
   spec.implicit = parts[2];
   const std::string& wish = spec.implicit;
-  const bool known = wish == "auto" || wish == "none" || wish == "friction" || wish == "wave" || wish == "both";
+  const bool known =
+      wish == "auto" || wish == "none" || wish == "friction" || wish == "wave" || wish == "both";
   if (!known) throw UsageError(says + "what is implicit is one of auto, none, friction, wave, both");
   if (spec.is_explicit() && wish != "none" && wish != "auto")
     throw UsageError(says + spec.type + " is explicit; use arkimex, or none");
   const std::vector<std::string> splits = splits_of(spec.method());
   if (splits.size() == 1 && wish != "auto" && wish != splits[0])
-    throw UsageError(says + spec.type + " takes " + splits[0] + " implicitly and nothing else; use arkimex, or " + splits[0]);
+    throw UsageError(says + spec.type + " takes " + splits[0] +
+                     " implicitly and nothing else; use arkimex, or " + splits[0]);
   if (!spec.is_explicit() && !spec.splits() && wish != "both" && wish != "auto")
-    throw UsageError(says + spec.type + " takes everything implicitly" + (splits.empty() ? "" : ", or friction alone") +
-                     "; use arkimex, or both");
+    throw UsageError(says + spec.type + " takes everything implicitly" +
+                     (splits.empty() ? "" : ", or friction alone") + "; use arkimex, or both");
   return spec;
 }
 

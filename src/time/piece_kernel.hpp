@@ -1,12 +1,12 @@
 // Banded elimination of eight pieces of a grid at once, one in each lane of a vector.
 //
-// A piece is L nodes with half_width nodes, a separator, on either side that are given. Its matrix has the diagonal d
-// and the same c[k] beside it at distance k everywhere: that of (diag - p D2). It is taken apart as L D L^T without
-// exchange of rows; where every pivot is positive the matrix is positive definite, and the other way round. A node that
-// is given has a diagonal so large that its neighbours cannot move it.
+// A piece is L nodes with half_width nodes, a separator, on either side that are given. Its matrix has the
+// diagonal d and the same c[k] beside it at distance k everywhere: that of (diag - p D2). It is taken apart
+// as L D L^T without exchange of rows; where every pivot is positive the matrix is positive definite, and the
+// other way round. A node that is given has a diagonal so large that its neighbours cannot move it.
 //
-// Row r of lane l stands at [8 r + l]. Only + - * / in the order written, so that a piece's result has the same bits
-// whatever instructions run.
+// Row r of lane l stands at [8 r + l]. Only + - * / in the order written, so that a piece's result has the
+// same bits whatever instructions run.
 #pragma once
 
 #include <petscsys.h>
@@ -19,8 +19,8 @@ namespace stickslip::kernel {
 constexpr int lanes = 8;
 constexpr int most_rows = 128;  // of a piece with its separator
 
-// Eight values, as they lie among others. Clang takes what a reference leads to for aligned whatever the type says: so
-// memory is spoken of by pointers, and values have a type of their own there.
+// Eight values, as they lie among others. Clang takes what a reference leads to for aligned whatever the type
+// says: so memory is spoken of by pointers, and values have a type of their own there.
 typedef double LanesInMemory __attribute__((vector_size(64), aligned(8), may_alias));
 #if defined(__clang__)
 typedef double Lanes __attribute__((vector_size(64)));
@@ -30,10 +30,12 @@ typedef LanesInMemory Lanes;
 inline const LanesInMemory* lanes_at(const double* a) { return reinterpret_cast<const LanesInMemory*>(a); }
 inline LanesInMemory* lanes_at(double* a) { return reinterpret_cast<LanesInMemory*>(a); }
 
-// What the nodes inside mean to the separators (Schur complement and right-hand side), in lanes: LL, LR, RR row by row.
+// What the nodes inside mean to the separators (Schur complement and right-hand side), in lanes: LL, LR, RR
+// row by row.
 template <int half_width>
 struct Sides {
-  double LL[half_width][half_width][lanes], LR[half_width][half_width][lanes], RR[half_width][half_width][lanes];
+  double LL[half_width][half_width][lanes], LR[half_width][half_width][lanes],
+      RR[half_width][half_width][lanes];
   double L[half_width][lanes], R[half_width][lanes];
   bool positive;  // all pivots are
 };
@@ -47,7 +49,8 @@ struct Piece {
 // The factors of a piece of one diagonal everywhere. Their rows are those of any shorter piece too.
 struct PieceTable {
   std::vector<double> l, inverse;  // l[r half_width + k - 1] couples rows r and r - k; 1/pivot
-  std::vector<double> V;  // V[r half_width + s]: what row r means to node s of the left separator, over the pivot
+  // V[r half_width + s]: what row r means to node s of the left separator, over the pivot
+  std::vector<double> V;
 };
 struct ConstantPiece {
   const double* b;
@@ -91,12 +94,14 @@ struct ForwardConstant {
 // x inside, from those of the separators (half_width rows of lanes each).
 template <int half_width>
 struct BackwardConstant {
-  void operator()(const ConstantPiece& p, const double* given_left, const double* given_right, double* x) const {
+  void operator()(const ConstantPiece& p, const double* given_left, const double* given_right,
+                  double* x) const {
     const double *const l = p.table->l.data(), *const inverse = p.table->inverse.data();
     Lanes y[half_width] = {};
     for (int r = 0; r < p.L; ++r) {
       Lanes v = *lanes_at(p.b + lanes * r);
-      if (r < half_width || r >= p.L - half_width) subtract_given<half_width>(v, r, p.L, p.c, given_left, given_right);
+      if (r < half_width || r >= p.L - half_width)
+        subtract_given<half_width>(v, r, p.L, p.c, given_left, given_right);
       for (int k = half_width; k >= 1; --k) v -= l[r * half_width + k - 1] * y[k - 1];
       for (int k = half_width - 1; k >= 1; --k) y[k] = y[k - 1];
       y[0] = v;
@@ -245,7 +250,8 @@ struct Backward {
   }
 };
 
-// The table of pieces of up to `rows` rows, diagonal d; false where a pivot is not positive. W: see ConstantPiece.
+// The table of pieces of up to `rows` rows, diagonal d; false where a pivot is not positive. W: see
+// ConstantPiece.
 template <int half_width>
 bool make_table(double d, const double* c, int rows, PieceTable& table) {
   constexpr int hw = half_width;

@@ -7,7 +7,9 @@ PointwiseSolve::PointwiseSolve(const Tiles& tiles, bool sticking)
 
 long PointwiseSolve::operator()(const Tile& t, const Where& where, const Asked& asked, PetscInt begin,
                                 PetscInt end) const {
-  const auto at = [&](int index, int d, PetscInt node) -> double& { return tiles_.column(index, d)[node - t.from]; };
+  const auto at = [&](int index, int d, PetscInt node) -> double& {
+    return tiles_.column(index, d)[node - t.from];
+  };
   PetscInt first = begin, last = end;  // held nodes apart: their psi is given
   long unsolved = 0;
   tiles_.for_held(begin, end, [&](PetscInt node) {
@@ -23,8 +25,8 @@ long PointwiseSolve::operator()(const Tile& t, const Where& where, const Asked& 
   return unsolved + (first < last ? solve(t, where, asked, first, last, false) : 0);
 }
 
-long PointwiseSolve::solve(const Tile& t, const Where& where, const Asked& asked, PetscInt begin, PetscInt end,
-                           bool held) const {
+long PointwiseSolve::solve(const Tile& t, const Where& where, const Asked& asked, PetscInt begin,
+                           PetscInt end, bool held) const {
   const auto at = [&](int index, int d) { return tiles_.column(index, d) + (begin - t.from); };
   const auto state = [&](int index) { return tiles_.dof() == 3 ? at(index, 2) : nullptr; };
   kernel::Stage s{};

@@ -1,5 +1,5 @@
-// What is pointwise, taken implicitly on a piece of a tile (model/implicit_kernel.hpp): the stage of an implicit-explicit
-// step, and the middle of a leapfrog step.
+// What is pointwise, taken implicitly on a piece of a tile (model/implicit_kernel.hpp): the stage of an
+// implicit-explicit step, and the middle of a leapfrog step.
 #pragma once
 
 #include "time/tile_kernels.hpp"
@@ -11,8 +11,9 @@ class PointwiseSolve {
  public:
   PointwiseSolve(const Tiles& tiles, bool sticking);
 
-  // Columns of the tile: what is known of the new values, z; their slope; that of the stage before, -1 without one. The
-  // solution y = z + h g(y) ends in columns 1, where a guess of psi and the state stands; columns 0 hold the start.
+  // Columns of the tile: what is known of the new values, z; their slope; that of the stage before, -1
+  // without one. The solution y = z + h g(y) ends in columns 1, where a guess of psi and the state stands;
+  // columns 0 hold the start.
   struct Where {
     int known, slope, slope_before;
   };
@@ -26,7 +27,8 @@ class PointwiseSolve {
   long operator()(const Tile& t, const Where& where, const Asked& asked, PetscInt begin, PetscInt end) const;
 
  private:
-  long solve(const Tile& t, const Where& where, const Asked& asked, PetscInt begin, PetscInt end, bool held) const;
+  long solve(const Tile& t, const Where& where, const Asked& asked, PetscInt begin, PetscInt end,
+             bool held) const;
 
   const Tiles& tiles_;
   tile::SolveStage solve_stage_;

@@ -34,26 +34,26 @@ int factor_columns(const Model& model) { return model.dof() == 3 ? 2 : 1; }
 }  // namespace
 
 const RosenbrockW& rosenbrock_w(const std::string& name) {
-  // Rang and Angermann, BIT 45 (2005) 761: ROS34PW2, of order 3 and L-stable; its estimate is that of order 2.
+  // Rang and Angermann, BIT 45 (2005) 761: ROS34PW2, of order 3 and L-stable; its estimate is that of order
+  // 2.
   constexpr double g = 4.3586652150845900e-01;
   static const RosenbrockW ra34pw2 = {
-      "ra34pw2", 4, 3,
-      {0, 0, 0, 0,
-       8.7173304301691801e-01, 0, 0, 0,
-       8.4457060015369423e-01, -1.1299064236484185e-01, 0, 0,
-       0, 0, 1, 0},
-      {g, 0, 0, 0,
-       -8.7173304301691801e-01, g, 0, 0,
-       -9.0338057013044082e-01, 5.4180672388095326e-02, g, 0,
+      "ra34pw2",
+      4,
+      3,
+      {0, 0, 0, 0, 8.7173304301691801e-01, 0, 0, 0, 8.4457060015369423e-01, -1.1299064236484185e-01, 0, 0, 0,
+       0, 1, 0},
+      {g, 0, 0, 0, -8.7173304301691801e-01, g, 0, 0, -9.0338057013044082e-01, 5.4180672388095326e-02, g, 0,
        2.4212380706095346e-01, -1.2232505839045147e+00, 5.4526025533510214e-01, g},
       {2.4212380706095346e-01, -1.2232505839045147e+00, 1.5452602553351020e+00, g},
       {3.7810903145819369e-01, -9.6042292212423178e-02, 0.5, 2.1793326075422950e-01}};
-  if (name != ra34pw2.name) throw std::logic_error("rosw " + name + ": its order asks for the whole Jacobian");
+  if (name != ra34pw2.name)
+    throw std::logic_error("rosw " + name + ": its order asks for the whole Jacobian");
   return ra34pw2;
 }
 
-// A step of length 1 of u' = 1, in which every k is 1: its stages, as the library has them, are w = Gamma k, and k where
-// the stage is explicit, for which it asks for the Jacobian alone.
+// A step of length 1 of u' = 1, in which every k is 1: its stages, as the library has them, are w = Gamma k,
+// and k where the stage is explicit, for which it asks for the Jacobian alone.
 std::vector<double> rosenbrock_rates(const std::string& subtype) {
   struct Probe {
     std::vector<double> rates;
@@ -127,7 +127,8 @@ RosenbrockStep::RosenbrockStep(const Model& model, const RosenbrockW& method, bo
 // J and the factors, on all nodes of the tile that a stage takes.
 long RosenbrockStep::prepare(const Tile& t, const Step& step) const {
   const PetscInt reach = (stages_ - 1) * tiles_.half_width();
-  const PetscInt begin = std::max(t.begin - reach, tiles_.low()), end = std::min(t.end + reach, tiles_.high());
+  const PetscInt begin = std::max(t.begin - reach, tiles_.low()),
+                 end = std::min(t.end + reach, tiles_.high());
   const PetscInt count = end - begin;
   const bool has_state = tiles_.dof() == 3;
   double *const inverse = at(t, factors_, 0, begin), *const q_of = at(t, factors_, 1, begin);
@@ -135,8 +136,9 @@ long RosenbrockStep::prepare(const Tile& t, const Step& step) const {
   double* const own = has_state ? at(t, factors_ + 1, 0, begin) : nullptr;
   double* const follows = has_state ? at(t, factors_ + 1, 1, begin) : nullptr;
   const double* const direction = tiles_.direction(begin);
-  tangents_(kernel::Tangents{at(t, 0, 0, begin), has_state ? at(t, 0, 2, begin) : nullptr, tiles_.amplitude(begin),
-                             direction, inverse, of_state, follows, own, count, tiles_.number(begin)});
+  tangents_(kernel::Tangents{at(t, 0, 0, begin), has_state ? at(t, 0, 2, begin) : nullptr,
+                             tiles_.amplitude(begin), direction, inverse, of_state, follows, own, count,
+                             tiles_.number(begin)});
   const kernel::Coefficients& c = coefficients_;
   const double theta = gamma_ * step.dt, q = theta * c.A / (1 + theta * c.s_delta);
   const double a = 1 + theta * c.A * c.B + q * theta * c.K0;
@@ -167,7 +169,8 @@ long RosenbrockStep::prepare(const Tile& t, const Step& step) const {
 void RosenbrockStep::settle(const Tile& t, int i, const Step& step, PetscInt begin, PetscInt end) const {
   const int w = slopes_from + i, dof = tiles_.dof();
   for (int d = 0; d < dof && i > 0; ++d)
-    tiles_.sum(t, d, tiles_.column(w, d), before_[static_cast<std::size_t>(i)], 1, begin, end, tiles_.column(w, d));
+    tiles_.sum(t, d, tiles_.column(w, d), before_[static_cast<std::size_t>(i)], 1, begin, end,
+               tiles_.column(w, d));
   const kernel::Coefficients& c = coefficients_;
   const double gamma = gamma_, theta = gamma * step.dt, per_A = c.s_delta / c.A;
   const double pull = theta * (c.K0 + c.s_delta * c.B);  // what w_psi does to eta
@@ -181,7 +184,8 @@ void RosenbrockStep::settle(const Tile& t, int i, const Step& step, PetscInt beg
     if (state) known -= of_state[j] * state[j];
     const double r_psi = gamma * psi[j], w_psi = gamma * known * inverse[j];
     psi[j] = w_psi;
-    eta[j] = gamma * eta[j] - pull * w_psi - per_A * (w_psi - r_psi);  // eta - F, linearised, as psi's own equation has it
+    // eta - F, linearised, as psi's own equation has it
+    eta[j] = gamma * eta[j] - pull * w_psi - per_A * (w_psi - r_psi);
   }
   if (!state) return;
   const double *const own = at(t, factors_ + 1, 0, begin), *const follows = at(t, factors_ + 1, 1, begin);

@@ -10,7 +10,8 @@ struct Block {
   double m[hw][hw];
 };
 
-// Of a stretch whose inside is eliminated: its part of the matrix of the separators at its ends, left and right.
+// Of a stretch whose inside is eliminated: its part of the matrix of the separators at its ends, left and
+// right.
 template <int hw>
 struct StretchMatrix {
   Block<hw> LL, LR, RR;
@@ -27,8 +28,8 @@ struct Separator {
   Block<hw> inverse, from_left, from_right;  // S^-1; couplings of the ends with it, times S^-1
 
   // `d`: its diagonal, c[k]: beside it. False where a pivot is not positive.
-  bool eliminate(const double* d, const double* c, const StretchMatrix<hw>& left, const StretchMatrix<hw>& right,
-                 StretchMatrix<hw>& both) {
+  bool eliminate(const double* d, const double* c, const StretchMatrix<hw>& left,
+                 const StretchMatrix<hw>& right, StretchMatrix<hw>& both) {
     Block<hw> S;
     for (int i = 0; i < hw; ++i)
       for (int j = 0; j < hw; ++j)
@@ -60,7 +61,8 @@ struct Separator {
   }
 
   // b: the separator's own right-hand side, which becomes that after elimination of both insides.
-  void join(const StretchLoad<hw>& left, const StretchLoad<hw>& right, double* b, StretchLoad<hw>& both) const {
+  void join(const StretchLoad<hw>& left, const StretchLoad<hw>& right, double* b,
+            StretchLoad<hw>& both) const {
     for (int i = 0; i < hw; ++i) b[i] = left.behind[i] + (left.R[i] + right.L[i]);
     for (int i = 0; i < hw; ++i) {
       double l = left.L[i], r = right.R[i];
@@ -110,8 +112,8 @@ struct Separator {
   }
 };
 
-// Eight stretches side by side become one: the separator behind stretch i (i < 7) goes in the round in which the lowest
-// zero of i in binary is met.
+// Eight stretches side by side become one: the separator behind stretch i (i < 7) goes in the round in which
+// the lowest zero of i in binary is met.
 constexpr std::array<int, 7> order_of_eight = {0, 2, 4, 6, 1, 5, 3};
 
 }  // namespace stickslip

@@ -14,10 +14,11 @@ namespace stickslip {
 namespace {
 constexpr double default_tolerance = 1e-6;  // relative and absolute, of a step
 
-// The norm in which the error of a step is kept below its tolerance, where the user names none: PETSc's mean over all
-// unknowns, but with friction that sticks exactly the largest. There mostly a few blocks move while the others rest and
-// err by nothing, and the mean would let these few err by the more the longer the chain is. PETSc takes the norm of a
-// TSAdapt from the options alone, among which it therefore stands while this does.
+// The norm in which the error of a step is kept below its tolerance, where the user names none: PETSc's mean
+// over all unknowns, but with friction that sticks exactly the largest. There mostly a few blocks move while
+// the others rest and err by nothing, and the mean would let these few err by the more the longer the chain
+// is. PETSc takes the norm of a TSAdapt from the options alone, among which it therefore stands while this
+// does.
 class UsualNorm {
  public:
   UsualNorm(const Scene& scene, const std::string& prefix) : name_("-" + prefix + "ts_adapt_wnormtype") {
@@ -104,7 +105,8 @@ void Integrator::Impl::check_subtype_option(const std::string& type) const {
   char subtype[80];
   PetscBool set = PETSC_FALSE;
   if (!option.empty())
-    SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), ("-" + option).c_str(), subtype, sizeof subtype, &set));
+    SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), ("-" + option).c_str(), subtype, sizeof subtype,
+                                 &set));
   if (set) (void)offered_method(type, subtype);
 }
 
@@ -147,10 +149,12 @@ bool Integrator::Impl::will_fuse(const Choice& choice) const {
   if (!choice.fused || fused_type.empty()) return false;
   if (!user_set(prefix, "ts_adapt_max_ignore")) return true;
   if (!choice.named_fused) return false;
-  throw UsageError("ts_adapt_max_ignore: ts_type " + fused_type + " does not know it; use ts_type " + choice.type);
+  throw UsageError("ts_adapt_max_ignore: ts_type " + fused_type + " does not know it; use ts_type " +
+                   choice.type);
 }
 
-// Takes the steps tile by tile from now on. The type is changed only here, since -ts_type rk names the library's own.
+// Takes the steps tile by tile from now on. The type is changed only here, since -ts_type rk names the
+// library's own.
 void Integrator::Impl::fuse(const Choice& choice) {
   const std::string fused_type = FusedTs::fused_type(choice.type);
   if (!choice.named_fused) {
@@ -201,21 +205,22 @@ void Integrator::Impl::warn_of_fixed_step(bool step_given) const {
   double dt;
   SS_TRY(TSGetTimeStep(ts, &dt));
   const std::string name = method->name();
-  const std::string how = method->adaptivity == Adaptivity::on_request
-                              ? " has a fixed step unless ts_adapt_type is basic"
-                          : method->adaptivity == Adaptivity::never ? " has no error estimate and a fixed step"
-                                                                    : " has a fixed step with ts_adapt_type none";
+  const std::string how =
+      method->adaptivity == Adaptivity::on_request ? " has a fixed step unless ts_adapt_type is basic"
+      : method->adaptivity == Adaptivity::never    ? " has no error estimate and a fixed step"
+                                                   : " has a fixed step with ts_adapt_type none";
   for (const char* tolerance : {"ts_rtol", "ts_atol"})
     if (user_set(prefix, tolerance))
       warn(std::string(tolerance) + " has no effect: " + name + how + "; every step is " + number_text(dt));
   if (!user_set(prefix, "ts_dt") && !step_given)
     warn(name + how + ": every step is " + number_text(dt) +
          ", chosen for stability and not for accuracy; set ts_dt, or use an adaptive method such as " +
-         (method->kind == MethodKind::explicit_ ? "rk:5dp" : method->kind == MethodKind::imex ? "arkimex:4"
-                                                                                         : "rosw:ra34pw2"));
+         (method->kind == MethodKind::explicit_ ? "rk:5dp"
+          : method->kind == MethodKind::imex    ? "arkimex:4"
+                                                : "rosw:ra34pw2"));
   if (method->type == std::string(TSBDF) && method->subtype > std::string("2"))
-    warn("ts_bdf_order " + std::string(method->subtype) + ": with fixed steps the order is 2 (its first steps are); " +
-         "use ts_adapt_type basic");
+    warn("ts_bdf_order " + std::string(method->subtype) +
+         ": with fixed steps the order is 2 (its first steps are); " + "use ts_adapt_type basic");
 }
 
 // Steps would shrink until time stands still.
@@ -234,7 +239,8 @@ void Integrator::Impl::refuse_below_round_off(Vec u) const {
 
 void Integrator::Impl::set_dense_output() {
   const std::string name = method->name();
-  if (name == "rk:5dp" || name == "arkimex:4" || name == "arkimex:5" || method->type == std::string(TSBDF)) return;
+  if (name == "rk:5dp" || name == "arkimex:4" || name == "arkimex:5" || method->type == std::string(TSBDF))
+    return;
   const int degree = method->kind == MethodKind::explicit_ ? std::max(3, method->order - 1) : 3;
   dense = std::make_unique<DenseOutput>(model, degree);
 }

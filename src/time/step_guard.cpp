@@ -7,9 +7,9 @@
 
 namespace stickslip {
 
-// psi and eta beyond 1e20 and a state beyond 1e42 count as not finite: no units make a motion that large, a step from
-// there has lost it, and the cube in the friction and the square of that in PETSc's estimate of the error are still
-// finite. x - x is 0 for finite x and NaN otherwise, and NaN stays.
+// psi and eta beyond 1e20 and a state beyond 1e42 count as not finite: no units make a motion that large, a
+// step from there has lost it, and the cube in the friction and the square of that in PETSc's estimate of the
+// error are still finite. x - x is 0 for finite x and NaN otherwise, and NaN stays.
 bool all_finite(const Model& model, Vec u) {
   PetscInt count;
   SS_TRY(VecGetLocalSize(u, &count));
@@ -40,8 +40,8 @@ void StepGuard::set_up(TS ts, const std::string& type, bool adaptive) {
 
 void StepGuard::begin_step(TS ts) { SS_TRY(TSGetStepRejections(ts, &rejections_)); }
 
-// PETSc undoes a rejected step of rk and arkimex by subtracting what it added, which after a step far too large
-// leaves nothing of u but round-off. So u is put back from a copy before the step is tried again.
+// PETSc undoes a rejected step of rk and arkimex by subtracting what it added, which after a step far too
+// large leaves nothing of u but round-off. So u is put back from a copy before the step is tried again.
 bool StepGuard::repeats(TS ts, Vec before) {
   PetscInt rejections;
   SS_TRY(TSGetStepRejections(ts, &rejections));
@@ -55,9 +55,9 @@ bool StepGuard::repeats(TS ts, Vec before) {
   return true;
 }
 
-// Adaptive methods only: a stage that is not finite rejects the step, which PETSc would accept, since no comparison
-// with NaN is true. What goes wrong in an early stage of rk reaches the last one, so that later steps look at that
-// alone.
+// Adaptive methods only: a stage that is not finite rejects the step, which PETSc would accept, since no
+// comparison with NaN is true. What goes wrong in an early stage of rk reaches the last one, so that later
+// steps look at that alone.
 bool StepGuard::accepts(Vec u) {
   const bool last = stage_ == last_stage_;
   if (last_stage_ >= 0 && started_ && !last) return true;

@@ -1,4 +1,5 @@
-// What PETSc's own steppers let pass: stages and steps that are not finite, and rejected steps undone by subtraction.
+// What PETSc's own steppers let pass: stages and steps that are not finite, and rejected steps undone by
+// subtraction.
 #pragma once
 
 #include "stickslip/time/time.hpp"
@@ -19,21 +20,22 @@ class StepGuard {
 
   void start() { started_ = false; }  // of a run
   void begin_step(TS ts);
-  // Before a stage. True where this is a repetition of a rejected step, before which u is put back from `before`.
+  // Before a stage. True where this is a repetition of a rejected step, before which u is put back from
+  // `before`.
   bool repeats(TS ts, Vec before);
   void after_stage(PetscInt index) { stage_ = index; }
-  bool accepts(Vec u);   // a stage
+  bool accepts(Vec u);  // a stage
   // Whether the new u has been looked at already, as the last stage; asked once a step.
   bool knows_solution();
 
  private:
   const Model& model_;
   bool undoes_ = false, first_same_as_last_ = false, adaptive_ = false;
-  bool started_ = false;       // a step has been accepted
+  bool started_ = false;  // a step has been accepted
   bool checked_last_ = false;
-  PetscInt stage_ = 0;         // the one that was computed last
-  PetscInt last_stage_ = -1;   // of rk
-  PetscInt rejections_ = 0;    // seen so far
+  PetscInt stage_ = 0;        // the one that was computed last
+  PetscInt last_stage_ = -1;  // of rk
+  PetscInt rejections_ = 0;   // seen so far
 };
 
 }  // namespace stickslip

@@ -15,16 +15,18 @@ namespace stickslip {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double landing = 3e-13;  // of a step: how well a change is located
-constexpr double close = 1e-12;    // relative: changes this near to each other happen at once
-constexpr double locating = 1e-15; // of a step: on the cubic, which only says where to look
+constexpr double landing = 3e-13;   // of a step: how well a change is located
+constexpr double close = 1e-12;     // relative: changes this near to each other happen at once
+constexpr double locating = 1e-15;  // of a step: on the cubic, which only says where to look
 
 // How what holds or lets go of a node changes in a step.
 struct CubicBetween : HermiteCubic {
   using HermiteCubic::HermiteCubic;
 
   // Where it is largest, if it rises at 0 and falls at 1.
-  double peak() const { return last_place([&](double s) { return slope(s) > 0; }, 0, 1, locating); }
+  double peak() const {
+    return last_place([&](double s) { return slope(s) > 0; }, 0, 1, locating);
+  }
   // Where it becomes positive before `until`, where it is; it is taken to be negative right after 0.
   double root(double until) const {
     return last_place([&](double s) { return (*this)(s) < 0; }, 0, until, locating * until);
@@ -33,8 +35,8 @@ struct CubicBetween : HermiteCubic {
 
 double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
-// The force on a node, eta + N D2 psi: of unknowns u the eta, or that of `total`, see Stick::total_force; of rates its
-// rate.
+// The force on a node, eta + N D2 psi: of unknowns u the eta, or that of `total`, see Stick::total_force; of
+// rates its rate.
 class Forces {
  public:
   Forces(const double* u, Vec total, int dof) : total_(total), dof_(dof), values_(total ? +total_ : u) {}
@@ -51,9 +53,9 @@ class Forces {
 bool Stick::applies_to(const Scene& scene) { return scene.friction.sticks() && !scene.massless(); }
 
 Stick::Stick(const Model& model)
-    : model_(model), dof_(model.dof()), free_end_(model.local()), both_sides_(model.scene().friction.back_slip),
-      direction_(static_cast<std::size_t>(model.local()), 0.), slope_(model.create_vector()),
-      next_slope_(model.create_vector()) {
+    : model_(model), dof_(model.dof()), free_end_(model.local()),
+      both_sides_(model.scene().friction.back_slip), direction_(static_cast<std::size_t>(model.local()), 0.),
+      slope_(model.create_vector()), next_slope_(model.create_vector()) {
   while (free_begin_ < free_end_ && model.held(model.first() + free_begin_)) ++free_begin_;
   while (free_end_ > free_begin_ && model.held(model.first() + free_end_ - 1)) --free_end_;
   if (dof_ == 3) return;
@@ -98,7 +100,8 @@ void Stick::decide(Vec u) {
   engage();
   was_ = direction_;
   const Reading a(u);
-  for (PetscInt i = 0; i < model_.local(); ++i) direction_[static_cast<std::size_t>(i)] = sign_of(a[i * dof_]);
+  for (PetscInt i = 0; i < model_.local(); ++i)
+    direction_[static_cast<std::size_t>(i)] = sign_of(a[i * dof_]);
   model_.rhs(Part::full, u, slope_);
 
   const Vec total = total_force(u, 0), total_rate = total_force(slope_, 1);
@@ -107,7 +110,8 @@ void Stick::decide(Vec u) {
   long counts[3] = {0, 0, 0};  // moving, let go now, changed
   const auto free = [&](PetscInt i) { return i >= free_begin_ && i < free_end_; };
   for (PetscInt i = 0; i < model_.local(); ++i)
-    if (!free(i) && dof_ == 3 && direction_[static_cast<std::size_t>(i)] != 0) ++counts[0];  // its state moves
+    // its state moves
+    if (!free(i) && dof_ == 3 && direction_[static_cast<std::size_t>(i)] != 0) ++counts[0];
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
     double& going = direction_[static_cast<std::size_t>(i)];
     if (going == 0) {
@@ -127,21 +131,21 @@ void Stick::decide(Vec u) {
   if (counts[1] > 0) model_.rhs(Part::full, u, slope_);
 }
 
-// How far node c is beyond its change, as a part of the step: negative before it. What has been let go at the start of
-// the step begins like its square, or faster: divided by that, it does not begin at zero.
+// How far node c is beyond its change, as a part of the step: negative before it. What has been let go at the
+// start of the step begins like its square, or faster: divided by that, it does not begin at zero.
 double Stick::beyond(const Candidate& c, const double* u, double force, double part) const {
   const double* at = u + c.node * dof_;
   if (c.rests) return c.weight * (c.side * force - threshold(c.node, at));
   return -c.weight * c.side * at[0] / (c.fresh ? part * part : 1);
 }
 
-// Fills candidates_ with the changes between `before` and `after`. `estimate`: about when the first comes; `reached`:
-// a part of the step by which one has come.
+// Fills candidates_ with the changes between `before` and `after`. `estimate`: about when the first comes;
+// `reached`: a part of the step by which one has come.
 void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, double& reached) {
   candidates_.clear();
   estimate = reached = infinity;
   const Vec total[4] = {total_force(before, 0), total_force(after, 1), total_force(slope_, 2),
-                          total_force(next_slope_, 3)};
+                        total_force(next_slope_, 3)};
   const Reading a(before), b(after), fa(slope_), fb(next_slope_);
   const Forces force0(a, total[0], dof_), force1(b, total[1], dof_), pull0(fa, total[2], dof_),
       pull1(fb, total[3], dof_);
@@ -151,7 +155,8 @@ void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, 
     const CubicBetween g(g0, g1, dt * m0, dt * m1);
     const double until = at_end ? 1 : g.peak();
     if (!at_end && g(until) <= 0) return;
-    const double root = g.root(until), slope = std::max(std::abs(g.slope(root)), 1e-3 * std::abs(g(until) - g0));
+    const double root = g.root(until),
+                 slope = std::max(std::abs(g.slope(root)), 1e-3 * std::abs(g(until) - g0));
     candidates_.push_back(c);
     candidates_.back().weight = 1 / std::max(slope, 1e-300);
     estimate = std::min(estimate, root);
@@ -203,24 +208,28 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
     std::swap(slope_, next_slope_);
     return {Change::Kind::none, 1};
   }
-  double evaluated = 0, high = 1;  // the last place looked at; the earliest where a change is known to have come
+  // the last place looked at; the earliest where a change is known to have come
+  double evaluated = 0, high = 1;
   const auto furthest_at = [&](double part) {
-    if (part > 1 - close) SS_TRY(VecCopy(after, landed));  // which the polynomial misses by its error
-    else at(part, landed);
+    if (part > 1 - close)
+      SS_TRY(VecCopy(after, landed));  // which the polynomial misses by its error
+    else
+      at(part, landed);
     evaluated = part;
     const double value = furthest(landed, part);
     if (value >= -landing) high = std::min(high, part);
     return std::abs(value) <= landing ? 0 : value;
   };
-  // Where the method's own polynomial does not go beyond, although the cubic does, there is no change but at the end.
+  // Where the method's own polynomial does not go beyond, although the cubic does, there is no change but at
+  // the end.
   double at_high = furthest_at(reached);
   if (at_high < 0 && reached < 1) at_high = furthest_at(1);
   if (at_high < 0) {
     std::swap(slope_, next_slope_);
     return {Change::Kind::none, 1};
   }
-  // While nothing is known below, downwards in growing steps, the first of which takes furthest() for what it nearly
-  // is, the distance in parts of the step.
+  // While nothing is known below, downwards in growing steps, the first of which takes furthest() for what it
+  // nearly is, the distance in parts of the step.
   double part = std::min(estimate, 0.999 * high), value = furthest_at(part);
   for (int round = 1; value > 0 && high >= 1e-9; ++round) {
     at_high = value;
@@ -241,7 +250,8 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
   return {Change::Kind::at, evaluated};
 }
 
-// Nodes whose change has come, to round-off, get its psi or their force exactly: first every psi, which others may feel.
+// Nodes whose change has come, to round-off, get its psi or their force exactly: first every psi, which
+// others may feel.
 void Stick::snap(Vec before, Vec landed) {
   std::vector<Limit> limits;
   const Vec total = total_force(before, 0), total_landed = total_force(landed, 1);
@@ -251,8 +261,10 @@ void Stick::snap(Vec before, Vec landed) {
     const Forces was(a, total, dof_), force(b, total_landed, dof_);
     for (const Candidate& c : candidates_) {
       if (beyond(c, b, force[c.node], 1) < -close) continue;
-      if (c.rests) limits.push_back({c.node, c.side});
-      else b[c.node * dof_] = 0;
+      if (c.rests)
+        limits.push_back({c.node, c.side});
+      else
+        b[c.node * dof_] = 0;
     }
     for (PetscInt i = free_begin_; i < free_end_; ++i) {
       const double going = direction_[static_cast<std::size_t>(i)], *at0 = a + i * dof_;
@@ -265,19 +277,23 @@ void Stick::snap(Vec before, Vec landed) {
       const double limit = threshold(i, at);
       for_each_side([&](double side) {
         const double excess = side * force[i] - limit;
-        if (std::abs(excess) <= close * limit && excess > side * was[i] - threshold(i, at0)) limits.push_back({i, side});
+        if (std::abs(excess) <= close * limit && excess > side * was[i] - threshold(i, at0))
+          limits.push_back({i, side});
       });
     }
   }
   put_at_threshold(landed, limits);
 }
 
-// Makes the force on each of these nodes its threshold, from which decide() lets it go; not less by round-off.
+// Makes the force on each of these nodes its threshold, from which decide() lets it go; not less by
+// round-off.
 void Stick::put_at_threshold(Vec u, const std::vector<Limit>& limits) {
   const Vec viscous = model_.viscous() ? viscous_force(u, 0) : nullptr;
   const Reading more(viscous);
   const Writing b(u);
-  const auto force = [&](PetscInt i) { return more ? b[i * dof_ + 1] + more[i * dof_ + 1] : b[i * dof_ + 1]; };
+  const auto force = [&](PetscInt i) {
+    return more ? b[i * dof_ + 1] + more[i * dof_ + 1] : b[i * dof_ + 1];
+  };
   for (const auto& [node, side] : limits) {
     double* at = b + node * dof_;
     const double limit = threshold(node, at), rest = more ? force(node) - at[1] : 0;
@@ -299,8 +315,9 @@ double Stick::release_after(Vec u, double t, double longest) {
         if (rate > 0) first = std::min(first, std::max(0., (threshold(i, at) - force) / rate));
         return;
       }
-      first = std::min(first, release_time(model_.friction_law(i), model_.amplitude()[static_cast<std::size_t>(i)], force,
-                                           rate, at[2], first));
+      first = std::min(
+          first, release_time(model_.friction_law(i), model_.amplitude()[static_cast<std::size_t>(i)], force,
+                              rate, at[2], first));
     });
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_DOUBLE, MPI_MIN, model_.comm()));
@@ -309,8 +326,8 @@ double Stick::release_after(Vec u, double t, double longest) {
 
 double Stick::longest_rest(const Scene& scene) { return 16 * scene.load.smooth_time(); }
 
-// The same with a load, by pieces so short that in each the force gains on the threshold at first, or falls behind at
-// first, and the other way round behind that.
+// The same with a load, by pieces so short that in each the force gains on the threshold at first, or falls
+// behind at first, and the other way round behind that.
 double Stick::release_under_load(Vec u, double t, double longest) {
   const Vec total = total_force(u, 0);
   const Load& load = model_.scene().load;
@@ -328,7 +345,8 @@ double Stick::release_under_load(Vec u, double t, double longest) {
       };
       const auto excess = [&](double wait) {
         age(wait);
-        const double eta = forces[i] + (f[i * dof_ + 1] - K0 * v) * wait + K0 * (load.integral(t + wait) - travelled);
+        const double eta =
+            forces[i] + (f[i * dof_ + 1] - K0 * v) * wait + K0 * (load.integral(t + wait) - travelled);
         return side * eta - threshold(i, then.data());
       };
       const auto growth = [&](double wait) {
@@ -341,7 +359,8 @@ double Stick::release_under_load(Vec u, double t, double longest) {
       double begin = 0;
       while (begin < std::min(longest, first)) {
         double end = std::min(begin + piece, longest);
-        if (excess(end) < 0 && growth(begin) > 0 && growth(end) < 0) {  // it may have come to the threshold and gone back
+        // it may have come to the threshold and gone back
+        if (excess(end) < 0 && growth(begin) > 0 && growth(end) < 0) {
           const double peak = last_place([&](double wait) { return growth(wait) > 0; }, begin, end);
           if (excess(peak) >= 0) end = peak;
         }
@@ -388,7 +407,8 @@ void Stick::rest(Vec u, double t, double wait, Vec into) {
     for (PetscInt i = free_begin_; i < free_end_; ++i) {
       const double limit = threshold(i, b + i * dof_);
       for_each_side([&](double side) {
-        if (std::abs(side * force[i] - limit) <= close * limit && side * (rate[i] + faster) > threshold_rate(i, b + i * dof_))
+        if (std::abs(side * force[i] - limit) <= close * limit &&
+            side * (rate[i] + faster) > threshold_rate(i, b + i * dof_))
           limits.push_back({i, side});
       });
     }

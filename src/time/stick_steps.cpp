@@ -35,19 +35,24 @@ void StickSteps::after(Step step, Vec before) {
   if (change.kind == Stick::Change::Kind::too_coarse) return take_back(step, before, dt);
   if (change.kind == Stick::Change::Kind::none) {
     if (fixed_dt_ > 0 && step.next_dt < fixed_dt_) go_on_from(step.t, fixed_dt_);
-    if (course_.tell(ts_, step) == Integrator::Verdict::restart) decide(u, step.t);  // as a run that goes on from here will
+    // as a run that goes on from here will
+    if (course_.tell(ts_, step) == Integrator::Verdict::restart) decide(u, step.t);
     return;
   }
   step.t = change.part == 1 ? step.t : t_before + change.part * dt;
   step.u = landed_;
   step.next_dt = fixed_dt_ > 0 ? fixed_dt_ : std::min(step.next_dt, dt);
   step.interpolate = [&, t = step.t](double when, Vec into) {
-    if (when == t) SS_TRY(VecCopy(landed_, into));
-    else inside(when, into);
+    if (when == t)
+      SS_TRY(VecCopy(landed_, into));
+    else
+      inside(when, into);
   };
   course_.report.t = step.t;
-  if (step.t > t_before) course_.tell(ts_, step);
-  else course_.begin_count(ts_, step.index - 1);
+  if (step.t > t_before)
+    course_.tell(ts_, step);
+  else
+    course_.begin_count(ts_, step.index - 1);
   SS_TRY(VecCopy(landed_, u));
   decide(u, step.t);
   go_on_from(step.t, step.next_dt);
@@ -66,15 +71,16 @@ void StickSteps::take_back(const Step& step, Vec before, double dt) {
   course_.update_report(ts_, model_);
 }
 
-// The next step starts anew, at t and of length dt, unless the run is over: then dt stays for who goes on with it.
+// The next step starts anew, at t and of length dt, unless the run is over: then dt stays for who goes on
+// with it.
 void StickSteps::go_on_from(double t, double dt) {
   SS_TRY(TSSetTime(ts_, t));
   SS_TRY(TSSetTimeStep(ts_, t < course_.t_end ? std::min(dt, course_.t_end - t) : dt));
   SS_TRY(TSRestartStep(ts_));
-  SS_TRY(TSSetConvergedReason(ts_, course_.stop_asked                         ? TS_CONVERGED_USER
-                                   : t >= course_.t_end                       ? TS_CONVERGED_TIME
-                                   : course_.steps(ts_) >= course_.max_steps  ? TS_CONVERGED_ITS
-                                                                              : TS_CONVERGED_ITERATING));
+  SS_TRY(TSSetConvergedReason(ts_, course_.stop_asked                        ? TS_CONVERGED_USER
+                                   : t >= course_.t_end                      ? TS_CONVERGED_TIME
+                                   : course_.steps(ts_) >= course_.max_steps ? TS_CONVERGED_ITS
+                                                                             : TS_CONVERGED_ITERATING));
 }
 
 // While everything rests one step leads to the next release, or to the end.
@@ -94,8 +100,10 @@ void StickSteps::pass_rest(Vec u) {
       SS_TRY(TSSetTime(ts_, until));
       course_.update_report(ts_, model_);
       course_.tell(ts_, {index, t, until, landed_, dt, [this, u, t, until](double when, Vec into) {
-                           if (when == until) SS_TRY(VecCopy(landed_, into));
-                           else stick_.rest(u, t, when - t, into);
+                           if (when == until)
+                             SS_TRY(VecCopy(landed_, into));
+                           else
+                             stick_.rest(u, t, when - t, into);
                          }});
       without_time = 0;
     } else if (++without_time > 100) {

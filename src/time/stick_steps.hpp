@@ -1,4 +1,5 @@
-// Steps of friction that sticks (stick.hpp): cut where a node starts or stops, and one step from rest to release.
+// Steps of friction that sticks (stick.hpp): cut where a node starts or stops, and one step from rest to
+// release.
 #pragma once
 
 #include <functional>
@@ -17,8 +18,8 @@ class StickSteps {
   void engage() const { stick_.engage(); }
   // At the start of a run, at u. `fixed_dt`: of a method of fixed steps, else 0.
   void start(Vec u, double fixed_dt);
-  // After an accepted step from `before`, in place of telling the observer: cuts the step at the first change between
-  // rest and sliding, and passes over times when everything rests. Collective.
+  // After an accepted step from `before`, in place of telling the observer: cuts the step at the first change
+  // between rest and sliding, and passes over times when everything rests. Collective.
   void after(Integrator::Step step, Vec before);
 
  private:
@@ -32,7 +33,7 @@ class StickSteps {
   FusedTs* fused_;
   Course& course_;
   Stick stick_;
-  VecHandle landed_;     // u where the step is cut
+  VecHandle landed_;  // u where the step is cut
   double fixed_dt_ = 0;
 };
 

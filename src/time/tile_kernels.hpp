@@ -1,5 +1,5 @@
-// The loops that steps tile by tile are made of, in the version that suits this processor. Compiled apart, since they
-// are compiled for every law or order, and vector length.
+// The loops that steps tile by tile are made of, in the version that suits this processor. Compiled apart,
+// since they are compiled for every law or order, and vector length.
 #pragma once
 
 #include <functional>
@@ -16,16 +16,19 @@ namespace stickslip::tile {
 using Stencil = std::function<void(const kernel::Coefficients&, const kernel::Stretch&)>;
 Stencil stencil(const Scene& scene);
 
-// What is added to it; `sticking`: of friction that sticks. `x`: of the nodes by their numbers, where friction varies.
+// What is added to it; `sticking`: of friction that sticks. `x`: of the nodes by their numbers, where
+// friction varies.
 using Pointwise = std::function<void(const kernel::Coefficients&, const kernel::Columns&)>;
 Pointwise pointwise(const Scene& scene, bool sticking, const std::vector<double>& x);
 
-// The stage of an implicit-explicit method with what is pointwise implicit; the number of nodes left unsolved.
+// The stage of an implicit-explicit method with what is pointwise implicit; the number of nodes left
+// unsolved.
 using SolveStage = std::function<long(const kernel::Coefficients&, const kernel::Stage&)>;
 SolveStage solve_stage(const Scene& scene, bool sticking, const std::vector<double>& x);
 
 // A round of Newton's method with everything implicit.
-using NewtonRound = std::function<kernel::Flag(const kernel::Coefficients&, const kernel::Round&, bool advance)>;
+using NewtonRound =
+    std::function<kernel::Flag(const kernel::Coefficients&, const kernel::Round&, bool advance)>;
 NewtonRound newton_round(const Scene& scene, bool sticking, const std::vector<double>& x);
 
 // The derivatives of what is pointwise.

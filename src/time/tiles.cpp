@@ -12,11 +12,11 @@ namespace stickslip {
 
 namespace {
 
-constexpr PetscInt tile_nodes = 256;    // a tile with its slopes: some 50 kB
+constexpr PetscInt tile_nodes = 256;  // a tile with its slopes: some 50 kB
 constexpr int most_terms = 64;
 
-// Whether every rank takes the whole grid as one tile. Fewer nodes a rank than the overlap would cost more than they
-// save, and the closures of an end must lie within one tile. Collective.
+// Whether every rank takes the whole grid as one tile. Fewer nodes a rank than the overlap would cost more
+// than they save, and the closures of an end must lie within one tile. Collective.
 bool is_closed(const Model& model, int stages) {
   const PetscInt least = 2 * stages * (model.scene().order / 2);
   int few = model.local() < std::max(least, PetscInt(16)) ? 1 : 0;
@@ -40,9 +40,10 @@ Tiles::Tiles(const Model& model, int stages, int columns, bool sticking)
       add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})),
       square_(kernel::compiled<std::function<double(const kernel::Weighted&)>>(kernel::SumOfSquares{})) {
   using Copy = std::function<void(const kernel::Interleaved&)>;
-  to_columns_ = dof_ == 3 ? kernel::compiled<Copy>(kernel::ToColumns<3>{}) : kernel::compiled<Copy>(kernel::ToColumns<2>{});
-  from_columns_ =
-      dof_ == 3 ? kernel::compiled<Copy>(kernel::FromColumns<3>{}) : kernel::compiled<Copy>(kernel::FromColumns<2>{});
+  to_columns_ = dof_ == 3 ? kernel::compiled<Copy>(kernel::ToColumns<3>{})
+                          : kernel::compiled<Copy>(kernel::ToColumns<2>{});
+  from_columns_ = dof_ == 3 ? kernel::compiled<Copy>(kernel::FromColumns<3>{})
+                            : kernel::compiled<Copy>(kernel::FromColumns<2>{});
   const bool open_ring = model.scene().ring() && !closed_;
   constexpr PetscInt none = std::numeric_limits<PetscInt>::max() / 2;
   low_ = open_ring ? -none : -first_;
@@ -76,7 +77,8 @@ void Tiles::set_amplitude() {
 std::vector<double> Tiles::places() const {
   std::vector<double> x;
   if (!model_.scene().friction.varies()) return x;
-  for (PetscInt i = -left_halo_; i < local_ + right_halo_; ++i) x.push_back(model_.scene().x(wrapped(first_ + i)));
+  for (PetscInt i = -left_halo_; i < local_ + right_halo_; ++i)
+    x.push_back(model_.scene().x(wrapped(first_ + i)));
   return x;
 }
 
@@ -109,7 +111,8 @@ void Tiles::fetch(Vec from) const {
 
 std::vector<std::pair<PetscInt, double>> Tiles::beyond(PetscInt node) const {
   std::vector<std::pair<PetscInt, double>> value;
-  for (const auto& [inside, weight] : halo_node(model_.scene(), node)) value.emplace_back(inside - first_, weight);
+  for (const auto& [inside, weight] : halo_node(model_.scene(), node))
+    value.emplace_back(inside - first_, weight);
   return value;
 }
 
@@ -135,7 +138,8 @@ std::array<double*, 3> Tiles::columns(const Tile& t, int index, PetscInt i) cons
 // u and halo are only read
 void Tiles::load(const Tile& t, const double* u, const double* halo) const {
   const auto part = [&](PetscInt begin, PetscInt end, const double* from, PetscInt node) {
-    if (begin < end) to_columns_({const_cast<double*>(from + node * dof_), columns(t, 0, begin).data(), end - begin});
+    if (begin < end)
+      to_columns_({const_cast<double*>(from + node * dof_), columns(t, 0, begin).data(), end - begin});
   };
   const PetscInt inside = std::max(t.from, PetscInt(0)), behind = std::max(t.from, local_);
   part(t.from, std::min(t.to, PetscInt(0)), halo, t.from + left_halo_);
@@ -147,8 +151,8 @@ void Tiles::store(const Tile& t, int index, double* u) const {
   from_columns_({u + t.own_begin * dof_, columns(t, index, t.own_begin).data(), t.own_end - t.own_begin});
 }
 
-void Tiles::sum(const Tile& t, int d, const double* base, const Row& row, double dt, PetscInt begin, PetscInt end,
-                double* into) const {
+void Tiles::sum(const Tile& t, int d, const double* base, const Row& row, double dt, PetscInt begin,
+                PetscInt end, double* into) const {
   const double* terms[most_terms];
   double weights[most_terms];
   const auto count = row.column.size();
@@ -156,17 +160,20 @@ void Tiles::sum(const Tile& t, int d, const double* base, const Row& row, double
     terms[j] = column(row.column[j], d) + (begin - t.from);
     weights[j] = dt * row.weight[j];
   }
-  add_({base + (begin - t.from), terms, weights, static_cast<int>(count), into + (begin - t.from), end - begin});
+  add_({base + (begin - t.from), terms, weights, static_cast<int>(count), into + (begin - t.from),
+        end - begin});
 }
 
 void Tiles::close_ends(double* psi, PetscInt begin, PetscInt end) const {
   for (PetscInt j = 1; j <= half_width_ && begin - half_width_ < low_; ++j) {
     psi[low_ - j] = 0;
-    for (const auto& [node, weight] : left_end_[static_cast<std::size_t>(j - 1)]) psi[low_ - j] += weight * psi[node];
+    for (const auto& [node, weight] : left_end_[static_cast<std::size_t>(j - 1)])
+      psi[low_ - j] += weight * psi[node];
   }
   for (PetscInt j = 1; j <= half_width_ && end + half_width_ > high_; ++j) {
     double value = 0;
-    for (const auto& [node, weight] : right_end_[static_cast<std::size_t>(j - 1)]) value += weight * psi[node];
+    for (const auto& [node, weight] : right_end_[static_cast<std::size_t>(j - 1)])
+      value += weight * psi[node];
     psi[high_ - 1 + j] = value;
   }
 }
@@ -183,8 +190,9 @@ void Tiles::pass(Vec u, Vec u_new, PetscInt reach, const std::function<void(cons
   const PetscInt tiles = closed_ ? 1 : (local_ + tile_nodes - 1) / tile_nodes;
   for (PetscInt j = 0; j < tiles; ++j) {
     const PetscInt begin = share(j, tiles), end = share(j + 1, tiles);
-    const Tile tile = closed_ ? Tile{low_, high_, 0, local_, low_, high_}
-                              : Tile{begin, end, begin, end, std::max(begin - reach, low_), std::min(end + reach, high_)};
+    const Tile tile =
+        closed_ ? Tile{low_, high_, 0, local_, low_, high_}
+                : Tile{begin, end, begin, end, std::max(begin - reach, low_), std::min(end + reach, high_)};
     load(tile, a, halo);
     through(tile);
     store(tile, 1, b);
@@ -217,7 +225,8 @@ void Tiles::measure(const Tile& t, const Row& error, double dt, const ErrorNorm&
 Tiles::Measured Tiles::over_ranks(const Sums& sums, const ErrorNorm& norm, bool estimate) const {
   double total[3] = {sums.squares, sums.not_finite, sums.unsolved}, largest = sums.largest;
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, total, 3, MPI_DOUBLE, MPI_SUM, model_.comm()));
-  if (norm.type == NORM_INFINITY) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  if (norm.type == NORM_INFINITY)
+    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
   Measured result{std::isfinite(total[0]) && std::isfinite(total[1]), -1, total[2] == 0};
   if (estimate) result.error = norm.type == NORM_INFINITY ? largest : std::sqrt(total[0] / double(n_ * dof_));
   return result;

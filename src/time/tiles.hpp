@@ -1,10 +1,11 @@
-// A grid that is passed through tile by tile: the nodes of a tile lie in columns that stay in the cache, with as many
-// nodes beside them as the stages of a step reach.
+// A grid that is passed through tile by tile: the nodes of a tile lie in columns that stay in the cache, with
+// as many nodes beside them as the stages of a step reach.
 //
-// A stage looks half a stencil further than it is wanted, so that the first stage is taken on half_width nodes more at
-// either side for each stage that follows: these nodes are computed twice, which is cheaper than to go through memory.
-// What moves is u in and the new u out, once a step, and between ranks one message a step. A small grid, and one with so
-// few nodes a rank that the overlap would be most of the work, is one tile that every rank takes as a whole.
+// A stage looks half a stencil further than it is wanted, so that the first stage is taken on half_width
+// nodes more at either side for each stage that follows: these nodes are computed twice, which is cheaper
+// than to go through memory. What moves is u in and the new u out, once a step, and between ranks one message
+// a step. A small grid, and one with so few nodes a rank that the overlap would be most of the work, is one
+// tile that every rank takes as a whole.
 #pragma once
 
 #include <petscdmda.h>
@@ -46,20 +47,20 @@ class Tiles {
   const Model& model() const { return model_; }
   int dof() const { return dof_; }
   int half_width() const { return half_width_; }
-  PetscInt low() const { return low_; }    // the ends of the grid seen from this rank; far away on a ring in tiles
+  // the ends of the grid seen from this rank; far away on a ring in tiles
+  PetscInt low() const { return low_; }
   PetscInt high() const { return high_; }
 
   // 1, -1 or 0 for every node of this rank, from now on. Collective.
   void set_direction(const std::vector<double>& own);
 
-  // Passes through all tiles, each with `reach` nodes loaded at either side: u is in columns 0, and `through` leaves the
-  // new values in columns 1, which go to u_new. Then `after` looks at the tile. Collective.
+  // Passes through all tiles, each with `reach` nodes loaded at either side: u is in columns 0, and `through`
+  // leaves the new values in columns 1, which go to u_new. Then `after` looks at the tile. Collective.
   void pass(Vec u, Vec u_new, PetscInt reach, const std::function<void(const Tile&)>& through,
             const std::function<void(const Tile&)>& after) const;
 
-  // ---- within a tile ----
-  // Column 0: u, 1: y (a stage, or the new u), from 2 on: slopes. Node i of the tile for unknown d (0 psi, 1 eta, 2 the
-  // state) is column(...)[i - from].
+  // ---- within a tile ---- Column 0: u, 1: y (a stage, or the new u), from 2 on: slopes. Node i of the tile
+  // for unknown d (0 psi, 1 eta, 2 the state) is column(...)[i - from].
   double* column(int index, int d) const {
     return &work_[static_cast<std::size_t>((index * dof_ + d) * stride_ + pad_)];
   }
@@ -72,10 +73,12 @@ class Tiles {
   // Copies the tile's own part of columns `index` to the array of a Vec.
   void store(const Tile& t, int index, double* u) const;
   const double* amplitude(PetscInt node) const { return at(amplitude_, node); }  // nullptr: all are 1
-  // Where friction varies along x: the number of a node among those of this rank with its halo, and x of all of these.
+  // Where friction varies along x: the number of a node among those of this rank with its halo, and x of all
+  // of these.
   PetscInt number(PetscInt node) const { return node + left_halo_; }
   std::vector<double> places() const;
-  const double* direction(PetscInt node) const { return at(direction_, node); }  // nullptr: friction does not stick
+  // nullptr: friction does not stick
+  const double* direction(PetscInt node) const { return at(direction_, node); }
   // Calls body(i) for the held nodes of this rank in [begin, end).
   template <class Body>
   void for_held(PetscInt begin, PetscInt end, const Body& body) const {
@@ -91,7 +94,8 @@ class Tiles {
     double squares = 0, largest = 0, not_finite = 0, unsolved = 0;
   };
   // The new u stands in columns 1; columns 0 are used up. `estimate` false: only whether it is finite.
-  void measure(const Tile& t, const Row& error, double dt, const ErrorNorm& norm, bool estimate, Sums& sums) const;
+  void measure(const Tile& t, const Row& error, double dt, const ErrorNorm& norm, bool estimate,
+               Sums& sums) const;
   struct Measured {
     bool finite;
     double error;  // -1 without an estimate
@@ -115,15 +119,16 @@ class Tiles {
   const Model& model_;
   int dof_, half_width_;
   PetscInt first_, local_, n_;
-  bool closed_;        // one tile holds the whole grid, also of several ranks
+  bool closed_;  // one tile holds the whole grid, also of several ranks
   PetscInt low_, high_, left_halo_, right_halo_;
   std::vector<double> amplitude_, direction_;  // of the nodes -left_halo .. local + right_halo - 1
-  std::vector<std::vector<std::pair<PetscInt, double>>> left_end_, right_end_;  // psi beyond an end, by local nodes
+  // psi beyond an end, by local nodes
+  std::vector<std::vector<std::pair<PetscInt, double>>> left_end_, right_end_;
   std::function<void(const kernel::Terms&)> add_;
   std::function<double(const kernel::Weighted&)> square_;
   std::function<void(const kernel::Interleaved&)> to_columns_, from_columns_;
   ScatterHandle scatter_;
-  VecHandle fetched_, going_;  // going_: the direction in place of psi, to be fetched
+  VecHandle fetched_, going_;          // going_: the direction in place of psi, to be fetched
   static constexpr PetscInt pad_ = 8;  // room for the nodes beyond an end
   PetscInt stride_ = 0;
   mutable std::vector<double> work_;

@@ -9,7 +9,8 @@
 
 namespace stickslip {
 
-// ---- what the TS calls ------------------------------------------------------------------------------------------
+// ---- what the TS calls
+// ------------------------------------------------------------------------------------------
 
 Integrator::Impl& Integrator::Impl::of(TS ts) {
   void* context;
@@ -39,7 +40,8 @@ PetscErrorCode Integrator::Impl::PostStep(TS ts) {
   return guarded([&] { of(ts).after_step(); });
 }
 
-// ---- one step ---------------------------------------------------------------------------------------------------
+// ---- one step
+// ---------------------------------------------------------------------------------------------------
 
 void Integrator::Impl::begin_step() {
   double dt;
@@ -50,7 +52,8 @@ void Integrator::Impl::begin_step() {
   if (dense) dense->forget();
   guard.begin_step(ts);
   equations->begin_step(ts);
-  // A rejected step is only ever repeated with a smaller dt, so that this tells whether an output may fall in.
+  // A rejected step is only ever repeated with a smaller dt, so that this tells whether an output may fall
+  // in.
   has_kept = !fused && (guard.undoes() || stick || (dense && output_due(course.t_before + dt * (1 + 1e-12))));
   if (!has_kept) return;
   Vec u;
@@ -70,21 +73,24 @@ void Integrator::Impl::after_step() {
   model.settle(step.u);
   if (!known && !all_finite(model, step.u)) {
     course.report.t = reached;
-    throw Failure("the solution is not finite after step " + std::to_string(step.index) + " (t = " +
-                  number_text(step.t) + "): " + advice(dt));
+    throw Failure("the solution is not finite after step " + std::to_string(step.index) +
+                  " (t = " + number_text(step.t) + "): " + advice(dt));
   }
   if (dt == 0) {
     const std::string lost = model.lost_velocity(step.u);
-    throw Failure("the step has shrunk to nothing at t = " + number_text(step.t) + " (step " + std::to_string(step.index) +
-                  "); " + (lost.empty() ? "loosen ts_rtol and ts_atol, or smooth what is not smooth" : lost));
+    throw Failure("the step has shrunk to nothing at t = " + number_text(step.t) + " (step " +
+                  std::to_string(step.index) + "); " +
+                  (lost.empty() ? "loosen ts_rtol and ts_atol, or smooth what is not smooth" : lost));
   }
   check_floor(step);
-  if (stick) stick->after(step, before());
-  else course.tell(ts, step);
+  if (stick)
+    stick->after(step, before());
+  else
+    course.tell(ts, step);
 }
 
-// At ts_adapt_dt_min PETSc accepts a step whatever its error. That the next one should be no longer tells that this
-// one's error was at the tolerance or beyond.
+// At ts_adapt_dt_min PETSc accepts a step whatever its error. That the next one should be no longer tells
+// that this one's error was at the tolerance or beyond.
 void Integrator::Impl::check_floor(const Step& step) {
   if (!adaptive) return;
   TSAdapt adapt;
@@ -95,8 +101,8 @@ void Integrator::Impl::check_floor(const Step& step) {
   // close to the end steps are cut to hit it
   if (step.t - step.t_before > reach || step.next_dt > reach || step.t + 2 * reach >= course.t_end) return;
   course.report.t = course.t_before;
-  throw Failure("the step fell to its floor ts_adapt_dt_min " + number_text(floor) + " at t = " +
-                number_text(step.t) + " (step " + std::to_string(step.index) +
+  throw Failure("the step fell to its floor ts_adapt_dt_min " + number_text(floor) +
+                " at t = " + number_text(step.t) + " (step " + std::to_string(step.index) +
                 ") with an error above the tolerance; lower ts_adapt_dt_min, or loosen ts_rtol and ts_atol");
 }
 
@@ -106,8 +112,10 @@ Integrator::Step Integrator::Impl::step_now() {
   SS_TRY(TSGetSolution(ts, &u));
   SS_TRY(TSGetTime(ts, &t));
   SS_TRY(TSGetTimeStep(ts, &dt));
-  if (!adaptive && t == course.t_end && t < course.run_end) dt = fixed_dt;  // this one was cut short to end at a corner
-  return {course.steps(ts), course.t_before, t, u, dt, [this](double at, Vec into) { interpolate(at, into); }};
+  // this one was cut short to end at a corner
+  if (!adaptive && t == course.t_end && t < course.run_end) dt = fixed_dt;
+  return {
+      course.steps(ts), course.t_before, t, u, dt, [this](double at, Vec into) { interpolate(at, into); }};
 }
 
 std::string Integrator::Impl::advice(double dt) const {
@@ -119,7 +127,8 @@ std::string Integrator::Impl::advice(double dt) const {
   std::string text = "an explicit step of " + number_text(dt) + " is too large";
   const double frequency = model.wave_frequency();
   if (implicit != Implicit::wave && dt * frequency > 1)
-    text += (model.scene().massless() ? "; the shortest deviation dies away at " : "; the shortest wave turns at ") +
+    text += (model.scene().massless() ? "; the shortest deviation dies away at "
+                                      : "; the shortest wave turns at ") +
             number_text(frequency) + " per unit time";
   const double viscous = viscous_rate(model.scene());
   if (implicit != Implicit::wave && dt * viscous > 1)
@@ -127,7 +136,8 @@ std::string Integrator::Impl::advice(double dt) const {
   return text + "; reduce ts_dt, or choose an implicit method (ts_type arkimex)";
 }
 
-// ---- between steps ----------------------------------------------------------------------------------------------
+// ---- between steps
+// ----------------------------------------------------------------------------------------------
 
 bool Integrator::Impl::output_due(double until) {
   return next_output_time && next_output_time(course.t_before) <= until;
@@ -138,7 +148,8 @@ void Integrator::Impl::interpolate(double at, Vec into) {
   Vec u;
   SS_TRY(TSGetTime(ts, &t));
   SS_TRY(TSGetSolution(ts, &u));
-  // The end of a step may miss the time that it was to meet by round-off; a polynomial through slopes misses u by its error.
+  // The end of a step may miss the time that it was to meet by round-off; a polynomial through slopes misses
+  // u by its error.
   if (std::abs(at - t) <= 4 * std::numeric_limits<double>::epsilon() * std::abs(t)) {
     SS_TRY(VecCopy(u, into));
     return;
@@ -160,9 +171,11 @@ void Integrator::Impl::interpolate(double at, Vec into) {
                   std::to_string(course.report.steps) + "): " + advice(dt));
 }
 
-// ---- a run ------------------------------------------------------------------------------------------------------
+// ---- a run
+// ------------------------------------------------------------------------------------------------------
 
-void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& observer, std::int64_t max_steps) {
+void Integrator::Impl::start(Vec u, double t, double t_end, const Observer& observer,
+                             std::int64_t max_steps) {
   course.observer = &observer;
   course.t_end = course.run_end = t_end;
   course.t_before = t;
@@ -235,8 +248,8 @@ void Integrator::Impl::fail(TSConvergedReason reason) const {
   if (const std::string lost = model.lost_velocity(u); !lost.empty()) throw Failure(lost + at);
   PetscInt most = most_rejections;
   SS_TRY(PetscOptionsGetInt(nullptr, prefix.c_str(), "-ts_max_reject", &most, nullptr));
-  throw Failure("the time step was rejected more than " + std::to_string(most) + " times (ts_max_reject)" + at +
-                (unsolved ? ": Newton's method fails in the implicit part" : "") +
+  throw Failure("the time step was rejected more than " + std::to_string(most) + " times (ts_max_reject)" +
+                at + (unsolved ? ": Newton's method fails in the implicit part" : "") +
                 "; reduce ts_dt or loosen ts_rtol and ts_atol");
 }
 
@@ -255,7 +268,8 @@ void Integrator::continue_from(std::int64_t step, double dt) {
   SS_TRY(TSSetTimeStep(impl_->ts, dt));
 }
 
-TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& observer, std::int64_t max_steps) {
+TimeReport Integrator::advance(Vec u, double t, double t_end, const Observer& observer,
+                               std::int64_t max_steps) {
   Impl& m = *impl_;
   m.start(u, t, t_end, observer, max_steps);
   TimeReport& report = m.course.report;
@@ -277,7 +291,8 @@ std::string Integrator::interpolation_caveat() const {
   const int order = interpolation_order();
   if (method().order <= order + 1 && method().name() != "arkimex:5") return "";
   return method().name() + " has order " + std::to_string(method().order) +
-         ", but values between its steps (frames, measurements) have order 4; steps and the end are not affected";
+         ", but values between its steps (frames, measurements) have order 4; steps and the end are not "
+         "affected";
 }
 bool Integrator::adaptive() const { return impl_->adaptive; }
 const Method& Integrator::method() const { return *impl_->method; }

@@ -21,7 +21,8 @@ class BranchWalk {
  public:
   BranchWalk(const TrainFamily& family, double from, double to);
 
-  // Takes a step of at most `longest` and adds its point to the branch. False where the branch ends; `end` says why.
+  // Takes a step of at most `longest` and adds its point to the branch. False where the branch ends; `end`
+  // says why.
   bool step(double longest, Branch& branch);
   const Train& first() const { return first_; }
   double value() const { return x_.back(); }
@@ -107,18 +108,22 @@ TrainEquations BranchWalk::solved(const std::vector<double>& row, double right, 
   const std::vector<double>& mesh = problem_->mesh();
   const std::vector<double> rough = roughness(mesh, guess.data(), problem_->dim());
   const size_t wanted = size_t(std::min(4000., std::max(60., intervals_for(mesh, rough, 1e-9))));
-  TrainEquations better = problem_on(equidistribute(mesh, rough, wanted), guess[guess.size() - 2], guess.back());
+  TrainEquations better =
+      problem_on(equidistribute(mesh, rough, wanted), guess[guess.size() - 2], guess.back());
   y = better.fill(*problem_, guess);
   better.extend(family_, lambda_scale_, row, right);
   if (!newton(better, y, nullptr, 10)) throw Failure("Newton's method does not converge");
   return better;
 }
 
-// psi passes y[0] = v as it did at the beginning where the orbit is a true one; past the Hopf point the branch repeats itself half a turn on.
-bool BranchWalk::vanished(const Train& train, const TrainEquations& problem, const std::vector<double>& y) const {
+// psi passes y[0] = v as it did at the beginning where the orbit is a true one; past the Hopf point the
+// branch repeats itself half a turn on.
+bool BranchWalk::vanished(const Train& train, const TrainEquations& problem,
+                          const std::vector<double>& y) const {
   double slope[train_max_dim + 1];
   problem.setting().rhs(problem.setting().at(y[y.size() - 2]), y.data(), slope, nullptr);
-  return first_.oscillator->side() * slope[0] <= 0 || train.psi_max - train.psi_min < 1e-3 * (first_.psi_max - first_.psi_min);
+  return first_.oscillator->side() * slope[0] <= 0 ||
+         train.psi_max - train.psi_min < 1e-3 * (first_.psi_max - first_.psi_min);
 }
 
 bool BranchWalk::step(double longest, Branch& branch) {
@@ -153,11 +158,13 @@ bool BranchWalk::step(double longest, Branch& branch) {
     const double a1 = std::pow(last.train.psi_max - last.train.psi_min, 2);
     const double a2 = std::pow(train.psi_max - train.psi_min, 2);
     const double hopf = a1 != a2 ? (there[2] * a1 - last.value * a2) / (a1 - a2) : there[2];
-    branch.end = "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 8) +
-                 (train.nu > 0 ? ", where sliding becomes stable to this wave" : ", where sliding becomes stable");
+    branch.end =
+        "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 8) +
+        (train.nu > 0 ? ", where sliding becomes stable to this wave" : ", where sliding becomes stable");
     return false;
   }
-  // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a fold.
+  // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a
+  // fold.
   const bool fold = new_direction[2] * heading_ < -1e-9 * lambda_scale_;
   if (fold) heading_ = -heading_;
   *problem_ = better;

@@ -30,29 +30,34 @@ PetscErrorCode on_entries(void* problem, Vec x, Vec y, Work&& work) {
 }
 
 PetscErrorCode form_function(SNES, Vec x, Vec f, void* context) {
-  return on_entries(context, x, f, [](TrainEquations& p, const double* in, double* out) { p.residual(in, out); });
+  return on_entries(context, x, f,
+                    [](TrainEquations& p, const double* in, double* out) { p.residual(in, out); });
 }
 
 PetscErrorCode form_jacobian(SNES, Vec x, Mat, Mat, void* context) {
-  return on_entries(context, x, nullptr, [](TrainEquations& p, const double* in, double*) { p.linearise(in); });
+  return on_entries(context, x, nullptr,
+                    [](TrainEquations& p, const double* in, double*) { p.linearise(in); });
 }
 
 PetscErrorCode shell_multiply(Mat J, Vec x, Vec y) {
   void* context;
   PetscCall(MatShellGetContext(J, &context));
-  return on_entries(context, x, y, [](TrainEquations& p, const double* in, double* out) { p.multiply(in, out); });
+  return on_entries(context, x, y,
+                    [](TrainEquations& p, const double* in, double* out) { p.multiply(in, out); });
 }
 
 PetscErrorCode shell_solve(PC pc, Vec x, Vec y) {
   void* context;
   PetscCall(PCShellGetContext(pc, &context));
-  return on_entries(context, x, y, [](TrainEquations& p, const double* in, double* out) { p.solve(in, out); });
+  return on_entries(context, x, y,
+                    [](TrainEquations& p, const double* in, double* out) { p.solve(in, out); });
 }
 
-// Converged by the step, not the residual, which cannot fall below the round-off of stiff intervals. In a front of
-// width w (in phase) psi itself cannot be known better than 1e-16/w, so that there the numbers sought decide.
-PetscErrorCode converged(SNES snes, PetscInt it, PetscReal, PetscReal, PetscReal fnorm, SNESConvergedReason* reason,
-                         void* context) {
+// Converged by the step, not the residual, which cannot fall below the round-off of stiff intervals. In a
+// front of width w (in phase) psi itself cannot be known better than 1e-16/w, so that there the numbers
+// sought decide.
+PetscErrorCode converged(SNES snes, PetscInt it, PetscReal, PetscReal, PetscReal fnorm,
+                         SNESConvergedReason* reason, void* context) {
   return guarded([&] {
     auto* steps = static_cast<Steps*>(context);
     *reason = SNES_CONVERGED_ITERATING;
@@ -68,7 +73,8 @@ PetscErrorCode converged(SNES snes, PetscInt it, PetscReal, PetscReal, PetscReal
     SS_TRY(VecNorm(dx, NORM_INFINITY, &step));
     SS_TRY(VecGetSize(dx, &size));
     const Reading values(dx);
-    for (PetscInt i = size - steps->numbers; i < size; ++i) number_step = std::max(number_step, std::abs(values[i]));
+    for (PetscInt i = size - steps->numbers; i < size; ++i)
+      number_step = std::max(number_step, std::abs(values[i]));
     const bool stagnant = steps->last >= 0 && step > .2 * steps->last;
     if (step < 1e-12 || (stagnant && step < 1e-8) || (stagnant && step < 1e-3 && number_step < 1e-11)) {
       *reason = SNES_CONVERGED_SNORM_RELATIVE;

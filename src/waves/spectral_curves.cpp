@@ -9,10 +9,10 @@ namespace {
 
 using std::size_t;
 using Complex = std::complex<double>;
-constexpr double longest_turn = .6;     // of ln rho in a step along a curve
-constexpr double farthest_off = .01;    // of ln rho, from what its slopes say
-constexpr double landed = 1e-8;         // of a curve that is back on the line, times the period
-constexpr double same_end = 1e-3;       // of ln rho and the phase, at the end of an arc
+constexpr double longest_turn = .6;   // of ln rho in a step along a curve
+constexpr double farthest_off = .01;  // of ln rho, from what its slopes say
+constexpr double landed = 1e-8;       // of a curve that is back on the line, times the period
+constexpr double same_end = 1e-3;     // of ln rho and the phase, at the end of an arc
 constexpr size_t most_points = 20000;
 
 Complex along(const CurvePoint& p, double T) { return Complex(0, 1) / (p.slope - T); }  // d lambda/d phase
@@ -30,8 +30,8 @@ Complex slope_at(Transfer& transfer, Complex lambda, Complex log_rho, Complex st
   return apart(m.log_rho[nearest(m, log_rho)], log_rho) / step;
 }
 
-// A step by `turn` of the phase. False where it does not lead where it should: what ln rho has gained must be what its
-// slopes at both ends say, up to the third order in the step. `off`: by how much it is not.
+// A step by `turn` of the phase. False where it does not lead where it should: what ln rho has gained must be
+// what its slopes at both ends say, up to the third order in the step. `off`: by how much it is not.
 bool advance(Transfer& transfer, CurvePoint& p, double turn, double& off) {
   CurvePoint next = p;
   if (!follow(transfer, next, p.phase(transfer.train().period) + turn, 1e-6)) return false;
@@ -89,8 +89,8 @@ void add_summits(Transfer& transfer, SpectralCurve& curve) {
 class Tracer {
  public:
   Tracer(Transfer& transfer, const SpectralLine& line, double longest)
-      : transfer_(transfer), arcs_(line.arcs()), sigma_(line.sigma()), T_(transfer.train().period), longest_(longest),
-        begun_(arcs_.size(), false), ended_(arcs_.size(), false) {
+      : transfer_(transfer), arcs_(line.arcs()), sigma_(line.sigma()), T_(transfer.train().period),
+        longest_(longest), begun_(arcs_.size(), false), ended_(arcs_.size(), false) {
     found_.whole = line.closed();
     double turned = 0, turned_by_arcs = 0;
     for (size_t k = 0; k < arcs_.size(); ++k) turned_by_arcs += turn_of(arcs_[k]);
@@ -181,7 +181,8 @@ class Tracer {
     for (size_t k = 0; k < arcs_.size(); ++k) {
       const ArcPoint& end = arcs_[k].back();
       const Complex log_rho = end.log_y + Complex(sigma_, end.omega) * T_;
-      if (std::abs(p.lambda.imag() - end.omega) * T_ < same_end && std::abs(apart(p.log_rho, log_rho)) < same_end)
+      if (std::abs(p.lambda.imag() - end.omega) * T_ < same_end &&
+          std::abs(apart(p.log_rho, log_rho)) < same_end)
         return k;
     }
     return none;
@@ -221,7 +222,8 @@ bool follow(Transfer& transfer, CurvePoint& p, double phase, double tolerance) {
     const Multipliers m = transfer.at(there);
     double distance, second;
     const Complex move = apart(m.log_rho[nearest(m, guess, distance, second)], guess);
-    if (distance > 1 || (second < 2 * distance && distance > tolerance)) return false;  // which of them is it?
+    // which of them is it?
+    if (distance > 1 || (second < 2 * distance && distance > tolerance)) return false;
     if (std::abs(step) > 1e-7 * (1 + std::abs(there))) slope += move / step;
     at = there;
     log_rho = guess + move;

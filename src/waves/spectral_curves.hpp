@@ -1,10 +1,12 @@
-// The curves on which the spectrum of the endless train lies right of a line, |y| = 1 (waves/spectral_line.hpp).
+// The curves on which the spectrum of the endless train lies right of a line, |y| = 1
+// (waves/spectral_line.hpp).
 //
-// A curve leaves the line where one of its arcs begins and comes back where one ends: its own, unless multipliers meet
-// right of the line. Along it ln y turns steadily, so that Newton's method goes from phase to phase; its steps are as
-// short as it takes for each to lead where the slopes at its ends say. The curves are all there are where each arc is the
-// beginning of one and the end of one, and where their phases together turn by as much as those of the arcs: by the
-// argument principle nothing lies right of the line besides.
+// A curve leaves the line where one of its arcs begins and comes back where one ends: its own, unless
+// multipliers meet right of the line. Along it ln y turns steadily, so that Newton's method goes from phase
+// to phase; its steps are as short as it takes for each to lead where the slopes at its ends say. The curves
+// are all there are where each arc is the beginning of one and the end of one, and where their phases
+// together turn by as much as those of the arcs: by the argument principle nothing lies right of the line
+// besides.
 #pragma once
 
 #include "waves/spectral_line.hpp"
@@ -22,7 +24,8 @@ bool follow(Transfer& transfer, CurvePoint& p, double phase, double tolerance);
 
 struct SpectralCurve {
   std::vector<CurvePoint> points;  // the phase falls; with every summit of the growth rate among them
-  bool has_image = false;          // its mirror image at the frequencies of other sign is another curve, not in the list
+  // its mirror image at the frequencies of other sign is another curve, not in the list
+  bool has_image = false;
 
   ModeRange modes(double period, PetscInt pulses) const;
   // The place of mode M by interpolation, and the point next to it.

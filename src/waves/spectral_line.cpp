@@ -11,9 +11,9 @@ namespace stickslip {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr double spacing = .7;        // of samples, in radians of the slowest wave over a period
-constexpr double longest_move = .8;   // of ln rho between samples
-constexpr double of_interest = -.3;   // ln |y| from which on multipliers are told apart
+constexpr double spacing = .7;       // of samples, in radians of the slowest wave over a period
+constexpr double longest_move = .8;  // of ln rho between samples
+constexpr double of_interest = -.3;  // ln |y| from which on multipliers are told apart
 
 }  // namespace
 
@@ -102,13 +102,16 @@ bool SpectralLine::matched(const Sample& a, const Sample& b) const {
 void SpectralLine::scan() {
   const Train& train = transfer_.train();
   const double V = std::abs(train.speed), c = std::sqrt(train.oscillator->c2());
-  // ln rho turns at T c/(V + c) in Im lambda for one of the waves, at T c/(V - c) for the other, if that lives at all
-  const double decay = (sigma_ + transfer_.damping().mean / 2) * train.period * V * (1 + c / V) / (V * train.r2);
+  // ln rho turns at T c/(V + c) in Im lambda for one of the waves, at T c/(V - c) for the other, if that
+  // lives at all
+  const double decay =
+      (sigma_ + transfer_.damping().mean / 2) * train.period * V * (1 + c / V) / (V * train.r2);
   const double rate = train.period * c / V / (decay < 3 ? train.r2 / (1 + c / V) : 1 + c / V);
   const double even = std::min(spacing / rate, top_ / 8);
   // near V = c the multipliers change with lambda over sqrt(r2 |dC/dt|), next to the passages through C = 0
   const double finest = .15 * std::sqrt(train.r2 * transfer_.damping().slope) * V / c;
-  // Where multipliers are noise (round-off that fronts have amplified, near V = c) no sampling makes neighbours match.
+  // Where multipliers are noise (round-off that fronts have amplified, near V = c) no sampling makes
+  // neighbours match.
   double left = added_samples(top_ / even);
   std::vector<Sample> half{sample(0)};
   while (half.back().omega < top_) {
@@ -164,7 +167,8 @@ void SpectralLine::trace_arcs() {
     const Sample &a = samples_[k - 1], &b = samples_[k];
     std::vector<Open> still;
     bool taken[train_max_dim] = {};
-    // on along an arc: the phase turns as ln rho does, less the turns of exp(-lambda T), which may be very many
+    // on along an arc: the phase turns as ln rho does, less the turns of exp(-lambda T), which may be very
+    // many
     const auto extend = [&](Arc& arc, ArcPoint p, Complex log_rho, Complex before, double omega_before) {
       const double turn = apart(log_rho, before).imag() - (p.omega - omega_before) * period_;
       p.log_y = {p.log_y.real(), arc.back().log_y.imag() + turn};

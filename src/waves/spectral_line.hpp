@@ -1,14 +1,16 @@
-// The multipliers of a train's perturbations along a vertical line of the plane of lambda, and the curves on which the
-// spectrum right of it lies.
+// The multipliers of a train's perturbations along a vertical line of the plane of lambda, and the curves on
+// which the spectrum right of it lies.
 //
-// With y(lambda) = rho exp(-lambda T) for each multiplier rho (waves/transfer.hpp), lambda belongs to the ring of n
-// pulses where y = exp(2 pi i M/n) for an integer M, and to the endless train where |y| = 1. By the argument principle
-// the number of ring modes right of the line is that of the turns of det(Y - x) along it, and these are made where
-// |y| > 1: every stretch (arc) of the line on which one of the y stands outside the unit circle carries as many modes
-// as its phase passes multiples of 2 pi/n downwards. Nothing is said about frequencies between samples that a finer
-// sampling would change: neighbours are matched, and samples added until they match.
+// With y(lambda) = rho exp(-lambda T) for each multiplier rho (waves/transfer.hpp), lambda belongs to the
+// ring of n pulses where y = exp(2 pi i M/n) for an integer M, and to the endless train where |y| = 1. By the
+// argument principle the number of ring modes right of the line is that of the turns of det(Y - x) along it,
+// and these are made where |y| > 1: every stretch (arc) of the line on which one of the y stands outside the
+// unit circle carries as many modes as its phase passes multiples of 2 pi/n downwards. Nothing is said about
+// frequencies between samples that a finer sampling would change: neighbours are matched, and samples added
+// until they match.
 //
-// The modes themselves lie on curves |y| = 1 right of the line, which begin and end where arcs do: waves/spectral_curves.hpp.
+// The modes themselves lie on curves |y| = 1 right of the line, which begin and end where arcs do:
+// waves/spectral_curves.hpp.
 #pragma once
 
 #include <vector>
@@ -30,10 +32,11 @@ class SpectralLine {
   SpectralLine(Transfer& transfer, double sigma);
   double sigma() const { return sigma_; }
   double top() const { return top_; }  // samples reach from -top to top (Im lambda)
-  // With viscosity: no multiplier was seen to meet the one that is left out (transfer.hpp), on the real axis right of the
-  // line. Where they meet, the phases of an arc are not those of its curve.
+  // With viscosity: no multiplier was seen to meet the one that is left out (transfer.hpp), on the real axis
+  // right of the line. Where they meet, the phases of an arc are not those of its curve.
   bool separate() const { return separate_; }
-  // No wave beyond the samples was seen to grow faster than the line, and all samples matched their neighbours.
+  // No wave beyond the samples was seen to grow faster than the line, and all samples matched their
+  // neighbours.
   bool closed() const { return closed_; }
   const std::vector<Arc>& arcs() const { return arcs_; }
   // Modes of a ring of `pulses` right of the line: all, and those of Bloch factor exp(2 pi i m/pulses).
@@ -61,8 +64,8 @@ class SpectralLine {
   std::vector<Arc> arcs_;
 };
 
-// Integers M with lo <= M <= hi: the modes y = exp(2 pi i M/pulses) on the way of the phase down from `first` to `last`
-// (hi < lo: none), or of an arc.
+// Integers M with lo <= M <= hi: the modes y = exp(2 pi i M/pulses) on the way of the phase down from `first`
+// to `last` (hi < lo: none), or of an arc.
 struct ModeRange {
   long long lo, hi;
 };

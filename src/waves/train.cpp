@@ -26,8 +26,9 @@ double extremum(const Train& train, int sign) {
   for (size_t i : {interval, (interval + n - 1) % n, (interval + 1) % n}) {
     const double h = train.mesh[i + 1] - train.mesh[i];
     // flat on top: a place known to 1e-9 tells the value to the last digit
-    const Least least = find_least([&](double part) { return -sign * train.psi_at(train.mesh[i] + part * h); }, 0, 1,
-                                   1e-9, [](double) { return false; });
+    const Least least =
+        find_least([&](double part) { return -sign * train.psi_at(train.mesh[i] + part * h); }, 0, 1, 1e-9,
+                   [](double) { return false; });
     value = sign * std::max(sign * value, -least.value);
   }
   return value;
@@ -55,8 +56,10 @@ Train pack(const TrainEquations& problem, const std::vector<double>& x) {
   train.mesh = problem.mesh();
   train.nu = setting.N * setting.oscillator->A();
   std::vector<double> values(x.begin(), x.begin() + long(train.intervals() * problem.block()));
-  if (setting.N > 0) set_viscous_values(train, std::move(values));
-  else train.values = std::move(values);
+  if (setting.N > 0)
+    set_viscous_values(train, std::move(values));
+  else
+    train.values = std::move(values);
   find_extrema(train);
   return train;
 }
@@ -64,15 +67,17 @@ Train pack(const TrainEquations& problem, const std::vector<double>& x) {
 namespace {
 
 // The largest change of psi at the points of the finer mesh.
-double change_of_profile(const TrainEquations& problem, const std::vector<double>& x, const TrainEquations& finer,
-                         const std::vector<double>& y) {
+double change_of_profile(const TrainEquations& problem, const std::vector<double>& x,
+                         const TrainEquations& finer, const std::vector<double>& y) {
   const std::vector<double> coarse = finer.fill(problem, x);
   double change = 0;
-  for (size_t i = 0; i + 1 < y.size(); i += size_t(finer.dim())) change = std::max(change, std::abs(coarse[i] - y[i]));
+  for (size_t i = 0; i + 1 < y.size(); i += size_t(finer.dim()))
+    change = std::max(change, std::abs(coarse[i] - y[i]));
   return change;
 }
 
-// The train of a solution on a halved mesh, with its errors: `estimate` is the relative one of the unknown number.
+// The train of a solution on a halved mesh, with its errors: `estimate` is the relative one of the unknown
+// number.
 Train finished(TrainEquations& problem, const std::vector<double>& x, double estimate) {
   Train train = pack(problem, x);
   std::vector<double> F(problem.size()), noise(problem.size());
@@ -93,8 +98,8 @@ Kinks kinks_along(const TrainEquations& problem, const std::vector<double>& x) {
   });
 }
 
-// Solves on a mesh that suits the profile, then on that mesh halved; refines until the answer is good enough. False where
-// Newton's method does not converge.
+// Solves on a mesh that suits the profile, then on that mesh halved; refines until the answer is good enough.
+// False where Newton's method does not converge.
 bool solve_to(const TrainSetting& setting, const Orbit& start, double q, double tolerance, Train& train) {
   TrainEquations problem(setting, start.mesh, q);
   std::vector<double> x = problem.fill([&](double phase, double* y) { start.at(phase, y); }, q);
@@ -145,16 +150,15 @@ double cubic_shortest(const Scene& scene) {
   return scene.gamma * a2 * scene.c * (3 - (1 - w2) * std::log((4 - w2) / (1 - w2)));
 }
 
-bool plain_cubic(const Scene& scene) {
-  return Friction::of(scene.friction)->van_der_pol;
-}
+bool plain_cubic(const Scene& scene) { return Friction::of(scene.friction)->van_der_pol; }
 
 }  // namespace
 
 void check_train_scene(const Scene& scene) {
   if (scene.form == Form::chain)
-    throw UsageError("model_form chain: travelling trains are solved for in the continuum only (the chain's obey an "
-                     "advance-delay equation); use model_form continuum");
+    throw UsageError(
+        "model_form chain: travelling trains are solved for in the continuum only (the chain's obey an "
+        "advance-delay equation); use model_form continuum");
   if (scene.spread > 0)
     throw UsageError("friction_spread " + rounded_text(scene.spread, 8) +
                      ": a train travels through a uniform medium only; set friction_spread to 0");
@@ -169,7 +173,8 @@ double shortest_pulse(const Scene& scene) {
 namespace {
 
 void check_request(const Scene& scene, const TrainRequest& request) {
-  if (request.pulses < 1) throw UsageError("wave_pulses " + std::to_string(request.pulses) + ": at least 1 is needed");
+  if (request.pulses < 1)
+    throw UsageError("wave_pulses " + std::to_string(request.pulses) + ": at least 1 is needed");
   if (bool(request.length) == bool(request.speed))
     throw UsageError("wave_length and wave_speed: exactly one of the two is needed");
   if (request.length && !(*request.length > 0))
@@ -193,15 +198,16 @@ bool from_orbit(const TrainSetting& setting, const Orbit& orbit, double q, doubl
   if (solve_to(setting, orbit, q, tolerance, train)) return true;
   // fronts so steep that Newton's method wants a better start
   for (double finer : {1e-7, 1e-9, 1e-11})
-    if (solve_to(setting, find_orbit(*setting.oscillator, setting.at(q).r2, finer), q, tolerance, train)) return true;
+    if (solve_to(setting, find_orbit(*setting.oscillator, setting.at(q).r2, finer), q, tolerance, train))
+      return true;
   return false;
 }
 
 // The fastest train of the length that is given; false where none is found down to V = c.
 bool fastest_of_length(const TrainSetting& setting, double c, double tolerance, Train& train) {
   const double pulse = *setting.request.length / double(setting.request.pulses);
-  // ln(V T/(length of a pulse)), from high speed down; the first change of sign is the fastest train. NaN where nothing
-  // oscillates so slowly.
+  // ln(V T/(length of a pulse)), from high speed down; the first change of sign is the fastest train. NaN
+  // where nothing oscillates so slowly.
   Orbit orbit = orbit_at(setting, 1);
   const auto mismatch = [&](double q) {
     try {
@@ -223,7 +229,8 @@ bool fastest_of_length(const TrainSetting& setting, double c, double tolerance, 
     }
     if (at_low <= 0) {
       const double q = find_root(mismatch, {low, at_low, high, at_high}, 1e-5 * std::max(1., std::abs(high)));
-      if (!std::isnan(q) && !std::isnan(mismatch(q)) && from_orbit(setting, orbit, q, tolerance, train)) return true;
+      if (!std::isnan(q) && !std::isnan(mismatch(q)) && from_orbit(setting, orbit, q, tolerance, train))
+        return true;
       // a jump of the period, not a root: on below it
       for (; low > floor && at_low <= 0; low -= .5) at_low = mismatch(low - .5);
     }
@@ -250,18 +257,21 @@ Train solve_train(const Scene& scene, const TrainRequest& request, double tolera
     return train;
   }
   if (fastest_of_length(setting, scene.c, tolerance, train)) return train;
-  const std::string none = "no train of " + std::to_string(request.pulses) + (request.pulses == 1 ? " pulse" : " pulses") +
-                           " on a ring of length " + rounded_text(*request.length, 8);
+  const std::string none = "no train of " + std::to_string(request.pulses) +
+                           (request.pulses == 1 ? " pulse" : " pulses") + " on a ring of length " +
+                           rounded_text(*request.length, 8);
   double l = shortest_pulse(scene);
   if (std::isnan(l)) {
     try {
       l = scene.c * find_orbit(Oscillator(scene), 2e-12, 1e-8).period;
     } catch (const Failure&) {
-      throw Failure(none + " was found, and none is left as V falls to c: wave_speed shows which speeds have one");
+      throw Failure(none +
+                    " was found, and none is left as V falls to c: wave_speed shows which speeds have one");
     }
   }
   const double most = std::ceil(*request.length / l) - 1;
-  const std::string fits = most < 1 ? "none fits" : "at most " + rounded_text(most, 8) + (most == 1 ? " fits" : " fit");
+  const std::string fits =
+      most < 1 ? "none fits" : "at most " + rounded_text(most, 8) + (most == 1 ? " fits" : " fit");
   throw Failure(none + ": as V falls to c a pulse still takes " + rounded_text(l, 8) + ", so that " + fits);
 }
 

@@ -27,8 +27,10 @@ TrainSetting::At TrainSetting::at(double q) const {
 }
 
 void TrainSetting::rhs(const At& at, const double* y, double* dy, double* J) const {
-  if (N > 0) viscous_rhs(*oscillator, N, at.speed, at.r2, y, dy, J);
-  else oscillator->rhs(at.r2, y, dy, J);
+  if (N > 0)
+    viscous_rhs(*oscillator, N, at.speed, at.r2, y, dy, J);
+  else
+    oscillator->rhs(at.r2, y, dy, J);
 }
 
 double TrainSetting::decay(const At& at) const {
@@ -86,20 +88,26 @@ std::vector<double> TrainEquations::fill(const Profile& profile, double q) const
 }
 
 std::vector<double> TrainEquations::fill(const Train& train, double q) const {
-  return fill([&](double phase, double* y) {
-    if (setting_.N > 0) evaluate(*train.method, train.mesh, train.viscous_values.data(), d_, phase, y);
-    else train.at(phase, y);
-  }, q);
+  return fill(
+      [&](double phase, double* y) {
+        if (setting_.N > 0)
+          evaluate(*train.method, train.mesh, train.viscous_values.data(), d_, phase, y);
+        else
+          train.at(phase, y);
+      },
+      q);
 }
 
 std::vector<double> TrainEquations::fill(const TrainEquations& from, const std::vector<double>& x) const {
-  std::vector<double> y = fill(
-      [&](double phase, double* at) { evaluate(method(), from.mesh(), x.data(), d_, phase, at); }, x[x.size() - size_t(from.parameters())]);
+  std::vector<double> y =
+      fill([&](double phase, double* at) { evaluate(method(), from.mesh(), x.data(), d_, phase, at); },
+           x[x.size() - size_t(from.parameters())]);
   if (family_) y.back() = x.back();
   return y;
 }
 
-void TrainEquations::interval_rows(size_t i, const double* in, const double* G, double scale, double* out) const {
+void TrainEquations::interval_rows(size_t i, const double* in, const double* G, double scale,
+                                   double* out) const {
   const size_t b = block(), d = size_t(d_);
   const double *y = in + i * b, *Y = y + d, *next = in + (i + 1 < n_ ? i + 1 : 0) * b;
   const double h = (mesh_[i + 1] - mesh_[i]) * scale;
@@ -134,7 +142,8 @@ void TrainEquations::residual(const double* x, double* F) {
 
 double TrainEquations::largest_residual(const std::vector<double>& x, std::vector<double>& F) {
   residual(x.data(), F.data());
-  return std::abs(*std::max_element(F.begin(), F.end(), [](double a, double b) { return std::abs(a) < std::abs(b); }));
+  return std::abs(
+      *std::max_element(F.begin(), F.end(), [](double a, double b) { return std::abs(a) < std::abs(b); }));
 }
 
 void TrainEquations::linearise(const double* x) {
@@ -272,7 +281,8 @@ void TrainEquations::solve(const double* rhs, double* dx) const {
     S[(d + 1) * size + d + 1] = row_[2];
     z[d + 1] = rhs[n_ * b + 1];
   }
-  if (!solve_dense(int(size), S.data(), 1, z.data())) throw Failure("the equations of the train are singular");
+  if (!solve_dense(int(size), S.data(), 1, z.data()))
+    throw Failure("the equations of the train are singular");
   std::vector<double> w(p + 1, 1.);
   for (size_t l = 0; l < p; ++l) w[l] = z[d + l];
   const std::vector<double> y = cyclic.expand(int(p) + 1, chain, w.data(), z.data(), 1.);

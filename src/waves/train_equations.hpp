@@ -1,5 +1,5 @@
-// The collocation equations of a train on a given mesh, their linearisation, and Newton's method for them. Alike on
-// every rank; SNES on PETSC_COMM_SELF.
+// The collocation equations of a train on a given mesh, their linearisation, and Newton's method for them.
+// Alike on every rank; SNES on PETSC_COMM_SELF.
 #pragma once
 
 #include <cmath>
@@ -22,8 +22,8 @@ struct TrainSetting {
     return {std::make_shared<const Oscillator>(scene), request, scene.nu > 0 ? scene.N() : 0};
   }
 
-  // Period and r2, with their derivatives, as functions of the unknown number q: ln T where the speed is given,
-  // ln sqrt(V^2 - c^2) where the length is.
+  // Period and r2, with their derivatives, as functions of the unknown number q: ln T where the speed is
+  // given, ln sqrt(V^2 - c^2) where the length is.
   struct At {
     double T, r2, T_q, r2_q, speed, speed_q;
   };
@@ -79,13 +79,15 @@ class TrainEquations {
   void solve(const double* rhs, double* dx) const;
 
  private:
-  // What the elimination of each interval's Gauss points leaves. `response`: their values for y at the left node, for
-  // the parameters and for the right-hand side, in columns; `phi` and `chain`: y at the right node likewise.
+  // What the elimination of each interval's Gauss points leaves. `response`: their values for y at the left
+  // node, for the parameters and for the right-hand side, in columns; `phi` and `chain`: y at the right node
+  // likewise.
   struct Condensed {
     std::vector<double> response, phi, chain;
   };
   Condensed condense(const double* rhs) const;
-  // The setting at lambda. Throws Failure where viscosity comes in or goes, and with it the order of the equation.
+  // The setting at lambda. Throws Failure where viscosity comes in or goes, and with it the order of the
+  // equation.
   TrainSetting at_lambda(double lambda) const;
   // The rows of interval i of out, from those of in and the slopes G at its Gauss points.
   void interval_rows(size_t i, const double* in, const double* G, double scale, double* out) const;
@@ -101,8 +103,8 @@ class TrainEquations {
   std::vector<double> J_, Gp_;
 };
 
-// Solves the equations from x; false where Newton's method does not converge. The size of the last step tells how far
-// round-off lets the answer be known.
+// Solves the equations from x; false where Newton's method does not converge. The size of the last step tells
+// how far round-off lets the answer be known.
 bool newton(TrainEquations& problem, std::vector<double>& x, double* last_step = nullptr, int max_it = 20);
 
 // The train of a solution; its residual and errors stay 0.

@@ -102,17 +102,22 @@ class LimitsOfBranch {
     std::vector<Found> list;
     const auto note = [&](std::size_t k, const std::string& what) {
       notes.push_back(what + " between " + rounded_text(branch_.points[k].value, 8) + " and " +
-                      rounded_text(branch_.points[k + 1].value, 8) + " was seen and not located: more wave_steps");
+                      rounded_text(branch_.points[k + 1].value, 8) +
+                      " was seen and not located: more wave_steps");
     };
     for (std::size_t k = 0; k + 1 < branch_.points.size(); ++k) {
       const bool fold = branch_.points[k + 1].fold;
       if (fold) {
-        if (const auto found = fold_between(k)) list.push_back(*found);
-        else note(k, "a fold");
+        if (const auto found = fold_between(k))
+          list.push_back(*found);
+        else
+          note(k, "a fold");
       }
       if (!stability_) continue;
       if (counts_[k].empty() || counts_[k + 1].empty()) {
-        note(k, "whether stability changes is not known, since growing modes could not be counted; what happens");
+        note(
+            k,
+            "whether stability changes is not known, since growing modes could not be counted; what happens");
         continue;
       }
       for (std::size_t m = 0; m < counts_[k].size(); ++m) {
@@ -129,8 +134,8 @@ class LimitsOfBranch {
     return list;
   }
 
-  // Those alone that part stable trains from others; `lost`: how many were seen and not located. Trains are looked at
-  // where the parameter has moved by `apart` since the last: in a canard explosion it hardly moves.
+  // Those alone that part stable trains from others; `lost`: how many were seen and not located. Trains are
+  // looked at where the parameter has moved by `apart` since the last: in a canard explosion it hardly moves.
   std::vector<Found> of_stable(double apart, int& lost) {
     const std::vector<BranchPoint>& points = branch_.points;
     std::vector<Found> list;
@@ -165,12 +170,14 @@ class LimitsOfBranch {
     std::optional<Found> found;
     if (branch_.points[k + 1].fold) found = fold_between(k);
     if (!found || !found->limit.leads.value_or(false)) found = edge(before ? k : k + 1, before ? k + 1 : k);
-    if (found && found->limit.leads.value_or(false)) list.push_back(std::move(*found));
-    else ++lost;
+    if (found && found->limit.leads.value_or(false))
+      list.push_back(std::move(*found));
+    else
+      ++lost;
   }
 
-  // Between a stable train and one that is not: a place where one mode alone grows, by halving, and from there where it
-  // begins to.
+  // Between a stable train and one that is not: a place where one mode alone grows, by halving, and from
+  // there where it begins to.
   std::optional<Found> edge(std::size_t stable, std::size_t other) const {
     const SheetPlace a = place(stable);
     SheetPlace b = place(other);
@@ -190,7 +197,8 @@ class LimitsOfBranch {
         if (mode.translation || mode.lambda.imag() < 0 || !(mode.lambda.real() > 0)) continue;
         LimitFunction f(sheet_, false, b, mode);
         double end = low, far = f(chart, low, value2_);
-        for (int k = 0; k < 6 && far > 0; ++k) far = f(chart, end -= high - low, value2_);  // growing_modes leaves out 1e-5
+        // growing_modes leaves out 1e-5
+        for (int k = 0; k < 6 && far > 0; ++k) far = f(chart, end -= high - low, value2_);
         auto found = zero(f, chart, high, end, mode.lambda.real(), far);
         if (found && found->limit.leads.value_or(false)) return found;
       }
@@ -243,7 +251,8 @@ class LimitsOfBranch {
     const TrainSpectrum spectrum = train_spectrum(train, 16);
     for (const TrainMode& mode : spectrum.modes) {
       const bool image = own_conjugate(std::size_t(m)) && mode.lambda.imag() < 0;
-      if ((mode.bloch - m) % train.pulses != 0 || mode.translation || image || !(mode.lambda.real() > 0)) continue;
+      if ((mode.bloch - m) % train.pulses != 0 || mode.translation || image || !(mode.lambda.real() > 0))
+        continue;
       LimitFunction f(sheet_, false, a, mode);
       double far = mode.lambda.real();
       int part = 0;  // by steps: it must not be lost
@@ -252,8 +261,9 @@ class LimitsOfBranch {
       while (far > 0 && far < 2e-5 && part < 32) far = f(chart, ++part / 8. * end, value2_);
       auto found = zero(f, chart, 0, part / 8. * end, mode.lambda.real(), far);
       const bool again = found && std::any_of(list.begin(), list.end(), [&](const Found& other) {
-        return std::abs(other.mode.lambda - found->mode.lambda) < 1e-6 * (1 + std::abs(found->mode.lambda));
-      });
+                           return std::abs(other.mode.lambda - found->mode.lambda) <
+                                  1e-6 * (1 + std::abs(found->mode.lambda));
+                         });
       if (found && !again) list.push_back(std::move(*found));
     }
     return list;
@@ -271,7 +281,8 @@ class LimitsOfBranch {
 class LimitWalk {
  public:
   LimitWalk(const TrainSheet& sheet, const Found& start, double from, double to, double from2, double to2)
-      : sheet_(sheet), at_(start), low_(std::min(from, to)), high_(std::max(from, to)), from2_(from2), to2_(to2) {}
+      : sheet_(sheet), at_(start), low_(std::min(from, to)), high_(std::max(from, to)), from2_(from2),
+        to2_(to2) {}
 
   TrainLimitCurve walk(const std::string& name, const std::string& name2, int steps) {
     TrainLimitCurve curve;
@@ -284,16 +295,19 @@ class LimitWalk {
         at_ = before;
         ds /= 2;
         if (ds < 1e-4)
-          curve.end = "no way on is found at " + name + " = " + rounded_text(at_.limit.value, 8) + ", " + name2 + " = " +
-                      rounded_text(at_.limit.value2, 8);
+          curve.end = "no way on is found at " + name + " = " + rounded_text(at_.limit.value, 8) + ", " +
+                      name2 + " = " + rounded_text(at_.limit.value2, 8);
         continue;
       }
       const double v = share(at_.limit.value2);
       if (at_.limit.value >= low_ && at_.limit.value <= high_ && v >= 0)
         ask_whether_it_leads(sheet_.train(at_.place), at_.limit);
-      if (at_.limit.value < low_ || at_.limit.value > high_) curve.end = name + " leaves its range";
-      else if (v < 0) curve.end = name2 + " comes back past its start";
-      else curve.points.push_back(at_.limit);
+      if (at_.limit.value < low_ || at_.limit.value > high_)
+        curve.end = name + " leaves its range";
+      else if (v < 0)
+        curve.end = name2 + " comes back past its start";
+      else
+        curve.points.push_back(at_.limit);
       if (v >= 1) curve.end = "reached " + name2 + " = " + rounded_text(to2_, 8);
       if (*turn > 0.99) ds = std::min(0.15, 1.5 * ds);
     }
@@ -386,17 +400,18 @@ TrainSheet sheet_of(const TrainFamily2& family, const Branch& branch) {
 
 }  // namespace
 
-std::vector<TrainLimit> train_limits(const TrainFamily2& family, const Branch& branch, double value2, bool stability,
-                                     std::vector<std::string>& notes) {
+std::vector<TrainLimit> train_limits(const TrainFamily2& family, const Branch& branch, double value2,
+                                     bool stability, std::vector<std::string>& notes) {
   const TrainSheet sheet = sheet_of(family, branch);
   const auto modes = stability ? LimitsOfBranch::Count::all : LimitsOfBranch::Count::none;
   std::vector<TrainLimit> limits;
-  for (const Found& found : LimitsOfBranch(sheet, branch, value2, modes).all(notes)) limits.push_back(found.limit);
+  for (const Found& found : LimitsOfBranch(sheet, branch, value2, modes).all(notes))
+    limits.push_back(found.limit);
   return limits;
 }
 
-std::vector<TrainLimitCurve> train_limit_curves(const TrainFamily2& family, const Branch& branch, double from, double to,
-                                                double from2, double to2, int steps,
+std::vector<TrainLimitCurve> train_limit_curves(const TrainFamily2& family, const Branch& branch, double from,
+                                                double to, double from2, double to2, int steps,
                                                 std::vector<std::string>& notes) {
   const TrainSheet sheet = sheet_of(family, branch);
   std::vector<TrainLimitCurve> curves;
@@ -413,7 +428,8 @@ StableTrains stable_trains(const TrainFamily2& family, const Branch& branch, dou
   StableTrains out;
   const std::vector<Found> edges = limits.of_stable(apart, out.lost);
   for (std::size_t k = 0; k < branch.points.size(); ++k)
-    if (const std::optional<bool> stable = limits.stable(k)) out.samples.push_back({branch.points[k].value, at2, *stable});
+    if (const std::optional<bool> stable = limits.stable(k))
+      out.samples.push_back({branch.points[k].value, at2, *stable});
   for (const Found& found : edges) {
     if (known(found.limit)) continue;
     TrainLimitCurve line{{found.limit}, ""};

@@ -8,7 +8,9 @@
 namespace stickslip {
 
 TrainEquations TrainSheet::equations(const SheetPlace& p, const SheetChart& chart, double alpha) const {
-  const auto family = [at = family_.at, value2 = p.value2](double value) { return setting_of(at(value, value2)); };
+  const auto family = [at = family_.at, value2 = p.value2](double value) {
+    return setting_of(at(value, value2));
+  };
   TrainEquations problem(family(p.value()), p.mesh, p.q());
   problem.extend(family, value_scale_, {chart.z, chart.q, 0}, alpha + chart.origin);
   return problem;

@@ -1,9 +1,9 @@
-// Trains over two parameters: the surface of all trains of a family, on which one moves by a coordinate of its own, so that
-// places where a parameter turns back are like any other.
+// Trains over two parameters: the surface of all trains of a family, on which one moves by a coordinate of
+// its own, so that places where a parameter turns back are like any other.
 //
 // At each value2 the trains of a family form a curve in (z(0), q, value), q = ln T or ln sqrt(V^2 - c^2)
-// (train_equations.hpp). A chart measures alpha along a direction in (z(0)/scale, q), so that (alpha, value2) are
-// coordinates of the surface; there `value` is a smooth function. Computed alike on every rank.
+// (train_equations.hpp). A chart measures alpha along a direction in (z(0)/scale, q), so that (alpha, value2)
+// are coordinates of the surface; there `value` is a smooth function. Computed alike on every rank.
 #pragma once
 
 #include <optional>
@@ -40,8 +40,10 @@ class TrainSheet {
   SheetChart chart(const SheetPlace& p, double z_part, double q) const;
   // That along the trains of p's value2, on the side of the chart given.
   SheetChart along(const SheetPlace& p, const SheetChart& side) const;
-  // The train at (alpha, value2), by Newton's method from `from`, on a mesh that suits it; nothing where there is none.
-  std::optional<SheetPlace> at(const SheetChart& chart, const SheetPlace& from, double alpha, double value2) const;
+  // The train at (alpha, value2), by Newton's method from `from`, on a mesh that suits it; nothing where
+  // there is none.
+  std::optional<SheetPlace> at(const SheetChart& chart, const SheetPlace& from, double alpha,
+                               double value2) const;
   double slope(const SheetPlace& p, const SheetChart& chart) const;  // dvalue/dalpha over value_scale
   Train train(const SheetPlace& p) const;
   double z_scale() const { return z_scale_; }

@@ -10,8 +10,9 @@
 #include "stickslip/numerics/periodic_equations.hpp"
 
 extern "C" void zgeev_(const char*, const char*, const int* n, std::complex<double>* a, const int* lda,
-                       std::complex<double>* w, std::complex<double>* vl, const int* ldvl, std::complex<double>* vr,
-                       const int* ldvr, std::complex<double>* work, const int* lwork, double* rwork, int* info);
+                       std::complex<double>* w, std::complex<double>* vl, const int* ldvl,
+                       std::complex<double>* vr, const int* ldvr, std::complex<double>* work,
+                       const int* lwork, double* rwork, int* info);
 
 namespace stickslip {
 
@@ -21,12 +22,14 @@ using Complex = std::complex<double>;
 constexpr int stages = 5, max_dim = train_max_dim + 1;  // one more with viscosity
 constexpr double longest_phase = 1.5;  // of the waves in one interval: the five points give 1e-9 then
 constexpr double dead = 30;            // a wave that has decayed by exp(-dead) need not be resolved
-constexpr double made = 3e-4;          // relative change of C + lambda in its own time from which on they are made
-constexpr double stiff = 8;            // decay in an interval beyond which Radau IIA takes over from Gauss
-constexpr double longest_growth = 1000; // exponent, in an interval, of what viscosity lets grow: Gauss makes it exp(60/that)
-constexpr double least_apart = 1;      // of its ln |multiplier| from the next
+// relative change of C + lambda in its own time from which on they are made
+constexpr double made = 3e-4;
+constexpr double stiff = 8;  // decay in an interval beyond which Radau IIA takes over from Gauss
+constexpr double longest_growth =
+    1000;  // exponent, in an interval, of what viscosity lets grow: Gauss makes it exp(60/that)
+constexpr double least_apart = 1;  // of its ln |multiplier| from the next
 constexpr size_t most_intervals = 60000;
-constexpr int lowest_level = -20;      // the coarsest mesh is for frequencies from 0 to 2^lowest_level
+constexpr int lowest_level = -20;  // the coarsest mesh is for frequencies from 0 to 2^lowest_level
 
 // Eigenvalues of a d x d matrix, largest modulus first.
 std::vector<Complex> eigenvalues(int d, Complex* Y) {
@@ -49,13 +52,16 @@ class TransferMesh {
   TransferMesh(const Train& train, double frequency, int refine)
       : d_(train.oscillator->dim()), T_(train.period), r2_(train.r2), V_(std::abs(train.speed)),
         c2_(train.oscillator->c2()), A_(train.oscillator->A()), nu_(train.nu) {
-    if (nu_ > 0) divide_viscous(train, frequency, refine);
-    else divide_plain(train, frequency, refine);
+    if (nu_ > 0)
+      divide_viscous(train, frequency, refine);
+    else
+      divide_plain(train, frequency, refine);
   }
 
   int dim() const { return d_ + (nu_ > 0); }
 
-  // With viscosity: all multipliers, largest modulus first, and infinite where they are too large for a number.
+  // With viscosity: all multipliers, largest modulus first, and infinite where they are too large for a
+  // number.
   std::vector<Complex> viscous_multipliers(Complex lambda) const {
     const int n = dim();
     std::vector<Complex> phi(step_.size() * size_t(n * n));
@@ -78,7 +84,8 @@ class TransferMesh {
           next[a * d + b] = sum;
           size = std::max({size, std::abs(sum.real()), std::abs(sum.imag())});
         }
-      if (!(size > 0) || !std::isfinite(size)) throw Failure("perturbations of the train cannot be followed round it");
+      if (!(size > 0) || !std::isfinite(size))
+        throw Failure("perturbations of the train cannot be followed round it");
       const double scale = size > 1e-100 && size < 1e100 ? 1 : size;
       for (int a = 0; a < d * d; ++a) Y[a] = next[a] / scale;
       log_scale += std::log(scale);
@@ -86,7 +93,8 @@ class TransferMesh {
   }
 
  private:
-  // Jacobians at the points of a rule in an interval; returns the least decay exponent of P in it, and its range.
+  // Jacobians at the points of a rule in an interval; returns the least decay exponent of P in it, and its
+  // range.
   double jacobians(const Train& train, double at, double h, const Collocation& rule, double* J,
                    double* range = nullptr) const {
     double least = 1e300, most = -1e300;
@@ -110,12 +118,13 @@ class TransferMesh {
     const double least_frequency = frequency > std::ldexp(1., lowest_level) ? frequency / 2 : 0;
     std::vector<double> J(size_t(stages * d_ * d_));
     for (size_t i = 0; i < decay.size(); ++i) {
-      decay[i] = jacobians(train, train.mesh[i], train.mesh[i + 1] - train.mesh[i], Collocation::gauss5(), J.data(), &steepness[i]);
+      decay[i] = jacobians(train, train.mesh[i], train.mesh[i + 1] - train.mesh[i], Collocation::gauss5(),
+                           J.data(), &steepness[i]);
       steepness[i] /= std::pow(std::abs(decay[i]), 2) +
                       std::pow(least_frequency * cV / r2_ * T_ * (train.mesh[i + 1] - train.mesh[i]), 2);
     }
-    // A fast wave is made where C changes within the time r2/|C + lambda|. Once it has died out, P follows Z and is as
-    // smooth as the train, which the mesh is made for. Twice round, to know what comes in.
+    // A fast wave is made where C changes within the time r2/|C + lambda|. Once it has died out, P follows Z
+    // and is as smooth as the train, which the mesh is made for. Twice round, to know what comes in.
     double since = 0;
     for (const bool count_only : {true, false})
       for (size_t i = 0; i < train.intervals(); ++i) {
@@ -129,15 +138,15 @@ class TransferMesh {
         divide(train, train.mesh[i] + alive * h, (1 - alive) * h, slow, refine, (1 - alive) * decay[i]);
         if (step_.size() > most_intervals * size_t(refine))
           throw Failure("the spectrum needs too fine a mesh: V/c - 1 = " + rounded_text(1 / cV - 1) +
-                        ", waves of frequency " + rounded_text(frequency) +
-                        " in a medium at rest");
+                        ", waves of frequency " + rounded_text(frequency) + " in a medium at rest");
       }
   }
 
   // Pieces short enough for waves of the frequency and for the growth of what the train itself does not show.
   void divide_viscous(const Train& train, double frequency, int refine) {
     const double cV = std::sqrt(c2_) / V_, lambda = frequency / cV;
-    const double wave = T_ * std::min(frequency * (1 + cV) / r2_, V_ * V_ / nu_ + V_ * std::sqrt(lambda / nu_) + lambda);
+    const double wave =
+        T_ * std::min(frequency * (1 + cV) / r2_, V_ * V_ / nu_ + V_ * std::sqrt(lambda / nu_) + lambda);
     std::vector<double> J(size_t(stages * d_ * d_));
     for (size_t i = 0; i < train.intervals(); ++i) {
       const double at = train.mesh[i], h = train.mesh[i + 1] - at;
@@ -147,14 +156,16 @@ class TransferMesh {
       const double growth = V_ * V_ / (2 * nu_) * (r2_ + std::sqrt(r2_ * r2_ + 4 * nu_ * C / (V_ * V_))) * T_;
       divide(train, at, h, std::max(wave, growth * longest_phase / longest_growth), refine, 0);
       if (step_.size() > most_intervals * size_t(refine))
-        throw Failure("the spectrum needs too fine a mesh: model_nu " + rounded_text(nu_) + " is too small for it");
+        throw Failure("the spectrum needs too fine a mesh: model_nu " + rounded_text(nu_) +
+                      " is too small for it");
     }
   }
 
   // Equal pieces short enough for a wave that turns by `frequency` a unit of phase.
   void divide(const Train& train, double at, double h, double frequency, int refine, double decay) {
     if (!(h > 0)) return;
-    const int pieces = refine * int(std::clamp(std::ceil(h * frequency / longest_phase), 1., double(most_intervals)));
+    const int pieces =
+        refine * int(std::clamp(std::ceil(h * frequency / longest_phase), 1., double(most_intervals)));
     for (int k = 0; k < pieces; ++k) add(train, at + h * k / pieces, h / pieces, decay / pieces);
   }
 
@@ -199,8 +210,10 @@ class TransferMesh {
   void transfer(size_t i, Complex lambda, Complex* phi) const {
     const int d = dim(), n = stages * d;
     const Collocation& rule = *rule_[i];
-    Complex M[stages * max_dim * max_dim], a[stages * max_dim * stages * max_dim], R[stages * max_dim * max_dim];
-    for (int j = 0; j < stages; ++j) matrix(&J_[(i * stages + size_t(j)) * size_t(d_ * d_)], lambda, M + j * d * d);
+    Complex M[stages * max_dim * max_dim], a[stages * max_dim * stages * max_dim],
+        R[stages * max_dim * max_dim];
+    for (int j = 0; j < stages; ++j)
+      matrix(&J_[(i * stages + size_t(j)) * size_t(d_ * d_)], lambda, M + j * d * d);
     stage_matrix(rule, d, step_[i], M, a);
     for (int j = 0; j < n; ++j)
       for (int b = 0; b < d; ++b) R[j * d + b] = j % d == b ? 1. : 0.;
@@ -297,9 +310,9 @@ double Transfer::damping_within(double most) const {
   return mean;
 }
 
-// With exp(-int C/2) taken out of u'' + C u' + W^2 u = 0 there remains v'' + (W^2 - q) v = 0 with q = C^2/4 + C'/2,
-// whose solutions grow at most at the mean of |q|/(2 W): that much may be lost on -mean C/2. What C has beyond some
-// value only takes energy from the wave and may be left out: the value is chosen that says most.
+// With exp(-int C/2) taken out of u'' + C u' + W^2 u = 0 there remains v'' + (W^2 - q) v = 0 with q = C^2/4 +
+// C'/2, whose solutions grow at most at the mean of |q|/(2 W): that much may be lost on -mean C/2. What C has
+// beyond some value only takes energy from the wave and may be left out: the value is chosen that says most.
 double Transfer::top_frequency(double growth) const {
   const double own = std::sqrt(train_.oscillator->A() * train_.oscillator->K0());
   double top = 1e300;
@@ -317,9 +330,11 @@ double Transfer::top_frequency(double growth) const {
     const double room = mean / 2 + growth;
     if (room > 0) top = std::min(top, (square / 4 + variation / (2 * train_.period)) / (2 * room));
   }
-  // viscosity takes nu k^2/2 from a wave: twice as much as friction gives it, and as the line stands to the left
+  // viscosity takes nu k^2/2 from a wave: twice as much as friction gives it, and as the line stands to the
+  // left
   if (train_.nu > 0)
-    top = std::min(top, std::sqrt(train_.oscillator->c2() * 4 * (damping().usual + std::abs(growth)) / train_.nu));
+    top = std::min(top,
+                   std::sqrt(train_.oscillator->c2() * 4 * (damping().usual + std::abs(growth)) / train_.nu));
   return std::max(4 * own, top);
 }
 

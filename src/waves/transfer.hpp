@@ -1,21 +1,24 @@
 // What a perturbation of a train becomes over one period of the train, as a function of its exponent lambda.
 //
-// A perturbation exp(lambda t) (P, E[, S])(xi), xi = t - x/V, is exp(Lambda x) Q(xi) with Lambda = lambda/V and
-// Q = exp(lambda xi) P: a wave of wavenumber Im Lambda as it is seen at a fixed place. Q varies as slowly as the
-// uniform oscillation's perturbations do, however fast the train is, while P turns |lambda| T times a period. With
-// e = c^2/V^2, kappa = K1/V^2 and the Jacobian J of the oscillator (model/oscillator.hpp)
+// A perturbation exp(lambda t) (P, E[, S])(xi), xi = t - x/V, is exp(Lambda x) Q(xi) with Lambda = lambda/V
+// and Q = exp(lambda xi) P: a wave of wavenumber Im Lambda as it is seen at a fixed place. Q varies as slowly
+// as the uniform oscillation's perturbations do, however fast the train is, while P turns |lambda| T times a
+// period. With e = c^2/V^2, kappa = K1/V^2 and the Jacobian J of the oscillator (model/oscillator.hpp)
 //     P' = (J00 - lambda e/r2) P + J01 Z + J02 S
 //     Z' = (J10 + K1 Lambda^2/r2 - lambda kappa J00) P - (lambda e/r2) Z - lambda kappa J02 S
 //     S' = g_psi P + g_s S
-// in the variables of Q. For V -> infinity at fixed Lambda it becomes the uniform oscillation's Floquet-Bloch problem.
+// in the variables of Q. For V -> infinity at fixed Lambda it becomes the uniform oscillation's Floquet-Bloch
+// problem.
 //
-// With viscosity between neighbours (nu = A N; waves/viscous_train.hpp), and Z = E - kappa P' + (2 K1 Lambda/V + s delta/A) P,
+// With viscosity between neighbours (nu = A N; waves/viscous_train.hpp), and Z = E - kappa P' + (2 K1
+// Lambda/V + s delta/A) P,
 //     P' = G,   Z' = (J10 + K1 Lambda^2) P,   S' = g_psi P + g_s S
 //     G' = (V^2/nu) [(r2 + 2 nu Lambda/V) G - A Z - (r2 J00 - 2 c^2 Lambda/V + nu Lambda^2) P - r2 J02 S]
 // and one multiplier more, which is exp[(V^2 - c^2) T/nu] or so and larger than all others. Of the solutions
-// exp[lambda t + m (t - x/V)] of short waves, V m = nu m^2 - lambda or so, one has Re m > 0 wherever Re lambda > 0: that
-// multiplier stays outside of the unit circle and belongs to no mode. It is left out; Failure where another is as large.
-// Right of all modes none is; further left they may meet (SpectralLine::separate).
+// exp[lambda t + m (t - x/V)] of short waves, V m = nu m^2 - lambda or so, one has Re m > 0 wherever Re
+// lambda > 0: that multiplier stays outside of the unit circle and belongs to no mode. It is left out;
+// Failure where another is as large. Right of all modes none is; further left they may meet
+// (SpectralLine::separate).
 #pragma once
 
 #include <complex>
@@ -28,25 +31,26 @@
 
 namespace stickslip {
 
-// Logarithms of the multipliers of Q over one period, largest modulus first; imaginary parts within (-pi, pi]. A
-// perturbation with Bloch factor exp(i theta) needs ln rho = lambda T + i theta for one of them.
+// Logarithms of the multipliers of Q over one period, largest modulus first; imaginary parts within (-pi,
+// pi]. A perturbation with Bloch factor exp(i theta) needs ln rho = lambda T + i theta for one of them.
 struct Multipliers {
   int count = 0;
   std::complex<double> log_rho[train_max_dim];
 };
 
-// C = A (B + F_psi) + s delta over a period of the train, by time: its mean (the shortest waves decay at half of it),
-// the largest of -C and the frequency of a free point, beside which large C are peaks, and the mean of |dC/dt|.
+// C = A (B + F_psi) + s delta over a period of the train, by time: its mean (the shortest waves decay at half
+// of it), the largest of -C and the frequency of a free point, beside which large C are peaks, and the mean
+// of |dC/dt|.
 struct TrainDamping {
   double mean, usual, slope;
 };
 
 class TransferMesh;
 
-// The multipliers of a train by collocation (five stages), on the train's mesh with its intervals divided where a wave
-// of this lambda is fast: Gauss, and Radau IIA where P follows Z at once. With viscosity Gauss, its intervals short enough
-// for what grows, and the chain of intervals reduced by orthogonal transformations (numerics/periodic_equations.hpp), which
-// keeps the digits of what does not. Not collective.
+// The multipliers of a train by collocation (five stages), on the train's mesh with its intervals divided
+// where a wave of this lambda is fast: Gauss, and Radau IIA where P follows Z at once. With viscosity Gauss,
+// its intervals short enough for what grows, and the chain of intervals reduced by orthogonal transformations
+// (numerics/periodic_equations.hpp), which keeps the digits of what does not. Not collective.
 class Transfer {
  public:
   Transfer(const Train& train, int refine);  // refine: every interval is divided into so many pieces at least

@@ -37,12 +37,14 @@ class Course {
   // The plain train, of which this is nearly one.
   Course(const Scene& scene, const Train& plain, double N)
       : o_(plain.oscillator), pulses_(double(plain.pulses)), v_(scene.v), problem_(at(plain, N)) {
-    x_ = problem_.fill([&](double phase, double* y) {
-      double dy[4];
-      plain.at(phase, y);
-      o_->rhs(plain.r2, y, dy, nullptr);
-      y[o_->dim()] = dy[0];
-    }, std::log(plain.period));
+    x_ = problem_.fill(
+        [&](double phase, double* y) {
+          double dy[4];
+          plain.at(phase, y);
+          o_->rhs(plain.r2, y, dy, nullptr);
+          y[o_->dim()] = dy[0];
+        },
+        std::log(plain.period));
   }
 
   double N() const { return N_; }
@@ -83,9 +85,9 @@ class Course {
   double settle() {
     return settle_on_kinks({[&]() -> const std::vector<double>& { return mesh(); },
                             [&] {
-                              return kinks_of(mesh(), x_.data(), problem_.dim(), {0}, [&](const double* y, double* J) {
-                                problem_.field().jacobian(y, J);
-                              });
+                              return kinks_of(
+                                  mesh(), x_.data(), problem_.dim(), {0},
+                                  [&](const double* y, double* J) { problem_.field().jacobian(y, J); });
                             },
                             [&](std::vector<double> nodes) {
                               const Course before = *this;
@@ -157,10 +159,12 @@ class Course {
   std::vector<double> x_;
 };
 
-// From N, L where the course stands to others, in steps of either's logarithm that adapt. False where it does not get there.
+// From N, L where the course stands to others, in steps of either's logarithm that adapt. False where it does
+// not get there.
 bool lead(Course& course, double N, double L) {
   const double from[] = {std::log(course.N()), std::log(course.L())}, to[] = {std::log(N), std::log(L)};
-  double done = 0, step = std::min(1., 0.7 / std::max({std::abs(to[0] - from[0]), 5 * std::abs(to[1] - from[1]), 0.7}));
+  double done = 0,
+         step = std::min(1., 0.7 / std::max({std::abs(to[0] - from[0]), 5 * std::abs(to[1] - from[1]), 0.7}));
   for (int k = 0; done < 1; ++k) {
     if (k == 400 || step < 1e-4) return false;
     const double next = std::min(1., done + step);
@@ -189,8 +193,8 @@ std::optional<Course> begin(const Scene& scene, const Train& plain) {
 [[noreturn]] void fail(const TrainRequest& request, const std::string& why) {
   const std::string what = request.length ? "of length " + rounded_text(*request.length, 8)
                                           : "at the speed " + rounded_text(*request.speed, 8);
-  throw Failure("no train of " + std::to_string(request.pulses) + (request.pulses == 1 ? " pulse " : " pulses ") + what +
-                ": " + why);
+  throw Failure("no train of " + std::to_string(request.pulses) +
+                (request.pulses == 1 ? " pulse " : " pulses ") + what + ": " + why);
 }
 
 // The plain train of the request, or of a longer ring where the plain medium has none of its length.
@@ -230,7 +234,8 @@ Train packed(const Scene& scene, const TrainRequest& request, const Course& cour
 
 }  // namespace
 
-void viscous_rhs(const Oscillator& oscillator, double N, double V, double r2, const double* y, double* dy, double* J) {
+void viscous_rhs(const Oscillator& oscillator, double N, double V, double r2, const double* y, double* dy,
+                 double* J) {
   const int d = oscillator.dim(), n = d + 1;
   const double stiffness = V * V / N / oscillator.A();
   double inner[train_max_dim * train_max_dim];
@@ -270,8 +275,8 @@ Train solve_viscous_train(const Scene& scene, const TrainRequest& request, doubl
     fail(request, "followed from the train without viscosity it ends at model_nu " +
                       rounded_text(scene.nu * course->N() / scene.N(), 6));
   if (request.length && plain.length != *request.length && !lead(*course, scene.N(), *request.length))
-    fail(request, "followed from longer rings it ends at length " + rounded_text(course->L(), 6) + ", V = " +
-                      rounded_text(course->V(), 6));
+    fail(request, "followed from longer rings it ends at length " + rounded_text(course->L(), 6) +
+                      ", V = " + rounded_text(course->V(), 6));
   double least = 12;
   for (int round = 0; round < 12; ++round) {
     const double wanted = course->intervals_wanted(std::max(tolerance, 1e-12) * 10);
@@ -283,10 +288,14 @@ Train solve_viscous_train(const Scene& scene, const TrainRequest& request, doubl
     *course = better;
     Course finer = better;
     if (!finer.halve()) continue;
-    const double estimate = std::abs(request.speed ? better.T() / finer.T() - 1 : better.V() / finer.V() - 1) / gain;
-    if (estimate > tolerance || finer.change_from(better) / 32 > std::max({1e-9, tolerance, finer.last_step()})) continue;
+    const double estimate =
+        std::abs(request.speed ? better.T() / finer.T() - 1 : better.V() / finer.V() - 1) / gain;
+    if (estimate > tolerance ||
+        finer.change_from(better) / 32 > std::max({1e-9, tolerance, finer.last_step()}))
+      continue;
     Train train = packed(scene, request, finer, plain.oscillator);
-    train.error_estimate = (request.length ? train.speed : train.length) * (estimate + 4 * finer.last_step() + 4e-15);
+    train.error_estimate =
+        (request.length ? train.speed : train.length) * (estimate + 4 * finer.last_step() + 4e-15);
     return train;
   }
   fail(request, "it needs more than " + std::to_string(course->mesh().size()) + " mesh intervals");

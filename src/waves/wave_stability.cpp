@@ -14,11 +14,13 @@ namespace stickslip {
 namespace {
 
 using Complex = std::complex<double>;
-constexpr double marginal = 1e-7;      // a growth rate of the endless train below this is that of the translation
+// a growth rate of the endless train below this is that of the translation
+constexpr double marginal = 1e-7;
 constexpr double growing_line = 1e-5;  // of growing_modes
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
 
-// A factor exp(i theta) over a period T of xi = t - x/V is one of exp(-i theta) over x = V T: k = -theta/(V T).
+// A factor exp(i theta) over a period T of xi = t - x/V is one of exp(-i theta) over x = V T: k = -theta/(V
+// T).
 double wavenumber_of(double theta, const Train& train) {
   return std::remainder(-theta, 2 * M_PI) / (train.speed * train.period) + 0.;  // no negative zero
 }
@@ -28,23 +30,27 @@ double carrier_scale(const Train& train, Complex lambda) {
   return 1 + std::abs(lambda) * std::sqrt(train.oscillator->c2()) / std::abs(train.speed);
 }
 
-// A train whose short waves grow: it is unstable and has infinitely many modes that say so. True where it is one.
+// A train whose short waves grow: it is unstable and has infinitely many modes that say so. True where it is
+// one.
 bool short_waves_grow(const Transfer& transfer, TrainSpectrum& out) {
   const double mean = transfer.damping().mean;
   if (mean > 0 || transfer.train().nu > 0) return false;  // viscosity makes them decay
   out.growth_rate = out.growth_bound = out.endless_growth = -mean / 2;
   out.known = out.endless_known = true;
-  out.completeness_check = "waves of any short length grow at " + rounded_text(-mean / 2) + ": no list is complete";
+  out.completeness_check =
+      "waves of any short length grow at " + rounded_text(-mean / 2) + ": no list is complete";
   return true;
 }
 
-// V/c - 1 down to which spectra have been compared with an independent computation. Nearer to c the waves that run with
-// the train have ever shorter scales, and neither the answer nor the time it takes is known to be sound.
+// V/c - 1 down to which spectra have been compared with an independent computation. Nearer to c the waves
+// that run with the train have ever shorter scales, and neither the answer nor the time it takes is known to
+// be sound.
 constexpr double nearest_to_c = 1e-7;
 
 std::string too_near_c(const Train& train) {
   const double V = std::abs(train.speed), c = std::sqrt(train.oscillator->c2());
-  if (!(train.r2 < 2 * nearest_to_c * (1 - 2 * nearest_to_c))) return "";  // r2 = 1 - c^2/V^2 keeps its digits
+  // r2 = 1 - c^2/V^2 keeps its digits
+  if (!(train.r2 < 2 * nearest_to_c * (1 - 2 * nearest_to_c))) return "";
   return "not computed: V/c - 1 = " + rounded_text(train.r2 * V / (V + c) * V / c, 4) + " is below " +
          rounded_text(nearest_to_c) + ", where spectra of trains have not been verified";
 }
@@ -75,7 +81,8 @@ void fill_endless(const Train& train, const SpectralCurves& curves, TrainSpectru
       if (p.lambda.real() <= out.endless_growth) continue;
       out.endless_growth = p.lambda.real();
       out.endless_frequency = std::abs(p.lambda.imag());
-      out.endless_wavenumber = wavenumber_of(std::copysign(1., p.lambda.imag()) * p.phase(train.period), train);
+      out.endless_wavenumber =
+          wavenumber_of(std::copysign(1., p.lambda.imag()) * p.phase(train.period), train);
     }
   const bool grows = out.endless_growth > marginal;
   out.endless_stable = curves.whole && !grows;
@@ -93,9 +100,10 @@ struct Candidate {
 
 double phase_of(long long M, const Train& train) { return 2 * M_PI * double(M) / double(train.pulses); }
 
-// The modes of one curve that may belong to the `wanted` rightmost: all where they are few, else those next to its
-// summits, between which the growth rate falls away.
-void add_candidates(const SpectralCurve& curve, const Train& train, int wanted, std::vector<Candidate>& list) {
+// The modes of one curve that may belong to the `wanted` rightmost: all where they are few, else those next
+// to its summits, between which the growth rate falls away.
+void add_candidates(const SpectralCurve& curve, const Train& train, int wanted,
+                    std::vector<Candidate>& list) {
   const ModeRange range = curve.modes(train.period, train.pulses);
   std::set<long long> chosen;
   if (range.hi - range.lo < 4LL * wanted) {
@@ -115,13 +123,15 @@ void add_candidates(const SpectralCurve& curve, const Train& train, int wanted, 
   }
 }
 
-// A candidate as a mode, computed again on a mesh twice as fine. False where it cannot be reached, or another is.
+// A candidate as a mode, computed again on a mesh twice as fine. False where it cannot be reached, or another
+// is.
 bool compute(const Candidate& candidate, Transfer& coarse, Transfer& fine, TrainMode& mode) {
   const Train& train = coarse.train();
   const double phase = phase_of(candidate.M, train);
   CurvePoint p = candidate.curve->points[candidate.near];
   const double scale = carrier_scale(train, p.lambda), gap = std::abs(p.lambda - candidate.lambda);
-  if (!follow(coarse, p, phase, 1e-10) || std::abs(p.lambda - candidate.lambda) > gap / 2 + 1e-4 * scale) return false;
+  if (!follow(coarse, p, phase, 1e-10) || std::abs(p.lambda - candidate.lambda) > gap / 2 + 1e-4 * scale)
+    return false;
   CurvePoint exact = p;
   const bool again = follow(fine, exact, phase, 1e-10);
   mode.resolved = again && std::abs(exact.lambda - p.lambda) < 1e-4 * scale;
@@ -162,7 +172,8 @@ bool modes_right_of(const SpectralCurves& curves, Transfer& coarse, Transfer& fi
     if (c.curve->has_image) modes.push_back(conjugate(mode, train.pulses));
   }
   std::sort(modes.begin(), modes.end(), [](const TrainMode& a, const TrainMode& b) {
-    return a.lambda.real() != b.lambda.real() ? a.lambda.real() > b.lambda.real() : a.lambda.imag() > b.lambda.imag();
+    return a.lambda.real() != b.lambda.real() ? a.lambda.real() > b.lambda.real()
+                                              : a.lambda.imag() > b.lambda.imag();
   });
   return all;
 }
@@ -173,7 +184,8 @@ bool all_different(const std::vector<TrainMode>& modes, const Train& train) {
     for (std::size_t j = k + 1; j < modes.size(); ++j) {
       const double same = 1e-8 * carrier_scale(train, modes[k].lambda);
       if (modes[k].lambda.real() - modes[j].lambda.real() > same) break;
-      if (modes[k].bloch == modes[j].bloch && std::abs(modes[k].lambda - modes[j].lambda) <= same) return false;
+      if (modes[k].bloch == modes[j].bloch && std::abs(modes[k].lambda - modes[j].lambda) <= same)
+        return false;
     }
   return true;
 }
@@ -207,20 +219,23 @@ Search search(Transfer& coarse, Transfer& fine, double sigma, int wanted) {
   s.curves = curves_of(coarse, *s.line);
   const bool reached = modes_right_of(s.curves, coarse, fine, wanted, s.modes);
   bool resolved = true;
-  for (size_t k = 0; k < std::min(s.modes.size(), size_t(wanted)); ++k) resolved = resolved && s.modes[k].resolved;
+  for (size_t k = 0; k < std::min(s.modes.size(), size_t(wanted)); ++k)
+    resolved = resolved && s.modes[k].resolved;
   const auto found = (long long)s.modes.size();
   // the translation is right of every line: it is among those listed as far as they reach left of 0
   const bool due = found == s.counted || (found > 0 && s.modes.back().lambda.real() < -1e-4);
-  const bool there = std::any_of(s.modes.begin(), s.modes.end(), [](const TrainMode& m) { return m.translation; });
+  const bool there =
+      std::any_of(s.modes.begin(), s.modes.end(), [](const TrainMode& m) { return m.translation; });
   const bool all = found == s.counted || (s.curves.whole && reached && found >= wanted && found < s.counted);
-  s.complete = s.line->closed() && all && resolved && (there || !due) && all_different(s.modes, coarse.train());
+  s.complete =
+      s.line->closed() && all && resolved && (there || !due) && all_different(s.modes, coarse.train());
   return s;
 }
 
-// How far left of 0 a line may stand. Short waves decay at half the mean of C, without its peaks (at
-// small psi) those that the peaks hold still. Near V = c waves that run with the train grow where C < -Re lambda, by
-// exp(Re lambda^2/(2 r2 |dC/dt|)) about: that must not be large. With viscosity the shortest waves creep back at c^2/nu,
-// and the mean of C may be negative.
+// How far left of 0 a line may stand. Short waves decay at half the mean of C, without its peaks (at small
+// psi) those that the peaks hold still. Near V = c waves that run with the train grow where C < -Re lambda,
+// by exp(Re lambda^2/(2 r2 |dC/dt|)) about: that must not be large. With viscosity the shortest waves creep
+// back at c^2/nu, and the mean of C may be negative.
 double depth_of(const Transfer& transfer) {
   const TrainDamping damping = transfer.damping();
   double most = 4 * damping.usual, mean = transfer.damping_within(most);
@@ -232,9 +247,9 @@ double depth_of(const Transfer& transfer) {
   return std::min({std::max(mean / 4, std::sqrt(o.A() * o.K0()) / 20), at_fronts, o.c2() / (4 * train.nu)});
 }
 
-// A line so far left that the modes wanted stand right of it, or one besides the translation at least, for which it may go
-// nearer to where the short waves begin; further right where two multipliers meet right of it and a curve cannot be
-// followed.
+// A line so far left that the modes wanted stand right of it, or one besides the translation at least, for
+// which it may go nearer to where the short waves begin; further right where two multipliers meet right of it
+// and a curve cannot be followed.
 Search best_search(Transfer& coarse, Transfer& fine, int wanted) {
   const double depth = depth_of(coarse);
   Search s = search(coarse, fine, -depth / 4, wanted);
@@ -254,11 +269,12 @@ Search best_search(Transfer& coarse, Transfer& fine, int wanted) {
 
 // What keeps a line from counting.
 std::string trouble_of(const SpectralLine& line) {
-  return line.separate() ? "waves of higher frequency grow faster than that" : "with this viscosity multipliers meet right of it";
+  return line.separate() ? "waves of higher frequency grow faster than that"
+                         : "with this viscosity multipliers meet right of it";
 }
 
-// The growth rate and what follows from it: a mode that grows makes the train unstable, whatever else was not found; only a
-// list that is whole makes it stable.
+// The growth rate and what follows from it: a mode that grows makes the train unstable, whatever else was not
+// found; only a list that is whole makes it stable.
 void judge(const Search& found, TrainSpectrum& out) {
   double error = std::max(10 * out.translation_error, 1e-9);
   out.growth_rate = unknown;
@@ -282,7 +298,8 @@ std::vector<Complex> bloch_factors(const Train& train, Complex lambda) {
 
 bool follow_mode(const Train& train, TrainMode& mode) {
   Transfer transfer(train, 1);
-  const double T = train.period, theta = 2 * M_PI * double(mode.bloch) / double(train.pulses), step = 1e-4 / T;
+  const double T = train.period, theta = 2 * M_PI * double(mode.bloch) / double(train.pulses),
+               step = 1e-4 / T;
   const auto difference = [](Complex a, Complex b) {
     return Complex(a.real() - b.real(), std::remainder(a.imag() - b.imag(), 2 * M_PI));
   };
@@ -337,9 +354,10 @@ TrainSpectrum train_spectrum(const Train& train, int count) {
   out.complete = found.complete && out.translation_error <= 1e-4;
   const auto size = (long long)found.modes.size();
   out.completeness_check = "argument of the determinant along Re = " + rounded_text(line.sigma(), 10) +
-                           ", |Im| up to " + rounded_text(line.top(), 8) + ": " + std::to_string(found.counted) +
-                           " eigenvalues to the right, " + (size < found.counted ? "the rightmost " : "") +
-                           std::to_string(size) + " found" + (line.closed() ? "" : "; " + trouble_of(line));
+                           ", |Im| up to " + rounded_text(line.top(), 8) + ": " +
+                           std::to_string(found.counted) + " eigenvalues to the right, " +
+                           (size < found.counted ? "the rightmost " : "") + std::to_string(size) + " found" +
+                           (line.closed() ? "" : "; " + trouble_of(line));
   if (!out.complete) warn("the spectrum of the train is not complete: " + out.completeness_check);
   judge(found, out);
   fill_endless(train, found.curves, out);

@@ -16,13 +16,14 @@ struct Seconds {
   double median, least;
 };
 
-// -bench_clock wall (the default), or cpu: the processor time of this process, which other users of the machine leave
-// alone but for cache and memory; while one rank waits for another it goes on too.
+// -bench_clock wall (the default), or cpu: the processor time of this process, which other users of the
+// machine leave alone but for cache and memory; while one rank waits for another it goes on too.
 inline bool cpu_clock() {
   char text[8];
   PetscBool set;
   PetscOptionsGetString(nullptr, nullptr, "-bench_clock", text, sizeof text, &set);
-  if (set && std::string(text) != "cpu" && std::string(text) != "wall") throw std::runtime_error("-bench_clock: wall or cpu");
+  if (set && std::string(text) != "cpu" && std::string(text) != "wall")
+    throw std::runtime_error("-bench_clock: wall or cpu");
   return set && std::string(text) == "cpu";
 }
 
@@ -33,8 +34,8 @@ inline double now(bool cpu) {
   return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
 }
 
-// Runs the candidates in turn, `trials` rounds of `repeat` calls each, after one round that is not counted. A round
-// of one candidate counts with its slowest rank. Returns the seconds of one call, over the rounds.
+// Runs the candidates in turn, `trials` rounds of `repeat` calls each, after one round that is not counted. A
+// round of one candidate counts with its slowest rank. Returns the seconds of one call, over the rounds.
 inline std::vector<Seconds> interleaved(MPI_Comm comm, int trials, PetscInt repeat,
                                         const std::vector<std::function<void()>>& candidates) {
   const bool cpu = cpu_clock();

@@ -1,12 +1,13 @@
-// What `-accuracy` costs, measured as `chart` measures its rows: processor time in a process in which everything has
-// been done before, the median of several.
+// What `-accuracy` costs, measured as `chart` measures its rows: processor time in a process in which
+// everything has been done before, the median of several.
 //
-//     build/tests/bench_accuracy run SCENE.yaml -accuracy 1e-4 [options of run] [--row METHOD TOLERANCE ORDER NODES]
+//     build/tests/bench_accuracy run SCENE.yaml -accuracy 1e-4 [options of run] [--row METHOD TOLERANCE ORDER
+//     NODES]
 //
-// Prints as JSON the seconds of choosing and estimating (with runs that were not good enough), those of the run chosen,
-// from setting its method up to its end, and its attempts. With a row of a chart, which is run in turn with all this: its
-// seconds, and the ratios to it of the run and of everything, medians over the turns, which load touches little.
-// tests/accuracy.py calls it.
+// Prints as JSON the seconds of choosing and estimating (with runs that were not good enough), those of the
+// run chosen, from setting its method up to its end, and its attempts. With a row of a chart, which is run in
+// turn with all this: its seconds, and the ratios to it of the run and of everything, medians over the turns,
+// which load touches little. tests/accuracy.py calls it.
 #include <slepcsys.h>
 
 #include <algorithm>
@@ -42,7 +43,8 @@ Price price(const Options& options, double wanted) {
     for (const auto& [name, text] : chosen.library())
       if (!options.is_set(name)) SS_TRY(PetscOptionsClearValue(nullptr, ("-" + name).c_str()));
     if (!run.failed.empty()) throw Failure(run.failed);
-    if (plan.estimate({run.end, run.measured}) <= wanted) return {plan.seconds() + before, run.seconds, NAN, attempt};
+    if (plan.estimate({run.end, run.measured}) <= wanted)
+      return {plan.seconds() + before, run.seconds, NAN, attempt};
     if (attempt == 5) throw Failure("not reached");
     plan.refine();
     before += run.seconds;
@@ -60,8 +62,8 @@ double median(const std::vector<Price>& prices, const std::function<double(const
 std::optional<Setting> row_of(int& argc, char** argv) {
   if (argc < 6 || std::string(argv[argc - 5]) != "--row") return std::nullopt;
   argc -= 5;
-  return Setting{MethodSpec::parse("--row", argv[argc + 1]), std::atof(argv[argc + 2]), 0, std::atoi(argv[argc + 3]),
-                 PetscInt(std::atoll(argv[argc + 4]))};
+  return Setting{MethodSpec::parse("--row", argv[argc + 1]), std::atof(argv[argc + 2]), 0,
+                 std::atoi(argv[argc + 3]), PetscInt(std::atoll(argv[argc + 4]))};
 }
 
 void measure(int argc, char** argv) {

@@ -1,22 +1,26 @@
-// Does a grid that moves with the fronts pay? A prototype in one file that needs no library: the continuum with the
-// cubic law, without a state, on rings and between a held (left) and a free (right) end, by explicit steps of Dormand
-// and Prince 5(4).
+// Does a grid that moves with the fronts pay? A prototype in one file that needs no library: the continuum
+// with the cubic law, without a state, on rings and between a held (left) and a free (right) end, by explicit
+// steps of Dormand and Prince 5(4).
 //
-// Nodes x_i(t) are the image of the uniform grid s_i under a smooth map x(s, t). With subscripts for derivatives and w =
-// x_t (the velocity of a node, constant within a step)
+// Nodes x_i(t) are the image of the uniform grid s_i under a smooth map x(s, t). With subscripts for
+// derivatives and w = x_t (the velocity of a node, constant within a step)
 //     psi_t at fixed s = gamma (eta - F(psi)) + w psi_s/x_s
-//     eta_t at fixed s = (v - psi)/gamma + c^2/gamma (psi_ss/x_s^2 - x_ss psi_s/x_s^3) - delta (eta - F) + w eta_s/x_s
-// with centred differences of order 4 or 6 in s for the fields and for the map. The map follows the steepness of psi and
-// eta: equidistribution of a monitor M = 1 - beta + beta m/mean(m), m = (psi_x^2 + eta_x^2)^(power/2), smoothed in s by
-// exponentials of `reach` nodes to both sides, twice (Huang and Russell, "Adaptive moving mesh methods", 2011, chapters 2
-// and 4), and in time: a node gets to where it is wanted within `relax` steps.
+//     eta_t at fixed s = (v - psi)/gamma + c^2/gamma (psi_ss/x_s^2 - x_ss psi_s/x_s^3) - delta (eta - F) + w
+//     eta_s/x_s
+// with centred differences of order 4 or 6 in s for the fields and for the map. The map follows the steepness
+// of psi and eta: equidistribution of a monitor M = 1 - beta + beta m/mean(m), m = (psi_x^2 +
+// eta_x^2)^(power/2), smoothed in s by exponentials of `reach` nodes to both sides, twice (Huang and Russell,
+// "Adaptive moving mesh methods", 2011, chapters 2 and 4), and in time: a node gets to where it is wanted
+// within `relax` steps.
 //
-// usage: bench_moving_grid SCENE [n=512] [order=6] [beta=0] [power=0.5] [reach=8] [relax=10] [tol=1e-6] [out=FILE]
+// usage: bench_moving_grid SCENE [n=512] [order=6] [beta=0] [power=0.5] [reach=8] [relax=10] [tol=1e-6]
+// [out=FILE]
 //        [against=FILE] [end=T] [speed=1.02]
-// with SCENE pacemaker, ring, stiff (the ring at gamma = 30), or train (of that speed over c, compared with its exact
-// form). beta = 0 keeps the grid uniform, and nothing is paid for a map. Prints steps, seconds of processor time, the least
-// spacing, and the largest error of psi, of eta, and the root mean square of both against a file that `out` wrote: values
-// at 20001 even places, interpolated at order 8. docs/moving-grid.md has what came out.
+// with SCENE pacemaker, ring, stiff (the ring at gamma = 30), or train (of that speed over c, compared with
+// its exact form). beta = 0 keeps the grid uniform, and nothing is paid for a map. Prints steps, seconds of
+// processor time, the least spacing, and the largest error of psi, of eta, and the root mean square of both
+// against a file that `out` wrote: values at 20001 even places, interpolated at order 8. docs/moving-grid.md
+// has what came out.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -126,8 +130,8 @@ void rates(Grid& g, State& u, double after, bool moves, State& rate, Field& plac
       const double over = 1 / g.first(x + i), ps = g.first(p + i) * over;
       const double force = e[i] - phi(p[i]);
       rp[i] = s.gamma * force + w[i] * ps;
-      re[i] = (s.v - p[i]) / s.gamma + c2 * over * over * (g.second(p + i) - g.second(x + i) * ps) - s.delta * force +
-              w[i] * g.first(e + i) * over;
+      re[i] = (s.v - p[i]) / s.gamma + c2 * over * over * (g.second(p + i) - g.second(x + i) * ps) -
+              s.delta * force + w[i] * g.first(e + i) * over;
     }
   }
   if (!s.ring) rp[0] = re[0] = 0;
@@ -211,12 +215,14 @@ Field wanted(Grid& g, State& u, const Monitor& how) {
   return result;
 }
 
-// Velocities of the nodes for the next step: towards where the monitor wants them, within `relax` steps, but in no less
-// time than a signal takes over `relax`/4 of the smallest spacing, since short steps would else throw the nodes about.
+// Velocities of the nodes for the next step: towards where the monitor wants them, within `relax` steps, but
+// in no less time than a signal takes over `relax`/4 of the smallest spacing, since short steps would else
+// throw the nodes about.
 void follow(Grid& g, State& u, const Monitor& how, double dt) {
   const Field to = wanted(g, u, how);
   double least = 1e300;
-  for (int i = halo; i < g.n_ + halo - 1; ++i) least = std::min(least, g.x[std::size_t(i + 1)] - g.x[std::size_t(i)]);
+  for (int i = halo; i < g.n_ + halo - 1; ++i)
+    least = std::min(least, g.x[std::size_t(i + 1)] - g.x[std::size_t(i)]);
   const double lag = how.relax * std::max(dt, 0.25 * least / g.scene_.c);
   for (int i = 0; i < g.n_; ++i)
     g.w[std::size_t(i + halo)] = (to[std::size_t(i)] - g.x[std::size_t(i + halo)]) / lag;
@@ -227,14 +233,16 @@ void follow(Grid& g, State& u, const Monitor& how, double dt) {
 struct Tableau {
   static constexpr int stages = 7;
   static constexpr double c[7] = {0, 0.2, 0.3, 0.8, 8.0 / 9, 1, 1};
-  static constexpr double a[7][6] = {{},
-                                     {1.0 / 5},
-                                     {3.0 / 40, 9.0 / 40},
-                                     {44.0 / 45, -56.0 / 15, 32.0 / 9},
-                                     {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
-                                     {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
-                                     {35.0 / 384, 0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
-  static constexpr double e[7] = {71.0 / 57600, 0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
+  static constexpr double a[7][6] = {
+      {},
+      {1.0 / 5},
+      {3.0 / 40, 9.0 / 40},
+      {44.0 / 45, -56.0 / 15, 32.0 / 9},
+      {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
+      {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
+      {35.0 / 384, 0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84}};
+  static constexpr double e[7] = {71.0 / 57600,      0,          -71.0 / 16695, 71.0 / 1920,
+                                  -17253.0 / 339200, 22.0 / 525, -1.0 / 40};
 };
 
 struct Result {
@@ -333,7 +341,8 @@ Field sampled(Grid& g, Field& f, int places) {
   return result;
 }
 
-// The limit cycle of f' = gamma (e - phi(f))..., as a train f(t - x/V): f'' (1 - c2/V2) + gamma (f2 - 1) f' + f - v = 0.
+// The limit cycle of f' = gamma (e - phi(f))..., as a train f(t - x/V): f'' (1 - c2/V2) + gamma (f2 - 1) f' +
+// f - v = 0.
 struct Train {
   double period;
   Field f, df;  // at even phases
@@ -402,9 +411,9 @@ double at_phase(const Field& f, double phase) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::map<std::string, std::string> o{{"n", "512"}, {"order", "6"}, {"beta", "0"}, {"power", "0.5"}, {"reach", "8"},
-                                       {"relax", "10"}, {"tol", "1e-6"}, {"out", ""}, {"against", ""}, {"speed", "1.02"},
-                                       {"warm", "20"}, {"end", ""}};
+  std::map<std::string, std::string> o{{"n", "512"},    {"order", "6"},    {"beta", "0"},   {"power", "0.5"},
+                                       {"reach", "8"},  {"relax", "10"},   {"tol", "1e-6"}, {"out", ""},
+                                       {"against", ""}, {"speed", "1.02"}, {"warm", "20"},  {"end", ""}};
   const std::string name = argc > 1 ? argv[1] : "pacemaker";
   for (int i = 2; i < argc; ++i) {
     const std::string a = argv[i];
@@ -413,9 +422,12 @@ int main(int argc, char** argv) {
   Scene s;
   Train train{};
   const double speed = std::stod(o["speed"]);
-  if (name == "pacemaker") s = {3, 0.2, 1, 0.2, 60, 5, false, -1.5};
-  else if (name == "stiff") s = {30, 0, 1, 0.2, 60, 30, true, 0};
-  else if (name == "ring") s = {3, 0, 1, 0.2, 60, 20, true, 0};
+  if (name == "pacemaker")
+    s = {3, 0.2, 1, 0.2, 60, 5, false, -1.5};
+  else if (name == "stiff")
+    s = {30, 0, 1, 0.2, 60, 30, true, 0};
+  else if (name == "ring")
+    s = {3, 0, 1, 0.2, 60, 20, true, 0};
   else if (name == "train") {
     s = {3, 0, 1, 0.5, 0, 5, true, 0};
     train = limit_cycle(s, speed);
@@ -442,11 +454,13 @@ int main(int argc, char** argv) {
     }
   };
   fill();
-  const Monitor how{std::stod(o["beta"]), std::stod(o["power"]), std::stoi(o["reach"]), std::stod(o["relax"])};
+  const Monitor how{std::stod(o["beta"]), std::stod(o["power"]), std::stoi(o["reach"]),
+                    std::stod(o["relax"])};
   if (how.beta > 0) {
     for (int round = 0; round < std::stoi(o["warm"]); ++round) {
       const Field to = wanted(g, u, how);
-      for (int i = 0; i < g.n_; ++i) g.x[std::size_t(i + halo)] += 0.3 * (to[std::size_t(i)] - g.x[std::size_t(i + halo)]);
+      for (int i = 0; i < g.n_; ++i)
+        g.x[std::size_t(i + halo)] += 0.3 * (to[std::size_t(i)] - g.x[std::size_t(i + halo)]);
       fill();
     }
   }
@@ -476,11 +490,14 @@ int main(int argc, char** argv) {
   }
   if (!o["out"].empty()) {
     std::FILE* file = std::fopen(o["out"].c_str(), "w");
-    for (int i = 0; i < places; ++i) std::fprintf(file, "%.17g %.17g\n", psi[std::size_t(i)], eta[std::size_t(i)]);
+    for (int i = 0; i < places; ++i)
+      std::fprintf(file, "%.17g %.17g\n", psi[std::size_t(i)], eta[std::size_t(i)]);
     std::fclose(file);
   }
-  std::printf("%s n %s order %s beta %s tol %s: steps %ld rejected %ld seconds %.3f h_min %.3g error %.3g %.3g rms %.3g\n", name.c_str(),
-              o["n"].c_str(), o["order"].c_str(), o["beta"].c_str(), o["tol"].c_str(), r.steps, r.rejected, r.seconds,
-              r.thinnest, ep, ee, std::sqrt(square));
+  std::printf(
+      "%s n %s order %s beta %s tol %s: steps %ld rejected %ld seconds %.3f h_min %.3g error %.3g %.3g rms "
+      "%.3g\n",
+      name.c_str(), o["n"].c_str(), o["order"].c_str(), o["beta"].c_str(), o["tol"].c_str(), r.steps,
+      r.rejected, r.seconds, r.thinnest, ep, ee, std::sqrt(square));
   return 0;
 }

@@ -1,20 +1,22 @@
-// Time to accuracy beside SUNDIALS: CVODE (Adams, BDF) and ARKODE (explicit, implicit and IMEX Runge-Kutta) advance the
-// same semi-discrete systems, with this program's own loops as their right-hand side, so that integrators are compared
-// and nothing else.
+// Time to accuracy beside SUNDIALS: CVODE (Adams, BDF) and ARKODE (explicit, implicit and IMEX Runge-Kutta)
+// advance the same semi-discrete systems, with this program's own loops as their right-hand side, so that
+// integrators are compared and nothing else.
 //
 //     cmake --build build --target bench_peers && build/tests/bench_peers
 //     python3 tests/bench/peers.py build/tests/bench_peers      # the same and SciPy, as one table
 //
-// Six scenes (peers_system.hpp): a smooth ring; stiff friction (gamma 300 and 10000), stiff coupling (c 100) between free
-// ends; a held velocity that sends fronts into the medium; rate-and-state friction. SUNDIALS gets the tableaus that its
-// newer releases default to, vectors compiled as this program is, and linear solvers that know the structure
-// (peers_sundials.hpp). On the ring implicit methods have nothing to win.
-// Errors are the largest over all unknowns at the end, against a solution of order 8 with tolerance 1e-13, whose own error
-// is taken as its distance from ARKODE's pair of Fehlberg at the same tolerance. Every method goes down in tolerance by factors of
-// sqrt(10) until it has each accuracy; that run counts, everything (set-up, factors) included: the median of the processor
-// times of several where it comes near the best of its library. A run of four times the best of its library at an accuracy,
-// or of `longest` seconds, ends what is asked of a method. Relative and absolute tolerance are equal.
-// Options: -peers_repeat [5], -peers_scene NUMBER, -peers_only PART (of a library or method), -peers_out DIR (for peers.py: start, end and rows in files).
+// Six scenes (peers_system.hpp): a smooth ring; stiff friction (gamma 300 and 10000), stiff coupling (c 100)
+// between free ends; a held velocity that sends fronts into the medium; rate-and-state friction. SUNDIALS
+// gets the tableaus that its newer releases default to, vectors compiled as this program is, and linear
+// solvers that know the structure (peers_sundials.hpp). On the ring implicit methods have nothing to win.
+// Errors are the largest over all unknowns at the end, against a solution of order 8 with tolerance 1e-13,
+// whose own error is taken as its distance from ARKODE's pair of Fehlberg at the same tolerance. Every method
+// goes down in tolerance by factors of sqrt(10) until it has each accuracy; that run counts, everything
+// (set-up, factors) included: the median of the processor times of several where it comes near the best of
+// its library. A run of four times the best of its library at an accuracy, or of `longest` seconds, ends what
+// is asked of a method. Relative and absolute tolerance are equal. Options: -peers_repeat [5], -peers_scene
+// NUMBER, -peers_only PART (of a library or method), -peers_out DIR (for peers.py: start, end and rows in
+// files).
 #include <slepcsys.h>
 
 #include <cstdio>
@@ -54,7 +56,8 @@ Outcome ours(System& system, double t_end, double tolerance, const std::string& 
       return late ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
     });
     SS_TRY(VecGetArray(u, &a));
-    out = {r.t == t_end, std::vector<double>(a, a + system.size), long(r.steps + r.rejections), r.rhs_evaluations};
+    out = {r.t == t_end, std::vector<double>(a, a + system.size), long(r.steps + r.rejections),
+           r.rhs_evaluations};
     SS_TRY(VecRestoreArray(u, &a));
   } catch (const Error&) {  // diverged, or not finite
   }
@@ -63,9 +66,9 @@ Outcome ours(System& system, double t_end, double tolerance, const std::string& 
 
 void add_ours(std::vector<Entry>& all) {
   for (const std::string name :
-       {"rk:7vr", "rk:3bs", "rk:5dp", "rk:8vr", "arkimex:4:friction", "arkimex:3:friction", "arkimex:5:friction",
-        "arkimex:4:wave", "arkimex:3:wave", "arkimex:5:wave", "arkimex:4:both", "arkimex:3:both", "arkimex:5:both",
-        "rosw:ra34pw2"})
+       {"rk:7vr", "rk:3bs", "rk:5dp", "rk:8vr", "arkimex:4:friction", "arkimex:3:friction",
+        "arkimex:5:friction", "arkimex:4:wave", "arkimex:3:wave", "arkimex:5:wave", "arkimex:4:both",
+        "arkimex:3:both", "arkimex:5:both", "rosw:ra34pw2"})
     all.push_back({"stickslip", name, name[0] != 'r' || name[1] == 'o',
                    [name](System& s, double t, double tol) { return ours(s, t, tol, name); }});
 }
@@ -82,7 +85,8 @@ void add_explicit(std::vector<Entry>& all) {
       {"5 Dormand-Prince", tableau_of(ARKODE_DORMAND_PRINCE_7_4_5)}};
   for (const auto& [name, tableau] : all_tableaus) {
     ARKodeButcherTable_Free(table_of(tableau, true));
-    std::printf("# ERK %s: %d stages, to %.2f along the imaginary axis\n", name.c_str(), tableau.stages, reach(tableau));
+    std::printf("# ERK %s: %d stages, to %.2f along the imaginary axis\n", name.c_str(), tableau.stages,
+                reach(tableau));
     for (const bool held : {true, false})
       all.push_back({"SUNDIALS", "ERK " + name + (held ? ", held" : ""), false,
                      [tableau = tableau, held](System& s, double t, double tol) {
@@ -105,9 +109,10 @@ void add_implicit(std::vector<Entry>& all) {
   for (const auto& [name, table] : {std::pair("4 ESDIRK437L2SA", ARKODE_ESDIRK437L2SA_7_3_4),
                                     std::pair("3 ESDIRK325L2SA", ARKODE_ESDIRK325L2SA_5_2_3),
                                     std::pair("5 ESDIRK547L2SA2", ARKODE_ESDIRK547L2SA2_7_4_5)})
-    all.push_back({"SUNDIALS", std::string("DIRK ") + name, true, [table = table](System& s, double t, double tol) {
-                     return arkode_implicit(s, t, tol, {table, ARKODE_ERK_NONE}, Implicit::both);
-                   }});
+    all.push_back(
+        {"SUNDIALS", std::string("DIRK ") + name, true, [table = table](System& s, double t, double tol) {
+           return arkode_implicit(s, t, tol, {table, ARKODE_ERK_NONE}, Implicit::both);
+         }});
   for (const int family : {CV_BDF, CV_ADAMS})
     all.push_back({"SUNDIALS", family == CV_BDF ? "BDF" : "Adams", family == CV_BDF,
                    [=](System& s, double t, double tol) { return cvode(s, t, tol, family); }});
@@ -141,8 +146,8 @@ class Race {
     if (!reference_.done || !other.done) throw Failure(case_.name + ": no reference");
     std::printf("\n%s: n %d, t %g; reference to %.0e\n", case_.name.c_str(), int(case_.scene.n), case_.t_end,
                 distance(reference_.u, other.u));
-    std::printf("%-10s %-30s %8s %9s %10s %8s %8s %8s\n", "library", "method", "target", "tol", "error", "steps", "ms",
-                "us/step");
+    std::printf("%-10s %-30s %8s %9s %10s %8s %8s %8s\n", "library", "method", "target", "tol", "error",
+                "steps", "ms", "us/step");
   }
 
   void enter(const Entry& m) {
@@ -160,16 +165,17 @@ class Race {
       }
       if (!(error <= target)) return;
       std::vector<double> seconds{first};
-      for (PetscInt k = 1; k < repeat_ && first < 1.5 * best; ++k) seconds.push_back(timed(m, tolerance, out, most));
+      for (PetscInt k = 1; k < repeat_ && first < 1.5 * best; ++k)
+        seconds.push_back(timed(m, tolerance, out, most));
       std::sort(seconds.begin(), seconds.end());
       const double median = seconds[seconds.size() / 2];
       best = std::min(best, median);
-      std::printf("%-10s %-30s %8.0e %9.1e %10.1e %8ld %8.2f %8.2f\n", m.library.c_str(), m.name.c_str(), target,
-                  tolerance, error, out.steps, 1e3 * median, 1e6 * median / double(out.steps));
+      std::printf("%-10s %-30s %8.0e %9.1e %10.1e %8ld %8.2f %8.2f\n", m.library.c_str(), m.name.c_str(),
+                  target, tolerance, error, out.steps, 1e3 * median, 1e6 * median / double(out.steps));
       std::fflush(stdout);
       if (rows_.is_open())
-        rows_ << number_ << '\t' << m.library << '\t' << m.name << '\t' << target << '\t' << error << '\t' << median
-              << '\t' << out.steps << std::endl;
+        rows_ << number_ << '\t' << m.library << '\t' << m.name << '\t' << target << '\t' << error << '\t'
+              << median << '\t' << out.steps << std::endl;
       if (median > 4 * best) return;
     }
   }
@@ -201,7 +207,8 @@ void run() {
   SS_TRY(PetscOptionsGetString(nullptr, nullptr, "-peers_out", folder, sizeof folder, nullptr));
   std::ofstream rows;
   if (*folder) rows.open(std::string(folder) + "/rows.tsv");
-  SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "# %d repeats, processor time; flags: %s\n", int(repeat), STICKSLIP_FLAGS));
+  SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "# %d repeats, processor time; flags: %s\n", int(repeat),
+                     STICKSLIP_FLAGS));
   std::vector<Entry> all;
   add_ours(all);
   add_explicit(all);

@@ -3,10 +3,10 @@
 //     ninja -C build bench_rhs && build/tests/bench_rhs
 //     mpirun -n 2 build/tests/bench_rhs -bench_law carlson_langer -bench_order 6 -bench_n 10000,1000000
 //
-// Options: -bench_n, -bench_order, -bench_law (cubic, carlson_langer, healing, ageing), -bench_part (full, pointwise,
-// stencil, wave, reaction), -bench_ends (ring, held), -bench_spread, -bench_trials [9],
-// -bench_clock (wall, cpu). Right-hand sides, copies and
-// Jacobians take turns, so that other users of the machine disturb all alike; medians and minima of the rounds.
+// Options: -bench_n, -bench_order, -bench_law (cubic, carlson_langer, healing, ageing), -bench_part (full,
+// pointwise, stencil, wave, reaction), -bench_ends (ring, held), -bench_spread, -bench_trials [9],
+// -bench_clock (wall, cpu). Right-hand sides, copies and Jacobians take turns, so that other users of the
+// machine disturb all alike; medians and minima of the rounds.
 #include <slepcsys.h>
 
 #include <cmath>
@@ -69,11 +69,13 @@ void run() {
                                               : Part::full;
   int ranks;
   MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
-  SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "# %s, order %d, %s, spread %g, part %s, %d rank(s), %d rounds, %s time; flags: %s\n",
+  SS_TRY(PetscPrintf(PETSC_COMM_WORLD,
+                     "# %s, order %d, %s, spread %g, part %s, %d rank(s), %d rounds, %s time; flags: %s\n",
                      law.c_str(), int(order), ends.c_str(), spread, part_name.c_str(), ranks, int(trials),
                      bench::cpu_clock() ? "processor" : "wall", STICKSLIP_FLAGS));
-  SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "# %8s %14s %22s %22s %16s %22s\n", "n", "node updates/s", "rhs us median/min",
-                     "copy us median/min", "ratio median/min", "Jacobian us median/min"));
+  SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "# %8s %14s %22s %22s %16s %22s\n", "n", "node updates/s",
+                     "rhs us median/min", "copy us median/min", "ratio median/min",
+                     "Jacobian us median/min"));
   for (PetscInt k = 0; k < count; ++k) {
     const PetscInt n = sizes[k];
     Model model(PETSC_COMM_WORLD, scene_of(law, int(order), ends, spread, n));
@@ -92,10 +94,10 @@ void run() {
         bench::interleaved(PETSC_COMM_WORLD, int(trials), std::max<PetscInt>(1, repeat / 20),
                            {[&] { model.jacobian(part, u, 1, -0.01, J); }});
     const bench::Seconds rhs = cheap[0], copy = cheap[1], jacobian = assembly[0];
-    SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%10d %14.4g %10.2f /%10.2f %10.2f /%10.2f %7.2f /%7.2f %10.1f /%10.1f\n",
-                       int(n), double(n) / rhs.median, 1e6 * rhs.median, 1e6 * rhs.least, 1e6 * copy.median,
-                       1e6 * copy.least, rhs.median / copy.median, rhs.least / copy.least, 1e6 * jacobian.median,
-                       1e6 * jacobian.least));
+    SS_TRY(PetscPrintf(
+        PETSC_COMM_WORLD, "%10d %14.4g %10.2f /%10.2f %10.2f /%10.2f %7.2f /%7.2f %10.1f /%10.1f\n", int(n),
+        double(n) / rhs.median, 1e6 * rhs.median, 1e6 * rhs.least, 1e6 * copy.median, 1e6 * copy.least,
+        rhs.median / copy.median, rhs.least / copy.least, 1e6 * jacobian.median, 1e6 * jacobian.least));
   }
 }
 

@@ -1,12 +1,14 @@
-// A whole adaptive run on a ring: Integrator and Model of this program against a plain PETSc code (DMDA with ghost
-// nodes, DMGlobalToLocal, array access, TSRK), same equations, order in space, pair, tolerances and first step.
+// A whole adaptive run on a ring: Integrator and Model of this program against a plain PETSc code (DMDA with
+// ghost nodes, DMGlobalToLocal, array access, TSRK), same equations, order in space, pair, tolerances and
+// first step.
 //
 //     ninja -C build bench_run && build/tests/bench_run
 //     mpirun -n 2 build/tests/bench_run -ts_rk_type 3bs
 //
-// Options: -bench_n [100000], -bench_order [4], -bench_steps [60, about], -bench_trials [9], -bench_clock (wall, cpu),
-// and every -ts_ option, for both. The runs take turns. First the two right-hand sides are
-// compared; the runs themselves part by more than round-off, since steps at the limit of stability amplify it.
+// Options: -bench_n [100000], -bench_order [4], -bench_steps [60, about], -bench_trials [9], -bench_clock
+// (wall, cpu), and every -ts_ option, for both. The runs take turns. First the two right-hand sides are
+// compared; the runs themselves part by more than round-off, since steps at the limit of stability amplify
+// it.
 #include <petscdmda.h>
 #include <slepcsys.h>
 
@@ -93,7 +95,8 @@ void run() {
   unless_given("-ts_rtol", "1e-6");
   unless_given("-ts_atol", "1e-6");
   unless_given("-ts_dt", std::to_string(dt));
-  const double t_end = 2.5 * dt * double(steps);  // the pair's error control settles near its limit of stability
+  // the pair's error control settles near its limit of stability
+  const double t_end = 2.5 * dt * double(steps);
   unless_given("-ts_max_time", std::to_string(t_end));
 
   TimeReport report;
@@ -102,7 +105,8 @@ void run() {
     Integrator integrator(model, MethodSpec(), ours);
     double end;
     SS_TRY(TSGetMaxTime(integrator.ts(), &end));
-    report = integrator.advance(ours, 0, end, [](const Integrator::Step&) { return Integrator::Verdict::go_on; });
+    report =
+        integrator.advance(ours, 0, end, [](const Integrator::Step&) { return Integrator::Verdict::go_on; });
   };
 
   PetscInt plain_steps = 0, plain_rejections = 0;
@@ -143,7 +147,8 @@ void run() {
                      "# ns a node and stage, median: ours %.2f, plain %.2f\n",
                      report.method.c_str(), int(n), int(order), ranks, int(trials),
                      bench::cpu_clock() ? "processor" : "wall", STICKSLIP_FLAGS, int(report.steps),
-                     int(report.rejections), int(plain_steps), int(plain_rejections), report.rhs_evaluations, seconds[0].median, seconds[0].least, seconds[1].median, seconds[1].least,
+                     int(report.rejections), int(plain_steps), int(plain_rejections), report.rhs_evaluations,
+                     seconds[0].median, seconds[0].least, seconds[1].median, seconds[1].least,
                      seconds[0].median / seconds[1].median, seconds[0].least / seconds[1].least,
                      1e9 * seconds[0].median / updates, 1e9 * seconds[1].median / updates));
   if (std::abs(double(report.steps - plain_steps)) > 0.05 * double(plain_steps))

@@ -1,9 +1,10 @@
-// The bare steps of a run: what `stickslip run` with the same options does beside reading them, measuring and writing.
+// The bare steps of a run: what `stickslip run` with the same options does beside reading them, measuring and
+// writing.
 //
 //     ninja -C build bench_steps && build/tests/bench_steps -grid_n 100000 -init_type sine -ts_max_time 10
 //
-// Prints the number of steps, and the processor and wall time that setting the method up and advancing took on the
-// slowest rank. command.py calls it.
+// Prints the number of steps, and the processor and wall time that setting the method up and advancing took
+// on the slowest rank. command.py calls it.
 #include <slepcsys.h>
 
 #include <cstdio>
@@ -33,8 +34,8 @@ void run(int argc, char** argv) {
   seconds[0] = bench::now(true) - seconds[0];
   seconds[1] = bench::now(false) - seconds[1];
   MPI_Allreduce(MPI_IN_PLACE, seconds, 2, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD);
-  PetscPrintf(PETSC_COMM_WORLD, "%lld %.6f %.6f\n", static_cast<long long>(integrator.report().steps), seconds[0],
-              seconds[1]);
+  PetscPrintf(PETSC_COMM_WORLD, "%lld %.6f %.6f\n", static_cast<long long>(integrator.report().steps),
+              seconds[0], seconds[1]);
 }
 
 }  // namespace

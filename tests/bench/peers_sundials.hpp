@@ -1,5 +1,5 @@
-// SUNDIALS on the systems of bench_peers: CVODE, and ARKODE with the tableaus of newer releases, vectors and linear solvers
-// given to it.
+// SUNDIALS on the systems of bench_peers: CVODE, and ARKODE with the tableaus of newer releases, vectors and
+// linear solvers given to it.
 #pragma once
 
 #include <arkode/arkode_arkstep.h>
@@ -37,8 +37,8 @@ int sun_rhs(realtype, N_Vector y, N_Vector f, void* data) {
   return p.system->is_late() ? -1 : 0;
 }
 
-// Debian compiles SUNDIALS without optimisation. Its vectors and matrices are made to be replaced, so that what takes
-// the time is given to it compiled as the rest of this program.
+// Debian compiles SUNDIALS without optimisation. Its vectors and matrices are made to be replaced, so that
+// what takes the time is given to it compiled as the rest of this program.
 template <class Body>
 void for_all(N_Vector z, const Body& body) {
   const sunindextype n = N_VGetLength(z);
@@ -225,9 +225,10 @@ inline Outcome cvode(System& system, double t_end, double tolerance, int family)
   return sun.outcome(system, flag, steps);
 }
 
-// A table of SUNDIALS made of a tableau; with `check`, the conditions of order that it and this program know must hold.
-// Without, the time of a last stage at the end of the step that is not the new solution is moved: ERKStep 6.4 takes such a
-// stage's slope for that of the solution (one evaluation a step too few, and the order lost), and nothing here depends on t.
+// A table of SUNDIALS made of a tableau; with `check`, the conditions of order that it and this program know
+// must hold. Without, the time of a last stage at the end of the step that is not the new solution is moved:
+// ERKStep 6.4 takes such a stage's slope for that of the solution (one evaluation a step too few, and the
+// order lost), and nothing here depends on t.
 inline ARKodeButcherTable table_of(const Tableau& t, bool check = false) {
   std::vector<double> A = t.A, b = t.b, c = t.c(), d = t.embedded;
   if (!check && !std::equal(b.begin(), b.end(), A.end() - t.stages)) c.back() = std::min(c.back(), 0.875);
@@ -252,9 +253,11 @@ inline Tableau tableau_of(ARKODE_ERKTableID number) {
   return t;
 }
 
-// `held`: steps are kept within what the waves allow. Where a step beyond that is once accepted, its noise, which waves do
-// not lose, holds ARKODE's error control at a tenth of that from then on; where friction damps waves, steps may be longer.
-inline Outcome arkode_explicit(System& system, double t_end, double tolerance, const Tableau& tableau, bool held = false) {
+// `held`: steps are kept within what the waves allow. Where a step beyond that is once accepted, its noise,
+// which waves do not lose, holds ARKODE's error control at a tenth of that from then on; where friction damps
+// waves, steps may be longer.
+inline Outcome arkode_explicit(System& system, double t_end, double tolerance, const Tableau& tableau,
+                               bool held = false) {
   Sun sun(system);
   Parts parts{&system, Part::full, Part::full};
   sun.erk = ERKStepCreate(sun_rhs<false>, 0, sun.y, sun.context);

@@ -23,7 +23,8 @@ struct Case {
   double t_end;
 };
 
-inline Case case_of(const char* name, double t_end, const std::vector<std::pair<const char*, const char*>>& set) {
+inline Case case_of(const char* name, double t_end,
+                    const std::vector<std::pair<const char*, const char*>>& set) {
   std::vector<Given> given = {{"grid_n", "512", ""}, {"bc_left", "free", ""}, {"bc_right", "free", ""}};
   for (const auto& [option, value] : set) {
     const auto same = [name = option](const Given& g) { return g.name == name; };
@@ -35,14 +36,19 @@ inline Case case_of(const char* name, double t_end, const std::vector<std::pair<
 
 // As in peers.py.
 inline std::vector<Case> cases() {
-  return {case_of("smooth ring", 10, {{"grid_n", "2048"}, {"bc_left", "periodic"}, {"bc_right", "periodic"}}),
-          case_of("stiff friction, gamma 300", 60, {{"model_gamma", "300"}}),
-          case_of("stiff friction, gamma 10000", 5, {{"model_gamma", "10000"}}),
-          case_of("stiff coupling", 10, {{"model_c", "100"}}),
-          case_of("pacemaker", 20, {{"bc_left", "velocity"}, {"bc_left_value", "-1.5"}, {"grid_length", "24"}}),
-          case_of("rate-and-state", 20,
-                  {{"friction_law", "rate-and-state"}, {"state_law", "ageing"}, {"friction_b", "0.07"},
-                   {"model_gamma", "5"}, {"model_delta", "0"}, {"model_v", "1"}})};
+  return {
+      case_of("smooth ring", 10, {{"grid_n", "2048"}, {"bc_left", "periodic"}, {"bc_right", "periodic"}}),
+      case_of("stiff friction, gamma 300", 60, {{"model_gamma", "300"}}),
+      case_of("stiff friction, gamma 10000", 5, {{"model_gamma", "10000"}}),
+      case_of("stiff coupling", 10, {{"model_c", "100"}}),
+      case_of("pacemaker", 20, {{"bc_left", "velocity"}, {"bc_left_value", "-1.5"}, {"grid_length", "24"}}),
+      case_of("rate-and-state", 20,
+              {{"friction_law", "rate-and-state"},
+               {"state_law", "ageing"},
+               {"friction_b", "0.07"},
+               {"model_gamma", "5"},
+               {"model_delta", "0"},
+               {"model_v", "1"}})};
 }
 
 // One scene's system.
@@ -83,9 +89,9 @@ class System {
   VecHandle u_, f_;
 };
 
-// (I - h J) x = b, J the Jacobian of a part of the right-hand side, whose structure is known: eta and the state are
-// eliminated node by node, and what is left is a band in psi alone, half_width wide, or nothing but its diagonal. Only the
-// slopes of friction differ from node to node; factors without exchanges.
+// (I - h J) x = b, J the Jacobian of a part of the right-hand side, whose structure is known: eta and the
+// state are eliminated node by node, and what is left is a band in psi alone, half_width wide, or nothing but
+// its diagonal. Only the slopes of friction differ from node to node; factors without exchanges.
 class Reduced {
  public:
   Reduced(const System& system, Part part)
@@ -95,7 +101,8 @@ class Reduced {
     rows_.assign(std::size_t(n_ * (2 * width_ + 1)), 0.);
     for (PetscInt i = 0; i < n_ && width_ > 0; ++i) {
       if (system.model.held(i)) continue;
-      for (const auto& [node, weight] : second_difference_row(s_, i)) row(rows_, i)[node - i] += s_.K1() * weight;
+      for (const auto& [node, weight] : second_difference_row(s_, i))
+        row(rows_, i)[node - i] += s_.K1() * weight;
     }
   }
 
@@ -126,8 +133,9 @@ class Reduced {
       e.coupling = on * h * A / e.eta;  // of b_eta in psi's equation
       double* const a = row(band_, i);
       for (int j = -width_; j <= width_; ++j) a[j] = held ? 0 : -e.coupling * h * row(rows_, i)[j];
-      a[0] += held ? 1
-                   : 1 + h * A * (on * s_.B() + slope) + e.coupling * h * (on * s_.K0() - s_.s_delta() * slope);
+      a[0] +=
+          held ? 1
+               : 1 + h * A * (on * s_.B() + slope) + e.coupling * h * (on * s_.K0() - s_.s_delta() * slope);
     }
     for (PetscInt i = 0; i < n_; ++i) {
       const double pivot = 1 / row(band_, i)[0];
@@ -135,7 +143,8 @@ class Reduced {
       for (PetscInt k = i + 1; k <= std::min(i + width_, n_ - 1); ++k) {
         const double l = row(band_, k)[i - k] * pivot;
         row(band_, k)[i - k] = l;
-        for (PetscInt j = i + 1; j <= std::min(i + width_, n_ - 1); ++j) row(band_, k)[j - k] -= l * row(band_, i)[j - i];
+        for (PetscInt j = i + 1; j <= std::min(i + width_, n_ - 1); ++j)
+          row(band_, k)[j - k] -= l * row(band_, i)[j - i];
       }
     }
   }
@@ -185,7 +194,9 @@ class Reduced {
     double own, eta, coupling;
   };
   // Entry j of row i stands at row(...)[j - i].
-  double* row(std::vector<double>& a, PetscInt i) const { return &a[std::size_t(i * (2 * width_ + 1) + width_)]; }
+  double* row(std::vector<double>& a, PetscInt i) const {
+    return &a[std::size_t(i * (2 * width_ + 1) + width_)];
+  }
 
   const System& system_;
   const Scene& s_;

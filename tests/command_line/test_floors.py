@@ -42,6 +42,15 @@ def sources():
                                                                              recursive=True))]
 
 
+def test_lines_of_at_most_110_columns():
+    """As `.clang-format` says, which CONTRIBUTING.md names."""
+    tests = glob.glob(os.path.join(SOURCE, "tests", "**", "*.?pp"), recursive=True)
+    for path in [*sources(), *tests]:
+        with open(path, encoding="utf-8") as file:
+            wide = [number for number, line in enumerate(file, 1) if len(line.rstrip("\n")) > 110]
+        assert not wide, f"{path}: lines {wide}"
+
+
 THREADS = re.compile(r"^\s*#\s*include\s*<(thread|future|mutex|shared_mutex|condition_variable|atomic|execution|omp\.h|pthread\.h)>"
                      r"|\bstd::(thread|async)\b|^\s*#\s*pragma\s+omp\b|\bpthread_\w+|-fopenmp|find_package\((Threads|OpenMP)"
                      r"|MPI_THREAD_(SERIALIZED|MULTIPLE)", re.MULTILINE)

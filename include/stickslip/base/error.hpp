@@ -2,8 +2,8 @@
 //
 // Three rules hold everywhere:
 //  * C++ code calls PETSc through SS_TRY, which turns an error code into an exception;
-//  * a function handed to PETSc as a callback has its body in guarded(), which turns an exception into an error
-//    code and keeps it, so that the SS_TRY around the outer call throws the original one again;
+//  * a function handed to PETSc as a callback has its body in guarded(), which turns an exception into an
+//    error code and keeps it, so that the SS_TRY around the outer call throws the original one again;
 //  * only main() prints an error and chooses the exit code.
 #pragma once
 
@@ -16,8 +16,8 @@
 
 namespace stickslip {
 
-// An error with the exit code it ends the program with. `collective`: raised on every rank alike, so that rank 0
-// alone prints it and all leave in order; an error of one rank alone ends the others by MPI_Abort.
+// An error with the exit code it ends the program with. `collective`: raised on every rank alike, so that
+// rank 0 alone prints it and all leave in order; an error of one rank alone ends the others by MPI_Abort.
 class Error : public std::runtime_error {
  public:
   Error(int exit_code, bool collective, const std::string& what)
@@ -56,8 +56,8 @@ class RankFailure : public Error {
   explicit RankFailure(const std::string& what) : Error(1, false, what) {}
 };
 
-// Prints `stickslip: warning: TEXT` once (on rank 0) and keeps it for the summary; a repeated text is dropped.
-// Collective in the sense that every rank must reach it with the same text.
+// Prints `stickslip: warning: TEXT` once (on rank 0) and keeps it for the summary; a repeated text is
+// dropped. Collective in the sense that every rank must reach it with the same text.
 void warn(const std::string& text);
 const std::vector<std::string>& warnings();
 
@@ -74,8 +74,9 @@ class WarningsKept {
 };
 
 namespace detail {
-void keep_pending(std::exception_ptr e);      // kept by guarded()
-[[noreturn]] void throw_petsc(PetscErrorCode code);  // the pending exception, else what PETSc's handler was told
+void keep_pending(std::exception_ptr e);  // kept by guarded()
+// the pending exception, else what PETSc's handler was told
+[[noreturn]] void throw_petsc(PetscErrorCode code);
 PetscErrorCode keep_line(MPI_Comm, int, const char*, const char*, PetscErrorCode, PetscErrorType, const char*,
                          void*);
 }  // namespace detail
@@ -83,7 +84,8 @@ PetscErrorCode keep_line(MPI_Comm, int, const char*, const char*, PetscErrorCode
 // Installs a PETSc error handler that keeps the first line instead of printing a trace.
 void install_error_handler();
 
-// Runs the body of a PETSc callback; an exception becomes an error code and is thrown again by SS_TRY outside.
+// Runs the body of a PETSc callback; an exception becomes an error code and is thrown again by SS_TRY
+// outside.
 template <class Body>
 PetscErrorCode guarded(Body&& body) {
   try {
@@ -98,8 +100,8 @@ PetscErrorCode guarded(Body&& body) {
 }  // namespace stickslip
 
 // Calls PETSc, SLEPc or MPI and throws where the returned code is not zero.
-#define SS_TRY(call)                                             \
-  do {                                                           \
-    const PetscErrorCode ss_code_ = (call);                      \
+#define SS_TRY(call)                                                         \
+  do {                                                                       \
+    const PetscErrorCode ss_code_ = (call);                                  \
     if (PetscUnlikely(ss_code_)) ::stickslip::detail::throw_petsc(ss_code_); \
   } while (0)

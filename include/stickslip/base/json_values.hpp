@@ -1,5 +1,5 @@
-// What makes values of type Json (json.hpp): the library in full, which takes a second to compile, and optional values,
-// null where there is none.
+// What makes values of type Json (json.hpp): the library in full, which takes a second to compile, and
+// optional values, null where there is none.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -13,8 +13,10 @@ template <class T>
 struct adl_serializer<std::optional<T>> {
   template <class Value>
   static void to_json(Value& json, const std::optional<T>& value) {
-    if (value) json = *value;
-    else json = nullptr;
+    if (value)
+      json = *value;
+    else
+      json = nullptr;
   }
 };
 

@@ -1,4 +1,5 @@
-// Where a result comes from: version, revision, command line, options, date. Written into every file and summary.
+// Where a result comes from: version, revision, command line, options, date. Written into every file and
+// summary.
 #pragma once
 
 #include <map>
@@ -6,7 +7,7 @@
 
 namespace stickslip {
 
-const char* version();       // of the program, e.g. "0.1.0"
+const char* version();  // of the program, e.g. "0.1.0"
 // What to type for a script of postprocess/: `stickslip-plot` where it is installed beside the program, else
 // `postprocess/plot.py`.
 std::string script_call(const std::string& name);

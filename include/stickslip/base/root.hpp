@@ -10,8 +10,8 @@
 
 namespace stickslip {
 
-// Runs body() on rank 0; where it throws, every rank throws the same: UsageError or Failure with its text, any
-// other exception as Failure. Collective; costs one broadcast of an int.
+// Runs body() on rank 0; where it throws, every rank throws the same: UsageError or Failure with its text,
+// any other exception as Failure. Collective; costs one broadcast of an int.
 template <class Body>
 void on_root(MPI_Comm comm, Body&& body) {
   int rank = 0;

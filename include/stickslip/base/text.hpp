@@ -6,12 +6,13 @@
 
 namespace stickslip {
 
-// The name in `names` nearest to `name` (by edit distance, or with its beginning or end left out), or "" where none
-// is near.
+// The name in `names` nearest to `name` (by edit distance, or with its beginning or end left out), or ""
+// where none is near.
 std::string nearest_name(const std::string& name, const std::vector<std::string>& names);
 
 // "; did you mean X?" with the nearest name, or "".
-std::string suggestion(const std::string& name, const std::vector<std::string>& names, const char* before = "");
+std::string suggestion(const std::string& name, const std::vector<std::string>& names,
+                       const char* before = "");
 
 // Shortest text that reads back as the same number.
 std::string number_text(double value);

@@ -1,8 +1,9 @@
-// Branches of cycles: pseudo-arclength continuation in one parameter, for any kind of cycle that can be solved for along
-// a direction (CyclePath), with the special points on the way.
+// Branches of cycles: pseudo-arclength continuation in one parameter, for any kind of cycle that can be
+// solved for along a direction (CyclePath), with the special points on the way.
 //
-// Source: H. B. Keller, in Applications of Bifurcation Theory, Academic Press 1977, 359-384; Yu. A. Kuznetsov, Elements of
-// Applied Bifurcation Theory, Springer 2004, sections 4.4, 5.3 and 10.2. Computed alike on every rank.
+// Source: H. B. Keller, in Applications of Bifurcation Theory, Academic Press 1977, 359-384; Yu. A.
+// Kuznetsov, Elements of Applied Bifurcation Theory, Springer 2004, sections 4.4, 5.3 and 10.2. Computed
+// alike on every rank.
 #pragma once
 
 #include <functional>
@@ -16,28 +17,29 @@
 
 namespace stickslip {
 
-// Coordinates that tell the cycles of a branch apart, each in units in which a change of 1 is large; the parameter, over the
-// length of its range, is the last.
+// Coordinates that tell the cycles of a branch apart, each in units in which a change of 1 is large; the
+// parameter, over the length of its range, is the last.
 using Place = std::vector<double>;
 double dot(const Place& a, const Place& b);
 Place of_length_one(Place p);
 
-// The cycles of a family beside the one where a branch stands. A cycle is asked for by one linear condition on its
-// place; go() solves for it from a prediction along the tangent and keeps it as the candidate, accept() moves there. At
-// first the candidate is where the branch stands.
+// The cycles of a family beside the one where a branch stands. A cycle is asked for by one linear condition
+// on its place; go() solves for it from a prediction along the tangent and keeps it as the candidate,
+// accept() moves there. At first the candidate is where the branch stands.
 class CyclePath {
  public:
   virtual ~CyclePath() = default;
-  // Solves for the cycle with row . place = right, starting `length` along the tangent where the branch stands. Throws
-  // Error where there is none.
+  // Solves for the cycle with row . place = right, starting `length` along the tangent where the branch
+  // stands. Throws Error where there is none.
   virtual void go(double length, const Place& row, double right) = 0;
-  virtual Place place() const = 0;               // of the candidate, like all below
-  virtual Place tangent(const Place& row) = 0;   // of the branch, of length 1, on the side of `row`
+  virtual Place place() const = 0;              // of the candidate, like all below
+  virtual Place tangent(const Place& row) = 0;  // of the branch, of length 1, on the side of `row`
   virtual Cycle cycle() const = 0;
-  virtual Place direction() const = 0;           // the tangent that was asked for last, once more
-  virtual void accept() = 0;                     // its tangent, as asked for last, is what go() goes along
-  // A path of another family, at() of its parameter, which has a cycle near `from`: go() starts there from a mixture of
-  // candidates, this one with the weight that the others leave of 1. These are paths of the same kind.
+  virtual Place direction() const = 0;  // the tangent that was asked for last, once more
+  virtual void accept() = 0;            // its tangent, as asked for last, is what go() goes along
+  // A path of another family, at() of its parameter, which has a cycle near `from`: go() starts there from a
+  // mixture of candidates, this one with the weight that the others leave of 1. These are paths of the same
+  // kind.
   using Others = std::vector<std::pair<const CyclePath*, double>>;
   virtual std::unique_ptr<CyclePath> beside(std::function<Scene(double)> at, double from, double range,
                                             const Others& others = {}) const = 0;
@@ -48,7 +50,8 @@ class CyclePath {
 //   flip             a multiplier passes -1: the period doubles
 //   torus            a complex pair passes |mu| = 1
 //   hopf             the amplitude vanishes: steady sliding; the branch ends
-//   infinite-period  the period grows beyond all bounds: the branch ends; the parameter's limit, to 1e-8 of its range
+//   infinite-period  the period grows beyond all bounds: the branch ends; the parameter's limit, to 1e-8 of
+//                    its range
 //   long-wave        the phase diffusion changes its sign
 //   wave             a wave of finite length begins or ceases to grow while long ones decay: `wavenumber`
 //   graze            a slip just reaches rest: the branch of a cycle with rests ends
@@ -56,7 +59,7 @@ class CyclePath {
 // and the names of Cycle::tests.
 struct SpecialPoint {
   std::string kind;
-  double value = 0;       // of the parameter
+  double value = 0;  // of the parameter
   double period = 0;
   double wavenumber = 0;  // of `wave`
   std::size_t after = 0;  // it lies behind this point of the branch
@@ -65,9 +68,9 @@ struct SpecialPoint {
 struct CyclePoint {
   double value = 0;
   Cycle cycle;
-  bool stable = false;       // with `watch`: to its waves too
-  double growth_rate = 0;    // largest, the phase mode left out
-  double wavenumber = 0;     // which grows so; 0 without waves
+  bool stable = false;     // with `watch`: to its waves too
+  double growth_rate = 0;  // largest, the phase mode left out
+  double wavenumber = 0;   // which grows so; 0 without waves
 };
 
 struct CycleBranch {
@@ -76,8 +79,8 @@ struct CycleBranch {
   std::string end;  // why it ends, in words
 };
 
-// What is said of every cycle of a branch besides its own multipliers, and functions whose changes of sign are special
-// points: `long-wave` and `wave`.
+// What is said of every cycle of a branch besides its own multipliers, and functions whose changes of sign
+// are special points: `long-wave` and `wave`.
 struct Watched {
   bool stable = false;
   double growth_rate = 0, wavenumber = 0;
@@ -85,23 +88,27 @@ struct Watched {
 };
 using CycleWatch = std::function<Watched(double value, const Cycle& cycle)>;
 
-// How far a branch is followed: to its end, or only to the first special point behind which a cycle does not attract any
-// more. The path's candidate is that point then, with its tangent, and it is the one special point that is listed.
+// How far a branch is followed: to its end, or only to the first special point behind which a cycle does not
+// attract any more. The path's candidate is that point then, with its tangent, and it is the one special
+// point that is listed.
 enum class Follow { whole, while_stable };
 
-// Follows the branch from where `path` stands, whose cycle is `first`, towards the value `to` of the parameter `name`, which
-// stands at `from`, in at most `steps` steps. Ends at `to`, at a Hopf point or an infinite period, where the parameter comes
-// back past its start, where no cycle is found further on, or after `steps`.
-CycleBranch continue_cycle(CyclePath& path, const Cycle& first, const std::string& name, double from, double to,
-                           int steps, const CycleWatch& watch = nullptr, Follow follow = Follow::whole);
+// Follows the branch from where `path` stands, whose cycle is `first`, towards the value `to` of the
+// parameter `name`, which stands at `from`, in at most `steps` steps. Ends at `to`, at a Hopf point or an
+// infinite period, where the parameter comes back past its start, where no cycle is found further on, or
+// after `steps`.
+CycleBranch continue_cycle(CyclePath& path, const Cycle& first, const std::string& name, double from,
+                           double to, int steps, const CycleWatch& watch = nullptr,
+                           Follow follow = Follow::whole);
 
-// A function of a path's candidate that is zero at a special point of this kind (fold, flip, torus, branch, or a name of
-// Cycle::tests) and smooth about it; NaN where the cycle has no multiplier that could pass there.
+// A function of a path's candidate that is zero at a special point of this kind (fold, flip, torus, branch,
+// or a name of Cycle::tests) and smooth about it; NaN where the cycle has no multiplier that could pass
+// there.
 double special_test(const std::string& kind, CyclePath& path, const Place& row);
 
-// The special point of this kind on a path that starts nearly there (beside()): the path's candidate then. `slope`: that of
-// special_test along the branch there, if known, else NaN; afterwards that at the new point. Returns its parameter, or
-// NaN where there is none within 0.2 along the branch.
+// The special point of this kind on a path that starts nearly there (beside()): the path's candidate then.
+// `slope`: that of special_test along the branch there, if known, else NaN; afterwards that at the new point.
+// Returns its parameter, or NaN where there is none within 0.2 along the branch.
 double settle_on_special(const std::string& kind, CyclePath& path, double range, double& slope);
 
 }  // namespace stickslip

@@ -1,8 +1,8 @@
 // Cycles of smooth friction by collocation in time: found, solved to an accuracy, continued.
 //
-// A scene's nodes are the cell: one node alone is uniform motion. Collocation at five Gauss points an interval on a mesh
-// that follows the motion (numerics/periodic_equations.hpp); the phase is that of a plane across the motion. Computed
-// alike on every rank, nothing communicates.
+// A scene's nodes are the cell: one node alone is uniform motion. Collocation at five Gauss points an
+// interval on a mesh that follows the motion (numerics/periodic_equations.hpp); the phase is that of a plane
+// across the motion. Computed alike on every rank, nothing communicates.
 #pragma once
 
 #include <functional>
@@ -19,12 +19,12 @@ namespace stickslip {
 
 class CellField;
 
-// Most unknowns of a cell: the equations take 60 unknowns^2 numbers of memory and 100 unknowns^3 operations a step of
-// Newton's method, about.
+// Most unknowns of a cell: the equations take 60 unknowns^2 numbers of memory and 100 unknowns^3 operations a
+// step of Newton's method, about.
 constexpr int most_cell_unknowns = 300;
 
-// A cycle with what its stability and a branch start from: unknowns of collocation on a mesh of phases, node by node in
-// the order of `field`.
+// A cycle with what its stability and a branch start from: unknowns of collocation on a mesh of phases, node
+// by node in the order of `field`.
 struct SmoothCycle {
   std::shared_ptr<const CellField> field;
   std::vector<double> mesh, values;  // as numerics/periodic_mesh.hpp
@@ -41,21 +41,23 @@ struct CycleGuess {
 // Throws UsageError where friction jumps at rest or the cell has more than most_cell_unknowns.
 void check_smooth_cell(const Scene& cell);
 
-// The cycle near a guess, with a period to the relative accuracy `tolerance`. Throws Failure where Newton's method does
-// not converge to one.
+// The cycle near a guess, with a period to the relative accuracy `tolerance`. Throws Failure where Newton's
+// method does not converge to one.
 SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double tolerance = 1e-10);
 
-// The uniform oscillation of a scene (one node), from slips of several sizes that settle on it (model/oscillator.hpp), the
-// first of which begins `slip` friction forces above sliding; one that repels only where they settle on no other. Throws
-// Failure where none is found, which says what was found instead.
+// The uniform oscillation of a scene (one node), from slips of several sizes that settle on it
+// (model/oscillator.hpp), the first of which begins `slip` friction forces above sliding; one that repels
+// only where they settle on no other. Throws Failure where none is found, which says what was found instead.
 SmoothCycle uniform_cycle(const Scene& scene, double tolerance = 1e-10, double slip = 1);
 
-// The cycle of a cell that its own motion from `start` (node by node, as in Model) settles on within `turns` turns, or else one
-// that repels, near to which it came. Throws Failure where it slides steadily, never repeats, or its steps need over 500 MB.
-SmoothCycle settled_cycle(const Scene& cell, const std::vector<double>& start, int turns, double tolerance = 1e-10);
+// The cycle of a cell that its own motion from `start` (node by node, as in Model) settles on within `turns`
+// turns, or else one that repels, near to which it came. Throws Failure where it slides steadily, never
+// repeats, or its steps need over 500 MB.
+SmoothCycle settled_cycle(const Scene& cell, const std::vector<double>& start, int turns,
+                          double tolerance = 1e-10);
 
-// The branch of a cycle: `at` gives the cell as a function of the parameter, `from` is where `first` was found, `range` the
-// length of the range of the parameter that counts.
+// The branch of a cycle: `at` gives the cell as a function of the parameter, `from` is where `first` was
+// found, `range` the length of the range of the parameter that counts.
 std::unique_ptr<CyclePath> smooth_path(std::function<Scene(double)> at, double from, double range,
                                        const SmoothCycle& first);
 // The cycle where such a path stands (its candidate).

@@ -1,14 +1,15 @@
-// Cycles of friction that sticks: slips and rests with their changes located to nearly round-off, as fixed points of a
-// return map.
+// Cycles of friction that sticks: slips and rests with their changes located to nearly round-off, as fixed
+// points of a return map.
 //
-// The section is the release of one node: psi = 0 there, eta at the threshold. From it the motion is integrated to the
-// release that closes the cycle (src/cycles/stick_motion.hpp), with the deviations of every free coordinate: all unknowns
-// of the cell but psi and eta of that node. Newton's method on the map is exact then, and the matrix that takes deviations
-// round the cycle, with the jump matrices of starts and stops, gives the multipliers. One block without a state has no free
-// coordinate: its cycle is the slip that begins at psi = 0, eta = threshold, and the rest that follows.
+// The section is the release of one node: psi = 0 there, eta at the threshold. From it the motion is
+// integrated to the release that closes the cycle (src/cycles/stick_motion.hpp), with the deviations of every
+// free coordinate: all unknowns of the cell but psi and eta of that node. Newton's method on the map is exact
+// then, and the matrix that takes deviations round the cycle, with the jump matrices of starts and stops,
+// gives the multipliers. One block without a state has no free coordinate: its cycle is the slip that begins
+// at psi = 0, eta = threshold, and the rest that follows.
 //
-// For cells of few nodes (stick_cycle_limit), on rings, between free or held ends. Nothing here is collective; every rank
-// computes the same.
+// For cells of few nodes (stick_cycle_limit), on rings, between free or held ends. Nothing here is
+// collective; every rank computes the same.
 #pragma once
 
 #include <complex>
@@ -42,50 +43,53 @@ std::string to_string(Fate fate);  // in words: "slides steadily", ...
 
 // A cycle of a cell on its section.
 struct StickCycle {
-  std::vector<double> start;            // unknowns at the release of the node `node` towards `side`
+  std::vector<double> start;  // unknowns at the release of the node `node` towards `side`
   int node = 0;
   double side = 1;
-  int releases = 1;                     // of that node in one period
+  int releases = 1;  // of that node in one period
   double period = 0;
-  double residual = 0;                  // |return map - start|, the largest of the free coordinates
-  std::string sequence;                 // of starts and stops, in words that differ where it does
-  // Where a slip of the cycle would turn if nothing stopped it: the greatest over the slips of psi along its direction,
-  // negative, but not below -(1 + |v|)/10; 0 where a slip only grazes rest.
+  double residual = 0;   // |return map - start|, the largest of the free coordinates
+  std::string sequence;  // of starts and stops, in words that differ where it does
+  // Where a slip of the cycle would turn if nothing stopped it: the greatest over the slips of psi along its
+  // direction, negative, but not below -(1 + |v|)/10; 0 where a slip only grazes rest.
   double depth = 0;
   double clearance = 0;  // least |psi| where a slip turns without a stop; infinite where none does
 };
 
 struct StickFate {
   Fate fate;
-  StickCycle cycle;       // of `repeats`; else its clearance is |psi| where the last slip turned first, |v| where none did
-  double time;            // looked at
+  // of `repeats`; else its clearance is |psi| where the last slip turned first, |v| where none did
+  StickCycle cycle;
+  double time;  // looked at
 };
 
-// Follows the motion of `scene` (the cell) from `start` (unknowns node by node, as stored) until it repeats, slides, grows
-// without bound, has turned without a stop or passed psi = 0 without a rest `patience` times, been released 50 `patience`
-// times, or taken a million steps over the number of nodes; polishes what repeats. Throws Failure where the integration
-// fails.
+// Follows the motion of `scene` (the cell) from `start` (unknowns node by node, as stored) until it repeats,
+// slides, grows without bound, has turned without a stop or passed psi = 0 without a rest `patience` times,
+// been released 50 `patience` times, or taken a million steps over the number of nodes; polishes what
+// repeats. Throws Failure where the integration fails.
 StickFate stick_fate(const Scene& scene, const std::vector<double>& start, int patience = 400);
 // The same of a uniform scene's one node, from a release after a long rest.
 StickFate uniform_stick_fate(const Scene& one_node);
 
-// How far stick-slip of a uniform scene's one node is from its end by grazing, a smooth function of the scene: the depth of
-// the cycle that the motion settles on from a release after a long rest (negative: it sticks and slips), or, where its slip
-// turns before it stops, the psi at which it does (positive), the slip being stopped there. Where it settles on none, or
-// never turns: |v|. NaN where it rests for ever. Where nothing damps and friction never rises with velocity, so that every
-// slip comes back to psi = 0, be it after many turns: -|v| for its first turn.
+// How far stick-slip of a uniform scene's one node is from its end by grazing, a smooth function of the
+// scene: the depth of the cycle that the motion settles on from a release after a long rest (negative: it
+// sticks and slips), or, where its slip turns before it stops, the psi at which it does (positive), the slip
+// being stopped there. Where it settles on none, or never turns: |v|. NaN where it rests for ever. Where
+// nothing damps and friction never rises with velocity, so that every slip comes back to psi = 0, be it after
+// many turns: -|v| for its first turn.
 //
-// A slip may swing back beyond psi = 0 (soft friction, fast plate). Coming from there it stops where the threshold holds it, or
-// passes on into the next slip and never rests; the cycle then is one without rests. `passes`: the distance is that from
-// this end, |eta| less the threshold there, which is the greater of the two.
-// `period`: of that cycle; 0 where there is none or none was looked at.
+// A slip may swing back beyond psi = 0 (soft friction, fast plate). Coming from there it stops where the
+// threshold holds it, or passes on into the next slip and never rests; the cycle then is one without rests.
+// `passes`: the distance is that from this end, |eta| less the threshold there, which is the greater of the
+// two. `period`: of that cycle; 0 where there is none or none was looked at.
 struct Grazing {
   double distance, period;
   bool passes = false;
 };
 Grazing distance_from_graze(const Scene& one_node);
 
-// The cycle of another scene near this one, by Newton's method alone; its sequence may be another. Throws Failure.
+// The cycle of another scene near this one, by Newton's method alone; its sequence may be another. Throws
+// Failure.
 StickCycle polish(const Scene& scene, const StickCycle& near);
 
 // The one multiplier of a uniform scene's cycle that is neither the phase's nor 0: 0 without a state.
@@ -94,9 +98,9 @@ double uniform_multiplier(const Scene& one_node, const StickCycle& cycle);
 // What is said of a cycle, its course sampled for pictures and measures.
 Cycle described(const Scene& scene, const StickCycle& cycle);
 
-// The branch of such a cycle: `at` gives the cell as a function of the parameter, `from` is where `first` was found, `range`
-// the length of the range that counts. It goes round folds, and ends where the sequence changes or a slip no longer comes to
-// rest.
+// The branch of such a cycle: `at` gives the cell as a function of the parameter, `from` is where `first` was
+// found, `range` the length of the range that counts. It goes round folds, and ends where the sequence
+// changes or a slip no longer comes to rest.
 std::unique_ptr<CyclePath> stick_path(std::function<Scene(double)> at, double from, double range,
                                       const StickCycle& first);
 // The cycle where such a path stands (its candidate).

@@ -2,7 +2,8 @@
 //
 // Laws of one velocity (F = phi without a state, else times a factor of the state):
 //     cubic            phi = psi^3/3 - psi                                    (the paper's equation 4)
-//     carlson-langer   phi = (1 - sigma) sgn(psi)/(1 + 2 alpha |psi|/(1 - sigma))   (equation 2: sigma 0, alpha 1/2)
+//     carlson-langer   phi = (1 - sigma) sgn(psi)/(1 + 2 alpha |psi|/(1 - sigma))   (equation 2: sigma 0,
+//                                                                                   alpha 1/2)
 //     coulomb          phi = fd sgn(psi), regularised with a peak of fs
 //     rate-and-state   F = a asinh[ psi/(2 psi0) exp((mu0 + b ln(psi0 theta/D))/a) ]
 // State laws:
@@ -12,16 +13,17 @@
 //     slip         rate-and-state,  theta_t = -(|psi| theta/D) ln(|psi| theta/D)
 // Regularised: sgn(psi) -> tanh(psi/eps), |psi| -> psi tanh(psi/eps). On the exact sliding branch sgn(0) = 0.
 //
-// A law is a class in a file of its own, src/model/laws/, and a line in the list src/model/law_list.hpp; a state law
-// likewise (docs/adding.md). Nothing outside src/model names one: `Law` and `StateLaw` say what the class says of
-// itself, and `Friction` is a law with its state law and parameters, resolved once. Loops over nodes are compiled for
-// each class (src/model/loops.hpp).
+// A law is a class in a file of its own, src/model/laws/, and a line in the list src/model/law_list.hpp; a
+// state law likewise (docs/adding.md). Nothing outside src/model names one: `Law` and `StateLaw` say what the
+// class says of itself, and `Friction` is a law with its state law and parameters, resolved once. Loops over
+// nodes are compiled for each class (src/model/loops.hpp).
 //
-// The state s that is stored and advanced is tau itself for `healing`, and ln(theta) for the laws in theta, so that
-// theta stays positive over any number of decades; state_to_output() gives what files and pictures show.
+// The state s that is stored and advanced is tau itself for `healing`, and ln(theta) for the laws in theta,
+// so that theta stays positive over any number of decades; state_to_output() gives what files and pictures
+// show.
 //
-// Nothing here communicates. F is a force over the common friction amplitude, a number; psi is a velocity; g has the
-// unit of the stored state over time.
+// Nothing here communicates. F is a force over the common friction amplitude, a number; psi is a velocity; g
+// has the unit of the stored state over time.
 #pragma once
 
 #include <map>
@@ -59,8 +61,8 @@ struct HigherPartials {
   HigherDerivatives F, g;
 };
 
-// Slopes |F_psi| that the motion may meet although it does not now, where friction falls and where it rises with
-// velocity; 0 where there is nothing steeper ahead than what is met. Steps in time are chosen with them.
+// Slopes |F_psi| that the motion may meet although it does not now, where friction falls and where it rises
+// with velocity; 0 where there is nothing steeper ahead than what is met. Steps in time are chosen with them.
 struct SlopesAhead {
   double falling = 0, rising = 0;
 };
@@ -68,22 +70,24 @@ struct SlopesAhead {
 // One parameter of a law or state law, as its class declares it.
 struct Parameter {
   enum class Range { positive, not_negative };
-  const char* name;          // without the family: "fs" is the option friction_fs, or state_fs of a state law
-  const char* value;         // by default
+  const char* name;   // without the family: "fs" is the option friction_fs, or state_fs of a state law
+  const char* value;  // by default
   Range range;
   const char* unit;
   const char* help;
-  const char* default_help = "";  // what -help shows in place of the default, where that may follow another option
-  const char* same_as = "";       // option that means the same and is taken where it alone is set, e.g. "state_D"
-  bool regularised = false;       // has no meaning with exact stick
+  // what -help shows in place of the default, where that may follow another option
+  const char* default_help = "";
+  // option that means the same and is taken where it alone is set, e.g. "state_D"
+  const char* same_as = "";
+  bool regularised = false;  // has no meaning with exact stick
 };
 
 // What a state law's class says of itself.
 struct StateTraits {
-  std::string name;                         // as in the option state_law
-  std::string symbol, unit, meaning;        // of what files show: tau, theta, with what it is; "" for none
-  bool logarithmic = false;                 // the stored state is ln(theta)
-  std::vector<Parameter> parameters;        // options state_<name>
+  std::string name;                   // as in the option state_law
+  std::string symbol, unit, meaning;  // of what files show: tau, theta, with what it is; "" for none
+  bool logarithmic = false;           // the stored state is ln(theta)
+  std::vector<Parameter> parameters;  // options state_<name>
 };
 
 // A state law by its name; cheap to copy. Throws std::logic_error where the list holds no such name.
@@ -133,9 +137,9 @@ std::string to_string(StateLaw law);
 struct FrictionParameters {
   Law law;
   StateLaw state;
-  bool regularised = false;  // sgn(psi) -> tanh(psi/eps); false: the exact sliding branch
-  double eps = 1e-3;         // velocity of the regularisation
-  bool back_slip = true;     // exact stick: false lets no force drive a stuck node backwards
+  bool regularised = false;              // sgn(psi) -> tanh(psi/eps); false: the exact sliding branch
+  double eps = 1e-3;                     // velocity of the regularisation
+  bool back_slip = true;                 // exact stick: false lets no force drive a stuck node backwards
   std::map<std::string, double> values;  // parameters that are set, by option name, e.g. friction_fs
   std::map<std::string, ProfileAlongX> profiles;  // of those that differ along x, in place of their values
 
@@ -149,13 +153,13 @@ struct FrictionParameters {
   double value(const std::string& option) const;
 };
 
-// A law with its state law and parameters. Friction that `sticks` has a threshold and is not regularised: at psi = 0 it
-// takes any value up to the threshold (stick.hpp), and elsewhere it is called with the direction of motion given, +1 or
-// -1, so that it is smooth through psi = 0.
+// A law with its state law and parameters. Friction that `sticks` has a threshold and is not regularised: at
+// psi = 0 it takes any value up to the threshold (stick.hpp), and elsewhere it is called with the direction
+// of motion given, +1 or -1, so that it is smooth through psi = 0.
 class Friction {
  public:
-  // Throws UsageError where the parameters contradict each other, and where they vary along x: there is no one friction
-  // then.
+  // Throws UsageError where the parameters contradict each other, and where they vary along x: there is no
+  // one friction then.
   static std::shared_ptr<const Friction> of(const FrictionParameters& parameters);
   // At each of the places x. Throws UsageError where the parameters of one contradict each other.
   static std::vector<std::shared_ptr<const Friction>> along(const FrictionParameters& parameters,
@@ -163,8 +167,8 @@ class Friction {
   virtual ~Friction() = default;
 
   const bool has_state, sticks;
-  const bool steep;         // at rest: too steep for explicit methods and for Newton's own steps (newton_psi)
-  const bool van_der_pol;   // the cubic without a state, whose closed formulas hold
+  const bool steep;        // at rest: too steep for explicit methods and for Newton's own steps (newton_psi)
+  const bool van_der_pol;  // the cubic without a state, whose closed formulas hold
   const SlopesAhead slopes_ahead;
 
   virtual double force(double psi, double s) const = 0;
@@ -184,10 +188,13 @@ class Friction {
   // Of friction that sticks; std::logic_error for other. `direction`: 1, -1, or 0 at rest.
   virtual Partials sliding_partials(double psi, double s, double direction) const = 0;
   virtual RatePartials sliding_rate(double psi, double s, double direction) const = 0;
-  virtual WithSlope threshold(double s) const = 0;          // the force that holds a node, and its slope in the state
-  virtual double threshold_at_long_rest() const = 0;        // infinite where it grows without end
-  virtual double state_at_rest(double s, double t) const = 0;  // what becomes of s after the time t at psi = 0
-  virtual double time_at_rest(double s) const = 0;             // over which the threshold of a resting node changes
+  // the force that holds a node, and its slope in the state
+  virtual WithSlope threshold(double s) const = 0;
+  virtual double threshold_at_long_rest() const = 0;  // infinite where it grows without end
+  // what becomes of s after the time t at psi = 0
+  virtual double state_at_rest(double s, double t) const = 0;
+  // over which the threshold of a resting node changes
+  virtual double time_at_rest(double s) const = 0;
 
  protected:
   Friction(bool state, bool stick, bool is_steep, bool cubic, SlopesAhead slopes)

@@ -1,5 +1,6 @@
-// The friction of nodes that follow each other: one law for all, or with profiles along x (friction_*_profile,
-// state_*_profile) one for each, of the same law with parameters of its own. Amplitudes stand apart (friction_amplitude).
+// The friction of nodes that follow each other: one law for all, or with profiles along x
+// (friction_*_profile, state_*_profile) one for each, of the same law with parameters of its own. Amplitudes
+// stand apart (friction_amplitude).
 //
 // Nothing here communicates.
 #pragma once
@@ -13,7 +14,8 @@ namespace stickslip {
 
 class Frictions {
  public:
-  // Of the nodes first .. first + count - 1. Throws UsageError where the parameters at some place contradict each other.
+  // Of the nodes first .. first + count - 1. Throws UsageError where the parameters at some place contradict
+  // each other.
   Frictions(const Scene& scene, PetscInt first, PetscInt count);
 
   const Friction& operator[](PetscInt i) const { return *list_[list_.size() == 1 ? 0 : std::size_t(i)]; }

@@ -4,20 +4,24 @@
 //     psi_t   = A [eta + N D2 psi - B psi - F(psi, state)]
 //     eta_t   = K0 (v - psi) + K1 D2 psi - s delta [eta + N D2 psi - F(psi, state)]
 //     state_t = g(psi, state)
-// A deviation from a solution obeys the linear system of this header; with -D2 replaced by its symbol kappa^2 it is
-// that of a wave of wavenumber kappa in a uniform medium. The Jacobian of Model, the operator about steady sliding, the
-// oscillator of travelling waves and the forecast of steps take their coefficients from here; the terms themselves
-// stand in src/model/kernel.hpp. A new term of the equations is written in these two files.
+// A deviation from a solution obeys the linear system of this header; with -D2 replaced by its symbol kappa^2
+// it is that of a wave of wavenumber kappa in a uniform medium. The Jacobian of Model, the operator about
+// steady sliding, the oscillator of travelling waves and the forecast of steps take their coefficients from
+// here; the terms themselves stand in src/model/kernel.hpp. A new term of the equations is written in these
+// two files.
 //
-// At a given lambda eta and the state of a node follow from its psi and what drives it, so that J - lambda is solved by one
-// equation a node, coupled by (K1 + lambda N) D2 alone (`diagonal`, `condense`, `expand`).
+// At a given lambda eta and the state of a node follow from its psi and what drives it, so that J - lambda is
+// solved by one equation a node, coupled by (K1 + lambda N) D2 alone (`diagonal`, `condense`, `expand`).
 //
-// Without mass (scene.massless(), A infinite) the first equation is eta = B psi + F, and psi is no unknown: a deviation obeys
+// Without mass (scene.massless(), A infinite) the first equation is eta = B psi + F, and psi is no unknown: a
+// deviation obeys
 //     eta_t = -K psi, state_t = g_psi psi + g_state state,  psi = (eta - F_state state)/(B + F_psi)
-// (`massless_block`), the relations in lambda are those above with 1/A = 0, and B + F_psi > 0 is asked for everywhere.
+// (`massless_block`), the relations in lambda are those above with 1/A = 0, and B + F_psi > 0 is asked for
+// everywhere.
 //
-// Nothing here communicates or allocates. Units: psi is a velocity, eta and F are numbers (forces over the friction
-// amplitude), so A has the unit velocity/time, B time/length, K0 1/length, s delta 1/time; N kappa^2 has that of B.
+// Nothing here communicates or allocates. Units: psi is a velocity, eta and F are numbers (forces over the
+// friction amplitude), so A has the unit velocity/time, B time/length, K0 1/length, s delta 1/time; N kappa^2
+// has that of B.
 #pragma once
 
 #include <cmath>
@@ -33,10 +37,13 @@ enum class Part {
   full,       // everything
   pointwise,  // everything but D2 psi: the implicit part when friction is implicit
   stencil,    // psi: A N D2 psi; eta: (K1 - s delta N) D2 psi
-  wave,       // linear, constant: psi: A (e - B psi); eta: K0 (v - psi) + K1 D2 psi - s delta e; e = eta + N D2 psi
-  reaction    // psi: -A F; eta: s delta F; state: g
+  // linear, constant: psi: A (e - B psi); eta: K0 (v - psi) + K1 D2 psi - s delta e; e = eta + N D2 psi
+  wave,
+  reaction  // psi: -A F; eta: s delta F; state: g
 };
-inline bool has_stencil(Part part) { return part == Part::full || part == Part::stencil || part == Part::wave; }
+inline bool has_stencil(Part part) {
+  return part == Part::full || part == Part::stencil || part == Part::wave;
+}
 inline bool has_friction(Part part) {
   return part == Part::full || part == Part::pointwise || part == Part::reaction;
 }
@@ -75,7 +82,7 @@ struct FrictionSlopes {
 struct LinearPoint : FrictionSlopes {
   using Complex = std::complex<double>;
 
-  double A, B, K0, K1, N, s_delta;     // of the scene
+  double A, B, K0, K1, N, s_delta;  // of the scene
   bool has_state = false;
 
   // The coefficients of a scene; without friction, or with that of a point. `F` includes the amplitude.
@@ -86,28 +93,32 @@ struct LinearPoint : FrictionSlopes {
   void set(const Partials& F, const RatePartials& g) { set({F.F_psi, F.F_state, g.g_psi, g.g_state}); }
   void set(const FrictionSlopes& slopes) { static_cast<FrictionSlopes&>(*this) = slopes; }
 
-  // d(terms `part`)/d(psi, eta, state) of the node itself for a wave with that kappa^2; 0: all nodes alike, or the node
-  // with its neighbours left out.
+  // d(terms `part`)/d(psi, eta, state) of the node itself for a wave with that kappa^2; 0: all nodes alike,
+  // or the node with its neighbours left out.
   NodeBlock block(Part part, double kappa2 = 0) const;
-  // The same of a node that friction holds at rest (Part::full, pointwise and stencil): psi stays 0, friction is eta.
+  // The same of a node that friction holds at rest (Part::full, pointwise and stencil): psi stays 0, friction
+  // is eta.
   NodeBlock block_at_rest(Part part) const;
 
   // Without mass, of a wave with that kappa^2.
   MasslessBlock massless_block(double kappa2) const;
   bool massless() const { return std::isinf(A); }
 
-  // With eta and the state eliminated a deviation obeys  lambda [lambda/A + beta + N kappa^2 + q/(lambda + r)] + K = 0.
+  // With eta and the state eliminated a deviation obeys  lambda [lambda/A + beta + N kappa^2 + q/(lambda +
+  // r)] + K = 0.
   double stiffness(double kappa2) const { return K0 + K1 * kappa2; }  // K
-  double beta() const { return B + s_delta / A + F_psi; }             // resistance; the `a` of a cubic with a state
+  // resistance; the `a` of a cubic with a state
+  double beta() const { return B + s_delta / A + F_psi; }
   // C = A (beta + N kappa^2): without a state stable iff C > 0
   double damping(double kappa2 = 0) const { return A * (B + F_psi) + s_delta + A * N * kappa2; }
-  // How fast that stiffness alone would turn or relax a node: sqrt(A K); without mass the modulus of the roots.
+  // How fast that stiffness alone would turn or relax a node: sqrt(A K); without mass the modulus of the
+  // roots.
   double rate_of(double K) const {
     if (!massless()) return std::sqrt(A * K);
     return has_state ? std::sqrt(std::abs(K * r() / beta())) : K / std::abs(beta());
   }
-  double r() const { return -g_state; }                               // rate at which the state relaxes
-  double q() const { return F_state * g_psi; }                        // what acts through the state
+  double r() const { return -g_state; }         // rate at which the state relaxes
+  double q() const { return F_state * g_psi; }  // what acts through the state
   // Resistance to slow changes of a uniform motion, b = B + s delta/A + dF_ss/dv.
   double slow_beta() const { return has_state ? beta() + q() / r() : beta(); }
 
@@ -115,8 +126,8 @@ struct LinearPoint : FrictionSlopes {
   // lambda = -r.
   Complex diagonal(Complex lambda) const;
   Complex diagonal_slope(Complex lambda) const;
-  // (J - lambda) y = b:  -(diagonal + K0 - (K1 + lambda N) D2) y.psi = condense(b),  y = expand(y.psi, b), to whose eta
-  // -N D2 y.psi is to be added. With b = 0: an eigenvector.
+  // (J - lambda) y = b:  -(diagonal + K0 - (K1 + lambda N) D2) y.psi = condense(b),  y = expand(y.psi, b), to
+  // whose eta -N D2 y.psi is to be added. With b = 0: an eigenvector.
   Complex condense(Complex lambda, const NodeVector& b) const;
   NodeVector expand(Complex lambda, Complex psi, const NodeVector& b = {}) const;
   // The same for the transposed (not conjugated) J - lambda, in eta:
@@ -124,20 +135,21 @@ struct LinearPoint : FrictionSlopes {
   Complex condense_transposed(Complex lambda, const NodeVector& b) const;
   NodeVector expand_transposed(Complex lambda, Complex eta, const NodeVector& b) const;
 
-  // lambda^3 + c2 lambda^2 + c1 lambda + c0 with a state; without, lambda^2 + c2 lambda + c1 and c0 = 0. Without mass one
-  // power less: lambda^2 + c1 lambda + c0, or lambda + c1, and c2 = 0.
+  // lambda^3 + c2 lambda^2 + c1 lambda + c0 with a state; without, lambda^2 + c2 lambda + c1 and c0 = 0.
+  // Without mass one power less: lambda^2 + c1 lambda + c0, or lambda + c1, and c2 = 0.
   struct Characteristic {
     double c2, c1, c0;
   };
   Characteristic characteristic(double kappa2) const;
-  // Whether every root of it lies left of the imaginary axis (Routh and Hurwitz). Where nothing pulls back (K = 0) the
-  // root 0, a shift of everything along x, does not count.
+  // Whether every root of it lies left of the imaginary axis (Routh and Hurwitz). Where nothing pulls back (K
+  // = 0) the root 0, a shift of everything along x, does not count.
   bool stable(double kappa2) const;
   // The same for every kappa^2 from 0 to `largest`.
   bool stable_up_to(double largest) const;
 };
 
-// Written here, since they stand in the inner loops of Jacobians: linear in the part's terms, wave + reaction = full.
+// Written here, since they stand in the inner loops of Jacobians: linear in the part's terms, wave + reaction
+// = full.
 inline NodeBlock LinearPoint::block(Part part, double kappa2) const {
   NodeBlock b;
   if (has_stencil(part)) {
@@ -209,7 +221,8 @@ inline LinearPoint::Complex LinearPoint::diagonal_slope(Complex lambda) const {
 }
 
 // The first and the last row of (J - lambda) y = b give
-//     state = (g_psi psi - b_state)/(lambda + r),   eta = b_psi/A + (lambda/A + B + F_psi) psi + F_state state.
+//     state = (g_psi psi - b_state)/(lambda + r),   eta = b_psi/A + (lambda/A + B + F_psi) psi + F_state
+//                                                   state.
 inline LinearPoint::Complex LinearPoint::condense(Complex lambda, const NodeVector& b) const {
   Complex c = b.eta + (s_delta + lambda) * b.psi / A;
   if (has_state) c -= lambda * F_state * b.state / (lambda + r());
@@ -226,7 +239,8 @@ inline NodeVector LinearPoint::expand(Complex lambda, Complex psi, const NodeVec
 }
 
 // The second and the last column of J - lambda, transposed, give
-//     psi = (b_eta + (s delta + lambda) eta)/A,   state = -(F_state (b_eta + lambda eta) + b_state)/(lambda + r).
+//     psi = (b_eta + (s delta + lambda) eta)/A,   state = -(F_state (b_eta + lambda eta) + b_state)/(lambda +
+//                                                 r).
 inline LinearPoint::Complex LinearPoint::condense_transposed(Complex lambda, const NodeVector& b) const {
   Complex c = b.psi + (B + F_psi + lambda / A) * b.eta;
   if (has_state) c += g_psi * (F_state * b.eta + b.state) / (lambda + r());
@@ -257,8 +271,8 @@ inline bool LinearPoint::stable(double kappa2) const {
   return c2 > 0 && c1 > 0 && (c0 == 0 || (c0 > 0 && c2 * c1 > c0));
 }
 
-// All conditions are linear in kappa^2 but c2 c1 > c0, whose parabola opens upwards (its leading coefficient is
-// A N (A K1 + A N r)): besides the ends of the range its lowest place is looked at.
+// All conditions are linear in kappa^2 but c2 c1 > c0, whose parabola opens upwards (its leading coefficient
+// is A N (A K1 + A N r)): besides the ends of the range its lowest place is looked at.
 inline bool LinearPoint::stable_up_to(double largest) const {
   if (!stable(0) || !stable(largest)) return false;
   if (!has_state || N == 0 || !(largest > 0)) return true;
@@ -266,7 +280,7 @@ inline bool LinearPoint::stable_up_to(double largest) const {
     const auto [c2, c1, c0] = characteristic(kappa2);
     return c2 * c1 - c0;
   };
-  const double bend = A * N * (A * K1 + A * N * r());  // of kappa^4
+  const double bend = A * N * (A * K1 + A * N * r());                             // of kappa^4
   const double slope = (excess(largest) - excess(0)) / largest - bend * largest;  // at 0
   const double lowest = bend > 0 ? -slope / (2 * bend) : 0;
   return !(lowest > 0 && lowest < largest) || stable(lowest);

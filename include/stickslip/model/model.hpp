@@ -1,9 +1,10 @@
 // The semi-discrete system on a distributed grid: right-hand side, Jacobian, start, steady sliding.
 //
-// The unknowns stand node by node: psi, eta and, with a state law, the stored state (see friction.hpp) of node 0,
-// then of node 1, ... in one Vec, in equal parts on the ranks. A held node stands in the Vec too, but psi there is
-// constant (right-hand side 0); its eta is output: constant in the continuum, where set_held() makes it
-// B psi_e + F(psi_e, state) - N D2 psi, and the elastic force (a quadrature that nothing depends on) in the chain.
+// The unknowns stand node by node: psi, eta and, with a state law, the stored state (see friction.hpp) of
+// node 0, then of node 1, ... in one Vec, in equal parts on the ranks. A held node stands in the Vec too, but
+// psi there is constant (right-hand side 0); its eta is output: constant in the continuum, where set_held()
+// makes it B psi_e + F(psi_e, state) - N D2 psi, and the elastic force (a quadrature that nothing depends on)
+// in the chain.
 //
 // Time stepping, steady states, eigenvalues and waves share this object; it is the only thing they share.
 #pragma once
@@ -30,44 +31,46 @@ class Model {
 
   const Scene& scene() const;
   MPI_Comm comm() const;
-  int dof() const;             // 2, or 3 with a state law
-  PetscInt first() const;      // first node of this rank
-  PetscInt local() const;      // nodes of this rank
+  int dof() const;         // 2, or 3 with a state law
+  PetscInt first() const;  // first node of this rank
+  PetscInt local() const;  // nodes of this rank
   bool held(PetscInt node) const;
-  PetscInt unknowns() const;   // solved for, over all ranks: held nodes' psi and eta are not
+  PetscInt unknowns() const;  // solved for, over all ranks: held nodes' psi and eta are not
 
   VecHandle create_vector() const;  // block size dof(). Collective
 
-  // Friction that sticks (stick.hpp): while `direction` is given, one value a node of this rank that stays the
-  // caller's, nodes with 0 rest (psi_t = 0, friction is eta) and the others slide with the friction of that direction,
-  // +1 or -1, whatever the sign of psi. Heeded by rhs() and jacobian() for Part::full, pointwise and stencil, not by
-  // wave and reaction, in each of which eta and F stand alone. nullptr: the sign of psi decides, and nothing sticks.
+  // Friction that sticks (stick.hpp): while `direction` is given, one value a node of this rank that stays
+  // the caller's, nodes with 0 rest (psi_t = 0, friction is eta) and the others slide with the friction of
+  // that direction, +1 or -1, whatever the sign of psi. Heeded by rhs() and jacobian() for Part::full,
+  // pointwise and stencil, not by wave and reaction, in each of which eta and F stand alone. nullptr: the
+  // sign of psi decides, and nothing sticks.
   void set_direction(const double* direction) const;
   const double* direction() const;  // as it was given; not collective
 
   // With a load v(t) (load.hpp), which rhs() takes at the time said last: at t, in the piece of the load that
-  // begin_load() has said, the one that begins at its t or holds it. Without a load they do nothing. Not collective.
+  // begin_load() has said, the one that begins at its t or holds it. Without a load they do nothing. Not
+  // collective.
   void begin_load(double t) const;
   void set_time(double t) const;
-  double plate_velocity() const;                // v, or v(t) at that time
-  double plate_velocity(double t) const;        // in that piece
+  double plate_velocity() const;          // v, or v(t) at that time
+  double plate_velocity(double t) const;  // in that piece
 
-  // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space.
-  // Of a massless chain (src/model/massless.hpp) Part::full alone: eta and the state have rates, psi has the rate 0 and
-  // follows from them, from psi in u as a first guess; not a number where it would jump.
+  // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space. Of a
+  // massless chain (src/model/massless.hpp) Part::full alone: eta and the state have rates, psi has the rate
+  // 0 and follows from them, from psi in u as a first guess; not a number where it would jump.
   void rhs(Part part, Vec u, Vec f) const;
   // Puts into u the psi that its eta and state say in a massless chain; else does nothing. Not collective.
   void settle(Vec u) const;
-  // Where the last rhs() or settle() of a massless chain found no psi, or where the psi in u is about to jump, in words; ""
-  // where neither is so. Collective.
+  // Where the last rhs() or settle() of a massless chain found no psi, or where the psi in u is about to
+  // jump, in words; "" where neither is so. Collective.
   std::string lost_velocity(Vec u) const;
-  // Whether neighbours have viscosity (nu > 0). What drives a node then is e = eta + N D2 psi; at rest that is the force
-  // held against the threshold.
+  // Whether neighbours have viscosity (nu > 0). What drives a node then is e = eta + N D2 psi; at rest that
+  // is the force held against the threshold.
   bool viscous() const;
-  // N D2 psi in the place of eta, 0 elsewhere; of a viscous scene alone. At a held end of the continuum D2 is of order
-  // p - 2 (stencil.hpp). Collective.
+  // N D2 psi in the place of eta, 0 elsewhere; of a viscous scene alone. At a held end of the continuum D2 is
+  // of order p - 2 (stencil.hpp). Collective.
   void viscous_force(Vec u, Vec into) const;
-  long rhs_evaluations() const;  // of every part, since the start
+  long rhs_evaluations() const;              // of every part, since the start
   void count_evaluations(long count) const;  // made by others (fused_step)
 
   // A matrix with the pattern of the Jacobian of `part` (BAIJ, block size dof()).
@@ -75,13 +78,13 @@ class Model {
   // J = alpha I + beta d(rhs part)/du at u. Collective.
   void jacobian(Part part, Vec u, double alpha, double beta, Mat J) const;
 
-  // The block of that Jacobian of node `local_node` of this rank, whose unknowns are u, by those unknowns, without its share of
-  // the coupling K1 D2; rows of what is held are 0. Not collective.
+  // The block of that Jacobian of node `local_node` of this rank, whose unknowns are u, by those unknowns,
+  // without its share of the coupling K1 D2; rows of what is held are 0. Not collective.
   NodeBlock node_block(Part part, PetscInt local_node, const double* u) const;
 
-  // For Newton's method on  shift u - rhs(u) = given  (the stages of implicit methods): replaces its step -`minus_step`
-  // at u by one that converges where friction is steep. False where the law needs nothing of the kind; then
-  // minus_step is as it was. Local to each rank.
+  // For Newton's method on  shift u - rhs(u) = given  (the stages of implicit methods): replaces its step
+  // -`minus_step` at u by one that converges where friction is steep. False where the law needs nothing of
+  // the kind; then minus_step is as it was. Local to each rank.
   bool tame_newton_step(Vec u, double shift, Vec minus_step) const;
 
   // Sets psi, eta of held nodes to their values, with the state as it stands. Collective.
@@ -103,9 +106,9 @@ class Model {
   double steady_state(PetscInt local_node, double psi) const;
   double steady_state(double psi) const;  // of friction_law()
 
-  // Largest explicit frequencies, for step sizes: sqrt(A (K0 + K1 kappa^2_max)) of the wave, and
-  // max |A (B + F_psi)| + |s delta| over the nodes at u. Of a massless chain: that of wave_frequency() below, and the rate of
-  // the state. Collective.
+  // Largest explicit frequencies, for step sizes: sqrt(A (K0 + K1 kappa^2_max)) of the wave, and max |A (B +
+  // F_psi)| + |s delta| over the nodes at u. Of a massless chain: that of wave_frequency() below, and the
+  // rate of the state. Collective.
   double wave_frequency() const;
   double friction_rate(Vec u) const;
 
@@ -114,14 +117,14 @@ class Model {
   std::unique_ptr<Impl> impl_;
 };
 
-// Frequency of the shortest wave on the scene's grid, sqrt(A (K0 + K1 kappa^2_max)). A massless chain has no waves: the
-// rate (K0 + K1 kappa^2_max)/(B + F_psi) at which its shortest deviation from sliding at psi = v dies away, where that is
-// a finite number; else K0 + K1 kappa^2_max over B, or over 1.
+// Frequency of the shortest wave on the scene's grid, sqrt(A (K0 + K1 kappa^2_max)). A massless chain has no
+// waves: the rate (K0 + K1 kappa^2_max)/(B + F_psi) at which its shortest deviation from sliding at psi = v
+// dies away, where that is a finite number; else K0 + K1 kappa^2_max over B, or over 1.
 double wave_frequency(const Scene& scene);
 // That of a node without neighbours, sqrt(A K0); without mass K0/(B + F_psi), as above.
 double own_frequency(const Scene& scene);
-// The rate at which viscosity damps the shortest wave, A N kappa^2_max, 0 without it; and the larger of the two, which
-// explicit steps obey.
+// The rate at which viscosity damps the shortest wave, A N kappa^2_max, 0 without it; and the larger of the
+// two, which explicit steps obey.
 double viscous_rate(const Scene& scene);
 double stencil_rate(const Scene& scene);
 
@@ -129,9 +132,9 @@ double stencil_rate(const Scene& scene);
 double counter_uniform(PetscInt seed, PetscInt index);
 double counter_normal(PetscInt seed, PetscInt index);
 
-// Friction amplitude a_i of every node first..first+count-1: one draw a block in the chain; in the continuum draws at
-// spacing spread_length, interpolated smoothly, the same medium on every grid. The ensemble mean of a is 1, times the
-// profile friction_amplitude_profile where there is one.
+// Friction amplitude a_i of every node first..first+count-1: one draw a block in the chain; in the continuum
+// draws at spacing spread_length, interpolated smoothly, the same medium on every grid. The ensemble mean of
+// a is 1, times the profile friction_amplitude_profile where there is one.
 std::vector<double> friction_amplitude(const Scene& scene, PetscInt first, PetscInt count);
 // a(x) of the continuum anywhere between its ends.
 double friction_amplitude_at(const Scene& scene, double x);

@@ -1,10 +1,12 @@
 // A quantity that is given at some places along x, and what holds between them.
 //
 //     linear   straight from one place to the next
-//     smooth   from value to value like 10 s^3 - 15 s^4 + 6 s^5: two continuous derivatives, flat at every place given
+//     smooth   from value to value like 10 s^3 - 15 s^4 + 6 s^5: two continuous derivatives, flat at every
+//              place given
 //     step     a value holds from its place to the next one
-// Between two places no value lies beyond theirs. Two values at one place make a jump: the second holds from there on.
-// Before the first place and behind the last their values hold; on a ring the last place goes on to the first.
+// Between two places no value lies beyond theirs. Two values at one place make a jump: the second holds from
+// there on. Before the first place and behind the last their values hold; on a ring the last place goes on to
+// the first.
 //
 // Nothing here communicates. x is a length; a value has the unit of the quantity.
 #pragma once
@@ -25,8 +27,8 @@ class ProfileAlongX {
   double at(double x) const;
   const std::vector<std::pair<double, double>>& points() const { return points_; }
   bool is_constant() const;
-  // The shortest distance over which the value changes from one place to another, a jump aside; infinite where none
-  // does. What a grid has to resolve.
+  // The shortest distance over which the value changes from one place to another, a jump aside; infinite
+  // where none does. What a grid has to resolve.
   double shortest() const;
 
  private:

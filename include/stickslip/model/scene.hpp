@@ -1,14 +1,14 @@
-// A scene: the physical problem with its grid, ends and start, as plain checked values, alike on every rank. Nothing
-// here communicates.
+// A scene: the physical problem with its grid, ends and start, as plain checked values, alike on every rank.
+// Nothing here communicates.
 //
 // Every form of the model is one semi-discrete system (per node; B and delta are never both non-zero)
 //     psi_t = A [eta + N D2 psi - B psi - F(psi, state)]
 //     eta_t = K0 (v - psi) + K1 D2 psi - s delta [eta + N D2 psi - F(psi, state)]
 //     state_t = g(psi, state)                       only with a state law
-// continuum: A = gamma, B = 0, K0 = 1/gamma, K1 = c^2/gamma, N = nu/gamma;  chain: A = f0/m, B = zeta/f0, K0 = k0/f0,
-// K1 = k1/f0, N = nu/f0, delta = 0. psi: sliding velocity, eta: force over the friction amplitude. nu is the viscosity
-// between neighbours, 0 by default: then N D2 psi is not computed at all. In the massless chain (m = 0) the first equation
-// is B psi + F(psi, state) = eta (src/model/massless.hpp).
+// continuum: A = gamma, B = 0, K0 = 1/gamma, K1 = c^2/gamma, N = nu/gamma;  chain: A = f0/m, B = zeta/f0, K0
+// = k0/f0, K1 = k1/f0, N = nu/f0, delta = 0. psi: sliding velocity, eta: force over the friction amplitude.
+// nu is the viscosity between neighbours, 0 by default: then N D2 psi is not computed at all. In the massless
+// chain (m = 0) the first equation is B psi + F(psi, state) = eta (src/model/massless.hpp).
 #pragma once
 
 #include <petscsys.h>
@@ -29,24 +29,24 @@ enum class SpreadKind { uniform, lognormal };
 struct Scene {
   Form form = Form::continuum;
   double gamma = 3, delta = 0.2, c = 1, v = 0.2;
-  bool derived_sign = true;               // s = +1 (derived) or -1 (printed)
+  bool derived_sign = true;  // s = +1 (derived) or -1 (printed)
   double m = 1, k0 = 0.2, k1 = 0.2, f0 = 1, zeta = 0;
-  double nu = 0;                          // viscosity between neighbours
+  double nu = 0;  // viscosity between neighbours
 
   FrictionParameters friction;
-  double spread = 0;                      // F_i = a_i F, mean of a_i is 1
+  double spread = 0;  // F_i = a_i F, mean of a_i is 1
   SpreadKind spread_kind = SpreadKind::uniform;
-  double spread_length = 1;               // continuum: distance between independent draws
+  double spread_length = 1;  // continuum: distance between independent draws
   PetscInt friction_seed = 1;
-  ProfileAlongX amplitude;                // factor of a_i along x; without points: 1
+  ProfileAlongX amplitude;  // factor of a_i along x; without points: 1
 
   PetscInt n = 512;
-  double length = 60;                     // chain: n for a ring, n - 1 otherwise
-  int order = 4;                          // chain: 2
+  double length = 60;  // chain: n for a ring, n - 1 otherwise
+  int order = 4;       // chain: 2
   End left = End::periodic, right = End::periodic;
-  double left_value = 0, right_value = 0; // psi_e of a held end
-  Load load;                              // v(t), where v is not constant: `run` alone knows it
-  PetscInt copies = 1;                    // equal cells that this one stands for (reduce.hpp)
+  double left_value = 0, right_value = 0;  // psi_e of a held end
+  Load load;                               // v(t), where v is not constant: `run` alone knows it
+  PetscInt copies = 1;                     // equal cells that this one stands for (reduce.hpp)
 
   // coefficients of the one system
   double A() const { return form == Form::continuum ? gamma : f0 / m; }
@@ -69,12 +69,12 @@ struct Scene {
   bool unit_amplitude() const { return spread == 0 && amplitude.points().empty(); }
   bool same_friction() const { return unit_amplitude() && !friction.varies(); }
   bool has_profile() const { return friction.varies() || !amplitude.points().empty(); }
-  // The shortest length over which friction changes: of the spread and of profiles; infinite where it is the same
-  // everywhere.
+  // The shortest length over which friction changes: of the spread and of profiles; infinite where it is the
+  // same everywhere.
   double friction_length() const;
 
-  // Builds and checks a scene; `sliding_branch`: the command looks at sliding only, so that a law is taken on its
-  // exact sliding branch unless the user set friction_stick to `regularised`. Throws UsageError.
+  // Builds and checks a scene; `sliding_branch`: the command looks at sliding only, so that a law is taken on
+  // its exact sliding branch unless the user set friction_stick to `regularised`. Throws UsageError.
   static Scene from(const Options& options, bool sliding_branch = false);
 };
 

@@ -1,15 +1,16 @@
 // Centred second differences of order 2, 4, 6, 8 and the ends of the grid. Local to the process.
 //
-// At every node D2 psi = sum_{|j| <= p/2} w_|j| psi[i+j] with the same weights; an end enters only through the values
-// given to the halo, the p/2 nodes beyond it, each a linear combination of nodes inside:
+// At every node D2 psi = sum_{|j| <= p/2} w_|j| psi[i+j] with the same weights; an end enters only through
+// the values given to the halo, the p/2 nodes beyond it, each a linear combination of nodes inside:
 //   ring             the node on the other side
-//   free, continuum  even reflection about the end node: psi[-j] = psi[j] (full order, D2 symmetric in the inner
-//                    product with weight 1/2 at the ends)
+//   free, continuum  even reflection about the end node: psi[-j] = psi[j] (full order, D2 symmetric in the
+//                    inner product with weight 1/2 at the ends)
 //   free, chain      psi[-1] = psi[0], so that the end block has one neighbour
-//   held, continuum  the polynomial of degree p - 1 through the p nodes from the end inwards. This is the same as the
-//                    one-sided stencil of order p - 2 at the nodes next to the end, which keeps order p in the
-//                    solution. The eigenvalues of D2 are real and negative for p = 2, 4, 6; for p = 8 some are
-//                    complex, so that waves would grow, and a scene with order 8 and a held end is refused.
+//   held, continuum  the polynomial of degree p - 1 through the p nodes from the end inwards. This is the
+//                    same as the one-sided stencil of order p - 2 at the nodes next to the end, which keeps
+//                    order p in the solution. The eigenvalues of D2 are real and negative for p = 2, 4, 6;
+//                    for p = 8 some are complex, so that waves would grow, and a scene with order 8 and a
+//                    held end is refused.
 //   held, chain      as free: it only serves the elastic force at the held block, which is output
 #pragma once
 
@@ -24,19 +25,20 @@ namespace stickslip {
 // Weights w_0..w_{p/2} of the second difference of order p, for spacing 1; entries beyond p/2 are 0.
 std::array<double, 5> second_difference(int order);
 
-// The symbol of -D2 for spacing h: kappa^2(k) = (4/h^2)[S + S^2/3 + 8 S^3/45 + 4 S^4/35], S = sin^2(k h/2), the first
-// p/2 terms.
+// The symbol of -D2 for spacing h: kappa^2(k) = (4/h^2)[S + S^2/3 + 8 S^3/45 + 4 S^4/35], S = sin^2(k h/2),
+// the first p/2 terms.
 double symbol(int order, double h, double k);
 
-// The largest value of the symbol, at the grid scale k = pi/h: bounds the spectrum of -D2 for all ends but the held
-// ones of order 4 and 6, which stay below it too (tested).
+// The largest value of the symbol, at the grid scale k = pi/h: bounds the spectrum of -D2 for all ends but
+// the held ones of order 4 and 6, which stay below it too (tested).
 double largest_symbol(int order, double h);
 
 // Node j of the halo (j < 0 or j >= n) as a combination of nodes inside: pairs (node, weight).
 using Combination = std::vector<std::pair<PetscInt, double>>;
 Combination halo_node(const Scene& scene, PetscInt j);
 
-// Row i of D2 (without 1/h^2 for the chain, with it in the continuum) as a combination of nodes, sorted by node.
+// Row i of D2 (without 1/h^2 for the chain, with it in the continuum) as a combination of nodes, sorted by
+// node.
 Combination second_difference_row(const Scene& scene, PetscInt i);
 
 }  // namespace stickslip

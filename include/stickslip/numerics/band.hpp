@@ -1,5 +1,5 @@
-// Systems with a banded matrix, by LAPACK: complex ones by LU factors, real symmetric ones by Cholesky's. O(n) for a
-// narrow band. Local to the process.
+// Systems with a banded matrix, by LAPACK: complex ones by LU factors, real symmetric ones by Cholesky's.
+// O(n) for a narrow band. Local to the process.
 //
 // Source: Anderson et al., LAPACK Users' Guide, SIAM 1999 (zgbtrf, zgbtrs, dpbtrf).
 #pragma once
@@ -19,18 +19,19 @@ struct LogDet {
   void multiply(Complex factor);
 };
 
-// The LU factors, with row exchanges, of a square matrix whose entries stand `lower` rows below and `upper` rows above
-// the diagonal. Usage: reset(), add() entries, factor(), then solve().
+// The LU factors, with row exchanges, of a square matrix whose entries stand `lower` rows below and `upper`
+// rows above the diagonal. Usage: reset(), add() entries, factor(), then solve().
 class BandLU {
  public:
   // An empty (zero) matrix of the size and band given; keeps its memory where it can. n < 2^31.
   void reset(std::size_t n, int lower, int upper);
   void add(std::size_t i, std::size_t j, Complex value) { a_[place(i, j)] += value; }
-  // Factors in place and returns the determinant. A pivot that is exactly zero is replaced by one at round-off level,
-  // so that an inverse iteration at an eigenvalue works; the determinant then has log_abs = -infinity.
+  // Factors in place and returns the determinant. A pivot that is exactly zero is replaced by one at
+  // round-off level, so that an inverse iteration at an eigenvalue works; the determinant then has log_abs =
+  // -infinity.
   LogDet factor();
-  // The pivots of the factors without row exchanges, in the place of factor(). Sensible only where none is small, as
-  // for diagonally dominant matrices and those with a definite real part.
+  // The pivots of the factors without row exchanges, in the place of factor(). Sensible only where none is
+  // small, as for diagonally dominant matrices and those with a definite real part.
   std::vector<Complex> pivots();
   void solve(Complex* b) const { solve('N', b); }             // b := M^-1 b
   void solve_transposed(Complex* b) const { solve('T', b); }  // b := M^-T b (no conjugation)
@@ -48,8 +49,8 @@ class BandLU {
   std::vector<int> exchanged_;
 };
 
-// Whether a real symmetric matrix is positive definite; entry (i, j), i - band <= j <= i, at a[i (band + 1) + j - i +
-// band]. The matrix is destroyed.
+// Whether a real symmetric matrix is positive definite; entry (i, j), i - band <= j <= i, at a[i (band + 1) +
+// j - i + band]. The matrix is destroyed.
 bool positive_definite(std::vector<double>& a, std::size_t n, std::size_t band);
 
 }  // namespace stickslip

@@ -1,10 +1,11 @@
-// Where something that takes a few distinct values changes, on a lattice in one or two dimensions, found without looking
-// at all points of the lattice.
+// Where something that takes a few distinct values changes, on a lattice in one or two dimensions, found
+// without looking at all points of the lattice.
 //
-// The coarse cells (intervals in one dimension) are looked at first. A cell on whose edge two known points differ is
-// divided into halves (quarters), until none is left but those of the lattice itself; so a line along which the values
-// change is followed through every cell that it enters, also one whose corners are alike, where a neighbour's finer points
-// show it. What lies wholly between the points of the coarse cells is not seen. Local to the process.
+// The coarse cells (intervals in one dimension) are looked at first. A cell on whose edge two known points
+// differ is divided into halves (quarters), until none is left but those of the lattice itself; so a line
+// along which the values change is followed through every cell that it enters, also one whose corners are
+// alike, where a neighbour's finer points show it. What lies wholly between the points of the coarse cells is
+// not seen. Local to the process.
 #pragma once
 
 #include <array>
@@ -15,7 +16,8 @@ namespace stickslip {
 
 class ChangeSearch {
  public:
-  // `cells`: coarse ones in each dimension (0 in the second: one dimension), each to be halved `halvings` times.
+  // `cells`: coarse ones in each dimension (0 in the second: one dimension), each to be halved `halvings`
+  // times.
   ChangeSearch(std::array<long, 2> cells, int halvings);
 
   // Points of the finest lattice, counted from 0 with the second dimension running fastest.
@@ -23,8 +25,8 @@ class ChangeSearch {
   std::array<long, 2> place(long point) const { return {point / size_[1], point % size_[1]}; }
   std::array<long, 2> size() const { return size_; }
 
-  // The points that are to be looked at next, in rising order; empty where the search has ended. `known`: the value of
-  // every point handed out so far.
+  // The points that are to be looked at next, in rising order; empty where the search has ended. `known`: the
+  // value of every point handed out so far.
   std::vector<long> next(const std::unordered_map<long, int>& known);
 
  private:

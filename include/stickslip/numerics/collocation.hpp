@@ -20,21 +20,23 @@ struct Tableau {
 
 // A method with the polynomial of its solution in a step, through the value at 0 and those at the s points.
 struct Collocation : Tableau {
-  Lagrange basis;            // on 0, c_1 ... c_s
-  std::vector<double> end;   // its s + 1 weights at 1
+  Lagrange basis;           // on 0, c_1 ... c_s
+  std::vector<double> end;  // its s + 1 weights at 1
   explicit Collocation(const Tableau& tableau);
   static const Collocation& gauss5();
   static const Collocation& radau5();
 };
 
-// The matrix 1 - h a (x) J of the stages of a linear system, s d rows: J holds the s Jacobians, d x d each. All row-major.
+// The matrix 1 - h a (x) J of the stages of a linear system, s d rows: J holds the s Jacobians, d x d each.
+// All row-major.
 template <class T>
 void stage_matrix(const Tableau& t, int d, double h, const T* J, T* matrix) {
   for (int i = 0; i < t.s; ++i)
     for (int p = 0; p < d; ++p)
       for (int j = 0; j < t.s; ++j)
         for (int q = 0; q < d; ++q)
-          *matrix++ = (i == j && p == q ? 1. : 0.) - h * t.a[std::size_t(i * t.s + j)] * J[(j * d + p) * d + q];
+          *matrix++ =
+              (i == j && p == q ? 1. : 0.) - h * t.a[std::size_t(i * t.s + j)] * J[(j * d + p) * d + q];
 }
 
 }  // namespace stickslip

@@ -1,7 +1,8 @@
 // Linear chains that close on themselves: y_{i+1} = Phi_i y_i + r_i, i = 0..N-1, y_N = twist y_0.
 //
-// Eliminated from the left by orthogonal transformations of two block rows at a time, which is stable whether the
-// Phi grow or shrink, in O(N d^3). T is double or std::complex<double>. Small matrices are row-major. Local to the process.
+// Eliminated from the left by orthogonal transformations of two block rows at a time, which is stable whether
+// the Phi grow or shrink, in O(N d^3). T is double or std::complex<double>. Small matrices are row-major.
+// Local to the process.
 #pragma once
 
 #include <algorithm>
@@ -73,8 +74,8 @@ class CyclicChain {
   const std::vector<T>& first() const { return first_; }
   const std::vector<T>& last() const { return last_; }
 
-  // Eliminates in `columns` right-hand sides (rhs[(i d + a) columns + col], destroyed); returns the d x columns
-  // right-hand side of the closure.
+  // Eliminates in `columns` right-hand sides (rhs[(i d + a) columns + col], destroyed); returns the d x
+  // columns right-hand side of the closure.
   std::vector<T> reduce(int columns, std::vector<T>& rhs) const {
     const int d = d_;
     const std::size_t dc = std::size_t(d) * columns, dd = std::size_t(d) * d;
@@ -108,10 +109,12 @@ class CyclicChain {
       for (int a = d - 1; a >= 0; --a) {
         T sum = 0;
         for (int c = 0; c < columns; ++c)
-          sum += w[c] * reduced[(k * std::size_t(d) + std::size_t(a)) * std::size_t(columns) + std::size_t(c)];
+          sum +=
+              w[c] * reduced[(k * std::size_t(d) + std::size_t(a)) * std::size_t(columns) + std::size_t(c)];
         for (int b = 0; b < d; ++b) {
           const T next = k + 1 < n_ ? y[(k + 1) * std::size_t(d) + std::size_t(b)] : twist * y0[b];
-          sum -= e_[(k - 1) * dd + std::size_t(a * d + b)] * y0[b] + f_[(k - 1) * dd + std::size_t(a * d + b)] * next;
+          sum -= e_[(k - 1) * dd + std::size_t(a * d + b)] * y0[b] +
+                 f_[(k - 1) * dd + std::size_t(a * d + b)] * next;
         }
         for (int b = a + 1; b < d; ++b) sum -= r[a * d + b] * y[k * std::size_t(d) + std::size_t(b)];
         y[k * std::size_t(d) + std::size_t(a)] = sum / r[a * d + a];

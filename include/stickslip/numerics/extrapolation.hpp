@@ -1,11 +1,12 @@
-// Steps of y' = f(y) of order 12 by extrapolation of the midpoint rule, for smooth problems that are not stiff and answers
-// to nearly round-off. Local to the process.
+// Steps of y' = f(y) of order 12 by extrapolation of the midpoint rule, for smooth problems that are not
+// stiff and answers to nearly round-off. Local to the process.
 //
-// In a step of length h the midpoint rule with n = 2, 4, ..., 12 parts has an error in even powers of h/n; the polynomial
-// in (h/n)^2 through the six results is taken at 0. The error estimate is its difference from that through the last five,
-// of order 10. 36 evaluations of f a step beside that at its start.
+// In a step of length h the midpoint rule with n = 2, 4, ..., 12 parts has an error in even powers of h/n;
+// the polynomial in (h/n)^2 through the six results is taken at 0. The error estimate is its difference from
+// that through the last five, of order 10. 36 evaluations of f a step beside that at its start.
 //
-// Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, Springer 1993, section II.9.
+// Source: E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, Springer 1993,
+// section II.9.
 #pragma once
 
 #include <algorithm>
@@ -17,12 +18,15 @@ namespace stickslip {
 class Extrapolation {
  public:
   // Results of unknowns 0..size-1; the first `controlled` count in the error estimate.
-  explicit Extrapolation(std::size_t size) : size_(size), columns_(parts * size), a_(size), b_(size), f_(size) {}
+  explicit Extrapolation(std::size_t size)
+      : size_(size), columns_(parts * size), a_(size), b_(size), f_(size) {}
 
-  // `into` becomes y after h; f(y, rates) is the right-hand side, f0 its value at y. Returns the largest error estimate of
-  // an unknown over `tolerance` (1 + |y|): at most 1 is within it; not finite where f is not.
+  // `into` becomes y after h; f(y, rates) is the right-hand side, f0 its value at y. Returns the largest
+  // error estimate of an unknown over `tolerance` (1 + |y|): at most 1 is within it; not finite where f is
+  // not.
   template <class F>
-  double step(F&& f, const double* y, const double* f0, double h, std::size_t controlled, double tolerance, double* into) {
+  double step(F&& f, const double* y, const double* f0, double h, std::size_t controlled, double tolerance,
+              double* into) {
     for (int j = 0; j < parts; ++j) {
       double* const result = &columns_[std::size_t(j) * size_];
       midpoint(f, y, f0, h, 2 * (j + 1), result);
@@ -55,7 +59,8 @@ class Extrapolation {
 
  private:
   static constexpr int parts = 6;
-  static double worse(double a, double b) { return b <= a || std::isnan(a) ? a : b; }  // NaN is worst, and stays
+  // NaN is worst, and stays
+  static double worse(double a, double b) { return b <= a || std::isnan(a) ? a : b; }
 
   template <class F>
   void midpoint(F&& f, const double* y, const double* f0, double h, int n, double* result) {

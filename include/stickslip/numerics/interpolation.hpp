@@ -1,6 +1,7 @@
 // Interpolation by polynomials: through given points, and locally on a uniform grid. Local to the process.
 //
-// Source: J.-P. Berrut and L. N. Trefethen, Barycentric Lagrange interpolation, SIAM Review 46 (2004) 501-517.
+// Source: J.-P. Berrut and L. N. Trefethen, Barycentric Lagrange interpolation, SIAM Review 46 (2004)
+// 501-517.
 #pragma once
 
 #include <petscsys.h>
@@ -15,11 +16,12 @@ namespace stickslip {
 class Lagrange {
  public:
   explicit Lagrange(std::vector<double> points);
-  // n weights, so that the interpolant at `at` is sum weights[i] value[i]; its derivative likewise. Outside the
-  // points the polynomial is continued.
+  // n weights, so that the interpolant at `at` is sum weights[i] value[i]; its derivative likewise. Outside
+  // the points the polynomial is continued.
   void weights(double at, double* weights) const;
   void derivative_weights(double at, double* weights) const;
-  // sum leading()[i] value[i] is the coefficient of the highest power: the divided difference over all points.
+  // sum leading()[i] value[i] is the coefficient of the highest power: the divided difference over all
+  // points.
   const std::vector<double>& leading() const { return leading_; }
   const std::vector<double>& points() const { return points_; }
 
@@ -34,11 +36,11 @@ enum class GridEnd {
   mirrored    // node -i is node i: an even function
 };
 
-// The `count` nodes around `at` (in units of the spacing from node 0; 0 <= at <= n - 1, on a ring 0 <= at <= n) with
-// the weights of their interpolating polynomial, of degree count - 1 and centred as well as it can be: sum
-// weight value[node] is the interpolant. One node alone, of weight 1, where `at` is one to round-off. At most n nodes are
-// taken (mirrored: a node may stand there twice).
-std::vector<std::pair<PetscInt, double>> grid_interpolation(PetscInt n, GridEnd left, GridEnd right, int count,
-                                                            double at);
+// The `count` nodes around `at` (in units of the spacing from node 0; 0 <= at <= n - 1, on a ring 0 <= at <=
+// n) with the weights of their interpolating polynomial, of degree count - 1 and centred as well as it can
+// be: sum weight value[node] is the interpolant. One node alone, of weight 1, where `at` is one to round-off.
+// At most n nodes are taken (mirrored: a node may stand there twice).
+std::vector<std::pair<PetscInt, double>> grid_interpolation(PetscInt n, GridEnd left, GridEnd right,
+                                                            int count, double at);
 
 }  // namespace stickslip

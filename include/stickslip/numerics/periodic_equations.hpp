@@ -1,15 +1,16 @@
-// Periodic solutions of smooth autonomous systems y' = f(y; lambda) as a boundary-value problem: collocation at five Gauss
-// points an interval, Newton's method, Floquet multipliers.
+// Periodic solutions of smooth autonomous systems y' = f(y; lambda) as a boundary-value problem: collocation
+// at five Gauss points an interval, Newton's method, Floquet multipliers.
 //
-// In phase p = t/T the unknowns are y at the left node and the Gauss points of each interval, q = ln T and, on a branch,
-// the parameter lambda:
-//     Y_j - y_i - h T sum_k a_jk f(Y_k) = 0,      y_{i+1} = the polynomial through y_i and Y at the right end,
-// y_N = y_0, and one linear condition on (y_0, q, lambda) for each of q and lambda. A step of Newton's method eliminates the
-// Gauss points of each interval, then the nodes from the left by orthogonal transformations (cyclic.hpp), which is stable
-// however strongly deviations grow or decay on the way.
+// In phase p = t/T the unknowns are y at the left node and the Gauss points of each interval, q = ln T and,
+// on a branch, the parameter lambda:
+//     Y_j - y_i - h T sum_k a_jk f(Y_k) = 0,      y_{i+1} = the polynomial through y_i and Y at the right
+//                                                 end,
+// y_N = y_0, and one linear condition on (y_0, q, lambda) for each of q and lambda. A step of Newton's method
+// eliminates the Gauss points of each interval, then the nodes from the left by orthogonal transformations
+// (cyclic.hpp), which is stable however strongly deviations grow or decay on the way.
 //
-// Source: U. M. Ascher, R. M. M. Mattheij, R. D. Russell, Numerical Solution of Boundary Value Problems, SIAM 1995,
-// chapters 5 and 7. Local to the process.
+// Source: U. M. Ascher, R. M. M. Mattheij, R. D. Russell, Numerical Solution of Boundary Value Problems, SIAM
+// 1995, chapters 5 and 7. Local to the process.
 #pragma once
 
 #include <complex>
@@ -28,7 +29,8 @@ class VectorField {
   virtual int band() const { return dim() - 1; }  // df_i/dy_j = 0 for |i - j| > band
   virtual void rates(const double* y, double* f) const = 0;
   virtual void jacobian(const double* y, double* J) const = 0;  // all dim x dim entries, row-major
-  // Changes Newton's step dy at y where the rates are too steep for it; y is to obey y - h f(y) = given, about.
+  // Changes Newton's step dy at y where the rates are too steep for it; y is to obey y - h f(y) = given,
+  // about.
   virtual void restrain(const double* y, double h, double* dy) const {
     static_cast<void>(y), static_cast<void>(h), static_cast<void>(dy);
   }
@@ -42,8 +44,8 @@ struct Condition {
   double q = 0, lambda = 0, right = 0;
 };
 
-// The matrices by which a linear system y' = J(t) y carries deviations over the intervals of a mesh, grouped so that none
-// grows by much within a group: what is left of a period for eigenvalues.
+// The matrices by which a linear system y' = J(t) y carries deviations over the intervals of a mesh, grouped
+// so that none grows by much within a group: what is left of a period for eigenvalues.
 template <class T>
 struct Pencil {
   std::vector<T> first, last;  // first y_0 + last y_N = 0
@@ -62,8 +64,8 @@ class PeriodicEquations {
   int dim() const { return d_; }
   const VectorField& field() const { return *field_; }
 
-  // The unknowns of a profile, which writes y at a phase; lambda, if it is one, is that of the constructor. Or those of a
-  // solution on another mesh.
+  // The unknowns of a profile, which writes y at a phase; lambda, if it is one, is that of the constructor.
+  // Or those of a solution on another mesh.
   std::vector<double> fill(const std::function<void(double phase, double* y)>& profile, double q) const;
   std::vector<double> fill(const PeriodicEquations& from, const std::vector<double>& x) const;
   double q(const std::vector<double>& x) const { return x[n_ * block()]; }
@@ -76,9 +78,11 @@ class PeriodicEquations {
   };
   // Newton's step at x. Throws Failure where the equations are singular, Error of the family.
   Step step(const std::vector<double>& x, const std::vector<Condition>& conditions);
-  // The direction in which a solution may move at x: `rows` as conditions with right-hand sides 0 but for the last's, 1.
+  // The direction in which a solution may move at x: `rows` as conditions with right-hand sides 0 but for the
+  // last's, 1.
   std::vector<double> tangent(const std::vector<double>& x, const std::vector<Condition>& rows);
-  // Solves from x. The last step's size tells how far round-off lets the answer be known; that of q in `q_step`.
+  // Solves from x. The last step's size tells how far round-off lets the answer be known; that of q in
+  // `q_step`.
   struct Newton {
     bool converged = false;
     double last_step = 0, q_step = 0, residual = 0;
@@ -100,13 +104,14 @@ class PeriodicEquations {
   std::size_t n_;
 };
 
-// The stage equations (1 - h a (x) J) Y = R of one step of y' = J y over h by collocation, in place: R has `columns`
-// right-hand sides, row by row, stage by stage. J and what is thrown as below.
+// The stage equations (1 - h a (x) J) Y = R of one step of y' = J y over h by collocation, in place: R has
+// `columns` right-hand sides, row by row, stage by stage. J and what is thrown as below.
 template <class T>
-void solve_stages(const Collocation& method, int d, int band, double h, const T* J, int columns, std::vector<T>& R);
+void solve_stages(const Collocation& method, int d, int band, double h, const T* J, int columns,
+                  std::vector<T>& R);
 
-// One step of y' = J y over h by collocation: the d x d matrix that carries y over it. J: at the five points of `method`,
-// d x d each, of half band `band`. Throws Failure where it is singular.
+// One step of y' = J y over h by collocation: the d x d matrix that carries y over it. J: at the five points
+// of `method`, d x d each, of half band `band`. Throws Failure where it is singular.
 template <class T>
 std::vector<T> carried(const Collocation& method, int d, int band, double h, const T* J);
 

@@ -1,6 +1,6 @@
-// Zeros of a real function of one real variable and of polynomials, and the place where a condition begins to fail.
-// Nothing communicates; a function that does is called the same number of times with the same arguments on every rank
-// whose values agree.
+// Zeros of a real function of one real variable and of polynomials, and the place where a condition begins to
+// fail. Nothing communicates; a function that does is called the same number of times with the same arguments
+// on every rank whose values agree.
 #pragma once
 
 #include <algorithm>
@@ -16,19 +16,22 @@ struct Bracket {
   double a, fa, b, fb;
 };
 
-// A zero of f in the bracket: f changes its sign, or is 0, within `tolerance` of the place returned (never less than two
-// units in the last place of it). A jump through zero counts as one. Of several zeros one is found.
+// A zero of f in the bracket: f changes its sign, or is 0, within `tolerance` of the place returned (never
+// less than two units in the last place of it). A jump through zero counts as one. Of several zeros one is
+// found.
 //
-// Inverse quadratic interpolation where three values are monotone enough for it, else halving (Chandrupatla, Advances in
-// Engineering Software 28 (1997) 145): order 1.8 at a simple zero. Three steps that have not halved the bracket are
-// followed by one that does, so that f is called at most 4 log2(|b - a|/tolerance) + 4 times, whatever it is.
-// f is not called at a and b. NaN where fa fb > 0, or where f is not finite at a place it was asked for.
+// Inverse quadratic interpolation where three values are monotone enough for it, else halving (Chandrupatla,
+// Advances in Engineering Software 28 (1997) 145): order 1.8 at a simple zero. Three steps that have not
+// halved the bracket are followed by one that does, so that f is called at most 4 log2(|b - a|/tolerance) + 4
+// times, whatever it is. f is not called at a and b. NaN where fa fb > 0, or where f is not finite at a place
+// it was asked for.
 template <class F>
 double find_root(F&& f, Bracket bracket, double tolerance) {
   auto [a, fa, b, fb] = bracket;
   if (fa == 0) return a;
   if (fb == 0) return b;
-  if ((fa < 0) == (fb < 0) || !std::isfinite(fa) || !std::isfinite(fb)) return std::numeric_limits<double>::quiet_NaN();
+  if ((fa < 0) == (fb < 0) || !std::isfinite(fa) || !std::isfinite(fb))
+    return std::numeric_limits<double>::quiet_NaN();
   double part = 0.5;  // of the way from a, the newest place, to b
   double last_width = std::abs(b - a);
   for (int k = 1;; ++k) {
@@ -60,12 +63,14 @@ double find_root(F&& f, Bracket bracket, double tolerance) {
   }
 }
 
-// A zero of f near x, where f has the value fx: secant steps, the first one of length `step` (its sign counts), which end
-// when one is no longer than `tolerance` (what is left is smaller by the change of the slope on the way). Where they do
-// not settle within `reach`, a bracket is grown about x, from reach/1000 by factors of 4, and find_root called on it.
-// `slope`, if given: that of the last secant. NaN where no change of sign is found within `reach`.
+// A zero of f near x, where f has the value fx: secant steps, the first one of length `step` (its sign
+// counts), which end when one is no longer than `tolerance` (what is left is smaller by the change of the
+// slope on the way). Where they do not settle within `reach`, a bracket is grown about x, from reach/1000 by
+// factors of 4, and find_root called on it. `slope`, if given: that of the last secant. NaN where no change
+// of sign is found within `reach`.
 template <class F>
-double root_near(F&& f, double x, double fx, double step, double tolerance, double reach, double* slope = nullptr) {
+double root_near(F&& f, double x, double fx, double step, double tolerance, double reach,
+                 double* slope = nullptr) {
   if (fx == 0) return x;
   double s = x, fs = fx;
   for (int k = 0; k < 8 && std::isfinite(step) && std::abs(s + step - x) < 0.2 * reach; ++k) {
@@ -85,9 +90,9 @@ double root_near(F&& f, double x, double fx, double step, double tolerance, doub
   return std::numeric_limits<double>::quiet_NaN();
 }
 
-// The place between `yes`, where the condition holds, and `no`, where it does not, at which it ceases to hold, by halving
-// until they are within `tolerance` (or neighbours); the last place where it was seen to hold. Where it ceases more than
-// once, one of those places.
+// The place between `yes`, where the condition holds, and `no`, where it does not, at which it ceases to
+// hold, by halving until they are within `tolerance` (or neighbours); the last place where it was seen to
+// hold. Where it ceases more than once, one of those places.
 template <class Condition>
 double last_place(Condition&& holds, double yes, double no, double tolerance = 0) {
   while (std::abs(no - yes) > tolerance) {
@@ -123,9 +128,9 @@ Least find_least(F&& f, double low, double high, double tolerance, Enough&& enou
   return fa < fb ? Least{a, fa} : Least{b, fb};
 }
 
-// Roots of a quadratic or cubic with real coefficients, highest power first (not 0): to round-off where they are apart.
-// Complex ones are exact conjugates, neighbours in the list. Source of the cubic: Kahan, To solve a real cubic equation,
-// Berkeley 1986.
+// Roots of a quadratic or cubic with real coefficients, highest power first (not 0): to round-off where they
+// are apart. Complex ones are exact conjugates, neighbours in the list. Source of the cubic: Kahan, To solve
+// a real cubic equation, Berkeley 1986.
 std::vector<std::complex<double>> polynomial_roots(const std::vector<double>& coefficients);
 
 }  // namespace stickslip

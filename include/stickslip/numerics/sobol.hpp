@@ -1,8 +1,8 @@
 // Sobol's sequence: points that fill a cube of up to four dimensions more evenly than random ones do.
 //
-// Source: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967) 86-112; in the order of Gray codes by I. A. Antonov and
-// V. M. Saleev, ibid. 19 (1979) 252-256; primitive polynomials and first direction numbers by S. Joe and F. Y. Kuo, SIAM
-// J. Sci. Comput. 30 (2008) 2635-2654. Local to the process.
+// Source: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967) 86-112; in the order of Gray codes by I. A.
+// Antonov and V. M. Saleev, ibid. 19 (1979) 252-256; primitive polynomials and first direction numbers by S.
+// Joe and F. Y. Kuo, SIAM J. Sci. Comput. 30 (2008) 2635-2654. Local to the process.
 #pragma once
 
 #include <cstdint>
@@ -11,8 +11,8 @@ namespace stickslip {
 
 constexpr int sobol_dimensions = 4;
 
-// Coordinate `dimension` (from 0) of point `index` (from 0), as a fraction of 2^32. Each coordinate of the first 2^k points
-// is once in each of 2^k equal intervals.
+// Coordinate `dimension` (from 0) of point `index` (from 0), as a fraction of 2^32. Each coordinate of the
+// first 2^k points is once in each of 2^k equal intervals.
 std::uint32_t sobol(int dimension, std::uint32_t index);
 
 }  // namespace stickslip

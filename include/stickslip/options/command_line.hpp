@@ -2,9 +2,9 @@
 //
 //     stickslip COMMAND [SCENE.yaml] [options]
 //
-// The scene may stand anywhere after the command. Order of precedence, lowest first: the scene; files named by
-// -options_file; the environment's PETSC_OPTIONS_YAML and PETSC_OPTIONS; the command line. PETSc's .petscrc files are
-// not read: a scene means the same in every folder and for every user.
+// The scene may stand anywhere after the command. Order of precedence, lowest first: the scene; files named
+// by -options_file; the environment's PETSC_OPTIONS_YAML and PETSC_OPTIONS; the command line. PETSc's
+// .petscrc files are not read: a scene means the same in every folder and for every user.
 #pragma once
 
 #include <petscsys.h>
@@ -17,9 +17,9 @@
 namespace stickslip {
 
 struct CommandLine {
-  std::string command;       // "" where help or version was asked for without one
+  std::string command;  // "" where help or version was asked for without one
   bool help = false;
-  bool help_all = false;     // PETSc's and SLEPc's options too
+  bool help_all = false;  // PETSc's and SLEPc's options too
   bool version = false;
   std::vector<Given> given;  // lowest precedence first; empty where help or version was asked for
 };

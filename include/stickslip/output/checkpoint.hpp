@@ -1,9 +1,9 @@
 // Checkpoints: all that a run needs to go on, in HDF5 files beside out_file (ring.h5: ring.chk-000150.h5).
 //
-// A checkpoint is written under a hidden name, brought to disk (fsync) and renamed, so that one with its final name
-// is whole. Its first 512 bytes, which HDF5 leaves to the user, carry a checksum of the rest: a damaged one is
-// refused before HDF5 sees it. Every rank writes and reads the values of its own nodes (run_file.hpp says how); only
-// rank 0 opens the file by the library.
+// A checkpoint is written under a hidden name, brought to disk (fsync) and renamed, so that one with its
+// final name is whole. Its first 512 bytes, which HDF5 leaves to the user, carry a checksum of the rest: a
+// damaged one is refused before HDF5 sees it. Every rank writes and reads the values of its own nodes
+// (run_file.hpp says how); only rank 0 opens the file by the library.
 #pragma once
 
 #include <petscsys.h>
@@ -23,7 +23,9 @@ namespace stickslip {
 struct NodeRange {
   MPI_Comm comm = MPI_COMM_NULL;
   std::int64_t first = 0, count = 0, all = 0;
-  static NodeRange of(const Model& model) { return {model.comm(), model.first(), model.local(), model.scene().n}; }
+  static NodeRange of(const Model& model) {
+    return {model.comm(), model.first(), model.local(), model.scene().n};
+  }
 };
 
 struct Checkpoint {
@@ -41,23 +43,23 @@ struct Checkpoint {
   int ranks = 1;      // on so many
   std::string path;
 
-  // Of a checkpoint that was read, `each` values for every node of the range. Throws std::exception, on every rank,
-  // where it has no field of that name and size. Collective.
+  // Of a checkpoint that was read, `each` values for every node of the range. Throws std::exception, on every
+  // rank, where it has no field of that name and size. Collective.
   std::vector<double> field(const std::string& name, const NodeRange& nodes, int each) const;
 };
 
 // DIR/NAME.chk-STEP.h5 for out_file DIR/NAME.h5, the step in at least six digits.
 std::string checkpoint_name(const std::string& out_file, std::int64_t step);
 
-// Writes a checkpoint beside out_file (significant on rank 0: t, dt, step, numbers, texts, arrays), then removes the
-// oldest files of that kind until `keep` are left; the one just written stays. `by_root`: as in RunLayout. Returns its
-// name. Flush the RunFile first: a checkpoint must not be ahead of the frames. Collective; throws Failure, and then the
-// checkpoints of before are all there.
+// Writes a checkpoint beside out_file (significant on rank 0: t, dt, step, numbers, texts, arrays), then
+// removes the oldest files of that kind until `keep` are left; the one just written stays. `by_root`: as in
+// RunLayout. Returns its name. Flush the RunFile first: a checkpoint must not be ahead of the frames.
+// Collective; throws Failure, and then the checkpoints of before are all there.
 std::string write_checkpoint(const std::string& out_file, std::int64_t keep, const Provenance& provenance,
                              const Checkpoint& checkpoint, const NodeRange& nodes, bool by_root = false);
 
-// Every rank gets the same; fields are read by Checkpoint::field. Throws UsageError `restart 'PATH': ...` for what is
-// damaged, senseless or of another version. Collective.
+// Every rank gets the same; fields are read by Checkpoint::field. Throws UsageError `restart 'PATH': ...` for
+// what is damaged, senseless or of another version. Collective.
 Checkpoint read_checkpoint(const std::string& path);
 
 }  // namespace stickslip

@@ -1,21 +1,26 @@
 // The displacement chi and the energy of a motion, from psi and eta.
 //
-// chi is not an unknown of the model; with w = chi - v t it follows from the elastic force by one banded solve,
+// chi is not an unknown of the model; with w = chi - v t it follows from the elastic force by one banded
+// solve,
 //     (K0 - K1 D2) w = -(eta + (s delta/A) psi),      w = (psi_e - v) t at a held end
-// (continuum: gamma eta = c^2 chi_xx - (chi - v t) - s delta psi; chain: f0 eta = k0 (V0 t - chi) + k1 D2 chi).
-// On several ranks with 50000 nodes and more each solves for its own nodes and for those beside them that they feel (a
-// force falls by exp(-45) over them), wherever these are few enough; the results are the same to round-off.
+// (continuum: gamma eta = c^2 chi_xx - (chi - v t) - s delta psi; chain: f0 eta = k0 (V0 t - chi) + k1 D2
+// chi). On several ranks with 50000 nodes and more each solves for its own nodes and for those beside them
+// that they feel (a force falls by exp(-45) over them), wherever these are few enough; the results are the
+// same to round-off.
 //
-// Energy and powers are in units of the friction amplitude (gamma or f0); sums are over the blocks of a chain, and
-// h times the sum over nodes in the continuum, where a free end has the weight 1/2. With z = eta + (s delta/A) psi
+// Energy and powers are in units of the friction amplitude (gamma or f0); sums are over the blocks of a
+// chain, and h times the sum over nodes in the continuum, where a free end has the weight 1/2. With z = eta +
+// (s delta/A) psi
 //     kinetic  sum psi^2/(2 A)               elastic   sum w (K0 - K1 D2) w/2 = -sum w z/2
 //     input    v(t) sum z                    by the driving plate
 //     friction sum psi F                     lost in friction
-//     viscous  sum (B + s delta/A) psi^2 - N psi D2 psi     lost in damping and in viscosity between neighbours; the
+//     viscous  sum (B + s delta/A) psi^2 - N psi D2 psi     lost in damping and in viscosity between
+//                                                           neighbours; the
 //                                            first part is negative with the printed sign, which drives
 //     d(kinetic + elastic)/dt = input - friction - viscous
-// exactly, for the semi-discrete system, on a ring and between free ends, where D2 is symmetric in these sums. A held
-// end works on the system too, and with order 4 and 6 its D2 is not symmetric: no energy is given there.
+// exactly, for the semi-discrete system, on a ring and between free ends, where D2 is symmetric in these
+// sums. A held end works on the system too, and with order 4 and 6 its D2 is not symmetric: no energy is
+// given there.
 #pragma once
 
 #include "stickslip/model/model.hpp"
@@ -28,16 +33,17 @@ struct Energy {
 
 class Displacement {
  public:
-  // Factors the matrix. Throws UsageError for a chain with k0 = 0 and no held end, whose position is not determined
-  // by its forces. Collective.
+  // Factors the matrix. Throws UsageError for a chain with k0 = 0 and no held end, whose position is not
+  // determined by its forces. Collective.
   explicit Displacement(const Model& model);
 
-  VecHandle create_vector() const;            // one value a node, distributed as the model's nodes
+  VecHandle create_vector() const;             // one value a node, distributed as the model's nodes
   void solve(Vec u, double t, Vec chi) const;  // collective
 
-  bool has_energy() const;                    // no held end
-  // At the time t, which says the velocity of the plate: at a corner of a load (load.hpp) that of the piece that
-  // Model::begin_load() has said, in which a step that ends there lies. Collective; only where has_energy().
+  bool has_energy() const;  // no held end
+  // At the time t, which says the velocity of the plate: at a corner of a load (load.hpp) that of the piece
+  // that Model::begin_load() has said, in which a step that ends there lies. Collective; only where
+  // has_energy().
   Energy energy(Vec u, double t) const;
 
  private:
@@ -53,7 +59,7 @@ class Displacement {
   VecHandle w_, load_;
   PetscInt own_ = 0;                // where this rank's nodes begin in its piece
   VecHandle piece_w_, piece_load_;  // in pieces
-  ScatterHandle fetch_;          // the load of a piece; none where the whole is solved
+  ScatterHandle fetch_;             // the load of a piece; none where the whole is solved
 };
 
 }  // namespace stickslip

@@ -1,20 +1,23 @@
 // The catalogue of slip events of a run.
 //
-// A node moves while psi is not 0 (friction that sticks) or while |psi| exceeds a velocity (any other friction). An
-// event begins when a node moves that neither lies in nor stands beside the region of an event under way; whatever
-// begins to move in or beside that region belongs to it, and events whose regions meet become one, which keeps the
-// earlier beginning. It ends when nothing in its region moves. The region, all nodes that have moved, is connected.
+// A node moves while psi is not 0 (friction that sticks) or while |psi| exceeds a velocity (any other
+// friction). An event begins when a node moves that neither lies in nor stands beside the region of an event
+// under way; whatever begins to move in or beside that region belongs to it, and events whose regions meet
+// become one, which keeps the earlier beginning. It ends when nothing in its region moves. The region, all
+// nodes that have moved, is connected.
 //
-// Starts and ends of friction that sticks are exact, since the steps are cut there; otherwise they are ends of steps.
-// Integrals are taken over each step by Simpson's rule on the cubic of psi (error dt^4 relative to the event).
+// Starts and ends of friction that sticks are exact, since the steps are cut there; otherwise they are ends
+// of steps. Integrals are taken over each step by Simpson's rule on the cubic of psi (error dt^4 relative to
+// the event).
 //
-// Of a region of nodes i, of weight w = 1 in the chain and h in the continuum, with the slip d_i = integral of psi_i
-// while node i moves and the force eta before (eta0) and behind (eta1), in units of the friction amplitude. Before: when
-// the event begins, also for nodes that it reaches later; events that have become one begin with the earlier. Where other
-// events slip in or near the region between begin and end (they end before this one comes there, or go on a few nodes
-// away, within the stencil), eta0 contains what they do to eta until the end, K1 D2 d - K0 d of their slip d since the
-// beginning and s delta psi/A of nodes that move in them then, so that what lies between before and behind is this
-// event's own: with friction that sticks eta0 = eta1 - (K1 D2 - K0) d - K0 integral of v.
+// Of a region of nodes i, of weight w = 1 in the chain and h in the continuum, with the slip d_i = integral
+// of psi_i while node i moves and the force eta before (eta0) and behind (eta1), in units of the friction
+// amplitude. Before: when the event begins, also for nodes that it reaches later; events that have become one
+// begin with the earlier. Where other events slip in or near the region between begin and end (they end
+// before this one comes there, or go on a few nodes away, within the stencil), eta0 contains what they do to
+// eta until the end, K1 D2 d - K0 d of their slip d since the beginning and s delta psi/A of nodes that move
+// in them then, so that what lies between before and behind is this event's own: with friction that sticks
+// eta0 = eta1 - (K1 D2 - K0) d - K0 integral of v.
 //     direction      1 or -1, the sign of sum w d_i; 0 where it is 0
 //     extent         number of blocks; length in the continuum: nodes times h
 //     slip           largest d_i along the direction        moment     |sum w d_i|
@@ -22,19 +25,20 @@
 //     stress_drop    mean of eta0 - eta1, times the direction
 //     strain_energy  sum w d_i (eta0 + eta1)/2, what the springs give away
 //     friction_work  sum w integral of psi F
-//     radiated       sum w integral of (B + s delta/A) psi^2 - psi N D2 psi, what damping and the viscosity between
-//                    neighbours take: with neither nothing is radiated
-//     kinetic        largest kinetic energy sum w psi^2/(2 A) on the way; of events that become one, that of the
-//                    larger until then
-// A scene and its mirror image (v, loads, held values and starts negated) have the same events but for the direction.
-// With friction that sticks strain_energy = friction_work + radiated but for what the plate does meanwhile, which is at
-// most K0 |v| (end - begin) moment/2 where no node slips back.
+//     radiated       sum w integral of (B + s delta/A) psi^2 - psi N D2 psi, what damping and the viscosity
+//                    between neighbours take: with neither nothing is radiated
+//     kinetic        largest kinetic energy sum w psi^2/(2 A) on the way; of events that become one, that of
+//                    the larger until then
+// A scene and its mirror image (v, loads, held values and starts negated) have the same events but for the
+// direction. With friction that sticks strain_energy = friction_work + radiated but for what the plate does
+// meanwhile, which is at most K0 |v| (end - begin) moment/2 where no node slips back.
 //
 // Needs memory for two values a node for each event under way (those that begin together share them).
 //
-// Every rank sees its own nodes, and all keep the same list of regions: a step costs two small messages all round, one of
-// the stretches that begin to move and one of what the events under way add up, and where events end one more, with the
-// nodes beside a rank's own. The same on any number of ranks but for round-off in sums.
+// Every rank sees its own nodes, and all keep the same list of regions: a step costs two small messages all
+// round, one of the stretches that begin to move and one of what the events under way add up, and where
+// events end one more, with the nodes beside a rank's own. The same on any number of ranks but for round-off
+// in sums.
 #pragma once
 
 #include <functional>
@@ -50,9 +54,11 @@ namespace stickslip {
 
 struct SlipEvent {
   double begin = 0, end = 0;
-  PetscInt first = 0, left = 0, count = 0;  // first node to move, left end of the region (round the ring), its nodes
+  // first node to move, left end of the region (round the ring), its nodes
+  PetscInt first = 0, left = 0, count = 0;
   int direction = 0;
-  double slip = 0, moment = 0, stress_drop = 0, strain_energy = 0, friction_work = 0, radiated = 0, kinetic = 0;
+  double slip = 0, moment = 0, stress_drop = 0, strain_energy = 0, friction_work = 0, radiated = 0,
+         kinetic = 0;
 };
 
 class Events {
@@ -63,7 +69,8 @@ class Events {
   Events(Events&&) noexcept;
   ~Events();
 
-  // The fields psi, eta (and the stored state) of this rank's nodes at t; the first call is the start. Collective.
+  // The fields psi, eta (and the stored state) of this rank's nodes at t; the first call is the start.
+  // Collective.
   void step(double t, const std::vector<std::vector<double>>& fields);
   void step(double t, const double* u, int dof);  // node by node, dof of a node
   // What has ended since the last call, in order of the ends; the same on every rank.
@@ -74,8 +81,8 @@ class Events {
   static std::vector<Field> columns();
   std::vector<double> row(const SlipEvent& event) const;
 
-  // Everything under way: arrays and fields of a checkpoint. restore() asks `field` for so many values a node of this
-  // rank's. Both collective.
+  // Everything under way: arrays and fields of a checkpoint. restore() asks `field` for so many values a node
+  // of this rank's. Both collective.
   void save(Checkpoint& checkpoint) const;
   void restore(const std::map<std::string, std::vector<double>>& arrays,
                const std::function<std::vector<double>(const std::string& name, int each)>& field);

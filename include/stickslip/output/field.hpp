@@ -5,8 +5,8 @@
 
 namespace stickslip {
 
-// One dataset: its name, its units in words ("time", "length/time", "1"; not "seconds", which readers take for
-// dates) and what it is.
+// One dataset: its name, its units in words ("time", "length/time", "1"; not "seconds", which readers take
+// for dates) and what it is.
 struct Field {
   std::string name, units, long_name;
 };

@@ -1,4 +1,5 @@
-// Brings an interleaved vector (dof values a node, nodes in order) to rank 0, and back: for files, which rank 0 writes.
+// Brings an interleaved vector (dof values a node, nodes in order) to rank 0, and back: for files, which rank
+// 0 writes.
 #pragma once
 
 #include <petscvec.h>
@@ -10,7 +11,8 @@ namespace stickslip {
 class Gather {
  public:
   Gather(Vec like, PetscInt dof);
-  // The components, each one value a node, on rank 0; empty vectors elsewhere. Valid until the next call. Collective.
+  // The components, each one value a node, on rank 0; empty vectors elsewhere. Valid until the next call.
+  // Collective.
   const std::vector<std::vector<double>>& components(Vec v);
   // The whole vector as it stands, on rank 0. Collective.
   std::vector<double> interleaved(Vec v);

@@ -16,7 +16,8 @@ class Measure : public Observer {
   virtual std::vector<double> values() const = 0;
 };
 
-// Makes one for a model, which may be one of several equal cells of the scene `whole`; it lives no longer than the model.
+// Makes one for a model, which may be one of several equal cells of the scene `whole`; it lives no longer
+// than the model.
 using MeasureMaker = std::function<std::unique_ptr<Measure>(const Model& model, const Scene& whole)>;
 
 }  // namespace stickslip

@@ -1,16 +1,18 @@
 // What watches a run: writes its frames, rows and catalogue, or measures something for its summary.
 //
 // A run drives any number of observers through
-//     plan, restore (of a run that goes on from a checkpoint), start, step ..., save (now and then), ..., summarise
+//     plan, restore (of a run that goes on from a checkpoint), start, step ..., save (now and then), ...,
+//     summarise
 // and knows nothing else of them. A new quantity in the summary is one observer and its name in
 // commands/quantities.cpp.
 //
-// Contract. step() is called at the start of a run (index 0, t_before = t; not where it goes on from a checkpoint) and
-// after every accepted step, in order, with fields that are finite. Each call is collective: every rank makes it with
-// the same numbers, so that an observer may communicate over the model's ranks, and none sees a step that another does
-// not. u is the model's distributed vector (psi, eta and the stored state, node by node); it is not to be changed. What
-// an observer wants to see inside a step it announces as times before the first; interpolate() gives u there, of the
-// order of the method's dense output (docs/methods.md), as long as step() lasts.
+// Contract. step() is called at the start of a run (index 0, t_before = t; not where it goes on from a
+// checkpoint) and after every accepted step, in order, with fields that are finite. Each call is collective:
+// every rank makes it with the same numbers, so that an observer may communicate over the model's ranks, and
+// none sees a step that another does not. u is the model's distributed vector (psi, eta and the stored state,
+// node by node); it is not to be changed. What an observer wants to see inside a step it announces as times
+// before the first; interpolate() gives u there, of the order of the method's dense output (docs/methods.md),
+// as long as step() lasts.
 #pragma once
 
 #include <petscvec.h>
@@ -29,18 +31,20 @@ namespace stickslip {
 
 // One accepted step.
 struct ObservedStep {
-  std::int64_t index;       // number of this step, 0 for the start
+  std::int64_t index;  // number of this step, 0 for the start
   double t_before, t;
-  Vec u;                 // at t
+  Vec u;                    // at t
   std::int64_t rejections;  // since the beginning of the run, those before a restart included
   const std::function<void(double at, Vec into)>& interpolate;  // u at an announced time in [t_before, t]
 };
 
 // What observers ask for before the first step.
 struct ObservationPlan {
-  double after;               // only later times are to come: -1 at the start, the time of the checkpoint afterwards
-  RunLayout layout;           // what the file will hold; without an out_file nobody reads it
-  // The times inside steps at which an observer interpolates: the first later than `t`, infinity where there is none.
+  // only later times are to come: -1 at the start, the time of the checkpoint afterwards
+  double after;
+  RunLayout layout;  // what the file will hold; without an out_file nobody reads it
+  // The times inside steps at which an observer interpolates: the first later than `t`, infinity where there
+  // is none.
   std::vector<std::function<double(double t)>> next_times;
 
   double next_time(double t) const {  // the first of all of them
@@ -55,16 +59,16 @@ class Observer {
   virtual ~Observer() = default;
   // Adds what this observer needs. Throws UsageError for what cannot be had.
   virtual void plan(ObservationPlan&) {}
-  // Takes up what save() left. Every rank has the same numbers and arrays, and asks for its nodes' part of a field;
-  // throws std::exception, on every rank, where they do not fit.
+  // Takes up what save() left. Every rank has the same numbers and arrays, and asks for its nodes' part of a
+  // field; throws std::exception, on every rank, where they do not fit.
   virtual void restore(const Checkpoint&) {}
   // The file is open: nullptr where none is written. It outlives the last step.
   virtual void start(RunFile*) {}
   virtual void step(const ObservedStep&) = 0;
   // Adds numbers and arrays (significant on rank 0) and fields that restore() needs, under names of its own.
   virtual void save(Checkpoint&) {}
-  // Sets keys of the summary, the same on every rank. u: where the run ended, held nodes set; nullptr where it failed,
-  // so that only what counts steps has something to say.
+  // Sets keys of the summary, the same on every rank. u: where the run ended, held nodes set; nullptr where
+  // it failed, so that only what counts steps has something to say.
   virtual void summarise(Summary&, Vec) {}
 };
 

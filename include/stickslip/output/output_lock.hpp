@@ -1,9 +1,10 @@
 // One writer at a time of an out_file.
 //
-// The lock is flock(2) on a hidden file beside it (`ring.h5`: `.ring.h5.lock`), since out_file itself may not be there
-// yet and is replaced by renaming. The system gives the lock back however the process ends; the file is removed at an
-// orderly end, and one that a killed process left holds nobody off. Processes on other machines see the lock where the
-// file system passes it on (NFS, Lustre with `flock`); where it knows no locks, there is none.
+// The lock is flock(2) on a hidden file beside it (`ring.h5`: `.ring.h5.lock`), since out_file itself may not
+// be there yet and is replaced by renaming. The system gives the lock back however the process ends; the file
+// is removed at an orderly end, and one that a killed process left holds nobody off. Processes on other
+// machines see the lock where the file system passes it on (NFS, Lustre with `flock`); where it knows no
+// locks, there is none.
 #pragma once
 
 #include <string>
@@ -13,8 +14,9 @@ namespace stickslip {
 
 class OutputLock {
  public:
-  OutputLock() = default;                         // of nothing
-  explicit OutputLock(const std::string& path);   // rank 0 alone; throws UsageError where another one holds it
+  OutputLock() = default;  // of nothing
+  // rank 0 alone; throws UsageError where another one holds it
+  explicit OutputLock(const std::string& path);
   OutputLock(OutputLock&& other) noexcept { *this = std::move(other); }
   OutputLock& operator=(OutputLock&& other) noexcept {
     std::swap(descriptor_, other.descriptor_);

@@ -1,10 +1,11 @@
 // psi and eta at chosen points, interpolated from the nodes to the order of the scheme.
 //
-// In a spread continuum eta is no smoother than the medium: a(x) has two derivatives, and so has the part a F of eta.
-// Interpolated are therefore eta - a F and F, which the medium reaches only through the waves that it gives off:
+// In a spread continuum eta is no smoother than the medium: a(x) has two derivatives, and so has the part a F
+// of eta. Interpolated are therefore eta - a F and F, which the medium reaches only through the waves that it
+// gives off:
 //     eta(x) = sum_i w_i [eta_i + (a(x) - a_i) F_i]
-// Where the law itself differs along x, a(x) F(x; psi_i, state_i) - a_i F_i in the place of (a(x) - a_i) F_i. A state whose
-// own law has corners has them too: no interpolation reaches over the corners of a profile.
+// Where the law itself differs along x, a(x) F(x; psi_i, state_i) - a_i F_i in the place of (a(x) - a_i) F_i.
+// A state whose own law has corners has them too: no interpolation reaches over the corners of a profile.
 #pragma once
 
 #include <memory>
@@ -16,16 +17,17 @@
 
 namespace stickslip {
 
-// The p + 1 nodes nearest to x with the weights of their interpolating polynomial (periodic on a ring, shifted
-// inwards at an end and at a corner of a profile of friction, unless less than three nodes lie between two): error
-// O(h^(p+1)). A point on a node takes that node alone, and so does one that round-off puts beyond an end.
+// The p + 1 nodes nearest to x with the weights of their interpolating polynomial (periodic on a ring,
+// shifted inwards at an end and at a corner of a profile of friction, unless less than three nodes lie
+// between two): error O(h^(p+1)). A point on a node takes that node alone, and so does one that round-off
+// puts beyond an end.
 class NodesAround {
  public:
   explicit NodesAround(const Scene& scene);
   // Throws UsageError outside the scene.
   Combination at(double x) const;
-  // The first and the last node that a place may be interpolated from, whatever their number; on a ring they may lie beyond
-  // its seam. Infinite where nothing is in the way.
+  // The first and the last node that a place may be interpolated from, whatever their number; on a ring they
+  // may lie beyond its seam. Infinite where nothing is in the way.
   std::pair<double, double> range(double x) const;
 
  private:

@@ -11,16 +11,19 @@
 
 namespace stickslip {
 
-// Throws UsageError where option out_file with this text cannot be written at the end of the work: an empty name, a
-// folder, a missing or unwritable folder, an existing file that this program did not write. Collective.
+// Throws UsageError where option out_file with this text cannot be written at the end of the work: an empty
+// name, a folder, a missing or unwritable folder, an existing file that this program did not write.
+// Collective.
 void check_output_path(const std::string& path);
 
-// Both outputs of a command at once, that they are not one and the same file, and that no other command writes out_file
-// now: what comes back holds others off as long as it lives. "" stands for none. Throws UsageError. Collective.
+// Both outputs of a command at once, that they are not one and the same file, and that no other command
+// writes out_file now: what comes back holds others off as long as it lives. "" stands for none. Throws
+// UsageError. Collective.
 [[nodiscard]] OutputLock check_outputs(const std::string& out_file, const std::string& summary);
 
-// What a file of this program holds. All three below are collective, give every rank the same, and throw UsageError,
-// which begins with `WHAT 'PATH': ` (WHAT is the option's name), where the file is missing, not ours or lacks it.
+// What a file of this program holds. All three below are collective, give every rank the same, and throw
+// UsageError, which begins with `WHAT 'PATH': ` (WHAT is the option's name), where the file is missing, not
+// ours or lacks it.
 struct FileHeader {
   std::string kind, version, git;
   std::map<std::string, std::string> options;
@@ -34,11 +37,11 @@ struct DataArray {
 };
 DataArray read_array(const std::string& what, const std::string& path, const std::string& name);
 
-// One frame of a run's file, or of any HDF5 file (as NetCDF-4 files are) with a variable x and variables psi and eta of
-// it, or of (time, x); index -1 is the last one.
+// One frame of a run's file, or of any HDF5 file (as NetCDF-4 files are) with a variable x and variables psi
+// and eta of it, or of (time, x); index -1 is the last one.
 struct Frame {
   double t = 0;
-  std::int64_t index = 0, count = 0;                  // which frame, of how many
+  std::int64_t index = 0, count = 0;  // which frame, of how many
   std::vector<double> x;
   std::map<std::string, std::vector<double>> fields;  // psi, eta, ...
   std::map<std::string, std::string> options;

@@ -1,6 +1,7 @@
-// A file written in one piece: spectrum, boundary, wave, chart, laws, sweep. Collect on every rank or on rank 0, write() is
-// collective. Names may have one group before them ("branch/speed"); a dimension is named by its scale, which is
-// sought in the dataset's group first, then at the root. A dimension without a scale gets one that counts 0, 1, ...
+// A file written in one piece: spectrum, boundary, wave, chart, laws, sweep. Collect on every rank or on rank
+// 0, write() is collective. Names may have one group before them ("branch/speed"); a dimension is named by
+// its scale, which is sought in the dataset's group first, then at the root. A dimension without a scale gets
+// one that counts 0, 1, ...
 #pragma once
 
 #include <petscsys.h>
@@ -27,7 +28,8 @@ class ResultFile {
   void scale_text(const Field& field, std::vector<std::string> values);
   // Row-major values of the named dimensions, none of them for a scalar.
   void add(const Field& field, const std::vector<std::string>& dimensions, std::vector<double> values);
-  void add_text(const Field& field, const std::vector<std::string>& dimensions, std::vector<std::string> values);
+  void add_text(const Field& field, const std::vector<std::string>& dimensions,
+                std::vector<std::string> values);
   void write();  // throws Failure
 
  private:

@@ -1,17 +1,17 @@
-// Results in HDF5, one file a command; here that of a run. Rank 0 alone opens it by the library; each rank writes the
-// values of its own nodes where rank 0 says (slab.hpp), and rank 0 then shows the frame to readers. No rank ever has
-// more of a field than its part.
+// Results in HDF5, one file a command; here that of a run. Rank 0 alone opens it by the library; each rank
+// writes the values of its own nodes where rank 0 says (slab.hpp), and rank 0 then shows the frame to
+// readers. No rank ever has more of a field than its part.
 //
-// Every file carries the root attributes `program`, `version`, `git`, `command_line`, `options` (one JSON object of
-// texts), `date`, `ranks` and `kind` (the command, or `checkpoint`), dimension scales and `units`, so that
-// xarray.open_dataset(file, engine="h5netcdf") opens it. It is made under a hidden temporary name in the same folder
-// and renamed when it holds something; a file of the same name stands until then.
+// Every file carries the root attributes `program`, `version`, `git`, `command_line`, `options` (one JSON
+// object of texts), `date`, `ranks` and `kind` (the command, or `checkpoint`), dimension scales and `units`,
+// so that xarray.open_dataset(file, engine="h5netcdf") opens it. It is made under a hidden temporary name in
+// the same folder and renamed when it holds something; a file of the same name stands until then.
 //
-// The file of a run can be read at every moment from then on, also after kill -9. Nothing but two things is ever
-// written to it in place: raw rows beyond the extents that a reader sees, and then those extents, each eight bytes
-// in the header of its dataset, time last. All else (headers, attributes, scales, chunk index) is complete before
-// the rename: the chunks, each as long as the table may grow, are allocated at once, sparse on disk. A table that
-// outgrows its chunks is copied into a new file, which then takes the old one's place.
+// The file of a run can be read at every moment from then on, also after kill -9. Nothing but two things is
+// ever written to it in place: raw rows beyond the extents that a reader sees, and then those extents, each
+// eight bytes in the header of its dataset, time last. All else (headers, attributes, scales, chunk index) is
+// complete before the rename: the chunks, each as long as the table may grow, are allocated at once, sparse
+// on disk. A table that outgrows its chunks is copied into a new file, which then takes the old one's place.
 #pragma once
 
 #include <petscsys.h>
@@ -32,11 +32,11 @@ namespace stickslip {
 
 class NodeRows;
 
-// What the file of a run holds. Significant on rank 0, but for slab and by_root; probe_x empty: no group probes, series
-// empty: no group series.
+// What the file of a run holds. Significant on rank 0, but for slab and by_root; probe_x empty: no group
+// probes, series empty: no group series.
 struct RunLayout {
-  Slab slab;                    // whose nodes are whose
-  bool by_root = false;         // rank 0 writes for all ranks, which feed it in pieces of a megabyte
+  Slab slab;             // whose nodes are whose
+  bool by_root = false;  // rank 0 writes for all ranks, which feed it in pieces of a megabyte
   std::function<double(std::int64_t)> x;  // of a node
   std::vector<Field> fields;    // of (t, x): psi, eta, the state where there is one, chi where asked for
   std::vector<double> probe_x;  // probes/x; the datasets are probes/psi and probes/eta of (t, x)
@@ -46,9 +46,12 @@ struct RunLayout {
   std::int64_t frames = 0;      // how many are expected to come (any number may)
   std::map<std::string, std::string> texts;  // further root attributes
   std::map<std::string, double> numbers;
-  std::vector<std::pair<Field, std::function<double(std::int64_t)>>> profiles;  // of nodes: what differs along x
-  std::vector<double> friction_psi, friction_F;  // steady friction, a table friction/F of friction/psi, if not empty
-  // Corners of a load, tables load/before and load/behind of load/t: the plate's velocity on either side, if not empty.
+  // of nodes: what differs along x
+  std::vector<std::pair<Field, std::function<double(std::int64_t)>>> profiles;
+  // steady friction, a table friction/F of friction/psi, if not empty
+  std::vector<double> friction_psi, friction_F;
+  // Corners of a load, tables load/before and load/behind of load/t: the plate's velocity on either side, if
+  // not empty.
   std::vector<double> load_t, load_before, load_behind;
 };
 
@@ -60,27 +63,27 @@ class RunFile {
     double until;
   };
 
-  // Collective, like everything here unless said otherwise. Throws UsageError where the file cannot be made; the
-  // others throw Failure. With `resume` the file begins with the
-  // kept rows of that one (which may stand under the same name): same x or UsageError; a field, series or probe that
-  // the old file lacks is NaN in the old rows.
+  // Collective, like everything here unless said otherwise. Throws UsageError where the file cannot be made;
+  // the others throw Failure. With `resume` the file begins with the kept rows of that one (which may stand
+  // under the same name): same x or UsageError; a field, series or probe that the old file lacks is NaN in
+  // the old rows.
   RunFile(MPI_Comm comm, std::string path, Provenance provenance, RunLayout layout,
           std::optional<Resume> resume = std::nullopt);
   ~RunFile();  // what was flushed so far is kept, on one rank everything; rank 0 alone acts
   RunFile(const RunFile&) = delete;
   RunFile& operator=(const RunFile&) = delete;
 
-  // Rows of the groups probes and series, each with a time of its own, increasing, at every step if you like. Kept in
-  // memory until the next frame() or flush(), or until they take some megabytes. Ranks other than 0 give rows of the same
-  // length, whose values are ignored.
+  // Rows of the groups probes and series, each with a time of its own, increasing, at every step if you like.
+  // Kept in memory until the next frame() or flush(), or until they take some megabytes. Ranks other than 0
+  // give rows of the same length, whose values are ignored.
   void probes(double t, const std::vector<double>& psi, const std::vector<double>& eta);
   void series(double t, const std::vector<double>& row);
   void event(double end, const std::vector<double>& row);  // ends do not decrease
   void lyapunov(double end, const std::vector<double>& row);
 
-  // One frame: of each field of the layout, in order, the values that this rank has (Slab::take). Everything is on its
-  // way to disk when it returns, except that frames which follow each other at once share a flush. Give the probes and
-  // series of a moment before its frame.
+  // One frame: of each field of the layout, in order, the values that this rank has (Slab::take). Everything
+  // is on its way to disk when it returns, except that frames which follow each other at once share a flush.
+  // Give the probes and series of a moment before its frame.
   void frame(double t, const std::vector<const double*>& fields);
 
   // Everything written so far becomes visible to readers (and so survives kill -9).
@@ -88,8 +91,8 @@ class RunFile {
   // After an error that has been thrown, flush() and close() write no more and throw nothing.
   void close();
 
-  std::int64_t frames() const { return frames_; }   // in the file, those of `resume` included
-  double last_time() const { return last_time_; }   // of the last frame; -infinity where there is none
+  std::int64_t frames() const { return frames_; }  // in the file, those of `resume` included
+  double last_time() const { return last_time_; }  // of the last frame; -infinity where there is none
 
  private:
   struct Writer;
@@ -100,10 +103,11 @@ class RunFile {
   std::string path_;
   std::unique_ptr<Writer> writer_;  // rank 0
   std::unique_ptr<NodeRows> rows_;
-  std::int64_t made_ = 0;           // number of the file that rows_ writes to; 0: none yet
-  bool broken_ = false;             // a write has failed: no more are tried
+  std::int64_t made_ = 0;  // number of the file that rows_ writes to; 0: none yet
+  bool broken_ = false;    // a write has failed: no more are tried
   bool closed_ = false;
-  double waiting_ = 0;              // bytes of rows in memory, but for those of frames; the same on every rank
+  // bytes of rows in memory, but for those of frames; the same on every rank
+  double waiting_ = 0;
   std::int64_t frames_ = 0;
   double last_time_;
 };

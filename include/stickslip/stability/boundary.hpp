@@ -1,4 +1,5 @@
-// Where steady sliding loses stability: the zeros of its growth rate in one parameter, and the curve of zeros in two.
+// Where steady sliding loses stability: the zeros of its growth rate in one parameter, and the curve of zeros
+// in two.
 #pragma once
 
 #include <petscsys.h>
@@ -11,14 +12,15 @@
 
 namespace stickslip {
 
-// The growth rate sampled evenly: `side` values on each axis, the first axis fastest; NaN without steady sliding.
+// The growth rate sampled evenly: `side` values on each axis, the first axis fastest; NaN without steady
+// sliding.
 struct Samples {
   int side = 0;
   std::vector<double> growth;
 };
 
-// A place on the curve where something changes. bautin: the first Lyapunov coefficient passes through zero, so that a
-// supercritical Hopf point becomes a subcritical one; a fold of oscillations begins there.
+// A place on the curve where something changes. bautin: the first Lyapunov coefficient passes through zero,
+// so that a supercritical Hopf point becomes a subcritical one; a fold of oscillations begins there.
 struct SpecialPlace {
   std::string kind;
   Crossing at;
@@ -28,23 +30,26 @@ struct SpecialPlace {
 struct BoundaryFindings {
   Samples samples;
   std::vector<std::string> notes;  // what is not as it should be
-  // The places (codimension two) where one mode takes over from another of different kind or frequency; curves only.
+  // The places (codimension two) where one mode takes over from another of different kind or frequency;
+  // curves only.
   std::vector<Crossing> meetings;
   std::vector<SpecialPlace> special;  // curves only
 };
 
-// Every zero on the first axis, ascending in the coordinate, bracketed on 33 samples and by the least |growth| between
-// samples of one sign. `error` of a point: growth rate on a grid of half the spacing over the slope. Collective.
+// Every zero on the first axis, ascending in the coordinate, bracketed on 33 samples and by the least
+// |growth| between samples of one sign. `error` of a point: growth rate on a grid of half the spacing over
+// the slope. Collective.
 std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& findings);
 
-// The curve in the box of both axes (level_curve.hpp): about `points` points, even along it in the coordinates, ends on the
-// borders of the box included; several pieces, closed ones too. `error` and `error2` of a point: how far the modes
-// followed move it along the curve's normal when the spacing is halved. Collective.
+// The curve in the box of both axes (level_curve.hpp): about `points` points, even along it in the
+// coordinates, ends on the borders of the box included; several pieces, closed ones too. `error` and `error2`
+// of a point: how far the modes followed move it along the curve's normal when the spacing is halved.
+// Collective.
 std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, BoundaryFindings& findings);
 
-// The plate velocity at which uniform sliding loses stability, in closed form, for the laws of velocity alone without
-// spread: sqrt(1 - s delta/gamma), sqrt(1 - zeta/f0), sqrt(f0/zeta) - 1. Nothing for other scenes, or where there is
-// none.
+// The plate velocity at which uniform sliding loses stability, in closed form, for the laws of velocity alone
+// without spread: sqrt(1 - s delta/gamma), sqrt(1 - zeta/f0), sqrt(f0/zeta) - 1. Nothing for other scenes, or
+// where there is none.
 std::optional<double> closed_form_velocity(const Scene& scene);
 
 }  // namespace stickslip

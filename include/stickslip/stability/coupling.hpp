@@ -1,7 +1,7 @@
 // How the nodes that are solved for hang together: -D2 among them, and their order in a banded matrix.
 //
-// Held nodes carry no unknown; what couples to them stands in the row sums alone. Local to the process, which holds the
-// whole line.
+// Held nodes carry no unknown; what couples to them stands in the row sums alone. Local to the process, which
+// holds the whole line.
 #pragma once
 
 #include <utility>
@@ -18,7 +18,8 @@ class Coupling {
   // `count` nodes from the first'th on, everything outside held.
   Coupling segment(std::size_t first, std::size_t count) const;
 
-  std::vector<PetscInt> node;  // those solved for, node[0] < node[1] < ...; columns below are places in this list
+  // those solved for, node[0] < node[1] < ...; columns below are places in this list
+  std::vector<PetscInt> node;
   std::vector<double> weight;  // inner product: 1, 1/2 at a free end of the continuum
   bool symmetric = true;       // D2 is symmetric in that inner product: but for held ends of order 4 and 6
   std::size_t size() const { return node.size(); }

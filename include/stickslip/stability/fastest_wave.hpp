@@ -1,14 +1,16 @@
-// The growth rate of uniform steady sliding: that of the fastest of the waves that fit a scene, in closed form.
+// The growth rate of uniform steady sliding: that of the fastest of the waves that fit a scene, in closed
+// form.
 //
-// A wave of wavenumber k in a medium alike everywhere has the roots of a polynomial p(lambda; kappa^2) of degree one to
-// three (linear_point.hpp), kappa^2 the symbol of -D2, and every coefficient is linear in kappa^2. So are those of
-// p(lambda + sigma; kappa^2), and by Routh and Hurwitz a root with a real part above sigma comes or goes only where one of
-// two of them, or c2 c1 - c0, changes its sign: at four values of kappa^2 at most, roots of equations of degree one and two.
-// Between two of them either every wave grows faster than sigma or none does. One wave looked at in each stretch says
-// which; a faster one raises sigma, and where none is left the fastest is found, be there ten waves or 10^12.
+// A wave of wavenumber k in a medium alike everywhere has the roots of a polynomial p(lambda; kappa^2) of
+// degree one to three (linear_point.hpp), kappa^2 the symbol of -D2, and every coefficient is linear in
+// kappa^2. So are those of p(lambda + sigma; kappa^2), and by Routh and Hurwitz a root with a real part above
+// sigma comes or goes only where one of two of them, or c2 c1 - c0, changes its sign: at four values of
+// kappa^2 at most, roots of equations of degree one and two. Between two of them either every wave grows
+// faster than sigma or none does. One wave looked at in each stretch says which; a faster one raises sigma,
+// and where none is left the fastest is found, be there ten waves or 10^12.
 //
-// Everything that speaks of the growth of uniform sliding asks here: `run` and its files, `spectrum`, `boundary`, the
-// states of chains without k0. Nothing communicates.
+// Everything that speaks of the growth of uniform sliding asks here: `run` and its files, `spectrum`,
+// `boundary`, the states of chains without k0. Nothing communicates.
 #pragma once
 
 #include <complex>
@@ -31,8 +33,9 @@ struct Waves {
   // The first from `from` on whose symbol is at least kappa2; `count` where none is.
   std::int64_t first_beyond(double kappa2, std::int64_t from = 0) const;
 
-  // Those of a scene's own grid: whole waves on a ring; else standing ones, even about a free end and odd about a held one.
-  // In the chain a free end lies half a spacing beyond its block. Exact where D2 is symmetric (ring, free ends, order 2).
+  // Those of a scene's own grid: whole waves on a ring; else standing ones, even about a free end and odd
+  // about a held one. In the chain a free end lies half a spacing beyond its block. Exact where D2 is
+  // symmetric (ring, free ends, order 2).
   static Waves of(const Scene& scene);
   // The same in the continuum without a grid, as many as asked for.
   static Waves of_continuum(const Scene& scene, std::int64_t count);
@@ -40,7 +43,8 @@ struct Waves {
   Waves resolved(const Scene& scene) const;
 };
 
-// The largest wavenumber whose frequency the stencil has to 1 %, 1/length; that of the grid where it has them all so.
+// The largest wavenumber whose frequency the stencil has to 1 %, 1/length; that of the grid where it has them
+// all so.
 double resolved_wavenumber(int order, double h);
 
 struct FastestWave {
@@ -50,22 +54,22 @@ struct FastestWave {
   bool degenerate = false;     // others grow as fast
 };
 
-// The rightmost root of a wave; nothing where it has none. Where nothing pulls a wave back (K0 = 0, k = 0) its root 0, the
-// shift of everything, does not count.
+// The rightmost root of a wave; nothing where it has none. Where nothing pulls a wave back (K0 = 0, k = 0)
+// its root 0, the shift of everything, does not count.
 std::optional<std::complex<double>> rightmost_root(const LinearPoint& medium, double kappa2);
 
-// The fastest of the waves, from number `from` on; of those that grow alike, to `level` (1/time), the longest. Nothing where
-// no wave has a root.
+// The fastest of the waves, from number `from` on; of those that grow alike, to `level` (1/time), the
+// longest. Nothing where no wave has a root.
 std::optional<FastestWave> fastest_wave(const LinearPoint& medium, const Waves& waves, double level,
                                         std::int64_t from = 0);
 
-// Whether steady sliding is psi = v: no end is held away from it. And whether the force is the same everywhere too, as
-// friction is.
+// Whether steady sliding is psi = v: no end is held away from it. And whether the force is the same
+// everywhere too, as friction is.
 bool slides_at_v(const Scene& scene);
 inline bool slides_uniformly(const Scene& scene) { return scene.same_friction() && slides_at_v(scene); }
 
-// The medium of uniform sliding at psi = v where friction is the same at every node; nothing where there is no such sliding:
-// the state has no steady value, or friction jumps at v = 0.
+// The medium of uniform sliding at psi = v where friction is the same at every node; nothing where there is
+// no such sliding: the state has no steady value, or friction jumps at v = 0.
 std::optional<LinearPoint> sliding_medium(const Scene& scene);
 
 // Growth rates that differ by less are called equal: 1e-9 of a frequency of the medium.

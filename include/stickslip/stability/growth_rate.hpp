@@ -1,11 +1,12 @@
-// The growth rate of steady sliding as a function of one or two parameters of its scene: the largest real part among the
-// modes that count. With `refine` those are the modes of the continuum, as far as the grid resolves them, and in the chain
-// all; without it every mode of the matrix.
+// The growth rate of steady sliding as a function of one or two parameters of its scene: the largest real
+// part among the modes that count. With `refine` those are the modes of the continuum, as far as the grid
+// resolves them, and in the chain all; without it every mode of the matrix.
 //
-// A continuum whose nodes are all alike is asked as such (continuum.hpp): the grid plays no part. A chain of equal blocks,
-// and without `refine` a uniform continuum, has the largest over the exact discrete dispersion relation, all modes looked
-// at. Elsewhere the rightmost modes are followed by two-sided Rayleigh steps from one set of parameters to the next, and a
-// count of the modes further right says now and then whether one was missed, which is then sought.
+// A continuum whose nodes are all alike is asked as such (continuum.hpp): the grid plays no part. A chain of
+// equal blocks, and without `refine` a uniform continuum, has the largest over the exact discrete dispersion
+// relation, all modes looked at. Elsewhere the rightmost modes are followed by two-sided Rayleigh steps from
+// one set of parameters to the next, and a count of the modes further right says now and then whether one was
+// missed, which is then sought.
 #pragma once
 
 #include <petscsys.h>
@@ -24,14 +25,17 @@
 
 namespace stickslip {
 
-// A parameter and the range in which it varies. Coordinate 0 is `from`, 1 is `to`, evenly in the value or its logarithm.
+// A parameter and the range in which it varies. Coordinate 0 is `from`, 1 is `to`, evenly in the value or its
+// logarithm.
 struct Axis {
   std::string name;  // for messages
   double from = 0, to = 1;
   bool logarithmic = false;
   std::vector<std::string> same = {};  // parameters that take the same value (k0 = k1)
   double value(double coordinate) const;
-  double slope(double coordinate) const { return logarithmic ? value(coordinate) * std::log(to / from) : to - from; }
+  double slope(double coordinate) const {
+    return logarithmic ? value(coordinate) * std::log(to / from) : to - from;
+  }
 };
 
 // The scene with the values of the axes; the second value is 0 where there is one axis.
@@ -39,13 +43,14 @@ using SceneAt = std::function<Scene(double value, double value2)>;
 
 // A point of the boundary.
 struct Crossing {
-  double x = 0, y = 0;           // coordinates on the axes
-  double value = 0, value2 = 0;  // of the parameters
-  double growth = 0;             // what is left of it
+  double x = 0, y = 0;                   // coordinates on the axes
+  double value = 0, value2 = 0;          // of the parameters
+  double growth = 0;                     // what is left of it
   double frequency = 0, wavenumber = 0;  // infinite where the zero is that of the limit of short waves
-  bool degenerate = false;       // many modes cross at once; the one named has the smallest wavenumber
-  double residual = 0;           // |J x - lambda x|/|x| of the mode; NaN for the limit of short waves
-  double error = 0, error2 = 0;  // by how much a grid of half the spacing moves the point; 0 where no grid plays a part
+  bool degenerate = false;  // many modes cross at once; the one named has the smallest wavenumber
+  double residual = 0;      // |J x - lambda x|/|x| of the mode; NaN for the limit of short waves
+  // by how much a grid of half the spacing moves the point; 0 where no grid plays a part
+  double error = 0, error2 = 0;
   std::string kind;              // hopf or zero; of stick-slip graze, fold, flip, torus or branch
   std::string of = "sliding";    // or stick-slip, waves, trains: whose end the point is
   double nx = 0, ny = 0;         // of stick-slip: unit vector on the axes, across the line to where it lives
@@ -88,37 +93,39 @@ class GrowthRate {
   Crossing crossing(double x, double y = 0);
   // Whether stick-slip grows out of that point or sliding loses to it by a jump.
   Criticality criticality(const Crossing& c);
-  // The growth rate is zero there: no jump through zero, where a mode enters or leaves what the grid resolves.
+  // The growth rate is zero there: no jump through zero, where a mode enters or leaves what the grid
+  // resolves.
   bool vanishes(const Crossing& c) const;
-  // The mode that crosses has a frequency within a tenth of the highest that the grid resolves, or above it: it is a
-  // matter of the grid.
+  // The mode that crosses has a frequency within a tenth of the highest that the grid resolves, or above it:
+  // it is a matter of the grid.
   bool near_shortest(const Crossing& c) const;
   // Counts the growing modes at a point (Crossing::complete).
   void count_growing(Crossing& c);
-  // What such a count costs in the middle of the box, roughly in seconds; 0 where none is needed, as all modes are known.
+  // What such a count costs in the middle of the box, roughly in seconds; 0 where none is needed, as all
+  // modes are known.
   double count_cost() const;
   // Seeks the modes that lead those followed, at a place where a count has found some.
   void seek(double x, double y);
 
-  // Where the parameters have moved by more than `reach` (of the box) from the place of the last count, or the
-  // coefficients by half the oscillation's frequency, the modes found at another place as near are taken up, or it is
-  // counted anew. Never with a reach of 0: for those who count themselves.
+  // Where the parameters have moved by more than `reach` (of the box) from the place of the last count, or
+  // the coefficients by half the oscillation's frequency, the modes found at another place as near are taken
+  // up, or it is counted anew. Never with a reach of 0: for those who count themselves.
   void count_every(double reach) { reach_ = reach; }
   // It is counted at the next place, wherever that is.
   void count_next() { due_ = true; }
-  // Away from its zeros the growth rate need have the right sign only: where a mode followed grows, those that lead it
-  // are not sought, and elsewhere only those that grow.
+  // Away from its zeros the growth rate need have the right sign only: where a mode followed grows, those
+  // that lead it are not sought, and elsewhere only those that grow.
   void only_sign(bool yes);
   // A mode was lost on the way since the last call of this: it is time to count.
   bool doubtful();
 
   // The same on a grid of half the spacing; nothing in the chain, where the grid is the matter.
   std::optional<GrowthRate> finer() const;
-  // A scene with fewer nodes whose zeros lie near this one's, to scan and trace on; nothing where it has more than half
-  // as many. The continuum: a grid of order 2 with about eight nodes in a boundary layer and in a draw of spread
-  // friction, if it has what the mean medium favours anywhere in the box. The chain: its first 1024 blocks, or more
-  // where its layers are wide. What leads here alone (modes of short waves, those trapped further down the chain) is
-  // found when points are placed here.
+  // A scene with fewer nodes whose zeros lie near this one's, to scan and trace on; nothing where it has more
+  // than half as many. The continuum: a grid of order 2 with about eight nodes in a boundary layer and in a
+  // draw of spread friction, if it has what the mean medium favours anywhere in the box. The chain: its first
+  // 1024 blocks, or more where its layers are wide. What leads here alone (modes of short waves, those
+  // trapped further down the chain) is found when points are placed here.
   std::optional<GrowthRate> reduced() const;
   // Takes up the modes that another grid's has at (x, y), as guesses.
   void take_hints(GrowthRate& other, double x, double y);
@@ -135,7 +142,8 @@ class GrowthRate {
     std::vector<FollowedMode> found;
   };
   std::optional<LinearisedOperator> linearised(double x, double y) const;
-  std::optional<ContinuumLead> closed(const LinearisedOperator& J) const;  // the answer without a grid, where there is one
+  // the answer without a grid, where there is one
+  std::optional<ContinuumLead> closed(const LinearisedOperator& J) const;
   bool all_known(const LinearisedOperator& J) const;
   std::optional<LeadingMode> leading_wave(const LinearisedOperator& J) const;
   std::optional<LeadingMode> leading_followed(const LinearisedOperator& J, double x, double y);

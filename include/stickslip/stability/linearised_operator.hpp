@@ -1,21 +1,20 @@
 // The operator J of perturbations of steady sliding.
 //
-// Perturbations (p, e, t) of (psi, eta, state) that grow like exp(lambda t). Everything but D2 acts node by node
-// (model/linear_point.hpp), so e and t are eliminated node by node, and lambda is an eigenvalue when S(lambda) p = 0
-// has a solution,
+// Perturbations (p, e, t) of (psi, eta, state) that grow like exp(lambda t). Everything but D2 acts node by
+// node (model/linear_point.hpp), so e and t are eliminated node by node, and lambda is an eigenvalue when
+// S(lambda) p = 0 has a solution,
 //
 //     S(lambda) = lambda [lambda/A + beta_i + q_i/(lambda + r_i)] + K0 - (K1 + lambda N) D2
 //     t = g_psi p/(lambda + r),       e = (lambda/A + B + F_psi - N D2) p + F_state t.
 //
-// S is banded (folded round a ring), one complex unknown a node, so a factorisation, a solve and a determinant cost
-// O(n). The characteristic polynomial of J is A^n prod(lambda + r_i) det S(lambda) (r only with a state). Held nodes
-// carry no unknown. On a ring, between free ends, and at order 2 between held ones, D2 is symmetric in the inner
-// product of `weight`, and S is complex symmetric.
+// S is banded (folded round a ring), one complex unknown a node, so a factorisation, a solve and a
+// determinant cost O(n). The characteristic polynomial of J is A^n prod(lambda + r_i) det S(lambda) (r only
+// with a state). Held nodes carry no unknown. On a ring, between free ends, and at order 2 between held ones,
+// D2 is symmetric in the inner product of `weight`, and S is complex symmetric.
 //
-// Vectors p have one entry a node, vectors x of J `dof` entries a node (psi, eta, state; without mass eta, state), a node's
-// together; lambda,
-// growth rates and frequencies are in 1/time. Every rank holds the whole line: a spectrum is shared out by shifts and
-// points, not by nodes. Not collective.
+// Vectors p have one entry a node, vectors x of J `dof` entries a node (psi, eta, state; without mass eta,
+// state), a node's together; lambda, growth rates and frequencies are in 1/time. Every rank holds the whole
+// line: a spectrum is shared out by shifts and points, not by nodes. Not collective.
 #pragma once
 
 #include <utility>
@@ -31,14 +30,14 @@ class LinearisedOperator {
   explicit LinearisedOperator(const SteadySliding& steady);
   // About the steady sliding of the scene; throws as that does.
   explicit LinearisedOperator(const Scene& s) : LinearisedOperator(SteadySliding(s)) {}
-  // The operator on `count` nodes from the first'th of those solved for, everything outside held: what a mode trapped
-  // there feels. Its scene is that of the whole.
+  // The operator on `count` nodes from the first'th of those solved for, everything outside held: what a mode
+  // trapped there feels. Its scene is that of the whole.
   LinearisedOperator segment(std::size_t first, std::size_t count) const;
 
   Scene scene;
   double A, K0, K1, N;
-  Coupling coupling;               // the nodes solved for
-  bool uniform = true;             // the same at every node
+  Coupling coupling;    // the nodes solved for
+  bool uniform = true;  // the same at every node
   LinearPoint point(std::size_t i) const {
     LinearPoint p = medium_;
     p.set(slopes_[i]);
@@ -50,28 +49,34 @@ class LinearisedOperator {
   bool has_state() const { return scene.friction.has_state(); }
   std::size_t fields() const { return has_state() ? 3 : 2; }
   std::size_t dof() const { return fields() - psi_entries(); }
-  // The uniform mode with lambda = 0: without K0 and held ends every velocity is a steady one. It is a symmetry, not
-  // an instability.
+  // The uniform mode with lambda = 0: without K0 and held ends every velocity is a steady one. It is a
+  // symmetry, not an instability.
   bool neutral() const { return K0 == 0 && size() == std::size_t(scene.n); }
 
   // ---- S, its factors and its solutions
   std::vector<Complex> apply(Complex lambda, const std::vector<Complex>& p) const;        // S p
   std::vector<Complex> apply_slope(Complex lambda, const std::vector<Complex>& p) const;  // dS/dlambda p
-  void assemble(Complex lambda, Complex factor, BandLU& lu) const;                        // lu := factor S(lambda)
+  // lu := factor S(lambda)
+  void assemble(Complex lambda, Complex factor, BandLU& lu) const;
   // Factors S(lambda); the determinant returned is that of the characteristic polynomial, up to A^n.
   LogDet factor(Complex lambda, BandLU& lu) const;
   void solve(const BandLU& lu, std::vector<Complex>& b) const { coupling.solve(lu, b); }
   void solve_transposed(const BandLU& lu, std::vector<Complex>& b) const { coupling.solve(lu, b, true); }
 
   // ---- J
-  std::vector<Complex> expand(Complex lambda, const std::vector<Complex>& p) const;  // the eigenvector, from its psi
-  std::vector<Complex> expand_fields(Complex lambda, const std::vector<Complex>& p) const;  // with psi in any case
-  Complex psi_of(const Complex* x, std::size_t i) const;  // psi of node i, whose entries of a vector of J stand at x
-  double mode_residual(Complex lambda, const std::vector<Complex>& p) const;         // |J x - lambda x|/|x| of it
-  std::vector<Complex> multiply(const std::vector<Complex>& x) const;                // J x
+  // the eigenvector, from its psi
+  std::vector<Complex> expand(Complex lambda, const std::vector<Complex>& p) const;
+  // with psi in any case
+  std::vector<Complex> expand_fields(Complex lambda, const std::vector<Complex>& p) const;
+  // psi of node i, whose entries of a vector of J stand at x
+  Complex psi_of(const Complex* x, std::size_t i) const;
+  // |J x - lambda x|/|x| of it
+  double mode_residual(Complex lambda, const std::vector<Complex>& p) const;
+  std::vector<Complex> multiply(const std::vector<Complex>& x) const;  // J x
   // (J - lambda)^-1 b, and (J^T - lambda)^-1 b (no conjugation), with S(lambda) factored in lu.
   std::vector<Complex> resolvent(Complex lambda, const BandLU& lu, const std::vector<Complex>& b) const;
-  std::vector<Complex> resolvent_transposed(Complex lambda, const BandLU& lu, const std::vector<Complex>& b) const;
+  std::vector<Complex> resolvent_transposed(Complex lambda, const BandLU& lu,
+                                            const std::vector<Complex>& b) const;
   struct Entry {
     std::size_t row, column;
     double value;
@@ -80,20 +85,22 @@ class LinearisedOperator {
 
   // ---- waves: shapes of wavenumber k, 1/length
   double spacing() const { return scene.form == Form::chain ? 1 : scene.h(); }
-  double symbol(double k) const;            // of -D2, kappa^2
-  double largest_symbol() const;            // that of the grid scale
+  double symbol(double k) const;                               // of -D2, kappa^2
+  double largest_symbol() const;                               // that of the grid scale
   double rate_of(double K) const { return mean_.rate_of(K); }  // LinearPoint; of the mean medium
   double largest_stiffness() const { return K0 + K1 * largest_symbol(); }
   double viscous_rate() const { return A * N * largest_symbol(); }  // at which the shortest wave is damped
   Complex coupling_factor(Complex lambda) const { return K1 + lambda * N; }  // what D2 is multiplied by in S
   // The wavenumber in [0, pi/h] whose symbol is the weighted mean of -D2 over p.
   double wavenumber(const std::vector<Complex>& p) const;
-  // Relative error in frequency of a wave of wavenumber k on this grid; 0 in the chain, where the grid is the matter.
+  // Relative error in frequency of a wave of wavenumber k on this grid; 0 in the chain, where the grid is the
+  // matter.
   double dispersion_error(double k) const;
-  // The medium with the mean coefficients (of F_state and g_psi their product alone); where all nodes are alike, that of
-  // the first. At least one node.
+  // The medium with the mean coefficients (of F_state and g_psi their product alone); where all nodes are
+  // alike, that of the first. At least one node.
   const LinearPoint& mean() const { return mean_; }
-  // Whether every mode is a wave of the exact dispersion relation (fastest_wave.hpp): nodes alike, ends that fit.
+  // Whether every mode is a wave of the exact dispersion relation (fastest_wave.hpp): nodes alike, ends that
+  // fit.
   bool has_exact_waves() const { return uniform && symmetric() && size() > 0; }
   // Their wavenumbers, ascending, each with its multiplicity; empty where they are not.
   struct Wave {
@@ -101,7 +108,8 @@ class LinearisedOperator {
     int multiplicity;
   };
   std::vector<Wave> exact_waves() const;
-  // psi of the wave of such a wavenumber at the nodes: travelling round a ring, else standing and fitting the ends.
+  // psi of the wave of such a wavenumber at the nodes: travelling round a ring, else standing and fitting the
+  // ends.
   std::vector<Complex> wave(double k) const;
 
   // ---- what no eigenvalue exceeds: |Im| and Re. Rigorous (docs/algorithms.md).
@@ -117,8 +125,8 @@ class LinearisedOperator {
   std::vector<Entry> massless_entries() const;
   double massless_bound(double stiff, double r, double q) const;
   LinearisedOperator(const LinearisedOperator& whole, std::size_t first, std::size_t count);
-  void add_viscous(const std::vector<Complex>& p, std::size_t stride, std::size_t first, std::vector<Complex>& x,
-                   double factor = 1) const;
+  void add_viscous(const std::vector<Complex>& p, std::size_t stride, std::size_t first,
+                   std::vector<Complex>& x, double factor = 1) const;
 
   LinearPoint medium_, mean_;  // medium: without friction
   std::vector<FrictionSlopes> slopes_;

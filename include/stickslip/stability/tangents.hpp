@@ -2,19 +2,21 @@
 //     y_t = J(u(t)) y,     J = d(right-hand side)/du,
 // between the moments at which a node starts or stops, and jump there with the directions of motion.
 //
-// Between such moments the pair of Dormand and Prince, of order 5, takes them along values of u inside the step, which
-// the caller gives, in as many parts as the fastest rate of J asks for: no wave and no stiff friction is damped falsely,
-// and stiff friction makes it slow. J is never assembled: it is a block for each node and the coupling of neighbours.
+// Between such moments the pair of Dormand and Prince, of order 5, takes them along values of u inside the
+// step, which the caller gives, in as many parts as the fastest rate of J asks for: no wave and no stiff
+// friction is damped falsely, and stiff friction makes it slow. J is never assembled: it is a block for each
+// node and the coupling of neighbours.
 //
-// Where a node starts, stops or turns, a deviation of that node passes a jump matrix (model/jump_matrix.hpp). A node
-// that stops loses a direction, and while m nodes rest no more than all unknowns less m are left, then and ever after.
+// Where a node starts, stops or turns, a deviation of that node passes a jump matrix (model/jump_matrix.hpp).
+// A node that stops loses a direction, and while m nodes rest no more than all unknowns less m are left, then
+// and ever after.
 //
 // psi and eta of held nodes are no unknowns: their deviations are 0.
 //
 // Collective over the model's ranks unless said otherwise; the same on any number of them but for round-off.
 //
-// Source: G. Benettin, L. Galgani, A. Giorgilli and J.-M. Strelcyn, Meccanica 15 (1980) 9; P. C. Mueller, Chaos,
-// Solitons and Fractals 5 (1995) 1671 (jumps).
+// Source: G. Benettin, L. Galgani, A. Giorgilli and J.-M. Strelcyn, Meccanica 15 (1980) 9; P. C. Mueller,
+// Chaos, Solitons and Fractals 5 (1995) 1671 (jumps).
 #pragma once
 
 #include <functional>
@@ -31,12 +33,13 @@ class Tangents {
 
   // u at the part [0, 1] of a step.
   using Inside = std::function<void(double part, Vec into)>;
-  // Over a step of length dt with the directions of motion of the model. Where a node started or stopped since the last
-  // step, the jump comes first. Throws Failure where the step would take more than a million parts.
+  // Over a step of length dt with the directions of motion of the model. Where a node started or stopped
+  // since the last step, the jump comes first. Throws Failure where the step would take more than a million
+  // parts.
   void advance(double dt, const Inside& inside);
 
-  // ln of what the volume of the first k vectors has grown by since the last call, less that of the first k - 1; then
-  // they are orthonormal. -infinity for one that stands for no direction any more.
+  // ln of what the volume of the first k vectors has grown by since the last call, less that of the first k -
+  // 1; then they are orthonormal. -infinity for one that stands for no direction any more.
   std::vector<double> growth();
   // Integral of the trace of J over the last step.
   double divergence() const { return divergence_; }
@@ -45,8 +48,8 @@ class Tangents {
   // New random vectors for those that stood for none any more.
   void renew();
 
-  // What a later object needs to go on alike: the vectors, one Vec each and, in the place of psi, the directions of the
-  // last step; with the numbers of state().
+  // What a later object needs to go on alike: the vectors, one Vec each and, in the place of psi, the
+  // directions of the last step; with the numbers of state().
   const std::vector<VecHandle>& vectors() const { return y_; }
   Vec last_directions() const { return was_; }
   std::vector<double> state() const;
@@ -80,11 +83,11 @@ class Tangents {
   const Model& model_;
   int dof_;
   std::vector<VecHandle> y_;
-  std::vector<bool> gone_;                     // stands for no direction any more
+  std::vector<bool> gone_;  // stands for no direction any more
   std::vector<double> growth_;
   std::vector<std::vector<VecHandle>> slope_;  // of each vector, stage by stage
   VecHandle u_, stage_, was_;
-  std::vector<std::vector<double>> pulls_;     // N D2 psi at the nodes, see find_pulls
+  std::vector<std::vector<double>> pulls_;  // N D2 psi at the nodes, see find_pulls
   Linearisation start_, inside_;
   bool begun_ = false, start_known_ = false, any_moves_ = true;
   long draws_ = 0;

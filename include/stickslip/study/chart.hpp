@@ -1,15 +1,18 @@
-// `chart_kind error`: the same scene by many methods, tolerances, stencil orders and grids: error against seconds.
+// `chart_kind error`: the same scene by many methods, tolerances, stencil orders and grids: error against
+// seconds.
 //
 // Errors are largest |differences| of psi and eta over the nodes at ts_max_time:
 //     error        against the solution of the differential equation, in space and time
 //     error_time   against the same semi-discrete system, solved without an error in time
 //     error_space  of that solution against the differential equation
-// The chain is no differential equation in x, nor is a start that lives on one grid: there error is error_time.
+// The chain is no differential equation in x, nor is a start that lives on one grid: there error is
+// error_time.
 //
 // The reference is solved on grids doubled at the highest order until its error, estimated from the last two
-// differences and their measured rate (and from two methods in time), is far below that of every row; a row whose error
-// is less than 100 times that is dropped with a note. seconds: processor time, median of the repetitions. Source: Hairer,
-// Norsett, Wanner, Solving Ordinary Differential Equations I, II.10 (such diagrams); Richardson's extrapolation.
+// differences and their measured rate (and from two methods in time), is far below that of every row; a row
+// whose error is less than 100 times that is dropped with a note. seconds: processor time, median of the
+// repetitions. Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.10 (such
+// diagrams); Richardson's extrapolation.
 #pragma once
 
 #include <optional>
@@ -29,23 +32,24 @@ struct ChartRow {
   int repeats = 0;
   std::int64_t steps = 0, rejections = 0;
   long rhs_evaluations = 0;
-  std::string failed;            // "" or why there is no error
+  std::string failed;  // "" or why there is no error
   std::vector<std::string> warnings;
 };
 
-// The rows that no other beats: no row has a smaller or equal error in less or equal time (of equals the first stands).
-// By increasing seconds.
+// The rows that no other beats: no row has a smaller or equal error in less or equal time (of equals the
+// first stands). By increasing seconds.
 std::vector<std::size_t> chart_front(const std::vector<ChartRow>& rows);
 
 // The methods that option chart_methods lists, or those of these names. Throws UsageError.
 std::vector<MethodSpec> chart_methods(const Options& options, std::vector<std::string> names);
 
-// The settings of a chart, in the order of its rows: methods, orders, grids, tolerances (or steps), as listed by the
-// options or by default. Throws UsageError.
+// The settings of a chart, in the order of its rows: methods, orders, grids, tolerances (or steps), as listed
+// by the options or by default. Throws UsageError.
 std::vector<Setting> chart_settings(const Options& options);
 
-// The error of the finest of three or more grids, each twice as fine as the one before, whose last two differences are
-// `before` and `last`, at order p: half as good as the measured rate promises, and never better than the order does.
+// The error of the finest of three or more grids, each twice as fine as the one before, whose last two
+// differences are `before` and `last`, at order p: half as good as the measured rate promises, and never
+// better than the order does.
 double error_of_finest(double before, double last, int order);
 
 // Body of `stickslip chart`. Returns the exit code. Collective.

@@ -1,7 +1,7 @@
-// Where the motions of a ring other than steady sliding are stable, in two parameters: its uniform oscillation against the
-// waves that fit, and travelling trains. Lines in the box of two axes, as those of sliding (stability/boundary.hpp) and of
-// the end of stick-slip (stick_slip_end.hpp) are. Of continua on rings with smooth friction. Alike on every rank, nothing
-// communicates.
+// Where the motions of a ring other than steady sliding are stable, in two parameters: its uniform
+// oscillation against the waves that fit, and travelling trains. Lines in the box of two axes, as those of
+// sliding (stability/boundary.hpp) and of the end of stick-slip (stick_slip_end.hpp) are. Of continua on
+// rings with smooth friction. Alike on every rank, nothing communicates.
 #pragma once
 
 #include <petscsys.h>
@@ -15,9 +15,9 @@
 
 namespace stickslip {
 
-// Largest growth rate, 1/time, of deviations from the uniform oscillation of a continuum on a ring of length L: uniform ones,
-// and waves exp(ikx), k = 2 pi m/L, m >= 1: all of the first hundred, further on every fiftieth part. NaN where there is no
-// such oscillation.
+// Largest growth rate, 1/time, of deviations from the uniform oscillation of a continuum on a ring of length
+// L: uniform ones, and waves exp(ikx), k = 2 pi m/L, m >= 1: all of the first hundred, further on every
+// fiftieth part. NaN where there is no such oscillation.
 double growth_on_uniform(const Scene& ring);
 
 class MediumLines {
@@ -34,9 +34,10 @@ class MediumLines {
   // growth_on_uniform as sampled for it, 9 x 9, the first axis fastest.
   const std::vector<double>& growth() const { return growth_; }
 
-  // Lines at which stable trains begin: `of` "trains", kind `fold`, `hopf` or `zero` (waves/train_limits.hpp). Trains are
-  // followed along the first axis at both ends and the middle of the second; what bounds their stability there is followed
-  // through the box. `notes`: what was seen and not located.
+  // Lines at which stable trains begin: `of` "trains", kind `fold`, `hopf` or `zero`
+  // (waves/train_limits.hpp). Trains are followed along the first axis at both ends and the middle of the
+  // second; what bounds their stability there is followed through the box. `notes`: what was seen and not
+  // located.
   std::vector<Crossing> trains(std::vector<std::string>& notes);
   const std::vector<TrainSample>& samples() const { return samples_; }  // coordinates on the axes
 

@@ -1,20 +1,21 @@
 // Whether the steps of a run can be believed, looked at while it goes on.
 //
-// An adaptive method with sound tolerances answers for its own steps. Steps of fixed size, and those of tolerances of
-// 1e-3 and looser, may follow something else than the equations - run at a wrong speed, jump to a spurious root of the
-// implicit equations, damp away an instability - and look perfectly well behaved. So some of them are made a second
-// time, accurately, from the same u: at 16 equal times of the run, and whenever psi changes by more than it has so far.
-// What the run's own steps miss, in relation to the change of psi and eta in the accurate ones (root mean squares over
-// nodes and steps), is `miss`; its part along the motion, a shift in time, is `shift`, the fraction by which the motion
-// runs too fast, and with it a wave.
+// An adaptive method with sound tolerances answers for its own steps. Steps of fixed size, and those of
+// tolerances of 1e-3 and looser, may follow something else than the equations - run at a wrong speed, jump to
+// a spurious root of the implicit equations, damp away an instability - and look perfectly well behaved. So
+// some of them are made a second time, accurately, from the same u: at 16 equal times of the run, and
+// whenever psi changes by more than it has so far. What the run's own steps miss, in relation to the change
+// of psi and eta in the accurate ones (root mean squares over nodes and steps), is `miss`; its part along the
+// motion, a shift in time, is `shift`, the fraction by which the motion runs too fast, and with it a wave.
 //
-// What no error estimate sees is a perturbation of steady sliding that stays below the tolerance: a damping method then
-// takes steps so long that the perturbation decays where it should grow. So the regime that a run ends in is held
-// against the linearised operator (step_forecast.hpp) at the steps that the run has taken. While psi stands near
-// sliding a perturbation that should grow like exp(g t) and grows like exp(g' t) comes out wrong by a factor of
-// exp((g' - g) t), and reaches stick-slip too early or too late.
+// What no error estimate sees is a perturbation of steady sliding that stays below the tolerance: a damping
+// method then takes steps so long that the perturbation decays where it should grow. So the regime that a run
+// ends in is held against the linearised operator (step_forecast.hpp) at the steps that the run has taken.
+// While psi stands near sliding a perturbation that should grow like exp(g t) and grows like exp(g' t) comes
+// out wrong by a factor of exp((g' - g) t), and reaches stick-slip too early or too late.
 //
-// Everything is collective. The run is not touched: what is computed here has a model and an integrator of its own.
+// Everything is collective. The run is not touched: what is computed here has a model and an integrator of
+// its own.
 #pragma once
 
 #include <map>
@@ -30,13 +31,15 @@ namespace stickslip {
 class StepAudit {
  public:
   // `integrator` is about to advance `model` from t_begin to t_end.
-  StepAudit(const Model& model, const Options& options, const Integrator& integrator, double t_begin, double t_end);
+  StepAudit(const Model& model, const Options& options, const Integrator& integrator, double t_begin,
+            double t_end);
   ~StepAudit();
 
-  // The longest step with which an adaptive explicit method that begins at u, near steady sliding, lets no perturbation
-  // grow much faster than it should: above it steps that the error estimate allows make those of a few nodes explode
-  // slowly. Infinity where the start is elsewhere, or any step will do.
-  static double longest_near_sliding(const Model& model, const Integrator& integrator, Vec u, double duration);
+  // The longest step with which an adaptive explicit method that begins at u, near steady sliding, lets no
+  // perturbation grow much faster than it should: above it steps that the error estimate allows make those of
+  // a few nodes explode slowly. Infinity where the start is elsewhere, or any step will do.
+  static double longest_near_sliding(const Model& model, const Integrator& integrator, Vec u,
+                                     double duration);
 
   // To be called at the start (index 0 of the steps) and after every accepted step.
   void after(const Integrator::Step& step);
@@ -45,11 +48,11 @@ class StepAudit {
     std::optional<double> miss, shift;  // empty where no step was repeated, or nothing moved
     int repeated = 0;                   // steps that were
     int beyond = 0;                     // steps given up on: too far for an accurate repetition
-    bool near_sliding = false;  // does psi stand within a tenth of v at half the nodes?
-    double near_time = 0;    // so long the motion was near sliding, as seen at the 16 times
+    bool near_sliding = false;          // does psi stand within a tenth of v at half the nodes?
+    double near_time = 0;               // so long the motion was near sliding, as seen at the 16 times
     double near_growth = 0, near_growth_of_all = 0;  // growth rates at the steps taken then, as below
-    // Growth rates of sliding's perturbations, the true ones and those of the steps taken in the second half: of the
-    // wavelengths that the grid resolves, and of all. NaN where there is no steady sliding.
+    // Growth rates of sliding's perturbations, the true ones and those of the steps taken in the second half:
+    // of the wavelengths that the grid resolves, and of all. NaN where there is no steady sliding.
     double growth = 0, growth_taken = 0, growth_of_all = 0, growth_taken_of_all = 0;
   };
   // At the end, at u.
@@ -57,8 +60,8 @@ class StepAudit {
   // Warns where the regime that was measured, speeds or periods cannot be believed. True where it did.
   bool warn_of(const Verdict& verdict, Motion motion) const;
 
-  // A perturbation of sliding whose amplitude comes out wrong by this much, in its logarithm, is told; for waves that
-  // the grid does not resolve, which need not be there, when it is too large by the second.
+  // A perturbation of sliding whose amplitude comes out wrong by this much, in its logarithm, is told; for
+  // waves that the grid does not resolve, which need not be there, when it is too large by the second.
   static constexpr double largest_growth_error = 0.1, largest_short_growth_error = 0.5;
   // A step that misses more than this of its change is not believed.
   static constexpr double largest_miss = 0.03;

@@ -1,5 +1,5 @@
-// One run of a scene by one method on one grid, kept in memory: its solution at the end, its price, or why it failed.
-// The bricks of `chart` and of `accuracy`.
+// One run of a scene by one method on one grid, kept in memory: its solution at the end, its price, or why it
+// failed. The bricks of `chart` and of `accuracy`.
 #pragma once
 
 #include <functional>
@@ -24,8 +24,9 @@ struct Setting {
   PetscInt n = 0;           // nodes
 };
 
-// psi and eta at every node, on every rank; and, in a continuum whose friction differs along x, what interpolation between
-// nodes needs (probe.hpp): the stored state, if there is one, and the force of friction a F.
+// psi and eta at every node, on every rank; and, in a continuum whose friction differs along x, what
+// interpolation between nodes needs (probe.hpp): the stored state, if there is one, and the force of friction
+// a F.
 struct Fields {
   std::vector<double> psi, eta, state, friction;
 };
@@ -48,17 +49,20 @@ struct Answer {
   std::vector<double> measured;
 };
 
-// The fields of all nodes of the scene, with the friction that belongs to them; `state` as stored, {} without a state law.
-Fields fields_with_friction(const Scene& scene, std::vector<double> psi, std::vector<double> eta, std::vector<double> state);
+// The fields of all nodes of the scene, with the friction that belongs to them; `state` as stored, {} without
+// a state law.
+Fields fields_with_friction(const Scene& scene, std::vector<double> psi, std::vector<double> eta,
+                            std::vector<double> state);
 
 struct Trial {
-  Fields end;               // empty where it failed
+  Fields end;                    // empty where it failed
   std::vector<double> measured;  // what was to be measured beside it
-  double seconds = 0;       // of processor time, from setting the method up to the end, the largest over the ranks
+  // of processor time, from setting the method up to the end, the largest over the ranks
+  double seconds = 0;
   std::int64_t steps = 0, rejections = 0;
   long rhs_evaluations = 0;
   std::string method, implicit;
-  std::string failed;       // "" or why
+  std::string failed;  // "" or why
   std::vector<std::string> warnings;
 };
 
@@ -72,41 +76,46 @@ double largest_processor_seconds();
 // The options of the scene on another grid: grid_n and grid_order are set.
 Options options_for(const Options& options, const Setting& setting);
 
-// Runs from the scene's start to ts_max_time. PETSc's options are read with `prefix`. A computation that fails, or that
-// would take more than `limit` seconds, is reported in `failed`; warnings are kept and not printed. `measure`, if given, makes
-// an observer of the run. Throws UsageError where scene or start cannot be had on this grid. Collective.
+// Runs from the scene's start to ts_max_time. PETSc's options are read with `prefix`. A computation that
+// fails, or that would take more than `limit` seconds, is reported in `failed`; warnings are kept and not
+// printed. `measure`, if given, makes an observer of the run. Throws UsageError where scene or start cannot
+// be had on this grid. Collective.
 Trial run_trial(const Options& options, const Setting& setting, const std::string& prefix, double limit,
                 const MeasureMaker& measure = nullptr);
 
-// Sets up what each of the settings needs and throws UsageError where that cannot be had: to be called before any work.
-// Warnings about the start are printed, once. Collective.
+// Sets up what each of the settings needs and throws UsageError where that cannot be had: to be called before
+// any work. Warnings about the start are printed, once. Collective.
 void check_settings(const Options& options, const std::vector<Setting>& settings);
 
-// u at the nodes of the whole scene of n nodes, of which the model may be one of several equal cells. Collective.
+// u at the nodes of the whole scene of n nodes, of which the model may be one of several equal cells.
+// Collective.
 Fields fields_of(const Model& model, Vec u, PetscInt n);
 
-// Whether the solution is that of a differential equation in x, which a finer grid comes nearer to: not for the chain,
-// not for a start that lives on one grid (a file, or init_noise drawn node by node).
+// Whether the solution is that of a differential equation in x, which a finer grid comes nearer to: not for
+// the chain, not for a start that lives on one grid (a file, or init_noise drawn node by node).
 bool has_grid_limit(const Options& options, const Scene& scene);
 
 // The orders in space that the scene can be solved with.
 std::vector<int> possible_orders(const Scene& scene);
 
-// psi and eta interpolated: sums with the weights of `row`, of which eta - a F and F are those of eta (probe.hpp), where the
-// fields have friction and the row has more than one node; `here` is then friction where the point is, at its `place`.
+// psi and eta interpolated: sums with the weights of `row`, of which eta - a F and F are those of eta
+// (probe.hpp), where the fields have friction and the row has more than one node; `here` is then friction
+// where the point is, at its `place`.
 struct Point {
   double psi, eta;
 };
 Point combined(const Fields& fields, const Combination& row, const FrictionAt& here, std::size_t place);
 
-// psi and eta of one grid at any points, or at the nodes of another over the same length, as probes interpolate.
+// psi and eta of one grid at any points, or at the nodes of another over the same length, as probes
+// interpolate.
 Fields at_points(const Fields& fields, const Scene& scene, const std::vector<double>& x);
 Fields resample(const Fields& fields, const Scene& from, const Scene& to);
 // Largest |difference| of psi and eta.
 double distance(const Fields& a, const Fields& b);
 
-// The solution of a semi-discrete system with an error in time far below any other: by two methods of high order, whose
-// distance is taken as its error. Explicit ones where they can finish within `limit` seconds, else implicit ones.
+// The solution of a semi-discrete system with an error in time far below any other: by two methods of high
+// order, whose distance is taken as its error. Explicit ones where they can finish within `limit` seconds,
+// else implicit ones.
 struct Converged {
   Scene scene;
   Fields fields;

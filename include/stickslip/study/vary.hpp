@@ -8,8 +8,8 @@
 
 namespace stickslip {
 
-// The options with those of the axes, and those that go with them, at these values; what depends on them follows. Throws
-// UsageError where a value is out of an option's range.
+// The options with those of the axes, and those that go with them, at these values; what depends on them
+// follows. Throws UsageError where a value is out of an option's range.
 Options options_with(const Options& options, const std::vector<Axis>& axes, double value, double value2 = 0);
 
 // The scene of these, on its sliding branch (Scene::from). The callback owns a copy of both.

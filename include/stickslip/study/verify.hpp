@@ -18,21 +18,23 @@ struct Verified {
   double value = 0, value2 = 0;  // of the options
   double growth = 0;             // growth rate there
   std::string of = "sliding";    // or stick-slip: beside whose end
-  std::string expected;          // what the point says: of sliding where perturbed sliding goes, of stick-slip where that goes
-  std::string from_sliding;      // where slightly perturbed sliding goes: a word of output/regime.hpp
-  std::string from_stick_slip;   // the same from large oscillations
-  std::string regime;            // both the same, or `both live` (hysteresis), or undecided
+  // what the point says: of sliding where perturbed sliding goes, of stick-slip where that goes
+  std::string expected;
+  std::string from_sliding;     // where slightly perturbed sliding goes: a word of output/regime.hpp
+  std::string from_stick_slip;  // the same from large oscillations
+  std::string regime;           // both the same, or `both live` (hysteresis), or undecided
 };
 
-// `count` points of the curve, each checked on its unstable and its stable side, as far off as makes the growth rate 1 %
-// of the frequency; `growth` is the growth rate of these options. `before_each` gets the number of the check and of all.
-// Collective over PETSC_COMM_WORLD.
-std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options, const std::vector<Crossing>& points,
-                                      PetscInt count,
+// `count` points of the curve, each checked on its unstable and its stable side, as far off as makes the
+// growth rate 1 % of the frequency; `growth` is the growth rate of these options. `before_each` gets the
+// number of the check and of all. Collective over PETSC_COMM_WORLD.
+std::vector<Verified> verify_boundary(GrowthRate& growth, const Options& options,
+                                      const std::vector<Crossing>& points, PetscInt count,
                                       const std::function<void(std::size_t, std::size_t)>& before_each = {});
 
-// The same of points where the stick-slip of uniform motion ends: one node from perturbed sliding, and from a place of the cycle
-// that lives beside the end (from rest where none is found), at 2 % of the box or more on either side.
+// The same of points where the stick-slip of uniform motion ends: one node from perturbed sliding, and from a
+// place of the cycle that lives beside the end (from rest where none is found), at 2 % of the box or more on
+// either side.
 std::vector<Verified> verify_end(GrowthRate& growth, StickSlipEnd& end, const Options& options,
                                  const std::vector<Crossing>& points, PetscInt count,
                                  const std::function<void(std::size_t, std::size_t)>& before_each = {});

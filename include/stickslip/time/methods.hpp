@@ -1,5 +1,5 @@
-// The time-stepping methods of PETSc that are offered, and what is known of each. tests/test_methods.cpp measures
-// every entry and writes the table of docs/methods.md. Nothing here communicates.
+// The time-stepping methods of PETSc that are offered, and what is known of each. tests/test_methods.cpp
+// measures every entry and writes the table of docs/methods.md. Nothing here communicates.
 #pragma once
 
 #include <string>
@@ -24,11 +24,11 @@ enum class Adaptivity {
 struct Method {
   const char *type, *subtype;  // -ts_type, and the value of subtype_option(type) ("" where there is none)
   MethodKind kind;
-  int order;                   // measured with fixed steps, split in every way that it offers
+  int order;  // measured with fixed steps, split in every way that it offers
   Adaptivity adaptivity;
-  const char* use;             // when to use it, for the documentation
+  const char* use;  // when to use it, for the documentation
 
-  std::string name() const;    // "rk:5dp", "cn"
+  std::string name() const;  // "rk:5dp", "cn"
 };
 
 const std::vector<Method>& methods();
@@ -36,18 +36,18 @@ const std::vector<Method>& methods();
 // What a method that splits can take implicitly, as imex_implicit says it; empty for all others.
 std::vector<std::string> splits_of(const Method& method);
 
-// The option that chooses among the methods of one type, without the dash: "ts_rk_type", "ts_bdf_order"; "" where
-// there is nothing to choose.
+// The option that chooses among the methods of one type, without the dash: "ts_rk_type", "ts_bdf_order"; ""
+// where there is nothing to choose.
 std::string subtype_option(const std::string& type);
 
-// The entry of a method. Throws UsageError, with what to use instead, for types and subtypes that give no answer or a
-// wrong one here.
+// The entry of a method. Throws UsageError, with what to use instead, for types and subtypes that give no
+// answer or a wrong one here.
 void check_type_offered(const std::string& type);
 const Method& offered_type(const std::string& type);  // the first entry of the type
 const Method& offered_method(const std::string& type, const std::string& subtype);
 
-// How a system is to be advanced in time: a method as the user names it, type[:subtype[:implicit]], e.g. rk:5dp,
-// arkimex:4:friction, cn; and how long its steps are. What is left open is chosen for the scene.
+// How a system is to be advanced in time: a method as the user names it, type[:subtype[:implicit]], e.g.
+// rk:5dp, arkimex:4:friction, cn; and how long its steps are. What is left open is chosen for the scene.
 struct MethodSpec {
   std::string type;               // "": chosen for the scene, or as ts_type says
   std::string subtype;            // "": there is none, or PETSc's default
@@ -65,8 +65,9 @@ struct MethodSpec {
   const Method& method() const { return offered_method(type, subtype); }
   std::string name() const { return method().name(); }
   int order() const { return method().order; }
-  bool has_estimate() const;  // chooses its steps by an estimate of their error; otherwise every step is the same
-  bool splits() const;        // IMEX: a part alone is implicit, as `implicit` says, or may be
+  // chooses its steps by an estimate of their error; otherwise every step is the same
+  bool has_estimate() const;
+  bool splits() const;  // IMEX: a part alone is implicit, as `implicit` says, or may be
   bool is_explicit() const;
 };
 

@@ -1,19 +1,22 @@
 // Advancing the semi-discrete system in time by PETSc TS.
 //
-// Without any option the method is chosen from two frequencies of the scene at its start: that of the shortest wave,
-// sqrt(A (K0 + K1 kappa^2_max)) or, where it is larger, the rate A N kappa^2_max of viscosity, and the rate of
-// friction, max |A (B + F_psi)|. Where an accurate step is stable, the explicit Runge-Kutta pair 7vr is used (5dp where
-// friction jumps at rest or steps are fixed); otherwise an implicit-explicit ARKIMEX method takes the stiff part implicitly.
-// Every -ts_, -snes_, -ksp_, -pc_ option stands above the choice.
+// Without any option the method is chosen from two frequencies of the scene at its start: that of the
+// shortest wave, sqrt(A (K0 + K1 kappa^2_max)) or, where it is larger, the rate A N kappa^2_max of viscosity,
+// and the rate of friction, max |A (B + F_psi)|. Where an accurate step is stable, the explicit Runge-Kutta
+// pair 7vr is used (5dp where friction jumps at rest or steps are fixed); otherwise an implicit-explicit
+// ARKIMEX method takes the stiff part implicitly. Every -ts_, -snes_, -ksp_, -pc_ option stands above the
+// choice.
 //
 // imex_implicit says what an IMEX method takes implicitly:
 //     friction  all pointwise terms (node by node, tile by tile); D2 psi explicit, that of viscosity too
-//     wave      the linear constant terms (factored once while the step stands), viscosity among them; F and g explicit
+//     wave      the linear constant terms (factored once while the step stands), viscosity among them; F and
+//               g explicit
 //     both      everything
 //     none      nothing
-// Explicit methods (rk, ssp, euler) take the whole right-hand side; rk takes all stages of a step tile by tile in the
-// cache (rk_fused; docs/performance.md), with PETSc's tableau, error control and options; methods that are fully
-// implicit (theta, cn, beuler, bdf, rosw, ...) take everything implicitly, but for rosw:ra34pw2 when friction is asked for.
+// Explicit methods (rk, ssp, euler) take the whole right-hand side; rk takes all stages of a step tile by
+// tile in the cache (rk_fused; docs/performance.md), with PETSc's tableau, error control and options; methods
+// that are fully implicit (theta, cn, beuler, bdf, rosw, ...) take everything implicitly, but for
+// rosw:ra34pw2 when friction is asked for.
 #pragma once
 
 #include <algorithm>
@@ -28,8 +31,8 @@
 
 namespace stickslip {
 
-// The frequencies of a scene over the velocities that it will meet from its start u on, and whether one is far above
-// everything that an accurate step resolves anyway. Collective.
+// The frequencies of a scene over the velocities that it will meet from its start u on, and whether one is
+// far above everything that an accurate step resolves anyway. Collective.
 struct Rates {
   double wave, friction;
   bool stiff_friction, stiff_wave;
@@ -41,18 +44,18 @@ Rates rates_of(const Model& model, Vec u);
 enum class Implicit { none, friction, wave, both };
 std::string to_string(Implicit implicit);
 
-// Makes the time steppers of this program known to PETSc, so that -ts_type names them. After SlepcInitialize; every
-// Integrator does it too.
+// Makes the time steppers of this program known to PETSc, so that -ts_type names them. After SlepcInitialize;
+// every Integrator does it too.
 void register_time_steppers();
 
 // What a run did.
 struct TimeReport {
-  double t = 0;                 // reached
+  double t = 0;  // reached
   std::int64_t steps = 0, rejections = 0;
-  long rhs_evaluations = 0;     // of the whole right-hand side or of parts of it
-  std::string method;           // e.g. "rk:5dp"
+  long rhs_evaluations = 0;  // of the whole right-hand side or of parts of it
+  std::string method;        // e.g. "rk:5dp"
   Implicit implicit = Implicit::none;
-  std::string reason;           // why it stopped: "end time", "ts_max_steps", or what an observer asked for
+  std::string reason;  // why it stopped: "end time", "ts_max_steps", or what an observer asked for
 };
 
 // Steps and rejections are counted in 64 bits, whatever the TS counts in.
@@ -62,36 +65,36 @@ class Integrator {
   struct Step {
     std::int64_t index;  // number of this step, 0 for the start
     double t_before, t;
-    Vec u;            // at t; not to be changed
-    double next_dt;   // proposed
+    Vec u;           // at t; not to be changed
+    double next_dt;  // proposed
     // u at a time in [t_before, t] that was announced by set_output_times, or at t
     std::function<void(double at, Vec into)> interpolate;
   };
   enum class Verdict { go_on, restart, stop };
-  // Called at the start (index 0) and after every accepted step, which is finite. `restart`: forget what the method
-  // remembers of earlier steps, so that a run restarted from here goes on alike.
+  // Called at the start (index 0) and after every accepted step, which is finite. `restart`: forget what the
+  // method remembers of earlier steps, so that a run restarted from here goes on alike.
   using Observer = std::function<Verdict(const Step&)>;
 
-  // Sets the method up for the scene and its start u. `prefix` is put before the names of PETSc's options, which tune
-  // what `method` leaves open. Throws UsageError for methods that do not work here. Collective.
+  // Sets the method up for the scene and its start u. `prefix` is put before the names of PETSc's options,
+  // which tune what `method` leaves open. Throws UsageError for methods that do not work here. Collective.
   Integrator(const Model& model, const MethodSpec& method, Vec u, const std::string& prefix = "");
   ~Integrator();
 
-  // Times at which the observer will interpolate: told ahead, so that only steps that hold one pay for it. `next_time`
-  // gives the first one later than its argument, infinity where there is none.
+  // Times at which the observer will interpolate: told ahead, so that only steps that hold one pay for it.
+  // `next_time` gives the first one later than its argument, infinity where there is none.
   void set_output_times(std::function<double(double after)> next_time);
 
   // Continues from a checkpoint: step number and size are taken as they were saved, whatever the options say.
   void continue_from(std::int64_t step, double dt);
 
-  // Advances u from t to t_end (hit exactly) or through max_steps steps in all. Throws Failure where a step is not
-  // finite or the method gives up; u is then the last state reached.
+  // Advances u from t to t_end (hit exactly) or through max_steps steps in all. Throws Failure where a step
+  // is not finite or the method gives up; u is then the last state reached.
   TimeReport advance(Vec u, double t, double t_end, const Observer& observer,
                      std::int64_t max_steps = std::numeric_limits<std::int64_t>::max());
 
   const TimeReport& report() const;  // as far as it has come; valid after a Failure too
-  // Degree of the polynomial between steps. Its error has at least the order of the method, arkimex 5 excepted, where
-  // it has order 4: interpolation_caveat() then says so ("" otherwise).
+  // Degree of the polynomial between steps. Its error has at least the order of the method, arkimex 5
+  // excepted, where it has order 4: interpolation_caveat() then says so ("" otherwise).
   int interpolation_order() const;
   std::string interpolation_caveat() const;
   bool adaptive() const;  // does an error estimate choose the steps?

@@ -1,8 +1,8 @@
 // Branches of trains: how a train changes with one parameter of its scene or of what is asked of it.
 //
-// Pseudo-arclength continuation (H. B. Keller, in Applications of Bifurcation Theory, Academic Press 1977, 359-384) in
-// (z(0), q, the parameter) with q = ln T or ln sqrt(V^2 - c^2): round folds, and through the canard explosion, where
-// the parameter hardly changes. Computed alike on every rank.
+// Pseudo-arclength continuation (H. B. Keller, in Applications of Bifurcation Theory, Academic Press 1977,
+// 359-384) in (z(0), q, the parameter) with q = ln T or ln sqrt(V^2 - c^2): round folds, and through the
+// canard explosion, where the parameter hardly changes. Computed alike on every rank.
 #pragma once
 
 #include <functional>
@@ -13,8 +13,8 @@
 
 namespace stickslip {
 
-// What a train is asked of, as a function of a parameter. `at` may throw Failure or UsageError where there is nothing;
-// the branch ends before.
+// What a train is asked of, as a function of a parameter. `at` may throw Failure or UsageError where there is
+// nothing; the branch ends before.
 struct TrainFamily {
   std::string name;  // of the parameter, for messages
   std::function<TrainCase(double)> at;
@@ -31,9 +31,10 @@ struct Branch {
   std::string end;  // why it ends, in words
 };
 
-// Follows the train of the family from one value of its parameter towards another, in at most `steps` steps. Ends at
-// `to`; where the amplitude vanishes (the Hopf point of uniform sliding, whose value is added to `end`); where the
-// parameter comes back past its start; after `steps`. Throws Failure for a parameter that does not enter.
+// Follows the train of the family from one value of its parameter towards another, in at most `steps` steps.
+// Ends at `to`; where the amplitude vanishes (the Hopf point of uniform sliding, whose value is added to
+// `end`); where the parameter comes back past its start; after `steps`. Throws Failure for a parameter that
+// does not enter.
 Branch continue_train(const TrainFamily& family, double from, double to, int steps);
 
 }  // namespace stickslip

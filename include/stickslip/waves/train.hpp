@@ -1,11 +1,11 @@
 // Travelling trains of pulses: psi(x, t) = f(t - x/V), periodic, as a boundary-value problem.
 //
-// Unknown are one period of (f, z[, s]) (see model/oscillator.hpp) and one number: the period T where the speed V is given, or V
-// where the length L = n V T of a ring with n pulses is given. In phase p = t/T,
+// Unknown are one period of (f, z[, s]) (see model/oscillator.hpp) and one number: the period T where the
+// speed V is given, or V where the length L = n V T of a ring with n pulses is given. In phase p = t/T,
 //     y' = T rhs(y; r2),  y(1) = y(0),  f(0) = v with f' > 0,
-// by collocation at five Gauss points an interval on a mesh that follows the fronts; Newton's method by SNES, each
-// step one elimination of cost O(mesh) by orthogonal transformations. V/c - 1 is carried as
-// ln sqrt(V^2 - c^2), so that it keeps all digits when V comes near c.
+// by collocation at five Gauss points an interval on a mesh that follows the fronts; Newton's method by SNES,
+// each step one elimination of cost O(mesh) by orthogonal transformations. V/c - 1 is carried as ln sqrt(V^2
+// - c^2), so that it keeps all digits when V comes near c.
 //
 // With viscosity between neighbours the equation is one of third order (src/waves/viscous_train.hpp).
 //
@@ -31,27 +31,30 @@ struct TrainCase {
   TrainRequest request;
 };
 
-// A train that solves the boundary-value problem; psi(x, t) = f(t - x/V) by its phase, period and r2 = 1 - c^2/V^2.
+// A train that solves the boundary-value problem; psi(x, t) = f(t - x/V) by its phase, period and r2 = 1 -
+// c^2/V^2.
 struct Train : PeriodicMotion {
   PetscInt pulses = 1;
   double speed = 0, length = 0;
-  double nu = 0;              // viscosity between neighbours
+  double nu = 0;                       // viscosity between neighbours
   std::vector<double> viscous_values;  // with it: all unknowns of its equation, at the points of `values`
   double psi_min = 0, psi_max = 0;
-  double residual = 0;        // largest residual of the collocation equations, in units of psi and eta
-  double error_estimate = 0;  // of the speed or the length, whichever was solved for; absolute, not below round-off
+  double residual = 0;  // largest residual of the collocation equations, in units of psi and eta
+  // of the speed or the length, whichever was solved for; absolute, not below round-off
+  double error_estimate = 0;
   bool length_given = true;
 };
 
 // psi_min and psi_max from the values.
 void find_extrema(Train& train);
 
-// Finds the train from nothing. `tolerance`: relative, for the unknown number. Throws UsageError (|speed| <= c) and
-// Failure (none exists; the text says why and gives the bound).
+// Finds the train from nothing. `tolerance`: relative, for the unknown number. Throws UsageError (|speed| <=
+// c) and Failure (none exists; the text says why and gives the bound).
 Train solve_train(const Scene& scene, const TrainRequest& request, double tolerance = 1e-10);
 
-// The length below which no train of large amplitude fits a pulse: V T as V -> c. In closed form for the cubic law,
-// without a state and without viscosity; NaN otherwise, where it takes an orbit at V = c to say (and there may be none).
+// The length below which no train of large amplitude fits a pulse: V T as V -> c. In closed form for the
+// cubic law, without a state and without viscosity; NaN otherwise, where it takes an orbit at V = c to say
+// (and there may be none).
 double shortest_pulse(const Scene& scene);
 
 // Throws UsageError where the scene cannot carry a smooth train (chain, spread, a law that jumps).

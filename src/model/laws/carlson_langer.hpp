@@ -1,4 +1,5 @@
-// phi = (1 - sigma) sgn(psi)/(1 + 2 alpha |psi|/(1 - sigma)); equation (2) of the paper is sigma = 0, alpha = 1/2.
+// phi = (1 - sigma) sgn(psi)/(1 + 2 alpha |psi|/(1 - sigma)); equation (2) of the paper is sigma = 0, alpha =
+// 1/2.
 #pragma once
 
 #include "model/law.hpp"
@@ -7,8 +8,8 @@
 
 namespace stickslip {
 
-// 1/(1 + y) with its slope; against the direction of motion (y < 0) its Taylor polynomial, which joins it smoothly
-// enough for methods of order 5 and has no pole for a stage to run into.
+// 1/(1 + y) with its slope; against the direction of motion (y < 0) its Taylor polynomial, which joins it
+// smoothly enough for methods of order 5 and has no pole for a stage to run into.
 template <class Real>
 WithSlopeOf<Real> falling(Real y) {
   const Real w = 1 / (1 + y);
@@ -27,7 +28,8 @@ struct CarlsonLanger {
              {"sigma", "0", R::not_negative, "",
               "carlson-langer: friction drops from 1 to 1 - sigma as motion begins"}},
             {&CarlsonLanger::alpha,
-             {"alpha", "0.5", R::not_negative, "", "carlson-langer: (1 - sigma)/(1 + 2 alpha |psi|/(1 - sigma))"}}};
+             {"alpha", "0.5", R::not_negative, "",
+              "carlson-langer: (1 - sigma)/(1 + 2 alpha |psi|/(1 - sigma))"}}};
   }
   void check() const {
     if (sigma >= 1)
@@ -37,7 +39,8 @@ struct CarlsonLanger {
   double threshold() const { return 1; }
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {
-    const double kinetic = 1 - sigma, weakening = 2 * alpha / kinetic;  // what is left of the threshold, and its fall
+    // what is left of the threshold, and its fall
+    const double kinetic = 1 - sigma, weakening = 2 * alpha / kinetic;
     const WithSlopeOf<Real> s = sign.sign_slope(psi), a = sign.magnitude(psi);
     if constexpr (std::is_same_v<Sign, SignFrozen>) {
       const WithSlopeOf<Real> f = falling(weakening * a.value);

@@ -1,4 +1,5 @@
-// Regularised Dieterich-Ruina friction, F = a asinh[psi/(2 psi0) exp((mu0 + b ln(psi0 theta/D))/a)], s = ln(theta).
+// Regularised Dieterich-Ruina friction, F = a asinh[psi/(2 psi0) exp((mu0 + b ln(psi0 theta/D))/a)], s =
+// ln(theta).
 #pragma once
 
 #include "model/laws/direct_effect.hpp"
@@ -11,21 +12,26 @@ struct RateAndState : OfDirectEffect<RateAndState> {
   static std::vector<Declared<RateAndState>> parameters() {
     using R = Parameter::Range;
     using L = RateAndState;
-    return {{&L::a, {"a", "0.05", R::positive, "", "rate-and-state, n-shaped: direct effect a"}},
-            {&L::b, {"b", "0.1", R::not_negative, "", "rate-and-state, n-shaped: evolution effect b"}},
-            {&L::D,
-             {"D", "0.1", R::positive, "length", "rate-and-state, n-shaped: slip distance D", "0.1, or state_D",
-              "state_D"}},
-            {&L::mu0,
-             {"mu0", "0.6", R::not_negative, "", "rate-and-state, n-shaped: friction at the reference velocity"}},
-            {&L::psi0, {"psi0", "1", R::positive, "velocity", "rate-and-state, n-shaped: reference velocity"}}};
+    return {
+        {&L::a, {"a", "0.05", R::positive, "", "rate-and-state, n-shaped: direct effect a"}},
+        {&L::b, {"b", "0.1", R::not_negative, "", "rate-and-state, n-shaped: evolution effect b"}},
+        {&L::D,
+         {"D", "0.1", R::positive, "length", "rate-and-state, n-shaped: slip distance D", "0.1, or state_D",
+          "state_D"}},
+        {&L::mu0,
+         {"mu0", "0.6", R::not_negative, "", "rate-and-state, n-shaped: friction at the reference velocity"}},
+        {&L::psi0, {"psi0", "1", R::positive, "velocity", "rate-and-state, n-shaped: reference velocity"}}};
   }
 
   // l = (mu0 + b ln(psi0 theta/D))/a, so that q = psi/(2 psi0) exp(l)
   template <class Real>
-  Real exponent(Real s) const { return (mu0 + b * (elementary::log(psi0 / D) + s)) / a; }
+  Real exponent(Real s) const {
+    return (mu0 + b * (elementary::log(psi0 / D) + s)) / a;
+  }
   template <class Real>
-  Real evolution(Real) const { return b; }
+  Real evolution(Real) const {
+    return b;
+  }
 };
 
 }  // namespace stickslip

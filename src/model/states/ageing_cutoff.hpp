@@ -1,5 +1,5 @@
-// Ageing that ends, theta_t = 1 - theta sqrt(psi^2 + psi_h^2)/D, in s = ln(theta): s_t = exp(-s) - sqrt(psi^2 + psi_h^2)/D.
-// Contacts slower than psi_h grow no older than D/psi_h.
+// Ageing that ends, theta_t = 1 - theta sqrt(psi^2 + psi_h^2)/D, in s = ln(theta): s_t = exp(-s) - sqrt(psi^2
+// + psi_h^2)/D. Contacts slower than psi_h grow no older than D/psi_h.
 #pragma once
 
 #include "model/states/slip_distance.hpp"

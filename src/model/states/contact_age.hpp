@@ -13,7 +13,8 @@ struct ContactAge : Ageing {
     return {{&ContactAge::D, slip_distance},
             {&ContactAge::b,
              {"b", "0.1", R::not_negative, "", "contact-age: growth of friction with ln(1 + theta/theta0)"}},
-            {&ContactAge::theta0, {"theta0", "1", R::positive, "time", "contact-age: age at which growth begins"}}};
+            {&ContactAge::theta0,
+             {"theta0", "1", R::positive, "time", "contact-age: age at which growth begins"}}};
   }
 
   template <class Real>

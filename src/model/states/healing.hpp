@@ -16,7 +16,8 @@ struct Healing {
     using R = Parameter::Range;
     return {{&Healing::t_h, {"t_h", "1", R::positive, "time", "healing: healing time"}},
             {&Healing::tau_inf,
-             {"tau_inf", "2", R::positive, "", "healing: strength reached at rest, in units of the moving contact's"}},
+             {"tau_inf", "2", R::positive, "",
+              "healing: strength reached at rest, in units of the moving contact's"}},
             {&Healing::D, slip_distance}};
   }
 

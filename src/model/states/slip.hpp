@@ -1,4 +1,5 @@
-// theta_t = -(|psi| theta/D) ln(|psi| theta/D) in s = ln(theta): s_t = -(|psi|/D) [ln(|psi|/D) + s]; 0 at rest.
+// theta_t = -(|psi| theta/D) ln(|psi| theta/D) in s = ln(theta): s_t = -(|psi|/D) [ln(|psi|/D) + s]; 0 at
+// rest.
 #pragma once
 
 #include "model/states/slip_distance.hpp"
@@ -15,7 +16,8 @@ struct Slip {
   template <class Real>
   RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const {
     using elementary::log, std::abs;
-    constexpr double least = std::numeric_limits<double>::min();  // so that at rest nothing is infinite, and a l is 0
+    // so that at rest nothing is infinite, and a l is 0
+    constexpr double least = std::numeric_limits<double>::min();
     const Real a = abs(psi) / D, l = log(elementary::where_less(a, least, Real(least), a)) + s;
     return {-a * l, -direction / D * (l + 1), -a};
   }

@@ -5,7 +5,10 @@
 
 namespace stickslip {
 
-inline constexpr Parameter slip_distance{"D", "1", Parameter::Range::positive, "length",
+inline constexpr Parameter slip_distance{"D",
+                                         "1",
+                                         Parameter::Range::positive,
+                                         "length",
                                          "healing, contact-age: slip distance that renews the contact",
                                          "1; friction_D with rate-and-state, n-shaped"};
 

@@ -1,5 +1,5 @@
-// The list of src/model/law_list.hpp as it is for the program of the examples: its folder comes first where headers are
-// looked for.
+// The list of src/model/law_list.hpp as it is for the program of the examples: its folder comes first where
+// headers are looked for.
 #pragma once
 
 #include "bonding.hpp"
