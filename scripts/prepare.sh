@@ -2,6 +2,7 @@
 # What the packages hold is explained in README.md; keep both lists alike.
 packages=(g++ cmake ninja-build pkg-config git
           libslepc-real-dev libpetsc-real-dev libopenmpi-dev openmpi-bin libhdf5-openmpi-dev libyaml-dev nlohmann-json3-dev
+          libfmt-dev libeigen3-dev libboost-dev
           python3-h5py python3-matplotlib python3-xarray python3-h5netcdf)
 test_packages=(catch2 python3-pytest python3-pytest-xdist python3-scipy)
 
