@@ -6,7 +6,7 @@
 
 #include "cycles/cell_field.hpp"
 #include "cycles/deviations.hpp"
-#include "cycles/endless.hpp"
+#include "cycles/infinite_period.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/bloch.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
@@ -399,7 +399,7 @@ TEST_CASE("where the parameter goes as the period grows beyond bounds", "[cycle]
     values.push_back(1 + near);
     periods.push_back(on_circle(values.back()));
   }
-  const auto born = limit_of_endless_period(periods, values);
+  const auto born = infinite_period_limit(periods, values);
   REQUIRE(born);
   CHECK(std::abs(born->value - 1) < std::min(born->error, 1e-8));
   periods.clear(), values.clear();
@@ -407,14 +407,14 @@ TEST_CASE("where the parameter goes as the period grows beyond bounds", "[cycle]
     values.push_back(1 - near);
     periods.push_back(pendulum(values.back()));
   }
-  CHECK(!limit_of_endless_period(periods, values));  // not tenfold where the energy is 1 to the last digit
-  for (double& period : periods) period -= 6;        // a shorter turn
-  const auto passed = limit_of_endless_period(periods, values);
+  CHECK(!infinite_period_limit(periods, values));  // not tenfold where the energy is 1 to the last digit
+  for (double& period : periods) period -= 6;      // a shorter turn
+  const auto passed = infinite_period_limit(periods, values);
   REQUIRE(passed);
   CHECK(std::abs(passed->value - 1) < 1e-8);
   // a period that tends to 7 has no such limit
   for (std::size_t k = 0; k < values.size(); ++k) periods[k] = 7 - std::pow(1 - values[k], 2);
-  CHECK(!limit_of_endless_period(periods, values));
+  CHECK(!infinite_period_limit(periods, values));
 }
 
 TEST_CASE("as springs grow soft the period grows beyond bounds, at k0 = 0", "[cycle][serial]") {

@@ -10,7 +10,7 @@
 #include "base/local_values.hpp"
 #include "output/field_loops.hpp"
 #include "output/field_watch.hpp"
-#include "output/judge.hpp"
+#include "output/regime_classifier.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/study/trial.hpp"
@@ -241,7 +241,7 @@ TEST_CASE("passes over a field give what a plain loop does", "[measure][serial]"
     const FieldRange field{u.data(), count, dof};
     double least = HUGE_VAL, largest = -HUGE_VAL, psi_sum = 0, steepest = 0, range = 0, time = HUGE_VAL;
     Passages passages;
-    const Pull pull{0.7, -0.4, 0.028, 0.9};
+    const PlateLoad pull{0.7, -0.4, 0.028, 0.9};
     for (std::size_t i = 0; i < size; ++i) {
       const double psi = u[i * std::size_t(dof)], eta = u[i * std::size_t(dof) + 1], off = psi - level;
       least = std::min(least, psi);

@@ -104,9 +104,9 @@ TEST_CASE("the uniform oscillation is unstable to long waves at small v", "[redu
 TEST_CASE("a wave on the uniform oscillation has the growth of a fast train", "[reduce][serial]") {
   for (const double v : {0., .3, .5}) {
     const UniformInstability here = instability_of_oscillation(plain(v, 2000, 65536));
-    const TrainSpectrum train = endless_stability(solve_train(plain(v, 1), {1, {}, 20.}));
+    const TrainSpectrum train = infinite_train_stability(solve_train(plain(v, 1), {1, {}, 20.}));
     // they part like c^2/V^2 = 1/400
-    CHECK(here.growth_rate == Approx(train.endless_growth).epsilon(1. / 200));
+    CHECK(here.growth_rate == Approx(train.infinite_growth).epsilon(1. / 200));
   }
 }
 

@@ -117,7 +117,7 @@ TEST_CASE("Deviations of random cells go round starts and stops as differences o
     s.spread = 0.3;
     s.friction_seed = k;
     const StickMotion m(s);
-    Standing p;
+    StickState p;
     for (PetscInt i = 0; i < s.n; ++i) {
       p.u.insert(p.u.end(), {0, 0.8 * real(draw)});
       if (m.dof() == 3) p.u.push_back(0.5 + 0.2 * real(draw));
@@ -125,22 +125,22 @@ TEST_CASE("Deviations of random cells go round starts and stops as differences o
     m.decide(p);
     while (p.t < 40) m.advance(p, 40);
     const std::size_t size = m.size();
-    Standing with(p);
+    StickState with(p);
     with.count = size;
     with.deviations.assign(size * size, 0.);
     for (std::size_t i = 0; i < size; ++i) with.deviations[i * size + i] = 1;
-    const auto after = [&](Standing q) {
+    const auto after = [&](StickState q) {
       while (q.t < 60) m.advance(q, 60);
       return q;
     };
-    const Standing end = after(with);
+    const StickState end = after(with);
     for (std::size_t i = 0; i < size; ++i) {
       const double e = 1e-6, psi = p.u[i / std::size_t(m.dof()) * std::size_t(m.dof())];
       if (i % std::size_t(m.dof()) == 0 && std::abs(psi) < 2 * e) continue;  // at rest psi does not deviate
-      Standing up(p), down(p);
+      StickState up(p), down(p);
       up.u[i] += e;
       down.u[i] -= e;
-      const Standing a = after(up), b = after(down);
+      const StickState a = after(up), b = after(down);
       if (a.direction != b.direction) continue;  // a change at the very end
       // a difference of third order in e over events that pass at rates of 0.01
       for (std::size_t j = 0; j < size; ++j)
@@ -151,7 +151,7 @@ TEST_CASE("Deviations of random cells go round starts and stops as differences o
     ++cycles;
     CHECK(found.cycle.residual < 1e-12);
     double nearest = 1;
-    for (const auto& mu : multipliers_of(size, round_matrix(m, found.cycle)))
+    for (const auto& mu : multipliers_of(size, monodromy_matrix(m, found.cycle)))
       nearest = std::min(nearest, std::abs(mu - 1.));
     CHECK(nearest < 1e-9);  // the phase
   }
@@ -216,7 +216,7 @@ TEST_CASE("Waves on cycles with rests have the multipliers of rings of so many c
     std::vector<std::complex<double>> of_ring, of_waves;
     try {
       const StickMotion motion(ring);
-      of_ring = multipliers_of(motion.size(), round_matrix(motion, repeated(found.cycle, copies)));
+      of_ring = multipliers_of(motion.size(), monodromy_matrix(motion, repeated(found.cycle, copies)));
     } catch (const Failure&) {  // with viscosity neighbours that let go at once with a jump
       CHECK(cell.nu > 0);
       CHECK_THROWS_AS(StickDeviations(cell, found.cycle).of_wave(0.1), Failure);

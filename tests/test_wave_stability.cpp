@@ -92,12 +92,12 @@ TEST_CASE("a fast train has the Floquet multipliers of the uniform oscillation",
           "[wave][stability][serial]") {
   // gamma = 3, v = 0: unstable to 0 < c^2 k^2 < 1.122, largest multiplier 1.302 at c^2 k^2 = 0.485
   const Train train = solve_train(scene_of(0), {1, {}, 20.});
-  const TrainSpectrum endless = endless_stability(train);
-  CHECK_FALSE(endless.endless_stable);
-  CHECK(std::exp(endless.endless_growth * train.period) == Approx(1.302).margin(2e-3));
-  CHECK(std::pow(endless.endless_frequency / 20, 2) == Approx(.485).margin(5e-3));
+  const TrainSpectrum endless = infinite_train_stability(train);
+  CHECK_FALSE(endless.infinite_stable);
+  CHECK(std::exp(endless.infinite_growth * train.period) == Approx(1.302).margin(2e-3));
+  CHECK(std::pow(endless.infinite_frequency / 20, 2) == Approx(.485).margin(5e-3));
   // at v = 0.9 there is no unstable band
-  CHECK(endless_stability(solve_train(scene_of(.9), {1, {}, 6.})).endless_growth < 2e-5);
+  CHECK(infinite_train_stability(solve_train(scene_of(.9), {1, {}, 6.})).infinite_growth < 2e-5);
 }
 
 TEST_CASE("the Bloch factors at lambda = 0 are those of the orbit", "[wave][stability][serial]") {
@@ -143,7 +143,7 @@ TEST_CASE("a ring of n pulses has the modes of one pulse among its own", "[wave]
   const TrainSpectrum three = train_spectrum(solve_train(scene, {3, 30., {}}), 24);
   CHECK(three.complete);
   CHECK(three.growth_rate >= one.growth_rate - 1e-9);
-  CHECK(three.growth_rate <= three.endless_growth + 1e-9);
+  CHECK(three.growth_rate <= three.infinite_growth + 1e-9);
   for (size_t i = 0; i < 2; ++i) {
     double nearest = 1;
     for (const TrainMode& mode : three.modes)

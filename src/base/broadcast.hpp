@@ -30,7 +30,7 @@ std::enable_if_t<std::is_trivially_copyable_v<T>> broadcast(std::vector<T>& valu
                                                             MPI_Comm comm = PETSC_COMM_WORLD) {
   std::int64_t size = static_cast<std::int64_t>(values.size());
   broadcast(size, comm);
-  values.resize(static_cast<std::size_t>(size));
+  values.resize(size);
   const std::int64_t most = 1 << 26;  // an int counts the bytes of one call
   for (std::int64_t at = 0; at < size; at += most)
     MPI_Bcast(values.data() + at, static_cast<int>(std::min(most, size - at) * std::int64_t(sizeof(T))),

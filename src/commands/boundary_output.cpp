@@ -138,7 +138,7 @@ void describe_stick_slip(Summary& summary, const Axis& axis, const FoundBoundary
   std::string text = "along " + axis.name + " uniform motion";
   double begin = 0;
   for (const double end : ends) {
-    const double here = found.distances[std::size_t(std::lround((begin + end) / 2 * cells))];
+    const double here = found.distances[std::lround((begin + end) / 2 * cells)];
     text += std::string(begin == 0 ? "" : ",") +
             (std::isnan(here) ? " rests for ever"
              : here < 0       ? " can stick and slip"

@@ -49,12 +49,12 @@ void add_cycle(ResultFile& file, const Scene& scene, const FoundCycle& found) {
   file.scale({"t", "time", "time from the beginning of the cycle"}, cycle.times);
   file.scale({"x", scene.form == Form::chain ? "block" : "length", "position of the node"}, found.x);
   const StateLaw law = scene.friction.state;
-  std::vector<std::vector<double>> fields(std::size_t(cycle.dof));
+  std::vector<std::vector<double>> fields(cycle.dof);
   for (std::size_t k = 0; k < cycle.times.size(); ++k)
     for (PetscInt node = 0; node < cycle.nodes; ++node)
       for (int a = 0; a < cycle.dof; ++a) {
         const double value = cycle.at(k, node)[a];
-        fields[std::size_t(a)].push_back(a < 2 ? value : state_to_output(law, value));
+        fields[a].push_back(a < 2 ? value : state_to_output(law, value));
       }
   file.add(standard_field("psi"), {"t", "x"}, fields[0]);
   file.add(standard_field("eta"), {"t", "x"}, fields[1]);
@@ -65,7 +65,7 @@ void add_cycle(ResultFile& file, const Scene& scene, const FoundCycle& found) {
   if (!cycle.rests.empty()) {
     std::vector<double> node, begin, end;
     for (const Rest& rest : cycle.rests) {
-      node.push_back(found.x[std::size_t(rest.node)]);
+      node.push_back(found.x[rest.node]);
       begin.push_back(rest.begin);
       end.push_back(rest.end);
     }

@@ -78,10 +78,10 @@ int laws_command(const Options& options) {
   keys.push_back("stick");
   Summary summary(provenance, keys, options.text("summary"));
   return with_summary(summary, [&] {
-    std::vector<double> psi(static_cast<std::size_t>(points));
+    std::vector<double> psi(points);
     // weighted ends: a range symmetric about 0 stays so to the last digit, and holds 0 where points is odd
     for (PetscInt i = 0; i < points; ++i)
-      psi[std::size_t(i)] =
+      psi[i] =
           from * (double(points - 1 - i) / double(points - 1)) + to * (double(i) / double(points - 1));
 
     ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);

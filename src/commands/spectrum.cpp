@@ -147,7 +147,7 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
         const std::size_t at = k * n + std::size_t(s.coupling.node[i]);
         // the stored state is ln(theta): d theta = theta d ln(theta)
         const double scale =
-            c == 2 && logarithmic ? std::exp(steady.state[std::size_t(s.coupling.node[i])]) : 1;
+            c == 2 && logarithmic ? std::exp(steady.state[s.coupling.node[i]]) : 1;
         parts[2 * c][at] = scale * v[i * d + c].real();
         parts[2 * c + 1][at] = scale * v[i * d + c].imag();
       }

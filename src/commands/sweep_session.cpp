@@ -191,7 +191,7 @@ void SweepSession::compute(RankGroups& groups, const std::vector<long>& units) {
     const long number = groups.take(watch_.caught() != 0);
     if (number < 0 || number >= last) break;
     look_at_clock(number, last);
-    compute_unit(groups, units[std::size_t(number)]);
+    compute_unit(groups, units[number]);
   }
   stopped_by_ = std::max(stopped_by_, watch_.caught());
   MPI_Allreduce(MPI_IN_PLACE, &stopped_by_, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);

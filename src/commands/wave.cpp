@@ -91,10 +91,10 @@ void add_spectrum(Summary& summary, ResultFile& file, const TrainSpectrum& spect
   summary.set("translation_error", spectrum.translation_error);
   summary.set("complete", spectrum.complete);
   summary.set("completeness_check", spectrum.completeness_check);
-  summary.set("endless", Json::object({{"stable", verdict(spectrum.endless_known, spectrum.endless_stable)},
-                                       {"growth_rate", spectrum.endless_growth},
-                                       {"wavenumber", spectrum.endless_wavenumber},
-                                       {"frequency", spectrum.endless_frequency}}));
+  summary.set("endless", Json::object({{"stable", verdict(spectrum.infinite_known, spectrum.infinite_stable)},
+                                       {"growth_rate", spectrum.infinite_growth},
+                                       {"wavenumber", spectrum.infinite_wavenumber},
+                                       {"frequency", spectrum.infinite_frequency}}));
   if (re.empty()) return;
   file.add({"spectrum/re", "1/time", "growth rate of the mode"}, {"spectrum/mode"}, re);
   file.add({"spectrum/im", "1/time", "its frequency in the frame of the train"}, {"spectrum/mode"}, im);
@@ -114,12 +114,12 @@ void describe(Summary& summary, const TrainSpectrum& spectrum) {
                         " (translation mode: " + rounded_text(spectrum.translation_error, 2) + ")"
                   : "on its ring: whether it is stable is not known" +
                         (std::isnan(spectrum.growth_rate) ? "" : rate + " of those found"));
-  summary.say(!spectrum.endless_known ? "endless train: whether it is stable is not known"
-              : spectrum.endless_stable
+  summary.say(!spectrum.infinite_known ? "endless train: whether it is stable is not known"
+              : spectrum.infinite_stable
                   ? "endless train: stable to every wavelength"
-                  : "endless train: not stable, growth rate " + rounded_text(spectrum.endless_growth, 6) +
-                        " at wavenumber " + rounded_text(spectrum.endless_wavenumber, 6) + ", frequency " +
-                        rounded_text(spectrum.endless_frequency, 6));
+                  : "endless train: not stable, growth rate " + rounded_text(spectrum.infinite_growth, 6) +
+                        " at wavenumber " + rounded_text(spectrum.infinite_wavenumber, 6) + ", frequency " +
+                        rounded_text(spectrum.infinite_frequency, 6));
 }
 
 // With wave_spectrum, the stability of every train of the branch too.

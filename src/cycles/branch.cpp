@@ -6,7 +6,7 @@
 #include <limits>
 #include <optional>
 
-#include "cycles/endless.hpp"
+#include "cycles/infinite_period.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/numerics/interpolation.hpp"
@@ -62,7 +62,7 @@ bool near_one(const Cycle& cycle) {
 int outside(const Signature& s) { return s[0] + s[1] + 2 * s[2]; }
 
 // What is said of a cycle at a place of the branch.
-struct Seen {
+struct BranchState {
   double value = 0;
   Cycle cycle;
   Watched watched;
@@ -83,19 +83,19 @@ class Walk {
   bool step();  // false where the branch ends; throws Error where a shorter step may help
   // The candidate at the distance s from where the branch stands.
   void go(double s);
-  Seen look();
-  void add_point(const Seen& seen);
+  BranchState look();
+  void add_point(const BranchState& seen);
   // Special points between where the branch stands and `seen`, at the distance `length`.
-  void find_special(const Seen& seen, double length);
+  void find_special(const BranchState& seen, double length);
   void locate_root(const std::string& kind, double length, const std::function<double()>& test, double before,
                    double after);
   void locate_changes(Signature now, const Signature& after, double length, bool fold);
   void name_change(const Signature& before, const Signature& after, double s);
   void add_special(const std::string& kind, double s);
   bool end_where_it_repels(size_t found);
-  void end_at_hopf(const Seen& seen, double length);
+  void end_at_hopf(const BranchState& seen, double length);
   void end_where_none_is_found();
-  std::optional<double> endless() const;
+  std::optional<double> infinite_period() const;
 
   CyclePath& path_;
   std::string name_;
@@ -103,8 +103,8 @@ class Walk {
   int steps_;
   CycleWatch watch_;
   CycleBranch branch_;
-  Place here_, t_;  // where the branch stands, and its tangent
-  Seen last_;       // of that place
+  Place here_, t_;    // where the branch stands, and its tangent
+  BranchState last_;  // of that place
   double first_amplitude_, first_period_;
   bool folded_ = false;
   bool while_stable_;
@@ -134,8 +134,8 @@ Walk::Walk(CyclePath& path, const Cycle& first, const std::string& name, double 
   path_.accept();
 }
 
-Seen Walk::look() {
-  Seen seen;
+BranchState Walk::look() {
+  BranchState seen;
   seen.value = path_.place().back() * range_;
   seen.cycle = path_.cycle();
   if (watch_)
@@ -147,7 +147,7 @@ Seen Walk::look() {
   return seen;
 }
 
-void Walk::add_point(const Seen& seen) {
+void Walk::add_point(const BranchState& seen) {
   branch_.points.push_back(
       {seen.value, seen.cycle, seen.watched.stable, seen.watched.growth_rate, seen.watched.wavenumber});
 }
@@ -201,11 +201,11 @@ bool Walk::step() {
   for (size_t k = 0; k < moved.size(); ++k) moved[k] -= here_[k];
   if (std::sqrt(dot(moved, moved)) > 2 * length) throw Failure("the step left the branch");
   // the distance at which go() finds this place: length, but not on arrival
-  const double gone = dot(t_, moved);
-  Seen seen = look();
+  const double distance = dot(t_, moved);
+  BranchState seen = look();
   const auto sign = seen.cycle.tests.find("hopf");
   if (sign != seen.cycle.tests.end() && (sign->second < 0) != (last_.cycle.tests["hopf"] < 0)) {
-    end_at_hopf(seen, gone);
+    end_at_hopf(seen, distance);
     return false;
   }
   seen.tangent = path_.tangent(t_);
@@ -213,8 +213,8 @@ bool Walk::step() {
   const double cosine = dot(t_, seen.tangent);
   if (cosine < .92 && ds_ > 1e-4 && !arrive) throw Failure("the branch turns within the step");
   const size_t found = branch_.special.size();
-  first_special_ = gone;
-  find_special(seen, gone);
+  first_special_ = distance;
+  find_special(seen, distance);
   if (while_stable_ && last_.watched.stable && !seen.watched.stable) return end_where_it_repels(found);
   if (branch_.special.size() > found || folded_) {  // the path has been elsewhere
     to_the_end();
@@ -226,7 +226,7 @@ bool Walk::step() {
   t_ = seen.tangent;
   last_ = seen;
   add_point(seen);
-  if (const std::optional<double> limit = endless()) {
+  if (const std::optional<double> limit = infinite_period()) {
     branch_.special.push_back(
         {"infinite-period", *limit, std::numeric_limits<double>::infinity(), 0, branch_.points.size() - 1});
     branch_.end = "the period grows beyond all bounds at " + name_ + " = " + rounded_text(*limit, 8) +
@@ -249,7 +249,7 @@ bool Walk::step() {
     branch_.end = "the branch came back past its start, " + name_ + " = " + rounded_text(from_, 8);
     return false;
   }
-  // a straight branch towards an endless period is a curve of ln T alone
+  // a straight branch towards an infinite period is a curve of ln T alone
   const double longest =
       seen.cycle.period > long_steps_from * first_period_ ? std::max(longest_, long_step) : longest_;
   if (cosine > .98) ds_ = std::min(longest, 1.4 * ds_);
@@ -361,7 +361,7 @@ void Walk::name_change(const Signature& before, const Signature& after, double s
   if (!kind.empty()) add_special(kind, s);
 }
 
-void Walk::find_special(const Seen& seen, double length) {
+void Walk::find_special(const BranchState& seen, double length) {
   const Signature before = signature(last_.cycle), after = signature(seen.cycle);
   // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a
   // fold. A multiplier passes 1 there; where none does, a branch that breaks off has turned by what Newton's
@@ -398,7 +398,7 @@ void Walk::find_special(const Seen& seen, double length) {
 
 // The parameter is even in the amplitude: extrapolated to zero from three cycles, as small as can be solved
 // for.
-void Walk::end_at_hopf(const Seen& seen, double length) {
+void Walk::end_at_hopf(const BranchState& seen, double length) {
   const double a0 = last_.cycle.amplitude, a1 = -seen.cycle.amplitude,
                side = last_.cycle.tests["hopf"] < 0 ? -1 : 1;
   const auto signed_amplitude = [&](double s) {
@@ -441,7 +441,7 @@ void Walk::end_at_hopf(const Seen& seen, double length) {
 
 // The limit of the parameter where the period grows beyond all bounds: far beyond that of a canard, in which
 // the amplitude grows with it.
-std::optional<double> Walk::endless() const {
+std::optional<double> Walk::infinite_period() const {
   constexpr double long_period = 30, part = 1.5, settled = 0.02, known = 1e-8;
   const Cycle& now = last_.cycle;
   if (now.period < long_period * first_period_) return std::nullopt;
@@ -453,7 +453,7 @@ std::optional<double> Walk::endless() const {
     periods.push_back(point.cycle.period);
     values.push_back(point.value);
   }
-  const std::optional<EndlessLimit> limit = limit_of_endless_period(periods, values);
+  const std::optional<InfinitePeriodLimit> limit = infinite_period_limit(periods, values);
   if (!limit || !(limit->error < known * range_)) return std::nullopt;
   return limit->value;
 }

@@ -45,7 +45,7 @@ CellField::CellField(const Scene& scene)
   }
   const std::vector<double> amplitude = friction_amplitude(scene, 0, scene.n);
   for (const PetscInt node : node_) {
-    amplitude_.push_back(amplitude[std::size_t(node)]);
+    amplitude_.push_back(amplitude[node]);
     couple(node);
   }
 }
@@ -119,7 +119,7 @@ void CellField::jacobian(const double* y, double* J) const {
 
 // Rate-and-state friction, nearly a logarithm of psi: to the psi that carries the force that Newton's step
 // leads to.
-void CellField::restrain(const double* y, double h, double* dy) const {
+void CellField::safeguard_step(const double* y, double h, double* dy) const {
   for (std::size_t k = 0; k < node_.size(); ++k) {
     if (!friction(k).steep) continue;
     const double* at = y + k * std::size_t(dof_);
@@ -135,11 +135,11 @@ bool CellField::at_an_end(std::size_t k) const {
          std::any_of(row_[k].begin(), row_[k].end(), [](const Term& t) { return t.turns != 0; });
 }
 
-Feed CellField::feed() const {
-  Feed feed;
+LowRankCoupling CellField::feed() const {
+  LowRankCoupling feed;
   for (std::size_t k = 0; k < node_.size(); ++k) {
     if (!at_an_end(k)) continue;
-    std::vector<double> into(static_cast<std::size_t>(dim()));
+    std::vector<double> into(dim());
     into[k * std::size_t(dof_)] = by_d2_.psi_psi;
     into[k * std::size_t(dof_) + 1] = by_d2_.eta_psi;
     feed.into.push_back(std::move(into));

@@ -9,7 +9,7 @@
 #include <complex>
 #include <vector>
 
-#include "cycles/links.hpp"
+#include "cycles/propagator.hpp"
 #include "model/kernel.hpp"
 #include "stickslip/model/frictions.hpp"
 #include "stickslip/model/linear_point.hpp"
@@ -26,7 +26,7 @@ class CellField : public VectorField {
   int band() const override { return std::min(dim() - 1, dof_ * (reach_ + 1) - 1); }
   void rates(const double* y, double* f) const override;
   void jacobian(const double* y, double* J) const override;
-  void restrain(const double* y, double h, double* dy) const override;
+  void safeguard_step(const double* y, double h, double* dy) const override;
 
   int dof() const { return dof_; }
   std::size_t nodes() const { return node_.size(); }  // solved for
@@ -38,7 +38,7 @@ class CellField : public VectorField {
 
   // What the copies of the cell beside it feed into its rates. Of one node alone a wave exp(ikx) adds kappa^2
   // to -D2; of a ring's cell the neighbours across its ends are exp(i theta) times as large.
-  Feed feed() const;
+  LowRankCoupling feed() const;
   std::vector<double> weights_of_wave(double kappa2) const;
   std::vector<std::complex<double>> weights_of_twist(double theta) const;
 

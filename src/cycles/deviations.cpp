@@ -41,7 +41,7 @@ Deviations::Deviations(const SmoothCycle& cycle) : cycle_(cycle), field_(*cycle.
     carry_on(cycle.mesh);
   if (field_.nodes() != 1) return;
   const size_t d = size_t(field_.dim());
-  for (const Piece& piece : pieces_)
+  for (const StepJacobian& piece : pieces_)
     for (size_t j = 0; j < mesh_stages; ++j)
       mean_damping_ -= piece.h * piece.method().b[j] * (piece.J[j * d * d] + piece.J[j * d * d + d + 1]) /
                        cycle.cycle.period;
@@ -54,7 +54,7 @@ void Deviations::carry_on(const std::vector<double>& mesh) {
     longest_ = std::max(longest_, (mesh_[i + 1] - mesh_[i]) * cycle_.cycle.period);
   pieces_ = pieces(0);
   std::vector<double> matrices;
-  for (const Piece& piece : pieces_) {
+  for (const StepJacobian& piece : pieces_) {
     const std::vector<double> matrix =
         carried(piece.method(), field_.dim(), field_.band(), piece.h, piece.J.data());
     matrices.insert(matrices.end(), matrix.begin(), matrix.end());
@@ -62,11 +62,11 @@ void Deviations::carry_on(const std::vector<double>& mesh) {
   multipliers_ = multipliers_of(field_.dim(), pencil_of(field_.dim(), matrices));
 }
 
-std::vector<Deviations::Piece> Deviations::pieces(int halvings) const {
+std::vector<Deviations::StepJacobian> Deviations::pieces(int halvings) const {
   const int d = field_.dim();
   const size_t dd = size_t(d) * size_t(d);
   std::vector<double> y(static_cast<size_t>(d));
-  const auto sample = [&](const Collocation& method, double begin, double phase, Piece& piece) {
+  const auto sample = [&](const Collocation& method, double begin, double phase, StepJacobian& piece) {
     for (size_t j = 0; j < mesh_stages; ++j) {
       evaluate(Collocation::gauss5(), cycle_.mesh, cycle_.values.data(), d, begin + phase * method.c[j],
                y.data());
@@ -75,7 +75,7 @@ std::vector<Deviations::Piece> Deviations::pieces(int halvings) const {
   };
   // over [begin, begin + phase]; the rate of the fastest decay
   const auto piece_of = [&](double begin, double phase, double& decay) {
-    Piece piece{phase * cycle_.cycle.period, false, std::vector<double>(mesh_stages * dd)};
+    StepJacobian piece{phase * cycle_.cycle.period, false, std::vector<double>(mesh_stages * dd)};
     sample(Collocation::gauss5(), begin, phase, piece);
     decay = 0;
     for (size_t j = 0; j < mesh_stages; ++j)
@@ -86,11 +86,11 @@ std::vector<Deviations::Piece> Deviations::pieces(int halvings) const {
     return piece;
   };
   const double longest = std::ldexp(longest_, -halvings);
-  std::vector<Piece> all;
+  std::vector<StepJacobian> all;
   for (size_t i = 0; i + 1 < mesh_.size(); ++i) {
     double decay;
     const double width = mesh_[i + 1] - mesh_[i];
-    Piece whole = piece_of(mesh_[i], width, decay);
+    StepJacobian whole = piece_of(mesh_[i], width, decay);
     const int by_decay = decay * whole.h > decay_of_step ? 1 : 0;
     const double by_length = std::log2(std::max(1., whole.h / longest * (1 - 1e-12)));
     const int count = 1 << std::max(int(std::ceil(by_length)), by_decay);
@@ -101,11 +101,11 @@ std::vector<Deviations::Piece> Deviations::pieces(int halvings) const {
   return all;
 }
 
-const std::vector<Link>& Deviations::links(int halvings) {
+const std::vector<IntervalPropagator>& Deviations::links(int halvings) {
   const auto [at, is_new] = links_.try_emplace(halvings);
   if (!is_new) return at->second;
-  const Feed feed = field_.feed();
-  for (const Piece& piece : halvings == 0 ? pieces_ : pieces(halvings))
+  const LowRankCoupling feed = field_.feed();
+  for (const StepJacobian& piece : halvings == 0 ? pieces_ : pieces(halvings))
     at->second.emplace_back(piece.method(), field_.dim(), field_.band(), piece.h, piece.J.data(), feed);
   return at->second;
 }

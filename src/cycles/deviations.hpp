@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "cycles/cell_field.hpp"
-#include "cycles/links.hpp"
+#include "cycles/propagator.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 
 namespace stickslip {
@@ -29,7 +29,7 @@ class Deviations {
 
  private:
   // One step: its length and the Jacobian at its points.
-  struct Piece {
+  struct StepJacobian {
     double h;
     bool stiff;
     std::vector<double> J;
@@ -38,15 +38,15 @@ class Deviations {
   // Carries deviations round on the steps of `mesh`.
   void carry_on(const std::vector<double>& mesh);
   // On steps of at most the longest of the mesh over 2^halvings.
-  std::vector<Piece> pieces(int halvings) const;
-  const std::vector<Link>& links(int halvings);
+  std::vector<StepJacobian> pieces(int halvings) const;
+  const std::vector<IntervalPropagator>& links(int halvings);
 
   const SmoothCycle& cycle_;
   const CellField& field_;
   std::vector<double> mesh_;
   std::vector<std::complex<double>> multipliers_;
-  std::vector<Piece> pieces_;  // without halvings
-  std::map<int, std::vector<Link>> links_;
+  std::vector<StepJacobian> pieces_;  // without halvings
+  std::map<int, std::vector<IntervalPropagator>> links_;
   double longest_ = 0, mean_damping_ = 0;  // step
 };
 

@@ -85,7 +85,7 @@ class Trace {
 
 }  // namespace
 
-std::vector<double> folded(const CellField& field, const double* natural) {
+std::vector<double> in_band_order(const CellField& field, const double* natural) {
   const size_t dof = size_t(field.dof());
   std::vector<double> y(size_t(field.dim()));
   for (size_t k = 0; k < field.nodes(); ++k) std::copy_n(natural + place(field, k) * dof, dof, &y[k * dof]);

@@ -7,7 +7,7 @@
 namespace stickslip {
 
 // Unknowns of the field from values node by node, and back.
-std::vector<double> folded(const CellField& field, const double* natural);
+std::vector<double> in_band_order(const CellField& field, const double* natural);
 void unfold(const CellField& field, const double* y, double* natural);
 
 // The motion with everything that is measured of it: times, states, psi_min to force_drop; multipliers and

@@ -112,8 +112,8 @@ struct Passage {
 class Settling {
  public:
   Settling(const Scene& cell, const std::vector<double>& start, double tolerance)
-      : cell_(cell), field_(cell), motion_(field_, folded(field_, start.data()), escape_velocity(cell)),
-        tolerance_(tolerance) {}
+      : cell_(cell), field_(cell),
+        motion_(field_, in_band_order(field_, start.data()), escape_velocity(cell)), tolerance_(tolerance) {}
   SmoothCycle cycle(int turns);
 
  private:

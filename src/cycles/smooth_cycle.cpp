@@ -37,8 +37,8 @@ double change_of_profile(const PeriodicEquations& coarse, const std::vector<doub
 }
 
 // Nodes of the mesh at the kinks of the motion; what a change by halving is to be divided by.
-double settle(const std::shared_ptr<const CellField>& field, PeriodicEquations& problem,
-              std::vector<double>& x, const std::vector<Condition>& phase) {
+double converge(const std::shared_ptr<const CellField>& field, PeriodicEquations& problem,
+                std::vector<double>& x, const std::vector<Condition>& phase) {
   std::vector<int> velocities;
   for (int a = 0; a < field->dim(); a += field->dof()) velocities.push_back(a);
   const auto jacobian = [&](const double* y, double* J) { field->jacobian(y, J); };
@@ -91,7 +91,7 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
   const auto profile = [&](double phase, double* y) {
     std::vector<double> natural(d);
     guess.at(phase, natural.data());
-    const std::vector<double> here = folded(*field, natural.data());
+    const std::vector<double> here = in_band_order(*field, natural.data());
     std::copy(here.begin(), here.end(), y);
   };
   std::vector<double> start(d);
@@ -114,7 +114,7 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
     if (!better.newton(y, phase).converged) continue;  // too coarse
     problem = better;
     x = y;
-    const double gain = settle(field, problem, x, phase);
+    const double gain = converge(field, problem, x, phase);
     PeriodicEquations finer(halved(problem.mesh()), field);
     std::vector<double> z = finer.fill(problem, x);
     const PeriodicEquations::Newton last = finer.newton(z, phase);

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cycles/stick_lap.hpp"
+#include "cycles/stick_return_map.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
@@ -29,9 +29,8 @@ class Sampling {
     std::vector<double> all(times);
     for (int function = 0; parts == samples && function <= m_.nodes(); ++function)
       for (int k = 1; k < parts; ++k) {
-        const double here = value(function, u[std::size_t(k)].data()),
-                     before = value(function, u[std::size_t(k - 1)].data());
-        const double behind = value(function, u[std::size_t(k + 1)].data());
+        const double here = value(function, u[k].data()), before = value(function, u[k - 1].data());
+        const double behind = value(function, u[k + 1].data());
         if ((here - before) * (behind - here) >= 0) continue;
         const double sign = here > before ? -1 : 1;
         std::vector<double> there(m_.size());
@@ -40,8 +39,7 @@ class Sampling {
                             at(t, there.data());
                             return sign * value(function, there.data());
                           },
-                          times[std::size_t(k - 1)], times[std::size_t(k + 1)], 1e-6 * (to - from),
-                          [](double) { return false; })
+                          times[k - 1], times[k + 1], 1e-6 * (to - from), [](double) { return false; })
                           .x);
       }
     std::sort(all.begin(), all.end());
@@ -58,7 +56,7 @@ class Sampling {
   bool resting(double from, const std::function<void(double, double*)>& at) const {
     std::vector<double> u(m_.size()), f(m_.size());
     at(from, u.data());
-    Standing p{from, u, {}, {}, 0};
+    StickState p{from, u, {}, {}, 0};
     m_.decide(p);
     return std::all_of(p.direction.begin(), p.direction.end(), [](double d) { return d == 0; });
   }
@@ -96,20 +94,20 @@ Cycle described(const Scene& scene, const StickCycle& cycle) {
   c.period = cycle.period;
   c.residual = cycle.residual;
   c.tests["graze"] = cycle.depth;
-  LapWishes wishes;
+  ReturnMapOptions wishes;
   wishes.passed = [&, sampling = Sampling(motion, c)](double from, double to, const auto& at) mutable {
     sampling(from, to, at);
   };
-  c.rests = lap(motion, cycle, wishes).rests;
+  c.rests = return_map_of(motion, cycle, wishes).rests;
   std::sort(c.rests.begin(), c.rests.end(), [](const Rest& a, const Rest& b) { return a.begin < b.begin; });
   std::copy(c.states.begin(), c.states.begin() + long(motion.size()), c.states.end() - long(motion.size()));
   for (std::size_t k = 0; k < c.states.size(); k += std::size_t(c.dof))  // a stop is located to round-off
     if (std::abs(c.states[k]) < 1e-13 * (1 + std::abs(scene.v))) c.states[k] = 0;
   leave_out_held(motion, c);
-  c.multipliers = multipliers_of(moving_unknowns(motion).size(), round_matrix(motion, cycle));
+  c.multipliers = multipliers_of(moving_unknowns(motion).size(), monodromy_matrix(motion, cycle));
   for (std::size_t k = 0; k < c.multipliers.size(); ++k)
     if (std::abs(c.multipliers[k] - 1.) < std::abs(c.multipliers[c.phase_mode] - 1.)) c.phase_mode = k;
-  c.error_estimate = std::max(1e-15, std::abs(lap(rough, cycle, {}).period / cycle.period - 1));
+  c.error_estimate = std::max(1e-15, std::abs(return_map_of(rough, cycle, {}).period / cycle.period - 1));
   measure(c);
   return c;
 }

@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "base/pulse.hpp"
-#include "cycles/stick_lap.hpp"
+#include "cycles/stick_return_map.hpp"
 #include "model/escape.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/dense.hpp"
@@ -24,9 +24,9 @@ constexpr long most_steps = 1000000;  // of the motion, over the nodes
 constexpr double near_sliding = 0.05;
 
 // What is seen of the motion on its way to a cycle.
-class Following {
+class OrbitSearch {
  public:
-  Following(const StickMotion& motion, int patience)
+  OrbitSearch(const StickMotion& motion, int patience)
       : m_(motion), patience_(patience),
         turn_(2 * M_PI / std::sqrt(motion.scene().A() * motion.scene().K0())) {
     const Scene& s = motion.scene();
@@ -36,7 +36,7 @@ class Following {
   }
 
   StickFate operator()(const std::vector<double>& start) {
-    Standing p{0, start, {}, {}, 0};
+    StickState p{0, start, {}, {}, 0};
     m_.decide(p);
     const auto turned = [this](double, int node, const double* u) {
       last_ = now_;
@@ -44,7 +44,7 @@ class Following {
       if (++turns_ == 1) first_ = now_;
     };
     const long most = most_steps / m_.nodes();
-    bool released = let_go(p);
+    bool released = released_now(p);
     for (long releases = 0, next_try = 0, passed = 0; releases < 50L * patience_ && p.steps < most;) {
       beat("slips");
       const std::vector<Change> changes =
@@ -74,7 +74,7 @@ class Following {
   }
 
  private:
-  StickFate ended(const Standing& p, Fate fate) const {
+  StickFate ended(const StickState& p, Fate fate) const {
     StickFate result{fate, {}, p.t};
     result.cycle.clearance = turns_ == 0 ? std::abs(m_.scene().v) : std::abs(first_);
     return result;
@@ -89,16 +89,16 @@ class Following {
         .stable(0);
   }
   // One node that turns nearer and nearer to sliding that is stable.
-  bool closing(const Standing& p) const {
+  bool closing(const StickState& p) const {
     const double v = m_.scene().v;
     return p.direction.size() == 1 && std::abs(now_ - v) < near_sliding * std::abs(v) &&
            std::abs(now_ - v) < std::abs(last_ - v) && stable();
   }
   // |psi| to which a node swings at most, less what friction alone makes of eta.
-  double size(const Standing& p) const {
+  double size(const StickState& p) const {
     double most = 0;
     for (int i = 0; i < m_.nodes() && std::isfinite(escape_); ++i) {
-      const double* u = &p.u[std::size_t(i * m_.dof())];
+      const double* u = &p.u[i * m_.dof()];
       const double force = std::max(0., std::abs(u[1]) - 4 * m_.threshold(i, p.u.data()));
       most = std::max(most, std::hypot(u[0], force * std::sqrt(m_.scene().A() / m_.scene().K0())));
     }
@@ -107,11 +107,11 @@ class Following {
   // One node without a state, right at its threshold: in the plane of psi and eta motions do not cross, so
   // that a slip that comes back to psi = 0 beyond the threshold, and passes on into the next one, goes round
   // outside itself for ever.
-  bool let_go(const Standing& p) const {
+  bool released_now(const StickState& p) const {
     return m_.size() == 2 && p.u[0] == 0 && p.direction[0] != 0 &&
            std::abs(p.u[1]) <= m_.threshold(0, p.u.data()) * (1 + 1e-12);
   }
-  bool oscillates(const Standing& p) const {
+  bool oscillates(const StickState& p) const {
     double most = 0;
     std::vector<double> f(m_.size());
     m_.rates(p.direction, p.u.data(), f.data());
@@ -120,7 +120,7 @@ class Following {
   }
 
   // Whether this release looks like one before; fills releases_.
-  bool repeats(const Change& c, const Standing& p) {
+  bool repeats(const Change& c, const StickState& p) {
     std::deque<std::vector<double>>& seen = seen_[{c.node, c.after}];
     double size = 1e-300;
     for (const auto& u : seen)
@@ -138,7 +138,7 @@ class Following {
     if (seen.size() > compared) seen.pop_back();
     return releases_ > 0;
   }
-  std::optional<StickCycle> cycle(const Change& c, const Standing& p) const {
+  std::optional<StickCycle> cycle(const Change& c, const StickState& p) const {
     StickCycle near;
     near.start = p.u;
     near.node = c.node;
@@ -209,7 +209,7 @@ Scene one_node_of(const Scene& scene) {
 
 StickFate stick_fate(const Scene& scene, const std::vector<double>& start, int patience) {
   const StickMotion motion(scene);
-  return Following(motion, patience)(start);
+  return OrbitSearch(motion, patience)(start);
 }
 
 namespace {
@@ -252,15 +252,15 @@ constexpr int most_rounds = 45;  // settled by then, but for the last millionth 
 StickFate uniform_stick_fate(const Scene& s) {
   const StickMotion motion(s);
   if (never_slips(s)) return {Fate::stuck, {}, 0};
-  const StickFate strong = Following(motion, 400)(after_rest(motion, long_rest));
+  const StickFate strong = OrbitSearch(motion, 400)(after_rest(motion, long_rest));
   if (strong.fate == Fate::repeats || motion.dof() == 2) return strong;
-  const StickFate weak = Following(motion, 400)(after_rest(motion, short_rest));
+  const StickFate weak = OrbitSearch(motion, 400)(after_rest(motion, short_rest));
   return weak.fate == Fate::repeats ? weak : strong;
 }
 
 namespace {
 
-Grazing grazing_of(const StickMotion& m, const Lap& once) {
+Grazing grazing_of(const StickMotion& m, const ReturnMap& once) {
   Grazing found{std::isfinite(once.clearance) ? once.clearance : once.depth, once.period, false};
   if (found.distance > 0 && always_returns(m.scene())) found = {-std::abs(m.scene().v), 0, false};
   if (!(once.excess > found.distance)) return found;
@@ -281,15 +281,15 @@ Grazing distance_from_graze(const Scene& s) {
   double before = 0;  // the state at the last release but one
   try {
     for (int round = 0; round < most_rounds; ++round) {
-      LapWishes wishes;
+      ReturnMapOptions wishes;
       wishes.turns = motion.dof() == 2;
-      const Lap once = lap(motion, c, wishes);
+      const ReturnMap once = return_map_of(motion, c, wishes);
       const double now = once.at.u.back(), last = c.start.back();
       if (motion.dof() == 2) return grazing_of(motion, once);
       c.start = once.at.u;
       if (std::abs(now - last) < 1e-12 * (1 + std::abs(now))) {
         wishes.turns = true;
-        return grazing_of(motion, lap(motion, c, wishes));
+        return grazing_of(motion, return_map_of(motion, c, wishes));
       }
       if (round % 3 == 2) {  // Aitken: the changes go like powers of the map's slope
         const double slope = (now - last) / (last - before), limit = now + (now - last) * slope / (1 - slope);
@@ -306,7 +306,7 @@ StickCycle polish(const Scene& scene, const StickCycle& near) { return polished(
 
 double uniform_multiplier(const Scene& one_node, const StickCycle& cycle) {
   const StickMotion motion(one_node);
-  const std::vector<double> map = round_matrix(motion, cycle);
+  const std::vector<double> map = monodromy_matrix(motion, cycle);
   double trace = 0;
   for (std::size_t k = 0; k < motion.size(); ++k) trace += map[k * motion.size() + k];
   return trace - 1;  // the phase has 1, psi, which a rest wipes out, 0

@@ -30,10 +30,10 @@ StickDeviations::StickDeviations(const Scene& cell, const StickCycle& cycle) : m
 }
 
 // What psi of the next cells does to the rates: as D2 psi of the node.
-Feed StickDeviations::feed(const std::vector<double>& direction) const {
+LowRankCoupling StickDeviations::feed(const std::vector<double>& direction) const {
   const Scene& s = motion_.scene();
   const size_t dof = size_t(motion_.dof());
-  Feed feed;
+  LowRankCoupling feed;
   for (const size_t i : at_ends_) {
     const bool slides = direction[i] != 0;
     std::vector<double> into(motion_.size());
@@ -46,24 +46,26 @@ Feed StickDeviations::feed(const std::vector<double>& direction) const {
 }
 
 // Nothing moves: psi does not deviate, and eta keeps what it has.
-Link StickDeviations::resting(double from, double to, const std::function<void(double, double*)>& at) const {
+IntervalPropagator StickDeviations::resting(double from, double to,
+                                            const std::function<void(double, double*)>& at) const {
   const size_t d = motion_.size(), dof = size_t(motion_.dof());
   std::vector<double> begin(d), end(d), matrix(d * d);
   at(from, begin.data());
   at(to, end.data());
   for (size_t k = 0; k < d; ++k) {
     if (k % dof == 1) matrix[k * d + k] = 1;
-    if (k % dof == 2) matrix[k * d + k] = motion_.closing_of_state(int(k / dof), begin[k], end[k], to - from);
+    if (k % dof == 2)
+      matrix[k * d + k] = motion_.state_contraction(int(k / dof), begin[k], end[k], to - from);
   }
   return {int(d), std::move(matrix), {}};
 }
 
-Link StickDeviations::jump(const std::vector<double>& was, const Standing& now) const {
+IntervalPropagator StickDeviations::jump(const std::vector<double>& was, const StickState& now) const {
   const size_t d = motion_.size(), dof = size_t(motion_.dof());
   const double N = motion_.scene().N();
   std::vector<double> matrix(d * d), unit(d);
   for (size_t k = 0; k < d; ++k) matrix[k * d + k] = 1;
-  Feed beside;
+  LowRankCoupling beside;
   if (N > 0) beside = feed(std::vector<double>(size_t(motion_.nodes())));
   for (std::vector<double>& into : beside.into) std::fill(into.begin(), into.end(), 0.);
   for (const StickMotion::Jump& jump : motion_.jumps(was, now)) {
@@ -73,7 +75,7 @@ Link StickDeviations::jump(const std::vector<double>& was, const Standing& now) 
     for (size_t k = 0; k < d; ++k) {
       std::fill(unit.begin(), unit.end(), 0.);
       unit[k] = 1;
-      jump.matrix.apply(&unit[first], starts ? motion_.pull(jump.change.node, unit.data()) : 0);
+      jump.matrix.apply(&unit[first], starts ? motion_.neighbour_force(jump.change.node, unit.data()) : 0);
       for (size_t a = first; a < first + dof; ++a) matrix[a * d + k] = unit[a];
     }
     for (size_t a = 0; a < beside.of.size(); ++a)
@@ -84,7 +86,7 @@ Link StickDeviations::jump(const std::vector<double>& was, const Standing& now) 
 
 // With viscosity a node's copies in the next cells let go with it, and where these are its neighbours motions
 // beside it do it one by one: no matter where they do it without a jump in psi_t.
-void StickDeviations::check_release(size_t node, const Standing& now) const {
+void StickDeviations::check_release(size_t node, const StickState& now) const {
   const auto end = std::find(at_ends_.begin(), at_ends_.end(), node);
   if (motion_.scene().N() == 0 || end == at_ends_.end()) return;
   const std::vector<TurnedTerm>& row = rows_[size_t(end - at_ends_.begin())];
@@ -100,16 +102,16 @@ void StickDeviations::check_release(size_t node, const Standing& now) const {
         "acceleration: in a wave on them they do it one by one, in an order of its own");
 }
 
-const std::vector<Link>& StickDeviations::links(int halvings) {
+const std::vector<IntervalPropagator>& StickDeviations::links(int halvings) {
   const auto [found, is_new] = links_.try_emplace(halvings);
   if (!is_new) return found->second;
-  std::vector<Link>& links = found->second;
+  std::vector<IntervalPropagator>& links = found->second;
   const size_t d = motion_.size();
   const double longest = std::ldexp(motion_.longest() * turn_of_step / turn_of_longest, -halvings);
   const Collocation& gauss = Collocation::gauss5();
   std::vector<double> direction, u(d), J(mesh_stages * d * d);
-  LapWishes wishes;
-  wishes.changed = [&](const std::vector<double>& was, const Standing& now) {
+  ReturnMapOptions wishes;
+  wishes.changed = [&](const std::vector<double>& was, const StickState& now) {
     if (was != now.direction) links.push_back(jump(was, now));
     direction = now.direction;
   };
@@ -117,7 +119,7 @@ const std::vector<Link>& StickDeviations::links(int halvings) {
     if (!(to > from)) return;
     if (std::all_of(direction.begin(), direction.end(), [](double going) { return going == 0; }))
       return links.push_back(resting(from, to, at));
-    const Feed beside = feed(direction);
+    const LowRankCoupling beside = feed(direction);
     const int count = std::max(1, int(std::ceil((to - from) / longest * (1 - 1e-12))));
     const double h = (to - from) / count;
     for (int k = 0; k < count; ++k) {
@@ -128,7 +130,7 @@ const std::vector<Link>& StickDeviations::links(int halvings) {
       links.emplace_back(gauss, int(d), int(d) - 1, h, J.data(), beside);
     }
   };
-  lap(motion_, cycle_, wishes);
+  return_map_of(motion_, cycle_, wishes);
   return links;
 }
 

@@ -11,8 +11,8 @@
 #include <map>
 #include <vector>
 
-#include "cycles/links.hpp"
-#include "cycles/stick_lap.hpp"
+#include "cycles/propagator.hpp"
+#include "cycles/stick_return_map.hpp"
 #include "model/turned_row.hpp"
 
 namespace stickslip {
@@ -28,17 +28,17 @@ class StickDeviations {
 
  private:
   // On steps in which the fastest of these waves turns little enough: of the cell alone, times 2^halvings.
-  const std::vector<Link>& links(int halvings);
-  Feed feed(const std::vector<double>& direction) const;
-  Link resting(double from, double to, const std::function<void(double, double*)>& at) const;
-  Link jump(const std::vector<double>& was, const Standing& now) const;
-  void check_release(std::size_t node, const Standing& now) const;
+  const std::vector<IntervalPropagator>& links(int halvings);
+  LowRankCoupling feed(const std::vector<double>& direction) const;
+  IntervalPropagator resting(double from, double to, const std::function<void(double, double*)>& at) const;
+  IntervalPropagator jump(const std::vector<double>& was, const StickState& now) const;
+  void check_release(std::size_t node, const StickState& now) const;
 
   StickMotion motion_;
   StickCycle cycle_;
   std::vector<std::size_t> at_ends_;           // nodes with neighbours in other cells
   std::vector<std::vector<TurnedTerm>> rows_;  // of D2, of each of these
-  std::map<int, std::vector<Link>> links_;
+  std::map<int, std::vector<IntervalPropagator>> links_;
 };
 
 }  // namespace stickslip

@@ -32,7 +32,7 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
     : scene_(scene), nodes_(int(scene.n)), dof_(scene.friction.has_state() ? 3 : 2),
       half_width_(scene.n == 1 ? 0 : scene.order / 2), tolerance_(tolerance), law_(scene, 0, scene.n),
       amplitude_(friction_amplitude(scene, 0, scene.n)), coefficients_(kernel::coefficients_of(scene)),
-      point_(scene), method_(std::size_t(nodes_ * dof_)), method_with_deviations_(0) {
+      point_(scene), method_(nodes_ * dof_), method_with_deviations_(0) {
   if (!scene.friction.sticks())
     throw UsageError("friction_law " + to_string(scene.friction.law) +
                      " does not stick: its oscillation has no rests");
@@ -53,15 +53,15 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
 bool StickMotion::held(int node) const { return scene_.held(node); }
 
 double StickMotion::threshold(int node, const double* u) const {
-  return amplitude_[std::size_t(node)] * law_[node].threshold(dof_ == 3 ? u[node * dof_ + 2] : 0).value;
+  return amplitude_[node] * law_[node].threshold(dof_ == 3 ? u[node * dof_ + 2] : 0).value;
 }
 double StickMotion::threshold_slope(int node, const double* u) const {
-  return dof_ == 2 ? 0 : amplitude_[std::size_t(node)] * law_[node].threshold(u[node * dof_ + 2]).slope;
+  return dof_ == 2 ? 0 : amplitude_[node] * law_[node].threshold(u[node * dof_ + 2]).slope;
 }
-double StickMotion::pull(int node, const double* u) const {
+double StickMotion::neighbour_force(int node, const double* u) const {
   double sum = 0;
   if (d2_.empty() || scene_.nu == 0) return sum;
-  for (const auto& [other, weight] : d2_[std::size_t(node)])
+  for (const auto& [other, weight] : d2_[node])
     if (other != node) sum += weight * u[other * dof_];
   return scene_.N() * sum;
 }
@@ -79,14 +79,14 @@ void StickMotion::rates(const std::vector<double>& direction, const double* u, d
 // J of each node alone.
 void StickMotion::blocks(const std::vector<double>& direction, const double* u,
                          std::vector<NodeBlock>& at) const {
-  at.resize(std::size_t(nodes_));
+  at.resize(nodes_);
   for (int i = 0; i < nodes_; ++i) {
-    const double psi = u[i * dof_], s = dof_ == 3 ? u[i * dof_ + 2] : 0, going = direction[std::size_t(i)];
-    const double a = amplitude_[std::size_t(i)];
+    const double psi = u[i * dof_], s = dof_ == 3 ? u[i * dof_ + 2] : 0, going = direction[i];
+    const double a = amplitude_[i];
     LinearPoint point(point_);
     const Partials p = going == 0 ? Partials{0, 0, 0} : law_[i].sliding_partials(psi, s, going);
     point.set({a * p.F, a * p.F_psi, a * p.F_state}, law_[i].sliding_rate(psi, s, going));
-    NodeBlock& block = at[std::size_t(i)];
+    NodeBlock& block = at[i];
     block = going == 0 ? point.block_at_rest(Part::full) : point.block(Part::full);
     if (!held(i)) continue;
     block.psi_psi = block.psi_eta = block.psi_state = 0;
@@ -95,7 +95,7 @@ void StickMotion::blocks(const std::vector<double>& direction, const double* u,
 }
 
 // The right-hand side of the motion and of the first `count` deviations that stand behind it.
-void StickMotion::derivative(const Standing& p, const double* y, std::size_t count, double* f) const {
+void StickMotion::derivative(const StickState& p, const double* y, std::size_t count, double* f) const {
   rates(p.direction, y, f);
   if (count == 0) return;
   std::vector<NodeBlock> at;
@@ -104,7 +104,7 @@ void StickMotion::derivative(const Standing& p, const double* y, std::size_t cou
     const double* x = y + c * size();
     double* g = f + c * size();
     for (int i = 0; i < nodes_; ++i) {
-      const NodeBlock& b = at[std::size_t(i)];
+      const NodeBlock& b = at[i];
       const double *xi = x + i * dof_, s = dof_ == 3 ? xi[2] : 0;
       double* gi = g + i * dof_;
       gi[0] = b.psi_psi * xi[0] + b.psi_eta * xi[1] + b.psi_state * s;
@@ -112,9 +112,9 @@ void StickMotion::derivative(const Standing& p, const double* y, std::size_t cou
       if (dof_ == 3) gi[2] = b.state_psi * xi[0] + b.state_state * s;
       if (d2_.empty() || held(i)) continue;
       double coupling = 0;
-      for (const auto& [node, weight] : d2_[std::size_t(i)]) coupling += weight * x[node * dof_];
+      for (const auto& [node, weight] : d2_[i]) coupling += weight * x[node * dof_];
       gi[1] += point_.K1 * coupling;
-      if (scene_.nu == 0 || p.direction[std::size_t(i)] == 0) continue;
+      if (scene_.nu == 0 || p.direction[i] == 0) continue;
       gi[0] += point_.A * point_.N * coupling;
       gi[1] -= point_.s_delta * point_.N * coupling;
     }
@@ -142,31 +142,32 @@ void StickMotion::jacobian(const std::vector<double>& direction, const double* u
 }
 
 // Two solutions of s_t = g(s) that start close together: their distance goes like g.
-double StickMotion::closing_of_state(int node, double s0, double s1, double wait) const {
+double StickMotion::state_contraction(int node, double s0, double s1, double wait) const {
   const RatePartials g0 = law_[node].sliding_rate(0, s0, 0);
   return std::abs(g0.g) > 1e-8 ? law_[node].sliding_rate(0, s1, 0).g / g0.g : std::exp(g0.g_state * wait);
 }
 
-bool StickMotion::all_rest(const Standing& p) const {
+bool StickMotion::all_rest(const StickState& p) const {
   return std::all_of(p.direction.begin(), p.direction.end(), [](double d) { return d == 0; });
 }
 
 // At psi = 0 a node beyond its threshold, or at it and gaining on it, lets go.
-void StickMotion::decide(Standing& p) const {
-  p.direction.assign(std::size_t(nodes_), 0.);
-  for (int i = 0; i < nodes_; ++i) p.direction[std::size_t(i)] = sign_of(p.u[std::size_t(i * dof_)]);
+void StickMotion::decide(StickState& p) const {
+  p.direction.assign(nodes_, 0.);
+  for (int i = 0; i < nodes_; ++i) p.direction[i] = sign_of(p.u[i * dof_]);
   std::vector<double> f(size());
   rates(p.direction, p.u.data(), f.data());
   for (int i = 0; i < nodes_; ++i) {
-    double& going = p.direction[std::size_t(i)];
+    double& going = p.direction[i];
     if (held(i) || going != 0) continue;
     const double limit = threshold(i, p.u.data());
     for (const double side : {1., -1.}) {
       if (side < 0 && !scene_.friction.back_slip) continue;
       const Candidate c{i, side, true, false, false};
-      const double excess = beyond(c, p.u.data()), by = pull(i, p.u.data());
+      const double excess = beyond(c, p.u.data()), by = neighbour_force(i, p.u.data());
       const double none =
-          by == 0 ? 0 : round_off * (limit + std::abs(by));  // what eta set to limit - pull leaves of it
+          // what eta set to limit - neighbour force leaves of it
+          by == 0 ? 0 : round_off * (limit + std::abs(by));
       if (excess > close * limit || (excess >= -none && growth(c, p.u.data(), f.data()) > 0)) going = side;
     }
   }
@@ -175,16 +176,16 @@ void StickMotion::decide(Standing& p) const {
 // How far a node is beyond its change, and how fast it goes there.
 double StickMotion::beyond(const Candidate& c, const double* u) const {
   if (!c.rests) return -c.side * u[c.node * dof_];
-  return c.side * (u[c.node * dof_ + 1] + pull(c.node, u)) - threshold(c.node, u);
+  return c.side * (u[c.node * dof_ + 1] + neighbour_force(c.node, u)) - threshold(c.node, u);
 }
 double StickMotion::growth(const Candidate& c, const double* u, const double* f) const {
   if (!c.rests) return -c.side * f[c.node * dof_];
   const double own = dof_ == 3 ? threshold_slope(c.node, u) * f[c.node * dof_ + 2] : 0;
-  return c.side * (f[c.node * dof_ + 1] + pull(c.node, f)) - own;
+  return c.side * (f[c.node * dof_ + 1] + neighbour_force(c.node, f)) - own;
 }
 
 // `into` becomes u after h, with `count` deviations behind it.
-double StickMotion::step_from(const Standing& p, const double* f0, double h, std::size_t count,
+double StickMotion::step_from(const StickState& p, const double* f0, double h, std::size_t count,
                               double* into) const {
   const auto f = [&](const double* y, double* g) { derivative(p, y, count, g); };
   if (count == 0) return method_.step(f, p.u.data(), f0, h, size(), tolerance_, into);
@@ -197,7 +198,7 @@ double StickMotion::step_from(const Standing& p, const double* f0, double h, std
 
 // Where the change of a candidate, or with `turning` the end of its growth, comes, between `low`, which lies
 // before it, and `high`.
-double StickMotion::locate(const Standing& p, const double* f0, const Candidate& c, double low, double high,
+double StickMotion::locate(const StickState& p, const double* f0, const Candidate& c, double low, double high,
                            bool turning) const {
   std::vector<double> u(size()), f(size());
   const auto at = [&](double h) {
@@ -227,7 +228,7 @@ double StickMotion::locate(const Standing& p, const double* f0, const Candidate&
 
 // The first change within a step from p to y1, as a length of it (`h`: none), and the nodes that were looked
 // at.
-double StickMotion::first_change(const Standing& p, const double* f0, const double* y1, const double* f1,
+double StickMotion::first_change(const StickState& p, const double* f0, const double* y1, const double* f1,
                                  double h, std::vector<Candidate>& at, const Turned& turned) const {
   double first = h;
   at.clear();
@@ -252,7 +253,7 @@ double StickMotion::first_change(const Standing& p, const double* f0, const doub
       first = std::min(first, locate(p, f0, c, 0, until, false));
   };
   for (int i = 0; i < nodes_; ++i) {
-    const double going = p.direction[std::size_t(i)];
+    const double going = p.direction[i];
     if (held(i)) continue;
     if (going != 0) {
       examine({i, going, false, false, false});
@@ -264,7 +265,7 @@ double StickMotion::first_change(const Standing& p, const double* f0, const doub
   return first;
 }
 
-void StickMotion::accept(Standing& p, const double* y, double h, const double* f0,
+void StickMotion::accept(StickState& p, const double* y, double h, const double* f0,
                          const Passed& passed) const {
   if (passed) passed(p.t, p.t + h, [&](double t, double* u) { step_from(p, f0, t - p.t, 0, u); });
   std::copy(y, y + size(), p.u.begin());
@@ -273,43 +274,42 @@ void StickMotion::accept(Standing& p, const double* y, double h, const double* f
 }
 
 // Nodes whose change has come get their psi or eta exactly, every psi first. h: the step that led here.
-void StickMotion::snap(Standing& p, const std::vector<Candidate>& candidates, double h) const {
+void StickMotion::snap(StickState& p, const std::vector<Candidate>& candidates, double h) const {
   std::vector<double> f(size());
   rates(p.direction, p.u.data(), f.data());
   std::vector<Candidate> reached, stopped;
   for (const Candidate& c : candidates) {
-    const double speed = std::abs(growth(c, p.u.data(), f.data())), psi = p.u[std::size_t(c.node * dof_)];
+    const double speed = std::abs(growth(c, p.u.data(), f.data())), psi = p.u[c.node * dof_];
     if (c.turns && speed * h < 1e-9 * (1 + std::abs(psi))) stopped.push_back(c);
     const double lost = c.rests ? of_step * threshold(c.node, p.u.data()) : 1e-15;
     if (!c.to_come || beyond(c, p.u.data()) < -std::max(close * h * speed, lost)) continue;
     const bool back = stops_slips_back_ && !c.rests && c.side * scene_.v < 0;
     if (back)
-      p.excess =
-          std::max(p.excess, -c.side * (p.u[std::size_t(c.node * dof_ + 1)] + pull(c.node, p.u.data())) -
-                                 threshold(c.node, p.u.data()));
+      p.excess = std::max(p.excess, -c.side * (p.u[c.node * dof_ + 1] + neighbour_force(c.node, p.u.data())) -
+                                        threshold(c.node, p.u.data()));
     (back ? stopped : reached).push_back(c);
   }
   for (const std::vector<Candidate>* list : {&stopped, &reached})
     for (const Candidate& c : *list)
-      if (!c.rests) p.u[std::size_t(c.node * dof_)] = 0;
-  const auto eta = [&](int node) -> double& { return p.u[std::size_t(node * dof_ + 1)]; };
+      if (!c.rests) p.u[c.node * dof_] = 0;
+  const auto eta = [&](int node) -> double& { return p.u[node * dof_ + 1]; };
   for (const Candidate& c : stopped) {
-    const double most = (1 - 10 * close) * threshold(c.node, p.u.data()), by = pull(c.node, p.u.data());
+    const double most = (1 - 10 * close) * threshold(c.node, p.u.data()),
+                 by = neighbour_force(c.node, p.u.data());
     eta(c.node) = std::clamp(eta(c.node) + by, -most, most) - by;
   }
   for (const Candidate& c : reached)
-    if (c.rests) eta(c.node) = c.side * threshold(c.node, p.u.data()) - pull(c.node, p.u.data());
+    if (c.rests) eta(c.node) = c.side * threshold(c.node, p.u.data()) - neighbour_force(c.node, p.u.data());
 }
 
 // The directions anew, and what becomes of deviations.
-std::vector<Change> StickMotion::change(Standing& p) const {
+std::vector<Change> StickMotion::change(StickState& p) const {
   const std::vector<double> was = p.direction;
   decide(p);
   std::vector<Change> changes;
   if (p.count == 0) {
     for (int i = 0; i < nodes_; ++i)
-      if (was[std::size_t(i)] != p.direction[std::size_t(i)])
-        changes.push_back({p.t, i, was[std::size_t(i)], p.direction[std::size_t(i)]});
+      if (was[i] != p.direction[i]) changes.push_back({p.t, i, was[i], p.direction[i]});
     return changes;
   }
   const std::vector<double> deviations(p.deviations);
@@ -318,33 +318,31 @@ std::vector<Change> StickMotion::change(Standing& p) const {
     changes.push_back(jump.change);
     for (std::size_t c = 0; c < p.count; ++c)
       jump.matrix.apply(&p.deviations[c * size() + std::size_t(i * dof_)],
-                        jump.change.before == 0 ? pull(i, &deviations[c * size()]) : 0);
+                        jump.change.before == 0 ? neighbour_force(i, &deviations[c * size()]) : 0);
   }
   return changes;
 }
 
-std::vector<StickMotion::Jump> StickMotion::jumps(const std::vector<double>& was, const Standing& p) const {
+std::vector<StickMotion::Jump> StickMotion::jumps(const std::vector<double>& was, const StickState& p) const {
   std::vector<double> before(size()), after(size());
   rates(was, p.u.data(), before.data());
   rates(p.direction, p.u.data(), after.data());
   std::vector<Jump> jumps;
   for (int i = 0; i < nodes_; ++i) {
-    const double from = was[std::size_t(i)], to = p.direction[std::size_t(i)];
+    const double from = was[i], to = p.direction[i];
     if (from == to) continue;
-    const double *b = &before[std::size_t(i * dof_)], *a = &after[std::size_t(i * dof_)];
+    const double *b = &before[i * dof_], *a = &after[i * dof_];
     jumps.push_back({{p.t, i, from, to},
                      from == 0 ? JumpMatrix::at_start(dof_, to, threshold_slope(i, p.u.data()), b, a,
-                                                      pull(i, before.data()))
+                                                      neighbour_force(i, before.data()))
                                : JumpMatrix::at_stop(dof_, b, a)});
   }
-  const auto lets_go = [&](int node) {
-    return was[std::size_t(node)] == 0 && p.direction[std::size_t(node)] != 0;
-  };
+  const auto begins_to_slip = [&](int node) { return was[node] == 0 && p.direction[node] != 0; };
   for (const Jump& jump : jumps) {
     const int i = jump.change.node;
-    if (scene_.nu == 0 || jumps.size() < 2 || !lets_go(i) || after[std::size_t(i * dof_)] == 0) continue;
-    for (const auto& [other, weight] : d2_[std::size_t(i)])
-      if (other != i && lets_go(int(other)))
+    if (scene_.nu == 0 || jumps.size() < 2 || !begins_to_slip(i) || after[i * dof_] == 0) continue;
+    for (const auto& [other, weight] : d2_[i])
+      if (other != i && begins_to_slip(int(other)))
         throw Failure(
             "exact stick: with viscosity between neighbours several nodes let go at once with a jump in "
             "their "
@@ -354,7 +352,7 @@ std::vector<StickMotion::Jump> StickMotion::jumps(const std::vector<double>& was
 }
 
 // While everything rests.
-std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Passed& passed) const {
+std::vector<Change> StickMotion::pass_rest(StickState& p, double until, const Passed& passed) const {
   std::vector<double> f(size());
   rates(p.direction, p.u.data(), f.data());
   double wait = never;
@@ -362,13 +360,12 @@ std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Pass
     if (held(i)) continue;
     for (const double side : {1., -1.}) {
       if (side < 0 && !scene_.friction.back_slip) continue;
-      const double force = side * p.u[std::size_t(i * dof_ + 1)], rate = side * f[std::size_t(i * dof_ + 1)];
+      const double force = side * p.u[i * dof_ + 1], rate = side * f[i * dof_ + 1];
       const double limit = threshold(i, p.u.data());
       if (dof_ == 2) {
         if (rate > 0) wait = std::min(wait, std::max(0., (limit - force) / rate));
       } else {
-        wait = std::min(wait, release_time(law_[i], amplitude_[std::size_t(i)], force, rate,
-                                           p.u[std::size_t(i * dof_ + 2)], wait));
+        wait = std::min(wait, release_time(law_[i], amplitude_[i], force, rate, p.u[i * dof_ + 2], wait));
       }
     }
   }
@@ -381,9 +378,8 @@ std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Pass
   const std::vector<double> start(p.u);
   const auto after = [&](double time, double* u) {
     for (int i = 0; i < nodes_; ++i) {
-      for (int k = 0; k < 2; ++k)
-        u[i * dof_ + k] = start[std::size_t(i * dof_ + k)] + time * f[std::size_t(i * dof_ + k)];
-      if (dof_ == 3) u[i * dof_ + 2] = law_[i].state_at_rest(start[std::size_t(i * dof_ + 2)], time);
+      for (int k = 0; k < 2; ++k) u[i * dof_ + k] = start[i * dof_ + k] + time * f[i * dof_ + k];
+      if (dof_ == 3) u[i * dof_ + 2] = law_[i].state_at_rest(start[i * dof_ + 2], time);
     }
   };
   if (passed && wait > 0) passed(p.t, p.t + wait, [&](double t, double* u) { after(t - p.t, u); });
@@ -392,12 +388,12 @@ std::vector<Change> StickMotion::pass_rest(Standing& p, double until, const Pass
   for (int i = 0; i < nodes_; ++i) {
     if (dof_ == 3 && p.count > 0) {
       const std::size_t state = std::size_t(i * dof_ + 2);
-      const double ratio = closing_of_state(i, start[state], p.u[state], wait);
+      const double ratio = state_contraction(i, start[state], p.u[state], wait);
       for (std::size_t c = 0; c < p.count; ++c) p.deviations[c * size() + state] *= ratio;
     }
     if (ends || held(i)) continue;
     const double limit = threshold(i, p.u.data());
-    double& eta = p.u[std::size_t(i * dof_ + 1)];
+    double& eta = p.u[i * dof_ + 1];
     for (const double side : {1., -1.})
       if (std::abs(side * eta - limit) <= close * limit &&
           growth({i, side, true, true, false}, p.u.data(), f.data()) > 0)
@@ -411,7 +407,7 @@ long StickMotion::most_steps(std::size_t deviations) const {
   return std::lround(std::max(least_steps, most_work / (double(nodes_) * (1 + double(deviations)))));
 }
 
-std::vector<Change> StickMotion::advance(Standing& p, double until, const Passed& passed,
+std::vector<Change> StickMotion::advance(StickState& p, double until, const Passed& passed,
                                          const Turned& turned) const {
   std::vector<double> f0(size()), f1(size()), y1((p.count + 1) * size());
   std::vector<Candidate> candidates;
@@ -462,9 +458,9 @@ std::vector<Change> StickMotion::advance(Standing& p, double until, const Passed
   return {};
 }
 
-double StickMotion::turn_beyond(const Standing& stopped, int node, double direction, double deepest) const {
-  Standing p{stopped.t, stopped.u, stopped.direction, {}, 0};
-  p.direction[std::size_t(node)] = direction;
+double StickMotion::turn_beyond(const StickState& stopped, int node, double direction, double deepest) const {
+  StickState p{stopped.t, stopped.u, stopped.direction, {}, 0};
+  p.direction[node] = direction;
   const std::size_t at = std::size_t(node * dof_);
   const Candidate c{node, direction, false, false, false};
   std::vector<double> f0(size()), f1(size()), u1(size());

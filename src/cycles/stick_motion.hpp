@@ -7,7 +7,7 @@
 // time and the state known in closed form. The rules of starts and stops are those of runs (time/stick.hpp).
 //
 // With viscosity between neighbours the force on a node is eta + N D2 psi, which at rest only its neighbours'
-// psi make differ from eta (`pull`).
+// psi make differ from eta (`neighbour_force`).
 //
 // Deviations y_t = J(u) y are carried along, through changes by their jump matrices (model/jump_matrix.hpp).
 //
@@ -38,7 +38,7 @@ struct Change {
 };
 
 // A place of the motion.
-struct Standing {
+struct StickState {
   double t = 0;
   std::vector<double> u;           // unknowns node by node
   std::vector<double> direction;   // of each node
@@ -70,7 +70,7 @@ class StickMotion {
   void stop_at_turns() { stops_at_turns_ = true; }
 
   // From now on a slip against the plate's direction that comes back to psi = 0 is stopped there, eta at most
-  // the threshold, and Standing::excess says whether it would have stopped by itself (negative) or have
+  // the threshold, and StickState::excess says whether it would have stopped by itself (negative) or have
   // passed on into the next slip.
   void stop_slips_back() { stops_slips_back_ = true; }
 
@@ -83,16 +83,16 @@ class StickMotion {
   double threshold(int node, const double* u) const;        // |eta| that holds the node
   double threshold_slope(int node, const double* u) const;  // by its state
   // N D2 psi at the node where it rests, of unknowns, rates or a deviation: the share of its neighbours.
-  double pull(int node, const double* u) const;
+  double neighbour_force(int node, const double* u) const;
 
   // The Jacobian of the rates, dense and row-major.
   void jacobian(const std::vector<double>& direction, const double* u, double* J) const;
   // Of the state of a node at rest: the factor by which two motions that are close come together on the way
   // from s0 to s1, `wait` later.
-  double closing_of_state(int node, double s0, double s1, double wait) const;
+  double state_contraction(int node, double s0, double s1, double wait) const;
 
   // The directions that follow from u alone, as in a run.
-  void decide(Standing& p) const;
+  void decide(StickState& p) const;
   // u_t, with the directions given.
   void rates(const std::vector<double>& direction, const double* u, double* f) const;
 
@@ -103,22 +103,22 @@ class StickMotion {
     Change change;
     JumpMatrix matrix;
   };
-  std::vector<Jump> jumps(const std::vector<double>& was, const Standing& p) const;
+  std::vector<Jump> jumps(const std::vector<double>& was, const StickState& p) const;
 
   // How many steps with so many deviations are at most taken from change to change: steps times nodes times
   // one more than the deviations is bounded, but for 5000 steps.
   long most_steps(std::size_t deviations) const;
 
-  bool all_rest(const Standing& p) const;  // however long that lasts, it is passed at once
+  bool all_rest(const StickState& p) const;  // however long that lasts, it is passed at once
 
   // On to the next change, and past it (several at once: nodes that change together), but not beyond the time
   // `until`. The changes; none: `until` came first, or nothing ever moves again (t is infinite). Throws
   // Failure where it does not get on.
-  std::vector<Change> advance(Standing& p, double until, const Passed& passed = nullptr,
+  std::vector<Change> advance(StickState& p, double until, const Passed& passed = nullptr,
                               const Turned& turned = nullptr) const;
   // Where a slip that stops at p would turn if nothing stopped it: the least psi along `direction`, negative,
   // a smooth function of the motion before; `deepest` where it goes that far without turning.
-  double turn_beyond(const Standing& p, int node, double direction, double deepest) const;
+  double turn_beyond(const StickState& p, int node, double direction, double deepest) const;
 
  private:
   struct Candidate {
@@ -130,17 +130,17 @@ class StickMotion {
   };
   double beyond(const Candidate& c, const double* u) const;
   double growth(const Candidate& c, const double* u, const double* f) const;
-  void derivative(const Standing& p, const double* y, std::size_t count, double* f) const;
+  void derivative(const StickState& p, const double* y, std::size_t count, double* f) const;
   void blocks(const std::vector<double>& direction, const double* u, std::vector<NodeBlock>& at) const;
-  std::vector<Change> pass_rest(Standing& p, double until, const Passed& passed) const;
-  double step_from(const Standing& p, const double* f0, double h, std::size_t count, double* into) const;
-  void accept(Standing& p, const double* y, double h, const double* f0, const Passed& passed) const;
-  double first_change(const Standing& p, const double* f0, const double* y1, const double* f1, double h,
+  std::vector<Change> pass_rest(StickState& p, double until, const Passed& passed) const;
+  double step_from(const StickState& p, const double* f0, double h, std::size_t count, double* into) const;
+  void accept(StickState& p, const double* y, double h, const double* f0, const Passed& passed) const;
+  double first_change(const StickState& p, const double* f0, const double* y1, const double* f1, double h,
                       std::vector<Candidate>& at, const Turned& turned) const;
-  double locate(const Standing& p, const double* f0, const Candidate& c, double low, double high,
+  double locate(const StickState& p, const double* f0, const Candidate& c, double low, double high,
                 bool turning) const;
-  void snap(Standing& p, const std::vector<Candidate>& candidates, double h) const;
-  std::vector<Change> change(Standing& p) const;
+  void snap(StickState& p, const std::vector<Candidate>& candidates, double h) const;
+  std::vector<Change> change(StickState& p) const;
 
   Scene scene_;
   int nodes_, dof_, half_width_;

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "cycles/stick_lap.hpp"
+#include "cycles/stick_return_map.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/dense.hpp"
 
@@ -104,7 +104,7 @@ class StickPath : public CyclePath {
     if (std::isinf(s.cycle.clearance)) m.stop_at_turns();  // beside a graze the map goes on smoothly
     StickCycle c(s.cycle);
     set_free_values(m, free_of(s), c);
-    c.start = lap(m, c, {}).at.u;
+    c.start = return_map_of(m, c, {}).at.u;
     return free_values(m, c);
   }
 

@@ -8,7 +8,7 @@
 namespace stickslip::kernel {
 
 // f_eta = K1 D2 psi; psi has its halo on both sides.
-struct Stretch {
+struct ColumnRange {
   const double* psi;
   double* f_eta;
   PetscInt count;
@@ -16,7 +16,7 @@ struct Stretch {
 
 template <int half_width>
 struct StencilOfColumns {
-  void operator()(const Coefficients& coefficients, const Stretch& s) const {
+  void operator()(const Coefficients& coefficients, const ColumnRange& s) const {
     const Coefficients c = coefficients;
 #pragma GCC ivdep
     for (PetscInt i = 0; i < s.count; ++i) s.f_eta[i] = stencil_sum<half_width>(c, s.psi + i);

@@ -15,8 +15,9 @@ namespace stickslip {
 // themselves.
 template <class L, class S>
 constexpr bool classes_belong_together() {
-  if (says::takes_state<L>) return !says::factor<S> && !std::is_same_v<S, NoState>;
-  return std::is_same_v<S, NoState> || (says::factor<S> && (L::jumps_at_rest || !says::needs_threshold<S>));
+  if (traits::takes_state<L>) return !traits::factor<S> && !std::is_same_v<S, NoState>;
+  return std::is_same_v<S, NoState> ||
+         (traits::factor<S> && (L::jumps_at_rest || !traits::needs_threshold<S>));
 }
 
 template <class T>
@@ -34,7 +35,7 @@ template <class T>
 T with_values(const FrictionParameters& p, const std::string& family) {
   T object;
   for (const auto& [member, parameter] : T::parameters()) object.*member = p.value(family + parameter.name);
-  if (!p.varies()) says::check(object);
+  if (!p.varies()) traits::check(object);
   return object;
 }
 
@@ -63,8 +64,8 @@ std::vector<F> frictions_along(const F& friction, const FrictionParameters& p, c
     for (const auto& [member, profile] : of_law) all[i].law.*member = profile->at(x[i]);
     for (const auto& [member, profile] : of_state) all[i].state.*member = profile->at(x[i]);
     try {
-      says::check(all[i].law);
-      says::check(all[i].state);
+      traits::check(all[i].law);
+      traits::check(all[i].state);
     } catch (const UsageError& e) {
       throw UsageError(std::string(e.what()) + " (at x = " + rounded_text(x[i], 6) + ")");
     }
@@ -93,9 +94,9 @@ R dispatch_friction(const FrictionParameters& p, const Body& body) {
         const L law = with_values<L>(p, "friction_");
         const S state = with_values<S>(p, "state_");
         found = true;
-        if constexpr (says::takes_state<L>) {
+        if constexpr (traits::takes_state<L>) {
           result = body(OwnState<L, S>{law, state});
-        } else if constexpr (says::jumps_at_rest<L>()) {
+        } else if constexpr (traits::jumps_at_rest<L>()) {
           if (p.regularised)
             result = body(Product<L, SignRegularised, S>{law, state, {p.eps}});
           else

@@ -33,10 +33,10 @@ const std::vector<LawTraits>& law_table() {
     std::vector<LawTraits> all;
     for_each_type(Laws(), [&](auto law) {
       using L = typename std::decay_t<decltype(law)>::type;
-      LawTraits traits{L::name, says::jumps_at_rest<L>(), parameters_of<L>(), {}};
+      LawTraits traits{L::name, traits::jumps_at_rest<L>(), parameters_of<L>(), {}};
       for_each_type(StateLaws(), [&](auto state) {
         using S = typename std::decay_t<decltype(state)>::type;
-        const bool usual = says::usual_state<L>() == std::string(S::name);
+        const bool usual = traits::usual_state<L>() == std::string(S::name);
         if (classes_belong_together<L, S>())
           traits.states.emplace(usual ? traits.states.begin() : traits.states.end(), S::name);
       });
@@ -65,8 +65,8 @@ std::vector<Handle> handles(const std::vector<Traits>& table) {
 template <class F>
 class Resolved final : public Friction {
  public:
-  Resolved(const F& f, SlopesAhead slopes)
-      : Friction(F::has_state, F::sticks, F::steep, says::van_der_pol<decltype(f.law)> && !F::has_state,
+  Resolved(const F& f, SlopeBounds slopes)
+      : Friction(F::has_state, F::sticks, F::steep, traits::van_der_pol<decltype(f.law)> && !F::has_state,
                  slopes),
         f_(f) {}
 
@@ -88,7 +88,7 @@ class Resolved final : public Friction {
     else
       return psi_new;
   }
-  double velocity_of_slope(double F_psi) const override { return says::velocity_of_slope(f_.law, F_psi); }
+  double velocity_of_slope(double F_psi) const override { return traits::velocity_of_slope(f_.law, F_psi); }
 
   Partials sliding_partials(double psi, double s, double direction) const override {
     if constexpr (F::sticks)
@@ -196,7 +196,7 @@ namespace {
 template <class F>
 std::shared_ptr<const Friction> resolved(const F& f, const FrictionParameters& p) {
   return std::make_shared<const Resolved<F>>(
-      f, p.regularised ? SlopesAhead{0, 1 / p.eps} : says::slopes_ahead(f.law));
+      f, p.regularised ? SlopeBounds{0, 1 / p.eps} : traits::slope_bounds(f.law));
 }
 
 }  // namespace

@@ -12,8 +12,8 @@
 //
 // With viscosity between neighbours the force on a node at rest is eta + N D2 psi (stick.hpp): at a start g
 // has the share N D2 psi of its neighbours, which move, and whose rates depend on this node's psi, continuous
-// still. `pull` below is that share of what the gradient is applied to. It holds for one node at a time, or
-// where nodes start without a jump in psi_t.
+// still. `neighbour_force` below is that share of what the gradient is applied to. It holds for one node at a
+// time, or where nodes start without a jump in psi_t.
 //
 // Source: R. I. Leine and H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, Springer
 // 2004. Nothing here communicates or allocates. Rates have the units of the unknowns over time, as stored
@@ -29,21 +29,21 @@ class JumpMatrix {
     return JumpMatrix(dof, {1, 0, 0}, before, after);
   }
   // `side`: of the threshold, 1 or -1; `threshold_slope`: of the threshold in the stored state (0 without a
-  // state); `pull`: N D2 of the nodes' psi_t before.
+  // state); `neighbour_force`: N D2 of the nodes' psi_t before.
   static JumpMatrix at_start(int dof, double side, double threshold_slope, const double* before,
-                             const double* after, double pull = 0) {
+                             const double* after, double neighbour_force = 0) {
     JumpMatrix jump(dof, {0, side, -threshold_slope}, before, after);
-    jump.event_rate_ += side * pull;
+    jump.event_rate_ += side * neighbour_force;
     return jump;
   }
 
   // grad g . before: how fast the motion goes through the event. Not 0, but where it only touches (grazing).
   double event_rate() const { return event_rate_; }
-  // The deviation of the node, dof numbers, in place; `pull`: N D2 of the nodes' deviations in psi, at a
-  // start.
+  // The deviation of the node, dof numbers, in place; `neighbour_force`: N D2 of the nodes' deviations in
+  // psi, at a start.
   template <class T>
-  void apply(T* y, T pull = 0) const {
-    T event = gradient_.at[1] * pull;
+  void apply(T* y, T neighbour_force = 0) const {
+    T event = gradient_.at[1] * neighbour_force;
     for (int k = 0; k < dof_; ++k) event += gradient_.at[k] * y[k];
     for (int k = 0; k < dof_; ++k) y[k] += jump_.at[k] / event_rate_ * event;
   }

@@ -61,7 +61,7 @@ const F& friction_of(const F& friction, PetscInt) {
 }
 template <class F>
 const F& friction_of(const Varying<F>& friction, PetscInt node) {
-  return (*friction.nodes)[static_cast<std::size_t>(node)];
+  return (*friction.nodes)[node];
 }
 struct Range {
   const double* u;          // unknowns of the first node

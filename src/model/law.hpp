@@ -95,7 +95,7 @@ struct SignFrozen {
 // ---- what a class may say of itself
 // -------------------------------------------------------------------------------
 
-namespace says {
+namespace traits {
 
 template <class, template <class> class, class = void>
 struct Has : std::false_type {};
@@ -111,7 +111,7 @@ using Steep = decltype(&T::newton_psi);
 template <class T>
 using VanDerPol = decltype(T::van_der_pol);
 template <class T>
-using SlopesOf = decltype(&T::slopes_ahead);
+using SlopesOf = decltype(&T::slope_bounds);
 template <class T>
 using VelocityOfSlope = decltype(&T::velocity_of_slope);
 template <class T>
@@ -146,11 +146,11 @@ constexpr bool jumps_at_rest() {
       "a friction law must say whether it jumps at rest: static constexpr bool jumps_at_rest = ...");
   return L::jumps_at_rest;
 }
-// slopes_ahead(): nothing steeper than what is met.
+// slope_bounds(): nothing steeper than what is met.
 template <class L>
-SlopesAhead slopes_ahead(const L& law) {
+SlopeBounds slope_bounds(const L& law) {
   if constexpr (Has<L, SlopesOf>::value)
-    return law.slopes_ahead();
+    return law.slope_bounds();
   else
     return {};
 }
@@ -176,7 +176,7 @@ void check(const T& t) {
   if constexpr (Has<T, Check>::value) t.check();
 }
 
-}  // namespace says
+}  // namespace traits
 
 inline double direction_of(double psi) { return elementary::sign_or_zero(psi); }
 
@@ -258,7 +258,7 @@ template <class L, class State>
 struct OwnState {
   static constexpr bool has_state = true;
   static constexpr bool sticks = false;
-  static constexpr bool steep = says::steep<L>;
+  static constexpr bool steep = traits::steep<L>;
   static_assert(!L::jumps_at_rest, "exact stick is there for laws whose friction is a product");
   L law;
   State state;

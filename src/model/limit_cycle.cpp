@@ -174,8 +174,8 @@ class Outcomes {
 // The cycle of a problem with a state, from slips of several sizes, each followed until it settles; what
 // became of every one of them is the reason of a refusal. Of uniform motion, which goes on in time, a cycle
 // that repels is taken only where no slip settles on another.
-void settle(const Oscillator& o, double r2, const Section& section, double tolerance, double slip,
-            double* y) {
+void run_until_periodic(const Oscillator& o, double r2, const Section& section, double tolerance, double slip,
+                        double* y) {
   // differences of 1e-5 want a map that is better than that
   ReturnMap coarse(o, r2, 1e-8), fine(o, r2, std::min(tolerance, 1e-10));
   const bool unstable = o.sliding_unstable(r2);
@@ -232,7 +232,7 @@ void settle(const Oscillator& o, double r2, const Section& section, double toler
 // The point of the section from which the map returns to itself.
 void find_cycle(const Oscillator& o, double r2, double tolerance, double slip, double* y) {
   const Section section(o);
-  if (o.dim() == 3) return settle(o, r2, section, tolerance, slip, y);
+  if (o.dim() == 3) return run_until_periodic(o, r2, section, tolerance, slip, y);
   ReturnMap coarse(o, r2, std::max(tolerance, 1e-8)), fine(o, r2, tolerance);
   const bool unstable = o.sliding_unstable(r2);
   section.start(slip * section.size(), y);

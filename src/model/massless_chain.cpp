@@ -30,7 +30,7 @@ void MasslessChain::check() const {
   throw UsageError("-model_m 0: " + why + ", which takes no time without mass; take model_m > 0");
 }
 
-void MasslessChain::settle(Vec u) const {
+void MasslessChain::solve_velocities(Vec u) const {
   const Writing a(u);
   lost_at_ = -1;
   for (PetscInt i = 0; i < local_; ++i) {
@@ -60,7 +60,7 @@ void MasslessChain::find_edge(Vec u) const {
   }
 }
 
-std::string MasslessChain::lost_velocity(Vec u) const {
+std::string MasslessChain::velocity_jump(Vec u) const {
   if (lost_at_ < 0) find_edge(u);
   struct {
     double at;
@@ -102,14 +102,14 @@ void MasslessChain::jacobian(Vec u, double alpha, double beta, Mat J) const {
 
 // factor (K1 D2 - K0) in the columns of eta and of the state alike, times the slopes.
 void MasslessChain::add_coupling(double factor, Vec slopes, Mat J) const {
-  std::vector<double> block(std::size_t(dof_ * dof_));
+  std::vector<double> block(dof_ * dof_);
   for (PetscInt i = 0; i < local_; ++i) {
     const PetscInt row = first_ + i;
     Combination terms = second_difference_row(scene_, row);
     for (auto& term : terms) term.second *= scene_.K1();
     terms.emplace_back(row, -scene_.K0());
     for (const auto& [column, value] : terms) {
-      for (int d = 1; d < dof_; ++d) block[std::size_t(dof_ + d)] = factor * value;
+      for (int d = 1; d < dof_; ++d) block[dof_ + d] = factor * value;
       SS_TRY(MatSetValuesBlocked(J, 1, &row, 1, &column, block.data(), ADD_VALUES));
     }
   }
@@ -120,10 +120,10 @@ void MasslessChain::add_coupling(double factor, Vec slopes, Mat J) const {
 
 // alpha I, and beta d(rate of the state) by eta and the state.
 void MasslessChain::add_own(const double* u, const double* slopes, double alpha, double beta, Mat J) const {
-  std::vector<double> block(std::size_t(dof_ * dof_));
+  std::vector<double> block(dof_ * dof_);
   for (PetscInt i = 0; i < local_; ++i) {
     const PetscInt row = first_ + i;
-    for (int d = 0; d < dof_; ++d) block[std::size_t(d * dof_ + d)] = alpha;
+    for (int d = 0; d < dof_; ++d) block[d * dof_ + d] = alpha;
     if (dof_ == 3) {
       const double *at = u + i * dof_, *by = slopes + i * dof_;
       const RatePartials g = law_[i].rate_partials(at[0], at[2]);

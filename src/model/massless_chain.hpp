@@ -19,17 +19,17 @@ class MasslessChain {
                 PetscInt first);
 
   // psi of u from its eta and state, from the psi that stands there; NaN where it is lost. Not collective.
-  void settle(Vec u) const;
-  // Where the last settle() found none, or at the psi in u friction falls all but as fast as B psi rises, in
-  // words; "" where neither is so on any rank. Collective.
-  std::string lost_velocity(Vec u) const;
+  void solve_velocities(Vec u) const;
+  // Where the last solve_velocities() found none, or at the psi in u friction falls all but as fast as B psi
+  // rises, in words; "" where neither is so on any rank. Collective.
+  std::string velocity_jump(Vec u) const;
   // J = alpha I + beta d(rates of eta and state)/du at u, which is settled. Collective.
   void jacobian(Vec u, double alpha, double beta, Mat J) const;
 
  private:
   bool held(PetscInt i) const;  // local numbers
   MasslessNode node(PetscInt i) const {
-    return {law_[i], amplitude_[std::size_t(i)], scene_.B(), scene_.friction.back_slip};
+    return {law_[i], amplitude_[i], scene_.B(), scene_.friction.back_slip};
   }
   void check() const;
   void find_edge(Vec u) const;

@@ -29,7 +29,7 @@ struct Model::Impl {
   int dof, half_width;
   PetscInt first = 0, local = 0;
   std::optional<Frictions> law;
-  SlopesAhead slopes_ahead;
+  SlopeBounds slope_bounds;
   std::vector<double> amplitude;
   mutable Coefficients coefficients{}, no_stencil{};  // v: of the load, at the time said last
   mutable int load_piece = 0;
@@ -85,11 +85,11 @@ struct Model::Impl {
     law.emplace(scene, first, local);
     double slopes[2] = {0, 0};
     for (PetscInt i = 0; i < (law->vary() ? local : 1); ++i) {
-      slopes[0] = std::max(slopes[0], (*law)[i].slopes_ahead.falling);
-      slopes[1] = std::max(slopes[1], (*law)[i].slopes_ahead.rising);
+      slopes[0] = std::max(slopes[0], (*law)[i].slope_bounds.falling);
+      slopes[1] = std::max(slopes[1], (*law)[i].slope_bounds.rising);
     }
     if (law->vary()) SS_TRY(MPI_Allreduce(MPI_IN_PLACE, slopes, 2, MPI_DOUBLE, MPI_MAX, comm));
-    slopes_ahead = {slopes[0], slopes[1]};
+    slope_bounds = {slopes[0], slopes[1]};
   }
 
   // The loops of other scenes with A = 0, in which psi has no rate; without a state friction says no more
@@ -103,7 +103,7 @@ struct Model::Impl {
   Vec settle_copy(Vec u) const {
     if (!settled) SS_TRY(VecDuplicate(u, settled.out()));
     SS_TRY(VecCopy(u, settled));
-    massless->settle(settled);
+    massless->solve_velocities(settled);
     return settled;
   }
 
@@ -182,11 +182,10 @@ struct Model::Impl {
                   PetscInt end) const {
     std::array<double, 4> before{}, behind{};
     for (int j = 0; j < half_width; ++j) {
-      before[static_cast<std::size_t>(j)] = psi_at(u, begin - half_width + j);
-      behind[static_cast<std::size_t>(j)] = psi_at(u, end + j);
+      before[j] = psi_at(u, begin - half_width + j);
+      behind[j] = psi_at(u, end + j);
     }
-    const double* const factors =
-        scene.unit_amplitude() ? nullptr : &amplitude[static_cast<std::size_t>(begin)];
+    const double* const factors = scene.unit_amplitude() ? nullptr : &amplitude[begin];
     loop(c, {u + begin * dof, factors, f + begin * dof, end - begin, before.data(), behind.data(),
              direction ? direction + begin : nullptr, begin});
   }
@@ -252,7 +251,7 @@ struct Model::Impl {
       point.set(friction_at(i, psi, s), (*law)[i].rate_partials(psi, s));
     } else if (has_friction(part)) {
       const Partials p = going == 0 ? Partials{0, 0, 0} : (*law)[i].sliding_partials(psi, s, going);
-      point.set(times(amplitude[static_cast<std::size_t>(i)], p), (*law)[i].sliding_rate(psi, s, going));
+      point.set(times(amplitude[i], p), (*law)[i].sliding_rate(psi, s, going));
     }
     const bool rests = direction && going == 0;
     NodeBlock b = rests ? point.block_at_rest(part) : point.block(part);
@@ -282,7 +281,7 @@ struct Model::Impl {
 
   static Partials times(double a, const Partials& p) { return {a * p.F, a * p.F_psi, a * p.F_state}; }
   Partials friction_at(PetscInt i, double psi, double state) const {
-    return times(amplitude[static_cast<std::size_t>(i)], (*law)[i].partials(psi, state));
+    return times(amplitude[i], (*law)[i].partials(psi, state));
   }
 };
 
@@ -317,11 +316,11 @@ NodeBlock Model::node_block(Part part, PetscInt local_node, const double* u) con
   return impl_->node_block(part, local_node, u);
 }
 void Model::rhs(Part part, Vec u, Vec f) const { impl_->rhs(part, u, f); }
-void Model::settle(Vec u) const {
-  if (impl_->massless) impl_->massless->settle(u);
+void Model::solve_velocities(Vec u) const {
+  if (impl_->massless) impl_->massless->solve_velocities(u);
 }
-std::string Model::lost_velocity(Vec u) const {
-  return impl_->massless ? impl_->massless->lost_velocity(u) : "";
+std::string Model::velocity_jump(Vec u) const {
+  return impl_->massless ? impl_->massless->velocity_jump(u) : "";
 }
 bool Model::viscous() const { return static_cast<bool>(impl_->viscous_force); }
 void Model::viscous_force(Vec u, Vec into) const { impl_->apply(impl_->viscous_force, true, u, into); }
@@ -347,8 +346,7 @@ MatHandle Model::create_jacobian(Part part) const {
   SS_TRY(MatSetBlockSize(J, dof));
   SS_TRY(MatSetType(J, MATBAIJ));
   SS_TRY(MatSetFromOptions(J));
-  std::vector<PetscInt> inside(static_cast<std::size_t>(local), 1),
-      outside(static_cast<std::size_t>(local), 0);
+  std::vector<PetscInt> inside(local, 1), outside(static_cast<std::size_t>(local), 0);
   if (has_stencil(part)) {
     for (PetscInt i = 0; i < local; ++i) {
       PetscInt own = 0, other = 0;
@@ -358,8 +356,8 @@ MatHandle Model::create_jacobian(Part part) const {
         (mine ? own : other)++;
         has_diagonal = has_diagonal || node == first + i;
       }
-      inside[static_cast<std::size_t>(i)] = own + (has_diagonal ? 0 : 1);
-      outside[static_cast<std::size_t>(i)] = other;
+      inside[i] = own + (has_diagonal ? 0 : 1);
+      outside[i] = other;
     }
   }
   SS_TRY(MatXAIJSetPreallocation(J, dof, inside.data(), outside.data(), nullptr, nullptr));
@@ -437,7 +435,7 @@ const Friction& Model::friction_law() const {
   return (*impl_->law)[0];
 }
 const Friction& Model::friction_law(PetscInt local_node) const { return (*impl_->law)[local_node]; }
-SlopesAhead Model::slopes_ahead() const { return impl_->slopes_ahead; }
+SlopeBounds Model::slope_bounds() const { return impl_->slope_bounds; }
 RatePartials Model::state_rate(PetscInt local_node, double psi, double state) const {
   return friction_law(local_node).rate_partials(psi, state);
 }
@@ -449,7 +447,7 @@ double Model::steady_state(PetscInt local_node, double psi) const {
 }
 double Model::steady_state(double psi) const { return friction_law().steady_state(psi); }
 
-bool Model::tame_newton_step(Vec u, double shift, Vec minus_step) const {
+bool Model::safeguard_newton_step(Vec u, double shift, Vec minus_step) const {
   const Impl& m = *impl_;
   if (!(*m.law)[0].steep || m.scene.massless()) return false;
   // the slope of psi's own row without friction, eta = ... - K0 psi/shift put into it, over A a_i
@@ -460,8 +458,7 @@ bool Model::tame_newton_step(Vec u, double shift, Vec minus_step) const {
     if (m.scene.held(m.first + i)) continue;
     const double *at = a + i * m.dof, psi = at[0], state = at[2];
     double* d = step + i * m.dof;
-    d[0] = psi - (*m.law)[i].newton_psi(psi, state, psi - d[0], state - d[2],
-                                        mass / m.amplitude[static_cast<std::size_t>(i)]);
+    d[0] = psi - (*m.law)[i].newton_psi(psi, state, psi - d[0], state - d[2], mass / m.amplitude[i]);
   }
   return true;
 }

@@ -67,12 +67,12 @@ double profile_at(const Scene& scene, double x) {
 }  // namespace
 
 std::vector<double> friction_amplitude(const Scene& scene, PetscInt first, PetscInt count) {
-  std::vector<double> a(static_cast<std::size_t>(count), 1.);
+  std::vector<double> a(count, 1.);
   if (scene.unit_amplitude()) return a;
   const bool block_by_block = scene.form == Form::chain && scene.spread != 0;
   for (PetscInt i = 0; i < count; ++i) {
     const double x = scene.x(first + i);
-    a[static_cast<std::size_t>(i)] =
+    a[i] =
         block_by_block ? draw(scene, first + i) * profile_at(scene, x) : friction_amplitude_at(scene, x);
   }
   return a;

@@ -54,14 +54,14 @@ Combination second_difference_row(const Scene& scene, PetscInt i) {
   const PetscInt half_width = scene.order / 2;
   if (i >= half_width && i < scene.n - half_width) {
     Combination inner;
-    inner.reserve(static_cast<std::size_t>(scene.order + 1));
+    inner.reserve(scene.order + 1);
     for (PetscInt j = -half_width; j <= half_width; ++j)
-      inner.emplace_back(i + j, scale * w[static_cast<std::size_t>(std::abs(j))]);
+      inner.emplace_back(i + j, scale * w[std::abs(j)]);
     return inner;
   }
   std::map<PetscInt, double> row;  // near an end several terms may meet in one node
   for (int j = -scene.order / 2; j <= scene.order / 2; ++j) {
-    const double weight = scale * w[static_cast<std::size_t>(std::abs(j))];
+    const double weight = scale * w[std::abs(j)];
     const PetscInt node = i + j;
     if (node >= 0 && node < scene.n) {
       row[node] += weight;

@@ -13,7 +13,7 @@ std::vector<TurnedTerm> turned_row(const Scene& ring, PetscInt i) {
   std::vector<TurnedTerm> row;
   for (PetscInt j = -ring.order / 2; j <= ring.order / 2; ++j) {
     const PetscInt there = i + j, turns = there >= 0 ? there / ring.n : -((ring.n - 1 - there) / ring.n);
-    row.push_back({there - turns * ring.n, scale * w[std::size_t(std::abs(j))], int(turns)});
+    row.push_back({there - turns * ring.n, scale * w[std::abs(j)], int(turns)});
   }
   return row;
 }

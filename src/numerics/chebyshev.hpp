@@ -18,12 +18,12 @@ constexpr int P = 16;              // points of a piece
 constexpr double settled = 1e-11;  // largest last coefficient of a function that counts as known on its piece
 
 // A piece of a segment of the complex plane; its points are at(x), x in [-1, 1].
-struct Piece {
+struct ContourPiece {
   Complex from, to;
   Complex at(double x) const { return (from + to) / 2. + (to - from) / 2. * x; }
-  Piece half(int side) const {
+  ContourPiece half(int side) const {
     const Complex middle = (from + to) / 2.;
-    return side == 0 ? Piece{from, middle} : Piece{middle, to};
+    return side == 0 ? ContourPiece{from, middle} : ContourPiece{middle, to};
   }
 };
 

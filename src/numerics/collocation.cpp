@@ -11,8 +11,8 @@ namespace {
 // The n zeros of the Jacobi polynomial P^(alpha, 0) and the weights of their quadrature, taken over to [0,
 // 1].
 void jacobi(int n, double alpha, std::vector<double>& points, std::vector<double>& weights) {
-  points.resize(std::size_t(n));
-  weights.resize(std::size_t(n));
+  points.resize(n);
+  weights.resize(n);
   SS_TRY(PetscDTGaussJacobiQuadrature(n, -1, 1, alpha, 0, points.data(), weights.data()));
   for (double& x : points) x = (1 + x) / 2;
   for (double& w : weights) w /= 2;

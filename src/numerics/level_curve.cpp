@@ -30,9 +30,9 @@ double distance_to_segment(PlanePoint p, PlanePoint a, PlanePoint b) {
 }
 
 // Follows the line from a point on it. `side` is the hand on which f is positive: 1 left, -1 right.
-class Follower {
+class CurveTracer {
  public:
-  Follower(const PlaneFunction& f, double step) : f_(f), step_(step) {}
+  CurveTracer(const PlaneFunction& f, double step) : f_(f), step_(step) {}
 
   enum class End { border, closed, stuck };
 
@@ -213,9 +213,9 @@ std::optional<Edge> fall_through_zero(const PlaneFunction& f, const Minimum& fro
 }
 
 // Turns edges into pieces, each piece once.
-class Search {
+class CurveSearch {
  public:
-  Search(const PlaneFunction& f, double width, const LevelCurveSettings& settings)
+  CurveSearch(const PlaneFunction& f, double width, const LevelCurveSettings& settings)
       : f_(f), sure_(settings.sure ? settings.sure : f), checks_(bool(settings.sure)), width_(width),
         follower_(f, std::min(0.5 * width, settings.step)) {}
 
@@ -263,9 +263,9 @@ class Search {
   void small_piece(const Edge& e, PlanePoint start) {
     CurvePiece piece;
     for (double step = width_ / 4; step > 1e-4 * width_ && !piece.closed; step /= 4) {
-      const Follower fine(f_, step);
+      const CurveTracer fine(f_, step);
       if (const auto heading = fine.heading(start, 1, e.heading()))
-        piece.closed = fine.follow(start, *heading, 1, piece.points, 400) == Follower::End::closed;
+        piece.closed = fine.follow(start, *heading, 1, piece.points, 400) == CurveTracer::End::closed;
     }
     if (piece.closed)
       found.pieces.push_back(std::move(piece));
@@ -282,10 +282,10 @@ class Search {
       const double side = way == 0 ? 1 : -1, guess = e.heading() + (way == 0 ? 0 : M_PI);
       if (e.border && !inside(towards(start, guess, 1e-3))) continue;
       const auto heading = follower_.heading(start, side, guess);
-      const Follower::End end =
-          heading ? follower_.follow(start, *heading, side, ways[way]) : Follower::End::stuck;
-      if (end == Follower::End::stuck) piece.stuck.push_back(ways[way].back());
-      piece.closed = end == Follower::End::closed;
+      const CurveTracer::End end =
+          heading ? follower_.follow(start, *heading, side, ways[way]) : CurveTracer::End::stuck;
+      if (end == CurveTracer::End::stuck) piece.stuck.push_back(ways[way].back());
+      piece.closed = end == CurveTracer::End::closed;
       if (piece.closed) {
         piece.points = ways[way];
         piece.stuck.clear();
@@ -303,14 +303,14 @@ class Search {
   PlaneFunction sure_;
   bool checks_;
   double width_;
-  Follower follower_;
+  CurveTracer follower_;
 };
 
 }  // namespace
 
 LevelCurve level_curve(const PlaneFunction& f, const Lattice& lattice, const LevelCurveSettings& settings) {
   const double width = 1. / lattice.cells;
-  Search search(f, width, settings);
+  CurveSearch search(f, width, settings);
   std::vector<Edge> edges = lattice_edges(lattice);
   for (const Minimum& m : lattice_minima(lattice))
     if (const auto edge = fall_through_zero(f, m, width)) edges.push_back(*edge);

@@ -356,7 +356,8 @@ PeriodicEquations::Newton PeriodicEquations::newton(std::vector<double>& x,
     for (size_t i = 0; i < n_; ++i)
       for (size_t j = 0; j < stages; ++j) {
         const size_t at = i * b + (j + 1) * d;
-        field_->restrain(&x[at], gauss().a[j * (stages + 1)] * (mesh_[i + 1] - mesh_[i]) * period, &s.dx[at]);
+        field_->safeguard_step(&x[at], gauss().a[j * (stages + 1)] * (mesh_[i + 1] - mesh_[i]) * period,
+                               &s.dx[at]);
       }
     double size = 0, numbers = 0;
     for (size_t k = 0; k < x.size(); ++k) {

@@ -21,14 +21,14 @@ constexpr std::array<Generator, sobol_dimensions - 1> generators{
 
 Directions make_directions() {
   Directions v{};
-  for (int k = 0; k < bits; ++k) v[0][std::size_t(k)] = std::uint32_t(1) << (bits - 1 - k);
+  for (int k = 0; k < bits; ++k) v[0][k] = std::uint32_t(1) << (bits - 1 - k);
   for (std::size_t d = 1; d < v.size(); ++d) {
     const Generator& g = generators[d - 1];
     for (int k = 0; k < bits; ++k) {
-      const auto at = [&](int i) { return v[d][std::size_t(i)]; };
-      std::uint32_t& here = v[d][std::size_t(k)];
+      const auto at = [&](int i) { return v[d][i]; };
+      std::uint32_t& here = v[d][k];
       if (k < g.degree) {
-        here = g.first[std::size_t(k)] << (bits - 1 - k);
+        here = g.first[k] << (bits - 1 - k);
         continue;
       }
       here = at(k - g.degree) ^ (at(k - g.degree) >> g.degree);
@@ -46,7 +46,7 @@ std::uint32_t sobol(int dimension, std::uint32_t index) {
   const std::uint32_t gray = index ^ (index >> 1);
   std::uint32_t sum = 0;
   for (int k = 0; k < bits; ++k)
-    if (gray >> k & 1) sum ^= directions[std::size_t(dimension)][std::size_t(k)];
+    if (gray >> k & 1) sum ^= directions[dimension][k];
   return sum;
 }
 

@@ -67,9 +67,9 @@ std::vector<std::string> lines_of(std::string text) {
 }
 
 // Where each option was given first; throws where one comes again.
-class Seen {
+class FirstLines {
  public:
-  Seen(std::string file, std::string what) : file_(std::move(file)), what_(std::move(what)) {}
+  FirstLines(std::string file, std::string what) : file_(std::move(file)), what_(std::move(what)) {}
   void add(const std::string& name, std::size_t line) {
     const auto [it, inserted] = lines_.emplace(lower_case(name), line);
     if (!inserted)
@@ -212,7 +212,7 @@ class YamlReader {
 
   void map(const std::string& prefix, int depth) {
     if (depth > deepest) fail("maps are nested too deeply");
-    Seen keys(name_, "key");
+    FirstLines keys(name_, "key");
     for (next(); event_.type != YAML_MAPPING_END_EVENT; next()) {
       const std::string own = key(), name = prefix + own;
       const std::size_t at = line();
@@ -235,7 +235,7 @@ class YamlReader {
 
   std::string name_;
   std::vector<std::string> lines_;
-  Seen options_;
+  FirstLines options_;
   std::vector<Given> given_;
   yaml_parser_t parser_{};
   yaml_event_t event_{};
@@ -254,7 +254,7 @@ std::vector<Given> parse_yaml(const std::string& text, const std::string& name) 
 std::vector<Given> parse_plain(const std::string& text, const std::string& name) {
   const std::vector<std::string> lines = lines_of(checked_text(text, name));
   std::vector<Given> given;
-  Seen options(name, "option");
+  FirstLines options(name, "option");
   for (std::size_t i = 0; i < lines.size(); ++i) {
     const std::string where = name + ":" + std::to_string(i + 1);
     const std::vector<std::string> words = split_words(lines[i], where, '#');

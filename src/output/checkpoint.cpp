@@ -17,7 +17,7 @@
 #include "output/shared_file.hpp"
 #include "base/paths.hpp"
 #include "base/broadcast.hpp"
-#include "base/hand_out.hpp"
+#include "base/scatter.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/json.hpp"
 #include "stickslip/base/root.hpp"
@@ -198,11 +198,11 @@ std::vector<double> Checkpoint::field(const std::string& name, const NodeRange& 
       throw std::runtime_error("its field '" + name + "' does not fit the scene");
   });
   std::vector<double> values(std::size_t(nodes.count) * std::size_t(each));
-  hand_out(PETSC_COMM_WORLD, nodes.first * each, nodes.count * each, values.data(),
-           [&](std::int64_t first, std::int64_t count, double* into) {
-             const std::vector<double> piece = h5::read_rows(dataset, hsize_t(first), hsize_t(count), 1);
-             std::copy(piece.begin(), piece.end(), into);
-           });
+  scatter(PETSC_COMM_WORLD, nodes.first * each, nodes.count * each, values.data(),
+          [&](std::int64_t first, std::int64_t count, double* into) {
+            const std::vector<double> piece = h5::read_rows(dataset, hsize_t(first), hsize_t(count), 1);
+            std::copy(piece.begin(), piece.end(), into);
+          });
   return values;
 }
 

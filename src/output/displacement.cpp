@@ -59,7 +59,7 @@ void Displacement::make_piece(PetscInt margin) {
     const PetscInt at = ((node - begin) % s.n + s.n) % s.n;
     return at < count ? at : -1;
   };
-  for (PetscInt i = 0; i < count; ++i) add_row(nodes[std::size_t(i)], i, place);
+  for (PetscInt i = 0; i < count; ++i) add_row(nodes[i], i, place);
   finish_matrix();
   SS_TRY(MatCreateVecs(matrix_, piece_w_.out(), piece_load_.out()));
   SS_TRY(VecCreateMPI(model_.comm(), model_.local(), s.n, load_.out()));

@@ -31,16 +31,16 @@ constexpr int layout = 3;                  // of what a checkpoint holds of even
 using Fields = std::vector<std::vector<double>>;
 
 // Of all ranks, in order of place; those that go on across a border between two ranks are one.
-std::vector<Stretch> of_all_ranks(const std::vector<Stretch>& own, MPI_Comm comm, int ranks) {
+std::vector<SlipRegion> of_all_ranks(const std::vector<SlipRegion>& own, MPI_Comm comm, int ranks) {
   if (ranks == 1) return own;
-  std::vector<int> counts(static_cast<std::size_t>(ranks)), begins(counts.size(), 0);
+  std::vector<int> counts(ranks), begins(counts.size(), 0);
   const int numbers = 2 * static_cast<int>(own.size());
   MPI_Allgather(&numbers, 1, MPI_INT, counts.data(), 1, MPI_INT, comm);
   for (std::size_t k = 1; k < counts.size(); ++k) begins[k] = begins[k - 1] + counts[k - 1];
-  std::vector<Stretch> all(static_cast<std::size_t>(begins.back() + counts.back()) / 2), joined;
+  std::vector<SlipRegion> all(static_cast<std::size_t>(begins.back() + counts.back()) / 2), joined;
   if (all.empty()) return all;
   MPI_Allgatherv(own.data(), numbers, MPIU_INT, all.data(), counts.data(), begins.data(), MPIU_INT, comm);
-  for (const Stretch& s : all) {
+  for (const SlipRegion& s : all) {
     if (!joined.empty() && joined.back().last + 1 == s.first)
       joined.back().last = s.last;
     else
@@ -132,7 +132,7 @@ struct Events::Impl {
   // Nodes that move at either end of the step; those that begin to join the event beside them, or begin one.
   void find_moving() {
     event_loops::mark_moving({last[0].data(), now[0].data(), velocity, moving.data(), n});
-    std::vector<Stretch> own;
+    std::vector<SlipRegion> own;
     for (std::size_t i = 0; i < n; ++i) {
       if (!moving[i] || owner[i] >= 0) continue;
       slip[i] = 0;
@@ -150,10 +150,10 @@ struct Events::Impl {
     };
     if (regions.next_id() > most_ids) renumber();
     std::set<int> changed;
-    for (const Stretch& s : of_all_ranks(own, nodes.comm, ranks))
+    for (const SlipRegion& s : of_all_ranks(own, nodes.comm, ranks))
       changed.insert(regions.claim(s, t, remember));
     for (const int id : changed)
-      if (regions.live().count(id) > 0) own_nodes_of(id, [&](PetscInt i) { owner[std::size_t(i)] = id; });
+      if (regions.live().count(id) > 0) own_nodes_of(id, [&](PetscInt i) { owner[i] = id; });
   }
   // eta at the beginning of a step; where nodes move with what damping will have given back when they come to
   // rest.
@@ -167,7 +167,7 @@ struct Events::Impl {
   void renumber() {
     regions.renumber();
     for (const auto& numbered : regions.live())
-      own_nodes_of(numbered.first, [&](PetscInt i) { owner[std::size_t(i)] = numbered.first; });
+      own_nodes_of(numbered.first, [&](PetscInt i) { owner[i] = numbered.first; });
   }
   template <class Body>
   void own_nodes_of(int id, const Body& body) const {
@@ -282,7 +282,7 @@ struct Events::Impl {
       const double own = regions.holds(id, j) ? halo.at(j, slip, beside[1]) : 0;
       return halo.at(j, slipped_then, beside[0]) - halo.at(j, before.slipped, before.slipped_beside) - own;
     };
-    double eta = before.eta[std::size_t(i)];
+    double eta = before.eta[i];
     if (scene.held(node) && scene.form == Form::continuum) return eta;  // it follows from psi there
     eta -= scene.K0() * others(node);
     for (const auto& [j, factor] : second_difference_row(scene, node)) eta += scene.K1() * factor * others(j);
@@ -328,7 +328,7 @@ struct Events::Impl {
       e.radiated = sum[4];
       ended.push_back(e);
       ++count;
-      own_nodes_of(over[k], [&](PetscInt i) { owner[std::size_t(i)] = -1; });
+      own_nodes_of(over[k], [&](PetscInt i) { owner[i] = -1; });
       regions.end(over[k]);
     }
   }
@@ -367,7 +367,7 @@ void Events::step(double t, const Fields& fields) {
 }
 
 void Events::step(double t, const double* u, int dof) {
-  impl_->now.resize(std::size_t(dof));
+  impl_->now.resize(dof);
   for (std::vector<double>& field : impl_->now) field.resize(impl_->n);
   Fields& now = impl_->now;
   event_loops::separate({u, now[0].data(), now[1].data(), dof == 3 ? now[2].data() : nullptr, dof, impl_->n});
@@ -505,7 +505,7 @@ void Events::restore(const std::map<std::string, std::vector<double>>& arrays,
     l.before = beginnings.at(static_cast<std::size_t>(x[6]));
     const int id = static_cast<int>(x[0]);
     m.regions.put(id, l);
-    m.own_nodes_of(id, [&](PetscInt i) { m.owner[std::size_t(i)] = id; });
+    m.own_nodes_of(id, [&](PetscInt i) { m.owner[i] = id; });
   }
   m.started = true;
 }

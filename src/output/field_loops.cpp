@@ -104,7 +104,7 @@ struct Survey {
 
 template <int dof>
 struct Waiting {
-  Loaded operator()(const FieldRange& f, const Pull& p) const {
+  Loaded operator()(const FieldRange& f, const PlateLoad& p) const {
     Lanes low(HUGE_VAL), high(-HUGE_VAL), time(HUGE_VAL);
     const double *const u = f.u, side = p.v > 0 ? 1 : -1, K0 = p.K0, v = p.v, slowest = p.least_rate,
                         holds = p.holds;
@@ -147,6 +147,6 @@ Fronts fronts_of(const FieldRange& field, double level, double depth) {
   return apply<Survey, Fronts>(field, Level{level, depth});
 }
 
-Loaded loaded(const FieldRange& field, const Pull& pull) { return apply<Waiting, Loaded>(field, pull); }
+Loaded loaded(const FieldRange& field, const PlateLoad& pull) { return apply<Waiting, Loaded>(field, pull); }
 
 }  // namespace stickslip

@@ -127,7 +127,7 @@ double FieldWatch::step_to_next_rank(const double* u) const {
 int FieldWatch::count_pulses(const Passages& own) const {
   int ranks;
   MPI_Comm_size(model_.comm(), &ranks);
-  std::vector<Passages> all(static_cast<std::size_t>(ranks));
+  std::vector<Passages> all(ranks);
   SS_TRY(MPI_Allgather(&own, 3, MPI_INT, all.data(), 3, MPI_INT, model_.comm()));
   Passages line;
   for (const Passages& part : all) line.append(part);

@@ -67,7 +67,7 @@ double FrameTimes::count_after(double t) const {
 Frames::Frames(const Model& model, const Scene& whole, const Options& options,
                const Displacement* displacement)
     : model_(model), state_(whole.friction.state), most_bytes_(1e9 * options.real("out_limit")),
-      nodes_(static_cast<std::size_t>(whole.n)), displacement_(displacement), work_(model.create_vector()),
+      nodes_(whole.n), displacement_(displacement), work_(model.create_vector()),
       slab_(model, whole.n), times_(options) {
   if (displacement_) chi_ = displacement_->create_vector();
 }

@@ -10,7 +10,7 @@ namespace stickslip {
 
 Gather::Gather(Vec like, PetscInt dof)
     : comm_(PetscObjectComm(reinterpret_cast<PetscObject>(like))),
-      components_(static_cast<std::size_t>(dof)) {
+      components_(dof) {
   const PetscInt* first;  // of each rank, and the length
   SS_TRY(VecGetOwnershipRanges(like, &first));
   int ranks;
@@ -33,7 +33,7 @@ const std::vector<std::vector<double>>& Gather::components(Vec v) {
 std::vector<double> Gather::interleaved(Vec v) {
   const int rank = rank_in(comm_);
   std::vector<double> out(rank == 0 ? size_ : 0);
-  SS_TRY(MPI_Gatherv(Reading(v), count_[std::size_t(rank)], MPI_DOUBLE, out.data(), count_.data(),
+  SS_TRY(MPI_Gatherv(Reading(v), count_[rank], MPI_DOUBLE, out.data(), count_.data(),
                      first_.data(), MPI_DOUBLE, 0, comm_));
   return out;
 }
@@ -43,7 +43,7 @@ void Gather::spread(const std::vector<double>& values, Vec v) {
     if (values.size() != size_) throw std::logic_error("a vector of another length");
   });
   SS_TRY(MPI_Scatterv(values.data(), count_.data(), first_.data(), MPI_DOUBLE, Writing(v),
-                      count_[std::size_t(rank_in(comm_))], MPI_DOUBLE, 0, comm_));
+                      count_[rank_in(comm_)], MPI_DOUBLE, 0, comm_));
 }
 
 }  // namespace stickslip

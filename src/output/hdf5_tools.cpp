@@ -229,7 +229,7 @@ std::vector<double> read_reals(hid_t file, const std::string& name) {
   const hssize_t points = H5Sget_simple_extent_npoints(space);
   if (points < 0 || static_cast<hsize_t>(points) > most_values(file))
     throw Failure("is damaged (dataset '" + name + "' is larger than the file)");
-  std::vector<double> values(static_cast<std::size_t>(points));
+  std::vector<double> values(points);
   if (!values.empty() &&
       H5Dread(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
     fail("read '" + name + "' of", file);

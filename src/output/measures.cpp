@@ -199,7 +199,7 @@ void Amplitude::take(std::size_t node, const double* samples) {
 std::vector<double> Amplitude::values() const {
   if (low_.empty()) return {};
   const Scene& scene = model_.scene();
-  std::vector<double> half(static_cast<std::size_t>(scene.n), 0.);
+  std::vector<double> half(scene.n, 0.);
   for (std::size_t i = 0; i < low_.size(); ++i)
     half[std::size_t(model_.first()) + i] = (high_[i] - low_[i]) / 2;
   sum_over(model_.comm(), half.data(), int(half.size()));
@@ -208,7 +208,7 @@ std::vector<double> Amplitude::values() const {
 
 double Amplitude::largest_about(PetscInt node, const std::vector<double>& half_ranges) const {
   const Scene& scene = model_.scene();
-  const double at_node = half_ranges[std::size_t(node)];
+  const double at_node = half_ranges[node];
   const PetscInt reach = scene.order / 2, n = scene.n;
   if (scene.form == Form::chain || n < 2 * reach + 1) return at_node;
   std::vector<double> places, values;
@@ -221,7 +221,7 @@ double Amplitude::largest_about(PetscInt node, const std::vector<double>& half_r
     else
       at = at < 0 ? -at : at >= n ? 2 * (n - 1) - at : at;
     places.push_back(double(k));
-    values.push_back(half_ranges[std::size_t(at)]);
+    values.push_back(half_ranges[at]);
   }
   return std::max(at_node, largest_of(Lagrange(places), values.data(), -1, 1));
 }

@@ -20,7 +20,7 @@ class NodeHalo {
   // The value of a node: of `own`, or of what was fetched.
   double at(PetscInt node, const std::vector<double>& own, const std::vector<double>& fetched) const {
     const PetscInt i = node - first_;
-    return i >= 0 && i < count_ ? own[static_cast<std::size_t>(i)] : fetched[place_of(node)];
+    return i >= 0 && i < count_ ? own[i] : fetched[place_of(node)];
   }
 
  private:

@@ -170,7 +170,7 @@ Frame read_frame(const std::string& what, const std::string& path, std::int64_t 
     if (frame.index < 0 || frame.index >= frame.count)
       throw Failure("has " + std::to_string(frame.count) + " frames (0 to " +
                     std::to_string(frame.count - 1) + "), not frame " + std::to_string(index));
-    frame.t = t[static_cast<std::size_t>(frame.index)];
+    frame.t = t[frame.index];
     frame.options = header.options;
     Room room(file);
     for (const std::string& name : h5::members(file, "/")) {

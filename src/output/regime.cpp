@@ -10,7 +10,7 @@
 #include "base/log_event.hpp"
 #include "output/field_loops.hpp"
 #include "output/field_watch.hpp"
-#include "output/judge.hpp"
+#include "output/regime_classifier.hpp"
 #include "output/traces.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
@@ -141,7 +141,7 @@ struct Regime::Impl {
       largest[0] = std::max(largest[0], std::abs(psi - steady(model.first() + i)));
       largest[1] = std::max(largest[1], std::abs(psi));
       if (differs) force = holding_force(model, i, aged() ? at[2] : 0);
-      const double holds = model.amplitude()[std::size_t(i)] * force;
+      const double holds = model.amplitude()[i] * force;
       largest[2] = std::max(largest[2], std::abs(holds));
       if (pull > 0) {
         const double side = s.v > 0 ? 1 : -1, rate = std::max(s.K0() * side * (s.v - psi), 0.1 * pull);
@@ -150,9 +150,9 @@ struct Regime::Impl {
     }
   }
 
-  Surroundings surroundings(Vec u, double t) const {
+  SceneContext surroundings(Vec u, double t) const {
     const Scene& s = model.scene();
-    Surroundings a;
+    SceneContext a;
     a.v = std::abs(s.v);  // along the plate's way, as the record is
     a.growth = certain_growth(t);
     a.stable = growth < 0;
@@ -214,7 +214,7 @@ const Measured& Regime::result(Vec u) {
   if (impl_->measured) return *impl_->measured;
   const LogEvent::Scope logged(measuring());
   const MotionRecord record = impl_->traces.record();
-  const Surroundings around = impl_->surroundings(u, record.t);
+  const SceneContext around = impl_->surroundings(u, record.t);
   const Judgement j = judge(record, around);
   const FieldWatch::Result field = impl_->field.result();
   Measured m;

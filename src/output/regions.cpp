@@ -37,7 +37,7 @@ void Regions::join(int kept, int taken) {
 
 // As if the nodes were asked one after the other: the first joins what stands on its left, the last also what
 // stands on its right.
-int Regions::claim(const Stretch& s, double t, const Remember& before) {
+int Regions::claim(const SlipRegion& s, double t, const Remember& before) {
   const int left = beside(by_right_, s.first - 1), right_one = beside(by_left_, s.last + 1);
   const int own = s.first == s.last ? std::max(left, right_one) : left;
   const int first_id = own >= 0 ? own : begin(s.first, t, before), kept = std::max(first_id, right_one);

@@ -13,7 +13,7 @@
 namespace stickslip {
 
 // Nodes first .. last, which do not pass the end of the line or the seam of the ring.
-struct Stretch {
+struct SlipRegion {
   PetscInt first, last;
 };
 
@@ -40,7 +40,7 @@ class Regions {
   // the event that they are part of; events are numbered as they begin, and of two that become one the later
   // number stays. asked where an event begins, on every rank
   using Remember = std::function<std::shared_ptr<const Before>()>;
-  int claim(const Stretch& stretch, double t, const Remember& before);
+  int claim(const SlipRegion& stretch, double t, const Remember& before);
   bool holds(int id, PetscInt node) const;
   // Calls body(i) for the nodes first + i of the region in order of i, 0 <= i < count.
   template <class Body>

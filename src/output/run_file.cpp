@@ -93,7 +93,7 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& wh
     tables[probes].x = {
         {"x", "length", "position of the probe"},
         layout.probe_x.size(),
-        [places = layout.probe_x](std::int64_t k) { return places[static_cast<std::size_t>(k)]; }};
+        [places = layout.probe_x](std::int64_t k) { return places[k]; }};
   }
   if (!layout.series.empty()) series = add("series", time, layout.series, false);
   if (!layout.events.empty())

@@ -22,12 +22,12 @@ constexpr std::size_t largest_piece = 1 << 17;  // doubles: a megabyte
 constexpr int piece_tag = 71, values_tag = 72;
 
 // What tells a file from others of its name on other machines.
-struct Seen {
+struct FileIdentity {
   std::uint64_t device = 0, number = 0, size = 0;
   std::int64_t seconds = 0, nanoseconds = 0;
 };
 
-Seen seen(int descriptor) {
+FileIdentity identity_of(int descriptor) {
   struct stat at {};
   if (fstat(descriptor, &at) != 0) return {};
   return {at.st_dev, at.st_ino, std::uint64_t(at.st_size), at.st_mtim.tv_sec, at.st_mtim.tv_nsec};
@@ -44,7 +44,7 @@ bool keeps_machines_in_step(int descriptor) {
   return true;
 }
 
-struct Piece {
+struct Block {
   std::int64_t at = 0, count = -1;  // -1: no more
 };
 
@@ -71,8 +71,8 @@ void SharedFile::open(std::string path) {
     // rank 0 says so when it writes; another one feeds it
   }
   if (ranks_ == 1) return;
-  const Seen own = descriptor_ ? seen(*descriptor_) : Seen{};
-  Seen its = own;
+  const FileIdentity own = descriptor_ ? identity_of(*descriptor_) : FileIdentity{};
+  FileIdentity its = own;
   broadcast(its, comm_);
   const bool unchanged =
       own.size == its.size && own.seconds == its.seconds && own.nanoseconds == its.nanoseconds;
@@ -82,7 +82,7 @@ void SharedFile::open(std::string path) {
        (beside_root_ ? own.device == its.device : unchanged && keeps_machines_in_step(*descriptor_)));
   if (!direct) descriptor_.reset();
   const int feeds = direct ? 0 : 1;
-  std::vector<int> all(static_cast<std::size_t>(ranks_));
+  std::vector<int> all(ranks_);
   // nobody writes before all have looked
   SS_TRY(MPI_Allgather(&feeds, 1, MPI_INT, all.data(), 1, MPI_INT, comm_));
   fed_.clear();
@@ -107,18 +107,18 @@ void SharedFile::write(const std::function<void(const Put&)>& body) {
   }
   std::vector<double> piece;
   for (const int rank : fed_) drain(rank, piece, trouble);
-  share(std::move(trouble));
+  agree_on(std::move(trouble));
 }
 
 void SharedFile::sync() {
   if (ranks_ == 1) return;
   std::string trouble;
   if (descriptor_ && !beside_root_ && fsync(*descriptor_) != 0) trouble = std::strerror(errno);
-  share(std::move(trouble));
+  agree_on(std::move(trouble));
 }
 
 // What one rank met, all throw.
-void SharedFile::share(std::string trouble) const {
+void SharedFile::agree_on(std::string trouble) const {
   if (ranks_ == 1) {
     if (!trouble.empty()) throw Failure(trouble);
     return;
@@ -128,13 +128,13 @@ void SharedFile::share(std::string trouble) const {
   if (first == ranks_) return;
   int size = int(trouble.size());
   SS_TRY(MPI_Bcast(&size, 1, MPI_INT, first, comm_));
-  trouble.resize(std::size_t(size));
+  trouble.resize(size);
   SS_TRY(MPI_Bcast(&trouble[0], size, MPI_CHAR, first, comm_));
   throw Failure(trouble);
 }
 
 void SharedFile::feed(const std::function<void(const Put&)>& body) const {
-  const auto send = [this](const Piece& piece) {
+  const auto send = [this](const Block& piece) {
     SS_TRY(MPI_Send(&piece, int(sizeof piece), MPI_BYTE, 0, piece_tag, comm_));
   };
   try {
@@ -155,7 +155,7 @@ void SharedFile::feed(const std::function<void(const Put&)>& body) const {
 // What a rank feeds; after a trouble it is taken all the same, since the rank goes on sending.
 void SharedFile::drain(int rank, std::vector<double>& piece, std::string& trouble) const {
   for (;;) {
-    Piece next;
+    Block next;
     SS_TRY(MPI_Recv(&next, int(sizeof next), MPI_BYTE, rank, piece_tag, comm_, MPI_STATUS_IGNORE));
     if (next.count < 0) return;
     piece.resize(std::max(piece.size(), std::size_t(next.count)));

@@ -40,7 +40,7 @@ class SharedFile {
   void sync();
 
  private:
-  void share(std::string trouble) const;
+  void agree_on(std::string trouble) const;
   void feed(const std::function<void(const Put&)>& body) const;
   void drain(int rank, std::vector<double>& piece, std::string& trouble) const;
   void put(std::int64_t at, const double* values, std::size_t count) const;

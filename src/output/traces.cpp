@@ -41,7 +41,7 @@ double Traces::slope(const Place& place, const Sample& at) const {
   if (model_.held(model_.first() + place.node) || at.psi == 0) return 0;  // at rest, or passing through it
   if (s.massless()) return 0;  // psi_t is not known from the node alone: no extreme is sought within the step
   const double force =
-      model_.amplitude()[std::size_t(place.node)] * model_.friction_law(place.node).force(at.psi, at.state);
+      model_.amplitude()[place.node] * model_.friction_law(place.node).force(at.psi, at.state);
   return at.slope = s.A() * (at.eta - s.B() * at.psi - force);
 }
 

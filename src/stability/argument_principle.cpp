@@ -20,7 +20,7 @@ bool right_of(Complex a, Complex b) { return a.real() > b.real(); }
 
 // A polynomial by its values, and the turn of its phase from end to end.
 struct Polynomial {
-  Piece piece;
+  ContourPiece piece;
   Values f;
   struct Point {
     double x;
@@ -100,7 +100,7 @@ class Tree {
   Tree(const LinearisedOperator& s, PhaseTurn& result, std::size_t zeros)
       : s_(s), result_(result), zeros_(zeros), rows_(s) {}
 
-  void follow(const Piece& piece, int depth = 0) {
+  void follow(const ContourPiece& piece, int depth = 0) {
     if (depth > 40) throw Unsettled();
     Level level;
     if (build(rows_, piece, level)) return descend(piece, std::move(level), depth);
@@ -117,7 +117,7 @@ class Tree {
 
   // Joins neighbours on ever shorter pieces until one map is left. Where the joined maps are settled on the
   // whole piece, it is not halved.
-  void descend(const Piece& piece, Level level, int depth) {
+  void descend(const ContourPiece& piece, Level level, int depth) {
     if (depth > 60) throw Unsettled();
     if (level.map.size() == 1) return finish(piece, level, depth);
     const bool settled_ends = level.ended ||
@@ -197,7 +197,7 @@ class Tree {
   }
 
   // The turn of its phase, on halves of the piece where it is not settled.
-  void finish(const Piece& piece, Level& level, int depth, int halvings = 0) {
+  void finish(const ContourPiece& piece, Level& level, int depth, int halvings = 0) {
     const bool settled_ends = level.ended || close_ends(rows_, piece, level);
     const Values f = determinant(level);
     const double size = largest(f);
@@ -242,7 +242,7 @@ void gather(MPI_Comm comm, PhaseTurn& result, std::size_t zeros) {
   int ranks = 1;
   MPI_Comm_size(comm, &ranks);
   const int mine = int(2 * result.zeros.size());
-  std::vector<int> counts(static_cast<std::size_t>(ranks)), starts(static_cast<std::size_t>(ranks), 0);
+  std::vector<int> counts(ranks), starts(static_cast<std::size_t>(ranks), 0);
   SS_TRY(MPI_Allgather(&mine, 1, MPI_INT, counts.data(), 1, MPI_INT, comm));
   for (std::size_t k = 1; k < starts.size(); ++k) starts[k] = starts[k - 1] + counts[k - 1];
   std::vector<Complex> all(std::size_t(starts.back() + counts.back()) / 2);
@@ -267,8 +267,8 @@ std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const LinearisedOperator& s
   const int parts = ranks == 1 ? 1 : 4 * ranks;
   try {
     for (int k = rank; k < parts; k += ranks) {
-      const Piece piece{from + (to - from) * (double(k) / parts),
-                        from + (to - from) * (double(k + 1) / parts)};
+      const ContourPiece piece{from + (to - from) * (double(k) / parts),
+                               from + (to - from) * (double(k + 1) / parts)};
       Tree(s, result, zeros).follow(piece);
     }
   } catch (const Unsettled&) {

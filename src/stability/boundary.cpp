@@ -159,7 +159,7 @@ Lattice sampled_lattice(GrowthRate& growth, int cells, int block) {
       for (int j = block_j; j <= std::min(cells, block_j + block - 1); ++j)
         for (int k = 0; k <= std::min(cells - block_i, block - 1); ++k) {
           const int i = (j - block_j) % 2 == 0 ? block_i + k : std::min(cells, block_i + block - 1) - k;
-          lattice.values[std::size_t(j * (cells + 1) + i)] = growth(double(i) / cells, double(j) / cells);
+          lattice.values[j * (cells + 1) + i] = growth(double(i) / cells, double(j) / cells);
         }
     }
   growth.only_sign(false);

@@ -29,7 +29,7 @@ Coupling::Coupling(const Scene& s) : folded_(s.ring()) {
     const PetscInt g = node[i];
     if (g >= s.order && g < s.n - s.order) {
       for (PetscInt j = -half; j <= half; ++j)
-        terms_.push_back({std::size_t(g + j - before), -scale * w[std::size_t(std::abs(j))]});
+        terms_.push_back({std::size_t(g + j - before), -scale * w[std::abs(j)]});
     } else {
       for (const auto& [column, value] : second_difference_row(s, g)) {
         if (is_held(column))

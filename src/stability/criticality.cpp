@@ -159,9 +159,9 @@ class WaveLine : public Line {
     for (int m = 0; m < n; ++m) {
       const int harmonic = 2 * m > n ? m - n : m;
       NodeVector part;
-      for (int i = 0; i < n; ++i) add(part, std::polar(1. / n, -2 * M_PI * m * i / n), b[std::size_t(i)]);
+      for (int i = 0; i < n; ++i) add(part, std::polar(1. / n, -2 * M_PI * m * i / n), b[i]);
       const NodeVector found = WaveBlock(J_.point(0), symbol(harmonic * k_), lambda).solve(part);
-      for (int i = 0; i < n; ++i) add(y[std::size_t(i)], std::polar(1., 2 * M_PI * m * i / n), found);
+      for (int i = 0; i < n; ++i) add(y[i], std::polar(1., 2 * M_PI * m * i / n), found);
     }
     return y;
   }

@@ -26,7 +26,7 @@ std::vector<Complex> first_shifts(const LinearisedOperator& s, double height, Pe
   const std::vector<LinearisedOperator::Wave> exact = s.exact_waves();
   for (int j = 0; j <= samples; ++j) {
     double k = M_PI / h * std::pow(double(j) / samples, 2);
-    if (!exact.empty()) k = exact[std::size_t(double(exact.size() - 1) * std::pow(double(j) / samples, 2))].k;
+    if (!exact.empty()) k = exact[double(exact.size() - 1) * std::pow(double(j) / samples, 2)].k;
     Complex best(-std::numeric_limits<double>::infinity(), 0);
     for (const Complex& z : dispersion(medium, s.symbol(k)))
       if (z.imag() >= 0 && z.real() > best.real()) best = z;

@@ -30,7 +30,7 @@ LinearisedOperator::LinearisedOperator(const SteadySliding& s)
     : scene(s.scene), A(scene.A()), K0(scene.K0()), K1(scene.K1()), N(scene.N()), coupling(scene),
       medium_(scene), mean_(scene) {
   slopes_.reserve(coupling.size());
-  for (const PetscInt i : coupling.node) slopes_.push_back(s.slopes[std::size_t(i)]);
+  for (const PetscInt i : coupling.node) slopes_.push_back(s.slopes[i]);
   uniform = std::all_of(slopes_.begin(), slopes_.end(),
                         [&](const FrictionSlopes& f) { return f == slopes_.front(); });
   for (std::size_t i = 0; i < size() && scene.massless(); ++i)

@@ -245,7 +245,7 @@ void interpolate(const LinearisedOperator& from, const LinearisedOperator& to,
     const double at = double(to.coupling.node[i]) * (to.scene.h() / grid.h());
     for (const auto& [node, weight] : grid_interpolation(grid.n, end(grid.left), end(grid.right), 4, at))
       for (std::size_t k = 0; k < shapes.size() && node >= first && node <= last; ++k)
-        results[k][i] += weight * (*shapes[k])[std::size_t(node - first)];
+        results[k][i] += weight * (*shapes[k])[node - first];
   }
   for (std::size_t k = 0; k < shapes.size(); ++k) *shapes[k] = std::move(results[k]);
 }

@@ -11,13 +11,14 @@
 
 namespace stickslip {
 
-Search::Search(MPI_Comm comm, const LinearisedOperator& s, const SpectrumSettings& settings, double height)
+ModeSearch::ModeSearch(MPI_Comm comm, const LinearisedOperator& s, const SpectrumSettings& settings,
+                       double height)
     : comm_(comm), s_(s), settings_(settings), height_(height), exact_(s),
       many_(s.size() > settings.long_from), tolerance_(s), wanted_(std::size_t(settings.count) / 2 + 2) {
   resolved_sought_ = settings.refine || !many_ || settings.quick || s.scene.form == Form::chain;
 }
 
-const Mode* Search::rightmost() const {
+const Mode* ModeSearch::rightmost() const {
   const Mode* best = nullptr;
   for (const Mode& m : modes_)
     if (leads(m) && (!best || m.value.real() > best->value.real())) best = &m;
@@ -28,7 +29,7 @@ const Mode* Search::rightmost() const {
 // ------------------------------------------------------------------------------------------------------
 
 // The modes of every task, on every rank.
-std::vector<std::vector<Mode>> Search::share(std::size_t tasks, const Task& task) const {
+std::vector<std::vector<Mode>> ModeSearch::distribute(std::size_t tasks, const Task& task) const {
   int ranks = 1, rank = 0;
   MPI_Comm_size(comm_, &ranks);
   MPI_Comm_rank(comm_, &rank);
@@ -40,14 +41,14 @@ std::vector<std::vector<Mode>> Search::share(std::size_t tasks, const Task& task
     const int owner = int(k) % ranks;
     long size = long(found[k].size());
     MPI_Bcast(&size, 1, MPI_LONG, owner, comm_);
-    found[k].resize(std::size_t(size));
+    found[k].resize(size);
     for (Mode& m : found[k]) {
       double numbers[5] = {m.value.real(), m.value.imag(), m.residual, m.wavenumber, double(m.psi.size())};
       MPI_Bcast(numbers, 5, MPI_DOUBLE, owner, comm_);
       m.value = {numbers[0], numbers[1]};
       m.residual = numbers[2];
       m.wavenumber = numbers[3];
-      m.psi.resize(std::size_t(numbers[4]));
+      m.psi.resize(numbers[4]);
       MPI_Bcast(m.psi.data(), int(2 * m.psi.size()), MPI_DOUBLE, owner, comm_);
     }
   }
@@ -55,7 +56,7 @@ std::vector<std::vector<Mode>> Search::share(std::size_t tasks, const Task& task
 }
 
 // The rightmost guesses within reach stay, and some beyond it.
-void Search::select(std::vector<Mode>& guesses) const {
+void ModeSearch::select(std::vector<Mode>& guesses) const {
   std::size_t inside = 0, outside = 0;
   sort_modes(guesses, 1e-9 * (1 + height_));
   guesses.erase(std::remove_if(guesses.begin(), guesses.end(),
@@ -67,11 +68,11 @@ void Search::select(std::vector<Mode>& guesses) const {
 }
 
 // Polishes guesses, the same on every rank.
-void Search::take(std::vector<Mode> guesses) {
+void ModeSearch::take(std::vector<Mode> guesses) {
   std::vector<Mode> apart;
   merge(apart, std::move(guesses));
   select(apart);
-  auto polished = share(apart.size(), [&](std::size_t k) {
+  auto polished = distribute(apart.size(), [&](std::size_t k) {
     std::vector<Mode> one;
     if (polish(s_, apart[k])) one.push_back(std::move(apart[k]));
     return one;
@@ -80,8 +81,8 @@ void Search::take(std::vector<Mode> guesses) {
   add_mirror_images(s_, modes_);
 }
 
-void Search::try_shifts(const std::vector<Complex>& shifts, PetscInt count) {
-  auto found = share(shifts.size(), [&](std::size_t k) {
+void ModeSearch::try_shifts(const std::vector<Complex>& shifts, PetscInt count) {
+  auto found = distribute(shifts.size(), [&](std::size_t k) {
     std::vector<Mode> modes = krylov_modes(s_, shifts[k], count);
     select(modes);
     return modes;
@@ -92,19 +93,19 @@ void Search::try_shifts(const std::vector<Complex>& shifts, PetscInt count) {
 }
 
 // Modes near places where the count has seen them.
-void Search::try_places(const std::vector<Complex>& places) {
+void ModeSearch::try_places(const std::vector<Complex>& places) {
   auto found =
-      share(places.size(), [&](std::size_t k) { return std::vector<Mode>{mode_near(s_, places[k])}; });
+      distribute(places.size(), [&](std::size_t k) { return std::vector<Mode>{mode_near(s_, places[k])}; });
   std::vector<Mode> all;
   for (std::vector<Mode>& modes : found) all.push_back(std::move(modes[0]));
   take(std::move(all));
 }
 
 // What segments of the line would do alone: the rightmost of all their modes are nearly modes of the whole.
-void Search::try_segments(bool quick, bool inside) {
+void ModeSearch::try_segments(bool quick, bool inside) {
   const std::vector<Segment> segments = promising_segments(s_, quick);
-  auto found =
-      share(segments.size(), [&](std::size_t k) { return segment_modes(s_, segments[k], height_, inside); });
+  auto found = distribute(segments.size(),
+                          [&](std::size_t k) { return segment_modes(s_, segments[k], height_, inside); });
   struct Trapped {
     const Mode* mode;
     std::size_t first;
@@ -128,7 +129,7 @@ void Search::try_segments(bool quick, bool inside) {
 }
 
 // Guesses from a grid of four times the spacing.
-void Search::try_coarse_grid() {
+void ModeSearch::try_coarse_grid() {
   SpectrumSettings settings = settings_;
   settings.compare = settings.whole_list = false;
   settings.method = SpectrumMethod::krylov;
@@ -145,7 +146,7 @@ void Search::try_coarse_grid() {
 
 // Where all modes of a long grid count and the search has not closed: those that the grid resolves, whose own
 // search is not led astray by crowds at the grid scale. Once; false where that is nothing new.
-bool Search::try_resolved() {
+bool ModeSearch::try_resolved() {
   if (std::exchange(resolved_sought_, true)) return false;
   SpectrumSettings settings = settings_;
   settings.refine = true;
@@ -154,7 +155,7 @@ bool Search::try_resolved() {
   return true;
 }
 
-void Search::first_guesses() {
+void ModeSearch::first_guesses() {
   const PetscInt unknowns = PetscInt(s_.size() * s_.dof());
   if (s_.neutral()) {
     Mode m;
@@ -188,7 +189,7 @@ void Search::first_guesses() {
 }
 
 // Looks where the count points, and ever more densely along the line.
-void Search::scan(std::vector<Complex> places, double line, int round) {
+void ModeSearch::scan(std::vector<Complex> places, double line, int round) {
   const double spacing = height_ / double(s_.size()), free = s_.real_bound() - line;
   const double near = std::max(1e-3 * (1 + std::abs(line)), 0.5 * spacing);
   const double aside = near + std::max(0., free) * 0.25 * (round % 4);
@@ -202,8 +203,8 @@ void Search::scan(std::vector<Complex> places, double line, int round) {
     const int dense = int(std::min<long>(4L << doublings, 4 + long(s_.size() / 4)));
     const std::vector<double> knots = mean_frequencies(s_);
     for (int k = 0; k < dense; ++k) {
-      const double w = knots.empty() ? height_ * k / dense
-                                     : knots[std::size_t(double(knots.size() - 1) * (k + 0.5) / dense)];
+      const double w =
+          knots.empty() ? height_ * k / dense : knots[double(knots.size() - 1) * (k + 0.5) / dense];
       if (w <= height_) shifts.emplace_back(line + aside, w);
     }
     for (int k = 0; k < dense; ++k)  // real modes may stand far to the right
@@ -215,7 +216,7 @@ void Search::scan(std::vector<Complex> places, double line, int round) {
 // ---- counting
 // -----------------------------------------------------------------------------------------------------
 
-std::optional<Search::Count> Search::count(double line, std::vector<Complex>* where) const {
+std::optional<ModeSearch::Count> ModeSearch::count(double line, std::vector<Complex>* where) const {
   const std::optional<long> all = exact_.apply()
                                       ? exact_.count(line, height_)
                                       : count_right(comm_, s_, line, height_, settings_.effort, where);
@@ -226,21 +227,21 @@ std::optional<Search::Count> Search::count(double line, std::vector<Complex>* wh
   return Count{*all, known};
 }
 
-std::optional<Search::Count> Search::count(const Line& line, std::vector<Complex>* where) const {
+std::optional<ModeSearch::Count> ModeSearch::count(const Line& line, std::vector<Complex>* where) const {
   std::optional<Count> found;
   for (const double part : {0., 0.5, -0.5, 1., -1.})  // an eigenvalue not known may stand on the line
     if (!found) found = count(line.at + part * line.slack, where);
   return found;
 }
 
-std::string Search::counted_text(const Count& c, double line) const {
+std::string ModeSearch::counted_text(const Count& c, double line) const {
   return (exact_.apply() ? "exact dispersion relation: " : "argument principle: ") + std::to_string(c.all) +
          " eigenvalues with real part above " + rounded_text(line, 6) + " and |Im| below " +
          rounded_text(height_, 6) + ", " + std::to_string(c.known) + " expected";
 }
 
 // Zeros that are no mode known, and would be among the wanted ones.
-std::vector<Complex> Search::unknown(std::vector<Complex> zeros) const {
+std::vector<Complex> ModeSearch::unknown(std::vector<Complex> zeros) const {
   std::vector<double> growth;
   for (const Mode& m : modes_)
     if (leads(m)) growth.push_back(m.value.real());
@@ -264,11 +265,11 @@ std::vector<Complex> Search::unknown(std::vector<Complex> zeros) const {
 
 // Modes listed: as many as make `count` eigenvalues. modes_ is sorted, and what is out of reach is not
 // listed.
-std::size_t Search::listed() const { return shown_modes(s_, modes_, height_, settings_.count); }
+std::size_t ModeSearch::listed() const { return shown_modes(s_, modes_, height_, settings_.count); }
 
 // A line right of which the first so many modes stand and no other known one: in the gap before the next, or,
 // where that has the same real part, just right of all that are equal.
-Search::Line Search::list_line(std::size_t listed) const {
+ModeSearch::Line ModeSearch::list_line(std::size_t listed) const {
   std::vector<double> re;
   double tolerance_of_all = 0;
   for (const Mode& m : modes_)
@@ -291,7 +292,7 @@ Search::Line Search::list_line(std::size_t listed) const {
 
 // The list has a hole: it is narrowed down to a gap between known real parts, and then in frequency. Whether
 // anything new was found.
-bool Search::look_between(std::size_t members) {
+bool ModeSearch::look_between(std::size_t members) {
   std::size_t good = 0, bad = members;
   while (bad - good > 1) {
     const std::size_t middle = (good + bad) / 2;
@@ -324,7 +325,7 @@ bool Search::look_between(std::size_t members) {
   return modes_.size() > before;
 }
 
-bool Search::close_list(Spectrum& result) {
+bool ModeSearch::close_list(Spectrum& result) {
   for (int round = 0; round < (many_ ? 5 : 20); ++round) {
     sort_modes(modes_, tolerance_(*rightmost()));
     const std::size_t members = listed();
@@ -346,7 +347,7 @@ bool Search::close_list(Spectrum& result) {
 // ---- the rightmost is certain
 // -------------------------------------------------------------------------------------
 
-void Search::close_rightmost(Spectrum& result) {
+void ModeSearch::close_rightmost(Spectrum& result) {
   for (int round = 0;; ++round) {
     const Mode& best = *rightmost();
     const double growth = best.value.real(), line = growth + tolerance_(best);
@@ -404,7 +405,7 @@ void Search::close_rightmost(Spectrum& result) {
   }
 }
 
-std::vector<Mode> Search::run(Spectrum& result) {
+std::vector<Mode> ModeSearch::run(Spectrum& result) {
   first_guesses();
   // Heavily damped media with a state have a crowd of real modes beside -r, in which no Krylov space settles.
   const PetscInt unknowns = PetscInt(s_.size() * s_.dof());

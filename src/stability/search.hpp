@@ -18,9 +18,9 @@
 
 namespace stickslip {
 
-class Search {
+class ModeSearch {
  public:
-  Search(MPI_Comm comm, const LinearisedOperator& s, const SpectrumSettings& settings, double height);
+  ModeSearch(MPI_Comm comm, const LinearisedOperator& s, const SpectrumSettings& settings, double height);
   // The modes found, rightmost first, and in `result` what is known of them: complete, list_complete,
   // missing, completeness_check. Collective; the same on every rank. Throws Failure where nothing is found.
   std::vector<Mode> run(Spectrum& result);
@@ -40,7 +40,7 @@ class Search {
   bool leads(const Mode& m) const { return in_reach(m) && !is_neutral(s_, m); }
   const Mode* rightmost() const;
 
-  std::vector<std::vector<Mode>> share(std::size_t tasks, const Task& task) const;
+  std::vector<std::vector<Mode>> distribute(std::size_t tasks, const Task& task) const;
   void select(std::vector<Mode>& guesses) const;
   void take(std::vector<Mode> guesses);
   void try_shifts(const std::vector<Complex>& shifts, PetscInt count);

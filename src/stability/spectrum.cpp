@@ -155,7 +155,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const LinearisedOperator& s, const Spec
     result.completeness_check = "every eigenvalue of the matrix was computed (LAPACK)";
   } else {
     result.method = "krylov";
-    Search search(comm, s, settings, height);
+    ModeSearch search(comm, s, settings, height);
     modes = search.run(result);
     error = search.margin();
   }

@@ -17,7 +17,7 @@ namespace {
 // residual of that equation is returned.
 double put_layers(const Scene& s, std::vector<double>& psi) {
   for (const PetscInt i : {PetscInt(0), s.n - 1})
-    if (s.held(i)) psi[std::size_t(i)] = i == 0 ? s.left_value : s.right_value;
+    if (s.held(i)) psi[i] = i == 0 ? s.left_value : s.right_value;
   if (s.K1() == 0 || std::all_of(psi.begin(), psi.end(), [&](double x) { return x == s.v; })) return 0;
   const Coupling coupling(s);
   const std::size_t n = coupling.size();
@@ -27,7 +27,7 @@ double put_layers(const Scene& s, std::vector<double>& psi) {
     const PetscInt g = coupling.node[i];
     if (g >= s.order && g < s.n - s.order) continue;
     for (const auto& [column, value] : second_difference_row(s, g))
-      if (s.held(column)) b[i] += s.K1() * value * (psi[std::size_t(column)] - s.v);
+      if (s.held(column)) b[i] += s.K1() * value * (psi[column] - s.v);
   }
   BandLU lu;
   lu.reset(n, coupling.band(), coupling.band());
@@ -39,7 +39,7 @@ double put_layers(const Scene& s, std::vector<double>& psi) {
   const std::vector<Complex> image = coupling.minus_d2(u);
   double residual = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    psi[std::size_t(coupling.node[i])] = s.v + u[i].real();
+    psi[coupling.node[i]] = s.v + u[i].real();
     residual = std::max(residual, std::abs(b[i] - s.K0() * u[i] - s.K1() * image[i]));
   }
   return residual;
@@ -50,7 +50,7 @@ double viscous_force(const Scene& s, const std::vector<double>& psi, PetscInt i)
   if (s.N() == 0 || !s.any_held()) return 0;
   double d2 = 0;
   for (const auto& [column, weight] : second_difference_row(s, i))
-    d2 += weight * (psi[std::size_t(column)] - psi[std::size_t(i)]);
+    d2 += weight * (psi[column] - psi[i]);
   return s.N() * d2;
 }
 

@@ -20,9 +20,9 @@ Rows::Rows(const LinearisedOperator& J)
   }
   // rows near the ends must not reach beyond b nodes further in
   const PetscInt order = s.scene.order, n = s.scene.n;
-  for (first = b; s.coupling.node[std::size_t(first)] < order; ++first) {
+  for (first = b; s.coupling.node[first] < order; ++first) {
   }
-  for (last = m - b; s.coupling.node[std::size_t(last - 1)] >= n - order; --last) {
+  for (last = m - b; s.coupling.node[last - 1] >= n - order; --last) {
   }
   for (const bool left : {true, false}) {
     const long rows = left ? first : m - last;
@@ -46,7 +46,7 @@ bool alike(const Values& a, const Values& c) {
 // The sweep over the line, from the right, and the maps that its rows make.
 class Builder {
  public:
-  Builder(const Rows& rows, const Piece& piece, Level& level)
+  Builder(const Rows& rows, const ContourPiece& piece, Level& level)
       : rows_(rows), level_(level), symbol_(rows, piece), sweep_(rows.b, rows.weights) {}
 
   bool run() {
@@ -81,8 +81,8 @@ class Builder {
   void fade(long i, bool last) {
     Values next;
     set(next, 0);
-    for (int l = 1; l < rows_.b; ++l) add_product(next, sweep_[i].u[l], faded_[std::size_t(l - 1)], -1);
-    for (int l = rows_.b - 1; l >= 1; --l) faded_[std::size_t(l)] = faded_[std::size_t(l - 1)];
+    for (int l = 1; l < rows_.b; ++l) add_product(next, sweep_[i].u[l], faded_[l - 1], -1);
+    for (int l = rows_.b - 1; l >= 1; --l) faded_[l] = faded_[l - 1];
     faded_[0] = next;
     if (last && !(largest(next) < 1e-11)) throw Unsettled();
   }
@@ -145,15 +145,15 @@ class Builder {
 };
 
 struct Build {
-  bool operator()(const Rows* rows, const Piece* piece, Level* level) const {
+  bool operator()(const Rows* rows, const ContourPiece* piece, Level* level) const {
     return Builder(*rows, *piece, *level).run();
   }
 };
 
 }  // namespace
 
-bool build(const Rows& rows, const Piece& piece, Level& level) {
-  using Function = std::function<bool(const Rows*, const Piece*, Level*)>;
+bool build(const Rows& rows, const ContourPiece& piece, Level& level) {
+  using Function = std::function<bool(const Rows*, const ContourPiece*, Level*)>;
   static const Function loop = kernel::compiled<Function>(Build());
   return loop(&rows, &piece, &level);
 }
@@ -177,7 +177,7 @@ class Kept {
       symbol.beside(i, eps);
       sweep.step(i, eps);
       for (const long k : {i, i + rows.b - 1})  // the second one's t is known
-        if (k >= to && k <= from) kept_[std::size_t(k - to)] = sweep[k];
+        if (k >= to && k <= from) kept_[k - to] = sweep[k];
     }
   }
 
@@ -205,7 +205,7 @@ class Kept {
   }
 
  private:
-  const Row& row(long i) const { return kept_[std::size_t(i - to_)]; }
+  const Row& row(long i) const { return kept_[i - to_]; }
   Complex upper(long i, long l) const {
     if (l <= 0 || l >= rows_.b) return l == 0 ? 1 : 0;
     return row(i).u[l][point];
@@ -226,8 +226,7 @@ class Ends {
   Ends(const Rows& rows, const Symbol& symbol, double theta)
       : rows_(rows), theta_(theta), m_(long(rows.s.size())), middle_(rows.last - rows.fading),
         right_(rows, symbol, rows.last + rows.b, rows.last_node - 1),
-        left_(rows, symbol, rows.first + 2 * rows.b, rows.first - rows.b),
-        eps_(std::size_t(rows.first + m_ - middle_)) {
+        left_(rows, symbol, rows.first + 2 * rows.b, rows.first - rows.b), eps_(rows.first + m_ - middle_) {
     right_.bound = rows.last_node - 1;
     for (long i = 0; i < m_; i = i + 1 == rows.first ? middle_ : i + 1)
       symbol.at(std::size_t(i), eps_[kept(i)]);
@@ -286,7 +285,7 @@ class Ends {
 
 }  // namespace
 
-bool close_ends(const Rows& rows, const Piece& piece, Level& level) {
+bool close_ends(const Rows& rows, const ContourPiece& piece, Level& level) {
   const Symbol symbol(rows, piece);
   Ends ends(rows, symbol, level.theta);
   double reference[2] = {0, 0};

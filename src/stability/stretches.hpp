@@ -135,7 +135,7 @@ struct Rows {
 // eps_i), eps_i divided by that factor: the stencil stays what it is, and the factor, n times, is known.
 class Symbol {
  public:
-  Symbol(const Rows& rows, const Piece& piece) : s_(rows.s), unit_(rows.unit) {
+  Symbol(const Rows& rows, const ContourPiece& piece) : s_(rows.s), unit_(rows.unit) {
     for (int t = 0; t < P && s_.N > 0; ++t) stiffer_.put(t, 1. / viscous_factor(s_, piece.at(table().x[t])));
     for (int t = 0; t < P; ++t) {
       const Complex lambda = piece.at(table().x[t]);
@@ -182,9 +182,9 @@ class Symbol {
 };
 
 // The stretches of the line: map and log of the level. False where they are not settled on this piece.
-bool build(const Rows& rows, const Piece& piece, Level& level);
+bool build(const Rows& rows, const ContourPiece& piece, Level& level);
 // Both ends of a line that is no ring: `end` and `ended` of the level. False where they are not settled on
 // this piece.
-bool close_ends(const Rows& rows, const Piece& piece, Level& level);
+bool close_ends(const Rows& rows, const ContourPiece& piece, Level& level);
 
 }  // namespace stickslip::stretches

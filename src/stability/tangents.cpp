@@ -44,9 +44,8 @@ double rest_contraction(const Friction& law, double s, double t) {
   double sum = 0, from = 0, to = std::min(t, law.time_at_rest(s));
   while (from < t) {
     for (int i = 0; i < points.s; ++i) {
-      const double at = from + (to - from) * points.c[std::size_t(i)];
-      sum +=
-          (to - from) * points.b[std::size_t(i)] * law.sliding_rate(0, law.state_at_rest(s, at), 0).g_state;
+      const double at = from + (to - from) * points.c[i];
+      sum += (to - from) * points.b[i] * law.sliding_rate(0, law.state_at_rest(s, at), 0).g_state;
     }
     from = to;
     to = std::min(t, 2 * to);
@@ -70,7 +69,7 @@ void sum_up(MPI_Comm comm, std::vector<double>& values) {
 }  // namespace
 
 Tangents::Tangents(const Model& model, int count)
-    : model_(model), dof_(model.dof()), gone_(std::size_t(count), false), growth_(std::size_t(count), 0.),
+    : model_(model), dof_(model.dof()), rank_deficient_(count, false), growth_(count, 0.),
       u_(model.create_vector()), stage_(model.create_vector()), was_(model.create_vector()) {
   for (int k = 0; k < count; ++k) {
     y_.push_back(model.create_vector());
@@ -96,7 +95,7 @@ void Tangents::clear_held(double* y) const {
 
 std::vector<double> Tangents::state() const {
   std::vector<double> all{double(draws_), double(most_resting_)};
-  for (const bool gone : gone_) all.push_back(gone ? 1 : 0);
+  for (const bool deficient : rank_deficient_) all.push_back(deficient ? 1 : 0);
   all.insert(all.end(), growth_.begin(), growth_.end());
   return all;
 }
@@ -106,7 +105,7 @@ void Tangents::resume(const std::vector<double>& state) {
   draws_ = long(state[0]);
   most_resting_ = long(state[1]);
   for (std::size_t k = 0; k < y_.size(); ++k) {
-    gone_[k] = state[2 + k] != 0;
+    rank_deficient_[k] = state[2 + k] != 0;
     growth_[k] = state[2 + y_.size() + k];
   }
   begun_ = true;
@@ -115,8 +114,8 @@ void Tangents::resume(const std::vector<double>& state) {
 void Tangents::renew() {
   most_resting_ = 0;
   for (std::size_t k = 0; k < y_.size(); ++k) {
-    if (gone_[k]) draw(k);
-    gone_[k] = false;
+    if (rank_deficient_[k]) draw(k);
+    rank_deficient_[k] = false;
   }
   begun_ = start_known_ = false;
 }
@@ -168,28 +167,27 @@ void Tangents::count_resting() {
   most_resting_ = std::max(most_resting_, counts[0]);
   const long left = long(model_.unknowns()) - most_resting_;
   for (std::size_t k = std::size_t(std::max(0L, left)); k < y_.size(); ++k) {
-    if (!gone_[k]) SS_TRY(VecZeroEntries(y_[k]));
-    gone_[k] = true;
+    if (!rank_deficient_[k]) SS_TRY(VecZeroEntries(y_[k]));
+    rank_deficient_[k] = true;
   }
 }
 
 // Of node i, where the rates change from f to g; false where it comes there at speed 0.
 bool Tangents::jump_at(PetscInt i, const double* u, const double* f, const double* g, double from,
                        double to) {
-  const auto pull_of = [&](std::size_t k) {
-    return pulls_.empty() || from != 0 ? 0 : pulls_[k][std::size_t(i)];
+  const auto neighbour_force_of = [&](std::size_t k) {
+    return neighbour_forces_.empty() || from != 0 ? 0 : neighbour_forces_[k][i];
   };
   const bool starts = from == 0;
-  const double slope = starts && dof_ == 3
-                           ? model_.amplitude()[std::size_t(i)] * model_.friction_law(i).threshold(u[2]).slope
-                           : 0;
-  const JumpMatrix jump = starts ? JumpMatrix::at_start(dof_, to, slope, f, g, pull_of(y_.size()))
+  const double slope =
+      starts && dof_ == 3 ? model_.amplitude()[i] * model_.friction_law(i).threshold(u[2]).slope : 0;
+  const JumpMatrix jump = starts ? JumpMatrix::at_start(dof_, to, slope, f, g, neighbour_force_of(y_.size()))
                                  : JumpMatrix::at_stop(dof_, f, g);
   if (std::equal(f, f + dof_, g)) return true;
   if (jump.event_rate() == 0) return false;
   for (std::size_t k = 0; k < y_.size(); ++k) {
     const Writing y(y_[k]);
-    jump.apply(y + i * dof_, pull_of(k));
+    jump.apply(y + i * dof_, neighbour_force_of(k));
     if (to == 0) y[i * dof_] = 0;  // exactly
   }
   return true;
@@ -197,14 +195,14 @@ bool Tangents::jump_at(PetscInt i, const double* u, const double* f, const doubl
 
 // N D2 psi of this rank's nodes: of every vector as it is, and last of psi_t before the change. Empty without
 // viscosity.
-void Tangents::find_pulls(Vec f) {
+void Tangents::find_neighbour_forces(Vec f) {
   if (!model_.viscous()) return;
-  pulls_.clear();
+  neighbour_forces_.clear();
   for (std::size_t k = 0; k <= y_.size(); ++k) {
     model_.viscous_force(k < y_.size() ? y_[k].get() : f, stage_);
     const Reading force(stage_);
-    pulls_.emplace_back();
-    for (PetscInt i = 0; i < model_.local(); ++i) pulls_.back().push_back(force[i * dof_ + 1]);
+    neighbour_forces_.emplace_back();
+    for (PetscInt i = 0; i < model_.local(); ++i) neighbour_forces_.back().push_back(force[i * dof_ + 1]);
   }
 }
 
@@ -214,9 +212,9 @@ void Tangents::check_order(const std::vector<double>& was, const double* f, cons
   if (!model_.viscous()) return;
   long counts[2] = {0, 0};  // changes; starts with a jump
   for (PetscInt i = 0; i < model_.local(); ++i) {
-    if (model_.held(model_.first() + i) || was[std::size_t(i)] == model_.direction()[i]) continue;
+    if (model_.held(model_.first() + i) || was[i] == model_.direction()[i]) continue;
     ++counts[0];
-    if (was[std::size_t(i)] == 0 && f[i * dof_] != g[i * dof_]) ++counts[1];
+    if (was[i] == 0 && f[i * dof_] != g[i * dof_]) ++counts[1];
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, counts, 2, MPI_LONG, MPI_SUM, model_.comm()));
   if (counts[0] > 1 && counts[1] > 0)
@@ -242,15 +240,14 @@ void Tangents::jump(Vec u) {
   model_.set_direction(theirs);
   model_.rhs(Part::full, u, f_is);
   model_.count_evaluations(-2);
-  find_pulls(f_was);
+  find_neighbour_forces(f_was);
   int grazes = 0;
   {
     const Reading at(u), before(f_was), after(f_is);
     check_order(was, before, after);
     for (PetscInt i = 0; i < model_.local(); ++i)
-      if (was[std::size_t(i)] != is[std::size_t(i)] && !model_.held(model_.first() + i) &&
-          !jump_at(i, at + i * dof_, before + i * dof_, after + i * dof_, was[std::size_t(i)],
-                   is[std::size_t(i)]))
+      if (was[i] != is[i] && !model_.held(model_.first() + i) &&
+          !jump_at(i, at + i * dof_, before + i * dof_, after + i * dof_, was[i], is[i]))
         ++grazes;
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &grazes, 1, MPI_INT, MPI_SUM, model_.comm()));
@@ -274,13 +271,13 @@ double Tangents::own_viscous_slope(PetscInt i) const {
 
 void Tangents::linearise(Vec u, Linearisation& at) const {
   const Reading a(u);
-  at.blocks.resize(std::size_t(model_.local()));
+  at.blocks.resize(model_.local());
   at.trace = at.rate = 0;
   for (PetscInt i = 0; i < model_.local(); ++i) {
     const bool moves =
         !model_.held(model_.first() + i) && !(model_.direction() && model_.direction()[i] == 0);
     if (model_.viscous() && moves) at.trace += own_viscous_slope(i);
-    NodeBlock& b = at.blocks[std::size_t(i)];
+    NodeBlock& b = at.blocks[i];
     b = model_.node_block(Part::full, i, a + i * dof_);
     at.trace += b.psi_psi + b.eta_eta + b.state_state;
     at.rate = std::max({at.rate, std::abs(b.psi_psi) + std::abs(b.eta_eta), std::abs(b.state_state),
@@ -295,7 +292,7 @@ void Tangents::rates(const Linearisation& at, Vec y, Vec into) const {
   const Reading a(y);
   const Writing f(into);
   for (PetscInt i = 0; i < model_.local(); ++i) {
-    const NodeBlock& b = at.blocks[std::size_t(i)];
+    const NodeBlock& b = at.blocks[i];
     const double* in = a + i * dof_;
     double* const out = f + i * dof_;
     out[0] += b.psi_psi * in[0] + b.psi_eta * in[1];
@@ -320,7 +317,7 @@ void Tangents::take_part(double begin, double length, double dt, const Inside& i
     const Linearisation& at = i == 0 ? start_ : inside_;
     divergence_ += h * weight[stages][i] * at.trace;
     for (std::size_t k = 0; k < y_.size(); ++k) {
-      if (gone_[k]) continue;
+      if (rank_deficient_[k]) continue;
       if (i == 0) {
         rates(at, y_[k], slope_[k][0]);
         continue;
@@ -329,20 +326,20 @@ void Tangents::take_part(double begin, double length, double dt, const Inside& i
       Vec terms[stages];
       for (int j = 0; j < i; ++j) {
         weights[j] = h * weight[i][j];
-        terms[j] = slope_[k][std::size_t(j)];
+        terms[j] = slope_[k][j];
       }
       SS_TRY(VecCopy(y_[k], stage_));
       SS_TRY(VecMAXPY(stage_, i, weights, terms));
-      rates(at, stage_, slope_[k][std::size_t(i)]);
+      rates(at, stage_, slope_[k][i]);
     }
   }
   for (std::size_t k = 0; k < y_.size(); ++k) {
-    if (gone_[k]) continue;
+    if (rank_deficient_[k]) continue;
     double weights[stages];
     Vec terms[stages];
     for (int j = 0; j < stages; ++j) {
       weights[j] = h * weight[stages][j];
-      terms[j] = slope_[k][std::size_t(j)];
+      terms[j] = slope_[k][j];
     }
     SS_TRY(VecMAXPY(y_[k], stages, weights, terms));
   }
@@ -354,7 +351,7 @@ void Tangents::take_part(double begin, double length, double dt, const Inside& i
 void Tangents::rest(double dt, Vec u) {
   start_known_ = false;
   if (dof_ == 2) return;
-  std::vector<double> logs(std::size_t(model_.local()));
+  std::vector<double> logs(model_.local());
   double most = 0;
   {
     const Reading a(u);
@@ -417,7 +414,7 @@ std::vector<double> Tangents::growth() {
   std::vector<double> all(growth_.size(), 0.);
   std::swap(all, growth_);
   for (std::size_t k = 0; k < all.size(); ++k)
-    if (gone_[k]) all[k] = -infinity;
+    if (rank_deficient_[k]) all[k] = -infinity;
   return all;
 }
 
@@ -425,7 +422,7 @@ void Tangents::orthonormalise(bool after_jump) {
   std::vector<double> lengths(y_.size(), 1.);
   if (!by_cholesky(lengths)) one_by_one(lengths, after_jump);
   for (std::size_t k = 0; k < y_.size(); ++k)
-    if (!gone_[k]) growth_[k] += std::log(lengths[k]);
+    if (!rank_deficient_[k]) growth_[k] += std::log(lengths[k]);
 }
 
 // Y = Q R with R^T R = Y^T Y: one reduction. False, and nothing done, where the vectors are too much alike
@@ -433,7 +430,7 @@ void Tangents::orthonormalise(bool after_jump) {
 bool Tangents::by_cholesky(std::vector<double>& lengths) {
   std::vector<std::size_t> live;
   for (std::size_t k = 0; k < y_.size(); ++k)
-    if (!gone_[k]) live.push_back(k);
+    if (!rank_deficient_[k]) live.push_back(k);
   const std::size_t n = live.size();
   std::vector<double> R(n * n, 0.);  // its upper triangle
   for (std::size_t i = 0; i < n; ++i)
@@ -463,20 +460,20 @@ void Tangents::one_by_one(std::vector<double>& lengths, bool after_jump) {
   for (std::size_t k = 0; k < y_.size(); ++k) whole[k] = dot(y_[k], y_[k]);
   sum_up(model_.comm(), whole);
   for (std::size_t k = 0; k < y_.size(); ++k) {
-    if (gone_[k]) continue;
+    if (rank_deficient_[k]) continue;
     for (int round = 0; round < 2; ++round) {
       std::vector<double> part(k, 0.);
       for (std::size_t i = 0; i < k; ++i)
-        if (!gone_[i]) part[i] = dot(y_[i], y_[k]);
+        if (!rank_deficient_[i]) part[i] = dot(y_[i], y_[k]);
       sum_up(model_.comm(), part);
       for (std::size_t i = 0; i < k; ++i)
-        if (!gone_[i]) SS_TRY(VecAXPY(y_[k], -part[i], y_[i]));
+        if (!rank_deficient_[i]) SS_TRY(VecAXPY(y_[k], -part[i], y_[i]));
     }
     std::vector<double> left{dot(y_[k], y_[k])};
     sum_up(model_.comm(), left);
     lengths[k] = std::sqrt(left[0]);
-    gone_[k] = left[0] == 0 || (after_jump && lengths[k] <= vanished * std::sqrt(whole[k]));
-    if (gone_[k])
+    rank_deficient_[k] = left[0] == 0 || (after_jump && lengths[k] <= vanished * std::sqrt(whole[k]));
+    if (rank_deficient_[k])
       SS_TRY(VecZeroEntries(y_[k]));
     else
       SS_TRY(VecScale(y_[k], 1 / lengths[k]));

@@ -47,7 +47,7 @@ Matrix times(const Matrix& a, const Matrix& b, const char* first = "N") {
 
 // Largest eigenvalue of a symmetric matrix.
 double largest_eigenvalue(Matrix a) {
-  std::vector<double> values(std::size_t(a.m), 0.), work(std::size_t(8 * a.m));
+  std::vector<double> values(a.m, 0.), work(std::size_t(8 * a.m));
   PetscBLASInt size = 8 * a.m, info = 0;
   LAPACKsyev_("N", "U", &a.m, a.a.data(), &a.m, values.data(), work.data(), &size, &info);
   if (info != 0) throw Failure("LAPACK found no eigenvalues of the symmetric part");

@@ -41,7 +41,7 @@ struct AccuracyPlan::Impl {
       ladder->choose();
     } catch (const OutOfReach& e) {
       refusal = out_of_reach(e);
-      if (!ladder->settle()) throw Failure(refusal);
+      if (!ladder->confirm()) throw Failure(refusal);
     }
     seconds += largest_processor_seconds() - begin;
   }
@@ -126,7 +126,7 @@ void AccuracyPlan::Impl::finish() {
          rounded_text(setting.tolerance, 2);
   if (request.has_space)
     what += ", order " + std::to_string(setting.order) + ", n = " + std::to_string(setting.n);
-  what += ladder->foreseen() + ", after " + std::to_string(runs.count()) + " short runs";
+  what += ladder->predicted() + ", after " + std::to_string(runs.count()) + " short runs";
   if (!runs.why().empty()) what += "; " + runs.why();
 }
 

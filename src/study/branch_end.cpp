@@ -328,7 +328,7 @@ void BranchEnd::sample_square() {
 std::vector<EndLine> BranchEnd::lines_of_uniform(double step, std::vector<std::string>& notes) {
   sample_square();
   std::vector<EndLine> lines;
-  const auto value = [&](int i, int j) { return samples_[std::size_t(j * (side + 1) + i)]; };
+  const auto value = [&](int i, int j) { return samples_[j * (side + 1) + i]; };
   bool again = true;  // a sample has changed
   const auto look = [&](int i, int j, int p, int q) {
     if (!(value(i, j) * value(p, q) < 0)) return;

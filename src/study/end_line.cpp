@@ -95,9 +95,9 @@ Mixture mixture(const std::vector<EndPlace>& line, const std::vector<double>& al
 namespace {
 
 // From `first` one way; the last place stands on the border, or is the first again.
-class Follower {
+class EndLineTracer {
  public:
-  Follower(const PlaneScene& scene, double step) : scene_(scene), longest_(step) {}
+  EndLineTracer(const PlaneScene& scene, double step) : scene_(scene), longest_(step) {}
 
   // The places behind `first`, which is not among them.
   std::vector<EndPlace> follow(const EndPlace& first, PlanePoint direction) {
@@ -163,7 +163,7 @@ class Follower {
 }  // namespace
 
 EndLine follow_ends(const PlaneScene& scene, const EndPlace& first, double step) {
-  Follower follower(scene, step);
+  EndLineTracer follower(scene, step);
   const PlanePoint along{-first.to_life.y, first.to_life.x};
   EndLine line;
   std::vector<EndPlace> ahead = follower.follow(first, along);

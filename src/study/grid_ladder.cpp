@@ -17,7 +17,7 @@ constexpr PetscInt most_nodes = 1 << 20;
 constexpr double share_beside_jump = 0.55;
 
 // What the levels foresee.
-struct Outlook {
+struct PredictedError {
   double error, order;  // of the last level, and at which rate errors come to it
   double factor;        // by which its grid is too coarse
   bool sure, resolved, within_reach;
@@ -30,8 +30,8 @@ class GridLadder final : public Ladder {
   void choose() override;
   double estimate(const Answer& end) override;
   void refine() override;
-  bool settle() override;
-  std::string foreseen() const override;
+  bool confirm() override;
+  std::string predicted() const override;
 
  private:
   double steepest_fall(const Level& from, const Level& to) const override {
@@ -47,18 +47,18 @@ class GridLadder final : public Ladder {
   std::string profile_word() const { return request_.corner_order == 1 ? "jumps" : "bends"; }
   bool low_order() const { return runs_.jump() || request_.corner_order <= 2; }
   double next_order() const;  // and beyond the last
-  double error_foreseen(double cells) const;
+  double predicted_error(double cells) const;
   double between_nodes(const Level& level) const;
   double tolerance_of_level(double cells) const;
-  Outlook outlook() const;
-  bool never_better(const Outlook& ahead) const;
+  PredictedError outlook() const;
+  bool never_better(const PredictedError& ahead) const;
   bool place_or_go_on(double& next);
   bool climb_to(double& next, int& failures);
-  void place_run(const Outlook& ahead);
+  void place_run(const PredictedError& ahead);
   void choose_tolerance_on(double cells, double in_space);
   double tolerance_seen();
   bool time_is_to_blame();
-  [[noreturn]] void give_up_on(const Outlook& ahead, const std::string& limit) const;
+  [[noreturn]] void give_up_on(const PredictedError& ahead, const std::string& limit) const;
   double estimate_in_space(const Level& now, double d) const;
   void take_last_run();
 
@@ -66,7 +66,7 @@ class GridLadder final : public Ladder {
   // a tolerance costs `per_tolerance_` times itself on a grid of per_tolerance_cells_, and more on finer
   // ones, as noise of the shortest waves does
   double per_tolerance_ = 5, per_tolerance_cells_ = 0;
-  double in_time_ = 0, in_space_ = 0;  // foreseen of the run
+  double in_time_ = 0, in_space_ = 0;  // predicted of the run
   int restarts_ = 0;
 };
 
@@ -204,7 +204,7 @@ double GridLadder::next_order() const {
   return expected_order(rate(distances_.size() - 1), order_beyond(), order_at_best());
 }
 
-double GridLadder::error_foreseen(double at) const {
+double GridLadder::predicted_error(double at) const {
   const double before = cells_of(levels_[levels_.size() - 2].scene), last = cells_of(levels_.back().scene);
   const double near = std::min(at, last), far = std::max(at, last);
   // at the low order of a jump the finer grid of two errs by much of what the coarser does
@@ -229,14 +229,14 @@ double GridLadder::tolerance_of_level(double at) const {
                     least_tolerance, 1e-4);
 }
 
-Outlook GridLadder::outlook() const {
+PredictedError GridLadder::outlook() const {
   const double p = order_at_best(), last = cells_of(levels_.back().scene), beyond = next_order();
   // where friction sets the steps, a finer grid costs little, and another run much
   const double share = runs_.friction_sets_steps() && setting_.method.is_explicit() ? 0.12
                        : runs_.jump()                                               ? share_beside_jump
                                                                                     : share_of_space;
-  Outlook ahead;
-  ahead.error = error_foreseen(last);
+  PredictedError ahead;
+  ahead.error = predicted_error(last);
   ahead.order = order_beyond();
   ahead.factor = std::pow(ahead.error / (share * aim_), 1 / beyond);
   const double between = between_nodes(levels_.back());
@@ -288,7 +288,7 @@ bool GridLadder::climb_to(double& next, int& failures) {
 
 // Places the run where the last level foresees it, or says where the next level is to be.
 bool GridLadder::place_or_go_on(double& next) {
-  const Outlook ahead = outlook();
+  const PredictedError ahead = outlook();
   const Level& last = levels_.back();
   const bool place = !request_.grid_open || ahead.within_reach;
   if (place) place_run(ahead);
@@ -329,7 +329,7 @@ bool GridLadder::place_or_go_on(double& next) {
 // Whether the low rate of the last levels is there to stay, as at a corner: an error that is small already
 // and has fallen at one rate three times. Otherwise fronts may be about to be resolved, and the climb goes
 // on.
-bool GridLadder::never_better(const Outlook& ahead) const {
+bool GridLadder::never_better(const PredictedError& ahead) const {
   if (distances_.size() < 4) return false;
   double low = INFINITY, high = 0, largest = 0;
   for (std::size_t k = distances_.size() - 3; k < distances_.size(); ++k) {
@@ -341,7 +341,7 @@ bool GridLadder::never_better(const Outlook& ahead) const {
 }
 
 // Grid and tolerance of the run, as the last level foresees them.
-void GridLadder::place_run(const Outlook& ahead) {
+void GridLadder::place_run(const PredictedError& ahead) {
   const double last = cells_of(levels_.back().scene);
   // Near the last level the distance from it would tell nothing.
   const double least = std::max(std::pow(0.4, -1 / next_order()), least_stretch_);
@@ -349,7 +349,7 @@ void GridLadder::place_run(const Outlook& ahead) {
     setting_.n = request_.nodes(last * (ahead.factor > 0.93 ? std::max(ahead.factor, least) : ahead.factor));
   Scene run = request_.scene;
   run.n = setting_.n;
-  in_space_ = error_foreseen(cells_of(run));
+  in_space_ = predicted_error(cells_of(run));
   choose_tolerance_on(cells_of(run), in_space_);
 }
 
@@ -369,7 +369,7 @@ bool GridLadder::time_is_to_blame() {
   return true;
 }
 
-void GridLadder::give_up_on(const Outlook& ahead, const std::string& limit) const {
+void GridLadder::give_up_on(const PredictedError& ahead, const std::string& limit) const {
   const double last = distances_.size() > 1 ? rate(distances_.size() - 1) : NAN, p = order_at_best();
   throw OutOfReach{
       "on " + std::to_string(levels_.back().scene.n) + " nodes the error is about " +
@@ -381,11 +381,11 @@ void GridLadder::give_up_on(const Outlook& ahead, const std::string& limit) cons
       "; " + limit};
 }
 
-bool GridLadder::settle() {
+bool GridLadder::confirm() {
   if (distances_.empty()) return false;
   setting_.n = levels_.back().scene.n;
   setting_.tolerance = levels_.back().tolerance;
-  in_space_ = error_foreseen(cells_of(levels_.back().scene));
+  in_space_ = predicted_error(cells_of(levels_.back().scene));
   in_time_ = share_of_level * in_space_;
   return true;
 }
@@ -436,18 +436,18 @@ void GridLadder::choose_tolerance_on(double run_cells, double in_space) {
 double GridLadder::estimate_in_space(const Level& now, double d) const {
   const double p = order_at_best(), last = cells_of(levels_.back().scene), x = cells_of(now.scene) / last;
   double r = next_order();
-  // while orders are still far from p, more goes otherwise than foreseen
+  // while orders are still far from p, more goes otherwise than predicted
   const auto careful = [&](double error) { return (1.3 + 1.5 * (1 - r / p)) * error; };
   const std::size_t known = distances_.size();
   if (x < 0.97) {
     const double slow = known > 1 ? std::clamp(rate(known - 1), 0.5, p) : r;
-    return careful(std::max(d + error_foreseen(last), d / (1 - std::pow(x, slow)) / 1.3));
+    return careful(std::max(d + predicted_error(last), d / (1 - std::pow(x, slow)) / 1.3));
   }
-  if (x < 1.03) return careful(error_foreseen(cells_of(now.scene)));
+  if (x < 1.03) return careful(predicted_error(cells_of(now.scene)));
   double error = d;
   for (int round = 0; round < 3; ++round) {
     // two grids that are close may err alike
-    const double of_last = std::max(d / (1 - std::pow(x, -r)), x < 1.5 ? 0.6 * error_foreseen(last) : 0.);
+    const double of_last = std::max(d / (1 - std::pow(x, -r)), x < 1.5 ? 0.6 * predicted_error(last) : 0.);
     const double seen =
         std::log(distances_.back() / of_last) / std::log(last / cells_of(levels_[levels_.size() - 2].scene));
     if (!low_order()) r = expected_order(known > 1 ? rate(known - 1) : NAN, seen, order_at_best());
@@ -462,7 +462,7 @@ double GridLadder::estimate(const Answer& end) {
   scene.order = setting_.order;
   last_run_ = {scene, setting_.tolerance, end, 0, 0};
   const bool elsewhere = setting_.n != levels_.back().scene.n;
-  const double d = difference_of_run(elsewhere ? error_foreseen(cells_of(levels_.back().scene)) : 0);
+  const double d = difference_of_run(elsewhere ? predicted_error(cells_of(levels_.back().scene)) : 0);
   last_estimate_ = estimate_in_space(last_run_, d) + 1.5 * in_time_ + between_nodes(last_run_);
   return last_estimate_;
 }
@@ -493,8 +493,8 @@ void GridLadder::refine() {
   choose();
 }
 
-std::string GridLadder::foreseen() const {
-  return "; error foreseen in time " + rounded_text(in_time_, 2) + ", in space " +
+std::string GridLadder::predicted() const {
+  return "; error predicted in time " + rounded_text(in_time_, 2) + ", in space " +
          rounded_text(in_space_, 2) + " (falling like h^" + rounded_text(order_beyond(), 2) +
          (request_.corner_order <= 2 ? ", as friction " + profile_word() + " along x)" : ")");
 }

@@ -31,8 +31,7 @@ double distance_between_nodes(const Scene& coarse, const Fields& of_coarse, cons
     const Combination row = grid_interpolation(coarse.n, end, end, count, at);
     if (row.size() == 1) continue;  // a node of both
     const Point point = combined(of_coarse, row, FrictionAt(), 0);
-    largest = std::max({largest, std::abs(point.psi - of_fine.psi[std::size_t(i)]),
-                        std::abs(point.eta - of_fine.eta[std::size_t(i)])});
+    largest = std::max({largest, std::abs(point.psi - of_fine.psi[i]), std::abs(point.eta - of_fine.eta[i])});
   }
   return largest;
 }
@@ -57,7 +56,7 @@ int corner_order_of(const Options& options, const Scene& scene, const std::vecto
 
 // Where a jump lies between two nodes the grid moves it to between its cells: errors do not fall steadily
 // from grid to grid.
-PetscInt grain_of(const Options& options, const Scene& scene, const std::vector<Corner>& corners) {
+PetscInt mesh_divisor_of(const Options& options, const Scene& scene, const std::vector<Corner>& corners) {
   constexpr PetscInt most = 1000;
   const PetscInt jumps = cells_between_corners(corners, scene, 1, most);
   const auto refuse = [&](const std::string& what) {
@@ -105,7 +104,7 @@ AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
       corner_distance(corner_distance_of(o, scene)) {
   const std::vector<Corner> corners = has_space ? corners_of(scene) : std::vector<Corner>();
   corner_order = corner_order_of(o, scene, corners);
-  grain = has_space ? grain_of(o, scene, corners) : 1;
+  mesh_divisor = has_space ? mesh_divisor_of(o, scene, corners) : 1;
   const std::string type = o.text("init_type");
   if (corner_order == 1 && (o.text("init_eta") != "steady" || type == "pulses" || type == "wave"))
     throw UsageError("accuracy " + o.text("accuracy") +
@@ -146,7 +145,7 @@ PetscInt AccuracyRequest::nodes(double wanted_cells) const {
   const PetscInt least = order + (scene.ring() ? 2 : 1);
   PetscInt count = std::max(least, PetscInt(std::ceil(wanted_cells - 1e-9)));
   if (parts < 100) count = (count + parts - 1) / parts * parts;
-  count = (count + grain - 1) / grain * grain;
+  count = (count + mesh_divisor - 1) / mesh_divisor * mesh_divisor;
   return count + (scene.ring() ? 0 : 1);
 }
 
@@ -289,11 +288,11 @@ void Ladder::add(Level made) {
   levels_.push_back(std::move(made));
 }
 
-double Ladder::difference_of_run(double foreseen_of_last) const {
+double Ladder::difference_of_run(double predicted_of_last) const {
   // a run on a coarser grid than the last level: the error is at its nodes, and seen there
   const bool between = last_run_.scene.n >= levels_.back().scene.n;
   const double d = runs_.difference(levels_.back(), last_run_, between);
-  return request_.of.is_number() ? std::max(d, 0.3 * foreseen_of_last) : d;
+  return request_.of.is_number() ? std::max(d, 0.3 * predicted_of_last) : d;
 }
 
 void Ladder::begin_anew() {

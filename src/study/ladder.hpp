@@ -38,7 +38,7 @@ struct AccuracyRequest {
   int corner_order;
   // Cells of every grid are a multiple of it, so that profiles jump at nodes alone, and bend there where that
   // can be had.
-  PetscInt grain;
+  PetscInt mesh_divisor;
 
   // The method to begin with and what else is fixed from the start.
   Setting setting() const;
@@ -113,20 +113,20 @@ class Ladder {
   Ladder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs)
       : request_(request), setting_(setting), runs_(runs), aim_(request.wanted) {}
   virtual ~Ladder() = default;
-  // Climbs until the run is foreseen; what it chose stands in the setting.
+  // Climbs until the run is predicted; what it chose stands in the setting.
   virtual void choose() = 0;
   // The error of a run with the setting, from what it ended with.
   virtual double estimate(const Answer& end) = 0;
   // Makes the setting stricter, for the run of the last estimate().
   virtual void refine() = 0;
   // Puts the best level into the setting, after OutOfReach; false where there is none that foresees an error.
-  virtual bool settle() = 0;
-  // What is foreseen of the run, for what().
-  virtual std::string foreseen() const = 0;
+  virtual bool confirm() = 0;
+  // What is predicted of the run, for what().
+  virtual std::string predicted() const = 0;
 
  protected:
-  // Of the run and the last level, whose error is foreseen: a single number may come near by chance.
-  double difference_of_run(double foreseen_of_last) const;
+  // Of the run and the last level, whose error is predicted: a single number may come near by chance.
+  double difference_of_run(double predicted_of_last) const;
   // By how much the error falls at most from one level to another.
   virtual double steepest_fall(const Level& from, const Level& to) const = 0;
   void add(Level made);
@@ -145,7 +145,7 @@ class Ladder {
 std::unique_ptr<Ladder> grid_ladder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs);
 std::unique_ptr<Ladder> tolerance_ladder(const AccuracyRequest& request, Setting& setting, LevelRuns& runs);
 
-// Parts of the accuracy: the error foreseen in space, that in time beside it or where nothing else errs, and
+// Parts of the accuracy: the error predicted in space, that in time beside it or where nothing else errs, and
 // what the error in time of a level may be of that in space.
 constexpr double share_of_space = 0.35, share_of_time = 0.1, share_in_all = 0.55, share_of_level = 0.1;
 constexpr double loosened = 30;  // the tolerance that tells what a tolerance costs, over that of the level

@@ -51,7 +51,7 @@ Json number(double value) { return std::isfinite(value) ? Json(value) : Json(); 
 }  // namespace
 
 LyapunovExponents::LyapunovExponents(const Model& model, const Options& options)
-    : model_(model), count_(std::size_t(options.integer("lyapunov_count"))), from_(from_of(options)),
+    : model_(model), count_(options.integer("lyapunov_count")), from_(from_of(options)),
       tangents_(model, count_of(options, model)), average_(count_ + 1, from_, options.real("ts_max_time")) {}
 
 void LyapunovExponents::plan(ObservationPlan& plan) {

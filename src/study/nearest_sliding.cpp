@@ -55,7 +55,7 @@ std::function<double(PetscInt)> steady_velocity(const Scene& scene) {
     const PetscInt nodes = nodes_of_layer(scene);
     if (scene.v == 0 || nodes > scene.n / 4) {
       const auto psi = std::make_shared<std::vector<double>>(SteadySliding(scene).psi);
-      return [psi](PetscInt node) { return (*psi)[static_cast<std::size_t>(node)]; };
+      return [psi](PetscInt node) { return (*psi)[node]; };
     }
     const auto left = std::make_shared<std::vector<double>>(layer(scene, nodes, true));
     const auto right = std::make_shared<std::vector<double>>(layer(scene, nodes, false));

@@ -40,7 +40,7 @@ PsiRecord::Range PsiRecord::within(std::size_t node, double from, double to) con
   const double a = at(node, from), b = at(node, to);
   Range range{std::min(a, b), std::max(a, b)};
   for (auto i = std::upper_bound(t_.begin(), t_.end(), from); i != t_.end() && *i < to; ++i) {
-    const double psi = psi_[node][std::size_t(i - t_.begin())];
+    const double psi = psi_[node][i - t_.begin()];
     range = {std::min(range.low, psi), std::max(range.high, psi)};
   }
   return range;

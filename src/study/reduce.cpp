@@ -60,7 +60,7 @@ namespace {
 // The entries first, first + 1, ... of a vector, up to `count`, wherever they lie; every rank asks for its
 // own. Collective.
 std::vector<double> fetch(Vec from, PetscInt first, PetscInt count) {
-  std::vector<double> values(std::size_t(count), 0.);
+  std::vector<double> values(count, 0.);
   VecHandle into;
   IsHandle entries;
   ScatterHandle scatter;

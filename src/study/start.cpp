@@ -159,7 +159,7 @@ struct Start::Impl {
       case Kind::layer: return psi_i + (s.left_value - psi_i) * std::exp(-(x / width) * (x / width));
       case Kind::pulses: return orbit.psi_at(turns * x / length);
       case Kind::wave: return train.psi_at(turns * x / length);
-      case Kind::file: return frame->fields.at("psi")[static_cast<std::size_t>(node)];
+      case Kind::file: return frame->fields.at("psi")[node];
       default: return psi_i;
     }
   }
@@ -173,8 +173,7 @@ struct Start::Impl {
                           node == 0 ? model.scene().left_value : model.scene().right_value);
     if (kind == Kind::pulses) return orbit.state_at(phase);
     if (kind == Kind::wave) return train.state_at(phase);
-    if (from_file && !state_given)
-      return state_from_output(law, frame->fields.at(state_name(law))[static_cast<std::size_t>(node)]);
+    if (from_file && !state_given) return state_from_output(law, frame->fields.at(state_name(law))[node]);
     return state_steady ? steady_start(model, node - model.first(), psi) : state;
   }
 
@@ -186,7 +185,7 @@ struct Start::Impl {
   double eta_at(double phase, PetscInt node, double resistance) const {
     if (kind == Kind::pulses) return orbit.eta_at(phase);
     if (kind == Kind::wave) return train.eta_at(phase);
-    if (from_file && !eta_given) return frame->fields.at("eta")[static_cast<std::size_t>(node)];
+    if (from_file && !eta_given) return frame->fields.at("eta")[node];
     return eta_steady ? resistance : eta;
   }
 
@@ -234,8 +233,8 @@ void Start::fill(const Model& model, Vec u) const {
   model.set_held(u);
   set_held_force(model, u);
   if (model.viscous() && impl_->makes_eta_steady()) balance_viscosity(model, u);
-  model.settle(u);
-  if (const std::string lost = model.lost_velocity(u); !lost.empty())
+  model.solve_velocities(u);
+  if (const std::string lost = model.velocity_jump(u); !lost.empty())
     throw UsageError("model_m 0 at the start: " + lost);
 }
 

@@ -61,8 +61,8 @@ std::vector<double> at_nodes(const Scene& s, const std::vector<double>& x,
     std::vector<double> points, near;
     for (long j = first; j < first + long(nearest); ++j) {
       const long turn = j < 0 ? -1 : j >= count ? 1 : 0, k = j - turn * count;
-      points.push_back(x[std::size_t(k)] + double(turn) * s.length);
-      near.push_back(values[std::size_t(k)]);
+      points.push_back(x[k] + double(turn) * s.length);
+      near.push_back(values[k]);
     }
     Lagrange(points).weights(at, weights);
     double sum = 0;

@@ -153,7 +153,7 @@ std::set<std::int64_t> sampled_waves(const Waves& all, const Waves& resolved, co
 void StepForecast::add_wave(const LinearPoint& medium, Implicit implicit, double kappa2, bool sliding,
                             bool resolved) {
   const auto rows_of = [&](Part terms) {
-    std::vector<double> rows(static_cast<std::size_t>(dof_ * dof_));
+    std::vector<double> rows(dof_ * dof_);
     if (medium.massless())
       medium.massless_block(kappa2).write(dof_, rows.data());
     else
@@ -198,7 +198,7 @@ void StepForecast::add_waves_about(const Model& model, Vec u, Implicit implicit)
   // Where sliding is unstable the motion reaches the steepest friction: the cubic's where its limit cycle
   // turns, that of a regularised threshold at rest.
   const bool oscillates = !s.massless() && s.A() * (s.B() + friction[0].F.F_psi) + s.s_delta() < 0;
-  const double rising = model.slopes_ahead().rising;
+  const double rising = model.slope_bounds().rising;
   if (oscillates && rising > 0) friction[1].F.F_psi = std::max(friction[1].F.F_psi, rising);
   const double largest = s.n > 1 ? largest_symbol(s.order, s.form == Form::chain ? 1 : s.h()) : 0;
   for (const Slopes& f : friction)
@@ -258,8 +258,7 @@ void StepForecast::add_product(double factor, std::vector<double> Wave::*part, c
   for (const Wave& w : waves_)
     for (int column = 0; column < d; ++column, a += d, out += d)
       for (int row = 0; row < d; ++row)
-        for (int k = 0; k < d; ++k)
-          out[row] += factor * (w.*part)[static_cast<std::size_t>(row * d + k)] * a[k];
+        for (int k = 0; k < d; ++k) out[row] += factor * (w.*part)[row * d + k] * a[k];
 }
 
 PetscErrorCode StepForecast::RHSFunction(TS, PetscReal, Vec u, Vec f, void* context) {
@@ -283,11 +282,11 @@ PetscErrorCode StepForecast::IJacobian(TS, PetscReal, Vec, Vec, PetscReal shift,
     self.last_shift_ = shift;
     const PetscInt d = self.dof_;
     PetscInt block = 0;
-    std::vector<double> values(static_cast<std::size_t>(d * d));
+    std::vector<double> values(d * d);
     for (const Wave& w : self.waves_)
       for (PetscInt column = 0; column < d; ++column, ++block) {
         for (std::size_t i = 0; i < values.size(); ++i) values[i] = -w.implicit_part[i];
-        for (PetscInt k = 0; k < d; ++k) values[static_cast<std::size_t>(k * (d + 1))] += shift;
+        for (PetscInt k = 0; k < d; ++k) values[k * (d + 1)] += shift;
         SS_TRY(MatSetValuesBlocked(P, 1, &block, 1, &block, values.data(), INSERT_VALUES));
       }
     SS_TRY(MatAssemblyBegin(P, MAT_FINAL_ASSEMBLY));
@@ -304,7 +303,7 @@ double StepForecast::multistep_modulus(Complex z) const {
     c = {m - z * f * g, 1 - 2 * m - z * (f * (1 - g) + g * (1 - f)), m - 1 - z * (1 - f) * (1 - g)};
   } else {
     // sum over j of (1 - 1/mu)^j/j = z
-    c.assign(static_cast<std::size_t>(bdf_order_ + 1), 0);
+    c.assign(bdf_order_ + 1, 0);
     c[0] = -z;
     std::vector<double> power = {1};
     for (int j = 1; j <= bdf_order_; ++j) {

@@ -26,7 +26,7 @@ class SweepAxis {
   std::string between(long k, long intervals) const;
   // Value number k of all.
   std::string value(long k) const {
-    return listed_.empty() ? between(k, count_ - 1) : listed_[std::size_t(k)];
+    return listed_.empty() ? between(k, count_ - 1) : listed_[k];
   }
   // The value that a number from [0, 1) draws: evenly from the range (of an integer: each alike), or from the
   // list.

@@ -20,9 +20,9 @@ class ToleranceLadder final : public Ladder {
   void choose() override;
   double estimate(const Answer& end) override;
   void refine() override;
-  bool settle() override;
-  std::string foreseen() const override {
-    return std::isnan(in_time_) ? "" : "; error foreseen in time " + rounded_text(in_time_, 2);
+  bool confirm() override;
+  std::string predicted() const override {
+    return std::isnan(in_time_) ? "" : "; error predicted in time " + rounded_text(in_time_, 2);
   }
 
  private:
@@ -50,14 +50,14 @@ class ToleranceLadder final : public Ladder {
   }
   double wished() const;
   double slope() const;
-  double time_foreseen(double tolerance) const;
+  double predicted_time(double tolerance) const;
   bool place_or_go_on(double& next);
   void place(double wish);
   void look_beyond_own_steps();
   double estimate_in_time(const Level& now, double d) const;
   [[noreturn]] void give_up_at(double tolerance, double error) const;
 
-  double in_time_ = NAN;  // foreseen of the run
+  double in_time_ = NAN;  // predicted of the run
 };
 
 double ToleranceLadder::slope() const {
@@ -69,7 +69,7 @@ double ToleranceLadder::slope() const {
                     0.5, most);
 }
 
-double ToleranceLadder::time_foreseen(double tolerance) const {
+double ToleranceLadder::predicted_time(double tolerance) const {
   return distances_.back() * std::pow(tolerance / levels_[levels_.size() - 2].tolerance, slope());
 }
 
@@ -145,13 +145,13 @@ void ToleranceLadder::place(double wish) {
   const double last = levels_.back().tolerance;
   if (wish > last / 2 && wish < last * 2) wish = last;
   setting_.tolerance = std::clamp(wish, least_tolerance, 3 * loosest());
-  in_time_ = time_foreseen(setting_.tolerance);
+  in_time_ = predicted_time(setting_.tolerance);
 }
 
-bool ToleranceLadder::settle() {
+bool ToleranceLadder::confirm() {
   if (distances_.empty()) return false;
   setting_.tolerance = levels_.back().tolerance;
-  in_time_ = time_foreseen(setting_.tolerance);
+  in_time_ = predicted_time(setting_.tolerance);
   return true;
 }
 
@@ -160,18 +160,18 @@ double ToleranceLadder::estimate_in_time(const Level& now, double d) const {
   const Level& last = levels_.back();
   const double x = last.tolerance / now.tolerance;
   if (x < 0.7) return d / (1 - std::pow(x, slope()));
-  return std::max(d, time_foreseen(now.tolerance));  // at the last level's own tolerance, or next to it
+  return std::max(d, predicted_time(now.tolerance));  // at the last level's own tolerance, or next to it
 }
 
 // A run of a few steps may take nearly those of the last level, whatever its tolerance: their distance, far
-// below what was foreseen, then tells little of the error, and only stricter levels do, which cost next to
+// below what was predicted, then tells little of the error, and only stricter levels do, which cost next to
 // nothing.
 void ToleranceLadder::look_beyond_own_steps() {
   constexpr PetscInt few = 50;
   for (int k = 0; k < 3 && request_.tolerance_open && levels_.back().steps < few; ++k) {
     if (levels_.back().tolerance <= 2 * least_tolerance) return;
-    const double foreseen = time_foreseen(std::max(last_run_.tolerance, levels_.back().tolerance));
-    if (runs_.difference(levels_.back(), last_run_) >= 0.2 * foreseen) return;
+    const double predicted = predicted_time(std::max(last_run_.tolerance, levels_.back().tolerance));
+    if (runs_.difference(levels_.back(), last_run_) >= 0.2 * predicted) return;
     add(runs_.run(request_.scene.n, std::max(levels_.back().tolerance / 100, least_tolerance)));
   }
 }
@@ -180,9 +180,9 @@ double ToleranceLadder::estimate(const Answer& end) {
   last_run_ = {request_.scene, setting_.tolerance, end, 0, 0};
   look_beyond_own_steps();
   const bool elsewhere = setting_.tolerance != levels_.back().tolerance && !distances_.empty();
-  const double d = difference_of_run(elsewhere ? time_foreseen(levels_.back().tolerance) : 0);
+  const double d = difference_of_run(elsewhere ? predicted_time(levels_.back().tolerance) : 0);
   // they may err alike by chance
-  const double least = elsewhere ? 0.3 * time_foreseen(setting_.tolerance) : 0;
+  const double least = elsewhere ? 0.3 * predicted_time(setting_.tolerance) : 0;
   const bool beside = last_run_.tolerance > levels_.back().tolerance;
   last_estimate_ = (scatters() ? 1.3 : beside ? 1.1 : 1.4) * std::max(estimate_in_time(last_run_, d), least);
   return last_estimate_;
@@ -212,7 +212,7 @@ void ToleranceLadder::refine() {
   }
   place(wish);
   setting_.tolerance = std::min(setting_.tolerance, before / 2);
-  in_time_ = time_foreseen(setting_.tolerance);
+  in_time_ = predicted_time(setting_.tolerance);
 }
 
 }  // namespace

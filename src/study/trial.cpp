@@ -184,11 +184,11 @@ Fields fields_with_friction(const Scene& scene, std::vector<double> psi, std::ve
 
 Fields fields_of(const Model& model, Vec u, PetscInt n) {
   Gather gather(u, model.dof());
-  std::vector<std::vector<double>> whole(std::size_t(model.dof()));
+  std::vector<std::vector<double>> whole(model.dof());
   const auto& components = gather.components(u);
   for (std::size_t c = 0; c < whole.size(); ++c) {
     if (!components.empty() && !components[c].empty())
-      for (PetscInt i = 0; i < n; ++i) whole[c].push_back(components[c][std::size_t(i % model.scene().n)]);
+      for (PetscInt i = 0; i < n; ++i) whole[c].push_back(components[c][i % model.scene().n]);
     broadcast(whole[c]);
   }
   return fields_with_friction(model.scene(), whole[0], whole[1],

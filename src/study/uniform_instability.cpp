@@ -64,7 +64,7 @@ class CarriedRound {
     for (std::size_t i = 0; i + 1 < orbit_.mesh.size(); ++i) {
       const double turned = (orbit_.mesh[i + 1] - orbit_.mesh[i]) * orbit_.period * omega;
       const int halvings = std::max(0, int(std::ceil(std::log2(turned / 1.5))));
-      for (const Piece& piece : pieces(i, halvings)) {
+      for (const Transition& piece : pieces(i, halvings)) {
         carry(piece, kappa2, Y);
         double size = 0;
         for (int k = 0; k < d_ * d_; ++k) size = std::max(size, std::abs(Y[k]));
@@ -78,12 +78,12 @@ class CarriedRound {
 
  private:
   // Without the wave: the end and psi at the stages from the beginning, and both from E's part of the stages.
-  struct Piece {
+  struct Transition {
     double end[max_dim * max_dim], psi[stages * max_dim];
     double end_of_E[max_dim * stages], psi_of_E[stages * stages];
   };
 
-  const std::vector<Piece>& pieces(std::size_t interval, int halvings) {
+  const std::vector<Transition>& pieces(std::size_t interval, int halvings) {
     const auto [at, is_new] = pieces_.try_emplace({interval, halvings});
     if (!is_new) return at->second;
     const int count = 1 << halvings;
@@ -92,7 +92,7 @@ class CarriedRound {
     return at->second;
   }
 
-  Piece piece(double begin, double phase) const {
+  Transition piece(double begin, double phase) const {
     const Collocation& radau = Collocation::radau5();
     const int d = d_, n = stages * d, columns = d + stages;
     const double h = phase * orbit_.period;
@@ -100,18 +100,18 @@ class CarriedRound {
                                                                         b[stages * max_dim * 8] = {};
     for (int s = 0; s < stages; ++s) {
       double y[max_dim + 1], dy[max_dim];
-      orbit_.at(begin + phase * radau.c[std::size_t(s)], y);
+      orbit_.at(begin + phase * radau.c[s], y);
       o_.rhs(1, y, dy, J + s * d * d);
       for (int k = 0; k < d; ++k) b[(s * d + k) * columns + k] = 1;
       for (int r = 0; r < stages; ++r) {
-        const double weight = h * radau.a[std::size_t(s * stages + r)];
+        const double weight = h * radau.a[s * stages + r];
         b[s * d * columns + d + r] = weight * E_.A_N;
         b[(s * d + 1) * columns + d + r] = weight * E_.K1;
       }
     }
     stage_matrix(radau, d, h, J, a);
     if (!solve_dense(n, a, columns, b)) throw Failure("the linearised oscillation cannot be integrated");
-    Piece p;
+    Transition p;
     const auto take = [&](int row, int first, int count, double* to) {
       std::copy(b + row * columns + first, b + row * columns + first + count, to);
     };
@@ -126,7 +126,7 @@ class CarriedRound {
     return p;
   }
 
-  void carry(const Piece& p, double kappa2, double* Y) const {
+  void carry(const Transition& p, double kappa2, double* Y) const {
     const int d = d_;
     double a[stages * stages], psi[stages * max_dim] = {}, end[max_dim * max_dim] = {};
     for (int i = 0; i < stages * stages; ++i) a[i] = kappa2 * p.psi_of_E[i] + (i % (stages + 1) == 0 ? 1 : 0);
@@ -147,7 +147,7 @@ class CarriedRound {
   const Orbit& orbit_;
   const Neighbours E_;
   int d_;
-  std::map<std::pair<std::size_t, int>, std::vector<Piece>> pieces_;  // by interval and halvings
+  std::map<std::pair<std::size_t, int>, std::vector<Transition>> pieces_;  // by interval and halvings
 };
 
 }  // namespace

@@ -38,7 +38,7 @@ void start_beside(const Model& model, const SteadySliding& s, double amplitude, 
 Motion regime_from(const Options& options, const Model& model, const SteadySliding& s, double growth, Vec u,
                    double duration) {
   Integrator integrator(model, MethodSpec::from(options), u, "verify_");
-  Regime regime(model, duration, [&s](PetscInt node) { return s.psi[std::size_t(node)]; });
+  Regime regime(model, duration, [&s](PetscInt node) { return s.psi[node]; });
   regime.know(growth, growth);
   double t = 0;
   for (double end = duration;;) {

@@ -79,7 +79,7 @@ void WorkPrecision::read_reference() {
   c.scene.n = PetscInt(frame.x.size());
   c.scene.order = std::min(possible_orders(scene_).back(), int(c.scene.n) - 1);
   for (PetscInt i = 0; i < c.scene.n; ++i)
-    if (std::abs(frame.x[std::size_t(i)] - c.scene.x(i)) > 1e-9 * (1 + c.scene.length))
+    if (std::abs(frame.x[i] - c.scene.x(i)) > 1e-9 * (1 + c.scene.length))
       throw UsageError(says + "its nodes are not those of a grid over this scene's length " +
                        number_text(c.scene.length) + " with its ends");
   const StateLaw law = scene_.friction.state;

@@ -15,7 +15,7 @@ BandLayout::BandLayout(const Model& model)
     : model_(model), half_width_(model.scene().order / 2), dof_(model.dof()), n_(model.scene().n) {
   int ranks;
   MPI_Comm_size(model.comm(), &ranks);
-  first_of_rank_.resize(std::size_t(ranks));
+  first_of_rank_.resize(ranks);
   const PetscInt first = model.first();
   SS_TRY(MPI_Allgather(&first, 1, MPIU_INT, first_of_rank_.data(), 1, MPIU_INT, model.comm()));
   cut();
@@ -135,7 +135,7 @@ void BandLayout::load(const BandTile& t, const double* own, int d, double* into)
   const double* from = own + i * dof_ + d;
   PetscInt stride = dof_;
   if (!inside) {
-    line.resize(std::size_t(t.count()));
+    line.resize(t.count());
     read(own, d, i, t.count(), line.data());
     from = line.data();
     stride = 1;

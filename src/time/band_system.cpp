@@ -60,7 +60,7 @@ int BandSystemOf<hw>::add_node(int lo, int hi) {
   const auto& tiles = layout_.tiles();
   const auto tile =
       std::find_if(tiles.begin(), tiles.end(), [&](const BandTile& t) { return t.group == lo; });
-  if (hi - lo == 1 && tile != tiles.end()) groups_[std::size_t(tile - tiles.begin())].node = node;
+  if (hi - lo == 1 && tile != tiles.end()) groups_[tile - tiles.begin()].node = node;
   return node;
 }
 
@@ -73,7 +73,7 @@ void BandSystemOf<hw>::set_up_outer() {
   outer_held_.assign(count, 0);
   for (int i = 0; i < outer_count_; ++i) {
     const PetscInt node = layout_.outer_node(i);
-    outer_held_[std::size_t(i)] = layout_.model().held(node) ? 1 : 0;
+    outer_held_[i] = layout_.model().held(node) ? 1 : 0;
     for (const auto& [column, weight] : second_difference_row(scene_, node))
       for (int j = 0; j < outer_count_; ++j)
         if (layout_.outer_node(j) == column) outer_d2_[std::size_t(i) * count + std::size_t(j)] += weight;
@@ -82,11 +82,11 @@ void BandSystemOf<hw>::set_up_outer() {
 
 template <int hw>
 void BandSystemOf<hw>::set_up_gather() {
-  leaves_of_.assign(std::size_t(ranks_), 0);
+  leaves_of_.assign(ranks_, 0);
   outer_of_ = leaves_of_;
-  for (const Leaf& leaf : leaves_) ++leaves_of_[std::size_t(leaf.speaker)];
-  outer_of_[std::size_t(layout_.speaker_of_left())] += layout_.left_outer();
-  outer_of_[std::size_t(layout_.speaker_of_right())] += outer_count_ - layout_.left_outer();
+  for (const Leaf& leaf : leaves_) ++leaves_of_[leaf.speaker];
+  outer_of_[layout_.speaker_of_left()] += layout_.left_outer();
+  outer_of_[layout_.speaker_of_right()] += outer_count_ - layout_.left_outer();
 }
 
 // ---- factors
@@ -132,18 +132,18 @@ void BandSystemOf<hw>::make_constant(Factors& f, double a, double p) {
   if (root_ >= 0) {
     const int least = layout_.least_rows() - hw;
     positive = kernel::make_table<hw>(a + f.middle, f.c, least + 1 + hw, f.table);
-    const std::vector<double> d(std::size_t((least + 1 + hw) * lanes), a + f.middle), zero(d.size(), 0.);
+    const std::vector<double> d((least + 1 + hw) * lanes, a + f.middle), zero(d.size(), 0.);
     for (int k = 0; k < 2; ++k) {
       f.W[k] = kernel::right_of_table<hw>(f.table, f.c, least + k);
       kernel::Sides<hw> sides;
       forward_({d.data(), zero.data(), f.c, least + k}, &sides);
-      positive = join_eight(&d[std::size_t((least + k) * lanes)], sides, f.c, f.separators[k], f.group[k]) &&
+      positive = join_eight(&d[(least + k) * lanes], sides, f.c, f.separators[k], f.group[k]) &&
                  positive;
     }
   }
   for (std::size_t i = 0; i < groups_.size(); ++i) {
     if (groups_[i].node < 0) continue;
-    Node& node = tree_[std::size_t(groups_[i].node)];
+    Node& node = tree_[groups_[i].node];
     node.matrix = f.group[kind(layout_.tiles()[i])];
     std::fill(std::begin(node.d_behind), std::end(node.d_behind), a + f.middle);
   }
@@ -207,10 +207,10 @@ bool BandSystemOf<hw>::eliminate(const std::vector<int>& nodes) {
   Factors& f = varies_ ? varying_ : kept_.front();
   bool positive = true;
   for (const int i : nodes) {
-    Node& node = tree_[std::size_t(i)];
-    const Node &left = tree_[std::size_t(node.left)], &right = tree_[std::size_t(node.right)];
+    Node& node = tree_[i];
+    const Node &left = tree_[node.left], &right = tree_[node.right];
     positive =
-        f.nodes[std::size_t(i)].eliminate(left.d_behind, f.c, left.matrix, right.matrix, node.matrix) &&
+        f.nodes[i].eliminate(left.d_behind, f.c, left.matrix, right.matrix, node.matrix) &&
         positive;
     std::copy(right.d_behind, right.d_behind + hw, node.d_behind);
   }
@@ -230,7 +230,7 @@ void BandSystemOf<hw>::forward(std::size_t tile, const double* d, const double* 
     return;
   }
   Group& group = groups_[tile];
-  Node& node = tree_[std::size_t(group.node)];
+  Node& node = tree_[group.node];
   const int L = t.rows - hw;
   kernel::Sides<hw> sides;
   if (varies_) {
@@ -251,8 +251,8 @@ template <int hw>
 void BandSystemOf<hw>::join(const std::vector<int>& nodes) {
   const Factors& f = varies_ ? varying_ : kept_.front();
   for (const int i : nodes) {
-    Node& node = tree_[std::size_t(i)];
-    f.nodes[std::size_t(i)].join(tree_[std::size_t(node.left)].load, tree_[std::size_t(node.right)].load,
+    Node& node = tree_[i];
+    f.nodes[i].join(tree_[node.left].load, tree_[node.right].load,
                                  node.b, node.load);
   }
 }
@@ -261,9 +261,9 @@ template <int hw>
 void BandSystemOf<hw>::descend(const std::vector<int>& nodes) {
   const Factors& f = varies_ ? varying_ : kept_.front();
   for (auto i = nodes.rbegin(); i != nodes.rend(); ++i) {
-    const Node& node = tree_[std::size_t(*i)];
-    Node &left = tree_[std::size_t(node.left)], &right = tree_[std::size_t(node.right)];
-    f.nodes[std::size_t(*i)].solve(node.b, node.x_left, node.x_right, left.x_right);
+    const Node& node = tree_[*i];
+    Node &left = tree_[node.left], &right = tree_[node.right];
+    f.nodes[*i].solve(node.b, node.x_left, node.x_right, left.x_right);
     std::copy(left.x_right, left.x_right + hw, right.x_left);
     std::copy(node.x_left, node.x_left + hw, left.x_left);
     std::copy(node.x_right, node.x_right + hw, right.x_right);
@@ -280,11 +280,11 @@ bool BandSystemOf<hw>::couple() {
   join(top_);
   positive = solve_outer() && positive;
   if (root_ >= 0) {
-    Node& root = tree_[std::size_t(root_)];
+    Node& root = tree_[root_];
     const int left = layout_.left_outer(), right = scene_.ring() ? 0 : left;
     for (int i = 0; i < hw; ++i) {
-      root.x_left[i] = outer_x_[std::size_t(left - hw + i)];
-      root.x_right[i] = outer_x_[std::size_t(right + i)];
+      root.x_left[i] = outer_x_[left - hw + i];
+      root.x_right[i] = outer_x_[right + i];
     }
     descend(top_);
     descend(own_);
@@ -304,7 +304,7 @@ std::vector<double> BandSystemOf<hw>::outer_matrix() const {
     M[i * count + i] += outer_d_[i];
   }
   if (root_ >= 0) {
-    const StretchMatrix<hw>& inside = tree_[std::size_t(root_)].matrix;
+    const StretchMatrix<hw>& inside = tree_[root_].matrix;
     const std::size_t left = std::size_t(layout_.left_outer() - hw), right = scene_.ring() ? 0 : left + hw;
     for (std::size_t i = 0; i < hw; ++i)
       for (std::size_t j = 0; j < hw; ++j) {
@@ -332,12 +332,12 @@ static bool solve_positive(int n, std::vector<double> a, std::vector<double>& x)
       const double factor = at(i, k) / at(k, k);
       if (factor == 0) continue;
       for (int j = k + 1; j < n; ++j) at(i, j) -= factor * at(k, j);
-      y[std::size_t(i)] -= factor * y[std::size_t(k)];
+      y[i] -= factor * y[k];
     }
   }
   for (int k = n - 1; k >= 0; --k) {
-    for (int j = k + 1; j < n; ++j) y[std::size_t(k)] -= at(k, j) * y[std::size_t(j)];
-    y[std::size_t(k)] /= at(k, k);
+    for (int j = k + 1; j < n; ++j) y[k] -= at(k, j) * y[j];
+    y[k] /= at(k, k);
   }
   x = y;
   return true;
@@ -348,7 +348,7 @@ bool BandSystemOf<hw>::solve_outer() {
   const auto count = std::size_t(outer_count_);
   std::vector<double> b = outer_b_;
   if (root_ >= 0) {
-    const StretchLoad<hw>& inside = tree_[std::size_t(root_)].load;
+    const StretchLoad<hw>& inside = tree_[root_].load;
     const std::size_t left = std::size_t(layout_.left_outer() - hw), right = scene_.ring() ? 0 : left + hw;
     for (std::size_t i = 0; i < hw; ++i) {
       if (!outer_held_[left + i]) b[left + i] += inside.L[i];
@@ -380,7 +380,7 @@ void BandSystemOf<hw>::backward(std::size_t tile, const double* d, const double*
     return;
   }
   const Group& group = groups_[tile];
-  const Node& node = tree_[std::size_t(group.node)];
+  const Node& node = tree_[group.node];
   const Factors& f = varies_ ? varying_ : kept_.front();
   const Separator<hw>* const separators = varies_ ? group.separators : f.separators[kind(t)];
   double ends[lanes + 1][hw];  // of the separators: before piece 0, behind piece 0, ...
@@ -421,8 +421,8 @@ bool BandSystemOf<hw>::gather(bool with_matrices, bool flag) {
   int total = 0;
   for (int r = 0; r < ranks_; ++r) {
     starts.push_back(total);
-    counts.push_back(1 + leaves_of_[std::size_t(r)] * (of_load + of_matrix) +
-                     outer_of_[std::size_t(r)] * of_outer);
+    counts.push_back(1 + leaves_of_[r] * (of_load + of_matrix) +
+                     outer_of_[r] * of_outer);
     total += counts.back();
   }
   const auto walk = [&](int rank, double* at, bool into) {
@@ -438,7 +438,7 @@ bool BandSystemOf<hw>::gather(bool with_matrices, bool flag) {
     flag = flag && as_number != 0;
     for (const Leaf& leaf : leaves_) {
       if (leaf.speaker != rank) continue;
-      Node& node = tree_[std::size_t(leaf.node)];
+      Node& node = tree_[leaf.node];
       move(node.load.L, hw);
       move(node.load.R, hw);
       move(node.load.behind, hw);
@@ -454,12 +454,12 @@ bool BandSystemOf<hw>::gather(bool with_matrices, bool flag) {
       if (rank == layout_.speaker_of_right()) move(own->data() + left, outer_count_ - left);
     }
   };
-  sent_.resize(std::size_t(counts[std::size_t(rank_)]));
-  received_.resize(std::size_t(total));
+  sent_.resize(counts[rank_]);
+  received_.resize(total);
   walk(rank_, sent_.data(), true);
-  SS_TRY(MPI_Allgatherv(sent_.data(), counts[std::size_t(rank_)], MPI_DOUBLE, received_.data(), counts.data(),
+  SS_TRY(MPI_Allgatherv(sent_.data(), counts[rank_], MPI_DOUBLE, received_.data(), counts.data(),
                         starts.data(), MPI_DOUBLE, layout_.model().comm()));
-  for (int r = 0; r < ranks_; ++r) walk(r, received_.data() + starts[std::size_t(r)], false);
+  for (int r = 0; r < ranks_; ++r) walk(r, received_.data() + starts[r], false);
   return flag;
 }
 

@@ -16,7 +16,7 @@ constexpr int most_rounds = 12;  // of Newton's method; three times as many wher
 
 bool BandedImex::takes(const ImexTableau& method) {
   for (int i = 1; i < method.stages; ++i)
-    if (!(method.At[std::size_t(i * method.stages + i)] > 1e-14)) return false;
+    if (!(method.At[i * method.stages + i] > 1e-14)) return false;
   return true;
 }
 
@@ -42,7 +42,7 @@ BandedImex::BandedImex(const Model& model, ImexTableau method, Implicit implicit
     for (const double node : nodes) amplitude_.push_back(friction_amplitude(scene, PetscInt(node), 1)[0]);
     amplitude_ = by_tiles(amplitude_);
   }
-  if (sticking) direction_.assign(std::size_t(layout_.size()), 0.);
+  if (sticking) direction_.assign(layout_.size(), 0.);
   pointwise_ = tile::pointwise(scene, sticking, x);
   if (implicit == Implicit::both) newton_ = tile::newton_round(scene, sticking, x);
   PetscInt longest = 0;
@@ -58,20 +58,20 @@ BandedImex::BandedImex(const Model& model, ImexTableau method, Implicit implicit
 
 // Values of the nodes of all tiles, one after the other, in the order of columns.
 std::vector<double> BandedImex::by_tiles(const std::vector<double>& of_nodes) const {
-  std::vector<double> sorted(std::size_t(layout_.size()), 0.);
+  std::vector<double> sorted(layout_.size(), 0.);
   std::size_t from = 0;
   for (const BandTile& t : layout_.tiles())
-    for (PetscInt i = 0; i < t.count(); ++i) sorted[std::size_t(t.at + t.place(i))] = of_nodes[from++];
+    for (PetscInt i = 0; i < t.count(); ++i) sorted[t.at + t.place(i)] = of_nodes[from++];
   return sorted;
 }
 
 void BandedImex::set_direction(const std::vector<double>& direction) {
   const VecHandle going = model_.create_vector();
   const Writing a(going);
-  for (PetscInt i = 0; i < model_.local(); ++i) a[i * model_.dof()] = direction[std::size_t(i)];
+  for (PetscInt i = 0; i < model_.local(); ++i) a[i * model_.dof()] = direction[i];
   layout_.fetch(going);
   const Reading own(going);
-  for (const BandTile& t : layout_.tiles()) layout_.load(t, own, 0, &direction_[std::size_t(t.at)]);
+  for (const BandTile& t : layout_.tiles()) layout_.load(t, own, 0, &direction_[t.at]);
   layout_.end_fetch();
 }
 
@@ -176,7 +176,7 @@ void BandedImex::load(Vec u, const Step& step) const {
 void BandedImex::second_difference(const BandTile& t, const double* own, double* d2) const {
   const PetscInt hw = model_.scene().order / 2, count = t.count(), first = layout_.local(t);
   double *const psi = spare_.data() + hw, *const line = x_.data();
-  const auto& rows = end_rows_[std::size_t(&t - layout_.tiles().data())];
+  const auto& rows = end_rows_[&t - layout_.tiles().data()];
   if (rows.empty()) {
     layout_.read(own, 0, first - hw, count + 2 * hw, psi - hw);
     stencil_(coefficients_, {psi, line, count});
@@ -186,8 +186,8 @@ void BandedImex::second_difference(const BandTile& t, const double* own, double*
     layout_.read(own, 0, low - model_.first(), high - low, spare_.data());
     for (PetscInt i = 0; i < count; ++i) {
       line[i] = 0;
-      for (const auto& [node, weight] : rows[std::size_t(i)])
-        line[i] += weight * spare_[std::size_t(node - low)];
+      for (const auto& [node, weight] : rows[i])
+        line[i] += weight * spare_[node - low];
     }
   }
   for (PetscInt i = 0; i < count; ++i) d2[t.lanes == 1 ? i : t.place(i)] = line[i];
@@ -237,9 +237,9 @@ void BandedImex::take_explicit(const BandTile& t, int i) const {
 template <class Body>
 void BandedImex::for_held(const BandTile& t, const Body& body) const {
   if (t.group >= 0) return;
-  const auto& rows = end_rows_[std::size_t(&t - layout_.tiles().data())];
+  const auto& rows = end_rows_[&t - layout_.tiles().data()];
   for (PetscInt i = 0; i < t.count() && !rows.empty(); ++i)
-    if (model_.held(t.begin + i)) body(i, rows[std::size_t(i)]);
+    if (model_.held(t.begin + i)) body(i, rows[i]);
 }
 
 // What stage i means at held nodes, where psi stands.
@@ -316,7 +316,7 @@ void BandedImex::guess(const BandTile& t, int i, const Step& step) const {
 
 void BandedImex::linearise(const BandTile& t, const kernel::Round& round) const {
   (void)newton_(coefficients_, round, false);
-  for_held(t, [&](PetscInt place, const Combination&) { b_[std::size_t(place)] = round.z_psi[place]; });
+  for_held(t, [&](PetscInt place, const Combination&) { b_[place] = round.z_psi[place]; });
 }
 
 bool BandedImex::newton_stage(int i, const Step& step) const {
@@ -388,8 +388,8 @@ void BandedImex::measure(const BandTile& t, const Step& step, Sums& sums) const 
   if (count < t.count()) {
     for (PetscInt i = 0; i < count; ++i) {
       const PetscInt place = t.lanes == 1 ? begin + i : t.place(begin + i);
-      d_[std::size_t(i)] = u[place];
-      spare_[std::size_t(i)] = e[place];
+      d_[i] = u[place];
+      spare_[i] = e[place];
     }
     u = d_.data();
     e = spare_.data();
@@ -415,7 +415,7 @@ void BandedImex::store_slopes(const std::vector<VecHandle>& slopes) const {
         const double* from = columns_.slope(t, kind, int(k / 2), d);
         if (kind == ImexColumns::of_explicit && d == 1 && implicit_ == Implicit::wave) {
           const double* const of_psi = columns_.slope(t, kind, int(k / 2), 0);
-          for (PetscInt i = 0; i < t.count(); ++i) x_[std::size_t(i)] = columns_.explicit_eta() * of_psi[i];
+          for (PetscInt i = 0; i < t.count(); ++i) x_[i] = columns_.explicit_eta() * of_psi[i];
           from = x_.data();
         }
         layout_.store(t, from ? from : zeros_.data(), d, a);

@@ -44,10 +44,10 @@ class BandedImex : public StepTaker {
   struct Sums {
     double squares = 0, largest = 0, not_finite = 0;
   };
-  double diagonal(int i) const { return method_.At[std::size_t(i * method_.stages + i)]; }
+  double diagonal(int i) const { return method_.At[i * method_.stages + i]; }
   // Of the nodes of a tile; nullptr where there are none of any.
   static const double* of_tile(const std::vector<double>& all, const BandTile& t) {
-    return all.empty() ? nullptr : &all[std::size_t(t.at)];
+    return all.empty() ? nullptr : &all[t.at];
   }
   std::vector<double> by_tiles(const std::vector<double>& of_nodes) const;
   kernel::Coefficients at_stage(const Step& step, int i) const;

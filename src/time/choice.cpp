@@ -30,7 +30,7 @@ namespace {
 double friction_rate_ahead(const Model& model, Vec u) {
   double rate = model.friction_rate(u);
   const Scene& s = model.scene();
-  const SlopesAhead ahead = model.slopes_ahead();
+  const SlopeBounds ahead = model.slope_bounds();
   const double steepest = std::max(ahead.falling, ahead.rising);
   if (steepest > 0) rate = std::max(rate, s.A() * (s.B() + steepest));
   if (model.dof() == 3 && s.v != 0) {

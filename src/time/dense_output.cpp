@@ -25,7 +25,7 @@ std::vector<double> integration_weights(int count, double s) {
   return weights;
 }
 
-VecHandle& at(std::vector<VecHandle>& list, int i) { return list[static_cast<std::size_t>(i)]; }
+VecHandle& at(std::vector<VecHandle>& list, int i) { return list[i]; }
 
 }  // namespace
 
@@ -72,7 +72,7 @@ void DenseOutput::polynomial(Vec before, Vec after, double dt, double s, Vec int
   } else {
     weights = integration_weights(degree_now_, s);
     for (double& w : weights) w *= dt;
-    for (int i = 0; i < degree_now_; ++i) terms.push_back(slopes_[static_cast<std::size_t>(i)]);
+    for (int i = 0; i < degree_now_; ++i) terms.push_back(slopes_[i]);
     weights.push_back(1);
     terms.push_back(before);
   }

@@ -29,7 +29,7 @@ void Equations::subtract_load_rate(TS ts, Vec f) const {
   SS_TRY(TSGetTime(ts, &begin));
   SS_TRY(TSGetTimeStep(ts, &dt));
   const Scene& s = model_.scene();
-  const double more = s.K0() * rates_[std::size_t(stage_)] * dt * plate_acceleration(model_, begin);
+  const double more = s.K0() * rates_[stage_] * dt * plate_acceleration(model_, begin);
   const Writing a(f);
   for (PetscInt i = 0; i < model_.local(); ++i)
     if (s.form == Form::chain || !model_.held(model_.first() + i)) a[i * model_.dof() + 1] -= more;
@@ -74,7 +74,7 @@ PetscErrorCode Equations::IJacobian(TS, PetscReal, Vec u, Vec, PetscReal shift, 
 PetscErrorCode Equations::TameStep(SNESLineSearch, Vec u, Vec minus_step, PetscBool* changed, void* context) {
   return guarded([&] {
     const auto& self = *static_cast<Equations*>(context);
-    *changed = self.model_.tame_newton_step(u, self.last_shift_, minus_step) ? PETSC_TRUE : PETSC_FALSE;
+    *changed = self.model_.safeguard_newton_step(u, self.last_shift_, minus_step) ? PETSC_TRUE : PETSC_FALSE;
   });
 }
 

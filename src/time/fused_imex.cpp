@@ -91,10 +91,10 @@ void FusedImex::take_explicit(const Tile& t, int i, PetscInt begin, PetscInt end
 // Stage i on [begin, end): its values in columns 1, its implicit slope in its columns.
 long FusedImex::stage(const Tile& t, int i, const Step& step, PetscInt begin, PetscInt end) const {
   const int g = implicit_slope(i);
-  const bool is_explicit = diagonal_[static_cast<std::size_t>(i)] == 0;
+  const bool is_explicit = diagonal_[i] == 0;
   for (int d = 0; d < tiles_.dof(); ++d) {
     const auto& rows = has_explicit(d) ? all_rows_ : implicit_rows_;
-    const Row& row = rows[static_cast<std::size_t>(i)];
+    const Row& row = rows[i];
     tiles_.sum(t, d, tiles_.column(0, d), row, step.dt, begin, end,
                tiles_.column(is_explicit ? 1 : known_, d));
   }
@@ -106,7 +106,7 @@ long FusedImex::stage(const Tile& t, int i, const Step& step, PetscInt begin, Pe
   for (int d = 0; d < tiles_.dof() && i == 0; ++d)
     std::copy(at(t, 0, d, begin), at(t, 0, d, end), at(t, 1, d, begin));  // a guess
   return solve_(t, {known_, g, i > 0 ? implicit_slope(i - 1) : -1},
-                {at_stage(step, i), step.dt * diagonal_[static_cast<std::size_t>(i)],
+                {at_stage(step, i), step.dt * diagonal_[i],
                  step.norm.solver_target(), step.estimate},
                 begin, end);
 }

@@ -47,12 +47,12 @@ class FusedRk : public FusedMethod {
   int slopes() const override { return int(RkParts(library_).stages); }
   std::vector<double> weights_at(double s, double dt) const override {
     const RkParts t(library_);
-    std::vector<double> weights(static_cast<std::size_t>(t.stages));
+    std::vector<double> weights(t.stages);
     for (PetscInt i = 0; i < t.stages; ++i) {
       double power = dt;
       for (PetscInt j = 0; j < t.degree; ++j) {
         power *= s;
-        weights[static_cast<std::size_t>(i)] += power * t.interpolating[i * t.degree + j];
+        weights[i] += power * t.interpolating[i * t.degree + j];
       }
     }
     return weights;

@@ -117,9 +117,8 @@ void TiledStep::hold(const Tile& t, int slope, PetscInt node) const {
 }
 
 FusedStep::FusedStep(const Model& model, const RungeKutta& method, bool sticking, int others)
-    : TiledStep(model, method.stages, 1, others, sticking), rows_(std::size_t(method.stages)) {
-  for (int i = 0; i < stages_; ++i)
-    add_to_row(rows_[std::size_t(i)], &method.A[static_cast<std::size_t>(i * stages_)], i, slopes_from);
+    : TiledStep(model, method.stages, 1, others, sticking), rows_(method.stages) {
+  for (int i = 0; i < stages_; ++i) add_to_row(rows_[i], &method.A[i * stages_], i, slopes_from);
   for (const Row& row : rows_) times_.push_back(std::accumulate(row.weight.begin(), row.weight.end(), 0.));
   add_to_row(solution_, method.b.data(), stages_, slopes_from);
   last_is_solution_ = rows_.back().column == solution_.column && rows_.back().weight == solution_.weight;
@@ -140,7 +139,7 @@ long FusedStep::through(const Tile& t, const Step& step) const {
     const PetscInt begin = std::max(t.begin - margin, low), end = std::min(t.end + margin, high);
     if (i > 0) {
       const PetscInt beyond_it = is_taken ? half_width : 0;
-      const Row& row = rows_[static_cast<std::size_t>(i)];
+      const Row& row = rows_[i];
       const PetscInt psi_begin = std::max(begin - beyond_it, low), psi_end = std::min(end + beyond_it, high);
       tiles_.sum(t, 0, tiles_.column(0, 0), row, step.dt, psi_begin, psi_end, tiles_.column(1, 0));
       for (int d = 1; d < dof; ++d)
@@ -150,7 +149,7 @@ long FusedStep::through(const Tile& t, const Step& step) const {
     const int index = i > 0 ? 1 : 0;
     stretch(t, index, slopes_from + i, begin, end);
     add_pointwise(t, index, slopes_from + i, at_stage(step, i), begin, end);
-    settle(t, i, step, begin, end);
+    finish_stage(t, i, step, begin, end);
   }
   for (int d = 0; d < dof && !last_is_solution_; ++d)
     tiles_.sum(t, d, tiles_.column(0, d), solution_, step.dt, t.begin, t.end, tiles_.column(1, d));

@@ -92,7 +92,7 @@ class FusedStep : public TiledStep {
   // Before the stages of a tile, of which columns 0 hold u; returns how many equations are left unsolved.
   virtual long prepare(const Tile&, const Step&) const { return 0; }
   // What becomes of the slope of stage i on [begin, end).
-  virtual void settle(const Tile&, int, const Step&, PetscInt, PetscInt) const {}
+  virtual void finish_stage(const Tile&, int, const Step&, PetscInt, PetscInt) const {}
 
  private:
   long through(const Tile& t, const Step& step) const override;

@@ -169,7 +169,7 @@ struct FusedTs::Callbacks {
     PetscCall(PetscOptionsEList(option.c_str(), "Tableau", "none", names.data(), PetscInt(names.size()),
                                 method.subtype(), &chosen, &set));
     PetscOptionsHeadEnd();
-    if (set) method.set_subtype(names[std::size_t(chosen)]);
+    if (set) method.set_subtype(names[chosen]);
     return 0;
   }
   static PetscErrorCode TSView_Fused(TS ts, PetscViewer viewer) {

@@ -32,14 +32,14 @@ ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Im
       std::array<int, 3> own{-1, -1, -1};
       for (int d = 0; d < dof_; ++d) {
         const bool acts = kind == of_implicit ? !(wave && d == 2) : wave && d != 1;
-        if (acts) own[std::size_t(d)] = columns++;
+        if (acts) own[d] = columns++;
       }
       slopes_[kind].push_back(own);
     }
   work_ = std::make_unique<double[]>(std::size_t(columns) * std::size_t(stride_));
   PetscInt longest = 0;
   for (const BandTile& t : layout.tiles()) longest = std::max(longest, t.count());
-  zeros_.assign(std::size_t(longest), 0.);
+  zeros_.assign(longest, 0.);
 
   sums_.resize(s);
   const double* const last = &method.At[(s - 1) * s];
@@ -77,7 +77,7 @@ void ImexColumns::add(Sum& sum, int d, const double* implicit_weights, const dou
       const bool of_psi = kind == of_explicit && d == 1;
       const double weight = (kind == of_implicit ? implicit_weights : explicit_weights)[j];
       const double factor = of_psi ? explicit_eta_ : 1;
-      const int column = slopes_[kind][std::size_t(j)][std::size_t(of_psi ? 0 : d)];
+      const int column = slopes_[kind][j][std::size_t(of_psi ? 0 : d)];
       // round-off, which the tableau was read with
       if (column < 0 || factor == 0 || is_near(weight, 0)) continue;
       sum.columns.push_back(column);
@@ -97,13 +97,13 @@ void ImexColumns::take(const BandTile& t, const Sum& sum, double dt, double* int
 }
 
 void ImexColumns::sum_known(const BandTile& t, int i, double dt) const {
-  for (int d = 0; d < dof_; ++d) take(t, sums_[std::size_t(i)][std::size_t(d)], dt, known(t, d));
+  for (int d = 0; d < dof_; ++d) take(t, sums_[i][d], dt, known(t, d));
 }
 void ImexColumns::sum_solution(const BandTile& t, int d, double dt, double* into) const {
-  take(t, solution_[std::size_t(d)], dt, into);
+  take(t, solution_[d], dt, into);
 }
 void ImexColumns::sum_error(const BandTile& t, int d, double dt, double* into) const {
-  take(t, error_[std::size_t(d)], dt, into);
+  take(t, error_[d], dt, into);
 }
 
 }  // namespace stickslip

@@ -34,7 +34,7 @@ class ImexColumns {
   // nullptr where the part does not act on the unknown, and of the explicit part of eta: friction there is
   // explicit_eta() times that of psi
   double* slope(const BandTile& t, Kind kind, int stage, int d) const {
-    const int index = slopes_[kind][std::size_t(stage)][std::size_t(d)];
+    const int index = slopes_[kind][stage][d];
     return index < 0 ? nullptr : at(t, index);
   }
 

@@ -258,7 +258,7 @@ bool make_table(double d, const double* c, int rows, PieceTable& table) {
   const auto count = std::size_t(rows) * hw;
   table.l.assign(count, 0);
   table.V.assign(count, 0);
-  table.inverse.assign(std::size_t(rows), 0);
+  table.inverse.assign(rows, 0);
   bool positive = true;
   std::vector<double> V(count);  // not yet over the pivot
   for (int r = 0; r < rows; ++r) {
@@ -267,16 +267,16 @@ bool make_table(double d, const double* c, int rows, PieceTable& table) {
     for (int k = std::min(hw, r); k >= 1; --k) {
       t[k] = c[k];
       for (int j = hw; j > k; --j) t[k] -= t[j] * table.l[std::size_t(r - k) * hw + std::size_t(j - k - 1)];
-      l[k - 1] = t[k] * table.inverse[std::size_t(r - k)];
+      l[k - 1] = t[k] * table.inverse[r - k];
       pivot -= t[k] * l[k - 1];
     }
     positive = positive && pivot > 0;
-    table.inverse[std::size_t(r)] = 1 / pivot;
+    table.inverse[r] = 1 / pivot;
     for (int s = 0; s < hw; ++s) {
       double v = r <= s ? c[r + hw - s] : 0;
       for (int k = std::min(hw, r); k >= 1; --k) v -= l[k - 1] * V[std::size_t(r - k) * hw + std::size_t(s)];
-      V[std::size_t(r * hw + s)] = v;
-      table.V[std::size_t(r * hw + s)] = v / pivot;
+      V[r * hw + s] = v;
+      table.V[r * hw + s] = v / pivot;
     }
   }
   return positive;
@@ -286,17 +286,17 @@ bool make_table(double d, const double* c, int rows, PieceTable& table) {
 template <int half_width>
 std::vector<double> right_of_table(const PieceTable& table, const double* c, int L) {
   constexpr int hw = half_width;
-  std::vector<double> W(std::size_t(hw * hw), 0.), found(std::size_t(hw * hw));
+  std::vector<double> W(hw * hw, 0.), found(std::size_t(hw * hw));
   for (int r = L - hw; r < L; ++r)
     for (int t = 0; t < hw; ++t) {
       double w = L + t - r <= hw ? c[L + t - r] : 0;
       for (int k = std::min(hw, r - (L - hw)); k >= 1; --k)
-        w -= table.l[std::size_t(r * hw + k - 1)] * W[std::size_t((L - 1 - (r - k)) * hw + t)];
-      W[std::size_t((L - 1 - r) * hw + t)] = w;
+        w -= table.l[r * hw + k - 1] * W[(L - 1 - (r - k)) * hw + t];
+      W[(L - 1 - r) * hw + t] = w;
     }
   for (int j = 0; j < hw; ++j)
     for (int t = 0; t < hw; ++t)
-      found[std::size_t(j * hw + t)] = W[std::size_t(j * hw + t)] * table.inverse[std::size_t(L - 1 - j)];
+      found[j * hw + t] = W[j * hw + t] * table.inverse[L - 1 - j];
   return found;
 }
 

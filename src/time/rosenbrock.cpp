@@ -166,11 +166,11 @@ long RosenbrockStep::prepare(const Tile& t, const Step& step) const {
 }
 
 // The slope f of stage i becomes w_i.
-void RosenbrockStep::settle(const Tile& t, int i, const Step& step, PetscInt begin, PetscInt end) const {
+void RosenbrockStep::finish_stage(const Tile& t, int i, const Step& step, PetscInt begin,
+                                  PetscInt end) const {
   const int w = slopes_from + i, dof = tiles_.dof();
   for (int d = 0; d < dof && i > 0; ++d)
-    tiles_.sum(t, d, tiles_.column(w, d), before_[static_cast<std::size_t>(i)], 1, begin, end,
-               tiles_.column(w, d));
+    tiles_.sum(t, d, tiles_.column(w, d), before_[i], 1, begin, end, tiles_.column(w, d));
   const kernel::Coefficients& c = coefficients_;
   const double gamma = gamma_, theta = gamma * step.dt, per_A = c.s_delta / c.A;
   const double pull = theta * (c.K0 + c.s_delta * c.B);  // what w_psi does to eta

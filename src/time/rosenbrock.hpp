@@ -46,7 +46,7 @@ class RosenbrockStep : public FusedStep {
 
  private:
   long prepare(const Tile& t, const Step& step) const override;
-  void settle(const Tile& t, int i, const Step& step, PetscInt begin, PetscInt end) const override;
+  void finish_stage(const Tile& t, int i, const Step& step, PetscInt begin, PetscInt end) const override;
 
   double gamma_;
   // columns: 1/factor, q, q F_s/(1 - theta g_s); behind them 1/(1 - theta g_s), theta g_psi of it

@@ -54,7 +54,7 @@ bool Stick::applies_to(const Scene& scene) { return scene.friction.sticks() && !
 
 Stick::Stick(const Model& model)
     : model_(model), dof_(model.dof()), free_end_(model.local()),
-      both_sides_(model.scene().friction.back_slip), direction_(static_cast<std::size_t>(model.local()), 0.),
+      both_sides_(model.scene().friction.back_slip), direction_(model.local(), 0.),
       slope_(model.create_vector()), next_slope_(model.create_vector()) {
   while (free_begin_ < free_end_ && model.held(model.first() + free_begin_)) ++free_begin_;
   while (free_end_ > free_begin_ && model.held(model.first() + free_end_ - 1)) --free_end_;
@@ -65,16 +65,16 @@ Stick::~Stick() { model_.set_direction(nullptr); }
 
 // u: the unknowns of node i.
 double Stick::threshold(PetscInt i, const double* u) const {
-  return dof_ == 2 ? fixed_threshold_[static_cast<std::size_t>(i)] : threshold_at(i, u[2]);
+  return dof_ == 2 ? fixed_threshold_[i] : threshold_at(i, u[2]);
 }
 double Stick::threshold_at(PetscInt i, double state) const {
-  return model_.amplitude()[static_cast<std::size_t>(i)] * model_.friction_law(i).threshold(state).value;
+  return model_.amplitude()[i] * model_.friction_law(i).threshold(state).value;
 }
 double Stick::threshold_rate(PetscInt i, const double* u) const {
   if (dof_ == 2) return 0;
   const Friction& law = model_.friction_law(i);
   const double rate = law.threshold(u[2]).slope * law.sliding_rate(0, u[2], 0).g;
-  return model_.amplitude()[static_cast<std::size_t>(i)] * rate;
+  return model_.amplitude()[i] * rate;
 }
 
 Vec Stick::viscous_force(Vec u, std::size_t number) {
@@ -100,8 +100,7 @@ void Stick::decide(Vec u) {
   engage();
   was_ = direction_;
   const Reading a(u);
-  for (PetscInt i = 0; i < model_.local(); ++i)
-    direction_[static_cast<std::size_t>(i)] = sign_of(a[i * dof_]);
+  for (PetscInt i = 0; i < model_.local(); ++i) direction_[i] = sign_of(a[i * dof_]);
   model_.rhs(Part::full, u, slope_);
 
   const Vec total = total_force(u, 0), total_rate = total_force(slope_, 1);
@@ -111,9 +110,9 @@ void Stick::decide(Vec u) {
   const auto free = [&](PetscInt i) { return i >= free_begin_ && i < free_end_; };
   for (PetscInt i = 0; i < model_.local(); ++i)
     // its state moves
-    if (!free(i) && dof_ == 3 && direction_[static_cast<std::size_t>(i)] != 0) ++counts[0];
+    if (!free(i) && dof_ == 3 && direction_[i] != 0) ++counts[0];
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
-    double& going = direction_[static_cast<std::size_t>(i)];
+    double& going = direction_[i];
     if (going == 0) {
       const double *at = a + i * dof_, limit = threshold(i, at);
       for_each_side([&](double side) {
@@ -123,7 +122,7 @@ void Stick::decide(Vec u) {
       if (going != 0) ++counts[1];
     }
     if (going != 0) ++counts[0];
-    if (going != was_[static_cast<std::size_t>(i)]) ++counts[2];
+    if (going != was_[i]) ++counts[2];
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, counts, 3, MPI_LONG, MPI_SUM, model_.comm()));
   all_rest_ = counts[0] == 0;
@@ -147,8 +146,8 @@ void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, 
   const Vec total[4] = {total_force(before, 0), total_force(after, 1), total_force(slope_, 2),
                         total_force(next_slope_, 3)};
   const Reading a(before), b(after), fa(slope_), fb(next_slope_);
-  const Forces force0(a, total[0], dof_), force1(b, total[1], dof_), pull0(fa, total[2], dof_),
-      pull1(fb, total[3], dof_);
+  const Forces force0(a, total[0], dof_), force1(b, total[1], dof_), force_rate0(fa, total[2], dof_),
+      force_rate1(fb, total[3], dof_);
   // g: negative before the change; `at_end`: the change has come by the end of the step
   const auto examine = [&](const Candidate& c, double g0, double g1, double m0, double m1, bool at_end) {
     if (!at_end && !(m0 > 0 && m1 < 0)) return;
@@ -163,7 +162,7 @@ void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, 
     reached = std::min(reached, until);
   };
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
-    const double going = direction_[static_cast<std::size_t>(i)];
+    const double going = direction_[i];
     const double *at0 = a + i * dof_, *at1 = b + i * dof_, *f0 = fa + i * dof_, *f1 = fb + i * dof_;
     if (going != 0) {
       const double g0 = -going * at0[0], g1 = -going * at1[0];
@@ -176,7 +175,7 @@ void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, 
     const double rate0 = threshold_rate(i, at0), rate1 = threshold_rate(i, at1);
     for_each_side([&](double side) {
       const double g0 = side * force0[i] - limit0, g1 = side * force1[i] - limit1;
-      const double m0 = side * pull0[i] - rate0, m1 = side * pull1[i] - rate1;
+      const double m0 = side * force_rate0[i] - rate0, m1 = side * force_rate1[i] - rate1;
       examine({i, side, true, false, 0}, g0, g1, m0, m1, g1 > close * limit1 || (g1 >= 0 && m1 > 0));
     });
   }
@@ -267,7 +266,7 @@ void Stick::snap(Vec before, Vec landed) {
         b[c.node * dof_] = 0;
     }
     for (PetscInt i = free_begin_; i < free_end_; ++i) {
-      const double going = direction_[static_cast<std::size_t>(i)], *at0 = a + i * dof_;
+      const double going = direction_[i], *at0 = a + i * dof_;
       double* at = b + i * dof_;
       if (going != 0) {
         if (going * at0[0] > 0 && going * at[0] <= close * going * at0[0]) at[0] = 0;
@@ -316,8 +315,7 @@ double Stick::release_after(Vec u, double t, double longest) {
         return;
       }
       first = std::min(
-          first, release_time(model_.friction_law(i), model_.amplitude()[static_cast<std::size_t>(i)], force,
-                              rate, at[2], first));
+          first, release_time(model_.friction_law(i), model_.amplitude()[i], force, rate, at[2], first));
     });
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &first, 1, MPI_DOUBLE, MPI_MIN, model_.comm()));

@@ -13,7 +13,7 @@
 namespace stickslip::tile {
 
 // K1 D2 psi.
-using Stencil = std::function<void(const kernel::Coefficients&, const kernel::Stretch&)>;
+using Stencil = std::function<void(const kernel::Coefficients&, const kernel::ColumnRange&)>;
 Stencil stencil(const Scene& scene);
 
 // What is added to it; `sticking`: of friction that sticks. `x`: of the nodes by their numbers, where

@@ -57,10 +57,10 @@ Tiles::Tiles(const Model& model, int stages, int columns, bool sticking)
   }
   set_amplitude();
   stride_ = ((closed_ ? n_ : std::min(tile_nodes, local_) + 2 * reach) + 2 * pad_ + 7) / 8 * 8;
-  work_.assign(static_cast<std::size_t>(stride_ * dof_ * (columns + 2)), 0.);
-  zeros_.assign(static_cast<std::size_t>(stride_), 0.);
+  work_.assign(stride_ * dof_ * (columns + 2), 0.);
+  zeros_.assign(stride_, 0.);
   if (left_halo_ + right_halo_ > 0) set_up_scatter();
-  if (sticking) direction_.assign(static_cast<std::size_t>(left_halo_ + local_ + right_halo_), 0.);
+  if (sticking) direction_.assign(left_halo_ + local_ + right_halo_, 0.);
 }
 
 void Tiles::set_amplitude() {
@@ -87,12 +87,12 @@ void Tiles::set_direction(const std::vector<double>& own) {
   if (!scatter_) return;
   if (!going_) going_ = model_.create_vector();
   const Writing a(going_);
-  for (PetscInt i = 0; i < local_; ++i) a[i * dof_] = own[static_cast<std::size_t>(i)];
+  for (PetscInt i = 0; i < local_; ++i) a[i * dof_] = own[i];
   fetch(going_);
   const Reading halo(fetched_);
-  for (PetscInt i = 0; i < left_halo_; ++i) direction_[static_cast<std::size_t>(i)] = halo[i * dof_];
+  for (PetscInt i = 0; i < left_halo_; ++i) direction_[i] = halo[i * dof_];
   for (PetscInt i = 0; i < right_halo_; ++i)
-    direction_[static_cast<std::size_t>(left_halo_ + local_ + i)] = halo[(left_halo_ + i) * dof_];
+    direction_[left_halo_ + local_ + i] = halo[(left_halo_ + i) * dof_];
 }
 
 void Tiles::fetch(Vec from) const {
@@ -131,7 +131,7 @@ void Tiles::set_up_scatter() {
 // The columns of index `index` at node i.
 std::array<double*, 3> Tiles::columns(const Tile& t, int index, PetscInt i) const {
   std::array<double*, 3> all{};
-  for (int d = 0; d < dof_; ++d) all[static_cast<std::size_t>(d)] = column(index, d) + (i - t.from);
+  for (int d = 0; d < dof_; ++d) all[d] = column(index, d) + (i - t.from);
   return all;
 }
 
@@ -167,18 +167,16 @@ void Tiles::sum(const Tile& t, int d, const double* base, const Row& row, double
 void Tiles::close_ends(double* psi, PetscInt begin, PetscInt end) const {
   for (PetscInt j = 1; j <= half_width_ && begin - half_width_ < low_; ++j) {
     psi[low_ - j] = 0;
-    for (const auto& [node, weight] : left_end_[static_cast<std::size_t>(j - 1)])
-      psi[low_ - j] += weight * psi[node];
+    for (const auto& [node, weight] : left_end_[j - 1]) psi[low_ - j] += weight * psi[node];
   }
   for (PetscInt j = 1; j <= half_width_ && end + half_width_ > high_; ++j) {
     double value = 0;
-    for (const auto& [node, weight] : right_end_[static_cast<std::size_t>(j - 1)])
-      value += weight * psi[node];
+    for (const auto& [node, weight] : right_end_[j - 1]) value += weight * psi[node];
     psi[high_ - 1 + j] = value;
   }
 }
 
-PetscInt Tiles::share(PetscInt part, PetscInt parts) const {
+PetscInt Tiles::split_at(PetscInt part, PetscInt parts) const {
   return static_cast<PetscInt>(static_cast<std::int64_t>(part) * local_ / parts);
 }
 
@@ -189,7 +187,7 @@ void Tiles::pass(Vec u, Vec u_new, PetscInt reach, const std::function<void(cons
   const Writing b(u_new);
   const PetscInt tiles = closed_ ? 1 : (local_ + tile_nodes - 1) / tile_nodes;
   for (PetscInt j = 0; j < tiles; ++j) {
-    const PetscInt begin = share(j, tiles), end = share(j + 1, tiles);
+    const PetscInt begin = split_at(j, tiles), end = split_at(j + 1, tiles);
     const Tile tile =
         closed_ ? Tile{low_, high_, 0, local_, low_, high_}
                 : Tile{begin, end, begin, end, std::max(begin - reach, low_), std::min(end + reach, high_)};

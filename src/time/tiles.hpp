@@ -61,9 +61,7 @@ class Tiles {
 
   // ---- within a tile ---- Column 0: u, 1: y (a stage, or the new u), from 2 on: slopes. Node i of the tile
   // for unknown d (0 psi, 1 eta, 2 the state) is column(...)[i - from].
-  double* column(int index, int d) const {
-    return &work_[static_cast<std::size_t>((index * dof_ + d) * stride_ + pad_)];
-  }
+  double* column(int index, int d) const { return &work_[(index * dof_ + d) * stride_ + pad_]; }
   const double* zeros() const { return zeros_.data(); }
   // into = base + dt * the row's sum, of unknown d on [begin, end); base, into: as column() gives them.
   void sum(const Tile& t, int d, const double* base, const Row& row, double dt, PetscInt begin, PetscInt end,
@@ -105,11 +103,11 @@ class Tiles {
 
  private:
   const double* at(const std::vector<double>& list, PetscInt node) const {
-    return list.empty() ? nullptr : &list[static_cast<std::size_t>(node + left_halo_)];
+    return list.empty() ? nullptr : &list[node + left_halo_];
   }
   std::vector<std::pair<PetscInt, double>> beyond(PetscInt node) const;
   PetscInt wrapped(PetscInt node) const { return ((node % n_) + n_) % n_; }
-  PetscInt share(PetscInt part, PetscInt parts) const;
+  PetscInt split_at(PetscInt part, PetscInt parts) const;
   void set_amplitude();
   void set_up_scatter();
   void fetch(Vec from) const;

@@ -70,14 +70,14 @@ void Integrator::Impl::after_step() {
   const bool seen = guard.knows_solution() && !model.scene().massless();  // psi was put in just now
   const bool known = seen || (fused && fused->finite());
   course.update_report(ts, model);
-  model.settle(step.u);
+  model.solve_velocities(step.u);
   if (!known && !all_finite(model, step.u)) {
     course.report.t = reached;
     throw Failure("the solution is not finite after step " + std::to_string(step.index) +
                   " (t = " + number_text(step.t) + "): " + advice(dt));
   }
   if (dt == 0) {
-    const std::string lost = model.lost_velocity(step.u);
+    const std::string lost = model.velocity_jump(step.u);
     throw Failure("the step has shrunk to nothing at t = " + number_text(step.t) + " (step " +
                   std::to_string(step.index) + "); " +
                   (lost.empty() ? "loosen ts_rtol and ts_atol, or smooth what is not smooth" : lost));
@@ -121,7 +121,7 @@ Integrator::Step Integrator::Impl::step_now() {
 std::string Integrator::Impl::advice(double dt) const {
   Vec u;
   SS_TRY(TSGetSolution(ts, &u));
-  if (const std::string lost = model.lost_velocity(u); !lost.empty()) return lost;
+  if (const std::string lost = model.velocity_jump(u); !lost.empty()) return lost;
   const Implicit implicit = equations->implicit();
   if (implicit == Implicit::both) return "reduce ts_dt or the tolerances";
   std::string text = "an explicit step of " + number_text(dt) + " is too large";
@@ -164,7 +164,7 @@ void Integrator::Impl::interpolate(double at, Vec into) {
   } else {
     SS_TRY(TSInterpolate(ts, at, into));
   }
-  model.settle(into);
+  model.solve_velocities(into);
   // About to explode: u is finite still, its cube is not.
   if (!all_finite(model, into))
     throw Failure("the solution is not finite at t = " + number_text(at) + " (step " +
@@ -245,7 +245,7 @@ void Integrator::Impl::fail(TSConvergedReason reason) const {
   }
   Vec u;
   SS_TRY(TSGetSolution(ts, &u));
-  if (const std::string lost = model.lost_velocity(u); !lost.empty()) throw Failure(lost + at);
+  if (const std::string lost = model.velocity_jump(u); !lost.empty()) throw Failure(lost + at);
   PetscInt most = most_rejections;
   SS_TRY(PetscOptionsGetInt(nullptr, prefix.c_str(), "-ts_max_reject", &most, nullptr));
   throw Failure("the time step was rejected more than " + std::to_string(most) + " times (ts_max_reject)" +

@@ -32,10 +32,10 @@ class TrainField : public VectorField {
 };
 
 // The equations at a viscosity and a speed or length, with a solution of them.
-class Course {
+class ViscousProfile {
  public:
   // The plain train, of which this is nearly one.
-  Course(const Scene& scene, const Train& plain, double N)
+  ViscousProfile(const Scene& scene, const Train& plain, double N)
       : o_(plain.oscillator), pulses_(double(plain.pulses)), v_(scene.v), problem_(at(plain, N)) {
     x_ = problem_.fill(
         [&](double phase, double* y) {
@@ -64,7 +64,7 @@ class Course {
   }
   // To another viscosity, or another length.
   bool move(double N, double length) {
-    const Course before = *this;
+    const ViscousProfile before = *this;
     N_ = N;
     if (length_ > 0) length_ = length;
     remesh(equidistribute(mesh(), rough(), mesh().size() - 1));
@@ -82,7 +82,7 @@ class Course {
     return solve();
   }
   // With nodes at the kinks; what a change by halving is to be divided by.
-  double settle() {
+  double converge() {
     return settle_on_kinks({[&]() -> const std::vector<double>& { return mesh(); },
                             [&] {
                               return kinks_of(
@@ -90,7 +90,7 @@ class Course {
                                   [&](const double* y, double* J) { problem_.field().jacobian(y, J); });
                             },
                             [&](std::vector<double> nodes) {
-                              const Course before = *this;
+                              const ViscousProfile before = *this;
                               remesh(std::move(nodes));
                               if (solve()) return true;
                               *this = before;
@@ -103,7 +103,7 @@ class Course {
   const std::vector<double>& mesh() const { return problem_.mesh(); }
 
   // Largest change of psi between two of the same train, at the points of the finer.
-  double change_from(const Course& coarse) const {
+  double change_from(const ViscousProfile& coarse) const {
     const std::vector<double> from = problem_.fill(coarse.problem_, coarse.x_);
     double change = 0;
     for (size_t i = 0; i + size_t(problem_.parameters()) < x_.size(); i += size_t(problem_.dim()))
@@ -161,7 +161,7 @@ class Course {
 
 // From N, L where the course stands to others, in steps of either's logarithm that adapt. False where it does
 // not get there.
-bool lead(Course& course, double N, double L) {
+bool lead(ViscousProfile& course, double N, double L) {
   const double from[] = {std::log(course.N()), std::log(course.L())}, to[] = {std::log(N), std::log(L)};
   double done = 0,
          step = std::min(1., 0.7 / std::max({std::abs(to[0] - from[0]), 5 * std::abs(to[1] - from[1]), 0.7}));
@@ -180,11 +180,11 @@ bool lead(Course& course, double N, double L) {
 }
 
 // A course at a viscosity so small that the plain train is nearly one.
-std::optional<Course> begin(const Scene& scene, const Train& plain) {
+std::optional<ViscousProfile> begin(const Scene& scene, const Train& plain) {
   const double V2 = plain.speed * plain.speed, excess = V2 * plain.r2;  // V^2 - c^2
   double N = std::min(scene.N(), 0.01 * excess * excess / V2 / (scene.A() * scene.A()));
   for (int k = 0; k < 6; ++k, N /= 10) {
-    Course course(scene, plain, N);
+    ViscousProfile course(scene, plain, N);
     if (course.solve()) return course;
   }
   return std::nullopt;
@@ -212,7 +212,7 @@ Train plain_train(const Scene& scene, const TrainRequest& request) {
   }
 }
 
-Train packed(const Scene& scene, const TrainRequest& request, const Course& course,
+Train packed(const Scene& scene, const TrainRequest& request, const ViscousProfile& course,
              std::shared_ptr<const Oscillator> oscillator) {
   Train train;
   const double V = course.V();
@@ -269,7 +269,7 @@ void set_viscous_values(Train& train, std::vector<double> y) {
 
 Train solve_viscous_train(const Scene& scene, const TrainRequest& request, double tolerance) {
   const Train plain = plain_train(scene, request);
-  std::optional<Course> course = begin(scene, plain);
+  std::optional<ViscousProfile> course = begin(scene, plain);
   if (!course) fail(request, "Newton's method does not reach it from the train without viscosity");
   if (!lead(*course, scene.N(), course->L()))
     fail(request, "followed from the train without viscosity it ends at model_nu " +
@@ -282,11 +282,11 @@ Train solve_viscous_train(const Scene& scene, const TrainRequest& request, doubl
     const double wanted = course->intervals_wanted(std::max(tolerance, 1e-12) * 10);
     const size_t intervals = size_t(std::min(20000., std::max(least, .5 * wanted)));
     least = 1.5 * double(intervals);  // should there be a next round
-    Course better = *course;
+    ViscousProfile better = *course;
     if (!better.refine(intervals)) continue;  // too coarse
-    const double gain = better.settle();
+    const double gain = better.converge();
     *course = better;
-    Course finer = better;
+    ViscousProfile finer = better;
     if (!finer.halve()) continue;
     const double estimate =
         std::abs(request.speed ? better.T() / finer.T() - 1 : better.V() / finer.V() - 1) / gain;

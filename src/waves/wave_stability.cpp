@@ -35,8 +35,8 @@ double carrier_scale(const Train& train, Complex lambda) {
 bool short_waves_grow(const Transfer& transfer, TrainSpectrum& out) {
   const double mean = transfer.damping().mean;
   if (mean > 0 || transfer.train().nu > 0) return false;  // viscosity makes them decay
-  out.growth_rate = out.growth_bound = out.endless_growth = -mean / 2;
-  out.known = out.endless_known = true;
+  out.growth_rate = out.growth_bound = out.infinite_growth = -mean / 2;
+  out.known = out.infinite_known = true;
   out.completeness_check =
       "waves of any short length grow at " + rounded_text(-mean / 2) + ": no list is complete";
   return true;
@@ -60,7 +60,7 @@ bool unverified(const Train& train, TrainSpectrum& out) {
   out.completeness_check = too_near_c(train);
   if (out.completeness_check.empty()) return false;
   out.growth_rate = out.growth_bound = out.translation_error = unknown;
-  out.endless_growth = out.endless_wavenumber = out.endless_frequency = unknown;
+  out.infinite_growth = out.infinite_wavenumber = out.infinite_frequency = unknown;
   warn("the stability of the train is " + out.completeness_check);
   return true;
 }
@@ -68,30 +68,30 @@ bool unverified(const Train& train, TrainSpectrum& out) {
 // A medium without coupling: every point keeps the phase that it has.
 bool uncoupled(const Train& train, TrainSpectrum& out) {
   if (train.oscillator->c2() > 0) return false;
-  out.known = out.endless_known = out.endless_stable = true;
+  out.known = out.infinite_known = out.infinite_stable = true;
   out.completeness_check = "without coupling (c = 0) every phase is free: infinitely many neutral modes";
   return true;
 }
 
 // The endless train: what its curves show right of a line.
-void fill_endless(const Train& train, const SpectralCurves& curves, TrainSpectrum& out) {
-  out.endless_growth = marginal;
+void fill_infinite_train(const Train& train, const SpectralCurves& curves, TrainSpectrum& out) {
+  out.infinite_growth = marginal;
   for (const SpectralCurve& curve : curves.list)
     for (const CurvePoint& p : curve.points) {
-      if (p.lambda.real() <= out.endless_growth) continue;
-      out.endless_growth = p.lambda.real();
-      out.endless_frequency = std::abs(p.lambda.imag());
-      out.endless_wavenumber =
+      if (p.lambda.real() <= out.infinite_growth) continue;
+      out.infinite_growth = p.lambda.real();
+      out.infinite_frequency = std::abs(p.lambda.imag());
+      out.infinite_wavenumber =
           wavenumber_of(std::copysign(1., p.lambda.imag()) * p.phase(train.period), train);
     }
-  const bool grows = out.endless_growth > marginal;
-  out.endless_stable = curves.whole && !grows;
-  out.endless_known = curves.whole || grows;
-  if (!grows) out.endless_growth = curves.whole ? 0 : unknown;
+  const bool grows = out.infinite_growth > marginal;
+  out.infinite_stable = curves.whole && !grows;
+  out.infinite_known = curves.whole || grows;
+  if (!grows) out.infinite_growth = curves.whole ? 0 : unknown;
 }
 
 // A mode not yet computed: which of the list it is, and where about it lies.
-struct Candidate {
+struct RootCandidate {
   long long M;
   const SpectralCurve* curve;
   std::size_t near;  // point of the curve
@@ -103,7 +103,7 @@ double phase_of(long long M, const Train& train) { return 2 * M_PI * double(M) /
 // The modes of one curve that may belong to the `wanted` rightmost: all where they are few, else those next
 // to its summits, between which the growth rate falls away.
 void add_candidates(const SpectralCurve& curve, const Train& train, int wanted,
-                    std::vector<Candidate>& list) {
+                    std::vector<RootCandidate>& list) {
   const ModeRange range = curve.modes(train.period, train.pulses);
   std::set<long long> chosen;
   if (range.hi - range.lo < 4LL * wanted) {
@@ -125,7 +125,7 @@ void add_candidates(const SpectralCurve& curve, const Train& train, int wanted,
 
 // A candidate as a mode, computed again on a mesh twice as fine. False where it cannot be reached, or another
 // is.
-bool compute(const Candidate& candidate, Transfer& coarse, Transfer& fine, TrainMode& mode) {
+bool compute(const RootCandidate& candidate, Transfer& coarse, Transfer& fine, TrainMode& mode) {
   const Train& train = coarse.train();
   const double phase = phase_of(candidate.M, train);
   CurvePoint p = candidate.curve->points[candidate.near];
@@ -155,13 +155,14 @@ TrainMode conjugate(const TrainMode& mode, PetscInt pulses) {
 bool modes_right_of(const SpectralCurves& curves, Transfer& coarse, Transfer& fine, int wanted,
                     std::vector<TrainMode>& modes) {
   const Train& train = coarse.train();
-  std::vector<Candidate> candidates;
+  std::vector<RootCandidate> candidates;
   for (const SpectralCurve& curve : curves.list) add_candidates(curve, train, wanted, candidates);
-  std::stable_sort(candidates.begin(), candidates.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.lambda.real() > b.lambda.real(); });
+  std::stable_sort(candidates.begin(), candidates.end(), [](const RootCandidate& a, const RootCandidate& b) {
+    return a.lambda.real() > b.lambda.real();
+  });
   // a few more than wanted, since the order is that of an interpolation as yet
   bool all = true;
-  for (const Candidate& c : candidates) {
+  for (const RootCandidate& c : candidates) {
     if (int(modes.size()) >= wanted + 8) break;
     TrainMode mode;
     if (!compute(c, coarse, fine, mode)) {
@@ -202,7 +203,7 @@ double error_of_translation(Transfer& transfer) {
 }
 
 // The modes right of one line.
-struct Search {
+struct RootSearch {
   std::unique_ptr<SpectralLine> line;
   SpectralCurves curves;
   std::vector<TrainMode> modes;  // sorted; the `wanted` rightmost at least
@@ -212,8 +213,8 @@ struct Search {
   bool tells() const { return modes.size() > 1; }
 };
 
-Search search(Transfer& coarse, Transfer& fine, double sigma, int wanted) {
-  Search s;
+RootSearch search(Transfer& coarse, Transfer& fine, double sigma, int wanted) {
+  RootSearch s;
   s.line = std::make_unique<SpectralLine>(coarse, sigma);
   s.counted = s.line->count(coarse.train().pulses);
   s.curves = curves_of(coarse, *s.line);
@@ -250,18 +251,18 @@ double depth_of(const Transfer& transfer) {
 // A line so far left that the modes wanted stand right of it, or one besides the translation at least, for
 // which it may go nearer to where the short waves begin; further right where two multipliers meet right of it
 // and a curve cannot be followed.
-Search best_search(Transfer& coarse, Transfer& fine, int wanted) {
+RootSearch best_search(Transfer& coarse, Transfer& fine, int wanted) {
   const double depth = depth_of(coarse);
-  Search s = search(coarse, fine, -depth / 4, wanted);
+  RootSearch s = search(coarse, fine, -depth / 4, wanted);
   for (const double at : {.5, 1., 1.25, 1.5, 1.75, 1.9}) {
     if (!s.complete || s.counted >= std::max(wanted, 2) || (at > 1 && s.tells())) break;
-    Search further = search(coarse, fine, -at * depth, wanted);
+    RootSearch further = search(coarse, fine, -at * depth, wanted);
     if (!further.complete) break;
     if (s.curves.whole && !further.curves.whole) further.curves = std::move(s.curves);  // of what grows
     s = std::move(further);
   }
   for (double at = depth / 16; !s.complete && at > depth / 1200; at /= 4) {
-    Search nearer = search(coarse, fine, -at, wanted);
+    RootSearch nearer = search(coarse, fine, -at, wanted);
     if (nearer.complete) s = std::move(nearer);
   }
   return s;
@@ -275,7 +276,7 @@ std::string trouble_of(const SpectralLine& line) {
 
 // The growth rate and what follows from it: a mode that grows makes the train unstable, whatever else was not
 // found; only a list that is whole makes it stable.
-void judge(const Search& found, TrainSpectrum& out) {
+void judge(const RootSearch& found, TrainSpectrum& out) {
   double error = std::max(10 * out.translation_error, 1e-9);
   out.growth_rate = unknown;
   for (const TrainMode& mode : found.modes) {
@@ -320,7 +321,7 @@ bool follow_mode(const Train& train, TrainMode& mode) {
 std::vector<int> growing_modes(const Train& train) {
   TrainSpectrum out;
   Transfer transfer(train, 1);
-  std::vector<int> counts(std::size_t(train.pulses / 2 + 1), 1);
+  std::vector<int> counts(train.pulses / 2 + 1, 1);
   if (uncoupled(train, out)) return std::vector<int>(counts.size(), 0);
   if (const std::string reason = too_near_c(train); !reason.empty())
     throw Failure("the stability of the train is " + reason);
@@ -333,11 +334,11 @@ std::vector<int> growing_modes(const Train& train) {
   return counts;
 }
 
-TrainSpectrum endless_stability(const Train& train) {
+TrainSpectrum infinite_train_stability(const Train& train) {
   TrainSpectrum out;
   Transfer transfer(train, 1);
   if (uncoupled(train, out) || unverified(train, out) || short_waves_grow(transfer, out)) return out;
-  fill_endless(train, curves_of(transfer, SpectralLine(transfer, -depth_of(transfer) / 4)), out);
+  fill_infinite_train(train, curves_of(transfer, SpectralLine(transfer, -depth_of(transfer) / 4)), out);
   return out;
 }
 
@@ -346,7 +347,7 @@ TrainSpectrum train_spectrum(const Train& train, int count) {
   if (uncoupled(train, out) || unverified(train, out)) return out;
   Transfer coarse(train, 1), fine(train, 2);
   if (short_waves_grow(coarse, out)) return out;
-  Search found = best_search(coarse, fine, count);
+  RootSearch found = best_search(coarse, fine, count);
   const SpectralLine& line = *found.line;
   out.translation_error = error_of_translation(coarse);
   if (out.translation_error > 1e-4)
@@ -360,7 +361,7 @@ TrainSpectrum train_spectrum(const Train& train, int count) {
                            (line.closed() ? "" : "; " + trouble_of(line));
   if (!out.complete) warn("the spectrum of the train is not complete: " + out.completeness_check);
   judge(found, out);
-  fill_endless(train, found.curves, out);
+  fill_infinite_train(train, found.curves, out);
   out.modes = std::move(found.modes);
   if (out.modes.size() > size_t(count)) out.modes.resize(size_t(count));
   return out;

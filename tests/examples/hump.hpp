@@ -17,7 +17,7 @@ struct Hump {
     const Real u = psi / top, w = 1 / (1 + u * u);
     return {2 * u * w, 2 * (1 - u * u) * w * w / top};
   }
-  SlopesAhead slopes_ahead() const { return {0.25 / top, 2 / top}; }  // at sqrt(3) times the top, and at rest
+  SlopeBounds slope_bounds() const { return {0.25 / top, 2 / top}; }  // at sqrt(3) times the top, and at rest
 };
 
 }  // namespace stickslip

@@ -15,7 +15,7 @@ struct Lorentz {
     const Real w = 1 / (1 + psi * psi);
     return {s.value * w, (s.slope - 2 * psi * s.value * w) * w};
   }
-  SlopesAhead slopes_ahead() const { return {0.65, 0}; }  // at 1/sqrt(3)
+  SlopeBounds slope_bounds() const { return {0.65, 0}; }  // at 1/sqrt(3)
 };
 
 }  // namespace stickslip

@@ -32,7 +32,7 @@ void on_root(MPI_Comm comm, Body&& body) {
   }
   MPI_Bcast(told, 2, MPI_INT, 0, comm);
   if (told[0] == 0) return;
-  text.resize(static_cast<std::size_t>(told[1]));
+  text.resize(told[1]);
   MPI_Bcast(&text[0], told[1], MPI_CHAR, 0, comm);
   if (told[0] == 2) throw UsageError(text);
   throw Failure(text);

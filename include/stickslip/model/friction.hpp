@@ -63,7 +63,7 @@ struct HigherPartials {
 
 // Slopes |F_psi| that the motion may meet although it does not now, where friction falls and where it rises
 // with velocity; 0 where there is nothing steeper ahead than what is met. Steps in time are chosen with them.
-struct SlopesAhead {
+struct SlopeBounds {
   double falling = 0, rising = 0;
 };
 
@@ -169,7 +169,7 @@ class Friction {
   const bool has_state, sticks;
   const bool steep;        // at rest: too steep for explicit methods and for Newton's own steps (newton_psi)
   const bool van_der_pol;  // the cubic without a state, whose closed formulas hold
-  const SlopesAhead slopes_ahead;
+  const SlopeBounds slope_bounds;
 
   virtual double force(double psi, double s) const = 0;
   virtual Partials partials(double psi, double s) const = 0;
@@ -197,8 +197,8 @@ class Friction {
   virtual double time_at_rest(double s) const = 0;
 
  protected:
-  Friction(bool state, bool stick, bool is_steep, bool cubic, SlopesAhead slopes)
-      : has_state(state), sticks(stick), steep(is_steep), van_der_pol(cubic), slopes_ahead(slopes) {}
+  Friction(bool state, bool stick, bool is_steep, bool cubic, SlopeBounds slopes)
+      : has_state(state), sticks(stick), steep(is_steep), van_der_pol(cubic), slope_bounds(slopes) {}
 };
 
 // What the stored state means outside: tau itself, or theta = exp(s).

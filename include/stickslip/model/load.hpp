@@ -39,10 +39,10 @@ class Load {
 
  private:
   // From `begin` on: w = v + slope (t - begin); `travel`: the integral of w until then.
-  struct Piece {
+  struct Interval {
     double begin, v, slope, travel;
   };
-  std::vector<Piece> pieces_;
+  std::vector<Interval> pieces_;
   double amplitude_ = 0, period_ = 1;
 };
 

@@ -60,10 +60,10 @@ class Model {
   // 0 and follows from them, from psi in u as a first guess; not a number where it would jump.
   void rhs(Part part, Vec u, Vec f) const;
   // Puts into u the psi that its eta and state say in a massless chain; else does nothing. Not collective.
-  void settle(Vec u) const;
-  // Where the last rhs() or settle() of a massless chain found no psi, or where the psi in u is about to
-  // jump, in words; "" where neither is so. Collective.
-  std::string lost_velocity(Vec u) const;
+  void solve_velocities(Vec u) const;
+  // Where the last rhs() or solve_velocities() of a massless chain found no psi, or where the psi in u is
+  // about to jump, in words; "" where neither is so. Collective.
+  std::string velocity_jump(Vec u) const;
   // Whether neighbours have viscosity (nu > 0). What drives a node then is e = eta + N D2 psi; at rest that
   // is the force held against the threshold.
   bool viscous() const;
@@ -85,7 +85,7 @@ class Model {
   // For Newton's method on  shift u - rhs(u) = given  (the stages of implicit methods): replaces its step
   // -`minus_step` at u by one that converges where friction is steep. False where the law needs nothing of
   // the kind; then minus_step is as it was. Local to each rank.
-  bool tame_newton_step(Vec u, double shift, Vec minus_step) const;
+  bool safeguard_newton_step(Vec u, double shift, Vec minus_step) const;
 
   // Sets psi, eta of held nodes to their values, with the state as it stands. Collective.
   void set_held(Vec u) const;
@@ -96,7 +96,7 @@ class Model {
   // The scene's friction, of amplitude 1. Where it varies along x there is no one friction: UsageError.
   const Friction& friction_law() const;
   const Friction& friction_law(PetscInt local_node) const;
-  SlopesAhead slopes_ahead() const;  // the largest over all nodes
+  SlopeBounds slope_bounds() const;  // the largest over all nodes
   // Pointwise response of node `local_node` of this rank: F and partials are multiplied by a_i.
   Partials friction(PetscInt local_node, double psi, double state) const;
   LinearPoint linear_point(PetscInt local_node, double psi, double state) const;

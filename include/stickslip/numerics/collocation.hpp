@@ -36,7 +36,7 @@ void stage_matrix(const Tableau& t, int d, double h, const T* J, T* matrix) {
       for (int j = 0; j < t.s; ++j)
         for (int q = 0; q < d; ++q)
           *matrix++ =
-              (i == j && p == q ? 1. : 0.) - h * t.a[std::size_t(i * t.s + j)] * J[(j * d + p) * d + q];
+              (i == j && p == q ? 1. : 0.) - h * t.a[i * t.s + j] * J[(j * d + p) * d + q];
 }
 
 }  // namespace stickslip

@@ -30,7 +30,7 @@ using PlaneFunction = std::function<double(double x, double y)>;
 struct Lattice {
   int cells = 0;
   std::vector<double> values;  // (cells + 1)^2
-  double at(int i, int j) const { return values[std::size_t(j * (cells + 1) + i)]; }
+  double at(int i, int j) const { return values[j * (cells + 1) + i]; }
 };
 
 struct CurvePiece {

@@ -31,7 +31,7 @@ class VectorField {
   virtual void jacobian(const double* y, double* J) const = 0;  // all dim x dim entries, row-major
   // Changes Newton's step dy at y where the rates are too steep for it; y is to obey y - h f(y) = given,
   // about.
-  virtual void restrain(const double* y, double h, double* dy) const {
+  virtual void safeguard_step(const double* y, double h, double* dy) const {
     static_cast<void>(y), static_cast<void>(h), static_cast<void>(dy);
   }
 };

@@ -66,7 +66,7 @@ class Tangents {
   bool directions_changed() const;
   void jump(Vec u);
   bool jump_at(PetscInt i, const double* u, const double* f, const double* g, double from, double to);
-  void find_pulls(Vec f);
+  void find_neighbour_forces(Vec f);
   void check_order(const std::vector<double>& was, const double* f, const double* g) const;
   void count_resting();
   double own_viscous_slope(PetscInt local_node) const;
@@ -83,11 +83,11 @@ class Tangents {
   const Model& model_;
   int dof_;
   std::vector<VecHandle> y_;
-  std::vector<bool> gone_;  // stands for no direction any more
+  std::vector<bool> rank_deficient_;  // stands for no direction any more
   std::vector<double> growth_;
   std::vector<std::vector<VecHandle>> slope_;  // of each vector, stage by stage
   VecHandle u_, stage_, was_;
-  std::vector<std::vector<double>> pulls_;  // N D2 psi at the nodes, see find_pulls
+  std::vector<std::vector<double>> neighbour_forces_;  // N D2 psi at the nodes, see find_neighbour_forces
   Linearisation start_, inside_;
   bool begun_ = false, start_known_ = false, any_moves_ = true;
   long draws_ = 0;

@@ -52,7 +52,7 @@ struct JumpAtEnd {
 class AccuracyPlan {
  public:
   // Runs what it needs. Throws UsageError where what the user set leaves no choice (a method without an error
-  // estimate), Failure where nothing can be foreseen at all, with the reason. Collective, like all but the
+  // estimate), Failure where nothing can be predicted at all, with the reason. Collective, like all but the
   // accessors.
   AccuracyPlan(const Options& options, double wanted);
   ~AccuracyPlan();

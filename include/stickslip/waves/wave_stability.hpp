@@ -58,9 +58,9 @@ struct TrainSpectrum {
   bool complete = false;
   std::string completeness_check;
   // The endless train: largest growth rate over all wavelengths and where it is reached (0, 0 where nothing
-  // grows; NaN where nothing was found that grows, and not all was seen: endless_known is false).
-  double endless_growth = 0, endless_wavenumber = 0, endless_frequency = 0;
-  bool endless_stable = false, endless_known = false;
+  // grows; NaN where nothing was found that grows, and not all was seen: infinite_known is false).
+  double infinite_growth = 0, infinite_wavenumber = 0, infinite_frequency = 0;
+  bool infinite_stable = false, infinite_known = false;
 };
 
 // Spectrum of the ring's train: the `count` rightmost eigenvalues, fewer where fewer lie right of half the
@@ -69,7 +69,7 @@ struct TrainSpectrum {
 TrainSpectrum train_spectrum(const Train& train, int count);
 
 // The endless train alone, which is quicker: fills the members named so.
-TrainSpectrum endless_stability(const Train& train);
+TrainSpectrum infinite_train_stability(const Train& train);
 
 // Takes the eigenvalue of a mode to another train of as many pulses near by, at the same Bloch factor, by
 // Newton's method. False where it is lost.

@@ -15,7 +15,7 @@ struct Cubic {
   WithSlopeOf<Real> phi(Real psi, Sign) const {
     return {psi * (psi * psi * (1. / 3) - 1), psi * psi - 1};
   }
-  SlopesAhead slopes_ahead() const { return {0, 3}; }  // at psi = 2, where the limit cycle turns
+  SlopeBounds slope_bounds() const { return {0, 3}; }  // at psi = 2, where the limit cycle turns
   double velocity_of_slope(double slope) const { return std::sqrt(1 + slope); }
 };
 

@@ -1,4 +1,4 @@
-#include "cycles/stick_lap.hpp"
+#include "cycles/stick_return_map.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -37,36 +37,36 @@ std::vector<std::size_t> free_unknowns(const StickMotion& m, int node) {
 
 std::vector<double> on_section(const StickMotion& m, const StickCycle& c) {
   std::vector<double> u(c.start);
-  u[std::size_t(c.node * m.dof())] = 0;
-  u[std::size_t(c.node * m.dof() + 1)] = c.side * m.threshold(c.node, u.data()) - m.pull(c.node, u.data());
+  u[c.node * m.dof()] = 0;
+  u[c.node * m.dof() + 1] = c.side * m.threshold(c.node, u.data()) - m.neighbour_force(c.node, u.data());
   return u;
 }
 
 // A deviation before the release becomes one after it, with every node that is released at once.
-void pass_release(const StickMotion& m, const Standing& p, const std::vector<double>& after,
+void pass_release(const StickMotion& m, const StickState& p, const std::vector<double>& after,
                   std::vector<double>& y) {
   std::vector<double> resting(p.direction), before(m.size());
   for (int i = 0; i < m.nodes(); ++i)
-    if (p.u[std::size_t(i * m.dof())] == 0) resting[std::size_t(i)] = 0;
+    if (p.u[i * m.dof()] == 0) resting[i] = 0;
   m.rates(resting, p.u.data(), before.data());
   const std::vector<double> pulled(y);
   for (int i = 0; i < m.nodes(); ++i) {
-    if (resting[std::size_t(i)] != 0 || p.direction[std::size_t(i)] == 0) continue;
+    if (resting[i] != 0 || p.direction[i] == 0) continue;
     const std::size_t at = std::size_t(i * m.dof());
-    JumpMatrix::at_start(m.dof(), p.direction[std::size_t(i)], m.threshold_slope(i, p.u.data()), &before[at],
-                         &after[at], m.pull(i, before.data()))
-        .apply(&y[at], m.pull(i, pulled.data()));
+    JumpMatrix::at_start(m.dof(), p.direction[i], m.threshold_slope(i, p.u.data()), &before[at], &after[at],
+                         m.neighbour_force(i, before.data()))
+        .apply(&y[at], m.neighbour_force(i, pulled.data()));
   }
 }
 
 }  // namespace
 
-Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
-  Lap result;
-  Standing& p = result.at;
+ReturnMap return_map_of(const StickMotion& m, const StickCycle& from, const ReturnMapOptions& wishes) {
+  ReturnMap result;
+  StickState& p = result.at;
   p.u = on_section(m, from);
   m.decide(p);
-  if (p.direction[std::size_t(from.node)] != from.side)
+  if (p.direction[from.node] != from.side)
     throw Failure("exact stick: a node at its threshold does not start");
   p.deviations = wishes.deviations;
   p.count = p.deviations.size() / m.size();
@@ -76,9 +76,9 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
   const auto turned = [&](double, int node, const double* u) {
     result.clearance = std::min(result.clearance, std::abs(u[node * m.dof()]));
   };
-  std::vector<double> rests_since(std::size_t(m.nodes()), -1.);
+  std::vector<double> rests_since(m.nodes(), -1.);
   for (int i = 0; i < m.nodes(); ++i)
-    if (p.direction[std::size_t(i)] == 0) rests_since[std::size_t(i)] = 0;
+    if (p.direction[i] == 0) rests_since[i] = 0;
   // of a slip
   const double patience =
       400 * 2 * M_PI / std::sqrt(m.scene().A() * (m.scene().K0() + 1e-3 * m.scene().K1()));
@@ -98,7 +98,7 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
       result.sequence += name_of(c) + " ";
       if (c.before != 0 && wishes.turns)
         result.depth = std::max(result.depth, m.turn_beyond(p, c.node, c.before, deepest));
-      double& since = rests_since[std::size_t(c.node)];
+      double& since = rests_since[c.node];
       if (c.after == 0)
         since = c.t;
       else if (since >= 0) {
@@ -111,7 +111,7 @@ Lap lap(const StickMotion& m, const StickCycle& from, const LapWishes& wishes) {
   result.period = p.t;
   result.excess = p.excess;
   for (int i = 0; i < m.nodes(); ++i)  // rests that go on into the next period
-    if (const double since = rests_since[std::size_t(i)]; since >= 0) {
+    if (const double since = rests_since[i]; since >= 0) {
       const auto first =
           std::find_if(result.rests.begin(), result.rests.end(), [&](const Rest& r) { return r.node == i; });
       if (since > 0 && first != result.rests.end() && first->begin == 0) {
@@ -128,27 +128,29 @@ MapAt map_at(const StickMotion& m, const StickCycle& c) {
   const std::size_t size = m.size(), dof = std::size_t(m.dof()), section = std::size_t(c.node) * dof;
   const std::vector<std::size_t> free = free_unknowns(m, c.node);
   const std::size_t n = free.size();
-  Standing p{0, on_section(m, c), {}, {}, 0};
+  StickState p{0, on_section(m, c), {}, {}, 0};
   m.decide(p);
   std::vector<double> after(size), y(size);
   m.rates(p.direction, p.u.data(), after.data());
   const double slope = m.threshold_slope(c.node, p.u.data());
-  LapWishes wishes;
+  ReturnMapOptions wishes;
   for (const std::size_t k : free) {
     std::fill(y.begin(), y.end(), 0.);
     y[k] = 1;
-    y[section + 1] = (k == section + 2 ? c.side * slope : 0) - m.pull(c.node, y.data());  // on the section
+    // on the section
+    y[section + 1] = (k == section + 2 ? c.side * slope : 0) - m.neighbour_force(c.node, y.data());
     pass_release(m, p, after, y);
     wishes.deviations.insert(wishes.deviations.end(), y.begin(), y.end());
   }
-  MapAt result{lap(m, c, wishes), {}, std::vector<double>(n * n)};
-  const Standing& end = result.round.at;
+  MapAt result{return_map_of(m, c, wishes), {}, std::vector<double>(n * n)};
+  const StickState& end = result.round.at;
   for (const std::size_t k : free) result.image.push_back(end.u[k]);
   // the deviations, taken along the motion back to the section
   m.rates(end.direction, end.u.data(), after.data());
   const double end_slope = m.threshold_slope(c.node, end.u.data());
   const auto event = [&](const double* d) {
-    return c.side * (d[section + 1] + m.pull(c.node, d)) - (dof == 3 ? end_slope * d[section + 2] : 0);
+    return c.side * (d[section + 1] + m.neighbour_force(c.node, d)) -
+           (dof == 3 ? end_slope * d[section + 2] : 0);
   };
   const double speed = event(after.data());
   for (std::size_t j = 0; j < n; ++j) {
@@ -179,9 +181,9 @@ void set_free_values(const StickMotion& m, const std::vector<double>& values, St
 }
 
 void close_cycle(const StickMotion& m, StickCycle& c) {
-  LapWishes wishes;
+  ReturnMapOptions wishes;
   wishes.turns = true;
-  const Lap round = lap(m, c, wishes);
+  const ReturnMap round = return_map_of(m, c, wishes);
   c.start = on_section(m, c);
   c.period = round.period;
   c.sequence = round.sequence;
@@ -202,8 +204,8 @@ StickCycle polished(const StickMotion& m, const StickCycle& guess) {
     MapAt map = map_at(m, c);
     std::vector<double> change(x);  // (DP - 1) change = x - P(x)
     for (int i = 0; i < n; ++i) {
-      change[std::size_t(i)] -= map.image[std::size_t(i)];
-      map.slopes[std::size_t(i * n + i)] -= 1;
+      change[i] -= map.image[i];
+      map.slopes[i * n + i] -= 1;
     }
     if (!solve_dense(n, map.slopes.data(), 1, change.data()))
       throw Failure("exact stick: the return map is singular");
@@ -229,12 +231,12 @@ std::vector<std::size_t> moving_unknowns(const StickMotion& m) {
   return moving;
 }
 
-std::vector<double> round_matrix(const StickMotion& m, const StickCycle& cycle) {
+std::vector<double> monodromy_matrix(const StickMotion& m, const StickCycle& cycle) {
   const std::vector<std::size_t> moving = moving_unknowns(m);
-  LapWishes wishes;
+  ReturnMapOptions wishes;
   wishes.deviations.assign(m.size() * moving.size(), 0.);
   for (std::size_t k = 0; k < moving.size(); ++k) wishes.deviations[k * m.size() + moving[k]] = 1;
-  const std::vector<double> all = lap(m, cycle, wishes).at.deviations;
+  const std::vector<double> all = return_map_of(m, cycle, wishes).at.deviations;
   std::vector<double> map;
   for (std::size_t k = 0; k < moving.size(); ++k)
     for (const std::size_t j : moving) map.push_back(all[k * m.size() + j]);
@@ -248,7 +250,7 @@ std::vector<std::complex<double>> multipliers_of(std::size_t size, const std::ve
 }
 
 bool attracts(const StickMotion& m, const StickCycle& cycle) {
-  return std::abs(multipliers_of(moving_unknowns(m).size(), round_matrix(m, cycle)).front()) < 1 + 1e-6;
+  return std::abs(multipliers_of(moving_unknowns(m).size(), monodromy_matrix(m, cycle)).front()) < 1 + 1e-6;
 }
 
 }  // namespace stickslip

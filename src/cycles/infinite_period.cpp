@@ -1,4 +1,4 @@
-#include "cycles/endless.hpp"
+#include "cycles/infinite_period.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -35,8 +35,8 @@ double epsilon_sum(std::vector<double> s) {
 
 }  // namespace
 
-std::optional<EndlessLimit> limit_of_endless_period(const std::vector<double>& periods,
-                                                    const std::vector<double>& values) {
+std::optional<InfinitePeriodLimit> infinite_period_limit(const std::vector<double>& periods,
+                                                         const std::vector<double>& values) {
   size_t first = periods.size() - 1;
   while (first > 0 && periods[first - 1] < periods[first]) --first;
   std::vector<double> x, y;
@@ -65,7 +65,7 @@ std::optional<EndlessLimit> limit_of_endless_period(const std::vector<double>& p
   }
   if (!std::isfinite(change)) return std::nullopt;
   // they come nearer by a factor of at least 1.4 each
-  return EndlessLimit{sums[samples - terms], change * ratio / (ratio - 1)};
+  return InfinitePeriodLimit{sums[samples - terms], change * ratio / (ratio - 1)};
 }
 
 }  // namespace stickslip

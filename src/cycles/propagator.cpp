@@ -1,4 +1,4 @@
-#include "cycles/links.hpp"
+#include "cycles/propagator.hpp"
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/dense.hpp"
@@ -9,7 +9,8 @@ namespace stickslip {
 using std::size_t;
 
 // Columns of the stages: y at the beginning, then u_a at each point in turn.
-Link::Link(const Collocation& method, int d, int band, double h, const double* J, const Feed& feed)
+IntervalPropagator::IntervalPropagator(const Collocation& method, int d, int band, double h, const double* J,
+                                       const LowRankCoupling& feed)
     : d_(size_t(d)), r_(feed.of.size()), points_(mesh_stages), end_(d_ * d_), end_of_u_(d_ * r_ * points_),
       psi_(r_ * points_ * d_), psi_of_u_(r_ * points_ * r_ * points_) {
   const size_t s = points_, fed = r_ * s, columns = d_ + fed;
@@ -37,7 +38,7 @@ Link::Link(const Collocation& method, int d, int band, double h, const double* J
     }
 }
 
-Link::Link(int d, std::vector<double> matrix, const Feed& feed)
+IntervalPropagator::IntervalPropagator(int d, std::vector<double> matrix, const LowRankCoupling& feed)
     : d_(size_t(d)), r_(feed.of.size()), points_(1), end_(std::move(matrix)), end_of_u_(d_ * r_),
       psi_(r_ * d_), psi_of_u_(r_ * r_) {
   for (size_t a = 0; a < r_; ++a) {
@@ -48,7 +49,7 @@ Link::Link(int d, std::vector<double> matrix, const Feed& feed)
 
 // With z = psi_b at the points: z = psi y + psi_of_u (w x 1) z, and the end is end y + end_of_u (w x 1) z.
 template <class T>
-void Link::carry(const T* w, std::vector<T>& matrices) const {
+void IntervalPropagator::carry(const T* w, std::vector<T>& matrices) const {
   const size_t s = points_, fed = r_ * s, first = matrices.size();
   matrices.insert(matrices.end(), end_.begin(), end_.end());
   if (fed == 0) return;
@@ -73,16 +74,16 @@ void Link::carry(const T* w, std::vector<T>& matrices) const {
 }
 
 template <class T>
-std::vector<std::complex<double>> multipliers_of(int d, const std::vector<Link>& links,
+std::vector<std::complex<double>> multipliers_of(int d, const std::vector<IntervalPropagator>& links,
                                                  const std::vector<T>& w) {
   std::vector<T> matrices;
   matrices.reserve(links.size() * size_t(d) * size_t(d));
-  for (const Link& link : links) link.carry(w.data(), matrices);
+  for (const IntervalPropagator& link : links) link.carry(w.data(), matrices);
   return multipliers_of(d, pencil_of(d, matrices));
 }
-template std::vector<std::complex<double>> multipliers_of(int, const std::vector<Link>&,
+template std::vector<std::complex<double>> multipliers_of(int, const std::vector<IntervalPropagator>&,
                                                           const std::vector<double>&);
-template std::vector<std::complex<double>> multipliers_of(int, const std::vector<Link>&,
+template std::vector<std::complex<double>> multipliers_of(int, const std::vector<IntervalPropagator>&,
                                                           const std::vector<std::complex<double>>&);
 
 }  // namespace stickslip

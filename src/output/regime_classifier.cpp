@@ -1,4 +1,4 @@
-#include "output/judge.hpp"
+#include "output/regime_classifier.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -57,9 +57,9 @@ double slope_of(const std::vector<double>& x, const std::vector<double>& y, std:
   return slope;
 }
 
-class Judge {
+class RegimeClassifier {
  public:
-  Judge(const MotionRecord& record, const Surroundings& around)
+  RegimeClassifier(const MotionRecord& record, const SceneContext& around)
       : r_(record), a_(around), scale_(around.v != 0 ? std::abs(around.v) : 0.1) {
     // a window that has only begun says little
     end_ = r_.windows;
@@ -332,7 +332,7 @@ class Judge {
   }
 
   const MotionRecord& r_;
-  const Surroundings& a_;
+  const SceneContext& a_;
   double scale_, period_ = 0;  // 0: none seen
   std::size_t end_ = 0, half_ = 0, quarter_ = 0;
   std::vector<std::size_t> passing_;  // windows in which some place passes
@@ -342,9 +342,9 @@ class Judge {
 
 }  // namespace
 
-Judgement judge(const MotionRecord& record, const Surroundings& around) {
+Judgement judge(const MotionRecord& record, const SceneContext& around) {
   if (record.windows == 0) return {};
-  return Judge(record, around).judgement();
+  return RegimeClassifier(record, around).judgement();
 }
 
 }  // namespace stickslip

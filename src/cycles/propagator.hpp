@@ -3,8 +3,8 @@
 // A wave changes the equations y' = J(t) y of a cell's deviations by what a few velocities feed into a few
 // rates,
 //     y' = J y + sum_ab w_ab u_a psi_b,
-// w its weights (`Feed`). What does not depend on w is eliminated once for each link; a wave leaves a system
-// of as many unknowns as there are psi_b at the stages. Local to the process.
+// w its weights (`LowRankCoupling`). What does not depend on w is eliminated once for each link; a wave
+// leaves a system of as many unknowns as there are psi_b at the stages. Local to the process.
 #pragma once
 
 #include <complex>
@@ -16,18 +16,19 @@ namespace stickslip {
 
 // u_a, each as long as the unknowns, and the places of psi_b among them; as many of the one as of the other,
 // r.
-struct Feed {
+struct LowRankCoupling {
   std::vector<std::vector<double>> into;
   std::vector<std::size_t> of;
 };
 
-class Link {
+class IntervalPropagator {
  public:
   // A step of length h: J at the five points of `method`, d x d each, of half band `band`. Throws Failure
   // where it is singular.
-  Link(const Collocation& method, int d, int band, double h, const double* J, const Feed& feed);
+  IntervalPropagator(const Collocation& method, int d, int band, double h, const double* J,
+                     const LowRankCoupling& feed);
   // A matrix, d x d, with a jump that adds w_ab u_a psi_b to it.
-  Link(int d, std::vector<double> matrix, const Feed& feed);
+  IntervalPropagator(int d, std::vector<double> matrix, const LowRankCoupling& feed);
 
   // Appends its matrix, d x d, with the weights w, r x r.
   template <class T>
@@ -41,7 +42,7 @@ class Link {
 
 // Floquet multipliers of a wave, largest first.
 template <class T>
-std::vector<std::complex<double>> multipliers_of(int d, const std::vector<Link>& links,
+std::vector<std::complex<double>> multipliers_of(int d, const std::vector<IntervalPropagator>& links,
                                                  const std::vector<T>& w);
 
 }  // namespace stickslip

@@ -15,12 +15,12 @@
 
 namespace stickslip {
 
-struct EndlessLimit {
+struct InfinitePeriodLimit {
   double value, error;
 };
 // Of the points of a branch, the last of which has the largest period of all behind the last turn of the
 // period. Nothing where these do not span a factor of ten or the parameter does not settle.
-std::optional<EndlessLimit> limit_of_endless_period(const std::vector<double>& periods,
-                                                    const std::vector<double>& values);
+std::optional<InfinitePeriodLimit> infinite_period_limit(const std::vector<double>& periods,
+                                                         const std::vector<double>& values);
 
 }  // namespace stickslip

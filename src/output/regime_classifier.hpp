@@ -10,7 +10,7 @@
 namespace stickslip {
 
 // What is known of the scene beside the record.
-struct Surroundings {
+struct SceneContext {
   double v = 0;
   std::optional<double> growth;  // of perturbations of sliding, as the steps have it: its sign is certain
   bool stable = false, unstable = false;  // sliding of the scene itself, whatever the steps make of it
@@ -29,6 +29,6 @@ struct Judgement {
   std::optional<double> rate, time_to_decide;
 };
 
-Judgement judge(const MotionRecord& record, const Surroundings& around);
+Judgement judge(const MotionRecord& record, const SceneContext& around);
 
 }  // namespace stickslip

@@ -11,26 +11,26 @@
 namespace stickslip {
 
 // One time round: from a release to as many releases later as `from.releases` says.
-struct Lap {
-  Standing at;  // right after that release, with the deviations that were asked for
+struct ReturnMap {
+  StickState at;  // right after that release, with the deviations that were asked for
   double period = 0;
   std::string sequence;
   double depth = 0, clearance = 0;  // see StickCycle; depth with `turns`
-  double excess = 0;                // see Standing
+  double excess = 0;                // see StickState
   std::vector<Rest> rests;
 };
-struct LapWishes {
+struct ReturnMapOptions {
   std::vector<double> deviations = {};  // at the start, right after the release, each as long as the unknowns
   bool turns = false;
   StickMotion::Passed passed = nullptr;
   // Is called right after the release with the directions as they are, and at each change with those before
   // it.
-  std::function<void(const std::vector<double>& was, const Standing& now)> changed = nullptr;
+  std::function<void(const std::vector<double>& was, const StickState& now)> changed = nullptr;
 };
 
 // From `from.start` with eta of the node set to its threshold. Throws Failure where the node does not start
 // there, or the motion does not come back.
-Lap lap(const StickMotion& motion, const StickCycle& from, const LapWishes& wishes);
+ReturnMap return_map_of(const StickMotion& motion, const StickCycle& from, const ReturnMapOptions& wishes);
 
 // The coordinates that tell points of the section apart: all unknowns but those of held nodes, and psi and
 // eta of the node that is released.
@@ -38,9 +38,9 @@ std::vector<double> free_values(const StickMotion& motion, const StickCycle& cyc
 void set_free_values(const StickMotion& motion, const std::vector<double>& values, StickCycle& cycle);
 
 // The return map in these coordinates: what comes back, and its derivative, row-major. Throws Failure as
-// lap().
+// return_map_of().
 struct MapAt {
-  Lap round;
+  ReturnMap round;
   std::vector<double> image, slopes;
 };
 MapAt map_at(const StickMotion& motion, const StickCycle& cycle);
@@ -53,7 +53,7 @@ StickCycle polished(const StickMotion& motion, const StickCycle& guess);
 // The places of the unknowns of nodes that are not held.
 std::vector<std::size_t> moving_unknowns(const StickMotion& motion);
 // The matrix that takes deviations of those right after the release round the cycle, column by column.
-std::vector<double> round_matrix(const StickMotion& motion, const StickCycle& cycle);
+std::vector<double> monodromy_matrix(const StickMotion& motion, const StickCycle& cycle);
 
 // Its eigenvalues, largest modulus first.
 std::vector<std::complex<double>> multipliers_of(std::size_t size, const std::vector<double>& map);

@@ -1,4 +1,4 @@
-#include "base/hand_out.hpp"
+#include "base/scatter.hpp"
 
 #include <algorithm>
 #include <exception>
@@ -14,8 +14,8 @@ constexpr std::int64_t largest_piece = 1 << 17;  // doubles: a megabyte
 constexpr int tag = 73;
 }  // namespace
 
-void hand_out(MPI_Comm comm, std::int64_t first, std::int64_t count, double* into,
-              const std::function<void(std::int64_t first, std::int64_t count, double* values)>& read) {
+void scatter(MPI_Comm comm, std::int64_t first, std::int64_t count, double* into,
+             const std::function<void(std::int64_t first, std::int64_t count, double* values)>& read) {
   int rank = 0, ranks = 1;
   MPI_Comm_rank(comm, &rank);
   MPI_Comm_size(comm, &ranks);
@@ -40,7 +40,7 @@ void hand_out(MPI_Comm comm, std::int64_t first, std::int64_t count, double* int
         take(at, number, into + (at - begin));
         continue;
       }
-      piece.resize(std::size_t(number));
+      piece.resize(number);
       take(at, number, piece.data());
       SS_TRY(MPI_Send(piece.data(), int(number), MPI_DOUBLE, k, tag, comm));
     }
