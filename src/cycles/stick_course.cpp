@@ -94,7 +94,7 @@ Cycle described(const Scene& scene, const StickCycle& cycle) {
   c.period = cycle.period;
   c.residual = cycle.residual;
   c.tests["graze"] = cycle.depth;
-  ReturnMapOptions wishes;
+  StickReturnMapOptions wishes;
   wishes.passed = [&, sampling = Sampling(motion, c)](double from, double to, const auto& at) mutable {
     sampling(from, to, at);
   };

@@ -260,7 +260,7 @@ StickFate uniform_stick_fate(const Scene& s) {
 
 namespace {
 
-Grazing grazing_of(const StickMotion& m, const ReturnMap& once) {
+Grazing grazing_of(const StickMotion& m, const StickReturnMap& once) {
   Grazing found{std::isfinite(once.clearance) ? once.clearance : once.depth, once.period, false};
   if (found.distance > 0 && always_returns(m.scene())) found = {-std::abs(m.scene().v), 0, false};
   if (!(once.excess > found.distance)) return found;
@@ -281,9 +281,9 @@ Grazing distance_from_graze(const Scene& s) {
   double before = 0;  // the state at the last release but one
   try {
     for (int round = 0; round < most_rounds; ++round) {
-      ReturnMapOptions wishes;
+      StickReturnMapOptions wishes;
       wishes.turns = motion.dof() == 2;
-      const ReturnMap once = return_map_of(motion, c, wishes);
+      const StickReturnMap once = return_map_of(motion, c, wishes);
       const double now = once.at.u.back(), last = c.start.back();
       if (motion.dof() == 2) return grazing_of(motion, once);
       c.start = once.at.u;

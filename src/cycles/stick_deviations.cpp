@@ -110,7 +110,7 @@ const std::vector<IntervalPropagator>& StickDeviations::links(int halvings) {
   const double longest = std::ldexp(motion_.longest() * turn_of_step / turn_of_longest, -halvings);
   const Collocation& gauss = Collocation::gauss5();
   std::vector<double> direction, u(d), J(mesh_stages * d * d);
-  ReturnMapOptions wishes;
+  StickReturnMapOptions wishes;
   wishes.changed = [&](const std::vector<double>& was, const StickState& now) {
     if (was != now.direction) links.push_back(jump(was, now));
     direction = now.direction;

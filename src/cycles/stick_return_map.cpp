@@ -61,8 +61,9 @@ void pass_release(const StickMotion& m, const StickState& p, const std::vector<d
 
 }  // namespace
 
-ReturnMap return_map_of(const StickMotion& m, const StickCycle& from, const ReturnMapOptions& wishes) {
-  ReturnMap result;
+StickReturnMap return_map_of(const StickMotion& m, const StickCycle& from,
+                             const StickReturnMapOptions& wishes) {
+  StickReturnMap result;
   StickState& p = result.at;
   p.u = on_section(m, from);
   m.decide(p);
@@ -133,7 +134,7 @@ MapAt map_at(const StickMotion& m, const StickCycle& c) {
   std::vector<double> after(size), y(size);
   m.rates(p.direction, p.u.data(), after.data());
   const double slope = m.threshold_slope(c.node, p.u.data());
-  ReturnMapOptions wishes;
+  StickReturnMapOptions wishes;
   for (const std::size_t k : free) {
     std::fill(y.begin(), y.end(), 0.);
     y[k] = 1;
@@ -181,9 +182,9 @@ void set_free_values(const StickMotion& m, const std::vector<double>& values, St
 }
 
 void close_cycle(const StickMotion& m, StickCycle& c) {
-  ReturnMapOptions wishes;
+  StickReturnMapOptions wishes;
   wishes.turns = true;
-  const ReturnMap round = return_map_of(m, c, wishes);
+  const StickReturnMap round = return_map_of(m, c, wishes);
   c.start = on_section(m, c);
   c.period = round.period;
   c.sequence = round.sequence;
@@ -233,7 +234,7 @@ std::vector<std::size_t> moving_unknowns(const StickMotion& m) {
 
 std::vector<double> monodromy_matrix(const StickMotion& m, const StickCycle& cycle) {
   const std::vector<std::size_t> moving = moving_unknowns(m);
-  ReturnMapOptions wishes;
+  StickReturnMapOptions wishes;
   wishes.deviations.assign(m.size() * moving.size(), 0.);
   for (std::size_t k = 0; k < moving.size(); ++k) wishes.deviations[k * m.size() + moving[k]] = 1;
   const std::vector<double> all = return_map_of(m, cycle, wishes).at.deviations;

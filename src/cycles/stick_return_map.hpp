@@ -11,7 +11,7 @@
 namespace stickslip {
 
 // One time round: from a release to as many releases later as `from.releases` says.
-struct ReturnMap {
+struct StickReturnMap {
   StickState at;  // right after that release, with the deviations that were asked for
   double period = 0;
   std::string sequence;
@@ -19,7 +19,7 @@ struct ReturnMap {
   double excess = 0;                // see StickState
   std::vector<Rest> rests;
 };
-struct ReturnMapOptions {
+struct StickReturnMapOptions {
   std::vector<double> deviations = {};  // at the start, right after the release, each as long as the unknowns
   bool turns = false;
   StickMotion::Passed passed = nullptr;
@@ -30,7 +30,8 @@ struct ReturnMapOptions {
 
 // From `from.start` with eta of the node set to its threshold. Throws Failure where the node does not start
 // there, or the motion does not come back.
-ReturnMap return_map_of(const StickMotion& motion, const StickCycle& from, const ReturnMapOptions& wishes);
+StickReturnMap return_map_of(const StickMotion& motion, const StickCycle& from,
+                             const StickReturnMapOptions& wishes);
 
 // The coordinates that tell points of the section apart: all unknowns but those of held nodes, and psi and
 // eta of the node that is released.
@@ -40,7 +41,7 @@ void set_free_values(const StickMotion& motion, const std::vector<double>& value
 // The return map in these coordinates: what comes back, and its derivative, row-major. Throws Failure as
 // return_map_of().
 struct MapAt {
-  ReturnMap round;
+  StickReturnMap round;
   std::vector<double> image, slopes;
 };
 MapAt map_at(const StickMotion& motion, const StickCycle& cycle);
