@@ -5,7 +5,7 @@ the computation itself, by samples of perf (Linux; package linux-perf), at a sma
     python3 tests/bench/commands.py [--commands spectrum,boundary,...] [--build build]      # some three minutes
 
 A sample belongs to
-    computation   a function of the floors stability, waves, cycles or study that the command is for (COMPUTES below), or
+    computation   a function of the layers stability, waves, cycles or study that the command is for (COMPUTES below), or
                   the steps of a run, of a chart and of a trial (Integrator, Model)
     files         HDF5, summaries, provenance
     start         what is outside the command's own function: the dynamic linker, the start and end of MPI and PETSc, the

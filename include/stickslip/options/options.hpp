@@ -58,7 +58,7 @@ struct OptionSpec {
   std::function<std::string(const Options&)> default_of = nullptr;
 };
 
-// The options that friction laws and state laws declare. Options know no law: the floor above, which lists
+// The options that friction laws and state laws declare. Options know no law: the layer above, which lists
 // them, defines this function (src/model/law_options.cpp).
 struct LawOptions {
   // words of friction_law and state_law; the first is the default

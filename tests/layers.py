@@ -1,15 +1,15 @@
-"""The one-way rule of the source: an include points down, or sideways within its own floor's folder.
+"""The one-way rule of the source: an include points down, or sideways within its own layer's folder.
 
-usage: floors.py [SOURCE]      ends with exit code 1 where an include breaks the rule, and names it
+usage: layers.py [SOURCE]      ends with exit code 1 where an include breaks the rule, and names it
 """
 import os
 import re
 import sys
 
-# From the ground up; those on one line are siblings and do not see each other.
-FLOORS = [["base"], ["numerics"], ["options"], ["model"], ["time", "stability", "waves", "cycles", "output"], ["study"],
+# From the bottom up; those on one line are siblings and do not see each other.
+LAYERS = [["base"], ["numerics"], ["options"], ["model"], ["time", "stability", "waves", "cycles", "output"], ["study"],
           ["commands"]]
-LEVEL = {name: level for level, names in enumerate(FLOORS) for name in names}
+LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 
 
 def broken(source):
@@ -17,25 +17,25 @@ def broken(source):
     lines = []
     for root in ("include/stickslip", "src"):
         for folder, _, files in os.walk(os.path.join(source, root)):
-            floor = os.path.relpath(folder, os.path.join(source, root)).split(os.sep)[0]
+            layer = os.path.relpath(folder, os.path.join(source, root)).split(os.sep)[0]
             for name in sorted(files):
                 if not name.endswith((".hpp", ".cpp")):
                     continue
                 path = os.path.join(folder, name)
                 place = os.path.relpath(path, source)
-                if floor not in LEVEL:
-                    lines.append(f"{place}: stands on no floor")
+                if layer not in LEVEL:
+                    lines.append(f"{place}: belongs to no layer")
                     continue
                 with open(path, encoding="utf-8") as file:
                     found = re.findall(r'^\s*#\s*include\s+"([^"]+)"', file.read(), re.MULTILINE)
                 for target in found:
                     below = target.removeprefix("stickslip/").split("/")[0]
-                    if target == "revision.hpp" and floor == "base":  # generated
+                    if target == "revision.hpp" and layer == "base":  # generated
                         continue
                     if below not in LEVEL:
-                        lines.append(f"{place}: includes {target}, which stands on no floor")
-                    elif below != floor and LEVEL[below] >= LEVEL[floor]:
-                        lines.append(f"{place}: includes {target}: {floor} must not see {below}")
+                        lines.append(f"{place}: includes {target}, which belongs to no layer")
+                    elif below != layer and LEVEL[below] >= LEVEL[layer]:
+                        lines.append(f"{place}: includes {target}: {layer} must not see {below}")
     return lines
 
 

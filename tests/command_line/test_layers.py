@@ -3,12 +3,12 @@ import glob
 import os
 import re
 
-import floors
+import layers
 from calls import SOURCE
 
 
 def test_includes_point_down():
-    assert floors.broken(SOURCE) == []
+    assert layers.broken(SOURCE) == []
 
 
 def classes(path):
