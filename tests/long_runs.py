@@ -143,7 +143,7 @@ def balance_of_block(t, psi, eta, law, A, B, K0, v):
 
 
 def releases(t, psi):
-    """When the block lets go: where a step at rest, from rest to rest, ends."""
+    """When the block begins to slip: where a step at rest, from rest to rest, ends."""
     return t[1:][(psi[:-1] == 0) & (psi[1:] == 0)]
 
 

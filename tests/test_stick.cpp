@@ -567,7 +567,7 @@ TEST_CASE("stick regions of the continuum spread and shrink", "[serial]") {
     s.n = n;
     s.length = 20;
     s.v = spreading ? 0.2 : 0.5;
-    s.spread = spreading ? 0 : 0.3;  // a medium that lets go here first and there later
+    s.spread = spreading ? 0 : 0.3;  // a medium that begins to slip here first and there later
     s.spread_length = 4;
     const Start start = [&](PetscInt i, double* at) {
       at[0] = spreading ? 0.2 + 0.5 * std::sin(2 * M_PI * double(i) / double(n)) : 0;

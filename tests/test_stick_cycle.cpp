@@ -217,7 +217,7 @@ TEST_CASE("Waves on cycles with rests have the multipliers of rings of so many c
     try {
       const StickMotion motion(ring);
       of_ring = multipliers_of(motion.size(), monodromy_matrix(motion, repeated(found.cycle, copies)));
-    } catch (const Failure&) {  // with viscosity neighbours that let go at once with a jump
+    } catch (const Failure&) {  // with viscosity neighbours that begin to slip at once with a jump
       CHECK(cell.nu > 0);
       CHECK_THROWS_AS(StickDeviations(cell, found.cycle).of_wave(0.1), Failure);
       continue;

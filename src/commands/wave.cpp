@@ -114,10 +114,10 @@ void describe(Summary& summary, const TrainSpectrum& spectrum) {
                         " (translation mode: " + rounded_text(spectrum.translation_error, 2) + ")"
                   : "on its ring: whether it is stable is not known" +
                         (std::isnan(spectrum.growth_rate) ? "" : rate + " of those found"));
-  summary.say(!spectrum.infinite_known ? "endless train: whether it is stable is not known"
+  summary.say(!spectrum.infinite_known ? "infinite train: whether it is stable is not known"
               : spectrum.infinite_stable
-                  ? "endless train: stable to every wavelength"
-                  : "endless train: not stable, growth rate " + rounded_text(spectrum.infinite_growth, 6) +
+                  ? "infinite train: stable to every wavelength"
+                  : "infinite train: not stable, growth rate " + rounded_text(spectrum.infinite_growth, 6) +
                         " at wavenumber " + rounded_text(spectrum.infinite_wavenumber, 6) + ", frequency " +
                         rounded_text(spectrum.infinite_frequency, 6));
 }

@@ -2,7 +2,7 @@
 // to the process, which holds every node.
 //
 // Held nodes carry no unknown: their psi stands in their neighbours' equations. The nodes of a ring are
-// folded, 0, n-1, 1, n-2, ..., so that neighbours stay near each other and the Jacobian is a band.
+// ordered 0, n-1, 1, n-2, ..., so that neighbours stay near each other and the Jacobian is a band.
 #pragma once
 
 #include <algorithm>

@@ -84,8 +84,8 @@ IntervalPropagator StickDeviations::jump(const std::vector<double>& was, const S
   return {int(d), std::move(matrix), beside};
 }
 
-// With viscosity a node's copies in the next cells let go with it, and where these are its neighbours motions
-// beside it do it one by one: no matter where they do it without a jump in psi_t.
+// With viscosity a node's copies in the next cells begin to slip with it, and where these are its neighbours
+// motions beside it do it one by one: no matter where they do it without a jump in psi_t.
 void StickDeviations::check_release(size_t node, const StickState& now) const {
   const auto end = std::find(at_ends_.begin(), at_ends_.end(), node);
   if (motion_.scene().N() == 0 || end == at_ends_.end()) return;
@@ -97,7 +97,8 @@ void StickDeviations::check_release(size_t node, const StickState& now) const {
   motion_.rates(now.direction, now.u.data(), rates.data());
   if (rates[node * size_t(motion_.dof())] != 0)
     throw Failure(
-        "cycle_spectrum: with viscosity between neighbours nodes that are alike let go at once with a jump "
+        "cycle_spectrum: with viscosity between neighbours nodes that are alike begin to slip at once with a "
+        "jump "
         "in their "
         "acceleration: in a wave on them they do it one by one, in an order of its own");
 }

@@ -151,7 +151,7 @@ bool StickMotion::all_rest(const StickState& p) const {
   return std::all_of(p.direction.begin(), p.direction.end(), [](double d) { return d == 0; });
 }
 
-// At psi = 0 a node beyond its threshold, or at it and gaining on it, lets go.
+// At psi = 0 a node beyond its threshold, or at it and gaining on it, begins to slip.
 void StickMotion::decide(StickState& p) const {
   p.direction.assign(nodes_, 0.);
   for (int i = 0; i < nodes_; ++i) p.direction[i] = sign_of(p.u[i * dof_]);
@@ -344,7 +344,8 @@ std::vector<StickMotion::Jump> StickMotion::jumps(const std::vector<double>& was
     for (const auto& [other, weight] : d2_[i])
       if (other != i && begins_to_slip(int(other)))
         throw Failure(
-            "exact stick: with viscosity between neighbours several nodes let go at once with a jump in "
+            "exact stick: with viscosity between neighbours several nodes begin to slip at once with a jump "
+            "in "
             "their "
             "acceleration: motions beside it do it one by one");
   }

@@ -97,8 +97,8 @@ class StickMotion {
   void rates(const std::vector<double>& direction, const double* u, double* f) const;
 
   // What the changes from the directions `was` to those of p, which are made at p, do to deviations. With
-  // viscosity neighbours that let go at once with a jump in psi_t would do so in an order of their own for
-  // every deviation: throws Failure.
+  // viscosity neighbours that begin to slip at once with a jump in psi_t would do so in an order of their own
+  // for every deviation: throws Failure.
   struct Jump {
     Change change;
     JumpMatrix matrix;

@@ -252,7 +252,7 @@ struct SolveStage {
     return far;
   }
 
-  // The same with a state: both unknowns at once, tamed where the law is steep. A node from which no step
+  // The same with a state: both unknowns at once, damped where the law is steep. A node from which no step
   // leads on is left where it stands.
   Flag newton_with_state(const Shared& k, const Stage& stage, PetscInt begin, PetscInt count,
                          Flag* open) const {

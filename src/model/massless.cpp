@@ -83,10 +83,11 @@ std::string jump_at_rest(const MasslessNode& node) {
   const double threshold = node.law.threshold(state).value;
   if (threshold - p.F > 1e-12 * threshold)
     return "friction falls from its threshold to " + rounded_text(p.F / threshold, 6) +
-           " of it as a block lets go, and its velocity would jump";
+           " of it as a block begins to slip, and its velocity would jump";
   // with a state it shows when the motion comes there
   if (!node.law.has_state && !(node.B + node.amplitude * p.F_psi > 0))
-    return "as a block lets go friction falls with velocity at least as fast as the resistance zeta/f0 = " +
+    return "as a block begins to slip friction falls with velocity at least as fast as the resistance "
+           "zeta/f0 = " +
            rounded_text(node.B, 6) + " makes up for (slope " + rounded_text(node.amplitude * p.F_psi, 6) +
            "), and its velocity would jump";
   return "";

@@ -8,8 +8,8 @@
 // the last psi and a far new one the slope is looked at in steps of at most half of psi. Friction that is
 // steep at rest (a direct effect, asinh) rises with psi at every state and is not looked at.
 //
-// Friction that sticks holds psi = 0 while |eta| is within its threshold and lets go without a jump where
-// sliding friction begins at the threshold (no fs > fd) and B psi rises faster than friction falls
+// Friction that sticks holds psi = 0 while |eta| is within its threshold and begins to slip without a jump
+// where sliding friction begins at the threshold (no fs > fd) and B psi rises faster than friction falls
 // (jump_at_rest).
 //
 // Nothing here communicates. eta and F are numbers, psi a velocity.

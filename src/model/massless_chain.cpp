@@ -26,7 +26,7 @@ void MasslessChain::check() const {
   int jumps = why.empty() ? 0 : 1;
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &jumps, 1, MPI_INT, MPI_MAX, comm_));
   if (!jumps) return;
-  if (why.empty()) why = "the velocity of a block would jump as it lets go";  // of another rank
+  if (why.empty()) why = "the velocity of a block would jump as it begins to slip";  // of another rank
   throw UsageError("-model_m 0: " + why + ", which takes no time without mass; take model_m > 0");
 }
 

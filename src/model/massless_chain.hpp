@@ -13,8 +13,8 @@ namespace stickslip {
 
 class MasslessChain {
  public:
-  // The arguments stay the caller's. Throws UsageError, on every rank, where some block cannot let go without
-  // a jump. Collective.
+  // The arguments stay the caller's. Throws UsageError, on every rank, where some block cannot begin to slip
+  // without a jump. Collective.
   MasslessChain(MPI_Comm comm, const Scene& scene, const Frictions& law, const std::vector<double>& amplitude,
                 PetscInt first);
 

@@ -145,25 +145,25 @@ struct NewtonRound {
       const double coupling = t.stage.p * t.d2_from[i] + (t.d[i] * t.x[i] - t.b[i]);
       const Tangent k = tangent(own, t, amplitude, i);
       const double step = moves != 0 ? t.x[i] - t.change[i] : 0, linear = k.force + k.slope * step;
-      double change = moves != 0 ? t.x[i] : t.z_psi[i], s = 0, tamed = 0;
+      double change = moves != 0 ? t.x[i] : t.z_psi[i], s = 0, damped = 0;
       const double aim = t.from[i] + change;
       double psi = aim;
       if constexpr (F::has_state) s = t.state[i] + k.change + k.follows * step;
       if constexpr (F::steep) {
         psi = own.newton_psi(t.psi[i], t.state[i], aim, s, t.stage.a / (t.stage.q * amplitude));
         psi = magnitude(psi - aim) <= same * magnitude(aim) ? aim : psi;
-        tamed = magnitude(psi - aim);
+        damped = magnitude(psi - aim);
         left |= magnitude(psi) < least_part * magnitude(t.from[i]) ? 4 : 0;
       }
       if constexpr (IsSmoothed<F>::value) {
         psi = t.psi[i] * psi < 0 ? 0 : psi;
-        tamed = magnitude(psi - aim);
+        damped = magnitude(psi - aim);
       }
-      change = tamed != 0 ? psi - t.from[i] : change;
+      change = damped != 0 ? psi - t.from[i] : change;
       const double force = t.stage.q * amplitude * partials_at<sticking>(own, psi, s, going).F,
                    miss = magnitude(force - linear);
       const double size = 2 * (magnitude(t.stage.a * psi) + magnitude(force));
-      double ratio = moves * (miss + (t.stage.a + t.stage.row) * tamed) /
+      double ratio = moves * (miss + (t.stage.a + t.stage.row) * damped) /
                      (t.target * t.stage.a * (1 + magnitude(psi)) + 1e-15 * size);
       if constexpr (F::has_state) {
         const RatePartials g = rate_at<sticking>(own, psi, s, going);

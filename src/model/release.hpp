@@ -1,5 +1,5 @@
 // When a node at rest, with a force that changes at a constant rate and a threshold that follows its state,
-// lets go.
+// begins to slip.
 #pragma once
 
 #include "stickslip/model/friction.hpp"

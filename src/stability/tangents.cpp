@@ -219,7 +219,8 @@ void Tangents::check_order(const std::vector<double>& was, const double* f, cons
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, counts, 2, MPI_LONG, MPI_SUM, model_.comm()));
   if (counts[0] > 1 && counts[1] > 0)
     throw Failure(
-        "lyapunov_count: with viscosity between neighbours several nodes let go at once, with a jump in "
+        "lyapunov_count: with viscosity between neighbours several nodes begin to slip at once, with a jump "
+        "in "
         "their "
         "acceleration: nearby motions do it one by one, and no tangent exists; give friction_spread or "
         "init_noise");
@@ -252,7 +253,8 @@ void Tangents::jump(Vec u) {
   }
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &grazes, 1, MPI_INT, MPI_SUM, model_.comm()));
   if (grazes)
-    throw Failure("lyapunov_count: a node comes to rest or lets go at speed 0, where no tangent exists");
+    throw Failure(
+        "lyapunov_count: a node comes to rest or begins to slip at speed 0, where no tangent exists");
   count_resting();
   orthonormalise(true);
   start_known_ = false;

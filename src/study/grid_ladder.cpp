@@ -11,12 +11,12 @@ namespace stickslip {
 
 namespace {
 
-constexpr double telling = 50;  // a level foresees errors down to this part of its own
+constexpr double telling = 50;  // a level predicts errors down to this part of its own
 constexpr PetscInt most_nodes = 1 << 20;
 // as share_of_space, where the order is known and twice the nodes cost four times
 constexpr double share_beside_jump = 0.55;
 
-// What the levels foresee.
+// What the levels predict.
 struct PredictedError {
   double error, order;  // of the last level, and at which rate errors come to it
   double factor;        // by which its grid is too coarse
@@ -242,7 +242,7 @@ PredictedError GridLadder::outlook() const {
   const double between = between_nodes(levels_.back());
   ahead.factor = std::max(ahead.factor, std::cbrt(between / (share * aim_)));
   ahead.sure = ahead.order > 0.8 * p;
-  // an order that has hardly begun to rise foresees nothing
+  // an order that has hardly begun to rise predicts nothing
   ahead.resolved = runs_.jump() ||
                    distances_.back() < (distances_.size() < 2 ? 20 : 3) * share_of_space * aim_ ||
                    (distances_.size() > 1 && rate(distances_.size() - 1) > 0.25 * p);
@@ -286,7 +286,7 @@ bool GridLadder::climb_to(double& next, int& failures) {
   return false;
 }
 
-// Places the run where the last level foresees it, or says where the next level is to be.
+// Places the run where the last level predicts it, or says where the next level is to be.
 bool GridLadder::place_or_go_on(double& next) {
   const PredictedError ahead = outlook();
   const Level& last = levels_.back();
@@ -340,7 +340,7 @@ bool GridLadder::never_better(const PredictedError& ahead) const {
   return high - low < 0.4 && high < 0.3 * order_at_best() && ahead.error < 0.01 * largest;
 }
 
-// Grid and tolerance of the run, as the last level foresees them.
+// Grid and tolerance of the run, as the last level predicts them.
 void GridLadder::place_run(const PredictedError& ahead) {
   const double last = cells_of(levels_.back().scene);
   // Near the last level the distance from it would tell nothing.

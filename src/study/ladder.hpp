@@ -119,7 +119,7 @@ class Ladder {
   virtual double estimate(const Answer& end) = 0;
   // Makes the setting stricter, for the run of the last estimate().
   virtual void refine() = 0;
-  // Puts the best level into the setting, after OutOfReach; false where there is none that foresees an error.
+  // Puts the best level into the setting, after OutOfReach; false where there is none that predicts an error.
   virtual bool confirm() = 0;
   // What is predicted of the run, for what().
   virtual std::string predicted() const = 0;

@@ -83,9 +83,9 @@ void FusedTs::take(TS ts) {
 }
 
 // While this stands the next step may not be longer than this one. What made a step of an implicit method
-// fail, a node that lets go or falls, is rarely over with the shorter one; steps that grow at once, up to
-// tenfold as the library has it, meet it again (docs/methods.md). Explicit steps, which stability bounds, are
-// the library's own.
+// fail, a node that begins to slip or falls, is rarely over with the shorter one; steps that grow at once, up
+// to tenfold as the library has it, meet it again (docs/methods.md). Explicit steps, which stability bounds,
+// are the library's own.
 class SteadyAfterRejection {
  public:
   SteadyAfterRejection(TSAdapt adapt, bool holds) : adapt_(adapt) {

@@ -19,7 +19,7 @@ constexpr double landing = 3e-13;   // of a step: how well a change is located
 constexpr double close = 1e-12;     // relative: changes this near to each other happen at once
 constexpr double locating = 1e-15;  // of a step: on the cubic, which only says where to look
 
-// How what holds or lets go of a node changes in a step.
+// How what holds or releases a node changes in a step.
 struct CubicBetween : HermiteCubic {
   using HermiteCubic::HermiteCubic;
 
@@ -106,7 +106,7 @@ void Stick::decide(Vec u) {
   const Vec total = total_force(u, 0), total_rate = total_force(slope_, 1);
   const Reading f(slope_);
   const Forces force(a, total, dof_), rate(f, total_rate, dof_);
-  long counts[3] = {0, 0, 0};  // moving, let go now, changed
+  long counts[3] = {0, 0, 0};  // moving, begins to slip now, changed
   const auto free = [&](PetscInt i) { return i >= free_begin_ && i < free_end_; };
   for (PetscInt i = 0; i < model_.local(); ++i)
     // its state moves
@@ -130,8 +130,8 @@ void Stick::decide(Vec u) {
   if (counts[1] > 0) model_.rhs(Part::full, u, slope_);
 }
 
-// How far node c is beyond its change, as a part of the step: negative before it. What has been let go at the
-// start of the step begins like its square, or faster: divided by that, it does not begin at zero.
+// How far node c is beyond its change, as a part of the step: negative before it. What has begun to slip at
+// the start of the step begins like its square, or faster: divided by that, it does not begin at zero.
 double Stick::beyond(const Candidate& c, const double* u, double force, double part) const {
   const double* at = u + c.node * dof_;
   if (c.rests) return c.weight * (c.side * force - threshold(c.node, at));

@@ -62,9 +62,9 @@ void StickSteps::after(Step step, Vec before) {
 void StickSteps::take_back(const Step& step, Vec before, double dt) {
   const double t = course_.t_before;
   SS_TRY(VecCopy(before, step.u));
-  ++course_.report.rejections;  // because a node that let go ran backwards
+  ++course_.report.rejections;  // because a node that began to slip ran backwards
   if (!(t + dt / 8 > t))
-    throw Failure("a node that lets go does not begin to slide at t = " + number_text(t) + " (step " +
+    throw Failure("a released node does not begin to slide at t = " + number_text(t) + " (step " +
                   std::to_string(step.index) + ")");
   course_.begin_count(ts_, step.index - 1);
   go_on_from(t, dt / 8);
@@ -107,7 +107,7 @@ void StickSteps::pass_rest(Vec u) {
                          }});
       without_time = 0;
     } else if (++without_time > 100) {
-      throw Failure("nodes let go and rest again without end at t = " + number_text(t));
+      throw Failure("nodes begin to slip and rest again without end at t = " + number_text(t));
     }
     SS_TRY(VecCopy(landed_, u));
     t = until;

@@ -1,4 +1,4 @@
-// The curves on which the spectrum of the endless train lies right of a line, |y| = 1
+// The curves on which the spectrum of the infinite train lies right of a line, |y| = 1
 // (waves/spectral_line.hpp).
 //
 // A curve leaves the line where one of its arcs begins and comes back where one ends: its own, unless

@@ -2,12 +2,12 @@
 // which the spectrum right of it lies.
 //
 // With y(lambda) = rho exp(-lambda T) for each multiplier rho (waves/transfer.hpp), lambda belongs to the
-// ring of n pulses where y = exp(2 pi i M/n) for an integer M, and to the endless train where |y| = 1. By the
-// argument principle the number of ring modes right of the line is that of the turns of det(Y - x) along it,
-// and these are made where |y| > 1: every stretch (arc) of the line on which one of the y stands outside the
-// unit circle carries as many modes as its phase passes multiples of 2 pi/n downwards. Nothing is said about
-// frequencies between samples that a finer sampling would change: neighbours are matched, and samples added
-// until they match.
+// ring of n pulses where y = exp(2 pi i M/n) for an integer M, and to the infinite train where |y| = 1. By
+// the argument principle the number of ring modes right of the line is that of the turns of det(Y - x) along
+// it, and these are made where |y| > 1: every stretch (arc) of the line on which one of the y stands outside
+// the unit circle carries as many modes as its phase passes multiples of 2 pi/n downwards. Nothing is said
+// about frequencies between samples that a finer sampling would change: neighbours are matched, and samples
+// added until they match.
 //
 // The modes themselves lie on curves |y| = 1 right of the line, which begin and end where arcs do:
 // waves/spectral_curves.hpp.

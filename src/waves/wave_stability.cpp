@@ -14,7 +14,7 @@ namespace stickslip {
 namespace {
 
 using Complex = std::complex<double>;
-// a growth rate of the endless train below this is that of the translation
+// a growth rate of the infinite train below this is that of the translation
 constexpr double marginal = 1e-7;
 constexpr double growing_line = 1e-5;  // of growing_modes
 constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
@@ -73,7 +73,7 @@ bool uncoupled(const Train& train, TrainSpectrum& out) {
   return true;
 }
 
-// The endless train: what its curves show right of a line.
+// The infinite train: what its curves show right of a line.
 void fill_infinite_train(const Train& train, const SpectralCurves& curves, TrainSpectrum& out) {
   out.infinite_growth = marginal;
   for (const SpectralCurve& curve : curves.list)

@@ -358,7 +358,7 @@ def test_several_events_at_once_within_a_stencil(scenes):
 
 
 def slip_of_one_block(s):
-    """Of a block that lets go beside neighbours that rest, all the way until it rests again."""
+    """Of a block that begins to slip beside neighbours that rest, all the way until it rests again."""
     top = 1 - s["sigma"]
 
     def rate(_, y):
@@ -386,7 +386,7 @@ def test_one_block_errs_alike_in_long_chains_and_short(scenes):
         found = catalogue("one.h5")
         inside = (found["extent"] == 1) & (found["first"] > 0) & (found["first"] < s["n"] - 1)
         exact = slip_of_one_block(s)
-        # a block beside one that has just moved may let go above its threshold
+        # a block beside one that has just moved may begin to slip above its threshold
         own = found["slip"][inside][np.abs(found["slip"][inside] / exact - 1) < 0.05]
         seen += len(own)
         assert np.abs(own / exact - 1).max(initial=0) < 1e-3, f"scene {index} {s}: {np.abs(own / exact - 1).max():.1e}"

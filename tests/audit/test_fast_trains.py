@@ -204,7 +204,7 @@ def check(scene, text):
     counted = counted_right(train, float(sigma), 1.5 * float(top), scene["pulses"])
     assert abs(counted - int(count)) <= 1e-5 * int(count), f"{text}: {count} right of {sigma}, not {counted}"
 
-    # the endless train: nothing grows faster, and that growth is reached
+    # the infinite train: nothing grows faster, and that growth is reached
     growth, frequency = summary["endless"]["growth_rate"], summary["endless"]["frequency"]
     above = growth + 1e-5 + 1e-3 * growth
     _, log = along(train, above, 8 * speed / c)

@@ -1,6 +1,6 @@
 """Prints the map of stable and unstable trains in docs/waves.md from the file of a sweep of `wave` over model_v and wave_length.
 
-train_map.py FILE: a cell has the growth rate of one pulse alone on a ring of that length / of the endless train.
+train_map.py FILE: a cell has the growth rate of one pulse alone on a ring of that length / of the infinite train.
 """
 import sys
 

@@ -1,5 +1,5 @@
 """The plate's velocity as a function of time: against scipy, piece by piece; orders at fixed steps across corners; the
-time at which a resting block lets go in closed form; displacement; restart; what is refused."""
+time at which a resting block begins to slip in closed form; displacement; restart; what is refused."""
 import math
 import os
 
@@ -105,7 +105,7 @@ def first_slip(options):
 
 
 def test_release_under_load():
-    # At rest eta = K0 X(t): the block lets go where that is its threshold, whatever the load does on the way there.
+    # At rest eta = K0 X(t): the block begins to slip where that is its threshold, whatever the load does on the way there.
     exact = brentq(lambda t: 0.4 * travelled(t) - 0.6, 0.1, 4)
     found, s = first_slip(LOAD)
     check(abs(found - exact) < 1e-9, f"{found} for {exact}")

@@ -147,7 +147,7 @@ def test_a_cycle_is_what_scipy_integrates():
 
 
 def test_first_to_slip():
-    # all at rest without force: a block lets go when K0 v t is its own threshold, the weakest first
+    # all at rest without force: a block begins to slip when K0 v t is its own threshold, the weakest first
     thresholds = [0.9, 0.7, 0.5, 0.8]
     run("-model_form chain -bc_left free -grid_n 4 -friction_law coulomb -friction_fd 0.3 -model_k0 0.4 -model_v 0.1 "
         f"-friction_fs_profile {pairs(range(4), thresholds)} -init_psi 0 -init_eta 0 -ts_max_time 13 "

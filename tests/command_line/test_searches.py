@@ -17,7 +17,7 @@ BRAKE = ("-model_form chain -grid_n 1 -model_m 1.2 -model_k0 2e6 -model_f0 500 -
 
 
 def force_back(v, m=1., k0=1., f0=1., zeta=0., alpha=0.5, sigma=0.):
-    """A block lets go at its threshold, swings back beyond rest and comes to psi = 0 once more: the force on it there, in
+    """A block begins to slip at its threshold, swings back beyond rest and comes to psi = 0 once more: the force on it there, in
     units of f0, less the threshold, by an independent integration."""
     drop = lambda s: (1 - sigma) / (1 + 2 * alpha * s / (1 - sigma))
 

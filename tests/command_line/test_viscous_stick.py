@@ -1,5 +1,5 @@
 """Exact stick with viscosity between neighbours, under a load that varies: whole motions of a small chain against scipy,
-which goes from start to stop by events; the time at which a block beside a moving end lets go in closed form."""
+which goes from start to stop by events; the time at which a block beside a moving end begins to slip in closed form."""
 import math
 
 import numpy as np
@@ -100,6 +100,6 @@ def test_release_beside_a_moving_end():
         exact = brentq(excess, first - 1e-3, first)
         run(words + f" -model_nu {nu} -model_v 0.05 -load_sine_amplitude 0.3 -load_sine_period 2")
         found = data("s.h5")
-        check(np.abs(found["series/t"] - exact).min() < 1e-9, f"a step ends where the block lets go: {exact}")
+        check(np.abs(found["series/t"] - exact).min() < 1e-9, f"a step ends where the block begins to slip: {exact}")
         moves = found["psi"][:, 1] != 0
         check(not moves[found["t"] <= exact].any() and moves[found["t"] > exact][:3].all(), f"nu {nu}: it rests until {exact}")

@@ -1,8 +1,8 @@
 // Stability of cycles to waves: Floquet-Bloch multipliers over the wavenumber.
 //
-// A cell's motion repeats on an endless line or a ring of any number of cells. A deviation that is exp(i
-// theta) times as large in the next cell obeys the linearised equations of one cell with its neighbours
-// twisted so; about uniform motion exp(ikx) obeys those of one node with kappa^2(k) for -D2: k^2 in the
+// A cell's motion repeats on an infinite line or a ring of any number of cells. A deviation that is exp(i
+// theta) times as large in the next cell obeys the linearised equations of one cell with its neighbours with
+// this Bloch phase; about uniform motion exp(ikx) obeys those of one node with kappa^2(k) for -D2: k^2 in the
 // continuum, whatever the grid, and the symbol of the difference in the chain. Each wavenumber has as many
 // multipliers as the cell has unknowns. Alike on every rank, nothing communicates. Wavenumbers are 1/length
 // (1/block in the chain), growth rates ln|multiplier|/period.
@@ -59,7 +59,8 @@ struct WaveMap {
 BlochSpectrum bloch_spectrum(const Cycle& cycle, const Scene& cell, const WaveMap& waves, int wavenumbers);
 BlochSpectrum bloch_spectrum(const SmoothCycle& cycle, int wavenumbers);
 // With exact stick `course` is what described() says of the cycle. Throws Failure where waves have no linear
-// answer: with viscosity between neighbours and nodes that let go at once with a jump in their acceleration.
+// answer: with viscosity between neighbours and nodes that begin to slip at once with a jump in their
+// acceleration.
 BlochSpectrum bloch_spectrum(const StickCycle& cycle, const Cycle& course, const Scene& cell,
                              int wavenumbers);
 

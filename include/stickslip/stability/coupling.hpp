@@ -38,7 +38,7 @@ class Coupling {
   std::vector<Complex> minus_d2(const std::vector<Complex>& p) const;
   double largest_row() const;  // sum of |entries|
 
-  // A ring is folded, 0, n-1, 1, n-2, ..., so that neighbours stay near each other in the band.
+  // A ring is ordered 0, n-1, 1, n-2, ..., so that neighbours stay near each other in the band.
   std::size_t position(std::size_t i) const;
   int band() const { return band_; }
   // lu += factor (-D2), in that order; solves with the factors of such a matrix, b in the order of the nodes.

@@ -7,10 +7,10 @@
 //     S(lambda) = lambda [lambda/A + beta_i + q_i/(lambda + r_i)] + K0 - (K1 + lambda N) D2
 //     t = g_psi p/(lambda + r),       e = (lambda/A + B + F_psi - N D2) p + F_state t.
 //
-// S is banded (folded round a ring), one complex unknown a node, so a factorisation, a solve and a
-// determinant cost O(n). The characteristic polynomial of J is A^n prod(lambda + r_i) det S(lambda) (r only
-// with a state). Held nodes carry no unknown. On a ring, between free ends, and at order 2 between held ones,
-// D2 is symmetric in the inner product of `weight`, and S is complex symmetric.
+// S is banded (in bandwidth-reducing order round a ring), one complex unknown a node, so a factorisation, a
+// solve and a determinant cost O(n). The characteristic polynomial of J is A^n prod(lambda + r_i) det
+// S(lambda) (r only with a state). Held nodes carry no unknown. On a ring, between free ends, and at order 2
+// between held ones, D2 is symmetric in the inner product of `weight`, and S is complex symmetric.
 //
 // Vectors p have one entry a node, vectors x of J `dof` entries a node (psi, eta, state; without mass eta,
 // state), a node's together; lambda, growth rates and frequencies are in 1/time. Every rank holds the whole

@@ -2,7 +2,7 @@
 //
 // A node at rest (psi = 0) stays there while its force eta lies in [-f, f], f = a_i fs(state) its static
 // threshold (with friction_back_slip false: in (-infinity, f]); its friction is then eta, so that psi_t and
-// the damping term vanish. Beyond, it lets go along sgn(eta). A node that slides stops when psi passes
+// the damping term vanish. Beyond, it begins to slip along sgn(eta). A node that slides stops when psi passes
 // through zero. With viscosity between neighbours eta + N D2 psi is the force, here and below.
 //
 // Between such changes the direction of every node stands (1, -1, or 0 at rest; Model::set_direction) and the
@@ -14,7 +14,8 @@
 // exactly the threshold), and the method starts anew.
 //
 // The directions follow from the unknowns alone: the sign of psi, and at psi = 0 the force; at the threshold
-// itself a node lets go if the force grows faster than the threshold. So a checkpoint need not hold them.
+// itself a node begins to slip if the force grows faster than the threshold. So a checkpoint need not hold
+// them.
 //
 // While every node rests, nothing moves: eta is linear in time (with a load v(t), K0 times how far the plate
 // has come) and the state known in closed form, and one step leads to the next release, however far it is, or
@@ -59,13 +60,13 @@ class Stick {
   };
   // at(part, into) interpolates in the step. With Kind::at, `landed` is the state there, ready for decide().
   // `slope_known`: the method has left the right-hand side at `after` in slope_at_end(). too_coarse: a node
-  // that was let go runs backwards at once, which no exact solution does: repeat with a shorter step.
+  // that began to slip runs backwards at once, which no exact solution does: repeat with a shorter step.
   Change first_change(Vec before, Vec after, double dt, const std::function<void(double part, Vec into)>& at,
                       Vec landed, bool slope_known = false);
   Vec slope_at_end() const { return next_slope_; }
 
-  // While every node rests, from u at t on: time until the first lets go (infinite: never; with a load: not
-  // within `longest`), and u after the time `wait`.
+  // While every node rests, from u at t on: time until the first begins to slip (infinite: never; with a
+  // load: not within `longest`), and u after the time `wait`.
   double release_after(Vec u, double t, double longest);
   void rest(Vec u, double t, double wait, Vec into);
   // Over how long a time release_after() may be asked at once.
@@ -75,7 +76,7 @@ class Stick {
   struct Candidate {
     PetscInt node;      // of this rank
     double side;        // a node at rest: of the threshold in question; a sliding one: its direction
-    bool rests, fresh;  // fresh: let go at the start of the step
+    bool rests, fresh;  // fresh: began to slip at the start of the step
     double weight;      // turns its distance from the change into a part of the step
   };
   double threshold(PetscInt i, const double* u) const;

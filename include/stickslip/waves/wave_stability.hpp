@@ -1,4 +1,4 @@
-// Spectral stability of a train of pulses, on its ring and on the endless line.
+// Spectral stability of a train of pulses, on its ring and on the infinite line.
 //
 // In the frame of the train, xi = t - x/V, perturbations exp(lambda t) (P, E[, S])(xi) of (psi, eta[, state])
 // obey, with Z = E - (K1/V^2) P' + (s delta/A) P and kappa = K1/V^2,
@@ -57,7 +57,7 @@ struct TrainSpectrum {
   // among them unless as many grow.
   bool complete = false;
   std::string completeness_check;
-  // The endless train: largest growth rate over all wavelengths and where it is reached (0, 0 where nothing
+  // The infinite train: largest growth rate over all wavelengths and where it is reached (0, 0 where nothing
   // grows; NaN where nothing was found that grows, and not all was seen: infinite_known is false).
   double infinite_growth = 0, infinite_wavenumber = 0, infinite_frequency = 0;
   bool infinite_stable = false, infinite_known = false;
@@ -68,7 +68,7 @@ struct TrainSpectrum {
 // `completeness_check` gives the reason, and the rates are NaN.
 TrainSpectrum train_spectrum(const Train& train, int count);
 
-// The endless train alone, which is quicker: fills the members named so.
+// The infinite train alone, which is quicker: fills the members named so.
 TrainSpectrum infinite_train_stability(const Train& train);
 
 // Takes the eigenvalue of a mode to another train of as many pulses near by, at the same Bloch factor, by
