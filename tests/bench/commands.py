@@ -25,7 +25,7 @@ STEPS = r"Integrator::|TiledStep|Model::rhs|TSStep|SNESSolve|KSPSolve"
 COMPUTES = {
     "spectrum": r"compute_spectrum|SteadySliding::SteadySliding",
     "boundary": r"boundary_points|boundary_curve|GrowthRate::|stick_slip_end|criticality|verify",
-    "wave": r"solve_train|continue_train|train_spectrum|endless_stability|growing_modes|shortest_pulse|train_limit",
+    "wave": r"solve_train|continue_train|train_spectrum|infinite_train_stability|growing_modes|shortest_pulse|train_limit",
     "cycle": r"uniform_cycle|solve_cycle|settled_cycle|continue_cycle|bloch_spectrum|uniform_orbit|stick_",
     "chart": STEPS + r"|limit_of|Ladder|work_precision",
     "laws": r"Friction::|law_traits|steady_state|force",
