@@ -33,29 +33,7 @@ class Trace {
     }
   }
   size_t intervals() const { return mesh_.size() - 1; }
-  // `part` of the way through an interval.
-  double at(size_t interval, double part) const {
-    double w[mesh_stages + 1], sum = 0;
-    Collocation::gauss5().basis.weights(part, w);
-    for (size_t j = 0; j < points_; ++j) sum += w[j] * at_[interval * points_ + j];
-    return sum;
-  }
-  // The largest value (sign 1) or the least (-1): the best point, then the polynomials' own extremum beside
-  // it.
-  double extremum(int sign) const {
-    size_t best = 0;
-    for (size_t i = 0; i < at_.size(); ++i)
-      if (sign * at_[i] > sign * at_[best]) best = i;
-    const size_t interval = best / points_, n = intervals();
-    double value = at_[best];
-    for (const size_t i : {interval, (interval + n - 1) % n, (interval + 1) % n}) {
-      // flat on top: a place known to 1e-9 tells the value to the last digit
-      const Least least = find_least([&](double part) { return -sign * at(i, part); }, 0, 1, 1e-9,
-                                     [](double) { return false; });
-      value = sign * std::max(sign * value, -least.value);
-    }
-    return value;
-  }
+  double extremum(int sign) const { return stickslip::extremum(at_, sign); }
   // Part of the period in which |value| < bound; two crossings between neighbouring points are not seen.
   double share_below(double bound) const {
     double share = 0;
@@ -70,7 +48,7 @@ class Trace {
 
  private:
   double length_below(double bound, size_t i, double begin, double end) const {
-    const auto excess = [&](double part) { return std::abs(at(i, part)) - bound; };
+    const auto excess = [&](double part) { return std::abs(value_within(at_, i, part)) - bound; };
     const double a = excess(begin), b = excess(end);
     if (a < 0 && b < 0) return end - begin;
     if (a >= 0 && b >= 0) return 0;

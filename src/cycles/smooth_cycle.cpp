@@ -8,7 +8,7 @@
 #include "cycles/deviations.hpp"
 #include "cycles/plane.hpp"
 #include "cycles/profile.hpp"
-#include "numerics/kinks.hpp"
+#include "numerics/mesh_solve.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/oscillator.hpp"
@@ -18,42 +18,6 @@ namespace stickslip {
 namespace {
 
 using std::size_t;
-
-// The largest change of a value, each component in units of its range (at least 1e-3), at the points of the
-// finer mesh.
-double change_of_profile(const PeriodicEquations& coarse, const std::vector<double>& x,
-                         const PeriodicEquations& fine, const std::vector<double>& y) {
-  const size_t d = size_t(fine.dim()), count = y.size() / d * d;
-  const std::vector<double> from = fine.fill(coarse, x);
-  std::vector<double> low(d, 1e300), high(d, -1e300);
-  for (size_t i = 0; i < count; ++i) {
-    low[i % d] = std::min(low[i % d], y[i]);
-    high[i % d] = std::max(high[i % d], y[i]);
-  }
-  double change = 0;
-  for (size_t i = 0; i < count; ++i)
-    change = std::max(change, std::abs(from[i] - y[i]) / std::max(high[i % d] - low[i % d], 1e-3));
-  return change;
-}
-
-// Nodes of the mesh at the kinks of the motion; what a change by halving is to be divided by.
-double converge(const std::shared_ptr<const CellField>& field, PeriodicEquations& problem,
-                std::vector<double>& x, const std::vector<Condition>& phase) {
-  std::vector<int> velocities;
-  for (int a = 0; a < field->dim(); a += field->dof()) velocities.push_back(a);
-  const auto jacobian = [&](const double* y, double* J) { field->jacobian(y, J); };
-  return settle_on_kinks(
-      {[&]() -> const std::vector<double>& { return problem.mesh(); },
-       [&] { return kinks_of(problem.mesh(), x.data(), field->dim(), velocities, jacobian); },
-       [&](std::vector<double> mesh) {
-         PeriodicEquations better(std::move(mesh), field);
-         std::vector<double> y = better.fill(problem, x);
-         if (!better.newton(y, phase).converged) return false;
-         problem = std::move(better);
-         x = std::move(y);
-         return true;
-       }});
-}
 
 // With its residual, multipliers and errors; `estimate` is the relative one of the period.
 SmoothCycle finished(const std::shared_ptr<const CellField>& field, PeriodicEquations& equations,
@@ -97,36 +61,26 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
   std::vector<double> start(d);
   profile(0, start.data());
   const std::vector<Condition> phase{plane_across(*field, start)};
-  PeriodicEquations problem(guess.mesh, field);
-  std::vector<double> x = problem.fill(profile, std::log(guess.period));
-  const std::string none =
-      "Newton's method does not converge to a cycle of period near " + rounded_text(guess.period);
-  if (!problem.newton(x, phase).converged) throw Failure(none);
-  double least = d > 3 ? 8 : 12;
-  for (int round = 0; round < 12; ++round) {
-    // the motion to 1e-9 of its range or the tolerance asked for, whichever is finer, within reason
-    const std::vector<double> rough = roughness(problem.mesh(), x.data(), int(d));
-    const double wanted = intervals_for(problem.mesh(), rough, std::max(tolerance, 1e-12) * 10);
-    const size_t intervals = size_t(std::min(20000., std::max(least, .5 * wanted)));
-    least = 1.5 * double(intervals);  // should there be a next round
-    PeriodicEquations better(equidistribute(problem.mesh(), rough, intervals), field);
-    std::vector<double> y = better.fill(problem, x);
-    if (!better.newton(y, phase).converged) continue;  // too coarse
-    problem = better;
-    x = y;
-    const double gain = converge(field, problem, x, phase);
-    PeriodicEquations finer(halved(problem.mesh()), field);
-    std::vector<double> z = finer.fill(problem, x);
-    const PeriodicEquations::Newton last = finer.newton(z, phase);
-    if (!last.converged) continue;
-    const double estimate = std::abs(std::expm1(problem.q(x) - finer.q(z))) / gain;
-    const double profile_error = change_of_profile(problem, x, finer, z) / 32;
-    if (estimate <= tolerance && profile_error <= std::max({1e-9, tolerance, last.last_step}))
-      return finished(field, finer, z, phase, estimate);
-    if (finer.mesh().size() > 40000)
-      throw Failure("the cycle needs more than " + std::to_string(finer.mesh().size()) + " mesh intervals");
-  }
-  throw Failure(none);
+  using Solution = MeshSolution<PeriodicEquations>;
+  const MeshSolver<PeriodicEquations> solver{
+      [&](std::vector<double> mesh, const Solution&) { return PeriodicEquations(std::move(mesh), field); },
+      [&](Solution& s) {
+        const PeriodicEquations::Newton newton = s.equations.newton(s.x, phase);
+        s.last_step = newton.last_step;
+        return newton.converged;
+      }};
+  Solution s{PeriodicEquations(guess.mesh, field), {}};
+  s.x = s.equations.fill(profile, std::log(guess.period));
+  const auto change = [](const Solution& coarse, const Solution& fine) {
+    return std::abs(std::expm1(coarse.q() - fine.q()));
+  };
+  std::vector<int> velocities;
+  for (int a = 0; a < field->dim(); a += field->dof()) velocities.push_back(a);
+  if (solver.newton(s))
+    if (auto found = solve_to_accuracy<PeriodicEquations>(
+            solver, std::move(s), {tolerance, d > 3 ? 8. : 12., velocities, {}, change, "the cycle"}))
+      return finished(field, found->solution.equations, found->solution.x, phase, found->estimate);
+  throw Failure("Newton's method does not converge to a cycle of period near " + rounded_text(guess.period));
 }
 
 namespace {

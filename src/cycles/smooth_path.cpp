@@ -6,6 +6,7 @@
 #include "cycles/deviations.hpp"
 #include "cycles/plane.hpp"
 #include "cycles/profile.hpp"
+#include "numerics/mesh_solve.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -18,9 +19,7 @@ using std::size_t;
 
 // Of Newton's method: rate-and-state friction, nearly a logarithm of psi, takes a dozen where psi is tiny.
 constexpr int most_steps = 25;
-// Of a mesh at once, and how many are tried.
-constexpr double most_growth = 1.5;
-constexpr int most_meshes = 4;
+constexpr MeshFollowing few_unknowns{1e-9, 24, true, 1.5, 4}, many_unknowns{1e-7, 12, true, 1.5, 4};
 
 FieldFamily family_of(const std::function<Scene(double)>& scene_at) {
   return [scene_at](double lambda) { return std::make_shared<const CellField>(scene_at(lambda)); };
@@ -83,14 +82,8 @@ class SmoothPath : public CyclePath {
 SmoothPath::SmoothPath(std::function<Scene(double)> at, double from, double range, const SmoothCycle& first)
     : scene_at_(std::move(at)), range_(range), d_(size_t(first.field->dim())) {
   family_ = family_of(scene_at_);
-  for (size_t a = 0; a < d_; ++a) {
-    double low = 1e300, high = -1e300;
-    for (size_t i = a; i < first.values.size(); i += d_) {
-      low = std::min(low, first.values[i]);
-      high = std::max(high, first.values[i]);
-    }
-    scale_.push_back(std::max(high - low, 1e-12));
-  }
+  for (const double of : ranges(first.values.data(), points_on(first.mesh), first.field->dim()))
+    scale_.push_back(std::max(of, 1e-12));
   there_.d = d_;
   there_.mesh = first.mesh;
   there_.x = first.values;
@@ -119,36 +112,16 @@ Condition SmoothPath::condition(const Place& row, double right) const {
 }
 
 void SmoothPath::go(double length, const Place& row, double right) {
-  const double lambda = here_.x.back();
-  PeriodicEquations problem = equations(here_.mesh, lambda);
-  const std::vector<Condition> conditions{plane(problem.field(), here_), condition(row, right)};
-  std::vector<double> x = here_.x;
-  for (size_t k = 0; k < x.size(); ++k) x[k] += length * here_.t[k];
-  if (!problem.newton(x, conditions, most_steps).converged)
-    throw Failure("Newton's method does not converge");
-  // again on a mesh that suits the new motion; where a front has moved off the intervals that followed it,
-  // many more seem to be wanted than are once they follow it again
-  const double error = d_ <= 12 ? 1e-9 : 1e-7, least = d_ <= 12 ? 24. : 12.;
-  double period_error = here_.period_error;
-  for (int round = 1;; ++round) {
-    const std::vector<double> rough = roughness(problem.mesh(), x.data(), int(d_));
-    if (suits(problem.mesh(), rough, error)) break;
-    const double now = double(problem.mesh().size() - 1),
-                 wanted = intervals_for(problem.mesh(), rough, error);
-    const bool settled = wanted < most_growth * now || round == most_meshes;
-    const double intervals =
-        std::min(4000., std::max(least, settled ? std::min(wanted, most_growth * now) : now));
-    PeriodicEquations better =
-        equations(equidistribute(problem.mesh(), rough, size_t(intervals)), problem.lambda(x));
-    std::vector<double> y = better.fill(problem, x);
-    if (!better.newton(y, conditions, most_steps).converged)
-      throw Failure("Newton's method does not converge");
-    period_error = std::abs(std::expm1(better.q(y) - problem.q(x))) + 4e-15;
-    problem = std::move(better);
-    x = std::move(y);
-    if (settled) break;
-  }
-  stand_at(std::move(x), problem.mesh(), period_error, conditions[0]);
+  using Solution = MeshSolution<PeriodicEquations>;
+  Solution s{equations(here_.mesh, here_.x.back()), here_.x};
+  const std::vector<Condition> conditions{plane(s.equations.field(), here_), condition(row, right)};
+  for (size_t k = 0; k < s.x.size(); ++k) s.x[k] += length * here_.t[k];
+  const MeshSolver<PeriodicEquations> solver{
+      [&](const std::vector<double>& mesh, const Solution& near) { return equations(mesh, near.x.back()); },
+      [&](Solution& at) { return at.equations.newton(at.x, conditions, most_steps).converged; }};
+  const double change = solve_on_suiting_mesh(solver, d_ <= 12 ? few_unknowns : many_unknowns, s);
+  const double period_error = std::isnan(change) ? here_.period_error : std::abs(std::expm1(change)) + 4e-15;
+  stand_at(std::move(s.x), s.mesh(), period_error, conditions[0]);
 }
 
 // The candidate. The plane of its phase is on the other side where the amplitude has passed through zero.

@@ -12,7 +12,6 @@ namespace {
 
 using std::size_t;
 constexpr double same_place = 1e-14;  // of a zero, in phase
-constexpr double on_node = 1e-10;     // in phase: the square of what is left of a kink is round-off
 constexpr double moves = .3;          // of an interval: how near a node is that is moved
 
 size_t nearest_node(const std::vector<double>& mesh, double phase) {
@@ -89,15 +88,6 @@ std::vector<double> with_nodes(std::vector<double> mesh, const Kinks& kinks) {
       mesh.insert(mesh.begin() + long(off > 0 ? k + 1 : k), phase);
   }
   return mesh;
-}
-
-double settle_on_kinks(const KinkedSolution& solution) {
-  Kinks kinks = solution.kinks();
-  for (int round = 0; round < 4 && kinks.farthest_off(solution.mesh()) > on_node; ++round) {
-    if (!solution.solve_on(with_nodes(solution.mesh(), kinks))) break;
-    kinks = solution.kinks();
-  }
-  return kinks.farthest_off(solution.mesh()) > on_node ? .1 : kinks.singular ? 2 : 8;
 }
 
 }  // namespace stickslip

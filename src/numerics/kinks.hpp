@@ -28,17 +28,4 @@ Kinks kinks_of(const std::vector<double>& mesh, const double* x, int d, const st
 // The mesh with a node at each kink: the nearest moved there where it is near, else one more.
 std::vector<double> with_nodes(std::vector<double> mesh, const Kinks& kinks);
 
-// A periodic solution that is being solved for: its mesh, its kinks, and the same again on another mesh
-// (false, and nothing changed, where that does not converge).
-struct KinkedSolution {
-  std::function<const std::vector<double>&()> mesh;
-  std::function<Kinks()> kinks;
-  std::function<bool(std::vector<double> mesh)> solve_on;
-};
-// Solves with nodes at the kinks, which move with the solution, until they stay. What the change of the
-// number sought, where the mesh is halved, is to be divided by for an estimate of its error: halving divides
-// the error by 2^10 once the mesh is fine, by less before, and by 4 beside a singularity; where no node could
-// be placed at a kink the change says little.
-double settle_on_kinks(const KinkedSolution& solution);
-
 }  // namespace stickslip

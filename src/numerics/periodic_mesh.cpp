@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "stickslip/numerics/roots.hpp"
+
 namespace stickslip {
 
 void evaluate(const Collocation& method, const std::vector<double>& mesh, const double* x, int d,
@@ -105,6 +107,43 @@ std::vector<double> halved(const std::vector<double>& mesh) {
   }
   result.push_back(1);
   return result;
+}
+
+std::vector<double> ranges(const double* x, std::size_t points, int d) {
+  std::vector<double> result;
+  for (int a = 0; a < d; ++a) {
+    double low = 1e300, high = -1e300;
+    for (std::size_t i = 0; i < points; ++i) {
+      const double value = x[i * std::size_t(d) + std::size_t(a)];
+      low = std::min(low, value);
+      high = std::max(high, value);
+    }
+    result.push_back(high - low);
+  }
+  return result;
+}
+
+double value_within(const std::vector<double>& values, std::size_t interval, double part) {
+  double w[mesh_stages + 1], sum = 0;
+  Collocation::gauss5().basis.weights(part, w);
+  for (std::size_t j = 0; j <= mesh_stages; ++j) sum += w[j] * values[interval * (mesh_stages + 1) + j];
+  return sum;
+}
+
+// The best point, then the polynomials' own extremum beside it.
+double extremum(const std::vector<double>& values, int sign) {
+  std::size_t best = 0;
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (sign * values[i] > sign * values[best]) best = i;
+  const std::size_t interval = best / (mesh_stages + 1), n = values.size() / (mesh_stages + 1);
+  double value = values[best];
+  for (const std::size_t i : {interval, (interval + n - 1) % n, (interval + 1) % n}) {
+    // flat on top: a place known to 1e-9 tells the value to the last digit
+    const Least least = find_least([&](double part) { return -sign * value_within(values, i, part); }, 0, 1,
+                                   1e-9, [](double) { return false; });
+    value = sign * std::max(sign * value, -least.value);
+  }
+  return value;
 }
 
 }  // namespace stickslip

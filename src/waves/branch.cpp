@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "numerics/mesh_solve.hpp"
 #include "stickslip/base/error.hpp"
 #include "waves/train_equations.hpp"
 
@@ -55,12 +56,7 @@ BranchWalk::BranchWalk(const TrainFamily& family, double from, double to)
   const TrainSetting start = family_(from);
   const TrainCase asked = family.at(from);
   first_ = solve_train(asked.scene, asked.request);
-  double z_low = 1e300, z_high = -1e300;
-  for (size_t i = 1; i < first_.values.size(); i += size_t(first_.oscillator->dim())) {
-    z_low = std::min(z_low, first_.values[i]);
-    z_high = std::max(z_high, first_.values[i]);
-  }
-  z_scale_ = z_high - z_low;
+  z_scale_ = ranges(first_.values.data(), points_on(first_.mesh), first_.oscillator->dim())[1];
   lambda_scale_ = std::abs(to - from);
   const double q = start.number_of(first_);
   problem_ = std::make_unique<TrainEquations>(problem_on(first_.mesh, q, from));
@@ -100,20 +96,20 @@ std::vector<double> BranchWalk::tangent_at(TrainEquations& problem, const std::v
 
 TrainEquations BranchWalk::solved(const std::vector<double>& row, double right, double length,
                                   std::vector<double>& y) {
-  std::vector<double> guess = x_;
-  for (size_t i = 0; i < x_.size(); ++i) guess[i] += length * t_[i];
-  problem_->extend(family_, lambda_scale_, row, right);
-  if (!newton(*problem_, guess, nullptr, 10)) throw Failure("Newton's method does not converge");
-  // again on a mesh that suits the new profile
-  const std::vector<double>& mesh = problem_->mesh();
-  const std::vector<double> rough = roughness(mesh, guess.data(), problem_->dim());
-  const size_t wanted = size_t(std::min(4000., std::max(60., intervals_for(mesh, rough, 1e-9))));
-  TrainEquations better =
-      problem_on(equidistribute(mesh, rough, wanted), guess[guess.size() - 2], guess.back());
-  y = better.fill(*problem_, guess);
-  better.extend(family_, lambda_scale_, row, right);
-  if (!newton(better, y, nullptr, 10)) throw Failure("Newton's method does not converge");
-  return better;
+  using Solution = MeshSolution<TrainEquations>;
+  Solution s{*problem_, x_};
+  s.equations.extend(family_, lambda_scale_, row, right);
+  for (size_t i = 0; i < x_.size(); ++i) s.x[i] += length * t_[i];
+  const MeshSolver<TrainEquations> solver{
+      [&](const std::vector<double>& mesh, const Solution& near) {
+        TrainEquations problem(family_(near.x.back()), mesh, near.q());
+        problem.extend(family_, lambda_scale_, row, right);
+        return problem;
+      },
+      [](Solution& at) { return newton(at.equations, at.x, nullptr, 10); }};
+  solve_on_suiting_mesh(solver, {1e-9, 60}, s);
+  y = std::move(s.x);
+  return std::move(s.equations);
 }
 
 // psi passes y[0] = v as it did at the beginning where the orbit is a true one; past the Hopf point the

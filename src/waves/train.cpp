@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "numerics/kinks.hpp"
+#include "numerics/mesh_solve.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "waves/train_equations.hpp"
@@ -11,34 +11,12 @@
 
 namespace stickslip {
 
-namespace {
-
-constexpr int stages = train_stages;
-
-// The largest psi (sign 1) or the least (-1): the best point, then the polynomials' own extremum beside it.
-double extremum(const Train& train, int sign) {
-  const size_t d = size_t(train.oscillator->dim()), n = train.intervals();
-  size_t best = 0;
-  for (size_t i = 0; i < train.values.size(); i += d)
-    if (sign * train.values[i] > sign * train.values[best]) best = i;
-  const size_t interval = best / (d * (stages + 1));
-  double value = train.values[best];
-  for (size_t i : {interval, (interval + n - 1) % n, (interval + 1) % n}) {
-    const double h = train.mesh[i + 1] - train.mesh[i];
-    // flat on top: a place known to 1e-9 tells the value to the last digit
-    const Least least =
-        find_least([&](double part) { return -sign * train.psi_at(train.mesh[i] + part * h); }, 0, 1, 1e-9,
-                   [](double) { return false; });
-    value = sign * std::max(sign * value, -least.value);
-  }
-  return value;
-}
-
-}  // namespace
-
 void find_extrema(Train& train) {
-  train.psi_max = extremum(train, 1);
-  train.psi_min = extremum(train, -1);
+  std::vector<double> psi;
+  for (size_t i = 0; i < train.values.size(); i += size_t(train.oscillator->dim()))
+    psi.push_back(train.values[i]);
+  train.psi_max = extremum(psi, 1);
+  train.psi_min = extremum(psi, -1);
 }
 
 Train pack(const TrainEquations& problem, const std::vector<double>& x) {
@@ -66,16 +44,6 @@ Train pack(const TrainEquations& problem, const std::vector<double>& x) {
 
 namespace {
 
-// The largest change of psi at the points of the finer mesh.
-double change_of_profile(const TrainEquations& problem, const std::vector<double>& x,
-                         const TrainEquations& finer, const std::vector<double>& y) {
-  const std::vector<double> coarse = finer.fill(problem, x);
-  double change = 0;
-  for (size_t i = 0; i + 1 < y.size(); i += size_t(finer.dim()))
-    change = std::max(change, std::abs(coarse[i] - y[i]));
-  return change;
-}
-
 // The train of a solution on a halved mesh, with its errors: `estimate` is the relative one of the unknown
 // number.
 Train finished(TrainEquations& problem, const std::vector<double>& x, double estimate) {
@@ -90,58 +58,24 @@ Train finished(TrainEquations& problem, const std::vector<double>& x, double est
   return train;
 }
 
-Kinks kinks_along(const TrainEquations& problem, const std::vector<double>& x) {
-  const TrainSetting::At at = problem.setting().at(x.back());
-  return kinks_of(problem.mesh(), x.data(), problem.dim(), {0}, [&](const double* y, double* J) {
-    double dy[train_max_dim + 1];
-    problem.setting().rhs(at, y, dy, J);
-  });
-}
-
-// Solves on a mesh that suits the profile, then on that mesh halved; refines until the answer is good enough.
 // False where Newton's method does not converge.
 bool solve_to(const TrainSetting& setting, const Orbit& start, double q, double tolerance, Train& train) {
-  TrainEquations problem(setting, start.mesh, q);
-  std::vector<double> x = problem.fill([&](double phase, double* y) { start.at(phase, y); }, q);
-  if (!newton(problem, x)) return false;
-  double least = 12;
-  for (int round = 0; round < 12; ++round) {
-    // the profile to 1e-9 of its range or the tolerance asked for, whichever is finer, within reason
-    const std::vector<double> rough = roughness(problem.mesh(), x.data(), problem.dim());
-    const double wanted = intervals_for(problem.mesh(), rough, std::max(tolerance, 1e-12) * 10);
-    const size_t intervals = size_t(std::min(20000., std::max(least, .5 * wanted)));
-    least = 1.5 * double(intervals);  // should there be a next round
-    TrainEquations better(setting, equidistribute(problem.mesh(), rough, intervals), x.back());
-    std::vector<double> guess = better.fill(problem, x);
-    if (!newton(better, guess)) continue;  // too coarse
-    problem = better;
-    x = guess;
-    const double gain = settle_on_kinks({[&]() -> const std::vector<double>& { return problem.mesh(); },
-                                         [&] { return kinks_along(problem, x); },
-                                         [&](std::vector<double> mesh) {
-                                           TrainEquations moved(setting, std::move(mesh), x.back());
-                                           std::vector<double> y = moved.fill(problem, x);
-                                           if (!newton(moved, y)) return false;
-                                           problem = std::move(moved);
-                                           x = std::move(y);
-                                           return true;
-                                         }});
-    TrainEquations finer(setting, halved(problem.mesh()), x.back());
-    std::vector<double> y = finer.fill(problem, x);
-    double last_step = 0;
-    if (!newton(finer, y, &last_step)) continue;
-    const double profile = change_of_profile(problem, x, finer, y);
-    const TrainSetting::At coarse = setting.at(x.back()), fine = setting.at(y.back());
-    const double estimate =
-        std::abs(setting.request.speed ? coarse.T / fine.T - 1 : coarse.speed / fine.speed - 1) / gain;
-    if (estimate <= tolerance && profile / 32 <= std::max({1e-9, tolerance, last_step})) {
-      train = finished(finer, y, estimate);
-      return true;
-    }
-    if (round == 11 || finer.mesh().size() > 40000)
-      throw Failure("the train needs more than " + std::to_string(finer.mesh().size()) + " mesh intervals");
-  }
-  return false;
+  using Solution = MeshSolution<TrainEquations>;
+  const MeshSolver<TrainEquations> solver{[&](std::vector<double> mesh, const Solution& near) {
+                                            return TrainEquations(setting, std::move(mesh), near.q());
+                                          },
+                                          [](Solution& s) { return newton(s.equations, s.x, &s.last_step); }};
+  Solution s{TrainEquations(setting, start.mesh, q), {}};
+  s.x = s.equations.fill([&](double phase, double* y) { start.at(phase, y); }, q);
+  if (!solver.newton(s)) return false;
+  const auto change = [&](const Solution& a, const Solution& b) {
+    const TrainSetting::At coarse = setting.at(a.q()), fine = setting.at(b.q());
+    return std::abs(setting.request.speed ? coarse.T / fine.T - 1 : coarse.speed / fine.speed - 1);
+  };
+  auto found = solve_to_accuracy<TrainEquations>(solver, std::move(s),
+                                                 {tolerance, 12, {0}, units_of_psi, change, "the train"});
+  if (found) train = finished(found->solution.equations, found->solution.x, found->estimate);
+  return bool(found);
 }
 
 double cubic_shortest(const Scene& scene) {

@@ -64,6 +64,12 @@ class TrainEquations {
   const std::vector<double>& mesh() const { return mesh_; }
   const TrainSetting& setting() const { return setting_; }
   int dim() const { return d_; }
+  double q(const std::vector<double>& x) const { return x[n_ * block()]; }
+  // Of the rates at y.
+  void jacobian(const std::vector<double>& x, const double* y, double* J) const {
+    double dy[train_max_dim + 1];
+    setting_.rhs(setting_.at(q(x)), y, dy, J);
+  }
 
   // The unknowns of a profile; lambda, if it is one, stays 0. Or those of a solution on another mesh.
   std::vector<double> fill(const Profile& profile, double q) const;

@@ -386,16 +386,13 @@ class LimitWalk {
 
 TrainSheet sheet_of(const TrainFamily2& family, const Branch& branch) {
   const Train& first = branch.points.front().train;
-  double z_low = 1e300, z_high = -1e300, low = 1e300, high = -1e300;
-  for (std::size_t i = 1; i < first.values.size(); i += std::size_t(first.oscillator->dim())) {
-    z_low = std::min(z_low, first.values[i]);
-    z_high = std::max(z_high, first.values[i]);
-  }
+  const double z_scale = ranges(first.values.data(), points_on(first.mesh), first.oscillator->dim())[1];
+  double low = 1e300, high = -1e300;
   for (const BranchPoint& p : branch.points) {
     low = std::min(low, p.value);
     high = std::max(high, p.value);
   }
-  return TrainSheet(family, high - low, z_high - z_low);
+  return TrainSheet(family, high - low, z_scale);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "numerics/mesh_solve.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -51,17 +52,17 @@ double TrainSheet::slope(const SheetPlace& p, const SheetChart& chart) const {
 
 std::optional<SheetPlace> TrainSheet::at(const SheetChart& chart, const SheetPlace& from, double alpha,
                                          double value2) const {
+  using Solution = MeshSolution<TrainEquations>;
+  const auto on = [&](std::vector<double> mesh, const std::vector<double>& x) {
+    return equations({std::move(mesh), x, value2}, chart, alpha);
+  };
+  const MeshSolver<TrainEquations> solver{
+      [&](std::vector<double> mesh, const Solution& near) { return on(std::move(mesh), near.x); },
+      [](Solution& s) { return newton(s.equations, s.x, nullptr, 12); }};
   try {
-    SheetPlace p{from.mesh, from.x, value2};
-    TrainEquations problem = equations(p, chart, alpha);
-    if (!newton(problem, p.x, nullptr, 12)) return std::nullopt;
-    const std::vector<double> rough = roughness(p.mesh, p.x.data(), problem.dim());
-    const auto wanted = std::size_t(std::min(4000., std::max(60., intervals_for(p.mesh, rough, 1e-10))));
-    SheetPlace better{equidistribute(p.mesh, rough, wanted), p.x, value2};
-    TrainEquations again = equations(better, chart, alpha);
-    better.x = again.fill(problem, p.x);
-    if (!newton(again, better.x, nullptr, 12)) return std::nullopt;
-    return better;
+    Solution s{on(from.mesh, from.x), from.x};
+    solve_on_suiting_mesh(solver, {1e-10, 60}, s);
+    return SheetPlace{s.mesh(), s.x, value2};
   } catch (const Error&) {
     return std::nullopt;
   }

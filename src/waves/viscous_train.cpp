@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "numerics/kinks.hpp"
+#include "numerics/mesh_solve.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/periodic_equations.hpp"
 
@@ -34,10 +34,15 @@ class TrainField : public VectorField {
 // The equations at a viscosity and a speed or length, with a solution of them.
 class ViscousProfile {
  public:
+  using Solution = MeshSolution<PeriodicEquations>;
+  using Solver = MeshSolver<PeriodicEquations>;
+
   // The plain train, of which this is nearly one.
   ViscousProfile(const Scene& scene, const Train& plain, double N)
-      : o_(plain.oscillator), pulses_(double(plain.pulses)), v_(scene.v), problem_(at(plain, N)) {
-    x_ = problem_.fill(
+      : o_(plain.oscillator), pulses_(double(plain.pulses)), v_(scene.v), N_(N),
+        length_(plain.length_given ? plain.length : 0),
+        speed_(std::abs(plain.speed)), solution_{equations(plain.mesh, std::log(speed_)), {}} {
+    solution_.x = solution_.equations.fill(
         [&](double phase, double* y) {
           double dy[4];
           plain.at(phase, y);
@@ -48,76 +53,37 @@ class ViscousProfile {
   }
 
   double N() const { return N_; }
-  double T() const { return std::exp(problem_.q(x_)); }
-  double V() const { return length_ > 0 ? std::exp(problem_.lambda(x_)) : speed_; }
-  double L() const { return pulses_ * V() * T(); }
-  const PeriodicEquations& problem() const { return problem_; }
-  const std::vector<double>& x() const { return x_; }
-  void value(double phase, double* y) const { problem_.at(x_, phase, y); }
+  double V() const { return V_of(solution_); }
+  double L() const { return pulses_ * V() * T_of(solution_); }
+  static double T_of(const Solution& s) { return std::exp(s.q()); }
+  double V_of(const Solution& s) const { return length_ > 0 ? std::exp(s.equations.lambda(s.x)) : speed_; }
+  const Solution& solution() const { return solution_; }
+  void set_solution(Solution s) { solution_ = std::move(s); }
 
-  // Newton's method where this stands; false where it does not converge to a train.
-  bool solve() {
-    const PeriodicEquations::Newton newton = problem_.newton(x_, conditions());
-    last_step_ = newton.last_step;
-    residual_ = newton.residual;
-    return newton.converged && oscillates() && V() * V() > o_->c2();
+  Solver solver() const {
+    return {[this](const std::vector<double>& mesh, const Solution& near) {
+              return equations(mesh, near.equations.lambda(near.x));
+            },
+            [this](Solution& s) { return newton(s); }};
   }
+  // Newton's method where this stands; false where it does not converge to a train.
+  bool solve() { return newton(solution_); }
   // To another viscosity, or another length.
   bool move(double N, double length) {
-    const ViscousProfile before = *this;
+    const double N_before = N_, length_before = length_;
     N_ = N;
     if (length_ > 0) length_ = length;
-    remesh(equidistribute(mesh(), rough(), mesh().size() - 1));
-    if (solve()) return true;
-    *this = before;
+    const auto mesh = equidistribute(solution_.mesh(), solution_.rough(), solution_.mesh().size() - 1);
+    if (auto there = solver().solved_on(mesh, solution_)) {
+      solution_ = std::move(*there);
+      return true;
+    }
+    N_ = N_before;
+    length_ = length_before;
     return false;
-  }
-  // On a mesh of so many intervals that suits the profile.
-  bool refine(size_t intervals) {
-    remesh(equidistribute(mesh(), rough(), intervals));
-    return solve();
-  }
-  bool halve() {
-    remesh(halved(mesh()));
-    return solve();
-  }
-  // With nodes at the kinks; what a change by halving is to be divided by.
-  double converge() {
-    return settle_on_kinks({[&]() -> const std::vector<double>& { return mesh(); },
-                            [&] {
-                              return kinks_of(
-                                  mesh(), x_.data(), problem_.dim(), {0},
-                                  [&](const double* y, double* J) { problem_.field().jacobian(y, J); });
-                            },
-                            [&](std::vector<double> nodes) {
-                              const ViscousProfile before = *this;
-                              remesh(std::move(nodes));
-                              if (solve()) return true;
-                              *this = before;
-                              return false;
-                            }});
-  }
-  double intervals_wanted(double error) const { return intervals_for(mesh(), rough(), error); }
-  double residual() const { return residual_; }
-  double last_step() const { return last_step_; }
-  const std::vector<double>& mesh() const { return problem_.mesh(); }
-
-  // Largest change of psi between two of the same train, at the points of the finer.
-  double change_from(const ViscousProfile& coarse) const {
-    const std::vector<double> from = problem_.fill(coarse.problem_, coarse.x_);
-    double change = 0;
-    for (size_t i = 0; i + size_t(problem_.parameters()) < x_.size(); i += size_t(problem_.dim()))
-      change = std::max(change, std::abs(from[i] - x_[i]));
-    return change;
   }
 
  private:
-  PeriodicEquations at(const Train& plain, double N) {
-    N_ = N;
-    if (plain.length_given) length_ = plain.length;
-    speed_ = std::abs(plain.speed);
-    return equations(plain.mesh, std::log(speed_));
-  }
   PeriodicEquations equations(const std::vector<double>& mesh, double log_speed) const {
     if (!(length_ > 0)) return PeriodicEquations(mesh, std::make_shared<const TrainField>(o_, N_, speed_));
     const FieldFamily family = [o = o_, N = N_](double log_V) -> std::shared_ptr<const VectorField> {
@@ -125,51 +91,43 @@ class ViscousProfile {
     };
     return PeriodicEquations(mesh, family, log_speed, 1);
   }
-  void remesh(const std::vector<double>& mesh) {
-    PeriodicEquations next = equations(mesh, std::log(V()));
-    x_ = next.fill(problem_, x_);
-    problem_ = std::move(next);
+  bool newton(Solution& s) const {
+    const PeriodicEquations::Newton newton = s.equations.newton(s.x, conditions());
+    s.last_step = newton.last_step;
+    s.residual = newton.residual;
+    const double V = V_of(s), range = ranges(s.x.data(), points_on(s.mesh()), s.equations.dim())[0];
+    return newton.converged && range > 1e-6 * (1 + std::abs(v_)) && V * V > o_->c2();
   }
   // f(0) = v, and ln V + ln T = ln(L/n)
   std::vector<Condition> conditions() const {
     Condition phase;
-    phase.y0.assign(size_t(problem_.dim()), 0.);
+    phase.y0.assign(o_->dim() + 1, 0.);
     phase.y0[0] = 1;
     phase.right = v_;
     if (!(length_ > 0)) return {phase};
     Condition fits;
-    fits.y0.assign(size_t(problem_.dim()), 0.);
+    fits.y0.assign(o_->dim() + 1, 0.);
     fits.q = fits.lambda = 1;
     fits.right = std::log(length_ / pulses_);
     return {phase, fits};
   }
-  bool oscillates() const {
-    double low = 1e300, high = -1e300;
-    for (size_t i = 0; i + size_t(problem_.parameters()) < x_.size(); i += size_t(problem_.dim())) {
-      low = std::min(low, x_[i]);
-      high = std::max(high, x_[i]);
-    }
-    return high - low > 1e-6 * (1 + std::abs(v_));
-  }
-  std::vector<double> rough() const { return roughness(mesh(), x_.data(), problem_.dim()); }
 
   std::shared_ptr<const Oscillator> o_;
-  double pulses_, v_, N_ = 0, length_ = 0, speed_ = 0, residual_ = 0, last_step_ = 0;
-  PeriodicEquations problem_;
-  std::vector<double> x_;
+  double pulses_, v_, N_, length_, speed_;
+  Solution solution_;
 };
 
-// From N, L where the course stands to others, in steps of either's logarithm that adapt. False where it does
-// not get there.
-bool lead(ViscousProfile& course, double N, double L) {
-  const double from[] = {std::log(course.N()), std::log(course.L())}, to[] = {std::log(N), std::log(L)};
+// From N, L where the profile stands to others, in steps of either's logarithm that adapt. False where it
+// does not get there.
+bool lead(ViscousProfile& profile, double N, double L) {
+  const double from[] = {std::log(profile.N()), std::log(profile.L())}, to[] = {std::log(N), std::log(L)};
   double done = 0,
          step = std::min(1., 0.7 / std::max({std::abs(to[0] - from[0]), 5 * std::abs(to[1] - from[1]), 0.7}));
   for (int k = 0; done < 1; ++k) {
     if (k == 400 || step < 1e-4) return false;
     const double next = std::min(1., done + step);
     const auto at = [&](int i) { return std::exp(from[i] + next * (to[i] - from[i])); };
-    if (course.move(next == 1 ? N : at(0), next == 1 ? L : at(1))) {
+    if (profile.move(next == 1 ? N : at(0), next == 1 ? L : at(1))) {
       done = next;
       step *= 1.4;
     } else {
@@ -179,22 +137,22 @@ bool lead(ViscousProfile& course, double N, double L) {
   return true;
 }
 
-// A course at a viscosity so small that the plain train is nearly one.
+// A profile at a viscosity so small that the plain train is nearly one.
 std::optional<ViscousProfile> begin(const Scene& scene, const Train& plain) {
   const double V2 = plain.speed * plain.speed, excess = V2 * plain.r2;  // V^2 - c^2
   double N = std::min(scene.N(), 0.01 * excess * excess / V2 / (scene.A() * scene.A()));
   for (int k = 0; k < 6; ++k, N /= 10) {
-    ViscousProfile course(scene, plain, N);
-    if (course.solve()) return course;
+    ViscousProfile profile(scene, plain, N);
+    if (profile.solve()) return profile;
   }
   return std::nullopt;
 }
 
-[[noreturn]] void fail(const TrainRequest& request, const std::string& why) {
+std::string none_of(const TrainRequest& request) {
   const std::string what = request.length ? "of length " + rounded_text(*request.length, 8)
                                           : "at the speed " + rounded_text(*request.speed, 8);
-  throw Failure("no train of " + std::to_string(request.pulses) +
-                (request.pulses == 1 ? " pulse " : " pulses ") + what + ": " + why);
+  return "no train of " + std::to_string(request.pulses) + (request.pulses == 1 ? " pulse " : " pulses ") +
+         what + ": ";
 }
 
 // The plain train of the request, or of a longer ring where the plain medium has none of its length.
@@ -212,23 +170,24 @@ Train plain_train(const Scene& scene, const TrainRequest& request) {
   }
 }
 
-Train packed(const Scene& scene, const TrainRequest& request, const ViscousProfile& course,
+Train packed(const Scene& scene, const TrainRequest& request, const ViscousProfile& profile,
              std::shared_ptr<const Oscillator> oscillator) {
   Train train;
-  const double V = course.V();
+  const double V = profile.V();
   train.pulses = request.pulses;
   train.length_given = bool(request.length);
   train.speed = request.speed ? *request.speed : V;
-  train.period = course.T();
-  train.length = request.length ? *request.length : course.L();
+  train.period = ViscousProfile::T_of(profile.solution());
+  train.length = request.length ? *request.length : profile.L();
   train.r2 = 1 - oscillator->c2() / (V * V);
   train.nu = scene.nu;
   train.oscillator = std::move(oscillator);
   train.method = &Collocation::gauss5();
-  train.mesh = course.mesh();
-  set_viscous_values(train, {course.x().begin(), course.x().end() - course.problem().parameters()});
+  train.mesh = profile.solution().mesh();
+  const std::vector<double>& x = profile.solution().x;
+  set_viscous_values(train, {x.begin(), x.end() - profile.solution().equations.parameters()});
   find_extrema(train);
-  train.residual = course.residual();
+  train.residual = profile.solution().residual;
   return train;
 }
 
@@ -268,37 +227,29 @@ void set_viscous_values(Train& train, std::vector<double> y) {
 }
 
 Train solve_viscous_train(const Scene& scene, const TrainRequest& request, double tolerance) {
+  const std::string none = none_of(request);
   const Train plain = plain_train(scene, request);
-  std::optional<ViscousProfile> course = begin(scene, plain);
-  if (!course) fail(request, "Newton's method does not reach it from the train without viscosity");
-  if (!lead(*course, scene.N(), course->L()))
-    fail(request, "followed from the train without viscosity it ends at model_nu " +
-                      rounded_text(scene.nu * course->N() / scene.N(), 6));
-  if (request.length && plain.length != *request.length && !lead(*course, scene.N(), *request.length))
-    fail(request, "followed from longer rings it ends at length " + rounded_text(course->L(), 6) +
-                      ", V = " + rounded_text(course->V(), 6));
-  double least = 12;
-  for (int round = 0; round < 12; ++round) {
-    const double wanted = course->intervals_wanted(std::max(tolerance, 1e-12) * 10);
-    const size_t intervals = size_t(std::min(20000., std::max(least, .5 * wanted)));
-    least = 1.5 * double(intervals);  // should there be a next round
-    ViscousProfile better = *course;
-    if (!better.refine(intervals)) continue;  // too coarse
-    const double gain = better.converge();
-    *course = better;
-    ViscousProfile finer = better;
-    if (!finer.halve()) continue;
-    const double estimate =
-        std::abs(request.speed ? better.T() / finer.T() - 1 : better.V() / finer.V() - 1) / gain;
-    if (estimate > tolerance ||
-        finer.change_from(better) / 32 > std::max({1e-9, tolerance, finer.last_step()}))
-      continue;
-    Train train = packed(scene, request, finer, plain.oscillator);
-    train.error_estimate =
-        (request.length ? train.speed : train.length) * (estimate + 4 * finer.last_step() + 4e-15);
-    return train;
-  }
-  fail(request, "it needs more than " + std::to_string(course->mesh().size()) + " mesh intervals");
+  std::optional<ViscousProfile> profile = begin(scene, plain);
+  if (!profile) throw Failure(none + "Newton's method does not reach it from the train without viscosity");
+  if (!lead(*profile, scene.N(), profile->L()))
+    throw Failure(none + "followed from the train without viscosity it ends at model_nu " +
+                  rounded_text(scene.nu * profile->N() / scene.N(), 6));
+  if (request.length && plain.length != *request.length && !lead(*profile, scene.N(), *request.length))
+    throw Failure(none + "followed from longer rings it ends at length " + rounded_text(profile->L(), 6) +
+                  ", V = " + rounded_text(profile->V(), 6));
+  using Solution = ViscousProfile::Solution;
+  const auto change = [&](const Solution& coarse, const Solution& fine) {
+    return std::abs(request.speed ? ViscousProfile::T_of(coarse) / ViscousProfile::T_of(fine) - 1
+                                  : profile->V_of(coarse) / profile->V_of(fine) - 1);
+  };
+  const auto found = solve_to_accuracy<PeriodicEquations>(
+      profile->solver(), profile->solution(), {tolerance, 12, {0}, units_of_psi, change, none + "it"});
+  if (!found) throw Failure(none + "Newton's method does not converge on a finer mesh");
+  profile->set_solution(found->solution);
+  Train train = packed(scene, request, *profile, plain.oscillator);
+  train.error_estimate = (request.length ? train.speed : train.length) *
+                         (found->estimate + 4 * found->solution.last_step + 4e-15);
+  return train;
 }
 
 }  // namespace stickslip

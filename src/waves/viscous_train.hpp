@@ -11,6 +11,7 @@
 // step. Computed alike on every rank.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "stickslip/waves/train.hpp"
@@ -24,6 +25,9 @@ void viscous_rhs(const Oscillator& oscillator, double N, double V, double r2, co
 // Gives a train, whose speed, r2 and oscillator are set, these values of y: `viscous_values`, and `values`
 // with f, a z from which eta follows as it does without viscosity, and s.
 void set_viscous_values(Train& train, std::vector<double> y);
+
+// A profile is measured by its psi alone.
+const std::vector<double> units_of_psi{1, HUGE_VAL, HUGE_VAL, HUGE_VAL};
 
 // As solve_train(), which calls it where the scene has viscosity.
 Train solve_viscous_train(const Scene& scene, const TrainRequest& request, double tolerance);

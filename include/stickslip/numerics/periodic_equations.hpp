@@ -71,6 +71,7 @@ class PeriodicEquations {
   double q(const std::vector<double>& x) const { return x[n_ * block()]; }
   double lambda(const std::vector<double>& x) const { return family_ ? x[n_ * block() + 1] : lambda_; }
   void at(const std::vector<double>& x, double phase, double* y) const;
+  void jacobian(const std::vector<double>&, const double* y, double* J) const { field_->jacobian(y, J); }
 
   struct Step {
     double residual = 0;  // the largest, before it

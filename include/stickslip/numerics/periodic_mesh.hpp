@@ -32,4 +32,17 @@ bool suits(const std::vector<double>& mesh, const std::vector<double>& rough, do
 
 std::vector<double> halved(const std::vector<double>& mesh);
 
+// How many points a mesh has on which values stand.
+inline std::size_t points_on(const std::vector<double>& mesh) {
+  return (mesh.size() - 1) * (mesh_stages + 1);
+}
+
+// Largest less least of each of the d components of `points` values.
+std::vector<double> ranges(const double* x, std::size_t points, int d);
+
+// Of one component at all points: its value `part` of the way through an interval, and its largest (sign 1)
+// or least (-1) over the period, between the points too.
+double value_within(const std::vector<double>& values, std::size_t interval, double part);
+double extremum(const std::vector<double>& values, int sign);
+
 }  // namespace stickslip

@@ -1,0 +1,170 @@
+// Periodic solutions by collocation on meshes that suit them: solved until the answer is as good as asked
+// for, or, as along a branch, again on a better mesh.
+//
+// `Equations` on a mesh of phases have mesh(), dim(), fill(from, x): their unknowns for a solution x of
+// others, q(x): the number among them, and jacobian(x, y, J): that of the rates at y. Source: U. M. Ascher,
+// R. M. M. Mattheij, R. D. Russell, Numerical Solution of Boundary Value Problems, SIAM 1995, chapter 9.
+// Local to the process.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "numerics/kinks.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/numerics/periodic_mesh.hpp"
+
+namespace stickslip {
+
+template <class Equations>
+struct MeshSolution {
+  Equations equations;
+  std::vector<double> x;
+  double last_step = 0, residual = 0;  // of Newton's method
+
+  const std::vector<double>& mesh() const { return equations.mesh(); }
+  double q() const { return equations.q(x); }
+  std::vector<double> rough() const { return roughness(mesh(), x.data(), equations.dim()); }
+};
+
+template <class Equations>
+struct MeshSolver {
+  using Solution = MeshSolution<Equations>;
+  std::function<Equations(std::vector<double> mesh, const Solution& near)> on;
+  std::function<bool(Solution&)> newton;  // false where it does not converge
+
+  std::optional<Solution> solved_on(std::vector<double> mesh, const Solution& near) const {
+    Solution there{on(std::move(mesh), near), {}};
+    there.x = there.equations.fill(near.equations, near.x);
+    if (!newton(there)) return std::nullopt;
+    return there;
+  }
+};
+
+// Solves with nodes at the kinks, which move with the solution, until they stay. What the change of the
+// number sought, where the mesh is halved, is to be divided by for an estimate of its error: halving divides
+// the error by 2^10 once the mesh is fine, by less before, and by 4 beside a singularity; where no node could
+// be placed at a kink the change says little.
+template <class Equations>
+double settle_on_kinks(const MeshSolver<Equations>& solver, const std::vector<int>& velocities,
+                       MeshSolution<Equations>& s) {
+  constexpr double on_node = 1e-10;  // in phase: the square of what is left of a kink is round-off
+  const auto kinks_here = [&] {
+    return kinks_of(s.mesh(), s.x.data(), s.equations.dim(), velocities,
+                    [&](const double* y, double* J) { s.equations.jacobian(s.x, y, J); });
+  };
+  Kinks kinks = kinks_here();
+  for (int round = 0; round < 4 && kinks.farthest_off(s.mesh()) > on_node; ++round) {
+    auto moved = solver.solved_on(with_nodes(s.mesh(), kinks), s);
+    if (!moved) break;
+    s = std::move(*moved);
+    kinks = kinks_here();
+  }
+  return kinks.farthest_off(s.mesh()) > on_node ? .1 : kinks.singular ? 2 : 8;
+}
+
+// What is asked of a solution.
+template <class Equations>
+struct MeshAccuracy {
+  double tolerance, least;      // relative; intervals to begin with
+  std::vector<int> velocities;  // components whose zeros may be kinks
+  std::vector<double> units;    // of the components; empty: their ranges, or 1e-3
+  // Relative change of the number sought from one solution to a finer one.
+  std::function<double(const MeshSolution<Equations>& coarse, const MeshSolution<Equations>& fine)> change;
+  std::string what;  // is solved for, in messages
+};
+template <class Equations>
+struct AccurateSolution {
+  MeshSolution<Equations> solution;  // on a halved mesh
+  double estimate;                   // relative error of the number sought
+};
+
+// The largest change of a profile at the points of the finer mesh.
+template <class Equations>
+double change_of_profile(const MeshSolution<Equations>& coarse, const MeshSolution<Equations>& fine,
+                         std::vector<double> units) {
+  const int d = fine.equations.dim();
+  const std::vector<double> from = fine.equations.fill(coarse.equations, coarse.x);
+  const std::size_t count = points_on(fine.mesh()) * std::size_t(d);
+  if (units.empty())
+    for (const double range : ranges(fine.x.data(), points_on(fine.mesh()), d))
+      units.push_back(std::max(range, 1e-3));
+  double change = 0;
+  for (std::size_t i = 0; i < count; ++i)
+    change = std::max(change, std::abs(from[i] - fine.x[i]) / units[i % std::size_t(d)]);
+  return change;
+}
+
+// From a solution: on a mesh that suits it and on that mesh halved, refined until the two agree, the profile
+// to 1e-9 or the tolerance, whichever is larger. Nothing where Newton's method does not converge; throws
+// Failure where too many intervals are needed.
+template <class Equations>
+std::optional<AccurateSolution<Equations>> solve_to_accuracy(const MeshSolver<Equations>& solver,
+                                                             MeshSolution<Equations> s,
+                                                             const MeshAccuracy<Equations>& asked) {
+  constexpr int most_rounds = 12;
+  constexpr double most_intervals = 20000;
+  double least = asked.least;
+  for (int round = 1; round <= most_rounds; ++round) {
+    // the profile to 1e-9 of its range or the tolerance asked for, whichever is finer, within reason
+    const std::vector<double> rough = s.rough();
+    const double wanted = intervals_for(s.mesh(), rough, std::max(asked.tolerance, 1e-12) * 10);
+    const std::size_t intervals = std::size_t(std::min(most_intervals, std::max(least, .5 * wanted)));
+    least = 1.5 * double(intervals);  // should there be a next round
+    auto better = solver.solved_on(equidistribute(s.mesh(), rough, intervals), s);
+    if (!better) continue;  // too coarse
+    s = std::move(*better);
+    const double gain = settle_on_kinks(solver, asked.velocities, s);
+    auto finer = solver.solved_on(halved(s.mesh()), s);
+    if (!finer) continue;
+    const double estimate = asked.change(s, *finer) / gain;
+    if (estimate <= asked.tolerance &&
+        change_of_profile(s, *finer, asked.units) / 32 <= std::max({1e-9, asked.tolerance, finer->last_step}))
+      return AccurateSolution<Equations>{std::move(*finer), estimate};
+    if (round == most_rounds || double(finer->mesh().size()) > 2 * most_intervals)
+      throw Failure(asked.what + " needs more than " + std::to_string(finer->mesh().size()) +
+                    " mesh intervals");
+  }
+  return std::nullopt;
+}
+
+// How the mesh follows a solution along a branch: an interpolation error of its range, at least so many
+// intervals. Where a front has moved off the intervals that followed it, many more seem to be wanted than are
+// once they follow it again: so the number grows by no more than a factor at once, and some meshes are tried.
+struct MeshFollowing {
+  double error, least;
+  bool keeps = false;  // a mesh that suits
+  double most_growth = std::numeric_limits<double>::infinity();
+  int most_meshes = 1;
+};
+
+// Solves where s stands, then again on a mesh that suits the solution. The change of q by the last mesh; NaN
+// where the first was kept. Throws Failure where Newton's method does not converge.
+template <class Equations>
+double solve_on_suiting_mesh(const MeshSolver<Equations>& solver, const MeshFollowing& rule,
+                             MeshSolution<Equations>& s) {
+  const char* const fails = "Newton's method does not converge";
+  if (!solver.newton(s)) throw Failure(fails);
+  double change = std::numeric_limits<double>::quiet_NaN();
+  for (int round = 1;; ++round) {
+    const std::vector<double> rough = s.rough();
+    if (rule.keeps && suits(s.mesh(), rough, rule.error)) return change;
+    const double now = double(s.mesh().size() - 1), wanted = intervals_for(s.mesh(), rough, rule.error);
+    const bool settled = wanted < rule.most_growth * now || round == rule.most_meshes;
+    const double intervals =
+        std::min(4000., std::max(rule.least, settled ? std::min(wanted, rule.most_growth * now) : now));
+    auto better = solver.solved_on(equidistribute(s.mesh(), rough, std::size_t(intervals)), s);
+    if (!better) throw Failure(fails);
+    change = better->q() - s.q();
+    s = std::move(*better);
+    if (settled) return change;
+  }
+}
+
+}  // namespace stickslip
