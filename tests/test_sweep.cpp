@@ -15,6 +15,11 @@ TEST_CASE("Sobol's points: first ones as tabulated, and one in each interval", "
                               {3, 3, 5, 7}, {7, 7, 1, 3}, {5, 1, 7, 5}, {1, 5, 3, 1}};
   for (std::uint32_t n = 0; n < 8; ++n)
     for (int d = 0; d < 4; ++d) CHECK(std::ldexp(double(sobol(d, n)), -29) == expected[n][d]);
+  for (std::uint32_t n = 0; n < 4096; ++n) {  // along the first axis the digits of Gray's code, mirrored
+    std::uint32_t mirrored = 0;
+    for (int k = 0; k < 32; ++k) mirrored |= ((n ^ (n >> 1)) >> k & 1) << (31 - k);
+    REQUIRE(sobol(0, n) == mirrored);
+  }
   for (int d = 0; d < sobol_dimensions; ++d) {
     std::set<std::uint32_t> intervals;
     for (std::uint32_t n = 0; n < 4096; ++n) intervals.insert(sobol(d, n) >> 20);

@@ -1,8 +1,7 @@
 // Sobol's sequence: points that fill a cube of up to four dimensions more evenly than random ones do.
 //
-// Source: I. M. Sobol, USSR Comput. Math. Math. Phys. 7 (1967) 86-112; in the order of Gray codes by I. A.
-// Antonov and V. M. Saleev, ibid. 19 (1979) 252-256; primitive polynomials and first direction numbers by S.
-// Joe and F. Y. Kuo, SIAM J. Sci. Comput. 30 (2008) 2635-2654. Local to the process.
+// Boost's, in the order of Gray codes, with the direction numbers of S. Joe and F. Y. Kuo, SIAM J. Sci.
+// Comput. 30 (2008) 2635-2654. Local to the process.
 #pragma once
 
 #include <cstdint>
