@@ -23,6 +23,7 @@
 #include "stickslip/base/root.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "study/lyapunov.hpp"
+#include "study/simulate.hpp"
 #include "study/step_forecast.hpp"
 #include "stickslip/study/nearest_sliding.hpp"
 #include "stickslip/time/stick.hpp"
@@ -95,6 +96,17 @@ void warn_of_memory(const Options& options) {
            "an uninterrupted one to the solver's tolerances, not to the last bit");
   }
 }
+
+// The clock when a step is shown to its observers, of which this is the first.
+class LookAtClock : public Observer {
+ public:
+  explicit LookAtClock(std::function<double()> clock) : clock_(std::move(clock)) {}
+  void step(const ObservedStep&) override { seen = clock_(); }
+  double seen = 0;
+
+ private:
+  std::function<double()> clock_;
+};
 
 // What PETSc would print on this rank goes nowhere.
 void silence_library() {
@@ -306,22 +318,22 @@ int Run::advance(Summary& summary) {
     warn_of_fixed_steps(problem_.model, *integrator_, problem_.u, t_end - origin_.t);
     const double begin = spent();
     double watching = 0;
-    integrator_->advance(
-        problem_.u, origin_.t, t_end,
-        [&](const Integrator::Step& step) {
-          const double now = spent();
-          const Integrator::Verdict verdict = after(step);
-          if (progress.due()) {
-            const double part = (step.t - origin_.t) / (t_end - origin_.t);
-            char text[160];
-            std::snprintf(text, sizeof text, "t = %.6g of %.6g (%.0f %%), step %lld, dt %.2g", step.t, t_end,
-                          100 * part, static_cast<long long>(step.index), step.next_dt);
-            progress.show(text + progress.left(part));
-          }
-          watching += spent() - now;
-          return verdict;
-        },
-        control_->most_steps());
+    LookAtClock watch([this] { return spent(); });
+    std::vector<Observer*> observers = {&watch, step_audit_.get()};
+    for (const auto& observer : observers_) observers.push_back(observer.get());
+    simulate(*integrator_, problem_.u, {origin_.t, t_end, control_->most_steps(), origin_.rejections},
+             observers, [&](const Integrator::Step& step) {
+               const Integrator::Verdict verdict = after(step);
+               if (progress.due()) {
+                 const double part = (step.t - origin_.t) / (t_end - origin_.t);
+                 char text[160];
+                 std::snprintf(text, sizeof text, "t = %.6g of %.6g (%.0f %%), step %lld, dt %.2g", step.t,
+                               t_end, 100 * part, static_cast<long long>(step.index), step.next_dt);
+                 progress.show(text + progress.left(part));
+               }
+               watching += spent() - watch.seen;
+               return verdict;
+             });
     step_seconds_ += spent() - begin - watching;
   } catch (const RankFailure&) {
     throw;  // the others may not know of it, and closing the file takes all; it can be read as it is
@@ -336,9 +348,6 @@ int Run::advance(Summary& summary) {
 }
 
 Integrator::Verdict Run::after(const Integrator::Step& step) {
-  step_audit_->after(step);
-  const ObservedStep seen{step.index, step.t_before, step.t, step.u, rejections(), step.interpolate};
-  for (const auto& observer : observers_) observer->step(seen);
   const RunControl::Decision decision = control_->after(step.index, step.t);
   if (file_ && decision.checkpoint) write_checkpoint_at(step);
   if (decision.stop) return Integrator::Verdict::stop;

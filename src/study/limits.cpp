@@ -8,6 +8,7 @@
 #include "base/local_values.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "study/psi_record.hpp"
+#include "study/simulate.hpp"
 #include "study/step_forecast.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/regime.hpp"
@@ -82,10 +83,8 @@ Outcome observe(const Options& options, const MethodSpec& method, const Model& m
       Integrator integrator(model, method, u, prefix);
       warn_of_fixed_steps(model, integrator, u, t_end);
       StepAudit audit(model, options, integrator, 0, t_end);
-      integrator.advance(u, 0, t_end, [&](const Integrator::Step& step) {
-        audit.after(step);
-        regime.step({step.index, step.t_before, step.t, step.u, 0, step.interpolate});
-        outcome.record->add(step.t, step.u);
+      const std::vector<Observer*> observers = {&audit, &regime, outcome.record.get()};
+      simulate(integrator, u, {0, t_end}, observers, [&](const Integrator::Step& step) {
         outcome.steps = step.index;
         outcome.largest = std::max(outcome.largest, largest_psi(model, step.u));
         return Integrator::Verdict::go_on;

@@ -20,15 +20,15 @@ PsiRecord::PsiRecord(const Model& model)
   psi_.resize(nodes_.size());
 }
 
-void PsiRecord::add(double t, Vec u) {
+void PsiRecord::step(const ObservedStep& step) {
   std::vector<double> values(nodes_.size(), 0.);
   {
-    const Reading a(u);
+    const Reading a(step.u);
     for (std::size_t k = 0; k < nodes_.size(); ++k)
       if (nodes_[k] >= first_ && nodes_[k] < first_ + local_) values[k] = a[(nodes_[k] - first_) * dof_];
   }
   sum_over(comm_, values.data(), int(values.size()));
-  t_.push_back(t);
+  t_.push_back(step.t);
   for (std::size_t k = 0; k < nodes_.size(); ++k) psi_[k].push_back(values[k]);
 }
 

@@ -1,19 +1,18 @@
 // psi at a few nodes after every step of a run, to tell whether another run goes through the same motion.
 #pragma once
 
-#include <petscvec.h>
-
 #include <optional>
 #include <vector>
 
 #include "stickslip/model/model.hpp"
+#include "stickslip/output/observer.hpp"
 
 namespace stickslip {
 
-class PsiRecord {
+class PsiRecord : public Observer {
  public:
   explicit PsiRecord(const Model& model);
-  void add(double t, Vec u);  // collective
+  void step(const ObservedStep& step) override;
 
   // The first time at which psi is further than `room`, in parts of half the range of the true motion, from
   // all that the true one goes through within `lag` of that time, in parts of it; empty where there is none.

@@ -127,13 +127,13 @@ struct StepAudit::Impl {
   }
   // The time at which so many audits are due.
   double due(double count) const { return t_begin + (t_end - t_begin) * count / audits; }
-  void look(const Integrator::Step& step) {
+  void look(const ObservedStep& step) {
     if (step.t < due(next_look)) return;
     is_near = near_sliding(model, step.u);
     while (next_look <= audits && step.t >= due(next_look)) ++next_look;
   }
 
-  void after(const Integrator::Step& step) {
+  void after(const ObservedStep& step) {
     const bool is_step = step.t > step.t_before;
     if (is_step) note_step(step.t_before, step.t);
     look(step);
@@ -150,7 +150,7 @@ struct StepAudit::Impl {
     if (has_before) SS_TRY(VecCopy(step.u, before));
   }
 
-  void repeat(const Integrator::Step& step, double change) {
+  void repeat(const ObservedStep& step, double change) {
     const double dt = step.t - step.t_before;
     if (!accurate) {
       own_model = std::make_unique<Model>(model.comm(), model.scene());
@@ -190,7 +190,7 @@ StepAudit::StepAudit(const Model& model, const Options& options, const Integrato
     : impl_(std::make_unique<Impl>(model, options, integrator, t_begin, t_end)) {}
 StepAudit::~StepAudit() = default;
 
-void StepAudit::after(const Integrator::Step& step) { impl_->after(step); }
+void StepAudit::step(const ObservedStep& step) { impl_->after(step); }
 
 StepAudit::Verdict StepAudit::verdict(Vec u) const {
   const Impl& m = *impl_;

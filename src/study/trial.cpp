@@ -15,7 +15,7 @@
 #include "stickslip/output/probe.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/study/start.hpp"
-#include "stickslip/time/time.hpp"
+#include "study/simulate.hpp"
 
 namespace stickslip {
 
@@ -74,22 +74,6 @@ void check_settings(const Options& options, const std::vector<Setting>& settings
   }
 }
 
-// What a measure announced, and it.
-struct WatchedTrial {
-  std::unique_ptr<Measure> measure;
-  ObservationPlan plan;
-
-  WatchedTrial(const MeasureMaker& make, const Problem& problem, const Scene& whole, Integrator& integrator) {
-    if (!make) return;
-    measure = make(problem.model, whole);
-    measure->plan(plan);
-    integrator.set_output_times([this](double t) { return plan.next_time(t); });
-  }
-  void see(const Integrator::Step& step) {
-    if (measure) measure->step({step.index, step.t_before, step.t, step.u, 0, step.interpolate});
-  }
-};
-
 Trial run_trial(const Options& asked, const Setting& setting, const std::string& prefix, double limit,
                 const MeasureMaker& measure) {
   const Options options = options_for(asked, setting);
@@ -110,7 +94,14 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   const auto spent = [&] { return largest_over(PETSC_COMM_WORLD, processor_seconds() - begin); };
   try {
     Integrator integrator(model, spec, u, prefix);
-    WatchedTrial watched(measure, problem, whole, integrator);
+    const std::unique_ptr<Measure> measured = measure ? measure(model, whole) : nullptr;
+    std::vector<Observer*> observers;
+    ObservationPlan plan;
+    if (measured) {
+      observers = {measured.get()};
+      measured->plan(plan);
+      integrator.set_output_times([&plan](double t) { return plan.next_time(t); });
+    }
     const auto take_report = [&] {
       const TimeReport& r = integrator.report();
       trial.steps = r.steps;
@@ -121,24 +112,20 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
     };
     try {
       warn_of_fixed_steps(model, integrator, u, t_end);
-      integrator.advance(
-          u, 0, t_end,
-          [&](const Integrator::Step& step) {
-            watched.see(step);
-            if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
-            const double now = spent();
-            // no need to wait for the end of what cannot get there
-            const bool hopeless = now > 0.25 * limit && now * t_end > 4 * limit * step.t;
-            if (now > limit || hopeless) throw TooSlow();
-            return Integrator::Verdict::go_on;
-          },
-          max_steps);
+      simulate(integrator, u, {0, t_end, max_steps}, observers, [&](const Integrator::Step& step) {
+        if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
+        const double now = spent();
+        // no need to wait for the end of what cannot get there
+        const bool hopeless = now > 0.25 * limit && now * t_end > 4 * limit * step.t;
+        if (now > limit || hopeless) throw TooSlow();
+        return Integrator::Verdict::go_on;
+      });
     } catch (...) {
       take_report();
       throw;
     }
     take_report();
-    if (watched.measure) trial.measured = watched.measure->values();
+    if (measured) trial.measured = measured->values();
     if (integrator.report().reason == "ts_max_steps")
       trial.failed = "stopped at ts_max_steps " + options.text("ts_max_steps") + ", before ts_max_time";
   } catch (const TooSlow&) {

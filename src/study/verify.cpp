@@ -10,7 +10,7 @@
 #include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/study/vary.hpp"
-#include "stickslip/time/time.hpp"
+#include "study/simulate.hpp"
 #include "time/tiles.hpp"
 
 namespace stickslip {
@@ -42,10 +42,7 @@ Motion regime_from(const Options& options, const Model& model, const SteadySlidi
   regime.know(growth, growth);
   double t = 0;
   for (double end = duration;;) {
-    integrator.advance(u, t, end, [&](const Integrator::Step& step) {
-      if (t == 0 || step.t > t) regime.step({step.index, step.t_before, step.t, step.u, 0, step.interpolate});
-      return Integrator::Verdict::go_on;
-    });
+    simulate(integrator, u, {t, end}, {&regime});
     t = end;
     const Measured& found = regime.result(u);
     if (!found.time_to_decide || *found.time_to_decide > 4 * duration || *found.time_to_decide <= t)

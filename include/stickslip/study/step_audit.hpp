@@ -28,12 +28,12 @@
 
 namespace stickslip {
 
-class StepAudit {
+class StepAudit : public Observer {
  public:
   // `integrator` is about to advance `model` from t_begin to t_end.
   StepAudit(const Model& model, const Options& options, const Integrator& integrator, double t_begin,
             double t_end);
-  ~StepAudit();
+  ~StepAudit() override;
 
   // The longest step with which an adaptive explicit method that begins at u, near steady sliding, lets no
   // perturbation grow much faster than it should: above it steps that the error estimate allows make those of
@@ -41,8 +41,7 @@ class StepAudit {
   static double longest_near_sliding(const Model& model, const Integrator& integrator, Vec u,
                                      double duration);
 
-  // To be called at the start (index 0 of the steps) and after every accepted step.
-  void after(const Integrator::Step& step);
+  void step(const ObservedStep& step) override;
 
   struct Verdict {
     std::optional<double> miss, shift;  // empty where no step was repeated, or nothing moved
