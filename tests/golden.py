@@ -36,6 +36,7 @@ BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^accuracy$", r"/chosen$", np.inf, "says `error predicted` where it said `error foreseen`"),
     (r"^signal$", r"options", np.inf, "at which checkpoint the signal comes is chance"),
     (r"^wave", r"/psi_(min|max)\b", 1e-15, "the extremum of a train is evaluated within its interval, without going by the phase"),
+    (r"^wave-(branch|limits)$", r"/(branch|curves|special)\b", 1e-12, "places of trains are scaled before the arclength is summed"),
 ]
 ENVIRONMENT = {"OMP_NUM_THREADS": "1", "LC_ALL": "C.UTF-8", "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
                "OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_mpi_yield_when_idle": "1",

@@ -303,9 +303,10 @@ TEST_CASE("the linearised equations of a viscous train are those of its residual
     const TrainCase asked = family.at(.3);
     const Train train = solve_train(asked.scene, asked.request, 1e-6);
     const TrainSetting setting = setting_of(asked);
-    TrainEquations problem(setting, train.mesh, setting.number_of(train));
-    problem.extend([&](double v) { return setting_of(family.at(v)); }, 1, {.5, 2, 3}, 0);
-    std::vector<double> x = problem.fill(train, setting.number_of(train)), along(x.size());
+    const double q = setting.number_of(train);
+    TrainEquations problem([&](double v) { return setting_of(family.at(v)); }, 1, train.mesh, q, .3);
+    problem.condition({.5, 2, 3}, 0);
+    std::vector<double> x = problem.fill(train, q), along(x.size());
     x.back() = .3;
     for (size_t k = 0; k < x.size(); ++k) along[k] = std::sin(1. + 3. * double(k));
     std::vector<double> exact(x.size()), up(x.size()), down(x.size()), back(x.size());

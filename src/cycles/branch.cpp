@@ -14,18 +14,6 @@
 
 namespace stickslip {
 
-double dot(const Place& a, const Place& b) {
-  double sum = 0;
-  for (size_t k = 0; k < a.size(); ++k) sum += a[k] * b[k];
-  return sum;
-}
-
-Place of_length_one(Place p) {
-  const double length = std::sqrt(dot(p, p));
-  for (double& value : p) value /= length;
-  return p;
-}
-
 namespace {
 
 using std::size_t;
@@ -66,84 +54,61 @@ struct BranchState {
   double value = 0;
   Cycle cycle;
   Watched watched;
-  Place tangent;
 };
 
 constexpr double most_periods = 1e8;
 constexpr double long_steps_from = 4, long_step = .3;  // times the first period
 
-// The walk along a branch: where it stands, and which way it goes.
-class Walk {
+class Walk : public Continuation {
  public:
   Walk(CyclePath& path, const Cycle& first, const std::string& name, double from, double to, int steps,
-       const CycleWatch& watch, Follow follow);
-  CycleBranch follow();
+       CycleWatch watch, Follow follow)
+      : Continuation(path, name, from, to, steps), path_(path), watch_(std::move(watch)),
+        first_amplitude_(first.amplitude), first_period_(first.period),
+        while_stable_(follow == Follow::while_stable) {}
+  CycleBranch follow(int steps);
 
  private:
-  bool step();  // false where the branch ends; throws Error where a shorter step may help
-  // The candidate at the distance s from where the branch stands.
-  void go(double s);
+  End reached(double distance) override;
+  End turned(double distance, const Place& tangent) override;
+  End accepted() override;
+  std::string stuck(const std::string& refusal) override;
+  double longest() const override;
+
   BranchState look();
   void add_point(const BranchState& seen);
-  // Special points between where the branch stands and `seen`, at the distance `length`.
-  void find_special(const BranchState& seen, double length);
-  void locate_root(const std::string& kind, double length, const std::function<double()>& test, double before,
-                   double after);
+  // Special points between where the branch stands and the candidate, at the distance `length`.
+  void find_special(const Place& tangent, double length);
+  void add_root(const std::string& kind, double length, const std::function<double()>& test, double before,
+                double after);
   void locate_changes(Signature now, const Signature& after, double length, bool fold);
   void name_change(const Signature& before, const Signature& after, double s);
   void add_special(const std::string& kind, double s);
-  bool end_where_it_repels(size_t found);
-  void end_at_hopf(const BranchState& seen, double length);
-  void end_where_none_is_found();
+  std::string end_where_it_repels();
+  std::string end_at_hopf(double length);
   std::optional<double> infinite_period() const;
 
   CyclePath& path_;
-  std::string name_;
-  double from_, to_, range_, longest_, ds_ = 0;
-  int steps_;
   CycleWatch watch_;
   CycleBranch branch_;
-  Place here_, t_;    // where the branch stands, and its tangent
-  BranchState last_;  // of that place
+  BranchState last_, seen_;  // of where the branch stands, and of the candidate
   double first_amplitude_, first_period_;
-  bool folded_ = false;
   bool while_stable_;
-  // distance along the step of the first special point that was found in it, and its number
+  std::vector<SpecialPoint> passed_;  // in this step
+  // distance along the step of the first of them, and its number
   double first_special_ = 0;
-  size_t first_number_ = 0;
-  std::string refusal_;  // why the last step was not taken
+  std::size_t first_number_ = 0;
 };
-
-Walk::Walk(CyclePath& path, const Cycle& first, const std::string& name, double from, double to, int steps,
-           const CycleWatch& watch, Follow follow)
-    : path_(path), name_(name), from_(from), to_(to), range_(std::abs(to - from)), steps_(steps),
-      watch_(watch), first_amplitude_(first.amplitude), first_period_(first.period),
-      while_stable_(follow == Follow::while_stable) {
-  longest_ = std::max(.02, std::min(.2, 4. / steps));
-  ds_ = longest_ / 2;
-  here_ = path_.place();
-  Place ahead(here_.size());
-  ahead.back() = to > from ? 1 : -1;
-  try {
-    t_ = path_.tangent(ahead);
-  } catch (const Failure&) {
-    throw Failure("the cycle does not change with " + name_ + ", or its branch turns back at once");
-  }
-  last_ = look();
-  add_point(last_);
-  path_.accept();
-}
 
 BranchState Walk::look() {
   BranchState seen;
-  seen.value = path_.place().back() * range_;
+  seen.value = value();
   seen.cycle = path_.cycle();
   if (watch_)
     seen.watched = watch_(seen.value, seen.cycle);
   else
     seen.watched.growth_rate = growth_rate(seen.cycle);
   if (!watch_) seen.watched.stable = seen.watched.growth_rate < 0;
-  seen.tangent = t_;
   return seen;
 }
 
@@ -152,165 +117,95 @@ void Walk::add_point(const BranchState& seen) {
       {seen.value, seen.cycle, seen.watched.stable, seen.watched.growth_rate, seen.watched.wavenumber});
 }
 
-void Walk::go(double s) { path_.go(s, t_, dot(t_, here_) + s); }
-
-CycleBranch Walk::follow() {
-  while (branch_.points.size() <= size_t(steps_)) {
-    if (ds_ < 1e-9) {
-      end_where_none_is_found();
-      return branch_;
-    }
-    const size_t known = branch_.special.size();
-    try {
-      if (!step()) return branch_;
-    } catch (const Error& e) {
-      branch_.special.resize(known);
-      ds_ /= 2;
-      refusal_ = e.what();
-    }
+CycleBranch Walk::follow(int steps) {
+  try {
+    begin();
+  } catch (const Failure&) {
+    throw Failure("the cycle does not change with " + name_ + ", or its branch turns back at once");
   }
-  branch_.end = "cycle_steps " + std::to_string(steps_) + " taken";
+  last_ = look();
+  add_point(last_);
+  branch_.end = Continuation::follow().value_or("cycle_steps " + std::to_string(steps) + " taken");
   return branch_;
 }
 
 // A slip that only grazes rest is named: its depth falls to zero like the distance of the parameter.
-void Walk::end_where_none_is_found() {
+std::string Walk::stuck(const std::string& refusal) {
   const auto depth = last_.cycle.tests.find("graze");
   if (depth != last_.cycle.tests.end() && std::abs(depth->second) < 1e-6) {
     branch_.special.push_back({"graze", last_.value, last_.cycle.period, 0, branch_.points.size() - 1});
-    branch_.end = "a slip only grazes rest at " + name_ + " = " + rounded_text(last_.value, 10);
-  } else {
-    branch_.end =
-        "no cycle is found beyond " + name_ + " = " + rounded_text(last_.value, 12) + ": " + refusal_;
+    return "a slip only grazes rest at " + name_ + " = " + rounded_text(last_.value, 10);
   }
+  return "no cycle is found beyond " + name_ + " = " + rounded_text(last_.value, 12) + ": " + refusal;
 }
 
-bool Walk::step() {
-  // the last step goes to the end value exactly
-  const double ahead = t_.back() != 0 ? (to_ / range_ - here_.back()) / t_.back() : -1;
-  const bool arrive = ahead > 0 && ahead <= 1.5 * ds_;
-  const double length = arrive ? ahead : ds_;
-  Place row = t_;
-  if (arrive) {
-    std::fill(row.begin(), row.end(), 0.);
-    row.back() = 1;
-  }
-  const auto to_the_end = [&] { path_.go(length, row, arrive ? to_ / range_ : dot(t_, here_) + length); };
-  to_the_end();
-  Place moved = path_.place();
-  for (size_t k = 0; k < moved.size(); ++k) moved[k] -= here_[k];
-  if (std::sqrt(dot(moved, moved)) > 2 * length) throw Failure("the step left the branch");
-  // the distance at which go() finds this place: length, but not on arrival
-  const double distance = dot(t_, moved);
-  BranchState seen = look();
-  const auto sign = seen.cycle.tests.find("hopf");
-  if (sign != seen.cycle.tests.end() && (sign->second < 0) != (last_.cycle.tests["hopf"] < 0)) {
-    end_at_hopf(seen, distance);
-    return false;
-  }
-  seen.tangent = path_.tangent(t_);
-  // turning by more than a quarter of a right angle: the step was too long to trust
-  const double cosine = dot(t_, seen.tangent);
-  if (cosine < .92 && ds_ > 1e-4 && !arrive) throw Failure("the branch turns within the step");
-  const size_t found = branch_.special.size();
+Continuation::End Walk::reached(double distance) {
+  passed_.clear();
+  seen_ = look();
+  const auto sign = seen_.cycle.tests.find("hopf");
+  if (sign != seen_.cycle.tests.end() && (sign->second < 0) != (last_.cycle.tests["hopf"] < 0))
+    return end_at_hopf(distance);
+  return std::nullopt;
+}
+
+Continuation::End Walk::turned(double distance, const Place& tangent) {
   first_special_ = distance;
-  find_special(seen, distance);
-  if (while_stable_ && last_.watched.stable && !seen.watched.stable) return end_where_it_repels(found);
-  if (branch_.special.size() > found || folded_) {  // the path has been elsewhere
-    to_the_end();
-    seen.tangent = path_.tangent(t_);
-  }
-  folded_ = false;
-  path_.accept();
-  here_ = path_.place();
-  t_ = seen.tangent;
-  last_ = seen;
-  add_point(seen);
+  find_special(tangent, distance);
+  if (while_stable_ && last_.watched.stable && !seen_.watched.stable) return end_where_it_repels();
+  return std::nullopt;
+}
+
+Continuation::End Walk::accepted() {
+  branch_.special.insert(branch_.special.end(), passed_.begin(), passed_.end());
+  last_ = seen_;
+  add_point(last_);
+  const double period = last_.cycle.period;
   if (const std::optional<double> limit = infinite_period()) {
     branch_.special.push_back(
         {"infinite-period", *limit, std::numeric_limits<double>::infinity(), 0, branch_.points.size() - 1});
-    branch_.end = "the period grows beyond all bounds at " + name_ + " = " + rounded_text(*limit, 8) +
-                  ": the limit of the "
-                  "branch, left at a period of " +
-                  rounded_text(seen.cycle.period, 8);
-    return false;
+    return "the period grows beyond all bounds at " + name_ + " = " + rounded_text(*limit, 8) +
+           ": the limit of the branch, left at a period of " + rounded_text(period, 8);
   }
-  if (seen.cycle.period > most_periods * first_period_) {
-    branch_.end = "the period has grown to " + rounded_text(seen.cycle.period, 4) + ", and where " + name_ +
-                  " goes to is not "
-                  "known to 1e-8 of its range";
-    return false;
-  }
-  if (arrive) {
-    branch_.end = "reached " + name_ + " = " + rounded_text(to_, 8);
-    return false;
-  }
-  if ((seen.value - from_) * (to_ - from_) < 0) {
-    branch_.end = "the branch came back past its start, " + name_ + " = " + rounded_text(from_, 8);
-    return false;
-  }
-  // a straight branch towards an infinite period is a curve of ln T alone
-  const double longest =
-      seen.cycle.period > long_steps_from * first_period_ ? std::max(longest_, long_step) : longest_;
-  if (cosine > .98) ds_ = std::min(longest, 1.4 * ds_);
-  return true;
+  if (period > most_periods * first_period_)
+    return "the period has grown to " + rounded_text(period, 4) + ", and where " + name_ +
+           " goes to is not known to 1e-8 of its range";
+  return std::nullopt;
 }
 
-// False: the branch ends.
-bool Walk::end_where_it_repels(size_t found) {
-  if (branch_.special.size() == found)
-    throw Failure("the cycle ceases to attract at a point that is not located");
-  branch_.special = {branch_.special[first_number_]};
+// A straight branch towards an endless period is a curve of ln T alone.
+double Walk::longest() const {
+  const double usual = Continuation::longest();
+  return last_.cycle.period > long_steps_from * first_period_ ? std::max(usual, long_step) : usual;
+}
+
+std::string Walk::end_where_it_repels() {
+  if (passed_.empty()) throw Failure("the cycle ceases to attract at a point that is not located");
+  branch_.special = {passed_[first_number_]};
   go(first_special_);
   path_.tangent(t_);
-  branch_.end =
-      "the cycle ceases to attract at " + name_ + " = " + rounded_text(path_.place().back() * range_, 10);
-  return false;
+  return "the cycle ceases to attract at " + name_ + " = " + rounded_text(value(), 10);
 }
 
 // The point of the step at the distance s is special.
 void Walk::add_special(const std::string& kind, double s) {
   const Cycle cycle = path_.cycle();
-  SpecialPoint point{kind, path_.place().back() * range_, cycle.period, 0, branch_.points.size() - 1};
+  SpecialPoint point{kind, value(), cycle.period, 0, branch_.points.size() - 1};
   if (kind == "wave" && watch_) point.wavenumber = watch_(point.value, cycle).wavenumber;
-  branch_.special.push_back(point);
+  passed_.push_back(point);
   if (s < first_special_) {
     first_special_ = s;
-    first_number_ = branch_.special.size() - 1;
+    first_number_ = passed_.size() - 1;
   }
 }
 
-// A point between two cycles that cannot be reached from here: a shorter step may reach it, and is not taken
-// past it in silence.
-[[noreturn]] void passed_unseen(const std::string& kind, const std::string& why) {
-  throw Failure("a special point (" + kind + ") is passed that cannot be located: " + why);
-}
-
-void Walk::locate_root(const std::string& kind, double length, const std::function<double()>& test,
-                       double before, double after) {
-  folded_ = true;
-  std::string why;
-  const auto at = [&](double s) {
-    try {
-      go(s);
-    } catch (const Error& e) {
-      why = e.what();
-      return std::nan("");
-    }
-    return test();
-  };
-  const double s = find_root(at, {0, before, length, after}, 1e-11);
-  if (std::isnan(s) && !why.empty()) passed_unseen(kind, why);
-  if (std::isnan(s)) return;
-  go(s);
-  // a jump through zero is none
-  if (std::abs(test()) < 1e-4 * std::max(std::abs(before), std::abs(after))) add_special(kind, s);
+void Walk::add_root(const std::string& kind, double length, const std::function<double()>& test,
+                    double before, double after) {
+  if (const auto s = locate(kind, test, length, before, after)) add_special(kind, *s);
 }
 
 // Changes of the multipliers' places, by halving, one after the other. Beside a fold the multiplier that
 // passes 1 is not looked at.
 void Walk::locate_changes(Signature now, const Signature& after, double length, bool fold) {
-  folded_ = true;
   // Changes nearer to each other are one: where other cycles branch off, the cycle itself is known to some
   // 1e-7 only, by which two multipliers that pass 1 together come apart.
   constexpr double beyond = 1e-6;
@@ -361,17 +256,17 @@ void Walk::name_change(const Signature& before, const Signature& after, double s
   if (!kind.empty()) add_special(kind, s);
 }
 
-void Walk::find_special(const BranchState& seen, double length) {
-  const Signature before = signature(last_.cycle), after = signature(seen.cycle);
+void Walk::find_special(const Place& tangent, double length) {
+  const Signature before = signature(last_.cycle), after = signature(seen_.cycle);
   // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a
   // fold. A multiplier passes 1 there; where none does, a branch that breaks off has turned by what Newton's
   // method leaves.
-  const bool fold = t_.back() * seen.tangent.back() < 0 &&
-                    std::max(std::abs(t_.back()), std::abs(seen.tangent.back())) > 1e-9 &&
-                    (before[0] != after[0] || near_one(last_.cycle) || near_one(seen.cycle));
+  const bool fold = t_.back() * tangent.back() < 0 &&
+                    std::max(std::abs(t_.back()), std::abs(tangent.back())) > 1e-9 &&
+                    (before[0] != after[0] || near_one(last_.cycle) || near_one(seen_.cycle));
   if (fold)
-    locate_root(
-        "fold", length, [&] { return path_.tangent(t_).back(); }, t_.back(), seen.tangent.back());
+    add_root(
+        "fold", length, [&] { return path_.tangent(t_).back(); }, t_.back(), tangent.back());
   Signature beside = after;
   if (fold) beside[0] = before[0];
   if (before != beside) locate_changes(before, beside, length, fold);
@@ -386,20 +281,20 @@ void Walk::find_special(const BranchState& seen, double length) {
       if (name != "hopf" && other != b.end() && value * other->second < 0) found(name, value, other->second);
     }
   };
-  changes(last_.cycle.tests, seen.cycle.tests, [&](const std::string& name, double a, double b) {
-    locate_root(
+  changes(last_.cycle.tests, seen_.cycle.tests, [&](const std::string& name, double a, double b) {
+    add_root(
         name, length, [&] { return value_of(name, path_.cycle().tests); }, a, b);
   });
-  changes(last_.watched.tests, seen.watched.tests, [&](const std::string& name, double a, double b) {
-    locate_root(
+  changes(last_.watched.tests, seen_.watched.tests, [&](const std::string& name, double a, double b) {
+    add_root(
         name, length, [&] { return value_of(name, look().watched.tests); }, a, b);
   });
 }
 
 // The parameter is even in the amplitude: extrapolated to zero from three cycles, as small as can be solved
 // for.
-void Walk::end_at_hopf(const BranchState& seen, double length) {
-  const double a0 = last_.cycle.amplitude, a1 = -seen.cycle.amplitude,
+std::string Walk::end_at_hopf(double length) {
+  const double a0 = last_.cycle.amplitude, a1 = -seen_.cycle.amplitude,
                side = last_.cycle.tests["hopf"] < 0 ? -1 : 1;
   const auto signed_amplitude = [&](double s) {
     try {
@@ -411,7 +306,7 @@ void Walk::end_at_hopf(const BranchState& seen, double length) {
   };
   double hopf = std::nan(""), period = 0;
   for (double small = 3e-4 * first_amplitude_; small < a0 / 3; small *= 2) {
-    double square[3], value[3], periods[3];
+    double square[3], values[3], periods[3];
     bool known = true;
     for (int k = 0; k < 3 && known; ++k) {
       const double target = small * (1 + .5 * k);
@@ -420,7 +315,7 @@ void Walk::end_at_hopf(const BranchState& seen, double length) {
       const double a = std::isnan(s) ? s : signed_amplitude(s);
       known = std::abs(a - target) < .2 * target;
       square[k] = a * a;
-      value[k] = path_.place().back() * range_;
+      values[k] = value();
       periods[k] = path_.cycle().period;
     }
     if (!known) continue;
@@ -428,7 +323,7 @@ void Walk::end_at_hopf(const BranchState& seen, double length) {
     Lagrange({square[0], square[1], square[2]}).weights(0, weights);
     hopf = period = 0;
     for (int k = 0; k < 3; ++k) {
-      hopf += weights[k] * value[k];
+      hopf += weights[k] * values[k];
       period += weights[k] * periods[k];
     }
     break;
@@ -436,7 +331,7 @@ void Walk::end_at_hopf(const BranchState& seen, double length) {
   if (std::isnan(hopf))
     throw Failure("the cycle runs the other way round, and not because its amplitude has vanished");
   branch_.special.push_back({"hopf", hopf, period, 0, branch_.points.size() - 1});
-  branch_.end = "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 10) + ": steady sliding";
+  return "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 10) + ": steady sliding";
 }
 
 // The limit of the parameter where the period grows beyond all bounds: far beyond that of a canard, in which
@@ -462,7 +357,7 @@ std::optional<double> Walk::infinite_period() const {
 
 CycleBranch continue_cycle(CyclePath& path, const Cycle& first, const std::string& name, double from,
                            double to, int steps, const CycleWatch& watch, Follow follow) {
-  return Walk(path, first, name, from, to, steps, watch, follow).follow();
+  return Walk(path, first, name, from, to, steps, watch, follow).follow(steps);
 }
 
 double special_test(const std::string& kind, CyclePath& path, const Place& row) {

@@ -62,13 +62,11 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
   profile(0, start.data());
   const std::vector<Condition> phase{plane_across(*field, start)};
   using Solution = MeshSolution<PeriodicEquations>;
-  const MeshSolver<PeriodicEquations> solver{
-      [&](std::vector<double> mesh, const Solution&) { return PeriodicEquations(std::move(mesh), field); },
-      [&](Solution& s) {
-        const PeriodicEquations::Newton newton = s.equations.newton(s.x, phase);
-        s.last_step = newton.last_step;
-        return newton.converged;
-      }};
+  const auto solve = [&](Solution& s) {
+    const PeriodicEquations::Newton newton = s.equations.newton(s.x, phase);
+    s.last_step = newton.last_step;
+    return newton.converged;
+  };
   Solution s{PeriodicEquations(guess.mesh, field), {}};
   s.x = s.equations.fill(profile, std::log(guess.period));
   const auto change = [](const Solution& coarse, const Solution& fine) {
@@ -76,9 +74,9 @@ SmoothCycle solve_cycle(const Scene& cell, const CycleGuess& guess, double toler
   };
   std::vector<int> velocities;
   for (int a = 0; a < field->dim(); a += field->dof()) velocities.push_back(a);
-  if (solver.newton(s))
+  if (solve(s))
     if (auto found = solve_to_accuracy<PeriodicEquations>(
-            solver, std::move(s), {tolerance, d > 3 ? 8. : 12., velocities, {}, change, "the cycle"}))
+            solve, std::move(s), {tolerance, d > 3 ? 8. : 12., velocities, {}, change, "the cycle"}))
       return finished(field, found->solution.equations, found->solution.x, phase, found->estimate);
   throw Failure("Newton's method does not converge to a cycle of period near " + rounded_text(guess.period));
 }

@@ -116,10 +116,10 @@ void SmoothPath::go(double length, const Place& row, double right) {
   Solution s{equations(here_.mesh, here_.x.back()), here_.x};
   const std::vector<Condition> conditions{plane(s.equations.field(), here_), condition(row, right)};
   for (size_t k = 0; k < s.x.size(); ++k) s.x[k] += length * here_.t[k];
-  const MeshSolver<PeriodicEquations> solver{
-      [&](const std::vector<double>& mesh, const Solution& near) { return equations(mesh, near.x.back()); },
-      [&](Solution& at) { return at.equations.newton(at.x, conditions, most_steps).converged; }};
-  const double change = solve_on_suiting_mesh(solver, d_ <= 12 ? few_unknowns : many_unknowns, s);
+  const auto solve = [&](Solution& at) {
+    return at.equations.newton(at.x, conditions, most_steps).converged;
+  };
+  const double change = solve_on_suiting_mesh(solve, d_ <= 12 ? few_unknowns : many_unknowns, s);
   const double period_error = std::isnan(change) ? here_.period_error : std::abs(std::expm1(change)) + 4e-15;
   stand_at(std::move(s.x), s.mesh(), period_error, conditions[0]);
 }

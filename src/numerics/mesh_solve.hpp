@@ -1,10 +1,10 @@
 // Periodic solutions by collocation on meshes that suit them: solved until the answer is as good as asked
 // for, or, as along a branch, again on a better mesh.
 //
-// `Equations` on a mesh of phases have mesh(), dim(), fill(from, x): their unknowns for a solution x of
-// others, q(x): the number among them, and jacobian(x, y, J): that of the rates at y. Source: U. M. Ascher,
-// R. M. M. Mattheij, R. D. Russell, Numerical Solution of Boundary Value Problems, SIAM 1995, chapter 9.
-// Local to the process.
+// `Equations` on a mesh of phases have mesh(), dim(), on(mesh, x): the same on another mesh, near x,
+// fill(from, x): their unknowns for a solution x of others, q(x): the number among them, and
+// jacobian(x, y, J): that of the rates at y. Source: U. M. Ascher, R. M. M. Mattheij, R. D. Russell, Numerical
+// Solution of Boundary Value Problems, SIAM 1995, chapter 9. Local to the process.
 #pragma once
 
 #include <algorithm>
@@ -33,27 +33,23 @@ struct MeshSolution {
   std::vector<double> rough() const { return roughness(mesh(), x.data(), equations.dim()); }
 };
 
-template <class Equations>
-struct MeshSolver {
-  using Solution = MeshSolution<Equations>;
-  std::function<Equations(std::vector<double> mesh, const Solution& near)> on;
-  std::function<bool(Solution&)> newton;  // false where it does not converge
-
-  std::optional<Solution> solved_on(std::vector<double> mesh, const Solution& near) const {
-    Solution there{on(std::move(mesh), near), {}};
-    there.x = there.equations.fill(near.equations, near.x);
-    if (!newton(there)) return std::nullopt;
-    return there;
-  }
-};
+// The same equations solved on another mesh, from a solution; nothing where newton(solution) is false:
+// Newton's method does not converge.
+template <class Equations, class Newton>
+std::optional<MeshSolution<Equations>> solved_on(const Newton& newton, std::vector<double> mesh,
+                                                 const MeshSolution<Equations>& near) {
+  MeshSolution<Equations> there{near.equations.on(std::move(mesh), near.x), {}};
+  there.x = there.equations.fill(near.equations, near.x);
+  if (!newton(there)) return std::nullopt;
+  return there;
+}
 
 // Solves with nodes at the kinks, which move with the solution, until they stay. What the change of the
 // number sought, where the mesh is halved, is to be divided by for an estimate of its error: halving divides
 // the error by 2^10 once the mesh is fine, by less before, and by 4 beside a singularity; where no node could
 // be placed at a kink the change says little.
-template <class Equations>
-double settle_on_kinks(const MeshSolver<Equations>& solver, const std::vector<int>& velocities,
-                       MeshSolution<Equations>& s) {
+template <class Equations, class Newton>
+double settle_on_kinks(const Newton& newton, const std::vector<int>& velocities, MeshSolution<Equations>& s) {
   constexpr double on_node = 1e-10;  // in phase: the square of what is left of a kink is round-off
   const auto kinks_here = [&] {
     return kinks_of(s.mesh(), s.x.data(), s.equations.dim(), velocities,
@@ -61,7 +57,7 @@ double settle_on_kinks(const MeshSolver<Equations>& solver, const std::vector<in
   };
   Kinks kinks = kinks_here();
   for (int round = 0; round < 4 && kinks.farthest_off(s.mesh()) > on_node; ++round) {
-    auto moved = solver.solved_on(with_nodes(s.mesh(), kinks), s);
+    auto moved = solved_on(newton, with_nodes(s.mesh(), kinks), s);
     if (!moved) break;
     s = std::move(*moved);
     kinks = kinks_here();
@@ -104,9 +100,8 @@ double change_of_profile(const MeshSolution<Equations>& coarse, const MeshSoluti
 // From a solution: on a mesh that suits it and on that mesh halved, refined until the two agree, the profile
 // to 1e-9 or the tolerance, whichever is larger. Nothing where Newton's method does not converge; throws
 // Failure where too many intervals are needed.
-template <class Equations>
-std::optional<AccurateSolution<Equations>> solve_to_accuracy(const MeshSolver<Equations>& solver,
-                                                             MeshSolution<Equations> s,
+template <class Equations, class Newton>
+std::optional<AccurateSolution<Equations>> solve_to_accuracy(const Newton& newton, MeshSolution<Equations> s,
                                                              const MeshAccuracy<Equations>& asked) {
   constexpr int most_rounds = 12;
   constexpr double most_intervals = 20000;
@@ -117,11 +112,11 @@ std::optional<AccurateSolution<Equations>> solve_to_accuracy(const MeshSolver<Eq
     const double wanted = intervals_for(s.mesh(), rough, std::max(asked.tolerance, 1e-12) * 10);
     const std::size_t intervals = std::size_t(std::min(most_intervals, std::max(least, .5 * wanted)));
     least = 1.5 * double(intervals);  // should there be a next round
-    auto better = solver.solved_on(equidistribute(s.mesh(), rough, intervals), s);
+    auto better = solved_on(newton, equidistribute(s.mesh(), rough, intervals), s);
     if (!better) continue;  // too coarse
     s = std::move(*better);
-    const double gain = settle_on_kinks(solver, asked.velocities, s);
-    auto finer = solver.solved_on(halved(s.mesh()), s);
+    const double gain = settle_on_kinks(newton, asked.velocities, s);
+    auto finer = solved_on(newton, halved(s.mesh()), s);
     if (!finer) continue;
     const double estimate = asked.change(s, *finer) / gain;
     if (estimate <= asked.tolerance &&
@@ -146,11 +141,10 @@ struct MeshFollowing {
 
 // Solves where s stands, then again on a mesh that suits the solution. The change of q by the last mesh; NaN
 // where the first was kept. Throws Failure where Newton's method does not converge.
-template <class Equations>
-double solve_on_suiting_mesh(const MeshSolver<Equations>& solver, const MeshFollowing& rule,
-                             MeshSolution<Equations>& s) {
+template <class Equations, class Newton>
+double solve_on_suiting_mesh(const Newton& newton, const MeshFollowing& rule, MeshSolution<Equations>& s) {
   const char* const fails = "Newton's method does not converge";
-  if (!solver.newton(s)) throw Failure(fails);
+  if (!newton(s)) throw Failure(fails);
   double change = std::numeric_limits<double>::quiet_NaN();
   for (int round = 1;; ++round) {
     const std::vector<double> rough = s.rough();
@@ -159,7 +153,7 @@ double solve_on_suiting_mesh(const MeshSolver<Equations>& solver, const MeshFoll
     const bool settled = wanted < rule.most_growth * now || round == rule.most_meshes;
     const double intervals =
         std::min(4000., std::max(rule.least, settled ? std::min(wanted, rule.most_growth * now) : now));
-    auto better = solver.solved_on(equidistribute(s.mesh(), rough, std::size_t(intervals)), s);
+    auto better = solved_on(newton, equidistribute(s.mesh(), rough, std::size_t(intervals)), s);
     if (!better) throw Failure(fails);
     change = better->q() - s.q();
     s = std::move(*better);

@@ -164,7 +164,7 @@ PeriodicEquations::PeriodicEquations(std::vector<double> mesh, FieldFamily famil
                                      double scale)
     : PeriodicEquations(std::move(mesh), family(lambda)) {
   family_ = std::move(family);
-  eps_ = 1e-6 * scale;
+  scale_ = scale;
   lambda_ = lambda;
 }
 
@@ -195,6 +195,7 @@ void PeriodicEquations::set_lambda(double lambda) {
   if (!family_ || (lambda == lambda_ && lower_)) return;
   field_ = family_(lambda);
   width_ = 0;
+  const double eps = 1e-6 * scale_;
   const auto beside = [&](double by) {  // at an end of what lambda may be the difference is one-sided
     try {
       const SharedField field = family_(lambda + by);
@@ -204,8 +205,8 @@ void PeriodicEquations::set_lambda(double lambda) {
       return field_;
     }
   };
-  lower_ = beside(-eps_);
-  upper_ = beside(eps_);
+  lower_ = beside(-eps);
+  upper_ = beside(eps);
   if (!(width_ > 0)) throw Failure("the parameter cannot be varied at " + rounded_text(lambda, 12));
   lambda_ = lambda;
 }

@@ -5,201 +5,150 @@
 
 #include "numerics/mesh_solve.hpp"
 #include "stickslip/base/error.hpp"
+#include "stickslip/numerics/continuation.hpp"
 #include "waves/train_equations.hpp"
 
 namespace stickslip {
 
 namespace {
 
-// (z(0), q, lambda) of a vector of unknowns.
-std::vector<double> place(const TrainEquations& problem, const std::vector<double>& x) {
-  const size_t last = problem.mesh().size() - 1;
-  return {x[1], x[last * problem.block()], x[last * problem.block() + 1]};
-}
-
-// The walk along a branch: where it stands, and which way it goes.
-class BranchWalk {
+// The trains of a family. The places are (z(0), q, lambda), each over its scale.
+class TrainPath : public BranchPath {
  public:
-  BranchWalk(const TrainFamily& family, double from, double to);
+  TrainPath(const TrainEquations::Family& family, const Train& first, double from, double range)
+      : z_scale_(ranges(first.values.data(), points_on(first.mesh), first.oscillator->dim())[1]),
+        range_(range), there_{{TrainEquations(family, range, first.mesh, family(from).number_of(first), from),
+                               {}},
+                              {}},
+        here_(there_) {
+    there_.x = there_.equations.fill(first, family(from).number_of(first));
+    there_.x.back() = from;
+  }
 
-  // Takes a step of at most `longest` and adds its point to the branch. False where the branch ends; `end`
-  // says why.
-  bool step(double longest, Branch& branch);
-  const Train& first() const { return first_; }
-  double value() const { return x_.back(); }
-  void begin(double longest) { ds_ = longest / 2; }
-  void shorten() { ds_ /= 2; }
-  bool too_short() const { return ds_ < 1e-9; }
+  void go(double length, const Place& row, double right) override {
+    there_ = here_;
+    there_.equations.condition(in_units(row), right);
+    for (size_t k = 0; k < there_.x.size(); ++k) there_.x[k] += length * there_.t[k];
+    solve_on_suiting_mesh([](auto& s) { return newton(s.equations, s.x, nullptr, 10); }, {1e-9, 60}, there_);
+  }
+  Place place() const override { return place_of(there_.x); }
+  Place tangent(const Place& row) override {
+    there_.t = there_.equations.tangent(there_.x, in_units(row));
+    const Place t = place_of(there_.t);
+    const double length = std::sqrt(dot(t, t));
+    for (double& value : there_.t) value /= length;
+    return place_of(there_.t);
+  }
+  void accept() override { here_ = there_; }
+
+  double value() const { return there_.x.back(); }
+  // The candidate, before its tangent is asked for; and its dpsi/dt at phase 0.
+  Train train() {
+    std::vector<double> F(there_.x.size());
+    Train train = pack(there_.equations, there_.x);
+    train.residual = there_.equations.largest_residual(there_.x, F);
+    train.error_estimate = 1e-9 * (train.length_given ? std::abs(train.speed) : train.length);
+    return train;
+  }
+  double slope() const {
+    const TrainSetting& setting = there_.equations.setting();
+    double dy[train_max_dim + 1];
+    setting.rhs(setting.at(there_.q()), there_.x.data(), dy, nullptr);
+    return dy[0];
+  }
 
  private:
-  TrainEquations problem_on(const std::vector<double>& mesh, double q, double lambda) const;
-  // Tangent in all unknowns, of length 1 in the scaled (z, q, lambda), on the side of `row`.
-  std::vector<double> tangent_at(TrainEquations& problem, const std::vector<double>& x,
-                                 const std::vector<double>& row) const;
-  // The solution near the tangent's end with `row` . place = right, on a mesh that suits it.
-  TrainEquations solved(const std::vector<double>& row, double right, double length, std::vector<double>& y);
-  bool vanished(const Train& train, const TrainEquations& problem, const std::vector<double>& y) const;
+  struct Stand : MeshSolution<TrainEquations> {
+    std::vector<double> t;  // tangent in all unknowns, of length 1 in the places
+  };
+  std::vector<double> in_units(const Place& row) const {
+    return {row[0] / z_scale_, row[1], row[2] / range_};
+  }
+  Place place_of(const std::vector<double>& x) const {
+    return {x[1] / z_scale_, x[x.size() - 2], x.back() / range_};
+  }
 
-  std::string name_;
-  double from_, to_;
-  TrainEquations::Family family_;
-  Train first_;
-  double z_scale_, lambda_scale_;  // what the arclength is measured in
-  std::unique_ptr<TrainEquations> problem_;
-  std::vector<double> x_, t_;  // the point and its tangent
-  double ds_ = 0, heading_;
+  double z_scale_, range_;
+  Stand there_, here_;
 };
 
-BranchWalk::BranchWalk(const TrainFamily& family, double from, double to)
-    : name_(family.name), from_(from), to_(to), heading_(to > from ? 1 : -1) {
-  family_ = [at = family.at](double lambda) { return setting_of(at(lambda)); };
-  const TrainSetting start = family_(from);
-  const TrainCase asked = family.at(from);
-  first_ = solve_train(asked.scene, asked.request);
-  z_scale_ = ranges(first_.values.data(), points_on(first_.mesh), first_.oscillator->dim())[1];
-  lambda_scale_ = std::abs(to - from);
-  const double q = start.number_of(first_);
-  problem_ = std::make_unique<TrainEquations>(problem_on(first_.mesh, q, from));
-  x_ = problem_->fill(first_, q);
-  x_.back() = from;
-  try {  // begin along the parameter
-    t_ = tangent_at(*problem_, x_, {0, 0, (to > from ? 1 : -1) / lambda_scale_});
-  } catch (const Failure&) {
-    throw Failure("wave_continue " + name_ + ": the train does not change with it, or turns back at once");
+class TrainWalk : public Continuation {
+ public:
+  TrainWalk(TrainPath& path, const Train& first, const std::string& name, double from, double to, int steps)
+      : Continuation(path, name, from, to, steps), path_(path), heading_(to > from ? 1 : -1) {
+    branch_.points.push_back({from, first, false});
   }
-  if (!(std::abs(place(*problem_, t_)[1]) + std::abs(place(*problem_, t_)[0]) > 0) && !asked.request.speed) {
-    const TrainSetting moved = family_(from + .01 * (to - from));
-    if (moved.oscillator->A() == start.oscillator->A() && moved.oscillator->v() == start.oscillator->v() &&
-        moved.N == start.N)
-      throw Failure("wave_continue " + name_ + ": this option does not enter the train");
+  Branch follow(int steps) {
+    branch_.end = Continuation::follow().value_or("wave_steps " + std::to_string(steps) + " taken");
+    return branch_;
   }
-}
+  bool begins_along_parameter() const { return !(std::abs(t_[0]) + std::abs(t_[1]) > 0); }
 
-TrainEquations BranchWalk::problem_on(const std::vector<double>& mesh, double q, double lambda) const {
-  TrainEquations problem(family_(lambda), mesh, q);
-  problem.extend(family_, lambda_scale_, {0, 0, 1}, lambda);
-  return problem;
-}
-
-std::vector<double> BranchWalk::tangent_at(TrainEquations& problem, const std::vector<double>& x,
-                                           const std::vector<double>& row) const {
-  problem.extend(family_, lambda_scale_, row, 0);
-  problem.linearise(x.data());
-  std::vector<double> rhs(x.size()), t(x.size());
-  rhs.back() = 1;
-  problem.solve(rhs.data(), t.data());
-  const std::vector<double> p = place(problem, t);
-  const double length = std::hypot(p[0] / z_scale_, std::hypot(p[1], p[2] / lambda_scale_));
-  for (double& value : t) value /= length;
-  return t;
-}
-
-TrainEquations BranchWalk::solved(const std::vector<double>& row, double right, double length,
-                                  std::vector<double>& y) {
-  using Solution = MeshSolution<TrainEquations>;
-  Solution s{*problem_, x_};
-  s.equations.extend(family_, lambda_scale_, row, right);
-  for (size_t i = 0; i < x_.size(); ++i) s.x[i] += length * t_[i];
-  const MeshSolver<TrainEquations> solver{
-      [&](const std::vector<double>& mesh, const Solution& near) {
-        TrainEquations problem(family_(near.x.back()), mesh, near.q());
-        problem.extend(family_, lambda_scale_, row, right);
-        return problem;
-      },
-      [](Solution& at) { return newton(at.equations, at.x, nullptr, 10); }};
-  solve_on_suiting_mesh(solver, {1e-9, 60}, s);
-  y = std::move(s.x);
-  return std::move(s.equations);
-}
-
-// psi passes y[0] = v as it did at the beginning where the orbit is a true one; past the Hopf point the
-// branch repeats itself half a turn on.
-bool BranchWalk::vanished(const Train& train, const TrainEquations& problem,
-                          const std::vector<double>& y) const {
-  double slope[train_max_dim + 1];
-  problem.setting().rhs(problem.setting().at(y[y.size() - 2]), y.data(), slope, nullptr);
-  return first_.oscillator->side() * slope[0] <= 0 ||
-         train.psi_max - train.psi_min < 1e-3 * (first_.psi_max - first_.psi_min);
-}
-
-bool BranchWalk::step(double longest, Branch& branch) {
-  const std::vector<double> here = place(*problem_, x_), direction = place(*problem_, t_);
-  const std::vector<double> row = {direction[0] / (z_scale_ * z_scale_), direction[1],
-                                   direction[2] / (lambda_scale_ * lambda_scale_)};  // of the arclength
-  // the last step goes to the end value exactly
-  const double ahead = direction[2] != 0 ? (to_ - here[2]) / direction[2] : -1;
-  const bool arrive = ahead > 0 && ahead <= 1.5 * ds_;
-  const double length = arrive ? ahead : ds_;
-  double right = arrive ? to_ : length;
-  if (!arrive)
-    for (size_t i = 0; i < 3; ++i) right += row[i] * here[i];
-  std::vector<double> y;
-  TrainEquations better = solved(arrive ? std::vector<double>{0, 0, 1} : row, right, length, y);
-  const std::vector<double> there = place(better, y);
-  const double moved = std::hypot((there[0] - here[0]) / z_scale_,
-                                  std::hypot(there[1] - here[1], (there[2] - here[2]) / lambda_scale_));
-  if (moved > 2 * length) throw Failure("the step left the branch");
-  const std::vector<double> t_next = tangent_at(better, y, row), new_direction = place(better, t_next);
-  // turning by more than a quarter of a right angle: the step was too long to trust
-  double cosine = 0;
-  for (size_t i = 0; i < 3; ++i) cosine += row[i] * new_direction[i];
-  if (cosine < .92 && ds_ > 1e-4 && !arrive) throw Failure("the branch turns within the step");
-  std::vector<double> F(better.size());
-  Train train = pack(better, y);
-  train.residual = better.largest_residual(y, F);
-  train.error_estimate = 1e-9 * (train.length_given ? std::abs(train.speed) : train.length);
-  if (vanished(train, better, y)) {
+ private:
+  double value() const override { return path_.value(); }
+  End reached(double) override {
+    next_ = {value(), path_.train(), false};
+    return std::nullopt;
+  }
+  // psi passes v at phase 0 as it did at the beginning where the orbit is a true one; past the Hopf point the
+  // branch repeats itself half a turn on.
+  End turned(double, const Place& tangent) override {
+    const Train &first = branch_.points.front().train, &train = next_.train;
+    const auto range = [](const Train& of) { return of.psi_max - of.psi_min; };
+    if (first.oscillator->side() * path_.slope() > 0 && range(train) >= 1e-3 * range(first)) {
+      // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is
+      // a fold.
+      next_.fold = tangent.back() * heading_ < -1e-9;
+      return std::nullopt;
+    }
     // lambda is even in the amplitude: extrapolate to zero from the last two points
-    const BranchPoint& last = branch.points.back();
-    const double a1 = std::pow(last.train.psi_max - last.train.psi_min, 2);
-    const double a2 = std::pow(train.psi_max - train.psi_min, 2);
-    const double hopf = a1 != a2 ? (there[2] * a1 - last.value * a2) / (a1 - a2) : there[2];
-    branch.end =
-        "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 8) +
-        (train.nu > 0 ? ", where sliding becomes stable to this wave" : ", where sliding becomes stable");
-    return false;
+    const BranchPoint& last = branch_.points.back();
+    const double a1 = std::pow(range(last.train), 2), a2 = std::pow(range(train), 2);
+    const double hopf = a1 != a2 ? (next_.value * a1 - last.value * a2) / (a1 - a2) : next_.value;
+    return "the amplitude vanishes at " + name_ + " = " + rounded_text(hopf, 8) +
+           (train.nu > 0 ? ", where sliding becomes stable to this wave" : ", where sliding becomes stable");
   }
-  // A canard's parameter stands still to the last digit: only a change of direction beyond round-off is a
-  // fold.
-  const bool fold = new_direction[2] * heading_ < -1e-9 * lambda_scale_;
-  if (fold) heading_ = -heading_;
-  *problem_ = better;
-  x_ = y;
-  t_ = t_next;
-  branch.points.push_back({there[2], train, fold});
-  if (arrive) {
-    branch.end = "reached " + name_ + " = " + rounded_text(to_, 8);
-    return false;
+  End accepted() override {
+    if (next_.fold) heading_ = -heading_;
+    branch_.points.push_back(next_);
+    return std::nullopt;
   }
-  if ((there[2] - from_) * (to_ - from_) < 0) {
-    branch.end = "the branch came back past its start, " + name_ + " = " + rounded_text(from_, 8);
-    return false;
+  std::string stuck(const std::string&) override {
+    return "no train is found beyond " + name_ + " = " + rounded_text(branch_.points.back().value, 12);
   }
-  if (cosine > .98) ds_ = std::min(longest, 1.4 * ds_);
-  return true;
+
+  TrainPath& path_;
+  Branch branch_;
+  BranchPoint next_{};
+  double heading_;
+};
+
+// Throws Failure for an option that does not enter a train of given length.
+void check_that_it_enters(const TrainFamily& family, double from, double to) {
+  const TrainSetting start = setting_of(family.at(from)),
+                     moved = setting_of(family.at(from + .01 * (to - from)));
+  if (moved.oscillator->A() == start.oscillator->A() && moved.oscillator->v() == start.oscillator->v() &&
+      moved.N == start.N)
+    throw Failure("wave_continue " + family.name + ": this option does not enter the train");
 }
 
 }  // namespace
 
 Branch continue_train(const TrainFamily& family, double from, double to, int steps) {
-  BranchWalk walk(family, from, to);
-  Branch branch;
-  branch.points.push_back({from, walk.first(), false});
-  const double longest = std::max(.02, std::min(.2, 4. / steps));
-  walk.begin(longest);
-  while (branch.points.size() <= size_t(steps)) {
-    if (walk.too_short()) {
-      branch.end = "no train is found beyond " + family.name + " = " + rounded_text(walk.value(), 12);
-      return branch;
-    }
-    try {
-      if (!walk.step(longest, branch)) return branch;
-    } catch (const Error&) {
-      walk.shorten();
-    }
+  const TrainCase asked = family.at(from);
+  (void)setting_of(asked);  // refuses what has no trains
+  const Train first = solve_train(asked.scene, asked.request);
+  TrainPath path([at = family.at](double lambda) { return setting_of(at(lambda)); }, first, from,
+                 std::abs(to - from));
+  TrainWalk walk(path, first, family.name, from, to, steps);
+  try {
+    walk.begin();
+  } catch (const Failure&) {
+    throw Failure("wave_continue " + family.name +
+                  ": the train does not change with it, or turns back at once");
   }
-  branch.end = "wave_steps " + std::to_string(steps) + " taken";
-  return branch;
+  if (walk.begins_along_parameter() && !asked.request.speed) check_that_it_enters(family, from, to);
+  return walk.follow(steps);
 }
 
 }  // namespace stickslip

@@ -61,18 +61,15 @@ Train finished(TrainEquations& problem, const std::vector<double>& x, double est
 // False where Newton's method does not converge.
 bool solve_to(const TrainSetting& setting, const Orbit& start, double q, double tolerance, Train& train) {
   using Solution = MeshSolution<TrainEquations>;
-  const MeshSolver<TrainEquations> solver{[&](std::vector<double> mesh, const Solution& near) {
-                                            return TrainEquations(setting, std::move(mesh), near.q());
-                                          },
-                                          [](Solution& s) { return newton(s.equations, s.x, &s.last_step); }};
+  const auto solve = [](Solution& s) { return newton(s.equations, s.x, &s.last_step); };
   Solution s{TrainEquations(setting, start.mesh, q), {}};
   s.x = s.equations.fill([&](double phase, double* y) { start.at(phase, y); }, q);
-  if (!solver.newton(s)) return false;
+  if (!solve(s)) return false;
   const auto change = [&](const Solution& a, const Solution& b) {
     const TrainSetting::At coarse = setting.at(a.q()), fine = setting.at(b.q());
     return std::abs(setting.request.speed ? coarse.T / fine.T - 1 : coarse.speed / fine.speed - 1);
   };
-  auto found = solve_to_accuracy<TrainEquations>(solver, std::move(s),
+  auto found = solve_to_accuracy<TrainEquations>(solve, std::move(s),
                                                  {tolerance, 12, {0}, units_of_psi, change, "the train"});
   if (found) train = finished(found->solution.equations, found->solution.x, found->estimate);
   return bool(found);

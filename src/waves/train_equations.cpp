@@ -54,11 +54,33 @@ TrainSetting setting_of(const TrainCase& asked) {
   return TrainSetting::of(asked.scene, request);
 }
 
-TrainEquations::TrainEquations(TrainSetting setting, std::vector<double> mesh, double q_scale)
-    : setting_(std::move(setting)), mesh_(std::move(mesh)), d_(setting_.dim()), n_(mesh_.size() - 1) {
-  const TrainSetting::At at = setting_.at(q_scale);
+TrainEquations::TrainEquations(TrainSetting setting, std::vector<double> mesh, double q)
+    : setting_(std::move(setting)), d_(setting_.dim()) {
+  set_mesh(std::move(mesh), q);
+}
+
+TrainEquations::TrainEquations(Family family, double lambda_scale, std::vector<double> mesh, double q,
+                               double lambda)
+    : TrainEquations(family(lambda), std::move(mesh), q) {
+  family_ = std::move(family);
+  lambda_scale_ = lambda_scale;
+  right_ = lambda;
+}
+
+void TrainEquations::set_mesh(std::vector<double> mesh, double q) {
+  mesh_ = std::move(mesh);
+  n_ = mesh_.size() - 1;
+  const TrainSetting::At at = setting_.at(q);
+  weight_.clear();
   for (size_t i = 0; i < n_; ++i)
     weight_.push_back(1 / (1 + (mesh_[i + 1] - mesh_[i]) * at.T * setting_.decay(at)));
+}
+
+TrainEquations TrainEquations::on(std::vector<double> mesh, const std::vector<double>& x) const {
+  TrainEquations other(*this);
+  if (family_) other.setting_ = at_lambda(x.back());
+  other.set_mesh(std::move(mesh), q(x));
+  return other;
 }
 
 TrainSetting TrainEquations::at_lambda(double lambda) const {
@@ -67,9 +89,7 @@ TrainSetting TrainEquations::at_lambda(double lambda) const {
   return setting;
 }
 
-void TrainEquations::extend(Family family, double lambda_scale, std::vector<double> row, double right) {
-  family_ = std::move(family);
-  lambda_scale_ = lambda_scale;
+void TrainEquations::condition(std::vector<double> row, double right) {
   row_ = std::move(row);
   right_ = right;
 }
@@ -297,6 +317,15 @@ void TrainEquations::solve(const double* rhs, double* dx) const {
     }
   }
   for (size_t l = 0; l < p; ++l) dx[n_ * b + l] = w[l];
+}
+
+std::vector<double> TrainEquations::tangent(const std::vector<double>& x, std::vector<double> row) {
+  condition(std::move(row), 0);
+  linearise(x.data());
+  std::vector<double> rhs(x.size()), t(x.size());
+  rhs.back() = 1;
+  solve(rhs.data(), t.data());
+  return t;
 }
 
 }  // namespace stickslip

@@ -53,10 +53,14 @@ class TrainEquations {
  public:
   using Family = std::function<TrainSetting(double)>;  // the setting as a function of lambda
 
-  TrainEquations(TrainSetting setting, std::vector<double> mesh, double q_scale);
+  TrainEquations(TrainSetting setting, std::vector<double> mesh, double q);
 
-  // Adds lambda as an unknown, with row . (z(0), q, lambda) = right as its equation.
-  void extend(Family family, double lambda_scale, std::vector<double> row, double right);
+  // With lambda as an unknown; its derivatives by differences over 1e-6 lambda_scale to either side.
+  TrainEquations(Family family, double lambda_scale, std::vector<double> mesh, double q, double lambda);
+  // Its equation: row . (z(0), q, lambda) = right.
+  void condition(std::vector<double> row, double right);
+  // The same on another mesh, near x.
+  TrainEquations on(std::vector<double> mesh, const std::vector<double>& x) const;
 
   int parameters() const { return family_ ? 2 : 1; }
   size_t block() const { return size_t(d_) * (train_stages + 1); }
@@ -83,6 +87,8 @@ class TrainEquations {
   void multiply(const double* in, double* out) const;
   // dx = Jacobian^-1 rhs. Throws Failure where it is singular.
   void solve(const double* rhs, double* dx) const;
+  // The direction in which a solution on a branch may move at x, where row . (z(0), q, lambda) of it is 1.
+  std::vector<double> tangent(const std::vector<double>& x, std::vector<double> row);
 
  private:
   // What the elimination of each interval's Gauss points leaves. `response`: their values for y at the left
@@ -95,6 +101,7 @@ class TrainEquations {
   // The setting at lambda. Throws Failure where viscosity comes in or goes, and with it the order of the
   // equation.
   TrainSetting at_lambda(double lambda) const;
+  void set_mesh(std::vector<double> mesh, double q);
   // The rows of interval i of out, from those of in and the slopes G at its Gauss points.
   void interval_rows(size_t i, const double* in, const double* G, double scale, double* out) const;
 
@@ -105,7 +112,7 @@ class TrainEquations {
   std::vector<double> weight_;
   Family family_;
   double lambda_scale_ = 1, right_ = 0, v_lambda_ = 0;
-  std::vector<double> row_;
+  std::vector<double> row_{0, 0, 1};
   std::vector<double> J_, Gp_;
 };
 

@@ -27,6 +27,7 @@ struct SheetPlace {
 struct SheetChart {
   double z = 0, q = 0, origin = 0;
   double alpha(const SheetPlace& p) const { return z * p.z() + q * p.q() - origin; }
+  std::vector<double> row() const { return {z, q, 0}; }
 };
 
 class TrainSheet {
@@ -49,7 +50,7 @@ class TrainSheet {
   double z_scale() const { return z_scale_; }
 
  private:
-  TrainEquations equations(const SheetPlace& p, const SheetChart& chart, double alpha) const;
+  TrainEquations equations(const SheetPlace& p) const;
   std::vector<double> tangent(const SheetPlace& p, const SheetChart& chart) const;
   TrainFamily2 family_;
   double value_scale_, z_scale_;

@@ -35,7 +35,6 @@ class TrainField : public VectorField {
 class ViscousProfile {
  public:
   using Solution = MeshSolution<PeriodicEquations>;
-  using Solver = MeshSolver<PeriodicEquations>;
 
   // The plain train, of which this is nearly one.
   ViscousProfile(const Scene& scene, const Train& plain, double N)
@@ -60,13 +59,14 @@ class ViscousProfile {
   const Solution& solution() const { return solution_; }
   void set_solution(Solution s) { solution_ = std::move(s); }
 
-  Solver solver() const {
-    return {[this](const std::vector<double>& mesh, const Solution& near) {
-              return equations(mesh, near.equations.lambda(near.x));
-            },
-            [this](Solution& s) { return newton(s); }};
+  // Newton's method; false where it does not converge to a train.
+  bool newton(Solution& s) const {
+    const PeriodicEquations::Newton newton = s.equations.newton(s.x, conditions());
+    s.last_step = newton.last_step;
+    s.residual = newton.residual;
+    const double V = V_of(s), range = ranges(s.x.data(), points_on(s.mesh()), s.equations.dim())[0];
+    return newton.converged && range > 1e-6 * (1 + std::abs(v_)) && V * V > o_->c2();
   }
-  // Newton's method where this stands; false where it does not converge to a train.
   bool solve() { return newton(solution_); }
   // To another viscosity, or another length.
   bool move(double N, double length) {
@@ -74,8 +74,10 @@ class ViscousProfile {
     N_ = N;
     if (length_ > 0) length_ = length;
     const auto mesh = equidistribute(solution_.mesh(), solution_.rough(), solution_.mesh().size() - 1);
-    if (auto there = solver().solved_on(mesh, solution_)) {
-      solution_ = std::move(*there);
+    Solution there{equations(mesh, std::log(V())), {}};
+    there.x = there.equations.fill(solution_.equations, solution_.x);
+    if (newton(there)) {
+      solution_ = std::move(there);
       return true;
     }
     N_ = N_before;
@@ -90,13 +92,6 @@ class ViscousProfile {
       return std::make_shared<const TrainField>(o, N, std::exp(log_V));
     };
     return PeriodicEquations(mesh, family, log_speed, 1);
-  }
-  bool newton(Solution& s) const {
-    const PeriodicEquations::Newton newton = s.equations.newton(s.x, conditions());
-    s.last_step = newton.last_step;
-    s.residual = newton.residual;
-    const double V = V_of(s), range = ranges(s.x.data(), points_on(s.mesh()), s.equations.dim())[0];
-    return newton.converged && range > 1e-6 * (1 + std::abs(v_)) && V * V > o_->c2();
   }
   // f(0) = v, and ln V + ln T = ln(L/n)
   std::vector<Condition> conditions() const {
@@ -243,7 +238,8 @@ Train solve_viscous_train(const Scene& scene, const TrainRequest& request, doubl
                                   : profile->V_of(coarse) / profile->V_of(fine) - 1);
   };
   const auto found = solve_to_accuracy<PeriodicEquations>(
-      profile->solver(), profile->solution(), {tolerance, 12, {0}, units_of_psi, change, none + "it"});
+      [&](Solution& s) { return profile->newton(s); }, profile->solution(),
+      {tolerance, 12, {0}, units_of_psi, change, none + "it"});
   if (!found) throw Failure(none + "Newton's method does not converge on a finer mesh");
   profile->set_solution(found->solution);
   Train train = packed(scene, request, *profile, plain.oscillator);

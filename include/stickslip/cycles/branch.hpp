@@ -14,29 +14,15 @@
 
 #include "stickslip/cycles/cycle.hpp"
 #include "stickslip/model/scene.hpp"
+#include "stickslip/numerics/continuation.hpp"
 
 namespace stickslip {
 
-// Coordinates that tell the cycles of a branch apart, each in units in which a change of 1 is large; the
-// parameter, over the length of its range, is the last.
-using Place = std::vector<double>;
-double dot(const Place& a, const Place& b);
-Place of_length_one(Place p);
-
-// The cycles of a family beside the one where a branch stands. A cycle is asked for by one linear condition
-// on its place; go() solves for it from a prediction along the tangent and keeps it as the candidate,
-// accept() moves there. At first the candidate is where the branch stands.
-class CyclePath {
+// The cycles of a family beside the one where a branch stands.
+class CyclePath : public BranchPath {
  public:
-  virtual ~CyclePath() = default;
-  // Solves for the cycle with row . place = right, starting `length` along the tangent where the branch
-  // stands. Throws Error where there is none.
-  virtual void go(double length, const Place& row, double right) = 0;
-  virtual Place place() const = 0;              // of the candidate, like all below
-  virtual Place tangent(const Place& row) = 0;  // of the branch, of length 1, on the side of `row`
-  virtual Cycle cycle() const = 0;
+  virtual Cycle cycle() const = 0;      // the candidate
   virtual Place direction() const = 0;  // the tangent that was asked for last, once more
-  virtual void accept() = 0;            // its tangent, as asked for last, is what go() goes along
   // A path of another family, at() of its parameter, which has a cycle near `from`: go() starts there from a
   // mixture of candidates, this one with the weight that the others leave of 1. These are paths of the same
   // kind.

@@ -57,6 +57,12 @@ class PeriodicEquations {
   // With lambda as an unknown; its derivatives by differences over 1e-6 `scale` to either side.
   PeriodicEquations(std::vector<double> mesh, FieldFamily family, double lambda, double scale);
 
+  // The same on another mesh, near x.
+  PeriodicEquations on(std::vector<double> mesh, const std::vector<double>& x) const {
+    return family_ ? PeriodicEquations(std::move(mesh), family_, lambda(x), scale_)
+                   : PeriodicEquations(std::move(mesh), field_);
+  }
+
   int parameters() const { return family_ ? 2 : 1; }
   std::size_t block() const { return std::size_t(d_) * (mesh_stages + 1); }
   std::size_t size() const { return n_ * block() + std::size_t(parameters()); }
@@ -100,7 +106,7 @@ class PeriodicEquations {
   std::vector<double> mesh_;
   SharedField field_, lower_, upper_;  // at lambda, and a little beside it
   FieldFamily family_;
-  double lambda_ = 0, eps_ = 0, width_ = 0;
+  double lambda_ = 0, scale_ = 0, width_ = 0;
   int d_;
   std::size_t n_;
 };
