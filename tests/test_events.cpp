@@ -191,8 +191,10 @@ TEST_CASE("force before an event, which others have changed since it began", "[s
     events.step(double(k), fields);
     if (k == 5) {
       Checkpoint saved;
-      events.save(saved);
-      resumed.restore(saved.arrays, [&](const std::string& name, int) { return saved.fields.at(name); });
+      const NodeRange nodes{PETSC_COMM_SELF, 0, s.n, s.n};
+      Archive to = Archive::to(saved, nodes), from = Archive::from(saved, nodes);
+      events.archive(to);
+      resumed.archive(from);
     }
     if (k > 5) resumed.step(double(k), fields);
     last = fields;

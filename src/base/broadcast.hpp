@@ -19,6 +19,11 @@ inline int rank_in(MPI_Comm comm) {  // not collective
   MPI_Comm_rank(comm, &rank);
   return rank;
 }
+inline int ranks_in(MPI_Comm comm) {  // not collective
+  int ranks = 1;
+  MPI_Comm_size(comm, &ranks);
+  return ranks;
+}
 
 template <class T>
 std::enable_if_t<std::is_trivially_copyable_v<T>> broadcast(T& value, MPI_Comm comm = PETSC_COMM_WORLD) {

@@ -53,8 +53,8 @@ std::optional<PetscInt> nodes_of(const std::optional<Checkpoint>& checkpoint, co
                                  const Options& options) {
   if (!checkpoint) return std::nullopt;
   const auto nodes = checkpoint->numbers.find("nodes");
-  if (nodes == checkpoint->numbers.end()) return scene.n;
-  if (!(nodes->second >= 1 && nodes->second <= scene.n) || std::fmod(scene.n, nodes->second) != 0)
+  if (nodes == checkpoint->numbers.end() || !(nodes->second >= 1 && nodes->second <= scene.n) ||
+      std::fmod(scene.n, nodes->second) != 0)
     throw not_whole(options, "its nodes do not fit");
   return static_cast<PetscInt>(nodes->second);
 }
@@ -177,28 +177,30 @@ void Run::make_observers(const MeasureMaker& measure) {
   observers_.push_back(std::make_unique<Frames>(model, scene_, options_, displacement_.get()));
 }
 
+void Run::archive(Archive a, Origin& at, Vec state) {
+  PetscInt nodes = problem_.model.scene().n;
+  double t_end = options_.real("ts_max_time");
+  a("state", state);
+  a("rejections", at.rejections);
+  a("rhs_evaluations", at.evaluations);
+  a("nodes", nodes);
+  a("t_end", t_end);
+  a("longest_step", longest_step_);
+  for (const auto& observer : observers_)
+    if (observer.get() != measure_) observer->archive(a);
+}
+
 void Run::restore(const Checkpoint& checkpoint) {
-  const Model& model = problem_.model;
-  std::vector<double> state;
+  origin_ = {true, checkpoint.t, checkpoint.dt, checkpoint.step};
   try {
-    state = checkpoint.field("state", NodeRange::of(model), model.dof());
-    for (const char* name : {"rejections", "rhs_evaluations", "t_end", "longest_step"})
-      (void)checkpoint.numbers.at(name);
-    for (const auto& observer : observers_) observer->restore(checkpoint);
+    archive(Archive::from(checkpoint, NodeRange::of(problem_.model)), origin_, problem_.u);
   } catch (const std::exception& e) {
     throw not_whole(options_, e.what());
   }
+  const std::vector<double> state = local_values(problem_.u);
   const bool finite =
       std::all_of(state.begin(), state.end(), [](double value) { return std::isfinite(value); });
   if (on_any_rank(PETSC_COMM_WORLD, !finite)) throw not_whole(options_, "its state is not finite");
-  std::copy(state.begin(), state.end(), static_cast<double*>(Writing(problem_.u)));
-  origin_ = {true,
-             checkpoint.t,
-             checkpoint.dt,
-             checkpoint.step,
-             static_cast<std::int64_t>(checkpoint.numbers.at("rejections")),
-             static_cast<long>(checkpoint.numbers.at("rhs_evaluations"))};
-  longest_step_ = checkpoint.numbers.at("longest_step");
   const double t_end = options_.real("ts_max_time");
   if (origin_.t > t_end)
     throw UsageError("ts_max_time " + options_.text("ts_max_time") + " lies before the time " +
@@ -361,14 +363,11 @@ void Run::write_checkpoint_at(const Integrator::Step& step) {
   c.t = step.t;
   c.dt = step.next_dt;
   c.step = step.index;
-  c.numbers = {{"rejections", double(rejections())},
-               {"rhs_evaluations", double(origin_.evaluations + problem_.model.rhs_evaluations())},
-               {"nodes", double(problem_.model.scene().n)},
-               {"t_end", options_.real("ts_max_time")},
-               {"longest_step", longest_step_}};
   for (const auto& [name, text] : options_.given()) c.texts["given." + name] = text;
-  c.fields["state"] = local_values(step.u);
-  for (const auto& observer : observers_) observer->save(c);
+  const NodeRange nodes = NodeRange::of(problem_.model);
+  Origin reached = {true,       step.t,       step.next_dt,
+                    step.index, rejections(), origin_.evaluations + problem_.model.rhs_evaluations()};
+  archive(Archive::to(c, nodes), reached, step.u);
   last_checkpoint_ =
       write_checkpoint(options_.text("out_file"), options_.integer("out_checkpoint_keep"), provenance_, c,
                        NodeRange::of(problem_.model), options_.text("out_writers") == "root");

@@ -11,7 +11,7 @@
 #include "output/maxima.hpp"
 #include "stickslip/base/provenance.hpp"
 #include "stickslip/options/options.hpp"
-#include "stickslip/output/checkpoint.hpp"
+#include "stickslip/output/archive.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/output/run_file.hpp"
 #include "stickslip/output/measure.hpp"
@@ -28,7 +28,7 @@ namespace stickslip {
 class Run {
  public:
   // Sets everything up, in an order in which all that can be refused is refused before the first file is
-  // touched. Goes on from the checkpoint that option `restart` names. options and provenance must outlive it.
+  // touched. Goes on from the checkpoint that option `restart` names. options must outlive it.
   // Collective. `measure`, if given, makes one more observer, whose result end() holds.
   Run(const Options& options, const Provenance& provenance, const MeasureMaker& measure = nullptr);
 
@@ -57,6 +57,9 @@ class Run {
       std::optional<Checkpoint> checkpoint);
   double spent() const { return timed_ ? processor_seconds() : 0; }
   void make_observers(const MeasureMaker& measure);
+  // What a checkpoint holds: the state and how far the run has come (`at`, but for what every checkpoint has).
+  // Not what -accuracy measures, which a restart does not.
+  void archive(Archive a, Origin& at, Vec state);
   void restore(const Checkpoint& checkpoint);
   void make_integrator();
   void limit_steps();
@@ -70,7 +73,7 @@ class Run {
   void warn_of_answer(const StepAudit::Verdict& verdict, double duration);
 
   const Options& options_;
-  const Provenance& provenance_;
+  const Provenance provenance_;
   Scene scene_;                                 // the whole
   Problem problem_;                             // what is solved for it
   std::unique_ptr<Displacement> displacement_;  // with out_displacement

@@ -11,13 +11,6 @@ void Catalogue::plan(ObservationPlan& plan) {
   plan.layout.events = Events::columns();
 }
 
-void Catalogue::restore(const Checkpoint& checkpoint) {
-  if (checkpoint.arrays.count("events.last") == 0) return;
-  events_.restore(checkpoint.arrays, [&](const std::string& name, int each) {
-    return checkpoint.field(name, NodeRange::of(model_), each);
-  });
-}
-
 void Catalogue::start(RunFile* file) { file_ = file; }
 
 void Catalogue::step(const ObservedStep& step) {
@@ -26,7 +19,9 @@ void Catalogue::step(const ObservedStep& step) {
     if (file_) file_->event(event.end, events_.row(event));
 }
 
-void Catalogue::save(Checkpoint& checkpoint) { events_.save(checkpoint); }
+void Catalogue::archive(Archive& a) {
+  if (a.has("events.last")) events_.archive(a);
+}
 
 void Catalogue::summarise(Summary& summary, Vec) {
   summary.set("events", events_.count());

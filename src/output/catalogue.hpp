@@ -15,10 +15,9 @@ class Catalogue : public Observer {
       : model_(model), events_(model.scene(), velocity, NodeRange::of(model)) {}
 
   void plan(ObservationPlan& plan) override;
-  void restore(const Checkpoint& checkpoint) override;
   void start(RunFile* file) override;
   void step(const ObservedStep& step) override;
-  void save(Checkpoint& checkpoint) override;
+  void archive(Archive& a) override;
   void summarise(Summary& summary, Vec u) override;  // also of a run that failed
 
  private:

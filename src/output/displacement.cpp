@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/reach.hpp"
@@ -23,8 +24,7 @@ Displacement::Displacement(const Model& model) : model_(model) {
     throw UsageError(
         "out_displacement: with model_k0 0 and no held end the forces do not tell where the chain is; set "
         "model_k0, or leave it out");
-  int ranks;
-  MPI_Comm_size(model.comm(), &ranks);
+  const int ranks = ranks_in(model.comm());
   const double reach = nodes_to_forget(s) + 2 * s.order;
   if (ranks > 1 && s.n >= many && reach < double(s.n) / (4 * ranks))
     make_piece(static_cast<PetscInt>(reach));

@@ -24,8 +24,6 @@ namespace {
 constexpr std::size_t side_by_side = 128;  // nodes that vector code takes at a time
 constexpr std::size_t few = 4;             // for fewer it does not pay
 constexpr int most_ids = 1 << 30;          // from here on events under way are numbered anew
-constexpr std::size_t per_event = 7;       // numbers of an event under way in a checkpoint
-constexpr std::size_t per_part = 2;        // and of a rank's part in its energies
 constexpr int layout = 3;                  // of what a checkpoint holds of events
 
 using Fields = std::vector<std::vector<double>>;
@@ -56,7 +54,7 @@ struct Events::Impl {
   NodeRange nodes;
   PetscInt first;
   std::size_t n;  // nodes of this rank, from `first` on
-  int ranks = 1;
+  int ranks;
   double velocity, weight, damping, A, B;
   std::vector<double> amplitude;
   Frictions friction;
@@ -81,13 +79,12 @@ struct Events::Impl {
 
   Impl(const Scene& s, double v, const NodeRange& range)
       : scene(s), nodes(range), first(static_cast<PetscInt>(range.first)),
-        n(static_cast<std::size_t>(range.count)), velocity(v), weight(s.form == Form::chain ? 1 : s.h()),
-        damping(s.B() + s.s_delta() / s.A()), A(s.A()), B(s.B()),
+        n(static_cast<std::size_t>(range.count)), ranks(ranks_in(range.comm)), velocity(v),
+        weight(s.form == Form::chain ? 1 : s.h()), damping(s.B() + s.s_delta() / s.A()), A(s.A()), B(s.B()),
         amplitude(friction_amplitude(s, first, PetscInt(n))), friction(s, first, PetscInt(n)),
         forces(force_loop(s.friction, positions(s, first, s.friction.varies() ? PetscInt(n) : 0))),
         halo(s, range), regions(s.n, s.ring()), owner(n, -1), slip(n), slipped(n), slipped_then(n),
         last_force(n), moving(n, 0), moved(n, 0) {
-    MPI_Comm_size(nodes.comm, &ranks);
     for (std::size_t i = 0; i < n && s.N() > 0; ++i) {
       d2.push_back(second_difference_row(s, first + PetscInt(i)));
       for (auto& term : d2.back()) term.second *= s.N();
@@ -416,96 +413,63 @@ std::vector<double> Events::row(const SlipEvent& e) const {
           e.kinetic};
 }
 
-void Events::save(Checkpoint& checkpoint) const {
-  const Impl& m = *impl_;
-  const auto interleaved = [&](const std::vector<const std::vector<double>*>& parts) {
-    std::vector<double> values;
-    for (std::size_t i = 0; i < m.n; ++i)
-      for (const std::vector<double>* part : parts) values.push_back((*part)[i]);
-    return values;
-  };
-  std::vector<const std::vector<double>*> fields;
-  for (const std::vector<double>& field : m.last) fields.push_back(&field);
-  checkpoint.fields["events.last_fields"] = interleaved(fields);
-  checkpoint.fields["events.slips"] = interleaved({&m.slip, &m.slipped});
-  // The parts of all ranks and not their sum: as many ranks go on each with its own, and round as without a
-  // restart.
-  std::vector<double> part;
-  for (const auto& [id, l] : m.regions.live()) {
-    part.push_back(l.event.friction_work);
-    part.push_back(l.event.radiated);
-  }
-  std::vector<double>& parts = checkpoint.arrays["events.parts"];
-  parts.resize(part.size() * std::size_t(m.ranks));
-  MPI_Allgather(part.data(), int(part.size()), MPI_DOUBLE, parts.data(), int(part.size()), MPI_DOUBLE,
-                m.nodes.comm);
-  std::vector<double>& live = checkpoint.arrays["events.live"];
-  std::map<const Before*, double> beginnings;  // those written so far, by their number
-  for (const auto& [id, l] : m.regions.live()) {
-    const auto [at, is_new] = beginnings.emplace(l.before.get(), double(beginnings.size()));
-    if (is_new)
-      checkpoint.fields["events.before" + std::to_string(int(at->second))] =
-          interleaved({&l.before->eta, &l.before->slipped});
-    const SlipEvent& e = l.event;
-    for (const double x :
-         {double(id), e.begin, double(e.first), double(e.left), double(e.count), e.kinetic, at->second})
-      live.push_back(x);
-  }
-  checkpoint.arrays["events.last"] = {
-      m.t,   double(m.regions.next_id()), double(m.count), double(m.last.size()), double(beginnings.size()),
-      layout};
-}
-
-void Events::restore(const std::map<std::string, std::vector<double>>& arrays,
-                     const std::function<std::vector<double>(const std::string&, int)>& field) {
+void Events::archive(Archive& a) {
   Impl& m = *impl_;
-  const auto parts_of = [&](const std::string& name, std::size_t each) {
-    const std::vector<double> values = field(name, int(each));
-    Fields parts(each);
-    for (std::size_t k = 0; k < values.size(); ++k) parts[k % each].push_back(values[k]);
-    return parts;
+  struct Kept {
+    int id = 0;
+    std::size_t before = 0;  // among the beginnings
+    LiveEvent live = {};
   };
-  const std::vector<double>&numbers = arrays.at("events.last"), &live = arrays.at("events.live");
-  if (numbers.size() == 5 || (numbers.size() == 6 && numbers[5] != layout))
+  std::vector<Kept> events;
+  std::vector<std::shared_ptr<const Before>> beginnings;  // those that events share stand once
+  for (const auto& [id, live] : m.regions.live()) {
+    const auto at = std::find(beginnings.begin(), beginnings.end(), live.before);
+    events.push_back({id, std::size_t(at - beginnings.begin()), live});
+    if (at == beginnings.end()) beginnings.push_back(live.before);
+  }
+  std::size_t fields = m.last.size(), begun = beginnings.size();
+  int next_id = m.regions.next_id();
+  std::vector<double> written{layout};
+  a.list("events.last", [&](NumberList& x) {
+    x(m.t, next_id, m.count, fields, begun);
+    x.rest(written);
+  });
+  if (written != std::vector<double>{layout})
     throw std::runtime_error(
         "its events were written by another revision of this program; go on with that one");
-  const std::vector<double>& parts = arrays.at("events.parts");
-  const std::size_t part = per_part * (live.size() / per_event);
-  if (numbers.size() != 6 || live.size() % per_event != 0 ||
-      parts.size() % std::max<std::size_t>(part, 1) != 0)
-    throw std::runtime_error("its events under way are not whole");
-  m.t = numbers[0];
-  m.regions.number_from(static_cast<int>(numbers[1]));
-  m.count = static_cast<long>(numbers[2]);
-  m.last = parts_of("events.last_fields", std::size_t(numbers[3]));
-  Fields slips = parts_of("events.slips", 2);
-  m.slip.swap(slips[0]);
-  m.slipped.swap(slips[1]);
-  std::vector<std::shared_ptr<const Before>> beginnings;
-  for (int k = 0; k < numbers[4]; ++k) {
-    Fields before = parts_of("events.before" + std::to_string(k), 2);
-    std::vector<double> beside = m.halo.fetch(before[1]);
-    beginnings.push_back(std::make_shared<const Before>(Before{before[0], before[1], std::move(beside)}));
+  m.regions.number_from(next_id);
+  a.list("events.live", [&](NumberList& x) {
+    x.rest(events, [&](Kept& kept) {
+      SlipEvent& e = kept.live.event;
+      x(kept.id, e.begin, e.first, e.left, e.count, e.kinetic, kept.before);
+    });
+  });
+  if (fields > 3 || begun > events.size()) throw std::runtime_error("its events under way are not whole");
+  // The parts of all ranks and not their sum: as many ranks go on each with its own, and round as without a
+  // restart.
+  std::vector<double> energies;
+  for (const Kept& kept : events)
+    energies.insert(energies.end(), {kept.live.event.friction_work, kept.live.event.radiated});
+  a.by_rank("events.parts", energies);
+  m.last.resize(fields);
+  std::vector<std::vector<double>*> last;
+  for (std::vector<double>& field : m.last) last.push_back(&field);
+  a.nodes("events.last_fields", last);
+  a.nodes("events.slips", {&m.slip, &m.slipped});
+  beginnings.resize(begun);
+  for (std::size_t k = 0; k < begun; ++k) {
+    Before before = beginnings[k] ? *beginnings[k] : Before();
+    a.nodes("events.before" + std::to_string(k), {&before.eta, &before.slipped});
+    before.slipped_beside = m.halo.fetch(before.slipped);
+    beginnings[k] = std::make_shared<const Before>(std::move(before));
   }
-  std::vector<double> own(part);  // of as many ranks each takes its part, else rank 0 takes them all
-  const bool as_many = parts.size() == part * std::size_t(m.ranks);
-  const std::size_t rank = std::size_t(rank_in(m.nodes.comm));
-  for (std::size_t k = 0; k < parts.size(); ++k)
-    if (rank == (as_many ? k / part : 0)) own[k % part] += parts[k];
-  for (std::size_t k = 0; k < live.size(); k += per_event) {
-    const double* x = &live[k];
-    LiveEvent l;
-    l.event.begin = x[1];
-    l.event.first = static_cast<PetscInt>(x[2]);
-    l.event.left = static_cast<PetscInt>(x[3]);
-    l.event.count = static_cast<PetscInt>(x[4]);
-    l.event.friction_work = own[k / per_event * per_part];
-    l.event.radiated = own[k / per_event * per_part + 1];
-    l.event.kinetic = x[5];
-    l.before = beginnings.at(static_cast<std::size_t>(x[6]));
-    const int id = static_cast<int>(x[0]);
-    m.regions.put(id, l);
-    m.own_nodes_of(id, [&](PetscInt i) { m.owner[i] = id; });
+  for (std::size_t k = 0; k < events.size() && a.restores(); ++k) {
+    auto& [id, before, live] = events[k];
+    live.event.friction_work = energies[2 * k];
+    live.event.radiated = energies[2 * k + 1];
+    live.before = beginnings.at(before);
+    m.regions.put(id, live);
+    m.own_nodes_of(id, [&m, whose = id](PetscInt i) { m.owner[i] = whose; });
   }
   m.started = true;
 }

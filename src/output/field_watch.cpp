@@ -114,9 +114,7 @@ void FieldWatch::take_phase(double t, const double* u) {
 
 // From this rank's last node to the next rank's first; between the last and the first of all only on a ring.
 double FieldWatch::step_to_next_rank(const double* u) const {
-  const int rank = rank_in(model_.comm());
-  int ranks;
-  MPI_Comm_size(model_.comm(), &ranks);
+  const int rank = rank_in(model_.comm()), ranks = ranks_in(model_.comm());
   double next = 0;
   SS_TRY(MPI_Sendrecv(u, 1, MPI_DOUBLE, (rank + ranks - 1) % ranks, 0, &next, 1, MPI_DOUBLE,
                       (rank + 1) % ranks, 0, model_.comm(), MPI_STATUS_IGNORE));
@@ -125,9 +123,7 @@ double FieldWatch::step_to_next_rank(const double* u) const {
 }
 
 int FieldWatch::count_pulses(const Passages& own) const {
-  int ranks;
-  MPI_Comm_size(model_.comm(), &ranks);
-  std::vector<Passages> all(ranks);
+  std::vector<Passages> all(ranks_in(model_.comm()));
   SS_TRY(MPI_Allgather(&own, 3, MPI_INT, all.data(), 3, MPI_INT, model_.comm()));
   Passages line;
   for (const Passages& part : all) line.append(part);
@@ -279,65 +275,32 @@ FieldWatch::Result FieldWatch::result() const {
   return r;
 }
 
-void FieldWatch::save(Checkpoint& checkpoint) const {
-  std::vector<double>& scalars = checkpoint.arrays["watch.measured"];
-  scalars = {t_end_,
-             next_look_,
-             double(steps_),
-             last_t_,
-             first_step_t_,
-             double(mode_),
-             double(pulses_),
-             steepest_,
-             largest_over(model_.comm(), largest_range_),
-             low_.empty() ? 0. : 1.};
-  for (const Moment& m : moments_) {
-    scalars.push_back(m.t);
-    scalars.push_back(m.phase);
-  }
-  if (!low_.empty()) {
-    checkpoint.fields["watch.low"] = low_;
-    checkpoint.fields["watch.high"] = high_.empty() ? low_ : high_;
+void FieldWatch::archive(Archive& a) {
+  if (!a.has("watch.measured")) return;
+  double t_end = t_end_;
+  bool has_ranges = !low_.empty();
+  if (high_.empty()) high_ = low_;
+  largest_range_ = largest_over(model_.comm(), largest_range_);
+  a.list("watch.measured", [&](NumberList& x) {
+    x(t_end);
+    if (t_end != t_end_) return x.skip_rest();
+    x(next_look_, steps_, last_t_, first_step_t_, mode_, pulses_, steepest_, largest_range_, has_ranges);
+    x.rest(moments_, [&](Moment& moment) { x(moment.t, moment.phase); });
+  });
+  if (t_end != t_end_) return;  // the last quarter of another run
+  if (has_ranges) {
+    a.nodes("watch.low", {&low_});
+    a.nodes("watch.high", {&high_});
   }
   if (steps_ == 0 || tracked_count_ == 0) return;
-  std::vector<double> both(2 * tracked_count_, 0);  // psi and the passage of each, of which one rank knows
-  for (const Tracked& node : tracked_) {
-    both[2 * place_of(node)] = node.psi;
-    both[2 * place_of(node) + 1] = node.passed;
-  }
-  sum_over(model_.comm(), both.data(), int(both.size()));
-  checkpoint.arrays[seen_from(model_.scene(), "watch.tracked")] = std::move(both);
-}
-
-void FieldWatch::restore(const Checkpoint& checkpoint) {
-  const auto found = checkpoint.arrays.find("watch.measured");
-  if (found == checkpoint.arrays.end()) return;
-  const std::vector<double>& scalars = found->second;
-  if (scalars.size() < 10) throw std::runtime_error("its measurements are not whole");
-  if (scalars[0] != t_end_) return;  // the last quarter of another run
-  next_look_ = scalars[1];
-  steps_ = static_cast<long>(scalars[2]);
-  last_t_ = scalars[3];
-  first_step_t_ = scalars[4];
-  mode_ = static_cast<int>(scalars[5]);
-  pulses_ = static_cast<int>(scalars[6]);
-  steepest_ = scalars[7];
-  largest_range_ = scalars[8];
-  for (std::size_t k = 10; k + 1 < scalars.size(); k += 2) moments_.push_back({scalars[k], scalars[k + 1]});
-  if (scalars[9] != 0) {
-    low_ = checkpoint.field("watch.low", NodeRange::of(model_), 1);
-    high_ = checkpoint.field("watch.high", NodeRange::of(model_), 1);
-  }
-  if (steps_ == 0 || tracked_count_ == 0) return;
-  const auto passages = checkpoint.arrays.find(seen_from(model_.scene(), "watch.tracked"));
-  if (passages == checkpoint.arrays.end())
-    throw std::runtime_error("its passages were not seen in the plate's direction");
-  const std::vector<double>& both = passages->second;
-  if (both.size() != 2 * tracked_count_) throw std::runtime_error("its measurements do not fit the scene");
+  const std::string name = seen_from(model_.scene(), "watch.tracked");
+  if (!a.has(name)) throw std::runtime_error("its passages were not seen in the plate's direction");
+  std::vector<Archive::Own> own;
   for (Tracked& node : tracked_) {
-    node.psi = both[2 * place_of(node)];
-    node.passed = both[2 * place_of(node) + 1];
+    own.push_back({2 * place_of(node), &node.psi});
+    own.push_back({2 * place_of(node) + 1, &node.passed});
   }
+  a.spread(name, 2 * tracked_count_, own);
 }
 
 }  // namespace stickslip

@@ -43,8 +43,7 @@ class FieldWatch {
   };
   Result result() const;  // collective
 
-  void save(Checkpoint& checkpoint) const;     // collective
-  void restore(const Checkpoint& checkpoint);  // collective
+  void archive(Archive& a);  // collective
 
  private:
   struct Moment {

@@ -9,12 +9,10 @@
 namespace stickslip {
 
 Gather::Gather(Vec like, PetscInt dof)
-    : comm_(PetscObjectComm(reinterpret_cast<PetscObject>(like))),
-      components_(dof) {
+    : comm_(PetscObjectComm(reinterpret_cast<PetscObject>(like))), components_(dof) {
   const PetscInt* first;  // of each rank, and the length
   SS_TRY(VecGetOwnershipRanges(like, &first));
-  int ranks;
-  MPI_Comm_size(comm_, &ranks);
+  const int ranks = ranks_in(comm_);
   first_.assign(first, first + ranks);
   for (int k = 0; k < ranks; ++k) count_.push_back(static_cast<int>(first[k + 1] - first[k]));
   size_ = static_cast<std::size_t>(first[ranks]);
@@ -33,8 +31,8 @@ const std::vector<std::vector<double>>& Gather::components(Vec v) {
 std::vector<double> Gather::interleaved(Vec v) {
   const int rank = rank_in(comm_);
   std::vector<double> out(rank == 0 ? size_ : 0);
-  SS_TRY(MPI_Gatherv(Reading(v), count_[rank], MPI_DOUBLE, out.data(), count_.data(),
-                     first_.data(), MPI_DOUBLE, 0, comm_));
+  SS_TRY(MPI_Gatherv(Reading(v), count_[rank], MPI_DOUBLE, out.data(), count_.data(), first_.data(),
+                     MPI_DOUBLE, 0, comm_));
   return out;
 }
 

@@ -132,26 +132,13 @@ std::vector<double> prominent(const std::vector<double>& maxima, const std::vect
   return found;
 }
 
-void Maxima::save(Checkpoint& checkpoint) {
-  checkpoint.numbers["maxima_psi"] = last_;
-  checkpoint.numbers["maxima_slope"] = slope_;
-  checkpoint.arrays[name_] = maxima_;
-  checkpoint.arrays["maxima_lows"] = lows_;
-  checkpoint.arrays["maxima_watch"] = {highest_, lowest_, low_, candidate_};
-}
-
-void Maxima::restore(const Checkpoint& checkpoint) {
-  if (checkpoint.arrays.count(name_) == 0)
-    throw std::runtime_error("its maxima were not seen in the plate's direction");
-  last_ = checkpoint.numbers.at("maxima_psi");
-  slope_ = checkpoint.numbers.at("maxima_slope");
-  maxima_ = checkpoint.arrays.at(name_);
-  lows_ = checkpoint.arrays.at("maxima_lows");
-  const std::vector<double>& watch = checkpoint.arrays.at("maxima_watch");
-  highest_ = watch.at(0);
-  lowest_ = watch.at(1);
-  low_ = watch.at(2);
-  candidate_ = watch.at(3);
+void Maxima::archive(Archive& a) {
+  if (!a.has(name_)) throw std::runtime_error("its maxima were not seen in the plate's direction");
+  a("maxima_psi", last_);
+  a("maxima_slope", slope_);
+  a(name_, maxima_);
+  a("maxima_lows", lows_);
+  a("maxima_watch", highest_, lowest_, low_, candidate_);
 }
 
 void Maxima::summarise(Summary& summary, Vec) {

@@ -35,9 +35,8 @@ class Maxima : public Observer {
   }
 
   void plan(ObservationPlan& plan) override;
-  void restore(const Checkpoint& checkpoint) override;
   void step(const ObservedStep& step) override;
-  void save(Checkpoint& checkpoint) override;
+  void archive(Archive& a) override;
   void summarise(Summary& summary, Vec u) override;
 
  private:

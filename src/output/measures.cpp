@@ -116,29 +116,15 @@ void Period::summarise(Summary& summary, Vec u) {
     summary.set("period", std::accumulate(periods.begin(), periods.end(), 0.) / double(periods.size()));
 }
 
-void Period::save(Checkpoint& checkpoint) {
-  std::vector<double>& numbers = checkpoint.arrays[name_];
-  for (const Place& p : places_) numbers.insert(numbers.end(), {p.armed, p.passages, p.first, p.last});
-  for (const Moment& moment : seen_) {
-    numbers.push_back(moment.t);
-    numbers.insert(numbers.end(), moment.psi.begin(), moment.psi.end());
-  }
-}
-
-void Period::restore(const Checkpoint& checkpoint) {
-  const auto found = checkpoint.arrays.find(name_);
-  if (found == checkpoint.arrays.end()) return;
-  const std::vector<double>& numbers = found->second;
-  const std::size_t count = places_.size(), moment = 1 + count;
-  if (numbers.size() < 4 * count || (numbers.size() - 4 * count) % moment != 0)
-    throw std::runtime_error("its passages do not fit the probes");
-  const double* at = numbers.data();
-  for (Place& p : places_) {
-    p = {at[0], at[1], at[2], at[3]};
-    at += 4;
-  }
-  for (seen_.clear(); at < numbers.data() + numbers.size(); at += moment)
-    seen_.push_back({*at, std::vector<double>(at + 1, at + moment)});
+void Period::archive(Archive& a) {
+  if (!a.has(name_)) return;
+  a.list(name_, [&](NumberList& x) {
+    for (Place& p : places_) x(p.armed, p.passages, p.first, p.last);
+    x.rest(seen_, [&](Moment& moment) {
+      moment.psi.resize(places_.size());
+      x(moment.t, moment.psi);
+    });
+  });
 }
 
 // ---- amplitude ----

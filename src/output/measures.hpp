@@ -32,9 +32,8 @@ class Period final : public Measure {
   Period(const Model& model, const Scene& whole, const std::vector<double>& x, double t_end, bool exact);
 
   void plan(ObservationPlan& plan) override;
-  void restore(const Checkpoint& checkpoint) override;
   void step(const ObservedStep& step) override;
-  void save(Checkpoint& checkpoint) override;
+  void archive(Archive& a) override;
   void summarise(Summary& summary, Vec u) override;  // `period`
   std::vector<double> values() const override;       // one at each place
 

@@ -189,15 +189,6 @@ void Regime::know(double growth, double growth_taken, const std::string& why_not
   impl_->growth_taken = growth_taken;
 }
 
-void Regime::restore(const Checkpoint& checkpoint) {
-  if (!impl_->traces.restore(checkpoint)) {
-    warn("restart: the checkpoint holds no record of the motion so far; the regime is judged from t = " +
-         number_text(checkpoint.t) + " on");
-    return;
-  }
-  impl_->field.restore(checkpoint);
-}
-
 void Regime::step(const ObservedStep& step) {
   const LogEvent::Scope logged(measuring());
   impl_->measured.reset();
@@ -205,9 +196,10 @@ void Regime::step(const ObservedStep& step) {
   impl_->field.step(step);
 }
 
-void Regime::save(Checkpoint& checkpoint) {
-  impl_->traces.save(checkpoint);
-  impl_->field.save(checkpoint);
+void Regime::archive(Archive& a) {
+  if (impl_->traces.archive(a)) return impl_->field.archive(a);
+  warn("restart: the checkpoint holds no record of the motion so far; the regime is judged from t = " +
+       number_text(a.t()) + " on");
 }
 
 const Measured& Regime::result(Vec u) {

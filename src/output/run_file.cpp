@@ -90,10 +90,9 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& wh
   };
   if (!layout.probe_x.empty()) {
     probes = add("probes", time, {standard_field("psi"), standard_field("eta")}, true);
-    tables[probes].x = {
-        {"x", "length", "position of the probe"},
-        layout.probe_x.size(),
-        [places = layout.probe_x](std::int64_t k) { return places[k]; }};
+    tables[probes].x = {{"x", "length", "position of the probe"},
+                        layout.probe_x.size(),
+                        [places = layout.probe_x](std::int64_t k) { return places[k]; }};
   }
   if (!layout.series.empty()) series = add("series", time, layout.series, false);
   if (!layout.events.empty())
@@ -360,9 +359,7 @@ RunFile::RunFile(MPI_Comm comm, std::string path, Provenance provenance, RunLayo
 RunFile::~RunFile() {
   if (!writer_ || closed_) return;
   try {
-    int ranks = 1;
-    MPI_Comm_size(comm_, &ranks);
-    if (ranks == 1) {
+    if (ranks_in(comm_) == 1) {
       close();
     } else {
       writer_->tables[0].forget_pending();

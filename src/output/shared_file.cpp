@@ -52,7 +52,7 @@ struct Block {
 
 SharedFile::SharedFile(MPI_Comm comm, bool by_root) : comm_(comm), by_root_(by_root) {
   rank_ = rank_in(comm);
-  MPI_Comm_size(comm, &ranks_);
+  ranks_ = ranks_in(comm);
   if (ranks_ == 1) return;
   MPI_Comm machine;  // the first rank of each is its lowest
   SS_TRY(MPI_Comm_split_type(comm, MPI_COMM_TYPE_SHARED, rank_, MPI_INFO_NULL, &machine));

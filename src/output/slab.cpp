@@ -11,12 +11,6 @@ namespace {
 
 constexpr std::int64_t small_cell = 1 << 17;  // nodes: a megabyte a field
 
-int ranks_in(MPI_Comm comm) {
-  int ranks = 1;
-  MPI_Comm_size(comm, &ranks);
-  return ranks;
-}
-
 }  // namespace
 
 Slab Slab::even(MPI_Comm comm, std::int64_t nodes) {

@@ -190,9 +190,7 @@ MotionRecord Traces::record() const {
   for (const Place& place : places_) r.steady[place.index] = place.steady;
   const std::array<const std::vector<double>*, 4> parts = {&low_, &high_, &passages_, &passed_};
   const std::array<const double**, 4> ours = {&r.low, &r.high, &r.passages, &r.passed};
-  int ranks = 1;
-  MPI_Comm_size(model_.comm(), &ranks);
-  if (ranks == 1) {
+  if (ranks_in(model_.comm()) == 1) {
     for (std::size_t a = 0; a < 4; ++a) *ours[a] = parts[a]->data();
     return r;
   }
@@ -209,56 +207,33 @@ MotionRecord Traces::record() const {
   return r;
 }
 
-void Traces::save(Checkpoint& checkpoint) const {
-  const MotionRecord r = record();
-  std::vector<double> samples(6 * count_);
-  for (std::size_t k = 0; k < places_.size() && started_; ++k) {
-    const Sample &now = now_[k], &before = before_[k];
-    const double values[6] = {now.psi, now.eta, now.state, before.psi, before.eta, before.state};
-    std::copy(values, values + 6, &samples[6 * places_[k].index]);
-  }
-  sum_over(model_.comm(), samples.data(), int(samples.size()));
-  const std::size_t size = r.windows * count_;
-  for (const auto& [name, values] : {std::pair{"traces.low", r.low},
-                                     {"traces.high", r.high},
-                                     {"traces.passages", r.passages},
-                                     {"traces.passed", r.passed}})
-    checkpoint.arrays[name].assign(values, values + size);
-  checkpoint.arrays["traces.samples"] = samples;
-  checkpoint.arrays[seen_from(model_.scene(), "traces.windows")] = {begin_, window_, t_, last_dt_,
-                                                                    double(r.windows)};
-}
-
-bool Traces::restore(const Checkpoint& checkpoint) {
-  const auto found = checkpoint.arrays.find(seen_from(model_.scene(), "traces.windows"));
-  if (found == checkpoint.arrays.end() || found->second.size() != 5 || found->second[4] == 0) return false;
-  const std::vector<double>&scalars = found->second, &samples = checkpoint.arrays.at("traces.samples");
-  const auto windows = static_cast<std::size_t>(scalars[4]);
-  const std::size_t own = places_.size();
-  bool fits = windows <= most_windows && samples.size() == 6 * count_;
-  if (fits) begin_windows(windows);
-  for (const auto& [name, part] : {std::pair{"traces.low", &low_},
-                                   {"traces.high", &high_},
-                                   {"traces.passages", &passages_},
-                                   {"traces.passed", &passed_}}) {
-    const std::vector<double>& all = checkpoint.arrays.at(name);
-    fits = fits && all.size() == windows * count_;
-    if (!fits) throw std::runtime_error("its measurements do not fit the scene");
-    for (std::size_t w = 0; w < windows; ++w)
-      for (std::size_t k = 0; k < own; ++k) (*part)[w * own + k] = all[w * count_ + places_[k].index];
-  }
+bool Traces::archive(Archive& a) {
+  const std::string name = seen_from(model_.scene(), "traces.windows");
+  if (!a.has(name)) return false;
+  std::size_t windows = started_ ? windows_ : 0;
+  a(name, begin_, window_, t_, last_dt_, windows);
+  if (windows == 0) return false;
+  if (windows > most_windows) throw std::runtime_error("its measurements do not fit the scene");
   started_ = true;
-  begin_ = scalars[0];
-  window_ = scalars[1];
-  t_ = scalars[2];
-  last_dt_ = scalars[3];
-  now_.resize(own);
-  before_.resize(own);
-  for (std::size_t k = 0; k < own; ++k) {
-    const double* at = &samples[6 * places_[k].index];
-    now_[k].psi = at[0], now_[k].eta = at[1], now_[k].state = at[2];
-    before_[k].psi = at[3], before_[k].eta = at[4], before_[k].state = at[5];
+  begin_windows(windows);
+  now_.resize(places_.size());
+  before_.resize(places_.size());
+  for (const auto& [part, values] : {std::pair{"traces.low", &low_},
+                                     {"traces.high", &high_},
+                                     {"traces.passages", &passages_},
+                                     {"traces.passed", &passed_}}) {
+    std::vector<Archive::Own> own;
+    for (std::size_t i = 0; i < values->size(); ++i)
+      own.push_back({i / places_.size() * count_ + places_[i % places_.size()].index, &(*values)[i]});
+    a.spread(part, windows * count_, own);
   }
+  std::vector<Archive::Own> samples;
+  for (std::size_t k = 0; k < places_.size(); ++k) {
+    std::size_t at = 6 * places_[k].index;
+    for (Sample* sample : {&now_[k], &before_[k]})
+      for (double* value : {&sample->psi, &sample->eta, &sample->state}) samples.push_back({at++, value});
+  }
+  a.spread("traces.samples", 6 * count_, samples);
   return true;
 }
 

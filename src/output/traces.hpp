@@ -42,9 +42,8 @@ class Traces {
   void step(const ObservedStep& step);
   MotionRecord record() const;  // the same on every rank; valid until the next step; collective
 
-  void save(Checkpoint& checkpoint) const;  // collective
-  // False where the checkpoint holds nothing of the kind: then the record begins where the run goes on.
-  bool restore(const Checkpoint& checkpoint);
+  // False where there is nothing to save or restore: then the record begins where the run goes on. Collective.
+  bool archive(Archive& a);
 
  private:
   struct Sample {

@@ -67,21 +67,6 @@ double GrowthAverage::error(std::size_t k) const {
   return std::sqrt(squares / double(blocks - 1) / double(blocks));
 }
 
-std::vector<double> GrowthAverage::save() const {
-  std::vector<double> all{from_, interval_, measured_};
-  all.insert(all.end(), sums_.begin(), sums_.end());
-  return all;
-}
-
-void GrowthAverage::resume(const std::vector<double>& saved) {
-  if (saved.size() < 3 || (saved.size() - 3) % count_ != 0)
-    throw std::invalid_argument("its growth rates do not fit");
-  from_ = saved[0];
-  interval_ = saved[1];
-  measured_ = saved[2];
-  sums_.assign(saved.begin() + 3, saved.end());
-}
-
 std::optional<Estimate> kaplan_yorke(const std::vector<Estimate>& exponents, std::size_t unknowns) {
   double sum = 0, variance = 0;
   for (std::size_t j = 0; j < exponents.size(); ++j) {

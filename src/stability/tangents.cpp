@@ -93,24 +93,6 @@ void Tangents::clear_held(double* y) const {
     if (model_.held(model_.first() + i)) y[i * dof_] = y[i * dof_ + 1] = 0;
 }
 
-std::vector<double> Tangents::state() const {
-  std::vector<double> all{double(draws_), double(most_resting_)};
-  for (const bool deficient : rank_deficient_) all.push_back(deficient ? 1 : 0);
-  all.insert(all.end(), growth_.begin(), growth_.end());
-  return all;
-}
-
-void Tangents::resume(const std::vector<double>& state) {
-  if (state.size() != 2 + 2 * y_.size()) throw std::invalid_argument("its tangent vectors do not fit");
-  draws_ = long(state[0]);
-  most_resting_ = long(state[1]);
-  for (std::size_t k = 0; k < y_.size(); ++k) {
-    rank_deficient_[k] = state[2 + k] != 0;
-    growth_[k] = state[2 + y_.size() + k];
-  }
-  begun_ = true;
-}
-
 void Tangents::renew() {
   most_resting_ = 0;
   for (std::size_t k = 0; k < y_.size(); ++k) {

@@ -85,32 +85,12 @@ void LyapunovExponents::step(const ObservedStep& step) {
   }
 }
 
-// ---- checkpoints
-// --------------------------------------------------------------------------------------------------
-
-void LyapunovExponents::save(Checkpoint& checkpoint) {
-  for (std::size_t k = 0; k < count_; ++k)
-    checkpoint.fields["lyapunov.vector_" + std::to_string(k)] = local_values(tangents_.vectors()[k]);
-  checkpoint.fields["lyapunov.directions"] = local_values(tangents_.last_directions());
-  checkpoint.arrays["lyapunov.vectors"] = tangents_.state();
-  checkpoint.arrays["lyapunov.growth"] = average_.save();
-  checkpoint.numbers["lyapunov.from"] = from_;
-  checkpoint.numbers["lyapunov.measuring"] = measuring_ ? 1 : 0;
-  checkpoint.numbers["lyapunov.written"] = double(written_);
-}
-
-void LyapunovExponents::restore(const Checkpoint& checkpoint) {
-  const auto take = [&](const std::string& name, Vec into) {
-    const std::vector<double> own = checkpoint.field("lyapunov." + name, NodeRange::of(model_), model_.dof());
-    std::copy(own.begin(), own.end(), static_cast<double*>(Writing(into)));
-  };
-  for (std::size_t k = 0; k < count_; ++k) take("vector_" + std::to_string(k), tangents_.vectors()[k]);
-  take("directions", tangents_.last_directions());
-  tangents_.resume(checkpoint.arrays.at("lyapunov.vectors"));
-  average_.resume(checkpoint.arrays.at("lyapunov.growth"));
-  from_ = checkpoint.numbers.at("lyapunov.from");
-  measuring_ = checkpoint.numbers.at("lyapunov.measuring") != 0;
-  written_ = std::size_t(checkpoint.numbers.at("lyapunov.written"));
+void LyapunovExponents::archive(Archive& a) {
+  tangents_.archive(a);
+  average_.archive("lyapunov.growth", a);
+  a("lyapunov.from", from_);
+  a("lyapunov.measuring", measuring_);
+  a("lyapunov.written", written_);
 }
 
 // ---- what it amounts to

@@ -21,10 +21,9 @@ class LyapunovExponents : public Observer {
   LyapunovExponents(const Model& model, const Options& options);
 
   void plan(ObservationPlan& plan) override;
-  void restore(const Checkpoint& checkpoint) override;
   void start(RunFile* file) override { file_ = file; }
   void step(const ObservedStep& step) override;
-  void save(Checkpoint& checkpoint) override;
+  void archive(Archive& a) override;
   void summarise(Summary& summary, Vec u) override;
 
  private:

@@ -206,6 +206,18 @@ def test_refusals():
     same(before, data("r.h5"), "refusals leave the results alone")
 
 
+def test_of_a_run_to_an_accuracy():
+    """Its checkpoints are those of any run; what the accuracy was asked of is measured again as out_probes has it."""
+    clear("acc")
+    whole, _ = run("-grid_n 32 -grid_length 20 -accuracy 1e-4 -accuracy_of period -out_probes 0,7 -ts_max_time 30"
+                   " -out_file acc.h5 -out_checkpoint_every 30 -out_checkpoint_keep 100")
+    reference, checkpoints = data("acc.h5"), sorted(glob.glob("acc.chk-*.h5"))
+    check(len(checkpoints) >= 2, f"{len(checkpoints)} checkpoints")
+    again, _ = run(f"-restart {checkpoints[-2]} -out_file acc.h5")
+    same(reference, data("acc.h5"), "a restart of a run to an accuracy")
+    check(again["steps"] == whole["steps"] and abs(again["period"] / whole["period"] - 1) < 2e-3, f"{again['period']}")
+
+
 def test_a_finished_run_is_extended():
     """A finished run goes on; frames, probes and series have no row twice and none missing."""
     scene = f"{TINY} {WHOLE} -ts_rk_type 3bs -out_every 0.1".replace("-out_frames 7", "")

@@ -25,11 +25,7 @@ class Fastest : public Observer {
     if (largest > psi_) t_ = step.t;
     psi_ = std::max(psi_, largest);
   }
-  void save(Checkpoint& checkpoint) override { checkpoint.arrays["fastest"] = {psi_, t_}; }
-  void restore(const Checkpoint& checkpoint) override {
-    psi_ = checkpoint.arrays.at("fastest").at(0);
-    t_ = checkpoint.arrays.at("fastest").at(1);
-  }
+  void archive(Archive& a) override { a("fastest", psi_, t_); }
   void summarise(Summary& summary, Vec) override { summary.set("fastest", Json{{"psi", psi_}, {"t", t_}}); }
 
  private:

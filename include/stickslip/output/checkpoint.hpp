@@ -44,7 +44,7 @@ struct Checkpoint {
   std::string path;
 
   // Of a checkpoint that was read, `each` values for every node of the range. Throws std::exception, on every
-  // rank, where it has no field of that name and size. Collective.
+  // rank, where it has no field of that name and size. Collective. Of any other the field as it is.
   std::vector<double> field(const std::string& name, const NodeRange& nodes, int each) const;
 };
 

@@ -41,13 +41,10 @@
 // in sums.
 #pragma once
 
-#include <functional>
-#include <map>
 #include <memory>
-#include <string>
 #include <vector>
 
-#include "stickslip/output/checkpoint.hpp"
+#include "stickslip/output/archive.hpp"
 #include "stickslip/output/field.hpp"
 
 namespace stickslip {
@@ -81,11 +78,7 @@ class Events {
   static std::vector<Field> columns();
   std::vector<double> row(const SlipEvent& event) const;
 
-  // Everything under way: arrays and fields of a checkpoint. restore() asks `field` for so many values a node
-  // of this rank's. Both collective.
-  void save(Checkpoint& checkpoint) const;
-  void restore(const std::map<std::string, std::vector<double>>& arrays,
-               const std::function<std::vector<double>(const std::string& name, int each)>& field);
+  void archive(Archive& a);  // everything under way; collective
 
  private:
   struct Impl;

@@ -1,7 +1,7 @@
 // What watches a run: writes its frames, rows and catalogue, or measures something for its summary.
 //
 // A run drives any number of observers through
-//     plan, restore (of a run that goes on from a checkpoint), start, step ..., save (now and then), ...,
+//     plan, archive (of a run that goes on from a checkpoint), start, step ..., archive (now and then), ...,
 //     summarise
 // and knows nothing else of them. A new quantity in the summary is one observer and its name in
 // commands/quantities.cpp.
@@ -23,7 +23,7 @@
 #include <limits>
 #include <vector>
 
-#include "stickslip/output/checkpoint.hpp"
+#include "stickslip/output/archive.hpp"
 #include "stickslip/output/run_file.hpp"
 #include "stickslip/output/summary.hpp"
 
@@ -59,14 +59,12 @@ class Observer {
   virtual ~Observer() = default;
   // Adds what this observer needs. Throws UsageError for what cannot be had.
   virtual void plan(ObservationPlan&) {}
-  // Takes up what save() left. Every rank has the same numbers and arrays, and asks for its nodes' part of a
-  // field; throws std::exception, on every rank, where they do not fit.
-  virtual void restore(const Checkpoint&) {}
+  // Names what must survive a restart, under names of its own: restored between plan() and start(), saved
+  // behind any step. Throws std::exception, on every rank, where what is restored does not fit.
+  virtual void archive(Archive&) {}
   // The file is open: nullptr where none is written. It outlives the last step.
   virtual void start(RunFile*) {}
   virtual void step(const ObservedStep&) = 0;
-  // Adds numbers and arrays (significant on rank 0) and fields that restore() needs, under names of its own.
-  virtual void save(Checkpoint&) {}
   // Sets keys of the summary, the same on every rank. u: where the run ended, held nodes set; nullptr where
   // it failed, so that only what counts steps has something to say.
   virtual void summarise(Summary&, Vec) {}

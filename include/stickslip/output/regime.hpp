@@ -76,9 +76,8 @@ class Regime : public Observer {
   void know(double growth, double growth_taken, const std::string& why_not = "",
             double beyond = std::numeric_limits<double>::quiet_NaN());
 
-  void restore(const Checkpoint& checkpoint) override;
   void step(const ObservedStep& step) override;
-  void save(Checkpoint& checkpoint) override;
+  void archive(Archive& a) override;
   void summarise(Summary& summary, Vec u) override;
 
   // As far as the run has come, u being its last state; the same on every rank, and valid until the next

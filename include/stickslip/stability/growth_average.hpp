@@ -18,6 +18,8 @@
 
 #include <cstddef>
 #include <optional>
+#include <stdexcept>
+#include <string>
 #include <vector>
 
 namespace stickslip {
@@ -44,9 +46,15 @@ class GrowthAverage {
   double measured() const { return measured_; }  // time over which
   std::vector<Estimate> exponents() const;
 
-  // All that a later object needs to go on.
-  std::vector<double> save() const;
-  void resume(const std::vector<double>& saved);  // throws std::invalid_argument
+  // All that a later object needs to go on, as a list of this name (output/archive.hpp).
+  template <class Archive>
+  void archive(const std::string& name, Archive& a) {
+    a.list(name, [&](auto& x) {
+      x(from_, interval_, measured_);
+      x.rest(sums_);
+    });
+    if (sums_.size() % count_ != 0) throw std::runtime_error("its growth rates do not fit");
+  }
 
  private:
   std::size_t whole() const;  // intervals that are complete

@@ -20,6 +20,7 @@
 #pragma once
 
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "stickslip/model/model.hpp"
@@ -48,13 +49,16 @@ class Tangents {
   // New random vectors for those that stood for none any more.
   void renew();
 
-  // What a later object needs to go on alike: the vectors, one Vec each and, in the place of psi, the
-  // directions of the last step; with the numbers of state().
   const std::vector<VecHandle>& vectors() const { return y_; }
-  Vec last_directions() const { return was_; }
-  std::vector<double> state() const;
-  // To be called when both have been filled. Not collective.
-  void resume(const std::vector<double>& state);
+  // What a later object needs to go on alike (output/archive.hpp): the vectors, the directions of the last step
+  // in the place of psi, and what has been counted.
+  template <class Archive>
+  void archive(Archive& a) {
+    for (std::size_t k = 0; k < y_.size(); ++k) a("lyapunov.vector_" + std::to_string(k), y_[k]);
+    a("lyapunov.directions", was_);
+    a("lyapunov.vectors", draws_, most_resting_, rank_deficient_, growth_);
+    begun_ = begun_ || a.restores();
+  }
 
  private:
   struct Linearisation {
@@ -83,7 +87,7 @@ class Tangents {
   const Model& model_;
   int dof_;
   std::vector<VecHandle> y_;
-  std::vector<bool> rank_deficient_;  // stands for no direction any more
+  std::vector<char> rank_deficient_;  // stands for no direction any more
   std::vector<double> growth_;
   std::vector<std::vector<VecHandle>> slope_;  // of each vector, stage by stage
   VecHandle u_, stage_, was_;
