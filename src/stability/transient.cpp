@@ -1,17 +1,16 @@
 #include "stickslip/stability/transient.hpp"
 
-#include <slepcfn.h>
-// after petscsys.h
-#include <petscblaslapack.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
-#include "stability/energy.hpp"
-#include "stickslip/base/error.hpp"
-#include "stickslip/base/handle.hpp"
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <unsupported/Eigen/MatrixFunctions>
+
+#include "stability/numerical_abscissa.hpp"
 #include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/stability/spectrum.hpp"
@@ -29,61 +28,20 @@ struct Sample {
 // ---- small and dense matrices
 // -------------------------------------------------------------------------------------
 
-// A square matrix, by columns.
-struct Matrix {
-  explicit Matrix(std::size_t rows) : m(PetscBLASInt(rows)), a(rows * rows, 0.) {}
-  PetscBLASInt m;
-  std::vector<double> a;
-  double& operator()(std::size_t i, std::size_t j) { return a[j * std::size_t(m) + i]; }
-  double operator()(std::size_t i, std::size_t j) const { return a[j * std::size_t(m) + i]; }
-};
+using Matrix = Eigen::MatrixXd;
 
-Matrix times(const Matrix& a, const Matrix& b, const char* first = "N") {
-  Matrix c(std::size_t(a.m));
-  const double one = 1, zero = 0;
-  BLASgemm_(first, "N", &a.m, &a.m, &a.m, &one, a.a.data(), &a.m, b.a.data(), &a.m, &zero, c.a.data(), &a.m);
-  return c;
+double largest_eigenvalue_of(const Matrix& symmetric) {
+  const Eigen::Tridiagonalization<Matrix> T(symmetric);
+  return largest_eigenvalue(T.diagonal(), T.subDiagonal());
 }
 
-// Largest eigenvalue of a symmetric matrix.
-double largest_eigenvalue(Matrix a) {
-  std::vector<double> values(a.m, 0.), work(std::size_t(8 * a.m));
-  PetscBLASInt size = 8 * a.m, info = 0;
-  LAPACKsyev_("N", "U", &a.m, a.a.data(), &a.m, values.data(), work.data(), &size, &info);
-  if (info != 0) throw Failure("LAPACK found no eigenvalues of the symmetric part");
-  return values.back();
-}
+double two_norm(const Matrix& x) { return std::sqrt(std::max(0., largest_eigenvalue_of(x.transpose() * x))); }
 
-double two_norm(const Matrix& x) { return std::sqrt(std::max(0., largest_eigenvalue(times(x, x, "T")))); }
-
-// exp(M t), by SLEPc.
-Matrix exponential(const Matrix& M, double t) {
-  if (t == 0) {  // a scale that FN refuses
-    Matrix identity(std::size_t(M.m));
-    for (std::size_t i = 0; i < std::size_t(M.m); ++i) identity(i, i) = 1;
-    return identity;
-  }
-  Handle<FN, FNDestroy> exp;
-  SS_TRY(FNCreate(PETSC_COMM_SELF, exp.out()));
-  SS_TRY(FNSetType(exp, FNEXP));
-  SS_TRY(FNSetScale(exp, t, 1));
-  Matrix from = M, result(std::size_t(M.m));
-  MatHandle A, B;
-  SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, M.m, M.m, from.a.data(), A.out()));
-  SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, M.m, M.m, result.a.data(), B.out()));
-  SS_TRY(FNEvaluateFunctionMat(exp, A, B));
-  return result;
-}
+Matrix exponential(const Matrix& M, double t) { return (M * t).exp(); }
 
 // The numerical abscissa: the largest eigenvalue of the symmetric part. |exp(M (t + u))| <= exp(abscissa u)
 // |exp(M t)|.
-double abscissa_of(const Matrix& M) {
-  const std::size_t m = std::size_t(M.m);
-  Matrix symmetric(m);
-  for (std::size_t i = 0; i < m; ++i)
-    for (std::size_t j = 0; j < m; ++j) symmetric(i, j) = (M(i, j) + M(j, i)) / 2;
-  return largest_eigenvalue(std::move(symmetric));
-}
+double abscissa_of(const Matrix& M) { return largest_eigenvalue_of((M + M.transpose()) / 2); }
 
 // The largest |exp(M t)| of a small matrix, beside `result`. From a time with norm g nothing above `best` can
 // come sooner than ln(best/g)/abscissa later: steps are as long as that and a slack, a coarse one first to
@@ -119,11 +77,11 @@ void grow_small(const Matrix& M, Transient& result) {
 // The top beside a sample, at intervals halved ten times. (No parabola: where two directions exchange the
 // lead, the top is a corner.) `step` = exp(M h), h between the samples.
 Sample refine_top(const Matrix& M, const Matrix& step, Sample left, Sample middle, Sample right) {
-  Matrix x_left = exponential(M, left.t), x_middle = times(x_left, step);
+  Matrix x_left = exponential(M, left.t), x_middle = x_left * step;
   double width = middle.t - left.t;
   for (int level = 0; level < 10; ++level) {
     const Matrix half = exponential(M, width /= 2);
-    Matrix x_first = times(x_left, half), x_second = times(x_middle, half);
+    Matrix x_first = x_left * half, x_second = x_middle * half;
     const Sample first{left.t + width, two_norm(x_first)}, second{middle.t + width, two_norm(x_second)};
     if (first.g > std::max(middle.g, second.g)) {
       right = std::exchange(middle, first);
@@ -145,7 +103,7 @@ Sample refine_top(const Matrix& M, const Matrix& step, Sample left, Sample middl
 void sample_large(const Matrix& M, double h, double horizon, Transient& result) {
   const Matrix step = exponential(M, h);
   std::vector<Sample> samples{{0, 1}};
-  for (Matrix x = step; samples.back().t < horizon && samples.size() <= 400; x = times(x, step)) {
+  for (Matrix x = step; samples.back().t < horizon && samples.size() <= 400; x = x * step) {
     samples.push_back({double(samples.size()) * h, two_norm(x)});
     if (samples.back().g <= 1) break;
   }
@@ -178,12 +136,11 @@ void grow_large(const Matrix& M, double horizon, Transient& result) {
 // stiffness.
 Matrix wave_matrix(const LinearPoint& medium, int dof, double kappa2) {
   const double root[] = {std::sqrt(medium.stiffness(kappa2) / medium.A), 1, 1};
-  double rows[9];
-  medium.block(Part::full, kappa2).write(dof, rows);
-  Matrix M{std::size_t(dof)};
-  for (std::size_t i = 0; i < std::size_t(dof); ++i)
-    for (std::size_t j = 0; j < std::size_t(dof); ++j)
-      M(i, j) = root[i] * rows[i * std::size_t(dof) + j] / root[j];
+  Matrix M(dof, dof);
+  medium.block(Part::full, kappa2).write(dof, M.data());  // by rows
+  M.transposeInPlace();
+  for (int i = 0; i < dof; ++i)
+    for (int j = 0; j < dof; ++j) M(i, j) *= root[i] / root[j];
   return M;
 }
 
@@ -191,28 +148,24 @@ Matrix wave_matrix(const LinearPoint& medium, int dof, double kappa2) {
 // P = L^T p/sqrt(A), e and t times the root of the weight. Nothing where that is not positive definite.
 std::optional<Matrix> whole_matrix(const LinearisedOperator& s) {
   const std::size_t n = s.size(), d = s.dof(), m = n * d;
-  Matrix L(n);  // and 0 above the diagonal
+  Matrix stiffness = Matrix::Zero(n, n);  // its lower triangle
   for (std::size_t i = 0; i < n; ++i) {
-    L(i, i) = s.coupling.weight[i] * s.K0;
+    stiffness(i, i) = s.coupling.weight[i] * s.K0;
     for (const Coupling::Term& t : s.coupling.row(i))
-      if (t.column <= i) L(i, t.column) += s.coupling.weight[i] * s.K1 * t.value;
+      if (t.column <= i) stiffness(i, t.column) += s.coupling.weight[i] * s.K1 * t.value;
   }
-  PetscBLASInt info = 0;
-  LAPACKpotrf_("L", &L.m, L.a.data(), &L.m, &info);
-  if (info != 0) return std::nullopt;
-  Matrix M(m);
+  const Eigen::LLT<Matrix> factors(stiffness);
+  if (factors.info() != Eigen::Success) return std::nullopt;
+  const Matrix U = factors.matrixU();  // L^T
+  Matrix M = Matrix::Zero(m, m);
   const auto scale = [&](std::size_t i, std::size_t c) {
     return c == 0 ? 1 / std::sqrt(s.A) : std::sqrt(s.coupling.weight[i]);
   };
   for (const LinearisedOperator::Entry& e : s.entries())
     M(e.row % d * n + e.row / d, e.column % d * n + e.column / d) +=
         e.value * scale(e.row / d, e.row % d) / scale(e.column / d, e.column % d);
-  const double one = 1, zero = 0;
-  Matrix right = M;  // the columns of P times (L^T)^-1, then the rows of P times L^T
-  BLAStrsm_("R", "L", "T", "N", &M.m, &L.m, &one, L.a.data(), &L.m, right.a.data(), &M.m);
-  M = right;
-  BLASgemm_("T", "N", &L.m, &M.m, &L.m, &one, L.a.data(), &L.m, right.a.data(), &M.m, &zero, M.a.data(),
-            &M.m);
+  M.leftCols(n) *= U.inverse();
+  M.topRows(n) = (U * M.topRows(n)).eval();
   return M;
 }
 

@@ -1,8 +1,15 @@
-// The energy norm of transient.hpp on many nodes, by banded matrices and Lanczos' iteration. Not collective.
+// The numerical abscissa on many nodes, a bound of the eigenvalues: no perturbation grows faster at first in
+// the energy norm of transient.hpp, and no eigenvalue has a larger real part. With it the norm itself, which
+// the norms of exp(J t) and of the resolvent are taken in as well: by banded matrices and Lanczos' iteration.
+// Not collective.
+//
+// Source: L. N. Trefethen and M. Embree, Spectra and Pseudospectra, Princeton 2005, section 17.
 #pragma once
 
 #include <functional>
 #include <vector>
+
+#include <Eigen/Core>
 
 #include "stickslip/stability/linearised_operator.hpp"
 
@@ -32,11 +39,16 @@ class EnergyNorm {
   BandLU stiffness_;  // of K = S(0)
 };
 
+// Of a symmetric tridiagonal matrix; `vector`, if asked for, becomes the eigenvector.
+double largest_eigenvalue(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& beside,
+                          Eigen::VectorXd* vector = nullptr);
+
 // A vector that favours no wave and no place, the same in every run.
 std::vector<Complex> any_vector(std::size_t n, bool real);
 
 // The numerical abscissa: the largest eigenvalue mu of H x = mu M x, H = (M J + J^T M)/2, by halving to 1e-10
-// of the frequencies: mu M - H is positive definite for every mu beyond it.
+// of the frequencies: mu M - H is positive definite for every mu beyond it. Re lambda <= mu for every
+// eigenvalue lambda of J, as Re (x* M J x) = x* H x.
 double band_abscissa(const LinearisedOperator& J);
 
 }  // namespace stickslip

@@ -1,12 +1,10 @@
-#include "stability/energy.hpp"
-
-#include <petscsys.h>
-// after petscsys.h
-#include <petscblaslapack.h>
+#include "stability/numerical_abscissa.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+
+#include <Eigen/Eigenvalues>
 
 #include "stability/modes.hpp"
 #include "stickslip/base/error.hpp"
@@ -19,79 +17,68 @@ bool has_energy(const LinearisedOperator& J) { return J.symmetric() && !J.neutra
 
 EnergyNorm::EnergyNorm(const LinearisedOperator& J) : J_(J) { J.factor(0, stiffness_); }
 
+namespace {
+
+Eigen::Map<Eigen::VectorXcd> view(std::vector<Complex>& x) { return {x.data(), Eigen::Index(x.size())}; }
+// Of unknowns: a column a node, psi its first entry.
+Eigen::Map<Eigen::MatrixXcd> by_nodes(std::vector<Complex>& x, const LinearisedOperator& J) {
+  return {x.data(), Eigen::Index(J.dof()), Eigen::Index(J.size())};
+}
+auto weights(const LinearisedOperator& J) { return Eigen::VectorXd::Map(J.coupling.weight.data(), J.size()); }
+
+}  // namespace
+
 EnergyNorm::Vector EnergyNorm::apply(const Vector& x) const {
-  const std::size_t n = J_.size(), d = J_.dof();
-  Vector p(n), y(x.size());
-  for (std::size_t i = 0; i < n; ++i) p[i] = x[i * d];
+  Vector p(J_.size()), y = x;
+  view(p) = by_nodes(y, J_).row(0);
   p = J_.apply(0, p);
-  for (std::size_t i = 0; i < n; ++i) {
-    const double w = J_.coupling.weight[i];
-    y[i * d] = w * p[i] / J_.A;
-    for (std::size_t c = 1; c < d; ++c) y[i * d + c] = w * x[i * d + c];
-  }
+  by_nodes(y, J_).row(0) = view(p) / J_.A;
+  by_nodes(y, J_) *= weights(J_).asDiagonal();
   return y;
 }
 
 EnergyNorm::Vector EnergyNorm::solve(const Vector& x) const {
-  const std::size_t n = J_.size(), d = J_.dof();
-  Vector p(n), y(x.size());
-  for (std::size_t i = 0; i < n; ++i) p[i] = J_.A * x[i * d] / J_.coupling.weight[i];
+  Vector p(J_.size()), y = x;
+  by_nodes(y, J_) *= weights(J_).cwiseInverse().asDiagonal();
+  view(p) = J_.A * by_nodes(y, J_).row(0);
   J_.solve(stiffness_, p);
-  for (std::size_t i = 0; i < n; ++i) {
-    y[i * d] = p[i];
-    for (std::size_t c = 1; c < d; ++c) y[i * d + c] = x[i * d + c] / J_.coupling.weight[i];
-  }
+  by_nodes(y, J_).row(0) = view(p);
   return y;
 }
 
 double EnergyNorm::norm(const Vector& x) const { return std::sqrt(std::max(0., inner(x, apply(x)).real())); }
 
-namespace {
-
-// The largest eigenvalue of a symmetric tridiagonal matrix, and its eigenvector.
-double largest_ritz(const std::vector<double>& diagonal, const std::vector<double>& beside,
-                    std::vector<double>& vector) {
-  const std::size_t m = diagonal.size();
-  std::vector<double> T(m * m, 0.), values(m), work(8 * m);
-  for (std::size_t i = 0; i < m; ++i) {
-    T[i * m + i] = diagonal[i];
-    if (i > 0) T[(i - 1) * m + i] = beside[i - 1];
-  }
-  const PetscBLASInt size = PetscBLASInt(m), room = 8 * size;
-  PetscBLASInt info = 0;
-  LAPACKsyev_("V", "L", &size, T.data(), &size, values.data(), work.data(), &room, &info);
-  if (info != 0) throw Failure("LAPACK found no eigenvalues in Lanczos' iteration");
-  vector.assign(T.end() - long(m), T.end());
-  return values.back();
+double largest_eigenvalue(const Eigen::VectorXd& diagonal, const Eigen::VectorXd& beside,
+                          Eigen::VectorXd* vector) {
+  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver;
+  solver.computeFromTridiagonal(diagonal, beside,
+                                vector ? Eigen::ComputeEigenvectors : Eigen::EigenvaluesOnly);
+  if (solver.info() != Eigen::Success) throw Failure("no eigenvalues of a symmetric matrix were found");
+  if (vector) *vector = solver.eigenvectors().rightCols(1);
+  return solver.eigenvalues().maxCoeff();
 }
-
-}  // namespace
 
 double EnergyNorm::norm(const Map& forward, const Map& transposed, Vector& start, double tolerance,
                         int most) const {
   std::vector<Vector> basis, images;  // M-orthonormal, and M times them
-  std::vector<double> diagonal, beside, ritz;
+  Eigen::VectorXd diagonal(most), beside(most), ritz;
   Vector x = start;
   double size = norm(x), value = 0;
   for (int k = 0; k < most; ++k) {
-    for (Complex& z : x) z /= size;
+    view(x) /= size;
     basis.push_back(x);
     images.push_back(apply(x));
     x = solve(transposed(apply(forward(x))));
-    diagonal.push_back(inner(images.back(), x).real());
+    diagonal[k] = inner(images.back(), x).real();
     for (int twice = 0; twice < 2; ++twice)
-      for (std::size_t j = 0; j < basis.size(); ++j) {
-        const Complex part = inner(images[j], x);
-        for (std::size_t i = 0; i < x.size(); ++i) x[i] -= part * basis[j][i];
-      }
+      for (std::size_t j = 0; j < basis.size(); ++j) view(x) -= inner(images[j], x) * view(basis[j]);
     size = norm(x);
-    value = largest_ritz(diagonal, beside, ritz);
-    if (size * std::abs(ritz.back()) <= tolerance * value || size <= 1e-14 * value) break;
-    beside.push_back(size);
+    value = largest_eigenvalue(diagonal.head(k + 1), beside.head(k), &ritz);
+    if (size * std::abs(ritz[k]) <= tolerance * value || size <= 1e-14 * value) break;
+    beside[k] = size;
   }
-  std::fill(start.begin(), start.end(), Complex(0));
-  for (std::size_t j = 0; j < basis.size(); ++j)
-    for (std::size_t i = 0; i < start.size(); ++i) start[i] += ritz[j] * basis[j][i];
+  view(start).setZero();
+  for (std::size_t j = 0; j < basis.size(); ++j) view(start) += ritz[j] * view(basis[j]);
   return std::sqrt(std::max(0., value));
 }
 
@@ -166,7 +153,7 @@ double resolvent_norm_with(const LinearisedOperator& J, const EnergyNorm& energy
   BandLU lu;
   J.factor(z, lu);
   const auto conjugated = [](std::vector<Complex> v) {
-    for (Complex& entry : v) entry = std::conj(entry);
+    view(v) = view(v).conjugate().eval();
     return v;
   };
   std::vector<Complex> x = any_vector(J.size() * J.dof(), false);
