@@ -11,9 +11,8 @@ void RankGroups::check(PetscInt ranks_each) {
   int ranks = 1;
   MPI_Comm_size(MPI_COMM_WORLD, &ranks);
   if (ranks % ranks_each != 0)
-    throw UsageError("sweep_group_ranks " + std::to_string(ranks_each) + ": " + std::to_string(ranks) +
-                     (ranks == 1 ? " rank cannot" : " ranks cannot") +
-                     " be shared out in groups of that size");
+    throw UsageError(fmt::format("sweep_group_ranks {}: {} {} cannot be shared out in groups of that size",
+                                 ranks_each, ranks, ranks == 1 ? "rank" : "ranks"));
 }
 
 RankGroups::RankGroups(PetscInt ranks_each)

@@ -40,10 +40,9 @@ void say_jump(const std::optional<JumpAtEnd>& jump, Summary& summary) {
                                     {"height", jump->height ? Json(*jump->height) : Json()},
                                     {"from", jump->from},
                                     {"to", jump->to}}));
-  summary.say("psi jumps at x = " + rounded_text(jump->x) +
-              (jump->height ? " by " + rounded_text(*jump->height) : std::string()) +
-              "; the error is that of psi outside " + rounded_text(jump->from, 4) + " to " +
-              rounded_text(jump->to, 4));
+  summary.say(fmt::format("psi jumps at x = {:.3g}{}; the error is that of psi outside {:.4g} to {:.4g}",
+                          jump->x, jump->height ? fmt::format(" by {:.3g}", *jump->height) : "", jump->from,
+                          jump->to));
 }
 
 // A run for -accuracy: chosen, run, its error estimated; again with stricter settings where that was too
@@ -56,8 +55,8 @@ int run_to_accuracy(const Options& options, Summary& summary) {
     const Options chosen = plan.options();
     insert_library_options(chosen);
     Progress(chosen.text("progress"), "")
-        .tell("accuracy: " + plan.what() + "; choosing took " +
-              number_text(std::round(1e5 * (plan.seconds() + runs_before)) / 1e5) + " s");
+        .tell(fmt::format("accuracy: {}; choosing took {} s", plan.what(),
+                          number_text(std::round(1e5 * (plan.seconds() + runs_before)) / 1e5)));
     const double begin = largest_processor_seconds();
     Run run(chosen, Provenance::of("run", chosen.all()), plan.measure());
     const int code = run.advance(summary);
@@ -84,11 +83,11 @@ int run_to_accuracy(const Options& options, Summary& summary) {
     const bool again = plan.refusal().empty() && estimate > wanted && attempt < 5;
     if (!again) say_jump(plan.jump(), summary);
     if (!plan.refusal().empty())
-      throw Failure(plan.refusal() + "; best reached " + rounded_text(estimate, 2));
+      throw Failure(fmt::format("{}; best reached {:.2g}", plan.refusal(), estimate));
     if (estimate <= wanted) return 0;
     if (attempt == 5)
-      throw Failure("accuracy " + options.text("accuracy") + " was not reached: the error is about " +
-                    number_text(estimate) + " with " + plan.what());
+      throw Failure(fmt::format("accuracy {} was not reached: the error is about {} with {}",
+                                options.text("accuracy"), number_text(estimate), plan.what()));
     try {
       plan.refine();
     } catch (const Failure&) {  // the answer stands
@@ -103,7 +102,7 @@ std::string rounded(const Json& number, int digits = 4) { return rounded_text(nu
 
 // What a rate means for what grows or decays with it.
 std::string course_of(const Json& rate) {
-  return (rate.get<double>() > 0 ? "grow like exp(" : "decay like exp(") + rounded(rate, 3) + " t)";
+  return fmt::format("{} like exp({} t)", rate.get<double>() > 0 ? "grow" : "decay", rounded(rate, 3));
 }
 
 // What the motion is, and what steady sliding beside it would do.
@@ -114,15 +113,15 @@ std::string motion_words(const Summary& s) {
     if (const Json& time = s.get("time_to_decide"); !time.is_null())
       text += ", a run to t = " + rounded(time, 3) + " should decide (-ts_max_time)";
   } else if (!s.get("amplitude").is_null() && regime != "stuck") {
-    text += ": amplitude " + rounded(s.get("amplitude")) + ", psi from " + rounded(s.get("psi_min")) +
-            " to " + rounded(s.get("psi_max")) + " at the end";
+    text += fmt::format(": amplitude {}, psi from {} to {} at the end", rounded(s.get("amplitude")),
+                        rounded(s.get("psi_min")), rounded(s.get("psi_max")));
   }
   const Json &pulses = s.get("pulses"), &speed = s.get("wave_speed");
   if (!pulses.is_null() && pulses != 0) text += ", " + pulses.dump() + (pulses == 1 ? " pulse" : " pulses");
   if (!speed.is_null()) text += ", waves of speed " + rounded(speed);
   if (const Json& rate = s.get("growth_rate"); !rate.is_null())
-    text += std::string("; steady sliding is ") + (rate.get<double>() > 0 ? "unstable" : "stable") +
-            ": perturbations " + course_of(rate);
+    text += fmt::format("; steady sliding is {}: perturbations {}",
+                        rate.get<double>() > 0 ? "unstable" : "stable", course_of(rate));
   return text;
 }
 

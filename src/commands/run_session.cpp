@@ -71,9 +71,8 @@ double event_velocity(const Options& options, const Scene& scene) {
   const bool sticks = Stick::applies_to(scene);
   if (scene.massless())
     throw UsageError(
-        "out_events: the sizes of events are measured with psi_t, which a chain without mass (model_m 0) "
-        "does not "
-        "have; take a small model_m, or out_frames");
+        "out_events: the sizes of events are measured with psi_t, which a chain without mass "
+        "(model_m 0) does not have; take a small model_m, or out_frames");
   if (options.is_set("out_events_velocity")) return options.real("out_events_velocity");
   if (scene.v == 0 && !sticks)
     throw UsageError("out_events: with model_v 0 it needs out_events_velocity, above which a node moves");
@@ -92,8 +91,7 @@ void warn_of_memory(const Options& options) {
     if (always.count(name) || lags || solver)
       warn("-" + name + (text.empty() ? "" : " " + text) +
            " keeps what the solver learnt in earlier steps, which is in no checkpoint: a continued run "
-           "agrees with "
-           "an uninterrupted one to the solver's tolerances, not to the last bit");
+           "agrees with an uninterrupted one to the solver's tolerances, not to the last bit");
   }
 }
 
@@ -125,10 +123,8 @@ Run::Run(const Options& options, const Provenance& provenance, const MeasureMake
       problem_(problem_for(scene_, options, checkpoint)), timed_(options.is_set("accuracy")) {
   check_size_of_run(options, problem_.model, problem_.u);
   make_observers(measure);
-  int rank;
-  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
   // Every rank solves alike, and one of them prints for -ts_monitor.
-  if (problem_.model.comm() == PETSC_COMM_SELF && rank != 0) silence_library();
+  if (problem_.model.comm() == PETSC_COMM_SELF && rank_in(PETSC_COMM_WORLD) != 0) silence_library();
   if (checkpoint) restore(*checkpoint);
   control_.emplace(options, origin_.step);
   const double begin = spent();
@@ -206,8 +202,8 @@ void Run::restore(const Checkpoint& checkpoint) {
     throw UsageError("ts_max_time " + options_.text("ts_max_time") + " lies before the time " +
                      number_text(origin_.t) + " of checkpoint '" + options_.text("restart") + "'");
   if (origin_.t == t_end)
-    warn("restart '" + options_.text("restart") + "': this run is at its end already, ts_max_time " +
-         options_.text("ts_max_time") + "; nothing is left to do");
+    warn(fmt::format("restart '{}': this run is at its end already, ts_max_time {}; nothing is left to do",
+                     options_.text("restart"), options_.text("ts_max_time")));
 }
 
 void Run::limit_steps() {
@@ -287,25 +283,22 @@ int Run::check(Summary& summary) {
   summary.set("implicit", to_string(r.implicit));
   summary.set("unknowns", problem_.model.unknowns());
   if (!problem_.what.empty()) summary.set("reduced", problem_.what);
-  summary.say("checked: " + std::to_string(scene_.n) + " nodes, " +
-              std::to_string(problem_.model.unknowns()) + " unknowns solved for" +
-              (problem_.what.empty() ? "" : " (" + problem_.what + ")") + "; " + r.method +
-              ", implicit: " + to_string(r.implicit));
+  summary.say(fmt::format("checked: {} nodes, {} unknowns solved for{}; {}, implicit: {}", scene_.n,
+                          problem_.model.unknowns(), problem_.what.empty() ? "" : " (" + problem_.what + ")",
+                          r.method, to_string(r.implicit)));
   if (layout.frames > 0)
-    summary.say(
-        std::to_string(layout.frames) + " frames, " +
-        rounded_text(8e-6 * double(layout.frames) * (1 + double(layout.fields.size()) * double(scene_.n))) +
-        " MB in " + options_.text("out_file"));
+    summary.say(fmt::format("{} frames, {:.3g} MB in {}", layout.frames,
+                            8e-6 * double(layout.frames) * (1 + double(layout.fields.size()) * scene_.n),
+                            options_.text("out_file")));
   const double bytes = bytes_a_node(options_, problem_.model, problem_.u);
-  summary.say(rounded_text(1e-6 * bytes * double(problem_.model.scene().n)) +
-              " MB of memory beside the program's own, " + rounded_text(bytes, 4) + " bytes a node");
+  summary.say(fmt::format("{:.3g} MB of memory beside the program's own, {:.4g} bytes a node",
+                          1e-6 * bytes * problem_.model.scene().n, bytes));
   const double rest = t > origin_.t ? (t_end - t) / (t - origin_.t) : 0;
-  summary.say(std::to_string(steps) + " steps reach t = " + rounded_text(t, 6) + " in " +
-              rounded_text(seconds, 2) + " s" +
-              (rest > 0
-                   ? "; at that rate the whole run takes " + rounded_text(double(steps) * (1 + rest), 2) +
-                         " steps and " + rounded_text(seconds * (1 + rest), 2) + " s"
-                   : ", which is the whole run without its output"));
+  summary.say(fmt::format("{} steps reach t = {:.6g} in {:.2g} s{}", steps, t, seconds,
+                          rest > 0
+                              ? fmt::format("; at that rate the whole run takes {:.2g} steps and {:.2g} s",
+                                            double(steps) * (1 + rest), seconds * (1 + rest))
+                              : ", which is the whole run without its output"));
   return 0;
 }
 
@@ -328,10 +321,8 @@ int Run::advance(Summary& summary) {
                const Integrator::Verdict verdict = after(step);
                if (progress.due()) {
                  const double part = (step.t - origin_.t) / (t_end - origin_.t);
-                 char text[160];
-                 std::snprintf(text, sizeof text, "t = %.6g of %.6g (%.0f %%), step %lld, dt %.2g", step.t,
-                               t_end, 100 * part, static_cast<long long>(step.index), step.next_dt);
-                 progress.show(text + progress.left(part));
+                 progress.show(fmt::format("t = {:.6g} of {:.6g} ({:.0f} %), step {}, dt {:.2g}{}", step.t,
+                                           t_end, 100 * part, step.index, step.next_dt, progress.left(part)));
                }
                watching += spent() - watch.seen;
                return verdict;
@@ -386,10 +377,10 @@ int Run::ending(Summary& summary) const {
       signal ? signal == SIGINT ? "SIGINT" : "SIGTERM" : limit + " " + options_.text(limit);
   summary.stopped(why + checkpoint);
   if (!signal) summary.set("stopped_at", why);
-  summary.say("stopped at t = " + rounded_text(integrator_->report().t, 6) + " by " + why + "; " +
-              (!last_checkpoint_.empty() ? "to go on: stickslip run -restart " + last_checkpoint_
-               : file_                   ? "there is no checkpoint to go on from (-out_checkpoint_every)"
-                                         : "without -out_file there is no checkpoint to go on from"));
+  summary.say(fmt::format("stopped at t = {:.6g} by {}; {}", integrator_->report().t, why,
+                          !last_checkpoint_.empty() ? "to go on: stickslip run -restart " + last_checkpoint_
+                          : file_ ? "there is no checkpoint to go on from (-out_checkpoint_every)"
+                                  : "without -out_file there is no checkpoint to go on from"));
   return signal ? 128 + signal : 0;
 }
 
@@ -425,16 +416,15 @@ void Run::warn_of_answer(const StepAudit::Verdict& verdict, double duration) {
   if (!problem_.what.empty()) {
     const double psi_mean = statistics(problem_.model, problem_.u).psi_mean;
     std::string broken;
-    int rank;
-    MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
-    if (rank == 0) broken = broken_symmetry(scene_, problem_.model.scene(), m, psi_mean, duration);
+    if (rank_in(PETSC_COMM_WORLD) == 0)
+      broken = broken_symmetry(scene_, problem_.model.scene(), m, psi_mean, duration);
     broadcast(broken);
     if (!broken.empty()) warn(broken);
   }
   step_audit_->warn_of(verdict, m.motion);
   // A front of four or more nodes changes by at most a third of its height from node to node.
   if (scene_.form == Form::continuum && m.steepest > 0.34)
-    warn("a front is not resolved: psi changes by " + std::to_string(int(std::lround(100 * m.steepest))) +
+    warn("a front is not resolved: psi changes by " + std::to_string(std::lround(100 * m.steepest)) +
          " % of its range between two neighbouring nodes; wave speeds and heights depend on the grid (raise "
          "grid_n)");
 }

@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <map>
 
 #include "base/broadcast.hpp"
@@ -21,15 +20,14 @@ namespace {
 std::string file_of(const std::string& path, long point) {
   const std::size_t dot = path.rfind('.'), slash = path.rfind('/');
   const bool has_end = dot != std::string::npos && (slash == std::string::npos || dot > slash + 1) && dot > 0;
-  std::string number = std::to_string(point);
-  number.insert(0, number.size() < 6 ? 6 - number.size() : 0, '0');
-  return path.substr(0, has_end ? dot : path.size()) + "-" + number + (has_end ? path.substr(dot) : "");
+  return fmt::format("{}-{:06}{}", path.substr(0, has_end ? dot : path.size()), point,
+                     has_end ? path.substr(dot) : "");
 }
 
 // Where the ends of a followed line stand for a sweep that is killed, the latest and the one being computed
 // in turn.
 std::string end_of_line(const std::string& path, long unit, std::size_t turn) {
-  return paths::hidden_sibling(path, ".line-" + std::to_string(unit) + (turn % 2 ? "-b" : "-a"));
+  return paths::hidden_sibling(path, fmt::format(".line-{}-{}", unit, turn % 2 ? "b" : "a"));
 }
 
 // What one rank meets alone, the others do not know.
@@ -121,10 +119,8 @@ void SweepSession::look_at_clock(long taken, long units) {
   if (rank_ != 0) return;
   if (progress_.due()) {
     const double part = double(taken) / double(units);
-    char text[96];
-    std::snprintf(text, sizeof text, "%ld of %ld %s (%.0f %%)", taken, units,
-                  plan_.follows() ? "lines" : "points", 100 * part);
-    progress_.show(text + progress_.left(part));
+    progress_.show(fmt::format("{} of {} {} ({:.0f} %){}", taken, units, plan_.follows() ? "lines" : "points",
+                               100 * part, progress_.left(part)));
   }
   const double begin = MPI_Wtime();
   if (begin < next_table_) return;

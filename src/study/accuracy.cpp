@@ -29,7 +29,7 @@ struct AccuracyPlan::Impl {
   }
 
   std::string out_of_reach(const OutOfReach& e) const {
-    return "accuracy " + rounded_text(request.wanted, 2) + " is out of reach: " + e.why;
+    return fmt::format("accuracy {:.2g} is out of reach: {}", request.wanted, e.why);
   }
 
   void choose() {
@@ -87,8 +87,8 @@ std::optional<JumpAtEnd> AccuracyPlan::jump() {
 
 double AccuracyPlan::estimate(const Answer& end) {
   if (impl_->request.of.is_measured() && end.measured.empty())
-    throw Failure("accuracy_of " + impl_->request.options.text("accuracy_of") + ": the motion has no " +
-                  impl_->request.of.name() + " to measure");
+    throw Failure(fmt::format("accuracy_of {}: the motion has no {} to measure",
+                              impl_->request.options.text("accuracy_of"), impl_->request.of.name()));
   const double begin = largest_processor_seconds(), error = impl_->ladder->estimate(end);
   impl_->seconds += largest_processor_seconds() - begin;
   return error;
@@ -121,12 +121,11 @@ void AccuracyPlan::Impl::finish() {
     set("ts_adapt_dt_max", number_text(step));
   set("ts_rtol", number_text(setting.tolerance));
   set("ts_atol", number_text(setting.tolerance));
-  what = setting.method.name() +
-         (setting.method.splits() ? " (implicit: " + setting.method.implicit + ")" : "") + ", tolerance " +
-         rounded_text(setting.tolerance, 2);
-  if (request.has_space)
-    what += ", order " + std::to_string(setting.order) + ", n = " + std::to_string(setting.n);
-  what += ladder->predicted() + ", after " + std::to_string(runs.count()) + " short runs";
+  what = setting.method.name();
+  if (setting.method.splits()) what += " (implicit: " + setting.method.implicit + ")";
+  what += fmt::format(", tolerance {:.2g}", setting.tolerance);
+  if (request.has_space) what += fmt::format(", order {}, n = {}", setting.order, setting.n);
+  what += fmt::format("{}, after {} short runs", ladder->predicted(), runs.count());
   if (!runs.why().empty()) what += "; " + runs.why();
 }
 

@@ -81,8 +81,8 @@ double misfit_around(PetscInt m, PetscInt reach, const Fields& fields, const Sce
   for (PetscInt at = m - 2; at <= m + 2; ++at) {
     if (!scene.ring() && (at < 0 || at >= scene.n)) continue;
     const auto place = [&](PetscInt node) { return (node % scene.n + scene.n) % scene.n; };
-    const auto here = std::size_t(place(at));
-    const auto [first, last] = around.range(scene.x(PetscInt(here)));
+    const PetscInt here = place(at);
+    const auto [first, last] = around.range(scene.x(here));
     const double left = first - double(here), right = last - double(here);
     std::vector<double> offsets;
     for (PetscInt k = 1; int(offsets.size()) <= scene.order && k * reach < scene.n; k += 2)
@@ -97,8 +97,7 @@ double misfit_around(PetscInt m, PetscInt reach, const Fields& fields, const Sce
     Combination row;
     for (std::size_t i = 0; i < offsets.size(); ++i)
       row.emplace_back(place(at + PetscInt(offsets[i])), weights[i]);
-    const FrictionAt friction =
-        fields.friction.empty() ? FrictionAt() : FrictionAt(scene, {scene.x(PetscInt(here))});
+    const FrictionAt friction = fields.friction.empty() ? FrictionAt() : FrictionAt(scene, {scene.x(here)});
     const Point found = combined(fields, row, friction, 0);
     largest =
         std::max({largest, std::abs(found.psi - fields.psi[here]), std::abs(found.eta - fields.eta[here])});
@@ -280,8 +279,7 @@ bool GridLadder::climb_to(double& next, int& failures) {
     begin_anew();
     failures = 0;
   } else if (!request_.grid_open || ++failures == 6) {
-    throw OutOfReach{setting_.method.name() + " on " + std::to_string(request_.nodes(next)) +
-                     " nodes: " + failed};
+    throw OutOfReach{fmt::format("{} on {} nodes: {}", setting_.method.name(), request_.nodes(next), failed)};
   }
   return false;
 }
@@ -305,7 +303,7 @@ bool GridLadder::place_or_go_on(double& next) {
   };
   const std::string budget = "beyond accuracy_seconds " + request_.options.text("accuracy_seconds");
   if (place && request_.grid_open && beyond_budget(double(setting_.n)))
-    give_up_on(ahead, "the " + std::to_string(setting_.n) + " nodes that would do are " + budget);
+    give_up_on(ahead, fmt::format("the {} nodes that would do are {}", setting_.n, budget));
   if (place) return true;
   const double coarser = cells_of(levels_[levels_.size() > 2 ? levels_.size() - 3 : 0].scene);
   next = cells_of(last.scene) *
@@ -318,10 +316,9 @@ bool GridLadder::place_or_go_on(double& next) {
   }
   const Start::Misfit jump = runs_.pilot().start().misfit(request_.scene);
   const double misfit = std::max(std::abs(jump.left), std::abs(jump.right));
-  if (far && misfit > 1e-8)
-    give_up_on(ahead, "the start jumps by " + rounded_text(misfit) + " at a held end");
+  if (far && misfit > 1e-8) give_up_on(ahead, fmt::format("the start jumps by {:.3g} at a held end", misfit));
   if (far && never_better(ahead)) give_up_on(ahead, "four grids say so alike");
-  if (beyond_memory) give_up_on(ahead, "no grid has more than " + std::to_string(most_nodes) + " nodes");
+  if (beyond_memory) give_up_on(ahead, fmt::format("no grid has more than {} nodes", most_nodes));
   if (beyond_budget(next)) give_up_on(ahead, "a finer grid is " + budget);
   return false;
 }
@@ -347,10 +344,9 @@ void GridLadder::place_run(const PredictedError& ahead) {
   const double least = std::max(std::pow(0.4, -1 / next_order()), least_stretch_);
   if (request_.grid_open)
     setting_.n = request_.nodes(last * (ahead.factor > 0.93 ? std::max(ahead.factor, least) : ahead.factor));
-  Scene run = request_.scene;
-  run.n = setting_.n;
-  in_space_ = predicted_error(cells_of(run));
-  choose_tolerance_on(cells_of(run), in_space_);
+  const double cells = cells_of(on_grid(request_.scene, setting_.n, setting_.order));
+  in_space_ = predicted_error(cells);
+  choose_tolerance_on(cells, in_space_);
 }
 
 // Whether it is the steps in time whose errors do not fall from grid to grid: then it is begun anew with
@@ -371,14 +367,12 @@ bool GridLadder::time_is_to_blame() {
 
 void GridLadder::give_up_on(const PredictedError& ahead, const std::string& limit) const {
   const double last = distances_.size() > 1 ? rate(distances_.size() - 1) : NAN, p = order_at_best();
-  throw OutOfReach{
-      "on " + std::to_string(levels_.back().scene.n) + " nodes the error is about " +
-      rounded_text(ahead.error, 2) +
-      (last < 0.3 ? " and does not fall from grid to grid" : " and falls like h^" + rounded_text(last, 2)) +
-      ", as it does at " +
-      (request_.corner_order <= 2 ? "places where friction " + profile_word() + " and " : std::string()) +
-      (last < 0.3 * p ? "jumps, corners and fronts thinner than that grid" : "fronts that are not resolved") +
-      "; " + limit};
+  throw OutOfReach{fmt::format(
+      "on {} nodes the error is about {:.2g} and {}, as it does at {}{}; {}", levels_.back().scene.n,
+      ahead.error, last < 0.3 ? "does not fall from grid to grid" : fmt::format("falls like h^{:.2g}", last),
+      request_.corner_order <= 2 ? "places where friction " + profile_word() + " and " : "",
+      last < 0.3 * p ? "jumps, corners and fronts thinner than that grid" : "fronts that are not resolved",
+      limit)};
 }
 
 bool GridLadder::confirm() {
@@ -424,11 +418,7 @@ void GridLadder::choose_tolerance_on(double run_cells, double in_space) {
     setting_.tolerance = std::clamp(in_time / (1.5 * grown), least_tolerance, most);
   }
   in_time_ = grown * setting_.tolerance;
-  if (in_time_ > request_.wanted)
-    throw OutOfReach{
-        "at tolerance " + rounded_text(setting_.tolerance, 2) + " the error in time is still about " +
-        rounded_text(in_time_, 2) +
-        (request_.tolerance_open ? " (the motion amplifies what is lost)" : " (ts_rtol, ts_atol as set)")};
+  if (in_time_ > request_.wanted) give_up_in_time(setting_.tolerance, in_time_);
 }
 
 // ---- the run ----
@@ -457,10 +447,7 @@ double GridLadder::estimate_in_space(const Level& now, double d) const {
 }
 
 double GridLadder::estimate(const Answer& end) {
-  Scene scene = request_.scene;
-  scene.n = setting_.n;
-  scene.order = setting_.order;
-  last_run_ = {scene, setting_.tolerance, end, 0, 0};
+  last_run_ = {on_grid(request_.scene, setting_.n, setting_.order), setting_.tolerance, end, 0, 0};
   const bool elsewhere = setting_.n != levels_.back().scene.n;
   const double d = difference_of_run(elsewhere ? predicted_error(cells_of(levels_.back().scene)) : 0);
   last_estimate_ = estimate_in_space(last_run_, d) + 1.5 * in_time_ + between_nodes(last_run_);
@@ -479,10 +466,10 @@ void GridLadder::take_last_run() {
 
 void GridLadder::refine() {
   const bool space = last_estimate_ - 1.5 * in_time_ > 0.5 * request_.wanted;
-  const std::string about = " as set the error is about " + rounded_text(last_estimate_, 2);
-  if (space && !request_.grid_open) throw OutOfReach{"on grid_n " + std::to_string(setting_.n) + about};
+  const std::string about = fmt::format(" as set the error is about {:.2g}", last_estimate_);
+  if (space && !request_.grid_open) throw OutOfReach{fmt::format("on grid_n {}{}", setting_.n, about)};
   if (!request_.tolerance_open && !space)
-    throw OutOfReach{"at the tolerance " + rounded_text(setting_.tolerance, 2) + about};
+    throw OutOfReach{fmt::format("at the tolerance {:.2g}{}", setting_.tolerance, about)};
   aim_ *= 0.7;
   if (request_.grid_open && cells_of(last_run_.scene) > 1.03 * cells_of(levels_.back().scene))
     take_last_run();
@@ -494,9 +481,9 @@ void GridLadder::refine() {
 }
 
 std::string GridLadder::predicted() const {
-  return "; error predicted in time " + rounded_text(in_time_, 2) + ", in space " +
-         rounded_text(in_space_, 2) + " (falling like h^" + rounded_text(order_beyond(), 2) +
-         (request_.corner_order <= 2 ? ", as friction " + profile_word() + " along x)" : ")");
+  return fmt::format("; error predicted in time {:.2g}, in space {:.2g} (falling like h^{:.2g}{})", in_time_,
+                     in_space_, order_beyond(),
+                     request_.corner_order <= 2 ? ", as friction " + profile_word() + " along x" : "");
 }
 
 }  // namespace

@@ -64,9 +64,9 @@ PetscInt mesh_divisor_of(const Options& options, const Scene& scene, const std::
                      ": a profile jumps, which a grid has to have at nodes: " + what +
                      ", or profile_kind smooth");
   };
-  if (jumps == 0) refuse("no grid of up to " + std::to_string(most) + " cells has; move the jumps");
+  if (jumps == 0) refuse(fmt::format("no grid of up to {} cells has; move the jumps", most));
   if (options.is_set("grid_n") && PetscInt(cells_of(scene)) % jumps != 0)
-    refuse("take a multiple of " + std::to_string(jumps) + " cells, not grid_n " + options.text("grid_n"));
+    refuse(fmt::format("take a multiple of {} cells, not grid_n {}", jumps, options.text("grid_n")));
   if (options.is_set("grid_n")) return jumps;
   return std::max(jumps, cells_between_corners(corners, scene, 2, most));
 }
@@ -112,17 +112,15 @@ AccuracyRequest::AccuracyRequest(const Options& o, double accuracy)
                      ") sends jumps along the characteristics, which no grid resolves: init_eta steady, or "
                      "profile_kind smooth");
   if (Stick::applies_to(scene) && scene.form != Form::chain)
-    throw UsageError(
-        "accuracy " + options.text("accuracy") +
-        " with friction_stick exact in the continuum: eta does "
-        "not converge at the ends of what sticks; set grid and tolerances, or friction_stick regularised");
+    throw UsageError("accuracy " + options.text("accuracy") +
+                     " with friction_stick exact in the continuum: eta does not converge at the ends of what "
+                     "sticks; set grid and tolerances, or friction_stick regularised");
   for (const Method& m : methods())
     if (const std::string name = subtype_option(m.type); method_open && !name.empty() && options.is_set(name))
-      throw UsageError("-" + name + " " + options.text(name) + " with -accuracy: set ts_type as well");
+      throw UsageError(fmt::format("-{} {} with -accuracy: set ts_type as well", name, options.text(name)));
   if (options.is_set("ts_adapt_type"))
     throw UsageError("-ts_adapt_type " + options.text("ts_adapt_type") +
-                     ": with -accuracy steps follow the error "
-                     "estimate of the method; leave it out");
+                     ": with -accuracy steps follow the error estimate of the method; leave it out");
 }
 
 Setting AccuracyRequest::setting() const {
@@ -169,10 +167,8 @@ Level LevelRuns::run(PetscInt n, double tolerance, std::string& failed) {
   if (most[1] > 0 && trial.failed.empty()) trial.failed = "it took too long";
   failed = trial.failed;
   spent_ += most[0];
-  Scene scene = request_.scene;
-  scene.n = n;
-  scene.order = setting_.order;
-  return {scene, tolerance, {std::move(trial.end), std::move(trial.measured)}, trial.steps, most[0]};
+  Answer answer{std::move(trial.end), std::move(trial.measured)};
+  return {on_grid(request_.scene, n, s.order), tolerance, std::move(answer), trial.steps, most[0]};
 }
 
 Trial LevelRuns::trial(const Setting& s, double limit) const {
@@ -193,9 +189,9 @@ Level LevelRuns::run(PetscInt n, double tolerance) {
   std::string failed;
   Level made = run(n, tolerance, failed);
   if (!failed.empty())
-    throw OutOfReach{setting_.method.name() +
-                     (request_.has_space ? " on " + std::to_string(n) + " nodes" : "") + " at tolerance " +
-                     rounded_text(tolerance, 2) + ": " + failed};
+    throw OutOfReach{fmt::format("{}{} at tolerance {:.2g}: {}", setting_.method.name(),
+                                 request_.has_space ? fmt::format(" on {} nodes", n) : "", tolerance,
+                                 failed)};
   return made;
 }
 
@@ -293,6 +289,12 @@ double Ladder::difference_of_run(double predicted_of_last) const {
   const bool between = last_run_.scene.n >= levels_.back().scene.n;
   const double d = runs_.difference(levels_.back(), last_run_, between);
   return request_.of.is_number() ? std::max(d, 0.3 * predicted_of_last) : d;
+}
+
+void Ladder::give_up_in_time(double tolerance, double error) const {
+  throw OutOfReach{
+      fmt::format("at tolerance {:.2g} the error in time is still about {:.2g} ({})", tolerance, error,
+                  request_.tolerance_open ? "the motion amplifies what is lost" : "ts_rtol, ts_atol as set")};
 }
 
 void Ladder::begin_anew() {

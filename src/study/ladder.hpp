@@ -131,6 +131,7 @@ class Ladder {
   virtual double steepest_fall(const Level& from, const Level& to) const = 0;
   void add(Level made);
   void begin_anew();
+  [[noreturn]] void give_up_in_time(double tolerance, double error) const;
 
   const AccuracyRequest& request_;
   Setting& setting_;

@@ -55,9 +55,7 @@ bool Pilot::suits(const Scene& scene, const MethodSpec& method) {
 }
 
 Model Pilot::model(int order, PetscInt n) const {
-  Scene scene = scene_;
-  scene.order = order;
-  scene.n = n;
+  const Scene scene = on_grid(scene_, n, order);
   const PetscInt cells = reduces_ ? promised_cells(scene, options_) : 1;
   return Model(PETSC_COMM_SELF, cells > 1 ? cell_of(scene, cells) : scene);
 }
@@ -86,9 +84,7 @@ MethodSpec Pilot::automatic(const AtStart& start, double tolerance) const {
 double Pilot::longest_step(const Setting& setting) const {
   if (options_.is_set("ts_adapt_dt_max")) return options_.real("ts_adapt_dt_max");
   if (setting.method.name() != "rk:7vr") return 0;
-  Scene scene = scene_;
-  scene.order = setting.order;
-  scene.n = setting.n;
+  const Scene scene = on_grid(scene_, setting.n, setting.order);
   const bool waves = !reduces_ || promised_cells(scene, options_) < scene.n;
   return waves ? 4.4 / stencil_rate(scene) : 0;
 }
@@ -146,13 +142,12 @@ Trial Pilot::run(const Setting& setting, double limit) const {
   if (trial.failed.empty()) {
     model.set_held(u);
     const Reading a(u);
-    const auto dof = std::size_t(model.dof()), nodes = std::size_t(model.local()),
-               all = std::size_t(setting.n);
     std::vector<double> psi, eta, state;
-    for (std::size_t i = 0; i < all; ++i) {
-      psi.push_back(a[i % nodes * dof]);
-      eta.push_back(a[i % nodes * dof + 1]);
-      if (dof > 2) state.push_back(a[i % nodes * dof + 2]);
+    for (PetscInt i = 0; i < setting.n; ++i) {
+      const double* at = a + i % model.local() * model.dof();
+      psi.push_back(at[0]);
+      eta.push_back(at[1]);
+      if (model.dof() > 2) state.push_back(at[2]);
     }
     trial.end = fields_with_friction(model.scene(), std::move(psi), std::move(eta), std::move(state));
   }

@@ -47,15 +47,11 @@ Model model_of_cell(const Scene& cell) {
 
 std::string description(const Scene& whole, const Model& model) {
   const PetscInt n = model.scene().n;
-  return (n == 1 ? "a uniform scene: one node"
-                 : std::to_string(whole.n / n) + " equal cells: " + std::to_string(n) + " nodes") +
-         " for " + std::to_string(whole.n) + ", " + std::to_string(model.unknowns()) + " unknowns for " +
-         std::to_string(whole.n * model.dof());
+  return fmt::format(
+      "{} for {}, {} unknowns for {}",
+      n == 1 ? "a uniform scene: one node" : fmt::format("{} equal cells: {} nodes", whole.n / n, n), whole.n,
+      model.unknowns(), whole.n * model.dof());
 }
-
-}  // namespace
-
-namespace {
 
 // The entries first, first + 1, ... of a vector, up to `count`, wherever they lie; every rank asks for its
 // own. Collective.
@@ -142,9 +138,10 @@ namespace {
 
 // When a perturbation has become as large as the motion.
 std::string outlook(double growth_rate, double duration) {
-  return "a perturbation of 1e-6 takes over after about " + rounded_text(-std::log(1e-6) / growth_rate) +
-         ", one of the size of round-off after about " + rounded_text(-std::log(1e-16) / growth_rate) +
-         " (this run: " + rounded_text(duration) + ")";
+  return fmt::format(
+      "a perturbation of 1e-6 takes over after about {:.3g}, one of the size of round-off after about "
+      "{:.3g} (this run: {:.3g})",
+      -std::log(1e-6) / growth_rate, -std::log(1e-16) / growth_rate, duration);
 }
 
 }  // namespace
@@ -164,10 +161,11 @@ std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measure
       const UniformInstability found =
           slides ? instability_of_sliding(scene) : instability_of_oscillation(scene);
       if (found.growth_rate * duration < 0.1) return "";  // nothing to be seen of it in this run
-      return std::string("scene_reduce: the uniform ") + (slides ? "sliding" : "oscillation") +
-             " that one node stands for is unstable to waves: length " +
-             rounded_text(2 * M_PI / found.wavenumber) + " grows fastest of those that fit, at " +
-             rounded_text(found.growth_rate) + " per unit time; " + outlook(found.growth_rate, duration);
+      return fmt::format(
+          "scene_reduce: the uniform {} that one node stands for is unstable to waves: length {:.3g} "
+          "grows fastest of those that fit, at {:.3g} per unit time; {}",
+          slides ? "sliding" : "oscillation", 2 * M_PI / found.wavenumber, found.growth_rate,
+          outlook(found.growth_rate, duration));
     }
     const PetscInt cells = scene.n / cell.n;
     if (scene.form == Form::chain) return unknown + "trains of a chain are not solved for" + see;
@@ -181,10 +179,10 @@ std::string broken_symmetry(const Scene& scene, const Scene& cell, const Measure
     for (std::size_t m = 0; m < growing.size(); ++m)
       if (PetscInt(m) % cells != 0) count += growing[m] * (2 * PetscInt(m) == train.pulses ? 1 : 2);
     if (count == 0) return "";
-    return "scene_reduce: the train on " + std::to_string(cells) + " equal cells is unstable to " +
-           std::to_string(count) +
-           " modes that make them unequal; the whole scene leaves it in time (`stickslip wave`"
-           " with wave_spectrum tells how fast)";
+    return fmt::format(
+        "scene_reduce: the train on {} equal cells is unstable to {} modes that make them unequal; the "
+        "whole scene leaves it in time (`stickslip wave` with wave_spectrum tells how fast)",
+        cells, count);
   } catch (const Error& e) {
     return unknown + e.what() + see;
   }

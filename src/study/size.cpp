@@ -161,7 +161,7 @@ Need tightest(const Need& own, MPI_Comm comm) {
   return need;
 }
 
-std::string gigabytes(double bytes) { return rounded_text(bytes / 1e9) + " GB"; }
+std::string gigabytes(double bytes) { return fmt::format("{:.3g} GB", bytes / 1e9); }
 
 // `what`: of which method the bytes of a node are; "": of any.
 void refuse_what_does_not_fit(double n, double bytes, const std::string& what, MPI_Comm comm) {
@@ -170,10 +170,9 @@ void refuse_what_does_not_fit(double n, double bytes, const std::string& what, M
   const double fields = n * bytes, own = fields / ranks;
   if (fields < too_small) return;
   constexpr double sure = 0.9;  // that much of the formula is taken for certain
-  const std::string says =
-      "-grid_n " + std::to_string(std::int64_t(n)) + ": needs " + (what.empty() ? "at least " : "");
+  const std::string says = fmt::format("-grid_n {:.0f}: needs {}", n, what.empty() ? "at least " : "");
   const std::string node =
-      " of memory (" + rounded_text(bytes, 4) + " bytes a node" + (what.empty() ? "" : ", " + what) + ")";
+      fmt::format(" of memory ({:.4g} bytes a node{})", bytes, what.empty() ? "" : ", " + what);
   const Need machine = tightest(on_machine(own, comm), comm);
   if (sure * machine.part() > 1)
     throw UsageError(says + gigabytes(machine.bytes + of_rank * ranks) + node + "; there are " +
@@ -206,8 +205,7 @@ void check_size(const Options& options, MPI_Comm comm) {
   int ranks = 1;
   MPI_Comm_size(comm, &ranks);
   if (n < ranks)
-    throw UsageError("-grid_n " + std::to_string(n) + ": more ranks (" + std::to_string(ranks) +
-                     ") than nodes; start at most " + std::to_string(n));
+    throw UsageError(fmt::format("-grid_n {0}: more ranks ({1}) than nodes; start at most {0}", n, ranks));
   if (double(n) * most_of_a_node < too_small) return;
   const bool sliding = options.command() == "spectrum" || options.command() == "boundary";
   refuse_what_does_not_fit(double(n), bytes_of(options, Scene::from(options, sliding)), "", comm);

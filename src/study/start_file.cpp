@@ -22,18 +22,17 @@ constexpr std::size_t nearest = 4;  // points of which a value between is made
 double tolerance(const Scene& s) { return 1e-9 * (1 + s.length); }
 
 bool stands_on_nodes(const Scene& s, const std::vector<double>& x) {
-  if (x.size() != std::size_t(s.n)) return false;
-  for (std::size_t i = 0; i < x.size(); ++i)
-    if (!(std::abs(x[i] - s.x(PetscInt(i))) <= tolerance(s))) return false;
-  return true;
+  bool stands = PetscInt(x.size()) == s.n;
+  for (PetscInt i = 0; i < s.n && stands; ++i) stands = std::abs(x[i] - s.x(i)) <= tolerance(s);
+  return stands;
 }
 
 // The points ascend and reach over the scene; on a ring the last is not the first again.
 void check_reach(const Scene& s, const std::vector<double>& x, const std::string& says) {
   for (std::size_t i = 1; i < x.size(); ++i)
     if (!(x[i] > x[i - 1]))
-      throw UsageError(says + "its points must ascend (point " + std::to_string(i) +
-                       " at x = " + number_text(x[i]) + ", the one before at " + number_text(x[i - 1]) + ")");
+      throw UsageError(fmt::format("{}its points must ascend (point {} at x = {}, the one before at {})",
+                                   says, i, number_text(x[i]), number_text(x[i - 1])));
   if (x.size() < nearest)
     throw UsageError(says + std::to_string(x.size()) +
                      " points that are not this scene's nodes; four are the least");
@@ -179,10 +178,9 @@ Frame frame_from_eigenvector(const Scene& s, const Options& options) {
     std::vector<double> steady = read_array(what, path, "steady_" + name).values;
     const DataArray vectors = read_array(what, path, name + "_re");
     if (vectors.shape.size() != 2 || vectors.shape[1] != steady.size() || mode >= vectors.shape[0])
-      throw UsageError("init_mode " + std::to_string(mode) + ": '" + path + "' holds " +
-                       std::to_string(vectors.shape.empty() ? 0 : vectors.shape[0]) +
-                       " eigenvectors, from 0");
-    if (steady.size() != std::size_t(s.n))
+      throw UsageError(fmt::format("init_mode {}: '{}' holds {} eigenvectors, from 0", mode, path,
+                                   vectors.shape.empty() ? 0 : vectors.shape[0]));
+    if (PetscInt(steady.size()) != s.n)
       throw UsageError("init_file '" + path + "': it has " + std::to_string(steady.size()) +
                        " nodes, this scene grid_n " + std::to_string(s.n));
     for (std::size_t i = 0; i < steady.size(); ++i) {

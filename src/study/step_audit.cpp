@@ -20,9 +20,7 @@ constexpr PetscInt looks = 1000;       // most steps at which the change of psi 
 constexpr PetscInt most_steps = 3000;  // of an accurate repetition
 
 std::string percent(double x) {
-  char text[32];
-  std::snprintf(text, sizeof text, x < 0.1 ? "%.1f %%" : "%.0f %%", 100 * x);
-  return x > 10 ? "more than 1000 %" : text;
+  return x > 10 ? "more than 1000 %" : fmt::format("{:.{}f} %", 100 * x, x < 0.1 ? 1 : 0);
 }
 
 // Sums over the nodes of a field (psi, eta): |mine - exact|^2, |exact - before|^2, their product.
@@ -257,34 +255,37 @@ double StepAudit::longest_near_sliding(const Model& model, const Integrator& int
 bool StepAudit::warn_of(const Verdict& v, Motion motion) const {
   const Impl& m = *impl_;
   const std::string method = m.integrator.report().method;
+  const char* const remedy =
+      m.integrator.adaptive() ? "tighten ts_rtol and ts_atol" : "reduce ts_dt, or use an adaptive method";
   bool told = false;
   if (v.miss && !(*v.miss <= largest_miss)) {
     told = true;
-    warn("the steps of " + method + " do not follow the motion: " + std::to_string(v.repeated) +
-         " of them, made again accurately, miss " + percent(*v.miss) + " of its change" +
-         (std::abs(*v.shift) > 0.01 ? ", and it runs " + percent(std::abs(*v.shift)) +
-                                          (*v.shift > 0 ? " too far" : " too short") + " in them"
-                                    : "") +
-         "; wave speeds, periods and the regime may be wrong (" +
-         (m.integrator.adaptive() ? "tighten ts_rtol and ts_atol"
-                                  : "reduce ts_dt, or use an adaptive method") +
-         ")");
+    const double shift = std::abs(*v.shift);
+    warn(fmt::format(
+        "the steps of {} do not follow the motion: {} of them, made again accurately, miss {} of its "
+        "change{}; wave speeds, periods and the regime may be wrong ({})",
+        method, v.repeated, percent(*v.miss),
+        shift > 0.01
+            ? fmt::format(", and it runs {} too {} in them", percent(shift), *v.shift > 0 ? "far" : "short")
+            : "",
+        remedy));
   }
   if (v.beyond > 0) {
     told = true;
-    warn(std::to_string(v.beyond) + " of the " + std::to_string(v.beyond + v.repeated) + " steps of " +
-         method + " that were looked at could not be made again accurately (at most " +
-         std::to_string(most_steps) + " steps were tried for each): nothing vouches for them");
+    warn(fmt::format(
+        "{} of the {} steps of {} that were looked at could not be made again accurately (at most {} "
+        "steps were tried for each): nothing vouches for them",
+        v.beyond, v.beyond + v.repeated, method, most_steps));
   }
   const double duration = m.t_end - m.t_begin, longest = m.taken.empty() ? 0 : m.taken.rbegin()->first;
-  const std::string step = "steps of up to " + rounded_text(longest) + " with " + method;
+  const std::string step = fmt::format("steps of up to {:.3g} with {}", longest, method);
   if (v.near_sliding && motion == Motion::sliding && v.growth * duration > 5 &&
       v.growth_taken < 0.5 * v.growth) {
-    warn("steady sliding is unstable here, its perturbations grow like exp(" + rounded_text(v.growth) +
-         " t), but " + step + " let them " + (v.growth_taken > 0 ? "grow like exp(" : "decay like exp(") +
-         rounded_text(v.growth_taken) + " t): the regime `" + to_string(motion) +
-         "` is the method's, not the scene's (reduce ts_dt" +
-         (m.integrator.adaptive() ? ", ts_rtol or ts_atol)" : ")"));
+    warn(fmt::format(
+        "steady sliding is unstable here, its perturbations grow like exp({:.3g} t), but {} let them {} "
+        "like exp({:.3g} t): the regime `{}` is the method's, not the scene's (reduce ts_dt{})",
+        v.growth, step, v.growth_taken > 0 ? "grow" : "decay", v.growth_taken, to_string(motion),
+        m.integrator.adaptive() ? ", ts_rtol or ts_atol" : ""));
     return true;
   }
   // Once stick-slip is reached, in truth and here, its amplitude no longer depends on how: only a motion that
@@ -296,21 +297,21 @@ bool StepAudit::warn_of(const Verdict& v, Motion motion) const {
   const double near_truly = v.near_time * std::max(1., taken / v.growth);
   if (v.growth > 0 && near_truly > 0.45 * duration && std::abs(excess) > largest_growth_error) {
     told = true;
-    warn("perturbations of steady sliding grow like exp(" + rounded_text(v.growth) +
-         " t), with the steps of " + method + (is_short ? " those of a few nodes" : "") + " like exp(" +
-         rounded_text(taken) + " t): after " + rounded_text(v.near_time) +
-         " near sliding their amplitude, and with it the time at which stick-slip sets in, is " +
-         "wrong by a factor of " +
-         (std::abs(excess) < 20 ? "about " + rounded_text(std::exp(std::abs(excess))) : "more than 1e8") +
-         (m.integrator.adaptive() ? " (tighten ts_rtol and ts_atol)"
-                                  : " (reduce ts_dt, or use an adaptive method)"));
+    const double size = std::abs(excess);
+    warn(fmt::format(
+        "perturbations of steady sliding grow like exp({:.3g} t), with the steps of {}{} like exp({:.3g} t): "
+        "after {:.3g} near sliding their amplitude, and with it the time at which stick-slip sets in, is "
+        "wrong by a factor of {} ({})",
+        v.growth, method, is_short ? " those of a few nodes" : "", taken, v.near_time,
+        size < 20 ? fmt::format("about {:.3g}", std::exp(size)) : "more than 1e8", remedy));
   }
   if (!m.integrator.adaptive() && v.growth_of_all <= 0 && motion != Motion::sliding &&
       v.growth_taken_of_all * duration > 1) {
     told = true;
-    warn("steady sliding is stable here, but " + step + " make its perturbations grow like exp(" +
-         rounded_text(v.growth_taken_of_all) + " t): the regime `" + to_string(motion) +
-         "` may be the method's, not the scene's (reduce ts_dt)");
+    warn(fmt::format(
+        "steady sliding is stable here, but {} make its perturbations grow like exp({:.3g} t): the regime "
+        "`{}` may be the method's, not the scene's (reduce ts_dt)",
+        step, v.growth_taken_of_all, to_string(motion)));
   }
   return told;
 }

@@ -22,7 +22,7 @@ class ToleranceLadder final : public Ladder {
   void refine() override;
   bool confirm() override;
   std::string predicted() const override {
-    return std::isnan(in_time_) ? "" : "; error predicted in time " + rounded_text(in_time_, 2);
+    return std::isnan(in_time_) ? "" : fmt::format("; error predicted in time {:.2g}", in_time_);
   }
 
  private:
@@ -55,7 +55,6 @@ class ToleranceLadder final : public Ladder {
   void place(double wish);
   void look_beyond_own_steps();
   double estimate_in_time(const Level& now, double d) const;
-  [[noreturn]] void give_up_at(double tolerance, double error) const;
 
   double in_time_ = NAN;  // predicted of the run
 };
@@ -79,11 +78,6 @@ double ToleranceLadder::wished() const {
          std::pow(share_in_all * aim_ / distances_.back(), 1 / slope());
 }
 
-void ToleranceLadder::give_up_at(double tolerance, double error) const {
-  throw OutOfReach{"at tolerance " + rounded_text(tolerance, 2) + " the error in time is still about " +
-                   rounded_text(error, 2) + " (the motion amplifies what is lost)"};
-}
-
 void ToleranceLadder::choose() {
   double next = request_.tolerance_open ? first() : setting_.tolerance / loosened;
   for (;;) {
@@ -91,7 +85,7 @@ void ToleranceLadder::choose() {
     Level made = runs_.run(request_.scene.n, next, failed);
     if (!failed.empty()) {
       if (!request_.method_open || setting_.method.is_explicit())
-        throw OutOfReach{setting_.method.name() + " at tolerance " + rounded_text(next, 2) + ": " + failed};
+        throw OutOfReach{fmt::format("{} at tolerance {:.2g}: {}", setting_.method.name(), next, failed)};
       runs_.take_explicit();
       next = first();
       continue;
@@ -126,7 +120,7 @@ bool ToleranceLadder::place_or_go_on(double& next) {
   const Level& last = levels_.back();
   const double d = distances_.back(), wish = wished();
   if (last.tolerance <= 2 * least_tolerance && d > aim_ && wish < last.tolerance)
-    give_up_at(last.tolerance, d);
+    give_up_in_time(last.tolerance, d);
   if (runs_.prefers_explicit(last, request_.scene.n, wish)) {
     runs_.take_explicit();
     begin_anew();
@@ -191,8 +185,8 @@ double ToleranceLadder::estimate(const Answer& end) {
 void ToleranceLadder::refine() {
   const double before = setting_.tolerance;
   if (!request_.tolerance_open)
-    throw OutOfReach{"at the tolerance " + rounded_text(before, 2) + " as set the error is about " +
-                     rounded_text(last_estimate_, 2)};
+    throw OutOfReach{
+        fmt::format("at the tolerance {:.2g} as set the error is about {:.2g}", before, last_estimate_)};
   aim_ *= 0.7;
   const Level& last = levels_.back();
   if (before < last.tolerance / 2) {
@@ -203,7 +197,7 @@ void ToleranceLadder::refine() {
     if (distances_.size() > 1)
       distances_[distances_.size() - 2] = runs_.difference(levels_[levels_.size() - 3], last_run_);
   }
-  if (before <= 2 * least_tolerance) give_up_at(before, last_estimate_);
+  if (before <= 2 * least_tolerance) give_up_in_time(before, last_estimate_);
   const double seen = before * std::pow(share_in_all * aim_ / last_estimate_, 1 / slope());
   double wish = std::min({wished(), seen, before / 3});
   while (!leads(wish)) {

@@ -45,6 +45,12 @@ Options options_for(const Options& options, const Setting& setting) {
   return result;
 }
 
+Scene on_grid(Scene scene, PetscInt n, int order) {
+  scene.n = n;
+  scene.order = order;
+  return scene;
+}
+
 // How a run of the setting is to be advanced.
 MethodSpec spec_of(const Options& options, const Setting& setting) {
   MethodSpec spec = setting.method;
@@ -198,11 +204,10 @@ Point combined(const Fields& fields, const Combination& row, const FrictionAt& h
   const bool between = !fields.friction.empty() && row.size() > 1;
   Point sum{0, 0};
   for (const auto& [index, weight] : row) {
-    const auto node = std::size_t(index);
-    const double state = fields.state.empty() ? 0 : fields.state[node];
-    const double excess = between ? here.force(place, fields.psi[node], state) - fields.friction[node] : 0;
-    sum.psi += weight * fields.psi[node];
-    sum.eta += weight * (fields.eta[node] + excess);
+    const double state = fields.state.empty() ? 0 : fields.state[index];
+    const double excess = between ? here.force(place, fields.psi[index], state) - fields.friction[index] : 0;
+    sum.psi += weight * fields.psi[index];
+    sum.eta += weight * (fields.eta[index] + excess);
   }
   return sum;
 }
@@ -221,9 +226,7 @@ Fields at_points(const Fields& fields, const Scene& scene, const std::vector<dou
 
 Fields resample(const Fields& fields, const Scene& from, const Scene& to) {
   if (from.n == to.n) return fields;
-  std::vector<double> x;
-  for (PetscInt i = 0; i < to.n; ++i) x.push_back(to.x(i));
-  return at_points(fields, from, x);
+  return at_points(fields, from, positions(to, 0, to.n));
 }
 
 double distance(const Fields& a, const Fields& b) {
@@ -243,20 +246,18 @@ Converged converge_in_time(const Options& options, int order, PetscInt n, double
       {{{"arkimex", "5", "both"}, 1e-11}, {{"rosw", "4l", "auto"}, 1e-10}}};
   Converged result;
   result.scene = Scene::from(options_for(options, {pairs[0].first.method, 0, 0, order, n}), false);
+  const auto run = [&](const Attempt& attempt, double most) {
+    Trial made = run_trial(options, {attempt.method, attempt.tolerance, 0, order, n}, "reference_", most);
+    result.seconds += made.seconds;
+    if (!made.failed.empty())
+      result.failed += fmt::format("{}{}: {}", result.failed.empty() ? "" : "; ", made.method, made.failed);
+    return made;
+  };
   for (const auto& [best, second] : pairs) {
-    const Trial a = run_trial(options, {best.method, best.tolerance, 0, order, n}, "reference_", limit);
-    result.seconds += a.seconds;
-    if (!a.failed.empty()) {
-      result.failed += (result.failed.empty() ? "" : "; ") + a.method + ": " + a.failed;
-      continue;
-    }
-    const Trial b =
-        run_trial(options, {second.method, second.tolerance, 0, order, n}, "reference_", 3 * limit);
-    result.seconds += b.seconds;
-    if (!b.failed.empty()) {
-      result.failed += (result.failed.empty() ? "" : "; ") + b.method + ": " + b.failed;
-      continue;
-    }
+    const Trial a = run(best, limit);
+    if (!a.failed.empty()) continue;
+    const Trial b = run(second, 3 * limit);
+    if (!b.failed.empty()) continue;
     result.fields = a.end;
     result.time_error = distance(a.end, b.end);
     result.method = a.method;

@@ -21,13 +21,12 @@ namespace {
 // state steady.
 void start_beside(const Model& model, const SteadySliding& s, double amplitude, double k, Vec u) {
   const Writing x(u);
-  const std::size_t d = std::size_t(model.dof());
   for (PetscInt i = 0; i < model.local(); ++i) {
-    const std::size_t g = std::size_t(model.first() + i), at = std::size_t(i) * d;
-    const bool held = model.held(model.first() + i);
-    x[at] = s.psi[g] + (held ? 0 : amplitude * (0.5 + 0.5 * std::cos(k * s.scene.x(PetscInt(g)))));
-    x[at + 1] = s.eta[g];
-    if (d == 3) x[at + 2] = s.state[g];
+    const PetscInt node = model.first() + i;
+    double* at = x + i * model.dof();
+    at[0] = s.psi[node] + (model.held(node) ? 0 : amplitude * (0.5 + 0.5 * std::cos(k * s.scene.x(node))));
+    at[1] = s.eta[node];
+    if (model.dof() == 3) at[2] = s.state[node];
   }
 }
 

@@ -61,8 +61,7 @@ const Converged& WorkPrecision::converged(int order, PetscInt n) {
   const auto key = std::make_pair(order, n);
   const auto it = converged_.find(key);
   if (it != converged_.end()) return it->second;
-  if (progress_.due())
-    progress_.show("reference, n = " + std::to_string(n) + ", order " + std::to_string(order));
+  if (progress_.due()) progress_.show(fmt::format("reference, n = {}, order {}", n, order));
   return converged_[key] = converge_in_time(options_, order, n, options_.real("chart_reference_seconds"));
 }
 
@@ -72,8 +71,8 @@ void WorkPrecision::read_reference() {
   const std::string says = "chart_reference " + quoted(path) + ": ";
   const double t_end = options_.real("ts_max_time");
   if (std::abs(frame.t - t_end) > 1e-12 * (1 + t_end))
-    throw UsageError(says + "its last frame is at t = " + number_text(frame.t) + ", ts_max_time is " +
-                     number_text(t_end));
+    throw UsageError(fmt::format("{}its last frame is at t = {}, ts_max_time is {}", says,
+                                 number_text(frame.t), number_text(t_end)));
   Converged c;
   c.scene = scene_;
   c.scene.n = PetscInt(frame.x.size());
@@ -92,8 +91,8 @@ void WorkPrecision::read_reference() {
   c.fields = fields_with_friction(c.scene, frame.fields.at("psi"), frame.fields.at("eta"), state);
   reference_ = c;
   reference_error_ = NAN;
-  reference_text_ = "frame at t = " + number_text(frame.t) + " of '" + path + "', " +
-                    std::to_string(c.scene.n) + " nodes; its error is not known";
+  reference_text_ = fmt::format("frame at t = {} of '{}', {} nodes; its error is not known",
+                                number_text(frame.t), path, c.scene.n);
   warn("chart_reference '" + path +
        "': its own error is not known; errors below it are not those of the rows");
 }
@@ -110,7 +109,7 @@ void WorkPrecision::refine_reference() {
     if (k == grids.size()) grids.push_back(doubled(scene_, grids.back()));
     const Converged& fine = converged(order, grids[k]);
     if (!fine.failed.empty()) {
-      if (!reference_) throw Failure("no reference: n = " + std::to_string(grids[k]) + ": " + fine.failed);
+      if (!reference_) throw Failure(fmt::format("no reference: n = {}: {}", grids[k], fine.failed));
       break;
     }
     if (k > 0) {
@@ -148,10 +147,10 @@ bool WorkPrecision::reference_suffices(double in_space, const Converged& fine) {
 }
 
 std::string WorkPrecision::described(double before, double last, int order) const {
-  return "n = " + std::to_string(reference_->scene.n) + ", order " + std::to_string(order) + ", " +
-         reference_->method + "; differences of the last grids " +
-         (std::isnan(before) ? "" : number_text(before) + ", ") + number_text(last) + ", error in time " +
-         number_text(reference_->time_error);
+  return fmt::format("n = {}, order {}, {}; differences of the last grids {}{}, error in time {}",
+                     reference_->scene.n, order, reference_->method,
+                     std::isnan(before) ? "" : number_text(before) + ", ", number_text(last),
+                     number_text(reference_->time_error));
 }
 
 // Of two grids: at the nodes of the coarser one and at those of every row.
@@ -161,8 +160,7 @@ double WorkPrecision::difference(const Converged& coarse, const Converged& fine)
   for (const Setting& s : settings_) {
     if (std::find(seen.begin(), seen.end(), s.n) != seen.end()) continue;
     seen.push_back(s.n);
-    Scene at = scene_;
-    at.n = s.n;
+    const Scene at = on_grid(scene_, s.n, s.order);
     largest = std::max(
         largest, distance(resample(coarse.fields, coarse.scene, at), resample(fine.fields, fine.scene, at)));
   }
@@ -176,9 +174,8 @@ void WorkPrecision::run_rows() {
   for (const Setting& s : settings_) {
     const std::size_t done = rows_.size(), all = settings_.size();
     if (progress_.due())
-      progress_.show("row " + std::to_string(done + 1) + " of " + std::to_string(all) +
-                     progress_.left(double(done) / double(all)) + " (" + s.method.name() +
-                     ", n = " + std::to_string(s.n) + ", order " + std::to_string(s.order) + ")");
+      progress_.show(fmt::format("row {} of {}{} ({}, n = {}, order {})", done + 1, all,
+                                 progress_.left(double(done) / double(all)), s.method.name(), s.n, s.order));
     rows_.push_back(measure(s));
   }
 }
@@ -189,8 +186,8 @@ ChartRow WorkPrecision::measure(const Setting& s) {
   row.method = s.method.name();
   row.implicit = s.method.implicit;
   if (looser_took_too_long(s)) {
-    row.failed = "not run: a looser " + std::string(s.method.has_estimate() ? "tolerance" : "step") +
-                 " took too long already";
+    row.failed = fmt::format("not run: a looser {} took too long already",
+                             s.method.has_estimate() ? "tolerance" : "step");
     return row;
   }
   const Trial trial = repeated(s, row);
@@ -210,7 +207,7 @@ bool WorkPrecision::looser_took_too_long(const Setting& s) const {
 // Runs chart_repeats times, as far as chart_row_seconds last, and puts what it costs into the row.
 Trial WorkPrecision::repeated(const Setting& s, ChartRow& row) const {
   const double limit = options_.real("chart_row_seconds");
-  const auto repeats = std::size_t(options_.integer("chart_repeats"));
+  const std::size_t repeats = options_.integer("chart_repeats");
   std::vector<double> seconds;
   Trial trial;
   double spent = 0;
@@ -242,9 +239,7 @@ void WorkPrecision::compare(const Fields& end, ChartRow& row) {
     return;
   }
   if (reference_) {
-    Scene here = scene_;
-    here.n = s.n;
-    const Fields exact = resample(reference_->fields, reference_->scene, here);
+    const Fields exact = resample(reference_->fields, reference_->scene, on_grid(scene_, s.n, s.order));
     row.error = resolved(distance(end, exact), reference_error_);
     if (in_time && has_grid_limit(options_, scene_))
       row.error_space = resolved(distance(c.fields, exact), reference_error_);

@@ -73,8 +73,9 @@ std::int64_t most_steps(const Options& options);
 double processor_seconds();
 double largest_processor_seconds();
 
-// The options of the scene on another grid: grid_n and grid_order are set.
+// The options of the scene on another grid: grid_n and grid_order are set. And the scene.
 Options options_for(const Options& options, const Setting& setting);
+Scene on_grid(Scene scene, PetscInt n, int order);
 
 // Runs from the scene's start to ts_max_time. PETSc's options are read with `prefix`. A computation that
 // fails, or that would take more than `limit` seconds, is reported in `failed`; warnings are kept and not
