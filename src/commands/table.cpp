@@ -25,7 +25,7 @@ const std::vector<Command>& commands() {
       {"boundary", "where sliding loses stability, and where stick-slip ends, in one option or traced in two",
        boundary_command, true},
       {"cycle", "solves for a periodic oscillation: period, stability, waves on it, branches", cycle_command,
-       false},
+       false, cycle_tables},
       {"chart", "the same scene by many methods: error against seconds, or where each method fails",
        chart_command, true},
       {"sweep", "any command over a grid, list or sample of options, on groups of ranks", sweep_command,
@@ -44,6 +44,15 @@ const Command& command_named(const std::string& name) {
   for (const Command& one : commands())
     if (name == one.name) return one;
   throw std::logic_error("no command '" + name + "'");
+}
+
+std::string tables_text() {
+  std::string text;
+  for (const Command& command : commands())
+    if (command.tables)
+      text +=
+          (text.empty() ? "{\"" : ",\n\"") + std::string(command.name) + "\": " + json_text(command.tables());
+  return text + "}\n";
 }
 
 namespace {

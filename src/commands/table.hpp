@@ -4,21 +4,27 @@
 #include <string>
 #include <vector>
 
+#include "output/table.hpp"
 #include "stickslip/commands/commands.hpp"
 
 namespace stickslip {
+
+// The tables of each command, the first that of its keys.
+std::vector<TableText> cycle_tables();
 
 struct Command {
   const char* name;
   const char* does;
   int (*body)(const Options&);
   bool has_grid;
+  std::vector<TableText> (*tables)() = nullptr;
 };
 
 const std::vector<Command>& commands();
 std::vector<std::string> command_names();
 const Command& command_named(const std::string& name);  // one of command_names()
 
+std::string tables_text();  // of all commands, for scripts/tables.py
 std::string general_help();
 std::string command_help(const Command& command);
 std::string version_text();  // versions of the libraries too: once they have started

@@ -80,6 +80,17 @@ void ResultFile::add_text(const Field& field, const std::vector<std::string>& di
   contents_->entries.push_back({field, dimensions, {}, std::move(values), true, false});
 }
 
+void ResultFile::add_complex(const Field& field, const std::vector<std::string>& dimensions,
+                             const std::vector<std::complex<double>>& values) {
+  std::vector<double> re, im;
+  for (const auto& z : values) {
+    re.push_back(z.real());
+    im.push_back(z.imag());
+  }
+  add({field.name + "_re", field.units, field.long_name + ", real part"}, dimensions, re);
+  add({field.name + "_im", field.units, field.long_name + ", imaginary part"}, dimensions, im);
+}
+
 double ResultFile::Contents::bytes() const {
   double sum = 0;
   for (const Entry& entry : entries) {

@@ -85,4 +85,11 @@ RunLayout run_layout(const Scene& scene) {
   return layout;
 }
 
+void add_scene(ResultFile& file, const Scene& scene) {
+  const RunLayout layout = run_layout(scene);
+  for (const auto& [name, value] : layout.numbers) file.attribute(name, value);
+  file.scale({"friction/psi", "length/time", "sliding velocity"}, layout.friction_psi);
+  file.add({"friction/F", "1", "friction force over its amplitude"}, {"friction/psi"}, layout.friction_F);
+}
+
 }  // namespace stickslip

@@ -1,7 +1,8 @@
-// What makes values of type Json (json.hpp): the library in full, which takes a second to compile, and
-// optional values, null where there is none.
+// What makes values of type Json (json.hpp): the library in full, which takes a second to compile, optional
+// values, null where there is none, and complex ones, {re, im}.
 #pragma once
 
+#include <complex>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -17,6 +18,14 @@ struct adl_serializer<std::optional<T>> {
       json = *value;
     else
       json = nullptr;
+  }
+};
+
+template <>
+struct adl_serializer<std::complex<double>> {
+  template <class Value>
+  static void to_json(Value& json, const std::complex<double>& z) {
+    json = Value::object({{"re", z.real()}, {"im", z.imag()}});
   }
 };
 

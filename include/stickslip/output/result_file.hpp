@@ -6,6 +6,7 @@
 
 #include <petscsys.h>
 
+#include <complex>
 #include <memory>
 #include <string>
 #include <vector>
@@ -30,6 +31,9 @@ class ResultFile {
   void add(const Field& field, const std::vector<std::string>& dimensions, std::vector<double> values);
   void add_text(const Field& field, const std::vector<std::string>& dimensions,
                 std::vector<std::string> values);
+  // Two, NAME_re and NAME_im.
+  void add_complex(const Field& field, const std::vector<std::string>& dimensions,
+                   const std::vector<std::complex<double>>& values);
   void write();  // throws Failure
 
  private:

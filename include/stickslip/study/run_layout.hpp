@@ -2,6 +2,7 @@
 #pragma once
 
 #include "stickslip/model/scene.hpp"
+#include "stickslip/output/result_file.hpp"
 #include "stickslip/output/run_file.hpp"
 
 namespace stickslip {
@@ -11,5 +12,7 @@ namespace stickslip {
 // (1 or 0, to perturbations of every wavelength of the grid); the table of friction (amplitude 1). To be
 // completed by the slab, probes, series, frames. Not collective.
 RunLayout run_layout(const Scene& scene);
+// Those numbers and the table of friction, to a file that is written in one piece.
+void add_scene(ResultFile& file, const Scene& scene);
 
 }  // namespace stickslip

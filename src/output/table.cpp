@@ -1,0 +1,45 @@
+#include "output/table.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace stickslip {
+
+void add_cells(ResultFile& file, const Field& field, const std::string& dimension,
+               const std::vector<Json>& cells) {
+  if (cells.empty()) return;
+  const bool is_text = std::any_of(cells.begin(), cells.end(), [](const Json& c) { return c.is_string(); });
+  std::vector<std::string> texts;
+  std::vector<double> numbers;
+  for (const Json& c : cells) {
+    if (is_text)
+      texts.push_back(c.is_null() ? "" : c.get<std::string>());
+    else
+      numbers.push_back(c.is_null() ? NAN : c.is_boolean() ? double(c.get<bool>()) : c.get<double>());
+  }
+  if (is_text)
+    file.add_text({field.name, "1", field.long_name}, {dimension}, texts);
+  else
+    file.add(field, {dimension}, numbers);
+}
+
+std::string json_text(const std::vector<TableText>& tables) {
+  Json list = Json::array();
+  for (const TableText& table : tables) {
+    Json columns = Json::array();
+    for (const auto& c : table.columns)
+      columns.push_back(
+          {{"key", c.in == In::file ? Json() : Json(c.name)},
+           {"dataset", c.in == In::summary ? Json() : Json(c.dataset.empty() ? c.name : c.dataset)},
+           {"unit", c.unit},
+           {"meaning", c.meaning}});
+    list.push_back({{"list", table.list},
+                    {"prefix", table.prefix},
+                    {"dimension", table.dimension},
+                    {"counts", table.counts},
+                    {"columns", columns}});
+  }
+  return json_text(list);
+}
+
+}  // namespace stickslip

@@ -1,0 +1,131 @@
+// Results, each described once: a column has a name, a unit, a meaning and a value of its row. From it come the
+// summary (JSON), the file (HDF5) and the tables of docs/summary.md and docs/files.md (scripts/tables.py).
+//
+// Columns of one row, all that a command has found, are the keys of its summary.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "stickslip/base/json_values.hpp"
+#include "stickslip/output/field.hpp"
+#include "stickslip/output/result_file.hpp"
+#include "stickslip/output/summary.hpp"
+
+namespace stickslip {
+
+enum class In { both, summary, file };
+
+// `value`: a member, or a function of a row, which gives a number, truth, a text, a list, an optional one of
+// these, or Json. What is not there, and an empty text, is null in the summary, NaN or "" in the file. A column
+// without one is set by somebody else.
+template <class Row>
+struct Column {
+  std::string name;     // of the key, and of the dataset
+  std::string unit;     // in words (Field); "" of texts and of what has several
+  std::string meaning;  // Markdown, or plain where it is the long_name of a dataset
+  std::function<Json(const Row&)> value = {};
+  In in = In::both;
+  std::string dataset = {};  // its name, where that is another than the key's
+};
+template <class Row>
+using Columns = std::vector<Column<Row>>;
+
+template <class Row>
+Columns<Row> operator+(Columns<Row> first, const Columns<Row>& more) {
+  first.insert(first.end(), more.begin(), more.end());
+  return first;
+}
+
+// The columns of a part of a row: a member or a function, which may give an optional one or a pointer.
+template <class Row, class Member, class Inner>
+Columns<Row> of(Member member, const Columns<Inner>& inner) {
+  Columns<Row> columns;
+  for (const Column<Inner>& c : inner) {
+    const auto value = [member, get = c.value](const Row& row) -> Json {
+      const auto& part = std::invoke(member, row);
+      if constexpr (std::is_convertible_v<decltype(part), const Inner&>)
+        return get(part);
+      else
+        return part ? get(*part) : Json();
+    };
+    columns.push_back({c.name, c.unit, c.meaning, value, c.in, c.dataset});
+  }
+  return columns;
+}
+
+// A list of rows.
+template <class Row>
+struct Table {
+  std::string list;       // where it stands in the summary: key or key.key; "": nowhere
+  std::string prefix;     // of its datasets, mostly a group: "branch/"
+  std::string dimension;  // of its datasets; "": they are in no file
+  Columns<Row> columns;
+  std::string counts = "index";  // what the scale of the dimension says
+};
+
+// What the pages say of a table.
+struct TableText {
+  std::string list, prefix, dimension, counts;
+  Columns<Json> columns;
+
+  template <class Row>
+  TableText(const Table<Row>& table)  // NOLINT: a list of tables of any rows
+      : list(table.list), prefix(table.prefix), dimension(table.dimension), counts(table.counts) {
+    for (const auto& c : table.columns) columns.push_back({c.name, c.unit, c.meaning, {}, c.in, c.dataset});
+  }
+  template <class Row>
+  TableText(const Columns<Row>& keys)  // NOLINT: the keys of a summary
+      : TableText(Table<Row>{"", "", "", keys}) {}
+};
+std::string json_text(const std::vector<TableText>& tables);
+
+// The keys of a summary.
+template <class Row>
+std::vector<std::string> keys_of(const Columns<Row>& columns) {
+  std::vector<std::string> keys;
+  for (const Column<Row>& column : columns) keys.push_back(column.name);
+  return keys;
+}
+
+inline Json or_null(Json value) { return value == "" ? Json() : value; }
+
+template <class Row>
+void set_keys(Summary& summary, const Columns<Row>& columns, const Row& row) {
+  for (const Column<Row>& column : columns)
+    if (column.value) summary.set(column.name, or_null(column.value(row)));
+}
+
+template <class Row>
+Json json_of(const Columns<Row>& columns, const Row& row) {
+  Json object = Json::object();
+  for (const Column<Row>& column : columns)
+    if (column.in != In::file) object[column.name] = or_null(column.value(row));
+  return object;
+}
+
+template <class Row, class Rows>
+Json list_of(const Table<Row>& table, const Rows& rows) {
+  Json list = Json::array();
+  for (const Row& row : rows) list.push_back(json_of(table.columns, row));
+  return list;
+}
+
+// One dataset of cells. Texts where one of them is.
+void add_cells(ResultFile& file, const Field& field, const std::string& dimension,
+               const std::vector<Json>& cells);
+
+// Nothing where there are no rows.
+template <class Row, class Rows>
+void add_rows(ResultFile& file, const Table<Row>& table, const Rows& rows) {
+  for (const Column<Row>& column : table.columns) {
+    std::vector<Json> cells;
+    for (const Row& row : rows)
+      if (column.in != In::summary) cells.push_back(column.value(row));
+    const std::string name = table.prefix + (column.dataset.empty() ? column.name : column.dataset);
+    add_cells(file, {name, column.unit, column.meaning}, table.dimension, cells);
+  }
+}
+
+}  // namespace stickslip
