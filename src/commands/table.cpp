@@ -18,7 +18,8 @@ namespace stickslip {
 const std::vector<Command>& commands() {
   static const std::vector<Command> table = {
       {"run", "advances the scene in time", run_command, true},
-      {"wave", "solves for a train of pulses: speed or length, stability, branches", wave_command, false},
+      {"wave", "solves for a train of pulses: speed or length, stability, branches", wave_command, false,
+       wave_tables},
       {"spectrum", "steady sliding, then the eigenvalues of the operator linearised about it",
        spectrum_command, true},
       {"laws", "tabulates friction laws", laws_command, false},

@@ -11,6 +11,7 @@ namespace stickslip {
 
 // The tables of each command, the first that of its keys.
 std::vector<TableText> cycle_tables();
+std::vector<TableText> wave_tables();
 
 struct Command {
   const char* name;

@@ -3,23 +3,176 @@
 #include <cmath>
 
 #include "base/pulse.hpp"
-#include "stickslip/commands/commands.hpp"
-#include "stickslip/base/json_values.hpp"
-#include "stickslip/base/error.hpp"
-#include "stickslip/output/field.hpp"
-#include "stickslip/output/reader.hpp"
-#include "stickslip/output/result_file.hpp"
-#include "stickslip/study/run_layout.hpp"
-#include "stickslip/options/library_options.hpp"
-#include "stickslip/output/summary.hpp"
-#include "commands/wave_limits.hpp"
+#include "commands/table.hpp"
 #include "commands/wave_options.hpp"
-#include "stickslip/waves/branch.hpp"
-#include "stickslip/waves/wave_stability.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/commands/commands.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/output/reader.hpp"
+#include "stickslip/study/run_layout.hpp"
 
 namespace stickslip {
 
 namespace {
+
+struct BranchRow {
+  BranchPoint point;
+  std::optional<TrainSpectrum> spectrum;
+};
+
+// What is known, one after the other.
+struct WaveResults {
+  Scene scene;
+  PetscInt pulses;
+  std::optional<Train> train;
+  std::optional<TrainSpectrum> spectrum;
+  std::vector<BranchRow> branch;
+  std::string parameter, parameter2,
+      branch_end;  // of the branch; parameter2: "" where nothing is followed in it
+  std::optional<std::vector<TrainLimit>> special;
+  std::vector<TrainLimitCurve> curves;
+};
+
+Columns<Train> train_columns() {
+  return {{"speed", "length/time", "speed of the train", &Train::speed},
+          {"length", "length", "length of the ring", &Train::length},
+          {"period", "time", "period", &Train::period},
+          {"psi_min", "length/time", "least psi", &Train::psi_min},
+          {"psi_max", "length/time", "largest psi", &Train::psi_max}};
+}
+
+Json known_stable(const TrainSpectrum& s) { return s.known ? Json(s.stable) : Json(); }
+
+// `with_spectrum`: the stability of every train of the branch is known too.
+Table<BranchRow> branch_table(const std::string& parameter, bool with_spectrum) {
+  using Row = const BranchRow&;
+  const In where = with_spectrum ? In::both : In::summary;
+  Columns<BranchRow> columns =
+      Columns<BranchRow>{{"value", "1", parameter, [](Row r) { return r.point.value; }}} +
+      of<BranchRow>([](Row r) -> const Train& { return r.point.train; }, train_columns()) +
+      Columns<BranchRow>{
+          {"fold", "1", "1 where the parameter has just turned round", [](Row r) { return r.point.fold; }},
+          {"stable", "1", "1 where the train is stable on its ring, nan where it is not known",
+           [](Row r) { return r.spectrum ? known_stable(*r.spectrum) : Json(); }, where}};
+  if (with_spectrum)
+    columns.push_back({"growth_rate", "1/time", "largest growth rate on the ring",
+                       [](Row r) { return r.spectrum->growth_rate; }});
+  return {"branch.points", "branch/", "branch/point", columns};
+}
+
+Table<TrainMode> mode_table() {
+  using Row = const TrainMode&;
+  return {"eigenvalues",
+          "spectrum/",
+          "spectrum/mode",
+          {{"re", "1/time", "growth rate of the mode", [](Row m) { return m.lambda.real(); }},
+           {"im", "1/time", "its frequency in the frame of the train", [](Row m) { return m.lambda.imag(); }},
+           {"wavenumber", "1/length", "wavenumber of its Bloch factor", &TrainMode::wavenumber},
+           {"resolved", "1", "1 where a finer mesh agrees", &TrainMode::resolved},
+           {"residual", "1", "change on a finer mesh, relative", &TrainMode::residual, In::summary},
+           {"bloch", "1", "Bloch number", &TrainMode::bloch, In::summary},
+           {"translation", "", "the mode of a shift, always 0, which the rate leaves out",
+            &TrainMode::translation, In::summary}}};
+}
+
+Columns<TrainLimit> limit_columns(const std::string& name, const std::string& name2) {
+  const auto unit = [](const std::string& option) {
+    return find_option(option) ? find_option(option)->unit : "";
+  };
+  return {
+      {"kind", "", "fold, hopf or zero", &TrainLimit::kind},
+      {"value", unit(name), name, &TrainLimit::value},
+      {"value2", unit(name2), name2,
+       [two = !name2.empty()](const TrainLimit& limit) { return two ? Json(limit.value2) : Json(); }},
+      {"frequency", "1/time", "of the mode that crosses, in the frame of the train", &TrainLimit::frequency},
+      {"wavenumber", "1/length", "of its Bloch factor", &TrainLimit::wavenumber},
+      {"bloch", "1", "Bloch number", &TrainLimit::bloch, In::summary},
+      {"speed", "length/time", "speed of the train", &TrainLimit::speed, In::summary},
+      {"length", "length", "length of the ring", &TrainLimit::length, In::summary},
+      {"period", "time", "period", &TrainLimit::period, In::summary},
+      {"leads", "1", "1 where no other mode grows", &TrainLimit::leads}};
+}
+
+Table<TrainLimit> special_table(const WaveResults& w) {
+  return {"special", "", "", limit_columns(w.parameter, w.parameter2)};
+}
+
+// The points of all curves, one curve after the other.
+struct CurvePoint {
+  std::size_t curve;
+  TrainLimit limit;
+};
+Table<CurvePoint> curve_table(const std::string& name, const std::string& name2) {
+  return {"curves.points", "curves/", "curves/point",
+          Columns<CurvePoint>{{"piece", "1", "number of the curve", &CurvePoint::curve, In::file}} +
+              of<CurvePoint>(&CurvePoint::limit, limit_columns(name, name2))};
+}
+
+Json branch_of(const WaveResults& w) {
+  if (w.branch.empty()) return {};
+  return {{"parameter", w.parameter},
+          {"points", list_of(branch_table(w.parameter, w.branch[0].spectrum.has_value()), w.branch)},
+          {"end", w.branch_end}};
+}
+
+Json curves_of(const WaveResults& w) {
+  if (w.parameter2.empty() || !w.special) return {};
+  Json list = Json::array();
+  for (const TrainLimitCurve& curve : w.curves)
+    list.push_back({{"kind", curve.points.front().kind},
+                    {"points", list_of(special_table(w), curve.points)},
+                    {"end", curve.end}});
+  return list;
+}
+
+Columns<TrainSpectrum> spectrum_columns() {
+  using S = const TrainSpectrum&;
+  return {{"stable", "", "with `-wave_spectrum`: on its ring; null: not known", known_stable},
+          {"eigenvalues", "", "with `-wave_spectrum`: rightmost first",
+           [](S s) { return list_of(mode_table(), s.modes); }},
+          {"growth_rate", "1/time",
+           "largest of them; null also where no other mode stands right of the short waves",
+           &TrainSpectrum::growth_rate},
+          {"translation_error", "1/time", "how far the mode of a shift is from 0",
+           &TrainSpectrum::translation_error},
+          {"complete", "", "as in `spectrum`", &TrainSpectrum::complete},
+          {"completeness_check", "", "as in `spectrum`", &TrainSpectrum::completeness_check},
+          {"endless", "",
+           "the same train on an infinite line: `stable`, `growth_rate`, `wavenumber`, `frequency`", [](S s) {
+             return Json::object({{"stable", s.infinite_known ? Json(s.infinite_stable) : Json()},
+                                  {"growth_rate", s.infinite_growth},
+                                  {"wavenumber", s.infinite_wavenumber},
+                                  {"frequency", s.infinite_frequency}});
+           }}};
+}
+
+Columns<WaveResults> keys() {
+  using W = const WaveResults&;
+  const auto train = [](W w) -> const std::optional<Train>& { return w.train; };
+  return of<WaveResults>(train, train_columns()) +
+         Columns<WaveResults>{{"pulses", "1", "on the ring", &WaveResults::pulses},
+                              {"shortest_pulse", "length", "length below which there is no pulse",
+                               [](W w) { return shortest_pulse(w.scene); }}} +
+         of<WaveResults>(
+             train,
+             Columns<Train>{
+                 {"residual", "1", "of the collocation equations", &Train::residual},
+                 {"error_estimate", "", "of the speed or the length, whichever was solved for",
+                  &Train::error_estimate},
+                 {"mesh_intervals", "1", "of the collocation, over one pulse", &Train::intervals}}) +
+         of<WaveResults>(&WaveResults::spectrum, spectrum_columns()) +
+         Columns<WaveResults>{
+             {"branch", "",
+              "with `-wave_continue`: the `parameter`, the `points`, and how it came to an `end`", branch_of},
+             {"special", "",
+              "with `-wave_continue`: its folds and, with `-wave_spectrum` or `-wave_continue2`, changes of "
+              "stability",
+              [](W w) { return w.special ? list_of(special_table(w), *w.special) : Json(); }},
+             {"curves", "",
+              "with `-wave_continue2`: each of them followed in that option: `kind`, `points` (as in "
+              "`special`), `end`",
+              curves_of}};
+}
 
 // The train as it stands on its ring at t = 0, at the mesh and Gauss points of every pulse, x rising; and
 // what the picture needs of the scene.
@@ -47,10 +200,7 @@ void add_train(ResultFile& file, const Scene& scene, const Train& train) {
   file.add(standard_field("eta"), {"x"}, eta);
   const StateLaw law = scene.friction.state;
   if (!law.none()) file.add(standard_field(state_name(law)), {"x"}, state);
-  const RunLayout layout = run_layout(scene);
-  for (const auto& [name, value] : layout.numbers) file.attribute(name, value);
-  file.scale({"friction/psi", "length/time", "sliding velocity"}, layout.friction_psi);
-  file.add({"friction/F", "1", "friction force over its amplitude"}, {"friction/psi"}, layout.friction_F);
+  add_scene(file, scene);
   file.attribute("speed", train.speed);
   file.attribute("length", train.length);
   file.attribute("pulses", double(train.pulses));
@@ -58,171 +208,145 @@ void add_train(ResultFile& file, const Scene& scene, const Train& train) {
 }
 
 void describe(Summary& summary, const Train& train) {
-  summary.say("train of " + std::to_string(train.pulses) + (train.pulses == 1 ? " pulse" : " pulses") +
-              " on a ring: speed V = " + rounded_text(train.speed, 12) + ", length L = " +
-              rounded_text(train.length, 12) + ", period T = " + rounded_text(train.period, 12));
-  summary.say(std::string("solved for the ") + (train.length_given ? "speed" : "length") + ", error below " +
-              rounded_text(train.error_estimate, 2) + "; psi from " + rounded_text(train.psi_min, 10) +
-              " to " + rounded_text(train.psi_max, 10) + "; " + std::to_string(train.intervals()) +
-              " mesh intervals");
-}
-
-Json verdict(bool known, bool stable) { return known ? Json(stable) : Json(); }
-
-void add_spectrum(Summary& summary, ResultFile& file, const TrainSpectrum& spectrum) {
-  Json list = Json::array();
-  std::vector<double> re, im, wavenumber, resolved;
-  for (const TrainMode& mode : spectrum.modes) {
-    list.push_back(Json::object({{"re", mode.lambda.real()},
-                                 {"im", mode.lambda.imag()},
-                                 {"residual", mode.residual},
-                                 {"wavenumber", mode.wavenumber},
-                                 {"resolved", mode.resolved},
-                                 {"bloch", mode.bloch},
-                                 {"translation", mode.translation}}));
-    re.push_back(mode.lambda.real());
-    im.push_back(mode.lambda.imag());
-    wavenumber.push_back(mode.wavenumber);
-    resolved.push_back(mode.resolved);
-  }
-  summary.set("eigenvalues", list);
-  summary.set("stable", verdict(spectrum.known, spectrum.stable));
-  summary.set("growth_rate", spectrum.growth_rate);
-  summary.set("translation_error", spectrum.translation_error);
-  summary.set("complete", spectrum.complete);
-  summary.set("completeness_check", spectrum.completeness_check);
-  summary.set("endless", Json::object({{"stable", verdict(spectrum.infinite_known, spectrum.infinite_stable)},
-                                       {"growth_rate", spectrum.infinite_growth},
-                                       {"wavenumber", spectrum.infinite_wavenumber},
-                                       {"frequency", spectrum.infinite_frequency}}));
-  if (re.empty()) return;
-  file.add({"spectrum/re", "1/time", "growth rate of the mode"}, {"spectrum/mode"}, re);
-  file.add({"spectrum/im", "1/time", "its frequency in the frame of the train"}, {"spectrum/mode"}, im);
-  file.add({"spectrum/wavenumber", "1/length", "wavenumber of its Bloch factor"}, {"spectrum/mode"},
-           wavenumber);
-  file.add({"spectrum/resolved", "1", "1 where a finer mesh agrees"}, {"spectrum/mode"}, resolved);
+  summary.say(
+      fmt::format("train of {} pulse{} on a ring: speed V = {:.12g}, length L = {:.12g}, period T = {:.12g}",
+                  train.pulses, train.pulses == 1 ? "" : "s", train.speed, train.length, train.period));
+  summary.say(
+      fmt::format("solved for the {}, error below {:.2g}; psi from {:.10g} to {:.10g}; {} mesh intervals",
+                  train.length_given ? "speed" : "length", train.error_estimate, train.psi_min, train.psi_max,
+                  train.intervals()));
 }
 
 void describe(Summary& summary, const TrainSpectrum& spectrum) {
   if (std::isnan(spectrum.growth_bound)) return summary.say("stability: " + spectrum.completeness_check);
+  const bool none = std::isnan(spectrum.growth_rate);
   const std::string rate =
-      std::isnan(spectrum.growth_rate)
-          ? ", every other mode at a growth rate below " + rounded_text(spectrum.growth_bound, 6)
-          : ", largest growth rate " + rounded_text(spectrum.growth_rate, 6);
-  summary.say(spectrum.known
-                  ? std::string("on its ring: ") + (spectrum.stable ? "stable" : "not stable") + rate +
-                        " (translation mode: " + rounded_text(spectrum.translation_error, 2) + ")"
-                  : "on its ring: whether it is stable is not known" +
-                        (std::isnan(spectrum.growth_rate) ? "" : rate + " of those found"));
-  summary.say(!spectrum.infinite_known ? "infinite train: whether it is stable is not known"
-              : spectrum.infinite_stable
-                  ? "infinite train: stable to every wavelength"
-                  : "infinite train: not stable, growth rate " + rounded_text(spectrum.infinite_growth, 6) +
-                        " at wavenumber " + rounded_text(spectrum.infinite_wavenumber, 6) + ", frequency " +
-                        rounded_text(spectrum.infinite_frequency, 6));
+      none ? fmt::format(", every other mode at a growth rate below {:.6g}", spectrum.growth_bound)
+           : fmt::format(", largest growth rate {:.6g}", spectrum.growth_rate);
+  summary.say(spectrum.known ? fmt::format("on its ring: {}stable{} (translation mode: {:.2g})",
+                                           spectrum.stable ? "" : "not ", rate, spectrum.translation_error)
+                             : "on its ring: whether it is stable is not known" +
+                                   (none ? "" : rate + " of those found"));
+  summary.say(
+      !spectrum.infinite_known ? "infinite train: whether it is stable is not known"
+      : spectrum.infinite_stable
+          ? "infinite train: stable to every wavelength"
+          : fmt::format(
+                "infinite train: not stable, growth rate {:.6g} at wavenumber {:.6g}, frequency {:.6g}",
+                spectrum.infinite_growth, spectrum.infinite_wavenumber, spectrum.infinite_frequency));
+}
+
+void describe(Summary& summary, const std::string& name, const TrainLimit& limit) {
+  summary.say(fmt::format(
+      "{} at {} = {:.10g}{}",
+      limit.kind == "fold" ? "fold"
+                           : fmt::format("stability changes ({}, Bloch number {})", limit.kind, limit.bloch),
+      name, limit.value, limit.leads.value_or(true) ? "" : ", where other modes grow already"));
 }
 
 // With wave_spectrum, the stability of every train of the branch too.
-void add_branch(Summary& summary, ResultFile& file, const Options& options, const Branch& branch) {
-  const std::string name = options.text("wave_continue");
-  const bool with_spectrum = options.boolean("wave_spectrum");
-  std::map<std::string, std::vector<double>> columns;
-  Json points = Json::array();
+Branch find_branch(const Options& options, WaveResults& results) {
+  Branch branch = continue_train(train_family(options, results.parameter), options.real(results.parameter),
+                                 options.real("wave_to"), int(options.integer("wave_steps")));
   for (const BranchPoint& point : branch.points) {
-    const Train& train = point.train;
-    std::vector<std::pair<std::string, double>> row = {
-        {"value", point.value},   {"speed", train.speed},     {"length", train.length},
-        {"period", train.period}, {"psi_min", train.psi_min}, {"psi_max", train.psi_max}};
-    Json stable;
-    if (with_spectrum) {
-      const TrainSpectrum spectrum = train_spectrum(train, 4);
-      row.push_back({"growth_rate", spectrum.growth_rate});
-      stable = verdict(spectrum.known, spectrum.stable);
-      columns["stable"].push_back(spectrum.known ? double(spectrum.stable) : std::nan(""));
-    }
-    Json object = Json::object();
-    for (const auto& [key, value] : row) {
-      object[key] = value;
-      columns[key].push_back(value);
-    }
-    object["fold"] = point.fold;
-    object["stable"] = stable;
-    columns["fold"].push_back(point.fold);
-    points.push_back(object);
+    results.branch.push_back({point, {}});
+    if (options.boolean("wave_spectrum")) results.branch.back().spectrum = train_spectrum(point.train, 4);
   }
-  summary.set("branch", Json::object({{"parameter", name}, {"points", points}, {"end", branch.end}}));
-  const std::map<std::string, Field> fields = {
-      {"value", {"branch/value", "1", name}},
-      {"speed", {"branch/speed", "length/time", "speed of the train"}},
-      {"length", {"branch/length", "length", "length of the ring"}},
-      {"period", {"branch/period", "time", "period"}},
-      {"psi_min", {"branch/psi_min", "length/time", "least psi"}},
-      {"psi_max", {"branch/psi_max", "length/time", "largest psi"}},
-      {"fold", {"branch/fold", "1", "1 where the parameter has just turned round"}},
-      {"stable",
-       {"branch/stable", "1", "1 where the train is stable on its ring, nan where it is not known"}},
-      {"growth_rate", {"branch/growth_rate", "1/time", "largest growth rate on the ring"}}};
-  for (const auto& [key, values] : columns) file.add(fields.at(key), {"branch/point"}, values);
-  file.attribute("branch_parameter", name);
-  file.attribute("branch_end", branch.end);
+  results.branch_end = branch.end;
+  return branch;
 }
 
-void describe(Summary& summary, const Options& options, const Branch& branch) {
-  int folds = 0;
-  for (const BranchPoint& point : branch.points) folds += point.fold;
-  summary.say("branch in " + options.text("wave_continue") + ": " + std::to_string(branch.points.size()) +
-              " points, " + std::to_string(folds) + (folds == 1 ? " fold; " : " folds; ") + branch.end);
+void add_branch(Summary& summary, ResultFile& file, const WaveResults& results) {
+  const auto& [name, rows] = std::tie(results.parameter, results.branch);
+  add_rows(file, branch_table(name, rows[0].spectrum.has_value()), rows);
+  file.attribute("branch_parameter", name);
+  file.attribute("branch_end", results.branch_end);
+  const auto folds = std::count_if(rows.begin(), rows.end(), [](const BranchRow& r) { return r.point.fold; });
+  summary.say(fmt::format("branch in {}: {} points, {} fold{}; {}", name, rows.size(), folds,
+                          folds == 1 ? "" : "s", results.branch_end));
+}
+
+// Where trains end and where their stability changes, with wave_continue2 followed in that option.
+void find_limits(const Options& options, const Branch& branch, WaveResults& results) {
+  const auto& [name, name2] = std::tie(results.parameter, results.parameter2);
+  std::vector<std::string> notes;
+  std::vector<TrainLimit> special;
+  if (name2.empty()) {
+    special =
+        train_limits(train_family(options, name, name), branch, 0, options.boolean("wave_spectrum"), notes);
+  } else {
+    results.curves = train_limit_curves(train_family(options, name, name2), branch, options.real(name),
+                                        options.real("wave_to"), options.real(name2),
+                                        options.real("wave_to2"), int(options.integer("wave_steps")), notes);
+    for (const TrainLimitCurve& curve : results.curves) special.push_back(curve.points.front());
+  }
+  for (const std::string& note : notes) warn(note);
+  results.special = special;
+}
+
+void add_limits(Summary& summary, ResultFile& file, const WaveResults& results) {
+  const auto& [name, name2] = std::tie(results.parameter, results.parameter2);
+  std::vector<CurvePoint> points;
+  for (std::size_t k = 0; k < results.special->size(); ++k) {
+    describe(summary, name, (*results.special)[k]);
+    if (name2.empty()) continue;
+    const TrainLimitCurve& curve = results.curves[k];
+    summary.say(fmt::format("  followed in {}: {} points; {}", name2, curve.points.size(), curve.end));
+    for (const TrainLimit& limit : curve.points) points.push_back({k, limit});
+  }
+  if (!name2.empty()) file.attribute("branch_parameter2", name2);
+  add_rows(file, curve_table(name, name2), points);
 }
 
 }  // namespace
 
+std::vector<TableText> wave_tables() {
+  const WaveResults none{{}, 1, {}, {}, {}, "the option's value", "that of the second option", {}, {}, {}};
+  return {keys(), mode_table(), branch_table(none.parameter, true), special_table(none),
+          curve_table(none.parameter, none.parameter2)};
+}
+
 int wave_command(const Options& options) {
   const Provenance provenance = Provenance::of("wave", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, {"speed",          "length",
-                               "pulses",         "period",
-                               "psi_max",        "psi_min",
-                               "residual",       "error_estimate",
-                               "stable",         "eigenvalues",
-                               "growth_rate",    "translation_error",
-                               "complete",       "completeness_check",
-                               "endless",        "branch",
-                               "special",        "curves",
-                               "shortest_pulse", "mesh_intervals"},
-                  options.text("summary"));
+  Summary summary(provenance, keys_of(keys()), options.text("summary"));
   const TrainRequest request = train_request(options);
   check_branch(options);
   const Scene scene = Scene::from(options, true);
   check_train_scene(scene);
   return with_summary(summary, [&] {
     const Pulse pulse(options.text("progress"), "wave");
-    summary.set("pulses", request.pulses);
-    summary.set("shortest_pulse", shortest_pulse(scene));
-    const Train train = solve_train(scene, request);
+    WaveResults results{scene,
+                        request.pulses,
+                        {},
+                        {},
+                        {},
+                        options.text("wave_continue"),
+                        options.text("wave_continue2"),
+                        {},
+                        {},
+                        {}};
+    const auto tell = [&] { set_keys(summary, keys(), results); };
+    tell();
+    results.train = solve_train(scene, request);
     check_unused_after_setup(options, "eps st bv ds");
-    summary.set("speed", train.speed);
-    summary.set("length", train.length);
-    summary.set("period", train.period);
-    summary.set("psi_max", train.psi_max);
-    summary.set("psi_min", train.psi_min);
-    summary.set("residual", train.residual);
-    summary.set("error_estimate", train.error_estimate);
-    summary.set("mesh_intervals", train.intervals());
+    tell();
     ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
-    add_train(file, scene, train);
-    describe(summary, train);
+    add_train(file, scene, *results.train);
+    describe(summary, *results.train);
     if (options.boolean("wave_spectrum")) {
-      const TrainSpectrum spectrum = train_spectrum(train, int(options.integer("spectrum_count")));
-      add_spectrum(summary, file, spectrum);
-      describe(summary, spectrum);
+      results.spectrum = train_spectrum(*results.train, int(options.integer("spectrum_count")));
+      tell();
+      add_rows(file, mode_table(), results.spectrum->modes);
+      describe(summary, *results.spectrum);
     }
     if (options.is_set("wave_continue")) {
-      const Branch branch = continue_train(train_family(options, options.text("wave_continue")),
-                                           options.real(options.text("wave_continue")),
-                                           options.real("wave_to"), int(options.integer("wave_steps")));
-      add_branch(summary, file, options, branch);
-      describe(summary, options, branch);
-      add_limits(summary, file, options, branch);
+      const Branch branch = find_branch(options, results);
+      tell();
+      add_branch(summary, file, results);
+      find_limits(options, branch, results);
+      tell();
+      add_limits(summary, file, results);
     }
     file.write();
     warn_unused_at_end(options);
