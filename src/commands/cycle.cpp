@@ -71,8 +71,8 @@ Table<RestAt> rest_table(const std::string& unit_of_x) {
            {"end", "time", "until when", &RestAt::end}}};
 }
 
-// Whether all deviations decay: known without a look at waves where there are none, or where one grows that is
-// alike in every cell.
+// Whether all deviations decay: known without a look at waves where there are none, or where one grows that
+// is alike in every cell.
 Json is_stable(const CycleResults& a) {
   if (a.spectrum) return a.spectrum->decided ? Json(a.spectrum->stable) : Json();
   const bool alike = growth_rate(a.found.cycle) < 0;

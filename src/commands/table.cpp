@@ -11,6 +11,8 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
 #include "stickslip/base/provenance.hpp"
+#include "stickslip/study/chart.hpp"
+#include "stickslip/study/limits.hpp"
 
 namespace stickslip {
 
@@ -18,15 +20,14 @@ namespace stickslip {
 const std::vector<Command>& commands() {
   static const std::vector<Command> table = {
       {"run", "advances the scene in time", run_command, true},
-      {"wave", "solves for a train of pulses: speed or length, stability, branches", wave_command, false,
-       wave_tables},
+      {"wave", "solves for a train of pulses: speed or length, stability, branches", wave_command, false},
       {"spectrum", "steady sliding, then the eigenvalues of the operator linearised about it",
        spectrum_command, true},
       {"laws", "tabulates friction laws", laws_command, false},
       {"boundary", "where sliding loses stability, and where stick-slip ends, in one option or traced in two",
        boundary_command, true},
       {"cycle", "solves for a periodic oscillation: period, stability, waves on it, branches", cycle_command,
-       false, cycle_tables},
+       false},
       {"chart", "the same scene by many methods: error against seconds, or where each method fails",
        chart_command, true},
       {"sweep", "any command over a grid, list or sample of options, on groups of ranks", sweep_command,
@@ -48,11 +49,13 @@ const Command& command_named(const std::string& name) {
 }
 
 std::string tables_text() {
+  const std::vector<std::pair<const char*, std::vector<TableText>>> all = {{"wave", wave_tables()},
+                                                                           {"cycle", cycle_tables()},
+                                                                           {"chart", chart_tables()},
+                                                                           {"limits", limit_tables()}};
   std::string text;
-  for (const Command& command : commands())
-    if (command.tables)
-      text +=
-          (text.empty() ? "{\"" : ",\n\"") + std::string(command.name) + "\": " + json_text(command.tables());
+  for (const auto& [name, tables] : all)
+    text += fmt::format("{}\"{}\": {}", text.empty() ? "{" : ",\n", name, json_text(tables));
   return text + "}\n";
 }
 

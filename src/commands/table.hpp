@@ -9,7 +9,7 @@
 
 namespace stickslip {
 
-// The tables of each command, the first that of its keys.
+// What each command writes, first the keys of its summary.
 std::vector<TableText> cycle_tables();
 std::vector<TableText> wave_tables();
 
@@ -18,7 +18,6 @@ struct Command {
   const char* does;
   int (*body)(const Options&);
   bool has_grid;
-  std::vector<TableText> (*tables)() = nullptr;
 };
 
 const std::vector<Command>& commands();

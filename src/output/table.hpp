@@ -1,5 +1,6 @@
-// Results, each described once: a column has a name, a unit, a meaning and a value of its row. From it come the
-// summary (JSON), the file (HDF5) and the tables of docs/summary.md and docs/files.md (scripts/tables.py).
+// Results, each described once: a column has a name, a unit, a meaning and a value of its row. From it come
+// the summary (JSON), the file (HDF5) and the tables of docs/summary.md and docs/files.md
+// (scripts/tables.py).
 //
 // Columns of one row, all that a command has found, are the keys of its summary.
 #pragma once
@@ -18,14 +19,14 @@ namespace stickslip {
 enum class In { both, summary, file };
 
 // `value`: a member, or a function of a row, which gives a number, truth, a text, a list, an optional one of
-// these, or Json. What is not there, and an empty text, is null in the summary, NaN or "" in the file. A column
-// without one is set by somebody else.
+// these, or Json. What is not there, and an empty text, is null in the summary, NaN or "" in the file. A
+// column without one is set by somebody else.
 template <class Row>
 struct Column {
   std::string name;     // of the key, and of the dataset
   std::string unit;     // in words (Field); "" of texts and of what has several
   std::string meaning;  // Markdown, or plain where it is the long_name of a dataset
-  std::function<Json(const Row&)> value = {};
+  std::function<Json(const Row&)> value;
   In in = In::both;
   std::string dataset = {};  // its name, where that is another than the key's
 };

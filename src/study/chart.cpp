@@ -4,70 +4,74 @@
 #include <cmath>
 #include <limits>
 
+#include "output/table.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/output/field.hpp"
 #include "stickslip/output/reader.hpp"
-#include "stickslip/output/result_file.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/time/methods.hpp"
-#include "stickslip/output/summary.hpp"
-#include "study/row_table.hpp"
 #include "study/work_precision.hpp"
 
 namespace stickslip {
 
 namespace {
 
-// seconds are `cost` in the file: readers take "seconds" for dates
-std::vector<Column<ChartRow>> chart_columns() {
+Table<ChartRow> chart_table() {
   using Row = const ChartRow&;
   const auto adaptive = [](Row r) { return r.setting.method.has_estimate(); };
+  return {"rows",
+          "",
+          "row",
+          {{"method", "", "method", &ChartRow::method},
+           {"implicit", "", "terms taken implicitly", &ChartRow::implicit},
+           {"tolerance", "1", "relative and absolute tolerance of a step",
+            [=](Row r) { return adaptive(r) ? Json(r.setting.tolerance) : Json(); }},
+           {"step", "time", "step, where all are the same",
+            [=](Row r) { return adaptive(r) ? Json() : Json(r.setting.step); }},
+           {"order", "1", "order in space", [](Row r) { return r.setting.order; }},
+           {"n", "1", "nodes", [](Row r) { return r.setting.n; }},
+           {"error", "1", "largest error of psi and eta", &ChartRow::error},
+           {"error_time", "1", "the part of it from steps in time", &ChartRow::error_time},
+           {"error_space", "1", "the part of it from the grid", &ChartRow::error_space},
+           // readers of the file take "seconds" for dates
+           {"seconds", "seconds of processor time", "processor time, median of the repetitions",
+            [](Row r) { return r.repeats > 0 ? Json(r.seconds) : Json(); }, In::both, "cost"},
+           {"repeats", "1", "repetitions", &ChartRow::repeats},
+           {"steps", "1", "steps", &ChartRow::steps},
+           {"rejections", "1", "steps taken back for their error", &ChartRow::rejections, In::summary},
+           {"rhs_evaluations", "1", "right-hand sides, or parts of them", &ChartRow::rhs_evaluations},
+           {"failed", "", "why there is no error", &ChartRow::failed},
+           {"warnings", "", "lines of warning of this row", &ChartRow::warnings, In::summary},
+           {"best", "1", "1 where no other row is as good in as little time", &ChartRow::best, In::file}}};
+}
+
+struct ChartResults {
+  std::vector<ChartRow> rows;
+  std::optional<double> reference_error;
+  std::string reference;
+};
+
+Columns<ChartResults> keys() {
+  using C = const ChartResults&;
   return {
-      {"method", {"method", "1", "method"}, [](Row r) { return r.method; }, true},
-      {"implicit", {"implicit", "1", "terms taken implicitly"}, [](Row r) { return r.implicit; }, true},
-      {"tolerance",
-       {"tolerance", "1", "relative and absolute tolerance of a step"},
-       [=](Row r) { return adaptive(r) ? Json(r.setting.tolerance) : Json(); }},
-      {"step",
-       {"step", "time", "step, where all are the same"},
-       [=](Row r) { return adaptive(r) ? Json() : Json(r.setting.step); }},
-      {"order", {"order", "1", "order in space"}, [](Row r) { return r.setting.order; }},
-      {"n", {"n", "1", "nodes"}, [](Row r) { return r.setting.n; }},
-      {"error", {"error", "1", "largest error of psi and eta"}, [](Row r) { return Json(r.error); }},
-      {"error_time",
-       {"error_time", "1", "the part of it from steps in time"},
-       [](Row r) { return Json(r.error_time); }},
-      {"error_space",
-       {"error_space", "1", "the part of it from the grid"},
-       [](Row r) { return Json(r.error_space); }},
-      {"seconds",
-       {"cost", "seconds of processor time", "processor time, median of the repetitions"},
-       [](Row r) { return r.repeats > 0 ? Json(r.seconds) : Json(); }},
-      {"repeats", {"repeats", "1", "repetitions"}, [](Row r) { return r.repeats; }},
-      {"steps", {"steps", "1", "steps"}, [](Row r) { return r.steps; }},
-      {"rejections", {}, [](Row r) { return r.rejections; }},
-      {"rhs_evaluations",
-       {"rhs_evaluations", "1", "right-hand sides, or parts of them"},
-       [](Row r) { return r.rhs_evaluations; }},
-      {"failed", {"failed", "1", "why there is no error"}, [](Row r) { return r.failed; }, true},
-  };
+      {"rows", "", "one for each method, tolerance (or fixed step), order in space and number of nodes",
+       [](C c) { return list_of(chart_table(), c.rows); }},
+      {"best", "", "the rows that no other beats in both error and seconds",
+       [](C c) {
+         Json best = Json::array();
+         for (const std::size_t i : chart_front(c.rows))
+           best.push_back(json_of(chart_table().columns, c.rows[i]));
+         return best;
+       }},
+      {"reference_error", "1", "its own error", &ChartResults::reference_error},
+      {"reference", "", "what errors are measured against", &ChartResults::reference},
+      {"clock", "", "what `seconds` counts", [](C) { return "processor time, the largest over the ranks"; }}};
 }
 
-Json json_of(const ChartRow& row) {
-  Json object = json_of(chart_columns(), row);
-  object["warnings"] = row.warnings;
-  return object;
-}
-
-void write_file(const std::string& path, const Provenance& provenance, const WorkPrecision& chart,
-                const std::vector<std::size_t>& best) {
+void write_file(const std::string& path, const Provenance& provenance, const ChartResults& results) {
   ResultFile file(PETSC_COMM_WORLD, path, provenance);
-  file.attribute("reference", chart.reference_text());
-  file.attribute("reference_error", chart.reference_error().value_or(NAN));
-  add_columns(file, chart_columns(), chart.rows());
-  std::vector<double> front(chart.rows().size(), 0);
-  for (const std::size_t i : best) front[i] = 1;
-  file.add({"best", "1", "1 where no other row is as good in as little time"}, {"row"}, front);
+  file.attribute("reference", results.reference);
+  file.attribute("reference_error", results.reference_error.value_or(NAN));
+  add_rows(file, chart_table(), results.rows);
   file.write();
 }
 
@@ -75,9 +79,9 @@ void write_file(const std::string& path, const Provenance& provenance, const Wor
 // ones.
 void describe(Summary& summary, const std::vector<ChartRow>& rows) {
   const auto words = [](const ChartRow& r) {
-    return r.method + (r.setting.method.splits() ? " (" + r.implicit + " implicit)" : "") + ", order " +
-           std::to_string(r.setting.order) + ", n = " + std::to_string(r.setting.n) + ", in " +
-           rounded_text(r.seconds, 2) + " s";
+    return fmt::format("{}{}, order {}, n = {}, in {:.2g} s", r.method,
+                       r.setting.method.splits() ? " (" + r.implicit + " implicit)" : "", r.setting.order,
+                       r.setting.n, r.seconds);
   };
   const auto quickest = [&](double wanted, bool imex) {
     const ChartRow* best = nullptr;
@@ -97,8 +101,7 @@ void describe(Summary& summary, const std::vector<ChartRow>& rows) {
   }
   const auto known =
       std::count_if(rows.begin(), rows.end(), [](const ChartRow& r) { return r.error.has_value(); });
-  summary.say(std::to_string(known) + " of " + std::to_string(rows.size()) +
-              " rows have an error that is known");
+  summary.say(fmt::format("{} of {} rows have an error that is known", known, rows.size()));
 }
 
 // What the chart sets for each row is not the user's to set for all.
@@ -114,6 +117,8 @@ void refuse_what_rows_choose(const Options& options) {
 }
 
 }  // namespace
+
+std::vector<TableText> chart_tables() { return {keys(), chart_table()}; }
 
 std::vector<MethodSpec> chart_methods(const Options& options, std::vector<std::string> names) {
   if (options.is_set("chart_methods")) names = options.words("chart_methods");
@@ -231,39 +236,33 @@ int chart_errors(const Options& options) {
   const OutputLock lock = check_outputs(out_file, options.text("summary"));
 
   const Provenance provenance = Provenance::of("chart", options.all());
-  Summary summary(provenance, {"rows", "best", "reference_error", "reference", "clock"},
-                  options.text("summary"));
+  Summary summary(provenance, keys_of(keys()), options.text("summary"));
   return with_summary(summary, [&] {
     check_settings(options, chart_settings(options));
     check_unused_after_setup(options, "snes ksp pc");
-    summary.set("clock", "processor time, the largest over the ranks");
+    ChartResults results;
+    set_keys(summary, keys(), results);
     WorkPrecision chart(options);
     const auto report = [&] {
-      Json rows = Json::array(), best = Json::array();
-      std::vector<std::size_t> front = chart_front(chart.rows());
-      for (const ChartRow& row : chart.rows()) rows.push_back(json_of(row));
-      for (const std::size_t i : front) best.push_back(json_of(chart.rows()[i]));
-      summary.set("rows", rows);
-      summary.set("best", best);
-      summary.set("reference_error", chart.reference_error());
-      summary.set("reference", chart.reference_text().empty() ? Json() : Json(chart.reference_text()));
-      return front;
+      results = {chart.rows(), chart.reference_error(), chart.reference_text()};
+      for (const std::size_t i : chart_front(results.rows)) results.rows[i].best = true;
+      set_keys(summary, keys(), results);
     };
     try {
       chart.find_references();
       chart.run_rows();
     } catch (...) {
-      (void)report();
+      report();
       throw;
     }
-    const std::vector<std::size_t> front = report();
-    if (front.empty())
+    report();
+    if (chart_front(results.rows).empty())
       warn(
           "no row has an error that could be told: see `failed` of the rows (more chart_reference_seconds, a "
           "shorter "
           "ts_max_time or finer grids help)");
-    write_file(out_file, provenance, chart, front);
-    describe(summary, chart.rows());
+    write_file(out_file, provenance, results);
+    describe(summary, results.rows);
     return 0;
   });
 }

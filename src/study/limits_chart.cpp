@@ -2,14 +2,13 @@
 #include <algorithm>
 
 #include "base/progress.hpp"
+#include "output/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
-#include "stickslip/output/summary.hpp"
 #include "stickslip/study/chart.hpp"
 #include "stickslip/study/limits.hpp"
 #include "stickslip/time/methods.hpp"
-#include "study/row_table.hpp"
 
 namespace stickslip {
 
@@ -49,45 +48,56 @@ std::vector<MethodSpec> wanted_methods(const Options& options) {
 }
 
 // `parameter`: "" where nothing varies.
-std::vector<Column<LimitRow>> limit_columns(const std::string& parameter) {
-  using Row = const LimitRow&;
-  const auto step = [](const char* name, const char* what, std::optional<double> LimitRow::*member) {
-    return Column<LimitRow>{name, {name, "time", what}, [=](Row r) { return Json(r.*member); }};
-  };
-  const auto text = [](const char* name, const char* what, std::string LimitRow::*member) {
-    return Column<LimitRow>{name, {name, "1", what}, [=](Row r) { return r.*member; }, true};
-  };
+Table<LimitRow> limit_table(const std::string& parameter) {
   const bool varied = !parameter.empty();
   return {
-      text("method", "method", &LimitRow::method),
-      text("implicit", "what is implicit", &LimitRow::implicit),
-      {"order", {"order", "1", "order in space"}, [](Row r) { return r.order; }},
-      {"n", {"n", "1", "nodes"}, [](Row r) { return r.n; }},
-      {"value",
-       {"value", "1", varied ? parameter : "nothing varies"},
-       [=](Row r) { return varied ? Json(r.value) : Json(); }},
-      step("theory", "stability limit of the linearised operator", &LimitRow::theory),
-      step("limit", "longest step of a run that ends within bounds", &LimitRow::limit),
-      text("how", "what happens beyond limit", &LimitRow::how),
-      step("followed", "longest step with the true regime, amplitude and speed", &LimitRow::followed),
-      text("wrong", "what is wrong beyond followed", &LimitRow::wrong),
-      step("shortest_theory", "step from which the shortest wave should grow falsely",
-           &LimitRow::shortest_theory),
-      step("shortest", "step from which it does", &LimitRow::shortest),
-      step("damps_theory", "step from which sliding's perturbations should decay", &LimitRow::damps_theory),
-      step("damps", "step from which they do", &LimitRow::damps),
-      {"longest", {"longest", "time", "longest step tried"}, [](Row r) { return r.longest; }},
-      {"warned", {"warned", "1", "1 where every failure was told"}, [](Row r) { return r.warned; }},
-      {"runs", {}, [](Row r) { return r.runs; }},
-  };
+      "rows",
+      "",
+      "row",
+      {{"method", "", "method", &LimitRow::method},
+       {"implicit", "", "what is implicit", &LimitRow::implicit},
+       {"order", "1", "order in space", &LimitRow::order},
+       {"n", "1", "nodes", &LimitRow::n},
+       {"value", "1", varied ? parameter : "nothing varies",
+        [=](const LimitRow& r) { return varied ? Json(r.value) : Json(); }},
+       {"theory", "time", "stability limit of the linearised operator", &LimitRow::theory},
+       {"limit", "time", "longest step of a run that ends within bounds", &LimitRow::limit},
+       {"how", "", "what happens beyond limit", &LimitRow::how},
+       {"followed", "time", "longest step with the true regime, amplitude and speed", &LimitRow::followed},
+       {"wrong", "", "what is wrong beyond followed", &LimitRow::wrong},
+       {"shortest_theory", "time", "step from which the shortest wave should grow falsely",
+        &LimitRow::shortest_theory},
+       {"shortest", "time", "step from which it does", &LimitRow::shortest},
+       {"damps_theory", "time", "step from which sliding's perturbations should decay",
+        &LimitRow::damps_theory},
+       {"damps", "time", "step from which they do", &LimitRow::damps},
+       {"longest", "time", "longest step tried", &LimitRow::longest},
+       {"warned", "1", "1 where every failure was told", &LimitRow::warned},
+       {"runs", "1", "runs that it took", &LimitRow::runs, In::summary},
+       {"silent", "time", "steps of failures that were not told", &LimitRow::silent, In::summary}}};
 }
 
-void write_file(const Options& options, const Provenance& provenance, const std::vector<LimitRow>& rows,
-                const std::string& parameter) {
+struct LimitResults {
+  std::vector<LimitRow> rows;
+  std::string parameter;
+};
+
+Columns<LimitResults> keys() {
+  using L = const LimitResults&;
+  return {{"rows", "", "one for each method, value, order in space and number of nodes",
+           [](L l) { return list_of(limit_table(l.parameter), l.rows); }},
+          {"best", "", "of the other kind of chart", {}},
+          {"reference_error", "1", "likewise", {}},
+          {"silent", "1", "rows that failed and were not told", [](L l) {
+             return std::count_if(l.rows.begin(), l.rows.end(), [](const LimitRow& r) { return !r.warned; });
+           }}};
+}
+
+void write_file(const Options& options, const Provenance& provenance, const LimitResults& results) {
   ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
   file.attribute("chart_kind", "limits");
-  file.attribute("parameter", parameter);
-  add_columns(file, limit_columns(parameter), rows);
+  file.attribute("parameter", results.parameter);
+  add_rows(file, limit_table(results.parameter), results.rows);
   file.write();
 }
 
@@ -136,43 +146,40 @@ const OptionSpec* parameter_of(const Options& options) {
 
 }  // namespace
 
+std::vector<TableText> limit_tables() { return {keys(), limit_table("the option that varies")}; }
+
 int chart_limits(const Options& options) {
   const Provenance provenance = Provenance::of("chart", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, {"rows", "best", "reference_error", "silent"}, options.text("summary"));
+  Summary summary(provenance, keys_of(keys()), options.text("summary"));
   const std::vector<MethodSpec> choices = wanted_methods(options);
   const OptionSpec* spec = parameter_of(options);
-  const std::string parameter = spec ? spec->name : "";
   const std::vector<Varied> scenes = varied_scenes(options, spec);
   check_unused_after_setup(options, "ts snes ksp pc");
   return with_summary(summary, [&] {
-    std::vector<LimitRow> rows;
+    LimitResults results{{}, spec ? spec->name : ""};
+    std::vector<LimitRow>& rows = results.rows;
     Progress progress(options.text("progress"), "limits: ");
     const std::size_t all = scenes.size() * choices.size();
-    Json list = Json::array();
     for (const Varied& scene : scenes) {
       Limits limits(scene.options);
       for (const MethodSpec& choice : choices) {
         if (progress.due())
-          progress.show("row " + std::to_string(rows.size() + 1) + " of " + std::to_string(all) +
-                        progress.left(double(rows.size()) / double(all)) + " (" + choice.name() +
-                        (choice.splits() ? ":" + choice.implicit : "") + ")");
+          progress.show(fmt::format("row {} of {}{} ({}{})", rows.size() + 1, all,
+                                    progress.left(double(rows.size()) / double(all)), choice.name(),
+                                    choice.splits() ? ":" + choice.implicit : ""));
         rows.push_back(limits.row(choice));
         rows.back().value = scene.value;
-        list.push_back(json_of(limit_columns(parameter), rows.back()));
-        list.back()["silent"] = rows.back().silent;
-        summary.set("rows", list);
+        set_keys(summary, keys(), results);
       }
     }
-    const auto silent = std::count_if(rows.begin(), rows.end(), [](const LimitRow& r) { return !r.warned; });
-    summary.set("silent", long(silent));
     for (const LimitRow& r : rows)
       if (!r.warned)
         warn(r.method + " (" + r.implicit + " implicit) went wrong at ts_dt " +
              number_text(r.silent.front()) + " (" + r.wrong + ") without a word");
-    write_file(options, provenance, rows, parameter);
-    summary.say(std::to_string(rows.size()) + " rows; " + std::to_string(silent) +
-                " went wrong beyond their limit without a warning");
+    write_file(options, provenance, results);
+    summary.say(fmt::format("{} rows; {} went wrong beyond their limit without a warning", rows.size(),
+                            summary.get("silent").dump()));
     return 0;
   });
 }

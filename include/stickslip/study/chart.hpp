@@ -24,6 +24,8 @@
 
 namespace stickslip {
 
+struct TableText;  // src/output/table.hpp
+
 struct ChartRow {
   Setting setting;
   std::string method, implicit;  // as run
@@ -34,6 +36,7 @@ struct ChartRow {
   long rhs_evaluations = 0;
   std::string failed;  // "" or why there is no error
   std::vector<std::string> warnings;
+  bool best = false;  // of chart_front()
 };
 
 // The rows that no other beats: no row has a smaller or equal error in less or equal time (of equals the
@@ -52,6 +55,7 @@ std::vector<Setting> chart_settings(const Options& options);
 // better than the order does.
 double error_of_finest(double before, double last, int order);
 
+std::vector<TableText> chart_tables();  // of what it writes
 // Body of `stickslip chart`. Returns the exit code. Collective.
 int chart_errors(const Options& options);
 

@@ -27,6 +27,8 @@
 
 namespace stickslip {
 
+struct TableText;  // src/output/table.hpp
+
 struct LimitRow {
   std::string method, implicit;
   int order = 0;
@@ -54,6 +56,7 @@ class Limits {
   std::unique_ptr<Impl> impl_;
 };
 
+std::vector<TableText> limit_tables();  // of what it writes
 // Body of `stickslip chart -chart_kind limits`. Returns the exit code. Collective.
 int chart_limits(const Options& options);
 
