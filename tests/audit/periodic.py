@@ -5,7 +5,7 @@ option that is varied, by Newton's method on Fourier samples; the growth rate of
 to a^4, which several amplitudes eliminate."""
 import numpy as np
 
-import sliding
+import reference
 
 
 class Oscillations:
@@ -14,19 +14,19 @@ class Oscillations:
 
     def __init__(self, p, name, a=None, shape=None, samples=12):
         self.shape = shape
-        self.p, self.name, self.a, self.m, self.lines = p, name, a, samples, {}
+        self.p, self.name, self.a, self.m, self.systems = p, name, a, samples, {}
         k = np.fft.fftfreq(samples, 1 / samples)
         k[samples // 2] = 0
         self.D = np.fft.ifft(1j * k[:, None] * np.fft.fft(np.eye(samples), axis=0), axis=0).real  # d/dphase
 
-    def line(self, value):
-        if value not in self.lines:
-            self.lines[value] = sliding.Line(self.p | {self.name: value}, self.a)
-        return self.lines[value]
+    def system(self, value):
+        if value not in self.systems:
+            self.systems[value] = reference.System(self.p | {self.name: value}, self.a)
+        return self.systems[value]
 
     def mode(self, value):
         """The leading oscillating mode: its rate and vector, in deviations of (psi, eta, state) at the nodes."""
-        rates, vectors = np.linalg.eig(self.line(value).J)
+        rates, vectors = np.linalg.eig(self.system(value).operator())
         at = np.argmax(np.where(rates.imag > 1e-9, rates.real, -np.inf))
         if self.shape is None:
             return rates[at], vectors[:, at]
@@ -35,24 +35,15 @@ class Oscillations:
 
     def rates(self, value, y):
         """d/dt of deviations y (samples, unknowns) from the sliding of that value."""
-        L = self.line(value)
-        n = len(L.free)
-        F, g, steady = sliding.law(self.p | {self.name: value})
-        a = np.ones(len(L.psi)) if self.a is None else self.a
-        psi0, a = L.psi[L.free], a[L.free]
-        x0 = L.steady_state if L.state else np.zeros(n)
-        psi, eta, x = y[:, :n], y[:, n:2 * n], y[:, 2 * n:] if L.state else 0 * y[:, :n]
-        rest = a * (F(psi0 + psi + 0j, x0 + x + 0j) - F(psi0 + 0j, x0 + 0j))
-        force = eta + psi @ L.V.T - rest
-        out = [L.A * (force - L.B * psi), psi @ L.E.T - L.sd * force]
-        if L.state:
-            out.append(g(psi0 + psi + 0j, x0 + x + 0j))
-        return np.concatenate(out, axis=1)
+        system = self.system(value)
+        u, at = system.steady + np.zeros((len(y), 1), y.dtype), system.unknowns()
+        u[:, at] += y
+        return system.rates(0, u)[:, at]
 
     def solve(self, value, a):
         """The option's value at which an oscillation of amplitude a is periodic, starting from the Hopf point's."""
         rate, q = self.mode(value)
-        n = len(self.line(value).free)
+        n = len(self.system(value).free)
         lead = np.argmax(abs(q[:n]))
         phase = 2 * np.pi * np.arange(self.m) / self.m
         y = a * np.real(np.exp(1j * phase)[:, None] * (q / q[lead])[None, :])
@@ -67,7 +58,7 @@ class Oscillations:
                 re, im = np.real(wave) @ y[:, lead], np.imag(wave) @ y[:, lead]
             else:
                 re, im = first.real, first.imag
-            flow = x[-2] * (self.D @ y) - self.rates_of(x[-1], y)
+            flow = x[-2] * (self.D @ y) - self.rates(float(np.real(x[-1])), y)
             return np.concatenate([flow.ravel() / scale, [(re - a) / a, im / a]])
         for _ in range(20):
             r = residual(x)
@@ -87,10 +78,6 @@ class Oscillations:
                 break
         assert np.max(abs(residual(x))) < 1e-9, f"no oscillation of amplitude {a}: {np.max(abs(residual(x)))}"
         return x[-1]
-
-    def rates_of(self, value, y):
-        out = self.rates(float(np.real(value)), y)
-        return out if np.iscomplexobj(y) else out.real
 
     def lyapunov(self, value, a):
         """-growth/a^2 from amplitudes a, a/2 and a/4, the next order eliminated; and how far it may be off."""

@@ -1,15 +1,11 @@
 """Curves of `boundary` in two options, of random chains: what is called a meeting of two modes has two on the axis by the dense
 matrix, and at a Bautin point small oscillations (periodic.py) neither grow out of sliding nor jump."""
-import os
-import sys
-
 import numpy as np
 
+import reference
 from calls import check, run
 
-sys.path.insert(0, os.path.dirname(__file__))
-import periodic  # noqa: E402
-import sliding  # noqa: E402
+from . import periodic, sliding
 
 
 def scene(random):
@@ -28,7 +24,7 @@ def scene(random):
 
 
 def rates(p):
-    values = sliding.Line(p, p.get("friction_amplitude")).eigenvalues()
+    values = reference.System(p).eigenvalues()
     return values[values.imag >= 0], max(1, abs(values).max())
 
 
@@ -37,7 +33,7 @@ def test_meetings_and_bautin_points(scenes):
     for index, (p, second, side) in scenes(scene, 64, short=8):
         p = dict(p)
         value = p.pop(second)
-        words = sliding.words(p) + ["-boundary_of", "sliding", "-boundary_points", "16", "-boundary_parameter", "model_v",
+        words = reference.words(p) + ["-boundary_of", "sliding", "-boundary_points", "16", "-boundary_parameter", "model_v",
                                     "-boundary_from", str(0.003 * side), "-boundary_to", str(2 * side), "-boundary_parameter2",
                                     second, "-boundary_from2", str(0.1 * value), "-boundary_to2", str(3 * value)]
         found = run(words, code=None, command="boundary")[0]
@@ -52,8 +48,7 @@ def test_meetings_and_bautin_points(scenes):
                   f"scene {index}: one mode at {q['value']}, {q['value2']}: {z}, {second} of {p}")
         for q in found["special"]:
             at = p | {"model_v": q["value"], second: q["value2"]}
-            measured = periodic.Oscillations(at, "model_v", p.get("friction_amplitude"), np.ones(p["grid_n"]) + 0j
-                                             if q["wavenumber"] < 1e-9 else None)
+            measured = periodic.Oscillations(at, "model_v", shape=np.ones(p["grid_n"]) + 0j if q["wavenumber"] < 1e-9 else None)
             l, allowed = measured.lyapunov(q["value"], 0.02 * abs(q["value"]))
             check(abs(l) < allowed + 1e-4 * np.median(sizes),
                   f"scene {index}: {l} +- {allowed} at {q['value']}, {q['value2']}, {second} of {p}; elsewhere {sizes}")

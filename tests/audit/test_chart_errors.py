@@ -1,8 +1,6 @@
 """Errors of the rows of a chart against SciPy: chains and rings, whose states at the end by each row's method
 and tolerance are held against DOP853 on the same grid (error_time) and a Fourier method on a finer one (error,
 error_space); and that the rows recommended are those that no other row beats."""
-import os
-import sys
 
 import h5py
 import numpy as np
@@ -10,8 +8,7 @@ from scipy.integrate import solve_ivp
 
 from calls import run
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-import sliding  # noqa: E402
+from . import sliding
 
 METHODS = ("rk:3bs", "rk:5dp", "rk:7vr", "arkimex:4:friction", "rosw:ra34pw2")
 KINDS = {"rk": "ts_rk_type", "arkimex": "ts_arkimex_type", "rosw": "ts_rosw_type"}

@@ -1,16 +1,12 @@
 """Criticality of Hopf points in random scenes, against oscillations of small amplitudes solved for by harmonic balance
 (periodic.py): growth rate of sliding = -l a^2 there."""
-import os
-import sys
-
 import numpy as np
 import pytest
 
+import reference
 from calls import call, check, data, run
 
-sys.path.insert(0, os.path.dirname(__file__))
-import periodic  # noqa: E402
-import sliding  # noqa: E402
+from . import periodic, sliding
 
 
 def scene(random):
@@ -35,10 +31,10 @@ def amplitudes(p, value):
         return p["friction_amplitude"]
     if "friction_spread" not in p:
         return None
-    done = call(sliding.words(p | {"model_v": value}) + ["-spectrum_refine", "off", "-out_file", "s.h5"], command="spectrum")
+    done = call(reference.words(p | {"model_v": value}) + ["-spectrum_refine", "off", "-out_file", "s.h5"], command="spectrum")
     check(done.returncode == 0, done.stderr)
     file = data("s.h5")
-    return sliding.amplitudes(p | {"model_v": value}, file["steady_psi"], file["steady_eta"])
+    return reference.amplitudes(p | {"model_v": value}, file["steady_psi"], file["steady_eta"])
 
 
 def coefficients(point, n):
@@ -70,7 +66,7 @@ def compare(p, point, what):
 def test_coefficients_are_those_of_small_oscillations(scenes, draw):
     compared = []
     for index, p in scenes(draw, 61):
-        words = sliding.words(p) + ["-spectrum_refine", "off", "-boundary_of", "sliding", "-boundary_parameter", "model_v", "-boundary_from", "0.15",
+        words = reference.words(p) + ["-spectrum_refine", "off", "-boundary_of", "sliding", "-boundary_parameter", "model_v", "-boundary_from", "0.15",
                                     "-boundary_to", "2"]
         summary, _ = run(words, code=None, command="boundary")
         for point in summary["points"] or []:  # null where no boundary is in that range
@@ -89,7 +85,7 @@ def test_waves_of_finite_length_that_viscosity_chooses():
     free = {"bc_left": "free", "bc_right": "free"}
     for p in (common | chain, common | medium | free):
         h = p.get("grid_length", 0) / (p["grid_n"] - (p.get("bc_left") == "free")) or 1
-        words = sliding.words(p) + ["-spectrum_refine", "off", "-boundary_of", "sliding", "-boundary_parameter", "model_v",
+        words = reference.words(p) + ["-spectrum_refine", "off", "-boundary_of", "sliding", "-boundary_parameter", "model_v",
                                     "-boundary_from", "0.3", "-boundary_to", "1.5"]
         (point,) = run(words, command="boundary")[0]["points"]
         check(0.1 < point["wavenumber"] * h < 0.8 * np.pi and not point["degenerate"], f"which wave leads: {point}")

@@ -2,16 +2,13 @@
 near their threshold, integrated by scipy three times as long as the run. A definite word (sliding, stick-slip, stuck)
 must never be contradicted by what comes later, what decays must not be larger later, and the linear
 growth rate must be that of the dispersion relation."""
-import os
-import sys
 
 import h5py
 import numpy as np
 from calls import run
 from scipy.integrate import solve_ivp
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-import sliding  # noqa: E402
+from . import sliding
 
 LATER = 3
 
@@ -192,7 +189,7 @@ def test_words_of_short_lines(scenes):
     scene grows: by every eigenvalue of its matrix."""
     looked_at = 0
     for index, (p, start, end) in scenes(draw_short_line, 162, short=8):
-        words = sliding.words(p | start)
+        words = reference.words(p | start)
         out, _ = run(["-ts_max_time", end, *words])
         if out["regime"] not in ("sliding", "decaying"):
             continue
@@ -201,6 +198,6 @@ def test_words_of_short_lines(scenes):
         later, _ = run(["-ts_max_time", 4 * end, *words])
         near = 0.01 * abs(p["model_v"]) if out["regime"] == "sliding" else 0
         assert later["amplitude"] <= max(near, 1.02 * out["amplitude"]), f"{said}: later {later['amplitude']}"
-        matrix, _ = run(["-spectrum_refine", "off", *sliding.words(p)], command="spectrum", code=None)
+        matrix, _ = run(["-spectrum_refine", "off", *reference.words(p)], command="spectrum", code=None)
         assert not matrix or matrix["growth_rate"] is None or matrix["growth_rate"] < 1e-9, f"{said}: {matrix['growth_rate']}"
     assert looked_at > 0

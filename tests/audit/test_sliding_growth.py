@@ -1,17 +1,14 @@
 """One growth rate of sliding, whoever says it: `run` and `steady_stable` of its file, `spectrum` with and without a grid in
-mind, and numpy on the dense matrix of tests/audit/sliding.py, in random scenes whose nodes slide alike. Drawn are velocities
+mind, and numpy on the dense matrix of tests/reference.py, in random scenes whose nodes slide alike. Drawn are velocities
 of either sign, chains and continua from 3 nodes on, all orders and ends, with and without viscosity, and laws whose fastest
 wave lies between the longest and the shortest. And what no run may say: `sliding` where a wave of the scene grows."""
-import os
-import sys
-
 import h5py
 import numpy as np
 
+import reference
 from calls import run
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-import sliding  # noqa: E402
+from . import sliding
 
 
 def draw(random):
@@ -37,44 +34,34 @@ def last_resolved(order, h):
     return symbol[np.sqrt(symbol) >= 0.99 * k].max(initial=0)
 
 
-def resolved_growth(p, line):
+def resolved_growth(p, system):
     """Of the waves that the grid resolves: those of the eigenvalues of -D2, each with its own small matrix."""
-    n, A, dof = len(line.free), line.A, line.J.shape[0] // len(line.free)
-    minus_d2 = -(line.E + line.K0 * np.eye(n)) / line.K1
-    N, middle = p.get("model_nu", 0) / A, n // 2
-    block = line.J.reshape(dof, n, dof, n)[:, middle, :, middle]
-
-    def of(kappa2):
-        J, away = block.copy(), kappa2 - minus_d2[middle, middle]
-        J[0, 0] -= A * N * away
-        J[1, 0] -= (line.K1 - line.sd * N) * away
-        return np.linalg.eigvals(J).real.max()
-
-    symbols = np.linalg.eigvals(minus_d2).real
-    return max((of(k) for k in symbols if k <= last_resolved(p["grid_order"], line.h) * (1 + 1e-5) + 1e-9), default=None)
+    symbols = np.linalg.eigvals(-system.D[np.ix_(system.free, system.free)]).real
+    carried = symbols[symbols <= last_resolved(p["grid_order"], system.h) * (1 + 1e-5) + 1e-9]
+    return np.linalg.eigvals(reference.waves(p, carried)).real.max() if len(carried) else None
 
 
 def test_one_growth_rate(scenes):
     between = 0
     for index, p in scenes(draw, 34, short=14):
-        line = sliding.Line(p)
-        dense = line.eigenvalues()
+        system = reference.System(p)
+        dense = system.eigenvalues()
         every, tolerance = dense.real.max(), max(1e-9, 1e-7 * np.abs(dense).max())
         chain = p["model_form"] == "chain"
         exact = chain or p["grid_order"] == 2 or "velocity" not in (p.get("bc_left"), p.get("bc_right"))
-        text = f"scene {index}: {' '.join(sliding.words(p))}"
-        off, _ = run(["-spectrum_refine", "off", *sliding.words(p)], command="spectrum")
+        text = f"scene {index}: {' '.join(reference.words(p))}"
+        off, _ = run(["-spectrum_refine", "off", *reference.words(p)], command="spectrum")
         assert abs(off["growth_rate"] - every) <= tolerance, f"{text}: {off['growth_rate']} for {every}"
         out, said = run(["-scene_reduce", "off", "-init_psi", "steady", "-init_eta", "steady", "-init_noise", "1e-3",
-                         "-ts_max_time", "0.02", "-out_file", "run.h5", "-out_frames", "2", *sliding.words(p)])
+                         "-ts_max_time", "0.02", "-out_file", "run.h5", "-out_frames", "2", *reference.words(p)])
         assert out["regime"] != "sliding" or every < tolerance, text
         if not exact:  # the symbol is that of the nodes inside
             continue
-        resolved = every if chain else resolved_growth(p, line)
+        resolved = every if chain else resolved_growth(p, system)
         if resolved is None:
             resolved = every
         assert abs(out["growth_rate"] - resolved) <= tolerance, f"{text}: {out['growth_rate']} for {resolved}"
-        on, _ = run(sliding.words(p), command="spectrum", code=None)
+        on, _ = run(reference.words(p), command="spectrum", code=None)
         if on and on["growth_rate"] is not None:
             assert abs(on["growth_rate"] - out["growth_rate"]) <= tolerance, f"{text}: {on['growth_rate']} in spectrum"
         with h5py.File("run.h5") as file:

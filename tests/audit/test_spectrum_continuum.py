@@ -1,30 +1,17 @@
 """growth_continuum and wavenumber_continuum against the dispersion relation of single waves: the companion matrices of
 numpy over many thousand wavenumbers that fit, far beyond every grid's, and the limit of ever shorter waves."""
 import json
-import os
-import sys
 
 import numpy as np
 
+import reference
 from calls import call, run
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-import sliding  # noqa: E402
-
-
-def wave_blocks(p, k):
-    """The Jacobian of one wave of the continuum for every wavenumber of an array."""
-    line = sliding.Line(p | {"grid_n": 20, "grid_order": 2})
-    m, dof = len(line.free), 3 if line.state else 2
-    at = [m // 2 + c * m for c in range(dof)]
-    J = np.repeat(line.J[np.ix_(at, at)][None], len(k), axis=0)
-    stiff = line.K0 + line.K1 * k**2
-    J[:, 1, 0] += -stiff - (-line.K0 - 2 * line.K1 / line.h**2)  # the grid's -K0 + K1 D2 by the wave's
-    return J
+from . import sliding
 
 
 def check(index, p):
-    words = sliding.words(p)
+    words = reference.words(p)
     done = call(["-summary", "s.json", *words], command="spectrum")
     if done.returncode == 1 and "no steady sliding" in done.stderr:
         return None
@@ -37,7 +24,7 @@ def check(index, p):
     unit = 2 * np.pi / L if ends[0] == "periodic" else np.pi / L
     first = {0: 0, 1: 0.5, 2: 1}[held]
     j = first + np.unique(np.concatenate([np.arange(2000), np.geomspace(2000, 1e7, 2000).astype(int)]))
-    growth = np.linalg.eigvals(wave_blocks(p, unit * j)).real.max(axis=1)
+    growth = np.linalg.eigvals(reference.waves(p, (unit * j)**2)).real.max(axis=1)
     found = summary["growth_continuum"]
     assert found >= growth.max() - 1e-9 * (1 + abs(found)), f"{text}: {growth.max()} at k = {unit * j[growth.argmax()]}"
     if summary["wavenumber_continuum"] is None:

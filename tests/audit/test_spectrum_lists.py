@@ -1,17 +1,15 @@
 """The lists of `spectrum` against numpy on a dense matrix built from the equations: a list that is called whole has no hole,
 and one that is not says how many eigenvalues are missing."""
 import json
-import os
 import re
-import sys
 
 import h5py
 import numpy as np
 
+import reference
 from calls import call, run
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-import sliding  # noqa: E402
+from . import sliding
 
 
 def holes(found, dense, tolerance):
@@ -26,7 +24,7 @@ def holes(found, dense, tolerance):
 
 
 def check(index, p, method):
-    words = ["-spectrum_method", method, "-spectrum_refine", "off", *sliding.words(p)]
+    words = ["-spectrum_method", method, "-spectrum_refine", "off", *reference.words(p)]
     done = call(["-out_file", "s.h5", "-summary", "s.json", *words], command="spectrum")
     if done.returncode == 1 and "no steady sliding" in done.stderr:
         return None
@@ -34,9 +32,8 @@ def check(index, p, method):
     with open("s.json", encoding="utf-8") as file:
         summary = json.load(file)
     with h5py.File("s.h5") as file:
-        a = sliding.amplitudes(p, file["steady_psi"][...], file["steady_eta"][...])
-    line = sliding.Line(p, a)
-    dense = line.eigenvalues()
+        a = reference.amplitudes(p, file["steady_psi"][...], file["steady_eta"][...])
+    dense = reference.System(p, a).eigenvalues()
     # numpy's own error: round-off of the norm, times the condition of trapped modes
     scale = np.abs(dense).max()
     tolerance = 1e-6 * scale

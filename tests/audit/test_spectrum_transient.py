@@ -1,16 +1,14 @@
 """The largest transient growth and its time against numpy's exponentials in the energy norm, sampled finely and refined."""
 import json
-import os
-import sys
 
 import h5py
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+import reference
 from calls import call
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-import sliding  # noqa: E402
+from . import sliding
 
 
 def draw(random):
@@ -33,18 +31,15 @@ def mirrored(p):
     return p | {name: -p[name] for name in ("model_v", "bc_left_value", "bc_right_value") if name in p}
 
 
-def in_energy_norm(line, logarithmic):
+def in_energy_norm(system):
     """The Jacobian in variables whose sum of squares is the energy; an age of contacts counts by its logarithm."""
-    m, dof = len(line.free), len(line.J) // len(line.free)
-    w = line.weight
-    L = np.linalg.cholesky(-w[:, None] * line.E / line.A)  # E: -(K0 - K1 D2)
-    T = np.zeros_like(line.J)
-    T[:m, :m] = L.T
-    for c in range(1, dof):
-        T[c * m:(c + 1) * m, c * m:(c + 1) * m] = np.diag(np.sqrt(w))
-    if logarithmic:
-        T[2 * m:, 2 * m:] /= line.steady_state
-    return T @ line.J @ np.linalg.inv(T)
+    m, J, w = len(system.free), system.operator(), np.ones(len(system.free))
+    if system.p["model_form"] == "continuum":  # a free end's node stands for half a cell
+        w[[0, -1]] = [0.5 if end == "free" else 1 for end in system.ends]
+    stiffness = (system.K0 * np.eye(system.n) - system.K1 * system.D)[np.ix_(system.free, system.free)]
+    T = np.kron(np.eye(system.kinds), np.diag(np.sqrt(w)))
+    T[:m, :m] = np.linalg.cholesky(w[:, None] * stiffness / system.A).T
+    return T @ J @ np.linalg.inv(T)
 
 
 def largest(J):
@@ -69,7 +64,7 @@ def largest(J):
 
 
 def check(index, p):
-    words = sliding.words(p)
+    words = reference.words(p)
     done = call(["-summary", "s.json", "-out_file", "s.h5", "-spectrum_refine", "off", "-spectrum_transient", "true",
                  *words], command="spectrum")
     if done.returncode == 1 and "no steady sliding" in done.stderr:
@@ -81,8 +76,8 @@ def check(index, p):
     if not found:
         return False
     with h5py.File("s.h5") as file:
-        line = sliding.Line(p, sliding.amplitudes(p, file["steady_psi"][...], file["steady_eta"][...]))
-    J = in_energy_norm(line, p["state_law"] not in ("none", "healing"))
+        a = reference.amplitudes(p, file["steady_psi"][...], file["steady_eta"][...])
+    J = in_energy_norm(reference.System(p, a))
     text = f"scene {index}: {' '.join(words)}: {found}"
     if not summary["stable"] or summary["growth_rate"] > -1e-3:
         return False

@@ -1,14 +1,11 @@
 """Spectra of trains of every law and state, signs of speed and of delta, with viscosity and without: against Hill's matrix
 at two resolutions. Growth rate, number of modes that grow, what is listed and the verdict are compared."""
-import os
-import sys
 
 import h5py
 import numpy as np
 
-sys.path.insert(0, os.path.dirname(__file__))
-import hill  # noqa: E402
-from calls import run  # noqa: E402
+from . import hill
+from calls import run
 
 ROUND = ("-model_gamma 7.5 -model_delta 0 -model_v 0.8 -friction_law rate-and-state -friction_a 0.15 -friction_b 0.25 "
          "-friction_D 0.6 -wave_speed 3")

@@ -1,0 +1,413 @@
+"""The equations of model.md in numpy and scipy, for tests: friction and state laws, the chain and the continuum, ends, loads,
+viscosity between neighbours, profiles, and exact stick from start to stop. Nothing here is shared with the program.
+
+A scene is a command line, or options by name (`friction_a`: a number, or an array with a value for each node). Unknowns stand
+kind behind kind, psi, eta and, with a state law, s: tau for healing, ln theta for the others. Axes before the last one are
+batches. Functions of one node are analytic where it does not pass rest: slopes come of complex steps.
+"""
+import shlex
+from functools import cached_property
+from types import SimpleNamespace
+
+import numpy as np
+from scipy.integrate import DOP853, solve_ivp
+from scipy.optimize import brentq
+
+DEFAULTS = {"model_form": "continuum", "model_gamma": 3, "model_delta": 0.2, "model_delta_sign": "derived", "model_c": 1,
+            "model_m": 1, "model_k0": 0.2, "model_k1": 0.2, "model_f0": 1, "model_zeta": 0, "model_nu": 0, "model_v": 0.2,
+            "grid_n": 512, "grid_length": 60, "grid_order": 4, "friction_law": "cubic", "friction_stick": "exact",
+            "friction_eps": 1e-3, "friction_sigma": 0, "friction_alpha": 0.5, "friction_fs": 1, "friction_fd": 0.5,
+            "friction_slip_velocity": 1e-2, "friction_a": 0.05, "friction_b": 0.1, "friction_mu0": 0.6, "friction_psi0": 1,
+            "friction_psi_s": 1, "friction_amplitude": 1, "state_t_h": 1, "state_tau_inf": 2, "state_b": 0.1,
+            "state_theta0": 1, "state_psi_h": 0.001, "load_v": "", "load_sine_amplitude": 0, "load_sine_period": 1}
+STATE_LAWS = {"rate-and-state": "ageing", "n-shaped": "ageing-cutoff"}  # that go with a law unless another is named
+STEP = 1e-30  # of derivatives by complex steps
+
+
+# ---- scenes ----
+
+def options(words):
+    """Options by name of a command line. Profiles become arrays over the blocks of a chain."""
+    words, p = shlex.split(words) if isinstance(words, str) else [str(word) for word in words], {}
+    for name, value in zip(words, words[1:] + [""]):
+        if name[0] == "-" and name[1:2].isalpha():
+            try:
+                p[name[1:]] = float(value) if "." in value or "e" in value else int(value)
+            except ValueError:
+                p[name[1:]] = value
+    for name in [name for name in p if name.endswith("_profile")]:
+        x, values = np.array([pair.split(":") for pair in p.pop(name).split(",")], float).T
+        p[name.removesuffix("_profile")] = np.interp(np.arange(p["grid_n"]), x, values)
+    return p
+
+
+def words(p):
+    """The command line of options by name: an array is the profile of a chain."""
+    text = []
+    for name, value in p.items():
+        if isinstance(value, np.ndarray):
+            name, value = name + "_profile", ",".join(f"{i}:{float(at)!r}" for i, at in enumerate(value))
+        text += ["-" + name, str(value)]
+    return text
+
+
+class Plate:
+    """v(t): straight from point to point of load_v, a step where a time stands twice, and a sine on top."""
+
+    def __init__(self, p):
+        pairs = [pair.split(":") for pair in p["load_v"].split(",") if pair]
+        self.points = [(float(t), float(v)) for t, v in pairs] or [(0., p["model_v"])]
+        self.height, self.period = p["load_sine_amplitude"], p["load_sine_period"]
+
+    def pieces(self, begin, end):
+        """(begin, end) of each part of that time in which v(t) is smooth."""
+        times = [begin, *sorted({t for t, _ in self.points if begin < t < end}), end]
+        return list(zip(times, times[1:]))
+
+    def after(self, begin):
+        """v on the piece that holds that time or begins there, as a function that goes on beyond its ends."""
+        before, behind = [p for p in self.points if p[0] <= begin], [p for p in self.points if p[0] > begin]
+        (t0, v0), slope = before[-1] if before else self.points[0], 0
+        if before and behind:
+            slope = (behind[0][1] - v0) / (behind[0][0] - t0)
+        return lambda t: v0 + slope * (t - t0) + self.height * np.sin(2 * np.pi * t / self.period)
+
+    def way(self, end):
+        """The integral of v from 0."""
+        x, weights = np.polynomial.legendre.leggauss(30)
+        total = 0
+        for begin, until in self.pieces(0, end):
+            parts = np.linspace(begin, until, 2 + int((until - begin) / self.period))
+            total += sum((b - a) / 2 * weights @ self.after(begin)(a + (b - a) * (1 + x) / 2)
+                         for a, b in zip(parts, parts[1:]))
+        return total
+
+
+# ---- laws ----
+
+class Law:
+    """F(psi, s), the rate g(psi, s) of the stored state s, its steady value, the threshold; amplitude included."""
+
+    def __init__(self, p):
+        self.name, self.state = p["friction_law"], p.get("state_law", STATE_LAWS.get(p["friction_law"], "none"))
+        p = DEFAULTS | p
+        self.f, self.g = (SimpleNamespace(**{name.removeprefix(family): value for name, value in p.items()
+                                             if name.startswith(family)}) for family in ("friction_", "state_"))
+        if self.name in STATE_LAWS:
+            self.f.D = self.g.D = p.get("friction_D", p.get("state_D", 0.1))
+        self.g.D = getattr(self.g, "D", 1)
+        self.sticks = self.name in ("carlson-langer", "coulomb") and self.f.stick == "exact"
+
+    def sign(self, psi):
+        return np.tanh(psi / self.f.eps) if self.f.stick == "regularised" else np.sign(np.real(psi))
+
+    def strength(self, s):
+        if self.state == "healing":
+            return s
+        return 1 + self.g.b * np.log(1 + np.exp(s) / self.g.theta0) if self.state == "contact-age" else 1.
+
+    def force(self, psi, s=0., going=None):
+        """Of sliding nodes; `going`: the direction of each where psi does not tell."""
+        f, sign = self.f, self.sign(psi) if going is None else going
+        if self.name in STATE_LAWS:
+            age = np.log(f.psi0 / f.D) + s
+            if self.name == "n-shaped":
+                age = np.log(np.exp(age) + f.psi0 / f.psi_s)
+            return f.amplitude * f.a * np.arcsinh(psi / (2 * f.psi0) * np.exp((f.mu0 + f.b * age) / f.a))
+        if self.name == "cubic":
+            phi = psi**3 / 3 - psi
+        elif self.name == "carlson-langer":
+            phi = sign * (1 - f.sigma) / (1 + 2 * f.alpha / (1 - f.sigma) * psi * sign)
+        else:
+            drop = np.exp(-psi * sign / f.slip_velocity) if f.stick == "regularised" else 0.
+            phi = sign * (f.fd + (f.fs - f.fd) * drop)
+        return f.amplitude * self.strength(s) * phi
+
+    def threshold(self, s=0.):
+        return self.f.amplitude * self.strength(s) * (self.f.fs if self.name == "coulomb" else 1.)
+
+    def rate(self, psi, s):
+        g, slid = self.g, np.sign(np.real(psi)) * psi / self.g.D
+        if self.state == "healing":
+            return (g.tau_inf - s) / g.t_h - slid * (s - 1)
+        if self.state == "slip":
+            return -slid * (np.log(np.where(slid == 0, 1, slid)) + s)
+        return np.exp(-s) - (np.sqrt(psi**2 + g.psi_h**2) / g.D if self.state == "ageing-cutoff" else slid)
+
+    def steady(self, psi):
+        g, slid = self.g, np.abs(psi) / self.g.D
+        if self.state == "healing":
+            return (g.tau_inf / g.t_h + slid) / (1 / g.t_h + slid)
+        return -np.log(np.hypot(psi, g.psi_h) / g.D if self.state == "ageing-cutoff" else slid)
+
+    def slopes(self, psi, s, going=None):
+        """F_psi, F_s, g_psi, g_s."""
+        ways = (psi + 1j * STEP, s + 0j), (psi + 0j, s + 1j * STEP)
+        rates = [np.imag(self.rate(*way)) / STEP for way in ways] if self.state != "none" else [0 * psi, 0 * psi]
+        return [np.imag(self.force(*way, going)) / STEP + 0 * psi for way in ways] + rates
+
+
+# ---- the system ----
+
+def d2(n, h=1., order=2, left="periodic", right="periodic", form="continuum"):
+    """The second-difference matrix with its ends: even reflection at free ones (of the chain half a spacing beyond), and
+    beyond held ones of the continuum the polynomial through the nodes beside them."""
+    weights = {2: [-2, 1], 4: [-5 / 2, 4 / 3, -1 / 12], 6: [-49 / 18, 3 / 2, -3 / 20, 1 / 90],
+               8: [-205 / 72, 8 / 5, -1 / 5, 8 / 315, -1 / 560]}[order]
+    D = np.zeros((n, n))
+
+    def parts(j):  # a value beyond an end as a combination of nodes
+        if left == "periodic" or 0 <= j < n:
+            return [(j % n, 1)]
+        far, end, inside = (-j, left, lambda k: k) if j < 0 else (j - n + 1, right, lambda k: n - 1 - k)
+        if form == "chain":
+            return [(inside(far - 1), 1)]
+        if end == "free":
+            return [(inside(far), 1)]
+        nodes = np.arange(order)
+        return [(inside(k), np.prod([(-far - m) / (k - m) for m in nodes if m != k])) for k in nodes]
+    for i in range(n):
+        for j in range(-(order // 2), order // 2 + 1):
+            for at, part in parts(i + j):
+                D[i, at] += weights[abs(j)] * part
+    return D / h**2
+
+
+def bloch(n, twist):
+    """D2 of a cell of n blocks whose copy to the right is exp(i twist) times as large."""
+    D = -2 * np.eye(n) + 0j
+    for i in range(n):
+        D[i, (i + 1) % n] += np.exp(1j * twist) if i == n - 1 else 1
+        D[i, i - 1] += np.exp(-1j * twist) if i == 0 else 1
+    return D
+
+
+class System:
+    """A scene's equations. `amplitude` of friction: of each node, where it is spread."""
+
+    def __init__(self, scene, amplitude=None):
+        given = dict(scene) if isinstance(scene, dict) else options(scene)
+        p = self.p = DEFAULTS | given
+        if amplitude is not None:
+            p["friction_amplitude"] = np.asarray(amplitude)
+        n, chain = self.n, chain = p["grid_n"], p["model_form"] == "chain"
+        self.ends = ends = [p.get(f"bc_{end}", "free" if f"bc_{other}" in p and p[f"bc_{other}"] != "periodic" else "periodic")
+                            for end, other in (("left", "right"), ("right", "left"))]
+        if chain:
+            f0, order, self.h = p["model_f0"], 2, 1.
+            zeta = np.sqrt(0.1 * p["model_m"] * p["model_k1"]) if p["model_zeta"] == "paper" else p["model_zeta"]
+            self.B, self.K0, self.K1, self.N = (x / f0 for x in (zeta, p["model_k0"], p["model_k1"], p["model_nu"]))
+            self.A, self.sd = f0 / p["model_m"] if p["model_m"] else np.inf, 0.
+        else:
+            gamma, order, self.B = p["model_gamma"], p["grid_order"], 0.
+            self.A, self.K0, self.K1, self.N = gamma, 1 / gamma, p["model_c"]**2 / gamma, p["model_nu"] / gamma
+            self.sd = p["model_delta"] * (1 if p["model_delta_sign"] == "derived" else -1)
+            self.h = p["grid_length"] / (n if ends[0] == "periodic" else n - 1)
+        self.D = d2(n, self.h, order, *ends, p["model_form"])
+        self.held = {node: p.get(f"bc_{end}_value", p["model_v"]) for node, kind, end in
+                     ((0, ends[0], "left"), (n - 1, ends[1], "right")) if kind == "velocity"}
+        self.free = np.array([i for i in range(n) if i not in self.held])
+        self.moves = np.isin(np.arange(n), self.free)  # not held
+        self.law, self.plate = Law(p), Plate(p)
+        self.kinds = 2 if self.law.state == "none" else 3
+        self.v = self.plate.after(0)
+        self.going = None  # exact stick: the direction of each node, 0 at rest
+
+    def split(self, u):
+        parts = [u[..., k * self.n:(k + 1) * self.n] for k in range(self.kinds)]
+        return parts if self.kinds == 3 else [*parts, np.zeros(self.n)]
+
+    def pull(self, u):
+        """What friction is held against: eta + N D2 psi."""
+        psi, eta, _ = self.split(u)
+        return eta + self.N * (psi @ self.D.T)
+
+    def slides(self):
+        return np.ones(self.n, bool) if self.going is None else self.going != 0
+
+    def rates(self, t, u):
+        psi, _, s = self.split(u)
+        excess = np.where(self.slides(), self.pull(u) - self.law.force(psi, s, self.going), 0)
+        out = [np.where(self.slides() & self.moves, self.A * (excess - self.B * psi), 0),
+               self.K0 * (self.v(t) - psi) + self.K1 * (psi @ self.D.T) - self.sd * excess]
+        return np.concatenate(out + ([self.law.rate(psi, s)] if self.kinds == 3 else []), axis=-1)
+
+    def jacobian(self, u, D=None):
+        """d rates/du over all nodes; D: another matrix in place of D2, or several of them."""
+        psi, _, s = self.split(np.real(u))
+        D = self.D if D is None else np.asarray(D)
+        F_psi, F_s, g_psi, g_s = (x[:, None] * np.eye(self.n) for x in self.law.slopes(psi, s, self.going))
+        one, slide = np.eye(self.n) + 0 * D, (1. * self.slides())[:, None]
+        move, force = slide * self.moves[:, None], self.N * D - F_psi
+        rows = [[move * self.A * (force - self.B * one), move * self.A * one, -move * self.A * F_s * (one != 0)],
+                [self.K1 * D - self.K0 * one - self.sd * slide * force, -self.sd * slide * one, self.sd * slide * F_s + 0 * one],
+                [g_psi + 0 * one, 0 * one, g_s + 0 * one]]
+        return np.concatenate([np.concatenate(row[:self.kinds], axis=-1) for row in rows[:self.kinds]], axis=-2)
+
+    def steady_psi(self):
+        """K0 (v - psi) + K1 D2 psi = 0 between the held ends."""
+        v, psi, free = self.p["model_v"], np.full(self.n, float(self.p["model_v"])), self.free
+        for node, value in self.held.items():
+            psi[node] = value
+        rest = self.K1 * self.D @ (psi - v)
+        if np.any(rest):
+            psi[free] += np.linalg.solve((self.K0 * np.eye(self.n) - self.K1 * self.D)[np.ix_(free, free)], rest[free])
+        return psi
+
+    def at(self, psi):
+        """The unknowns that go with psi where nothing changes but eta."""
+        s = self.law.steady(psi) if self.kinds == 3 else np.zeros(self.n)
+        eta = self.B * psi - self.N * self.D @ psi + self.law.force(psi, s)
+        return np.concatenate([psi, eta, s][:self.kinds])
+
+    @cached_property
+    def steady(self):
+        return self.at(self.steady_psi())
+
+    def unknowns(self):
+        """The indices of those that are solved for: none at held ends."""
+        return np.concatenate([self.free + k * self.n for k in range(self.kinds)])
+
+    def operator(self, D=None):
+        """The Jacobian of steady sliding over the nodes that are not held."""
+        at = self.unknowns()
+        return self.jacobian(self.steady, D)[..., at[:, None], at]
+
+    def eigenvalues(self):
+        """Rightmost first."""
+        values = np.linalg.eigvals(self.operator())
+        return values[np.argsort(-values.real)]
+
+    def follow(self, u, begin, end, method="DOP853", rtol=1e-12, atol=1e-13, **more):
+        """The unknowns at the end, from corner to corner of the load."""
+        for a, b in self.plate.pieces(begin, end):
+            self.v = self.plate.after(a)
+            u = solve_ivp(self.rates, (a, b), u, method=method, rtol=rtol, atol=atol, **more).y[:, -1]
+        return u
+
+    def carried(self, u, period, D=None, rtol=1e-11, atol=1e-12, begin=0.):
+        """The end of the motion, and the matrix that takes deviations there: of each of the matrices D in place of D2."""
+        D, N = np.asarray(self.D if D is None else D), len(u)
+        shape = (*D.shape[:-2], N, N)
+
+        def together(t, z):
+            Y = z[N:].reshape(shape)
+            return np.concatenate([self.rates(t, z[:N].real), (self.jacobian(z[:N], D) @ Y).ravel()])
+        start = np.concatenate([u, np.broadcast_to(np.eye(N), shape).ravel()]).astype(D.dtype)
+        end = solve_ivp(together, (begin, begin + period), start, method="DOP853", rtol=rtol, atol=atol).y[:, -1]
+        return end[:N].real, end[N:].reshape(shape)
+
+
+def waves(p, kappa2):
+    """The operators of waves exp(ikx) on uniform sliding, D2 being -kappa2 (an array) on them."""
+    one = {name: value for name, value in p.items() if not name.startswith(("bc_", "grid_"))} | {"grid_n": 1, "grid_order": 2}
+    return System(one).operator(-np.asarray(kappa2, float)[:, None, None])
+
+
+def read(fields, frame):
+    """The unknowns of a frame of a file's fields (a dictionary)."""
+    parts = [fields["psi"][frame], fields["eta"][frame]]
+    parts += [fields["tau"][frame]] if "tau" in fields else [np.log(fields["theta"][frame])] if "theta" in fields else []
+    return np.concatenate(parts)
+
+
+def amplitudes(p, psi, eta):
+    """The amplitudes of friction that the program drew, out of its steady sliding."""
+    system = System(p)
+    s = system.law.steady(psi) if system.kinds == 3 else 0.
+    return (eta - system.B * psi + system.N * system.D @ psi) / system.law.force(psi, s)
+
+
+# ---- exact stick ----
+
+class Stick:
+    """A motion with exact stick: each node rests or slides to one side, until it starts or stops; each change ends a segment
+    of DOP853 and is found by Brent's method. Deviations Y pass a change g = 0 as Y + (f' - f) (grad g . Y)/(grad g . f)."""
+
+    def __init__(self, system, u, t=0., Y=None, rtol=3e-12, atol=1e-13):
+        self.system, self.n, self.t, self.tolerance = system, system.n, t, {"rtol": rtol, "atol": atol}
+        self.u, self.slip, self.changes, self.fresh = np.array(u, float), np.zeros(self.n), 0, None
+        self.Y = np.zeros((len(self.u), 0)) if Y is None else np.array(Y, float)
+        psi, pull = self.u[:self.n], system.pull(self.u)
+        holds = np.abs(pull) <= system.law.threshold(system.split(self.u)[2])
+        system.going = np.where(psi != 0, np.sign(psi), np.where(holds, 0, np.sign(pull)))
+        self.Y[:self.n][system.going == 0] = 0
+        self.segments = []  # (begin, end, direction of every node, slip and eta at the end)
+
+    @property
+    def rests(self):
+        return self.system.going == 0
+
+    def gaps(self, u):
+        """Positive until a node changes: psi along the motion, or the distance to the threshold."""
+        psi, _, s = self.system.split(u)
+        pull = self.system.pull(u)
+        below = self.system.law.threshold(s) - pull * np.sign(np.real(pull))
+        return np.where(self.system.moves, np.where(self.rests, below, psi * self.system.going), 1)
+
+    def rate(self, t, z):
+        N = len(self.u)
+        Y = z[N + self.n:].reshape(N, -1)
+        grown = (self.system.jacobian(z[:N]) @ Y).ravel() if Y.size else Y.ravel()
+        return np.concatenate([self.system.rates(t, z[:N]), z[:self.n], grown])
+
+    def take(self, t, z):
+        N = len(self.u)
+        self.u, self.slip = z[:N].copy(), z[N:N + self.n].copy()
+        self.Y = z[N + self.n:].reshape(N, -1).copy()
+        self.segments.append((self.t, t, self.system.going.copy(), self.slip, self.u[self.n:2 * self.n].copy()))
+        self.t = t
+
+    def first_change(self, solver):
+        """(time, node, the motion within the step) of the first change in a step; None."""
+        inside, N = solver.dense_output(), len(self.u)
+        times = np.linspace(solver.t_old, solver.t, 25)[1:]
+        gaps = self.gaps(inside(times)[:N].T)
+        if self.fresh is not None:  # it begins at 0 and takes some time to leave it by more than round-off
+            gaps[gaps[:, self.fresh] > -1e-10, self.fresh] = 1
+        bad = np.flatnonzero((gaps < 0).any(axis=1))
+        if not len(bad):
+            self.fresh = None
+            return None
+        low, high = solver.t_old if bad[0] == 0 else times[bad[0] - 1], times[bad[0]]
+
+        def root(i):
+            def gap(t):
+                return self.gaps(inside(t)[:N])[i]
+            return brentq(gap, low, high, xtol=1e-14) if gap(low) > 0 else low
+        return (*min((root(i), i) for i in np.flatnonzero(gaps[bad[0]] < 0)), inside)
+
+    def change(self, i):
+        """Node i starts, stops, or turns."""
+        system, before = self.system, self.system.rates(self.t, self.u)
+        gradient = np.imag(self.gaps(self.u + 1j * STEP * np.eye(len(self.u)))[:, i]) / STEP if self.Y.size else None
+        pull, threshold = system.pull(self.u)[i], np.broadcast_to(system.law.threshold(system.split(self.u)[2]), self.n)[i]
+        if not self.rests[i]:
+            self.u[i] = 0
+            pull = system.pull(self.u)[i]
+        system.going = system.going.astype(float)
+        system.going[i] = np.sign(pull) if self.rests[i] or abs(pull) > threshold else 0
+        if self.Y.size:
+            jump = system.rates(self.t, self.u) - before
+            self.Y = self.Y + np.outer(jump, gradient @ self.Y) / (gradient @ before)
+        self.fresh, self.changes = i, self.changes + 1
+
+    def advance(self, end, on_change=None, most=None):
+        """To that time, or until so many changes; the unknowns there. on_change(self): after each of them."""
+        while self.t < end and (most is None or self.changes < most):
+            until = self.system.plate.pieces(self.t, end)[0][1]
+            self.system.v = self.system.plate.after(self.t)
+            start = np.concatenate([self.u, self.slip, self.Y.ravel()])
+            solver, found = DOP853(self.rate, self.t, start, until, **self.tolerance), None
+            while solver.status == "running" and found is None:
+                solver.step()
+                assert solver.status != "failed", f"scipy stops at {solver.t}"
+                found = self.first_change(solver)
+                if found:
+                    self.take(found[0], found[2](found[0]))
+                    self.change(found[1])
+                    if on_change:
+                        on_change(self)
+                else:
+                    self.take(solver.t, solver.y)
+        return self.u
