@@ -3,17 +3,13 @@ import json
 import math
 import os
 import subprocess
-import sys
 
 import h5py
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
-from calls import PROGRAM, SOURCE, check, scene_file, words
-
-sys.path.insert(0, os.path.join(SOURCE, "tests"))
-from two_blocks import TwoBlocks  # noqa: E402
+from calls import PROGRAM, SOURCE, check, data, scene_file, words
+from reference import Stick, System, read
 
 
 def run(arguments, ranks=1, code=0, command="run"):
@@ -30,10 +26,18 @@ def exponents(summary):
     return value, np.array([math.nan if e["error"] is None else e["error"] for e in summary["lyapunov"]])
 
 
-def two_blocks(spread):
-    """Options of runs/two-blocks.yaml and an independent model of it; its comment names the draws of its seed."""
-    draws = (-0.9315399682553215, 0.9315583105115364)
-    return f"{scene_file('two-blocks')} -friction_spread {spread}", TwoBlocks(1, 1, 0.1, 2, [1 + d * spread for d in draws])
+def two_blocks(spread, more=""):
+    """Options of runs/two-blocks.yaml and its equations; its comment names the draws of its seed."""
+    draws = np.array([-0.9315399682553215, 0.9315583105115364])
+    own = "-model_form chain -grid_n 2 -bc_left free -model_k0 1 -model_k1 1 -model_v 0.1 -friction_law carlson-langer "
+    own += more if "alpha" in more else f"-friction_alpha 2 {more}"
+    return f"{scene_file('two-blocks')} -friction_spread {spread} {more}", System(own, 1 + draws * spread)
+
+
+def round_a_cycle(system, u, period):
+    """How far a turn misses itself, and the magnitudes of the multipliers, largest first."""
+    turn = Stick(system, u, Y=np.eye(4), rtol=1e-9, atol=1e-11)
+    return np.abs(turn.advance(period) - u).max(), np.sort(np.abs(np.linalg.eigvals(turn.Y)))[::-1]
 
 
 def own_scene():
@@ -99,11 +103,9 @@ def test_on_a_cycle_they_are_those_of_the_multipliers():
     scene, model = two_blocks(0.08)
     s = run(scene + " -ts_max_time 3000 -ts_rtol 1e-9 -ts_atol 1e-9 -out_file c.h5 -out_frames 2")
     value, error = exponents(s)
-    with h5py.File("c.h5") as file:
-        u = np.r_[file["psi"][-1], file["eta"][-1]]
-        begin = file["events/begin"][:]
+    begin = data("c.h5")["events/begin"]
     period = (begin[-1] - begin[-11]) / 5  # two events a turn
-    missed, multipliers = model.cycle(u, period)
+    missed, multipliers = round_a_cycle(model, read(data("c.h5"), -1), period)
     check(missed < 1e-5, f"the cycle closes: {missed}")
     check(abs(multipliers[0] - 1) < 1e-5, f"one multiplier is 1: {multipliers}")
     expected = np.log(multipliers[:2]) / period
@@ -114,15 +116,12 @@ def test_on_a_cycle_they_are_those_of_the_multipliers():
 @pytest.mark.parametrize("nu, alpha", [(0.05, (2, 2)), (0, (2, 1.9)), (0.03, (2, 1.9))])
 def test_a_cycle_with_rests_viscosity_and_a_profile(nu, alpha):
     # run, cycle and scipy pass each start and stop in code of their own
-    scene, model = two_blocks(0.08)
-    model.nu, model.alpha = nu, np.array(alpha, float)
-    scene += f" -model_nu {nu} -friction_alpha_profile 0:{alpha[0]},1:{alpha[1]}" if alpha[0] != alpha[1] else f" -model_nu {nu}"
+    more = f" -friction_alpha_profile 0:{alpha[0]},1:{alpha[1]}" if alpha[0] != alpha[1] else ""
+    scene, model = two_blocks(0.08, f"-model_nu {nu}{more}")
     # the scene's own value stands in its file
     scene = scene if alpha[0] == alpha[1] else scene.replace(scene_file("two-blocks"), own_scene())
     found = run(f"{scene} -cycle_cell 0 -out_events false -lyapunov_count 0 -out_file v.h5", command="cycle")
-    with h5py.File("v.h5") as file:
-        u = np.r_[file["psi"][0], file["eta"][0]]
-    missed, multipliers = model.cycle(u, found["period"])
+    missed, multipliers = round_a_cycle(model, read(data("v.h5"), 0), found["period"])
     check(missed < 1e-7, f"the cycle closes: {missed}")
     known = np.sort([abs(complex(m["re"], m["im"])) for m in found["multipliers"]])[::-1]
     check(np.all(np.abs(known - multipliers) < 1e-6), f"multipliers {known}, by scipy {multipliers}")
@@ -138,19 +137,13 @@ def test_under_an_oscillating_load():
     # one block of the cubic about stable sliding, v(t) = 1.2 + 0.3 sin: the monodromy matrix over a period of the load by scipy
     period = 9.0
 
-    def rates(t, z):
-        Y = z[2:].reshape(2, 2)
-        v = 1.2 + 0.3 * np.sin(2 * np.pi * t / period)
-        J = np.array([[1 - z[0]**2, 1], [-0.2, 0]])
-        return np.r_[z[1] + z[0] - z[0]**3 / 3, 0.2 * (v - z[0]), (J @ Y).ravel()]
-
-    tight = {"rtol": 1e-9, "atol": 1e-11, "method": "DOP853"}
-    z = solve_ivp(lambda t, z: rates(t, np.r_[z, np.zeros(4)])[:2], (0, 10 * period), [1.2, -0.6], **tight).y[:, -1]
-    end = solve_ivp(rates, (0, period), np.r_[z, np.eye(2).ravel()], **tight).y[:, -1]
-    check(np.abs(end[:2] - z).max() < 1e-5, "the motion is locked to the load")
-    expected = np.sort(np.log(np.abs(np.linalg.eigvals(end[2:].reshape(2, 2)))))[::-1] / period
-    s = run("-model_form chain -grid_n 1 -model_v 1.2 -init_psi 1.2 -load_sine_amplitude 0.3 -load_sine_period 9 -lyapunov_count 2 "
-            "-lyapunov_from 90 -ts_max_time 540 -ts_rtol 1e-8 -ts_atol 1e-8")
+    scene = "-model_form chain -grid_n 1 -model_v 1.2 -load_sine_amplitude 0.3 -load_sine_period 9 "
+    system = System(scene)
+    z = system.follow(np.array([1.2, -0.6]), 0, 10 * period)
+    end, matrix = system.carried(z, period)
+    check(np.abs(end - z).max() < 1e-5, "the motion is locked to the load")
+    expected = np.sort(np.log(np.abs(np.linalg.eigvals(matrix))))[::-1] / period
+    s = run(f"{scene} -init_psi 1.2 -lyapunov_count 2 -lyapunov_from 90 -ts_max_time 540 -ts_rtol 1e-8 -ts_atol 1e-8")
     value, error = exponents(s)
     check(np.all(np.abs(value - expected) < 4 * error + 1e-4), f"{value} +- {error}, by scipy {expected}")
 
@@ -181,13 +174,18 @@ def test_chaos_of_two_blocks():
     value, error = exponents(s)
     check(value[0] > 5 * error[0] > 0 and abs(value[1]) < 5e-3, f"chaos and a zero: {value} {error}")
     check(abs(s["lyapunov_dimension"] - 2) < 0.1 and s["lyapunov_largest"] == value[0], f"dimension: {s['lyapunov_dimension']}")
-    with h5py.File("c.h5") as file:
-        u = np.r_[file["psi"][-1], file["eta"][-1]]
-        rows = file["lyapunov/rate_1"][:]
-        check(len(rows) == 256 and abs(file["lyapunov/t"][-1] - 4000) < 1e-6, "rows of the file")
-    time = 300.0
+    file = data("c.h5")
+    check(len(file["lyapunov/rate_1"]) == 256 and abs(file["lyapunov/t"][-1] - 4000) < 1e-6, "rows of the file")
+    time, logs = 300.0, []
+
+    def shorten(motion):
+        logs.append(np.log(np.linalg.norm(motion.Y)))
+        motion.Y /= np.linalg.norm(motion.Y)
+    motion = Stick(model, read(file, -1), Y=[[0.3], [0.1], [0.8], [-0.5]], rtol=1e-9, atol=1e-11)
+    motion.advance(time, shorten)
+    shorten(motion)
     # over so short a time the exponent scatters by error sqrt(3000/300)
-    apart = abs(model.largest_exponent(u, time) - value[0])
+    apart = abs(sum(logs) / time - value[0])
     check(apart < 4 * error[0] * math.sqrt(3000 / time), f"by scipy: {apart} off {value[0]}")
 
 
