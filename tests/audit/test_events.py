@@ -3,12 +3,12 @@ changes is a sum of exponentials; the continuum with wide stencils, several even
 frames at the beginnings and ends of the events."""
 import h5py
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import calls
+from reference import Stick, System, words
 
-from . import sticking
+from .test_stick import amplitudes
 
 
 def catalogue(path):
@@ -279,32 +279,34 @@ def test_frames_at_beginnings_and_ends(scenes):
 def draw_wide(random):
     """The continuum with stencils that reach further than neighbours, so loosely coupled that events stay small."""
     n, left = int(random.integers(20, 41)), bool(random.random() < 0.5)
-    s = dict(chain=False, n=n, order=int(random.choice([4, 6, 8])), ring=bool(random.random() < 0.5),
-             law=str(random.choice(["coulomb", "carlson-langer"])), state="none", seed=int(random.integers(1, 10**6)),
-             spread=random.uniform(0.3, 0.6), v=random.uniform(0.02, 0.08), eta=random.uniform(0.4, 0.7), fs=1.,
-             fd=random.uniform(0.6, 0.9), sigma=random.uniform(0.05, 0.3), alpha=random.uniform(0.1, 0.5),
-             gamma=random.uniform(0.5, 2), c=random.uniform(0.5, 1.5), delta=float(random.choice([0, random.uniform(0.05, 0.4)])),
-             sign="derived", t_end=random.uniform(15, 30))
-    s["length"] = n * s["c"] * random.uniform(1.5, 3)
-    s["spread_length"] = s["length"] / n
-    if left:
-        s.update(v=-s["v"], eta=-s["eta"])
-    return s
+    p = {"grid_n": n, "grid_order": int(random.choice([4, 6, 8])), "bc_left": "periodic" if random.random() < 0.5 else "free",
+         "friction_law": str(random.choice(["coulomb", "carlson-langer"])), "friction_seed": int(random.integers(1, 10**6)),
+         "friction_spread": random.uniform(0.3, 0.6), "model_v": random.uniform(0.02, 0.08), "scene_reduce": "off",
+         "model_gamma": random.uniform(0.5, 2), "model_c": random.uniform(0.5, 1.5),
+         "model_delta": float(random.choice([0, random.uniform(0.05, 0.4)]))}
+    if p["friction_law"] == "coulomb":
+        p |= {"friction_fs": 1, "friction_fd": random.uniform(0.6, 0.9)}
+    else:
+        p |= {"friction_sigma": random.uniform(0.05, 0.3), "friction_alpha": random.uniform(0.1, 0.5)}
+    p["grid_length"] = n * p["model_c"] * random.uniform(1.5, 3)
+    p["friction_spread_length"] = p["grid_length"] / n
+    eta, t_end = random.uniform(0.4, 0.7), random.uniform(15, 30)
+    return p | ({"model_v": -p["model_v"]} if left else {}), -eta if left else eta, t_end
 
 
-def by_segments(medium):
+def by_segments(motion):
     """Events by the definition of docs/events.md. Force before: behind, less what the own slip and the plate did."""
-    s, live, ended, last = medium.s, [], [], np.zeros(medium.n)
-    h = s["length"] / (s["n"] if s["ring"] else s["n"] - 1)
-    eta, half = None, medium.n // 2
-    for begin, _, direction, q, eta_now in medium.segments:
+    s, live, ended, last = motion.system, [], [], np.zeros(motion.n)
+    h, n, ring = s.h, motion.n, s.ends[0] == "periodic"
+    eta, half, v = None, n // 2, s.p["model_v"]
+    for begin, _, direction, q, eta_now in motion.segments:
         moved = set(np.flatnonzero(direction))
         for event in [e for e in live if not e["nodes"] & moved]:
             live.remove(event)
             region, d = sorted(event["nodes"]), event["d"]
-            before = eta + medium.K0 * d - medium.D @ d - medium.K0 * medium.v * (begin - event["begin"])
+            before = eta + s.K0 * d - s.K1 * s.D @ d - s.K0 * v * (begin - event["begin"])
             sign = np.sign(d.sum())
-            left = min((i for i in region if (i - 1) % medium.n not in region or not s["ring"]), default=-1)
+            left = min((i for i in region if (i - 1) % n not in region or not ring), default=-1)
             ended.append({"begin": event["begin"], "t": begin, "direction": sign, "extent": h * len(region),
                           "left": h * left,
                           "slip": (sign * d[region]).max(), "moment": abs(h * d.sum()),
@@ -313,10 +315,10 @@ def by_segments(medium):
         for i in sorted(moved):
             if any(i in e["nodes"] for e in live):
                 continue
-            sides = {(i - 1) % medium.n, (i + 1) % medium.n} if s["ring"] else {i - 1, i + 1}
+            sides = {(i - 1) % n, (i + 1) % n} if ring else {i - 1, i + 1}
             near = sorted((e for e in live if e["nodes"] & sides), key=lambda e: e["begin"])
             if not near:
-                near = [{"nodes": set(), "begin": begin, "d": np.zeros(medium.n), "beside": False}]
+                near = [{"nodes": set(), "begin": begin, "d": np.zeros(n), "beside": False}]
                 live.append(near[0])
             near[0]["nodes"].add(i)
             for other in near[1:]:
@@ -326,7 +328,7 @@ def by_segments(medium):
         for event in live:
             own = sorted(event["nodes"])
             event["d"][own] += (q - last)[own]
-            event["beside"] |= any(np.abs((i - own + half) % medium.n - half).min() <= s["order"] // 2
+            event["beside"] |= any(np.abs((i - own + half) % n - half).min() <= s.p["grid_order"] // 2
                                    for other in live if other is not event for i in other["nodes"])
         last, eta = q, eta_now
     return ended
@@ -335,14 +337,13 @@ def by_segments(medium):
 def test_several_events_at_once_within_a_stencil(scenes):
     """What the slip of others that goes on meanwhile does is no part of an event, at any tolerance."""
     compared = {"events": 0, "beside": 0}
-    for index, s in scenes(draw_wide, salt=711, short=6):
-        medium = sticking.Medium(s, sticking.factors(s))
-        medium.advance(medium.start(np.zeros(s["n"]), np.full(s["n"], s["eta"])), 0, s["t_end"])
-        expected = by_segments(medium)
+    for index, (s, eta, t_end) in scenes(draw_wide, salt=711, short=6):
+        motion = Stick(System(s, amplitudes(s)), np.repeat([0, eta], s["grid_n"]))
+        motion.advance(t_end)
+        expected = by_segments(motion)
         for tolerance in (1e-6, 1e-9, 1e-12):
-            calls.run(sticking.options_of(s) + [
-                "-init_psi", 0, "-init_eta", s["eta"], "-ts_max_time", s["t_end"], "-ts_rtol", tolerance, "-ts_atol",
-                tolerance, "-out_events", "-out_frames", 2, "-scene_reduce", "off", "-out_file", "w.h5"])
+            calls.run(words(s) + ["-init_psi", 0, "-init_eta", eta, "-ts_max_time", t_end, "-ts_rtol", tolerance, "-ts_atol",
+                                  tolerance, "-out_events", "-out_frames", 2, "-out_file", "w.h5"])
             found = catalogue("w.h5")
             assert len(found["t"]) == len(expected), f"scene {index} {s}: {len(found['t'])} of {len(expected)} events"
             for e in expected:
@@ -359,16 +360,12 @@ def test_several_events_at_once_within_a_stencil(scenes):
 
 def slip_of_one_block(s):
     """Of a block that begins to slip beside neighbours that rest, all the way until it rests again."""
-    top = 1 - s["sigma"]
-
-    def rate(_, y):
-        psi, eta, _ = y
-        return [eta - top / (1 + 2 * s["alpha"] * psi / top), s["v"] - (1 + 2 * s["k1"]) * psi, psi]
-
-    def rests(_, y):
-        return y[0]
-    rests.terminal, rests.direction = True, -1
-    return solve_ivp(rate, (0, 100), [0, 1, 0], method="DOP853", rtol=1e-12, atol=1e-14, events=rests).y[2, -1]
+    k0 = 1 + 2 * s["k1"]
+    motion = Stick(System({"model_form": "chain", "grid_n": 1, "model_k0": k0, "model_v": s["v"] / k0,
+                           "friction_law": "carlson-langer", "friction_sigma": s["sigma"], "friction_alpha": s["alpha"]}),
+                   [0, np.nextafter(1, 2)])
+    motion.advance(100, most=1)
+    return motion.slip[0]
 
 
 def test_one_block_errs_alike_in_long_chains_and_short(scenes):

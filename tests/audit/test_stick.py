@@ -1,48 +1,59 @@
-"""Friction that sticks, in the continuum and in chains, against an integration of its own (sticking.py)."""
-import h5py
+"""Friction that sticks, in the continuum and in chains, against an integration of its own (reference.Stick)."""
 import numpy as np
 
 import calls
-
-from .sticking import Medium, factors, options_of
+from reference import Stick, System, read, words
 
 
 def draw(random):
     chain = bool(random.random() < 0.3)
-    s = dict(chain=chain, n=int(random.integers(9, 21)), order=2 if chain else int(random.choice([2, 4, 6, 8])),
-             ring=bool(random.random() < 0.5), v=random.uniform(0.02, 0.3), law=str(random.choice(["coulomb", "carlson-langer"])),
-             state="healing" if random.random() < 0.3 else "none", seed=int(random.integers(1, 10**6)),
-             spread=random.uniform(0.05, 0.3), psi=random.uniform(0, 0.3), amplitude=random.uniform(0.05, 0.6),
-             eta=random.uniform(-0.3, 0.6), t_end=random.uniform(2, 5), fs=1., fd=random.uniform(0.4, 1),
-             sigma=random.uniform(0, 0.2), alpha=random.uniform(0.2, 1), t_h=random.uniform(1, 5), tau_inf=random.uniform(1.2, 2),
-             D=random.uniform(0.3, 2))
-    if chain:
-        s.update(m=random.uniform(0.5, 2), k0=random.uniform(0.1, 1), k1=random.uniform(0.2, 2), f0=random.uniform(0.5, 1.5),
-                 zeta=float(random.choice([0, 0.2])))
+    p = {"model_form": "chain" if chain else "continuum", "grid_n": int(random.integers(9, 21)),
+         "bc_left": "periodic" if random.random() < 0.5 else "free", "model_v": random.uniform(0.02, 0.3),
+         "friction_law": str(random.choice(["coulomb", "carlson-langer"])), "friction_spread": random.uniform(0.05, 0.3),
+         "friction_seed": int(random.integers(1, 10**6)), "scene_reduce": "off"}
+    if p["friction_law"] == "coulomb":
+        p |= {"friction_fs": 1, "friction_fd": random.uniform(0.4, 1)}
     else:
-        s.update(gamma=random.uniform(0.5, 2), c=random.uniform(0.5, 1.5), delta=float(random.choice([0, random.uniform(0.05, 0.3)])),
-                 sign=str(random.choice(["derived", "printed"])), length=random.uniform(5, 10))
-    return s
+        p |= {"friction_sigma": random.uniform(0, 0.2), "friction_alpha": random.uniform(0.2, 1)}
+    if random.random() < 0.3:
+        p |= {"state_law": "healing", "state_t_h": random.uniform(1, 5), "state_tau_inf": random.uniform(1.2, 2),
+              "state_D": random.uniform(0.3, 2)}
+    if chain:
+        p |= {"model_m": random.uniform(0.5, 2), "model_k0": random.uniform(0.1, 1), "model_k1": random.uniform(0.2, 2),
+              "model_f0": random.uniform(0.5, 1.5), "model_zeta": float(random.choice([0, 0.2]))}
+    else:
+        p |= {"grid_order": int(random.choice([2, 4, 6, 8])), "model_gamma": random.uniform(0.5, 2),
+              "model_c": random.uniform(0.5, 1.5), "model_delta": float(random.choice([0, random.uniform(0.05, 0.3)])),
+              "model_delta_sign": str(random.choice(["derived", "printed"])), "grid_length": random.uniform(5, 10)}
+        p["friction_spread_length"] = p["grid_length"] / 6
+    if random.random() < 0.3:
+        p["model_nu"] = 10**random.uniform(-2, -0.5)
+    return p, {"init_type": "sine", "init_psi": random.uniform(0, 0.3), "init_amplitude": random.uniform(0.05, 0.6),
+               "init_eta": random.uniform(-0.3, 0.6), "ts_max_time": random.uniform(2, 5)}
+
+
+def amplitudes(p):
+    """The factors of the thresholds, from sliding at psi = 1 without a state."""
+    p = {name: value for name, value in p.items() if not name.startswith("state_")} | {"init_psi": 1, "init_eta": "steady"}
+    calls.run(words(p) + ["-ts_max_time", 0, "-out_file", "a.h5"])
+    system = System(p)
+    return (calls.data("a.h5")["eta"][0] - system.B) / system.law.force(1., 0.)
 
 
 def test_motion(scenes):
     total = 0
-    for index, s in scenes(draw, salt=610, short=12):
+    for index, (p, start) in scenes(draw, salt=610, short=12):
         frames = 5
-        calls.run(options_of(s) + ["-init_type", "sine", "-init_psi", s["psi"], "-init_amplitude", s["amplitude"], "-init_eta",
-                                   s["eta"], "-ts_max_time", s["t_end"], "-ts_rtol", 1e-11, "-ts_atol", 1e-12,
-                                   "-out_frames", frames, "-scene_reduce", "off", "-out_file", "s.h5"])
-        with h5py.File("s.h5") as file:
-            t, fields = file["t"][:], [file[k][:] for k in (("psi", "eta", "tau") if s["state"] == "healing" else ("psi", "eta"))]
-        medium = Medium(s, factors(s))
-        y = medium.start(*[f[0] for f in fields])
+        calls.run(words(p | start) + ["-ts_rtol", 1e-11, "-ts_atol", 1e-12, "-out_frames", frames, "-out_file", "s.h5"])
+        found = calls.data("s.h5")
+        motion = Stick(System(p, amplitudes(p)), read(found, 0))
         for k in range(1, frames):
-            y, changes = medium.advance(y, t[k - 1], t[k])
-            total += changes
-            expected = medium.parts(y)
-            for name, values, own in zip(("psi", "eta", "tau"), fields, expected):
-                error = np.abs(values[k] - own).max()
-                assert error < 1e-6, f"scene {index} {s}: {name} off by {error:.2g} at t = {t[k]}"
-            assert ((fields[0][k] == 0) == (medium.dir == 0)).all(), f"scene {index} {s}: who rests at t = {t[k]}"
+            u = motion.advance(found["t"][k])
+            for name, values, own in zip(("psi", "eta", "tau"), read(found, k).reshape(-1, p["grid_n"]),
+                                         u.reshape(-1, p["grid_n"])):
+                error = np.abs(values - own).max()
+                assert error < 1e-6, f"scene {index} {p}: {name} off by {error:.2g} at t = {found['t'][k]}"
+            assert ((found["psi"][k] == 0) == motion.rests).all(), f"scene {index} {p}: who rests at t = {found['t'][k]}"
+        total += motion.changes
     print(total, "changes")
     assert total > 20
