@@ -1,49 +1,9 @@
 """Loads drawn at random, of either direction, with corners, steps and sines: the balance of energy of runs of either kind of
 friction, and the order of every method and split against scipy."""
 import numpy as np
-from scipy.integrate import solve_ivp
 
 import calls
-from .cubic_blocks import Blocks
-
-
-class Load:
-    """v(t) of a table of pairs, straight between them, and a sine."""
-
-    def __init__(self, v, points, amplitude=0, period=1):
-        self.v, self.points, self.amplitude, self.period = v, points, amplitude, period
-
-    def options(self):
-        table = ",".join(f"{t}:{v}" for t, v in self.points)
-        sine = f"-load_sine_amplitude {self.amplitude} -load_sine_period {self.period}"
-        return f"-model_v {self.v} " + (f"-load_v {table} " if table else "") + (sine if self.amplitude else "")
-
-    def piece(self, t):
-        """The index of the last pair at or before a time: -1 before the first."""
-        return sum(at <= t for at, _ in self.points) - 1
-
-    def within(self, piece, t):
-        """v(t) in a piece, also at its ends."""
-        sine = self.amplitude * np.sin(2 * np.pi * t / self.period)
-        if not self.points:
-            return self.v + sine
-        (a, v), (b, w) = self.points[max(piece, 0)], self.points[min(piece + 1, len(self.points) - 1)]
-        return (v + (w - v) * (t - a) / (b - a) if piece >= 0 and b > a else v) + sine
-
-    def pieces(self, end):
-        inner = sorted({t for t, _ in self.points if 0 < t < end})
-        edges = [0, *inner, end]
-        return [(a, b, self.piece(a)) for a, b in zip(edges, edges[1:])]
-
-    def way(self, t):
-        """The integral of v from 0 to t."""
-        x, w = np.polynomial.legendre.leggauss(30)
-        total = 0
-        for a, b, piece in self.pieces(t) if t > 0 else []:
-            parts = np.linspace(a, b, 2 + int((b - a) / self.period))
-            for c, d in zip(parts, parts[1:]):
-                total += (d - c) / 2 * w @ self.within(piece, c + (d - c) * (1 + x) / 2)
-        return total
+from reference import DEFAULTS, Plate, System, options, read
 
 
 def draw_load(rng, end):
@@ -56,11 +16,13 @@ def draw_load(rng, end):
             points += [(t, round(float(v), 6)) for v in size * rng.uniform(-1, 1, 1 if rng.random() < 0.5 else 2)]
         points = [p for i, p in enumerate(points) if sum(q[0] == p[0] for q in points[:i]) < 2]
     sine = (size * rng.uniform(0.1, 0.8), rng.uniform(0.3, 2) * end) if kind != 1 else (0, 1)
-    return Load(rng.uniform(-1, 1) * size, points, *sine)
+    table = ",".join(f"{t}:{v}" for t, v in points)
+    return f"-model_v {rng.uniform(-1, 1) * size} " + (f"-load_v {table} " if table else "") + \
+        (f"-load_sine_amplitude {sine[0]} -load_sine_period {sine[1]} " if sine[0] else "")
 
 
 def draw_balance(rng):
-    """Chains and continua without a held end. -> options, end, load, (nodes, what psi adds to the sum of forces)"""
+    """Chains and continua without a held end. -> options, end, nodes, what psi adds to the sum of forces"""
     end, n = rng.uniform(4, 10), int(rng.integers(2, 9))
     load = draw_load(rng, end)
     law = rng.choice(["cubic", "coulomb", "regularised", "carlson-langer"])
@@ -72,32 +34,33 @@ def draw_balance(rng):
         f0 = rng.uniform(0.5, 2)
         medium = f"-model_form chain -model_m {rng.uniform(0.5, 2)} -model_f0 {f0} -model_k0 {rng.uniform(0.2, 1)} " \
                  f"-model_k1 {rng.uniform(0.1, 1)} -model_zeta {rng.uniform(0, 0.4)}"
-        damping, weight = 0, f0
+        damping = 0
     else:
         n, delta, gamma = max(n, 7), rng.uniform(0, 0.5), rng.uniform(1, 4)
         medium = f"-model_gamma {gamma} -model_delta {delta} -model_c {rng.uniform(0.3, 1)} -grid_length {rng.uniform(2, 6)} " \
                  "-grid_order 2"
-        ends, damping, weight = "-bc_left periodic", delta / gamma, gamma
-    return f"{medium} -grid_n {n} {friction} {ends} {load.options()} -init_psi {rng.uniform(-0.5, 0.5)} -init_eta " \
-           f"{rng.uniform(-0.5, 0.5)} -init_noise 0.2 -init_seed {rng.integers(1000)} -scene_reduce off", end, load, n, damping, weight
+        ends, damping = "-bc_left periodic", delta / gamma
+    return f"{medium} -grid_n {n} {friction} {ends} {load} -init_psi {rng.uniform(-0.5, 0.5)} -init_eta " \
+           f"{rng.uniform(-0.5, 0.5)} -init_noise 0.2 -init_seed {rng.integers(1000)} -scene_reduce off", end, n, damping
 
 
 def test_the_energy_balance(scenes):
     """The work of the plate is the force on all blocks over its way, whatever steps v(t) takes: trapezoids in its way."""
-    for index, (options, end, load, n, damping, _) in scenes(draw_balance, 41, 8):
-        calls.run(f"{options} -ts_max_time {end} -ts_type rk -ts_adapt_type none -ts_dt 0.004 -out_displacement -out_frames 2 "
+    for index, (scene, end, n, damping) in scenes(draw_balance, 41, 8):
+        load = Plate(DEFAULTS | options(scene))
+        calls.run(f"{scene} -ts_max_time {end} -ts_type rk -ts_adapt_type none -ts_dt 0.004 -out_displacement -out_frames 2 "
                   "-out_file balance.h5")
         s = {name[7:]: values for name, values in calls.data("balance.h5").items() if name.startswith("series/")}
         t = s["t"]
         force = n * (s["eta_mean"] + damping * s["psi_mean"])
         # each row with the velocity of its own time: of the step that ends there, of the first row that which begins
-        edges = [load.piece(0)] + [load.piece((a + b) / 2) for a, b in zip(t, t[1:])]
-        v = np.array([load.within(piece, at) for piece, at in zip(edges, t)])
+        inside = [0, *((t[1:] + t[:-1]) / 2)]
+        v = np.array([load.after(middle)(at) for middle, at in zip(inside, t)])
         scale = np.abs(force).max() * np.abs(v).max() + 1e-300
         cell = s["power_input"] / np.where(v == 0, 1, v) / np.where(force == 0, 1, force)
         cell = np.median(cell[(np.abs(v) > 1e-3) & (np.abs(force) > 1e-3)])
         off = np.abs(s["power_input"] - cell * v * force).max() / (cell * scale)
-        assert off < 1e-9, f"scene {index}: power_input is off by {off} of its size at t = {t[np.argmax(off)]}: {options}"
+        assert off < 1e-9, f"scene {index}: power_input is off by {off} of its size at t = {t[np.argmax(off)]}: {scene}"
         way = np.array([load.way(at) for at in t])
         work = cell * np.sum((force[1:] + force[:-1]) / 2 * np.diff(way))
         lost = s["power_friction"] + s["power_viscous"]
@@ -105,7 +68,7 @@ def test_the_energy_balance(scenes):
         energy = s["energy_kinetic"] + s["energy_elastic"]
         size = energy.max() + np.abs(s["power_input"]).max() * end
         gap = abs(energy[-1] - energy[0] - work + lost) / size
-        assert gap < 2e-5, f"scene {index}: {gap} of the energy is missing: {options}"
+        assert gap < 2e-5, f"scene {index}: {gap} of the energy is missing: {scene}"
 
 
 METHODS = [("rk", name, order, "") for name, order in (("5dp", 5), ("3bs", 3), ("5f", 5), ("5bs", 5), ("6vr", 6), ("2a", 2),
@@ -131,46 +94,45 @@ def method_options(method):
         (f"-imex_implicit {split} " if split else "") + tight
 
 
-def orders_of(blocks, load, start, method, h):
-    """Orders between steps h, h/2 and h/4, and the errors after 32 steps of h, from what the options `start` make."""
-    n, end, errors, exact = blocks.n, 32 * h, [], None
+def orders_of(scene, method, h):
+    """Orders between steps h, h/2 and h/4, and the errors after 32 steps of h."""
+    end, errors, exact = 32 * h, [], None
     for k in range(3):
-        calls.run(f"{blocks.options()} {load.options()} {start} -ts_max_time {end!r} {method_options(method)} "
+        calls.run(f"{scene} -ts_max_time {end!r} {method_options(method)} "
                   f"-ts_adapt_type none -ts_dt {h / 2**k!r} -out_frames 2 -out_file order.h5")
         found = calls.data("order.h5")
         if exact is None:
-            exact = np.concatenate([found["psi"][0], found["eta"][0]])
-            for a, b, piece in load.pieces(end):
-                exact = solve_ivp(lambda t, u, piece=piece: blocks.rhs(load.within(piece, t), u), (a, b), exact,
-                                  method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
-        errors.append(max(abs(found["psi"][-1] - exact[:n]).max(), abs(found["eta"][-1] - exact[n:]).max()))
+            exact = System(scene).follow(read(found, 0), 0, end, rtol=1e-13, atol=1e-14)
+        errors.append(abs(read(found, -1) - exact).max())
     return [np.log2(a / b) for a, b in zip(errors, errors[1:])], errors
 
 
 def draw_order(rng):
     n = int(rng.integers(2, 5))
-    blocks = Blocks(n, n > 2 and rng.random() < 0.5, *rng.uniform(0.3, 1, 2), rng.uniform(0, 0.4), rng.uniform(0.6, 1.5))
-    load = Load(rng.uniform(-0.8, 0.8), [], rng.uniform(0.2, 0.5) * rng.choice([-1, 1]), rng.uniform(1.5, 4))
-    start = f"-init_psi {rng.uniform(-0.6, 0.6)} -init_eta {rng.uniform(-0.3, 0.3)} -init_noise 0.3 -init_seed {rng.integers(1000)}"
-    return blocks, load, start, METHODS[rng.integers(len(METHODS))]
+    ends = "periodic" if n > 2 and rng.random() < 0.5 else "free"
+    k0, k1, zeta, m = *rng.uniform(0.3, 1, 2), rng.uniform(0, 0.4), rng.uniform(0.6, 1.5)
+    return f"-model_form chain -grid_n {n} -bc_left {ends} -model_k0 {k0} -model_k1 {k1} -model_zeta {zeta} -model_m {m} " \
+        f"-model_v {rng.uniform(-0.8, 0.8)} -load_sine_amplitude {rng.uniform(0.2, 0.5) * rng.choice([-1, 1])} " \
+        f"-load_sine_period {rng.uniform(1.5, 4)} -init_psi {rng.uniform(-0.6, 0.6)} -init_eta {rng.uniform(-0.3, 0.3)} " \
+        f"-init_noise 0.3 -init_seed {rng.integers(1000)} -scene_reduce off", METHODS[rng.integers(len(METHODS))]
 
 
-def check_order(index, blocks, load, start, method):
+def check_order(index, scene, method):
     order = method[2]
     h = {1: 1 / 64, 2: 1 / 48, 3: 1 / 24, 4: 1 / 16}.get(order, 1 / 8)
-    orders, errors = orders_of(blocks, load, start, method, h)
+    orders, errors = orders_of(scene, method, h)
     assert max(orders) > order - 0.35 or errors[-1] < 1e-11, \
-        f"scene {index}: {method} has orders {orders} under a load, errors {errors}: {blocks.options()} {load.options()} {start}"
+        f"scene {index}: {method} has orders {orders} under a load, errors {errors}: {scene}"
 
 
 def test_orders_of_all_methods(scenes):
-    for index, (blocks, load, start, method) in scenes(draw_order, 43, 6):
-        check_order(index, blocks, load, start, method)
+    for index, (scene, method) in scenes(draw_order, 43, 6):
+        check_order(index, scene, method)
 
 
 def test_orders_of_rosenbrock_methods():
     """Every kind, whose stages see the rate of the load besides."""
     rng = np.random.default_rng(44)
     for index, (name, order) in enumerate(ROSENBROCK):
-        blocks, load, start, _ = draw_order(rng)
-        check_order(index, blocks, load, start, ("rosw", name, order, ""))
+        scene, _ = draw_order(rng)
+        check_order(index, scene, ("rosw", name, order, ""))

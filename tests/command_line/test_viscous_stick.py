@@ -1,89 +1,31 @@
-"""Exact stick with viscosity between neighbours, under a load that varies: whole motions of a small chain against scipy,
-which goes from start to stop by events; the time at which a block beside a moving end begins to slip in closed form."""
+"""Exact stick with viscosity between neighbours, under a load that varies: whole motions of a small chain against scipy;
+the time at which a block beside a moving end begins to slip in closed form."""
 import math
 
 import numpy as np
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from calls import check, data, run
+from reference import Stick, System, read
 
-LOAD = [(0, 0.6), (5, 0.1), (5, 0.0), (16, 0.0), (16, 0.7)]  # corners of v(t), constant after the last
-K0, K1, NU, ZETA = 0.5, 0.8, 0.6, 0.1
-
-
-def plate(t, piece):
-    (a, low), (b, high) = LOAD[piece], LOAD[min(piece + 1, len(LOAD) - 1)]
-    return low + (high - low) * (t - a) / (b - a) if b > a else low
-
-
-class Blocks:
-    """psi' = eta + nu D2 psi - zeta psi - sgn/(1 + |psi|), eta' = k0 (v(t) - psi) + k1 D2 psi between free ends; a block
-    rests while |eta + nu D2 psi| <= 1. `going`: the direction of each, 0 at rest."""
-
-    def __init__(self, n):
-        self.n = n
-
-    def d2(self, psi):
-        wide = np.concatenate([psi[:1], psi, psi[-1:]])
-        return wide[2:] - 2 * psi + wide[:-2]
-
-    def force(self, u):
-        return u[self.n:] + NU * self.d2(u[:self.n])
-
-    def rates(self, t, u, going, piece):
-        psi = u[:self.n]
-        slide = np.where(going == 0, 0, self.force(u) - ZETA * psi - going / (1 + np.abs(psi)))
-        return np.concatenate([slide, K0 * (plate(t, piece) - psi) + K1 * self.d2(psi)])
-
-    def events(self, going):
-        for i in range(self.n):
-            if going[i]:
-                event = lambda t, u, *_, i=i: going[i] * u[i] + (1e-14 if u[i] == 0 else 0)  # noqa: E731
-                event.direction = -1
-            else:
-                event = lambda t, u, *_, i=i: abs(self.force(u)[i]) - 1  # noqa: E731
-                event.direction = 1
-            event.terminal = True
-            yield event
-
-    def follow(self, u, going, t, end, piece):
-        """To the end, and the number of starts and stops."""
-        turns = 0
-        while t < end:
-            course = solve_ivp(self.rates, (t, end), u, args=(going, piece), events=list(self.events(going)),
-                               method="DOP853", rtol=1e-10, atol=1e-12, max_step=0.5)
-            t, u = course.t[-1], course.y[:, -1]
-            for i in range(self.n):
-                if len(course.t_events[i]):
-                    force, turns, going = self.force(u)[i], turns + 1, going.copy()
-                    if going[i]:
-                        u[i] = 0
-                        going[i] = np.sign(force) if abs(force) > 1 else 0
-                    else:
-                        going[i] = np.sign(force)
-                    break
-        return u, going, turns
+K0 = 0.5
 
 
 def test_motions_of_a_chain():
     n, times = 4, [0, 5, 10, 16, 24, 30]
-    words = (f"-model_form chain -grid_n {n} -bc_left free -model_k0 {K0} -model_k1 {K1} -model_nu {NU} -model_zeta {ZETA}"
-             " -friction_law carlson-langer -init_psi 0 -init_eta 0.4 -init_noise 0.5 -init_seed 3 -ts_max_time 30"
-             " -ts_rtol 1e-10 -ts_atol 1e-11 -out_times " + ",".join(map(str, times)) + " -out_file s.h5 -load_v " +
-             ",".join(f"{t}:{v}" for t, v in LOAD))
-    run(words)
+    scene = (f"-model_form chain -grid_n {n} -bc_left free -model_k0 {K0} -model_k1 0.8 -model_nu 0.6 -model_zeta 0.1"
+             " -friction_law carlson-langer -load_v 0:0.6,5:0.1,5:0.0,16:0.0,16:0.7")
+    run(f"{scene} -init_psi 0 -init_eta 0.4 -init_noise 0.5 -init_seed 3 -ts_max_time 30 -ts_rtol 1e-10 -ts_atol 1e-11"
+        f" -out_times {','.join(map(str, times))} -out_file s.h5")
     found = data("s.h5")
-    u = np.concatenate([found["psi"][0], found["eta"][0]])
-    going, blocks, turns, rested = np.sign(u[:n]), Blocks(n), 0, False
-    for k, (begin, end) in enumerate(zip(times, times[1:])):
-        piece = max(i for i, (t, _) in enumerate(LOAD) if t <= begin)
-        u, going, more = blocks.follow(u, going, begin, end, piece)
-        turns, rested = turns + more, rested or not going.any()
-        off = max(np.abs(found["psi"][k + 1] - u[:n]).max(), np.abs(found["eta"][k + 1] - u[n:]).max())
+    motion, rested = Stick(System(scene), read(found, 0), rtol=1e-10, atol=1e-12), False
+    for k, end in enumerate(times[1:], 1):
+        off = np.abs(read(found, k) - motion.advance(end)).max()
+        rested = rested or motion.rests.all()
         # a place where a block grazes rest is met as the square root of the tolerance
-        check(off < 1e-6, f"at {end} psi and eta are off by {off} after {turns} starts and stops")
-    check(turns >= 8 and rested and going.any(), f"{turns} starts and stops, a rest of all and a start behind it: {rested}")
+        check(off < 1e-6, f"at {end} psi and eta are off by {off} after {motion.changes} starts and stops")
+    check(motion.changes >= 8 and rested and not motion.rests.all(),
+          f"{motion.changes} starts and stops, a rest of all and a start behind it: {rested}")
 
 
 def test_release_beside_a_moving_end():
