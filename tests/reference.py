@@ -21,6 +21,7 @@ DEFAULTS = {"model_form": "continuum", "model_gamma": 3, "model_delta": 0.2, "mo
             "friction_psi_s": 1, "friction_amplitude": 1, "state_t_h": 1, "state_tau_inf": 2, "state_b": 0.1,
             "state_theta0": 1, "state_psi_h": 0.001, "load_v": "", "load_sine_amplitude": 0, "load_sine_period": 1}
 STATE_LAWS = {"rate-and-state": "ageing", "n-shaped": "ageing-cutoff"}  # that go with a law unless another is named
+LEGENDRE = np.polynomial.legendre.leggauss(30)
 STEP = 1e-30  # of derivatives by complex steps
 
 
@@ -72,14 +73,12 @@ class Plate:
             slope = (behind[0][1] - v0) / (behind[0][0] - t0)
         return lambda t: v0 + slope * (t - t0) + self.height * np.sin(2 * np.pi * t / self.period)
 
-    def way(self, end):
-        """The integral of v from 0."""
-        x, weights = np.polynomial.legendre.leggauss(30)
-        total = 0
-        for begin, until in self.pieces(0, end):
-            parts = np.linspace(begin, until, 2 + int((until - begin) / self.period))
-            total += sum((b - a) / 2 * weights @ self.after(begin)(a + (b - a) * (1 + x) / 2)
-                         for a, b in zip(parts, parts[1:]))
+    def way(self, end, begin=0):
+        """The integral of v over that time."""
+        x, weights, total = *LEGENDRE, 0
+        for a, b in self.pieces(begin, end):
+            parts = np.linspace(a, b, 2 + int((b - a) / self.period))
+            total += sum((d - c) / 2 * weights @ self.after(a)(c + (d - c) * (1 + x) / 2) for c, d in zip(parts, parts[1:]))
         return total
 
 

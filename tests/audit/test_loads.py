@@ -61,8 +61,8 @@ def test_the_energy_balance(scenes):
         cell = np.median(cell[(np.abs(v) > 1e-3) & (np.abs(force) > 1e-3)])
         off = np.abs(s["power_input"] - cell * v * force).max() / (cell * scale)
         assert off < 1e-9, f"scene {index}: power_input is off by {off} of its size at t = {t[np.argmax(off)]}: {scene}"
-        way = np.array([load.way(at) for at in t])
-        work = cell * np.sum((force[1:] + force[:-1]) / 2 * np.diff(way))
+        way = np.array([load.way(b, a) for a, b in zip(t, t[1:])])
+        work = cell * np.sum((force[1:] + force[:-1]) / 2 * way)
         lost = s["power_friction"] + s["power_viscous"]
         lost = np.sum((lost[1:] + lost[:-1]) / 2 * np.diff(t))
         energy = s["energy_kinetic"] + s["energy_elastic"]

@@ -9,39 +9,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from calls import check, data, refused, run, scene_file
-from chain import Chain
+from reference import DEFAULTS, Plate, System, options, read
 
 # ramp, hold, jump, ramp down, and a sine on top
-CORNERS = [(0.37, 0.5), (1.1, 0.9), (2.03, 0.9), (2.03, 0.3), (3.3, 0.7)]
-SINE = (0.15, 1.7)
-LOAD = "-load_v " + ",".join(f"{t}:{v}" for t, v in CORNERS) + f" -load_sine_amplitude {SINE[0]} -load_sine_period {SINE[1]} "
-
-
-def piece_after(t):
-    """v on the piece that begins at t, or holds it."""
-    before, behind = [p for p in CORNERS if p[0] <= t], [p for p in CORNERS if p[0] > t]
-    low = before[-1] if before else (0, CORNERS[0][1])
-    high = behind[0] if behind and before else (low[0] + 1, low[1])
-    return lambda at: (low[1] + (high[1] - low[1]) * (at - low[0]) / (high[0] - low[0]) +
-                       SINE[0] * np.sin(2 * np.pi * at / SINE[1]))
-
-
-def pieces(end):
-    times = [0] + sorted({t for t, _ in CORNERS if t < end}) + [end]
-    return list(zip(times, times[1:]))
-
-
-def solution(rhs, u, end):
-    """rhs(v, t, u) from 0 to the end, corner by corner."""
-    for begin, stop in pieces(end):
-        v = piece_after(begin)
-        u = solve_ivp(lambda t, y, v=v: rhs(v(t), t, y), (begin, stop), u, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
-    return u
-
-
-def travelled(t):
-    return sum(np.polynomial.legendre.leggauss(20)[1] @ piece_after(a)(a + (b - a) * (1 + np.polynomial.legendre.leggauss(20)[0]) / 2)
-               * (b - a) / 2 for a, b in pieces(t))
+LOAD = "-load_v 0.37:0.5,1.1:0.9,2.03:0.9,2.03:0.3,3.3:0.7 -load_sine_amplitude 0.15 -load_sine_period 1.7 "
+PLATE = Plate(DEFAULTS | options(LOAD))
+CORNERS = [t for t, _ in PLATE.points]
 
 
 METHODS = ["", "-ts_type rk", "-ts_type rk -rk_fused false", "-ts_type arkimex -imex_implicit friction -rk_fused false",
@@ -49,23 +22,17 @@ METHODS = ["", "-ts_type rk", "-ts_type rk -rk_fused false", "-ts_type arkimex -
 
 
 def test_against_scipy():
-    chain = Chain(3, b=0.5, v=0.5)
-
-    def rhs(v, t, u):
-        chain.v = v
-        return chain.rhs(t, u)
-    start = np.concatenate([[0.4] * 3, [0.5] * 3, np.log([0.7] * 3)])
-    exact = solution(rhs, start, 4.0).reshape(3, -1)
+    scene = ("-model_form chain -bc_left free -grid_n 3 -model_k0 0.3 -model_k1 0.7 -model_zeta 0.1 -friction_law rate-and-state "
+             f"-friction_a 0.3 -friction_b 0.5 -friction_D 0.4 {LOAD}")
+    exact = System(scene).follow(np.repeat([0.4, 0.5, np.log(0.7)], 3), 0, 4, rtol=1e-13, atol=1e-14)
     for method in METHODS:
-        run("-model_form chain -bc_left free -grid_n 3 -model_k0 0.3 -model_k1 0.7 -model_zeta 0.1 -friction_law rate-and-state "
-            "-friction_a 0.3 -friction_b 0.5 -friction_D 0.4 -init_psi 0.4 -init_eta 0.5 -init_state 0.7 -ts_max_time 4 "
-            f"{LOAD} {method} -ts_rtol 1e-9 -ts_atol 1e-9 -out_file run.h5 -out_frames 2")
+        run(f"{scene} -init_psi 0.4 -init_eta 0.5 -init_state 0.7 -ts_max_time 4 {method} -ts_rtol 1e-9 -ts_atol 1e-9 "
+            "-out_file run.h5 -out_frames 2")
         found = data("run.h5")
-        error = max(abs(found["psi"][-1] - exact[0]).max(), abs(found["eta"][-1] - exact[1]).max(),
-                    abs(np.log(found["theta"][-1]) - exact[2]).max())
+        error = abs(read(found, -1) - exact).max()
         check(error < 1e-6, f"{method}: {error}")
         times = found["series/t"]
-        check(all(np.min(abs(times - t)) == 0 for t, _ in CORNERS), f"{method}: no step ends at a corner")
+        check(all(np.min(abs(times - t)) == 0 for t in CORNERS), f"{method}: no step ends at a corner")
 
 
 ORDERS = [("-ts_type rk -ts_rk_type 5dp", 5, 0.1),
@@ -76,21 +43,16 @@ ORDERS = [("-ts_type rk -ts_rk_type 5dp", 5, 0.1),
 
 def test_orders():
     # the cubic on a ring of four; frames too, between the steps
-    n, k1 = 4, 0.6
-    start = np.concatenate([0.1 + 0.5 * np.sin(2 * np.pi * np.arange(n) / n), np.full(n, 0.1)])
-
-    def rhs(v, _, u):
-        psi, eta = u[:n], u[n:]
-        return np.concatenate([eta - (psi ** 3 / 3 - psi), 0.5 * (v - psi) + k1 * (np.roll(psi, 1) + np.roll(psi, -1) - 2 * psi)])
-    exact, between = solution(rhs, start, 4.0), solution(rhs, start, 2.5)
+    scene = f"-model_form chain -grid_n 4 -model_k0 0.5 -model_k1 0.6 {LOAD}"
+    start = np.concatenate([0.1 + 0.5 * np.sin(np.pi / 2 * np.arange(4)), np.full(4, 0.1)])
+    exact, between = (System(scene).follow(start, 0, end, rtol=1e-13, atol=1e-14) for end in (4, 2.5))
     for method, order, h in ORDERS:
         errors = []
         for step in (h, h / 4):
-            run(f"-model_form chain -grid_n {n} -model_k0 0.5 -model_k1 {k1} -init_type sine -scene_reduce off {LOAD} {method} "
-                f"-ts_adapt_type none -ts_dt {step} -ts_max_time 4 -snes_rtol 1e-13 -snes_atol 1e-15 -ts_rtol 1e-11 -ts_atol 1e-11 -out_times 2.5,4 "
+            run(f"{scene} -init_type sine -scene_reduce off {method} -ts_adapt_type none -ts_dt {step} -ts_max_time 4 -snes_rtol 1e-13 -snes_atol 1e-15 -ts_rtol 1e-11 -ts_atol 1e-11 -out_times 2.5,4 "
                 "-out_file run.h5")
             found = data("run.h5")
-            errors.append([abs(found["psi"][i] - u[:n]).max() for i, u in ((-1, exact), (0, between))])
+            errors.append([abs(found["psi"][i] - u[:4]).max() for i, u in ((-1, exact), (0, between))])
         for name, one in zip(("end", "frame"), np.array(errors).T):
             rate = math.log2(one[0] / one[1]) / 2
             check(rate > min(order, 4 if name == "frame" else order) - 0.4, f"{method}: order {rate:.2f} at the {name}, errors {one}")
@@ -106,7 +68,7 @@ def first_slip(options):
 
 def test_release_under_load():
     # At rest eta = K0 X(t): the block begins to slip where that is its threshold, whatever the load does on the way there.
-    exact = brentq(lambda t: 0.4 * travelled(t) - 0.6, 0.1, 4)
+    exact = brentq(lambda t: 0.4 * PLATE.way(t) - 0.6, 0.1, 4)
     found, s = first_slip(LOAD)
     check(abs(found - exact) < 1e-9, f"{found} for {exact}")
     check(s["regime"] == "undecided" and "load" in s["regime_reason"], f"regime {s['regime']}")
@@ -138,11 +100,11 @@ def test_displacement():
         "-out_displacement true")
     found = data("chi.h5")
     for i, t in enumerate(found["t"]):
-        check(abs(found["chi"][i, 0] - (travelled(t) - found["eta"][i, 0] / 0.4)) < 1e-10, f"chi at {t}")
+        check(abs(found["chi"][i, 0] - (PLATE.way(t) - found["eta"][i, 0] / 0.4)) < 1e-10, f"chi at {t}")
     times, v = found["series/t"], found["series/v"]
     for t, value in zip(times, v):  # at a corner that of the piece that ends
-        begin = max([0.0] + [c for c, _ in CORNERS if c < t])
-        check(abs(value - piece_after(begin)(t)) < 1e-13, f"v({t}) = {value}")
+        begin = max([0.0] + [c for c in CORNERS if c < t])
+        check(abs(value - PLATE.after(begin)(t)) < 1e-13, f"v({t}) = {value}")
 
 
 def test_restart():
@@ -175,11 +137,12 @@ def test_ranks():
 def test_slide_hold_slide():
     # the scene of runs/: the peak of the force against a direct solution
     run(scene_file("slide-hold-slide") + " -ts_max_time 125 -ts_rtol 1e-8 -ts_atol 1e-8 -out_file hold.h5 -out_frames 2")
-    block = Chain(1, b=0.03, D=0.01, a=0.02, psi0=1e-2, v=1e-2, k0=2, k1=0, zeta=0, m=1e-4)
-    u, peak = block.steady(), 0
+    block = System("-model_form chain -grid_n 1 -friction_law rate-and-state -friction_a 0.02 -friction_b 0.03 -friction_D 0.01 "
+                   "-friction_psi0 0.01 -model_k0 2 -model_m 1e-4 -model_v 0.01")
+    u, peak = block.steady, 0
     for begin, end, v in ((0, 10, 1e-2), (10, 110, 0), (110, 125, 1e-2)):
-        block.v = v
-        piece = solve_ivp(block.rhs, (begin, end), u, method="Radau", rtol=1e-7, atol=1e-10)
+        block.v = lambda _, v=v: v
+        piece = solve_ivp(block.rates, (begin, end), u, method="Radau", rtol=1e-7, atol=1e-10)
         u, peak = piece.y[:, -1], max(peak, piece.y[1].max())
     found = data("hold.h5")["series/eta_mean"].max()
     check(abs(found - peak) < 2e-5 and peak > 0.6 + 0.02, f"peak {found} for {peak}")

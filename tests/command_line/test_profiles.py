@@ -5,11 +5,10 @@ import os
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from calls import check, data, refused, run
-from chain import Chain
+from reference import System, options, read, words
 
 RATE = "-friction_law rate-and-state "
 LINE = "-model_form chain -bc_left free -model_k0 0.3 -model_k1 0.7 -model_zeta 0.1 "
@@ -17,18 +16,6 @@ LINE = "-model_form chain -bc_left free -model_k0 0.3 -model_k1 0.7 -model_zeta 
 
 def pairs(x, values):
     return ",".join(f"{float(a)!r}:{float(b)!r}" for a, b in zip(x, values))
-
-
-def scene(chain, *parameters):
-    """The chain's options, with a profile that has a value for every block of each of the parameters."""
-    text = LINE + RATE + f"-grid_n {chain.n} -model_v {chain.v} "
-    for name, option in (("a", "friction_a"), ("b", "friction_b"), ("D", "friction_D"), ("amplitude", "friction_amplitude")):
-        values = getattr(chain, name)
-        if name in parameters:
-            text += f"-{option}_profile {pairs(range(chain.n), values)} "
-        elif name != "amplitude":
-            text += f"-{option} {float(values[0])!r} "
-    return text
 
 
 def matched(found, exact):
@@ -40,68 +27,64 @@ def matched(found, exact):
     return worst
 
 
-def random_chain(seed, n=7):
+def random_chain(seed, n=7, **more):
+    """Rate-and-state friction between free ends with parameters of every block, as options by name."""
     draw = np.random.default_rng(seed).uniform
-    return Chain(n, b=draw(0.1, 0.9, n), D=draw(0.3, 0.6, n), a=draw(0.2, 0.4, n), amplitude=draw(0.5, 1.5, n),
-                 v=float(draw(0.3, 0.8)))
+    drawn = [draw(low, high, n) for low, high in ((0.1, 0.9), (0.3, 0.6), (0.2, 0.4), (0.5, 1.5))]
+    p = options(LINE + RATE + f"-grid_n {n} -model_v {float(draw(0.3, 0.8))!r}") | more
+    return p | dict(zip(("friction_b", "friction_D", "friction_a", "friction_amplitude"), drawn))
 
 
 @pytest.mark.parametrize("seed", (1, 2))
 def test_spectrum_is_the_dense_matrix(seed):
     # every parameter at once; the condition of these matrices is below 1e3, so that 1e-10 is far above round-off
-    chain = random_chain(seed)
-    s, _ = run(scene(chain, "a", "b", "D", "amplitude") + f"-spectrum_count {3 * chain.n} -spectrum_method dense",
-               command="spectrum")
-    found = [complex(e["re"], e["im"]) for e in s["eigenvalues"]]
-    check(len(found) == 3 * chain.n, f"{len(found)} eigenvalues of {3 * chain.n}")
-    worst = matched(found, chain.eigenvalues())
+    p = random_chain(seed)
+    s, _ = run(words(p | {"spectrum_count": 21, "spectrum_method": "dense"}), command="spectrum")
+    found, exact = [complex(e["re"], e["im"]) for e in s["eigenvalues"]], System(p).eigenvalues()
+    check(len(found) == 21, f"{len(found)} eigenvalues of 21")
+    worst = matched(found, exact)
     check(worst < 1e-10, f"eigenvalues differ by {worst}")
-    check(abs(s["growth_rate"] - max(z.real for z in chain.eigenvalues())) < 1e-10, "growth rate")
-    check(abs(s["steady"]["psi_min"] - chain.v) < 1e-14 and abs(s["steady"]["psi_max"] - chain.v) < 1e-14,
+    check(abs(s["growth_rate"] - exact[0].real) < 1e-10, "growth rate")
+    check(abs(s["steady"]["psi_min"] - p["model_v"]) < 1e-14 and abs(s["steady"]["psi_max"] - p["model_v"]) < 1e-14,
           "steady sliding is not uniform in psi")
 
 
 def test_blocks_alone():
     # without coupling every block is a uniform scene of its own: the spectrum is the union of theirs
-    chain = random_chain(3, 4)
-    chain.k1 = 0.0
-    text = scene(chain, "a", "b", "D", "amplitude") + "-model_k1 0 "
-    s, _ = run(text + "-spectrum_count 12 -spectrum_method dense", command="spectrum")
+    p = random_chain(3, 4, model_k1=0)
+    s, _ = run(words(p | {"spectrum_count": 12, "spectrum_method": "dense"}), command="spectrum")
     exact = []
     for i in range(4):
-        one = Chain(1, chain.b[i], chain.D[i], chain.a[i], amplitude=chain.amplitude[i], v=chain.v, k1=0)
-        exact += list(one.eigenvalues())
+        one = {name: float(value[i]) if isinstance(value, np.ndarray) else value for name, value in p.items()}
+        exact += list(System(one | {"grid_n": 1}).eigenvalues())
     worst = matched([complex(e["re"], e["im"]) for e in s["eigenvalues"]], exact)
     check(worst < 1e-10, f"not the union of the blocks' own: {worst}")
 
 
 def test_boundary_with_a_factor():
     # the factor on b at which the largest real part of the matrix passes zero
-    chain = random_chain(4)
-    text = scene(chain, "b") + "-boundary_parameter friction_b_factor -boundary_from 0.2 -boundary_to 4"
-    b, amplitude = chain.b, np.ones(chain.n)
+    drawn = random_chain(4)
+    p = drawn | {"friction_D": float(drawn["friction_D"][0]), "friction_a": float(drawn["friction_a"][0]), "friction_amplitude": 1.}
 
     def growth(factor):
-        return Chain(chain.n, factor * b, chain.D[0], chain.a[0], amplitude=amplitude, v=chain.v).eigenvalues().real.max()
+        return System(p | {"friction_b": factor * p["friction_b"]}).eigenvalues()[0].real
     exact = brentq(growth, 0.2, 4, xtol=1e-12)
-    s, _ = run(text, command="boundary")
+    del p["friction_amplitude"]
+    s, _ = run([*words(p), "-boundary_parameter", "friction_b_factor", "-boundary_from", 0.2, "-boundary_to", 4], command="boundary")
     check(len(s["points"]) == 1 and abs(s["points"][0]["value"] - exact) < 1e-7 * exact, f"{s['points']}, by numpy {exact}")
 
 
 @pytest.mark.parametrize("method", ("", "-ts_type rk", "-ts_type arkimex -imex_implicit both", "-ts_type bdf -ts_rtol 1e-11 -ts_atol 1e-11", "-rk_fused false"))
-def test_run_against_lsoda(method):
-    chain = random_chain(5)
-    start = np.concatenate([np.full(chain.n, 0.4), np.full(chain.n, 0.5), np.log(np.full(chain.n, 0.7))])
-    exact = solve_ivp(chain.rhs, (0, 8), start, method="LSODA", rtol=1e-11, atol=1e-12).y[:, -1].reshape(3, -1)
-    run(scene(chain, "a", "b", "D", "amplitude") + "-init_psi 0.4 -init_eta 0.5 -init_state 0.7 -ts_max_time 8 "
-        f"-ts_rtol 1e-9 -ts_atol 1e-9 -out_file run.h5 -out_frames 2 {method}")
+def test_run_against_scipy(method):
+    p = random_chain(5)
+    run(words(p | {"init_psi": 0.4, "init_eta": 0.5, "init_state": 0.7, "ts_max_time": 8}) +
+        f"-ts_rtol 1e-9 -ts_atol 1e-9 -out_file run.h5 -out_frames 2 {method}".split())
     found = data("run.h5")
-    error = max(np.abs(found["psi"][-1] - exact[0]).max(), np.abs(found["eta"][-1] - exact[1]).max(),
-                np.abs(np.log(found["theta"][-1]) - exact[2]).max())
+    exact = System(p).follow(np.repeat([0.4, 0.5, np.log(0.7)], 7), 0, 8, rtol=1e-11, atol=1e-12)
+    error = np.abs(read(found, -1) - exact).max()
     check(error < 2e-6, f"{method}: {error}")
-    for name, values in (("friction_a", chain.a), ("friction_b", chain.b), ("friction_D", chain.D),
-                         ("friction_amplitude", chain.amplitude)):
-        check(np.allclose(found[name], values, rtol=1e-14), f"{name} is not in the file")
+    for name in ("friction_a", "friction_b", "friction_D", "friction_amplitude"):
+        check(np.allclose(found[name], p[name], rtol=1e-14), f"{name} is not in the file")
 
 
 CONSTANT = {"rate-and-state": (RATE + "-model_v 0.5 -init_type sine", "friction_b", "0.1"),
@@ -126,24 +109,17 @@ def test_constant_profile_is_none(name):
 
 
 def test_a_cycle_is_what_scipy_integrates():
-    # three unlike blocks, collocation against DOP853 and its variational equations by complex steps
-    chain = Chain(3, b=(0.9, 0.8, 0.95), D=(0.5, 0.4, 0.45), a=(0.3, 0.25, 0.3), amplitude=(1.0, 0.8, 1.2), k0=2.5, k1=0.5)
-    words = scene(chain, "a", "b", "D", "amplitude").replace("-model_k0 0.3 -model_k1 0.7", "-model_k0 2.5 -model_k1 0.5")
-    found, _ = run(words + "-cycle_cell 0 -init_psi 0.5 -init_eta steady -init_noise 0.2 -out_file cycle.h5", command="cycle")
-    file = data("cycle.h5")
-    start = np.concatenate([file["psi"][0], file["eta"][0], np.log(file["theta"][0])])
-
-    def rates(t, z):
-        u, Y = z[:9], z[9:].reshape(9, 9)
-        J = np.array([chain.rhs(t, u + 1e-30j * e).imag / 1e-30 for e in np.eye(9)]).T
-        return np.concatenate([chain.rhs(t, u), (J @ Y).ravel()])
-
-    end = solve_ivp(rates, (0, found["period"]), np.r_[start, np.eye(9).ravel()], method="DOP853", rtol=1e-7, atol=1e-9).y[:, -1]
-    check(np.abs(end[:9] - start).max() < 1e-5, f"the cycle misses itself by {np.abs(end[:9] - start).max()}")
-    exact = np.linalg.eigvals(end[9:].reshape(9, 9))
-    worst = matched([complex(m["re"], m["im"]) for m in found["multipliers"]], exact)
+    # three unlike blocks, collocation against DOP853 and its variational equations
+    scene = (LINE.replace("-model_k0 0.3 -model_k1 0.7", "-model_k0 2.5 -model_k1 0.5") + RATE + "-grid_n 3 -model_v 0.5 "
+             "-friction_a_profile 0:0.3,1:0.25,2:0.3 -friction_b_profile 0:0.9,1:0.8,2:0.95 "
+             "-friction_D_profile 0:0.5,1:0.4,2:0.45 -friction_amplitude_profile 0:1,1:0.8,2:1.2 ")
+    found, _ = run(scene + "-cycle_cell 0 -init_psi 0.5 -init_eta steady -init_noise 0.2 -out_file cycle.h5", command="cycle")
+    start = read(data("cycle.h5"), 0)
+    end, matrix = System(scene).carried(start, found["period"], rtol=1e-7, atol=1e-9)
+    check(np.abs(end - start).max() < 1e-5, f"the cycle misses itself by {np.abs(end - start).max()}")
+    worst = matched([complex(m["re"], m["im"]) for m in found["multipliers"]], np.linalg.eigvals(matrix))
     check(worst < 1e-4, f"multipliers differ by {worst}")
-    refused(words, 2, "cycle_cell 1", "no cell repeats", command="cycle")
+    refused(scene, 2, "cycle_cell 1", "no cell repeats", command="cycle")
 
 
 def test_first_to_slip():
