@@ -5,6 +5,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from calls import check, run
+from reference import System, words
 
 TIGHT = {"method": "DOP853", "rtol": 1e-11, "atol": 1e-12}
 
@@ -20,35 +21,28 @@ class Block:
     """One block with the cubic law: its oscillation, and the multipliers of a wave that adds `spring` to its stiffness."""
 
     def __init__(self, p):
-        self.m, self.f0, self.k0, self.zeta, self.v = (p["model_" + name] for name in ("m", "f0", "k0", "zeta", "v"))
-        up = lambda t, y: y[0] - self.v  # noqa: E731
+        self.k0, self.system = p["model_k0"], System(p | {"grid_n": 1, "model_k1": 1})
+        up = lambda t, y: y[0] - p["model_v"]  # noqa: E731
         up.direction = 1
         # long enough to settle, then from one passage of psi = v to the next
-        settled = solve_ivp(self.rates, (0, 400), [self.v + 1, 0], events=up, **TIGHT)
+        settled = solve_ivp(self.system.rates, (0, 400), [p["model_v"] + 1, 0], events=up, **TIGHT)
         self.start = settled.y_events[0][-1]
-        lap = solve_ivp(self.rates, (0, 100), self.start, events=up, dense_output=False, **TIGHT)
-        self.period = next(t for t in lap.t_events[0] if t > 1e-3)
+        turn = solve_ivp(self.system.rates, (0, 100), self.start, events=up, **TIGHT)
+        self.period = next(t for t in turn.t_events[0] if t > 1e-3)
 
-    def rates(self, t, y):
-        return [(self.f0 * (y[1] - y[0]**3 / 3 + y[0]) - self.zeta * y[0]) / self.m, self.k0 * (self.v - y[0]) / self.f0]
-
-    def growth(self, spring):
+    def growth(self, springs):
         """Largest modulus less 1."""
-        def together(t, z):
-            q, w = z[2:4], z[4:6]
-            slope = (self.f0 * (z[0]**2 - 1) + self.zeta) / self.m
-            return [*self.rates(t, z[:2]), *(self.f0 / self.m * w - slope * q), *(-(self.k0 + spring) / self.f0 * q)]
-        end = solve_ivp(together, (0, self.period), [*self.start, 1, 0, 0, 1], **TIGHT).y[2:, -1].reshape(2, 2)
-        return abs(np.linalg.eigvals(end)).max() - 1
+        matrices = self.system.carried(self.start, self.period, -np.reshape(springs, (-1, 1, 1)))[1]
+        return abs(np.linalg.eigvals(matrices)).max(axis=1) - 1
 
     def limit(self):
         """The spring beyond which the wave decays, nan where waves of no length grow."""
         springs = self.k0 * np.geomspace(0.02, 20, 25)
-        growth = np.array([self.growth(s) for s in springs])
+        growth = self.growth(springs)
         signs = np.flatnonzero(np.sign(growth[:-1]) != np.sign(growth[1:]))
         if len(signs) != 1 or growth[-1] > 0:
             return np.nan
-        return brentq(self.growth, springs[signs[0]], springs[signs[0] + 1], xtol=1e-12)
+        return brentq(lambda spring: self.growth(spring)[0], springs[signs[0]], springs[signs[0] + 1], xtol=1e-12)
 
 
 def compare(p, limit, what):
@@ -56,9 +50,7 @@ def compare(p, limit, what):
     cell = p["cycle_cell"]
     places = sorted({limit / (2 - 2 * np.cos(2 * np.pi * j / cell)) for j in range(1, cell // 2 + 1)})
     low, high = 0.8 * places[0], 1.25 * places[-1]
-    words = [w for name, value in p.items() for w in ("-" + name, str(value))]
-    words += ["-grid_n", str(2 * cell), "-model_k1", str(low), "-cycle_continue", "model_k1", "-cycle_to", str(high)]
-    found = run(words, command="cycle")[0]
+    found = run(words(p | {"grid_n": 2 * cell, "model_k1": low, "cycle_continue": "model_k1", "cycle_to": high}), command="cycle")[0]
     found = sorted((s["value"], s["kind"]) for s in found["special"])
     check([kind for _, kind in found] == ["branch"] * len(places) and
           all(abs(at - place) < 1e-6 * (high - low) for (at, _), place in zip(found, places)),

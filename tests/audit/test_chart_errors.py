@@ -4,11 +4,9 @@ error_space); and that the rows recommended are those that no other row beats.""
 
 import h5py
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from calls import run
-
-from . import sliding
+from reference import System, words
 
 METHODS = ("rk:3bs", "rk:5dp", "rk:7vr", "arkimex:4:friction", "rosw:ra34pw2")
 KINDS = {"rk": "ts_rk_type", "arkimex": "ts_arkimex_type", "rosw": "ts_rosw_type"}
@@ -38,27 +36,16 @@ def draw(random):
 
 def at_the_end(p, fourier=0):
     """psi and eta of the nodes at the end; of `fourier` nodes with derivatives by Fourier's method."""
-    line = sliding.Line(p)
     n = fourier or p["grid_n"]
-    length = p.get("grid_length", p["grid_n"] - ("bc_left" in p))
-    wave = 2 * np.pi * np.fft.rfftfreq(n, length / n)
-    F, g, steady = sliding.law(p)
-
-    def d2(psi):
-        return np.fft.irfft(-wave**2 * np.fft.rfft(psi), n) if fourier else line.D @ psi
-
-    def slope(_, u):
-        psi, eta, *state = u.reshape(-1, n)
-        x = state[0] if state else 0
-        excess = eta - F(psi + 0j, x).real + line.N * d2(psi)
-        pull = line.K0 * (p["model_v"] - psi) + line.K1 * d2(psi)
-        slopes = [line.A * (excess - line.B * psi), pull - line.sd * excess]
-        return np.concatenate(slopes + ([g(psi + 0j, x).real] if state else []))
-    x = np.arange(n) * length / (n - ("bc_left" in p))
-    psi = p["init_psi"] + p["init_amplitude"] * np.sin(2 * np.pi * x / length)
-    start = np.concatenate([psi, np.full(n, p["init_eta"])] + ([steady(psi)] if steady else []))
-    found = solve_ivp(slope, (0, p["ts_max_time"]), start, method="DOP853", rtol=1e-12, atol=1e-13)
-    return found.y[:2 * n, -1].reshape(2, n)[:, ::n // p["grid_n"]]
+    system = System(p | {"grid_n": n})
+    if fourier:
+        wave = 2 * np.pi * np.fft.rfftfreq(n, system.h)
+        system.D = np.fft.irfft(-wave[:, None]**2 * np.fft.rfft(np.eye(n), axis=0), n, axis=0)
+    x = np.arange(n) * system.h
+    psi = p["init_psi"] + p["init_amplitude"] * np.sin(2 * np.pi * x / (x[-1] + (system.h if system.ends[0] == "periodic" else 0)))
+    start = np.concatenate([psi, np.full(n, p["init_eta"])] + ([system.law.steady(psi)] if system.kinds == 3 else []))
+    found = system.follow(start, 0, p["ts_max_time"])
+    return found[:2 * n].reshape(2, n)[:, ::n // p["grid_n"]]
 
 
 def near(found, distance, allowed, text):
@@ -67,8 +54,8 @@ def near(found, distance, allowed, text):
 
 
 def check(index, p, methods):
-    words = [word for name, value in p.items() if value != "none" for word in (f"-{name}", str(value))]
-    chart, _ = run([*words, "-chart_methods", ",".join(methods), "-chart_tolerances", "1e-4,1e-7",
+    scene = words({name: value for name, value in p.items() if value != "none"})
+    chart, _ = run([*scene, "-chart_methods", ",".join(methods), "-chart_tolerances", "1e-4,1e-7",
                     "-chart_repeats", "1", "-chart_grids", str(p["grid_n"])], command="chart")
     same_grid, ring = at_the_end(p), p["model_form"] == "continuum"
     truth = at_the_end(p, 4 * p["grid_n"]) if ring else same_grid
@@ -76,12 +63,12 @@ def check(index, p, methods):
     rows = [row for row in chart["rows"] if row["error"] is not None]
     for row in rows:
         kind, subtype, *_ = row["method"].split(":")
-        run([*words, "-out_file", "r.h5", "-out_frames", "2", "-ts_type", kind, "-" + KINDS[kind], subtype,
+        run([*scene, "-out_file", "r.h5", "-out_frames", "2", "-ts_type", kind, "-" + KINDS[kind], subtype,
              *(["-imex_implicit", row["implicit"]] if kind != "rk" else []),
              "-ts_rtol", repr(row["tolerance"]), "-ts_atol", repr(row["tolerance"])])
         with h5py.File("r.h5") as file:
             end = np.array([file["psi"][-1], file["eta"][-1]])
-        text = f"scene {index}: {row['method']} at {row['tolerance']}: {' '.join(words)}"
+        text = f"scene {index}: {row['method']} at {row['tolerance']}: {' '.join(scene)}"
         near(row["error_time"], np.abs(end - same_grid).max(), 1e-10, text + ": in time")
         near(row["error"], np.abs(end - truth).max(), unsure, text)
         if ring:

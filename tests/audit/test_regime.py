@@ -5,8 +5,10 @@ growth rate must be that of the dispersion relation."""
 
 import h5py
 import numpy as np
-from calls import run
 from scipy.integrate import solve_ivp
+
+import reference
+from calls import data, run
 
 from . import sliding
 

@@ -1,10 +1,9 @@
 """The verdict on waves and their largest growth rate against SciPy: the motion and deviations of very many wavenumbers carried
 round together. Uniform motion of continua and chains, laws with a state and without, few wavenumbers asked for."""
-import h5py
 import numpy as np
-from scipy.integrate import solve_ivp
 
-from calls import run
+from calls import data, run
+from reference import System, read, words
 
 BESIDE_A_STABLE_LIST = (
     "-model_gamma 9.221509752006487 -model_delta 0 -grid_n 18 -grid_length 3.987784639363135 -model_c 2.7482832225020446 "
@@ -33,68 +32,17 @@ def draw(rng):
     return p
 
 
-class Node:
-    """psi, eta and s = ln theta of one node; E: what its neighbours' -D2 psi is of its own, kappa^2."""
-
-    def __init__(self, p):
-        if p["model_form"] == "chain":
-            f0 = p["model_f0"]
-            self.A, self.B, self.K0, self.K1, self.sd = (f0 / p["model_m"], p["model_zeta"] / f0, p["model_k0"] / f0,
-                                                         p["model_k1"] / f0, 0)
-            self.N = p.get("model_nu", 0) / f0
-        else:
-            g = p["model_gamma"]
-            self.A, self.B, self.K0, self.K1 = g, 0, 1 / g, p["model_c"]**2 / g
-            self.sd = p["model_delta"] * (1 if p["model_delta_sign"] == "derived" else -1)
-            self.N = p.get("model_nu", 0) / g
-        self.p, self.v, self.state = p, p["model_v"], p["friction_law"] == "rate-and-state"
-
-    def law(self, u, s):
-        """F, F_psi, F_s, g, g_psi, g_s."""
-        if not self.state:
-            return u**3 / 3 - u, u * u - 1, 0, 0, 0, 0
-        p, a = self.p, self.p["friction_a"]
-        slope = np.exp((p["friction_mu0"] + p["friction_b"] * (np.log(p["friction_psi0"] / p["friction_D"]) + s)) / a) / (2 * p["friction_psi0"])
-        q = u * slope
-        root = np.sqrt(1 + q * q)
-        D = p["friction_D"]
-        return a * np.arcsinh(q), a * slope / root, p["friction_b"] * q / root, np.exp(-s) - abs(u) / D, -np.sign(u) / D, -np.exp(-s)
-
-    def carried(self, start, period, kappa2):
-        """The end of the motion, and the matrix of each wave."""
-        n, count = len(start), len(kappa2)
-
-        def together(t, z):
-            u, e, s = z[0], z[1], z[2] if n == 3 else 0
-            F, F_u, F_s, g, g_u, g_s = self.law(u, s)
-            Y = z[n:].reshape(n, count * n)
-            k = np.repeat(kappa2, n)
-            force = -F_u * Y[0] + Y[1] - self.N * k * Y[0] - (F_s * Y[2] if n == 3 else 0)
-            out = [self.A * (e - self.B * u - F), self.K0 * (self.v - u) - self.sd * (e - F)]
-            rows = [self.A * (force - self.B * Y[0]), -(self.K0 + self.K1 * k) * Y[0] - self.sd * force]
-            if n == 3:
-                out.append(g)
-                rows.append(g_u * Y[0] + g_s * Y[2])
-            return np.concatenate([out, *rows])
-        z = np.concatenate([start, np.tile(np.eye(n), (1, count)).ravel()])
-        end = solve_ivp(together, (0, period), z, method="DOP853", rtol=1e-9, atol=1e-11).y[:, -1]
-        return end[:n], end[n:].reshape(n, count, n).transpose(1, 0, 2)
-
-
 def compare(p, text):
     """False where there is no cycle."""
-    words = " ".join(f"-{name} {value}" for name, value in p.items())
-    found, _ = run(words + " -cycle_spectrum -out_file c.h5", command="cycle", code=None)
+    found, _ = run([*words(p), "-cycle_spectrum", "-out_file", "c.h5"], command="cycle", code=None)
     if found["status"] != "done":
         return False
-    node = Node(p)
-    with h5py.File("c.h5") as file:
-        start = [file[name][0, 0] for name in ("psi", "eta")] + ([np.log(file["theta"][0, 0])] if node.state else [])
+    node, start = System(p | {"grid_n": 1}), read(data("c.h5"), 0)
     T, speed = found["period"], np.sqrt(node.A * node.K1)
     last = np.pi if p["model_form"] == "chain" else 100 / (speed * T)
     k = np.unique(np.concatenate([np.linspace(0, last, 500)[1:], np.geomspace(last / 5e3, last, 120), [found["wavenumber"]]]))
     kappa2 = 2 - 2 * np.cos(k) if p["model_form"] == "chain" else k * k
-    end, matrices = node.carried(np.array(start), T, kappa2)
+    end, matrices = node.carried(start, T, -kappa2[:, None, None], rtol=1e-9, atol=1e-11)
     assert np.max(abs(end - start)) < 1e-5, f"{text}: the motion misses by {np.max(abs(end - start))}"
     growth = np.log(np.max(abs(np.linalg.eigvals(matrices)), axis=1)) / T
     first, error = last / p["cycle_wavenumbers"], 1e-6 + 2 * found["multiplier_error"] / T
