@@ -216,10 +216,13 @@ class System:
         parts = [u[..., k * self.n:(k + 1) * self.n] for k in range(self.kinds)]
         return parts if self.kinds == 3 else [*parts, np.zeros(self.n)]
 
+    def second(self, psi):
+        return psi @ self.D.T
+
     def pull(self, u):
         """What friction is held against: eta + N D2 psi."""
         psi, eta, _ = self.split(u)
-        return eta + self.N * (psi @ self.D.T)
+        return eta + self.N * self.second(psi) if self.N else eta
 
     def slides(self):
         return np.ones(self.n, bool) if self.going is None else self.going != 0
@@ -228,7 +231,7 @@ class System:
         psi, _, s = self.split(u)
         excess = np.where(self.slides(), self.pull(u) - self.law.force(psi, s, self.going), 0)
         out = [np.where(self.slides() & self.moves, self.A * (excess - self.B * psi), 0),
-               self.K0 * (self.v(t) - psi) + self.K1 * (psi @ self.D.T) - self.sd * excess]
+               self.K0 * (self.v(t) - psi) + self.K1 * self.second(psi) - self.sd * excess]
         return np.concatenate(out + ([self.law.rate(psi, s)] if self.kinds == 3 else []), axis=-1)
 
     def jacobian(self, u, D=None):
@@ -323,15 +326,15 @@ class Stick:
     """A motion with exact stick: each node rests or slides to one side, until it starts or stops; each change ends a segment
     of DOP853 and is found by Brent's method. Deviations Y pass a change g = 0 as Y + (f' - f) (grad g . Y)/(grad g . f)."""
 
-    def __init__(self, system, u, t=0., Y=None, rtol=3e-12, atol=1e-13):
-        self.system, self.n, self.t, self.tolerance = system, system.n, t, {"rtol": rtol, "atol": atol}
+    def __init__(self, system, u, t=0., Y=None, **settings):
+        self.system, self.n, self.t, self.settings = system, system.n, t, {"rtol": 3e-12, "atol": 1e-13} | settings
         self.u, self.slip, self.changes, self.fresh = np.array(u, float), np.zeros(self.n), 0, None
         self.Y = np.zeros((len(self.u), 0)) if Y is None else np.array(Y, float)
         psi, pull = self.u[:self.n], system.pull(self.u)
         holds = np.abs(pull) <= system.law.threshold(system.split(self.u)[2])
         system.going = np.where(psi != 0, np.sign(psi), np.where(holds, 0, np.sign(pull)))
         self.Y[:self.n][system.going == 0] = 0
-        self.segments = []  # (begin, end, direction of every node, slip and eta at the end)
+        self.segments = []  # (begin, end, direction of every node, slip and unknowns at the end)
 
     @property
     def rests(self):
@@ -354,7 +357,7 @@ class Stick:
         N = len(self.u)
         self.u, self.slip = z[:N].copy(), z[N:N + self.n].copy()
         self.Y = z[N + self.n:].reshape(N, -1).copy()
-        self.segments.append((self.t, t, self.system.going.copy(), self.slip, self.u[self.n:2 * self.n].copy()))
+        self.segments.append((self.t, t, self.system.going.copy(), self.slip, self.u.copy()))
         self.t = t
 
     def first_change(self, solver):
@@ -397,7 +400,7 @@ class Stick:
             until = self.system.plate.pieces(self.t, end)[0][1]
             self.system.v = self.system.plate.after(self.t)
             start = np.concatenate([self.u, self.slip, self.Y.ravel()])
-            solver, found = DOP853(self.rate, self.t, start, until, **self.tolerance), None
+            solver, found = DOP853(self.rate, self.t, start, until, **self.settings), None
             while solver.status == "running" and found is None:
                 solver.step()
                 assert solver.status != "failed", f"scipy stops at {solver.t}"

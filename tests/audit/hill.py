@@ -12,57 +12,7 @@ exp(i theta). The samples stand closer where the train is steep: equal steps of 
 """
 import numpy as np
 
-
-def friction(p):
-    """F(psi, s), g(psi, s) of a scene (options by name), s as it is integrated: ln theta or tau. Complex-safe."""
-    name, state = p["friction_law"], p.get("state_law", "none")
-    name_state = p.get("state_law", "ageing" if name == "rate-and-state" else "none")
-
-    def size(u):
-        return np.where(u.real < 0, -u, u)
-    if name == "rate-and-state":
-        a, b, D, mu0, psi0 = (p[f"friction_{k}"] for k in ("a", "b", "D", "mu0", "psi0"))
-
-        def law(u, s):
-            q = u / (2 * psi0) * np.exp((mu0 + b * (np.log(psi0 / D) + s)) / a)
-            sign = np.where(q.real < 0, -1., 1.)
-            return sign * a * np.log(sign * q + np.sqrt(q * q + 1))
-    else:
-        eps = p.get("friction_eps")
-
-        def plain(u):
-            if name == "cubic":
-                return u**3 / 3 - u
-            sign = np.tanh(u / eps)
-            if name == "carlson-langer":
-                kinetic = 1 - p["friction_sigma"]
-                return sign * kinetic / (1 + 2 * p["friction_alpha"] / kinetic * u * sign)
-            fs, fd, velocity = p["friction_fs"], p["friction_fd"], p["friction_slip_velocity"]
-            return sign * (fd + (fs - fd) * np.exp(-u * sign / velocity))
-        strength = {"none": lambda s: 1., "healing": lambda s: s,
-                    "contact-age": lambda s: 1 + p["state_b"] * np.log(1 + np.exp(s) / p["state_theta0"])}[name_state]
-
-        def law(u, s):
-            return strength(s) * plain(u)
-        D = p.get("state_D")
-    if name_state == "none":
-        return law, None
-
-    def rate(u, s):
-        a = size(u) / D
-        if name_state == "healing":
-            return (p["state_tau_inf"] - s) / p["state_t_h"] - a * (s - 1)
-        if name_state == "slip":
-            return -a * (np.log(np.where(abs(a) > 1e-300, a, 1e-300)) + s)
-        if name_state == "ageing-cutoff":
-            a = np.sqrt(u * u + p["state_psi_h"]**2) / D
-        return np.exp(-s) - a
-    return law, rate
-
-
-def slopes(f, u, s):
-    e = 1e-30
-    return f(u + 1j * e, s + 0j).imag / e, f(u + 0j, s + 1j * e).imag / e
+from reference import Law
 
 
 def fourier(n):
@@ -80,16 +30,15 @@ class Train:
 
     def __init__(self, p, speed, phase, samples, period, n):
         self.p, self.V, self.n, self.d = p, speed, n, samples.shape[1]
-        self.F, self.g = friction(p)
+        self.law = Law(p)
         self.sd = p["model_delta"] * (-1 if p.get("model_delta_sign") == "printed" else 1)
         self.grade(phase, samples)
         u = np.array([np.interp(self.phase, np.append(phase, 1), np.append(column, column[0])) for column in samples.T])
         u, self.period = u.ravel(), period
         anchor, psi0 = 0, u[0]
         for _ in range(30):
-            R, (along, J) = self.residual(u), self.matrix(u, 0)
+            R, J = self.residual(u), self.matrix(u, 0)
             # T enters by d/dxi = D/T alone
-            column = (-along @ u) / -self.period
             column = (self.residual(u, self.period * (1 + 1e-7)) - self.residual(u, self.period * (1 - 1e-7))) / 2e-7
             whole = np.zeros((len(u) + 1, len(u) + 1))
             whole[:-1, :-1], whole[:-1, -1], whole[-1, anchor] = J, column, 1
@@ -131,31 +80,30 @@ class Train:
     def residual(self, u, period=None):
         p, D = self.p, self.D / (period or self.period)
         psi, eta, s = self.split(u)
-        curve, F = D @ (D @ psi) / self.V**2, self.F(psi + 0j, s + 0j).real
+        curve, F = D @ (D @ psi) / self.V**2, self.law.force(psi, s)
         nu, gamma = p.get("model_nu", 0), p["model_gamma"]
         out = [gamma * (eta - F) + nu * curve - D @ psi,
                (p["model_v"] - psi + p["model_c"]**2 * curve) / gamma - self.sd * (eta - F + nu / gamma * curve) - D @ eta]
         if self.d == 3:
-            out.append(self.g(psi + 0j, s + 0j).real - D @ s)
+            out.append(self.law.rate(psi, s) - D @ s)
         return np.concatenate(out)
 
     def matrix(self, u, theta):
-        """d/dxi of all unknowns, and Hill's matrix for a Bloch factor exp(i theta)."""
+        """Hill's matrix for a Bloch factor exp(i theta)."""
         p, n, I = self.p, self.n, np.eye(self.n)
         psi, eta, s = self.split(u)
         D = self.D / self.period + (1j * theta / self.period * I if theta else 0)
         second = D @ D / self.V**2
-        F_psi, F_s = (np.diag(v) for v in slopes(self.F, psi, s))
+        F_psi, F_s, g_psi, g_s = (np.diag(v) for v in self.law.slopes(psi, s))
         nu, gamma, c2 = p.get("model_nu", 0), p["model_gamma"], p["model_c"]**2
         rows = [[-gamma * F_psi + nu * second - D, gamma * I, -gamma * F_s],
                 [(c2 * second - I) / gamma + self.sd * (F_psi - nu / gamma * second), -self.sd * I - D, self.sd * F_s]]
         if self.d == 3:
-            g_psi, g_s = (np.diag(v) for v in slopes(self.g, psi, s))
             rows.append([g_psi, 0 * I, g_s - D])
-        return np.kron(np.eye(self.d), D), np.block([row[:self.d] for row in rows])
+        return np.block([row[:self.d] for row in rows])
 
     def eigenvalues(self, theta):
-        return np.linalg.eigvals(self.matrix(self.u, theta)[1])
+        return np.linalg.eigvals(self.matrix(self.u, theta))
 
 
 def agreed(one, other, tolerance):

@@ -40,7 +40,7 @@ def at_the_end(p, fourier=0):
     system = System(p | {"grid_n": n})
     if fourier:
         wave = 2 * np.pi * np.fft.rfftfreq(n, system.h)
-        system.D = np.fft.irfft(-wave[:, None]**2 * np.fft.rfft(np.eye(n), axis=0), n, axis=0)
+        system.second = lambda psi: np.fft.irfft(-wave**2 * np.fft.rfft(psi), n)
     x = np.arange(n) * system.h
     psi = p["init_psi"] + p["init_amplitude"] * np.sin(2 * np.pi * x / (x[-1] + (system.h if system.ends[0] == "periodic" else 0)))
     start = np.concatenate([psi, np.full(n, p["init_eta"])] + ([system.law.steady(psi)] if system.kinds == 3 else []))

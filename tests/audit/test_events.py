@@ -299,7 +299,7 @@ def by_segments(motion):
     s, live, ended, last = motion.system, [], [], np.zeros(motion.n)
     h, n, ring = s.h, motion.n, s.ends[0] == "periodic"
     eta, half, v = None, n // 2, s.p["model_v"]
-    for begin, _, direction, q, eta_now in motion.segments:
+    for begin, _, direction, q, u in motion.segments:
         moved = set(np.flatnonzero(direction))
         for event in [e for e in live if not e["nodes"] & moved]:
             live.remove(event)
@@ -330,7 +330,7 @@ def by_segments(motion):
             event["d"][own] += (q - last)[own]
             event["beside"] |= any(np.abs((i - own + half) % n - half).min() <= s.p["grid_order"] // 2
                                    for other in live if other is not event for i in other["nodes"])
-        last, eta = q, eta_now
+        last, eta = q, u[n:]
     return ended
 
 
