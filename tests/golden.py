@@ -37,6 +37,13 @@ BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^signal$", r"options", np.inf, "at which checkpoint the signal comes is chance"),
     (r"^wave", r"/psi_(min|max)\b", 1e-15, "the extremum of a train is evaluated within its interval, without going by the phase"),
     (r"^wave-(branch|limits)$", r"/(branch|curves|special)\b", 1e-12, "places of trains are scaled before the arclength is summed"),
+    (r"^(cycle|wave)", r"", 1e-9, "small dense systems are solved by Eigen, in another order of operations"),
+    (r"^(cycle|wave)", r"/(error_estimate|multiplier_error|translation_error|residual)\b", np.inf, "sizes of round-off"),
+    (r"^(cycle|wave)", r"/(multiplier_im|(spectrum|eigenvalues/\d+)/im)$", 2.1, "which of a conjugate pair is named first"),
+    (r"^(cycle-state|wave-viscous)$", r"^/(psi|eta|theta|t|x)$", 1e-8, "nodes follow fifth differences, in which round-off grows"),
+    (r"^cycle-pair$", r"/multipliers/[23]/re$", 1e-6, "1e-9 beside 1"),
+    (r"^cycle-state$", r"/multipliers/2/re$", np.inf, "0 but for round-off"),
+    (r"^wave-viscous$", r"/endless/", 1e-6, "the place of a maximum is known to the square root of round-off"),
 ]
 ENVIRONMENT = {"OMP_NUM_THREADS": "1", "LC_ALL": "C.UTF-8", "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
                "OMPI_MCA_rmaps_base_oversubscribe": "1", "OMPI_MCA_mpi_yield_when_idle": "1",

@@ -1,12 +1,13 @@
 #include "stickslip/numerics/periodic_equations.hpp"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
 #include "base/pulse.hpp"
+#include "numerics/cyclic.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
-#include "stickslip/numerics/cyclic.hpp"
 #include "stickslip/numerics/dense.hpp"
 
 namespace stickslip {
@@ -20,33 +21,12 @@ const Collocation& gauss() { return Collocation::gauss5(); }
 // Deviations may grow so much within a group before the digits that they cost are felt.
 constexpr double growth_of_group = 1e3;
 
-// The value at the right end of stage values in columns (component p, column l), beside that at the left end.
+// d x columns: the value at the right end of stage values R, beside that at the left end.
 template <class T>
-T at_end(const Collocation& method, size_t d, size_t columns, const std::vector<T>& R, size_t p, size_t l) {
-  T sum = 0;
-  for (size_t j = 0; j < stages; ++j) sum += method.end[j + 1] * R[(j * d + p) * columns + l];
+Matrix<T> at_end(const Collocation& method, int d, const Matrix<T>& R) {
+  Matrix<T> sum = Matrix<T>::Zero(d, R.cols());
+  for (size_t j = 0; j < stages; ++j) sum += method.end[j + 1] * R.middleRows(j * d, d);
   return sum;
-}
-
-// out = a b + c, d x d times d x columns; c and out may be the same.
-template <class T>
-void multiply_add(size_t d, size_t columns, const T* a, const T* b, const T* c, T* out) {
-  std::vector<T> sum(c, c + d * columns);
-  for (size_t i = 0; i < d; ++i)
-    for (size_t k = 0; k < d; ++k)
-      for (size_t j = 0; j < columns; ++j) sum[i * columns + j] += a[i * d + k] * b[k * columns + j];
-  std::copy(sum.begin(), sum.end(), out);
-}
-
-template <class T>
-double largest_row(size_t d, const T* a) {
-  double norm = 0;
-  for (size_t i = 0; i < d; ++i) {
-    double sum = 0;
-    for (size_t j = 0; j < d; ++j) sum += std::abs(a[i * d + j]);
-    norm = std::max(norm, sum);
-  }
-  return norm;
 }
 
 // Intervals in groups within which nothing grows by much, and the product over each.
@@ -56,20 +36,19 @@ struct Groups {
   std::vector<T> products;
   size_t count() const { return begin.size() - 1; }
 
-  Groups(size_t d, const std::vector<T>& matrices) {
+  Groups(int d, const std::vector<T>& matrices) {
     const size_t dd = d * d, n = matrices.size() / dd;
-    const std::vector<T> zero(dd, T(0));
     double growth = 0;
     for (size_t i = 0; i < n; ++i) {
-      const T* here = &matrices[i * dd];
-      const double norm = std::max(1., largest_row(d, here));
+      const auto here = as_matrix(&matrices[i * dd], d, d);
+      const double norm = std::max(1., here.cwiseAbs().rowwise().sum().maxCoeff());
       if (i == 0 || growth * norm > growth_of_group) {
         begin.push_back(i);
-        products.insert(products.end(), here, here + dd);
+        products.insert(products.end(), here.data(), here.data() + dd);
         growth = norm;
       } else {
-        T* product = &products[products.size() - dd];
-        multiply_add(d, d, here, product, zero.data(), product);
+        auto product = as_matrix(&products[products.size() - dd], d, d);
+        product = here * product;
         growth *= norm;
       }
     }
@@ -77,61 +56,56 @@ struct Groups {
   }
 };
 
-}  // namespace
-
-template <class T>
-void solve_stages(const Collocation& method, int d, int band, double h, const T* J, int columns,
-                  std::vector<T>& R) {
-  const size_t s = stages, n = size_t(d) * s;
-  std::vector<T> M(n * n);
-  const auto solved = [&](bool fine) {
-    if (!fine) throw Failure("the collocation equations of an interval are singular");
-  };
+// With Y and R as below; Eigen for full blocks, elimination that keeps within the band for wide ones.
+void solve_stages(const Collocation& method, int d, int band, double h, const double* J, Matrix<double>& R) {
+  const int s = stages, n = d * s;
+  Matrix<double> M = Matrix<double>::Zero(n, n);
+  bool solved = true;
   if (2 * band + 1 >= d) {
     stage_matrix(method, d, h, J, M.data());
-    return solved(solve_dense(int(n), M.data(), columns, R.data()));
+    R = M.partialPivLu().solve(R).eval();
+    solved = R.allFinite();
+  } else {  // unknown by unknown, the stages together: a band
+    Matrix<double> ordered(n, R.cols());
+    for (int p = 0; p < d; ++p)
+      for (int i = 0; i < s; ++i) {
+        ordered.row(p * s + i) = R.row(i * d + p);
+        M(p * s + i, p * s + i) = 1;
+        for (int q = std::max(0, p - band); q < std::min(d, p + band + 1); ++q)
+          for (int j = 0; j < s; ++j)
+            M(p * s + i, q * s + j) -= h * method.a[i * s + j] * J[(j * d + p) * d + q];
+      }
+    solved = solve_banded(n, s * (band + 1) - 1, M.data(), int(R.cols()), ordered.data());
+    for (int p = 0; p < d; ++p)
+      for (int i = 0; i < s; ++i) R.row(i * d + p) = ordered.row(p * s + i);
   }
-  // unknown by unknown, the stages together: a band
-  for (size_t p = 0; p < size_t(d); ++p) {
-    const size_t low = p > size_t(band) ? p - size_t(band) : 0,
-                 high = std::min(size_t(d), p + size_t(band) + 1);
-    for (size_t i = 0; i < s; ++i)
-      for (size_t q = low; q < high; ++q)
-        for (size_t j = 0; j < s; ++j)
-          M[(p * s + i) * n + q * s + j] =
-              (i == j && p == q ? 1. : 0.) - h * method.a[i * s + j] * J[(j * size_t(d) + p) * size_t(d) + q];
-  }
-  const size_t c = size_t(columns);
-  std::vector<T> ordered(n * c);
-  for (size_t i = 0; i < s; ++i)
-    for (size_t p = 0; p < size_t(d); ++p)
-      std::copy_n(&R[(i * size_t(d) + p) * c], c, &ordered[(p * s + i) * c]);
-  solved(solve_banded(int(n), int(s) * (band + 1) - 1, M.data(), columns, ordered.data()));
-  for (size_t i = 0; i < s; ++i)
-    for (size_t p = 0; p < size_t(d); ++p)
-      std::copy_n(&ordered[(p * s + i) * c], c, &R[(i * size_t(d) + p) * c]);
+  if (!solved) throw Failure("the collocation equations of an interval are singular");
 }
-template void solve_stages(const Collocation&, int, int, double, const double*, int, std::vector<double>&);
 
-template <class T>
-std::vector<T> carried(const Collocation& method, int d, int band, double h, const T* J) {
-  const size_t n = size_t(d);
-  std::vector<T> R(stages * n * n, T(0)), result(n * n);
-  for (size_t j = 0; j < stages; ++j)
-    for (size_t p = 0; p < n; ++p) R[(j * n + p) * n + p] = 1;
-  solve_stages(method, d, band, h, J, d, R);
-  for (size_t p = 0; p < n; ++p)
-    for (size_t l = 0; l < n; ++l)
-      result[p * n + l] = at_end(method, n, n, R, p, l) + (p == l ? method.end[0] : 0.);
+}  // namespace
+
+void solve_stages(const Collocation& method, int d, int band, double h, const double* J, int columns,
+                  std::vector<double>& R) {
+  Matrix<double> right = as_matrix(R.data(), stages * d, columns);
+  solve_stages(method, d, band, h, J, right);
+  as_matrix(R.data(), stages * d, columns) = right;
+}
+
+std::vector<double> carried(const Collocation& method, int d, int band, double h, const double* J) {
+  const auto unit = Matrix<double>::Identity(d, d);
+  Matrix<double> R = unit.replicate(stages, 1);
+  solve_stages(method, d, band, h, J, R);
+  std::vector<double> result(d * d);
+  as_matrix(result.data(), d, d) = at_end(method, d, R) + method.end[0] * unit;
   return result;
 }
-template std::vector<double> carried(const Collocation&, int, int, double, const double*);
 
 template <class T>
 Pencil<T> pencil_of(int d, const std::vector<T>& matrices) {
-  const Groups<T> groups(size_t(d), matrices);
+  const Groups<T> groups(d, matrices);
   const CyclicChain<T> chain(d, groups.count(), groups.products);
-  return {chain.first(), chain.last()};
+  const Matrix<T>&first = chain.first(), &last = chain.last();
+  return {{first.data(), first.data() + first.size()}, {last.data(), last.data() + last.size()}};
 }
 template Pencil<double> pencil_of(int, const std::vector<double>&);
 template Pencil<std::complex<double>> pencil_of(int, const std::vector<std::complex<double>>&);
@@ -151,9 +125,9 @@ template std::vector<std::complex<double>> multipliers_of(int, const Pencil<std:
 // What the elimination of each interval's Gauss points leaves. Columns: y at the left node, the parameters,
 // the right-hand side.
 struct PeriodicEquations::Linear {
-  std::vector<double> response;  // of the Gauss points, for all columns
-  std::vector<double> phi;       // y at the right node, for y at the left one
-  std::vector<double> chain;     // the same for the other columns
+  std::vector<Matrix<double>> response;  // of the Gauss points of each interval
+  std::vector<double> phi;               // y at the right node, for y at the left one
+  Matrix<double> chain;                  // the same for the other columns, interval by interval
   double residual = 0;
 };
 
@@ -170,7 +144,7 @@ PeriodicEquations::PeriodicEquations(std::vector<double> mesh, FieldFamily famil
 
 std::vector<double> PeriodicEquations::fill(const std::function<void(double, double*)>& profile,
                                             double q) const {
-  const size_t d = size_t(d_);
+  const size_t d = d_;
   std::vector<double> x(size());
   for (size_t i = 0; i < n_; ++i)
     for (size_t j = 0; j <= stages; ++j)
@@ -213,55 +187,49 @@ void PeriodicEquations::set_lambda(double lambda) {
 
 PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x, bool zero_right) {
   set_lambda(lambda(x));
-  const size_t d = size_t(d_), b = block(), p = size_t(parameters()), columns = d + p + 1;
+  const int d = d_, p = parameters(), s = stages;
+  const size_t b = block();
   const double period = std::exp(q(x));
   Linear out;
-  out.response.resize(n_ * stages * d * columns);
   out.phi.resize(n_ * d * d);
-  out.chain.resize(n_ * d * (p + 1));
-  std::vector<double> f(stages * d), slope(stages * d), J(stages * d * d), R(stages * d * columns), low(d),
-      high(d);
+  out.chain.resize(n_ * d, p + 1);
+  const auto a = as_matrix(gauss().a.data(), s, s);
+  const auto unit = Matrix<double>::Identity(d, d);
+  Matrix<double> f(s, d), low(s, d), high(s, d), rate, by_lambda, off, R(s * d, d + p + 1);
+  std::vector<double> J(s * d * d);
   for (size_t i = 0; i < n_; ++i) {
     const double h = (mesh_[i + 1] - mesh_[i]) * period;
-    const double *y = &x[i * b], *Y = y + d, *next = &x[(i + 1 < n_ ? i + 1 : 0) * b];
-    for (size_t j = 0; j < stages; ++j) {
-      field_->rates(Y + j * d, &f[j * d]);
-      field_->jacobian(Y + j * d, &J[j * d * d]);
+    const auto y = as_matrix(&x[i * b], 1, d), next = as_matrix(&x[(i + 1 < n_ ? i + 1 : 0) * b], 1, d);
+    const auto Y = as_matrix(&x[i * b + d], s, d);
+    for (int j = 0; j < s; ++j) {
+      field_->rates(Y.row(j).data(), f.row(j).data());
+      field_->jacobian(Y.row(j).data(), &J[j * d * d]);
       if (!family_) continue;
-      lower_->rates(Y + j * d, low.data());
-      upper_->rates(Y + j * d, high.data());
-      for (size_t a = 0; a < d; ++a) slope[j * d + a] = (high[a] - low[a]) / width_;
+      lower_->rates(Y.row(j).data(), low.row(j).data());
+      upper_->rates(Y.row(j).data(), high.row(j).data());
     }
-    for (size_t j = 0; j < stages; ++j)
-      for (size_t a = 0; a < d; ++a) {
-        double* row = &R[(j * d + a) * columns];
-        double rate = 0, by_lambda = 0;
-        for (size_t k = 0; k < stages; ++k) {
-          rate += gauss().a[j * stages + k] * f[k * d + a];
-          by_lambda += gauss().a[j * stages + k] * slope[k * d + a];
-        }
-        const double right = Y[j * d + a] - y[a] - h * rate;
-        out.residual = std::max(out.residual, std::abs(right));
-        std::fill(row, row + d, 0.);
-        row[a] = 1;
-        row[d] = h * rate;
-        if (family_) row[d + 1] = h * by_lambda;
-        row[d + p] = zero_right ? 0 : -right;
-      }
-    solve_stages(gauss(), d_, field_->band(), h, J.data(), int(columns), R);
-    std::copy(R.begin(), R.end(), out.response.begin() + long(i * R.size()));
-    for (size_t a = 0; a < d; ++a) {
-      double right = next[a] - gauss().end[0] * y[a];
-      for (size_t j = 0; j < stages; ++j) right -= gauss().end[j + 1] * Y[j * d + a];
-      out.residual = std::max(out.residual, std::abs(right));
-      for (size_t l = 0; l < columns; ++l) {
-        const double end = at_end(gauss(), d, columns, R, a, l);
-        if (l < d)
-          out.phi[(i * d + a) * d + l] = end + (a == l ? gauss().end[0] : 0.);
-        else
-          out.chain[(i * d + a) * (p + 1) + l - d] = end - (l == d + p && !zero_right ? right : 0.);
-      }
+    rate = h * a * f;
+    off = Y - y.replicate(s, 1) - rate;
+    out.residual = std::max(out.residual, off.cwiseAbs().maxCoeff());
+    R.leftCols(d) = unit.replicate(s, 1);
+    R.col(d) = rate.reshaped<Eigen::RowMajor>();
+    if (family_) {
+      by_lambda = h / width_ * a * (high - low);
+      R.col(d + 1) = by_lambda.reshaped<Eigen::RowMajor>();
     }
+    if (zero_right)
+      R.col(d + p).setZero();
+    else
+      R.col(d + p) = -off.reshaped<Eigen::RowMajor>();
+    solve_stages(gauss(), d, field_->band(), h, J.data(), R);
+    out.response.push_back(R);
+    Matrix<double> right = next - gauss().end[0] * y;
+    for (int j = 0; j < s; ++j) right -= gauss().end[j + 1] * Y.row(j);
+    out.residual = std::max(out.residual, right.cwiseAbs().maxCoeff());
+    Matrix<double> end = at_end(gauss(), d, R);
+    if (!zero_right) end.col(d + p) -= right.transpose();
+    as_matrix(&out.phi[i * d * d], d, d) = end.leftCols(d) + gauss().end[0] * unit;
+    out.chain.middleRows(i * d, d) = end.rightCols(p + 1);
   }
   if (!std::isfinite(out.residual)) throw Failure("the equations of the cycle are not finite");
   return out;
@@ -271,51 +239,42 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
 // inside.
 std::vector<double> PeriodicEquations::closed(const Linear& system, const std::vector<Condition>& conditions,
                                               const std::vector<double>& rights) const {
-  const size_t d = size_t(d_), p = size_t(parameters()), b = block(), columns = d + p + 1, c = p + 1;
+  const int d = d_, p = parameters();
+  const size_t b = block();
+  const auto phi = [&](size_t i) { return as_matrix(&system.phi[i * d * d], d, d); };
+  const auto chain = [&](size_t i) { return system.chain.middleRows(i * d, d); };
   const Groups<double> groups(d, system.phi);
-  std::vector<double> chain(groups.count() * d * c);
+  std::vector<double> reduced(groups.count() * d * (p + 1));
   for (size_t g = 0; g < groups.count(); ++g) {
-    double* sum = &chain[g * d * c];
-    for (size_t i = groups.begin[g]; i < groups.begin[g + 1]; ++i)
-      multiply_add(d, c, &system.phi[i * d * d], sum, &system.chain[i * d * c], sum);
+    auto sum = as_matrix(&reduced[g * d * (p + 1)], d, p + 1);
+    for (size_t i = groups.begin[g]; i < groups.begin[g + 1]; ++i) sum = (phi(i) * sum + chain(i)).eval();
   }
-  const CyclicChain<double> cyclic(d_, groups.count(), groups.products);
-  const std::vector<double> right = cyclic.reduce(int(c), chain), closure = cyclic.closure(1.);
-  const size_t size = d + p;
-  std::vector<double> S(size * size), z(size);
-  for (size_t a = 0; a < d; ++a) {
-    for (size_t l = 0; l < d; ++l) S[a * size + l] = closure[a * d + l];
-    for (size_t l = 0; l < p; ++l) S[a * size + d + l] = -right[a * c + l];
-    z[a] = right[a * c + p];
+  const CyclicChain<double> cyclic(d, groups.count(), groups.products);
+  const Matrix<double> right = cyclic.reduce(p + 1, reduced);
+  Matrix<double> S = Matrix<double>::Zero(d + p, d + p), z(d + p, 1);
+  S.topLeftCorner(d, d) = cyclic.closure(1.);
+  S.topRightCorner(d, p) = -right.leftCols(p);
+  z.topRows(d) = right.col(p);
+  for (int k = 0; k < p; ++k) {
+    S.row(d + k).head(d) = as_matrix(conditions[k].y0.data(), 1, d);
+    S(d + k, d) = conditions[k].q;
+    if (p > 1) S(d + k, d + 1) = conditions[k].lambda;
+    z(d + k) = rights[k];
   }
-  for (size_t k = 0; k < p; ++k) {
-    double* row = &S[(d + k) * size];
-    std::copy(conditions[k].y0.begin(), conditions[k].y0.end(), row);
-    row[d] = conditions[k].q;
-    if (p > 1) row[d + 1] = conditions[k].lambda;
-    z[d + k] = rights[k];
-  }
-  if (!solve_dense(int(size), S.data(), 1, z.data()))
-    throw Failure("the equations of the cycle are singular");
-  std::vector<double> w(c, 1.), dx(this->size());
-  for (size_t l = 0; l < p; ++l) w[l] = dx[n_ * b + l] = z[d + l];
-  const std::vector<double> nodes = cyclic.expand(int(c), chain, w.data(), z.data(), 1.);
-  std::vector<double> y(d);
+  z = S.partialPivLu().solve(z).eval();
+  if (!z.allFinite()) throw Failure("the equations of the cycle are singular");
+  Matrix<double> w = Matrix<double>::Ones(p + 1, 1);
+  w.topRows(p) = z.bottomRows(p);
+  std::vector<double> dx(size());
+  std::copy_n(w.data(), p, &dx[n_ * b]);
+  const std::vector<double> nodes = cyclic.expand(p + 1, reduced, w.data(), z.data(), 1.);
   for (size_t g = 0; g < groups.count(); ++g) {
-    std::copy_n(&nodes[g * d], d, y.begin());
+    Matrix<double> yw(d + p + 1, 1);  // y at the left node, the parameters, 1
+    yw << as_matrix(&nodes[g * d], d, 1), w;
     for (size_t i = groups.begin[g]; i < groups.begin[g + 1]; ++i) {
-      std::copy(y.begin(), y.end(), &dx[i * b]);
-      const double* R = &system.response[i * stages * d * columns];
-      for (size_t row = 0; row < stages * d; ++row) {
-        double sum = R[row * columns + d + p];
-        for (size_t l = 0; l < d; ++l) sum += R[row * columns + l] * y[l];
-        for (size_t l = 0; l < p; ++l) sum += R[row * columns + d + l] * w[l];
-        dx[i * b + d + row] = sum;
-      }
-      std::vector<double> forced(d);
-      for (size_t a = 0; a < d; ++a)
-        for (size_t l = 0; l < c; ++l) forced[a] += system.chain[(i * d + a) * c + l] * w[l];
-      multiply_add(d, 1, &system.phi[i * d * d], y.data(), forced.data(), y.data());
+      std::copy_n(yw.data(), d, &dx[i * b]);
+      as_matrix(&dx[i * b + d], stages * d, 1) = system.response[i] * yw;
+      yw.topRows(d) = (phi(i) * yw.topRows(d) + chain(i) * w).eval();
     }
   }
   return dx;
@@ -329,7 +288,7 @@ PeriodicEquations::Step PeriodicEquations::step(const std::vector<double>& x,
   std::vector<double> rights;
   for (const Condition& c : conditions) {
     double right = c.right - c.q * q(x) - (family_ ? c.lambda * lambda(x) : 0);
-    for (size_t a = 0; a < size_t(d_); ++a) right -= c.y0[a] * x[a];
+    for (int a = 0; a < d_; ++a) right -= c.y0[a] * x[a];
     rights.push_back(right);
   }
   result.dx = closed(system, conditions, rights);
@@ -349,7 +308,7 @@ PeriodicEquations::Newton PeriodicEquations::newton(std::vector<double>& x,
                                                     const std::vector<Condition>& conditions, int most) {
   Newton result;
   double last = -1;
-  const size_t d = size_t(d_), b = block();
+  const size_t d = d_, b = block();
   for (int it = 0; it < most; ++it) {
     beat("Newton steps");
     Step s = step(x, conditions);

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "stickslip/base/error.hpp"
-#include "stickslip/numerics/cyclic.hpp"
+#include "numerics/cyclic.hpp"
 #include "waves/viscous_train.hpp"
 
 namespace stickslip {
@@ -282,15 +282,14 @@ void TrainEquations::solve(const double* rhs, double* dx) const {
   const std::vector<double>& response = condensed.response;
   std::vector<double>& chain = condensed.chain;
   const CyclicChain<double> cyclic(d_, n_, condensed.phi);
-  const std::vector<double> right = cyclic.reduce(int(p) + 1, chain);
-  const std::vector<double> closure = cyclic.closure(1.);
+  const Matrix<double> right = cyclic.reduce(int(p) + 1, chain), closure = cyclic.closure(1.);
   // closure y_0 - right_p dp = right_r;  f_0 [- v_lambda dlambda] = rhs;  row
   const size_t size = d + p;
   std::vector<double> S(size * size), z(size);
   for (size_t a = 0; a < d; ++a) {
-    for (size_t l = 0; l < d; ++l) S[a * size + l] = closure[a * d + l];
-    for (size_t l = 0; l < p; ++l) S[a * size + d + l] = -right[a * (p + 1) + l];
-    z[a] = right[a * (p + 1) + p];
+    for (size_t l = 0; l < d; ++l) S[a * size + l] = closure(a, l);
+    for (size_t l = 0; l < p; ++l) S[a * size + d + l] = -right(a, l);
+    z[a] = right(a, p);
   }
   S[d * size] = 1;
   z[d] = rhs[n_ * b];

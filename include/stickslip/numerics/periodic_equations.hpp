@@ -113,14 +113,12 @@ class PeriodicEquations {
 
 // The stage equations (1 - h a (x) J) Y = R of one step of y' = J y over h by collocation, in place: R has
 // `columns` right-hand sides, row by row, stage by stage. J and what is thrown as below.
-template <class T>
-void solve_stages(const Collocation& method, int d, int band, double h, const T* J, int columns,
-                  std::vector<T>& R);
+void solve_stages(const Collocation& method, int d, int band, double h, const double* J, int columns,
+                  std::vector<double>& R);
 
 // One step of y' = J y over h by collocation: the d x d matrix that carries y over it. J: at the five points
 // of `method`, d x d each, of half band `band`. Throws Failure where it is singular.
-template <class T>
-std::vector<T> carried(const Collocation& method, int d, int band, double h, const T* J);
+std::vector<double> carried(const Collocation& method, int d, int band, double h, const double* J);
 
 // From the matrices of all intervals in turn.
 template <class T>
