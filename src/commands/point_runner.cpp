@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "base/broadcast.hpp"
 #include "base/pulse.hpp"
 #include "output/sweep_table.hpp"
 #include "stickslip/base/error.hpp"
@@ -51,10 +52,9 @@ PointRunner::Outcome PointRunner::run(const Options& options) const {
     reason = std::string("internal error: ") + e.what();
     together = false;
   }
-  int ranks = 1;
-  MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
   if (!reason.empty()) {
-    if (!together && ranks > 1) outcome.alone = std::make_exception_ptr(RankFailure(reason));
+    if (!together && ranks_in(PETSC_COMM_WORLD) > 1)
+      outcome.alone = std::make_exception_ptr(RankFailure(reason));
     if (!summary.is_object()) summary = Json::object();
     summary["status"] = "failed";
     summary["reason"] = one_line(reason);

@@ -3,13 +3,13 @@
 #include <exception>
 #include <string>
 
+#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
 
 void RankGroups::check(PetscInt ranks_each) {
-  int ranks = 1;
-  MPI_Comm_size(MPI_COMM_WORLD, &ranks);
+  const int ranks = ranks_in(MPI_COMM_WORLD);
   if (ranks % ranks_each != 0)
     throw UsageError(fmt::format("sweep_group_ranks {}: {} {} cannot be shared out in groups of that size",
                                  ranks_each, ranks, ranks == 1 ? "rank" : "ranks"));
@@ -17,20 +17,16 @@ void RankGroups::check(PetscInt ranks_each) {
 
 RankGroups::RankGroups(PetscInt ranks_each)
     : size_(int(ranks_each)), exceptions_(std::uncaught_exceptions()) {
-  int ranks = 1;
-  MPI_Comm_size(MPI_COMM_WORLD, &ranks);
-  count_ = ranks / size_;
+  count_ = ranks_in(MPI_COMM_WORLD) / size_;
   SS_TRY(PetscSubcommCreate(MPI_COMM_WORLD, &parts_));
   SS_TRY(PetscSubcommSetNumber(parts_, count_));
   SS_TRY(PetscSubcommSetType(parts_, PETSC_SUBCOMM_CONTIGUOUS));
   PETSC_COMM_WORLD = PetscSubcommChild(parts_);
   index_ = int(parts_->color);
-  MPI_Comm_rank(PETSC_COMM_WORLD, &rank_);
+  rank_ = rank_in(PETSC_COMM_WORLD);
   if (count_ == 1) return;
-  int first = 0;
-  MPI_Comm_rank(MPI_COMM_WORLD, &first);
-  SS_TRY(MPI_Win_allocate(first == 0 ? sizeof(long) : 0, sizeof(long), MPI_INFO_NULL, MPI_COMM_WORLD,
-                          &counter_, &window_));
+  SS_TRY(MPI_Win_allocate(rank_in(MPI_COMM_WORLD) == 0 ? sizeof(long) : 0, sizeof(long), MPI_INFO_NULL,
+                          MPI_COMM_WORLD, &counter_, &window_));
   from_zero();
 }
 
@@ -44,10 +40,8 @@ RankGroups::~RankGroups() {
 void RankGroups::from_zero() {
   own_counter_ = 0;
   if (window_ == MPI_WIN_NULL) return;
-  int rank = 0;
-  MPI_Comm_rank(MPI_COMM_WORLD, &rank);
   MPI_Barrier(MPI_COMM_WORLD);
-  if (rank == 0) {
+  if (rank_in(MPI_COMM_WORLD) == 0) {
     MPI_Win_lock(MPI_LOCK_EXCLUSIVE, 0, 0, window_);
     *counter_ = 0;
     MPI_Win_unlock(0, window_);

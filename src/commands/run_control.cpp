@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/study/trial.hpp"
 
@@ -12,9 +13,7 @@ RunControl::RunControl(const Options& options, std::int64_t first_step)
       most_seconds_(options.steps_or_seconds("ts_max_wall").seconds), t_end_(options.real("ts_max_time")),
       begin_(MPI_Wtime()), last_checkpoint_(begin_), asked_(begin_), first_step_(first_step),
       most_steps_(stickslip::most_steps(options)) {
-  int ranks = 1;
-  MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
-  alone_ = ranks == 1;
+  alone_ = ranks_in(PETSC_COMM_WORLD) == 1;
 }
 
 // What only some rank may know is asked after so many steps that about 20 ms lie between: every rank counts

@@ -95,17 +95,6 @@ void warn_of_memory(const Options& options) {
   }
 }
 
-// The clock when a step is shown to its observers, of which this is the first.
-class LookAtClock : public Observer {
- public:
-  explicit LookAtClock(std::function<double()> clock) : clock_(std::move(clock)) {}
-  void step(const ObservedStep&) override { seen = clock_(); }
-  double seen = 0;
-
- private:
-  std::function<double()> clock_;
-};
-
 // What PETSc would print on this rank goes nowhere.
 void silence_library() {
   static std::FILE* const nowhere = std::fopen("/dev/null", "w");
@@ -313,20 +302,19 @@ int Run::advance(Summary& summary) {
     warn_of_fixed_steps(problem_.model, *integrator_, problem_.u, t_end - origin_.t);
     const double begin = spent();
     double watching = 0;
-    LookAtClock watch([this] { return spent(); });
-    std::vector<Observer*> observers = {&watch, step_audit_.get()};
+    std::vector<Observer*> observers = {step_audit_.get()};
     for (const auto& observer : observers_) observers.push_back(observer.get());
-    simulate(*integrator_, problem_.u, {origin_.t, t_end, control_->most_steps(), origin_.rejections},
-             observers, [&](const Integrator::Step& step) {
-               const Integrator::Verdict verdict = after(step);
-               if (progress.due()) {
-                 const double part = (step.t - origin_.t) / (t_end - origin_.t);
-                 progress.show(fmt::format("t = {:.6g} of {:.6g} ({:.0f} %), step {}, dt {:.2g}{}", step.t,
-                                           t_end, 100 * part, step.index, step.next_dt, progress.left(part)));
-               }
-               watching += spent() - watch.seen;
-               return verdict;
-             });
+    const TimeSpan span{origin_.t, t_end, control_->most_steps(), origin_.rejections,
+                        timed_ ? &watching : nullptr};
+    simulate(*integrator_, problem_.u, span, observers, [&](const Integrator::Step& step) {
+      const Integrator::Verdict verdict = after(step);
+      if (progress.due()) {
+        const double part = (step.t - origin_.t) / (t_end - origin_.t);
+        progress.show(fmt::format("t = {:.6g} of {:.6g} ({:.0f} %), step {}, dt {:.2g}{}", step.t, t_end,
+                                  100 * part, step.index, step.next_dt, progress.left(part)));
+      }
+      return verdict;
+    });
     step_seconds_ += spent() - begin - watching;
   } catch (const RankFailure&) {
     throw;  // the others may not know of it, and closing the file takes all; it can be read as it is

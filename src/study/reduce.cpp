@@ -40,9 +40,7 @@ Scene cell_of(const Scene& scene, PetscInt cells) {
 namespace {
 
 Model model_of_cell(const Scene& cell) {
-  int ranks;
-  MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
-  return Model(cell.n < ranks ? PETSC_COMM_SELF : PETSC_COMM_WORLD, cell);
+  return Model(cell.n < ranks_in(PETSC_COMM_WORLD) ? PETSC_COMM_SELF : PETSC_COMM_WORLD, cell);
 }
 
 std::string description(const Scene& whole, const Model& model) {

@@ -1,17 +1,22 @@
 #include "study/simulate.hpp"
 
+#include "stickslip/study/trial.hpp"
+
 namespace stickslip {
 
 void simulate(Integrator& integrator, Vec u, const TimeSpan& span, const std::vector<Observer*>& observers,
               const Integrator::Observer& asked) {
   const auto after = [&](const Integrator::Step& step) {
+    const double begin = span.watching ? processor_seconds() : 0;
     const ObservedStep seen{
         step.index,      step.t_before, step.t, step.u, span.rejections + integrator.report().rejections,
         step.interpolate};
     const bool is_prolonged_here = step.t == span.begin && step.index > 0;  // was seen as the end before
     if (!is_prolonged_here)
       for (Observer* observer : observers) observer->step(seen);
-    return asked ? asked(step) : Integrator::Verdict::go_on;
+    const auto verdict = asked ? asked(step) : Integrator::Verdict::go_on;
+    if (span.watching) *span.watching += processor_seconds() - begin;
+    return verdict;
   };
   integrator.advance(u, span.begin, span.end, after, span.most_steps);
 }

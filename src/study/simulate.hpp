@@ -15,6 +15,7 @@ struct TimeSpan {
   double begin, end;
   std::int64_t most_steps = std::numeric_limits<std::int64_t>::max();  // in all
   std::int64_t rejections = 0;                                         // before it
+  double* watching = nullptr;  // if given, takes the processor seconds of this rank for all but the steps
 };
 
 // Advances u. The observers see each step in this order, as their contract says; then `asked`, if given, says

@@ -165,8 +165,7 @@ std::string gigabytes(double bytes) { return fmt::format("{:.3g} GB", bytes / 1e
 
 // `what`: of which method the bytes of a node are; "": of any.
 void refuse_what_does_not_fit(double n, double bytes, const std::string& what, MPI_Comm comm) {
-  int ranks = 1;
-  MPI_Comm_size(comm, &ranks);
+  const int ranks = ranks_in(comm);
   const double fields = n * bytes, own = fields / ranks;
   if (fields < too_small) return;
   constexpr double sure = 0.9;  // that much of the formula is taken for certain
@@ -202,8 +201,7 @@ Way way_of(const Options& options, const Model& model, Vec u) {
 
 void check_size(const Options& options, MPI_Comm comm) {
   const PetscInt n = options.integer("grid_n");
-  int ranks = 1;
-  MPI_Comm_size(comm, &ranks);
+  const int ranks = ranks_in(comm);
   if (n < ranks)
     throw UsageError(fmt::format("-grid_n {0}: more ranks ({1}) than nodes; start at most {0}", n, ranks));
   if (double(n) * most_of_a_node < too_small) return;

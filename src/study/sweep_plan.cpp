@@ -57,22 +57,21 @@ SweepAxis::SweepAxis(const Options& sweep, int number) {
                      " must be integers");
 }
 
-std::string SweepAxis::in_range(double value) const {
+std::string SweepAxis::at_part(double part) const {
+  const double value = log_ ? from_ * std::pow(to_ / from_, part) : from_ + (to_ - from_) * part;
   return number_text(integer_ ? std::round(value) : value);
 }
 
 std::string SweepAxis::between(long k, long intervals) const {
   if (k == 0) return number_text(from_);
   if (k == intervals) return number_text(to_);
-  const double part = double(k) / double(intervals);
-  return in_range(log_ ? from_ * std::pow(to_ / from_, part) : from_ + (to_ - from_) * part);
+  return at_part(double(k) / double(intervals));
 }
 
 std::string SweepAxis::drawn(double part) const {
   if (!listed_.empty())
     return listed_[std::min(std::size_t(part * double(listed_.size())), listed_.size() - 1)];
-  if (log_) return in_range(from_ * std::pow(to_ / from_, part));
-  if (!integer_) return number_text(from_ + (to_ - from_) * part);
+  if (log_ || !integer_) return at_part(part);
   const double low = std::min(from_, to_), high = std::max(from_, to_);
   return number_text(std::min(high, low + std::floor(part * (high - low + 1))));
 }
@@ -179,7 +178,7 @@ void SweepPlan::check_values() const {
         throw UsageError("sweep: " + axis.name() + " takes the value " + value + " twice");
     }
     if (!refined_) continue;
-    const std::size_t k = std::size_t(&axis - axes_.data());
+    const auto k = &axis - axes_.data();
     const long last = search().size()[k] - 1;
     if (last >= 2 && axis.between(last / 2, last) == axis.between(last / 2 - 1, last))
       throw UsageError("sweep_refine: " + axis.name() + " has no values so close to each other");

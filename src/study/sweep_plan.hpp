@@ -25,9 +25,7 @@ class SweepAxis {
   // Where there are so many equal intervals between both ends: the value at the end of number k.
   std::string between(long k, long intervals) const;
   // Value number k of all.
-  std::string value(long k) const {
-    return listed_.empty() ? between(k, count_ - 1) : listed_[k];
-  }
+  std::string value(long k) const { return listed_.empty() ? between(k, count_ - 1) : listed_[k]; }
   // The value that a number from [0, 1) draws: evenly from the range (of an integer: each alike), or from the
   // list.
   std::string drawn(double part) const;
@@ -36,7 +34,7 @@ class SweepAxis {
   Options set(Options options, const std::string& value) const;
 
  private:
-  std::string in_range(double value) const;
+  std::string at_part(double part) const;  // of the range
 
   std::vector<std::string> names_, listed_;
   double from_ = 0, to_ = 0;

@@ -98,53 +98,46 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
       prefix.empty() ? most_steps(options) : std::numeric_limits<std::int64_t>::max();
   const double begin = processor_seconds();
   const auto spent = [&] { return largest_over(PETSC_COMM_WORLD, processor_seconds() - begin); };
+  std::optional<Integrator> integrator;
   try {
-    Integrator integrator(model, spec, u, prefix);
+    integrator.emplace(model, spec, u, prefix);
     const std::unique_ptr<Measure> measured = measure ? measure(model, whole) : nullptr;
     std::vector<Observer*> observers;
     ObservationPlan plan;
     if (measured) {
       observers = {measured.get()};
       measured->plan(plan);
-      integrator.set_output_times([&plan](double t) { return plan.next_time(t); });
+      integrator->set_output_times([plan](double t) { return plan.next_time(t); });
     }
-    const auto take_report = [&] {
-      const TimeReport& r = integrator.report();
-      trial.steps = r.steps;
-      trial.rejections = r.rejections;
-      trial.rhs_evaluations = r.rhs_evaluations;
-      trial.method = r.method;
-      trial.implicit = to_string(r.implicit);
-    };
-    try {
-      warn_of_fixed_steps(model, integrator, u, t_end);
-      simulate(integrator, u, {0, t_end, max_steps}, observers, [&](const Integrator::Step& step) {
-        if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
-        const double now = spent();
-        // no need to wait for the end of what cannot get there
-        const bool hopeless = now > 0.25 * limit && now * t_end > 4 * limit * step.t;
-        if (now > limit || hopeless) throw TooSlow();
-        return Integrator::Verdict::go_on;
-      });
-    } catch (...) {
-      take_report();
-      throw;
-    }
-    take_report();
+    warn_of_fixed_steps(model, *integrator, u, t_end);
+    simulate(*integrator, u, {0, t_end, max_steps}, observers, [&](const Integrator::Step& step) {
+      if (step.index % 8 != 0 || step.index == 0) return Integrator::Verdict::go_on;
+      const double now = spent();
+      // no need to wait for the end of what cannot get there
+      const bool hopeless = now > 0.25 * limit && now * t_end > 4 * limit * step.t;
+      if (now > limit || hopeless) throw TooSlow();
+      return Integrator::Verdict::go_on;
+    });
     if (measured) trial.measured = measured->values();
-    if (integrator.report().reason == "ts_max_steps")
+    if (integrator->report().reason == "ts_max_steps")
       trial.failed = "stopped at ts_max_steps " + options.text("ts_max_steps") + ", before ts_max_time";
   } catch (const TooSlow&) {
     trial.failed = "stopped: it would take more than " + number_text(limit) + " s";
   } catch (const UsageError&) {
     throw;
   } catch (const Error& e) {
-    int ranks;
-    MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
-    if (!e.collective() && ranks > 1) throw;
+    if (!e.collective() && ranks_in(PETSC_COMM_WORLD) > 1) throw;
     trial.failed = e.what();
   }
   trial.seconds = spent();
+  if (integrator) {
+    const TimeReport& r = integrator->report();
+    trial.steps = r.steps;
+    trial.rejections = r.rejections;
+    trial.rhs_evaluations = r.rhs_evaluations;
+    trial.method = r.method;
+    trial.implicit = to_string(r.implicit);
+  }
   if (!trial.failed.empty()) return trial;
 
   model.set_held(u);

@@ -57,23 +57,34 @@ MPI_Comm followers(const Scene& scene) {
   return scene.n <= closed_nodes ? PETSC_COMM_SELF : PETSC_COMM_WORLD;
 }
 
-// The same from psi = steady + amplitude (1 + cos(k x))/2.
-Motion regime_beside(const Options& options, const SteadySliding& s, double growth, double amplitude,
-                     double k, double duration) {
-  const Scene scene = Scene::from(options, false);
-  const Model model(followers(scene), scene);
-  VecHandle u = model.create_vector();
-  start_beside(model, s, amplitude, k, u);
-  Motion motion = regime_from(options, model, s, growth, u, duration);
-  broadcast(motion);
-  return motion;
+Verified at_place(const GrowthRate& growth, double x, double y, double rate) {
+  const std::vector<Axis>& axes = growth.axes();
+  Verified v;
+  v.value = axes[0].value(x);
+  v.value2 = axes.size() > 1 ? axes[1].value(y) : 0;
+  v.growth = rate;
+  return v;
 }
 
-// What the two starts say together.
-std::string regime_of_both(Motion near, Motion far) {
-  return near == far                                            ? to_string(near)
-         : near == Motion::sliding && far == Motion::stick_slip ? "both live"
-                                                                : to_string(Motion::undecided);
+using StartOf = std::function<void(const Model&, Vec)>;
+
+// Where two motions of the scene with these options go, one from near sliding and one from far away.
+void follow_both(Verified& v, const Options& options, const Scene& scene, const SteadySliding& s,
+                 double duration, const StartOf& start_near, const StartOf& start_far) {
+  const Model model(followers(scene), scene);
+  const auto motion = [&](const StartOf& start) {
+    VecHandle u = model.create_vector();
+    start(model, u);
+    Motion found = regime_from(options, model, s, v.growth, u, duration);
+    broadcast(found);
+    return found;
+  };
+  const Motion near = motion(start_near), far = motion(start_far);
+  v.from_sliding = to_string(near);
+  v.from_stick_slip = to_string(far);
+  v.regime = near == far                                            ? to_string(near)
+             : near == Motion::sliding && far == Motion::stick_slip ? "both live"
+                                                                    : to_string(Motion::undecided);
 }
 
 // The direction across the curve, unit length, towards the growing side; empty where nothing changes.
@@ -109,7 +120,6 @@ std::optional<Beside> place_beside(GrowthRate& growth, const Crossing& c, double
 
 Verified check_beside(const GrowthRate& growth, const Options& options, const Beside& place) {
   const Mode& mode = place.leading.mode;
-  const std::vector<Axis>& axes = growth.axes();
   const SteadySliding s(growth.scene(place.x, place.y));
   const double rate = std::abs(mode.value.real()), duration = std::min(3000., 9 / rate + 60);
   const double longest = (s.scene.ring() ? 2 : 1) * M_PI / s.scene.length;
@@ -117,17 +127,14 @@ Verified check_beside(const GrowthRate& growth, const Options& options, const Be
                    : std::isfinite(mode.wavenumber)
                        ? mode.wavenumber
                        : longest * std::max(1., std::floor(double(s.scene.n) / 8));
-  Verified v;
-  v.value = axes[0].value(place.x);
-  v.value2 = axes.size() > 1 ? axes[1].value(place.y) : 0;
-  v.growth = mode.value.real();
+  Verified v = at_place(growth, place.x, place.y, mode.value.real());
   v.expected = v.growth > 0 ? "stick-slip" : "sliding";
-  const Options there = options_with(options, axes, v.value, v.value2);
-  const Motion near = regime_beside(there, s, v.growth, 0.01, k, duration);
-  const Motion far = regime_beside(there, s, v.growth, 2 * std::max(1., std::abs(s.scene.v)), k, duration);
-  v.from_sliding = to_string(near);
-  v.from_stick_slip = to_string(far);
-  v.regime = regime_of_both(near, far);
+  const Options there = options_with(options, growth.axes(), v.value, v.value2);
+  const auto perturbed = [&](double amplitude) {
+    return [&, amplitude](const Model& model, Vec u) { start_beside(model, s, amplitude, k, u); };
+  };
+  follow_both(v, there, Scene::from(there, false), s, duration, perturbed(0.01),
+              perturbed(2 * std::max(1., std::abs(s.scene.v))));
   return v;
 }
 
@@ -171,17 +178,12 @@ std::string expected_of(StickSlipEnd& end, double x, double y) {
 // `cycle`: a place of the one that lives beside the end.
 Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options, const Crossing& c,
                    const std::vector<double>& cycle, double x, double y) {
-  const std::vector<Axis>& axes = growth.axes();
-  const Scene one = end.scene(x, y);
+  const Scene one = end.scene(x, y);  // a node
   const SteadySliding s(one);
-  const Model model(followers(one), one);  // a node
-  Verified v;
-  v.value = axes[0].value(x);
-  v.value2 = axes.size() > 1 ? axes[1].value(y) : 0;
+  Verified v = at_place(growth, x, y, growth(x, y));
   v.of = "stick-slip";
-  v.growth = growth(x, y);
   v.expected = expected_of(end, x, y);
-  const Options there = options_with(options, axes, v.value, v.value2);
+  const Options there = options_with(options, growth.axes(), v.value, v.value2);
   // Long enough to grow or decay, for many slips, and for the loading of a node at rest (which is one step).
   const double load = !one.friction.sticks()
                           ? 0
@@ -189,16 +191,9 @@ Verified check_end(GrowthRate& growth, StickSlipEnd& end, const Options& options
                                 (one.K0() * std::abs(one.v));
   const double rate = std::max(1e-3, std::abs(v.growth));
   const double duration = std::min(3000., 9 / rate + 100 / c.frequency) + 8 * load;
-  VecHandle u = model.create_vector();
-  start_beside(model, s, 0.01, 0, u);
-  Motion near = regime_from(there, model, s, v.growth, u, duration);
-  start_on(cycle, model, s, u);
-  Motion far = regime_from(there, model, s, v.growth, u, duration);
-  broadcast(near);
-  broadcast(far);
-  v.from_sliding = to_string(near);
-  v.from_stick_slip = to_string(far);
-  v.regime = regime_of_both(near, far);
+  follow_both(
+      v, there, one, s, duration, [&](const Model& model, Vec u) { start_beside(model, s, 0.01, 0, u); },
+      [&](const Model& model, Vec u) { start_on(cycle, model, s, u); });
   return v;
 }
 
