@@ -23,9 +23,8 @@ bool BandedImex::takes(const ImexTableau& method) {
 BandedImex::BandedImex(const Model& model, ImexTableau method, Implicit implicit, bool sticking)
     : model_(model), method_(std::move(method)), implicit_(implicit), layout_(model),
       columns_(layout_, method_, implicit), system_(BandSystem::make(layout_)),
-      coefficients_(kernel::coefficients_with(model.scene(), 1)),
-      square_(kernel::compiled<std::function<double(const kernel::Weighted&)>>(kernel::SumOfSquares{})),
-      stencil_(tile::stencil(model.scene())), wave_(kernel::compiled<decltype(wave_)>(kernel::WaveRound{})),
+      coefficients_(kernel::coefficients_with(model.scene(), 1)), stencil_(tile::stencil(model.scene())),
+      wave_(kernel::compiled<decltype(wave_)>(kernel::WaveRound{})),
       right_sides_(kernel::compiled<decltype(right_sides_)>(kernel::RightSides{})) {
   const Scene& scene = model.scene();
   if (std::abs(method_.At[0]) < 1e-14) method_.At[0] = 0;
@@ -93,20 +92,11 @@ StepTaker::Outcome BandedImex::take(Vec u, double dt, const ErrorNorm& norm, boo
   }
   model_.count_evaluations(2L * method_.stages);
   if (!solved) return {true, -1, false};
-  Sums sums;
+  StepErrors::Sums sums;
   const Writing b(u_new);
   for (const BandTile& t : layout_.tiles()) finish(t, step, b, sums);
   store_slopes(slopes);
-  double total[2] = {sums.squares, sums.not_finite}, largest = sums.largest;
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, total, 2, MPI_DOUBLE, MPI_SUM, model_.comm()));
-  if (norm.type == NORM_INFINITY)
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
-  const double mean = std::sqrt(total[0] / (double(model_.scene().n) * model_.dof()));
-  return {std::isfinite(total[0]) && std::isfinite(total[1]),
-          !estimate                    ? -1
-          : norm.type == NORM_INFINITY ? largest
-                                       : mean,
-          true};
+  return StepErrors::over_ranks(model_.comm(), sums, norm, estimate, double(model_.scene().n) * model_.dof());
 }
 
 kernel::Coefficients BandedImex::at_stage(const Step& step, int i) const {
@@ -186,8 +176,7 @@ void BandedImex::second_difference(const BandTile& t, const double* own, double*
     layout_.read(own, 0, low - model_.first(), high - low, spare_.data());
     for (PetscInt i = 0; i < count; ++i) {
       line[i] = 0;
-      for (const auto& [node, weight] : rows[i])
-        line[i] += weight * spare_[node - low];
+      for (const auto& [node, weight] : rows[i]) line[i] += weight * spare_[node - low];
     }
   }
   for (PetscInt i = 0; i < count; ++i) d2[t.lanes == 1 ? i : t.place(i)] = line[i];
@@ -370,7 +359,7 @@ BandedImex::Newton BandedImex::newton(int i, const Step& step) const {
 // ---- its end
 // ------------------------------------------------------------------------------------------------------
 
-void BandedImex::finish(const BandTile& t, const Step& step, double* u_new, Sums& sums) const {
+void BandedImex::finish(const BandTile& t, const Step& step, double* u_new, StepErrors::Sums& sums) const {
   for (int d = 0; d < model_.dof(); ++d) {
     columns_.sum_solution(t, d, step.dt, x_.data());
     layout_.store(t, x_.data(), d, u_new);
@@ -380,7 +369,7 @@ void BandedImex::finish(const BandTile& t, const Step& step, double* u_new, Sums
 }
 
 // Of the new values in x_ and their errors in b_ those that this rank owns.
-void BandedImex::measure(const BandTile& t, const Step& step, Sums& sums) const {
+void BandedImex::measure(const BandTile& t, const Step& step, StepErrors::Sums& sums) const {
   PetscInt begin, end;
   layout_.own_range(t, begin, end);
   const PetscInt count = end - begin;
@@ -394,16 +383,7 @@ void BandedImex::measure(const BandTile& t, const Step& step, Sums& sums) const 
     u = d_.data();
     e = spare_.data();
   }
-  const ErrorNorm& norm = step.norm;
-  if (step.estimate && norm.type != NORM_INFINITY) {
-    sums.squares += square_({u, e, norm.atol, norm.rtol, count});
-    return;
-  }
-  for (PetscInt i = 0; i < count; ++i) {
-    sums.not_finite += u[i] - u[i];
-    const double size = std::max(std::abs(u[i]), std::abs(u[i] - e[i]));
-    if (step.estimate) sums.largest = std::max(sums.largest, std::abs(e[i]) / (norm.atol + norm.rtol * size));
-  }
+  errors_.add(u, e, count, step.norm, step.estimate, sums);
 }
 
 void BandedImex::store_slopes(const std::vector<VecHandle>& slopes) const {

@@ -18,7 +18,7 @@
 
 #include "time/band_system.hpp"
 #include "time/imex_columns.hpp"
-#include "time/step_taker.hpp"
+#include "time/step_errors.hpp"
 #include "time/tile_kernels.hpp"
 
 namespace stickslip {
@@ -40,9 +40,6 @@ class BandedImex : public StepTaker {
     double dt, begin;
     const ErrorNorm& norm;
     bool estimate;
-  };
-  struct Sums {
-    double squares = 0, largest = 0, not_finite = 0;
   };
   double diagonal(int i) const { return method_.At[i * method_.stages + i]; }
   // Of the nodes of a tile; nullptr where there are none of any.
@@ -66,8 +63,8 @@ class BandedImex : public StepTaker {
   Newton newton(int i, const Step& step) const;
   void linearise(const BandTile& t, const kernel::Round& round) const;
   void guess(const BandTile& t, int i, const Step& step) const;
-  void finish(const BandTile& t, const Step& step, double* u_new, Sums& sums) const;
-  void measure(const BandTile& t, const Step& step, Sums& sums) const;
+  void finish(const BandTile& t, const Step& step, double* u_new, StepErrors::Sums& sums) const;
+  void measure(const BandTile& t, const Step& step, StepErrors::Sums& sums) const;
   void store_slopes(const std::vector<VecHandle>& slopes) const;
   // Calls body(place in the tile, row of D2 as places of the tile) for the held nodes of a tile.
   template <class Body>
@@ -86,7 +83,7 @@ class BandedImex : public StepTaker {
   std::vector<std::vector<Combination>> end_rows_;         // of D2, at nodes of outer tiles on a line
   mutable std::vector<double> d_, b_, x_, spare_, zeros_;  // of one tile
   mutable bool from_start_ = true;  // psi's change is counted from the start of the step, not from 0
-  std::function<double(const kernel::Weighted&)> square_;
+  StepErrors errors_;
   tile::Stencil stencil_;
   tile::Pointwise pointwise_;
   tile::NewtonRound newton_;

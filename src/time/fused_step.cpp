@@ -56,7 +56,7 @@ TiledStep::Outcome TiledStep::take(Vec u, double dt, const ErrorNorm& norm, bool
                                    const std::vector<VecHandle>& slopes, Vec last_slope, double begin) const {
   const bool last_wanted = !last_is_solution_ || estimate || !slopes.empty() || last_slope;
   const Step step{dt, norm, estimate, last_wanted ? stages_ : stages_ - 1, begin};
-  Tiles::Sums sums;
+  StepErrors::Sums sums;
   {
     const SlopeArrays kept(slopes, last_slope);
     tiles_.pass(
@@ -68,8 +68,8 @@ TiledStep::Outcome TiledStep::take(Vec u, double dt, const ErrorNorm& norm, bool
         });
   }
   tiles_.model().count_evaluations(step.taken * slopes_);
-  const Tiles::Measured measured = tiles_.over_ranks(sums, norm, estimate);
-  return {measured.finite, measured.error, measured.solved};
+  const Model& model = tiles_.model();
+  return StepErrors::over_ranks(model.comm(), sums, norm, estimate, double(model.scene().n) * model.dof());
 }
 
 void TiledStep::stretch(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 
@@ -19,9 +20,8 @@ constexpr int most_terms = 64;
 // than they save, and the closures of an end must lie within one tile. Collective.
 bool is_closed(const Model& model, int stages) {
   const PetscInt least = 2 * stages * (model.scene().order / 2);
-  int few = model.local() < std::max(least, PetscInt(16)) ? 1 : 0;
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &few, 1, MPI_INT, MPI_MAX, model.comm()));
-  return model.scene().n <= closed_nodes || few != 0;
+  const bool few = on_any_rank(model.comm(), model.local() < std::max(least, PetscInt(16)));
+  return model.scene().n <= closed_nodes || few;
 }
 
 }  // namespace
@@ -37,8 +37,7 @@ void add_to_row(Row& row, const double* weights, int count, int first) {
 Tiles::Tiles(const Model& model, int stages, int columns, bool sticking)
     : model_(model), dof_(model.dof()), half_width_(model.scene().order / 2), first_(model.first()),
       local_(model.local()), n_(model.scene().n), closed_(is_closed(model, stages)),
-      add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})),
-      square_(kernel::compiled<std::function<double(const kernel::Weighted&)>>(kernel::SumOfSquares{})) {
+      add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})) {
   using Copy = std::function<void(const kernel::Interleaved&)>;
   to_columns_ = dof_ == 3 ? kernel::compiled<Copy>(kernel::ToColumns<3>{})
                           : kernel::compiled<Copy>(kernel::ToColumns<2>{});
@@ -199,35 +198,13 @@ void Tiles::pass(Vec u, Vec u_new, PetscInt reach, const std::function<void(cons
 }
 
 void Tiles::measure(const Tile& t, const Row& error, double dt, const ErrorNorm& norm, bool estimate,
-                    Sums& sums) const {
+                    StepErrors::Sums& sums) const {
   const PetscInt at = t.own_begin - t.from, count = t.own_end - t.own_begin;
   for (int d = 0; d < dof_; ++d) {
-    const double* const u = column(1, d) + at;
-    if (estimate) {
-      double* const e = column(0, d);  // u itself is not needed any more
-      sum(t, d, zeros(), error, dt, t.own_begin, t.own_end, e);
-      if (norm.type == NORM_INFINITY) {
-        for (PetscInt i = 0; i < count; ++i) {
-          const double size = std::max(std::abs(u[i]), std::abs(u[i] - e[at + i]));
-          sums.largest = std::max(sums.largest, std::abs(e[at + i]) / (norm.atol + norm.rtol * size));
-        }
-      } else {
-        sums.squares += square_({u, e + at, norm.atol, norm.rtol, count});
-      }
-    }
-    if (!estimate || norm.type == NORM_INFINITY)
-      for (PetscInt i = 0; i < count; ++i) sums.not_finite += u[i] - u[i];
+    double* const e = column(0, d);  // u itself is not needed any more
+    if (estimate) sum(t, d, zeros(), error, dt, t.own_begin, t.own_end, e);
+    errors_.add(column(1, d) + at, e + at, count, norm, estimate, sums);
   }
-}
-
-Tiles::Measured Tiles::over_ranks(const Sums& sums, const ErrorNorm& norm, bool estimate) const {
-  double total[3] = {sums.squares, sums.not_finite, sums.unsolved}, largest = sums.largest;
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, total, 3, MPI_DOUBLE, MPI_SUM, model_.comm()));
-  if (norm.type == NORM_INFINITY)
-    SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
-  Measured result{std::isfinite(total[0]) && std::isfinite(total[1]), -1, total[2] == 0};
-  if (estimate) result.error = norm.type == NORM_INFINITY ? largest : std::sqrt(total[0] / double(n_ * dof_));
-  return result;
 }
 
 }  // namespace stickslip

@@ -17,7 +17,7 @@
 
 #include "model/kernel.hpp"
 #include "stickslip/model/model.hpp"
-#include "time/step_taker.hpp"
+#include "time/step_errors.hpp"
 
 namespace stickslip {
 
@@ -88,18 +88,9 @@ class Tiles {
   }
 
   // ---- over a step: what the new values err by ----
-  struct Sums {
-    double squares = 0, largest = 0, not_finite = 0, unsolved = 0;
-  };
   // The new u stands in columns 1; columns 0 are used up. `estimate` false: only whether it is finite.
   void measure(const Tile& t, const Row& error, double dt, const ErrorNorm& norm, bool estimate,
-               Sums& sums) const;
-  struct Measured {
-    bool finite;
-    double error;  // -1 without an estimate
-    bool solved;   // no equation is without a solution
-  };
-  Measured over_ranks(const Sums& sums, const ErrorNorm& norm, bool estimate) const;
+               StepErrors::Sums& sums) const;
 
  private:
   const double* at(const std::vector<double>& list, PetscInt node) const {
@@ -123,7 +114,7 @@ class Tiles {
   // psi beyond an end, by local nodes
   std::vector<std::vector<std::pair<PetscInt, double>>> left_end_, right_end_;
   std::function<void(const kernel::Terms&)> add_;
-  std::function<double(const kernel::Weighted&)> square_;
+  StepErrors errors_;
   std::function<void(const kernel::Interleaved&)> to_columns_, from_columns_;
   ScatterHandle scatter_;
   VecHandle fetched_, going_;          // going_: the direction in place of psi, to be fetched
