@@ -4,8 +4,9 @@
 #include <cmath>
 #include <memory>
 
+#include <Eigen/LU>
+
 #include "stickslip/model/model.hpp"
-#include "stickslip/numerics/dense.hpp"
 
 namespace stickslip {
 
@@ -110,13 +111,12 @@ class WaveBlock {
     return p;
   }
   NodeVector solve(const NodeVector& b) const {  // (lambda - J) y = b
-    const int dof = state_ ? 3 : 2;
-    double rows[9];
-    J_.write(dof, rows);
-    Complex a[9], y[3] = {b.psi, b.eta, b.state};
-    for (int k = 0; k < dof * dof; ++k) a[k] = (k % (dof + 1) == 0 ? lambda_ : 0.) - rows[k];
-    solve_dense(dof, a, 1, y);
-    return {y[0], y[1], state_ ? y[2] : 0.};
+    Eigen::Matrix<double, 3, 3, Eigen::RowMajor> J;
+    J_.write(3, J.data());
+    Eigen::Matrix3cd shifted = -J.cast<Complex>();
+    shifted.diagonal().array() += lambda_;
+    const Eigen::Vector3cd y = shifted.partialPivLu().solve(Eigen::Vector3cd(b.psi, b.eta, b.state));
+    return {y[0], y[1], y[2]};
   }
 
  private:

@@ -5,9 +5,12 @@
 #include <limits>
 #include <utility>
 
+#include <Eigen/Cholesky>
+
+#include "base/broadcast.hpp"
+#include "base/failure.hpp"
 #include "base/local_values.hpp"
 #include "model/jump_matrix.hpp"
-#include "stickslip/base/error.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/collocation.hpp"
 
@@ -60,10 +63,6 @@ double dot(Vec a, Vec b) {
   double sum = 0;
   for (PetscInt i = 0; i < n; ++i) sum += x[i] * y[i];
   return sum;
-}
-
-void sum_up(MPI_Comm comm, std::vector<double>& values) {
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, values.data(), int(values.size()), MPI_DOUBLE, MPI_SUM, comm));
 }
 
 }  // namespace
@@ -126,13 +125,10 @@ void Tangents::begin(Vec u) {
 bool Tangents::directions_changed() const {
   const double* const now = model_.direction();
   if (!now) return false;
-  int changed = 0;
-  {
-    const Reading was(was_);
-    for (PetscInt i = 0; i < model_.local() && !changed; ++i) changed = was[i * dof_] != now[i] ? 1 : 0;
-  }
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &changed, 1, MPI_INT, MPI_MAX, model_.comm()));
-  return changed != 0;
+  bool changed = false;
+  const Reading was(was_);
+  for (PetscInt i = 0; i < model_.local() && !changed; ++i) changed = was[i * dof_] != now[i];
+  return on_any_rank(model_.comm(), changed);
 }
 
 void Tangents::count_resting() {
@@ -224,17 +220,16 @@ void Tangents::jump(Vec u) {
   model_.rhs(Part::full, u, f_is);
   model_.count_evaluations(-2);
   find_neighbour_forces(f_was);
-  int grazes = 0;
+  bool grazes = false;
   {
     const Reading at(u), before(f_was), after(f_is);
     check_order(was, before, after);
     for (PetscInt i = 0; i < model_.local(); ++i)
       if (was[i] != is[i] && !model_.held(model_.first() + i) &&
           !jump_at(i, at + i * dof_, before + i * dof_, after + i * dof_, was[i], is[i]))
-        ++grazes;
+        grazes = true;
   }
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &grazes, 1, MPI_INT, MPI_SUM, model_.comm()));
-  if (grazes)
+  if (on_any_rank(model_.comm(), grazes))
     throw Failure(
         "lyapunov_count: a node comes to rest or begins to slip at speed 0, where no tangent exists");
   count_resting();
@@ -345,9 +340,9 @@ void Tangents::rest(double dt, Vec u) {
       most = std::max(most, std::abs(logs[i]));
     }
   }
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &most, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
+  most = largest_over(model_.comm(), most);
   if (most / 5 > most_parts)
-    throw Failure("lyapunov_count: a rest of " + number_text(dt) + " is too long for it");
+    throw failure("lyapunov_count: a rest of {} is too long for it", number_text(dt));
   const int turns = std::max(1, int(std::ceil(most / 5)));
   for (int turn = 0; turn < turns; ++turn) {
     for (const VecHandle& vector : y_) {
@@ -368,16 +363,15 @@ void Tangents::advance(double dt, const Inside& inside) {
     move(dt, inside);
   else
     rest(dt, u_);
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &divergence_, 1, MPI_DOUBLE, MPI_SUM, model_.comm()));
+  divergence_ = sum_over(model_.comm(), divergence_);
 }
 
 void Tangents::move(double dt, const Inside& inside) {
   if (!start_known_) linearise(u_, start_);
   inside(1, u_);
   linearise(u_, inside_);
-  double rate = std::max(start_.rate, inside_.rate);
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &rate, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
-  rate = std::max(rate, stencil_rate(model_.scene()));
+  const double rate = std::max(largest_over(model_.comm(), std::max(start_.rate, inside_.rate)),
+                               stencil_rate(model_.scene()));
   const double parts = std::max(1., std::ceil(dt * rate / longest_part));
   if (!(parts <= most_parts))
     throw Failure("lyapunov_count: one step of " + number_text(dt) +
@@ -416,24 +410,19 @@ bool Tangents::by_cholesky(std::vector<double>& lengths) {
   for (std::size_t k = 0; k < y_.size(); ++k)
     if (!rank_deficient_[k]) live.push_back(k);
   const std::size_t n = live.size();
-  std::vector<double> R(n * n, 0.);  // its upper triangle
+  Eigen::MatrixXd products = Eigen::MatrixXd::Zero(n, n);  // Y^T Y, its upper triangle
   for (std::size_t i = 0; i < n; ++i)
-    for (std::size_t j = i; j < n; ++j) R[i * n + j] = dot(y_[live[i]], y_[live[j]]);
-  sum_up(model_.comm(), R);
+    for (std::size_t j = i; j < n; ++j) products(i, j) = dot(y_[live[i]], y_[live[j]]);
+  sum_over(model_.comm(), products.data(), int(products.size()));
+  const Eigen::LLT<Eigen::MatrixXd, Eigen::Upper> factors(products);
+  const Eigen::MatrixXd R = factors.matrixU();
+  if (factors.info() != Eigen::Success ||
+      !(R.diagonal().array().square() > well_apart * products.diagonal().array()).all())
+    return false;
   for (std::size_t k = 0; k < n; ++k) {
-    const double whole = R[k * n + k];
-    for (std::size_t i = 0; i < k; ++i) R[k * n + k] -= R[i * n + k] * R[i * n + k];
-    if (!(R[k * n + k] > well_apart * whole)) return false;
-    R[k * n + k] = std::sqrt(R[k * n + k]);
-    for (std::size_t j = k + 1; j < n; ++j) {
-      for (std::size_t i = 0; i < k; ++i) R[k * n + j] -= R[i * n + k] * R[i * n + j];
-      R[k * n + j] /= R[k * n + k];
-    }
-  }
-  for (std::size_t k = 0; k < n; ++k) {
-    lengths[live[k]] = R[k * n + k];
-    for (std::size_t i = 0; i < k; ++i) SS_TRY(VecAXPY(y_[live[k]], -R[i * n + k], y_[live[i]]));
-    SS_TRY(VecScale(y_[live[k]], 1 / R[k * n + k]));
+    lengths[live[k]] = R(k, k);
+    for (std::size_t i = 0; i < k; ++i) SS_TRY(VecAXPY(y_[live[k]], -R(i, k), y_[live[i]]));
+    SS_TRY(VecScale(y_[live[k]], 1 / R(k, k)));
   }
   return true;
 }
@@ -442,21 +431,19 @@ bool Tangents::by_cholesky(std::vector<double>& lengths) {
 void Tangents::one_by_one(std::vector<double>& lengths, bool after_jump) {
   std::vector<double> whole(y_.size());
   for (std::size_t k = 0; k < y_.size(); ++k) whole[k] = dot(y_[k], y_[k]);
-  sum_up(model_.comm(), whole);
+  sum_over(model_.comm(), whole.data(), int(whole.size()));
   for (std::size_t k = 0; k < y_.size(); ++k) {
     if (rank_deficient_[k]) continue;
     for (int round = 0; round < 2; ++round) {
       std::vector<double> part(k, 0.);
       for (std::size_t i = 0; i < k; ++i)
         if (!rank_deficient_[i]) part[i] = dot(y_[i], y_[k]);
-      sum_up(model_.comm(), part);
+      sum_over(model_.comm(), part.data(), int(k));
       for (std::size_t i = 0; i < k; ++i)
         if (!rank_deficient_[i]) SS_TRY(VecAXPY(y_[k], -part[i], y_[i]));
     }
-    std::vector<double> left{dot(y_[k], y_[k])};
-    sum_up(model_.comm(), left);
-    lengths[k] = std::sqrt(left[0]);
-    rank_deficient_[k] = left[0] == 0 || (after_jump && lengths[k] <= vanished * std::sqrt(whole[k]));
+    lengths[k] = std::sqrt(sum_over(model_.comm(), dot(y_[k], y_[k])));
+    rank_deficient_[k] = lengths[k] == 0 || (after_jump && lengths[k] <= vanished * std::sqrt(whole[k]));
     if (rank_deficient_[k])
       SS_TRY(VecZeroEntries(y_[k]));
     else
