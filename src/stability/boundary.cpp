@@ -23,8 +23,8 @@ namespace {
 
 std::string place_text(const GrowthRate& growth, double x, double y) {
   const std::vector<Axis>& axes = growth.axes();
-  return axes[0].name + " = " + number_text(axes[0].value(x)) + ", " + axes[1].name + " = " +
-         number_text(axes[1].value(y));
+  return fmt::format("{} = {}, {} = {}", axes[0].name, number_text(axes[0].value(x)), axes[1].name,
+                     number_text(axes[1].value(y)));
 }
 
 // Tells of points where a mode crosses that the grid hardly carries.
@@ -38,11 +38,11 @@ void note_short_waves(const GrowthRate& growth, const std::vector<Crossing>& poi
       if (!first) first = &c;
     }
   if (!first) return;
-  notes.push_back("at " + std::to_string(count) + " of " + std::to_string(points.size()) +
-                  " points (first: " + growth.axes()[0].name + " = " + number_text(first->value) +
-                  ", frequency " + rounded_text(first->frequency) +
-                  ") the mode that crosses is near the shortest wavelength that the "
-                  "grid resolves: a finer grid (grid_n) moves the boundary, by `error` or more");
+  notes.push_back(
+      fmt::format("at {} of {} points (first: {} = {}, frequency {:.3g}) the mode that crosses is near the "
+                  "shortest wavelength that the grid resolves: a finer grid (grid_n) moves the boundary, by "
+                  "`error` or more",
+                  count, points.size(), growth.axes()[0].name, number_text(first->value), first->frequency));
 }
 
 // Of `points` points, every so many are counted at, for a few seconds altogether.
@@ -130,10 +130,10 @@ std::vector<Crossing> boundary_points(GrowthRate& growth, BoundaryFindings& find
     if (growth.vanishes(c))
       roots.push_back(c);
     else
-      findings.notes.push_back("the growth rate jumps through zero at " + growth.axes()[0].name + " = " +
-                               number_text(c.value) +
-                               ", where a mode enters or leaves what the grid resolves: no "
-                               "boundary");
+      findings.notes.push_back(
+          fmt::format("the growth rate jumps through zero at {} = {}, where a mode "
+                      "enters or leaves what the grid resolves: no boundary",
+                      growth.axes()[0].name, number_text(c.value)));
   }
   for (Crossing& c : roots) c.criticality = growth.criticality(c);
   if (std::optional<GrowthRate> fine = roots.empty() ? std::nullopt : growth.finer())
@@ -190,9 +190,9 @@ std::vector<CurvePiece> trace(GrowthRate& growth, PetscInt points, BoundaryFindi
   for (const CurvePiece& piece : curve.pieces)
     for (const PlanePoint& p : piece.stuck)
       findings.notes.push_back(
-          "the curve stops inside the box at " + place_text(growth, p.x, p.y) +
-          ": no way on there (a point where modes of several kinds meet, or no steady sliding "
-          "beyond)");
+          fmt::format("the curve stops inside the box at {}: no way on there (a point where modes of "
+                      "several kinds meet, or no steady sliding beyond)",
+                      place_text(growth, p.x, p.y)));
   curve.pieces.erase(std::remove_if(curve.pieces.begin(), curve.pieces.end(),
                                     [](const CurvePiece& piece) { return piece.points.size() < 2; }),
                      curve.pieces.end());

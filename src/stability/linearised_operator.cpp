@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/failure.hpp"
 #include "base/pulse.hpp"
-#include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/model/stencil.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -35,10 +35,10 @@ LinearisedOperator::LinearisedOperator(const SteadySliding& s)
                         [&](const FrictionSlopes& f) { return f == slopes_.front(); });
   for (std::size_t i = 0; i < size() && scene.massless(); ++i)
     if (const double resistance = point(i).beta(); !(resistance > 0))
-      throw Failure("no steady sliding without mass: at x = " + rounded_text(scene.x(coupling.node[i]), 6) +
-                    " friction falls with velocity faster than zeta psi rises (zeta/f0 + F_psi = " +
-                    rounded_text(resistance, 6) +
-                    "), and the force does not say what psi is; take model_m > 0");
+      throw failure(
+          "no steady sliding without mass: at x = {:.6g} friction falls with velocity faster than zeta psi "
+          "rises (zeta/f0 + F_psi = {:.6g}), and the force does not say what psi is; take model_m > 0",
+          scene.x(coupling.node[i]), resistance);
   refuse_rates_too_large();
   if (size() > 0) mean_ = find_mean();
 }

@@ -235,9 +235,9 @@ std::optional<ModeSearch::Count> ModeSearch::count(const Line& line, std::vector
 }
 
 std::string ModeSearch::counted_text(const Count& c, double line) const {
-  return (exact_.apply() ? "exact dispersion relation: " : "argument principle: ") + std::to_string(c.all) +
-         " eigenvalues with real part above " + rounded_text(line, 6) + " and |Im| below " +
-         rounded_text(height_, 6) + ", " + std::to_string(c.known) + " expected";
+  return fmt::format("{}: {} eigenvalues with real part above {:.6g} and |Im| below {:.6g}, {} expected",
+                     exact_.apply() ? "exact dispersion relation" : "argument principle", c.all, line,
+                     height_, c.known);
 }
 
 // Zeros that are no mode known, and would be among the wanted ones.
@@ -370,10 +370,9 @@ void ModeSearch::close_rightmost(Spectrum& result) {
     }
     if (!c) {
       if (try_resolved()) continue;
-      result.completeness_check =
-          "not checked: counting the eigenvalues right of the line failed or would take "
-          "too long at " +
-          std::to_string(s_.size()) + " nodes";
+      result.completeness_check = fmt::format(
+          "not checked: counting the eigenvalues right of the line failed or would take too long at {} nodes",
+          s_.size());
       return;
     }
     const auto judge = [&] {

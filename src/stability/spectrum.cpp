@@ -107,12 +107,11 @@ void look_beyond_grid(const LinearisedOperator& s, double height, bool refine, S
     const double round_off = 8 * epsilon * s.rate_of(s.K0);
     const bool decays = continuum->growth < -round_off;
     if (result.stable && !decays)
-      result.remarks.push_back(
-          "waves of the continuum that " + beyond + " does not carry " +
-          (continuum->growth > round_off
-               ? "grow, at up to " + rounded_text(continuum->growth, 6)
-               : "decay at rates that come to 0: sliding in the continuum is neither stable nor unstable") +
-          " (growth_continuum)");
+      result.remarks.push_back(fmt::format(
+          "waves of the continuum that {} does not carry {} (growth_continuum)", beyond,
+          continuum->growth > round_off
+              ? fmt::format("grow, at up to {:.6g}", continuum->growth)
+              : "decay at rates that come to 0: sliding in the continuum is neither stable nor unstable"));
     result.stable = result.stable && (decays || !refine);
     return;
   }
@@ -124,9 +123,9 @@ void look_beyond_grid(const LinearisedOperator& s, double height, bool refine, S
                              " as they become ever shorter: sliding in the continuum is not stable");
   } else if (result.frequency > 0.5 * height && limit > result.growth - 0.1 * std::abs(result.growth)) {
     result.remarks.push_back(
-        "the leading mode is among the shortest waves that the grid carries, and shorter ones "
-        "come to grow at " +
-        rounded_text(limit, 3) + ": take more nodes (grid_n) for the growth rate");
+        fmt::format("the leading mode is among the shortest waves that the grid carries, and shorter ones "
+                    "come to grow at {:.3g}: take more nodes (grid_n) for the growth rate",
+                    limit));
   }
 }
 

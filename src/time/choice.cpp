@@ -2,7 +2,8 @@
 
 #include <cmath>
 
-#include "stickslip/base/error.hpp"
+#include "base/broadcast.hpp"
+#include "base/failure.hpp"
 #include "stickslip/time/stick.hpp"
 #include "time/fused_ts.hpp"
 #include "time/leapfrog.hpp"
@@ -37,9 +38,7 @@ double friction_rate_ahead(const Model& model, Vec u) {
     double fastest = 0;
     for (PetscInt i = 0; i < (s.friction.varies() ? model.local() : 1); ++i)
       fastest = std::max(fastest, -model.state_rate(i, s.v, model.steady_state(i, s.v)).g_state);
-    if (s.friction.varies())
-      SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &fastest, 1, MPI_DOUBLE, MPI_MAX, model.comm()));
-    rate = std::max(rate, fastest);
+    rate = std::max(rate, s.friction.varies() ? largest_over(model.comm(), fastest) : fastest);
   }
   return rate;
 }
@@ -68,8 +67,8 @@ Implicit massless_implicit(const std::string& type, const std::string& wish, boo
 void fit_massless(Choice& choice, const MethodSpec& spec, bool stiff) {
   choice.implicit = massless_implicit(choice.type, spec.implicit, stiff);
   if (choice.named_fused)
-    throw UsageError("ts_type " + FusedTs::fused_type(choice.type) +
-                     ": it does not know model_m 0; use ts_type " + choice.type);
+    throw usage_error("ts_type {}: it does not know model_m 0; use ts_type {}",
+                      FusedTs::fused_type(choice.type), choice.type);
   choice.fused = false;
 }
 
@@ -117,9 +116,8 @@ Implicit implicit_of(const Method& method, const std::string& wish, Implicit sti
     default:
       if (wish == "auto" || wish == "both") return Implicit::both;
       if (splits_of(method).empty())
-        throw UsageError("imex_implicit " + wish + ": " +
-                         (type == TSROSW ? method.name() : "ts_type " + type) +
-                         " does not split; use ts_type arkimex, or imex_implicit both");
+        throw usage_error("imex_implicit {}: {} does not split; use ts_type arkimex, or imex_implicit both",
+                          wish, type == TSROSW ? method.name() : "ts_type " + type);
       if (wish != "friction")
         throw UsageError(
             "imex_implicit " + wish + ": " + method.name() +
@@ -193,13 +191,12 @@ double tolerance_of(const MethodSpec& spec, const std::string& prefix) {
 // is left is slow. Collective.
 bool damps_waves(const Model& model) {
   const Scene& s = model.scene();
-  double least = HUGE_VAL;
-  for (PetscInt i = 0; i < model.local(); ++i) {
+  bool amplifies = false;
+  for (PetscInt i = 0; i < model.local() && !s.massless(); ++i) {
     const double state = model.dof() == 3 && s.v != 0 ? model.steady_state(i, s.v) : 0;
-    least = std::min(least, s.A() * (s.B() + model.friction(i, s.v, state).F_psi) + s.s_delta());
+    amplifies = amplifies || model.linear_point(i, s.v, state).damping() <= 0;
   }
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &least, 1, MPI_DOUBLE, MPI_MIN, model.comm()));
-  return least > 0;
+  return !on_any_rank(model.comm(), amplifies);
 }
 
 // What is worth taking implicitly. Where waves die, friction beside them costs order; where they live,
@@ -274,10 +271,10 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   if (model.scene().massless()) fit_massless(choice, spec, set || stiff != Implicit::none);
   if (choice.fused) choice.fused = can_be_fused(choice.type, choice.implicit, prefix);
   if (choice.named_fused && !choice.fused)
-    throw UsageError("ts_type " + std::string(name) +
-                     ": it solves what is implicit by a solver of its own; use " + "ts_type " + choice.type +
-                     ", or imex_implicit friction" + (choice.type == TSARKIMEX ? ", wave or both" : "") +
-                     " without options of snes, ksp and pc");
+    throw usage_error(
+        "ts_type {}: it solves what is implicit by a solver of its own; use ts_type {}, or imex_implicit "
+        "friction{} without options of snes, ksp and pc",
+        name, choice.type, choice.type == TSARKIMEX ? ", wave or both" : "");
   if (choice.type == leapfrog_type && model.viscous())
     throw UsageError(
         "ts_type leapfrog: viscosity between neighbours (model_nu " + number_text(model.scene().nu) +
@@ -287,10 +284,10 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
         "imex_implicit wave: with friction_stick exact a node at rest is held by friction against eta, "
         "which this split takes apart; use friction or both, or ts_type rk");
   if (sticks && (choice.type == TSBDF || choice.type == TSALPHA))
-    throw UsageError(
-        "ts_type " + choice.type +
-        ": it remembers earlier steps and would have to forget them wherever "
-        "a node starts or stops (friction_stick exact); use rk, arkimex or another one-step method");
+    throw usage_error(
+        "ts_type {}: it remembers earlier steps and would have to forget them wherever a node starts or "
+        "stops (friction_stick exact); use rk, arkimex or another one-step method",
+        choice.type);
   return choice;
 }
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <map>
 
-#include "stickslip/base/error.hpp"
+#include "base/failure.hpp"
 #include "stickslip/base/text.hpp"
 #include "time/added_tableaus.hpp"
 #include "time/fused_ts.hpp"
@@ -214,11 +214,11 @@ MethodSpec MethodSpec::parse(const std::string& what, const std::string& text) {
     throw UsageError(says + spec.type + " is explicit; use arkimex, or none");
   const std::vector<std::string> splits = splits_of(spec.method());
   if (splits.size() == 1 && wish != "auto" && wish != splits[0])
-    throw UsageError(says + spec.type + " takes " + splits[0] +
-                     " implicitly and nothing else; use arkimex, or " + splits[0]);
+    throw usage_error("{}{} takes {} implicitly and nothing else; use arkimex, or {}", says, spec.type,
+                      splits[0], splits[0]);
   if (!spec.is_explicit() && !spec.splits() && wish != "both" && wish != "auto")
-    throw UsageError(says + spec.type + " takes everything implicitly" +
-                     (splits.empty() ? "" : ", or friction alone") + "; use arkimex, or both");
+    throw usage_error("{}{} takes everything implicitly{}; use arkimex, or both", says, spec.type,
+                      splits.empty() ? "" : ", or friction alone");
   return spec;
 }
 

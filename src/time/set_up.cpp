@@ -4,7 +4,7 @@
 
 #include <petscdmshell.h>
 
-#include "stickslip/base/error.hpp"
+#include "base/failure.hpp"
 #include "time/integrator_impl.hpp"
 #include "time/leapfrog.hpp"
 #include "time/rosenbrock.hpp"
@@ -149,8 +149,8 @@ bool Integrator::Impl::will_fuse(const Choice& choice) const {
   if (!choice.fused || fused_type.empty()) return false;
   if (!user_set(prefix, "ts_adapt_max_ignore")) return true;
   if (!choice.named_fused) return false;
-  throw UsageError("ts_adapt_max_ignore: ts_type " + fused_type + " does not know it; use ts_type " +
-                   choice.type);
+  throw usage_error("ts_adapt_max_ignore: ts_type {} does not know it; use ts_type {}", fused_type,
+                    choice.type);
 }
 
 // Takes the steps tile by tile from now on. The type is changed only here, since -ts_type rk names the
@@ -175,12 +175,12 @@ void Integrator::Impl::read_adaptivity(bool step_given, Vec u) {
   SS_TRY(TSAdaptGetType(adapt, &kind));
   const std::string chosen = kind ? kind : TSADAPTNONE;
   if (chosen != TSADAPTNONE && chosen != TSADAPTBASIC && chosen != TSADAPTDSP)
-    throw UsageError("ts_adapt_type " + chosen + ": it needs what this program does not have; use basic, " +
-                     "dsp or none");
+    throw usage_error("ts_adapt_type {}: it needs what this program does not have; use basic, dsp or none",
+                      chosen);
   if (method->adaptivity == Adaptivity::never) {
     if (user_set(prefix, "ts_adapt_type") && chosen != TSADAPTNONE)
-      throw UsageError("ts_adapt_type " + chosen + ": " + method->name() +
-                       " has no error estimate; use none, or an adaptive method");
+      throw usage_error("ts_adapt_type {}: {} has no error estimate; use none, or an adaptive method", chosen,
+                        method->name());
     SS_TRY(TSAdaptSetType(adapt, TSADAPTNONE));
   }
   adaptive = method->adaptivity != Adaptivity::never && chosen != TSADAPTNONE;
@@ -211,7 +211,7 @@ void Integrator::Impl::warn_of_fixed_step(bool step_given) const {
                                                    : " has a fixed step with ts_adapt_type none";
   for (const char* tolerance : {"ts_rtol", "ts_atol"})
     if (user_set(prefix, tolerance))
-      warn(std::string(tolerance) + " has no effect: " + name + how + "; every step is " + number_text(dt));
+      warn(fmt::format("{} has no effect: {}{}; every step is {}", tolerance, name, how, number_text(dt)));
   if (!user_set(prefix, "ts_dt") && !step_given)
     warn(name + how + ": every step is " + number_text(dt) +
          ", chosen for stability and not for accuracy; set ts_dt, or use an adaptive method such as " +

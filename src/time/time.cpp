@@ -4,7 +4,7 @@
 #include <limits>
 #include <utility>
 
-#include "stickslip/base/error.hpp"
+#include "base/failure.hpp"
 #include "time/integrator_impl.hpp"
 
 namespace stickslip {
@@ -73,14 +73,13 @@ void Integrator::Impl::after_step() {
   model.solve_velocities(step.u);
   if (!known && !all_finite(model, step.u)) {
     course.report.t = reached;
-    throw Failure("the solution is not finite after step " + std::to_string(step.index) +
-                  " (t = " + number_text(step.t) + "): " + advice(dt));
+    throw failure("the solution is not finite after step {} (t = {}): {}", step.index, number_text(step.t),
+                  advice(dt));
   }
   if (dt == 0) {
     const std::string lost = model.velocity_jump(step.u);
-    throw Failure("the step has shrunk to nothing at t = " + number_text(step.t) + " (step " +
-                  std::to_string(step.index) + "); " +
-                  (lost.empty() ? "loosen ts_rtol and ts_atol, or smooth what is not smooth" : lost));
+    throw failure("the step has shrunk to nothing at t = {} (step {}); {}", number_text(step.t), step.index,
+                  lost.empty() ? "loosen ts_rtol and ts_atol, or smooth what is not smooth" : lost);
   }
   check_floor(step);
   if (stick)
@@ -124,15 +123,15 @@ std::string Integrator::Impl::advice(double dt) const {
   if (const std::string lost = model.velocity_jump(u); !lost.empty()) return lost;
   const Implicit implicit = equations->implicit();
   if (implicit == Implicit::both) return "reduce ts_dt or the tolerances";
-  std::string text = "an explicit step of " + number_text(dt) + " is too large";
+  std::string text = fmt::format("an explicit step of {} is too large", number_text(dt));
   const double frequency = model.wave_frequency();
   if (implicit != Implicit::wave && dt * frequency > 1)
-    text += (model.scene().massless() ? "; the shortest deviation dies away at "
-                                      : "; the shortest wave turns at ") +
-            number_text(frequency) + " per unit time";
+    text +=
+        fmt::format("; the shortest {} at {} per unit time",
+                    model.scene().massless() ? "deviation dies away" : "wave turns", number_text(frequency));
   const double viscous = viscous_rate(model.scene());
   if (implicit != Implicit::wave && dt * viscous > 1)
-    text += "; viscosity damps it at " + number_text(viscous) + " per unit time";
+    text += fmt::format("; viscosity damps it at {} per unit time", number_text(viscous));
   return text + "; reduce ts_dt, or choose an implicit method (ts_type arkimex)";
 }
 
@@ -167,8 +166,8 @@ void Integrator::Impl::interpolate(double at, Vec into) {
   model.solve_velocities(into);
   // About to explode: u is finite still, its cube is not.
   if (!all_finite(model, into))
-    throw Failure("the solution is not finite at t = " + number_text(at) + " (step " +
-                  std::to_string(course.report.steps) + "): " + advice(dt));
+    throw failure("the solution is not finite at t = {} (step {}): {}", number_text(at), course.report.steps,
+                  advice(dt));
 }
 
 // ---- a run
@@ -232,7 +231,7 @@ TSConvergedReason Integrator::Impl::solve_piece(Vec u) {
 
 void Integrator::Impl::fail(TSConvergedReason reason) const {
   const std::string at =
-      " at t = " + number_text(course.report.t) + " (step " + std::to_string(course.report.steps) + ")";
+      fmt::format(" at t = {} (step {})", number_text(course.report.t), course.report.steps);
   if (reason == TS_DIVERGED_NONLINEAR_SOLVE)
     throw Failure("Newton's method failed in the implicit part" + at + "; reduce ts_dt");
   bool unsolved = fused && !fused->solved();
