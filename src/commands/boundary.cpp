@@ -13,10 +13,8 @@
 #include "stickslip/study/verify.hpp"
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/output/reader.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "stickslip/output/summary.hpp"
 
 namespace stickslip {
 
@@ -235,12 +233,10 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
   growth.watch([] { beat("growth rates"); });
   end.watch([] { beat("stick-slip motions"); });
   FoundBoundary found;
-  const auto tell_points = [&] {  // as far as they are known: what a signal or a failure leaves
-    summary.set("points", point_list(found.points(), two));
-    if (two) summary.set("meetings", point_list(found.findings.meetings, two));
-    if (two) summary.set("special", special_list(found.findings.special));
-    summary.set("notes", found.findings.notes);
-    summary.set("evaluations", growth.evaluations() + end.evaluations());
+  found.axes = axes;
+  const auto tell = [&] {  // as far as it is known: what a signal or a failure leaves
+    found.evaluations = growth.evaluations() + end.evaluations();
+    set_keys(summary, boundary_keys(), found);
   };
   std::string no_sliding;
   try {
@@ -250,13 +246,13 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
     no_sliding = failure.what();
   }
   check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
-  if (asked.sliding) tell_points();
+  if (asked.sliding) tell();
   if (asked.stick_slip) find_stick_slip(options, end, two, found);
   if (asked.medium) {
-    tell_points();
+    tell();
     find_medium(options, axes, found);
   }
-  tell_points();
+  tell();
   const std::vector<Crossing> points = found.points();
   for (const std::string& note : found.findings.notes) warn(note);
   if (points.empty()) {
@@ -271,7 +267,8 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
   }
   if (!no_sliding.empty()) summary.say(no_sliding);
   verify(growth, end, options, found);
-  if (options.integer("boundary_verify") > 0) summary.set("verified", verified_list(found.verified, two));
+  found.checked = options.integer("boundary_verify") > 0;
+  set_keys(summary, boundary_keys(), found);
   write_file(options, growth, found, provenance);
   if (options.text("summary") != "-") print_points(growth.axes(), points);
   describe(summary, growth, found);
@@ -283,8 +280,7 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
 int boundary_command(const Options& options) {
   const Provenance provenance = Provenance::of("boundary", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(provenance, {"points", "meetings", "special", "verified", "notes", "evaluations"},
-                  options.text("summary"));
+  Summary summary(provenance, keys_of(boundary_keys()), options.text("summary"));
   const std::vector<Axis> axes = axes_from(options);
   const auto varied = [&](const std::vector<Axis>& along) {
     return GrowthRate(PETSC_COMM_WORLD, scene_of(options, along), along,

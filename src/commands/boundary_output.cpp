@@ -5,85 +5,140 @@
 #include <map>
 
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json_values.hpp"
-#include "stickslip/output/field.hpp"
-#include "stickslip/output/result_file.hpp"
-#include "stickslip/options/options.hpp"
 
 namespace stickslip {
 
 namespace {
 
-Json number_or_null(double x) { return std::isnan(x) ? Json() : Json(x); }
-Json text_or_null(const std::string& text) { return text.empty() ? Json() : Json(text); }
+std::string unit(const Axis& axis) {
+  const OptionSpec* spec = find_option(axis.name);
+  return spec ? spec->unit : "";
+}
+
+// The option's value and, with two axes, that of the second.
+template <class Row, class Value>
+Columns<Row> place_columns(const std::vector<Axis>& axes, Value value, Value value2) {
+  Columns<Row> columns = {{"value", unit(axes[0]), axes[0].name, value}};
+  if (axes.size() > 1)
+    columns.push_back({"value2", unit(axes[1]), axes[1].name, value2});
+  else
+    columns.push_back({"value2", "", "", [](const Row&) { return Json(); }, In::summary});
+  return columns;
+}
+
+// `growth`: whose scenes have a closed form.
+Table<Crossing> point_table(const std::vector<Axis>& axes, const GrowthRate* growth) {
+  using C = const Crossing&;
+  const bool two = axes.size() > 1;
+  const std::string grid = "change of it on a grid of half the spacing";
+  const auto closed_form = [growth](C c) {  // null where there is none or no axis is model_v
+    const Scene scene = growth->scene(c.x, c.y);
+    const std::optional<double> v = closed_form_velocity(scene);
+    return v ? Json(*v * (scene.v < 0 ? -1 : 1)) : Json();
+  };
+  Columns<Crossing> columns = {
+      {"of", "", "sliding, stick-slip, waves (on its uniform motion) or trains: whose end the point is",
+       &Crossing::of},
+      {"kind", "",
+       "hopf or zero; of stick-slip graze, pass, fold, flip, torus or branch; of waves wave; of trains fold, "
+       "hopf or "
+       "zero",
+       &Crossing::kind},
+      {"frequency", "1/time", "frequency of the critical mode", &Crossing::frequency},
+      {"wavenumber", "1/length", "wavenumber of the critical mode", &Crossing::wavenumber},
+      {"degenerate", "1", "1 where many modes cross at once", &Crossing::degenerate},
+      {"residual", "1/time", "|J x - lambda x|/|x|", &Crossing::residual},
+      {"growth_rate", "1/time", "left over at the point", &Crossing::growth, In::summary},
+      {"error", unit(axes[0]), "value: " + grid, &Crossing::error},
+      {"error2", two ? unit(axes[1]) : "", "value2: " + grid,
+       [two](C c) { return two ? Json(c.error2) : Json(); }, two ? In::both : In::summary},
+      {"piece", "1", "piece of the curve", &Crossing::piece},
+      {"switched", "1", "1 where another mode leads than before", &Crossing::switched},
+      {"complete", "", "no other mode is unstable there", &Crossing::complete, In::summary},
+      {"criticality", "", "supercritical or subcritical; empty where it is not known",
+       [](C c) { return c.criticality.word(); }},
+      {"closed_form_v", "length/time", "model_v of the boundary in closed form", closed_form, In::file}};
+  const Columns<Criticality> of_criticality = {
+      {"lyapunov_coefficient", "1/(time velocity^2)", "l of da/dt = growth a + l a^3, a: amplitude of psi",
+       &Criticality::coefficient},
+      {"lyapunov_of", "", "the oscillation that it belongs to", &Criticality::of},
+      {"lyapunov_travelling", "1/(time velocity^2)", "on a ring, that of the travelling wave",
+       &Criticality::travelling, In::summary},
+      {"lyapunov_standing", "1/(time velocity^2)", "on a ring, that of the standing wave",
+       &Criticality::standing, In::summary},
+      {"criticality_unknown", "", "why they are null", &Criticality::why_not, In::summary}};
+  return {"points", "", "point",
+          place_columns<Crossing>(axes, &Crossing::value, &Crossing::value2) + columns +
+              of<Crossing>(&Crossing::criticality, of_criticality),
+          "number of the point"};
+}
+
+Table<SpecialPlace> special_table(const std::vector<Axis>& axes) {
+  const Columns<Crossing> at = {
+      {"value", unit(axes.front()), "value", &Crossing::value},
+      {"value2", unit(axes.back()), "value2", &Crossing::value2},
+      {"frequency", "1/time", "of the mode that crosses", &Crossing::frequency, In::summary},
+      {"wavenumber", "1/length", "likewise", &Crossing::wavenumber, In::summary},
+      {"piece", "1", "of the curve", &Crossing::piece, In::summary}};
+  return {"special", "special/", "special/point",
+          Columns<SpecialPlace>{{"kind", "", "bautin: the criticality changes", &SpecialPlace::kind}} +
+              of<SpecialPlace>(&SpecialPlace::at, at)};
+}
+
+Table<Verified> check_table(const std::vector<Axis>& axes) {
+  return {
+      "verified", "verified/", "check",
+      place_columns<Verified>(axes, &Verified::value, &Verified::value2) +
+          Columns<Verified>{
+              {"of", "", "sliding or stick-slip: beside whose end", &Verified::of},
+              {"growth_rate", "1/time", "growth rate", &Verified::growth, In::both, "growth"},
+              {"expected", "", "what the point says", &Verified::expected, In::summary},
+              {"from_sliding", "", "where slightly perturbed sliding goes", &Verified::from_sliding,
+               In::summary},
+              {"from_stick_slip", "", "where large oscillations go", &Verified::from_stick_slip, In::summary},
+              {"regime", "", "regime reached in time", &Verified::regime}},
+      "number of the check"};
+}
+
+// Trains that were looked at.
+Table<TrainSample> train_table(const std::vector<Axis>& axes) {
+  using Row = const TrainSample&;
+  using Value = std::function<Json(Row)>;
+  return {
+      "", "train/", "train/number",
+      place_columns<TrainSample>(axes, Value([axis = axes.front()](Row s) { return axis.value(s.value); }),
+                                 Value([axis = axes.back()](Row s) { return axis.value(s.value2); })) +
+          Columns<TrainSample>{
+              {"stable", "1", "1 where the train is stable on its ring", &TrainSample::stable}}};
+}
 
 }  // namespace
 
-Json point_list(const std::vector<Crossing>& points, bool two) {
-  Json list = Json::array();
-  for (const Crossing& c : points)
-    list.push_back(Json::object({{"value", c.value},
-                                 {"value2", two ? Json(c.value2) : Json()},
-                                 {"frequency", c.frequency},
-                                 {"wavenumber", c.wavenumber},
-                                 {"degenerate", c.degenerate},
-                                 {"residual", c.residual},
-                                 {"error", c.error},
-                                 {"error2", two ? Json(c.error2) : Json()},
-                                 {"kind", c.kind},
-                                 {"of", c.of},
-                                 {"criticality", text_or_null(c.criticality.word())},
-                                 {"lyapunov_coefficient", number_or_null(c.criticality.coefficient)},
-                                 {"lyapunov_of", text_or_null(c.criticality.of)},
-                                 {"lyapunov_travelling", number_or_null(c.criticality.travelling)},
-                                 {"lyapunov_standing", number_or_null(c.criticality.standing)},
-                                 {"criticality_unknown", text_or_null(c.criticality.why_not)},
-                                 {"growth_rate", c.growth},
-                                 {"piece", c.piece},
-                                 {"switched", c.switched},
-                                 {"complete", c.complete ? Json(*c.complete) : Json()}}));
-  return list;
+Columns<FoundBoundary> boundary_keys() {
+  using F = const FoundBoundary&;
+  const auto of_curve = [](F f, const Json& list) { return f.axes.size() > 1 ? list : Json(); };
+  return {{"points", "",
+           "one entry a crossing, or a point of the curve: those of sliding first, then those of stick-slip, "
+           "of waves and of trains",
+           [](F f) { return list_of(point_table(f.axes, nullptr), f.points()); }},
+          {"meetings", "",
+           "where another mode takes the lead along a curve, and the frequency jumps; as `points`",
+           [=](F f) { return of_curve(f, list_of(point_table(f.axes, nullptr), f.findings.meetings)); }},
+          {"special", "", "points of the curve at which something changes",
+           [=](F f) { return of_curve(f, list_of(special_table(f.axes), f.findings.special)); }},
+          {"verified", "",
+           "with `-boundary_verify`: what runs on both sides did, from sliding and from stick-slip",
+           [](F f) { return f.checked ? list_of(check_table(f.axes), f.verified) : Json(); }},
+          {"notes", "", "what a reader of the points should know", [](F f) { return f.findings.notes; }},
+          {"evaluations", "1", "growth rates and stick-slip motions computed", &FoundBoundary::evaluations}};
 }
 
-Json special_list(const std::vector<SpecialPlace>& points) {
-  Json list = Json::array();
-  for (const SpecialPlace& p : points)
-    list.push_back(Json::object({{"kind", p.kind},
-                                 {"value", p.at.value},
-                                 {"value2", p.at.value2},
-                                 {"frequency", p.at.frequency},
-                                 {"wavenumber", p.at.wavenumber},
-                                 {"piece", p.at.piece}}));
-  return list;
+std::vector<TableText> boundary_tables() {
+  const std::vector<Axis> axes = {{"the option's value", 0, 1}, {"that of the second option", 0, 1}};
+  return {boundary_keys(), point_table(axes, nullptr), special_table(axes), check_table(axes),
+          train_table(axes)};
 }
 
-namespace {
-
-// The plate velocity of each point in closed form, NaN where there is none or no axis is model_v.
-std::vector<double> closed_forms(GrowthRate& growth, const std::vector<Crossing>& points) {
-  std::vector<double> v;
-  for (const Crossing& c : points) {
-    const Scene scene = growth.scene(c.x, c.y);
-    v.push_back(closed_form_velocity(scene).value_or(std::nan("")) * (scene.v < 0 ? -1 : 1));
-  }
-  return v;
-}
-
-}  // namespace
-
-Json verified_list(const std::vector<Verified>& verified, bool two) {
-  Json list = Json::array();
-  for (const Verified& v : verified)
-    list.push_back(Json::object({{"value", v.value},
-                                 {"value2", two ? Json(v.value2) : Json()},
-                                 {"of", v.of},
-                                 {"growth_rate", v.growth},
-                                 {"expected", v.expected},
-                                 {"from_sliding", v.from_sliding},
-                                 {"from_stick_slip", v.from_stick_slip},
-                                 {"regime", v.regime}}));
-  return list;
-}
 std::vector<Crossing> FoundBoundary::points() const {
   std::vector<Crossing> all;
   for (const auto* some : {&sliding, &stick_slip, &waves, &trains}) {
@@ -99,21 +154,28 @@ std::vector<Crossing> FoundBoundary::points() const {
 
 namespace {
 
-// Where sliding is stable along the first axis, and what crosses.
-void describe_sliding(Summary& summary, GrowthRate& growth, const std::vector<Crossing>& points) {
-  const Axis& axis = growth.axes()[0];
-  std::string text = "along " + axis.name + " sliding is";
+// What holds where along an axis, between places on it.
+template <class Word>
+void say_along(Summary& summary, const Axis& axis, const std::string& what, const std::vector<double>& ends,
+               const Word& word) {
+  std::string text;
   double begin = 0;
-  for (std::size_t k = 0; k <= points.size(); ++k) {
-    const double end = k < points.size() ? points[k].x : 1, rate = growth((begin + end) / 2);
-    text += std::string(k == 0 ? "" : ",") +
-            (std::isnan(rate) ? " not there"
-             : rate > 0       ? " unstable"
-                              : " stable") +
-            " from " + number_text(axis.value(begin)) + " to " + number_text(axis.value(end));
+  for (const double end : ends) {
+    text += fmt::format("{}{} from {} to {}", text.empty() ? " " : ", ", word((begin + end) / 2),
+                        number_text(axis.value(begin)), number_text(axis.value(end)));
     begin = end;
   }
-  summary.say(text);
+  summary.say("along " + axis.name + " " + what + text);
+}
+
+void describe_sliding(Summary& summary, GrowthRate& growth, const std::vector<Crossing>& points) {
+  std::vector<double> ends;
+  for (const Crossing& c : points) ends.push_back(c.x);
+  ends.push_back(1);
+  say_along(summary, growth.axes()[0], "sliding is", ends, [&](double middle) {
+    const double rate = growth(middle);
+    return std::isnan(rate) ? "not there" : rate > 0 ? "unstable" : "stable";
+  });
 }
 
 // Where uniform motion sticks and slips along the first axis. Where the samples change without a point of
@@ -135,32 +197,21 @@ void describe_stick_slip(Summary& summary, const Axis& axis, const FoundBoundary
   }
   ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
   ends.push_back(1);
-  std::string text = "along " + axis.name + " uniform motion";
-  double begin = 0;
-  for (const double end : ends) {
-    const double here = found.distances[std::lround((begin + end) / 2 * cells)];
-    text += std::string(begin == 0 ? "" : ",") +
-            (std::isnan(here) ? " rests for ever"
-             : here < 0       ? " can stick and slip"
-                              : " cannot stick and slip") +
-            " from " + number_text(axis.value(begin)) + " to " + number_text(axis.value(end));
-    begin = end;
-  }
-  summary.say(text);
+  say_along(summary, axis, "uniform motion", ends, [&](double middle) {
+    const double here = found.distances[std::lround(middle * cells)];
+    return std::isnan(here) ? "rests for ever" : here < 0 ? "can stick and slip" : "cannot stick and slip";
+  });
 }
 
 void describe_curve(Summary& summary, const GrowthRate& growth, const std::vector<Crossing>& points,
                     const std::string& of) {
-  std::string text = of + ": curve of " + std::to_string(points.size()) + " points in " +
-                     std::to_string(1 + std::max_element(points.begin(), points.end(),
-                                                         [](auto& a, auto& b) { return a.piece < b.piece; })
-                                            ->piece) +
-                     " pieces";
+  int pieces = 0;
+  for (const Crossing& c : points) pieces = std::max(pieces, c.piece + 1);
+  std::string text = fmt::format("{}: curve of {} points in {} pieces", of, points.size(), pieces);
   const auto range = [&](const Axis& axis, double Crossing::*value) {
     const auto [low, high] = std::minmax_element(points.begin(), points.end(),
                                                  [=](auto& a, auto& b) { return a.*value < b.*value; });
-    text +=
-        ", " + axis.name + " " + rounded_text((*low).*value, 6) + " to " + rounded_text((*high).*value, 6);
+    text += fmt::format(", {} {:.6g} to {:.6g}", axis.name, (*low).*value, (*high).*value);
   };
   range(growth.axes()[0], &Crossing::value);
   range(growth.axes()[1], &Crossing::value2);
@@ -169,11 +220,12 @@ void describe_curve(Summary& summary, const GrowthRate& growth, const std::vecto
 
 void describe_checks(Summary& summary, const std::vector<Axis>& axes, const std::vector<Verified>& verified) {
   for (const Verified& v : verified)
-    summary.say("integrated at " + axes[0].name + " " + rounded_text(v.value, 6) +
-                (axes.size() > 1 ? ", " + axes[1].name + " " + rounded_text(v.value2, 6) : "") +
-                ": from sliding to " + v.from_sliding + ", from stick-slip to " + v.from_stick_slip +
-                (v.of == "sliding" ? "; the growth rate " + rounded_text(v.growth) + " says " + v.expected
-                                   : "; the end of stick-slip says " + v.expected));
+    summary.say(fmt::format(
+        "integrated at {} {:.6g}{}: from sliding to {}, from stick-slip to {}; {} says {}", axes[0].name,
+        v.value, axes.size() > 1 ? fmt::format(", {} {:.6g}", axes[1].name, v.value2) : "", v.from_sliding,
+        v.from_stick_slip,
+        v.of == "sliding" ? fmt::format("the growth rate {:.3g}", v.growth) : "the end of stick-slip",
+        v.expected));
 }
 
 // What the criticality of the points says, and where it changes.
@@ -194,9 +246,10 @@ void describe_criticality(Summary& summary, const std::vector<Axis>& axes,
                   [](auto& c) { return c.degenerate && c.criticality.known(); }))
     summary.say("many modes cross at once; the criticality is that of the longest, taken alone");
   for (const SpecialPlace& p : special)
-    summary.say("the criticality changes (" + p.kind + " point) at " + axes[0].name + " " +
-                rounded_text(p.at.value, 10) + ", " + axes[1].name + " " + rounded_text(p.at.value2, 10));
+    summary.say(fmt::format("the criticality changes ({} point) at {} {:.10g}, {} {:.10g}", p.kind,
+                            axes[0].name, p.at.value, axes[1].name, p.at.value2));
 }
+
 }  // namespace
 
 void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found) {
@@ -221,59 +274,6 @@ void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found) 
 
 namespace {
 
-// Criticality of every point, and the special points of a curve.
-void add_criticality(ResultFile& file, const std::vector<Crossing>& points,
-                     const std::vector<SpecialPlace>& special, const std::string& unit,
-                     const std::string& unit2) {
-  std::vector<std::string> words, of;
-  std::vector<double> coefficient, value, value2;
-  for (const Crossing& c : points) {
-    words.push_back(c.criticality.word());
-    of.push_back(c.criticality.of);
-    coefficient.push_back(c.criticality.coefficient);
-  }
-  file.add_text({"criticality", "1", "supercritical or subcritical; empty where it is not known"}, {"point"},
-                words);
-  file.add(
-      {"lyapunov_coefficient", "1/(time velocity^2)", "l of da/dt = growth a + l a^3, a: amplitude of psi"},
-      {"point"}, coefficient);
-  file.add_text({"lyapunov_of", "1", "the oscillation that it belongs to"}, {"point"}, of);
-  if (special.empty()) return;
-  std::vector<std::string> kinds;
-  for (const SpecialPlace& p : special) {
-    kinds.push_back(p.kind);
-    value.push_back(p.at.value);
-    value2.push_back(p.at.value2);
-  }
-  file.add({"special/value", unit, "value"}, {"special/point"}, value);
-  file.add({"special/value2", unit2, "value2"}, {"special/point"}, value2);
-  file.add_text({"special/kind", "1", "bautin: the criticality changes"}, {"special/point"}, kinds);
-}
-
-std::string unit(const Axis& axis) { return find_option(axis.name)->unit; }
-
-void add_checks(ResultFile& file, const std::vector<Axis>& axes, const std::vector<Verified>& verified) {
-  if (verified.empty()) return;
-  std::vector<double> count(verified.size());
-  std::vector<std::string> regimes, of;
-  for (std::size_t k = 0; k < count.size(); ++k) count[k] = double(k);
-  file.scale({"check", "1", "number of the check"}, count);
-  const auto add = [&](const Field& field, double Verified::*member) {
-    std::vector<double> values;
-    for (const Verified& v : verified) values.push_back(v.*member);
-    file.add(field, {"check"}, values);
-  };
-  add({"verified/value", unit(axes[0]), axes[0].name}, &Verified::value);
-  if (axes.size() > 1) add({"verified/value2", unit(axes[1]), axes[1].name}, &Verified::value2);
-  add({"verified/growth", "1/time", "growth rate"}, &Verified::growth);
-  for (const Verified& v : verified) {
-    regimes.push_back(v.regime);
-    of.push_back(v.of);
-  }
-  file.add_text({"verified/regime", "1", "regime reached in time"}, {"check"}, regimes);
-  file.add_text({"verified/of", "1", "sliding or stick-slip: beside whose end"}, {"check"}, of);
-}
-
 // Values at even places of the axes, the first axis fastest.
 void add_lattice(ResultFile& file, const std::vector<Axis>& axes, const std::string& dimension,
                  const Field& field, const std::vector<double>& values) {
@@ -292,108 +292,50 @@ void add_lattice(ResultFile& file, const std::vector<Axis>& axes, const std::str
            values);
 }
 
-// Trains that were looked at, and whether each is stable.
-void add_trains(ResultFile& file, const std::vector<Axis>& axes, const std::vector<TrainSample>& samples) {
-  if (samples.empty()) return;
-  std::vector<double> value, value2, stable;
-  for (const TrainSample& s : samples) {
-    value.push_back(axes[0].value(s.value));
-    value2.push_back(axes[1].value(s.value2));
-    stable.push_back(s.stable);
-  }
-  file.add({"train/value", unit(axes[0]), axes[0].name}, {"train/number"}, value);
-  file.add({"train/value2", unit(axes[1]), axes[1].name}, {"train/number"}, value2);
-  file.add({"train/stable", "1", "1 where the train is stable on its ring"}, {"train/number"}, stable);
-}
-
 }  // namespace
 
-void write_file(const Options& options, GrowthRate& growth, const FoundBoundary& found,
+void write_file(const Options& options, const GrowthRate& growth, const FoundBoundary& found,
                 const Provenance& provenance) {
-  const std::vector<Crossing> points = found.points();
   ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
   if (options.text("out_file").empty()) return;
-  const bool two = growth.axes().size() > 1;
-  std::vector<double> number(points.size());
-  for (std::size_t k = 0; k < number.size(); ++k) number[k] = double(k);
-  file.attribute("parameter", growth.axes()[0].name);
-  file.attribute("log", growth.axes()[0].logarithmic ? 1. : 0.);
-  if (two) {
-    file.attribute("parameter2", growth.axes()[1].name);
-    file.attribute("log2", growth.axes()[1].logarithmic ? 1. : 0.);
+  const std::vector<Axis>& axes = growth.axes();
+  for (std::size_t k = 0; k < axes.size(); ++k) {
+    const std::string suffix = k == 0 ? "" : "2";
+    file.attribute("parameter" + suffix, axes[k].name);
+    file.attribute("log" + suffix, axes[k].logarithmic ? 1. : 0.);
   }
-  file.scale({"point", "1", "number of the point"}, number);
-  const auto add = [&](const Field& field, const auto& value) {
-    std::vector<double> values;
-    for (const Crossing& c : points) values.push_back(value(c));
-    file.add(field, {"point"}, values);
-  };
-  add({"value", unit(growth.axes()[0]), growth.axes()[0].name}, [](const Crossing& c) { return c.value; });
-  if (two)
-    add({"value2", unit(growth.axes()[1]), growth.axes()[1].name},
-        [](const Crossing& c) { return c.value2; });
-  add({"frequency", "1/time", "frequency of the critical mode"},
-      [](const Crossing& c) { return c.frequency; });
-  add({"wavenumber", "1/length", "wavenumber of the critical mode"},
-      [](const Crossing& c) { return c.wavenumber; });
-  add({"degenerate", "1", "1 where many modes cross at once"},
-      [](const Crossing& c) { return double(c.degenerate); });
-  add({"residual", "1/time", "|J x - lambda x|/|x|"}, [](const Crossing& c) { return c.residual; });
-  const std::string grid = "change of it on a grid of half the spacing";
-  add({"error", unit(growth.axes()[0]), "value: " + grid}, [](const Crossing& c) { return c.error; });
-  if (two)
-    add({"error2", unit(growth.axes()[1]), "value2: " + grid}, [](const Crossing& c) { return c.error2; });
-  add({"piece", "1", "piece of the curve"}, [](const Crossing& c) { return double(c.piece); });
-  add({"switched", "1", "1 where another mode leads than before"},
-      [](const Crossing& c) { return double(c.switched); });
-  std::vector<std::string> kinds, of;
-  for (const Crossing& c : points) {
-    kinds.push_back(c.kind);
-    of.push_back(c.of);
-  }
-  file.add_text({"kind", "1",
-                 "hopf or zero; of stick-slip graze, pass, fold, flip, torus or branch; of waves wave; of "
-                 "trains fold, hopf or zero"},
-                {"point"}, kinds);
-  file.add_text(
-      {"of", "1", "sliding, stick-slip, waves (on its uniform motion) or trains: whose end the point is"},
-      {"point"}, of);
-  add_criticality(file, points, found.findings.special, unit(growth.axes()[0]),
-                  two ? unit(growth.axes()[1]) : "");
-  file.add({"closed_form_v", "length/time", "model_v of the boundary in closed form"}, {"point"},
-           closed_forms(growth, points));
-
-  add_checks(file, growth.axes(), found.verified);
+  add_rows(file, point_table(axes, &growth), found.points());
+  add_rows(file, special_table(axes), found.findings.special);
+  add_rows(file, check_table(axes), found.verified);
   // Lattices: the growth rate of sliding, and how far stick-slip is from its end.
-  add_lattice(file, growth.axes(), "sample", {"growth", "1/time", "growth rate"},
-              found.findings.samples.growth);
+  add_lattice(file, axes, "sample", {"growth", "1/time", "growth rate"}, found.findings.samples.growth);
   add_lattice(
-      file, growth.axes(), "stick_slip_sample",
+      file, axes, "stick_slip_sample",
       {"stick_slip_distance", "velocity", "of uniform stick-slip from its end, negative where it lives"},
       found.distances);
-  add_lattice(file, growth.axes(), "wave_sample",
+  add_lattice(file, axes, "wave_sample",
               {"wave_growth", "1/time", "largest growth rate of waves on the uniform oscillation"},
               found.wave_growth);
-  add_trains(file, growth.axes(), found.train_samples);
+  add_rows(file, train_table(axes), found.train_samples);
   file.write();
 }
 
 void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& points) {
+  static const std::map<std::string, std::string> whose = {{"sliding", ""},
+                                                           {"stick-slip", "end of stick-slip, "},
+                                                           {"waves", "waves on uniform stick-slip, "},
+                                                           {"trains", "end of stable trains, "}};
   for (const Crossing& c : points) {
-    std::string line = axes[0].name + " " + number_text(c.value);
-    if (axes.size() > 1) line += "  " + axes[1].name + " " + number_text(c.value2);
-    static const std::map<std::string, std::string> whose = {{"sliding", "  "},
-                                                             {"stick-slip", "  end of stick-slip, "},
-                                                             {"waves", "  waves on uniform stick-slip, "},
-                                                             {"trains", "  end of stable trains, "}};
-    line += whose.at(c.of) + c.kind + ", " + (c.criticality.known() ? c.criticality.word() + ", " : "");
-    if (c.of != "sliding")
-      line += "frequency " + number_text(c.frequency);
-    else if (std::isfinite(c.wavenumber))
-      line += "frequency " + number_text(c.frequency) + ", wavenumber " + number_text(c.wavenumber);
-    else
-      line += "the limit of short waves";
-    SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s\n", line.c_str()));
+    const std::string frequency = "frequency " + number_text(c.frequency);
+    const std::string mode = c.of != "sliding" ? frequency
+                             : std::isfinite(c.wavenumber)
+                                 ? frequency + ", wavenumber " + number_text(c.wavenumber)
+                                 : "the limit of short waves";
+    const std::string line =
+        fmt::format("{} {}{}  {}{}, {}{}\n", axes[0].name, number_text(c.value),
+                    axes.size() > 1 ? "  " + axes[1].name + " " + number_text(c.value2) : "", whose.at(c.of),
+                    c.kind, c.criticality.known() ? c.criticality.word() + ", " : "", mode);
+    SS_TRY(PetscPrintf(PETSC_COMM_WORLD, "%s", line.c_str()));
   }
 }
 

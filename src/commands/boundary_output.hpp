@@ -4,10 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/base/json.hpp"
+#include "output/table.hpp"
 #include "stickslip/base/provenance.hpp"
 #include "stickslip/options/options.hpp"
-#include "stickslip/output/summary.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/verify.hpp"
 #include "stickslip/waves/train_limits.hpp"
@@ -16,6 +15,7 @@ namespace stickslip {
 
 // What the command found. The points of sliding come first, then those of stick-slip, of waves and of trains.
 struct FoundBoundary {
+  std::vector<Axis> axes;
   std::vector<Crossing> sliding, stick_slip, waves, trains;
   BoundaryFindings findings;
   // On even lattices of the axes, empty where not asked for: of stick-slip from its end; growth of waves on
@@ -24,12 +24,12 @@ struct FoundBoundary {
   std::vector<TrainSample> train_samples;  // in coordinates on the axes
   bool cell = false;                       // stick_slip is that of a cell (cycle_cell), not of uniform motion
   std::vector<Verified> verified;
+  bool checked = false;  // asked for these
+  long evaluations = 0;
   std::vector<Crossing> points() const;  // all, pieces numbered one behind the other
 };
 
-Json point_list(const std::vector<Crossing>& points, bool two);
-Json special_list(const std::vector<SpecialPlace>& points);
-Json verified_list(const std::vector<Verified>& verified, bool two);
+Columns<FoundBoundary> boundary_keys();
 
 // Lines of the summary for people.
 void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found);
@@ -37,7 +37,7 @@ void describe(Summary& summary, GrowthRate& growth, const FoundBoundary& found);
 void print_points(const std::vector<Axis>& axes, const std::vector<Crossing>& points);
 
 // Collective; nothing is written without -out_file.
-void write_file(const Options& options, GrowthRate& growth, const FoundBoundary& found,
+void write_file(const Options& options, const GrowthRate& growth, const FoundBoundary& found,
                 const Provenance& provenance);
 
 }  // namespace stickslip

@@ -9,15 +9,12 @@
 #include <string>
 #include <vector>
 
-#include "stickslip/commands/commands.hpp"
-#include "stickslip/base/json_values.hpp"
+#include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/reader.hpp"
-#include "stickslip/output/result_file.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/model/scene.hpp"
-#include "stickslip/output/summary.hpp"
 
 namespace stickslip {
 
@@ -25,8 +22,9 @@ namespace {
 
 constexpr double inf = std::numeric_limits<double>::infinity();
 
-struct Table {
+struct Tabulated {
   Law law;
+  bool has_state;
   std::vector<double> F;
   // forces at which a stuck contact holds; NaN where the law has no exact stick
   double stick_low, stick_high;
@@ -48,8 +46,8 @@ std::vector<FrictionParameters> wanted_laws(const Options& options) {
   return laws;
 }
 
-Table tabulate(const FrictionParameters& p, const std::vector<double>& psi) {
-  Table table{p.law, {}, NAN, NAN};
+Tabulated tabulate(const FrictionParameters& p, const std::vector<double>& psi) {
+  Tabulated table{p.law, p.has_state(), {}, NAN, NAN};
   table.F.reserve(psi.size());
   const auto friction = Friction::of(p);
   for (const double velocity : psi)
@@ -61,7 +59,42 @@ Table tabulate(const FrictionParameters& p, const std::vector<double>& psi) {
   return table;
 }
 
+struct LawResults {
+  std::vector<double> psi;
+  std::vector<Tabulated> laws;
+};
+
+Table<Tabulated> stick_table() {
+  return {"",
+          "stick/",
+          "law",
+          {{"name", "", "law", [](const Tabulated& t) { return to_string(t.law); }},
+           {"low", "1", "smallest force at which a contact stays stuck", &Tabulated::stick_low},
+           {"high", "1", "largest force at which a contact stays stuck", &Tabulated::stick_high}}};
+}
+
+Json stick_of(const LawResults& results) {
+  Json stick = Json::object();
+  for (const Tabulated& t : results.laws)
+    if (!std::isnan(t.stick_high)) stick[to_string(t.law)] = {t.stick_low, t.stick_high};
+  return stick;
+}
+
+Columns<LawResults> keys() {
+  Columns<LawResults> columns = {{"psi", "length/time", "velocities", &LawResults::psi}};
+  for (const Law law : all_laws())
+    columns.push_back({to_string(law), "1", "F of this law there", [law](const LawResults& results) {
+                         for (const Tabulated& t : results.laws)
+                           if (t.law == law) return Json(t.F);
+                         return Json();
+                       }});
+  columns.push_back({"stick", "1", "the threshold of those that stick, backward and forward", stick_of});
+  return columns;
+}
+
 }  // namespace
+
+std::vector<TableText> laws_tables() { return {keys(), stick_table()}; }
 
 int laws_command(const Options& options) {
   const std::vector<FrictionParameters> laws = wanted_laws(options);
@@ -73,43 +106,30 @@ int laws_command(const Options& options) {
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
 
   const Provenance provenance = Provenance::of("laws", options.all());
-  std::vector<std::string> keys = {"psi"};
-  for (const Law law : all_laws()) keys.push_back(to_string(law));
-  keys.push_back("stick");
-  Summary summary(provenance, keys, options.text("summary"));
+  Summary summary(provenance, keys_of(keys()), options.text("summary"));
   return with_summary(summary, [&] {
-    std::vector<double> psi(points);
+    LawResults results;
     // weighted ends: a range symmetric about 0 stays so to the last digit, and holds 0 where points is odd
     for (PetscInt i = 0; i < points; ++i)
-      psi[i] =
-          from * (double(points - 1 - i) / double(points - 1)) + to * (double(i) / double(points - 1));
-
-    ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
-    file.scale({"psi", "velocity", "sliding velocity"}, psi);
-    Json stick = Json::object();
+      results.psi.push_back(from * (double(points - 1 - i) / double(points - 1)) +
+                            to * (double(i) / double(points - 1)));
     std::vector<std::string> names;
-    std::vector<double> low, high;
     for (const FrictionParameters& p : laws) {
-      const Table table = tabulate(p, psi);
-      const std::string name = to_string(p.law);
-      summary.set(name, table.F);
-      if (!std::isnan(table.stick_high)) stick[name] = {table.stick_low, table.stick_high};
-      file.add({name, "1", "friction law " + name + (p.has_state() ? ", steady state of the contact" : "")},
-               {"psi"}, table.F);
-      names.push_back(name);
-      low.push_back(table.stick_low);
-      high.push_back(table.stick_high);
+      results.laws.push_back(tabulate(p, results.psi));
+      names.push_back(to_string(p.law));
     }
-    summary.set("psi", psi);
-    summary.set("stick", stick);
-    file.add_text({"stick/name", "1", "law"}, {"law"}, names);
-    file.add({"stick/low", "1", "smallest force at which a contact stays stuck"}, {"law"}, low);
-    file.add({"stick/high", "1", "largest force at which a contact stays stuck"}, {"law"}, high);
+    set_keys(summary, keys(), results);
+    ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
+    file.scale({"psi", "velocity", "sliding velocity"}, results.psi);
+    for (const Tabulated& t : results.laws) {
+      const std::string name = to_string(t.law);
+      file.add({name, "1", "friction law " + name + (t.has_state ? ", steady state of the contact" : "")},
+               {"psi"}, t.F);
+    }
+    add_rows(file, stick_table(), results.laws);
     file.write();
-    std::string listed;
-    for (const std::string& name : names) listed += (listed.empty() ? "" : ", ") + name;
-    summary.say("F(psi) of " + listed + " at " + std::to_string(points) + " velocities from " +
-                number_text(from) + " to " + number_text(to));
+    summary.say(fmt::format("F(psi) of {} at {} velocities from {} to {}", joined(names), points,
+                            number_text(from), number_text(to)));
     return 0;
   });
 }

@@ -4,18 +4,15 @@
 
 #include "base/progress.hpp"
 #include "base/pulse.hpp"
+#include "commands/table.hpp"
 #include "stickslip/commands/commands.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/output/field.hpp"
 #include "stickslip/output/reader.hpp"
-#include "stickslip/output/result_file.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/stability/spectrum.hpp"
 #include "stickslip/stability/transient.hpp"
 #include "stickslip/stability/uniform_states.hpp"
-#include "stickslip/output/summary.hpp"
 
 namespace stickslip {
 
@@ -48,25 +45,125 @@ std::string known_digits(double value, double error) {
 std::string verdict(const Spectrum& spectrum) {
   const bool unstable = spectrum.growth > spectrum.error || spectrum.growth_continuum.value_or(-1) > 0;
   std::string text = spectrum.stable ? "stable" : unstable ? "unstable" : "undecided";
-  text += ": growth rate " + known_digits(spectrum.growth, spectrum.error) + " +- " +
-          rounded_text(spectrum.error, 2) + ", frequency " + rounded_text(spectrum.frequency, 6);
+  text += fmt::format(": growth rate {} +- {:.2g}, frequency {:.6g}",
+                      known_digits(spectrum.growth, spectrum.error), spectrum.error, spectrum.frequency);
   if (spectrum.degenerate) text += " (of the longest of several waves that grow alike)";
   if (!spectrum.complete) text += " (not proved to be the rightmost)";
   return text;
 }
 
+// One of a mode and its conjugate.
+struct Eigenvalue {
+  const Mode& mode;
+  double im;
+};
+Table<Eigenvalue> mode_table() {
+  using Row = const Eigenvalue&;
+  return {"eigenvalues",
+          "",
+          "mode",
+          {{"re", "1/time", "growth rate", [](Row e) { return e.mode.value.real(); }},
+           {"im", "1/time", "frequency", &Eigenvalue::im},
+           {"residual", "1/time", "|J x - lambda x|/|x|", [](Row e) { return e.mode.residual; }},
+           {"wavenumber", "1/length", "wavenumber", [](Row e) { return e.mode.wavenumber; }},
+           {"resolved", "1", "1 where the grid resolves the mode", [](Row e) { return e.mode.resolved; }}},
+          "number of the eigenvalue, rightmost first"};
+}
+
 Json eigenvalue_list(const std::vector<Mode>& modes) {
-  Json list = Json::array();
-  for (const Mode& m : modes)
-    for (const double sign : {1., -1.}) {
-      if (sign < 0 && m.value.imag() == 0) continue;
-      list.push_back(Json::object({{"re", m.value.real()},
-                                   {"im", sign * m.value.imag()},
-                                   {"residual", m.residual},
-                                   {"wavenumber", m.wavenumber},
-                                   {"resolved", m.resolved}}));
-    }
-  return list;
+  std::vector<Eigenvalue> all;
+  for (const Mode& m : modes) {
+    all.push_back({m, m.value.imag()});
+    if (m.value.imag() != 0) all.push_back({m, -m.value.imag()});
+  }
+  return list_of(mode_table(), all);
+}
+
+Table<UniformState> state_table() {
+  using Row = const UniformState&;
+  const auto moving = [](double UniformState::*member) {
+    return [member](Row u) { return u.rests ? Json() : Json(u.*member); };
+  };
+  return {"uniform_states",
+          "",
+          "",
+          {{"psi", "length/time", "velocity", &UniformState::psi},
+           {"state", "", "of the contact", &UniformState::state},
+           {"slope", "time/length", "of steady friction with damping", moving(&UniformState::slope)},
+           {"growth_rate", "1/time", "of its fastest wave", moving(&UniformState::growth_rate)},
+           {"frequency", "1/time", "of that wave", moving(&UniformState::frequency)},
+           {"wavenumber", "1/length", "of that wave", moving(&UniformState::wavenumber)},
+           {"stable", "", "none grows", &UniformState::stable}}};
+}
+
+// What is known, one after the other.
+struct SpectrumResults {
+  const SteadySliding& steady;
+  std::size_t unknowns;
+  std::optional<Spectrum> spectrum;
+  std::optional<Transient> transient;
+  std::optional<double> kreiss;
+  std::optional<std::vector<UniformState>> states;
+};
+
+Json steady_of(const SpectrumResults& r) {
+  const auto [low, high] = std::minmax_element(r.steady.psi.begin(), r.steady.psi.end());
+  return {{"psi_min", *low}, {"psi_max", *high}, {"residual", r.steady.residual}};
+}
+
+Json transient_of(const SpectrumResults& r) {
+  if (!r.transient) return {};
+  const Transient& t = *r.transient;
+  const bool stable = r.spectrum->stable;
+  return {{"norm", "energy"},
+          {"method", t.method},
+          {"numerical_abscissa", t.abscissa},
+          {"growth", stable ? Json(t.growth) : Json()},
+          {"time", stable ? Json(t.time) : Json()},
+          {"growth_is", stable ? Json(growth_is(t)) : Json()}};
+}
+
+Columns<Spectrum> spectrum_columns() {
+  return {{"growth_rate", "1/time", "largest real part among resolved modes", &Spectrum::growth},
+          {"growth_rate_error", "1/time", "how far it may be off", &Spectrum::error},
+          {"frequency", "1/time", "imaginary part of that mode (radians)", &Spectrum::frequency},
+          {"degenerate", "", "many waves grow alike; the longest is named", &Spectrum::degenerate},
+          {"stable", "", "the growth rate is negative by more than its error, modes of symmetry excepted",
+           &Spectrum::stable},
+          {"growth_continuum", "1/time",
+           "the largest growth rate over all waves, not only those that fit this ring and grid",
+           &Spectrum::growth_continuum},
+          {"wavenumber_continuum", "1/length", "of the wave that has it", &Spectrum::wavenumber_continuum},
+          {"eigenvalues", "", "rightmost first", [](const Spectrum& s) { return eigenvalue_list(s.modes); }},
+          {"dispersion_error", "1",
+           "largest relative distance from the exact dispersion relation, where that holds",
+           &Spectrum::dispersion_error},
+          {"complete", "", "no mode right of the first one listed is missing", &Spectrum::complete},
+          {"list_complete", "", "none is missing among those listed", &Spectrum::list_complete},
+          {"missing", "1", "how many are, where that is known", &Spectrum::missing},
+          {"completeness_check", "", "how that was established", &Spectrum::completeness_check},
+          {"method", "", "how eigenvalues were computed", &Spectrum::method}};
+}
+
+Columns<SpectrumResults> keys() {
+  using R = const SpectrumResults&;
+  return Columns<SpectrumResults>{
+             {"steady", "",
+              "the state linearised about: `psi_min`, `psi_max` and the `residual` of its equations",
+              steady_of}} +
+         of<SpectrumResults>(&SpectrumResults::spectrum, spectrum_columns()) +
+         Columns<SpectrumResults>{
+             {"unknowns", "1", "size of the matrix", &SpectrumResults::unknowns},
+             {"transient", "",
+              "with `-spectrum_transient`: largest transient growth, when, in which norm "
+              "([spectrum.md](spectrum.md))",
+              transient_of},
+             {"kreiss", "1", "with `-spectrum_pseudo`: Kreiss' constant over the box, a lower bound",
+              &SpectrumResults::kreiss},
+             {"uniform_states", "",
+              "of a chain with k0 = 0, uniform and without held ends: every steady velocity at the force of "
+              "the start (`init_eta`)",
+              [](R r) { return r.states ? list_of(state_table(), *r.states) : Json(); }}};
 }
 
 // The resolvent norm in a box round the listed eigenvalues with Im >= 0, the imaginary axis included.
@@ -106,27 +203,17 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
   ResultFile file(PETSC_COMM_WORLD, path, provenance);
   if (path.empty()) return;
   const std::size_t n = std::size_t(s.scene.n), modes = spectrum.modes.size(), d = s.fields();
-  std::vector<double> x(n), number(modes);
+  std::vector<double> x(n);
   for (std::size_t i = 0; i < n; ++i) x[i] = s.scene.x(PetscInt(i));
-  for (std::size_t k = 0; k < modes; ++k) number[k] = double(k);
   file.attribute("form", to_string(s.scene.form));
   file.attribute("method", spectrum.method);
   file.attribute("completeness_check", spectrum.completeness_check);
   file.attribute("growth_rate", spectrum.growth);
   file.attribute("frequency", spectrum.frequency);
   file.scale({"x", "length", "position of the nodes"}, x);
-  file.scale({"mode", "1", "number of the eigenvalue, rightmost first"}, number);
-  const auto of_modes = [&](const Field& field, const auto& value) {
-    std::vector<double> values;
-    for (const Mode& m : spectrum.modes) values.push_back(value(m));
-    file.add(field, {"mode"}, values);
-  };
-  of_modes({"re", "1/time", "growth rate"}, [](const Mode& m) { return m.value.real(); });
-  of_modes({"im", "1/time", "frequency"}, [](const Mode& m) { return m.value.imag(); });
-  of_modes({"residual", "1/time", "|J x - lambda x|/|x|"}, [](const Mode& m) { return m.residual; });
-  of_modes({"wavenumber", "1/length", "wavenumber"}, [](const Mode& m) { return m.wavenumber; });
-  of_modes({"resolved", "1", "1 where the grid resolves the mode"},
-           [](const Mode& m) { return double(m.resolved); });
+  std::vector<Eigenvalue> eigenvalues;
+  for (const Mode& m : spectrum.modes) eigenvalues.push_back({m, m.value.imag()});
+  add_rows(file, mode_table(), eigenvalues);
 
   file.add({"steady_psi", "length/time", "psi of steady sliding"}, {"x"}, steady.psi);
   file.add({"steady_eta", "1", "eta of steady sliding"}, {"x"}, steady.eta);
@@ -139,26 +226,20 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
     file.add({"steady_" + names[2], standard_field(names[2]).units, names[2] + " of steady sliding"}, {"x"},
              shown);
   }
-  std::vector<std::vector<double>> parts(2 * names.size(), std::vector<double>(modes * n, 0.));
+  std::vector<std::vector<Complex>> parts(names.size(), std::vector<Complex>(modes * n));
   for (std::size_t k = 0; k < modes; ++k) {
     const std::vector<Complex> v = s.expand_fields(spectrum.modes[k].value, spectrum.modes[k].psi);
     for (std::size_t i = 0; i < s.size(); ++i)
       for (std::size_t c = 0; c < d; ++c) {
-        const std::size_t at = k * n + std::size_t(s.coupling.node[i]);
+        const PetscInt node = s.coupling.node[i];
         // the stored state is ln(theta): d theta = theta d ln(theta)
-        const double scale =
-            c == 2 && logarithmic ? std::exp(steady.state[s.coupling.node[i]]) : 1;
-        parts[2 * c][at] = scale * v[i * d + c].real();
-        parts[2 * c + 1][at] = scale * v[i * d + c].imag();
+        const double scale = c == 2 && logarithmic ? std::exp(steady.state[node]) : 1;
+        parts[c][k * n + node] = scale * v[i * d + c];
       }
   }
-  for (std::size_t c = 0; c < names.size(); ++c) {
-    const std::string units = standard_field(names[c]).units;
-    file.add({names[c] + "_re", units, names[c] + " of the eigenvectors, real part"}, {"mode", "x"},
-             parts[2 * c]);
-    file.add({names[c] + "_im", units, names[c] + " of the eigenvectors, imaginary part"}, {"mode", "x"},
-             parts[2 * c + 1]);
-  }
+  for (std::size_t c = 0; c < names.size(); ++c)
+    file.add_complex({names[c], standard_field(names[c]).units, names[c] + " of the eigenvectors"},
+                     {"mode", "x"}, parts[c]);
   if (!box.norm.empty()) {
     file.scale({"pseudo_re", "1/time", "real part of z"}, box.re);
     file.scale({"pseudo_im", "1/time", "imaginary part of z"}, box.im);
@@ -172,50 +253,37 @@ void write_file(const SteadySliding& steady, const LinearisedOperator& s, const 
 }
 
 // The uniform motions at the force of the start, which init_eta says; in a line each for a person.
-Json uniform_state_list(const Scene& scene, const Options& options, Summary& summary) {
+std::vector<UniformState> states_at_start(const Scene& scene, const Options& options, Summary& summary) {
   const auto friction = Friction::of(scene.friction);
   const bool steady = options.text("init_eta") == "steady";
   const double stress = steady
                             ? scene.B() * scene.v + friction->force(scene.v, friction->steady_state(scene.v))
                             : options.real("init_eta");
-  Json list = Json::array();
-  for (const UniformState& u : uniform_states(scene, stress)) {
-    list.push_back(Json::object({{"psi", u.psi},
-                                 {"state", u.state ? Json(*u.state) : Json()},
-                                 {"slope", u.rests ? Json() : Json(u.slope)},
-                                 {"growth_rate", u.rests ? Json() : Json(u.growth_rate)},
-                                 {"frequency", u.rests ? Json() : Json(u.frequency)},
-                                 {"wavenumber", u.rests ? Json() : Json(u.wavenumber)},
-                                 {"stable", u.stable}}));
-    summary.say("at the force " + rounded_text(stress, 6) + " of the start: psi = " + rounded_text(u.psi, 6) +
-                ", " +
-                (u.rests ? "at rest"
-                         : (u.stable ? "stable, " : "unstable, ") + std::string("growth rate ") +
-                               rounded_text(u.growth_rate, 4)));
-  }
-  return list;
+  const std::vector<UniformState> states = uniform_states(scene, stress);
+  for (const UniformState& u : states)
+    summary.say(fmt::format(
+        "at the force {:.6g} of the start: psi = {:.6g}, {}", stress, u.psi,
+        u.rests ? "at rest"
+                : fmt::format("{}, growth rate {:.4g}", u.stable ? "stable" : "unstable", u.growth_rate)));
+  return states;
 }
 
 }  // namespace
 
+std::vector<TableText> spectrum_tables() { return {keys(), mode_table(), state_table()}; }
+
 int spectrum_command(const Options& options) {
   const Provenance provenance = Provenance::of("spectrum", options.all());
   const OutputLock lock = check_outputs(options.text("out_file"), options.text("summary"));
-  Summary summary(
-      provenance,
-      {"steady", "growth_rate", "growth_rate_error", "frequency", "degenerate", "stable", "growth_continuum",
-       "wavenumber_continuum", "eigenvalues", "dispersion_error", "complete", "list_complete", "missing",
-       "completeness_check", "method", "unknowns", "transient", "kreiss", "uniform_states"},
-      options.text("summary"));
+  Summary summary(provenance, keys_of(keys()), options.text("summary"));
   const Scene scene = Scene::from(options, true);
   return with_summary(summary, [&] {
     const Pulse pulse(options.text("progress"), "spectrum");
     const SteadySliding steady(scene);
     const LinearisedOperator J(steady);
-    const auto [low, high] = std::minmax_element(steady.psi.begin(), steady.psi.end());
-    summary.set("steady",
-                Json::object({{"psi_min", *low}, {"psi_max", *high}, {"residual", steady.residual}}));
-    summary.set("unknowns", J.size() * J.dof());
+    SpectrumResults results{steady, J.size() * J.dof(), {}, {}, {}, {}};
+    const auto tell = [&] { set_keys(summary, keys(), results); };
+    tell();
     SpectrumSettings settings;
     settings.count = options.integer("spectrum_count");
     settings.method = method_of(options.text("spectrum_method"));
@@ -231,33 +299,11 @@ int spectrum_command(const Options& options) {
       spectrum = compute_spectrum(PETSC_COMM_WORLD, J, settings);
     }
     check_unused_after_setup(options, "snes pep dm");
-    summary.set("growth_rate", spectrum.growth);
-    summary.set("growth_rate_error", spectrum.error);
-    summary.set("frequency", spectrum.frequency);
-    summary.set("degenerate", spectrum.degenerate);
-    summary.set("growth_continuum", spectrum.growth_continuum);
-    summary.set("wavenumber_continuum", spectrum.wavenumber_continuum);
-    summary.set("stable", spectrum.stable);
-    summary.set("eigenvalues", eigenvalue_list(spectrum.modes));
-    summary.set("dispersion_error", spectrum.dispersion_error);
-    summary.set("complete", spectrum.complete);
-    summary.set("list_complete", spectrum.list_complete);
-    summary.set("missing", spectrum.missing ? Json(*spectrum.missing) : Json());
-    summary.set("completeness_check", spectrum.completeness_check);
-    summary.set("method", spectrum.method);
+    results.spectrum = spectrum;
+    tell();
     if (options.boolean("spectrum_transient")) {
-      const std::optional<Transient> t = transient_growth(J, spectrum.growth);
-      if (t) {
-        summary.set("transient",
-                    Json::object({{"norm", "energy"},
-                                  {"method", t->method},
-                                  {"numerical_abscissa", t->abscissa},
-                                  {"growth", spectrum.stable ? Json(t->growth) : Json()},
-                                  {"time", spectrum.stable ? Json(t->time) : Json()},
-                                  {"growth_is", spectrum.stable ? Json(growth_is(*t)) : Json()}}));
-      } else {
-        warn(std::string("-spectrum_transient: ") + no_norm);
-      }
+      results.transient = transient_growth(J, spectrum.growth);
+      if (!results.transient) warn(std::string("-spectrum_transient: ") + no_norm);
     }
     Pseudospectrum box;
     if (const PetscInt side = options.integer("spectrum_pseudo"); side > 0) {
@@ -266,9 +312,10 @@ int spectrum_command(const Options& options) {
       double kreiss = 0;
       for (std::size_t k = 0; k < box.norm.size(); ++k)
         kreiss = std::max(kreiss, box.re[k % box.re.size()] * box.norm[k]);
-      if (!box.norm.empty() && spectrum.stable) summary.set("kreiss", kreiss);
+      if (!box.norm.empty() && spectrum.stable) results.kreiss = kreiss;
     }
-    if (has_uniform_states(scene)) summary.set("uniform_states", uniform_state_list(scene, options, summary));
+    if (has_uniform_states(scene)) results.states = states_at_start(scene, options, summary);
+    tell();
     write_file(steady, J, spectrum, box, options.text("out_file"), provenance);
     if (!any_resolved())
       warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");
@@ -278,8 +325,8 @@ int spectrum_command(const Options& options) {
     else if (!spectrum.list_complete)
       warn("the list of eigenvalues may have holes: " + spectrum.completeness_check);
     summary.say("steady sliding is " + verdict(spectrum));
-    summary.say(std::to_string(spectrum.modes.size()) + " modes of " + std::to_string(J.size() * J.dof()) +
-                " by " + spectrum.method + "; " + spectrum.completeness_check);
+    summary.say(fmt::format("{} modes of {} by {}; {}", spectrum.modes.size(), results.unknowns,
+                            spectrum.method, spectrum.completeness_check));
     return 0;
   });
 }

@@ -7,13 +7,11 @@
 #include "commands/sweep_session.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/output/reader.hpp"
-#include "stickslip/output/summary.hpp"
 
 namespace stickslip {
 
@@ -97,53 +95,74 @@ Json differing(const SweepSession& session, const SweepPlan& plan) {
   return count;
 }
 
+struct SweepResults {
+  const SweepSession& session;
+  const SweepPlan& plan;
+  int signal;
+
+  long done() const { return session.table().size(); }
+  // the reason of the first point that failed
+  Json first_failure() const {
+    const SweepTable& table = session.table();
+    long first = std::numeric_limits<long>::max();
+    for (const long point : table.points())
+      if (table.text(point, "status") == "failed") first = std::min(first, point);
+    return session.failed() ? Json(table.text(first, "reason")) : Json();
+  }
+};
+
+Columns<SweepResults> keys() {
+  using S = const SweepResults&;
+  return {{"points", "1", "of the sweep",
+           [](S s) { return s.plan.is_refined() && !s.signal ? s.done() : s.plan.points(); }},
+          {"done", "1", "of them in the table", &SweepResults::done},
+          {"failed", "1", "of those, without a result", [](S s) { return s.session.failed(); }},
+          {"first_failure", "", "the reason of the first that failed", &SweepResults::first_failure},
+          {"groups", "1", "of ranks", [](S s) { return s.session.groups(); }},
+          {"full_grid", "1", "with `-sweep_refine`: points of the full grid",
+           [](S s) { return s.plan.is_refined() ? Json(s.plan.points()) : Json(); }},
+          {"saved", "1", "how many of them were not needed",
+           [](S s) { return s.plan.is_refined() ? Json(s.plan.points() - s.done()) : Json(); }},
+          {"changes", "",
+           "of a grid of one option: between which neighbours, `value` and `next_value`, `sweep_key` "
+           "changes, `from` what "
+           "`to` what",
+           [](S s) { return changes_of(s.session, s.plan); }},
+          {"differing", "1",
+           "with `-sweep_follow`: values of the options at which `sweep_key` differs between up and down",
+           [](S s) { return differing(s.session, s.plan); }},
+          {"stopped_at", "", "the signal that ended it", [](S s) {
+             return s.signal == 0 ? "" : s.signal == SIGINT ? "SIGINT" : "SIGTERM";
+           }}};
+}
+
 void say_all(Summary& summary, const std::string& path) {
-  const Json &differ = summary.get("differing"), &saved = summary.get("saved");
-  std::string text = summary.get("done").dump() + " of " + summary.get("points").dump() + " points";
-  if (summary.get("failed") != 0)
-    text += ", " + summary.get("failed").dump() + " of them failed (variable reason), the first: " +
-            summary.get("first_failure").get<std::string>();
-  if (!saved.is_null() && summary.is_null("stopped_at"))
-    text += "; a full grid has " + saved.dump() + " more";
-  if (!differ.is_null()) text += "; up and down differ at " + differ.dump();
-  summary.say(text);
+  const auto text = [&](const char* key) { return summary.get(key).dump(); };
+  summary.say(
+      fmt::format("{} of {} points{}{}{}", text("done"), text("points"),
+                  summary.get("failed") == 0
+                      ? ""
+                      : fmt::format(", {} of them failed (variable reason), the first: {}", text("failed"),
+                                    summary.get("first_failure").get<std::string>()),
+                  summary.is_null("saved") || !summary.is_null("stopped_at")
+                      ? ""
+                      : fmt::format("; a full grid has {} more", text("saved")),
+                  summary.is_null("differing") ? "" : "; up and down differ at " + text("differing")));
   if (summary.get("status") == "stopped") summary.say("to go on: stickslip sweep -restart " + path);
 }
 
 // What all ranks are told of the result.
-void report(Summary& summary, const SweepSession& session, const SweepPlan& plan, const std::string& path,
-            int signal) {
+void report(Summary& summary, const SweepResults& results, const std::string& path) {
   std::string packed;
-  if (rank_in(MPI_COMM_WORLD) == 0) {
-    const SweepTable& table = session.table();
-    const long failed = session.failed();
-    long first = std::numeric_limits<long>::max();
-    for (const long point : table.points())
-      if (table.text(point, "status") == "failed") first = std::min(first, point);
-    Json found = Json::object();
-    found["points"] = plan.is_refined() && !signal ? table.size() : plan.points();
-    found["done"] = table.size();
-    found["failed"] = failed;
-    found["first_failure"] = failed ? Json(table.text(first, "reason")) : Json();
-    found["full_grid"] = plan.is_refined() ? Json(plan.points()) : Json();
-    found["saved"] = plan.is_refined() ? Json(plan.points() - table.size()) : Json();
-    found["changes"] = changes_of(session, plan);
-    found["differing"] = differing(session, plan);
-    packed = json_text(found, 0);
-  }
+  if (rank_in(MPI_COMM_WORLD) == 0) packed = json_text(json_of(keys(), results), 0);
   broadcast(packed, MPI_COMM_WORLD);
   const Json found = Json::parse(packed);
   for (const auto& [key, value] : found.items()) summary.set(key, value);
-  summary.set("groups", session.groups());
   summary.wrote(path);
   summary.wrote(csv_beside(path));
-  if (signal) {
-    const std::string why = signal == SIGINT ? "SIGINT" : "SIGTERM";
-    summary.stopped(why);
-    summary.set("stopped_at", why);
-  }
+  if (results.signal) summary.stopped(found["stopped_at"].get<std::string>());
   say_all(summary, path);
-  if (!signal && found["done"] == found["failed"])
+  if (!results.signal && found["done"] == found["failed"])
     throw Failure("sweep: no point could be computed; the first: " +
                   found["first_failure"].get<std::string>());
 }
@@ -175,6 +194,8 @@ void check_journals(const std::string& path, const SweepHeader& header) {
 
 }  // namespace
 
+std::vector<TableText> sweep_tables() { return {keys()}; }
+
 int sweep_command(const Options& asked) {
   std::optional<SweepHeader> header;
   if (asked.is_set("restart")) header = read_sweep_header(asked.text("restart"));
@@ -187,10 +208,7 @@ int sweep_command(const Options& asked) {
   check_scenes(plan, base);
   const OutputLock lock = check_outputs(path, sweep.text("summary"));
   check_csv(path);
-  Summary summary(Provenance::of("sweep", sweep.all()),
-                  {"points", "done", "failed", "first_failure", "groups", "full_grid", "saved", "changes",
-                   "differing", "stopped_at"},
-                  sweep.text("summary"));
+  Summary summary(Provenance::of("sweep", sweep.all()), keys_of(keys()), sweep.text("summary"));
   return with_summary(summary, [&] {
     if (header && header->complete) {
       warn("restart '" + path + "': this sweep is whole; nothing is left to do");
@@ -206,7 +224,7 @@ int sweep_command(const Options& asked) {
       on_root(MPI_COMM_WORLD, [&path] { remove_journals(path); });
     SweepSession session(sweep, base, plan, command);
     const int signal = session.run();
-    report(summary, session, plan, path, signal);
+    report(summary, {session, plan, signal}, path);
     return signal ? 128 + signal : 0;
   });
 }

@@ -10,7 +10,11 @@
 namespace stickslip {
 
 // What each command writes, first the keys of its summary.
+std::vector<TableText> boundary_tables();
 std::vector<TableText> cycle_tables();
+std::vector<TableText> laws_tables();
+std::vector<TableText> spectrum_tables();
+std::vector<TableText> sweep_tables();
 std::vector<TableText> wave_tables();
 
 struct Command {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace stickslip {
 
@@ -21,6 +22,13 @@ void add_cells(ResultFile& file, const Field& field, const std::string& dimensio
     file.add_text({field.name, "1", field.long_name}, {dimension}, texts);
   else
     file.add(field, {dimension}, numbers);
+}
+
+void add_count(ResultFile& file, const std::string& dimension, const std::string& counts, std::size_t rows) {
+  if (rows == 0 || counts == "index") return;
+  std::vector<double> numbers(rows);
+  std::iota(numbers.begin(), numbers.end(), 0.);
+  file.scale({dimension, "1", counts}, numbers);
 }
 
 std::string json_text(const std::vector<TableText>& tables) {

@@ -117,9 +117,13 @@ Json list_of(const Table<Row>& table, const Rows& rows) {
 void add_cells(ResultFile& file, const Field& field, const std::string& dimension,
                const std::vector<Json>& cells);
 
+// The scale of a dimension, 0, 1, ...; where it has nothing to say the file makes one.
+void add_count(ResultFile& file, const std::string& dimension, const std::string& counts, std::size_t rows);
+
 // Nothing where there are no rows.
 template <class Row, class Rows>
 void add_rows(ResultFile& file, const Table<Row>& table, const Rows& rows) {
+  add_count(file, table.dimension, table.counts, rows.size());
   for (const Column<Row>& column : table.columns) {
     std::vector<Json> cells;
     for (const Row& row : rows)
