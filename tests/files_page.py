@@ -8,7 +8,7 @@ from calls import SOURCE
 
 
 def names_in(text):
-    return re.findall(r"`(\w[\w-]*/?)`", text)
+    return re.findall(r"`(\w[\w/-]*)`", text)
 
 
 class FilesPage:
@@ -40,7 +40,8 @@ class FilesPage:
     @staticmethod
     def rows(section):
         found = {}
-        for first, second, last in re.findall(r"^\| ([^|]*) \| ([^|]*) \| ([^|]*) \|$", section, re.MULTILINE):
+        cell = r"((?:\\\||[^|])*)"
+        for first, second, last in re.findall(rf"^\| {cell} \| {cell} (?:\| [\w/^() -]* ?)?\| {cell} \|$", section, re.MULTILINE):
             dimensions = [tuple(each.split(", ")) for each in second.split("; ")]
             names = names_in(first)
             for number, name in enumerate(names):
