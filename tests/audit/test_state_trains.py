@@ -7,67 +7,36 @@ With psi(x, t) = f(t - x/V) and r2 = 1 - c^2/V^2
 is integrated by LSODA from slips of several sizes until it repeats itself. What the program solves for must be one of the
 cycles found, and what it refuses must have none.
 """
-import h5py
 import numpy as np
 from scipy.integrate import LSODA
 from scipy.optimize import root
 
-from calls import errors, run
-
-
-def rate_and_state(a, b, D, law, mu0=0.6):
-    """F = a asinh[(psi/2) exp((mu0 + b (s - ln D))/a)], s = ln theta."""
-    def friction(f, s):
-        return a * np.arcsinh(f / 2 * np.exp((mu0 + b * (s - np.log(D))) / a))
-
-    def ageing(f, s):
-        return np.exp(-s) - abs(f) / D
-
-    def slip(f, s):
-        return -abs(f) / D * (np.log(abs(f) / D) + s) if f else 0.
-    return friction, {"ageing": ageing, "slip": slip}[law], lambda v: np.log(D / abs(v))
-
-
-def carlson_langer(eps, alpha, law, D, strength, time):
-    """phi = tanh(psi/eps)/(1 + 2 alpha |psi|) with |psi| = psi tanh(psi/eps), times tau or 1 + b ln(1 + theta)."""
-    def phi(f):
-        sign = np.tanh(f / eps)
-        return sign / (1 + 2 * alpha * f * sign)
-    if law == "healing":
-        return (lambda f, s: s * phi(f), lambda f, s: (strength - s) / time - abs(f) / D * (s - 1),
-                lambda v: (strength / time + abs(v) / D) / (1 / time + abs(v) / D))
-    return (lambda f, s: (1 + strength * np.log1p(np.exp(s) / time)) * phi(f), lambda f, s: np.exp(-s) - abs(f) / D,
-            lambda v: np.log(D / abs(v)))
+from calls import data, errors, run
+from reference import Law, words
 
 
 def draw(rng):
-    gamma, v, delta = rng.uniform(0.7, 3), rng.uniform(0.3, 1.3), rng.choice([0, rng.uniform(0, 0.1)])
     speed = 1 + np.exp(rng.uniform(np.log(0.05), np.log(10)))
-    options = f"-model_gamma {gamma!r} -model_v {v!r} -model_delta {float(delta)!r} -wave_speed {speed!r}"
-    D = rng.uniform(0.2, 0.8)
+    p = {"model_gamma": rng.uniform(0.7, 3), "model_v": rng.uniform(0.3, 1.3), "wave_speed": speed,
+         "model_delta": float(rng.choice([0, rng.uniform(0, 0.1)]))}
     if rng.random() < 0.5:
-        law, a = rng.choice(["ageing", "slip"]), rng.uniform(0.05, 0.2)
-        b = a * rng.uniform(1.2, 4)
-        parts = rate_and_state(a, b, D, law)
-        options += f" -friction_law rate-and-state -state_law {law} -friction_a {a!r} -friction_b {b!r} -friction_D {D!r}"
-    else:
-        law, eps, alpha = rng.choice(["contact-age", "healing"]), rng.uniform(0.1, 0.4), rng.uniform(0.3, 1)
-        options += (f" -friction_law carlson-langer -friction_stick regularised -friction_eps {eps!r} -friction_sigma 0 "
-                    f"-friction_alpha {alpha!r} -state_law {law} -state_D {D!r}")
-        strength, time = (rng.uniform(1.2, 2.5), rng.uniform(0.3, 3)) if law == "healing" else (rng.uniform(0.1, 0.5), 1)
-        options += (f" -state_tau_inf {strength!r} -state_t_h {time!r}" if law == "healing" else
-                    f" -state_b {strength!r} -state_theta0 1")
-        parts = carlson_langer(eps, alpha, law, D, strength, time)
-    return {"gamma": gamma, "v": v, "delta": float(delta), "r2": 1 - 1 / speed**2, "parts": parts, "options": options}
+        a = rng.uniform(0.05, 0.2)
+        return p | {"friction_law": "rate-and-state", "state_law": str(rng.choice(["ageing", "slip"])), "friction_a": a,
+                    "friction_b": a * rng.uniform(1.2, 4), "friction_D": rng.uniform(0.2, 0.8)}
+    p |= {"friction_law": "carlson-langer", "friction_stick": "regularised", "friction_eps": rng.uniform(0.1, 0.4),
+          "friction_sigma": 0, "friction_alpha": rng.uniform(0.3, 1), "state_D": rng.uniform(0.2, 0.8)}
+    return p | ({"state_law": "healing", "state_tau_inf": rng.uniform(1.2, 2.5), "state_t_h": rng.uniform(0.3, 3)}
+                if rng.random() < 0.5 else {"state_law": "contact-age", "state_b": rng.uniform(0.1, 0.5), "state_theta0": 1})
 
 
 class Oscillator:
-    def __init__(self, scene):
-        self.v, (self.friction, rate, steady) = scene["v"], scene["parts"]
-        gamma, r2, delta, v = scene["gamma"], scene["r2"], scene["delta"], scene["v"]
-        self.rhs = lambda t, y: [(gamma * (y[1] - self.friction(y[0], y[2])) - delta * y[0]) / r2, (v - y[0]) / gamma,
-                                 rate(y[0], y[2])]
-        self.sliding = np.array([v, delta / gamma * v + self.friction(v, steady(v)), steady(v)])
+    def __init__(self, p):
+        gamma, delta, v, law = p["model_gamma"], p["model_delta"], p["model_v"], Law(p)
+        r2 = self.r2 = 1 - 1 / p["wave_speed"]**2
+        self.v, self.law = v, law
+        self.rhs = lambda t, y: [(gamma * (y[1] - law.force(y[0], y[2])) - delta * y[0]) / r2, (v - y[0]) / gamma,
+                                 law.rate(y[0], y[2])]
+        self.sliding = np.array([v, delta / gamma * v + law.force(v, law.steady(v)), law.steady(v)])
 
     def growth(self):
         """Of sliding: the largest real part of the eigenvalues of its Jacobian, by central differences."""
@@ -132,21 +101,19 @@ class Oscillator:
         closed = np.max(np.abs(gap(solution.x))) < 1e-8 and away > 1e-4
         return [self.turn(np.array([self.v, *solution.x]), 1e-11)[1:]] if closed else []
 
-
-    def returns(self, scene):
-        run(scene["options"] + " -out_file train.h5", command="wave")
-        with h5py.File("train.h5") as file:
-            eta, theta = file["eta"][0], file["tau" if "tau" in file else "theta"][0]
-        s = theta if "healing" in scene["options"] else np.log(theta)
-        fall = scene["gamma"] * (eta - self.friction(self.v, s))  # f'
-        z = eta - (1 - scene["r2"]) / scene["gamma"] * fall + scene["delta"] / scene["gamma"] * self.v
+    def returns(self, p):
+        run([*words(p), "-out_file", "train.h5"], command="wave")
+        file = data("train.h5")
+        eta, s = file["eta"][0], file["tau"][0] if "tau" in file else np.log(file["theta"][0])
+        fall = p["model_gamma"] * (eta - self.law.force(self.v, s))  # f'
+        z = eta - (1 - self.r2) / p["model_gamma"] * fall + p["model_delta"] / p["model_gamma"] * self.v
         turn = self.turn(np.array([self.v, z, s]), 1e-11)
         return [turn[1:]] if turn and np.max(np.abs(turn[0][1:] - [z, s])) < 1e-6 else []
 
 
 def check(scene, text):
     oscillator = Oscillator(scene)
-    summary, said = run(scene["options"], command="wave", code=None)
+    summary, said = run(words(scene), command="wave", code=None)
     cycles = oscillator.cycles()
     if summary["status"] != "done":
         assert not cycles, f"{text}: there is {cycles}, but {errors(said)}"
@@ -163,4 +130,4 @@ def check(scene, text):
 
 def test_random_trains(scenes):
     for index, scene in scenes(draw, 202, short=6):
-        check(scene, f"scene {index}: {scene['options']}")
+        check(scene, f"scene {index}: {' '.join(words(scene))}")
