@@ -9,64 +9,15 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from calls import SOURCE, call, data, run, scene_file
+from reference import System, bloch, options, read
 
-TIGHT = {"method": "DOP853", "rtol": 3e-13, "atol": 1e-13}
+ROUND = {"rtol": 3e-13, "atol": 1e-13}
+TIGHT = ROUND | {"method": "DOP853"}
 CHAIN = "-model_form chain -model_m 1 -model_k0 0.2 -model_f0 1 "
-
-
-class Chain:
-    """A ring of equal blocks: psi' = (f0 eta + nu D2 psi - zeta psi - f0 F)/m, eta' = (k0 (v - psi) + k1 D2 psi)/f0; all
-    psi, then all eta."""
-
-    def __init__(self, law, slope, n, v, zeta=0., k1=0.2, nu=0.):
-        self.law, self.slope, self.n, self.v, self.zeta, self.k1, self.nu = law, slope, n, v, zeta, k1, nu
-
-    def __call__(self, t, y):
-        psi, eta = y[:self.n], y[self.n:2 * self.n]
-        d2 = np.roll(psi, 1) + np.roll(psi, -1) - 2 * psi
-        return np.concatenate([eta + self.nu * d2 - self.zeta * psi - self.law(psi), 0.2 * (self.v - psi) + self.k1 * d2])
-
-    def carried(self, start, period, twist=0.):
-        """The matrix that takes deviations exp(i twist) times as large in the next cell round a period."""
-        n, e = self.n, np.exp(1j * twist)
-
-        def rates(t, y):
-            psi, Y = y[:n].real, y[2 * n:].reshape(2 * n, 2 * n)
-            q = Y[:n]
-            left, right = np.vstack([q[-1:] / e, q[:-1]]), np.vstack([q[1:], q[:1] * e])
-            d2 = left + right - 2 * q
-            dq = Y[n:] + self.nu * d2 - (self.zeta + self.slope(psi))[:, None] * q
-            dw = -0.2 * q + self.k1 * d2
-            return np.concatenate([self(t, y[:2 * n].real), np.vstack([dq, dw]).ravel()])
-
-        y = np.concatenate([start, np.eye(2 * n).ravel()]).astype(complex)
-        return solve_ivp(rates, (0, period), y, **TIGHT).y[2 * n:, -1].reshape(2 * n, 2 * n)
-
-
-def cubic(n, v, **more):
-    return Chain(lambda p: p**3 / 3 - p, lambda p: p**2 - 1, n, v, **more)
-
-
-def smooth_carlson_langer(n, v, eps, **more):
-    def law(p):
-        t = np.tanh(p / eps)
-        return t / (1 + p * t)
-
-    def slope(p):
-        t = np.tanh(p / eps)
-        dt = (1 - t * t) / eps
-        m = 1 + p * t
-        return (dt * m - t * (t + p * dt)) / m**2
-    return Chain(law, slope, n, v, **more)
 
 
 def multipliers(found):
     return np.array([m["re"] + 1j * m["im"] for m in found["multipliers"]])
-
-
-def start_of(path):
-    with h5py.File(path) as file:
-        return np.concatenate([file["psi"][0], file["eta"][0]])
 
 
 def near(known, found, tolerance):
@@ -75,62 +26,50 @@ def near(known, found, tolerance):
         assert np.abs(found - one).min() < tolerance * max(1, abs(one)), (one, found)
 
 
-CASES = {"cubic": ("-model_v 0.3", lambda: cubic(1, 0.3)),
-         "smoothed": ("-friction_law carlson-langer -friction_stick regularised -friction_eps 0.05 -model_zeta paper "
-                      "-model_v 1.2", lambda: smooth_carlson_langer(1, 1.2, 0.05, zeta=np.sqrt(0.02))),
-         "pair": ("-cycle_cell 2 -grid_n 8 -init_noise 0.5 -model_k1 0.02", lambda: cubic(2, 0.2, k1=0.02)),
-         "viscous pair": ("-cycle_cell 2 -grid_n 8 -init_noise 0.5 -model_k1 0.02 -model_nu 0.002",
-                          lambda: cubic(2, 0.2, k1=0.02, nu=0.002))}
+CASES = {"cubic": "-model_v 0.3",
+         "smoothed": "-friction_law carlson-langer -friction_stick regularised -friction_eps 0.05 -model_zeta paper -model_v 1.2",
+         "pair": "-cycle_cell 2 -grid_n 8 -init_noise 0.5 -model_k1 0.02",
+         "viscous pair": "-cycle_cell 2 -grid_n 8 -init_noise 0.5 -model_k1 0.02 -model_nu 0.002"}
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_cycle_is_what_scipy_integrates(tmp_path, monkeypatch, case):
     monkeypatch.chdir(tmp_path)
-    words, system = CASES[case]
-    system = system()
-    found, _ = run(CHAIN + words + " -cycle_spectrum -out_file c.h5", command="cycle")
-    start, period = start_of("c.h5"), found["period"]
-    course = solve_ivp(system, (0, period), start, dense_output=True, **TIGHT)
+    scene = CHAIN + CASES[case]
+    found, _ = run(scene + " -cycle_spectrum -out_file c.h5", command="cycle")
+    file, period, n = data("c.h5"), found["period"], 2 if "pair" in case else 1
+    start, system = read(file, 0), System(options(scene) | {"grid_n": n})
+    course = solve_ivp(system.rates, (0, period), start, dense_output=True, **TIGHT)
     # DOP853 errs by some 100 rtol over a period; the profile is known to 1e-9 of its range
     assert np.abs(course.y[:, -1] - start).max() < 1e-8
     t = np.linspace(0, period, 4001)
-    psi, eta = course.sol(t)[:system.n], course.sol(t)[system.n:]
+    psi, eta = np.split(course.sol(t), 2)
     assert abs(psi.max() - found["psi_max"]) < 1e-5 and abs(psi.min() - found["psi_min"]) < 1e-5
     assert abs(np.ptp(eta.mean(axis=0)) - found["force_drop"]) < 1e-5
     assert abs(np.ptp(psi, axis=1).max() / 2 - found["amplitude"]) < 1e-5
-    near(multipliers(found), np.linalg.eigvals(system.carried(start, period)), 1e-6)
+    k, mu = file["spectrum/wavenumber"], file["spectrum/multiplier_re"] + 1j * file["spectrum/multiplier_im"]
+    small = 0.02
+    _, matrices = system.carried(start, period, [bloch(n, n * x) for x in (0, k[20], k[150], small)], **ROUND)
+    cell, *waves, slow = np.linalg.eigvals(matrices)
+    near(multipliers(found), cell, 1e-6)
     assert found["error_estimate"] < 1e-10 and found["stable_alike"]
-    # two of the waves
-    with h5py.File("c.h5") as file:
-        k = file["spectrum/wavenumber"][...]
-        mu = file["spectrum/multiplier_re"][...] + 1j * file["spectrum/multiplier_im"][...]
-        growth = file["spectrum/growth_rate"][...]
-    for j in (20, 150):
-        known = np.linalg.eigvals(system.carried(start, period, twist=k[j] * system.n))
+    growth = file["spectrum/growth_rate"]
+    for j, known in zip((20, 150), waves):
         near(mu[j], known, 1e-6)
         assert abs(np.log(np.abs(known).max()) / period - growth[j]) < 1e-6
     assert found["stable"] == (growth.max() < 0) and found["decided"]
     # the phase diffusion from a long wave
-    small = 0.02
-    phase = np.linalg.eigvals(system.carried(start, period, twist=small * system.n))
-    phase = phase[np.abs(phase - 1).argmin()]
+    phase = slow[np.abs(slow - 1).argmin()]
     assert abs(-np.log(abs(phase)) / period / small**2 / found["diffusion"] - 1) < 0.02
 
 
 def test_with_a_state(tmp_path, monkeypatch):
     """Rate-and-state with ageing, one block: psi stays positive, theta advances as its logarithm."""
     monkeypatch.chdir(tmp_path)
-    a, b, D, v, mu0, k0 = 0.05, 0.1, 1., 1., 0.6, 0.005
-    found, _ = run(f"-model_form chain -model_k0 {k0} -model_k1 0 -model_v {v} -friction_law rate-and-state -friction_a {a} "
-                   f"-friction_b {b} -friction_mu0 {mu0} -friction_psi0 1 -friction_D {D} -out_file c.h5", command="cycle")
-
-    def rates(t, y):
-        psi, eta, s = y
-        force = a * np.arcsinh(psi / 2 * np.exp((mu0 + b * (s - np.log(D))) / a))
-        return [eta - force, k0 * (v - psi), np.exp(-s) - abs(psi) / D]
-    with h5py.File("c.h5") as file:
-        start = [file["psi"][0, 0], file["eta"][0, 0], np.log(file["theta"][0, 0])]
-    end = solve_ivp(rates, (0, found["period"]), start, method="Radau", rtol=1e-10, atol=1e-12).y[:, -1]
+    scene = "-model_form chain -model_k0 0.005 -model_k1 0 -model_v 1 -friction_law rate-and-state -friction_D 1"
+    found, _ = run(scene + " -out_file c.h5", command="cycle")
+    start = read(data("c.h5"), 0)
+    end = System(scene + " -grid_n 1").follow(start, 0, found["period"], method="Radau", rtol=1e-10, atol=1e-12)
     assert np.abs(end - start).max() < 1e-6 * (1 + found["psi_max"])
     assert found["psi_min"] > 0 and found["stable"] and len(found["multipliers"]) == 3
 
@@ -138,9 +77,8 @@ def test_with_a_state(tmp_path, monkeypatch):
 def test_a_branch_round_its_fold(tmp_path, monkeypatch):
     """Beyond the fold the cycle repels; SciPy finds the same one, as a fixed point of its return map on psi = v."""
     monkeypatch.chdir(tmp_path)
-    words = (CHAIN + "-friction_law carlson-langer -friction_stick regularised -friction_eps 0.05 -model_zeta paper "
-             "-model_v 1.2 -cycle_continue model_v -cycle_to 3 -out_file c.h5")
-    found, _ = run(words, command="cycle")
+    scene = CHAIN + CASES["smoothed"]
+    found, _ = run(scene + " -cycle_continue model_v -cycle_to 3 -out_file c.h5", command="cycle")
     kinds = [special["kind"] for special in found["special"]]
     assert kinds == ["fold", "hopf"]
     points = found["branch"]["points"]
@@ -149,23 +87,23 @@ def test_a_branch_round_its_fold(tmp_path, monkeypatch):
     beyond = beyond[len(beyond) // 2]
     assert not beyond["stable"] and all(p["stable"] for p in points[:fold["after"]])
     assert max(p["value"] for p in points) <= fold["value"] + 1e-9
-    system = smooth_carlson_langer(1, beyond["value"], 0.05, zeta=np.sqrt(0.02))
+    v = beyond["value"]
+    system = System(options(scene) | {"grid_n": 1, "model_v": v})
 
     def falls(t, y):
-        return y[0] - system.v
+        return y[0] - v
 
     def rises(t, y):
-        return y[0] - system.v
+        return y[0] - v
     falls.direction, falls.terminal, rises.direction, rises.terminal = -1, True, 1, True
 
     def lap(eta):
-        t, y = 0, [system.v, eta]
+        t, y = 0, [v, eta]
         for event in (falls, rises):
-            course = solve_ivp(system, (t, t + 60), y, events=event, method="DOP853", rtol=1e-11, atol=1e-11)
+            course = solve_ivp(system.rates, (t, t + 60), y, events=event, method="DOP853", rtol=1e-11, atol=1e-11)
             t, y = course.t_events[0][0], course.y_events[0][0]
         return t, y[1]
-    steady = system.zeta * system.v + system.law(system.v)
-    etas = steady + np.linspace(0.1, 1.2, 10)
+    etas = system.steady[1] + np.linspace(0.1, 1.2, 10)
     gain = [lap(eta)[1] - eta for eta in etas]
     k = next(k for k in range(9) if gain[k] < 0 < gain[k + 1])
     unstable = brentq(lambda eta: lap(eta)[1] - eta, etas[k], etas[k + 1], xtol=1e-9)

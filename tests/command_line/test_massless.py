@@ -7,86 +7,53 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from calls import check, data, refused, run
+from reference import System, options, words
 
 CHAIN = "-model_form chain -model_m 0 "
 TIGHT = "-ts_rtol 1e-10 -ts_atol 1e-12 "
 
 
-def d2(psi, ring):
-    """Of the blocks along the first axis, between free ends or round a ring."""
-    right, left = np.roll(psi, -1, 0), np.roll(psi, 1, 0)
-    if not ring:
-        right[-1], left[0] = psi[-1], psi[0]
-    return right + left - 2 * psi
-
-
-class Law:
-    """Rate-and-state friction of every block, or the cubic: F, its slopes, and the rate g of s = ln theta."""
-
-    def __init__(self, name, a=0.05, b=0.1, D=0.1, amplitude=1.0):
-        self.name, self.a, self.b, self.D, self.amplitude = name, a, b, D, amplitude
-        self.has_state = name != "cubic"
-
-    def force(self, psi, s):
-        """F, F_psi, F_s."""
-        if not self.has_state:
-            return self.amplitude * (psi**3 / 3 - psi), self.amplitude * (psi**2 - 1), 0 * psi
-        e = np.exp((0.6 + self.b * (s - np.log(self.D))) / self.a) / 2
-        root = np.sqrt(1 + (psi * e) ** 2)
-        return (self.amplitude * self.a * np.arcsinh(psi * e), self.amplitude * self.a * e / root,
-                self.amplitude * self.b * psi * e / root)
-
-    def rate(self, psi, s):
-        x = psi * np.exp(s) / self.D
-        return -x * np.log(x) * np.exp(-s) if self.name == "slip" else np.exp(-s) - psi / self.D
-
-
-def reference(law, B, k0, k1, v, ring, psi, t_end):
+def by_scipy(scene, psi):
     """psi, eta at the end, from psi_t = (eta_t - F_s g)/(B + F_psi)."""
-    n = len(psi)
+    system = System(scene)
+    n, law = system.n, system.law
 
     def rates(t, y):
-        p, s = y[:n], y[n:]
-        _, by_psi, by_state = law.force(p, s)
-        eta_t = k0 * (v(t) - p) + k1 * d2(p, ring)
-        g = law.rate(p, s) if law.has_state else s
-        return np.concatenate([(eta_t - by_state * g if law.has_state else eta_t) / (B + by_psi), g])
+        p, s = y[:n], y[n:] if len(y) > n else np.zeros(n)
+        by_psi, by_state, _, _ = law.slopes(p, s)
+        eta_t = system.K0 * (system.v(t) - p) + system.K1 * system.second(p)
+        g = law.rate(p, s) if len(y) > n else s
+        return np.concatenate([(eta_t - by_state * g) / (system.B + by_psi), g])[:len(y)]
 
-    start = np.concatenate([psi, np.log(law.D / psi)]) if law.has_state else psi
-    end = solve_ivp(rates, (0, t_end), start, method="LSODA", rtol=1e-11, atol=1e-13).y[:, -1]
-    psi, s = end[:n], end[n:]
-    return psi, B * psi + law.force(psi, s)[0]
+    y = np.concatenate([psi, law.steady(psi)]) if system.kinds == 3 else psi
+    for begin, end in system.plate.pieces(0, system.p["ts_max_time"]):
+        system.v = system.plate.after(begin)
+        y = solve_ivp(rates, (begin, end), y, method="LSODA", rtol=1e-11, atol=1e-13).y[:, -1]
+    return y[:n], system.B * y[:n] + law.force(y[:n], y[n:] if len(y) > n else 0.)
 
 
 def drawn(seed):
     """A scene's options, with scipy's answer; the law, the ends, profiles and the load drawn at random."""
     random = np.random.default_rng(seed)
     name = ("cubic", "ageing", "slip")[seed % 3]
-    n, ring, t_end = 5, bool(random.integers(2)), 6.0
+    n, ring = 5, bool(random.integers(2))
     k0, k1, psi0, more = random.uniform(0.3, 0.8), random.uniform(0.1, 0.6), random.uniform(0.1, 0.3), random.uniform(0.2, 0.6)
     B = random.uniform(1.3, 2) if name == "cubic" else random.uniform(0.1, 0.4)
-    amplitude = random.uniform(0.8, 1.2, n)
-    a = random.uniform(0.04, 0.08, n) if not ring else np.full(n, 0.05)
-    law = Law(name, a=a, amplitude=amplitude)
-    psi = psi0 + 0.05 * np.sin(2 * np.pi * np.arange(n) / (n if ring else n - 1))
-    text = CHAIN + TIGHT + (f"-grid_n {n} -model_k0 {k0!r} -model_k1 {k1!r} -model_zeta {B!r} -init_psi {psi0!r} -init_type sine "
-                            f"-init_amplitude 0.05 -ts_max_time {t_end} -load_v 0:0.2,3:0.2,3:{more!r} "
-                            f"-out_probes {','.join(map(str, range(n)))} -scene_reduce off ")
-    text += "" if ring else "-bc_left free "
-    # the last pair of a ring's profile is its first
-    text += "-friction_amplitude_profile " + ",".join(f"{i}:{x!r}" for i, x in enumerate(map(float, amplitude))) + " "
+    p = options(CHAIN + TIGHT) | {
+        "grid_n": n, "model_k0": k0, "model_k1": k1, "model_zeta": B, "init_psi": psi0, "init_type": "sine", "init_amplitude": 0.05,
+        "ts_max_time": 6, "load_v": f"0:0.2,3:0.2,3:{more!r}", "out_probes": ",".join(map(str, range(n))), "scene_reduce": "off",
+        "bc_left": "periodic" if ring else "free", "friction_amplitude": random.uniform(0.8, 1.2, n)}
+    a = random.uniform(0.04, 0.08, n)
     if name != "cubic":
-        text += f"-friction_law rate-and-state -state_law {name} "
-        if not ring:
-            text += "-friction_a_profile " + ",".join(f"{i}:{x!r}" for i, x in enumerate(map(float, a))) + " "
-    return text, reference(law, B, k0, k1, lambda t: 0.2 if t < 3 else more, ring, psi, t_end)
+        p |= {"friction_law": "rate-and-state", "state_law": name} | ({} if ring else {"friction_a": a})
+    return words(p), by_scipy(p, psi0 + 0.05 * np.sin(2 * np.pi * np.arange(n) / (n if ring else n - 1)))
 
 
 @pytest.mark.parametrize("seed, method", [(0, ""), (1, ""), (2, ""), (4, "-ts_type arkimex"), (9, "-ts_type rosw"),
                                           (5, "-ts_type arkimex -imex_implicit none")])
 def test_run_agrees_with_scipy(seed, method):
     text, (psi, eta) = drawn(seed)
-    s, _ = run(text + method)
+    s, _ = run(text + method.split())
     blocks = len(psi)
     check(s["unknowns"] == blocks * (1 if seed % 3 == 0 else 2), f"{s['unknowns']} unknowns")
     # steps of 1e-10 each, a few hundred of them
@@ -132,16 +99,14 @@ def test_small_mass_tends_to_none():
     check(abs(part - 2) < 0.05, f"psi: twice the mass moves it {part} times as far")
 
 
-def matrix(n, law, B, k0, k1, v, held, ring=False):
-    """J of eta and s: the two beside each other, blocks between free ends, or the first held at v."""
-    coupling = d2(np.eye(n + held), ring)[held:, held:]
-    s = np.log(law.D / v) if law.has_state else 0.0
-    _, by_psi, by_state = law.force(np.full(n, v), np.full(n, s))
-    K, slope = k0 * np.eye(n) - k1 * coupling, B + by_psi
-    if not law.has_state:
-        return -K / slope
-    x = v / law.D  # ageing: g = exp(-s) - psi/D
-    return np.block([[-K / slope, K * (by_state / slope)], [np.diag(-1 / law.D / slope), np.diag(by_state / law.D / slope - x)]])
+def matrix(system):
+    """J of eta and s, the two beside each other, of uniform sliding."""
+    n, free, v = system.n, system.free, np.full(system.n, system.p["model_v"])
+    by_psi, by_state, g_psi, g_s = (np.diag(x) for x in system.law.slopes(v, system.law.steady(v) if system.kinds == 3 else 0 * v))
+    K, mobility = system.K0 * np.eye(n) - system.K1 * system.D, np.linalg.inv(system.B * np.eye(n) + by_psi)
+    J = np.block([[-K @ mobility, K @ mobility @ by_state], [g_psi @ mobility, g_s - g_psi @ mobility @ by_state]])
+    at = np.concatenate([free, free + n][:system.kinds - 1])
+    return J[np.ix_(at, at)]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -150,15 +115,13 @@ def test_spectrum_is_the_dense_matrix(seed):
     n, held, v, k0, k1 = 8, seed % 2, random.uniform(0.2, 0.8), random.uniform(0.05, 0.5), random.uniform(0.1, 0.8)
     amplitude = random.uniform(0.6, 1.4, n + held)
     name, B = ("ageing", random.uniform(0.1, 0.5)) if seed < 3 else ("cubic", random.uniform(1.6, 2))
-    law = Law(name, a=0.3, b=0.7, D=0.4, amplitude=amplitude[held:])
-    text = CHAIN + (f"-grid_n {n + held} -model_k0 {k0!r} -model_k1 {k1!r} -model_zeta {B!r} -model_v {v!r} -bc_left "
-                    f"{'velocity' if held else 'free'} -friction_amplitude_profile "
-                    + ",".join(f"{i}:{x!r}" for i, x in enumerate(map(float, amplitude))) + " -spectrum_count 99 ")
+    p = options(CHAIN) | {"grid_n": n + held, "model_k0": k0, "model_k1": k1, "model_zeta": B, "model_v": v, "spectrum_count": 99,
+                          "bc_left": "velocity" if held else "free", "friction_amplitude": amplitude}
     if name == "ageing":
-        text += "-friction_law rate-and-state -friction_a 0.3 -friction_b 0.7 -friction_D 0.4 "
-    exact = sorted(np.linalg.eigvals(matrix(n, law, B, k0, k1, v, held)), key=lambda z: (-z.real, z.imag))
+        p |= {"friction_law": "rate-and-state", "friction_a": 0.3, "friction_b": 0.7, "friction_D": 0.4}
+    exact = sorted(np.linalg.eigvals(matrix(System(p))), key=lambda z: (-z.real, z.imag))
     for method in ("dense", "krylov"):
-        s, _ = run(text + f"-spectrum_method {method}", command="spectrum")
+        s, _ = run(words(p | {"spectrum_method": method}), command="spectrum")
         found = [complex(e["re"], e["im"]) for e in s["eigenvalues"]]
         check(method == "krylov" or len(found) == len(exact), f"{len(found)} eigenvalues of {len(exact)}")
         worst = max(min(abs(z - e) for e in exact) for z in found)
@@ -194,7 +157,7 @@ def test_steps_between_earthquakes_are_long():
 
 
 def test_what_is_refused():
-    for arguments, command, words in (
+    for arguments, command, parts in (
             ("-friction_law carlson-langer -model_zeta 0.9", "run", ["falls with velocity", "model_m > 0"]),
             ("-friction_law coulomb -model_zeta 2", "run", ["falls from its threshold to 0.5"]),
             ("-friction_law coulomb -friction_fd 1", "run", ["zeta/f0 = 0"]),
@@ -207,7 +170,7 @@ def test_what_is_refused():
             ("-model_zeta 2 -lyapunov_count 1", "run", ["lyapunov_count"]),
             ("-model_zeta 2", "cycle", ["-model_m 0"]),
             ("-model_zeta 2 -chart_kind limits", "chart", ["limits"])):
-        refused(CHAIN + "-grid_n 4 " + arguments, 2, *words, command=command)
+        refused(CHAIN + "-grid_n 4 " + arguments, 2, *parts, command=command)
     _, told = run(CHAIN + "-grid_n 4 -model_zeta 0.5", command="spectrum", code=1)
     check("zeta/f0 + F_psi = -0.46" in told, told)
 
