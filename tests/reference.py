@@ -228,6 +228,7 @@ class System:
         return np.ones(self.n, bool) if self.going is None else self.going != 0
 
     def rates(self, t, u):
+        u = np.asarray(u)
         psi, _, s = self.split(u)
         excess = np.where(self.slides(), self.pull(u) - self.law.force(psi, s, self.going), 0)
         out = [np.where(self.slides() & self.moves, self.A * (excess - self.B * psi), 0),

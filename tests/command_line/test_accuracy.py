@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from calls import PROGRAM, SOURCE
-
+from reference import System
 
 SCENE = ["-grid_length", 20, "-init_type", "sine", "-ts_max_time", 1]
 BLOCK = ["-model_form", "chain", "-grid_n", 1, "-bc_left", "free", "-model_v", 0.2, "-init_eta", "steady",
@@ -228,23 +228,19 @@ def test_numbers_of_random_chains(seed):
     """Blocks on springs against SciPy: mean period and amplitude by their definitions in docs/summary.md."""
     r = np.random.default_rng(seed)
     n, v, k1, zeta, t_end = int(r.integers(2, 5)), r.uniform(-0.6, 0.6), 10**r.uniform(-1, 0.5), r.uniform(0, 0.1), 100
-    start, k0 = r.uniform(-0.5, 0.5), 0.2
+    start = r.uniform(-0.5, 0.5)
     words = ["-model_form", "chain", "-grid_n", n, "-bc_left", "free", "-model_v", v, "-model_k1", k1, "-model_zeta", zeta,
              "-init_type", "sine", "-init_psi", start, "-init_amplitude", 0.4, "-ts_max_time", t_end, "-out_probes", 0]
 
-    def motion(_, u):
-        psi, eta = u[:n], u[n:]
-        wide = np.concatenate([psi[:1], psi, psi[-1:]])
-        return np.concatenate([eta - zeta * psi - cubic(psi),
-                               k0 * (v - psi) + k1 * (wide[:-2] - 2 * psi + wide[2:])])
+    system = System(words)
 
     def passes(_, u):
         return u[0] - v
     passes.direction = np.copysign(1, v)  # along the plate's way
     x = np.arange(n) / max(1, n - 1)
     begin = np.concatenate([start + 0.4 * np.sin(2 * np.pi * x), np.full(n, 0.1)])
-    turns = [lambda t, u, i=i: motion(t, u)[i] for i in range(n)]
-    exact = solve_ivp(motion, (0, t_end), begin, method="DOP853", rtol=1e-11, atol=1e-12, events=[passes, *turns],
+    turns = [lambda t, u, i=i: system.rates(t, u)[i] for i in range(n)]
+    exact = solve_ivp(system.rates, (0, t_end), begin, method="DOP853", rtol=1e-11, atol=1e-12, events=[passes, *turns],
                       dense_output=True)
     times = exact.t_events[0][exact.t_events[0] >= t_end / 2]
     period = (times[-1] - times[0]) / (len(times) - 1)
@@ -317,10 +313,8 @@ def test_steps_that_hardly_depend_on_the_tolerance():
              0.195, "-ts_max_time", 2.32, "-bc_left", "free", "-out_probes", 0]
     made = run(*words, "-accuracy", 1.2e-5)
 
-    def block(_, u):
-        return [u[1] - cubic(u[0]), 0.2 * (0.097 - u[0])]
-    exact = solve_ivp(block, (0, 2.32), [0.195, 0.1], method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
-    error = max(abs(made["probes"][0][name] - exact[i]) for i, name in enumerate(("psi", "eta")))
+    exact = System(words).follow(np.repeat([0.195, 0.1], 5), 0, 2.32)
+    error = max(abs(made["probes"][0][name] - exact[i]) for i, name in ((0, "psi"), (5, "eta")))
     assert error <= 1.2e-5 and error / 3 <= made["error_estimate"] <= 1.2e-5, (error, made["error_estimate"])
 
 

@@ -10,29 +10,26 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from calls import call, check, line, refused, run, scene_file
+from reference import System
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free -model_k0 1 -friction_law carlson-langer"
 BRAKE = ("-model_form chain -grid_n 1 -model_m 1.2 -model_k0 2e6 -model_f0 500 -model_zeta 8 -friction_law carlson-langer "
          "-friction_alpha 2 ")
 
 
-def force_back(v, m=1., k0=1., f0=1., zeta=0., alpha=0.5, sigma=0.):
+def force_back(v, k0=1., zeta=0.):
     """A block begins to slip at its threshold, swings back beyond rest and comes to psi = 0 once more: the force on it there, in
     units of f0, less the threshold, by an independent integration."""
-    drop = lambda s: (1 - sigma) / (1 + 2 * alpha * s / (1 - sigma))
-
-    def rates(side):
-        return lambda t, y: [f0 / m * (y[1] - side * drop(abs(y[0]))) - zeta / m * y[0], k0 / f0 * (v - y[0])]
+    block = System({"model_form": "chain", "grid_n": 1, "model_k0": k0, "model_zeta": zeta, "model_v": v,
+                    "friction_law": "carlson-langer"})
 
     def passes(t, y):
         return y[0]
-    passes.terminal = True
-    tau = 2 * np.pi * np.sqrt(m / k0)
-    y = [1e-14 * v, 1.]
+    passes.terminal, y = True, [0, 1.]
     for side in (1, -1):
-        passes.direction = -side
+        passes.direction, block.going = -side, np.array([side])
         y = [side * 1e-13 * v, y[1]]
-        y = solve_ivp(rates(side), (0, 5 * tau), y, "DOP853", events=passes, rtol=1e-12, atol=1e-13).y[:, -1]
+        y = solve_ivp(block.rates, (0, 10 * np.pi / np.sqrt(k0)), y, "DOP853", events=passes, rtol=1e-12, atol=1e-13).y[:, -1]
     return y[1] - 1
 
 

@@ -9,18 +9,22 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
 
 from calls import SOURCE, call, check, run, scene_file
+from reference import System
 
 BLOCK = "-model_form chain -model_k0 0.2 -model_k1 0.2 -model_zeta paper -friction_law carlson-langer -grid_n 16 "
+SMOOTHED = BLOCK + "-friction_stick regularised -friction_eps 0.05 "
 IN_V = "-boundary_parameter model_v -boundary_from 0.1 -boundary_to 5 "
 
 
-def least_velocity(v, k0=0.2, zeta=np.sqrt(0.02), kinetic=lambda psi: 1 / (1 + psi)):
+def least_velocity(v, zeta="paper"):
     """The least psi of the slip that begins at psi = 0, eta = 1, where it turns for the first time."""
-    def turn(_, y):
-        return y[1] - zeta * y[0] - kinetic(y[0])
+    block = System(BLOCK + f"-grid_n 1 -model_v {v} -model_zeta {zeta}")
+    block.going = np.ones(1)
+
+    def turn(t, y):
+        return block.rates(t, y)[0]
     turn.direction, turn.terminal = 1, True
-    found = solve_ivp(lambda t, y: [turn(t, y), k0 * (v - y[0])], (0, 60), [1e-12, 1.], events=turn, method="DOP853",
-                      rtol=1e-12, atol=1e-13)
+    found = solve_ivp(block.rates, (0, 60), [1e-12, 1.], events=turn, method="DOP853", rtol=1e-12, atol=1e-13)
     return found.y_events[0][0][0]
 
 
@@ -125,24 +129,20 @@ def test_any_number_of_ranks():
 
 
 class Smoothed:
-    """The block of Carlson and Langer smoothed over eps, with the divergence along its motion."""
+    """The block of Carlson and Langer smoothed over 0.05, with the divergence along its motion."""
 
-    def __init__(self, zeta, eps, k0=0.2):
-        self.zeta, self.eps, self.k0 = zeta, eps, k0
-
-    def __call__(self, _, y, v):
-        p = y[0]
-        t = np.tanh(p / self.eps)
-        m, dt = 1 + p * t, (1 - t * t) / self.eps
-        return [y[1] - self.zeta * p - t / m, self.k0 * (v - p), -self.zeta - (dt * m - t * (t + p * dt)) / m**2]
+    def __init__(self, zeta):
+        self.block = System(SMOOTHED + f"-grid_n 1 -model_zeta {zeta}")
 
     def go(self, time, y, v, **more):
-        return solve_ivp(self, (0, time), y, args=(v,), method="DOP853", rtol=3e-13, atol=1e-13, **more)
+        self.block.v = lambda t: v
+        return solve_ivp(lambda t, y: [*self.block.rates(t, y[:2]), np.trace(self.block.jacobian(y[:2]))], (0, time), y,
+                         method="DOP853", rtol=3e-13, atol=1e-13, **more)
 
     def fold(self, v):
         """The cycle whose second multiplier is 1: its divergence has the mean 0. From the cycle that attracts a bit below v."""
-        def up(_, y, w):
-            return y[0] - w
+        def up(_, y):
+            return y[0] - v + 0.01
         up.direction = 1
         settled = self.go(100, [v, 3., 0], v - 0.01, events=up)
 
@@ -154,9 +154,6 @@ class Smoothed:
         return found.x[0]
 
 
-SMOOTHED = BLOCK + "-friction_stick regularised -friction_eps 0.05 "
-
-
 def test_smooth_friction_ends_by_a_fold():
     found, _ = run(SMOOTHED + IN_V + "-boundary_verify 1", command="boundary")
     kinds = [(p["of"], p["kind"]) for p in found["points"]]
@@ -164,7 +161,7 @@ def test_smooth_friction_ends_by_a_fold():
     # below the first Hopf point, which is supercritical, sliding attracts and nothing else does: no second point there
     check(found["points"][0]["criticality"] == "supercritical", found["points"][0])
     end = found["points"][2]["value"]
-    known = Smoothed(np.sqrt(0.02), 0.05).fold(end)
+    known = Smoothed("paper").fold(end)
     check(abs(end - known) < 1e-8, f"{end}, by shooting {known}")
     branch = run(SMOOTHED + "-model_v 2 -cycle_continue model_v -cycle_to 3", command="cycle")[0]["special"][0]
     check(branch["kind"] == "fold" and abs(branch["value"] - known) < 1e-8, branch)
@@ -181,7 +178,7 @@ def test_a_curve_of_folds():
     check(len(points) == 5 and all(p["kind"] == "fold" and p["piece"] == 0 for p in points), points)
     check({points[0]["value2"], points[-1]["value2"]} == {0.1, 0.3}, "from border to border")
     p = points[2]
-    known = Smoothed(p["value2"], 0.05).fold(p["value"])
+    known = Smoothed(p["value2"]).fold(p["value"])
     check(abs(p["value"] - known) < 1e-7, f"{p['value']} at zeta {p['value2']}, by shooting {known}")
 
 

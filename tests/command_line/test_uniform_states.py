@@ -7,22 +7,23 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from calls import check, refused, run, scene_file
+from reference import Law, System, options
 
-A, B, D, MU0, PSI0, PSI_S, PSI_H = 0.05, 0.1, 1, 0.6, 0.1, 0.1, 0.005
+CHAIN = ("-model_form chain -model_k0 0 -model_k1 10 -model_v 0.01 -friction_law n-shaped -friction_D 1"
+         " -friction_psi0 0.1 -friction_psi_s 0.1 -state_psi_h 0.005 -bc_left free")
+PSI_S, PSI_H = 0.1, 0.005
+LAW = Law(options(CHAIN))
 
 
 def steady(psi):
-    theta = D / math.hypot(psi, PSI_H)
-    return A * math.asinh(psi / (2 * PSI0) * math.exp((MU0 + B * math.log(PSI0 * theta / D + PSI0 / PSI_S)) / A))
+    return LAW.force(psi, LAW.steady(psi))
 
 
 def test_three_motions_at_one_force():
     # without k0 the force stays: all velocities that it carries, those on the falling branch unstable
-    chain = ("-model_form chain -model_k0 0 -model_k1 10 -model_v 0.01 -friction_law n-shaped -friction_D 1"
-             " -friction_psi0 0.1 -friction_psi_s 0.1 -state_psi_h 0.005 -grid_n 60 -bc_left free")
-    s, _ = run(chain + " -init_eta 0.72", command="spectrum")
+    s, _ = run(CHAIN + " -grid_n 60 -init_eta 0.72", command="spectrum")
     psi = np.logspace(-8, 3, 4000)
-    off = np.array([steady(p) - 0.72 for p in psi])
+    off = steady(psi) - 0.72
     exact = [brentq(lambda p: steady(p) - 0.72, psi[i], psi[i + 1], xtol=1e-16) for i in np.where(np.diff(np.sign(off)))[0]]
     found = s["uniform_states"]
     check(len(exact) == 3 and np.allclose([u["psi"] for u in found], exact, rtol=1e-9), f"{found} instead of {exact}")
@@ -32,17 +33,11 @@ def test_three_motions_at_one_force():
         check(abs(u["slope"] - (steady(u["psi"] + h) - steady(u["psi"] - h)) / (2 * h)) < 1e-6 * abs(u["slope"]) + 1e-7, f"{u}")
     # on the falling branch the uniform mode leaves it: lambda (lambda + a) + r b = 0, a = F_psi, b = dF_ss/dpsi
     u = found[1]
-    e = 1e-6
-    theta = D / math.hypot(u["psi"], PSI_H)
-
-    def F(p):
-        return A * math.asinh(p / (2 * PSI0) * math.exp((MU0 + B * math.log(PSI0 * theta / D + PSI0 / PSI_S)) / A))
-
-    a, r = (F(u["psi"] * (1 + e)) - F(u["psi"] * (1 - e))) / (2 * e * u["psi"]), 1 / theta
-    rate = max(np.roots([1, a + r, r * u["slope"]]).real)
+    a, _, _, r = LAW.slopes(u["psi"], LAW.steady(u["psi"]))
+    rate = max(np.roots([1, a - r, -r * u["slope"]]).real)
     check(abs(u["growth_rate"] - rate) < 1e-6 * rate and u["wavenumber"] == 0, f"{u} instead of {rate}")
     # n-shaped: extremes near psi_h sqrt(a/(b - a)) and psi_s (b - a)/a; other chains have no such list
-    values = [steady(p) for p in psi]
+    values = steady(psi)
     turns = [psi[i] for i in range(1, len(psi) - 1) if (values[i] - values[i - 1]) * (values[i + 1] - values[i]) < 0]
     check(len(turns) == 2 and abs(turns[0] / PSI_H - 1) < 0.2 and abs(turns[1] / PSI_S - 1) < 0.2, f"extremes at {turns}")
     s, _ = run("-model_form chain -grid_n 8", command="spectrum")
@@ -55,14 +50,10 @@ def test_a_front_between_two_of_them():
     with h5py.File("front.h5") as f:
         t, psi, eta, theta = (f[name][:] for name in ("t", "psi", "eta", "theta"))
 
-    def rates(_, y):
-        p, e, s = y[0::3], y[1::3], y[2::3]
-        wide = np.concatenate([p[:1], p, p[-1:]])
-        d2 = wide[2:] - 2 * p + wide[:-2]
-        l = (MU0 + B * np.log(PSI0 * np.exp(s) / D + PSI0 / PSI_S)) / A
-        psi_t = e - A * np.arcsinh(p / (2 * PSI0) * np.exp(l))
-        psi_t[0] = 0
-        return np.stack([psi_t, 10 * d2, np.exp(-s) - np.hypot(p, PSI_H) / D], axis=1).ravel()
+    system = System(CHAIN.replace("free", "velocity") + f" -grid_n {n}")
+
+    def rates(_, y):  # node by node: a banded Jacobian
+        return system.rates(0, y.reshape(n, 3).T.ravel()).reshape(3, n).T.ravel()
 
     start = np.stack([psi[0], eta[0], np.log(theta[0])], axis=1).ravel()
     scipy = solve_ivp(rates, (0, end), start, method="LSODA", lband=4, uband=4, rtol=1e-7, atol=1e-9, t_eval=t).y[0::3].T
