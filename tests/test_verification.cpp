@@ -7,6 +7,7 @@
 #include <complex>
 #include <functional>
 
+#include "stickslip/numerics/dense.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "stickslip/base/error.hpp"
+#include "stickslip/numerics/dense.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/model/oscillator.hpp"
 #include "stickslip/stability/fastest_wave.hpp"

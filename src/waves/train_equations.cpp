@@ -4,6 +4,7 @@
 
 #include "stickslip/base/error.hpp"
 #include "numerics/cyclic.hpp"
+#include "stickslip/numerics/dense.hpp"
 #include "waves/viscous_train.hpp"
 
 namespace stickslip {

@@ -22,7 +22,6 @@
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/numerics/collocation.hpp"
-#include "stickslip/numerics/dense.hpp"
 #include "stickslip/numerics/periodic_mesh.hpp"
 
 namespace stickslip {

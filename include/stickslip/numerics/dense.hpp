@@ -1,27 +1,56 @@
-// Small dense systems. Local to the process.
+// Small dense systems, row-major. Local to the process.
 #pragma once
 
+#include <algorithm>
 #include <complex>
 #include <vector>
 
 namespace stickslip {
 
-// Solves the n by n system a x = b in place by elimination with row exchanges; a is row-major and destroyed,
-// b holds `columns` right-hand sides (row-major, n by columns) and becomes x. False where a is singular.
+// Solves the n by n system a x = b in place by elimination with row exchanges, where a_ij = 0 for |i - j| >
+// band, in O(n band (band + columns)); a is destroyed, b holds `columns` right-hand sides and becomes x.
+// False where a is singular. For bands, and for what motions in time rest on: the order of operations stands
+// here, whatever release of Eigen solves other systems.
 template <class T>  // double, std::complex<double>
-bool solve_dense(int n, T* a, int columns, T* b);
-
-// The same where a_ij = 0 for |i - j| > band, in O(n band (band + columns)); what stands outside of the band
-// must be 0.
+bool solve_banded(int n, int band, T* a, int columns, T* b) {
+  for (int k = 0; k < n; ++k) {
+    const int below = std::min(n, k + band + 1), right = std::min(n, k + 2 * band + 1);
+    int pivot = k;
+    for (int i = k + 1; i < below; ++i)
+      if (std::abs(a[i * n + k]) > std::abs(a[pivot * n + k])) pivot = i;
+    if (!(std::abs(a[pivot * n + k]) > 0)) return false;
+    if (pivot != k) {
+      std::swap_ranges(a + k * n + k, a + k * n + right, a + pivot * n + k);
+      std::swap_ranges(b + k * columns, b + (k + 1) * columns, b + pivot * columns);
+    }
+    const T inverse = T(1) / a[k * n + k];
+    for (int i = k + 1; i < below; ++i) {
+      const T factor = a[i * n + k] * inverse;
+      if (factor == T(0)) continue;
+      for (int j = k + 1; j < right; ++j) a[i * n + j] -= factor * a[k * n + j];
+      for (int j = 0; j < columns; ++j) b[i * columns + j] -= factor * b[k * columns + j];
+    }
+  }
+  for (int k = n - 1; k >= 0; --k) {
+    const T inverse = T(1) / a[k * n + k];
+    for (int i = k + 1; i < std::min(n, k + 2 * band + 1); ++i) {
+      const T factor = a[k * n + i];
+      if (factor == T(0)) continue;
+      for (int j = 0; j < columns; ++j) b[k * columns + j] -= factor * b[i * columns + j];
+    }
+    for (int j = 0; j < columns; ++j) b[k * columns + j] *= inverse;
+  }
+  return true;
+}
 template <class T>
-bool solve_banded(int n, int band, T* a, int columns, T* b);
+bool solve_dense(int n, T* a, int columns, T* b) {
+  return solve_banded(n, n, a, columns, b);
+}
 
 // All mu with det(a - mu b) = 0, d by d, row-major: by the QZ method of LAPACK (dggev, zggev). A mu of
 // +-infinity where b is singular. Largest modulus first, those of a conjugate pair as neighbours. Throws
-// Failure where the method fails.
-std::vector<std::complex<double>> generalised_eigenvalues(int d, std::vector<double> a,
-                                                          std::vector<double> b);
-std::vector<std::complex<double>> generalised_eigenvalues(int d, std::vector<std::complex<double>> a,
-                                                          std::vector<std::complex<double>> b);
+// Failure where the method fails. (Eigen has it for real matrices only.)
+template <class T>  // double, std::complex<double>
+std::vector<std::complex<double>> generalised_eigenvalues(int d, std::vector<T> a, std::vector<T> b);
 
 }  // namespace stickslip
