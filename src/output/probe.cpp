@@ -39,10 +39,23 @@ Combination NodesAround::at(double x) const {
 
 Combination interpolation_at(const Scene& scene, double x) { return NodesAround(scene).at(x); }
 
+FrictionAt::FrictionAt(const Scene& scene, const std::vector<double>& x) {
+  if (scene.friction.varies())
+    laws_ = Friction::along(scene.friction, x);
+  else
+    laws_ = {Friction::of(scene.friction)};
+  for (const double at : x) amplitude_.push_back(friction_amplitude_at(scene, at));
+}
+
+double FrictionAt::force(std::size_t place, double psi, double state) const {
+  return amplitude_[place] * laws_[laws_.size() == 1 ? 0 : place]->force(psi, state);
+}
+
 Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x) : dof_(model.dof()) {
   const bool varies = whole.friction.varies();
   if (!varies) friction_ = Friction::of(whole.friction);
   std::vector<PetscInt> nodes;
+  std::vector<double> places;  // of them
   const NodesAround around(whole);
   for (const double at : x) {
     const Combination combination = around.at(at);
@@ -54,18 +67,16 @@ Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>
       const double excess =
           spread ? friction_amplitude_at(whole, at) - friction_amplitude_at(whole, whole.x(node)) : 0;
       row.push_back({nodes.size(), weight, excess});
-      if (between && varies) {
-        const auto both = Friction::along(whole.friction, {at, whole.x(node)});
-        row.back().here = both[0];
-        row.back().own = both[1];
-        row.back().a_here = friction_amplitude_at(whole, at);
-        row.back().a_own = friction_amplitude_at(whole, whole.x(node));
-      }
       nodes.push_back(node % model.scene().n);
+      places.push_back(whole.x(node));
     }
     rows_.push_back(std::move(row));
   }
   if (x.empty()) return;
+  if (varies && whole.form == Form::continuum) {
+    here_.emplace(whole, x);
+    own_.emplace(whole, places);
+  }
   std::vector<PetscInt> entries;
   for (const PetscInt node : nodes)
     for (PetscInt d = 0; d < dof_; ++d) entries.push_back(node * dof_ + d);
@@ -92,9 +103,8 @@ const Probes::Values& Probes::read(Vec u) {
       psi += part.weight * node[0];
       eta += part.weight * node[1];
       if (part.excess != 0) eta += part.weight * part.excess * friction_->force(node[0], state);
-      if (part.own)
-        eta += part.weight * (part.a_here * part.here->force(node[0], state) -
-                              part.a_own * part.own->force(node[0], state));
+      if (here_ && rows_[row].size() > 1)
+        eta += part.weight * (here_->force(row, node[0], state) - own_->force(part.index, node[0], state));
     }
     values_.psi[row] = psi;
     values_.eta[row] = eta;

@@ -12,7 +12,6 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/output/gather.hpp"
-#include "stickslip/output/probe.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/study/start.hpp"
 #include "study/simulate.hpp"
@@ -143,18 +142,6 @@ Trial run_trial(const Options& asked, const Setting& setting, const std::string&
   model.set_held(u);
   trial.end = fields_of(model, u, whole.n);
   return trial;
-}
-
-FrictionAt::FrictionAt(const Scene& scene, const std::vector<double>& x) {
-  if (scene.friction.varies())
-    laws_ = Friction::along(scene.friction, x);
-  else
-    laws_ = {Friction::of(scene.friction)};
-  for (const double at : x) amplitude_.push_back(friction_amplitude_at(scene, at));
-}
-
-double FrictionAt::force(std::size_t place, double psi, double state) const {
-  return amplitude_[place] * laws_[laws_.size() == 1 ? 0 : place]->force(psi, state);
 }
 
 Fields fields_with_friction(const Scene& scene, std::vector<double> psi, std::vector<double> eta,

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -36,6 +37,18 @@ class NodesAround {
 };
 Combination interpolation_at(const Scene& scene, double x);
 
+// Friction at places of a continuum where it differs along x; without places none.
+class FrictionAt {
+ public:
+  FrictionAt() = default;
+  FrictionAt(const Scene& scene, const std::vector<double>& x);
+  double force(std::size_t place, double psi, double state) const;  // a F
+
+ private:
+  std::vector<double> amplitude_;
+  std::vector<std::shared_ptr<const Friction>> laws_;  // one, where it is the same everywhere
+};
+
 class Probes {
  public:
   // At points x of the scene `whole`, of which the model may be one of several equal cells. Collective.
@@ -51,10 +64,9 @@ class Probes {
   struct Part {
     std::size_t index;  // into the fetched nodes
     double weight, excess;
-    std::shared_ptr<const Friction> here = nullptr, own = nullptr;  // at x and at the node, where they differ
-    double a_here = 1, a_own = 1;
   };
   std::shared_ptr<const Friction> friction_;  // where it is the same everywhere
+  std::optional<FrictionAt> here_, own_;      // at the points and at the nodes, where it is not
   int dof_;
   std::vector<std::vector<Part>> rows_;
   ScatterHandle scatter_;

@@ -18,6 +18,7 @@
 // its own.
 #pragma once
 
+#include <cmath>
 #include <map>
 #include <memory>
 #include <optional>
@@ -49,10 +50,10 @@ class StepAudit : public Observer {
     int beyond = 0;                     // steps given up on: too far for an accurate repetition
     bool near_sliding = false;          // does psi stand within a tenth of v at half the nodes?
     double near_time = 0;               // so long the motion was near sliding, as seen at the 16 times
-    double near_growth = 0, near_growth_of_all = 0;  // growth rates at the steps taken then, as below
+    double near_growth = NAN, near_growth_of_all = NAN;  // growth rates at the steps taken then, as below
     // Growth rates of sliding's perturbations, the true ones and those of the steps taken in the second half:
     // of the wavelengths that the grid resolves, and of all. NaN where there is no steady sliding.
-    double growth = 0, growth_taken = 0, growth_of_all = 0, growth_taken_of_all = 0;
+    double growth = NAN, growth_taken = NAN, growth_of_all = NAN, growth_taken_of_all = NAN;
   };
   // At the end, at u.
   Verdict verdict(Vec u) const;

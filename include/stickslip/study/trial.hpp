@@ -12,6 +12,7 @@
 #include "stickslip/options/options.hpp"
 #include "stickslip/model/scene.hpp"
 #include "stickslip/output/measure.hpp"
+#include "stickslip/output/probe.hpp"
 #include "stickslip/time/methods.hpp"
 
 namespace stickslip {
@@ -29,18 +30,6 @@ struct Setting {
 // a F.
 struct Fields {
   std::vector<double> psi, eta, state, friction;
-};
-
-// Friction at places of such a continuum; without places none.
-class FrictionAt {
- public:
-  FrictionAt() = default;
-  FrictionAt(const Scene& scene, const std::vector<double>& x);
-  double force(std::size_t place, double psi, double state) const;  // a F
-
- private:
-  std::vector<double> amplitude_;
-  std::vector<std::shared_ptr<const Friction>> laws_;  // one, where it is the same everywhere
 };
 
 // What a run ends with, and what was measured on its way.
