@@ -14,6 +14,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/regime.hpp"
 #include "stickslip/study/trial.hpp"
+#include "study/simulate.hpp"
 
 using namespace stickslip;
 
@@ -311,4 +312,42 @@ TEST_CASE("a quarter of any number of steps has the amplitude of its nodes", "[m
     CAPTURE(steps);
     CHECK(*watch.result().amplitude == amplitude);
   }
+}
+
+TEST_CASE(
+    "every step of a run is seen once, also where it is prolonged, and the run ends where it is told to",
+    "[measure]") {
+  struct Seen : Observer {
+    std::vector<double> begin, end;
+    void step(const ObservedStep& step) override {
+      begin.push_back(step.t_before);
+      end.push_back(step.t);
+    }
+  };
+  Scene scene;
+  scene.n = 16;
+  const Model model(PETSC_COMM_WORLD, scene);
+  VecHandle u = model.create_vector();
+  SS_TRY(VecSet(u, 0.3));
+  Integrator integrator(model, MethodSpec(), u);
+  Seen seen, also;
+  for (const double t : {0., 1., 3.}) simulate(integrator, u, {t, 2 * t + 1}, {&seen, &also});
+  CHECK(seen.begin.front() == 0);
+  CHECK(seen.end.front() == 0);
+  for (std::size_t k = 1; k < seen.end.size(); ++k) {
+    CHECK(seen.begin[k] == seen.end[k - 1]);
+    CHECK(seen.end[k] > seen.begin[k]);
+  }
+  CHECK(seen.end.back() == 7);
+  CHECK(also.end == seen.end);
+  double watching = 0;
+  Seen few;
+  const auto stop = [&](const Integrator::Step&) {
+    return few.end.size() == 3 ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
+  };
+  Integrator another(model, MethodSpec(), u);
+  simulate(another, u, {0, 50, 1000, 0, &watching}, {&few}, stop);
+  CHECK(few.end.size() == 3);
+  CHECK(another.report().reason == "stopped");
+  CHECK(watching > 0);
 }
