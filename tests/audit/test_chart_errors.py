@@ -38,9 +38,7 @@ def at_the_end(p, fourier=0):
     """psi and eta of the nodes at the end; of `fourier` nodes with derivatives by Fourier's method."""
     n = fourier or p["grid_n"]
     system = System(p | {"grid_n": n})
-    if fourier:
-        wave = 2 * np.pi * np.fft.rfftfreq(n, system.h)
-        system.second = lambda psi: np.fft.irfft(-wave**2 * np.fft.rfft(psi), n)
+    system = system.by_fourier() if fourier else system
     x = np.arange(n) * system.h
     psi = p["init_psi"] + p["init_amplitude"] * np.sin(2 * np.pi * x / (x[-1] + (system.h if system.ends[0] == "periodic" else 0)))
     start = np.concatenate([psi, np.full(n, p["init_eta"])] + ([system.law.steady(psi)] if system.kinds == 3 else []))

@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 
 from calls import call, check, run
+from reference import Law
 
 FROM, TO = 0.1, 4.0
 DEAD = {"sliding", "decaying"}
@@ -43,15 +44,10 @@ def sticks(s):
     return s["kind"] in STICKING
 
 
-def steady_force(s, v):
-    if s["friction_law"] == "rate-and-state":
-        return s["friction_mu0"] + (s["friction_a"] - s["friction_b"]) * np.log(v)
-    return {"cubic": v ** 3 / 3 - v, "carlson-langer": 1 / (1 + v), "coulomb": 0.5}[s["friction_law"]]
-
-
 def regime(s, v):
     """Where a strong slip goes in time: from rest where friction sticks, else from ten friction forces above sliding."""
-    force = steady_force(s, v)
+    law = Law(s)
+    force = law.force(v, law.steady(v))
     start = "-init_psi 0 -init_eta 0 " if sticks(s) else \
         f"-init_psi {v} -init_eta {s['model_zeta'] * v + force + 10 * (abs(force) + 1 / 3)} "
     period = 2 * np.pi * np.sqrt(s["model_m"] / s["model_k0"])

@@ -1,5 +1,4 @@
 """The catalogue of slip events (out_events): known events, any number of ranks, restart, kill -9, pictures."""
-import json
 import os
 import signal
 import subprocess
@@ -10,15 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
-from calls import PROGRAM, SOURCE, check, checkpoint_block, refused, scene_file, words
-
-
-def run(arguments, ranks=1, code=0):
-    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    done = subprocess.run(launcher + [PROGRAM, "run", "-summary", "s.json", "-progress", "off"] + words(arguments),
-                          capture_output=True, text=True, timeout=300)
-    check(done.returncode == code, f"exit {done.returncode} instead of {code}: {arguments}\n{done.stderr}")
-    return json.load(open("s.json")), done.stderr
+from calls import PROGRAM, SOURCE, check, checkpoint_block, refused, run, scene_file, words
 
 
 def catalogue(path):

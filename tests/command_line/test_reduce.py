@@ -1,6 +1,5 @@
 """scene_reduce as a user meets it: the reduced run is the whole one on any number of ranks, in every output; what
 breaks the symmetry by one bit is not reduced; a restart keeps the reduction; unstable symmetry is warned of."""
-import json
 import os
 import subprocess
 
@@ -8,15 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from calls import PROGRAM, check, data
-
-
-def run(arguments, ranks=1, code=0):
-    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    done = subprocess.run(launcher + [PROGRAM, "run", "-progress", "off", "-summary", "summary.json"] + arguments.split(),
-                          capture_output=True, text=True, timeout=300)
-    check(done.returncode == code, f"exit {done.returncode} instead of {code}: run {arguments}\n{done.stderr}")
-    return json.load(open("summary.json")), done.stderr
+from calls import PROGRAM, check, data, run
 
 
 FIXED = " -ts_adapt_type none -ts_dt 0.01"
