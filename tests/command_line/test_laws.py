@@ -1,40 +1,26 @@
 """The command laws: tables against the formulas written out here, the file against the summary, wrong use refused."""
-import json
 import os
 import subprocess
 import sys
 
 import numpy as np
+import pytest
 import xarray
 
-from calls import PROGRAM, SOURCE
+from calls import SOURCE, refused, run
 
 
-def call(*words):
-    return subprocess.run([PROGRAM, "laws", *words], capture_output=True, text=True)
-
-
-def summary(*words):
-    done = call(*words, "-summary", "-")
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+def summary(words=""):
+    return run(words, command="laws")[0]
 
 
 def close(actual, expected):
     np.testing.assert_allclose(np.array(actual, dtype=float), expected, rtol=1e-13, atol=1e-15)
 
 
-def refused(part, *words):
-    done = call(*words)
-    lines = done.stderr.splitlines()
-    assert done.returncode == 2 and len(lines) == 1 and lines[0].startswith("stickslip: error: "), done
-    assert part in lines[0], lines[0]
-
-
 def test_every_law():
     """Every law by default, each with its own parameters."""
-    s = summary("-friction_fs", "1.5", "-friction_fd", "0.7", "-friction_mu0", "0.4", "-friction_a", "0.01", "-friction_b",
-                "0.015")
+    s = summary("-friction_fs 1.5 -friction_fd 0.7 -friction_mu0 0.4 -friction_a 0.01 -friction_b 0.015")
     psi = np.array(s["psi"])
     assert len(psi) == 601 and psi[0] == -3 and psi[-1] == 3 and psi[300] == 0
     close(psi, np.linspace(-3, 3, 601))
@@ -50,8 +36,8 @@ def test_every_law():
 
 def test_one_law_regularised():
     """One law, regularised; a range without 0."""
-    s = summary("-friction_law", "coulomb", "-friction_stick", "regularised", "-friction_eps", "0.1", "-friction_fs", "2",
-                "-friction_slip_velocity", "0.3", "-laws_from", "0.1", "-laws_to", "1.3", "-laws_points", "7")
+    s = summary("-friction_law coulomb -friction_stick regularised -friction_eps 0.1 -friction_fs 2 -friction_slip_velocity 0.3 "
+                "-laws_from 0.1 -laws_to 1.3 -laws_points 7")
     psi = np.array(s["psi"])
     close(psi, 0.1 + 0.2 * np.arange(7))
     smooth = np.tanh(psi / 0.1)
@@ -61,8 +47,8 @@ def test_one_law_regularised():
 
 def test_a_state_law():
     """A state law: the contact as strong as it settles to at each velocity."""
-    s = summary("-friction_law", "carlson-langer", "-state_law", "healing", "-state_t_h", "0.5", "-state_tau_inf", "3",
-                "-state_D", "2", "-friction_back_slip", "false", "-laws_points", "11")
+    s = summary("-friction_law carlson-langer -state_law healing -state_t_h 0.5 -state_tau_inf 3 -state_D 2 "
+                "-friction_back_slip false -laws_points 11")
     psi = np.array(s["psi"])
     tau = (3 / 0.5 + np.abs(psi) / 2) / (1 / 0.5 + np.abs(psi) / 2)
     close(s["carlson-langer"], tau * np.sign(psi) / (1 + np.abs(psi)))
@@ -72,7 +58,7 @@ def test_a_state_law():
 def test_the_file():
     """The file holds the same."""
     path = "laws.h5"
-    s = summary("-out_file", path, "-laws_points", "5")
+    s = summary(f"-out_file {path} -laws_points 5")
     with xarray.open_dataset(path, engine="h5netcdf") as data:
         close(data["psi"], s["psi"])
         for law in ("cubic", "carlson-langer", "coulomb", "rate-and-state"):
@@ -86,15 +72,14 @@ def test_the_file():
                                     s["stick"].get(name, [np.nan, np.nan]))
 
     # drawn, also where a stick range has no lower end
-    call("-out_file", path, "-friction_law", "coulomb", "-friction_back_slip", "false")
+    summary(f"-out_file {path} -friction_law coulomb -friction_back_slip false")
     plot = os.path.join(SOURCE, "postprocess", "plot.py")
     drawn = subprocess.run([sys.executable, "-B", plot, path, "-o", path + ".png"], capture_output=True, text=True)
     assert drawn.returncode == 0 and not drawn.stderr and os.path.getsize(path + ".png") > 5000, drawn
 
 
-def test_wrong_use():
-    refused("laws_from 4", "-laws_from", "4")
-    refused("laws_points 1", "-laws_points", "1")
-    refused("friction_fs", "-friction_law", "cubic", "-friction_fs", "2")
-    refused("-laws_points?", "-laws_pionts", "5")
-    refused("out_file", "-out_file", "/")
+@pytest.mark.parametrize("words, part", [
+    ("-laws_from 4", "laws_from 4"), ("-laws_points 1", "laws_points 1"), ("-friction_law cubic -friction_fs 2", "friction_fs"),
+    ("-laws_pionts 5", "-laws_points?"), ("-out_file /", "out_file")])
+def test_wrong_use(words, part):
+    refused(words, 2, part, command="laws")

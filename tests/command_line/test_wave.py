@@ -1,76 +1,53 @@
 """The command wave: summary, file, refusals; and a run that starts from a train."""
-import json
-import os
-import subprocess
-import tempfile
-
 import h5py
 import numpy as np
 import pytest
 
-from calls import PROGRAM, check
+from calls import check, data, refused, run
+
+RING = "-model_gamma 3 -model_delta 0 -model_v 0.5 -wave_length 100"
+START = "-init_type wave -init_pulses 2 -grid_length 40 -model_v 0.5 -ts_max_time 30 -ts_rtol 1e-8 -ts_atol 1e-8"
 
 
-def run(*words, ranks=1):
-    command = (["mpirun", "-n", str(ranks)] if ranks > 1 else []) + [PROGRAM, *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300)
-
-
-def summary(*words, ranks=1):
-    with tempfile.NamedTemporaryFile(suffix=".json") as file:
-        os.unlink(file.name)
-        result = run(*words, "-summary", file.name, ranks=ranks)
-        with open(file.name) as text:
-            data = json.load(text)
-        open(file.name, "a").close()
-    return result, data
-
-
-def refused(code, words, *parts):
-    result = run("wave", *words.split())
-    lines = result.stderr.strip().splitlines()
-    check(result.returncode == code, f"{words}: exit code {result.returncode}, not {code}")
-    check(len(lines) == 1 and lines[0].startswith("stickslip: error: "), f"{words}: one line, not {result.stderr!r}")
-    for part in parts:
-        check(part in result.stderr, f"{words}: '{part}' in {result.stderr!r}")
-
-
-RING = "-model_gamma 3 -model_delta 0 -model_v 0.5 -wave_length 100".split()
-START = ("-init_type wave -init_pulses 2 -grid_length 40 -model_v 0.5 -ts_max_time 30 "
-         "-ts_rtol 1e-8 -ts_atol 1e-8").split()
+def train(words, **more):
+    return run(words, command="wave", **more)[0]
 
 
 def test_speeds_on_a_ring():
     for pulses, speed in ((2, 5.22294), (4, 2.68955), (8, 1.49591), (11, 1.21281)):
-        result, data = summary("wave", *RING, "-wave_pulses", str(pulses))
-        check(result.returncode == 0 and data["status"] == "done", f"{pulses} pulses: {result.stderr}")
-        check(abs(data["speed"] - speed) < 6e-6, f"{pulses} pulses at {data['speed']}")
-        check(data["error_estimate"] < 1e-8 * speed, "error estimate")
-        check(data["stable"] is None and data["eigenvalues"] is None and data["branch"] is None, "null where not asked")
-        check(abs(data["speed"] * data["period"] * pulses / data["length"] - 1) < 1e-12, "L = n V T")
+        found = train(f"{RING} -wave_pulses {pulses}")
+        check(found["status"] == "done", f"{pulses} pulses: {found['status']}")
+        check(abs(found["speed"] - speed) < 6e-6, f"{pulses} pulses at {found['speed']}")
+        check(found["error_estimate"] < 1e-8 * speed, "error estimate")
+        check(found["stable"] is None and found["eigenvalues"] is None and found["branch"] is None, "null where not asked")
+        check(abs(found["speed"] * found["period"] * pulses / found["length"] - 1) < 1e-12, "L = n V T")
 
 
 @pytest.mark.ranks
 def test_same_on_two_ranks():
-    _, two = summary("wave", *RING, "-wave_pulses", "2", ranks=2)
-    _, one = summary("wave", *RING, "-wave_pulses", "2")
+    two = train(f"{RING} -wave_pulses 2", ranks=2)
+    one = train(f"{RING} -wave_pulses 2")
     check(two["speed"] == one["speed"] and two["ranks"] == 2, "the same on two ranks")
 
 
-def test_wrong_use_and_what_does_not_exist():
-    refused(2, "", "wave_length", "wave_speed")
-    refused(2, "-wave_length 60 -wave_speed 2", "wave_length", "wave_speed")
-    refused(2, "-wave_speed 1", "|V| > model_c")
-    refused(2, "-wave_speed -0.3", "|V| > model_c")
-    refused(2, "-wave_length 60 -wave_pulses 0", "wave_pulses")
-    refused(2, "-wave_length -3", "wave_length")
-    refused(2, "-wave_length 60 -model_form chain", "chain")
-    refused(2, "-wave_length 60 -friction_law carlson-langer", "friction_stick")
-    refused(1, "-wave_length 3", "none fits")
-    refused(1, "-wave_length 60 -wave_pulses 30", "at most")
-    refused(1, "-wave_length 60 -model_v 0.97", "stable", "v_c = 0.96609")
-    result, data = summary("wave", "-wave_length", "3")
-    check(data["status"] == "failed" and data["speed"] is None and data["shortest_pulse"] > 3, "summary of a failure")
+@pytest.mark.parametrize("code, words, parts", [
+    (2, "", ("wave_length", "wave_speed")), (2, "-wave_length 60 -wave_speed 2", ("wave_length", "wave_speed")),
+    (2, "-wave_speed 1", ("|V| > model_c",)), (2, "-wave_speed -0.3", ("|V| > model_c",)),
+    (2, "-wave_length 60 -wave_pulses 0", ("wave_pulses",)), (2, "-wave_length -3", ("wave_length",)),
+    (2, "-wave_length 60 -model_form chain", ("chain",)),
+    (2, "-wave_length 60 -friction_law carlson-langer", ("friction_stick",)), (1, "-wave_length 3", ("none fits",)),
+    (1, "-wave_length 60 -wave_pulses 30", ("at most",)),
+    (1, "-wave_length 60 -model_v 0.97", ("stable", "v_c = 0.96609")),
+    (2, "-wave_length 60 -wave_continue model_gama -wave_to 6", ("did you mean model_gamma",)),
+    (2, "-wave_length 60 -wave_continue model_gamma", ("wave_to",)),
+    (1, "-wave_length 60 -wave_continue grid_length -wave_to 70", ("does not enter",))])
+def test_wrong_use_and_what_does_not_exist(code, words, parts):
+    refused(words, code, *parts, command="wave")
+
+
+def test_summary_of_a_failure():
+    found = train("-wave_length 3", code=1)
+    check(found["status"] == "failed" and found["speed"] is None and found["shortest_pulse"] > 3, "summary of a failure")
 
 
 # Trains with a state law and their periods, by an integration of its own in the frame of the train.
@@ -85,96 +62,81 @@ def test_wrong_use_and_what_does_not_exist():
      " -friction_eps .3 -friction_sigma 0 -friction_alpha .5 -state_law contact-age -state_D .5 -state_b .3"
      " -wave_speed 3.58", 9.052482800, 2e-9)], ids=["slip-1.71", "ageing-3.23", "slip-3.55", "contact-age-3.58"])
 def test_known_trains_with_a_state(words, period, accuracy):
-    result, data = summary("wave", *words.split())
-    check(result.returncode == 0, result.stderr)
-    check(abs(data["period"] / period - 1) < accuracy, f"period {data['period']} instead of {period}")
+    found = train(words)
+    check(abs(found["period"] / period - 1) < accuracy, f"period {found['period']} instead of {period}")
 
 
 def test_the_file():
-    path = "train.h5"
-    result, data = summary("wave", "-wave_speed", "-1.5", "-wave_pulses", "3", "-out_file", path)
-    check(result.returncode == 0, result.stderr)
-    with h5py.File(path) as file:
-        x, psi, eta = file["x"][...], file["psi"][...], file["eta"][...]
-        check(np.all(np.diff(x) > 0) and abs(x[-1] - data["length"]) < 1e-9, "x rises to the ring's length")
-        check(abs(psi.max() - data["psi_max"]) < 1e-3, "psi in the file")
-        check(np.isclose(psi[0], 0.2) and np.isclose(psi[-1], 0.2), "the ring closes")
+    found = train("-wave_speed -1.5 -wave_pulses 3 -out_file train.h5")
+    x, psi = (data("train.h5")[name] for name in ("x", "psi"))
+    check(np.all(np.diff(x) > 0) and abs(x[-1] - found["length"]) < 1e-9, "x rises to the ring's length")
+    check(abs(psi.max() - found["psi_max"]) < 1e-3, "psi in the file")
+    check(np.isclose(psi[0], 0.2) and np.isclose(psi[-1], 0.2), "the ring closes")
+    with h5py.File("train.h5") as file:
         check(file.attrs["kind"] in (b"wave", "wave"), "kind")
-        # gamma eta_t = v - psi + c^2 psi_xx - ... integrates to zero over the ring: the mean of psi is v
-        mean = np.sum((psi[1:] + psi[:-1]) / 2 * np.diff(x)) / x[-1]
-        check(abs(mean - 0.2) < 1e-3, f"mean of psi {mean}")
+    # gamma eta_t = v - psi + c^2 psi_xx - ... integrates to zero over the ring: the mean of psi is v
+    mean = np.sum((psi[1:] + psi[:-1]) / 2 * np.diff(x)) / x[-1]
+    check(abs(mean - 0.2) < 1e-3, f"mean of psi {mean}")
 
 
 def test_a_run_keeps_the_train():
     # A run that starts from the train keeps it: its speed is the solved one, to the order of the stencil.
-    _, solved = summary("wave", "-wave_length", "40", "-wave_pulses", "2", "-model_v", "0.5")
+    solved = train("-wave_length 40 -wave_pulses 2 -model_v 0.5")
     errors = []
     for n in (256, 512):
-        result, data = summary("run", *START, "-grid_n", str(n), "-grid_order", "4")
-        check(result.returncode == 0, result.stderr)
-        check(data["pulses"] == 2, f"pulses {data['pulses']}")
-        errors.append(abs(data["wave_speed"] / solved["speed"] - 1))
-    print("relative errors of the speed in runs:", errors)
+        found, _ = run(f"{START} -grid_n {n} -grid_order 4")
+        check(found["pulses"] == 2, f"pulses {found['pulses']}")
+        errors.append(abs(found["wave_speed"] / solved["speed"] - 1))
     check(errors[1] < 1e-3 and errors[0] / errors[1] > 8, f"order 4: {errors}")
-    _, left = summary("run", *START, "-grid_n", "256", "-init_direction", "left")
+    left, _ = run(f"{START} -grid_n 256 -init_direction left")
     check(abs(left["wave_speed"] / solved["speed"] + 1) < 1e-2, f"to the left: {left['wave_speed']}")
-    result = run("run", *START, "-bc_left", "free")
-    check(result.returncode == 2 and "ring" in result.stderr, result.stderr)
+    refused(f"{START} -bc_left free", 2, "ring")
 
 
 def test_stability():
-    _, stable = summary("wave", "-wave_length", "25", "-model_v", "0.93", "-wave_spectrum")
+    stable = train("-wave_length 25 -model_v 0.93 -wave_spectrum")
     check(stable["stable"] is True and stable["complete"], "a stable train")
     check(any(e["translation"] and abs(e["re"]) < 1e-9 for e in stable["eigenvalues"]), "translation mode")
     check(all(e["resolved"] for e in stable["eigenvalues"]), "resolved")
-    _, unstable = summary("wave", "-wave_length", "10", "-model_v", "0.5", "-wave_spectrum", "-spectrum_count", "4")
+    unstable = train("-wave_length 10 -model_v 0.5 -wave_spectrum -spectrum_count 4")
     check(unstable["stable"] is False and unstable["growth_rate"] > 0.02, "an unstable train")
     check(len(unstable["eigenvalues"]) == 4, "spectrum_count")
     real = [e["re"] for e in unstable["eigenvalues"]]
     check(real == sorted(real, reverse=True), "sorted by real part")
     # so near to c spectra have not been verified: no answer, and the reason
-    result, near = summary("wave", "-wave_speed", "1.00000001", "-wave_spectrum")
-    check(result.returncode == 0 and near["complete"] is False and near["stable"] is None, "no answer next to c")
+    near = train("-wave_speed 1.00000001 -wave_spectrum")
+    check(near["complete"] is False and near["stable"] is None, "no answer next to c")
     check("V/c - 1 = 1e-08 is below 1e-07" in near["completeness_check"], near["completeness_check"])
     # the stable one holds its profile for a hundred periods
-    _, held = summary("run", *("-init_type wave -grid_length 25 -model_v 0.93 -grid_n 256 -grid_order 8 "
-                               "-ts_max_time 1270 -ts_rtol 1e-7 -ts_atol 1e-7").split())
+    held, _ = run("-init_type wave -grid_length 25 -model_v 0.93 -grid_n 256 -grid_order 8 -ts_max_time 1270 -ts_rtol 1e-7 "
+                  "-ts_atol 1e-7")
     check(abs(held["wave_speed"] / stable["speed"] - 1) < 1e-7, f"speed after 100 periods: {held['wave_speed']}")
     check(abs(held["psi_max"] - stable["psi_max"]) < 2e-3, f"psi_max after 100 periods: {held['psi_max']}")
 
 
 def test_branch():
-    path = "branch.h5"
-    _, data = summary("wave", "-wave_length", "30", "-wave_continue", "model_gamma", "-wave_to", "6",
-                      "-wave_steps", "30", "-out_file", path)
-    points = data["branch"]["points"]
-    end = data["branch"]["end"]
+    found = train("-wave_length 30 -wave_continue model_gamma -wave_to 6 -wave_steps 30 -out_file branch.h5")
+    points, end = found["branch"]["points"], found["branch"]["end"]
     check(points[-1]["value"] == 6 and "reached" in end, f"end of the branch: {end}")
-    _, alone = summary("wave", "-wave_length", "30", "-model_gamma", "6")
+    alone = train("-wave_length 30 -model_gamma 6")
     check(abs(points[-1]["speed"] / alone["speed"] - 1) < 1e-8, "the branch's end is a train")
-    with h5py.File(path) as file:
-        check(len(file["branch/value"]) == len(points), "branch in the file")
-    refused(2, "-wave_length 60 -wave_continue model_gama -wave_to 6", "did you mean model_gamma")
-    refused(2, "-wave_length 60 -wave_continue model_gamma", "wave_to")
-    refused(1, "-wave_length 60 -wave_continue grid_length -wave_to 70", "does not enter")
+    check(len(data("branch.h5")["branch/value"]) == len(points), "branch in the file")
 
 
 def test_branch_from_the_least_value_of_an_option():
-    common = "-model_v 0.5 -wave_length 20".split()
-    _, data = summary("wave", *common, *"-model_delta 0 -wave_continue model_delta -wave_to 0.4 -wave_steps 8".split())
-    _, alone = summary("wave", *common, "-model_delta", "0.4")
-    first, last = data["branch"]["points"][0], data["branch"]["points"][-1]
+    common = "-model_v 0.5 -wave_length 20 -model_delta "
+    found, alone = train(common + "0 -wave_continue model_delta -wave_to 0.4 -wave_steps 8"), train(common + "0.4")
+    first, last = found["branch"]["points"][0], found["branch"]["points"][-1]
     check(first["value"] == 0 and last["value"] == 0.4 and abs(last["speed"] / alone["speed"] - 1) < 1e-9, f"{last}, {alone}")
 
 
 def test_branch_of_several_pulses():
     # the end of a branch, solved for from nothing, and kept by a run
-    ring = "-wave_length 45 -wave_pulses 3".split()
-    _, data = summary("wave", *ring, "-wave_continue", "model_gamma", "-wave_to", "5", "-wave_steps", "12")
-    last = data["branch"]["points"][-1]
-    _, alone = summary("wave", *ring, "-model_gamma", "5")
+    ring = "-wave_length 45 -wave_pulses 3 "
+    last = train(ring + "-wave_continue model_gamma -wave_to 5 -wave_steps 12")["branch"]["points"][-1]
+    alone = train(ring + "-model_gamma 5")
     check(last["value"] == 5 and abs(last["speed"] / alone["speed"] - 1) < 1e-9, f"speed {last}, {alone['speed']}")
     check(abs(last["psi_max"] - alone["psi_max"]) < 1e-9, "profile")
-    _, kept = summary("run", *("-init_type wave -init_pulses 3 -grid_length 45 -model_gamma 5 -grid_n 512 "
-                               "-ts_max_time 30 -ts_rtol 1e-8 -ts_atol 1e-8").split())
+    kept, _ = run("-init_type wave -init_pulses 3 -grid_length 45 -model_gamma 5 -grid_n 512 -ts_max_time 30 -ts_rtol 1e-8 "
+                  "-ts_atol 1e-8")
     check(kept["pulses"] == 3 and abs(kept["wave_speed"] / last["speed"] - 1) < 1e-4, "three pulses at the same speed")
