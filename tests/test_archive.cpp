@@ -1,5 +1,5 @@
-// What is named to an archive is saved and restored: every kind of entry, on any number of ranks, and what does
-// not fit.
+// What is named to an archive is saved and restored: every kind of entry, on any number of ranks, and what
+// does not fit.
 #include <catch2/catch.hpp>
 
 #include <cmath>

@@ -3,8 +3,8 @@
 //
 // `Equations` on a mesh of phases have mesh(), dim(), on(mesh, x): the same on another mesh, near x,
 // fill(from, x): their unknowns for a solution x of others, q(x): the number among them, and
-// jacobian(x, y, J): that of the rates at y. Source: U. M. Ascher, R. M. M. Mattheij, R. D. Russell, Numerical
-// Solution of Boundary Value Problems, SIAM 1995, chapter 9. Local to the process.
+// jacobian(x, y, J): that of the rates at y. Source: U. M. Ascher, R. M. M. Mattheij, R. D. Russell,
+// Numerical Solution of Boundary Value Problems, SIAM 1995, chapter 9. Local to the process.
 #pragma once
 
 #include <algorithm>

@@ -42,7 +42,8 @@ class Traces {
   void step(const ObservedStep& step);
   MotionRecord record() const;  // the same on every rank; valid until the next step; collective
 
-  // False where there is nothing to save or restore: then the record begins where the run goes on. Collective.
+  // False where there is nothing to save or restore: then the record begins where the run goes on.
+  // Collective.
   bool archive(Archive& a);
 
  private:

@@ -50,8 +50,8 @@ class Tangents {
   void renew();
 
   const std::vector<VecHandle>& vectors() const { return y_; }
-  // What a later object needs to go on alike (output/archive.hpp): the vectors, the directions of the last step
-  // in the place of psi, and what has been counted.
+  // What a later object needs to go on alike (output/archive.hpp): the vectors, the directions of the last
+  // step in the place of psi, and what has been counted.
   template <class Archive>
   void archive(Archive& a) {
     for (std::size_t k = 0; k < y_.size(); ++k) a("lyapunov.vector_" + std::to_string(k), y_[k]);
