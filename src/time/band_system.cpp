@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/dense.hpp"
 
@@ -11,12 +12,11 @@ namespace stickslip {
 template <int hw>
 BandSystemOf<hw>::BandSystemOf(const BandLayout& layout)
     : layout_(layout), scene_(layout.model().scene()), outer_count_(layout.outer()),
+      ranks_(ranks_in(layout.model().comm())), rank_(rank_in(layout.model().comm())),
       forward_constant_(kernel::compiled<decltype(forward_constant_)>(kernel::ForwardConstant<hw>{})),
       backward_constant_(kernel::compiled<decltype(backward_constant_)>(kernel::BackwardConstant<hw>{})),
       forward_(kernel::compiled<decltype(forward_)>(kernel::Forward<hw>{})),
       backward_(kernel::compiled<decltype(backward_)>(kernel::Backward<hw>{})) {
-  MPI_Comm_size(layout.model().comm(), &ranks_);
-  MPI_Comm_rank(layout.model().comm(), &rank_);
   groups_.resize(layout.tiles().size());
   if (layout.groups() > 0) root_ = build(0, layout.groups(), false);
   set_up_outer();
@@ -66,17 +66,16 @@ int BandSystemOf<hw>::add_node(int lo, int hi) {
 
 template <int hw>
 void BandSystemOf<hw>::set_up_outer() {
-  const auto count = std::size_t(outer_count_);
-  outer_d2_.assign(count * count, 0.);
-  outer_b_.assign(count, 0.);
+  outer_d2_ = Dense::Zero(outer_count_, outer_count_);
+  outer_b_.assign(outer_count_, 0.);
   outer_d_ = outer_x_ = outer_b_;
-  outer_held_.assign(count, 0);
+  outer_held_.assign(outer_count_, 0);
   for (int i = 0; i < outer_count_; ++i) {
     const PetscInt node = layout_.outer_node(i);
     outer_held_[i] = layout_.model().held(node) ? 1 : 0;
     for (const auto& [column, weight] : second_difference_row(scene_, node))
       for (int j = 0; j < outer_count_; ++j)
-        if (layout_.outer_node(j) == column) outer_d2_[std::size_t(i) * count + std::size_t(j)] += weight;
+        if (layout_.outer_node(j) == column) outer_d2_(i, j) += weight;
   }
 }
 
@@ -137,8 +136,7 @@ void BandSystemOf<hw>::make_constant(Factors& f, double a, double p) {
       f.W[k] = kernel::right_of_table<hw>(f.table, f.c, least + k);
       kernel::Sides<hw> sides;
       forward_({d.data(), zero.data(), f.c, least + k}, &sides);
-      positive = join_eight(&d[(least + k) * lanes], sides, f.c, f.separators[k], f.group[k]) &&
-                 positive;
+      positive = join_eight(&d[(least + k) * lanes], sides, f.c, f.separators[k], f.group[k]) && positive;
     }
   }
   for (std::size_t i = 0; i < groups_.size(); ++i) {
@@ -151,10 +149,8 @@ void BandSystemOf<hw>::make_constant(Factors& f, double a, double p) {
   positive = eliminate(own_) && positive;
   positive = gather(true, positive);
   f.positive = eliminate(top_) && positive;
-  const auto count = std::size_t(outer_count_);
-  std::vector<double> M = outer_matrix();
-  f.outer.assign(count * count, 0.);
-  for (std::size_t i = 0; i < count; ++i) f.outer[i * count + i] = 1;
+  Dense M = outer_matrix();
+  f.outer = Dense::Identity(outer_count_, outer_count_);
   f.positive = solve_dense(outer_count_, M.data(), outer_count_, f.outer.data()) && f.positive;
 }
 
@@ -209,9 +205,7 @@ bool BandSystemOf<hw>::eliminate(const std::vector<int>& nodes) {
   for (const int i : nodes) {
     Node& node = tree_[i];
     const Node &left = tree_[node.left], &right = tree_[node.right];
-    positive =
-        f.nodes[i].eliminate(left.d_behind, f.c, left.matrix, right.matrix, node.matrix) &&
-        positive;
+    positive = f.nodes[i].eliminate(left.d_behind, f.c, left.matrix, right.matrix, node.matrix) && positive;
     std::copy(right.d_behind, right.d_behind + hw, node.d_behind);
   }
   return positive;
@@ -252,8 +246,7 @@ void BandSystemOf<hw>::join(const std::vector<int>& nodes) {
   const Factors& f = varies_ ? varying_ : kept_.front();
   for (const int i : nodes) {
     Node& node = tree_[i];
-    f.nodes[i].join(tree_[node.left].load, tree_[node.right].load,
-                                 node.b, node.load);
+    f.nodes[i].join(tree_[node.left].load, tree_[node.right].load, node.b, node.load);
   }
 }
 
@@ -295,49 +288,43 @@ bool BandSystemOf<hw>::couple() {
 
 // What is left of the outer nodes with everything else eliminated.
 template <int hw>
-std::vector<double> BandSystemOf<hw>::outer_matrix() const {
+Dense BandSystemOf<hw>::outer_matrix() const {
   const Factors& f = varies_ ? varying_ : kept_.front();
-  const auto count = std::size_t(outer_count_);
-  std::vector<double> M(count * count);
-  for (std::size_t i = 0; i < count; ++i) {
-    for (std::size_t j = 0; j < count; ++j) M[i * count + j] = -f.p * outer_d2_[i * count + j];
-    M[i * count + i] += outer_d_[i];
-  }
+  Dense M = -f.p * outer_d2_;
+  for (int i = 0; i < outer_count_; ++i) M(i, i) += outer_d_[i];
   if (root_ >= 0) {
     const StretchMatrix<hw>& inside = tree_[root_].matrix;
-    const std::size_t left = std::size_t(layout_.left_outer() - hw), right = scene_.ring() ? 0 : left + hw;
-    for (std::size_t i = 0; i < hw; ++i)
-      for (std::size_t j = 0; j < hw; ++j) {
-        M[(left + i) * count + left + j] += inside.LL.m[i][j];
-        M[(right + i) * count + right + j] += inside.RR.m[i][j];
-        M[(left + i) * count + right + j] += inside.LR.m[i][j];
-        M[(right + j) * count + left + i] += inside.LR.m[i][j];
+    const int left = layout_.left_outer() - hw, right = scene_.ring() ? 0 : left + hw;
+    for (int i = 0; i < hw; ++i)
+      for (int j = 0; j < hw; ++j) {
+        M(left + i, left + j) += inside.LL.m[i][j];
+        M(right + i, right + j) += inside.RR.m[i][j];
+        M(left + i, right + j) += inside.LR.m[i][j];
+        M(right + j, left + i) += inside.LR.m[i][j];
       }
   }
-  for (std::size_t i = 0; i < count; ++i)
-    for (std::size_t j = 0; j < count && outer_held_[i]; ++j) M[i * count + j] = i == j;
+  for (int i = 0; i < outer_count_; ++i)
+    if (outer_held_[i]) M.row(i) = Dense::Identity(outer_count_, outer_count_).row(i);
   return M;
 }
 
 // Elimination without exchange of rows, whose pivots tell whether a matrix is positive definite; x = b at
 // first. Where one is not positive nothing is done.
-static bool solve_positive(int n, std::vector<double> a, std::vector<double>& x) {
-  const auto at = [&](int i, int j) -> double& {
-    return a[std::size_t(i) * std::size_t(n) + std::size_t(j)];
-  };
+static bool solve_positive(Dense a, std::vector<double>& x) {
+  const int n = int(a.rows());
   std::vector<double> y = x;
   for (int k = 0; k < n; ++k) {
-    if (!(at(k, k) > 0)) return false;
+    if (!(a(k, k) > 0)) return false;
     for (int i = k + 1; i < n; ++i) {
-      const double factor = at(i, k) / at(k, k);
+      const double factor = a(i, k) / a(k, k);
       if (factor == 0) continue;
-      for (int j = k + 1; j < n; ++j) at(i, j) -= factor * at(k, j);
+      for (int j = k + 1; j < n; ++j) a(i, j) -= factor * a(k, j);
       y[i] -= factor * y[k];
     }
   }
   for (int k = n - 1; k >= 0; --k) {
-    for (int j = k + 1; j < n; ++j) y[k] -= at(k, j) * y[j];
-    y[k] /= at(k, k);
+    for (int j = k + 1; j < n; ++j) y[k] -= a(k, j) * y[j];
+    y[k] /= a(k, k);
   }
   x = y;
   return true;
@@ -345,27 +332,26 @@ static bool solve_positive(int n, std::vector<double> a, std::vector<double>& x)
 
 template <int hw>
 bool BandSystemOf<hw>::solve_outer() {
-  const auto count = std::size_t(outer_count_);
   std::vector<double> b = outer_b_;
   if (root_ >= 0) {
     const StretchLoad<hw>& inside = tree_[root_].load;
-    const std::size_t left = std::size_t(layout_.left_outer() - hw), right = scene_.ring() ? 0 : left + hw;
-    for (std::size_t i = 0; i < hw; ++i) {
+    const int left = layout_.left_outer() - hw, right = scene_.ring() ? 0 : left + hw;
+    for (int i = 0; i < hw; ++i) {
       if (!outer_held_[left + i]) b[left + i] += inside.L[i];
       if (!outer_held_[right + i]) b[right + i] += inside.R[i];
     }
   }
   if (varies_) {
-    std::vector<double> M = outer_matrix();
+    Dense M = outer_matrix();
     outer_x_ = b;
-    if (solve_positive(outer_count_, M, outer_x_)) return true;
+    if (solve_positive(M, outer_x_)) return true;
     (void)solve_dense(outer_count_, M.data(), 1, outer_x_.data());
     return false;
   }
-  const std::vector<double>& inverse = kept_.front().outer;
-  for (std::size_t i = 0; i < count; ++i) {
+  const Dense& inverse = kept_.front().outer;
+  for (int i = 0; i < outer_count_; ++i) {
     double sum = 0;
-    for (std::size_t j = 0; j < count; ++j) sum += inverse[i * count + j] * b[j];
+    for (int j = 0; j < outer_count_; ++j) sum += inverse(i, j) * b[j];
     outer_x_[i] = sum;
   }
   return true;
@@ -421,8 +407,7 @@ bool BandSystemOf<hw>::gather(bool with_matrices, bool flag) {
   int total = 0;
   for (int r = 0; r < ranks_; ++r) {
     starts.push_back(total);
-    counts.push_back(1 + leaves_of_[r] * (of_load + of_matrix) +
-                     outer_of_[r] * of_outer);
+    counts.push_back(1 + leaves_of_[r] * (of_load + of_matrix) + outer_of_[r] * of_outer);
     total += counts.back();
   }
   const auto walk = [&](int rank, double* at, bool into) {

@@ -4,6 +4,8 @@
 #include <functional>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "time/band_system.hpp"
 #include "time/piece_kernel.hpp"
 #include "time/separators.hpp"
@@ -11,6 +13,7 @@
 namespace stickslip {
 
 using kernel::lanes;
+using Dense = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 template <int hw>
 class BandSystemOf : public BandSystem {
@@ -49,7 +52,7 @@ class BandSystemOf : public BandSystem {
     Separator<hw> separators[2][lanes - 1];
     StretchMatrix<hw> group[2];
     std::vector<Separator<hw>> nodes;  // of the tree
-    std::vector<double> outer;         // the inverse of what is left
+    Dense outer;                       // the inverse of what is left
   };
 
   int build(int lo, int hi, bool own);
@@ -66,7 +69,7 @@ class BandSystemOf : public BandSystem {
   void join(const std::vector<int>& nodes);
   void descend(const std::vector<int>& nodes);
   bool gather(bool with_matrices, bool flag);
-  std::vector<double> outer_matrix() const;
+  Dense outer_matrix() const;
   bool solve_outer();
   int kind(const BandTile& t) const { return t.rows - layout_.least_rows(); }
 
@@ -78,7 +81,8 @@ class BandSystemOf : public BandSystem {
   std::vector<Leaf> leaves_;    // of the top
   std::vector<Group> groups_;   // of the tiles
   int outer_count_;
-  std::vector<double> outer_d2_, outer_b_, outer_d_, outer_x_;
+  Dense outer_d2_;
+  std::vector<double> outer_b_, outer_d_, outer_x_;
   std::vector<char> outer_held_;
   int ranks_, rank_;
   std::vector<int> leaves_of_, outer_of_;  // of every rank
