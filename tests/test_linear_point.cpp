@@ -118,26 +118,6 @@ TEST_CASE("With eta and the state eliminated the block's equations are solved, a
   }
 }
 
-TEST_CASE("Stability over a range of wavenumbers is that of every one in it", "[linear_point]") {
-  std::mt19937 draw(10);
-  int inside = 0;  // stable at both ends and not between
-  for (int k = 0; k < 4000; ++k) {
-    LinearPoint p = random_point(draw, k % 4 < 2, k % 8 > 0);
-    p.N *= 0.1;
-    p.F_state *= 3;
-    p.g_psi *= 3;
-    const double largest = 40;
-    bool stable = true;
-    for (int j = 0; j <= 400; ++j) stable = stable && p.stable(largest * j / 400.);
-    if (p.stable(0) && p.stable(largest) && !stable) ++inside;
-    if (!stable)
-      CHECK(!p.stable_up_to(largest));
-    else if (!p.stable_up_to(largest))
-      CHECK(p.has_state);  // a dip narrower than the sampling
-  }
-  CHECK(inside > 5);
-}
-
 TEST_CASE("Parts of a node's block add up; a wave's stiffness is the symbol times K1", "[linear_point]") {
   std::mt19937 draw(8);
   for (int k = 0; k < 40; ++k) {

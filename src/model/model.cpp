@@ -333,7 +333,6 @@ void Model::begin_load(double t) const {
 void Model::set_time(double t) const {
   if (scene().load.varies()) impl_->coefficients.v = impl_->no_stencil.v = plate_velocity(t);
 }
-double Model::plate_velocity() const { return impl_->coefficients.v; }
 double Model::plate_velocity(double t) const {
   return scene().load.varies() ? scene().load.in_piece(impl_->load_piece, t) : scene().v;
 }

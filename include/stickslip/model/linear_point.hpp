@@ -144,8 +144,6 @@ struct LinearPoint : FrictionSlopes {
   // Whether every root of it lies left of the imaginary axis (Routh and Hurwitz). Where nothing pulls back (K
   // = 0) the root 0, a shift of everything along x, does not count.
   bool stable(double kappa2) const;
-  // The same for every kappa^2 from 0 to `largest`.
-  bool stable_up_to(double largest) const;
 };
 
 // Written here, since they stand in the inner loops of Jacobians: linear in the part's terms, wave + reaction
@@ -269,21 +267,6 @@ inline bool LinearPoint::stable(double kappa2) const {
   if (massless()) return B + F_psi > 0 && (has_state ? c1 > 0 && c0 >= 0 : c1 >= 0);
   if (!has_state) return c2 > 0;
   return c2 > 0 && c1 > 0 && (c0 == 0 || (c0 > 0 && c2 * c1 > c0));
-}
-
-// All conditions are linear in kappa^2 but c2 c1 > c0, whose parabola opens upwards (its leading coefficient
-// is A N (A K1 + A N r)): besides the ends of the range its lowest place is looked at.
-inline bool LinearPoint::stable_up_to(double largest) const {
-  if (!stable(0) || !stable(largest)) return false;
-  if (!has_state || N == 0 || !(largest > 0)) return true;
-  const auto excess = [&](double kappa2) {
-    const auto [c2, c1, c0] = characteristic(kappa2);
-    return c2 * c1 - c0;
-  };
-  const double bend = A * N * (A * K1 + A * N * r());                             // of kappa^4
-  const double slope = (excess(largest) - excess(0)) / largest - bend * largest;  // at 0
-  const double lowest = bend > 0 ? -slope / (2 * bend) : 0;
-  return !(lowest > 0 && lowest < largest) || stable(lowest);
 }
 
 }  // namespace stickslip

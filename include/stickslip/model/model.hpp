@@ -52,8 +52,7 @@ class Model {
   // collective.
   void begin_load(double t) const;
   void set_time(double t) const;
-  double plate_velocity() const;          // v, or v(t) at that time
-  double plate_velocity(double t) const;  // in that piece
+  double plate_velocity(double t) const;  // v, or v(t) in that piece
 
   // f = the terms `part` of the right-hand side at u. Collective; no allocation. Order p in space. Of a
   // massless chain (src/model/massless.hpp) Part::full alone: eta and the state have rates, psi has the rate
