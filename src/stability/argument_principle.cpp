@@ -5,6 +5,7 @@
 #include <functional>
 #include <limits>
 
+#include "base/broadcast.hpp"
 #include "model/kernel.hpp"
 #include "stability/phase_steps.hpp"
 #include "stability/stretches.hpp"
@@ -89,7 +90,7 @@ struct Polynomial {
       if (std::abs(all[k] - z) < near) return;
     all.push_back(z);
     if (all.size() >= 8 * zeros) {
-      std::nth_element(all.begin(), all.begin() + long(zeros), all.end(), right_of);
+      std::nth_element(all.begin(), all.begin() + zeros, all.end(), right_of);
       all.resize(zeros);
     }
   }
@@ -237,15 +238,13 @@ void keep_rightmost(std::vector<Complex>& zeros, std::size_t count) {
 
 // The sums, and the rightmost zeros of all ranks, on every rank.
 void gather(MPI_Comm comm, PhaseTurn& result, std::size_t zeros) {
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &result.turn, 1, MPI_DOUBLE, MPI_SUM, comm));
+  result.turn = sum_over(comm, result.turn);
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &result.pieces, 1, MPI_LONG, MPI_SUM, comm));
-  int ranks = 1;
-  MPI_Comm_size(comm, &ranks);
-  const int mine = int(2 * result.zeros.size());
-  std::vector<int> counts(ranks), starts(static_cast<std::size_t>(ranks), 0);
+  const int ranks = ranks_in(comm), mine = int(2 * result.zeros.size());
+  std::vector<int> counts(ranks), starts(ranks);
   SS_TRY(MPI_Allgather(&mine, 1, MPI_INT, counts.data(), 1, MPI_INT, comm));
   for (std::size_t k = 1; k < starts.size(); ++k) starts[k] = starts[k - 1] + counts[k - 1];
-  std::vector<Complex> all(std::size_t(starts.back() + counts.back()) / 2);
+  std::vector<Complex> all((starts.back() + counts.back()) / 2);
   SS_TRY(MPI_Allgatherv(result.zeros.data(), mine, MPI_DOUBLE, all.data(), counts.data(), starts.data(),
                         MPI_DOUBLE, comm));
   keep_rightmost(all, zeros);
@@ -259,11 +258,9 @@ std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const LinearisedOperator& s
   if (s.size() < shortest_line || !(s.K1 > 0)) return std::nullopt;
   // further left, where no wave of the line may be slower, the factor of viscosity has its zero
   if (s.N > 0 && !(std::min(from.real(), to.real()) > -s.K1 / s.N)) return std::nullopt;
-  int ranks = 1, rank = 0;
-  MPI_Comm_size(comm, &ranks);
-  MPI_Comm_rank(comm, &rank);
+  const int ranks = ranks_in(comm), rank = rank_in(comm);
   PhaseTurn result;
-  int failed = 0;
+  bool failed = false;
   const int parts = ranks == 1 ? 1 : 4 * ranks;
   try {
     for (int k = rank; k < parts; k += ranks) {
@@ -272,11 +269,11 @@ std::optional<PhaseTurn> follow_phase(MPI_Comm comm, const LinearisedOperator& s
       Tree(s, result, zeros).follow(piece);
     }
   } catch (const Unsettled&) {
-    failed = 1;
+    failed = true;
   }
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &failed, 1, MPI_INT, MPI_MAX, comm));
   // round-off may differ where the segment is cut: every rank tries it in one piece, as one rank alone would
-  if (failed) return ranks > 1 ? follow_phase(PETSC_COMM_SELF, s, from, to, zeros) : std::nullopt;
+  if (on_any_rank(comm, failed))
+    return ranks > 1 ? follow_phase(PETSC_COMM_SELF, s, from, to, zeros) : std::nullopt;
   keep_rightmost(result.zeros, zeros);
   if (ranks > 1) gather(comm, result, zeros);
   if (s.N > 0) result.turn += double(s.size()) * std::arg(viscous_factor(s, to) / viscous_factor(s, from));

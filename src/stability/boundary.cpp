@@ -47,7 +47,7 @@ void note_short_waves(const GrowthRate& growth, const std::vector<Crossing>& poi
 
 // Of `points` points, every so many are counted at, for a few seconds altogether.
 std::size_t counts_every(const GrowthRate& growth, std::size_t points) {
-  return std::size_t(std::max(1., std::ceil(double(points) * growth.count_cost() / 2)));
+  return std::max(1., std::ceil(double(points) * growth.count_cost() / 2));
 }
 
 // ---- one parameter
@@ -150,7 +150,7 @@ namespace {
 // The growth rate on a lattice over the box. In blocks of places the modes found at the first are followed
 // through the others; it is counted there. `block`: their side.
 Lattice sampled_lattice(GrowthRate& growth, int cells, int block) {
-  Lattice lattice{cells, std::vector<double>(std::size_t((cells + 1) * (cells + 1)))};
+  Lattice lattice{cells, std::vector<double>((cells + 1) * (cells + 1))};
   growth.count_every(2);
   growth.only_sign(true);
   for (int block_j = 0; block_j <= cells; block_j += block)
@@ -344,7 +344,7 @@ std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, Bounda
   const std::vector<CurvePiece> pieces = trace(reduced ? *reduced : growth, points, findings);
   double total = 0;
   for (const CurvePiece& p : pieces) total += length(p);
-  Placing placing(growth, std::move(reduced), std::size_t(points));
+  Placing placing(growth, std::move(reduced), points);
   std::vector<Crossing> result;
   int jumps = 0, symmetric = 0;
   for (std::size_t number = 0; number < pieces.size(); ++number) {

@@ -44,7 +44,7 @@ class Sweep {
   void step(long i, const Values& eps) {
     Row& r = (*this)[i];
     for (int m = b_ - 1; m >= 1; --m) {
-      set(r.u[m], -w_[std::size_t(m) + 1]);
+      set(r.u[m], -w_[m + 1]);
       for (int k = m + 1; k < b_; ++k) add_product(r.u[m], r.u[k], (*this)[i + m + 1].g[k - m - 1], -1);
       multiply(r.u[m], (*this)[i + m].inverse);
     }

@@ -23,7 +23,7 @@ Coupling::Coupling(const Scene& s) : folded_(s.ring()) {
   const double scale = s.form == Form::chain ? 1 : 1 / (s.h() * s.h());
   const PetscInt half = s.order / 2, before = left ? 1 : 0;
   starts_.reserve(size() + 1);
-  terms_.reserve(size() * std::size_t(s.order + 1));
+  terms_.reserve(size() * (s.order + 1));
   row_sum_.assign(size(), 0);
   for (std::size_t i = 0; i < size(); ++i) {
     const PetscInt g = node[i];
@@ -51,7 +51,7 @@ void Coupling::close_row() {
 Coupling Coupling::segment(std::size_t first, std::size_t count) const {
   Coupling part;
   const auto cut = [&](auto& to, const auto& from) {
-    to.assign(from.begin() + long(first), from.begin() + long(first + count));
+    to.assign(from.begin() + first, from.begin() + first + count);
   };
   cut(part.node, node);
   cut(part.weight, weight);

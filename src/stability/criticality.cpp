@@ -264,10 +264,9 @@ std::vector<NodeForms> forms_of(const SteadySliding& steady, const LinearisedOpe
   const std::vector<double> amplitude = friction_amplitude(steady.scene, 0, steady.scene.n);
   std::vector<NodeForms> forms;
   for (std::size_t i = 0; i < count; ++i) {
-    const auto node = std::size_t(J.coupling.node[i]);
+    const PetscInt node = J.coupling.node[i];
     const double state = steady.state.empty() ? 0 : steady.state[node];
-    forms.emplace_back(J.point(i), amplitude[node],
-                       friction[PetscInt(node)].higher_partials(steady.psi[node], state));
+    forms.emplace_back(J.point(i), amplitude[node], friction[node].higher_partials(steady.psi[node], state));
   }
   return forms;
 }

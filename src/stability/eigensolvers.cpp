@@ -21,7 +21,7 @@ std::vector<Complex> entries_of(Vec re, Vec im, bool real, std::size_t step) {
   SS_TRY(VecGetSize(re, &n));
   const Reading x(re), y(im);
   std::vector<Complex> entries;
-  for (std::size_t i = 0; i < std::size_t(n); i += step) entries.emplace_back(x[i], real ? 0. : y[i]);
+  for (PetscInt i = 0; i < n; i += step) entries.emplace_back(x[i], real ? 0. : y[i]);
   return entries;
 }
 
@@ -39,11 +39,11 @@ std::vector<Complex> velocities_of(const LinearisedOperator& s, Vec re, Vec im, 
 // --------------------------------------------------------------------------------------------------------
 
 std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
-  const PetscInt n = PetscInt(s.size() * s.dof());
+  const PetscInt n = s.unknowns();
   MatHandle J;
   SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, n, n, nullptr, J.out()));
   for (const LinearisedOperator::Entry& e : s.entries())
-    SS_TRY(MatSetValue(J, PetscInt(e.row), PetscInt(e.column), e.value, ADD_VALUES));
+    SS_TRY(MatSetValue(J, e.row, e.column, e.value, ADD_VALUES));
   SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
   SS_TRY(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
   EpsHandle eps;
@@ -94,7 +94,7 @@ PetscErrorCode apply_shifted_inverse(Mat M, Vec x, Vec y) {
     SS_TRY(MatShellGetContext(M, &op));
     const Reading in(x);
     const Writing out(y);
-    const std::size_t n = op->J.size() * op->J.dof();
+    const std::size_t n = op->J.unknowns();
     const std::vector<Complex> image =
         op->J.resolvent(op->sigma, op->lu, std::vector<Complex>(in + 0, in + n));
     for (std::size_t i = 0; i < n; ++i) out[i] = image[i].real();
@@ -104,7 +104,7 @@ PetscErrorCode apply_shifted_inverse(Mat M, Vec x, Vec y) {
 }  // namespace
 
 std::vector<Mode> krylov_modes(const LinearisedOperator& s, Complex sigma, PetscInt count) {
-  const PetscInt n = PetscInt(s.size() * s.dof());
+  const PetscInt n = s.unknowns();
   ShiftedInverse op{s, sigma, {}};
   s.factor(sigma, op.lu);
   MatHandle M;

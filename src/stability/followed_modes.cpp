@@ -183,11 +183,11 @@ std::optional<LeadingMode> FollowedModes::follow(const LinearisedOperator& s) {
   }
   if (!best || (lost[leader_] && !(only_sign_ && best->mode.value.real() > level))) return std::nullopt;
   const LeadingMode result{best->mode, degenerate};
-  leader_ = std::size_t(best - modes_.data());
+  leader_ = best - modes_.data();
   for (std::size_t k = modes_.size(); k-- > 0;)
     if (lost[k]) {
       if (leader_ > k) --leader_;
-      modes_.erase(modes_.begin() + std::ptrdiff_t(k));
+      modes_.erase(modes_.begin() + k);
     }
   return result;
 }

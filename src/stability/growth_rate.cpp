@@ -85,7 +85,7 @@ std::optional<LeadingMode> GrowthRate::leading(double x, double y) {
     return best;
   }
   if (s->has_exact_waves()) return leading_wave(*s);
-  if (s->size() * s->dof() > 64) return leading_followed(*s, x, y);
+  if (s->unknowns() > 64) return leading_followed(*s, x, y);
   modes_->clear();  // every eigenvalue is had for less than following some
   modes_->search(*s, false);
   if (modes_->empty()) return std::nullopt;
@@ -331,7 +331,7 @@ std::optional<GrowthRate> GrowthRate::reduced() const {
       intervals = std::max(intervals, intervals_needed(s));
     }
   if (!(intervals + 1 < double(n) / 2)) return std::nullopt;
-  const auto fewer = PetscInt(std::max(64., std::ceil(intervals) + 1));
+  const PetscInt fewer = std::max(64., std::ceil(intervals) + 1);
   const auto coarser = [at = scene_at_, fewer](double value, double value2) {
     Scene scene = at(value, value2);
     if (scene.form == Form::chain) scene.length = double(scene.ring() ? fewer : fewer - 1);
@@ -352,7 +352,7 @@ void take_to_grid(const LinearisedOperator& from, const LinearisedOperator& to,
                   const std::vector<std::vector<Complex>*>& shapes) {
   if (to.scene.form == Form::continuum) return interpolate(from, to, shapes);
   for (std::vector<Complex>* p : shapes)
-    p->insert(p->begin() + std::ptrdiff_t(p->size() / 2), to.size() - from.size(), Complex(0));
+    p->insert(p->begin() + p->size() / 2, to.size() - from.size(), Complex(0));
 }
 
 }  // namespace

@@ -58,8 +58,7 @@ void LinearisedOperator::refuse_rates_too_large() const {
 LinearisedOperator::LinearisedOperator(const LinearisedOperator& whole, std::size_t first, std::size_t count)
     : scene(whole.scene), A(whole.A), K0(whole.K0), K1(whole.K1), N(whole.N),
       coupling(whole.coupling.segment(first, count)), uniform(false), medium_(whole.medium_),
-      mean_(whole.medium_),
-      slopes_(whole.slopes_.begin() + long(first), whole.slopes_.begin() + long(first + count)) {
+      mean_(whole.medium_), slopes_(whole.slopes_.begin() + first, whole.slopes_.begin() + first + count) {
   if (size() > 0) mean_ = find_mean();
 }
 
@@ -115,7 +114,7 @@ LogDet LinearisedOperator::factor(Complex lambda, BandLU& lu) const {
 // -----------------------------------------------------------------------------------------------------------
 
 std::vector<Complex> LinearisedOperator::expand(Complex lambda, const std::vector<Complex>& p) const {
-  std::vector<Complex> x(size() * dof());
+  std::vector<Complex> x(unknowns());
   for (std::size_t i = 0; i < size(); ++i) put(point(i).expand(lambda, p[i]), i, x);
   add_viscous(p, dof(), 1, x);
   return x;
@@ -127,7 +126,7 @@ std::vector<Complex> LinearisedOperator::expand_fields(Complex lambda, const std
   std::vector<Complex> all;
   for (std::size_t i = 0; i < size(); ++i) {
     all.push_back(p[i]);
-    all.insert(all.end(), x.begin() + long(i * dof()), x.begin() + long((i + 1) * dof()));
+    all.insert(all.end(), x.begin() + i * dof(), x.begin() + (i + 1) * dof());
   }
   return all;
 }

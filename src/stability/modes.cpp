@@ -160,7 +160,7 @@ void sort_modes(std::vector<Mode>& modes, double tolerance) {
   for (std::size_t i = 0; i < modes.size();) {
     std::size_t j = i + 1;
     while (j < modes.size() && modes[j - 1].value.real() - modes[j].value.real() <= tolerance) ++j;
-    std::sort(modes.begin() + std::ptrdiff_t(i), modes.begin() + std::ptrdiff_t(j),
+    std::sort(modes.begin() + i, modes.begin() + j,
               [](const Mode& a, const Mode& b) { return a.value.imag() < b.value.imag(); });
     i = j;
   }

@@ -6,6 +6,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "base/broadcast.hpp"
 #include "stability/modes.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -156,7 +157,7 @@ double resolvent_norm_with(const LinearisedOperator& J, const EnergyNorm& energy
     view(v) = view(v).conjugate().eval();
     return v;
   };
-  std::vector<Complex> x = any_vector(J.size() * J.dof(), false);
+  std::vector<Complex> x = any_vector(J.unknowns(), false);
   // J is real: the adjoint at z is the conjugate of the transposed at z
   return energy.norm([&](const auto& v) { return J.resolvent(z, lu, v); },
                      [&](const auto& v) { return conjugated(J.resolvent_transposed(z, lu, conjugated(v))); },
@@ -202,18 +203,16 @@ double resolvent_norm(const LinearisedOperator& J, Complex z) {
 std::vector<double> pseudospectrum(MPI_Comm comm, const LinearisedOperator& J, const std::vector<double>& re,
                                    const std::vector<double>& im, const std::function<void(double)>& told) {
   if (!has_energy(J)) return {};
-  int ranks = 1, rank = 0;
-  MPI_Comm_size(comm, &ranks);
-  MPI_Comm_rank(comm, &rank);
+  const int ranks = ranks_in(comm), rank = rank_in(comm);
   const EnergyNorm energy(J);
   std::vector<double> norms(re.size() * im.size(), 0.);
   const WaveNorms waves(J);
-  for (std::size_t k = std::size_t(rank); k < norms.size(); k += std::size_t(ranks)) {
+  for (std::size_t k = rank; k < norms.size(); k += ranks) {
     const Complex z(re[k % re.size()], im[k / re.size()]);
     norms[k] = waves.known() ? waves.resolvent(z) : resolvent_norm_with(J, energy, z);
     if (told) told(double(k + 1) / double(norms.size()));
   }
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, norms.data(), int(norms.size()), MPI_DOUBLE, MPI_SUM, comm));
+  sum_over(comm, norms.data(), int(norms.size()));
   return norms;
 }
 

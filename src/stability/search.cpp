@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "base/broadcast.hpp"
 #include "stability/guesses.hpp"
 #include "stability/modes.hpp"
 #include "stickslip/base/error.hpp"
@@ -14,7 +15,7 @@ namespace stickslip {
 ModeSearch::ModeSearch(MPI_Comm comm, const LinearisedOperator& s, const SpectrumSettings& settings,
                        double height)
     : comm_(comm), s_(s), settings_(settings), height_(height), exact_(s),
-      many_(s.size() > settings.long_from), tolerance_(s), wanted_(std::size_t(settings.count) / 2 + 2) {
+      many_(s.size() > settings.long_from), tolerance_(s), wanted_(settings.count / 2 + 2) {
   resolved_sought_ = settings.refine || !many_ || settings.quick || s.scene.form == Form::chain;
 }
 
@@ -30,16 +31,14 @@ const Mode* ModeSearch::rightmost() const {
 
 // The modes of every task, on every rank.
 std::vector<std::vector<Mode>> ModeSearch::distribute(std::size_t tasks, const Task& task) const {
-  int ranks = 1, rank = 0;
-  MPI_Comm_size(comm_, &ranks);
-  MPI_Comm_rank(comm_, &rank);
+  const int ranks = ranks_in(comm_), rank = rank_in(comm_);
   std::vector<std::vector<Mode>> found(tasks);
   for (std::size_t k = 0; k < tasks; ++k)
     if (int(k) % ranks == rank) found[k] = task(k);
   if (ranks == 1) return found;
   for (std::size_t k = 0; k < tasks; ++k) {
     const int owner = int(k) % ranks;
-    long size = long(found[k].size());
+    long size = found[k].size();
     MPI_Bcast(&size, 1, MPI_LONG, owner, comm_);
     found[k].resize(size);
     for (Mode& m : found[k]) {
@@ -122,7 +121,7 @@ void ModeSearch::try_segments(bool quick, bool inside) {
     Mode m;
     m.value = t.mode->value;
     m.psi.assign(s_.size(), Complex(0));
-    std::copy(t.mode->psi.begin(), t.mode->psi.end(), m.psi.begin() + std::ptrdiff_t(t.first));
+    std::copy(t.mode->psi.begin(), t.mode->psi.end(), m.psi.begin() + t.first);
     guesses.push_back(std::move(m));
   }
   take(std::move(guesses));
@@ -156,7 +155,7 @@ bool ModeSearch::try_resolved() {
 }
 
 void ModeSearch::first_guesses() {
-  const PetscInt unknowns = PetscInt(s_.size() * s_.dof());
+  const PetscInt unknowns = s_.unknowns();
   if (s_.neutral()) {
     Mode m;
     m.value = 0;
@@ -164,11 +163,11 @@ void ModeSearch::first_guesses() {
     m.residual = s_.mode_residual(0, m.psi);
     modes_.push_back(std::move(m));
   }
-  if (exact_.apply()) take(exact_.rightmost(height_, many_ ? wanted_ + 2 : std::size_t(settings_.count) + 2));
+  if (exact_.apply()) take(exact_.rightmost(height_, many_ ? wanted_ + 2 : settings_.count + 2));
   if (exact_.apply() && many_) return;
   std::vector<Complex> shifts = first_shifts(s_, height_, settings_.count);
   if (!many_) {
-    try_shifts(shifts, std::min<PetscInt>(unknowns, 2 * PetscInt(wanted_)));
+    try_shifts(shifts, std::min<PetscInt>(unknowns, 2 * wanted_));
     if (!s_.uniform) try_segments(settings_.quick, false);
     if (settings_.refine && s_.scene.form == Form::continuum && s_.scene.n >= 2000 && !settings_.quick)
       try_coarse_grid();
@@ -178,7 +177,7 @@ void ModeSearch::first_guesses() {
   if (grid_scale && !settings_.quick)  // they crowd where they are trapped
     try_shifts({*std::max_element(shifts.begin(), shifts.end(),
                                   [](Complex a, Complex b) { return a.imag() < b.imag(); })},
-               PetscInt(wanted_));
+               wanted_);
   if (shifts.size() > 2) shifts.resize(2);
   try_places(shifts);
   if (!s_.uniform && !settings_.quick) {
@@ -200,7 +199,7 @@ void ModeSearch::scan(std::vector<Complex> places, double line, int round) {
   }
   if (places.empty() || round > 1) {
     const int doublings = std::max(0, places.empty() ? round : round - 2);
-    const int dense = int(std::min<long>(4L << doublings, 4 + long(s_.size() / 4)));
+    const int dense = int(std::min<long>(4L << doublings, 4 + s_.size() / 4));
     const std::vector<double> knots = mean_frequencies(s_);
     for (int k = 0; k < dense; ++k) {
       const double w =
@@ -210,7 +209,7 @@ void ModeSearch::scan(std::vector<Complex> places, double line, int round) {
     for (int k = 0; k < dense; ++k)  // real modes may stand far to the right
       shifts.emplace_back(line + aside + free * k / dense, 0);
   }
-  try_shifts(shifts, std::min<PetscInt>(PetscInt(s_.size() * s_.dof()), 8));
+  try_shifts(shifts, std::min<PetscInt>(s_.unknowns(), 8));
 }
 
 // ---- counting
@@ -319,7 +318,7 @@ bool ModeSearch::look_between(std::size_t members) {
     (*all > known ? high : low) = middle;
   }
   const double aside = std::max(high - low, 0.1 * height_ / double(s_.size()));
-  const PetscInt each = std::min<PetscInt>(PetscInt(s_.size() * s_.dof()), 8);
+  const PetscInt each = std::min<PetscInt>(s_.unknowns(), 8);
   try_shifts({Complex(line.at + aside, (low + high) / 2), Complex(line.at + 4 * aside, (low + high) / 2)},
              each);
   return modes_.size() > before;
@@ -407,7 +406,7 @@ void ModeSearch::close_rightmost(Spectrum& result) {
 std::vector<Mode> ModeSearch::run(Spectrum& result) {
   first_guesses();
   // Heavily damped media with a state have a crowd of real modes beside -r, in which no Krylov space settles.
-  const PetscInt unknowns = PetscInt(s_.size() * s_.dof());
+  const PetscInt unknowns = s_.unknowns();
   if (!rightmost() && unknowns <= 2000) take(dense_modes(s_, unknowns));
   if (!rightmost()) try_places(first_shifts(s_, height_, settings_.count));
   if (!rightmost()) throw Failure("the eigenvalue solver found nothing");

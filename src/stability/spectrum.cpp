@@ -29,7 +29,7 @@ double compare_grids(const LinearisedOperator& s, std::vector<Mode>& modes) {
   std::vector<Mode> others;
   for (std::size_t k = 0; k < modes.size(); ++k) {
     if (k % 4 == 0) {  // a few at a time: few weights to compute, little memory
-      others.assign(modes.begin() + long(k), modes.begin() + long(std::min(k + 4, modes.size())));
+      others.assign(modes.begin() + k, modes.begin() + std::min(k + 4, modes.size()));
       std::vector<std::vector<Complex>*> shapes;
       for (Mode& m : others) shapes.push_back(&m.psi);
       interpolate(s, fine, shapes);
@@ -59,7 +59,7 @@ double compare_grids(const LinearisedOperator& s, std::vector<Mode>& modes) {
 
 // All eigenvalues by LAPACK; of them what is shown, and some more, polished.
 std::vector<Mode> dense_search(const LinearisedOperator& s, const SpectrumSettings& settings, double height) {
-  std::vector<Mode> modes = dense_modes(s, PetscInt(s.size() * s.dof()));
+  std::vector<Mode> modes = dense_modes(s, s.unknowns());
   // LAPACK's round-off hides which of equal real parts is larger
   sort_modes(modes, 1e-10 * (1 + s.imaginary_bound()));
   modes.erase(
@@ -137,7 +137,7 @@ Spectrum compute_spectrum(MPI_Comm comm, const LinearisedOperator& s, const Spec
   const bool refine = settings.refine && s.scene.form == Form::continuum;
   const double bound = 1.01 * s.imaginary_bound();
   const double height = refine ? std::min(bound, resolved_frequency(s)) : bound;
-  const PetscInt unknowns = PetscInt(s.size() * s.dof());
+  const PetscInt unknowns = s.unknowns();
   const bool dense = settings.method == SpectrumMethod::dense ||
                      (settings.method == SpectrumMethod::automatic && unknowns <= 200) || unknowns < 16;
   if (dense && unknowns > 6000)

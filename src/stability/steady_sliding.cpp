@@ -49,14 +49,13 @@ double put_layers(const Scene& s, std::vector<double>& psi) {
 double viscous_force(const Scene& s, const std::vector<double>& psi, PetscInt i) {
   if (s.N() == 0 || !s.any_held()) return 0;
   double d2 = 0;
-  for (const auto& [column, weight] : second_difference_row(s, i))
-    d2 += weight * (psi[column] - psi[i]);
+  for (const auto& [column, weight] : second_difference_row(s, i)) d2 += weight * (psi[column] - psi[i]);
   return s.N() * d2;
 }
 
 }  // namespace
 
-SteadySliding::SteadySliding(const Scene& s) : scene(s), psi(std::size_t(s.n), s.v) {
+SteadySliding::SteadySliding(const Scene& s) : scene(s), psi(s.n, s.v) {
   residual = put_layers(s, psi);
   const std::vector<double> amplitude = friction_amplitude(s, 0, s.n);
   const Frictions frictions(s, 0, s.n);
@@ -64,10 +63,10 @@ SteadySliding::SteadySliding(const Scene& s) : scene(s), psi(std::size_t(s.n), s
   eta.resize(psi.size());
   if (s.friction.has_state()) state.resize(psi.size());
   for (std::size_t i = 0; i < psi.size(); ++i) {
-    const bool solved_for = !s.held(PetscInt(i));
-    const Friction* const friction = &frictions[PetscInt(i)];
+    const bool solved_for = !s.held(i);
+    const Friction* const friction = &frictions[i];
     const double x = friction->steady_state(psi[i]);
-    const auto place = [&] { return "(x = " + rounded_text(s.x(PetscInt(i)), 6) + ")"; };
+    const auto place = [&] { return "(x = " + rounded_text(s.x(i), 6) + ")"; };
     if (friction->has_state && !std::isfinite(x))
       throw Failure("no steady sliding: the contact state grows without end at psi = 0 " + place() +
                     "; the plate must move (model_v)");
@@ -78,7 +77,7 @@ SteadySliding::SteadySliding(const Scene& s) : scene(s), psi(std::size_t(s.n), s
     const RatePartials g = friction->rate_partials(psi[i], x);
     for (double* part : {&f.F, &f.F_psi, &f.F_state}) *part *= amplitude[i];
     slopes[i] = {f.F_psi, f.F_state, g.g_psi, g.g_state};
-    eta[i] = s.B() * psi[i] + f.F - viscous_force(s, psi, PetscInt(i));
+    eta[i] = s.B() * psi[i] + f.F - viscous_force(s, psi, i);
     if (friction->has_state) state[i] = x;
     if (!std::isfinite(eta[i]) || !std::isfinite(f.F_psi))
       throw Failure("no steady sliding: the friction at psi = " + rounded_text(psi[i], 6) + " is not finite");

@@ -13,7 +13,7 @@ namespace stickslip::stretches {
 Rows::Rows(const LinearisedOperator& J)
     : s(J), b(J.scene.order / 2), fading(rows_to_forget[b - 1]), weights(second_difference(J.scene.order)),
       unit(J.spacing() * J.spacing() / J.K1) {
-  const long m = long(s.size());
+  const long m = s.size();
   if (s.scene.ring()) {
     last = last_node = m;
     return;
@@ -27,7 +27,7 @@ Rows::Rows(const LinearisedOperator& J)
   for (const bool left : {true, false}) {
     const long rows = left ? first : m - last;
     for (long i = 0; i < rows; ++i)
-      for (const Coupling::Term& t : s.coupling.row(std::size_t(left ? i : m - 1 - i)))
+      for (const Coupling::Term& t : s.coupling.row(left ? i : m - 1 - i))
         if ((left ? long(t.column) : m - 1 - long(t.column)) >= rows + b) throw Unsettled();
   }
   first_node = first + b - 1;
@@ -54,7 +54,7 @@ class Builder {
     const bool ring = rows_.s.scene.ring();
     const long begin = rows_.last + b + 2 * rows_.fading;
     level_.theta = symbol_.theta();
-    level_.map.resize(std::size_t(rows_.last_node - rows_.first_node + long(shortest) - 1) / shortest);
+    level_.map.resize((rows_.last_node - rows_.first_node + shortest - 1) / shortest);
     set(level_.log, 0);
     Values eps, seam;
     set(seam, 0);
@@ -90,7 +90,7 @@ class Builder {
   // Row k into the map of its stretch; false where a map that is complete is not settled.
   bool take(long k) {
     const bool wide = rows_.b > 1;
-    const std::size_t place = std::size_t(k - rows_.first_node);
+    const std::size_t place = k - rows_.first_node;
     Map& map = level_.map[place / shortest];
     if (map_ != &map) {
       map_ = &map;
@@ -139,7 +139,7 @@ class Builder {
   Level& level_;
   const Symbol symbol_;
   Sweep sweep_;
-  std::array<Values, std::size_t(widest)> faded_;
+  std::array<Values, widest> faded_;
   Map* map_ = nullptr;
   Values product_;
 };
@@ -168,7 +168,7 @@ class Kept {
  public:
   // Rows `to` .. `from`, swept leftwards from far enough right of them.
   Kept(const Rows& rows, const Symbol& symbol, long from, long to)
-      : rows_(rows), to_(to), kept_(std::size_t(from - to) + 1) {
+      : rows_(rows), to_(to), kept_(from - to + 1) {
     Sweep sweep(rows.b, rows.weights);
     Values eps;
     symbol.beside(from + 2 * rows.fading, eps);
@@ -224,12 +224,11 @@ class Kept {
 class Ends {
  public:
   Ends(const Rows& rows, const Symbol& symbol, double theta)
-      : rows_(rows), theta_(theta), m_(long(rows.s.size())), middle_(rows.last - rows.fading),
+      : rows_(rows), theta_(theta), m_(rows.s.size()), middle_(rows.last - rows.fading),
         right_(rows, symbol, rows.last + rows.b, rows.last_node - 1),
         left_(rows, symbol, rows.first + 2 * rows.b, rows.first - rows.b), eps_(rows.first + m_ - middle_) {
     right_.bound = rows.last_node - 1;
-    for (long i = 0; i < m_; i = i + 1 == rows.first ? middle_ : i + 1)
-      symbol.at(std::size_t(i), eps_[kept(i)]);
+    for (long i = 0; i < m_; i = i + 1 == rows.first ? middle_ : i + 1) symbol.at(i, eps_[kept(i)]);
   }
 
   // On the left the state at the first interface is the one solution that does not grow inwards like the
@@ -237,9 +236,9 @@ class Ends {
   LogDet left(int point, int component) {
     left_.point = point;
     const long size = rows_.first + rows_.b;
-    lu_.reset(std::size_t(size), int(size) - 1, int(size) - 1);
+    lu_.reset(size, size - 1, size - 1);
     const auto into = [&](long r) {
-      return [this, r](long column, Complex value) { lu_.add(std::size_t(r), std::size_t(column), value); };
+      return [this, r](long column, Complex value) { lu_.add(r, column, value); };
     };
     for (long i = 0; i < rows_.first; ++i) plain(i, point, into(i));
     for (long k = rows_.first; k < size - 1; ++k) left_.reduced(k, into(k));
@@ -252,11 +251,10 @@ class Ends {
   LogDet right(int point, int component) {
     right_.point = point;
     const long a = right_.bound;
-    lu_.reset(std::size_t(m_ - a), int(m_ - rows_.last + rows_.b),
-              int(std::max<long>(rows_.b, m_ - rows_.last)));
+    lu_.reset(m_ - a, m_ - rows_.last + rows_.b, std::max<long>(rows_.b, m_ - rows_.last));
     const auto into = [&](long r) {
       return [this, r, a](long column, Complex value) {
-        if (column >= a) lu_.add(std::size_t(r - a), std::size_t(column - a), value);
+        if (column >= a) lu_.add(r - a, column - a, value);
       };
     };
     right_.state(a, component, theta_, into(a));
@@ -269,11 +267,10 @@ class Ends {
   // Row i of S as it stands in the equations.
   template <class Add>
   void plain(long i, int point, const Add& add) const {
-    for (const Coupling::Term& t : rows_.s.coupling.row(std::size_t(i)))
-      add(long(t.column), rows_.s.K1 * t.value * rows_.unit);
+    for (const Coupling::Term& t : rows_.s.coupling.row(i)) add(t.column, rows_.s.K1 * t.value * rows_.unit);
     add(i, eps_[kept(i)][point]);
   }
-  std::size_t kept(long i) const { return std::size_t(i < rows_.first ? i : rows_.first + i - middle_); }
+  std::size_t kept(long i) const { return i < rows_.first ? i : rows_.first + i - middle_; }
 
   const Rows& rows_;
   const double theta_;

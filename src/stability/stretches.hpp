@@ -161,8 +161,8 @@ class Symbol {
   }
   // The same by places along the line: round a ring, or beyond its ends as at them.
   void beside(long i, Values& eps) const {
-    const long m = long(s_.size());
-    at(std::size_t(s_.scene.ring() ? (i % m + m) % m : std::clamp(i, 0L, m - 1)), eps);
+    const long m = s_.size();
+    at(s_.scene.ring() ? (i % m + m) % m : std::clamp(i, 0L, m - 1), eps);
   }
 
  private:

@@ -74,7 +74,7 @@ Tangents::Tangents(const Model& model, int count)
     y_.push_back(model.create_vector());
     slope_.emplace_back();
     for (int i = 0; i < stages; ++i) slope_.back().push_back(model.create_vector());
-    draw(std::size_t(k));
+    draw(k);
   }
 }
 
@@ -83,7 +83,7 @@ void Tangents::draw(std::size_t k) {
   const Writing y(y_[k]);
   const PetscInt first = model_.first() * dof_;
   ++draws_;
-  for (PetscInt i = 0; i < model_.local() * dof_; ++i) y[i] = counter_normal(PetscInt(draws_), first + i);
+  for (PetscInt i = 0; i < model_.local() * dof_; ++i) y[i] = counter_normal(draws_, first + i);
   clear_held(y);
 }
 
@@ -143,8 +143,8 @@ void Tangents::count_resting() {
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, counts, 2, MPI_LONG, MPI_SUM, model_.comm()));
   any_moves_ = counts[1] > 0;
   most_resting_ = std::max(most_resting_, counts[0]);
-  const long left = long(model_.unknowns()) - most_resting_;
-  for (std::size_t k = std::size_t(std::max(0L, left)); k < y_.size(); ++k) {
+  const long left = model_.unknowns() - most_resting_;
+  for (std::size_t k = std::max(0L, left); k < y_.size(); ++k) {
     if (!rank_deficient_[k]) SS_TRY(VecZeroEntries(y_[k]));
     rank_deficient_[k] = true;
   }
@@ -210,7 +210,7 @@ void Tangents::jump(Vec u) {
   std::vector<double> was(is.size());
   {
     const Writing kept(was_);
-    for (std::size_t i = 0; i < is.size(); ++i) was[i] = std::exchange(kept[PetscInt(i) * dof_], is[i]);
+    for (std::size_t i = 0; i < is.size(); ++i) was[i] = std::exchange(kept[i * dof_], is[i]);
   }
   const double* const theirs = model_.direction();
   Vec f_was = slope_[0][0], f_is = slope_[0][1];
@@ -335,7 +335,7 @@ void Tangents::rest(double dt, Vec u) {
   {
     const Reading a(u);
     for (std::size_t i = 0; i < logs.size(); ++i) {
-      logs[i] = rest_contraction(model_.friction_law(PetscInt(i)), a[PetscInt(i) * 3 + 2], dt);
+      logs[i] = rest_contraction(model_.friction_law(i), a[i * 3 + 2], dt);
       divergence_ += logs[i];
       most = std::max(most, std::abs(logs[i]));
     }
@@ -347,7 +347,7 @@ void Tangents::rest(double dt, Vec u) {
   for (int turn = 0; turn < turns; ++turn) {
     for (const VecHandle& vector : y_) {
       const Writing y(vector);
-      for (std::size_t i = 0; i < logs.size(); ++i) y[PetscInt(i) * 3 + 2] *= std::exp(logs[i] / turns);
+      for (std::size_t i = 0; i < logs.size(); ++i) y[i * 3 + 2] *= std::exp(logs[i] / turns);
     }
     if (turns > 1) orthonormalise(false);
   }

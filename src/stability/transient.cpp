@@ -220,11 +220,11 @@ Sample parabola_top(const Sample& a, const Sample& b, const Sample& c) {
 class GrowthInTime {
  public:
   GrowthInTime(const LinearisedOperator& s, double growth_rate, Transient& result)
-      : s_(s), result_(result), unknowns_(double(s.size() * s.dof())),
+      : s_(s), result_(result), unknowns_(s.unknowns()),
         quick_(std::max(result.abscissa, std::sqrt(s.A * s.K0))),
         horizon_(40 / std::min(-growth_rate, quick_)), energy_(s), dt_(0.5 / (result.frequency = fastest())),
-        propagator_(s, dt_, result.frequency < s.imaginary_bound()),
-        mixed_(any_vector(s.size() * s.dof(), true)), x_(mixed_) {
+        propagator_(s, dt_, result.frequency < s.imaginary_bound()), mixed_(any_vector(s.unknowns(), true)),
+        x_(mixed_) {
     const double size = energy_.norm(mixed_);
     for (Complex& z : mixed_) z /= size;
   }
@@ -348,7 +348,7 @@ std::optional<Transient> transient_growth(const LinearisedOperator& s, double gr
     return result;
   }
   if (!has_energy(s)) return std::nullopt;
-  if (iterate || double(s.size() * s.dof()) > most_dense) {
+  if (iterate || double(s.unknowns()) > most_dense) {
     if (s.N > 0) return std::nullopt;  // the abscissa's matrix is not banded like the stencil then
     result.method = "iteration";
     result.abscissa = band_abscissa(s);

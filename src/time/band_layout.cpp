@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "base/broadcast.hpp"
 #include "stickslip/base/error.hpp"
 #include "time/piece_kernel.hpp"
 
@@ -13,9 +14,7 @@ constexpr int usual_rows = 64;  // of a piece: 512 nodes a tile
 
 BandLayout::BandLayout(const Model& model)
     : model_(model), half_width_(model.scene().order / 2), dof_(model.dof()), n_(model.scene().n) {
-  int ranks;
-  MPI_Comm_size(model.comm(), &ranks);
-  first_of_rank_.resize(ranks);
+  first_of_rank_.resize(ranks_in(model.comm()));
   const PetscInt first = model.first();
   SS_TRY(MPI_Allgather(&first, 1, MPIU_INT, first_of_rank_.data(), 1, MPIU_INT, model.comm()));
   cut();
@@ -93,7 +92,7 @@ void BandLayout::set_up_scatter() {
   std::vector<PetscInt> nodes;
   for (PetscInt i = low; i < 0; ++i) nodes.push_back(wrapped(first + i));
   for (PetscInt i = local; i < high; ++i) nodes.push_back(wrapped(first + i));
-  const auto count = PetscInt(nodes.size());
+  const PetscInt count = nodes.size();
   const VecHandle pattern = model_.create_vector();
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count * dof_, fetched_.out()));
   IsHandle from;

@@ -34,11 +34,11 @@ BandedImex::BandedImex(const Model& model, ImexTableau method, Implicit implicit
   for (const BandTile& t : layout_.tiles())
     for (PetscInt i = 0; i < t.count(); ++i) nodes.push_back(double(layout_.wrapped(t.begin + i)));
   if (scene.friction.varies()) {
-    for (const double node : nodes) x.push_back(scene.x(PetscInt(node)));
+    for (const double node : nodes) x.push_back(scene.x(node));
     x = by_tiles(x);
   }
   if (!scene.unit_amplitude()) {
-    for (const double node : nodes) amplitude_.push_back(friction_amplitude(scene, PetscInt(node), 1)[0]);
+    for (const double node : nodes) amplitude_.push_back(friction_amplitude(scene, node, 1)[0]);
     amplitude_ = by_tiles(amplitude_);
   }
   if (sticking) direction_.assign(layout_.size(), 0.);
@@ -52,7 +52,7 @@ BandedImex::BandedImex(const Model& model, ImexTableau method, Implicit implicit
       end_rows_.back().push_back(second_difference_row(scene, t.begin + i));
   }
   for (std::vector<double>* of_tile : {&d_, &b_, &x_, &spare_, &zeros_})
-    of_tile->assign(std::size_t(longest + 2 * (scene.order / 2) + kernel::lanes), 0.);
+    of_tile->assign(longest + 2 * (scene.order / 2) + kernel::lanes, 0.);
 }
 
 // Values of the nodes of all tiles, one after the other, in the order of columns.

@@ -14,12 +14,11 @@ namespace {
 // Weights of slopes at the points i/(count - 1) in the integral of their interpolating polynomial over [0,
 // s].
 std::vector<double> integration_weights(int count, double s) {
-  const auto n = static_cast<std::size_t>(count);
-  std::vector<double> powers(n * n), weights(n);
+  std::vector<double> powers(count * count), weights(count);
   double power = s;
-  for (std::size_t k = 0; k < n; ++k, power *= s) {
-    weights[k] = power / double(k + 1);
-    for (std::size_t i = 0; i < n; ++i) powers[k * n + i] = std::pow(double(i) / double(n - 1), double(k));
+  for (int k = 0; k < count; ++k, power *= s) {
+    weights[k] = power / (k + 1);
+    for (int i = 0; i < count; ++i) powers[k * count + i] = std::pow(double(i) / (count - 1), double(k));
   }
   solve_dense(count, powers.data(), 1, weights.data());
   return weights;
@@ -77,7 +76,7 @@ void DenseOutput::polynomial(Vec before, Vec after, double dt, double s, Vec int
     terms.push_back(before);
   }
   SS_TRY(VecZeroEntries(into));
-  SS_TRY(VecMAXPY(into, static_cast<PetscInt>(terms.size()), weights.data(), terms.data()));
+  SS_TRY(VecMAXPY(into, terms.size(), weights.data(), terms.data()));
 }
 
 }  // namespace stickslip

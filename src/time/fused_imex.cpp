@@ -28,7 +28,7 @@ Row row_of(int from, const double* of_implicit, const double* of_explicit, int c
 FusedImex::FusedImex(const Model& model, const ImexTableau& method, bool sticking)
     : TiledStep(model, method.stages, 2, 1, sticking), known_(implicit_slope(method.stages)),
       solve_(tiles_, sticking) {
-  const auto s = static_cast<std::size_t>(stages_);
+  const std::size_t s = stages_;
   for (std::size_t i = 0; i < s; ++i) {
     diagonal_.push_back(method.At[i * s + i]);
     times_.push_back(std::accumulate(&method.At[i * s], &method.At[i * s] + i + 1, 0.));
@@ -106,9 +106,8 @@ long FusedImex::stage(const Tile& t, int i, const Step& step, PetscInt begin, Pe
   for (int d = 0; d < tiles_.dof() && i == 0; ++d)
     std::copy(at(t, 0, d, begin), at(t, 0, d, end), at(t, 1, d, begin));  // a guess
   return solve_(t, {known_, g, i > 0 ? implicit_slope(i - 1) : -1},
-                {at_stage(step, i), step.dt * diagonal_[i],
-                 step.norm.solver_target(), step.estimate},
-                begin, end);
+                {at_stage(step, i), step.dt * diagonal_[i], step.norm.solver_target(), step.estimate}, begin,
+                end);
 }
 
 }  // namespace stickslip

@@ -20,8 +20,7 @@ class SlopeArrays {
 
   // From the columns first, first + 1, ..., last of the tile.
   void store(const Tiles& tiles, const Tile& tile, int first, int last) const {
-    for (std::size_t i = 0; i < slopes_.size(); ++i)
-      tiles.store(tile, first + static_cast<int>(i), slopes_[i]);
+    for (std::size_t i = 0; i < slopes_.size(); ++i) tiles.store(tile, first + int(i), slopes_[i]);
     if (last_) tiles.store(tile, last, last_);
   }
 
@@ -81,10 +80,9 @@ void TiledStep::stretch(const Tile& t, int index, int slope, PetscInt begin, Pet
 kernel::Coefficients TiledStep::at_stage(const Step& step, int i) const {
   kernel::Coefficients c = coefficients_;
   const Model& model = tiles_.model();
-  const auto stage = static_cast<std::size_t>(i);
-  c.v = model.plate_velocity(step.t + times_[stage] * step.dt);
+  c.v = model.plate_velocity(step.t + times_[i] * step.dt);
   if (!rates_.empty() && model.scene().load.varies())
-    c.v += rates_[stage] * step.dt * plate_acceleration(model, step.t);
+    c.v += rates_[i] * step.dt * plate_acceleration(model, step.t);
   return c;
 }
 

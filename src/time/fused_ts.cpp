@@ -39,7 +39,7 @@ void FusedTs::bind(const Model& model, Implicit implicit, bool sticking,
 }
 
 void FusedTs::make_slopes() {
-  const auto count = std::size_t(method_->slopes());
+  const std::size_t count = method_->slopes();
   while (slopes_.size() < count) slopes_.push_back(model_->create_vector());
 }
 
@@ -53,7 +53,7 @@ void FusedTs::interpolate(double s, Vec into) {
   const std::vector<double> weights = method_->weights_at(s, dt_);
   const std::vector<Vec> terms(slopes_.begin(), slopes_.end());
   SS_TRY(VecCopy(before_, into));
-  SS_TRY(VecMAXPY(into, PetscInt(terms.size()), weights.data(), const_cast<Vec*>(terms.data())));
+  SS_TRY(VecMAXPY(into, terms.size(), weights.data(), const_cast<Vec*>(terms.data())));
 }
 
 #ifdef STICKSLIP_FUSED_STEP
@@ -166,7 +166,7 @@ struct FusedTs::Callbacks {
     PetscInt chosen = 0;
     PetscBool set;
     PetscOptionsHeadBegin(PetscOptionsObject, "ODE solver options, stages of a step tile by tile");
-    PetscCall(PetscOptionsEList(option.c_str(), "Tableau", "none", names.data(), PetscInt(names.size()),
+    PetscCall(PetscOptionsEList(option.c_str(), "Tableau", "none", names.data(), names.size(),
                                 method.subtype(), &chosen, &set));
     PetscOptionsHeadEnd();
     if (set) method.set_subtype(names[chosen]);
@@ -275,7 +275,7 @@ void register_time_steppers() {
   if (std::exchange(done, true)) return;
   FusedTs::add_types();
   for (const AddedTableau& t : added_tableaus()) {
-    const auto stages = static_cast<PetscInt>(t.b.size());
+    const PetscInt stages = t.b.size();
     SS_TRY(TSRKRegister(t.method.subtype, t.method.order, stages, t.A.data(), t.b.data(), nullptr,
                         t.embedded.empty() ? nullptr : t.embedded.data(), 0, nullptr));
   }

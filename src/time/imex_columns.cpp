@@ -16,7 +16,7 @@ ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Im
       stride_(layout.size() + 8),  // so that columns do not meet in the same lines of a cache
       add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})) {
   int columns = 0;
-  const auto s = std::size_t(method.stages);
+  const std::size_t s = method.stages;
   for (int d = 0; d < dof_; ++d) {
     u_[d] = columns++;
     known_[d] = columns++;
@@ -36,7 +36,7 @@ ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Im
       }
       slopes_[kind].push_back(own);
     }
-  work_ = std::make_unique<double[]>(std::size_t(columns) * std::size_t(stride_));
+  work_ = std::make_unique<double[]>(columns * std::size_t(stride_));
   PetscInt longest = 0;
   for (const BandTile& t : layout.tiles()) longest = std::max(longest, t.count());
   zeros_.assign(longest, 0.);
@@ -53,20 +53,19 @@ ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Im
     g[j] = method.bt[j] - method.embedded_t[j];
   }
   for (int d = 0; d < dof_; ++d) {
-    const auto of = std::size_t(d);
     for (std::size_t i = 0; i < s; ++i) {
-      sums_[i][of].base = d == 0 ? -1 : u_[d];
-      add(sums_[i][of], d, &method.At[i * s], &method.A[i * s], int(i));
+      sums_[i][d].base = d == 0 ? -1 : u_[d];
+      add(sums_[i][d], d, &method.At[i * s], &method.A[i * s], int(i));
     }
     // a stiffly accurate method has the new u in its last stage but for what is explicit
-    Sum& solution = solution_[of];
+    Sum& solution = solution_[d];
     solution.base = !stiffly_accurate ? u_[d] : d == 1 ? known_[1] : stage_[d == 0 ? 0 : 1];
     add(solution, d,
         !stiffly_accurate ? method.bt.data()
         : d == 1          ? of_last.data()
                           : none.data(),
         of_explicit_left.data(), int(s));
-    add(error_[of], d, g.data(), f.data(), int(s));
+    add(error_[d], d, g.data(), f.data(), int(s));
   }
 }
 
@@ -77,7 +76,7 @@ void ImexColumns::add(Sum& sum, int d, const double* implicit_weights, const dou
       const bool of_psi = kind == of_explicit && d == 1;
       const double weight = (kind == of_implicit ? implicit_weights : explicit_weights)[j];
       const double factor = of_psi ? explicit_eta_ : 1;
-      const int column = slopes_[kind][j][std::size_t(of_psi ? 0 : d)];
+      const int column = slopes_[kind][j][of_psi ? 0 : d];
       // round-off, which the tableau was read with
       if (column < 0 || factor == 0 || is_near(weight, 0)) continue;
       sum.columns.push_back(column);

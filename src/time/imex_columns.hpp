@@ -52,9 +52,7 @@ class ImexColumns {
     std::vector<int> columns;
     std::vector<double> weights;
   };
-  double* at(const BandTile& t, int index) const {
-    return work_.get() + std::size_t(index) * std::size_t(stride_) + std::size_t(t.at);
-  }
+  double* at(const BandTile& t, int index) const { return work_.get() + index * std::size_t(stride_) + t.at; }
   void add(Sum& sum, int d, const double* of_implicit, const double* of_explicit, int count) const;
   void take(const BandTile& t, const Sum& sum, double dt, double* into) const;
 

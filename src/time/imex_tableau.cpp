@@ -43,9 +43,8 @@ ImexMethod::ImexMethod(const std::string& subtype) {
   ImexTableau& t = tableau_;
   t.stages = stage_ + 1;
   for (int i = 0; i < t.stages; ++i) {
-    const auto row = std::size_t(i);
-    t.A.insert(t.A.end(), explicit_rows_[row].begin(), explicit_rows_[row].begin() + t.stages);
-    t.At.insert(t.At.end(), implicit_rows_[row].begin(), implicit_rows_[row].begin() + t.stages);
+    t.A.insert(t.A.end(), explicit_rows_[i].begin(), explicit_rows_[i].begin() + t.stages);
+    t.At.insert(t.At.end(), implicit_rows_[i].begin(), implicit_rows_[i].begin() + t.stages);
   }
   read(u_, t.b, t.bt);
   const PetscInt* order;

@@ -14,7 +14,7 @@ namespace {
 
 // M Gamma^-1 for M of so many rows; Gamma is lower triangular.
 std::vector<double> times_inverse(std::vector<double> M, const std::vector<double>& Gamma, int stages) {
-  const auto s = static_cast<std::size_t>(stages);
+  const std::size_t s = stages;
   for (std::size_t row = 0; row < M.size(); row += s)
     for (std::size_t j = s; j-- > 0;) {
       for (std::size_t k = j + 1; k < s; ++k) M[row + j] -= M[row + k] * Gamma[k * s + j];
@@ -110,7 +110,7 @@ std::vector<double> rosenbrock_rates(const std::string& subtype) {
 RosenbrockStep::RosenbrockStep(const Model& model, const RosenbrockW& method, bool sticking)
     : FusedStep(model, transformed(method), sticking, factor_columns(model)), gamma_(method.Gamma[0]),
       factors_(slopes_from + stages_), tangents_(tile::tangents(model.scene(), sticking, tiles_.places())) {
-  const auto s = static_cast<std::size_t>(stages_);
+  const std::size_t s = stages_;
   std::vector<double> C(s * s);
   for (std::size_t i = 0; i < s; ++i) {
     times_[i] = std::accumulate(&method.A[i * s], &method.A[i * s] + s, 0.);

@@ -119,7 +119,7 @@ void Tiles::set_up_scatter() {
   std::vector<PetscInt> nodes;
   for (PetscInt i = 0; i < left_halo_; ++i) nodes.push_back(wrapped(first_ - left_halo_ + i));
   for (PetscInt i = 0; i < right_halo_; ++i) nodes.push_back(wrapped(first_ + local_ + i));
-  const auto count = static_cast<PetscInt>(nodes.size());
+  const PetscInt count = nodes.size();
   const VecHandle pattern = model_.create_vector();
   SS_TRY(VecCreateSeq(PETSC_COMM_SELF, count * dof_, fetched_.out()));
   IsHandle from;
@@ -175,9 +175,7 @@ void Tiles::close_ends(double* psi, PetscInt begin, PetscInt end) const {
   }
 }
 
-PetscInt Tiles::split_at(PetscInt part, PetscInt parts) const {
-  return static_cast<PetscInt>(static_cast<std::int64_t>(part) * local_ / parts);
-}
+PetscInt Tiles::split_at(PetscInt part, PetscInt parts) const { return std::int64_t(part) * local_ / parts; }
 
 void Tiles::pass(Vec u, Vec u_new, PetscInt reach, const std::function<void(const Tile&)>& through,
                  const std::function<void(const Tile&)>& after) const {

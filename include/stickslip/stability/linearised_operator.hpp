@@ -49,6 +49,7 @@ class LinearisedOperator {
   bool has_state() const { return scene.friction.has_state(); }
   std::size_t fields() const { return has_state() ? 3 : 2; }
   std::size_t dof() const { return fields() - psi_entries(); }
+  std::size_t unknowns() const { return size() * dof(); }
   // The uniform mode with lambda = 0: without K0 and held ends every velocity is a steady one. It is a
   // symmetry, not an instability.
   bool neutral() const { return K0 == 0 && size() == std::size_t(scene.n); }
