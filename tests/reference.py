@@ -143,7 +143,7 @@ class Law:
         """F_psi, F_s, g_psi, g_s."""
         ways = (psi + 1j * STEP, s + 0j), (psi + 0j, s + 1j * STEP)
         rates = [np.imag(self.rate(*way)) / STEP for way in ways] if self.state != "none" else [0 * psi, 0 * psi]
-        return [np.imag(self.force(*way, going)) / STEP + 0 * psi for way in ways] + rates
+        return [np.imag(self.force(*way, going)) / STEP for way in ways] + rates
 
 
 # ---- the system ----
@@ -244,14 +244,17 @@ class System:
     def jacobian(self, u, D=None):
         """d rates/du over all nodes; D: another matrix in place of D2, or several of them."""
         psi, _, s = self.split(np.real(u))
-        D = self.D if D is None else np.asarray(D)
-        F_psi, F_s, g_psi, g_s = (x[:, None] * np.eye(self.n) for x in self.law.slopes(psi, s, self.going))
-        one, slide = np.eye(self.n) + 0 * D, (1. * self.slides())[:, None]
-        move, force = slide * self.moves[:, None], self.N * D - F_psi
-        rows = [[move * self.A * (force - self.B * one), move * self.A * one, -move * self.A * F_s * (one != 0)],
-                [self.K1 * D - self.K0 * one - self.sd * slide * force, -self.sd * slide * one, self.sd * slide * F_s + 0 * one],
-                [g_psi + 0 * one, 0 * one, g_s + 0 * one]]
-        return np.concatenate([np.concatenate(row[:self.kinds], axis=-1) for row in rows[:self.kinds]], axis=-2)
+        D, n, i = self.D if D is None else np.asarray(D), self.n, np.arange(self.n)
+        F_psi, F_s, g_psi, g_s = self.law.slopes(psi, s, self.going)
+        slide = 1. * self.slides()
+        A, sd = self.A * slide * self.moves, self.sd * slide
+        J = np.zeros((*D.shape[:-2], self.kinds, n, self.kinds, n), D.dtype)
+        J[..., 0, :, 0, :], J[..., 1, :, 0, :] = (A * self.N)[:, None] * D, (self.K1 - sd * self.N)[:, None] * D
+        diagonals = [[-A * (self.B + F_psi), A, -A * F_s], [sd * F_psi - self.K0, -sd, sd * F_s], [g_psi, 0, g_s]]
+        for of, row in enumerate(diagonals[:self.kinds]):
+            for by, values in enumerate(row[:self.kinds]):
+                J[..., of, i, by, i] += values
+        return J.reshape(*D.shape[:-2], self.kinds * n, self.kinds * n)
 
     def steady_psi(self):
         """K0 (v - psi) + K1 D2 psi = 0 between the held ends."""

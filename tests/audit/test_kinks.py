@@ -1,5 +1,7 @@
 """Periods of oscillations that pass rest, where |psi| in the state law turns a corner: against DOP853 from corner to corner, each
 side with its own sign, and a fixed point of its return map. The printed error is no smaller than the true one."""
+import math
+
 import h5py
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -33,14 +35,14 @@ class Oscillator:
 
         def friction(u, s):
             if p["friction_law"] == "cubic":
-                return (1 + p["state_b"] * np.log1p(np.exp(s) / p["state_theta0"])) * (u**3 / 3 - u)
+                return (1 + p["state_b"] * math.log1p(math.exp(s) / p["state_theta0"])) * (u**3 / 3 - u)
             a, psi0 = p["friction_a"], p["friction_psi0"]
-            return a * np.arcsinh(u / (2 * psi0) * np.exp((0.6 + p["friction_b"] * (np.log(psi0 / D) + s)) / a))
+            return a * math.asinh(u / (2 * psi0) * math.exp((0.6 + p["friction_b"] * (math.log(psi0 / D) + s)) / a))
 
         def rates(y, sign):
-            u, e, s = y
+            u, e, s = map(float, y)
             F, a = friction(u, s), max(sign * u / D, 0)
-            aged = (-a * (np.log(a) + s) if a else 0.) if p["state_law"] == "slip" else np.exp(-s) - a
+            aged = (-a * (math.log(a) + s) if a else 0.) if p["state_law"] == "slip" else math.exp(-s) - a
             return [gamma * (e - F), (v - u) / gamma - delta * (e - F), aged]
         self.rates, self.v = rates, v
 

@@ -136,8 +136,8 @@ class Smoothed:
 
     def go(self, time, y, v, **more):
         self.block.v = lambda t: v
-        return solve_ivp(lambda t, y: [*self.block.rates(t, y[:2]), np.trace(self.block.jacobian(y[:2]))], (0, time), y,
-                         method="DOP853", rtol=3e-13, atol=1e-13, **more)
+        return solve_ivp(lambda t, y: [*self.block.rates(t, y[:2]), -self.block.B - self.block.law.slopes(y[0], 0.)[0]],
+                         (0, time), y, method="DOP853", rtol=1e-12, atol=1e-13, **more)
 
     def fold(self, v):
         """The cycle whose second multiplier is 1: its divergence has the mean 0. From the cycle that attracts a bit below v."""
