@@ -49,11 +49,7 @@ void RankGroups::from_zero() {
   MPI_Barrier(MPI_COMM_WORLD);
 }
 
-bool RankGroups::any(bool here) const {
-  int some = here ? 1 : 0;
-  if (size_ > 1) MPI_Allreduce(MPI_IN_PLACE, &some, 1, MPI_INT, MPI_MAX, PETSC_COMM_WORLD);
-  return some != 0;
-}
+bool RankGroups::any(bool here) const { return size_ > 1 ? on_any_rank(PETSC_COMM_WORLD, here) : here; }
 
 long RankGroups::take(bool stops) {
   if (any(stops)) return -1;
@@ -64,7 +60,7 @@ long RankGroups::take(bool stops) {
     MPI_Fetch_and_op(&one, &number, MPI_LONG, 0, 0, MPI_SUM, window_);
     MPI_Win_unlock(0, window_);
   }
-  if (size_ > 1) MPI_Bcast(&number, 1, MPI_LONG, 0, PETSC_COMM_WORLD);
+  if (size_ > 1) broadcast(number);
   return number;
 }
 

@@ -34,9 +34,9 @@ namespace {
 
 // Whether rank 0 sees this file. Collective.
 bool exists(const std::string& path) {
-  int there = access(path.c_str(), F_OK) == 0 ? 1 : 0;
-  SS_TRY(MPI_Bcast(&there, 1, MPI_INT, 0, PETSC_COMM_WORLD));
-  return there != 0;
+  bool there = access(path.c_str(), F_OK) == 0;
+  broadcast(there);
+  return there;
 }
 
 std::optional<Checkpoint> asked_for(const Options& options) {
@@ -261,8 +261,7 @@ int Run::check(Summary& summary) {
       [&](const Integrator::Step& step) {
         t = step.t;
         steps = step.index - origin_.step;
-        seconds = MPI_Wtime() - begin;
-        SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &seconds, 1, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD));
+        seconds = largest_over(PETSC_COMM_WORLD, MPI_Wtime() - begin);
         return seconds > 1 ? Integrator::Verdict::stop : Integrator::Verdict::go_on;
       },
       control_->most_steps());
