@@ -1,5 +1,6 @@
 #include "base/paths.hpp"
 
+#include <fmt/format.h>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -9,6 +10,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "base/failure.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip::paths {
@@ -31,7 +33,7 @@ std::string resolved(const std::string& path) {
 }
 
 Present check_writable(const std::string& option, const std::string& path) {
-  const auto refuse = [&](const std::string& why) { throw UsageError(option + " '" + path + "': " + why); };
+  const auto refuse = [&](const std::string& why) { throw usage_error("{} '{}': {}", option, path, why); };
   if (path.empty()) refuse("the name of a file is needed");
   struct stat at {};
   const bool present = stat(path.c_str(), &at) == 0;
@@ -53,7 +55,7 @@ Present check_writable(const std::string& option, const std::string& path) {
   const std::string probe = hidden_sibling(resolved(path));
   unlink(probe.c_str());
   const int fd = open(probe.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  if (fd < 0) refuse("cannot be written in '" + folder(path) + "' (" + std::strerror(errno) + ")");
+  if (fd < 0) refuse(fmt::format("cannot be written in '{}' ({})", folder(path), std::strerror(errno)));
   close(fd);
   unlink(probe.c_str());
   return present ? Present::regular : Present::nothing;
@@ -61,7 +63,7 @@ Present check_writable(const std::string& option, const std::string& path) {
 
 Descriptor::Descriptor(const std::string& path, int flags, const std::string& doing)
     : number_(open(path.c_str(), flags | O_CLOEXEC, 0666)) {
-  if (number_ < 0) throw Failure("cannot " + doing + " '" + path + "': " + std::strerror(errno));
+  if (number_ < 0) throw failure("cannot {} '{}': {}", doing, path, std::strerror(errno));
 }
 
 Descriptor::~Descriptor() { close(number_); }

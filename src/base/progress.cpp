@@ -1,5 +1,6 @@
 #include "base/progress.hpp"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -39,10 +40,7 @@ void Progress::tell(const std::string& text) const {
 }
 
 std::string Progress::left(double part) const {
-  if (part <= 0) return "";
-  char text[64];
-  std::snprintf(text, sizeof text, ", %.0f s left", (MPI_Wtime() - begin_) * (1 - part) / part);
-  return text;
+  return part <= 0 ? "" : fmt::format(", {:.0f} s left", (MPI_Wtime() - begin_) * (1 - part) / part);
 }
 
 void Progress::restart_clock() { begin_ = MPI_Wtime(); }

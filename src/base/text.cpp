@@ -1,8 +1,9 @@
 #include "stickslip/base/text.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
-#include <cstdio>
 
 namespace stickslip {
 
@@ -31,11 +32,7 @@ std::string number_text(double value) {
   return std::string(buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr);
 }
 
-std::string rounded_text(double value, int digits) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.*g", digits, value);
-  return text;
-}
+std::string rounded_text(double value, int digits) { return fmt::format("{:.{}g}", value, digits); }
 
 std::string one_line(std::string text) {
   for (char& c : text)

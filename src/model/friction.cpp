@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "base/failure.hpp"
 #include "model/dispatch.hpp"
 
 namespace stickslip {
@@ -203,9 +204,8 @@ std::shared_ptr<const Friction> resolved(const F& f, const FrictionParameters& p
 
 std::shared_ptr<const Friction> Friction::of(const FrictionParameters& p) {
   if (p.varies())
-    throw UsageError(p.profiles.begin()->first +
-                     "_profile: what is asked for here needs friction that is the same "
-                     "everywhere");
+    throw usage_error("{}_profile: what is asked for here needs friction that is the same everywhere",
+                      p.profiles.begin()->first);
   return dispatch_friction<std::shared_ptr<const Friction>>(p, [&](const auto& f) { return resolved(f, p); });
 }
 

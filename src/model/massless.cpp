@@ -1,5 +1,6 @@
 #include "model/massless.hpp"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -86,10 +87,10 @@ std::string jump_at_rest(const MasslessNode& node) {
            " of it as a block begins to slip, and its velocity would jump";
   // with a state it shows when the motion comes there
   if (!node.law.has_state && !(node.B + node.amplitude * p.F_psi > 0))
-    return "as a block begins to slip friction falls with velocity at least as fast as the resistance "
-           "zeta/f0 = " +
-           rounded_text(node.B, 6) + " makes up for (slope " + rounded_text(node.amplitude * p.F_psi, 6) +
-           "), and its velocity would jump";
+    return fmt::format(
+        "as a block begins to slip friction falls with velocity at least as fast as the resistance zeta/f0 = "
+        "{:.6g} makes up for (slope {:.6g}), and its velocity would jump",
+        node.B, node.amplitude * p.F_psi);
   return "";
 }
 

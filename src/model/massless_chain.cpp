@@ -1,5 +1,6 @@
 #include "model/massless_chain.hpp"
 
+#include <fmt/format.h>
 #include <cmath>
 
 #include "base/local_values.hpp"
@@ -71,10 +72,10 @@ std::string MasslessChain::velocity_jump(Vec u) const {
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE_INT, MPI_MAXLOC, comm_));
   SS_TRY(MPI_Bcast(lost, 2, MPI_DOUBLE, largest.rank, comm_));
   if (lost[0] < 0) return "";
-  return "the force on the block at x = " + rounded_text(lost[0], 6) +
-         " does not say what psi is: from psi = " + rounded_text(lost[1], 6) +
-         " on friction falls faster than zeta psi rises (zeta/f0 + F_psi <= 0), and without mass psi "
-         "would jump; take model_m > 0";
+  return fmt::format(
+      "the force on the block at x = {:.6g} does not say what psi is: from psi = {:.6g} on friction falls "
+      "faster than zeta psi rises (zeta/f0 + F_psi <= 0), and without mass psi would jump; take model_m > 0",
+      lost[0], lost[1]);
 }
 
 // psi_j acts on eta of its neighbours, and follows from its own eta and state: what it does stands in their

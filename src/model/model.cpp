@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "base/failure.hpp"
 #include "base/local_values.hpp"
 #include "base/broadcast.hpp"
 #include "model/massless_chain.hpp"
@@ -56,8 +57,8 @@ struct Model::Impl {
     int ranks = 1;
     MPI_Comm_size(comm, &ranks);
     if (ranks > scene.n)
-      throw UsageError("grid_n " + std::to_string(scene.n) + " is less than the number of ranks " +
-                       std::to_string(ranks) + "; use at most one rank a node");
+      throw usage_error("grid_n {} is less than the number of ranks {}; use at most one rank a node", scene.n,
+                        ranks);
     share_nodes();
     amplitude = friction_amplitude(scene, first, local);
     set_up_law();

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "base/failure.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -74,11 +75,10 @@ void read_model(const Options& o, Scene& s) {
   for (const auto& [value, what] :
        {Coefficient{s.A(), "A"}, {s.B(), "B"}, {s.K0(), "K0"}, {s.K1(), "K1"}, {s.N(), "N"}})
     if (!std::isfinite(value) && !(s.massless() && *what == 'A'))
-      throw UsageError(std::string("the model's parameters make its coefficient ") + what +
-                       (s.form == Form::continuum
-                            ? " (A = gamma, K0 = 1/gamma, K1 = c^2/gamma, N = nu/gamma)"
-                            : " (A = f0/m, B = zeta/f0, K0 = k0/f0, K1 = k1/f0, N = nu/f0)") +
-                       " overflow: choose gentler units");
+      throw usage_error(
+          "the model's parameters make its coefficient {}{} overflow: choose gentler units", what,
+          s.form == Form::continuum ? " (A = gamma, K0 = 1/gamma, K1 = c^2/gamma, N = nu/gamma)"
+                                    : " (A = f0/m, B = zeta/f0, K0 = k0/f0, K1 = k1/f0, N = nu/f0)");
 }
 
 // The option names of a law's parameters.
@@ -158,11 +158,11 @@ void read_spread(const Options& o, Scene& s) {
     if (belong_together(other, state)) others.push_back(other);
   const std::string state_law = shown(o, "state_law");
   if (!belong_together(law, "none"))
-    throw UsageError(state_law + ": " + law->name + " friction needs " + joined(law->states));
+    throw usage_error("{}: {} friction needs {}", state_law, law->name, joined(law->states));
   if (std::none_of(others.begin(), others.end(), [](Law other) { return belong_together(other, "none"); }))
-    throw UsageError(state_law + ": it belongs to " + joined(others) + ", but friction_law is " + law->name);
-  throw UsageError(state_law + ": it lets static friction grow, and the " + law->name +
-                   " law has none (phi(0) = 0); use " + joined(others));
+    throw usage_error("{}: it belongs to {}, but friction_law is {}", state_law, joined(others), law->name);
+  throw usage_error("{}: it lets static friction grow, and the {} law has none (phi(0) = 0); use {}",
+                    state_law, law->name, joined(others));
 }
 
 void read_state(const Options& o, Scene& s) {
@@ -178,8 +178,8 @@ void read_state(const Options& o, Scene& s) {
   for (const Parameter& p : f.law->parameters) {
     const std::string name = "friction_" + std::string(p.name);
     if (*p.same_as && o.is_set(p.same_as) && o.real(p.same_as) != o.real(name))
-      throw UsageError(shown(o, p.same_as) + ": " + f.law->name + " has one slip distance, and " + name +
-                       " is " + o.text(name));
+      throw usage_error("{}: {} has one slip distance, and {} is {}", shown(o, p.same_as), f.law->name, name,
+                        o.text(name));
   }
 }
 
@@ -196,8 +196,8 @@ std::optional<ProfileAlongX> read_profile(const Options& o, const Scene& s, cons
   std::vector<std::pair<double, double>> points = o.pairs(option);
   for (auto& [x, value] : points) {
     if (x < 0 || x > s.length * (1 + 1e-12))
-      throw UsageError(shown(o, option) + ": x = " + number_text(x) +
-                       " lies outside the scene, which reaches from 0 to " + number_text(s.length));
+      throw usage_error("{}: x = {} lies outside the scene, which reaches from 0 to {}", shown(o, option),
+                        number_text(x), number_text(s.length));
     value *= o.real(factor);
   }
   const std::string kind = o.text("profile_kind");
@@ -213,7 +213,7 @@ void read_profiles(const Options& o, Scene& s) {
     const std::optional<ProfileAlongX> profile = read_profile(o, s, name);
     if (!profile) return;
     if (f.profiles.count(as))
-      throw UsageError("-" + name + "_profile: it is the same quantity as " + as + "_profile");
+      throw usage_error("-{}_profile: it is the same quantity as {}_profile", name, as);
     f.profiles[as] = *profile;
   };
   for (const Parameter& p : f.law->parameters) {
@@ -256,8 +256,8 @@ void read_ends(const Options& o, Scene& s) {
   s.left = value_of(end_names, o.text("bc_left"));
   s.right = value_of(end_names, o.text("bc_right"));
   if ((s.left == End::periodic) != (s.right == End::periodic))
-    throw UsageError("-bc_left " + to_string(s.left) + " and -bc_right " + to_string(s.right) +
-                     ": periodic holds at both ends or at neither");
+    throw usage_error("-bc_left {} and -bc_right {}: periodic holds at both ends or at neither",
+                      to_string(s.left), to_string(s.right));
   s.left_value = o.real("bc_left_value");
   s.right_value = o.real("bc_right_value");
   // a layer starts from bc_left_value, whatever the end is
@@ -277,19 +277,19 @@ void read_grid(const Options& o, Scene& s) {
   if (s.form == Form::chain) {
     const double length = s.ring() ? double(s.n) : double(s.n > 1 ? s.n - 1 : 1);
     if (s.length != length)
-      throw UsageError(shown(o, "grid_length") + ": the chain has spacing 1 and so, with grid_n " +
-                       std::to_string(s.n) + ", length " + number_text(length));
+      throw usage_error("{}: the chain has spacing 1 and so, with grid_n {}, length {}",
+                        shown(o, "grid_length"), s.n, number_text(length));
     if (s.order != 2)
       throw UsageError(shown(o, "grid_order") +
                        ": the chain's second difference is the model itself, of order 2");
     if (s.n <= held)
-      throw UsageError(n + ": a chain with " + std::to_string(held) + " held end" + (held > 1 ? "s" : "") +
-                       " needs at least " + std::to_string(held + 1) + " blocks");
+      throw usage_error("{}: a chain with {} held end{} needs at least {} blocks", n, held,
+                        held > 1 ? "s" : "", held + 1);
     return;
   }
   if (s.n < s.order + 1)
-    throw UsageError(n + ": order " + std::to_string(s.order) + " needs at least " +
-                     std::to_string(s.order + 1) + " nodes; take more nodes or a lower grid_order");
+    throw usage_error("{}: order {} needs at least {} nodes; take more nodes or a lower grid_order", n,
+                      s.order, s.order + 1);
   if (s.order == 8 && held > 0)
     throw UsageError(
         "-grid_order 8: order 8 with a held end has growing modes of its own; orders 2, 4 and 6 are "

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <fstream>
 
+#include "base/failure.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 
@@ -45,16 +46,15 @@ std::vector<std::vector<double>> read_columns(const std::string& option, const s
     if (row.empty()) continue;
     const std::string wanted = std::to_string(least) + (most > least ? " to " + std::to_string(most) : "");
     if (row.size() < least || row.size() > most)
-      throw UsageError(place + ": " + std::to_string(row.size()) + " columns; " + wanted + " are wanted");
+      throw usage_error("{}: {} columns; {} are wanted", place, row.size(), wanted);
     if (!rows.empty() && row.size() != rows.front().size())
-      throw UsageError(place + ": " + std::to_string(row.size()) + " columns where the rows before have " +
-                       std::to_string(rows.front().size()));
+      throw usage_error("{}: {} columns where the rows before have {}", place, row.size(),
+                        rows.front().size());
     rows.push_back(std::move(row));
     if (rows.size() > longest) throw UsageError(name + ": more than " + std::to_string(longest) + " rows");
   }
   if (file.bad()) throw UsageError(name + ": cannot be read: " + std::strerror(errno));  // a folder, for one
-  if (!file.eof())
-    throw UsageError(name + ": a line of more than " + std::to_string(longest_line - 1) + " bytes");
+  if (!file.eof()) throw usage_error("{}: a line of more than {} bytes", name, longest_line - 1);
   if (rows.empty()) throw UsageError(name + ": holds no numbers");
   return rows;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "base/failure.hpp"
 #include "base/broadcast.hpp"
 #include "options/columns.hpp"
 #include "options/values.hpp"
@@ -61,7 +62,7 @@ std::vector<Given> scene_options(const std::string& path) {
       throw UsageError(one.where + ": " + one.name + " has no place in a scene");
     if (one.text) continue;
     const OptionSpec* spec = find_option(one.name);
-    if (spec) throw UsageError(one.where + ": " + one.name + " needs a value, " + requirement(*spec));
+    if (spec) throw usage_error("{}: {} needs a value, {}", one.where, one.name, requirement(*spec));
     for (const OptionSpec& other : option_table())
       if (lower_case(other.name).rfind(lower_case(one.name) + "_", 0) == 0)
         throw UsageError(one.where + ": nothing stands under " + one.name);
@@ -80,8 +81,8 @@ void take_in_table(Given& given) {
     pairs.emplace_back(row[0], row[1]);
   const std::string text = pairs_text(pairs);
   if (!parse_pairs(text))
-    throw UsageError("-" + spec->name + " " + stickslip::quoted(*given.text) + in_place(given.where) +
-                     ": the first column must ascend, each number at most twice");
+    throw usage_error("-{} {}{}: the first column must ascend, each number at most twice", spec->name,
+                      stickslip::quoted(*given.text), in_place(given.where));
   given.text = text;
 }
 
@@ -95,7 +96,7 @@ CommandLine read_without_command(const std::vector<std::string>& words, const st
     throw UsageError("-" + quoted(name_in(words[0])) + " where the command should stand; usage: " + usage);
   line.help_all = words.size() == 2 && line.help && words[1] == "all";
   if (words.size() > 1 && !line.help_all)
-    throw UsageError(quoted(words[1]) + ": not understood after " + words[0] + "; usage: " + usage);
+    throw usage_error("{}: not understood after {}; usage: {}", quoted(words[1]), words[0], usage);
   return line;
 }
 
@@ -107,7 +108,7 @@ std::string scene_among(const std::vector<std::string>& stray) {
       throw UsageError("stray word " + quoted(word) +
                        ": neither an option nor its value nor a scene (.yaml, .yml, .opts)");
     if (!scene.empty())
-      throw UsageError("two scenes, " + stickslip::quoted(scene) + " and " + quoted(word) + "; one is read");
+      throw usage_error("two scenes, {} and {}; one is read", stickslip::quoted(scene), quoted(word));
     scene = word;
   }
   return scene;

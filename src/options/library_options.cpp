@@ -8,6 +8,7 @@
 #include <map>
 #include <set>
 
+#include "base/failure.hpp"
 #include "base/paths.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
@@ -249,7 +250,7 @@ void refuse_misspelt(const std::string& name, const std::string& place) {
   if (is_known(name)) return;
   const std::string near = nearest_name(name, known_options());
   if (find_option(near) && object_of(near) == object_of(name))
-    throw UsageError("unknown option -" + quoted(name) + place + "; did you mean -" + near + "?");
+    throw usage_error("unknown option -{}{}; did you mean -{}?", quoted(name), place, near);
 }
 
 // What the program does itself, in a way that these would upset.
@@ -282,7 +283,7 @@ void refuse_taken(const std::string& name, const std::string& place) {
     return why;
   }();
   const auto own = taken.find(name);
-  if (own != taken.end()) throw UsageError("-" + name + place + ": not here: " + own->second);
+  if (own != taken.end()) throw usage_error("-{}{}: not here: {}", name, place, own->second);
 }
 
 void check_viewer(const std::string& name, const std::string& text, const std::string& place) {
@@ -291,8 +292,8 @@ void check_viewer(const std::string& name, const std::string& text, const std::s
   const std::string type = text.substr(0, text.find(':'));
   if (type.empty() || std::find(viewers.begin(), viewers.end(), type) != viewers.end()) return;
   const std::string near = suggestion(type, viewers);
-  throw UsageError("-" + name + " " + quoted(text) + place + ": no such viewer" +
-                   (near.empty() ? ", e.g. ascii:file" : near));
+  throw usage_error("-{} {}{}: no such viewer{}", name, quoted(text), place,
+                    near.empty() ? ", e.g. ascii:file" : near);
 }
 
 }  // namespace
@@ -311,7 +312,7 @@ std::optional<std::string> check_library_value(const std::string& name,
   spec.name = name;
   if (!text) {
     if (spec.type != OptionType::boolean)
-      throw UsageError("-" + name + place + ": needs a value, " + requirement(spec));
+      throw usage_error("-{}{}: needs a value, {}", name, place, requirement(spec));
     return text;
   }
   if (spec.type == OptionType::integer || spec.type == OptionType::real) {
@@ -371,8 +372,8 @@ void check_library_types(const Options& options) {
       SS_TRY(PetscFree(registered));
       if (std::find(words.begin(), words.end(), text) != words.end()) continue;
       const std::string near = suggestion(text, words);
-      throw UsageError("-" + name + " " + quoted(text) + ": no such method" +
-                       (near.empty() ? "; it is one of " + joined(words, " ") : near));
+      throw usage_error("-{} {}: no such method{}", name, quoted(text),
+                        near.empty() ? "; it is one of " + joined(words, " ") : near);
     }
   }
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 
+#include "base/failure.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
@@ -15,7 +16,7 @@ void Options::set(const Given& given) {
     std::string text = given.text.value_or("");
     if (!given.text) {
       if (spec->type != OptionType::boolean)
-        throw UsageError("-" + spec->name + in_place(given.where) + ": needs a value, " + requirement(*spec));
+        throw usage_error("-{}{}: needs a value, {}", spec->name, in_place(given.where), requirement(*spec));
       text = "true";
     }
     check_value(*spec, text, given.where);
@@ -104,10 +105,10 @@ Options Options::resumed_from(const std::map<std::string, std::string>& stored) 
     }
     const auto it = stored.find(name);
     if (it == stored.end() || it->second != text)
-      throw UsageError(
-          "-" + name + " " + quoted(text) + ": a restart takes its settings from the checkpoint (" +
-          (it == stored.end() ? "where it is not set" : quoted(it->second)) +
-          "); only ts_max_time, ts_max_steps, ts_max_wall, out_*, summary and progress may differ");
+      throw usage_error(
+          "-{} {}: a restart takes its settings from the checkpoint ({}); only ts_max_time, ts_max_steps, "
+          "ts_max_wall, out_*, summary and progress may differ",
+          name, quoted(text), it == stored.end() ? "where it is not set" : quoted(it->second));
   }
   return merged;
 }

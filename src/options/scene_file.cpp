@@ -11,6 +11,7 @@
 #include <map>
 #include <new>
 
+#include "base/failure.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 
@@ -53,8 +54,8 @@ std::string checked_text(std::string text, const std::string& name) {
     const unsigned char c = (unsigned char)text[i];
     const bool line_end = c == '\n' || (c == '\r' && i + 1 < text.size() && text[i + 1] == '\n');
     if (length == 0 || (c < 0x20 && c != '\t' && !line_end) || c == 0x7f)
-      throw UsageError(name + ":" + std::to_string(line) + ": not a text file (byte " +
-                       std::to_string(int(c)) + "); a scene is YAML or one option a line");
+      throw usage_error("{}:{}: not a text file (byte {}); a scene is YAML or one option a line", name, line,
+                        int(c));
     if (c == '\n') ++line;
     i += std::size_t(length);
   }
@@ -73,8 +74,8 @@ class FirstLines {
   void add(const std::string& name, std::size_t line) {
     const auto [it, inserted] = lines_.emplace(lower_case(name), line);
     if (!inserted)
-      throw UsageError(file_ + ":" + std::to_string(line) + ": " + what_ + " " + quoted(name) +
-                       " stands here again, first in line " + std::to_string(it->second));
+      throw usage_error("{}:{}: {} {} stands here again, first in line {}", file_, line, what_, quoted(name),
+                        it->second);
   }
 
  private:
@@ -121,7 +122,7 @@ class YamlReader {
 
  private:
   [[noreturn]] void fail(std::size_t line, const std::string& what) const {
-    throw UsageError(name_ + ":" + std::to_string(std::min(line, lines_.size())) + ": " + what);
+    throw usage_error("{}:{}: {}", name_, std::min(line, lines_.size()), what);
   }
   [[noreturn]] void fail(const std::string& what) const { fail(line(), what); }
   std::size_t line() const { return event_.start_mark.line + 1; }
@@ -277,8 +278,7 @@ std::vector<Given> read_scene(const std::string& path) {
   if (S_ISDIR(status.st_mode)) throw UsageError("scene " + name + ": is a directory");
   if (!S_ISREG(status.st_mode)) throw UsageError("scene " + name + ": is not a regular file");
   if (std::size_t(status.st_size) > largest)
-    throw UsageError("scene " + name + ": " + std::to_string(status.st_size) +
-                     " bytes are too many for a scene");
+    throw usage_error("scene {}: {} bytes are too many for a scene", name, status.st_size);
   std::ifstream file(path, std::ios::binary);
   if (!file) throw UsageError("scene " + name + ": " + std::strerror(errno));
   const std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};

@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 
+#include "base/failure.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -191,8 +192,8 @@ void check_value(const OptionSpec& spec, const std::string& text, const std::str
   if (is_acceptable(spec, text)) return;
   // The bound itself is the value whose refusal may surprise: what the option is says why.
   const bool at_bound = spec.type == OptionType::real && spec.open_low && parse_number(text) == spec.low;
-  throw UsageError("-" + spec.name + " " + quoted(text) + in_place(where) + ": must be " + requirement(spec) +
-                   (at_bound ? " (" + spec.help + ")" : "") + suggestion(text, spec.words));
+  throw usage_error("-{} {}{}: must be {}{}{}", spec.name, quoted(text), in_place(where), requirement(spec),
+                    at_bound ? " (" + spec.help + ")" : "", suggestion(text, spec.words));
 }
 
 }  // namespace stickslip
