@@ -41,7 +41,7 @@ class FilesPage:
     def rows(section):
         found = {}
         cell = r"((?:\\\||[^|])*)"
-        for first, second, last in re.findall(rf"^\| {cell} \| {cell} (?:\| [\w/^() -]* ?)?\| {cell} \|$", section, re.MULTILINE):
+        for first, second, last in re.findall(rf"^\| {cell} \| {cell} (?:\| [\w/^*() -]* ?)?\| {cell} \|$", section, re.MULTILINE):
             dimensions = [tuple(each.split(", ")) for each in second.split("; ")]
             names = names_in(first)
             for number, name in enumerate(names):

@@ -189,7 +189,7 @@ TEST_CASE("JSON: reals come back, order stays, text is escaped", "[output]") {
 TEST_CASE("summary: all keys whatever happens, written whole", "[output]") {
   const Folder folder;
   const std::string path = folder / "s.json";
-  Summary summary(some_provenance(), {"t_end", "steps"}, path);
+  Summary summary(some_provenance(), {{"t_end"}, {"steps"}}, path);
   const std::vector<std::string> keys{"command", "status",  "reason",     "warnings",   "version",
                                       "git",     "options", "model_form", "delta_sign", "ranks",
                                       "wall_s",  "t_end",   "steps"};
@@ -218,7 +218,7 @@ TEST_CASE("summary: all keys whatever happens, written whole", "[output]") {
   }
   MPI_Barrier(PETSC_COMM_WORLD);
 
-  Summary good(some_provenance(), {"steps"}, path);  // replaces the old one
+  Summary good(some_provenance(), {{"steps"}}, path);  // replaces the old one
   CHECK(with_summary(good, [&] {
           good.set("steps", 12);
           return 0;

@@ -37,9 +37,9 @@ Table<Crossing> point_table(const std::vector<Axis>& axes, const GrowthRate* gro
     return v ? Json(*v * (scene.v < 0 ? -1 : 1)) : Json();
   };
   Columns<Crossing> columns = {
-      {"of", "", "sliding, stick-slip, waves (on its uniform motion) or trains: whose end the point is",
+      {"of", "1", "sliding, stick-slip, waves (on its uniform motion) or trains: whose end the point is",
        &Crossing::of},
-      {"kind", "",
+      {"kind", "1",
        "hopf or zero; of stick-slip graze, pass, fold, flip, torus or branch; of waves wave; of trains fold, "
        "hopf or "
        "zero",
@@ -55,13 +55,13 @@ Table<Crossing> point_table(const std::vector<Axis>& axes, const GrowthRate* gro
       {"piece", "1", "piece of the curve", &Crossing::piece},
       {"switched", "1", "1 where another mode leads than before", &Crossing::switched},
       {"complete", "", "no other mode is unstable there", &Crossing::complete, In::summary},
-      {"criticality", "", "supercritical or subcritical; empty where it is not known",
+      {"criticality", "1", "supercritical or subcritical; empty where it is not known",
        [](C c) { return c.criticality.word(); }},
       {"closed_form_v", "length/time", "model_v of the boundary in closed form", closed_form, In::file}};
   const Columns<Criticality> of_criticality = {
       {"lyapunov_coefficient", "1/(time velocity^2)", "l of da/dt = growth a + l a^3, a: amplitude of psi",
        &Criticality::coefficient},
-      {"lyapunov_of", "", "the oscillation that it belongs to", &Criticality::of},
+      {"lyapunov_of", "1", "the oscillation that it belongs to", &Criticality::of},
       {"lyapunov_travelling", "1/(time velocity^2)", "on a ring, that of the travelling wave",
        &Criticality::travelling, In::summary},
       {"lyapunov_standing", "1/(time velocity^2)", "on a ring, that of the standing wave",
@@ -81,7 +81,7 @@ Table<SpecialPlace> special_table(const std::vector<Axis>& axes) {
       {"wavenumber", "1/length", "likewise", &Crossing::wavenumber, In::summary},
       {"piece", "1", "of the curve", &Crossing::piece, In::summary}};
   return {"special", "special/", "special/point",
-          Columns<SpecialPlace>{{"kind", "", "bautin: the criticality changes", &SpecialPlace::kind}} +
+          Columns<SpecialPlace>{{"kind", "1", "bautin: the criticality changes", &SpecialPlace::kind}} +
               of<SpecialPlace>(&SpecialPlace::at, at)};
 }
 
@@ -90,13 +90,13 @@ Table<Verified> check_table(const std::vector<Axis>& axes) {
       "verified", "verified/", "check",
       place_columns<Verified>(axes, &Verified::value, &Verified::value2) +
           Columns<Verified>{
-              {"of", "", "sliding or stick-slip: beside whose end", &Verified::of},
+              {"of", "1", "sliding or stick-slip: beside whose end", &Verified::of},
               {"growth_rate", "1/time", "growth rate", &Verified::growth, In::both, "growth"},
               {"expected", "", "what the point says", &Verified::expected, In::summary},
               {"from_sliding", "", "where slightly perturbed sliding goes", &Verified::from_sliding,
                In::summary},
               {"from_stick_slip", "", "where large oscillations go", &Verified::from_stick_slip, In::summary},
-              {"regime", "", "regime reached in time", &Verified::regime}},
+              {"regime", "1", "regime reached in time", &Verified::regime}},
       "number of the check"};
 }
 

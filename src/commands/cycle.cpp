@@ -50,7 +50,7 @@ Table<SpecialPoint> special_table() {
   return {"special",
           "special/",
           "special/number",
-          {{"kind", "", "what happens to the cycle there", &SpecialPoint::kind},
+          {{"kind", "1", "what happens to the cycle there", &SpecialPoint::kind},
            {"value", "1", "of the option", &SpecialPoint::value},
            {"period", "time", "period there", &SpecialPoint::period},
            {"wavenumber", "1/length", "of a wave that begins or ceases to grow",

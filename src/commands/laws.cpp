@@ -68,7 +68,7 @@ Table<Tabulated> stick_table() {
   return {"",
           "stick/",
           "law",
-          {{"name", "", "law", [](const Tabulated& t) { return to_string(t.law); }},
+          {{"name", "1", "law", [](const Tabulated& t) { return to_string(t.law); }},
            {"low", "1", "smallest force at which a contact stays stuck", &Tabulated::stick_low},
            {"high", "1", "largest force at which a contact stays stuck", &Tabulated::stick_high}}};
 }

@@ -13,8 +13,8 @@ namespace stickslip {
 // A list of observers, each made from a model, with the keys that it sets: T(const Model&), static T::keys().
 template <class... T>
 struct ObserverTypes {
-  static std::vector<std::string> keys() {
-    std::vector<std::string> all;
+  static std::vector<SummaryKey> keys() {
+    std::vector<SummaryKey> all;
     for (const auto& own : {T::keys()...}) all.insert(all.end(), own.begin(), own.end());
     return all;
   }
@@ -25,7 +25,7 @@ struct ObserverTypes {
   }
 };
 
-std::vector<std::string> quantity_keys();
+std::vector<SummaryKey> quantity_keys();
 std::vector<std::unique_ptr<Observer>> make_quantities(const Model& model);
 
 }  // namespace stickslip

@@ -5,10 +5,13 @@
 #include "base/progress.hpp"
 #include "commands/quantities.hpp"
 #include "commands/run_session.hpp"
+#include "commands/table.hpp"
+#include "output/series.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/options/library_options.hpp"
+#include "stickslip/output/events.hpp"
 #include "stickslip/study/accuracy.hpp"
 #include "stickslip/study/size.hpp"
 #include "study/lyapunov.hpp"
@@ -135,7 +138,81 @@ std::string work_words(const Summary& s) {
   return text;
 }
 
+// What observers find, and what -accuracy says.
+std::vector<SummaryKey> observed_keys() {
+  return {
+      {"probes", "", "at each of `out_probes`: `x`, and `psi`, `eta` at `t_end`, interpolated"},
+      {"regime", "",
+       "where the motion goes. `sliding`: steady sliding, or on the way to it; `stick-slip`: an oscillation "
+       "that stays; "
+       "`stuck`: at rest for ever; `decaying`, `growing`: an oscillation on its way down or up; `undecided`: "
+       "the run was "
+       "too short to tell"},
+      {"regime_reason", "",
+       "why `regime` says nothing: null but under a load (`load_v`, `load_sine_amplitude`)"},
+      {"regime_rate", "1/time", "measured rate at which the size of the motion changes"},
+      {"growth_rate", "1/time",
+       "of perturbations of the steady sliding nearest, by linear theory: that of `spectrum`"},
+      {"growth_rate_reason", "", "why there is none"},
+      {"time_to_decide", "time", "a run to this time should decide; null where it is decided"},
+      {"amplitude", "length/time", "half of the largest range of psi at any node, over `measured_over`"},
+      {"wave_speed", "length/time", "speed of what travels, negative to the left; null where nothing does"},
+      {"pulses", "1", "fronts of one sign along the whole scene: upward ones in x, downward where v < 0"},
+      {"period", "time",
+       "with `out_probes`: mean time between upward passages of psi through v there (downward where v < 0), "
+       "in the second "
+       "half of the run; of several probes the mean. A passage counts after psi was short of v by a "
+       "hundredth of |v| (1e-3 "
+       "for v = 0). Null where a probe has fewer than two"},
+      {"measured_over", "time",
+       "from when to when amplitude, speed and pulses were measured: the last quarter"},
+      {"maxima", "length/time",
+       "with `out_maxima`: the last maxima of psi there, in order, minima where v < 0 (of the motion along "
+       "the plate's "
+       "way, as for its mirror image)"},
+      {"maxima_period", "1", "after how many they repeat, 0: they do not ([sweep.md](sweep.md))"},
+      {"maxima_prominence", "length/time",
+       "by so much at least psi rises to each of them and falls from it: a thousandth of its range there, or "
+       "ten "
+       "tolerances of the steps if that is more"},
+      {"stopped_at", "", "the option that ended a `stopped` run, and its value"},
+      {"error_estimate", "", "with `-accuracy`: of psi and eta at the end, or of what `accuracy_of` names"},
+      {"jump", "",
+       "with `-accuracy` and data that do not fit one held end: psi jumps at `x` by `height` (behind less "
+       "ahead; null once "
+       "the jump has met the other end), and the error is that of psi outside `from` to `to` "
+       "([chart.md](chart.md))"},
+      {"events", "1", "slip events that ended, with `out_events` ([events.md](events.md))"},
+      {"events_per_s", "1/s", "how many a second of wall clock"},
+      {"lyapunov", "1/time",
+       "with `lyapunov_count`: Lyapunov exponents, largest first: `value` (null: -infinity, a rest takes the "
+       "direction "
+       "away) and `error` ([chaos.md](chaos.md))"},
+      {"lyapunov_largest", "1/time", "the first of them"},
+      {"lyapunov_largest_error", "1/time", "its error"},
+      {"lyapunov_dimension", "1",
+       "dimension of Kaplan and Yorke that follows; null where the exponents measured do not reach as far"},
+      {"lyapunov_dimension_error", "1", "its error"},
+      {"lyapunov_divergence", "1/time",
+       "mean divergence, which all exponents together add up to; null where a node came to rest"},
+      {"accuracy", "",
+       "with `-accuracy`: what was `wanted`, and `of` what; its `value` (psi and eta of a probe, or the "
+       "number; null for "
+       "fields); what was chosen and spent ([chart.md](chart.md))"}};
+}
+
+std::vector<SummaryKey> run_keys() {
+  std::vector<SummaryKey> keys = keys_of(work_columns());
+  for (const auto& more : {quantity_keys(), observed_keys()})
+    keys.insert(keys.end(), more.begin(), more.end());
+  return keys;
+}
+
 }  // namespace
+
+std::vector<TableText> run_tables() {
+  return {run_keys(), {"series/", Series::fields()}, {"events/", Events::columns()}};
+}
 
 int run_command(const Options& asked) {
   const Options options = effective_options(asked);
@@ -144,38 +221,7 @@ int run_command(const Options& asked) {
   if (options.is_set("accuracy_of") && !options.is_set("accuracy"))
     throw UsageError("accuracy_of " + options.text("accuracy_of") +
                      ": it says what -accuracy is wanted of, which is not set");
-  std::vector<std::string> keys = {"t_end",  "steps",    "rejections", "rhs_evaluations",
-                                   "method", "implicit", "unknowns",   "reduced"};
-  for (const std::string& key : quantity_keys()) keys.push_back(key);
-  for (const char* key : {"probes",
-                          "regime",
-                          "regime_reason",
-                          "regime_rate",
-                          "growth_rate",
-                          "growth_rate_reason",
-                          "time_to_decide",
-                          "amplitude",
-                          "wave_speed",
-                          "pulses",
-                          "period",
-                          "measured_over",
-                          "maxima",
-                          "maxima_period",
-                          "maxima_prominence",
-                          "stopped_at",
-                          "error_estimate",
-                          "jump",
-                          "events",
-                          "events_per_s",
-                          "lyapunov",
-                          "lyapunov_largest",
-                          "lyapunov_largest_error",
-                          "lyapunov_dimension",
-                          "lyapunov_dimension_error",
-                          "lyapunov_divergence",
-                          "accuracy"})
-    keys.push_back(key);
-  Summary summary(provenance, keys, options.text("summary"));
+  Summary summary(provenance, run_keys(), options.text("summary"));
   return with_summary(summary, [&] {
     if (options.boolean("check")) {
       const bool chosen = options.is_set("accuracy") && !options.is_set("restart");

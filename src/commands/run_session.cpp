@@ -267,10 +267,7 @@ int Run::check(Summary& summary) {
       control_->most_steps());
   const TimeReport& r = integrator_->report();
   summary.set("status", "done");  // and no file was written
-  summary.set("method", r.method);
-  summary.set("implicit", to_string(r.implicit));
-  summary.set("unknowns", problem_.model.unknowns());
-  if (!problem_.what.empty()) summary.set("reduced", problem_.what);
+  set_keys(summary, work_columns(false), work());
   summary.say(fmt::format("checked: {} nodes, {} unknowns solved for{}; {}, implicit: {}", scene_.n,
                           problem_.model.unknowns(), problem_.what.empty() ? "" : " (" + problem_.what + ")",
                           r.method, to_string(r.implicit)));
@@ -371,18 +368,34 @@ int Run::ending(Summary& summary) const {
   return signal ? 128 + signal : 0;
 }
 
+Columns<RunWork> work_columns(bool ran) {
+  using W = const RunWork&;
+  const Columns<RunWork> of_run = {
+      {"t_end", "time", "where the run ended", [](W w) { return w.report.t; }},
+      {"steps", "1", "steps accepted", [](W w) { return w.report.steps; }},
+      {"rejections", "1", "steps taken back for their error", &RunWork::rejections},
+      {"rhs_evaluations", "1", "evaluations of the right-hand side, or of a part of it where steps are split",
+       &RunWork::rhs_evaluations}};
+  return (ran ? of_run : Columns<RunWork>()) +
+         Columns<RunWork>{
+             {"method", "", "type and tableau, `rk:5dp`", [](W w) { return w.report.method; }},
+             {"implicit", "", "what is solved for: `none`, `friction`, `wave`, `both`",
+              [](W w) { return to_string(w.report.implicit); }},
+             {"unknowns", "1", "numbers advanced in time", &RunWork::unknowns},
+             {"reduced", "", "null, or the smaller problem that was solved for the scene, and why",
+              &RunWork::reduced}};
+}
+
+RunWork Run::work() const {
+  const TimeReport& r = integrator_->report();
+  return {r, rejections(), origin_.evaluations + r.rhs_evaluations, problem_.model.unknowns(), problem_.what};
+}
+
 void Run::report(Summary& summary, bool complete) {
   const TimeReport& r = integrator_->report();
-  summary.set("t_end", r.t);
-  summary.set("steps", r.steps);
-  summary.set("rejections", rejections());
-  summary.set("rhs_evaluations", origin_.evaluations + r.rhs_evaluations);
-  summary.set("method", r.method);
-  summary.set("implicit", to_string(r.implicit));
-  summary.set("unknowns", problem_.model.unknowns());
+  set_keys(summary, work_columns(), work());
   if (file_ && file_->frames() > 0) summary.wrote(options_.text("out_file"));
   summary.wrote(last_checkpoint_);
-  if (!problem_.what.empty()) summary.set("reduced", problem_.what);
   if (complete) {
     problem_.model.set_held(problem_.u);
     if (CarriedFrame* next = CarriedFrame::innermost()) next->keep(problem_.model, scene_, problem_.u, r.t);

@@ -9,6 +9,7 @@
 
 #include "commands/run_control.hpp"
 #include "output/maxima.hpp"
+#include "output/table.hpp"
 #include "stickslip/base/provenance.hpp"
 #include "stickslip/options/options.hpp"
 #include "stickslip/output/archive.hpp"
@@ -17,13 +18,23 @@
 #include "stickslip/output/measure.hpp"
 #include "stickslip/output/observer.hpp"
 #include "stickslip/output/regime.hpp"
-#include "stickslip/output/summary.hpp"
 #include "stickslip/study/reduce.hpp"
 #include "stickslip/study/trial.hpp"
 #include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/time.hpp"
 
 namespace stickslip {
+
+// How far a run came and what it took.
+struct RunWork {
+  TimeReport report;
+  std::int64_t rejections;
+  long rhs_evaluations;
+  PetscInt unknowns;
+  std::string reduced;
+};
+// `ran`: not only checked.
+Columns<RunWork> work_columns(bool ran = true);
 
 class Run {
  public:
@@ -68,6 +79,7 @@ class Run {
   Integrator::Verdict after(const Integrator::Step& step);
   void write_checkpoint_at(const Integrator::Step& step);
   std::int64_t rejections() const;
+  RunWork work() const;
   int ending(Summary& summary) const;
   void report(Summary& summary, bool complete);
   void warn_of_answer(const StepAudit::Verdict& verdict, double duration);

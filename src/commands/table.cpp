@@ -50,9 +50,11 @@ const Command& command_named(const std::string& name) {
 
 std::string tables_text() {
   const std::vector<std::pair<const char*, std::vector<TableText>>> all = {
-      {"boundary", boundary_tables()}, {"spectrum", spectrum_tables()}, {"wave", wave_tables()},
-      {"cycle", cycle_tables()},       {"chart", chart_tables()},       {"limits", limit_tables()},
-      {"laws", laws_tables()},         {"sweep", sweep_tables()}};
+      {"boundary", boundary_tables()},  {"spectrum", spectrum_tables()},
+      {"wave", wave_tables()},          {"cycle", cycle_tables()},
+      {"chart", chart_tables()},        {"limits", limit_tables()},
+      {"laws", laws_tables()},          {"sweep", sweep_tables()},
+      {"every", {common_quantities()}}, {"run", run_tables()}};
   std::string text;
   for (const auto& [name, tables] : all)
     text += fmt::format("{}\"{}\": {}", text.empty() ? "{" : ",\n", name, json_text(tables));

@@ -13,6 +13,7 @@ namespace stickslip {
 std::vector<TableText> boundary_tables();
 std::vector<TableText> cycle_tables();
 std::vector<TableText> laws_tables();
+std::vector<TableText> run_tables();
 std::vector<TableText> spectrum_tables();
 std::vector<TableText> sweep_tables();
 std::vector<TableText> wave_tables();

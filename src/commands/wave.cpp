@@ -80,7 +80,7 @@ Columns<TrainLimit> limit_columns(const std::string& name, const std::string& na
     return find_option(option) ? find_option(option)->unit : "";
   };
   return {
-      {"kind", "", "fold, hopf or zero", &TrainLimit::kind},
+      {"kind", "1", "fold, hopf or zero", &TrainLimit::kind},
       {"value", unit(name), name, &TrainLimit::value},
       {"value2", unit(name2), name2,
        [two = !name2.empty()](const TrainLimit& limit) { return two ? Json(limit.value2) : Json(); }},

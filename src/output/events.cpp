@@ -10,6 +10,7 @@
 
 #include "base/broadcast.hpp"
 #include "model/loops.hpp"
+#include "output/row_columns.hpp"
 #include "output/event_loops.hpp"
 #include "output/node_halo.hpp"
 #include "output/regions.hpp"
@@ -379,38 +380,48 @@ std::vector<SlipEvent> Events::ended() {
 
 long Events::count() const { return impl_->count; }
 
-std::vector<Field> Events::columns() {
-  return {{"begin", "time", "time at which the first node moves"},
-          {"first", "length", "position of the first node that moves"},
-          {"left", "length", "left end of the region that slips"},
-          {"extent", "length", "blocks that slip (chain) or their length (continuum)"},
-          {"direction", "1",
-           "1: forward; -1: backward, of which slip, moment and stress_drop are positive alike"},
-          {"slip", "length", "largest slip"},
-          {"moment", "length^2", "sum of the slip over blocks or over length"},
-          {"magnitude", "1", "natural logarithm of the moment"},
-          {"stress_drop", "1", "mean of eta before less eta behind"},
-          {"strain_energy", "amplitude*length", "energy given away by the springs"},
-          {"friction_work", "amplitude*length", "energy lost in friction"},
-          {"radiated", "amplitude*length", "energy lost in damping"},
-          {"kinetic", "amplitude*length", "largest kinetic energy"}};
+namespace {
+
+struct EventRow {
+  const SlipEvent& event;
+  const Scene& scene;
+  double weight;
+};
+
+const std::vector<RowColumn<EventRow>>& event_columns() {
+  using Row = const EventRow&;
+  static const std::vector<RowColumn<EventRow>> columns = {
+      {{"begin", "time", "time at which the first node moves"}, [](Row r) { return r.event.begin; }},
+      {{"first", "length", "position of the first node that moves"},
+       [](Row r) { return r.scene.x(r.event.first); }},
+      {{"left", "length", "left end of the region that slips"},
+       [](Row r) { return r.scene.x(r.event.left); }},
+      {{"extent", "length", "blocks that slip (chain) or their length (continuum)"},
+       [](Row r) { return r.weight * double(r.event.count); }},
+      {{"direction", "1",
+        "1: forward; -1: backward, of which slip, moment and stress_drop are positive alike"},
+       [](Row r) { return double(r.event.direction); }},
+      {{"slip", "length", "largest slip"}, [](Row r) { return r.event.slip; }},
+      {{"moment", "length^2", "sum of the slip over blocks or over length"},
+       [](Row r) { return r.event.moment; }},
+      {{"magnitude", "1", "natural logarithm of the moment"},
+       [](Row r) { return r.event.moment > 0 ? std::log(r.event.moment) : NAN; }},
+      {{"stress_drop", "1", "mean of eta before less eta behind"}, [](Row r) { return r.event.stress_drop; }},
+      {{"strain_energy", "amplitude*length", "energy given away by the springs"},
+       [](Row r) { return r.event.strain_energy; }},
+      {{"friction_work", "amplitude*length", "energy lost in friction"},
+       [](Row r) { return r.event.friction_work; }},
+      {{"radiated", "amplitude*length", "energy lost in damping"}, [](Row r) { return r.event.radiated; }},
+      {{"kinetic", "amplitude*length", "largest kinetic energy"}, [](Row r) { return r.event.kinetic; }}};
+  return columns;
 }
 
-std::vector<double> Events::row(const SlipEvent& e) const {
-  const double magnitude = e.moment > 0 ? std::log(e.moment) : std::numeric_limits<double>::quiet_NaN();
-  return {e.begin,
-          impl_->scene.x(e.first),
-          impl_->scene.x(e.left),
-          impl_->weight * double(e.count),
-          double(e.direction),
-          e.slip,
-          e.moment,
-          magnitude,
-          e.stress_drop,
-          e.strain_energy,
-          e.friction_work,
-          e.radiated,
-          e.kinetic};
+}  // namespace
+
+std::vector<Field> Events::columns() { return fields_of(event_columns()); }
+
+std::vector<double> Events::row(const SlipEvent& event) const {
+  return numbers_of(event_columns(), {event, impl_->scene, impl_->weight});
 }
 
 void Events::archive(Archive& a) {

@@ -5,30 +5,10 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "output/field_loops.hpp"
-#include "stickslip/base/json_values.hpp"
+#include "output/table.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
-
-namespace {
-
-const std::vector<Field> series_fields = {{"psi_mean", "length/time", "mean of psi over the nodes"},
-                                          {"psi_min", "length/time", "least psi"},
-                                          {"psi_max", "length/time", "largest psi"},
-                                          {"eta_mean", "1", "mean of eta over the nodes"},
-                                          {"dt", "time", "step taken"},
-                                          {"step", "1", "steps so far"},
-                                          {"rejections", "1", "rejected steps so far"}};
-
-// With out_displacement; see displacement.hpp.
-const std::vector<Field> energy_fields = {
-    {"energy_kinetic", "amplitude*length", "kinetic energy in units of the friction amplitude"},
-    {"energy_elastic", "amplitude*length", "elastic energy"},
-    {"power_input", "amplitude*length/time", "power of the driving plate"},
-    {"power_friction", "amplitude*length/time", "power lost in friction"},
-    {"power_viscous", "amplitude*length/time", "power lost in damping"}};
-
-}  // namespace
 
 FieldStatistics statistics(const Model& model, Vec u) {
   const FieldSums own = sums_of({Reading(u), model.local(), model.dof()});
@@ -39,6 +19,42 @@ FieldStatistics statistics(const Model& model, Vec u) {
   return {-extremes[0], extremes[1], sums[0] / nodes, sums[1] / nodes};
 }
 
+struct Series::Row {
+  FieldStatistics fields;
+  const ObservedStep& step;
+  double v;
+  Energy energy;  // of the whole scene
+};
+
+std::vector<RowColumn<Series::Row>> Series::columns(bool load, bool energy) {
+  std::vector<RowColumn<Row>> columns = {
+      {{"psi_mean", "length/time", "mean of psi over the nodes"},
+       [](const Row& r) { return r.fields.psi_mean; }},
+      {{"psi_min", "length/time", "least psi"}, [](const Row& r) { return r.fields.psi_min; }},
+      {{"psi_max", "length/time", "largest psi"}, [](const Row& r) { return r.fields.psi_max; }},
+      {{"eta_mean", "1", "mean of eta over the nodes"}, [](const Row& r) { return r.fields.eta_mean; }},
+      {{"dt", "time", "step taken"}, [](const Row& r) { return r.step.t - r.step.t_before; }},
+      {{"step", "1", "steps so far"}, [](const Row& r) { return double(r.step.index); }},
+      {{"rejections", "1", "rejected steps so far"}, [](const Row& r) { return double(r.step.rejections); }}};
+  const std::vector<RowColumn<Row>> of_load = {
+      {{"v", "length/time", "velocity of the driving plate"}, [](const Row& r) { return r.v; }}};
+  const std::vector<RowColumn<Row>> of_energy = {
+      // see displacement.hpp
+      {{"energy_kinetic", "amplitude*length", "kinetic energy in units of the friction amplitude"},
+       [](const Row& r) { return r.energy.kinetic; }},
+      {{"energy_elastic", "amplitude*length", "elastic energy"},
+       [](const Row& r) { return r.energy.elastic; }},
+      {{"power_input", "amplitude*length/time", "power of the driving plate"},
+       [](const Row& r) { return r.energy.input; }},
+      {{"power_friction", "amplitude*length/time", "power lost in friction"},
+       [](const Row& r) { return r.energy.friction; }},
+      {{"power_viscous", "amplitude*length/time", "power lost in damping"},
+       [](const Row& r) { return r.energy.viscous; }}};
+  if (load) columns.insert(columns.end(), of_load.begin(), of_load.end());
+  if (energy) columns.insert(columns.end(), of_energy.begin(), of_energy.end());
+  return columns;
+}
+
 Series::Series(const Model& model, const Scene& whole, const Displacement* displacement)
     : model_(model), displacement_(displacement && displacement->has_energy() ? displacement : nullptr) {
   const Scene& cell = model.scene();
@@ -46,31 +62,21 @@ Series::Series(const Model& model, const Scene& whole, const Displacement* displ
   if (displacement && !displacement_)
     warn("out_series: the series hold no energies and powers with a held end, which works on the system too");
   cells_ = whole.form == Form::chain ? blocks : whole.length / cell.length;
+  columns_ = columns(cell.load.varies(), displacement_ != nullptr);
 }
 
-void Series::plan(ObservationPlan& plan) {
-  std::vector<Field>& fields = plan.layout.series;
-  fields = series_fields;
-  if (model_.scene().load.varies()) fields.push_back({"v", "length/time", "velocity of the driving plate"});
-  if (displacement_) fields.insert(fields.end(), energy_fields.begin(), energy_fields.end());
-}
+std::vector<Field> Series::fields() { return fields_of(columns(true, true)); }
+
+void Series::plan(ObservationPlan& plan) { plan.layout.series = fields_of(columns_); }
 
 void Series::step(const ObservedStep& step) {
-  const FieldStatistics s = statistics(model_, step.u);
-  std::vector<double> row = {s.psi_mean,
-                             s.psi_min,
-                             s.psi_max,
-                             s.eta_mean,
-                             step.t - step.t_before,
-                             double(step.index),
-                             double(step.rejections)};
-  if (model_.scene().load.varies()) row.push_back(model_.plate_velocity(step.t));
+  Row row{statistics(model_, step.u), step, model_.plate_velocity(step.t), {}};
   if (displacement_) {
     const Energy e = displacement_->energy(step.u, step.t);
-    for (const double part : {e.kinetic, e.elastic, e.input, e.friction, e.viscous})
-      row.push_back(cells_ * part);
+    row.energy = {cells_ * e.kinetic, cells_ * e.elastic, cells_ * e.input, cells_ * e.friction,
+                  cells_ * e.viscous};
   }
-  file_->series(step.t, row);
+  file_->series(step.t, numbers_of(columns_, row));
 }
 
 ProbeRows::ProbeRows(const Model& model, const Scene& whole, std::vector<double> x)
@@ -93,13 +99,21 @@ void ProbeRows::summarise(Summary& summary, Vec u) {
   summary.set("probes", probes);
 }
 
+namespace {
+
+Columns<FieldStatistics> statistics_columns() {
+  return {{"psi_min", "length/time", "least psi of a node at `t_end`", &FieldStatistics::psi_min},
+          {"psi_max", "length/time", "largest psi of a node at `t_end`", &FieldStatistics::psi_max},
+          {"psi_mean", "length/time", "mean of psi over the nodes at `t_end`", &FieldStatistics::psi_mean},
+          {"eta_mean", "1", "mean of eta over the nodes at `t_end`", &FieldStatistics::eta_mean}};
+}
+
+}  // namespace
+
+std::vector<SummaryKey> EndStatistics::keys() { return keys_of(statistics_columns()); }
+
 void EndStatistics::summarise(Summary& summary, Vec u) {
-  if (!u) return;
-  const FieldStatistics s = statistics(model_, u);
-  summary.set("psi_min", s.psi_min);
-  summary.set("psi_max", s.psi_max);
-  summary.set("psi_mean", s.psi_mean);
-  summary.set("eta_mean", s.eta_mean);
+  if (u) set_keys(summary, statistics_columns(), statistics(model_, u));
 }
 
 }  // namespace stickslip

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "output/row_columns.hpp"
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/displacement.hpp"
 #include "stickslip/output/observer.hpp"
@@ -22,12 +23,19 @@ class Series : public Observer {
   // `displacement`: nullptr, or the caller's.
   Series(const Model& model, const Scene& whole, const Displacement* displacement);
 
+  static std::vector<Field> fields();  // all that there may be
+
   void plan(ObservationPlan& plan) override;
   void start(RunFile* file) override { file_ = file; }
   void step(const ObservedStep& step) override;
 
  private:
+  struct Row;
+  // `load`: it varies; `energy`: its balance is known.
+  static std::vector<RowColumn<Row>> columns(bool load, bool energy);
+
   const Model& model_;
+  std::vector<RowColumn<Row>> columns_;
   const Displacement* displacement_;  // nullptr without a balance of energy
   double cells_;                      // equal ones in the whole scene
   RunFile* file_ = nullptr;
@@ -52,7 +60,7 @@ class ProbeRows : public Observer {
 // psi_min, psi_max, psi_mean and eta_mean in the summary.
 class EndStatistics : public Observer {
  public:
-  static std::vector<std::string> keys() { return {"psi_min", "psi_max", "psi_mean", "eta_mean"}; }
+  static std::vector<SummaryKey> keys();
   explicit EndStatistics(const Model& model) : model_(model) {}
 
   void step(const ObservedStep&) override {}

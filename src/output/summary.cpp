@@ -29,24 +29,40 @@ Json* kept = nullptr;  // of the innermost SummaryKept
 SummaryKept::SummaryKept(Json& into) : before_(std::exchange(kept, &into)) {}
 SummaryKept::~SummaryKept() { kept = before_; }
 
-Summary::Summary(const Provenance& provenance, const std::vector<std::string>& keys, std::string path)
+std::vector<SummaryKey> common_quantities() {
+  return {
+      {"command", "", "the command"},
+      {"status", "", "`done`; `stopped`: by `ts_max_steps`, `ts_max_wall` or a signal; `failed`"},
+      {"reason", "", "why it stopped or failed"},
+      {"warnings", "", "the lines of warning, in order"},
+      {"version", "", "of the program"},
+      {"git", "", "revision of the program"},
+      {"options", "", "every option that counts, as text, defaults included; a number with all its digits"},
+      {"model_form", "", "`continuum` or `chain`"},
+      {"delta_sign", "",
+       "`derived` or `printed` ([theory.md](theory.md)); null for the chain, which has no delta"},
+      {"ranks", "1", "processes"},
+      {"wall_s", "s", "seconds on the wall clock"},
+      {"files", "", "what was written"}};
+}
+
+Summary::Summary(const Provenance& provenance, const std::vector<SummaryKey>& keys, std::string path)
     : object_(std::make_unique<Json>()), path_(std::move(path)), out_file_(provenance.option("out_file")),
       silent_(provenance.option("progress") == "off"), begin_(MPI_Wtime()) {
   if (!path_.empty()) check_summary_path(path_);
   const std::string form = provenance.option("model_form"), sign = provenance.option("model_delta_sign");
   Json& object = *object_;
+  for (const SummaryKey& common : common_quantities()) object[common.name] = nullptr;
   object["command"] = provenance.command;
-  for (const char* key : {"status", "reason", "warnings"}) object[key] = nullptr;
   object["version"] = version();
   object["git"] = git_revision();
   object["options"] = provenance.options;
-  object["model_form"] = form.empty() ? Json() : Json(form);
+  if (!form.empty()) object["model_form"] = form;
   // the chain has no delta, so no sign of it either
-  object["delta_sign"] = sign.empty() || form == "chain" ? Json() : Json(sign);
+  if (!sign.empty() && form != "chain") object["delta_sign"] = sign;
   object["ranks"] = provenance.ranks;
-  object["wall_s"] = nullptr;
   object["files"] = Json::array();
-  for (const std::string& key : keys) object[key] = nullptr;
+  for (const SummaryKey& key : keys) object[key.name] = nullptr;
 }
 
 Summary::~Summary() = default;

@@ -13,12 +13,11 @@
 
 #include "base/broadcast.hpp"
 #include "output/hdf5_tools.hpp"
+#include "output/table.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/output/reader.hpp"
-#include "stickslip/output/result_file.hpp"
 
 namespace stickslip {
 
@@ -96,7 +95,7 @@ void SweepTable::take(long point, const Json& row) {
   std::size_t place = 0;
   for (const auto& [key, value] : row.items()) {
     const auto [known, is_new] = index_.emplace(key, columns_.size());
-    if (is_new) columns_.push_back({key, point, place, false, false, {}, {}, {}});
+    if (is_new) columns_.push_back({key, point, place, false, 0, {}});
     Column& column = columns_[known->second];
     if (point < column.point) {
       column.point = point;
@@ -105,26 +104,31 @@ void SweepTable::take(long point, const Json& row) {
     ++place;
     if (value.is_array()) {
       column.is_list = true;
-      column.lists.resize(slot);
-      column.lists.push_back(value);
-    } else if (value.is_string()) {
-      column.is_text = true;
-      column.texts.resize(slot);
-      column.texts.push_back(value.get<std::string>());
-    } else {
-      column.numbers.resize(slot, nan);
-      column.numbers.push_back(number_of(value));
+      column.width = std::max(column.width, value.size());
     }
+    column.cells.resize(slot);
+    column.cells.push_back(value.is_string() || value.is_array() ? value
+                           : std::isnan(number_of(value))        ? Json()
+                                                                 : Json(number_of(value)));
   }
+}
+
+const Json& SweepTable::Column::cell(std::size_t slot) const {
+  static const Json none;
+  return slot < cells.size() ? cells[slot] : none;
+}
+
+const Json& SweepTable::Column::item(std::size_t slot, std::size_t k) const {
+  static const Json none;
+  const Json& list = cell(slot);
+  return list.is_array() && k < list.size() ? list[k] : none;
 }
 
 std::string SweepTable::text(long point, const std::string& key) const {
   const auto column = index_.find(key);
   if (column == index_.end()) return "";
-  const Column& c = columns_[column->second];
-  const std::size_t slot = slots_.at(point);
-  if (slot < c.texts.size() && !c.texts[slot].empty()) return c.texts[slot];
-  return slot < c.numbers.size() && !std::isnan(c.numbers[slot]) ? number_text(c.numbers[slot]) : "";
+  const Json& value = columns_[column->second].cell(slots_.at(point));
+  return value.is_array() ? "" : text_of(value);
 }
 
 std::vector<const SweepTable::Column*> SweepTable::ordered() const {
@@ -160,17 +164,6 @@ std::string cell(const std::string& text) {
   return out + "\"";
 }
 
-// The longest list of a column, and one cell of it.
-std::size_t width_of(const std::vector<Json>& lists) {
-  std::size_t width = 0;
-  for (const Json& list : lists) width = std::max(width, list.is_null() ? 0 : list.size());
-  return width;
-}
-const Json& item_of(const std::vector<Json>& lists, std::size_t slot, std::size_t k) {
-  static const Json none;
-  return slot < lists.size() && k < lists[slot].size() ? lists[slot][k] : none;
-}
-
 }  // namespace
 
 std::string SweepTable::csv(const SweepLayout& layout) const {
@@ -180,7 +173,7 @@ std::string SweepTable::csv(const SweepLayout& layout) const {
   if (layout.follows) text += ",direction";
   for (const Column* c : columns) {
     if (!c->is_list) text += "," + cell(c->key);
-    for (std::size_t k = 0; k < width_of(c->lists); ++k) text += "," + cell(c->key + "_" + std::to_string(k));
+    for (std::size_t k = 0; k < c->width; ++k) text += "," + cell(c->key + "_" + std::to_string(k));
   }
   for (const std::size_t slot : by_point()) {
     const long point = points_[slot];
@@ -189,8 +182,7 @@ std::string SweepTable::csv(const SweepLayout& layout) const {
     if (layout.follows) text += point % 2 ? ",-1" : ",1";
     for (const Column* c : columns) {
       if (!c->is_list) text += "," + cell(this->text(point, c->key));
-      for (std::size_t k = 0; k < width_of(c->lists); ++k)
-        text += "," + cell(text_of(item_of(c->lists, slot, k)));
+      for (std::size_t k = 0; k < c->width; ++k) text += "," + cell(text_of(c->item(slot, k)));
     }
   }
   return text + "\n";
@@ -249,30 +241,12 @@ std::size_t cells_in(const SweepLayout& layout, std::size_t rows) {
 // `row`: the row behind each cell, past the end where there is none.
 void SweepTable::add_column(ResultFile& file, const Column& c, std::vector<std::string> dimensions,
                             const std::vector<std::size_t>& row) const {
-  const std::size_t width = c.is_list ? width_of(c.lists) : 1;
-  bool is_text = c.is_text;
-  for (const Json& list : c.lists)
-    is_text =
-        is_text || std::any_of(list.begin(), list.end(), [](const Json& item) { return item.is_string(); });
-  std::vector<double> values;
-  std::vector<std::string> words;
+  std::vector<Json> cells;
   for (const std::size_t slot : row)
-    for (std::size_t k = 0; k < width; ++k) {
-      if (is_text) {
-        words.push_back(c.is_list               ? text_of(item_of(c.lists, slot, k))
-                        : slot < c.texts.size() ? c.texts[slot]
-                                                : "");
-      } else {
-        values.push_back(c.is_list                 ? number_of(item_of(c.lists, slot, k))
-                         : slot < c.numbers.size() ? c.numbers[slot]
-                                                   : nan);
-      }
-    }
+    for (std::size_t k = 0; k < (c.is_list ? c.width : 1); ++k)
+      cells.push_back(c.is_list ? c.item(slot, k) : c.cell(slot));
   if (c.is_list) dimensions.push_back(c.key + "_number");
-  if (is_text)
-    file.add_text({c.key, "", ""}, dimensions, std::move(words));
-  else
-    file.add({c.key, "", ""}, dimensions, std::move(values));
+  add_cells(file, {c.key, "", ""}, dimensions, cells);
 }
 
 void SweepTable::write_csv(const std::string& path, const SweepLayout& layout) const {

@@ -53,10 +53,12 @@ class SweepTable {
     std::string key;
     long point = 0;  // the first of all that have it, and where it stands there
     std::size_t place = 0;
-    bool is_text = false, is_list = false;
-    std::vector<double> numbers;  // one for each row, or
-    std::vector<std::string> texts;
-    std::vector<Json> lists;
+    bool is_list = false;
+    std::size_t width = 0;    // of the longest list
+    std::vector<Json> cells;  // numbers, texts and lists by row, null or not there where a row has none
+
+    const Json& cell(std::size_t slot) const;
+    const Json& item(std::size_t slot, std::size_t k) const;  // of a list
   };
   std::vector<const Column*> ordered() const;
   std::vector<std::size_t> by_point() const;  // rows in the order of points

@@ -6,7 +6,7 @@
 
 namespace stickslip {
 
-void add_cells(ResultFile& file, const Field& field, const std::string& dimension,
+void add_cells(ResultFile& file, const Field& field, const std::vector<std::string>& dimensions,
                const std::vector<Json>& cells) {
   if (cells.empty()) return;
   const bool is_text = std::any_of(cells.begin(), cells.end(), [](const Json& c) { return c.is_string(); });
@@ -14,14 +14,14 @@ void add_cells(ResultFile& file, const Field& field, const std::string& dimensio
   std::vector<double> numbers;
   for (const Json& c : cells) {
     if (is_text)
-      texts.push_back(c.is_null() ? "" : c.get<std::string>());
+      texts.push_back(c.is_null() ? "" : c.is_string() ? c.get<std::string>() : c.dump());
     else
       numbers.push_back(c.is_null() ? NAN : c.is_boolean() ? double(c.get<bool>()) : c.get<double>());
   }
   if (is_text)
-    file.add_text({field.name, "1", field.long_name}, {dimension}, texts);
+    file.add_text(field, dimensions, std::move(texts));
   else
-    file.add(field, {dimension}, numbers);
+    file.add(field, dimensions, std::move(numbers));
 }
 
 void add_count(ResultFile& file, const std::string& dimension, const std::string& counts, std::size_t rows) {

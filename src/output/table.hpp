@@ -24,7 +24,7 @@ enum class In { both, summary, file };
 template <class Row>
 struct Column {
   std::string name;     // of the key, and of the dataset
-  std::string unit;     // in words (Field); "" of texts and of what has several
+  std::string unit;     // in words (Field); "1" of texts in a file
   std::string meaning;  // Markdown, or plain where it is the long_name of a dataset
   std::function<Json(const Row&)> value;
   In in = In::both;
@@ -68,7 +68,7 @@ struct Table {
 
 // What the pages say of a table.
 struct TableText {
-  std::string list, prefix, dimension, counts;
+  std::string list, prefix, dimension, counts = "time";
   Columns<Json> columns;
 
   template <class Row>
@@ -79,14 +79,22 @@ struct TableText {
   template <class Row>
   TableText(const Columns<Row>& keys)  // NOLINT: the keys of a summary
       : TableText(Table<Row>{"", "", "", keys}) {}
+  // Datasets over t.
+  TableText(std::string group, const std::vector<Field>& fields)
+      : prefix(std::move(group)), dimension(prefix + "t") {
+    for (const Field& f : fields) columns.push_back({f.name, f.units, f.long_name, {}, In::file});
+  }
+  TableText(const std::vector<SummaryKey>& keys) {  // NOLINT: likewise
+    for (const SummaryKey& q : keys) columns.push_back({q.name, q.unit, q.meaning, {}});
+  }
 };
 std::string json_text(const std::vector<TableText>& tables);
 
 // The keys of a summary.
 template <class Row>
-std::vector<std::string> keys_of(const Columns<Row>& columns) {
-  std::vector<std::string> keys;
-  for (const Column<Row>& column : columns) keys.push_back(column.name);
+std::vector<SummaryKey> keys_of(const Columns<Row>& columns) {
+  std::vector<SummaryKey> keys;
+  for (const Column<Row>& c : columns) keys.push_back({c.name, c.unit, c.meaning});
   return keys;
 }
 
@@ -114,7 +122,7 @@ Json list_of(const Table<Row>& table, const Rows& rows) {
 }
 
 // One dataset of cells. Texts where one of them is.
-void add_cells(ResultFile& file, const Field& field, const std::string& dimension,
+void add_cells(ResultFile& file, const Field& field, const std::vector<std::string>& dimensions,
                const std::vector<Json>& cells);
 
 // The scale of a dimension, 0, 1, ...; where it has nothing to say the file makes one.
@@ -129,7 +137,7 @@ void add_rows(ResultFile& file, const Table<Row>& table, const Rows& rows) {
     for (const Row& row : rows)
       if (column.in != In::summary) cells.push_back(column.value(row));
     const std::string name = table.prefix + (column.dataset.empty() ? column.name : column.dataset);
-    add_cells(file, {name, column.unit, column.meaning}, table.dimension, cells);
+    add_cells(file, {name, column.unit, column.meaning}, {table.dimension}, cells);
   }
 }
 

@@ -21,8 +21,8 @@ Table<ChartRow> chart_table() {
   return {"rows",
           "",
           "row",
-          {{"method", "", "method", &ChartRow::method},
-           {"implicit", "", "terms taken implicitly", &ChartRow::implicit},
+          {{"method", "1", "method", &ChartRow::method},
+           {"implicit", "1", "terms taken implicitly", &ChartRow::implicit},
            {"tolerance", "1", "relative and absolute tolerance of a step",
             [=](Row r) { return adaptive(r) ? Json(r.setting.tolerance) : Json(); }},
            {"step", "time", "step, where all are the same",
@@ -39,7 +39,7 @@ Table<ChartRow> chart_table() {
            {"steps", "1", "steps", &ChartRow::steps},
            {"rejections", "1", "steps taken back for their error", &ChartRow::rejections, In::summary},
            {"rhs_evaluations", "1", "right-hand sides, or parts of them", &ChartRow::rhs_evaluations},
-           {"failed", "", "why there is no error", &ChartRow::failed},
+           {"failed", "1", "why there is no error", &ChartRow::failed},
            {"warnings", "", "lines of warning of this row", &ChartRow::warnings, In::summary},
            {"best", "1", "1 where no other row is as good in as little time", &ChartRow::best, In::file}}};
 }

@@ -14,7 +14,9 @@ namespace stickslip {
 
 class Fastest : public Observer {
  public:
-  static std::vector<std::string> keys() { return {"fastest"}; }
+  static std::vector<SummaryKey> keys() {
+    return {{"fastest", "", "with `psi`: the largest abs(psi) that any node has in the run, and when, `t`"}};
+  }
   explicit Fastest(const Model& model) : model_(model) {}
 
   void step(const ObservedStep& step) override {

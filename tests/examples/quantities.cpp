@@ -7,7 +7,7 @@ namespace stickslip {
 
 using Quantities = ObserverTypes<EndStatistics, Fastest>;
 
-std::vector<std::string> quantity_keys() { return Quantities::keys(); }
+std::vector<SummaryKey> quantity_keys() { return Quantities::keys(); }
 std::vector<std::unique_ptr<Observer>> make_quantities(const Model& model) { return Quantities::make(model); }
 
 }  // namespace stickslip

@@ -14,12 +14,19 @@
 
 namespace stickslip {
 
+// A key of a summary: its name, its unit in words ("length/time"; "" where it has none, or several), and its
+// meaning in Markdown, for docs/summary.md.
+struct SummaryKey {
+  std::string name, unit = {}, meaning = {};
+};
+std::vector<SummaryKey> common_quantities();  // of every command
+
 class Summary {
  public:
   // `keys`: the command's own, in the order in which they are to appear after the common ones. `path`: the
   // text of option `summary`, "" for none. Throws UsageError, on every rank, where `path` cannot be written.
   // Collective.
-  Summary(const Provenance& provenance, const std::vector<std::string>& keys, std::string path);
+  Summary(const Provenance& provenance, const std::vector<SummaryKey>& keys, std::string path);
   ~Summary();
   Summary(const Summary&) = delete;
   Summary& operator=(const Summary&) = delete;
