@@ -65,7 +65,7 @@ class Page:
         flags = re.MULTILINE if self.scene else re.DOTALL
         self.notes = [(kind, [" ".join(part.split()) for part in content.split(";")], end)
                       for kind, content, end in ((*match.groups(), match.end()) for match in re.finditer(comment, text, flags))]
-        begun = re.findall(r"^check\b" if self.scene else r"<!-- (?!table: |end of table)", text, re.MULTILINE)
+        begun = re.findall(r"^check\b" if self.scene else r"<!-- (?!table: |end of table|datasets |keys |end -->)", text, re.MULTILINE)
         if len(begun) != len(self.notes):
             raise ValueError(f"{name}: a comment that is none of check, check long, made, measured")
         self.text = text
