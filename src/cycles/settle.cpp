@@ -1,4 +1,5 @@
 // A cycle that the motion from a start settles on or comes near to: the guess for collocation.
+#include <fmt/format.h>
 #include <petscts.h>
 
 #include <algorithm>
@@ -276,11 +277,11 @@ SmoothCycle Settling::cycle(int turns) {
     }
   }
   if (repelling) return *repelling;
-  throw Failure("no cycle: in " + std::to_string(turns) +
-                " turns the motion from the start never repeats; its nearest "
-                "return within " +
-                std::to_string(most_turns_a_period) + " turns misses by " + rounded_text(best) +
-                " of its range (chaos, or a slow transient: another start may settle)");
+  throw Failure(
+      fmt::format("no cycle: in {} turns the motion from the start never repeats; its nearest return "
+                  "within {} turns misses by {:.3g} of its range (chaos, or a slow transient: another "
+                  "start may settle)",
+                  turns, most_turns_a_period, best));
 }
 
 }  // namespace

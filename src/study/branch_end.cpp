@@ -1,5 +1,6 @@
 #include "study/branch_end.hpp"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 
@@ -262,9 +263,9 @@ std::vector<EndPlace> BranchEnd::ends_of_cell(PlanePoint a, PlanePoint b, std::v
     passed.push_back(reach);
   }
   if (without.size() > 1)
-    without[0] += " (no cycle that attracts there, nor at " + std::to_string(without.size() - 1) +
-                  " more of the " + std::to_string(places_of_cell + 1) + " places between " +
-                  place_text(a.x, a.y) + " and " + place_text(b.x, b.y) + ")";
+    without[0] +=
+        fmt::format(" (no cycle that attracts there, nor at {} more of the {} places between {} and {})",
+                    without.size() - 1, places_of_cell + 1, place_text(a.x, a.y), place_text(b.x, b.y));
   if (!without.empty()) notes.push_back(without[0]);
   sort_from(a, found);
   const auto same = [](const EndPlace& p, const EndPlace& q) {

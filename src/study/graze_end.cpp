@@ -1,5 +1,6 @@
 #include "study/graze_end.hpp"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -162,8 +163,8 @@ void GrazeEnd::tell_remarks(std::vector<std::string>& notes) {
         const auto of = [&](const Crossing& c) { return axes_[k].value(k == 0 ? c.x : c.y); };
         const auto ends = std::minmax_element(
             r.at.begin(), r.at.end(), [&](const Crossing& a, const Crossing& b) { return of(a) < of(b); });
-        where += ", " + axes_[k].name + " = " + number_text(of(*ends.first)) + " to " +
-                 number_text(of(*ends.second));
+        where += fmt::format(", {} = {} to {}", axes_[k].name, number_text(of(*ends.first)),
+                             number_text(of(*ends.second)));
       }
     }
     notes.push_back("beside " + where + ", " + r.what);
@@ -213,9 +214,9 @@ std::vector<Crossing> GrazeEnd::points(std::vector<std::string>& notes) {
     const double root =
         find_root([&](double at) { return (*this)(at); }, {x[k], f[k], x[k + 1], f[k + 1]}, 1e-14);
     if (std::isnan(root)) {
-      notes.push_back("between " + axes_[0].name + " " + number_text(axes_[0].value(x[k])) + " and " +
-                      number_text(axes_[0].value(x[k + 1])) +
-                      " stick-slip ends at a place that could not be located");
+      notes.push_back(fmt::format("between {} {} and {} stick-slip ends at a place that could not be located",
+                                  axes_[0].name, number_text(axes_[0].value(x[k])),
+                                  number_text(axes_[0].value(x[k + 1]))));
       continue;
     }
     Crossing end = crossing(root, 0, 1, 0);

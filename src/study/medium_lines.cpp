@@ -1,5 +1,6 @@
 #include "stickslip/study/medium_lines.hpp"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 
@@ -152,11 +153,11 @@ void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines,
       samples_.insert(samples_.end(), found.samples.begin(), found.samples.end());
       const std::string where = "trains at " + axes_[1].name + " " + number_text(axes_[1].value(y)) + ": ";
       if (found.lost > 0)
-        notes.push_back(where + std::to_string(found.lost) + (found.lost == 1 ? " end" : " ends") +
-                        " of their stability seen and not located");
+        notes.push_back(fmt::format("{}{}{} of their stability seen and not located", where, found.lost,
+                                    found.lost == 1 ? " end" : " ends"));
       if (int(branch.points.size()) > branch_steps)
-        notes.push_back(where + "followed for " + std::to_string(branch_steps) + " steps only, to " +
-                        axes_[0].name + " " + rounded_text(axes_[0].value(branch.points.back().value), 6));
+        notes.push_back(fmt::format("{}followed for {} steps only, to {} {:.6g}", where, branch_steps,
+                                    axes_[0].name, axes_[0].value(branch.points.back().value)));
     }
   }
 }
@@ -164,8 +165,8 @@ void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines,
 std::vector<Crossing> MediumLines::trains(std::vector<std::string>& notes) {
   std::vector<TrainLimitCurve> lines;
   for (const double y : {0., 0.5, 1.}) {
-    Pulse::stage("trains at " + axes_[1].name + " " + rounded_text(axes_[1].value(y), 6) + ", " +
-                 std::to_string(lines.size()) + " lines so far");
+    Pulse::stage(
+        fmt::format("trains at {} {:.6g}, {} lines so far", axes_[1].name, axes_[1].value(y), lines.size()));
     follow_trains(y, lines, notes);
   }
   std::vector<Crossing> result;

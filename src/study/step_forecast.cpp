@@ -1,5 +1,8 @@
 #include "study/step_forecast.hpp"
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -10,21 +13,16 @@
 #include "base/local_values.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/stencil.hpp"
-#include "stickslip/numerics/dense.hpp"
-#include "stickslip/numerics/roots.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 #include "time/leapfrog.hpp"
 
 namespace stickslip {
 
-std::vector<Complex> eigenvalues(int dim, const std::vector<double>& m) {
-  if (dim == 1) return {m[0]};
-  if (dim == 2) return polynomial_roots({1, -(m[0] + m[3]), m[0] * m[3] - m[1] * m[2]});
-  const double trace = m[0] + m[4] + m[8];
-  const double minors = m[0] * m[4] - m[1] * m[3] + m[0] * m[8] - m[2] * m[6] + m[4] * m[8] - m[5] * m[7];
-  const double det = m[0] * (m[4] * m[8] - m[5] * m[7]) - m[1] * (m[3] * m[8] - m[5] * m[6]) +
-                     m[2] * (m[3] * m[7] - m[4] * m[6]);
-  return polynomial_roots({1, -trace, minors, -det});
+using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+std::vector<Complex> eigenvalues(int dim, const std::vector<double>& matrix) {
+  const Eigen::VectorXcd found = Eigen::Map<const Square>(matrix.data(), dim, dim).eigenvalues();
+  return {found.begin(), found.end()};
 }
 
 SpectralBounds spectral_bounds(int dim, const std::vector<double>& matrix) {
@@ -36,23 +34,14 @@ SpectralBounds spectral_bounds(int dim, const std::vector<double>& matrix) {
   return bounds;
 }
 
-// By Durand and Kerner's iteration.
-std::vector<Complex> characteristic_roots(std::vector<Complex> c) {
-  const std::size_t n = c.size() - 1;
-  double size = 0;
-  for (std::size_t i = 1; i <= n; ++i) size = std::max(size, std::pow(std::abs(c[i] / c[0]), 1 / double(i)));
-  std::vector<Complex> root(n);
-  for (std::size_t i = 0; i < n; ++i)
-    root[i] = std::max(size, 1e-300) * std::pow(Complex(0.4, 0.9), double(i));
-  for (int round = 0; round < 200; ++round)
-    for (std::size_t i = 0; i < n; ++i) {
-      Complex value = c[0], others = c[0];
-      for (std::size_t k = 1; k <= n; ++k) value = value * root[i] + c[k];
-      for (std::size_t k = 0; k < n; ++k)
-        if (k != i) others *= root[i] - root[k];
-      if (std::abs(others) > 0) root[i] -= value / others;
-    }
-  return root;
+// The eigenvalues of the companion matrix.
+std::vector<Complex> characteristic_roots(const std::vector<Complex>& c) {
+  const auto n = Eigen::Index(c.size()) - 1;
+  Eigen::MatrixXcd companion = Eigen::MatrixXcd::Zero(n, n);
+  companion.diagonal(-1).setOnes();
+  for (Eigen::Index i = 0; i < n; ++i) companion(0, i) = -c[i + 1] / c[0];
+  const Eigen::VectorXcd found = companion.eigenvalues();
+  return {found.begin(), found.end()};
 }
 
 namespace {
@@ -320,33 +309,23 @@ double StepForecast::multistep_modulus(Complex z) const {
 
 // Half a kick, the midpoint rule, half a kick.
 std::vector<double> StepForecast::leapfrog_propagator(const Wave& w, double dt) const {
-  const auto d = static_cast<std::size_t>(dof_);
-  const auto kicked = [&](const std::vector<double>& a) {
-    std::vector<double> b = a;
-    for (std::size_t i = 0; i < d; ++i)
-      for (std::size_t j = 0; j < d; ++j)
-        for (std::size_t k = 0; k < d; ++k)
-          b[i * d + j] += dt / 2 * w.explicit_part[i * d + k] * a[k * d + j];
-    return b;
-  };
-  std::vector<double> one(d * d), matrix(d * d);
-  for (std::size_t i = 0; i < d; ++i) one[i * (d + 1)] = 1;
-  for (std::size_t i = 0; i < d * d; ++i) matrix[i] = one[i] - dt / 2 * w.implicit_part[i];
-  const std::vector<double> z = kicked(one);
-  std::vector<double> end = z;
-  if (!solve_dense(dof_, matrix.data(), dof_, end.data())) return std::vector<double>(d * d, HUGE_VAL);
-  for (std::size_t i = 0; i < d * d; ++i) end[i] = 2 * end[i] - z[i];
-  return kicked(end);
+  const Eigen::Map<const Square> explicit_part(w.explicit_part.data(), dof_, dof_),
+      implicit_part(w.implicit_part.data(), dof_, dof_);
+  const Square one = Square::Identity(dof_, dof_), kick = one + dt / 2 * explicit_part;
+  const Square end = kick * (2 * (one - dt / 2 * implicit_part).partialPivLu().solve(kick) - kick);
+  return {end.data(), end.data() + end.size()};
 }
 
 std::vector<double> StepForecast::rates(double dt) {
   std::vector<double> rates;
   if (waves_.empty()) return rates;
+  const auto add_rate = [&](const std::vector<double>& propagator) {
+    double largest = 0;
+    for (const double p : propagator) largest = std::isfinite(p) ? std::max(largest, std::abs(p)) : HUGE_VAL;
+    rates.push_back(std::log(largest < 1e60 ? spectral_bounds(dof_, propagator).modulus : largest) / dt);
+  };
   if (is_leapfrog_) {
-    for (const Wave& w : waves_) {
-      const std::vector<double> P = leapfrog_propagator(w, dt);
-      rates.push_back(std::isfinite(P[0]) ? std::log(spectral_bounds(dof_, P).modulus) / dt : HUGE_VAL);
-    }
+    for (const Wave& w : waves_) add_rate(leapfrog_propagator(w, dt));
     return rates;
   }
   if (bdf_order_ > 0 || is_alpha_) {
@@ -369,12 +348,8 @@ std::vector<double> StepForecast::rates(double dt) {
   SS_TRY(TSSetConvergedReason(ts_, TS_CONVERGED_ITERATING));
   SS_TRY(TSStep(ts_));
   const Reading b(u_);
-  for (std::size_t wave = 0; wave < waves_.size(); ++wave) {
-    const std::vector<double> P(b + wave * entries, b + (wave + 1) * entries);
-    double largest = 0;
-    for (const double p : P) largest = std::isfinite(p) ? std::max(largest, std::abs(p)) : HUGE_VAL;
-    rates.push_back(std::log(largest < 1e60 ? spectral_bounds(dof_, P).modulus : largest) / dt);
-  }
+  for (std::size_t wave = 0; wave < waves_.size(); ++wave)
+    add_rate({b + wave * entries, b + (wave + 1) * entries});
   return rates;
 }
 
@@ -475,10 +450,11 @@ void warn_of_several_solutions(const Model& model, const Integrator& integrator,
   if (C >= 0 || C * C <= 4 * product) return;
   const double r = forecast.shift(dt), root = std::sqrt(C * C / 4 - product), high = -C / 2 + root;
   if (r <= 0 || r >= high || r <= -C / 2 - root) return;
-  warn("ts_dt " + number_text(dt) + " is so long that the implicit equations of " +
-       integrator.method().name() +
-       " have several solutions (friction falls with velocity; one alone up to about " +
-       rounded_text(dt * r / high) + "): Newton's method may find one that the motion does not lead to");
+  warn(fmt::format(
+      "ts_dt {} is so long that the implicit equations of {} have several solutions (friction falls with "
+      "velocity; one alone up to about {:.3g}): Newton's method may find one that the motion does not lead "
+      "to",
+      number_text(dt), integrator.method().name(), dt * r / high));
 }
 
 // Where a step is long against the time in which friction acts, the stages of Runge-Kutta and Rosenbrock
@@ -491,10 +467,10 @@ void warn_of_order_reduction(const Model& model, const Integrator& integrator, d
   if (!solves_friction(integrator) || method.order < 2 || keeps) return;
   const double rate = model.friction_rate(u);
   if (dt * rate > stiff)
-    warn("friction acts at up to " + rounded_text(rate) + " per unit time, " + rounded_text(dt * rate) +
-         " times in a ts_dt of " + number_text(dt) + ": in so stiff a scene the order of " + method.name() +
-         " falls from " + std::to_string(method.order) +
-         " to 2, 1 or less; use error control, bdf:2 or arkimex:l2");
+    warn(fmt::format(
+        "friction acts at up to {:.3g} per unit time, {:.3g} times in a ts_dt of {}: in so stiff a scene the "
+        "order of {} falls from {} to 2, 1 or less; use error control, bdf:2 or arkimex:l2",
+        rate, dt * rate, number_text(dt), method.name(), method.order));
 }
 
 }  // namespace
@@ -508,12 +484,13 @@ void warn_of_fixed_steps(const Model& model, const Integrator& integrator, Vec u
   warn_of_several_solutions(model, integrator, dt, forecast);
   warn_of_order_reduction(model, integrator, dt, u);
   if (!forecast.explodes(dt, duration)) return;
-  warn("ts_dt " + number_text(dt) + " is beyond the stability limit of " + integrator.method().name() +
-       ", which is about " + rounded_text(forecast.limit(dt, duration)) +
-       " here (the shortest wave turns at " + rounded_text(model.wave_frequency()) + " per unit time, " +
-       (model.viscous() ? "viscosity damps it at " + rounded_text(viscous_rate(model.scene())) + ", " : "") +
-       "friction acts at up to " + rounded_text(rates_of(model, u).friction) +
-       "): the solution will grow without bound");
+  const std::string damped =
+      model.viscous() ? fmt::format("viscosity damps it at {:.3g}, ", viscous_rate(model.scene())) : "";
+  warn(fmt::format(
+      "ts_dt {} is beyond the stability limit of {}, which is about {:.3g} here (the shortest wave turns at "
+      "{:.3g} per unit time, {}friction acts at up to {:.3g}): the solution will grow without bound",
+      number_text(dt), integrator.method().name(), forecast.limit(dt, duration), model.wave_frequency(),
+      damped, rates_of(model, u).friction));
 }
 
 }  // namespace stickslip

@@ -1,5 +1,6 @@
 #include "stickslip/waves/train.hpp"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 
@@ -188,9 +189,8 @@ Train solve_train(const Scene& scene, const TrainRequest& request, double tolera
     return train;
   }
   if (fastest_of_length(setting, scene.c, tolerance, train)) return train;
-  const std::string none = "no train of " + std::to_string(request.pulses) +
-                           (request.pulses == 1 ? " pulse" : " pulses") + " on a ring of length " +
-                           rounded_text(*request.length, 8);
+  const std::string none = fmt::format("no train of {}{} on a ring of length {:.8g}", request.pulses,
+                                       request.pulses == 1 ? " pulse" : " pulses", *request.length);
   double l = shortest_pulse(scene);
   if (std::isnan(l)) {
     try {
@@ -203,7 +203,7 @@ Train solve_train(const Scene& scene, const TrainRequest& request, double tolera
   const double most = std::ceil(*request.length / l) - 1;
   const std::string fits =
       most < 1 ? "none fits" : "at most " + rounded_text(most, 8) + (most == 1 ? " fits" : " fit");
-  throw Failure(none + ": as V falls to c a pulse still takes " + rounded_text(l, 8) + ", so that " + fits);
+  throw Failure(fmt::format("{}: as V falls to c a pulse still takes {:.8g}, so that {}", none, l, fits));
 }
 
 }  // namespace stickslip

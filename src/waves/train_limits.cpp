@@ -1,5 +1,6 @@
 #include "stickslip/waves/train_limits.hpp"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -101,9 +102,8 @@ class LimitsOfBranch {
   std::vector<Found> all(std::vector<std::string>& notes) const {
     std::vector<Found> list;
     const auto note = [&](std::size_t k, const std::string& what) {
-      notes.push_back(what + " between " + rounded_text(branch_.points[k].value, 8) + " and " +
-                      rounded_text(branch_.points[k + 1].value, 8) +
-                      " was seen and not located: more wave_steps");
+      notes.push_back(fmt::format("{} between {:.8g} and {:.8g} was seen and not located: more wave_steps",
+                                  what, branch_.points[k].value, branch_.points[k + 1].value));
     };
     for (std::size_t k = 0; k + 1 < branch_.points.size(); ++k) {
       const bool fold = branch_.points[k + 1].fold;
@@ -295,8 +295,8 @@ class LimitWalk {
         at_ = before;
         ds /= 2;
         if (ds < 1e-4)
-          curve.end = "no way on is found at " + name + " = " + rounded_text(at_.limit.value, 8) + ", " +
-                      name2 + " = " + rounded_text(at_.limit.value2, 8);
+          curve.end = fmt::format("no way on is found at {} = {:.8g}, {} = {:.8g}", name, at_.limit.value,
+                                  name2, at_.limit.value2);
         continue;
       }
       const double v = share(at_.limit.value2);

@@ -1,5 +1,6 @@
 #include "waves/viscous_train.hpp"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -146,8 +147,8 @@ std::optional<ViscousProfile> begin(const Scene& scene, const Train& plain) {
 std::string none_of(const TrainRequest& request) {
   const std::string what = request.length ? "of length " + rounded_text(*request.length, 8)
                                           : "at the speed " + rounded_text(*request.speed, 8);
-  return "no train of " + std::to_string(request.pulses) + (request.pulses == 1 ? " pulse " : " pulses ") +
-         what + ": ";
+  return fmt::format("no train of {}{}{}: ", request.pulses, request.pulses == 1 ? " pulse " : " pulses ",
+                     what);
 }
 
 // The plain train of the request, or of a longer ring where the plain medium has none of its length.
@@ -230,8 +231,8 @@ Train solve_viscous_train(const Scene& scene, const TrainRequest& request, doubl
     throw Failure(none + "followed from the train without viscosity it ends at model_nu " +
                   rounded_text(scene.nu * profile->N() / scene.N(), 6));
   if (request.length && plain.length != *request.length && !lead(*profile, scene.N(), *request.length))
-    throw Failure(none + "followed from longer rings it ends at length " + rounded_text(profile->L(), 6) +
-                  ", V = " + rounded_text(profile->V(), 6));
+    throw Failure(fmt::format("{}followed from longer rings it ends at length {:.6g}, V = {:.6g}", none,
+                              profile->L(), profile->V()));
   using Solution = ViscousProfile::Solution;
   const auto change = [&](const Solution& coarse, const Solution& fine) {
     return std::abs(request.speed ? ViscousProfile::T_of(coarse) / ViscousProfile::T_of(fine) - 1

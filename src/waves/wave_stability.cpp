@@ -1,5 +1,6 @@
 #include "stickslip/waves/wave_stability.hpp"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -354,11 +355,11 @@ TrainSpectrum train_spectrum(const Train& train, int count) {
     warn("the translation mode of the train was not found: its spectrum is not to be trusted");
   out.complete = found.complete && out.translation_error <= 1e-4;
   const auto size = (long long)found.modes.size();
-  out.completeness_check = "argument of the determinant along Re = " + rounded_text(line.sigma(), 10) +
-                           ", |Im| up to " + rounded_text(line.top(), 8) + ": " +
-                           std::to_string(found.counted) + " eigenvalues to the right, " +
-                           (size < found.counted ? "the rightmost " : "") + std::to_string(size) + " found" +
-                           (line.closed() ? "" : "; " + trouble_of(line));
+  out.completeness_check = fmt::format(
+      "argument of the determinant along Re = {:.10g}, |Im| up to {:.8g}: {} eigenvalues to the right, {}{} "
+      "found{}",
+      line.sigma(), line.top(), found.counted, size < found.counted ? "the rightmost " : "", size,
+      line.closed() ? "" : "; " + trouble_of(line));
   if (!out.complete) warn("the spectrum of the train is not complete: " + out.completeness_check);
   judge(found, out);
   fill_infinite_train(train, found.curves, out);

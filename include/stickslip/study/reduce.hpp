@@ -57,7 +57,7 @@ struct UniformInstability {
 // Of sliding at psi = v, or of the uniform oscillation: over the waves (k > 0) of the scene's own ring or
 // free ends. Where there are more than 400 of them (of an oscillation: with c k T < 100, beyond which its
 // mean damping decides), 400 are looked at first, then the neighbours of the fastest. The orbit is known to
-// 1e-8; a growth of less than 1e-6 a period counts as none. Throws UsageError where the law jumps at rest,
+// 1e-7; a growth of less than 1e-6 a period counts as none. Throws UsageError where the law jumps at rest,
 // Failure where no oscillation exists.
 UniformInstability instability_of_sliding(const Scene& scene);
 UniformInstability instability_of_oscillation(const Scene& scene);
