@@ -43,7 +43,9 @@ BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^(cycle-state|wave-viscous)$", r"^/(psi|eta|theta|t|x)$", 1e-8, "nodes follow fifth differences, in which round-off grows"),
     (r"^cycle-pair$", r"/multipliers/[23]/re$", 1e-6, "1e-9 beside 1"),
     (r"^cycle-state$", r"/multipliers/2/re$", np.inf, "0 but for round-off"),
-    (r"^wave-viscous$", r"/endless/", 1e-6, "the place of a maximum is known to the square root of round-off"),
+    (r"^wave-spectrum$", r"/eigenvalues/4/", np.inf, "of the translation, 0 but for round-off"),
+    (r"^cycle-branch$", r"/wavenumber$", 1e-6, "the place of a maximum is known to the square root of round-off"),
+    (r"^wave-(spectrum|viscous)$", r"/endless/", 1e-6, "the place of a maximum is known to the square root of round-off"),
     (r"^(boundary-(bautin|point|viscous)|sweep-boundary)$", r"lyapunov_coefficient|/special/", 1e-13,
      "systems of a wave's block by Eigen's elimination"),
 ]

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "cycles/stick_return_map.hpp"
+#include "numerics/beside.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/dense.hpp"
 
@@ -120,23 +121,12 @@ class StickPath : public CyclePath {
       StickCycle c(s.cycle);
       set_free_values(m, free_of(s), c);
       const MapAt map = map_at(m, c);
-      double width = 0;
-      // at an end of what the parameter may be the difference is one-sided
-      const auto beside = [&](double by) {
-        try {
-          const std::vector<double> found = image(s, s.x.back() + by);
-          width += std::abs(by);
-          return found;
-        } catch (const UsageError&) {
-          return map.image;
-        }
-      };
-      const std::vector<double> up = beside(difference * range_), down = beside(-difference * range_);
-      if (!(width > 0)) throw Failure("the parameter cannot be varied at " + rounded_text(s.x.back(), 12));
+      const auto sides = beside_of<UsageError>([&](double at) { return image(s, at); }, s.x.back(),
+                                               difference * range_, map.image);
       for (size_t i = 0; i < n; ++i) {
         for (size_t j = 0; j < n; ++j)
           matrix[i * all + j] = (map.slopes[i * n + j] - (i == j ? 1 : 0)) * scale_[j] / scale_[i];
-        matrix[i * all + n] = (up[i] - down[i]) / width * range_ / scale_[i];
+        matrix[i * all + n] = (sides.above[i] - sides.below[i]) / sides.width * range_ / scale_[i];
         right[i] = (s.x[i] - map.image[i]) / scale_[i];
       }
     }

@@ -1,10 +1,11 @@
 #include "stickslip/numerics/periodic_equations.hpp"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
 #include "base/pulse.hpp"
+#include "numerics/beside.hpp"
+#include "numerics/condensed_period.hpp"
 #include "numerics/cyclic.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
@@ -17,70 +18,6 @@ namespace {
 using std::size_t;
 constexpr size_t stages = mesh_stages;
 const Collocation& gauss() { return Collocation::gauss5(); }
-
-// Deviations may grow so much within a group before the digits that they cost are felt.
-constexpr double growth_of_group = 1e3;
-
-// d x columns: the value at the right end of stage values R, beside that at the left end.
-template <class T>
-Matrix<T> at_end(const Collocation& method, int d, const Matrix<T>& R) {
-  Matrix<T> sum = Matrix<T>::Zero(d, R.cols());
-  for (size_t j = 0; j < stages; ++j) sum += method.end[j + 1] * R.middleRows(j * d, d);
-  return sum;
-}
-
-// Intervals in groups within which nothing grows by much, and the product over each.
-template <class T>
-struct Groups {
-  std::vector<size_t> begin;  // first interval of each, and the number of intervals
-  std::vector<T> products;
-  size_t count() const { return begin.size() - 1; }
-
-  Groups(int d, const std::vector<T>& matrices) {
-    const size_t dd = d * d, n = matrices.size() / dd;
-    double growth = 0;
-    for (size_t i = 0; i < n; ++i) {
-      const auto here = as_matrix(&matrices[i * dd], d, d);
-      const double norm = std::max(1., here.cwiseAbs().rowwise().sum().maxCoeff());
-      if (i == 0 || growth * norm > growth_of_group) {
-        begin.push_back(i);
-        products.insert(products.end(), here.data(), here.data() + dd);
-        growth = norm;
-      } else {
-        auto product = as_matrix(&products[products.size() - dd], d, d);
-        product = here * product;
-        growth *= norm;
-      }
-    }
-    begin.push_back(n);
-  }
-};
-
-// With Y and R as below; Eigen for full blocks, elimination that keeps within the band for wide ones.
-void solve_stages(const Collocation& method, int d, int band, double h, const double* J, Matrix<double>& R) {
-  const int s = stages, n = d * s;
-  Matrix<double> M = Matrix<double>::Zero(n, n);
-  bool solved = true;
-  if (2 * band + 1 >= d) {
-    stage_matrix(method, d, h, J, M.data());
-    R = M.partialPivLu().solve(R).eval();
-    solved = R.allFinite();
-  } else {  // unknown by unknown, the stages together: a band
-    Matrix<double> ordered(n, R.cols());
-    for (int p = 0; p < d; ++p)
-      for (int i = 0; i < s; ++i) {
-        ordered.row(p * s + i) = R.row(i * d + p);
-        M(p * s + i, p * s + i) = 1;
-        for (int q = std::max(0, p - band); q < std::min(d, p + band + 1); ++q)
-          for (int j = 0; j < s; ++j)
-            M(p * s + i, q * s + j) -= h * method.a[i * s + j] * J[(j * d + p) * d + q];
-      }
-    solved = solve_banded(n, s * (band + 1) - 1, M.data(), int(R.cols()), ordered.data());
-    for (int p = 0; p < d; ++p)
-      for (int i = 0; i < s; ++i) R.row(i * d + p) = ordered.row(p * s + i);
-  }
-  if (!solved) throw Failure("the collocation equations of an interval are singular");
-}
 
 }  // namespace
 
@@ -102,7 +39,7 @@ std::vector<double> carried(const Collocation& method, int d, int band, double h
 
 template <class T>
 Pencil<T> pencil_of(int d, const std::vector<T>& matrices) {
-  const Groups<T> groups(d, matrices);
+  const IntervalGroups<T> groups(d, matrices);
   const CyclicChain<T> chain(d, groups.count(), groups.products);
   const Matrix<T>&first = chain.first(), &last = chain.last();
   return {{first.data(), first.data() + first.size()}, {last.data(), last.data() + last.size()}};
@@ -122,12 +59,8 @@ template std::vector<std::complex<double>> multipliers_of(int, const Pencil<std:
 // ---- the nonlinear equations
 // ----------------------------------------------------------------------------------------
 
-// What the elimination of each interval's Gauss points leaves. Columns: y at the left node, the parameters,
-// the right-hand side.
 struct PeriodicEquations::Linear {
-  std::vector<Matrix<double>> response;  // of the Gauss points of each interval
-  std::vector<double> phi;               // y at the right node, for y at the left one
-  Matrix<double> chain;                  // the same for the other columns, interval by interval
+  CondensedPeriod condensed;
   double residual = 0;
 };
 
@@ -168,20 +101,10 @@ std::vector<double> PeriodicEquations::fill(const PeriodicEquations& from,
 void PeriodicEquations::set_lambda(double lambda) {
   if (!family_ || (lambda == lambda_ && lower_)) return;
   field_ = family_(lambda);
-  width_ = 0;
-  const double eps = 1e-6 * scale_;
-  const auto beside = [&](double by) {  // at an end of what lambda may be the difference is one-sided
-    try {
-      const SharedField field = family_(lambda + by);
-      width_ += std::abs(by);
-      return field;
-    } catch (const Error&) {
-      return field_;
-    }
-  };
-  lower_ = beside(-eps);
-  upper_ = beside(eps);
-  if (!(width_ > 0)) throw Failure("the parameter cannot be varied at " + rounded_text(lambda, 12));
+  auto [below, above, width] = beside_of<Error>(family_, lambda, 1e-6 * scale_, field_);
+  lower_ = std::move(below);
+  upper_ = std::move(above);
+  width_ = width;
   lambda_ = lambda;
 }
 
@@ -190,9 +113,7 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
   const int d = d_, p = parameters(), s = stages;
   const size_t b = block();
   const double period = std::exp(q(x));
-  Linear out;
-  out.phi.resize(n_ * d * d);
-  out.chain.resize(n_ * d, p + 1);
+  Linear out{{d, p}};
   const auto a = as_matrix(gauss().a.data(), s, s);
   const auto unit = Matrix<double>::Identity(d, d);
   Matrix<double> f(s, d), low(s, d), high(s, d), rate, by_lambda, off, R(s * d, d + p + 1);
@@ -221,63 +142,25 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
       R.col(d + p).setZero();
     else
       R.col(d + p) = -off.reshaped<Eigen::RowMajor>();
-    solve_stages(gauss(), d, field_->band(), h, J.data(), R);
-    out.response.push_back(R);
-    Matrix<double> right = next - gauss().end[0] * y;
-    for (int j = 0; j < s; ++j) right -= gauss().end[j + 1] * Y.row(j);
+    Matrix<double> right = gauss().end[0] * y - next;
+    for (int j = 0; j < s; ++j) right += gauss().end[j + 1] * Y.row(j);
     out.residual = std::max(out.residual, right.cwiseAbs().maxCoeff());
-    Matrix<double> end = at_end(gauss(), d, R);
-    if (!zero_right) end.col(d + p) -= right.transpose();
-    as_matrix(&out.phi[i * d * d], d, d) = end.leftCols(d) + gauss().end[0] * unit;
-    out.chain.middleRows(i * d, d) = end.rightCols(p + 1);
+    if (zero_right) right.setZero();
+    out.condensed.add(h, field_->band(), J.data(), R, right.transpose());
   }
   if (!std::isfinite(out.residual)) throw Failure("the equations of the cycle are not finite");
   return out;
 }
 
-// Solves what is left: the nodes in groups, y_0 and the parameters with the conditions, then everything
-// inside.
 std::vector<double> PeriodicEquations::closed(const Linear& system, const std::vector<Condition>& conditions,
                                               const std::vector<double>& rights) const {
-  const int d = d_, p = parameters();
-  const size_t b = block();
-  const auto phi = [&](size_t i) { return as_matrix(&system.phi[i * d * d], d, d); };
-  const auto chain = [&](size_t i) { return system.chain.middleRows(i * d, d); };
-  const Groups<double> groups(d, system.phi);
-  std::vector<double> reduced(groups.count() * d * (p + 1));
-  for (size_t g = 0; g < groups.count(); ++g) {
-    auto sum = as_matrix(&reduced[g * d * (p + 1)], d, p + 1);
-    for (size_t i = groups.begin[g]; i < groups.begin[g + 1]; ++i) sum = (phi(i) * sum + chain(i)).eval();
+  Matrix<double> rows(parameters(), d_ + parameters());
+  for (int k = 0; k < parameters(); ++k) {
+    rows.row(k).head(d_) = as_matrix(conditions[k].y0.data(), 1, d_);
+    rows(k, d_) = conditions[k].q;
+    if (family_) rows(k, d_ + 1) = conditions[k].lambda;
   }
-  const CyclicChain<double> cyclic(d, groups.count(), groups.products);
-  const Matrix<double> right = cyclic.reduce(p + 1, reduced);
-  Matrix<double> S = Matrix<double>::Zero(d + p, d + p), z(d + p, 1);
-  S.topLeftCorner(d, d) = cyclic.closure(1.);
-  S.topRightCorner(d, p) = -right.leftCols(p);
-  z.topRows(d) = right.col(p);
-  for (int k = 0; k < p; ++k) {
-    S.row(d + k).head(d) = as_matrix(conditions[k].y0.data(), 1, d);
-    S(d + k, d) = conditions[k].q;
-    if (p > 1) S(d + k, d + 1) = conditions[k].lambda;
-    z(d + k) = rights[k];
-  }
-  z = S.partialPivLu().solve(z).eval();
-  if (!z.allFinite()) throw Failure("the equations of the cycle are singular");
-  Matrix<double> w = Matrix<double>::Ones(p + 1, 1);
-  w.topRows(p) = z.bottomRows(p);
-  std::vector<double> dx(size());
-  std::copy_n(w.data(), p, &dx[n_ * b]);
-  const std::vector<double> nodes = cyclic.expand(p + 1, reduced, w.data(), z.data(), 1.);
-  for (size_t g = 0; g < groups.count(); ++g) {
-    Matrix<double> yw(d + p + 1, 1);  // y at the left node, the parameters, 1
-    yw << as_matrix(&nodes[g * d], d, 1), w;
-    for (size_t i = groups.begin[g]; i < groups.begin[g + 1]; ++i) {
-      std::copy_n(yw.data(), d, &dx[i * b]);
-      as_matrix(&dx[i * b + d], stages * d, 1) = system.response[i] * yw;
-      yw.topRows(d) = (phi(i) * yw.topRows(d) + chain(i) * w).eval();
-    }
-  }
-  return dx;
+  return system.condensed.solve(rows, rights);
 }
 
 PeriodicEquations::Step PeriodicEquations::step(const std::vector<double>& x,

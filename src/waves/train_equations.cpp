@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
+#include "numerics/beside.hpp"
+#include "numerics/condensed_period.hpp"
 #include "stickslip/base/error.hpp"
-#include "numerics/cyclic.hpp"
-#include "stickslip/numerics/dense.hpp"
 #include "waves/viscous_train.hpp"
 
 namespace stickslip {
@@ -170,25 +170,14 @@ double TrainEquations::largest_residual(const std::vector<double>& x, std::vecto
 void TrainEquations::linearise(const double* x) {
   const size_t b = block(), d = size_t(d_), p = size_t(parameters());
   const double q = x[n_ * b];
-  TrainSetting lower, upper;
-  double width = 0;  // between them
+  Beside<TrainSetting> sides{};
   v_lambda_ = 0;
   if (family_) {
-    const double lambda = x[n_ * b + 1], eps = 1e-6 * lambda_scale_;
+    const double lambda = x[n_ * b + 1];
     setting_ = at_lambda(lambda);
-    const auto beside = [&](double by) {  // at an end of what the option may be the difference is one-sided
-      try {
-        const TrainSetting setting = at_lambda(lambda + by);
-        width += std::abs(by);
-        return setting;
-      } catch (const UsageError&) {
-        return setting_;
-      }
-    };
-    lower = beside(-eps);
-    upper = beside(eps);
-    if (!(width > 0)) throw Failure("the option cannot be varied at " + rounded_text(lambda, 12));
-    v_lambda_ = (upper.oscillator->v() - lower.oscillator->v()) / width;
+    sides = beside_of<UsageError>([&](double at) { return at_lambda(at); }, lambda, 1e-6 * lambda_scale_,
+                                  setting_);
+    v_lambda_ = (sides.above.oscillator->v() - sides.below.oscillator->v()) / sides.width;
   }
   const TrainSetting::At at = setting_.at(q);
   const size_t stiff = size_t(setting_.stiff());
@@ -206,10 +195,10 @@ void TrainEquations::linearise(const double* x) {
       slope[stiff * p] += at.T * setting_.stiff_slope(at, Y, g);
       if (family_) {
         double low[max_dim], high[max_dim];
-        const TrainSetting::At l = lower.at(q), u = upper.at(q);
-        lower.rhs(l, Y, low, nullptr);
-        upper.rhs(u, Y, high, nullptr);
-        for (size_t a = 0; a < d; ++a) slope[a * p + 1] = (u.T * high[a] - l.T * low[a]) / width;
+        const TrainSetting::At l = sides.below.at(q), u = sides.above.at(q);
+        sides.below.rhs(l, Y, low, nullptr);
+        sides.above.rhs(u, Y, high, nullptr);
+        for (size_t a = 0; a < d; ++a) slope[a * p + 1] = (u.T * high[a] - l.T * low[a]) / sides.width;
       }
     }
 }
@@ -233,90 +222,34 @@ void TrainEquations::multiply(const double* in, double* out) const {
   if (family_) out[n_ * b + 1] = row_[0] * in[1] + row_[1] * dp[0] + row_[2] * dp[1];
 }
 
-TrainEquations::Condensed TrainEquations::condense(const double* rhs) const {
-  const size_t b = block(), d = size_t(d_), p = size_t(parameters()), md = stages * d;
-  const size_t columns = d + p + 1, stiff = size_t(setting_.stiff());
-  Condensed result;
-  std::vector<double>&response = result.response, &phi = result.phi, &chain = result.chain;
-  response.resize(n_ * md * columns);
-  phi.resize(n_ * d * d);
-  chain.resize(n_ * d * (p + 1));
-  std::vector<double> M(md * md);
+void TrainEquations::solve(const double* rhs, double* dx) const {
+  const int d = d_, p = parameters();
+  const auto a = as_matrix(method().a.data(), stages, stages);
+  CondensedPeriod period(d, p);
+  Matrix<double> R(stages * d, d + p + 1);
+  R.leftCols(d) = Matrix<double>::Identity(d, d).replicate(stages, 1);
   for (size_t i = 0; i < n_; ++i) {
     const double h = mesh_[i + 1] - mesh_[i];
-    double* R = &response[i * md * columns];
-    stage_matrix(method(), d_, h, &J_[i * stages * d * d], M.data());
-    for (size_t j = 0; j < stages; ++j)
-      for (size_t a = 0; a < d; ++a) {
-        const size_t row = j * d + a;
-        for (size_t l = 0; l < d; ++l) R[row * columns + l] = a == l ? 1. : 0.;
-        for (size_t l = 0; l < p; ++l) {
-          double sum = 0;
-          for (size_t k = 0; k < stages; ++k)
-            sum += method().a[j * stages + k] * Gp_[((i * stages + k) * d + a) * p + l];
-          R[row * columns + d + l] = h * sum;
-        }
-        R[row * columns + d + p] = rhs[i * b + row] / (a == stiff ? weight_[i] : 1);
-      }
-    if (!solve_dense(int(md), M.data(), int(columns), R))
-      throw Failure("the collocation equations of an interval are singular");
-    for (size_t a = 0; a < d; ++a) {
-      for (size_t l = 0; l < columns; ++l) {
-        double sum = 0;
-        for (size_t j = 0; j < stages; ++j) sum += method().end[j + 1] * R[(j * d + a) * columns + l];
-        if (l < d) {
-          phi[(i * d + a) * d + l] = sum + (a == l ? method().end[0] : 0.);
-        } else {
-          chain[(i * d + a) * (p + 1) + l - d] = sum + (l == d + p ? rhs[i * b + md + a] : 0.);
-        }
-      }
+    const double* right = rhs + i * block();
+    for (int l = 0; l < p; ++l) {  // the slopes by a parameter, stage by stage
+      const Eigen::Map<const Matrix<double>, 0, Eigen::Stride<Eigen::Dynamic, Eigen::Dynamic>> slope(
+          &Gp_[i * stages * d * p + l], stages, d, {d * p, p});
+      R.col(d + l) = (h * a * slope).reshaped<Eigen::RowMajor>();
     }
+    R.col(d + p) = as_matrix(right, stages * d, 1);
+    for (int j = 0; j < stages; ++j) R(j * d + setting_.stiff(), d + p) /= weight_[i];
+    period.add(h, d - 1, &J_[i * stages * d * d], R, as_matrix(right + stages * d, d, 1));
   }
-  return result;
-}
-
-// The Gauss points of each interval first, then the chain of nodes, then what closes it.
-void TrainEquations::solve(const double* rhs, double* dx) const {
-  const size_t b = block(), d = size_t(d_), p = size_t(parameters()), md = stages * d;
-  const size_t columns = d + p + 1;
-  Condensed condensed = condense(rhs);
-  const std::vector<double>& response = condensed.response;
-  std::vector<double>& chain = condensed.chain;
-  const CyclicChain<double> cyclic(d_, n_, condensed.phi);
-  const Matrix<double> right = cyclic.reduce(int(p) + 1, chain), closure = cyclic.closure(1.);
-  // closure y_0 - right_p dp = right_r;  f_0 [- v_lambda dlambda] = rhs;  row
-  const size_t size = d + p;
-  std::vector<double> S(size * size), z(size);
-  for (size_t a = 0; a < d; ++a) {
-    for (size_t l = 0; l < d; ++l) S[a * size + l] = closure(a, l);
-    for (size_t l = 0; l < p; ++l) S[a * size + d + l] = -right(a, l);
-    z[a] = right(a, p);
-  }
-  S[d * size] = 1;
-  z[d] = rhs[n_ * b];
+  // f_0 [- v_lambda dlambda] = rhs;  row
+  Matrix<double> rows = Matrix<double>::Zero(p, d + p);
+  rows(0, 0) = 1;
   if (family_) {
-    S[d * size + d + 1] = -v_lambda_;
-    S[(d + 1) * size + 1] = row_[0];
-    S[(d + 1) * size + d] = row_[1];
-    S[(d + 1) * size + d + 1] = row_[2];
-    z[d + 1] = rhs[n_ * b + 1];
+    rows(0, d + 1) = -v_lambda_;
+    rows(1, 1) = row_[0];
+    rows.row(1).tail(2) << row_[1], row_[2];
   }
-  if (!solve_dense(int(size), S.data(), 1, z.data()))
-    throw Failure("the equations of the train are singular");
-  std::vector<double> w(p + 1, 1.);
-  for (size_t l = 0; l < p; ++l) w[l] = z[d + l];
-  const std::vector<double> y = cyclic.expand(int(p) + 1, chain, w.data(), z.data(), 1.);
-  for (size_t i = 0; i < n_; ++i) {
-    for (size_t a = 0; a < d; ++a) dx[i * b + a] = y[i * d + a];
-    const double* R = &response[i * md * columns];
-    for (size_t row = 0; row < md; ++row) {
-      double sum = R[row * columns + d + p];
-      for (size_t l = 0; l < d; ++l) sum += R[row * columns + l] * y[i * d + l];
-      for (size_t l = 0; l < p; ++l) sum += R[row * columns + d + l] * w[l];
-      dx[i * b + d + row] = sum;
-    }
-  }
-  for (size_t l = 0; l < p; ++l) dx[n_ * b + l] = w[l];
+  const std::vector<double> x = period.solve(rows, {rhs + n_ * block(), rhs + size()});
+  std::copy(x.begin(), x.end(), dx);
 }
 
 std::vector<double> TrainEquations::tangent(const std::vector<double>& x, std::vector<double> row) {

@@ -91,13 +91,6 @@ class TrainEquations {
   std::vector<double> tangent(const std::vector<double>& x, std::vector<double> row);
 
  private:
-  // What the elimination of each interval's Gauss points leaves. `response`: their values for y at the left
-  // node, for the parameters and for the right-hand side, in columns; `phi` and `chain`: y at the right node
-  // likewise.
-  struct Condensed {
-    std::vector<double> response, phi, chain;
-  };
-  Condensed condense(const double* rhs) const;
   // The setting at lambda. Throws Failure where viscosity comes in or goes, and with it the order of the
   // equation.
   TrainSetting at_lambda(double lambda) const;
