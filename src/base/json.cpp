@@ -19,7 +19,7 @@ std::string text_of(double value) {
 
 void append(std::string& out, const Json& value, int indent, int level) {
   const auto line = [&](int depth) {
-    if (indent > 0) out += '\n' + std::string(static_cast<std::size_t>(indent * depth), ' ');
+    if (indent > 0) out += '\n' + std::string(indent * depth, ' ');
   };
   if (value.is_number_float()) {
     out += text_of(value.get<double>());

@@ -75,14 +75,14 @@ void write_all(int descriptor, const void* bytes, std::size_t size, std::int64_t
                               ? write(descriptor, from, size - done)
                               : pwrite(descriptor, from, size - done, static_cast<off_t>(at) + off_t(done));
     if (count < 0 && errno != EINTR) throw Failure(std::strerror(errno));
-    if (count > 0) done += static_cast<std::size_t>(count);
+    if (count > 0) done += count;
   }
 }
 
 std::size_t read_some(int descriptor, void* bytes, std::size_t size, std::int64_t at) {
   for (;;) {
     const ssize_t count = pread(descriptor, bytes, size, static_cast<off_t>(at));
-    if (count >= 0) return static_cast<std::size_t>(count);
+    if (count >= 0) return count;
     if (errno != EINTR) throw Failure(std::strerror(errno));
   }
 }

@@ -37,7 +37,7 @@ void note_command_line(int argc, char** argv) {
 std::string script_call(const std::string& name) {
   char program[4096];
   const ssize_t length = readlink("/proc/self/exe", program, sizeof program);
-  const std::string path(program, length > 0 ? std::size_t(length) : 0), installed = "stickslip-" + name;
+  const std::string path(program, length > 0 ? length : 0), installed = "stickslip-" + name;
   const bool there = access((path.substr(0, path.rfind('/') + 1) + installed).c_str(), X_OK) == 0;
   return there && !path.empty() ? installed : "postprocess/" + name + ".py";
 }

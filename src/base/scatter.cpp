@@ -19,7 +19,7 @@ void scatter(MPI_Comm comm, std::int64_t first, std::int64_t count, double* into
   int rank = 0, ranks = 1;
   MPI_Comm_rank(comm, &rank);
   MPI_Comm_size(comm, &ranks);
-  std::vector<std::int64_t> parts(rank == 0 ? 2 * std::size_t(ranks) : 0);
+  std::vector<std::int64_t> parts(rank == 0 ? 2 * ranks : 0);
   const std::int64_t own[2] = {first, count};
   SS_TRY(MPI_Gather(own, 2, MPI_INT64_T, parts.data(), 2, MPI_INT64_T, 0, comm));
   std::exception_ptr trouble;
@@ -33,7 +33,7 @@ void scatter(MPI_Comm comm, std::int64_t first, std::int64_t count, double* into
   };
   std::vector<double> piece;
   for (int k = 0; k < (rank == 0 ? ranks : 0); ++k) {
-    const std::int64_t begin = parts[2 * std::size_t(k)], end = begin + parts[2 * std::size_t(k) + 1];
+    const std::int64_t begin = parts[2 * k], end = begin + parts[2 * k + 1];
     for (std::int64_t at = begin; at < end; at += largest_piece) {
       const std::int64_t number = std::min(largest_piece, end - at);
       if (k == 0) {

@@ -172,8 +172,7 @@ struct Model::Impl {
   double psi_at(const double* u, PetscInt i) const {
     if (i >= 0 && i < local) return u[i * dof];
     double psi = 0;
-    for (const auto& [index, weight] :
-         halo[static_cast<std::size_t>(i < 0 ? i + half_width : half_width + i - local)])
+    for (const auto& [index, weight] : halo[i < 0 ? i + half_width : half_width + i - local])
       psi += weight * fetched_values[index];
     return psi;
   }
@@ -346,7 +345,7 @@ MatHandle Model::create_jacobian(Part part) const {
   SS_TRY(MatSetBlockSize(J, dof));
   SS_TRY(MatSetType(J, MATBAIJ));
   SS_TRY(MatSetFromOptions(J));
-  std::vector<PetscInt> inside(local, 1), outside(static_cast<std::size_t>(local), 0);
+  std::vector<PetscInt> inside(local, 1), outside(local, 0);
   if (has_stencil(part)) {
     for (PetscInt i = 0; i < local; ++i) {
       PetscInt own = 0, other = 0;
@@ -385,14 +384,14 @@ void Model::jacobian(Part part, Vec u, double alpha, double beta, Mat J) const {
                  of_eta = m.scene.K1() - m.scene.s_delta() * N;
     columns.clear();
     for (const auto& term : d2) columns.push_back(term.first);
-    width = columns.size() * static_cast<std::size_t>(dof);
-    values.assign(width * static_cast<std::size_t>(dof), 0.);
+    width = columns.size() * dof;
+    values.assign(width * dof, 0.);
     for (std::size_t j = 0; j < columns.size(); ++j) {
-      double* const at = &values[j * static_cast<std::size_t>(dof)];
+      double* const at = &values[j * dof];
       at[width] = beta * of_eta * d2[j].second;  // eta_t by psi
       if (N > 0) at[0] = beta * of_psi * d2[j].second;
       if (columns[j] == row) {
-        own = j * static_cast<std::size_t>(dof);
+        own = j * dof;
         own_psi = at[0];
         own_eta = at[width];
       }

@@ -48,7 +48,7 @@ class OrbitIntegrator {
       double* stage = step.values + (i + 1) * d_;
       if (near) {
         double w[train_stages + 1];
-        Collocation::radau5().basis.weights(offset + Collocation::radau5().c[size_t(i)] * h / near->h, w);
+        Collocation::radau5().basis.weights(offset + Collocation::radau5().c[i] * h / near->h, w);
         combine(*near, d_, w, stage);
       } else {
         std::copy(y, y + d_, stage);
@@ -102,13 +102,12 @@ class OrbitIntegrator {
       for (int i = 0; i < n; ++i) {
         b[i] = y[i % d] - stage[i];
         for (int j = 0; j < train_stages; ++j)
-          b[i] += step.h * method.a[size_t(i / d * train_stages + j)] * G[j * d + i % d];
+          b[i] += step.h * method.a[i / d * train_stages + j] * G[j * d + i % d];
       }
       if (!solve_dense(n, a, 1, b)) return false;
       if (at_rest_)
         for (int i = 0; i < train_stages; ++i)
-          b[i * d] =
-              o_.newton_step(r2_, stage + i * d, b + i * d, step.h * method.a[size_t(i * train_stages + i)]);
+          b[i * d] = o_.newton_step(r2_, stage + i * d, b + i * d, step.h * method.a[i * train_stages + i]);
       double norm = 0;
       for (int i = 0; i < n; ++i) {
         stage[i] += b[i];
@@ -217,7 +216,7 @@ class ReturnMap {
     for (int j = 0; j < train_stages; ++j) {
       double g[train_max_dim], J[train_max_dim * train_max_dim];
       o_.rhs(r2_, step.values + (j + 1) * d, g, J);
-      for (int k = 0; k < d; ++k) *divergence += step.h * Collocation::radau5().b[size_t(j)] * J[k * d + k];
+      for (int k = 0; k < d; ++k) *divergence += step.h * Collocation::radau5().b[j] * J[k * d + k];
     }
   }
 

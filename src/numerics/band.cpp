@@ -38,7 +38,7 @@ void BandLU::reset(std::size_t n, int lower, int upper) {
   lower_ = lower;
   upper_ = upper;
   height_ = 2 * lower + upper + 1;
-  a_.assign(n * std::size_t(height_), Complex(0));
+  a_.assign(n * height_, Complex(0));
 }
 
 LogDet BandLU::factor() {
@@ -69,8 +69,7 @@ std::vector<Complex> BandLU::pivots() {
   std::vector<Complex> found(n_);
   for (std::size_t k = 0; k < n_; ++k) {
     const Complex inverse = 1. / (found[k] = a_[place(k, k)]);
-    const std::size_t below = std::min(n_, k + 1 + std::size_t(lower_)),
-                      right = std::min(n_, k + 1 + std::size_t(upper_));
+    const std::size_t below = std::min(n_, k + 1 + lower_), right = std::min(n_, k + 1 + upper_);
     for (std::size_t j = k + 1; j < right; ++j) {
       const Complex factor = product(a_[place(k, j)], inverse);
       for (std::size_t i = k + 1; i < below; ++i) a_[place(i, j)] -= product(factor, a_[place(i, k)]);

@@ -38,10 +38,10 @@ Kinks kinks_of(const std::vector<double>& mesh, const double* x, int d, const st
                const std::function<void(const double*, double*)>& jacobian) {
   Kinks kinks;
   const std::vector<double>& at = Collocation::gauss5().basis.points();
-  std::vector<double> y(static_cast<size_t>(d));
+  std::vector<double> y(d);
   const auto jacobian_beside = [&](int velocity, double value) {
     std::vector<double> J(y.size() * y.size());
-    y[size_t(velocity)] = value;
+    y[velocity] = value;
     jacobian(y.data(), J.data());
     return J;
   };
@@ -49,11 +49,11 @@ Kinks kinks_of(const std::vector<double>& mesh, const double* x, int d, const st
   for (const int velocity : velocities) {
     const auto value = [&](double phase) {
       evaluate(Collocation::gauss5(), mesh, x, d, phase, y.data());
-      return y[size_t(velocity)];
+      return y[velocity];
     };
     for (size_t k = 0; k < n * points; ++k) {
       const size_t next = k + 1 < n * points ? k + 1 : 0;
-      const double low = x[k * size_t(d) + size_t(velocity)], high = x[next * size_t(d) + size_t(velocity)];
+      const double low = x[k * d + velocity], high = x[next * d + velocity];
       if (!(low * high < 0) && high != 0) continue;
       const auto phase_of = [&](size_t j) {
         return mesh[j / points] + (mesh[j / points + 1] - mesh[j / points]) * at[j % points];

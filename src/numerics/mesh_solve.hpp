@@ -87,13 +87,13 @@ double change_of_profile(const MeshSolution<Equations>& coarse, const MeshSoluti
                          std::vector<double> units) {
   const int d = fine.equations.dim();
   const std::vector<double> from = fine.equations.fill(coarse.equations, coarse.x);
-  const std::size_t count = points_on(fine.mesh()) * std::size_t(d);
+  const std::size_t count = points_on(fine.mesh()) * d;
   if (units.empty())
     for (const double range : ranges(fine.x.data(), points_on(fine.mesh()), d))
       units.push_back(std::max(range, 1e-3));
   double change = 0;
   for (std::size_t i = 0; i < count; ++i)
-    change = std::max(change, std::abs(from[i] - fine.x[i]) / units[i % std::size_t(d)]);
+    change = std::max(change, std::abs(from[i] - fine.x[i]) / units[i % d]);
   return change;
 }
 

@@ -15,7 +15,7 @@ void evaluate(const Collocation& method, const std::vector<double>& mesh, const 
       std::min(size_t(std::upper_bound(mesh.begin(), mesh.end(), phase) - mesh.begin() - 1), n - 1);
   double w[mesh_stages + 1];
   method.basis.weights((phase - mesh[i]) / (mesh[i + 1] - mesh[i]), w);
-  const double* points = x + i * size_t(d) * (mesh_stages + 1);
+  const double* points = x + i * d * (mesh_stages + 1);
   for (int a = 0; a < d; ++a) {
     y[a] = 0;
     for (int j = 0; j <= mesh_stages; ++j) y[a] += w[j] * points[j * d + a];
@@ -23,27 +23,27 @@ void evaluate(const Collocation& method, const std::vector<double>& mesh, const 
 }
 
 std::vector<double> roughness(const std::vector<double>& mesh, const double* x, int d) {
-  const size_t n = mesh.size() - 1, b = size_t(d) * (mesh_stages + 1);
-  std::vector<double> low(size_t(d), 1e300), high(size_t(d), -1e300), top(n * size_t(d));
+  const size_t n = mesh.size() - 1, b = d * (mesh_stages + 1);
+  std::vector<double> low(d, 1e300), high(d, -1e300), top(n * d);
   const std::vector<double>& coefficient = Collocation::gauss5().basis.leading();
   for (size_t i = 0; i < n; ++i)
-    for (size_t a = 0; a < size_t(d); ++a) {
+    for (int a = 0; a < d; ++a) {
       double sum = 0;
       for (size_t j = 0; j <= mesh_stages; ++j) {
-        const double value = x[i * b + j * size_t(d) + a];
+        const double value = x[i * b + j * d + a];
         low[a] = std::min(low[a], value);
         high[a] = std::max(high[a], value);
         sum += coefficient[j] * value;
       }
-      top[i * size_t(d) + a] = sum / std::pow(mesh[i + 1] - mesh[i], mesh_stages);
+      top[i * d + a] = sum / std::pow(mesh[i + 1] - mesh[i], mesh_stages);
     }
   std::vector<double> jump(n), result(n);
   for (size_t i = 0; i < n; ++i) {
     const size_t next = i + 1 < n ? i + 1 : 0;
     const double h = (mesh[i + 1] - mesh[i] + mesh[next + 1] - mesh[next]) / 2;
-    for (size_t a = 0; a < size_t(d); ++a)
-      jump[i] = std::max(jump[i], std::abs(top[next * size_t(d) + a] - top[i * size_t(d) + a]) / h /
-                                      std::max(high[a] - low[a], 1e-12));
+    for (int a = 0; a < d; ++a)
+      jump[i] = std::max(
+          jump[i], std::abs(top[next * d + a] - top[i * d + a]) / h / std::max(high[a] - low[a], 1e-12));
   }
   for (size_t i = 0; i < n; ++i) result[i] = std::max(jump[i], jump[i > 0 ? i - 1 : n - 1]);
   return result;
@@ -114,7 +114,7 @@ std::vector<double> ranges(const double* x, std::size_t points, int d) {
   for (int a = 0; a < d; ++a) {
     double low = 1e300, high = -1e300;
     for (std::size_t i = 0; i < points; ++i) {
-      const double value = x[i * std::size_t(d) + std::size_t(a)];
+      const double value = x[i * d + a];
       low = std::min(low, value);
       high = std::max(high, value);
     }

@@ -4,6 +4,8 @@ namespace stickslip {
 
 using Complex = std::complex<double>;
 
+// By hand: as eigenvalues of the companion matrix (Eigen) small roots beside large ones lose a digit where it
+// is balanced, and three where not.
 std::vector<Complex> polynomial_roots(const std::vector<double>& c) {
   if (c.size() == 3) {  // without cancellation
     const double b = c[1] / c[0], d = c[2] / c[0], disc = b * b / 4 - d;

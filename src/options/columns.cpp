@@ -39,7 +39,7 @@ std::vector<std::vector<double>> read_columns(const std::string& option, const s
   std::vector<std::vector<double>> rows;
   char buffer[longest_line];
   for (std::size_t number = 1; file.getline(buffer, sizeof buffer); ++number) {
-    std::string line(buffer, std::size_t(file.gcount()) - (file.eof() ? 0 : 1));
+    std::string line(buffer, file.gcount() - (file.eof() ? 0 : 1));
     const std::string place = name + ":" + std::to_string(number);
     if (!line.empty() && line.back() == '\r') line.pop_back();
     std::vector<double> row = row_of(line, place);

@@ -57,7 +57,7 @@ std::string checked_text(std::string text, const std::string& name) {
       throw usage_error("{}:{}: not a text file (byte {}); a scene is YAML or one option a line", name, line,
                         int(c));
     if (c == '\n') ++line;
-    i += std::size_t(length);
+    i += length;
   }
   return text;
 }

@@ -18,7 +18,7 @@ class Frictions {
   // each other.
   Frictions(const Scene& scene, PetscInt first, PetscInt count);
 
-  const Friction& operator[](PetscInt i) const { return *list_[list_.size() == 1 ? 0 : std::size_t(i)]; }
+  const Friction& operator[](PetscInt i) const { return *list_[list_.size() == 1 ? 0 : i]; }
   bool vary() const { return vary_; }
 
  private:

@@ -39,7 +39,7 @@ class BandLU {
  private:
   // Column by column, as LAPACK has it, with room for the rows that exchanges bring in.
   std::size_t place(std::size_t i, std::size_t j) const {
-    return j * std::size_t(height_) + std::size_t(std::ptrdiff_t(i) - std::ptrdiff_t(j) + lower_ + upper_);
+    return j * height_ + std::size_t(std::ptrdiff_t(i) - std::ptrdiff_t(j) + lower_ + upper_);
   }
   void solve(char form, Complex* b) const;
 

@@ -28,14 +28,14 @@ class Extrapolation {
   double step(F&& f, const double* y, const double* f0, double h, std::size_t controlled, double tolerance,
               double* into) {
     for (int j = 0; j < parts; ++j) {
-      double* const result = &columns_[std::size_t(j) * size_];
+      double* const result = &columns_[j * size_];
       midpoint(f, y, f0, h, 2 * (j + 1), result);
     }
     // Aitken and Neville: column j becomes the value of the polynomial through results 0..j.
     double error = 0;
     for (std::size_t k = 0; k < size_; ++k) {
       double t[parts];
-      for (int j = 0; j < parts; ++j) t[j] = columns_[std::size_t(j) * size_ + k];
+      for (int j = 0; j < parts; ++j) t[j] = columns_[j * size_ + k];
       double before = t[parts - 1];
       for (int level = 1; level < parts; ++level) {
         before = t[parts - 1];

@@ -64,8 +64,8 @@ class PeriodicEquations {
   }
 
   int parameters() const { return family_ ? 2 : 1; }
-  std::size_t block() const { return std::size_t(d_) * (mesh_stages + 1); }
-  std::size_t size() const { return n_ * block() + std::size_t(parameters()); }
+  std::size_t block() const { return d_ * (mesh_stages + 1); }
+  std::size_t size() const { return n_ * block() + parameters(); }
   const std::vector<double>& mesh() const { return mesh_; }
   int dim() const { return d_; }
   const VectorField& field() const { return *field_; }
