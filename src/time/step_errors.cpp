@@ -16,11 +16,15 @@ void StepErrors::add(const double* u, const double* errors, PetscInt count, cons
     sums.squares += square_({u, errors, norm.atol, norm.rtol, count});
     return;
   }
-  for (PetscInt i = 0; i < count; ++i) sums.not_finite += u[i] - u[i];
+  const double atol = norm.atol, rtol = norm.rtol;
+  double not_finite = sums.not_finite, largest = sums.largest;
+  for (PetscInt i = 0; i < count; ++i) not_finite += u[i] - u[i];
   for (PetscInt i = 0; i < count && estimate; ++i) {
     const double size = std::max(std::abs(u[i]), std::abs(u[i] - errors[i]));
-    sums.largest = std::max(sums.largest, std::abs(errors[i]) / (norm.atol + norm.rtol * size));
+    largest = std::max(largest, std::abs(errors[i]) / (atol + rtol * size));
   }
+  sums.not_finite = not_finite;
+  sums.largest = largest;
 }
 
 StepTaker::Outcome StepErrors::over_ranks(MPI_Comm comm, const Sums& sums, const ErrorNorm& norm,
