@@ -134,8 +134,8 @@ void write_frame(RunFile& file, int k, std::size_t n) {
     psi.push_back(psi_value(k, std::size_t(slab.first()) + i));
     eta.push_back(eta_value(k, std::size_t(slab.first()) + i));
   }
-  file.probes(k, {1.0 * k, 2.0 * k}, {-1.0 * k, -2.0 * k});
-  file.series(k, {psi_value(k, 0), 0.5});
+  file.row("probes", k, {1.0 * k, 2.0 * k, -1.0 * k, -2.0 * k});
+  file.row("series", k, {psi_value(k, 0), 0.5});
   file.frame(k, {psi.data(), eta.data()});
 }
 
@@ -289,11 +289,11 @@ TEST_CASE("run file: frames come back, on every rank, more than were expected to
     CHECK(file.last_time() == 9);
     CHECK_THROWS(file.frame(9, {nullptr, nullptr}));
     for (int k = 10; k < 5010; ++k) {
-      file.probes(k, {1.0 * k, 2.0 * k}, {-1.0 * k, -2.0 * k});
-      file.series(k, {1, 2});
+      file.row("probes", k, {1.0 * k, 2.0 * k, -1.0 * k, -2.0 * k});
+      file.row("series", k, {1, 2});
     }
     file.flush();  // outgrows the table
-    for (int k = 5010; k < 5020; ++k) file.series(k, {1, 2});
+    for (int k = 5010; k < 5020; ++k) file.row("series", k, {1, 2});
     file.close();
   }
   for (const int k : {0, 3, 9}) CHECK(frame_is_right(path, k, n));
@@ -482,7 +482,7 @@ TEST_CASE("run file: continued after an earlier one, its later rows replaced", "
     CHECK(file.last_time() == 3);
     CHECK(read_frame("x", path).count == 6);  // the old file, until there is something new
     const std::vector<double> row(n, 7.5);
-    file.probes(3.5, {8, 9}, {8, 9});
+    file.row("probes", 3.5, {8, 9, 8, 9});
     file.frame(3.5, {row.data(), row.data(), row.data()});
     file.close();
   }

@@ -241,19 +241,16 @@ TEST_CASE("passes over a field give what a plain loop does", "[measure][serial]"
       high[i] = low[i] + 0.2;
     }
     const FieldRange field{u.data(), count, dof};
-    double least = HUGE_VAL, largest = -HUGE_VAL, psi_sum = 0, steepest = 0, range = 0, time = HUGE_VAL;
+    double least = HUGE_VAL, largest = -HUGE_VAL, psi_sum = 0, steepest = 0, range = 0;
     Passages passages;
-    const PlateLoad pull{0.7, -0.4, 0.028, 0.9};
     for (std::size_t i = 0; i < size; ++i) {
-      const double psi = u[i * std::size_t(dof)], eta = u[i * std::size_t(dof) + 1], off = psi - level;
+      const double psi = u[i * std::size_t(dof)], off = psi - level;
       least = std::min(least, psi);
       largest = std::max(largest, psi);
       psi_sum += psi;
       if (i > 0) steepest = std::max(steepest, std::abs(psi - u[(i - 1) * std::size_t(dof)]));
       range = std::max(range, std::max(high[i], psi) - std::min(low[i], psi));
       passages.add(off < -depth ? -1 : off > depth ? 1 : 0);
-      time = std::min(time,
-                      std::max(0., pull.holds + eta) / std::max(-pull.K0 * (pull.v - psi), pull.least_rate));
     }
     CAPTURE(scene, count, dof, depth, level);
     const FieldSums sums = sums_of(field);
@@ -265,10 +262,6 @@ TEST_CASE("passes over a field give what a plain loop does", "[measure][serial]"
     CHECK(fronts.passages.last == passages.last);
     CHECK(fronts.passages.up == passages.up);
     CHECK(fronts.steepest == Approx(steepest).margin(1e-15));  // differences of psi less the level
-    const Loaded found = loaded(field, pull);
-    CHECK(found.low == least);
-    CHECK(found.high == largest);
-    CHECK(found.time == Approx(time));
     CHECK(widest(field, low.data(), high.data()).range == range);
     CHECK(widest(field, nullptr, nullptr).range == 0);
     const Extremes extremes = widen(field, low.data(), high.data());

@@ -62,6 +62,11 @@ void broadcast(std::map<std::string, T>& values) {
   }
 }
 
+template <class... T>
+void broadcast_all(T&... values) {
+  (broadcast(values), ...);
+}
+
 // Element by element, in place, on every rank.
 inline void sum_over(MPI_Comm comm, double* values, int count) {
   MPI_Allreduce(MPI_IN_PLACE, values, count, MPI_DOUBLE, MPI_SUM, comm);

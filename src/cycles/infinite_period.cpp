@@ -51,10 +51,7 @@ std::optional<InfinitePeriodLimit> infinite_period_limit(const std::vector<doubl
     const double at = x.back() - double(n) * std::log(ratio);
     const size_t after = size_t(std::lower_bound(x.begin(), x.end(), at) - x.begin());
     const size_t from = std::min(x.size() - points, after < points / 2 ? 0 : after - points / 2);
-    double weights[points], sum = 0;
-    Lagrange({x.begin() + long(from), x.begin() + long(from + points)}).weights(at, weights);
-    for (size_t k = 0; k < points; ++k) sum += weights[k] * y[from + k];
-    s.push_back(sum);
+    s.push_back(Lagrange({x.begin() + long(from), x.begin() + long(from + points)}).value(&y[from], at));
   }
   for (size_t k = 0; k + 2 < samples; ++k)  // it settles
     if (!(std::abs(s[k + 2] - s[k + 1]) <= std::abs(s[k + 1] - s[k]))) return std::nullopt;

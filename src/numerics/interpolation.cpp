@@ -1,7 +1,10 @@
 #include "stickslip/numerics/interpolation.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
+#include <stdexcept>
 
 namespace stickslip {
 
@@ -35,6 +38,13 @@ void Lagrange::derivative_weights(double at, double* w) const {
       w[i] += product;
     }
   }
+}
+
+double Lagrange::sum(void (Lagrange::*weigh)(double, double*) const, const double* values, double at) const {
+  std::array<double, 32> w;
+  if (points_.size() > w.size()) throw std::length_error("a polynomial through more than 32 points");
+  (this->*weigh)(at, w.data());
+  return std::inner_product(values, values + points_.size(), w.data(), 0.);
 }
 
 std::vector<std::pair<PetscInt, double>> grid_interpolation(PetscInt n, GridEnd left, GridEnd right,

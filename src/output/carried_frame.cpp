@@ -79,10 +79,7 @@ Frame load_frame(const std::string& path) {
       throw Failure("cannot read '" + path + "', in which a line that is followed stands");
     }
   });
-  broadcast(frame.t);
-  broadcast(form);
-  broadcast(frame.x);
-  broadcast(frame.fields);
+  broadcast_all(frame.t, form, frame.x, frame.fields);
   frame.count = 1;
   frame.options["model_form"] = form;
   return frame;

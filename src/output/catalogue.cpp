@@ -16,7 +16,7 @@ void Catalogue::start(RunFile* file) { file_ = file; }
 void Catalogue::step(const ObservedStep& step) {
   events_.step(step.t, Reading(step.u), model_.dof());
   for (const SlipEvent& event : events_.ended())
-    if (file_) file_->event(event.end, events_.row(event));
+    if (file_) file_->row("events", event.end, events_.row(event));
 }
 
 void Catalogue::archive(Archive& a) {

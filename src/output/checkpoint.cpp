@@ -72,10 +72,7 @@ Checksum checksum(const std::string& path) {
 }
 
 std::string block_text(const Checksum& sum) {
-  char line[128];
-  std::snprintf(line, sizeof line, "%s\nfnv1a64x8 %016llx\nbytes %llu\n", magic,
-                static_cast<unsigned long long>(sum.sum), static_cast<unsigned long long>(sum.bytes));
-  return line;
+  return fmt::format("{}\nfnv1a64x8 {:016x}\nbytes {}\n", magic, sum.sum, sum.bytes);
 }
 
 std::string read_block(const std::string& path) {
@@ -184,9 +181,7 @@ void prune(const std::string& out_file, const std::string& just_written, std::in
 }  // namespace
 
 std::string checkpoint_name(const std::string& out_file, std::int64_t step) {
-  char digits[32];
-  std::snprintf(digits, sizeof digits, "%06lld", static_cast<long long>(step));
-  return stem(out_file) + ".chk-" + digits + ".h5";
+  return fmt::format("{}.chk-{:06}.h5", stem(out_file), step);
 }
 
 std::vector<double> Checkpoint::field(const std::string& name, const NodeRange& nodes, int each) const {
@@ -260,13 +255,8 @@ Checkpoint read_checkpoint(const std::string& path) {
   };
   h5::read_from_outside("restart", path, check, [&] { read_file(path, checkpoint); });
   h5::broadcast(checkpoint.header);
-  broadcast(checkpoint.ranks);
-  broadcast(checkpoint.t);
-  broadcast(checkpoint.dt);
-  broadcast(checkpoint.step);
-  broadcast(checkpoint.texts);
-  broadcast(checkpoint.numbers);
-  broadcast(checkpoint.arrays);
+  broadcast_all(checkpoint.ranks, checkpoint.t, checkpoint.dt, checkpoint.step, checkpoint.texts,
+                checkpoint.numbers, checkpoint.arrays);
   checkpoint.path = path;
   return checkpoint;
 }

@@ -102,22 +102,6 @@ struct Survey {
   }
 };
 
-template <int dof>
-struct Waiting {
-  Loaded operator()(const FieldRange& f, const PlateLoad& p) const {
-    Lanes low(HUGE_VAL), high(-HUGE_VAL), time(HUGE_VAL);
-    const double *const u = f.u, side = p.v > 0 ? 1 : -1, K0 = p.K0, v = p.v, slowest = p.least_rate,
-                        holds = p.holds;
-    in_lanes(f.count, [&](PetscInt i, int k) {
-      const double psi = u[i * dof], rate = largest(K0 * side * (v - psi), slowest);
-      low.of[k] = least(low.of[k], psi);
-      high.of[k] = largest(high.of[k], psi);
-      time.of[k] = least(time.of[k], largest(0., holds - side * u[i * dof + 1]) / rate);
-    });
-    return {low.least_of_all(), high.largest_of_all(), time.least_of_all()};
-  }
-};
-
 // The loop for so many unknowns a node that suits this processor, applied.
 template <template <int> class Loop, class Result, class... More>
 Result apply(const FieldRange& field, const More&... more) {
@@ -146,7 +130,5 @@ LastExtremes widest(const FieldRange& field, const double* low, const double* hi
 Fronts fronts_of(const FieldRange& field, double level, double depth) {
   return apply<Survey, Fronts>(field, Level{level, depth});
 }
-
-Loaded loaded(const FieldRange& field, const PlateLoad& pull) { return apply<Waiting, Loaded>(field, pull); }
 
 }  // namespace stickslip

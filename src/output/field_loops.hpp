@@ -59,14 +59,4 @@ struct Fronts {
 };
 Fronts fronts_of(const FieldRange& field, double level, double depth);
 
-// Least and largest psi, and how long the nodes take to give way that a plate of velocity v pulls by K0: the
-// least over them of max(0, holds - side eta) / max(K0 side (v - psi), least_rate), side the sign of v.
-struct PlateLoad {
-  double K0, v, least_rate, holds;
-};
-struct Loaded {
-  double low, high, time;
-};
-Loaded loaded(const FieldRange& field, const PlateLoad& pull);
-
 }  // namespace stickslip

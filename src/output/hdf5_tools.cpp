@@ -352,9 +352,6 @@ FileHeader read_header(hid_t file) {
   return header;
 }
 
-void broadcast(FileHeader& header) {
-  for (std::string* text : {&header.kind, &header.version, &header.git}) stickslip::broadcast(*text);
-  stickslip::broadcast(header.options);
-}
+void broadcast(FileHeader& header) { broadcast_all(header.kind, header.version, header.git, header.options); }
 
 }  // namespace stickslip::h5

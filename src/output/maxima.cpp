@@ -9,44 +9,17 @@
 #include "output/forward.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/numerics/interpolation.hpp"
+#include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
 
 namespace {
 
 constexpr std::size_t points = 5;
-using Values = std::array<double, points>;
 
 const Lagrange& quartic() {
   static const Lagrange through({0, 0.25, 0.5, 0.75, 1});
   return through;
-}
-
-double sum_of(const Values& weights, const Values& values) {
-  double sum = 0;
-  for (std::size_t i = 0; i < points; ++i) sum += weights[i] * values[i];
-  return sum;
-}
-
-double value_at(const Values& values, double at) {
-  Values weights;
-  quartic().weights(at, weights.data());
-  return sum_of(weights, values);
-}
-
-double slope_at(const Values& values, double at) {
-  Values weights;
-  quartic().derivative_weights(at, weights.data());
-  return sum_of(weights, values);
-}
-
-// Where the slope, positive at `low` and not so at `high`, is zero.
-double top_between(const Values& values, double low, double high) {
-  for (int k = 0; k < 50; ++k) {
-    const double middle = (low + high) / 2;
-    (slope_at(values, middle) > 0 ? low : high) = middle;
-  }
-  return low;
 }
 
 }  // namespace
@@ -67,18 +40,22 @@ void Maxima::step(const ObservedStep& step) {
   const double dt = step.t - step.t_before, before = last_;
   last_ = psi(step.u);
   if (step.t_before < begin_ || dt == 0) return;
-  Values values;
+  std::array<double, points> values;
   values.front() = before;
   values.back() = last_;
   for (std::size_t i = 1; i + 1 < points; ++i) {
     step.interpolate(step.t_before + dt * double(i) / double(points - 1), work_);
     values[i] = psi(work_);
   }
-  double low = 0, rising = slope_at(values, 0) / dt;
+  const auto slope = [&](double at) { return quartic().slope(values.data(), at); };
+  double low = 0, rising = slope(0) / dt;
   visit(before, slope_ > 0 && rising <= 0);  // just where two steps meet
   for (std::size_t i = 1; i < points; ++i) {
-    const double high = double(i) / double(points - 1), then = slope_at(values, high) / dt;
-    if (rising > 0 && then <= 0) visit(value_at(values, top_between(values, low, high)), true);
+    const double high = double(i) / double(points - 1), then = slope(high) / dt;
+    if (rising > 0 && then <= 0) {
+      const double top = last_place([&](double at) { return slope(at) > 0; }, low, high, std::ldexp(1., -52));
+      visit(quartic().value(values.data(), top), true);
+    }
     visit(values[i], false);
     low = high;
     rising = then;

@@ -35,15 +35,9 @@ const Lagrange& through_step() {
   return through;
 }
 
-double value_of(const Lagrange& through, const double* values, double at) {
-  std::array<double, 32> weights;
-  through.weights(at, weights.data());
-  return std::inner_product(values, values + through.points().size(), weights.data(), 0.);
-}
-
 // The largest value of the polynomial in [low, high].
 double largest_of(const Lagrange& through, const double* values, double low, double high) {
-  const auto below = [&](double at) { return -value_of(through, values, at); };
+  const auto below = [&](double at) { return -through.value(values, at); };
   return -find_least(below, low, high, 1e-9 * (high - low), [](double) { return false; }).value;
 }
 
@@ -83,7 +77,7 @@ void Period::step(const ObservedStep& step) {
         times.push_back(moment.t);
         values.push_back(moment.psi[p]);
       }
-      return value_of(Lagrange(times), values.data(), t);
+      return Lagrange(times).value(values.data(), t);
     });
   }
 }

@@ -109,8 +109,7 @@ void read_variables(hid_t file, std::int64_t index, Frame& frame) {
     const auto frames = sizes.size() == 2 ? static_cast<std::int64_t>(sizes[0]) : 1;
     const std::int64_t wanted = index == -1 ? frames - 1 : index;
     if (wanted < 0 || wanted >= frames)
-      throw Failure("its " + name + " has " + std::to_string(frames) + " frames, not frame " +
-                    std::to_string(index));
+      throw Failure(fmt::format("its {} has {} frames, not frame {}", name, frames, index));
     frame.fields[name] = sizes.size() == 2 ? h5::read_rows(object, static_cast<hsize_t>(wanted), 1, width)
                                            : h5::read_reals(file, name);
     frame.count = std::max(frame.count, frames);
@@ -142,8 +141,7 @@ DataArray read_array(const std::string& what, const std::string& path, const std
     const Id dataset = h5::open_dataset(file, name);
     for (const hsize_t size : h5::extents(dataset)) array.shape.push_back(size);
   });
-  broadcast(array.shape);
-  broadcast(array.values);
+  broadcast_all(array.shape, array.values);
   return array;
 }
 
@@ -168,8 +166,8 @@ Frame read_frame(const std::string& what, const std::string& path, std::int64_t 
     frame.count = static_cast<std::int64_t>(t.size());
     frame.index = index == -1 ? frame.count - 1 : index;
     if (frame.index < 0 || frame.index >= frame.count)
-      throw Failure("has " + std::to_string(frame.count) + " frames (0 to " +
-                    std::to_string(frame.count - 1) + "), not frame " + std::to_string(index));
+      throw Failure(
+          fmt::format("has {} frames (0 to {}), not frame {}", frame.count, frame.count - 1, index));
     frame.t = t[frame.index];
     frame.options = header.options;
     Room room(file);
@@ -184,12 +182,7 @@ Frame read_frame(const std::string& what, const std::string& path, std::int64_t 
     }
     check_fields();
   });
-  broadcast(frame.t);
-  broadcast(frame.index);
-  broadcast(frame.count);
-  broadcast(frame.x);
-  broadcast(frame.fields);
-  broadcast(frame.options);
+  broadcast_all(frame.t, frame.index, frame.count, frame.x, frame.fields, frame.options);
   return frame;
 }
 

@@ -8,7 +8,6 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "base/log_event.hpp"
-#include "output/field_loops.hpp"
 #include "output/field_watch.hpp"
 #include "output/regime_classifier.hpp"
 #include "output/traces.hpp"
@@ -81,11 +80,11 @@ struct Regime::Impl {
   double growth_resolved = growth;  // what the summary says; `growth` decides the word
   std::string growth_reason;
   std::optional<Measured> measured;  // at the last step
-  bool jumps_at_rest, uniform;       // uniform: steady sliding is, at v
+  bool jumps_at_rest;
 
   Impl(const Model& m, double t_end, const std::function<double(PetscInt)>& psi)
       : model(m), steady(psi ? psi : [v = m.scene().v](PetscInt) { return v; }), traces(m, steady, t_end),
-        field(m, t_end), jumps_at_rest(m.scene().friction.sticks()), uniform(!psi) {}
+        field(m, t_end), jumps_at_rest(m.scene().friction.sticks()) {}
 
   // Growth as the steps have it where its sign is certain. Without a state an oscillating mode grows at half
   // the mean, weighted by the mode, of what the nodes would grow by alone. Collective.
@@ -115,20 +114,6 @@ struct Regime::Impl {
 
   // what holds depends on the state
   bool aged() const { return model.dof() == 3 && model.scene().friction.sticks(); }
-
-  // Whether every node would slide steadily at v and is held by the same force.
-  bool holds_alike() const { return uniform && !aged() && model.scene().same_friction(); }
-
-  void look_at_alike(Vec u, double pull, std::array<double, 4>& largest) const {
-    const Scene& s = model.scene();
-    const Reading values(u);
-    const double force = holding_force(model, 0, 0);
-    const Loaded found = loaded({values, model.local(), model.dof()}, {s.K0(), s.v, 0.1 * pull, force});
-    largest[0] = std::max(found.high - s.v, s.v - found.low);
-    largest[1] = std::max(found.high, -found.low);
-    largest[2] = std::abs(force);
-    if (pull > 0) largest[3] = -found.time;
-  }
 
   void look_at_each(Vec u, double pull, std::array<double, 4>& largest) const {
     const Scene& s = model.scene();
@@ -163,10 +148,7 @@ struct Regime::Impl {
     const double pull = s.K0() * std::abs(s.v);
     // distance, speed, holding force, minus the time to give way
     std::array<double, 4> largest{0, 0, 0, -infinity};
-    if (holds_alike())
-      look_at_alike(u, pull, largest);
-    else
-      look_at_each(u, pull, largest);
+    look_at_each(u, pull, largest);
     largest_over(model.comm(), largest.data(), 4);
     a.distance_now = largest[0];
     a.speed_now = largest[1];

@@ -34,13 +34,6 @@ double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-void append_row(Table& table, double t, const std::vector<double>& row) {
-  std::vector<const double*> values;
-  values.reserve(row.size());
-  for (const double& value : row) values.push_back(&value);
-  table.append(t, values);
-}
-
 }  // namespace
 
 struct RunFile::Writer {
@@ -49,8 +42,7 @@ struct RunFile::Writer {
   std::string replacing;  // the name of a file under way that will take the place of this one
   Provenance provenance;
   RunLayout layout;
-  std::vector<Table> tables;                                     // 0: frames; then the groups that are wanted
-  std::size_t probes = 0, series = 0, events = 0, lyapunov = 0;  // which, 0 for none
+  std::vector<Table> tables;  // 0: frames; then the groups that are wanted
   Id file;
   std::int64_t made = 0;  // files so far: the fields lie elsewhere in each
   bool published = false;
@@ -84,21 +76,18 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& wh
   tables[0].x = {{"x", "length", "position"}, static_cast<hsize_t>(layout.slab.nodes()), layout.x};
   tables[0].by_ranks = true;
   tables[0].capacity = static_cast<hsize_t>(std::max<std::int64_t>(layout.frames, 1));
-  const auto add = [&](const char* group, const Field& t, const std::vector<Field>& fields, bool wide) {
-    tables.push_back(table_of(group, t, fields, wide));
-    return tables.size() - 1;
+  const auto add = [&](const char* group, const Field& t, const std::vector<Field>& fields) {
+    if (!fields.empty()) tables.push_back(table_of(group, t, fields, false));
   };
   if (!layout.probe_x.empty()) {
-    probes = add("probes", time, {standard_field("psi"), standard_field("eta")}, true);
-    tables[probes].x = {{"x", "length", "position of the probe"},
-                        layout.probe_x.size(),
-                        [places = layout.probe_x](std::int64_t k) { return places[k]; }};
+    tables.push_back(table_of("probes", time, {standard_field("psi"), standard_field("eta")}, true));
+    tables.back().x = {{"x", "length", "position of the probe"},
+                       layout.probe_x.size(),
+                       [places = layout.probe_x](std::int64_t k) { return places[k]; }};
   }
-  if (!layout.series.empty()) series = add("series", time, layout.series, false);
-  if (!layout.events.empty())
-    events = add("events", {"t", "time", "time at which the event ends"}, layout.events, false);
-  if (!layout.lyapunov.empty())
-    lyapunov = add("lyapunov", {"t", "time", "end of the interval of time"}, layout.lyapunov, false);
+  add("series", time, layout.series);
+  add("events", {"t", "time", "time at which the event ends"}, layout.events);
+  add("lyapunov", {"t", "time", "end of the interval of time"}, layout.lyapunov);
 }
 
 Table RunFile::Writer::table_of(const std::string& group, const Field& t, const std::vector<Field>& fields,
@@ -122,23 +111,20 @@ void RunFile::Writer::create(const std::string& name, double bytes) {
   h5::write_header(file, provenance, "run");
   for (const auto& [key, text] : layout.texts) h5::write_attribute(file, key, text);
   for (const auto& [key, number] : layout.numbers) h5::write_attribute(file, key, number);
-  if (!layout.friction_psi.empty()) {
-    const Field at{"friction/psi", "length/time", "sliding velocity"};
-    const Id scale = h5::write_fixed(file, at, {layout.friction_psi.size()}, layout.friction_psi);
-    h5::make_scale(scale, "psi");
-    const Field friction{"friction/F", "1", "steady friction over its amplitude"};
-    h5::attach_scale(h5::write_fixed(file, friction, {layout.friction_F.size()}, layout.friction_F), scale,
-                     0);
-  }
-  if (!layout.load_t.empty()) {
-    const Id scale = h5::write_fixed(file, {"load/t", "time", "corner of the load"}, {layout.load_t.size()},
-                                     layout.load_t);
-    h5::make_scale(scale, "t");
-    const Field before{"load/before", "length/time", "velocity of the driving plate right before it"};
-    h5::attach_scale(h5::write_fixed(file, before, {layout.load_t.size()}, layout.load_before), scale, 0);
-    const Field behind{"load/behind", "length/time", "velocity of the driving plate right behind it"};
-    h5::attach_scale(h5::write_fixed(file, behind, {layout.load_t.size()}, layout.load_behind), scale, 0);
-  }
+  const auto add = [&](const Field& at, const std::vector<double>& x,
+                       const std::vector<std::pair<Field, const std::vector<double>*>>& columns) {
+    if (x.empty()) return;
+    const Id scale = h5::write_fixed(file, at, {x.size()}, x);
+    h5::make_scale(scale, paths::file(at.name));
+    for (const auto& [field, values] : columns)
+      h5::attach_scale(h5::write_fixed(file, field, {x.size()}, *values), scale, 0);
+  };
+  add({"friction/psi", "length/time", "sliding velocity"}, layout.friction_psi,
+      {{{"friction/F", "1", "steady friction over its amplitude"}, &layout.friction_F}});
+  add({"load/t", "time", "corner of the load"}, layout.load_t,
+      {{{"load/before", "length/time", "velocity of the driving plate right before it"}, &layout.load_before},
+       {{"load/behind", "length/time", "velocity of the driving plate right behind it"},
+        &layout.load_behind}});
   for (Table& table : tables) table.create(file);
   if (!layout.profiles.empty()) {
     const Id scale(H5Dopen2(file, "x", H5P_DEFAULT));
@@ -188,7 +174,7 @@ void RunFile::Writer::resume(const Resume& from) {
   (void)h5::read_header(old);
   std::vector<h5::EarlierRows> sources;
   for (Table& table : tables) {
-    const bool is_events = events != 0 && &table == &tables[events];  // known to have ended one step later
+    const bool is_events = table.group == "events";  // known to have ended one step later
     sources.push_back(h5::earlier_rows(old, from.path, table, from.until, is_events));
     table.capacity += sources.back().rows;
     if (!table.by_ranks) table.capacity = std::min(table.capacity, Table::most_rows);
@@ -374,32 +360,19 @@ RunFile::~RunFile() {
   }
 }
 
-void RunFile::probes(double t, const std::vector<double>& psi, const std::vector<double>& eta) {
-  if (writer_ && writer_->probes != 0) {
-    Table& table = writer_->tables[writer_->probes];
-    if (psi.size() != table.x.size || eta.size() != table.x.size)
-      throw std::logic_error("probes of another number");
-    table.append(t, {psi.data(), eta.data()});
+void RunFile::row(const char* group, double t, const std::vector<double>& values) {
+  for (std::size_t k = 1; writer_ && k < writer_->tables.size(); ++k) {
+    Table& table = writer_->tables[k];
+    if (table.group != group) continue;
+    if (1 + values.size() != table.row_width())
+      throw std::logic_error("a row of another length than its table");
+    std::vector<const double*> columns;
+    for (std::size_t at = 0; at < values.size(); at += table.width(table.columns.back()))
+      columns.push_back(&values[at]);
+    table.append(t, columns);
   }
-  wait_with(1 + psi.size() + eta.size());
-}
-
-void RunFile::series(double t, const std::vector<double>& row) {
-  if (writer_ && writer_->series != 0) append_row(writer_->tables[writer_->series], t, row);
-  wait_with(1 + row.size());
-}
-void RunFile::event(double end, const std::vector<double>& row) {
-  if (writer_ && writer_->events != 0) append_row(writer_->tables[writer_->events], end, row);
-  wait_with(1 + row.size());
-}
-void RunFile::lyapunov(double end, const std::vector<double>& row) {
-  if (writer_ && writer_->lyapunov != 0) append_row(writer_->tables[writer_->lyapunov], end, row);
-}
-
-// However long it is until the next frame.
-void RunFile::wait_with(std::size_t values) {
-  waiting_ += 8. * double(values);
-  if (waiting_ > most_pending) flush();
+  waiting_ += 8. * double(1 + values.size());
+  if (waiting_ > most_pending) flush();  // however long it is until the next frame
 }
 
 void RunFile::frame(double t, const std::vector<const double*>& fields) {

@@ -76,7 +76,7 @@ void Series::step(const ObservedStep& step) {
     row.energy = {cells_ * e.kinetic, cells_ * e.elastic, cells_ * e.input, cells_ * e.friction,
                   cells_ * e.viscous};
   }
-  file_->series(step.t, numbers_of(columns_, row));
+  file_->row("series", step.t, numbers_of(columns_, row));
 }
 
 ProbeRows::ProbeRows(const Model& model, const Scene& whole, std::vector<double> x)
@@ -87,7 +87,9 @@ void ProbeRows::plan(ObservationPlan& plan) { plan.layout.probe_x = x_; }
 void ProbeRows::step(const ObservedStep& step) {
   if (!file_ || x_.empty()) return;
   const Probes::Values& values = probes_.read(step.u);
-  file_->probes(step.t, values.psi, values.eta);
+  std::vector<double> row = values.psi;
+  row.insert(row.end(), values.eta.begin(), values.eta.end());
+  file_->row("probes", step.t, row);
 }
 
 void ProbeRows::summarise(Summary& summary, Vec u) {

@@ -382,10 +382,7 @@ SweepHeader read_sweep_header(const std::string& path) {
         header.complete = h5::read_real_attribute(file, "complete") != 0;
         header.git = found.git;
       });
-  broadcast(header.given);
-  broadcast(header.git);
-  for (long* number : {&header.points, &header.done, &header.failed}) broadcast(*number);
-  broadcast(header.complete);
+  broadcast_all(header.given, header.git, header.points, header.done, header.failed, header.complete);
   return header;
 }
 

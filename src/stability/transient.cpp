@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include <Eigen/Cholesky>
@@ -205,15 +206,10 @@ class Propagator {
 Sample parabola_top(const Sample& a, const Sample& b, const Sample& c) {
   const Lagrange parabola({a.t, b.t, c.t});
   const double logarithm[] = {std::log(a.g), std::log(b.g), std::log(c.g)};
-  const auto sum = [&](const double* weights) {
-    return weights[0] * logarithm[0] + weights[1] * logarithm[1] + weights[2] * logarithm[2];
-  };
-  double weights[3];
-  parabola.derivative_weights(b.t, weights);
-  const double bend = 2 * sum(parabola.leading().data()), t = std::clamp(b.t - sum(weights) / bend, a.t, c.t);
+  const double bend = 2 * std::inner_product(logarithm, logarithm + 3, parabola.leading().data(), 0.),
+               t = std::clamp(b.t - parabola.slope(logarithm, b.t) / bend, a.t, c.t);
   if (!(bend < 0)) return b;
-  parabola.weights(t, weights);
-  return {t, std::exp(sum(weights))};
+  return {t, std::exp(parabola.value(logarithm, t))};
 }
 
 // The largest |exp(J t)| by Lanczos' iteration at several times, each from the vector of the last.

@@ -81,7 +81,7 @@ void LyapunovExponents::step(const ObservedStep& step) {
   for (; written_ < complete; ++written_) {
     std::vector<double> row(count_);
     for (std::size_t k = 0; k < count_; ++k) row[k] = average_.rate(written_, k);
-    if (file_) file_->lyapunov(average_.end_of(written_), row);
+    if (file_) file_->row("lyapunov", average_.end_of(written_), row);
   }
 }
 

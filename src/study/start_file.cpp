@@ -52,7 +52,6 @@ std::vector<double> at_nodes(const Scene& s, const std::vector<double>& x,
                              const std::vector<double>& values) {
   const auto count = static_cast<long>(x.size());
   std::vector<double> result;
-  double weights[nearest];
   for (PetscInt i = 0; i < s.n; ++i) {
     const double at = s.x(i);
     long first = std::upper_bound(x.begin(), x.end(), at) - x.begin() - 2;
@@ -63,10 +62,7 @@ std::vector<double> at_nodes(const Scene& s, const std::vector<double>& x,
       points.push_back(x[k] + double(turn) * s.length);
       near.push_back(values[k]);
     }
-    Lagrange(points).weights(at, weights);
-    double sum = 0;
-    for (std::size_t j = 0; j < nearest; ++j) sum += weights[j] * near[j];
-    result.push_back(sum);
+    result.push_back(Lagrange(points).value(near.data(), at));
   }
   return result;
 }

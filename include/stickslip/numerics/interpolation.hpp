@@ -20,12 +20,19 @@ class Lagrange {
   // the points the polynomial is continued.
   void weights(double at, double* weights) const;
   void derivative_weights(double at, double* weights) const;
+  // The interpolant of these values, and its derivative.
+  double value(const double* values, double at) const { return sum(&Lagrange::weights, values, at); }
+  double slope(const double* values, double at) const {
+    return sum(&Lagrange::derivative_weights, values, at);
+  }
   // sum leading()[i] value[i] is the coefficient of the highest power: the divided difference over all
   // points.
   const std::vector<double>& leading() const { return leading_; }
   const std::vector<double>& points() const { return points_; }
 
  private:
+  double sum(void (Lagrange::*weigh)(double, double*) const, const double* values, double at) const;
+
   std::vector<double> points_, leading_;
 };
 

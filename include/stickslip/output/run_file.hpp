@@ -73,13 +73,11 @@ class RunFile {
   RunFile(const RunFile&) = delete;
   RunFile& operator=(const RunFile&) = delete;
 
-  // Rows of the groups probes and series, each with a time of its own, increasing, at every step if you like.
-  // Kept in memory until the next frame() or flush(), or until they take some megabytes. Ranks other than 0
-  // give rows of the same length, whose values are ignored.
-  void probes(double t, const std::vector<double>& psi, const std::vector<double>& eta);
-  void series(double t, const std::vector<double>& row);
-  void event(double end, const std::vector<double>& row);  // ends do not decrease
-  void lyapunov(double end, const std::vector<double>& row);
+  // A row of the group `probes` (psi at all places, then eta), `series`, `events` or `lyapunov`, if the
+  // layout has it, each with times of its own that do not decrease, at every step if you like. Kept in memory
+  // until the next frame() or flush(), or until they take some megabytes. Ranks other than 0 give rows of the
+  // same length, whose values are ignored.
+  void row(const char* group, double t, const std::vector<double>& values);
 
   // One frame: of each field of the layout, in order, the values that this rank has (Slab::take). Everything
   // is on its way to disk when it returns, except that frames which follow each other at once share a flush.
@@ -97,7 +95,6 @@ class RunFile {
  private:
   struct Writer;
   void flush_with(const std::vector<const double*>* last);
-  void wait_with(std::size_t values);
 
   MPI_Comm comm_;
   std::string path_;
