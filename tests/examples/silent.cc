@@ -6,4 +6,4 @@ struct Silent {
   static std::vector<stickslip::Declared<Silent>> parameters() { return {}; }
 };
 
-constexpr bool jumps = stickslip::says::jumps_at_rest<Silent>();
+constexpr bool jumps = stickslip::traits::jumps_at_rest<Silent>();
