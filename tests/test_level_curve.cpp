@@ -24,7 +24,8 @@ bool on_border(PlanePoint p) { return p.x == 0 || p.x == 1 || p.y == 0 || p.y ==
 // Largest |f| over even places put on the line, over the length of the step that found it.
 double largest(const PlaneFunction& f, const CurvePiece& piece, int count = 40) {
   double most = 0;
-  for (const CurvePlace& place : even_places(piece, count)) {
+  const auto places = even_places({piece}, count)[0];
+  for (const CurvePlace& place : places) {
     double slope = std::numeric_limits<double>::quiet_NaN();
     const Placed on = put_on_curve(f, place.at, place.across, slope);
     REQUIRE(on.found);
@@ -96,7 +97,7 @@ TEST_CASE("logarithmic axes are the caller's: a power law is a straight line", "
   CHECK(on_border(line.points.front()));
   CHECK(on_border(line.points.back()));
   CHECK(length(line) == Approx(std::hypot(1, 0.25)).epsilon(1e-6));
-  const auto places = even_places(line, 9);
+  const auto places = even_places({line}, 9)[0];
   for (std::size_t k = 0; k < places.size(); ++k) {
     double slope = std::numeric_limits<double>::quiet_NaN();
     const Placed on = put_on_curve(f, places[k].at, places[k].across, slope);

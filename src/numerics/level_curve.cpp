@@ -10,97 +10,48 @@
 
 namespace stickslip {
 
-double distance(PlanePoint a, PlanePoint b) { return std::hypot(a.x - b.x, a.y - b.y); }
-
 namespace {
 
-PlanePoint clamped(PlanePoint p) { return {std::clamp(p.x, 0., 1.), std::clamp(p.y, 0., 1.)}; }
-bool inside(PlanePoint p) { return p.x >= 0 && p.x <= 1 && p.y >= 0 && p.y <= 1; }
-PlanePoint towards(PlanePoint p, double angle, double radius) {
-  return {p.x + radius * std::cos(angle), p.y + radius * std::sin(angle)};
-}
-PlanePoint between(PlanePoint a, PlanePoint b, double t) {
-  return {a.x + t * (b.x - a.x), a.y + t * (b.y - a.y)};
-}
-
-double distance_to_segment(PlanePoint p, PlanePoint a, PlanePoint b) {
-  const double dx = b.x - a.x, dy = b.y - a.y, l = dx * dx + dy * dy;
-  return distance(p,
-                  between(a, b, l > 0 ? std::clamp(((p.x - a.x) * dx + (p.y - a.y) * dy) / l, 0., 1.) : 0));
-}
-
-// Follows the line from a point on it. `side` is the hand on which f is positive: 1 left, -1 right.
-class CurveTracer {
+// The zero line of f about a point of it. `side`: 1 where f is positive on the left of the way forwards.
+class FunctionLine : public PlaneLine {
  public:
-  CurveTracer(const PlaneFunction& f, double step) : f_(f), step_(step) {}
+  FunctionLine(const PlaneFunction& f, double step, PlanePoint start, double heading, bool on_border)
+      : f_(f), step_(step), start_(start), guess_(heading), on_border_(on_border) {}
 
-  enum class End { border, closed, stuck };
-
-  // Until the border, the start again, or a place where no way on is found.
-  End follow(PlanePoint start, double heading, double side, std::vector<PlanePoint>& points,
-             int most = 20000) const {
-    points = {start};
-    // of two sides of a thin region that pass near each other only one runs this way
-    const double first = heading;
-    double radius = step_;
-    bool corrected = false;
-    for (int count = 0; count < most;) {
-      const PlanePoint p = points.back();
-      double angle = heading;
-      if (!turn(p, radius, side, angle)) {
-        if (!corrected && points.size() > 1) {
-          corrected = true;
-          correct(points.back(), heading);
-        } else if ((radius /= 4) < 1e-5) {
-          return End::stuck;
-        }
-        continue;
-      }
-      const double bend = std::remainder(angle - heading, 2 * M_PI);
-      if (std::abs(bend) > 0.5 && radius > step_ / 32) {  // a corner, which a long step would cut
-        radius /= 2;
-        continue;
-      }
-      const PlanePoint next = towards(p, angle, radius);
-      ++count;
-      corrected = false;
-      points.push_back(clamped(next));
-      if (!inside(next)) return End::border;
-      if (count > 3 && std::cos(angle - first) > 0 && distance_to_segment(start, p, next) < 0.5 * radius) {
-        points.back() = start;
-        return End::closed;
-      }
-      // fewer steps where the line runs straight, more where it turns
-      const double factor = std::abs(bend) > 0.4 ? 0.5 : std::abs(bend) < 0.1 ? 2 : 1;
-      radius = std::clamp(factor * radius, step_ / 64, step_);
-      heading = angle + (std::abs(bend) < 0.4 ? bend : 0);
-    }
-    return End::stuck;
+  // The heading is found on a small circle.
+  Way begin(bool forwards) override {
+    at_ = start_;
+    side_ = forwards ? 1 : -1;
+    double angle = guess_ + (forwards ? 0 : M_PI);
+    if (on_border_ && !inside(towards(start_, angle, 1e-3))) return {Way::out, angle};
+    for (int k = 0; k < 2; ++k, angle += M_PI)
+      if (turn(step_ / 8, angle)) return {Way::inside, angle};
+    return {};
   }
 
-  // The heading of the line at a point of it, found on a small circle.
-  std::optional<double> heading(PlanePoint p, double side, double guess) const {
-    double angle = guess;
-    for (int k = 0; k < 2; ++k, angle += M_PI)
-      if (turn(p, step_ / 8, side, angle)) return angle;
-    return std::nullopt;
+  std::optional<Candidate> ahead(double radius, double heading) override {
+    if (!turn(radius, heading)) return std::nullopt;
+    const PlanePoint next = towards(at_, heading, radius);
+    next_ = clamped(next);
+    return Candidate{next_, heading, !inside(next)};
+  }
+
+  void accept() override { at_ = next_; }
+
+  // f may have changed since the point was found (a function that learns): the line passes by.
+  std::optional<PlanePoint> corrected(double heading) override {
+    double slope = std::numeric_limits<double>::quiet_NaN();
+    const Placed q = put_on_curve(f_, at_, {-std::sin(heading), std::cos(heading)}, slope);
+    if (q.found && distance(at_, q.at) < 2 * step_) at_ = q.at;
+    return at_;
   }
 
  private:
-  // Puts a point back on the line where f has changed since it was found (a function that learns): the line
-  // passes by.
-  void correct(PlanePoint& p, double heading) const {
-    double slope = std::numeric_limits<double>::quiet_NaN();
-    const PlanePoint across{-std::sin(heading), std::cos(heading)};
-    const Placed q = put_on_curve(f_, p, across, slope);
-    if (q.found && distance(p, q.at) < 2 * step_) p = q.at;
-  }
-
   // The angle nearest to the given one at which the line leaves the circle with f positive on `side`.
-  bool turn(PlanePoint p, double radius, double side, double& angle) const {
+  bool turn(double radius, double& angle) const {
     const auto g = [&](double a) {
-      const PlanePoint q = clamped(towards(p, a, radius));
-      return side * f_(q.x, q.y);
+      const PlanePoint q = clamped(towards(at_, a, radius));
+      return side_ * f_(q.x, q.y);
     };
     double a = angle, ga = g(a);
     if (!std::isfinite(ga)) return false;
@@ -125,6 +76,9 @@ class CurveTracer {
 
   const PlaneFunction& f_;
   double step_;
+  PlanePoint start_, at_{}, next_{};
+  double guess_, side_ = 1;
+  bool on_border_;
 };
 
 // A place to start from: f changes its sign between a and b.
@@ -217,7 +171,7 @@ class CurveSearch {
  public:
   CurveSearch(const PlaneFunction& f, double width, const LevelCurveSettings& settings)
       : f_(f), sure_(settings.sure ? settings.sure : f), checks_(bool(settings.sure)), width_(width),
-        follower_(f, std::min(0.5 * width, settings.step)) {}
+        step_(std::min(0.5 * width, settings.step)) {}
 
   LevelCurve found;
 
@@ -263,9 +217,9 @@ class CurveSearch {
   void small_piece(const Edge& e, PlanePoint start) {
     CurvePiece piece;
     for (double step = width_ / 4; step > 1e-4 * width_ && !piece.closed; step /= 4) {
-      const CurveTracer fine(f_, step);
-      if (const auto heading = fine.heading(start, 1, e.heading()))
-        piece.closed = fine.follow(start, *heading, 1, piece.points, 400) == CurveTracer::End::closed;
+      FunctionLine fine(f_, step, start, e.heading(), false);
+      piece.closed =
+          follow(fine, start, fine.begin(true), {step, step, 400}, piece.points) == LineEnd::closed;
     }
     if (piece.closed)
       found.pieces.push_back(std::move(piece));
@@ -273,37 +227,16 @@ class CurveSearch {
       found.lost.push_back(start);
   }
 
-  // Both ways from the start: f positive on the left of the way forward, on the right of the way back.
   void piece(const Edge& e, PlanePoint start) {
-    CurvePiece piece;
-    std::array<std::vector<PlanePoint>, 2> ways{std::vector<PlanePoint>{start},
-                                                std::vector<PlanePoint>{start}};
-    for (const std::size_t way : {0, 1}) {
-      const double side = way == 0 ? 1 : -1, guess = e.heading() + (way == 0 ? 0 : M_PI);
-      if (e.border && !inside(towards(start, guess, 1e-3))) continue;
-      const auto heading = follower_.heading(start, side, guess);
-      const CurveTracer::End end =
-          heading ? follower_.follow(start, *heading, side, ways[way]) : CurveTracer::End::stuck;
-      if (end == CurveTracer::End::stuck) piece.stuck.push_back(ways[way].back());
-      piece.closed = end == CurveTracer::End::closed;
-      if (piece.closed) {
-        piece.points = ways[way];
-        piece.stuck.clear();
-        break;
-      }
-    }
-    if (!piece.closed) {
-      piece.points.assign(ways[1].rbegin(), ways[1].rend());
-      piece.points.insert(piece.points.end(), ways[0].begin() + 1, ways[0].end());
-    }
+    FunctionLine line(f_, step_, start, e.heading(), e.border);
+    CurvePiece piece = follow_both_ways(line, start, {step_, step_});
     if (piece.points.size() > 1 || !piece.stuck.empty()) found.pieces.push_back(std::move(piece));
   }
 
   const PlaneFunction& f_;
   PlaneFunction sure_;
   bool checks_;
-  double width_;
-  CurveTracer follower_;
+  double width_, step_;
 };
 
 }  // namespace
@@ -318,41 +251,6 @@ LevelCurve level_curve(const PlaneFunction& f, const Lattice& lattice, const Lev
   return std::move(search.found);
 }
 
-double length(const CurvePiece& piece) {
-  double sum = 0;
-  for (std::size_t k = 0; k + 1 < piece.points.size(); ++k)
-    sum += distance(piece.points[k], piece.points[k + 1]);
-  return sum;
-}
-
-int points_of_piece(const CurvePiece& piece, PetscInt points, double total) {
-  return std::max(piece.closed ? 8 : 2, int(std::lround(double(points) * length(piece) / total)));
-}
-
-std::vector<CurvePlace> even_places(const CurvePiece& piece, int count) {
-  std::vector<CurvePlace> places;
-  if (piece.points.size() < 2) return places;
-  const double whole = length(piece);
-  std::size_t k = 0;
-  double before = 0;
-  for (int i = 0; i < count; ++i) {
-    const double target = whole * i / (piece.closed ? count : count - 1);
-    while (k + 2 < piece.points.size() && before + distance(piece.points[k], piece.points[k + 1]) < target) {
-      before += distance(piece.points[k], piece.points[k + 1]);
-      ++k;
-    }
-    const PlanePoint a = piece.points[k], b = piece.points[k + 1];
-    const double l = std::max(distance(a, b), 1e-300);
-    const PlanePoint q = between(a, b, std::clamp((target - before) / l, 0., 1.));
-    const bool on_x = q.x <= 0 || q.x >= 1, on_y = q.y <= 0 || q.y >= 1;
-    PlanePoint across{-(b.y - a.y) / l, (b.x - a.x) / l};
-    if (on_x) across = {0, 1};
-    if (on_y) across = {1, 0};
-    places.push_back({q, across, on_x || on_y});
-  }
-  return places;
-}
-
 Placed put_on_curve(const PlaneFunction& f, PlanePoint at, PlanePoint across, double& slope) {
   const auto off = [&](double d) { return clamped({at.x + d * across.x, at.y + d * across.y}); };
   const auto g = [&](double d) { return f(off(d).x, off(d).y); };
@@ -363,17 +261,13 @@ Placed put_on_curve(const PlaneFunction& f, PlanePoint at, PlanePoint across, do
 
 void place_evenly(const PlaneFunction& f, const std::vector<CurvePiece>& pieces, PetscInt points,
                   const TakePlace& take) {
-  double total = 0;
-  for (const CurvePiece& piece : pieces) total += length(piece);
-  for (std::size_t number = 0; number < pieces.size(); ++number) {
-    if (pieces[number].points.size() < 2) continue;
-    const std::vector<CurvePlace> places =
-        even_places(pieces[number], points_of_piece(pieces[number], points, total));
+  const std::vector<std::vector<CurvePlace>> all = even_places(pieces, points);
+  for (std::size_t number = 0; number < all.size(); ++number) {
     double slope = std::nan("");
-    for (std::size_t k = 0; k < places.size(); ++k) {
+    for (std::size_t k = 0; k < all[number].size(); ++k) {
       double border = std::nan("");
-      const CurvePlace& place = places[k];
-      take(number, k, places.size(), place,
+      const CurvePlace& place = all[number][k];
+      take(number, k, all[number].size(), place,
            put_on_curve(f, place.at, place.across, place.border ? border : slope));
     }
   }

@@ -342,14 +342,12 @@ std::optional<Crossing> meeting(GrowthRate& growth, Crossing a, Crossing b) {
 std::vector<Crossing> boundary_curve(GrowthRate& growth, PetscInt points, BoundaryFindings& findings) {
   std::optional<GrowthRate> reduced = growth.reduced();
   const std::vector<CurvePiece> pieces = trace(reduced ? *reduced : growth, points, findings);
-  double total = 0;
-  for (const CurvePiece& p : pieces) total += length(p);
+  const std::vector<std::vector<CurvePlace>> places = even_places(pieces, points);
   Placing placing(growth, std::move(reduced), points);
   std::vector<Crossing> result;
   int jumps = 0, symmetric = 0;
   for (std::size_t number = 0; number < pieces.size(); ++number) {
-    const CurvePiece& p = pieces[number];
-    for (Crossing& c : placing.piece(even_places(p, points_of_piece(p, points, total)))) {
+    for (Crossing& c : placing.piece(places[number])) {
       c.piece = int(number);
       if (!growth.vanishes(c)) {
         ++(LinearisedOperator(growth.scene(c.x, c.y)).neutral() ? symmetric : jumps);

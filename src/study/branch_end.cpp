@@ -24,10 +24,6 @@ constexpr double past_hopf = 0.02;  // of the way between two samples
 constexpr int turns_to_settle = 400;
 constexpr double vanished = 1e-3;  // amplitude, over that at the beginning of a branch
 
-PlanePoint between(PlanePoint a, PlanePoint b, double part) {
-  return {a.x + part * (b.x - a.x), a.y + part * (b.y - a.y)};
-}
-
 // A and B on different sides of the line through c and d, and these of that through a and b.
 bool cross(PlanePoint a, PlanePoint b, PlanePoint c, PlanePoint d) {
   const auto turn = [](PlanePoint p, PlanePoint q, PlanePoint r) {
@@ -376,29 +372,10 @@ std::vector<EndLine> BranchEnd::lines_of_cell(double step, std::vector<std::stri
 std::vector<Crossing> BranchEnd::curve(PetscInt count, std::vector<std::string>& notes) {
   const double step = 1. / std::clamp<double>(double(count), 30., 40.);
   const std::vector<EndLine> lines = uniform() ? lines_of_uniform(step, notes) : lines_of_cell(step, notes);
-  double total = 0;
-  for (const EndLine& line : lines) total += length(line.piece);
   std::vector<Crossing> result;
-  for (std::size_t number = 0; number < lines.size(); ++number) {
-    const EndLine& line = lines[number];
-    if (line.places.size() < 2) {
-      result.push_back(crossing(line.places[0], int(number)));
-      continue;
-    }
-    const int wanted = points_of_piece(line.piece, count, total);
-    std::vector<double> along{0};
-    for (std::size_t k = 1; k < line.places.size(); ++k)
-      along.push_back(along.back() + distance(line.places[k].at, line.places[k - 1].at));
-    for (int k = 0; k < wanted; ++k) {
-      const double s = along.back() * k / (line.piece.closed ? wanted : wanted - 1);
-      const Mixture here = mixture(line.places, along, s);
-      const EndPlace& near = line.places[here.near];
-      const bool is_there = std::abs(along[here.near] - s) < 1e-9;
-      const auto on = is_there ? std::optional<EndPlace>(near)
-                               : end_on_line(plane(), near, here.at, near.to_life, here.others);
-      if (on) result.push_back(crossing(*on, int(number)));
-    }
-  }
+  for (const NumberedEnd& end : even_ends(plane(), lines, count))
+    result.push_back(crossing(end.place, int(end.line)));
+  for (const EndLine& line : lines) note_stuck(line.piece, notes);
   return result;
 }
 

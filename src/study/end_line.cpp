@@ -10,23 +10,18 @@ namespace stickslip {
 
 namespace {
 
-constexpr double first_step = 1e-4, shortest = 1e-7;  // step, of the box
+constexpr double probes[] = {1e-4, -1e-4, 1e-5, -1e-5, 1e-6, -1e-6};  // aside of the first point, of the box
 constexpr double vanished =
     0.03;  // amplitude over the first point's: the line ends there, where the cycle shrinks to nothing
 constexpr double shortest_to_nothing = 3e-3;
 constexpr double aside = 0.35;  // of the step, by which a point may miss where it was expected
 
-bool inside(PlanePoint p) { return p.x >= 0 && p.x <= 1 && p.y >= 0 && p.y <= 1; }
 PlanePoint plus(PlanePoint p, double s, PlanePoint d) { return {p.x + s * d.x, p.y + s * d.y}; }
-PlanePoint from_to(PlanePoint a, PlanePoint b) {
-  const double length = distance(a, b);
-  return {(b.x - a.x) / length, (b.y - a.y) / length};
-}
-// Across a direction, on the side of `like`.
-PlanePoint across(PlanePoint d, PlanePoint like) {
-  const PlanePoint n{-d.y, d.x};
+PlanePoint on_side(PlanePoint n, PlanePoint like) {
   return n.x * like.x + n.y * like.y < 0 ? PlanePoint{-n.x, -n.y} : n;
 }
+// Across a direction, on the side of `like`.
+PlanePoint across(PlanePoint d, PlanePoint like) { return on_side({-d.y, d.x}, like); }
 
 // How far from p, which is inside, along d the border is, and the border's direction there.
 struct Border {
@@ -40,6 +35,8 @@ Border border_ahead(PlanePoint p, PlanePoint d) {
   const double x = reach(p.x, d.x), y = reach(p.y, d.y);
   return x < y ? Border{x, {0, 1}} : Border{y, {1, 0}};
 }
+
+double angle_of(PlanePoint a, PlanePoint b) { return std::atan2(b.y - a.y, b.x - a.x); }
 
 }  // namespace
 
@@ -58,8 +55,15 @@ EndPlace end_place(std::shared_ptr<CyclePath> path, const std::string& kind, Pla
   return p;
 }
 
+namespace {
+
+using Weighted = std::vector<std::pair<const EndPlace*, double>>;
+
+// The point of the same kind as `near` on the line through q along n (unit vector, to life); empty where none
+// is found near by. The cycle is sought from a mixture of those of other places, `near` with the weight that
+// they leave of 1.
 std::optional<EndPlace> end_on_line(const PlaneScene& scene, const EndPlace& near, PlanePoint q, PlanePoint n,
-                                    const Weighted& others) {
+                                    const Weighted& others = {}) {
   CyclePath::Others paths;
   for (const auto& [place, weight] : others) paths.push_back({place->path.get(), weight});
   try {
@@ -75,6 +79,13 @@ std::optional<EndPlace> end_on_line(const PlaneScene& scene, const EndPlace& nea
   }
 }
 
+// The places of `line` about the place at the distance s along it (the polygon's), interpolated; number
+// `near` is the nearest.
+struct Mixture {
+  std::size_t near;
+  Weighted others;
+  PlanePoint at;
+};
 Mixture mixture(const std::vector<EndPlace>& line, const std::vector<double>& along, double s) {
   constexpr std::size_t most = 3;
   const std::size_t count = std::min(most, line.size());
@@ -92,93 +103,112 @@ Mixture mixture(const std::vector<EndPlace>& line, const std::vector<double>& al
   return m;
 }
 
-namespace {
-
-// From `first` one way; the last place stands on the border, or is the first again.
-class EndLineTracer {
+// The line about `first`; the last place of a way may stand on the border, or be the first again.
+class LineOfEnds : public PlaneLine {
  public:
-  EndLineTracer(const PlaneScene& scene, double step) : scene_(scene), longest_(step) {}
-
-  // The places behind `first`, which is not among them.
-  std::vector<EndPlace> follow(const EndPlace& first, PlanePoint direction) {
-    std::vector<EndPlace> line{first};
-    std::vector<double> along{0};  // the polygon of the line
-    double step = first_step;
-    closed = stuck = false;
-    while (step > shortest && line.size() < 2000) {
-      const EndPlace& here = line.back();
-      const Border border = border_ahead(here.at, direction);
-      const bool arrives = border.distance <= 1.2 * step;
-      if (border.distance < 1e-9) return behind_first(line);
-      const double taken = arrives ? border.distance : step;
-      const Mixture ahead = mixture(line, along, along.back() + taken);
-      const PlanePoint q = line.size() > 2 && !arrives ? ahead.at : plus(here.at, taken, direction);
-      std::optional<EndPlace> next =
-          end_on_line(scene_, here, q, arrives ? along_border(border, here) : across(direction, here.to_life),
-                      ahead.others);
-      const PlanePoint turned = next ? from_to(here.at, next->at) : direction;
-      const bool vanishes = next && next->amplitude < vanished * first.amplitude;
-      if (vanishes && taken < shortest_to_nothing) return behind_first(line);
-      if (!next || vanishes || distance(next->at, q) > aside * taken ||
-          (arrives && !inside(rounded(next->at)))) {
-        step = std::min(step, taken) / 3;
-        if (line.size() == 1) direction = turned;  // but a guess
-        continue;
-      }
-      if (arrives) next->at = rounded(next->at);
-      next->to_life = across(turned, here.to_life);
-      along.push_back(along.back() + distance(here.at, next->at));
-      line.push_back(*next);
-      if (arrives) return behind_first(line);
-      if (line.size() > 4 && distance(next->at, first.at) < .8 * taken) {
-        closed = true;
-        return behind_first(line);
-      }
-      step = std::min(longest_, distance(next->at, q) < .05 * taken ? 2 * step : step);
-      direction = turned;
+  LineOfEnds(const PlaneScene& scene, const EndPlace& first) : scene_(scene), first_(first) {
+    const PlanePoint along{-first.to_life.y, first.to_life.x};
+    for (const double off : probes) {  // the first direction is but a guess
+      const PlanePoint q = plus(first.at, off, along);
+      if (!inside(q)) continue;
+      const auto found = end_on_line(scene, first, q, first.to_life);
+      if (!found || distance(found->at, q) > 20 * std::abs(off)) continue;
+      heading_ = angle_of(first.at, found->at) + (off < 0 ? M_PI : 0);
+      return;
     }
-    stuck = true;
-    return behind_first(line);
   }
 
-  bool closed = false, stuck = false;
+  Way begin(bool forwards) override {
+    way_ = &ways_[forwards ? 1 : 0];
+    *way_ = {first_};
+    along_ = {0};
+    if (!heading_) return {};
+    const double angle = *heading_ + (forwards ? 0 : M_PI);
+    const bool out = border_ahead(first_.at, towards({0, 0}, angle, 1)).distance < 1e-9;
+    return {out ? Way::out : Way::inside, angle};
+  }
+
+  std::optional<Candidate> ahead(double radius, double heading) override {
+    const EndPlace& here = way_->back();
+    const PlanePoint direction = towards({0, 0}, heading, 1);
+    const Border border = border_ahead(here.at, direction);
+    const bool arrives = border.distance <= 1.2 * radius;
+    const double taken = arrives ? border.distance : radius;
+    const Mixture m = mixture(*way_, along_, along_.back() + taken);
+    const PlanePoint q = way_->size() > 2 && !arrives ? m.at : plus(here.at, taken, direction);
+    const PlanePoint n = arrives ? on_side(border.along, here.to_life) : across(direction, here.to_life);
+    next_ = end_on_line(scene_, here, q, n, m.others);
+    const bool vanishes = next_ && next_->amplitude < vanished * first_.amplitude;
+    vanishes_ = vanishes && taken < shortest_to_nothing;
+    if (!next_ || vanishes || distance(next_->at, q) > aside * taken) return std::nullopt;
+    if (arrives) next_->at = rounded(next_->at);
+    if (!inside(next_->at)) return std::nullopt;
+    const double angle = angle_of(here.at, next_->at);
+    next_->to_life = across(towards({0, 0}, angle, 1), here.to_life);
+    return Candidate{next_->at, angle, arrives};
+  }
+
+  void accept() override {
+    along_.push_back(along_.back() + distance(way_->back().at, next_->at));
+    way_->push_back(*next_);
+  }
+
+  bool vanishes() const override { return vanishes_; }
+
+  std::vector<EndPlace> places(bool closed) const {
+    if (!closed) return joined(ways_[0], ways_[1]);
+    std::vector<EndPlace> round = *way_;
+    round.back() = first_;
+    return round;
+  }
 
  private:
-  static std::vector<EndPlace> behind_first(const std::vector<EndPlace>& line) {
-    return {line.begin() + 1, line.end()};
-  }
   static PlanePoint rounded(PlanePoint p) {
     const auto snap = [](double x) { return std::abs(x) < 1e-9 ? 0. : std::abs(x - 1) < 1e-9 ? 1. : x; };
     return {snap(p.x), snap(p.y)};
   }
-  static PlanePoint along_border(const Border& border, const EndPlace& here) {
-    const double side = border.along.x * here.to_life.x + border.along.y * here.to_life.y;
-    return side < 0 ? PlanePoint{-border.along.x, -border.along.y} : border.along;
-  }
 
   const PlaneScene& scene_;
-  double longest_;
+  EndPlace first_;
+  std::optional<double> heading_;
+  std::vector<EndPlace> ways_[2], *way_ = nullptr;  // backwards, forwards; the one that is gone
+  std::vector<double> along_;                       // its polygon
+  std::optional<EndPlace> next_;
+  bool vanishes_ = false;
 };
 
 }  // namespace
 
 EndLine follow_ends(const PlaneScene& scene, const EndPlace& first, double step) {
-  EndLineTracer follower(scene, step);
-  const PlanePoint along{-first.to_life.y, first.to_life.x};
-  EndLine line;
-  std::vector<EndPlace> ahead = follower.follow(first, along);
-  line.piece.closed = follower.closed;
-  if (follower.stuck) line.piece.stuck.push_back(ahead.empty() ? first.at : ahead.back().at);
-  if (!follower.closed) {
-    line.places = follower.follow(first, {-along.x, -along.y});
-    if (follower.stuck) line.piece.stuck.push_back(line.places.empty() ? first.at : line.places.back().at);
-    std::reverse(line.places.begin(), line.places.end());
+  LineOfEnds line(scene, first);
+  EndLine found;
+  found.piece = follow_both_ways(line, first.at, {step, step / 8});
+  found.places = line.places(found.piece.closed);
+  return found;
+}
+
+std::vector<NumberedEnd> even_ends(const PlaneScene& scene, const std::vector<EndLine>& lines,
+                                   PetscInt count) {
+  std::vector<CurvePiece> pieces;
+  for (const EndLine& line : lines) pieces.push_back(line.piece);
+  const std::vector<std::vector<CurvePlace>> all = even_places(pieces, count);
+  std::vector<NumberedEnd> ends;
+  for (std::size_t number = 0; number < lines.size(); ++number) {
+    const std::vector<EndPlace>& places = lines[number].places;
+    if (places.size() < 2) ends.push_back({number, places[0]});
+    std::vector<double> along{0};
+    for (std::size_t k = 1; k < places.size(); ++k)
+      along.push_back(along.back() + distance(places[k].at, places[k - 1].at));
+    for (const CurvePlace& place : all[number]) {
+      const Mixture m = mixture(places, along, place.along);
+      const EndPlace& near = places[m.near];
+      const bool is_there = std::abs(along[m.near] - place.along) < 1e-9;
+      const auto on =
+          is_there ? std::optional<EndPlace>(near) : end_on_line(scene, near, m.at, near.to_life, m.others);
+      if (on) ends.push_back({number, *on});
+    }
   }
-  line.places.push_back(first);
-  line.places.insert(line.places.end(), ahead.begin(), ahead.end());
-  if (follower.closed) line.places.back() = first;
-  for (const EndPlace& place : line.places) line.piece.points.push_back(place.at);
-  return line;
+  return ends;
 }
 
 }  // namespace stickslip

@@ -1,8 +1,8 @@
 // Lines of special points of cycles (cycles/branch.hpp) in the unit square of two parameters.
 //
 // Each point is found on a straight line across: a family of scenes of one parameter, whose cycles start from
-// those of a point near by. The line of points is followed by steps along its last direction and such lines
-// across it, so that it may turn round as it likes. Nothing communicates.
+// those of points near by. The line of points is followed as any is (numerics/plane_line.hpp). Nothing
+// communicates.
 #pragma once
 
 #include <functional>
@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "stickslip/cycles/branch.hpp"
-#include "stickslip/numerics/level_curve.hpp"
+#include "stickslip/numerics/plane_line.hpp"
 
 namespace stickslip {
 
@@ -34,22 +34,6 @@ std::function<Scene(double)> scenes_across(const PlaneScene& scene, PlanePoint q
 EndPlace end_place(std::shared_ptr<CyclePath> path, const std::string& kind, PlanePoint at,
                    PlanePoint to_life);
 
-// The point of the same kind as `near` on the line through q along n (unit vector, to life); empty where none
-// is found near by. The cycle is sought from a mixture of those of other places, `near` with the weight that
-// they leave of 1.
-using Weighted = std::vector<std::pair<const EndPlace*, double>>;
-std::optional<EndPlace> end_on_line(const PlaneScene& scene, const EndPlace& near, PlanePoint q, PlanePoint n,
-                                    const Weighted& others = {});
-
-// The places of `line` about the place at the distance s along it (the polygon's), interpolated; number
-// `near` is the nearest.
-struct Mixture {
-  std::size_t near;
-  Weighted others;
-  PlanePoint at;
-};
-Mixture mixture(const std::vector<EndPlace>& line, const std::vector<double>& along, double s);
-
 // All points of the line through `first`, at most `step` apart, in order; they end on the border of the
 // square, at the first again, where the cycle shrinks to nothing (at a Bautin point of sliding), or where
 // none is found further on, which a piece of a curve calls `stuck`.
@@ -58,5 +42,13 @@ struct EndLine {
   CurvePiece piece;
 };
 EndLine follow_ends(const PlaneScene& scene, const EndPlace& first, double step);
+
+// About `count` places evenly over all lines, each with the number of its line.
+struct NumberedEnd {
+  std::size_t line;
+  EndPlace place;
+};
+std::vector<NumberedEnd> even_ends(const PlaneScene& scene, const std::vector<EndLine>& lines,
+                                   PetscInt count);
 
 }  // namespace stickslip

@@ -48,6 +48,12 @@ std::string StickSlipEnd::place_text(double x, double y) const {
   return text;
 }
 
+void StickSlipEnd::note_stuck(const CurvePiece& piece, std::vector<std::string>& notes) const {
+  for (const PlanePoint& p : piece.stuck)
+    notes.push_back("the line of ends of stick-slip stops inside the box at " + place_text(p.x, p.y) +
+                    ": no way on is found there");
+}
+
 bool StickSlipEnd::lives_nowhere() const {
   return !samples_.empty() && std::none_of(samples_.begin(), samples_.end(), [](double f) { return f <= 0; });
 }

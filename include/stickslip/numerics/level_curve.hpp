@@ -17,12 +17,9 @@
 #include <functional>
 #include <vector>
 
-namespace stickslip {
+#include "stickslip/numerics/plane_line.hpp"
 
-struct PlanePoint {
-  double x, y;
-};
-double distance(PlanePoint a, PlanePoint b);
+namespace stickslip {
 
 using PlaneFunction = std::function<double(double x, double y)>;
 
@@ -31,13 +28,6 @@ struct Lattice {
   int cells = 0;
   std::vector<double> values;  // (cells + 1)^2
   double at(int i, int j) const { return values[j * (cells + 1) + i]; }
-};
-
-struct CurvePiece {
-  std::vector<PlanePoint> points;  // in order along the line; a closed piece ends with its first point
-  bool closed = false;
-  // Places inside the square where no way on was found, at most one an end.
-  std::vector<PlanePoint> stuck;
 };
 
 struct LevelCurve {
@@ -54,18 +44,6 @@ struct LevelCurveSettings {
 // Every piece that the lattice shows, each once. A closed piece with a point of the lattice inside is certain
 // to be found, a smaller one where |f| falls towards it from the nearest places.
 LevelCurve level_curve(const PlaneFunction& f, const Lattice& lattice, const LevelCurveSettings& settings);
-
-// `count` places even along a piece, ends included (a closed piece: the first point once), each with the
-// direction in which to look for the line: its normal, or the border's own where the place stands on the
-// border.
-struct CurvePlace {
-  PlanePoint at, across;
-  bool border;
-};
-std::vector<CurvePlace> even_places(const CurvePiece& piece, int count);
-double length(const CurvePiece& piece);
-// How many of `points` are its own, `total` the length of all pieces: 2 at least, of a closed one 8.
-int points_of_piece(const CurvePiece& piece, PetscInt points, double total);
 
 // The zero of f beside a place of the curve. `slope`: that of f along `across` if known, else NaN; set to the
 // last one seen. Empty where f has no zero within 0.1. f is asked at the nearest place of the square.

@@ -19,6 +19,7 @@
 #include <utility>
 #include <vector>
 
+#include "stickslip/numerics/plane_line.hpp"
 #include "stickslip/stability/growth_rate.hpp"
 
 namespace stickslip {
@@ -71,6 +72,8 @@ class StickSlipEnd {
   Scene scene_of_axes(double x, double y) const;
   Crossing crossing_at(double x, double y) const;  // the place and its values, of stick-slip
   std::string place_text(double x, double y) const;
+  // Of the ends of a piece of the curve those where no way on was found.
+  void note_stuck(const CurvePiece& piece, std::vector<std::string>& notes) const;
   void count_evaluation();
 
   SceneAt scene_at_;
