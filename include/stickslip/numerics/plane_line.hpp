@@ -28,7 +28,7 @@ double distance_to_segment(PlanePoint p, PlanePoint a, PlanePoint b);
 class PlaneLine {
  public:
   virtual ~PlaneLine() = default;
-  // Where a way along the line begins: nothing known of where it goes (stuck), out of the square, or inside it.
+  // Where a way along the line goes at first: that is not known, out of the square, or inside it.
   struct Way {
     enum { unknown, out, inside } leads = unknown;
     double heading = 0;  // radians, in the coordinates in which the line's steps are measured
@@ -40,8 +40,8 @@ class PlaneLine {
   };
   // It stands at its first point again, to go forwards or backwards.
   virtual Way begin(bool forwards) = 0;
-  // The point of the line about `radius` from where it stands, nearest to the direction `heading`; empty where
-  // none is found.
+  // The point of the line about `radius` from where it stands, nearest to the direction `heading`; empty
+  // where none is found.
   virtual std::optional<Candidate> ahead(double radius, double heading) = 0;
   virtual void accept() = 0;  // it stands at the candidate
   // Where it stands put back on the line, if what it is zero of may have changed since; else empty.
@@ -65,8 +65,8 @@ struct StepSettings {
 };
 
 // One way along the line from its first point, to the border, to the start again, to where the line vanishes
-// or no way on is found, or for as many steps as there may be. Steps shorten where it turns and lengthen where
-// it runs straight. Without a way inside: `points` is the start alone.
+// or no way on is found, or for as many steps as there may be. Steps shorten where it turns and lengthen
+// where it runs straight. Without a way inside: `points` is the start alone.
 LineEnd follow(PlaneLine& line, PlanePoint start, PlaneLine::Way way, const StepSettings& settings,
                std::vector<PlanePoint>& points);
 
