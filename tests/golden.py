@@ -46,6 +46,7 @@ BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^wave-spectrum$", r"/eigenvalues/4/", np.inf, "of the translation, 0 but for round-off"),
     (r"^cycle-branch$", r"/wavenumber$", 1e-6, "the place of a maximum is known to the square root of round-off"),
     (r"^wave-(spectrum|viscous)$", r"/endless/", 1e-6, "the place of a maximum is known to the square root of round-off"),
+    (r"^wave-viscous$", r"/endless/", 3e-5, "a growth rate of 0.02 is known to 1e-12, its place to the square root of their ratio"),
     (r"^(boundary-(bautin|point|viscous)|sweep-boundary)$", r"lyapunov_coefficient|/special/", 1e-13,
      "systems of a wave's block by Eigen's elimination"),
 ]

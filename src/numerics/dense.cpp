@@ -18,11 +18,49 @@ void zggev_(const char* left, const char* right, const int* n, std::complex<doub
             std::complex<double>* beta, std::complex<double>* vl, const int* rows_l, std::complex<double>* vr,
             const int* rows_r, std::complex<double>* work, const int* size, double* real_work, int* info,
             std::size_t, std::size_t);
+void dgeev_(const char* left, const char* right, const int* n, double* a, const int* rows_a, double* re,
+            double* im, double* vl, const int* rows_l, double* vr, const int* rows_r, double* work,
+            const int* size, int* info, std::size_t, std::size_t);
+void zgeev_(const char* left, const char* right, const int* n, std::complex<double>* a, const int* rows_a,
+            std::complex<double>* values, std::complex<double>* vl, const int* rows_l,
+            std::complex<double>* vr, const int* rows_r, std::complex<double>* work, const int* size,
+            double* real_work, int* info, std::size_t, std::size_t);
 }
 
 namespace stickslip {
 
+namespace {
+
+void sort_by_modulus(std::vector<std::complex<double>>& values) {
+  std::stable_sort(values.begin(), values.end(),
+                   [](const auto& x, const auto& y) { return std::abs(x) > std::abs(y); });
+}
+
+}  // namespace
+
 // Row-major is the transposed, which has the same eigenvalues.
+template <class T>
+std::vector<std::complex<double>> eigenvalues(int d, std::vector<T> a) {
+  std::vector<std::complex<double>> values(d);
+  std::vector<T> work(4 * d);
+  std::vector<double> real(2 * d);  // real and imaginary parts, or room
+  const int one = 1, size = int(work.size());
+  int info = 0;
+  if constexpr (std::is_same_v<T, double>)
+    dgeev_("N", "N", &d, a.data(), &d, &real[0], &real[d], nullptr, &one, nullptr, &one, work.data(), &size,
+           &info, 1, 1);
+  else
+    zgeev_("N", "N", &d, a.data(), &d, values.data(), nullptr, &one, nullptr, &one, work.data(), &size,
+           real.data(), &info, 1, 1);
+  if (info != 0) throw Failure("LAPACK found no eigenvalues");
+  if constexpr (std::is_same_v<T, double>)
+    for (int k = 0; k < d; ++k) values[k] = {real[k], real[d + k]};
+  sort_by_modulus(values);
+  return values;
+}
+template std::vector<std::complex<double>> eigenvalues(int, std::vector<double>);
+template std::vector<std::complex<double>> eigenvalues(int, std::vector<std::complex<double>>);
+
 template <class T>
 std::vector<std::complex<double>> generalised_eigenvalues(int d, std::vector<T> a, std::vector<T> b) {
   std::vector<std::complex<double>> values(d);
@@ -42,8 +80,7 @@ std::vector<std::complex<double>> generalised_eigenvalues(int d, std::vector<T> 
       values[k] = {real[k] / beta[k], real[d + k] == 0 ? 0. : real[d + k] / beta[k]};
     else
       values[k] /= beta[k];
-  std::stable_sort(values.begin(), values.end(),
-                   [](const auto& x, const auto& y) { return std::abs(x) > std::abs(y); });
+  sort_by_modulus(values);
   return values;
 }
 template std::vector<std::complex<double>> generalised_eigenvalues(int, std::vector<double>,

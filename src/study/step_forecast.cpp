@@ -1,7 +1,5 @@
 #include "study/step_forecast.hpp"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
@@ -13,17 +11,11 @@
 #include "base/local_values.hpp"
 #include "stickslip/model/linear_point.hpp"
 #include "stickslip/model/stencil.hpp"
+#include "stickslip/numerics/dense.hpp"
 #include "stickslip/stability/fastest_wave.hpp"
 #include "time/leapfrog.hpp"
 
 namespace stickslip {
-
-using Square = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-std::vector<Complex> eigenvalues(int dim, const std::vector<double>& matrix) {
-  const Eigen::VectorXcd found = Eigen::Map<const Square>(matrix.data(), dim, dim).eigenvalues();
-  return {found.begin(), found.end()};
-}
 
 SpectralBounds spectral_bounds(int dim, const std::vector<double>& matrix) {
   SpectralBounds bounds{-HUGE_VAL, 0};
@@ -36,12 +28,13 @@ SpectralBounds spectral_bounds(int dim, const std::vector<double>& matrix) {
 
 // The eigenvalues of the companion matrix.
 std::vector<Complex> characteristic_roots(const std::vector<Complex>& c) {
-  const auto n = Eigen::Index(c.size()) - 1;
-  Eigen::MatrixXcd companion = Eigen::MatrixXcd::Zero(n, n);
-  companion.diagonal(-1).setOnes();
-  for (Eigen::Index i = 0; i < n; ++i) companion(0, i) = -c[i + 1] / c[0];
-  const Eigen::VectorXcd found = companion.eigenvalues();
-  return {found.begin(), found.end()};
+  const int n = int(c.size()) - 1;
+  std::vector<Complex> companion(n * n);
+  for (int i = 0; i < n; ++i) {
+    companion[i] = -c[i + 1] / c[0];
+    if (i > 0) companion[i * n + i - 1] = 1;
+  }
+  return eigenvalues(n, companion);
 }
 
 namespace {
@@ -309,11 +302,20 @@ double StepForecast::multistep_modulus(Complex z) const {
 
 // Half a kick, the midpoint rule, half a kick.
 std::vector<double> StepForecast::leapfrog_propagator(const Wave& w, double dt) const {
-  const Eigen::Map<const Square> explicit_part(w.explicit_part.data(), dof_, dof_),
-      implicit_part(w.implicit_part.data(), dof_, dof_);
-  const Square one = Square::Identity(dof_, dof_), kick = one + dt / 2 * explicit_part;
-  const Square end = kick * (2 * (one - dt / 2 * implicit_part).partialPivLu().solve(kick) - kick);
-  return {end.data(), end.data() + end.size()};
+  const int d = dof_;
+  std::vector<double> kick = w.explicit_part, implicit = w.implicit_part, end(d * d);
+  for (int i = 0; i < d * d; ++i) {
+    const double one = i % (d + 1) == 0;
+    kick[i] = one + dt / 2 * kick[i];
+    implicit[i] = one - dt / 2 * implicit[i];
+  }
+  std::vector<double> middle = kick;
+  solve_dense(d, implicit.data(), d, middle.data());
+  for (int i = 0; i < d * d; ++i) middle[i] = 2 * middle[i] - kick[i];
+  for (int i = 0; i < d; ++i)
+    for (int j = 0; j < d; ++j)
+      for (int k = 0; k < d; ++k) end[i * d + j] += kick[i * d + k] * middle[k * d + j];
+  return end;
 }
 
 std::vector<double> StepForecast::rates(double dt) {

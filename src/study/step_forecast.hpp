@@ -97,8 +97,7 @@ void warn_of_fixed_steps(const Model& model, const Integrator& integrator, Vec u
 
 // Roots of a polynomial, coefficients highest power first.
 std::vector<Complex> characteristic_roots(const std::vector<Complex>& coefficients);
-// Eigenvalues of a matrix of 1 to 3 rows (row-major), and the largest real part and modulus among them.
-std::vector<Complex> eigenvalues(int dim, const std::vector<double>& matrix);
+// Of the eigenvalues of a matrix (row-major), the largest real part and modulus.
 struct SpectralBounds {
   double real_part, modulus;
 };

@@ -9,11 +9,6 @@
 #include "stickslip/numerics/dense.hpp"
 #include "stickslip/numerics/periodic_equations.hpp"
 
-extern "C" void zgeev_(const char*, const char*, const int* n, std::complex<double>* a, const int* lda,
-                       std::complex<double>* w, std::complex<double>* vl, const int* ldvl,
-                       std::complex<double>* vr, const int* ldvr, std::complex<double>* work,
-                       const int* lwork, double* rwork, int* info);
-
 namespace stickslip {
 
 namespace {
@@ -30,19 +25,6 @@ constexpr double longest_growth =
 constexpr double least_apart = 1;  // of its ln |multiplier| from the next
 constexpr size_t most_intervals = 60000;
 constexpr int lowest_level = -20;  // the coarsest mesh is for frequencies from 0 to 2^lowest_level
-
-// Eigenvalues of a d x d matrix, largest modulus first.
-std::vector<Complex> eigenvalues(int d, Complex* Y) {
-  std::vector<Complex> found(static_cast<size_t>(d));
-  Complex work[4 * max_dim];
-  double real_work[2 * max_dim];
-  const int one = 1, length = 4 * max_dim;
-  int info = 0;
-  zgeev_("N", "N", &d, Y, &d, found.data(), nullptr, &one, nullptr, &one, work, &length, real_work, &info);
-  if (info != 0) throw Failure("the multipliers of the train cannot be computed");
-  std::sort(found.begin(), found.end(), [](Complex x, Complex y) { return std::abs(x) > std::abs(y); });
-  return found;
-}
 
 }  // namespace
 
@@ -269,7 +251,7 @@ Multipliers Transfer::at(Complex lambda) {
   Multipliers m;
   m.count = d;
   int k = 0;
-  for (const Complex& root : eigenvalues(d, Y))
+  for (const Complex& root : eigenvalues(d, std::vector<Complex>(Y, Y + d * d)))
     m.log_rho[k++] = std::log(std::abs(root) > 1e-300 ? root : Complex(1e-300)) + log_scale;
   return m;
 }

@@ -47,6 +47,12 @@ bool solve_dense(int n, T* a, int columns, T* b) {
   return solve_banded(n, n, a, columns, b);
 }
 
+// The eigenvalues of a, d by d, row-major, by the QR method of LAPACK (dgeev, zgeev). Largest modulus first,
+// those of a conjugate pair as neighbours. Throws Failure where the method fails. (Eigen's takes half a minute
+// and a gigabyte to compile.)
+template <class T>  // double, std::complex<double>
+std::vector<std::complex<double>> eigenvalues(int d, std::vector<T> a);
+
 // All mu with det(a - mu b) = 0, d by d, row-major: by the QZ method of LAPACK (dggev, zggev). A mu of
 // +-infinity where b is singular. Largest modulus first, those of a conjugate pair as neighbours. Throws
 // Failure where the method fails. (Eigen has it for real matrices only.)
