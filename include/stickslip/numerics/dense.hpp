@@ -48,7 +48,7 @@ bool solve_dense(int n, T* a, int columns, T* b) {
 }
 
 // The eigenvalues of a, d by d, row-major, by the QR method of LAPACK (dgeev, zgeev). Largest modulus first,
-// those of a conjugate pair as neighbours. Throws Failure where the method fails. (Eigen's takes a gigabyte to
+// those of a conjugate pair as neighbours. Throws Failure where the method fails. (Eigen takes a gigabyte to
 // compile.)
 template <class T>  // double, std::complex<double>
 std::vector<std::complex<double>> eigenvalues(int d, std::vector<T> a);
