@@ -41,6 +41,7 @@ BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^(cycle|wave)", r"/(error_estimate|multiplier_error|translation_error|residual)\b", np.inf, "sizes of round-off"),
     (r"^(cycle|wave)", r"/(multiplier_im|(spectrum|eigenvalues/\d+)/im)$", 2.1, "which of a conjugate pair is named first"),
     (r"^(cycle-state|wave-viscous)$", r"^/(psi|eta|theta|t|x)$", 1e-8, "nodes follow fifth differences, in which round-off grows"),
+    (r"^wave-limits$", r"/curves/(\d+/points/[1-9]|\w+$)", np.inf, "points are spread evenly over the curve"),
     (r"^cycle-pair$", r"/multipliers/[23]/re$", 1e-6, "1e-9 beside 1"),
     (r"^cycle-state$", r"/multipliers/2/re$", np.inf, "0 but for round-off"),
     (r"^wave-spectrum$", r"/eigenvalues/4/", np.inf, "of the translation, 0 but for round-off"),

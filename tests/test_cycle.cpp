@@ -174,7 +174,8 @@ TEST_CASE("waves on uniform oscillations grow as known", "[cycle][serial]") {
         return here;
       },
       {{"model_v", 0.8, 1.01}, {"model_gamma", 1.379, 1.517}}, 1, [] {});
-  for (const Crossing& c : lines.waves(4)) {
+  std::vector<std::string> notes;
+  for (const Crossing& c : lines.waves(4, notes)) {
     CHECK(c.wavenumber == Approx(2 * M_PI / 8.784836402747949));
     ++points;
   }

@@ -191,9 +191,9 @@ void find_stick_slip(const Options& options, StickSlipEnd& end, bool two, FoundB
 void find_medium(const Options& options, const std::vector<Axis>& axes, FoundBoundary& found) {
   MediumLines lines(scene_of(options, axes), axes, options.integer("wave_pulses"),
                     [] { beat("oscillations and branches of trains"); });
-  found.waves = lines.waves(options.integer("boundary_points"));
+  found.waves = lines.waves(options.integer("boundary_points"), found.findings.notes);
   found.wave_growth = lines.growth();
-  found.trains = lines.trains(found.findings.notes);
+  found.trains = lines.trains(options.integer("boundary_points"), found.findings.notes);
   found.train_samples = lines.samples();
 }
 

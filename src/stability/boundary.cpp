@@ -19,13 +19,21 @@ std::optional<double> closed_form_velocity(const Scene& s) {
   return v >= 0 && std::isfinite(v) ? std::optional<double>(v) : std::nullopt;
 }
 
-namespace {
-
-std::string place_text(const GrowthRate& growth, double x, double y) {
-  const std::vector<Axis>& axes = growth.axes();
-  return fmt::format("{} = {}, {} = {}", axes[0].name, number_text(axes[0].value(x)), axes[1].name,
-                     number_text(axes[1].value(y)));
+std::string place_text(const std::vector<Axis>& axes, double x, double y) {
+  std::string text = axes[0].name + " = " + number_text(axes[0].value(x));
+  if (axes.size() > 1) text += ", " + axes[1].name + " = " + number_text(axes[1].value(y));
+  return text;
 }
+
+void note_stuck(const std::string& line, const std::string& why, const std::vector<Axis>& axes,
+                const std::vector<CurvePiece>& pieces, std::vector<std::string>& notes) {
+  for (const CurvePiece& piece : pieces)
+    for (const PlanePoint& p : piece.stuck)
+      notes.push_back(
+          fmt::format("{} stops inside the box at {}: no way on {}", line, place_text(axes, p.x, p.y), why));
+}
+
+namespace {
 
 // Tells of points where a mode crosses that the grid hardly carries.
 void note_short_waves(const GrowthRate& growth, const std::vector<Crossing>& points,
@@ -185,14 +193,10 @@ std::vector<CurvePiece> trace(GrowthRate& growth, PetscInt points, BoundaryFindi
     };
   LevelCurve curve = level_curve(f, lattice, settings);
   for (const PlanePoint& p : curve.lost)
-    findings.notes.push_back("a piece of the curve near " + place_text(growth, p.x, p.y) +
+    findings.notes.push_back("a piece of the curve near " + place_text(growth.axes(), p.x, p.y) +
                              " is too small or too near the border to follow");
-  for (const CurvePiece& piece : curve.pieces)
-    for (const PlanePoint& p : piece.stuck)
-      findings.notes.push_back(
-          fmt::format("the curve stops inside the box at {}: no way on there (a point where modes of "
-                      "several kinds meet, or no steady sliding beyond)",
-                      place_text(growth, p.x, p.y)));
+  note_stuck("the curve", "there (a point where modes of several kinds meet, or no steady sliding beyond)",
+             growth.axes(), curve.pieces, findings.notes);
   curve.pieces.erase(std::remove_if(curve.pieces.begin(), curve.pieces.end(),
                                     [](const CurvePiece& piece) { return piece.points.size() < 2; }),
                      curve.pieces.end());

@@ -375,7 +375,7 @@ std::vector<Crossing> BranchEnd::curve(PetscInt count, std::vector<std::string>&
   std::vector<Crossing> result;
   for (const NumberedEnd& end : even_ends(plane(), lines, count))
     result.push_back(crossing(end.place, int(end.line)));
-  for (const EndLine& line : lines) note_stuck(line.piece, notes);
+  for (const EndLine& line : lines) note_stuck_ends({line.piece}, notes);
   return result;
 }
 

@@ -265,7 +265,7 @@ std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& 
     if (p.ends.value_or(!doubted)) result.push_back(std::move(p.end));
   }
   tell_remarks(notes);
-  for (const CurvePiece& piece : line.pieces) note_stuck(piece, notes);
+  note_stuck_ends(line.pieces, notes);
   return result;
 }
 

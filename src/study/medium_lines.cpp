@@ -10,6 +10,7 @@
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
 #include "stickslip/numerics/level_curve.hpp"
+#include "stickslip/stability/boundary.hpp"
 #include "stickslip/waves/train_limits.hpp"
 
 namespace stickslip {
@@ -21,16 +22,19 @@ constexpr int cells = 8;            // of the lattice for waves
 // c k T of the shortest wave looked at: beyond, the mean damping decides
 constexpr double turns_of_shortest = 100;
 constexpr int branch_steps = 60, line_steps = 60;
-constexpr double same_place = 0.02;  // of the box: between a point of a polygon and its line
+constexpr double same_place = 0.02;      // of the box: between a point of a polygon and its line
+constexpr double same_frequency = 0.03;  // of that of the train: there
 
-// Whether a line of limits, where they lead, passes the height of another near by.
+// Whether a line passes a limit: its height near by, with the same mode.
 bool passes(const std::vector<TrainLimit>& line, const TrainLimit& limit) {
   for (std::size_t k = 0; k + 1 < line.size(); ++k) {
     const TrainLimit &a = line[k], &b = line[k + 1];
-    if (!a.leads.value_or(false) || !b.leads.value_or(false)) continue;
     const double rise = b.value2 - a.value2, part = rise == 0 ? 0 : (limit.value2 - a.value2) / rise;
-    if (part >= 0 && part <= 1 && std::abs(a.value + part * (b.value - a.value) - limit.value) < same_place &&
-        a.kind == limit.kind)
+    const auto far = [&](double TrainLimit::*of) {
+      return std::abs(a.*of + part * (b.*of - a.*of) - limit.*of);
+    };
+    if (part >= 0 && part <= 1 && far(&TrainLimit::value) < same_place && a.kind == limit.kind &&
+        far(&TrainLimit::frequency) < same_frequency * 2 * M_PI / limit.period)
       return true;
   }
   return false;
@@ -91,7 +95,7 @@ Crossing MediumLines::crossing(double x, double y, const char* of) const {
   return c;
 }
 
-std::vector<Crossing> MediumLines::waves(PetscInt count) {
+std::vector<Crossing> MediumLines::waves(PetscInt count, std::vector<std::string>& notes) {
   const PlaneFunction f = [&](double x, double y) {
     each_();
     return growth_on_uniform(scene(x, y));
@@ -117,11 +121,12 @@ std::vector<Crossing> MediumLines::waves(PetscInt count) {
                  c.wavenumber = fastest.wavenumber;
                  result.push_back(c);
                });
+  note_stuck("the line of waves on the oscillation", "is found", axes_, line.pieces, notes);
   return result;
 }
 
 // The trains at the height y of the box, and the lines that bound the stable ones among them.
-void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines,
+void MediumLines::follow_trains(double y, std::vector<TrainLimitLine>& lines,
                                 std::vector<std::string>& notes) {
   const TrainFamily2 family{axes_[0].name, axes_[1].name, [&](double x, double y2) {
                               const Scene here = scene(x, y2);
@@ -129,7 +134,7 @@ void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines,
                             }};
   const TrainFamily slice{axes_[0].name, [&](double x) { return family.at(x, y); }};
   const auto known = [&](const TrainLimit& limit) {
-    return std::any_of(lines.begin(), lines.end(), [&](auto& line) { return passes(line.points, limit); });
+    return std::any_of(lines.begin(), lines.end(), [&](auto& line) { return passes(line.limits, limit); });
   };
   std::vector<std::pair<double, double>> passed;
   for (const double x : {0., 1., 0.5, 0.25, 0.75}) {
@@ -162,25 +167,32 @@ void MediumLines::follow_trains(double y, std::vector<TrainLimitCurve>& lines,
   }
 }
 
-std::vector<Crossing> MediumLines::trains(std::vector<std::string>& notes) {
-  std::vector<TrainLimitCurve> lines;
+std::vector<Crossing> MediumLines::trains(PetscInt count, std::vector<std::string>& notes) {
+  std::vector<TrainLimitLine> lines;
   for (const double y : {0., 0.5, 1.}) {
     Pulse::stage(
         fmt::format("trains at {} {:.6g}, {} lines so far", axes_[1].name, axes_[1].value(y), lines.size()));
     follow_trains(y, lines, notes);
   }
+  std::vector<CurvePiece> pieces;
+  for (const TrainLimitLine& line : lines) pieces.push_back(line.piece);
+  const std::vector<std::vector<CurvePlace>> places = even_places(pieces, count);
   std::vector<Crossing> result;
-  for (std::size_t number = 0; number < lines.size(); ++number)
-    for (const TrainLimit& limit : lines[number].points) {
-      // others have taken the lead: trains are unstable on both sides
-      if (!limit.leads.value_or(false)) continue;
-      Crossing c = crossing(limit.value, limit.value2, "trains");
-      c.kind = limit.kind;
-      c.frequency = limit.frequency;
-      c.wavenumber = limit.wavenumber;
+  for (std::size_t number = 0; number < lines.size(); ++number) {
+    for (const CurvePlace& place : places[number]) {
+      each_();
+      const std::optional<TrainLimit> limit = lines[number].at(place);
+      // where others have taken the lead trains are unstable on both sides
+      if (!limit || !limit->leads.value_or(false)) continue;
+      Crossing c = crossing(limit->value, limit->value2, "trains");
+      c.kind = limit->kind;
+      c.frequency = limit->frequency;
+      c.wavenumber = limit->wavenumber;
       c.piece = int(number);
       result.push_back(c);
     }
+  }
+  note_stuck("the line of trains' limits", "is found", axes_, pieces, notes);
   return result;
 }
 

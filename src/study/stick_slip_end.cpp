@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "stickslip/base/error.hpp"
+#include "stickslip/stability/boundary.hpp"
 #include "study/branch_end.hpp"
 #include "study/graze_end.hpp"
 
@@ -42,16 +43,11 @@ Crossing StickSlipEnd::crossing_at(double x, double y) const {
   return c;
 }
 
-std::string StickSlipEnd::place_text(double x, double y) const {
-  std::string text = axes_[0].name + " = " + number_text(axes_[0].value(x));
-  if (axes_.size() > 1) text += ", " + axes_[1].name + " = " + number_text(axes_[1].value(y));
-  return text;
-}
+std::string StickSlipEnd::place_text(double x, double y) const { return stickslip::place_text(axes_, x, y); }
 
-void StickSlipEnd::note_stuck(const CurvePiece& piece, std::vector<std::string>& notes) const {
-  for (const PlanePoint& p : piece.stuck)
-    notes.push_back("the line of ends of stick-slip stops inside the box at " + place_text(p.x, p.y) +
-                    ": no way on is found there");
+void StickSlipEnd::note_stuck_ends(const std::vector<CurvePiece>& pieces,
+                                   std::vector<std::string>& notes) const {
+  note_stuck("the line of ends of stick-slip", "is found", axes_, pieces, notes);
 }
 
 bool StickSlipEnd::lives_nowhere() const {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <memory>
 #include <optional>
 
 #include "stickslip/base/error.hpp"
@@ -277,114 +278,147 @@ class LimitsOfBranch {
   std::vector<char> counted_;
 };
 
-// The walk along one curve.
-class LimitWalk {
- public:
-  LimitWalk(const TrainSheet& sheet, const Found& start, double from, double to, double from2, double to2)
-      : sheet_(sheet), at_(start), low_(std::min(from, to)), high_(std::max(from, to)), from2_(from2),
-        to2_(to2) {}
+// The box of both parameters as the unit square.
+struct LimitBox {
+  double from, to, from2, to2;
+  PlanePoint place(const TrainLimit& limit) const {
+    return {(limit.value - from) / (to - from), (limit.value2 - from2) / (to2 - from2)};
+  }
+  double value2(double y) const { return from2 + y * (to2 - from2); }
+};
 
-  TrainLimitCurve walk(const std::string& name, const std::string& name2, int steps) {
-    TrainLimitCurve curve;
-    curve.points.push_back(at_.limit);
-    double ds = 0.02;
-    while (curve.end.empty() && curve.points.size() <= std::size_t(steps)) {
-      const Found before = at_;
-      const std::optional<double> turn = step(ds);
-      if (!turn || *turn < 0.9) {
-        at_ = before;
-        ds /= 2;
-        if (ds < 1e-4)
-          curve.end = fmt::format("no way on is found at {} = {:.8g}, {} = {:.8g}", name, at_.limit.value,
-                                  name2, at_.limit.value2);
-        continue;
-      }
-      const double v = share(at_.limit.value2);
-      if (at_.limit.value >= low_ && at_.limit.value <= high_ && v >= 0)
-        ask_whether_it_leads(sheet_.train(at_.place), at_.limit);
-      if (at_.limit.value < low_ || at_.limit.value > high_)
-        curve.end = name + " leaves its range";
-      else if (v < 0)
-        curve.end = name2 + " comes back past its start";
-      else
-        curve.points.push_back(at_.limit);
-      if (v >= 1) curve.end = "reached " + name2 + " = " + rounded_text(to2_, 8);
-      if (*turn > 0.99) ds = std::min(0.15, 1.5 * ds);
+// The line of one limit, followed on the surface of trains: steps are measured in (alpha, y) about the train
+// where it stands.
+class LimitLine : public PlaneLine {
+ public:
+  LimitLine(std::shared_ptr<const TrainSheet> sheet, const Found& first, const LimitBox& box)
+      : sheet_(std::move(sheet)), first_{first, {}}, box_(box) {}
+
+  Way begin(bool forwards) override {
+    if (std::isnan(heading_)) find_heading();
+    way_ = &ways_[forwards ? 1 : 0];
+    *way_ = {first_};
+    turning_ = forwards ? frequency_slope_ : -frequency_slope_;
+    if (std::isnan(heading_)) return {};
+    const double y = box_.place(first_.found.limit).y;
+    return {(forwards ? y >= 1 : y <= 0) ? Way::out : Way::inside, heading_ + (forwards ? 0 : M_PI)};
+  }
+
+  std::optional<Candidate> ahead(double radius, double heading) override {
+    const PlanePoint here = box_.place(way_->back().found.limit), t = towards({0, 0}, heading, 1);
+    const double rest = t.y > 0 ? (1 - here.y) / t.y : t.y < 0 ? -here.y / t.y : radius + 1;
+    const bool arrives = rest <= radius;
+    radius = std::min(rest, radius);
+    if (!solve(radius, t, arrives)) return std::nullopt;
+    PlanePoint at = box_.place(next_.found.limit);
+    if (arrives) at.y = t.y > 0 ? 1 : 0;
+    const bool leaves = at.x < 0 || at.x > 1;
+    if (leaves) {  // the step to the border
+      const double border = at.x < 0 ? 0 : 1;
+      const auto beyond = [&](double length) {
+        return solve(length, t, false) ? box_.place(next_.found.limit).x - border : nowhere;
+      };
+      const double length = find_root(beyond, {0, here.x - border, radius, at.x - border}, 1e-10);
+      if (!(length > 0) || std::isnan(beyond(length))) return std::nullopt;
+      at = clamped({border, box_.place(next_.found.limit).y});
     }
-    if (curve.end.empty()) curve.end = "wave_steps " + std::to_string(steps) + " taken";
-    return curve;
+    return Candidate{at, std::atan2(next_.moved.y, next_.moved.x), arrives || leaves};
+  }
+
+  void accept() override {
+    turning_ = (next_.found.mode.lambda.imag() - way_->back().found.mode.lambda.imag()) /
+               std::hypot(next_.moved.x, next_.moved.y);
+    way_->push_back(next_);
+  }
+
+  // Of all points of the piece.
+  std::vector<TrainLimit> limits() const {
+    std::vector<TrainLimit> all;
+    for (const Step& step : steps()) all.push_back(step.found.limit);
+    return all;
+  }
+
+  // The limit at a place of the piece, solved for from the train where the step that passes it began, and
+  // whether it leads.
+  std::optional<TrainLimit> at(const CurvePlace& place) const {
+    const std::vector<Step> all = steps();
+    const bool later = place.segment + 1 >= ways_[0].size();  // than the first point, on the way forwards
+    const Step &begin = all[place.segment + (later ? 0 : 1)], &end = all[place.segment + (later ? 1 : 0)];
+    const double part = later ? place.part : 1 - place.part, length = std::hypot(end.moved.x, end.moved.y);
+    std::optional<Step> found = part <= 0 ? begin : end;
+    if (part > 0 && part < 1)
+      found = beside(begin.found, {part * end.moved.x, part * end.moved.y},
+                     {-end.moved.y / length, end.moved.x / length}, 0.3 * length);
+    if (!found) return std::nullopt;
+    ask_whether_it_leads(sheet_->train(found->found.place), found->found.limit);
+    return found->found.limit;
   }
 
  private:
-  struct Vector {
-    double alpha, v;
+  struct Step {
+    Found found;
+    PlanePoint moved;  // in (alpha, y) about the train of the step before
   };
-  struct Way {
-    Vector forwards, slope;  // along the curve, of length 1; the gradient of f
-    double frequency_slope;  // of the mode, along the curve
-  };
-  double share(double value2) const { return (value2 - from2_) / (to2_ - from2_); }
-  double value2(double v) const { return from2_ + v * (to2_ - from2_); }
 
-  std::optional<Way> way(LimitFunction& f) const {
+  std::vector<Step> steps() const { return joined(ways_[0], ways_[1]); }
+
+  // The tangent of the line, which is zero along it, by differences.
+  void find_heading() {
     constexpr double h = 1e-4;  // f vanishes here to 1e-9 of its slope
-    const double v = share(at_.place.value2), frequency = at_.mode.lambda.imag();
-    const auto slopes = [&](Vector d) {  // of f and of the frequency
-      const double there = f(at_.chart, h * d.alpha, value2(v + h * d.v));
-      return std::pair{there / h, (f.mode().lambda.imag() - frequency) / h};
+    const Found& here = first_.found;
+    const double y = box_.place(here.limit).y;
+    LimitFunction f(*sheet_, here.limit.kind == "fold", here.place, here.mode);
+    const auto slopes = [&](double alpha, double up) {  // of f and of the frequency
+      const double there = f(here.chart, h * alpha, box_.value2(y + h * up));
+      return std::pair{there / h, (f.mode().lambda.imag() - here.mode.lambda.imag()) / h};
     };
-    const auto [by_alpha, w_alpha] = slopes({1, 0});
-    const auto [by_v, w_v] = slopes({0, 1});
-    const double size = std::hypot(by_alpha, by_v);
-    if (!(size > 0)) return std::nullopt;
-    Vector t{-by_v / size, by_alpha / size};
-    const double ahead = last_ ? t.alpha * last_->alpha + t.v * last_->v : t.v;
-    if (ahead < 0) t = {-t.alpha, -t.v};
-    return Way{t, {by_alpha, by_v}, t.alpha * w_alpha + t.v * w_v};
+    const auto [by_alpha, turning_alpha] = slopes(1, 0);
+    const auto [by_y, turning_y] = slopes(0, 1);
+    const double size = std::hypot(by_alpha, by_y), side = by_alpha < 0 ? -1 : 1;
+    if (!(size > 0)) return;
+    heading_ = std::atan2(side * by_alpha, -side * by_y);
+    frequency_slope_ = side * (by_alpha * turning_y - by_y * turning_alpha) / size;
   }
 
-  // It is the mode that was followed, not another that Newton's method fell upon.
-  bool same_mode(double predicted) const {
+  // The limit on the line through `moved`, about a limit, along `across`, no further than `reach` from there.
+  std::optional<Step> beside(const Found& from, PlanePoint moved, PlanePoint across, double reach) const {
+    LimitFunction f(*sheet_, from.limit.kind == "fold", from.place, from.mode);
+    const double y = box_.place(from.limit).y;
+    const auto on = [&](double s) { return PlanePoint{moved.x + s * across.x, moved.y + s * across.y}; };
+    const auto off = [&](double s) { return f(from.chart, on(s).x, box_.value2(y + on(s).y)); };
+    const double here = off(0);
+    if (std::isnan(here)) return std::nullopt;
+    const double first = std::isfinite(slope_) ? -here / slope_ : 1e-3 * reach;
+    const double s = root_near(off, 0, here, first, 1e-9, reach, &slope_);
+    if (std::isnan(s) || std::isnan(off(s))) return std::nullopt;
+    return Step{found_at(*sheet_, f, from.chart, false), on(s)};
+  }
+
+  // The limit a step further on; false where none is found, or another mode, which Newton's method fell upon.
+  bool solve(double length, PlanePoint t, bool along_border) {
     constexpr double part = 0.03;  // of the frequency of the train
-    return std::abs(at_.mode.lambda.imag() - predicted) < part * 2 * M_PI / at_.limit.period;
+    const Found& here = way_->back().found;
+    const auto next =
+        beside(here, {length * t.x, length * t.y}, along_border ? PlanePoint{1, 0} : PlanePoint{-t.y, t.x},
+               std::max(0.5 * length, 1e-4));
+    if (!next) return false;
+    next_ = *next;
+    const double expected = here.mode.lambda.imag() + turning_ * std::hypot(next_.moved.x, next_.moved.y);
+    return std::abs(next_.found.mode.lambda.imag() - expected) < part * 2 * M_PI / here.limit.period;
   }
 
-  // A step of at most this length; the cosine of the angle by which the curve turned, nothing where it fails.
-  std::optional<double> step(double ds) {
-    LimitFunction f(sheet_, at_.limit.kind == "fold", at_.place, at_.mode);
-    const auto here = way(f);
-    if (!here) return std::nullopt;
-    const auto& [t, g, frequency_slope] = *here;
-    const double frequency = at_.mode.lambda.imag();
-    const double v = share(at_.place.value2);
-    // at the end of value2 the corrector moves along it
-    const bool arrive = t.v > 0 && v + ds * t.v >= 1;
-    if (arrive) ds = (1 - v) / t.v;
-    const Vector across = arrive ? Vector{1, 0} : Vector{-t.v, t.alpha};
-    const Vector ahead{ds * t.alpha, arrive ? 1 - v : ds * t.v};
-    const auto beside = [&](double s) {
-      return f(at_.chart, ahead.alpha + s * across.alpha, value2(v + ahead.v + s * across.v));
-    };
-    const double f0 = beside(0), slope = g.alpha * across.alpha + g.v * across.v;
-    if (std::isnan(f0)) return std::nullopt;
-    const double s = root_near(beside, 0, f0, -f0 / slope, 1e-9, std::max(0.5 * ds, 1e-4));
-    if (std::isnan(s) || std::isnan(beside(s))) return std::nullopt;
-    const Vector moved{ahead.alpha + s * across.alpha, ahead.v + s * across.v};
-    const double length = std::hypot(moved.alpha, moved.v);
-    const SheetChart old = at_.chart;
-    at_ = found_at(sheet_, f, old, false);  // its modes are counted where the step stands
-    if (!same_mode(frequency + frequency_slope * length)) return std::nullopt;
-    last_ = moved;
-    return (moved.alpha * t.alpha + moved.v * t.v) / length;
-  }
-
-  const TrainSheet& sheet_;
-  Found at_;
-  double low_, high_, from2_, to2_;
-  std::optional<Vector> last_;  // the last step
+  std::shared_ptr<const TrainSheet> sheet_;
+  Step first_, next_;
+  LimitBox box_;
+  std::vector<Step> ways_[2], *way_ = nullptr;      // backwards, forwards; the one that is gone
+  double heading_ = nowhere, frequency_slope_ = 0;  // at the first point, forwards
+  double turning_ = 0;                              // change of the frequency along the last step
+  mutable double slope_ = nowhere;                  // of the function across the line, where it was seen last
 };
 
-TrainSheet sheet_of(const TrainFamily2& family, const Branch& branch) {
+constexpr double longest_step = 0.15, first_step = 0.02;
+
+std::shared_ptr<const TrainSheet> sheet_of(const TrainFamily2& family, const Branch& branch) {
   const Train& first = branch.points.front().train;
   const double z_scale = ranges(first.values.data(), points_on(first.mesh), first.oscillator->dim())[1];
   double low = 1e300, high = -1e300;
@@ -392,17 +426,29 @@ TrainSheet sheet_of(const TrainFamily2& family, const Branch& branch) {
     low = std::min(low, p.value);
     high = std::max(high, p.value);
   }
-  return TrainSheet(family, high - low, z_scale);
+  return std::make_shared<const TrainSheet>(family, high - low, z_scale);
+}
+
+std::string why_it_ends(LineEnd end, PlanePoint at, const TrainFamily2& family, const LimitBox& box,
+                        int steps) {
+  const std::string place =
+      fmt::format("{} = {:.8g}, {} = {:.8g}", family.name, box.from + at.x * (box.to - box.from),
+                  family.name2, box.value2(at.y));
+  if (end == LineEnd::steps) return "wave_steps " + std::to_string(steps) + " taken";
+  if (end == LineEnd::closed) return "comes back to its start";
+  if (end != LineEnd::border) return "no way on is found at " + place;
+  if (at.y >= 1) return "reached " + family.name2 + " = " + rounded_text(box.to2, 8);
+  return at.y <= 0 ? family.name2 + " comes back past its start" : family.name + " leaves its range";
 }
 
 }  // namespace
 
 std::vector<TrainLimit> train_limits(const TrainFamily2& family, const Branch& branch, double value2,
                                      bool stability, std::vector<std::string>& notes) {
-  const TrainSheet sheet = sheet_of(family, branch);
+  const std::shared_ptr<const TrainSheet> sheet = sheet_of(family, branch);
   const auto modes = stability ? LimitsOfBranch::Count::all : LimitsOfBranch::Count::none;
   std::vector<TrainLimit> limits;
-  for (const Found& found : LimitsOfBranch(sheet, branch, value2, modes).all(notes))
+  for (const Found& found : LimitsOfBranch(*sheet, branch, value2, modes).all(notes))
     limits.push_back(found.limit);
   return limits;
 }
@@ -410,18 +456,28 @@ std::vector<TrainLimit> train_limits(const TrainFamily2& family, const Branch& b
 std::vector<TrainLimitCurve> train_limit_curves(const TrainFamily2& family, const Branch& branch, double from,
                                                 double to, double from2, double to2, int steps,
                                                 std::vector<std::string>& notes) {
-  const TrainSheet sheet = sheet_of(family, branch);
+  const std::shared_ptr<const TrainSheet> sheet = sheet_of(family, branch);
+  const LimitBox box{from, to, from2, to2};
   std::vector<TrainLimitCurve> curves;
-  for (const Found& found : LimitsOfBranch(sheet, branch, from2, LimitsOfBranch::Count::all).all(notes))
-    curves.push_back(LimitWalk(sheet, found, from, to, from2, to2).walk(family.name, family.name2, steps));
+  for (const Found& found : LimitsOfBranch(*sheet, branch, from2, LimitsOfBranch::Count::all).all(notes)) {
+    LimitLine line(sheet, found, box);
+    CurvePiece piece;
+    const LineEnd end = follow(line, box.place(found.limit), line.begin(true),
+                               {longest_step, first_step, steps}, piece.points);
+    TrainLimitCurve curve{{found.limit}, why_it_ends(end, piece.points.back(), family, box, steps)};
+    const std::vector<CurvePlace> places = even_places({piece}, PetscInt(piece.points.size()))[0];
+    for (std::size_t k = 1; k < places.size(); ++k)
+      if (const std::optional<TrainLimit> limit = line.at(places[k])) curve.points.push_back(*limit);
+    curves.push_back(std::move(curve));
+  }
   return curves;
 }
 
 StableTrains stable_trains(const TrainFamily2& family, const Branch& branch, double at2, int steps,
                            const std::function<bool(const TrainLimit&)>& known) {
-  const TrainSheet sheet = sheet_of(family, branch);
+  const std::shared_ptr<const TrainSheet> sheet = sheet_of(family, branch);
   constexpr double apart = 1e-2;  // of the box: what is narrower is not seen in it
-  LimitsOfBranch limits(sheet, branch, at2, LimitsOfBranch::Count::when_asked);
+  LimitsOfBranch limits(*sheet, branch, at2, LimitsOfBranch::Count::when_asked);
   StableTrains out;
   const std::vector<Found> edges = limits.of_stable(apart, out.lost);
   for (std::size_t k = 0; k < branch.points.size(); ++k)
@@ -429,15 +485,11 @@ StableTrains stable_trains(const TrainFamily2& family, const Branch& branch, dou
       out.samples.push_back({branch.points[k].value, at2, *stable});
   for (const Found& found : edges) {
     if (known(found.limit)) continue;
-    TrainLimitCurve line{{found.limit}, ""};
-    if (at2 > 0) line = LimitWalk(sheet, found, 0, 1, 1, 0).walk(family.name, family.name2, steps);
-    std::reverse(line.points.begin(), line.points.end());
-    if (at2 < 1) {
-      const TrainLimitCurve up = LimitWalk(sheet, found, 0, 1, 0, 1).walk(family.name, family.name2, steps);
-      line.points.insert(line.points.end(), up.points.begin() + 1, up.points.end());
-      line.end += (line.end.empty() ? "" : "; ") + up.end;
-    }
-    out.lines.push_back(std::move(line));
+    const LimitBox box{0, 1, 0, 1};
+    const auto line = std::make_shared<LimitLine>(sheet, found, box);
+    CurvePiece piece = follow_both_ways(*line, box.place(found.limit), {longest_step, first_step, steps});
+    out.lines.push_back(
+        {std::move(piece), line->limits(), [line](const CurvePlace& place) { return line->at(place); }});
   }
   return out;
 }

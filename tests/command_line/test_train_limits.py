@@ -17,7 +17,7 @@ def test_limits_followed_in_a_second_option():
     check([p["kind"] for p in found["special"]] == ["hopf"] and found["special"][0]["leads"], found["special"])
     check(abs(found["special"][0]["value"] - 0.8541419474) < 1e-9, "the velocity at gamma = 3")
     curve = found["curves"][0]
-    check(curve["end"] == "wave_steps 4 taken" and len(curve["points"]) == 5, curve["end"])
+    check(curve["end"] == "model_v leaves its range" and abs(curve["points"][-1]["value"] - 0.8555) < 1e-9, curve["end"])
     check(np.all(np.diff([p["value2"] for p in curve["points"]]) > 0), curve["points"])
     check(all(p["length"] == 25 and p["frequency"] > 0.4 for p in curve["points"]), curve["points"])
     check(not disagreements("t.h5", FilesPage()), "docs/files.md, of curves/")
@@ -36,6 +36,10 @@ def test_curves_in_the_damping_are_those_of_undamped_trains():
     found, _ = run("-model_delta 0 -model_v 0.893 -wave_pulses 1 -wave_length 25 -wave_continue model_v -wave_to 0.8962 "
                    "-wave_steps 6 -wave_continue2 model_delta -wave_to2 0.1", command="wave")
     (curve,) = found["curves"]
+    at = np.array([[(p["value"] - 0.893) / 0.0032, p["value2"] / 0.1] for p in curve["points"]])
+    apart = np.hypot(*np.diff(at, axis=0).T)
+    # a piece of a curve that turns by less than 0.5 differs from its chord by less than 1/90
+    check(len(at) > 3 and apart.max() / apart.min() < 1.03, f"even along the curve: {apart}")
     last = curve["points"][-1]
     a = np.sqrt(1 - last["value2"] / 3)
     check(curve["points"][0]["value2"] == 0 and a < 1, curve)

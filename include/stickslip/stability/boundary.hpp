@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "stickslip/numerics/plane_line.hpp"
 #include "stickslip/stability/growth_rate.hpp"
 
 namespace stickslip {
@@ -35,6 +36,12 @@ struct BoundaryFindings {
   std::vector<Crossing> meetings;
   std::vector<SpecialPlace> special;  // curves only
 };
+
+// The values of the axes at a place of the unit square, in words.
+std::string place_text(const std::vector<Axis>& axes, double x, double y);
+// A note for each end of a line where no way on was found.
+void note_stuck(const std::string& line, const std::string& why, const std::vector<Axis>& axes,
+                const std::vector<CurvePiece>& pieces, std::vector<std::string>& notes);
 
 // Every zero on the first axis, ascending in the coordinate, bracketed on 33 samples and by the least
 // |growth| between samples of one sign. `error` of a point: growth rate on a grid of half the spacing over

@@ -30,21 +30,21 @@ class MediumLines {
 
   // About `count` points of the line on which growth_on_uniform is zero: `of` "waves", kind `wave`, with the
   // wavenumber of the wave that grows fastest there.
-  std::vector<Crossing> waves(PetscInt count);
+  std::vector<Crossing> waves(PetscInt count, std::vector<std::string>& notes);
   // growth_on_uniform as sampled for it, 9 x 9, the first axis fastest.
   const std::vector<double>& growth() const { return growth_; }
 
   // Lines at which stable trains begin: `of` "trains", kind `fold`, `hopf` or `zero`
   // (waves/train_limits.hpp). Trains are followed along the first axis at both ends and the middle of the
-  // second; what bounds their stability there is followed through the box. `notes`: what was seen and not
-  // located.
-  std::vector<Crossing> trains(std::vector<std::string>& notes);
+  // second; what bounds their stability there is followed through the box, about `count` points in all. Left
+  // out are those beyond which trains are unstable all the same. `notes`: what was seen and not located.
+  std::vector<Crossing> trains(PetscInt count, std::vector<std::string>& notes);
   const std::vector<TrainSample>& samples() const { return samples_; }  // coordinates on the axes
 
  private:
   Scene scene(double x, double y) const { return scene_at_(axes_[0].value(x), axes_[1].value(y)); }
   Crossing crossing(double x, double y, const char* of) const;
-  void follow_trains(double y, std::vector<TrainLimitCurve>& lines, std::vector<std::string>& notes);
+  void follow_trains(double y, std::vector<TrainLimitLine>& lines, std::vector<std::string>& notes);
 
   SceneAt scene_at_;
   std::vector<Axis> axes_;

@@ -72,8 +72,7 @@ class StickSlipEnd {
   Scene scene_of_axes(double x, double y) const;
   Crossing crossing_at(double x, double y) const;  // the place and its values, of stick-slip
   std::string place_text(double x, double y) const;
-  // Of the ends of a piece of the curve those where no way on was found.
-  void note_stuck(const CurvePiece& piece, std::vector<std::string>& notes) const;
+  void note_stuck_ends(const std::vector<CurvePiece>& pieces, std::vector<std::string>& notes) const;
   void count_evaluation();
 
   SceneAt scene_at_;

@@ -4,8 +4,8 @@
 // A fold: two trains of the family merge, dvalue = 0 along the trains. A change of stability: the growth rate
 // of one eigenvalue passes through zero (wave_stability.hpp); it may oscillate in the frame of the train
 // (`hopf`) or not (`zero`). On the surface of all trains (alpha, value2), train_sheet.hpp, each is the zero
-// line of a smooth function, which is followed by steps along its tangent and root finding across. Computed
-// alike on every rank.
+// line of a smooth function, which is followed there (numerics/plane_line.hpp) and whose points are spread
+// evenly in the two parameters. Computed alike on every rank.
 #pragma once
 
 #include <functional>
@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "stickslip/numerics/plane_line.hpp"
 #include "stickslip/waves/branch.hpp"
 #include "stickslip/waves/wave_stability.hpp"
 
@@ -58,12 +59,20 @@ struct TrainSample {
   bool stable = false;  // on its ring
 };
 
+// A line of limits through the box value, value2 in [0, 1].
+struct TrainLimitLine {
+  CurvePiece piece;
+  std::vector<TrainLimit> limits;  // at its points; it is not asked whether they lead
+  // The limit at a place of the piece, and whether it leads; empty where it is not found.
+  std::function<std::optional<TrainLimit>(const CurvePlace&)> at;
+};
+
 // Where the trains of a branch at value2 = at2 are stable, and each line where that begins or ends, followed
-// both ways through the box value, value2 in [0, 1] in at most `steps` steps each: limits at which no other
-// mode grows. Those that are `known` are left out. `lost`: how many more were seen and not located.
+// both ways through the box in at most `steps` steps each: limits at which no other mode grows. Those that
+// are `known` are left out. `lost`: how many more were seen and not located.
 struct StableTrains {
   std::vector<TrainSample> samples;
-  std::vector<TrainLimitCurve> lines;
+  std::vector<TrainLimitLine> lines;
   int lost = 0;
 };
 StableTrains stable_trains(const TrainFamily2& family, const Branch& branch, double at2, int steps,
