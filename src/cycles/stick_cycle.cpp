@@ -278,7 +278,8 @@ Grazing distance_from_graze(const Scene& s) {
   StickCycle c;
   c.side = s.v < 0 ? -1 : 1;
   c.start = after_rest(motion, long_rest);
-  double before = 0;  // the state at the last release but one
+  double from = std::nan(""),
+         change = from;  // of the last round: the state it began with, and by how much it changed
   try {
     for (int round = 0; round < most_rounds; ++round) {
       StickReturnMapOptions wishes;
@@ -291,11 +292,12 @@ Grazing distance_from_graze(const Scene& s) {
         wishes.turns = true;
         return grazing_of(motion, return_map_of(motion, c, wishes));
       }
-      if (round % 3 == 2) {  // Aitken: the changes go like powers of the map's slope
-        const double slope = (now - last) / (last - before), limit = now + (now - last) * slope / (1 - slope);
-        if (std::abs(slope) < 1 && std::abs(limit - now) < 100 * (1 + std::abs(now))) c.start.back() = limit;
-      }
-      before = last;
+      // by the secant, where the map's slope is that of a cycle that attracts
+      const double slope = 1 + (now - last - change) / (last - from),
+                   limit = last + (now - last) / (1 - slope);
+      if (std::abs(slope) < 1 && std::abs(limit - now) < 100 * (1 + std::abs(now))) c.start.back() = limit;
+      from = last;
+      change = now - last;
     }
   } catch (const Failure&) {
   }

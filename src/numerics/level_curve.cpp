@@ -171,7 +171,7 @@ class CurveSearch {
  public:
   CurveSearch(const PlaneFunction& f, double width, const LevelCurveSettings& settings)
       : f_(f), sure_(settings.sure ? settings.sure : f), checks_(bool(settings.sure)), width_(width),
-        step_(std::min(0.5 * width, settings.step)) {}
+        step_(std::min(0.5 * width, settings.step)), start_(settings.start) {}
 
   LevelCurve found;
 
@@ -203,11 +203,11 @@ class CurveSearch {
   std::optional<PlanePoint> zero_on(const Edge& e) const {
     const auto at = [&](double t) { return between(e.a, e.b, t); };
     const auto along = [&](double t) { return f_(at(t).x, at(t).y); };
-    double t = find_root(along, {0, e.fa, 1, e.fb}, 1e-9);
+    double t = find_root(along, {0, e.fa, 1, e.fb}, start_);
     for (int again = 0; again < 3 && checks_ && std::isfinite(t); ++again) {
       const double before = t;
       if (std::abs(sure_(at(t).x, at(t).y)) < 1e-9) break;
-      t = find_root(along, {0, e.fa, 1, e.fb}, 1e-9);
+      t = find_root(along, {0, e.fa, 1, e.fb}, start_);
       if (std::abs(t - before) < 1e-8) break;
     }
     return std::isfinite(t) ? std::optional<PlanePoint>(at(t)) : std::nullopt;
@@ -236,7 +236,7 @@ class CurveSearch {
   const PlaneFunction& f_;
   PlaneFunction sure_;
   bool checks_;
-  double width_, step_;
+  double width_, step_, start_;
 };
 
 }  // namespace
@@ -251,16 +251,17 @@ LevelCurve level_curve(const PlaneFunction& f, const Lattice& lattice, const Lev
   return std::move(search.found);
 }
 
-Placed put_on_curve(const PlaneFunction& f, PlanePoint at, PlanePoint across, double& slope) {
+Placed put_on_curve(const PlaneFunction& f, PlanePoint at, PlanePoint across, double& slope, double jump) {
   const auto off = [&](double d) { return clamped({at.x + d * across.x, at.y + d * across.y}); };
   const auto g = [&](double d) { return f(off(d).x, off(d).y); };
   const double here = g(0);
-  const double d = root_near(g, 0, here, std::isfinite(slope) ? -here / slope : 1e-5, 1e-7, 0.1, &slope);
+  const double d =
+      root_near(g, 0, here, std::isfinite(slope) ? -here / slope : 1e-5, 1e-7, 0.1, &slope, jump);
   return std::isfinite(d) ? Placed{off(d), true} : Placed{clamped(at), false};
 }
 
 void place_evenly(const PlaneFunction& f, const std::vector<CurvePiece>& pieces, PetscInt points,
-                  const TakePlace& take) {
+                  const TakePlace& take, double jump) {
   const std::vector<std::vector<CurvePlace>> all = even_places(pieces, points);
   for (std::size_t number = 0; number < all.size(); ++number) {
     double slope = std::nan("");
@@ -268,7 +269,7 @@ void place_evenly(const PlaneFunction& f, const std::vector<CurvePiece>& pieces,
       double border = std::nan("");
       const CurvePlace& place = all[number][k];
       take(number, k, all[number].size(), place,
-           put_on_curve(f, place.at, place.across, place.border ? border : slope));
+           put_on_curve(f, place.at, place.across, place.border ? border : slope, jump));
     }
   }
 }

@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <set>
 
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
+#include "stickslip/numerics/interpolation.hpp"
 #include "stickslip/numerics/level_curve.hpp"
 #include "stickslip/numerics/roots.hpp"
 
@@ -20,6 +22,7 @@ constexpr double beside = 1e-4;      // of the box: where it is asked what lives
 constexpr double near_graze = 1e-3;  // distance over 1 + |v| of a place near a graze
 constexpr double meets = 0.3;        // |1 - multiplier| that is left where a cycle meets another
 constexpr double grazes = 1e-6;      // distance from grazing, over 1 + |v|, of an end by grazing
+constexpr double near_fold = 1e-6;   // of the box: from where a fold is placed by its multiplier
 
 }  // namespace
 
@@ -81,33 +84,41 @@ PlanePoint GrazeEnd::last_digits(PlanePoint at, PlanePoint across) {
   return std::isnan(t) ? at : PlanePoint{at.x + t * across.x, at.y + t * across.y};
 }
 
-// Towards a fold the multiplier mu goes to 1 like the square root of the distance: (1 - mu)^2 is extrapolated
-// to 0 from cycles ever nearer to it, on the side where they live; twice, the second time from nearer.
+// Towards a fold the multiplier mu goes to 1 like the square root of the distance: the place is extrapolated
+// to (1 - mu)^2 = 0 from the last three of a row of cycles on the side where they live, each 4 times nearer
+// to where it was expected last.
 void GrazeEnd::place_fold(Crossing& c, double nx, double ny) {
-  const double side = (*this)(c.x + 1e-3 * nx, c.y + 1e-3 * ny) < 0 ? 1 : -1;
-  for (const double first : {1e-3, 1e-5}) {
-    double end = 0, last_off = 0, last_square = 0;
+  constexpr double first = 1e-4, nearer = 4, close = 1e-10;
+  constexpr int most = 20;
+  const double side = (*this)(c.x + first * nx, c.y + first * ny) < 0 ? 1 : -1;
+  const auto beyond = [&](double off) { return scene(c.x + side * off * nx, c.y + side * off * ny); };
+  StickFate fate = uniform_stick_fate(beyond(first));
+  if (fate.fate != Fate::repeats) return;
+  std::vector<double> squares, places;
+  double off = first, end = 0;
+  for (int k = 0; k < most && std::abs(off - end) > close; ++k) {
     try {
-      StickFate fate{Fate::repeats, {}, 0};
-      for (int k = 0; k < 6; ++k) {
-        const double off = first * std::pow(0.25, k);
-        const Scene one = scene(c.x + side * off * nx, c.y + side * off * ny);
-        if (k == 0) fate = uniform_stick_fate(one);
-        if (fate.fate != Fate::repeats) return;
-        fate.cycle = polish(one, fate.cycle);
-        const double square = std::pow(1 - uniform_multiplier(one, fate.cycle), 2);
-        if (k > 0) end = off - square * (off - last_off) / (square - last_square);
-        c.residual = std::sqrt(square);
-        c.frequency = 2 * M_PI / fate.cycle.period;
-        last_off = off;
-        last_square = square;
-      }
-    } catch (const Failure&) {  // beyond the fold: what was extrapolated counts
+      const Scene one = beyond(off);
+      fate.cycle = polish(one, fate.cycle);
+      squares.insert(squares.begin(), std::pow(1 - uniform_multiplier(one, fate.cycle), 2));
+    } catch (const Failure&) {  // beyond the fold
+      if (places.empty()) return;
+      off = (off + places[0]) / 2;
+      continue;
     }
-    if (!(std::abs(end) < first)) return;
-    c.x += side * end * nx;
-    c.y += side * end * ny;
+    places.insert(places.begin(), off);
+    squares.resize(std::min<std::size_t>(3, squares.size()));
+    std::vector<double> weights(squares.size());
+    Lagrange(squares).weights(0, weights.data());
+    end = std::inner_product(weights.begin(), weights.end(), places.begin(), 0.);
+    const double expected = std::clamp(end, -near_fold, near_fold);  // the place is known to that
+    off = expected + (off - expected) / nearer;
+    c.residual = std::sqrt(squares[0]);
+    c.frequency = 2 * M_PI / fate.cycle.period;
   }
+  if (!(std::abs(end) < first)) return;
+  c.x += side * end * nx;
+  c.y += side * end * ny;
   c.value = axes_[0].value(c.x);
   if (axes_.size() > 1) c.value2 = axes_[1].value(c.y);
 }
@@ -239,6 +250,8 @@ std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& 
   const PlaneFunction f = [&](double x, double y) { return (*this)(x, y); };
   LevelCurveSettings settings;
   settings.step = 1. / std::clamp<double>(double(count), 40., 60.);
+  const double jump = scene(0.5, 0.5).friction.has_state() ? near_fold : 0;
+  settings.start = std::max(settings.start, jump);
   const LevelCurve line = level_curve(f, lattice, settings);
   struct Asked {
     Crossing end;
@@ -249,12 +262,21 @@ std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& 
   place_evenly(
       f, line.pieces, count,
       [&](std::size_t piece, std::size_t k, std::size_t of_piece, const CurvePlace& place, const Placed& on) {
-        const PlanePoint at = last_digits(on.at, place.across);
-        places.push_back({crossing(at.x, at.y, place.across.x, place.across.y), place.across, {}});
+        const auto end_near = [&](PlanePoint at) {
+          at = last_digits(at, place.across);
+          return crossing(at.x, at.y, place.across.x, place.across.y);
+        };
+        places.push_back({end_near(on.at), place.across, {}});
+        const Crossing& c = places.back().end;
+        if (jump > 0 && c.kind != "fold" && c.residual > grazes * (1 + std::abs(scene(c.x, c.y).v))) {
+          double slope = std::nan("");  // it changes so fast that what is near a fold is not near enough
+          places.back().end = end_near(put_on_curve(f, place.at, place.across, slope).at);
+        }
         places.back().end.piece = int(piece);
         if (k % std::max<std::size_t>(1, of_piece / 8) == 0)
           places.back().ends = ends_at(places.back().end, place.across.x, place.across.y);
-      });
+      },
+      jump);
   std::set<int> doubtful;  // pieces: every point is asked
   for (const Asked& p : places)
     if (!p.ends.value_or(true)) doubtful.insert(p.end.piece);

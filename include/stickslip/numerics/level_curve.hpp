@@ -37,6 +37,8 @@ struct LevelCurve {
 
 struct LevelCurveSettings {
   double step = 1. / 60;  // longest step
+  // To which the places to start from are found.
+  double start = 1e-9;
   // f with all the care that the function knows of, asked at places to start from; empty: f itself.
   PlaneFunction sure = {};
 };
@@ -46,12 +48,13 @@ struct LevelCurveSettings {
 LevelCurve level_curve(const PlaneFunction& f, const Lattice& lattice, const LevelCurveSettings& settings);
 
 // The zero of f beside a place of the curve. `slope`: that of f along `across` if known, else NaN; set to the
-// last one seen. Empty where f has no zero within 0.1. f is asked at the nearest place of the square.
+// last one seen. Empty where f has no zero within 0.1. f is asked at the nearest place of the square. A jump
+// through zero is found to `jump`.
 struct Placed {
   PlanePoint at;  // in the square
   bool found;
 };
-Placed put_on_curve(const PlaneFunction& f, PlanePoint at, PlanePoint across, double& slope);
+Placed put_on_curve(const PlaneFunction& f, PlanePoint at, PlanePoint across, double& slope, double jump = 0);
 
 // `points` places in all, evenly over the pieces of a line, each put on its curve: take(number of the piece,
 // k, places of the piece, place, where it was put). The slope of f goes from one place to the next, but not
@@ -59,6 +62,6 @@ Placed put_on_curve(const PlaneFunction& f, PlanePoint at, PlanePoint across, do
 using TakePlace = std::function<void(std::size_t piece, std::size_t k, std::size_t places, const CurvePlace&,
                                      const Placed&)>;
 void place_evenly(const PlaneFunction& f, const std::vector<CurvePiece>& pieces, PetscInt points,
-                  const TakePlace& take);
+                  const TakePlace& take, double jump = 0);
 
 }  // namespace stickslip

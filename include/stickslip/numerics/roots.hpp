@@ -66,11 +66,11 @@ double find_root(F&& f, Bracket bracket, double tolerance) {
 // A zero of f near x, where f has the value fx: secant steps, the first one of length `step` (its sign
 // counts), which end when one is no longer than `tolerance` (what is left is smaller by the change of the
 // slope on the way). Where they do not settle within `reach`, a bracket is grown about x, from reach/1000 by
-// factors of 4, and find_root called on it. `slope`, if given: that of the last secant. NaN where no change
-// of sign is found within `reach`.
+// factors of 4, and find_root called on it, to a millionth of `tolerance` or to `bracket`. `slope`, if given:
+// that of the last secant. NaN where no change of sign is found within `reach`.
 template <class F>
 double root_near(F&& f, double x, double fx, double step, double tolerance, double reach,
-                 double* slope = nullptr) {
+                 double* slope = nullptr, double bracket = 0) {
   if (fx == 0) return x;
   double s = x, fs = fx;
   for (int k = 0; k < 8 && std::isfinite(step) && std::abs(s + step - x) < 0.2 * reach; ++k) {
@@ -86,7 +86,7 @@ double root_near(F&& f, double x, double fx, double step, double tolerance, doub
   for (double away = reach / 1000; away <= reach; away *= 4)
     for (const double other : {x + away, x - away})
       if (const double there = f(other); there * fx <= 0)
-        return find_root(f, {x, fx, other, there}, 1e-6 * tolerance);
+        return find_root(f, {x, fx, other, there}, std::max(1e-6 * tolerance, bracket));
   return std::numeric_limits<double>::quiet_NaN();
 }
 
