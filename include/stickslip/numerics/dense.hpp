@@ -7,6 +7,14 @@
 
 namespace stickslip {
 
+// A product without what C++ asks of complex ones that are not finite; a size that tells larger from smaller.
+inline double product(double a, double b) { return a * b; }
+inline std::complex<double> product(std::complex<double> a, std::complex<double> b) {
+  return {a.real() * b.real() - a.imag() * b.imag(), a.real() * b.imag() + a.imag() * b.real()};
+}
+inline double pivot_size(double a) { return std::abs(a); }
+inline double pivot_size(std::complex<double> a) { return std::norm(a); }
+
 // Solves the n by n system a x = b in place by elimination with row exchanges, where a_ij = 0 for |i - j| >
 // band, in O(n band (band + columns)); a is destroyed, b holds `columns` right-hand sides and becomes x.
 // False where a is singular. For bands, and for what motions in time rest on: the order of operations stands
@@ -17,18 +25,18 @@ bool solve_banded(int n, int band, T* a, int columns, T* b) {
     const int below = std::min(n, k + band + 1), right = std::min(n, k + 2 * band + 1);
     int pivot = k;
     for (int i = k + 1; i < below; ++i)
-      if (std::abs(a[i * n + k]) > std::abs(a[pivot * n + k])) pivot = i;
-    if (!(std::abs(a[pivot * n + k]) > 0)) return false;
+      if (pivot_size(a[i * n + k]) > pivot_size(a[pivot * n + k])) pivot = i;
+    if (!(pivot_size(a[pivot * n + k]) > 0)) return false;
     if (pivot != k) {
       std::swap_ranges(a + k * n + k, a + k * n + right, a + pivot * n + k);
       std::swap_ranges(b + k * columns, b + (k + 1) * columns, b + pivot * columns);
     }
     const T inverse = T(1) / a[k * n + k];
     for (int i = k + 1; i < below; ++i) {
-      const T factor = a[i * n + k] * inverse;
+      const T factor = product(a[i * n + k], inverse);
       if (factor == T(0)) continue;
-      for (int j = k + 1; j < right; ++j) a[i * n + j] -= factor * a[k * n + j];
-      for (int j = 0; j < columns; ++j) b[i * columns + j] -= factor * b[k * columns + j];
+      for (int j = k + 1; j < right; ++j) a[i * n + j] -= product(factor, a[k * n + j]);
+      for (int j = 0; j < columns; ++j) b[i * columns + j] -= product(factor, b[k * columns + j]);
     }
   }
   for (int k = n - 1; k >= 0; --k) {
@@ -36,9 +44,9 @@ bool solve_banded(int n, int band, T* a, int columns, T* b) {
     for (int i = k + 1; i < std::min(n, k + 2 * band + 1); ++i) {
       const T factor = a[k * n + i];
       if (factor == T(0)) continue;
-      for (int j = 0; j < columns; ++j) b[k * columns + j] -= factor * b[i * columns + j];
+      for (int j = 0; j < columns; ++j) b[k * columns + j] -= product(factor, b[i * columns + j]);
     }
-    for (int j = 0; j < columns; ++j) b[k * columns + j] *= inverse;
+    for (int j = 0; j < columns; ++j) b[k * columns + j] = product(b[k * columns + j], inverse);
   }
   return true;
 }
