@@ -287,12 +287,15 @@ struct LimitBox {
   double value2(double y) const { return from2 + y * (to2 - from2); }
 };
 
+constexpr double longest_step = 0.15, first_step = 0.02;
+constexpr double exactly = 1e-9, about = 1e-2;  // to which a place is on its line; the latter times the step
+
 // The line of one limit, followed on the surface of trains: steps are measured in (alpha, y) about the train
 // where it stands.
 class LimitLine : public PlaneLine {
  public:
   LimitLine(std::shared_ptr<const TrainSheet> sheet, const Found& first, const LimitBox& box)
-      : sheet_(std::move(sheet)), first_{first, {}}, box_(box) {}
+      : sheet_(std::move(sheet)), first_{first, {}, true}, box_(box) {}
 
   Way begin(bool forwards) override {
     if (std::isnan(heading_)) find_heading();
@@ -309,16 +312,17 @@ class LimitLine : public PlaneLine {
     const double rest = t.y > 0 ? (1 - here.y) / t.y : t.y < 0 ? -here.y / t.y : radius + 1;
     const bool arrives = rest <= radius;
     radius = std::min(rest, radius);
-    if (!solve(radius, t, arrives)) return std::nullopt;
+    if (!solve(radius, t, arrives, arrives)) return std::nullopt;
     PlanePoint at = box_.place(next_.found.limit);
     if (arrives) at.y = t.y > 0 ? 1 : 0;
     const bool leaves = at.x < 0 || at.x > 1;
     if (leaves) {  // the step to the border
       const double border = at.x < 0 ? 0 : 1;
       const auto beyond = [&](double length) {
-        return solve(length, t, false) ? box_.place(next_.found.limit).x - border : nowhere;
+        return solve(length, t, false, true) ? box_.place(next_.found.limit).x - border : nowhere;
       };
-      const double length = find_root(beyond, {0, here.x - border, radius, at.x - border}, 1e-10);
+      const double length = root_near(beyond, radius, at.x - border,
+                                      radius * (border - at.x) / (at.x - here.x), 1e-9, 5 * radius);
       if (!(length > 0) || std::isnan(beyond(length))) return std::nullopt;
       at = clamped({border, box_.place(next_.found.limit).y});
     }
@@ -345,10 +349,10 @@ class LimitLine : public PlaneLine {
     const bool later = place.segment + 1 >= ways_[0].size();  // than the first point, on the way forwards
     const Step &begin = all[place.segment + (later ? 0 : 1)], &end = all[place.segment + (later ? 1 : 0)];
     const double part = later ? place.part : 1 - place.part, length = std::hypot(end.moved.x, end.moved.y);
-    std::optional<Step> found = part <= 0 ? begin : end;
-    if (part > 0 && part < 1)
+    std::optional<Step> found = part < 0.5 ? begin : end;
+    if ((part > 0 && part < 1) || !found->exact)
       found = beside(begin.found, {part * end.moved.x, part * end.moved.y},
-                     {-end.moved.y / length, end.moved.x / length}, 0.3 * length);
+                     {-end.moved.y / length, end.moved.x / length}, 0.3 * length, exactly);
     if (!found) return std::nullopt;
     ask_whether_it_leads(sheet_->train(found->found.place), found->found.limit);
     return found->found.limit;
@@ -358,6 +362,7 @@ class LimitLine : public PlaneLine {
   struct Step {
     Found found;
     PlanePoint moved;  // in (alpha, y) about the train of the step before
+    bool exact;        // not only about on the line
   };
 
   std::vector<Step> steps() const { return joined(ways_[0], ways_[1]); }
@@ -381,7 +386,8 @@ class LimitLine : public PlaneLine {
   }
 
   // The limit on the line through `moved`, about a limit, along `across`, no further than `reach` from there.
-  std::optional<Step> beside(const Found& from, PlanePoint moved, PlanePoint across, double reach) const {
+  std::optional<Step> beside(const Found& from, PlanePoint moved, PlanePoint across, double reach,
+                             double tolerance) const {
     LimitFunction f(*sheet_, from.limit.kind == "fold", from.place, from.mode);
     const double y = box_.place(from.limit).y;
     const auto on = [&](double s) { return PlanePoint{moved.x + s * across.x, moved.y + s * across.y}; };
@@ -389,18 +395,18 @@ class LimitLine : public PlaneLine {
     const double here = off(0);
     if (std::isnan(here)) return std::nullopt;
     const double first = std::isfinite(slope_) ? -here / slope_ : 1e-3 * reach;
-    const double s = root_near(off, 0, here, first, 1e-9, reach, &slope_);
+    const double s = root_near(off, 0, here, first, tolerance, reach, &slope_);
     if (std::isnan(s) || std::isnan(off(s))) return std::nullopt;
-    return Step{found_at(*sheet_, f, from.chart, false), on(s)};
+    return Step{found_at(*sheet_, f, from.chart, false), on(s), tolerance <= exactly};
   }
 
   // The limit a step further on; false where none is found, or another mode, which Newton's method fell upon.
-  bool solve(double length, PlanePoint t, bool along_border) {
+  bool solve(double length, PlanePoint t, bool along_border, bool exact) {
     constexpr double part = 0.03;  // of the frequency of the train
     const Found& here = way_->back().found;
     const auto next =
         beside(here, {length * t.x, length * t.y}, along_border ? PlanePoint{1, 0} : PlanePoint{-t.y, t.x},
-               std::max(0.5 * length, 1e-4));
+               std::max(0.5 * length, 1e-4), exact ? exactly : about * length);
     if (!next) return false;
     next_ = *next;
     const double expected = here.mode.lambda.imag() + turning_ * std::hypot(next_.moved.x, next_.moved.y);
@@ -415,8 +421,6 @@ class LimitLine : public PlaneLine {
   double turning_ = 0;                              // change of the frequency along the last step
   mutable double slope_ = nowhere;                  // of the function across the line, where it was seen last
 };
-
-constexpr double longest_step = 0.15, first_step = 0.02;
 
 std::shared_ptr<const TrainSheet> sheet_of(const TrainFamily2& family, const Branch& branch) {
   const Train& first = branch.points.front().train;
