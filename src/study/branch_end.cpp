@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "stickslip/base/error.hpp"
@@ -179,6 +180,7 @@ BranchEnd::Branch BranchEnd::follow(PlanePoint from, PlanePoint to) {
     found.end =
         end_place(std::move(path), special.kind,
                   {from.x + special.value * along.x, from.y + special.value * along.y}, {-along.x, -along.y});
+    found.end->strong = first.amplitude;
   } catch (const Failure& e) {
     found.why = e.what();
   }
@@ -342,13 +344,21 @@ std::vector<EndLine> BranchEnd::lines_of_uniform(double step, std::vector<std::s
     wrong = -wrong;
     again = true;
   };
+  // from the middle outwards: on borders cycles may be extreme, which a line reaches from where they are not
+  std::vector<std::array<int, 4>> edges;
+  for (int j = 0; j <= side; ++j)
+    for (int i = 0; i <= side; ++i) {
+      if (i < side) edges.push_back({i, j, i + 1, j});
+      if (j < side) edges.push_back({i, j, i, j + 1});
+    }
+  const auto from_middle = [](const std::array<int, 4>& e) {
+    return std::max(std::abs(e[0] + e[2] - side), std::abs(e[1] + e[3] - side));
+  };
+  std::stable_sort(edges.begin(), edges.end(),
+                   [&](const auto& a, const auto& b) { return from_middle(a) < from_middle(b); });
   for (int pass = 0; again && pass < most_passes; ++pass) {
     again = false;
-    for (int j = 0; j <= side; ++j)
-      for (int i = 0; i <= side; ++i) {
-        if (i < side) look(i, j, i + 1, j);
-        if (j < side) look(i, j, i, j + 1);
-      }
+    for (const auto& [i, j, p, q] : edges) look(i, j, p, q);
   }
   return lines;
 }

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double probes[] = {1e-4, -1e-4, 1e-5, -1e-5, 1e-6, -1e-6};  // aside of the first point, of the box
 constexpr double vanished =
-    0.03;  // amplitude over the first point's: the line ends there, where the cycle shrinks to nothing
+    0.03;  // amplitude over that of a strong cycle: the line ends there, where the cycle shrinks to nothing
 constexpr double shortest_to_nothing = 3e-3;
 constexpr double aside = 0.35;  // of the step, by which a point may miss where it was expected
 
@@ -138,7 +138,7 @@ class LineOfEnds : public PlaneLine {
     const PlanePoint q = way_->size() > 2 && !arrives ? m.at : plus(here.at, taken, direction);
     const PlanePoint n = arrives ? on_side(border.along, here.to_life) : across(direction, here.to_life);
     next_ = end_on_line(scene_, here, q, n, m.others);
-    const bool vanishes = next_ && next_->amplitude < vanished * first_.amplitude;
+    const bool vanishes = next_ && next_->amplitude < vanished * first_.strong;
     vanishes_ = vanishes && taken < shortest_to_nothing;
     if (!next_ || vanishes || distance(next_->at, q) > aside * taken) return std::nullopt;
     if (arrives) next_->at = rounded(next_->at);

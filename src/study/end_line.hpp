@@ -24,7 +24,8 @@ struct EndPlace {
   // its candidate is the cycle there; the parameter is the distance from `at`
   std::shared_ptr<const CyclePath> path;
   double period = 0, amplitude = 0, residual = 0;
-  double slope = 0;  // of special_test along the branch; NaN: not known
+  double slope = 0;   // of special_test along the branch; NaN: not known
+  double strong = 0;  // amplitude where the branch began on which the line's first place was found
 };
 
 // The scenes on the line through q along n, by the distance from q.
