@@ -425,22 +425,19 @@ class LimitLine : public PlaneLine {
 std::shared_ptr<const TrainSheet> sheet_of(const TrainFamily2& family, const Branch& branch) {
   const Train& first = branch.points.front().train;
   const double z_scale = ranges(first.values.data(), points_on(first.mesh), first.oscillator->dim())[1];
-  double low = 1e300, high = -1e300;
-  for (const BranchPoint& p : branch.points) {
-    low = std::min(low, p.value);
-    high = std::max(high, p.value);
-  }
-  return std::make_shared<const TrainSheet>(family, high - low, z_scale);
+  const auto [low, high] =
+      std::minmax_element(branch.points.begin(), branch.points.end(),
+                          [](const BranchPoint& a, const BranchPoint& b) { return a.value < b.value; });
+  return std::make_shared<const TrainSheet>(family, high->value - low->value, z_scale);
 }
 
-std::string why_it_ends(LineEnd end, PlanePoint at, const TrainFamily2& family, const LimitBox& box,
-                        int steps) {
-  const std::string place =
-      fmt::format("{} = {:.8g}, {} = {:.8g}", family.name, box.from + at.x * (box.to - box.from),
-                  family.name2, box.value2(at.y));
+std::string why_it_ends(LineEnd end, PlanePoint at, const TrainLimit& last, const TrainFamily2& family,
+                        const LimitBox& box, int steps) {
   if (end == LineEnd::steps) return "wave_steps " + std::to_string(steps) + " taken";
   if (end == LineEnd::closed) return "comes back to its start";
-  if (end != LineEnd::border) return "no way on is found at " + place;
+  if (end != LineEnd::border)
+    return fmt::format("no way on is found at {} = {:.8g}, {} = {:.8g}", family.name, last.value,
+                       family.name2, last.value2);
   if (at.y >= 1) return "reached " + family.name2 + " = " + rounded_text(box.to2, 8);
   return at.y <= 0 ? family.name2 + " comes back past its start" : family.name + " leaves its range";
 }
@@ -468,7 +465,8 @@ std::vector<TrainLimitCurve> train_limit_curves(const TrainFamily2& family, cons
     CurvePiece piece;
     const LineEnd end = follow(line, box.place(found.limit), line.begin(true),
                                {longest_step, first_step, steps}, piece.points);
-    TrainLimitCurve curve{{found.limit}, why_it_ends(end, piece.points.back(), family, box, steps)};
+    TrainLimitCurve curve{{found.limit},
+                          why_it_ends(end, piece.points.back(), line.limits().back(), family, box, steps)};
     const std::vector<CurvePlace> places = even_places({piece}, PetscInt(piece.points.size()))[0];
     for (std::size_t k = 1; k < places.size(); ++k)
       if (const std::optional<TrainLimit> limit = line.at(places[k])) curve.points.push_back(*limit);
