@@ -384,9 +384,11 @@ double settle_on_special(const std::string& kind, CyclePath& path, double range,
   path.accept();
   here = path.place();
   const double level = dot(row, here);
+  double stands = 0;  // the path's candidate, along the branch
   const auto test = [&](double s) {
     try {
       path.go(s, row, level + s);
+      stands = s;
       return special_test(kind, path, row);
     } catch (const Failure&) {
       return std::nan("");
@@ -396,7 +398,7 @@ double settle_on_special(const std::string& kind, CyclePath& path, double range,
   const double s =
       root_near(test, 0, first, std::abs(step) < reach / 10 ? step : first_step, tolerance, reach, &slope);
   if (std::isnan(s)) return s;
-  path.go(s, row, level + s);
+  if (!(std::abs(s - stands) < 1e-2 * tolerance)) path.go(s, row, level + s);
   path.tangent(row);
   return path.place().back() * range;
 }

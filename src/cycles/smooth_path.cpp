@@ -138,6 +138,10 @@ void SmoothPath::stand_at(std::vector<double> x, const std::vector<double>& mesh
 }
 
 Place SmoothPath::tangent(const Place& row) {
+  if (std::any_of(there_.t.begin(), there_.t.end(), [](double value) { return value != 0; })) {
+    const Place known = direction();
+    if (dot(known, row) > 0) return known;
+  }
   PeriodicEquations problem = equations(there_.mesh, there_.x.back());
   there_.t = problem.tangent(there_.x, {plane(problem.field(), there_), condition(row, 0)});
   const Place t = place_of(there_.t, there_.t);
