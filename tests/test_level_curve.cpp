@@ -10,13 +10,6 @@ using namespace stickslip;
 
 namespace {
 
-Lattice sampled(const PlaneFunction& f, int cells) {
-  Lattice lattice{cells, {}};
-  for (int j = 0; j <= cells; ++j)
-    for (int i = 0; i <= cells; ++i) lattice.values.push_back(f(double(i) / cells, double(j) / cells));
-  return lattice;
-}
-
 LevelCurve traced(const PlaneFunction& f, int cells = 12) { return level_curve(f, sampled(f, cells), {}); }
 
 bool on_border(PlanePoint p) { return p.x == 0 || p.x == 1 || p.y == 0 || p.y == 1; }
@@ -138,4 +131,64 @@ TEST_CASE("a function that learns: sure values are asked at places to start from
   const LevelCurve curve = level_curve(f, sampled(f, 12), settings);
   REQUIRE(curve.pieces.size() == 1);
   for (const PlanePoint& p : curve.pieces[0].points) CHECK(std::abs(p.y - 0.4 - 0.1 * p.x) < 1e-5);
+}
+
+namespace {
+
+// A straight line upwards from the middle of the lower border, with points up to the height `top`.
+class Straight : public PlaneLine {
+ public:
+  Straight(double top, bool vanishing) : top_(top), vanishing_(vanishing) {}
+  Way begin(bool forwards) override {
+    at_ = {0.5, 0};
+    return {forwards ? Way::inside : Way::out, forwards ? M_PI / 2 : -M_PI / 2};
+  }
+  std::optional<Candidate> ahead(double radius, double heading) override {
+    next_ = {0.5, std::min(1., at_.y + radius)};
+    if (next_.y > top_) return std::nullopt;
+    return Candidate{next_, heading, next_.y == 1};
+  }
+  void accept() override { at_ = next_; }
+  bool vanishes() const override { return vanishing_ && at_.y > top_ - 1e-2; }
+
+ private:
+  PlanePoint at_{}, next_{};
+  double top_;
+  bool vanishing_;
+};
+
+}  // namespace
+
+TEST_CASE("a line whose points are solved for: it arrives, is stuck, or vanishes", "[level_curve]") {
+  for (const double top : {2., 0.7}) {
+    Straight line(top, false);
+    const CurvePiece piece = follow_both_ways(line, {0.5, 0}, {0.1, 0.01});
+    CHECK(piece.points.front().y == 0);
+    CHECK(piece.points.back().y == Approx(std::min(1., top)).margin(4e-5));  // steps shorten to 1e-5
+    CHECK(piece.stuck.size() == (top < 1 ? 1 : 0));
+    CHECK(!piece.closed);
+  }
+  Straight line(0.7, true);
+  std::vector<PlanePoint> points;
+  CHECK(follow(line, {0.5, 0}, line.begin(true), {0.1, 0.01}, points) == LineEnd::vanishes);
+  CHECK(follow(line, {0.5, 0}, line.begin(true), {0.1, 0.01, 3}, points) == LineEnd::steps);
+  CHECK(points.size() == 4);
+}
+
+TEST_CASE("even places: the points of several pieces by their lengths", "[level_curve]") {
+  std::vector<CurvePiece> lines(3);
+  lines[0].points = {{0, 0.2}, {0.3, 0.2}, {0.9, 0.2}};
+  lines[1].points = {{0.5, 0.5}, {0.5, 0.8}};
+  lines[2].points = {{0.1, 0.1}};
+  const auto places = even_places(lines, 12);
+  REQUIRE(places.size() == 3);
+  CHECK(places[0].size() == 9);
+  CHECK(places[1].size() == 3);
+  CHECK(places[2].empty());
+  for (std::size_t k = 0; k < 9; ++k) {
+    const CurvePlace& place = places[0][k];
+    CHECK(place.at.x == Approx(0.1125 * double(k)));
+    CHECK(place.along == Approx(place.at.x));
+    CHECK(place.segment == (place.at.x <= 0.3 ? 0 : 1));
+  }
 }

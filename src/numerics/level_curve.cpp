@@ -10,6 +10,13 @@
 
 namespace stickslip {
 
+Lattice sampled(const PlaneFunction& f, int cells) {
+  Lattice lattice{cells, {}};
+  for (int j = 0; j <= cells; ++j)
+    for (int i = 0; i <= cells; ++i) lattice.values.push_back(f(double(i) / cells, double(j) / cells));
+  return lattice;
+}
+
 namespace {
 
 // The zero line of f about a point of it. `side`: 1 where f is positive on the left of the way forwards.

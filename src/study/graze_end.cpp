@@ -242,12 +242,9 @@ std::vector<Crossing> GrazeEnd::points(std::vector<std::string>& notes) {
 }
 
 std::vector<Crossing> GrazeEnd::curve(PetscInt count, std::vector<std::string>& notes) {
-  const int cells = 24;
-  Lattice lattice{cells, {}};
-  for (int j = 0; j <= cells; ++j)
-    for (int i = 0; i <= cells; ++i) lattice.values.push_back((*this)(double(i) / cells, double(j) / cells));
-  samples_ = lattice.values;
   const PlaneFunction f = [&](double x, double y) { return (*this)(x, y); };
+  const Lattice lattice = sampled(f, 24);
+  samples_ = lattice.values;
   LevelCurveSettings settings;
   settings.step = 1. / std::clamp<double>(double(count), 40., 60.);
   const double jump = scene(0.5, 0.5).friction.has_state() ? near_fold : 0;

@@ -100,10 +100,8 @@ std::vector<Crossing> MediumLines::waves(PetscInt count, std::vector<std::string
     each_();
     return growth_on_uniform(scene(x, y));
   };
-  Lattice lattice{cells, {}};
   Pulse::stage("waves on " + std::to_string((cells + 1) * (cells + 1)) + " oscillations");
-  for (int j = 0; j <= cells; ++j)
-    for (int i = 0; i <= cells; ++i) lattice.values.push_back(f(double(i) / cells, double(j) / cells));
+  const Lattice lattice = sampled(f, cells);
   growth_ = lattice.values;
   LevelCurveSettings settings;
   settings.step = 1. / 16;

@@ -29,6 +29,7 @@ struct Lattice {
   std::vector<double> values;  // (cells + 1)^2
   double at(int i, int j) const { return values[j * (cells + 1) + i]; }
 };
+Lattice sampled(const PlaneFunction& f, int cells);
 
 struct LevelCurve {
   std::vector<CurvePiece> pieces;
