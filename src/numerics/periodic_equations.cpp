@@ -112,31 +112,48 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
   set_lambda(lambda(x));
   const int d = d_, p = parameters(), s = stages;
   const size_t b = block();
-  const double period = std::exp(q(x));
+  const SharedField field = at_number(field_, q(x));
+  const VectorField::Period period = field->period(q(x));
+  const VectorField::Stiff stiff = field->stiff();
+  SharedField lower, upper;
+  double low_T = 1, high_T = 1;  // over the period
+  if (family_) {
+    lower = at_number(lower_, q(x));
+    upper = at_number(upper_, q(x));
+    low_T = lower->period(q(x)).T / period.T;
+    high_T = upper->period(q(x)).T / period.T;
+  }
   Linear out{{d, p}};
   const auto a = as_matrix(gauss().a.data(), s, s);
   const auto unit = Matrix<double>::Identity(d, d);
-  Matrix<double> f(s, d), low(s, d), high(s, d), rate, by_lambda, off, R(s * d, d + p + 1);
+  Matrix<double> f(s, d), low(s, d), high(s, d), slope(s, d), rate, by_number, off, sizes,
+      R(s * d, d + p + 1);
   std::vector<double> J(s * d * d);
   for (size_t i = 0; i < n_; ++i) {
-    const double h = (mesh_[i + 1] - mesh_[i]) * period;
+    const double h = (mesh_[i + 1] - mesh_[i]) * period.T;
     const auto y = as_matrix(&x[i * b], 1, d), next = as_matrix(&x[(i + 1 < n_ ? i + 1 : 0) * b], 1, d);
     const auto Y = as_matrix(&x[i * b + d], s, d);
     for (int j = 0; j < s; ++j) {
-      field_->rates(Y.row(j).data(), f.row(j).data());
-      field_->jacobian(Y.row(j).data(), &J[j * d * d]);
+      const double* at = Y.row(j).data();
+      field->rates(at, f.row(j).data());
+      field->jacobian(at, &J[j * d * d]);
+      slope.row(j) = period.slope / period.T * f.row(j);
+      field->add_slope(at, f.row(j).data(), slope.row(j).data());
       if (!family_) continue;
-      lower_->rates(Y.row(j).data(), low.row(j).data());
-      upper_->rates(Y.row(j).data(), high.row(j).data());
+      lower->rates(at, low.row(j).data());
+      upper->rates(at, high.row(j).data());
     }
     rate = h * a * f;
     off = Y - y.replicate(s, 1) - rate;
-    out.residual = std::max(out.residual, off.cwiseAbs().maxCoeff());
+    sizes = off.cwiseAbs().colwise().maxCoeff();
+    sizes(stiff.component) /= 1 + h * stiff.rate;
+    out.residual = std::max(out.residual, sizes.maxCoeff());
     R.leftCols(d) = unit.replicate(s, 1);
-    R.col(d) = rate.reshaped<Eigen::RowMajor>();
+    by_number = h * a * slope;
+    R.col(d) = by_number.reshaped<Eigen::RowMajor>();
     if (family_) {
-      by_lambda = h / width_ * a * (high - low);
-      R.col(d + 1) = by_lambda.reshaped<Eigen::RowMajor>();
+      by_number = h / width_ * a * (high_T * high - low_T * low);
+      R.col(d + 1) = by_number.reshaped<Eigen::RowMajor>();
     }
     if (zero_right)
       R.col(d + p).setZero();
@@ -146,9 +163,9 @@ PeriodicEquations::Linear PeriodicEquations::linear(const std::vector<double>& x
     for (int j = 0; j < s; ++j) right += gauss().end[j + 1] * Y.row(j);
     out.residual = std::max(out.residual, right.cwiseAbs().maxCoeff());
     if (zero_right) right.setZero();
-    out.condensed.add(h, field_->band(), J.data(), R, right.transpose());
+    out.condensed.add(h, field->band(), J.data(), R, right.transpose());
   }
-  if (!std::isfinite(out.residual)) throw Failure("the equations of the cycle are not finite");
+  if (!std::isfinite(out.residual)) throw Failure("the periodic equations are not finite");
   return out;
 }
 
@@ -160,6 +177,7 @@ std::vector<double> PeriodicEquations::closed(const Linear& system, const std::v
     rows(k, d_) = conditions[k].q;
     if (family_) rows(k, d_ + 1) = conditions[k].lambda;
   }
+  if (family_) rows(0, d_ + 1) -= (upper_->anchor() - lower_->anchor()) / width_;
   return system.condensed.solve(rows, rights);
 }
 
@@ -174,6 +192,7 @@ PeriodicEquations::Step PeriodicEquations::step(const std::vector<double>& x,
     for (int a = 0; a < d_; ++a) right -= c.y0[a] * x[a];
     rights.push_back(right);
   }
+  rights[0] += field_->anchor();
   result.dx = closed(system, conditions, rights);
   return result;
 }
@@ -185,39 +204,40 @@ std::vector<double> PeriodicEquations::tangent(const std::vector<double>& x,
   return closed(linear(x, true), rows, rights);
 }
 
-// Converged by the step: the residual cannot fall below the round-off of stiff intervals. In a front of width
-// w (in phase) y cannot be known better than 1e-16/w, so that there the numbers sought decide.
+bool PeriodicEquations::Newton::took(const std::vector<double>& dx, std::size_t numbers) {
+  const double last = last_step;
+  double number_step = 0;
+  last_step = 0;
+  for (size_t k = 0; k < dx.size(); ++k) {
+    last_step = std::max(last_step, std::abs(dx[k]));
+    if (k >= dx.size() - numbers) number_step = std::max(number_step, std::abs(dx[k]));
+  }
+  q_step = std::abs(dx[dx.size() - numbers]);
+  const bool stagnant = last >= 0 && last_step > .2 * last;
+  converged = last_step < 1e-12 || (stagnant && last_step < 1e-8) ||
+              (stagnant && last_step < 1e-3 && number_step < 1e-11);
+  return converged;
+}
+
 PeriodicEquations::Newton PeriodicEquations::newton(std::vector<double>& x,
                                                     const std::vector<Condition>& conditions, int most) {
   Newton result;
-  double last = -1;
   const size_t d = d_, b = block();
   for (int it = 0; it < most; ++it) {
     beat("Newton steps");
     Step s = step(x, conditions);
-    const double period = std::exp(q(x));
+    const double period = at_number(field_, q(x))->period(q(x)).T;
     for (size_t i = 0; i < n_; ++i)
       for (size_t j = 0; j < stages; ++j) {
         const size_t at = i * b + (j + 1) * d;
         field_->safeguard_step(&x[at], gauss().a[j * (stages + 1)] * (mesh_[i + 1] - mesh_[i]) * period,
                                &s.dx[at]);
       }
-    double size = 0, numbers = 0;
-    for (size_t k = 0; k < x.size(); ++k) {
-      x[k] += s.dx[k];
-      size = std::max(size, std::abs(s.dx[k]));
-      if (k >= n_ * block()) numbers = std::max(numbers, std::abs(s.dx[k]));
-    }
+    for (size_t k = 0; k < x.size(); ++k) x[k] += s.dx[k];
     result.residual = s.residual;
-    result.last_step = size;
-    result.q_step = std::abs(s.dx[n_ * block()]);
-    if (!(size < 1e6) || !(std::abs(q(x)) < 600)) return result;
-    const bool stagnant = last >= 0 && size > .2 * last;
-    if (size < 1e-12 || (stagnant && size < 1e-8) || (stagnant && size < 1e-3 && numbers < 1e-11)) {
-      result.converged = true;
-      return result;
-    }
-    last = size;
+    const bool converged = result.took(s.dx, parameters());
+    result.converged = converged && std::abs(q(x)) < 600;
+    if (converged || !(result.last_step < 1e6) || !(std::abs(q(x)) < 600)) return result;
   }
   return result;
 }

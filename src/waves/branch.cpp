@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "numerics/mesh_solve.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/continuation.hpp"
-#include "waves/train_equations.hpp"
+#include "waves/train_field.hpp"
 
 namespace stickslip {
 
@@ -15,25 +14,25 @@ namespace {
 // The trains of a family. The places are (z(0), q, lambda), each over its scale.
 class TrainPath : public BranchPath {
  public:
-  TrainPath(const TrainEquations::Family& family, const Train& first, double from, double range)
+  TrainPath(std::function<TrainCase(double)> cases, const Train& first, double from, double range)
       : z_scale_(ranges(first.values.data(), points_on(first.mesh), first.oscillator->dim())[1]),
-        range_(range), there_{{TrainEquations(family, range, first.mesh, family(from).number_of(first), from),
-                               {}},
-                              {}},
+        range_(range),
+        cases_(std::move(cases)), there_{{PeriodicEquations(first.mesh, fields_of(cases_, from), from, range),
+                                          {}},
+                                         {}},
         here_(there_) {
-    there_.x = there_.equations.fill(first, family(from).number_of(first));
-    there_.x.back() = from;
+    there_.x = there_.equations.fill(profile_of(first), TrainField(cases_(from)).number_of(first));
   }
 
   void go(double length, const Place& row, double right) override {
     there_ = here_;
-    there_.equations.condition(in_units(row), right);
     for (size_t k = 0; k < there_.x.size(); ++k) there_.x[k] += length * there_.t[k];
-    solve_on_suiting_mesh([](auto& s) { return newton(s.equations, s.x, nullptr, 10); }, {1e-9, 60}, there_);
+    const auto solve = [conditions = conditions(row, right)](auto& s) { return newton(s, conditions, 10); };
+    solve_on_suiting_mesh(solve, {1e-9, 60}, there_);
   }
   Place place() const override { return place_of(there_.x); }
   Place tangent(const Place& row) override {
-    there_.t = there_.equations.tangent(there_.x, in_units(row));
+    there_.t = there_.equations.tangent(there_.x, conditions(row, 0));
     const Place t = place_of(there_.t);
     const double length = std::sqrt(dot(t, t));
     for (double& value : there_.t) value /= length;
@@ -44,31 +43,30 @@ class TrainPath : public BranchPath {
   double value() const { return there_.x.back(); }
   // The candidate, before its tangent is asked for; and its dpsi/dt at phase 0.
   Train train() {
-    std::vector<double> F(there_.x.size());
-    Train train = pack(there_.equations, there_.x);
-    train.residual = there_.equations.largest_residual(there_.x, F);
+    Train train = pack(field(), there_);
     train.error_estimate = 1e-9 * (train.length_given ? std::abs(train.speed) : train.length);
     return train;
   }
   double slope() const {
-    const TrainSetting& setting = there_.equations.setting();
     double dy[train_max_dim + 1];
-    setting.rhs(setting.at(there_.q()), there_.x.data(), dy, nullptr);
+    field().placed(there_.q()).rates(there_.x.data(), dy);
     return dy[0];
   }
 
  private:
-  struct Stand : MeshSolution<TrainEquations> {
+  struct Stand : TrainSolution {
     std::vector<double> t;  // tangent in all unknowns, of length 1 in the places
   };
-  std::vector<double> in_units(const Place& row) const {
-    return {row[0] / z_scale_, row[1], row[2] / range_};
+  TrainField field() const { return TrainField(cases_(value())); }
+  std::vector<Condition> conditions(const Place& row, double right) const {
+    return train_conditions(there_.equations.dim(), {row[0] / z_scale_, row[1], row[2] / range_}, right);
   }
   Place place_of(const std::vector<double>& x) const {
     return {x[1] / z_scale_, x[x.size() - 2], x.back() / range_};
   }
 
   double z_scale_, range_;
+  std::function<TrainCase(double)> cases_;
   Stand there_, here_;
 };
 
@@ -125,10 +123,9 @@ class TrainWalk : public Continuation {
 
 // Throws Failure for an option that does not enter a train of given length.
 void check_that_it_enters(const TrainFamily& family, double from, double to) {
-  const TrainSetting start = setting_of(family.at(from)),
-                     moved = setting_of(family.at(from + .01 * (to - from)));
-  if (moved.oscillator->A() == start.oscillator->A() && moved.oscillator->v() == start.oscillator->v() &&
-      moved.N == start.N)
+  const TrainField start(family.at(from)), moved(family.at(from + .01 * (to - from)));
+  if (moved.oscillator()->A() == start.oscillator()->A() && moved.anchor() == start.anchor() &&
+      moved.N() == start.N())
     throw Failure("wave_continue " + family.name + ": this option does not enter the train");
 }
 
@@ -136,10 +133,9 @@ void check_that_it_enters(const TrainFamily& family, double from, double to) {
 
 Branch continue_train(const TrainFamily& family, double from, double to, int steps) {
   const TrainCase asked = family.at(from);
-  (void)setting_of(asked);  // refuses what has no trains
+  (void)TrainField(asked);  // refuses what has no trains
   const Train first = solve_train(asked.scene, asked.request);
-  TrainPath path([at = family.at](double lambda) { return setting_of(at(lambda)); }, first, from,
-                 std::abs(to - from));
+  TrainPath path(family.at, first, from, std::abs(to - from));
   TrainWalk walk(path, first, family.name, from, to, steps);
   try {
     walk.begin();

@@ -4,11 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "numerics/mesh_solve.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/roots.hpp"
-#include "waves/train_equations.hpp"
-#include "waves/viscous_train.hpp"
+#include "waves/train_field.hpp"
 
 namespace stickslip {
 
@@ -20,61 +18,7 @@ void find_extrema(Train& train) {
   train.psi_min = extremum(psi, -1);
 }
 
-Train pack(const TrainEquations& problem, const std::vector<double>& x) {
-  Train train;
-  const TrainSetting& setting = problem.setting();
-  const TrainSetting::At at = setting.at(x[(problem.mesh().size() - 1) * problem.block()]);
-  train.pulses = setting.request.pulses;
-  train.length_given = bool(setting.request.length);
-  train.speed = setting.request.speed ? *setting.request.speed : at.speed;
-  train.period = at.T;
-  train.length = setting.request.length ? *setting.request.length : double(train.pulses) * at.speed * at.T;
-  train.r2 = at.r2;
-  train.oscillator = setting.oscillator;
-  train.method = &Collocation::gauss5();
-  train.mesh = problem.mesh();
-  train.nu = setting.N * setting.oscillator->A();
-  std::vector<double> values(x.begin(), x.begin() + long(train.intervals() * problem.block()));
-  if (setting.N > 0)
-    set_viscous_values(train, std::move(values));
-  else
-    train.values = std::move(values);
-  find_extrema(train);
-  return train;
-}
-
 namespace {
-
-// The train of a solution on a halved mesh, with its errors: `estimate` is the relative one of the unknown
-// number.
-Train finished(TrainEquations& problem, const std::vector<double>& x, double estimate) {
-  Train train = pack(problem, x);
-  std::vector<double> F(problem.size()), noise(problem.size());
-  train.residual = problem.largest_residual(x, F);
-  // round-off: what one more step of Newton's method would move q by, and a few units of the last place
-  problem.linearise(x.data());
-  problem.solve(F.data(), noise.data());
-  train.error_estimate = (train.length_given ? std::abs(train.speed) : train.length) *
-                         (estimate + 4 * std::abs(noise.back()) + 4e-15);
-  return train;
-}
-
-// False where Newton's method does not converge.
-bool solve_to(const TrainSetting& setting, const Orbit& start, double q, double tolerance, Train& train) {
-  using Solution = MeshSolution<TrainEquations>;
-  const auto solve = [](Solution& s) { return newton(s.equations, s.x, &s.last_step); };
-  Solution s{TrainEquations(setting, start.mesh, q), {}};
-  s.x = s.equations.fill([&](double phase, double* y) { start.at(phase, y); }, q);
-  if (!solve(s)) return false;
-  const auto change = [&](const Solution& a, const Solution& b) {
-    const TrainSetting::At coarse = setting.at(a.q()), fine = setting.at(b.q());
-    return std::abs(setting.request.speed ? coarse.T / fine.T - 1 : coarse.speed / fine.speed - 1);
-  };
-  auto found = solve_to_accuracy<TrainEquations>(solve, std::move(s),
-                                                 {tolerance, 12, {0}, units_of_psi, change, "the train"});
-  if (found) train = finished(found->solution.equations, found->solution.x, found->estimate);
-  return bool(found);
-}
 
 double cubic_shortest(const Scene& scene) {
   const double a2 = 1 - scene.s_delta() / scene.gamma, w2 = scene.v * scene.v / a2;
@@ -117,34 +61,40 @@ void check_request(const Scene& scene, const TrainRequest& request) {
                      ": periodic waves need a speed beyond c, |V| > model_c = " + rounded_text(c, 8));
 }
 
-Orbit orbit_at(const TrainSetting& setting, double r2) {
+Orbit orbit_at(const TrainField& field, double r2) {
   try {
-    return find_orbit(*setting.oscillator, r2, 1e-5);
+    return find_orbit(*field.oscillator(), r2, 1e-5);
   } catch (const Failure& e) {
     throw Failure(std::string("no train: ") + e.what());
   }
 }
 
-// The train from an integrated orbit; false where Newton's method does not reach it.
-bool from_orbit(const TrainSetting& setting, const Orbit& orbit, double q, double tolerance, Train& train) {
-  if (solve_to(setting, orbit, q, tolerance, train)) return true;
+// The train from an integrated orbit; nothing where Newton's method does not reach it.
+std::optional<Train> from_orbit(const SharedTrain& field, const Orbit& orbit, double q, double tolerance) {
+  const auto from = [&](const Orbit& start) -> std::optional<Train> {
+    TrainSolution s{PeriodicEquations(start.mesh, field), {}};
+    s.x = s.equations.fill([&](double phase, double* y) { start.at(phase, y); }, q);
+    if (!solve_train_on_mesh(s)) return std::nullopt;
+    return train_to_accuracy(std::move(s), tolerance, "the train");
+  };
+  if (auto train = from(orbit)) return train;
   // fronts so steep that Newton's method wants a better start
   for (double finer : {1e-7, 1e-9, 1e-11})
-    if (solve_to(setting, find_orbit(*setting.oscillator, setting.at(q).r2, finer), q, tolerance, train))
-      return true;
-  return false;
+    if (auto train = from(find_orbit(*field->oscillator(), field->placed(q).r2(), finer))) return train;
+  return std::nullopt;
 }
 
-// The fastest train of the length that is given; false where none is found down to V = c.
-bool fastest_of_length(const TrainSetting& setting, double c, double tolerance, Train& train) {
-  const double pulse = *setting.request.length / double(setting.request.pulses);
+// The fastest train of the length that is given; nothing where none is found down to V = c.
+std::optional<Train> fastest_of_length(const SharedTrain& field, double c, double tolerance) {
+  const double pulse = *field->request().length / double(field->request().pulses);
   // ln(V T/(length of a pulse)), from high speed down; the first change of sign is the fastest train. NaN
   // where nothing oscillates so slowly.
-  Orbit orbit = orbit_at(setting, 1);
+  Orbit orbit = orbit_at(*field, 1);
   const auto mismatch = [&](double q) {
     try {
-      orbit = orbit_at(setting, setting.at(q).r2);
-      return std::log(setting.at(q).speed * orbit.period / pulse);
+      const TrainField there = field->placed(q);
+      orbit = orbit_at(there, there.r2());
+      return std::log(there.speed() * orbit.period / pulse);
     } catch (const Failure&) {
       return std::nan("");
     }
@@ -161,17 +111,17 @@ bool fastest_of_length(const TrainSetting& setting, double c, double tolerance, 
     }
     if (at_low <= 0) {
       const double q = find_root(mismatch, {low, at_low, high, at_high}, 1e-5 * std::max(1., std::abs(high)));
-      if (!std::isnan(q) && !std::isnan(mismatch(q)) && from_orbit(setting, orbit, q, tolerance, train))
-        return true;
+      if (!std::isnan(q) && !std::isnan(mismatch(q)))
+        if (auto train = from_orbit(field, orbit, q, tolerance)) return train;
       // a jump of the period, not a root: on below it
       for (; low > floor && at_low <= 0; low -= .5) at_low = mismatch(low - .5);
     }
-    if (ends || std::isnan(at_low)) return false;
+    if (ends || std::isnan(at_low)) return std::nullopt;
     high = low;
     at_high = at_low;
     step = std::min(1., step * 1.5);
   }
-  return false;
+  return std::nullopt;
 }
 
 }  // namespace
@@ -180,15 +130,13 @@ Train solve_train(const Scene& scene, const TrainRequest& request, double tolera
   check_train_scene(scene);
   check_request(scene, request);
   if (scene.nu > 0) return solve_viscous_train(scene, request, tolerance);
-  const TrainSetting setting = TrainSetting::of(scene, request);
-  Train train;
+  const auto field = std::make_shared<const TrainField>(scene, request);
   if (request.speed) {
-    const Orbit orbit = orbit_at(setting, setting.at(0).r2);
-    if (!from_orbit(setting, orbit, std::log(orbit.period), tolerance, train))
-      throw Failure("Newton's method does not converge to the train from the integrated orbit");
-    return train;
+    const Orbit orbit = orbit_at(*field, field->r2());
+    if (auto train = from_orbit(field, orbit, std::log(orbit.period), tolerance)) return *train;
+    throw Failure("Newton's method does not converge to the train from the integrated orbit");
   }
-  if (fastest_of_length(setting, scene.c, tolerance, train)) return train;
+  if (auto train = fastest_of_length(field, scene.c, tolerance)) return *train;
   const std::string none = fmt::format("no train of {}{} on a ring of length {:.8g}", request.pulses,
                                        request.pulses == 1 ? " pulse" : " pulses", *request.length);
   double l = shortest_pulse(scene);

@@ -3,23 +3,19 @@
 #include <algorithm>
 #include <cmath>
 
-#include "numerics/mesh_solve.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
 
-TrainEquations TrainSheet::equations(const SheetPlace& p) const {
-  const auto family = [at = family_.at, value2 = p.value2](double value) {
-    return setting_of(at(value, value2));
-  };
-  return {family, value_scale_, p.mesh, p.q(), p.value()};
+PeriodicEquations TrainSheet::equations(const SheetPlace& p) const {
+  const auto cases = [at = family_.at, value2 = p.value2](double value) { return at(value, value2); };
+  return {p.mesh, fields_of(cases, p.value()), p.value(), value_scale_};
 }
 
 SheetPlace TrainSheet::place(const Train& train, double value, double value2) const {
-  const double q = setting_of(family_.at(value, value2)).number_of(train);
+  const double q = field(value, value2).number_of(train);
   SheetPlace p{train.mesh, {0, 0, q, value}, value2};
-  p.x = equations(p).fill(train, q);
-  p.x.back() = value;
+  p.x = equations(p).fill(profile_of(train), q);
   return p;
 }
 
@@ -31,7 +27,8 @@ SheetChart TrainSheet::chart(const SheetPlace& p, double z_part, double q) const
 }
 
 std::vector<double> TrainSheet::tangent(const SheetPlace& p, const SheetChart& chart) const {
-  return equations(p).tangent(p.x, chart.row());
+  PeriodicEquations there = equations(p);
+  return there.tangent(p.x, train_conditions(there.dim(), chart.row(), 0));
 }
 
 SheetChart TrainSheet::along(const SheetPlace& p, const SheetChart& side) const {
@@ -47,15 +44,17 @@ std::optional<SheetPlace> TrainSheet::at(const SheetChart& chart, const SheetPla
                                          double value2) const {
   try {
     const SheetPlace start{from.mesh, from.x, value2};
-    MeshSolution<TrainEquations> s{equations(start), start.x};
-    s.equations.condition(chart.row(), alpha + chart.origin);
-    solve_on_suiting_mesh([](auto& at) { return newton(at.equations, at.x, nullptr, 12); }, {1e-10, 60}, s);
+    TrainSolution s{equations(start), start.x};
+    const auto conditions = train_conditions(s.equations.dim(), chart.row(), alpha + chart.origin);
+    solve_on_suiting_mesh([&](auto& at) { return newton(at, conditions, 12); }, {1e-10, 60}, s);
     return SheetPlace{s.mesh(), s.x, value2};
   } catch (const Error&) {
     return std::nullopt;
   }
 }
 
-Train TrainSheet::train(const SheetPlace& p) const { return pack(equations(p), p.x); }
+Train TrainSheet::train(const SheetPlace& p) const {
+  return pack(field(p.value(), p.value2), {equations(p), p.x});
+}
 
 }  // namespace stickslip

@@ -2,7 +2,7 @@
 // its own, so that places where a parameter turns back are like any other.
 //
 // At each value2 the trains of a family form a curve in (z(0), q, value), q = ln T or ln sqrt(V^2 - c^2)
-// (train_equations.hpp). A chart measures alpha along a direction in (z(0)/scale, q), so that (alpha, value2)
+// (train_field.hpp). A chart measures alpha along a direction in (z(0)/scale, q), so that (alpha, value2)
 // are coordinates of the surface; there `value` is a smooth function. Computed alike on every rank.
 #pragma once
 
@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "stickslip/waves/train_limits.hpp"
-#include "waves/train_equations.hpp"
+#include "waves/train_field.hpp"
 
 namespace stickslip {
 
@@ -50,7 +50,8 @@ class TrainSheet {
   double z_scale() const { return z_scale_; }
 
  private:
-  TrainEquations equations(const SheetPlace& p) const;
+  PeriodicEquations equations(const SheetPlace& p) const;
+  TrainField field(double value, double value2) const { return TrainField(family_.at(value, value2)); }
   std::vector<double> tangent(const SheetPlace& p, const SheetChart& chart) const;
   TrainFamily2 family_;
   double value_scale_, z_scale_;

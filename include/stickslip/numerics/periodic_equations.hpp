@@ -1,8 +1,8 @@
 // Periodic solutions of smooth autonomous systems y' = f(y; lambda) as a boundary-value problem: collocation
 // at five Gauss points an interval, Newton's method, Floquet multipliers.
 //
-// In phase p = t/T the unknowns are y at the left node and the Gauss points of each interval, q = ln T and,
-// on a branch, the parameter lambda:
+// In phase p = t/T the unknowns are y at the left node and the Gauss points of each interval, one number q
+// (ln T, unless the system says otherwise) and, on a branch, the parameter lambda:
 //     Y_j - y_i - h T sum_k a_jk f(Y_k) = 0,      y_{i+1} = the polynomial through y_i and Y at the right
 //                                                 end,
 // y_N = y_0, and one linear condition on (y_0, q, lambda) for each of q and lambda. A step of Newton's method
@@ -13,6 +13,7 @@
 // 1995, chapters 5 and 7. Local to the process.
 #pragma once
 
+#include <cmath>
 #include <complex>
 #include <functional>
 #include <memory>
@@ -34,11 +35,31 @@ class VectorField {
   virtual void safeguard_step(const double* y, double h, double* dy) const {
     static_cast<void>(y), static_cast<void>(h), static_cast<void>(dy);
   }
+
+  // What else a system may say. Where its rates depend on q: itself at that q, to which all below belongs.
+  virtual std::shared_ptr<const VectorField> at(double q) const { return static_cast<void>(q), nullptr; }
+  struct Period {
+    double T, slope;  // dT/dq
+  };
+  virtual Period period(double q) const { return {std::exp(q), std::exp(q)}; }
+  // slope += d(rates)/dq at y, where the rates are f.
+  virtual void add_slope(const double* y, const double* f, double* slope) const {
+    static_cast<void>(y), static_cast<void>(f), static_cast<void>(slope);
+  }
+  // Added to the right-hand side of the first condition, that of the phase.
+  virtual double anchor() const { return 0; }
+  // The component of a rate so fast that the residual of its stages says little of y: weighted with
+  // 1/(1 + h rate).
+  struct Stiff {
+    int component;
+    double rate;
+  };
+  virtual Stiff stiff() const { return {0, 0}; }
 };
 using SharedField = std::shared_ptr<const VectorField>;
 using FieldFamily = std::function<SharedField(double lambda)>;
 
-// y0 . y_0 + q ln T + lambda lambda = right.
+// y0 . y_0 + q q + lambda lambda = right.
 struct Condition {
   std::vector<double> y0;
   double q = 0, lambda = 0, right = 0;
@@ -77,7 +98,9 @@ class PeriodicEquations {
   double q(const std::vector<double>& x) const { return x[n_ * block()]; }
   double lambda(const std::vector<double>& x) const { return family_ ? x[n_ * block() + 1] : lambda_; }
   void at(const std::vector<double>& x, double phase, double* y) const;
-  void jacobian(const std::vector<double>&, const double* y, double* J) const { field_->jacobian(y, J); }
+  void jacobian(const std::vector<double>& x, const double* y, double* J) const {
+    at_number(field_, q(x))->jacobian(y, J);
+  }
 
   struct Step {
     double residual = 0;  // the largest, before it
@@ -92,9 +115,17 @@ class PeriodicEquations {
   // `q_step`.
   struct Newton {
     bool converged = false;
-    double last_step = 0, q_step = 0, residual = 0;
+    double last_step = -1, q_step = 0, residual = 0;
+
+    // After the step dx, whose last entries are the `numbers` sought: is the solution there? Converged by the
+    // step: the residual cannot fall below the round-off of stiff intervals. In a front of width w (in phase)
+    // y cannot be known better than 1e-16/w, so that there the numbers decide.
+    bool took(const std::vector<double>& dx, std::size_t numbers);
   };
   Newton newton(std::vector<double>& x, const std::vector<Condition>& conditions, int most = 20);
+  // The same by PETSc's SNES, which listens to the user's options -snes_: its function is the step of
+  // Newton's method, reversed, its Jacobian 1.
+  Newton newton_by_snes(std::vector<double>& x, const std::vector<Condition>& conditions, int most = 20);
 
  private:
   struct Linear;
@@ -102,6 +133,10 @@ class PeriodicEquations {
   std::vector<double> closed(const Linear& system, const std::vector<Condition>& conditions,
                              const std::vector<double>& rights) const;
   void set_lambda(double lambda);
+  static SharedField at_number(const SharedField& field, double q) {
+    SharedField there = field->at(q);
+    return there ? there : field;
+  }
 
   std::vector<double> mesh_;
   SharedField field_, lower_, upper_;  // at lambda, and a little beside it

@@ -3,11 +3,10 @@
 // Unknown are one period of (f, z[, s]) (see model/oscillator.hpp) and one number: the period T where the
 // speed V is given, or V where the length L = n V T of a ring with n pulses is given. In phase p = t/T,
 //     y' = T rhs(y; r2),  y(1) = y(0),  f(0) = v with f' > 0,
-// by collocation at five Gauss points an interval on a mesh that follows the fronts; Newton's method by SNES,
-// each step one elimination of cost O(mesh) by orthogonal transformations. V/c - 1 is carried as ln sqrt(V^2
-// - c^2), so that it keeps all digits when V comes near c.
+// a case of the periodic problem of numerics/periodic_equations.hpp on a mesh that follows the fronts.
+// V/c - 1 is carried as ln sqrt(V^2 - c^2), so that it keeps all digits when V comes near c.
 //
-// With viscosity between neighbours the equation is one of third order (src/waves/viscous_train.hpp).
+// With viscosity between neighbours the equation is one of third order (src/waves/train_field.hpp).
 //
 // Everything here is computed alike on every rank; only SNES on PETSC_COMM_SELF is used.
 #pragma once
@@ -23,7 +22,7 @@ namespace stickslip {
 struct TrainRequest {
   PetscInt pulses = 1;
   std::optional<double> length, speed;
-  bool library_options = false;  // does SNES listen to the user's -snes_ options?
+  bool library_options = false;  // Newton's method by SNES where the user gave options -snes_?
 };
 
 struct TrainCase {

@@ -1,0 +1,208 @@
+#include "waves/train_field.hpp"
+
+#include <petscsys.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "stickslip/base/error.hpp"
+
+namespace stickslip {
+
+namespace {
+
+using std::size_t;
+
+const TrainCase& checked(const TrainCase& asked) {
+  const TrainRequest& request = asked.request;
+  if (request.speed && !(std::abs(*request.speed) > asked.scene.c)) throw Failure("V comes down to c");
+  if (request.length && !(*request.length > 0)) throw Failure("the length vanishes");
+  return asked;
+}
+
+bool user_sets_snes() {
+  char* all = nullptr;
+  SS_TRY(PetscOptionsGetAll(nullptr, &all));
+  const bool found = all && std::strstr(all, "-snes_");
+  SS_TRY(PetscFree(all));
+  return found;
+}
+
+// The values of a viscous train: f, a z from which eta follows as it does without viscosity, and s.
+std::vector<double> without_slope(const Oscillator& o, double r2, const std::vector<double>& y) {
+  const size_t d = o.dim();
+  std::vector<double> values;
+  for (size_t k = 0; k < y.size(); k += d + 1) {
+    double dy[train_max_dim];
+    o.rhs(1, &y[k], dy, nullptr);
+    values.push_back(y[k]);
+    // eta = z + (K1/V^2) g - (s delta/A) f, put into Oscillator::eta and solved for its z
+    values.push_back(y[k + 1] + (1 - r2) * (r2 * y[k + d] - dy[0]) / o.A());
+    if (d == 3) values.push_back(y[k + 2]);
+  }
+  return values;
+}
+
+}  // namespace
+
+TrainField::TrainField(const TrainCase& asked) : TrainField(checked(asked).scene, asked.request) {}
+
+TrainField::TrainField(std::shared_ptr<const Oscillator> oscillator, const TrainRequest& request, double N)
+    : oscillator_(std::move(oscillator)), request_(request), N_(N) {
+  if (!request.speed) return;
+  const double V = std::abs(*request.speed), c = std::sqrt(oscillator_->c2());
+  speed_ = V;
+  r2_ = (V - c) * (V + c) / (V * V);
+}
+
+TrainField TrainField::placed(double q) const {
+  TrainField there(*this);
+  if (request_.speed) return there;
+  const double c2 = oscillator_->c2(), Y2 = std::exp(2 * q);
+  there.speed_ = std::sqrt(c2 + Y2);
+  there.r2_ = Y2 / (c2 + Y2);
+  there.r2_q_ = 2 * there.r2_ * (c2 / (c2 + Y2));
+  there.speed_q_ = there.speed_ * there.r2_;
+  return there;
+}
+
+double TrainField::number_of(const Train& train) const {
+  const double V = std::abs(train.speed), c = std::sqrt(oscillator_->c2());
+  return request_.speed ? std::log(train.period) : .5 * std::log((V - c) * (V + c));
+}
+
+void TrainField::rates(const double* y, double* dy, double* J) const {
+  if (!(N_ > 0)) {
+    oscillator_->rhs(r2_, y, dy, J);
+    return;
+  }
+  const int d = oscillator_->dim(), n = d + 1;
+  const double stiffness = stiff().rate;
+  double inner[train_max_dim * train_max_dim];
+  oscillator_->rhs(1, y, dy, J ? inner : nullptr);
+  dy[d] = stiffness * (r2_ * y[d] - dy[0]);
+  dy[0] = y[d];
+  if (!J) return;
+  std::fill(J, J + n * n, 0.);
+  for (int j = 0; j < d; ++j) {
+    J[d * n + j] = -stiffness * inner[j];
+    for (int i = 1; i < d; ++i) J[i * n + j] = inner[i * d + j];
+  }
+  J[d] = 1;
+  J[d * n + d] = stiffness * r2_;
+}
+
+VectorField::Period TrainField::period(double q) const {
+  if (request_.speed) return VectorField::period(q);
+  const double T = *request_.length / (double(request_.pulses) * speed_);
+  return {T, -T * r2_};
+}
+
+void TrainField::add_slope(const double* y, const double* f, double* slope) const {
+  if (request_.speed) return;
+  const auto [k, rate] = stiff();
+  slope[k] += N_ > 0 ? 2 * speed_q_ / speed_ * f[k] + rate * r2_q_ * y[k] : -r2_q_ / r2_ * f[k];
+}
+
+VectorField::Stiff TrainField::stiff() const {
+  if (N_ > 0) return {oscillator_->dim(), speed_ * speed_ / N_ / oscillator_->A()};
+  return {0, oscillator_->A() / r2_};
+}
+
+std::vector<Condition> train_conditions(int dim) {
+  Condition phase;
+  phase.y0.assign(dim, 0.);
+  phase.y0[0] = 1;
+  return {phase};
+}
+
+std::vector<Condition> train_conditions(int dim, const std::vector<double>& row, double right) {
+  std::vector<Condition> conditions = train_conditions(dim);
+  Condition along{std::vector<double>(dim), row[1], row[2], right};
+  along.y0[1] = row[0];
+  conditions.push_back(std::move(along));
+  return conditions;
+}
+
+FieldFamily fields_of(std::function<TrainCase(double)> cases, double start) {
+  const int dim = TrainField(cases(start)).dim();
+  return [cases = std::move(cases), dim](double lambda) -> SharedField {
+    auto field = std::make_shared<const TrainField>(cases(lambda));
+    if (field->dim() != dim) throw Failure("model_nu comes down to 0");
+    return field;
+  };
+}
+
+std::function<void(double, double*)> profile_of(const Train& train) {
+  return [&train](double phase, double* y) {
+    if (train.nu > 0)
+      evaluate(*train.method, train.mesh, train.viscous_values.data(), train.oscillator->dim() + 1, phase, y);
+    else
+      train.at(phase, y);
+  };
+}
+
+Train pack(const TrainField& family, const TrainSolution& solution) {
+  const double q = solution.q();
+  const TrainField field = family.placed(q);
+  const TrainRequest& request = field.request();
+  Train train;
+  train.pulses = request.pulses;
+  train.length_given = bool(request.length);
+  train.speed = request.speed ? *request.speed : field.speed();
+  train.period = field.period(q).T;
+  train.length = request.length ? *request.length : double(train.pulses) * field.speed() * train.period;
+  train.r2 = field.r2();
+  train.oscillator = field.oscillator();
+  train.method = &Collocation::gauss5();
+  train.mesh = solution.mesh();
+  train.nu = field.N() * train.oscillator->A();
+  train.values.assign(solution.x.begin(), solution.x.end() - solution.equations.parameters());
+  if (field.N() > 0) {
+    train.viscous_values = std::move(train.values);
+    train.values = without_slope(*train.oscillator, train.r2, train.viscous_values);
+  }
+  find_extrema(train);
+  train.residual = solution.residual;
+  return train;
+}
+
+bool newton(TrainSolution& s, const std::vector<Condition>& conditions, int most) {
+  const auto& field = static_cast<const TrainField&>(s.equations.field());
+  const bool asked = field.request().library_options && user_sets_snes();
+  const PeriodicEquations::Newton found =
+      asked ? s.equations.newton_by_snes(s.x, conditions, most) : s.equations.newton(s.x, conditions, most);
+  s.last_step = found.last_step;
+  s.residual = found.residual;
+  return found.converged;
+}
+
+bool solve_train_on_mesh(TrainSolution& s) {
+  try {
+    return newton(s, train_conditions(s.equations.dim()));
+  } catch (const Failure&) {
+    return false;
+  }
+}
+
+std::optional<Train> train_to_accuracy(TrainSolution start, double tolerance, const std::string& what) {
+  const auto field = static_cast<const TrainField&>(start.equations.field());
+  const auto change = [&](const TrainSolution& coarse, const TrainSolution& fine) {
+    const TrainField a = field.placed(coarse.q()), b = field.placed(fine.q());
+    return std::abs(field.request().speed ? a.period(coarse.q()).T / b.period(fine.q()).T - 1
+                                          : a.speed() / b.speed() - 1);
+  };
+  auto found = solve_to_accuracy<PeriodicEquations>(solve_train_on_mesh, std::move(start),
+                                                    {tolerance, 12, {0}, units_of_psi, change, what});
+  if (!found) return std::nullopt;
+  // round-off: what one more step of Newton's method would move q by, and a few units of the last place
+  TrainSolution& solution = found->solution;
+  const PeriodicEquations::Step more = solution.equations.step(solution.x, train_conditions(field.dim()));
+  solution.residual = more.residual;
+  Train train = pack(field, solution);
+  train.error_estimate = (train.length_given ? std::abs(train.speed) : train.length) *
+                         (found->estimate + 4 * std::abs(more.dx.back()) + 4e-15);
+  return train;
+}
+
+}  // namespace stickslip
