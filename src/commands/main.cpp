@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <new>
 
+#include "base/lone_process.hpp"
 #include "base/pulse.hpp"
 #include "commands/table.hpp"
 #include "stickslip/base/error.hpp"
@@ -164,6 +165,7 @@ int main(int argc, char** argv) {
   using namespace stickslip;
   if (argc == 2 && std::string(argv[1]) == "--tables") return std::fputs(tables_text().c_str(), stdout) < 0;
   std::signal(SIGXFSZ, SIG_IGN);  // a limit of file size is met as an error of the write, like a full disk
+  prepare_lone_process();
   int provided = 0;
   if (MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &provided) != MPI_SUCCESS) return 1;
   int code = 1;

@@ -1,0 +1,27 @@
+"""The start as a single process, without mpirun: no daemon, no search of the network, unless the user asks."""
+import os
+import subprocess
+
+PROGRAM = os.environ["STICKSLIP"]
+
+
+def version(**more):
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("OMPI_MCA_")}
+    return subprocess.run([PROGRAM, "--version"], env={**environment, **more}, capture_output=True, text=True, check=False)
+
+
+def test_no_daemon_is_started():
+    done = version(OPAL_BINDIR="/nonexistent")  # where Open MPI's daemon would be
+    assert done.returncode == 0 and done.stdout.startswith("stickslip "), done.stderr
+
+
+def test_a_daemon_is_started_where_the_user_asks():
+    assert version(OPAL_BINDIR="/nonexistent", OMPI_MCA_ess_singleton_isolated="0").returncode != 0
+
+
+def test_parameters_of_the_user_stay(tmp_path):
+    assert version(OMPI_MCA_pml="none_of_this_name").returncode != 0
+    folder = tmp_path / ".openmpi"
+    folder.mkdir()
+    (folder / "mca-params.conf").write_text("# mine\n  pml = none_of_this_name\n", encoding="utf-8")
+    assert version(HOME=str(tmp_path)).returncode != 0
