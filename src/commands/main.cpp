@@ -114,6 +114,8 @@ int program(int argc, char** argv) {
         const Command& command = command_named(line.command);
         if (command.has_grid && !options.is_set("restart")) check_size(options);
         if (options.is_set("options_view") && speaks) print(own_options(options, false));
+        if (const std::vector<std::string> idle = options.idle(); !idle.empty() && line.command != "run")
+          warn("without effect here: " + joined(idle));
         code = command.body(options);
         if (options.is_set("options_left") && speaks) print(own_options(options, true));
         if (code == 0) warn_unused_at_end(options);

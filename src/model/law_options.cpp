@@ -114,6 +114,7 @@ LawOptions law_options() {
     pair.connect(all.of_states);
   }
   all.default_state = [](const Options& o) { return Law(o.text("friction_law"))->states.front()->name; };
+  all.has_threshold = [](const Options& o) { return Law(o.text("friction_law"))->jumps_at_rest; };
   return all;
 }
 

@@ -370,7 +370,9 @@ void check_library_types(const Options& options) {
       std::vector<std::string> words;  // `count` counts a null at the end
       for (int i = 0; i < count && registered[i]; ++i) words.push_back(registered[i]);
       SS_TRY(PetscFree(registered));
-      if (std::find(words.begin(), words.end(), text) != words.end()) continue;
+      // aij stands for seqaij or mpiaij
+      const auto any_of = [&](const std::string& word) { return word == text || word == "seq" + text; };
+      if (std::any_of(words.begin(), words.end(), any_of)) continue;
       const std::string near = suggestion(text, words);
       throw usage_error("-{} {}: no such method{}", name, quoted(text),
                         near.empty() ? "; it is one of " + joined(words, " ") : near);

@@ -51,6 +51,29 @@ class Row {
     spec_.default_of = std::move(value);
     return *this;
   }
+  // It changes something only where another option has one of these values ("": is set), and says else what
+  // that option is.
+  Row& where(const char* other, std::vector<std::string> values) {
+    spec_.idle_of = [name = std::string(other), list = std::move(values)](const Options& o) {
+      const bool flag = find_option(name)->type == OptionType::boolean;
+      const std::string text = flag ? (o.boolean(name) ? "true" : "false") : o.text(name),
+                        is = " is " + (text.empty() ? "not set" : text);
+      for (const std::string& value : list)
+        if (value.empty() ? !text.empty() : text == value) return std::string();
+      return name + is;
+    };
+    return *this;
+  }
+  Row& where_not_zero(const char* other) {
+    spec_.idle_of = [name = std::string(other)](const Options& o) {
+      return o.real(name) == 0 ? name + " is 0" : "";
+    };
+    return *this;
+  }
+  Row& idle_of(std::function<std::string(const Options&)> reason) {
+    spec_.idle_of = std::move(reason);
+    return *this;
+  }
 
  private:
   OptionSpec& spec_;
@@ -112,6 +135,20 @@ class TableBuilder {
 
 bool is_chain(const Options& options) { return options.text("model_form") == "chain"; }
 
+std::string one_block(const Options& options) {
+  return is_chain(options) && options.text("grid_n") == "1" ? "grid_n is 1, and one block has no neighbour"
+                                                            : "";
+}
+
+std::string one_block_without_paper(const Options& options) {
+  return options.text("model_zeta") == "paper" ? "" : one_block(options);  // which is of sqrt(0.1 m k1)
+}
+
+std::string no_threshold(const Options& options) {
+  const std::string law = options.text("friction_law");
+  return law_options().has_threshold(options) ? "" : "friction_law is " + law + ", which has no threshold";
+}
+
 void model_options(TableBuilder& t) {
   t.in("Model", physics);
   t.choice("model_form", {"continuum", "chain"}, "continuum, or chain of blocks");
@@ -125,11 +162,12 @@ void model_options(TableBuilder& t) {
   t.not_negative("model_m", "1",
                  "chain: mass of a block; 0: the massless limit, where B psi + F = eta says what psi is");
   t.not_negative("model_k0", "0.2", "chain: stiffness to the driving plate");
-  t.not_negative("model_k1", "0.2", "chain: stiffness between neighbours");
+  t.not_negative("model_k1", "0.2", "chain: stiffness between neighbours").idle_of(one_block_without_paper);
   t.positive("model_f0", "1", "chain: friction amplitude");
   t.real_or("model_zeta", "paper", "0", "chain: viscosity; `paper` is sqrt(0.1 m k1)").at_least(0);
   t.not_negative("model_nu", "0", "viscosity between neighbours: nu psi_xx in the force",
-                 "length^2/time; chain: force/velocity");
+                 "length^2/time; chain: force/velocity")
+      .idle_of(one_block);
   t.real("model_v", "0.2", "velocity of the driving plate", "velocity");
 }
 
@@ -138,16 +176,21 @@ void friction_options(TableBuilder& t) {
   const LawOptions laws = law_options();
   t.choice("friction_law", laws.laws, "friction law F(psi)");
   t.choice("friction_stick", {"exact", "regularised"},
-           "laws with a threshold: exact stick, or sgn(psi) smoothed to tanh(psi/eps)");
-  t.positive("friction_eps", "1e-3", "regularised stick: velocity of the smoothing", "velocity");
-  t.boolean("friction_back_slip", "true", "exact stick: false lets no force drive a stuck node backwards");
+           "laws with a threshold: exact stick, or sgn(psi) smoothed to tanh(psi/eps)")
+      .idle_of(no_threshold);
+  t.positive("friction_eps", "1e-3", "regularised stick: velocity of the smoothing", "velocity")
+      .idle_of(no_threshold);
+  t.boolean("friction_back_slip", "true", "exact stick: false lets no force drive a stuck node backwards")
+      .idle_of(no_threshold);
   for (const OptionSpec& parameter : laws.of_laws) t.add(parameter);
   t.not_negative("friction_spread", "0", "spread of the friction amplitude from node to node (mean 1)");
   t.choice("friction_spread_kind", {"uniform", "lognormal"},
            "distribution: uniform on [1 - spread, 1 + spread], or "
-           "exp(spread z - spread^2/2) with z normal");
-  t.positive("friction_spread_length", "1", "continuum: distance between independent draws", "length");
-  t.integer("friction_seed", "1", 0, int_max, "seed of the spread");
+           "exp(spread z - spread^2/2) with z normal")
+      .where_not_zero("friction_spread");
+  t.positive("friction_spread_length", "1", "continuum: distance between independent draws", "length")
+      .where_not_zero("friction_spread");
+  t.integer("friction_seed", "1", 0, int_max, "seed of the spread").where_not_zero("friction_spread");
 }
 
 void profile_options(TableBuilder& t) {
@@ -166,7 +209,7 @@ void load_options(TableBuilder& t) {
       .unset("none")
       .unit("velocity");
   t.real("load_sine_amplitude", "0", "run: a sine on top of v(t): its amplitude", "velocity");
-  t.positive("load_sine_period", "1", "run: its period", "time");
+  t.positive("load_sine_period", "1", "run: its period", "time").where_not_zero("load_sine_amplitude");
 }
 
 void contact_options(TableBuilder& t) {
@@ -210,31 +253,40 @@ void start_options(TableBuilder& t) {
       "bc_left_value to init_psi like exp(-(x/init_width)^2); pulses: turns of the uniform oscillation laid "
       "round the ring; wave: the travelling train; file: a frame or an eigenvector of init_file; text: its "
       "columns");
-  t.real_or("init_psi", "steady", "0.1", "psi at the start; `steady` is steady sliding", "velocity");
+  t.real_or("init_psi", "steady", "0.1", "psi at the start; `steady` is steady sliding", "velocity")
+      .where("init_type", {"uniform", "sine", "layer"});
   t.real_or("init_eta", "steady", "", "eta at the start; `steady` makes psi_t = 0")
       .unset("0.1; steady for a layer",
              [](const Options& o) { return o.text("init_type") == "layer" ? "steady" : "0.1"; });
   t.real_or("init_state", "steady", "steady", "state at the start: tau for healing, else theta").at_least(0);
-  t.real("init_amplitude", "0.5", "sine: amplitude (file: of an eigenvector)", "velocity");
+  t.real("init_amplitude", "0.5", "sine: amplitude (file: of an eigenvector)", "velocity")
+      .where("init_type", {"sine", "file"});
   t.integer("init_mode", "1", 0, int_max,
-            "sine: whole waves in L (file: number of the eigenvector, from 0; there 0 is the default)");
-  t.positive("init_width", "2", "layer: width", "length");
-  t.integer("init_pulses", "1", 1, int_max, "pulses, wave: number of pulses on the ring");
-  t.choice("init_direction", {"right", "left"}, "pulses, wave: direction of travel");
+            "sine: whole waves in L (file: number of the eigenvector, from 0; there 0 is the default)")
+      .where("init_type", {"sine", "file"});
+  t.positive("init_width", "2", "layer: width", "length").where("init_type", {"layer"});
+  t.integer("init_pulses", "1", 1, int_max, "pulses, wave: number of pulses on the ring")
+      .where("init_type", {"pulses", "wave"});
+  t.choice("init_direction", {"right", "left"}, "pulses, wave: direction of travel")
+      .where("init_type", {"pulses", "wave"});
   t.not_negative("init_noise", "0", "amplitude of noise added to psi, uniform on [-1, 1] times this",
                  "velocity");
   t.not_negative(
-      "init_noise_length", "1",
-      "distance between its independent values, with a smooth course between them; 0: one value a node, "
-      "which changes with the grid (in the chain always one a block)",
-      "length");
-  t.integer("init_seed", "1", 0, int_max, "seed of the noise");
+       "init_noise_length", "1",
+       "distance between its independent values, with a smooth course between them; 0: one value a node, "
+       "which changes with the grid (in the chain always one a block)",
+       "length")
+      .where_not_zero("init_noise");
+  t.integer("init_seed", "1", 0, int_max, "seed of the noise").where_not_zero("init_noise");
   t.text("init_file", "",
          "file to start from: HDF5 of this program, or any HDF5 or NetCDF-4 file with x, psi, eta and the "
          "state; "
          "text: columns x psi eta, and the state where there is one")
-      .unset("none");
-  t.integer("init_frame", "", 0, int_max, "frame of init_file, from 0").unset("the last");
+      .unset("none")
+      .where("init_type", {"file", "text"});
+  t.integer("init_frame", "", 0, int_max, "frame of init_file, from 0")
+      .unset("the last")
+      .where("init_type", {"file"});
 }
 
 void time_options(TableBuilder& t) {
@@ -255,7 +307,8 @@ void time_options(TableBuilder& t) {
          "what -accuracy is wanted of: fields, probe:x (psi and eta at x, at the end), speed (wave_speed), "
          "period (at "
          "out_probes) or amplitude");
-  t.positive("accuracy_seconds", "60", "processor time that choosing for -accuracy may take");
+  t.positive("accuracy_seconds", "60", "processor time that choosing for -accuracy may take")
+      .where("accuracy", {""});
   t.in("Time stepping", "run chart");
   t.boolean(
       "rk_fused", "true",
@@ -290,11 +343,12 @@ void output_options(TableBuilder& t) {
   t.boolean("out_events", "false",
             "catalogue of slip events: group events, a row for every event that has ended");
   t.not_negative("out_events_velocity", "", "events: velocity above which a node moves", "velocity")
-      .unset("0 with friction that sticks, else 2 |model_v|");
+      .unset("0 with friction that sticks, else 2 |model_v|")
+      .where("out_events", {"true"});
   t.add("out_checkpoint_every", OptionType::steps_or_time, "",
         "steps or wall clock (30s, 10m, 2h) between checkpoints")
       .unset("none");
-  t.integer("out_checkpoint_keep", "2", 1, int_max, "checkpoints kept");
+  t.integer("out_checkpoint_keep", "2", 1, int_max, "checkpoints kept").where("out_checkpoint_every", {""});
   t.text("restart", "", "checkpoint to go on from; of `sweep` its table").unset("none").read_by("run sweep");
 }
 
@@ -305,7 +359,8 @@ void lyapunov_options(TableBuilder& t) {
             "0: none");
   t.not_negative("lyapunov_from", "", "time at which the measurement begins", "time")
       .unset("a quarter of ts_max_time",
-             [](const Options& o) { return number_text(0.25 * o.real("ts_max_time")); });
+             [](const Options& o) { return number_text(0.25 * o.real("ts_max_time")); })
+      .where_not_zero("lyapunov_count");
 }
 
 void spectrum_options(TableBuilder& t) {

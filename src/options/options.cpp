@@ -21,6 +21,7 @@ void Options::set(const Given& given) {
     }
     check_value(*spec, text, given.where);
     values_[spec->name] = text;
+    lines_[spec->name] = given.where.find(':') == std::string::npos ? "" : given.where;
     if (spec->type == OptionType::integer && is_word(*spec, text)) values_.erase(spec->name);  // auto
     return;
   }
@@ -113,9 +114,41 @@ Options Options::resumed_from(const std::map<std::string, std::string>& stored) 
   return merged;
 }
 
+// The options that take other values in the course of the command.
+static std::set<std::string> varied_by(const Options& options) {
+  std::set<std::string> names;
+  for (const OptionSpec& spec : option_table()) {
+    static const std::set<std::string> single = {"boundary_parameter", "boundary_parameter2",
+                                                 "cycle_continue",     "wave_continue",
+                                                 "wave_continue2",     "chart_parameter"};
+    const bool list = spec.name.rfind("sweep_parameter", 0) == 0 || spec.name == "boundary_same";
+    if (!list && !single.count(spec.name)) continue;
+    for (const std::string& name : split_list(options.text(spec.name))) names.insert(lower_case(name));
+  }
+  return names;
+}
+
+std::vector<std::string> Options::idle() const {
+  std::vector<std::string> all;
+  const std::set<std::string> varied = varied_by(*this);
+  for (const auto& [name, text] : values_) {
+    const OptionSpec& spec = *find_option(name);
+    if (!spec.idle_of || !reads_option(command_, spec) || varied.count(lower_case(name))) continue;
+    const std::string why = spec.idle_of(*this);
+    if (!why.empty() && !varied.count(why.substr(0, why.find(' '))))
+      all.push_back("-" + name + " (" + why + ")");
+  }
+  return all;
+}
+
 bool Options::is_set(const std::string& name) const {
   const OptionSpec* spec = find_option(name);
   return spec ? values_.count(spec->name) > 0 : library_.count(lower_case(name)) > 0;
+}
+
+std::string Options::line_in_scene(const std::string& name) const {
+  const auto it = lines_.find(name);
+  return it == lines_.end() ? "" : it->second;
 }
 
 static std::string default_of(const OptionSpec& spec, const Options& options) {

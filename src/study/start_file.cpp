@@ -92,12 +92,28 @@ void bring_to_nodes(const Scene& s, Frame& frame, const std::string& says) {
        std::to_string(s.n) + " nodes: the start is interpolated by cubics through the four nearest");
 }
 
+// The end of the run before this one, where it is asked for by its name.
+const Frame* carried(const Options& options) {
+  const CarriedFrame* frame = CarriedFrame::innermost();
+  return frame && frame->start && options.text("init_file") == CarriedFrame::name ? &*frame->start : nullptr;
+}
+
 // What the scene needs is there and finite; a contact's age is positive.
 void check_fields(const Scene& s, const Options& options, const Frame& frame, const std::string& says) {
   const std::string state = s.friction.has_state() ? state_name(s.friction.state) : "";
   if (!state.empty() && !options.is_set("init_state") && frame.fields.count(state) == 0)
     throw UsageError(says + "it holds no " + state + " for state_law " + to_string(s.friction.state) +
                      "; give init_state");
+  for (const auto& [option, field] :
+       {std::pair<std::string, std::string>("init_eta", "eta"), {"init_state", state}}) {
+    if (!options.is_set(option) || frame.fields.count(field) == 0 || carried(options)) continue;
+    const std::string given = option + " " + options.text(option), line = options.line_in_scene(option);
+    if (!line.empty())
+      throw UsageError(says + "it holds " + field + ", and so does " + line + ": " + given +
+                       "; take one of them out (on the command line -" + option +
+                       " replaces what the file holds)");
+    warn(says + "-" + given + " replaces the " + field + " that it holds");
+  }
   for (const auto& [name, values] : frame.fields) {
     if (name != "psi" && name != "eta" && name != state) continue;
     for (std::size_t i = 0; i < values.size(); ++i)
@@ -118,13 +134,6 @@ std::string file_of(const Options& options) {
                           : ", an HDF5 or NetCDF-4 file"));
   return options.text("init_file");
 }
-
-// The end of the run before this one, where it is asked for by its name.
-const Frame* carried(const Options& options) {
-  const CarriedFrame* frame = CarriedFrame::innermost();
-  return frame && frame->start && options.text("init_file") == CarriedFrame::name ? &*frame->start : nullptr;
-}
-
 Frame frame_of_text(const Scene& s, const Options& options) {
   const std::string path = file_of(options);
   if (options.is_set("init_frame")) throw UsageError("init_frame: init_type text has no frames");

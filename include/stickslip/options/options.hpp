@@ -56,6 +56,8 @@ struct OptionSpec {
   std::string commands;  // space-separated commands that read it, "" = all
   // the default where it depends on other options
   std::function<std::string(const Options&)> default_of = nullptr;
+  // why its value changes nothing beside these options; "" where it may
+  std::function<std::string(const Options&)> idle_of = nullptr;
 };
 
 // The options that friction laws and state laws declare. Options know no law: the layer above, which lists
@@ -67,6 +69,7 @@ struct LawOptions {
   std::vector<OptionSpec> of_laws, of_states;
   std::vector<OptionSpec> of_profiles;  // what says how these differ along x
   std::function<std::string(const Options&)> default_state;
+  std::function<bool(const Options&)> has_threshold;  // the law chosen, at psi = 0
 };
 LawOptions law_options();
 
@@ -116,6 +119,8 @@ class Options {
   Options resumed_from(const std::map<std::string, std::string>& stored) const;
 
   bool is_set(const std::string& name) const;  // by the user, not by default; library options too
+  // "scene.yaml:3", or "" where the user did not set it in a scene file.
+  std::string line_in_scene(const std::string& name) const;
   // The value's text. Where it is unset the default, also one that depends on others: bc_*_value is model_v,
   // the chain has model_delta 0, grid_order 2 and its own grid_length, an end is free where the other was
   // set, rate-and-state has state_law ageing, state_D and friction_D are one there, init_eta of a layer is
@@ -136,6 +141,11 @@ class Options {
   // A text that check_value has accepted as an integer.
   static PetscInt integer_of(const std::string& text);
 
+  // Those of the user's own options, read by the command, that change nothing beside the others, each with
+  // the reason: `-init_width (init_type is sine)`. Nothing is said of what hangs on an option that the
+  // command varies.
+  std::vector<std::string> idle() const;
+
   const std::string& command() const { return command_; }
   // Every own option the command reads, with its text, defaults included; those the user set; and every
   // library option the user gave.
@@ -151,6 +161,7 @@ class Options {
   std::string command_;
   std::map<std::string, std::string> values_;   // own options that the user set
   std::map<std::string, std::string> library_;  // PETSc and SLEPc options that the user set
+  std::map<std::string, std::string> lines_;    // of own options that a scene file set
 };
 
 }  // namespace stickslip
