@@ -1,4 +1,5 @@
 // The command `run`: advances a scene in time and writes frames, probes, series, checkpoints and the summary.
+#include <algorithm>
 #include <cmath>
 #include <map>
 
@@ -108,17 +109,43 @@ std::string course_of(const Json& rate) {
   return fmt::format("{} like exp({} t)", rate.get<double>() > 0 ? "grow" : "decay", rounded(rate, 3));
 }
 
+// A catalogue's first words.
+std::string event_words(const Summary& s) {
+  if (s.get("events") == 0) return "no slip event";
+  std::string text =
+      fmt::format("{} slip events, the largest of moment {}, up to {} nodes", s.get("events").dump(),
+                  rounded(s.get("largest_moment")), rounded(s.get("largest_extent")));
+  if (!s.is_null("b"))
+    text += fmt::format(", b = {} +- {}", rounded(s.get("b"), 3), rounded(s.get("b_error"), 1));
+  return text;
+}
+
+std::string range_words(const Summary& s, const std::string& over) {
+  if (s.is_null("psi_low")) return "";
+  return fmt::format("psi from {} to {} over the last {}", rounded(s.get("psi_low")),
+                     rounded(s.get("psi_high")), over);
+}
+
 // What the motion is, and what steady sliding beside it would do.
-std::string motion_words(const Summary& s) {
+std::string motion_words(const Summary& s, const Load& load) {
   const std::string regime = s.get("regime").get<std::string>();
-  std::string text = regime;
-  if (regime == "undecided") {
+  const bool events = !s.is_null("events"), undecided = regime == "undecided";
+  std::vector<std::string> parts;
+  if (events) parts.push_back(event_words(s));
+  if (load.varies()) {
+    parts.push_back(range_words(s, load.period() > 0 ? "period of the load" : "quarter of the run"));
+  } else if (!undecided) {
+    parts.push_back(regime);
+    if (!s.is_null("period")) parts.push_back("period " + rounded(s.get("period")));
+    if (regime != "stuck")
+      parts.push_back(range_words(s, s.is_null("period") ? "quarter of the run" : "period"));
+  } else if (!events) {
+    parts.push_back(regime);
     if (const Json& time = s.get("time_to_decide"); !time.is_null())
-      text += ", a run to t = " + rounded(time, 3) + " should decide (-ts_max_time)";
-  } else if (!s.get("amplitude").is_null() && regime != "stuck") {
-    text += fmt::format(": amplitude {}, psi from {} to {} at the end", rounded(s.get("amplitude")),
-                        rounded(s.get("psi_min")), rounded(s.get("psi_max")));
+      parts.push_back("a run to t = " + rounded(time, 3) + " should decide (-ts_max_time)");
   }
+  parts.erase(std::remove(parts.begin(), parts.end(), ""), parts.end());
+  std::string text = joined(parts);
   const Json &pulses = s.get("pulses"), &speed = s.get("wave_speed");
   if (!pulses.is_null() && pulses != 0) text += ", " + pulses.dump() + (pulses == 1 ? " pulse" : " pulses");
   if (!speed.is_null()) text += ", waves of speed " + rounded(speed);
@@ -158,8 +185,14 @@ std::vector<SummaryKey> observed_keys() {
       {"amplitude", "length/time", "half of the largest range of psi at any node, over `measured_over`"},
       {"wave_speed", "length/time", "speed of what travels, negative to the left; null where nothing does"},
       {"pulses", "1", "fronts of one sign along the whole scene: upward ones in x, downward where v < 0"},
+      {"psi_low", "length/time",
+       "least psi at up to 128 nodes over the last period, under a sine load over its last period; without "
+       "either over the last quarter of the run"},
+      {"psi_high", "length/time", "largest psi there and then"},
       {"period", "time",
-       "with `out_probes`: mean time between upward passages of psi through v there (downward where v < 0), "
+       "mean time between passages at nodes spread over the scene, where the motion repeats: all of them in "
+       "the second half of the run, three or more, agree to a thousandth. With `out_probes`: mean time "
+       "between upward passages of psi through v there (downward where v < 0), "
        "in the second "
        "half of the run; of several probes the mean. A passage counts after psi was short of v by a "
        "hundredth of |v| (1e-3 "
@@ -183,6 +216,12 @@ std::vector<SummaryKey> observed_keys() {
        "the jump has met the other end), and the error is that of psi outside `from` to `to` "
        "([chart.md](chart.md))"},
       {"events", "1", "slip events that ended, with `out_events` ([events.md](events.md))"},
+      {"largest_moment", "length", "of them: the largest moment"},
+      {"largest_extent", "1", "the most nodes that moved in one"},
+      {"b", "1",
+       "slope of their magnitudes, density ~ exp(-b magnitude), over three units from two above the most "
+       "frequent, that of a block alone; null with fewer than 20 events there"},
+      {"b_error", "1", "its standard error, were they independent"},
       {"events_per_s", "1/s", "how many a second of wall clock"},
       {"lyapunov", "1/time",
        "with `lyapunov_count`: Lyapunov exponents, largest first: `value` (null: -infinity, a rest takes the "
@@ -232,12 +271,11 @@ int run_command(const Options& asked) {
     const int code = options.is_set("accuracy") && !options.is_set("restart")
                          ? run_to_accuracy(options, summary)
                          : Run(options, provenance).advance(summary);
-    summary.say(motion_words(summary));
+    summary.say(motion_words(summary, Scene::from(options, false).load));
     summary.say(work_words(summary));
     if (const std::string text = lyapunov_words(summary); !text.empty()) summary.say(text);
     if (!summary.is_null("events") && options.is_set("out_file"))
-      summary.say(summary.get("events").dump() + " slip events; to see them: " + script_call("events") + " " +
-                  options.text("out_file"));
+      summary.say("to see the events: " + script_call("events") + " " + options.text("out_file"));
     return code;
   });
 }

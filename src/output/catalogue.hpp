@@ -1,12 +1,35 @@
-// The slip events of a run (events.hpp) as an observer: rows of the group `events`, and their number in the
-// summary.
+// The slip events of a run (events.hpp) as an observer: rows of the group `events`; in the summary their
+// number, the largest, and b.
 #pragma once
+
+#include <map>
+#include <optional>
 
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/events.hpp"
 #include "stickslip/output/observer.hpp"
 
 namespace stickslip {
+
+// Counts and sums of magnitudes in bins of a quarter, and the slope b of their density exp(-b magnitude) over
+// three units from two above the most frequent magnitude, which is that of a block alone: by maximum
+// likelihood for a truncated exponential (K. Aki, Bull. Earthq. Res. Inst. 43 (1965) 237, for one that is not
+// truncated), its standard error from the curvature. As `postprocess/events.py` has it.
+class Magnitudes {
+ public:
+  void add(double magnitude);
+  struct Slope {
+    double b, error;
+  };
+  std::optional<Slope> slope() const;  // of 20 events there or more
+  void archive(Archive& a);            // nothing where a checkpoint has none
+
+ private:
+  struct Bin {
+    double count = 0, sum = 0;
+  };
+  std::map<int, Bin> bins_;  // by the magnitude's quarters
+};
 
 class Catalogue : public Observer {
  public:
@@ -25,6 +48,8 @@ class Catalogue : public Observer {
   Events events_;
   RunFile* file_ = nullptr;
   double begin_ = 0;  // wall clock
+  Magnitudes magnitudes_;
+  double largest_moment_ = 0, largest_extent_ = 0;  // of the largest event, and of the longest
 };
 
 }  // namespace stickslip

@@ -8,6 +8,7 @@
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "base/log_event.hpp"
+#include "output/forward.hpp"
 #include "output/field_watch.hpp"
 #include "output/regime_classifier.hpp"
 #include "output/traces.hpp"
@@ -145,6 +146,7 @@ struct Regime::Impl {
     a.linear = std::isfinite(growth) ? growth : 0;
     a.unloaded = is_unloaded(s);
     a.sticks = jumps_at_rest;
+    a.forcing = s.load.period();
     const double pull = s.K0() * std::abs(s.v);
     // distance, speed, holding force, minus the time to give way
     std::array<double, 4> largest{0, 0, 0, -infinity};
@@ -199,6 +201,10 @@ const Measured& Regime::result(Vec u) {
     m.rate = j.rate;
     m.time_to_decide = j.time_to_decide;
   }
+  m.period = j.period;
+  const bool forwards = forward(impl_->model.scene()) > 0;
+  m.low = forwards ? j.low : -j.high;
+  m.high = forwards ? j.high : -j.low;
   m.amplitude = field.amplitude;
   if (m.amplitude && record.windows >= 4) m.amplitude = std::max(*m.amplitude, amplitude_of(record));
   m.wave_speed = field.wave_speed;
@@ -228,6 +234,11 @@ void Regime::summarise(Summary& summary, Vec u) {
   if (!m.growth) summary.set("growth_rate_reason", impl_->growth_reason);
   summary.set("time_to_decide", m.time_to_decide);
   summary.set("amplitude", m.amplitude);
+  if (m.period && !impl_->model.scene().load.varies()) summary.set("period", m.period);
+  if (m.high >= m.low) {
+    summary.set("psi_low", m.low);
+    summary.set("psi_high", m.high);
+  }
   summary.set("wave_speed", m.wave_speed);
   summary.set("pulses", m.pulses);
   if (impl_->growth > 0 && impl_->growth_resolved <= 0)

@@ -84,6 +84,14 @@ class RegimeClassifier {
     const Trend t = trend();
     if (t.known && size(end_ - last_, end_) > settled * scale_) j.rate = t.rate;
     j.motion = word(t);
+    j.period = repeating_period();
+    const double period = a_.forcing > 0 ? a_.forcing : j.period.value_or(0);
+    const auto wanted = period > 0 ? std::size_t(std::ceil(period / r_.window)) : end_ - quarter_;
+    for (std::size_t w = end_ - std::min(wanted, end_); w < r_.windows; ++w)
+      for (std::size_t k = w * r_.places; k < (w + 1) * r_.places; ++k) {
+        j.low = std::min(j.low, r_.low[k]);
+        j.high = std::max(j.high, r_.high[k]);
+      }
     if (j.motion == Motion::sliding || j.motion == Motion::stick_slip || j.motion == Motion::stuck) return j;
     j.time_to_decide = time_to_decide(j.motion, t);
     return j;
@@ -175,6 +183,37 @@ class RegimeClassifier {
     const auto middle = periods.begin() + static_cast<std::ptrdiff_t>(periods.size() / 2);
     std::nth_element(periods.begin(), middle, periods.end());
     return *middle;
+  }
+
+  // The time between passages where it is the same all through the second half, at every place that passes
+  // and at half of the places at least. Windows with several passages have their mean.
+  std::optional<double> repeating_period() const {
+    constexpr double same = 1e-3;
+    double least = HUGE_VAL, most = 0, sum = 0;
+    std::size_t repeat = 0;
+    for (std::size_t p = 0; p < r_.places; ++p) {
+      double before = 0, first = 0, count = -1;
+      for (const std::size_t w : passing_) {
+        const double passages = r_.passages[w * r_.places + p], last = r_.passed[w * r_.places + p];
+        if (w < half_ || w >= end_ || passages == 0) continue;
+        if (count < 0) {
+          first = last;
+          count = 0;
+        } else {
+          const double time = (last - before) / passages;
+          least = std::min(least, time);
+          most = std::max(most, time);
+          count += passages;
+        }
+        before = last;
+      }
+      if (count < 0) continue;
+      if (count < 3) return std::nullopt;
+      sum += (before - first) / count;
+      ++repeat;
+    }
+    if (repeat == 0 || 2 * repeat < r_.places || most - least > same * most) return std::nullopt;
+    return sum / double(repeat);
   }
 
   std::size_t stretch() const {  // windows that hold a period

@@ -2,6 +2,7 @@
 // communication.
 #pragma once
 
+#include <cmath>
 #include <optional>
 
 #include "output/traces.hpp"
@@ -21,12 +22,16 @@ struct SceneContext {
   double cycle = 1;         // about the longest time between two slips, or the period of an oscillation
   double distance_now = 0;  // largest |psi - steady| of all nodes at the end
   double speed_now = 0;     // largest |psi|
+  double forcing = 0;       // period of the load; 0: none
   bool sticks = false;      // friction may hold a node at psi = 0
 };
 
 struct Judgement {
   Motion motion = Motion::undecided;
   std::optional<double> rate, time_to_decide;
+  std::optional<double> period;  // where the motion repeats
+  // of forward psi, over the last period; the last quarter where it has none
+  double low = HUGE_VAL, high = -HUGE_VAL;
 };
 
 Judgement judge(const MotionRecord& record, const SceneContext& around);

@@ -3,11 +3,15 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 
 import pytest
 
 from calls import PROGRAM, check
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "postprocess"))
+import catalogue  # noqa: E402
 
 
 def said(*words, code=0, summary=False):
@@ -42,6 +46,56 @@ def test_last_lines(words, parts):
     missing = [part for part in parts if part not in text]
     check(not missing and len(text.splitlines()) <= 5, f"{missing} not in\n{text}")
     check(not os.path.exists("c.h5"), "-check writes nothing")
+
+
+CHAIN = ("-model_form", "chain", "-friction_law", "carlson-langer", "-model_v", "0.2")
+CATALOGUE = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "runs", "catalogue.yaml")
+
+
+@pytest.mark.parametrize("words, first", [
+    (("run", CATALOGUE, "-grid_n", "100", "-ts_max_time", "300", "-out_events"), " slip events,"),
+    (("run", *CHAIN, "-grid_n", "1", "-ts_max_time", "1", "-out_events", "-init_psi", "0", "-init_eta", "0"), "no slip event"),
+    (("run", *CHAIN, "-grid_n", "1", "-load_sine_amplitude", "0.1", "-load_sine_period", "20", "-ts_max_time", "100"), "psi from 0"),
+    (("run", *CHAIN, "-grid_n", "1", "-ts_max_time", "400"), "stick-slip, period "),
+    (("run", "-grid_n", "32", "-ts_max_time", "5"), "undecided, a run to t = ")])
+def test_first_words(words, first):
+    """What was asked for stands first: events, the range under a load, else the regime."""
+    line = said(*words).splitlines()
+    line = [one for one in line if "warning" not in one][0].removeprefix("stickslip: ")
+    check(line.startswith(first) or first in line.split(",")[0] + ",", line)
+    check("undecided" not in line or first.startswith("undecided"), line)
+
+
+def test_events_in_the_summary():
+    """Largest and b are those of the file, b that of postprocess/catalogue.py."""
+    said("run", CATALOGUE, "-grid_n", "800", "-ts_max_time", "1000", "-out_file", "a.h5", "-out_frames", "2", summary=True)
+    with open("s.json", encoding="utf-8") as file:
+        summary = json.load(file)
+    run = catalogue.read("a.h5", 0)
+    magnitudes = catalogue.magnitudes(run)
+    b, error, number = catalogue.fit(magnitudes, *catalogue.usual_bounds(magnitudes))
+    check(summary["events"] == len(run["events"]["t"]) and number > 20, f"{summary['events']} events, {number} for b")
+    check(abs(summary["largest_moment"] / run["events"]["moment"].max() - 1) < 1e-15, summary["largest_moment"])
+    check(summary["largest_extent"] == run["events"]["extent"].max(), summary["largest_extent"])
+    # the mean of some hundred magnitudes is known to 1e-14, and db/dmean is below 10 here
+    check(abs(summary["b"] - b) < 1e-9 and abs(summary["b_error"] / error - 1) < 1e-4, (summary["b"], b, error))
+
+
+def test_period_without_probes():
+    said("run", *CHAIN, "-grid_n", "1", "-ts_max_time", "400", "-out_probes", "0", summary=True)
+    with open("s.json", encoding="utf-8") as file:
+        probed = json.load(file)["period"]
+    said("run", *CHAIN, "-grid_n", "1", "-ts_max_time", "400", summary=True)
+    with open("s.json", encoding="utf-8") as file:
+        alone = json.load(file)
+    subprocess.run([PROGRAM, "cycle", *CHAIN, "-grid_n", "1", "-progress", "off", "-summary", "c.json"], check=True)
+    with open("c.json", encoding="utf-8") as file:
+        cycle = json.load(file)
+    # both are means over passages of the same motion, of tolerance 1e-6
+    check(abs(alone["period"] / cycle["period"] - 1) < 1e-4 and abs(probed / cycle["period"] - 1) < 1e-4,
+          (alone["period"], probed, cycle["period"]))
+    check(abs(alone["psi_high"] / cycle["psi_max"] - 1) < 1e-4 and abs(alone["psi_low"]) < 1e-12,
+          (alone["psi_low"], alone["psi_high"]))
 
 
 def test_silence_and_keys():

@@ -31,6 +31,7 @@ class Load {
   double integral(double t) const;     // of v from 0 to t: how far the plate has come
   double next_corner(double t) const;  // later than t; infinity where there is none
   double largest() const;              // |v(t)| never exceeds it
+  double period() const { return amplitude_ != 0 ? period_ : 0; }  // of the sine; 0 without one
   // A length of time over which v(t) between two corners has no more than one extremum: half a period;
   // infinity without a sine.
   double smooth_time() const {

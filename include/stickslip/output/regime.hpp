@@ -60,6 +60,12 @@ struct Measured {
   std::optional<double> wave_speed;  // field_watch.hpp
   // on the whole scene, of which the model may be one of several equal cells
   std::optional<int> pulses;
+  // between passages, where the motion repeats: all in the second half of the run, three or more, agree to
+  // 1e-3
+  std::optional<double> period;
+  // of psi at the places looked at, over the last period, that of the load if it has one, else the last
+  // quarter
+  double low = 0, high = 0;
   // largest step of psi between neighbours over its range, in the last quarter
   double steepest = 0;
 };
