@@ -103,7 +103,7 @@ struct Regime::Impl {
     double bounds[2] = {-infinity, -infinity};  // of C and -C
     for (PetscInt i = 0; i < model.local(); ++i) {
       if (model.held(model.first() + i)) continue;
-      const double C = s.A() * (s.B() + model.friction(i, steady(model.first() + i), 0).F_psi) + s.s_delta();
+      const double C = model.linear_point(i, steady(model.first() + i), 0).damping();
       bounds[0] = std::max(bounds[0], C);
       bounds[1] = std::max(bounds[1], -C);
     }
