@@ -21,7 +21,9 @@ def commands(program):
 def options(program, command):
     """(group, name, default, values, description) of each option of a command, in its order."""
     group = None
-    lines = said(program, command, "-help").split("\n\n", 3)[3].splitlines()
+    groups = said(program, command, "-help").split("one group:\n")[1].split("; -help all")[0].replace("\n", " ").split(", ")
+    lines = [line for group in groups
+             for line in ["", *said(program, command, "-help", group.strip()).split("\n\n", 3)[3].splitlines()]]
     for k, line in enumerate(lines):
         head = re.fullmatch(r"  -(\w+) \[(.*?)\]: (.*)", line)
         if head:

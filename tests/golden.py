@@ -35,6 +35,7 @@ BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^chart$", r"/(best|recommended|cost)\b", np.inf, "which row is fastest is measured"),
     (r"", r"(/summary|^/\d+|^)/(psi_low|psi_high|largest_moment|largest_extent|b|b_error)(@/\w+)?\b", np.inf, "added"),
     (r"^(?!cycle|wave)", r"(/summary|^/\d+|^)/period$", np.inf, "given without probes too"),
+    (r"^help$", r"/out/", np.inf, "one line for the profiles, which come last"),
     (r"^accuracy$", r"/chosen$", np.inf, "says `error predicted` where it said `error foreseen`"),
     (r"^signal$", r"options", np.inf, "at which checkpoint the signal comes is chance"),
     (r"^wave", r"/psi_(min|max)\b", 1e-15, "the extremum of a train is evaluated within its interval, without going by the phase"),

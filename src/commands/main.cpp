@@ -96,7 +96,9 @@ int program(int argc, char** argv) {
   const CommandLine line = read_command_line(argc, argv, command_names(), MPI_COMM_WORLD);
   const bool speaks = rank_of(MPI_COMM_WORLD) == 0;
   if (line.help && speaks)
-    print(line.command.empty() ? general_help() : command_help(command_named(line.command)));
+    print(line.command.empty()
+              ? general_help()
+              : command_help(command_named(line.command), line.help_all ? "" : line.help_topic));
   if (line.help && !line.help_all) return 0;
   const Options options = Options::from(line.command, line.given);
   try {

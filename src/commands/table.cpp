@@ -104,28 +104,68 @@ std::string general_help() {
          "stickslip --version tells the versions.\n";
 }
 
-std::string command_help(const Command& command) {
-  std::string text =
-      "stickslip " + std::string(command.name) + ": " + command.does + "\n\nusage: stickslip " +
-      command.name +
-      " [SCENE.yaml] [options]\n\nEach option with its [default], what it takes and its (unit); "
-      "-help all adds those of PETSc and SLEPc.\n";
-  std::vector<std::string> groups;
+namespace {
+
+std::string first_word(const std::string& group) { return lower_case(group.substr(0, group.find(' '))); }
+
+bool is_profile(const std::string& group) { return first_word(group) == "profiles"; }
+
+std::string option_help(const OptionSpec& spec) {
+  const std::string value = spec.default_text.empty() ? spec.default_help : spec.default_text;
+  const std::string takes = spec.type == OptionType::text ? "text" : requirement(spec);
+  return "  -" + spec.name + " [" + value + "]: " + takes +
+         (spec.unit.empty() ? "" : " (" + spec.unit + ")") + "\n      " + wrapped(spec.help, 6) + "\n";
+}
+
+// What the options of profiles have in common, in place of two lines for each.
+std::string profiles_help(const Command& command) {
+  std::vector<std::string> names;
   for (const OptionSpec& spec : option_table())
-    if (reads_option(command.name, spec) &&
-        std::find(groups.begin(), groups.end(), spec.group) == groups.end())
-      groups.push_back(spec.group);
+    if (const auto end = spec.name.rfind("_profile"); is_profile(spec.group) && end != std::string::npos &&
+                                                      end + 8 == spec.name.size() &&
+                                                      reads_option(command.name, spec))
+      names.push_back(spec.name.substr(0, end));
+  return "  -NAME_profile [none]: x1:value1,x2:value2,... or a file of two columns; -NAME_factor [1] "
+         "multiplies it\n"
+         "      " +
+         wrapped(
+             "NAME along x, in place of one value: " + joined(names) + ". -help profiles has a line for each",
+             6) +
+         "\n";
+}
+
+}  // namespace
+
+std::string command_help(const Command& command, const std::string& topic) {
+  // in the order of the table, but what is rarely set last
+  std::vector<std::string> groups;
+  for (const bool rare : {false, true})
+    for (const OptionSpec& spec : option_table())
+      if (reads_option(command.name, spec) && is_profile(spec.group) == rare &&
+          std::find(groups.begin(), groups.end(), spec.group) == groups.end())
+        groups.push_back(spec.group);
+  std::string text;
+  std::vector<std::string> topics;
   for (const std::string& group : groups) {
+    topics.push_back(first_word(group));
+    if (!topic.empty() && topic != topics.back()) continue;
     text += "\n" + group + "\n";
     for (const OptionSpec& spec : option_table()) {
       if (spec.group != group || !reads_option(command.name, spec)) continue;
-      const std::string value = spec.default_text.empty() ? spec.default_help : spec.default_text;
-      const std::string takes = spec.type == OptionType::text ? "text" : requirement(spec);
-      text += "  -" + spec.name + " [" + value + "]: " + takes +
-              (spec.unit.empty() ? "" : " (" + spec.unit + ")") + "\n      " + wrapped(spec.help, 6) + "\n";
+      if (topic.empty() && is_profile(group) && spec.name != "profile_kind") continue;
+      text += option_help(spec);
     }
+    if (topic.empty() && is_profile(group)) text += profiles_help(command);
   }
-  return text;
+  const std::string list = joined(topics);
+  if (text.empty())
+    throw UsageError("-help " + quoted(topic) + ": no such group of options; there are " + list);
+  return "stickslip " + std::string(command.name) + ": " + command.does + "\n\nusage: stickslip " +
+         command.name +
+         " [SCENE.yaml] [options]\n\nEach option with its [default], what it takes and its (unit). -help "
+         "GROUP "
+         "shows one group:\n" +
+         wrapped(list + "; -help all adds the options of PETSc and SLEPc.", 0) + "\n" + text;
 }
 
 std::string version_text() {

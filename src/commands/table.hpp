@@ -31,7 +31,9 @@ const Command& command_named(const std::string& name);  // one of command_names(
 
 std::string tables_text();  // of all commands, for scripts/tables.py
 std::string general_help();
-std::string command_help(const Command& command);
+// Of all groups of options, or of that whose name begins with the word `topic`. Throws UsageError where there
+// is no such group.
+std::string command_help(const Command& command, const std::string& topic = "");
 std::string version_text();  // versions of the libraries too: once they have started
 void print_library_help();   // what PETSc and SLEPc print of their options; collective
 

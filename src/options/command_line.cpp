@@ -141,7 +141,9 @@ CommandLine read(const std::vector<std::string>& words, const std::vector<std::s
     if (lower_case(given.name) == "version") line.version = true;
     if (!is_help(given)) continue;
     line.help = true;
-    if (given.text && lower_case(*given.text) == "all") line.help_all = true;
+    if (!given.text || has_scene_suffix(*given.text)) continue;
+    line.help_topic = lower_case(*given.text);
+    if (line.help_topic == "all") line.help_all = true;
   }
   // -help all keeps the options: with -ts_type bdf it shows those of bdf
   if (line.version || (line.help && !line.help_all)) return line;
@@ -170,13 +172,14 @@ CommandLine read(const std::vector<std::string>& words, const std::vector<std::s
 std::vector<std::uint8_t> packed(const CommandLine& line) {
   Json given = Json::array();
   for (const Given& one : line.given) given.push_back(Json::array({one.name, Json(one.text), one.where}));
-  return Json::to_msgpack(Json::array({line.command, line.help, line.help_all, line.version, given}));
+  return Json::to_msgpack(
+      Json::array({line.command, line.help, line.help_all, line.version, line.help_topic, given}));
 }
 
 CommandLine unpacked(const std::vector<std::uint8_t>& bytes) {
   const Json json = Json::from_msgpack(bytes);
-  CommandLine line{json[0], json[1], json[2], json[3], {}};
-  for (const Json& one : json[4]) {
+  CommandLine line{json[0], json[1], json[2], json[3], json[4], {}};
+  for (const Json& one : json[5]) {
     line.given.push_back({one[0], std::nullopt, one[2]});
     if (!one[1].is_null()) line.given.back().text = one[1].get<std::string>();
   }

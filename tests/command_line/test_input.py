@@ -233,6 +233,7 @@ COMMANDS = [
     (["run", "-out_frames", "2000000000", "-out_file", "a.h5"], "more than out_limit"),
     (["run", "-grid_n", "8", "-out_every", "1e-300", "-out_file", "a.h5"], "more frames than can be counted"),
     (["help", "foo"], "unknown command foo"),
+    (["run", "-help", "foo"], "-help foo: no such group of options; there are model, friction, "),
     (["spectrum", "-grid_n", "32", "-spectrum_count", "0"], "-spectrum_count 0"),
     (["spectrum", "-grid_n", "32", "-spectrum_method", "kryloff"], "did you mean krylov?"),
     (["spectrum", "-grid_n", "32", "-out_file", "notes.txt"], "notes.txt"),
@@ -340,6 +341,13 @@ def test_right_use(scratch):
     expect(["-help"], "usage: stickslip COMMAND")
     expect(["run", "-help"], "-model_gamma [3]: a finite number > 0")
     expect(["run", "--help", "-no_such_option"], "-grid_order [4")
+    group = expect(["run", "-help", "grid"], "-grid_order [4")
+    if "-model_v" in group:
+        trouble.append("-help grid shows other groups")
+    expect(["run", "-help", "Profiles"], "-friction_mu0_factor [1]")
+    whole = expect(["run", "-help"], "-NAME_profile [none]")
+    if "-friction_mu0_factor" in whole or whole.index("-profile_kind") < whole.index("-out_file"):
+        trouble.append("-help shows every profile, or first what is rarely set")
     expect(["run", "-help", "all", "-ts_type", "bdf"], "-ts_bdf_order")
     for text in (expect(["--version"], "stickslip "), expect(["run", "-version"], "stickslip ")):
         for library in ("git ", "Petsc Release Version 3", "SLEPc Release Version 3", "Open MPI"):

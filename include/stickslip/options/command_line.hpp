@@ -21,6 +21,7 @@ struct CommandLine {
   bool help = false;
   bool help_all = false;  // PETSc's and SLEPc's options too
   bool version = false;
+  std::string help_topic;  // the first word of a group of options, where only that was asked for
   std::vector<Given> given;  // lowest precedence first; empty where help or version was asked for
 };
 
