@@ -12,16 +12,21 @@ using namespace stickslip;
 
 namespace {
 
-// Bogacki and Shampine's pair of orders 3 and 2 (its last stage is the solution), and the classical method of
-// order 4 with an invented estimate (its last stage is not).
-const std::vector<RungeKutta> tableaus = {{4,
-                                           {0, 0, 0, 0, .5, 0, 0, 0, 0, .75, 0, 0, 2. / 9, 1. / 3, 4. / 9, 0},
-                                           {2. / 9, 1. / 3, 4. / 9, 0},
-                                           {7. / 24, 1. / 4, 1. / 3, 1. / 8}},
-                                          {4,
-                                           {0, 0, 0, 0, .5, 0, 0, 0, 0, .5, 0, 0, 0, 0, 1, 0},
-                                           {1. / 6, 1. / 3, 1. / 3, 1. / 6},
-                                           {.25, .25, .25, .25}}};
+// Bogacki and Shampine's pair of orders 3 and 2 (its last stage is the solution); the classical method of
+// order 4 with an invented estimate (its last stage is not); and with one that has a stage of its own.
+const std::vector<StageProgram> tableaus = {
+    {4,
+     {0, 0, 0, 0, .5, 0, 0, 0, 0, .75, 0, 0, 2. / 9, 1. / 3, 4. / 9, 0},
+     {2. / 9, 1. / 3, 4. / 9, 0},
+     {7. / 24, 1. / 4, 1. / 3, 1. / 8}},
+    {4,
+     {0, 0, 0, 0, .5, 0, 0, 0, 0, .5, 0, 0, 0, 0, 1, 0},
+     {1. / 6, 1. / 3, 1. / 3, 1. / 6},
+     {.25, .25, .25, .25}},
+    {5,
+     {0, 0, 0, 0, 0, .5, 0, 0, 0, 0, 0, .5, 0, 0, 0, 0, 0, 1, 0, 0, .2, .1, .1, .3, 0},
+     {1. / 6, 1. / 3, 1. / 3, 1. / 6, 0},
+     {.25, .25, .25, 0, .25}}};
 
 std::vector<Scene> scenes() {
   std::vector<Scene> all;
@@ -86,7 +91,7 @@ std::vector<Scene> scenes() {
 }
 
 // Who rests and who slides where, with friction that sticks; the model and the step are told.
-std::vector<double> give_direction(const Model& model, FusedStep& step) {
+std::vector<double> give_direction(const Model& model, TiledStep& step) {
   std::vector<double> direction;
   if (!Stick::applies_to(model.scene())) return direction;
   for (PetscInt i = 0; i < model.local(); ++i) {
@@ -143,14 +148,14 @@ TEST_CASE("a step taken tile by tile is the step taken stage by stage", "[fused]
     MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
     if (scene.n < ranks) continue;
     const Model model(PETSC_COMM_WORLD, scene);
-    for (const RungeKutta& method : tableaus) {
+    for (const StageProgram& method : tableaus) {
       ++checked;
       const auto stages = static_cast<std::size_t>(method.stages);
       const double dt = 0.5 / std::max(model.wave_frequency(), 5.);
       VecHandle u = model.create_vector(), expected = model.create_vector(), other = model.create_vector(),
                 found = model.create_vector(), at_end = model.create_vector();
       start(model, u);
-      FusedStep step(model, method, Stick::applies_to(scene));
+      TiledStep step(model, method, Stick::applies_to(scene));
       const std::vector<double> direction = give_direction(model, step);
       std::vector<VecHandle> slopes, kept;
       for (std::size_t i = 0; i < stages; ++i) {
@@ -203,7 +208,7 @@ TEST_CASE("a step taken tile by tile does not depend on the ranks, to the last b
     VecHandle all = alone.create_vector(), expected = alone.create_vector();
     start(model, u);
     start(alone, all);
-    FusedStep step(model, tableaus[0], Stick::applies_to(scene)),
+    TiledStep step(model, tableaus[0], Stick::applies_to(scene)),
         step_alone(alone, tableaus[0], Stick::applies_to(scene));
     const auto direction = give_direction(model, step), direction_alone = give_direction(alone, step_alone);
     step.take(u, 0.02, {1e-4, 1e-3, NORM_2}, true, found, {});
@@ -218,7 +223,7 @@ TEST_CASE("a step taken tile by tile tells what is not finite", "[fused]") {
   const Model model(PETSC_COMM_WORLD, scene);
   VecHandle u = model.create_vector(), found = model.create_vector();
   start(model, u);
-  const FusedStep step(model, tableaus[0]);
+  const TiledStep step(model, tableaus[0]);
   for (const bool estimate : {true, false})
     for (const NormType norm : {NORM_2, NORM_INFINITY}) {
       CHECK(step.take(u, 0.01, {1e-6, 1e-6, norm}, estimate, found, {}).finite);

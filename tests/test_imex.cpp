@@ -14,7 +14,8 @@
 #include "stickslip/time/stick.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/banded_imex.hpp"
-#include "time/fused_imex.hpp"
+#include "time/fused_step.hpp"
+#include "time/imex_tableau.hpp"
 #include "time/leapfrog.hpp"
 #include "time/rosenbrock.hpp"
 
@@ -115,9 +116,9 @@ double norm(Vec v) {
 
 namespace {
 
-std::unique_ptr<StepTaker> step_of(const Model& model, const ImexTableau& t, Implicit implicit) {
+std::unique_ptr<StepTaker> step_of(const Model& model, const StageProgram& t, Implicit implicit) {
   const bool sticks = Stick::applies_to(model.scene());
-  if (implicit == Implicit::friction) return std::make_unique<FusedImex>(model, t, sticks);
+  if (implicit == Implicit::friction) return std::make_unique<TiledStep>(model, t, sticks);
   return std::make_unique<BandedImex>(model, t, implicit, sticks);
 }
 
@@ -139,7 +140,7 @@ TEST_CASE("tableaus of arkimex are read off the library's own steps", "[imex]") 
   for (const Method& m : methods()) {
     if (m.type != std::string(TSARKIMEX)) continue;
     const ImexMethod method(m.subtype);
-    const ImexTableau& t = method.tableau();
+    const StageProgram& t = method.tableau();
     INFO(m.name());
     const auto s = std::size_t(t.stages);
     CHECK((m.adaptivity == Adaptivity::never) == t.embedded.empty());
@@ -176,7 +177,7 @@ TEST_CASE("stages of arkimex solve the model's own equations, whatever is implic
     for (const Split& split : splits_of(scene))
       for (const char* subtype : {"3", "4", "1bee", "prssp2"}) {
         const ImexMethod method(subtype);
-        const ImexTableau& t = method.tableau();
+        const StageProgram& t = method.tableau();
         const Model model(PETSC_COMM_WORLD, scene);
         const auto step = step_of(model, t, split.implicit);
         VecHandle u = model.create_vector(), found = model.create_vector(), y = model.create_vector(),
@@ -236,11 +237,42 @@ TEST_CASE("stages of arkimex solve the model's own equations, whatever is implic
       }
 }
 
+TEST_CASE("the stability matrix of a method is that of its stages", "[imex][leapfrog]") {
+  const std::vector<double> F = {0, 0, -0.7, 0}, G = {0.4, -0.5, 0.9, -1.3};
+  // the classical method: exp(z) up to z^4
+  const double z = 0.6;
+  StageProgram classical{4, {0, 0, 0, 0, .5, 0, 0, 0, 0, .5, 0, 0, 0, 0, 1, 0}, {}, {}};
+  classical.b = {1. / 6, 1. / 3, 1. / 3, 1. / 6};
+  CHECK(propagator(classical, 1, {2 * z}, {0}, 0.5)[0] ==
+        Approx(1 + z + z * z / 2 + z * z * z / 6 + z * z * z * z / 24).epsilon(1e-14));
+  // half a kick, the midpoint rule, half a kick
+  const double a = 0.7, b = -1.9, dt = 0.4;
+  CHECK(propagator(leapfrog(), 1, {a}, {b}, dt)[0] ==
+        Approx(std::pow(1 + dt * a / 2, 2) * (1 + dt * b / 2) / (1 - dt * b / 2)).epsilon(1e-14));
+  CHECK(leapfrog().diagonal() == 0.5);
+  // Two parts that do not commute, F a kick, F^2 = 0: one step and two of half the length differ by
+  // C dt^(order + 1), and by the next power, which counts dt |F + G| = 0.1 times as much, 0.05 at half dt;
+  // that moves the measured order by log2(1.1/1.05) at equal coefficients, and by 0.3 at four times as large
+  const auto difference = [&](const StageProgram& method, double step) {
+    const auto whole = propagator(method, 2, F, G, step), half = propagator(method, 2, F, G, step / 2);
+    double largest = 0;
+    for (int i = 0; i < 2; ++i)
+      for (int j = 0; j < 2; ++j)
+        largest = std::max(
+            largest, std::abs(whole[2 * i + j] - half[2 * i] * half[j] - half[2 * i + 1] * half[2 + j]));
+    return largest;
+  };
+  const ImexMethod third("3"), fourth("4"), fifth("5");
+  for (const StageProgram* method : {&leapfrog(), &third.tableau(), &fourth.tableau(), &fifth.tableau()})
+    CHECK(std::log2(difference(*method, 0.05) / difference(*method, 0.025)) ==
+          Approx(method->order + 1).margin(0.3));
+}
+
 TEST_CASE("a step of leapfrog is half a kick, the midpoint rule, half a kick", "[imex][leapfrog]") {
   for (const Scene& scene : imex_scenes()) {
     if (scene.nu > 0) continue;  // refused
     const Model model(PETSC_COMM_WORLD, scene);
-    Leapfrog step(model, Stick::applies_to(scene));
+    TiledStep step(model, leapfrog(), Stick::applies_to(scene));
     VecHandle u = model.create_vector(), found = model.create_vector(), z = model.create_vector(),
               w = model.create_vector(), rhs = model.create_vector();
     start(model, u);
@@ -299,7 +331,8 @@ TEST_CASE("steps tile by tile do not depend on the ranks, to the last bit: arkim
     direction_alone = give_direction(alone, *steps_alone.back(), all);
     for (std::size_t k = 0; k < steps.size(); ++k) check_step(*steps[k], *steps_alone[k], true);
     if (scene.nu > 0) continue;
-    Leapfrog leap(model, Stick::applies_to(scene)), leap_alone(alone, Stick::applies_to(scene));
+    const bool sticks = Stick::applies_to(scene);
+    TiledStep leap(model, leapfrog(), sticks), leap_alone(alone, leapfrog(), sticks);
     if (!direction.empty()) leap.set_direction(direction);
     if (!direction_alone.empty()) leap_alone.set_direction(direction_alone);
     check_step(leap, leap_alone, false);
@@ -675,7 +708,7 @@ TEST_CASE("everything implicit: a step leads to the solution that grows out of i
 TEST_CASE("everything implicit at fixed steps, however long: what is told as solved is a solution",
           "[imex][serial]") {
   const ImexMethod method("3");
-  const ImexTableau& t = method.tableau();
+  const StageProgram& t = method.tableau();
   const auto s = std::size_t(t.stages);
   std::mt19937 random(19);
   const auto between = [&](double a, double b) { return std::uniform_real_distribution<>(a, b)(random); };

@@ -16,8 +16,8 @@ namespace stickslip {
 namespace {
 
 // Of a pair of PETSc's.
-const RungeKutta& tableau_of(const std::string& pair) {
-  static std::map<std::string, RungeKutta> known;
+const StageProgram& tableau_of(const std::string& pair) {
+  static std::map<std::string, StageProgram> known;
   const auto found = known.find(pair);
   if (found != known.end()) return found->second;
   TsHandle ts;
@@ -98,7 +98,7 @@ Trial Pilot::run(const Setting& setting, double limit) const {
   const Model model = this->model(setting.order, setting.n);
   VecHandle u = vector_for(model), next = vector_for(model);
   start_.fill(model, u);
-  const FusedStep step(model, tableau_of(setting.method.subtype));
+  const TiledStep step(model, tableau_of(setting.method.subtype));
   const double exponent = -1. / setting.method.order();
   static const std::vector<VecHandle> no_slopes;
   double most = longest_step(setting);

@@ -166,11 +166,11 @@ StepForecast::StepForecast(const Model& model, Vec u, const Integrator& like)
   const std::string type = like.method().type;
   if (type == TSBDF) bdf_order_ = std::stoi(like.method().subtype);
   is_alpha_ = type == TSALPHA;
-  is_leapfrog_ = type == leapfrog_type;
+  if (type == leapfrog_type) stages_ = &leapfrog();
   if (is_alpha_) SS_TRY(TSAlphaGetParams(like.ts(), &alpha_m_, &alpha_f_, &alpha_gamma_));
   if (u) add_waves_about(model, u, implicit);
   add_waves_about_sliding(model, implicit);
-  if (bdf_order_ == 0 && !is_alpha_ && !is_leapfrog_) make_ts(like, implicit);
+  if (bdf_order_ == 0 && !is_alpha_ && !stages_) make_ts(like, implicit);
 }
 
 void StepForecast::add_waves_about(const Model& model, Vec u, Implicit implicit) {
@@ -300,24 +300,6 @@ double StepForecast::multistep_modulus(Complex z) const {
   return largest;
 }
 
-// Half a kick, the midpoint rule, half a kick.
-std::vector<double> StepForecast::leapfrog_propagator(const Wave& w, double dt) const {
-  const int d = dof_;
-  std::vector<double> kick = w.explicit_part, implicit = w.implicit_part, end(d * d);
-  for (int i = 0; i < d * d; ++i) {
-    const double one = i % (d + 1) == 0;
-    kick[i] = one + dt / 2 * kick[i];
-    implicit[i] = one - dt / 2 * implicit[i];
-  }
-  std::vector<double> middle = kick;
-  solve_dense(d, implicit.data(), d, middle.data());
-  for (int i = 0; i < d * d; ++i) middle[i] = 2 * middle[i] - kick[i];
-  for (int i = 0; i < d; ++i)
-    for (int j = 0; j < d; ++j)
-      for (int k = 0; k < d; ++k) end[i * d + j] += kick[i * d + k] * middle[k * d + j];
-  return end;
-}
-
 std::vector<double> StepForecast::rates(double dt) {
   std::vector<double> rates;
   if (waves_.empty()) return rates;
@@ -326,8 +308,8 @@ std::vector<double> StepForecast::rates(double dt) {
     for (const double p : propagator) largest = std::isfinite(p) ? std::max(largest, std::abs(p)) : HUGE_VAL;
     rates.push_back(std::log(largest < 1e60 ? spectral_bounds(dof_, propagator).modulus : largest) / dt);
   };
-  if (is_leapfrog_) {
-    for (const Wave& w : waves_) add_rate(leapfrog_propagator(w, dt));
+  if (stages_) {
+    for (const Wave& w : waves_) add_rate(propagator(*stages_, dof_, w.explicit_part, w.implicit_part, dt));
     return rates;
   }
   if (bdf_order_ > 0 || is_alpha_) {
@@ -400,8 +382,8 @@ double StepForecast::shift(double dt) {
     for (int j = 1; j <= bdf_order_; ++j) last_shift_ += 1 / (j * dt);
   } else if (is_alpha_) {
     last_shift_ = alpha_m_ / (alpha_f_ * alpha_gamma_ * dt);
-  } else if (is_leapfrog_) {
-    last_shift_ = 2 / dt;
+  } else if (stages_) {
+    last_shift_ = 1 / (stages_->diagonal() * dt);
   } else {
     (void)rates(dt);
   }

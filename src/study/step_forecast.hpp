@@ -6,7 +6,8 @@
 // to the grid's largest, friction at its least and largest slope - by one step from every unit vector, so
 // that the propagator P over one step is known for any method, split as it will be; its rate is ln rho(P)/dt.
 // The multistep methods bdf and alpha take everything implicitly and are known by the roots of their
-// characteristic polynomial at dt lambda; leapfrog by the product of its three parts.
+// characteristic polynomial at dt lambda; leapfrog, which the library does not have, by its stability matrix
+// (time/stage_program.hpp).
 //
 // A wave explodes when the excess of its growth over the exact one, ln rho(P) - max(0, dt Re lambda),
 // multiplies errors by more than a million in the time asked for. A growing wave that an implicit method lets
@@ -23,6 +24,7 @@
 #include "stickslip/numerics/band.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/time/time.hpp"
+#include "time/stage_program.hpp"
 
 namespace stickslip {
 
@@ -64,8 +66,7 @@ class StepForecast {
   void add_wave(const LinearPoint& medium, Implicit implicit, double kappa2, bool sliding, bool resolved);
   void add_waves_about(const Model& model, Vec u, Implicit implicit);
   void add_waves_about_sliding(const Model& model, Implicit implicit);
-  std::vector<double> rates(double dt);  // growth of every wave, per unit time, as the method has it
-  std::vector<double> leapfrog_propagator(const Wave& w, double dt) const;  // row-major
+  std::vector<double> rates(double dt);       // growth of every wave, per unit time, as the method has it
   double multistep_modulus(Complex z) const;  // largest root of the characteristic polynomial
   double excess_rate(double dt);              // largest over the waves about the motion, per unit time
 
@@ -80,7 +81,8 @@ class StepForecast {
   int dof_;
   bool all_implicit_ = false;
   int bdf_order_ = 0;  // 0: not bdf
-  bool is_alpha_ = false, is_leapfrog_ = false;
+  bool is_alpha_ = false;
+  const StageProgram* stages_ = nullptr;  // of a method that the library does not have
   double alpha_m_ = 0, alpha_f_ = 0, alpha_gamma_ = 0;
   double last_shift_ = 0, least_slope_ = 0;
   double growth_ = std::numeric_limits<double>::quiet_NaN(), growth_of_all_ = growth_;  // of sliding

@@ -14,13 +14,13 @@ namespace {
 constexpr int most_rounds = 12;  // of Newton's method; three times as many where a step cannot be shorter
 }  // namespace
 
-bool BandedImex::takes(const ImexTableau& method) {
+bool BandedImex::takes(const StageProgram& method) {
   for (int i = 1; i < method.stages; ++i)
     if (!(method.At[i * method.stages + i] > 1e-14)) return false;
   return true;
 }
 
-BandedImex::BandedImex(const Model& model, ImexTableau method, Implicit implicit, bool sticking)
+BandedImex::BandedImex(const Model& model, StageProgram method, Implicit implicit, bool sticking)
     : model_(model), method_(std::move(method)), implicit_(implicit), layout_(model),
       columns_(layout_, method_, implicit), system_(BandSystem::make(layout_)),
       coefficients_(kernel::coefficients_with(model.scene(), 1)), stencil_(tile::stencil(model.scene())),

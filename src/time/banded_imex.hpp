@@ -26,14 +26,14 @@ namespace stickslip {
 class BandedImex : public StepTaker {
  public:
   // `implicit`: wave or both.
-  BandedImex(const Model& model, ImexTableau method, Implicit implicit, bool sticking);
+  BandedImex(const Model& model, StageProgram method, Implicit implicit, bool sticking);
 
   Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
                const std::vector<VecHandle>& slopes, Vec last_slope = nullptr, double t = 0) const override;
   void set_direction(const std::vector<double>& direction) override;
   int stages() const override { return method_.stages; }
   // Of the stages of a tableau that this class takes only the first may be explicit.
-  static bool takes(const ImexTableau& method);
+  static bool takes(const StageProgram& method);
 
  private:
   struct Step {
@@ -71,7 +71,7 @@ class BandedImex : public StepTaker {
   void for_held(const BandTile& t, const Body& body) const;
 
   const Model& model_;
-  ImexTableau method_;
+  StageProgram method_;
   Implicit implicit_;
   BandLayout layout_;
   ImexColumns columns_;

@@ -3,7 +3,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/methods.hpp"
 #include "time/banded_imex.hpp"
-#include "time/fused_imex.hpp"
+#include "time/imex_tableau.hpp"
 #include "time/leapfrog.hpp"
 #include "time/rosenbrock.hpp"
 
@@ -38,7 +38,7 @@ class FusedRk : public FusedMethod {
     order_ = 0;
   }
   std::unique_ptr<StepTaker> make(const Model& model, Implicit, bool sticking) const override {
-    return std::make_unique<FusedStep>(model, tableau_of(library_), sticking);
+    return std::make_unique<TiledStep>(model, tableau_of(library_), sticking);
   }
   int order() const override {
     if (order_ == 0) order_ = offered_method(TSRK, subtype()).order;  // looked up once, not in every step
@@ -75,7 +75,7 @@ class FusedArkimex : public FusedMethod {
   std::unique_ptr<StepTaker> make(const Model& model, Implicit implicit, bool sticking) const override {
     if (implicit == Implicit::wave || implicit == Implicit::both)
       return std::make_unique<BandedImex>(model, method().tableau(), implicit, sticking);
-    return std::make_unique<FusedImex>(model, method().tableau(), sticking);
+    return std::make_unique<TiledStep>(model, method().tableau(), sticking);
   }
   int order() const override { return method().tableau().order; }
   int slopes() const override { return 2 * method().tableau().stages; }
@@ -114,9 +114,9 @@ class FusedLeapfrog : public FusedMethod {
   const char* subtype() const override { return ""; }
   void set_subtype(const char*) override {}
   std::unique_ptr<StepTaker> make(const Model& model, Implicit, bool sticking) const override {
-    return std::make_unique<Leapfrog>(model, sticking);
+    return std::make_unique<TiledStep>(model, leapfrog(), sticking);
   }
-  int order() const override { return 2; }
+  int order() const override { return leapfrog().order; }
 };
 
 }  // namespace
@@ -129,9 +129,9 @@ std::unique_ptr<FusedMethod> FusedMethod::of(const std::string& type) {
   throw std::logic_error("no fused steps for ts_type " + type);
 }
 
-RungeKutta tableau_of(TS rk) {
+StageProgram tableau_of(TS rk) {
   const RkParts t(rk);
-  RungeKutta tableau{int(t.stages), {t.A, t.A + t.stages * t.stages}, {t.b, t.b + t.stages}, {}};
+  StageProgram tableau{int(t.stages), {t.A, t.A + t.stages * t.stages}, {t.b, t.b + t.stages}, {}};
   if (t.embedded) tableau.embedded.assign(t.embedded, t.embedded + t.stages);
   return tableau;
 }

@@ -35,6 +35,6 @@ class FusedMethod {
 };
 
 // The tableau of a TS of type rk.
-RungeKutta tableau_of(TS rk);
+StageProgram tableau_of(TS rk);
 
 }  // namespace stickslip

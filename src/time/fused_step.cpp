@@ -43,32 +43,186 @@ double plate_acceleration(const Model& model, double t) {
   return slope + M_PI / half * sine_ahead;
 }
 
-TiledStep::TiledStep(const Model& model, int stages, int slopes, int others, bool sticking)
-    : stages_(stages), slopes_(slopes),
-      tiles_(model, stages, stages * slopes + others + (model.viscous() ? 1 : 0), sticking),
+namespace {
+
+// Whether slope j has a weight in a row of a matrix or in a sum.
+bool has_weight(const std::vector<double>& rows, int stages, int j) {
+  for (std::size_t k = j; k < rows.size(); k += stages)
+    if (!is_no_weight(rows[k])) return true;
+  return false;
+}
+
+// The new u is the last stage, of an additive method but for what is explicit.
+bool ends_at_last_stage(const StageProgram& m) {
+  const std::vector<double>& new_u = m.additive() ? m.bt : m.b;
+  const double* const last = &(m.additive() ? m.At : m.A)[(m.stages - 1) * m.stages];
+  return std::equal(new_u.begin(), new_u.end(), last, [](double a, double b) { return is_no_weight(a - b); });
+}
+
+// Weights of f in the new u, less those that it has in the last stage where that is what it begins with.
+std::vector<double> lacking(const StageProgram& m) {
+  std::vector<double> of_f = m.b;
+  const double* const last = &m.A[(m.stages - 1) * m.stages];
+  for (int j = 0; j < m.stages && ends_at_last_stage(m); ++j) of_f[j] -= last[j];
+  return of_f;
+}
+
+}  // namespace
+
+std::vector<TiledStep::Stage> TiledStep::stages_of(const StageProgram& m) {
+  const int s = m.stages;
+  const std::vector<double> new_u = lacking(m);
+  std::vector<Stage> stages(s);
+  int column = slopes_from;
+  for (int i = 0; i < s; ++i) {
+    const auto is_there = [&](const auto&... rows) { return m.dense || (has_weight(rows, s, i) || ...); };
+    if (m.additive() && is_there(m.At, m.bt, m.embedded_t)) stages[i].g = column++;
+    if (is_there(m.A, m.b, m.embedded)) stages[i].f = column++;
+    const double* const row = &(m.additive() ? m.At : m.A)[i * s];
+    stages[i].time = std::accumulate(row, row + i + 1, 0.);
+    if (m.additive()) stages[i].diagonal = row[i];
+  }
+  for (int j = s; j-- > 0;) {  // also by way of later stages
+    stages[j].used = !is_no_weight(new_u[j]);
+    for (int i = j + 1; i < s; ++i) {
+      const bool is_needed = m.additive() || stages[i].used || (i + 1 == s && ends_at_last_stage(m));
+      if (is_needed && !is_no_weight(m.A[i * s + j])) stages[j].used = true;
+    }
+  }
+  return stages;
+}
+
+int TiledStep::explicit_slopes(bool all) const {
+  return int(std::count_if(stages_.begin(), stages_.end(), [&](const Stage& s) { return takes(s, all); }));
+}
+
+int TiledStep::implicit_slopes() const {
+  return int(std::count_if(stages_.begin(), stages_.end(), [](const Stage& s) { return s.g >= 0; }));
+}
+
+TiledStep::TiledStep(const Model& model, const StageProgram& method, bool sticking, int others)
+    : stages_(stages_of(method)), others_(slopes_from + explicit_slopes(true) + implicit_slopes()),
+      known_(others_ + others), driving_(known_ + (method.additive() ? 1 : 0)),
+      tiles_(model, explicit_slopes(true), driving_ - slopes_from + (model.viscous() ? 1 : 0), sticking),
       coefficients_(kernel::coefficients_with(model.scene(), model.viscous() ? 1 : model.scene().K1())),
-      K1_(model.scene().K1()), N_(model.scene().N()), driving_(slopes_from + stages * slopes + others),
+      additive_(method.additive()), last_is_new_(ends_at_last_stage(method)), target_(method.target),
+      K1_(model.scene().K1()), N_(model.scene().N()), solve_(tiles_, sticking),
       stencil_(tile::stencil(model.scene())),
-      pointwise_(tile::pointwise(model.scene(), sticking, tiles_.places())) {}
+      pointwise_(tile::pointwise(model.scene(), sticking, tiles_.places())) {
+  const int s = method.stages;
+  for (int i = 0; i < s; ++i) {
+    const double* const of_g = additive_ ? &method.At[i * s] : nullptr;
+    stages_[i].sum[0] = row_of(nullptr, of_g, i);
+    stages_[i].sum[1] = row_of(&method.A[i * s], of_g, i);
+  }
+  const double* const of_g = additive_ && !last_is_new_ ? method.bt.data() : nullptr;
+  solution_[0] = row_of(nullptr, of_g, s);
+  solution_[1] = row_of(lacking(method).data(), of_g, s);
+  if (method.embedded.empty()) return;
+  std::vector<double> f = method.b, g = method.bt;
+  for (int j = 0; j < s; ++j) f[j] -= method.embedded[j];
+  for (int j = 0; j < s && additive_; ++j) g[j] -= method.embedded_t[j];
+  error_ = row_of(f.data(), additive_ ? g.data() : nullptr, s);
+}
+
+// The sum of the first `count` slopes; either part may be absent.
+Row TiledStep::row_of(const double* of_f, const double* of_g, int count) const {
+  Row row;
+  const auto add = [&](int column, const double* weights, int j) {
+    if (!weights || is_no_weight(weights[j])) return;
+    row.column.push_back(column);
+    row.weight.push_back(weights[j]);
+  };
+  for (int j = 0; j < count; ++j) {
+    add(stages_[j].g, of_g, j);
+    add(stages_[j].f, of_f, j);
+  }
+  return row;
+}
 
 TiledStep::Outcome TiledStep::take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
                                    const std::vector<VecHandle>& slopes, Vec last_slope, double begin) const {
-  const bool last_wanted = !last_is_solution_ || estimate || !slopes.empty() || last_slope;
-  const Step step{dt, norm, estimate, last_wanted ? stages_ : stages_ - 1, begin};
+  const Step step{dt, norm, estimate, estimate || !slopes.empty() || last_slope, begin};
   StepErrors::Sums sums;
   {
     const SlopeArrays kept(slopes, last_slope);
     tiles_.pass(
-        u, u_new, step.taken * tiles_.half_width(),
+        u, u_new, explicit_slopes(step.all) * tiles_.half_width(),
         [&](const Tile& t) { sums.unsolved += double(through(t, step)); },
         [&](const Tile& t) {
-          kept.store(tiles_, t, slopes_from, slopes_from + stages_ * slopes_ - 1);
+          kept.store(tiles_, t, slopes_from, others_ - 1);
           tiles_.measure(t, error_, dt, norm, estimate, sums);
         });
   }
-  tiles_.model().count_evaluations(step.taken * slopes_);
   const Model& model = tiles_.model();
+  model.count_evaluations(explicit_slopes(step.all) + implicit_slopes());
   return StepErrors::over_ranks(model.comm(), sums, norm, estimate, double(model.scene().n) * model.dof());
+}
+
+TiledStep::Range TiledStep::around(const Tile& t, int stencils) const {
+  const PetscInt margin = stencils * tiles_.half_width();
+  return {std::max(t.begin - margin, tiles_.low()), std::min(t.end + margin, tiles_.high())};
+}
+
+long TiledStep::through(const Tile& t, const Step& step) const {
+  long unsolved = prepare(t, step);
+  int ahead = explicit_slopes(step.all);  // stencils of this stage and those that follow
+  for (int i = 0; i < stages(); ++i) {
+    const Stage& stage = stages_[i];
+    const bool is_taken = takes(stage, step.all);
+    if (!is_taken && !additive_ && !(last_is_new_ && i + 1 == stages())) continue;
+    const Range wide = around(t, ahead);
+    if (is_taken) --ahead;
+    const Range own = around(t, ahead);
+    unsolved += values_of(t, i, step, wide, own);
+    if (is_taken) take_slope(t, i, step, own);
+  }
+  for (int d = 0; d < tiles_.dof(); ++d) {
+    const Row& row = solution_[has_explicit(d)];
+    if (last_is_new_ && row.column.empty()) continue;
+    tiles_.sum(t, d, tiles_.column(last_is_new_ ? 1 : 0, d), row, step.dt, t.begin, t.end,
+               tiles_.column(1, d));
+  }
+  return unsolved;
+}
+
+// The values of stage i in columns 1 (columns 0 where it is u and nothing else), psi on `wide` for the
+// stencil and the rest on `own`; and its g.
+long TiledStep::values_of(const Tile& t, int i, const Step& step, Range wide, Range own) const {
+  const Stage& stage = stages_[i];
+  if (!additive_ && i == 0) return 0;
+  const bool solved = stage.diagonal != 0;
+  for (int d = 0; d < tiles_.dof(); ++d) {
+    const Range range = solved || d == 0 ? wide : own;
+    tiles_.sum(t, d, tiles_.column(0, d), stage.sum[has_explicit(d)], step.dt, range.begin, range.end,
+               tiles_.column(solved ? known_ : 1, d));
+  }
+  if (!solved) {
+    if (stage.g < 0) return 0;
+    std::fill(at(t, stage.g, 1, own.begin), at(t, stage.g, 1, own.end), 0.);
+    add_pointwise(t, 1, stage.g, at_stage(step, stage), own.begin, own.end);
+    return 0;
+  }
+  for (int d = 0; d < tiles_.dof() && i == 0; ++d)
+    std::copy(at(t, 0, d, wide.begin), at(t, 0, d, wide.end), at(t, 1, d, wide.begin));  // a guess
+  return solve_(t, {known_, stage.g, i > 0 ? stages_[i - 1].g : -1},
+                {at_stage(step, stage), step.dt * stage.diagonal,
+                 target_ > 0 ? target_ : step.norm.solver_target(), step.estimate},
+                wide.begin, wide.end);
+}
+
+// f of stage i: the whole right-hand side, or what of it is explicit.
+void TiledStep::take_slope(const Tile& t, int i, const Step& step, Range range) const {
+  const auto [begin, end] = range;
+  const Stage& stage = stages_[i];
+  const int index = i == 0 && !additive_ ? 0 : 1;
+  stretch(t, index, stage.f, begin, end);
+  if (additive_) {
+    finish_explicit(t, stage.f, begin, end);
+  } else {
+    add_pointwise(t, index, stage.f, at_stage(step, stage), begin, end);
+    finish_stage(t, i, step, begin, end);
+  }
 }
 
 void TiledStep::stretch(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const {
@@ -77,12 +231,12 @@ void TiledStep::stretch(const Tile& t, int index, int slope, PetscInt begin, Pet
   stencil_(coefficients_, {psi + begin, at(t, slope, 1, begin), end - begin});
 }
 
-kernel::Coefficients TiledStep::at_stage(const Step& step, int i) const {
+kernel::Coefficients TiledStep::at_stage(const Step& step, const Stage& stage) const {
   kernel::Coefficients c = coefficients_;
   const Model& model = tiles_.model();
-  c.v = model.plate_velocity(step.t + times_[i] * step.dt);
-  if (!rates_.empty() && model.scene().load.varies())
-    c.v += rates_[i] * step.dt * plate_acceleration(model, step.t);
+  c.v = model.plate_velocity(step.t + stage.time * step.dt);
+  if (stage.rate != 0 && model.scene().load.varies())
+    c.v += stage.rate * step.dt * plate_acceleration(model, step.t);
   return c;
 }
 
@@ -114,44 +268,20 @@ void TiledStep::hold(const Tile& t, int slope, PetscInt node) const {
   if (is_continuum()) *at(t, slope, 1, node) = 0;
 }
 
-FusedStep::FusedStep(const Model& model, const RungeKutta& method, bool sticking, int others)
-    : TiledStep(model, method.stages, 1, others, sticking), rows_(method.stages) {
-  for (int i = 0; i < stages_; ++i) add_to_row(rows_[i], &method.A[i * stages_], i, slopes_from);
-  for (const Row& row : rows_) times_.push_back(std::accumulate(row.weight.begin(), row.weight.end(), 0.));
-  add_to_row(solution_, method.b.data(), stages_, slopes_from);
-  last_is_solution_ = rows_.back().column == solution_.column && rows_.back().weight == solution_.weight;
-  if (method.embedded.empty()) return;
-  std::vector<double> difference = method.b;
-  for (std::size_t i = 0; i < difference.size(); ++i) difference[i] -= method.embedded[i];
-  add_to_row(error_, difference.data(), stages_, slopes_from);
-}
-
-long FusedStep::through(const Tile& t, const Step& step) const {
-  const int dof = tiles_.dof(), half_width = tiles_.half_width();
-  const PetscInt low = tiles_.low(), high = tiles_.high();
-  const long unsolved = prepare(t, step);
-  for (int i = 0; i < stages_; ++i) {
-    const bool is_taken = i < step.taken;
-    if (!is_taken && !last_is_solution_) break;
-    const PetscInt margin = is_taken ? (step.taken - 1 - i) * half_width : 0;
-    const PetscInt begin = std::max(t.begin - margin, low), end = std::min(t.end + margin, high);
-    if (i > 0) {
-      const PetscInt beyond_it = is_taken ? half_width : 0;
-      const Row& row = rows_[i];
-      const PetscInt psi_begin = std::max(begin - beyond_it, low), psi_end = std::min(end + beyond_it, high);
-      tiles_.sum(t, 0, tiles_.column(0, 0), row, step.dt, psi_begin, psi_end, tiles_.column(1, 0));
-      for (int d = 1; d < dof; ++d)
-        tiles_.sum(t, d, tiles_.column(0, d), row, step.dt, begin, end, tiles_.column(1, d));
+// K1 D2 psi, or D2 psi where neighbours have viscosity, in the eta of columns `slope` becomes f.
+void TiledStep::finish_explicit(const Tile& t, int slope, PetscInt begin, PetscInt end) const {
+  if (viscous()) {
+    const kernel::Coefficients& c = coefficients_;
+    double *const psi = at(t, slope, 0, begin), *const eta = at(t, slope, 1, begin);
+    const double* const direction = tiles_.direction(begin);
+    for (PetscInt j = 0; j < end - begin; ++j) {
+      const double d2 = eta[j], viscous = direction && direction[j] == 0 ? 0 : N_ * d2;
+      psi[j] = c.A * viscous;
+      eta[j] = K1_ * d2 - c.s_delta * viscous;
     }
-    if (!is_taken) continue;
-    const int index = i > 0 ? 1 : 0;
-    stretch(t, index, slopes_from + i, begin, end);
-    add_pointwise(t, index, slopes_from + i, at_stage(step, i), begin, end);
-    finish_stage(t, i, step, begin, end);
+    tiles_.for_held(begin, end, [&](PetscInt node) { *at(t, slope, 0, node) = 0; });
   }
-  for (int d = 0; d < dof && !last_is_solution_; ++d)
-    tiles_.sum(t, d, tiles_.column(0, d), solution_, step.dt, t.begin, t.end, tiles_.column(1, d));
-  return unsolved;
+  if (is_continuum()) tiles_.for_held(begin, end, [&](PetscInt node) { *at(t, slope, 1, node) = 0; });
 }
 
 }  // namespace stickslip

@@ -1,14 +1,22 @@
-// A step with all its stages taken tile by tile (tiles.hpp): of an explicit Runge-Kutta method, and of an
-// implicit- explicit one that takes friction implicitly (fused_imex.hpp).
+// A step of a one-step method with all its stages taken tile by tile (tiles.hpp): explicit, or additive with
+// what is pointwise implicit.
 //
 // PETSc's types make every stage a sweep over the whole grid: copy u, add the slopes of the earlier stages,
 // take the right-hand side. Here a tile of nodes goes through all stages while it stays in the cache. The
 // values of a node do not depend on the tile in which it lies, nor on the ranks, to the last bit.
+//
+// The explicit part f of an additive method is D2 psi: K1 D2 psi in eta, and with viscosity between
+// neighbours what that does to psi and eta; everything pointwise, g, is implicit and solved node by node
+// (model/implicit_kernel.hpp), to well below the error that a step is allowed. Where the step's error is
+// estimated, one whose equations have several solutions, of which the motion need not lead to the one found,
+// counts as not solved.
 #pragma once
 
 #include <vector>
 
 #include "stickslip/model/model.hpp"
+#include "time/pointwise_solve.hpp"
+#include "time/stage_program.hpp"
 #include "time/tile_kernels.hpp"
 #include "time/tiles.hpp"
 
@@ -16,89 +24,97 @@ namespace stickslip {
 
 class TiledStep : public StepTaker {
  public:
+  // `sticking`: with friction that sticks, of which set_direction tells who rests.
+  TiledStep(const Model& model, const StageProgram& method, bool sticking = false)
+      : TiledStep(model, method, sticking, 0) {}
+  // Slopes in the order f_0, f_1, ..., of an additive method g_0, f_0, g_1, f_1, ...
   Outcome take(Vec u, double dt, const ErrorNorm& norm, bool estimate, Vec u_new,
                const std::vector<VecHandle>& slopes, Vec last_slope = nullptr, double t = 0) const override;
   void set_direction(const std::vector<double>& direction) override { tiles_.set_direction(direction); }
-  bool last_is_solution() const override { return last_is_solution_; }
-  int stages() const override { return stages_; }
+  bool last_is_solution() const override { return last_is_new_ && !additive_; }
+  int stages() const override { return int(stages_.size()); }
 
  protected:
   static constexpr int slopes_from = 2;  // columns of Tiles: the slopes of the stages, one behind the other
 
-  // `slopes`: of a stage; `others`: columns behind the slopes.
-  TiledStep(const Model& model, int stages, int slopes, int others, bool sticking);
+  // `others`: columns from others_ on.
+  TiledStep(const Model& model, const StageProgram& method, bool sticking, int others);
   struct Step {
     double dt;
     const ErrorNorm& norm;
-    bool estimate;
-    int taken;  // stages whose slope is needed: all, or all but the last
+    bool estimate, all;  // all: every slope is asked for, not those alone of which the new u is made
     double t;
   };
-  // All stages on a tile; the new values end in columns 1. Returns how many equations are left unsolved.
-  virtual long through(const Tile& t, const Step& step) const = 0;
-  // On [begin, end) of the values in columns `index`: K1 D2 psi (D2 psi where neighbours have viscosity) into
-  // the eta of columns `slope`, where psi holds half_width more nodes at either side; and the sum over all
-  // terms, with what stands in that eta.
-  void stretch(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const;
-  void add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c, PetscInt begin,
-                     PetscInt end) const;
-  // The coefficients at stage i, with the plate's velocity then.
-  kernel::Coefficients at_stage(const Step& step, int i) const;
-  // psi of a held node stands, and in the continuum eta, which is output, does too.
-  void hold(const Tile& t, int slope, PetscInt node) const;
+  struct Range {
+    PetscInt begin, end;
+  };
+  // The wanted nodes of a tile and what so many stencils reach beside them.
+  Range around(const Tile& t, int stencils) const;
+  // Stages that take f, and g; each f reaches a stencil further.
+  int explicit_slopes(bool all) const;
+  int implicit_slopes() const;
+  // Before the stages of a tile, of which columns 0 hold u; returns how many equations are left unsolved.
+  virtual long prepare(const Tile&, const Step&) const { return 0; }
+  // What becomes of the slope of stage i of an explicit method on [begin, end).
+  virtual void finish_stage(const Tile&, int, const Step&, PetscInt, PetscInt) const {}
   // Node i of the column for unknown d.
   double* at(const Tile& t, int index, int d, PetscInt i) const {
     return tiles_.column(index, d) + (i - t.from);
   }
-  bool viscous() const { return N_ > 0; }
-  bool is_continuum() const { return tiles_.model().scene().form == Form::continuum; }
 
-  int stages_, slopes_;
+  struct Stage {
+    // Columns of its slopes; -1: there is none, and no sum has it.
+    int f = -1, g = -1;
+    bool used = false;    // f, in the new u
+    double diagonal = 0;  // of At
+    double time = 0;      // in parts of the step
+    double rate = 0;      // how much of dt v'(t) at the start of the step it sees besides
+    Row sum[2];           // before it: of g alone, for unknowns without an explicit part, and of both
+  };
+  std::vector<Stage> stages_;
+  int others_;
+  int known_;    // columns of what an implicit equation is given
+  int driving_;  // a column: eta + N D2 psi
   Tiles tiles_;
-  Row error_;  // empty: no estimate of the error
-  bool last_is_solution_ = false;
-  std::vector<double> times_;  // of the stages, in parts of the step
-  // how much of dt v'(t) at the start of the step the stages see besides; empty: nothing
-  std::vector<double> rates_;
   kernel::Coefficients coefficients_;
-  double K1_, N_;  // where neighbours have viscosity
 
  private:
-  int driving_;  // then a column: eta + N D2 psi
+  static std::vector<Stage> stages_of(const StageProgram& method);
+  Row row_of(const double* of_f, const double* of_g, int count) const;
+  // All stages on a tile; the new values end in columns 1. Returns how many equations are left unsolved.
+  long through(const Tile& t, const Step& step) const;
+  long values_of(const Tile& t, int i, const Step& step, Range wide, Range own) const;
+  void take_slope(const Tile& t, int i, const Step& step, Range range) const;
+  // On [begin, end) of the values in columns `index`: K1 D2 psi (D2 psi where neighbours have viscosity) into
+  // the eta of columns `slope`, where psi holds half_width more nodes at either side; and the sum over
+  // all terms, with what stands in that eta.
+  void stretch(const Tile& t, int index, int slope, PetscInt begin, PetscInt end) const;
+  void add_pointwise(const Tile& t, int index, int slope, const kernel::Coefficients& c, PetscInt begin,
+                     PetscInt end) const;
+  void finish_explicit(const Tile& t, int slope, PetscInt begin, PetscInt end) const;
+  // The coefficients at a stage, with the plate's velocity then.
+  kernel::Coefficients at_stage(const Step& step, const Stage& stage) const;
+  // psi of a held node stands, and in the continuum eta, which is output, does too.
+  void hold(const Tile& t, int slope, PetscInt node) const;
+  bool viscous() const { return N_ > 0; }
+  bool is_continuum() const { return tiles_.model().scene().form == Form::continuum; }
+  // Whether unknown d (0 psi, 1 eta, 2 the state) has an explicit part.
+  bool has_explicit(int d) const { return !additive_ || d == 1 || (d == 0 && viscous()); }
+  static bool takes(const Stage& stage, bool all) { return stage.f >= 0 && (all || stage.used); }
+
+  bool additive_;
+  // The last stage is the new u: of an additive method but for what is explicit.
+  bool last_is_new_ = false;
+  double target_;    // of the implicit equations; 0: as the error norm has it
+  Row solution_[2];  // as Stage::sum; where last_is_new_, what its values lack
+  Row error_;        // empty: no estimate of the error
+  double K1_, N_;    // where neighbours have viscosity
+  PointwiseSolve solve_;
   tile::Stencil stencil_;
   tile::Pointwise pointwise_;
 };
 
-// k_i = f(u + dt sum_{j < i} A_ij k_j),  u_new = u + dt sum_i b_i k_i,  error = dt sum_i (b_i - embedded_i)
-// k_i
-struct RungeKutta {
-  int stages;
-  std::vector<double> A;  // stages x stages, by rows
-  std::vector<double> b;
-  std::vector<double> embedded;  // empty: no estimate of the error
-};
-
 // dv/dt of the plate at t, in the piece of the load that Model::begin_load() has said; 0 without a load.
 double plate_acceleration(const Model& model, double t);
-
-class FusedStep : public TiledStep {
- public:
-  // `sticking`: with friction that sticks, of which set_direction tells who rests.
-  FusedStep(const Model& model, const RungeKutta& method, bool sticking = false)
-      : FusedStep(model, method, sticking, 0) {}
-
- protected:
-  FusedStep(const Model& model, const RungeKutta& method, bool sticking, int others);
-  // Before the stages of a tile, of which columns 0 hold u; returns how many equations are left unsolved.
-  virtual long prepare(const Tile&, const Step&) const { return 0; }
-  // What becomes of the slope of stage i on [begin, end).
-  virtual void finish_stage(const Tile&, int, const Step&, PetscInt, PetscInt) const {}
-
- private:
-  long through(const Tile& t, const Step& step) const override;
-
-  std::vector<Row> rows_;  // of A
-  Row solution_;
-};
 
 }  // namespace stickslip

@@ -10,7 +10,7 @@ constexpr int most_terms = 48;
 bool is_near(double a, double b) { return std::abs(a - b) < 1e-14; }
 }  // namespace
 
-ImexColumns::ImexColumns(const BandLayout& layout, const ImexTableau& method, Implicit implicit)
+ImexColumns::ImexColumns(const BandLayout& layout, const StageProgram& method, Implicit implicit)
     : dof_(layout.model().dof()),
       explicit_eta_(-layout.model().scene().s_delta() / layout.model().scene().A()),
       stride_(layout.size() + 8),  // so that columns do not meet in the same lines of a cache

@@ -10,14 +10,14 @@
 #include "model/kernel.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/band_layout.hpp"
-#include "time/imex_tableau.hpp"
+#include "time/stage_program.hpp"
 
 namespace stickslip {
 
 class ImexColumns {
  public:
   // `implicit`: wave or both.
-  ImexColumns(const BandLayout& layout, const ImexTableau& method, Implicit implicit);
+  ImexColumns(const BandLayout& layout, const StageProgram& method, Implicit implicit);
   ImexColumns(const ImexColumns&) = delete;
   ImexColumns& operator=(const ImexColumns&) = delete;
 

@@ -40,7 +40,7 @@ ImexMethod::ImexMethod(const std::string& subtype) {
   SS_TRY(TSSetSolution(ts_, u_));
   SS_TRY(TSStep(ts_));
 
-  ImexTableau& t = tableau_;
+  StageProgram& t = tableau_;
   t.stages = stage_ + 1;
   for (int i = 0; i < t.stages; ++i) {
     t.A.insert(t.A.end(), explicit_rows_[i].begin(), explicit_rows_[i].begin() + t.stages);

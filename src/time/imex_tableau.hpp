@@ -7,23 +7,15 @@
 #include <vector>
 
 #include "stickslip/base/handle.hpp"
+#include "time/stage_program.hpp"
 
 namespace stickslip {
-
-// u_i = u + dt sum_j (A_ij f_j + At_ij g_j),  u_new = u + dt sum_j (b_j f_j + bt_j g_j), f explicit and g
-// implicit; error = dt sum_j ((b_j - embedded_j) f_j + (bt_j - embedded_t_j) g_j).
-struct ImexTableau {
-  int stages = 0;
-  std::vector<double> A, At;                        // stages x stages, by rows
-  std::vector<double> b, bt, embedded, embedded_t;  // embedded: empty where there is no estimate of the error
-  int order = 0;                                    // of the step, as the error control takes it
-};
 
 class ImexMethod {
  public:
   explicit ImexMethod(const std::string& subtype);
   ImexMethod(ImexMethod&&) = delete;
-  const ImexTableau& tableau() const { return tableau_; }
+  const StageProgram& tableau() const { return tableau_; }
   // Weights of g_0, f_0, g_1, f_1, ... in u at the part s of the step, of a method that interpolates.
   std::vector<double> weights_at(double s) const;
 
@@ -40,7 +32,7 @@ class ImexMethod {
   MatHandle J_;
   int stage_ = -1;
   std::vector<std::vector<double>> explicit_rows_, implicit_rows_;
-  ImexTableau tableau_;
+  StageProgram tableau_;
 };
 
 }  // namespace stickslip

@@ -14,22 +14,13 @@
 // No estimate of the error: steps are fixed.
 #pragma once
 
-#include "time/fused_step.hpp"
-#include "time/pointwise_solve.hpp"
+#include "time/stage_program.hpp"
 
 namespace stickslip {
 
 constexpr const char* leapfrog_type = "leapfrog";  // -ts_type
 
-class Leapfrog : public TiledStep {
- public:
-  Leapfrog(const Model& model, bool sticking);
-
- private:
-  long through(const Tile& t, const Step& step) const override;
-  void kick(const Tile& t, int psi, int from, int into, double half_dt, PetscInt begin, PetscInt end) const;
-
-  PointwiseSolve solve_;
-};
+// As an additive method: f once at either end, g by the midpoint rule between.
+const StageProgram& leapfrog();
 
 }  // namespace stickslip

@@ -24,7 +24,7 @@ std::vector<double> times_inverse(std::vector<double> M, const std::vector<doubl
 }
 
 // In w.
-RungeKutta transformed(const RosenbrockW& m) {
+StageProgram transformed(const RosenbrockW& m) {
   const auto in_w = [&](const std::vector<double>& rows) { return times_inverse(rows, m.Gamma, m.stages); };
   return {m.stages, in_w(m.A), in_w(m.b), in_w(m.embedded)};
 }
@@ -108,16 +108,17 @@ std::vector<double> rosenbrock_rates(const std::string& subtype) {
 }
 
 RosenbrockStep::RosenbrockStep(const Model& model, const RosenbrockW& method, bool sticking)
-    : FusedStep(model, transformed(method), sticking, factor_columns(model)), gamma_(method.Gamma[0]),
-      factors_(slopes_from + stages_), tangents_(tile::tangents(model.scene(), sticking, tiles_.places())) {
-  const std::size_t s = stages_;
+    : TiledStep(model, transformed(method), sticking, factor_columns(model)), gamma_(method.Gamma[0]),
+      tangents_(tile::tangents(model.scene(), sticking, tiles_.places())) {
+  const std::size_t s = method.stages;
   std::vector<double> C(s * s);
   for (std::size_t i = 0; i < s; ++i) {
-    times_[i] = std::accumulate(&method.A[i * s], &method.A[i * s] + s, 0.);
-    rates_.push_back(std::accumulate(&method.Gamma[i * s], &method.Gamma[i * s] + s, 0.));
+    stages_[i].time = std::accumulate(&method.A[i * s], &method.A[i * s] + s, 0.);
+    stages_[i].rate = std::accumulate(&method.Gamma[i * s], &method.Gamma[i * s] + s, 0.);
+    stages_[i].used = true;  // in C if not in A'
     C[i * s + i] = -1;
   }
-  C = times_inverse(C, method.Gamma, stages_);
+  C = times_inverse(C, method.Gamma, method.stages);
   for (std::size_t i = 0; i < s; ++i) {
     before_.emplace_back();
     add_to_row(before_.back(), &C[i * s], int(i), slopes_from);
@@ -126,15 +127,13 @@ RosenbrockStep::RosenbrockStep(const Model& model, const RosenbrockW& method, bo
 
 // J and the factors, on all nodes of the tile that a stage takes.
 long RosenbrockStep::prepare(const Tile& t, const Step& step) const {
-  const PetscInt reach = (stages_ - 1) * tiles_.half_width();
-  const PetscInt begin = std::max(t.begin - reach, tiles_.low()),
-                 end = std::min(t.end + reach, tiles_.high());
+  const auto [begin, end] = around(t, explicit_slopes(step.all) - 1);
   const PetscInt count = end - begin;
   const bool has_state = tiles_.dof() == 3;
-  double *const inverse = at(t, factors_, 0, begin), *const q_of = at(t, factors_, 1, begin);
-  double* const of_state = has_state ? at(t, factors_, 2, begin) : nullptr;
-  double* const own = has_state ? at(t, factors_ + 1, 0, begin) : nullptr;
-  double* const follows = has_state ? at(t, factors_ + 1, 1, begin) : nullptr;
+  double *const inverse = at(t, others_, 0, begin), *const q_of = at(t, others_, 1, begin);
+  double* const of_state = has_state ? at(t, others_, 2, begin) : nullptr;
+  double* const own = has_state ? at(t, others_ + 1, 0, begin) : nullptr;
+  double* const follows = has_state ? at(t, others_ + 1, 1, begin) : nullptr;
   const double* const direction = tiles_.direction(begin);
   tangents_(kernel::Tangents{at(t, 0, 0, begin), has_state ? at(t, 0, 2, begin) : nullptr,
                              tiles_.amplitude(begin), direction, inverse, of_state, follows, own, count,
@@ -158,9 +157,9 @@ long RosenbrockStep::prepare(const Tile& t, const Step& step) const {
     unsolved += factor > 0 ? 0 : 1;
   }
   tiles_.for_held(begin, end, [&](PetscInt node) {
-    *at(t, factors_, 0, node) = 1;
-    *at(t, factors_, 1, node) = 0;
-    if (has_state) *at(t, factors_, 2, node) = 0;
+    *at(t, others_, 0, node) = 1;
+    *at(t, others_, 1, node) = 0;
+    if (has_state) *at(t, others_, 2, node) = 0;
   });
   return step.estimate ? unsolved : 0;
 }
@@ -176,8 +175,8 @@ void RosenbrockStep::finish_stage(const Tile& t, int i, const Step& step, PetscI
   const double pull = theta * (c.K0 + c.s_delta * c.B);  // what w_psi does to eta
   double *const psi = at(t, w, 0, begin), *const eta = at(t, w, 1, begin);
   double* const state = dof == 3 ? at(t, w, 2, begin) : nullptr;
-  const double *const inverse = at(t, factors_, 0, begin), *const q = at(t, factors_, 1, begin);
-  const double* const of_state = state ? at(t, factors_, 2, begin) : nullptr;
+  const double *const inverse = at(t, others_, 0, begin), *const q = at(t, others_, 1, begin);
+  const double* const of_state = state ? at(t, others_, 2, begin) : nullptr;
 #pragma GCC ivdep
   for (PetscInt j = 0; j < end - begin; ++j) {
     double known = psi[j] + q[j] * eta[j];
@@ -188,7 +187,7 @@ void RosenbrockStep::finish_stage(const Tile& t, int i, const Step& step, PetscI
     eta[j] = gamma * eta[j] - pull * w_psi - per_A * (w_psi - r_psi);
   }
   if (!state) return;
-  const double *const own = at(t, factors_ + 1, 0, begin), *const follows = at(t, factors_ + 1, 1, begin);
+  const double *const own = at(t, others_ + 1, 0, begin), *const follows = at(t, others_ + 1, 1, begin);
 #pragma GCC ivdep
   for (PetscInt j = 0; j < end - begin; ++j) state[j] = gamma * state[j] * own[j] + follows[j] * psi[j];
 }

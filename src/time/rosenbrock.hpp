@@ -40,7 +40,7 @@ const RosenbrockW& rosenbrock_w(const std::string& name);
 // gamma_i of PETSc's tableau `subtype`, which hands none out: that of a step of the method itself.
 std::vector<double> rosenbrock_rates(const std::string& subtype);
 
-class RosenbrockStep : public FusedStep {
+class RosenbrockStep : public TiledStep {
  public:
   RosenbrockStep(const Model& model, const RosenbrockW& method, bool sticking);
 
@@ -49,8 +49,7 @@ class RosenbrockStep : public FusedStep {
   void finish_stage(const Tile& t, int i, const Step& step, PetscInt begin, PetscInt end) const override;
 
   double gamma_;
-  // columns: 1/factor, q, q F_s/(1 - theta g_s); behind them 1/(1 - theta g_s), theta g_psi of it
-  int factors_;
+  // columns others_: 1/factor, q, q F_s/(1 - theta g_s); behind them 1/(1 - theta g_s), theta g_psi of it
   std::vector<Row> before_;  // of -C, without its diagonal
   tile::NodeTangents tangents_;
 };

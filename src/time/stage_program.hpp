@@ -1,0 +1,40 @@
+// A one-step method as data: of which slopes its stages, the new values and their error are made.
+//
+//     y_i = u + dt sum_{j < i} A_ij f_j + dt sum_{j <= i} At_ij g_j,   f_j = f(y_j), g_j = g(y_j)
+//     u_new = u + dt sum_j (b_j f_j + bt_j g_j)
+//     error = dt sum_j ((b_j - embedded_j) f_j + (bt_j - embedded_t_j) g_j)
+//
+// An additive method takes the right-hand side f + g in two parts, g implicitly where At_ii is not 0; of an
+// explicit one f is the whole and there is no g (Ascher, Ruuth and Spiteri, Appl. Numer. Math. 25 (1997)
+// 151).
+#pragma once
+
+#include <cmath>
+#include <vector>
+
+namespace stickslip {
+
+struct StageProgram {
+  int stages = 0;
+  std::vector<double> A;            // stages x stages, by rows
+  std::vector<double> b, embedded;  // embedded: empty where there is no estimate of the error
+  std::vector<double> At = {}, bt = {}, embedded_t = {};  // empty: an explicit method
+  int order = 0;                                          // of the step, as the error control takes it
+  // Values between steps are sums of the slopes of all stages, those too that the step makes no use of.
+  bool dense = true;
+  double target = 0;  // of the implicit equations; 0: as the error norm has it
+
+  bool additive() const { return !At.empty(); }
+  // The first diagonal entry of At that is not 0, or 0.
+  double diagonal() const;
+};
+
+// The round-off of a tableau that was computed.
+inline bool is_no_weight(double weight) { return std::abs(weight) < 1e-14; }
+
+// What a step dt makes of u' = (F + G) u with f = F u and g = G u, the stability matrix R(dt F, dt G): dim x
+// dim, by rows, as F and G. With an explicit method F is the whole.
+std::vector<double> propagator(const StageProgram& method, int dim, const std::vector<double>& F,
+                               const std::vector<double>& G, double dt);
+
+}  // namespace stickslip
