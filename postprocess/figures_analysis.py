@@ -188,7 +188,8 @@ def draw_laws(file, args):
     width = 5.0
     for k, (name, force) in enumerate(laws.items()):
         low, high = stick[name]
-        style = {"color": COLOURS[k % len(COLOURS)], "ls": "--" if name == "cubic" else "-"}
+        style = {"color": COLOURS[k % len(COLOURS)],
+                 "ls": "--" if name == "cubic" else ("-", ":", "-.")[k // len(COLOURS) % 3]}
         words = name + (", steady state" if "steady" in text(file[name].attrs.get("long_name", "")) else "")
         if np.isnan(high):
             axes.plot(psi, force, label=words, **style)
@@ -203,7 +204,11 @@ def draw_laws(file, args):
     axes.set(xlabel="ψ   (sliding velocity)", ylabel="F   (friction over its amplitude)")
     axes.margins(x=0)
     axes.set_title("Friction laws")
-    axes.legend(fontsize=9, loc="upper left")
+    if len(laws) > 6:  # no room inside
+        figure.set_size_inches(8.8, 4.6)
+        axes.legend(fontsize=9, loc="center left", bbox_to_anchor=(1, 0.5))
+    else:
+        axes.legend(fontsize=9, loc="upper left")
     return figure
 
 

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 from scipy.integrate import DOP853, solve_ivp
+from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
 DEFAULTS = {"model_form": "continuum", "model_gamma": 3, "model_delta": 0.2, "model_delta_sign": "derived", "model_c": 1,
@@ -18,9 +19,14 @@ DEFAULTS = {"model_form": "continuum", "model_gamma": 3, "model_delta": 0.2, "mo
             "grid_n": 512, "grid_length": 60, "grid_order": 4, "friction_law": "cubic", "friction_stick": "exact",
             "friction_eps": 1e-3, "friction_sigma": 0, "friction_alpha": 0.5, "friction_fs": 1, "friction_fd": 0.5,
             "friction_slip_velocity": 1e-2, "friction_a": 0.05, "friction_b": 0.1, "friction_mu0": 0.6, "friction_psi0": 1,
-            "friction_psi_s": 1, "friction_amplitude": 1, "state_t_h": 1, "state_tau_inf": 2, "state_b": 0.1,
+            "friction_fc": 0.5, "friction_vs": 1, "friction_p": 2, "friction_viscous": 0, "friction_Dc": 1,
+            "friction_weakening": "exponential", "friction_sigma0": 100, "friction_sigma1": 1, "friction_sigma2": 0,
+            "friction_table": "", "friction_table_beyond": "constant", "friction_psi_s": 1, "friction_amplitude": 1, "state_t_h": 1, "state_tau_inf": 2, "state_b": 0.1,
             "state_theta0": 1, "state_psi_h": 0.001, "load_v": "", "load_sine_amplitude": 0, "load_sine_period": 1}
-STATE_LAWS = {"rate-and-state": "ageing", "n-shaped": "ageing-cutoff"}  # that go with a law unless another is named
+STATE_LAWS = {"rate-and-state": "ageing", "n-shaped": "ageing-cutoff", "dieterich": "ageing", "slip-weakening": "slip-memory",
+              "lugre": "bristles", "dahl": "bristles"}  # that go with a law unless another is named
+OWN_STATE = ("rate-and-state", "n-shaped", "dieterich")  # with a, b, D
+STORED = {"tau": np.array, "theta": np.log, "slip": np.array, "z": np.array}  # states of files
 LEGENDRE = np.polynomial.legendre.leggauss(30)
 STEP = 1e-30  # of derivatives by complex steps
 
@@ -84,6 +90,23 @@ class Plate:
 
 # ---- laws ----
 
+class Curve:
+    """SciPy's monotone cubics through the points at velocities >= 0, also for complex steps; what holds beside them."""
+
+    def __init__(self, points, straight):
+        self.points = np.array(sorted((speed, abs(force)) for speed, force in points.tolist() if speed >= 0))
+        self.inside = PchipInterpolator(*self.points.T)
+        self.steep = self.inside.derivative()
+        self.slope = float(self.steep(self.points[-1, 0])) if straight else 0.
+
+    def __call__(self, speed):
+        x, (last, force) = np.real(speed), self.points[-1]
+        at = np.clip(x, self.points[0, 0], last)
+        value = np.where(x > last, force + self.slope * (x - last), self.inside(at))
+        slope = np.where(x > last, self.slope, np.where(x < self.points[0, 0], 0, self.steep(at)))
+        return value + 1j * np.imag(speed) * slope if np.iscomplexobj(speed) else value
+
+
 class Law:
     """F(psi, s), the rate g(psi, s) of the stored state s, its steady value, the threshold; amplitude included."""
 
@@ -92,29 +115,53 @@ class Law:
         p = DEFAULTS | p
         self.f, self.g = (SimpleNamespace(**{name.removeprefix(family): value for name, value in p.items()
                                              if name.startswith(family)}) for family in ("friction_", "state_"))
-        if self.name in STATE_LAWS:
+        if self.name in OWN_STATE:
             self.f.D = self.g.D = p.get("friction_D", p.get("state_D", 0.1))
         self.g.D = getattr(self.g, "D", 1)
-        self.sticks = self.name in ("carlson-langer", "coulomb") and self.f.stick == "exact"
+        self.sticks = self.name in ("carlson-langer", "coulomb", "table", "stribeck",
+                                    "slip-weakening") and self.f.stick == "exact"
+        if self.name == "dahl":
+            self.f.sigma1 = self.f.sigma2 = 0
+        if self.name == "table":
+            points = np.array([pair.split(":") for pair in self.f.table.split(",")], float)
+            self.curve = [Curve(points * way, self.f.table_beyond == "slope") for way in (1, -1 if points[0, 0] < 0 else 1)]
 
     def sign(self, psi):
         return np.tanh(psi / self.f.eps) if self.f.stick == "regularised" else np.sign(np.real(psi))
 
     def strength(self, s):
+        f = self.f
         if self.state == "healing":
             return s
+        if self.state == "slip-memory":
+            slid = s / f.Dc
+            left = np.exp(-slid) if f.weakening == "exponential" else np.where(np.real(slid) < 1, 1 - slid, 0)
+            return f.fd + (f.fs - f.fd) * left
         return 1 + self.g.b * np.log(1 + np.exp(s) / self.g.theta0) if self.state == "contact-age" else 1.
 
     def force(self, psi, s=0., going=None):
         """Of sliding nodes; `going`: the direction of each where psi does not tell."""
         f, sign = self.f, self.sign(psi) if going is None else going
-        if self.name in STATE_LAWS:
-            age = np.log(f.psi0 / f.D) + s
+        if self.state == "bristles":
+            return f.amplitude * (f.sigma0 * s + f.sigma1 * self.rate(psi, s) + f.sigma2 * psi)
+        if self.name in OWN_STATE:
+            age = np.log(f.psi0 / f.D) + s - (np.log(2) if self.state == "prz" else 0)
+            if self.name == "dieterich":
+                return f.amplitude * (f.mu0 + f.a * np.log(psi / f.psi0) + f.b * age)
             if self.name == "n-shaped":
                 age = np.log(np.exp(age) + f.psi0 / f.psi_s)
             return f.amplitude * f.a * np.arcsinh(psi / (2 * f.psi0) * np.exp((f.mu0 + f.b * age) / f.a))
         if self.name == "cubic":
             phi = psi**3 / 3 - psi
+        elif self.name == "tanh":
+            phi = f.fc * np.tanh(psi / f.vs)
+        elif self.name == "slip-weakening":
+            phi = sign + 0 * psi
+        elif self.name == "stribeck":
+            phi = sign * (f.fc + (f.fs - f.fc) * np.exp(-((psi * sign + 0j) / f.vs)**f.p)) + f.viscous * psi
+            phi = phi if np.iscomplexobj(psi) else np.real(phi)
+        elif self.name == "table":
+            phi = sign * np.where(np.real(sign) < 0, self.curve[1](psi * sign), self.curve[0](psi * sign))
         elif self.name == "carlson-langer":
             phi = sign * (1 - f.sigma) / (1 + 2 * f.alpha / (1 - f.sigma) * psi * sign)
         else:
@@ -123,12 +170,19 @@ class Law:
         return f.amplitude * self.strength(s) * phi
 
     def threshold(self, s=0.):
-        return self.f.amplitude * self.strength(s) * (self.f.fs if self.name == "coulomb" else 1.)
+        alone = {"coulomb": self.f.fs, "stribeck": self.f.fs, "table": self.curve[0](0.) if self.name == "table" else 0}
+        return self.f.amplitude * self.strength(s) * alone.get(self.name, 1.)
 
     def rate(self, psi, s):
         g, slid = self.g, np.sign(np.real(psi)) * psi / self.g.D
         if self.state == "healing":
             return (g.tau_inf - s) / g.t_h - slid * (s - 1)
+        if self.state == "slip-memory":
+            return slid * g.D - s / g.t_h
+        if self.state == "bristles":
+            return psi - slid * g.D * s / self.bristles(psi)
+        if self.state == "prz":
+            return np.exp(-s) - (psi / (2 * g.D))**2 * np.exp(s)
         if self.state == "slip":
             return -slid * (np.log(np.where(slid == 0, 1, slid)) + s)
         return np.exp(-s) - (np.sqrt(psi**2 + g.psi_h**2) / g.D if self.state == "ageing-cutoff" else slid)
@@ -137,7 +191,18 @@ class Law:
         g, slid = self.g, np.abs(psi) / self.g.D
         if self.state == "healing":
             return (g.tau_inf / g.t_h + slid) / (1 / g.t_h + slid)
+        if self.state == "slip-memory":
+            return np.abs(psi) * g.t_h
+        if self.state == "bristles":
+            return np.sign(psi) * self.bristles(psi)
+        if self.state == "prz":
+            slid = slid / 2
         return -np.log(np.hypot(psi, g.psi_h) / g.D if self.state == "ageing-cutoff" else slid)
+
+    def bristles(self, psi):
+        """The deflection of steady motion."""
+        f = self.f
+        return (f.fc + (0 if self.name == "dahl" else (f.fs - f.fc) * np.exp(-(psi / f.vs)**2))) / f.sigma0
 
     def slopes(self, psi, s, going=None):
         """F_psi, F_s, g_psi, g_s."""
@@ -319,7 +384,7 @@ def waves(p, kappa2):
 def read(fields, frame):
     """The unknowns of a frame of a file's fields (a dictionary)."""
     parts = [fields["psi"][frame], fields["eta"][frame]]
-    parts += [fields["tau"][frame]] if "tau" in fields else [np.log(fields["theta"][frame])] if "theta" in fields else []
+    parts += [stored(fields[name][frame]) for name, stored in STORED.items() if name in fields]
     return np.concatenate(parts)
 
 

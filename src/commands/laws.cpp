@@ -39,10 +39,19 @@ Options options_for(Law law, Options options) {
   return options;
 }
 
+// A law made of points that nobody gave is none.
+bool has_its_curve(Law law, const Options& options) {
+  for (const Parameter& p : law->parameters)
+    if (p.range == Parameter::Range::curve && !options.is_set("friction_" + std::string(p.name)))
+      return false;
+  return true;
+}
+
 std::vector<FrictionParameters> wanted_laws(const Options& options) {
   if (options.is_set("friction_law") || options.is_set("state_law")) return {parameters_of(options)};
   std::vector<FrictionParameters> laws;
-  for (const Law law : all_laws()) laws.push_back(parameters_of(options_for(law, options)));
+  for (const Law law : all_laws())
+    if (has_its_curve(law, options)) laws.push_back(parameters_of(options_for(law, options)));
   return laws;
 }
 

@@ -91,7 +91,7 @@ Cycle cycle_of(const CellField& field, const std::vector<double>& mesh, const st
   std::copy_n(cycle.states.begin(), d, cycle.states.end() - long(d));
   cycle.times.push_back(period);
   measure(cycle);
-  const bool rests = field.scene().friction.regularised && field.scene().friction.law->jumps_at_rest;
+  const bool rests = field.scene().friction.regularised && field.scene().friction.jumps_at_rest();
   double range = 0, rest = 0;
   for (size_t k = 0; k < nodes; ++k) {
     std::vector<double> psi(d);

@@ -11,10 +11,11 @@
 
 namespace stickslip {
 
-// A state law that is a factor goes with laws of one velocity, any other with laws that take the state
-// themselves.
+// A law with a state law of its own goes with that; else a state law that is a factor goes with laws of one
+// velocity, any other with laws that take the state themselves.
 template <class L, class S>
 constexpr bool classes_belong_together() {
+  if (traits::has_companion<L> || traits::of_its_law<S>) return traits::are_companions<L, S>();
   if (traits::takes_state<L>) return !traits::factor<S> && !std::is_same_v<S, NoState>;
   return std::is_same_v<S, NoState> ||
          (traits::factor<S> && (L::jumps_at_rest || !traits::needs_threshold<S>));
@@ -34,7 +35,9 @@ void for_each_type(Types<Ts...>, const Body& body) {
 template <class T>
 T with_values(const FrictionParameters& p, const std::string& family) {
   T object;
-  for (const auto& [member, parameter] : T::parameters()) object.*member = p.value(family + parameter.name);
+  for (const auto& [member, parameter] : T::parameters())
+    if (member) object.*member = p.value(family + parameter.name);
+  if constexpr (traits::takes_points<T>) object.take(p.curve);
   if (!p.varies()) traits::check(object);
   return object;
 }
@@ -97,10 +100,16 @@ R dispatch_friction(const FrictionParameters& p, const Body& body) {
         if constexpr (traits::takes_state<L>) {
           result = body(OwnState<L, S>{law, state});
         } else if constexpr (traits::jumps_at_rest<L>()) {
-          if (p.regularised)
+          if (p.regularised) {
             result = body(Product<L, SignRegularised, S>{law, state, {p.eps}});
-          else
-            result = body(Product<L, SignExact, S>{law, state, {}});
+            return;
+          }
+          if constexpr (traits::takes_points<L>)
+            if (!p.jumps_at_rest()) {
+              result = body(Product<L, SignContinuous, S>{law, state, {}});
+              return;
+            }
+          result = body(Product<L, SignExact, S>{law, state, {}});
         } else {
           result = body(Product<L, SignExact, S>{law, state, {}});
         }

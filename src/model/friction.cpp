@@ -34,7 +34,13 @@ const std::vector<LawTraits>& law_table() {
     std::vector<LawTraits> all;
     for_each_type(Laws(), [&](auto law) {
       using L = typename std::decay_t<decltype(law)>::type;
-      LawTraits traits{L::name, traits::jumps_at_rest<L>(), parameters_of<L>(), {}};
+      LawTraits traits{L::name,
+                       traits::jumps_at_rest<L>(),
+                       traits::continuous_derivatives<L>(),
+                       traits::only_for<L>(),
+                       parameters_of<L>(),
+                       {}};
+      if constexpr (traits::takes_points<L>) traits.continuous_at_rest = L::continuous_at_rest;
       for_each_type(StateLaws(), [&](auto state) {
         using S = typename std::decay_t<decltype(state)>::type;
         const bool usual = traits::usual_state<L>() == std::string(S::name);
@@ -107,7 +113,7 @@ class Resolved final : public Friction {
     if constexpr (!F::sticks)
       return refuse<WithSlope>();
     else if constexpr (F::has_state) {
-      const WithSlope m = f_.state.factor(s);
+      const WithSlope m = f_.factor(s);
       return {m.value * f_.law.threshold(), m.slope * f_.law.threshold()};
     } else {
       return {f_.law.threshold(), 0};
@@ -117,7 +123,7 @@ class Resolved final : public Friction {
     if constexpr (!F::sticks)
       return refuse<double>();
     else if constexpr (F::has_state)
-      return f_.state.factor_at_long_rest() * f_.law.threshold();
+      return f_.factor_at_long_rest() * f_.law.threshold();
     else
       return f_.law.threshold();
   }
@@ -181,6 +187,11 @@ double FrictionParameters::value(const std::string& option) const {
     if (set != values.end()) return set->second;
   }
   return std::strtod(own->value, nullptr);
+}
+
+bool FrictionParameters::piecewise() const {
+  constexpr int of_highest_order = 9;
+  return law->continuous_derivatives < of_highest_order;
 }
 
 const ProfileAlongX* FrictionParameters::profile(const std::string& option) const {

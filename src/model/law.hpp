@@ -24,6 +24,9 @@
 //     double at_rest(double s, double t) const       what becomes of s after the time t at psi = 0
 //     double time_at_rest(double s) const            over which that changes
 //     double factor_at_long_rest() const
+// A law that has a state law of its own names it, `using State = ...`, a class that says `of_its_law` = true;
+// factor() and factor_at_long_rest(), or rate_partials() and steady_state(), may stand with the law where
+// they need its parameters.
 // What else a class may say stands with the functions of `says` below, each with what holds where it does
 // not.
 #pragma once
@@ -41,7 +44,7 @@
 
 namespace stickslip {
 
-// A parameter with the member that holds it.
+// A parameter with the member that holds it (none where it is a curve).
 template <class Owner>
 struct Declared {
   double Owner::*member;
@@ -76,6 +79,19 @@ struct SignRegularised {
   WithSlopeOf<Real> magnitude(Real psi) const {
     const WithSlopeOf<Real> s = sign_slope(psi);
     return {psi * s.value, s.value + psi * s.slope};
+  }
+};
+// Friction that is continuous at rest although its law may jump there: sgn(0) does not matter.
+struct SignContinuous {
+  static constexpr bool smooth = true;
+  template <class Real>
+  WithSlopeOf<Real> sign_slope(Real psi) const {
+    return {psi < 0 ? -1. : 1., 0.};
+  }
+  template <class Real>
+  WithSlopeOf<Real> magnitude(Real psi) const {
+    using std::abs;
+    return {abs(psi), sign_slope(psi).value};
   }
 };
 // The direction of motion is known and stays, whatever psi is.
@@ -122,6 +138,22 @@ template <class T>
 using UsualState = decltype(T::usual_state);
 template <class T>
 using NeedsThreshold = decltype(T::needs_threshold);
+template <class T>
+using TakesPoints = decltype(&T::take);
+template <class T>
+using Companion = typename T::State;
+template <class T>
+using OfItsLaw = decltype(T::of_its_law);
+template <class T>
+using LongRest = decltype(&T::factor_at_long_rest);
+template <class T>
+using OwnRate = decltype(&T::steady_state);
+template <class T>
+using EntersWith = decltype(T::enters_with);
+template <class T>
+using OnlyFor = decltype(T::only_for);
+template <class T>
+using Derivatives = decltype(T::continuous_derivatives);
 
 // partials() in place of phi(): F is no product of phi and a factor of the state.
 template <class L>
@@ -129,6 +161,51 @@ constexpr bool takes_state = Has<L, TakesState>::value;
 // newton_psi(), see Friction: friction is steep at rest.
 template <class L>
 constexpr bool steep = Has<L, Steep>::value;
+// The law has a state law of its own, or is one's: they go with each other alone.
+template <class L>
+constexpr bool has_companion = Has<L, Companion>::value;
+template <class S>
+constexpr bool of_its_law = Has<S, OfItsLaw>::value;
+template <class L, class S>
+constexpr bool are_companions() {
+  if constexpr (has_companion<L>)
+    return std::is_same_v<typename L::State, S>;
+  else
+    return false;
+}
+// The law has the factor, or the rate, in place of its state law.
+template <class L>
+constexpr bool has_factor = Has<L, LongRest>::value;
+template <class L>
+constexpr bool has_rate = Has<L, OwnRate>::value;
+// `enters_with`: what a law that takes the state adds to it first; nothing.
+template <class S>
+constexpr double enters_with() {
+  if constexpr (Has<S, EntersWith>::value)
+    return S::enters_with;
+  else
+    return 0;
+}
+// take(Points) and continuous_at_rest(Points): the law is made of points, with a force of 0 at rest without a
+// jump.
+template <class L>
+constexpr bool takes_points = Has<L, TakesPoints>::value;
+// `continuous_derivatives` of phi: infinitely many.
+template <class L>
+constexpr int continuous_derivatives() {
+  if constexpr (Has<L, Derivatives>::value)
+    return L::continuous_derivatives;
+  else
+    return std::numeric_limits<int>::max();
+}
+// `only_for`: the velocities for which alone it holds, in words; all.
+template <class L>
+constexpr const char* only_for() {
+  if constexpr (Has<L, OnlyFor>::value)
+    return L::only_for;
+  else
+    return "";
+}
 // `van_der_pol`: uniform motion without a state is van der Pol's.
 template <class L>
 constexpr bool van_der_pol = Has<L, VanDerPol>::value;
@@ -215,6 +292,21 @@ struct Product {
       return 0;
   }
 
+  // What the state makes of phi and of the threshold.
+  template <class Real>
+  WithSlopeOf<Real> factor(Real s) const {
+    if constexpr (traits::has_factor<L>)
+      return law.factor(s);
+    else
+      return state.factor(s);
+  }
+  double factor_at_long_rest() const {
+    if constexpr (traits::has_factor<L>)
+      return law.factor_at_long_rest();
+    else
+      return state.factor_at_long_rest();
+  }
+
   // The direction of motion given.
   double sliding_force(double psi, double s, double direction) const {
     return force(psi, s, SignFrozen{direction});
@@ -230,7 +322,7 @@ struct Product {
   template <class S>
   double force(double psi, double s, S with) const {
     if constexpr (has_state)
-      return state.factor(s).value * law.phi(psi, with).value;
+      return factor(s).value * law.phi(psi, with).value;
     else
       return law.phi(psi, with).value;
   }
@@ -238,7 +330,7 @@ struct Product {
   PartialsOf<Real> partials(Real psi, Real s, S with) const {
     const WithSlopeOf<Real> p = law.phi(psi, with);
     if constexpr (has_state) {
-      const WithSlopeOf<Real> m = state.factor(s);
+      const WithSlopeOf<Real> m = factor(s);
       return {m.value * p.value, m.value * p.slope, m.slope * p.value};
     } else {
       return {p.value, p.slope, 0.};
@@ -263,19 +355,38 @@ struct OwnState {
   L law;
   State state;
 
-  double force(double psi, double s) const { return law.partials(psi, s).F; }
-  Partials partials(double psi, double s) const { return law.partials(psi, s); }
-  RatePartials rate_partials(double psi, double s) const {
-    return state.rate_partials(psi, s, direction_of(psi));
-  }
-  PartialsOf<Jet> partials(const Jet& psi, const Jet& s) const { return law.partials(psi, s); }
+  double force(double psi, double s) const { return partials(psi, s).F; }
+  Partials partials(double psi, double s) const { return law.partials(psi, entering(s)); }
+  RatePartials rate_partials(double psi, double s) const { return rate_partials(psi, s, direction_of(psi)); }
+  PartialsOf<Jet> partials(const Jet& psi, const Jet& s) const { return law.partials(psi, entering(s)); }
   RatePartialsOf<Jet> rate_partials(const Jet& psi, const Jet& s) const {
-    return state.rate_partials(psi, s, direction_of(psi.value));
+    return rate_partials(psi, s, direction_of(psi.value));
   }
   double rate(double psi, double s) const { return rate_partials(psi, s).g; }
-  double steady_state(double psi) const { return state.steady_state(psi); }
+  double steady_state(double psi) const {
+    if constexpr (traits::has_rate<L>)
+      return law.steady_state(psi);
+    else
+      return state.steady_state(psi);
+  }
   double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
-    return law.newton_psi(psi, s, psi_new, s_new, mass);
+    return law.newton_psi(psi, entering(s), psi_new, entering(s_new), mass);
+  }
+
+ private:
+  template <class Real>
+  static Real entering(Real s) {
+    if constexpr (traits::enters_with<State>() != 0)
+      return s + traits::enters_with<State>();
+    else
+      return s;
+  }
+  template <class Real>
+  RatePartialsOf<Real> rate_partials(Real psi, Real s, double direction) const {
+    if constexpr (traits::has_rate<L>)
+      return law.rate_partials(psi, s, direction);
+    else
+      return state.rate_partials(psi, s, direction);
   }
 };
 

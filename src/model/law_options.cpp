@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "model/friction_curve.hpp"
+#include "stickslip/base/text.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/options/options.hpp"
 
@@ -14,6 +16,15 @@ OptionSpec option_of(const std::string& name, const Parameter& p) {
   OptionSpec spec{name, OptionType::real, p.value, p.default_help, p.unit, 0, inf, false, {}, p.help, "",
                   "",   nullptr};
   spec.open_low = p.range == Parameter::Range::positive;
+  if (p.range == Parameter::Range::word) {
+    spec.type = OptionType::choice;
+    spec.words = split(p.words, ' ');
+  } else if (p.range == Parameter::Range::curve) {
+    spec.type = OptionType::pairs;
+    spec.default_help = "none";
+    spec.low = -inf;
+    spec.fault = FrictionCurve::fault;
+  }
   return spec;
 }
 
@@ -108,7 +119,8 @@ LawOptions law_options() {
       option_of("friction_amplitude", {"amplitude", "1", Parameter::Range::positive, "", ""});
   add_profile(all.of_profiles, amplitude.name, amplitude);
   for (const std::vector<OptionSpec>* family : {&all.of_laws, &all.of_states})
-    for (const OptionSpec& parameter : *family) add_profile(all.of_profiles, parameter.name, parameter);
+    for (const OptionSpec& parameter : *family)
+      if (parameter.type == OptionType::real) add_profile(all.of_profiles, parameter.name, parameter);
   for (const Pair& pair : pairs) {
     pair.connect(all.of_laws);
     pair.connect(all.of_states);

@@ -113,12 +113,24 @@ std::string joined(const List& laws) {
   return text;
 }
 
+void read_parameter(const Options& o, const std::string& name, const Parameter& p, FrictionParameters& f) {
+  if (p.range == Parameter::Range::curve) {
+    f.curve = o.pairs(name);
+  } else if (p.range == Parameter::Range::word) {
+    const std::vector<std::string>& words = find_option(name)->words;
+    f.values[name] = double(std::find(words.begin(), words.end(), o.text(name)) - words.begin());
+  } else {
+    f.values[name] = o.real(name);
+  }
+}
+
 void read_law(const Options& o, FrictionParameters& f) {
   f.law = Law(o.text("friction_law"));
-  f.regularised = f.law->jumps_at_rest && o.text("friction_stick") == "regularised";
+  for (const Parameter& p : f.law->parameters) read_parameter(o, "friction_" + std::string(p.name), p, f);
+  f.regularised = f.jumps_at_rest() && o.text("friction_stick") == "regularised";
 
   const std::string other_law = "a parameter of another law, but friction_law is " + f.law->name;
-  if (!f.law->jumps_at_rest)
+  if (!f.jumps_at_rest())
     refuse(o, {"friction_eps", "friction_back_slip"}, other_law + ", which has no threshold");
   refuse(o, friction_options_of_other_laws(f.law), other_law);
   std::vector<std::string> of_regularised = {"friction_eps"};
@@ -135,7 +147,6 @@ void read_law(const Options& o, FrictionParameters& f) {
     throw UsageError(
         "-friction_back_slip false: smoothed friction cannot hold an unlimited force; it needs "
         "-friction_stick exact");
-  for (const std::string& name : names_of("friction_", f.law->parameters)) f.values[name] = o.real(name);
 }
 
 void read_spread(const Options& o, Scene& s) {

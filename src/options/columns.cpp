@@ -31,12 +31,12 @@ std::vector<double> row_of(std::string line, const std::string& place) {
 
 }  // namespace
 
-std::vector<std::vector<double>> read_columns(const std::string& option, const std::string& path,
-                                              std::size_t least, std::size_t most) {
+Rows read_columns(const std::string& option, const std::string& path, std::size_t least, std::size_t most) {
   const std::string name = "-" + option + " " + quoted(path);
   std::ifstream file(path);
   if (!file) throw UsageError(name + ": cannot be read: " + std::strerror(errno));
-  std::vector<std::vector<double>> rows;
+  Rows read;
+  std::vector<std::vector<double>>& rows = read.values;
   char buffer[longest_line];
   for (std::size_t number = 1; file.getline(buffer, sizeof buffer); ++number) {
     std::string line(buffer, file.gcount() - (file.eof() ? 0 : 1));
@@ -51,12 +51,13 @@ std::vector<std::vector<double>> read_columns(const std::string& option, const s
       throw usage_error("{}: {} columns where the rows before have {}", place, row.size(),
                         rows.front().size());
     rows.push_back(std::move(row));
+    read.lines.push_back(number);
     if (rows.size() > longest) throw UsageError(name + ": more than " + std::to_string(longest) + " rows");
   }
   if (file.bad()) throw UsageError(name + ": cannot be read: " + std::strerror(errno));  // a folder, for one
   if (!file.eof()) throw usage_error("{}: a line of more than {} bytes", name, longest_line - 1);
   if (rows.empty()) throw UsageError(name + ": holds no numbers");
-  return rows;
+  return read;
 }
 
 }  // namespace stickslip

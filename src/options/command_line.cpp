@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 
 #include "base/failure.hpp"
 #include "base/broadcast.hpp"
@@ -70,6 +71,15 @@ std::vector<Given> scene_options(const std::string& path) {
   return given;
 }
 
+// The file of that name; where there is none, the one beside the scene that names it (`where`: scene:line).
+std::string path_beside(const std::string& name, const std::string& where) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  if (fs::exists(name, ignored)) return name;
+  const fs::path beside = fs::path(where).parent_path() / name;
+  return fs::exists(beside, ignored) ? beside.string() : name;
+}
+
 // Puts the numbers of a file of two columns in the place of its name: so they stand in every file that is
 // written, and a restart does not read it again.
 void take_in_table(Given& given) {
@@ -77,8 +87,13 @@ void take_in_table(Given& given) {
   if (!spec || spec->type != OptionType::pairs || !given.text || given.text->find(':') != std::string::npos)
     return;
   Pairs pairs;
-  for (const std::vector<double>& row : read_columns(spec->name, *given.text, 2, 2))
-    pairs.emplace_back(row[0], row[1]);
+  const Rows rows = read_columns(spec->name, path_beside(*given.text, given.where), 2, 2);
+  for (const std::vector<double>& row : rows.values) pairs.emplace_back(row[0], row[1]);
+  std::size_t at = 0;
+  const std::string fault = spec->fault ? spec->fault(pairs, at) : "";
+  if (!fault.empty())
+    throw usage_error("-{} {}:{}{}: {}", spec->name, stickslip::quoted(*given.text), rows.lines[at],
+                      in_place(given.where), fault);
   const std::string text = pairs_text(pairs);
   if (!parse_pairs(text))
     throw usage_error("-{} {}{}: the first column must ascend, each number at most twice", spec->name,

@@ -174,7 +174,9 @@ void model_options(TableBuilder& t) {
 void friction_options(TableBuilder& t) {
   t.in("Friction", "run spectrum boundary wave cycle chart laws");
   const LawOptions laws = law_options();
-  t.choice("friction_law", laws.laws, "friction law F(psi)");
+  t.choice("friction_law", laws.laws,
+           "friction law F(psi): velocity weakening (carlson-langer, stribeck, table), slip weakening, rate "
+           "and state, bristles (LuGre, Dahl)");
   t.choice("friction_stick", {"exact", "regularised"},
            "laws with a threshold: exact stick, or sgn(psi) smoothed to tanh(psi/eps)")
       .idle_of(no_threshold);
@@ -216,9 +218,12 @@ void contact_options(TableBuilder& t) {
   t.in("State of the contact", "run spectrum boundary wave cycle chart laws");
   const LawOptions laws = law_options();
   t.choice("state_law", laws.states,
-           "kinetic equation of the contact; ageing, slip and ageing-cutoff belong to rate-and-state and "
-           "n-shaped")
-      .unset("none; ageing with rate-and-state, ageing-cutoff with n-shaped", laws.default_state);
+           "kinetic equation of the contact; ageing, slip, ageing-cutoff and prz belong to rate-and-state, "
+           "n-shaped and dieterich; slip-memory to slip-weakening, bristles to lugre and dahl")
+      .unset(
+          "none; ageing with rate-and-state and dieterich, ageing-cutoff with n-shaped, slip-memory with "
+          "slip-weakening, bristles with lugre and dahl",
+          laws.default_state);
   for (const OptionSpec& parameter : laws.of_states) t.add(parameter);
 }
 

@@ -178,6 +178,7 @@ std::string requirement(const OptionSpec& spec) {
     case OptionType::text_list: return "words separated by commas";
     case OptionType::real_or_word: return "a finite number" + range_text(spec) + or_words(spec);
     case OptionType::pairs:
+      if (spec.fault) return "x1:y1,x2:y2,... with x ascending, each once, or a file of two columns";
       return "x1:value1,x2:value2,... with x ascending, each at most twice, and values that are finite" +
              range_text(spec) + ", or a file of two columns";
     case OptionType::steps_or_time: return "a number of steps (500) or a time (30s, 10m, 2h)";
@@ -189,7 +190,13 @@ std::string requirement(const OptionSpec& spec) {
 std::string in_place(const std::string& where) { return where.empty() ? "" : " (" + where + ")"; }
 
 void check_value(const OptionSpec& spec, const std::string& text, const std::string& where) {
-  if (is_acceptable(spec, text)) return;
+  if (is_acceptable(spec, text)) {
+    if (!spec.fault) return;
+    std::size_t at = 0;
+    const std::string fault = spec.fault(*parse_pairs(text), at);
+    if (fault.empty()) return;
+    throw usage_error("-{}{}, point {}: {}", spec.name, in_place(where), at + 1, fault);
+  }
   // The bound itself is the value whose refusal may surprise: what the option is says why.
   const bool at_bound = spec.type == OptionType::real && spec.open_low && parse_number(text) == spec.low;
   throw usage_error("-{} {}{}: must be {}{}{}", spec.name, quoted(text), in_place(where), requirement(spec),

@@ -282,6 +282,9 @@ Criticality criticality(const SteadySliding& steady, const LinearisedOperator& J
     c.why_not = "the limit of short waves crosses, and no single one";
   } else if (J.scene.massless()) {
     c.why_not = "without mass (model_m 0) it is not computed";
+  } else if (steady.scene.friction.piecewise()) {
+    c.why_not = "friction_law " + to_string(steady.scene.friction.law) +
+                " has no third derivative that means something: it jumps from piece to piece";
   } else if (passes_kink(steady)) {
     c.why_not = "friction has a kink at psi = 0, which is where some of the line slides";
   } else if (J.scene.any_held() || steady.scene.has_profile() ||

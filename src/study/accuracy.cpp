@@ -6,6 +6,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/methods.hpp"
 #include "study/ladder.hpp"
+#include "study/smoothness.hpp"
 
 namespace stickslip {
 
@@ -51,6 +52,7 @@ struct AccuracyPlan::Impl {
 
 AccuracyPlan::AccuracyPlan(const Options& options, double wanted)
     : impl_(std::make_unique<Impl>(options, wanted)) {
+  warn_of_pieces(impl_->request.scene);
   impl_->choose();
   impl_->finish();
 }

@@ -9,6 +9,7 @@
 #include "stickslip/output/reader.hpp"
 #include "stickslip/options/library_options.hpp"
 #include "stickslip/time/methods.hpp"
+#include "study/smoothness.hpp"
 #include "study/work_precision.hpp"
 
 namespace stickslip {
@@ -238,6 +239,7 @@ int chart_errors(const Options& options) {
   const Provenance provenance = Provenance::of("chart", options.all());
   Summary summary(provenance, keys_of(keys()), options.text("summary"));
   return with_summary(summary, [&] {
+    warn_of_pieces(scene);
     check_settings(options, chart_settings(options));
     check_unused_after_setup(options, "snes ksp pc");
     ChartResults results;

@@ -252,7 +252,7 @@ void LevelRuns::choose_method() {
 // is seldom met, but at a threshold always), of ten stages of 1.2 ns a node (a smoothed threshold: 7), and 1
 // us each.
 double LevelRuns::explicit_seconds(const Rates& rates, PetscInt n) const {
-  const bool threshold = request_.scene.friction.law->jumps_at_rest;
+  const bool threshold = request_.scene.friction.jumps_at_rest();
   const double steps = (threshold ? 0.22 : 0.16) * pilot_.t_end() * std::max(rates.wave, rates.friction);
   return steps * (1e-6 + (threshold ? 7e-8 : 1.2e-8) * double(n));
 }

@@ -134,7 +134,7 @@ bool prefers_high_order(const Model& model, const MethodSpec& spec, const std::s
   char adapt[128] = "";
   SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), "-ts_adapt_type", adapt, sizeof adapt, nullptr));
   const FrictionParameters& law = model.scene().friction;
-  return spec.step == 0 && std::string(adapt) != TSADAPTNONE && !law.law->jumps_at_rest;
+  return spec.step == 0 && std::string(adapt) != TSADAPTNONE && !law.jumps_at_rest() && !law.piecewise();
 }
 
 // Whether the user tunes the solvers of the library's own steps, which then take them.
@@ -233,7 +233,7 @@ Choice choose_method(const Model& model, const Rates& usual, const MethodSpec& s
   const bool wants_imex = spec.implicit != "auto" && spec.implicit != "none";
   // Everything implicit at a smoothed threshold: Newton's method would take many rounds a stage, and the
   // Rosenbrock method, which takes one, costs a third at the same error (docs/chart.md).
-  const bool threshold = law.law->jumps_at_rest && law.regularised;
+  const bool threshold = law.jumps_at_rest() && law.regularised;
   const bool rosenbrock = threshold && rates.stiff_friction && rates.stiff_wave && !wants_imex;
   Choice choice{rosenbrock                              ? TSROSW
                 : wants_imex || stiff != Implicit::none ? TSARKIMEX

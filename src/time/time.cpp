@@ -121,6 +121,10 @@ std::string Integrator::Impl::advice(double dt) const {
   Vec u;
   SS_TRY(TSGetSolution(ts, &u));
   if (const std::string lost = model.velocity_jump(u); !lost.empty()) return lost;
+  const Law law = model.scene().friction.law;
+  if (!law->only_for.empty())
+    return fmt::format("friction_law {} holds for {} alone, and a step may have led beyond", to_string(law),
+                       law->only_for);
   const Implicit implicit = equations->implicit();
   if (implicit == Implicit::both) return "reduce ts_dt or the tolerances";
   std::string text = fmt::format("an explicit step of {} is too large", number_text(dt));

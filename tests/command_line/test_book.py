@@ -88,7 +88,7 @@ FILES = {
     "chart": ["-grid_n 16 -grid_length 20 -ts_max_time 0.1 -chart_methods rk:3bs -chart_tolerances 1e-3 -chart_orders 2 "
               "-chart_grids 16 -chart_repeats 1",
               "-chart_kind limits -grid_n 16 -chart_methods rk:3bs -chart_parameter model_gamma -chart_values 3 -ts_max_time 1"],
-    "laws": [""],
+    "laws": ["", "-friction_table 0:1,1:0.5"],
 }
 ELSEWHERE = {"boundary": ("special/", "wave_", "train/"), "wave": "curves/"}
 PAGE = FilesPage()

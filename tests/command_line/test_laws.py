@@ -31,7 +31,8 @@ def test_every_law():
     v = np.abs(np.delete(psi, 300))
     steady = np.sign(np.delete(psi, 300)) * a * np.arcsinh(v / 2 * np.exp((mu0 - b * np.log(v)) / a))
     close(np.delete(s["rate-and-state"], 300), steady)
-    assert s["stick"] == {"carlson-langer": [-1, 1], "coulomb": [-1.5, 1.5]}
+    assert s["stick"] == {"carlson-langer": [-1, 1], "coulomb": [-1.5, 1.5], "stribeck": [-1.5, 1.5], "slip-weakening": [-1.5, 1.5]}
+    assert s["table"] is None  # nobody gave a curve
 
 
 def test_one_law_regularised():

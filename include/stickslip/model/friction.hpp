@@ -5,6 +5,7 @@
 //     carlson-langer   phi = (1 - sigma) sgn(psi)/(1 + 2 alpha |psi|/(1 - sigma))   (equation 2: sigma 0,
 //                                                                                   alpha 1/2)
 //     coulomb          phi = fd sgn(psi), regularised with a peak of fs
+//     table            phi from measured points, a monotone piecewise cubic between them
 //     rate-and-state   F = a asinh[ psi/(2 psi0) exp((mu0 + b ln(psi0 theta/D))/a) ]
 // State laws:
 //     healing      F = tau phi,  tau_t = (tau_inf - tau)/t_h - (|psi|/D)(tau - 1)
@@ -29,6 +30,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "stickslip/model/profile.hpp"
@@ -69,7 +71,8 @@ struct SlopeBounds {
 
 // One parameter of a law or state law, as its class declares it.
 struct Parameter {
-  enum class Range { positive, not_negative };
+  // word: the member holds its number, 0 for the first; curve: points, which the class takes whole
+  enum class Range { positive, not_negative, word, curve };
   const char* name;   // without the family: "fs" is the option friction_fs, or state_fs of a state law
   const char* value;  // by default
   Range range;
@@ -80,7 +83,9 @@ struct Parameter {
   // option that means the same and is taken where it alone is set, e.g. "state_D"
   const char* same_as = "";
   bool regularised = false;  // has no meaning with exact stick
+  const char* words = "";    // of Range::word, separated by blanks
 };
+using Points = std::vector<std::pair<double, double>>;
 
 // What a state law's class says of itself.
 struct StateTraits {
@@ -109,8 +114,12 @@ class StateLaw {
 struct LawTraits {
   std::string name;                   // as in the option friction_law
   bool jumps_at_rest;                 // F may take any value up to a threshold at psi = 0
+  int continuous_derivatives;         // of phi in psi; a large number where it is smooth
+  std::string only_for;               // velocities for which alone it holds, in words; "" for all
   std::vector<Parameter> parameters;  // options friction_<name>
   std::vector<StateLaw> states;       // that may accompany it; the first is taken by default
+  // of a law that may do without the jump: whether it does, with these points
+  bool (*continuous_at_rest)(const Points&) = nullptr;
 };
 
 // A law by its name, likewise.
@@ -142,10 +151,15 @@ struct FrictionParameters {
   bool back_slip = true;                 // exact stick: false lets no force drive a stuck node backwards
   std::map<std::string, double> values;  // parameters that are set, by option name, e.g. friction_fs
   std::map<std::string, ProfileAlongX> profiles;  // of those that differ along x, in place of their values
+  Points curve;                                   // velocity and force, of the law `table`
 
   bool has_state() const { return !state.none(); }
-  // At psi = 0 friction takes any value up to a threshold: exact stick.
-  bool sticks() const { return law->jumps_at_rest && !regularised; }
+  // At psi = 0 friction takes any value up to a threshold, or does so when it is not regularised.
+  bool jumps_at_rest() const {
+    return law->jumps_at_rest && !(law->continuous_at_rest && law->continuous_at_rest(curve));
+  }
+  bool sticks() const { return jumps_at_rest() && !regularised; }  // exactly
+  bool piecewise() const;  // a derivative that methods of high order rely on jumps at some velocities
   bool varies() const { return !profiles.empty(); }  // along x
   // The parameter's profile; nullptr where it is the same everywhere.
   const ProfileAlongX* profile(const std::string& option) const;

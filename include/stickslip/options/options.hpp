@@ -58,6 +58,8 @@ struct OptionSpec {
   std::function<std::string(const Options&)> default_of = nullptr;
   // why its value changes nothing beside these options; "" where it may
   std::function<std::string(const Options&)> idle_of = nullptr;
+  // of pairs: what is wrong with them, and with which; "" where nothing is
+  std::string (*fault)(const std::vector<std::pair<double, double>>& pairs, std::size_t& at) = nullptr;
 };
 
 // The options that friction laws and state laws declare. Options know no law: the layer above, which lists

@@ -14,12 +14,14 @@ struct Coulomb {
   double fs = 1, fd = 0.5, slip_velocity = 1e-2;
   static std::vector<Declared<Coulomb>> parameters() {
     using R = Parameter::Range;
-    return {
-        {&Coulomb::fs, {"fs", "1", R::positive, "", "coulomb: static threshold"}},
-        {&Coulomb::fd, {"fd", "0.5", R::not_negative, "", "coulomb: dynamic friction, at most friction_fs"}},
-        {&Coulomb::slip_velocity,
-         {"slip_velocity", "1e-2", R::positive, "velocity",
-          "coulomb, regularised: velocity over which fs falls to fd", "", "", true}}};
+    return {{&Coulomb::fs,
+             {"fs", "1", R::positive, "", "coulomb, stribeck, slip-weakening, lugre: static friction"}},
+            {&Coulomb::fd,
+             {"fd", "0.5", R::not_negative, "",
+              "coulomb, slip-weakening: dynamic friction, at most friction_fs"}},
+            {&Coulomb::slip_velocity,
+             {"slip_velocity", "1e-2", R::positive, "velocity",
+              "coulomb, regularised: velocity over which fs falls to fd", "", "", true}}};
   }
   void check() const {
     if (fd > fs)

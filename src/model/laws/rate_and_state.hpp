@@ -13,14 +13,16 @@ struct RateAndState : OfDirectEffect<RateAndState> {
     using R = Parameter::Range;
     using L = RateAndState;
     return {
-        {&L::a, {"a", "0.05", R::positive, "", "rate-and-state, n-shaped: direct effect a"}},
-        {&L::b, {"b", "0.1", R::not_negative, "", "rate-and-state, n-shaped: evolution effect b"}},
+        {&L::a, {"a", "0.05", R::positive, "", "rate-and-state, n-shaped, dieterich: direct effect a"}},
+        {&L::b, {"b", "0.1", R::not_negative, "", "rate-and-state, n-shaped, dieterich: evolution effect b"}},
         {&L::D,
-         {"D", "0.1", R::positive, "length", "rate-and-state, n-shaped: slip distance D", "0.1, or state_D",
-          "state_D"}},
+         {"D", "0.1", R::positive, "length", "rate-and-state, n-shaped, dieterich: slip distance D",
+          "0.1, or state_D", "state_D"}},
         {&L::mu0,
-         {"mu0", "0.6", R::not_negative, "", "rate-and-state, n-shaped: friction at the reference velocity"}},
-        {&L::psi0, {"psi0", "1", R::positive, "velocity", "rate-and-state, n-shaped: reference velocity"}}};
+         {"mu0", "0.6", R::not_negative, "",
+          "rate-and-state, n-shaped, dieterich: friction at the reference velocity"}},
+        {&L::psi0,
+         {"psi0", "1", R::positive, "velocity", "rate-and-state, n-shaped, dieterich: reference velocity"}}};
   }
 
   // l = (mu0 + b ln(psi0 theta/D))/a, so that q = psi/(2 psi0) exp(l)

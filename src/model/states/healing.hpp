@@ -14,7 +14,9 @@ struct Healing {
   double t_h = 1, tau_inf = 2, D = 1;
   static std::vector<Declared<Healing>> parameters() {
     using R = Parameter::Range;
-    return {{&Healing::t_h, {"t_h", "1", R::positive, "time", "healing: healing time"}},
+    return {{&Healing::t_h,
+             {"t_h", "1", R::positive, "time",
+              "healing: healing time; slip-weakening: time in which slip is forgotten"}},
             {&Healing::tau_inf,
              {"tau_inf", "2", R::positive, "",
               "healing: strength reached at rest, in units of the moving contact's"}},

@@ -10,6 +10,6 @@ inline constexpr Parameter slip_distance{"D",
                                          Parameter::Range::positive,
                                          "length",
                                          "healing, contact-age: slip distance that renews the contact",
-                                         "1; friction_D with rate-and-state, n-shaped"};
+                                         "1; friction_D with rate-and-state, n-shaped, dieterich"};
 
 }  // namespace stickslip

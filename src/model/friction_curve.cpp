@@ -1,0 +1,193 @@
+#include "model/friction_curve.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/failure.hpp"
+#include "stickslip/base/text.hpp"
+
+namespace stickslip {
+
+namespace {
+
+using Points = FrictionCurve::Points;
+
+constexpr std::size_t most_points = 10000;
+constexpr std::int64_t most_buckets = std::int64_t(1) << 22;
+constexpr int mantissa_bits = 52;
+
+// Of one direction: speed against the size of the force, from the slowest.
+Points direction(const Points& points, double sign) {
+  Points one;
+  for (const auto& [velocity, force] : points)
+    if (sign * velocity > 0 || velocity == 0) one.emplace_back(std::abs(velocity), std::abs(force));
+  std::sort(one.begin(), one.end());
+  return one;
+}
+
+bool has_backward(const Points& points) { return points.front().first < 0; }
+
+// The numbers of the buckets at the resolution `shift`.
+std::int64_t bucket_of(double x, double offset, int shift) {
+  return std::int64_t(elementary::bits_of(x + offset) >> shift);
+}
+
+// Buckets of which none holds two points.
+struct Buckets {
+  double offset, last = 0, least = std::numeric_limits<double>::infinity();
+  int shift = mantissa_bits;
+  std::int64_t base = 0, count = 0;
+
+  // With that offset the coarsest.
+  Buckets(const std::vector<Points>& directions, double offset_wanted) : offset(offset_wanted) {
+    for (const Points& one : directions)
+      for (const auto& point : one)
+        if (point.first > 0) {
+          least = std::min(least, point.first);
+          last = std::max(last, point.first);
+        }
+    if (offset == 0) offset = least;
+    const auto apart = [&](const Points& one) {
+      for (std::size_t i = 1; i < one.size(); ++i)
+        if (bucket_of(one[i - 1].first, offset, shift) == bucket_of(one[i].first, offset, shift))
+          return false;
+      return true;
+    };
+    for (set_count(); !std::all_of(directions.begin(), directions.end(), apart) && count <= most_buckets;
+         set_count())
+      --shift;
+  }
+  void set_count() {
+    base = bucket_of(0, offset, shift);
+    count = bucket_of(last, offset, shift) - base + 1;
+  }
+};
+// The fewest: a small offset suits velocities of many decades, a large one those that are evenly spaced.
+Buckets buckets_of(const std::vector<Points>& directions) {
+  Buckets best(directions, 0);
+  for (double offset = 4 * best.least; offset < 8 * best.last; offset *= 4)
+    if (const Buckets other(directions, offset); other.count < best.count) best = other;
+  return best;
+}
+
+std::vector<Points> directions_of(const Points& points) {
+  std::vector<Points> all = {direction(points, 1)};
+  if (has_backward(points)) all.push_back(direction(points, -1));
+  return all;
+}
+
+double end_slope(double h, double next_h, double secant, double next_secant) {
+  const double slope = ((2 * h + next_h) * secant - h * next_secant) / (h + next_h);
+  if (slope * secant <= 0) return 0;
+  return secant * next_secant <= 0 && std::abs(slope) > 3 * std::abs(secant) ? 3 * secant : slope;
+}
+
+std::vector<double> slopes_at(const Points& p) {
+  const std::size_t n = p.size();
+  const auto h = [&](std::size_t i) { return p[i + 1].first - p[i].first; };
+  const auto secant = [&](std::size_t i) { return (p[i + 1].second - p[i].second) / h(i); };
+  if (n < 3) return std::vector<double>(n, n == 2 ? secant(0) : 0);
+  std::vector<double> slopes(n);
+  slopes.front() = end_slope(h(0), h(1), secant(0), secant(1));
+  slopes.back() = end_slope(h(n - 2), h(n - 3), secant(n - 2), secant(n - 3));
+  for (std::size_t i = 1; i + 1 < n; ++i) {
+    const double before = secant(i - 1), behind = secant(i);
+    const double w = 2 * h(i) + h(i - 1), w_behind = h(i) + 2 * h(i - 1);
+    if (before * behind > 0) slopes[i] = (w + w_behind) / (w / before + w_behind / behind);
+  }
+  return slopes;
+}
+
+// The least and the largest slope of a piece of that length.
+std::pair<double, double> slopes_of(double slope, double bend, double twist, double length) {
+  const auto at = [&](double y) { return slope + y * (2 * bend + 3 * twist * y); };
+  const double end = at(length), top = twist != 0 ? -bend / (3 * twist) : 0;
+  std::pair<double, double> range = std::minmax({slope, end});
+  if (top > 0 && top < length) range = {std::min(range.first, at(top)), std::max(range.second, at(top))};
+  return range;
+}
+
+}  // namespace
+
+std::string FrictionCurve::fault(const Points& points, std::size_t& at) {
+  for (at = 0; at < points.size(); ++at) {
+    const auto [velocity, force] = points[at];
+    if (at > 0 && !(velocity > points[at - 1].first))
+      return fmt::format("velocity {} after {}: velocities must ascend, each once", number_text(velocity),
+                         number_text(points[at - 1].first));
+    if (velocity * force < 0 || (velocity == 0 && force < 0))
+      return fmt::format(
+          "force {} at velocity {}: friction opposes motion, its force has the sign of the "
+          "velocity (>= 0 at rest)",
+          number_text(force), number_text(velocity));
+    if (at > 0 && points[at - 1].first < 0 && velocity > 0)
+      return fmt::format(
+          "no point at rest between velocities {} and {}: a curve of both directions needs "
+          "the threshold, a force at velocity 0",
+          number_text(points[at - 1].first), number_text(velocity));
+  }
+  at = points.empty() ? 0 : points.size() - 1;
+  if (points.size() < 2) return "one point; a curve needs two or more";
+  if (points.size() > most_points)
+    return fmt::format("{} points; at most {} are taken", points.size(), most_points);
+  if (!(points.back().first > 0)) return "no point at a positive velocity; a curve needs one";
+  if (buckets_of(directions_of(points)).count > most_buckets)
+    return "two velocities lie too close together beside the others; leave one of them out";
+  return "";
+}
+
+FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
+  const std::vector<Points> directions = directions_of(points);
+  const Buckets b = buckets_of(directions);
+  offset_ = b.offset;
+  last_ = b.last;
+  least_ = b.least;
+  shift_ = b.shift;
+  base_ = b.base;
+  if (directions.size() > 1) backward_ = b.count;
+  for (const Points& one : directions) {
+    const std::vector<Piece> pieces = pieces_of(one, straight_beyond);
+    threshold_ = pieces.front().value;
+    std::size_t k = 0;  // the piece at the begin of the bucket
+    for (std::int64_t i = 0; i < b.count; ++i) {
+      const Piece& low = pieces[k];
+      const bool met = k + 1 < pieces.size() && bucket_of(pieces[k + 1].from, offset_, shift_) - base_ == i;
+      if (!met) {
+        buckets_.push_back({low.from, low.value, low.slope, low.bend, low.twist, 0, 0, 0});
+        continue;
+      }
+      const Piece& high = pieces[++k];
+      const double h = high.from - low.from, bend = low.bend + 3 * h * low.twist;
+      const double slope = low.slope + h * (2 * low.bend + 3 * h * low.twist);
+      const bool kink = low.from < one.front().first || k + 1 == pieces.size();  // beside the points given
+      buckets_.push_back({high.from, high.value, kink ? slope : high.slope, bend, low.twist,
+                          kink ? high.slope - slope : 0, high.bend - bend, high.twist - low.twist});
+    }
+  }
+}
+
+std::vector<FrictionCurve::Piece> FrictionCurve::pieces_of(const Points& points, bool straight_beyond) {
+  const std::vector<double> slopes = slopes_at(points);
+  std::vector<Piece> pieces;
+  if (points.front().first > 0) pieces.push_back({0, points.front().second, 0, 0, 0});
+  for (std::size_t i = 0; i + 1 < points.size(); ++i) {
+    const double h = points[i + 1].first - points[i].first;
+    const double secant = (points[i + 1].second - points[i].second) / h;
+    pieces.push_back({points[i].first, points[i].second, slopes[i],
+                      (3 * secant - 2 * slopes[i] - slopes[i + 1]) / h,
+                      (slopes[i] + slopes[i + 1] - 2 * secant) / (h * h)});
+    const auto [low, high] = slopes_of(slopes[i], pieces.back().bend, pieces.back().twist, h);
+    bounds_ = {std::max(bounds_.falling, -low), std::max(bounds_.rising, high)};
+  }
+  const auto [last, force] = points.back();
+  if (straight_beyond && slopes.back() < 0)
+    throw usage_error(
+        "-friction_table_beyond slope: friction falls at the last velocity, {}, and would be "
+        "negative beyond {}; take constant",
+        number_text(last), rounded_text(last - force / slopes.back(), 4));
+  pieces.push_back({last, force, straight_beyond ? slopes.back() : 0, 0, 0});
+  return pieces;
+}
+
+}  // namespace stickslip

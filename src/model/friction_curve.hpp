@@ -1,0 +1,69 @@
+// A measured curve of friction, velocity against force, as a function: cubics between the points, with one
+// continuous derivative, that rise and fall only where the points do (monotone piecewise cubic Hermite
+// interpolation; F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, with the one-sided
+// three-point slopes at the ends of C. Moler, Numerical Computing with MATLAB, SIAM 2004, section 3.6). So
+// friction never becomes negative between points, nor falls where none of them does. Errors against a smooth
+// function go like the cube of the distances of points, beside an extremum like their square.
+//
+// Below the first velocity of a direction its force holds; beyond the last one the force holds, or goes on
+// straight with the last slope. The force at velocity 0 is the threshold; where it is 0, so is the jump.
+// Without negative velocities the curve is odd.
+//
+// A piece is found without search: the upper bits of velocity + offset number buckets, of which none holds
+// more than one point. A bucket has the cubic before its point, about that point, and what the one behind it
+// adds, so that all it takes is one line of memory and no branch. (Boost.Math's pchip searches by halving and
+// throws beyond its ends, of which the compiler makes no vector code.)
+//
+// Velocities and forces are those of the law: the force is over the friction amplitude. Local.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "numerics/elementary.hpp"
+#include "stickslip/model/friction.hpp"
+
+namespace stickslip {
+
+class FrictionCurve {
+ public:
+  using Points = std::vector<std::pair<double, double>>;
+  // value + y (slope + y (bend + y twist)) + z (more_slope + z (more_bend + z more_twist)), y = speed - at,
+  // z = max(y, 0).
+  struct Bucket {
+    double at, value, slope, bend, twist, more_slope, more_bend, more_twist;
+  };
+
+  // What is wrong with `points` as a curve, and at which of them; "" where nothing is.
+  static std::string fault(const Points& points, std::size_t& at);
+
+  // Of points without a fault. Throws UsageError where friction would become negative beyond the last one.
+  FrictionCurve(const Points& points, bool straight_beyond);
+
+  // Of motion at the speed `a` >= 0; direction < 0: backward.
+  const Bucket& bucket(double a, double direction) const {
+    const double last = last_, below = a < last ? a : last, x = below > 0 ? below : 0;
+    const auto other = std::int64_t(elementary::if_negative(direction)) & backward_;
+    return buckets_[std::int64_t(elementary::bits_of(x + offset_) >> shift_) - base_ + other];
+  }
+  double threshold() const { return threshold_; }
+  double least_speed() const { return least_; }  // given, beside 0: below 0 the cubic is good for so much
+  SlopeBounds slope_bounds() const { return bounds_; }
+
+ private:
+  // value + y (slope + y (bend + y twist)) from `from` to the next.
+  struct Piece {
+    double from, value, slope, bend, twist;
+  };
+  std::vector<Piece> pieces_of(const Points& points, bool straight_beyond);
+
+  std::vector<Bucket> buckets_;  // of one direction, then of the other
+  double offset_ = 0, last_ = 0, least_ = 0, threshold_ = 0;
+  int shift_ = 0;
+  std::int64_t base_ = 0, backward_ = 0;  // backward_: 0 where both directions are alike
+  SlopeBounds bounds_;
+};
+
+}  // namespace stickslip
