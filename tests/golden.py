@@ -4,7 +4,7 @@
     python3 tests/golden.py compare BEFORE OUT                       by key and by field
     python3 tests/golden.py turns PROGRAM OTHER [--rounds 5]         processor time of the quick scenes, in turn
 
-Equal means to the last bit. What may differ, and by how much, stands in BOUNDS with its reason; what always does (times,
+Equal means to the last bit, of what both have of options. What may differ, and by how much, stands in BOUNDS with its reason; what always does (times,
 revisions) in NEVER. While the source is rebuilt, "before" is the revision BEFORE, built beside it on the same machine (git
 worktree add ../before REVISION); the outputs stay outside the tree.
 """
@@ -35,7 +35,8 @@ BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^chart$", r"/(best|recommended|cost)\b", np.inf, "which row is fastest is measured"),
     (r"", r"(/summary|^/\d+|^)/(psi_low|psi_high|largest_moment|largest_extent|b|b_error)(@/\w+)?\b", np.inf, "added"),
     (r"^(?!cycle|wave)", r"(/summary|^/\d+|^)/period$", np.inf, "given without probes too"),
-    (r"^help$", r"/out/", np.inf, "one line for the profiles, which come last"),
+    (r"^help$", r"/out/", np.inf, "one line for the profiles, which come last; laws were added"),
+    (r"^laws$", r"", np.inf, "laws were added: a table of all of them"),
     (r"^accuracy$", r"/chosen$", np.inf, "says `error predicted` where it said `error foreseen`"),
     (r"^signal$", r"options", np.inf, "at which checkpoint the signal comes is chance"),
     (r"^wave", r"/psi_(min|max)\b", 1e-15, "the extremum of a train is evaluated within its interval, without going by the phase"),
@@ -190,6 +191,7 @@ def plain(value):
         value = value.decode(errors="replace")
     if isinstance(value, str):
         value = re.sub(r"/\S*/", "", re.sub(r"\bgit \S+", "git #", value))
+        value = re.sub(r"(must be one of|it belongs to) [^;]*", r"\1 #", value)  # laws may be added
         value = re.sub(r"\d+(\.\d+)? (s|ms|MB|GB)\b", "# s", value)
     return value
 
@@ -211,9 +213,14 @@ def differences(before, now):
             bound = max((b for s, f, b, _ in BOUNDS if re.search(s, scene) and re.search(f, key)), default=0.0)
             if bound == np.inf:
                 continue
+            if key not in one and "options/" in key:
+                continue  # an option that the earlier program did not have
             if key not in one or key not in other:
                 yield name, key, "new" if key not in one else "gone", 0.0
                 continue
+            if key.endswith("@/options"):
+                first, second = (json.loads(value) for value in (one[key], other[key]))
+                one[key], other[key] = (json.dumps([side.get(name) for name in first]) for side in (first, second))
             far = apart(plain(one[key]), plain(other[key]))
             if far > bound:
                 yield name, key, f"{far:.1e}" if far < np.inf else f"{plain(one[key])!s:.60} -> {plain(other[key])!s:.60}", bound

@@ -26,7 +26,7 @@ NO_RESULT = {"options", "wall_s", "seconds", "events_per_s", "files", "processor
 ODD_RESULTS = {"model_v", "psi", "eta", "psi_mean", "eta_mean", "maxima", "chi", "steady_eta", "v", "direction",
                "height", "probes_psi", "probes_eta", "before", "behind"}
 ROUNDED = ("growth_rate", "wave_speed")  # of a matrix whose blocks have other signs; of a phase half a turn on
-PAIRS = {"psi_min": "psi_max", "psi_max": "psi_min"}
+PAIRS = {"psi_min": "psi_max", "psi_max": "psi_min", "psi_low": "psi_high", "psi_high": "psi_low"}
 
 
 def mirrored(options):
