@@ -40,35 +40,55 @@ struct PointwiseOfColumns {
   F friction;
 
   void operator()(const Coefficients& coefficients, const Columns& k) const {
-    if (k.amplitude)
-      pass<true>(coefficients, k);
+    if constexpr (F::looks_up)
+      in_tiles(coefficients, k);
     else
-      pass<false>(coefficients, k);
-  }
-
- private:
-  // All of a node in one loop: what lay in a buffer between two would cost more than the arithmetic.
-  template <bool spread>
-  void pass(Coefficients c, Columns k) const {
-    const F law = friction;  // a copy, which no store can change
-#pragma GCC ivdep
-    for (PetscInt i = 0; i < k.count; ++i) {
-      const double psi = k.psi[i];
-      double force = partials_at<sticking>(friction_of(law, k.node + i), psi, F::has_state ? k.state[i] : 0,
-                                           direction_at<sticking>(k.direction, i))
-                         .F;
-      if constexpr (spread) force *= k.amplitude[i];
-      const NodeRates rates =
-          node_rates(c, psi, k.eta[i], force, k.f_eta[i], moving<sticking>(k.direction, i));
-      k.f_psi[i] = rates.psi;
-      k.f_eta[i] = rates.eta;
-    }
+      at_once(coefficients, k);
     if constexpr (F::has_state) {
+      const F law = friction;
 #pragma GCC ivdep
       for (PetscInt i = 0; i < k.count; ++i)
         k.f_state[i] = rate_at<sticking>(friction_of(law, k.node + i), k.psi[i], k.state[i],
                                          direction_at<sticking>(k.direction, i))
                            .g;
+    }
+  }
+
+ private:
+  void at_once(const Coefficients& c, const Columns& k) const {
+    const F law = friction;  // a copy, which no store can change
+    const auto force = [law, k](PetscInt i) {
+      return partials_at<sticking>(friction_of(law, k.node + i), k.psi[i], F::has_state ? k.state[i] : 0,
+                                   direction_at<sticking>(k.direction, i))
+          .F;
+    };
+    if (k.amplitude)
+      motion(c, k, [force, k](PetscInt i) { return force(i) * k.amplitude[i]; });
+    else
+      motion(c, k, force);
+  }
+  // All of a node in one loop: what lay in a buffer between two would cost more than the arithmetic.
+  template <class Force>
+  static void motion(Coefficients c, Columns k, Force force) {
+#pragma GCC ivdep
+    for (PetscInt i = 0; i < k.count; ++i) {
+      const NodeRates rates =
+          node_rates(c, k.psi[i], k.eta[i], force(i), k.f_eta[i], moving<sticking>(k.direction, i));
+      k.f_psi[i] = rates.psi;
+      k.f_eta[i] = rates.eta;
+    }
+  }
+  // But of a law that is looked up, which takes loops of its own.
+  void in_tiles(const Coefficients& c, const Columns& k) const {
+    for (PetscInt begin = 0; begin < k.count; begin += tile_size) {
+      const auto at = [&](auto* column) { return column ? column + begin : nullptr; };
+      const Columns part{k.psi + begin,   k.eta + begin,   at(k.state), at(k.amplitude),
+                         k.f_psi + begin, k.f_eta + begin, nullptr,     std::min(tile_size, k.count - begin),
+                         at(k.direction)};
+      alignas(64) double force[tile_size];
+      looked_up_force<sticking>(friction, part.psi, part.state, part.direction, part.amplitude, part.count,
+                                force);
+      motion(c, part, [&](PetscInt i) { return force[i]; });
     }
   }
 };

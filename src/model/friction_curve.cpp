@@ -154,15 +154,19 @@ FrictionCurve::FrictionCurve(const Points& points, bool straight_beyond) {
       const Piece& low = pieces[k];
       const bool met = k + 1 < pieces.size() && bucket_of(pieces[k + 1].from, offset_, shift_) - base_ == i;
       if (!met) {
-        buckets_.push_back({low.from, low.value, low.slope, low.bend, low.twist, 0, 0, 0});
+        buckets_.push_back(
+            {low.from, low.value, {low.slope, low.slope}, {low.bend, low.bend}, {low.twist, low.twist}});
         continue;
       }
       const Piece& high = pieces[++k];
       const double h = high.from - low.from, bend = low.bend + 3 * h * low.twist;
       const double slope = low.slope + h * (2 * low.bend + 3 * h * low.twist);
       const bool kink = low.from < one.front().first || k + 1 == pieces.size();  // beside the points given
-      buckets_.push_back({high.from, high.value, kink ? slope : high.slope, bend, low.twist,
-                          kink ? high.slope - slope : 0, high.bend - bend, high.twist - low.twist});
+      buckets_.push_back({high.from,
+                          high.value,
+                          {kink ? slope : high.slope, high.slope},
+                          {bend, high.bend},
+                          {low.twist, high.twist}});
     }
   }
 }

@@ -10,9 +10,9 @@
 // Without negative velocities the curve is odd.
 //
 // A piece is found without search: the upper bits of velocity + offset number buckets, of which none holds
-// more than one point. A bucket has the cubic before its point, about that point, and what the one behind it
-// adds, so that all it takes is one line of memory and no branch. (Boost.Math's pchip searches by halving and
-// throws beyond its ends, of which the compiler makes no vector code.)
+// more than one point. A bucket has the cubics before and behind its point, about that point, so that all it
+// takes is one line of memory and no branch. (Boost.Math's pchip searches by halving and throws beyond its
+// ends.)
 //
 // Velocities and forces are those of the law: the force is over the friction amplitude. Local.
 #pragma once
@@ -30,10 +30,18 @@ namespace stickslip {
 class FrictionCurve {
  public:
   using Points = std::vector<std::pair<double, double>>;
-  // value + y (slope + y (bend + y twist)) + z (more_slope + z (more_bend + z more_twist)), y = speed - at,
-  // z = max(y, 0).
+  // value + y (slope + y (bend + y twist)), y = speed - at; the first of each two for y < 0.
   struct Bucket {
-    double at, value, slope, bend, twist, more_slope, more_bend, more_twist;
+    double at, value, slope[2], bend[2], twist[2];
+
+    template <class Real>
+    Real force(const Real& y, int side) const {
+      return value + y * (slope[side] + y * (bend[side] + y * twist[side]));
+    }
+    template <class Real>
+    Real force_slope(const Real& y, int side) const {
+      return slope[side] + y * (2 * bend[side] + 3 * twist[side] * y);
+    }
   };
 
   // What is wrong with `points` as a curve, and at which of them; "" where nothing is.
@@ -42,12 +50,13 @@ class FrictionCurve {
   // Of points without a fault. Throws UsageError where friction would become negative beyond the last one.
   FrictionCurve(const Points& points, bool straight_beyond);
 
-  // Of motion at the speed `a` >= 0; direction < 0: backward.
-  const Bucket& bucket(double a, double direction) const {
+  // The number of the bucket of motion at the speed `a` >= 0; direction < 0: backward.
+  std::int64_t place(double a, double direction) const {
     const double last = last_, below = a < last ? a : last, x = below > 0 ? below : 0;
     const auto other = std::int64_t(elementary::if_negative(direction)) & backward_;
-    return buckets_[std::int64_t(elementary::bits_of(x + offset_) >> shift_) - base_ + other];
+    return std::int64_t(elementary::bits_of(x + offset_) >> shift_) - base_ + other;
   }
+  const Bucket& bucket(std::int64_t place) const { return buckets_[place]; }
   double threshold() const { return threshold_; }
   double least_speed() const { return least_; }  // given, beside 0: below 0 the cubic is good for so much
   SlopeBounds slope_bounds() const { return bounds_; }

@@ -52,7 +52,7 @@ inline Coefficients coefficients_of(const Scene& scene) { return coefficients_wi
 // none.
 template <class F>
 struct Varying {
-  static constexpr bool has_state = F::has_state, sticks = F::sticks, steep = F::steep;
+  static constexpr bool has_state = F::has_state, sticks = F::sticks, steep = F::steep, looks_up = false;
   std::shared_ptr<const std::vector<F>> nodes;
 };
 template <class F>
@@ -145,15 +145,45 @@ RatePartials rate_at(const F& friction, double psi, double s, double direction) 
   else
     return friction.rate_partials(psi, s);
 }
+// force[i] = a_i F of a law that is looked up, as partials_at() has it: between two loops of vector code one
+// that is none, since a node's entry, one line of memory, is sooner read than gathered number by number.
+template <bool sticking, class F>
+void looked_up_force(const F& friction, const double* psi, const double* state, const double* direction,
+                     const double* amplitude, PetscInt count, double* force) {
+  alignas(64) double sign[tile_size], speed[tile_size];
+  alignas(64) std::int64_t bucket[tile_size];
+  for (PetscInt i = 0; i < count; ++i) {
+    const auto place = friction.template with_sign<sticking>(
+        direction_at<sticking>(direction, i), [&](auto s) { return friction.law.place(psi[i], s); });
+    sign[i] = place.sign;
+    speed[i] = place.speed;
+    bucket[i] = place.bucket;
+  }
+  for (PetscInt i = 0; i < count; ++i) {
+    std::int64_t number = bucket[i];
+    asm("" : "+r"(number));  // no gather
+    force[i] = friction.law.looked_up(speed[i], number);
+  }
+  for (PetscInt i = 0; i < count; ++i) {
+    force[i] *= sign[i];
+    if constexpr (F::has_state) force[i] *= friction.template factor<double>(state[i]).value;
+  }
+  if (amplitude)
+    for (PetscInt i = 0; i < count; ++i) force[i] *= amplitude[i];
+}
 // force[i] = a_i F.
 template <bool sticking, class F>
 void friction_force(const F& friction, const Tile& t, double* force) {
-  for (PetscInt i = 0; i < t.count; ++i)
-    force[i] = partials_at<sticking>(friction_of(friction, t.node + i), t.psi[i],
-                                     F::has_state ? t.state[i] : 0, direction_at<sticking>(t.direction, i))
-                   .F;
-  if (t.amplitude)
-    for (PetscInt i = 0; i < t.count; ++i) force[i] *= t.amplitude[i];
+  if constexpr (F::looks_up) {
+    looked_up_force<sticking>(friction, t.psi, t.state, t.direction, t.amplitude, t.count, force);
+  } else {
+    for (PetscInt i = 0; i < t.count; ++i)
+      force[i] = partials_at<sticking>(friction_of(friction, t.node + i), t.psi[i],
+                                       F::has_state ? t.state[i] : 0, direction_at<sticking>(t.direction, i))
+                     .F;
+    if (t.amplitude)
+      for (PetscInt i = 0; i < t.count; ++i) force[i] *= t.amplitude[i];
+  }
 }
 
 // The rates of a node, but for its state's: `force` is a_i F, `coupling` K1 D2 psi. moves: 1, or 0 where

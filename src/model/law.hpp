@@ -141,6 +141,8 @@ using NeedsThreshold = decltype(T::needs_threshold);
 template <class T>
 using TakesPoints = decltype(&T::take);
 template <class T>
+using LooksUp = typename T::Place;
+template <class T>
 using Companion = typename T::State;
 template <class T>
 using OfItsLaw = decltype(T::of_its_law);
@@ -190,6 +192,9 @@ constexpr double enters_with() {
 // jump.
 template <class L>
 constexpr bool takes_points = Has<L, TakesPoints>::value;
+// place() and looked_up(): phi is looked up in a table, which a loop over nodes does for itself.
+template <class L>
+constexpr bool looks_up = Has<L, LooksUp>::value;
 // `continuous_derivatives` of phi: infinitely many.
 template <class L>
 constexpr int continuous_derivatives() {
@@ -272,7 +277,7 @@ template <class L, class Sign, class State>
 struct Product {
   static constexpr bool has_state = !std::is_same_v<State, NoState>;
   static constexpr bool sticks = L::jumps_at_rest && !Sign::smooth;
-  static constexpr bool steep = false;
+  static constexpr bool steep = false, looks_up = traits::looks_up<L>;
   L law;
   State state;
   Sign sign;
@@ -318,6 +323,15 @@ struct Product {
     return rate_partials(psi, s, direction);
   }
 
+  // Calls body(sign), of the direction given or of the velocity itself.
+  template <bool sliding, class Body>
+  auto with_sign(double direction, const Body& body) const {
+    if constexpr (sliding)
+      return body(SignFrozen{direction});
+    else
+      return body(sign);
+  }
+
  private:
   template <class S>
   double force(double psi, double s, S with) const {
@@ -350,7 +364,7 @@ template <class L, class State>
 struct OwnState {
   static constexpr bool has_state = true;
   static constexpr bool sticks = false;
-  static constexpr bool steep = traits::steep<L>;
+  static constexpr bool steep = traits::steep<L>, looks_up = false;
   static_assert(!L::jumps_at_rest, "exact stick is there for laws whose friction is a product");
   L law;
   State state;

@@ -2,9 +2,11 @@
 
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <optional>
 
 #include "base/broadcast.hpp"
+#include "base/failure.hpp"
 #include "base/local_values.hpp"
 #include "model/noise.hpp"
 #include "stickslip/base/error.hpp"
@@ -79,6 +81,25 @@ void balance_viscosity(const Model& model, Vec u) {
   const Writing a(u);
   for (PetscInt i = 0; i < model.local(); ++i)
     if (!model.held(model.first() + i)) a[i * model.dof() + 1] -= viscous[i * model.dof() + 1];
+}
+
+// A law that does not hold for every velocity (Dieterich's logarithm) must hold for those of the start.
+void check_law(const Model& model, Vec u) {
+  const Law law = model.scene().friction.law;
+  if (law->only_for.empty()) return;
+  const Reading a(u);
+  const int dof = model.dof();
+  double least = std::numeric_limits<double>::infinity();
+  for (PetscInt i = 0; i < model.local(); ++i) least = std::min(least, a[i * dof]);
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &least, 1, MPI_DOUBLE, MPI_MIN, model.comm()));
+  PetscInt beyond = 0;
+  for (PetscInt i = 0; i < model.local(); ++i)
+    if (!std::isfinite(model.friction(i, a[i * dof], dof == 3 ? a[i * dof + 2] : 0).F)) ++beyond;
+  if (on_any_rank(model.comm(), beyond > 0))
+    throw usage_error(
+        "friction_law {} holds for {} alone, and the start goes down to psi = {}; give another "
+        "init_psi, or init_noise",
+        to_string(law), law->only_for, rounded_text(least, 6));
 }
 
 }  // namespace
@@ -236,6 +257,7 @@ void Start::fill(const Model& model, Vec u) const {
   model.solve_velocities(u);
   if (const std::string lost = model.velocity_jump(u); !lost.empty())
     throw UsageError("model_m 0 at the start: " + lost);
+  check_law(model, u);
 }
 
 Start::Misfit Start::misfit(const Scene& scene) const {

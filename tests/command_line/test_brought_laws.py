@@ -154,6 +154,17 @@ def test_wrong_use():
     refused(f"{BLOCK} -friction_law slip-weakening -state_law ageing", 2, "state_law")
 
 
+@pytest.mark.parametrize("start, least", [("-init_psi -0.3", "-0.3"), ("-init_psi 0", "0"), ("-init_psi 1 -init_noise 2", "-")])
+def test_a_start_beyond_the_plain_logarithm(start, least):
+    refused(f"-model_form chain -grid_n 4 -friction_law dieterich -state_law slip {start}", 2, "dieterich", "psi > 0", f"psi = {least}")
+
+
+def test_the_plain_logarithm_says_where_it_ends():
+    """A steady state with eta = 0 pulls no block forwards: psi falls through 0."""
+    refused(f"{BLOCK} -friction_law dieterich -init_psi 1 -init_eta -5 -model_k0 1 -model_zeta 0 -ts_type rk -ts_dt 0.1 -ts_adapt_type none",
+            1, "dieterich", "psi > 0")
+
+
 def test_the_scene_of_a_measured_curve():
     """The curve beside the scene is found from any folder; the block sticks and slips."""
     s, _ = run(scene_file("measured-curve") + " -out_file run.h5")
@@ -206,6 +217,69 @@ def test_laws_by_name_agree_with_scipy(law):
         assert np.abs(end - reference.read(fields, 1)).max() < 1e-6, words
 
 
+WEAKENING = {"stribeck": ("model_v", 0.2, 3), "slip-weakening": ("model_v", 0.05, 3), "dieterich": ("model_k0", 1e-3, 1),
+             "lugre": ("model_v", 0.05, 3)}  # the laws that let sliding become unstable, and an option that does it
+
+
+@pytest.mark.parametrize("law", WEAKENING)
+def test_boundaries_of_laws_by_name_agree_with_scipy(law):
+    """Of random chains: where the rightmost eigenvalue of a dense matrix passes zero."""
+    rng = np.random.default_rng([11, LAWS.index(law)])
+    option, low, high = WEAKENING[law]
+    values, met = np.geomspace(low, high, 25), 0
+    while met < 2:
+        scene = random_scene(law, rng, 4)
+
+        def growth(value, scene=scene):
+            return System(scene | {option: float(value)}).eigenvalues()[0].real
+        signs = np.sign([growth(value) for value in values])
+        changes = np.flatnonzero(signs[1:] != signs[:-1])
+        if len(changes) == 0:
+            continue
+        met += 1
+        got, _ = run(f"{' '.join(reference.words(scene))} -boundary_parameter {option} -boundary_from {low} -boundary_to {high} -boundary_of sliding",
+                     command="boundary")
+        want = [brentq(growth, values[i], values[i + 1], xtol=1e-14) for i in changes]
+        # an error of 1e-12 in an eigenvalue of order 1, over its slope in the option
+        np.testing.assert_allclose([point["value"] for point in got["points"]], want, rtol=1e-8, err_msg=str(scene))
+
+
+@pytest.mark.parametrize("law", WEAKENING)
+def test_cycles_of_laws_by_name_agree_with_scipy(law):
+    """Of random blocks without exact stick: SciPy, from a point of the cycle on, comes back after its period, and the matrix of
+    that period has its multipliers."""
+    rng = np.random.default_rng([13, LAWS.index(law)])
+    option, low, high = WEAKENING[law]
+    met = 0
+    while met < 2:
+        scene = random_scene(law, rng, 1)
+        del scene["model_k1"]
+        values = np.geomspace(low, high, 25)
+        rightmost = [System(scene | {option: float(value)}).eigenvalues()[0] for value in values]
+        unstable = [i for i, value in enumerate(rightmost) if value.real > 0 and value.imag != 0]
+        if not unstable or unstable[-1] == len(values) - 1:
+            continue
+        scene[option] = float(values[unstable[-1]])  # just beyond the boundary
+        met += 1
+        found, _ = run(" ".join(reference.words(scene)) + " -out_file c.h5", command="cycle")
+        with h5py.File("c.h5") as f:
+            start = reference.read({name: f[name][:] for name in f if name in ("psi", "eta", *reference.STORED)}, 0)
+        end, matrix = System(scene).carried(start, found["period"])
+        scale = 1 + np.abs(start).max()
+        assert np.abs(end - start).max() < 1e-6 * scale, scene
+        known = np.linalg.eigvals(matrix)
+        for one in found["multipliers"]:
+            assert np.abs(known - complex(one["re"], one["im"])).min() < 1e-5, scene
+
+
+def test_friction_that_only_rises_keeps_sliding_stable():
+    for law in ("tanh", "dahl"):
+        scene = random_scene(law, np.random.default_rng(17), 4)
+        refused(f"{' '.join(reference.words(scene))} -boundary_parameter model_v -boundary_from 0.05 -boundary_to 3 -boundary_of sliding",
+                1, "no boundary", command="boundary")
+        assert all(System(scene | {"model_v": v}).eigenvalues()[0].real < 1e-12 for v in np.linspace(0.05, 3, 20))
+
+
 def test_exact_stick_of_laws_by_name():
     """Stick-slip of a block: the slip by SciPy from the threshold to rest, the time at rest in closed form."""
     for law in ("-friction_law stribeck -friction_fs 1.2 -friction_fc 0.4 -friction_vs 0.3 -friction_viscous 0.1",
@@ -246,14 +320,14 @@ stops.terminal, stops.direction = True, -1
 def test_boundaries_in_closed_form():
     """Stribeck: B + F'(v) = 0. Rate-and-state: with small m the critical stiffness (b - a)/D, of prz too."""
     s, _ = run(f"{BLOCK} -model_zeta 0.3 -friction_law stribeck -friction_fs 1.1 -friction_fc 0.4 -friction_vs 0.7 -boundary_parameter model_v "
-               "-boundary_from 0.6 -boundary_to 3", command="boundary")
+               "-boundary_from 0.6 -boundary_to 3 -boundary_of sliding", command="boundary")
     want = brentq(lambda v: 0.3 - 0.7 * 2 * v / 0.7**2 * math.exp(-(v / 0.7)**2), 0.6, 3, xtol=1e-14)
     assert abs(s["points"][0]["value"] - want) < 1e-9
     for law in ("dieterich", "rate-and-state"):
         for state in ("ageing", "slip", "prz"):
             m, D, a, b, v = 1e-2, 0.5, 0.02, 0.05, 0.3
             s, _ = run(f"{BLOCK} -friction_law {law} -state_law {state} -friction_a {a} -friction_b {b} -friction_D {D} -model_v {v} "
-                       f"-model_m {m} -boundary_parameter model_k0 -boundary_from 0.01 -boundary_to 0.2", command="boundary")
+                       f"-model_m {m} -boundary_parameter model_k0 -boundary_from 0.01 -boundary_to 0.2 -boundary_of sliding", command="boundary")
             # Rice and Ruina 1983: (b - a)/D [1 + m v^2/(a D)]; what asinh changes of it is below exp(-2 mu0/a) = 1e-26
             want = (b - a) / D * (1 + m * v**2 / (a * D))
             assert abs(s["points"][0]["value"] - want) < 1e-9 * want, (law, state)

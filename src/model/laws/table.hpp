@@ -43,23 +43,40 @@ struct MeasuredCurve {
   double threshold() const { return curve->threshold(); }
   template <class Real, class Sign>
   WithSlopeOf<Real> phi(Real psi, Sign sign) const {
-    using elementary::value_of, elementary::where_less;
+    using elementary::value_of;
     const WithSlopeOf<Real> s = sign.sign_slope(psi), a = sign.magnitude(psi);
-    const FrictionCurve::Bucket& c = curve->bucket(value_of(a.value), value_of(s.value));
-    Real y = a.value - c.at;
-    if constexpr (std::is_same_v<Sign, SignFrozen>) {  // against the motion, the cubic for a while
-      const double end = -curve->least_speed() - c.at;
-      y = where_less(y, end, Real(end), y);
-    }
-    const Real z = where_less(y, 0, Real(0.), y);
-    const double more_slope = where_less(value_of(y), 0, 0, c.more_slope);
-    const Real value = c.value + y * (c.slope + y * (c.bend + y * c.twist)) +
-                       z * (c.more_slope + z * (c.more_bend + z * c.more_twist));
-    const Real slope = c.slope + y * (2 * c.bend + 3 * c.twist * y) + more_slope +
-                       z * (2 * c.more_bend + 3 * c.more_twist * z);
-    return {s.value * value, s.slope * value + s.value * a.slope * slope};
+    const Real speed = forward<Sign>(a.value);
+    const FrictionCurve::Bucket& c = curve->bucket(curve->place(value_of(speed), value_of(s.value)));
+    const Real y = speed - c.at;
+    const int side = value_of(y) >= 0;
+    const Real value = c.force(y, side);
+    return {s.value * value, s.slope * value + s.value * a.slope * c.force_slope(y, side)};
+  }
+  // phi in the steps of a loop over many nodes: looking up between vector code before and behind it.
+  struct Place {
+    double sign, speed;
+    std::int64_t bucket;
+  };
+  template <class Sign>
+  Place place(double psi, Sign sign) const {
+    const double s = sign.sign_slope(psi).value, speed = forward<Sign>(sign.magnitude(psi).value);
+    return {s, speed, curve->place(speed, s)};
+  }
+  double looked_up(double speed, std::int64_t bucket) const {
+    const FrictionCurve::Bucket& c = curve->bucket(bucket);
+    const double y = speed - c.at;
+    return c.force(y, y >= 0);
   }
   SlopeBounds slope_bounds() const { return curve->slope_bounds(); }
+
+ private:
+  // Against the motion, the cubic for a while.
+  template <class Sign, class Real>
+  Real forward(const Real& speed) const {
+    if constexpr (!std::is_same_v<Sign, SignFrozen>) return speed;
+    const double least = -curve->least_speed();
+    return elementary::where_less(speed, least, Real(least), speed);
+  }
 };
 
 }  // namespace stickslip
