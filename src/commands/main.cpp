@@ -109,7 +109,6 @@ int program(int argc, char** argv) {
     } else {
       if (options.is_set("ts_type")) check_type_offered(options.text("ts_type"));
       check_library_types(options);
-      check_library_names(options);
       if (line.help_all) {
         print_library_help();
       } else {

@@ -221,12 +221,9 @@ void Run::make_integrator() {
   const bool is_explicit = integrator_->report().implicit == Implicit::none;
   check_unused_after_setup(options_, is_explicit ? "snes ksp pc" : "");
   std::vector<std::string> idle = options_.idle();
-  if (is_explicit) {
-    static const std::set<std::string> of_solvers = {"snes", "ksp", "pc", "mat"};
-    for (const auto& [name, text] : options_.library())
-      if (of_solvers.count(name.substr(0, name.find('_'))))
-        idle.push_back("-" + name + " (" + integrator_->report().method + " solves no equations)");
-  }
+  if (is_explicit)
+    for (const std::string& name : options_of_solvers(options_))
+      idle.push_back("-" + name + " (" + integrator_->report().method + " solves no equations)");
   if (!idle.empty()) warn("without effect here: " + joined(idle));
   if (origin_.resumed || options_.is_set("out_checkpoint_every")) warn_of_memory(options_);
 }

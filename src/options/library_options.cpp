@@ -10,6 +10,7 @@
 
 #include "base/failure.hpp"
 #include "base/paths.hpp"
+#include "options/library_names.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
@@ -40,16 +41,13 @@ std::string shown(const std::string& name, const std::string& text) {
   return "-" + name + (text.empty() ? "" : " " + quoted(text));
 }
 
-// What the well-known options take, by kind. (Names and words as `-help` of PETSc 3.18 and SLEPc 3.18 lists
-// them.)
-std::map<std::string, OptionSpec> make_known() {
+// The ranges within which the well-known numbers must lie, the words of two options, and what PETSc reads
+// only at its end. All other values PETSc and SLEPc judge when their objects take them, before any work.
+std::map<std::string, OptionSpec> make_ranges() {
   std::map<std::string, OptionSpec> known;
   const auto add = [&known](const char* names, OptionType type, double low, double high, bool open_low) {
     for (const std::string& name : words_of(names))
       known[name] = {name, type, "", "", "", low, high, open_low, {}, "", "", ""};
-  };
-  const auto words = [&known](const char* name, const char* list) {
-    known[name] = {name, OptionType::choice, "", "", "", 0, 0, false, words_of(list), "", "", ""};
   };
   add("ts_dt ts_adapt_dt_min ts_adapt_dt_max eps_tol pep_tol bv_definite_tol pc_factor_fill ksp_divtol "
       "snes_divergence_tolerance ts_adapt_safety ts_adapt_reject_safety ts_adapt_scale_solve_failed",
@@ -59,12 +57,6 @@ std::map<std::string, OptionSpec> make_known() {
       "pc_factor_column_pivot",
       OptionType::real, 0, inf, false);
   add("ts_theta_theta eps_krylovschur_restart", OptionType::real, 0, 1, true);
-  add("ts_init_time ts_adapt_max_ignore pep_target eps_balance_cutoff rg_scale bv_orthog_eta "
-      "ksp_gmres_haptol ksp_gmres_breakdown_tolerance snes_ksp_ew_alpha snes_ksp_ew_alpha2 snes_ksp_ew_gamma "
-      "snes_ksp_ew_rtol0 snes_ksp_ew_rtolmax snes_ksp_ew_threshold snes_linesearch_alpha "
-      "snes_linesearch_damping "
-      "snes_linesearch_maxstep snes_linesearch_minlambda snes_tr_delta0 snes_tr_eta snes_tr_mu snes_tr_sigma",
-      OptionType::real, -inf, inf, false);
   add("eps_ncv eps_mpd eps_max_it pep_nev pep_ncv pep_mpd pep_max_it eps_krylovschur_ncv "
       "eps_krylovschur_mpd eps_krylovschur_partitions ksp_gmres_restart ts_ssp_nstages ts_rk_dtratio",
       OptionType::integer, 1, int_max, false);
@@ -77,117 +69,31 @@ std::map<std::string, OptionSpec> make_known() {
   add("snes_lag_jacobian snes_lag_preconditioner", OptionType::integer, -2, int_max, false);
   add("snes_ksp_ew_version", OptionType::integer, 1, 4, false);
   add("ts_bdf_order", OptionType::integer, 1, 6, false);
-  add("ts_adapt_always_accept ts_arkimex_fully_implicit ts_arkimex_initial_guess_extrapolate "
-      "ts_error_if_step_fails "
-      "ts_rk_multirate ts_rosw_recompute_jacobian ts_save_trajectory ts_theta_endpoint "
-      "ts_theta_initial_guess_extrapolate ts_adapt_monitor ts_monitor_cancel "
-      "snes_error_if_not_converged snes_fd snes_force_iteration snes_ksp_ew snes_lag_jacobian_persists "
-      "snes_lag_preconditioner_persists snes_linesearch_keeplambda snes_linesearch_norms snes_mf "
-      "snes_mf_operator "
-      "ksp_constant_null_space ksp_converged_maxits ksp_diagonal_scale ksp_diagonal_scale_fix "
-      "ksp_error_if_not_converged ksp_initial_guess_nonzero ksp_knoll ksp_lag_norm ksp_reuse_preconditioner "
-      "pc_factor_diagonal_fill pc_factor_in_place pc_factor_pivot_in_blocks pc_factor_reuse_fill "
-      "pc_factor_reuse_ordering pc_use_amat eps_krylovschur_detect_zeros eps_krylovschur_locking "
-      "eps_purify eps_true_residual eps_non_hermitian eps_harmonic eps_refined eps_ritz eps_conv_abs "
-      "eps_conv_rel eps_conv_norm "
-      "ksp_gmres_classicalgramschmidt ksp_gmres_modifiedgramschmidt ksp_gmres_preallocate "
-      "malloc_debug options_left no_signal_handler",
-      OptionType::boolean, 0, 0, false);
-  words("ts_glee_type", "BE1 23 24 25i 35 exrk2a rk32g1 rk285ex");
+  add("options_left", OptionType::boolean, 0, 0, false);
+  const auto words = [&known](const char* name, const char* list) {
+    known[name] = {name, OptionType::choice, "", "", "", 0, 0, false, words_of(list), "", "", ""};
+  };
   words("ts_adapt_type", "none basic dsp cfl glee history");
-  words("ksp_norm_type", "none preconditioned unpreconditioned natural");
-  words("ksp_pc_side", "left right symmetric");
-  words("pc_factor_shift_type", "none nonzero positive_definite inblocks");
-  words("snes_norm_schedule", "none always initialonly finalonly initialfinalonly");
   words("eps_type", "krylovschur arnoldi subspace lapack power jd");
-  words("eps_balance", "none oneside twoside user");
   return known;
 }
 
-const std::map<std::string, OptionSpec>& known_specs() {
-  static const std::map<std::string, OptionSpec> specs = make_known();
+const std::map<std::string, OptionSpec>& ranges() {
+  static const std::map<std::string, OptionSpec> specs = make_ranges();
   return specs;
 }
 
-// Names whose value is free text, or which take none; for suggestions, and so that they count as known.
-const std::set<std::string>& other_names() {
-  static const std::set<std::string> names = set_of(
-      "ts_type ts_rk_type ts_arkimex_type ts_rosw_type ts_ssp_type ts_adapt_clip ts_adapt_wnormtype ts_view "
-      "ts_view_solution ts_monitor "
-      "ts_monitor_solution ts_time_span ts_monitor_solution_vtk ts_monitor_error ts_monitor_extreme "
-      "ts_monitor_lg_solution "
-      "snes_type snes_linesearch_type snes_view snes_monitor snes_monitor_short snes_converged_reason "
-      "snes_linesearch_monitor snes_test_jacobian snes_test_jacobian_view snes_compare_explicit "
-      "ksp_type ksp_view ksp_monitor ksp_monitor_true_residual ksp_converged_reason ksp_guess_type "
-      "pc_type pc_view pc_factor_mat_ordering_type pc_factor_mat_solver_type "
-      "pc_factor_nonzeros_along_diagonal "
-      "mat_type mat_view mat_fd_type vec_type vec_view dm_view dm_mat_type dm_vec_type "
-      "eps_view eps_view_values eps_view_vectors eps_monitor eps_monitor_all eps_monitor_conv "
-      "eps_converged_reason eps_error_absolute eps_error_backward eps_error_relative "
-      "st_view bv_type bv_orthog_type bv_orthog_refine bv_orthog_block ds_parallel "
-      "pep_type pep_view pep_monitor pep_converged_reason "
-      "rg_type rg_interval_endpoints");
-  return names;
-}
-
-// What PETSc itself reads when it starts or ends.
-const std::set<std::string>& global_names() {
-  static const std::set<std::string> names = set_of(
-      "log_view log_view_memory log_all log log_exclude log_trace log_sync log_mpe log_perfstubs "
-      "options_left options_view options_monitor options_monitor_cancel "
-      "malloc malloc_debug malloc_dump malloc_view malloc_view_threshold malloc_test malloc_coalesce "
-      "malloc_hbw malloc_info malloc_log "
-      "malloc_requested_size memory_view info citations version help display nox nox_warning x_virtual "
-      "fp_trap no_signal_handler on_error_abort on_error_mpiabort on_error_attach_debugger on_error_emacs "
-      "on_error_malloc_dump error_output_stdout error_output_none debug_terminal debugger_pause "
-      "debugger_ranks start_in_debugger stop_for_debugger get_total_flops objects_dump tmp shared_tmp "
-      "not_shared_tmp "
-      "mpi_return_on_error petsc_sleep skip_petscrc use_gpu_aware_mpi checkfunctionlist "
-      "check_pointer_intensity checkstack device_enable device_select device_view default_device_type "
-      "draw_pause draw_save "
-      "viewer_binary_skip_info blas_view");
-  return names;
-}
-
-bool starts_with_prefix_of_library(const std::string& name) {
-  static const std::vector<std::string> prefixes = words_of(
-      "ts_ snes_ ksp_ pc_ mat_ vec_ da_ dm_ dmda_ is_ sf_ vecscatter_ eps_ st_ bv_ ds_ rg_ fn_ pep_ nep_ "
-      "svd_ "
-      "mfn_ lme_ log_ options_ malloc_ memory_ on_error_ debugger_ device_ root_device_context_ draw_ "
-      "viewer_ petsc_ "
-      "slepc_ info_ sub_ redundant_ mg_ fieldsplit_ npc_ esteig_ inner_ matmatmult_ matptap_ "
-      "mattransposematmult_ "
-      "all_ksp_");
-  return starts_with_any(name, prefixes) && !std::count(prefixes.begin(), prefixes.end(), name);
-}
-
-// Inner objects have the names of the plain ones behind a prefix: st_ksp_rtol, sub_pc_type,
-// mg_levels_ksp_type.
-std::string without_nesting(std::string name) {
-  for (bool again = true; again;) {
-    again = false;
-    for (const char* outer :
-         {"st_ksp_", "st_pc_", "sub_", "redundant_", "mg_levels_", "mg_coarse_", "npc_"}) {
-      if (!starts_with(name, outer)) continue;
-      name = name.substr(starts_with(name, "st_") ? 3 : std::string(outer).size());
-      again = true;
-      break;
-    }
-  }
-  return name;
-}
-
 bool is_known(const std::string& name) {
-  const std::string plain = without_nesting(name);
-  return known_specs().count(plain) || other_names().count(plain) || global_names().count(plain);
+  static const std::set<std::string> short_names =
+      set_of("citations checkfunctionlist checkstack display help info log malloc nox tmp version");
+  return short_names.count(name) || library_reads(name);
 }
 
 // Read only when an object deep inside is first used, so that set-up is too early to ask whether it was read.
 bool read_late(const std::string& name) {
   static const std::vector<std::string> prefixes = words_of(
-      "mat_ vec_ sub_ redundant_ mg_ fieldsplit_ npc_ esteig_ inner_ is_ sf_ vecscatter_ viewer_ draw_ "
-      "matmatmult_ "
-      "matptap_ mattransposematmult_ snes_test_ snes_compare_ fn_ rg_ all_ksp_");
+      "mat_ vec_ sub_ redundant_ mg_ fieldsplit_ npc_ esteig_ inner_ snes_test_ snes_compare_ fn_ rg_ "
+      "all_ksp_");
   return starts_with_any(name, prefixes);
 }
 
@@ -204,14 +110,12 @@ std::set<std::string> made_by(const std::string& command) {
   return {};
 }
 
-// Of the whole program rather than of an object.
+// Not of an object: PETSc itself reads it, at its start or at its end.
 bool is_program_wide(const std::string& name) {
-  return starts_with_any(name, {"log_", "options_", "malloc_", "memory_", "on_error_", "debugger_", "info_"});
-}
-
-[[noreturn]] void refuse_unknown(const std::string& name) {
-  throw UsageError("unknown option -" + quoted(name) + ": neither this program nor PETSc or SLEPc reads it" +
-                   suggestion(name, known_options(), "-"));
+  static const std::set<std::string> objects = set_of(
+      "ts snes ksp pc mat vec dm is sf eps st bv ds rg fn pep nep svd mfn lme sub redundant mg fieldsplit "
+      "npc esteig inner all matmatmult matptap mattransposematmult vecscatter");
+  return !objects.count(object_of(name));
 }
 
 bool is_used(const std::string& name) {
@@ -223,39 +127,12 @@ bool is_used(const std::string& name) {
 // Takes TYPE:FILE:FORMAT.
 bool is_view(const std::string& name) {
   return name == "log_view" ||
-         (name.size() > 5 && name.compare(name.size() - 5, 5, "_view") == 0 && !global_names().count(name));
-}
-
-bool set_up = false;  // this command's objects have taken their options
-
-}  // namespace
-
-bool is_library_option(const std::string& name) {
-  return global_names().count(name) || starts_with_prefix_of_library(name);
-}
-
-std::vector<std::string> known_options() {
-  std::vector<std::string> names;
-  for (const OptionSpec& spec : option_table()) names.push_back(spec.name);
-  for (const auto& [name, spec] : known_specs()) names.push_back(name);
-  names.insert(names.end(), other_names().begin(), other_names().end());
-  names.insert(names.end(), global_names().begin(), global_names().end());
-  return names;
-}
-
-namespace {
-
-// -ts_max_tim carries a prefix of PETSc and is meant for the program.
-void refuse_misspelt(const std::string& name, const std::string& place) {
-  if (is_known(name)) return;
-  const std::string near = nearest_name(name, known_options());
-  if (find_option(near) && object_of(near) == object_of(name))
-    throw usage_error("unknown option -{}{}; did you mean -{}?", quoted(name), place, near);
+         (name.size() > 5 && name.compare(name.size() - 5, 5, "_view") == 0 && !is_program_wide(name));
 }
 
 // What the program does itself, in a way that these would upset.
-void refuse_taken(const std::string& name, const std::string& place) {
-  static const std::map<std::string, std::string> taken = [] {
+const std::map<std::string, std::string>& taken() {
+  static const std::map<std::string, std::string> reasons = [] {
     std::map<std::string, std::string> why = {
         {"ts_init_time", "time begins at 0"},
         {"ts_exact_final_time", "the end time ts_max_time is always hit exactly"},
@@ -282,9 +159,28 @@ void refuse_taken(const std::string& name, const std::string& place) {
       why["eps_" + std::string(which)] = "the rightmost eigenvalues of a matrix without symmetry are sought";
     return why;
   }();
-  const auto own = taken.find(name);
-  if (own != taken.end()) throw usage_error("-{}{}: not here: {}", name, place, own->second);
+  return reasons;
 }
+
+bool set_up = false;         // this command's objects have taken their options
+std::set<std::string> told;  // options of which the user knows that they are without effect
+
+}  // namespace
+
+bool is_library_option(const std::string& name) { return is_known(name); }
+
+std::string nearest_option(const std::string& name) {
+  std::vector<std::string> names;
+  for (const OptionSpec& spec : option_table()) names.push_back(spec.name);
+  for (const std::string& one : library_names())
+    if (!taken().count(one)) names.push_back(one);
+  const std::string own = without_nesting(name), near = nearest_name(name, names);
+  if (!near.empty() || own.size() == name.size()) return near;
+  const std::string inner = nearest_name(own, library_names());
+  return inner.empty() ? "" : name.substr(0, name.size() - own.size()) + inner;
+}
+
+namespace {
 
 void check_viewer(const std::string& name, const std::string& text, const std::string& place) {
   static const std::vector<std::string> viewers =
@@ -302,11 +198,11 @@ std::optional<std::string> check_library_value(const std::string& name,
                                                const std::optional<std::string>& text,
                                                const std::string& where) {
   const std::string place = in_place(where);
-  refuse_misspelt(name, place);
-  refuse_taken(name, place);
+  if (const auto own = taken().find(name); own != taken().end())
+    throw usage_error("-{}{}: not here: {}", name, place, own->second);
   if (text && is_view(name)) check_viewer(name, *text, place);
-  const auto it = known_specs().find(without_nesting(name));
-  if (it == known_specs().end()) return text;
+  const auto it = ranges().find(without_nesting(name));
+  if (it == ranges().end()) return text;
 
   OptionSpec spec = it->second;
   spec.name = name;
@@ -380,54 +276,29 @@ void check_library_types(const Options& options) {
   }
 }
 
-void check_library_names(const Options& options) {
-  std::vector<std::string> doubtful;
-  for (const auto& [name, text] : options.library())
-    if (!is_known(name) && !read_late(name) && (is_program_wide(name) || !only_looks(name)))
-      doubtful.push_back(name);
-  if (doubtful.empty()) return;
-
-  // Objects without a problem, of the types that the user wants or the usual ones: what do they read?
-  for (const char* type : {TSRK, TSARKIMEX}) {
-    TsHandle ts;
-    SS_TRY(TSCreate(PETSC_COMM_WORLD, ts.out()));
-    SS_TRY(TSSetType(ts, type));
-    SS_TRY(TSSetFromOptions(ts));
-  }
-  SnesHandle snes;
-  SS_TRY(SNESCreate(PETSC_COMM_WORLD, snes.out()));
-  SS_TRY(SNESSetFromOptions(snes));
-  KspHandle ksp;
-  SS_TRY(KSPCreate(PETSC_COMM_WORLD, ksp.out()));
-  SS_TRY(KSPSetFromOptions(ksp));
-  EpsHandle eps;
-  SS_TRY(EPSCreate(PETSC_COMM_WORLD, eps.out()));
-  SS_TRY(EPSSetFromOptions(eps));
-
-  for (const std::string& name : doubtful) {
-    static const std::set<std::string> objects = {"ts", "snes", "ksp", "pc", "eps", "st", "bv", "ds"};
-    if (!is_used(name) && (objects.count(object_of(name)) || is_program_wide(name))) refuse_unknown(name);
-  }
-  for (const auto& [name, text] : options.library())
-    SS_TRY(PetscOptionsClearValue(nullptr, ("-" + name).c_str()));
-  insert_library_options(options);  // unread again
-}
-
 void check_unused_after_setup(const Options& options, const std::string& not_made) {
   set_up = true;
   std::set<std::string> made = made_by(options.command());
   for (const std::string& object : words_of(not_made)) made.erase(object);
   for (const auto& [name, text] : options.library()) {
-    if (is_used(name) || global_names().count(name) || only_looks(name) || read_late(name)) continue;
-    if (!made.count(object_of(name))) continue;
+    const bool chooses = name.size() > 5 && name.compare(name.size() - 5, 5, "_type") == 0;
+    if (!chooses || !made.count(object_of(name)) || is_used(name) || read_late(name)) continue;
     throw UsageError(shown(name, text) + ": nothing reads it in this " + options.command() +
                      "; the methods and types chosen have no such option");
   }
 }
 
+std::vector<std::string> options_of_solvers(const Options& options) {
+  static const std::set<std::string> solvers = {"snes", "ksp", "pc", "mat"};
+  for (const auto& [name, text] : options.library())
+    if (solvers.count(object_of(name))) told.insert(name);
+  return {told.begin(), told.end()};
+}
+
 void warn_unused_at_end(const Options& options) {
   for (const auto& [name, text] : options.library())
-    if (!global_names().count(name) && !is_used(name)) warn(shown(name, text) + " was not used");
+    if (!is_program_wide(name) && !told.count(name) && !is_used(name))
+      warn(shown(name, text) + " was not used");
 }
 
 std::string option_behind(const std::string& message, const Options& options) {

@@ -36,9 +36,11 @@ SweepAxis::SweepAxis(const Options& sweep, int number) {
   for (std::string& name : names_) {
     const OptionSpec* spec = find_option(name);
     if (spec) name = spec->name;
-    if ((!spec && !is_library_option(name)) || is_own(name))
+    if ((!spec && !is_library_option(name)) || is_own(name)) {
+      const std::string near = nearest_option(name);
       throw UsageError("-" + own + " " + quoted(name) + ": no option that a sweep may vary" +
-                       suggestion(name, known_options()));
+                       (near.empty() ? "" : "; did you mean " + near + "?"));
+    }
     if (spec && spec->type == OptionType::integer) integer_ = true;
   }
   const std::string from = "sweep_from" + n, to = "sweep_to" + n;

@@ -75,6 +75,12 @@ OPTIONS = [
     (["-ts_veiw"], "did you mean -ts_view?"),
     (["-snes_no_such", "3", "-ts_type", "arkimex"], "unknown option -snes_no_such"),
     (["-ts_rk_type", "4", "-ts_type", "arkimex"], "-ts_rk_type 4: nothing reads it"),
+    (["-ts_no_such_view"], "unknown option -ts_no_such_view"),
+    (["-vec_no_such_thing", "1"], "unknown option -vec_no_such_thing"),
+    (["-check", "-sub_pc_tpye", "lu"], "did you mean -sub_pc_type?"),
+    (["-options_left", "maybe"], "-options_left maybe: must be true or false"),
+    (["-snes_fd", "maybe", "-ts_type", "arkimex"], "-snes_fd maybe: "),
+    (["-malloc_debug", "maybe"], "-malloc_debug maybe: "),
     (["-model_gamma"], "-model_gamma: needs a value"),
     (["-model_gamma", "-model_c", "2"], "-model_gamma: needs a value"),
     (["-model_gamma", "three"], "-model_gamma three: must be a finite number > 0"),
@@ -245,6 +251,11 @@ COMMANDS = [
     (["boundary", "-grid_n", "32", "-boundary_parameter", "model_form", "-boundary_from", "0", "-boundary_to", "1"],
      "model_form"),
     (["boundary", "-grid_n", "32", "-boundary_parameter", "model_v", "-boundary_from", "0"], "boundary_to"),
+    (["boundary", "-grid_n", "32", "-boundary_parameter", "model_v", "-boundary_from", "1", "-boundary_to", "2", "-eps_tool", "1"],
+     "did you mean -eps_tol?"),
+    (["sweep", "-grid_n", "32", "-sweep_parameter1", "model_v", "-sweep_values1", "1,2", "-dm_no_such_thing"],
+     "unknown option -dm_no_such_thing"),
+    (["sweep", "-grid_n", "32", "-out_file", "s.h5", "-sweep_parameter1", "ts_rtoll", "-sweep_values1", "1,2"], "did you mean ts_rtol?"),
     (["laws", "-friction_law", "cubix"], "did you mean cubic?"),
     (["laws", "-out_file", "notes.txt"], "notes.txt"),
     (["laws", "-log_veiw"], "did you mean -log_view?"),
@@ -382,6 +393,12 @@ def test_right_use(scratch):
     _, _, err = run(["run", "-eps_ncv", "30"] + SHORT, folder)
     if err != "stickslip: warning: -eps_ncv 30 was not used\n":
         trouble.append(f"-eps_ncv 30 for run: {err!r}")
+    for words in ("-ts_alpha_radius 0.5", "-eps_arnoldi_delayed true", "-st_filter_degree 3", "-ksp_richardson_scale 1",
+                  "-snes_qn_m 3", "-pc_gamg_threshold 0.1", "-mg_levels_1_ksp_type cg", "-ksp_richardson_scale 1 -ts_type bdf"):
+        _, _, err = run(["run", "-check", *words.split()] + SHORT, folder)  # known, but of an object that is not made
+        told = [line for line in err.splitlines() if "warning" in line]
+        if len(told) != 1 or words.split()[0] not in told[0]:
+            trouble.append(f"{words}: {err!r}")
     expect(["help"], "commands:\n  run")
     expect(["help", "wave"], "-wave_pulses [1]")
     expect(["run", "-options_view"] + SHORT, "#Own options:\n-grid_n 32\n")

@@ -1,9 +1,9 @@
-// Options of PETSc and SLEPc: which names may be theirs, what the well-known ones take, and which were never
+// Options of PETSc and SLEPc: which names they read, the ranges of well-known numbers, and what was never
 // read.
 //
 // The libraries accept any name in silence and leave the name out of most complaints about a value. So the
-// program checks before they do: a name must carry the prefix of one of their objects, the value of a
-// well-known option must be of its kind, and what nobody has read once everything is set up ends the program.
+// program checks before they do: a name must be one that they read, a well-known number must lie in its
+// range, and an option that was not used is told of.
 #pragma once
 
 #include <optional>
@@ -15,10 +15,11 @@
 namespace stickslip {
 
 // Names are without the dash and in lower case.
-bool is_library_option(const std::string& name);  // carries the prefix of a PETSc or SLEPc object
-std::vector<std::string> known_options();         // the program's own and well-known ones of theirs
-// Throws UsageError where the name is well known and the value is not of its kind, or where the name is
-// nearly one of the program's own. Returns the value as PETSc reads it. Does not need PETSc.
+bool is_library_option(const std::string& name);  // PETSc or SLEPc may read it
+// Of the program's own and theirs; "" where none is near.
+std::string nearest_option(const std::string& name);
+// Throws UsageError where the option is not the user's to set, or its number out of range. Returns the value
+// as PETSc reads it. Does not need PETSc.
 std::optional<std::string> check_library_value(const std::string& name,
                                                const std::optional<std::string>& text,
                                                const std::string& where);
@@ -32,18 +33,18 @@ void insert_library_options(const Options& options);
 // of views and monitors can be written. After SlepcInitialize. Collective.
 void check_library_types(const Options& options);
 
-// UsageError, with the nearest name, for an option that carries the prefix of a library's object and that
-// such an object does not read. After SlepcInitialize. Collective.
-void check_library_names(const Options& options);
-
 // To be called by a command once its objects have taken their options (XxxSetFromOptions) and before any
-// work: UsageError for a library option that nobody has read although the object is there: it belongs to
-// another method. Left for the end are views, monitors and the like, which are read later, and options of
-// objects that the command does not always make; `not_made` lists further ones it did not make this time,
-// e.g. "snes ksp pc" for an explicit method.
+// work: UsageError for a choice (-..._type) that nobody has read although the object is there: it belongs to
+// another method. `not_made` lists objects that the command did not make this time, e.g. "snes ksp pc" for an
+// explicit method.
 void check_unused_after_setup(const Options& options, const std::string& not_made = "");
 
-// To be called when the work is done: warns of each library option that nobody has read until now.
+// The options of solvers of equations, which a method that solves none does not use; the caller tells the
+// user.
+std::vector<std::string> options_of_solvers(const Options& options);
+
+// To be called when the work is done: warns of each option of the libraries' objects that nobody has read
+// until now, once.
 void warn_unused_at_end(const Options& options);
 
 // The user's library option whose value PETSc complains of in `message` ("" where there is none): PETSc names
