@@ -10,10 +10,8 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_copy.hpp"
-#include "base/progress.hpp"
 #include "commands/quantities.hpp"
 #include "output/carried_frame.hpp"
-#include "output/catalogue.hpp"
 #include "output/frames.hpp"
 #include "output/measures.hpp"
 #include "output/series.hpp"
@@ -131,17 +129,24 @@ void Run::make_observers(const MeasureMaker& measure) {
   const Model& model = problem_.model;
   if (options_.boolean("out_displacement") && options_.is_set("out_file"))
     displacement_ = std::make_unique<Displacement>(model);
-  auto regime = std::make_unique<Regime>(model, options_.real("ts_max_time"), steady_velocity(model.scene()));
-  regime_ = regime.get();
-  observers_.push_back(std::move(regime));
+  const bool every_step = !takes_clusters();
+  if (every_step) {
+    auto regime =
+        std::make_unique<Regime>(model, options_.real("ts_max_time"), steady_velocity(model.scene()));
+    regime_ = regime.get();
+    observers_.push_back(std::move(regime));
+  }
   for (auto& quantity : make_quantities(model)) observers_.push_back(std::move(quantity));
-  if (options_.boolean("out_events"))
-    observers_.push_back(std::make_unique<Catalogue>(model, event_velocity(options_, scene_)));
+  if (options_.boolean("out_events")) {
+    auto catalogue = std::make_unique<Catalogue>(model, event_velocity(options_, scene_));
+    catalogue_ = catalogue.get();
+    observers_.push_back(std::move(catalogue));
+  }
   if (options_.integer("lyapunov_count") > 0)
     observers_.push_back(std::make_unique<LyapunovExponents>(model, options_));
   const std::vector<double> probes = options_.reals("out_probes");
   observers_.push_back(std::make_unique<ProbeRows>(model, scene_, probes));
-  if (!probes.empty())
+  if (!probes.empty() && every_step)
     observers_.push_back(
         std::make_unique<Period>(model, scene_, probes, options_.real("ts_max_time"), false));
   if (measure) {  // after the others, so that its number stands
@@ -212,7 +217,10 @@ void Run::limit_steps() {
 void Run::make_integrator() {
   integrator_ = std::make_unique<Integrator>(problem_.model, MethodSpec::from(options_), problem_.u);
   if (origin_.resumed) integrator_->continue_from(origin_.step, origin_.dt);
-  limit_steps();
+  if (takes_clusters())
+    set_up_clusters();
+  else
+    limit_steps();
   if (maxima_ && integrator_->adaptive()) {
     double absolute, relative;
     SS_TRY(TSGetTolerances(integrator_->ts(), &absolute, nullptr, &relative, nullptr));
@@ -292,31 +300,16 @@ int Run::check(Summary& summary) {
   return 0;
 }
 
-std::int64_t Run::rejections() const { return origin_.rejections + integrator_->report().rejections; }
+std::int64_t Run::rejections() const { return origin_.rejections + time_report().rejections; }
 
 int Run::advance(Summary& summary) {
   Progress progress(options_.text("progress"), "");
   if (!problem_.what.empty()) progress.tell("scene_reduce: " + problem_.what);
-  const double t_end = options_.real("ts_max_time");
-  step_audit_ = std::make_unique<StepAudit>(problem_.model, options_, *integrator_, origin_.t, t_end);
   try {
-    warn_of_fixed_steps(problem_.model, *integrator_, problem_.u, t_end - origin_.t);
-    const double begin = spent();
-    double watching = 0;
-    std::vector<Observer*> observers = {step_audit_.get()};
-    for (const auto& observer : observers_) observers.push_back(observer.get());
-    const TimeSpan span{origin_.t, t_end, control_->most_steps(), origin_.rejections,
-                        timed_ ? &watching : nullptr};
-    simulate(*integrator_, problem_.u, span, observers, [&](const Integrator::Step& step) {
-      const Integrator::Verdict verdict = after(step);
-      if (progress.due()) {
-        const double part = (step.t - origin_.t) / (t_end - origin_.t);
-        progress.show(fmt::format("t = {:.6g} of {:.6g} ({:.0f} %), step {}, dt {:.2g}{}", step.t, t_end,
-                                  100 * part, step.index, step.next_dt, progress.left(part)));
-      }
-      return verdict;
-    });
-    step_seconds_ += spent() - begin - watching;
+    if (clusters_)
+      advance_clusters(progress);
+    else
+      advance_whole(progress);
   } catch (const RankFailure&) {
     throw;  // the others may not know of it, and closing the file takes all; it can be read as it is
   } catch (...) {
@@ -327,6 +320,29 @@ int Run::advance(Summary& summary) {
   if (file_) file_->close();
   report(summary, true);
   return ending(summary);
+}
+
+// Every step is one of the whole medium.
+void Run::advance_whole(Progress& progress) {
+  const double t_end = options_.real("ts_max_time");
+  step_audit_ = std::make_unique<StepAudit>(problem_.model, options_, *integrator_, origin_.t, t_end);
+  warn_of_fixed_steps(problem_.model, *integrator_, problem_.u, t_end - origin_.t);
+  const double begin = spent();
+  double watching = 0;
+  std::vector<Observer*> observers = {step_audit_.get()};
+  for (const auto& observer : observers_) observers.push_back(observer.get());
+  const TimeSpan span{origin_.t, t_end, control_->most_steps(), origin_.rejections,
+                      timed_ ? &watching : nullptr};
+  simulate(*integrator_, problem_.u, span, observers, [&](const Integrator::Step& step) {
+    const Integrator::Verdict verdict = after(step);
+    if (progress.due()) {
+      const double part = (step.t - origin_.t) / (t_end - origin_.t);
+      progress.show(fmt::format("t = {:.6g} of {:.6g} ({:.0f} %), step {}, dt {:.2g}{}", step.t, t_end,
+                                100 * part, step.index, step.next_dt, progress.left(part)));
+    }
+    return verdict;
+  });
+  step_seconds_ += spent() - begin - watching;
 }
 
 Integrator::Verdict Run::after(const Integrator::Step& step) {
@@ -357,16 +373,16 @@ void Run::write_checkpoint_at(const Integrator::Step& step) {
 int Run::ending(Summary& summary) const {
   const std::string checkpoint = last_checkpoint_.empty() ? "" : "; checkpoint " + last_checkpoint_;
   const int signal = control_->signal();
-  const std::string limit = signal                                           ? ""
-                            : control_->wall_is_over()                       ? "ts_max_wall"
-                            : integrator_->report().reason == "ts_max_steps" ? "ts_max_steps"
-                                                                             : "";
+  const std::string limit = signal                                   ? ""
+                            : control_->wall_is_over()               ? "ts_max_wall"
+                            : time_report().reason == "ts_max_steps" ? "ts_max_steps"
+                                                                     : "";
   if (!signal && limit.empty()) return 0;
   const std::string why =
       signal ? signal == SIGINT ? "SIGINT" : "SIGTERM" : limit + " " + options_.text(limit);
   summary.stopped(why + checkpoint);
   if (!signal) summary.set("stopped_at", why);
-  summary.say(fmt::format("stopped at t = {:.6g} by {}; {}", integrator_->report().t, why,
+  summary.say(fmt::format("stopped at t = {:.6g} by {}; {}", time_report().t, why,
                           !last_checkpoint_.empty() ? "to go on: stickslip run -restart " + last_checkpoint_
                           : file_ ? "there is no checkpoint to go on from (-out_checkpoint_every)"
                                   : "without -out_file there is no checkpoint to go on from"));
@@ -380,7 +396,11 @@ Columns<RunWork> work_columns(bool ran) {
       {"steps", "1", "steps accepted", [](W w) { return w.report.steps; }},
       {"rejections", "1", "steps taken back for their error", &RunWork::rejections},
       {"rhs_evaluations", "1", "evaluations of the right-hand side, or of a part of it where steps are split",
-       &RunWork::rhs_evaluations}};
+       &RunWork::rhs_evaluations},
+      {"clusters", "1", "with `stick_clusters`: most clusters at once, whose steps are counted then",
+       &RunWork::clusters},
+      {"node_steps", "1", "with `stick_clusters`: steps, each times the nodes of its cluster",
+       &RunWork::node_steps}};
   return (ran ? of_run : Columns<RunWork>()) +
          Columns<RunWork>{
              {"method", "", "type and tableau, `rk:5dp`", [](W w) { return w.report.method; }},
@@ -392,24 +412,36 @@ Columns<RunWork> work_columns(bool ran) {
 }
 
 RunWork Run::work() const {
-  const TimeReport& r = integrator_->report();
-  return {r, rejections(), origin_.evaluations + r.rhs_evaluations, problem_.model.unknowns(), problem_.what};
+  const TimeReport& r = time_report();
+  RunWork work{r, rejections(), origin_.evaluations + r.rhs_evaluations, problem_.model.unknowns(),
+               problem_.what};
+  if (clusters_) {
+    work.clusters = clusters_->clusters;
+    work.node_steps = clusters_->node_steps;
+  }
+  return work;
 }
 
 void Run::report(Summary& summary, bool complete) {
-  const TimeReport& r = integrator_->report();
+  const TimeReport& r = time_report();
   set_keys(summary, work_columns(), work());
   if (file_ && file_->frames() > 0) summary.wrote(options_.text("out_file"));
   summary.wrote(last_checkpoint_);
   if (complete) {
     problem_.model.set_held(problem_.u);
     if (CarriedFrame* next = CarriedFrame::innermost()) next->keep(problem_.model, scene_, problem_.u, r.t);
-    const StepAudit::Verdict verdict = step_audit_->verdict(problem_.u);
-    const NearestGrowth near =
-        nearest_growth(problem_.model, verdict, origin_.evaluations + r.rhs_evaluations);
-    regime_->know(near.growth, near.taken, near.why_not, near.beyond);
+    std::optional<StepAudit::Verdict> verdict;  // of every step
+    if (clusters_) {
+      summary.set("regime", to_string(Motion::undecided));
+      summary.set("regime_reason", "with stick_clusters no step is one of the whole medium");
+    } else {
+      verdict = step_audit_->verdict(problem_.u);
+      const NearestGrowth near =
+          nearest_growth(problem_.model, *verdict, origin_.evaluations + r.rhs_evaluations);
+      regime_->know(near.growth, near.taken, near.why_not, near.beyond);
+    }
     for (const auto& observer : observers_) observer->summarise(summary, problem_.u);
-    warn_of_answer(verdict, r.t);
+    if (verdict) warn_of_answer(*verdict, r.t);
   } else {
     for (const auto& observer : observers_) observer->summarise(summary, nullptr);
   }

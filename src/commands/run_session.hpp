@@ -7,7 +7,9 @@
 #include <optional>
 #include <vector>
 
+#include "base/progress.hpp"
 #include "commands/run_control.hpp"
+#include "output/catalogue.hpp"
 #include "output/maxima.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/provenance.hpp"
@@ -22,6 +24,7 @@
 #include "stickslip/study/trial.hpp"
 #include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/time.hpp"
+#include "study/simulate_clusters.hpp"
 
 namespace stickslip {
 
@@ -32,6 +35,7 @@ struct RunWork {
   long rhs_evaluations;
   PetscInt unknowns;
   std::string reduced;
+  std::optional<std::int64_t> clusters = {}, node_steps = {};  // with stick_clusters
 };
 // `ran`: not only checked.
 Columns<RunWork> work_columns(bool ran = true);
@@ -77,6 +81,12 @@ class Run {
   ObservationPlan plan();
   void open_file();
   Integrator::Verdict after(const Integrator::Step& step);
+  void advance_whole(Progress& progress);
+  // Where only what slides is advanced (run_clusters.cpp): whether it is; UsageError where it cannot be.
+  bool takes_clusters() const;
+  void set_up_clusters();
+  void advance_clusters(Progress& progress);
+  const TimeReport& time_report() const { return clusters_ ? clusters_->report : integrator_->report(); }
   void write_checkpoint_at(const Integrator::Step& step);
   std::int64_t rejections() const;
   RunWork work() const;
@@ -96,6 +106,8 @@ class Run {
   Origin origin_;
   std::optional<RunControl> control_;
   std::unique_ptr<Integrator> integrator_;
+  std::optional<ClusterRun> clusters_;  // with stick_clusters, which takes the steps then
+  Catalogue* catalogue_ = nullptr;      // one of the observers, with out_events
   std::unique_ptr<StepAudit> step_audit_;
   std::unique_ptr<RunFile> file_;
   // with -accuracy: reading the clock is a call of the system, which short steps would feel

@@ -319,6 +319,10 @@ void time_options(TableBuilder& t) {
       "rk_fused", "true",
       "take all stages of a step of rk, and of arkimex and rosw with friction implicit, tile by tile in the "
       "cache; false: PETSc's own step");
+  t.choice("stick_clusters", {"off", "on"},
+           "friction that sticks exactly: on advances only what slides, each cluster by its own steps")
+      .idle_of(no_threshold)
+      .read_by("run");
   t.choice("scene_reduce", {"auto", "off"}, "solve the smaller problem where the scene allows it");
 }
 

@@ -70,13 +70,21 @@ void Catalogue::plan(ObservationPlan& plan) {
 void Catalogue::start(RunFile* file) { file_ = file; }
 
 void Catalogue::step(const ObservedStep& step) {
+  if (is_told_) return;
   events_.step(step.t, Reading(step.u), model_.dof());
-  for (const SlipEvent& event : events_.ended()) {
-    magnitudes_.add(std::log(event.moment));
-    largest_moment_ = std::max(largest_moment_, event.moment);
-    largest_extent_ = std::max(largest_extent_, double(event.count));
-    if (file_) file_->row("events", event.end, events_.row(event));
-  }
+  for (const SlipEvent& event : events_.ended()) enter(event);
+}
+
+void Catalogue::record(const SlipEvent& event) {
+  ++told_;
+  enter(event);
+}
+
+void Catalogue::enter(const SlipEvent& event) {
+  magnitudes_.add(std::log(event.moment));
+  largest_moment_ = std::max(largest_moment_, event.moment);
+  largest_extent_ = std::max(largest_extent_, double(event.count));
+  if (file_) file_->row("events", event.end, events_.row(event));
 }
 
 void Catalogue::archive(Archive& a) {
@@ -86,8 +94,9 @@ void Catalogue::archive(Archive& a) {
 }
 
 void Catalogue::summarise(Summary& summary, Vec) {
-  summary.set("events", events_.count());
-  if (events_.count() > 0) {
+  const long count = events_.count() + told_;
+  summary.set("events", count);
+  if (count > 0) {
     summary.set("largest_moment", largest_moment_);
     summary.set("largest_extent", largest_extent_);
   }
@@ -95,7 +104,7 @@ void Catalogue::summarise(Summary& summary, Vec) {
     summary.set("b", slope->b);
     summary.set("b_error", slope->error);
   }
-  summary.set("events_per_s", double(events_.count()) / (MPI_Wtime() - begin_));
+  summary.set("events_per_s", double(count) / (MPI_Wtime() - begin_));
 }
 
 }  // namespace stickslip

@@ -37,6 +37,10 @@ class Catalogue : public Observer {
   Catalogue(const Model& model, double velocity)
       : model_(model), events_(model.scene(), velocity, NodeRange::of(model)) {}
 
+  // From now on events come by record(), in order of their ends, and steps show none.
+  void take_events() { is_told_ = true; }
+  void record(const SlipEvent& event);
+
   void plan(ObservationPlan& plan) override;
   void start(RunFile* file) override;
   void step(const ObservedStep& step) override;
@@ -44,8 +48,12 @@ class Catalogue : public Observer {
   void summarise(Summary& summary, Vec u) override;  // also of a run that failed
 
  private:
+  void enter(const SlipEvent& event);
+
   const Model& model_;
   Events events_;
+  bool is_told_ = false;
+  long told_ = 0;  // events
   RunFile* file_ = nullptr;
   double begin_ = 0;  // wall clock
   Magnitudes magnitudes_;

@@ -294,20 +294,15 @@ struct Events::Impl {
     std::vector<double> sums, largest;
     for (const int id : over) {
       const LiveEvent& live = regions.live().at(id);
-      constexpr double none = -std::numeric_limits<double>::infinity();
-      double moment = 0, drop = 0, strain = 0, right = none, left = none;
+      EventSums own;
       own_nodes_of(id, [&](PetscInt k) {
         const auto i = static_cast<std::size_t>(k);
-        const double eta0 = eta_before(k, id, *live.before, beside), eta1 = last[1][i];
-        right = std::max(right, slip[i]);
-        left = std::max(left, -slip[i]);
-        moment += weight * slip[i];
-        drop += eta0 - eta1;
-        strain += weight * slip[i] * (eta0 + eta1) / 2;
+        own.add(weight, slip[i], eta_before(k, id, *live.before, beside), last[1][i]);
       });
-      for (const double part : {moment, drop, strain, live.event.friction_work, live.event.radiated})
+      for (const double part :
+           {own.moment, own.drop, own.strain, live.event.friction_work, live.event.radiated})
         sums.push_back(part);
-      for (const double part : {right, left}) largest.push_back(part);
+      for (const double part : {own.right, own.left}) largest.push_back(part);
     }
     if (ranks > 1) {
       sum_over(nodes.comm, sums.data(), int(sums.size()));
@@ -315,13 +310,8 @@ struct Events::Impl {
     }
     for (std::size_t k = 0; k < over.size(); ++k) {
       SlipEvent e = regions.live().at(over[k]).event;
-      const double *const sum = &sums[5 * k], right = largest[2 * k], left = largest[2 * k + 1];
-      e.end = t;
-      e.direction = int(sum[0] > 0) - int(sum[0] < 0);
-      e.slip = e.direction == 0 ? std::max(left, right) : e.direction < 0 ? left : right;
-      e.moment = e.direction * sum[0];
-      e.stress_drop = e.direction * sum[1] / double(e.count);
-      e.strain_energy = sum[2];
+      const double* const sum = &sums[5 * k];
+      conclude(e, t, {sum[0], sum[1], sum[2], largest[2 * k], largest[2 * k + 1]});
       e.friction_work = sum[3];
       e.radiated = sum[4];
       ended.push_back(e);

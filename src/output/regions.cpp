@@ -5,6 +5,15 @@
 
 namespace stickslip {
 
+void conclude(SlipEvent& e, double t, const EventSums& sums) {
+  e.end = t;
+  e.direction = int(sums.moment > 0) - int(sums.moment < 0);
+  e.slip = e.direction == 0 ? std::max(sums.left, sums.right) : e.direction < 0 ? sums.left : sums.right;
+  e.moment = e.direction * sums.moment;
+  e.stress_drop = e.direction * sums.drop / double(e.count);
+  e.strain_energy = sums.strain;
+}
+
 // The region that has its end at a node, which may lie beyond the ends of the line; -1 where there is none.
 int Regions::beside(const std::map<PetscInt, int>& ends, PetscInt node) const {
   if (ring_) node = (node + n_) % n_;
@@ -32,6 +41,8 @@ void Regions::join(int kept, int taken) {
   a.event.friction_work += b.event.friction_work;
   a.event.radiated += b.event.radiated;
   a.event.kinetic = std::max(a.event.kinetic, b.event.kinetic);
+  a.kinetic_now += b.kinetic_now;
+  a.sliding += b.sliding;
   live_.erase(taken);
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <limits>
 #include <map>
 #include <memory>
 #include <vector>
@@ -28,8 +29,26 @@ struct LiveEvent {
   SlipEvent event;
   double kinetic_now = 0;
   bool moves = false;
+  long sliding = 0;  // nodes of it that slide now, where they are counted
   std::shared_ptr<const Before> before;
 };
+
+// What the nodes of an event add up to when it ends.
+struct EventSums {
+  double moment = 0, drop = 0, strain = 0;
+  double right = -std::numeric_limits<double>::infinity(), left = right;  // the largest slip either way
+
+  // A node of that weight, with eta before and behind.
+  void add(double weight, double slip, double before, double behind) {
+    right = std::max(right, slip);
+    left = std::max(left, -slip);
+    moment += weight * slip;
+    drop += before - behind;
+    strain += weight * slip * (before + behind) / 2;
+  }
+};
+// Puts them into the event, which ends at t.
+void conclude(SlipEvent& event, double t, const EventSums& sums);
 
 class Regions {
  public:

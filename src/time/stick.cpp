@@ -6,34 +6,17 @@
 
 #include "base/local_values.hpp"
 #include "model/release.hpp"
-#include "numerics/hermite.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/roots.hpp"
+#include "time/stick_rule.hpp"
 
 namespace stickslip {
+
+using namespace stick_rule;
 
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-constexpr double landing = 3e-13;   // of a step: how well a change is located
-constexpr double close = 1e-12;     // relative: changes this near to each other happen at once
-constexpr double locating = 1e-15;  // of a step: on the cubic, which only says where to look
-
-// How what holds or releases a node changes in a step.
-struct CubicBetween : HermiteCubic {
-  using HermiteCubic::HermiteCubic;
-
-  // Where it is largest, if it rises at 0 and falls at 1.
-  double peak() const {
-    return last_place([&](double s) { return slope(s) > 0; }, 0, 1, locating);
-  }
-  // Where it becomes positive before `until`, where it is; it is taken to be negative right after 0.
-  double root(double until) const {
-    return last_place([&](double s) { return (*this)(s) < 0; }, 0, until, locating * until);
-  }
-};
-
-double sign_of(double x) { return x > 0 ? 1. : x < 0 ? -1. : 0.; }
 
 // The force on a node, eta + N D2 psi: of unknowns u the eta, or that of `total`, see Stick::total_force; of
 // rates its rate.
@@ -55,7 +38,8 @@ bool Stick::applies_to(const Scene& scene) { return scene.friction.sticks() && !
 Stick::Stick(const Model& model)
     : model_(model), dof_(model.dof()), free_end_(model.local()),
       both_sides_(model.scene().friction.back_slip), direction_(model.local(), 0.),
-      slope_(model.create_vector()), next_slope_(model.create_vector()) {
+      slope_(model.create_vector()), next_slope_(model.create_vector()),
+      candidates_(std::make_unique<Candidates>()) {
   while (free_begin_ < free_end_ && model.held(model.first() + free_begin_)) ++free_begin_;
   while (free_end_ > free_begin_ && model.held(model.first() + free_end_ - 1)) --free_end_;
   if (dof_ == 3) return;
@@ -117,7 +101,7 @@ void Stick::decide(Vec u) {
       const double *at = a + i * dof_, limit = threshold(i, at);
       for_each_side([&](double side) {
         const double excess = side * force[i] - limit;
-        if (excess > close * limit || (excess >= 0 && side * rate[i] > threshold_rate(i, at))) going = side;
+        if (begins(excess, limit, side * rate[i] - threshold_rate(i, at))) going = side;
       });
       if (going != 0) ++counts[1];
     }
@@ -130,59 +114,36 @@ void Stick::decide(Vec u) {
   if (counts[1] > 0) model_.rhs(Part::full, u, slope_);
 }
 
-// How far node c is beyond its change, as a part of the step: negative before it. What has begun to slip at
-// the start of the step begins like its square, or faster: divided by that, it does not begin at zero.
-double Stick::beyond(const Candidate& c, const double* u, double force, double part) const {
-  const double* at = u + c.node * dof_;
-  if (c.rests) return c.weight * (c.side * force - threshold(c.node, at));
-  return -c.weight * c.side * at[0] / (c.fresh ? part * part : 1);
-}
-
-// Fills candidates_ with the changes between `before` and `after`. `estimate`: about when the first comes;
-// `reached`: a part of the step by which one has come.
-void Stick::find_candidates(Vec before, Vec after, double dt, double& estimate, double& reached) {
-  candidates_.clear();
-  estimate = reached = infinity;
+// Fills candidates_ with the changes between `before` and `after`, those of all ranks for the times.
+void Stick::find_candidates(Vec before, Vec after, double dt) {
+  *candidates_ = {dt};
   const Vec total[4] = {total_force(before, 0), total_force(after, 1), total_force(slope_, 2),
                         total_force(next_slope_, 3)};
   const Reading a(before), b(after), fa(slope_), fb(next_slope_);
   const Forces force0(a, total[0], dof_), force1(b, total[1], dof_), force_rate0(fa, total[2], dof_),
       force_rate1(fb, total[3], dof_);
-  // g: negative before the change; `at_end`: the change has come by the end of the step
-  const auto examine = [&](const Candidate& c, double g0, double g1, double m0, double m1, bool at_end) {
-    if (!at_end && !(m0 > 0 && m1 < 0)) return;
-    const CubicBetween g(g0, g1, dt * m0, dt * m1);
-    const double until = at_end ? 1 : g.peak();
-    if (!at_end && g(until) <= 0) return;
-    const double root = g.root(until),
-                 slope = std::max(std::abs(g.slope(root)), 1e-3 * std::abs(g(until) - g0));
-    candidates_.push_back(c);
-    candidates_.back().weight = 1 / std::max(slope, 1e-300);
-    estimate = std::min(estimate, root);
-    reached = std::min(reached, until);
-  };
   for (PetscInt i = free_begin_; i < free_end_; ++i) {
-    const double going = direction_[i];
-    const double *at0 = a + i * dof_, *at1 = b + i * dof_, *f0 = fa + i * dof_, *f1 = fb + i * dof_;
-    if (going != 0) {
-      const double g0 = -going * at0[0], g1 = -going * at1[0];
-      const bool fresh = at0[0] == 0, at_end = fresh ? g1 > 0 : g1 >= 0;
-      if (!at_end && !(going * f0[0] < 0 && going * f1[0] > 0)) continue;
-      examine({i, going, false, fresh, 0}, g0, g1, -going * f0[0], -going * f1[0], at_end);
+    const double *at0 = a + i * dof_, *at1 = b + i * dof_;
+    if (direction_[i] != 0) {
+      candidates_->slides(i, direction_[i], at0[0], at1[0], fa[i * dof_], fb[i * dof_]);
       continue;
     }
     const double limit0 = threshold(i, at0), limit1 = threshold(i, at1);
     const double rate0 = threshold_rate(i, at0), rate1 = threshold_rate(i, at1);
     for_each_side([&](double side) {
-      const double g0 = side * force0[i] - limit0, g1 = side * force1[i] - limit1;
-      const double m0 = side * force_rate0[i] - rate0, m1 = side * force_rate1[i] - rate1;
-      examine({i, side, true, false, 0}, g0, g1, m0, m1, g1 > close * limit1 || (g1 >= 0 && m1 > 0));
+      candidates_->rests(i, side, side * force0[i] - limit0, side * force1[i] - limit1,
+                         side * force_rate0[i] - rate0, side * force_rate1[i] - rate1, limit1);
     });
   }
-  double both[2] = {estimate, reached};
+  double both[2] = {candidates_->estimate, candidates_->reached};
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, both, 2, MPI_DOUBLE, MPI_MIN, model_.comm()));
-  estimate = both[0];
-  reached = both[1];
+  candidates_->estimate = both[0];
+  candidates_->reached = both[1];
+}
+
+double Stick::beyond(const Candidate& c, const double* u, double force, double part) const {
+  const double* at = u + c.node * dof_;
+  return c.rests ? c.beyond(force, threshold(c.node, at), part) : c.beyond(at[0], 0, part);
 }
 
 // The largest beyond() at u, over all candidates of all ranks.
@@ -191,7 +152,7 @@ double Stick::furthest(Vec u, double part) {
   const Reading a(u);
   const Forces force(a, total, dof_);
   double most = -infinity;
-  for (const Candidate& c : candidates_) most = std::max(most, beyond(c, a, force[c.node], part));
+  for (const Candidate& c : candidates_->list) most = std::max(most, beyond(c, a, force[c.node], part));
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &most, 1, MPI_DOUBLE, MPI_MAX, model_.comm()));
   return most;
 }
@@ -201,52 +162,31 @@ Stick::Change Stick::first_change(Vec before, Vec after, double dt,
                                   bool slope_known) {
   engage();
   if (!slope_known) model_.rhs(Part::full, after, next_slope_);
-  double estimate, reached;
-  find_candidates(before, after, dt, estimate, reached);
-  if (reached == infinity) {
+  find_candidates(before, after, dt);
+  Place place{Found::none, 1};
+  if (candidates_->reached < infinity) {
+    const auto furthest_at = [&](double part) {
+      if (part > 1 - close)
+        SS_TRY(VecCopy(after, landed));  // which the polynomial misses by its error
+      else
+        at(part, landed);
+      return furthest(landed, part);
+    };
+    const auto any_fresh = [&](bool asked) {
+      int fresh = 0;
+      for (const Candidate& c : candidates_->list) fresh |= asked && c.fresh ? 1 : 0;
+      SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &fresh, 1, MPI_INT, MPI_MAX, model_.comm()));
+      return fresh != 0;
+    };
+    place = locate(candidates_->estimate, candidates_->reached, furthest_at, any_fresh);
+  }
+  if (place.found == Found::too_coarse) return {Change::Kind::too_coarse, 0};
+  if (place.found == Found::none) {
     std::swap(slope_, next_slope_);
     return {Change::Kind::none, 1};
-  }
-  // the last place looked at; the earliest where a change is known to have come
-  double evaluated = 0, high = 1;
-  const auto furthest_at = [&](double part) {
-    if (part > 1 - close)
-      SS_TRY(VecCopy(after, landed));  // which the polynomial misses by its error
-    else
-      at(part, landed);
-    evaluated = part;
-    const double value = furthest(landed, part);
-    if (value >= -landing) high = std::min(high, part);
-    return std::abs(value) <= landing ? 0 : value;
-  };
-  // Where the method's own polynomial does not go beyond, although the cubic does, there is no change but at
-  // the end.
-  double at_high = furthest_at(reached);
-  if (at_high < 0 && reached < 1) at_high = furthest_at(1);
-  if (at_high < 0) {
-    std::swap(slope_, next_slope_);
-    return {Change::Kind::none, 1};
-  }
-  // While nothing is known below, downwards in growing steps, the first of which takes furthest() for what it
-  // nearly is, the distance in parts of the step.
-  double part = std::min(estimate, 0.999 * high), value = furthest_at(part);
-  for (int round = 1; value > 0 && high >= 1e-9; ++round) {
-    at_high = value;
-    part = std::max(high / 2, high - std::ldexp(value, round));
-    value = furthest_at(part);
-  }
-  int fresh = 0;
-  if (value > 0)
-    for (const Candidate& c : candidates_) fresh |= c.fresh ? 1 : 0;
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &fresh, 1, MPI_INT, MPI_MAX, model_.comm()));
-  if (fresh) return {Change::Kind::too_coarse, 0};
-  if (value < 0) {
-    if (at_high > 0)
-      find_root([&](double s) { return value = furthest_at(s); }, {part, value, high, at_high}, 1e-15 * high);
-    if (value != 0 && evaluated != high) furthest_at(high);  // at a jump
   }
   snap(before, landed);
-  return {Change::Kind::at, evaluated};
+  return {Change::Kind::at, place.part};
 }
 
 // Nodes whose change has come, to round-off, get its psi or their force exactly: first every psi, which
@@ -258,7 +198,7 @@ void Stick::snap(Vec before, Vec landed) {
     const Reading a(before);
     const Writing b(landed);
     const Forces was(a, total, dof_), force(b, total_landed, dof_);
-    for (const Candidate& c : candidates_) {
+    for (const Candidate& c : candidates_->list) {
       if (beyond(c, b, force[c.node], 1) < -close) continue;
       if (c.rests)
         limits.push_back({c.node, c.side});
@@ -269,15 +209,14 @@ void Stick::snap(Vec before, Vec landed) {
       const double going = direction_[i], *at0 = a + i * dof_;
       double* at = b + i * dof_;
       if (going != 0) {
-        if (going * at0[0] > 0 && going * at[0] <= close * going * at0[0]) at[0] = 0;
+        if (stops(going, at0[0], at[0])) at[0] = 0;
         continue;
       }
       at[0] = 0;
       const double limit = threshold(i, at);
       for_each_side([&](double side) {
         const double excess = side * force[i] - limit;
-        if (std::abs(excess) <= close * limit && excess > side * was[i] - threshold(i, at0))
-          limits.push_back({i, side});
+        if (arrives(excess, side * was[i] - threshold(i, at0), limit)) limits.push_back({i, side});
       });
     }
   }

@@ -26,11 +26,17 @@
 
 #include <array>
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "stickslip/model/model.hpp"
 
 namespace stickslip {
+
+namespace stick_rule {  // of one node
+struct Candidate;
+struct Candidates;
+}  // namespace stick_rule
 
 class Stick {
  public:
@@ -73,20 +79,14 @@ class Stick {
   static double longest_rest(const Scene& scene);
 
  private:
-  struct Candidate {
-    PetscInt node;      // of this rank
-    double side;        // a node at rest: of the threshold in question; a sliding one: its direction
-    bool rests, fresh;  // fresh: began to slip at the start of the step
-    double weight;      // turns its distance from the change into a part of the step
-  };
   double threshold(PetscInt i, const double* u) const;
   double threshold_at(PetscInt i, double state) const;
   double threshold_rate(PetscInt i, const double* u) const;
   double release_under_load(Vec u, double t, double longest);
-  double beyond(const Candidate& c, const double* u, double force, double part) const;
+  double beyond(const stick_rule::Candidate& c, const double* u, double force, double part) const;
   template <class Body>
   void for_each_side(const Body& body) const;
-  void find_candidates(Vec before, Vec after, double dt, double& estimate, double& reached);
+  void find_candidates(Vec before, Vec after, double dt);
   double furthest(Vec u, double part);
   void snap(Vec before, Vec landed);
   // A node at its threshold on that side.
@@ -111,7 +111,7 @@ class Stick {
   long changes_ = 0;
   VecHandle slope_, next_slope_;  // right-hand side at the start and the end of the step
   std::array<VecHandle, 4> forces_;
-  std::vector<Candidate> candidates_;
+  std::unique_ptr<stick_rule::Candidates> candidates_;  // of the step under way
 };
 
 }  // namespace stickslip

@@ -1,0 +1,101 @@
+#include "output/cluster_events.hpp"
+
+#include <algorithm>
+#include <set>
+
+#include "stickslip/model/stencil.hpp"
+
+namespace stickslip {
+
+ClusterEvents::ClusterEvents(const Scene& scene)
+    : scene_(scene), weight_(scene.form == Form::chain ? 1 : scene.h()),
+      damping_(scene.B() + scene.s_delta() / scene.A()), regions_(scene.n, scene.ring()), owner_(scene.n, -1),
+      slip_(scene.n), squares_(scene.n) {}
+
+// Simpson's rule on the cubics of psi and eta.
+void ClusterEvents::step(const MovedNodes& m) {
+  const double dt = m.t1 - m.t0, A = scene_.A(), B = scene_.B();
+  int whose = -1;
+  LiveEvent* live = nullptr;
+  const auto close = [&] {
+    if (live) live->event.kinetic = std::max(live->event.kinetic, live->kinetic_now);
+  };
+  for (PetscInt k = 0; k < m.count; ++k) {
+    if (m.direction[k] == 0) continue;
+    const PetscInt i = m.first + k < scene_.n ? m.first + k : m.first + k - scene_.n;
+    if (owner_[i] != whose) {
+      close();
+      live = &regions_.live().at(whose = owner_[i]);
+    }
+    const double p0 = m.begin.psi[k], p1 = m.end.psi[k], e0 = m.begin.eta[k], e1 = m.end.eta[k];
+    const double p = (p0 + p1) / 2 + dt / 8 * (m.begin.psi_rate[k] - m.end.psi_rate[k]);
+    const double e = (e0 + e1) / 2 + dt / 8 * (m.begin.eta_rate[k] - m.end.eta_rate[k]);
+    const double squares = dt / 6 * (p0 * p0 + 4 * p * p + p1 * p1);
+    const double given = dt / 6 * (p0 * e0 + 4 * p * e + p1 * e1);
+    slip_[i] += dt / 6 * (p0 + 4 * p + p1);
+    live->event.friction_work += weight_ * (given - (p1 * p1 - p0 * p0) / (2 * A) - B * squares);
+    live->event.radiated += weight_ * damping_ * squares;
+    live->kinetic_now += weight_ / (2 * A) * (p1 * p1 - squares_[i]);
+    squares_[i] = p1 * p1;
+  }
+  close();
+}
+
+PetscInt ClusterEvents::beside(PetscInt node, int side) const {
+  const PetscInt n = scene_.n, j = node + side;
+  if (j >= 0 && j < n) return j;
+  return scene_.ring() ? (j + n) % n : -1;
+}
+
+void ClusterEvents::claim(const SlipRegion& stretch, double t) {
+  const int id = regions_.claim(stretch, t, [] { return nullptr; });
+  for (PetscInt i = stretch.first; i <= stretch.last; ++i) {
+    owner_[i] = id;
+    slip_[i] = squares_[i] = 0;
+  }
+  for (const PetscInt j : {beside(stretch.first, -1), beside(stretch.last, 1)})
+    if (j >= 0 && owner_[j] >= 0 && owner_[j] != id)
+      regions_.for_nodes(id, 0, scene_.n, [&](PetscInt i) { owner_[i] = id; });
+}
+
+void ClusterEvents::change(double t, const std::vector<PetscInt>& starts, const std::vector<PetscInt>& stops,
+                           const std::function<double(PetscInt)>& eta) {
+  std::vector<PetscInt> begun;
+  for (const PetscInt i : starts)
+    if (owner_[i] < 0) begun.push_back(i);
+  std::sort(begun.begin(), begun.end());
+  for (std::size_t k = 0, end; k < begun.size(); k = end) {
+    for (end = k + 1; end < begun.size() && begun[end] == begun[end - 1] + 1;) ++end;
+    claim({begun[k], begun[end - 1]}, t);
+  }
+  for (const PetscInt i : starts) ++regions_.live().at(owner_[i]).sliding;
+  std::set<int> over;
+  for (const PetscInt i : stops)
+    if (--regions_.live().at(owner_[i]).sliding == 0) over.insert(owner_[i]);
+  for (const int id : over) finish(id, t, eta);
+}
+
+void ClusterEvents::finish(int id, double t, const std::function<double(PetscInt)>& eta) {
+  SlipEvent e = regions_.live().at(id).event;
+  const double travelled = scene_.K0() * scene_.v * (t - e.begin);
+  EventSums sums;
+  regions_.for_nodes(id, 0, scene_.n, [&](PetscInt i) {
+    double change = travelled - scene_.K0() * slip_[i];
+    for (const auto& [j, factor] : second_difference_row(scene_, i))
+      if (owner_[j] == id) change += scene_.K1() * factor * slip_[j];
+    const double behind = eta(i);
+    sums.add(weight_, slip_[i], behind - change, behind);
+  });
+  conclude(e, t, sums);
+  ended_.push_back(e);
+  regions_.for_nodes(id, 0, scene_.n, [&](PetscInt i) { owner_[i] = -1; });
+  regions_.end(id);
+}
+
+std::vector<SlipEvent> ClusterEvents::ended() {
+  std::vector<SlipEvent> result;
+  result.swap(ended_);
+  return result;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,153 @@
+"""Only what slides is advanced (stick_clusters): the events of whole steps, integration by SciPy, outputs, refusals."""
+import os
+import signal
+import subprocess
+import time
+
+import h5py
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from calls import check, line, refused, run
+
+ON = " -stick_clusters on"
+CARLSON = ("-model_form chain -model_m 1 -model_k0 1 -model_f0 1 -friction_law carlson-langer -friction_sigma 0.01"
+           " -friction_alpha 3 -out_events -out_series false -out_frames 2")
+
+
+def catalogue(path):
+    with h5py.File(path) as file:
+        return {name: data[:] for name, data in file["events"].items()}
+
+
+def start_file(eta, h=1.0):
+    np.savetxt("start.txt", np.c_[h * np.arange(len(eta)), 0 * eta, eta], fmt="%.17g")
+    return " -init_type text -init_file start.txt"
+
+
+def drawn_scene(rng):
+    """The words of a random scene that clusters can be taken for, its start, and K0 |v|."""
+    n, v, ring = int(rng.integers(8, 100)), float(rng.choice([1e-2, 3e-2, -1e-2])), rng.integers(2)
+    given = f"-grid_n {n} -model_v {v} -bc_left {'periodic' if ring else 'free'} -ts_rtol 1e-10 -ts_atol 1e-10"
+    given += f" -ts_max_time {0.8 / abs(v)} -out_events -out_series false -out_frames 2"
+    given += f" -friction_back_slip {'true' if v < 0 or rng.integers(2) else 'false'}"
+    given += [" -friction_law coulomb", f" -friction_law carlson-langer -friction_alpha {rng.uniform(0.5, 3)}"
+              f" -friction_sigma {rng.uniform(0.05, 0.3)}"][rng.integers(2)]
+    if rng.integers(2):
+        given += f" -friction_spread {rng.uniform(0.05, 0.3)} -friction_seed {rng.integers(1000)}"
+    if rng.integers(2):
+        given += f" -model_form chain -model_m 1 -model_k0 1 -model_k1 {rng.uniform(0.5, 9)} -model_f0 1"
+        given += f" -model_zeta {rng.uniform(0, 0.5) * rng.integers(2)}"
+        h = 1.0
+    else:
+        given += f" -model_form continuum -grid_order 2 -grid_length {0.5 * n} -model_gamma 1"
+        given += f" -model_c {rng.uniform(0.5, 2)} -model_delta {0.1 * rng.integers(2)}"
+        h = 0.5 if ring else 0.5 * n / (n - 1)
+    return given + start_file(np.sign(v) * rng.uniform(0, 0.7, n), h), abs(v)
+
+
+def test_the_events_of_whole_steps():
+    # The motion is chaotic: what the two err by, some 1e-10 a step, grows from event to event. The first ten events are
+    # held to a thousand tolerances; times, at which eta comes to a threshold, to that over the rate of loading.
+    rng = np.random.default_rng(3)
+    compared = 0
+    for scene in range(14):
+        given, loading = drawn_scene(rng)
+        run(given + " -out_file whole.h5")
+        summary, _ = run(given + ON + " -out_file own.h5")
+        whole, own = catalogue("whole.h5"), catalogue("own.h5")
+        count = min(10, len(whole["t"]), len(own["t"]))
+        check(count > 0 and summary["events"] == len(own["t"]), f"scene {scene}: events {count}")
+        compared += count
+        for name in ("left", "extent", "direction", "first"):
+            check(np.array_equal(whole[name][:count], own[name][:count]), f"scene {scene}: {name}: {given}")
+        for name in ("slip", "moment", "stress_drop", "strain_energy", "friction_work", "radiated"):
+            check(np.allclose(whole[name][:count], own[name][:count], rtol=1e-7, atol=1e-7), f"scene {scene}: {name}: {given}")
+        for name in ("begin", "t"):
+            check(np.allclose(whole[name][:count], own[name][:count], rtol=0, atol=1e-7 / loading), f"scene {scene}: {name}: {given}")
+    check(compared > 60, f"events compared: {compared}")
+
+
+def test_a_block_alone_is_that_of_scipy():
+    v, k1, sigma, alpha = 1e-3, 2.0, 0.01, 3.0
+    eta = np.array([0.1, 0.2, 0.9, 0.15, 0.1, 0.0])
+    run(CARLSON + f" -model_k1 {k1} -model_v {v} -grid_n 6 -bc_left free -friction_back_slip false -ts_max_time 130"
+        " -ts_rtol 1e-12 -ts_atol 1e-12 -out_file b.h5" + start_file(eta) + ON)
+    e = catalogue("b.h5")
+    check(len(e["t"]) == 1 and e["extent"][0] == 1 and e["first"][0] == 2, f"one block slips once: {e}")
+
+    def rates(_, y):
+        psi, force = y[:2]
+        friction = (1 - sigma) / (1 + 2 * alpha * psi / (1 - sigma))
+        return [force - friction, v - psi - 2 * k1 * psi, psi, psi * friction, psi * force]
+
+    def stops(t, y):
+        return y[0] if t > 0 else 1.0
+    stops.terminal, stops.direction = True, -1
+    truth = solve_ivp(rates, (0, 50), [0, 1, 0, 0, 0], method="DOP853", rtol=1e-13, atol=1e-15, events=stops)
+    duration, (_, behind, slip, work, given) = truth.t[-1], truth.y[:, -1]
+    check(abs(e["begin"][0] - 0.1 / v) < 1e-9 / v, f"begins at {e['begin'][0]}")
+    check(abs(e["t"][0] - e["begin"][0] - duration) < 1e-9 * duration, f"lasts {e['t'][0] - e['begin'][0]}, {duration}")
+    for name, exact, bound in (  # what goes through several sums of Simpson's rule has their errors, dt^4 each
+            ("slip", slip, 1e-9), ("moment", slip, 1e-9), ("stress_drop", 1 - behind, 1e-8), ("friction_work", work, 1e-8),
+            ("strain_energy", slip * (1 + behind) / 2, 1e-8)):
+        check(abs(e[name][0] / exact - 1) < bound, f"{name} {e[name][0]}, {exact}")
+    check(abs(given / work - 1) < 1e-9 and abs(e["radiated"][0]) < 1e-15, "nothing is radiated")
+
+
+def test_frames_change_nothing_and_lie_in_the_steps():
+    given = CARLSON.replace("-out_frames 2", "") + " -model_k1 9 -model_v 0.01 -grid_n 60 -bc_left free -ts_max_time 60"
+    given += " -ts_rtol 1e-10 -ts_atol 1e-10" + start_file(np.random.default_rng(5).uniform(0, 0.7, 60))
+    few, _ = run(given + ON + " -out_frames 2 -out_file few.h5")
+    many, _ = run(given + ON + " -out_frames 61 -out_file many.h5")
+    run(given + " -out_frames 61 -out_file whole.h5")
+    check([few[k] for k in ("steps", "rejections", "node_steps", "clusters")] ==
+          [many[k] for k in ("steps", "rejections", "node_steps", "clusters")], "the same run")
+    for name, column in catalogue("few.h5").items():
+        check(np.array_equal(column, catalogue("many.h5")[name], equal_nan=True), f"events/{name}")
+    with h5py.File("few.h5") as one, h5py.File("many.h5") as other, h5py.File("whole.h5") as whole:
+        for name in ("psi", "eta"):
+            check(np.array_equal(one[name][-1], other[name][-1]), f"the end, {name}")
+            until = np.searchsorted(other["t"][:], catalogue("whole.h5")["t"][5])  # chaos, as above
+            moving = np.abs(whole["psi"][:until]).max()
+            check(moving > 0.01 and until > 10, f"frames {until}, in which psi reaches {moving}")
+            check(np.allclose(other[name][:until], whole[name][:until], rtol=0, atol=1e-6), f"frames of {name}")
+
+
+def test_an_event_costs_what_slips():
+    # Steps of nodes per event, counted: four times the chain, four times the events, the same cost of one.
+    cost = []
+    for n in (300, 1200):
+        s, _ = run(CARLSON + f" -model_k1 9 -model_v 1e-3 -grid_n {n} -friction_back_slip false -ts_max_time 1200"
+                   " -out_file n.h5" + start_file(np.random.default_rng(1).uniform(0, 1, n)) + ON)
+        check(s["events"] > n / 4 and s["clusters"] > 1, f"{n}: events {s['events']}, clusters {s['clusters']}")
+        cost.append(s["node_steps"] / s["events"])
+    check(cost[1] < 1.5 * cost[0], f"steps of nodes an event: {cost}")
+
+
+def test_limits_and_signals():
+    given = (CARLSON + " -model_k1 9 -model_v 1e-3 -grid_n 4000 -ts_max_time 30000 -out_file s.h5" +
+             start_file(np.random.default_rng(2).uniform(0, 1, 4000)) + ON)
+    s, _ = run(given + " -ts_max_steps 1000")
+    check(s["status"] == "stopped" and s["steps"] == 1000 and s["t_end"] < 30000, f"{s['status']} {s['steps']} {s['t_end']}")
+    with subprocess.Popen(line(given), stderr=subprocess.PIPE, text=True) as process:
+        while not os.path.exists("s.h5"):
+            time.sleep(0.01)
+        time.sleep(0.5)
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=20)
+    check(process.returncode == 128 + signal.SIGTERM and len(catalogue("s.h5")["t"]) > 0, f"exit {process.returncode}")
+
+
+def test_what_cannot_be_had_is_refused():
+    given = CARLSON + " -model_k1 9 -model_v 0.01 -grid_n 20 -ts_max_time 5 -out_file r.h5" + ON
+    for more, why in ((" -ts_rk_type 7vr", "rk:5dp"), (" -ts_type arkimex", "rk:5dp"), (" -ts_adapt_type none -ts_dt 0.1", "fixed steps"),
+                      (" -ts_adapt_wnormtype 2", "-ts_adapt_wnormtype"), (" -ts_monitor", "-ts_monitor"),
+                      (" -model_nu 0.1", "model_nu"), (" -bc_left velocity", "held"), (" -load_sine_amplitude 0.01 -load_sine_period 3", "load_v"),
+                      (" -state_law healing", "state"), (" -out_checkpoint_every 10", "out_checkpoint_every"),
+                      (" -out_maxima 3", "out_maxima"), (" -lyapunov_count 1", "lyapunov_count"),
+                      (" -friction_stick regularised", "stick")):
+        refused(given + more, 2, "stick_clusters on", why)
+    refused(given.replace("-model_form chain", "-model_form continuum -grid_order 4").replace("-model_m 1 -model_k0 1 -model_f0 1", "")
+            .replace("-model_k1 9", ""), 2, "stick_clusters on", "grid_order")
+    refused(given, 2, "stick_clusters on", "one rank", ranks=2)
