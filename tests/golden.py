@@ -191,6 +191,7 @@ def plain(value):
         value = value.decode(errors="replace")
     if isinstance(value, str):
         value = re.sub(r"/\S*/", "", re.sub(r"\bgit \S+", "git #", value))
+        value = value.replace(": neither this program nor PETSc or SLEPc reads it", "")  # is said of no unknown option now
         value = re.sub(r"(must be one of|it belongs to) [^;]*", r"\1 #", value)  # laws may be added
         value = re.sub(r"\d+(\.\d+)? (s|ms|MB|GB)\b", "# s", value)
     return value

@@ -263,7 +263,7 @@ struct Limits::Impl {
     const int window = std::max(1, steps / 4);
     try {
       Integrator integrator(model, fixed(method, dt), u, prefix);
-      integrator.advance(u, 0, steps * dt, [&](const Integrator::Step& step) {
+      simulate(integrator, u, {0, steps * dt}, {}, [&](const Integrator::Step& step) {
         // the largest over a while, since waves go up and down
         const double now = off_sliding(model, step.u, alternating);
         if (step.index == 1) first = now;

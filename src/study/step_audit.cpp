@@ -7,6 +7,7 @@
 
 #include "base/broadcast.hpp"
 #include "base/local_values.hpp"
+#include "study/simulate.hpp"
 #include "study/step_forecast.hpp"
 
 namespace stickslip {
@@ -161,8 +162,8 @@ struct StepAudit::Impl {
     SS_TRY(TSSetTolerances(accurate->ts(), std::max(1e-3 * change, 1e-12), nullptr, 1e-6, nullptr));
     SS_TRY(TSSetStepNumber(accurate->ts(), 0));
     try {
-      const TimeReport& done = accurate->advance(exact, step.t_before, step.t, nullptr, most_steps);
-      if (done.reason != "end time") {
+      simulate(*accurate, exact, {step.t_before, step.t, most_steps}, {});
+      if (accurate->report().reason != "end time") {
         ++beyond;
         return;
       }
