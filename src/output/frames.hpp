@@ -34,6 +34,8 @@ class Frames : public Observer {
   // Of the scene `whole`, of which the model may be one of several equal cells. Throws UsageError for times
   // outside the run. `displacement`: nullptr, or what chi is solved with; it is the caller's.
   Frames(const Model& model, const Scene& whole, const Options& options, const Displacement* displacement);
+  // Memory of a node whose unknowns take `unknowns` bytes: u inside a step, and the rows of the file.
+  static double bytes_a_node(double unknowns) { return 2 * unknowns; }
 
   void plan(ObservationPlan& plan) override;
   void start(RunFile* file) override { file_ = file; }

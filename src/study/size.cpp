@@ -4,11 +4,19 @@
 
 #include "base/broadcast.hpp"
 #include "base/memory.hpp"
+#include "output/field_watch.hpp"
+#include "output/frames.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
+#include "stickslip/output/displacement.hpp"
+#include "stickslip/output/events.hpp"
+#include "stickslip/stability/tangents.hpp"
 #include "stickslip/study/reduce.hpp"
+#include "stickslip/study/step_audit.hpp"
 #include "stickslip/time/stick.hpp"
+#include "time/banded_imex.hpp"
 #include "time/choice.hpp"
+#include "time/dense_output.hpp"
 #include "time/fused_ts.hpp"
 
 namespace stickslip {
@@ -69,34 +77,34 @@ double vectors_of_library(const Way& way) {
   return 2;  // euler
 }
 
-double bytes_of_steps(const Unknowns& u, const Way& way) {
-  double bytes = (way.degree_between() > 0 ? u.V : 0) + (way.fixed ? 4 * u.V + 8 : 0);
+// `inside`: are values inside a step asked for?
+double bytes_of_steps(const Unknowns& u, const Way& way, bool inside) {
+  const int degree = way.degree_between();
+  double bytes = (degree > 0 ? DenseOutput::bytes_a_node(u.V, degree, inside) : 0) +
+                 (way.fixed ? StepAudit::bytes_a_node(u.V) : 0);
+  const bool wave = way.implicit == Implicit::wave || way.implicit == Implicit::both;
   if (!way.fused) {
     bytes += vectors_of_library(way) * u.V;
     if (offered_type(way.type).kind == MethodKind::explicit_) return bytes;
-    const bool stencil = way.implicit == Implicit::wave || way.implicit == Implicit::both;
-    return bytes + u.matrix(stencil) + u.factors(stencil);
+    return bytes + u.matrix(wave) + u.factors(wave);
   }
-  bytes += u.V;
-  const bool wave = way.implicit == Implicit::wave;
-  if (!wave && way.implicit != Implicit::both) return bytes;
-  const double stages = way.slopes() / 2., state = u.dof - 2;
-  return bytes + 8 * (3 * u.dof + (wave ? 1 : 2) + stages * (wave ? 3 + state : u.dof));
+  bytes += FusedTs::bytes_a_node(u.V, inside && degree == 0 ? way.slopes() : 0);
+  return wave ? bytes + BandedImex::bytes_a_node(u.dof, way.slopes() / 2., way.implicit) : bytes;
 }
 
+// What is kept of a run: u, the amplitude of friction, and what each part of it says of itself.
 double bytes_of_run(const Options& options, const Scene& scene, const Way& way) {
   const Unknowns u(scene);
   const bool sticks = Stick::applies_to(scene), file = options.is_set("out_file");
   const double exponents = double(options.integer("lyapunov_count"));
-  double bytes = u.V + 24 + (scene.unit_amplitude() ? 0 : 8) + bytes_of_steps(u, way);
-  if (file) bytes += 2 * u.V;
+  double bytes = u.V + 8 + (scene.unit_amplitude() ? 0 : 8) + FieldWatch::bytes_a_node() +
+                 bytes_of_steps(u, way, file || exponents > 0 || sticks);
+  if (file) bytes += Frames::bytes_a_node(u.V);
   if (file && options.is_set("out_checkpoint_every")) bytes += u.V;
-  if (file && options.boolean("out_displacement")) bytes += 96 + 12 * u.order * (scene.ring() ? 4 : 3);
-  if (options.boolean("out_events")) bytes += 100;
-  if (exponents > 0) bytes += 32 * u.dof * u.dof + (3 + 7 * exponents) * u.V;
-  if (sticks) bytes += 4 * u.V + 40;
-  if (file || exponents > 0 || sticks)
-    bytes += (way.degree_between() > 0 ? 2 * way.degree_between() : way.fused ? way.slopes() : 0) * u.V;
+  if (file && options.boolean("out_displacement")) bytes += Displacement::bytes_a_node(scene);
+  if (options.boolean("out_events")) bytes += Events::bytes_a_node();
+  if (exponents > 0) bytes += Tangents::bytes_a_node(u.dof, exponents);
+  if (sticks) bytes += Stick::bytes_a_node(u.V);
   return bytes;
 }
 

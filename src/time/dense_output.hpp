@@ -16,6 +16,10 @@ class DenseOutput {
  public:
   DenseOutput(const Model& model, int degree)
       : model_(model), degree_(degree), work_(model.create_vector()) {}
+  // Memory of a node whose unknowns take `unknowns` bytes: slopes only once values are asked for.
+  static double bytes_a_node(double unknowns, int degree, bool asked) {
+    return (1 + (asked ? 2 * degree : 0)) * unknowns;
+  }
   int degree() const { return degree_; }
   // A new step, of which nothing is known.
   void forget() { degree_now_ = 0; }

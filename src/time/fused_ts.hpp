@@ -29,6 +29,8 @@ class FusedTs {
   // What stands behind a TS; nullptr where that is of another type.
   static FusedTs* of(TS ts);
 
+  // Memory of a node whose unknowns take `unknowns` bytes: u before the step, and the slopes that are kept.
+  static double bytes_a_node(double unknowns, int slopes) { return (1 + slopes) * unknowns; }
   explicit FusedTs(const std::string& library_type) : method_(FusedMethod::of(library_type)) {}
   // To be called before TSSetUp. `keep_slopes(until)`: will values inside a step to `until` be asked for?
   void bind(const Model& model, Implicit implicit, bool sticking,

@@ -36,6 +36,8 @@ class Displacement {
   // Factors the matrix. Throws UsageError for a chain with k0 = 0 and no held end, whose position is not
   // determined by its forces. Collective.
   explicit Displacement(const Model& model);
+  // Memory of a node, in bytes: the matrix and its factors, about, and vectors.
+  static double bytes_a_node(const Scene& scene) { return 96 + 12 * scene.order * (scene.ring() ? 4 : 3); }
 
   VecHandle create_vector() const;             // one value a node, distributed as the model's nodes
   void solve(Vec u, double t, Vec chi) const;  // collective

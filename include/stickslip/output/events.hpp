@@ -63,6 +63,7 @@ class Events {
   // `velocity`: above it a node moves; 0 for friction that sticks. `nodes`: of this rank. Collective.
   Events(const Scene& scene, double velocity, const NodeRange& nodes);
   Events(const Scene& scene, double velocity);  // this rank has all nodes
+  static double bytes_a_node() { return 100; }  // memory
   Events(Events&&) noexcept;
   ~Events();
 

@@ -5,27 +5,15 @@
 //
 //     bytes = 45e6 ranks + n b
 //
-// with the n nodes that are solved for and b bytes a node. Of `run`, with V = 8 dof the bytes of a node's
-// unknowns (16, with a state 24), p the order, s the stages, M = (p + 1)(8 dof^2 + 4) + 20 a matrix and L =
-// (2p + 1 on a ring, else p + 1) (8 dof^2 + 4) + 8 dof^2 its factors:
+// with the n nodes that are solved for and b bytes a node. Each part of a run states its own, bytes_a_node()
+// beside what it allocates: Stick, Displacement, Events, Tangents, StepAudit, Frames, FusedTs, BandedImex,
+// DenseOutput, FieldWatch; here they are summed, with u, the amplitude of friction and what PETSc's types
+// keep. With V = 8 dof the bytes of a node's unknowns (16, with a state 24), p the order, s the stages, M =
+// (p + 1) (8 dof^2 + 4) + 20 a matrix and L = (2p + 1 on a ring, else p + 1) (8 dof^2 + 4) + 8 dof^2 its
+// factors, these are
 //
-//     V + 24                    u, the amplitude of friction, the range of psi at each node in the last
-//                               quarter
-//     8                         where the amplitude varies along x
-//     V                         values between steps by a polynomial that is none of the method's own (all
-//                               methods but rk:5dp, arkimex:4, arkimex:5 and bdf)
-//     4 V + 8                   where steps are fixed: some are repeated, by a run of their own, to see their
-//                               error
-//     V                         steps tile by tile: u before the step
-//     8 (3 dof - 1 + s m)       and of arkimex with the wave (m = dof + 1) or everything (m = dof) implicit:
-//                               all stages
 //     M + L + (17, 15, 11, 10, 14, 3 s + 9) V  PETSc's bdf, rosw, cn, theta and beuler, alpha, arkimex
 //     (2 s + 2, 2, 3 or 4) V    PETSc's rk, euler, ssp
-//     2 V + S                   out_file, with the slopes S that a frame inside a step takes: twice the
-//                               degree of the polynomial, or else the method's s (of arkimex 2 s), in V
-//     V, 96 + 12 p (4 or 3), 100               checkpoints, out_displacement (ring or ends), out_events
-//     32 dof^2 + (3 + 7 k) V + S               k Lyapunov exponents
-//     4 V + 40 + S              friction that sticks exactly
 //
 // Those of PETSc's solvers count its vectors; of `spectrum` (736 + 145 p + 18 k on a ring, 770 + 97 p + 8 k
 // else, with k eigenvalues), `boundary` (253 + 30 p; held ends 640 + 69 p) and `chart` (183) they are

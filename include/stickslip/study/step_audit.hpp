@@ -35,6 +35,9 @@ class StepAudit : public Observer {
   StepAudit(const Model& model, const Options& options, const Integrator& integrator, double t_begin,
             double t_end);
   ~StepAudit() override;
+  // Memory of a node whose unknowns take `unknowns` bytes, where steps are repeated: u before the step and
+  // after the repetition, which has an integrator and a model of its own.
+  static double bytes_a_node(double unknowns) { return 4 * unknowns + 8; }
 
   // The longest step with which an adaptive explicit method that begins at u, near steady sliding, lets no
   // perturbation grow much faster than it should: above it steps that the error estimate allows make those of
