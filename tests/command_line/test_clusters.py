@@ -9,63 +9,21 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from calls import check, line, refused, run
+from cluster_scenes import ON, catalogue, drawn_scene, events_alike, start_file
 
-ON = " -stick_clusters on"
 CARLSON = ("-model_form chain -model_m 1 -model_k0 1 -model_f0 1 -friction_law carlson-langer -friction_sigma 0.01"
            " -friction_alpha 3 -out_events -out_series false -out_frames 2")
 
 
-def catalogue(path):
-    with h5py.File(path) as file:
-        return {name: data[:] for name, data in file["events"].items()}
-
-
-def start_file(eta, h=1.0):
-    np.savetxt("start.txt", np.c_[h * np.arange(len(eta)), 0 * eta, eta], fmt="%.17g")
-    return " -init_type text -init_file start.txt"
-
-
-def drawn_scene(rng):
-    """The words of a random scene that clusters can be taken for, its start, and K0 |v|."""
-    n, v, ring = int(rng.integers(8, 100)), float(rng.choice([1e-2, 3e-2, -1e-2])), rng.integers(2)
-    given = f"-grid_n {n} -model_v {v} -bc_left {'periodic' if ring else 'free'} -ts_rtol 1e-10 -ts_atol 1e-10"
-    given += f" -ts_max_time {0.8 / abs(v)} -out_events -out_series false -out_frames 2"
-    given += f" -friction_back_slip {'true' if v < 0 or rng.integers(2) else 'false'}"
-    given += [" -friction_law coulomb", f" -friction_law carlson-langer -friction_alpha {rng.uniform(0.5, 3)}"
-              f" -friction_sigma {rng.uniform(0.05, 0.3)}"][rng.integers(2)]
-    if rng.integers(2):
-        given += f" -friction_spread {rng.uniform(0.05, 0.3)} -friction_seed {rng.integers(1000)}"
-    if rng.integers(2):
-        given += f" -model_form chain -model_m 1 -model_k0 1 -model_k1 {rng.uniform(0.5, 9)} -model_f0 1"
-        given += f" -model_zeta {rng.uniform(0, 0.5) * rng.integers(2)}"
-        h = 1.0
-    else:
-        given += f" -model_form continuum -grid_order 2 -grid_length {0.5 * n} -model_gamma 1"
-        given += f" -model_c {rng.uniform(0.5, 2)} -model_delta {0.1 * rng.integers(2)}"
-        h = 0.5 if ring else 0.5 * n / (n - 1)
-    return given + start_file(np.sign(v) * rng.uniform(0, 0.7, n), h), abs(v)
-
-
 def test_the_events_of_whole_steps():
-    # The motion is chaotic: what the two err by, some 1e-10 a step, grows from event to event. The first ten events are
-    # held to a thousand tolerances; times, at which eta comes to a threshold, to that over the rate of loading.
     rng = np.random.default_rng(3)
     compared = 0
     for scene in range(14):
         given, loading = drawn_scene(rng)
-        run(given + " -out_file whole.h5")
-        summary, _ = run(given + ON + " -out_file own.h5")
-        whole, own = catalogue("whole.h5"), catalogue("own.h5")
-        count = min(10, len(whole["t"]), len(own["t"]))
-        check(count > 0 and summary["events"] == len(own["t"]), f"scene {scene}: events {count}")
-        compared += count
-        for name in ("left", "extent", "direction", "first"):
-            check(np.array_equal(whole[name][:count], own[name][:count]), f"scene {scene}: {name}: {given}")
-        for name in ("slip", "moment", "stress_drop", "strain_energy", "friction_work", "radiated"):
-            check(np.allclose(whole[name][:count], own[name][:count], rtol=1e-7, atol=1e-7), f"scene {scene}: {name}: {given}")
-        for name in ("begin", "t"):
-            check(np.allclose(whole[name][:count], own[name][:count], rtol=0, atol=1e-7 / loading), f"scene {scene}: {name}: {given}")
-    check(compared > 60, f"events compared: {compared}")
+        alike, of = events_alike(given, loading)
+        check(alike >= min(5, of), f"scene {scene}: {alike} of {of} events: {given}")
+        compared += alike
+    check(compared > 100, f"events compared: {compared}")
 
 
 def test_a_block_alone_is_that_of_scipy():

@@ -1,0 +1,31 @@
+"""Only what slides is advanced (stick_clusters): the events of whole steps on a hundred random scenes, until chaos parts the
+two, and the means of long runs."""
+import numpy as np
+
+from calls import check, run, scene_file
+from cluster_scenes import ON, catalogue, drawn_scene, events_alike
+
+
+def test_a_hundred_scenes():
+    rng = np.random.default_rng(39)
+    alike = []
+    for scene in range(100):
+        given, loading = drawn_scene(rng, 300, 10)
+        count, of = events_alike(given, loading)
+        check(count >= min(5, of), f"scene {scene}: {count} of {of} events: {given}")
+        alike.append(count)
+    check(np.median(alike) >= 20, f"median of the events alike: {np.median(alike)}")
+
+
+def test_means_of_long_runs():
+    # Moments of events are far from normal: the means of eight runs each, by their scatter.
+    means = {"": [], ON: []}
+    for seed in range(1, 9):
+        for how, found in means.items():
+            run(scene_file("catalogue") + f" -grid_n 100 -ts_max_time 6000 -init_seed {seed} -out_frames 2 -out_file m.h5" + how)
+            e = catalogue("m.h5")
+            late = e["begin"] > 1000
+            found.append([late.sum(), e["moment"][late].sum(), (e["extent"][late] == 1).mean()])
+    whole, own = (np.array(found) for found in means.values())
+    error = np.sqrt((whole.var(0, ddof=1) + own.var(0, ddof=1)) / len(whole))
+    check((np.abs(whole.mean(0) - own.mean(0)) < 4 * error).all(), f"{whole.mean(0)}, {own.mean(0)}, errors {error}")
