@@ -31,11 +31,18 @@ void Run::set_up_clusters() {
   clusters_->report.method = integrator_->report().method;
 }
 
-void Run::advance_clusters(Progress& progress) {
+// From where to where and how exactly, while the integrator is there; without observers.
+ClusterPlan Run::cluster_plan() {
   ClusterPlan plan;
-  const double t_end = options_.real("ts_max_time");
-  plan.span = {origin_.t, t_end, control_->most_steps()};
+  plan.span = {origin_.t, options_.real("ts_max_time"), control_->most_steps()};
   SS_TRY(TSGetTolerances(integrator_->ts(), &plan.atol, nullptr, &plan.rtol, nullptr));
+  plan.next_time = [](double) { return std::numeric_limits<double>::infinity(); };
+  return plan;
+}
+
+void Run::advance_clusters(Progress& progress) {
+  ClusterPlan plan = cluster_plan();
+  const double t_end = plan.span.end;
   integrator_.reset();  // with all its vectors
   for (const auto& observer : observers_) plan.observers.push_back(observer.get());
   plan.next_time = [announced = this->plan()](double t) { return announced.next_time(t); };

@@ -85,6 +85,7 @@ class Run {
   // Where only what slides is advanced (run_clusters.cpp): whether it is; UsageError where it cannot be.
   bool takes_clusters() const;
   void set_up_clusters();
+  ClusterPlan cluster_plan();
   void advance_clusters(Progress& progress);
   const TimeReport& time_report() const { return clusters_ ? clusters_->report : integrator_->report(); }
   void write_checkpoint_at(const Integrator::Step& step);

@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from calls import check, line, refused, run
+from calls import PROGRAM, check, line, refused, run, words
 from cluster_scenes import ON, catalogue, drawn_scene, events_alike, start_file
 
 CARLSON = ("-model_form chain -model_m 1 -model_k0 1 -model_f0 1 -friction_law carlson-langer -friction_sigma 0.01"
@@ -88,6 +88,9 @@ def test_limits_and_signals():
              start_file(np.random.default_rng(2).uniform(0, 1, 4000)) + ON)
     s, _ = run(given + " -ts_max_steps 1000")
     check(s["status"] == "stopped" and s["steps"] == 1000 and s["t_end"] < 30000, f"{s['status']} {s['steps']} {s['t_end']}")
+    shown = subprocess.run([PROGRAM, "run", *words(given + " -ts_max_time 1500 -check")], capture_output=True, text=True, check=True)
+    said = shown.stderr
+    check("reach t = 1500" in said and "checked: 4000 nodes" in said, f"-check takes steps of clusters: {said}")
     with subprocess.Popen(line(given), stderr=subprocess.PIPE, text=True) as process:
         while not os.path.exists("s.h5"):
             time.sleep(0.01)
