@@ -15,7 +15,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
 DEFAULTS = {"model_form": "continuum", "model_gamma": 3, "model_delta": 0.2, "model_delta_sign": "derived", "model_c": 1,
-            "model_m": 1, "model_k0": 0.2, "model_k1": 0.2, "model_f0": 1, "model_zeta": 0, "model_nu": 0, "model_v": 0.2,
+            "model_m": 1, "model_k0": 0.2, "model_k1": 0.2, "model_f0": 1, "model_zeta": 0, "model_nu": 0, "model_drag": 0, "model_v": 0.2,
             "grid_n": 512, "grid_length": 60, "grid_order": 4, "friction_law": "cubic", "friction_stick": "exact",
             "friction_eps": 1e-3, "friction_sigma": 0, "friction_alpha": 0.5, "friction_fs": 1, "friction_fd": 0.5,
             "friction_slip_velocity": 1e-2, "friction_a": 0.05, "friction_b": 0.1, "friction_mu0": 0.6, "friction_psi0": 1,
@@ -108,11 +108,13 @@ class Curve:
 
 
 class Law:
-    """F(psi, s), the rate g(psi, s) of the stored state s, its steady value, the threshold; amplitude included."""
+    """F(psi, s) with the drag beside it, the rate g(psi, s) of the stored state s, its steady value, the threshold; amplitude
+    included."""
 
     def __init__(self, p):
         self.name, self.state = p["friction_law"], p.get("state_law", STATE_LAWS.get(p["friction_law"], "none"))
         p = DEFAULTS | p
+        self.c3 = p["model_drag"]
         self.f, self.g = (SimpleNamespace(**{name.removeprefix(family): value for name, value in p.items()
                                              if name.startswith(family)}) for family in ("friction_", "state_"))
         if self.name in OWN_STATE:
@@ -139,8 +141,14 @@ class Law:
             return f.fd + (f.fs - f.fd) * left
         return 1 + self.g.b * np.log(1 + np.exp(s) / self.g.theta0) if self.state == "contact-age" else 1.
 
+    def drag(self, psi, going=None):
+        return self.c3 * psi * psi * (np.sign(np.real(psi)) if going is None else going)
+
     def force(self, psi, s=0., going=None):
         """Of sliding nodes; `going`: the direction of each where psi does not tell."""
+        return self.friction(psi, s, going) + self.drag(psi, going)
+
+    def friction(self, psi, s=0., going=None):
         f, sign = self.f, self.sign(psi) if going is None else going
         if self.state == "bristles":
             return f.amplitude * (f.sigma0 * s + f.sigma1 * self.rate(psi, s) + f.sigma2 * psi)
@@ -392,7 +400,7 @@ def amplitudes(p, psi, eta):
     """The amplitudes of friction that the program drew, out of its steady sliding."""
     system = System(p)
     s = system.law.steady(psi) if system.kinds == 3 else 0.
-    return (eta - system.B * psi + system.N * system.D @ psi) / system.law.force(psi, s)
+    return (eta - system.B * psi + system.N * system.D @ psi - system.law.drag(psi)) / system.law.friction(psi, s)
 
 
 # ---- exact stick ----

@@ -30,7 +30,12 @@ struct Tabulated {
   double stick_low, stick_high;
 };
 
-FrictionParameters parameters_of(const Options& options) { return Scene::from(options, false).friction; }
+// Of the law alone, whatever stands beside it in the scene.
+FrictionParameters parameters_of(const Options& options) {
+  FrictionParameters law = Scene::from(options, false).friction;
+  law.terms = {};
+  return law;
+}
 
 // `options` with the law set, and without the parameters that belong to others.
 Options options_for(Law law, Options options) {

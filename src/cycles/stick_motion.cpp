@@ -37,10 +37,10 @@ StickMotion::StickMotion(const Scene& scene, double tolerance)
     throw UsageError("friction_law " + to_string(scene.friction.law) +
                      " does not stick: its oscillation has no rests");
   if (half_width_ == 0) std::fill(std::begin(coefficients_.w), std::end(coefficients_.w), 0.);
-  const std::vector<double> x = positions(scene, 0, scene.n);
+  const FrictionPlaces places = friction_places(scene, 0, scene.n);
   const bool viscous = scene.nu > 0 && nodes_ > 1;
-  loop_ = viscous ? Viscosity(scene, dof_).around(whole_loop(scene.friction, 0, true, x))
-                  : whole_loop(scene.friction, half_width_, true, x);
+  loop_ = viscous ? Viscosity(scene, dof_).around(whole_loop(scene.friction, 0, true, places))
+                  : whole_loop(scene.friction, half_width_, true, places);
   for (int j = -half_width_; j < 0; ++j) halo_.push_back(halo_node(scene, j));
   for (int j = 0; j < half_width_; ++j) halo_.push_back(halo_node(scene, nodes_ + j));
   for (int i = 0; i < nodes_ && nodes_ > 1; ++i) d2_.push_back(second_difference_row(scene, i));

@@ -56,30 +56,33 @@ std::vector<Differing<T>> differing(const FrictionParameters& p, const std::stri
   return list;
 }
 
-// `friction`, whose parameters have values for everywhere, with those of profiles as they are at each place
-// x.
+// `friction`, whose parameters have values for everywhere, with the terms beside it at a place.
 template <class F>
-std::vector<F> frictions_along(const F& friction, const FrictionParameters& p, const std::vector<double>& x) {
-  const auto of_law = differing<decltype(friction.law)>(p, "friction_");
-  const auto of_state = differing<decltype(friction.state)>(p, "state_");
-  std::vector<F> all(x.size(), friction);
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    for (const auto& [member, profile] : of_law) all[i].law.*member = profile->at(x[i]);
-    for (const auto& [member, profile] : of_state) all[i].state.*member = profile->at(x[i]);
-    try {
-      traits::check(all[i].law);
-      traits::check(all[i].state);
-    } catch (const UsageError& e) {
-      throw UsageError(std::string(e.what()) + " (at x = " + rounded_text(x[i], 6) + ")");
-    }
-  }
-  return all;
+NodeFriction<F> own_friction(const F& friction, const FrictionParameters& p, const FrictionPlace& place) {
+  return {friction, p.terms.over(place.amplitude)};
 }
 
+// With the parameters of profiles as they are at each place.
 template <class F>
-kernel::Varying<F> varying_friction(const F& friction, const FrictionParameters& p,
-                                    const std::vector<double>& x) {
-  return {std::make_shared<const std::vector<F>>(frictions_along(friction, p, x))};
+std::vector<NodeFriction<F>> frictions_along(const F& friction, const FrictionParameters& p,
+                                             const FrictionPlaces& places) {
+  const auto of_law = differing<decltype(friction.law)>(p, "friction_");
+  const auto of_state = differing<decltype(friction.state)>(p, "state_");
+  std::vector<NodeFriction<F>> all;
+  all.reserve(places.size());
+  for (const FrictionPlace& place : places) {
+    F own = friction;
+    for (const auto& [member, profile] : of_law) own.law.*member = profile->at(place.x);
+    for (const auto& [member, profile] : of_state) own.state.*member = profile->at(place.x);
+    try {
+      traits::check(own.law);
+      traits::check(own.state);
+    } catch (const UsageError& e) {
+      throw UsageError(std::string(e.what()) + " (at x = " + rounded_text(place.x, 6) + ")");
+    }
+    all.push_back(own_friction(own, p, place));
+  }
+  return all;
 }
 
 // Calls body(friction) with the class that the parameters name and returns what it returns, an R.
@@ -120,18 +123,19 @@ R dispatch_friction(const FrictionParameters& p, const Body& body) {
   return result;
 }
 
-// Loop<F, sticking>{friction, rest...} of that class F, in the version that suits this processor; where
-// friction varies along x, with the friction of each node, whose places are `x`. Only laws that stick have a
-// loop with `sticking`.
+// Loop<F, sticking>{friction, rest...} of that class F, in the version that suits this processor; with
+// `places`, with what acts at each of them (friction_places). Only laws that stick have a loop with
+// `sticking`.
 template <class Function, template <class, bool> class Loop, class... Rest>
-Function loop_of_friction(const FrictionParameters& p, bool sticking, const std::vector<double>& x,
+Function loop_of_friction(const FrictionParameters& p, bool sticking, const FrictionPlaces& places,
                           const Rest&... rest) {
   return dispatch_friction<Function>(p, [&](const auto& friction) -> Function {
     using F = std::decay_t<decltype(friction)>;
     const auto loop = [&](auto constant) -> Function {
       constexpr bool sticks = decltype(constant)::value;
-      if (!p.varies()) return kernel::compiled_where_worth<Function>(Loop<F, sticks>{friction, rest...});
-      return kernel::Baseline<Loop<kernel::Varying<F>, sticks>>{{varying_friction(friction, p, x), rest...}};
+      if (places.empty()) return kernel::compiled_where_worth<Function>(Loop<F, sticks>{friction, rest...});
+      return kernel::Baseline<Loop<kernel::Varying<F>, sticks>>{
+          {kernel::Varying<F>(frictions_along(friction, p, places)), rest...}};
     };
     if (!sticking) return loop(std::false_type());
     if constexpr (F::sticks)

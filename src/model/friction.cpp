@@ -72,16 +72,17 @@ std::vector<Handle> handles(const std::vector<Traits>& table) {
 template <class F>
 class Resolved final : public Friction {
  public:
-  Resolved(const F& f, SlopeBounds slopes)
-      : Friction(F::has_state, F::sticks, F::steep, traits::van_der_pol<decltype(f.law)> && !F::has_state,
-                 slopes),
-        f_(f) {}
+  Resolved(const NodeFriction<F>& node, SlopeBounds slopes)
+      : Friction(F::has_state, F::sticks, F::steep,
+                 traits::van_der_pol<decltype(F::law)> && !F::has_state && node.terms.none(), slopes),
+        node_(node), f_(node_.friction) {}
+  Resolved(const Resolved&) = delete;
 
-  double force(double psi, double s) const override { return f_.force(psi, s); }
-  Partials partials(double psi, double s) const override { return f_.partials(psi, s); }
+  double force(double psi, double s) const override { return node_.force(psi, s); }
+  Partials partials(double psi, double s) const override { return node_.partials(psi, s); }
   RatePartials rate_partials(double psi, double s) const override { return f_.rate_partials(psi, s); }
   HigherPartials higher_partials(double psi, double s) const override {
-    const PartialsOf<Jet> f = f_.partials(Jet::of_x(psi), Jet::of_y(s));
+    const PartialsOf<Jet> f = node_.partials(Jet::of_x(psi), Jet::of_y(s));
     const RatePartialsOf<Jet> g = f_.rate_partials(Jet::of_x(psi), Jet::of_y(s));
     const auto of = [](const Jet& by_psi, const Jet& by_state) {
       return HigherDerivatives{by_psi.x, by_psi.y, by_state.y, by_psi.xx, by_psi.xy, by_psi.yy, by_state.yy};
@@ -91,15 +92,17 @@ class Resolved final : public Friction {
   double steady_state(double psi) const override { return f_.steady_state(psi); }
   double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const override {
     if constexpr (F::steep)
-      return f_.newton_psi(psi, s, psi_new, s_new, mass);
+      return node_.newton_psi(psi, s, psi_new, s_new, mass);
     else
       return psi_new;
   }
-  double velocity_of_slope(double F_psi) const override { return traits::velocity_of_slope(f_.law, F_psi); }
+  double velocity_of_slope(double F_psi) const override {
+    return node_.terms.none() ? traits::velocity_of_slope(f_.law, F_psi) : std::nan("");
+  }
 
   Partials sliding_partials(double psi, double s, double direction) const override {
     if constexpr (F::sticks)
-      return f_.sliding_partials(psi, s, direction);
+      return node_.sliding_partials(psi, s, direction);
     else
       return refuse<Partials>();
   }
@@ -149,7 +152,8 @@ class Resolved final : public Friction {
   [[noreturn]] static R refuse() {
     throw std::logic_error("this law does not stick");
   }
-  F f_;
+  const NodeFriction<F> node_;
+  const F& f_;  // of it
 };
 
 }  // namespace
@@ -189,6 +193,8 @@ double FrictionParameters::value(const std::string& option) const {
   return std::strtod(own->value, nullptr);
 }
 
+bool FrictionParameters::smooth() const { return !jumps_at_rest() && !piecewise() && terms.none(); }
+
 bool FrictionParameters::piecewise() const {
   constexpr int of_highest_order = 9;
   return law->continuous_derivatives < of_highest_order;
@@ -206,9 +212,9 @@ const ProfileAlongX* FrictionParameters::profile(const std::string& option) cons
 namespace {
 
 template <class F>
-std::shared_ptr<const Friction> resolved(const F& f, const FrictionParameters& p) {
+std::shared_ptr<const Friction> resolved(const NodeFriction<F>& node, const FrictionParameters& p) {
   return std::make_shared<const Resolved<F>>(
-      f, p.regularised ? SlopeBounds{0, 1 / p.eps} : traits::slope_bounds(f.law));
+      node, p.regularised ? SlopeBounds{0, 1 / p.eps} : traits::slope_bounds(node.friction.law));
 }
 
 }  // namespace
@@ -217,15 +223,16 @@ std::shared_ptr<const Friction> Friction::of(const FrictionParameters& p) {
   if (p.varies())
     throw usage_error("{}_profile: what is asked for here needs friction that is the same everywhere",
                       p.profiles.begin()->first);
-  return dispatch_friction<std::shared_ptr<const Friction>>(p, [&](const auto& f) { return resolved(f, p); });
+  return dispatch_friction<std::shared_ptr<const Friction>>(
+      p, [&](const auto& f) { return resolved(own_friction(f, p, {}), p); });
 }
 
 std::vector<std::shared_ptr<const Friction>> Friction::along(const FrictionParameters& p,
-                                                             const std::vector<double>& x) {
+                                                             const FrictionPlaces& places) {
   using List = std::vector<std::shared_ptr<const Friction>>;
   return dispatch_friction<List>(p, [&](const auto& friction) {
     List list;
-    for (const auto& f : frictions_along(friction, p, x)) list.push_back(resolved(f, p));
+    for (const auto& f : frictions_along(friction, p, places)) list.push_back(resolved(f, p));
     return list;
   });
 }

@@ -1,12 +1,30 @@
 #include "stickslip/model/frictions.hpp"
 
+#include "stickslip/model/model.hpp"
+
 namespace stickslip {
 
-Frictions::Frictions(const Scene& scene, PetscInt first, PetscInt count) : vary_(scene.friction.varies()) {
-  if (vary_ && count > 0)
-    list_ = Friction::along(scene.friction, positions(scene, first, count));
+Frictions::Frictions(const Scene& scene, PetscInt first, PetscInt count) : vary_(scene.laws_differ()) {
+  if (const FrictionPlaces places = friction_places(scene, first, count); !places.empty())
+    list_ = Friction::along(scene.friction, places);
   else if (!vary_)
     list_ = {Friction::of(scene.friction)};
+}
+
+FrictionPlaces friction_places(const Scene& scene, PetscInt count,
+                               const std::function<PetscInt(PetscInt)>& node) {
+  FrictionPlaces places;
+  if (!scene.laws_differ()) {
+    if (!scene.friction.terms.none()) places.push_back({});
+    return places;
+  }
+  for (PetscInt i = 0; i < count; ++i)
+    places.push_back({scene.x(node(i)), friction_amplitude(scene, node(i), 1)[0]});
+  return places;
+}
+
+FrictionPlaces friction_places(const Scene& scene, PetscInt first, PetscInt count) {
+  return friction_places(scene, count, [first](PetscInt i) { return first + i; });
 }
 
 std::vector<double> positions(const Scene& scene, PetscInt first, PetscInt count) {

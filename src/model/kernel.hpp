@@ -13,10 +13,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <type_traits>
 #include <vector>
 
+#include "model/node_friction.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/stencil.hpp"
 
@@ -47,22 +47,6 @@ inline Coefficients coefficients_with(const Scene& scene, double factor) {
 }
 inline Coefficients coefficients_of(const Scene& scene) { return coefficients_with(scene, scene.K1()); }
 
-// Friction with parameters of its own at every node. The loops take it in place of one friction for all,
-// which friction_of() hands on as it is: a scene without profiles runs the same instructions as if there were
-// none.
-template <class F>
-struct Varying {
-  static constexpr bool has_state = F::has_state, sticks = F::sticks, steep = F::steep, looks_up = false;
-  std::shared_ptr<const std::vector<F>> nodes;
-};
-template <class F>
-const F& friction_of(const F& friction, PetscInt) {
-  return friction;
-}
-template <class F>
-const F& friction_of(const Varying<F>& friction, PetscInt node) {
-  return (*friction.nodes)[node];
-}
 struct Range {
   const double* u;          // unknowns of the first node
   const double* amplitude;  // a_i of the first node; nullptr: all are 1

@@ -7,19 +7,19 @@ namespace stickslip {
 namespace {
 
 // Part::pointwise, or what Onto adds to the coupling between nodes.
-RangeLoop pointwise(const FrictionParameters& p, bool sticking, const std::vector<double>& x, bool coupled) {
-  return loop_of_friction<RangeLoop, kernel::Onto>(p, sticking, x, coupled);
+RangeLoop pointwise(const FrictionParameters& p, bool sticking, const FrictionPlaces& places, bool coupled) {
+  return loop_of_friction<RangeLoop, kernel::Onto>(p, sticking, places, coupled);
 }
 
 // First what is coupled, by the loop that knows no law; then the rest.
 RangeLoop in_two_passes(const FrictionParameters& p, int half_width, bool sticking,
-                        const std::vector<double>& x) {
-  return
-      [rest = pointwise(p, sticking, x, true), stencil = wave_loop(p.has_state() ? 3 : 2, half_width, true)](
-          const kernel::Coefficients& c, const kernel::Range& r) {
-        stencil(c, r);
-        rest(c, r);
-      };
+                        const FrictionPlaces& places) {
+  return [rest = pointwise(p, sticking, places, true),
+          stencil = wave_loop(p.has_state() ? 3 : 2, half_width, true)](const kernel::Coefficients& c,
+                                                                        const kernel::Range& r) {
+    stencil(c, r);
+    rest(c, r);
+  };
 }
 
 // A law without a state, the same everywhere: where two passes would show.
@@ -48,21 +48,21 @@ using ReactionOf = kernel::Reaction<F>;
 }  // namespace
 
 RangeLoop whole_loop(const FrictionParameters& p, int half_width, bool sticking,
-                     const std::vector<double>& x) {
-  if (half_width == 0) return pointwise(p, sticking, x, false);
-  if (p.varies() || p.has_state() || sticking) return in_two_passes(p, half_width, sticking, x);
+                     const FrictionPlaces& places) {
+  if (half_width == 0) return pointwise(p, sticking, places, false);
+  if (!places.empty() || p.has_state() || sticking) return in_two_passes(p, half_width, sticking, places);
   return in_one_pass(p, half_width);
 }
 
-RangeLoop reaction_loop(const FrictionParameters& p, const std::vector<double>& x) {
-  return loop_of_friction<RangeLoop, ReactionOf>(p, false, x);
+RangeLoop reaction_loop(const FrictionParameters& p, const FrictionPlaces& places) {
+  return loop_of_friction<RangeLoop, ReactionOf>(p, false, places);
 }
 
 // Of a medium with A = 1 in which nothing else acts the rate of psi is -F.
-ForceLoop force_loop(const FrictionParameters& p, const std::vector<double>& x) {
+ForceLoop force_loop(const FrictionParameters& p, const FrictionPlaces& places) {
   const PetscInt dof = p.has_state() ? 3 : 2;
-  return [rates = whole_loop(p, 0, false, x), dof](PetscInt node, PetscInt count, const double* psi,
-                                                   const double* state, double* F) {
+  return [rates = whole_loop(p, 0, false, places), dof](PetscInt node, PetscInt count, const double* psi,
+                                                        const double* state, double* F) {
     constexpr kernel::Coefficients alone{1, 0, 0, 0, 0, {}};
     double u[3 * kernel::tile_size] = {}, f[3 * kernel::tile_size];
     for (PetscInt begin = 0; begin < count; begin += kernel::tile_size) {

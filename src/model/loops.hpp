@@ -16,14 +16,14 @@ using RangeLoop = std::function<void(const kernel::Coefficients&, const kernel::
 // `x`: of this rank's nodes, where friction varies along x; else it is not read. Part::full; half_width 0:
 // Part::pointwise. `sticking`: with the direction of motion given, for laws that stick.
 RangeLoop whole_loop(const FrictionParameters& friction, int half_width, bool sticking,
-                     const std::vector<double>& x = {});
+                     const FrictionPlaces& places = {});
 // Part::reaction.
-RangeLoop reaction_loop(const FrictionParameters& friction, const std::vector<double>& x);
+RangeLoop reaction_loop(const FrictionParameters& friction, const FrictionPlaces& places);
 // F of `count` nodes side by side, the first of number `node`, of friction amplitude 1, at psi and the stored
 // state (not read without one).
 using ForceLoop =
     std::function<void(PetscInt node, PetscInt count, const double* psi, const double* state, double* F)>;
-ForceLoop force_loop(const FrictionParameters& friction, const std::vector<double>& x);
+ForceLoop force_loop(const FrictionParameters& friction, const FrictionPlaces& places);
 // Part::wave or Part::stencil, for so many unknowns a node.
 RangeLoop wave_loop(int dof, int half_width, bool stencil_only);
 

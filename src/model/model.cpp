@@ -67,15 +67,15 @@ struct Model::Impl {
     std::fill(std::begin(no_stencil.w), std::end(no_stencil.w), 0.);
 
     const FrictionParameters& p = scene.friction;
-    const std::vector<double> x = p.varies() ? positions(scene, first, local) : std::vector<double>();
-    full = whole_loop(p, half_width, false, x);
-    pointwise = whole_loop(p, 0, false, x);
+    const FrictionPlaces places = friction_places(scene, first, local);
+    full = whole_loop(p, half_width, false, places);
+    pointwise = whole_loop(p, 0, false, places);
     stencil = wave_loop(dof, half_width, true);
     wave = wave_loop(dof, half_width, false);
-    reaction = reaction_loop(p, x);
+    reaction = reaction_loop(p, places);
     if (p.sticks()) {
-      sticking = whole_loop(p, half_width, true, x);
-      sticking_pointwise = whole_loop(p, 0, true, x);
+      sticking = whole_loop(p, half_width, true, places);
+      sticking_pointwise = whole_loop(p, 0, true, places);
     }
     if (scene.N() > 0) add_viscosity();
     if (scene.massless()) set_up_massless();

@@ -67,6 +67,7 @@ void read_model(const Options& o, Scene& s) {
     s.zeta = o.text("model_zeta") == "paper" ? std::sqrt(0.1 * s.m * s.k1) : o.real("model_zeta");
   }
   s.nu = o.real("model_nu");
+  s.friction.terms = NodeTerms::from(o);
   if (s.massless() && s.nu > 0)
     throw UsageError(shown(o, "model_nu") +
                      ": with model_m 0 every block's psi follows from its own force, which viscosity "
@@ -242,10 +243,10 @@ void read_profiles(const Options& o, Scene& s) {
     throw UsageError(shown(o, "profile_kind") + ": there is no profile");
   // throws where the values contradict each other
   if (!f.varies()) return void(Friction::of(f));
-  std::vector<double> x;
+  FrictionPlaces places;
   for (const auto& [name, profile] : f.profiles)
-    for (const auto& point : profile.points()) x.push_back(point.first);
-  (void)Friction::along(f, x);
+    for (const auto& point : profile.points()) places.push_back({point.first});
+  (void)Friction::along(f, places);
 }
 
 void read_load(const Options& o, Scene& s) {

@@ -168,6 +168,7 @@ void model_options(TableBuilder& t) {
   t.not_negative("model_nu", "0", "viscosity between neighbours: nu psi_xx in the force",
                  "length^2/time; chain: force/velocity")
       .idle_of(one_block);
+  t.not_negative("model_drag", "0", "drag c3: the force c3 psi |psi| beside friction", "1/velocity^2");
   t.real("model_v", "0.2", "velocity of the driving plate", "velocity");
 }
 

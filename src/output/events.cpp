@@ -83,9 +83,9 @@ struct Events::Impl {
         n(static_cast<std::size_t>(range.count)), ranks(ranks_in(range.comm)), velocity(v),
         weight(s.form == Form::chain ? 1 : s.h()), damping(s.B() + s.s_delta() / s.A()), A(s.A()), B(s.B()),
         amplitude(friction_amplitude(s, first, PetscInt(n))), friction(s, first, PetscInt(n)),
-        forces(force_loop(s.friction, positions(s, first, s.friction.varies() ? PetscInt(n) : 0))),
-        halo(s, range), regions(s.n, s.ring()), owner(n, -1), slip(n), slipped(n), slipped_then(n),
-        last_force(n), moving(n, 0), moved(n, 0) {
+        forces(force_loop(s.friction, friction_places(s, first, PetscInt(n)))), halo(s, range),
+        regions(s.n, s.ring()), owner(n, -1), slip(n), slipped(n), slipped_then(n), last_force(n),
+        moving(n, 0), moved(n, 0) {
     for (std::size_t i = 0; i < n && s.N() > 0; ++i) {
       d2.push_back(second_difference_row(s, first + PetscInt(i)));
       for (auto& term : d2.back()) term.second *= s.N();

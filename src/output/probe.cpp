@@ -40,11 +40,15 @@ Combination NodesAround::at(double x) const {
 Combination interpolation_at(const Scene& scene, double x) { return NodesAround(scene).at(x); }
 
 FrictionAt::FrictionAt(const Scene& scene, const std::vector<double>& x) {
-  if (scene.friction.varies())
-    laws_ = Friction::along(scene.friction, x);
+  FrictionPlaces places;
+  for (const double at : x) {
+    amplitude_.push_back(friction_amplitude_at(scene, at));
+    places.push_back({at, amplitude_.back()});
+  }
+  if (scene.laws_differ())
+    laws_ = Friction::along(scene.friction, places);
   else
     laws_ = {Friction::of(scene.friction)};
-  for (const double at : x) amplitude_.push_back(friction_amplitude_at(scene, at));
 }
 
 double FrictionAt::force(std::size_t place, double psi, double state) const {
@@ -52,7 +56,7 @@ double FrictionAt::force(std::size_t place, double psi, double state) const {
 }
 
 Probes::Probes(const Model& model, const Scene& whole, const std::vector<double>& x) : dof_(model.dof()) {
-  const bool varies = whole.friction.varies();
+  const bool varies = whole.laws_differ();
   if (!varies) friction_ = Friction::of(whole.friction);
   std::vector<PetscInt> nodes;
   std::vector<double> places;  // of them

@@ -254,7 +254,8 @@ Criticality of_wave(const LinearisedOperator& J, const NodeForms& form, const Mo
 
 // Friction or the state's rate has a kink at psi = 0, and the nodes lie on both sides of it.
 bool passes_kink(const SteadySliding& steady) {
-  if (!steady.scene.friction.sticks() && !steady.scene.friction.has_state()) return false;
+  const FrictionParameters& friction = steady.scene.friction;
+  if (!friction.sticks() && !friction.has_state() && friction.terms.none()) return false;
   const auto [low, high] = std::minmax_element(steady.psi.begin(), steady.psi.end());
   return *low <= 0 && *high >= 0;
 }

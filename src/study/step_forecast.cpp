@@ -74,7 +74,7 @@ std::optional<Slopes> slopes_of_sliding(const Model& model) {
     return Slopes{model.friction(i, s.v, state), model.state_rate(i, s.v, state)};
   };
   if (model.dof() == 3 && !std::isfinite(model.steady_state(0, s.v))) return std::nullopt;
-  if (!s.has_profile()) {
+  if (!s.has_profile() && !s.laws_differ()) {
     Slopes slopes = at(0);
     const double amplitude = model.amplitude()[0];  // their mean is 1
     slopes.F.F_psi /= amplitude;
@@ -402,7 +402,7 @@ namespace {
 // Least slope of friction over the velocities, at steady state; with profiles of all nodes, else of amplitude
 // 1. Collective.
 double least_slope(const Model& model) {
-  const bool all = model.scene().has_profile();
+  const bool all = model.scene().has_profile() || model.scene().laws_differ();
   double least = 0;
   for (PetscInt i = 0; i < (all ? model.local() : 1); ++i)
     for (double psi = 1e-6; psi < 100; psi *= 1.2)

@@ -34,10 +34,7 @@ class ToleranceLadder final : public Ladder {
     return std::clamp((setting_.method.is_explicit() ? 10 : 0.1) * aim_, 1e-12, loosest());
   }
   // Errors fall with the tolerance as they do where nothing is stiff and no threshold is crossed.
-  bool smooth() const {
-    const FrictionParameters& law = request_.scene.friction;
-    return setting_.method.is_explicit() && !law.jumps_at_rest() && !law.piecewise();
-  }
+  bool smooth() const { return setting_.method.is_explicit() && request_.scene.friction.smooth(); }
   // Explicit steps meet a threshold now sooner, now later in a step.
   bool scatters() const { return setting_.method.is_explicit() && !smooth(); }
   double loosest() const { return setting_.method.is_explicit() ? 1e-2 : 1e-4; }

@@ -30,20 +30,19 @@ BandedImex::BandedImex(const Model& model, StageProgram method, Implicit implici
   if (std::abs(method_.At[0]) < 1e-14) method_.At[0] = 0;
   d2_row_ = 0;
   for (int k = 0; k <= scene.order / 2; ++k) d2_row_ += (k == 0 ? 1 : 2) * std::abs(coefficients_.w[k]);
-  std::vector<double> x, nodes;
+  std::vector<PetscInt> nodes;
   for (const BandTile& t : layout_.tiles())
-    for (PetscInt i = 0; i < t.count(); ++i) nodes.push_back(double(layout_.wrapped(t.begin + i)));
-  if (scene.friction.varies()) {
-    for (const double node : nodes) x.push_back(scene.x(node));
-    x = by_tiles(x);
-  }
+    for (PetscInt i = 0; i < t.count(); ++i) nodes.push_back(layout_.wrapped(t.begin + i));
+  FrictionPlaces places =
+      friction_places(scene, PetscInt(nodes.size()), [&](PetscInt i) { return nodes[std::size_t(i)]; });
+  if (scene.laws_differ()) places = by_tiles(places);
   if (!scene.unit_amplitude()) {
-    for (const double node : nodes) amplitude_.push_back(friction_amplitude(scene, node, 1)[0]);
+    for (const PetscInt node : nodes) amplitude_.push_back(friction_amplitude(scene, node, 1)[0]);
     amplitude_ = by_tiles(amplitude_);
   }
   if (sticking) direction_.assign(layout_.size(), 0.);
-  pointwise_ = tile::pointwise(scene, sticking, x);
-  if (implicit == Implicit::both) newton_ = tile::newton_round(scene, sticking, x);
+  pointwise_ = tile::pointwise(scene, sticking, places);
+  if (implicit == Implicit::both) newton_ = tile::newton_round(scene, sticking, places);
   PetscInt longest = 0;
   for (const BandTile& t : layout_.tiles()) {
     longest = std::max(longest, t.count());
@@ -56,8 +55,9 @@ BandedImex::BandedImex(const Model& model, StageProgram method, Implicit implici
 }
 
 // Values of the nodes of all tiles, one after the other, in the order of columns.
-std::vector<double> BandedImex::by_tiles(const std::vector<double>& of_nodes) const {
-  std::vector<double> sorted(layout_.size(), 0.);
+template <class T>
+std::vector<T> BandedImex::by_tiles(const std::vector<T>& of_nodes) const {
+  std::vector<T> sorted(layout_.size());
   std::size_t from = 0;
   for (const BandTile& t : layout_.tiles())
     for (PetscInt i = 0; i < t.count(); ++i) sorted[t.at + t.place(i)] = of_nodes[from++];

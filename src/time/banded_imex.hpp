@@ -51,7 +51,8 @@ class BandedImex : public StepTaker {
   static const double* of_tile(const std::vector<double>& all, const BandTile& t) {
     return all.empty() ? nullptr : &all[t.at];
   }
-  std::vector<double> by_tiles(const std::vector<double>& of_nodes) const;
+  template <class T>
+  std::vector<T> by_tiles(const std::vector<T>& of_nodes) const;
   kernel::Coefficients at_stage(const Step& step, int i) const;
   kernel::BandStage stage_of(const Step& step, int i) const;
   const double* from(const BandTile& t) const;

@@ -133,8 +133,7 @@ Implicit implicit_of(const Method& method, const std::string& wish, Implicit sti
 bool prefers_high_order(const Model& model, const MethodSpec& spec, const std::string& prefix) {
   char adapt[128] = "";
   SS_TRY(PetscOptionsGetString(nullptr, prefix.c_str(), "-ts_adapt_type", adapt, sizeof adapt, nullptr));
-  const FrictionParameters& law = model.scene().friction;
-  return spec.step == 0 && std::string(adapt) != TSADAPTNONE && !law.jumps_at_rest() && !law.piecewise();
+  return spec.step == 0 && std::string(adapt) != TSADAPTNONE && model.scene().friction.smooth();
 }
 
 // Whether the user tunes the solvers of the library's own steps, which then take them.

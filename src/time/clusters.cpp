@@ -59,10 +59,9 @@ Clusters::Clusters(const Model& model, Vec u, double t, double atol, double rtol
       both_sides_(scene_.friction.back_slip), atol_(atol), rtol_(rtol), plate_rate_(scene_.K0() * scene_.v),
       method_(FusedMethod::of(TSRK)), coefficients_(kernel::coefficients_of(scene_)),
       stencil_(tile::stencil(scene_)),
-      pointwise_(
-          tile::pointwise(scene_, true, positions(scene_, 0, scene_.friction.varies() ? n_ : PetscInt(0)))),
-      watcher_(watcher), eta_(n_), since_(n_, t), release_(n_, infinity), psi_(n_), direction_(n_, 0),
-      owner_(n_, -1), t_(t), first_dt_(0.1 / wave_frequency(scene_)) {
+      pointwise_(tile::pointwise(scene_, true, friction_places(scene_, 0, n_))), watcher_(watcher), eta_(n_),
+      since_(n_, t), release_(n_, infinity), psi_(n_), direction_(n_, 0), owner_(n_, -1), t_(t),
+      first_dt_(0.1 / wave_frequency(scene_)) {
   method_->set_subtype(TSRK5DP);
   tableau_ = tableau_of(method_->library());
   const Reading a(u);

@@ -3,8 +3,8 @@
 
 namespace stickslip::tile {
 
-NewtonRound newton_round(const Scene& scene, bool sticking, const std::vector<double>& x) {
-  return loop_of_friction<NewtonRound, kernel::NewtonRound>(scene.friction, sticking, x);
+NewtonRound newton_round(const Scene& scene, bool sticking, const FrictionPlaces& places) {
+  return loop_of_friction<NewtonRound, kernel::NewtonRound>(scene.friction, sticking, places);
 }
 
 }  // namespace stickslip::tile

@@ -10,8 +10,8 @@ Stencil stencil(const Scene& scene) {
   });
 }
 
-Pointwise pointwise(const Scene& scene, bool sticking, const std::vector<double>& x) {
-  return loop_of_friction<Pointwise, kernel::PointwiseOfColumns>(scene.friction, sticking, x);
+Pointwise pointwise(const Scene& scene, bool sticking, const FrictionPlaces& places) {
+  return loop_of_friction<Pointwise, kernel::PointwiseOfColumns>(scene.friction, sticking, places);
 }
 
 }  // namespace stickslip::tile

@@ -19,20 +19,20 @@ Stencil stencil(const Scene& scene);
 // What is added to it; `sticking`: of friction that sticks. `x`: of the nodes by their numbers, where
 // friction varies.
 using Pointwise = std::function<void(const kernel::Coefficients&, const kernel::Columns&)>;
-Pointwise pointwise(const Scene& scene, bool sticking, const std::vector<double>& x);
+Pointwise pointwise(const Scene& scene, bool sticking, const FrictionPlaces& places);
 
 // The stage of an implicit-explicit method with what is pointwise implicit; the number of nodes left
 // unsolved.
 using SolveStage = std::function<long(const kernel::Coefficients&, const kernel::Stage&)>;
-SolveStage solve_stage(const Scene& scene, bool sticking, const std::vector<double>& x);
+SolveStage solve_stage(const Scene& scene, bool sticking, const FrictionPlaces& places);
 
 // A round of Newton's method with everything implicit.
 using NewtonRound =
     std::function<kernel::Flag(const kernel::Coefficients&, const kernel::Round&, bool advance)>;
-NewtonRound newton_round(const Scene& scene, bool sticking, const std::vector<double>& x);
+NewtonRound newton_round(const Scene& scene, bool sticking, const FrictionPlaces& places);
 
 // The derivatives of what is pointwise.
 using NodeTangents = std::function<void(const kernel::Tangents&)>;
-NodeTangents tangents(const Scene& scene, bool sticking, const std::vector<double>& x);
+NodeTangents tangents(const Scene& scene, bool sticking, const FrictionPlaces& places);
 
 }  // namespace stickslip::tile

@@ -4,8 +4,8 @@
 
 namespace stickslip::tile {
 
-SolveStage solve_stage(const Scene& scene, bool sticking, const std::vector<double>& x) {
-  return loop_of_friction<SolveStage, kernel::SolveStage>(scene.friction, sticking, x);
+SolveStage solve_stage(const Scene& scene, bool sticking, const FrictionPlaces& places) {
+  return loop_of_friction<SolveStage, kernel::SolveStage>(scene.friction, sticking, places);
 }
 
 }  // namespace stickslip::tile

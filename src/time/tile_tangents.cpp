@@ -3,8 +3,8 @@
 
 namespace stickslip::tile {
 
-NodeTangents tangents(const Scene& scene, bool sticking, const std::vector<double>& x) {
-  return loop_of_friction<NodeTangents, kernel::TangentsOfColumns>(scene.friction, sticking, x);
+NodeTangents tangents(const Scene& scene, bool sticking, const FrictionPlaces& places) {
+  return loop_of_friction<NodeTangents, kernel::TangentsOfColumns>(scene.friction, sticking, places);
 }
 
 }  // namespace stickslip::tile

@@ -73,12 +73,9 @@ void Tiles::set_amplitude() {
   }
 }
 
-std::vector<double> Tiles::places() const {
-  std::vector<double> x;
-  if (!model_.scene().friction.varies()) return x;
-  for (PetscInt i = -left_halo_; i < local_ + right_halo_; ++i)
-    x.push_back(model_.scene().x(wrapped(first_ + i)));
-  return x;
+FrictionPlaces Tiles::places() const {
+  return friction_places(model_.scene(), left_halo_ + local_ + right_halo_,
+                         [this](PetscInt i) { return wrapped(first_ + i - left_halo_); });
 }
 
 void Tiles::set_direction(const std::vector<double>& own) {

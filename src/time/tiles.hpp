@@ -74,7 +74,7 @@ class Tiles {
   // Where friction varies along x: the number of a node among those of this rank with its halo, and x of all
   // of these.
   PetscInt number(PetscInt node) const { return node + left_halo_; }
-  std::vector<double> places() const;
+  FrictionPlaces places() const;
   // nullptr: friction does not stick
   const double* direction(PetscInt node) const { return at(direction_, node); }
   // Calls body(i) for the held nodes of this rank in [begin, end).

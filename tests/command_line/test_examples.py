@@ -40,6 +40,19 @@ def test_the_page_shows_the_file(name):
     assert code in text
 
 
+def test_the_page_shows_the_lines_of_a_term():
+    """Those of the drag are the source's own."""
+    with open(os.path.join(SOURCE, "docs", "adding.md"), encoding="utf-8") as page:
+        text = page.read()
+    for name, begin, end in (("include/stickslip/model/node_terms.hpp", "struct NodeTerms {", "\n};"),
+                             ("src/options/option_table.cpp", 't.not_negative("model_drag"', ";")):
+        with open(os.path.join(SOURCE, name), encoding="utf-8") as file:
+            source = file.read()
+        lines = source[source.index(begin):]
+        lines = lines[:lines.index(end) + len(end)]
+        assert name in text and "\n".join(("    " + line).rstrip() for line in lines.splitlines()) in text, name
+
+
 def test_where_a_term_stands():
     """Files and names of the page's table exist."""
     with open(os.path.join(SOURCE, "docs", "adding.md"), encoding="utf-8") as page:

@@ -41,7 +41,7 @@ def test_null_values_of_terms_are_none():
     write_start(64, 1)
     options = FIXED + "-model_form chain -grid_n 64 -friction_law coulomb -model_v 0.25 -model_zeta 0.25 "
     counts, fields = [], []
-    for term in ("", "-model_nu 0", "-load_v 0:0.25", "-friction_fs_profile 0:1", "-friction_amplitude_profile 0:1"):
+    for term in ("", "-model_nu 0", "-load_v 0:0.25", "-friction_fs_profile 0:1", "-friction_amplitude_profile 0:1", "-model_drag 0"):
         s, _ = run(options + term + " -out_file null.h5")
         end = data("null.h5")
         counts.append((s["steps"], s["rhs_evaluations"], s["unknowns"]))

@@ -33,6 +33,7 @@
 #include <utility>
 #include <vector>
 
+#include "stickslip/model/node_terms.hpp"
 #include "stickslip/model/profile.hpp"
 
 namespace stickslip {
@@ -152,6 +153,7 @@ struct FrictionParameters {
   std::map<std::string, double> values;  // parameters that are set, by option name, e.g. friction_fs
   std::map<std::string, ProfileAlongX> profiles;  // of those that differ along x, in place of their values
   Points curve;                                   // velocity and force, of the law `table`
+  NodeTerms terms;                                // what stands beside the law
 
   bool has_state() const { return !state.none(); }
   // At psi = 0 friction takes any value up to a threshold, or does so when it is not regularised.
@@ -160,6 +162,9 @@ struct FrictionParameters {
   }
   bool sticks() const { return jumps_at_rest() && !regularised; }  // exactly
   bool piecewise() const;  // a derivative that methods of high order rely on jumps at some velocities
+  // Methods of high order keep it at every velocity: neither a threshold, nor pieces, nor terms beside the
+  // law, whose slopes may have a corner at rest.
+  bool smooth() const;
   bool varies() const { return !profiles.empty(); }  // along x
   // The parameter's profile; nullptr where it is the same everywhere.
   const ProfileAlongX* profile(const std::string& option) const;
@@ -167,17 +172,24 @@ struct FrictionParameters {
   double value(const std::string& option) const;
 };
 
-// A law with its state law and parameters. Friction that `sticks` has a threshold and is not regularised: at
-// psi = 0 it takes any value up to the threshold (stick.hpp), and elsewhere it is called with the direction
-// of motion given, +1 or -1, so that it is smooth through psi = 0.
+// A place along x at which friction is asked for, with its amplitude there.
+struct FrictionPlace {
+  double x = 0, amplitude = 1;
+};
+using FrictionPlaces = std::vector<FrictionPlace>;
+
+// A law with its state law and parameters, and with it, over the amplitude, the terms that stand beside it
+// (node_terms.hpp): F is the sum. Friction that `sticks` has a threshold and is not regularised: at psi = 0
+// it takes any value up to the threshold (stick.hpp), and elsewhere it is called with the direction of motion
+// given, +1 or -1, so that it is smooth through psi = 0.
 class Friction {
  public:
-  // Throws UsageError where the parameters contradict each other, and where they vary along x: there is no
-  // one friction then.
+  // Where the amplitude is 1. Throws UsageError where the parameters contradict each other, and where they
+  // vary along x: there is no one friction then.
   static std::shared_ptr<const Friction> of(const FrictionParameters& parameters);
-  // At each of the places x. Throws UsageError where the parameters of one contradict each other.
+  // At each of the places. Throws UsageError where the parameters of one contradict each other.
   static std::vector<std::shared_ptr<const Friction>> along(const FrictionParameters& parameters,
-                                                            const std::vector<double>& x);
+                                                            const FrictionPlaces& places);
   virtual ~Friction() = default;
 
   const bool has_state, sticks;

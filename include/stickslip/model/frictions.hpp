@@ -5,6 +5,7 @@
 // Nothing here communicates.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -19,11 +20,18 @@ class Frictions {
   Frictions(const Scene& scene, PetscInt first, PetscInt count);
 
   const Friction& operator[](PetscInt i) const { return *list_[list_.size() == 1 ? 0 : i]; }
-  bool vary() const { return vary_; }
+  bool vary() const { return vary_; }  // by more than their amplitudes
 
  private:
   bool vary_;
   std::vector<std::shared_ptr<const Friction>> list_;
 };
+
+// Where the loops over nodes are to take friction that is each node's own (model/loops.hpp): of `count`
+// nodes, the i-th of number node(i). None where one law says all; one place where all nodes are alike with a
+// term beside it; else all of them.
+FrictionPlaces friction_places(const Scene& scene, PetscInt count,
+                               const std::function<PetscInt(PetscInt)>& node);
+FrictionPlaces friction_places(const Scene& scene, PetscInt first, PetscInt count);
 
 }  // namespace stickslip

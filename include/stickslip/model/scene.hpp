@@ -2,13 +2,14 @@
 // Nothing here communicates.
 //
 // Every form of the model is one semi-discrete system (per node; B and delta are never both non-zero)
-//     psi_t = A [eta + N D2 psi - B psi - F(psi, state)]
-//     eta_t = K0 (v - psi) + K1 D2 psi - s delta [eta + N D2 psi - F(psi, state)]
+//     psi_t = A [eta + N D2 psi - B psi - F(psi, state) - c3 psi |psi|]
+//     eta_t = K0 (v - psi) + K1 D2 psi - s delta [eta + N D2 psi - F(psi, state) - c3 psi |psi|]
 //     state_t = g(psi, state)                       only with a state law
 // continuum: A = gamma, B = 0, K0 = 1/gamma, K1 = c^2/gamma, N = nu/gamma;  chain: A = f0/m, B = zeta/f0, K0
 // = k0/f0, K1 = k1/f0, N = nu/f0, delta = 0. psi: sliding velocity, eta: force over the friction amplitude.
 // nu is the viscosity between neighbours, 0 by default: then N D2 psi is not computed at all. In the massless
-// chain (m = 0) the first equation is B psi + F(psi, state) = eta (src/model/massless.hpp).
+// chain (m = 0) the first equation is B psi + F(psi, state) = eta (src/model/massless.hpp). The drag c3 psi
+// |psi| stands beside F wherever F does, also where only F is written (node_terms.hpp).
 #pragma once
 
 #include <petscsys.h>
@@ -68,6 +69,8 @@ struct Scene {
   // Whether the amplitude of friction is 1 at every node; and whether all of friction is the same everywhere.
   bool unit_amplitude() const { return spread == 0 && amplitude.points().empty(); }
   bool same_friction() const { return unit_amplitude() && !friction.varies(); }
+  // Whether friction, with what stands beside it, differs from node to node by more than a factor.
+  bool laws_differ() const { return friction.varies() || (!friction.terms.none() && !unit_amplitude()); }
   bool has_profile() const { return friction.varies() || !amplitude.points().empty(); }
   // The shortest length over which friction changes: of the spread and of profiles; infinite where it is the
   // same everywhere.
