@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -97,14 +98,34 @@ std::vector<std::string> with_profiles(const std::vector<std::string>& names) {
   return all;
 }
 
-// What the names of `others` have beyond `own`, each once.
-std::vector<std::string> beyond(const std::vector<std::string>& own, const std::vector<std::string>& others) {
-  std::vector<std::string> names;
-  for (const std::string& name : others)
-    if (std::find(own.begin(), own.end(), name) == own.end() &&
-        std::find(names.begin(), names.end(), name) == names.end())
-      names.push_back(name);
-  return names;
+// For each law of a list, by its name: the options of its family that mean nothing to it, profiles last.
+// Scenes are made by the thousand along a curve, all of one law: what belongs to it is gone through once.
+using NamesByLaw = std::map<std::string, std::vector<std::string>>;
+template <class List>
+NamesByLaw options_of_others(const std::string& family, const List& laws) {
+  NamesByLaw result;
+  for (const auto& law : laws) {
+    const std::vector<std::string> own = names_of(family, law->parameters);
+    std::vector<std::string> names;
+    for (const auto& other : laws)
+      for (const std::string& name : names_of(family, other->parameters))
+        if (std::find(own.begin(), own.end(), name) == own.end() &&
+            std::find(names.begin(), names.end(), name) == names.end())
+          names.push_back(name);
+    std::vector<std::string>& all = result[law->name] = names;
+    for (const std::string& name : with_profiles(names))
+      if (find_option(name) && std::find(all.begin(), all.end(), name) == all.end()) all.push_back(name);
+  }
+  return result;
+}
+
+const std::vector<std::string>& options_of_others(Law law) {
+  static const NamesByLaw names = options_of_others("friction_", all_laws());
+  return names.at(law->name);
+}
+const std::vector<std::string>& options_of_others(StateLaw law) {
+  static const NamesByLaw names = options_of_others("state_", all_state_laws());
+  return names.at(law->name);
 }
 
 template <class List>
@@ -133,7 +154,7 @@ void read_law(const Options& o, FrictionParameters& f) {
   const std::string other_law = "a parameter of another law, but friction_law is " + f.law->name;
   if (!f.jumps_at_rest())
     refuse(o, {"friction_eps", "friction_back_slip"}, other_law + ", which has no threshold");
-  refuse(o, friction_options_of_other_laws(f.law), other_law);
+  refuse(o, options_of_others(f.law), other_law);
   std::vector<std::string> of_regularised = {"friction_eps"};
   for (const Parameter& p : f.law->parameters)
     if (p.regularised)
@@ -182,11 +203,9 @@ void read_state(const Options& o, Scene& s) {
   f.state = StateLaw(o.text("state_law"));
   if (!belong_together(f.law, f.state)) refuse_state(o, f.law, f.state);
 
-  const std::vector<std::string> own = names_of("state_", f.state->parameters);
-  for (const StateLaw other : all_state_laws())
-    refuse(o, with_profiles(beyond(own, names_of("state_", other->parameters))),
-           "a parameter of another state law, but state_law is " + f.state->name);
-  for (const std::string& name : own) f.values[name] = o.real(name);
+  refuse(o, options_of_others(f.state),
+         "a parameter of another state law, but state_law is " + f.state->name);
+  for (const std::string& name : names_of("state_", f.state->parameters)) f.values[name] = o.real(name);
   for (const Parameter& p : f.law->parameters) {
     const std::string name = "friction_" + std::string(p.name);
     if (*p.same_as && o.is_set(p.same_as) && o.real(p.same_as) != o.real(name))
@@ -326,15 +345,9 @@ Scene Scene::from(const Options& options, bool) {
 }
 
 std::vector<std::string> friction_options_of_other_laws(Law law) {
-  std::vector<std::string> all;
-  if (!law->jumps_at_rest) all = {"friction_eps", "friction_back_slip"};
-  for (const Law other : all_laws())
-    for (const std::string& name : names_of("friction_", other->parameters)) all.push_back(name);
-  all = beyond(names_of("friction_", law->parameters), all);
-  const std::vector<std::string> profiles = with_profiles(all);
-  for (const std::string& name : profiles)
-    if (find_option(name)) all.push_back(name);
-  return beyond({}, all);
+  std::vector<std::string> all = options_of_others(law);
+  if (!law->jumps_at_rest) all.insert(all.begin(), {"friction_eps", "friction_back_slip"});
+  return all;
 }
 
 std::string to_string(Form form) { return name_of(form_names, form); }

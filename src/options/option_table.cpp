@@ -1,6 +1,6 @@
 // The table of the program's own options.
 #include <limits>
-#include <map>
+#include <unordered_map>
 
 #include "stickslip/options/options.hpp"
 
@@ -527,9 +527,9 @@ std::vector<OptionSpec> make_table() {
   return std::move(t.rows);
 }
 
-const std::map<std::string, const OptionSpec*>& index() {
-  static const std::map<std::string, const OptionSpec*> by_name = [] {
-    std::map<std::string, const OptionSpec*> result;
+const std::unordered_map<std::string, const OptionSpec*>& index() {
+  static const std::unordered_map<std::string, const OptionSpec*> by_name = [] {
+    std::unordered_map<std::string, const OptionSpec*> result;
     for (const OptionSpec& spec : option_table()) result[lower_case(spec.name)] = &spec;
     return result;
   }();
