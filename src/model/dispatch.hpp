@@ -134,8 +134,14 @@ Function loop_of_friction(const FrictionParameters& p, bool sticking, const Fric
     const auto loop = [&](auto constant) -> Function {
       constexpr bool sticks = decltype(constant)::value;
       if (places.empty()) return kernel::compiled_where_worth<Function>(Loop<F, sticks>{friction, rest...});
+      const std::vector<NodeFriction<F>> nodes = frictions_along(friction, p, places);
+      if (!p.terms.none())
+        return kernel::Baseline<Loop<kernel::Varying<NodeFriction<F>>, sticks>>{
+            {{std::make_shared<const std::vector<NodeFriction<F>>>(nodes)}, rest...}};
+      std::vector<F> laws;
+      for (const NodeFriction<F>& node : nodes) laws.push_back(node.friction);
       return kernel::Baseline<Loop<kernel::Varying<F>, sticks>>{
-          {kernel::Varying<F>(frictions_along(friction, p, places)), rest...}};
+          {{std::make_shared<const std::vector<F>>(std::move(laws))}, rest...}};
     };
     if (!sticking) return loop(std::false_type());
     if constexpr (F::sticks)

@@ -73,6 +73,8 @@ struct IsSmoothed : std::false_type {};
 template <class L, class S>
 struct IsSmoothed<Product<L, SignRegularised, S>> : std::true_type {};
 template <class F>
+struct IsSmoothed<NodeFriction<F>> : IsSmoothed<F> {};
+template <class F>
 struct IsSmoothed<Varying<F>> : IsSmoothed<F> {};
 
 // As wide as a double, so that the compiler can choose between doubles by it.

@@ -50,25 +50,27 @@ struct NodeFriction {
 
 namespace kernel {
 
-// Friction with parameters and terms of its own at every node, or the same at all. The loops take it in place
-// of a law alone, which friction_of() hands on as it is: a scene without profiles and terms runs the same
-// instructions as if there were none.
-template <class F>
+// Friction with parameters of its own at every node, or the same at all where terms stand beside it. Own: a
+// law alone, or NodeFriction. The loops take it in place of one law, which friction_of() hands on as it is: a
+// scene without profiles and terms runs the same instructions as if there were none.
+template <class Own>
 struct Varying {
-  static constexpr bool has_state = F::has_state, sticks = F::sticks, steep = F::steep, looks_up = false;
-  std::shared_ptr<const std::vector<NodeFriction<F>>> nodes;
-  std::ptrdiff_t mask;  // of a node's number: 0 where all are alike
-  explicit Varying(std::vector<NodeFriction<F>> list)
-      : nodes(std::make_shared<const std::vector<NodeFriction<F>>>(std::move(list))),
-        mask(nodes->size() == 1 ? 0 : -1) {}
+  static constexpr bool has_state = Own::has_state, sticks = Own::sticks, steep = Own::steep,
+                        looks_up = false;
+  std::shared_ptr<const std::vector<Own>> nodes;
 };
 template <class F>
 const F& friction_of(const F& friction, std::ptrdiff_t) {
   return friction;
 }
 template <class F>
-const NodeFriction<F>& friction_of(const Varying<F>& friction, std::ptrdiff_t node) {
-  return (*friction.nodes)[static_cast<std::size_t>(node & friction.mask)];
+const F& friction_of(const Varying<F>& friction, std::ptrdiff_t node) {
+  return (*friction.nodes)[static_cast<std::size_t>(node)];
+}
+template <class F>
+const NodeFriction<F>& friction_of(const Varying<NodeFriction<F>>& friction, std::ptrdiff_t node) {
+  const std::vector<NodeFriction<F>>& nodes = *friction.nodes;
+  return nodes[nodes.size() == 1 ? 0 : static_cast<std::size_t>(node)];
 }
 
 }  // namespace kernel
