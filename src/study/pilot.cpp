@@ -35,9 +35,10 @@ VecHandle vector_for(const Model& model) {
 
 // In which the user wants the error of a step to be held.
 NormType norm_set() {
-  PetscEnum type = PetscEnum(NORM_2);
-  SS_TRY(PetscOptionsGetEnum(nullptr, nullptr, "-ts_adapt_wnormtype", NormTypes, &type, nullptr));
-  return NormType(type);
+  NormType type = NORM_2;
+  SS_TRY(PetscOptionsGetEnum(nullptr, nullptr, "-ts_adapt_wnormtype", NormTypes,
+                             reinterpret_cast<PetscEnum*>(&type), nullptr));
+  return type;
 }
 
 // As TSADAPTBASIC with its defaults chooses steps.
