@@ -190,7 +190,7 @@ TEST_CASE("every option that an object of PETSc or SLEPc asks for is known") {
   const std::regex option("\n *-([A-Za-z0-9_]+)");
   for (std::sregex_iterator it(printed.begin(), printed.end(), option), end; it != end; ++it)
     names.insert(lower_case((*it)[1]));
-  CHECK(names.size() > 300);
+  CHECK(names.size() > 200);  // some 300; on several ranks a few kinds of matrices ask for less
   for (const std::string& name : names) {
     INFO(name);
     CHECK(is_library_option(name));
