@@ -123,23 +123,45 @@ R dispatch_friction(const FrictionParameters& p, const Body& body) {
   return result;
 }
 
+// The loop of any friction whose nodes are given (AnyFriction).
+template <class Function, template <class, bool> class Loop, class... Rest>
+Function loop_of_any(const std::vector<std::shared_ptr<const Friction>>& nodes, bool smoothed, bool sticking,
+                     const Rest&... rest) {
+  const auto loop = [&](auto friction, auto constant) -> Function {
+    using Any = decltype(friction);
+    std::vector<Any> own;
+    for (const auto& node : nodes) own.push_back({node});
+    return kernel::Baseline<Loop<kernel::Varying<Any>, decltype(constant)::value>>{
+        {{std::make_shared<const std::vector<Any>>(std::move(own))}, rest...}};
+  };
+  constexpr std::true_type yes;
+  constexpr std::false_type no;
+  if (!nodes.front()->has_state) {
+    if (smoothed) return loop(AnyFriction<false, true, false>(), no);
+    return sticking ? loop(AnyFriction<false, false, false>(), yes)
+                    : loop(AnyFriction<false, false, false>(), no);
+  }
+  if (nodes.front()->steep) return loop(AnyFriction<true, false, true>(), no);
+  if (smoothed) return loop(AnyFriction<true, true, false>(), no);
+  return sticking ? loop(AnyFriction<true, false, false>(), yes)
+                  : loop(AnyFriction<true, false, false>(), no);
+}
+
 // Loop<F, sticking>{friction, rest...} of that class F, in the version that suits this processor; with
 // `places`, with what acts at each of them (friction_places). Only laws that stick have a loop with
 // `sticking`.
 template <class Function, template <class, bool> class Loop, class... Rest>
 Function loop_of_friction(const FrictionParameters& p, bool sticking, const FrictionPlaces& places,
                           const Rest&... rest) {
+  if (!places.empty() && !p.terms.none())
+    return loop_of_any<Function, Loop>(Friction::along(p, places), p.regularised, sticking, rest...);
   return dispatch_friction<Function>(p, [&](const auto& friction) -> Function {
     using F = std::decay_t<decltype(friction)>;
     const auto loop = [&](auto constant) -> Function {
       constexpr bool sticks = decltype(constant)::value;
       if (places.empty()) return kernel::compiled_where_worth<Function>(Loop<F, sticks>{friction, rest...});
-      const std::vector<NodeFriction<F>> nodes = frictions_along(friction, p, places);
-      if (!p.terms.none())
-        return kernel::Baseline<Loop<kernel::Varying<NodeFriction<F>>, sticks>>{
-            {{std::make_shared<const std::vector<NodeFriction<F>>>(nodes)}, rest...}};
       std::vector<F> laws;
-      for (const NodeFriction<F>& node : nodes) laws.push_back(node.friction);
+      for (const NodeFriction<F>& node : frictions_along(friction, p, places)) laws.push_back(node.friction);
       return kernel::Baseline<Loop<kernel::Varying<F>, sticks>>{
           {{std::make_shared<const std::vector<F>>(std::move(laws))}, rest...}};
     };

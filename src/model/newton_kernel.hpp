@@ -72,8 +72,8 @@ template <class F>
 struct IsSmoothed : std::false_type {};
 template <class L, class S>
 struct IsSmoothed<Product<L, SignRegularised, S>> : std::true_type {};
-template <class F>
-struct IsSmoothed<NodeFriction<F>> : IsSmoothed<F> {};
+template <bool state, bool smoothed, bool steep>
+struct IsSmoothed<AnyFriction<state, smoothed, steep>> : std::bool_constant<smoothed> {};
 template <class F>
 struct IsSmoothed<Varying<F>> : IsSmoothed<F> {};
 

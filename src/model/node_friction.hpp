@@ -48,11 +48,32 @@ struct NodeFriction {
   }
 };
 
+// Any friction, behind its virtual functions: terms stand beside it in loops that are compiled once for all
+// laws and are no vector code.
+template <bool state, bool is_smoothed, bool is_steep>
+struct AnyFriction {
+  static constexpr bool has_state = state, sticks = true, smoothed = is_smoothed, steep = is_steep;
+  std::shared_ptr<const Friction> own;
+
+  Partials partials(double psi, double s) const { return own->partials(psi, s); }
+  Partials sliding_partials(double psi, double s, double direction) const {
+    return own->sliding_partials(psi, s, direction);
+  }
+  RatePartials rate_partials(double psi, double s) const { return own->rate_partials(psi, s); }
+  RatePartials sliding_rate(double psi, double s, double direction) const {
+    return own->sliding_rate(psi, s, direction);
+  }
+  double rate(double psi, double s) const { return own->rate(psi, s); }
+  double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
+    return own->newton_psi(psi, s, psi_new, s_new, mass);
+  }
+};
+
 namespace kernel {
 
-// Friction with parameters of its own at every node, or the same at all where terms stand beside it. Own: a
-// law alone, or NodeFriction. The loops take it in place of one law, which friction_of() hands on as it is: a
-// scene without profiles and terms runs the same instructions as if there were none.
+// Friction of its own at every node, a law or AnyFriction; of AnyFriction also the same at all. The loops
+// take it in place of one law, which friction_of() hands on as it is: a scene without profiles and terms runs
+// the same instructions as if there were none.
 template <class Own>
 struct Varying {
   static constexpr bool has_state = Own::has_state, sticks = Own::sticks, steep = Own::steep,
@@ -67,9 +88,10 @@ template <class F>
 const F& friction_of(const Varying<F>& friction, std::ptrdiff_t node) {
   return (*friction.nodes)[static_cast<std::size_t>(node)];
 }
-template <class F>
-const NodeFriction<F>& friction_of(const Varying<NodeFriction<F>>& friction, std::ptrdiff_t node) {
-  const std::vector<NodeFriction<F>>& nodes = *friction.nodes;
+template <bool... flags>
+const AnyFriction<flags...>& friction_of(const Varying<AnyFriction<flags...>>& friction,
+                                         std::ptrdiff_t node) {
+  const std::vector<AnyFriction<flags...>>& nodes = *friction.nodes;
   return nodes[nodes.size() == 1 ? 0 : static_cast<std::size_t>(node)];
 }
 
