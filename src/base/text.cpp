@@ -78,8 +78,11 @@ std::string nearest_name(const std::string& name, const std::vector<std::string>
 }
 
 std::string suggestion(const std::string& name, const std::vector<std::string>& names, const char* before) {
-  const std::string near = nearest_name(name, names);
-  return near.empty() ? "" : "; did you mean " + (before + near) + "?";
+  return did_you_mean(nearest_name(name, names), before);
+}
+
+std::string did_you_mean(const std::string& name, const char* before) {
+  return name.empty() ? "" : "; did you mean " + (before + name) + "?";
 }
 
 std::string joined(const std::vector<std::string>& parts, const std::string& separator) {

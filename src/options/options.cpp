@@ -34,8 +34,8 @@ void Options::set(const Given& given) {
       message += "; write the value as a word of its own: -" + given.name.substr(0, equals) + " " +
                  quoted(given.name.substr(equals + 1));
     } else {
-      const std::string near = nearest_option(given.name);
-      message += near.empty() ? "; -help lists the options" : "; did you mean -" + near + "?";
+      const std::string near = did_you_mean(nearest_option(given.name), "-");
+      message += near.empty() ? "; -help lists the options" : near;
     }
     throw UsageError(message);
   }

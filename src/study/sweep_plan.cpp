@@ -36,11 +36,9 @@ SweepAxis::SweepAxis(const Options& sweep, int number) {
   for (std::string& name : names_) {
     const OptionSpec* spec = find_option(name);
     if (spec) name = spec->name;
-    if ((!spec && !is_library_option(name)) || is_own(name)) {
-      const std::string near = nearest_option(name);
+    if ((!spec && !is_library_option(name)) || is_own(name))
       throw UsageError("-" + own + " " + quoted(name) + ": no option that a sweep may vary" +
-                       (near.empty() ? "" : "; did you mean " + near + "?"));
-    }
+                       did_you_mean(nearest_option(name)));
     if (spec && spec->type == OptionType::integer) integer_ = true;
   }
   const std::string from = "sweep_from" + n, to = "sweep_to" + n;

@@ -10,7 +10,9 @@ namespace stickslip {
 // where none is near.
 std::string nearest_name(const std::string& name, const std::vector<std::string>& names);
 
-// "; did you mean X?" with the nearest name, or "".
+// "; did you mean X?", or "" without a name.
+std::string did_you_mean(const std::string& name, const char* before = "");
+// With the nearest name.
 std::string suggestion(const std::string& name, const std::vector<std::string>& names,
                        const char* before = "");
 
