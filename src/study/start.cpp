@@ -89,13 +89,13 @@ void check_law(const Model& model, Vec u) {
   if (law->only_for.empty()) return;
   const Reading a(u);
   const int dof = model.dof();
-  double least = std::numeric_limits<double>::infinity();
-  for (PetscInt i = 0; i < model.local(); ++i) least = std::min(least, a[i * dof]);
-  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &least, 1, MPI_DOUBLE, MPI_MIN, model.comm()));
-  PetscInt beyond = 0;
+  constexpr double none = std::numeric_limits<double>::infinity();
+  double least = none;  // of the velocities without friction
   for (PetscInt i = 0; i < model.local(); ++i)
-    if (!std::isfinite(model.friction(i, a[i * dof], dof == 3 ? a[i * dof + 2] : 0).F)) ++beyond;
-  if (on_any_rank(model.comm(), beyond > 0))
+    if (!std::isfinite(model.friction(i, a[i * dof], dof == 3 ? a[i * dof + 2] : 0).F))
+      least = std::min(least, a[i * dof]);
+  SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &least, 1, MPI_DOUBLE, MPI_MIN, model.comm()));
+  if (least < none)
     throw usage_error(
         "friction_law {} holds for {} alone, and the start goes down to psi = {}; give another "
         "init_psi, or init_noise",
