@@ -59,11 +59,13 @@ Clusters::Clusters(const Model& model, Vec u, double t, double atol, double rtol
       both_sides_(scene_.friction.back_slip), atol_(atol), rtol_(rtol), plate_rate_(scene_.K0() * scene_.v),
       method_(FusedMethod::of(TSRK)), coefficients_(kernel::coefficients_of(scene_)),
       stencil_(tile::stencil(scene_)),
-      pointwise_(tile::pointwise(scene_, true, friction_places(scene_, 0, n_))), watcher_(watcher), eta_(n_),
-      since_(n_, t), release_(n_, infinity), psi_(n_), direction_(n_, 0), owner_(n_, -1), t_(t),
-      first_dt_(0.1 / wave_frequency(scene_)) {
+      pointwise_(tile::pointwise(scene_, true, friction_places(scene_, 0, n_))),
+      add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})),
+      watcher_(watcher), eta_(n_), since_(n_, t), release_(n_, infinity), psi_(n_), direction_(n_, 0),
+      owner_(n_, -1), t_(t), first_dt_(0.1 / wave_frequency(scene_)) {
   method_->set_subtype(TSRK5DP);
   tableau_ = tableau_of(method_->library());
+  for (int j = 0; j < tableau_.stages; ++j) error_weights_.push_back(tableau_.b[j] - tableau_.embedded[j]);
   const Reading a(u);
   for (PetscInt i = 0; i < n_; ++i) {
     limit_.push_back(model.amplitude()[i] * model.friction_law(i).threshold(0).value);
@@ -99,27 +101,37 @@ void Clusters::take_slope(Cluster& c, double* u, double* f) {
   ++evaluations_;
 }
 
+// base + factor sum_j weights[j] slope_j, over both columns.
+void Clusters::sum(const Cluster& c, const double* base, const double* weights, int count, double factor,
+                   double* into) const {
+  constexpr int most_terms = 8;  // of rk:5dp there are seven
+  const double* slopes[most_terms];
+  double of_slopes[most_terms];
+  int terms = 0;
+  for (int j = 0; j < count; ++j) {
+    if (weights[j] == 0) continue;
+    slopes[terms] = c.block(Cluster::slopes + j);
+    of_slopes[terms++] = factor * weights[j];
+  }
+  add_({base, slopes, of_slopes, terms, into, PetscInt(2 * c.stride)});
+}
+
 // Tries a step; its error over what is allowed.
 double Clusters::attempt(Cluster& c, double dt) {
   const int stages = tableau_.stages;
   const std::size_t size = 2 * c.stride;
   const double* const u = c.block(Cluster::now);
-  const auto add = [&](double weight, const double* f, double* to) {
-    for (std::size_t k = 0; k < size && weight != 0; ++k) to[k] += weight * f[k];
-  };
   if (!c.begun) take_slope(c, c.block(Cluster::now), c.block(Cluster::slopes));
   c.begun = true;
   for (int i = 1; i < stages; ++i) {  // the last stage is the new u
     double* const y = c.block(i + 1 < stages ? Cluster::stage : Cluster::next);
-    std::copy(u, u + size, y);
-    for (int j = 0; j < i; ++j) add(dt * tableau_.A[i * stages + j], c.block(Cluster::slopes + j), y);
+    sum(c, u, &tableau_.A[i * stages], i, dt, y);
     take_slope(c, y, c.block(Cluster::slopes + i));
   }
   double *const error = c.block(Cluster::stage), largest = 0, not_finite = 0;
   const double* const next = c.block(Cluster::next);
   std::fill(error, error + size, 0.);
-  for (int j = 0; j < stages; ++j)
-    add(dt * (tableau_.b[j] - tableau_.embedded[j]), c.block(Cluster::slopes + j), error);
+  sum(c, error, error_weights_.data(), stages, dt, error);
   for (const std::size_t column : {std::size_t(1), c.stride + 1})
     for (std::size_t k = column; k < column + std::size_t(c.count); ++k) {
       largest = std::max(largest,
@@ -159,12 +171,7 @@ void Clusters::take(Cluster& c) {
 
 void Clusters::interpolate(const Cluster& c, double part, double* into) const {
   const std::vector<double> weights = method_->weights_at(part, c.dt);
-  const double* const u = c.block(Cluster::now);
-  std::copy(u, u + 2 * c.stride, into);
-  for (std::size_t j = 0; j < weights.size(); ++j) {
-    const double *const f = c.block(Cluster::slopes + int(j)), weight = weights[j];
-    for (std::size_t k = 0; k < 2 * c.stride; ++k) into[k] += weight * f[k];
-  }
+  sum(c, c.block(Cluster::now), weights.data(), int(weights.size()), 1, into);
 }
 
 // The first start or stop within the step, where `next` is then, with the slope there behind the others.
@@ -354,7 +361,7 @@ double Clusters::elastic_rate(PetscInt i) const {
   return plate_rate_ + coefficients_.w[1] * (beside(i, -1) + beside(i, 1));
 }
 
-void Clusters::decide(PetscInt i, double) {
+void Clusters::decide(PetscInt i) {
   const signed char was = direction_[i];
   direction_[i] = static_cast<signed char>(sign_of(psi_[i]));
   if (direction_[i] == 0)
@@ -376,7 +383,7 @@ void Clusters::regroup(double t) {
   stops_.clear();
   for (std::size_t k = 0; k < freed_.size(); ++k) {  // their number grows
     const PetscInt i = freed_[k];
-    decide(i, t);
+    decide(i);
     if (direction_[i] == 0) continue;
     sliding_.push_back(i);
     for (const PetscInt j : {i - 1, i + 1}) {

@@ -85,6 +85,8 @@ class Clusters {
 
   void close_ends(const Cluster& c, double* psi) const;
   void take_slope(Cluster& c, double* u, double* f);
+  void sum(const Cluster& c, const double* base, const double* weights, int count, double factor,
+           double* into) const;
   double attempt(Cluster& c, double dt);
   void take(Cluster& c);
   stick_rule::Found find_change(Cluster& c, double dt, double& part);
@@ -98,7 +100,7 @@ class Clusters {
   void cut_back(std::size_t id, double t);
   void release_due();
   void regroup(double t);
-  void decide(PetscInt i, double t);
+  void decide(PetscInt i);
   void form(double t);
   void gather(PetscInt first, PetscInt count, double t);
 
@@ -109,9 +111,11 @@ class Clusters {
   double atol_, rtol_, plate_rate_;  // K0 v
   std::unique_ptr<FusedMethod> method_;
   StageProgram tableau_;
+  std::vector<double> error_weights_;  // of its slopes, times the length of a step
   kernel::Coefficients coefficients_;
   tile::Stencil stencil_;
   tile::Pointwise pointwise_;
+  std::function<void(const kernel::Terms&)> add_;
   Watcher* watcher_;
 
   // Of a node that rests beyond all clusters: eta at `since_`; and when it will begin to slide by itself. Of

@@ -16,8 +16,8 @@ namespace stickslip::tile {
 using Stencil = std::function<void(const kernel::Coefficients&, const kernel::ColumnRange&)>;
 Stencil stencil(const Scene& scene);
 
-// What is added to it; `sticking`: of friction that sticks. `x`: of the nodes by their numbers, where
-// friction varies.
+// What is added to it; `sticking`: of friction that sticks. `places`: friction_places() of the nodes by
+// their numbers.
 using Pointwise = std::function<void(const kernel::Coefficients&, const kernel::Columns&)>;
 Pointwise pointwise(const Scene& scene, bool sticking, const FrictionPlaces& places);
 
