@@ -56,31 +56,21 @@ std::vector<Differing<T>> differing(const FrictionParameters& p, const std::stri
   return list;
 }
 
-// `friction`, whose parameters have values for everywhere, with the terms beside it at a place.
+// `friction`, whose parameters have values for everywhere, with those of profiles as they are at each place.
 template <class F>
-NodeFriction<F> own_friction(const F& friction, const FrictionParameters& p, const FrictionPlace& place) {
-  return {friction, p.terms.over(place.amplitude)};
-}
-
-// With the parameters of profiles as they are at each place.
-template <class F>
-std::vector<NodeFriction<F>> frictions_along(const F& friction, const FrictionParameters& p,
-                                             const FrictionPlaces& places) {
+std::vector<F> frictions_along(const F& friction, const FrictionParameters& p, const FrictionPlaces& places) {
   const auto of_law = differing<decltype(friction.law)>(p, "friction_");
   const auto of_state = differing<decltype(friction.state)>(p, "state_");
-  std::vector<NodeFriction<F>> all;
-  all.reserve(places.size());
-  for (const FrictionPlace& place : places) {
-    F own = friction;
-    for (const auto& [member, profile] : of_law) own.law.*member = profile->at(place.x);
-    for (const auto& [member, profile] : of_state) own.state.*member = profile->at(place.x);
+  std::vector<F> all(places.size(), friction);
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    for (const auto& [member, profile] : of_law) all[i].law.*member = profile->at(places[i].x);
+    for (const auto& [member, profile] : of_state) all[i].state.*member = profile->at(places[i].x);
     try {
-      traits::check(own.law);
-      traits::check(own.state);
+      traits::check(all[i].law);
+      traits::check(all[i].state);
     } catch (const UsageError& e) {
-      throw UsageError(std::string(e.what()) + " (at x = " + rounded_text(place.x, 6) + ")");
+      throw UsageError(std::string(e.what()) + " (at x = " + rounded_text(places[i].x, 6) + ")");
     }
-    all.push_back(own_friction(own, p, place));
   }
   return all;
 }
@@ -137,14 +127,14 @@ Function loop_of_any(const std::vector<std::shared_ptr<const Friction>>& nodes, 
   constexpr std::true_type yes;
   constexpr std::false_type no;
   if (!nodes.front()->has_state) {
-    if (smoothed) return loop(AnyFriction<false, true, false>(), no);
-    return sticking ? loop(AnyFriction<false, false, false>(), yes)
-                    : loop(AnyFriction<false, false, false>(), no);
+    if (smoothed) return loop(kernel::AnyFriction<false, true, false>(), no);
+    return sticking ? loop(kernel::AnyFriction<false, false, false>(), yes)
+                    : loop(kernel::AnyFriction<false, false, false>(), no);
   }
-  if (nodes.front()->steep) return loop(AnyFriction<true, false, true>(), no);
-  if (smoothed) return loop(AnyFriction<true, true, false>(), no);
-  return sticking ? loop(AnyFriction<true, false, false>(), yes)
-                  : loop(AnyFriction<true, false, false>(), no);
+  if (nodes.front()->steep) return loop(kernel::AnyFriction<true, false, true>(), no);
+  if (smoothed) return loop(kernel::AnyFriction<true, true, false>(), no);
+  return sticking ? loop(kernel::AnyFriction<true, false, false>(), yes)
+                  : loop(kernel::AnyFriction<true, false, false>(), no);
 }
 
 // Loop<F, sticking>{friction, rest...} of that class F, in the version that suits this processor; with
@@ -160,10 +150,8 @@ Function loop_of_friction(const FrictionParameters& p, bool sticking, const Fric
     const auto loop = [&](auto constant) -> Function {
       constexpr bool sticks = decltype(constant)::value;
       if (places.empty()) return kernel::compiled_where_worth<Function>(Loop<F, sticks>{friction, rest...});
-      std::vector<F> laws;
-      for (const NodeFriction<F>& node : frictions_along(friction, p, places)) laws.push_back(node.friction);
       return kernel::Baseline<Loop<kernel::Varying<F>, sticks>>{
-          {{std::make_shared<const std::vector<F>>(std::move(laws))}, rest...}};
+          {{std::make_shared<const std::vector<F>>(frictions_along(friction, p, places))}, rest...}};
     };
     if (!sticking) return loop(std::false_type());
     if constexpr (F::sticks)

@@ -72,18 +72,23 @@ std::vector<Handle> handles(const std::vector<Traits>& table) {
 template <class F>
 class Resolved final : public Friction {
  public:
-  Resolved(const NodeFriction<F>& node, SlopeBounds slopes)
+  // `terms`: beside it, over the node's amplitude.
+  Resolved(const F& f, const NodeTerms& terms, SlopeBounds slopes)
       : Friction(F::has_state, F::sticks, F::steep,
-                 traits::van_der_pol<decltype(F::law)> && !F::has_state && node.terms.none(), slopes),
-        node_(node), f_(node_.friction) {}
-  Resolved(const Resolved&) = delete;
+                 traits::van_der_pol<decltype(f.law)> && !F::has_state && terms.none(), slopes),
+        f_(f), terms_(terms) {}
 
-  double force(double psi, double s) const override { return node_.force(psi, s); }
-  Partials partials(double psi, double s) const override { return node_.partials(psi, s); }
+  double force(double psi, double s) const override {
+    return with_terms<double>({f_.force(psi, s), 0, 0}, psi, std::abs(psi)).F;
+  }
+  Partials partials(double psi, double s) const override {
+    return with_terms<double>(f_.partials(psi, s), psi, std::abs(psi));
+  }
   RatePartials rate_partials(double psi, double s) const override { return f_.rate_partials(psi, s); }
   HigherPartials higher_partials(double psi, double s) const override {
-    const PartialsOf<Jet> f = node_.partials(Jet::of_x(psi), Jet::of_y(s));
-    const RatePartialsOf<Jet> g = f_.rate_partials(Jet::of_x(psi), Jet::of_y(s));
+    const Jet x = Jet::of_x(psi), y = Jet::of_y(s);
+    const PartialsOf<Jet> f = with_terms<Jet>(f_.partials(x, y), x, abs(x));
+    const RatePartialsOf<Jet> g = f_.rate_partials(x, y);
     const auto of = [](const Jet& by_psi, const Jet& by_state) {
       return HigherDerivatives{by_psi.x, by_psi.y, by_state.y, by_psi.xx, by_psi.xy, by_psi.yy, by_state.yy};
     };
@@ -91,18 +96,20 @@ class Resolved final : public Friction {
   }
   double steady_state(double psi) const override { return f_.steady_state(psi); }
   double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const override {
-    if constexpr (F::steep)
-      return node_.newton_psi(psi, s, psi_new, s_new, mass);
-    else
+    if constexpr (F::steep) {  // terms weigh there like more mass
+      const double slope = with_terms<double>({0, 0, 0}, psi, std::abs(psi)).F_psi;
+      return f_.newton_psi(psi, s, psi_new, s_new, mass + slope);
+    } else {
       return psi_new;
+    }
   }
   double velocity_of_slope(double F_psi) const override {
-    return node_.terms.none() ? traits::velocity_of_slope(f_.law, F_psi) : std::nan("");
+    return terms_.none() ? traits::velocity_of_slope(f_.law, F_psi) : std::nan("");
   }
 
   Partials sliding_partials(double psi, double s, double direction) const override {
     if constexpr (F::sticks)
-      return node_.sliding_partials(psi, s, direction);
+      return with_terms<double>(f_.sliding_partials(psi, s, direction), psi, direction * psi);
     else
       return refuse<Partials>();
   }
@@ -152,8 +159,13 @@ class Resolved final : public Friction {
   [[noreturn]] static R refuse() {
     throw std::logic_error("this law does not stick");
   }
-  const NodeFriction<F> node_;
-  const F& f_;  // of it
+  template <class Real>
+  PartialsOf<Real> with_terms(PartialsOf<Real> p, const Real& psi, const Real& speed) const {
+    terms_.beside(psi, speed, p.F, p.F_psi);
+    return p;
+  }
+  F f_;
+  NodeTerms terms_;
 };
 
 }  // namespace
@@ -212,9 +224,9 @@ const ProfileAlongX* FrictionParameters::profile(const std::string& option) cons
 namespace {
 
 template <class F>
-std::shared_ptr<const Friction> resolved(const NodeFriction<F>& node, const FrictionParameters& p) {
+std::shared_ptr<const Friction> resolved(const F& f, const FrictionParameters& p, double amplitude) {
   return std::make_shared<const Resolved<F>>(
-      node, p.regularised ? SlopeBounds{0, 1 / p.eps} : traits::slope_bounds(node.friction.law));
+      f, p.terms.over(amplitude), p.regularised ? SlopeBounds{0, 1 / p.eps} : traits::slope_bounds(f.law));
 }
 
 }  // namespace
@@ -223,8 +235,8 @@ std::shared_ptr<const Friction> Friction::of(const FrictionParameters& p) {
   if (p.varies())
     throw usage_error("{}_profile: what is asked for here needs friction that is the same everywhere",
                       p.profiles.begin()->first);
-  return dispatch_friction<std::shared_ptr<const Friction>>(
-      p, [&](const auto& f) { return resolved(own_friction(f, p, {}), p); });
+  return dispatch_friction<std::shared_ptr<const Friction>>(p,
+                                                            [&](const auto& f) { return resolved(f, p, 1); });
 }
 
 std::vector<std::shared_ptr<const Friction>> Friction::along(const FrictionParameters& p,
@@ -232,7 +244,8 @@ std::vector<std::shared_ptr<const Friction>> Friction::along(const FrictionParam
   using List = std::vector<std::shared_ptr<const Friction>>;
   return dispatch_friction<List>(p, [&](const auto& friction) {
     List list;
-    for (const auto& f : frictions_along(friction, p, places)) list.push_back(resolved(f, p));
+    for (const auto& f : frictions_along(friction, p, places))
+      list.push_back(resolved(f, p, places[list.size()].amplitude));
     return list;
   });
 }

@@ -13,10 +13,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <memory>
 #include <type_traits>
 #include <vector>
 
-#include "model/node_friction.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/model/stencil.hpp"
 
@@ -46,6 +47,50 @@ inline Coefficients coefficients_with(const Scene& scene, double factor) {
   return c;
 }
 inline Coefficients coefficients_of(const Scene& scene) { return coefficients_with(scene, scene.K1()); }
+
+// Any friction, behind its virtual functions: terms stand beside it in loops that are compiled once for all
+// laws and are no vector code.
+template <bool state, bool is_smoothed, bool is_steep>
+struct AnyFriction {
+  static constexpr bool has_state = state, sticks = true, smoothed = is_smoothed, steep = is_steep;
+  std::shared_ptr<const Friction> own;
+
+  Partials partials(double psi, double s) const { return own->partials(psi, s); }
+  Partials sliding_partials(double psi, double s, double direction) const {
+    return own->sliding_partials(psi, s, direction);
+  }
+  RatePartials rate_partials(double psi, double s) const { return own->rate_partials(psi, s); }
+  RatePartials sliding_rate(double psi, double s, double direction) const {
+    return own->sliding_rate(psi, s, direction);
+  }
+  double rate(double psi, double s) const { return own->rate(psi, s); }
+  double newton_psi(double psi, double s, double psi_new, double s_new, double mass) const {
+    return own->newton_psi(psi, s, psi_new, s_new, mass);
+  }
+};
+
+// Friction of its own at every node, a law or AnyFriction; of AnyFriction also the same at all. The loops
+// take it in place of one law, which friction_of() hands on as it is: a scene without profiles and terms runs
+// the same instructions as if there were none.
+template <class Own>
+struct Varying {
+  static constexpr bool has_state = Own::has_state, sticks = Own::sticks, steep = Own::steep,
+                        looks_up = false;
+  std::shared_ptr<const std::vector<Own>> nodes;
+};
+template <class F>
+const F& friction_of(const F& friction, PetscInt) {
+  return friction;
+}
+template <class F>
+const F& friction_of(const Varying<F>& friction, PetscInt node) {
+  return (*friction.nodes)[node];
+}
+template <bool... flags>
+const AnyFriction<flags...>& friction_of(const Varying<AnyFriction<flags...>>& friction, PetscInt node) {
+  const std::vector<AnyFriction<flags...>>& nodes = *friction.nodes;
+  return nodes[nodes.size() == 1 ? 0 : node];
+}
 
 struct Range {
   const double* u;          // unknowns of the first node

@@ -13,8 +13,8 @@ namespace stickslip {
 
 using RangeLoop = std::function<void(const kernel::Coefficients&, const kernel::Range&)>;
 
-// `x`: of this rank's nodes, where friction varies along x; else it is not read. Part::full; half_width 0:
-// Part::pointwise. `sticking`: with the direction of motion given, for laws that stick.
+// `places`: friction_places() of this rank's nodes. Part::full; half_width 0: Part::pointwise.
+// `sticking`: with the direction of motion given, for laws that stick.
 RangeLoop whole_loop(const FrictionParameters& friction, int half_width, bool sticking,
                      const FrictionPlaces& places = {});
 // Part::reaction.

@@ -9,14 +9,15 @@
 // Nothing here communicates. Forces are over f0 or gamma, as F is.
 #pragma once
 
-#include "stickslip/options/options.hpp"
-
 namespace stickslip {
 
 struct NodeTerms {
   double drag = 0;  // c3, 1/velocity^2
 
-  static NodeTerms from(const Options& o) { return {o.real("model_drag")}; }
+  template <class Options>
+  static NodeTerms from(const Options& o) {
+    return {o.real("model_drag")};
+  }
   bool none() const { return drag == 0; }
   // Over an amplitude that will multiply them as it does F.
   NodeTerms over(double amplitude) const { return {drag / amplitude}; }
