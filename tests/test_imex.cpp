@@ -15,7 +15,7 @@
 #include "stickslip/time/time.hpp"
 #include "time/banded_imex.hpp"
 #include "time/fused_step.hpp"
-#include "time/imex_tableau.hpp"
+#include "numerics/imex_tableau.hpp"
 #include "time/leapfrog.hpp"
 #include "time/rosenbrock.hpp"
 

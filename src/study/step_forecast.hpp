@@ -7,7 +7,7 @@
 // that the propagator P over one step is known for any method, split as it will be; its rate is ln rho(P)/dt.
 // The multistep methods bdf and alpha take everything implicitly and are known by the roots of their
 // characteristic polynomial at dt lambda; leapfrog, which the library does not have, by its stability matrix
-// (time/stage_program.hpp).
+// (numerics/stage_program.hpp).
 //
 // A wave explodes when the excess of its growth over the exact one, ln rho(P) - max(0, dt Re lambda),
 // multiplies errors by more than a million in the time asked for. A growing wave that an implicit method lets
@@ -24,7 +24,7 @@
 #include "stickslip/numerics/band.hpp"
 #include "stickslip/numerics/roots.hpp"
 #include "stickslip/time/time.hpp"
-#include "time/stage_program.hpp"
+#include "numerics/stage_program.hpp"
 
 namespace stickslip {
 

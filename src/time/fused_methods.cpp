@@ -3,7 +3,7 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/time/methods.hpp"
 #include "time/banded_imex.hpp"
-#include "time/imex_tableau.hpp"
+#include "numerics/imex_tableau.hpp"
 #include "time/leapfrog.hpp"
 #include "time/rosenbrock.hpp"
 

@@ -16,7 +16,7 @@
 
 #include "stickslip/model/model.hpp"
 #include "time/pointwise_solve.hpp"
-#include "time/stage_program.hpp"
+#include "numerics/stage_program.hpp"
 #include "time/tile_kernels.hpp"
 #include "time/tiles.hpp"
 

@@ -10,7 +10,7 @@
 #include "model/kernel.hpp"
 #include "stickslip/time/time.hpp"
 #include "time/band_layout.hpp"
-#include "time/stage_program.hpp"
+#include "numerics/stage_program.hpp"
 
 namespace stickslip {
 

@@ -14,7 +14,7 @@
 // No estimate of the error: steps are fixed.
 #pragma once
 
-#include "time/stage_program.hpp"
+#include "numerics/stage_program.hpp"
 
 namespace stickslip {
 

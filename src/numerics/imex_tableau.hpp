@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "stickslip/base/handle.hpp"
-#include "time/stage_program.hpp"
+#include "numerics/stage_program.hpp"
 
 namespace stickslip {
 

@@ -1,4 +1,4 @@
-#include "time/imex_tableau.hpp"
+#include "numerics/imex_tableau.hpp"
 
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"

@@ -1,4 +1,4 @@
-#include "time/stage_program.hpp"
+#include "numerics/stage_program.hpp"
 
 #include <Eigen/Dense>
 
