@@ -37,6 +37,7 @@ BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"^(?!cycle|wave)", r"(/summary|^/\d+|^)/period$", np.inf, "given without probes too"),
     (r"^help$", r"/out/", np.inf, "one line for the profiles, which come last; laws were added"),
     (r"^laws$", r"", np.inf, "laws were added: a table of all of them"),
+    (r"^exponents$", r"lyapunov", 1e-12, "stages lie where the rows of the tableau say, to the last bit"),
     (r"^accuracy$", r"/chosen$", np.inf, "says `error predicted` where it said `error foreseen`"),
     (r"^signal$", r"options", np.inf, "at which checkpoint the signal comes is chance"),
     (r"^wave", r"/psi_(min|max)\b", 1e-15, "the extremum of a train is evaluated within its interval, without going by the phase"),

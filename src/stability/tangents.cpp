@@ -11,7 +11,7 @@
 #include "base/failure.hpp"
 #include "base/local_values.hpp"
 #include "model/jump_matrix.hpp"
-#include "stickslip/model/stencil.hpp"
+#include "stability/tangent_parts.hpp"
 #include "stickslip/numerics/collocation.hpp"
 
 namespace stickslip {
@@ -24,21 +24,15 @@ constexpr double longest_part = 0.3;
 constexpr double most_parts = 1e6;  // of one step
 // orthonormalisations: vectors come closer by exp(-0.3 * 16) at most or so
 constexpr int parts_between = 16;
-constexpr double vanished = 1e-11;  // of the length before a jump: what is left is round-off
+// Friction is stiff where it asks for so many parts, and for so many times as many as neighbours do.
+constexpr double most_stiff_parts = 1e5;  // of one step that asks for more than most_parts
+constexpr double stiff_parts = 50;
+constexpr double stiff_ratio = 4;
+constexpr double part_error = 1e-7;     // of a vector, in one part of stiff friction
+constexpr double shortest_left = 1e-3;  // of a vector behind such a part
+constexpr double vanished = 1e-11;      // of the length before a jump: what is left is round-off
 // squared part of a vector that is its own: Cholesky's loses 1e-10 at most
 constexpr double well_apart = 1e-6;
-
-// Dormand and Prince 1980, the six stages of their step of order 5.
-constexpr int stages = 6;
-constexpr double place[stages] = {0, 0.2, 0.3, 0.8, 8. / 9, 1};
-constexpr double weight[stages + 1][stages] = {
-    {},
-    {1. / 5},
-    {3. / 40, 9. / 40},
-    {44. / 45, -56. / 15, 32. / 9},
-    {19372. / 6561, -25360. / 2187, 64448. / 6561, -212. / 729},
-    {9017. / 3168, -355. / 33, 46732. / 5247, 49. / 176, -5103. / 18656},
-    {35. / 384, 0, 500. / 1113, 125. / 192, -2187. / 6784, 11. / 84}};  // of the step
 
 // The integral of dg/ds along what a state does at rest over the time t, in panels each as long as all before
 // it: the rate may fall like 1/t.
@@ -69,14 +63,13 @@ double dot(Vec a, Vec b) {
 
 Tangents::Tangents(const Model& model, int count)
     : model_(model), dof_(model.dof()), rank_deficient_(count, false), growth_(count, 0.),
-      u_(model.create_vector()), stage_(model.create_vector()), was_(model.create_vector()) {
+      u_(model.create_vector()), was_(model.create_vector()), parts_(std::make_unique<TangentParts>(model)) {
   for (int k = 0; k < count; ++k) {
     y_.push_back(model.create_vector());
-    slope_.emplace_back();
-    for (int i = 0; i < stages; ++i) slope_.back().push_back(model.create_vector());
     draw(k);
   }
 }
+Tangents::~Tangents() = default;
 
 // By the number of the unknown, so that it is the same on any number of ranks.
 void Tangents::draw(std::size_t k) {
@@ -84,12 +77,7 @@ void Tangents::draw(std::size_t k) {
   const PetscInt first = model_.first() * dof_;
   ++draws_;
   for (PetscInt i = 0; i < model_.local() * dof_; ++i) y[i] = counter_normal(draws_, first + i);
-  clear_held(y);
-}
-
-void Tangents::clear_held(double* y) const {
-  for (PetscInt i = 0; i < model_.local(); ++i)
-    if (model_.held(model_.first() + i)) y[i * dof_] = y[i * dof_ + 1] = 0;
+  parts_->clear_held(y);
 }
 
 void Tangents::renew() {
@@ -118,7 +106,7 @@ void Tangents::begin(Vec u) {
       if (now[i] == 0) y[i * dof_] = 0;
   }
   count_resting();
-  linearise(u, start_);
+  parts_->begin(u);
   start_known_ = true;
 }
 
@@ -177,8 +165,9 @@ void Tangents::find_neighbour_forces(Vec f) {
   if (!model_.viscous()) return;
   neighbour_forces_.clear();
   for (std::size_t k = 0; k <= y_.size(); ++k) {
-    model_.viscous_force(k < y_.size() ? y_[k].get() : f, stage_);
-    const Reading force(stage_);
+    const Vec into = parts_->scratch(2);
+    model_.viscous_force(k < y_.size() ? y_[k].get() : f, into);
+    const Reading force(into);
     neighbour_forces_.emplace_back();
     for (PetscInt i = 0; i < model_.local(); ++i) neighbour_forces_.back().push_back(force[i * dof_ + 1]);
   }
@@ -213,7 +202,7 @@ void Tangents::jump(Vec u) {
     for (std::size_t i = 0; i < is.size(); ++i) was[i] = std::exchange(kept[i * dof_], is[i]);
   }
   const double* const theirs = model_.direction();
-  Vec f_was = slope_[0][0], f_is = slope_[0][1];
+  const Vec f_was = parts_->scratch(0), f_is = parts_->scratch(1);
   model_.set_direction(was.data());
   model_.rhs(Part::full, u, f_was);
   model_.set_direction(theirs);
@@ -239,91 +228,6 @@ void Tangents::jump(Vec u) {
 
 // ---- between them
 // -------------------------------------------------------------------------------------------------
-
-// What a node's own psi does to its rate by viscosity between neighbours, which is not in its block.
-double Tangents::own_viscous_slope(PetscInt i) const {
-  const Scene& s = model_.scene();
-  for (const auto& [node, entry] : second_difference_row(s, model_.first() + i))
-    if (node == model_.first() + i) return s.A() * s.N() * entry;
-  return 0;
-}
-
-void Tangents::linearise(Vec u, Linearisation& at) const {
-  const Reading a(u);
-  at.blocks.resize(model_.local());
-  at.trace = at.rate = 0;
-  for (PetscInt i = 0; i < model_.local(); ++i) {
-    const bool moves =
-        !model_.held(model_.first() + i) && !(model_.direction() && model_.direction()[i] == 0);
-    if (model_.viscous() && moves) at.trace += own_viscous_slope(i);
-    NodeBlock& b = at.blocks[i];
-    b = model_.node_block(Part::full, i, a + i * dof_);
-    at.trace += b.psi_psi + b.eta_eta + b.state_state;
-    at.rate = std::max({at.rate, std::abs(b.psi_psi) + std::abs(b.eta_eta), std::abs(b.state_state),
-                        std::sqrt(std::abs(b.psi_state * b.state_psi))});
-  }
-}
-
-// into = J y
-void Tangents::rates(const Linearisation& at, Vec y, Vec into) const {
-  model_.rhs(Part::stencil, y, into);
-  model_.count_evaluations(-1);
-  const Reading a(y);
-  const Writing f(into);
-  for (PetscInt i = 0; i < model_.local(); ++i) {
-    const NodeBlock& b = at.blocks[i];
-    const double* in = a + i * dof_;
-    double* const out = f + i * dof_;
-    out[0] += b.psi_psi * in[0] + b.psi_eta * in[1];
-    out[1] += b.eta_psi * in[0] + b.eta_eta * in[1];
-    if (dof_ == 2) continue;
-    out[0] += b.psi_state * in[2];
-    out[1] += b.eta_state * in[2];
-    out[2] += b.state_psi * in[0] + b.state_state * in[2];
-  }
-  clear_held(f);
-}
-
-// The part of the step from `begin`, as long as `length`, both in units of the step. start_ is known, and
-// then is that of the part's end.
-void Tangents::take_part(double begin, double length, double dt, const Inside& inside) {
-  const double h = length * dt;
-  for (int i = 0; i < stages; ++i) {
-    if (i > 0) {
-      inside(i == stages - 1 ? std::min(1., begin + length) : begin + place[i] * length, u_);
-      linearise(u_, inside_);
-    }
-    const Linearisation& at = i == 0 ? start_ : inside_;
-    divergence_ += h * weight[stages][i] * at.trace;
-    for (std::size_t k = 0; k < y_.size(); ++k) {
-      if (rank_deficient_[k]) continue;
-      if (i == 0) {
-        rates(at, y_[k], slope_[k][0]);
-        continue;
-      }
-      double weights[stages];
-      Vec terms[stages];
-      for (int j = 0; j < i; ++j) {
-        weights[j] = h * weight[i][j];
-        terms[j] = slope_[k][j];
-      }
-      SS_TRY(VecCopy(y_[k], stage_));
-      SS_TRY(VecMAXPY(stage_, i, weights, terms));
-      rates(at, stage_, slope_[k][i]);
-    }
-  }
-  for (std::size_t k = 0; k < y_.size(); ++k) {
-    if (rank_deficient_[k]) continue;
-    double weights[stages];
-    Vec terms[stages];
-    for (int j = 0; j < stages; ++j) {
-      weights[j] = h * weight[stages][j];
-      terms[j] = slope_[k][j];
-    }
-    SS_TRY(VecMAXPY(y_[k], stages, weights, terms));
-  }
-  std::swap(start_, inside_);
-}
 
 // Nothing moves: psi and eta do not deviate more, and each state comes closer by itself, in as many turns as
 // keep what is left of a vector above round-off.
@@ -366,22 +270,73 @@ void Tangents::advance(double dt, const Inside& inside) {
   divergence_ = sum_over(model_.comm(), divergence_);
 }
 
+std::vector<Vec> Tangents::living(const std::vector<VecHandle>& vectors) const {
+  std::vector<Vec> living;
+  for (std::size_t k = 0; k < vectors.size(); ++k)
+    living.push_back(rank_deficient_[k] ? nullptr : vectors[k].get());
+  return living;
+}
+
 void Tangents::move(double dt, const Inside& inside) {
-  if (!start_known_) linearise(u_, start_);
+  if (!start_known_) parts_->begin(u_);
   inside(1, u_);
-  linearise(u_, inside_);
-  const double rate = std::max(largest_over(model_.comm(), std::max(start_.rate, inside_.rate)),
-                               stencil_rate(model_.scene()));
-  const double parts = std::max(1., std::ceil(dt * rate / longest_part));
+  const auto parts_of = [dt](double rate) { return std::max(1., std::ceil(dt * rate / longest_part)); };
+  const double of_neighbours = parts_of(stencil_rate(model_.scene()));
+  const double parts = std::max(of_neighbours, parts_of(parts_->rate_until(u_)));
+  const bool stiff = parts > stiff_parts && parts > stiff_ratio * of_neighbours;
+  const double most = parts > most_parts ? most_stiff_parts : parts / 2;  // that are worth it
+  double done = 0;
+  if (stiff && (parts > most_parts || stiff_part_ * most >= dt))
+    done = move_stiff(dt, inside, most);
+  else
+    stiff_part_ = std::max(stiff_part_, std::min(2 * stiff_part_, dt));
+  if (done < 1) move_explicitly(done, dt, inside, std::ceil((1 - done) * parts));
+  start_known_ = true;
+}
+
+void Tangents::move_explicitly(double from, double dt, const Inside& inside, double parts) {
   if (!(parts <= most_parts))
-    throw Failure("lyapunov_count: one step of " + number_text(dt) +
-                  " would take more than a million parts, as " + "friction changes here at a rate of " +
-                  number_text(rate));
+    throw failure(
+        "lyapunov_count {}: one step of {} would take more than a million parts; ask for fewer exponents, if "
+        "friction damps the others at once",
+        y_.size(), number_text(dt));
   for (int i = 0; i < int(parts); ++i) {
-    take_part(i / parts, 1 / parts, dt, inside);
+    divergence_ +=
+        parts_->explicit_part({from + i * (1 - from) / parts, (1 - from) / parts, dt}, inside, living(y_));
     if ((i + 1) % parts_between == 0) orthonormalise(false);
   }
-  start_known_ = true;
+}
+
+// Parts of stiff friction, until so many have been tried: the part of the step that is done. A part counts
+// where its estimated error allows it and no vector is left with its last digits alone: those that lie along
+// what friction damps at once are followed.
+double Tangents::move_stiff(double dt, const Inside& inside, double most) {
+  while (next_.size() < y_.size()) next_.push_back(model_.create_vector());
+  orthonormalise(false);
+  double at = 0, length = stiff_part_;
+  for (double tried = 0; at < dt && tried < most; ++tried) {
+    const bool last = at + length >= dt * (1 - 1e-12);
+    const double h = last ? dt - at : length;
+    const auto [error, trace] =
+        parts_->implicit_part({at / dt, h / dt, dt}, inside, living(y_), living(next_));
+    std::swap(y_, next_);
+    std::vector<double> lengths(y_.size(), 1.);
+    const bool exact = error <= part_error, good = exact && by_cholesky(lengths, shortest_left);
+    const double factor =
+        exact && !good ? 0.2 : std::clamp(0.9 * std::pow(part_error / error, 0.25), 0.2, 4.);
+    if (!good) {
+      std::swap(y_, next_);
+      length = h * factor;
+      continue;
+    }
+    parts_->keep();
+    count_growth(lengths);
+    divergence_ += trace;
+    at = last ? dt : at + h;
+    length = last && h < length ? std::max(length, h * factor) : h * factor;
+  }
+  stiff_part_ = length;
+  return at / dt;
 }
 
 // ---- orthonormal vectors
@@ -399,13 +354,17 @@ std::vector<double> Tangents::growth() {
 void Tangents::orthonormalise(bool after_jump) {
   std::vector<double> lengths(y_.size(), 1.);
   if (!by_cholesky(lengths)) one_by_one(lengths, after_jump);
+  count_growth(lengths);
+}
+
+void Tangents::count_growth(const std::vector<double>& lengths) {
   for (std::size_t k = 0; k < y_.size(); ++k)
     if (!rank_deficient_[k]) growth_[k] += std::log(lengths[k]);
 }
 
 // Y = Q R with R^T R = Y^T Y: one reduction. False, and nothing done, where the vectors are too much alike
-// for it.
-bool Tangents::by_cholesky(std::vector<double>& lengths) {
+// for it, or one is left with less than `shortest`.
+bool Tangents::by_cholesky(std::vector<double>& lengths, double shortest) {
   std::vector<std::size_t> live;
   for (std::size_t k = 0; k < y_.size(); ++k)
     if (!rank_deficient_[k]) live.push_back(k);
@@ -417,7 +376,8 @@ bool Tangents::by_cholesky(std::vector<double>& lengths) {
   const Eigen::LLT<Eigen::MatrixXd, Eigen::Upper> factors(products);
   const Eigen::MatrixXd R = factors.matrixU();
   if (factors.info() != Eigen::Success ||
-      !(R.diagonal().array().square() > well_apart * products.diagonal().array()).all())
+      !(R.diagonal().array().square() > well_apart * products.diagonal().array()).all() ||
+      !(R.diagonal().array() > shortest).all())
     return false;
   for (std::size_t k = 0; k < n; ++k) {
     lengths[live[k]] = R(k, k);

@@ -215,6 +215,26 @@ def test_a_run_is_not_changed_by_it():
     check(without["lyapunov"] is None and without["lyapunov_dimension"] is None, "nothing measured")
 
 
+STIFF = "-model_form chain -bc_left free -friction_law rate-and-state -friction_a 0.02 -friction_b 0.03 -friction_D 0.01 -model_k0 0.5 " \
+        "-model_m 1e-2 -model_v 0.01 -friction_psi0 1e-2 -init_psi 0.012 -init_eta steady -init_state steady "
+
+
+def test_stiff_friction():
+    # one block: a zero and a negative one; the third direction is damped at once, at rates of 1e5 and more
+    s = run(f"{STIFF} -grid_n 1 -ts_max_time 1000 -ts_rtol 1e-8 -ts_atol 1e-10 -lyapunov_count 2")
+    value, error = exponents(s)
+    check(s["regime"] == "stick-slip" and abs(value[0]) < error[0] and value[1] < -error[1] and s["lyapunov_dimension"] == 1,
+          f"a stable oscillation: {value} {error}")
+    refused(f"{STIFF} -grid_n 1 -init_psi 0.1 -init_eta 0.1 -ts_max_time 10 -lyapunov_count 3", 1, "lyapunov_count 3", "ask for fewer exponents")
+
+
+def test_restart_goes_on_alike_in_stiff_friction():
+    whole = run(f"{STIFF} -grid_n 2 -friction_spread 0.1 -ts_max_time 40 -lyapunov_count 3 -out_file w.h5 -out_frames 3 -out_checkpoint_every 300")
+    names = sorted(f for f in os.listdir(".") if f.startswith("w.chk"))
+    again = run(f"-restart {names[0]} -out_file again.h5")
+    check(again["lyapunov"] == whole["lyapunov"], f"{again['lyapunov']} {whole['lyapunov']}")
+
+
 def test_restart_goes_on_alike():
     scene = "-model_form chain -grid_n 4 -bc_left free -friction_law coulomb -state_law healing -friction_spread 0.3 -init_psi 0 " \
             "-ts_max_time 80 -lyapunov_count 5 -out_frames 3"
@@ -234,6 +254,8 @@ def test_the_same_on_any_number_of_ranks():
         scene += " -ts_type rk -ts_rk_type 4 -lyapunov_count 4"
         one, two = run(scene), run(scene, ranks=2)
         check(np.allclose(exponents(one)[0], exponents(two)[0], rtol=0, atol=1e-9), f"{exponents(one)} {exponents(two)}")
+    one, two = (run(f"{STIFF} -grid_n 3 -friction_spread 0.1 -ts_max_time 3 -lyapunov_count 4", ranks=ranks) for ranks in (1, 2))
+    check(np.allclose(exponents(one)[0], exponents(two)[0], rtol=1e-6, atol=1e-6), f"{exponents(one)} {exponents(two)}")
 
 
 def test_what_is_refused():

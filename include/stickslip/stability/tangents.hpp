@@ -2,10 +2,10 @@
 //     y_t = J(u(t)) y,     J = d(right-hand side)/du,
 // between the moments at which a node starts or stops, and jump there with the directions of motion.
 //
-// Between such moments the pair of Dormand and Prince, of order 5, takes them along values of u inside the
-// step, which the caller gives, in as many parts as the fastest rate of J asks for: no wave and no stiff
-// friction is damped falsely, and stiff friction makes it slow. J is never assembled: it is a block for each
-// node and the coupling of neighbours.
+// Between such moments they are taken along values of u inside the step, which the caller gives: by an
+// explicit method in as many parts as the fastest rate of J asks for, so that no wave is damped falsely;
+// where a node's friction asks for far more parts than its neighbours do, by an implicit-explicit one whose
+// parts are as long as an estimate of their error allows (stability/tangent_parts.hpp).
 //
 // Where a node starts, stops or turns, a deviation of that node passes a jump matrix (model/jump_matrix.hpp).
 // A node that stops loses a direction, and while m nodes rest no more than all unknowns less m are left, then
@@ -20,6 +20,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -27,19 +28,22 @@
 
 namespace stickslip {
 
+class TangentParts;
+
 class Tangents {
  public:
   // `count` random vectors, at most as many as there are unknowns. No step has been taken.
   Tangents(const Model& model, int count);
+  ~Tangents();
   // Memory of a node with `dof` unknowns, in bytes: blocks of four linearisations; of each vector itself and
-  // its slopes.
+  // its slopes. Where friction is stiff, 7 more numbers for each unknown and vector.
   static double bytes_a_node(double dof, double count) { return 32 * dof * dof + (3 + 7 * count) * 8 * dof; }
 
   // u at the part [0, 1] of a step.
   using Inside = std::function<void(double part, Vec into)>;
   // Over a step of length dt with the directions of motion of the model. Where a node started or stopped
   // since the last step, the jump comes first. Throws Failure where the step would take more than a million
-  // parts.
+  // parts: with a vector more than there are directions that friction does not damp at once, say.
   void advance(double dt, const Inside& inside);
 
   // ln of what the volume of the first k vectors has grown by since the last call, less that of the first k -
@@ -59,15 +63,11 @@ class Tangents {
   void archive(Archive& a) {
     for (std::size_t k = 0; k < y_.size(); ++k) a("lyapunov.vector_" + std::to_string(k), y_[k]);
     a("lyapunov.directions", was_);
-    a("lyapunov.vectors", draws_, most_resting_, rank_deficient_, growth_);
+    a("lyapunov.vectors", draws_, most_resting_, rank_deficient_, growth_, stiff_part_);
     begun_ = begun_ || a.restores();
   }
 
  private:
-  struct Linearisation {
-    std::vector<NodeBlock> blocks;  // of this rank's nodes
-    double trace = 0, rate = 0;     // of this rank
-  };
   void draw(std::size_t k);
   void begin(Vec u);
   bool directions_changed() const;
@@ -76,26 +76,26 @@ class Tangents {
   void find_neighbour_forces(Vec f);
   void check_order(const std::vector<double>& was, const double* f, const double* g) const;
   void count_resting();
-  double own_viscous_slope(PetscInt local_node) const;
-  void linearise(Vec u, Linearisation& at) const;
-  void rates(const Linearisation& at, Vec y, Vec into) const;
-  void take_part(double begin, double length, double dt, const Inside& inside);
   void move(double dt, const Inside& inside);
+  void move_explicitly(double from, double dt, const Inside& inside, double parts);
+  double move_stiff(double dt, const Inside& inside, double most);
+  std::vector<Vec> living(const std::vector<VecHandle>& vectors) const;
   void rest(double dt, Vec u);
   void orthonormalise(bool after_jump);
-  bool by_cholesky(std::vector<double>& lengths);
+  void count_growth(const std::vector<double>& lengths);
+  bool by_cholesky(std::vector<double>& lengths, double shortest = 0);
   void one_by_one(std::vector<double>& lengths, bool after_jump);
-  void clear_held(double* y) const;
 
   const Model& model_;
   int dof_;
   std::vector<VecHandle> y_;
   std::vector<char> rank_deficient_;  // stands for no direction any more
   std::vector<double> growth_;
-  std::vector<std::vector<VecHandle>> slope_;  // of each vector, stage by stage
-  VecHandle u_, stage_, was_;
+  std::vector<VecHandle> next_;  // at the end of a part that is tried
+  VecHandle u_, was_;
   std::vector<std::vector<double>> neighbour_forces_;  // N D2 psi at the nodes, see find_neighbour_forces
-  Linearisation start_, inside_;
+  std::unique_ptr<TangentParts> parts_;
+  double stiff_part_ = 1e-3;  // length of the next part of move_stiff(), in time: any to begin with
   bool begun_ = false, start_known_ = false, any_moves_ = true;
   long draws_ = 0;
   double divergence_ = 0;
