@@ -32,12 +32,13 @@ from figures_analysis import draw_laws, draw_spectrum, draw_wave, overlay_spectr
 from figures_boundary import diagram, draw_boundary, overlay_boundaries  # noqa: E402
 from figures_chart import draw_chart  # noqa: E402
 from figures_cycle import draw_cycle  # noqa: E402
+from figures_fit import draw_fit  # noqa: E402
 from figures_run import RUN_PICTURES, draw_run, movie, overlay  # noqa: E402
 from figures_sweep import draw_sweep  # noqa: E402
 from stickslip import Unusable, reading, text  # noqa: E402
 
 KINDS = {"run": draw_run, "laws": draw_laws, "spectrum": draw_spectrum, "wave": draw_wave, "cycle": draw_cycle,
-         "boundary": draw_boundary, "chart": draw_chart, "sweep": draw_sweep}
+         "boundary": draw_boundary, "chart": draw_chart, "sweep": draw_sweep, "fit": draw_fit}
 TOGETHER = {"run": overlay, "boundary": overlay_boundaries, "spectrum": overlay_spectra}
 
 

@@ -32,6 +32,7 @@ const std::vector<Command>& commands() {
        chart_command, true},
       {"sweep", "any command over a grid, list or sample of options, on groups of ranks", sweep_command,
        false},
+      {"fit", "finds the options with which a run reproduces what was measured", fit_command, true},
   };
   return table;
 }
@@ -49,12 +50,17 @@ const Command& command_named(const std::string& name) {
 }
 
 std::string tables_text() {
-  const std::vector<std::pair<const char*, std::vector<TableText>>> all = {
-      {"boundary", boundary_tables()},  {"spectrum", spectrum_tables()},
-      {"wave", wave_tables()},          {"cycle", cycle_tables()},
-      {"chart", chart_tables()},        {"limits", limit_tables()},
-      {"laws", laws_tables()},          {"sweep", sweep_tables()},
-      {"every", {common_quantities()}}, {"run", run_tables()}};
+  const std::vector<std::pair<const char*, std::vector<TableText>>> all = {{"boundary", boundary_tables()},
+                                                                           {"spectrum", spectrum_tables()},
+                                                                           {"wave", wave_tables()},
+                                                                           {"cycle", cycle_tables()},
+                                                                           {"chart", chart_tables()},
+                                                                           {"limits", limit_tables()},
+                                                                           {"laws", laws_tables()},
+                                                                           {"sweep", sweep_tables()},
+                                                                           {"fit", fit_tables()},
+                                                                           {"every", {common_quantities()}},
+                                                                           {"run", run_tables()}};
   std::string text;
   for (const auto& [name, tables] : all)
     text += fmt::format("{}\"{}\": {}", text.empty() ? "{" : ",\n", name, json_text(tables));

@@ -12,6 +12,7 @@ namespace stickslip {
 // What each command writes, first the keys of its summary.
 std::vector<TableText> boundary_tables();
 std::vector<TableText> cycle_tables();
+std::vector<TableText> fit_tables();
 std::vector<TableText> laws_tables();
 std::vector<TableText> run_tables();
 std::vector<TableText> spectrum_tables();

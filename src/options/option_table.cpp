@@ -8,7 +8,7 @@ namespace stickslip {
 
 namespace {
 
-constexpr const char* physics = "run spectrum boundary wave cycle chart";
+constexpr const char* physics = "run spectrum boundary wave cycle chart fit";
 constexpr double inf = std::numeric_limits<double>::infinity();
 constexpr double int_max = std::numeric_limits<PetscInt>::max();
 constexpr double count_max = 9e15;  // below 2^53: exact as a double
@@ -173,7 +173,7 @@ void model_options(TableBuilder& t) {
 }
 
 void friction_options(TableBuilder& t) {
-  t.in("Friction", "run spectrum boundary wave cycle chart laws");
+  t.in("Friction", "run spectrum boundary wave cycle chart laws fit");
   const LawOptions laws = law_options();
   t.choice("friction_law", laws.laws,
            "friction law F(psi): velocity weakening (carlson-langer, stribeck, table), slip weakening, rate "
@@ -216,7 +216,7 @@ void load_options(TableBuilder& t) {
 }
 
 void contact_options(TableBuilder& t) {
-  t.in("State of the contact", "run spectrum boundary wave cycle chart laws");
+  t.in("State of the contact", "run spectrum boundary wave cycle chart laws fit");
   const LawOptions laws = law_options();
   t.choice("state_law", laws.states,
            "kinetic equation of the contact; ageing, slip, ageing-cutoff and prz belong to rate-and-state, "
@@ -252,7 +252,7 @@ void grid_options(TableBuilder& t) {
 }
 
 void start_options(TableBuilder& t) {
-  t.in("Start", "run cycle chart");
+  t.in("Start", "run cycle chart fit");
   t.choice(
       "init_type", {"uniform", "sine", "layer", "pulses", "wave", "file", "text"},
       "uniform; sine: psi = init_psi + init_amplitude sin(2 pi init_mode x/L); layer: psi falls from "
@@ -296,7 +296,7 @@ void start_options(TableBuilder& t) {
 }
 
 void time_options(TableBuilder& t) {
-  t.in("Time stepping", "run chart boundary");
+  t.in("Time stepping", "run chart boundary fit");
   t.not_negative("ts_max_time", "60", "end time, hit exactly", "time");
   t.integer("ts_max_steps", "", 0, count_max, "most steps").unset("unlimited");
   t.add("ts_max_wall", OptionType::wall_time, "",
@@ -315,7 +315,7 @@ void time_options(TableBuilder& t) {
          "out_probes) or amplitude");
   t.positive("accuracy_seconds", "60", "processor time that choosing for -accuracy may take")
       .where("accuracy", {""});
-  t.in("Time stepping", "run chart");
+  t.in("Time stepping", "run chart fit");
   t.boolean(
       "rk_fused", "true",
       "take all stages of a step of rk, and of arkimex and rosw with friction implicit, tile by tile in the "
@@ -505,6 +505,22 @@ void sweep_options(TableBuilder& t) {
             "also the file of every point: NAME.h5 and point 123 make NAME-000123.h5");
 }
 
+void fit_options(TableBuilder& t) {
+  t.in("Fit", "fit");
+  t.add("fit_data", OptionType::pairs, "",
+        "what was measured: a file of two columns, or t1:y1,t2:y2,...; the first ascends")
+      .unset("none");
+  t.choice("fit_of", {"force", "psi", "displacement"},
+           "its second column: the force of the springs (eta), the velocity psi or the displacement since "
+           "the start, "
+           "the mean over the nodes");
+  t.choice("fit_against", {"time", "displacement"}, "its first column: time, or the way of the load point");
+  t.add("fit_parameters", OptionType::text_list, "", "options that are sought, e.g. friction_a,friction_b")
+      .unset("none");
+  t.integer("fit_starts", "4", 1, 1e6, "starts of the search: the scene's values, and draws around them");
+  t.integer("fit_seed", "1", 0, int_max, "seed of the draws");
+}
+
 std::vector<OptionSpec> make_table() {
   TableBuilder t;
   model_options(t);
@@ -524,6 +540,7 @@ std::vector<OptionSpec> make_table() {
   chart_options(t);
   laws_options(t);
   sweep_options(t);
+  fit_options(t);
   return std::move(t.rows);
 }
 

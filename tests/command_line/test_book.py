@@ -89,6 +89,7 @@ FILES = {
               "-chart_grids 16 -chart_repeats 1",
               "-chart_kind limits -grid_n 16 -chart_methods rk:3bs -chart_parameter model_gamma -chart_values 3 -ts_max_time 1"],
     "laws": ["", "-friction_table 0:1,1:0.5"],
+    "fit": ["-model_form chain -grid_n 1 -bc_left free -ts_max_time 5 -fit_data 1:0.1,2:0.2,3:0.1,4:0.2 -fit_parameters model_k0 -fit_starts 1"],
 }
 ELSEWHERE = {"boundary": ("special/", "wave_", "train/"), "wave": "curves/"}
 PAGE = FilesPage()

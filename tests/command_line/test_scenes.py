@@ -26,7 +26,7 @@ def test_scene_says_what_it_shows_and_starts(scene):
     with open(scene, encoding="utf-8") as file:
         text = file.read()
     assert len(re.match(r"(#.*\n)*", text).group(0)) > 40, f"{scene} does not say what it shows"
-    command = (re.findall(r"^(sweep|boundary|chart|cycle|laws|spectrum|wave)[:_]", text, re.MULTILINE) or ["run"])
+    command = (re.findall(r"^(sweep|boundary|chart|cycle|laws|spectrum|wave|fit)[:_]", text, re.MULTILINE) or ["run"])
     command = next((c for c in ("sweep", "boundary") if c in command), command[0])
     done = subprocess.run([PROGRAM, command, scene, *FEW.get(command, [])], capture_output=True, text=True)
     assert done.returncode == 0 and "stickslip: error: " not in done.stderr, done.stderr

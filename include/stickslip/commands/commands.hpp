@@ -13,6 +13,7 @@ int laws_command(const Options& options);      // tabulates friction laws
 int boundary_command(const Options& options);  // where steady sliding loses stability, and stick-slip ends
 int cycle_command(const Options& options);     // a periodic oscillation, its stability, a branch of them
 int sweep_command(const Options& options);     // any of the others at many values of options
+int fit_command(const Options& options);       // parameters of a scene out of a measured course
 // error against seconds by many methods, or where each method fails
 int chart_command(const Options& options);
 

@@ -1,0 +1,446 @@
+#include "study/fit.hpp"
+
+#include <petsctao.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include <Eigen/Dense>
+
+#include "base/broadcast.hpp"
+#include "base/failure.hpp"
+#include "base/local_values.hpp"
+#include "base/pulse.hpp"
+#include "stickslip/model/model.hpp"
+#include "stickslip/numerics/collocation.hpp"
+#include "stickslip/numerics/roots.hpp"
+#include "options/values.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/study/reduce.hpp"
+#include "stickslip/study/start.hpp"
+#include "stickslip/study/trial.hpp"
+#include "study/simulate.hpp"
+
+namespace stickslip {
+
+namespace {
+
+using TaoHandle = Handle<Tao, TaoDestroy>;
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+constexpr double step_tolerance = 1e-9;     // of the runs, unless the user sets it
+constexpr double difference = 1e-4;         // of a parameter; relative, or of a logarithm
+constexpr double widest = 6.9077552789821;  // ln 1000: how far a logarithm goes from the scene's value
+constexpr double most_spread = 1.1;         // ln 3: of the starts
+constexpr double gradient = 1e-10;          // a row: where the search ends
+constexpr double failed_run = 1e3;          // residual of a run that fails, in units of the data's scatter
+constexpr double same_place = 1e-3;         // of two ends of the search, in units of the variables
+constexpr double told_apart = 1e-5;         // ratio of singular values below which parameters are not
+
+// ---- the course of a run
+
+class Course : public Measure {
+ public:
+  Course(const Model& model, CourseOf of, const std::vector<double>& times)
+      : model_(model), of_(of), times_(times), work_(model.create_vector()) {}
+
+  void plan(ObservationPlan& plan) override {
+    plan.next_times.emplace_back([this](double t) {
+      if (of_ == CourseOf::displacement) return std::nextafter(t, HUGE_VAL);
+      const auto next = std::upper_bound(times_.begin(), times_.end(), t);
+      return next == times_.end() ? std::numeric_limits<double>::infinity() : *next;
+    });
+  }
+  void step(const ObservedStep& step) override {
+    beat("steps");
+    double from = step.t_before;
+    for (; sums_.size() < times_.size() && times_[sums_.size()] <= step.t;) {
+      const double t = times_[sums_.size()];
+      if (of_ == CourseOf::displacement)
+        sums_.push_back(travel_ += slip(step, std::exchange(from, t), t));
+      else
+        sums_.push_back(sum_at(step, t));
+    }
+    if (of_ == CourseOf::displacement) travel_ += slip(step, from, step.t);
+  }
+  std::vector<double> values() const override {
+    std::vector<double> all = sums_;
+    sum_over(model_.comm(), all.data(), int(all.size()));
+    for (double& value : all) value /= double(model_.scene().n);
+    return all;
+  }
+
+ private:
+  // Over this rank's nodes.
+  double sum_at(const ObservedStep& step, double t) {
+    if (t < step.t) step.interpolate(t, work_);
+    const Reading u(t < step.t ? work_.get() : step.u);
+    const int dof = model_.dof(), component = of_ == CourseOf::force ? 1 : 0;
+    double sum = 0;
+    for (PetscInt i = 0; i < model_.local(); ++i) sum += u[i * dof + component];
+    return sum;
+  }
+  // The integral of psi; no dense output has a degree of more than 9.
+  double slip(const ObservedStep& step, double from, double to) {
+    static const Tableau points = Tableau::gauss(5);
+    double sum = 0;
+    for (int i = 0; i < points.s && to > from; ++i)
+      sum += (to - from) * points.b[i] * sum_at(step, from + (to - from) * points.c[i]);
+    return sum;
+  }
+
+  const Model& model_;
+  CourseOf of_;
+  const std::vector<double>& times_;
+  VecHandle work_;
+  std::vector<double> sums_;
+  double travel_ = 0;
+};
+
+// ---- what is asked
+
+FitParameter parameter_of(const std::string& name, const Options& options) {
+  const OptionSpec* spec = find_option(name);
+  if (!spec)
+    throw usage_error("-fit_parameters {}: no such option{}", name,
+                      did_you_mean(nearest_option(lower_case(name))));
+  const bool number = spec->type == OptionType::real || spec->type == OptionType::real_or_word;
+  const std::string text = options.text(spec->name);
+  if (!number || !reads_option("run", *spec) || !parse_number(text))
+    throw usage_error("-fit_parameters {}: it is no number that a run depends on{}", name,
+                      number ? ", but " + quoted(text) : "");
+  FitParameter p{spec->name, options.real(spec->name), nan, spec->low, spec->high, false};
+  p.logarithm = p.value > 0 && p.low >= 0;
+  if (p.logarithm) {
+    p.low = std::max(p.low, p.value * std::exp(-widest));
+    p.high = std::min(p.high, p.value * std::exp(widest));
+  }
+  return p;
+}
+
+// When the load point has come so far.
+double time_at(double place, const Scene& scene, double end) {
+  const auto way = [&](double t) { return scene.load.varies() ? scene.load.integral(t) : scene.v * t; };
+  if (place == 0) return 0;
+  const double t =
+      find_root([&](double at) { return way(at) - place; }, {0, -place, end, way(end) - place}, 0);
+  if (std::isnan(t))
+    throw usage_error("-fit_data: the load point does not come to {} before ts_max_time {}",
+                      number_text(place), number_text(end));
+  return t;
+}
+
+}  // namespace
+
+FitProblem fit_problem(const Options& options) {
+  FitProblem problem;
+  problem.options = options.for_command("run");
+  const Scene scene = Scene::from(problem.options, false);
+  const double end = options.real("ts_max_time");
+  if (!options.is_set("fit_data"))
+    throw UsageError("-fit_data: give a file of two columns, what was measured");
+  if (!options.is_set("fit_parameters"))
+    throw UsageError("-fit_parameters: give the options that are sought, e.g. friction_a,friction_b");
+  const std::string of = options.text("fit_of");
+  problem.of = of == "force" ? CourseOf::force : of == "psi" ? CourseOf::psi : CourseOf::displacement;
+  const bool against_time = options.text("fit_against") == "time";
+  for (const auto& [place, value] : options.pairs("fit_data")) {
+    const double t = against_time ? place : time_at(place, scene, end);
+    if (!problem.times.empty() && !(t > problem.times.back()))
+      throw usage_error("-fit_data: the first column must ascend{}: {}",
+                        against_time ? "" : " as the load point goes", number_text(place));
+    if (t < 0 || t > end)
+      throw usage_error("-fit_data: {} lies outside the run, which is from 0 to ts_max_time {}",
+                        number_text(place), number_text(end));
+    problem.times.push_back(t);
+    problem.data.push_back(value);
+  }
+  for (const std::string& name : options.words("fit_parameters")) {
+    const FitParameter p = parameter_of(name, problem.options);
+    for (const FitParameter& other : problem.parameters)
+      if (other.name == p.name) throw usage_error("-fit_parameters: {} stands there twice", name);
+    problem.parameters.push_back(p);
+  }
+  if (problem.data.size() < problem.parameters.size())
+    throw usage_error("-fit_data: {} rows cannot tell {} parameters", problem.data.size(),
+                      problem.parameters.size());
+  problem.starts = int(options.integer("fit_starts"));
+  problem.seed = options.integer("fit_seed");
+  return problem;
+}
+
+std::vector<double> course_of(const FitProblem& problem, const Options& options) {
+  const Scene whole = Scene::from(options, false);
+  const Problem solved = problem_of(whole, options, std::nullopt);
+  MethodSpec spec = MethodSpec::from(options);
+  if (!options.is_set("ts_rtol") && !options.is_set("ts_atol") && spec.tolerance == 0 &&
+      !options.is_set("ts_dt"))
+    spec.tolerance = step_tolerance;
+  Integrator integrator(solved.model, spec, solved.u);
+  Course course(solved.model, problem.of, problem.times);
+  ObservationPlan plan;
+  course.plan(plan);
+  integrator.set_output_times([plan](double t) { return plan.next_time(t); });
+  simulate(integrator, solved.u, {0, problem.times.back(), most_steps(options)}, {&course});
+  std::vector<double> values = course.values();
+  if (values.size() < problem.times.size())
+    throw Failure("the run ended before the last row of fit_data: " + integrator.report().reason);
+  return values;
+}
+
+namespace {
+
+// ---- the search
+
+class Search {
+ public:
+  explicit Search(const FitProblem& problem)
+      : problem_(problem), rows_(problem.data.size()), n_(problem.parameters.size()) {
+    double mean = 0, scatter = 0;
+    for (const double d : problem.data) mean += d / double(rows_);
+    for (const double d : problem.data) scatter += (d - mean) * (d - mean) / double(rows_);
+    unit_ = scatter > 0 ? std::sqrt(scatter) : std::max(std::abs(mean), 1e-300);
+    make_solver();
+  }
+
+  using Vector = Eigen::VectorXd;
+
+  Vector scene_values() const {
+    Vector x(n_);
+    for (std::size_t k = 0; k < n_; ++k) x[k] = variable(k, problem_.parameters[k].value);
+    return x;
+  }
+  double value(std::size_t k, double x) const { return problem_.parameters[k].logarithm ? std::exp(x) : x; }
+  double variable(std::size_t k, double value) const {
+    return problem_.parameters[k].logarithm ? std::log(value) : value;
+  }
+  double low(std::size_t k) const { return variable(k, problem_.parameters[k].low); }
+  double high(std::size_t k) const { return variable(k, problem_.parameters[k].high); }
+  double unit() const { return unit_; }
+  long runs() const { return runs_; }
+  std::string method() const {
+    TaoType type;
+    SS_TRY(TaoGetType(tao_, &type));
+    return type;
+  }
+
+  // In units of the data's scatter.
+  Vector residual(const Vector& x) {
+    ++runs_;
+    beat("runs");
+    std::vector<std::string> unheard;
+    const WarningsKept kept(unheard);
+    Options options = problem_.options;
+    for (std::size_t k = 0; k < n_; ++k) options = options.with(problem_.parameters[k].name, value(k, x[k]));
+    const std::vector<double> course = course_of(problem_, options);
+    Vector r(rows_);
+    for (std::size_t i = 0; i < rows_; ++i) r[i] = (course[i] - problem_.data[i]) / unit_;
+    return r;
+  }
+  // Of a run that may fail: a value that no search stays at.
+  std::optional<Vector> try_residual(const Vector& x) {
+    try {
+      Vector r = residual(x);
+      if (r.allFinite()) return r;
+    } catch (const Error& e) {
+      if (!e.collective() && ranks_in(PETSC_COMM_WORLD) > 1) throw;
+    }
+    return std::nullopt;
+  }
+  // Differences of runs: central ones, which cost twice as many; where a side cannot be had, and for the
+  // search itself, to one side.
+  Eigen::MatrixXd jacobian(const Vector& x, bool central) {
+    Eigen::MatrixXd J(rows_, n_);
+    if (!last_ || last_->first != x) last_ = {x, residual(x)};
+    const Vector here = last_->second;
+    for (std::size_t k = 0; k < n_; ++k) {
+      const double h = difference * (problem_.parameters[k].logarithm ? 1 : std::max(std::abs(x[k]), 1e-2));
+      const auto at = [&](double place) {
+        Vector beside = x;
+        beside[k] = std::clamp(place, low(k), high(k));
+        return std::pair(beside[k], beside[k] == x[k] ? here : try_residual(beside).value_or(here));
+      };
+      const auto [up, above] = at(x[k] + h);
+      const auto [down, below] = central || up == x[k] ? at(x[k] - h) : std::pair(x[k], here);
+      J.col(k) = (above - below) / (up - down);
+    }
+    return J;
+  }
+
+  // From x to a minimum.
+  Vector minimise(const Vector& x) {
+    {
+      const Writing to(x_);
+      std::copy_n(x.data(), n_, static_cast<double*>(to));
+    }
+    SS_TRY(TaoSetSolution(tao_, x_));
+    SS_TRY(TaoSolve(tao_));
+    return vector_of(x_);
+  }
+
+ private:
+  void make_solver();
+  Vector vector_of(Vec v) const {
+    const Reading a(v);
+    return Eigen::Map<const Vector>(a, Eigen::Index(n_));
+  }
+  static PetscErrorCode Residual(Tao, Vec x, Vec r, void* context) {
+    return guarded([&] {
+      auto& self = *static_cast<Search*>(context);
+      const Vector at = self.vector_of(x);
+      const auto found = self.try_residual(at);
+      if (found) self.last_ = {at, *found};
+      const Writing to(r);
+      for (std::size_t i = 0; i < self.rows_; ++i) to[i] = found ? (*found)[i] : failed_run;
+    });
+  }
+  static PetscErrorCode Jacobian(Tao, Vec x, Mat J, Mat, void* context) {
+    return guarded([&] {
+      auto& self = *static_cast<Search*>(context);
+      const Eigen::MatrixXd found = self.jacobian(self.vector_of(x), false);
+      double* entries;
+      SS_TRY(MatDenseGetArray(J, &entries));
+      std::copy_n(found.data(), found.size(), entries);  // both column by column
+      SS_TRY(MatDenseRestoreArray(J, &entries));
+      SS_TRY(MatAssemblyBegin(J, MAT_FINAL_ASSEMBLY));
+      SS_TRY(MatAssemblyEnd(J, MAT_FINAL_ASSEMBLY));
+    });
+  }
+
+  const FitProblem& problem_;
+  std::size_t rows_, n_;
+  double unit_ = 1;
+  long runs_ = 0;
+  std::optional<std::pair<Vector, Vector>> last_;  // x, and the residual there
+  TaoHandle tao_;
+  VecHandle x_, r_, low_, high_;
+  MatHandle J_;
+};
+
+// Every rank solves the same small problem, whose runs they share.
+void Search::make_solver() {
+  SS_TRY(VecCreateSeq(PETSC_COMM_SELF, PetscInt(n_), x_.out()));
+  SS_TRY(VecDuplicate(x_, low_.out()));
+  SS_TRY(VecDuplicate(x_, high_.out()));
+  SS_TRY(VecCreateSeq(PETSC_COMM_SELF, PetscInt(rows_), r_.out()));
+  SS_TRY(MatCreateSeqDense(PETSC_COMM_SELF, PetscInt(rows_), PetscInt(n_), nullptr, J_.out()));
+  {
+    const Writing lowest(low_), highest(high_);
+    for (std::size_t k = 0; k < n_; ++k) {
+      lowest[k] = std::max(low(k), double(PETSC_NINFINITY));
+      highest[k] = std::min(high(k), double(PETSC_INFINITY));
+    }
+  }
+  SS_TRY(TaoCreate(PETSC_COMM_SELF, tao_.out()));
+  SS_TRY(TaoSetType(tao_, TAOPOUNDERS));
+  SS_TRY(TaoSetSolution(tao_, x_));
+  SS_TRY(TaoSetResidualRoutine(tao_, r_, Residual, this));
+  SS_TRY(TaoSetJacobianResidualRoutine(tao_, J_, J_, Jacobian, this));
+  SS_TRY(TaoSetVariableBounds(tao_, low_, high_));
+  SS_TRY(TaoSetMaximumIterations(tao_, 500));
+  SS_TRY(TaoSetMaximumFunctionEvaluations(tao_, 2000));
+  SS_TRY(TaoSetTolerances(tao_, gradient * double(rows_), 0, 0));
+  SS_TRY(TaoSetFromOptions(tao_));
+}
+
+// Covariance in the variables, out of the singular values of J with columns of length 1; what the data leave
+// open has no error.
+void judge(Search& search, const Eigen::VectorXd& x, const FitProblem& problem, Fit& fit) {
+  const std::size_t n = problem.parameters.size(), rows = problem.data.size();
+  const Eigen::VectorXd r = search.residual(x);
+  const Eigen::MatrixXd J = search.jacobian(x, true);
+  fit.course.clear();
+  for (std::size_t i = 0; i < rows; ++i) fit.course.push_back(problem.data[i] + r[i] * search.unit());
+  fit.residual = search.unit() * std::sqrt(r.squaredNorm() / double(rows));
+  fit.correlation.assign(n, std::vector<double>(n, nan));
+  const Eigen::VectorXd lengths = J.colwise().norm();
+  for (std::size_t k = 0; k < n; ++k)
+    if (!(lengths[k] > 0)) fit.together.push_back(problem.parameters[k].name);
+  if (!fit.together.empty()) return;
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(J * lengths.cwiseInverse().asDiagonal(), Eigen::ComputeThinV);
+  const Eigen::VectorXd s = svd.singularValues();
+  if (!(s[n - 1] > told_apart * s[0])) {
+    // the change of the variables that the course does not feel
+    Eigen::VectorXd change = svd.matrixV().col(n - 1).cwiseQuotient(lengths).cwiseAbs();
+    for (std::size_t k = 0; k < n; ++k)
+      if (!problem.parameters[k].logarithm) change[k] /= std::max(std::abs(x[k]), 1e-2);
+    for (std::size_t k = 0; k < n; ++k)
+      if (change[k] > 0.1 * change.maxCoeff()) fit.together.push_back(problem.parameters[k].name);
+    return;
+  }
+  if (rows == n) return;
+  const Eigen::MatrixXd inverse =
+      svd.matrixV() * s.cwiseAbs2().cwiseInverse().asDiagonal() * svd.matrixV().transpose();
+  const double variance = r.squaredNorm() / double(rows - n);
+  for (std::size_t k = 0; k < n; ++k) {
+    const double error = std::sqrt(variance * inverse(k, k)) / lengths[k];
+    fit.parameters[k].error = problem.parameters[k].logarithm ? error * fit.parameters[k].value : error;
+    for (std::size_t j = 0; j < n; ++j)
+      fit.correlation[k][j] = inverse(k, j) / std::sqrt(inverse(k, k) * inverse(j, j));
+  }
+}
+
+// The first start is the scene's; the others are drawn around it, near it and farther off in turn.
+Eigen::VectorXd drawn(const Search& search, const FitProblem& problem, int start) {
+  Eigen::VectorXd x = search.scene_values();
+  const double spread = most_spread / double(1 << (2 - (start + 2) % 3));
+  for (std::size_t k = 0; k < problem.parameters.size() && start > 0; ++k) {
+    const double u = counter_uniform(problem.seed, PetscInt(start * problem.parameters.size() + k));
+    const double width = problem.parameters[k].logarithm ? spread : spread * std::max(std::abs(x[k]), 0.1);
+    x[k] = std::clamp(x[k] + (2 * u - 1) * width, search.low(k), search.high(k));
+  }
+  return x;
+}
+
+// Throws UsageError where a run does not depend on a parameter.
+void check_effect(Search& search, const FitProblem& problem) {
+  const Eigen::MatrixXd J = search.jacobian(search.scene_values(), false);
+  for (std::size_t k = 0; k < problem.parameters.size(); ++k)
+    if (J.col(k).isZero(0))
+      throw usage_error("-fit_parameters {}: it has no effect on these data", problem.parameters[k].name);
+}
+
+}  // namespace
+
+Fit solve_fit(const FitProblem& problem, const std::function<void(const Fit& best)>& told) {
+  Search search(problem);
+  course_of(problem, problem.options);  // its errors and warnings are the user's to see
+  check_effect(search, problem);
+  struct Stop {
+    Eigen::VectorXd x;
+    double squares;
+  };
+  std::vector<Stop> ends;
+  Fit fit;
+  fit.method = search.method();
+  for (int start = 0; start < problem.starts; ++start) {
+    Pulse::stage(fmt::format("start {} of {}", start + 1, problem.starts));
+    const Eigen::VectorXd x = search.minimise(drawn(search, problem, start));
+    const auto r = search.try_residual(x);
+    if (!r) continue;
+    ends.push_back({x, r->squaredNorm()});
+    std::sort(ends.begin(), ends.end(), [](const Stop& a, const Stop& b) { return a.squares < b.squares; });
+    fit.parameters = problem.parameters;
+    for (std::size_t k = 0; k < fit.parameters.size(); ++k) {
+      FitParameter& p = fit.parameters[k];
+      p.value = search.value(k, ends[0].x[k]);
+      p.at_bound = std::min(ends[0].x[k] - search.low(k), search.high(k) - ends[0].x[k]) < same_place;
+    }
+    fit.residual = search.unit() * std::sqrt(ends[0].squares / double(problem.data.size()));
+    fit.same = int(std::count_if(ends.begin(), ends.end(), [&](const Stop& end) {
+      const Eigen::ArrayXd scale = ends[0].x.array().abs().max(1);
+      return ((end.x - ends[0].x).array().abs() < same_place * scale).all();
+    }));
+    fit.runs = search.runs();
+    if (told) told(fit);
+  }
+  if (ends.empty()) throw Failure("no start of the search came to an end: every run failed there");
+  Pulse::stage("errors");
+  judge(search, ends[0].x, problem, fit);
+  fit.runs = search.runs();
+  return fit;
+}
+
+}  // namespace stickslip

@@ -1,0 +1,79 @@
+"""`fit`: the shipped scene, ways to say the same data, what the data leave open, ranges, ranks, the picture. What was put in
+comes back: tests/audit/test_fit.py."""
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from calls import SOURCE, call, check, data, run, scene_file
+
+BLOCK = "-model_form chain -grid_n 1 -bc_left free -model_k0 1 -model_v 0.9 -init_psi 1.2 -init_eta 0.5 -ts_max_time 12 -friction_law tanh " \
+        "-model_zeta 0.1 "
+
+
+def course(more="", of="eta"):
+    """A run of the block, its frames."""
+    run(f"{BLOCK}{more} -ts_rtol 1e-10 -ts_atol 1e-10 -out_file r.h5 -out_frames 61 -out_displacement")
+    file = data("r.h5")
+    return file["t"], file[of][:, 0]
+
+
+def fit(more, **how):
+    return run(BLOCK + more, command="fit", **how)[0]
+
+
+def values(summary):
+    return np.array([p["value"] for p in summary["parameters"]])
+
+
+def test_the_shipped_scene():
+    s = run(scene_file("fit-steps") + " -out_file f.h5", command="fit")[0]
+    off = np.abs(values(s) - [0.012, 0.016, 8]) / [p["error"] for p in s["parameters"]]
+    check(np.all(off < 3) and s["starts"] == 4 and not s["warnings"], f"{s['parameters']} {s['warnings']}")
+    file = data("f.h5")
+    check(np.allclose(file["left"], file["data"] - file["fit"]) and abs(np.sqrt(np.mean(file["left"]**2)) - s["residual"]) < 1e-12, "what is left")
+    done = subprocess.run([sys.executable, os.path.join(SOURCE, "postprocess", "plot.py"), "f.h5", "-o", "f.png"], capture_output=True, text=True)
+    check(done.returncode == 0, done.stderr)
+
+
+@pytest.mark.parametrize("of", ["force", "psi", "displacement"])
+def test_without_noise_all_digits_come_back(of):
+    t, y = course("-friction_fc 0.45", {"force": "eta", "psi": "psi", "displacement": "chi"}[of])
+    np.savetxt("d.txt", np.c_[t[1:], (y - y[0])[1:] if of == "displacement" else y[1:]], fmt="%.15g")
+    s = fit(f"-fit_data d.txt -fit_of {of} -fit_parameters friction_fc,model_m -fit_starts 2")
+    check(np.allclose(values(s), [0.45, 1], rtol=1e-5, atol=0) and s["residual"] < 1e-6, f"{of}: {s['parameters']} {s['residual']}")
+    if of == "force":  # the load point goes 0.9 in a unit of time
+        np.savetxt("d.txt", np.c_[0.9 * t[1:], y[1:]], fmt="%.15g")
+        again = fit("-fit_data d.txt -fit_against displacement -fit_parameters friction_fc,model_m -fit_starts 2")
+        check(np.allclose(values(again), values(s), rtol=1e-6), f"{again['parameters']} {s['parameters']}")
+
+
+def test_what_the_data_leave_open():
+    # at m = 1 only f0/m, zeta/f0 and k0/f0 say where the block goes: f0, m and zeta, k0 together change nothing
+    t, y = course("-friction_fc 0.45", "psi")
+    np.savetxt("d.txt", np.c_[t[1:], y[1:]], fmt="%.15g")
+    s = fit("-model_zeta 0 -fit_data d.txt -fit_of psi -fit_parameters model_f0,model_m,model_k0,model_zeta -model_zeta 0.1 -fit_starts 1")
+    check(any("do not tell" in w and "model_f0" in w and "model_m" in w for w in s["warnings"]), s["warnings"])
+    check(all(p["error"] is None for p in s["parameters"]), s["parameters"])
+    s = fit("-fit_data d.txt -fit_of psi -fit_parameters friction_fc -friction_fc 5e-5 -fit_starts 1")
+    check(any("end of the range" in w for w in s["warnings"]), s["warnings"])
+
+
+@pytest.mark.ranks
+def test_the_same_on_two_ranks():
+    scene = "-grid_n 8 -grid_length 8 -init_type sine -init_psi 1.1 -model_v 1.1 -ts_max_time 6 "
+    run(scene + "-model_gamma 2.5 -out_file r.h5 -out_frames 41")
+    file = data("r.h5")
+    np.savetxt("d.txt", np.c_[file["t"][1:], file["eta"].mean(axis=1)[1:]], fmt="%.15g")
+    one, two = (run(scene + "-fit_data d.txt -fit_parameters model_gamma -fit_starts 1", command="fit", ranks=ranks)[0] for ranks in (1, 2))
+    check(np.allclose(values(one), 2.5, rtol=1e-4) and np.allclose(values(one), values(two), rtol=1e-6), f"{one['parameters']} {two['parameters']}")
+
+
+def test_a_scene_that_fails_is_an_error():
+    done = call(BLOCK + "-friction_law dieterich -friction_fc 0.45", command="fit")
+    check(done.returncode == 2, done.stderr)
+    scene = BLOCK.replace("-friction_law tanh", "-friction_law cubic") + "-model_m 1e-4 -ts_type rk -ts_dt 1 -ts_adapt_type none "
+    done = call(scene + "-fit_data 1:0.1,2:0.1 -fit_parameters model_m", command="fit")
+    check(done.returncode == 1 and done.stderr.count("error:") == 1, done.stderr)
