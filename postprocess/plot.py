@@ -12,6 +12,8 @@ The kind of the file decides what is drawn; for the file of a run, WHAT is one o
     probes     psi and eta of the probes against time
     series     means, extremes, steps, ... against time
     catalogue  slip events (out_events); events.py fits them and compares several
+    lab        as laboratories draw it: friction, velocity and state over the displacement of the load point; files of fit
+               behind that of the run are drawn over it
     lyapunov   Lyapunov exponents (lyapunov_count): how each settles, and all of them with their errors
 The default is the catalogue where there is one, else xt. Several runs, stability diagrams or spectra are drawn over
 each other; runs as series, --profile or --phase. Of a sweep over two options: a map of regimes, over one: a diagram;
@@ -32,7 +34,7 @@ from figures_analysis import draw_laws, draw_spectrum, draw_wave, overlay_spectr
 from figures_boundary import diagram, draw_boundary, overlay_boundaries  # noqa: E402
 from figures_chart import draw_chart  # noqa: E402
 from figures_cycle import draw_cycle  # noqa: E402
-from figures_fit import draw_fit  # noqa: E402
+from figures_fit import draw_fit, draw_lab  # noqa: E402
 from figures_run import RUN_PICTURES, draw_run, movie, overlay  # noqa: E402
 from figures_sweep import draw_sweep  # noqa: E402
 from stickslip import Unusable, reading, text  # noqa: E402
@@ -49,6 +51,10 @@ def draw(files, args):
         raise Unusable(f"holds the result of {each[0]}: --key is for the file of a sweep")
     if each[0] == "sweep" and set(each[1:]) == {"boundary"}:
         return draw_sweep(files[0], args, files[1:])
+    if args.what == "lab":
+        if each[0] != "run" or set(each[1:]) - {"fit"}:
+            raise Unusable("is one of several: --lab takes the file of a run, and behind it those of fits")
+        return draw_lab(files[0], files[1:])
     kinds = set(each)
     if kinds == {"boundary", "wave"}:
         return diagram(files, args)
@@ -84,8 +90,8 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", metavar="FILE", nargs="+", help="HDF5 file that stickslip wrote")
     parser.add_argument("-o", "--output", metavar="OUT.png", help="default: FILE with .png (and -WHAT before it)")
-    parser.add_argument("--what", choices=sorted(RUN_PICTURES), help="picture of a run")
-    for name in ("profile", "phase", "probes", "series", "catalogue", "lyapunov"):
+    parser.add_argument("--what", choices=sorted([*RUN_PICTURES, "lab"]), help="picture of a run")
+    for name in ("profile", "phase", "probes", "series", "catalogue", "lyapunov", "lab"):
         parser.add_argument("--" + name, dest="what", action="store_const", const=name, help=f"short for --what {name}")
     parser.add_argument("--movie", action="store_true", help="of a run, as GIF (-o OUT.mp4: MP4, by ffmpeg)")
     parser.add_argument("--field", metavar="NAME", help="xt: field to draw (psi)")

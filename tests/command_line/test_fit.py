@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 
+import h5py
 import numpy as np
 import pytest
 
@@ -77,3 +78,22 @@ def test_a_scene_that_fails_is_an_error():
     scene = BLOCK.replace("-friction_law tanh", "-friction_law cubic") + "-model_m 1e-4 -ts_type rk -ts_dt 1 -ts_adapt_type none "
     done = call(scene + "-fit_data 1:0.1,2:0.1 -fit_parameters model_m", command="fit")
     check(done.returncode == 1 and done.stderr.count("error:") == 1, done.stderr)
+
+
+def test_the_laboratory_s_picture():
+    sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
+    import figures_fit
+    scene = scene_file("fit-steps")
+    run(f"{scene} -load_v 0:10,3:12,3:5,9:5,9:0,15:0,15:2 -load_sine_amplitude 1 -load_sine_period 7 -ts_max_time 20 -out_file r.h5 -out_frames 41")
+    with h5py.File("r.h5") as file:
+        t, v = file["series/t"][...], file["series/v"][...]
+        way = figures_fit.way_of_load(figures_fit.options(file), t)
+    # from row to row a trapezium, at a corner with v before it
+    off = np.abs(np.diff(way) - np.diff(t) * (v[1:] + v[:-1]) / 2)
+    check(np.quantile(off, 0.95) < 1e-2 and abs(way[-1] - (33 + 30 + 0 + 10 + 7 / (2 * np.pi) * (1 - np.cos(40 * np.pi / 7)))) < 1e-9, f"{way[-1]} {np.max(off)}")
+    run(scene + " -out_file f.h5", command="fit")
+    run(f"{scene} -friction_D 8 -out_file s.h5 -out_frames 41")
+    plot = [sys.executable, os.path.join(SOURCE, "postprocess", "plot.py"), "--lab"]
+    for files, code in ((["s.h5", "f.h5"], 0), (["r.h5"], 0), (["f.h5"], 2)):
+        done = subprocess.run([*plot, *files, "-o", "l.png"], capture_output=True, text=True)
+        check(done.returncode == code, f"{files}: {done.stderr}")
