@@ -61,7 +61,7 @@ bool SignalWatch::checkpoint_wanted() { return checkpoint_asked != 0; }
 void SignalWatch::checkpoint_written() { checkpoint_asked = 0; }
 
 Pulse::Pulse(const std::string& wish, const std::string& command)
-    : progress_(wish, command + ": "), before_(std::exchange(living, this)) {
+    : progress_(wish, command + ": "), log_(command.c_str()), before_(std::exchange(living, this)) {
   if (!before_) counts = {};
   int ranks = 1;
   MPI_Comm_size(PETSC_COMM_WORLD, &ranks);

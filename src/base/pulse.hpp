@@ -10,6 +10,7 @@
 #include <exception>
 #include <string>
 
+#include "base/log_stage.hpp"
 #include "base/progress.hpp"
 
 namespace stickslip {
@@ -61,6 +62,7 @@ class Pulse {
 
   SignalWatch watch_;
   Progress progress_;
+  LogStage log_;
   Pulse* before_;
   std::string stage_;
   bool ends_ = true;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <cmath>
 
+#include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/handle.hpp"
@@ -71,11 +72,25 @@ std::string MasslessChain::velocity_jump(Vec u) const {
   SS_TRY(MPI_Comm_rank(comm_, &largest.rank));
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE_INT, MPI_MAXLOC, comm_));
   SS_TRY(MPI_Bcast(lost, 2, MPI_DOUBLE, largest.rank, comm_));
-  if (lost[0] < 0) return "";
+  if (lost[0] < 0) return runaway(u);
   return fmt::format(
       "the force on the block at x = {:.6g} does not say what psi is: from psi = {:.6g} on friction falls "
       "faster than zeta psi rises (zeta/f0 + F_psi <= 0), and without mass psi would jump; take model_m > 0",
       lost[0], lost[1]);
+}
+
+// With friction that falls less than psi rises, but for good, a block goes ever faster within a finite time.
+std::string MasslessChain::runaway(Vec u) const {
+  constexpr double far = 1e6;  // of the plate's velocity
+  const Reading a(u);
+  double fastest = 0;
+  for (PetscInt i = 0; i < local_; ++i) fastest = std::max(fastest, std::abs(a[i * dof_]));
+  fastest = largest_over(comm_, fastest);
+  const double v = scene_.v != 0 ? std::abs(scene_.v) : 1;
+  if (!(fastest > far * v)) return "";
+  return fmt::format(
+      "a block runs away, at psi = {:.3g} by now: without mass nothing holds it back; take model_m > 0",
+      fastest);
 }
 
 // psi_j acts on eta of its neighbours, and follows from its own eta and state: what it does stands in their

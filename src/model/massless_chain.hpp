@@ -21,12 +21,13 @@ class MasslessChain {
   // psi of u from its eta and state, from the psi that stands there; NaN where it is lost. Not collective.
   void solve_velocities(Vec u) const;
   // Where the last solve_velocities() found none, or at the psi in u friction falls all but as fast as B psi
-  // rises, in words; "" where neither is so on any rank. Collective.
+  // rises, or psi has grown beyond all bounds, in words; "" where nothing is so on any rank. Collective.
   std::string velocity_jump(Vec u) const;
   // J = alpha I + beta d(rates of eta and state)/du at u, which is settled. Collective.
   void jacobian(Vec u, double alpha, double beta, Mat J) const;
 
  private:
+  std::string runaway(Vec u) const;
   bool held(PetscInt i) const;  // local numbers
   MasslessNode node(PetscInt i) const {
     return {law_[i], amplitude_[i], scene_.B(), scene_.friction.back_slip};

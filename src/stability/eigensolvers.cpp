@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/local_values.hpp"
+#include "base/log_stage.hpp"
 #include "stability/guesses.hpp"
 #include "stability/modes.hpp"
 #include "stickslip/base/error.hpp"
@@ -52,6 +53,7 @@ std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
   SS_TRY(EPSSetProblemType(eps, EPS_NHEP));
   SS_TRY(EPSSetType(eps, EPSLAPACK));
   SS_TRY(EPSSetWhichEigenpairs(eps, EPS_LARGEST_REAL));
+  const LogStage solving("eigenvalues");
   SS_TRY(EPSSolve(eps));
   PetscInt found = 0;
   SS_TRY(EPSGetConverged(eps, &found));
@@ -128,6 +130,7 @@ std::vector<Mode> krylov_modes(const LinearisedOperator& s, Complex sigma, Petsc
   Vec first = start;
   SS_TRY(EPSSetInitialSpace(eps, 1, &first));
   SS_TRY(EPSSetFromOptions(eps));
+  const LogStage solving("eigenvalues");
   SS_TRY(EPSSolve(eps));
   PetscInt found = 0;
   SS_TRY(EPSGetConverged(eps, &found));

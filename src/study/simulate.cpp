@@ -1,11 +1,13 @@
 #include "study/simulate.hpp"
 
+#include "base/log_stage.hpp"
 #include "stickslip/study/trial.hpp"
 
 namespace stickslip {
 
 void simulate(Integrator& integrator, Vec u, const TimeSpan& span, const std::vector<Observer*>& observers,
               const Integrator::Observer& asked) {
+  const LogStage stepping("time stepping");
   const auto after = [&](const Integrator::Step& step) {
     const double begin = span.watching ? processor_seconds() : 0;
     const ObservedStep seen{

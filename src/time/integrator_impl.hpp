@@ -69,6 +69,7 @@ struct Integrator::Impl {
   static PetscErrorCode PostStep(TS ts);
   void start(Vec u, double t, double t_end, const Observer& observer, std::int64_t max_steps);
   TSConvergedReason solve(Vec u);
+  void solve_finite(Vec u);
   TSConvergedReason solve_piece(Vec u);
   [[noreturn]] void fail(TSConvergedReason reason) const;
   void begin_step();

@@ -219,6 +219,19 @@ TSConvergedReason Integrator::Impl::solve(Vec u) {
   }
 }
 
+// PETSc refuses norms of what is not finite, on every rank alike.
+void Integrator::Impl::solve_finite(Vec u) {
+  try {
+    SS_TRY(TSSolve(ts, u));
+  } catch (const RankFailure& e) {
+    if (std::string(e.what()).find("not-a-number") == std::string::npos) throw;
+    double dt;
+    SS_TRY(TSGetTimeStep(ts, &dt));
+    throw failure("the solution is not finite behind t = {} (step {}): {}", number_text(course.report.t),
+                  course.report.steps, advice(dt));
+  }
+}
+
 TSConvergedReason Integrator::Impl::solve_piece(Vec u) {
   TSConvergedReason reason = TS_CONVERGED_ITERATING;
   if (stick) {
@@ -228,7 +241,7 @@ TSConvergedReason Integrator::Impl::solve_piece(Vec u) {
     stick->start(u, dt);
     SS_TRY(TSGetConvergedReason(ts, &reason));
   }
-  if (reason == TS_CONVERGED_ITERATING) SS_TRY(TSSolve(ts, u));
+  if (reason == TS_CONVERGED_ITERATING) solve_finite(u);
   SS_TRY(TSGetConvergedReason(ts, &reason));
   return reason;
 }

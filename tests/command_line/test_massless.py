@@ -202,3 +202,11 @@ def test_ranks_and_restart_agree():
     chosen = sorted(glob.glob("part.chk-*.h5"))[0]
     run(f"-restart {chosen} -ts_max_time 2 -out_file on.h5 -out_times 2")
     check(all(np.array_equal(a[-1], b[-1]) for a, b in zip(ends[0], fields("on.h5"))), "restart")
+
+
+def test_a_runaway_is_called_one():
+    # below the critical stiffness (b - a)/D = 2 a block without mass is ever faster, and comes to no end within a finite time
+    scene = "-model_form chain -model_m 0 -grid_n 1 -bc_left free -friction_law rate-and-state -friction_a 0.01 -friction_b 0.03 " \
+            "-friction_D 0.01 -model_k0 0.5 -model_v 0.01 -ts_max_time 100 "
+    refused(scene + "-init_psi 0.011 -init_eta steady -init_state steady", 1, "a block runs away", "model_m > 0")
+    refused(scene + "-init_psi steady -init_eta steady -init_state 0.5", 1, "not finite", "model_m > 0")

@@ -1,12 +1,13 @@
 """Methods from the command line: refusals, warnings and failures with their exit codes; displacement and energy."""
 import json
+import re
 import subprocess
 
 import h5py
 import numpy as np
 import pytest
 
-from calls import PROGRAM, check
+from calls import PROGRAM, call, check
 
 
 def run(arguments):
@@ -86,3 +87,12 @@ def test_displacement_and_energy():
         check(abs(energy[-1] - energy[0] - gained) < 1e-2 * abs(gained), "the energy balance")
     done = run(f"-model_form chain -model_k0 0 -out_file {path} -out_displacement")
     check(done.returncode == 2 and "out_displacement" in done.stderr, "a chain that is nowhere: " + done.stderr)
+
+
+def test_log_view_names_what_is_done():
+    for command, more, stages in (("run", "-grid_n 16 -ts_max_time 1", ["time stepping"]),
+                                  ("spectrum", "-grid_n 200 -spectrum_method krylov -bc_left velocity -bc_left_value 0.5 -model_v 1.2",
+                                   ["spectrum", "eigenvalues"])):
+        said = call(f"{more} -log_view", command=command).stdout
+        for stage in stages:
+            check(re.search(rf"^ *\d+: +{stage}: ", said, re.MULTILINE), f"{command}: {stage} in {said[:3000]}")

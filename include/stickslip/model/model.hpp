@@ -61,7 +61,7 @@ class Model {
   // Puts into u the psi that its eta and state say in a massless chain; else does nothing. Not collective.
   void solve_velocities(Vec u) const;
   // Where the last rhs() or solve_velocities() of a massless chain found no psi, or where the psi in u is
-  // about to jump, in words; "" where neither is so. Collective.
+  // about to jump or runs away, in words; "" where nothing is so. Collective.
   std::string velocity_jump(Vec u) const;
   // Whether neighbours have viscosity (nu > 0). What drives a node then is e = eta + N D2 psi; at rest that
   // is the force held against the threshold.
