@@ -39,7 +39,7 @@ def read(path, way):
     with reading(path) as file:
         if "events" not in file:
             raise Unusable("holds no events: run with -out_events")
-        events = along_their_direction({name: data[:] for name, data in file["events"].items()})
+        events = along_their_direction({name: data[:] for name, data in file["events"].items() if name != "rupture"})
         found = {"x": file["x"][:], "t": file["t"][:], "options": options(file), "path": path,
                  "title": scene_title(file)}
         end = found["end"] = max(found["t"][-1], events["t"][-1] if len(events["t"]) else 0)

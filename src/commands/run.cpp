@@ -12,7 +12,6 @@
 #include "stickslip/base/error.hpp"
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/options/library_options.hpp"
-#include "stickslip/output/events.hpp"
 #include "stickslip/study/accuracy.hpp"
 #include "stickslip/study/size.hpp"
 #include "study/lyapunov.hpp"
@@ -250,7 +249,10 @@ std::vector<SummaryKey> run_keys() {
 }  // namespace
 
 std::vector<TableText> run_tables() {
-  return {run_keys(), {"series/", Series::fields()}, {"events/", Events::columns()}};
+  return {run_keys(),
+          {"series/", Series::fields()},
+          {"events/", Catalogue::columns(true)},
+          {"events/rupture/", Catalogue::rupture_columns()}};
 }
 
 int run_command(const Options& asked) {

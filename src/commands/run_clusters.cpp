@@ -48,6 +48,7 @@ void Run::advance_clusters(Progress& progress) {
   plan.next_time = [announced = this->plan()](double t) { return announced.next_time(t); };
   if (catalogue_) {
     catalogue_->take_events();
+    plan.ruptures = options_.boolean("out_rupture");
     plan.event = [this](const SlipEvent& event) { catalogue_->record(event); };
   }
   plan.go_on = [&](std::int64_t steps, double t) {

@@ -138,7 +138,8 @@ void Run::make_observers(const MeasureMaker& measure) {
   }
   for (auto& quantity : make_quantities(model)) observers_.push_back(std::move(quantity));
   if (options_.boolean("out_events")) {
-    auto catalogue = std::make_unique<Catalogue>(model, event_velocity(options_, scene_));
+    auto catalogue =
+        std::make_unique<Catalogue>(model, event_velocity(options_, scene_), options_.boolean("out_rupture"));
     catalogue_ = catalogue.get();
     observers_.push_back(std::move(catalogue));
   }

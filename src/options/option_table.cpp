@@ -355,6 +355,10 @@ void output_options(TableBuilder& t) {
   t.not_negative("out_events_velocity", "", "events: velocity above which a node moves", "velocity")
       .unset("0 with friction that sticks, else 2 |model_v|")
       .where("out_events", {"true"});
+  t.boolean(
+       "out_rupture", "false",
+       "events: when each node of an event first slips, group events/rupture, and the speeds of its fronts")
+      .where("out_events", {"true"});
   t.add("out_checkpoint_every", OptionType::steps_or_time, "",
         "steps or wall clock (30s, 10m, 2h) between checkpoints")
       .unset("none");

@@ -6,6 +6,8 @@
 #include <cmath>
 
 #include "base/local_values.hpp"
+#include "output/row_columns.hpp"
+#include "output/rupture.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
@@ -19,6 +21,65 @@ constexpr double fewest = 20;  // events for a slope
 double mean_of(double b, double width) {
   const double x = b * width;
   return width * (std::abs(x) < 1e-4 ? .5 - x / 12 : 1 / x - 1 / std::expm1(x));
+}
+
+struct EventRow {
+  const SlipEvent& event;
+  const Scene& scene;
+  double weight;
+  double rupture_offset;
+};
+
+const std::vector<RowColumn<EventRow>>& event_columns() {
+  using Row = const EventRow&;
+  static const std::vector<RowColumn<EventRow>> columns = {
+      {{"begin", "time", "time at which the first node moves"}, [](Row r) { return r.event.begin; }},
+      {{"first", "length", "position of the first node that moves"},
+       [](Row r) { return r.scene.x(r.event.first); }},
+      {{"left", "length", "left end of the region that slips"},
+       [](Row r) { return r.scene.x(r.event.left); }},
+      {{"extent", "length", "blocks that slip (chain) or their length (continuum)"},
+       [](Row r) { return r.weight * double(r.event.count); }},
+      {{"direction", "1",
+        "1: forward; -1: backward, of which slip, moment and stress_drop are positive alike"},
+       [](Row r) { return double(r.event.direction); }},
+      {{"slip", "length", "largest slip"}, [](Row r) { return r.event.slip; }},
+      {{"moment", "length^2", "sum of the slip over blocks or over length"},
+       [](Row r) { return r.event.moment; }},
+      {{"magnitude", "1", "natural logarithm of the moment"},
+       [](Row r) { return r.event.moment > 0 ? std::log(r.event.moment) : NAN; }},
+      {{"stress_drop", "1", "mean of eta before less eta behind"}, [](Row r) { return r.event.stress_drop; }},
+      {{"strain_energy", "amplitude*length", "energy given away by the springs"},
+       [](Row r) { return r.event.strain_energy; }},
+      {{"friction_work", "amplitude*length", "energy lost in friction"},
+       [](Row r) { return r.event.friction_work; }},
+      {{"radiated", "amplitude*length", "energy lost in damping"}, [](Row r) { return r.event.radiated; }},
+      {{"kinetic", "amplitude*length", "largest kinetic energy"}, [](Row r) { return r.event.kinetic; }}};
+  return columns;
+}
+
+// With what is written of ruptures.
+const std::vector<RowColumn<EventRow>>& with_fronts() {
+  using Row = const EventRow&;
+  static const std::vector<RowColumn<EventRow>> columns = [] {
+    std::vector<RowColumn<EventRow>> all = event_columns();
+    const std::vector<RowColumn<EventRow>> more = {
+        {{"front_speed_right", "length/time",
+          "with `out_rupture`: speed of the front to the right of the first node, null (NaN) without one"},
+         [](Row r) { return front_of(r.event, r.scene, 1).speed; }},
+        {{"front_speed_right_error", "length/time", "its standard error"},
+         [](Row r) { return front_of(r.event, r.scene, 1).error; }},
+        {{"front_speed_left", "length/time",
+          "with `out_rupture`: speed of the front to the left of it, negative while it runs to the left"},
+         [](Row r) { return front_of(r.event, r.scene, -1).speed; }},
+        {{"front_speed_left_error", "length/time", "its standard error"},
+         [](Row r) { return front_of(r.event, r.scene, -1).error; }},
+        {{"rupture_offset", "1", "with `out_rupture`: the event's first row of `events/rupture`"},
+         [](Row r) { return r.rupture_offset; }}};
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  }();
+  return columns;
 }
 
 }  // namespace
@@ -62,9 +123,19 @@ void Magnitudes::archive(Archive& a) {
   for (const Row& row : rows) bins_[row.quarter] = row.bin;
 }
 
+std::vector<Field> Catalogue::columns(bool ruptures) {
+  return fields_of(ruptures ? with_fronts() : event_columns());
+}
+
+std::vector<Field> Catalogue::rupture_columns() {
+  return {{"x", "length", "position of a node of the event, from the left end of its region on"},
+          {"time", "time", "time at which it first slips in this event"}};
+}
+
 void Catalogue::plan(ObservationPlan& plan) {
   begin_ = MPI_Wtime();
-  plan.layout.events = Events::columns();
+  plan.layout.events = columns(ruptures_);
+  if (ruptures_) plan.layout.rupture = rupture_columns();
 }
 
 void Catalogue::start(RunFile* file) { file_ = file; }
@@ -84,7 +155,15 @@ void Catalogue::enter(const SlipEvent& event) {
   magnitudes_.add(std::log(event.moment));
   largest_moment_ = std::max(largest_moment_, event.moment);
   largest_extent_ = std::max(largest_extent_, double(event.count));
-  if (file_) file_->row("events", event.end, events_.row(event));
+  if (!file_) return;
+  const Scene& scene = model_.scene();
+  const EventRow about{event, scene, scene.form == Form::chain ? 1 : scene.h(),
+                       double(file_->rows("events/rupture"))};
+  const std::vector<double> row = numbers_of(ruptures_ ? with_fronts() : event_columns(), about);
+  for (std::size_t k = 0; k < event.rupture.size(); ++k)
+    file_->row("events/rupture", event.end,
+               {scene.x((event.left + PetscInt(k)) % scene.n), event.rupture[k]});
+  file_->row("events", event.end, row);  // once its nodes are there
 }
 
 void Catalogue::archive(Archive& a) {

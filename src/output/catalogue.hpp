@@ -1,5 +1,6 @@
 // The slip events of a run (events.hpp) as an observer: rows of the group `events`; in the summary their
-// number, the largest, and b.
+// number, the largest, and b. With ruptures also rows of the group `events/rupture`, one for each node of an
+// event, and where they begin.
 #pragma once
 
 #include <map>
@@ -34,8 +35,12 @@ class Magnitudes {
 class Catalogue : public Observer {
  public:
   // Above `velocity` a node moves. The model is the whole scene. Collective.
-  Catalogue(const Model& model, double velocity)
-      : model_(model), events_(model.scene(), velocity, NodeRange::of(model)) {}
+  Catalogue(const Model& model, double velocity, bool ruptures)
+      : model_(model), ruptures_(ruptures), events_(model.scene(), velocity, NodeRange::of(model), ruptures) {
+  }
+
+  static std::vector<Field> columns(bool ruptures);  // of `events`
+  static std::vector<Field> rupture_columns();       // of `events/rupture`
 
   // From now on events come by record(), in order of their ends, and steps show none.
   void take_events() { is_told_ = true; }
@@ -51,6 +56,7 @@ class Catalogue : public Observer {
   void enter(const SlipEvent& event);
 
   const Model& model_;
+  bool ruptures_;
   Events events_;
   bool is_told_ = false;
   long told_ = 0;  // events

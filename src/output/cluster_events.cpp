@@ -7,10 +7,10 @@
 
 namespace stickslip {
 
-ClusterEvents::ClusterEvents(const Scene& scene)
+ClusterEvents::ClusterEvents(const Scene& scene, bool ruptures)
     : scene_(scene), weight_(scene.form == Form::chain ? 1 : scene.h()),
       damping_(scene.B() + scene.s_delta() / scene.A()), regions_(scene.n, scene.ring()), owner_(scene.n, -1),
-      slip_(scene.n), squares_(scene.n) {}
+      slip_(scene.n), squares_(scene.n), rupture_(ruptures ? scene.n : 0) {}
 
 // Simpson's rule on the cubics of psi and eta.
 void ClusterEvents::step(const MovedNodes& m) {
@@ -52,6 +52,7 @@ void ClusterEvents::claim(const SlipRegion& stretch, double t) {
   for (PetscInt i = stretch.first; i <= stretch.last; ++i) {
     owner_[i] = id;
     slip_[i] = squares_[i] = 0;
+    if (!rupture_.empty()) rupture_[i] = t;
   }
   for (const PetscInt j : {beside(stretch.first, -1), beside(stretch.last, 1)})
     if (j >= 0 && owner_[j] >= 0 && owner_[j] != id)
@@ -87,6 +88,8 @@ void ClusterEvents::finish(int id, double t, const std::function<double(PetscInt
     sums.add(weight_, slip_[i], behind - change, behind);
   });
   conclude(e, t, sums);
+  for (PetscInt k = 0; k < e.count && !rupture_.empty(); ++k)
+    e.rupture.push_back(rupture_[(e.left + k) % scene_.n]);
   ended_.push_back(e);
   regions_.for_nodes(id, 0, scene_.n, [&](PetscInt i) { owner_[i] = -1; });
   regions_.end(id);

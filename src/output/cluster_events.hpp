@@ -19,7 +19,7 @@ namespace stickslip {
 
 class ClusterEvents {
  public:
-  explicit ClusterEvents(const Scene& scene);
+  explicit ClusterEvents(const Scene& scene, bool ruptures = false);
 
   void step(const MovedNodes& nodes);
   // Nodes that begin to slide and that stop at t; eta(i): at t, of a node that rests then.
@@ -37,6 +37,7 @@ class ClusterEvents {
   Regions regions_;
   std::vector<int> owner_;              // event under way in whose region a node is; -1: none
   std::vector<double> slip_, squares_;  // of a node in a region: in this event; psi^2 at its last end of step
+  std::vector<double> rupture_;         // where asked for: when a node in a region first slid in this event
   std::vector<SlipEvent> ended_;
 };
 

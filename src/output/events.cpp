@@ -10,7 +10,6 @@
 
 #include "base/broadcast.hpp"
 #include "model/loops.hpp"
-#include "output/row_columns.hpp"
 #include "output/event_loops.hpp"
 #include "output/node_halo.hpp"
 #include "output/regions.hpp"
@@ -65,7 +64,7 @@ struct Events::Impl {
   // then N D2 psi at the beginning, in the middle and at the end of a step
   std::array<std::vector<double>, 3> viscous;
   Regions regions;
-  bool started = false;
+  bool with_ruptures, started = false;
   double t = 0;
   Fields last, now;
   std::vector<int> owner;            // event under way in whose region a node is; -1: none
@@ -73,19 +72,20 @@ struct Events::Impl {
   std::vector<double> slipped;       // of any node: in all events so far
   std::vector<double> slipped_then;  // the same at the beginning of the step under way
   std::vector<double> last_force;    // friction at the end of the last step of nodes that moved in it
+  std::vector<double> rupture;       // where asked for: when a node in a region first slipped in this event
   // which nodes move in the step under way, and did in the last one
   std::vector<unsigned char> moving, moved;
   std::vector<SlipEvent> ended;
   long count = 0;
 
-  Impl(const Scene& s, double v, const NodeRange& range)
+  Impl(const Scene& s, double v, const NodeRange& range, bool ruptures)
       : scene(s), nodes(range), first(static_cast<PetscInt>(range.first)),
         n(static_cast<std::size_t>(range.count)), ranks(ranks_in(range.comm)), velocity(v),
         weight(s.form == Form::chain ? 1 : s.h()), damping(s.B() + s.s_delta() / s.A()), A(s.A()), B(s.B()),
         amplitude(friction_amplitude(s, first, PetscInt(n))), friction(s, first, PetscInt(n)),
         forces(force_loop(s.friction, friction_places(s, first, PetscInt(n)))), halo(s, range),
-        regions(s.n, s.ring()), owner(n, -1), slip(n), slipped(n), slipped_then(n), last_force(n),
-        moving(n, 0), moved(n, 0) {
+        regions(s.n, s.ring()), with_ruptures(ruptures), owner(n, -1), slip(n), slipped(n), slipped_then(n),
+        last_force(n), rupture(ruptures ? n : 0, NAN), moving(n, 0), moved(n, 0) {
     for (std::size_t i = 0; i < n && s.N() > 0; ++i) {
       d2.push_back(second_difference_row(s, first + PetscInt(i)));
       for (auto& term : d2.back()) term.second *= s.N();
@@ -112,6 +112,12 @@ struct Events::Impl {
     return (p0 + p1) / 2 + dt / 8 * (m0 - m1);
   }
 
+  // Within the step, of a node that moves in it.
+  double begins_to_move(std::size_t i, double dt) const {
+    const double before = std::abs(last[0][i]), behind = std::abs(now[0][i]);
+    return before >= velocity || behind <= velocity ? t : t + dt * (velocity - before) / (behind - before);
+  }
+
   void find_viscous_forces(double dt) {
     const auto find = [&](const std::vector<double>& psi, std::vector<double>& into) {
       const std::vector<double> beside = halo.fetch(psi);
@@ -128,12 +134,13 @@ struct Events::Impl {
   }
 
   // Nodes that move at either end of the step; those that begin to join the event beside them, or begin one.
-  void find_moving() {
+  void find_moving(double dt) {
     event_loops::mark_moving({last[0].data(), now[0].data(), velocity, moving.data(), n});
     std::vector<SlipRegion> own;
     for (std::size_t i = 0; i < n; ++i) {
       if (!moving[i] || owner[i] >= 0) continue;
       slip[i] = 0;
+      if (with_ruptures) rupture[i] = begins_to_move(i, dt);
       const PetscInt node = first + PetscInt(i);
       if (!own.empty() && own.back().last + 1 == node)
         own.back().last = node;
@@ -287,6 +294,15 @@ struct Events::Impl {
     return eta;
   }
 
+  // On every rank.
+  std::vector<double> ruptures_of(int id) const {
+    const SlipEvent& e = regions.live().at(id).event;
+    std::vector<double> times(std::size_t(e.count), 0.);
+    own_nodes_of(id, [&](PetscInt i) { times[(first + i - e.left + scene.n) % scene.n] = rupture[i]; });
+    if (ranks > 1) sum_over(nodes.comm, times.data(), int(times.size()));
+    return times;
+  }
+
   // What ended at t.
   void finish(const std::vector<int>& over) {
     if (over.empty()) return;
@@ -314,6 +330,7 @@ struct Events::Impl {
       conclude(e, t, {sum[0], sum[1], sum[2], largest[2 * k], largest[2 * k + 1]});
       e.friction_work = sum[3];
       e.radiated = sum[4];
+      if (with_ruptures) e.rupture = ruptures_of(over[k]);
       ended.push_back(e);
       ++count;
       own_nodes_of(over[k], [&](PetscInt i) { owner[i] = -1; });
@@ -330,7 +347,7 @@ struct Events::Impl {
         live.kinetic_now = 0;
       }
       if (scene.N() > 0) find_viscous_forces(dt);
-      find_moving();
+      find_moving(dt);
       slipped_then = slipped;
       accumulate_moving(dt);
       moved.swap(moving);
@@ -342,8 +359,8 @@ struct Events::Impl {
   }
 };
 
-Events::Events(const Scene& scene, double velocity, const NodeRange& nodes)
-    : impl_(std::make_unique<Impl>(scene, velocity, nodes)) {}
+Events::Events(const Scene& scene, double velocity, const NodeRange& nodes, bool ruptures)
+    : impl_(std::make_unique<Impl>(scene, velocity, nodes, ruptures)) {}
 Events::Events(const Scene& scene, double velocity)
     : Events(scene, velocity, {PETSC_COMM_SELF, 0, scene.n, scene.n}) {}
 Events::Events(Events&&) noexcept = default;
@@ -369,50 +386,6 @@ std::vector<SlipEvent> Events::ended() {
 }
 
 long Events::count() const { return impl_->count; }
-
-namespace {
-
-struct EventRow {
-  const SlipEvent& event;
-  const Scene& scene;
-  double weight;
-};
-
-const std::vector<RowColumn<EventRow>>& event_columns() {
-  using Row = const EventRow&;
-  static const std::vector<RowColumn<EventRow>> columns = {
-      {{"begin", "time", "time at which the first node moves"}, [](Row r) { return r.event.begin; }},
-      {{"first", "length", "position of the first node that moves"},
-       [](Row r) { return r.scene.x(r.event.first); }},
-      {{"left", "length", "left end of the region that slips"},
-       [](Row r) { return r.scene.x(r.event.left); }},
-      {{"extent", "length", "blocks that slip (chain) or their length (continuum)"},
-       [](Row r) { return r.weight * double(r.event.count); }},
-      {{"direction", "1",
-        "1: forward; -1: backward, of which slip, moment and stress_drop are positive alike"},
-       [](Row r) { return double(r.event.direction); }},
-      {{"slip", "length", "largest slip"}, [](Row r) { return r.event.slip; }},
-      {{"moment", "length^2", "sum of the slip over blocks or over length"},
-       [](Row r) { return r.event.moment; }},
-      {{"magnitude", "1", "natural logarithm of the moment"},
-       [](Row r) { return r.event.moment > 0 ? std::log(r.event.moment) : NAN; }},
-      {{"stress_drop", "1", "mean of eta before less eta behind"}, [](Row r) { return r.event.stress_drop; }},
-      {{"strain_energy", "amplitude*length", "energy given away by the springs"},
-       [](Row r) { return r.event.strain_energy; }},
-      {{"friction_work", "amplitude*length", "energy lost in friction"},
-       [](Row r) { return r.event.friction_work; }},
-      {{"radiated", "amplitude*length", "energy lost in damping"}, [](Row r) { return r.event.radiated; }},
-      {{"kinetic", "amplitude*length", "largest kinetic energy"}, [](Row r) { return r.event.kinetic; }}};
-  return columns;
-}
-
-}  // namespace
-
-std::vector<Field> Events::columns() { return fields_of(event_columns()); }
-
-std::vector<double> Events::row(const SlipEvent& event) const {
-  return numbers_of(event_columns(), {event, impl_->scene, impl_->weight});
-}
 
 void Events::archive(Archive& a) {
   Impl& m = *impl_;
@@ -457,6 +430,11 @@ void Events::archive(Archive& a) {
   for (std::vector<double>& field : m.last) last.push_back(&field);
   a.nodes("events.last_fields", last);
   a.nodes("events.slips", {&m.slip, &m.slipped});
+  // of a run that did not ask for ruptures those of events under way are not known
+  if (std::vector<double> known{1}; m.with_ruptures && a.has("events.ruptures_known")) {
+    a("events.ruptures_known", known);
+    a.nodes("events.ruptures", {&m.rupture});
+  }
   beginnings.resize(begun);
   for (std::size_t k = 0; k < begun; ++k) {
     Before before = beginnings[k] ? *beginnings[k] : Before();

@@ -48,7 +48,11 @@ void GrowingTable::forget_pending() {
 
 void GrowingTable::create(hid_t file) {
   check_rows(capacity);
-  const Id made(group.empty() ? -1 : H5Gcreate2(file, group.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT));
+  const Id parents(H5Pcreate(H5P_LINK_CREATE));
+  H5Pset_create_intermediate_group(parents, 1);
+  Id made;  // the group of a table may lie in that of another
+  if (!group.empty() && !exists(file, group))
+    made = Id(H5Gcreate2(file, group.c_str(), parents, H5P_DEFAULT, H5P_DEFAULT));
   Id x_scale;
   if (x.size > 0) {
     x_scale = create_axis(file);

@@ -86,7 +86,9 @@ RunFile::Writer::Writer(const std::string& name, Provenance from, RunLayout&& wh
                        [places = layout.probe_x](std::int64_t k) { return places[k]; }};
   }
   add("series", time, layout.series);
-  add("events", {"t", "time", "time at which the event ends"}, layout.events);
+  const Field end{"t", "time", "time at which the event ends"};
+  add("events/rupture", end, layout.rupture);  // readers see the nodes of an event before it
+  add("events", end, layout.events);
   add("lyapunov", {"t", "time", "end of the interval of time"}, layout.lyapunov);
 }
 
@@ -174,7 +176,7 @@ void RunFile::Writer::resume(const Resume& from) {
   (void)h5::read_header(old);
   std::vector<h5::EarlierRows> sources;
   for (Table& table : tables) {
-    const bool is_events = table.group == "events";  // known to have ended one step later
+    const bool is_events = table.group.rfind("events", 0) == 0;  // known to have ended one step later
     sources.push_back(h5::earlier_rows(old, from.path, table, from.until, is_events));
     table.capacity += sources.back().rows;
     if (!table.by_ranks) table.capacity = std::min(table.capacity, Table::most_rows);
@@ -373,6 +375,14 @@ void RunFile::row(const char* group, double t, const std::vector<double>& values
   }
   waiting_ += 8. * double(1 + values.size());
   if (waiting_ > most_pending) flush();  // however long it is until the next frame
+}
+
+std::int64_t RunFile::rows(const std::string& group) const {
+  std::int64_t rows = 0;
+  if (writer_)
+    for (const Table& table : writer_->tables)
+      if (table.group == group) rows = std::int64_t(table.written + table.pending);
+  return rows;
 }
 
 void RunFile::frame(double t, const std::vector<const double*>& fields) {

@@ -13,7 +13,7 @@ constexpr std::int64_t seldom = 64;  // steps of clusters from one question to t
 // What clusters do, for the catalogue.
 class Told : public Clusters::Watcher {
  public:
-  Told(const Scene& scene, const std::function<void(const SlipEvent&)>& take) : events_(scene), take_(take) {}
+  Told(const Scene& scene, const ClusterPlan& plan) : events_(scene, plan.ruptures), take_(plan.event) {}
   void know(const Clusters& clusters) { clusters_ = &clusters; }
 
   void step(const MovedNodes& nodes) override { events_.step(nodes); }
@@ -32,7 +32,7 @@ class Told : public Clusters::Watcher {
 
 void simulate_clusters(const Model& model, Vec u, const ClusterPlan& plan, ClusterRun& done) {
   const TimeSpan& span = plan.span;
-  Told told(model.scene(), plan.event);
+  Told told(model.scene(), plan);
   Clusters clusters(model, u, span.begin, plan.atol, plan.rtol, plan.event ? &told : nullptr);
   told.know(clusters);
   const VecHandle at = model.create_vector();

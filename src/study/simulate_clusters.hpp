@@ -23,6 +23,7 @@ struct ClusterPlan {
   std::vector<Observer*> observers;             // see u at span's ends and where next_time says
   std::function<double(double t)> next_time;    // the first time later than t
   std::function<void(const SlipEvent&)> event;  // may be empty: no events are wanted
+  bool ruptures = false;                        // of events, too
   // Asked now and then with the steps so far and the time: whether to go on.
   std::function<bool(std::int64_t steps, double t)> go_on;
 };

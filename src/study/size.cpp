@@ -102,7 +102,7 @@ double bytes_of_run(const Options& options, const Scene& scene, const Way& way) 
   if (file) bytes += Frames::bytes_a_node(u.V);
   if (file && options.is_set("out_checkpoint_every")) bytes += u.V;
   if (file && options.boolean("out_displacement")) bytes += Displacement::bytes_a_node(scene);
-  if (options.boolean("out_events")) bytes += Events::bytes_a_node();
+  if (options.boolean("out_events")) bytes += Events::bytes_a_node(options.boolean("out_rupture"));
   if (exponents > 0) bytes += Tangents::bytes_a_node(u.dof, exponents);
   if (sticks) bytes += Stick::bytes_a_node(u.V);
   return bytes;

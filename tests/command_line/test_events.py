@@ -8,13 +8,17 @@ import time
 import h5py
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from calls import PROGRAM, SOURCE, check, checkpoint_block, refused, run, scene_file, words
+from rupture_scenes import THOGERSEN, front, start
 
 
 def catalogue(path):
     with h5py.File(path) as file:
-        return {name: data[:] for name, data in file["events"].items()}
+        found = {name: data[:] for name, data in file["events"].items() if name != "rupture"}
+        found.update({f"rupture/{name}": data[:] for name, data in file["events"].get("rupture", {}).items()})
+    return found
 
 
 def same(a, b, tolerance=0):
@@ -23,7 +27,7 @@ def same(a, b, tolerance=0):
 
 
 CHAIN = (scene_file("catalogue") + " -grid_n 60 -model_v 0.01 -ts_max_time 150 -friction_spread 0.1"
-         " -out_frames 31")
+         " -out_frames 31 -out_rupture")
 
 
 def test_a_block_in_closed_form():
@@ -61,6 +65,98 @@ def test_same_events_on_any_number_of_ranks():
     for n in (2, 3):
         run(CHAIN + " -ts_type rk -ts_rk_type 4 -ts_dt 0.05 -out_file more.h5", ranks=n)
         check(same(one, catalogue("more.h5"), 1e-9), f"the same events on {n} ranks")
+
+
+def first_slips_by_scipy(eta, v, k1, fd):
+    """When each block of the first event first slips: free ends, m = k0 = f0 = 1, Coulomb friction, no back slip."""
+    n, t, y = len(eta), 0.0, np.r_[0 * eta, eta]
+    moves, found = np.zeros(n, bool), np.full(n, np.nan)
+    moves[np.argmax(eta)] = True
+    found[moves] = 0
+
+    def rates(_, u):
+        psi = np.r_[u[0], u[:n], u[n - 1]]
+        return np.r_[np.where(moves, u[n:] - fd, 0), v - u[:n] + k1 * (psi[2:] - 2 * psi[1:-1] + psi[:-2])]
+    while moves.any():
+        def change(i):  # 1 - eta of a block that rests, psi of one that moves: falls through 0
+            def event(s, u):
+                return u[i] if moves[i] and s > since[i] else 1.0 if moves[i] else 1 - u[n + i]
+            event.terminal, event.direction = True, -1
+            return event
+        since = np.where(moves & (y[:n] == 0), t + 1e-9, -1)  # what has just begun stands at 0
+        part = solve_ivp(rates, (t, t + 100), y, method="DOP853", rtol=1e-12, atol=1e-13, events=[change(i) for i in range(n)])
+        t, y = part.t[-1], part.y[:, -1]
+        changed = [i for i in range(n) if len(part.t_events[i]) > 0]
+        assert len(changed) == 1, changed
+        i = changed[0]
+        moves[i] = not moves[i]
+        y[i] = 0
+        if moves[i] and np.isnan(found[i]):
+            found[i] = t
+    return found
+
+
+@pytest.mark.ranks
+def test_when_nodes_first_slip_is_what_scipy_finds():
+    # The errors of 1e-10 of each step grow on the way by no more than the events of a chain part: a thousandfold.
+    v, k1, fd = 0.01, 3.0, 0.3
+    eta = np.random.default_rng(4).uniform(0.6, 0.9, 24)
+    eta[9] = 1
+    exact = first_slips_by_scipy(eta, v, k1, fd)
+    slipped = np.flatnonzero(np.isfinite(exact))
+    check(len(slipped) > 19 and (exact[slipped] == 0).sum() == 1, f"blocks that slip: {exact}")
+    scene = (f"-model_form chain -model_m 1 -model_k0 1 -model_f0 1 -model_k1 {k1} -model_v {v} -friction_law coulomb"
+             f" -friction_fd {fd} -friction_back_slip false -bc_left free -ts_max_time 15 -ts_rtol 1e-10 -ts_atol 1e-10"
+             " -out_events -out_rupture -out_frames 2 -out_file s.h5" + start(eta))
+    for more, ranks in (("", 1), (" -stick_clusters on", 1), ("", 3)):
+        run(scene + more, ranks=ranks)
+        e = catalogue("s.h5")
+        check(e["rupture_offset"][0] == 0 and e["extent"][0] == len(slipped), f"{more} one event: {e['extent']}")
+        place, time_of = e["rupture/x"][:len(slipped)], e["rupture/time"][:len(slipped)]
+        check((place == slipped).all() and (e["rupture/t"][:len(slipped)] == e["t"][0]).all(), f"{more} places: {place}")
+        apart = np.abs(time_of - exact[slipped]).max()
+        check(apart < 1e-7, f"{more} {ranks} first slips, apart by {apart}")
+        for name, side in (("right", place >= 13), ("left", place <= 5)):
+            (slope, _), square = np.polyfit(time_of[side], place[side], 1, cov=True)
+            check(abs(e["front_speed_" + name][0] / slope - 1) < 1e-9, f"speed to the {name}: {e['front_speed_' + name]}")
+            check(abs(e[f"front_speed_{name}_error"][0] / np.sqrt(square[0, 0]) - 1) < 1e-6, "its error")
+
+
+def test_rows_of_ruptures_follow_each_other():
+    run(CHAIN + " -out_file r.h5")
+    run(CHAIN + " -out_rupture false -out_file without.h5")
+    e, without = catalogue("r.h5"), catalogue("without.h5")
+    check(not any("rupture" in name or "front" in name for name in without), "nothing unasked for")
+    check(same(without, {name: e[name] for name in without}), "the same events")
+    ends = np.r_[e["rupture_offset"][1:], len(e["rupture/t"])].astype(int)
+    check((ends - e["rupture_offset"] == e["extent"]).all(), "as many rows as nodes")
+    for begin, end, first, t, at in zip(e["rupture_offset"].astype(int), ends, e["begin"], e["t"], e["first"]):
+        times, places = e["rupture/time"][begin:end], e["rupture/x"][begin:end]
+        check(times.min() == first and places[times.argmin()] == at and times.max() < t, "from begin to end")
+    check(np.isfinite(e["front_speed_right"]).any() and (e["front_speed_left"] < 0).any(), "fronts either way")
+
+
+def test_fronts_as_published():
+    # by some of the blocks, on the way to the speed of long chains
+    for tau, alpha, n, until, speed in THOGERSEN:
+        found, error = front(tau, alpha, n, until)
+        check(abs(found - speed) < 1e-3 and 0 < error < 2e-4, f"tau {tau}, alpha {alpha}: {found} +- {error}")
+
+
+def test_a_run_may_ask_for_ruptures_later():
+    scene = CHAIN + " -out_file later.h5 -out_checkpoint_every 300 -out_checkpoint_keep 1000"
+    run(scene)
+    whole = catalogue("later.h5")
+    run(scene + " -out_rupture false")
+    name = sorted(f for f in os.listdir(".") if f.startswith("later.chk"))[2]
+    run(f"-restart {name} -out_rupture true -out_file later.h5")
+    e = catalogue("later.h5")
+    known = np.isfinite(e["rupture_offset"])
+    check(0 < known.sum() < len(known) and (e["rupture_offset"][known][0] == 0), "rows from the restart on")
+    rows, tail = len(e["rupture/t"]), len(whole["rupture/t"])
+    finite = np.isfinite(e["rupture/time"])
+    check(finite.sum() > rows / 2 and np.array_equal(e["rupture/time"][finite], whole["rupture/time"][tail - rows:][finite]),
+          "the same times where they are known")
 
 
 def test_no_event_lost_by_restart_or_kill():

@@ -29,11 +29,15 @@
 //                    between neighbours take: with neither nothing is radiated
 //     kinetic        largest kinetic energy sum w psi^2/(2 A) on the way; of events that become one, that of
 //                    the larger until then
+// Asked for, each event also has the times at which its nodes first slipped, from which the speeds of its
+// fronts follow (src/output/rupture.hpp). With friction that sticks these times are exact; otherwise |psi| is
+// taken to rise linearly within a step.
 // A scene and its mirror image (v, loads, held values and starts negated) have the same events but for the
 // direction. With friction that sticks strain_energy = friction_work + radiated but for what the plate does
 // meanwhile, which is at most K0 |v| (end - begin) moment/2 where no node slips back.
 //
-// Needs memory for two values a node for each event under way (those that begin together share them).
+// Needs memory for two values a node for each event under way (those that begin together share them), and for
+// one a node where ruptures are asked for.
 //
 // Every rank sees its own nodes, and all keep the same list of regions: a step costs two small messages all
 // round, one of the stretches that begin to move and one of what the events under way add up, and where
@@ -45,7 +49,7 @@
 #include <vector>
 
 #include "stickslip/output/archive.hpp"
-#include "stickslip/output/field.hpp"
+#include "stickslip/model/scene.hpp"
 
 namespace stickslip {
 
@@ -56,14 +60,16 @@ struct SlipEvent {
   int direction = 0;
   double slip = 0, moment = 0, stress_drop = 0, strain_energy = 0, friction_work = 0, radiated = 0,
          kinetic = 0;
+  // where asked for: when each node of the region first slipped, from `left` on
+  std::vector<double> rupture = {};
 };
 
 class Events {
  public:
   // `velocity`: above it a node moves; 0 for friction that sticks. `nodes`: of this rank. Collective.
-  Events(const Scene& scene, double velocity, const NodeRange& nodes);
-  Events(const Scene& scene, double velocity);  // this rank has all nodes
-  static double bytes_a_node() { return 100; }  // memory
+  Events(const Scene& scene, double velocity, const NodeRange& nodes, bool ruptures = false);
+  Events(const Scene& scene, double velocity);                                // this rank has all nodes
+  static double bytes_a_node(bool ruptures) { return ruptures ? 108 : 100; }  // memory
   Events(Events&&) noexcept;
   ~Events();
 
@@ -74,10 +80,6 @@ class Events {
   // What has ended since the last call, in order of the ends; the same on every rank.
   std::vector<SlipEvent> ended();
   long count() const;  // ended so far
-
-  // The columns of the table, without its time, the end; and the row of an event.
-  static std::vector<Field> columns();
-  std::vector<double> row(const SlipEvent& event) const;
 
   void archive(Archive& a);  // everything under way; collective
 

@@ -42,6 +42,7 @@ struct RunLayout {
   std::vector<double> probe_x;  // probes/x; the datasets are probes/psi and probes/eta of (t, x)
   std::vector<Field> series;    // series/NAME of t
   std::vector<Field> events;    // events/NAME of t, the end of an event
+  std::vector<Field> rupture;   // events/rupture/NAME of t, the same: a row for each of its nodes
   std::vector<Field> lyapunov;  // lyapunov/NAME of t, the end of an interval
   std::int64_t frames = 0;      // how many are expected to come (any number may)
   std::map<std::string, std::string> texts;  // further root attributes
@@ -73,11 +74,15 @@ class RunFile {
   RunFile(const RunFile&) = delete;
   RunFile& operator=(const RunFile&) = delete;
 
-  // A row of the group `probes` (psi at all places, then eta), `series`, `events` or `lyapunov`, if the
-  // layout has it, each with times of its own that do not decrease, at every step if you like. Kept in memory
-  // until the next frame() or flush(), or until they take some megabytes. Ranks other than 0 give rows of the
-  // same length, whose values are ignored.
+  // A row of the group `probes` (psi at all places, then eta), `series`, `events/rupture`, `events` or
+  // `lyapunov`, if the layout has it, each with times of its own that do not decrease, at every step if you
+  // like. Kept in memory until the next frame() or flush(), or until they take some megabytes. Ranks other
+  // than 0 give rows of the same length, whose values are ignored.
   void row(const char* group, double t, const std::vector<double>& values);
+
+  // Rows of such a group so far, those of `resume` and those in memory included: on rank 0, 0 elsewhere. Not
+  // collective.
+  std::int64_t rows(const std::string& group) const;
 
   // One frame: of each field of the layout, in order, the values that this rank has (Slab::take). Everything
   // is on its way to disk when it returns, except that frames which follow each other at once share a flush.
