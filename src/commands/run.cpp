@@ -121,7 +121,9 @@ std::string event_words(const Summary& s) {
 
 std::string range_words(const Summary& s, const std::string& over) {
   if (s.is_null("psi_low")) return "";
-  return fmt::format("psi from {} to {} over the last {}", rounded(s.get("psi_low")),
+  const Json& mean = s.get("psi_loaded_mean");
+  return fmt::format("psi {}from {} to {} over the last {}",
+                     mean.is_null() ? "" : rounded(mean) + " in the mean, ", rounded(s.get("psi_low")),
                      rounded(s.get("psi_high")), over);
 }
 

@@ -183,3 +183,25 @@ def test_the_last_frame_is_the_end():
                    "-init_seed 375 -ts_type rk -ts_rk_type 7vr -ts_rtol 0.03 -ts_atol 0.03 -out_probes 2 -out_frames 2 "
                    f"-out_file end.h5 {load}")
         check(data("end.h5")["psi"][-1, 2] == s["probes"][0]["psi"], f"{load}: {s['probes']}")
+
+
+def test_the_mean_over_a_period_of_the_load():
+    # out of the forces at the period's ends, in place of the velocities between them
+    scenes = ["-model_form chain -grid_n 1 -bc_left free -model_k0 1 -friction_law carlson-langer -model_v 0.1 -init_psi 0",
+              "-model_form chain -grid_n 5 -model_zeta 0.3 -init_noise 0.2 -model_v 0.8",
+              "-grid_n 32 -bc_left free -grid_length 10 -init_noise 0.3 -model_v 0.9", "-grid_n 16 -grid_length 10 -model_nu 0.1 -model_v 1.1"]
+    for scene in scenes:
+        s, _ = run(f"{scene} -load_sine_amplitude 0.05 -load_sine_period 7 -ts_max_time 33 -ts_rtol 1e-9 -ts_atol 1e-9 -out_file m.h5 -out_frames 6601")
+        file = data("m.h5")
+        weight = np.ones(file["psi"].shape[1])
+        if "-grid_n 32" in scene:
+            weight[[0, -1]] = 0.5
+        mean = file["psi"] @ weight / weight.sum()
+        within = (file["t"] > 21 - 1e-6) & (file["t"] < 28 + 1e-6)
+        check(abs(s["psi_loaded_mean"] - np.trapz(mean[within], file["t"][within]) / 7) < 2e-5, f"{scene}: {s['psi_loaded_mean']}")
+    whole, _ = run(f"{scenes[0]} -load_sine_amplitude 0.05 -load_sine_period 7 -ts_max_time 33 -out_file w.h5 -out_checkpoint_every 60 -out_checkpoint_keep 99")
+    first = sorted(name for name in os.listdir(".") if name.startswith("w.chk"))[0]
+    again, _ = run(f"-restart {first} -out_file a.h5")
+    check(again["psi_loaded_mean"] == whole["psi_loaded_mean"], "behind a restart")
+    held, _ = run("-grid_n 16 -grid_length 5 -bc_left velocity -load_sine_amplitude 0.05 -load_sine_period 7 -ts_max_time 15")
+    check(held["psi_loaded_mean"] is None, "not with a held end")
