@@ -36,6 +36,7 @@ BOUNDS = [  # (scene, field, relative bound, reason): regular expressions
     (r"", r"(/summary|^/\d+|^)/(psi_low|psi_high|largest_moment|largest_extent|b|b_error|clusters|node_steps|psi_loaded_mean)(@/\w+)?\b", np.inf, "added"),
     (r"^(?!cycle|wave)", r"(/summary|^/\d+|^)/period$", np.inf, "given without probes too"),
     (r"^help$", r"/out/", np.inf, "one line for the profiles, which come last; laws were added"),
+    (r"^refusals$", r"^step-0.json|/err/0$", np.inf, "the command `fit` was added to the usage"),
     (r"^laws$", r"", np.inf, "laws were added: a table of all of them"),
     (r"^exponents$", r"lyapunov", 1e-12, "stages lie where the rows of the tableau say, to the last bit"),
     (r"^accuracy$", r"/chosen$", np.inf, "says `error predicted` where it said `error foreseen`"),
