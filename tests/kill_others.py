@@ -19,6 +19,7 @@ RESULTS = {
     "chart": "-grid_n 16 -ts_max_time 5 -init_type sine -chart_methods rk:3bs,rk:5dp -chart_tolerances 1e-2,1e-3 "
              "-chart_repeats 1 -chart_row_seconds 0.1 -chart_reference_seconds 0.2",
     "spectrum": "-grid_n 64", "wave": "-wave_length 100", "cycle": "-grid_n 16", "laws": "",
+    "fit": "-grid_n 16 -ts_max_time 5 -fit_data 1:0.1,2:0.2,3:0.1,4:0.2 -fit_parameters model_v,model_gamma -fit_starts 2",
 }
 CLOCK = ("wall_s", "seconds", "warnings")  # what differs from one time to the next
 
@@ -60,7 +61,7 @@ def is_whole(path, command):
 def result_killed(case):
     """An earlier file of the name stays or is replaced by a whole one; the next command has no trouble."""
     name, rng, ranks = case.name, case.rng, case.ranks
-    command = rng.choice(["boundary", "boundary", "chart", "chart", "spectrum", "wave", "cycle", "laws"])
+    command = rng.choice(["boundary", "boundary", "chart", "chart", "spectrum", "wave", "cycle", "laws", "fit"])
     arguments = RESULTS[command]
     wanted, duration = reference(arguments, ranks, command)
     old = rng.random() < 0.5

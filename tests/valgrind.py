@@ -63,6 +63,10 @@ COMMANDS = [
     "1 boundary -grid_n 16 -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 -summary b.json",
     "1 wave -wave_pulses 2 -wave_length 60 -out_file w.h5",
     "1 laws -out_file l.h5 -laws_points 11",
+    "1 fit -model_form chain -grid_n 1 -bc_left free -ts_max_time 5 -fit_data 1:0.1,2:0.2,3:0.1,4:0.2 -fit_parameters model_k0,model_m"
+        " -fit_starts 2 -out_file f.h5",
+    "1 run -model_form chain -grid_n 2 -bc_left free -friction_law rate-and-state -friction_a 0.02 -friction_b 0.03 -friction_D 0.01"
+        " -model_k0 0.5 -model_m 1e-2 -model_v 0.01 -friction_psi0 1e-2 -init_psi 0.012 -init_eta steady -ts_max_time 5 -lyapunov_count 3",
     "1 run -grid_length 12 -init_type sine -ts_max_time 0.3 -accuracy 1e-2",
     "2 run -model_form chain -grid_n 9 -bc_left free -friction_law carlson-langer -init_psi 0 -init_noise 0.3"
         " -ts_max_time 3 -out_events -out_file e.h5",
