@@ -223,6 +223,11 @@ std::vector<SummaryKey> observed_keys() {
        "slope of their magnitudes, density ~ exp(-b magnitude), over three units from two above the most "
        "frequent, that of a block alone; null with fewer than 20 events there"},
       {"b_error", "1", "its standard error, were they independent"},
+      {"recurrence", "time",
+       "of slip events: times from the end of one to that of the next, of the whole `system`, and of a "
+       "`node` "
+       "from one in which it slips to the next, over all nodes; each with `count`, `mean` and `variation`, "
+       "standard deviation over mean: 0 where they repeat, 1 where they come at random"},
       {"events_per_s", "1/s", "how many a second of wall clock"},
       {"lyapunov", "1/time",
        "with `lyapunov_count`: Lyapunov exponents, largest first: `value` (null: -infinity, a rest takes the "

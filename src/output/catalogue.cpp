@@ -4,10 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
+#include "base/broadcast.hpp"
 #include "base/local_values.hpp"
 #include "output/row_columns.hpp"
 #include "output/rupture.hpp"
+#include "stickslip/base/json_values.hpp"
 #include "stickslip/numerics/roots.hpp"
 
 namespace stickslip {
@@ -48,6 +51,8 @@ const std::vector<RowColumn<EventRow>>& event_columns() {
        [](Row r) { return r.event.moment; }},
       {{"magnitude", "1", "natural logarithm of the moment"},
        [](Row r) { return r.event.moment > 0 ? std::log(r.event.moment) : NAN; }},
+      {{"magnitude10", "1", "the same to the base 10"},
+       [](Row r) { return r.event.moment > 0 ? std::log10(r.event.moment) : NAN; }},
       {{"stress_drop", "1", "mean of eta before less eta behind"}, [](Row r) { return r.event.stress_drop; }},
       {{"strain_energy", "amplitude*length", "energy given away by the springs"},
        [](Row r) { return r.event.strain_energy; }},
@@ -123,6 +128,42 @@ void Magnitudes::archive(Archive& a) {
   for (const Row& row : rows) bins_[row.quarter] = row.bin;
 }
 
+void Recurrence::add(const SlipEvent& event) {
+  if (std::isfinite(last_)) system_.add(event.end - last_);
+  last_ = event.end;
+  const PetscInt first = PetscInt(nodes_.first), behind = first + PetscInt(nodes_.count);
+  for (const PetscInt left : {event.left - all_, event.left})  // round a ring
+    for (PetscInt i = std::max(left, first); i < std::min(left + event.count, behind); ++i) {
+      double& last = last_of_[std::size_t(i - first)];
+      if (std::isfinite(last)) node_.add(event.end - last);
+      last = event.end;
+    }
+}
+
+Json Recurrence::of(const Sums& sums) {
+  const double mean = sums.times / sums.count;
+  const double variance = std::max(0., sums.squares - sums.times * mean) / (sums.count - 1);
+  return Json::object({{"count", sums.count},
+                       {"mean", sums.count > 0 ? Json(mean) : Json()},
+                       {"variation", sums.count > 1 ? Json(std::sqrt(variance) / mean) : Json()}});
+}
+
+Json Recurrence::found() const {
+  double sums[3] = {node_.count, node_.times, node_.squares};
+  sum_over(nodes_.comm, sums, 3);
+  return Json::object({{"system", of(system_)}, {"node", of({sums[0], sums[1], sums[2]})}});
+}
+
+void Recurrence::archive(Archive& a) {
+  if (!a.has("events.recurrence")) return;
+  a("events.recurrence", last_, system_.count, system_.times, system_.squares);
+  std::vector<double> own = {node_.count, node_.times, node_.squares};
+  a.by_rank("events.recurrence_of_nodes", own);
+  if (own.size() != 3) throw std::runtime_error("its 'events.recurrence_of_nodes' does not fit");
+  node_ = {own[0], own[1], own[2]};
+  a.nodes("events.last_of_nodes", {&last_of_});
+}
+
 std::vector<Field> Catalogue::columns(bool ruptures) {
   return fields_of(ruptures ? with_fronts() : event_columns());
 }
@@ -155,6 +196,7 @@ void Catalogue::enter(const SlipEvent& event) {
   magnitudes_.add(std::log(event.moment));
   largest_moment_ = std::max(largest_moment_, event.moment);
   largest_extent_ = std::max(largest_extent_, double(event.count));
+  recurrence_.add(event);
   if (!file_) return;
   const Scene& scene = model_.scene();
   const EventRow about{event, scene, scene.form == Form::chain ? 1 : scene.h(),
@@ -169,10 +211,11 @@ void Catalogue::enter(const SlipEvent& event) {
 void Catalogue::archive(Archive& a) {
   if (a.has("events.last")) events_.archive(a);
   magnitudes_.archive(a);
+  recurrence_.archive(a);
   if (a.has("events.largest")) a("events.largest", largest_moment_, largest_extent_);
 }
 
-void Catalogue::summarise(Summary& summary, Vec) {
+void Catalogue::summarise(Summary& summary, Vec u) {
   const long count = events_.count() + told_;
   summary.set("events", count);
   if (count > 0) {
@@ -183,6 +226,7 @@ void Catalogue::summarise(Summary& summary, Vec) {
     summary.set("b", slope->b);
     summary.set("b_error", slope->error);
   }
+  if (u) summary.set("recurrence", recurrence_.found());
   summary.set("events_per_s", double(count) / (MPI_Wtime() - begin_));
 }
 

@@ -1,10 +1,12 @@
 // The slip events of a run (events.hpp) as an observer: rows of the group `events`; in the summary their
-// number, the largest, and b. With ruptures also rows of the group `events/rupture`, one for each node of an
-// event, and where they begin.
+// number, the largest, b, and how soon they follow each other. With ruptures also rows of the group
+// `events/rupture`, one for each node of an event, and where they begin.
 #pragma once
 
+#include <cmath>
 #include <map>
 #include <optional>
+#include <vector>
 
 #include "stickslip/model/model.hpp"
 #include "stickslip/output/events.hpp"
@@ -32,12 +34,40 @@ class Magnitudes {
   std::map<int, Bin> bins_;  // by the magnitude's quarters
 };
 
+// Times from one event to the next, by their ends: of all events, and of each node those in which it slips.
+class Recurrence {
+ public:
+  Recurrence(const NodeRange& nodes, const Scene& scene)
+      : nodes_(nodes), all_(scene.n), last_of_(std::size_t(nodes.count), NAN) {}
+  void add(const SlipEvent& event);  // in order of their ends, on every rank
+  Json found() const;                // collective
+  // Nothing where a checkpoint has none: then the times are those from there on.
+  void archive(Archive& a);
+
+ private:
+  struct Sums {
+    double count = 0, times = 0, squares = 0;
+    void add(double time) {
+      count += 1;
+      times += time;
+      squares += time * time;
+    }
+  };
+  static Json of(const Sums& sums);
+
+  NodeRange nodes_;
+  PetscInt all_;
+  double last_ = NAN;            // end of the last event
+  std::vector<double> last_of_;  // of the last one of each node of this rank; NAN: none yet
+  Sums system_, node_;           // of all events; of this rank's nodes
+};
+
 class Catalogue : public Observer {
  public:
   // Above `velocity` a node moves. The model is the whole scene. Collective.
   Catalogue(const Model& model, double velocity, bool ruptures)
-      : model_(model), ruptures_(ruptures), events_(model.scene(), velocity, NodeRange::of(model), ruptures) {
-  }
+      : model_(model), ruptures_(ruptures), events_(model.scene(), velocity, NodeRange::of(model), ruptures),
+        recurrence_(NodeRange::of(model), model.scene()) {}
 
   static std::vector<Field> columns(bool ruptures);  // of `events`
   static std::vector<Field> rupture_columns();       // of `events/rupture`
@@ -63,6 +93,7 @@ class Catalogue : public Observer {
   RunFile* file_ = nullptr;
   double begin_ = 0;  // wall clock
   Magnitudes magnitudes_;
+  Recurrence recurrence_;
   double largest_moment_ = 0, largest_extent_ = 0;  // of the largest event, and of the longest
 };
 

@@ -67,6 +67,42 @@ def test_same_events_on_any_number_of_ranks():
         check(same(one, catalogue("more.h5"), 1e-9), f"the same events on {n} ranks")
 
 
+def recurrence(times):
+    """Of lists of ends of events."""
+    waits = np.concatenate([np.diff(np.sort(t)) for t in times])
+    return [len(waits), waits.mean(), waits.std(ddof=1) / waits.mean()]
+
+
+@pytest.mark.ranks
+def test_how_soon_events_follow_each_other():
+    ring = CHAIN + " -bc_left periodic -out_file w.h5"
+    for more, ranks in (("", 1), (" -stick_clusters on", 1), ("", 3)):
+        s, _ = run(ring + more, ranks=ranks)
+        e = catalogue("w.h5")
+        first = e["left"].astype(int)
+        ends = [[t for t, left, extent in zip(e["t"], first, e["extent"]) if (i - left) % 60 < extent] for i in range(60)]
+        for name, expected in (("system", recurrence([e["t"]])), ("node", recurrence(ends))):
+            found = [s["recurrence"][name][key] for key in ("count", "mean", "variation")]
+            check(np.allclose(found, expected, rtol=1e-9), f"{more} {ranks} {name}: {found}, {expected}")
+        check(max(first + e["extent"]) > 60, "an event runs over the seam")
+        check(np.allclose(e["magnitude10"] * np.log(10), e["magnitude"], rtol=1e-14), "to the base 10")
+    s, _ = run(ring + " -out_checkpoint_every 300 -out_checkpoint_keep 1000")
+    name = sorted(f for f in os.listdir(".") if f.startswith("w.chk"))[2]
+    for ranks in (1, 2):
+        again, _ = run(f"-restart {name} -out_file w.h5", ranks=ranks)
+        of_system, of_node = (s["recurrence"][which] for which in ("system", "node"))
+        check(all(np.isclose(again["recurrence"]["node"][key], of_node[key], rtol=1e-3) for key in of_node)
+              and np.isclose(again["recurrence"]["system"]["mean"], of_system["mean"], rtol=1e-3), again["recurrence"])
+    # one block in closed form: the period of test_a_block_in_closed_form, over and over
+    s, _ = run("-model_form chain -model_k0 1 -model_v 0.1 -friction_law coulomb -grid_n 6 -bc_left free -init_psi 0 -init_eta 0"
+               " -ts_max_time 100 -ts_rtol 1e-9 -ts_atol 1e-9 -out_events")
+    duration = 2 * (np.pi - np.arctan(5))
+    period = duration + (0.1 * (duration - np.sin(duration)) + 0.5 * (1 - np.cos(duration)) - 0.1 * duration) / 0.1
+    for name, count in (("system", 6), ("node", 36)):
+        found = s["recurrence"][name]
+        check(found["count"] == count and abs(found["mean"] - period) < 1e-7 and found["variation"] < 1e-7, found)
+
+
 def first_slips_by_scipy(eta, v, k1, fd):
     """When each block of the first event first slips: free ends, m = k0 = f0 = 1, Coulomb friction, no back slip."""
     n, t, y = len(eta), 0.0, np.r_[0 * eta, eta]
