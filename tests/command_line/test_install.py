@@ -2,6 +2,7 @@
 completion; and the source as a part of another project."""
 import glob
 import os
+import re
 import subprocess
 
 import pytest
@@ -53,10 +54,25 @@ def test_installed():
                  os.path.join(prefix, "share", "bash-completion", "completions", "stickslip"), program).split()
     check(words == ["-model_gamma", "chain", "boundary"], f"completion: {words}")
 
+    book = os.path.join(prefix, "share", "doc", "stickslip")
+    dead = []
+    for page in [os.path.join(book, "README.md"), *glob.glob(os.path.join(book, "docs", "*.md"))]:
+        with open(page, encoding="utf-8") as file:
+            targets = re.findall(r"\]\(([^)\s#]+)[^)]*\)", re.sub(r"^(    |```).*$", "", file.read(), flags=re.MULTILINE))
+        dead += [f"{page}: {target}" for target in targets
+                 if not re.match("https?:", target) and not os.path.exists(os.path.join(os.path.dirname(page), target))]
+    check(not dead, f"dead links: {dead}")
+    # the package moved, for a project of C++ alone
+    os.rename(prefix, "moved elsewhere")
+    prefix = os.path.abspath("moved elsewhere")
+    for path in glob.glob(os.path.join(prefix, "lib", "**", "*.cmake"), recursive=True):
+        with open(path, encoding="utf-8") as file:
+            said_there = file.read()
+        check(not any(word in said_there for word in (SOURCE, "/usr/lib", "/usr/include", os.path.abspath("."))), f"an absolute path in {path}")
     with open("user.cpp", "w", encoding="utf-8") as file:
         file.write(USER)
     with open("CMakeLists.txt", "w", encoding="utf-8") as file:
-        file.write("cmake_minimum_required(VERSION 3.25)\nproject(user LANGUAGES C CXX)\nfind_package(stickslip 0.2 REQUIRED)\n"
+        file.write("cmake_minimum_required(VERSION 3.25)\nproject(user LANGUAGES CXX)\nfind_package(stickslip 0.2 REQUIRED)\n"
                    "add_executable(user user.cpp)\ntarget_link_libraries(user stickslip::core)\n")
     said("cmake", "-G", "Ninja", "-S", ".", "-B", "own", f"-DCMAKE_PREFIX_PATH={prefix}")
     said("cmake", "--build", "own")
