@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 """Statistics of catalogues of slip events (out_events) over many runs: b-values one can cite.
 
-usage: catalogue.py FILE.h5 [FILE.h5 ...] [--by OPTION] [--fit A B] [--from S] [-o PICTURE.png] [--json TABLE.json]
+usage: catalogue.py FILE.h5 [FILE.h5 ...] [--by OPTION] [--fit A B] [--from S] [--main M [--window W]]
+                    [-o PICTURE.png] [--json TABLE.json]
 
 Files that differ in nothing but seeds are one ensemble; --by makes one of each value of an option (grid_n for the scaling
 with size, model_v or model_nu for the dependence on the loading or on viscosity). Magnitudes are natural logarithms of the
@@ -15,6 +16,12 @@ is compared to how far it has come, the integral of v(t). For each ensemble:
   halves    events and moment in the second half of the time over the first, with the 95 % interval over the runs: 1 where
             the catalogue is stationary
   cut       what b becomes with another smallest event
+  main      with --main: foreshocks and aftershocks of main shocks. A main shock is an event of magnitude M or more which no
+            event exceeds that begins while the plate goes the way W (default 0.1) before or behind its own beginning and whose
+            region touches its own (shares a node with it or lies beside it). Smaller events of which this holds are its
+            foreshocks, where they begin before it, and its aftershocks. Main shocks nearer than W to either end of the time that
+            counts are left out. Beside their number, for each main shock, what smaller events that touch its region come to
+            in as much of the plate's way by their mean rate in the whole run; the errors are square roots of the numbers
 """
 import argparse
 import json
@@ -247,6 +254,40 @@ def statistics(runs, bounds=None):
             "b_interval": interval(runs, low, high), "p": goodness(m, low, high), "halves": halves(runs), "cuts": cuts}
 
 
+def touching(run, k):
+    """Which regions touch that of event k, itself included."""
+    x, events = run["x"], run["events"]
+    n, spacing = len(x), x[1] - x[0] if len(x) > 1 else 1.
+    left = np.rint((events["left"] - x[0]) / spacing).astype(int)
+    count = np.rint(events["extent"] / spacing).astype(int)
+    if run["options"].get("bc_left") == "periodic":
+        return ((left - left[k]) % n <= count[k]) | ((left[k] - left) % n <= count)
+    return (left <= left[k] + count[k]) & (left[k] <= left + count)
+
+
+def sequences(runs, main, window):
+    """Foreshocks and aftershocks of the main shocks, as --main says; None where there is no main shock."""
+    mains = fore = after = expected = 0
+    for run in runs:
+        m, way = run["events"]["magnitude"], run["plate"].way(run["events"]["begin"])
+        low, high = (float(run["plate"].way(run[end])) for end in ("begin", "end"))
+        for k in np.flatnonzero((m >= main) & (way >= low + window) & (way <= high - window)):
+            near = touching(run, k)
+            since = way - way[k]
+            if (m[near & (np.abs(since) <= window)] > m[k]).any():
+                continue
+            smaller = near & (m < m[k])
+            mains += 1
+            fore += int((smaller & (since >= -window) & (since < 0)).sum())
+            after += int((smaller & (since > 0) & (since <= window)).sum())
+            expected += smaller.sum() * window / (high - low)
+    if mains == 0:
+        return None
+    return {"main": main, "window": window, "main_shocks": mains, "foreshocks": fore / mains,
+            "foreshocks_error": np.sqrt(fore) / mains, "aftershocks": after / mains,
+            "aftershocks_error": np.sqrt(after) / mains, "by_mean_rate": float(expected / mains)}
+
+
 def moment_per_shift(runs, shift):
     """nan where the plate has gone forth and back alone."""
     return float(sum(signed_moments(run).sum() for run in runs) / shift) if shift > 0 else np.nan
@@ -278,6 +319,13 @@ def words(name, row):
                                    for what, h in row["halves"].items())
     yield f"  moment {row['moment_per_node_and_way']:.3f} of the plate's way, typical event {row['typical_moment']:.4g}, " \
           f"largest extent {row['largest_extent']:g}"
+
+
+def sequence_words(found, main):
+    if found is None:
+        return f"  no main shock of magnitude {main:g} or more"
+    return f"  {found['main_shocks']} main shocks, each with {found['foreshocks']:.3g} +- {found['foreshocks_error']:.1g} foreshocks " \
+           f"and {found['aftershocks']:.3g} +- {found['aftershocks_error']:.1g} aftershocks, by the mean rate {found['by_mean_rate']:.3g}"
 
 
 def picture(groups, table, by):
@@ -323,9 +371,13 @@ def main():
     parser.add_argument("--by")
     parser.add_argument("--fit", nargs=2, type=float)
     parser.add_argument("--from", dest="begin", type=float, default=0)
+    parser.add_argument("--main", type=float)
+    parser.add_argument("--window", type=float)
     parser.add_argument("-o", "--output")
     parser.add_argument("--json")
     arguments = parser.parse_args()
+    if arguments.window is not None and (arguments.main is None or not arguments.window > 0):
+        parser.error("--window goes with --main and is positive")
     path = arguments.files[0]
     try:
         runs = []
@@ -341,6 +393,9 @@ def main():
             name = f"{arguments.by} {value}" if arguments.by else "all"
             table[name] = statistics(members, arguments.fit)
             print("\n".join(words(name, table[name])))
+            if arguments.main is not None:
+                table[name]["sequences"] = sequences(members, arguments.main, arguments.window or 0.1)
+                print(sequence_words(table[name]["sequences"], arguments.main))
         if arguments.by and np.isfinite(size_exponent(table)):
             print(f"typical moment ~ nodes^{size_exponent(table):.2f}")
         if arguments.json:

@@ -117,6 +117,66 @@ def test_ensembles_and_size():
         c.ensembles(runs)
 
 
+class Clock:
+    """A plate that goes as time does."""
+    @staticmethod
+    def way(t):
+        return t
+
+
+def places_of(left, extent, n, ring):
+    nodes = range(int(left) - 1, int(left + extent) + 1)  # with those beside
+    return {i % n for i in nodes} if ring else set(nodes)
+
+
+def test_foreshocks_and_aftershocks_are_those_of_the_rule():
+    # one event after the other, by sets of nodes; and in the reverse of time the two change places
+    random = np.random.default_rng(6)
+    for ring in (True, False):
+        n, number = 30, 400
+        r = run(drawn(random, 0.5, number), random.uniform(0, 100, number), n=n, bc_left="periodic" if ring else "free")
+        e, r["plate"] = r["events"], Clock
+        e["extent"] = random.integers(1, 9, number).astype(float)
+        e["left"] = np.floor(random.random(number) * (n if ring else n + 1 - e["extent"]))
+        own = [set(i % n for i in range(int(a), int(a + k))) for a, k in zip(e["left"], e["extent"])]
+        beside = [places_of(a, k, n, ring) for a, k in zip(e["left"], e["extent"])]
+        mains = fore = after = expected = 0
+        for k in range(number):
+            t, m = e["begin"][k], e["magnitude"][k]
+            near = [j for j in range(number) if j != k and own[j] & beside[k]]
+            close = [j for j in near if abs(e["begin"][j] - t) <= 2.5]
+            if m < 2 or t < 2.5 or t > 97.5 or any(e["magnitude"][j] > m for j in close):
+                continue
+            mains += 1
+            fore += sum(e["begin"][j] < t for j in close)
+            after += sum(e["begin"][j] > t for j in close)
+            expected += sum(e["magnitude"][j] < m for j in near) * 2.5 / 100
+        found = c.sequences([r], 2, 2.5)
+        check(found["main_shocks"] == mains > 10 and abs(found["by_mean_rate"] * mains / expected - 1) < 1e-12, f"main shocks {found}")
+        check(abs(found["foreshocks"] * mains - fore) < 1e-9 and abs(found["aftershocks"] * mains - after) < 1e-9, f"{fore}, {after}: {found}")
+        e["begin"] = 100 - e["begin"]
+        turned = c.sequences([r], 2, 2.5)
+        check(turned["foreshocks"] == found["aftershocks"] and turned["aftershocks"] == found["foreshocks"], "backwards")
+    check(c.sequences([r], 4, 2.5) is None, "no main shock")
+    # events that know nothing of each other come at the mean rate, as nothing exceeds a main shock of the largest magnitude;
+    # and ten planted behind each of thirty are found
+    magnitude, begin = np.zeros(20000), np.sort(random.uniform(0, 100, 20000))
+    magnitude[::600] = 3
+    r = run(magnitude, begin, n=1, bc_left="free")
+    r["plate"], r["events"]["left"] = Clock, np.zeros(20000)
+    found = c.sequences([r], 3, 1)
+    for name in ("foreshocks", "aftershocks"):
+        check(abs(found[name] - found["by_mean_rate"]) < 4 * found[name + "_error"], f"at random: {found}")
+    main = begin[::600]
+    more = np.concatenate([t + random.uniform(0, 1, 10) for t in main])
+    order = np.argsort(np.r_[begin, more])
+    planted = run(np.r_[magnitude, np.zeros(len(more))][order], np.r_[begin, more], n=1, bc_left="free")
+    planted["plate"], planted["events"]["left"] = Clock, np.zeros(len(order))
+    grown = c.sequences([planted], 3, 1)
+    others = len(more) * 1 / 100  # of other main shocks, wherever they are
+    check(10 <= grown["aftershocks"] - found["aftershocks"] < 10 + 3 * others, f"planted: {grown}, {found}")
+
+
 def test_as_a_user_calls_it():
     for seed in (1, 2, 3):
         subprocess.run([PROGRAM, "run", "-progress", "off", "-out_file", f"c-{seed:06d}.h5", "-init_seed", str(seed)] +
@@ -129,6 +189,11 @@ def test_as_a_user_calls_it():
     check(row["runs"] == 3 and row["nodes"] == 40 and row["events"] > 50, f"table: {row}")
     check(0.8 < row["moment_per_node_and_way"] < 1.2, f"slip makes up for the plate: {row['moment_per_node_and_way']}")
     check("3 runs of 40 nodes" in done.stdout and os.path.getsize("c.png") > 10000, done.stdout)
+    check("sequences" not in row and "main shock" not in done.stdout, "unasked for")
+    done = subprocess.run(script + files + ["--main", "1", "--window", "0.2", "--json", "c.json"], capture_output=True, text=True,
+                          check=True)
+    row = json.load(open("c.json"))["all"]["sequences"]
+    check(row["main_shocks"] > 5 and f"  {row['main_shocks']} main shocks, each with" in done.stdout, f"{row}: {done.stdout}")
     for wrong, said in ((files + ["--by", "nothing"], "no option nothing"), (["none.h5"], "does not exist"),
                         (files + ["--from", "90"], "ends before")):
         refused = subprocess.run(script + wrong, capture_output=True, text=True, check=False)
