@@ -36,6 +36,7 @@ ROWS = [  # what, nodes, ranks, options
     ("frames, `out_displacement`", 600000, 1, f"{RUN} {FILE} -out_frames 10 -out_displacement true"),
     ("frames, `out_displacement`, ends", 600000, 1, f"{RUN} {FILE} -out_frames 10 -out_displacement true {ENDS}"),
     ("`out_events`", 1000000, 1, f"{RUN} -out_events true"),
+    ("`out_events`, `out_rupture`", 1000000, 1, f"{RUN} -out_events true -out_rupture true"),
     ("one exponent", 600000, 1, f"{RUN} -lyapunov_count 1"), ("three", 600000, 1, f"{RUN} -lyapunov_count 3"),
     ("exact stick", 600000, 1, f"{RUN} {BRIEF} -friction_law coulomb"),
     ("exact stick, `arkimex`, friction", 600000, 1,
