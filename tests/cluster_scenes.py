@@ -9,7 +9,9 @@ ON = " -stick_clusters on"
 
 def catalogue(path):
     with h5py.File(path) as file:
-        return {name: data[:] for name, data in file["events"].items()}
+        found = {name: data[:] for name, data in file["events"].items() if name != "rupture"}
+        found.update({f"rupture/{name}": data[:] for name, data in file["events"].get("rupture", {}).items()})
+    return found
 
 
 def start_file(eta, h=1.0):
@@ -21,7 +23,7 @@ def drawn_scene(rng, most=100, slow=1):
     """The words of a random scene of up to so many nodes, its start, and K0 |v|, smaller the slower."""
     n, v, ring = int(rng.integers(8, most)), float(rng.choice([1e-2, 3e-2, -1e-2])) / slow, rng.integers(2)
     given = f"-grid_n {n} -model_v {v} -bc_left {'periodic' if ring else 'free'} -ts_rtol 1e-10 -ts_atol 1e-10"
-    given += f" -ts_max_time {0.8 / abs(v)} -out_events -out_series false -out_frames 2"
+    given += f" -ts_max_time {0.8 / abs(v)} -out_events -out_rupture -out_series false -out_frames 2"
     given += f" -friction_back_slip {'true' if v < 0 or rng.integers(2) else 'false'}"
     given += [" -friction_law coulomb", f" -friction_law carlson-langer -friction_alpha {rng.uniform(0.5, 3)}"
               f" -friction_sigma {rng.uniform(0.05, 0.3)}"][rng.integers(2)]
@@ -40,7 +42,7 @@ def drawn_scene(rng, most=100, slow=1):
 
 def events_alike(given, loading):
     """How many events of whole steps and of clusters follow each other that agree: in place and extent, to 1e-7 in sizes and
-    energies, and in times, at which eta comes to a threshold, to that over the rate of loading. And how many there are.
+    energies, and in times, at which eta comes to a threshold (of each node's first slip, too), to that over the rate of loading. And how many there are.
     What the two err by, some 1e-10 a step, grows from event to event, as the motion is chaotic, but by no jumps: the first
     event that does not agree so far does to ten thousand times as much."""
     run(given + " -out_file whole.h5")
@@ -60,5 +62,9 @@ def events_alike(given, loading):
         return int(np.argmax(apart)) if apart.any() else count
 
     found = alike(1e-7)
+    rows = int(np.append(own["rupture_offset"], len(own["rupture/x"]))[found])  # of the nodes of those events
+    check(np.array_equal(whole["rupture/x"][:rows], own["rupture/x"][:rows]), f"other nodes: {given}")
+    apart = np.abs(whole["rupture/time"][:rows] - own["rupture/time"][:rows])
+    check((apart <= 1e-7 / loading).all(), f"other times of first slips, by {apart.max(initial=0)}: {given}")
     check(found == count or alike(1e-3) > found, f"a jump at event {found} of {count}: {given}")
     return found, max(len(whole["t"]), len(own["t"]))
