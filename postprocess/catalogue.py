@@ -324,8 +324,9 @@ def words(name, row):
 def sequence_words(found, main):
     if found is None:
         return f"  no main shock of magnitude {main:g} or more"
-    return f"  {found['main_shocks']} main shocks, each with {found['foreshocks']:.3g} +- {found['foreshocks_error']:.1g} foreshocks " \
-           f"and {found['aftershocks']:.3g} +- {found['aftershocks_error']:.1g} aftershocks, by the mean rate {found['by_mean_rate']:.3g}"
+    return f"  {found['main_shocks']} main shocks, each with {found['foreshocks']:.3g} +- {found['foreshocks_error']:.1g} " \
+           f"foreshocks and {found['aftershocks']:.3g} +- {found['aftershocks_error']:.1g} aftershocks, " \
+           f"by the mean rate {found['by_mean_rate']:.3g}"
 
 
 def picture(groups, table, by):

@@ -42,9 +42,9 @@ def drawn_scene(rng, most=100, slow=1):
 
 def events_alike(given, loading):
     """How many events of whole steps and of clusters follow each other that agree: in place and extent, to 1e-7 in sizes and
-    energies, and in times, at which eta comes to a threshold (of each node's first slip, too), to that over the rate of loading. And how many there are.
-    What the two err by, some 1e-10 a step, grows from event to event, as the motion is chaotic, but by no jumps: the first
-    event that does not agree so far does to ten thousand times as much."""
+    energies, and in times, at which eta comes to a threshold (of each node's first slip, too), to that over the rate of
+    loading. And how many there are. What the two err by, some 1e-10 a step, grows from event to event, as the motion is chaotic,
+    but by no jumps: the first event that does not agree so far does to ten thousand times as much."""
     run(given + " -out_file whole.h5")
     summary, _ = run(given + ON + " -out_file own.h5")
     whole, own = catalogue("whole.h5"), catalogue("own.h5")
