@@ -46,8 +46,9 @@ LinearisedOperator::LinearisedOperator(const SteadySliding& s)
 // Beyond 1e60 cubes of rates, of waves 1e15 times as fast in the continuum too, would overflow and their
 // signs be wrong.
 void LinearisedOperator::refuse_rates_too_large() const {
+  const double shortest_wave = coupling.largest_row();
   for (std::size_t i = 0; i < (uniform ? std::min<std::size_t>(size(), 1) : size()); ++i) {
-    const auto [c2, c1, c0] = point(i).characteristic(coupling.largest_row());
+    const auto [c2, c1, c0] = point(i).characteristic(shortest_wave);
     const double fastest = std::abs(c2) + std::sqrt(std::abs(c1)) + std::cbrt(std::abs(c0));
     if (!(fastest < 1e60))
       throw Failure("rates of perturbations of steady sliding (" + rounded_text(fastest, 2) +

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/pulse.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/output/reader.hpp"
@@ -239,6 +240,7 @@ int chart_errors(const Options& options) {
   const Provenance provenance = Provenance::of("chart", options.all());
   Summary summary(provenance, keys_of(keys()), options.text("summary"));
   return with_summary(summary, [&] {
+    const Pulse pulse("off", "chart");  // ends at a signal; each row shows itself
     warn_of_pieces(scene);
     check_settings(options, chart_settings(options));
     check_unused_after_setup(options, "snes ksp pc");

@@ -54,7 +54,6 @@ class Course : public Measure {
     });
   }
   void step(const ObservedStep& step) override {
-    beat("steps");
     double from = step.t_before;
     for (; sums_.size() < times_.size() && times_[sums_.size()] <= step.t;) {
       const double t = times_[sums_.size()];

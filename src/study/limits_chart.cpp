@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "base/progress.hpp"
+#include "base/pulse.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
@@ -157,6 +158,7 @@ int chart_limits(const Options& options) {
   const std::vector<Varied> scenes = varied_scenes(options, spec);
   check_unused_after_setup(options, "ts snes ksp pc");
   return with_summary(summary, [&] {
+    const Pulse pulse("off", "limits");  // ends at a signal; each row shows itself
     LimitResults results{{}, spec ? spec->name : ""};
     std::vector<LimitRow>& rows = results.rows;
     Progress progress(options.text("progress"), "limits: ");

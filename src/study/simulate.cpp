@@ -1,6 +1,7 @@
 #include "study/simulate.hpp"
 
 #include "base/log_stage.hpp"
+#include "base/pulse.hpp"
 #include "stickslip/study/trial.hpp"
 
 namespace stickslip {
@@ -9,6 +10,7 @@ void simulate(Integrator& integrator, Vec u, const TimeSpan& span, const std::ve
               const Integrator::Observer& asked) {
   const LogStage stepping("time stepping");
   const auto after = [&](const Integrator::Step& step) {
+    beat("steps");
     const double begin = span.watching ? processor_seconds() : 0;
     const ObservedStep seen{
         step.index,      step.t_before, step.t, step.u, span.rejections + integrator.report().rejections,

@@ -128,6 +128,21 @@ def test_a_search_answers_a_signal_and_tells_how_far_it_is(number, code):
     check(any(p["of"] == "sliding" for p in found["points"]) and found["evaluations"] > 100, "what was reached")
 
 
+@pytest.mark.parametrize("kind", ["errors", "limits"])
+def test_a_chart_answers_a_signal(kind):
+    words = line(f"{scene_file('chart-stiff-friction')} -chart_kind {kind} -ts_max_time 500 -chart_row_seconds 100 -chart_reference_seconds 100 "
+                 "-summary c.json", command="chart")
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
+        time.sleep(0.7)
+        process.send_signal(signal.SIGINT)
+        begin = time.monotonic()
+        _, said = process.communicate(timeout=30)
+    check(process.returncode == 130 and time.monotonic() - begin < 5, f"{process.returncode}: {said}")
+    with open("c.json", encoding="utf-8") as file:
+        found = json.load(file)
+    check(found["status"] == "stopped" and found["reason"] == "SIGINT" and found["rows"] is not None, f"{found['status']} {found['reason']}")
+
+
 def test_a_signal_ends_a_point_of_a_sweep_that_goes_on():
     sweep = ["-sweep_command", "boundary", "-sweep_parameter1", "model_c", "-sweep_values1", "1,1.1", "-out_file", "s.h5"]
     words = LONG.replace("-summary found.json", "").split() + sweep
