@@ -160,6 +160,7 @@ int chart_limits(const Options& options) {
   return with_summary(summary, [&] {
     const Pulse pulse("off", "limits");  // ends at a signal; each row shows itself
     LimitResults results{{}, spec ? spec->name : ""};
+    set_keys(summary, keys(), results);
     std::vector<LimitRow>& rows = results.rows;
     Progress progress(options.text("progress"), "limits: ");
     const std::size_t all = scenes.size() * choices.size();

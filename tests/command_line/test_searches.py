@@ -128,7 +128,7 @@ def test_a_search_answers_a_signal_and_tells_how_far_it_is(number, code):
     check(any(p["of"] == "sliding" for p in found["points"]) and found["evaluations"] > 100, "what was reached")
 
 
-@pytest.mark.parametrize("kind", ["errors", "limits"])
+@pytest.mark.parametrize("kind", ["error", "limits"])
 def test_a_chart_answers_a_signal(kind):
     words = line(f"{scene_file('chart-stiff-friction')} -chart_kind {kind} -ts_max_time 500 -chart_row_seconds 100 -chart_reference_seconds 100 "
                  "-summary c.json", command="chart")
