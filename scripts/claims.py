@@ -45,7 +45,8 @@ PLACE = re.compile(r"\b[A-Z]{4,}\b|\.\.\.|\[")  # a word that stands for another
 
 
 def pages():
-    found = ["README.md", *sorted(glob.glob("docs/*.md", root_dir=SOURCE)), *sorted(glob.glob("runs/*.yaml", root_dir=SOURCE))]
+    found = ["README.md", *(page for files in ("docs/**/*.md", "runs/**/*.yaml")
+                            for page in sorted(glob.glob(files, root_dir=SOURCE, recursive=True)))]
     return [page for page in found if page != "docs/options.md"]
 
 

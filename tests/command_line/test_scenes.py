@@ -8,7 +8,7 @@ import pytest
 
 from calls import PROGRAM, SOURCE
 
-SCENES = sorted(glob.glob(os.path.join(SOURCE, "runs", "*.yaml")))
+SCENES = sorted(glob.glob(os.path.join(SOURCE, "runs", "**", "*.yaml"), recursive=True))
 # A scene with options of another command than run is for that one; a little of it is enough here.
 FEW = {"run": ["-ts_max_steps", "5"], "boundary": "-boundary_points 2 -boundary_of sliding".split(), "spectrum": ["-spectrum_count", "2"],
        "cycle": ["-cycle_steps", "2", "-cycle_wavenumbers", "10"],
