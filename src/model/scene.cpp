@@ -270,7 +270,7 @@ void read_profiles(const Options& o, Scene& s) {
 
 void read_load(const Options& o, Scene& s) {
   const std::vector<std::string> names = {"load_v", "load_sine_amplitude", "load_sine_period"};
-  if (!o.command().empty() && o.command() != "run" && o.command() != "sweep")
+  if (!o.command().empty() && o.command() != "run" && o.command() != "sweep" && o.command() != "fit")
     refuse(
         o, names,
         "the command " + o.command() + " knows a constant velocity of the plate alone; `run` takes a load");

@@ -361,12 +361,14 @@ void judge(Search& search, const Eigen::VectorXd& x, const FitProblem& problem, 
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(J * lengths.cwiseInverse().asDiagonal(), Eigen::ComputeThinV);
   const Eigen::VectorXd s = svd.singularValues();
   if (!(s[n - 1] > told_apart * s[0])) {
-    // the change of the variables that the course does not feel
-    Eigen::VectorXd change = svd.matrixV().col(n - 1).cwiseQuotient(lengths).cwiseAbs();
+    // the change of the variables that the course does not feel, by what each does to it alone, and by itself
+    const Eigen::VectorXd effect = svd.matrixV().col(n - 1).cwiseAbs();
+    Eigen::VectorXd change = effect.cwiseQuotient(lengths);
     for (std::size_t k = 0; k < n; ++k)
       if (!problem.parameters[k].logarithm) change[k] /= std::max(std::abs(x[k]), 1e-2);
     for (std::size_t k = 0; k < n; ++k)
-      if (change[k] > 0.1 * change.maxCoeff()) fit.together.push_back(problem.parameters[k].name);
+      if (change[k] > 0.1 * change.maxCoeff() || effect[k] > 0.1)
+        fit.together.push_back(problem.parameters[k].name);
     return;
   }
   if (rows == n) return;

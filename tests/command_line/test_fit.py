@@ -58,6 +58,9 @@ def test_what_the_data_leave_open():
     s = fit("-model_zeta 0 -fit_data d.txt -fit_of psi -fit_parameters model_f0,model_m,model_k0,model_zeta -model_zeta 0.1 -fit_starts 1")
     check(any("do not tell" in w and "model_f0" in w and "model_m" in w for w in s["warnings"]), s["warnings"])
     check(all(p["error"] is None for p in s["parameters"]), s["parameters"])
+    # mu0 and the logarithm of psi0 are one constant
+    s = run(scene_file("fit-steps") + " -fit_parameters friction_mu0,friction_psi0,friction_a,friction_b -friction_D 8 -fit_starts 1", command="fit")[0]
+    check(any("do not tell" in w and "mu0" in w and "psi0" in w for w in s["warnings"]), s["warnings"])
     s = fit("-fit_data d.txt -fit_of psi -fit_parameters friction_fc -friction_fc 5e-5 -fit_starts 1")
     check(any("end of the range" in w for w in s["warnings"]), s["warnings"])
 
@@ -97,3 +100,8 @@ def test_the_laboratory_s_picture():
     for files, code in ((["s.h5", "f.h5"], 0), (["r.h5"], 0), (["f.h5"], 2)):
         done = subprocess.run([*plot, *files, "-o", "l.png"], capture_output=True, text=True)
         check(done.returncode == code, f"{files}: {done.stderr}")
+
+
+def test_a_sweep_of_fits():
+    run(scene_file("fit-steps") + " -sweep_command fit -sweep_parameter1 fit_seed -sweep_values1 1,2 -fit_starts 2 -out_file s.h5", command="sweep")
+    check(np.all(np.abs(data("s.h5")["residual"] - 0.000983) < 1e-6), "both are the shipped one")
