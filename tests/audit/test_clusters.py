@@ -1,4 +1,4 @@
-"""Only what slides is advanced (stick_clusters): the events of whole steps on a hundred random scenes, until chaos parts the
+"""Only what slides is advanced (stick_clusters): the events of whole steps in random scenes, until chaos parts the
 two, and the means of long runs."""
 import numpy as np
 
@@ -6,13 +6,11 @@ from calls import check, run, scene_file
 from cluster_scenes import ON, catalogue, drawn_scene, events_alike
 
 
-def test_a_hundred_scenes():
-    rng = np.random.default_rng(39)
+def test_events_of_random_scenes(scenes):
     alike = []
-    for scene in range(100):
-        given, loading = drawn_scene(rng, 300, 10)
+    for index, (given, loading) in scenes(lambda random: drawn_scene(random, 300, 10), salt=39, short=10):
         count, of = events_alike(given, loading)
-        check(count >= min(5, of), f"scene {scene}: {count} of {of} events: {given}")
+        check(count >= min(5, of), f"scene {index}: {count} of {of} events: {given}")
         alike.append(count)
     check(np.median(alike) >= 20, f"median of the events alike: {np.median(alike)}")
 
