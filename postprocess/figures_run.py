@@ -40,6 +40,35 @@ def is_block(file):
     return len(file["x"]) == 1 or "one node" in text(file.attrs.get("reduced", ""))
 
 
+def passages(t, psi, v):
+    """When psi passes v as it speeds up towards it, in the second half of the run, counted as for the summary's period: after it
+    was short of v by a hundredth of it. Between rows by the polynomial through six of them, all from behind a
+    rest."""
+    side = -1 if v < 0 else 1
+    short, times, armed = side * (psi - v), [], False
+    depth = 0.01 * abs(v) or 1e-3
+    for k in range(max(1, np.searchsorted(t, t[-1] / 2)), len(t)):
+        armed = armed or short[k - 1] < -depth
+        if not (armed and short[k - 1] < 0 <= short[k]):
+            continue
+        armed = False
+        first = max(k - 3, 0)
+        while first < k - 1 and psi[first] == 0:
+            first += 1
+        near = slice(min(first, max(len(t) - 6, 0)), first + 6)
+        low, high = t[k - 1], t[k]
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (middle, high) if lagrange(t[near], short[near], middle) < 0 else (low, middle)
+        times.append(high)
+    return np.array(times)
+
+
+def lagrange(at, values, t):
+    weights = [np.prod([(t - b) / (a - b) for b in at if b != a]) for a in at]
+    return float(np.dot(weights, values))
+
+
 def draw_block(file, args):
     """One block, or a medium that moves as one: psi and eta against time, and the orbit in their plane."""
     count = complete_frames(file)
@@ -63,13 +92,16 @@ def draw_block(file, args):
             axes.tick_params(labelbottom=False)
     axes.set_xlabel("t")
     phase = figure.add_subplot(grid[:2, 1])
-    middle = (psi[t >= t[-1] / 2].max() + psi[t >= t[-1] / 2].min()) / 2
-    rises = 1 + np.flatnonzero((psi[:-1] < middle) & (psi[1:] >= middle))
-    begin, name = (0, "from beginning to end") if len(rises) < 2 else \
-        (rises[-2], f"last period, {t[rises[-1]] - t[rises[-2]]:.4g}")
-    last = slice(begin, None if begin == 0 else rises[-1] + 1)
-    phase.plot(psi[:begin + 1], eta[:begin + 1], color="0.75", lw=0.8, label="before" if begin else None)
-    phase.plot(psi[last], eta[last], color=COLOURS[0], lw=1.4, zorder=3, label=name)
+    times = passages(t, psi, file.attrs["v"]) if "v" in file.attrs else []
+    if len(times) < 2:
+        loop, before, name = (psi, eta), None, "from beginning to end"
+    else:  # closed: from one passage to the next, both ends between rows
+        begin, end = times[-2:]
+        inside = (t > begin) & (t < end)
+        loop = [np.concatenate([[np.interp(begin, t, y)], y[inside], [np.interp(end, t, y)]]) for y in (psi, eta)]
+        before, name = t <= begin, f"last period, {(times[-1] - times[0]) / (len(times) - 1):.4g}"
+        phase.plot(psi[before], eta[before], color="0.75", lw=0.8, label="before")
+    phase.plot(*loop, color=COLOURS[0], lw=1.4, zorder=3, label=name)
     phase.margins(0.1)
     low, high = phase.get_xlim()
     phase.set_ylim(phase.get_ylim())
