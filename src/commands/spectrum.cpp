@@ -190,6 +190,7 @@ Pseudospectrum pseudospectrum_beside(const LinearisedOperator& s, const Spectrum
     box.im.push_back(bottom + part * (top + high - bottom));
   }
   box.norm = pseudospectrum(PETSC_COMM_WORLD, s, box.re, box.im, [&](double part) {
+    beat("resolvent norms");
     if (progress.due())
       progress.show(std::to_string(int(100 * part)) + " % of the resolvent norms" + progress.left(part));
   });

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/pulse.hpp"
 #include "cycles/deviations.hpp"
 #include "cycles/stick_deviations.hpp"
 #include "cycles/wave_scan.hpp"
@@ -41,6 +42,7 @@ class Waves {
     return map_.of_wave(continuum_node() ? k * k : symbol(2, 1, k));
   }
   BlochPoint point(double k) const {
+    beat("wavenumbers");
     const Multipliers m = at(k);
     return {k, m, std::log(std::abs(m.front())) / period()};
   }

@@ -128,6 +128,20 @@ def test_a_search_answers_a_signal_and_tells_how_far_it_is(number, code):
     check(any(p["of"] == "sliding" for p in found["points"]) and found["evaluations"] > 100, "what was reached")
 
 
+@pytest.mark.parametrize("scene", ["-model_delta 0 -model_v 0 -model_gamma 10", scene_file("cycle-stick-pair")])
+def test_waves_on_a_cycle_answer_a_signal(scene):
+    words = line(f"{scene} -cycle_spectrum -cycle_wavenumbers 1000000 -summary c.json", command="cycle")
+    with subprocess.Popen(words, stderr=subprocess.PIPE, text=True) as process:
+        time.sleep(1)
+        process.send_signal(signal.SIGINT)
+        begin = time.monotonic()
+        _, said = process.communicate(timeout=30)
+    check(process.returncode == 130 and time.monotonic() - begin < 5, f"{process.returncode}: {said}")
+    with open("c.json", encoding="utf-8") as file:
+        found = json.load(file)
+    check(found["status"] == "stopped" and found["period"] > 0, f"{found['status']}: the cycle itself is there")
+
+
 @pytest.mark.parametrize("kind", ["error", "limits"])
 def test_a_chart_answers_a_signal(kind):
     words = line(f"{scene_file('chart-stiff-friction')} -chart_kind {kind} -ts_max_time 500 -chart_row_seconds 100 -chart_reference_seconds 100 "
