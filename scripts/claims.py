@@ -143,7 +143,7 @@ def make(page):
         if kind != "made":
             continue
         following = page.text[end:].lstrip()
-        picture = re.match(r"!\[[^]]*\]\((?:docs/)?([\w-]+\.png)\)", following)
+        picture = re.match(r"!\[[^]]*\]\((?:docs/|\.\./)?([\w-]+\.png)\)", following)
         with tempfile.TemporaryDirectory() as folder:
             done = shell("set -e; " + "; ".join(parts), tree(folder))
             if done.returncode:

@@ -1,7 +1,7 @@
 // Friction laws and state laws: derivatives, steady states, Newton's steps, thresholds of sliding.
 //
 // Everything that goes by for_every_friction() covers a law or a state law from the moment it is listed;
-// these cases are tagged [every_law] and are compiled with the laws of docs/adding.md, too.
+// these cases are tagged [every_law] and are compiled with the laws of docs/developers/adding.md, too.
 #include <petscsys.h>
 
 #include <petscblaslapack.h>

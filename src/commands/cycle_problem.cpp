@@ -137,7 +137,7 @@ void check_cycle_options(const Options& options, const Scene& cell) {
     throw UsageError(
         "-model_m 0: cycles are solved for with mass; those of a small model_m differ from the massless one "
         "by "
-        "a part in proportion to it (docs/massless.md), and `run` takes 0");
+        "a part in proportion to it (docs/variants.md), and `run` takes 0");
   if (!cell.friction.sticks()) {
     check_smooth_cell(cell);
   } else {

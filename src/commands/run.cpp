@@ -215,7 +215,7 @@ std::vector<SummaryKey> observed_keys() {
        "with `-accuracy` and data that do not fit one held end: psi jumps at `x` by `height` (behind less "
        "ahead; null once "
        "the jump has met the other end), and the error is that of psi outside `from` to `to` "
-       "([chart.md](chart.md))"},
+       "([accuracy.md](accuracy.md#beside-a-jump))"},
       {"events", "1", "slip events that ended, with `out_events` ([events.md](events.md))"},
       {"largest_moment", "length", "of them: the largest moment"},
       {"largest_extent", "1", "the most nodes that moved in one"},
@@ -232,7 +232,7 @@ std::vector<SummaryKey> observed_keys() {
       {"lyapunov", "1/time",
        "with `lyapunov_count`: Lyapunov exponents, largest first: `value` (null: -infinity, a rest takes the "
        "direction "
-       "away) and `error` ([chaos.md](chaos.md))"},
+       "away) and `error` ([oscillations.md](oscillations.md#chaos-lyapunov-exponents-beside-a-run))"},
       {"lyapunov_largest", "1/time", "the first of them"},
       {"lyapunov_largest_error", "1/time", "its error"},
       {"lyapunov_dimension", "1",
@@ -243,7 +243,7 @@ std::vector<SummaryKey> observed_keys() {
       {"accuracy", "",
        "with `-accuracy`: what was `wanted`, and `of` what; its `value` (psi and eta of a probe, or the "
        "number; null for "
-       "fields); what was chosen and spent ([chart.md](chart.md))"}};
+       "fields); what was chosen and spent ([accuracy.md](accuracy.md#accuracy-on-request))"}};
 }
 
 std::vector<SummaryKey> run_keys() {

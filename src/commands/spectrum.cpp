@@ -156,7 +156,7 @@ Columns<SpectrumResults> keys() {
              {"unknowns", "1", "size of the matrix", &SpectrumResults::unknowns},
              {"transient", "",
               "with `-spectrum_transient`: largest transient growth, when, in which norm "
-              "([spectrum.md](spectrum.md))",
+              "([stability.md](stability.md#transient-growth))",
               transient_of},
              {"kreiss", "1", "with `-spectrum_pseudo`: Kreiss' constant over the box, a lower bound",
               &SpectrumResults::kreiss},

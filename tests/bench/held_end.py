@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Order of convergence where the start does not fit a held end: the table of docs/ends.md.
+"""Order of convergence where the start does not fit a held end: the table of docs/theory.md.
 
     STICKSLIP=build/stickslip python3 tests/bench/held_end.py
 """

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Every table of docs/methods.md and docs/peers.md that holds seconds, and the prices of a stage in docs/performance.md, as
+"""Every table of docs/methods.md and docs/developers/peers.md that holds seconds, and the prices of a stage in docs/developers/performance.md, as
 Markdown rows: to be run on an idle machine, some 15 minutes of it; on a busy one the two ranks of `ranks` wait for each other.
 
     ninja -C build stickslip bench_imex bench_peers && /usr/bin/python3 -B tests/bench/idle.py build [--only stages,creep]

@@ -3,7 +3,7 @@ itself: a run with -check, other commands when they are refused, for which each 
 
     STICKSLIP=build/stickslip /usr/bin/python3 tests/bench/memory.py [--only bdf,spectrum] [--size 1] [--random 20]
 
-Prints the table of docs/performance.md; --size 10 has ten times as many nodes, --random draws runs instead. The exit code is
+Prints the table of docs/developers/performance.md; --size 10 has ten times as many nodes, --random draws runs instead. The exit code is
 1 where a peak is off by more than a tenth. Two minutes and 1 GB of memory.
 """
 import argparse

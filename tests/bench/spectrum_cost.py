@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Processor time of `stickslip spectrum` against the number of nodes: the table in docs/algorithms.md.
+"""Processor time of `stickslip spectrum` against the number of nodes: the table in docs/developers/algorithms.md.
 
     STICKSLIP=build/stickslip tests/bench/spectrum_cost.py [N ...] [-- options of stickslip, e.g. -model_v 0.2]
 """

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""How grids converge where regions stick: the table of docs/stick.md.
+"""How grids converge where regions stick: the table of docs/motion.md.
 
     STICKSLIP=build/stickslip python3 tests/bench/stick_grids.py
 

@@ -1,4 +1,5 @@
 """docs/: every page has its place in the reading order, links lead to what is there, and files.md names what files hold."""
+import glob
 import os
 import re
 import subprocess
@@ -18,13 +19,14 @@ def text(path):
 
 
 def pages():
-    return sorted(name for name in os.listdir(DOCS) if name.endswith(".md"))
+    """Names within docs/, as `developers/adding.md`."""
+    return sorted(glob.glob("**/*.md", root_dir=DOCS, recursive=True))
 
 
 def test_reading_order():
-    order = list(dict.fromkeys(re.findall(r"\]\(([\w-]+\.md)\)", text("docs/README.md"))))
+    order = list(dict.fromkeys(re.findall(r"\]\(([\w/-]+\.md)\)", text("docs/README.md"))))
     assert sorted(order + ["README.md"]) == pages()
-    assert ["README.md"] + order == re.findall(r"([\w-]+\.md)$", text("docs/site.yml.in"), re.MULTILINE)
+    assert ["README.md"] + order == re.findall(r"([\w/-]+\.md)$", text("docs/site.yml.in"), re.MULTILINE)
 
 
 def anchors(page):

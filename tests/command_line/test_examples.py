@@ -1,4 +1,4 @@
-"""The examples of docs/adding.md, compiled from tests/examples: the page shows the files, every command takes the laws,
+"""The examples of docs/developers/adding.md, compiled from tests/examples: the page shows the files, every command takes the laws,
 the tableau has its order, and the quantity stands in the summary.
 
 Expected values are worked out here from the formulas on the page.
@@ -33,7 +33,7 @@ def built():
 
 @pytest.mark.parametrize("name", ["hump.hpp", "lorentz.hpp", "bonding.hpp", "added_tableaus.cpp", "fastest.hpp"])
 def test_the_page_shows_the_file(name):
-    with open(os.path.join(SOURCE, "docs", "adding.md"), encoding="utf-8") as page:
+    with open(os.path.join(SOURCE, "docs", "developers", "adding.md"), encoding="utf-8") as page:
         text = page.read()
     with open(os.path.join(SOURCE, "tests", "examples", name), encoding="utf-8") as file:
         code = "\n".join(("    " + line).rstrip() for line in file.read().splitlines())
@@ -42,7 +42,7 @@ def test_the_page_shows_the_file(name):
 
 def test_the_page_shows_the_lines_of_a_term():
     """Those of the drag are the source's own."""
-    with open(os.path.join(SOURCE, "docs", "adding.md"), encoding="utf-8") as page:
+    with open(os.path.join(SOURCE, "docs", "developers", "adding.md"), encoding="utf-8") as page:
         text = page.read()
     for name, begin, end in (("include/stickslip/model/node_terms.hpp", "struct NodeTerms {", "\n};"),
                              ("src/options/option_table.cpp", 't.not_negative("model_drag"', ";")):
@@ -55,7 +55,7 @@ def test_the_page_shows_the_lines_of_a_term():
 
 def test_where_a_term_stands():
     """Files and names of the page's table exist."""
-    with open(os.path.join(SOURCE, "docs", "adding.md"), encoding="utf-8") as page:
+    with open(os.path.join(SOURCE, "docs", "developers", "adding.md"), encoding="utf-8") as page:
         rows = re.findall(r"^\| [^|`]+ \| (`.*`.*) \|$", page.read(), re.MULTILINE)
     assert len(rows) >= 6
     for row in rows:

@@ -56,7 +56,7 @@ def test_installed():
 
     book = os.path.join(prefix, "share", "doc", "stickslip")
     dead = []
-    for page in [os.path.join(book, "README.md"), *glob.glob(os.path.join(book, "docs", "*.md"))]:
+    for page in [os.path.join(book, "README.md"), *glob.glob(os.path.join(book, "docs", "**", "*.md"), recursive=True)]:
         with open(page, encoding="utf-8") as file:
             targets = re.findall(r"\]\(([^)\s#]+)[^)]*\)", re.sub(r"^(    |```).*$", "", file.read(), flags=re.MULTILINE))
         dead += [f"{page}: {target}" for target in targets

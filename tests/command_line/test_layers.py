@@ -63,4 +63,4 @@ def test_one_thread():
     for path in [*paths, os.path.join(SOURCE, "CMakeLists.txt")]:
         with open(path, encoding="utf-8") as file:
             found = THREADS.search(file.read())
-        assert not found, f"{path}: {found[0]}: say in docs/promises.md how threads are tested"
+        assert not found, f"{path}: {found[0]}: say in docs/developers/promises.md how threads are tested"

@@ -321,7 +321,7 @@ def test_ripples_are_no_maxima(tolerance):
 
 
 def test_periods_double():
-    # Two blocks: doublings at 0.0846 and 0.0583 (docs/chaos.md); a period has two maxima of the first block
+    # Two blocks: doublings at 0.0846 and 0.0583 (docs/oscillations.md); a period has two maxima of the first block
     for spread, period in ((0.095, 2), (0.07, 4), (0.056, 8)):
         s, _ = run(f"{scene_file('sweep-doubling')} -friction_spread {spread}")
         check(s["maxima_period"] == period, f"{s['maxima_period']} at {spread}")

@@ -15,9 +15,9 @@
 // Regularised: sgn(psi) -> tanh(psi/eps), |psi| -> psi tanh(psi/eps). On the exact sliding branch sgn(0) = 0.
 //
 // A law is a class in a file of its own, src/model/laws/, and a line in the list src/model/law_list.hpp; a
-// state law likewise (docs/adding.md). Nothing outside src/model names one: `Law` and `StateLaw` say what the
-// class says of itself, and `Friction` is a law with its state law and parameters, resolved once. Loops over
-// nodes are compiled for each class (src/model/loops.hpp).
+// state law likewise (docs/developers/adding.md). Nothing outside src/model names one: `Law` and `StateLaw` say
+// what the class says of itself, and `Friction` is a law with its state law and parameters, resolved once.
+// Loops over nodes are compiled for each class (src/model/loops.hpp).
 //
 // The state s that is stored and advanced is tau itself for `healing`, and ln(theta) for the laws in theta,
 // so that theta stays positive over any number of decades; state_to_output() gives what files and pictures

@@ -113,7 +113,7 @@ class LinearisedOperator {
   // ends.
   std::vector<Complex> wave(double k) const;
 
-  // ---- what no eigenvalue exceeds: |Im| and Re. Rigorous (docs/algorithms.md).
+  // ---- what no eigenvalue exceeds: |Im| and Re. Rigorous (docs/developers/algorithms.md).
   double imaginary_bound() const;
   double real_bound() const;
 
