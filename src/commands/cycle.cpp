@@ -122,7 +122,8 @@ Columns<CycleResults> keys() {
               [](A a) { return a.found.mesh_intervals; }},
              {"branch", "",
               "with `-cycle_continue`: the `parameter`, the `points` and how it came to an `end`", branch_of},
-             {"special", "", "points of the branch at which something changes ([oscillations.md](oscillations.md))",
+             {"special", "",
+              "points of the branch at which something changes ([oscillations.md](oscillations.md#branches))",
               [](A a) { return a.branch ? list_of(special_table(), a.branch->special) : Json(); }}};
 }
 
