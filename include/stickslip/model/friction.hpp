@@ -15,8 +15,8 @@
 // Regularised: sgn(psi) -> tanh(psi/eps), |psi| -> psi tanh(psi/eps). On the exact sliding branch sgn(0) = 0.
 //
 // A law is a class in a file of its own, src/model/laws/, and a line in the list src/model/law_list.hpp; a
-// state law likewise (docs/developers/adding.md). Nothing outside src/model names one: `Law` and `StateLaw` say
-// what the class says of itself, and `Friction` is a law with its state law and parameters, resolved once.
+// state law likewise (docs/developers/adding.md). Nothing outside src/model names one: `Law` and `StateLaw`
+// hold what the class says of itself, `Friction` is a law with its state law and parameters, resolved once.
 // Loops over nodes are compiled for each class (src/model/loops.hpp).
 //
 // The state s that is stored and advanced is tau itself for `healing`, and ln(theta) for the laws in theta,
