@@ -4,7 +4,7 @@ packages=(g++ cmake ninja-build pkg-config git
           libslepc-real-dev libpetsc-real-dev libopenmpi-dev openmpi-bin libhdf5-openmpi-dev libyaml-dev nlohmann-json3-dev
           libfmt-dev libeigen3-dev libboost-dev
           python3-h5py python3-matplotlib python3-xarray python3-h5netcdf)
-test_packages=(catch2 python3-pytest python3-pytest-xdist python3-scipy)
+test_packages=(catch2 python3-pytest python3-pytest-xdist python3-scipy python3-markdown)
 
 say() { printf '\n== %s\n' "$*"; }
 die() { printf 'error: %s\n' "$*" >&2; exit 1; }
