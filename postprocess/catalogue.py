@@ -25,18 +25,17 @@ is compared to how far it has come, the integral of v(t). For each ensemble:
 """
 import argparse
 import json
-import os
 import sys
 
-os.environ.setdefault("MPLBACKEND", "Agg")
+import numpy as np
 
-import numpy as np  # noqa: E402
-
-from stickslip import Plate, Unusable, options, reading, scene_title  # noqa: E402
+from stickslip import Plate, Unusable, options, reading, scene_title
 
 FEWEST = 20     # events for a fit
+WIDTH = 0.25    # of a bin of magnitudes
 STRETCHES = 20  # of the time of a lone run, for its interval
 SEEDS = ("friction_seed", "init_seed")
+DENSITY = "events per node, way\nof the plate and unit of ln M"  # what curves of magnitudes show
 
 
 # ---- one run ----------------------------------------------------------------------------------------------------------
@@ -119,9 +118,14 @@ def fit(magnitude, low, high):
     return b, 1 / np.sqrt(len(m) * variance), len(m)
 
 
+def bins(magnitude):
+    """Edges of the bins of a curve."""
+    return np.arange(np.floor(magnitude.min() / WIDTH) * WIDTH, magnitude.max() + 2 * WIDTH, WIDTH)
+
+
 def usual_bounds(magnitude):
     """Where no range is given: three units from two above the most frequent magnitude, that of a block alone."""
-    edges = np.arange(np.floor(magnitude.min() * 4) / 4, magnitude.max() + 0.5, 0.25)
+    edges = bins(magnitude)
     low = edges[np.argmax(np.histogram(magnitude, edges)[0]) + 1] + 2
     return low, low + 3
 
@@ -329,35 +333,37 @@ def sequence_words(found, main):
            f"by the mean rate {found['by_mean_rate']:.3g}"
 
 
+def draw_density(axes, each, scale, colour):
+    """How many events there are of each magnitude, from the magnitudes of each run: bins without any left out, errors those of
+    the logarithm (of fewer than three runs by Poisson's law, else from the scatter of runs). Returns the line."""
+    edges = bins(np.concatenate(each))
+    each = np.array([np.histogram(m, edges)[0] for m in each])
+    counts = each.sum(axis=0).astype(float)
+    counts[counts == 0] = np.nan
+    error = (np.sqrt(counts) if len(each) < 3 else np.std(each, axis=0, ddof=1) * np.sqrt(len(each))) / counts
+    bars = counts * [-np.expm1(-error), np.expm1(error)]
+    return axes.errorbar((edges[:-1] + edges[1:]) / 2, counts / scale, bars / scale, fmt="o-", ms=2.5, lw=0.8, elinewidth=0.6,
+                         color=colour)[0]
+
+
 def picture(groups, table, by):
     """Curves of all ensembles, and b against the smallest event."""
-    import figures  # noqa: F401  (fonts)
-    from matplotlib.figure import Figure
-    figure = Figure(figsize=(12, 5), layout="constrained")
+    from style import COLOURS, Picture, axis_name, name_axes
+    figure = Picture(3.6)
     curve, cut = figure.subplots(1, 2)
-    for (value, runs), row in zip(groups, table.values()):
-        m = np.concatenate([magnitudes(run) for run in runs])
-        width = 0.25
-        edges = np.arange(np.floor(m.min() / width) * width, m.max() + 2 * width, width)
-        each = np.array([np.histogram(magnitudes(run), edges)[0] for run in runs])
-        counts, some = each.sum(axis=0), each.sum(axis=0) > 0
-        way = sum(run["way"] for run in runs)
-        scale = row["nodes"] * way * width
-        error = np.sqrt(counts) if len(runs) < 3 else np.std(each, axis=0, ddof=1) * np.sqrt(len(runs))
-        middle = (edges[:-1] + edges[1:]) / 2
-        name = f"{by} {value}" if by else f"{len(runs)} runs"
-        curve.errorbar(middle[some], counts[some] / scale, error[some] / scale, fmt="o-", ms=3, lw=0.7, label=name)
+    for k, ((value, runs), row) in enumerate(zip(groups, table.values())):
+        colour, way = COLOURS[k % len(COLOURS)], sum(run["way"] for run in runs)
+        line = draw_density(curve, [magnitudes(run) for run in runs], row["nodes"] * way * WIDTH, colour)
+        figure.label(curve, f"{axis_name(by)} = {value}" if by else f"{len(runs)} runs", line)
         good = [c for c in row["cuts"] if np.isfinite(c["b"])]
         b = np.array([c["b"] for c in good])
         bars = [b - [c["interval"][0] for c in good], [c["interval"][1] for c in good] - b]
-        cut.errorbar([c["low"] for c in good], b, np.maximum(bars, 0), fmt="o-", ms=4, lw=1, capsize=3, label=name)
+        at = np.array([c["low"] for c in good]) + 0.06 * (k - (len(groups) - 1) / 2)  # side by side
+        cut.errorbar(at, b, np.maximum(bars, 0), fmt="o-", ms=3, lw=1, capsize=2, color=colour)
     curve.set_yscale("log")
-    curve.set_xlabel("magnitude ln M")
-    curve.set_ylabel("events per node, way of the plate and unit of magnitude")
-    curve.legend(fontsize=8)
-    cut.set_xlabel("smallest magnitude in the fit")
-    cut.set_ylabel("b, with the 95 % interval over the runs")
-    figure.suptitle(scene_of(groups, by), fontsize=10)
+    name_axes(curve, "magnitude ln M", DENSITY)
+    name_axes(cut, "smallest magnitude ln M in the fit", "b, with its 95 % interval over the runs")
+    figure.title(scene_of(groups, by))
     return figure
 
 
@@ -403,7 +409,7 @@ def main():
             with open(arguments.json, "w", encoding="utf-8") as file:
                 json.dump(table, file, indent=1)
         if arguments.output:
-            picture(groups, table, arguments.by).savefig(arguments.output, dpi=110)
+            picture(groups, table, arguments.by).savefig(arguments.output)
             print(arguments.output)
     except Unusable as error:
         sys.exit(f"catalogue.py: error: {path}: {error}")

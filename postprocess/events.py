@@ -4,26 +4,24 @@
 usage: events.py FILE.h5 [FILE.h5 ...] [-o PICTURE.png] [--from S] [--fit A B] [--label OPTION]
 
 Left above: how many events there are of each magnitude, over the number of nodes, the plate's way and the width of the
-bins, with Poisson errors; beside it the map of the first file's events in space and time; below, slip against time at a few places and
-the cumulative moment. Magnitudes are natural logarithms of the moment. --from leaves out what began before the plate had
-gone so far (a start is not typical). The fit is of density ~ exp(-b magnitude) between A and B (default: from 2 above the most frequent magnitude,
-that of a block alone, over 3 units), by maximum likelihood for a truncated exponential; its standard error is from the curvature.
---label names an option whose value stands in the legend, e.g. friction_alpha. Statistics over many runs: catalogue.py.
+bins, with Poisson errors; beside it the map of the first file's events in space and time; below, slip against time at a
+few places and the cumulative moment. Magnitudes are natural logarithms of the moment. --from leaves out what began before
+the plate had gone so far (a start is not typical). The fit is of density ~ exp(-b magnitude) between A and B (default: from
+2 above the most frequent magnitude, that of a block alone, over 3 units), by maximum likelihood for a truncated
+exponential; its standard error is from the curvature. Of fewer than 20 events in the range there is no b. --label names an option whose value stands in the legend, e.g. friction_alpha. Statistics over many runs: catalogue.py.
 """
 import argparse
 import contextlib
 import os
 import sys
 
-os.environ.setdefault("MPLBACKEND", "Agg")
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
 
-import matplotlib  # noqa: E402
-import numpy as np  # noqa: E402
-from matplotlib.figure import Figure  # noqa: E402
-
-import figures  # noqa: E402,F401  (fonts)
-from catalogue import FEWEST, fit, magnitudes, read, signed_moments  # noqa: E402
-from stickslip import Unusable, options, reading, told_apart  # noqa: E402
+from catalogue import DENSITY, FEWEST, WIDTH, draw_density, fit, magnitudes, read, signed_moments, usual_bounds
+from stickslip import Unusable, options, reading, told_apart
+from style import COLOURS, REFERENCE, Picture, name_axes, typeset
 
 
 def names_of(paths, option):
@@ -33,89 +31,100 @@ def names_of(paths, option):
         return [f"{option} {options(file)[option]}" for file in files] if option else told_apart(files)
 
 
-def catalogue_figure(paths, begin=0, bounds=None, option=None):
-    """The picture; what the fits say is printed."""
-    runs = [read(path, begin) for path in paths]
-    figure = Figure(figsize=(12, 9), layout="constrained")
-    (curve, place), (slip, moment) = figure.subplots(2, 2)
-    for run, name in zip(runs, names_of(paths, option)):
+def fitted(m, bounds):
+    """The fit between its bounds as (b, low, high, number), and what is said of it."""
+    low, high = bounds or usual_bounds(m)
+    b, error, number = fit(m, low, high)
+    if not np.isfinite(b):
+        return None, f"no b: {number} events in [{low:g}, {high:g}], and a fit takes {FEWEST} (--fit A B sets the range)"
+    # what the fitted line would have above the range, against what is there
+    expected = number * np.exp(-b * (high - low)) / -np.expm1(-b * (high - low)) if b > 0 else np.nan
+    return (b, low, high, number), f"b = {b:.3f} +- {error:.3f} on [{low:g}, {high:g}] ({number} events); beyond it " \
+        f"{np.sum(m >= high)} events, {expected:.0f} on the line"
+
+
+def draw_curve(picture, axes, runs, names, bounds):
+    """How many events there are of each magnitude, with the fits; what they say is printed."""
+    for colour, run, name in zip(COLOURS, runs, names):
         m = magnitudes(run)
         if len(m) == 0:
             print(f"{name}: no events")
             continue
-        width = 0.25
-        edges = np.arange(np.floor(m.min() / width) * width, m.max() + 2 * width, width)
-        counts = np.histogram(m, edges)[0]
-        middle, some = (edges[:-1] + edges[1:]) / 2, counts > 0
-        scale = len(run["x"]) * run["way"] * width
-        line = curve.errorbar(middle[some], counts[some] / scale, np.sqrt(counts[some]) / scale, fmt="o-", ms=3, lw=0.7,
-                              label=name)
-        low = bounds[0] if bounds else edges[np.argmax(counts) + 1] + 2
-        high = bounds[1] if bounds else low + 3
-        b, error, number = fit(m, low, high)
-        # what the fitted line would have above the range, against what is there
-        beyond = np.sum(m >= high)
-        expected = number * np.exp(-b * (high - low)) / -np.expm1(-b * (high - low)) if b > 0 else np.nan
-        fitted = f"b = {b:.3f} +- {error:.3f} on [{low:g}, {high:g}] ({number} events); beyond it {beyond} events, " \
-                 f"{expected:.0f} on the line"
-        if not np.isfinite(b):
-            fitted = f"no b: {number} events in [{low:g}, {high:g}], and a fit takes {FEWEST} (--fit A B sets the range)"
+        scale = len(run["x"]) * run["way"] * WIDTH
+        line = draw_density(axes, [m], scale, colour)
+        if len(runs) > 1:
+            picture.label(axes, name.replace("_", " "), line)
+        found, words = fitted(m, bounds)
         left_out = len(run["events"]["t"]) - len(m)
         note = f" (and {left_out} whose slips cancel)" if left_out else ""
-        print(f"{name}: {len(m)} events{note}, {fitted}; largest extent {run['events']['extent'].max():g}")
-        if np.isfinite(b):
+        print(f"{name}: {len(m)} events{note}, {words}; largest extent {run['events']['extent'].max():g}")
+        if found:
+            b, low, high, number = found
+            top = number * b / -np.expm1(-b * (high - low)) * WIDTH / scale
             grid = np.linspace(low, high, 2)
-            top = number * b / -np.expm1(-b * (high - low)) * width / scale
-            curve.plot(grid, top * np.exp(-b * (grid - low)), color=line[0].get_color(), lw=2, alpha=0.5)
-    curve.set_yscale("log")
-    curve.set_xlabel("magnitude ln M")
-    curve.set_ylabel("events per node, way of the plate and unit of magnitude")
-    if len(runs) > 1:
-        curve.legend(fontsize=8)
+            axes.plot(grid, top * np.exp(-b * (grid - low)), color=colour, lw=2.4, alpha=0.5)
+    axes.set_yscale("log")
+    name_axes(axes, "magnitude ln M", DENSITY)
 
-    run, events = runs[0], runs[0]["events"]
-    x, options = run["x"], run["options"]
-    ring = options["bc_left"] == "periodic"
-    spacing = x[1] - x[0] if len(x) > 1 else 1
-    length = spacing * len(x)
-    strongest = np.nanmax(events["magnitude"], initial=1)
-    weakest = np.nanmin(events["magnitude"], initial=0)
-    colours = matplotlib.colormaps["viridis_r"]
-    for i in np.argsort(events["magnitude"]):
-        begin, end = events["left"][i] - spacing / 2, events["left"][i] + events["extent"][i] - spacing / 2
-        colour = colours((events["magnitude"][i] - weakest) / max(strongest - weakest, 1e-9))
-        parts = [(begin, end)] if not ring or end <= length else [(begin, length), (0, end - length)]
-        for a, b in parts:
-            place.plot([a, b], [events["begin"][i]] * 2, color=colour, lw=1 if b - a > 2 * spacing else 2,
-                       solid_capstyle="butt")
-    place.set_xlabel("x")
-    place.set_ylabel("t")
-    place.set_title("regions that slipped" + (f", {curve.get_legend_handles_labels()[1][0]}" if len(runs) > 1 else ""))
 
-    # the mean slip of each event, laid on its region; what goes the plate's way is drawn upwards
-    order, moments = np.argsort(events["t"]), signed_moments(run)
-    for part in (0.2, 0.4, 0.6, 0.8):
+def draw_regions(picture, axes, run, length, spacing):
+    """Each event on its region at its time, in the colour of its magnitude."""
+    events, ring = run["events"], run["options"]["bc_left"] == "periodic"
+    order = np.argsort(events["magnitude"])
+    pieces, sizes = [], []
+    for i in order:
+        begin = events["left"][i] - spacing / 2
+        end = begin + events["extent"][i]
+        for a, b in [(begin, end)] if not ring or end <= length else [(begin, length), (0, end - length)]:
+            pieces.append([(a, events["begin"][i]), (b, events["begin"][i])])
+            sizes.append(events["magnitude"][i])
+    known = np.array(sizes)[np.isfinite(sizes)]
+    colours = Normalize(*((known.min(), known.max()) if len(known) and np.ptp(known) > 0 else (0, 1)))
+    drawn = LineCollection(pieces, array=np.array(sizes), cmap="viridis_r", norm=colours, capstyle="butt",
+                           linewidths=[1 if b[0] - a[0] > 2 * spacing else 2 for a, b in pieces])
+    axes.add_collection(drawn)
+    axes.autoscale()
+    picture.colorbar(drawn, ax=axes, label=typeset("magnitude ln M"))
+    name_axes(axes, "x", "t")
+
+
+def draw_slip(picture, axes, run, length, plate):
+    """Slip against time at four places: the mean slip of each event, laid on its region; what goes the plate's way upwards."""
+    x, events, moments = run["x"], run["events"], signed_moments(run)
+    order, ring = np.argsort(events["t"]), run["options"]["bc_left"] == "periodic"
+    for colour, part in zip(COLOURS, (0.2, 0.4, 0.6, 0.8)):
         at = x[int(part * (len(x) - 1))]
         offset = (at - events["left"][order]) % length if ring else at - events["left"][order]
         hit = (offset >= -1e-9) & (offset < events["extent"][order] - 1e-9)
-        t = events["t"][order][hit]
-        d = np.cumsum((moments / events["extent"])[order][hit])
-        slip.step(np.r_[run["begin"], t], np.r_[0, d], where="post", lw=1, label=f"x = {at:g}")
+        slipped = np.cumsum((moments / events["extent"])[order][hit])
+        line, = axes.step(np.r_[run["begin"], events["t"][order][hit]], np.r_[0, slipped], where="post", lw=1, color=colour)
+        picture.label(axes, f"x = {at:g}", line, where=(0.2 + part) * 0.9)
+    picture.label(axes, "plate", *axes.plot(*plate, **REFERENCE))
+    name_axes(axes, "t", "mean slip of events")
+
+
+def catalogue_figure(paths, begin=0, bounds=None, option=None):
+    """The picture; what the fits say is printed."""
+    runs = [read(path, begin) for path in paths]
+    picture = Picture(5.8)
+    (curve, place), (slip, moment) = picture.subplots(2, 2)
+    names = names_of(paths, option)
+    draw_curve(picture, curve, runs, names, bounds)
+    run, events = runs[0], runs[0]["events"]
+    spacing = run["x"][1] - run["x"][0] if len(run["x"]) > 1 else 1
+    length = spacing * len(run["x"])
+    draw_regions(picture, place, run, length, spacing)
     times = np.linspace(run["begin"], run["end"], 500)
     gone = run["plate"].shift(times)
     plate = times, np.sign(run["shift"]) * (gone - gone[0])
-    slip.plot(*plate, "k:", lw=1, label="plate")
-    slip.set_xlabel("t")
-    slip.set_ylabel("slip (mean over each event)")
-    slip.legend(fontsize=8)
-
-    moment.step(events["t"][order], np.cumsum(moments[order]) / length, where="post", lw=1)
-    moment.plot(*plate, "k:", lw=1)
-    moment.set_xlabel("t")
-    moment.set_ylabel("moment so far over length (dotted: plate)")
-
-    figure.suptitle(runs[0]["title"], fontsize=10)
-    return figure
+    draw_slip(picture, slip, run, length, plate)
+    order = np.argsort(events["t"])
+    moment.step(events["t"][order], np.cumsum(signed_moments(run)[order]) / length, where="post", lw=1, color=COLOURS[0])
+    picture.label(moment, "plate", *moment.plot(*plate, **REFERENCE))
+    name_axes(moment, "t", "moment so far over length")
+    first = f"map, slip and moment: {names[0].replace('_', ' ')}\n" if len(runs) > 1 else ""
+    picture.title(first + run["title"])
+    return picture
 
 
 def main():
@@ -128,7 +137,7 @@ def main():
     arguments = parser.parse_args()
     output = arguments.output or os.path.splitext(arguments.files[0])[0] + "-events.png"
     try:
-        catalogue_figure(arguments.files, arguments.begin, arguments.fit, arguments.label).savefig(output, dpi=110)
+        catalogue_figure(arguments.files, arguments.begin, arguments.fit, arguments.label).savefig(output)
     except Unusable as error:
         sys.exit(f"events.py: error: {' '.join(arguments.files)}: {error}")
     print(output)

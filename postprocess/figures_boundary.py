@@ -1,18 +1,15 @@
 """Pictures of stability diagrams: where sliding loses stability, where the stick-slip beside it ends, and where uniform
 stick-slip and trains withstand waves."""
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.colors import ListedColormap
 
-from figures import COLOURS, legend_beside, set_title
 from figures_analysis import add_train_limits
-from stickslip import Unusable, differing, options, scene_title, shown_name, text, told_apart
+from stickslip import Unusable, differing, options, scene_title, text, told_apart
+from style import (BLACK, BLUE, BOTH, COLOURS, GREEN, OCHRE, RED, REFERENCE, SLIDES, STICKS, VIOLET, Picture,
+                   logarithmic, name_axes)
 
-SLIDES, STICKS, BOTH = "#eef4fb", "#fbeeea", "#fdf3d0"  # tints of the regions
-CURVES = {"sliding": (COLOURS[0], "sliding loses stability"), "stick-slip": (COLOURS[3], "stick-slip ends"),
-          "waves": (COLOURS[2], "waves begin to grow on uniform stick-slip"),
-          "trains": (COLOURS[6], "trains lose stability or end")}
-HATCHES = {"waves": ("//", "uniform stick-slip stable on the ring"), "trains": ("\\\\", "trains stable on the ring")}
+UNIFORM, TRAINS, ANY = "#cfead9", "#ecdcf4", "#c3cbe4"  # tints: what is stable among the motions of a ring
+CURVES = {"sliding": BLUE, "stick-slip": VIOLET, "waves": GREEN, "trains": OCHRE}
 
 
 class Diagram:
@@ -25,36 +22,52 @@ class Diagram:
         of = [text(one) for one in file["of"][...]] if "of" in file else ["sliding"] * len(self.value)
         self.of = np.array(of, dtype=object)
         self.knows_end = "stick_slip_distance" in file
+        prefix = "sample" if "sample" in file else "stick_slip_sample"
+        self.box = [file[prefix + suffix][...][[0, -1]] for suffix in ("", "2")]  # the ends of both axes
+        self.logs = [bool(file.attrs[name]) for name in ("log", "log2")]
 
     def pieces(self, of):
         """Each piece of the curve of `sliding`, `stick-slip`, `waves` or `trains` as its points."""
         chosen = self.of == of
         return [chosen & (self.piece == number) for number in np.unique(self.piece[chosen])]
 
-    def box(self):
-        """The ends of both axes."""
-        prefix = "sample" if "sample" in self.file else "stick_slip_sample"
-        return [self.file[prefix + suffix][...][[0, -1]] for suffix in ("", "2")]
-
     def unit(self, x, y):
         """Places in the box as numbers from 0 to 1."""
         result = []
-        for values, (low, high), log in zip((x, y), self.box(), ("log", "log2")):
-            change = np.log if self.file.attrs[log] else np.asarray
+        for values, (low, high), log in zip((x, y), self.box, self.logs):
+            change = np.log if log else np.asarray
             result.append((change(np.asarray(values, dtype=float)) - change(low)) / (change(high) - change(low)))
         return result
 
-    def even(self):
-        """Many places on each axis."""
-        return [(np.geomspace if self.file.attrs[log] else np.linspace)(*ends, 241)
-                for ends, log in zip(self.box(), ("log", "log2"))]
+    def even(self, box=None):
+        """Many places on each axis, upwards."""
+        return [(np.geomspace if log else np.linspace)(*sorted(ends), 241) for ends, log in zip(box or self.box, self.logs)]
+
+    def lines(self, of):
+        """The pieces of a curve in the unit box. One of trains that ends inside, where another mode takes the lead, goes on at
+        the nearest end of another."""
+        lines = [np.column_stack(self.unit(self.value[chosen], self.value2[chosen])) for chosen in self.pieces(of)]
+        k = 0
+        while of == "trains" and k < len(lines):
+            for line in (lines[k], lines[k][::-1]):
+                others = [other[::way] for j, other in enumerate(lines) if j != k for way in (1, -1)]
+                apart = [np.hypot(*(other[0] - line[-1])) for other in others]
+                if np.all((line[-1] > 1e-6) & (line[-1] < 1 - 1e-6)) and others and min(apart) < 0.3:
+                    which = int(np.argmin(apart))
+                    taken = [j for j in range(len(lines)) if j != k][which // 2]
+                    joined = np.vstack([line, others[which]])
+                    lines = [one for j, one in enumerate(lines) if j not in (k, taken)] + [joined]
+                    k = -1
+                    break
+            k += 1
+        return lines
 
     def nearest(self, of, u, w):
         """Of places of the unit box: the distance from the nearest stretch of the curve, on which hand of it they lie (1:
-        left), and the number of its piece."""
+        left), and the number of its line."""
         nearest, hand, number = np.full(u.shape, np.inf), np.zeros(u.shape), np.zeros(u.shape, dtype=int)
-        for index, chosen in enumerate(self.pieces(of)):
-            a, b = self.unit(self.value[chosen], self.value2[chosen])
+        for index, line in enumerate(self.lines(of)):
+            a, b = line.T
             for k in range(len(a) - 1):
                 du, dw = a[k + 1] - a[k], b[k + 1] - b[k]
                 length = du * du + dw * dw
@@ -96,10 +109,9 @@ class Diagram:
         known = [self.file["train/" + name][...] for name in ("value", "value2", "stable")]
         at, stable = self.unit(*known[:2]), known[2] > 0.5
         u, w = self.unit(x, y)
-        pieces = len(self.pieces("trains"))
+        pieces = len(self.lines("trains"))
         if pieces == 0:
-            nearest = np.argmin(np.hypot(u[..., None] - at[0], w[..., None] - at[1]), axis=-1)
-            return stable[nearest]
+            return stable[np.argmin(np.hypot(u[..., None] - at[0], w[..., None] - at[1]), axis=-1)]
         _, hand_of_known, piece_of_known = self.nearest("trains", *at)
         _, hand, number = self.nearest("trains", u, w)
         left = np.array([np.sum(np.where(stable, 1, -1)[piece_of_known == k] * hand_of_known[piece_of_known == k]) > 0
@@ -107,144 +119,144 @@ class Diagram:
         return np.where(left[number], hand > 0, hand < 0)
 
 
-def place_words(axes, words, tint, x, y):
-    """Words at a place of the data, on their tint."""
-    x, y = axes.transAxes.inverted().transform(axes.transData.transform((x, y)))
-    narrow = tint == BOTH  # a band: its curves are not covered
-    x, y = np.clip(x, 0.06 if narrow else 0.15, 0.94 if narrow else 0.85), np.clip(y, 0.05, 0.95)
-    axes.text(x, y, words, ha="center", va="center", fontsize=8 if narrow else 10, color="0.25", transform=axes.transAxes,
-              bbox={"fc": "none" if narrow else tint, "ec": "none", "pad": 1})
-    axes.plot(x + np.linspace(-0.14, 0.14, 9), np.full(9, y), ls="none",
-              transform=axes.transAxes)  # unseen: keeps the legend off the words
-
-
-def fill_regions(axes, diagram):
-    """Sliding, stick-slip and, where the end of stick-slip is known, the band of both, each in its tint. Returns them as
-    (words, tint, mask, x, y)."""
-    x, y = diagram.even()
+def regions_of(diagram, x, y):
+    """What lives where on a lattice: (words, tint, mask)."""
     places = np.meshgrid(x, y)
     knows_sliding = "growth" in diagram.file
     unstable = diagram.inside(*places, "sliding") if knows_sliding else np.zeros(places[0].shape, dtype=bool)
     lives = unstable
     if diagram.knows_end and not (knows_sliding and diagram.ends_at_hopf()):
         lives = diagram.inside(*places, "stick-slip")
-    axes.contourf(x, y, np.where(unstable, 2., np.where(lives, 1., 0.)), levels=[-0.5, 0.5, 1.5, 2.5],
-                  colors=[SLIDES, BOTH, STICKS])
     if not knows_sliding:
-        return [("stick-slip lives", BOTH, lives, x, y), ("no stick-slip", SLIDES, ~lives, x, y)]
+        return [("stick-slip lives", BOTH, lives), ("no stick-slip", SLIDES, ~lives)]
+    slides = ("sliding", SLIDES, ~lives & ~unstable)
     if not diagram.knows_end:  # that perturbations of sliding decay does not say that no cycle lives beside it
-        stable = ("sliding stable;\nstick-slip may coexist", SLIDES, ~unstable, x, y)
-        return [("stick-slip\n(sliding unstable)", STICKS, unstable, x, y), stable]
-    return [("stick-slip\n(sliding unstable)", STICKS, unstable, x, y), ("both live", BOTH, lives & ~unstable, x, y),
-            ("sliding", SLIDES, ~lives & ~unstable, x, y)]
+        slides = ("sliding stable;\nstick-slip may coexist", SLIDES, ~unstable)
+    if "wave_growth" not in diagram.file and "train" not in diagram.file:
+        return [("stick-slip\n(sliding unstable)", STICKS, unstable), ("both live", BOTH, lives & ~unstable), slides]
+    nowhere = np.zeros(places[0].shape, dtype=bool)
+    uniform = diagram.inside(*places, "waves") & lives if "wave_growth" in diagram.file else nowhere
+    trains = diagram.trains_stable(*places) if "train" in diagram.file else nowhere
+    if "train" in diagram.file and diagram.inside(*(diagram.file["train/" + name][...] for name in ("value", "value2")),
+                                                  "sliding").all():
+        trains &= unstable  # their amplitude vanishes where sliding becomes stable
+    return [("uniform stick-slip\nand trains stable", ANY, uniform & trains), ("uniform stick-slip\nstable", UNIFORM, uniform & ~trains),
+            ("trains\nstable", TRAINS, trains & ~uniform), ("neither\nstable", STICKS, lives & ~uniform & ~trains), slides]
 
 
-def hatch_regions(axes, diagram, regions):
-    """Where uniform stick-slip and trains are stable on the ring, each hatched its way, with an entry of the key."""
+def fill_regions(picture, axes, diagram):
+    """Each region in its tint, named in place."""
     x, y = diagram.even()
-    places = np.meshgrid(x, y)
-    slides = next(inside for words, tint, inside, *_ in regions if tint == SLIDES)
-    stable = {}
-    if "wave_growth" in diagram.file:
-        stable["waves"] = diagram.inside(*places, "waves") & ~slides
-    if "train" in diagram.file:
-        stable["trains"] = diagram.trains_stable(*places)
-        at = [diagram.file["train/" + name][...] for name in ("value", "value2")]
-        if diagram.inside(*at, "sliding").all():  # their amplitude vanishes where sliding becomes stable
-            stable["trains"] &= ~slides
-    for of, inside in stable.items():
-        if not inside.any():
-            continue
-        hatch, words = HATCHES[of]
-        colour = CURVES[of][0]
-        drawn = axes.contourf(x, y, inside.astype(float), levels=[0.5, 2], colors="none", hatches=[hatch])
-        for collection in getattr(drawn, "collections", [drawn]):
-            collection.set_edgecolor(colour)
-            collection.set_linewidth(0)
-        axes.add_patch(Rectangle((0, 0), 0, 0, fc="none", ec=colour, hatch=2 * hatch, label=words))
+    filled = np.full((len(y), len(x)), np.nan)
+    regions = regions_of(diagram, x, y)
+    for k, (_, _, mask) in enumerate(regions):
+        filled[mask] = k
+    axes.pcolormesh(x, y, filled, cmap=ListedColormap([tint for _, tint, _ in regions]), vmin=-0.5, vmax=len(regions) - 0.5,
+                    shading="nearest", rasterized=True)
+    for words, _, mask in regions:
+        if mask.any():
+            picture.label_region(axes, words, lookup(x, y, mask))
 
 
-def draw_diagram(axes, file):
+def lookup(x, y, mask):
+    """A mask on a lattice, to be asked at any place."""
+    def inside(*places):
+        i, j = (np.interp(place, values, np.arange(len(values)), -1, -1).round().astype(int)
+                for place, values in zip(places, (x, y)))
+        return (i >= 0) & (j >= 0) & mask[j, i]
+    return inside
+
+
+def sparse(count, most=14):
+    """So few of many points that marks on them stand apart."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
+
+
+def scale(axes, diagram, box=None):
+    """The axes of a box, by its options."""
+    for which, ends, log in zip("xy", box or diagram.box, diagram.logs):
+        getattr(axes, f"set_{which}lim")(sorted(ends))
+        if log:
+            logarithmic(axes, which)
+    name_axes(axes, *diagram.names)
+
+
+def draw_closed_form(picture, axes, diagram):
+    """As marks on the curve that was computed."""
+    closed = diagram.file["closed_form_v"][...]
+    if "model_v" not in diagram.names or not np.isfinite(closed).any():
+        return
+    across, up = (closed, diagram.value2) if diagram.names[0] == "model_v" else (diagram.value, closed)
+    shown = np.flatnonzero(np.isfinite(closed))
+    shown = shown[sparse(len(shown))]
+    line, = axes.plot(across[shown], up[shown], "x", color=RED, ms=5, mew=1.2, ls="none", zorder=4)
+    return line
+
+
+def draw_diagram(picture, axes, file):
     """The regions in two options, named, with the curves between them."""
     diagram = Diagram(file)
-    regions = fill_regions(axes, diagram)
-    closed = file["closed_form_v"][...]
-    hatch_regions(axes, diagram, regions)
-    for of, (colour, words) in CURVES.items():
-        for k, chosen in enumerate(diagram.pieces(of)):
-            axes.plot(diagram.value[chosen], diagram.value2[chosen], ".-", color=colour, ms=4, clip_on=False,
-                      label=words if k == 0 else None)
-    mark_criticality(axes, file)
-    shown = np.isfinite(closed)
-    for name, across, up in ((1, diagram.value, closed), (0, closed, diagram.value2)):
-        if diagram.names[name] == "model_v" and shown.any():
-            axes.plot(across[shown], up[shown], "--", color=COLOURS[1], lw=1, label="closed form")
+    fill_regions(picture, axes, diagram)
+    for of, colour in CURVES.items():
+        for chosen in diagram.pieces(of):
+            axes.plot(diagram.value[chosen], diagram.value2[chosen], color=colour, lw=1.6, marker="." if chosen.sum() == 1 else None)
+    mark_criticality(picture, axes, file)
+    closed = draw_closed_form(picture, axes, diagram)
+    if closed:
+        picture.label(axes, "closed form", closed)
     switched = file["switched"][...] > 0.5
     if switched.any():
-        axes.plot(diagram.value[switched], diagram.value2[switched], "D", color=COLOURS[4], ms=6, label="another mode leads")
-    box = diagram.box()
-    if file.attrs["log"]:
-        axes.set_xscale("log")
-    if file.attrs["log2"]:
-        axes.set_yscale("log")
-    axes.set_xlim(sorted(box[0]))
-    axes.set_ylim(sorted(box[1]))
-    for words, tint, inside, x, y in regions:  # each is named where it is deepest inside
-        if inside.any():
-            j, i = deepest(inside)
-            place_words(axes, words, tint, x[i], y[j])
-    axes.set(xlabel=shown_name(diagram.names[0]), ylabel=shown_name(diagram.names[1]))
+        line, = axes.plot(diagram.value[switched], diagram.value2[switched], "D", color=OCHRE, ms=6)
+        picture.label(axes, "another mode leads", line)
+    scale(axes, diagram)
 
 
-def draw_line(axes, file):
+def draw_line(picture, axes, file):
     """The growth rate along one option, and the points."""
     if "growth" in file:
-        axes.axhline(0, color="0.6", lw=0.8)
-        axes.plot(file["sample"][...], file["growth"][...], color=COLOURS[0], label="growth rate of the leading mode")
+        axes.axhline(0, **REFERENCE)
+        line, = axes.plot(file["sample"][...], file["growth"][...], color=BLUE)
+        picture.label(axes, "leading mode of sliding", line)
     of = [text(one) for one in file["of"][...]] if "of" in file else ["sliding"] * len(file["value"])
+    if file.attrs["log"]:
+        logarithmic(axes, "x")
     for v, kind, frequency, word, whose in zip(file["value"][...], [text(kind) for kind in file["kind"][...]],
                                                file["frequency"][...], criticality(file), of):
         sliding = whose == "sliding"
-        colour = COLOURS[1] if sliding else COLOURS[3]
+        colour = RED if sliding else VIOLET
         said = filter(None, (f"{'' if sliding else 'stick-slip ends, '}{kind} at {v:.8g}", word, f"frequency {frequency:.4g}"))
-        axes.plot([v], [0], "o" if sliding else "s", color=colour, mfc="white" if word == "subcritical" else colour,
-                  label=", ".join(said))
+        axes.plot([v], [0], "o" if sliding else "s", color=colour, mfc="white" if word == "subcritical" else colour)
+        picture.label(axes, "\n".join(said), v, 0, colour)
     if "stick_slip_distance" in file:  # where uniform motion sticks and slips
         place, lives = file["stick_slip_sample"][...], file["stick_slip_distance"][...] < 0
         ends = np.sort(file["value"][...][[whose != "sliding" for whose in of]])
         edges = np.concatenate([[min(place[[0, -1]])], ends, [max(place[[0, -1]])]])
-        for k, (low, high) in enumerate(zip(edges[:-1], edges[1:])):
+        for low, high in zip(edges[:-1], edges[1:]):
             inside = (place > low) & (place < high)
             if inside.any() and lives[inside].mean() > 0.5:
-                axes.axvspan(low, high, color=BOTH, zorder=0, label="stick-slip lives" if k == 0 else None)
-    if file.attrs["log"]:
-        axes.set_xscale("log")
-    axes.set(xlabel=shown_name(text(file.attrs["parameter"])), ylabel="growth rate of steady sliding")
+                axes.axvspan(low, high, color=BOTH, lw=0, zorder=0)
+                picture.label_region(axes, "stick-slip lives", lambda x, y, a=low, b=high: (x > a) & (x < b))
+    name_axes(axes, text(file.attrs["parameter"]), "growth rate Re λ of steady sliding")
 
 
 def draw_boundary(file, args):
     """The stability diagram with its regions named, the closed form over it, and what time integration found."""
-    of_all = "train" in file or "wave_growth" in file
-    figure = Figure(figsize=(8.8 if of_all else 6.4, 4.8), layout="constrained")
-    axes = figure.subplots()
+    picture = Picture(4.6)
+    axes = picture.subplots()
     two = "parameter2" in file.attrs
-    (draw_diagram if two else draw_line)(axes, file)
+    (draw_diagram if two else draw_line)(picture, axes, file)
     if "verified/value" in file:
         group = file["verified"]
         for regime, mark in (("sliding", "o"), ("stick-slip", "^"), ("both live", "s"), ("undecided", "x")):
-            # a mark on the border of the picture is shown whole
             chosen = np.array([text(r) == regime for r in group["regime"][...]])
             if chosen.any():
                 y = group["value2"][...][chosen] if two else np.zeros(chosen.sum())
-                axes.plot(group["value"][...][chosen], y, mark, color=COLOURS[2], mfc="none", ls="none",
-                          clip_on=False, label=f"integrated: {regime}")
-    if of_all:
-        legend_beside(axes)
-    else:
-        axes.legend(fontsize=8, frameon=True, framealpha=0.8)
+                line, = axes.plot(group["value"][...][chosen], y, mark, color=GREEN, ms=7, mfc="none", mew=1.4, ls="none",
+                                  clip_on=False)  # a mark on the border of the picture is shown whole
+                picture.label(axes, f"integrated: {regime}", line)
     same = [other.strip() for other in options(file).get("boundary_same", "").split(",")]
-    set_title(axes, scene_title(file, [text(file.attrs["parameter"]), text(file.attrs.get("parameter2", "")), *same]))
-    return figure
+    picture.title(scene_title(file, [text(file.attrs["parameter"]), text(file.attrs.get("parameter2", "")), *same]))
+    return picture
 
 
 def criticality(file):
@@ -252,63 +264,54 @@ def criticality(file):
     return [text(word) for word in file["criticality"][...]] if "criticality" in file else [""] * len(file["value"])
 
 
-def mark_criticality(axes, file):
+def mark_criticality(picture, axes, file):
     """Open circles where sliding loses to stick-slip by a jump, and stars where that changes."""
-    jump = np.array([word == "subcritical" for word in criticality(file)], dtype=bool)
-    if jump.any():
-        axes.plot(file["value"][...][jump], file["value2"][...][jump], "o", color=COLOURS[0], mfc="white", ms=5, ls="none",
-                  clip_on=False, label="by a jump (subcritical)")
+    jump = np.flatnonzero([word == "subcritical" for word in criticality(file)])
+    if len(jump):
+        shown = jump[sparse(len(jump), 9)]
+        line, = axes.plot(file["value"][...][shown], file["value2"][...][shown], "o", color=BLUE, mfc="white", ms=5, ls="none",
+                          zorder=3, clip_on=False)
+        picture.label(axes, "by a jump (subcritical)", line)
     if "special" in file:
         group = file["special"]
-        kinds = np.array([text(one) for one in group["kind"][...]])
-        for kind in dict.fromkeys(kinds):
-            axes.plot(group["value"][...][kinds == kind], group["value2"][...][kinds == kind], "*", color=COLOURS[3], ms=13,
-                      ls="none", mec="k", mew=0.5, zorder=5, clip_on=False, label=f"{kind.capitalize()} point")
+        for kind, x, y in zip(*(group[name][...] for name in ("kind", "value", "value2"))):
+            axes.plot(x, y, "*", color=VIOLET, ms=12, ls="none", mec=BLACK, mew=0.5, zorder=5, clip_on=False)
+            picture.label(axes, f"{text(kind).capitalize()} point", x, y)
 
 
 def overlay_boundaries(files, args):
-    """Stability diagrams over each other, which must have the same axes: the curves, computed and in closed form."""
+    """Stability diagrams over each other, which must have the same axes: the curves with the bands beside them in which
+    both live, and the closed forms as marks."""
     names = [tuple(text(file.attrs.get(one, "")) for one in ("parameter", "parameter2")) for file in files]
     if len(set(names)) > 1 or not names[0][1]:
         raise Unusable("and the others do not vary the same two options")
-    figure = Figure(figsize=(7.6, 5.0), layout="constrained")
-    axes = figure.subplots()
-    for k, (file, shown) in enumerate(zip(files, told_apart(files))):
+    picture = Picture(4.6)
+    axes = picture.subplots()
+    closed, diagrams = None, [Diagram(file) for file in files]
+    box = [(np.min(ends), np.max(ends)) for ends in zip(*(one.box for one in diagrams))]
+    x, y = diagrams[0].even(box)
+    stable = unstable = True
+    for k, (diagram, shown) in enumerate(zip(diagrams, told_apart(files))):
         colour = COLOURS[k % len(COLOURS)]
-        diagram, closed = Diagram(file), file["closed_form_v"][...]
-        value, value2 = diagram.value, diagram.value2
-        for of, style, words in (("sliding", ".-", shown), ("stick-slip", ":", f"{shown}: stick-slip ends")):
+        for of, width in (("sliding", 1.6), ("stick-slip", 0.9)):
             for number, chosen in enumerate(diagram.pieces(of)):
-                axes.plot(value[chosen], value2[chosen], style, color=colour, ms=4, clip_on=False,
-                          label=words if number == 0 else None)
-        if diagram.knows_end and "growth" in file and not diagram.ends_at_hopf():  # the band where sliding is stable and stick-slip lives
-            x, y = diagram.even()
-            places = np.meshgrid(x, y)
-            band = diagram.inside(*places, "stick-slip") & ~diagram.inside(*places, "sliding")
-            if band.any():
-                axes.contourf(x, y, band.astype(float), levels=[0.5, 2], colors=[colour], alpha=0.12)
-        if "model_v" in names[0] and np.isfinite(closed).any():
-            across, up = (value, closed) if names[0][1] == "model_v" else (closed, value2)
-            axes.plot(across, up, "--", color="k", lw=0.9, zorder=4, label="closed form" if k == 0 else None)
-    file = files[0]
-    axes.set_xscale("log" if file.attrs["log"] else "linear")
-    axes.set_yscale("log" if file.attrs["log2"] else "linear")
-    axes.set(xlabel=shown_name(names[0][0]), ylabel=shown_name(names[0][1]))
-    legend_beside(axes)
-    set_title(axes, scene_title(file, [*names[0], *differing(files)]))
-    return figure
-
-
-def deepest(inside):
-    """Row and column of the True entry farthest from every False one and from the rim."""
-    layer, last = np.pad(inside, 1), None
-    while layer.any():
-        last = layer
-        layer = layer[1:-1, 1:-1] & layer[:-2, 1:-1] & layer[2:, 1:-1] & layer[1:-1, :-2] & layer[1:-1, 2:]
-        layer = np.pad(layer, 1)
-    rows, columns = np.nonzero(last[1:-1, 1:-1])
-    middle = len(rows) // 2
-    return rows[middle], columns[middle]
+                line, = axes.plot(diagram.value[chosen], diagram.value2[chosen], color=colour, lw=width)
+                if number == 0:
+                    picture.label(axes, shown if of == "sliding" else f"{shown}: stick-slip ends", line)
+        masks = {tint: mask for _, tint, mask in regions_of(diagram, x, y)}
+        if BOTH in masks and masks[BOTH].any():  # the band where sliding is stable and stick-slip lives
+            axes.contourf(x, y, masks[BOTH].astype(float), levels=[0.5, 2], colors=[BOTH])
+            picture.label_region(axes, f"{shown}: both live", lookup(x, y, masks[BOTH]))
+        stable, unstable = stable & masks.get(SLIDES, False), unstable & masks.get(STICKS, False)
+        closed = draw_closed_form(picture, axes, diagram) or closed
+    if closed:
+        picture.label(axes, "closed form", closed)
+    for words, mask in (("sliding", stable), ("stick-slip\n(sliding unstable)", unstable)):
+        if np.any(mask):
+            picture.label_region(axes, words, lookup(x, y, mask))
+    scale(axes, diagrams[0], box)
+    picture.title(scene_title(files[0], [*names[0], *differing(files)]))
+    return picture
 
 
 def diagram(files, args):
@@ -318,12 +321,10 @@ def diagram(files, args):
         raise Unusable("and the others are not one boundary in two options and limits of trains (wave_continue2)")
     base = by_kind["boundary"][0]
     axes_of = [text(base.attrs.get(one, "")) for one in ("parameter", "parameter2")]
-    figure = draw_boundary(base, args)
-    axes = figure.axes[0]
+    picture = draw_boundary(base, args)
     for file in by_kind["wave"]:
         names = [text(file.attrs[one]) for one in ("branch_parameter", "branch_parameter2")]
         if sorted(names) != sorted(axes_of):
             raise Unusable("and the others do not vary the same two options")
-        add_train_limits(axes, file, swapped=names != axes_of)
-    axes.legend(fontsize=8, framealpha=0.8)
-    return figure
+        add_train_limits(picture, picture.axes[0], file, swapped=names != axes_of)
+    return picture

@@ -1,81 +1,112 @@
 """Pictures of charts: error against seconds, and where each method fails."""
-import textwrap
-
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
+from matplotlib.ticker import LogLocator, NullLocator
 
-from figures import COLOURS
 from stickslip import Unusable, scene_title, shown_name, text
+from style import BLUE, GREEN, GREY, OCHRE, RED, REFERENCE, Picture, course, logarithmic, typeset
+
+# How a method fails: name in the file, mark, colour, filled, words.
+FAILURES = (("shortest", "^", GREEN, True, "shortest wave grows falsely"),
+            ("shortest_theory", "^", GREEN, False, "shortest wave, by theory"),
+            ("damps", "D", OCHRE, True, "unstable sliding comes out stable"),
+            ("damps_theory", "D", OCHRE, False, "unstable sliding, by theory"))
+ENDS = {"blow-up": ("x", "blow-up"), "": (">", "longest step tried: ends, but wrong")}
+OTHER_END = ("+", "Newton fails, or ψ out of bounds")
 
 
-def draw_limits(file):
-    """For each method the steps that are right, those that end all the same, and the limits of theory."""
-    method, implicit, how = ([text(value) for value in file[name][...]] for name in ("method", "implicit", "how"))
-    varied = np.nan_to_num(file["value"][...])  # nan where no option is varied, which is not equal to itself
-    places = list(zip(varied, file["order"][...].astype(int), file["n"][...].astype(int)))
-    groups = list(dict.fromkeys(places))
-    names = [m + (f" ({i})" if m.startswith("arkimex") else "") for m, i in zip(method, implicit)]
-    rows = list(dict.fromkeys(names))
-    value = {name: file[name][...] for name in ("theory", "limit", "followed", "damps", "damps_theory", "shortest",
-                                                "shortest_theory", "longest")}
-    finite = np.concatenate([v[np.isfinite(v)] for v in value.values()])
-    low, high = finite.min() / 2, finite.max() * 1.6
-    columns = min(len(groups), 4)
-    lines = -(-len(groups) // columns)
-    figure = Figure(figsize=(3.2 + 3.4 * columns if columns > 1 else 8.6, lines * (0.6 + 0.25 * len(rows)) + 1.2),
-                    layout="constrained")
-    height = 0.6 + 0.25 * len(rows)
-    grid = figure.add_gridspec(lines + 1, columns, height_ratios=[height] * lines + [0.8])
-    panels = np.array([[figure.add_subplot(grid[i, j]) for j in range(columns)] for i in range(lines)])
-    parameter = text(file.attrs["parameter"])
-    for panel, group in zip(panels.flat, groups):
-        for k, key in enumerate(places):
-            if key != group:
-                continue
-            y = len(rows) - 1 - rows.index(names[k])
-            followed = value["followed"][k] if np.isfinite(value["followed"][k]) else low
-            ends = value["limit"][k] if np.isfinite(value["limit"][k]) else value["longest"][k]
-            panel.barh(y, np.log(followed / low), left=0, height=0.62, color="#0b5394")
-            panel.barh(y, np.log(max(ends, followed) / followed), left=np.log(followed / low), height=0.62,
-                       color="#cfe2f3")
-            if how[k]:
-                panel.plot(np.log(ends / low), y, "x" if how[k] == "blow-up" else "+", color="#cc4125", ms=7, mew=1.6)
-            for name, mark, fill in (("theory", "|", True), ("damps", "D", True), ("damps_theory", "D", False),
-                                     ("shortest", "^", True), ("shortest_theory", "^", False)):
-                if np.isfinite(value[name][k]):
-                    big = 12 if mark == "|" else 7 if not fill else 4
-                    panel.plot(np.log(value[name][k] / low), y, mark, ms=big, mew=1.3, zorder=3,
-                               color={"|": "0.1", "D": "#b7791f", "^": "#38761d"}[mark],
-                               mfc={"D": "#b7791f", "^": "#38761d"}.get(mark, "none") if fill else "none")
-        title = [] if not parameter else [f"{shown_name(parameter)} = {group[0]:g}"]
-        if len({g[1:] for g in groups}) > 1:
-            title.append(f"order {group[1]}, n = {group[2]}")
-        panel.set_title(", ".join(title))
-        panel.set_yticks(range(len(rows)), rows[::-1] if panel in panels[:, 0] else [""] * len(rows), fontsize=8)
-        ticks = [f * 10.0 ** e for e in range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-                 for f in ((1,) if high > 1e3 * low else (1, 3) if high > 30 * low else (1, 2, 5))]
-        ticks = [t for t in ticks if low <= t <= high]
-        panel.set_xticks([np.log(t / low) for t in ticks], [f"{t:g}" for t in ticks])
-        panel.set_xlim(0, np.log(high / low))
-        panel.tick_params(axis="y", length=0)
-    for panel in panels.flat[len(groups):]:
-        panel.set_axis_off()
-    for panel in panels[-1]:
-        panel.set_xlabel("fixed step")
-    keys = [("s", "#0b5394", "#0b5394", "regime, amplitude and speed right"),
-            ("s", "#cfe2f3", "#cfe2f3", "ends, but wrong"),
-            ("x", "#cc4125", "none", "blow-up"), ("+", "#cc4125", "none", "Newton fails, or ψ out of bounds"),
-            ("|", "0.1", "none", "theory: waves on steepest friction explode"),
-            ("^", "#38761d", "#38761d", "shortest wave grows falsely (hollow: theory)"),
-            ("D", "#b7791f", "#b7791f", "unstable sliding comes out stable (hollow: theory)")]
-    handles = [panels.flat[0].plot([], [], mark, color=colour, mfc=fill, label=label, ls="none", mew=1.5)[0]
-               for mark, colour, fill, label in keys]
-    keys_below = figure.add_subplot(grid[-1, :])
-    keys_below.set_axis_off()
-    keys_below.legend(handles=handles, loc="center", ncol=2 if columns < 3 else 3, fontsize=8)
-    figure.suptitle(scene_title(file, [parameter]), fontsize=10)
-    return figure
+class Limits:
+    """Rows of a chart of limits: a panel for each value and grid, a line for each method."""
+
+    def __init__(self, file):
+        self.file, self.value = file, {name: file[name][...] for name in file if file[name].dtype.kind == "f"}
+        method, implicit, self.how = ([text(value) for value in file[name][...]] for name in ("method", "implicit", "how"))
+        varied = np.nan_to_num(self.value["value"])  # nan where no option is varied, which is not equal to itself
+        self.places = list(zip(varied, self.value["order"].astype(int), self.value["n"].astype(int)))
+        self.groups = list(dict.fromkeys(self.places))
+        self.names = [m + (f" ({i})" if m.startswith("arkimex") else "") for m, i in zip(method, implicit)]
+        self.rows = list(dict.fromkeys(self.names))
+        self.parameter = text(file.attrs["parameter"])
+
+    def panels(self, height_of_key, shown):
+        """The picture with a panel for each group, over the steps of the names `shown`, and the axes of the key."""
+        columns = min(len(self.groups), 3)
+        lines = -(-len(self.groups) // columns)
+        height = 0.55 + 0.19 * len(self.rows)
+        picture = Picture(lines * height + height_of_key + 0.4)
+        grid = picture.add_gridspec(lines + 1, columns, height_ratios=[height] * lines + [height_of_key])
+        values = np.concatenate([self.value[name][np.isfinite(self.value[name])] for name in shown])
+        panels = []
+        for k, group in enumerate(self.groups):
+            axes = picture.add_subplot(grid[divmod(k, columns)])
+            panels.append((axes, [row for row, place in enumerate(self.places) if place == group]))
+            words = [f"{shown_name(self.parameter)} = {group[0]:g}"] if self.parameter else []
+            words += [f"order {group[1]}, n = {group[2]}"] if len({g[1:] for g in self.groups}) > 1 else []
+            axes.set_title(typeset(", ".join(words)))
+            axes.set_yticks(range(len(self.rows)), self.rows[::-1] if k % columns == 0 else [""] * len(self.rows))
+            axes.set(xlim=(values.min() / 2, values.max() * 2), ylim=(-0.7, len(self.rows) - 0.3))
+            logarithmic(axes, "x")
+            axes.xaxis.set_major_locator(LogLocator(numticks=9 if columns == 1 else 5))
+            axes.xaxis.set_minor_locator(NullLocator())
+            axes.tick_params(axis="y", length=0)
+            if k >= len(self.groups) - columns:
+                axes.set_xlabel("fixed step")
+        key = picture.add_subplot(grid[-1, :])
+        key.set_axis_off()
+        return picture, panels, key
+
+    def height(self, row):
+        return len(self.rows) - 1 - self.rows.index(self.names[row])
+
+
+def draw_limits(file, args=None):
+    """Of each method the fixed steps that are right; with --fails how longer ones go wrong."""
+    return draw_fails(file) if args and args.fails else draw_right(file)
+
+
+def draw_right(file):
+    limits = Limits(file)
+    picture, panels, key = limits.panels(0.4, ("followed", "theory"))
+    for axes, rows in panels:
+        left = axes.get_xlim()[0]
+        for row in rows:
+            longest, theory = limits.value["followed"][row], limits.value["theory"][row]
+            if np.isfinite(longest):
+                bar = axes.barh(limits.height(row), longest - left, left=left, height=0.62, color=BLUE)
+            if np.isfinite(theory):
+                axes.plot(theory, limits.height(row), "|", ms=11, mew=2, color=RED)
+    handles = [bar, axes.plot([], [], "|", ms=11, mew=2, color=RED, ls="none")[0]]
+    key.legend(handles, ["regime, amplitude and speed right", "theory: waves on the steepest friction explode"],
+               loc="center", ncols=2)
+    picture.title("Steps that are right: " + scene_title(file, [limits.parameter]))
+    return picture
+
+
+def draw_fails(file):
+    limits = Limits(file)
+    picture, panels, key = limits.panels(0.8, ("followed", "limit", "longest", *(name for name, *_ in FAILURES)))
+    seen = {}
+
+    def mark(axes, x, row, words, symbol, colour, filled=True):
+        seen[words], = axes.plot(x, limits.height(row), symbol, color=colour, mfc=colour if filled else "none", mew=1.3, zorder=3,
+                                 ms=5 if filled else 7, ls="none")
+    for axes, rows in panels:
+        for row in rows:
+            right, limit, longest = (limits.value[name][row] for name in ("followed", "limit", "longest"))
+            end = limit if np.isfinite(limit) else longest
+            if np.isfinite(end) and np.isfinite(right) and end > right:
+                seen["ends, but wrong"], = axes.plot([right, end], [limits.height(row)] * 2, color="0.75", lw=3, zorder=1,
+                                                     solid_capstyle="butt")
+            symbol, words = ENDS.get(limits.how[row], OTHER_END)
+            if np.isfinite(end):
+                mark(axes, end, row, words, symbol, RED if limits.how[row] else GREY)
+            for name, symbol, colour, filled, words in FAILURES:
+                if np.isfinite(limits.value[name][row]):
+                    mark(axes, limits.value[name][row], row, words, symbol, colour, filled)
+        axes.grid(axis="y", color="0.93", lw=0.7)
+        axes.set_axisbelow(True)
+    key.legend(seen.values(), [typeset(words) for words in seen], loc="center", ncols=2)
+    picture.title("How longer steps fail: " + scene_title(file, [limits.parameter]))
+    return picture
 
 
 def lower_front(seconds, error):
@@ -89,77 +120,45 @@ def lower_front(seconds, error):
     return np.array(kept, dtype=int)
 
 
-def quickest(seconds, error, among, wanted):
-    """The row among these that reaches the error wanted in the least time; None where none does."""
-    good = [k for k in np.flatnonzero(among) if error[k] <= wanted]
-    return min(good, key=lambda k: seconds[k], default=None)
-
-
-def seconds_text(seconds):
-    return f"{1e3 * seconds:.2g} ms" if seconds < 0.0995 else f"{seconds:.2g} s"
-
-
 def draw_chart(file, args):
-    """Error against processor time: a line for each method and order, through the rows of it that no other row of it
-    beats; the front of all rows bold; and for round errors the winner and the quickest IMEX method in words."""
+    """Error against processor time: of each method the front of its rows over all grids and orders, faint; bold where it
+    is the front of all methods."""
     if text(file.attrs.get("chart_kind", "")) == "limits":
-        return draw_limits(file)
+        return draw_limits(file, args)
     if "cost" not in file:
         raise Unusable("is a chart of another kind, of which there is no picture")
     error, seconds = file["error"][...], file["cost"][...]
     order, n = (file[name][...].astype(int) for name in ("order", "n"))
     method, implicit = ([text(value) for value in file[name][...]] for name in ("method", "implicit"))
-    imex = np.array([m.startswith("arkimex") for m in method])
-    names = [m + (f", {i} implicit" if split and i not in ("none", "auto") else "")
-             for m, i, split in zip(method, implicit, imex)]
+    names = np.array([m + (f", {i} implicit" if m.startswith("arkimex") and i not in ("none", "auto") else "")
+                      for m, i in zip(method, implicit)], object)
     drawn = np.isfinite(error) & np.isfinite(seconds) & (error > 0)
     if not drawn.any():
         raise Unusable("holds no row with an error")
-    figure = Figure(figsize=(9.4, 5.8), layout="constrained")
-    axes = figure.subplots()
-    marks = dict(zip(sorted(set(order)), "osD^"))
-    colours = {name: COLOURS[k % len(COLOURS)] for k, name in enumerate(dict.fromkeys(names))}
-    for name in colours:
-        for one in sorted(set(order)):
-            rows = np.flatnonzero(drawn & (order == one) & np.array([other == name for other in names]))
-            if len(rows) == 0:
-                continue
-            rows = rows[lower_front(seconds[rows], error[rows])]
-            axes.plot(seconds[rows], error[rows], marker=marks[one], ms=4, lw=1.1, color=colours[name], mfc="w",
-                      ls="--" if imex[rows[0]] else "-", alpha=0.85, clip_on=False)
+    picture = Picture(4.8)
+    axes = picture.subplots()
     all_rows = np.flatnonzero(drawn)
-    front = all_rows[lower_front(seconds[drawn], error[drawn])]
-    axes.plot(seconds[front], error[front], color="0.1", lw=3.2, alpha=0.35, zorder=1, solid_capstyle="round")
-    axes.set(xscale="log", yscale="log", xlabel="processor time in seconds, median of the repetitions",
-             ylabel="largest error of ψ and η at the end")
-    span = np.log10(seconds[drawn].max() / seconds[drawn].min())
-    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if span < 1.7 else (1,), numticks=12))
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    for name, colour in colours.items():
-        if any(drawn[k] and names[k] == name for k in range(len(names))):
-            axes.plot([], [], color=colour, label=name, ls="--" if name.startswith("arkimex") else "-")
-    for value, mark in marks.items():
-        axes.plot([], [], mark, color="0.4", mfc="none", label=f"order {value} in x")
-    axes.plot([], [], color="0.1", lw=3.2, alpha=0.35, label="best of all")
-    if imex.any():
-        axes.plot([], [], color="0.4", ls="--", label="dashed: IMEX")
+    best = all_rows[lower_front(seconds[drawn], error[drawn])]
+    for k, name in enumerate(dict.fromkeys(names[drawn])):
+        rows = np.flatnonzero(drawn & (names == name))
+        rows = rows[lower_front(seconds[rows], error[rows])]
+        style = course(k)
+        line, = axes.plot(seconds[rows], error[rows], marker="o", ms=3, mfc="w", alpha=0.45, **{**style, "lw": 1})
+        bold = np.isin(rows, best)
+        together = np.where(bold | np.r_[False, bold[:-1] & bold[1:]], error[rows], np.nan)
+        axes.plot(seconds[rows], together, marker="o", ms=5, **{**style, "lw": 2.8}, zorder=3)
+        picture.label(axes, name, line)
+    axes.set(xlabel="processor time in seconds, median of the repetitions", ylabel=typeset("largest error of ψ and η at the end"))
+    for which in "xy":
+        logarithmic(axes, which)
+    spread = len({*zip(order[drawn], n[drawn])}) > 1
+    changed = [k for k, before in zip(best, [None, *best]) if before is None or (order[k], n[k]) != (order[before], n[before])]
+    for k in changed if spread else []:
+        picture.label(axes, f"order {order[k]}, n = {n[k]}", seconds[k], error[k], GREY)
     reference = float(file.attrs["reference_error"])
     if np.isfinite(reference) and reference * 100 > error[drawn].min() / 30:
-        axes.axhline(100 * reference, color="0.6", lw=0.8, ls=":", label="100 times the reference's error")
-    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    lines = []
-    for wanted in (1e-2, 1e-4, 1e-6, 1e-8):
-        best, split = (quickest(seconds, error, drawn & chosen, wanted) for chosen in (True, imex))
-        if best is None:
-            continue
-        lines.append(f"error ≤ {wanted:g}: {names[best]}, order {order[best]}, n = {n[best]}: {seconds_text(seconds[best])}")
-        if imex.any() and best != split:
-            lines.append("    IMEX: never" if split is None else
-                         f"    IMEX: {names[split]}: {seconds[split] / seconds[best]:.2g} times as long")
-    axes.text(1.02, 0.0, "\n".join(lines), transform=axes.transAxes, fontsize=7.5, color="0.25", va="bottom")
+        picture.label(axes, "100 times the reference's error", axes.axhline(100 * reference, **REFERENCE))
     dropped = int((~drawn).sum())
-    if dropped:
-        axes.text(0.01, 0.01, f"{dropped} of {len(error)} rows have no error to draw", transform=axes.transAxes,
-                  fontsize=8, color="0.4")
-    figure.suptitle(textwrap.fill(scene_title(file), 110), fontsize=10)
-    return figure
+    picture.title(scene_title(file) + "\nbold: the best of all methods"
+                  + (f"; {dropped} of {len(error)} rows have no error to draw" if dropped else ""))
+    return picture

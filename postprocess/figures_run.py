@@ -1,11 +1,14 @@
 """Pictures of a run."""
+import textwrap
+
 import h5py
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.colors import CenteredNorm
 
-from figures import COLOURS, draw_nullclines, legend_below, legend_beside, set_title
 from figures_chaos import draw_lyapunov
-from stickslip import SYMBOL, Unusable, differing, label, options, scene_title, text, told_apart
+from figures_portrait import Portrait, draw_loop, draw_nullclines, room
+from stickslip import Unusable, differing, options, scene_title, text, told_apart
+from style import BLUE, GREY, NAMES, REFERENCE, Picture, axis_name, course, name_axes, typeset
 
 
 def complete_frames(file):
@@ -41,8 +44,8 @@ def is_block(file):
 
 
 def passages(t, psi, v):
-    """When psi passes v as it speeds up towards it, in the second half of the run, counted as for the summary's period: after it
-    was short of v by a hundredth of it. Between rows by the polynomial through six of them, all from behind a
+    """When psi passes v as it speeds up towards it, in the second half of the run, counted as for the summary's period:
+    after it was short of v by a hundredth of it. Between rows by the polynomial through six of them, all from behind a
     rest."""
     side = -1 if v < 0 else 1
     short, times, armed = side * (psi - v), [], False
@@ -69,6 +72,21 @@ def lagrange(at, values, t):
     return float(np.dot(weights, values))
 
 
+def is_chain(file):
+    return text(file.attrs.get("model_form", "")) == "chain"
+
+
+def place_name(file):
+    return "block, by its place x" if is_chain(file) else "x"
+
+
+def mark_velocity(picture, axes, file):
+    """The plate's velocity, a level to compare psi with."""
+    if "v" in file.attrs:
+        axes.axhline(file.attrs["v"], **REFERENCE)
+        picture.label(axes, "v", (0.98, 1), (file.attrs["v"],) * 2, GREY, coordinates="row")
+
+
 def draw_block(file, args):
     """One block, or a medium that moves as one: psi and eta against time, and the orbit in their plane."""
     count = complete_frames(file)
@@ -77,41 +95,20 @@ def draw_block(file, args):
         series = file["series"]
         rows = min(len(series[name]) for name in ("t", "psi_mean", "eta_mean"))
         t, psi, eta = (series[name][:rows] for name in ("t", "psi_mean", "eta_mean"))
-    figure = Figure(figsize=(9.6, 4.8), layout="constrained")
-    grid = figure.add_gridspec(3, 2, width_ratios=[1.3, 1], height_ratios=[1, 1, 0.25])
-    for k, (name, values) in enumerate((("psi", psi), ("eta", eta))):
-        axes = figure.add_subplot(grid[k, 0])
-        axes.plot(t, values, color=COLOURS[k], lw=1.1)
-        axes.set_ylabel(SYMBOL[name])
-        axes.margins(x=0)
-        if name == "psi" and "v" in file.attrs:
-            axes.axhline(file.attrs["v"], color="0.55", lw=0.9, ls="--")
-            axes.annotate("v", (1.0, file.attrs["v"]), xycoords=("axes fraction", "data"), xytext=(3, -3),
-                          textcoords="offset points", color="0.4")
-        if k == 0:
-            axes.tick_params(labelbottom=False)
-    axes.set_xlabel("t")
-    phase = figure.add_subplot(grid[:2, 1])
+    portrait = Portrait("t")
+    portrait.draw_curves(t, psi, eta)
+    mark_velocity(portrait.picture, portrait.curves["psi"], file)
     times = passages(t, psi, file.attrs["v"]) if "v" in file.attrs else []
     if len(times) < 2:
-        loop, before, name = (psi, eta), None, "from beginning to end"
+        draw_loop(portrait, (psi, eta), "from beginning to end")
     else:  # closed: from one passage to the next, both ends between rows
         begin, end = times[-2:]
-        inside = (t > begin) & (t < end)
+        inside, before = (t > begin) & (t < end), t <= begin
         loop = [np.concatenate([[np.interp(begin, t, y)], y[inside], [np.interp(end, t, y)]]) for y in (psi, eta)]
-        before, name = t <= begin, f"last period, {(times[-1] - times[0]) / (len(times) - 1):.4g}"
-        phase.plot(psi[before], eta[before], color="0.75", lw=0.8, label="before")
-    phase.plot(*loop, color=COLOURS[0], lw=1.4, zorder=3, label=name)
-    phase.margins(0.1)
-    low, high = phase.get_xlim()
-    phase.set_ylim(phase.get_ylim())
-    draw_nullclines(phase, file, low, high)
-    phase.set(xlabel="ψ", ylabel="η", xlim=(low, high))
-    key = figure.add_subplot(grid[2, :])
-    key.set_axis_off()
-    key.legend(*phase.get_legend_handles_labels(), loc="center", ncols=3, fontsize=9)
-    figure.suptitle(scene_title(file), fontsize=10)
-    return figure
+        draw_loop(portrait, loop, f"last period, {(times[-1] - times[0]) / (len(times) - 1):.4g}", (psi[before], eta[before]))
+    portrait.nullclines(file)
+    portrait.picture.title(scene_title(file))
+    return portrait.picture
 
 
 def draw_xt(file, args):
@@ -131,44 +128,41 @@ def draw_xt(file, args):
     low, high = np.percentile(good, [0.2, 99.8])
     if high - low < 1e-12 * max(1.0, abs(low)):
         low, high = low - 0.5e-3, high + 0.5e-3
-    if low < 0 < high and min(-low, high) > 0.2 * max(-low, high):
-        high = max(-low, high)
-        low, colours = -high, "RdBu_r"
-    else:
-        colours = "viridis"
+    centre = float(file.attrs.get("v", 0)) if name == "psi" else 0.0
+    settings, words = {"cmap": "viridis", "vmin": low, "vmax": high}, axis_name(name)
+    if min(centre - low, high - centre) > 0.1 * (high - low):  # on both sides of it
+        settings = {"cmap": "RdBu_r", "norm": CenteredNorm(centre, max(centre - low, high - centre))}
+        words += f"; white: the plate's, v = {centre:g}" if name == "psi" else ""
     outside = (good < low).any(), (good > high).any()
-    figure = Figure(figsize=(7.2, 5.4), layout="constrained")
-    axes = figure.subplots()
+    picture = Picture(4.6)
+    axes = picture.subplots()
     if len(rows) == 1:
-        field, rows = np.repeat(field, 2, axis=0), np.array([0, 0])
-        edges = np.array([t[0], t[0] + 1e-3])
+        field, edges = np.repeat(field, 2, axis=0), np.array([t[0], t[0] + 1e-3])
     else:
         edges = t[rows]
-    chain = text(file.attrs.get("model_form", "")) == "chain"  # blocks are shown as blocks
     places = x[columns]
     if len(places) == 1:
         places, field = np.array([places[0], places[0] + 1]), np.repeat(field, 2, axis=1)
-    picture = axes.pcolormesh(places, edges, field, cmap=colours, vmin=low, vmax=high, rasterized=True,
-                              shading="nearest" if chain or field.size > 4e5 else "gouraud")
+    drawn = axes.pcolormesh(places, edges, field, rasterized=True, **settings,  # blocks are shown as blocks
+                            shading="nearest" if is_chain(file) or field.size > 4e5 else "gouraud")
     extend = {(True, True): "both", (True, False): "min", (False, True): "max"}.get(outside, "neither")
-    figure.colorbar(picture, ax=axes, label=label(name, data), extend=extend)
-    axes.set(xlabel="block, by its place x" if chain else "x", ylabel="t")
+    bar = picture.colorbar(drawn, ax=axes, label=typeset(words), extend=extend)
+    bar.ax.set_ylim(low, high)
+    name_axes(axes, place_name(file), "t")
     axes.locator_params(axis="y", nbins=8)
-    set_title(axes, scene_title(file))
-    return figure
+    picture.title(scene_title(file))
+    return picture
 
 
 def draw_profile(file, args):
     frame = chosen_frame(complete_frames(file), args.frame)
-    names = fields_of(file)
-    figure = Figure(figsize=(7.2, 1.2 + 1.9 * len(names)), layout="constrained")
-    x = file["x"][...]
-    for k, (name, axes) in enumerate(zip(names, np.atleast_1d(figure.subplots(len(names), sharex=True)))):
-        axes.plot(x, file[name][frame], color=COLOURS[k % len(COLOURS)], marker="." if len(x) <= 100 else None, ms=4)
-        if name == "psi" and "v" in file.attrs:
-            axes.axhline(file.attrs["v"], color="0.55", lw=0.9, ls="--")
-            axes.annotate("v", (1.0, file.attrs["v"]), xycoords=("axes fraction", "data"), xytext=(3, -3),
-                          textcoords="offset points", color="0.4")
+    names, x = fields_of(file), file["x"][...]
+    picture = Picture(1.0 + 1.5 * len(names))
+    panels = np.atleast_1d(picture.subplots(len(names), sharex=True))
+    for k, (name, axes) in enumerate(zip(names, panels)):
+        axes.plot(x, file[name][frame], marker="." if len(x) <= 100 else None, **course(k))
+        if name == "psi":
+            mark_velocity(picture, axes, file)
         if name == "theta" and np.all(file[name][frame] > 0):
             axes.set_yscale("log")
         else:
@@ -177,44 +171,33 @@ def draw_profile(file, args):
             least = 1e-6 * max(1e-30, float(np.abs(file[name][frame]).max()))
             if high - low < least:
                 axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
-        axes.set_ylabel(SYMBOL.get(name, name))
+        name_axes(axes, y=name)
         axes.margins(x=0)
-        if k == 0:
-            set_title(axes, f"t = {file['t'][frame]:.6g}: {scene_title(file)}")
-    axes.set_xlabel("x")
-    return figure
+    name_axes(panels[-1], place_name(file))
+    picture.align_ylabels(panels)
+    picture.title(f"t = {file['t'][frame]:.6g}: {scene_title(file)}")
+    return picture
 
 
 def draw_phase(file, args):
     frame = chosen_frame(complete_frames(file), args.frame)
     psi, eta = file["psi"][frame], file["eta"][frame]
-    figure = Figure(figsize=(6.0, 5.6), layout="constrained")
-    axes = figure.subplots()
-    v = float(file.attrs.get("v", psi.mean()))
-    steady = float(file.attrs.get("steady_eta", eta.mean()))
-
-    def span(values, point):
-        """Both ends of an axis that holds the values and the point, with room, and never just one spot."""
-        low, high = min(values.min(), point), max(values.max(), point)
-        room = max(0.13 * (high - low), 0.5 * max(abs(point), 1e-9) if high - low < 0.1 * abs(point) else 0)
-        return low - room, high + room if high + room > low - room else low + 1
-
-    axes.set_xlim(span(psi, v))
-    axes.set_ylim(span(eta, steady))
-    closed = options(file).get("bc_left", "") in ("", "periodic")
-    if closed:
+    picture = Picture(4.8)
+    axes = picture.subplots()
+    axes.set_xlim(room(psi, float(file.attrs.get("v", psi.mean()))))
+    axes.set_ylim(room(eta, float(file.attrs.get("steady_eta", eta.mean()))))
+    if options(file).get("bc_left", "") in ("", "periodic"):
         psi, eta = np.append(psi, psi[0]), np.append(eta, eta[0])
-    chain = text(file.attrs.get("model_form", "")) == "chain"  # neighbours need not be alike
-    axes.plot(psi, eta, "-", color=COLOURS[0], lw=0.7 if chain else 1.1, alpha=0.35 if chain else 1, zorder=3,
-              marker="." if len(psi) <= 2000 else None, ms=3.5,
-              label=f"the {'blocks' if chain else 'nodes'}, in order of x")
+    chain = is_chain(file)  # neighbours need not be alike
+    line, = axes.plot(psi, eta, "-", color=BLUE, lw=0.7 if chain else 1.1, alpha=0.35 if chain else 1, zorder=3,
+                      marker="." if len(psi) <= 2000 else None, ms=3.5)
     if chain:
-        axes.plot(psi, eta, ".", color=COLOURS[0], ms=4, zorder=4)
-    draw_nullclines(axes, file, *axes.get_xlim())
-    axes.set(xlabel="ψ", ylabel="η")
-    set_title(axes, f"t = {file['t'][frame]:.6g}: {scene_title(file)}")
-    legend_below(axes, 2)
-    return figure
+        axes.plot(psi, eta, ".", color=BLUE, ms=4, zorder=4)
+    picture.label(axes, f"the {'blocks' if chain else 'nodes'}, in order of x", line)
+    draw_nullclines(picture, axes, file)
+    name_axes(axes, "psi", "eta")
+    picture.title(f"t = {file['t'][frame]:.6g}: {scene_title(file)}")
+    return picture
 
 
 def draw_probes(file, args):
@@ -225,18 +208,29 @@ def draw_probes(file, args):
     if count == 0:
         raise Unusable("holds no row of its probes yet")
     t, x = group["t"][:count], group["x"][...]
-    figure = Figure(figsize=(7.2, 5.0), layout="constrained")
-    for name, axes in zip(("psi", "eta"), figure.subplots(2, sharex=True)):
+    picture = Picture(4.8)
+    panels = picture.subplots(2, sharex=True)
+    for name, axes in zip(("psi", "eta"), panels):
         for k, position in enumerate(x[:12]):
-            axes.plot(t, group[name][:count, k], color=COLOURS[k % len(COLOURS)], label=f"x = {position:g}",
-                      ls="-" if k < len(COLOURS) else "--")
-        axes.set_ylabel(SYMBOL[name])
+            line, = axes.plot(t, group[name][:count, k], **course(k))
+            if axes is panels[-1]:
+                picture.label(axes, f"x = {position:g}", line)
+        name_axes(axes, y=name)
         axes.margins(x=0)
-        if name == "psi":
-            set_title(axes, scene_title(file) + (f"; the first 12 of {len(x)} probes" if len(x) > 12 else ""))
-    axes.set_xlabel("t")
-    legend_below(axes, 6)
-    return figure
+    name_axes(panels[-1], "t")
+    picture.align_ylabels(panels)
+    picture.title(scene_title(file) + (f"; the first 12 of {len(x)} probes" if len(x) > 12 else ""))
+    return picture
+
+
+SHARES = {"mean": "mean", "min": "least", "max": "largest"}  # of the nodes, in names of series
+
+
+def series_name(name):
+    """Of a series, in words: psi_mean is the mean slip velocity."""
+    base, _, share = name.rpartition("_")
+    return f"{SHARES[share]} {axis_name(base)}" if share in SHARES and base in NAMES else \
+        axis_name({"v": "model_v"}.get(name, name))
 
 
 def draw_series(file, args):
@@ -245,25 +239,26 @@ def draw_series(file, args):
     group = file["series"]
     names = [k for k, v in group.items() if isinstance(v, h5py.Dataset) and v.ndim == 1 and k != "t"]
     together = [k for k in ("psi_min", "psi_mean", "psi_max") if k in names]
-    panels = ([together] if together else []) + [[k] for k in names if k not in together]
+    columns = ([together] if together else []) + [[k] for k in names if k not in together]
     count = min([len(group["t"])] + [len(group[k]) for k in names])
-    if not panels or count == 0:
+    if not columns or count == 0:
         raise Unusable("holds no row of its series yet")
     t = group["t"][:count]
-    figure = Figure(figsize=(7.2, 0.8 + 1.5 * len(panels)), layout="constrained")
-    for panel, axes in zip(panels, np.atleast_1d(figure.subplots(len(panels), sharex=True))):
-        for k, name in enumerate(panel):
-            axes.plot(t, group[name][:count], color=COLOURS[k % len(COLOURS)], lw=1.2,
-                      label={"psi_min": "least", "psi_mean": "mean", "psi_max": "largest"}.get(name))
-        axes.set_ylabel("ψ" if panel is together else panel[0].replace("_", " "), fontsize=9)
+    picture = Picture(0.8 + 1.3 * len(columns))
+    panels = np.atleast_1d(picture.subplots(len(columns), sharex=True))
+    for column, axes in zip(columns, panels):
+        for k, name in enumerate(column):
+            line, = axes.plot(t, group[name][:count], **course(k))
+            if column is together:
+                picture.label(axes, SHARES[name[4:]], line)
+        words = axis_name("psi") if column is together else series_name(column[0])
+        axes.set_ylabel(typeset("\n".join(textwrap.wrap(words, 18))))
         axes.locator_params(axis="x", nbins=10)
         axes.margins(x=0)
-        if len(panel) > 1:
-            axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1, 0.5))
-        if panel is panels[0]:
-            set_title(axes, scene_title(file))
-    axes.set_xlabel("t")
-    return figure
+    name_axes(panels[-1], "t")
+    picture.align_ylabels(panels)
+    picture.title(scene_title(file))
+    return picture
 
 
 def draw_catalogue(file, args):
@@ -274,39 +269,35 @@ def draw_catalogue(file, args):
 def overlay(files, args):
     """Several runs in one picture: the mean and the extremes of psi against time, or at one frame psi and eta against x
     (--profile) and against each other (--phase)."""
-    names = told_apart(files)
     what = args.what or "series"
     if what not in ("series", "profile", "phase"):
         raise Unusable(f"is one of several: of them there is --series, --profile and --phase, not --{what}")
-    if what == "phase":
-        figure = Figure(figsize=(7.6, 5.2), layout="constrained")
-        panels = [figure.subplots()]
-        panels[0].set(xlabel="ψ", ylabel="η")
-    else:
-        figure = Figure(figsize=(8.4, 6.0), layout="constrained")
-        panels = figure.subplots(3 if what == "series" else 2, sharex=True)
-        panels[-1].set_xlabel("t" if what == "series" else "x")
-    for k, (file, name) in enumerate(zip(files, names)):
-        style = {"color": COLOURS[k % len(COLOURS)], "ls": "-" if k < len(COLOURS) else "--", "lw": 1.2, "label": name}
+    picture = Picture(4.8)
+    panels = np.atleast_1d(picture.subplots({"series": 3, "profile": 2, "phase": 1}[what], sharex=True))
+    names = {"series": [series_name(one) for one in ("psi_max", "psi_mean", "psi_min")], "profile": ["psi", "eta"],
+             "phase": ["eta"]}[what]
+    for axes, name in zip(panels, names):
+        name_axes(axes, y=name)
+    name_axes(panels[-1], {"series": "t", "profile": place_name(files[0]), "phase": "psi"}[what])
+    for k, (file, words) in enumerate(zip(files, told_apart(files))):
         if what == "series":
             group = file["series"]
             curves = ["psi_max", "psi_mean", "psi_min"]
             rows = min(len(group[one]) for one in ["t", *curves])
             data = [(group["t"][:rows], group[one][:rows]) for one in curves]
-            titles = ["largest ψ", "mean ψ", "least ψ"]
         else:
             frame = chosen_frame(complete_frames(file), args.frame)
             x, psi, eta = file["x"][...], file["psi"][frame], file["eta"][frame]
             data = [(psi, eta)] if what == "phase" else [(x, psi), (x, eta)]
-            titles = ["η"] if what == "phase" else ["ψ", "η"]
-        for axes, (across, up), title in zip(panels, data, titles):
-            axes.plot(across, up, **style)
-            axes.set_ylabel(title)
+        for axes, (across, up) in zip(panels, data):
+            line, = axes.plot(across, up, **course(k))
             axes.margins(x=0.02 if what == "phase" else 0)
-    legend_beside(panels[0])
-    set_title(panels[0], ("" if what == "series" else "the last frames: " if args.frame is None else
-                          f"frame {args.frame}: ") + scene_title(files[0], differing(files)))
-    return figure
+            if axes is panels[-1]:
+                picture.label(axes, words, line)
+    picture.align_ylabels(panels)
+    picture.title(("" if what == "series" else "the last frames: " if args.frame is None else f"frame {args.frame}: ")
+                  + scene_title(files[0], differing(files)))
+    return picture
 
 
 def movie(file, args, output):
@@ -317,29 +308,31 @@ def movie(file, args, output):
     t, x = file["t"][:count], file["x"][...]
     chosen = np.unique(np.linspace(0, count - 1, min(count, most_pictures)).astype(int))
     psi, eta = (np.stack([file[name][k] for k in chosen]) for name in ("psi", "eta"))
-    figure = Figure(figsize=(9.6, 4.4), layout="constrained", dpi=100)
+    figure = Picture(3.4)
     left, right = figure.subplots(1, 2, width_ratios=[1.5, 1])
     mark = "." if len(x) <= 100 else None
-    profile, = left.plot(x, psi[0], color=COLOURS[0], marker=mark, lw=1.2)
-    orbit, = right.plot(psi[0], eta[0], color=COLOURS[0], marker=mark or ".", ms=2.5, lw=0.8, zorder=3)
+    profile, = left.plot(x, psi[0], color=BLUE, marker=mark, lw=1.2)
+    orbit, = right.plot(psi[0], eta[0], color=BLUE, marker=mark or ".", ms=2.5, lw=0.8, zorder=3)
     for axes, across, up in ((left, x, psi), (right, psi, eta)):
         for values, limits in ((across, axes.set_xlim), (up, axes.set_ylim)):
-            room = 0.06 * max(np.ptp(values), 1e-6) if values is not x else 0
-            limits(values.min() - room, values.max() + room if len(x) > 1 or values is not x else values.max() + 1)
-    draw_nullclines(right, file, *right.get_xlim())
-    left.set(xlabel="x", ylabel="ψ")
-    right.set(xlabel="ψ", ylabel="η")
-    figure.suptitle(scene_title(file), fontsize=10)
+            more = 0.06 * max(np.ptp(values), 1e-6) if values is not x else 0
+            limits(values.min() - more, values.max() + more if len(x) > 1 or values is not x else values.max() + 1)
+    draw_nullclines(figure, right, file)
+    name_axes(left, place_name(file), "psi")
+    name_axes(right, "psi", "eta")
+    figure.title(scene_title(file))
 
     def show(k):
         profile.set_ydata(psi[k])
         orbit.set_data(psi[k], eta[k])
-        left.set_title(f"t = {t[chosen[k]]:.4g}")
+        left.set_title(typeset(f"t = {t[chosen[k]]:.4g}"))
         return profile, orbit
 
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     FigureCanvasAgg(figure)
+    show(0)
     figure.canvas.draw()
+    figure.placing.finish()
     figure.set_layout_engine("none")  # laid out once
     writer = animation.PillowWriter(fps=15)
     if output.endswith(".mp4"):

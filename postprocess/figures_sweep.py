@@ -1,17 +1,16 @@
-"""Pictures of sweeps: maps of regimes over two options, diagrams over one."""
+"""Pictures of sweeps: maps of regimes over two options, diagrams over one, joined with boundaries and branches of cycles."""
 import numpy as np
 from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
-from figures import COLOURS, legend_beside, set_title
-from stickslip import SYMBOL, Unusable, options, scene_title, shown_name, text
+from figures_cycle import mark_specials
+from stickslip import Unusable, options, scene_title, text
+from style import (BLACK, BLUE, BOTH, COLOURS, RED, SLIDES, STICKS, Picture, axis_name, draw_branch, logarithmic, name_axes,
+                   stability_words, typeset)
 
-# In the order of the key of a picture.
-KINDS = {"sliding": "#dce9f7", "stable": "#dce9f7", "stuck": "#b9b9b9", "decaying": "#c5dfd0", "growing": "#f6ddb5",
-         "stick-slip": "#f2b8a8", "unstable": "#f2b8a8", "waves": "#a9c9a4", "chaos": "#8e44ad",
-         "both live": "#f7e08a", "up and down differ": "#fdf3cf", "undecided": "#efefef", "other": "#d8cfe8", "failed": "#444444",
-         "not computed": "#ffffff"}
+KINDS = {"sliding": SLIDES, "stable": SLIDES, "stuck": "#c4c4c4", "decaying": "#cfe6da", "growing": "#f3d3a6", "stick-slip": STICKS,
+         "unstable": STICKS, "waves": "#b7d8b0", "chaos": "#c9a4de", "both live": BOTH, "up and down differ": "#fdf8e4",
+         "undecided": "#efefef", "other": "#ded3ea", "failed": "#777777", "not computed": "#ffffff"}
+ENDS = {"": "sliding loses stability", "sliding": "sliding loses stability", "stick-slip": "stick-slip ends"}
 
 
 # ---- what stands in the file ----------------------------------------------------------------------------------------
@@ -83,9 +82,8 @@ def both_ways(kinds):
 
 # ---- boundaries drawn over ------------------------------------------------------------------------------------------
 
-def draw_boundaries(axes, files, names):
-    """The curves, or in one option the points, of files of `boundary`: those of sliding drawn through, those of stick-slip
-    dashed."""
+def draw_boundaries(picture, axes, files, names):
+    """The curves, or in one option the points, of files of `boundary`, each labelled by whose end it is."""
     for k, file in enumerate(files):
         given = [text(file.attrs["parameter"])] + ([text(file.attrs["parameter2"])] if "parameter2" in file.attrs else [])
         if sorted(given) != sorted(names):
@@ -94,19 +92,16 @@ def draw_boundaries(axes, files, names):
         of = words_in_list(file, "of", len(value))
         for which in dict.fromkeys(of):
             mine = of == which
-            style = {"color": "k" if k == 0 else COLOURS[k], "ls": "--" if which == "stick-slip" else "-", "lw": 1.6,
-                     "label": f"boundary of {which or 'sliding'}"}
+            style = {"color": BLACK if k == 0 else COLOURS[k], "lw": 0.9 if which == "stick-slip" else 1.8}
+            words, lines = ENDS.get(which, f"{which} end"), []
             if len(names) == 1:
-                for at in value[mine]:
-                    axes.axvline(at, **style)
-                    style["label"] = None
-                continue
-            value2, piece = file["value2"][...], file["piece"][...]
-            for number in np.unique(piece[mine]):
-                chosen = mine & (piece == number)
+                lines = [axes.axvline(at, **style) for at in value[mine]]
+            else:
+                value2, piece = file["value2"][...], file["piece"][...]
                 x, y = (value, value2) if given[0] == names[0] else (value2, value)
-                axes.plot(x[chosen], y[chosen], **style)
-                style["label"] = None
+                for number in np.unique(piece[mine]):
+                    lines += axes.plot(x[mine & (piece == number)], y[mine & (piece == number)], **style)
+            picture.label(axes, words, lines[0])
 
 
 def words_in_list(file, name, count):
@@ -140,18 +135,35 @@ def on_a_grid(x, y, kinds, logs):
     return across, up, kinds[nearest].T
 
 
-def scale_axis(axis_setter, label_setter, tick_setter, name, words, log):
-    label_setter(shown_name(name))
-    if words:
-        tick_setter(range(len(words)), words)
-    elif log:
-        axis_setter("log")
+def scale_axes(axes, names, words, logs):
+    """Names and scales of the axes of the options; words stand as ticks."""
+    name_axes(axes, *(axis_name(name) for name in names))
+    for which, ticks, log in zip("xy", words, logs):
+        if ticks:
+            getattr(axes, f"set_{which}ticks")(range(len(ticks)), ticks)
+        elif log:
+            logarithmic(axes, which)
+
+
+def logs_of(file):
+    settings = options(file)
+    return [settings.get(f"sweep_log{k}", "false") == "true" for k in (1, 2)]
+
+
+def name_kinds(picture, axes, kinds, kind_at):
+    """Each kind that there is, in place."""
+    for kind in KINDS:
+        if (kinds == kind).any():
+            picture.label_region(axes, kind, lambda x, y, kind=kind: kind_at(x, y) == kind)
+
+
+def cell(borders, at):
+    """Which cell each place lies in; the nearest one outside."""
+    return np.clip(np.searchsorted(borders, at) - 1, 0, len(borders) - 2)
 
 
 def draw_map(file, args, over, names):
-    settings = options(file)
-    logs = [settings.get(f"sweep_log{k}", "false") == "true" for k in (1, 2)]
-    kinds = kinds_of(file)
+    logs, kinds = logs_of(file), kinds_of(file)
     (x, x_words), (y, y_words) = (values_of(file, name) for name in names)
     scattered = None
     if is_grid(file):
@@ -160,57 +172,55 @@ def draw_map(file, args, over, names):
     else:
         scattered = (x, y)
         x, y, kinds = on_a_grid(x, y, kinds, logs)
-    figure = Figure(figsize=(7.8, 5.0), layout="constrained")
-    axes = figure.subplots()
+    order = [np.argsort(values) for values in (x, y)]
+    x, y, kinds = x[order[0]], y[order[1]], kinds[np.ix_(*order)]
+    picture = Picture(4.6)
+    axes = picture.subplots()
+    borders = edges(x, logs[0]), edges(y, logs[1])
     if args.key:
-        draw_field(figure, axes, file, args.key, x, y, logs)
+        draw_field(picture, axes, file, args.key, borders, order)
     else:
-        order = list(KINDS)
-        numbers = np.vectorize(order.index)(kinds)
-        axes.pcolormesh(edges(x, logs[0]), edges(y, logs[1]), numbers.T, cmap=ListedColormap(list(KINDS.values())), vmin=-0.5,
-                        vmax=len(order) - 0.5, rasterized=True)
+        numbers = np.vectorize(list(KINDS).index)(kinds)
+        axes.pcolormesh(*borders, numbers.T, cmap=ListedColormap(list(KINDS.values())), vmin=-0.5, vmax=len(KINDS) - 0.5,
+                        rasterized=True)
     if scattered:
-        axes.plot(*scattered, ".", color="k", ms=1.5, alpha=0.5, label="runs")
+        axes.scatter(*scattered, s=1.5, color=BLACK, alpha=0.4, lw=0)
     limits = axes.get_xlim(), axes.get_ylim()
-    draw_boundaries(axes, over, names)
+    draw_boundaries(picture, axes, over, names)
     axes.set(xlim=limits[0], ylim=limits[1])
-    scale_axis(axes.set_xscale, axes.set_xlabel, axes.set_xticks, names[0], x_words, logs[0])
-    scale_axis(axes.set_yscale, axes.set_ylabel, axes.set_yticks, names[1], y_words, logs[1])
-    present = [] if args.key else [kind for kind in KINDS if (kinds == kind).any()]
-    handles = [Patch(fc=KINDS[kind], ec="0.6", label=kind) for kind in present] + axes.get_legend_handles_labels()[0]
-    if handles:
-        axes.legend(handles=handles, fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5))
-    set_title(axes, scene_title(file, names))
-    return figure
+    scale_axes(axes, names, (x_words, y_words), logs)
+    if not args.key:
+        name_kinds(picture, axes, kinds, lambda a, b: kinds[cell(borders[0], a), cell(borders[1], b)])
+    picture.title(scene_title(file, names))
+    return picture
 
 
-def draw_field(figure, axes, file, key, x, y, logs):
+def draw_field(picture, axes, file, key, borders, order):
     """A number of the summaries in colours, upwards where there are two directions."""
     if key not in file or file[key].dtype.kind != "f" or not is_grid(file) or file[key].ndim != file["number"].ndim:
         raise Unusable(f"has no number '{key}' on a grid")
     values = file[key][...]
     if "direction" in file:
         values = values[..., 0]
-    picture = axes.pcolormesh(edges(x, logs[0]), edges(y, logs[1]), values.T, cmap="viridis", rasterized=True)
-    figure.colorbar(picture, ax=axes, label=SYMBOL.get(key, key.replace("_", " ")))
+    drawn = axes.pcolormesh(*borders, values[np.ix_(*order)].T, cmap="viridis", rasterized=True)
+    picture.colorbar(drawn, ax=axes, label=typeset(axis_name(key)))
 
 
 # ---- diagrams over one option ---------------------------------------------------------------------------------------
 
-def bands(axes, x, kinds, log):
+def bands(picture, axes, x, kinds, log):
     """What each value is as the colour behind it."""
     order = np.argsort(x)
-    x, kinds = x[order], kinds[order]
-    border = edges(x, log)
+    kinds, borders = kinds[order], edges(x[order], log)
     begin = 0
-    for k in range(1, len(x) + 1):
-        if k < len(x) and kinds[k] == kinds[begin]:
-            continue
-        axes.axvspan(border[begin], border[k], color=KINDS[kinds[begin]], lw=0, zorder=0)
-        begin = k
+    for k in range(1, len(kinds) + 1):
+        if k == len(kinds) or kinds[k] != kinds[begin]:
+            axes.axvspan(borders[begin], borders[k], color=KINDS[kinds[begin]], lw=0, zorder=0)
+            begin = k
+    name_kinds(picture, axes, kinds, lambda a, _: kinds[cell(borders, a)])
 
 
-def draw_values(axes, file, key, x, colour, label):
+def draw_values(picture, axes, file, key, x, words):
     """A number, or all of a list, above each value; upwards and downwards where there are two directions."""
     values = file[key][...]
     direction = "direction" in file
@@ -220,51 +230,67 @@ def draw_values(axes, file, key, x, colour, label):
         where = np.broadcast_to(x[:, None], here.shape) if is_list else x
         # single points of a list show what repeats; of a number the course
         style = {"marker": ".^v"[way + 1 if direction else 0], "ms": 1.6 if is_list and not direction else 3,
-                 "ls": "none" if is_list else "-", "lw": 0.8, "color": colour if way == 0 else COLOURS[1]}
-        name = label + ((", up", ", down")[way] if direction else "")
+                 "ls": "none" if is_list else "-", "lw": 0.8, "color": (BLUE, RED)[way]}
         order = np.argsort(x) if not is_list else slice(None)
-        axes.plot(where[order].ravel(), here[order].ravel(), label=name, **style)
+        line, = axes.plot(where[order].ravel(), here[order].ravel(), **style)
+        if direction:
+            picture.label(axes, f"{words}, {('up', 'down')[way]}", line)
+
+
+def draw_cycles(picture, axes, files, name, key):
+    """Branches of cycles over the same option, solid where stable, with their special points."""
+    stable = []
+    for file in files:
+        if "branch" not in file or text(file.attrs["branch_parameter"]) != name:
+            raise Unusable(f"has a cycle drawn over it that is not followed in {name} (cycle_continue)")
+        key = "psi_max" if key == "maxima" else key
+        if key not in file["branch"]:
+            raise Unusable(f"shows {key}, which the branch of a cycle does not have")
+        group = file["branch"]
+        stable.append(group["stable"][...])
+        line = draw_branch(axes, group["value"][...], group[key][...], stable[-1], color=BLACK, zorder=4)
+        picture.label(axes, "cycle", line)
+        mark_specials(picture, axes, file, key)
+    return stability_words(np.concatenate(stable))
 
 
 def draw_line(file, args, over, name):
-    log = options(file).get("sweep_log1", "false") == "true"
+    log, kinds = logs_of(file)[0], kinds_of(file)
     x, words = values_of(file, name)
-    kinds = kinds_of(file)
     if is_grid(file) and "direction" in file:
         kinds = both_ways(kinds)
-    figure = Figure(figsize=(7.8, 5.0), layout="constrained")
-    axes = figure.subplots()
-    bands(axes, x, kinds, log)
-    if args.key:
-        if args.key not in file or file[args.key].dtype.kind != "f":
-            raise Unusable(f"has no numbers '{args.key}'")
-        draw_values(axes, file, args.key, x, COLOURS[0], args.key.replace("_", " "))
-        axes.set_ylabel(args.key.replace("_", " "))
-    elif "maxima" in file and np.isfinite(file["maxima"][...]).any():
-        draw_values(axes, file, "maxima", x, COLOURS[0], "maxima of ψ")
-        axes.set_ylabel("maxima of ψ")
-    else:
-        shown = next((key for key in ("amplitude", "growth_rate", "period", "speed") if key in file), None)
-        if shown is None:
-            raise Unusable("has none of the usual numbers; name one with --key")
-        draw_values(axes, file, shown, x, COLOURS[0], shown.replace("_", " "))
-        axes.set_ylabel(shown.replace("_", " "))
+    by_kind = {kind: [one for one in over if text(one.attrs["kind"]) == kind] for kind in ("boundary", "cycle")}
+    key = args.key
+    if key and (key not in file or file[key].dtype.kind != "f"):
+        raise Unusable(f"has no numbers '{key}'")
+    if not key:
+        key = "maxima" if "maxima" in file and np.isfinite(file["maxima"][...]).any() else \
+            next((one for one in ("amplitude", "growth_rate", "period", "speed") if one in file), None)
+    if key is None:
+        raise Unusable("has none of the usual numbers; name one with --key")
+    shown = {"maxima": "maxima of slip velocity ψ", "amplitude": "amplitude of slip velocity ψ"}.get(key, axis_name(key))
+    picture = Picture(4.6)
+    axes = picture.subplots()
+    draw_values(picture, axes, file, key, x, key.replace("_", " "))
     limits = axes.get_xlim()
-    draw_boundaries(axes, over, [name])
+    draw_boundaries(picture, axes, by_kind["boundary"], [name])
+    said = draw_cycles(picture, axes, by_kind["cycle"], name, key) if by_kind["cycle"] else ""
     axes.set_xlim(limits)
-    scale_axis(axes.set_xscale, axes.set_xlabel, axes.set_xticks, name, words, log)
-    handles, labels = axes.get_legend_handles_labels()
-    handles += [Patch(fc=KINDS[kind], ec="0.6", label=kind) for kind in KINDS if (kinds == kind).any()]
-    legend_beside(axes, handles=handles, labels=labels + [kind for kind in KINDS if (kinds == kind).any()])
-    set_title(axes, scene_title(file, [name]))
-    return figure
+    bands(picture, axes, x, kinds, log)
+    axes.set_xlim(limits)
+    scale_axes(axes, [name], [words], [log])
+    name_axes(axes, y=shown)
+    picture.title("\n".join(filter(None, (scene_title(file, [name]), said))))
+    return picture
 
 
 def draw_sweep(file, args, over=()):
-    """A map over two options or a diagram over one, with boundaries over it."""
+    """A map over two options or a diagram over one, with boundaries over it; over a diagram branches of cycles, too."""
     names = axes_of(file)
     if len(names) == 1:
         return draw_line(file, args, over, names[0])
+    if any(text(one.attrs["kind"]) == "cycle" for one in over):
+        raise Unusable(f"varies {len(names)} options: a branch of cycles is drawn over a diagram of one")
     if len(names) == 2:
         return draw_map(file, args, over, names)
     raise Unusable(f"varies {len(names)} options; a picture has one or two (xarray: .sel of the others)")

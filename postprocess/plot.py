@@ -17,7 +17,9 @@ The kind of the file decides what is drawn; for the file of a run, WHAT is one o
     lyapunov   Lyapunov exponents (lyapunov_count): how each settles, and all of them with their errors
 The default is the catalogue where there is one, else xt. Several runs, stability diagrams or spectra are drawn over
 each other; runs as series, --profile or --phase. Of a sweep over two options: a map of regimes, over one: a diagram;
---key NAME draws a number of the summaries instead. Files of boundary behind it are drawn over it.
+--key NAME draws a number of the summaries instead. Files of boundary behind it are drawn over it; over a diagram of one
+option branches of cycle, too. A chart of limits shows the steps that are right, with --fails how longer ones fail.
+Solid lines are stable and dashed ones unstable, wherever either may be.
 """
 import argparse
 import os
@@ -36,6 +38,7 @@ def main(arguments=None):
     parser.add_argument("--movie", action="store_true", help="of a run, as GIF (-o OUT.mp4: MP4, by ffmpeg)")
     parser.add_argument("--field", metavar="NAME", help="xt: field to draw (psi)")
     parser.add_argument("--key", metavar="NAME", help="sweep: number of the summaries to draw")
+    parser.add_argument("--fails", action="store_true", help="chart of limits: how methods fail, not the steps that are right")
     parser.add_argument("--frame", type=int, metavar="N", help="profile, phase: frame, from 0 (the last)")
     args = parser.parse_args(arguments)
     from drawing import Unusable, make  # not before: matplotlib takes most of a second

@@ -10,13 +10,14 @@
     stickslip.options(ring)["model_gamma"]         # what made it, defaults included
 
 The program is that of STICKSLIP in the environment, else `stickslip` of the PATH, else build/stickslip of this source
-tree. Files are read with h5py by the scripts beside this one: `reading`, `text`, `label`, `scene_title`.
+tree. Files are read with h5py by the scripts beside this one: `reading`, `text`, `scene_title`.
 """
 import contextlib
 import io
 import json
 import math
 import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -174,16 +175,14 @@ def text(value):
     return value.decode() if isinstance(value, bytes) else str(value)
 
 
-def label(name, dataset=None):
-    """Axis label of a dataset: its symbol and what it is."""
-    symbol = SYMBOL.get(name, name.replace("_", " "))
-    words = text(dataset.attrs.get("long_name", "")) if dataset is not None else ""
-    return f"{symbol}   ({words})" if words and words != symbol else symbol
-
-
 def shown_name(option):
     """An option as it is called in a picture: its symbol, or its name with blanks."""
     return GREEK.get(option, option.replace("_", " "))
+
+
+def shown_words(words):
+    """A message of the program with its options called as in pictures."""
+    return re.sub(r"\b[a-z]+_[a-z0-9_]+\b", lambda name: shown_name(name[0]), words)
 
 
 def scene_title(file, varied=()):

@@ -175,4 +175,4 @@ def test_limits_are_drawn_in_one_panel():
     from figures_chart import draw_limits
     with h5py.File("l.h5") as file:
         bars = [len(panel.patches) for panel in draw_limits(file).axes]
-    assert bars == [4, 0]  # two of each method, and the legend
+    assert bars == [2, 0]  # one of each method, and the key

@@ -85,12 +85,12 @@ def test_a_scene_that_fails_is_an_error():
 
 def test_the_laboratory_s_picture():
     sys.path.insert(0, os.path.join(SOURCE, "postprocess"))
-    import figures_fit
+    import stickslip
     scene = scene_file("fit-steps")
     run(f"{scene} -load_v 0:10,3:12,3:5,9:5,9:0,15:0,15:2 -load_sine_amplitude 1 -load_sine_period 7 -ts_max_time 20 -out_file r.h5 -out_frames 41")
     with h5py.File("r.h5") as file:
         t, v = file["series/t"][...], file["series/v"][...]
-        way = figures_fit.way_of_load(figures_fit.options(file), t)
+        way = stickslip.Plate(file, t[-1]).shift(t)
     # from row to row a trapezium, at a corner with v before it
     off = np.abs(np.diff(way) - np.diff(t) * (v[1:] + v[:-1]) / 2)
     check(np.quantile(off, 0.95) < 1e-2 and abs(way[-1] - (33 + 30 + 0 + 10 + 7 / (2 * np.pi) * (1 - np.cos(40 * np.pi / 7)))) < 1e-9, f"{way[-1]} {np.max(off)}")
