@@ -133,7 +133,7 @@ def regions_of(diagram, x, y):
     if not diagram.knows_end:  # that perturbations of sliding decay does not say that no cycle lives beside it
         slides = ("sliding stable;\nstick-slip may coexist", SLIDES, ~unstable)
     if "wave_growth" not in diagram.file and "train" not in diagram.file:
-        return [("stick-slip\n(sliding unstable)", STICKS, unstable), ("both live", BOTH, lives & ~unstable), slides]
+        return [("stick-slip\n(sliding unstable)", STICKS, unstable), ("bistable", BOTH, lives & ~unstable), slides]
     nowhere = np.zeros(places[0].shape, dtype=bool)
     uniform = diagram.inside(*places, "waves") & lives if "wave_growth" in diagram.file else nowhere
     trains = diagram.trains_stable(*places) if "train" in diagram.file else nowhere
@@ -253,7 +253,7 @@ def draw_boundary(file, args):
                 y = group["value2"][...][chosen] if two else np.zeros(chosen.sum())
                 line, = axes.plot(group["value"][...][chosen], y, mark, color=GREEN, ms=7, mfc="none", mew=1.4, ls="none",
                                   clip_on=False)  # a mark on the border of the picture is shown whole
-                picture.label(axes, f"integrated: {regime}", line)
+                picture.label(axes, f"integrated: {regime}".replace("both live", "bistable"), line)
     same = [other.strip() for other in options(file).get("boundary_same", "").split(",")]
     picture.title(scene_title(file, [text(file.attrs["parameter"]), text(file.attrs.get("parameter2", "")), *same]))
     return picture
@@ -301,7 +301,7 @@ def overlay_boundaries(files, args):
         masks = {tint: mask for _, tint, mask in regions_of(diagram, x, y)}
         if BOTH in masks and masks[BOTH].any():  # the band where sliding is stable and stick-slip lives
             axes.contourf(x, y, masks[BOTH].astype(float), levels=[0.5, 2], colors=[BOTH])
-            picture.label_region(axes, f"{shown}: both live", lookup(x, y, masks[BOTH]))
+            picture.label_region(axes, f"{shown}: bistable", lookup(x, y, masks[BOTH]))
         stable, unstable = stable & masks.get(SLIDES, False), unstable & masks.get(STICKS, False)
         closed = draw_closed_form(picture, axes, diagram) or closed
     if closed:

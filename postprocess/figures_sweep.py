@@ -8,7 +8,7 @@ from style import (BLACK, BLUE, BOTH, COLOURS, RED, SLIDES, STICKS, Picture, axi
                    stability_words, typeset)
 
 KINDS = {"sliding": SLIDES, "stable": SLIDES, "stuck": "#c4c4c4", "decaying": "#cfe6da", "growing": "#f3d3a6", "stick-slip": STICKS,
-         "unstable": STICKS, "waves": "#b7d8b0", "chaos": "#c9a4de", "both live": BOTH, "up and down differ": "#fdf8e4",
+         "unstable": STICKS, "waves": "#b7d8b0", "chaos": "#c9a4de", "bistable": BOTH, "up and down differ": "#fdf8e4",
          "undecided": "#efefef", "other": "#ded3ea", "failed": "#777777", "not computed": "#ffffff"}
 ENDS = {"": "sliding loses stability", "sliding": "sliding loses stability", "stick-slip": "stick-slip ends"}
 
@@ -65,7 +65,7 @@ def kinds_of(file):
 
 
 def both_ways(kinds):
-    """Up and down in one: `both live` where one ends in sliding, or decays to it, and the other in an oscillation. What grows
+    """Up and down in one: `bistable` where one ends in sliding, or decays to it, and the other in an oscillation. What grows
     has left sliding, so that it does not differ from an oscillation."""
     def one(up, down):
         pair = {up, down}
@@ -73,7 +73,7 @@ def both_ways(kinds):
             return up if len(pair) == 1 else "not computed"
         oscillates, slides = pair & {"stick-slip", "waves", "chaos"}, pair & {"sliding", "decaying"}
         if oscillates and slides:
-            return "both live"
+            return "bistable"
         if oscillates and "growing" in pair:
             return oscillates.pop()
         return "sliding" if pair == {"sliding", "decaying"} else "up and down differ"
