@@ -1,7 +1,12 @@
 #!/usr/bin/env python3
-"""Tables of docs/events.md:  catalogues.py alpha | spread FILE.h5 ..., of single runs;  size | loading | cuts FILE.h5 ..., of many
+"""Tables of docs/events.md:  catalogues.py alpha | spread FILE.h5 ..., of single runs;  size | loading | cuts FILE.h5 ...,
+of many. Tables of docs/published.md:  decades | large FILE.h5 ..., of many
 
-b by maximum likelihood on [-3.5, -0.5], with the error of independent events; the first unit of loading is left out.
+b by maximum likelihood on [-3.5, -0.5], with the error of independent events; the first unit of loading is left out, of the
+tables of docs/published.md the first six. decades: b on four decades of moment, which begin at e times that of a block
+that slips between blocks at rest, and on each of them. large: events beyond the hollow, which is the least filled bin of
+one unit of magnitude, from the beginning of those four decades to the bin that
+holds most of the moment.
 """
 import os
 import sys
@@ -9,9 +14,11 @@ import sys
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "postprocess"))
 
 import numpy as np  # noqa: E402
-from catalogue import ensembles, fit, magnitudes, read, statistics  # noqa: E402
+from catalogue import ensembles, fit, interval, magnitudes, read, statistics, student  # noqa: E402
+from scipy.integrate import solve_ivp  # noqa: E402
 
 LOW, HIGH = -3.5, -0.5
+DECADE = np.log(10)
 
 
 def within(m, low, high):
@@ -49,16 +56,74 @@ def cuts(paths):
         yield [low, *(f"{c[low]['b']:.2f} [{c[low]['interval'][0]:.2f}, {c[low]['interval'][1]:.2f}]" for c in found.values())]
 
 
+def slip_of_a_lone_block(options):
+    """How far a block of the Carlson-Langer chain slips from its threshold on between blocks at rest."""
+    k0, k1, sigma, alpha = (float(options[name]) for name in ("model_k0", "model_k1", "friction_sigma", "friction_alpha"))
+
+    def rates(_, y):
+        friction = (1 - sigma) / (1 + 2 * alpha * y[0] / (1 - sigma))
+        return [y[1] - friction, -(k0 + 2 * k1) * y[0], y[0]]
+
+    stops = lambda t, y: y[0] if t > 0 else 1.0  # noqa: E731
+    stops.terminal, stops.direction = True, -1
+    return solve_ivp(rates, (0, 1000), [0, 1, 0], method="DOP853", rtol=1e-12, atol=1e-16, events=stops).y[2, -1]
+
+
+def first_decade(options):
+    """Where the four decades begin, to a tenth."""
+    return round(float(np.log(slip_of_a_lone_block(options))) + 1, 1)
+
+
+def decades(paths):
+    runs = [read(path, 6) for path in paths]
+    low = first_decade(runs[0]["options"])
+    m = np.concatenate([magnitudes(run) for run in runs])
+    for first, last in ((0, 4), (0, 1), (1, 2), (2, 3), (3, 4)):
+        low_end, high_end = low + first * DECADE, low + last * DECADE
+        b, _, number = fit(m, low_end, high_end)
+        least, most = interval(runs, low_end, high_end)
+        yield [f"{low_end:.1f} to {high_end:.1f}", number, f"{b:.2f} [{least:.2f}, {most:.2f}]"]
+
+
+def mean_and_interval(values):
+    """Of the runs, with half the 95 % interval of the mean."""
+    half = student(len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values))
+    return f"{np.mean(values):.3g} ± {half:.1g}"
+
+
+def large(paths):
+    """A row for each ensemble (each alpha)."""
+    for alpha, runs in ensembles([read(path, 6) for path in paths], "friction_alpha"):
+        m = np.concatenate([magnitudes(run) for run in runs])
+        edges = np.arange(first_decade(runs[0]["options"]), m.max() + 1)
+        counts, moments = np.histogram(m, edges)[0], np.histogram(m, edges, weights=np.exp(m))[0]
+        least = int(np.argmin(counts[:np.argmax(moments) + 1]))
+        hollow = edges[least] + 0.5
+        beyond = [magnitudes(run) >= hollow for run in runs]
+        moment = [np.exp(magnitudes(run)) for run in runs]
+        extent = np.concatenate([run["events"]["extent"][big] for run, big in zip(runs, beyond)])
+        slip = np.concatenate([mass[big] for mass, big in zip(moment, beyond)]) / extent
+        yield [alpha, len(m), f"{hollow:.1f}", int(sum(big.sum() for big in beyond)),
+               mean_and_interval([mass[big].sum() / mass.sum() for mass, big in zip(moment, beyond)]),
+               f"{counts[least:].max() / counts[least]:.1f}", f"{np.median(extent):.0f}, {extent.max():.0f}",
+               f"{np.median(slip):.2f}"]
+
+
 MANY = ["events a node and way", "b", "p", "halves: events", "typical event", "largest extent"]
 HEADS = {"size": ["n (alpha = 2)", *MANY], "loading": ["nu (n = 100)", *MANY],
          "alpha": ["alpha", "events", "blocks alone", "b on [-3.5, -0.5]", "above -0.5: events, on the fitted line",
                    "ratio of 2..5 to -1..2"],
+         "decades": ["magnitude", "events", "b"],
+         "large": ["alpha", "events", "hollow", "beyond it", "their part of the moment", "rise behind the hollow",
+                   "blocks: median, most", "slip of a block, median"],
          "spread": ["spread", "events", "b on [-3.5, -0.5]", "ratio of 2..5 to -1..2", "largest extent"]}
 
 
 def table(kind, paths):
     if kind == "cuts":
         return list(cuts(paths))
+    if kind in ("decades", "large"):
+        return [HEADS[kind], *(decades if kind == "decades" else large)(paths)]
     option = {"size": "grid_n", "loading": "model_v"}.get(kind)
     return [HEADS[kind], *(ensembles_by(paths, option) if option else (row(path, kind) for path in paths))]
 

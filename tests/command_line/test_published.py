@@ -1,8 +1,10 @@
 """docs/published.md: published results against SciPy and closed forms."""
+import functools
 import json
 import math
 import os
 import subprocess
+import sys
 
 import h5py
 import numpy as np
@@ -10,7 +12,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import iv
 
-from calls import PROGRAM, SOURCE
+from calls import PROGRAM, SOURCE, run
+
+sys.path.insert(0, os.path.join(SOURCE, "tests", "bench"))
+import catalogues  # noqa: E402
+import fronts  # noqa: E402
 
 
 def stickslip(command, scene, *words):
@@ -207,3 +213,131 @@ def test_multipliers_of_a_block_with_the_plain_logarithm():
     _, found = stickslip("cycle", "erickson-block")
     assert abs(found["period"] / course.t[-1] - 1) < 1e-6
     assert abs(found["multipliers"][1]["re"] / multipliers[1] - 1) < 1e-3
+
+
+def slips_of_a_chain(eta, v, k1, sigma, alpha, until):
+    """The catalogue of a chain of Carlson and Langer between free ends (m = k0 = f0 = 1, no back slip), by SciPy:
+    begin, end, first block, left block, blocks and moment of each time of motion. Each start and each stop ends an
+    integration."""
+    n, t, found = len(eta), 0.0, []
+    springs = np.eye(n, k=1) + np.eye(n, k=-1)
+    springs -= np.diag(springs.sum(axis=1))
+    while True:
+        wait = (1 - eta.max()) / v  # at rest eta grows as the plate goes
+        if t + wait > until:
+            return found
+        t, eta, slip = t + wait, eta + v * wait, np.zeros(n)
+        begin, first = t, int(np.argmax(eta))
+        slides = np.arange(n) == first
+        psi = np.zeros(n)
+        while slides.any():
+            def rates(_, y, slides=slides):
+                psi = np.where(slides, y[:n], 0)
+                friction = (1 - sigma) / (1 + 2 * alpha * psi / (1 - sigma))
+                return np.r_[np.where(slides, y[n:2 * n] - friction, 0), v - psi + k1 * springs @ psi, psi]
+
+            changes = [functools.partial(lambda _, y, place, at: y[place] - at, place=i if slides[i] else n + i,
+                                         at=0 if slides[i] else 1) for i in range(n)]
+            for i, change in enumerate(changes):
+                change.terminal, change.direction = True, -1 if slides[i] else 1
+            part = solve_ivp(rates, (t, t + 1e3), np.r_[psi, eta, slip], method="DOP853", rtol=1e-11,
+                             atol=1e-13, events=changes)
+            which = next(i for i in range(n) if len(part.t_events[i]))
+            t, (psi, eta, slip) = part.t[-1], part.y[:, -1].reshape(3, n)
+            slides = slides ^ (np.arange(n) == which)
+            psi = np.where(slides, psi, 0)
+        region = np.flatnonzero(slip)
+        assert len(region) == np.ptp(region) + 1, "two events at once"
+        found.append((begin, t, first, region[0], len(region), slip.sum()))
+
+
+def test_a_catalogue_is_that_of_scipy_until_chaos_parts_the_two():
+    """Eleven events of eight blocks, four of them of several. Either errs by less than 1e-8 in the sizes of an
+    event, and passes on what it errs by in eta, which here grows to 4e-8 in all: loads as long as that part the
+    times."""
+    v, k1, sigma, alpha = 1e-3, 4.0, 0.05, 2.5
+    eta = np.random.default_rng(4).uniform(0, 0.9, 8)
+    np.savetxt("start.txt", np.c_[np.arange(8), 0 * eta, eta], fmt="%.17g")
+    truth = np.array(slips_of_a_chain(eta, v, k1, sigma, alpha, 1500))
+    run("-model_form chain -model_m 1 -model_k0 1 -model_f0 1 -friction_law carlson-langer -friction_back_slip false"
+        f" -grid_n 8 -bc_left free -model_k1 {k1} -model_v {v} -friction_sigma {sigma} -friction_alpha {alpha}"
+        " -ts_rtol 1e-11 -ts_atol 1e-12 -init_type text -init_file start.txt -ts_max_time 1500 -stick_clusters on"
+        " -out_events -out_frames 2 -out_file c.h5")
+    with h5py.File("c.h5") as file:
+        columns = [file["events"][name][:] for name in ("begin", "t", "first", "left", "extent", "moment")]
+    here = np.transpose(columns)
+    assert here.shape == truth.shape and len(here) == 11
+    np.testing.assert_array_equal(here[:, 2:5], truth[:, 2:5])
+    np.testing.assert_allclose(here[:, 5], truth[:, 5], rtol=1e-6)
+    np.testing.assert_allclose(here[:, :2], truth[:, :2], rtol=0, atol=1e-6 / v)
+
+
+def test_small_and_large_events_of_carlson_and_langer():
+    """The smallest slip is that of a block between blocks at rest, but for the plate's way meanwhile (v times some 0.2 =
+    2e-5 of 0.01, by which the force drops). What is large has nearly all of the moment, which makes up for the
+    plate's way but for what is stored: less than two thresholds, of five units."""
+    code, found = stickslip("run", "carlson-langer", "-ts_max_time", 110000, "-grid_n", 300, "-out_file", "c.h5")
+    assert code == 0 and found["clusters"] > 1
+    with h5py.File("c.h5") as file:
+        moment, begin = file["events/moment"][:], file["events/begin"][:]
+        lone = catalogues.slip_of_a_lone_block(catalogues.read("c.h5", 6)["options"])
+    assert abs(moment.min() / lone - 1) < 0.01
+    late = moment[begin >= 60000]
+    assert late[np.log(late) > 1.6].sum() > 0.99 * late.sum()
+    assert abs(late.sum() / 300 - 5) < 2
+
+
+def front(more, scene="front"):
+    path = os.path.join(SOURCE, "runs", "published", scene + ".yaml")
+    run(f"{path} {more} -out_file front.h5")
+
+
+def test_fronts_run_at_the_speed_of_their_prestress():
+    """The second half of 200 blocks: the way to the speed of long chains falls off faster the larger q is."""
+    for q, bound in ((0.3, 1e-3), (0.5, 1e-6), (0.8, 1e-6)):
+        front(f"-init_eta {0.5 + 0.5 * q}")
+        found_q, speed, error = fronts.speed("front.h5")
+        assert abs(found_q - q) < 1e-12 and error < bound
+        assert abs(speed * math.sqrt(1 - q * q) - 1) < bound
+
+
+def test_fronts_stop_where_the_closed_form_says():
+    """With inertia: 2 s1/s2 = 2 times as far as the surplus reaches. The last block's threshold keeps the front from
+    the last (fs - eta)/s2 = 1.5 blocks, twice (there, and by what is sent back), and half a block is lost by the
+    grid at either end; waves of the grid that nu takes away cost some blocks more, fewer than in proportion to the
+    length."""
+    for x0 in (50, 100):
+        front(f"-grid_n {3 * x0 + 20} -friction_fd_profile 0:0.5,{x0 - 0.5}:0.9 -ts_max_time {10 * x0}", "arrest")
+        with h5py.File("front.h5") as file:
+            short = 3 * x0 - file["events/extent"][0]
+        assert 2 <= short <= 5, f"{x0}: {short}"
+    # a prestress that falls evenly: surplus x - x^2/(2 x0), which is -x0/2 at x0 (1 + sqrt 2)
+    x0 = 100
+    eta = 0.5 + 0.3 * (1 - np.arange(270) / x0)
+    eta[0] = 1 + 1e-9
+    np.savetxt("start.txt", np.c_[np.arange(270), 0 * eta, eta], fmt="%.17g")
+    with open(os.path.join(SOURCE, "runs", "published", "arrest.yaml"), encoding="utf-8") as file:
+        scene = file.read()
+    start = scene[scene.index("init:"):scene.index("grid:")]
+    profiles = [line for line in scene.splitlines() if "_profile:" in line]
+    for old, now in ((start, "init: {type: text, file: start.txt}\n"), (profiles[0], "  fs: 1"),
+                     (profiles[1], "  fd: 0.5"), ("profile_kind: step\n", "")):
+        assert old in scene
+        scene = scene.replace(old, now)
+    with open("falling.yaml", "w", encoding="utf-8") as file:
+        file.write(scene)
+    run("falling.yaml -grid_n 270 -ts_max_time 1000 -out_file front.h5")
+    with h5py.File("front.h5") as file:
+        assert abs(file["events/extent"][0] - x0 * (1 + math.sqrt(2))) < 4
+
+
+def test_strong_viscosity_stops_fronts_where_forces_balance():
+    """Exactly: the first block whose threshold holds what all before it have too much. The last node whose force has
+    changed is beside the last that has slipped."""
+    x0, n = 25, 60
+    front(f"-grid_n {n} -friction_fd_profile 0:0,0.5:0.5,{x0 - 0.5}:0.9 -model_nu 0 -model_zeta 1 -ts_max_time 20000",
+          "arrest")
+    surplus = np.cumsum(np.r_[0.7, np.full(x0 - 1, 0.2), np.full(n - x0, -0.2)])
+    with h5py.File("front.h5") as file:
+        changed = np.flatnonzero(file["eta"][-1] != file["eta"][0])
+    assert changed[-1] == 1 + np.flatnonzero(surplus <= 0.3)[0]
