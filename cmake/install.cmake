@@ -4,8 +4,14 @@ include(CMakePackageConfigHelpers)
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/stickslip)
 set(share ${CMAKE_INSTALL_DATADIR}/stickslip)
 
-install(TARGETS stickslip stickslip_core EXPORT stickslip)
+install(TARGETS stickslip stickslip_core stickslip_laws EXPORT stickslip)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/stickslip DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+# What laws are made of, and what is compiled for each: commands/register_law.hpp and all that it includes.
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/model ${PROJECT_SOURCE_DIR}/src/numerics ${PROJECT_SOURCE_DIR}/src/time
+                  ${PROJECT_SOURCE_DIR}/src/commands DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/stickslip/source FILES_MATCHING
+        PATTERN "laws/*.hpp" PATTERN "states/*.hpp" PATTERN "*kernel*.hpp" PATTERN "*_families.hpp" PATTERN "friction_*.hpp"
+        PATTERN "law*.hpp" PATTERN "loops.hpp" PATTERN "dispatch.hpp" PATTERN "elementary.hpp" PATTERN "jet.hpp"
+        PATTERN "register_law.hpp")
 install(EXPORT stickslip NAMESPACE stickslip:: DESTINATION ${package} FILE stickslipTargets.cmake)
 configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/stickslipConfig.cmake.in
                               ${PROJECT_BINARY_DIR}/generated/stickslipConfig.cmake INSTALL_DESTINATION ${package})
@@ -27,7 +33,8 @@ install(FILES ${PROJECT_SOURCE_DIR}/scripts/completion.bash RENAME stickslip
         DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
 install(FILES ${PROJECT_SOURCE_DIR}/scripts/completion.zsh RENAME _stickslip
         DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/site-functions)
-install(FILES ${PROJECT_SOURCE_DIR}/LICENSE ${PROJECT_SOURCE_DIR}/README.md ${PROJECT_SOURCE_DIR}/CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES ${PROJECT_SOURCE_DIR}/LICENSE ${PROJECT_SOURCE_DIR}/README.md ${PROJECT_SOURCE_DIR}/CHANGELOG.md
+              ${PROJECT_SOURCE_DIR}/CONTRIBUTING.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md" PATTERN "*.png")
 
 set(CPACK_GENERATOR DEB)

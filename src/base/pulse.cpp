@@ -5,6 +5,8 @@
 #include <ctime>
 #include <utility>
 
+#include "base/found_until.hpp"
+
 namespace stickslip {
 
 namespace {
@@ -37,6 +39,8 @@ struct Count {
   long count = 0;
 };
 Pulse* living = nullptr;  // the innermost
+bool shows_next = false;  // beat, whatever the clock says
+std::string interrupted_during;
 std::array<Count, most_kinds> counts;
 long beats = 0;
 
@@ -83,13 +87,27 @@ void Pulse::stage(const std::string& text) {
 void Pulse::show() {
   std::string text = stage_;
   for (const Count& c : counts)
-    if (c.of) text += (text.empty() ? "" : ", ") + std::to_string(c.count) + " " + c.of;
-  progress_.show(text);
+    if (c.of && c.count > 0) text += (text.empty() ? "" : ", ") + std::to_string(c.count) + " " + c.of;
+  if (caught_signal == 0)
+    progress_.show(text);
+  else
+    interrupted_during = text;
 }
+
+void announce(const std::string& text, const char* of) {
+  Pulse::stage(text);
+  shows_next = true;
+  beat(of, 0);
+}
+
+std::string ended_during() { return interrupted_during; }
 
 void beat(const char* of, long count) {
   if (!living) return;
-  if (caught_signal != 0 && living->ends_) throw Interrupted(caught_signal);
+  if (caught_signal != 0 && living->ends_) {
+    living->show();
+    throw Interrupted(caught_signal);
+  }
   for (Count& c : counts) {
     if (c.of && c.of != of && std::strcmp(c.of, of) != 0) continue;
     c.of = of;
@@ -97,7 +115,7 @@ void beat(const char* of, long count) {
     break;
   }
   // the clock is asked at every 16th beat: short ones come by the thousand
-  if (++beats % 16 == 0 && living->progress_.due()) living->show();
+  if ((++beats % 16 == 0 && living->progress_.due()) || std::exchange(shows_next, false)) living->show();
 }
 
 }  // namespace stickslip

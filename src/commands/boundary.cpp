@@ -3,18 +3,18 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/pulse.hpp"
+#include "base/found_until.hpp"
 #include "commands/boundary_output.hpp"
 #include "commands/cycle_problem.hpp"
+#include "stickslip/base/error.hpp"
+#include "stickslip/commands/commands.hpp"
+#include "stickslip/options/library_options.hpp"
+#include "stickslip/output/reader.hpp"
 #include "stickslip/stability/boundary.hpp"
 #include "stickslip/study/medium_lines.hpp"
 #include "stickslip/study/stick_slip_end.hpp"
 #include "stickslip/study/vary.hpp"
 #include "stickslip/study/verify.hpp"
-#include "stickslip/commands/commands.hpp"
-#include "stickslip/base/error.hpp"
-#include "stickslip/output/reader.hpp"
-#include "stickslip/options/library_options.hpp"
 
 namespace stickslip {
 
@@ -222,6 +222,14 @@ Asked asked_for(const Options& options, const Scene& scene) {
   return {of == "both", refusal.empty()};
 }
 
+// What a search that a signal ended has found.
+std::string count_text(const FoundBoundary& found) {
+  std::string text = fmt::format("{} points where sliding ends, {} where stick-slip ends",
+                                 found.sliding.size(), found.stick_slip.size());
+  if (!found.waves.empty()) text += fmt::format(", {} lines of waves", found.waves.size());
+  return text;
+}
+
 int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, const Provenance& provenance,
                   const Asked& asked) {
   const bool two = growth.axes().size() > 1;
@@ -239,20 +247,28 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
     set_keys(summary, boundary_keys(), found);
   };
   std::string no_sliding;
-  try {
-    if (asked.sliding) find_sliding(options, growth, found);
-  } catch (const Failure& failure) {
-    if (!asked.stick_slip) throw;
-    no_sliding = failure.what();
-  }
-  check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
-  if (asked.sliding) tell();
-  if (asked.stick_slip) find_stick_slip(options, end, two, found);
-  if (asked.medium) {
+  const auto search = [&] {
+    Pulse::stage("end of sliding");
+    try {
+      if (asked.sliding) find_sliding(options, growth, found);
+    } catch (const Failure& failure) {
+      if (!asked.stick_slip) throw;
+      no_sliding = failure.what();
+    }
+    check_unused_after_setup(options, "eps st ksp pc bv ds pep snes dm ts");
+    if (asked.sliding) tell();
+    Pulse::stage("end of stick-slip");
+    if (asked.stick_slip) find_stick_slip(options, end, two, found);
+    if (asked.medium) {
+      tell();
+      find_medium(options, axes, found);
+    }
     tell();
-    find_medium(options, axes, found);
-  }
-  tell();
+  };
+  keeping_what_is_found(search, [&] {
+    tell();
+    summary.say(count_text(found));
+  });
   const std::vector<Crossing> points = found.points();
   for (const std::string& note : found.findings.notes) warn(note);
   if (points.empty()) {
@@ -266,7 +282,8 @@ int find_boundary(const Options& options, GrowthRate& growth, Summary& summary, 
     throw Failure(no_sliding + (no_sliding.empty() ? "" : "; ") + what);
   }
   if (!no_sliding.empty()) summary.say(no_sliding);
-  verify(growth, end, options, found);
+  keeping_what_is_found([&] { verify(growth, end, options, found); },
+                        [&] { describe(summary, growth, found); });
   found.checked = options.integer("boundary_verify") > 0;
   set_keys(summary, boundary_keys(), found);
   write_file(options, growth, found, provenance);

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "base/found_until.hpp"
 #include "stickslip/base/error.hpp"
 
 namespace stickslip {
@@ -31,6 +32,13 @@ void check_continuation(const Options& options, const std::string& command, cons
   if (options.real(end) == options.real(name))
     throw UsageError(end + " " + options.text(end) + ": the branch starts there");
   (void)options.with(name, options.real(end));  // must be a value that the option can take
+}
+
+void end_at_signal(ResultFile& file, const Provenance& provenance) {
+  keeping_what_is_found([] { beat("branches"); },
+                        [&] {
+                          if (provenance.ranks == 1) file.write();
+                        });
 }
 
 }  // namespace stickslip

@@ -236,6 +236,7 @@ int cycle_command(const Options& options) {
   check_cycle_options(options, cell);
   return with_summary(summary, [&] {
     const Pulse pulse(options.text("progress"), "cycle");
+    Pulse::stage("the cycle");
     CycleResults answer{find_cycle(options, cell), {}, {}, options.text("cycle_continue")};
     const FoundCycle& found = answer.found;
     check_unused_after_setup(options, "");
@@ -245,17 +246,20 @@ int cycle_command(const Options& options) {
     describe(summary, found);
     const bool with_waves = options.boolean("cycle_spectrum") && found.waves;
     if (with_waves) {
+      Pulse::stage("waves on the cycle");
       answer.spectrum = found.waves(int(options.integer("cycle_wavenumbers")));
       set_keys(summary, keys(), answer);
       add_spectrum(file, *answer.spectrum);
       describe(summary, *answer.spectrum);
     }
     if (options.is_set("cycle_continue")) {
+      Pulse::stage("branch in " + answer.parameter);
       answer.branch = found.branch(answer.parameter, options.real("cycle_to"),
                                    int(options.integer("cycle_steps")), with_waves);
       set_keys(summary, keys(), answer);
       add_branch(file, answer.parameter, *answer.branch);
       describe(summary, answer.parameter, *answer.branch);
+      end_at_signal(file, provenance);
     }
     file.write();
     warn_unused_at_end(options);

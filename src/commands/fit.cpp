@@ -2,7 +2,7 @@
 // the terminal.
 #include <cmath>
 
-#include "base/pulse.hpp"
+#include "base/found_until.hpp"
 #include "commands/table.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/error.hpp"
@@ -98,9 +98,20 @@ int fit_command(const Options& options) {
   Summary summary(provenance, keys_of(keys()), options.text("summary"));
   return with_summary(summary, [&] {
     const Pulse pulse(options.text("progress"), "fit");
-    const Fit fit = solve_fit(problem, [&](const Fit& best) { set_keys(summary, keys(), best); });
+    Fit fit;
+    const auto tell = [&] { describe(summary, fit, problem.starts, unit_of(problem.of)); };
+    keeping_what_is_found(
+        [&] {
+          fit = solve_fit(problem, [&](const Fit& best) {
+            fit = best;
+            set_keys(summary, keys(), fit);
+          });
+        },
+        [&] {
+          if (!fit.parameters.empty()) tell();
+        });
     set_keys(summary, keys(), fit);
-    describe(summary, fit, problem.starts, unit_of(problem.of));
+    tell();
     warn_of(fit, problem.starts);
     ResultFile file(PETSC_COMM_WORLD, options.text("out_file"), provenance);
     add_fit(file, options, problem, fit);

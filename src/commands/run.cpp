@@ -3,12 +3,13 @@
 #include <cmath>
 #include <map>
 
+#include "stickslip/base/json_values.hpp"
 #include "base/progress.hpp"
 #include "commands/quantities.hpp"
 #include "commands/run_session.hpp"
 #include "commands/table.hpp"
+#include "output/rest_fraction.hpp"
 #include "output/series.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/commands/commands.hpp"
 #include "stickslip/options/library_options.hpp"
@@ -128,7 +129,8 @@ std::string range_words(const Summary& s, const std::string& over) {
 }
 
 // What the motion is, and what steady sliding beside it would do.
-std::string motion_words(const Summary& s, const Load& load) {
+std::string motion_words(const Summary& s, const Scene& scene) {
+  const Load& load = scene.load;
   const std::string regime = s.get("regime").get<std::string>();
   const bool events = !s.is_null("events"), undecided = regime == "undecided";
   std::vector<std::string> parts;
@@ -137,6 +139,8 @@ std::string motion_words(const Summary& s, const Load& load) {
     parts.push_back(range_words(s, load.period() > 0 ? "period of the load" : "quarter of the run"));
   } else if (!undecided) {
     parts.push_back(regime);
+    if (regime == "stick-slip" && scene.friction.jumps_at_rest() && s.get("rest_fraction") == 0)
+      parts.push_back("though nothing rests");
     if (!s.is_null("period")) parts.push_back("period " + rounded(s.get("period")));
     if (regime != "stuck")
       parts.push_back(range_words(s, s.is_null("period") ? "quarter of the run" : "period"));
@@ -172,10 +176,8 @@ std::vector<SummaryKey> observed_keys() {
       {"probes", "", "at each of `out_probes`: `x`, and `psi`, `eta` at `t_end`, interpolated"},
       {"regime", "",
        "where the motion goes. `sliding`: steady sliding, or on the way to it; `stick-slip`: an oscillation "
-       "that stays; "
-       "`stuck`: at rest for ever; `decaying`, `growing`: an oscillation on its way down or up; `undecided`: "
-       "the run was "
-       "too short to tell"},
+       "that stays, with rests or without any (`rest_fraction`); `stuck`: at rest for ever; `decaying`, "
+       "`growing`: an oscillation on its way down or up; `undecided`: the run was too short to tell"},
       {"regime_reason", "",
        "why `regime` says nothing: null but under a load (`load_v`, `load_sine_amplitude`)"},
       {"regime_rate", "1/time", "measured rate at which the size of the motion changes"},
@@ -184,6 +186,7 @@ std::vector<SummaryKey> observed_keys() {
       {"growth_rate_reason", "", "why there is none"},
       {"time_to_decide", "time", "a run to this time should decide; null where it is decided"},
       {"amplitude", "length/time", "half of the largest range of psi at any node, over `measured_over`"},
+      RestFraction::key(),
       {"wave_speed", "length/time", "speed of what travels, negative to the left; null where nothing does"},
       {"pulses", "1", "fronts of one sign along the whole scene: upward ones in x, downward where v < 0"},
       {"psi_low", "length/time",
@@ -280,7 +283,7 @@ int run_command(const Options& asked) {
     const int code = options.is_set("accuracy") && !options.is_set("restart")
                          ? run_to_accuracy(options, summary)
                          : Run(options, provenance).advance(summary);
-    summary.say(motion_words(summary, Scene::from(options, false).load));
+    summary.say(motion_words(summary, Scene::from(options, false)));
     summary.say(work_words(summary));
     if (const std::string text = lyapunov_words(summary); !text.empty()) summary.say(text);
     if (!summary.is_null("events") && options.is_set("out_file"))

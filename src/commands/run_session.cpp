@@ -14,17 +14,18 @@
 #include "output/carried_frame.hpp"
 #include "output/frames.hpp"
 #include "output/measures.hpp"
+#include "output/rest_fraction.hpp"
 #include "output/series.hpp"
-#include "stickslip/study/size.hpp"
-#include "stickslip/study/run_layout.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/options/library_options.hpp"
+#include "stickslip/study/nearest_sliding.hpp"
+#include "stickslip/study/run_layout.hpp"
+#include "stickslip/study/size.hpp"
+#include "stickslip/time/stick.hpp"
 #include "study/lyapunov.hpp"
 #include "study/simulate.hpp"
 #include "study/step_forecast.hpp"
-#include "stickslip/study/nearest_sliding.hpp"
-#include "stickslip/time/stick.hpp"
 
 namespace stickslip {
 
@@ -135,6 +136,7 @@ void Run::make_observers(const MeasureMaker& measure) {
         std::make_unique<Regime>(model, options_.real("ts_max_time"), steady_velocity(model.scene()));
     regime_ = regime.get();
     observers_.push_back(std::move(regime));
+    observers_.push_back(std::make_unique<RestFraction>(model, options_.real("ts_max_time")));
   }
   for (auto& quantity : make_quantities(model)) observers_.push_back(std::move(quantity));
   if (options_.boolean("out_events")) {

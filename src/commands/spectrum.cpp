@@ -3,13 +3,13 @@
 #include <cmath>
 
 #include "base/progress.hpp"
-#include "base/pulse.hpp"
+#include "base/found_until.hpp"
 #include "commands/table.hpp"
-#include "stickslip/commands/commands.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/output/reader.hpp"
+#include "stickslip/commands/commands.hpp"
 #include "stickslip/model/friction.hpp"
 #include "stickslip/options/library_options.hpp"
+#include "stickslip/output/reader.hpp"
 #include "stickslip/stability/spectrum.hpp"
 #include "stickslip/stability/transient.hpp"
 #include "stickslip/stability/uniform_states.hpp"
@@ -269,6 +269,45 @@ std::vector<UniformState> states_at_start(const Scene& scene, const Options& opt
   return states;
 }
 
+bool any_resolved(const Spectrum& spectrum) {
+  return std::any_of(spectrum.modes.begin(), spectrum.modes.end(), [](const Mode& m) { return m.resolved; });
+}
+
+// Many modes at the edge of what the grid carries may stand right of those that it resolves.
+Spectrum resolved_spectrum(const LinearisedOperator& J, const Options& options) {
+  SpectrumSettings settings;
+  settings.count = options.integer("spectrum_count");
+  settings.method = method_of(options.text("spectrum_method"));
+  settings.refine = options.text("spectrum_refine") == "auto";
+  Spectrum spectrum = compute_spectrum(PETSC_COMM_WORLD, J, settings);
+  for (int round = 0; round < 3 && !any_resolved(spectrum); ++round) {
+    settings.count *= 4;
+    spectrum = compute_spectrum(PETSC_COMM_WORLD, J, settings);
+  }
+  return spectrum;
+}
+
+// Beyond the eigenvalues, where it is asked for.
+Pseudospectrum look_further(const LinearisedOperator& J, const Options& options, SpectrumResults& results) {
+  const Spectrum& spectrum = *results.spectrum;
+  if (options.boolean("spectrum_transient")) {
+    Pulse::stage("transient growth");
+    results.transient = transient_growth(J, spectrum.growth);
+    if (!results.transient) warn(std::string("-spectrum_transient: ") + no_norm);
+  }
+  const PetscInt side = options.integer("spectrum_pseudo");
+  if (side <= 0) return {};
+  Pulse::stage("pseudospectrum");
+  Pseudospectrum box =
+      pseudospectrum_beside(J, spectrum, side, Progress(options.text("progress"), "spectrum: "));
+  if (box.norm.empty()) warn(std::string("-spectrum_pseudo: ") + no_norm);
+  double kreiss = 0;
+  for (std::size_t k = 0; k < box.norm.size(); ++k)
+    kreiss = std::max(kreiss, box.re[k % box.re.size()] * box.norm[k]);
+  if (!box.norm.empty() && spectrum.stable) results.kreiss = kreiss;
+  return box;
+}
+
 }  // namespace
 
 std::vector<TableText> spectrum_tables() { return {keys(), mode_table(), state_table()}; }
@@ -280,52 +319,31 @@ int spectrum_command(const Options& options) {
   const Scene scene = Scene::from(options, true);
   return with_summary(summary, [&] {
     const Pulse pulse(options.text("progress"), "spectrum");
+    Pulse::stage("steady sliding");
     const SteadySliding steady(scene);
     const LinearisedOperator J(steady);
     SpectrumResults results{steady, J.size() * J.dof(), {}, {}, {}, {}};
     const auto tell = [&] { set_keys(summary, keys(), results); };
     tell();
-    SpectrumSettings settings;
-    settings.count = options.integer("spectrum_count");
-    settings.method = method_of(options.text("spectrum_method"));
-    settings.refine = options.text("spectrum_refine") == "auto";
-    Spectrum spectrum = compute_spectrum(PETSC_COMM_WORLD, J, settings);
-    const auto any_resolved = [&] {
-      return std::any_of(spectrum.modes.begin(), spectrum.modes.end(),
-                         [](const Mode& m) { return m.resolved; });
-    };
-    // Many modes at the edge of what the grid carries may stand right of those that it resolves.
-    for (int round = 0; round < 3 && !any_resolved(); ++round) {
-      settings.count *= 4;
-      spectrum = compute_spectrum(PETSC_COMM_WORLD, J, settings);
-    }
+    Pulse::stage("eigenvalues");
+    const Spectrum spectrum = resolved_spectrum(J, options);
     check_unused_after_setup(options, "snes pep dm");
     results.spectrum = spectrum;
     tell();
-    if (options.boolean("spectrum_transient")) {
-      results.transient = transient_growth(J, spectrum.growth);
-      if (!results.transient) warn(std::string("-spectrum_transient: ") + no_norm);
-    }
+    const auto say_verdict = [&] { summary.say("steady sliding is " + verdict(spectrum)); };
     Pseudospectrum box;
-    if (const PetscInt side = options.integer("spectrum_pseudo"); side > 0) {
-      box = pseudospectrum_beside(J, spectrum, side, Progress(options.text("progress"), "spectrum: "));
-      if (box.norm.empty()) warn(std::string("-spectrum_pseudo: ") + no_norm);
-      double kreiss = 0;
-      for (std::size_t k = 0; k < box.norm.size(); ++k)
-        kreiss = std::max(kreiss, box.re[k % box.re.size()] * box.norm[k]);
-      if (!box.norm.empty() && spectrum.stable) results.kreiss = kreiss;
-    }
+    keeping_what_is_found([&] { box = look_further(J, options, results); }, say_verdict);
     if (has_uniform_states(scene)) results.states = states_at_start(scene, options, summary);
     tell();
     write_file(steady, J, spectrum, box, options.text("out_file"), provenance);
-    if (!any_resolved())
+    if (!any_resolved(spectrum))
       warn("no mode found is resolved by the grid: take more nodes (grid_n), or -spectrum_refine off");
     for (const std::string& remark : spectrum.remarks) warn(remark);
     if (!spectrum.complete)
       warn("the rightmost mode may have been missed: " + spectrum.completeness_check);
     else if (!spectrum.list_complete)
       warn("the list of eigenvalues may have holes: " + spectrum.completeness_check);
-    summary.say("steady sliding is " + verdict(spectrum));
+    say_verdict();
     summary.say(fmt::format("{} modes of {} by {}; {}", spectrum.modes.size(), results.unknowns,
                             spectrum.method, spectrum.completeness_check));
     return 0;

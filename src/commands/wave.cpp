@@ -2,7 +2,8 @@
 // terminal.
 #include <cmath>
 
-#include "base/pulse.hpp"
+#include "base/found_until.hpp"
+#include "commands/continuation.hpp"
 #include "commands/table.hpp"
 #include "commands/wave_options.hpp"
 #include "stickslip/base/error.hpp"
@@ -56,7 +57,7 @@ Table<BranchRow> branch_table(const std::string& parameter, bool with_spectrum) 
            [](Row r) { return r.spectrum ? known_stable(*r.spectrum) : Json(); }, where}};
   if (with_spectrum)
     columns.push_back({"growth_rate", "1/time", "largest growth rate on the ring",
-                       [](Row r) { return r.spectrum->growth_rate; }});
+                       [](Row r) { return r.spectrum ? r.spectrum->growth_rate : std::nan(""); }});
   return {"branch.points", "branch/", "branch/point", columns};
 }
 
@@ -246,13 +247,17 @@ void describe(Summary& summary, const std::string& name, const TrainLimit& limit
 
 // With wave_spectrum, the stability of every train of the branch too.
 Branch find_branch(const Options& options, WaveResults& results) {
+  Pulse::stage("branch in " + results.parameter);
   Branch branch = continue_train(train_family(options, results.parameter), options.real(results.parameter),
                                  options.real("wave_to"), int(options.integer("wave_steps")));
-  for (const BranchPoint& point : branch.points) {
-    results.branch.push_back({point, {}});
-    if (options.boolean("wave_spectrum")) results.branch.back().spectrum = train_spectrum(point.train, 4);
-  }
   results.branch_end = branch.end;
+  for (const BranchPoint& point : branch.points) results.branch.push_back({point, {}});
+  if (!options.boolean("wave_spectrum")) return branch;
+  Pulse::stage("stability along the branch");
+  for (BranchRow& row : results.branch) {
+    row.spectrum = train_spectrum(row.point.train, 4);
+    beat("trains");
+  }
   return branch;
 }
 
@@ -316,6 +321,7 @@ int wave_command(const Options& options) {
   check_train_scene(scene);
   return with_summary(summary, [&] {
     const Pulse pulse(options.text("progress"), "wave");
+    Pulse::stage("the train");
     WaveResults results{scene,
                         request.pulses,
                         {},
@@ -335,15 +341,22 @@ int wave_command(const Options& options) {
     add_train(file, scene, *results.train);
     describe(summary, *results.train);
     if (options.boolean("wave_spectrum")) {
+      Pulse::stage("stability of the train");
       results.spectrum = train_spectrum(*results.train, int(options.integer("spectrum_count")));
       tell();
       add_rows(file, mode_table(), results.spectrum->modes);
       describe(summary, *results.spectrum);
     }
     if (options.is_set("wave_continue")) {
-      const Branch branch = find_branch(options, results);
-      tell();
-      add_branch(summary, file, results);
+      const auto tell_branch = [&] {
+        tell();
+        if (!results.branch.empty()) add_branch(summary, file, results);
+      };
+      Branch branch;
+      keeping_what_is_found([&] { branch = find_branch(options, results); }, tell_branch);
+      tell_branch();
+      end_at_signal(file, provenance);
+      Pulse::stage("ends of trains and changes of their stability");
       find_limits(options, branch, results);
       tell();
       add_limits(summary, file, results);

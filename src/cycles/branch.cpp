@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "cycles/infinite_period.hpp"
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/numerics/interpolation.hpp"
@@ -125,7 +126,11 @@ CycleBranch Walk::follow(int steps) {
   }
   last_ = look();
   add_point(last_);
-  branch_.end = Continuation::follow().value_or("cycle_steps " + std::to_string(steps) + " taken");
+  try {
+    branch_.end = Continuation::follow().value_or("cycle_steps " + std::to_string(steps) + " taken");
+  } catch (const Interrupted& e) {  // the next beat tells it again
+    branch_.end = std::string("stopped by ") + e.what();
+  }
   return branch_;
 }
 

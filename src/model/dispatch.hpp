@@ -1,13 +1,16 @@
 // From the name and the parameters of a law and a state law to their classes.
 #pragma once
 
+#include <memory>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
+#include <vector>
 
-#include "model/kernel.hpp"
-#include "model/law_list.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
+#include "model/kernel.hpp"
+#include "model/law_list.hpp"
 
 namespace stickslip {
 
@@ -75,42 +78,119 @@ std::vector<F> frictions_along(const F& friction, const FrictionParameters& p, c
   return all;
 }
 
-// Calls body(friction) with the class that the parameters name and returns what it returns, an R.
-template <class R, class Body>
-R dispatch_friction(const FrictionParameters& p, const Body& body) {
-  R result{};
-  bool found = false;
-  for_each_type(Laws(), [&](auto law_type) {
-    using L = typename std::decay_t<decltype(law_type)>::type;
-    if (p.law->name != L::name) return;
-    for_each_type(StateLaws(), [&](auto state_type) {
-      using S = typename std::decay_t<decltype(state_type)>::type;
-      if constexpr (classes_belong_together<L, S>()) {
-        if (p.state->name != S::name) return;
-        const L law = with_values<L>(p, "friction_");
-        const S state = with_values<S>(p, "state_");
-        found = true;
-        if constexpr (traits::takes_state<L>) {
-          result = body(OwnState<L, S>{law, state});
-        } else if constexpr (traits::jumps_at_rest<L>()) {
-          if (p.regularised) {
-            result = body(Product<L, SignRegularised, S>{law, state, {p.eps}});
-            return;
-          }
-          if constexpr (traits::takes_points<L>)
-            if (!p.jumps_at_rest()) {
-              result = body(Product<L, SignContinuous, S>{law, state, {}});
-              return;
-            }
-          result = body(Product<L, SignExact, S>{law, state, {}});
-        } else {
-          result = body(Product<L, SignExact, S>{law, state, {}});
-        }
-      }
+// Calls body(friction) with the class that friction by this law and state law has, and returns what that
+// returns.
+template <class L, class S, class Body>
+auto with_friction(const FrictionParameters& p, const Body& body) {
+  const L law = with_values<L>(p, "friction_");
+  const S state = with_values<S>(p, "state_");
+  if constexpr (traits::takes_state<L>) {
+    return body(OwnState<L, S>{law, state});
+  } else {
+    if constexpr (traits::jumps_at_rest<L>()) {
+      if (p.regularised) return body(Product<L, SignRegularised, S>{law, state, {p.eps}});
+      if constexpr (traits::takes_points<L>)
+        if (!p.jumps_at_rest()) return body(Product<L, SignContinuous, S>{law, state, {}});
+    }
+    return body(Product<L, SignExact, S>{law, state, {}});
+  }
+}
+
+// Calls body(Type<L>(), Type<S>()) for every law of the one list with every state law of the other that may
+// accompany it.
+template <class... Ls, class States, class Body>
+void for_each_pair(Types<Ls...> laws, States states, const Body& body) {
+  for_each_type(laws, [&](auto law) {
+    for_each_type(states, [&](auto state) {
+      using L = typename decltype(law)::type;
+      using S = typename decltype(state)::type;
+      if constexpr (classes_belong_together<L, S>()) body(law, state);
     });
   });
-  if (!found) throw std::logic_error("no law " + p.law->name + " with state law " + p.state->name);
-  return result;
+}
+
+template <class T>
+std::vector<Parameter> parameters_of() {
+  std::vector<Parameter> list;
+  for (const auto& declared : T::parameters()) list.push_back(declared.parameter);
+  return list;
+}
+// Of Type<S>, Type<L>: what the classes say of themselves. Without the state laws that may accompany a law.
+template <class TypeOfS>
+StateTraits traits_of_state() {
+  using S = typename TypeOfS::type;
+  return {S::name, S::symbol, S::unit, S::meaning, S::logarithmic, parameters_of<S>()};
+}
+template <class TypeOfL>
+LawTraits traits_of_law() {
+  using L = typename TypeOfL::type;
+  LawTraits traits{L::name,
+                   traits::jumps_at_rest<L>(),
+                   traits::continuous_derivatives<L>(),
+                   traits::only_for<L>(),
+                   parameters_of<L>(),
+                   {}};
+  if constexpr (traits::takes_points<L>) traits.continuous_at_rest = L::continuous_at_rest;
+  return traits;
+}
+// Whether the law takes this state law where none is named.
+template <class L, class S>
+bool is_usual() {
+  return traits::usual_state<L>() == std::string(S::name);
+}
+
+// ---- the list of laws (friction.cpp)
+
+// Beside those of the list, by a program of its own (commands/register_law.hpp), before the list is read.
+// Throws std::logic_error for a name that is there already.
+void add_law(LawTraits traits);
+void add_state_law(StateTraits traits);
+// That the two, by their names, go together; the usual one is taken where none is named.
+void let_accompany(const char* law, const char* state, bool usual);
+
+// ---- what is compiled for every law with every state law that may accompany it
+//
+// A family of such functions is a class with
+//     using Make = ...                                   a pointer to a function of the parameters and more
+//     template <class L, class S> static ... make(...)   which Make points to
+//     static LawTable<Make>& table();                    the laws of the list (listed), and those that a
+//                                                        program adds (register_law)
+// Each is compiled in a file of its own: together they take minutes.
+
+template <class Make>
+class LawTable {
+ public:
+  void add(const char* law, const char* state, Make make) { rows_.push_back({law, state, make}); }
+  Make of(const FrictionParameters& p) const {
+    for (const Row& row : rows_)
+      if (p.law->name == row.law && p.state->name == row.state) return row.make;
+    throw std::logic_error("no law " + p.law->name + " with state law " + p.state->name);
+  }
+
+ private:
+  struct Row {
+    const char *law, *state;
+    Make make;
+  };
+  std::vector<Row> rows_;
+};
+
+template <class Family, class Laws, class States>
+void add_to(LawTable<typename Family::Make>& table, Laws laws, States states) {
+  for_each_pair(laws, states, [&](auto law, auto state) {
+    using L = typename decltype(law)::type;
+    using S = typename decltype(state)::type;
+    table.add(L::name, S::name, &Family::template make<L, S>);
+  });
+}
+template <class Family>
+LawTable<typename Family::Make>& listed() {
+  static LawTable<typename Family::Make> table = [] {
+    LawTable<typename Family::Make> all;
+    add_to<Family>(all, Laws(), StateLaws());
+    return all;
+  }();
+  return table;
 }
 
 // The loop of any friction whose nodes are given (AnyFriction).
@@ -137,28 +217,39 @@ Function loop_of_any(const std::vector<std::shared_ptr<const Friction>>& nodes, 
                   : loop(kernel::AnyFriction<true, false, false>(), no);
 }
 
-// Loop<F, sticking>{friction, rest...} of that class F, in the version that suits this processor; with
+// Loop<F, sticking>{friction, rest...} of friction's class F, in the version that suits this processor; with
 // `places`, with what acts at each of them (friction_places). Only laws that stick have a loop with
 // `sticking`.
 template <class Function, template <class, bool> class Loop, class... Rest>
-Function loop_of_friction(const FrictionParameters& p, bool sticking, const FrictionPlaces& places,
-                          const Rest&... rest) {
-  if (!places.empty() && !p.terms.none())
-    return loop_of_any<Function, Loop>(Friction::along(p, places), p.regularised, sticking, rest...);
-  return dispatch_friction<Function>(p, [&](const auto& friction) -> Function {
-    using F = std::decay_t<decltype(friction)>;
-    const auto loop = [&](auto constant) -> Function {
-      constexpr bool sticks = decltype(constant)::value;
-      if (places.empty()) return kernel::compiled_where_worth<Function>(Loop<F, sticks>{friction, rest...});
-      return kernel::Baseline<Loop<kernel::Varying<F>, sticks>>{
-          {{std::make_shared<const std::vector<F>>(frictions_along(friction, p, places))}, rest...}};
-    };
-    if (!sticking) return loop(std::false_type());
-    if constexpr (F::sticks)
-      return loop(std::true_type());
-    else
-      throw std::logic_error("law " + p.law->name + " does not stick");
-  });
-}
+struct LoopFamily {
+  using Make = Function (*)(const FrictionParameters&, bool sticking, const FrictionPlaces&, const Rest&...);
+  static LawTable<Make>& table();
+
+  template <class L, class S>
+  static Function make(const FrictionParameters& p, bool sticking, const FrictionPlaces& places,
+                       const Rest&... rest) {
+    return with_friction<L, S>(p, [&](const auto& friction) -> Function {
+      using F = std::decay_t<decltype(friction)>;
+      const auto loop = [&](auto constant) -> Function {
+        constexpr bool sticks = decltype(constant)::value;
+        if (places.empty()) return kernel::compiled_where_worth<Function>(Loop<F, sticks>{friction, rest...});
+        return kernel::Baseline<Loop<kernel::Varying<F>, sticks>>{
+            {{std::make_shared<const std::vector<F>>(frictions_along(friction, p, places))}, rest...}};
+      };
+      if (!sticking) return loop(std::false_type());
+      if constexpr (F::sticks)
+        return loop(std::true_type());
+      else
+        throw std::logic_error("law " + p.law->name + " does not stick");
+    });
+  }
+  // For these parameters.
+  static Function of(const FrictionParameters& p, bool sticking, const FrictionPlaces& places,
+                     const Rest&... rest) {
+    if (!places.empty() && !p.terms.none())
+      return loop_of_any<Function, Loop>(Friction::along(p, places), p.regularised, sticking, rest...);
+    return table().of(p)(p, sticking, places, rest...);
+  }
+};
 
 }  // namespace stickslip

@@ -1,14 +1,24 @@
 #include "model/loops.hpp"
 
-#include "model/dispatch.hpp"
+#include "model/loop_families.hpp"
 
 namespace stickslip {
+
+LawTable<WholeFamily::Make>& WholeFamily::table() { return listed<WholeFamily>(); }
+template <>
+LawTable<OntoFamily::Make>& OntoFamily::table() {
+  return listed<OntoFamily>();
+}
+template <>
+LawTable<ReactionFamily::Make>& ReactionFamily::table() {
+  return listed<ReactionFamily>();
+}
 
 namespace {
 
 // Part::pointwise, or what Onto adds to the coupling between nodes.
 RangeLoop pointwise(const FrictionParameters& p, bool sticking, const FrictionPlaces& places, bool coupled) {
-  return loop_of_friction<RangeLoop, kernel::Onto>(p, sticking, places, coupled);
+  return OntoFamily::of(p, sticking, places, coupled);
 }
 
 // First what is coupled, by the loop that knows no law; then the rest.
@@ -22,28 +32,11 @@ RangeLoop in_two_passes(const FrictionParameters& p, int half_width, bool sticki
   };
 }
 
-// A law without a state, the same everywhere: where two passes would show.
-RangeLoop in_one_pass(const FrictionParameters& p, int half_width) {
-  return kernel::for_half_width(half_width, [&](auto hw) {
-    constexpr int constant = decltype(hw)::value;
-    return dispatch_friction<RangeLoop>(p, [](const auto& friction) -> RangeLoop {
-      using F = std::decay_t<decltype(friction)>;
-      if constexpr (F::has_state)
-        return {};
-      else
-        return kernel::compiled<RangeLoop>(kernel::Whole<constant, F>{friction});
-    });
-  });
-}
-
 template <int half_width, bool stencil_only>
 RangeLoop wave(int dof) {
   if (dof == 3) return kernel::compiled_where_worth<RangeLoop>(kernel::Wave<half_width, 3, stencil_only>{});
   return kernel::compiled_where_worth<RangeLoop>(kernel::Wave<half_width, 2, stencil_only>{});
 }
-
-template <class F, bool sticking>
-using ReactionOf = kernel::Reaction<F>;
 
 }  // namespace
 
@@ -51,11 +44,11 @@ RangeLoop whole_loop(const FrictionParameters& p, int half_width, bool sticking,
                      const FrictionPlaces& places) {
   if (half_width == 0) return pointwise(p, sticking, places, false);
   if (!places.empty() || p.has_state() || sticking) return in_two_passes(p, half_width, sticking, places);
-  return in_one_pass(p, half_width);
+  return WholeFamily::table().of(p)(p, half_width);  // where two passes would show
 }
 
 RangeLoop reaction_loop(const FrictionParameters& p, const FrictionPlaces& places) {
-  return loop_of_friction<RangeLoop, ReactionOf>(p, false, places);
+  return ReactionFamily::of(p, false, places);
 }
 
 // Of a medium with A = 1 in which nothing else acts the rate of psi is -F.

@@ -42,6 +42,7 @@ void MasslessChain::solve_velocities(Vec u) const {
     if (std::isnan(psi) && lost_at_ < 0) {
       lost_at_ = scene_.x(first_ + i);
       lost_from_ = at[0];
+      lost_is_overflow_ = node(i).law.steep;
     }
     at[0] = psi;
   }
@@ -59,6 +60,7 @@ void MasslessChain::find_edge(Vec u) const {
     if (!(slope < close * (B + std::abs(slope - B)))) continue;
     lost_at_ = scene_.x(first_ + i);
     lost_from_ = at[0];
+    lost_is_overflow_ = false;
   }
 }
 
@@ -68,11 +70,17 @@ std::string MasslessChain::velocity_jump(Vec u) const {
     double at;
     int rank;
   } largest{lost_at_, 0};
-  double lost[2] = {lost_at_, lost_from_};
+  double lost[3] = {lost_at_, lost_from_, double(lost_is_overflow_)};
   SS_TRY(MPI_Comm_rank(comm_, &largest.rank));
   SS_TRY(MPI_Allreduce(MPI_IN_PLACE, &largest, 1, MPI_DOUBLE_INT, MPI_MAXLOC, comm_));
-  SS_TRY(MPI_Bcast(lost, 2, MPI_DOUBLE, largest.rank, comm_));
+  SS_TRY(MPI_Bcast(lost, 3, MPI_DOUBLE, largest.rank, comm_));
   if (lost[0] < 0) return runaway(u);
+  if (lost[2] != 0)  // friction that is steep at rest rises with psi, so that there is a velocity
+    return fmt::format(
+        "the block at x = {:.6g} runs away from psi = {:.6g}: the velocity that goes with its force is "
+        "beyond "
+        "all numbers, and without mass nothing holds it back; take model_m > 0",
+        lost[0], lost[1]);
   return fmt::format(
       "the force on the block at x = {:.6g} does not say what psi is: from psi = {:.6g} on friction falls "
       "faster than zeta psi rises (zeta/f0 + F_psi <= 0), and without mass psi would jump; take model_m > 0",

@@ -44,6 +44,7 @@ class MasslessChain {
   PetscInt first_, local_;
   int dof_;
   mutable double lost_at_ = -1, lost_from_ = 0;  // x of a node without psi, and the psi that it came from
+  mutable bool lost_is_overflow_ = false;        // it has one, beyond all numbers
 };
 
 }  // namespace stickslip

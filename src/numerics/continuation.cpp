@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/text.hpp"
 #include "stickslip/numerics/roots.hpp"
@@ -40,6 +41,7 @@ Continuation::End Continuation::follow() {
     try {
       if (End end = step()) return end;
       ++taken;
+      beat("points of branches");
     } catch (const Error& e) {
       ds_ /= 2;
       refusal = e.what();

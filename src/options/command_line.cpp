@@ -4,12 +4,13 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "base/failure.hpp"
 #include "base/broadcast.hpp"
+#include "base/failure.hpp"
+#include "stickslip/base/json_values.hpp"
 #include "options/columns.hpp"
+#include "options/unset_word.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/base/json_values.hpp"
 #include "stickslip/base/root.hpp"
 #include "stickslip/options/scene_file.hpp"
 
@@ -84,7 +85,8 @@ std::string path_beside(const std::string& name, const std::string& where) {
 // written, and a restart does not read it again.
 void take_in_table(Given& given) {
   const OptionSpec* spec = find_option(given.name);
-  if (!spec || spec->type != OptionType::pairs || !given.text || given.text->find(':') != std::string::npos)
+  if (!spec || spec->type != OptionType::pairs || !given.text || given.text->find(':') != std::string::npos ||
+      takes_away(*spec, *given.text))
     return;
   Pairs pairs;
   const Rows rows = read_columns(spec->name, path_beside(*given.text, given.where), 2, 2);

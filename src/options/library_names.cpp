@@ -46,10 +46,15 @@ std::vector<std::string_view> constants_of_libraries() {
   return search.found;
 }
 
+std::set<std::string>& added_names() {
+  static std::set<std::string> names;
+  return names;
+}
+
 bool in_name(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; }
 
 std::vector<std::string> read_names() {
-  std::set<std::string> names;
+  std::set<std::string> names = added_names();
   for (const std::string_view text : constants_of_libraries())
     for (auto at = text.find('-'); at != text.npos; at = text.find('-', at + 1)) {
       std::size_t end = at + 1;
@@ -68,6 +73,8 @@ bool stands_there(const std::string& name) {
 }
 
 }  // namespace
+
+void add_library_name(const std::string& name) { added_names().insert(lower_case(name)); }
 
 const std::vector<std::string>& library_names() {
   static const std::vector<std::string> names = read_names();

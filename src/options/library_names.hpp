@@ -12,6 +12,8 @@ namespace stickslip {
 // All that stand there, in lower case, without the dash. Names without an underscore, which chance may put
 // there, are left out. The libraries need not have been started.
 const std::vector<std::string>& library_names();
+// One more, of an object that the program has added to the libraries, before they are asked for.
+void add_library_name(const std::string& name);
 
 // The name of an inner object's option as its own object asks for it: ksp_rtol for st_ksp_rtol, pc_type for
 // sub_pc_type, mg_levels_1_pc_type and fieldsplit_u_pc_type.

@@ -4,11 +4,18 @@
 #include <set>
 
 #include "base/failure.hpp"
+#include "options/unset_word.hpp"
 #include "options/values.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
 
 namespace stickslip {
+
+bool takes_away(const OptionSpec& spec, const std::string& text) {
+  const bool any_text = spec.type == OptionType::text || spec.type == OptionType::text_list;
+  return !any_text && (text == "none" || text == "unlimited") && text == spec.default_help &&
+         spec.default_text.empty();
+}
 
 void Options::set(const Given& given) {
   const OptionSpec* spec = find_option(given.name);
@@ -18,6 +25,11 @@ void Options::set(const Given& given) {
       if (spec->type != OptionType::boolean)
         throw usage_error("-{}{}: needs a value, {}", spec->name, in_place(given.where), requirement(*spec));
       text = "true";
+    }
+    if (takes_away(*spec, text)) {
+      values_.erase(spec->name);
+      lines_.erase(spec->name);
+      return;
     }
     check_value(*spec, text, given.where);
     values_[spec->name] = text;

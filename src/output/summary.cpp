@@ -14,7 +14,7 @@
 #include <utility>
 
 #include "base/paths.hpp"
-#include "base/pulse.hpp"
+#include "base/found_until.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/base/json_values.hpp"
 #include "stickslip/base/root.hpp"
@@ -216,14 +216,19 @@ int detail::summarise_exception(Summary& summary) noexcept {
       throw;
     } catch (const Interrupted& e) {
       summary.stopped(e.what());
+      summary.say(std::string("stopped by ") + e.what() +
+                  (ended_during().empty() ? "" : ": " + ended_during()) +
+                  "; the summary has what was found until then");
       int ranks = 1;
       MPI_Comm_size(PETSC_COMM_WORLD, &ranks);
-      if (ranks == 1) {
-        summary.write();
-        summary.say(std::string("stopped by ") + e.what() + "; the summary has what was found until then");
+      if (ranks > 1) {  // which are elsewhere: the first speaks, and all are ended
+        summary.write_alone();
         summary.tell();
-        return e.exit_code();
+        return 0;
       }
+      summary.write();
+      summary.tell();
+      return e.exit_code();
     } catch (const Error& e) {
       if (e.exit_code() == 2) return 0;  // wrong use: nothing was computed, nothing is summarised
       summary.failed(e.what());

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "base/found_until.hpp"
 #include "base/local_values.hpp"
 #include "base/log_stage.hpp"
 #include "stability/guesses.hpp"
@@ -54,7 +55,15 @@ std::vector<Mode> dense_modes(const LinearisedOperator& s, PetscInt count) {
   SS_TRY(EPSSetType(eps, EPSLAPACK));
   SS_TRY(EPSSetWhichEigenpairs(eps, EPS_LARGEST_REAL));
   const LogStage solving("eigenvalues");
+  constexpr PetscInt takes_a_second = 500;
+  if (n > takes_a_second)
+    announce(
+        fmt::format("all eigenvalues of {} unknowns in one call of LAPACK's, some {:.0f} s, which hears no "
+                    "signal but a second one",
+                    n, std::ceil(7e-9 * std::pow(double(n), 3))),
+        "dense matrices");
   SS_TRY(EPSSolve(eps));
+  beat("dense matrices");
   PetscInt found = 0;
   SS_TRY(EPSGetConverged(eps, &found));
   VecHandle re, im;

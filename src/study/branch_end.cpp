@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/cycles/smooth_cycle.hpp"
 #include "stickslip/cycles/stick_cycle.hpp"
@@ -164,6 +165,7 @@ BranchEnd::Branch BranchEnd::follow(PlanePoint from, PlanePoint to) {
     };
     const CycleBranch branch =
         continue_cycle(*path, first, "the line", 0, range, most_steps, watch, Follow::while_stable);
+    beat("branches");  // one that a signal ended is no answer
     found.until = branch.points.back().value;
     found.arrives = branch.special.empty() && std::abs(found.until - range) < 1e-9 * range;
     found.at_hopf = !branch.special.empty() && branch.special.back().kind == "hopf";

@@ -4,11 +4,11 @@
 #include <cmath>
 #include <limits>
 
-#include "base/pulse.hpp"
+#include "base/found_until.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/error.hpp"
-#include "stickslip/output/reader.hpp"
 #include "stickslip/options/library_options.hpp"
+#include "stickslip/output/reader.hpp"
 #include "stickslip/time/methods.hpp"
 #include "study/smoothness.hpp"
 #include "study/work_precision.hpp"
@@ -252,13 +252,17 @@ int chart_errors(const Options& options) {
       for (const std::size_t i : chart_front(results.rows)) results.rows[i].best = true;
       set_keys(summary, keys(), results);
     };
-    try {
-      chart.find_references();
-      chart.run_rows();
-    } catch (...) {
-      report();
-      throw;
-    }
+    keeping_what_is_found(
+        [&] {
+          try {
+            chart.find_references();
+            chart.run_rows();
+          } catch (...) {
+            report();
+            throw;
+          }
+        },
+        [&] { describe(summary, results.rows); });
     report();
     if (chart_front(results.rows).empty())
       warn(

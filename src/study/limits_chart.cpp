@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "base/progress.hpp"
-#include "base/pulse.hpp"
+#include "base/found_until.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/options/library_options.hpp"
@@ -171,7 +171,8 @@ int chart_limits(const Options& options) {
           progress.show(fmt::format("row {} of {}{} ({}{})", rows.size() + 1, all,
                                     progress.left(double(rows.size()) / double(all)), choice.name(),
                                     choice.splits() ? ":" + choice.implicit : ""));
-        rows.push_back(limits.row(choice));
+        keeping_what_is_found([&] { rows.push_back(limits.row(choice)); },
+                              [&] { summary.say(fmt::format("{} of {} rows", rows.size(), all)); });
         rows.back().value = scene.value;
         set_keys(summary, keys(), results);
       }

@@ -147,6 +147,7 @@ void MediumLines::follow_trains(double y, std::vector<TrainLimitLine>& lines,
       } catch (const Failure&) {  // no train there
         break;
       }
+      beat("branches");  // one that a signal ended is no answer
       std::pair<double, double> reach{x, x};
       for (const BranchPoint& p : branch.points)
         reach = {std::min(reach.first, p.value), std::max(reach.second, p.value)};

@@ -10,6 +10,7 @@
 #include "stickslip/time/time.hpp"
 #include "time/added_tableaus.hpp"
 #include "time/leapfrog.hpp"
+#include "time/registered_methods.hpp"
 
 namespace stickslip {
 
@@ -279,6 +280,7 @@ void register_time_steppers() {
     SS_TRY(TSRKRegister(t.method.subtype, t.method.order, stages, t.A.data(), t.b.data(), nullptr,
                         t.embedded.empty() ? nullptr : t.embedded.data(), 0, nullptr));
   }
+  for (const RegisteredMethod& own : registered_methods()) SS_TRY(TSRegister(own.method.type, own.create));
 }
 
 }  // namespace stickslip

@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <map>
+#include <stdexcept>
 
 #include "base/failure.hpp"
+#include "options/library_names.hpp"
 #include "stickslip/base/text.hpp"
 #include "time/added_tableaus.hpp"
 #include "time/fused_ts.hpp"
 #include "time/leapfrog.hpp"
+#include "time/registered_methods.hpp"
 
 namespace stickslip {
 
@@ -86,12 +89,36 @@ std::vector<Method> make_table() {
   if (!FusedTs::fused_type(leapfrog_type).empty())
     table.push_back({leapfrog_type, "", imex, 2, never, "the classical method for waves; long fixed steps"});
   for (const AddedTableau& added : added_tableaus()) table.push_back(added.method);
+  for (const RegisteredMethod& registered : registered_methods()) table.push_back(registered.method);
   return table;
+}
+
+struct Registry {
+  std::vector<RegisteredMethod> methods;
+  bool read = false;  // no more can be added
+};
+Registry& registry() {
+  static Registry all;
+  return all;
 }
 
 }  // namespace
 
+const std::vector<RegisteredMethod>& registered_methods() { return registry().methods; }
+
+void register_method(const Method& method, PetscErrorCode (*create)(TS),
+                     const std::vector<std::string>& options) {
+  const std::string type = method.type;
+  if (registry().read) throw std::logic_error("method " + type + ": it is registered too late");
+  if (*method.subtype) throw std::logic_error("method " + type + ": a type of one's own has no subtypes");
+  for (const Method& other : make_table())
+    if (type == other.type) throw std::logic_error("two methods are called " + type);
+  registry().methods.push_back({method, create});
+  for (const std::string& name : options) add_library_name(name);
+}
+
 const std::vector<Method>& methods() {
+  registry().read = true;
   static const std::vector<Method> table = make_table();
   return table;
 }

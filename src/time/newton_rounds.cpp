@@ -1,10 +1,18 @@
-#include "model/dispatch.hpp"
-#include "time/tile_kernels.hpp"
+#include "time/tile_families.hpp"
 
-namespace stickslip::tile {
+namespace stickslip {
 
-NewtonRound newton_round(const Scene& scene, bool sticking, const FrictionPlaces& places) {
-  return loop_of_friction<NewtonRound, kernel::NewtonRound>(scene.friction, sticking, places);
+template <>
+LawTable<tile::NewtonRoundFamily::Make>& tile::NewtonRoundFamily::table() {
+  return listed<tile::NewtonRoundFamily>();
 }
 
-}  // namespace stickslip::tile
+namespace tile {
+
+NewtonRound newton_round(const Scene& scene, bool sticking, const FrictionPlaces& places) {
+  return NewtonRoundFamily::of(scene.friction, sticking, places);
+}
+
+}  // namespace tile
+
+}  // namespace stickslip

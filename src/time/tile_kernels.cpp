@@ -1,8 +1,13 @@
-#include "time/tile_kernels.hpp"
+#include "time/tile_families.hpp"
 
-#include "model/dispatch.hpp"
+namespace stickslip {
 
-namespace stickslip::tile {
+template <>
+LawTable<tile::PointwiseFamily::Make>& tile::PointwiseFamily::table() {
+  return listed<tile::PointwiseFamily>();
+}
+
+namespace tile {
 
 Stencil stencil(const Scene& scene) {
   return kernel::for_half_width(scene.order / 2, [](auto half_width) -> Stencil {
@@ -11,7 +16,9 @@ Stencil stencil(const Scene& scene) {
 }
 
 Pointwise pointwise(const Scene& scene, bool sticking, const FrictionPlaces& places) {
-  return loop_of_friction<Pointwise, kernel::PointwiseOfColumns>(scene.friction, sticking, places);
+  return PointwiseFamily::of(scene.friction, sticking, places);
 }
 
-}  // namespace stickslip::tile
+}  // namespace tile
+
+}  // namespace stickslip

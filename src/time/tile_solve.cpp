@@ -1,11 +1,18 @@
-#include "time/tile_kernels.hpp"
+#include "time/tile_families.hpp"
 
-#include "model/dispatch.hpp"
+namespace stickslip {
 
-namespace stickslip::tile {
-
-SolveStage solve_stage(const Scene& scene, bool sticking, const FrictionPlaces& places) {
-  return loop_of_friction<SolveStage, kernel::SolveStage>(scene.friction, sticking, places);
+template <>
+LawTable<tile::SolveStageFamily::Make>& tile::SolveStageFamily::table() {
+  return listed<tile::SolveStageFamily>();
 }
 
-}  // namespace stickslip::tile
+namespace tile {
+
+SolveStage solve_stage(const Scene& scene, bool sticking, const FrictionPlaces& places) {
+  return SolveStageFamily::of(scene.friction, sticking, places);
+}
+
+}  // namespace tile
+
+}  // namespace stickslip

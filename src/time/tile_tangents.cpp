@@ -1,10 +1,18 @@
-#include "model/dispatch.hpp"
-#include "time/tile_kernels.hpp"
+#include "time/tile_families.hpp"
 
-namespace stickslip::tile {
+namespace stickslip {
 
-NodeTangents tangents(const Scene& scene, bool sticking, const FrictionPlaces& places) {
-  return loop_of_friction<NodeTangents, kernel::TangentsOfColumns>(scene.friction, sticking, places);
+template <>
+LawTable<tile::TangentsFamily::Make>& tile::TangentsFamily::table() {
+  return listed<tile::TangentsFamily>();
 }
 
-}  // namespace stickslip::tile
+namespace tile {
+
+NodeTangents tangents(const Scene& scene, bool sticking, const FrictionPlaces& places) {
+  return TangentsFamily::of(scene.friction, sticking, places);
+}
+
+}  // namespace tile
+
+}  // namespace stickslip

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/pulse.hpp"
 #include "stickslip/base/error.hpp"
 #include "stickslip/numerics/continuation.hpp"
 #include "waves/train_field.hpp"
@@ -77,7 +78,11 @@ class TrainWalk : public Continuation {
     branch_.points.push_back({from, first, false});
   }
   Branch follow(int steps) {
-    branch_.end = Continuation::follow().value_or("wave_steps " + std::to_string(steps) + " taken");
+    try {
+      branch_.end = Continuation::follow().value_or("wave_steps " + std::to_string(steps) + " taken");
+    } catch (const Interrupted& e) {  // the next beat tells it again
+      branch_.end = std::string("stopped by ") + e.what();
+    }
     return branch_;
   }
   bool begins_along_parameter() const { return !(std::abs(t_[0]) + std::abs(t_[1]) > 0); }

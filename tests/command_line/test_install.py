@@ -1,6 +1,8 @@
 """What `cmake --install` puts in place works from there: the program, a project that finds the library, man page,
 completion; and the source as a part of another project."""
 import glob
+import json
+import math
 import os
 import re
 import subprocess
@@ -28,6 +30,19 @@ int main(int argc, char** argv) {
   PetscCall(PetscFinalize());
   return 0;
 }
+"""
+
+
+OWN = os.path.join(SOURCE, "tests", "examples", "own", "program.cpp")
+PROJECT = """cmake_minimum_required(VERSION 3.25)
+project(user LANGUAGES CXX)
+find_package(stickslip 0.2 REQUIRED)
+add_executable(user user.cpp)
+target_link_libraries(user stickslip::core)
+add_executable(program "{own}")
+target_link_libraries(program stickslip::laws)
+add_library(headers OBJECT headers.cpp)
+target_link_libraries(headers stickslip::laws)
 """
 
 
@@ -69,14 +84,75 @@ def test_installed():
         with open(path, encoding="utf-8") as file:
             said_there = file.read()
         check(not any(word in said_there for word in (SOURCE, "/usr/lib", "/usr/include", os.path.abspath("."))), f"an absolute path in {path}")
-    with open("user.cpp", "w", encoding="utf-8") as file:
-        file.write(USER)
-    with open("CMakeLists.txt", "w", encoding="utf-8") as file:
-        file.write("cmake_minimum_required(VERSION 3.25)\nproject(user LANGUAGES CXX)\nfind_package(stickslip 0.2 REQUIRED)\n"
-                   "add_executable(user user.cpp)\ntarget_link_libraries(user stickslip::core)\n")
-    said("cmake", "-G", "Ninja", "-S", ".", "-B", "own", f"-DCMAKE_PREFIX_PATH={prefix}")
+    include = os.path.join(prefix, "include")
+    headers = sorted(os.path.relpath(path, include)
+                     for path in glob.glob(os.path.join(include, "stickslip", "**", "*.hpp"), recursive=True)
+                     if "/source/" not in path)
+    for name, text in (("user.cpp", USER), ("CMakeLists.txt", PROJECT.format(own=OWN)),
+                       ("headers.cpp", "".join(f'#include "{header}"\n' for header in [*headers, "commands/register_law.hpp"]))):
+        with open(name, "w", encoding="utf-8") as file:
+            file.write(text)
+    # at -O1: what is computed is the same, and compiled in half the time
+    said("cmake", "-G", "Ninja", "-S", ".", "-B", "own", f"-DCMAKE_PREFIX_PATH={prefix}", "-DCMAKE_BUILD_TYPE=None",
+         "-DCMAKE_CXX_FLAGS=-O1")
     said("cmake", "--build", "own")
     check(said(os.path.join("own", "user")) == "2.68955\n", "a program of one's own: the train of the README")
+    check_own_program(os.path.abspath(os.path.join("own", "program")))
+
+
+def summary_of(program, words):
+    return json.loads(said(program, *words.split(), "-progress", "off", "-summary", "-"))
+
+
+# Scenes of the cubic law in all commands that know laws, and keys that must be the same with the one that was registered.
+RING = "-grid_n 32 -grid_length 20"
+BLOCK = "-model_form chain -grid_n 1 -bc_left free"
+SCENES = [
+    (f"run {RING} -init_type sine -ts_max_time 3", "steps psi_min psi_max eta_mean rhs_evaluations"),
+    (f"run {RING} -init_type sine -ts_max_time 3 -ts_type arkimex -imex_implicit friction", "steps psi_min psi_max eta_mean"),
+    (f"run {RING} -init_type sine -ts_max_time 3 -ts_type arkimex -imex_implicit both", "steps psi_min psi_max eta_mean"),
+    (f"run {RING} -init_type sine -ts_max_time 3 -ts_type rosw -imex_implicit friction", "steps psi_min psi_max eta_mean"),
+    (f"run {RING} -init_type sine -ts_max_time 3 -friction_spread 0.2 -friction_spread_kind uniform", "steps psi_min psi_max"),
+    (f"spectrum {RING} -model_v 0.95", "growth_rate frequency"),
+    (f"boundary {RING} -boundary_parameter model_v -boundary_from 0.5 -boundary_to 1.5 -boundary_of sliding", "points"),
+    (f"cycle {BLOCK} -model_v 0.3", "period psi_max psi_min multipliers"),
+    ("wave -model_delta 0 -model_v 0.5 -wave_speed 2", "length psi_max")]
+
+
+def close(a, b):
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(close(a[key], b[key]) for key in a)
+    if isinstance(a, list):
+        return len(a) == len(b) and all(close(*pair) for pair in zip(a, b))
+    return a == pytest.approx(b, rel=1e-7, abs=1e-9) if isinstance(a, float) else a == b
+
+
+def check_own_program(program):
+    """Its law is the cubic without what that has in closed form: loops have the same bits, searches their tolerance."""
+    for scene, keys in SCENES:
+        built_in, own = (summary_of(program, f"{scene} -friction_law {law}") for law in ("cubic", "my-cubic"))
+        for key in keys.split():
+            exact = scene.startswith("run")
+            check(built_in[key] == own[key] if exact else close(built_in[key], own[key]),
+                  f"{scene}: {key} {built_in[key]}, of one's own {own[key]}")
+    # its parameter: twice the law is friction with twice the amplitude
+    twice = [summary_of(program, f"spectrum {BLOCK} -model_v 0.4 {words}")["growth_rate"]
+             for words in ("-friction_law my-cubic -friction_scale 2", "-model_m 0.5 -model_f0 1 -model_k0 0.1")]
+    exact = (1.68 + math.sqrt(1.68**2 - 4 * 0.2)) / 2  # of lambda^2 + 2 phi' lambda + k0 = 0
+    check(twice == pytest.approx([exact, exact], rel=1e-9), f"scale: {twice}")
+    laws = summary_of(program, "laws -laws_points 5")
+    check(laws["my-cubic"] == pytest.approx(laws["cubic"], rel=1e-15), "laws")
+    check("my-cubic: multiplies it" in said(program, "run", "-help"), "help")
+    refused = subprocess.run([program, "run", "-friction_law", "cubic", "-friction_scale", "2"], capture_output=True, text=True)
+    check(refused.returncode == 2 and "friction_scale" in refused.stderr, refused.stderr)
+    # Heun's method is PETSc's 2a
+    steps = f"run {RING} -init_type sine -ts_max_time 2 -ts_dt 0.02 -ts_adapt_type none -out_probes 3.3"
+    heun, known = (summary_of(program, f"{steps} {words}") for words in ("-ts_type heun", "-ts_type rk -ts_rk_type 2a"))
+    check(heun["method"] == "heun" and heun["steps"] == known["steps"] == 100, f"{heun['method']}, {heun['steps']} steps")
+    check(close(heun["probes"], known["probes"]), f"{heun['probes']}, {known['probes']}")
+    rows = summary_of(program, f"chart {RING} -init_type sine -ts_max_time 0.5 -chart_methods heun -chart_steps 0.02,0.01 "
+                               "-chart_orders 4 -chart_grids 32 -chart_repeats 1")["rows"]
+    check([row["method"] for row in rows] == ["heun", "heun"] and 3.5 < rows[0]["error"] / rows[1]["error"] < 4.5, f"{rows}")
 
 
 def test_part_of_another_project():

@@ -205,3 +205,16 @@ def test_the_mean_over_a_period_of_the_load():
     check(again["psi_loaded_mean"] == whole["psi_loaded_mean"], "behind a restart")
     held, _ = run("-grid_n 16 -grid_length 5 -bc_left velocity -load_sine_amplitude 0.05 -load_sine_period 7 -ts_max_time 15")
     check(held["psi_loaded_mean"] is None, "not with a held end")
+
+
+def test_none_takes_away_what_the_scene_sets():
+    with open("s.yaml", "w", encoding="utf-8") as file:
+        file.write("model: {form: chain, v: 0.3}\nload_v: '0:0.3,1:2'\nfriction_amplitude_profile: '0:1,3:2'\naccuracy: 1e-3\n"
+                   "ts_max_steps: 3\ngrid_n: 4\nbc_left: free\nts_max_time: 2\n")
+    words = "-load_v none -friction_amplitude_profile none -accuracy none -ts_max_steps unlimited"
+    without, _ = run(f"s.yaml {words}")
+    plain, _ = run("-model_form chain -model_v 0.3 -grid_n 4 -bc_left free -ts_max_time 2")
+    for key in set(plain) - {"wall_s"}:
+        assert without[key] == plain[key], key
+    check(without["options"]["load_v"] == "", "the summary knows none")
+    refused("-load_v nothing -ts_max_time 1", 2, "load_v", "nothing")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from calls import check, data, refused, run
+from calls import check, data, refused, run, scene_file
 from reference import System, options, words
 
 CHAIN = "-model_form chain -model_m 0 "
@@ -209,4 +209,6 @@ def test_a_runaway_is_called_one():
     scene = "-model_form chain -model_m 0 -grid_n 1 -bc_left free -friction_law rate-and-state -friction_a 0.01 -friction_b 0.03 " \
             "-friction_D 0.01 -model_k0 0.5 -model_v 0.01 -ts_max_time 100 "
     refused(scene + "-init_psi 0.011 -init_eta steady -init_state steady", 1, "a block runs away", "model_m > 0")
+    # at once, so that its velocity is beyond all numbers within the first step
+    refused(f"{scene_file('published/rice-ruina')} -init_psi 10", 1, "runs away from psi = 10", "model_m > 0")
     refused(scene + "-init_psi steady -init_eta steady -init_state 0.5", 1, "not finite", "model_m > 0")

@@ -1,7 +1,9 @@
 """The word for where a motion goes, on motions that look like another one: slow decay, loading, rest, starts that are
 exactly steady. Random scenes stand in tests/audit/test_regime.py."""
+import glob
+
 import pytest
-from calls import run, scene_file
+from calls import call, run, scene_file
 
 BLOCK = "-model_form chain -grid_n 1 -bc_left free -init_psi 0 -init_eta 0 "
 CARLSON_LANGER = BLOCK + "-friction_law carlson-langer -model_v .01 -model_k0 1 "
@@ -142,3 +144,40 @@ def test_noise_of_settled_sliding():
                     "1.4386143472817996 -model_c 1.5806041383582425 -model_delta 0.06079175508211032 -grid_length 21.353658 "
                     "-grid_order 6 -scene_reduce off -init_psi 0.83 -init_eta steady -init_noise 0.008 -ts_max_time 2000")
     assert out["regime"] == "sliding" and out["amplitude"] > 1e-5, out
+
+
+# ---- rests ----
+
+SLIDER = "-model_form chain -grid_n 1 -bc_left free -friction_law carlson-langer"
+
+
+@pytest.mark.parametrize("law, tolerance", [("", 1e-6), ("-friction_stick regularised -friction_eps 1e-3", 5e-3)])
+def test_rest_fraction_is_the_cycles(law, tolerance):
+    """Whole periods in the last quarter, so that where it begins does not matter; with regularised friction up to the steps at
+    the ends of a rest."""
+    scene = f"{SLIDER} -model_v 0.5 -model_zeta 0.1 {law}"
+    cycle, _ = run(scene, command="cycle")
+    found, said = run(f"{scene} -ts_max_time {4 * 5 * cycle['period']!r} -ts_rtol 1e-9 -ts_atol 1e-10")
+    assert found["regime"] == "stick-slip" and 0.1 < cycle["rest_fraction"] < 0.9
+    assert found["rest_fraction"] == pytest.approx(cycle["rest_fraction"], abs=tolerance)
+    alike, _ = run(f"{scene} -grid_n 5 -scene_reduce off -model_k1 0 -ts_max_time {4 * 5 * cycle['period']!r} -ts_rtol 1e-9 "
+                   "-ts_atol 1e-10", 2)
+    assert alike["rest_fraction"] == pytest.approx(found["rest_fraction"], abs=tolerance)
+
+
+def test_an_oscillation_that_never_rests():
+    """It swings through psi = 0 both ways, and its force never holds it there."""
+    scene = f"{SLIDER} -model_k0 1 -model_zeta 0.005 -model_v 6 -ts_max_time 100 -out_file r.h5 -out_checkpoint_every 300"
+    found, _ = run(scene)
+    said = call(f"{scene} -progress auto").stderr
+    assert found["regime"] == "stick-slip" and found["psi_low"] < 0 and found["rest_fraction"] == 0
+    assert "though nothing rests" in said
+
+
+def test_rest_fraction_through_a_checkpoint():
+    scene = f"{SLIDER} -model_v 0.5 -model_zeta 0.1 -ts_max_time 60 -out_file whole.h5"
+    whole, _ = run(f"{scene} -out_checkpoint_every 50 -out_checkpoint_keep 9")
+    checkpoints = sorted(glob.glob("whole.chk-*.h5"))
+    for checkpoint in (checkpoints[0], checkpoints[-2]):
+        again, _ = run(f"-restart {checkpoint} -out_file again.h5")
+        assert again["rest_fraction"] == whole["rest_fraction"] > 0.1, checkpoint

@@ -1,9 +1,13 @@
 """Searches end: weakly damped blocks, SI units, growth without bound, checks of ends; progress and signals."""
 import json
+import os
+import pty
+import re
 import signal
 import subprocess
 import time
 
+import h5py
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -126,6 +130,67 @@ def test_a_search_answers_a_signal_and_tells_how_far_it_is(number, code):
         found = json.load(file)
     check(found["status"] == "stopped" and found["reason"] == signal.Signals(number).name, found["reason"])
     check(any(p["of"] == "sliding" for p in found["points"]) and found["evaluations"] > 100, "what was reached")
+
+
+def stopped_at(arguments, command, sign):
+    """Sends SIGINT once the progress, as a terminal has it, shows `sign`: what is said at the end, and the summary."""
+    told = [word for word in line(f"{arguments} -summary s.json", command=command) if word not in ("-progress", "off")]
+    terminal, stderr = pty.openpty()
+    with subprocess.Popen(told, stderr=stderr, stdout=subprocess.DEVNULL) as process:
+        os.close(stderr)
+        said = ""
+        while True:
+            try:
+                said += os.read(terminal, 4096).decode()
+            except OSError:  # the terminal of a program that has ended
+                break
+            if sign and re.search(sign, said):
+                process.send_signal(signal.SIGINT)
+                sign = None
+    os.close(terminal)
+    check(sign is None and process.returncode == 130, f"{process.returncode}: {said}")
+    with open("s.json", encoding="utf-8") as file:
+        found = json.load(file)
+    check(found["status"] == "stopped" and found["reason"] == "SIGINT", found["reason"])
+    return said[said.rindex("\033[K"):], found
+
+
+def test_the_part_of_a_branch_that_was_followed_is_kept():
+    said, found = stopped_at("-model_delta 0 -model_v 0 -model_gamma 10 -cycle_spectrum -cycle_continue model_v -cycle_to 0.99 "
+                             "-cycle_steps 1000 -out_file c.h5", "cycle", r"branch in model_v.* [3-9] points of branches")
+    points = found["branch"]["points"]
+    check(len(points) >= 3 and found["branch"]["end"] == "stopped by SIGINT", found["branch"]["end"])
+    check(f"branch in model_v: {len(points)} points; stopped by SIGINT" in said and "stopped by SIGINT: branch in model_v" in said, said)
+    with h5py.File("c.h5") as file:
+        check(np.array_equal(file["branch/value"][:], [p["value"] for p in points]), "the file has them")
+    # they are those of the whole branch
+    whole, _ = run("-model_delta 0 -model_v 0 -model_gamma 10 -cycle_continue model_v -cycle_to 0.99 -cycle_steps 1000 ", command="cycle")
+    for one, same in zip(points, whole["branch"]["points"]):
+        check(one["value"] == same["value"] and one["period"] == same["period"], (one, same))
+
+
+def test_the_part_of_a_branch_of_trains_is_kept():
+    said, found = stopped_at("-model_delta 0 -model_v 0.5 -wave_speed 2 -wave_spectrum -wave_continue model_v -wave_to 0.99 "
+                             "-wave_steps 1000 -out_file w.h5", "wave", "stability along the branch")
+    check(len(found["branch"]["points"]) > 10 and "stopped by SIGINT: stability along the branch" in said, said)
+    check(any(point["stable"] is None for point in found["branch"]["points"]), "of the last trains stability is not known")
+
+
+@pytest.mark.parametrize("command, scene, sign, words", [
+    ("boundary", LONG.replace("-summary found.json", ""), "waves on 81", "points where sliding ends, "),
+    ("chart", f"{scene_file('chart-stiff-friction')} -ts_max_time 50", "row [2-9]", "rows have an error that is known"),
+    ("chart", f"{scene_file('chart-stiff-friction')} -chart_kind limits", "row [2-9]", "rows"),
+    ("spectrum", "-grid_n 100 -model_v 0.98 -spectrum_pseudo 1000", "pseudospectrum|resolvent", "steady sliding is ")])
+def test_the_last_lines_say_what_was_reached(command, scene, sign, words):
+    said, _ = stopped_at(scene, command, sign)
+    check(words in said and "stopped by SIGINT" in said, said)
+
+
+def test_a_call_that_hears_no_signal_is_announced():
+    words = line("-grid_n 260 -spectrum_method dense -spectrum_refine off", command="spectrum")
+    words[words.index("-progress") + 1] = "on"
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    check("all eigenvalues of 520 unknowns in one call" in done.stderr, done.stderr)
 
 
 @pytest.mark.parametrize("scene", ["-model_delta 0 -model_v 0 -model_gamma 10", scene_file("cycle-stick-pair")])

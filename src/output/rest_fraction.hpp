@@ -1,0 +1,31 @@
+// How much of the last quarter of a run its nodes rest, in the mean over those that are not held:
+// `rest_fraction`. A node rests over a step at both ends of which its psi is 0 (steps end where a node comes
+// to rest or slips), with regularised friction within 4 eps, as in cycles.
+#pragma once
+
+#include <vector>
+
+#include "stickslip/model/model.hpp"
+#include "stickslip/output/observer.hpp"
+
+namespace stickslip {
+
+class RestFraction : public Observer {
+ public:
+  static SummaryKey key();
+  // Of a run that ends at t_end.
+  RestFraction(const Model& model, double t_end);
+
+  void step(const ObservedStep& step) override;
+  void archive(Archive& a) override;
+  void summarise(Summary& summary, Vec u) override;
+
+ private:
+  const Model& model_;
+  double t_end_, slow_;         // at most this fast at rest
+  std::vector<double> rests_;   // 1 or 0 of each of this rank's nodes, at the end of the last step
+  std::vector<double> rested_;  // the time that they did, added up
+  double measured_ = 0;         // time that was looked at
+};
+
+}  // namespace stickslip
