@@ -36,6 +36,7 @@ ClusterPlan Run::cluster_plan() {
   ClusterPlan plan;
   plan.span = {origin_.t, options_.real("ts_max_time"), control_->most_steps()};
   SS_TRY(TSGetTolerances(integrator_->ts(), &plan.atol, nullptr, &plan.rtol, nullptr));
+  plan.plate = &plate_;
   plan.next_time = [](double) { return std::numeric_limits<double>::infinity(); };
   return plan;
 }

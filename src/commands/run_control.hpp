@@ -23,7 +23,8 @@ class RunControl {
   };
   // Of several ranks, what only one of them may know (a signal, the clock) is found after 20 ms or 100 steps
   // at the latest, by one reduction over all. Collective.
-  Decision after(std::int64_t step, double t);
+  // `over`: the run ends here, also where t is not ts_max_time.
+  Decision after(std::int64_t step, double t, bool over = false);
   void checkpoint_written();
 
   bool wants_checkpoints() const { return every_.steps > 0 || every_.seconds > 0; }

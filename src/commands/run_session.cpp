@@ -60,6 +60,16 @@ std::optional<PetscInt> nodes_of(const std::optional<Checkpoint>& checkpoint, co
 Problem problem_for(const Scene& scene, const Options& options, const std::optional<Checkpoint>& checkpoint) {
   // A catalogue is that of all nodes, and deviations need not be alike where the nodes are.
   const bool whole = options.boolean("out_events") || options.integer("lyapunov_count") > 0;
+  if (halts(scene) && options.integer("lyapunov_count") > 0)
+    throw UsageError(
+        "lyapunov_count: exponents are of a motion that is driven all the time; leave load_halt off");
+  if (options.is_set("ts_max_plate") && !options.is_set("ts_max_time"))
+    throw UsageError(
+        "-ts_max_plate " + options.text("ts_max_plate") +
+        ": it needs ts_max_time too, by which the run's own clock stops it at the latest and over "
+        "which its frames are spread");
+  if (options.is_set("ts_max_plate") && options.is_set("accuracy"))
+    throw UsageError("-ts_max_plate: -accuracy is that of fields at ts_max_time, which must be the end");
   return problem_of(scene, whole ? options.with("scene_reduce", "off") : options,
                     nodes_of(checkpoint, scene, options));
 }
@@ -128,7 +138,7 @@ Answer Run::end() const {
 void Run::make_observers(const MeasureMaker& measure) {
   const Model& model = problem_.model;
   if (options_.boolean("out_displacement") && options_.is_set("out_file"))
-    displacement_ = std::make_unique<Displacement>(model);
+    displacement_ = std::make_unique<Displacement>(model, plate_);
   const bool every_step = !takes_clusters();
   if (every_step) {
     auto regime =
@@ -138,8 +148,8 @@ void Run::make_observers(const MeasureMaker& measure) {
   }
   for (auto& quantity : make_quantities(model)) observers_.push_back(std::move(quantity));
   if (options_.boolean("out_events")) {
-    auto catalogue =
-        std::make_unique<Catalogue>(model, event_velocity(options_, scene_), options_.boolean("out_rupture"));
+    auto catalogue = std::make_unique<Catalogue>(model, event_velocity(options_, scene_),
+                                                 options_.boolean("out_rupture"), plate_);
     catalogue_ = catalogue.get();
     observers_.push_back(std::move(catalogue));
   }
@@ -163,7 +173,7 @@ void Run::make_observers(const MeasureMaker& measure) {
   }
   if (!options_.is_set("out_file")) return;
   if (options_.boolean("out_series"))
-    observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get()));
+    observers_.push_back(std::make_unique<Series>(model, scene_, displacement_.get(), plate_));
   // after the rows of the same moment
   observers_.push_back(std::make_unique<Frames>(model, scene_, options_, displacement_.get()));
 }
@@ -177,6 +187,7 @@ void Run::archive(Archive a, Origin& at, Vec state) {
   a("nodes", nodes);
   a("t_end", t_end);
   a("longest_step", longest_step_);
+  if (halts(scene_)) a("plate", plate_.t, plate_.time, plate_.goes);
   for (const auto& observer : observers_)
     if (observer.get() != measure_) observer->archive(a);
 }
@@ -217,6 +228,8 @@ void Run::limit_steps() {
 
 void Run::make_integrator() {
   integrator_ = std::make_unique<Integrator>(problem_.model, MethodSpec::from(options_), problem_.u);
+  if (options_.is_set("ts_max_plate")) plate_.end = options_.real("ts_max_plate");
+  integrator_->drive_by(plate_);
   if (origin_.resumed) integrator_->continue_from(origin_.step, origin_.dt);
   if (takes_clusters())
     set_up_clusters();
@@ -359,7 +372,8 @@ void Run::advance_whole(Progress& progress) {
 }
 
 Integrator::Verdict Run::after(const Integrator::Step& step) {
-  const RunControl::Decision decision = control_->after(step.index, step.t);
+  const bool plate_is_over = halts(scene_) && plate_.at(step.t) >= plate_.end;
+  const RunControl::Decision decision = control_->after(step.index, step.t, plate_is_over);
   if (file_ && decision.checkpoint) write_checkpoint_at(step);
   if (decision.stop) return Integrator::Verdict::stop;
   return file_ && decision.restart ? Integrator::Verdict::restart : Integrator::Verdict::go_on;
@@ -407,6 +421,7 @@ Columns<RunWork> work_columns(bool ran) {
   const Columns<RunWork> of_run = {
       {"t_end", "time", "where the run ended", [](W w) { return w.report.t; }},
       {"steps", "1", "steps accepted", [](W w) { return w.report.steps; }},
+      {"plate_time", "time", "with `load_halt`: what the plate's clock shows then", &RunWork::plate_time},
       {"rejections", "1", "steps taken back for their error", &RunWork::rejections},
       {"rhs_evaluations", "1", "evaluations of the right-hand side, or of a part of it where steps are split",
        &RunWork::rhs_evaluations},
@@ -428,6 +443,7 @@ RunWork Run::work() const {
   const TimeReport& r = time_report();
   RunWork work{r, rejections(), origin_.evaluations + r.rhs_evaluations, problem_.model.unknowns(),
                problem_.what};
+  if (halts(scene_)) work.plate_time = plate_.at(r.t);
   if (clusters_) {
     work.clusters = clusters_->clusters;
     work.node_steps = clusters_->node_steps;

@@ -13,6 +13,7 @@
 #include "output/maxima.hpp"
 #include "output/table.hpp"
 #include "stickslip/base/provenance.hpp"
+#include "stickslip/model/plate.hpp"
 #include "stickslip/options/options.hpp"
 #include "stickslip/output/archive.hpp"
 #include "stickslip/output/displacement.hpp"
@@ -36,6 +37,7 @@ struct RunWork {
   PetscInt unknowns;
   std::string reduced;
   std::optional<std::int64_t> clusters = {}, node_steps = {};  // with stick_clusters
+  std::optional<double> plate_time = {};                       // with load_halt
 };
 // `ran`: not only checked.
 Columns<RunWork> work_columns(bool ran = true);
@@ -97,8 +99,9 @@ class Run {
 
   const Options& options_;
   const Provenance provenance_;
-  Scene scene_;                                 // the whole
-  Problem problem_;                             // what is solved for it
+  Scene scene_;      // the whole
+  Problem problem_;  // what is solved for it
+  Plate plate_;
   std::unique_ptr<Displacement> displacement_;  // with out_displacement
   std::vector<std::unique_ptr<Observer>> observers_;
   Regime* regime_ = nullptr;          // one of them

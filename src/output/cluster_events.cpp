@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 
+#include "stickslip/model/plate.hpp"
 #include "stickslip/model/stencil.hpp"
 
 namespace stickslip {
@@ -78,7 +79,7 @@ void ClusterEvents::change(double t, const std::vector<PetscInt>& starts, const 
 
 void ClusterEvents::finish(int id, double t, const std::function<double(PetscInt)>& eta) {
   SlipEvent e = regions_.live().at(id).event;
-  const double travelled = scene_.K0() * scene_.v * (t - e.begin);
+  const double travelled = halts(scene_) ? 0 : scene_.K0() * scene_.v * (t - e.begin);
   EventSums sums;
   regions_.for_nodes(id, 0, scene_.n, [&](PetscInt i) {
     double change = travelled - scene_.K0() * slip_[i];

@@ -33,7 +33,7 @@ class Told : public Clusters::Watcher {
 void simulate_clusters(const Model& model, Vec u, const ClusterPlan& plan, ClusterRun& done) {
   const TimeSpan& span = plan.span;
   Told told(model.scene(), plan);
-  Clusters clusters(model, u, span.begin, plan.atol, plan.rtol, plan.event ? &told : nullptr);
+  Clusters clusters(model, u, span.begin, plan.atol, plan.rtol, plan.event ? &told : nullptr, *plan.plate);
   told.know(clusters);
   const VecHandle at = model.create_vector();
   TimeReport& report = done.report;
@@ -67,6 +67,10 @@ void simulate_clusters(const Model& model, Vec u, const ClusterPlan& plan, Clust
     clusters.solution(reached, u);
     if (reached > t) show(t, reached);
     t = reached;
+    if (clusters.plate_is_over()) {
+      report.reason = "ts_max_plate";
+      return;
+    }
     if (t == wanted) continue;
     report.reason = stops ? "stopped" : "ts_max_steps";
     return;

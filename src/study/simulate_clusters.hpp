@@ -20,6 +20,7 @@ struct ClusterRun {
 struct ClusterPlan {
   TimeSpan span;
   double atol, rtol;
+  Plate* plate;                                 // whose clock is kept; the caller's
   std::vector<Observer*> observers;             // see u at span's ends and where next_time says
   std::function<double(double t)> next_time;    // the first time later than t
   std::function<void(const SlipEvent&)> event;  // may be empty: no events are wanted

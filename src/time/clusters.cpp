@@ -45,7 +45,7 @@ std::string Clusters::refusal(const Scene& s) {
   if (!Stick::applies_to(s)) return "friction does not stick exactly";
   if (s.friction.has_state()) return "friction has a state, which goes on at rest";
   if (s.nu != 0) return "neighbours have viscosity (model_nu)";
-  if (s.load.varies()) return "the plate's velocity varies (load_v, load_sine_amplitude)";
+  if (s.load.varies() && !halts(s)) return "the plate's velocity varies (load_v, load_sine_amplitude)";
   if (s.any_held()) return "an end is held and moves all the time";
   if (s.order != 2) return "grid_order is not 2";
   if (s.n < 4) return "there are fewer than four nodes";
@@ -54,15 +54,16 @@ std::string Clusters::refusal(const Scene& s) {
 
 Clusters::~Clusters() = default;
 
-Clusters::Clusters(const Model& model, Vec u, double t, double atol, double rtol, Watcher* watcher)
-    : model_(model), scene_(model.scene()), n_(scene_.n), ring_(scene_.ring()),
+Clusters::Clusters(const Model& model, Vec u, double t, double atol, double rtol, Watcher* watcher,
+                   Plate& plate)
+    : model_(model), scene_(model.scene()), n_(scene_.n), ring_(scene_.ring()), halts_(halts(scene_)),
       both_sides_(scene_.friction.back_slip), atol_(atol), rtol_(rtol), plate_rate_(scene_.K0() * scene_.v),
-      method_(FusedMethod::of(TSRK)), coefficients_(kernel::coefficients_of(scene_)),
-      stencil_(tile::stencil(scene_)),
+      driving_(halts_ ? 0 : plate_rate_), method_(FusedMethod::of(TSRK)),
+      coefficients_(kernel::coefficients_of(scene_)), stencil_(tile::stencil(scene_)),
       pointwise_(tile::pointwise(scene_, true, friction_places(scene_, 0, n_))),
       add_(kernel::compiled<std::function<void(const kernel::Terms&)>>(kernel::AddTerms{})),
-      watcher_(watcher), eta_(n_), since_(n_, t), release_(n_, infinity), psi_(n_), direction_(n_, 0),
-      owner_(n_, -1), t_(t), first_dt_(0.1 / wave_frequency(scene_)) {
+      watcher_(watcher), plate_(plate), eta_(n_), since_(n_, t), release_(n_, infinity), psi_(n_),
+      direction_(n_, 0), owner_(n_, -1), t_(t), first_dt_(0.1 / wave_frequency(scene_)) {
   method_->set_subtype(TSRK5DP);
   tableau_ = tableau_of(method_->library());
   for (int j = 0; j < tableau_.stages; ++j) error_weights_.push_back(tableau_.b[j] - tableau_.embedded[j]);
@@ -72,6 +73,10 @@ Clusters::Clusters(const Model& model, Vec u, double t, double atol, double rtol
     psi_[i] = a[2 * i];
     eta_[i] = a[2 * i + 1];
     freed_.push_back(i);
+  }
+  if (halts_) {
+    coefficients_.v = 0;  // while a cluster exists
+    plate_.set(model, t, t, false);
   }
   regroup(t);
 }
@@ -289,7 +294,7 @@ void Clusters::dissolve(std::size_t id, const double* u, double t) {
     const PetscInt i = node(c.first + k);
     psi_[i] = u[1 + k];
     eta_[i] = u[c.stride + 1 + k];
-    since_[i] = t;
+    since_[i] = plate_time(t);
     owner_[i] = -1;
     freed_.push_back(i);
   }
@@ -316,9 +321,11 @@ void Clusters::cut_back(std::size_t id, double t) {
 
 // ---- what rests ----
 
-double Clusters::eta_at_rest(PetscInt i, double t) const { return eta_[i] + plate_rate_ * (t - since_[i]); }
+double Clusters::eta_at_rest(PetscInt i, double t) const {
+  return eta_[i] + plate_rate_ * (plate_time(t) - since_[i]);
+}
 
-// When node i will begin to slide by itself.
+// When node i will begin to slide by itself, by the plate's clock.
 double Clusters::release_time(PetscInt i) const {
   if (plate_rate_ == 0 || (plate_rate_ < 0 && !both_sides_)) return infinity;
   const double side = plate_rate_ > 0 ? 1 : -1;
@@ -330,9 +337,16 @@ void Clusters::await_release(PetscInt i) {
   if (release_[i] < infinity) releases_.push({release_[i], i});
 }
 
+// By the clock of the run. A plate that halts goes on where no cluster is left.
+double Clusters::next_release() const {
+  if (releases_.empty() || (halts_ && alive_ > 0)) return infinity;
+  return halts_ ? plate_.t + (releases_.top().t - plate_.time) : releases_.top().t;
+}
+
 // The nodes at rest that come to their thresholds now.
 void Clusters::release_due() {
-  const double t = releases_.top().t;
+  const double t = releases_.top().t, now = next_release();
+  if (halts_) plate_.set(model_, now, t, false);
   while (!releases_.empty()) {
     const auto [when, i] = releases_.top();
     if ((when - t) * std::abs(plate_rate_) > close * limit_[i]) break;
@@ -343,7 +357,9 @@ void Clusters::release_due() {
     freed_.push_back(i);
   }
   next_dt_ = first_dt_;
-  regroup(t);
+  driving_ = plate_rate_;  // which lets them go, and halts
+  regroup(now);
+  if (halts_) driving_ = 0;
 }
 
 // ---- which nodes are clusters ----
@@ -358,7 +374,7 @@ double Clusters::beside(PetscInt i, int side) const {
 
 // The rate of eta of a node at rest.
 double Clusters::elastic_rate(PetscInt i) const {
-  return plate_rate_ + coefficients_.w[1] * (beside(i, -1) + beside(i, 1));
+  return driving_ + coefficients_.w[1] * (beside(i, -1) + beside(i, 1));
 }
 
 void Clusters::decide(PetscInt i) {
@@ -398,6 +414,7 @@ void Clusters::regroup(double t) {
     if (owner_[i] < 0) await_release(i);
   freed_.clear();
   most_at_once_ = std::max(most_at_once_, alive_);
+  if (halts_) plate_.set(model_, t, plate_.time, alive_ == 0);
   if (watcher_ && !(starts_.empty() && stops_.empty())) watcher_->change(t, starts_, stops_);
 }
 
@@ -462,8 +479,8 @@ double Clusters::advance(double t, std::int64_t most_steps,
     while (!releases_.empty() &&
            (owner_[releases_.top().node] >= 0 || release_[releases_.top().node] != releases_.top().t))
       releases_.pop();
-    const double step = due_.empty() ? infinity : due_.top().t,
-                 release = releases_.empty() ? infinity : releases_.top().t;
+    const double step = due_.empty() ? infinity : due_.top().t, release = next_release();
+    if (end_with_plate(t)) return t_;
     if (std::min(step, release) > t) return t_ = t;
     if (steps_ >= most_steps || !go_on(steps_, t_)) return t_;
     t_ = std::max(t_, std::min(step, release));
@@ -475,6 +492,16 @@ double Clusters::advance(double t, std::int64_t most_steps,
       commit(id);
     }
   }
+}
+
+// Where the plate's clock comes to its last time before t and before anything else happens.
+bool Clusters::end_with_plate(double t) {
+  if (!halts_ || alive_ > 0 || (!releases_.empty() && releases_.top().t < plate_.end)) return false;
+  const double end = plate_.t + (plate_.end - plate_.time);
+  if (end > t) return false;
+  plate_.set(model_, end, plate_.end, true);
+  t_ = end;
+  return plate_is_over_ = true;
 }
 
 void Clusters::solution(double t, Vec u) const {

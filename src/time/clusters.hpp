@@ -24,7 +24,7 @@
 #include <vector>
 
 #include "model/moved_nodes.hpp"
-#include "stickslip/model/model.hpp"
+#include "stickslip/model/plate.hpp"
 #include "time/fused_methods.hpp"
 #include "time/stick_rule.hpp"
 #include "time/tile_kernels.hpp"
@@ -46,8 +46,8 @@ class Clusters {
                         const std::vector<PetscInt>& stops) = 0;
   };
 
-  // From u at t on. The model must outlive it, u need not.
-  Clusters(const Model& model, Vec u, double t, double atol, double rtol, Watcher* watcher);
+  // From u at t on. The model and the plate, whose clock it keeps, must outlive it, u need not.
+  Clusters(const Model& model, Vec u, double t, double atol, double rtol, Watcher* watcher, Plate& plate);
   ~Clusters();
 
   // Until all that happens up to t is done, or so many steps in all have been taken, or `go_on`, asked after
@@ -57,6 +57,7 @@ class Clusters {
   void solution(double t, Vec u) const;
   double eta_at_rest(PetscInt node, double t) const;  // of a node that rests since before t
 
+  bool plate_is_over() const { return plate_is_over_; }  // its clock has come to Plate::end
   std::int64_t steps() const { return steps_; }
   std::int64_t rejections() const { return rejections_; }
   std::int64_t node_steps() const { return node_steps_; }  // steps, each times the nodes of its cluster
@@ -78,9 +79,12 @@ class Clusters {
   };
 
   PetscInt node(PetscInt k) const { return k >= n_ ? k - n_ : k; }
+  double plate_time(double t) const { return halts_ ? plate_.at(t) : t; }
   double beside(PetscInt i, int side) const;
   double elastic_rate(PetscInt i) const;
   double release_time(PetscInt i) const;
+  double next_release() const;
+  bool end_with_plate(double t);
   void await_release(PetscInt i);
 
   void close_ends(const Cluster& c, double* psi) const;
@@ -107,8 +111,9 @@ class Clusters {
   const Model& model_;
   const Scene& scene_;
   PetscInt n_;
-  bool ring_, both_sides_;
+  bool ring_, halts_, both_sides_;
   double atol_, rtol_, plate_rate_;  // K0 v
+  double driving_;                   // the same, but 0 while the plate stands
   std::unique_ptr<FusedMethod> method_;
   StageProgram tableau_;
   std::vector<double> error_weights_;  // of its slopes, times the length of a step
@@ -117,8 +122,10 @@ class Clusters {
   tile::Pointwise pointwise_;
   std::function<void(const kernel::Terms&)> add_;
   Watcher* watcher_;
+  Plate& plate_;
 
-  // Of a node that rests beyond all clusters: eta at `since_`; and when it will begin to slide by itself. Of
+  // Of a node that rests beyond all clusters: eta at `since_`; and when it will begin to slide by itself, both
+  // times by the plate's clock. Of
   // the nodes of a cluster only where they belong, and their direction, is up to date.
   std::vector<double> eta_, since_, release_, limit_;
   std::vector<double> psi_;
@@ -136,6 +143,7 @@ class Clusters {
   std::int64_t steps_ = 0, rejections_ = 0, node_steps_ = 0, evaluations_ = 0, without_time_ = 0,
                step_number_ = 0;
   std::size_t alive_ = 0, most_at_once_ = 0;
+  bool plate_is_over_ = false;
   double first_dt_;
 };
 
