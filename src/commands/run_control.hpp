@@ -28,6 +28,7 @@ class RunControl {
   void checkpoint_written();
 
   bool wants_checkpoints() const { return every_.steps > 0 || every_.seconds > 0; }
+  bool checkpoints_by_steps() const { return every_.steps > 0; }  // after() is to see every step then
   std::int64_t most_steps() const { return most_steps_; }
   int signal() const { return stopped_by_; }           // that ended the run, 0: none
   bool wall_is_over() const { return wall_is_over_; }  // ts_max_wall came before the end

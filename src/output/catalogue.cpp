@@ -232,7 +232,11 @@ void Catalogue::enter(const SlipEvent& ended) {
 }
 
 void Catalogue::archive(Archive& a) {
-  if (a.has("events.last")) events_.archive(a);
+  if (is_told_) {
+    a("events.told", told_);
+  } else if (a.has("events.last")) {
+    events_.archive(a);
+  }
   magnitudes_.archive(a);
   recurrence_.archive(a);
   if (a.has("events.largest")) a("events.largest", largest_moment_, largest_extent_);
